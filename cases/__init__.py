@@ -1,0 +1,1 @@
+"""Registered cases: one file, one case."""

@@ -1,0 +1,24 @@
+"""nsbench: which method, which step, what error, at what cost, for Filippov and complementarity systems."""
+from importlib import import_module
+
+_HOME = {
+    "Affine": "problem", "Distance": "problem", "Smooth": "problem",
+    "Complementarity": "problem", "Filippov": "problem", "LCS": "problem",
+    "Case": "case", "get_case": "case", "load_case": "case",
+    "solve": "solvers", "errors": "measure", "fit_order": "measure",
+    "run": "study", "write_report": "report",
+}
+__all__ = list(_HOME)
+__version__ = "0.1.0"
+
+
+def __getattr__(name):
+    if name not in _HOME:
+        raise AttributeError(f"module 'nsbench' has no attribute {name!r}")
+    value = getattr(import_module(f"nsbench.{_HOME[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__():
+    return sorted(__all__)

@@ -1,0 +1,291 @@
+"""The three problem classes and the families of constraints, as frozen data.
+
+Complementarity (gradient) system of first order::
+
+    x' = f(t, x) + sum_k lambda_k grad g_k(t, x),    0 <= g_k  _|_  lambda_k >= 0
+
+Filippov system: ``x'`` in the convex hull of the fields that meet at x. Linear
+complementarity system: ``x' = A x + B lambda + u(t)``, ``w = C x + D lambda + q(t)``,
+``0 <= w _|_ lambda >= 0``.
+
+Physics is written once: a *factory* takes an array namespace and returns the function,
+``drift(xp) -> f(t, x)``. Data is checked here, at the border; nothing below checks it again.
+"""
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+Factory = Callable[[Any], Callable]
+
+
+def _floats(name: str, value, ndim: int | None = None) -> np.ndarray:
+    """A read-only float64 copy of `value`; float32, complex and non-finite data are refused."""
+    a = np.asarray(value)
+    if a.dtype == np.float32 or a.dtype == np.float16:
+        raise TypeError(f"{name} is {a.dtype}; arrays must be float64 (rounding at 1e-7 would be read as method error)")
+    if a.dtype.kind not in "fiub":
+        raise TypeError(f"{name} has dtype {a.dtype}; real numbers are needed")
+    a = np.array(a, dtype=np.float64)
+    if ndim is not None and a.ndim != ndim:
+        raise ValueError(f"{name} has shape {a.shape}; {ndim} dimension(s) are needed")
+    if not np.all(np.isfinite(a)):
+        raise ValueError(f"{name} contains {a[~np.isfinite(a)].flat[0]}; finite numbers are needed")
+    a.flags.writeable = False
+    return a
+
+
+def _factory(name: str, value) -> None:
+    if not callable(value):
+        raise TypeError(f"{name} must be a factory taking the array namespace, got {value!r}")
+
+
+@dataclass(frozen=True, eq=False)
+class Affine:
+    """g = A x + b, m constraints.
+
+    A: (m, n) array or scipy sparse matrix. b: (m,) array, or a factory ``b(xp) -> (t) -> (m,)``
+    for moving walls.
+    """
+    A: Any
+    b: Any
+    indptr: np.ndarray = field(init=False, repr=False)
+    indices: np.ndarray = field(init=False, repr=False)
+    data: np.ndarray = field(init=False, repr=False)
+    shape: tuple[int, int] = field(init=False)
+
+    def __post_init__(self):
+        if hasattr(self.A, "tocsr"):
+            csr = self.A.tocsr()
+            ptr, cols, vals, shape = csr.indptr, csr.indices, _floats("A", csr.data, 1), csr.shape
+        else:
+            A = _floats("A", self.A, 2)
+            rows, cols = np.nonzero(A)
+            ptr = np.searchsorted(rows, np.arange(A.shape[0] + 1))
+            vals, shape = A[rows, cols], A.shape
+        zero = np.flatnonzero(np.diff(ptr) == 0)
+        if zero.size:
+            raise ValueError(f"row {zero[0]} of A is zero: a constraint without gradient cannot be projected on")
+        if not callable(self.b):
+            b = _floats("b", self.b, 1)
+            if b.shape != (shape[0],):
+                raise ValueError(f"b has shape {b.shape}, A has {shape[0]} rows")
+            object.__setattr__(self, "b", b)
+        for name, value in (("indptr", np.asarray(ptr, np.int64)), ("indices", np.asarray(cols, np.int64)),
+                            ("data", np.asarray(vals, np.float64)), ("shape", tuple(map(int, shape)))):
+            object.__setattr__(self, name, value)
+
+    @property
+    def moving(self) -> bool:
+        return callable(self.b)
+
+
+@dataclass(frozen=True, eq=False)
+class Distance:
+    """g = sign (|x_i - x_j| - d) between particles of dimension `dim`.
+
+    pairs None: hard particles, all N(N-1)/2 pairs without ever listing them (sign +1; d a number, or
+    `radii` (N,) for d_ij = r_i + r_j). pairs (m, 2): fixed pairs, sign -1 for links of maximal length,
+    d a number or (m,). anchors (a, dim), or a factory ``anchors(xp) -> (t) -> (a, dim)``: pairs are then
+    (particle, anchor); without pairs every particle meets every anchor.
+    The particles are ``x[start : start + count * dim].reshape(count, dim)``; count None means up to the end.
+    """
+    d: Any = None
+    sign: int = +1
+    pairs: Any = None
+    anchors: Any = None
+    dim: int = 2
+    start: int = 0
+    count: int | None = None
+    radii: Any = None
+
+    def __post_init__(self):
+        if self.sign not in (+1, -1):
+            raise ValueError(f"sign is {self.sign!r}; +1 (at least d apart) or -1 (at most d apart)")
+        if self.dim not in (1, 2, 3):
+            raise ValueError(f"dim is {self.dim!r}; 1, 2 or 3")
+        if (self.d is None) == (self.radii is None):
+            raise ValueError("give either d or radii")
+        name = "d" if self.radii is None else "radii"
+        d = _floats(name, getattr(self, name))
+        if np.any(d <= 0):
+            raise ValueError(f"{name} contains {d[d <= 0].flat[0]}; distances are positive")
+        object.__setattr__(self, name, d)
+        if self.pairs is None and self.anchors is None:
+            if self.sign != 1:
+                raise ValueError("links (sign=-1) need a list of pairs")
+            if name == "d" and d.ndim:
+                raise ValueError("d of all pairs is one number; use radii for different sizes")
+        elif name == "radii":
+            raise ValueError("radii are for all pairs; fixed pairs take d")
+        if self.anchors is not None and not callable(self.anchors):
+            a = _floats("anchors", self.anchors, 2)
+            if a.shape[1] != self.dim:
+                raise ValueError(f"anchors have shape {a.shape}; dim is {self.dim}")
+            object.__setattr__(self, "anchors", a)
+        if self.pairs is not None:
+            self._check_pairs()
+
+    def _check_pairs(self):
+        p = np.array(self.pairs, dtype=np.int64).reshape(-1, 2)
+        if p.size and p.min() < 0:
+            raise ValueError(f"pairs contain the index {p.min()}")
+        if self.anchors is None and np.any(p[:, 0] == p[:, 1]):
+            raise ValueError(f"pair {p[p[:, 0] == p[:, 1]][0].tolist()} joins a particle to itself")
+        seen = p if self.anchors is not None else np.sort(p, axis=1)
+        if len(np.unique(seen, axis=0)) < len(p):
+            raise ValueError("a pair is listed twice; put the second one in a family of its own")
+        if self.d.ndim and self.d.shape != (len(p),):
+            raise ValueError(f"d has shape {self.d.shape} for {len(p)} pairs")
+        object.__setattr__(self, "pairs", p)
+
+    @property
+    def moving(self) -> bool:
+        return callable(self.anchors)
+
+    @property
+    def all_pairs(self) -> bool:
+        return self.pairs is None and self.anchors is None
+
+    def particles(self, n: int) -> int:
+        """How many particles the state of size n holds for this family; ValueError if it does not divide."""
+        count = (n - self.start) // self.dim if self.count is None else self.count
+        if self.start + count * self.dim > n or (self.count is None and (n - self.start) % self.dim):
+            raise ValueError(f"the state has {n} entries; particles of dimension {self.dim} from {self.start} do not fit")
+        if self.radii is not None and self.radii.ndim and len(self.radii) != count:
+            raise ValueError(f"{len(self.radii)} radii for {count} particles")
+        return count
+
+
+@dataclass(frozen=True, eq=False)
+class Smooth:
+    """g(t, x) >= 0 for anything else; m constraints.
+
+    g: factory ``g(xp) -> (t, x) -> (m,)``. gradient: factory ``-> (t, x) -> (m, n)``; rate: factory
+    ``-> (t, x) -> (m,)`` for the partial derivative in t. Both come from JAX unless given.
+    """
+    g: Factory
+    gradient: Factory | None = None
+    rate: Factory | None = None
+
+    def __post_init__(self):
+        _factory("g", self.g)
+
+    moving = True
+
+
+@dataclass(frozen=True, eq=False)
+class Complementarity:
+    """x' = f + sum lambda_k grad g_k, 0 <= g_k _|_ lambda_k >= 0; no constraints: a plain smooth ODE."""
+    drift: Factory
+    constraints: tuple = ()
+
+    def __post_init__(self):
+        _factory("drift", self.drift)
+        for c in self.constraints:
+            if not isinstance(c, (Affine, Distance, Smooth)):
+                raise TypeError(f"constraint {c!r} is none of Affine, Distance, Smooth")
+        object.__setattr__(self, "constraints", tuple(self.constraints))
+
+
+def _blend(plus, minus, axis):
+    """Factory of  w f_plus + (1 - w) f_minus,  w = (1 + s_axis) / 2; at w = 0 or 1 one side alone counts."""
+    def make(xp):
+        fp, fm = plus(xp), minus(xp)
+        if xp.__name__ == "numpy":
+            def f(t, x, s):
+                w = 0.5 * (1.0 + s[axis])
+                if w >= 1.0:
+                    return fp(t, x, s)
+                if w <= 0.0:
+                    return fm(t, x, s)
+                return w * fp(t, x, s) + (1.0 - w) * fm(t, x, s)
+        else:
+            def f(t, x, s):
+                w = 0.5 * (1.0 + s[axis])
+                a, b = fp(t, x, s), fm(t, x, s)
+                return xp.where(w >= 1.0, a, xp.where(w <= 0.0, b, w * a + (1.0 - w) * b))
+        return f
+    return make
+
+
+def _leaf(drift):
+    def make(xp):
+        inner = drift(xp)
+        def f(t, x, s):
+            return inner(t, x)
+        return f
+    return make
+
+
+@dataclass(frozen=True, eq=False)
+class Filippov:
+    """x' in co{f_i(x)} over the regions that meet at x; d surfaces c(t, x) = 0.
+
+    modes: maps sign tuples to drifts, 2^d of them. switch: factory ``-> (t, x) -> (d,)``.
+    Everything is reduced to one `field(xp) -> (t, x, s)` with signs s in [-1, 1]^d: between the modes
+    it is multilinear in the weights theta = (1 + s) / 2 (Alexander & Seidman 1998), which for one
+    surface is Filippov's convexification. theta_i in [0, 1] is the weight of the positive side.
+    """
+    modes: Mapping | None
+    switch: Factory
+    field: Factory | None = None
+    d: int | None = None
+
+    def __post_init__(self):
+        _factory("switch", self.switch)
+        if self.field is not None:
+            _factory("field", self.field)
+            return
+        modes = {tuple(int(s) for s in k): v for k, v in dict(self.modes).items()}
+        d = len(next(iter(modes)))
+        want = set(product((1, -1), repeat=d))
+        if set(modes) != want:
+            raise ValueError(f"modes has the sign tuples {sorted(modes)}; {d} surface(s) need {sorted(want)}")
+        def build(prefix):
+            if len(prefix) == d:
+                return _leaf(modes[prefix])
+            return _blend(build((*prefix, 1)), build((*prefix, -1)), len(prefix))
+        object.__setattr__(self, "modes", modes)
+        object.__setattr__(self, "field", build(()))
+        object.__setattr__(self, "d", d)
+
+    @classmethod
+    def signs(cls, field: Factory, switch: Factory) -> Filippov:
+        """One field with the signs as an argument: ``field(xp) -> (t, x, s)``, s in [-1, 1]^d."""
+        return cls(None, switch, field)
+
+    @classmethod
+    def relay(cls, drift: Factory, B, switch: Factory) -> Filippov:
+        """x' = f + B s, s_i in Sgn(c_i); B is (n, d)."""
+        B = _floats("B", B, 2)
+        def field(xp):
+            f, b = drift(xp), B + 0.0
+            if xp.__name__ != "numpy":
+                b = xp.asarray(b)
+            def g(t, x, s):
+                return f(t, x) + b @ s
+            return g
+        return cls(None, switch, field, B.shape[1])
+
+
+@dataclass(frozen=True, eq=False)
+class LCS:
+    """x' = A x + B lambda + u(t), w = C x + D lambda + q(t), 0 <= w _|_ lambda >= 0; u, q are factories."""
+    A: Any
+    B: Any
+    C: Any
+    D: Any
+    u: Factory | None = None
+    q: Factory | None = None
+
+    def __post_init__(self):
+        for name in "ABCD":
+            object.__setattr__(self, name, _floats(name, getattr(self, name), 2))
+        (n, n2), (nb, m), (mc, nc) = self.A.shape, self.B.shape, self.C.shape
+        if not (n == n2 == nb == nc and m == mc and self.D.shape == (m, m)):
+            raise ValueError(f"shapes do not fit: A {self.A.shape} B {self.B.shape} C {self.C.shape} D {self.D.shape}")

@@ -1,0 +1,92 @@
+"""The protocol of a solver, its claims, and the one grid of fixed-step methods.
+
+A solver is a frozen dataclass whose fields are its options, with
+    accuracy   the name of its accuracy parameter: "h", "tol", "k"
+    default    its default value
+    claims     the orders it claims
+    refuses(case) -> sentence or None
+    prepare(case, accuracy) -> Run    compile, allocate, factorise: untimed; only calling the Run is timed
+"""
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from nsbench.case import Case
+from nsbench.trajectory import Trajectory
+
+Run = Callable[[], Trajectory]
+
+
+@dataclass(frozen=True)
+class Claims:
+    """Orders in the accuracy parameter: h of fixed steps, 1/k of a penalty. None: no order is claimed.
+
+    exact: the method claims the bound `exact` on the state error instead of an order (event-driven).
+    """
+    state: float | None = None
+    impulse: float | None = None
+    exact: float | None = None
+
+
+class Solver(Protocol):
+    accuracy: str
+    default: float
+    claims: Claims
+
+    def refuses(self, case: Case) -> str | None: ...
+
+    def prepare(self, case: Case, accuracy: float) -> Run: ...
+
+
+def check_positive(name: str, value) -> float:
+    """`value` as a float; ValueError if it is not positive and finite."""
+    try:
+        v = float(value)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name} is {value!r}; a number is needed") from None
+    if not (np.isfinite(v) and v > 0):
+        raise ValueError(f"{name} is {v!r}; positive and finite is needed")
+    return v
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Recorded times and equal steps between them.
+
+    t (K,): recorded times; substeps (K-1,): steps from one to the next; h: the largest step taken;
+    aligned: the recorded times are the case's sample times (else the polygon is sampled, see `sample`).
+    """
+    t: np.ndarray
+    substeps: np.ndarray
+    h: float
+    aligned: bool
+
+
+def grid(t: np.ndarray, h: float) -> Grid:
+    """Steps of at most h for the sample times t.
+
+    A step that fits between samples divides every spacing; a longer one walks over them in steps of exactly h,
+    the last one shortened, and samples are read off the polygon.
+    """
+    check_positive("h", h)
+    spacing = np.diff(t)
+    if h <= spacing.min() * (1 + 1e-9):
+        n = np.maximum(1, np.ceil(spacing / h * (1 - 1e-9))).astype(np.int64)
+        if float(n.sum()) > 2e9 or h < 4 * np.spacing(np.abs(t).max()):
+            raise ValueError(f"h = {h:g} needs {float(n.sum()):.3g} steps; at most 2e9 are taken")
+        return Grid(t, n, float((spacing / n).max()), True)
+    span = t[-1] - t[0]
+    n = max(1, int(np.ceil(span / h * (1 - 1e-9))))
+    nodes = np.append(t[0] + h * np.arange(n), t[-1])
+    return Grid(nodes, np.ones(n, np.int64), float(min(h, span)), False)
+
+
+def sample(t: np.ndarray, nodes: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """The polygon through (nodes, values) at the times t; values (K, n)."""
+    i = np.clip(np.searchsorted(nodes, t, side="right") - 1, 0, len(nodes) - 2)
+    w = ((t - nodes[i]) / (nodes[i + 1] - nodes[i]))[:, None]
+    return np.where(w == 0.0, values[i], np.where(w == 1.0, values[i + 1], (1.0 - w) * values[i] + w * values[i + 1]))

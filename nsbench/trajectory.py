@@ -1,0 +1,56 @@
+"""What a run returns: samples, impulses, events, a status and counted work."""
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+STATUSES = ("ok", "unverified", "below_reference", "refused", "diverged", "nan", "infeasible", "degenerate",
+            "chatter", "maxiter", "timeout", "oom", "crashed", "error")
+
+
+@dataclass(frozen=True)
+class Status:
+    """One word of a closed list and, unless ok, a sentence a person can act on."""
+    code: str = "ok"
+    why: str = ""
+
+    def __post_init__(self):
+        if self.code not in STATUSES:
+            raise ValueError(f"status {self.code!r} is not one of {STATUSES}")
+
+    @property
+    def ok(self) -> bool:
+        return self.code == "ok"
+
+    def __str__(self) -> str:
+        return self.why or ("The run reached its end time." if self.ok else f"The run ended: {self.code}.")
+
+
+@dataclass(frozen=True)
+class Event:
+    """A located event: its time, kind (contact, release, enter, exit, cross, pivot) and the contact's id."""
+    t: float
+    kind: str
+    contact: tuple
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Samples of one run.
+
+    t (k,), x (k, n); contacts: ids of the m contacts that ever acted, (family, i) or (family, i, j);
+    impulse (k, m): cumulative integral of lambda dt (Filippov: of the weight theta of the positive side, contact
+    (0, i) for surface i); reaction (k, n): cumulative integral of sum lambda_k grad g_k dt, unique even where
+    lambda is not (Filippov: empty, (k, 0)). After a failure the remaining samples are NaN.
+    lam_time: where in its step the method's multiplier belongs: "end", "start", "midpoint" or "mean".
+    """
+    t: np.ndarray
+    x: np.ndarray
+    contacts: tuple
+    impulse: np.ndarray
+    reaction: np.ndarray
+    status: Status = Status()
+    events: tuple[Event, ...] = ()
+    stats: dict = field(default_factory=dict)
+    lam_time: str = "mean"

@@ -1,0 +1,1 @@
+"""Stored references: NAME.npz and NAME.json."""
