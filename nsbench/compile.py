@@ -1,0 +1,123 @@
+"""One physics, three forms: a factory as a numpy function, as a numba function pointer, as a JAX function.
+
+A compiled drift is a C callback ``(t, x, out)``. Passed to a cached kernel it is a first-class function
+pointer: the kernel is compiled once for every drift and kept on disk; only the drift itself is compiled per case.
+"""
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+
+import numpy as np
+
+
+class CompileError(Exception):
+    """numba cannot compile a factory; the message says why."""
+
+
+def host(factory: Callable) -> Callable:
+    """The factory in numpy."""
+    return factory(np)
+
+
+def _pointer(factory, signature, make):
+    """A cfunc of `signature` from the njit-compiled factory; CompileError with numba's reason.
+
+    The cfunc holds the address of machine code, so it is kept alive by the caller (numba keeps a reference).
+    """
+    import numba
+    from numba.core.errors import NumbaError
+    try:
+        return numba.cfunc(signature)(make(numba.njit(factory(np))))
+    except (NumbaError, NotImplementedError) as e:
+        raise CompileError(str(e).strip().splitlines()[0]) from None
+
+
+def _types():
+    from numba import types
+    return types.void, types.float64, types.float64[::1]
+
+
+@functools.lru_cache(maxsize=256)
+def rhs(factory: Callable, n: int):
+    """``drift(xp) -> (t, x)`` as a cfunc (t, x, out), x and out (n,)."""
+    void, f8, vec = _types()
+
+    def make(f):
+        def fill(t, x, out):
+            out[:] = f(t, x)
+        return fill
+    return _pointer(factory, void(f8, vec, vec), make)
+
+
+@functools.lru_cache(maxsize=256)
+def rhs_signs(factory: Callable, n: int, d: int):
+    """``field(xp) -> (t, x, s)`` as a cfunc (t, x, s, out)."""
+    void, f8, vec = _types()
+
+    def make(f):
+        def fill(t, x, s, out):
+            out[:] = f(t, x, s)
+        return fill
+    return _pointer(compiled_leaves(factory), void(f8, vec, vec, vec), make)
+
+
+def compiled_leaves(factory: Callable) -> Callable:
+    """The factory with closures it calls compiled too: numba calls compiled functions only.
+
+    A field made of modes is a tree of closures; each closure cell that holds a Python function is compiled first.
+    """
+    return lambda xp: _compile_cells(factory(xp))
+
+
+def _compile_cells(f):
+    import types
+
+    import numba
+    if not isinstance(f, types.FunctionType) or not f.__closure__:
+        return f
+    cells = []
+    for cell in f.__closure__:
+        value = cell.cell_contents
+        if isinstance(value, types.FunctionType):
+            value = numba.njit(_compile_cells(value))
+        cells.append(types.CellType(value))
+    return types.FunctionType(f.__code__, f.__globals__, f.__name__, f.__defaults__, tuple(cells))
+
+
+@functools.lru_cache(maxsize=256)
+def curve(factory: Callable, size: int):
+    """``b(xp) -> (t) -> array`` as a cfunc (t, out), out flat of the given size."""
+    void, f8, vec = _types()
+
+    def make(f):
+        def fill(t, out):
+            value = np.asarray(f(t)).ravel()
+            for i in range(out.size):
+                out[i] = value[i]
+        return fill
+    return _pointer(compiled_leaves(factory), void(f8, vec), make)
+
+
+def still():
+    """A curve that does nothing: the walls stand still."""
+    return _still()
+
+
+@functools.cache
+def _still():
+    import numba
+    void, f8, vec = _types()
+
+    def nothing(t, out):
+        return
+    return numba.cfunc(void(f8, vec), cache=False)(nothing)
+
+
+def jax_function(factory: Callable) -> Callable:
+    """The factory in jax.numpy, in float64."""
+    import jax
+    if not jax.config.jax_enable_x64:
+        jax.config.update("jax_enable_x64", True)
+    import jax.numpy as jnp
+    return factory(jnp)

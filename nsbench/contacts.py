@@ -1,0 +1,279 @@
+"""All families of one problem seen at a state: candidates, gaps, gradients as sparse rows, rates.
+
+Listed constraints (affine rows, fixed pairs, anchors, smooth ones) are always candidates; of the pairs of hard
+particles only those near, found by cell lists. The order is the stated one: family, then i, then j.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from nsbench.compile import host, jax_function
+from nsbench.problem import Affine, Complementarity, Distance, Smooth
+
+ROW, PAIR, ANCHOR, SMOOTH = 0, 1, 2, 3
+
+
+@dataclass(frozen=True, eq=False)
+class Near:
+    """m candidate constraints: arrays of length m.
+
+    kind (ROW, PAIR, ANCHOR, SMOOTH); family, i, j (j = -1 where an id has no second index); p, q: row number or
+    first coordinate of particle i; first coordinate of particle j or of the anchor; d, sign, dim of a distance.
+    """
+    kind: np.ndarray
+    family: np.ndarray
+    i: np.ndarray
+    j: np.ndarray
+    p: np.ndarray
+    q: np.ndarray
+    d: np.ndarray
+    sign: np.ndarray
+    dim: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.kind)
+
+    @property
+    def ids(self) -> list[tuple]:
+        return [(f, i) if j < 0 else (f, i, j)
+                for f, i, j in zip(self.family.tolist(), self.i.tolist(), self.j.tolist(), strict=True)]
+
+    def take(self, index) -> Near:
+        return Near(*(a[index] for a in self.arrays()))
+
+    def arrays(self) -> tuple:
+        return (self.kind, self.family, self.i, self.j, self.p, self.q, self.d, self.sign, self.dim)
+
+
+def _near(kind, family, i, j, p, q, d, sign, dim) -> Near:
+    m = len(i)
+    return Near(np.full(m, kind, np.int64), np.full(m, family, np.int64), *(np.asarray(a, np.int64) for a in (i, j, p, q)),
+                np.broadcast_to(np.asarray(d, float), m).copy(), np.full(m, float(sign)), np.full(m, dim, np.int64))
+
+
+def _join(parts: list[Near]) -> Near:
+    if not parts:
+        return _near(ROW, 0, [], [], [], [], 0.0, 1, 1)
+    return Near(*(np.concatenate(a) for a in zip(*(n.arrays() for n in parts), strict=True)))
+
+
+class Scene:
+    """The constraints of a Complementarity problem with a state of size n, ready for evaluation.
+
+    Attributes used by kernels: ptr, cols, vals, inv2 (all affine rows as CSR), and b(t), anchors(t) as flat arrays.
+    """
+
+    def __init__(self, problem: Complementarity, n: int):
+        self.families, self.n = problem.constraints, n
+        self.affine = [c for c in self.families if isinstance(c, Affine)]
+        self.moving = any(c.moving for c in self.families)
+        ptr, cols, vals = [np.zeros(1, np.int64)], [np.empty(0, np.int64)], [np.empty(0)]
+        for a in self.affine:
+            ptr.append(a.indptr[1:] + ptr[-1][-1])
+            cols.append(a.indices)
+            vals.append(a.data)
+        self.ptr, self.cols, self.vals = map(np.concatenate, (ptr, cols, vals))
+        rows = len(self.ptr) - 1
+        self.inv2 = 1.0 / np.add.reduceat(self.vals**2, self.ptr[:-1]) if rows else np.empty(0)
+        self._b = [host(a.b) if a.moving else (lambda t, v=a.b: v) for a in self.affine]
+        self._anchors = [host(c.anchors) if c.moving else (lambda t, v=c.anchors: v) for c in self.families
+                         if isinstance(c, Distance) and c.anchors is not None]
+        self._smooth = [_SmoothRows(c, n) for c in self.families if isinstance(c, Smooth)]
+        self._parts = self._static_parts()
+        self.hard = [(k, c, c.particles(n)) for k, c in enumerate(self.families)
+                     if isinstance(c, Distance) and c.all_pairs]
+        self.radii = {k: np.broadcast_to(c.radii if c.radii is not None else c.d / 2, m).astype(float)
+                      for k, c, m in self.hard}
+
+    def b(self, t: float) -> np.ndarray:
+        """(rows,) right-hand sides of all affine rows at time t."""
+        return np.concatenate([np.asarray(f(t), float) for f in self._b]) if self._b else np.empty(0)
+
+    def anchors(self, t: float) -> np.ndarray:
+        """Coordinates of all anchors at time t, flat."""
+        return np.concatenate([np.asarray(f(t), float).ravel() for f in self._anchors]) if self._anchors else np.empty(0)
+
+    def _static_parts(self) -> dict[int, Near]:
+        parts, row, anchor, smooth = {}, 0, 0, 0
+        for k, c in enumerate(self.families):
+            if isinstance(c, Affine):
+                m = c.shape[0]
+                i = np.arange(m)
+                parts[k] = _near(ROW, k, i, np.full(m, -1), row + i, np.zeros(m), 0.0, 1, 1)
+                row += m
+            elif isinstance(c, Smooth):
+                m = self._smooth[smooth].m
+                i = np.arange(m)
+                parts[k] = _near(SMOOTH, k, i, np.full(m, -1), i, np.full(m, smooth), 0.0, 1, 1)
+                smooth += 1
+            elif not c.all_pairs:
+                parts[k] = self._listed(k, c, anchor)
+                anchor += 0 if c.anchors is None else np.asarray(host(c.anchors)(0.0) if c.moving else c.anchors).size
+        return parts
+
+    def _listed(self, k: int, c: Distance, anchor: int) -> Near:
+        count = c.particles(self.n)
+        pairs, targets = c.pairs, count
+        if c.anchors is not None:
+            targets = len(np.asarray(host(c.anchors)(0.0) if c.moving else c.anchors))
+            if pairs is None:
+                pairs = np.stack(np.meshgrid(np.arange(count), np.arange(targets), indexing="ij"), -1).reshape(-1, 2)
+        if len(pairs) and (pairs[:, 0].max() >= count or pairs[:, 1].max() >= targets):
+            raise ValueError(f"family {k}: a pair names particle or anchor {pairs.max()}; there are {count} and {targets}")
+        i, j = pairs.T
+        q = anchor + j * c.dim if c.anchors is not None else c.start + j * c.dim
+        return _near(PAIR if c.anchors is None else ANCHOR, k, i, j, c.start + i * c.dim, q, c.d, c.sign, c.dim)
+
+    def all_static(self) -> Near:
+        """The listed constraints alone."""
+        return _join([self._parts[k] for k in sorted(self._parts)])
+
+    def near(self, x: np.ndarray, reach: float, t: float = 0.0) -> Near:
+        """Every listed constraint and the hard pairs with gap at most `reach`, in the stated order. x finite."""
+        parts = dict(self._parts)
+        if self.hard:
+            from nsbench.kernels.near import near_pairs
+        for k, c, m in self.hard:
+            r = self.radii[k]
+            i, j = near_pairs(np.ascontiguousarray(x), c.start, m, c.dim, r, float(reach)) if m > 1 else ([], [])
+            i, j = np.asarray(i, np.int64), np.asarray(j, np.int64)
+            parts[k] = _near(PAIR, k, i, j, c.start + i * c.dim, c.start + j * c.dim, r[i] + r[j], 1, c.dim)
+        return _join([parts[k] for k in sorted(parts)])
+
+    def gaps(self, t: float, x: np.ndarray, near: Near) -> np.ndarray:
+        """(m,) values g_k(t, x)."""
+        g = np.empty(len(near))
+        for sel, i, diff, dist in self._distances(t, x, near):
+            g[sel] = near.sign[sel] * (dist - near.d[sel])
+        rows = np.flatnonzero(near.kind == ROW)
+        if rows.size:
+            prod = np.add.reduceat(self.vals * x[self.cols], self.ptr[:-1])
+            g[rows] = (prod + self.b(t))[near.p[rows]]
+        for s, fam in enumerate(self._smooth):
+            sel = np.flatnonzero((near.kind == SMOOTH) & (near.q == s))
+            if sel.size:
+                g[sel] = fam.g(t, x)[near.p[sel]]
+        return g
+
+    def _distances(self, t, x, near):
+        """Per kind and dimension: which entries, coordinates of i, differences (m, dim), lengths (m,)."""
+        anchors = None
+        for kind in (PAIR, ANCHOR):
+            of_kind = near.kind == kind
+            if not of_kind.any():
+                continue
+            if kind == ANCHOR:
+                anchors = self.anchors(t)
+            for dim in (1, 2, 3):
+                sel = np.flatnonzero(of_kind & (near.dim == dim))
+                if sel.size:
+                    axes = np.arange(dim)
+                    i, j = near.p[sel, None] + axes, near.q[sel, None] + axes
+                    diff = x[i] - (x[j] if kind == PAIR else anchors[j])
+                    yield sel, (i, j if kind == PAIR else None), diff, np.sqrt((diff * diff).sum(1))
+
+    def dense_gradients(self, t: float, x: np.ndarray, near: Near) -> np.ndarray:
+        """(m, n) rows grad g_k."""
+        G = np.zeros((len(near), self.n))
+        r, c, v = self._triplets(t, x, near)
+        np.add.at(G, (r, c), v)
+        return G
+
+    def gradients(self, t: float, x: np.ndarray, near: Near):
+        """(m, n) scipy.sparse.csr_array of rows grad g_k. A distance of zero has the first axis as direction."""
+        from scipy.sparse import csr_array
+        r, c, v = self._triplets(t, x, near)
+        return csr_array((v, (r, c)), shape=(len(near), self.n))
+
+    def _triplets(self, t, x, near):
+        r, c, v = [np.empty(0, np.int64)], [np.empty(0, np.int64)], [np.empty(0)]
+        for sel, (i, j), diff, dist in self._distances(t, x, near):
+            unit = np.divide(diff, dist[:, None], out=np.zeros_like(diff), where=dist[:, None] > 0)
+            unit[dist == 0, 0] = 1.0
+            unit *= near.sign[sel, None]
+            for coords, values in ((i, unit), (j, -unit)):
+                if coords is not None:
+                    r.append(np.repeat(sel, coords.shape[1]))
+                    c.append(coords.ravel())
+                    v.append(values.ravel())
+        for k in np.flatnonzero(near.kind == ROW):
+            e = slice(self.ptr[near.p[k]], self.ptr[near.p[k] + 1])
+            r.append(np.full(e.stop - e.start, k))
+            c.append(self.cols[e])
+            v.append(self.vals[e])
+        for s, fam in enumerate(self._smooth):
+            sel = np.flatnonzero((near.kind == SMOOTH) & (near.q == s))
+            if sel.size:
+                G = fam.gradient(t, x)[near.p[sel]]
+                r.append(np.repeat(sel, self.n))
+                c.append(np.tile(np.arange(self.n), sel.size))
+                v.append(G.ravel())
+        return map(np.concatenate, (r, c, v))
+
+    def rates(self, t: float, x: np.ndarray, near: Near) -> np.ndarray:
+        """(m,) partial derivatives dg/dt."""
+        rate = np.zeros(len(near))
+        if not self.moving:
+            return rate
+        rows = np.flatnonzero(near.kind == ROW)
+        if rows.size:
+            rate[rows] = np.concatenate([_time_derivative(a.b)(t) if a.moving else np.zeros(a.shape[0])
+                                         for a in self.affine])[near.p[rows]]
+        if any(isinstance(c, Distance) and c.moving for c in self.families):
+            speed = np.concatenate([_time_derivative(c.anchors)(t).ravel() if c.moving else np.zeros(c.anchors.size)
+                                    for c in self.families if isinstance(c, Distance) and c.anchors is not None])
+            for sel, (_, j), diff, dist in self._distances(t, x, near):
+                if j is None:
+                    q = near.q[sel, None] + np.arange(diff.shape[1])
+                    rate[sel] = -near.sign[sel] * (diff * speed[q]).sum(1) / np.where(dist > 0, dist, 1.0)
+        for s, fam in enumerate(self._smooth):
+            sel = np.flatnonzero((near.kind == SMOOTH) & (near.q == s))
+            if sel.size:
+                rate[sel] = fam.rate(t, x)[near.p[sel]]
+        return rate
+
+
+_derivatives: dict = {}
+
+
+def _time_derivative(factory):
+    """d/dt of ``factory(xp) -> (t)`` by JAX, as a numpy function; compiled once."""
+    if factory not in _derivatives:
+        import jax
+        f = jax_function(factory)
+        d = jax.jit(lambda t: jax.jvp(f, (t,), (1.0,))[1])
+        _derivatives[factory] = lambda t: np.asarray(d(float(t)))
+    return _derivatives[factory]
+
+
+class _SmoothRows:
+    """g, gradient and rate of a Smooth family as numpy functions."""
+
+    def __init__(self, family: Smooth, n: int):
+        self._family, self._n = family, n
+        self.g = lambda t, x, f=host(family.g): np.asarray(f(t, x), float)
+        self.m = len(self.g(0.0, np.full(n, 0.37)))
+        self._gradient = host(family.gradient) if family.gradient else None
+        self._rate = host(family.rate) if family.rate else None
+
+    def _jax(self, argnum):
+        import jax
+        f = jax_function(self._family.g)
+        d = jax.jit(jax.jacfwd(f, argnums=argnum))
+        return lambda t, x: np.asarray(d(float(t), x))
+
+    def gradient(self, t, x):
+        """(m, n)."""
+        if self._gradient is None:
+            self._gradient = self._jax(1)
+        return np.asarray(self._gradient(t, x), float)
+
+    def rate(self, t, x):
+        """(m,)."""
+        if self._rate is None:
+            self._rate = self._jax(0)
+        return np.asarray(self._rate(t, x), float)
+
+
