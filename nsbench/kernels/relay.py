@@ -1,0 +1,278 @@
+"""Explicit and implicit Euler on a field with signs, x' = F(t, x, s), s_i in Sgn(c_i(t, x)): the time loops.
+
+Fields and switch functions are pointers (t, x, s, out) and (t, x, out). `mode` holds +1, -1 or 0 per surface:
+on the positive side, on the negative side, on the surface itself.
+"""
+import numpy as np
+from numba import njit
+
+OK, NAN, BLOWN, STUCK = 0, 1, 2, 3
+NEWTON = 30                       # iterations; quadratic convergence needs about 5, a kept Jacobian at most 3 times that
+ROUNDING = 64 * 2.0**-52          # what a few operations on numbers of size one may lose
+
+
+@njit(cache=True)
+def health(x):
+    """OK, NAN, or BLOWN beyond 1e150, where squares overflow."""
+    for v in x:
+        if v != v:
+            return NAN
+    for v in x:
+        if abs(v) > 1e150:
+            return BLOWN
+    return OK
+
+
+@njit(cache=True)
+def largest(x):
+    """max |x_i|, 0 for none."""
+    m = 0.0
+    for v in x:
+        m = max(m, abs(v))
+    return m
+
+
+@njit(cache=True)
+def gauss(A, b):
+    """Solve A z = b in place (z in b) with partial pivoting; False if A is singular or not finite."""
+    n = b.size
+    for j in range(n):
+        p = j
+        for i in range(j + 1, n):
+            if abs(A[i, j]) > abs(A[p, j]):
+                p = i
+        if not (0.0 < abs(A[p, j]) < np.inf):
+            return False
+        if p != j:
+            for k in range(j, n):
+                A[j, k], A[p, k] = A[p, k], A[j, k]
+            b[j], b[p] = b[p], b[j]
+        for i in range(j + 1, n):
+            r = A[i, j] / A[j, j]
+            if r != 0.0:
+                for k in range(j + 1, n):
+                    A[i, k] -= r * A[j, k]
+                b[i] -= r * b[j]
+    for j in range(n - 1, -1, -1):
+        for k in range(j + 1, n):
+            b[j] -= A[j, k] * b[k]
+        b[j] /= A[j, j]
+    return True
+
+
+@njit(cache=True)
+def extended(field, t, x, s, e, v, out):
+    """F(t, x, s) in `out`, continued multilinearly to |s_i| > 1 through the values at s_i = -1 and 1; calls made.
+
+    Iterates of Newton's method leave the box, where a field need not mean anything. e (d,), v (n,): work.
+    """
+    k = 0
+    for i in range(s.size):
+        if abs(s[i]) > 1.0:
+            k += 1
+    if k == 0:
+        field(t, x, s, out)
+        return 1
+    for c in range(out.size):
+        out[c] = 0.0
+    for code in range(2**k):
+        weight, rest = 1.0, code
+        for i in range(s.size):
+            e[i] = s[i]
+            if abs(s[i]) > 1.0:
+                e[i] = 1.0 if rest % 2 == 0 else -1.0
+                weight *= 0.5 * (1.0 + e[i] * s[i])
+                rest //= 2
+        field(t, x, e, v)
+        for c in range(out.size):
+            out[c] += weight * v[c]
+    return 2**k
+
+
+@njit(cache=True)
+def residual(field, switch, t, h, x, y, s, slide, e, v, c, r):
+    """y - x - h F(t, y, s) and c_i(t, y) of the sliding surfaces, in r; calls made."""
+    n = x.size
+    calls = extended(field, t, y, s, e, v, r[:n])
+    for i in range(n):
+        r[i] = y[i] - x[i] - h * r[i]
+    if c.size:
+        switch(t, y, c)
+        for j in range(slide.size):
+            r[n + j] = c[slide[j]]
+    return calls
+
+
+@njit(cache=True)
+def jacobian(field, switch, t, h, x, y, s, slide, e, v, c, r, q, J):
+    """Derivative of the residual r: one-sided differences in y; in s_i exact, as F is affine in each weight."""
+    n, calls = x.size, 0
+    for j in range(n):
+        keep = y[j]
+        y[j] = keep + 1.5e-8 * max(1.0, abs(keep))          # sqrt(eps): half of the digits, enough for Newton
+        calls += residual(field, switch, t, h, x, y, s, slide, e, v, c, q)
+        for i in range(r.size):
+            J[i, j] = (q[i] - r[i]) / (y[j] - keep)
+        y[j] = keep
+    for j in range(slide.size):
+        keep = s[slide[j]]
+        s[slide[j]] = 1.0
+        calls += residual(field, switch, t, h, x, y, s, slide, e, v, c, q)
+        for i in range(n):
+            J[i, n + j] = 0.5 * q[i]
+        s[slide[j]] = -1.0
+        calls += residual(field, switch, t, h, x, y, s, slide, e, v, c, q)
+        for i in range(n):
+            J[i, n + j] -= 0.5 * q[i]
+        s[slide[j]] = keep
+        J[n:, n + j] = 0.0
+    return calls
+
+
+@njit(cache=True)
+def newton(field, switch, t, h, x, mode, y, s, jump):
+    """Solve one implicit step for a given mode, from (y, s), which are overwritten.
+
+    jump (d,): displacement per unit of s_i, the size of a step's freedom on surface i. Returns converged, calls,
+    iterations. The Jacobian is kept while an iteration gains a factor of 20.
+    """
+    n, d = x.size, s.size
+    slide = np.flatnonzero(mode == 0)
+    size = n + slide.size
+    e, v, c = np.empty(d), np.empty(n), np.empty(d)
+    r, q, J = np.empty(size), np.empty(size), np.zeros((size, size))
+    for i in range(d):
+        if mode[i] != 0:
+            s[i] = mode[i]
+        elif abs(s[i]) > 1.0:
+            s[i] = 0.0
+    calls, last = 0, 0.0
+    for it in range(NEWTON):
+        calls += residual(field, switch, t, h, x, y, s, slide, e, v, c, r)
+        if it == 0 or last > 0.05:
+            calls += jacobian(field, switch, t, h, x, y, s, slide, e, v, c, r, q, J)
+            for j in range(slide.size):
+                jump[slide[j]] = largest(J[:n, n + j])
+        before = largest(q) if it else np.inf
+        q[:] = r
+        if not gauss(J.copy(), q) or health(q) != OK:
+            return False, calls, it + 1
+        for i in range(n):
+            y[i] -= q[i]
+        for j in range(slide.size):
+            s[slide[j]] -= q[n + j]
+            q[n + j] *= jump[slide[j]]
+        move = largest(q)
+        if move <= 1e-12 * (1.0 + largest(y)):              # the next move is 20 times smaller or, fresh, its square
+            return True, calls, it + 1
+        last = move / before if it else 0.0
+    return False, calls, NEWTON
+
+
+@njit(cache=True)
+def wrong(mode, c, s, jump, scale, new):
+    """Whether the solved step contradicts its mode; `new` gets the mode with every contradiction turned over."""
+    bad = False
+    for i in range(mode.size):
+        new[i] = mode[i]
+        if mode[i] == 0:
+            if not (abs(s[i]) - 1.0) * jump[i] <= ROUNDING * scale:
+                new[i], bad = (1 if s[i] > 0.0 else -1), True
+        elif not c[i] * mode[i] >= -ROUNDING:
+            new[i], bad = 0, True
+    return bad
+
+
+@njit(cache=True)
+def implicit_step(field, switch, t, h, x, mode, y, s):
+    """x+ = x + h F(t, x+, s), s_i in Sgn(c_i(t, x+)): from the last mode by block pivots, else by trying all 3^d.
+
+    y, s, mode are overwritten by the solution. Returns found, calls, iterations.
+    """
+    d, calls, inner = s.size, 0, 0
+    new, c, jump, start = mode.copy(), np.empty(d), np.zeros(d), s.copy()
+    for trial in range(2 * d + 2 + 3**d):
+        if trial >= 2 * d + 2:
+            code = trial - 2 * d - 2
+            for i in range(d):
+                new[i] = code % 3 - 1
+                code //= 3
+            s[:] = start
+            y[:] = x
+        mode[:] = new
+        solved, more, its = newton(field, switch, t, h, x, mode, y, s, jump)
+        calls, inner = calls + more, inner + its
+        if solved:
+            if d:
+                switch(t, y, c)
+            if not wrong(mode, c, s, jump, 1.0 + largest(y), new):
+                for i in range(d):
+                    s[i] = min(1.0, max(-1.0, s[i]))
+                return True, calls, inner
+        else:
+            y[:] = x
+            s[:] = start
+            for i in range(d):
+                new[i] = 0 if mode[i] != 0 else new[i]
+    return False, calls, inner
+
+
+@njit(cache=True)
+def march_implicit(field, switch, t, substeps, x, d):
+    """Samples of one run of implicit Euler: X (K, n), integrals of theta (K, d), calls, iterations, status, time."""
+    K, x = t.size, x.copy()
+    X, W = np.full((K, x.size), np.nan), np.full((K, d), np.nan)
+    y, s, c, w = x.copy(), np.zeros(d), np.zeros(d), np.zeros(d)
+    mode = np.zeros(d, np.int64)
+    if d:
+        switch(t[0], x, c)
+        for i in range(d):
+            mode[i] = np.int64(np.sign(c[i]))
+    X[0], W[0] = x, w
+    calls, inner = 0, 0
+    for k in range(K - 1):
+        h = (t[k + 1] - t[k]) / substeps[k]
+        for j in range(substeps[k]):
+            after = t[k + 1] if j + 1 == substeps[k] else t[k] + (j + 1) * h
+            found, more, its = implicit_step(field, switch, after, h, x, mode, y, s)
+            calls, inner = calls + more, inner + its
+            if not found or health(y) != OK:
+                if not found:
+                    field(after, x, s, y)                   # a field that is no number explains the failure
+                bad = health(y)
+                return X, W, calls, inner, (STUCK if bad == OK else bad), after - h
+            x[:] = y
+            for i in range(d):
+                w[i] += h * 0.5 * (1.0 + s[i])
+        X[k + 1], W[k + 1] = x, w
+    return X, W, calls, inner, OK, t[K - 1]
+
+
+@njit(cache=True)
+def march_explicit(field, switch, t, substeps, x, d):
+    """Samples of one run of explicit Euler, with s_i = 1 where c_i >= 0, else -1; returns as march_implicit does."""
+    K, x = t.size, x.copy()
+    X, W = np.full((K, x.size), np.nan), np.full((K, d), np.nan)
+    v, s, c, w = np.empty(x.size), np.empty(d), np.zeros(d), np.zeros(d)
+    X[0], W[0] = x, w
+    calls = 0
+    for k in range(K - 1):
+        h = (t[k + 1] - t[k]) / substeps[k]
+        for j in range(substeps[k]):
+            now = t[k] + j * h
+            if d:
+                switch(now, x, c)
+            for i in range(d):
+                s[i] = 1.0 if c[i] >= 0.0 else -1.0
+                w[i] += h if c[i] >= 0.0 else 0.0
+            field(now, x, s, v)
+            calls += 1
+            for i in range(x.size):
+                x[i] += h * v[i]
+            bad = health(x)
+            if bad == OK:
+                bad = health(c)
+            if bad != OK:
+                return X, W, calls, 0, bad, now
+        X[k + 1], W[k + 1] = x, w
+    return X, W, calls, 0, OK, t[K - 1]

@@ -1,0 +1,126 @@
+"""Euler's method on a Filippov field, or on a plain smooth system: explicit (chatters) and implicit (does not)."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from nsbench.case import Case
+from nsbench.problem import Complementarity, Filippov
+from nsbench.solvers.base import Claims, Run, grid, sample
+from nsbench.trajectory import Status, Trajectory
+
+STANDARD = ("euler", "euler[implicit=true]")
+
+
+@dataclass(frozen=True)
+class Euler:
+    """x+ = x + h F(t, x, s): explicit with s at the old state, implicit with F and s at the new one.
+
+    Explicit: s_i is the sign of c_i(t, x), and +1 on the surface itself (c_i = 0 counts as the positive side).
+    Implicit: s_i in Sgn(c_i(t + h, x+)), one small complementarity problem in each step: Newton's method for a sign
+    pattern, pivots from the pattern of the last step, all 3^d patterns if they cycle. The impulse of surface i is the
+    sum of h theta_i, theta = (1 + s) / 2. Where several solutions of the step exist (repulsive surfaces) the pattern
+    of the last step wins. Without switching surfaces both are the textbook methods.
+    Source: Acary & Brogliato, Numerical Methods for Nonsmooth Dynamical Systems (2008), chapters 9 and 10.
+    """
+    implicit: bool = False
+
+    accuracy = "h"
+    default = 1e-2
+    claims = Claims(state=1.0, impulse=1.0)
+
+    def __post_init__(self):
+        if not isinstance(self.implicit, bool):
+            raise ValueError(f"implicit is {self.implicit!r}; true or false")
+
+    def refuses(self, case: Case) -> str | None:
+        p = case.problem
+        if isinstance(p, Complementarity) and p.constraints:
+            return "Euler has no way to keep g >= 0; use pbd or catching_up."
+        if not isinstance(p, (Complementarity, Filippov)):
+            return "Euler takes Filippov systems and plain smooth ones; this case is a linear complementarity system."
+        return None
+
+    def prepare(self, case: Case, h: float) -> Run:
+        g = grid(case.t, h)
+        loop, kernels, field, switch, d = _forms(case)
+        march = kernels["march_implicit" if self.implicit else "march_explicit"]
+        args = (field, switch, g.t, g.substeps, case.x0.copy(), d)
+        if loop == "compiled":
+            from numba import typeof
+            march.compile(tuple(typeof(a) for a in args))
+
+        def run():
+            with np.errstate(all="ignore"):
+                return self._trajectory(case, g, loop, march(*args))
+        return run
+
+    def _trajectory(self, case, g, loop, result):
+        X, W, calls, inner, code, reached = result
+        if not g.aligned:
+            X, W = sample(case.t, g.t, X), sample(case.t, g.t, W)
+        stats = {"steps": int(g.substeps.sum()), "h": g.h, "drift_calls": int(calls), "loop": loop}
+        if self.implicit:
+            stats["inner_iterations"] = int(inner)
+        smooth = isinstance(case.problem, Complementarity)
+        return Trajectory(case.t, X, tuple((0, i) for i in range(W.shape[1])), W,
+                          np.where(np.isnan(X), np.nan, 0.0) if smooth else np.empty((len(X), 0)),
+                          _status(code, reached), stats=stats, lam_time="end" if self.implicit else "start")
+
+
+def _status(code, reached):
+    from nsbench.kernels import relay
+    if code == relay.OK:
+        return Status()
+    if code == relay.NAN:
+        return Status("nan", f"The drift is not a number at t = {reached:.6g}.")
+    if code == relay.BLOWN:
+        return Status("diverged", f"The state passed 1e150 at t = {reached:.6g}; a smaller step may help.")
+    return Status("maxiter", f"No solution of the implicit step from t = {reached:.6g} was found; try a smaller step.")
+
+
+def _forms(case):
+    """loop, kernels by name, field, switch, d: compiled, or the same source around functions in Python."""
+    from nsbench import compile as form
+    from nsbench.kernels import relay
+    p, n = case.problem, case.n
+    if isinstance(p, Complementarity):
+        field, switch, d = _no_signs(p.drift), p.drift, 0
+    else:
+        field, switch = p.field, p.switch
+        d = len(p.switch(np)(float(case.t[0]), case.x0.copy()))
+    try:
+        return "compiled", vars(relay), form.rhs_signs(field, n, d), form.rhs(switch, n), d
+    except form.CompileError:
+        f, c = form.host(field), form.host(switch)
+        return "host", _in_python(relay), _filling(f), _filling(c), d
+
+
+def _no_signs(drift):
+    """The drift as a field without signs."""
+    def field(xp):
+        f = drift(xp)
+        def g(t, x, s):
+            return f(t, x)
+        return g
+    return field
+
+
+def _filling(f):
+    def fill(*args):
+        args[-1][:] = f(*args[:-1])
+    return fill
+
+
+def _in_python(module):
+    """The functions of a kernel module without compilation: they call each other, so all are rebuilt."""
+    from types import FunctionType
+    names = dict(vars(module))
+    for name, value in vars(module).items():
+        if hasattr(value, "py_func"):
+            names[name] = FunctionType(value.py_func.__code__, names, name)
+    return names
+
+
+SOLVER = Euler
