@@ -7,7 +7,7 @@ import numpy as np
 from numba import njit
 
 OK, NAN, BLOWN, STUCK = 0, 1, 2, 3
-NEWTON = 30                       # iterations; quadratic convergence needs about 5, a kept Jacobian at most 3 times that
+NEWTON = 30                       # iterations; a fresh Jacobian needs about 5, a kept one three times that
 ROUNDING = 64 * 2.0**-52          # what a few operations on numbers of size one may lose
 
 
