@@ -1,0 +1,215 @@
+"""The event-driven method on Filippov systems: smooth arcs in one mode, joined where the mode changes.
+
+At a meeting with surfaces every mode of the surfaces met is a candidate: beside a surface if the motion leads away
+from it, on it if the weights that hold it there lie in [0, 1]. Where the first derivative vanishes (tangential exits)
+a short trial motion decides. No candidate, or several with different motions, is an answer: the run says so and stops.
+"""
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+
+from nsbench.case import Case
+from nsbench.solvers._arc import follow
+from nsbench.solvers._sliding import EPS, Motion
+from nsbench.solvers.base import Run
+from nsbench.trajectory import Event, Status, Trajectory
+
+TRIALS = 10.0 ** np.arange(-7, -2)      # lengths of trial motions as parts of the run; the first that shows a sign decides
+FLAT = 1e-7                             # relative size below which a first derivative decides nothing
+WINDOW = 3                              # events per window of the test for accumulation
+
+
+def prepare(case: Case, options, tol: float) -> Run:
+    """A Run; options has method, max_step and max_events (defaults where it lacks them); tol is the arcs' tolerance."""
+    return lambda: _Walk(case, options, tol).run()
+
+
+def run(case: Case, options, tol: float) -> Trajectory:
+    """One run of a Filippov case: samples, integrals of theta, events enter, exit and cross with contact (0, i)."""
+    return prepare(case, options, tol)()
+
+
+class _Walk:
+    def __init__(self, case, options, tol):
+        self.case, self.tol = case, tol
+        self.method = getattr(options, "method", "dop853")
+        self.max_step, self.max_events = getattr(options, "max_step", np.inf), getattr(options, "max_events", 100_000)
+        self.t, self.x = float(case.t[0]), case.x0.copy()
+        self.motion = Motion(case.problem, self.t, self.x)
+        self.n, self.d = case.n, self.motion.d
+        self.theta, self.mode, self.signs = np.zeros(self.d), np.zeros(self.d, np.int64), np.zeros(self.d)
+        self.events, self.meetings = [], []
+        self.arcs, self.steps, self.h, self.done = 0, 0, 0.0, 1
+        self.X, self.W = np.full((len(case.t), self.n), np.nan), np.full((len(case.t), self.d), np.nan)
+
+    def run(self) -> Trajectory:
+        case = self.case
+        self.X[0], self.W[0] = self.x, 0.0
+        with np.errstate(all="ignore"):
+            status = self._start()
+            while status.ok and self.t < case.t[-1]:
+                status = self._arc()
+        stats = {"steps": self.steps, "h": self.h, "drift_calls": self.motion.calls, "events": len(self.events),
+                 "restarts": self.arcs, "inner_iterations": self.motion.newton, "loop": "host"}
+        return Trajectory(case.t, self.X, tuple((0, i) for i in range(self.d)), self.W, np.empty((len(case.t), 0)),
+                          status, tuple(self.events), stats, "mean")
+
+    def _start(self) -> Status:
+        c = self.motion.switch(self.t, self.x)
+        if not np.all(np.isfinite(c)):
+            return Status("nan", f"A switch function is not finite at t = {self.t:.9g}.")
+        met = np.flatnonzero(np.abs(c) <= self._band(self.t, self.x))
+        self.mode = np.sign(c).astype(np.int64)
+        self.mode[met] = 0
+        status, mode, signs = self._choose(met) if met.size else (Status(), self.mode, self.mode.astype(float))
+        self.mode, self.signs = mode, signs
+        return status
+
+    def _band(self, t, x):
+        """(d,) what rounding and the location of events leave of c_i on its surface: 1000 eps of its terms."""
+        G = self.motion.gradients(t, x, np.arange(self.d))
+        return 1e3 * EPS * (np.abs(G) @ (1.0 + np.abs(x)))
+
+    def _arc(self) -> Status:
+        """Follow the mode to its next event or the end, then choose the next mode."""
+        motion, mode, guess, n, T = self.motion, self.mode, self.signs.copy(), self.n, self.case.t[-1]
+        on = np.flatnonzero(mode == 0)
+
+        def rhs(t, y):
+            F, s = motion.velocity(t, y[:n], mode, guess)
+            guess[:] = np.where(np.isfinite(s), s, guess)
+            return np.concatenate([F, 0.5 * (1.0 + s)])
+
+        def gaps(t, y):
+            g = mode * motion.switch(t, y[:n])
+            if on.size:
+                s = motion.velocity(t, y[:n], mode, guess)[1][on]
+                g[on] = 1.0 - s
+                return np.concatenate([g, 1.0 + s])
+            return g
+
+        def project(t, y):
+            x = motion.project(t, y[:n], on)
+            return None if x is y[:n] else np.concatenate([x, y[n:]])
+
+        if on.size:
+            self.x = motion.project(self.t, self.x, on)
+        band = np.concatenate([self._band(self.t, self.x), np.full(on.size, FLAT)])
+        band[on] = FLAT
+        later = self.case.t[self.done:]
+        arc = follow(rhs, self.t, np.concatenate([self.x, self.theta]), T, gaps, method=self.method, rtol=self.tol,
+                     max_step=self.max_step, project=project if on.size else None, band=band, samples=later)
+        rows = slice(self.done, self.done + len(arc.samples))
+        self.X[rows], self.W[rows] = arc.samples[:, :n], arc.samples[:, n:]
+        self.done, self.arcs, self.steps, self.h = rows.stop, self.arcs + 1, self.steps + arc.steps, max(self.h, arc.h)
+        self.t, self.x, self.theta, self.signs = arc.t, arc.y[:n], arc.y[n:], guess
+        return self._meet(arc.fired) if arc.status.ok and arc.fired.size else self._explained(arc.status)
+
+    def _explained(self, status):
+        if status.code == "nan" and np.any(self.mode == 0):
+            F, s = self.motion.velocity(self.t, self.x, self.mode, self.signs)
+            if not np.all(np.isfinite(s)):
+                return Status("degenerate", f"At t = {self.t:.9g} no weights, or many, keep the state on {self._named()}: "
+                                            "the fields do not determine the motion.")
+        return status
+
+    def _named(self, rows=None):
+        rows = np.flatnonzero(self.mode == 0) if rows is None else rows
+        return f"surface {rows[0]}" if len(rows) == 1 else f"surfaces {', '.join(map(str, rows))}"
+
+    def _meet(self, fired) -> Status:
+        """Choose the mode after an event, and record what changed."""
+        self.meetings.append(self.t)
+        ends = accumulation(self.meetings, self.case.t[-1] - self.case.t[0])
+        if ends is not None:
+            return Status("chatter", f"Events accumulate at t = {ends:.9g}: the run cannot pass it by following events.")
+        if len(self.meetings) > self.max_events:
+            return Status("chatter", f"{self.max_events} events were met by t = {self.t:.9g}; raise max_events to go on.")
+        c = self.motion.switch(self.t, self.x)
+        near = (np.abs(c) <= self._band(self.t, self.x)) | (self.mode == 0)
+        near[fired[fired < self.d]] = True
+        met = np.flatnonzero(near)
+        self.motion.trust(self.t, self.x)
+        status, mode, signs = self._choose(met)
+        if not status.ok:
+            return status
+        for i in met:
+            if mode[i] != self.mode[i]:
+                kind = "enter" if mode[i] == 0 else "exit" if self.mode[i] == 0 else "cross"
+                self.events.append(Event(self.t, kind, (0, int(i))))
+        self.mode, self.signs = mode, signs
+        return Status()
+
+    def _choose(self, met):
+        """(status, mode, signs) among the modes of the surfaces met; sliding first."""
+        good = []
+        for q in product((0, 1, -1), repeat=met.size):
+            mode = self.mode.copy()
+            mode[met] = q
+            found = self._holds(mode, met)
+            if found is not None:
+                good.append((mode, *found))
+        if not good:
+            return Status("degenerate", f"At t = {self.t:.9g} no motion continues from {self._named(met)}."), None, None
+        mode, signs, ahead = good[0]
+        for _, _, other in good[1:]:
+            if np.abs(other - ahead).max() > 1e-12 * (1.0 + np.abs(ahead).max()):
+                return Status("degenerate", f"At t = {self.t:.9g} several motions continue from {self._named(met)}: "
+                                            "the solution is not unique there (a repulsive surface)."), None, None
+        return Status(), mode, signs
+
+    def _holds(self, mode, met):
+        """(signs, trial states) if the mode is a motion from here, else None."""
+        t, x, motion = self.t, self.x, self.motion
+        on = np.flatnonzero(mode == 0)
+        if on.size:
+            x = motion.project(t, x, on)
+        F, s = motion.velocity(t, x, mode, np.zeros(self.d))
+        if not np.all(np.isfinite(s)):
+            return None
+        value, rough = np.zeros(self.d), motion.along(t, x, 1.0, F)
+        size = np.abs(motion.gradients(t, x, np.arange(self.d))) @ np.abs(F) + np.abs(rough)
+        for i in met:
+            value[i] = 1.0 - abs(s[i]) if mode[i] == 0 else mode[i] * rough[i] / (size[i] or 1.0)
+        if np.any(value[met] < -FLAT):
+            return None
+        open_ = [i for i in met if value[i] <= FLAT]
+        signs, ahead = np.zeros(len(open_)), []
+        for part in TRIALS:
+            after, state, weights = self._trial(mode, x, s, part * (self.case.t[-1] - self.case.t[0]))
+            ahead.append(state)
+            c, band = motion.switch(after, state), self._band(after, state)
+            for k, i in enumerate(open_):
+                v, least = (1.0 - abs(weights[i]), 1e-2 * FLAT) if mode[i] == 0 else (mode[i] * c[i], band[i] / 10)
+                if signs[k] == 0.0 and abs(v) > least:
+                    signs[k] = np.sign(v)
+        return None if np.any(signs < 0.0) else (s, np.array(ahead))
+
+    def _trial(self, mode, x, s, h):
+        """(time, state, signs) after one classical Runge-Kutta step of length h in the mode."""
+        t, v = self.t, self.motion.velocity
+        k1 = v(t, x, mode, s)[0]
+        k2 = v(t + h / 2, x + h / 2 * k1, mode, s)[0]
+        k3 = v(t + h / 2, x + h / 2 * k2, mode, s)[0]
+        k4 = v(t + h, x + h * k3, mode, s)[0]
+        y = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        return t + h, y, v(t + h, y, mode, s)[1]
+
+
+def accumulation(times, span):
+    """The time at which the events at `times` accumulate once it is all but reached, else None.
+
+    Intervals that shrink like a geometric series end at a known time; the run stops when what is left of the series
+    is below 1e-10 of its span, or when the clock itself stands still.
+    """
+    if len(times) <= 2 * WINDOW:
+        return None
+    last, before = times[-1] - times[-1 - WINDOW], times[-1 - WINDOW] - times[-1 - 2 * WINDOW]
+    if last + before <= 16 * np.spacing(abs(times[-1])):
+        return times[-1]
+    ratio = last / before if before > 0.0 else 1.0
+    if ratio < 0.9 and last * ratio / (1.0 - ratio) <= 1e-10 * span:
+        return times[-1] + last * ratio / (1.0 - ratio)
+    return None
