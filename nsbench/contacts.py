@@ -5,6 +5,7 @@ particles only those near, found by cell lists. The order is the stated one: fam
 """
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,6 +44,9 @@ class Near:
     def take(self, index) -> Near:
         return Near(*(a[index] for a in self.arrays()))
 
+    def copy(self) -> Near:
+        return Near(*(a.copy() for a in self.arrays()))
+
     def arrays(self) -> tuple:
         return (self.kind, self.family, self.i, self.j, self.p, self.q, self.d, self.sign, self.dim)
 
@@ -80,6 +84,8 @@ class Scene:
         self._b = [host(a.b) if a.moving else (lambda t, v=a.b: v) for a in self.affine]
         self._anchors = [host(c.anchors) if c.moving else (lambda t, v=c.anchors: v) for c in self.families
                          if isinstance(c, Distance) and c.anchors is not None]
+        self.b_factory = _chain([a.b for a in self.affine])
+        self.anchor_factory = _chain([c.anchors for c in self.families if isinstance(c, Distance) and c.anchors is not None])
         self._smooth = [_SmoothRows(c, n) for c in self.families if isinstance(c, Smooth)]
         self._parts = self._static_parts()
         self.hard = [(k, c, c.particles(n)) for k, c in enumerate(self.families)
@@ -94,6 +100,10 @@ class Scene:
     def anchors(self, t: float) -> np.ndarray:
         """Coordinates of all anchors at time t, flat."""
         return np.concatenate([np.asarray(f(t), float).ravel() for f in self._anchors]) if self._anchors else np.empty(0)
+
+    def smooth(self, s: int):
+        """The s-th Smooth family: g(t, x), gradient(t, x), rate(t, x) in numpy."""
+        return self._smooth[s]
 
     def _static_parts(self) -> dict[int, Near]:
         parts, row, anchor, smooth = {}, 0, 0, 0
@@ -145,7 +155,7 @@ class Scene:
     def gaps(self, t: float, x: np.ndarray, near: Near) -> np.ndarray:
         """(m,) values g_k(t, x)."""
         g = np.empty(len(near))
-        for sel, i, diff, dist in self._distances(t, x, near):
+        for sel, _, _, dist in self._distances(t, x, near):
             g[sel] = near.sign[sel] * (dist - near.d[sel])
         rows = np.flatnonzero(near.kind == ROW)
         if rows.size:
@@ -233,6 +243,28 @@ class Scene:
             if sel.size:
                 rate[sel] = fam.rate(t, x)[near.p[sel]]
         return rate
+
+
+def _chain(parts):
+    """One factory ``(xp) -> (t) -> flat array`` for arrays and factories one after the other; None if nothing moves."""
+    if not any(callable(p) for p in parts):
+        return None
+
+    def leaf(part):
+        def make(xp):
+            if callable(part):
+                inner = part(xp)
+                return lambda t: inner(t).ravel()
+            still = np.array(part).ravel()
+            return lambda t: still
+        return make
+
+    def join(a, b):
+        def make(xp):
+            fa, fb = a(xp), b(xp)
+            return lambda t: xp.concatenate((fa(t), fb(t)))
+        return make
+    return functools.reduce(join, map(leaf, parts))
 
 
 _derivatives: dict = {}

@@ -20,7 +20,7 @@ _loaded: dict[str, type] = {}
 def _scan() -> tuple[dict, dict]:
     found, failed = {}, {}
     for info in pkgutil.iter_modules(__path__):
-        if info.name == "base" or info.name.startswith("_"):
+        if info.name in ("base", "start") or info.name.startswith("_"):
             continue
         try:
             module = importlib.import_module(f"{__name__}.{info.name}")

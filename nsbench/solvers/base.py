@@ -78,7 +78,7 @@ def grid(t: np.ndarray, h: float) -> Grid:
         n = np.maximum(1, np.ceil(spacing / h * (1 - 1e-9))).astype(np.int64)
         if float(n.sum()) > 2e9 or h < 4 * np.spacing(np.abs(t).max()):
             raise ValueError(f"h = {h:g} needs {float(n.sum()):.3g} steps; at most 2e9 are taken")
-        return Grid(t, n, float((spacing / n).max()), True)
+        return Grid(np.array(t), n, float((spacing / n).max()), True)
     span = t[-1] - t[0]
     n = max(1, int(np.ceil(span / h * (1 - 1e-9))))
     nodes = np.append(t[0] + h * np.arange(n), t[-1])

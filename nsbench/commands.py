@@ -1,0 +1,178 @@
+"""What the commands do; they are given `say` to print with and return the exit code."""
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from nsbench import solvers, study
+from nsbench.case import broken_cases, case_module, case_names, get_case, load_case
+
+FINE, FAILED = 0, 3
+EXPECTED = ("ok", "refused", "below_reference")
+METRICS = {
+    "state_sup": "largest error of the state over the sample times", "state_T": "error of the state at T",
+    "impulse": "largest error of a cumulative impulse over the sample times",
+    "reaction": "the same of the cumulative reaction, unique even where multipliers are not",
+    "l1": "sum over sample intervals of the error of the interval's impulse",
+    "settled": "largest error of an interval-mean multiplier away from events",
+    "event_time": "largest error of a located event", "feasibility": "largest violation max(-g, 0)",
+    "sign": "smallest multiplier", "complementarity": "largest product of gap and impulse",
+    "residual": "residual of the equation", "selection": "distance to the least-norm multiplier (not an error)",
+    "polyhedron": "distance of the multiplier to the set of all multipliers",
+}
+
+
+def list_(args, say) -> int:
+    """nsbench list"""
+    want = args.what
+    if want in (None, "cases"):
+        say("cases:" if want is None else "")
+        for name in case_names():
+            module = case_module(name)
+            first = (module.__doc__ or "").strip().splitlines()[0]
+            params = _parameters(module)
+            say(f"  {name:<16} {first}" + (f"  [{params}]" if params else ""))
+        for name, why in broken_cases().items():
+            say(f"  {name:<16} FAILED TO LOAD: {why}")
+    if want in (None, "solvers"):
+        say("solvers:" if want is None else "")
+        for name in solvers.all_names():
+            method = solvers.get(name)
+            first = (type(method).__doc__ or "").strip().splitlines()[0]
+            say(f"  {name:<16} {first}  [{method.accuracy}; {_options(method)}]")
+        for name, why in solvers.broken().items():
+            say(f"  {name:<16} FAILED TO LOAD: {why}")
+    if want in (None, "metrics"):
+        say("metrics:" if want is None else "")
+        for name, text in METRICS.items():
+            say(f"  {name:<16} {text}")
+    return FINE
+
+
+def _parameters(module) -> str:
+    import inspect
+    if not hasattr(module, "make"):
+        return ""
+    return ", ".join(f"{k}={v.default}" for k, v in inspect.signature(module.make).parameters.items())
+
+
+def _options(method) -> str:
+    import dataclasses
+    return ", ".join(f"{f.name}={f.default}" for f in dataclasses.fields(method))
+
+
+def run(args, say) -> int:
+    """nsbench run"""
+    solver_files = tuple(str(p) for f in args.solver_files for p in python_files(f))
+    added = [solvers.load(f) for f in solver_files]
+    values = {n: read_values(getattr(args, n)) for n in ("h", "tol", "k") if getattr(args, n)}
+    files = [(load_case(p).key, str(p)) for f in args.case_files for p in python_files(f)]
+    if args.cases:
+        keys = [(get_case(c).key, "") for c in args.cases]
+    else:
+        keys = [] if files else [(k, "") for k in study.suite_cases(args.suite, args.tag)]
+    chosen = args.solver or ([*solvers.standard()] if files and not args.cases else None)
+    specs = study.plan([*keys, *files], chosen, values, solver_files)
+    if not specs:
+        raise LookupError("nothing to run: no case matches")
+    if added and args.solver is None:
+        specs += [s for s in study.plan([*keys, *files], added, values, solver_files) if s not in specs]
+    from nsbench.execute.suite import execute
+    return execute(specs, Path(args.out), args, say)
+
+
+def python_files(path) -> list[Path]:
+    path = Path(path)
+    if path.is_dir():
+        found = sorted(p for p in path.glob("*.py") if not p.name.startswith(("_", ".")))
+        if not found:
+            raise FileNotFoundError(f"no case or solver file in {path}")
+        return found
+    if not path.is_file():
+        raise FileNotFoundError(f"no file {path}")
+    return [path]
+
+
+def read_values(text: str) -> list[float]:
+    """"1e-2", "1e-2,5e-3" or "1e-2..1e-4" (three per octave, at ratios that are not dyadic)."""
+    try:
+        if ".." in text:
+            a, b = (float(v) for v in text.split(".."))
+            out = np.geomspace(a, b, max(2, 1 + round(3.07 * abs(np.log2(a / b))))).tolist() if a > 0 and b > 0 else [a, b]
+        else:
+            out = [float(v) for v in text.split(",")]
+    except ValueError:
+        raise ValueError(f"cannot read {text!r}; write 1e-2, 1e-2,5e-3 or 1e-2..1e-4") from None
+    for v in out:
+        solvers.check_positive("accuracy", v)
+    return out
+
+
+def report(args, say) -> int:
+    """nsbench report"""
+    from nsbench.report import write_report
+    for d in args.dirs:
+        if not (Path(d) / "runs.parquet").is_file():
+            raise FileNotFoundError(f"no results in {d}")
+        say(str(write_report(Path(d), Path(d) / "report.html")))
+    return FINE
+
+
+def show(args, say) -> int:
+    """nsbench show"""
+    case = load_case(args.case) if args.case.endswith(".py") else get_case(args.case)
+    say(f"{case.key}: {type(case.problem).__name__}, n = {case.n}, t = {case.t[0]:g} .. {case.t[-1]:g}, "
+        f"{len(case.t)} samples")
+    if args.solver is None:
+        say(case.doc)
+        for name in solvers.standard():
+            say(f"  {name:<32} {solvers.get(name).refuses(case) or 'runs'}")
+        return FINE
+    accuracy = {n: getattr(args, n) for n in ("h", "tol", "k") if getattr(args, n) is not None}
+    traj = solvers.solve(case, args.solver, **accuracy)
+    say(f"{args.solver}: {traj.status.code}. {traj.status}")
+    for name, value in {**traj.stats}.items():
+        say(f"  {name:<20} {value}")
+    if len(traj.t):
+        from nsbench.measure import errors
+        for name, value in errors(case, traj).items():
+            say(f"  {name:<20} {value:.6g}" if isinstance(value, float) else f"  {name:<20} {value}")
+    for e in traj.events[:40]:
+        say(f"  t = {e.t:.12g}  {e.kind}  {e.contact}")
+    return FINE if traj.status.code in EXPECTED else FAILED
+
+
+def check(args, say) -> int:
+    """nsbench check"""
+    from nsbench.execute.check import check_file
+    problems = check_file(Path(args.file), say)
+    for p in problems:
+        say(f"  not met: {p}")
+    say(f"{args.file}: {'fine' if not problems else f'{len(problems)} thing(s) to mend'}")
+    return FINE if not problems else FAILED
+
+
+def reference(args, say) -> int:
+    """nsbench reference build | verify"""
+    from nsbench import reference as ref
+    keys = args.cases or [k for k in study.suite_cases("full") if get_case(k).exact is None and get_case(k).unique]
+    failed = 0
+    for key in keys:
+        case = get_case(key)
+        try:
+            say(f"{key}: {getattr(ref, args.action)(case, **({'folder': args.into} if args.into else {}))}")
+        except (ValueError, ArithmeticError) as e:
+            failed += 1
+            say(f"{key}: {e}")
+    return FINE if not failed else FAILED
+
+
+def is_terminal() -> bool:
+    return sys.stdout.isatty()
+
+
+def dump(value) -> bytes:
+    return json.dumps(value, indent=1, sort_keys=True, default=str).encode()

@@ -1,0 +1,156 @@
+"""Supervised local workers: spawned, warm, one case at a time each; killed and replaced on their time limit.
+
+The parent never computes. A worker says what it is about to do with which run; when nothing new is heard within the
+limit it is killed, the run becomes a timeout row, and the rest of its case goes to a fresh worker. A worker that dies
+by itself makes its run a "crashed" row. The clock of a run starts when its preparation (compilation) has ended;
+preparation has a limit of its own.
+"""
+from __future__ import annotations
+
+import contextlib
+import multiprocessing as mp
+import os
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from multiprocessing.connection import wait
+
+from nsbench.study import Spec, run_batch
+
+PREPARE = 300.0           # seconds: compiling and factorising, beside the limit of the run itself
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+
+
+def _worker(pipe) -> None:
+    """Body of a worker: batches in, (what, index, row) out."""
+    import signal
+    signal.signal(signal.SIGINT, signal.SIG_IGN)         # the parent decides what Ctrl-C means
+    while True:
+        try:
+            specs = pipe.recv()
+        except EOFError:
+            return
+        if specs is None:
+            return
+        for i, row in run_batch(specs, lambda what, i: pipe.send((what, i, None))):
+            pipe.send(("row", i, row))
+        pipe.send(("done", -1, None))
+
+
+@dataclass
+class _Job:
+    """A worker at work on the specs of one case; `missing` have no row yet."""
+    process: mp.Process
+    pipe: object
+    specs: list[Spec] = field(default_factory=list)
+    missing: set[int] = field(default_factory=set)
+    what: str = ""
+    index: int = -1
+    since: float = 0.0
+
+
+def _spawn() -> _Job:
+    context = mp.get_context("spawn")
+    ours, theirs = context.Pipe()
+    keep = {k: os.environ.get(k) for k in (*THREADS, "XLA_FLAGS")}
+    os.environ.update(dict.fromkeys(THREADS, "1"))       # two workers on two cores: no worker takes the other's
+    try:
+        process = context.Process(target=_worker, args=(theirs,), daemon=True)
+        process.start()
+    finally:
+        for k, v in keep.items():
+            if v is None:
+                os.environ.pop(k, None)
+            else:
+                os.environ[k] = v
+    theirs.close()
+    return _Job(process, ours)
+
+
+def run_all(batches: list[list[Spec]], jobs: int, timeout: float | None, on_row: Callable[[Spec, dict], None],
+            tick: Callable[[], None] = lambda: None) -> None:
+    """Rows of all batches, handed to on_row as they come. KeyboardInterrupt stops the workers and passes on."""
+    queue, working = list(reversed(batches)), []
+    try:
+        while queue or working:
+            while queue and len(working) < jobs:
+                _assign(working, _spawn(), queue.pop())
+            for pipe in wait([j.pipe for j in working], timeout=0.2):
+                job = next(j for j in working if j.pipe is pipe)
+                more = _listen(job, on_row)
+                if more is None:
+                    continue
+                working.remove(job)
+                if more:
+                    queue.append(more)
+                elif queue:
+                    _assign(working, job, queue.pop())
+                else:
+                    _dismiss(job)
+            for job in [j for j in working if _late(j, timeout)]:
+                working.remove(job)
+                queue += _give_up(job, timeout, on_row)
+            tick()
+    finally:
+        for job in working:
+            job.process.kill()
+            job.process.join()
+
+
+def _assign(working, job, specs):
+    job.specs, job.missing, job.what, job.index = specs, set(range(len(specs))), "start", -1
+    job.since = time.monotonic()
+    job.pipe.send(specs)
+    working.append(job)
+
+
+def _listen(job, on_row):
+    """Take one message. None: go on; a list: the worker is free, these specs are still to do (it died)."""
+    try:
+        what, i, row = job.pipe.recv()
+    except (EOFError, ConnectionResetError):
+        job.process.join()
+        return _lost(job, on_row, "crashed", f"The worker died with exit code {job.process.exitcode} during this run.")
+    job.since = time.monotonic()
+    if what == "done":
+        return []
+    if what == "row":
+        job.missing.discard(i)
+        on_row(job.specs[i], row)
+    else:
+        job.what, job.index = what, i
+    return None
+
+
+def _lost(job, on_row, status, why):
+    """Row for the run in flight; the specs that are still to do."""
+    job.pipe.close()
+    i = job.index if job.index >= 0 else min(job.missing, default=-1)     # died before its first word: one run pays
+    if i in job.missing:
+        spec = job.specs[i]
+        job.missing.discard(i)
+        on_row(spec, {"case": spec.case, "solver": spec.solver, "accuracy": spec.accuracy, "asked": spec.asked,
+                      "h": 1.0 / spec.asked if spec.accuracy == "k" else spec.asked, "status": status, "why": why})
+    return [job.specs[k] for k in sorted(job.missing)]
+
+
+def _late(job, timeout):
+    limit = timeout if job.what == "run" else None if timeout is None else timeout + PREPARE
+    return limit is not None and time.monotonic() - job.since > limit
+
+
+def _give_up(job, timeout, on_row):
+    job.process.kill()
+    job.process.join()
+    limit = timeout if job.what == "run" else timeout + PREPARE
+    rest = _lost(job, on_row, "timeout", f"No end within {limit:g} s ({job.what}); the worker was stopped.")
+    return [rest] if rest else []
+
+
+def _dismiss(job):
+    with contextlib.suppress(OSError):
+        job.pipe.send(None)
+        job.pipe.close()
+    job.process.join(5)
+    if job.process.is_alive():
+        job.process.kill()

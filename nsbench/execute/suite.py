@@ -1,0 +1,136 @@
+"""A suite from plan to folder: what is known is reused, the rest runs in workers, then tables and report."""
+from __future__ import annotations
+
+import json
+import os
+from itertools import groupby
+from pathlib import Path
+
+import nsbench
+from nsbench import solvers, store, study
+from nsbench.case import parse_spec
+from nsbench.execute.progress import Progress
+
+EXPECTED = ("ok", "refused", "below_reference")
+
+
+def execute(specs, out: Path, args, say) -> int:
+    """Run what is not known yet and write DIR/{journal.jsonl, runs.*, env.json, report.*, figures/}; the exit code."""
+    cases = {(s.case, s.file): study.resolve(s.case, s.file) for s in specs}
+    keys = {s: store.key_of(s, cases[s.case, s.file], _solver_file(s), _reference_files(cases[s.case, s.file]))
+            for s in specs}
+    if out.exists() and not out.is_dir():
+        raise ValueError(f"{out} is a file; a folder is needed")
+    known = {} if args.force else store.read_journal(out)
+    todo = [s for s in specs if keys[s] not in known]
+    if args.plan:
+        for s in specs:
+            say(f"{'reuse' if keys[s] in known else 'run':<6} {s.label}")
+        say(f"{len(todo)} to run, {len(specs) - len(todo)} known")
+        return 0
+    journal = store.Journal(out)
+    rows = {keys[s]: known[keys[s]] for s in specs if keys[s] in known}
+    if todo:
+        say(f"{len(todo)} runs ({len(rows)} known already), results in {out}")
+        _run(todo, keys, rows, journal, args, say)
+    ordered = [rows[keys[s]] for s in specs if keys[s] in rows]
+    path = publish(out, ordered, cases, fresh=bool(todo), say=say)
+    journal.close()
+    failed = [r for r in ordered if r["status"] not in EXPECTED]
+    if failed:
+        say(f"{len(failed)} of {len(ordered)} runs failed; the report lists each with its reason")
+    say(f"report: {path}")
+    return 3 if any(r["status"] in ("error", "crashed") for r in failed) or len(failed) == len(ordered) else 0
+
+
+def _run(todo, keys, rows, journal, args, say):
+    from nsbench.execute.local import run_all
+    batches = [list(g) for _, g in groupby(todo, key=lambda s: (s.case, s.file))]
+    batches.sort(key=lambda b: -study.resolve(b[0].case, b[0].file).n)       # long ones first: no tail at the end
+    bar = Progress(len(todo), say, os.isatty(1) if _has_terminal() else False)
+
+    def on_row(spec, row):
+        first = keys[spec] not in rows
+        rows[keys[spec]] = row
+        journal.append(keys[spec], row)
+        if first:
+            bar.step(spec.label, row["status"])
+    jobs = args.jobs or min(2, os.cpu_count() or 1)
+    try:
+        run_all(batches, jobs, args.timeout, on_row)
+    finally:
+        bar.end()
+
+
+def _has_terminal() -> bool:
+    try:
+        return os.isatty(1)
+    except OSError:
+        return False
+
+
+def _solver_file(spec) -> str:
+    name = parse_spec(spec.solver)[0]
+    for f in spec.solver_files:
+        if Path(f).stem == name:
+            return f
+    return str(Path(solvers.__file__).with_name(f"{name}.py"))
+
+
+def _reference_files(case):
+    from nsbench.reference import files_of
+    return [f for f in files_of(case) if Path(f).exists()]
+
+
+def publish(out: Path, rows, cases, fresh: bool, say) -> Path:
+    """Tables, pictures and report; nothing is written again when nothing changed."""
+    digest = store._digest(json.dumps([store.clean(r) for r in rows], sort_keys=True).encode(), _report_digest())
+    path, stamp = out / "report.html", out / ".report.key"
+    if not fresh and path.exists() and stamp.exists() and stamp.read_text() == digest:
+        return path
+    store.write_tables(out, rows)
+    meta = {s: _solver_meta(s) for s in dict.fromkeys(r["solver"] for r in rows)}
+    store.write_atomically(out / "solvers.json", _dump(meta))
+    store.write_atomically(out / "cases.json", _dump({k: _case_meta(c) for (k, _), c in cases.items()}))
+    if fresh or not (out / "env.json").exists():
+        store.write_atomically(out / "env.json", _dump(store.environment()))
+    figures = out / "figures"
+    figures.mkdir(exist_ok=True)
+    extra = {}
+    if "sliding" in {k for k, _ in cases}:
+        extra["talk_figure"] = study.talk_figure()
+    store.write_atomically(out / "extra.json", _dump(extra))
+    from nsbench.report.pictures import write_scenes
+    write_scenes([c for c in cases.values()], figures)
+    from nsbench.report import write_report
+    path = Path(write_report(out, path))
+    store.write_atomically(stamp, digest.encode())
+    return path
+
+
+def _report_digest() -> bytes:
+    root = Path(nsbench.__file__).parent / "report"
+    return store._digest(*(p.read_bytes() for p in sorted(root.glob("*")) if p.is_file())).encode()
+
+
+def _dump(value) -> bytes:
+    return json.dumps(value, indent=1, sort_keys=True, default=str).encode()
+
+
+def _case_meta(case) -> dict:
+    from nsbench.reference import reference
+    p = case.problem
+    families = [type(c).__name__ for c in getattr(p, "constraints", ())]
+    try:
+        ref = reference(case)
+        kind = "none" if ref is None else ref.kind
+    except ValueError as e:
+        kind = f"unusable: {e}"
+    return {"doc": case.doc, "n": case.n, "problem": type(p).__name__, "families": families, "reference": kind,
+            "tags": list(case.tags), "T": float(case.t[-1]), "samples": len(case.t), "unique": case.unique}
+
+
+def _solver_meta(spec: str) -> dict:
+    m = solvers.get(spec)
+    return {"doc": (type(m).__doc__ or "").strip().splitlines()[0], "accuracy": m.accuracy,
+            "claims": {"state": m.claims.state, "impulse": m.claims.impulse, "exact": m.claims.exact}}

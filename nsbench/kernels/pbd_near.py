@@ -1,0 +1,204 @@
+"""The same loop with hard particles: near pairs under a certificate, bit for bit the sweep over all pairs.
+
+A list holds every pair whose gap was at most `reach` when it was built. As long as no particle has moved by more
+than reach / 2 since, a pair outside the list cannot overlap, and leaving it out changes nothing. The distance moved
+is checked after the drift and after every single projection; when it is exceeded in the middle of a sweep, the list
+is built anew at the present positions and the sweep goes on behind the constraint it had reached: nothing is undone,
+and no pair is missed. The order of the sweep is defined by the scene (keys), never by the list.
+"""
+import numpy as np
+from numba import njit
+
+from nsbench.kernels.keys import order_key, static_keys
+from nsbench.kernels.near import near_pairs
+from nsbench.kernels.pbd import NAN, OK, TIED, finite
+from nsbench.kernels.project import project_anchor, project_pair, project_row
+from nsbench.kernels.records import flush
+
+@njit(cache=True)
+def append(lists, keys, other, chosen):
+    """Lists and keys with the chosen entries of another list behind them."""
+    a0, a1, a2, a3, a4, a5, a6, a7, a8 = lists
+    b0, b1, b2, b3, b4, b5, b6, b7, b8 = other[0]
+    o = chosen
+    return (np.concatenate((a0, b0[o])), np.concatenate((a1, b1[o])), np.concatenate((a2, b2[o])),
+            np.concatenate((a3, b3[o])), np.concatenate((a4, b4[o])), np.concatenate((a5, b5[o])),
+            np.concatenate((a6, b6[o])), np.concatenate((a7, b7[o])), np.concatenate((a8, b8[o]))), \
+        np.concatenate((keys, other[1][o]))
+
+
+@njit(cache=True)
+def in_order(lists, keys):
+    """Lists and keys sorted by key."""
+    up, down = True, True
+    for c in range(1, keys.size):
+        up, down = up and keys[c - 1] < keys[c], down and keys[c - 1] > keys[c]
+    if up:
+        return lists, keys
+    o = np.arange(keys.size - 1, -1, -1) if down else np.argsort(keys, kind="mergesort")
+    a0, a1, a2, a3, a4, a5, a6, a7, a8 = lists
+    return (a0[o], a1[o], a2[o], a3[o], a4[o], a5[o], a6[o], a7[o], a8[o]), keys[o]
+
+
+@njit(cache=True)
+def build(x, reach, order, seed, static, static_keys, hard, radii):
+    """Listed constraints and near pairs in the order of the sweep, with their keys.
+
+    hard (families, 4): family, start, particles, dim; radii: those of all families one after the other.
+    """
+    lists, keys = static, static_keys
+    at = 0
+    for u in range(hard.shape[0]):
+        fam, start, n, dm = hard[u]
+        r = radii[at:at + n]
+        at += n
+        if n < 2:
+            continue
+        i, j = near_pairs(x, start, n, dm, r, reach)
+        m = i.size
+        k = np.empty(m, np.uint64)
+        for c in range(m):
+            k[c] = order_key(order, seed, fam, i[c], j[c])
+        pairs = (np.ones(m, np.int64), np.full(m, fam), i, j, start + dm * i, start + dm * j, r[i] + r[j],
+                 np.ones(m), np.full(m, dm))
+        lists, keys = append(lists, keys, (pairs, k), np.arange(m))
+    return in_order(lists, keys)
+
+
+@njit(cache=True)
+def rebuild(old, old_keys, mu, x, reach, order, seed, static, static_keys, hard, radii):
+    """A new list that carries the impulses of the old one; pairs that have acted since the last sample stay in it.
+
+    (So an impulse is summed in the same order as over all pairs, and agrees with that to the last bit.)
+    """
+    lists, keys = build(x, reach, order, seed, static, static_keys, hard, radii)
+    at = np.searchsorted(keys, old_keys)
+    gone = np.empty(old_keys.size, np.int64)
+    m = 0
+    for c in range(old_keys.size):
+        if mu[c] != 0.0 and (at[c] == keys.size or keys[at[c]] != old_keys[c]):
+            gone[m] = c
+            m += 1
+    if m > 0:
+        lists, keys = append(lists, keys, (old, old_keys), gone[:m])
+        lists, keys = in_order(lists, keys)
+        at = np.searchsorted(keys, old_keys)
+    new = np.zeros(keys.size)
+    for c in range(old_keys.size):
+        if mu[c] != 0.0:
+            new[at[c]] = mu[c]
+    return lists, keys, new
+
+
+@njit(cache=True, error_model="numpy")
+def moved(x, base, first, dim, limit2):
+    """Whether the particle at coordinate `first` is farther than sqrt(limit2) from where the list was built."""
+    s = 0.0
+    for c in range(first, first + dim):
+        e = x[c] - base[c]
+        s += e * e
+    return s > limit2
+
+
+@njit(cache=True)
+def sweep_on(c, lists, rows, b, anchors, x, base, owner, limit2, mu):
+    """Project on the constraints from c on, until the end or until a particle has left its certificate.
+
+    owner (n, 2): first coordinate and dimension of the hard particle that a coordinate belongs to, -1 if none.
+    Returns the next constraint, projections done, tied, and whether the certificate is broken.
+    """
+    kind, _, _, _, p, q, d, sign, dim = lists
+    ptr, cols, vals, inv2 = rows
+    work, tied = 0, False
+    while c < kind.size:
+        m = 0.0
+        if kind[c] == 1:
+            m = project_pair(p[c], q[c], d[c], sign[c], dim[c], x)
+        elif kind[c] == 0:
+            m = project_row(p[c], x, ptr, cols, vals, inv2, b)
+        else:
+            m = project_anchor(p[c], q[c], d[c], sign[c], dim[c], x, anchors)
+        c += 1
+        if m == 0.0:
+            continue
+        work += 1
+        tied = tied or m < 0.0
+        mu[c - 1] += abs(m)
+        broken = False
+        if kind[c - 1] == 0:
+            for e in range(ptr[p[c - 1]], ptr[p[c - 1] + 1]):
+                o = owner[cols[e]]
+                broken = broken or (o[0] >= 0 and moved(x, base, o[0], o[1], limit2))
+        else:
+            o = owner[p[c - 1]]
+            broken = o[0] >= 0 and moved(x, base, o[0], o[1], limit2)
+            if kind[c - 1] == 1 and not broken:
+                o = owner[q[c - 1]]
+                broken = o[0] >= 0 and moved(x, base, o[0], o[1], limit2)
+        if broken:
+            return c, work, tied, True
+    return c, work, tied, False
+
+
+@njit(cache=True)
+def any_moved(x, base, hard, limit2):
+    for u in range(hard.shape[0]):
+        for i in range(hard[u, 2]):
+            if moved(x, base, hard[u, 1] + i * hard[u, 3], hard[u, 3], limit2):
+                return True
+    return False
+
+
+@njit(cache=True)
+def march(f, b_of, a_of, moving, t, substeps, sweeps, x, static, rows, b, anchors, hard, radii, owner, reach, order,
+          seed):
+    """As kernels.pbd.march, with near lists; also returns rebuilds and the longest list held."""
+    K = t.size
+    X, R = np.full((K, x.size), np.nan), np.full((K, x.size), np.nan)
+    x, reac, v, base = x.copy(), np.zeros(x.size), np.empty(x.size), x.copy()
+    ids, values, count = np.empty((64, 4), np.int64), np.empty(64), 0
+    static_key = static_keys(static[1], order, seed)
+    lists, keys = build(x, reach, order, seed, static, static_key, hard, radii)
+    mu, most = np.zeros(keys.size), 8 * owner.shape[0] + static_key.size
+    X[0], R[0] = x, reac
+    work, status, rebuilds, peak, skin, calm = 0, OK, 1, keys.size, reach, 0
+    for k in range(K - 1):
+        h = (t[k + 1] - t[k]) / substeps[k]
+        for s in range(substeps[k]):
+            now = t[k] + s * h
+            f(now, x, v)
+            for c in range(x.size):
+                x[c] += h * v[c]
+                v[c] = x[c]
+            if not finite(x):
+                return X, R, ids[:count], values[:count], work, NAN, now, rebuilds, peak
+            if moving:
+                after = t[k + 1] if s + 1 == substeps[k] else t[k] + (s + 1) * h
+                b_of(after, b)
+                a_of(after, anchors)
+            broken, inside = any_moved(x, base, hard, 0.2499 * skin * skin), 0
+            for _ in range(sweeps):
+                c, last = 0, np.uint64(0)
+                while True:
+                    if broken:
+                        if inside > 4 and keys.size < most:        # a violent sweep: longer lists, fewer of them
+                            skin *= 2.0
+                        lists, keys, mu = rebuild(lists, keys, mu, x, skin, order, seed, static, static_key, hard, radii)
+                        base[:] = x
+                        rebuilds, peak, inside = rebuilds + 1, max(peak, keys.size), inside + 1
+                        c = 0 if c == 0 else np.searchsorted(keys, last, side="right")
+                    c, done, tied, broken = sweep_on(c, lists, rows, b, anchors, x, base, owner,
+                                                     0.2499 * skin * skin, mu)
+                    work += done
+                    status = TIED if tied else status
+                    if not broken:
+                        break
+                    last = keys[c - 1]
+            calm = calm + 1 if inside <= 1 else 0
+            if calm > 8 and skin > reach:                # the storm is over: short lists again
+                skin, calm = max(reach, 0.5 * skin), 0
+            for c in range(x.size):
+                reac[c] += x[c] - v[c]
+        X[k + 1], R[k + 1] = x, reac
+        ids, values, count = flush(k + 1, mu, lists[1], lists[2], lists[3], ids, values, count)
+    return X, R, ids[:count], values[:count], work, status, t[K - 1], rebuilds, peak

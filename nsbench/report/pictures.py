@@ -1,0 +1,31 @@
+"""Pictures of every scene: the start, the middle and the end of its reference, or the start alone."""
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+
+def scene_file(key: str) -> str:
+    """File name of a case's picture."""
+    return f"scene_{re.sub(r'[^A-Za-z0-9_.-]+', '_', key).strip('_')}.svg"
+
+
+def write_scenes(cases, folder: Path) -> None:
+    """DIR/figures/scene_*.svg, one for each case; written anew each time, the same bytes for the same reference."""
+    from nsbench.reference import reference
+    from nsbench.report.scene import frames_svg, scene_svg
+    from nsbench.trajectory import Trajectory
+    for case in cases:
+        try:
+            ref = reference(case)
+        except ValueError:
+            ref = None                   # a stale reference draws nothing; the rows say why
+        if ref is None:
+            text = scene_svg(case, case.x0, case.key)
+        else:
+            none = np.empty((len(case.t), 0))
+            traj = Trajectory(case.t, np.asarray(ref.x), (), none, none)
+            text = frames_svg(case, traj, case.t[[0, len(case.t) // 2, -1]])
+        (Path(folder) / scene_file(case.key)).write_text(text, encoding="utf-8")

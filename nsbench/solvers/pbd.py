@@ -1,0 +1,156 @@
+"""Position-based dynamics: explicit Euler, then one exact projection per constraint, in a stated order."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from nsbench.case import Case
+from nsbench.problem import Complementarity, Smooth
+from nsbench.solvers.base import Claims, Run, grid, sample
+from nsbench.solvers.start import start_state
+from nsbench.trajectory import Status, Trajectory
+
+ORDERS = ("sorted", "reverse", "random")
+
+
+@dataclass(frozen=True)
+class PBD:
+    """Explicit Euler, then `sweeps` sweeps of exact projections prox_{g_m} o ... o prox_{g_1}.
+
+    The order of the sweep is part of the method: "sorted" (families as the case lists them, indices ascending),
+    "reverse", or "random": one permutation of all constraints, the same in every step, drawn from `seed`.
+    The multiplier estimate of constraint k in a step is displacement along grad g_k / (h |grad g_k|), kept as
+    impulse. `reach`: margin of the neighbour list in mean radii; the result does not depend on it. Coincident
+    centres are parted along the first axis and the run is marked "degenerate".
+    Source: Mueller et al. 2007; as a method for complementarity systems Plunder & Merino-Aceituno, arXiv 2310.01215.
+    """
+    sweeps: int = 1
+    order: str = "sorted"
+    seed: int = 0
+    reach: float = 0.3
+
+    accuracy = "h"
+    default = 1e-2
+    claims = Claims(state=1.0, impulse=1.0)
+
+    def __post_init__(self):
+        if self.order not in ORDERS:
+            raise ValueError(f"order is {self.order!r}; one of {', '.join(ORDERS)}")
+        if not (isinstance(self.sweeps, int) and self.sweeps >= 1):
+            raise ValueError(f"sweeps is {self.sweeps!r}; a positive whole number is needed")
+        if not (isinstance(self.seed, int) and 0 <= self.seed < 2**31):
+            raise ValueError(f"seed is {self.seed!r}; a whole number from 0 to 2^31 is needed")
+        if not self.reach > 0:
+            raise ValueError(f"reach is {self.reach!r}; a positive number is needed")
+
+    def refuses(self, case: Case) -> str | None:
+        if not isinstance(case.problem, Complementarity):
+            return "PBD needs constraints to project on; this case is a " + (
+                "Filippov system." if type(case.problem).__name__ == "Filippov" else "linear complementarity system.")
+        if not case.problem.constraints:
+            return "PBD needs constraints to project on; this case has none (it would be explicit Euler: use euler)."
+        return None
+
+    def prepare(self, case: Case, h: float) -> Run:
+        from nsbench.contacts import Scene
+        g = grid(case.t, h)
+        scene = Scene(case.problem, case.n)
+        x0 = start_state(case, scene)
+        if any(isinstance(c, Smooth) for c in scene.families):
+            from nsbench.solvers._pbd_host import prepare
+            march, loop = prepare(self, case, scene, g, x0), "host"
+        else:
+            march, loop = self._compiled(case, scene, g, x0)
+        return lambda: _trajectory(case, g, loop, march())
+
+    def _compiled(self, case, scene, g, x0):
+        """The compiled loop bound to its data, and "compiled" or "host": the same loop around a drift in Python."""
+        if scene.hard:
+            from nsbench.kernels import pbd_near as kernel
+        else:
+            from nsbench.kernels import pbd as kernel
+        t0 = float(case.t[0])
+        pointers, loop = _pointers(case, scene)
+        rows = (scene.ptr, scene.cols, scene.vals, scene.inv2)
+        head = (*pointers, scene.moving, g.t, g.substeps, self.sweeps, x0)
+        walls = (rows, scene.b(t0), scene.anchors(t0))
+        if scene.hard:
+            args = (*head, scene.all_static().arrays(), *walls, *_hard(scene), self.reach * _mean_radius(scene),
+                    ORDERS.index(self.order), self.seed)
+        else:
+            args = (*head, _ordered(scene.all_static(), self), *walls)
+        march = kernel.march if loop == "compiled" else kernel.march.py_func
+        if loop == "compiled":
+            march.compile(_types(args))
+        return (lambda: march(*args)), loop
+
+
+def _types(args):
+    from numba import typeof
+    return tuple(typeof(a) for a in args)
+
+
+def _pointers(case, scene):
+    """Drift, walls and anchors as pointers; where numba cannot compile them, the same in numpy."""
+    from nsbench import compile as form
+    try:
+        f = form.rhs(case.problem.drift, case.n)
+        b = form.curve(scene.b_factory, scene.inv2.size) if scene.b_factory else form.still()
+        a = form.curve(scene.anchor_factory, scene.anchors(0.0).size) if scene.anchor_factory else form.still()
+        return (f, b, a), "compiled"
+    except form.CompileError:
+        return tuple(_filler(g) for g in (form.host(case.problem.drift), scene.b, scene.anchors)), "host"
+
+
+def _filler(function):
+    def fill(*args):
+        args[-1][:] = function(*args[:-1])
+    return fill
+
+
+def _ordered(near, method):
+    """Arrays of the listed constraints in the order of the sweep."""
+    if method.order == "sorted":
+        return near.arrays()
+    from nsbench.kernels.keys import static_keys
+    return near.take(np.argsort(static_keys(near.family, ORDERS.index(method.order), method.seed))).arrays()
+
+
+def _hard(scene):
+    """Kernel arrays of the hard families: (family, start, particles, dim), radii, and who owns a coordinate."""
+    hard = np.array([(k, c.start, m, c.dim) for k, c, m in scene.hard], np.int64)
+    owner = np.full((scene.n, 2), -1, np.int64)
+    for _, start, m, dim in hard:
+        first = start + dim * np.arange(m)
+        owner[start:start + m * dim, 0] = np.repeat(first, dim)
+        owner[start:start + m * dim, 1] = dim
+    return hard, np.concatenate([scene.radii[k] for k in hard[:, 0]]), owner
+
+
+def _mean_radius(scene):
+    return float(np.mean(np.concatenate(list(scene.radii.values()))))
+
+
+def _trajectory(case, g, loop, out):
+    from nsbench.kernels.records import cumulate
+    X, R, ids, values, work, code, reached, *lists = out
+    contacts, impulse = cumulate(ids, values, len(g.t))
+    steps = int(g.substeps.sum())
+    stats = {"steps": steps, "h": g.h, "drift_calls": steps, "projections": int(work), "loop": loop}
+    if lists:
+        stats |= {"rebuilds": int(lists[0]), "contacts_peak": int(lists[1])}
+    status = Status()
+    if code == 1:
+        impulse[~np.isfinite(X[:, 0])] = np.nan
+        status = Status("nan", f"The state stopped being finite at t = {reached:.6g}: the drift is not finite there "
+                               "or the step is too long for it.")
+    elif code == 2:
+        status = Status("degenerate", "Coincident centres: the contact has no normal; they were parted along "
+                                      "the first axis.")
+    if not g.aligned:
+        X, R, impulse = (sample(case.t, g.t, v) for v in (X, R, impulse))
+    return Trajectory(case.t, X, contacts, impulse, R, status, stats=stats, lam_time="end")
+
+
+SOLVER = PBD

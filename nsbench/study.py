@@ -1,0 +1,210 @@
+"""Cases x solvers x accuracies -> rows, one per attempted run. No printing, no files."""
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from nsbench import solvers
+from nsbench.case import Case, case_module, case_names, get_case, load_case
+from nsbench.trajectory import Status
+
+TIMED = 0.25            # runs shorter than this, in seconds, are timed in ROUNDS interleaved rounds
+ROUNDS = 3
+POINTS, OCTAVES = 19, 6
+SUITES = ("smoke", "standard", "hard", "full")
+
+
+@dataclass(frozen=True)
+class Spec:
+    """One run to attempt: a case by key (or by file), a solver by spec, its accuracy (None: refused)."""
+    case: str
+    solver: str
+    accuracy: str
+    asked: float
+    file: str = ""                 # case file outside the package
+    solver_files: tuple[str, ...] = ()
+
+    @property
+    def label(self) -> str:
+        return f"{self.case} {self.solver} {self.accuracy}={self.asked:.3g}"
+
+
+@dataclass(frozen=True)
+class Study:
+    """rows: one dict per attempted run, whatever became of it."""
+    rows: list[dict]
+
+    def frame(self):
+        """The rows as a pandas DataFrame."""
+        import pandas
+        return pandas.DataFrame(self.rows)
+
+
+def substeps_ladder(first: int, octaves: float = OCTAVES, points: int = POINTS) -> list[int]:
+    """At least `points` step counts from `first` to 2^octaves times as many, at ratios that are not dyadic."""
+    ratio = 2.0 ** (octaves / (points - 1)) * 1.003
+    while True:
+        out = [first]
+        while out[-1] < first * 2**octaves:
+            out.append(max(out[-1] + 1, round(out[-1] * ratio)))
+        if len(out) >= points:
+            return out
+        ratio = 1.0 + 0.97 * (ratio - 1.0)
+
+
+def ladder(case: Case, method) -> list[float]:
+    """The accuracies of the standard suite for a case and a method."""
+    if method.accuracy == "h":
+        spacing = float(np.diff(case.t).min())
+        # dyadic effects are avoided by the ratios; fewer steps than this per sample are not asymptotic anywhere
+        return [spacing / n for n in substeps_ladder(max(1, case.substeps))]
+    values = getattr(method, "ladder", (method.default,))
+    if method.accuracy == "k" and len(values) == 2:
+        return [float(v) for v in np.geomspace(*values, POINTS)]
+    return [float(v) for v in values]
+
+
+def suite_cases(suite: str, tag: str | None = None) -> list[str]:
+    """Keys of the cases of a suite; "full" holds everything, "smoke" the smallest."""
+    if suite not in SUITES:
+        raise LookupError(f"no suite {suite!r}; there are: {', '.join(SUITES)}")
+    out = []
+    for name in case_names():
+        module = case_module(name)
+        suites = getattr(module, "SUITES", {"standard": [{}]})
+        sets = suites.get(suite, [])
+        if suite == "full":
+            sets = suites.get("standard", []) + suites.get("hard", []) + sets
+        if suite == "smoke":
+            sets = suites.get("smoke", suites.get("standard", [])[:1] if name in ("tide", "sliding", "three_discs") else [])
+        for params in sets:
+            case = get_case(name, **params)
+            if tag is None or tag in case.tags:
+                out.append(case.key)
+    return out
+
+
+def resolve(case: str, file: str = "") -> Case:
+    """The case of a key, from the registry or from a file."""
+    if file:
+        from nsbench.case import parse_spec
+        return load_case(file, **parse_spec(case)[1])
+    return get_case(case)
+
+
+def plan(cases: Iterable[tuple[str, str]], specs: Iterable[str] | None, values: dict | None = None,
+         solver_files: tuple[str, ...] = ()) -> list[Spec]:
+    """Every run to attempt. cases: (key, file); specs None: the standard ones and those a case adds;
+    values: accuracies by name ("h", "tol", "k") that replace the standard ladders."""
+    out = []
+    for key, file in cases:
+        case = resolve(key, file)
+        chosen = list(specs) if specs else [*solvers.standard(), *case.also]
+        for spec in dict.fromkeys(chosen):
+            method = solvers.get(spec)
+            if method.refuses(case):
+                out.append(Spec(key, spec, method.accuracy, float("nan"), file, solver_files))
+                continue
+            asked = (values or {}).get(method.accuracy) or ladder(case, method)
+            out += [Spec(key, spec, method.accuracy, float(a), file, solver_files) for a in asked]
+    return out
+
+
+def run_batch(specs: list[Spec], announce: Callable[[str, int], None] = lambda what, i: None):
+    """Rows of the specs of one case, as (index, row), each as soon as it is known.
+
+    Each is prepared and run once; then all that were quick are timed again in interleaved rounds, and their rows
+    given out once more with the median.
+    """
+    kept = []
+    for i, spec in enumerate(specs):
+        row, run = attempt(spec, lambda what, i=i: announce(what, i))
+        yield i, row
+        if run is not None and row["seconds"] < TIMED:
+            kept.append((i, row, run, [row["seconds"]]))
+    for _ in range(ROUNDS - 1):
+        for i, _, run, times in kept:
+            announce("run", i)
+            times.append(_clock(run)[1])
+    for i, row, _, times in kept:
+        yield i, row | {"seconds": float(np.median(times)), "seconds_max": max(times), "rounds": len(times)}
+
+
+def _clock(run):
+    start = time.perf_counter()
+    out = run()
+    return out, time.perf_counter() - start
+
+
+def attempt(spec: Spec, announce: Callable[[str], None] = lambda what: None):
+    """One run: its row and, if it can be timed again, the zero-argument run. Failures are rows, whatever raised."""
+    row = {"case": spec.case, "solver": spec.solver, "accuracy": spec.accuracy, "asked": spec.asked, "h": spec.asked}
+    announce("prepare")
+    try:
+        for f in spec.solver_files:
+            if f not in _files_loaded:
+                solvers.load(f)
+                _files_loaded.add(f)
+        case, method = resolve(spec.case, spec.file), solvers.get(spec.solver)
+        why = method.refuses(case)
+        if why:
+            return row | _status(Status("refused", why)), None
+        start = time.perf_counter()
+        run = method.prepare(case, spec.asked)
+        row["setup_seconds"] = time.perf_counter() - start
+        announce("run")
+        traj, row["seconds"] = _clock(run)
+    except MemoryError as e:
+        return row | _status(Status("oom", f"Out of memory: {e}")), None
+    except Exception as e:               # a plugin may raise anything; it becomes a row and the others go on
+        return row | _status(Status("error", f"{type(e).__name__}: {e}")), None
+    announce("measure")
+    row |= {k: v for k, v in traj.stats.items() if isinstance(v, (int, float, str, bool))}
+    row["h"] = 1.0 / spec.asked if spec.accuracy == "k" else row.get("h", spec.asked)
+    row |= _status(traj.status)
+    try:
+        from nsbench.measure import errors
+        row |= errors(case, traj)
+    except Exception as e:
+        return row | _status(Status("error", f"The run ended, measuring it did not: {type(e).__name__}: {e}")), None
+    return row, run if traj.status.ok else None
+
+
+_files_loaded: set[str] = set()
+
+
+def _status(status: Status) -> dict:
+    return {"status": status.code, "why": "" if status.ok else str(status)}
+
+
+def run(cases, solver_specs=None, *, h=None, tol=None, k=None) -> Study:
+    """Run cases (keys, or Case objects of the registry) with solvers (specs; None: the standard ones), in this process.
+
+    h, tol, k: accuracies that replace the standard ladders. The command line runs the same rows in supervised
+    workers with a journal.
+    """
+    keys = [c.key if isinstance(c, Case) else c for c in ([cases] if isinstance(cases, (str, Case)) else cases)]
+    names = [solver_specs] if isinstance(solver_specs, str) else solver_specs
+    values = {n: list(np.atleast_1d(v)) for n, v in (("h", h), ("tol", tol), ("k", k)) if v is not None}
+    rows: list[dict] = []
+    for key in keys:
+        specs = plan([(key, "")], names, values)
+        done = dict(run_batch(specs))
+        rows += [done[i] for i in sorted(done)]
+    return Study(rows)
+
+
+def talk_figure() -> dict:
+    """Data of the talk's figure: explicit Euler on `sliding` with dt = 0.2, 0.09, 0.04, and implicit beside it."""
+    case = get_case("sliding")
+    out = {"case": case.key, "t": case.t.tolist(), "exact": case.exact(case.t).tolist(), "runs": []}
+    for spec in ("euler", "euler[implicit=true]"):
+        for dt in (0.2, 0.09, 0.04):
+            nodes = np.arange(0.0, case.t[-1] + 1e-12, dt)
+            traj = solvers.solve(dataclasses.replace(case, t=nodes), spec, h=dt)
+            out["runs"].append({"solver": spec, "dt": dt, "t": nodes.tolist(), "x": traj.x.tolist()})
+    return out
