@@ -106,7 +106,8 @@ def towed(links, slack):
     m = np.arange(1, links + 1)[:, None]
     knots = slack * np.concatenate(([0.0], np.cumsum(np.arange(1.0, links + 1))))
     moved = np.vstack((np.zeros(links), np.cumsum(slack * (i > links - m), axis=0)))
-    behind = np.maximum(m - (links + 1 - i), 0.0) / m   # link i holds the moving beads before it: m - j of m, j to the end
+    # the last bead is pulled by 1, each of the m moving ones needs 1/m to go along: link i pulls those before it
+    behind = np.maximum(m - (links + 1 - i), 0.0) / m
     return knots, i * (1 - slack) + moved, np.vstack((behind, np.ones(links)))
 
 
