@@ -1,0 +1,184 @@
+"""The time loop of the catching-up scheme: linearise the gaps, solve the least-distance problem, go on.
+
+Hard particles come from near lists under a certificate. A list holds every pair whose gap was at most `skin` when it
+was built. Gaps of discs are convex, so a linearised gap falls by no more than the two particles move; if each has moved
+by at most skin / 2 since then, the step just solved included, no pair left out can be violated by it, and the step
+is the one over all pairs. Otherwise the list is built anew, longer if one step alone is the reason, and the step done again.
+"""
+import numpy as np
+from numba import njit
+
+from nsbench.kernels import qp
+from nsbench.kernels.keys import static_keys
+from nsbench.kernels.pbd import NAN, OK, finite
+from nsbench.kernels.pbd_near import build
+from nsbench.kernels.records import flush
+
+INFEASIBLE = 3
+SORTED, SEED = 0, 0
+QPS, ROUNDS, REBUILDS, PEAK, LIMITS, TIES = range(6)      # places of the counters
+SKIN_OVER_STEP = 8.0                                      # a list should outlive its own step
+
+
+@njit(cache=True)
+def columns(lists, rows):
+    """CSR pattern (ptr, cols) of the gradients of a list; coordinates of i first, then of j."""
+    kind, _, _, _, p, q, _, _, dim = lists
+    rptr, rcols = rows[0], rows[1]
+    ptr = np.zeros(kind.size + 1, np.int64)
+    for k in range(kind.size):
+        size = rptr[p[k] + 1] - rptr[p[k]] if kind[k] == 0 else (2 * dim[k] if kind[k] == 1 else dim[k])
+        ptr[k + 1] = ptr[k] + size
+    cols = np.empty(ptr[-1], np.int64)
+    for k in range(kind.size):
+        if kind[k] == 0:
+            cols[ptr[k]:ptr[k + 1]] = rcols[rptr[p[k]]:rptr[p[k] + 1]]
+            continue
+        for c in range(dim[k]):
+            cols[ptr[k] + c] = p[k] + c
+            if kind[k] == 1:
+                cols[ptr[k] + dim[k] + c] = q[k] + c
+    return ptr, cols
+
+
+@njit(cache=True, error_model="numpy")
+def linearise(lists, rows, b, anchors, x, ptr, vals, g):
+    """Fill g (m,) and the entries of the gradients at x; returns how many distances are zero (first axis taken)."""
+    kind, _, _, _, p, q, d, sign, dim = lists
+    rptr, rcols, rvals = rows[0], rows[1], rows[2]
+    ties = 0
+    for k in range(kind.size):
+        at = ptr[k]
+        if kind[k] == 0:
+            s = b[p[k]]
+            for e in range(rptr[p[k]], rptr[p[k] + 1]):
+                s += rvals[e] * x[rcols[e]]
+                vals[at] = rvals[e]
+                at += 1
+            g[k] = s
+            continue
+        s = 0.0
+        for c in range(dim[k]):
+            e = x[p[k] + c] - (x[q[k] + c] if kind[k] == 1 else anchors[q[k] + c])
+            vals[at + c] = e
+            s += e * e
+        r = np.sqrt(s)
+        g[k] = sign[k] * (r - d[k])
+        if r == 0.0:
+            vals[at], r = 1.0, 1.0
+            ties += 1
+        for c in range(dim[k]):
+            vals[at + c] *= sign[k] / r
+            if kind[k] == 1:
+                vals[at + dim[k] + c] = -vals[at + c]
+    return ties
+
+
+@njit(cache=True)
+def travel(base, x, y, hard):
+    """The farthest way of a hard particle base -> x -> y, and of x -> y alone."""
+    far, last = 0.0, 0.0
+    for u in range(hard.shape[0]):
+        start, n, dim = hard[u, 1], hard[u, 2], hard[u, 3]
+        for i in range(n):
+            s, v = 0.0, 0.0
+            for c in range(start + i * dim, start + (i + 1) * dim):
+                s += (x[c] - base[c]) ** 2
+                v += (y[c] - x[c]) ** 2
+            far = max(far, np.sqrt(s) + np.sqrt(v))
+            last = max(last, np.sqrt(v))
+    return far, last
+
+
+@njit(cache=True)
+def carry(keys, on, new):
+    """The active set of one list as that of another; keys ascending."""
+    out = np.zeros(new.size, np.bool_)
+    for k in range(keys.size):
+        if on[k]:
+            c = np.searchsorted(new, keys[k])
+            if c < new.size and new[c] == keys[k]:
+                out[c] = True
+    return out
+
+
+@njit(cache=True)
+def project(lists, P, rows, b, anchors, x, z, on, count):
+    """The point nearest to z where the gaps linearised at x are not negative. Returns mu, d = y - z, code, residual."""
+    m = on.size
+    vals, w, q, scale = np.empty(P[1].size), np.empty(m), np.empty(m), 1.0
+    count[TIES] += linearise(lists, rows, b, anchors, x, P[0], vals, w)
+    for c in range(x.size):
+        scale = max(scale, abs(x[c]), abs(z[c]))
+    qp.slack(P, vals, w, z - x, q)
+    clear = True
+    for k in range(m):
+        clear = clear and q[k] >= 0.0
+    if clear:
+        on[:] = False
+        return np.zeros(m), np.zeros(x.size), qp.SOLVED, 0.0
+    mu, d, code, rounds = qp.solve(P, vals, q, on, scale)
+    count[QPS] += 1
+    count[ROUNDS] += rounds
+    count[LIMITS] += code == qp.MAXITER
+    return mu, d, code, qp.residual(P, vals, q, mu, d)
+
+
+@njit(cache=True)
+def march(f, b_of, a_of, moving, t, substeps, x, static, rows, b, anchors, hard, radii, reach):
+    """Samples of one run. Arguments as kernels.pbd_near.march (static: arrays of the listed constraints, sorted).
+
+    Returns X (K, n), reaction (K, n), ids, values (records of impulse), counters, the worst KKT residual with the time
+    of its step, status, time reached.
+    """
+    K, n = t.size, x.size
+    X, R = np.full((K, n), np.nan), np.full((K, n), np.nan)
+    x, reac, v, base, z = x.copy(), np.zeros(n), np.empty(n), x.copy(), np.empty(n)
+    ids, values, size = np.empty((64, 4), np.int64), np.empty(64), 0
+    count, skin, skeys = np.zeros(6, np.int64), reach, static_keys(static[1], SORTED, SEED)
+    lists, keys = build(x, skin, SORTED, SEED, static, skeys, hard, radii)
+    ptr, cols = columns(lists, rows)
+    P = qp.pattern(ptr, cols, n)
+    on, total = np.zeros(keys.size, np.bool_), np.zeros(keys.size)
+    count[REBUILDS], count[PEAK] = 1, keys.size
+    X[0], R[0] = x, reac
+    worst, when = 0.0, t[0]
+    for k in range(K - 1):
+        h = (t[k + 1] - t[k]) / substeps[k]
+        for s in range(substeps[k]):
+            now = t[k] + s * h
+            after = t[k + 1] if s + 1 == substeps[k] else t[k] + (s + 1) * h
+            f(now, x, v)
+            for c in range(n):
+                z[c] = x[c] + h * v[c]
+            if not finite(z):
+                return X, R, ids[:size], values[:size], count, worst, when, NAN, now
+            if moving:
+                b_of(after, b)
+                a_of(after, anchors)
+            while True:
+                mu, d, code, kkt = project(lists, P, rows, b, anchors, x, z, on, count)
+                far, last = travel(base, x, z + d, hard)
+                if code == qp.INFEASIBLE or not 2.0 * far > skin:
+                    break
+                ids, values, size = flush(k + 1, total, lists[1], lists[2], lists[3], ids, values, size)
+                skin = max(reach, SKIN_OVER_STEP * last)
+                lists, new = build(x, skin, SORTED, SEED, static, skeys, hard, radii)
+                ptr, cols = columns(lists, rows)
+                P = qp.pattern(ptr, cols, n)
+                on, keys, total, base[:] = carry(keys, on, new), new, np.zeros(new.size), x
+                count[REBUILDS] += 1
+                count[PEAK] = max(count[PEAK], keys.size)
+            if not kkt <= worst:
+                worst, when = kkt, now
+            if code == qp.INFEASIBLE:
+                return X, R, ids[:size], values[:size], count, worst, when, INFEASIBLE, now
+            for c in range(n):
+                x[c] = z[c] + d[c]
+                reac[c] += d[c]
+            total += mu
+            if not finite(x):
+                return X, R, ids[:size], values[:size], count, worst, when, NAN, now
+        X[k + 1], R[k + 1] = x, reac
+        ids, values, size = flush(k + 1, total, lists[1], lists[2], lists[3], ids, values, size)
+    return X, R, ids[:size], values[:size], count, worst, when, OK, t[K - 1]

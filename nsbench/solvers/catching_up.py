@@ -1,0 +1,133 @@
+"""Catching up (Maury-Venel): explicit Euler, then the nearest point where the linearised gaps are not negative."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from nsbench.case import Case, nearest
+from nsbench.problem import Complementarity, Smooth
+from nsbench.solvers._qp import BACKENDS
+from nsbench.solvers.base import Claims, Run, grid, sample
+from nsbench.solvers.start import start_state
+from nsbench.trajectory import Status, Trajectory
+
+KKT = 1e-6                    # a length; a step with a larger residual did not solve its problem
+CODES = {0: "ok", 1: "nan", 3: "infeasible"}
+
+
+@dataclass(frozen=True)
+class CatchingUp:
+    """z = x + h f(t, x); y nearest to z with g_k(t + h, x) + grad g_k(t + h, x) . (y - x) >= 0; impulses: the duals.
+
+    backend: "active_set" (own, exact, the whole time loop compiled where the drift compiles), "osqp", "piqp".
+    nonlinear: project on {g >= 0} itself, y - z = sum mu_k grad g_k(t + h, y), by successive linearisation to 1e-12.
+    eps, max_iter: tolerance and iteration limit of a library backend. reach: margin of the near lists in mean radii; the
+    step does not depend on it. Every solution is checked by its KKT residual, formula in kernels.qp.residual; the worst
+    is in stats["kkt"]; above 1e-6 the run is "unverified". Steps that hit a limit are counted in stats["limits"].
+    Source: Maury & Venel, ESAIM: M2AN 45(1), 2011; order 1/2 proved by Bernicot & Venel, SIAM J. Control Optim. 51(4), 2013.
+    """
+    backend: str = "active_set"
+    nonlinear: bool = False
+    eps: float | None = None
+    max_iter: int | None = None
+    reach: float = 0.3
+
+    accuracy = "h"
+    default = 1e-2
+    claims = Claims(state=1.0, impulse=1.0)
+
+    def __post_init__(self):
+        if self.backend not in BACKENDS:
+            raise ValueError(f"backend is {self.backend!r}; {nearest(str(self.backend), BACKENDS)}")
+        if not isinstance(self.nonlinear, bool):
+            raise ValueError(f"nonlinear is {self.nonlinear!r}; true or false")
+        if self.backend == "active_set" and (self.eps, self.max_iter) != (None, None):
+            raise ValueError("eps and max_iter belong to a library backend; the active set has neither")
+        if self.eps is not None and not 0 < self.eps < 1:
+            raise ValueError(f"eps is {self.eps!r}; a number between 0 and 1 is needed")
+        if self.max_iter is not None and not (isinstance(self.max_iter, int) and self.max_iter >= 1):
+            raise ValueError(f"max_iter is {self.max_iter!r}; a positive whole number is needed")
+        if not self.reach > 0:
+            raise ValueError(f"reach is {self.reach!r}; a positive number is needed")
+
+    def refuses(self, case: Case) -> str | None:
+        if not isinstance(case.problem, Complementarity):
+            return "Catching up needs constraints to project on; this case is a " + (
+                "Filippov system." if type(case.problem).__name__ == "Filippov" else "linear complementarity system.")
+        if not case.problem.constraints:
+            return "Catching up needs constraints to project on; this case has none (it would be explicit Euler: use euler)."
+        return None
+
+    def prepare(self, case: Case, h: float) -> Run:
+        from nsbench.contacts import Scene
+        g = grid(case.t, h)
+        scene = Scene(case.problem, case.n)
+        x0 = start_state(case, scene)
+        reach = self.reach * _mean_radius(scene)
+        smooth = any(isinstance(c, Smooth) for c in scene.families)
+        if self.backend == "active_set" and not smooth and not self.nonlinear:
+            march, loop = _compiled(case, scene, g, x0, reach)
+        else:
+            from nsbench.solvers._catching_up_host import HostLoop
+            march = HostLoop(case, scene, g, x0, self.backend, self.nonlinear, reach, self.eps, self.max_iter).run
+            loop = "host"
+        return lambda: _trajectory(case, g, loop, march())
+
+
+def _mean_radius(scene) -> float:
+    return float(np.mean(np.concatenate(list(scene.radii.values())))) if scene.hard else 1.0
+
+
+def _compiled(case, scene, g, x0, reach):
+    """The compiled loop bound to its data, and "compiled" or "host": the same loop around a drift in Python."""
+    from nsbench.kernels import catching_up as kernel
+    from nsbench.solvers.pbd import _hard, _pointers, _types
+    t0 = float(case.t[0])
+    pointers, loop = _pointers(case, scene)
+    hard, radii = _hard(scene)[:2] if scene.hard else (np.empty((0, 4), np.int64), np.empty(0))
+    rows = (scene.ptr, scene.cols, scene.vals)
+    args = (*pointers, scene.moving, g.t, g.substeps, x0, scene.all_static().arrays(), rows, scene.b(t0),
+            scene.anchors(t0), hard, radii, reach)
+    march = kernel.march if loop == "compiled" else kernel.march.py_func
+    if loop == "compiled":
+        march.compile(_types(args))
+
+    def run():
+        X, R, ids, values, count, worst, when, code, reached = march(*args)
+        count = {key: int(count[at]) for at, key in enumerate(("qp_solves", "inner_iterations", "rebuilds",
+                                                              "contacts_peak", "limits", "ties"))}
+        return X, R, ids, values, count, worst, when, CODES[code], reached
+    return run, loop
+
+
+def _trajectory(case, g, loop, out):
+    from nsbench.kernels.records import cumulate
+    X, R, ids, values, work, worst, when, code, reached = out
+    contacts, impulse = cumulate(ids, values, len(g.t))
+    impulse[~np.isfinite(X[:, 0])] = np.nan
+    steps = int(g.substeps.sum())
+    stats = {"steps": steps, "h": g.h, "drift_calls": steps, "loop": loop, "kkt": float(worst), **work}
+    status = _status(code, stats, when, reached)
+    if not g.aligned:
+        X, R, impulse = (sample(case.t, g.t, v) for v in (X, R, impulse))
+    return Trajectory(case.t, X, contacts, impulse, R, status, stats=stats, lam_time="end")
+
+
+def _status(code, stats, when, reached):
+    if code == "nan":
+        return Status("nan", f"The state stopped being finite at t = {reached:.6g}: the drift is not finite there "
+                             "or the step is too long for it.")
+    if code == "infeasible":
+        return Status("infeasible", f"The QP of the step from t = {reached:.6g} has no feasible point: the linearised "
+                                    "constraints contradict each other.")
+    if not stats["kkt"] <= KKT:
+        return Status("unverified", f"The QP of the step from t = {when:.6g} was solved with a KKT residual of "
+                                    f"{stats['kkt']:.2g} only; {stats['limits']} steps hit the iteration limit.")
+    if stats["ties"]:
+        return Status("degenerate", "Coincident centres: the contact has no normal; the first axis was taken.")
+    return Status()
+
+
+STANDARD = ("catching_up", "catching_up[backend=osqp]")
+SOLVER = CatchingUp
