@@ -159,7 +159,7 @@ def march(f, b_of, a_of, moving, t, substeps, sweeps, x, static, rows, b, anchor
     ids, values, count = np.empty((64, 4), np.int64), np.empty(64), 0
     static_key = static_keys(static[1], order, seed)
     lists, keys = build(x, reach, order, seed, static, static_key, hard, radii)
-    mu, most = np.zeros(keys.size), 8 * owner.shape[0] + static_key.size
+    mu, most = np.zeros(keys.size), 3 * hard[:, 2].sum() + static_key.size
     X[0], R[0] = x, reac
     work, status, rebuilds, peak, skin, calm = 0, OK, 1, keys.size, reach, 0
     for k in range(K - 1):
@@ -182,7 +182,7 @@ def march(f, b_of, a_of, moving, t, substeps, sweeps, x, static, rows, b, anchor
                 while True:
                     if broken:
                         if inside > 4 and keys.size < most:        # a violent sweep: longer lists, fewer of them
-                            skin *= 2.0
+                            skin *= 1.5
                         lists, keys, mu = rebuild(lists, keys, mu, x, skin, order, seed, static, static_key, hard, radii)
                         base[:] = x
                         rebuilds, peak, inside = rebuilds + 1, max(peak, keys.size), inside + 1
@@ -196,7 +196,7 @@ def march(f, b_of, a_of, moving, t, substeps, sweeps, x, static, rows, b, anchor
                     last = keys[c - 1]
             calm = calm + 1 if inside <= 1 else 0
             if calm > 8 and skin > reach:                # the storm is over: short lists again
-                skin, calm = max(reach, 0.5 * skin), 0
+                skin, calm = max(reach, skin / 1.5), 0
             for c in range(x.size):
                 reac[c] += x[c] - v[c]
         X[k + 1], R[k + 1] = x, reac

@@ -237,8 +237,11 @@ def march_implicit(field, switch, t, substeps, x, d):
             found, more, its = implicit_step(field, switch, after, h, x, mode, y, s)
             calls, inner = calls + more, inner + its
             if not found or health(y) != OK:
-                if not found:
-                    field(after, x, s, y)                   # a field that is no number explains the failure
+                if not found:                               # a field that is no number on the way explains it
+                    field(after - h, x, s, y)
+                    for i in range(x.size):
+                        x[i] += h * y[i]
+                    field(after, x, s, y)
                 bad = health(y)
                 return X, W, calls, inner, (STUCK if bad == OK else bad), after - h
             x[:] = y

@@ -1,0 +1,82 @@
+"""Nothing finished is lost, half a line is dropped, and a changed input is never served from the journal."""
+import json
+
+import numpy as np
+import pytest
+
+from nsbench import get_case, store
+from nsbench.study import Spec
+
+SPEC = Spec("tide", "pbd", "h", 0.01)
+
+
+def test_rows_come_back_as_they_were_written(tmp_path):
+    row = {"case": "tide", "state_sup": 0.1 + 0.2, "impulse": np.float64("nan"), "l1": float("inf"), "steps": np.int64(3),
+           "why": "a, \"b\"\n=cmd()", "flag": True}
+    j = store.Journal(tmp_path)
+    j.append("k", row)
+    j.close()
+    back = store.read_journal(tmp_path)["k"]
+    assert back["state_sup"] == 0.1 + 0.2 and np.isnan(back["impulse"]) and back["l1"] == np.inf
+    assert back["why"] == row["why"] and back["flag"] is True and back["steps"] == 3
+
+
+def test_half_a_line_is_dropped_and_mended(tmp_path):
+    j = store.Journal(tmp_path)
+    j.append("a", {"x": 1.0})
+    j.append("b", {"x": 2.0})
+    j.close()
+    path = tmp_path / "journal.jsonl"
+    path.write_bytes(path.read_bytes()[:-7])
+    assert list(store.read_journal(tmp_path)) == ["a"]
+    j = store.Journal(tmp_path)
+    j.append("c", {"x": 3.0})
+    j.close()
+    assert list(store.read_journal(tmp_path)) == ["a", "c"]
+    path.write_bytes(b"garbage\n\x00\xff\n" + path.read_bytes())
+    assert list(store.read_journal(tmp_path)) == ["a", "c"]
+
+
+def test_two_runs_in_one_folder_are_refused(tmp_path):
+    j = store.Journal(tmp_path)
+    with pytest.raises(store.StoreError, match="another run"):
+        store.Journal(tmp_path)
+    j.close()
+    store.Journal(tmp_path).close()
+
+
+def test_key_changes_with_everything_that_can_change_a_number(tmp_path):
+    case = get_case("tide")
+    file = tmp_path / "s.py"
+    file.write_text("a = 1")
+    base = store.key_of(SPEC, case, str(file))
+    assert base == store.key_of(Spec("tide", "pbd", "h", 0.01, "elsewhere.py"), case, str(file))
+    assert base != store.key_of(Spec("tide", "pbd", "h", 0.02), case, str(file))
+    assert base != store.key_of(Spec("tide", "pbd[sweeps=2]", "h", 0.01), case, str(file))
+    assert base != store.key_of(SPEC, get_case("apple"), str(file))
+    other = tmp_path / "t.py"
+    other.write_text("a = 2")
+    assert base != store.key_of(SPEC, case, str(other))
+    assert base != store.key_of(SPEC, case, str(file), (str(other),))
+
+
+def test_tables_keep_every_column_and_row(tmp_path):
+    import pandas
+    rows = [{"case": "a", "x": 1.0, "why": ""}, {"case": "b", "why": "=1+1", "n": 3}, {"case": "c", "x": float("nan")}]
+    store.write_tables(tmp_path, rows)
+    for frame in (pandas.read_parquet(tmp_path / "runs.parquet"), pandas.read_csv(tmp_path / "runs.csv")):
+        assert list(frame.columns) == ["case", "x", "why", "n"] and len(frame) == 3
+        assert frame.x[0] == 1.0 and np.isnan(frame.x[2])
+
+
+def test_no_half_file_is_left(tmp_path):
+    with pytest.raises(store.StoreError):
+        store.write_atomically(tmp_path / "missing" / "f", b"x")
+    store.write_atomically(tmp_path / "f", b"one")
+    store.write_atomically(tmp_path / "f", b"two")
+    assert (tmp_path / "f").read_bytes() == b"two" and len(list(tmp_path.iterdir())) == 1
+
+
+def test_environment_is_plain_json():
+    env = json.loads(json.dumps(store.environment()))
+    assert env["versions"]["numpy"] == np.__version__
