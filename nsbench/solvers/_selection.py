@@ -1,0 +1,135 @@
+"""Which of the closed contacts act from now on: the complementarity problem of velocities, with look-ahead.
+
+A contact with neither multiplier nor opening speed is undecided; so is every contact at the instant of its release,
+and one that touches tangentially. The velocity problem is then solved a little later along the flow, at times that
+grow until every decision is strict. Without that, releases chatter.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from nsbench.solvers._contact_field import ContactField, Rows
+
+DEPENDENT = 1e-10       # squared sine of the angle between a gradient and those held
+UNDECIDED = 1e-7        # speeds and multipliers this small, relative to the drift, are looked at ahead
+STRICT = 1e-12          # larger ones ahead count as decided: a thousand times rounding
+AHEAD = 10.0 ** np.arange(-5, 0)     # times looked ahead, in steps of the integrator
+AGREE = 1e-3            # a multiplier may start this negative relative to the drift if it is strict ahead
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """basis: indices of independent contacts to hold; kept: mask of those that stay closed with them.
+
+    stuck: index of a contact no velocity can satisfy, or -1. flat: its gradient vanishes.
+    """
+    basis: np.ndarray
+    kept: np.ndarray
+    stuck: int = -1
+    flat: bool = False
+
+
+class Selector:
+    """Chooses bases; remembers the size of the drift, which sets what is small."""
+
+    def __init__(self, field: ContactField):
+        self.field, self.size, self.solved, self.iterations = field, 0.0, 0, 0
+
+    def measure(self, t, x, rows: Rows, step):
+        """Update the running size of speeds: |f| and |dg/dt| here and a step later."""
+        for s in (t, t + step):
+            f = self.field.drift(s, x)
+            rate = self.field.rates(s, x, rows) / rows.norm
+            size = max(np.abs(f).max(initial=0.0), np.abs(rate).max(initial=0.0))
+            if np.isfinite(size):
+                self.size = max(self.size, size)
+
+    def velocity(self, t, x, rows: Rows, warm, strictly=True):
+        """Solution of the velocity problem: (lam, w, support, code, bad), M, x'."""
+        from nsbench.kernels.lcp import solve_lcp
+        from nsbench.kernels.rows import add_transposed, gram, times
+        C, V, count = self.field.gradients(t, x, rows)
+        f = np.ascontiguousarray(self.field.drift(t, x))
+        M = gram(C, V, count, f.size)
+        h = times(C, V, count, f) + self.field.rates(t, x, rows)
+        norm = np.sqrt(np.diag(M))
+        tol = 1e-14 * (np.abs(h).max(initial=0.0) + self.size * norm) + (0.0 if strictly else 1e-12 * self.size * norm)
+        *solution, its = solve_lcp(M, h, np.asarray(warm, np.int64), tol, DEPENDENT)
+        self.solved += 1
+        self.iterations += its
+        v = f.copy()
+        add_transposed(C, V, count, solution[0], v)
+        return solution, M, v
+
+    def choose(self, t: float, x: np.ndarray, rows: Rows, warm, step: float) -> Choice:
+        """rows: the closed contacts; warm: indices to prefer; step: a step of the integrator, the time scale."""
+        m = len(rows)
+        none = np.zeros(m, bool)
+        self.measure(t, x, rows, step)
+        (lam, w, support, code, bad), M, _ = self.velocity(t, x, rows, warm)
+        if code == 1 and M[bad, bad] > 0.0:               # by rounding alone? Ask with a tolerance
+            (lam, w, support, code, bad), M, _ = self.velocity(t, x, rows, warm, strictly=False)
+        if code == 1:
+            return Choice(support, none, int(bad), bool(M[bad, bad] == 0.0))
+        norm = np.sqrt(np.diag(M))
+        small = UNDECIDED * self.size
+        shut = np.flatnonzero(w <= small * norm)
+        strong = support[lam[support] * norm[support] > small]
+        if len(strong) == len(shut):
+            return Choice(strong, _mask(m, strong))
+        return self._look_ahead(t, x, rows, shut, support, step, lam * norm, M)
+
+    def _look_ahead(self, t, x, rows, shut, support, step, strength, M):
+        part = self.field.take(rows, shut)
+        place = {int(k): a for a, k in enumerate(shut)}
+        warm = [place[int(k)] for k in support if int(k) in place]
+        best = np.array([k for k in support if strength[k] > UNDECIDED * self.size], np.int64)
+        for delta in step * AHEAD:
+            y = self._ahead(t, x, part, warm, delta)
+            if y is None:
+                continue
+            (lam, w, held, code, _), M2, _ = self.velocity(t + delta, y, part, warm)
+            if code == 1 or not np.all(np.isfinite(lam)):
+                continue
+            norm = np.sqrt(np.diag(M2))
+            held = held[lam[held] * norm[held] > STRICT * self.size]
+            if not self._holds(t, x, part, held):
+                continue
+            best = shut[held]
+            if np.all((w > STRICT * self.size * norm) | self._span(M2, held)):
+                break
+        kept = _mask(len(rows), shut) & self._span(M, best)
+        return Choice(best, kept)
+
+    def _holds(self, t, x, part, held) -> bool:
+        """Whether the multipliers of this basis are not negative now, beyond what the look-ahead may miss."""
+        if not held.size:
+            return True
+        rows = self.field.take(part, held)
+        _, lam, _ = self.field.held(t, x, rows)
+        return bool(np.all(lam * rows.norm >= -AGREE * self.size))
+
+    def _ahead(self, t, x, part, warm, delta):
+        """Where the flow is after delta, by one Runge-Kutta step with the velocity problem in every stage."""
+        k, total = np.zeros_like(x), np.zeros_like(x)
+        for c, weight in ((0.0, 1 / 6), (0.5, 1 / 3), (0.5, 1 / 3), (1.0, 1 / 6)):
+            (lam, _, held, code, _), _, k = self.velocity(t + c * delta, x + c * delta * k, part, warm)
+            if code == 1 or not np.all(np.isfinite(lam)):
+                return None
+            warm = held
+            total += weight * k
+        return x + delta * total
+
+    def _span(self, M, support):
+        from nsbench.kernels.lcp import in_span
+        if not support.size:
+            return np.zeros(len(M), bool)
+        return in_span(M, support, DEPENDENT)
+
+
+def _mask(m, index):
+    out = np.zeros(m, bool)
+    out[index] = True
+    return out
