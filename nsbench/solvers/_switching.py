@@ -16,7 +16,7 @@ from nsbench.solvers._sliding import EPS, Motion
 from nsbench.solvers.base import Run
 from nsbench.trajectory import Event, Status, Trajectory
 
-TRIALS = 10.0 ** np.arange(-7, -2)      # lengths of trial motions as parts of the run; the first that shows a sign decides
+TRIALS = 10.0 ** np.arange(-7, -2)      # lengths of trial motions as parts of the run: the first sign shown decides
 FLAT = 1e-7                             # relative size below which a first derivative decides nothing
 WINDOW = 3                              # events per window of the test for accumulation
 
@@ -51,7 +51,7 @@ class _Walk:
             status = self._start()
             while status.ok and self.t < case.t[-1]:
                 status = self._arc()
-        stats = {"steps": self.steps, "h": self.h, "drift_calls": self.motion.calls, "events": len(self.events),
+        stats = {"steps": self.steps, "h": float(self.h), "drift_calls": self.motion.calls, "events": len(self.events),
                  "restarts": self.arcs, "inner_iterations": self.motion.newton, "loop": "host"}
         return Trajectory(case.t, self.X, tuple((0, i) for i in range(self.d)), self.W, np.empty((len(case.t), 0)),
                           status, tuple(self.events), stats, "mean")
@@ -67,10 +67,10 @@ class _Walk:
         self.mode, self.signs = mode, signs
         return status
 
-    def _band(self, t, x):
+    def _band(self, t, x, times=1e3):
         """(d,) what rounding and the location of events leave of c_i on its surface: 1000 eps of its terms."""
         G = self.motion.gradients(t, x, np.arange(self.d))
-        return 1e3 * EPS * (np.abs(G) @ (1.0 + np.abs(x)))
+        return times * EPS * (np.abs(G) @ (1.0 + np.abs(x)))
 
     def _arc(self) -> Status:
         """Follow the mode to its next event or the end, then choose the next mode."""
@@ -96,7 +96,7 @@ class _Walk:
 
         if on.size:
             self.x = motion.project(self.t, self.x, on)
-        band = np.concatenate([self._band(self.t, self.x), np.full(on.size, FLAT)])
+        band = np.concatenate([self._band(self.t, self.x, 16.0), np.full(on.size, FLAT)])
         band[on] = FLAT
         later = self.case.t[self.done:]
         arc = follow(rhs, self.t, np.concatenate([self.x, self.theta]), T, gaps, method=self.method, rtol=self.tol,
@@ -104,15 +104,15 @@ class _Walk:
         rows = slice(self.done, self.done + len(arc.samples))
         self.X[rows], self.W[rows] = arc.samples[:, :n], arc.samples[:, n:]
         self.done, self.arcs, self.steps, self.h = rows.stop, self.arcs + 1, self.steps + arc.steps, max(self.h, arc.h)
-        self.t, self.x, self.theta, self.signs = arc.t, arc.y[:n], arc.y[n:], guess
+        self.t, self.x, self.theta, self.signs = float(arc.t), arc.y[:n], arc.y[n:], guess
         return self._meet(arc.fired) if arc.status.ok and arc.fired.size else self._explained(arc.status)
 
     def _explained(self, status):
         if status.code == "nan" and np.any(self.mode == 0):
-            F, s = self.motion.velocity(self.t, self.x, self.mode, self.signs)
+            s = self.motion.velocity(self.t, self.x, self.mode, self.signs)[1]
             if not np.all(np.isfinite(s)):
-                return Status("degenerate", f"At t = {self.t:.9g} no weights, or many, keep the state on {self._named()}: "
-                                            "the fields do not determine the motion.")
+                return Status("degenerate", f"At t = {self.t:.9g} no weights, or many, keep the state on "
+                                            f"{self._named()}: the fields do not determine the motion.")
         return status
 
     def _named(self, rows=None):
@@ -124,9 +124,9 @@ class _Walk:
         self.meetings.append(self.t)
         ends = accumulation(self.meetings, self.case.t[-1] - self.case.t[0])
         if ends is not None:
-            return Status("chatter", f"Events accumulate at t = {ends:.9g}: the run cannot pass it by following events.")
+            return Status("chatter", f"Events accumulate at t = {ends:.9g}: following events cannot pass that time.")
         if len(self.meetings) > self.max_events:
-            return Status("chatter", f"{self.max_events} events were met by t = {self.t:.9g}; raise max_events to go on.")
+            return Status("chatter", f"{self.max_events} events were met by t = {self.t:.9g}; raise max_events.")
         c = self.motion.switch(self.t, self.x)
         near = (np.abs(c) <= self._band(self.t, self.x)) | (self.mode == 0)
         near[fired[fired < self.d]] = True
@@ -144,35 +144,40 @@ class _Walk:
 
     def _choose(self, met):
         """(status, mode, signs) among the modes of the surfaces met; sliding first."""
-        good = []
+        good, mode, size = [], self.mode.copy(), np.zeros(self.d)
+        for q in product((1, -1), repeat=met.size):
+            mode[met] = q
+            F = self.motion.velocity(self.t, self.x, mode, self.signs)[0]
+            size = np.maximum(size, np.abs(self.motion.along(self.t, self.x, 1.0, F)))
         for q in product((0, 1, -1), repeat=met.size):
             mode = self.mode.copy()
             mode[met] = q
-            found = self._holds(mode, met)
+            found = self._holds(mode, met, size)
             if found is not None:
                 good.append((mode, *found))
+        if not good and not np.all(np.isfinite(size)):
+            return Status("nan", f"The drift is not finite on {self._named(met)} at t = {self.t:.9g}."), None, None
         if not good:
             return Status("degenerate", f"At t = {self.t:.9g} no motion continues from {self._named(met)}."), None, None
         mode, signs, ahead = good[0]
         for _, _, other in good[1:]:
             if np.abs(other - ahead).max() > 1e-12 * (1.0 + np.abs(ahead).max()):
                 return Status("degenerate", f"At t = {self.t:.9g} several motions continue from {self._named(met)}: "
-                                            "the solution is not unique there (a repulsive surface)."), None, None
+                                            "the solution is not unique there."), None, None
         return Status(), mode, signs
 
-    def _holds(self, mode, met):
-        """(signs, trial states) if the mode is a motion from here, else None."""
+    def _holds(self, mode, met, size):
+        """(signs, trial states) if the mode is a motion from here, else None; size (d,): largest |c_i'| beside it."""
         t, x, motion = self.t, self.x, self.motion
         on = np.flatnonzero(mode == 0)
         if on.size:
             x = motion.project(t, x, on)
         F, s = motion.velocity(t, x, mode, np.zeros(self.d))
-        if not np.all(np.isfinite(s)):
+        if not (np.all(np.isfinite(s)) and np.all(np.isfinite(F))):
             return None
-        value, rough = np.zeros(self.d), motion.along(t, x, 1.0, F)
-        size = np.abs(motion.gradients(t, x, np.arange(self.d))) @ np.abs(F) + np.abs(rough)
+        value, rate = np.zeros(self.d), motion.along(t, x, 1.0, F)
         for i in met:
-            value[i] = 1.0 - abs(s[i]) if mode[i] == 0 else mode[i] * rough[i] / (size[i] or 1.0)
+            value[i] = 1.0 - abs(s[i]) if mode[i] == 0 else mode[i] * rate[i] / (size[i] or 1.0)
         if np.any(value[met] < -FLAT):
             return None
         open_ = [i for i in met if value[i] <= FLAT]
