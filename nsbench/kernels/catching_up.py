@@ -43,10 +43,9 @@ def columns(lists, rows):
 
 @njit(cache=True, error_model="numpy")
 def linearise(lists, rows, b, anchors, x, ptr, vals, g):
-    """Fill g (m,) and the entries of the gradients at x; returns how many distances are zero (first axis taken)."""
+    """Fill g (m,) and the entries of the gradients at x. A distance of zero has the first axis for a direction."""
     kind, _, _, _, p, q, d, sign, dim = lists
     rptr, rcols, rvals = rows[0], rows[1], rows[2]
-    ties = 0
     for k in range(kind.size):
         at = ptr[k]
         if kind[k] == 0:
@@ -66,12 +65,10 @@ def linearise(lists, rows, b, anchors, x, ptr, vals, g):
         g[k] = sign[k] * (r - d[k])
         if r == 0.0:
             vals[at], r = 1.0, 1.0
-            ties += 1
         for c in range(dim[k]):
             vals[at + c] *= sign[k] / r
             if kind[k] == 1:
                 vals[at + dim[k] + c] = -vals[at + c]
-    return ties
 
 
 @njit(cache=True)
@@ -107,7 +104,7 @@ def project(lists, P, rows, b, anchors, x, z, on, count):
     """The point nearest to z where the gaps linearised at x are not negative. Returns mu, d = y - z, code, residual."""
     m = on.size
     vals, w, q, scale = np.empty(P[1].size), np.empty(m), np.empty(m), 1.0
-    count[TIES] += linearise(lists, rows, b, anchors, x, P[0], vals, w)
+    linearise(lists, rows, b, anchors, x, P[0], vals, w)
     for c in range(x.size):
         scale = max(scale, abs(x[c]), abs(z[c]))
     qp.slack(P, vals, w, z - x, q)
@@ -121,6 +118,8 @@ def project(lists, P, rows, b, anchors, x, z, on, count):
     count[QPS] += 1
     count[ROUNDS] += rounds
     count[LIMITS] += code == qp.MAXITER
+    for k in range(m):                                    # a push between coincident centres has no direction
+        count[TIES] += lists[0][k] != 0 and mu[k] > 0.0 and w[k] == -lists[7][k] * lists[6][k]
     return mu, d, code, qp.residual(P, vals, q, mu, d)
 
 

@@ -5,7 +5,8 @@ import numpy as np
 
 from nsbench.solvers._qp import BACKENDS, Answer, residual
 
-ROUNDS = 100                  # successive linearisations; each gains a factor of about mu times the curvature
+ROUNDS = 300                  # successive linearisations; each gains a factor of about mu times the curvature
+SHORTEST = 1 / 64             # of their steps, shortened where they go to and fro
 
 
 class _List:
@@ -84,33 +85,46 @@ class HostLoop:
             self.peak = max(self.peak, len(self.list.near))
 
     def _linear(self, after, x, z, h):
-        q, G = self._linearise(after, x, z)
+        g, q, G = self._linearise(after, x, z)
         a = self._solve(G, q, h, self.list.mu)
+        self._ties(g, a.mu)
         return a.code, a.mu, z + a.d, residual(G, q + G @ a.d, a.mu, a.d), *self.list.travel(x, z + a.d)
 
     def _nonlinear(self, after, x, z, h):
-        """The point of {g >= 0} nearest to z: linearise anew at each result until it stays."""
-        y, mu, far, last = x, self.list.mu, 0.0, 0.0
+        """The point of {g >= 0} nearest to z: linearise anew at each result until it stays.
+
+        Under a strong pull a link overshoots, to and fro: the point of linearisation then goes a part of the way only.
+        """
+        y, mu, far, last, part, before = x, self.list.mu, 0.0, 0.0, 1.0, np.inf
         scale = max(1.0, float(np.abs(z).max()))
         for _ in range(ROUNDS):
-            q, G = self._linearise(after, y, z)
+            g, q, G = self._linearise(after, y, z)
             a = self._solve(G, q, h, mu)
             new, mu = z + a.d, a.mu
             reach = self.list.travel(y, new)
             far, last = max(far, reach[0]), max(last, float(self.list.travel(x, new)[1]), reach[1])
-            change, y = float(np.abs(new - y).max()), new
+            change = float(np.abs(new - y).max())
             if a.code == "infeasible" or 2.0 * far > self.list.skin:
-                return a.code, mu, y, np.nan, far, last
+                return a.code, mu, new, np.nan, far, last
             if change <= 1e-12 * scale or not np.isfinite(change):
+                y = new
                 break
+            part = max(0.5 * part, SHORTEST) if change > 0.9 * before else part
+            before, y = change, y + part * (new - y)
         else:
             self.stats["limits"] += 1
-        w, G = self._linearise(after, y, y)
+        w, _, G = self._linearise(after, y, y)
+        self._ties(g, mu)
         return "solved", mu, y, residual(G, w, mu, y - z), far, last
+
+    def _ties(self, g, mu):
+        """A push between coincident centres has no direction."""
+        near = self.list.near
+        self.stats["ties"] += int(np.sum(np.isin(near.kind, (1, 2)) & (mu > 0.0) & (g == -near.sign * near.d)))
 
     def _linearise(self, after, x, z):
         g, G = self.scene.gaps(after, x, self.list.near), self.scene.gradients(after, x, self.list.near)
-        return g + G @ (z - x), G
+        return g, g + G @ (z - x), G
 
     def _solve(self, G, q, h, mu) -> Answer:
         if np.all(q >= 0.0):                                # nothing in the way: d = 0 solves it

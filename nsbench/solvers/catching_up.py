@@ -87,7 +87,7 @@ def _compiled(case, scene, g, x0, reach):
     pointers, loop = _pointers(case, scene)
     hard, radii = _hard(scene)[:2] if scene.hard else (np.empty((0, 4), np.int64), np.empty(0))
     rows = (scene.ptr, scene.cols, scene.vals)
-    args = (*pointers, scene.moving, g.t, g.substeps, x0, scene.all_static().arrays(), rows, scene.b(t0),
+    args = (*pointers, scene.moving, g.t.copy(), g.substeps, x0, scene.all_static().arrays(), rows, scene.b(t0),
             scene.anchors(t0), hard, radii, reach)
     march = kernel.march if loop == "compiled" else kernel.march.py_func
     if loop == "compiled":
