@@ -5,12 +5,12 @@ particles only those near, found by cell lists. The order is the stated one: fam
 """
 from __future__ import annotations
 
-import functools
 from dataclasses import dataclass
 
 import numpy as np
 
-from nsbench.compile import host, jax_function
+from nsbench.compile import host
+from nsbench.moving import SmoothRows, chain, time_derivative
 from nsbench.problem import Affine, Complementarity, Distance, Smooth
 
 ROW, PAIR, ANCHOR, SMOOTH = 0, 1, 2, 3
@@ -84,9 +84,9 @@ class Scene:
         self._b = [host(a.b) if a.moving else (lambda t, v=a.b: v) for a in self.affine]
         self._anchors = [host(c.anchors) if c.moving else (lambda t, v=c.anchors: v) for c in self.families
                          if isinstance(c, Distance) and c.anchors is not None]
-        self.b_factory = _chain([a.b for a in self.affine])
-        self.anchor_factory = _chain([c.anchors for c in self.families if isinstance(c, Distance) and c.anchors is not None])
-        self._smooth = [_SmoothRows(c, n) for c in self.families if isinstance(c, Smooth)]
+        self.b_factory = chain([a.b for a in self.affine])
+        self.anchor_factory = chain([c.anchors for c in self.families if isinstance(c, Distance) and c.anchors is not None])
+        self._smooth = [SmoothRows(c, n) for c in self.families if isinstance(c, Smooth)]
         self._parts = self._static_parts()
         self.hard = [(k, c, c.particles(n)) for k, c in enumerate(self.families)
                      if isinstance(c, Distance) and c.all_pairs]
@@ -229,10 +229,10 @@ class Scene:
             return rate
         rows = np.flatnonzero(near.kind == ROW)
         if rows.size:
-            rate[rows] = np.concatenate([_time_derivative(a.b)(t) if a.moving else np.zeros(a.shape[0])
+            rate[rows] = np.concatenate([time_derivative(a.b)(t) if a.moving else np.zeros(a.shape[0])
                                          for a in self.affine])[near.p[rows]]
         if any(isinstance(c, Distance) and c.moving for c in self.families):
-            speed = np.concatenate([_time_derivative(c.anchors)(t).ravel() if c.moving else np.zeros(c.anchors.size)
+            speed = np.concatenate([time_derivative(c.anchors)(t).ravel() if c.moving else np.zeros(c.anchors.size)
                                     for c in self.families if isinstance(c, Distance) and c.anchors is not None])
             for sel, (_, j), diff, dist in self._distances(t, x, near):
                 if j is None:
@@ -243,69 +243,3 @@ class Scene:
             if sel.size:
                 rate[sel] = fam.rate(t, x)[near.p[sel]]
         return rate
-
-
-def _chain(parts):
-    """One factory ``(xp) -> (t) -> flat array`` for arrays and factories one after the other; None if nothing moves."""
-    if not any(callable(p) for p in parts):
-        return None
-
-    def leaf(part):
-        def make(xp):
-            if callable(part):
-                inner = part(xp)
-                return lambda t: inner(t).ravel()
-            still = np.array(part).ravel()
-            return lambda t: still
-        return make
-
-    def join(a, b):
-        def make(xp):
-            fa, fb = a(xp), b(xp)
-            return lambda t: xp.concatenate((fa(t), fb(t)))
-        return make
-    return functools.reduce(join, map(leaf, parts))
-
-
-_derivatives: dict = {}
-
-
-def _time_derivative(factory):
-    """d/dt of ``factory(xp) -> (t)`` by JAX, as a numpy function; compiled once."""
-    if factory not in _derivatives:
-        import jax
-        f = jax_function(factory)
-        d = jax.jit(lambda t: jax.jvp(f, (t,), (1.0,))[1])
-        _derivatives[factory] = lambda t: np.asarray(d(float(t)))
-    return _derivatives[factory]
-
-
-class _SmoothRows:
-    """g, gradient and rate of a Smooth family as numpy functions."""
-
-    def __init__(self, family: Smooth, n: int):
-        self._family, self._n = family, n
-        self.g = lambda t, x, f=host(family.g): np.asarray(f(t, x), float)
-        self.m = len(self.g(0.0, np.full(n, 0.37)))
-        self._gradient = host(family.gradient) if family.gradient else None
-        self._rate = host(family.rate) if family.rate else None
-
-    def _jax(self, argnum):
-        import jax
-        f = jax_function(self._family.g)
-        d = jax.jit(jax.jacfwd(f, argnums=argnum))
-        return lambda t, x: np.asarray(d(float(t), x))
-
-    def gradient(self, t, x):
-        """(m, n)."""
-        if self._gradient is None:
-            self._gradient = self._jax(1)
-        return np.asarray(self._gradient(t, x), float)
-
-    def rate(self, t, x):
-        """(m,)."""
-        if self._rate is None:
-            self._rate = self._jax(0)
-        return np.asarray(self._rate(t, x), float)
-
-
