@@ -1,0 +1,187 @@
+"""The order estimator tells orders, plateaus, exactness and divergence apart on synthetic errors, at stated rates."""
+import subprocess
+import sys
+from collections import Counter
+
+import numpy as np
+import pytest
+
+from nsbench.measure.orders import VERDICTS, Fit, fit_order
+
+H = 0.1 * 2.0 ** -np.linspace(0.0, 6.3, 25)            # four steps per octave at irrational ratios
+FINE = 0.1 * 2.0 ** -np.linspace(0.0, 6.5, 52)         # eight per octave
+
+
+def trials(make, n, h=H, seed=1, **kw):
+    """n fits of errors make(h, rng)."""
+    rng = np.random.default_rng(seed)
+    return [fit_order(h, make(h, rng), **kw) for _ in range(n)]
+
+
+def verdicts(fits):
+    return Counter(f.verdict for f in fits)
+
+
+def noisy(error, sigma):
+    return lambda h, rng: error(h) * np.exp(sigma * rng.normal(size=h.size))
+
+
+@pytest.mark.parametrize("p", [0.5, 1, 1.5, 2, 3, 5])
+def test_a_clean_power_law_is_read_to_six_digits(p):
+    h = H * 4
+    fit = fit_order(h, 3.0 * h**p)
+    assert fit.verdict == "order", fit.sentence
+    assert fit.order == pytest.approx(p, abs=1e-6) and fit.constant == pytest.approx(3.0, rel=1e-6)
+    assert fit.envelope == pytest.approx(p, abs=1e-6) and fit.median == pytest.approx(p, abs=1e-6)
+    assert fit.window == (h.min(), h.max()) or p == 5          # h^5 meets the rounding floor
+
+
+@pytest.mark.parametrize("p", [0.5, 1, 2])
+def test_the_interval_covers_the_order_in_93_to_97_of_100(p):
+    fits = trials(noisy(lambda h: h**p, 0.1), 400)
+    cover = np.mean([f.interval[0] <= p <= f.interval[1] for f in fits])
+    assert 0.93 <= cover <= 0.97, cover
+    assert verdicts(fits)["plateau"] <= 0.02 * len(fits)
+    assert verdicts(fits)["order"] >= 0.95 * len(fits), verdicts(fits)
+
+
+def phase(kind, p=1.0):
+    def make(h, rng):
+        turn = rng.uniform() + rng.uniform(1, 3) / h
+        shape = {"jump": turn % 1.0, "sine": np.abs(np.sin(np.pi * turn)), "swell": 1.2 + np.sin(np.pi * turn)}
+        return h**p * shape[kind]
+    return make
+
+
+@pytest.mark.parametrize("kind", ["jump", "sine", "swell"])
+def test_errors_that_depend_on_the_phase_of_the_step_have_an_order_and_no_plateau(kind):
+    fits = trials(phase(kind), 100, h=FINE)
+    counts = verdicts(fits)
+    assert counts["plateau"] <= 0.02 * len(fits), counts
+    assert counts["order"] >= 0.5 * len(fits), counts
+    cover = np.mean([f.interval[0] <= 1.0 <= f.interval[1] for f in fits])
+    assert cover >= 0.9, cover
+    assert np.mean([abs(f.envelope - 1.0) < 0.12 for f in fits]) > 0.9
+
+
+def test_a_plateau_is_falsely_seen_in_at_most_2_of_100():
+    makes = [noisy(lambda h: h, 0.2), noisy(lambda h: h**2, 0.2), noisy(np.sqrt, 0.2),
+             noisy(lambda h: h + 10 * h**2, 0.1), noisy(lambda h: h + 100 * h**3, 0.1), phase("sine")]
+    false = [verdicts(trials(make, 80, seed=k))["plateau"] for k, make in enumerate(makes)]
+    assert sum(false) <= 0.02 * 80 * len(makes), false
+    assert max(false) <= 5, false                                # 2 % of 80 is 1.6; 5 or more by chance once in 70
+
+
+@pytest.mark.parametrize("p", [1, 2])
+def test_a_plateau_of_four_times_the_rest_is_seen_in_9_of_10(p):
+    C = 4 * H.min() ** p
+    fits = trials(noisy(lambda h: C + h**p, 0.1), 120)
+    counts = verdicts(fits)
+    assert counts["plateau"] >= 0.9 * len(fits), counts
+    assert counts["order"] <= 0.05 * len(fits), counts        # the level of the test that guards the verdict
+    seen = [f for f in fits if f.verdict == "plateau"]
+    assert np.median([f.plateau for f in seen]) == pytest.approx(C, rel=0.1)
+    assert np.median([f.order for f in seen]) == pytest.approx(p, rel=0.1)
+
+
+def test_an_error_that_never_falls_is_a_plateau():
+    assert verdicts(trials(noisy(lambda h: 0.3 + 0 * h, 0.1), 100))["plateau"] >= 90
+
+
+def test_a_plateau_is_not_claimed_without_its_other_conditions():
+    err = 4 * H.min() + H
+    assert fit_order(H, err).verdict == "plateau"
+    fit = fit_order(H, err, multipliers_unique=False)
+    assert fit.verdict == "undecided" and "not unique" in fit.sentence
+    fit = fit_order(H, err, reference_error=H.min() / 2)          # C = 4 h_min < 10 x this, most errors are not
+    assert fit.verdict != "plateau"
+    fit = fit_order(H, err, reaction=fit_order(H, H))
+    assert fit.verdict == "undecided" and "reaction" in fit.sentence
+    assert fit_order(H, err, reaction=fit_order(H, err)).verdict == "plateau"
+
+
+def apple(h):
+    """Explicit Euler on y' = -1 above the floor and 0 below, from y = 1: how deep the last step goes."""
+    return h * np.ceil(1 / h) - 1
+
+
+def test_a_dyadic_ladder_gives_no_verdict_and_the_envelope_shows_the_order():
+    fit = fit_order(0.97 * 2.0 ** -np.arange(13), apple(0.97 * 2.0 ** -np.arange(13)))
+    assert fit.verdict == "undecided" and "dyadic" in fit.sentence
+    h = 0.03125 * 0.97 * 2.0 ** -np.arange(0, 5 + 1e-9, 1.0)
+    assert np.ptp(apple(h)) < 1e-12                              # the error stays put over five halvings
+    h = 0.97 * 2.0 ** -np.arange(0, 9, 1 / 16)
+    assert fit_order(h, apple(h)).envelope == pytest.approx(1.0, abs=0.06)
+
+
+def test_a_diverging_method_has_a_negative_order():
+    fits = trials(noisy(lambda h: h**-0.5, 0.2), 50)
+    assert verdicts(fits)["diverges"] >= 49
+    assert all(f.order < -0.3 for f in fits)
+
+
+def test_rounding_is_no_order():
+    rng = np.random.default_rng(5)
+    for err in (np.zeros(25), 1e-13 * rng.uniform(size=25), 1e-16 / H):
+        fit = fit_order(H, err)
+        assert fit.verdict == "exact: no order" and np.isnan(fit.order)
+    big = fit_order(H, 1e-5 * rng.uniform(size=25), scale=1e8)   # coordinates of 1e8
+    assert big.verdict == "exact: no order"
+
+
+def test_a_high_order_method_is_fitted_above_its_rounding_floor():
+    h = H * 4
+    err = 1e-3 * h**5 + 3e-13 * np.random.default_rng(2).uniform(size=25)
+    fit = fit_order(h, err)
+    assert fit.order == pytest.approx(5.0, abs=0.05) and fit.dropped["floor"] > 0
+    assert fit.window[0] > h.min()
+
+
+def test_errors_below_the_reference_are_said_to_be():
+    fit = fit_order(H, 1e-9 * H, reference_error=1e-9)
+    assert fit.verdict == "below reference" and np.isnan(fit.order)
+    rng = np.random.default_rng(3)
+    err = H**2 + 1e-5 * rng.uniform(-1, 1, 25)                   # a reference off by up to 1e-5
+    fit = fit_order(H, err, reference_error=1e-5)
+    assert fit.order == pytest.approx(2.0, abs=0.1) and fit.window[0] > 9e-3
+
+
+def test_the_head_is_dropped():
+    fit = fit_order(H, H + 1000 * H**4)
+    assert fit.order == pytest.approx(1.0, abs=0.03) and fit.dropped["head"] > 5 and fit.window[1] < H.max() / 2
+    fits = trials(noisy(lambda h: h + 1000 * h**4, 0.02), 100)
+    assert np.mean([f.interval[0] <= 1.0 <= f.interval[1] for f in fits]) > 0.9
+    assert fit_order(H, H / (H + 0.02)).verdict == "pre-asymptotic"
+
+
+def test_too_little_data_is_undecided_but_the_slope_is_given():
+    assert np.isnan(fit_order([0.1, 0.2], [1, 2]).order)
+    assert np.isnan(fit_order([], []).order)
+    fit = fit_order([0.1, 0.05, 0.03], [0.1, 0.05, 0.03])
+    assert fit.verdict == "undecided" and fit.order == pytest.approx(1.0)
+    short = H[H >= H.max() / 32]
+    assert fit_order(short, short).verdict == "undecided"
+
+
+def test_broken_points_are_counted_out():
+    h, err = np.append(H, [0.1, 0.2, 0.3, -1.0]), np.append(H, [0.1, np.nan, np.inf, 1.0])
+    fit = fit_order(h, err)
+    assert fit.verdict == "order" and fit.dropped["not finite"] == 3 and fit.dropped["same step"] == 1
+    zero = H.copy()
+    zero[7] = 0.0                                                # one lucky step
+    assert fit_order(H, zero).order == pytest.approx(1.0) and fit_order(H, zero).points == 24
+    assert np.isnan(fit_order(H, np.full(25, np.nan)).order)
+    with pytest.raises(ValueError, match="3 steps and 2 errors"):
+        fit_order([1, 2, 3], [1, 2])
+
+
+def test_every_verdict_has_its_word_and_a_sentence():
+    fits = [fit_order(H, e) for e in (H, 0 * H, 4 * H.min() + H, H / (H + 0.02), 1 / H)]
+    assert [f.verdict for f in fits] == ["order", "exact: no order", "plateau", "pre-asymptotic", "diverges"]
+    assert all(f.verdict in VERDICTS and f.sentence.endswith(".") for f in fits)
+    assert isinstance(fits[0], Fit)
+
+
+def test_the_module_starts_without_scipy():
+    code = "import sys, nsbench.measure.orders as m; sys.exit('scipy' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
