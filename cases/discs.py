@@ -3,7 +3,7 @@
     x_i' = -x_i + w J x_i + e_i + contact forces,   g_ij = |x_i - x_j| - 2 >= 0      (free)
     x_i' =  u_i + contact and wall forces,          the same and four walls           (box)
 
-e_i: fixed random vectors of length 0.3, so that the cluster is asymmetric and, turning, keeps changing contacts;
+e_i: fixed random vectors of length `kick`, so that the cluster is asymmetric and, turning, keeps changing contacts;
 u_i: fixed random unit vectors, which keep nearly every disc of the box in contact. (A plain pull to the origin
 alone is a poor benchmark: few contacts, all of one kind.)
 
@@ -11,7 +11,8 @@ The start is a jittered triangular lattice, numbered at random (labels = "random
 neighbour searches like it). No pair can be nearer than 2 + margin: neighbours in the lattice are a apart and each is
 moved by at most (a - 2 - margin) / 2. It is built in O(n) and pairs are never listed.
 
-No closed form; for n up to a hundred or so the solution has about three events per disc up to T = 3.
+No closed form. For n = 3, 10, 30 (seed 0) the solution has 3, 22, 129 events up to T = 3, most of them by t = 0.5
+while the cluster closes up, the last of them, as it turns, at t = 0.39, 0.85, 2.82.
 """
 import numpy as np
 
@@ -69,9 +70,9 @@ def walls(n, box):
     return Affine(A, np.concatenate((np.full(2 * n, -1.0), np.tile(box - 1.0, n))))
 
 
-def make(n: int = 30, seed: int = 0, w: float = 0.5, box: bool = False, packing: float = 0.8,
+def make(n: int = 30, seed: int = 0, w: float = 0.5, kick: float = 0.3, box: bool = False, packing: float = 0.8,
          labels: str = "random") -> Case:
-    """n discs, w the turning rate of the free drift, packing the area fraction in the box (less near walls)."""
+    """n discs, w and kick of the free drift, packing the area fraction in the box (less near walls)."""
     if n < 1:
         raise ValueError(f"n is {n!r}; at least 1 disc")
     if labels not in ("random", "rows"):
@@ -82,7 +83,7 @@ def make(n: int = 30, seed: int = 0, w: float = 0.5, box: bool = False, packing:
     places, size = packed(rng, n, packing) if box else (scattered(rng, n), None)
     if labels == "random":
         places = places[rng.permutation(n)]
-    push = ((1.0 if box else 0.3) * directions(rng, n)).ravel()
+    push = ((1.0 if box else kick) * directions(rng, n)).ravel()
     turn = w * np.tile([-1.0, 1.0], n)
 
     def free(xp):

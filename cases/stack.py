@@ -6,8 +6,8 @@ Exact: rest. In one column of n discs the floor carries lam = n (under the lowes
 carries the n - i discs from i upwards (counted from 0): the state and the impulses lam t are known for all time.
 
 What it is for: the "jittering and collapsing stack". One sweep passes a load on by one disc per step or so; the
-load on the floor is reached after about 1.8 n^2 steps and the column sinks by an amount of order h n^2 meanwhile:
-order one, with a large constant. A column is unstable physically: x_i are equal exactly, so only a method that
+load on the floor is reached after about 1.8 n^2 steps, and by then the column has sunk by h n (n - 1) / 2 (190 h for
+n = 20): order one, with a large constant. A column is unstable physically: x_i are equal exactly, so only a method that
 moves a disc sideways by itself can topple it. `columns` > 1 puts touching columns between two walls; these rows can
 be stressed against the walls at will, so the impulses are not unique there.
 """

@@ -132,6 +132,15 @@ def test_many_discs_are_built_quickly_and_without_a_list_of_pairs():
     assert case.problem.constraints[0].all_pairs
 
 
+@pytest.mark.parametrize("n, contacts, rank", [(7, 12, 11), (19, 42, 35), (37, 90, 71)])
+def test_closed_hexagons_have_redundant_contacts(n, contacts, rank):
+    case = get_case("hex", n=n)
+    scene, x = Scene(case.problem, case.n), case.exact(case.t[-1:])[0]
+    near = scene.near(x, 1e-9, 0.0)
+    assert len(near) == contacts
+    assert np.linalg.matrix_rank(scene.gradients(0.0, x, near).toarray(), rtol=1e-10) == rank
+
+
 def test_the_hanging_chain_is_in_equilibrium_to_rounding():
     case = get_case("chain", hanging="rest")
     beads = np.vstack(([0.0, 0.0], case.x0.reshape(-1, 2), [0.6 * 31, 0.0]))

@@ -59,7 +59,7 @@ def distances(c, k, t, x):
     G = np.zeros((len(pairs), x.size))
     rows = np.arange(len(pairs))
     for axis in range(c.dim):
-        u = c.sign * r[:, axis] / length
+        u = c.sign * r[:, axis] / np.maximum(length, 1e-300)     # no direction at a centre, where no contact is
         np.add.at(G, (rows, c.start + c.dim * i + axis), u)
         if c.anchors is None:
             np.add.at(G, (rows, c.start + c.dim * j + axis), -u)
