@@ -68,7 +68,9 @@ def _target(L, M, h, idx, p):
         for b in range(p):
             r[a] -= M[idx[a], idx[b]] * s[b]
     _solve(L, p, r)
-    return s + r
+    for a in range(p):
+        s[a] += r[a]
+    return s
 
 
 @njit(cache=True, error_model="numpy")
@@ -100,7 +102,9 @@ def _exchange(L, M, idx, p, k, lam, dep):
 
     Returns the new p with k in the support, or -1 if nothing blocks: no velocity satisfies row k and these rows.
     """
-    c = L[p, :p].copy()
+    c = np.empty(p)
+    for a in range(p):
+        c[a] = L[p, a]
     _backsolve(L, p, c)                                   # G_k = sum_a c_a G_a
     block, alpha = -1, np.inf
     for a in range(p):
@@ -114,6 +118,15 @@ def _exchange(L, M, idx, p, k, lam, dep):
     lam[k] = alpha
     p = _remove(L, M, idx, p, block, dep)
     return p + 1 if _append(L, M, idx, p, k, dep) else p
+
+
+@njit(cache=True, error_model="numpy")
+def _speeds(M, h, lam, w):
+    """w <- h + M lam."""
+    for k in range(h.size):
+        w[k] = h[k]
+        for a in range(h.size):
+            w[k] += M[k, a] * lam[a]
 
 
 @njit(cache=True, error_model="numpy")
@@ -139,7 +152,8 @@ def solve_lcp(M, h, warm, tol, dep):
             break
         p = _remove(L, M, idx, p, worst, dep)
     code, bad, it = UNFINISHED, -1, 0
-    w = h + M @ lam
+    w = np.empty(m)
+    _speeds(M, h, lam, w)
     while it < 50 + 20 * m:
         it += 1
         k, worst = -1, 0.0
@@ -162,7 +176,7 @@ def solve_lcp(M, h, warm, tol, dep):
                 code, bad, p = INFEASIBLE, k, 0
                 break
         p = _settle(L, M, h, idx, p, lam, dep)
-        w = h + M @ lam
+        _speeds(M, h, lam, w)
         if lam[k] > 0.0:
             skip[:] = False
         else:

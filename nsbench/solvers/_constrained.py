@@ -18,6 +18,7 @@ from nsbench.solvers.base import Run
 from nsbench.solvers.start import start_state
 from nsbench.trajectory import Event, Status, Trajectory
 
+SHARE = 0.1             # of the tolerance goes to one step: a run takes tens, and kinks of a drift deceive estimates
 MEMORY = 5              # arcs whose largest step is the time scale of the look-ahead
 CROWD = 100             # events, and twice the contacts held, that may fall together before they count as accumulation
 TOGETHER = 1e-10        # part of the run that counts as one instant
@@ -25,10 +26,11 @@ TOGETHER = 1e-10        # part of the run that counts as one instant
 
 def prepare(case: Case, options, tol: float) -> Run:
     """A Run; options has method, max_step, max_steps and max_events. ValueError for an infeasible start."""
-    from nsbench.kernels import lcp, rows  # noqa: F401  (compiled or loaded here, not in the timed run)
+    import scipy.integrate  # noqa: F401  (loaded here, not in the timed run)
     scene = Scene(case.problem, case.n)
     x = start_state(case, scene)
-    return lambda: _Walk(case, scene, x, options, tol).run()
+    ContactField(case, scene).compile(float(case.t[0]), x)
+    return lambda: _Walk(case, scene, x.copy(), options, tol).run()
 
 
 class _Walk:
@@ -141,7 +143,7 @@ class _Walk:
         still = len(gaps(self.t, np.concatenate((self.x, np.zeros(p + n))))) - o - p
         band = np.concatenate((self._band(others), self.tol * self.selector.size / held.norm, np.zeros(still)))
         arc = follow(rhs, self.t, np.concatenate((self.x, np.zeros(p + n))), self.T,
-                     gaps if band.size else None, method=self.options.method, rtol=self.tol, band=band,
+                     gaps if band.size else None, method=self.options.method, rtol=SHARE * self.tol, band=band,
                      project=project if p else None, samples=self.case.t[self.done:],
                      max_step=self.options.max_step, max_steps=self.options.max_steps - self.steps)
         return self._after(arc, held, o, p)
@@ -160,7 +162,7 @@ class _Walk:
         self._record(arc.samples[:, :n], increments, arc.samples[:, n + p:])
         self.total[where] += arc.y[n:n + p]
         self.reaction = self.reaction + arc.y[n + p:]
-        self.t, self.x = arc.t, arc.y[:n].copy()
+        self.t, self.x = float(arc.t), arc.y[:n].copy()
         if not arc.status.ok:
             return self._why(arc.status, held)
         if not arc.fired.size:
@@ -182,6 +184,8 @@ class _Walk:
 
     def _why(self, status, held) -> Status:
         """A stepper that stops while multipliers explode has met contacts that lock."""
+        if status.code == "maxiter":
+            return Status("maxiter", f"{self.options.max_steps} steps were taken by t = {self.t:.9g}.")
         if status.code in ("degenerate", "diverged") and len(held):
             lam = self.field.held(self.t, self.x, held)[1] * held.norm
             if not np.all(np.abs(lam) < 1e6 * self.selector.size):

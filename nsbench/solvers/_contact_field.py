@@ -19,7 +19,7 @@ class Rows:
     slot: np.ndarray
     smooth: Near | None
     width: int
-    norm: np.ndarray        # (m,) lengths of the gradients, 1 where they vary (smooth constraints)
+    norm: np.ndarray        # (m,) lengths of the gradients; of smooth constraints that at the start
 
     def __len__(self) -> int:
         return len(self.near)
@@ -40,7 +40,21 @@ class ContactField:
         pairs = sum(m * (m - 1) // 2 for _, _, m in scene.hard)
         self.certified = pairs > LISTED
         self.reach = min((2 * r.min() for r in scene.radii.values()), default=0.0) if self.certified else np.inf
+        self._smooth_norm = self._typical(t0, case.x0)
         self._hard = [c.start + np.arange(m * c.dim).reshape(m, c.dim) for _, c, m in scene.hard]
+
+    def compile(self, t: float, x: np.ndarray):
+        """Load or compile every kernel once, on an empty list."""
+        from nsbench.kernels.lcp import in_span, solve_lcp
+        from nsbench.kernels.rows import add_transposed, gram, gram_solve, held, times
+        none = self.take(self.candidates(t, x), np.empty(0, np.int64))
+        self.gaps(t, x, none)
+        C, V, count = self.gradients(t, x, none)
+        M, index, v = gram(C, V, count, self.n), np.empty(0, np.int64), np.empty(0)
+        solve_lcp(M, v, index, v, 0.0)
+        in_span(M, index, 0.0)
+        add_transposed(C, V, count, gram_solve(M, times(C, V, count, x)), x.copy())
+        held(C, V, count, x, v)
 
     def drift(self, t: float, x: np.ndarray) -> np.ndarray:
         self.calls += 1
@@ -50,7 +64,7 @@ class ContactField:
         """Every constraint that can become active before a particle has travelled reach / 2."""
         reach = self.reach
         if not self.certified and self.scene.hard:
-            reach = 4.0 * (1.0 + float(np.abs(x).max(initial=0.0))) + max(2 * r.max() for r in self.scene.radii.values())
+            reach = 4.0 * (1.0 + float(np.abs(x).max(initial=0.0)))     # more than any distance
         return self.rows(self.scene.near(np.ascontiguousarray(x), reach, t))
 
     def rows(self, near: Near) -> Rows:
@@ -60,7 +74,17 @@ class ContactField:
                     int(np.diff(self.scene.ptr)[of_row].max(initial=0)), self.n if smooth.any() else 0)
         norm = np.where(near.kind == PAIR, np.sqrt(2.0), 1.0)
         norm[near.kind == ROW] = 1.0 / np.sqrt(self.scene.inv2[of_row])
+        for k in np.flatnonzero(smooth):
+            norm[k] = self._smooth_norm[(int(near.family[k]), int(near.i[k]))]
         return Rows(near, np.cumsum(smooth) - 1, near.take(smooth) if smooth.any() else None, width, norm)
+
+    def _typical(self, t, x):
+        """Length of the gradient of every smooth constraint at the start: what makes its values large or small."""
+        listed = self.scene.all_static()
+        smooth = listed.take(listed.kind == SMOOTH)
+        norm = np.linalg.norm(self.scene.dense_gradients(t, x, smooth), axis=1)
+        norm[~(norm > 0.0) | np.isinf(norm)] = 1.0
+        return dict(zip(smooth.ids, norm.tolist(), strict=True))
 
     def take(self, rows: Rows, index) -> Rows:
         return self.rows(rows.near.take(index))

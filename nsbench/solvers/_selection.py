@@ -14,6 +14,7 @@ from nsbench.solvers._contact_field import ContactField, Rows
 
 DEPENDENT = 1e-10       # squared sine of the angle between a gradient and those held
 UNDECIDED = 1e-7        # speeds and multipliers this small, relative to the drift, are looked at ahead
+FLAT = 1e-8             # gradients this short, relative to their start, count as zero
 STRICT = 1e-12          # larger ones ahead count as decided: a thousand times rounding
 AHEAD = 10.0 ** np.arange(-5, 0)     # times looked ahead, in steps of the integrator
 AGREE = 1e-3            # a multiplier may start this negative relative to the drift if it is strict ahead
@@ -69,11 +70,14 @@ class Selector:
         none = np.zeros(m, bool)
         self.measure(t, x, rows, step)
         (lam, w, support, code, bad), M, _ = self.velocity(t, x, rows, warm)
-        if code == 1 and M[bad, bad] > 0.0:               # by rounding alone? Ask with a tolerance
+        norm = np.sqrt(np.diag(M))
+        flat = np.flatnonzero(norm < FLAT * rows.norm)
+        if flat.size:
+            return Choice(support, none, int(flat[0]), True)
+        if code == 1:                                     # by rounding alone? Ask with a tolerance
             (lam, w, support, code, bad), M, _ = self.velocity(t, x, rows, warm, strictly=False)
         if code == 1:
-            return Choice(support, none, int(bad), bool(M[bad, bad] == 0.0))
-        norm = np.sqrt(np.diag(M))
+            return Choice(support, none, int(bad))
         small = UNDECIDED * self.size
         shut = np.flatnonzero(w <= small * norm)
         strong = support[lam[support] * norm[support] > small]
