@@ -53,7 +53,8 @@ class Near:
 
 def _near(kind, family, i, j, p, q, d, sign, dim) -> Near:
     m = len(i)
-    return Near(np.full(m, kind, np.int64), np.full(m, family, np.int64), *(np.asarray(a, np.int64) for a in (i, j, p, q)),
+    i, j, p, q = (np.asarray(a, np.int64) for a in (i, j, p, q))
+    return Near(np.full(m, kind, np.int64), np.full(m, family, np.int64), i, j, p, q,
                 np.broadcast_to(np.asarray(d, float), m).copy(), np.full(m, float(sign)), np.full(m, dim, np.int64))
 
 
@@ -72,6 +73,7 @@ class Scene:
     def __init__(self, problem: Complementarity, n: int):
         self.families, self.n = problem.constraints, n
         self.affine = [c for c in self.families if isinstance(c, Affine)]
+        self.anchored = [c for c in self.families if isinstance(c, Distance) and c.anchors is not None]
         self.moving = any(c.moving for c in self.families)
         ptr, cols, vals = [np.zeros(1, np.int64)], [np.empty(0, np.int64)], [np.empty(0)]
         for a in self.affine:
@@ -82,10 +84,9 @@ class Scene:
         rows = len(self.ptr) - 1
         self.inv2 = 1.0 / np.add.reduceat(self.vals**2, self.ptr[:-1]) if rows else np.empty(0)
         self._b = [host(a.b) if a.moving else (lambda t, v=a.b: v) for a in self.affine]
-        self._anchors = [host(c.anchors) if c.moving else (lambda t, v=c.anchors: v) for c in self.families
-                         if isinstance(c, Distance) and c.anchors is not None]
+        self._anchors = [host(c.anchors) if c.moving else (lambda t, v=c.anchors: v) for c in self.anchored]
         self.b_factory = chain([a.b for a in self.affine])
-        self.anchor_factory = chain([c.anchors for c in self.families if isinstance(c, Distance) and c.anchors is not None])
+        self.anchor_factory = chain([c.anchors for c in self.anchored])
         self._smooth = [SmoothRows(c, n) for c in self.families if isinstance(c, Smooth)]
         self._parts = self._static_parts()
         self.hard = [(k, c, c.particles(n)) for k, c in enumerate(self.families)
@@ -99,7 +100,7 @@ class Scene:
 
     def anchors(self, t: float) -> np.ndarray:
         """Coordinates of all anchors at time t, flat."""
-        return np.concatenate([np.asarray(f(t), float).ravel() for f in self._anchors]) if self._anchors else np.empty(0)
+        return np.concatenate([np.empty(0), *(np.asarray(f(t), float).ravel() for f in self._anchors)])
 
     def smooth(self, s: int):
         """The s-th Smooth family: g(t, x), gradient(t, x), rate(t, x) in numpy."""
@@ -131,7 +132,8 @@ class Scene:
             if pairs is None:
                 pairs = np.stack(np.meshgrid(np.arange(count), np.arange(targets), indexing="ij"), -1).reshape(-1, 2)
         if len(pairs) and (pairs[:, 0].max() >= count or pairs[:, 1].max() >= targets):
-            raise ValueError(f"family {k}: a pair names particle or anchor {pairs.max()}; there are {count} and {targets}")
+            raise ValueError(f"family {k}: a pair names particle or anchor {pairs.max()}; "
+                             f"there are {count} and {targets}")
         i, j = pairs.T
         q = anchor + j * c.dim if c.anchors is not None else c.start + j * c.dim
         return _near(PAIR if c.anchors is None else ANCHOR, k, i, j, c.start + i * c.dim, q, c.d, c.sign, c.dim)
@@ -231,9 +233,9 @@ class Scene:
         if rows.size:
             rate[rows] = np.concatenate([time_derivative(a.b)(t) if a.moving else np.zeros(a.shape[0])
                                          for a in self.affine])[near.p[rows]]
-        if any(isinstance(c, Distance) and c.moving for c in self.families):
+        if any(c.moving for c in self.anchored):
             speed = np.concatenate([time_derivative(c.anchors)(t).ravel() if c.moving else np.zeros(c.anchors.size)
-                                    for c in self.families if isinstance(c, Distance) and c.anchors is not None])
+                                    for c in self.anchored])
             for sel, (_, j), diff, dist in self._distances(t, x, near):
                 if j is None:
                     q = near.q[sel, None] + np.arange(diff.shape[1])
