@@ -1,0 +1,54 @@
+"""The report of a study: rows in, one self-contained page out. Nothing here runs a solver.
+
+    write_report("results", "results/report.html")
+
+reads results/runs.parquet (and cases.json, solvers.json, env.json, extra.json, figures/scene_*.svg where they
+exist) and writes the page, the same as Markdown beside it, and one SVG per case in ``figures/``.
+"""
+from __future__ import annotations
+
+import os
+import tempfile
+from pathlib import Path
+
+__all__ = ["write_report"]
+
+
+def write_report(study, path=None) -> Path:
+    """Write the report of `study` to `path` (HTML) and beside it the Markdown and the figures; the path written.
+
+    study: a folder of results, a list of folders, a study with ``.rows``, a DataFrame or a list of dict rows.
+    path: a file or an existing folder; by default ``report.html`` in the study's folder, or here.
+    Raises FileNotFoundError for a folder without rows and ValueError, naming the file, for one that cannot be read.
+    A study in which every run failed has a report like any other.
+    """
+    from nsbench.report.compose import compose, figures
+    from nsbench.report.page import page
+    from nsbench.report.source import read
+    from nsbench.report.text import text
+    folder = Path(study) if isinstance(study, (str, Path)) else Path(getattr(study, "dir", None) or ".")
+    path = Path(path) if path is not None else folder / "report.html"
+    path = path / "report.html" if path.is_dir() else path
+    data = read(study)
+    drawn = figures(data)
+    content = compose(data, drawn)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    (path.parent / "figures").mkdir(exist_ok=True)
+    for name, svg in drawn.files.items():
+        _write(path.parent / "figures" / f"{name}.svg", svg)
+    _write(path.with_suffix(".md"), text(content))
+    _write(path, page(content))
+    return path
+
+
+def _write(path: Path, content: str) -> None:
+    """Whole or not at all: a full disk leaves no half report."""
+    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name[:40]}.")
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
+            file.write(content)
+        os.chmod(name, 0o644)
+        os.replace(name, path)
+    except BaseException:
+        Path(name).unlink(missing_ok=True)
+        raise

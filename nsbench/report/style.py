@@ -1,0 +1,130 @@
+"""How things look and read in the report: colours and markers of methods, numbers, and text made harmless."""
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+
+# Okabe & Ito (2008): told apart by readers with any of the common colour blindnesses. Ink stands for their black.
+PALETTE = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#1c1b1a", "#b8a800")
+DARK = ("#4aa8e0", "#ff8a4c", "#2fc79c", "#e39cc3", "#f0b429", "#8ccdf2", "#e6e3dc", "#ece14a")
+INK, MUTED, RULE, SHADE, PAPER = "#1c1b1a", "#77736c", "#dcd7ce", "#efebe3", "#fdfcfa"
+MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">")
+LINES = ("-", "--", "-.", ":")
+SHAPES = {
+    "o": "M6 2a4 4 0 1 0 .01 0z", "s": "M2.5 2.5h7v7h-7z", "^": "M6 1.5l4.5 8.5h-9z", "D": "M6 1l5 5-5 5-5-5z",
+    "v": "M6 10.5l4.5-8.5h-9z", "P": "M4.5 1.5h3v3h3v3h-3v3h-3v-3h-3v-3h3z",
+    "X": "M3.5 1.5L6 4l2.5-2.5 2 2L8 6l2.5 2.5-2 2L6 8l-2.5 2.5-2-2L4 6 1.5 3.5z",
+    "<": "M1.5 6l8.5-4.5v9z", ">": "M10.5 6L2 1.5v9z",
+}
+TIMES = "\u00d7"
+LEADS = "pbd"     # the talk's method: first in every list, and the one speeds are compared with
+
+
+@dataclass(frozen=True)
+class Look:
+    """Colour by method, marker and dashes by variant: ``pbd`` and ``pbd[order=reverse]`` share a colour."""
+    index: int
+    tone: int
+    marker: str
+    line: str
+
+    @property
+    def colour(self) -> str:
+        return PALETTE[self.tone]
+
+
+def family(spec: str) -> str:
+    """The method of a spec: ``pbd`` of ``pbd[order=reverse]``."""
+    return spec.partition("[")[0]
+
+
+def looks(specs) -> dict[str, Look]:
+    """One look per spec, the same on every page made of the same specs; the order of `specs` is kept as index."""
+    specs = list(specs)
+    families = sorted({family(s) for s in specs}, key=lambda f: (f != LEADS, f))
+    variants = {f: sorted(s for s in specs if family(s) == f) for f in families}
+    out = {}
+    for index, spec in enumerate(specs):
+        place, turn = families.index(family(spec)), variants[family(spec)].index(spec)
+        lap = place // len(PALETTE)                    # more methods than colours: other markers tell them apart
+        out[spec] = Look(index, place % len(PALETTE), MARKERS[(turn + place + 4 * lap) % len(MARKERS)],
+                         LINES[(turn + lap) % len(LINES)])
+    return out
+
+
+def num(value, digits: int = 2) -> str:
+    """A number as people type it: 0, 3.4e-5, 0.012, 12; ``not finite`` for NaN and infinity.
+
+    3.0e-4 was rounded to two digits, 3e-4 is meant so.
+    """
+    if value is None or not math.isfinite(value):
+        return "not finite"
+    if math.isclose(value, float(f"{value:.0e}"), rel_tol=1e-9):      # interpolated values carry rounding
+        digits = 1
+    mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
+    k = int(exponent)
+    if value == 0 or -2 <= k <= 3:
+        return f"{float(f'{mantissa}e{k}'):.{max(0, digits - 1 - k)}f}"
+    return f"{mantissa}e{k}"
+
+
+def power(value: float) -> str:
+    """A figure to be reached, always with its exponent: 1e-2."""
+    mantissa, exponent = f"{value:g}".split("e") if "e" in f"{value:g}" else f"{value:.0e}".split("e")
+    return f"{mantissa}e{int(exponent)}"
+
+
+def seconds(value) -> str:
+    """A duration with its unit: 12 us, 3.4 ms, 2.1 s."""
+    if value is None or not math.isfinite(value):
+        return "not timed"
+    scale, unit = (1.0, "s") if value >= 1.0 else (1e-3, "ms") if value >= 1e-3 else (1e-6, "µs")
+    return f"{num(value / scale)} {unit}"
+
+
+def factor(value: float) -> str:
+    """A ratio with two digits, without false precision: 0.38, 4.1, 130."""
+    return num(value) if value < 100 else f"{float(f'{value:.2g}'):.0f}"
+
+
+def clean(text, limit: int = 600) -> str:
+    """Text from names and sentences made harmless for any terminal, table or page.
+
+    Control characters (ANSI escapes, newlines) and bidirectional overrides become visible escapes; text beyond
+    `limit` is cut with an ellipsis. Markup is escaped where it is written, by `html` and `markdown`.
+    """
+    text = re.sub(r"[\x00-\x1f\x7f-\x9f\u200b-\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff\ufeff]",
+                  lambda m: f"\\x{ord(m[0]):02x}", str(text))
+    return text if len(text) <= limit else text[:limit - 1] + "…"
+
+
+def html(text) -> str:
+    """`text` for element content and for quoted attributes."""
+    for raw, safe in (("&", "&amp;"), ("<", "&lt;"), (">", "&gt;"), ('"', "&quot;"), ("'", "&#39;")):
+        text = str(text).replace(raw, safe)
+    return text
+
+
+def markdown(text) -> str:
+    """`text` for a Markdown table cell: no markup, no column break."""
+    text = re.sub(r"\s+", " ", html(text).replace("&#39;", "'").replace("&quot;", '"'))
+    return re.sub(r"([\\`*_\[\]|~])", r"\\\1", text)
+
+
+def slug(text: str) -> str:
+    """`text` as a file name and as an id: letters, digits, ``.``, ``_`` and ``-``; at most 100 characters."""
+    return re.sub(r"[^A-Za-z0-9._-]+", "_", text).strip("_.")[:100] or "case"
+
+
+def listed(items, limit: int = 6) -> str:
+    """``a, b and c``; beyond `limit` names the rest is counted."""
+    items = list(items)
+    if len(items) > limit:
+        items = [*items[:limit - 1], f"{len(items) - limit + 1} more"]
+    return " and ".join(filter(None, (", ".join(items[:-1]), items[-1]))) if items else "none"
+
+
+def count(n: int, word: str) -> str:
+    """``1 case``, ``3 cases``."""
+    return f"{n} {word}" if n == 1 else f"{n} {word[:-1] + 'ies' if word.endswith('y') else word + 's'}"
