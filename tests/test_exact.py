@@ -195,6 +195,12 @@ def test_exact_solution_satisfies_its_own_equation(case):
     assert complaint(case) is None
 
 
+def test_the_cases_with_a_closed_form_are_all_here():
+    names = {p.values[0].name for p in CASES}
+    assert names >= {"apple", "smooth", "tide", "wedge", "rods", "duplicate", "hex", "two_discs", "stack", "chain",
+                     "tide_again", "moving_floor", "play", "dragged_disc", "wheel"}
+
+
 def bump(case):
     T, t0 = case.t[-1], case.t[0]
     return lambda t: 1e-6 * np.sin(np.pi * (t - t0) / (T - t0)) ** 2
