@@ -20,7 +20,7 @@ QPS, ROUNDS, REBUILDS, PEAK, LIMITS, TIES = range(6)      # places of the counte
 SKIN_OVER_STEP = 8.0                                      # a list should outlive its own step
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def columns(lists, rows):
     """CSR pattern (ptr, cols) of the gradients of a list; coordinates of i first, then of j."""
     kind, _, _, _, p, q, _, _, dim = lists
@@ -71,7 +71,7 @@ def linearise(lists, rows, b, anchors, x, ptr, vals, g):
                 vals[at + dim[k] + c] = -vals[at + c]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def travel(base, x, y, hard):
     """The farthest way of a hard particle base -> x -> y, and of x -> y alone."""
     far, last = 0.0, 0.0
@@ -87,7 +87,7 @@ def travel(base, x, y, hard):
     return far, last
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def carry(keys, on, new):
     """The active set of one list as that of another; keys ascending."""
     out = np.zeros(new.size, np.bool_)
@@ -99,7 +99,15 @@ def carry(keys, on, new):
     return out
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
+def gather(x, skin, static, skeys, rows, hard, radii):
+    """A list of candidates at x, its keys (ascending), and the pattern of their gradients."""
+    lists, keys = build(x, skin, SORTED, SEED, static, skeys, hard, radii)
+    ptr, cols = columns(lists, rows)
+    return lists, keys, qp.pattern(ptr, cols, x.size)
+
+
+@njit(cache=True, error_model="numpy")
 def project(lists, P, rows, b, anchors, x, z, on, count):
     """The point nearest to z where the gaps linearised at x are not negative. Returns mu, d = y - z, code, residual."""
     m = on.size
@@ -123,7 +131,7 @@ def project(lists, P, rows, b, anchors, x, z, on, count):
     return mu, d, code, qp.residual(P, vals, q, mu, d)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def march(f, b_of, a_of, moving, t, substeps, x, static, rows, b, anchors, hard, radii, reach):
     """Samples of one run. Arguments as kernels.pbd_near.march (static: arrays of the listed constraints, sorted).
 
@@ -133,11 +141,9 @@ def march(f, b_of, a_of, moving, t, substeps, x, static, rows, b, anchors, hard,
     K, n = t.size, x.size
     X, R = np.full((K, n), np.nan), np.full((K, n), np.nan)
     x, reac, v, base, z = x.copy(), np.zeros(n), np.empty(n), x.copy(), np.empty(n)
-    ids, values, size = np.empty((64, 4), np.int64), np.empty(64), 0
+    ids, values, size = np.empty((64, 4), np.int64), np.empty(64), np.int64(0)
     count, skin, skeys = np.zeros(6, np.int64), reach, static_keys(static[1], SORTED, SEED)
-    lists, keys = build(x, skin, SORTED, SEED, static, skeys, hard, radii)
-    ptr, cols = columns(lists, rows)
-    P = qp.pattern(ptr, cols, n)
+    lists, keys, P = gather(x, skin, static, skeys, rows, hard, radii)
     on, total = np.zeros(keys.size, np.bool_), np.zeros(keys.size)
     count[REBUILDS], count[PEAK] = 1, keys.size
     X[0], R[0] = x, reac
@@ -162,9 +168,7 @@ def march(f, b_of, a_of, moving, t, substeps, x, static, rows, b, anchors, hard,
                     break
                 ids, values, size = flush(k + 1, total, lists[1], lists[2], lists[3], ids, values, size)
                 skin = max(reach, SKIN_OVER_STEP * last)
-                lists, new = build(x, skin, SORTED, SEED, static, skeys, hard, radii)
-                ptr, cols = columns(lists, rows)
-                P = qp.pattern(ptr, cols, n)
+                lists, new, P = gather(x, skin, static, skeys, rows, hard, radii)
                 on, keys, total, base[:] = carry(keys, on, new), new, np.zeros(new.size), x
                 count[REBUILDS] += 1
                 count[PEAK] = max(count[PEAK], keys.size)

@@ -23,14 +23,14 @@ DEPENDENT = 1e-12            # squared sine of the angle to the span: below it 1
 NO_FACTOR = 1e-15            # phase 2 decides on dependence itself; the factor refuses only what rounding makes of zero
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def pattern(ptr, cols, n):
     """All that depends only on where G has entries: ptr, cols, their transpose, and an order of elimination."""
     tptr, trow, tpos = visits(ptr, cols, n)
     return ptr, cols, tptr, trow, tpos, dissection(ptr, cols, tptr, trow)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def push(P, vals, mu, d):
     """d = G^T mu."""
     ptr, cols = P[0], P[1]
@@ -41,7 +41,7 @@ def push(P, vals, mu, d):
                 d[cols[e]] += vals[e] * mu[k]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def slack(P, vals, q, d, w):
     """w = q + G d."""
     ptr, cols = P[0], P[1]
@@ -52,7 +52,7 @@ def slack(P, vals, q, d, w):
         w[k] = s
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def lengths(P, vals):
     """|grad g_k| of every row."""
     ptr, out = P[0], np.empty(P[0].size - 1)
@@ -64,7 +64,7 @@ def lengths(P, vals):
     return out
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def choose(on, order, slot):
     """The rows switched on, in the order of elimination; slot: their places, -1 elsewhere."""
     act, na = np.empty(on.size, np.int64), 0
@@ -77,7 +77,7 @@ def choose(on, order, slot):
     return act[:na]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def equality(on, P, vals, q, norm, dependent, eps, mu, d, w, slot):
     """mu with w = 0 on the rows switched on; rows that depend on others are switched off. Returns act, L, D."""
     ptr, cols, tptr, trow, tpos, order = P
@@ -107,7 +107,7 @@ def equality(on, P, vals, q, norm, dependent, eps, mu, d, w, slot):
     return act, L, D
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def rounding(scale, mu, norm):
     """Length below which a sign is rounding: gaps come from numbers of size `scale`, slacks from mu too."""
     top = 0.0
@@ -116,7 +116,7 @@ def rounding(scale, mu, norm):
     return 32.0 * EPS * (scale + top)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def exchange(on, P, vals, q, norm, scale, mu, d, w, slot):
     """Phase 1. Returns whether all signs are right, and the rounds taken."""
     best, chances, rounds = on.size + 1, 3, 0
@@ -127,6 +127,9 @@ def exchange(on, P, vals, q, norm, scale, mu, d, w, slot):
         for k in range(on.size):
             if (on[k] and mu[k] * norm[k] < -tol) or (not on[k] and w[k] < -tol * norm[k]):
                 wrong += 1
+        if not tol <= np.sqrt(EPS) * scale:                # almost dependent rows that contradict: all is rounding
+            on[:] = False
+            return False, rounds
         if wrong == 0:
             return True, rounds
         chances = 3 if wrong < best else chances - 1
@@ -140,7 +143,7 @@ def exchange(on, P, vals, q, norm, scale, mu, d, w, slot):
                 on[k] = w[k] < -tol * norm[k]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def shrink(on, P, vals, q, norm, scale, mu, d, w, slot):
     """Put out negative mu until none is left: a dual feasible start. Returns act, L, D, rounds."""
     rounds = 0
@@ -156,7 +159,7 @@ def shrink(on, P, vals, q, norm, scale, mu, d, w, slot):
             return act, L, D, rounds
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def direction(p, act, L, D, P, vals, slot):
     """r with M_AA r = M_Ap, and |G_p - G_A^T r|^2: what moves when row p is pushed and the set A holds."""
     ptr, cols, tptr, trow, tpos, _ = P
@@ -177,22 +180,21 @@ def direction(p, act, L, D, P, vals, slot):
     return r, (v * v).sum()
 
 
-@njit(cache=True)
-def take_in(p, on, P, vals, q, norm, scale, mu, d, w, slot, state, limit):
-    """Raise mu_p until row p holds; blocking rows leave. Returns code, the new state (act, L, D), rounds."""
-    act, L, D = state
+@njit(cache=True, error_model="numpy")
+def take_in(p, on, P, vals, q, norm, scale, mu, d, w, slot, act, L, D, limit):
+    """Raise mu_p until row p holds; blocking rows leave. Returns code, the new act, L, D, and rounds."""
     rounds, mup, wp = 0, 0.0, w[p]
     while rounds <= limit:
         r, gain = direction(p, act, L, D, P, vals, slot)
         full = -wp / gain if gain > DEPENDENT * norm[p] * norm[p] else np.inf
-        t, leave = full, -1
+        t, leave = full, np.int64(-1)
         for i in range(act.size):
             if D[i] != 0.0 and r[i] > 1e-14 * norm[p] / norm[act[i]]:      # below: rounding of a zero
                 s = max(mu[act[i]], 0.0) / r[i]
                 if s < t:
                     t, leave = s, act[i]
         if t == np.inf:
-            return INFEASIBLE, state, rounds
+            return INFEASIBLE, act, L, D, rounds
         for i in range(act.size):
             mu[act[i]] -= t * r[i]
         mup += t
@@ -200,42 +202,42 @@ def take_in(p, on, P, vals, q, norm, scale, mu, d, w, slot, state, limit):
         if leave < 0:
             on[p] = True
             act, L, D, more = shrink(on, P, vals, q, norm, scale, mu, d, w, slot)
-            return SOLVED, (act, L, D), rounds + more
+            return SOLVED, act, L, D, rounds + more
         on[leave] = False
         mu[leave] = 0.0
         act = choose(on, P[5], slot)
         L, D = factor(act, slot, P[0], P[1], vals, P[2], P[3], P[4], NO_FACTOR)
         rounds += 1
-    return MAXITER, state, rounds
+    return MAXITER, act, L, D, rounds
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def one_by_one(on, P, vals, q, norm, scale, mu, d, w, slot):
     """Phase 2. Returns code and rounds."""
     act, L, D, rounds = shrink(on, P, vals, q, norm, scale, mu, d, w, slot)
-    state, limit = (act, L, D), 100 + 20 * on.size
+    limit = 100 + 20 * on.size
     spared = np.zeros(on.size, np.bool_)
     while rounds < limit:
-        tol, p, worst = rounding(scale, mu, norm), -1, 0.0
+        tol, p, worst = rounding(scale, mu, norm), np.int64(-1), 0.0
         for k in range(on.size):
             if not on[k] and not spared[k] and w[k] / norm[k] < min(-tol, worst):
                 p, worst = k, w[k] / norm[k]
         if p < 0:
             return SOLVED, rounds
-        code, state, more = take_in(p, on, P, vals, q, norm, scale, mu, d, w, slot, state, limit)
+        code, act, L, D, more = take_in(p, on, P, vals, q, norm, scale, mu, d, w, slot, act, L, D, limit)
         rounds += more
         if code == INFEASIBLE:
             if worst < -np.sqrt(EPS) * scale:
                 return INFEASIBLE, rounds
             spared[p] = True                           # contradicts the others by rounding only: the residual shows it
             act, L, D, more = shrink(on, P, vals, q, norm, scale, mu, d, w, slot)
-            state, rounds = (act, L, D), rounds + more
+            rounds += more
         elif code == MAXITER:
             break
     return MAXITER, rounds
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def solve(P, vals, q, on, scale):
     """Solve the problem for the pattern P, entries vals and right-hand side q (m,).
 
@@ -256,7 +258,7 @@ def solve(P, vals, q, on, scale):
     return mu, d, code, rounds
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def residual(P, vals, q, mu, d):
     """How far (d, mu) is from solving the problem, as a length: the largest of
 

@@ -9,7 +9,7 @@ from numba import njit
 SMALL = 24                  # a part this small is dense enough: dissecting it further gains nothing
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def visits(ptr, cols, n):
     """Transpose of a CSR pattern: tptr (n + 1,), trow, tpos, rows ascending in every column."""
     tptr = np.zeros(n + 1, np.int64)
@@ -28,7 +28,7 @@ def visits(ptr, cols, n):
     return tptr, trow, tpos
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _levels(root, part, label, ptr, cols, tptr, trow, queue, level):
     """Breadth first from root through the rows with label `part`; returns how many were reached."""
     queue[0] = root
@@ -51,7 +51,7 @@ def _levels(root, part, label, ptr, cols, tptr, trow, queue, level):
     return found
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def dissection(ptr, cols, tptr, trow):
     """Rows in an order of elimination: nested dissection by the middle level of a breadth-first search.
 
@@ -63,11 +63,11 @@ def dissection(ptr, cols, tptr, trow):
         return order
     queue, level = np.empty(m, np.int64), np.empty(m, np.int64)
     todo = np.empty((m + 1, 2), np.int64)
-    todo[0] = 0, m
+    todo[0, 0], todo[0, 1] = 0, m
     depth, part = 1, 1
     while depth > 0:
         depth -= 1
-        lo, hi = todo[depth]
+        lo, hi = todo[depth, 0], todo[depth, 1]
         part += 1
         for k in range(lo, hi):
             label[order[k]] = part
@@ -81,30 +81,38 @@ def dissection(ptr, cols, tptr, trow):
         if found < hi - lo:                                    # a part of its own, then the rest
             for k in range(found):
                 label[queue[k]] = 0
-            rest = np.empty(hi - lo - found, np.int64)
-            u = 0
+            end, mid = hi, lo + found
             for k in range(lo, hi):
                 if label[order[k]] != 0:
-                    rest[u] = order[k]
-                    u += 1
-            order[lo:lo + found] = queue[:found]
-            order[lo + found:hi] = rest
-            mid, end = lo + found, hi
+                    queue[found] = order[k]
+                    found += 1
+            for k in range(found):
+                order[lo + k] = queue[k]
         else:                                                  # before the cut, behind it, and the cut last
-            first = np.searchsorted(level[queue[:found]], cut)
-            last = np.searchsorted(level[queue[:found]], cut, side="right")
-            mid, end = lo + first, hi - (last - first)
-            order[lo:mid] = queue[:first]
-            order[mid:end] = queue[last:found]
-            order[end:hi] = queue[first:last]
-        for a, z in ((lo, mid), (mid, end)):
-            if z > a:
-                todo[depth] = a, z
-                depth += 1
+            mid, end = lo, hi
+            for k in range(found - 1, -1, -1):
+                if level[queue[k]] == cut:
+                    end -= 1
+                    order[end] = queue[k]
+            at = end
+            for k in range(found - 1, -1, -1):
+                if level[queue[k]] > cut:
+                    at -= 1
+                    order[at] = queue[k]
+            for k in range(found):
+                if level[queue[k]] < cut:
+                    order[mid] = queue[k]
+                    mid += 1
+        if mid > lo:
+            todo[depth, 0], todo[depth, 1] = lo, mid
+            depth += 1
+        if end > mid:
+            todo[depth, 0], todo[depth, 1] = mid, end
+            depth += 1
     return order
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _symbolic(act, slot, ptr, cols, tptr, trow):
     """Elimination tree of the chosen rows and the start of each column of L."""
     na = act.size
@@ -182,7 +190,7 @@ def factor(act, slot, ptr, cols, vals, tptr, trow, tpos, tol):
     return (start, count, row, value), D
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def back(L, D, b):
     """Solve L D L^T x = b in place; the entries of dependent rows become 0."""
     start, count, row, value = L
