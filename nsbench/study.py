@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -88,8 +89,10 @@ def suite_cases(suite: str, tag: str | None = None) -> list[str]:
     return out
 
 
+@functools.lru_cache(maxsize=512)
 def resolve(case: str, file: str = "") -> Case:
-    """The case of a key, from the registry or from a file."""
+    """The case of a key, from the registry or from a file; the same object each time, so that what was compiled for
+    it serves again."""
     if file:
         from nsbench.case import parse_spec
         return load_case(file, **parse_spec(case)[1])
