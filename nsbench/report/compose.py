@@ -4,7 +4,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from nsbench.report import speed, tables
-from nsbench.report.figures import case_panels, talk_figure
+from nsbench.report.figures import case_panels, talk_figure, talk_sentence
 from nsbench.report.page import Content
 from nsbench.report.panels import draw, inline, sheet
 from nsbench.report.source import Data
@@ -67,7 +67,8 @@ def compose(data: Data, drawn: Figures) -> Content:
     factors = tuple(speeds(data)) or ("No two methods reached the same error with loops of one kind.",)
     told = {case: notes(data, case, s) for case in data.case_keys}
     return Content("nsbench report", f"{lede}.", tuple(verdict(data, s)), {t.key: t for t in made}, data, s,
-                   drawn.looks, drawn.ids, drawn.panels, told, factors, drawn.talk)
+                   drawn.looks, drawn.ids, drawn.panels, told, factors, drawn.talk,
+                   talk_sentence(data))
 
 
 def _where(env: dict) -> list[str]:

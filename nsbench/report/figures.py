@@ -129,6 +129,28 @@ def talk_figure(data: Data) -> str:
     return panels._svg(fig, "talk")
 
 
+def talk_sentence(data: Data) -> str:
+    """How far each run strays from the exact path, in words; "" without the figure."""
+    talk = data.extra.get("talk_figure")
+    if not isinstance(talk, dict):
+        return ""
+    exact, parts = _curve(talk.get("exact")), []
+    if exact is None or len(exact) < 2:
+        return "Euler's method on the talk's sliding example, explicit and implicit."
+    for name, group in talk_runs(talk):
+        far = ", ".join(f"{num(strays(curve, exact))} (dt = {dt})" for dt, curve in group)
+        parts.append(f"{name} Euler {far}")
+    return f"Largest distance from the exact path (dashed): {'; '.join(parts)}."
+
+
+def strays(curve: np.ndarray, path: np.ndarray) -> float:
+    """Largest distance of the points `curve` (k, 2) from the polygon through `path` (m, 2)."""
+    a, d = path[:-1], np.diff(path, axis=0)
+    square = np.maximum((d * d).sum(axis=1), 1e-300)
+    s = np.clip(((curve[:, None] - a) * d).sum(axis=2) / square, 0.0, 1.0)
+    return float(np.linalg.norm(curve[:, None] - a - s[..., None] * d, axis=2).min(axis=1).max())
+
+
 def _talk_axes(ax, limits, title: str):
     (x0, x1), (y0, y1) = limits
     ax.set_xlim(x0 - 0.04 * (x1 - x0 or 1), x1 + 0.04 * (x1 - x0 or 1))

@@ -19,7 +19,7 @@ class Content:
     """Everything the page shows, in order; `text` writes the same as Markdown.
 
     tables: by key (choice, orders, speed, seeds, failures, environment, glossary); panels: inlined SVG by case;
-    notes: sentences under a case; talk: SVG or ""; title and lede: of the header.
+    notes: sentences under a case; talk: SVG or "", told: its sentence; title and lede: of the header.
     """
     title: str
     lede: str
@@ -33,13 +33,12 @@ class Content:
     notes: dict[str, list[str]]
     speeds: tuple[str, ...]
     talk: str = ""
+    told: str = ""
 
 
 READING = ("An open marker on the bottom edge is an error of exactly 0, a cross on the top edge a run that gave no "
            "number, a dotted line the best error of a method with a tolerance. Triangles show the orders claimed; the "
            "shaded band is the reference's own error. Where cost is shown, open markers are host loops.")
-TALK = ("Explicit Euler (above) jumps across the surface at every step and its saw-tooth has the height of a step; "
-        "implicit Euler (below) finds the sliding velocity and stays on the surface. Dashed: the exact solution.")
 
 
 def page(c: Content) -> str:
@@ -51,7 +50,7 @@ def page(c: Content) -> str:
          + "".join(_case(c, case) for case in c.data.case_keys)),
     ]
     if c.talk:
-        shown = f'<p class="note">{html(TALK)}</p><div class="talk">{c.talk}</div>'
+        shown = f'<p class="note">{html(c.told)}</p><div class="talk">{c.talk}</div>'
         sections.append(("talk", "The talk's figure", shown))
     sections.append(("speed", "Speed at equal error", _list(c.speeds, c.looks) + table(c.tables["speed"], c.looks)))
     seeds = "<h3>Over seeds</h3>" + table(c.tables["seeds"], c.looks) if c.tables["seeds"].rows else ""
@@ -78,7 +77,7 @@ MEASURED = ("Compilation, set-up and factorisation are timed apart from the run;
 def _verdict(c: Content) -> str:
     parts = "".join(f'<h3 class="{s.tone}">{html(s.head)}</h3>{_list(s.sentences, c.looks, s.tone)}'
                     for s in c.statements)
-    return f'<div class="say">{parts}</div>' + (table(c.tables["choice"], c.looks) if c.data.runs else "")
+    return f'<div class="say">{parts}</div>' + table(c.tables["choice"], c.looks)
 
 
 def _list(sentences, looks: dict, tone: str = "plain") -> str:

@@ -98,7 +98,8 @@ def _outcome(runs: Runs, statuses: Counter) -> str:
     why = whys[0] if whys else "no sentence was recorded"
     if code == "refused":
         return why
-    tried = "" if len(runs) == 1 else f" ({count(len(runs), 'run')}: {spell(statuses)})"
+    tried = "" if len(runs) == 1 else f" ({count(len(runs), 'run')}" + (f": {spell(statuses)})" if statuses[code]
+                                                                        < len(runs) else ")")
     return f"{code}: {why}{tried}"
 
 

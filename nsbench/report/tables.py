@@ -122,6 +122,8 @@ def _events(s: Summary) -> Cell:
 def choice_table(data: Data) -> Table:
     """Case x error: the cheapest method, by seconds among compiled loops, by counted work where there is none."""
     rows = []
+    if not any(np.isfinite(r.col["state_sup"][r.good]).any() for r in data.runs.values()):
+        return Table("choice", (), ())
     for case in data.case_keys:
         cells = [Cell(case, kind="method")]
         for target in speed.TARGETS:
@@ -232,16 +234,15 @@ def sum_statuses(group):
     return total
 
 
+def _plain(value) -> str:
+    if isinstance(value, dict):
+        return ", ".join(f"{k} {v}" for k, v in value.items())
+    return " ".join(map(str, value)) if isinstance(value, (list, tuple)) else str(value)
+
+
 def environment_table(env: dict) -> Table:
-    """env.json, one line per entry; nested objects by their keys."""
-    flat = []
-    for key, value in env.items():
-        if isinstance(value, dict):
-            flat += [(f"{key} · {k}", v) for k, v in value.items()]
-        else:
-            flat.append((key, value))
-    show = lambda v: ", ".join(map(str, v)) if isinstance(v, (list, tuple)) else str(v)
-    rows = [Row((Cell(clean(k, 80), kind="method"), Cell(clean(show(v), 300)))) for k, v in flat]
+    """env.json, one line per entry."""
+    rows = [Row((Cell(clean(k, 80), kind="method"), Cell(clean(_plain(v)) or "empty"))) for k, v in env.items()]
     return Table("environment", ("what", "value"), tuple(rows),
                  "" if rows else "The study stored no environment: its figures cannot be tied to a machine.")
 

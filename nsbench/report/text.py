@@ -1,7 +1,7 @@
 """The report as Markdown: the same sentences and tables as the page."""
 from __future__ import annotations
 
-from nsbench.report.page import MEASURED, TALK, Content, meta, paragraphs
+from nsbench.report.page import MEASURED, Content, meta, paragraphs
 from nsbench.report.style import markdown
 from nsbench.report.tables import Table
 
@@ -21,7 +21,7 @@ def text(c: Content) -> str:
         out += [markdown(n) for n in c.notes[case]]
         out += [f"![{markdown(case)}](figures/{c.ids[case]}.svg)"] if c.panels[case] else []
     if c.talk:
-        out += ["## The talk's figure", TALK, "![The talk's figure](figures/talk.svg)"]
+        out += ["## The talk's figure", markdown(c.told), "![The talk's figure](figures/talk.svg)"]
     out += ["## Speed at equal error", "\n".join(f"- {markdown(s)}" for s in c.speeds), table(c.tables["speed"]),
             "## Failures and refusals", table(c.tables["failures"])]
     out += ["### Over seeds", table(c.tables["seeds"])] if c.tables["seeds"].rows else []

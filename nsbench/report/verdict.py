@@ -23,7 +23,7 @@ class Statement:
 def verdict(data: Data, summaries: dict[tuple, Summary]) -> list[Statement]:
     """What a reader in a hurry should take away; at least one statement, also when nothing ran."""
     if not any(s.word == "ok" for s in summaries.values()):
-        return [Statement("No run gave a number", (_runs(summaries),), "bad")]
+        return [Statement("No run gave a number", (_runs(summaries), *_failed(summaries)), "bad")]
     parts = [Statement("Which method", tuple(_choices(data))),
              Statement("Which orders", tuple(_orders(summaries))),
              Statement("Can the multipliers be trusted", tuple(_multipliers(summaries))),
