@@ -38,7 +38,7 @@ class Motion:
         except (TypeError, ValueError, np.exceptions.ComplexWarning):
             good = False
         if not good:
-            self.along = self._by_jax()
+            self.along = self._by_jax(t, x)
 
     def _agrees(self, t, x, dt, dx) -> bool:
         import warnings
@@ -49,11 +49,17 @@ class Motion:
             rough = (self.switch(t + h * dt, x + h * dx) - self.switch(t - h * dt, x - h * dx)) / (2 * h)
         return bool(np.all(np.abs(exact - rough) <= 1e-4 * (1.0 + np.abs(rough))))
 
-    def _by_jax(self):
+    def _by_jax(self, t, x):
         from nsbench.compile import jax_function
         c = jax_function(self._factory)
         import jax
         slope = jax.jit(lambda t, x, dt, dx: jax.jvp(c, (t, x), (dt, dx))[1])
+        try:
+            slope(float(t), x, 1.0, x)                          # compiles
+        except (TypeError, ValueError, AttributeError, NotImplementedError) as e:
+            reason = str(e).strip().splitlines()[0]
+            raise ValueError("the switch functions can be differentiated neither by complex steps nor by JAX: "
+                             f"{reason}") from None
         return lambda t, x, dt, dx: np.asarray(slope(float(t), x, float(dt), dx))
 
     def gradients(self, t, x, rows) -> np.ndarray:

@@ -19,28 +19,25 @@ from nsbench.trajectory import Event, Status, Trajectory
 TRIALS = 10.0 ** np.arange(-7, -2)      # lengths of trial motions as parts of the run: the first sign shown decides
 FLAT = 1e-7                             # relative size below which a first derivative decides nothing
 WINDOW = 3                              # events per window of the test for accumulation
+IDLE = 1000                             # events in a row that leave the mode as it is before the run is called stuck
 
 
 def prepare(case: Case, options, tol: float) -> Run:
-    """A Run; options has method, max_step and max_events (defaults where it lacks them); tol is the arcs' tolerance."""
-    return lambda: _Walk(case, options, tol).run()
+    """A Run of a Filippov case; options are EventDriven's, tol is the tolerance of the arcs.
 
-
-def run(case: Case, options, tol: float) -> Trajectory:
-    """One run of a Filippov case: samples, integrals of theta, events enter, exit and cross with contact (0, i)."""
-    return prepare(case, options, tol)()
+    Its trajectory has the integrals of theta and the events enter, exit and cross with contact (0, i).
+    """
+    motion = Motion(case.problem, float(case.t[0]), case.x0)
+    return lambda: _Walk(case, motion, options, tol).run()
 
 
 class _Walk:
-    def __init__(self, case, options, tol):
-        self.case, self.tol = case, tol
-        self.method = getattr(options, "method", "dop853")
-        self.max_step, self.max_events = getattr(options, "max_step", np.inf), getattr(options, "max_events", 100_000)
-        self.t, self.x = float(case.t[0]), case.x0.copy()
-        self.motion = Motion(case.problem, self.t, self.x)
-        self.n, self.d = case.n, self.motion.d
+    def __init__(self, case, motion, options, tol):
+        self.case, self.motion, self.options, self.tol = case, motion, options, tol
+        self.t, self.x, self.n, self.d = float(case.t[0]), case.x0.copy(), case.n, motion.d
+        motion.calls = motion.newton = 0
         self.theta, self.mode, self.signs = np.zeros(self.d), np.zeros(self.d, np.int64), np.zeros(self.d)
-        self.events, self.meetings = [], []
+        self.events, self.meetings, self.idle = [], [], 0
         self.arcs, self.steps, self.h, self.done = 0, 0, 0.0, 1
         self.X, self.W = np.full((len(case.t), self.n), np.nan), np.full((len(case.t), self.d), np.nan)
 
@@ -51,6 +48,8 @@ class _Walk:
             status = self._start()
             while status.ok and self.t < case.t[-1]:
                 status = self._arc()
+        if status.ok:                       # an event at the very end leaves the last sample to us
+            self.X[self.done:], self.W[self.done:] = self.x, self.theta
         stats = {"steps": self.steps, "h": float(self.h), "drift_calls": self.motion.calls, "events": len(self.events),
                  "restarts": self.arcs, "inner_iterations": self.motion.newton, "loop": "host"}
         return Trajectory(case.t, self.X, tuple((0, i) for i in range(self.d)), self.W, np.empty((len(case.t), 0)),
@@ -99,8 +98,9 @@ class _Walk:
         band = np.concatenate([self._band(self.t, self.x, 16.0), np.full(on.size, FLAT)])
         band[on] = FLAT
         later = self.case.t[self.done:]
-        arc = follow(rhs, self.t, np.concatenate([self.x, self.theta]), T, gaps, method=self.method, rtol=self.tol,
-                     max_step=self.max_step, project=project if on.size else None, band=band, samples=later)
+        arc = follow(rhs, self.t, np.concatenate([self.x, self.theta]), T, gaps, method=self.options.method,
+                     rtol=self.tol, max_step=self.options.max_step, max_steps=self.options.max_steps - self.steps,
+                     project=project if on.size else None, band=band, samples=later)
         rows = slice(self.done, self.done + len(arc.samples))
         self.X[rows], self.W[rows] = arc.samples[:, :n], arc.samples[:, n:]
         self.done, self.arcs, self.steps, self.h = rows.stop, self.arcs + 1, self.steps + arc.steps, max(self.h, arc.h)
@@ -125,8 +125,8 @@ class _Walk:
         ends = accumulation(self.meetings, self.case.t[-1] - self.case.t[0])
         if ends is not None:
             return Status("chatter", f"Events accumulate at t = {ends:.9g}: following events cannot pass that time.")
-        if len(self.meetings) > self.max_events:
-            return Status("chatter", f"{self.max_events} events were met by t = {self.t:.9g}; raise max_events.")
+        if len(self.meetings) > self.options.max_events:
+            return Status("chatter", f"{len(self.meetings)} events were met by t = {self.t:.9g}; raise max_events.")
         c = self.motion.switch(self.t, self.x)
         near = (np.abs(c) <= self._band(self.t, self.x)) | (self.mode == 0)
         near[fired[fired < self.d]] = True
@@ -139,23 +139,28 @@ class _Walk:
             if mode[i] != self.mode[i]:
                 kind = "enter" if mode[i] == 0 else "exit" if self.mode[i] == 0 else "cross"
                 self.events.append(Event(self.t, kind, (0, int(i))))
+        self.idle = self.idle + 1 if np.array_equal(mode, self.mode) else 0
         self.mode, self.signs = mode, signs
+        if self.idle > IDLE:
+            return Status("chatter", f"{IDLE} events on {self._named(met)} up to t = {self.t:.9g} changed nothing: "
+                                     "the motion stays within rounding of the surface without being held by it.")
         return Status()
 
     def _choose(self, met):
         """(status, mode, signs) among the modes of the surfaces met; sliding first."""
-        good, mode, size = [], self.mode.copy(), np.zeros(self.d)
+        good, mode, size, known = [], self.mode.copy(), np.zeros(self.d), True
         for q in product((1, -1), repeat=met.size):
             mode[met] = q
             F = self.motion.velocity(self.t, self.x, mode, self.signs)[0]
-            size = np.maximum(size, np.abs(self.motion.along(self.t, self.x, 1.0, F)))
+            known = known and bool(np.all(np.isfinite(F)))
+            size = np.fmax(size, np.abs(self.motion.along(self.t, self.x, 1.0, F)))
         for q in product((0, 1, -1), repeat=met.size):
             mode = self.mode.copy()
             mode[met] = q
             found = self._holds(mode, met, size)
             if found is not None:
                 good.append((mode, *found))
-        if not good and not np.all(np.isfinite(size)):
+        if not good and not known:
             return Status("nan", f"The drift is not finite on {self._named(met)} at t = {self.t:.9g}."), None, None
         if not good:
             return Status("degenerate", f"At t = {self.t:.9g} no motion continues from {self._named(met)}."), None, None

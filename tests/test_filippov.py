@@ -1,0 +1,275 @@
+"""Event-driven runs of Filippov systems reach closed forms to 1e-10, and say so where there is no single motion."""
+import numpy as np
+import pytest
+from nsbench.cases import slide_exit
+from scipy.integrate import quad, solve_ivp
+from scipy.optimize import brentq
+
+from nsbench import Case, Filippov, get_case, solve
+from nsbench.solvers._switching import accumulation
+
+TOL = 1e-10                 # what the method claims
+
+
+def states(xp):
+    return lambda t, x: x
+
+
+def second(xp):
+    return lambda t, x: x[1:2]
+
+
+def still(xp):
+    return lambda t, x: 0.0 * x
+
+
+def constant(*v):
+    return lambda xp: lambda t, x: xp.array(v) + 0.0 * x
+
+
+def drift(f):
+    """A factory from a lambda (xp, t, x) or (xp, t, x, s)."""
+    return lambda xp: lambda *args: f(xp, *args)
+
+
+def filippov(problem, x0, T, k=41):
+    return Case("test", problem, np.array(x0, float), np.linspace(0.0, T, k))
+
+
+def run(case, **options):
+    spec = ",".join(f"{k}={v}" for k, v in options.items())
+    return solve(case, f"event_driven[{spec}]" if spec else "event_driven")
+
+
+def agrees(traj, x, impulse, events, tol=TOL):
+    assert traj.status.ok, traj.status
+    np.testing.assert_allclose(traj.x, x, rtol=0, atol=tol)
+    np.testing.assert_allclose(traj.impulse, impulse, rtol=0, atol=tol)
+    assert [(e.kind, e.contact) for e in traj.events] == [(kind, (0, i)) for _, kind, i in events]
+    np.testing.assert_allclose([e.t for e in traj.events], [t for t, _, _ in events], rtol=0, atol=tol)
+    assert traj.reaction.shape == (len(x), 0)
+
+
+KINDS = {"sliding": ["enter"], "oscillator": ["cross"], "apple_filippov": ["enter"], "apple_filippov[y0=-0.5]": [],
+         "apple_filippov[y0=0]": [], "crossing": ["cross"], "friction": ["cross", "enter"]}
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_a_case_with_a_closed_form_is_met(name):
+    case = get_case(name)
+    events = [(t, kind, 0) for t, kind in zip(case.exact_events, KINDS[name], strict=True)]
+    agrees(run(case), case.exact(case.t), case.exact_impulse(case.t), events)
+
+
+def test_the_numbers_of_slide_exit_hold_and_are_met():
+    # an independent computation: a Runge-Kutta code for the free arcs, quadrature of dx1 / v(x1) for the sliding one
+    above, below = slide_exit.above(np), slide_exit.below(np)
+    hit = lambda t, x: x[1]
+    hit.terminal = True
+    free = solve_ivp(above, (0, 1), [-0.5, 0.5], "DOP853", rtol=1e-13, atol=1e-14, events=hit)
+    enter, x1 = free.t[-1], free.y[0, -1]
+    weight = lambda u: (1 - u) / (2 - u + 0.5 * np.sin(u))
+    speed = lambda u: weight(u) + (1 - weight(u)) * (2 + u * u / 4)
+    leave = enter + quad(lambda u: 1 / speed(u), x1, 1, epsabs=1e-13)[0]
+    end = solve_ivp(below, (leave, 1.5), [1.0, 0.0], "DOP853", rtol=1e-13, atol=1e-14).y[:, -1]
+    total = enter + quad(lambda u: weight(u) / speed(u), x1, 1, epsabs=1e-13)[0]
+    found = np.array([enter, leave, *end, total])
+    stated = np.array([slide_exit.ENTER, slide_exit.LEAVE, *slide_exit.END, slide_exit.WEIGHT])
+    np.testing.assert_allclose(found, stated, rtol=0, atol=1e-11)
+    traj = run(get_case("slide_exit"))
+    assert [e.kind for e in traj.events] == ["enter", "exit"]
+    np.testing.assert_allclose([*(e.t for e in traj.events), *traj.x[-1], traj.impulse[-1, 0]], stated,
+                               rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("method", ["rk45", "radau", "lsoda"])
+def test_every_integrator_gets_there(method):
+    traj = solve(get_case("slide_exit"), f"event_driven[method={method}]", tol=1e-9)
+    assert np.abs(traj.x[-1] - slide_exit.END).max() < 1e-6, traj.status
+
+
+def turning(xp, t, x, s):
+    grow, turn = 0.5 * xp.sin(t) - s[0], 1.0 + 0.5 * s[0]
+    return xp.array([grow * x[0] - turn * x[1], grow * x[1] + turn * x[0]])
+
+
+SQUARE = drift(lambda xp, t, x: x[0:1] * x[0:1] + x[1:2] * x[1:2] - 1.0)
+ROOT = drift(lambda xp, t, x: xp.abs(xp.sqrt(x[0:1] ** 2 + x[1:2] ** 2)) - 1.0)     # abs: no complex step, so JAX
+
+
+@pytest.mark.parametrize("circle", [SQUARE, ROOT], ids=["complex step", "jax"])
+def test_a_curved_surface_with_a_moving_weight(circle):
+    case = filippov(Filippov.signs(drift(turning), circle), (1.5, 0.0), 4.0)
+    t = case.t
+    log_r = lambda t: np.log(1.5) + 0.5 * (1 - np.cos(t)) - t
+    t1 = brentq(log_r, 0, 2, xtol=1e-15)
+    late = np.maximum(t, t1)
+    angle = 1.5 * np.minimum(t, t1) + (late - t1) + 0.25 * (np.cos(t1) - np.cos(late))
+    r = np.where(t < t1, np.exp(log_r(t)), 1.0)
+    impulse = np.minimum(t, t1) + 0.5 * (late - t1) + 0.25 * (np.cos(t1) - np.cos(late))
+    agrees(run(case), np.stack([r * np.cos(angle), r * np.sin(angle)], 1), impulse[:, None], [(t1, "enter", 0)])
+
+
+def test_two_relays_end_in_their_common_point():
+    pull = drift(lambda xp, t, x: xp.array([0.5 * xp.sin(t), 0.5 * xp.cos(t)]))
+    case = filippov(Filippov.relay(pull, -np.eye(2), states), (1.0, -0.7), 4.0)
+    t = case.t
+    f1, f2 = lambda t: 1 - t + 0.5 * (1 - np.cos(t)), lambda t: -0.7 + t + 0.5 * np.sin(t)
+    t1, t2 = brentq(f1, 0, 3, xtol=1e-15), brentq(f2, 0, 3, xtol=1e-15)
+    a, b = np.maximum(t, t1), np.maximum(t, t2)
+    impulse = np.stack([np.minimum(t, t1) + 0.5 * (a - t1) + 0.25 * (np.cos(t1) - np.cos(a)),
+                        0.5 * (b - t2) + 0.25 * (np.sin(b) - np.sin(t2))], 1)
+    agrees(run(case), np.stack([np.where(t < t1, f1(t), 0), np.where(t < t2, f2(t), 0)], 1), impulse,
+           [(t2, "enter", 1), (t1, "enter", 0)])
+
+
+def test_dry_friction_in_two_dimensions_lets_go_twice():
+    # starts at rest on both surfaces; each sticks while |load| <= 0.6 and leaves tangentially
+    size = np.array([1.2, 0.9])
+    load = drift(lambda xp, t, x: xp.array([1.2 * xp.sin(t), 0.9 * xp.sin(t)]))
+    case = filippov(Filippov.relay(load, -0.6 * np.eye(2), states), (0.0, 0.0), 2.5)
+    t = case.t[:, None]
+    free = np.arcsin(0.6 / size)
+    late = np.maximum(t, free)
+    x = size * (np.cos(free) - np.cos(late)) - 0.6 * (late - free)
+    stuck = np.minimum(t, free)
+    impulse = 0.5 * stuck + size / 1.2 * (1 - np.cos(stuck)) + (late - free)
+    agrees(run(case), x, impulse, [(free[0], "exit", 0), (free[1], "exit", 1)])
+
+
+def test_a_moving_surface():
+    case = filippov(Filippov.relay(still, np.array([[-2.0]]), drift(lambda xp, t, x: x - xp.sin(t))), (1.0,), 4.0)
+    t1 = brentq(lambda t: 1 - 2 * t - np.sin(t), 0, 1, xtol=1e-15)
+    t = case.t[:, None]
+    late = np.maximum(t, t1)
+    agrees(run(case), np.where(t < t1, 1 - 2 * t, np.sin(t)),
+           np.minimum(t, t1) + 0.5 * (late - t1) - 0.25 * (np.sin(late) - np.sin(t1)), [(t1, "enter", 0)])
+
+
+def test_stick_slip_repeats_its_cycle():
+    # slips at x1 = 1 whatever came before; the orbit after the first slip is one closed curve
+    below = drift(lambda xp, t, x: xp.array([x[1], -x[0] + 1 / (1.2 - x[1])]))
+    above = drift(lambda xp, t, x: xp.array([x[1], -x[0] - 1 / (0.8 + x[1])]))
+    belt = drift(lambda xp, t, x: x[1:2] - 0.2)
+    traj = run(filippov(Filippov({(1,): above, (-1,): below}, belt), (0.5, 0.0), 30.0))
+    slips = [e.t for e in traj.events if e.kind == "exit"]
+    sticks = [e.t for e in traj.events if e.kind == "enter"][1:]
+    hit = lambda t, x: x[1] - 0.2 if t > 1 else -1.0
+    hit.terminal = True
+    free = solve_ivp(below(np), (0, 9), [1.0, 0.2], "DOP853", rtol=1e-13, atol=1e-14, events=hit, max_step=0.1)
+    slip, stick = free.t[-1], (1 - free.y[0, -1]) / 0.2
+    assert len(slips) >= 3
+    np.testing.assert_allclose(np.diff(slips), slip + stick, rtol=0, atol=TOL)
+    np.testing.assert_allclose(np.array(sticks[:len(slips)]) - slips[:len(sticks)], slip, rtol=0, atol=TOL)
+
+
+def test_a_bilinear_blend_of_four_fields_slides_at_its_own_velocity():
+    modes = {(1, 1): (-1, -1, 1), (1, -1): (-1, 2, 0), (-1, 1): (2, -1, 0), (-1, -1): (1.5, 1, 5)}
+    pair = drift(lambda xp, t, x: x[:2])
+    traj = run(filippov(Filippov({k: constant(*map(float, v)) for k, v in modes.items()}, pair), (0, 0, 0), 1.0, 11))
+    a, b = traj.impulse[-1]
+    v = sum(np.array(f) * (a if p > 0 else 1 - a) * (b if q > 0 else 1 - b) for (p, q), f in modes.items())
+    assert traj.status.ok and 0 < a < 1 and 0 < b < 1
+    np.testing.assert_allclose(v[:2], 0, atol=1e-13)
+    np.testing.assert_allclose(traj.x[-1], [0, 0, v[2]], atol=1e-13)
+
+
+@pytest.mark.parametrize("depth", [1e-2, 1e-6, 1e-8])
+def test_a_dip_through_the_surface_inside_one_step_is_found(depth):
+    above = drift(lambda xp, t, x: xp.array([1.0, 2 * x[0]]))
+    below = drift(lambda xp, t, x: xp.array([1.0, 4 * x[0]]))
+    traj = run(filippov(Filippov({(1,): above, (-1,): below}, second), (-1.0, 1.0 - depth), 2.0, 2))
+    w = np.sqrt(depth)
+    agrees(traj, [[-1, 1 - depth], [1, 1 - depth]], [[0], [2 - 2 * w]], [(1 - w, "cross", 0), (1 + w, "cross", 0)])
+
+
+@pytest.mark.parametrize("T", [0.5, np.nextafter(0.5, 0), np.nextafter(0.5, 1)])
+def test_an_event_at_the_end_time(T):
+    traj = run(get_case("sliding").replace(t=np.linspace(0, T, 11)))
+    assert traj.status.ok
+    np.testing.assert_allclose(traj.x[-1], [0.5, 0.0], atol=1e-14)
+
+
+def cross_times(B, x, count):
+    """Crossing times of x' = B sgn(x) by going from axis to axis."""
+    t, s, times = 0.0, np.sign(x), []
+    for _ in range(count):
+        v = B @ s
+        left = np.where(x * v < 0, -x / np.where(v == 0, 1, v), np.inf)
+        i = int(np.argmin(left))
+        t, x = t + left[i], x + left[i] * v
+        x[i], s[i] = 0.0, -s[i]
+        x[i] = 1e-300 * s[i]
+        times.append(t)
+    return times
+
+
+@pytest.mark.parametrize("damping", [0.05, 0.2, 0.9])
+def test_a_spiral_stops_as_chatter_at_its_accumulation_time(damping):
+    B = np.array([[-damping, -1.0], [1.0, -damping]])
+    traj = run(filippov(Filippov.relay(still, B, states), (1.0, 0.3), 40.0))
+    end = cross_times(B, np.array([1.0, 0.3]), 400)[-1]
+    assert traj.status.code == "chatter"
+    assert f"{end:.6g}" in str(traj.status)
+    assert np.all(np.isfinite(traj.x[traj.t < end - 1e-6])) and np.all(np.isnan(traj.x[traj.t > end]))
+
+
+def test_accumulation_is_not_seen_in_slow_damping():
+    assert accumulation(list(np.cumsum(0.5 ** np.arange(60))), 1.0) == pytest.approx(2.0, abs=1e-12)
+    assert accumulation(list(np.cumsum(0.5 ** np.arange(12))), 1.0) is None
+    assert accumulation(list(np.log(1 + np.arange(1000))), 1.0) is None
+    assert accumulation([1.0] * 7, 1.0) == 1.0
+
+
+UP, DOWN = constant(1.0, 1.0), constant(1.0, -1.0)
+ENDS = {
+    "repulsive start": (Filippov({(1,): UP, (-1,): DOWN}, second), (0.0, 0.0), "degenerate", "not unique"),
+    "repulsive entry": (Filippov({(1, 1): UP, (1, -1): DOWN, (-1, 1): DOWN, (-1, -1): UP}, states), (-1.0, 0.3),
+                        "degenerate", "t = 1 several motions continue from surfaces 0, 1"),
+    "both tangential": (Filippov({(1,): constant(1.0, 0.0), (-1,): constant(2.0, 0.0)}, second), (0.0, 0.0),
+                        "degenerate", "not unique"),
+    "nan": (Filippov({(1,): drift(lambda xp, t, x: xp.array([1.0, -1 + 0 * xp.log(0.5 - x[0])])), (-1,): UP}, second),
+            (0.0, 1.0), "nan", "not finite"),
+    "nan on the surface": (Filippov({(1,): DOWN, (-1,): constant(np.nan, np.nan)}, second), (0.0, 1.0), "nan",
+                           "not finite on surface 0 at t = 1"),
+    "nan at the start": (Filippov({(1,): constant(np.nan, 0.0), (-1,): UP}, second), (0.0, 1.0), "nan", "t = 0"),
+    "blow-up": (Filippov({(1,): drift(lambda xp, t, x: x * x), (-1,): UP}, second), (1.0, 1.0), "diverged", "grew"),
+}
+
+
+@pytest.mark.parametrize("name", ENDS)
+def test_what_cannot_be_followed_is_a_status_with_a_sentence(name):
+    problem, x0, code, words = ENDS[name]
+    case = filippov(problem, x0, 2.0)
+    with np.errstate(all="ignore"):
+        traj = run(case)
+    assert traj.status.code == code and words in str(traj.status)
+    assert np.array_equal(traj.x[0], case.x0) and np.all(np.isnan(traj.x[-1])) and traj.x.shape == (41, 2)
+
+
+def test_budgets_of_events_and_steps():
+    swing = Filippov.relay(drift(lambda xp, t, x: xp.array([x[1], 0.0])), np.array([[0.0], [-1.0]]),
+                           drift(lambda xp, t, x: x[0:1]))
+    case = filippov(swing, (1.0, 0.0), 40.0)
+    assert run(case).status.ok
+    traj = run(case, max_events=3)
+    assert traj.status.code == "chatter" and "max_events" in str(traj.status)
+    assert run(case, max_steps=5).status.code == "maxiter"
+
+
+@pytest.mark.parametrize("seed", [0, 10, 26])
+def test_four_coupled_relays_agree_with_implicit_euler(seed):
+    # c = x and a positive definite coupling: a maximal monotone problem, whose solution is unique
+    rng = np.random.default_rng(seed)
+    A, a, w = rng.normal(size=(4, 4)) - 2 * np.eye(4), 1.5 * rng.normal(size=4), rng.uniform(1, 4, 4)
+    R = 0.3 * rng.normal(size=(4, 4))
+    load = drift(lambda xp, t, x: xp.einsum("ij,j", A, x) + a * xp.sin(w * t))      # einsum: Euler's loop in Python
+    case = filippov(Filippov.relay(load, -(R @ R.T + 0.5 * np.eye(4)), states), rng.normal(size=4), 2.0, 11)
+    traj = run(case)
+    steps = np.array([0.04, 0.02, 0.01])
+    euler = [solve(case, "euler[implicit=true]", h=h) for h in steps]
+    assert traj.status.ok and len(traj.events) >= 4 and euler[0].stats["loop"] == "host"
+    for name in ("x", "impulse"):
+        one, two, four = (getattr(e, name) for e in euler)
+        gone = [np.abs(e - getattr(traj, name)).max() for e in (one, two, four)]
+        assert gone[0] < 5 * steps[0] and gone[2] < 0.4 * gone[0]
