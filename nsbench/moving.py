@@ -13,7 +13,16 @@ def chain(parts):
     """One factory ``(xp) -> (t) -> flat array`` for arrays and factories one after the other; None if nothing moves."""
     if not any(callable(p) for p in parts):
         return None
+    key = tuple(map(id, parts))
+    if key not in _chains:               # the same factory each time: what is compiled for it serves again
+        _chains[key] = parts, _chain(parts)
+    return _chains[key][1]
 
+
+_chains: dict = {}
+
+
+def _chain(parts):
     def leaf(part):
         def make(xp):
             if callable(part):
