@@ -9,7 +9,7 @@ from nsbench.measure.plateau import Levelled, cannot_exclude, fit_levelled, pers
 
 VERDICTS = ("order", "exact: no order", "plateau", "pre-asymptotic", "undecided", "diverges", "below reference")
 LADDER = 6.0            # octaves of steps for a verdict
-PER_OCTAVE = 3          # steps per octave for a verdict
+STEPS = 18              # for a verdict: 3 per octave of the shortest ladder (divisors of a spacing are few at first)
 WINDOW = 3.0            # octaves the fit window keeps at least
 FEWEST = 8              # points it keeps at least: 6 degrees of freedom for the slope's interval
 CURVED = 0.05           # level of the test for a drift of the local slope
@@ -63,8 +63,8 @@ def fit_order(h, err, floor: float = 0.0, reference_error: float = 0.0, *, scale
     Rules. Non-finite errors are counted out, equal steps kept once. Steps where the running median of five errors is
     below the floor, and single errors below it, are dropped. The head is dropped from the coarse end, point by point,
     while a quadratic in log h shows a drift of the local slope (t-test at 5 %) larger than 0.05 over the window; half
-    of a significant drift that stays widens the interval. "order" needs 6 octaves of steps with 3 per octave, not all
-    of a dyadic ladder, and a window of 3 octaves and 8 points.
+    of a significant drift that stays widens the interval. "order" needs 6 octaves and 18 steps, not all of a
+    dyadic ladder, and a window of 3 octaves and 8 points.
 
     >>> import numpy as np
     >>> h = 0.1 / np.unique(np.round(2 ** np.arange(0, 8, 0.3)))
@@ -89,7 +89,7 @@ def fit_order(h, err, floor: float = 0.0, reference_error: float = 0.0, *, scale
         verdict, what = ("below reference", "ten times the reference's error") if below else ("undecided", "rounding")
         return replace(base, verdict=verdict, points=int(keep.sum()),
                        sentence=f"Only {keep.sum()} errors lie above {what} ({max(known, noise[0]):.1e}): no order.")
-    enough = ladder >= LADDER - 1e-9 and len(h) >= PER_OCTAVE * ladder and not _dyadic(h)
+    enough = ladder >= LADDER - 1e-9 and len(h) >= STEPS and not _dyadic(h)
     h, err = h[keep], err[keep]
     line = replace(_line(h, err, base), median=_slope(*_binned(h, err, np.median)),
                    envelope=_slope(*_binned(h, err, np.max)))
@@ -208,7 +208,7 @@ def _power(h, err, line: Fit, enough: bool) -> Fit:
         return replace(fit, verdict="diverges", sentence=f"The error grows as the step shrinks: {said}.")
     wide = n >= FEWEST and np.log2(h[n - 1] / h[0]) >= WINDOW - 1e-9
     if not enough or not wide:
-        why = (f"{line.octaves:.1f} octaves of steps; {LADDER:g} with {PER_OCTAVE} steps each, not dyadic, are needed"
+        why = (f"{line.octaves:.1f} octaves of steps; {LADDER:g} with {STEPS} steps, not dyadic, are needed"
                if not enough else f"{np.log2(h[n - 1] / h[0]):.1f} octaves above the floor; {WINDOW:g} are needed")
         return replace(fit, sentence=f"No verdict ({why}): {said}.")
     if not settled:

@@ -1,0 +1,79 @@
+"""Errors of a run against the reference of its case, with the residuals beside them."""
+from __future__ import annotations
+
+import numpy as np
+
+from nsbench.case import Case
+from nsbench.measure.events import event_errors
+from nsbench.measure.frame import Frame, frame
+from nsbench.measure.polyhedron import selection
+from nsbench.measure.residuals import NAMES as RESIDUALS
+from nsbench.measure.residuals import residuals
+from nsbench.problem import Complementarity
+from nsbench.reference import columns_of, spread
+from nsbench.trajectory import Trajectory
+
+NAMES = ("state_sup", "state_T", "impulse", "reaction", "l1", "settled", "sup", "event_time", "events_missed",
+         "events_extra", "selection", "polyhedron", "state_floor", "impulse_floor")
+MEASURED = ("ok", "unverified", "degenerate", "below_reference")       # statuses of runs that reached T
+
+
+def errors(case: Case, traj: Trajectory) -> dict:
+    """Errors and residuals of one run, NaN where one has no meaning.
+
+    state_sup, state_T: max norm, over all samples and at the last; impulse, reaction: largest difference of the
+    cumulative impulse of any contact, of the cumulative reaction in any coordinate, at any sample (contacts are
+    matched by id, one that is absent has none); l1: sum over sample intervals and contacts of |difference of the
+    impulse in the interval|, which is the L1 distance of interval means; settled: largest difference of interval
+    means of a multiplier outside windows of 2 sample spacings around the reference's events; sup: the same
+    everywhere, a diagnostic (no order at jumps); event_time, events_missed, events_extra: see `event_errors`.
+
+    multipliers_unique: rank of the active gradients along the reference (None without one). Where False, impulse, l1,
+    settled and sup are NaN: the reaction's error stands in their place, polyhedron is the distance of the multipliers
+    to the set of all, selection the one to its smallest element, no error.
+    state_floor, impulse_floor: ten times the reference's own error; errors below say nothing.
+    reference: "closed form", "stored" or "none". feasibility, sign, complementarity, residual: see `residuals`.
+    A run that did not reach T has residuals only. BadReference (a ValueError) if the stored reference is unusable.
+    """
+    made = frame(case)
+    ref = made.ref
+    out = {k: float("nan") for k in NAMES}
+    out |= {"reference": "none" if ref is None else ref.kind, "multipliers_unique": made.unique}
+    if not len(traj.t):
+        return out | dict.fromkeys(RESIDUALS, float("nan"))
+    if not np.array_equal(traj.t, case.t):
+        raise ValueError(f"the run has {len(traj.t)} samples at times of its own; {case.key} has {len(case.t)}")
+    out |= residuals(made, traj)
+    if ref is None:
+        return out
+    bound = ref.impulse_error if made.unique else ref.reaction_error
+    out |= {"state_floor": 10.0 * ref.state_error, "impulse_floor": 10.0 * bound}
+    if traj.status.code in MEASURED and np.all(np.isfinite(traj.x)) and np.all(np.isfinite(traj.impulse)):
+        out |= _against(made, traj)
+    return out
+
+
+def _against(made: Frame, traj: Trajectory) -> dict:
+    ref = made.ref
+    off = np.abs(traj.x - ref.x).max(axis=1)
+    out = {"state_sup": float(off.max()), "state_T": float(off[-1])}
+    if ref.reaction is not None and traj.reaction.shape == ref.reaction.shape:
+        out["reaction"] = float(np.abs(traj.reaction - ref.reaction).max())
+    if made.unique and ref.impulse is not None:
+        out |= _multipliers(made, traj)
+    if not made.unique and isinstance(made.case.problem, Complementarity):
+        out["selection"], out["polyhedron"] = selection(made, traj)
+    if ref.events is not None and (traj.events or "events" in traj.stats):
+        found = event_errors(made.case.problem, traj.events, ref.events)
+        out |= dict(zip(("event_time", "events_missed", "events_extra"), found, strict=True))
+    return out
+
+
+def _multipliers(made: Frame, traj: Trajectory) -> dict:
+    ref, p, t = made.ref, made.case.problem, made.case.t
+    columns = columns_of(p, traj.contacts, ref.contacts)
+    off = spread(p, traj.contacts, traj.impulse, columns) - spread(p, ref.contacts, ref.impulse, columns)
+    step = np.abs(np.diff(off, axis=0))
+    mean = (step / np.diff(t)[:, None]).max(axis=1, initial=0.0)
+    return {"impulse": float(np.abs(off).max(initial=0.0)), "l1": float(step.sum()), "sup": float(mean.max()),
+            "settled": float(mean[made.quiet].max()) if made.quiet.any() else float("nan")}

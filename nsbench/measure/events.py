@@ -1,0 +1,55 @@
+"""Event times of a run against those of the reference."""
+from __future__ import annotations
+
+import numpy as np
+
+from nsbench.reference import canonical
+from nsbench.trajectory import Event
+
+
+def match(found: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """Pairs of two increasing sequences of times, as many as the shorter one has, in order and with the least sum of
+    differences (dynamic programming): the differences."""
+    if len(found) > len(wanted):
+        found, wanted = wanted, found
+    m, n = len(found), len(wanted)
+    if m == 0:
+        return np.empty(0)
+    cost = np.full((m + 1, n + 1), np.inf)
+    cost[0] = 0.0
+    gap = np.abs(found[:, None] - wanted[None, :])
+    for i in range(m):
+        for j in range(i, n - (m - 1 - i)):
+            cost[i + 1, j + 1] = min(cost[i + 1, j], cost[i, j] + gap[i, j])
+    out, j = [], n
+    for i in range(m, 0, -1):
+        while cost[i, j] == cost[i, j - 1]:
+            j -= 1
+        out.append(gap[i - 1, j - 1])
+        j -= 1
+    return np.array(out[::-1])
+
+
+def event_errors(problem, found: tuple[Event, ...], wanted: tuple[Event, ...]) -> tuple[float, int, int]:
+    """Largest difference of matched times (NaN without any), reference events that were missed, events too many.
+
+    Events are matched within one kind and contact; reference times of unknown kind with any event, and then no event
+    counts as one too many (several contacts may close at one such time).
+    """
+    if any(not e.kind for e in wanted):
+        times = np.unique([e.t for e in found])
+        goals = np.unique([e.t for e in wanted])
+        diffs = match(times, goals) if len(times) >= len(goals) else match(goals, times)
+        return _largest(diffs), max(len(goals) - len(times), 0), 0
+    keys = {(e.kind, canonical(problem, e.contact)) for e in (*found, *wanted)}
+    worst, missed, extra = np.nan, 0, 0
+    for key in keys:
+        a, b = (np.sort([e.t for e in events if (e.kind, canonical(problem, e.contact)) == key])
+                for events in (found, wanted))
+        worst = np.fmax(worst, _largest(match(a, b)))
+        missed, extra = missed + max(len(b) - len(a), 0), extra + max(len(a) - len(b), 0)
+    return float(worst), missed, extra
+
+
+def _largest(values) -> float:
+    return float(values.max()) if len(values) else float("nan")

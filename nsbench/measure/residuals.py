@@ -1,0 +1,156 @@
+"""Residuals that need no reference: feasibility, sign, complementarity, and the equation itself.
+
+All are in the units of the case and computed from samples and impulses alone. Interval means of the multipliers are
+impulse increments over the sample spacing D.
+
+feasibility       max over samples of max_k (-g_k)^+; LCS: of the interval means of -w; Filippov: none (NaN)
+sign              least interval mean of a multiplier; Filippov: least of theta and 1 - theta
+complementarity   largest over intervals of (gap at both ends)^+ x mean multiplier; Filippov: c^+ (1 - theta) and
+                  (-c)^+ theta. A contact that acts and lets go between two samples is seen with an error of O(D^2)
+residual          largest over intervals of (|x_{k+1} - x_k - int f - (R_{k+1} - R_k)| - q)^+ / D, a velocity, and of
+                  the same for R_{k+1} - R_k = sum of impulse x gradient; int f by quadrature over the samples, whose
+                  error is at most q (see quadrature; order six, and two at kinks). Of the order of the method.
+                  Filippov: distance of (x_{k+1} - x_k) / D to the convex hull of the fields' means, over the modes
+                  that the weights theta allow (between 0 and 1: both sides); accurate to O(D^2)
+"""
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+
+from nsbench.measure.frame import Frame, changes, near_of
+from nsbench.measure.quadrature import integrals, kinked_intervals
+from nsbench.problem import LCS, Filippov
+from nsbench.reference import right_hand_side, spread
+from nsbench.trajectory import Trajectory
+
+NAMES = ("feasibility", "sign", "complementarity", "residual")
+
+
+def residuals(frame: Frame, traj: Trajectory) -> dict:
+    """The four residuals over the samples before the first that is not finite; NaN where there are fewer than two."""
+    good = np.all(np.isfinite(traj.x), axis=1) & np.all(np.isfinite(traj.impulse), axis=1)
+    good &= np.all(np.isfinite(traj.reaction), axis=1)
+    k = int(np.argmin(good)) if not good.all() else len(good)
+    out = dict.fromkeys(NAMES, float("nan"))
+    if k < 2:
+        return out
+    t, x, impulse, reaction = traj.t[:k], traj.x[:k], traj.impulse[:k], traj.reaction[:k]
+    events = [e.t for e in traj.events]
+    if frame.ref is not None:
+        events += [e.t for e in frame.ref.events or ()]
+    kinked = kinked_intervals(t, changes(frame.case.problem, t, impulse) if k > 2 else np.zeros(k - 2, bool), events)
+    with np.errstate(all="ignore"):
+        if isinstance(frame.case.problem, Filippov):
+            found = _inclusion(frame.case, traj.contacts, t, x, impulse, kinked)
+        else:
+            lam = np.diff(impulse, axis=0) / np.diff(t)[:, None]
+            special = _lcs if isinstance(frame.case.problem, LCS) else _gaps
+            feasible, complementary, mismatch = special(frame, traj.contacts, t, x, impulse, reaction, lam)
+            equation = _equation(frame, t, x, impulse, reaction, kinked, traj.contacts)
+            found = feasible, float(lam.min(initial=0.0)), complementary, max(equation, mismatch)
+    return dict(zip(NAMES, found, strict=True))
+
+
+def _equation(frame, t, x, impulse, reaction, kinked, contacts) -> float:
+    f = right_hand_side(frame.case.problem)
+    F = np.array([f(a, b) for a, b in zip(t, x, strict=True)])
+    value, bound = integrals(t, F, kinked)
+    R = reaction if reaction.shape[1] else _lcs_push(frame.case.problem, contacts, impulse)
+    rho = np.abs(np.diff(x, axis=0) - value - np.diff(R, axis=0))
+    return float((np.maximum(rho - bound, 0.0) / np.diff(t)[:, None]).max(initial=0.0))
+
+
+def _gaps(frame, contacts, t, x, impulse, reaction, lam):
+    """Feasibility, complementarity, and how far the reaction is from impulse x gradient (per unit of time).
+
+    The gradient of an interval is the mean of both ends, and half their difference times the impulse is the bound of
+    what that may be wrong by (each gradient lies between those of the ends).
+    """
+    scene = frame.scene
+    worst = 0.0
+    for a, b in zip(t, x, strict=True):
+        near = scene.near(b, 0.0, a)
+        worst = max(worst, float(-scene.gaps(a, b, near).min(initial=0.0)))
+    if not contacts:
+        return worst, 0.0, float(np.abs(np.diff(reaction, axis=0)).max(initial=0.0))
+    near = near_of(scene, contacts)
+    g = np.array([scene.gaps(a, b, near) for a, b in zip(t, x, strict=True)])
+    both = np.maximum(np.minimum(g[1:], g[:-1]), 0.0)
+    complementary = float((both * np.maximum(lam, 0.0)).max(initial=0.0))
+    mismatch, G = 0.0, scene.gradients(float(t[0]), x[0], near)
+    for k in range(len(t) - 1):
+        H = scene.gradients(float(t[k + 1]), x[k + 1], near)
+        d = impulse[k + 1] - impulse[k]
+        rho = np.abs(reaction[k + 1] - reaction[k] - 0.5 * ((G + H).T @ d)) - 0.5 * (abs(H - G).T @ np.abs(d))
+        mismatch = max(mismatch, float(rho.max(initial=0.0)) / (t[k + 1] - t[k]))
+        G = H
+    return worst, complementary, mismatch
+
+
+def _lcs_push(problem, contacts, impulse):
+    """(k, n) B times the impulse."""
+    return spread(problem, contacts, impulse, {(0, i): i for i in range(problem.B.shape[1])}) @ problem.B.T
+
+
+def _lcs(frame, contacts, t, x, impulse, reaction, lam):
+    p = frame.case.problem
+    q = p.q(np) if p.q else lambda s: 0.0
+    v = np.array([p.C @ b + q(a) for a, b in zip(t, x, strict=True)])
+    lam = spread(p, contacts, lam, {(0, i): i for i in range(p.B.shape[1])})
+    push = lam @ p.D.T
+    w = 0.5 * (v[1:] + v[:-1]) + push
+    both = np.maximum(np.minimum(v[1:], v[:-1]) + push, 0.0)
+    steady = np.ones(lam.shape, bool)                     # a diode that switches inside has both means positive
+    acts = lam > 1e-9 * max(1.0, np.abs(lam).max(initial=0.0))
+    for shift in (slice(1, None), slice(None, -1)):
+        other = slice(None, -1) if shift.start else slice(1, None)
+        steady[shift] &= acts[shift] == acts[other]
+    complementary = float((both * np.maximum(lam, 0.0) * steady).max(initial=0.0))
+    mismatch = 0.0
+    if reaction.shape[1]:
+        off = np.diff(reaction - _lcs_push(p, contacts, impulse), axis=0)
+        mismatch = float((np.abs(off) / np.diff(t)[:, None]).max(initial=0.0))
+    return float(np.maximum(-w, 0.0).max(initial=0.0)), complementary, mismatch
+
+
+def _inclusion(case, contacts, t, x, impulse, kinked):
+    p = case.problem
+    switch, field = p.switch(np), p.field(np)
+    c = np.array([switch(a, b) for a, b in zip(t, x, strict=True)])
+    d = c.shape[1]
+    theta = np.diff(spread(p, contacts, impulse, {(0, i): i for i in range(d)}), axis=0) / np.diff(t)[:, None]
+    above = np.maximum(np.minimum(c[1:], c[:-1]), 0.0)
+    below = np.maximum(np.minimum(-c[1:], -c[:-1]), 0.0)
+    complementary = max(float((above * (1 - theta)).max(initial=0.0)), float((below * theta).max(initial=0.0)))
+    means, bounds = {}, {}
+    for mode in product((1.0, -1.0), repeat=d):
+        F = np.array([field(a, b, np.array(mode)) for a, b in zip(t, x, strict=True)])
+        value, bound = integrals(t, F, kinked)
+        means[mode], bounds[mode] = (v / np.diff(t)[:, None] for v in (value, bound))
+    worst = 0.0
+    for k, v in enumerate(np.diff(x, axis=0) / np.diff(t)[:, None]):
+        # weights that miss 0 or 1 by rounding belong to one mode alone
+        sides = [((1.0,) if w > 1 - 1e-9 else (-1.0,) if w < 1e-9 else (1.0, -1.0)) for w in theta[k]]
+        modes = [m for m in product(*sides) if np.all(np.isfinite(means[m][k]))]
+        if not modes:
+            return float("nan"), float(np.minimum(theta, 1 - theta).min()), complementary, float("nan")
+        slack = max(float(np.linalg.norm(bounds[m][k])) for m in modes)
+        worst = max(worst, distance_to_hull(v, np.array([means[m][k] for m in modes])) - slack)
+    return float("nan"), float(np.minimum(theta, 1 - theta).min()), complementary, worst
+
+
+def distance_to_hull(v: np.ndarray, points: np.ndarray) -> float:
+    """Euclidean distance of v (n,) to the convex hull of the rows of `points`."""
+    if len(points) == 1:
+        return float(np.linalg.norm(v - points[0]))
+    if len(points) == 2:
+        edge = points[1] - points[0]
+        w = np.clip((v - points[0]) @ edge / max(edge @ edge, 1e-300), 0.0, 1.0)
+        return float(np.linalg.norm(v - points[0] - w * edge))
+    from scipy.optimize import nnls
+    # weights that sum to one by a heavy row; the sum is then made one exactly
+    size = max(1.0, float(np.abs(points - v).max()))
+    w, _ = nnls(np.vstack([(points - v).T, np.full(len(points), 1e4 * size)]), np.append(np.zeros(len(v)), 1e4 * size))
+    return float(np.linalg.norm((w / w.sum()) @ (points - v)))
