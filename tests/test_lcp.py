@@ -1,0 +1,110 @@
+"""Small complementarity problems are solved to rounding whatever their rank, and unsolvable ones are told apart."""
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from nsbench.kernels.lcp import INFEASIBLE, OK, in_span, solve_lcp
+
+DEPENDENT = 1e-10
+
+
+def solve(G, h, warm=()):
+    return solve_lcp(G @ G.T, h, np.array(warm, np.int64), np.full(len(h), 1e-13 * (1 + np.abs(h).max())), DEPENDENT)
+
+
+def contacts(seed, m, n, rank):
+    """m rows in n dimensions of at most that rank, some repeated, some opposite."""
+    rng = np.random.default_rng(seed)
+    G = rng.standard_normal((m, rank)) @ rng.standard_normal((rank, n))
+    G[rng.random(m) < 0.3] = G[0]
+    G[rng.random(m) < 0.1] = -G[0]
+    return G, rng
+
+
+problems = st.tuples(st.integers(0, 10**6), st.integers(1, 14), st.integers(1, 8), st.integers(1, 8))
+
+
+@settings(max_examples=300, deadline=None)
+@given(problems)
+def test_random_problems_of_any_rank_meet_their_conditions(p):
+    seed, m, n, rank = p
+    G, rng = contacts(seed, m, n, min(rank, n))
+    h = G @ rng.standard_normal(n)
+    lam, w, support, code, _, _ = solve(G, h)
+    scale = 1 + np.abs(h).max()
+    assert code == OK
+    assert np.all(lam >= 0) and np.all(w >= -1e-11 * scale) and np.abs(lam * w).max() <= 1e-10 * scale**2
+    np.testing.assert_allclose(w, h + G @ (G.T @ lam), atol=1e-11 * scale)
+    assert set(np.flatnonzero(lam)) <= set(support)
+    assert np.linalg.matrix_rank(G[support], tol=1e-7) == len(support), "the solution is basic"
+
+
+@settings(max_examples=100, deadline=None)
+@given(problems)
+def test_the_velocity_is_that_of_another_method(p):
+    """Non-negative least squares of SciPy on G itself, not on its Gram matrix."""
+    from scipy.optimize import nnls
+    seed, m, n, rank = p
+    G, rng = contacts(seed, m, n, min(rank, n))
+    f = rng.standard_normal(n)
+    lam = solve(G, G @ f)[0]
+    np.testing.assert_allclose(f + G.T @ lam, f + G.T @ nnls(G.T, -f)[0], atol=1e-9 * (1 + np.abs(G).max()))
+
+
+@settings(max_examples=100, deadline=None)
+@given(problems, st.integers(0, 2**14))
+def test_a_warm_start_changes_the_way_not_the_velocity(p, bits):
+    seed, m, n, rank = p
+    G, rng = contacts(seed, m, n, min(rank, n))
+    h = G @ rng.standard_normal(n)
+    cold, warm = solve(G, h)[0], solve(G, h, [k for k in range(m) if bits >> k & 1])[0]
+    np.testing.assert_allclose(G.T @ warm, G.T @ cold, atol=1e-9 * (1 + np.abs(h).max()))
+
+
+@settings(max_examples=100, deadline=None)
+@given(problems)
+def test_moving_walls_are_kept_apart_or_called_infeasible(p):
+    """h outside the range of G: feasible exactly if a velocity exists; linear programming is the judge."""
+    from scipy.optimize import linprog
+    seed, m, n, rank = p
+    G, rng = contacts(seed, m, n, min(rank, n))
+    h = np.round(G @ rng.standard_normal(n) + 0.3 * rng.standard_normal(m), 3)
+    best = linprog(np.append(np.zeros(n), -1.0), A_ub=np.hstack((-G, np.ones((m, 1)))), b_ub=h,
+                   bounds=[(None, None)] * n + [(None, 1.0)], method="highs").x[-1]
+    if abs(best) < 1e-4:
+        return                                   # too close for the judge
+    lam, w, _, code, bad, _ = solve(G, h)
+    assert code == (OK if best > 0 else INFEASIBLE)
+    if code == OK:
+        scale = (1 + np.abs(h).max()) * (1 + lam.max())
+        assert np.all(w >= -1e-10 * scale) and np.abs(lam * w).max() <= 1e-9 * scale**2
+    else:
+        assert 0 <= bad < m
+
+
+def test_a_row_of_rods_carries_a_parabola():
+    N = 60
+    G = np.diff(np.eye(N), axis=0)
+    x = np.arange(N) - (N - 1) / 2
+    lam, _, support, code, _, iterations = solve(G, -G @ x)
+    k = np.arange(1, N)
+    assert code == OK and len(support) == N - 1
+    np.testing.assert_allclose(lam, k * (N - k) / 2, rtol=1e-11)
+    assert iterations <= 2 * N
+
+
+def test_twice_the_same_wall_is_loaded_once_in_all():
+    lam, w, support, code, _, _ = solve(np.ones((2, 1)), -np.ones(2))
+    assert code == OK and len(support) == 1
+    assert lam.sum() == pytest.approx(1.0, abs=1e-15) and np.abs(w).max() < 1e-15
+
+
+def test_dependent_rows_are_found():
+    G = np.array([[1.0, 0, 0], [0, 1, 0], [1, 1, 0], [0, 0, 1], [2, -3, 0]])
+    assert in_span(G @ G.T, np.array([0, 1]), DEPENDENT).tolist() == [True, True, True, False, True]
+
+
+def test_a_zero_gradient_is_no_way_out():
+    lam, _, _, code, bad, _ = solve(np.array([[1.0], [0.0]]), np.array([1.0, -1.0]))
+    assert code == INFEASIBLE and bad == 1
