@@ -167,7 +167,7 @@ def attempt(spec: Spec, announce: Callable[[str], None] = lambda what: None):
         return row | _status(Status("error", f"{type(e).__name__}: {e}")), None
     announce("measure")
     row |= {k: v for k, v in traj.stats.items() if isinstance(v, (int, float, str, bool))}
-    row["h"] = 1.0 / spec.asked if spec.accuracy == "k" else row.get("h", spec.asked)
+    row["h"] = {"h": row.get("h", spec.asked), "k": 1.0 / spec.asked}.get(spec.accuracy, spec.asked)
     row |= _status(traj.status)
     try:
         from nsbench.measure import errors

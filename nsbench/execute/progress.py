@@ -32,7 +32,8 @@ class Progress:
         spent = time.monotonic() - self.start
         left = spent / max(1, self.done) * (self.total - self.done)
         head = f"{self.done}/{self.total}"
-        tail = f"{clock(spent)} spent, about {clock(left)} left" + (f", {self.failed} failed" if self.failed else "")
+        guess = f"about {clock(left)} left" if self.done >= 10 else "time left unknown"
+        tail = f"{clock(spent)} spent, {guess}" + (f", {self.failed} failed" if self.failed else "")
         cells = max(0, min(30, width - len(head) - len(tail) - len(label) - 6))
         full = cells * self.done // max(1, self.total)
         bar = f"[{'#' * full}{'.' * (cells - full)}] " if cells > 4 else ""
