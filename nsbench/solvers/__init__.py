@@ -5,6 +5,7 @@ import dataclasses
 import functools
 import importlib
 import pkgutil
+import sys
 
 from nsbench.case import Case, format_value, get_case, load_module, nearest, parse_spec
 from nsbench.solvers.base import Claims, Grid, Run, Solver, check_positive, grid, sample
@@ -51,10 +52,11 @@ def broken() -> dict[str, str]:
 
 
 def standard() -> list[str]:
-    """Specs of the standard suite: what a solver lists in STANDARD, else the solver with its defaults."""
+    """Specs of the standard suite: what a solver's file lists in STANDARD, else the solver with its defaults."""
     out = []
     for name in all_names():
-        out += list(getattr({**_scan()[0], **_loaded}[name], "STANDARD", (name,)))
+        home = sys.modules.get({**_scan()[0], **_loaded}[name].__module__)
+        out += list(getattr(home, "STANDARD", (name,)))
     return out
 
 

@@ -129,5 +129,4 @@ def _status(code, stats, when, reached):
     return Status()
 
 
-STANDARD = ("catching_up", "catching_up[backend=osqp]")
 SOLVER = CatchingUp
