@@ -80,10 +80,9 @@ def outside_windows(t: np.ndarray, events: np.ndarray) -> np.ndarray:
     quiet = np.ones(len(t) - 1, bool)
     slack = 1e-9 * np.diff(t).min()
     for e in events:
-        first = np.searchsorted(t, e - slack, side="right") - 1          # the intervals that hold the event
-        last = np.searchsorted(t, e + slack, side="left") - 1
-        lo, hi = min(first, last) + (first > last), max(first, last)
-        quiet[max(lo - WINDOW, 0):max(hi + WINDOW + 1, 0)] = False
+        first = np.searchsorted(t, e - slack, side="right") - 1   # the interval that holds the event, or the two
+        last = np.searchsorted(t, e + slack, side="left") - 1     # that meet in it
+        quiet[max(last - WINDOW, 0):max(first + WINDOW + 1, 0)] = False
     return quiet
 
 

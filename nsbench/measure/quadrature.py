@@ -20,14 +20,14 @@ def integrals(t: np.ndarray, F: np.ndarray, kinked: np.ndarray) -> tuple[np.ndar
     """Integrals of F (k, n) over the intervals, and bounds (k - 1, n) of their error.
 
     In a smooth stretch: the polynomial through up to six samples around the interval, which reaches no kinked one;
-    bound: the change when an end node is left out (order six, judged as if five). Else the trapezoid; bound:
-    L D^2 / 4, which holds for every F with |F'| <= L, with the largest slope over this interval and the two on each
+    bound: the largest change around when an end node is left out (order six, judged as if five). Else the trapezoid;
+    bound: L D^2 / 4, which holds for every F with |F'| <= L, with the largest slope over this interval and the two on each
     side for L (before and after a kink F moves as it does there).
     """
     D = np.diff(t)[:, None]
     value = 0.5 * D * (F[1:] + F[:-1])
-    slope = np.abs(np.diff(F, axis=0)) / D
-    bound = 0.25 * D**2 * np.max([slope[np.clip(np.arange(len(D)) + s, 0, len(D) - 1)] for s in range(-2, 3)], axis=0)
+    bound = 0.25 * D**2 * around(np.abs(np.diff(F, axis=0)) / D)
+    smooth = np.zeros_like(bound)
     # rounding of t + dt leaves spacings that differ in their last digits; to the rule they are equal
     weights: dict = {}
     for k in np.flatnonzero(~kinked):
@@ -47,13 +47,20 @@ def integrals(t: np.ndarray, F: np.ndarray, kinked: np.ndarray) -> tuple[np.ndar
         s = (t[lo:hi + 1] - t[k]) / dt
         key = tuple(np.round(s, 9))
         if key not in weights:
-            drop = slice(0, -1) if hi - k - 1 >= k - lo else slice(1, None)
-            weights[key] = _weights(s), _weights(s[drop]), drop
-        w, v, drop = weights[key]
+            weights[key] = _weights(s), _weights(s[:-1]), _weights(s[1:])
+        w, left, right = weights[key]
         G = F[lo:hi + 1]
         value[k] = dt * (w @ G)
-        bound[k] = np.abs(value[k] - dt * (v @ G[drop]))
-    return value, bound
+        smooth[k] = np.abs(value[k] - dt * (left @ G[:-1])) + np.abs(value[k] - dt * (right @ G[1:]))
+        bound[k] = 0.0
+    # the change passes through zero where a derivative does; its neighbours do not
+    return value, np.where(bound == 0.0, around(smooth), bound)
+
+
+def around(values: np.ndarray) -> np.ndarray:
+    """For every interval the largest of `values` (k, ...) in it and the two on each side."""
+    at = np.arange(len(values))
+    return np.max([values[np.clip(at + s, 0, len(values) - 1)] for s in range(-2, 3)], axis=0)
 
 
 def _weights(s: np.ndarray) -> np.ndarray:

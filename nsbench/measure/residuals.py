@@ -9,18 +9,21 @@ complementarity   largest over intervals of (gap at both ends)^+ x mean multipli
                   (-c)^+ theta. A contact that acts and lets go between two samples is seen with an error of O(D^2)
 residual          largest over intervals of (|x_{k+1} - x_k - int f - (R_{k+1} - R_k)| - q)^+ / D, a velocity, and of
                   the same for R_{k+1} - R_k = sum of impulse x gradient; int f by quadrature over the samples, whose
-                  error is at most q (see quadrature; order six, and two at kinks). Of the order of the method.
+                  error is at most q (see quadrature; order six, and two at kinks). Of the order of the method, down
+                  to O(D^2) in intervals that hold several events, which samples D apart cannot tell from a defect.
                   Filippov: distance of (x_{k+1} - x_k) / D to the convex hull of the fields' means, over the modes
-                  that the weights theta allow (between 0 and 1: both sides); accurate to O(D^2)
+                  that the weights theta allow (between 0 and 1: both sides); a mean of products is not the product
+                  of means, which is allowed for by a quarter of the product of both ranges, O(D^2) for smooth theta
 """
 from __future__ import annotations
 
-from itertools import product
+import functools
+from itertools import pairwise, product
 
 import numpy as np
 
 from nsbench.measure.frame import Frame, changes, near_of
-from nsbench.measure.quadrature import integrals, kinked_intervals
+from nsbench.measure.quadrature import around, integrals, kinked_intervals
 from nsbench.problem import LCS, Filippov
 from nsbench.reference import right_hand_side, spread
 from nsbench.trajectory import Trajectory
@@ -65,8 +68,8 @@ def _equation(frame, t, x, impulse, reaction, kinked, contacts) -> float:
 def _gaps(frame, contacts, t, x, impulse, reaction, lam):
     """Feasibility, complementarity, and how far the reaction is from impulse x gradient (per unit of time).
 
-    The gradient of an interval is the mean of both ends, and half their difference times the impulse is the bound of
-    what that may be wrong by (each gradient lies between those of the ends).
+    The gradient of an interval is the mean of both ends. What that may be wrong by is bounded by half the largest
+    change of the gradient over this interval and the two on each side, times the impulse.
     """
     scene = frame.scene
     worst = 0.0
@@ -76,16 +79,17 @@ def _gaps(frame, contacts, t, x, impulse, reaction, lam):
     if not contacts:
         return worst, 0.0, float(np.abs(np.diff(reaction, axis=0)).max(initial=0.0))
     near = near_of(scene, contacts)
-    g = np.array([scene.gaps(a, b, near) for a, b in zip(t, x, strict=True)])
-    both = np.maximum(np.minimum(g[1:], g[:-1]), 0.0)
-    complementary = float((both * np.maximum(lam, 0.0)).max(initial=0.0))
-    mismatch, G = 0.0, scene.gradients(float(t[0]), x[0], near)
-    for k in range(len(t) - 1):
-        H = scene.gradients(float(t[k + 1]), x[k + 1], near)
-        d = impulse[k + 1] - impulse[k]
-        rho = np.abs(reaction[k + 1] - reaction[k] - 0.5 * ((G + H).T @ d)) - 0.5 * (abs(H - G).T @ np.abs(d))
+    complementary, mismatch = 0.0, 0.0
+    gaps = [scene.gaps(a, b, near) for a, b in zip(t, x, strict=True)]
+    G: dict = {}                                       # only those in use are kept: they are the largest arrays here
+    for k, d in enumerate(np.diff(impulse, axis=0)):
+        both = np.maximum(np.minimum(gaps[k], gaps[k + 1]), 0.0)
+        complementary = max(complementary, float((both * np.maximum(lam[k], 0.0)).max(initial=0.0)))
+        used = range(max(k - 2, 0), min(k + 4, len(t)))
+        G = {j: G[j] if j in G else scene.gradients(float(t[j]), x[j], near) for j in used}
+        most = functools.reduce(lambda a, b: a.maximum(b), (abs(G[b] - G[a]) for a, b in pairwise(used)))
+        rho = np.abs(reaction[k + 1] - reaction[k] - 0.5 * ((G[k] + G[k + 1]).T @ d)) - 0.5 * (most.T @ np.abs(d))
         mismatch = max(mismatch, float(rho.max(initial=0.0)) / (t[k + 1] - t[k]))
-        G = H
     return worst, complementary, mismatch
 
 
@@ -124,11 +128,12 @@ def _inclusion(case, contacts, t, x, impulse, kinked):
     above = np.maximum(np.minimum(c[1:], c[:-1]), 0.0)
     below = np.maximum(np.minimum(-c[1:], -c[:-1]), 0.0)
     complementary = max(float((above * (1 - theta)).max(initial=0.0)), float((below * theta).max(initial=0.0)))
-    means, bounds = {}, {}
+    means, bounds, F = {}, {}, {}
     for mode in product((1.0, -1.0), repeat=d):
-        F = np.array([field(a, b, np.array(mode)) for a, b in zip(t, x, strict=True)])
-        value, bound = integrals(t, F, kinked)
+        F[mode] = np.array([field(a, b, np.array(mode)) for a, b in zip(t, x, strict=True)])
+        value, bound = integrals(t, F[mode], kinked)
         means[mode], bounds[mode] = (v / np.diff(t)[:, None] for v in (value, bound))
+    mixed = _mixing(theta, F)
     worst = 0.0
     for k, v in enumerate(np.diff(x, axis=0) / np.diff(t)[:, None]):
         # weights that miss 0 or 1 by rounding belong to one mode alone
@@ -136,9 +141,21 @@ def _inclusion(case, contacts, t, x, impulse, kinked):
         modes = [m for m in product(*sides) if np.all(np.isfinite(means[m][k]))]
         if not modes:
             return float("nan"), float(np.minimum(theta, 1 - theta).min()), complementary, float("nan")
-        slack = max(float(np.linalg.norm(bounds[m][k])) for m in modes)
+        slack = max(float(np.linalg.norm(bounds[m][k])) for m in modes) + (mixed[k] if len(modes) > 1 else 0.0)
         worst = max(worst, distance_to_hull(v, np.array([means[m][k] for m in modes])) - slack)
     return float("nan"), float(np.minimum(theta, 1 - theta).min()), complementary, worst
+
+
+def _mixing(theta, F) -> np.ndarray:
+    """(k - 1,) bound of |mean of theta x field - mean theta x mean field|: a quarter of the product of both ranges
+    (Gruess), the range of theta taken from the neighbouring means, that of the fields' difference from the samples."""
+    out = np.zeros(len(theta))
+    swing = around(np.abs(np.diff(theta, axis=0, append=theta[-1:])))
+    for i in range(theta.shape[1]):
+        apart = [F[m] - F[(*m[:i], -1.0, *m[i + 1:])] for m in F if m[i] > 0]
+        moved = np.max([np.linalg.norm(np.diff(a, axis=0), axis=1) for a in apart], axis=0)
+        out += 0.25 * swing[:, i] * around(moved)
+    return out
 
 
 def distance_to_hull(v: np.ndarray, points: np.ndarray) -> float:

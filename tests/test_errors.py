@@ -1,0 +1,308 @@
+"""Errors and residuals are what their definitions say, vanish on exact runs, and notice every kind of wrong run."""
+import itertools
+
+import numpy as np
+import pytest
+from scipy.optimize import linprog
+
+import nsbench
+from nsbench import LCS, Affine, Case, Complementarity, Distance, Filippov, get_case
+from nsbench.case import case_names
+from nsbench.contacts import Scene
+from nsbench.measure.events import event_errors, match
+from nsbench.measure.frame import frame, full_rank, near_of, outside_windows
+from nsbench.measure.polyhedron import polyhedron
+from nsbench.measure.quadrature import integrals, kinked_intervals
+from nsbench.measure.residuals import distance_to_hull
+from nsbench.reference import closed_form
+from nsbench.trajectory import Event, Status, Trajectory
+
+TIDE = get_case("tide")
+RESIDUALS = ("feasibility", "sign", "complementarity", "residual")
+
+
+def exact_run(case, **changes):
+    """The closed form as if a solver had returned it."""
+    ref = closed_form(case)
+    fields = {"t": case.t, "x": ref.x, "contacts": ref.contacts, "impulse": ref.impulse, "events": ref.events,
+              "stats": {"events": len(ref.events)} if ref.events else {},
+              "reaction": ref.reaction if ref.reaction is not None else np.empty((len(case.t), 0))}
+    return Trajectory(**{**fields, **changes})
+
+
+def hand_pbd(case, substeps):
+    """Euler and projection on y >= 0, written out for tide; also the step."""
+    f = case.problem.drift(np)
+    h = (case.t[1] - case.t[0]) / substeps
+    y, total, xs, impulses = case.x0.copy(), 0.0, [case.x0.copy()], [0.0]
+    for k in range(len(case.t) - 1):
+        for j in range(substeps):
+            z = y + h * f(case.t[k] + j * h, y)
+            y = np.maximum(z, 0.0)
+            total += float((y - z)[0])
+        xs.append(y)
+        impulses.append(total)
+    push = np.array(impulses)[:, None]
+    return Trajectory(case.t, np.array(xs), ((0, 0),), push, push), h
+
+
+def test_a_hand_written_method_of_order_one_shows_order_one_in_every_norm():
+    runs = [hand_pbd(TIDE, n) for n in (2, 3, 5, 7, 10, 13, 17, 22, 29, 37, 48, 61, 79, 103, 133, 171)]
+    found = [nsbench.errors(TIDE, r) for r, _ in runs]
+    for name in ("state_sup", "state_T", "impulse", "reaction", "l1", "settled", "residual"):
+        slope = np.polyfit(np.log([h for _, h in runs]), np.log([e[name] for e in found]), 1)[0]
+        assert slope == pytest.approx(1.0, abs=0.05), name
+    assert all(e["multipliers_unique"] and e["feasibility"] == 0.0 and e["sign"] == 0.0 for e in found)
+    # written out anew: the state, and the settled multiplier away from pi/6 and pi/2
+    run, _ = runs[3]
+    assert found[3]["state_sup"] == np.abs(run.x - TIDE.exact(TIDE.t)).max()
+    mid = (TIDE.t[1:] + TIDE.t[:-1]) / 2
+    far = np.min(np.abs(mid[:, None] - np.array(TIDE.exact_events)), axis=1) > 2.6 * 0.05
+    off = np.abs(np.diff(run.impulse - TIDE.exact_impulse(TIDE.t), axis=0))[:, 0]
+    assert found[3]["settled"] == pytest.approx(off[far].max() / 0.05)
+    assert found[3]["l1"] == pytest.approx(off.sum())
+
+
+CLOSED = [n for n in case_names() if get_case(n).exact_impulse is not None]
+
+
+@pytest.mark.parametrize("name", CLOSED)
+def test_a_closed_form_has_neither_errors_nor_residuals(name):
+    case = get_case(name)
+    e = nsbench.errors(case, exact_run(case, stats={"events": 0}))
+    scale = max(1.0, np.abs(closed_form(case).x).max())
+    for key in ("state_sup", "state_T", "impulse", "reaction", "l1", "settled", "event_time"):
+        assert np.isnan(e[key]) or e[key] == 0.0, key
+    assert e["events_missed"] == e["events_extra"] == 0
+    assert not e["feasibility"] > 1e-12 * scale and e["sign"] > -1e-12 and e["complementarity"] < 1e-12 * scale
+    assert e["residual"] < 1e-6 * scale, "the quadrature promises more than it keeps"
+
+
+@pytest.mark.parametrize("name, change, key, size", [
+    ("tide", lambda r: {"x": r.x + 1e-3 * (r.t > 1)[:, None]}, "residual", 0.0199),
+    ("tide", lambda r: {"x": r.x - 1e-3}, "feasibility", 1e-3),
+    ("tide", lambda r: {"impulse": 1.01 * r.impulse, "reaction": 1.01 * r.reaction}, "residual", 0.005),
+    ("tide", lambda r: {"impulse": 1.01 * r.impulse}, "residual", 0.005),
+    ("tide", lambda r: {"impulse": -r.impulse, "reaction": -r.reaction}, "sign", -0.8),
+    ("tide", lambda r: {"x": r.x + 0.1}, "complementarity", 0.08),
+    ("sliding", lambda r: {"x": r.x + 1e-2 * np.outer(r.t, [1, 0])}, "residual", 5e-3),
+    ("sliding", lambda r: {"x": r.x + np.array([0, 1e-2])}, "complementarity", 4e-3),
+    ("sliding", lambda r: {"impulse": 2.1 * r.impulse}, "sign", -1.0),
+    ("two_discs", lambda r: {"x": 0.99 * r.x}, "feasibility", 0.019),
+])
+def test_residuals_notice_a_wrong_run(name, change, key, size):
+    case = get_case(name)
+    run = exact_run(case)
+    right, wrong = (nsbench.errors(case, r)[key] for r in (run, exact_run(case, **change(run))))
+    assert abs(right) < 1e-6
+    assert wrong <= size if size < 0 else wrong >= size, wrong
+
+
+def test_contacts_are_matched_by_id_whichever_way_round_and_an_absent_one_is_zero():
+    case = get_case("two_discs")
+    run = exact_run(case)
+    (i, a, b), = run.contacts
+    assert nsbench.errors(case, exact_run(case, contacts=((i, b, a),)))["impulse"] == 0.0
+    none = exact_run(case, contacts=(), impulse=np.empty((len(case.t), 0)))
+    assert nsbench.errors(case, none)["impulse"] == run.impulse.max()
+    both = np.hstack([run.impulse, 0.25 * case.t[:, None]])
+    wide = TIDE.replace(problem=Complementarity(TIDE.problem.drift, (Affine(np.eye(1), np.zeros(1)),
+                                                                     Affine(np.eye(1), np.ones(1)))),
+                        contacts=((0, 0),))
+    e = nsbench.errors(wide, exact_run(wide, contacts=((0, 0), (1, 0)), impulse=np.hstack(
+        [TIDE.exact_impulse(TIDE.t), 0.25 * TIDE.t[:, None]])))
+    assert e["impulse"] == pytest.approx(0.75) and e["l1"] == pytest.approx(0.75) and both.shape[1] == 2
+
+
+def test_redundant_multipliers_have_a_selection_and_no_error():
+    case = get_case("duplicate")
+    push = TIDE.exact_impulse(case.t)
+    rest = (case.t[:-1] > np.pi / 6) & (case.t[1:] < np.pi / 2)
+    load = (np.diff(push[:, 0]) / np.diff(case.t))[rest].max()
+    for share in (0.5, 0.7, 1.0):
+        e = nsbench.errors(case, exact_run(case, contacts=((0, 0), (0, 1)), events=(),
+                                           impulse=push * [share, 1 - share], reaction=push))
+        assert e["multipliers_unique"] is False
+        assert all(np.isnan(e[k]) for k in ("impulse", "l1", "settled", "sup"))
+        assert e["reaction"] < 1e-14 and e["polyhedron"] < 1e-12
+        assert e["selection"] == pytest.approx((share - 0.5) * np.sqrt(2) * load, abs=1e-12)
+    e = nsbench.errors(case, exact_run(case, contacts=((0, 0), (0, 1)), reaction=1.1 * push,
+                                       impulse=push * [1.2, -0.1]))
+    assert e["polyhedron"] == pytest.approx(np.hypot(0.2, 0.1) * load, rel=1e-6)      # the nearest point is (1, 0)
+
+
+def test_hexagonal_contacts_are_redundant_and_distances_to_the_set_are_right():
+    case = get_case("hex")
+    made = frame(case)
+    assert made.unique is False and frame(TIDE).unique is True
+    scene = Scene(case.problem, case.n)
+    x = case.exact(case.t[-1:])[0]
+    G = scene.dense_gradients(0.0, x, near_of(scene, made.active[-1]))
+    assert G.shape[0] == 12 and np.linalg.matrix_rank(G) == 11
+    poly = polyhedron(G, x, 1e-12)
+    stress = poly.Z[:, 0]
+    assert poly.Z.shape == (12, 1) and np.abs(stress @ G).max() < 1e-12
+    # the set is a segment base + s stress: distances by hand
+    lo = max(-poly.base[k] / stress[k] for k in range(12) if stress[k] > 0)
+    hi = min(-poly.base[k] / stress[k] for k in range(12) if stress[k] < 0)
+    rng = np.random.default_rng(4)
+    for lam in rng.uniform(-3, 6, (20, 12)):
+        s = np.clip(stress @ (lam - poly.base), lo, hi)
+        assert np.abs(poly.nearest(lam) - poly.base - s * stress).max() < 1e-9
+
+
+def test_the_nearest_multiplier_satisfies_its_optimality_conditions():
+    rng = np.random.default_rng(7)
+    for _ in range(30):
+        m, n = rng.integers(3, 9), rng.integers(1, 4)
+        G = rng.normal(size=(m, n))
+        mu0 = np.maximum(rng.normal(size=m), 0)
+        r = G.T @ mu0
+        lam = 3 * rng.normal(size=m)
+        mu = polyhedron(G, r, 1e-10).nearest(lam)
+        assert np.abs(G.T @ mu - r).max() < 1e-9 and mu.min() > -2e-10
+        # no feasible point is nearer: mu minimises (mu - lam) . z over the set
+        best = linprog(mu - lam, A_eq=G.T, b_eq=r, bounds=(0, None))
+        assert best.status == 3 or (mu - lam) @ mu <= best.fun + 1e-7
+    assert polyhedron(np.eye(2), np.array([1.0, -1.0]), 1e-10).nearest(np.zeros(2)) is None
+
+
+def test_rank_of_sparse_gradients_is_that_of_dense_ones():
+    from scipy.sparse import block_diag, csr_array
+    rng = np.random.default_rng(0)
+    for _ in range(40):
+        blocks = [rng.normal(size=(rng.integers(1, 4), rng.integers(1, 5))) for _ in range(3)]
+        if rng.uniform() < 0.3:
+            blocks[1] = np.vstack([blocks[1], blocks[1][0] * 2 + 1e-13])
+        G = csr_array(block_diag(blocks))
+        assert full_rank(G) == (np.linalg.matrix_rank(G.toarray(), tol=1e-10) == G.shape[0])
+
+
+def test_candidates_by_id_are_those_of_the_scene():
+    families = (Affine(np.eye(6)[:2], np.zeros(2)), Distance(1.0), Distance(2.0, anchors=np.ones((2, 2)), sign=-1),
+                Distance(np.array([1.0, 2.0]), sign=-1, pairs=[[0, 1], [2, 1]]))
+    scene = Scene(Complementarity(lambda xp: lambda t, x: -x, families), 6)
+    x = np.random.default_rng(1).normal(size=6)
+    near = scene.near(x, np.inf)
+    pick = [11, 3, 0, 7, 5]
+    ids = [near.ids[k] for k in pick]
+    again = near_of(scene, ids)
+    assert again.ids == ids and np.array_equal(scene.gaps(0.0, x, again), scene.gaps(0.0, x, near)[pick])
+    assert near_of(scene, []).ids == []
+
+
+def test_windows_are_two_samples_wide():
+    t = np.linspace(0, 1, 11)
+    assert np.flatnonzero(~outside_windows(t, np.array([0.55]))).tolist() == [3, 4, 5, 6, 7]
+    assert np.flatnonzero(~outside_windows(t, np.array([0.5]))).tolist() == [3, 4, 5, 6]
+    assert np.flatnonzero(~outside_windows(t, np.array([0.0]))).tolist() == [0, 1]
+    assert np.flatnonzero(~outside_windows(t, np.array([1.0]))).tolist() == [8, 9]
+    assert outside_windows(t, np.array([])).all()
+
+
+def test_events_are_matched_in_order_with_the_least_total_difference():
+    rng = np.random.default_rng(2)
+    for _ in range(30):
+        a, b = np.sort(rng.uniform(size=3)), np.sort(rng.uniform(size=rng.integers(3, 7)))
+        best = min(sum(abs(x - y) for x, y in zip(a, c, strict=True)) for c in itertools.combinations(b, 3))
+        assert match(a, b).sum() == pytest.approx(best) and match(b, a).sum() == pytest.approx(best)
+    p = get_case("two_discs").problem
+    want = (Event(0.5, "contact", (0, 0, 1)), Event(0.9, "release", (0, 0, 1)))
+    assert event_errors(p, want, want) == (0.0, 0, 0)
+    found = (Event(0.51, "contact", (0, 1, 0)), Event(0.6, "contact", (0, 0, 1)))
+    worst, missed, extra = event_errors(p, found, want)
+    assert worst == pytest.approx(0.01) and (missed, extra) == (1, 1)
+    worst, missed, extra = event_errors(p, found[:1], (Event(0.5, "", ()), Event(0.9, "", ())))
+    assert worst == pytest.approx(0.01) and (missed, extra) == (1, 0)
+    silent = nsbench.errors(TIDE, exact_run(TIDE, events=(), stats={}))
+    assert np.isnan(silent["event_time"]) and np.isnan(silent["events_missed"])
+    deaf = nsbench.errors(TIDE, exact_run(TIDE, events=(), stats={"events": 0}))
+    assert np.isnan(deaf["event_time"]) and deaf["events_missed"] == 2
+
+
+def test_the_quadrature_keeps_its_bound():
+    rng = np.random.default_rng(3)
+    for n in (11, 21, 41):
+        t = np.linspace(0, 2, n) + np.append(0, np.cumsum(rng.uniform(0, 1e-3, n - 1)))
+        value, bound = integrals(t, np.sin(3 * t)[:, None], np.zeros(n - 1, bool))
+        off = np.abs(value[:, 0] - np.diff(-np.cos(3 * t) / 3))
+        assert np.all(off <= bound[:, 0] + 1e-15) and off.max() < 12 * (t[1] - t[0]) ** 7
+        for kink in rng.uniform(0.3, 1.7, 20):
+            value, bound = integrals(t, np.abs(t - kink)[:, None], kinked_intervals(t, np.zeros(n - 2, bool), [kink]))
+            exact = np.diff(np.sign(t - kink) * (t - kink) ** 2 / 2)
+            assert np.all(np.abs(value[:, 0] - exact) <= bound[:, 0] + 1e-15)
+
+
+def test_distance_to_a_hull_is_that_of_the_nearest_mixture():
+    rng = np.random.default_rng(6)
+    weights = rng.dirichlet(np.ones(4) * 0.7, 20000)
+    for _ in range(10):
+        v, points = 2 * rng.normal(size=2), rng.normal(size=(4, 2))
+        near = np.linalg.norm(weights @ points - v, axis=1).min()
+        assert near - 0.05 < distance_to_hull(v, points) <= near + 1e-6
+    assert distance_to_hull(points.mean(axis=0), points) < 1e-6
+    assert distance_to_hull(np.zeros(1), np.array([[1.0], [3.0]])) == 1.0
+
+
+def test_a_failed_run_has_residuals_and_no_errors():
+    run = hand_pbd(TIDE, 10)[0]
+    x, push = run.x.copy(), run.impulse.copy()
+    x[30:], push[30:] = np.nan, np.nan
+    e = nsbench.errors(TIDE, Trajectory(TIDE.t, x, run.contacts, push, push, Status("nan", "It stopped.")))
+    assert all(np.isnan(e[k]) for k in ("state_sup", "state_T", "impulse", "reaction", "l1", "settled", "sup"))
+    assert 0 < e["residual"] < 0.01 and e["feasibility"] == 0.0
+    # a solver that says ok is not believed
+    e = nsbench.errors(TIDE, Trajectory(TIDE.t, x, run.contacts, push, push))
+    assert np.isnan(e["state_sup"])
+    none = np.empty((0, 0))
+    e = nsbench.errors(TIDE, Trajectory(np.empty(0), np.empty((0, 1)), (), none, none, Status("refused", "No.")))
+    assert all(np.isnan(e[k]) for k in (*RESIDUALS, "state_sup")) and e["reference"] == "closed form"
+    with pytest.raises(ValueError, match="60 samples"):
+        nsbench.errors(TIDE, Trajectory(TIDE.t[1:], run.x[1:], run.contacts, run.impulse[1:], run.reaction[1:]))
+
+
+def up(xp):
+    return lambda t, x: xp.array([1.0, 1.0])
+
+
+def down(xp):
+    return lambda t, x: xp.array([1.0, -1.0])
+
+
+def test_a_solution_that_is_not_unique_is_judged_by_the_inclusion_alone():
+    t = np.linspace(0, 1, 11)
+    problem = Filippov({(1,): up, (-1,): down}, lambda xp: lambda t, x: x[1:])
+    case = Case("repulsive", problem, np.zeros(2), t, unique=False)
+    none = np.empty((11, 0))
+    late = np.maximum(t - 0.5, 0.0)
+    for height, theta in ((t, t), (-t, 0 * t), (0 * t, 0.5 * t), (late, 0.5 * (t + late))):
+        e = nsbench.errors(case, Trajectory(t, np.stack([t, height], 1), ((0, 0),), theta[:, None], none))
+        assert e["reference"] == "none" and e["multipliers_unique"] is None and np.isnan(e["state_sup"])
+        assert e["residual"] < 1e-12 and e["complementarity"] < 1e-12
+    e = nsbench.errors(case, Trajectory(t, np.stack([t, 2 * t], 1), ((0, 0),), t[:, None], none))
+    assert e["residual"] == pytest.approx(1.0)
+    e = nsbench.errors(case, Trajectory(t, np.stack([t, t / 2], 1), ((0, 0),), 0.75 * t[:, None], none))
+    assert e["complementarity"] > 0.1                    # leaves at half the speed: a mixture away from the surface
+
+
+def test_a_linear_complementarity_system_has_errors_and_residuals():
+    one = np.eye(1)
+    case = Case("tide_lcs", LCS(0 * one, one, one, 0 * one, u=lambda xp: lambda t: -xp.cos(t) * xp.ones(1)),
+                TIDE.x0, TIDE.t, exact=TIDE.exact, exact_impulse=TIDE.exact_impulse, exact_events=TIDE.exact_events)
+    run = exact_run(case)
+    assert run.contacts == ((0, 0),) and np.abs(run.reaction - run.impulse).max() < 1e-14
+    e = nsbench.errors(case, run)
+    assert e["state_sup"] == e["impulse"] == 0.0 and max(e[k] for k in RESIDUALS) < 1e-9 and e["sign"] == 0.0
+    assert nsbench.errors(case, exact_run(case, x=run.x - 0.1))["feasibility"] == pytest.approx(0.1)
+    assert nsbench.errors(case, exact_run(case, impulse=1.1 * run.impulse))["residual"] > 0.05
+    assert nsbench.errors(case, exact_run(case, reaction=np.empty((61, 0))))["residual"] < 1e-9
+
+
+def test_two_weights_that_move_alike_are_not_unique():
+    def field(xp):
+        return lambda t, x, s: xp.array([1.0, 0.0]) - xp.array([0.0, 1.0]) * (s[0] + s[1])
+    t = np.linspace(0, 1, 11)
+    case = Case("twice", Filippov.signs(field, lambda xp: lambda t, x: xp.stack((x[1], x[1]))), np.zeros(2), t,
+                exact=lambda t: np.stack([t, 0 * t], 1), exact_impulse=lambda t: np.stack([t / 2, t / 2], 1))
+    assert nsbench.errors(case, exact_run(case, events=()))["multipliers_unique"] is False
+    assert nsbench.errors(get_case("sliding"), exact_run(get_case("sliding")))["multipliers_unique"] is True
