@@ -100,7 +100,7 @@ table.list td:first-child.method{position:static;margin:0;padding-left:0}
 body{font-size:10pt}main{max-width:none;padding:0}h2,.case{break-after:avoid}
 nav,.tools{display:none!important}.wrap{overflow:visible}table{font-size:8pt}tr,.panels svg,.about{break-inside:avoid}
 thead{display:table-header-group}.panels{grid-template-columns:repeat(3,1fr)}
-td,td small{white-space:normal;min-width:0!important}
+td,td small{white-space:normal;min-width:0!important}td.method{min-width:10em!important}
 }
 """
 
