@@ -22,7 +22,9 @@ def host(drift):
 
 
 def smooth(f, x0=(1.0,), T=1.0):
-    return Case("smooth", Complementarity(lambda xp: lambda t, x: f(xp, t, x)), np.array(x0), np.linspace(0, T, 11))
+    """A plain equation, run in Python: no time to compile."""
+    return Case("smooth", Complementarity(host(lambda xp: lambda t, x: f(xp, t, x))), np.array(x0),
+                np.linspace(0, T, 11))
 
 
 def slopes(spec):

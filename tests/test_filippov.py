@@ -183,11 +183,17 @@ def test_a_dip_through_the_surface_inside_one_step_is_found(depth):
     agrees(traj, [[-1, 1 - depth], [1, 1 - depth]], [[0], [2 - 2 * w]], [(1 - w, "cross", 0), (1 + w, "cross", 0)])
 
 
-@pytest.mark.parametrize("T", [0.5, np.nextafter(0.5, 0), np.nextafter(0.5, 1)])
-def test_an_event_at_the_end_time(T):
-    traj = run(get_case("sliding").replace(t=np.linspace(0, T, 11)))
+@pytest.mark.parametrize("ulps", range(-4, 5))
+def test_an_event_at_the_end_time(ulps):
+    traj = run(get_case("sliding").replace(t=np.linspace(0, 0.5 + ulps * np.spacing(0.25), 11)))
     assert traj.status.ok
     np.testing.assert_allclose(traj.x[-1], [0.5, 0.0], atol=1e-14)
+
+
+def test_sliding_stays_on_the_surface_at_any_tolerance():
+    case = filippov(Filippov.signs(drift(turning), SQUARE), (1.5, 0.0), 30.0)
+    traj = solve(case, "event_driven", tol=1e-4)
+    assert traj.status.ok and np.abs(np.hypot(*traj.x[2:].T) - 1).max() < 1e-14
 
 
 def cross_times(B, x, count):
