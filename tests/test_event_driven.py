@@ -9,8 +9,8 @@ from nsbench.case import get_case
 from nsbench.solvers import _contact_field, solve
 from nsbench.solvers._arc import follow
 
-KNOWN = ["apple", "tide", "smooth", "wedge", "two_discs", "rods[n=5]", "rods[n=10]", "hex[n=7]", "hex[n=19]", "duplicate",
-         "chain", "chain[pull=last]", "chain[hanging=rest]", "stack[n=6]", "stack[n=3,columns=3]"]
+KNOWN = ["apple", "tide", "smooth", "wedge", "two_discs", "rods[n=5]", "rods[n=10]", "hex[n=7]", "hex[n=19]",
+         "duplicate", "chain", "chain[pull=last]", "chain[hanging=rest]", "stack[n=6]", "stack[n=3,columns=3]"]
 
 
 def scene(drift, *constraints, x0, t, **more):
@@ -165,8 +165,8 @@ def test_a_fast_floor_throws_and_catches():
 
 
 def test_a_dragged_point_draws_a_tractrix():
-    case = scene(push(0.0, 0.0), Distance(d=1.0, sign=-1, anchors=lambda xp: lambda t: xp.stack((t, 0 * t)).reshape((1, 2))),
-                 x0=[0.0, 1.0], t=np.linspace(0, 4, 21))
+    leash = Distance(d=1.0, sign=-1, anchors=lambda xp: lambda t: xp.stack((t, 0 * t)).reshape((1, 2)))
+    case = scene(push(0.0, 0.0), leash, x0=[0.0, 1.0], t=np.linspace(0, 4, 21))
     traj = solve(case)
     exact = np.stack((case.t - np.tanh(case.t), 1 / np.cosh(case.t)), axis=1)
     assert traj.status.ok and np.abs(traj.x - exact).max() < 1e-11
@@ -241,6 +241,9 @@ FAILURES = {
     "walls that close": (push(0.0), MOVING, [0.5], "infeasible"),
     "no gradient": (push(-1.0), Smooth(lambda xp: lambda t, x: x**3, lambda xp: lambda t, x: np.diag(3 * x**2),
                                        lambda xp: lambda t, x: 0 * x), [1.0], "degenerate"),
+    "no direction": (push(-1.0), Smooth(lambda xp: lambda t, x: 1 * x,
+                                        lambda xp: lambda t, x: np.diag(np.where(x > 1e-6, 1.0, np.nan)),
+                                        lambda xp: lambda t, x: 0 * x), [1.0], "degenerate"),
 }
 
 

@@ -106,5 +106,5 @@ def test_dependent_rows_are_found():
 
 
 def test_a_zero_gradient_is_no_way_out():
-    lam, _, _, code, bad, _ = solve(np.array([[1.0], [0.0]]), np.array([1.0, -1.0]))
+    *_, code, bad, _ = solve(np.array([[1.0], [0.0]]), np.array([1.0, -1.0]))
     assert code == INFEASIBLE and bad == 1

@@ -160,7 +160,7 @@ class _Follower:
             lo, hi, depth = pieces.pop()
             times = 0.5 * (lo + hi) + 0.5 * (hi - lo) * NODES
             times[0], times[-1] = lo, hi
-            values = np.array([self.gaps(s, dense(s)) for s in times])
+            values = np.array([self.gaps(s, y) for s, y in zip(times, dense(times).T, strict=True)])
             below = np.flatnonzero(values[0] <= self.level)
             if below.size:
                 return lo, below[0], 0.0

@@ -19,7 +19,7 @@ from nsbench.solvers.start import start_state
 from nsbench.trajectory import Event, Status, Trajectory
 
 SHARE = 0.1             # of the tolerance goes to one step: a run takes tens, and kinks of a drift deceive estimates
-MEMORY = 5              # arcs whose largest step is the time scale of the look-ahead
+MEMORY = 10             # arcs whose largest step is the time scale of the look-ahead
 CROWD = 100             # events, and twice the contacts held, that may fall together before they count as accumulation
 TOGETHER = 1e-10        # part of the run that counts as one instant
 
@@ -84,7 +84,7 @@ class _Walk:
         names = rows.near.ids
         place = {c: k for k, c in enumerate(names)}
         choice = self.selector.choose(self.t, self.x, rows, [place[c] for c in ids if c in place],
-                                      float(np.median(self.paces[-MEMORY:])))
+                                      max(self.paces[-MEMORY:]))
         if choice.stuck >= 0:
             return self._no_way(names[choice.stuck], choice.flat)
         self.basis, self.kept = closed[np.sort(choice.basis)], np.zeros(len(self.all), bool)
@@ -106,8 +106,8 @@ class _Walk:
 
     def _no_way(self, contact, flat) -> Status:
         if flat:
-            return Status("degenerate", f"The gradient of constraint {contact} vanishes where it is active, at "
-                                        f"t = {self.t:.9g}: no direction leads away from it.")
+            return Status("degenerate", f"Constraint {contact}: the gradient is zero or undefined at t = {self.t:.9g}, "
+                                        "where it is active: no direction leads away from it.")
         return Status("infeasible", f"No velocity keeps constraint {contact} and those it depends on, at "
                                     f"t = {self.t:.9g}: the constraints leave no way on.")
 

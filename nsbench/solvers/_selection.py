@@ -24,7 +24,7 @@ AGREE = 1e-3            # a multiplier may start this negative relative to the d
 class Choice:
     """basis: indices of independent contacts to hold; kept: mask of those that stay closed with them.
 
-    stuck: index of a contact no velocity can satisfy, or -1. flat: its gradient vanishes.
+    stuck: index of a contact no velocity can satisfy, or -1. flat: its gradient vanishes or is not finite.
     """
     basis: np.ndarray
     kept: np.ndarray
@@ -71,7 +71,7 @@ class Selector:
         self.measure(t, x, rows, step)
         (lam, w, support, code, bad), M, _ = self.velocity(t, x, rows, warm)
         norm = np.sqrt(np.diag(M))
-        flat = np.flatnonzero(norm < FLAT * rows.norm)
+        flat = np.flatnonzero(~(norm >= FLAT * rows.norm))
         if flat.size:
             return Choice(support, none, int(flat[0]), True)
         if code == 1:                                     # by rounding alone? Ask with a tolerance
