@@ -21,8 +21,8 @@ def integrals(t: np.ndarray, F: np.ndarray, kinked: np.ndarray) -> tuple[np.ndar
 
     In a smooth stretch: the polynomial through up to six samples around the interval, which reaches no kinked one;
     bound: the largest change around when an end node is left out (order six, judged as if five). Else the trapezoid;
-    bound: L D^2 / 4, which holds for every F with |F'| <= L, with the largest slope over this interval and the two on each
-    side for L (before and after a kink F moves as it does there).
+    bound: L D^2 / 4, which holds for every F with |F'| <= L, with the largest slope over this interval and the two on
+    each side for L (before and after a kink F moves as it does there).
     """
     D = np.diff(t)[:, None]
     value = 0.5 * D * (F[1:] + F[:-1])

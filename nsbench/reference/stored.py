@@ -106,7 +106,7 @@ def load(case: Case, folder=None) -> Reference | None:
         return None
     try:
         meta = json.loads(js.read_bytes())
-        with np.load(npz, allow_pickle=False) as z:
+        with np.load(io.BytesIO(npz.read_bytes()), allow_pickle=False) as z:
             arrays = {k: z[k] for k in z.files}
         kept, sums = dict(meta["fingerprint"]), (meta["checksum"], _checksum(arrays, meta))
     except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile, zipfile.error) as e:
