@@ -65,7 +65,7 @@ def key_of(spec, case, solver_file: str, reference_files=()) -> str:
 
 
 def clean(row: dict) -> dict:
-    """The row with plain Python values; NaN and infinities are kept as JSON extensions never are: as None and text."""
+    """The row with plain Python values; JSON has no NaN and no infinity: they become None and text."""
     out = {}
     for k, v in row.items():
         v = v.item() if hasattr(v, "item") else v
@@ -99,6 +99,7 @@ class Journal:
             try:
                 fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except OSError:
+                self._file.close()
                 raise StoreError(f"another run is writing to {self.path.parent}") from None
 
     def _mend(self):
