@@ -156,14 +156,19 @@ def make_constraints(n, r_hard, free_basal, curvature):
 
 
 def stiffness(A, X, B, mu):
-    """About the largest rate (1/h) of the drift at points (n, 2): a nucleus near an end of its cell, pushed sideways.
+    """A bound on the rates (1/h) of the drift at points (n, 2), reached by a nucleus near an end of its cell.
 
-    The straightness is about k_s/2 angle^2, and the angle turns by 1/a + 1/b for the nucleus, 1/a and 1/b for the ends
-    (a, b its distances to them), so the Hessian has the eigenvalue k_s ((1/a + 1/b)^2 + 1/a^2 + 1/b^2). Over 48 h
-    nuclei come within 0.86 of an end; the largest rate of all forces together was then 46 / mu (measured).
+    The straightness k_s cos(theta) has the Hessian -k_s (cos(theta) grad theta grad theta^T + sin(theta) grad^2 theta);
+    with a, b the distances of the nucleus to its ends, |grad theta|^2 <= (1/a + 1/b)^2 + 1/a^2 + 1/b^2 and
+    |grad^2 theta| <= 2/a^2 + 2/b^2. The other forces add less than 15. Over 48 h nuclei come within 0.86 of an end;
+    the largest rate of all forces together was then 46 / mu (measured).
     """
-    a, b = 1 / np.hypot(*(X - A).T), 1 / np.hypot(*(X - B).T)
-    return max(46.0, K_STRAIGHT * np.max((a + b) ** 2 + a * a + b * b)) / mu
+    u, v = X - A, X - B
+    a, b = 1 / np.hypot(*u.T), 1 / np.hypot(*v.T)
+    cosine = np.sum(u * v, axis=1) * a * b
+    bend = 2 * (a * a + b * b)
+    rate = K_STRAIGHT * (np.abs(cosine) * ((a + b) ** 2 + bend / 2) + np.sqrt(np.maximum(1 - cosine ** 2, 0)) * bend)
+    return max(46.0, rate.max() + 15.0) / mu
 
 
 def make(n=30, seed=0, r_hard=0.3, mu=0.2, T=0.5, free_basal=False, curvature=0.0):
