@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-from pathlib import Path
 
 USAGE, FAILED, BROKEN, INTERRUPTED = 2, 3, 5, 130
 

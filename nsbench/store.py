@@ -87,7 +87,7 @@ class Journal:
         self.path = folder / "journal.jsonl"
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            self._file = open(self.path, "ab")           # noqa: SIM115  (held open and locked for the whole run)
+            self._file = open(self.path, "ab")           # held open and locked for the whole run
         except OSError as e:
             raise StoreError(f"cannot write to {folder}: {e.strerror}") from None
         self._lock()

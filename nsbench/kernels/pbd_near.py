@@ -15,6 +15,7 @@ from nsbench.kernels.pbd import NAN, OK, TIED, finite
 from nsbench.kernels.project import project_anchor, project_pair, project_row
 from nsbench.kernels.records import flush
 
+
 @njit(cache=True)
 def append(lists, keys, other, chosen):
     """Lists and keys with the chosen entries of another list behind them."""

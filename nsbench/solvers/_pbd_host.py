@@ -5,6 +5,8 @@ kernels of the compiled loop, run by run in the stated order. Hard particles are
 """
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 
 from nsbench.contacts import SMOOTH
@@ -56,7 +58,7 @@ def _runs(kind):
     """Maximal runs of entries that are all smooth or all not: (first, end, smooth)."""
     cut = np.flatnonzero(np.diff((kind == SMOOTH).astype(int))) + 1
     edges = [0, *cut.tolist(), len(kind)]
-    return [(a, b, bool(kind[a] == SMOOTH)) for a, b in zip(edges, edges[1:], strict=False) if b > a]
+    return [(a, b, bool(kind[a] == SMOOTH)) for a, b in itertools.pairwise(edges) if b > a]
 
 
 def _sweep(scene, near, runs, t, x, mu, code):
