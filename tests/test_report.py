@@ -8,7 +8,7 @@ import pytest
 from report_rows import CASES, ENV, METHODS, SOLVERS, STEPS, made, row, summaries
 
 from nsbench import write_report
-from nsbench.report import compose, source, style, tables, text
+from nsbench.report import compose, panels, source, style, tables, text
 
 
 class Reader(HTMLParser):
@@ -140,18 +140,19 @@ NASTY = ["<script>alert('x')</script>", "=cmd()|'/C calc'!A0", "\x1b[31mred\x1b[
 def test_names_are_text_and_nothing_else(tmp_path):
     rows = [row(n, "pbd", float(h), state_sup=float(h), seconds=1.0, why=n, status="ok" if k else "error")
             for n in NASTY for k, h in enumerate(STEPS[:4])]
-    rows += [row("tide", n, 0.1, status="error", why=f"{n} failed") for n in NASTY]
+    rows += [row("tide", n, h, status="error" if h == 0.1 else "ok", why=f"{n} failed", state_sup=h, seconds=1.0)
+             for n in NASTY for h in (0.1, 0.05)]
     (tmp_path / "out").mkdir()
     path = write_report(rows, tmp_path / "out")
     out = path.read_text(encoding="utf-8")
     reader = Reader(out)
     assert [t for t, _ in reader.tags].count("script") == 1 and not any("onerror" in a for _, a in reader.tags)
-    assert not any(t == "img" for t, _ in reader.tags)
+    assert not any(t == "img" for t, _ in reader.tags) and all(c.strip() for c in reader.cells)
     for text_ in (out, path.with_suffix(".md").read_text(encoding="utf-8")):
         assert not re.search(r"[\x00-\x09\x0b-\x1f\x7f\u202e]", text_)
     assert "<script" not in path.with_suffix(".md").read_text(encoding="utf-8")
     figures = sorted(p.name for p in (tmp_path / "out" / "figures").iterdir())
-    assert len(figures) == len(NASTY) and all(len(f) <= 120 for f in figures)
+    assert len(figures) == len(NASTY) + 1 and all(len(f) <= 120 for f in figures)
     assert not any(f.startswith((".", "scene_", "talk")) for f in figures)
     assert [p for p in tmp_path.iterdir()] == [tmp_path / "out"]
     assert all("<script" not in (tmp_path / "out" / "figures" / f).read_text(encoding="utf-8") for f in figures)
@@ -222,3 +223,35 @@ def test_guides_show_claims_and_the_floor_is_shaded():
 def test_markdown_cells_cannot_break_the_table():
     made_ = tables.Table("t", ("a",), (tables.Row((tables.Cell("x|y\n`z` <b>"),)),))
     assert text.table(made_).splitlines()[-1] == r"| x\|y \`z\` &lt;b&gt; |"
+
+
+def panel(y, far=False, failed=()):
+    h, look = np.array([0.1, 0.05, 0.02]), style.looks(["pbd"])["pbd"]
+    lines = (panels.Line("pbd", look, h, np.array([0.1, 0.05, 0.02]), np.empty(0)),
+             panels.Line("pbd", look, h, np.asarray(y), np.asarray(failed), far=far))
+    return panels.Panel("state", "State error", "h", lines)
+
+
+def marks(drawn):
+    """(x, y, style) of every marker in the SVG."""
+    found = re.findall(r'<use [^>]*x="([\d.]+)" y="([\d.]+)" style="([^"]*)"', drawn)
+    return [(float(x), float(y), s) for x, y, s in found]
+
+
+def test_a_zero_is_an_open_marker_on_the_bottom_edge_and_a_failure_a_cross_on_the_top_one():
+    plain, zero = (panels.draw(panel(y), "a") for y in ([0.1, 0.05, 0.02], [0.1, 0.05, 0.0]))
+    bottom = max(y for _, y, _ in marks(zero))
+    low = [s for _, y, s in marks(zero) if y == bottom]
+    assert len(low) == 1 and style.PAPER in low[0] and len(marks(plain)) == len(marks(zero)) == 6
+    assert not any(style.PAPER in s for _, _, s in marks(plain))
+    failed = panels.draw(panel([0.1, 0.05, 0.02], failed=[0.2, 0.3]), "a")
+    top = min(y for _, y, _ in marks(failed))
+    assert len(marks(failed)) == 8 and sum(y == top for _, y, _ in marks(failed)) == 2
+
+
+def test_errors_of_another_league_do_not_press_the_others_flat():
+    def spread(drawn):
+        heights = [y for _, y, _ in marks(drawn)[:3]]
+        return max(heights) - min(heights)
+    flat, kept = (panels.draw(panel([1e-14, 2e-14, 3e-14], far=far), "a") for far in (False, True))
+    assert spread(kept) > 4 * spread(flat) and "1e-14" in kept

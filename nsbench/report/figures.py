@@ -9,6 +9,7 @@ from nsbench.report.source import Data, Runs
 from nsbench.report.style import INK, MUTED, PALETTE, RULE, Look, clean, num
 from nsbench.report.summary import Summary
 
+ROUNDING = 1e-11     # a line that never rises above it shows rounding, not a method
 STEP = "step h (or 1/k)"
 
 
@@ -61,7 +62,8 @@ def _against_h(runs: list[Runs], looks: dict, metric: str, failures: bool = True
         refused = np.isin(r.col["status"], ("refused",))
         failed = np.unique(h[~r.good & ~refused & (h > 0)]) if failures else none
         if use.any() or failed.size:
-            out.append(Line(r.solver, looks[r.solver], h[use], values[use], failed))
+            rounding = bool(use.any() and values[use].max() < ROUNDING)
+            out.append(Line(r.solver, looks[r.solver], h[use], values[use], failed, far=rounding))
     return tuple(out)
 
 
@@ -72,7 +74,8 @@ def _against(runs: list[Runs], looks: dict, cost) -> tuple[Line, ...]:
         x, y = cost(r), np.abs(r.col["state_sup"])
         use = r.good & np.isfinite(x) & (x > 0) & np.isfinite(y)
         if use.any():
-            out.append(Line(r.solver, looks[r.solver], x[use], y[use], np.empty(0), hollow=r.loop == "host"))
+            out.append(Line(r.solver, looks[r.solver], x[use], y[use], np.empty(0), hollow=r.loop == "host",
+                            far=r.accuracy == "tol"))
     return tuple(out)
 
 

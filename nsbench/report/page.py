@@ -8,7 +8,7 @@ from textwrap import dedent
 
 from nsbench.report.sheet import CSS, SCRIPT
 from nsbench.report.source import Data, Runs
-from nsbench.report.style import SHAPES, Look, clean, html, num
+from nsbench.report.style import SHAPES, Look, clean, html
 from nsbench.report.summary import Summary
 from nsbench.report.tables import Table
 from nsbench.report.verdict import Statement
@@ -145,7 +145,8 @@ def _case(c: Content, case: str) -> str:
     picture, wide = "", ""
     if case in c.data.pictures:
         code = base64.b64encode(c.data.pictures[case].encode()).decode()
-        wide = " wide" if _aspect(c.data.pictures[case]) > 1.8 else ""               # frames side by side
+        aspect = _aspect(c.data.pictures[case])
+        wide = " wide" if aspect > 2.5 else " broad" if aspect > 1.5 else ""      # frames side by side, a plane, a box
         picture = f'<img class="scene" alt="The scene of {html(case)}" src="data:image/svg+xml;base64,{code}">'
     drawn = c.panels[case]
     figures = f'{_legend(runs, c)}<div class="panels">{"".join(drawn)}</div>' if drawn else ""
@@ -173,7 +174,7 @@ def meta(known: dict, runs: list[Runs]) -> str:
     families = known.get("families")
     if families:
         parts.append(clean(", ".join(map(str, families)) if isinstance(families, list) else families, 200))
-    parts += [f"T = {num(known['T'], 4)}"] if isinstance(known.get("T"), (int, float)) else []
+    parts += [f"T = {known['T']:g}"] if isinstance(known.get("T"), (int, float)) else []
     kinds = sorted({str(s) for r in runs for s in r.col["reference"] if s}) or [known.get("reference") or "none"]
     return " · ".join([*parts, f"reference: {', '.join(clean(k, 200) for k in kinds)}"])
 

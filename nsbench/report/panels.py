@@ -27,6 +27,8 @@ class Line:
 
     failed: the x of runs that gave no number, crossed at the top edge. level: y of a method without an x of this
     kind, drawn across. hollow: open markers (the loop is not compiled).
+    far: errors of another league (a tolerance, or rounding); they may stay at the bottom edge with their value, so as
+    not to press the other lines flat.
     """
     name: str
     look: Look
@@ -35,6 +37,7 @@ class Line:
     failed: np.ndarray
     level: float = math.nan
     hollow: bool = False
+    far: bool = False
 
 
 @dataclass(frozen=True)
@@ -70,10 +73,13 @@ def draw(panel: Panel, salt: str) -> str:
 def _limits(panel: Panel):
     """Limits in decades, (x0, x1) and (y0, y1), a little beyond the data; zeros and failures get their edges.
 
-    A level or a floor far below all points stays at the bottom edge: it must not press the slopes flat.
+    What lies far below the other lines, a level, a floor or errors of another league, stays at the bottom edge.
     """
     x = np.concatenate([np.concatenate([line.x, line.failed]) for line in panel.lines] or [np.ones(1)])
-    points, levels = np.concatenate([line.y for line in panel.lines]), np.array([line.level for line in panel.lines])
+    near = [line.y for line in panel.lines if not line.far and np.any(line.y > 0)]
+    rest = [line.y for line in panel.lines if line.far] if near else []
+    points = np.concatenate(near or [line.y for line in panel.lines])
+    levels = np.concatenate([[line.level for line in panel.lines], *rest])
     x, points, levels = (np.log10(v[np.isfinite(v) & (v > 0)]) for v in (x, points, levels))
     x = x if x.size else np.zeros(1)
     y = points if points.size else levels if levels.size else np.zeros(1)
@@ -101,6 +107,10 @@ def _plot(ax, line: Line, xs, ys):
     if solid.any():
         y10 = np.clip(np.log10(y[solid]), *ys)
         ax.plot(np.log10(x[solid]), y10, ls=line.look.line, mfc=face, **dots, **style)
+        if line.far and np.log10(y[solid]).min() < ys[0]:
+            k = int(np.argmin(y[solid]))
+            ax.text(np.log10(x[solid][k]), ys[0] + 0.045 * (ys[1] - ys[0]), num(float(y[solid][k])), size=6.5,
+                    color=line.look.colour, ha="center")
     if np.any(y == 0):
         ax.plot(np.log10(x[y == 0]), np.full(np.sum(y == 0), ys[0]), ls="none", mfc=PAPER, **dots, **style)
     if line.failed.size:

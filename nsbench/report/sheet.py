@@ -69,7 +69,7 @@ td b{font-weight:500;border-radius:3px;padding:1px 4px;margin-left:-4px}
 .about{display:flex;gap:2rem;align-items:flex-start;margin-top:.7rem}
 .about>div{flex:1;min-width:0}.about p:first-child{margin-top:0}
 .scene{width:280px;max-width:100%;flex:none;border-radius:4px;background:#fff}
-.about.wide{display:block}.wide .scene{width:100%;max-width:840px;margin-bottom:.6rem}
+.about.wide{display:block}.wide .scene{width:100%;max-width:840px;margin-bottom:.6rem}.broad .scene{width:420px}
 .meta{font:13px/1.5 var(--sans);margin:.25rem 0 0;max-width:none}
 .legend{display:flex;flex-wrap:wrap;gap:.25rem 1.3rem;font:12.5px/1.6 var(--mono);list-style:none}
 .legend{margin:1.1rem 0 .2rem;padding:0}

@@ -167,6 +167,8 @@ def columns_of(rows) -> dict:
     size = max((len(v) for v in rows.values()), default=0)
     out = {n: np.array([_number(v) for v in rows.get(n, [None] * size)], dtype=np.float64) for n in NUMBERS}
     out |= {n: np.array([_word(v) for v in rows.get(n, [None] * size)], dtype=object) for n in WORDS}
+    for name in ("case", "solver"):
+        out[name] = np.array([v.strip() or "(unnamed)" for v in out[name]], dtype=object)
     return out
 
 

@@ -73,7 +73,9 @@ def order_cell(o: Order) -> Cell:
     mark = {"above": "▲", "below": "▼"}.get(o.flag, "")
     if o.kind == "fit":
         lo, hi = o.interval
-        small = " ".join(filter(None, (f"{lo:.2f} … {hi:.2f}", "" if o.verdict == "order" else o.verdict)))
+        digits = 3 if hi - lo < 0.02 else 2
+        interval = f"{lo:.{digits}f} … {hi:.{digits}f}"
+        small = interval if o.verdict == "order" else f"{interval} {o.verdict}"
         if o.verdict == "plateau":
             small = f"plateau at {num(o.plateau)}"
         kind = "flag" if o.flag else "bad" if o.verdict in ("diverges", "plateau") else "number"
@@ -81,8 +83,10 @@ def order_cell(o: Order) -> Cell:
     if o.kind == "bound":
         return Cell(o.text, o.verdict, o.sentence, "flag" if o.flag else "number")
     if o.kind == "exact":
+        if o.metric == "feasibility":
+            return Cell("no violation", "beyond rounding", o.sentence, "quiet")
         return Cell("no order", "exact at grid times", o.sentence, "quiet")
-    return Cell(o.text, "", o.sentence, "quiet")
+    return Cell(o.text, f"best {num(o.best)}" if o.best == o.best else "", o.sentence, "quiet")
 
 
 def _constant(o: Order) -> Cell:
