@@ -211,6 +211,47 @@ def test_bumps_of_a_wall_are_seen_though_the_drift_is_constant():
         assert arc.fired.size and arc.t == pytest.approx(1.2345 - width * np.sqrt(np.log(2)), abs=1e-13)
 
 
+def test_the_first_crossing_of_a_wavy_wall_is_found_in_one_long_step():
+    for waves in (7.0, 23.0, 61.0):
+        wall = lambda y, w=waves: 1.0 - 0.3 * y - 0.5 * np.sin(w * y)
+        arc = follow(lambda t, y: np.ones(1), 0.0, np.zeros(1), 4.0, lambda t, y, g=wall: g(y))
+        scan = np.linspace(0, 4, 400_001)
+        first = scan[np.argmax(wall(scan) < 0)]
+        assert arc.fired.size and first - 1e-5 <= arc.t <= first and arc.steps < 20
+
+
+@pytest.mark.parametrize("method, tol, bound", [("dop853", 1e-6, 1e-6), ("rk45", 1e-8, 3e-8), ("radau", 1e-8, 3e-8)])
+def test_events_carry_the_accuracy_of_the_step_not_of_the_dense_output(method, tol, bound):
+    """A pendulum of period 2 pi: the dense output of these is 10 to 1000 times coarser than the step."""
+    arc = follow(lambda t, y: np.array([y[1], -y[0]]), 0.0, np.array([0.0, 1.0]), 10.0, lambda t, y: y[:1],
+                 method=method, rtol=tol, band=1e-14)
+    assert abs(arc.t - np.pi) < bound and abs(arc.y[0]) < 1e-15
+    assert abs(arc.y[1] + 1.0) < bound
+
+
+@pytest.mark.parametrize("power", [1, 2, 3])
+def test_a_load_that_grows_from_nothing_is_held_from_the_start(power):
+    """x' = -t^p + lam at rest: undecided at t = 0, where neither speed nor multiplier shows."""
+    case = scene(lambda xp: lambda t, x: -(t**power) * xp.ones_like(x), floor(), x0=[0.0], t=np.linspace(0, 2, 9))
+    traj = solve(case)
+    assert traj.status.ok and traj.events == ()
+    assert np.abs(traj.impulse[:, 0] - case.t ** (power + 1) / (power + 1)).max() < 1e-12
+
+
+def test_a_load_that_vanishes_for_an_instant_stays():
+    case = scene(lambda xp: lambda t, x: -((1 - t) ** 2) * xp.ones_like(x), floor(), x0=[0.0], t=np.linspace(0, 2, 8))
+    traj = solve(case)
+    assert traj.status.ok and np.abs(traj.x).max() < 1e-12
+    assert np.abs(traj.impulse[:, 0] - (1 - (1 - case.t) ** 3) / 3).max() < 1e-12
+
+
+def test_a_held_contact_does_not_drift_off_at_any_tolerance():
+    leash = Distance(d=1.0, sign=-1, anchors=lambda xp: lambda t: xp.stack((t, xp.sin(t))).reshape((1, 2)))
+    traj = solve(scene(push(0.0, 0.0), leash, x0=[0.0, 1.0], t=np.linspace(0, 6, 13)), tol=1e-5)
+    away = np.hypot(traj.x[:, 0] - traj.t, traj.x[:, 1] - np.sin(traj.t))
+    assert traj.status.ok and np.abs(away[3:] - 1).max() < 1e-14
+
+
 def test_events_at_samples_and_at_the_end():
     for t in ([0, 0.5, 1.0], [0, 0.5, 1.0, 2.0], [0, 1.5]):
         case = scene(push(-1.0), floor(), x0=[1.0], t=t)
