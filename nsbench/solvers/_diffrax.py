@@ -15,7 +15,7 @@ from nsbench.solvers._newton import Chord
 
 EXPLICIT = {"bosh3": diffrax.Bosh3, "tsit5": diffrax.Tsit5, "dopri8": diffrax.Dopri8}
 IMPLICIT = {"kvaerno3": diffrax.Kvaerno3, "kvaerno5": diffrax.Kvaerno5}
-NEVER, TOO_LARGE, NOT_FINITE, NEWTON = range(4)      # why the last refused step was refused
+NEVER, TOO_LARGE, NOT_FINITE, NEWTON = range(4)      # why the last step was refused, if it was
 
 
 def _largest(z):
@@ -70,13 +70,14 @@ def integrator(rhs, method: str, n: int):
             keep, _, end1, _, control, _ = controller.adapt_step_size(t, end, z, z1, k, error, order, c["control"])
             t1 = jnp.where(keep, end, t)
             h1 = jnp.where(keep & cut, jnp.maximum(end1 - t1, h), end1 - t1)
-            cause = jnp.where(keep, c["cause"], jnp.where(solved, jnp.where(finite, TOO_LARGE, NOT_FINITE), NEWTON))
+            cause = jnp.where(keep, NEVER, jnp.where(solved, jnp.where(finite, TOO_LARGE, NOT_FINITE), NEWTON))
             choose = lambda new, old: jax.tree_util.tree_map(lambda a, b: jnp.where(keep, a, b), new, old)
             arrived = keep & cut
             samples = c["samples"].at[c["i"]].set(jnp.where(arrived, z1, jnp.nan))
             return dict(i=c["i"] + arrived, t=t1, h=h1, z=choose(z1, z), stage=choose(stage, c["stage"]),
                         control=control, samples=samples, accepted=c["accepted"] + keep, refused=c["refused"] + ~keep,
-                        cause=cause, longest=jnp.maximum(c["longest"], t1 - t), last=jnp.where(keep, end - t, c["last"]))
+                        cause=cause, longest=jnp.maximum(c["longest"], t1 - t),
+                        last=jnp.where(keep, end - t, c["last"]))
 
         out = lax.while_loop(going, step, start)
         return {name: out[name] for name in

@@ -11,8 +11,6 @@ import numpy as np
 from nsbench.compile import jax_function
 from nsbench.problem import Affine, Complementarity, Distance, Filippov, Smooth
 
-MATRIX = 4000             # entries up to which sums over pairs are matrix products: a scatter costs 0.2 s to compile
-
 
 def constraint_ids(problem, n: int) -> list[tuple]:
     """Contact ids in the stated order, all pairs i < j listed; surfaces (0, i) for a Filippov system."""
@@ -111,17 +109,11 @@ def _affine(c: Affine, n: int):
     m = c.shape[0]
     b = _moving(c.b, c.moving)
     rows = np.repeat(np.arange(m), np.diff(c.indptr))
-    if m * n <= MATRIX:
-        A = np.zeros((m, n))
-        np.add.at(A, (rows, c.indices), c.data)
-        times, back = (lambda x: A @ x), (lambda lam: A.T @ lam)
-    else:
-        times = lambda x: jnp.zeros(m).at[rows].add(c.data * x[c.indices])
-        back = lambda lam: jnp.zeros(n).at[c.indices].add(c.data * lam[rows])
 
     def push(t, x, k):
-        lam = k * jnp.maximum(-(times(x) + b(t)), 0.0)
-        return lam, back(lam)
+        g = jnp.zeros(m).at[rows].add(c.data * x[c.indices]) + b(t)
+        lam = k * jnp.maximum(-g, 0.0)
+        return lam, jnp.zeros(n).at[c.indices].add(c.data * lam[rows])
     return push
 
 
@@ -132,36 +124,22 @@ def _distance(c: Distance, n: int):
     i, j = _pairs(c, n)
     d = c.d if c.radii is None else np.broadcast_to(c.radii, N)[i] + np.broadcast_to(c.radii, N)[j]
     first = np.eye(c.dim)[0]
-    gather, spread = _incidence(i, j if c.anchors is None else None, N)
     anchors = None if c.anchors is None else _moving(c.anchors, c.moving)
 
     def push(t, x, k):
-        diff = gather(x[c.start:end].reshape(N, c.dim))
-        if anchors is not None:
-            diff = diff - jnp.asarray(anchors(t))[j]
+        p = x[c.start:end].reshape(N, c.dim)
+        diff = p[i] - (p[j] if anchors is None else jnp.asarray(anchors(t))[j])
         square = (diff * diff).sum(1)
         apart = square > 0.0
         length = jnp.sqrt(jnp.where(apart, square, 1.0))
         unit = jnp.where(apart[:, None], diff / length[:, None], first)
         lam = k * jnp.maximum(-c.sign * (jnp.where(apart, length, 0.0) - d), 0.0)
-        force = spread(c.sign * lam[:, None] * unit).ravel()
-        return lam, jnp.zeros(n).at[c.start:end].set(force) if N * c.dim < n else force
+        force = c.sign * lam[:, None] * unit
+        total = jnp.zeros_like(p).at[i].add(force)
+        if anchors is None:
+            total = total.at[j].add(-force)
+        return lam, jnp.zeros(n).at[c.start:end].set(total.ravel()) if N * c.dim < n else total.ravel()
     return push
-
-
-def _incidence(i, j, N: int):
-    """(differences x_i - x_j of positions (N, dim), the transposed sum); j None: only the first end moves."""
-    import jax.numpy as jnp
-    m = len(i)
-    if m * N <= MATRIX:
-        B = np.zeros((m, N))
-        B[np.arange(m), i] = 1.0
-        if j is not None:
-            B[np.arange(m), j] = -1.0
-        return (lambda p: B @ p), (lambda f: B.T @ f)
-    if j is None:
-        return (lambda p: p[i]), (lambda f: jnp.zeros((N, f.shape[1])).at[i].add(f))
-    return (lambda p: p[i] - p[j]), (lambda f: jnp.zeros((N, f.shape[1])).at[i].add(f).at[j].add(-f))
 
 
 def _smooth(c: Smooth, n: int):

@@ -15,6 +15,7 @@ from nsbench.trajectory import Status, Trajectory
 EXPLICIT = ("tsit5", "dopri8", "bosh3")
 IMPLICIT = ("kvaerno3", "kvaerno5")
 PAIRS = 6000              # constraints whose impulses are integrated: 110 discs
+HIDDEN = 0.0101           # k times tolerance: errors over T of up to 190 tolerances were measured (kvaerno5, sliding)
 
 
 @dataclass(frozen=True)
@@ -23,8 +24,9 @@ class Penalty:
 
     Filippov systems: the sign of a surface c becomes clip(k c, -1, 1), a layer of half-width eps = 1/k. Impulses and
     reaction are integrated as further states. method: explicit "tsit5", "dopri8", "bosh3" (about k T / 3 steps), or
-    implicit "kvaerno3", "kvaerno5" (dearer steps and 3 times the compile time; steps do not grow with k). rtol and atol
-    are those of the step control; max_steps counts refused steps too. The right-hand side visits all pairs of particles.
+    implicit "kvaerno3", "kvaerno5" (dearer steps and 4 times the compile time, but their number does not grow with k).
+    rtol and atol are those of the step control; max_steps counts refused steps too. Every right-hand side visits all
+    pairs of particles.
     Source: Moreau-Yosida regularisation of a projected system; integrators by Kidger (2021), Tsitouras (2011), Prince &
     Dormand (1981), Bogacki & Shampine (1989), Kvaerno (2004).
     """
@@ -49,9 +51,9 @@ class Penalty:
     def refuses(self, case: Case) -> str | None:
         p = case.problem
         if isinstance(p, LCS):
-            return "A penalty needs constraints with gradients or switches; this case is a linear complementarity system."
+            return "A penalty needs constraints with gradients or switches; this one is a linear complementarity system."
         if isinstance(p, Complementarity) and not p.constraints:
-            return "A penalty needs constraints; this case has none (it would be its integrator alone: use event_driven)."
+            return "A penalty needs constraints; this case has none (only its integrator would remain)."
         from nsbench.solvers._forces import count
         m = count(p, case.n)
         if m > PAIRS:
@@ -66,7 +68,7 @@ class Penalty:
         try:
             compiled, ids = _compiled(case.problem, case.n, len(case.t), self.method)
         except _NotTraceable as e:
-            why = f"JAX cannot trace the functions of {case.key}, which must use the array namespace they are given: {e}."
+            why = f"JAX cannot trace the functions of {case.key} (do they use the array namespace they are given?): {e}."
             return lambda: _nothing(case, why)
         size = compiled.size
         z0 = np.concatenate([x0, np.zeros(size - case.n)])
@@ -99,7 +101,7 @@ def _float64():
 
 @lru_cache(maxsize=64)
 def _compiled(problem, n: int, samples: int, method: str):
-    """(executable, contact ids). Start, times, k, tolerances and step limit are arguments: one compilation per problem."""
+    """(executable, contact ids). Start, times, k, tolerances and step limit are arguments: one compilation serves all."""
     jax = _float64()
     import jax.numpy as jnp
 
@@ -154,29 +156,34 @@ def _trajectory(penalty: Penalty, case: Case, k: float, ids: tuple, out: dict) -
 
 def _status(penalty: Penalty, case: Case, k: float, out: dict) -> Status:
     """What became of the run, judged by the samples themselves."""
-    t, z, tried = float(out["t"]), out["z"], int(out["accepted"]) + int(out["refused"])
+    t, tried = float(out["t"]), int(out["accepted"]) + int(out["refused"])
     at = f"at t = {t:.6g} of {case.t[-1]:g}"
     if int(out["i"]) == len(case.t) and np.isfinite(out["samples"]).all():
         worst = max(penalty.rtol, penalty.atol)
-        if 1.0 / k < 10.0 * worst:
-            return Status("unverified", f"The error of the penalty, about 1/k = {1 / k:.1e}, lies below ten times the "
-                                        f"tolerance {worst:.1e} of the integrator, which hides it; lower rtol and atol.")
+        if k * worst > HIDDEN:
+            return Status("unverified", f"The error of the penalty, about 1/k = {1 / k:.1e}, may be hidden by the "
+                                        f"integrator's, up to 100 times its tolerance {worst:.1e}: lower rtol and atol.")
         return Status()
-    cause = int(out["cause"])
-    if cause == 2 or not np.isfinite(z).all():
-        big = np.abs(z[:case.n]).max() > 1e6 * (1.0 + np.abs(case.x0).max())
-        return Status("diverged", f"The state grew beyond all bounds {at}.") if big else Status(
-            "nan", f"The right-hand side is not finite just after the point reached {at}.")
-    if cause == 3 and tried < penalty.max_steps:
-        return Status("maxiter", f"Newton's iteration of {penalty.method} failed at every step size {at}.")
     if tried < penalty.max_steps:
-        return Status("maxiter", f"The step size fell to {float(out['h']):.1e} {at}: the tolerances cannot be met at "
-                                 f"k = {k:g} in double precision; raise rtol and atol or lower k.")
+        return _no_step(penalty, case, k, out, at)
     last = float(out["last"])
     advice = ("an explicit method needs about k T / 3 of them: take method=kvaerno5 or a smaller k"
               if penalty.method in EXPLICIT else "raise max_steps, rtol or atol")
-    return Status("maxiter", f"The penalty is too stiff for {penalty.max_steps} steps: {at} the steps were {last:.1e} long "
+    return Status("maxiter", f"The penalty is too stiff for {penalty.max_steps} steps: {at} their length was {last:.1e} "
                              f"(k h = {k * last:.2g}); {advice}.")
+
+
+def _no_step(penalty: Penalty, case: Case, k: float, out: dict, at: str) -> Status:
+    """Why no step succeeds, however short."""
+    from nsbench.solvers._diffrax import NEWTON, NOT_FINITE
+    if np.abs(out["z"][:case.n]).max() > 1e6 * (1.0 + np.abs(case.x0).max()):
+        return Status("diverged", f"The state grew beyond all bounds {at}.")
+    if out["cause"] == NOT_FINITE:
+        return Status("nan", f"The right-hand side is not finite just after the point reached {at}.")
+    if out["cause"] == NEWTON:
+        return Status("maxiter", f"Newton's iteration of {penalty.method} failed at every step size {at}; lower k.")
+    return Status("maxiter", f"The step size fell to {float(out['h']):.1e} {at}: the tolerances cannot be met at "
+                             f"k = {k:g} in double precision; raise rtol and atol or lower k.")
 
 
 SOLVER = Penalty
