@@ -22,7 +22,7 @@ CASES = {
     "sliding": {"doc": "The talk's sliding example.", "n": 2, "families": "1 surface", "reference": "exact"},
     "repulsive": {"doc": "Not unique.", "n": 2, "reference": "none"},
 }
-ENV = {"python": "3.11.2", "versions": {"numpy": "2.1"}, "machine": "two cores", "cores": 2, "load": [0.1, 0.2, 0.3]}
+ENV = {"python": "3.11.2", "versions": {"numpy": "2.1"}, "machine": "two cores", "cores": 2, "load": [0.1, 0.2, 0.3], "argv": []}
 
 
 def row(case, solver, h, accuracy="h", **more):

@@ -140,7 +140,8 @@ NASTY = ["<script>alert('x')</script>", "=cmd()|'/C calc'!A0", "\x1b[31mred\x1b[
 def test_names_are_text_and_nothing_else(tmp_path):
     rows = [row(n, "pbd", float(h), state_sup=float(h), seconds=1.0, why=n, status="ok" if k else "error")
             for n in NASTY for k, h in enumerate(STEPS[:4])]
-    rows += [row("tide", n, h, status="error" if h == 0.1 else "ok", why=f"{n} failed", state_sup=h, seconds=1.0)
+    rows += [row("tide", n, h, status="error" if h == 0.1 else "ok", why=f"{n} failed", state_sup=h / 99,
+                 seconds=1.0)
              for n in NASTY for h in (0.1, 0.05)]
     (tmp_path / "out").mkdir()
     path = write_report(rows, tmp_path / "out")
@@ -223,6 +224,15 @@ def test_guides_show_claims_and_the_floor_is_shaded():
 def test_markdown_cells_cannot_break_the_table():
     made_ = tables.Table("t", ("a",), (tables.Row((tables.Cell("x|y\n`z` <b>"),)),))
     assert text.table(made_).splitlines()[-1] == r"| x\|y \`z\` &lt;b&gt; |"
+
+
+def test_a_write_that_fails_leaves_nothing_behind(tmp_path, monkeypatch):
+    def full(*_):
+        raise OSError(28, "No space left on device")
+    monkeypatch.setattr("nsbench.report.os.replace", full)
+    with pytest.raises(OSError, match="No space left"):
+        write_report([row("a", "pbd", 0.1, state_sup=0.1)], tmp_path / "r.html")
+    assert not [p for p in tmp_path.rglob("*") if p.is_file()]
 
 
 def panel(y, far=False, failed=()):

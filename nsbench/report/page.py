@@ -36,9 +36,10 @@ class Content:
     told: str = ""
 
 
-READING = ("An open marker on the bottom edge is an error of exactly 0, a cross on the top edge a run that gave no "
-           "number, a dotted line the best error of a method with a tolerance. Triangles show the orders claimed; the "
-           "shaded band is the reference's own error. Where cost is shown, open markers are host loops.")
+READING = ("An open marker on the bottom edge is an error of exactly 0, a figure there an error far below the others; a "
+           "cross on the top edge is a run that gave no number, a dotted line the best error of a method with a "
+           "tolerance. Triangles show the orders claimed; the shaded band is the reference's own error. Where cost is "
+           "shown, open markers are host loops.")
 
 
 def page(c: Content) -> str:
