@@ -98,6 +98,15 @@ def test_residuals_notice_a_wrong_run(name, change, key, size):
     assert wrong <= size if size < 0 else wrong >= size, wrong
 
 
+def test_the_state_error_is_the_largest_coordinate_at_the_worst_sample():
+    case = get_case("two_discs")
+    off = np.zeros((len(case.t), 4))
+    off[7], off[-1] = [0.0, -0.3, 0.2, 0.0], [0.1, 0.0, 0.0, 0.05]
+    e = nsbench.errors(case, exact_run(case, x=closed_form(case).x + off, reaction=closed_form(case).reaction + off))
+    assert e["state_sup"] == pytest.approx(0.3) and e["state_T"] == pytest.approx(0.1)
+    assert e["reaction"] == pytest.approx(0.3) and e["impulse"] == 0.0
+
+
 def test_contacts_are_matched_by_id_whichever_way_round_and_an_absent_one_is_zero():
     case = get_case("two_discs")
     run = exact_run(case)
@@ -129,6 +138,9 @@ def test_redundant_multipliers_have_a_selection_and_no_error():
     e = nsbench.errors(case, exact_run(case, contacts=((0, 0), (0, 1)), reaction=1.1 * push,
                                        impulse=push * [1.2, -0.1]))
     assert e["polyhedron"] == pytest.approx(np.hypot(0.2, 0.1) * load, rel=1e-6)      # the nearest point is (1, 0)
+    told = case.replace(exact_impulse=lambda t: TIDE.exact_impulse(t) * [0.5, 0.5])     # a closed form that takes sides
+    e = nsbench.errors(told, exact_run(told))
+    assert np.isnan(e["impulse"]) and np.isnan(e["settled"]) and e["impulse_floor"] < 1e-13
 
 
 def test_hexagonal_contacts_are_redundant_and_distances_to_the_set_are_right():
@@ -251,9 +263,9 @@ def test_a_failed_run_has_residuals_and_no_errors():
     e = nsbench.errors(TIDE, Trajectory(TIDE.t, x, run.contacts, push, push, Status("nan", "It stopped.")))
     assert all(np.isnan(e[k]) for k in ("state_sup", "state_T", "impulse", "reaction", "l1", "settled", "sup"))
     assert 0 < e["residual"] < 0.01 and e["feasibility"] == 0.0
-    # a solver that says ok is not believed
-    e = nsbench.errors(TIDE, Trajectory(TIDE.t, x, run.contacts, push, push))
-    assert np.isnan(e["state_sup"])
+    for state, impulse in ((x, run.impulse), (run.x, push)):         # a solver that says ok is not believed
+        e = nsbench.errors(TIDE, Trajectory(TIDE.t, state, run.contacts, impulse, run.reaction))
+        assert np.isnan(e["state_sup"]) and np.isnan(e["reaction"])
     none = np.empty((0, 0))
     e = nsbench.errors(TIDE, Trajectory(np.empty(0), np.empty((0, 1)), (), none, none, Status("refused", "No.")))
     assert all(np.isnan(e[k]) for k in (*RESIDUALS, "state_sup")) and e["reference"] == "closed form"

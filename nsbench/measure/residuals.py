@@ -53,7 +53,7 @@ def residuals(frame: Frame, traj: Trajectory) -> dict:
             feasible, complementary, mismatch = special(frame, traj.contacts, t, x, impulse, reaction, lam)
             equation = _equation(frame, t, x, impulse, reaction, kinked, traj.contacts)
             found = feasible, float(lam.min(initial=0.0)), complementary, max(equation, mismatch)
-    return dict(zip(NAMES, found, strict=True))
+    return dict(zip(NAMES, map(float, found), strict=True))
 
 
 def _equation(frame, t, x, impulse, reaction, kinked, contacts) -> float:
