@@ -143,6 +143,7 @@ def test_names_are_text_and_nothing_else(tmp_path):
     rows += [row("tide", n, h, status="error" if h == 0.1 else "ok", why=f"{n} failed", state_sup=h / 99,
                  seconds=1.0)
              for n in NASTY for h in (0.1, 0.05)]
+    rows.append(row("tide", "pbd", 0.05, state_sup=1e-5, seconds=1e-3))
     (tmp_path / "out").mkdir()
     path = write_report(rows, tmp_path / "out")
     out = path.read_text(encoding="utf-8")
