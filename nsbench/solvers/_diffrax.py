@@ -38,7 +38,7 @@ def integrator(rhs, method: str, n: int):
     """(z0, ts, k, rtol, atol, max_steps) -> dict with samples z (K, size), the time t reached and counts.
 
     Errors are controlled in the maximum norm, so that many idle quadratures do not dilute one active. Steps are cut to
-    end at samples (the uncut size is kept). Steps of zero length in floating point and max_steps end the loop early:
+    end at samples (the uncut size is kept). Steps too short for floating point and max_steps end the loop early:
     "i" is then less than K, and the remaining samples NaN.
     """
     term = diffrax.ODETerm(rhs)
@@ -57,7 +57,8 @@ def integrator(rhs, method: str, n: int):
                      samples=samples, accepted=0, refused=0, cause=NEVER, longest=0.0, last=0.0)
 
         def going(c):
-            return (c["i"] < ts.shape[0]) & (c["accepted"] + c["refused"] < max_steps) & (c["t"] + c["h"] > c["t"])
+            seen = c["t"] + 0.06 * c["h"] > c["t"]         # 8 spacings of t; 0.9 of less than 5 rounds to no less
+            return (c["i"] < ts.shape[0]) & (c["accepted"] + c["refused"] < max_steps) & seen
 
         def step(c):
             t, h, z, target = c["t"], c["h"], c["z"], ts[c["i"]]
@@ -65,12 +66,12 @@ def integrator(rhs, method: str, n: int):
             end = jnp.where(cut, target, t + h)
             z1, error, _, stage, result = solver.step(term, t, end, z, k, c["stage"], False)
             solved = result == diffrax.RESULTS.successful
-            finite = jnp.isfinite(z1).all() & jnp.isfinite(error).all()
-            error = jnp.where(solved & finite, error, jnp.inf)
+            finite = jnp.isfinite(z1).all()
+            error = jnp.where(solved & finite & jnp.isfinite(error).all(), error, jnp.inf)
             keep, _, end1, _, control, _ = controller.adapt_step_size(t, end, z, z1, k, error, order, c["control"])
             t1 = jnp.where(keep, end, t)
             h1 = jnp.where(keep & cut, jnp.maximum(end1 - t1, h), end1 - t1)
-            cause = jnp.where(keep, NEVER, jnp.where(solved, jnp.where(finite, TOO_LARGE, NOT_FINITE), NEWTON))
+            cause = jnp.where(keep, NEVER, jnp.where(finite, jnp.where(solved, TOO_LARGE, NEWTON), NOT_FINITE))
             choose = lambda new, old: jax.tree_util.tree_map(lambda a, b: jnp.where(keep, a, b), new, old)
             arrived = keep & cut
             samples = c["samples"].at[c["i"]].set(jnp.where(arrived, z1, jnp.nan))
