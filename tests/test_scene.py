@@ -81,7 +81,7 @@ def test_scales_are_equal_in_both_directions(name):
 def test_discs_have_their_size_and_lie_inside(name, radius):
     case = nsbench.get_case(name)
     figure = scene.frames_figure(case, trajectory(case, np.tile(case.x0, (len(case.t), 1))))
-    assert len(figure.axes) == 3
+    assert len(figure.axes) == 3 and figure.get_size_inches()[0] == pytest.approx(3 * scene.PANEL)
     for ax in figure.axes:
         discs = ax.collections[0] if name != "chain" else max(ax.collections, key=lambda c: len(c.get_offsets()))
         pixels = np.linalg.norm(np.diff(ax.transData.transform([[0, 0], [radius, 0]]), axis=0))
@@ -101,7 +101,7 @@ def test_walls_stand_where_the_surfaces_of_the_discs_touch_them():
 
 
 def test_rows_that_join_particles_are_no_walls():
-    A = np.array([[1.0, 0, -1, 0], [0, 0, 0, 2.0]])
+    A = np.array([[1.0, 0, -2, 0], [0, 0, 0, 2.0]])
     families = (Affine(A, np.array([0.0, 3.0])), Distance(d=2.0))
     case = Case("rows", Complementarity(still, families), np.array([3.0, 0, 0, 0]), np.array([0.0, 1.0]))
     assert sketch._walls(case, (0, 2, 2), 1.0, 0.0).tolist() == [[0, 1, 2.5]]

@@ -108,8 +108,9 @@ def _walls(case, key, radius, t):
             continue
         b = np.asarray(c.b(np)(t) if callable(c.b) else c.b, dtype=float)
         owner = (c.indices - start) // dim
-        first, last = c.indptr[:-1], c.indptr[1:] - 1
-        alone = (owner[first] == owner[last]) & (last - first < 2) & (owner[first] >= 0) & (owner[first] < count)
+        first = c.indptr[:-1]
+        lowest, highest = np.minimum.reduceat(owner, first), np.maximum.reduceat(owner, first)
+        alone = (lowest == highest) & (lowest >= 0) & (highest < count)
         a = np.zeros((len(b), dim))
         row = np.repeat(np.arange(len(b)), np.diff(c.indptr))
         inside = alone[row]
