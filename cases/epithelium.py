@@ -26,8 +26,8 @@ t = 0.15 on, the order never, and of the hard nuclei
     r_hard = 0.7     42   43   34   26   20  10   4   3   3   1   0      (seed 1: 40 37 33 30 22 15 5 3 1 2 1)
 so r_hard = 0.3 is a scene of the chain alone, 0.7 one of both. The chain makes the constant of PBD large: with 29 links
 at their maximum, up to t = 0.2, PBD is 0.045 (0.13) off the event-driven solution at the authors' step 1.25e-3, most at
-the ends of the basal line; from h = 1e-4 on the error falls with h: that limit does solve the system. Over 48 h,
-against PBD at a 32nd of that step, positions are off by up to 0.22 (1.04: nuclei end elsewhere), at an 8th by 0.014 (0.039).
+the ends of the basal line; from h = 1e-4 on the error falls with h: that limit does solve the system.
+Over 48 h, against PBD at a 32nd of that step, positions are off by up to 0.22 (1.04), at an 8th by 0.014 (0.039).
 """
 import functools
 
