@@ -154,6 +154,11 @@ def test_hexagonal_contacts_are_redundant_and_distances_to_the_set_are_right():
     poly = polyhedron(G, x, 1e-12)
     stress = poly.Z[:, 0]
     assert poly.Z.shape == (12, 1) and np.abs(stress @ G).max() < 1e-12
+    pair = next(c for c in itertools.combinations(range(7), 2) if (0, *c) not in made.active[-1])
+    run = exact_run(case, contacts=(*made.active[-1], (0, *pair)), events=(), impulse=np.outer(
+        np.maximum(case.t - np.log(1.5), 0), [*poly.nearest(np.zeros(12)), 0.5]))
+    e = nsbench.errors(case, run)                        # a contact that does not touch has no part in any solution
+    assert e["polyhedron"] == pytest.approx(0.5) and e["selection"] == pytest.approx(0.5)
     # the set is a segment base + s stress: distances by hand
     lo = max(-poly.base[k] / stress[k] for k in range(12) if stress[k] > 0)
     hi = min(-poly.base[k] / stress[k] for k in range(12) if stress[k] < 0)
@@ -308,6 +313,11 @@ def test_a_linear_complementarity_system_has_errors_and_residuals():
     assert nsbench.errors(case, exact_run(case, x=run.x - 0.1))["feasibility"] == pytest.approx(0.1)
     assert nsbench.errors(case, exact_run(case, impulse=1.1 * run.impulse))["residual"] > 0.05
     assert nsbench.errors(case, exact_run(case, reaction=np.empty((61, 0))))["residual"] < 1e-9
+
+
+def test_a_weight_that_varies_between_samples_is_no_defect():
+    case = get_case("slide_exit")
+    assert nsbench.errors(case, nsbench.solve(case, "event_driven", tol=1e-12))["residual"] < 1e-9
 
 
 def test_two_weights_that_move_alike_are_not_unique():

@@ -84,6 +84,12 @@ def test_a_plateau_of_four_times_the_rest_is_seen_in_9_of_10(p):
     assert np.median([f.order for f in seen]) == pytest.approx(p, rel=0.1)
 
 
+def test_an_order_is_not_claimed_while_a_plateau_fits_as_well():
+    fits = trials(noisy(lambda h: 4 * H.min() + h, 0.2), 100)
+    assert verdicts(fits)["order"] <= 5, verdicts(fits)
+    assert verdicts(trials(noisy(np.sqrt, 0.6), 60))["order"] <= 6       # a scatter of 60 % hides a half
+
+
 def test_an_error_that_never_falls_is_a_plateau():
     assert verdicts(trials(noisy(lambda h: 0.3 + 0 * h, 0.1), 100))["plateau"] >= 90
 
@@ -108,6 +114,9 @@ def apple(h):
 def test_a_dyadic_ladder_gives_no_verdict_and_the_envelope_shows_the_order():
     fit = fit_order(0.97 * 2.0 ** -np.arange(13), apple(0.97 * 2.0 ** -np.arange(13)))
     assert fit.verdict == "undecided" and "dyadic" in fit.sentence
+    long = 0.1 * 2.0 ** -np.arange(20)
+    assert fit_order(long, long).verdict == "undecided" and fit_order(long, long).order == pytest.approx(1.0)
+    assert fit_order(long, 1e-3 + long).verdict == "undecided"
     h = 0.03125 * 0.97 * 2.0 ** -np.arange(0, 5 + 1e-9, 1.0)
     assert np.ptp(apple(h)) < 1e-12                              # the error stays put over five halvings
     h = 0.97 * 2.0 ** -np.arange(0, 9, 1 / 16)

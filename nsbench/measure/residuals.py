@@ -106,12 +106,7 @@ def _lcs(frame, contacts, t, x, impulse, reaction, lam):
     push = lam @ p.D.T
     w = 0.5 * (v[1:] + v[:-1]) + push
     both = np.maximum(np.minimum(v[1:], v[:-1]) + push, 0.0)
-    steady = np.ones(lam.shape, bool)                     # a diode that switches inside has both means positive
-    acts = lam > 1e-9 * max(1.0, np.abs(lam).max(initial=0.0))
-    for shift in (slice(1, None), slice(None, -1)):
-        other = slice(None, -1) if shift.start else slice(1, None)
-        steady[shift] &= acts[shift] == acts[other]
-    complementary = float((both * np.maximum(lam, 0.0) * steady).max(initial=0.0))
+    complementary = float((both * np.maximum(lam, 0.0)).max(initial=0.0))
     mismatch = 0.0
     if reaction.shape[1]:
         off = np.diff(reaction - _lcs_push(p, contacts, impulse), axis=0)
