@@ -48,6 +48,9 @@ def test_a_built_reference_is_right_within_its_own_bound(made):
     assert np.abs(slide.x[-1] - [2.402773187027679, -0.335717922687778]).max() <= slide.state_error < 1e-8
     assert [e.kind for e in slide.events] == ["enter", "exit"] and slide.reaction is None
     for case, ref in zip(cases, (tide, slide), strict=True):
+        a, b = (nsbench.solve(case, spec, tol=tol) for spec, tol in PAIR)
+        assert ref.state_error == pytest.approx(2 * np.abs(a.x - b.x).max())
+        assert ref.impulse_error == pytest.approx(2 * np.abs(a.impulse - b.impulse).max())
         back = refs.reference(case, folder)
         assert np.array_equal(back.x, ref.x) and np.array_equal(back.impulse, ref.impulse)
         assert back.events == ref.events and back.contacts == ref.contacts and back.kind == "stored"
