@@ -36,8 +36,10 @@ class Spec:
 
 @dataclass(frozen=True)
 class Study:
-    """rows: one dict per attempted run, whatever became of it."""
+    """rows: one dict per attempted run, whatever became of it; cases, solvers: what they are, by key and spec."""
     rows: list[dict]
+    cases: dict = dataclasses.field(default_factory=dict)
+    solvers: dict = dataclasses.field(default_factory=dict)
 
     def frame(self):
         """The rows as a pandas DataFrame."""
@@ -198,7 +200,29 @@ def run(cases, solver_specs=None, *, h=None, tol=None, k=None) -> Study:
         specs = plan([(key, "")], names, values)
         done = dict(run_batch(specs))
         rows += [done[i] for i in sorted(done)]
-    return Study(rows)
+    return Study(rows, {key: describe_case(resolve(key)) for key in keys},
+                 {spec: describe_solver(spec) for spec in dict.fromkeys(r["solver"] for r in rows)})
+
+
+def describe_case(case: Case) -> dict:
+    """What a report says of a case: its docstring, size, families, where its reference comes from."""
+    from nsbench.reference import reference
+    p = case.problem
+    try:
+        ref = reference(case)
+        kind = "none" if ref is None else ref.kind
+    except ValueError as e:
+        kind = f"unusable: {e}"
+    return {"doc": case.doc, "n": case.n, "problem": type(p).__name__, "reference": kind, "tags": list(case.tags),
+            "families": [type(c).__name__ for c in getattr(p, "constraints", ())], "T": float(case.t[-1] - case.t[0]),
+            "samples": len(case.t), "unique": case.unique}
+
+
+def describe_solver(spec: str) -> dict:
+    """What a report says of a solver: its first line, its accuracy parameter and its claims."""
+    m = solvers.get(spec)
+    return {"doc": (type(m).__doc__ or "").strip().splitlines()[0], "accuracy": m.accuracy,
+            "claims": {"state": m.claims.state, "impulse": m.claims.impulse, "exact": m.claims.exact}}
 
 
 def talk_figure() -> dict:

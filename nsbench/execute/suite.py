@@ -89,9 +89,9 @@ def publish(out: Path, rows, cases, fresh: bool, say) -> Path:
     if not fresh and path.exists() and stamp.exists() and stamp.read_text() == digest:
         return path
     store.write_tables(out, rows)
-    meta = {s: _solver_meta(s) for s in dict.fromkeys(r["solver"] for r in rows)}
+    meta = {s: study.describe_solver(s) for s in dict.fromkeys(r["solver"] for r in rows)}
     store.write_atomically(out / "solvers.json", _dump(meta))
-    store.write_atomically(out / "cases.json", _dump({k: _case_meta(c) for (k, _), c in cases.items()}))
+    store.write_atomically(out / "cases.json", _dump({k: study.describe_case(c) for (k, _), c in cases.items()}))
     if fresh or not (out / "env.json").exists():
         store.write_atomically(out / "env.json", _dump(store.environment()))
     figures = out / "figures"
@@ -114,23 +114,4 @@ def _report_digest() -> bytes:
 
 
 def _dump(value) -> bytes:
-    return json.dumps(value, indent=1, sort_keys=True, default=str).encode()
-
-
-def _case_meta(case) -> dict:
-    from nsbench.reference import reference
-    p = case.problem
-    families = [type(c).__name__ for c in getattr(p, "constraints", ())]
-    try:
-        ref = reference(case)
-        kind = "none" if ref is None else ref.kind
-    except ValueError as e:
-        kind = f"unusable: {e}"
-    return {"doc": case.doc, "n": case.n, "problem": type(p).__name__, "families": families, "reference": kind,
-            "tags": list(case.tags), "T": float(case.t[-1]), "samples": len(case.t), "unique": case.unique}
-
-
-def _solver_meta(spec: str) -> dict:
-    m = solvers.get(spec)
-    return {"doc": (type(m).__doc__ or "").strip().splitlines()[0], "accuracy": m.accuracy,
-            "claims": {"state": m.claims.state, "impulse": m.claims.impulse, "exact": m.claims.exact}}
+    return json.dumps(value, indent=1, default=str).encode()

@@ -14,7 +14,7 @@ from nsbench.reference import columns_of, spread
 from nsbench.trajectory import Trajectory
 
 NAMES = ("state_sup", "state_T", "impulse", "reaction", "l1", "settled", "sup", "event_time", "events_missed",
-         "events_extra", "selection", "polyhedron", "state_floor", "impulse_floor")
+         "events_extra", "selection", "polyhedron", "state_floor", "impulse_floor", "state_scale", "impulse_scale")
 MEASURED = ("ok", "unverified", "degenerate", "below_reference")       # statuses of runs that reached T
 
 
@@ -31,7 +31,8 @@ def errors(case: Case, traj: Trajectory) -> dict:
     multipliers_unique: rank of the active gradients along the reference (None without one). Where False, impulse, l1,
     settled and sup are NaN: the reaction's error stands in their place, polyhedron is the distance of the multipliers
     to the set of all, selection the one to its smallest element, no error.
-    state_floor, impulse_floor: ten times the reference's own error; errors below say nothing.
+    state_floor, impulse_floor: ten times the reference's own error; errors below say nothing. state_scale,
+    impulse_scale: at least 1, and the largest value of the reference, which rounding is relative to.
     reference: "closed form", "stored" or "none". feasibility, sign, complementarity, residual: see `residuals`.
     A run that did not reach T has residuals only. BadReference (a ValueError) if the stored reference is unusable.
     """
@@ -47,10 +48,15 @@ def errors(case: Case, traj: Trajectory) -> dict:
     if ref is None:
         return out
     bound = ref.impulse_error if made.unique else ref.reaction_error
-    out |= {"state_floor": 10.0 * ref.state_error, "impulse_floor": 10.0 * bound}
+    out |= {"state_floor": 10.0 * ref.state_error, "impulse_floor": 10.0 * bound,
+            "state_scale": _size(ref.x), "impulse_scale": max(_size(ref.impulse), _size(ref.reaction))}
     if traj.status.code in MEASURED and np.all(np.isfinite(traj.x)) and np.all(np.isfinite(traj.impulse)):
         out |= _against(made, traj)
     return out
+
+
+def _size(values) -> float:
+    return 1.0 if values is None else max(1.0, float(np.abs(values).max(initial=0.0)))
 
 
 def _against(made: Frame, traj: Trajectory) -> dict:

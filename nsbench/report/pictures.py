@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import re
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -22,10 +23,14 @@ def write_scenes(cases, folder: Path) -> None:
             ref = reference(case)
         except ValueError:
             ref = None                   # a stale reference draws nothing; the rows say why
-        if ref is None:
-            text = scene_svg(case, case.x0, case.key)
-        else:
-            none = np.empty((len(case.t), 0))
-            traj = Trajectory(case.t, np.asarray(ref.x), (), none, none)
-            text = frames_svg(case, traj, case.t[[0, len(case.t) // 2, -1]])
+        try:
+            if ref is None:
+                text = scene_svg(case, case.x0, case.key)
+            else:
+                none = np.empty((len(case.t), 0))
+                traj = Trajectory(case.t, np.asarray(ref.x), (), none, none)
+                text = frames_svg(case, traj, case.t[[0, len(case.t) // 2, -1]])
+        except Exception as e:           # a case may bring its own drawing: a picture never costs the report
+            warnings.warn(f"no picture of {case.key}: {type(e).__name__}: {e}", stacklevel=2)
+            continue
         (Path(folder) / scene_file(case.key)).write_text(text, encoding="utf-8")

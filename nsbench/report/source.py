@@ -14,7 +14,7 @@ from nsbench.report.style import LEADS, clean, family, slug
 NUMBERS = ("asked", "h", "seconds", "setup_seconds", "steps", "drift_calls", "projections", "inner_iterations",
            "qp_solves", "events", "restarts", "contacts_peak", "state_sup", "state_T", "impulse", "reaction", "l1",
            "settled", "event_time", "feasibility", "sign", "complementarity", "residual", "selection", "polyhedron",
-           "state_floor", "impulse_floor", "multipliers_unique")
+           "state_floor", "impulse_floor", "state_scale", "impulse_scale", "multipliers_unique")
 WORDS = ("case", "solver", "accuracy", "status", "why", "loop", "reference")
 GOOD = ("ok", "below_reference")     # statuses whose errors are numbers
 
@@ -52,6 +52,12 @@ class Runs:
     def violates(self) -> bool:
         """Does a step size decide how far constraints are violated? 1e-9 is far above rounding, far below use."""
         return self.accuracy == "h" and bool(np.any(self.col["feasibility"][self.good] > 1e-9))
+
+    def scale(self, metric: str) -> float:
+        """Size of the quantity that `metric` is the error of: what rounding is relative to; 1 if it is not stored."""
+        values = self.col["state_scale" if metric in ("state_sup", "state_T", "feasibility") else "impulse_scale"]
+        values = values[np.isfinite(values)]
+        return float(values.max()) if values.size else 1.0
 
     def floor(self, metric: str) -> float:
         """Below it an error of `metric` says nothing (the reference's own error); 0: exact or no reference."""

@@ -130,7 +130,7 @@ def order(runs: Runs, metric: str, claims: dict, fit) -> Order:
         sentence = f"{name}: the error is exactly 0 at every step: no order."
         return Order(metric, "exact", "0 at every step", sentence, **best)
     some = np.unique(np.linspace(0, h.size - 1, min(h.size, MOST)).astype(int))
-    result = fit(h[some], error[some], floor=runs.floor(metric))
+    result = fit(h[some], error[some], floor=runs.floor(metric), scale=runs.scale(metric))
     verdict, sentence = clean(result.verdict), f"{name}: {clean(result.sentence)}"
     if some.size < h.size:
         sentence += f" ({some.size} of {h.size} runs were fitted.)"
