@@ -88,14 +88,14 @@ def travel(base, x, y, hard):
 
 
 @njit(cache=True, error_model="numpy")
-def carry(keys, on, new):
-    """The active set of one list as that of another; keys ascending."""
-    out = np.zeros(new.size, np.bool_)
+def carry(keys, mu, new):
+    """The multipliers of one list as those of another; keys ascending."""
+    out = np.zeros(new.size)
     for k in range(keys.size):
-        if on[k]:
+        if mu[k] > 0.0:
             c = np.searchsorted(new, keys[k])
             if c < new.size and new[c] == keys[k]:
-                out[c] = True
+                out[c] = mu[k]
     return out
 
 
@@ -108,9 +108,9 @@ def gather(x, skin, static, skeys, rows, hard, radii):
 
 
 @njit(cache=True, error_model="numpy")
-def project(lists, P, rows, b, anchors, x, z, on, count):
+def project(lists, P, rows, b, anchors, x, z, guess, count):
     """The point nearest to z where the gaps linearised at x are not negative. Returns mu, d = y - z, code, residual."""
-    m = on.size
+    m = guess.size
     vals, w, q, scale = np.empty(P[1].size), np.empty(m), np.empty(m), 1.0
     linearise(lists, rows, b, anchors, x, P[0], vals, w)
     for c in range(x.size):
@@ -120,9 +120,8 @@ def project(lists, P, rows, b, anchors, x, z, on, count):
     for k in range(m):
         clear = clear and q[k] >= 0.0
     if clear:
-        on[:] = False
         return np.zeros(m), np.zeros(x.size), qp.SOLVED, 0.0
-    mu, d, code, rounds = qp.solve(P, vals, q, on, scale)
+    mu, d, code, rounds = qp.solve(P, vals, q, guess, scale)
     count[QPS] += 1
     count[ROUNDS] += rounds
     count[LIMITS] += code == qp.MAXITER
@@ -144,7 +143,7 @@ def march(f, b_of, a_of, moving, t, substeps, x, static, rows, b, anchors, hard,
     ids, values, size = np.empty((64, 4), np.int64), np.empty(64), np.int64(0)
     count, skin, skeys = np.zeros(6, np.int64), reach, static_keys(static[1], SORTED, SEED)
     lists, keys, P = gather(x, skin, static, skeys, rows, hard, radii)
-    on, total = np.zeros(keys.size, np.bool_), np.zeros(keys.size)
+    guess, total = np.zeros(keys.size), np.zeros(keys.size)
     count[REBUILDS], count[PEAK] = 1, keys.size
     X[0], R[0] = x, reac
     worst, when = 0.0, t[0]
@@ -162,14 +161,14 @@ def march(f, b_of, a_of, moving, t, substeps, x, static, rows, b, anchors, hard,
                 b_of(after, b)
                 a_of(after, anchors)
             while True:
-                mu, d, code, kkt = project(lists, P, rows, b, anchors, x, z, on, count)
+                mu, d, code, kkt = project(lists, P, rows, b, anchors, x, z, guess, count)
                 far, last = travel(base, x, z + d, hard)
                 if code == qp.INFEASIBLE or not 2.0 * far > skin:
                     break
                 ids, values, size = flush(k + 1, total, lists[1], lists[2], lists[3], ids, values, size)
                 skin = max(reach, SKIN_OVER_STEP * last)
                 lists, new, P = gather(x, skin, static, skeys, rows, hard, radii)
-                on, keys, total, base[:] = carry(keys, on, new), new, np.zeros(new.size), x
+                guess, keys, total, base[:] = carry(keys, mu, new), new, np.zeros(new.size), x
                 count[REBUILDS] += 1
                 count[PEAK] = max(count[PEAK], keys.size)
             if not kkt <= worst:
@@ -180,6 +179,7 @@ def march(f, b_of, a_of, moving, t, substeps, x, static, rows, b, anchors, hard,
                 x[c] = z[c] + d[c]
                 reac[c] += d[c]
             total += mu
+            guess = mu
             if not finite(x):
                 return X, R, ids[:size], values[:size], count, worst, when, NAN, now
         X[k + 1], R[k + 1] = x, reac

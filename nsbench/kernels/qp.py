@@ -2,25 +2,29 @@
 
     min 1/2 |d|^2  s.t.  q + G d >= 0        d = G^T mu,    0 <= mu  _|_  w = q + G G^T mu >= 0
 
-G (m, n) sparse, m constraints of any rank: duplicates, hexagonal packings. Two phases, both on sparse factors of
+G (m, n) sparse, m constraints of any rank: duplicates, hexagonal packings. Three phases, all on sparse factors of
 M_AA = G_A G_A^T made anew in each round: in a time loop G changes in every step, so there is nothing to update.
 
 1. Exchange: solve w = 0 on the set A, then put out all mu < 0 and take in all w < 0 at once. From the active set of
    the step before this is usually done in one or two rounds. It may cycle, so it ends when the number of wrong signs
    has not fallen for three rounds (Judice & Pires, Computers & Operations Research 21(5), 1994).
-2. The dual method of Goldfarb & Idnani (Mathematical Programming 27, 1983) from what is left of A: one violated row
-   at a time, the rows that block it leave. The dual value grows with each row taken in, so no set comes back; the
-   active rows stay independent; a violated row that nothing blocks proves that the problem has no feasible point.
+2. If more signs are wrong than this phase has rounds: projected Newton on the dual (Bertsekas, SIAM J. Control Optim.
+   20(2), 1982). Free are the rows with mu > 0 or w < 0, the step is cut back along max(mu + t p, 0) until the dual
+   value falls enough, so no set can cycle. A small shift of the diagonal keeps p finite where rows depend.
+3. The dual method of Goldfarb & Idnani (Mathematical Programming 27, 1983) from the best mu >= 0 at hand, made basic:
+   one violated row at a time, the rows that block it leave. The dual value falls with each row taken in, so no set comes
+   back; the active rows stay independent; a violated row that nothing blocks proves that there is no feasible point.
 """
 import numpy as np
 from numba import njit
 
-from nsbench.kernels.sparse import back, dissection, factor, visits
+from nsbench.kernels.pivot import DEPENDENT, EPS, INFEASIBLE, MAXITER, SOLVED, equality, one_by_one, purify, rounding
+from nsbench.kernels.sparse import back, choose, dissection, factor, lengths, push, slack, visits
 
-SOLVED, INFEASIBLE, MAXITER = 0, 1, 2
-EPS = 2.0**-52
-DEPENDENT = 1e-12            # squared sine of the angle to the span: below it 1/sine^2 eats more digits than refinement returns
-NO_FACTOR = 1e-15            # phase 2 decides on dependence itself; the factor refuses only what rounding makes of zero
+__all__ = ["INFEASIBLE", "MAXITER", "SOLVED", "pattern", "residual", "slack", "solve"]
+
+SHIFT = 1e-9                 # of the diagonal in phase 2, which has to find the set only
+NEWTON, SHORTEST = 50, 1e-10  # rounds of phase 2; the least part of a step
 
 
 @njit(cache=True, error_model="numpy")
@@ -31,111 +35,27 @@ def pattern(ptr, cols, n):
 
 
 @njit(cache=True, error_model="numpy")
-def push(P, vals, mu, d):
-    """d = G^T mu."""
-    ptr, cols = P[0], P[1]
-    d[:] = 0.0
-    for k in range(mu.size):
-        if mu[k] != 0.0:
-            for e in range(ptr[k], ptr[k + 1]):
-                d[cols[e]] += vals[e] * mu[k]
-
-
-@njit(cache=True, error_model="numpy")
-def slack(P, vals, q, d, w):
-    """w = q + G d."""
-    ptr, cols = P[0], P[1]
-    for k in range(q.size):
-        s = q[k]
-        for e in range(ptr[k], ptr[k + 1]):
-            s += vals[e] * d[cols[e]]
-        w[k] = s
-
-
-@njit(cache=True, error_model="numpy")
-def lengths(P, vals):
-    """|grad g_k| of every row."""
-    ptr, out = P[0], np.empty(P[0].size - 1)
-    for k in range(out.size):
-        s = 0.0
-        for e in range(ptr[k], ptr[k + 1]):
-            s += vals[e] * vals[e]
-        out[k] = np.sqrt(s)
-    return out
-
-
-@njit(cache=True, error_model="numpy")
-def choose(on, order, slot):
-    """The rows switched on, in the order of elimination; slot: their places, -1 elsewhere."""
-    act, na = np.empty(on.size, np.int64), 0
-    for k in order:
-        slot[k] = -1
-        if on[k]:
-            slot[k] = na
-            act[na] = k
-            na += 1
-    return act[:na]
-
-
-@njit(cache=True, error_model="numpy")
-def equality(on, P, vals, q, norm, dependent, eps, mu, d, w, slot):
-    """mu with w = 0 on the rows switched on; rows that depend on others are switched off. Returns act, L, D."""
-    ptr, cols, tptr, trow, tpos, order = P
-    act = choose(on, order, slot)
-    L, D = factor(act, slot, ptr, cols, vals, tptr, trow, tpos, dependent)
-    for i in range(act.size):
-        if D[i] == 0.0:
-            on[act[i]] = False
-    mu[:] = 0.0
-    d[:] = 0.0
-    w[:] = q
-    b, before = np.empty(act.size), np.inf
-    for _ in range(6):                                # a solve and its refinement with the true residual
-        worst = 0.0
-        for i in range(act.size):
-            b[i] = -w[act[i]]
-            if D[i] != 0.0:
-                worst = max(worst, abs(b[i]) / norm[act[i]])
-        if worst <= eps or not worst < 0.5 * before:
-            break
-        before = worst
-        back(L, D, b)
-        for i in range(act.size):
-            mu[act[i]] += b[i]
-        push(P, vals, mu, d)
-        slack(P, vals, q, d, w)
-    return act, L, D
-
-
-@njit(cache=True, error_model="numpy")
-def rounding(scale, mu, norm):
-    """Length below which a sign is rounding: gaps come from numbers of size `scale`, slacks from mu too."""
-    top = 0.0
-    for k in range(mu.size):
-        top = max(top, abs(mu[k]) * norm[k])
-    return 32.0 * EPS * (scale + top)
-
-
-@njit(cache=True, error_model="numpy")
 def exchange(on, P, vals, q, norm, scale, mu, d, w, slot):
-    """Phase 1. Returns whether all signs are right, and the rounds taken."""
-    best, chances, rounds = on.size + 1, 3, 0
+    """Phase 1. Returns whether all signs are right, how many were wrong at first, and the rounds taken."""
+    best, chances, rounds, first = on.size + 1, 3, 0, 0
     while True:
         equality(on, P, vals, q, norm, DEPENDENT, EPS * scale, mu, d, w, slot)
         rounds += 1
-        tol, wrong = rounding(scale, mu, norm), 0
+        tol, wrong, off = rounding(scale, mu, norm), 0, 0.0
+        for k in range(on.size):
+            off = max(off, abs(w[k]) / norm[k]) if on[k] else off
+        if not max(tol, off) <= np.sqrt(EPS) * scale:      # almost dependent rows that contradict: all is rounding
+            return False, first, rounds
         for k in range(on.size):
             if (on[k] and mu[k] * norm[k] < -tol) or (not on[k] and w[k] < -tol * norm[k]):
                 wrong += 1
-        if not tol <= np.sqrt(EPS) * scale:                # almost dependent rows that contradict: all is rounding
-            on[:] = False
-            return False, rounds
+        first = wrong if rounds == 1 else first
         if wrong == 0:
-            return True, rounds
+            return True, first, rounds
         chances = 3 if wrong < best else chances - 1
         best = min(best, wrong)
         if chances == 0:
-            return False, rounds
+            return False, first, rounds
         for k in range(on.size):
             if on[k]:
                 on[k] = mu[k] * norm[k] >= -tol
@@ -144,112 +64,80 @@ def exchange(on, P, vals, q, norm, scale, mu, d, w, slot):
 
 
 @njit(cache=True, error_model="numpy")
-def shrink(on, P, vals, q, norm, scale, mu, d, w, slot):
-    """Put out negative mu until none is left: a dual feasible start. Returns act, L, D, rounds."""
-    rounds = 0
-    while True:
-        act, L, D = equality(on, P, vals, q, norm, NO_FACTOR, EPS * scale, mu, d, w, slot)
-        rounds += 1
-        tol, clean = rounding(scale, mu, norm), True
-        for k in act:
-            if on[k] and mu[k] * norm[k] < -tol:
-                on[k] = False
-                clean = False
-        if clean:
-            return act, L, D, rounds
+def dual(P, vals, q, mu, d):
+    """The dual value q mu + |G^T mu|^2 / 2, to be made small; fills d = G^T mu."""
+    push(P, vals, mu, d)
+    s = 0.0
+    for k in range(q.size):
+        s += q[k] * mu[k]
+    for c in range(d.size):
+        s += 0.5 * d[c] * d[c]
+    return s
 
 
 @njit(cache=True, error_model="numpy")
-def direction(p, act, L, D, P, vals, slot):
-    """r with M_AA r = M_Ap, and |G_p - G_A^T r|^2: what moves when row p is pushed and the set A holds."""
-    ptr, cols, tptr, trow, tpos, _ = P
-    r = np.zeros(act.size)
-    v = np.zeros(tptr.size - 1)
-    for e in range(ptr[p], ptr[p + 1]):
-        v[cols[e]] += vals[e]
-    for _ in range(2):
-        b = np.zeros(act.size)
-        for i in range(act.size):
-            for e in range(ptr[act[i]], ptr[act[i] + 1]):
-                b[i] += vals[e] * v[cols[e]]
-        back(L, D, b)
-        r += b
-        for i in range(act.size):
-            for e in range(ptr[act[i]], ptr[act[i] + 1]):
-                v[cols[e]] -= vals[e] * b[i]
-    return r, (v * v).sum()
-
-
-@njit(cache=True, error_model="numpy")
-def take_in(p, on, P, vals, q, norm, scale, mu, d, w, slot, act, L, D, limit):
-    """Raise mu_p until row p holds; blocking rows leave. Returns code, the new act, L, D, and rounds."""
-    rounds, mup, wp = 0, 0.0, w[p]
-    while rounds <= limit:
-        r, gain = direction(p, act, L, D, P, vals, slot)
-        full = -wp / gain if gain > DEPENDENT * norm[p] * norm[p] else np.inf
-        t, leave = full, np.int64(-1)
-        for i in range(act.size):
-            if D[i] != 0.0 and r[i] > 1e-14 * norm[p] / norm[act[i]]:      # below: rounding of a zero
-                s = max(mu[act[i]], 0.0) / r[i]
-                if s < t:
-                    t, leave = s, act[i]
-        if t == np.inf:
-            return INFEASIBLE, act, L, D, rounds
-        for i in range(act.size):
-            mu[act[i]] -= t * r[i]
-        mup += t
-        wp += t * gain
-        if leave < 0:
-            on[p] = True
-            act, L, D, more = shrink(on, P, vals, q, norm, scale, mu, d, w, slot)
-            return SOLVED, act, L, D, rounds + more
-        on[leave] = False
-        mu[leave] = 0.0
-        act = choose(on, P[5], slot)
-        L, D = factor(act, slot, P[0], P[1], vals, P[2], P[3], P[4], NO_FACTOR)
-        rounds += 1
-    return MAXITER, act, L, D, rounds
-
-
-@njit(cache=True, error_model="numpy")
-def one_by_one(on, P, vals, q, norm, scale, mu, d, w, slot):
-    """Phase 2. Returns code and rounds."""
-    act, L, D, rounds = shrink(on, P, vals, q, norm, scale, mu, d, w, slot)
-    limit = 100 + 20 * on.size
-    spared = np.zeros(on.size, np.bool_)
-    while rounds < limit:
-        tol, p, worst = rounding(scale, mu, norm), np.int64(-1), 0.0
-        for k in range(on.size):
-            if not on[k] and not spared[k] and w[k] / norm[k] < min(-tol, worst):
-                p, worst = k, w[k] / norm[k]
-        if p < 0:
-            return SOLVED, rounds
-        code, act, L, D, more = take_in(p, on, P, vals, q, norm, scale, mu, d, w, slot, act, L, D, limit)
-        rounds += more
-        if code == INFEASIBLE:
-            if worst < -np.sqrt(EPS) * scale:
-                return INFEASIBLE, rounds
-            spared[p] = True                           # contradicts the others by rounding only: the residual shows it
-            act, L, D, more = shrink(on, P, vals, q, norm, scale, mu, d, w, slot)
-            rounds += more
-        elif code == MAXITER:
+def newton(on, P, vals, q, norm, scale, mu, d, w, slot):
+    """Phase 2. Projected Newton steps on the dual from mu >= 0; on return `on` is the support. Returns rounds."""
+    ptr, cols, tptr, trow, tpos, order = P
+    m, trial, e, free = q.size, np.empty(q.size), np.empty(d.size), np.zeros(q.size, np.bool_)
+    value, t, rounds = dual(P, vals, q, mu, d), 0.0, 0
+    while rounds < NEWTON:
+        slack(P, vals, q, d, w)
+        tol, same = rounding(scale, mu, norm), True
+        if not tol <= np.sqrt(EPS) * scale:                # no bound below: the rows contradict each other
             break
-    return MAXITER, rounds
+        for k in range(m):
+            now = mu[k] > 0.0 or w[k] < -tol * norm[k]
+            same = same and now == free[k]
+            free[k] = now
+        if same and t == 1.0:
+            break
+        rounds += 1
+        act = choose(free, order, slot)
+        L, D = factor(act, slot, ptr, cols, vals, tptr, trow, tpos, 0.0, SHIFT)
+        p = np.empty(act.size)
+        for i in range(act.size):
+            p[i] = -w[act[i]]
+        back(L, D, p)
+        t = 2.0
+        while t > SHORTEST:
+            t *= 0.5
+            slope = 0.0
+            trial[:] = mu
+            for i in range(act.size):
+                k = act[i]
+                trial[k] = max(mu[k] + t * p[i], 0.0)
+                slope += w[k] * (trial[k] - mu[k])
+            new = dual(P, vals, q, trial, e)
+            if new <= value + 1e-4 * slope:
+                break
+        if not new < value - EPS * abs(value):
+            break
+        mu[:], d[:], value = trial, e, new
+    for k in range(m):
+        on[k] = mu[k] > 0.0
+    return rounds
 
 
 @njit(cache=True, error_model="numpy")
-def solve(P, vals, q, on, scale):
+def solve(P, vals, q, guess, scale):
     """Solve the problem for the pattern P, entries vals and right-hand side q (m,).
 
-    on (m,) bool: the set to start from; on return the active set. scale: size of the numbers the gaps are made of.
-    Returns mu (m,), d = G^T mu (n,), code (SOLVED, INFEASIBLE, MAXITER), rounds = factorisations.
+    guess (m,): multipliers to start from, such as those of the step before (those > 0 count).
+    scale: size of the numbers the gaps are made of. Returns mu (m,), d = G^T mu (n,), code (SOLVED, INFEASIBLE, MAXITER),
+    rounds = factorisations.
     """
     m = q.size
-    mu, d, w = np.zeros(m), np.zeros(P[2].size - 1), np.empty(m)
+    mu, d, w, on = np.zeros(m), np.zeros(P[2].size - 1), np.empty(m), guess > 0.0
     norm, slot = lengths(P, vals), np.empty(m, np.int64)
-    done, rounds = exchange(on, P, vals, q, norm, scale, mu, d, w, slot)
+    done, wrong, rounds = exchange(on, P, vals, q, norm, scale, mu, d, w, slot)
     code = SOLVED
     if not done:
+        for k in range(m):
+            on[k], mu[k] = guess[k] > 0.0, max(guess[k], 0.0)
+        if wrong > NEWTON:                                # phase 3 needs a round for each at least
+            rounds += newton(on, P, vals, q, norm, scale, mu, d, w, slot)
+        rounds += purify(on, P, vals, mu, norm, slot)
         code, more = one_by_one(on, P, vals, q, norm, scale, mu, d, w, slot)
         rounds += more
     for k in range(m):

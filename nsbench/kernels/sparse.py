@@ -1,4 +1,4 @@
-"""The matrix M = G G^T of a list of sparse rows: who shares a coordinate, an order of elimination, and L D L^T.
+"""Sparse rows G and the matrix M = G G^T: who shares a coordinate, an order of elimination, L D L^T, products.
 
 Rows are CSR: ptr (m + 1,), cols, vals. Their transpose is a table of visits: coordinate c is used by the entries
 tpos[tptr[c] : tptr[c + 1]] of the rows trow[...].
@@ -138,8 +138,8 @@ def _symbolic(act, slot, ptr, cols, tptr, trow):
 
 
 @njit(cache=True, error_model="numpy")
-def factor(act, slot, ptr, cols, vals, tptr, trow, tpos, tol):
-    """M_AA = L D L^T for the rows act (na,), slot (m,) their places in act or -1.
+def factor(act, slot, ptr, cols, vals, tptr, trow, tpos, tol, shift):
+    """M_AA = L D L^T for the rows act (na,), slot (m,) their places in act or -1; the diagonal times 1 + shift.
 
     A row whose squared sine to the rows before it is at most `tol` depends on them: D = 0 there, and `back` gives it
     the multiplier 0. Returns (L by columns: start, count, row, value), D. Up-looking, after T. Davis, Algorithm 849
@@ -170,7 +170,7 @@ def factor(act, slot, ptr, cols, vals, tptr, trow, tpos, tol):
                     depth -= 1
                     top -= 1
                     stack[top] = path[depth]
-        whole, d = y[k], y[k]
+        whole, d = y[k], y[k] * (1.0 + shift)
         y[k] = 0.0
         for s in range(top, na):
             i = stack[s]
@@ -207,3 +207,50 @@ def back(L, D, b):
         for e in range(start[i], start[i] + count[i]):
             s -= value[e] * b[row[e]]
         b[i] = s
+
+
+@njit(cache=True, error_model="numpy")
+def push(P, vals, mu, d):
+    """d = G^T mu."""
+    ptr, cols = P[0], P[1]
+    d[:] = 0.0
+    for k in range(mu.size):
+        if mu[k] != 0.0:
+            for e in range(ptr[k], ptr[k + 1]):
+                d[cols[e]] += vals[e] * mu[k]
+
+
+@njit(cache=True, error_model="numpy")
+def slack(P, vals, q, d, w):
+    """w = q + G d."""
+    ptr, cols = P[0], P[1]
+    for k in range(q.size):
+        s = q[k]
+        for e in range(ptr[k], ptr[k + 1]):
+            s += vals[e] * d[cols[e]]
+        w[k] = s
+
+
+@njit(cache=True, error_model="numpy")
+def lengths(P, vals):
+    """|grad g_k| of every row."""
+    ptr, out = P[0], np.empty(P[0].size - 1)
+    for k in range(out.size):
+        s = 0.0
+        for e in range(ptr[k], ptr[k + 1]):
+            s += vals[e] * vals[e]
+        out[k] = np.sqrt(s)
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+def choose(on, order, slot):
+    """The rows switched on, in the order of elimination; slot: their places, -1 elsewhere."""
+    act, na = np.empty(on.size, np.int64), 0
+    for k in order:
+        slot[k] = -1
+        if on[k]:
+            slot[k] = na
+            act[na] = k
+            na += 1
+    return act[:na]

@@ -49,7 +49,7 @@ class ActiveSet:
             self._key, self.setups = key, self.setups + 1
             self._pattern = qp.pattern(G.indptr.astype(np.int64), G.indices.astype(np.int64), G.shape[1])
         scale = max(1.0, float(np.abs(q).max(initial=0.0)))
-        mu, d, code, rounds = qp.solve(self._pattern, G.data, q, mu > 0.0, scale)
+        mu, d, code, rounds = qp.solve(self._pattern, G.data, q, mu, scale)
         return Answer(mu, d, ("solved", "infeasible", "maxiter")[code], int(rounds))
 
 
