@@ -14,6 +14,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from multiprocessing.connection import wait
+from pathlib import Path
 
 from nsbench.study import Spec, run_batch
 
@@ -49,11 +50,24 @@ class _Job:
     since: float = 0.0
 
 
+def _jax_cache() -> dict[str, str]:
+    """Settings that keep what JAX compiles in the user's cache folder, unless the user has settings of his own."""
+    folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "nsbench" / "jax"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        return {}
+    wanted = {"JAX_COMPILATION_CACHE_DIR": str(folder), "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0",
+              "JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES": "-1"}
+    return {k: os.environ.get(k, v) for k, v in wanted.items()}
+
+
 def _spawn() -> _Job:
     context = mp.get_context("spawn")
     ours, theirs = context.Pipe()
-    keep = {k: os.environ.get(k) for k in (*THREADS, "XLA_FLAGS")}
-    os.environ.update(dict.fromkeys(THREADS, "1"))       # two workers on two cores: no worker takes the other's
+    ours_alone = dict.fromkeys(THREADS, "1") | _jax_cache()      # one thread: no worker takes the other's core
+    keep = {k: os.environ.get(k) for k in ours_alone}
+    os.environ.update(ours_alone)
     try:
         process = context.Process(target=_worker, args=(theirs,), daemon=True)
         process.start()
