@@ -10,7 +10,7 @@ M_AA = G_A G_A^T made anew in each round: in a time loop G changes in every step
    has not fallen for three rounds (Judice & Pires, Computers & Operations Research 21(5), 1994).
 2. If more signs are wrong than this phase has rounds: projected Newton on the dual (Bertsekas, SIAM J. Control Optim.
    20(2), 1982). Free are the rows with mu > 0 or w < 0, the step is cut back along max(mu + t p, 0) until the dual
-   value falls enough, so no set can cycle. A small shift of the diagonal keeps p finite where rows depend.
+   value falls enough, so no set can cycle. A shift of the diagonal keeps p finite where rows depend.
 3. The dual method of Goldfarb & Idnani (Mathematical Programming 27, 1983) from the best mu >= 0 at hand, made basic:
    one violated row at a time, the rows that block it leave. The dual value falls with each row taken in, so no set comes
    back; the active rows stay independent; a violated row that nothing blocks proves that there is no feasible point.
@@ -23,8 +23,9 @@ from nsbench.kernels.sparse import back, choose, dissection, factor, lengths, pu
 
 __all__ = ["INFEASIBLE", "MAXITER", "SOLVED", "pattern", "residual", "slack", "solve"]
 
-SHIFT = 1e-9                 # of the diagonal in phase 2, which has to find the set only
+SHIFT = 0.1                  # of the diagonal in phase 2, times the residual: regularised Newton, fast at the end
 NEWTON, SHORTEST = 50, 1e-10  # rounds of phase 2; the least part of a step
+CLOSE = 1e-3                 # the "epsilon" of projected Newton: any positive number will do
 
 
 @njit(cache=True, error_model="numpy")
@@ -79,35 +80,36 @@ def dual(P, vals, q, mu, d):
 def newton(on, P, vals, q, norm, scale, mu, d, w, slot):
     """Phase 2. Projected Newton steps on the dual from mu >= 0; on return `on` is the support. Returns rounds."""
     ptr, cols, tptr, trow, tpos, order = P
-    m, trial, e, free = q.size, np.empty(q.size), np.empty(d.size), np.zeros(q.size, np.bool_)
-    value, t, rounds = dual(P, vals, q, mu, d), 0.0, 0
+    m, trial, e, p = q.size, np.empty(q.size), np.empty(d.size), np.empty(q.size)
+    free = np.zeros(m, np.bool_)
+    value, rounds = dual(P, vals, q, mu, d), 0
     while rounds < NEWTON:
         slack(P, vals, q, d, w)
-        tol, same = rounding(scale, mu, norm), True
+        tol, near, rounds = rounding(scale, mu, norm), 0.0, rounds + 1
         if not tol <= np.sqrt(EPS) * scale:                # no bound below: the rows contradict each other
             break
-        for k in range(m):
-            now = mu[k] > 0.0 or w[k] < -tol * norm[k]
-            same = same and now == free[k]
-            free[k] = now
-        if same and t == 1.0:
+        for k in range(m):                                 # how far from the end, as a length
+            near = max(near, abs(min(mu[k] * norm[k], w[k] / norm[k])))
+        if near <= tol:
             break
-        rounds += 1
+        for k in range(m):                                 # almost zero and about to be: a step of its own
+            free[k] = w[k] < 0.0 or mu[k] * norm[k] > min(near, CLOSE * scale)
+            p[k] = -w[k] / (norm[k] * norm[k])
         act = choose(free, order, slot)
-        L, D = factor(act, slot, ptr, cols, vals, tptr, trow, tpos, 0.0, SHIFT)
-        p = np.empty(act.size)
+        L, D = factor(act, slot, ptr, cols, vals, tptr, trow, tpos, 0.0, SHIFT * near / scale)
+        b = np.empty(act.size)
         for i in range(act.size):
-            p[i] = -w[act[i]]
-        back(L, D, p)
-        t = 2.0
+            b[i] = -w[act[i]]
+        back(L, D, b)
+        for i in range(act.size):
+            p[act[i]] = b[i]
+        t, new = 2.0, np.inf
         while t > SHORTEST:
             t *= 0.5
             slope = 0.0
-            trial[:] = mu
-            for i in range(act.size):
-                k = act[i]
-                trial[k] = max(mu[k] + t * p[i], 0.0)
-                slope += w[k] * (trial[k] - mu[k])
+            for k in range(m):
+                trial[k] = max(mu[k] + t * p[k], 0.0)
+                slope += w[k] * ((trial[k] - mu[k]) if not free[k] else t * p[k])
             new = dual(P, vals, q, trial, e)
             if new <= value + 1e-4 * slope:
                 break
