@@ -1,7 +1,7 @@
 """Small complementarity problems are solved to rounding whatever their rank, and unsolvable ones are told apart."""
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from nsbench.kernels.lcp import INFEASIBLE, OK, in_span, solve_lcp
@@ -25,8 +25,9 @@ def contacts(seed, m, n, rank):
 problems = st.tuples(st.integers(0, 10**6), st.integers(1, 14), st.integers(1, 8), st.integers(1, 8))
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300, deadline=None, derandomize=True, database=None)
 @given(problems)
+@example((2153, 12, 5, 5))               # an opposite row that is off by rounding is not a contradiction
 def test_random_problems_of_any_rank_meet_their_conditions(p):
     seed, m, n, rank = p
     G, rng = contacts(seed, m, n, min(rank, n))
@@ -40,7 +41,7 @@ def test_random_problems_of_any_rank_meet_their_conditions(p):
     assert np.linalg.matrix_rank(G[support], tol=1e-7) == len(support), "the solution is basic"
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100, deadline=None, derandomize=True, database=None)
 @given(problems)
 def test_the_velocity_is_that_of_another_method(p):
     """Non-negative least squares of SciPy on G itself, not on its Gram matrix."""
@@ -52,7 +53,7 @@ def test_the_velocity_is_that_of_another_method(p):
     np.testing.assert_allclose(f + G.T @ lam, f + G.T @ nnls(G.T, -f)[0], atol=1e-9 * (1 + np.abs(G).max()))
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100, deadline=None, derandomize=True, database=None)
 @given(problems, st.integers(0, 2**14))
 def test_a_warm_start_changes_the_way_not_the_velocity(p, bits):
     seed, m, n, rank = p
@@ -62,7 +63,7 @@ def test_a_warm_start_changes_the_way_not_the_velocity(p, bits):
     np.testing.assert_allclose(G.T @ warm, G.T @ cold, atol=1e-9 * (1 + np.abs(h).max()))
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100, deadline=None, derandomize=True, database=None)
 @given(problems)
 def test_moving_walls_are_kept_apart_or_called_infeasible(p):
     """h outside the range of G: feasible exactly if a velocity exists; linear programming is the judge."""

@@ -8,6 +8,8 @@ import numpy as np
 from numba import njit
 
 OK, INFEASIBLE, UNFINISHED = 0, 1, 2
+NULL = 1e-6               # coefficients of a null direction below are rounding: eps over the smallest squared sine
+ROUNDING = 1e-9           # of a row that depends on others: eps over the smallest sine that counts as independent (1e-5)
 
 
 @njit(cache=True, error_model="numpy")
@@ -108,7 +110,7 @@ def _exchange(L, M, idx, p, k, lam, dep):
     _backsolve(L, p, c)                                   # G_k = sum_a c_a G_a
     block, alpha = -1, np.inf
     for a in range(p):
-        if c[a] > 1e-9 and lam[idx[a]] / c[a] < alpha:
+        if c[a] > NULL and lam[idx[a]] / c[a] < alpha:
             block, alpha = a, lam[idx[a]] / c[a]
     if block < 0:
         return -1
@@ -127,6 +129,15 @@ def _speeds(M, h, lam, w):
         w[k] = h[k]
         for a in range(h.size):
             w[k] += M[k, a] * lam[a]
+
+
+@njit(cache=True, error_model="numpy")
+def _size(M, h, lam, k):
+    """Size of the terms that w_k is the sum of."""
+    s = abs(h[k])
+    for a in range(h.size):
+        s += abs(M[k, a]) * lam[a]
+    return s
 
 
 @njit(cache=True, error_model="numpy")
@@ -171,16 +182,25 @@ def solve_lcp(M, h, warm, tol, dep):
         if _append(L, M, idx, p, k, dep):
             p += 1
         else:
-            p = _exchange(L, M, idx, p, k, lam, dep)
-            if p < 0:
+            q = _exchange(L, M, idx, p, k, lam, dep)
+            if q < 0 and w[k] > -ROUNDING * _size(M, h, lam, k):
+                skip[k] = True                            # w_k follows from the support, where w = 0: it is rounding
+                continue
+            if q < 0:
                 code, bad, p = INFEASIBLE, k, 0
                 break
+            p = q
         p = _settle(L, M, h, idx, p, lam, dep)
         _speeds(M, h, lam, w)
         if lam[k] > 0.0:
             skip[:] = False
         else:
             skip[k] = True                                # rounding: it is zero from either side
+    if code != INFEASIBLE:                                # what is left over must be rounding, and if so it is solved
+        code = OK
+        for k in range(m):
+            if w[k] < -max(tol[k], ROUNDING * _size(M, h, lam, k)):
+                code, bad = UNFINISHED, k
     return lam, w, idx[:p].copy(), code, bad, it
 
 
