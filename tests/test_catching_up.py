@@ -164,24 +164,28 @@ def test_every_phase_alone_finds_the_same_point():
 def test_the_sparse_factor_is_the_dense_one_in_an_order_that_fills_little():
     from nsbench.kernels import qp
     from nsbench.kernels.sparse import back, choose, factor
-    k = np.arange(400)                                            # a 20 x 20 grid of points, rows = its edges
-    i = np.concatenate([k[k % 20 < 19], k[k < 380]])
-    j = np.concatenate([k[k % 20 < 19] + 1, k[k < 380] + 20])
-    G = np.zeros((len(i), 400))
-    rng = np.random.default_rng(0)
-    G[np.arange(len(i)), i], G[np.arange(len(i)), j] = rng.normal(size=(2, len(i)))
+    rng, side = np.random.default_rng(0), 30
+    m = side * side
+    k = np.arange(m)
+    right, below = k[k % side < side - 1], k[k < m - side]
+    ends = np.concatenate([np.stack([right, right + 1], 1), np.stack([below, below + side], 1)])
+    G = np.zeros((m, m + len(ends)))                              # rows: points of a grid; columns: themselves, edges
+    G[k, k] = 1.0
+    G[ends[:, 0], m + np.arange(len(ends))], G[ends[:, 1], m + np.arange(len(ends))] = rng.normal(size=(2, len(ends)))
+    G = G[rng.permutation(m)]
     ptr, cols, vals = csr(G)
-    P = qp.pattern(ptr, cols, 400)
-    assert np.array_equal(np.sort(P[5]), np.arange(len(i)))
-    on, slot = rng.random(len(i)) < 0.3, np.empty(len(i), np.int64)
-    act = choose(on, P[5], slot)
-    L, D = factor(act, slot, ptr, cols, vals, P[2], P[3], P[4], 1e-12, 0.0)
-    assert np.array_equal(np.sort(act), np.flatnonzero(on)) and D.min() > 0
-    b = rng.normal(size=act.size)
-    x = b.copy()
-    back(L, D, x)
-    assert G[act] @ G[act].T @ x == pytest.approx(b, abs=1e-7)
-    assert L[0][-1] < 0.1 * act.size**2 / 2                       # a tenth of the dense triangle
+    P = qp.pattern(ptr, cols, G.shape[1])
+    assert np.array_equal(np.sort(P[5]), k)
+    for on, fill in ((np.ones(m, bool), 15 * m), (rng.random(m) < 0.5, 2 * m)):     # its natural order fills 30 m
+        slot = np.empty(m, np.int64)
+        act = choose(on, P[5], slot)
+        L, D = factor(act, slot, ptr, cols, vals, P[2], P[3], P[4], 1e-12, 0.0)
+        assert np.array_equal(np.sort(act), np.flatnonzero(on)) and D.min() > 0
+        b = rng.normal(size=act.size)
+        x = b.copy()
+        back(L, D, x)
+        assert G[act] @ (G[act].T @ x) == pytest.approx(b, abs=1e-9)
+        assert L[0][-1] < fill
 
 
 def test_the_residual_catches_a_false_answer():
