@@ -76,6 +76,8 @@ def make(n: int = 30, seed: int = 0, w: float = 0.5, kick: float = 0.3, box: boo
     """n discs, w and kick of the free drift, packing the area fraction in the box (less near walls)."""
     if n < 1:
         raise ValueError(f"n is {n!r}; at least 1 disc")
+    if not (isinstance(n, int) and n <= 10_000_000):
+        raise ValueError(f"n is {n!r}; a whole number of at most 10 million discs (about {2e-6 * float(n):.0f} GB of samples)")
     if labels not in ("random", "rows"):
         raise ValueError(f"labels is {labels!r}; one of random, rows")
     if not 0 < packing < TIGHT:

@@ -114,12 +114,12 @@ def parse_spec(spec: str) -> tuple[str, dict]:
     """``name[a=1,b=x]`` -> name and parameters; values become bool, int, float or stay text."""
     m = re.fullmatch(r"\s*([^\[\]=,]+?)\s*(?:\[(.*)\])?\s*", spec)
     if not m:
-        raise ValueError(f"cannot read {spec!r}; write name or name[key=value,...]")
+        raise ValueError(f"cannot read {spec[:200]!r}; write name or name[key=value,...]")
     params = {}
     for part in filter(None, (s.strip() for s in (m[2] or "").split(","))):
         key, eq, text = part.partition("=")
-        if not eq:
-            raise ValueError(f"cannot read {part!r} in {spec!r}; write key=value")
+        if not eq or key.strip() in params:
+            raise ValueError(f"cannot read {part!r} in {spec[:200]!r}; write key=value, each key once")
         params[key.strip()] = parse_value(text.strip())
     return m[1], params
 
@@ -169,7 +169,7 @@ def case_module(name: str):
     if name in failed:
         raise ValueError(f"case {name!r} failed to load: {failed[name]}")
     if name not in found:
-        raise LookupError(f"no case {name!r}; {nearest(name, found)}")
+        raise LookupError(f"no case {name[:80]!r}; {nearest(name, found)}")
     return found[name]
 
 
@@ -179,7 +179,12 @@ def _build(module, name: str, params: dict) -> Case:
         for p in params:
             if p not in known:
                 raise LookupError(f"case {name} has no parameter {p!r}; {nearest(p, known)}")
-        case = module.make(**params)
+        try:
+            case = module.make(**params)
+        except (ValueError, TypeError, ArithmeticError, LookupError) as e:
+            raise ValueError(f"case {name} cannot be made with {params}: {e}") from e
+        if not isinstance(case, Case):
+            raise ValueError(f"make(**params) of {name} returns {type(case).__name__}; a Case is needed")
         defaults = {k: v.default for k, v in known.items() if v.default is not inspect.Parameter.empty}
         params = {k: v for k, v in {**defaults, **params}.items() if params.get(k, defaults.get(k)) != defaults.get(k)
                   or k in getattr(module, "SHOWN", ())}
@@ -187,6 +192,8 @@ def _build(module, name: str, params: dict) -> Case:
         raise LookupError(f"case {name} takes no parameters, got {sorted(params)}")
     else:
         case = module.CASE
+        if not isinstance(case, Case):
+            raise ValueError(f"CASE of {name} is {type(case).__name__}; a Case is needed")
     return case.replace(params=params, doc=case.doc or inspect.getdoc(module) or "",
                         source=getattr(module, "__file__", ""))
 
@@ -207,7 +214,10 @@ def load_module(path):
         raise FileNotFoundError(f"no file {path}")
     spec = importlib.util.spec_from_file_location(f"nsbench_file_{path.stem}", path)
     module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
+    try:
+        spec.loader.exec_module(module)
+    except (Exception, SystemExit) as e:             # the file is the user's: whatever it raises is told with its name
+        raise ValueError(f"{path} failed to load: {type(e).__name__}: {e}") from e
     return module
 
 

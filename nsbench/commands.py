@@ -66,12 +66,16 @@ def _options(method) -> str:
 
 def run(args, say) -> int:
     """nsbench run"""
+    if args.jobs is not None and args.jobs < 1:
+        raise ValueError(f"-j is {args.jobs}; at least one worker is needed")
+    solvers.check_positive("--timeout", args.timeout)
     solver_files = tuple(str(p) for f in args.solver_files for p in python_files(f))
     added = [solvers.load(f) for f in solver_files]
-    values = {n: read_values(getattr(args, n)) for n in ("h", "tol", "k") if getattr(args, n)}
+    values = {n: read_values(getattr(args, n)) for n in ("h", "tol", "k") if getattr(args, n) is not None}
     files = [(load_case(p).key, str(p)) for f in args.case_files for p in python_files(f)]
     if args.cases:
-        keys = [(get_case(c).key, "") for c in args.cases]
+        named = [get_case(c) for c in args.cases]
+        keys = [(c.key, "") for c in named if args.tag is None or args.tag in c.tags]
     else:
         keys = [] if files else [(k, "") for k in study.suite_cases(args.suite, args.tag)]
     chosen = args.solver or ([*solvers.standard()] if files and not args.cases else None)

@@ -45,6 +45,7 @@ def rhs(factory: Callable, n: int):
 
     def make(f):
         def fill(t, x, out):
+            out[:] = np.nan          # what is left if f raises: a callback cannot pass an exception on
             out[:] = f(t, x)
         return fill
     return _pointer(factory, void(f8, vec, vec), make)
@@ -57,6 +58,7 @@ def rhs_signs(factory: Callable, n: int, d: int):
 
     def make(f):
         def fill(t, x, s, out):
+            out[:] = np.nan
             out[:] = f(t, x, s)
         return fill
     return _pointer(compiled_leaves(factory), void(f8, vec, vec, vec), make)
@@ -92,6 +94,7 @@ def curve(factory: Callable, size: int):
 
     def make(f):
         def fill(t, out):
+            out[:] = np.nan
             value = np.asarray(f(t)).ravel()
             for i in range(out.size):
                 out[i] = value[i]

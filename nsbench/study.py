@@ -11,7 +11,7 @@ import numpy as np
 
 from nsbench import solvers
 from nsbench.case import Case, case_module, case_names, get_case, load_case
-from nsbench.trajectory import Status
+from nsbench.trajectory import Status, Trajectory
 
 TIMED = 0.25            # runs shorter than this, in seconds, are timed in ROUNDS interleaved rounds
 ROUNDS = 3
@@ -168,6 +168,9 @@ def attempt(spec: Spec, announce: Callable[[str], None] = lambda what: None):
     except Exception as e:               # a plugin may raise anything; it becomes a row and the others go on
         return row | _status(Status("error", f"{type(e).__name__}: {e}")), None
     announce("measure")
+    wrong = misfit(case, traj)
+    if wrong:
+        return row | _status(Status("error", wrong)), None
     row |= {k: v for k, v in traj.stats.items() if isinstance(v, (int, float, str, bool))}
     row["h"] = {"h": row.get("h", spec.asked), "k": 1.0 / spec.asked}.get(spec.accuracy, spec.asked)
     row |= _status(traj.status)
@@ -177,6 +180,22 @@ def attempt(spec: Spec, announce: Callable[[str], None] = lambda what: None):
     except Exception as e:
         return row | _status(Status("error", f"The run ended, measuring it did not: {type(e).__name__}: {e}")), None
     return row, run if traj.status.ok else None
+
+
+def misfit(case: Case, traj) -> str:
+    """What is wrong with what a solver returned, as a sentence; "" if it keeps the contract. Its word is not enough."""
+    if not isinstance(traj, Trajectory) or not isinstance(traj.status, Status):
+        what = type(traj).__name__ if not isinstance(traj, Trajectory) else f"a status of type {type(traj.status).__name__}"
+        return f"The solver returned {what}; a Trajectory with a Status is needed."
+    if not traj.status.ok:
+        return ""
+    for name, shape in (("x", (len(case.t), case.n)), ("impulse", (len(case.t), len(traj.contacts)))):
+        a = np.asarray(getattr(traj, name))
+        if a.shape != shape or a.dtype != np.float64:
+            return f"The solver says ok, but {name} is {a.dtype} of shape {a.shape}; float64 {shape} is needed."
+        if not np.all(np.isfinite(a)):
+            return f"The solver says ok, but {name} is not finite."
+    return ""
 
 
 _files_loaded: set[str] = set()

@@ -25,7 +25,7 @@ print(json.dumps(out))
 def test_memory_and_lists_grow_like_the_number_of_discs():
     out = subprocess.run([sys.executable, "-c", CODE], capture_output=True, text=True, check=True).stdout
     rows = json.loads(out.splitlines()[-1])
-    for n, grown, pairs in rows:
+    for n, _, pairs in rows:
         assert pairs < 4 * n, f"{pairs / n:.1f} pairs a disc in the list at n = {n}"
     per_disc = [(b[1] - a[1]) / (b[0] - a[0]) for a, b in itertools.pairwise(rows)]
     print(rows, per_disc)

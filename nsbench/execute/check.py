@@ -13,7 +13,16 @@ PROBES = ("tide", "sliding", "three_discs")
 
 
 def check_file(path: Path, say) -> list[str]:
-    """What is not met, as sentences; `say` tells what was looked at."""
+    """What is not met, as sentences; `say` tells what was looked at. Whatever the file raises is a sentence too."""
+    try:
+        return _check_file(path, say)
+    except (FileNotFoundError, KeyboardInterrupt):
+        raise
+    except (Exception, SystemExit) as e:
+        return [f"{type(e).__name__}: {e}"]
+
+
+def _check_file(path: Path, say) -> list[str]:
     module = load_module(path)
     if hasattr(module, "SOLVER"):
         return check_solver(path, say)
@@ -30,7 +39,7 @@ def check_case(case: Case, say) -> list[str]:
     out += _start(case)
     out += _namespaces(case)
     if case.exact is not None:
-        out += _exact(case)
+        out += _exact(case) or _second_opinion(case)
     takers = [s for s in solvers.standard() if solvers.get(s).refuses(case) is None]
     if not takers:
         out.append("every method of the standard suite refuses it")
@@ -82,8 +91,29 @@ def _namespaces(case):
     return out
 
 
+def _second_opinion(case):
+    """The exact solution, impulse and events against the event-driven method, which knows nothing of them."""
+    from nsbench.measure import errors
+    method = solvers.get("event_driven")
+    if method.refuses(case):
+        return []
+    traj = solvers.solve(case, "event_driven")
+    if not traj.status.ok:
+        return [f"event_driven cannot confirm the exact solution: {traj.status}"]
+    found, out = errors(case, traj), []
+    for name, what, limit in (("state_sup", "exact(t)", 1e-8), ("impulse", "exact_impulse(t)", 1e-7),
+                              ("event_time", "exact_events", 1e-7)):
+        size = found["state_scale" if name == "state_sup" else "impulse_scale"] if name != "event_time" else 1.0
+        if found[name] > limit * size:
+            out.append(f"event_driven differs from {what} by {found[name]:.3g}; one of the two is wrong")
+    if found["events_missed"] > 0:
+        out.append(f"event_driven has no event at {found['events_missed']:g} of the exact_events")
+    return out
+
+
 def _exact(case):
-    """The exact solution: shape, start, gaps, and its own residual."""
+    """The exact solution: shape, start, gaps, signs."""
+    from nsbench.reference import listed_contacts
     x, out = np.asarray(case.exact(case.t)), []
     if x.shape != (len(case.t), case.n):
         return [f"exact(t) returns the shape {x.shape}; {(len(case.t), case.n)} is needed"]
@@ -97,8 +127,9 @@ def _exact(case):
             out.append(f"the exact solution violates a constraint by {-worst:.3g}")
     if case.exact_impulse is not None:
         impulse = np.asarray(case.exact_impulse(case.t))
-        if impulse.ndim != 2 or len(impulse) != len(case.t):
-            out.append(f"exact_impulse(t) returns the shape {impulse.shape}; ({len(case.t)}, m) is needed")
+        m = len(case.contacts if case.contacts is not None else listed_contacts(case))
+        if impulse.shape != (len(case.t), m):
+            out.append(f"exact_impulse(t) returns the shape {impulse.shape}; {(len(case.t), m)} is needed")
         elif np.diff(impulse, axis=0).min(initial=0.0) < -1e-9:
             out.append("an exact impulse decreases: multipliers are not negative")
     return out

@@ -46,7 +46,7 @@ def execute(specs, out: Path, args, say) -> int:
 def _run(todo, keys, rows, journal, args, say):
     from nsbench.execute.local import run_all
     batches = [list(g) for _, g in groupby(todo, key=lambda s: (s.case, s.file))]
-    batches.sort(key=lambda b: -study.resolve(b[0].case, b[0].file).n)       # long ones first: no tail at the end
+    batches = _in_order(batches)
     bar = Progress(len(todo), say, os.isatty(1) if _has_terminal() else False)
 
     def on_row(spec, row):
@@ -60,6 +60,19 @@ def _run(todo, keys, rows, journal, args, say):
         run_all(batches, jobs, args.timeout, on_row)
     finally:
         bar.end()
+
+
+def _in_order(batches):
+    """The long ones first, so that no tail is left at the end; but behind the first those without constraints.
+
+    On a new machine the first worker compiles the kernels that every constrained case needs; the second one works on
+    cases that need others meanwhile, instead of compiling the same.
+    """
+    problem = [study.resolve(b[0].case, b[0].file) for b in batches]
+    order = sorted(range(len(batches)), key=lambda i: -problem[i].n)
+    free = [i for i in order if not getattr(problem[i].problem, "constraints", ())]
+    bound = [i for i in order if i not in free]
+    return [batches[i] for i in (*bound[:1], *free, *bound[1:])]
 
 
 def _has_terminal() -> bool:

@@ -49,6 +49,7 @@ def errors(case: Case, traj: Trajectory) -> dict:
         return out
     bound = ref.impulse_error if made.unique else ref.reaction_error
     out |= {"state_floor": 10.0 * ref.state_error, "impulse_floor": 10.0 * bound,
+            "reaction_floor": 10.0 * ref.reaction_error,
             "state_scale": _size(ref.x), "impulse_scale": max(_size(ref.impulse), _size(ref.reaction))}
     if traj.status.code in MEASURED and np.all(np.isfinite(traj.x)) and np.all(np.isfinite(traj.impulse)):
         out |= _against(made, traj)

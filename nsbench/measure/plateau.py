@@ -13,6 +13,7 @@ import numpy as np
 LEVEL = 0.01                              # of the likelihood ratio
 FINER = 4.0                               # a plateau must persist when the smallest step is divided by this
 LARGE = 4.0                               # C over M h^p at the finest step: the plateau one means to see
+RISEN = 0.1                               # in log err: a rise of the finest errors over the smallest that is none
 END = 2.0**1.5                            # the fine end, where the error must have stopped to fall
 
 
@@ -118,7 +119,17 @@ def persists(h: np.ndarray, err: np.ndarray, full: Levelled) -> bool:
         return False
     before = fit_levelled(h[coarse], err[coarse])
     slope = power_law(np.log(h[fine]), np.log(err[fine]))[1]
+    if _rises(h, err):                                   # rounding or divergence, no level
+        return False
     return full.C > 0.5 * before.C and slope < 0.5 * full.p
+
+
+def _rises(h: np.ndarray, err: np.ndarray) -> bool:
+    """Do the finest errors lie above the smallest by more than noise? Medians of three; noise from second differences."""
+    y = np.log(err[np.argsort(h)])
+    middle = np.median(np.lib.stride_tricks.sliding_window_view(y, 3), axis=1)
+    noise = float(np.std(np.diff(y, 2))) / np.sqrt(6.0)
+    return bool(middle[0] - middle.min() > max(RISEN, 4.0 * noise))
 
 
 def cannot_exclude(h: np.ndarray, err: np.ndarray) -> bool:

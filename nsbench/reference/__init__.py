@@ -5,11 +5,19 @@ import dataclasses
 
 from nsbench.case import Case
 from nsbench.reference.build import build, verify
-from nsbench.reference.known import Reference, canonical, closed_form, columns_of, right_hand_side, spread
+from nsbench.reference.known import (
+    Reference,
+    canonical,
+    closed_form,
+    columns_of,
+    listed_contacts,
+    right_hand_side,
+    spread,
+)
 from nsbench.reference.stored import BadReference, files_of, load, store
 
-__all__ = ["BadReference", "Reference", "build", "canonical", "closed_form", "columns_of", "files_of", "load",
-           "reference", "right_hand_side", "spread", "store", "verify"]
+__all__ = ["BadReference", "Reference", "build", "canonical", "closed_form", "columns_of", "files_of", "listed_contacts",
+           "load", "reference", "right_hand_side", "spread", "store", "verify"]
 
 
 def reference(case: Case, folder=None) -> Reference | None:

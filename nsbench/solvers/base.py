@@ -75,9 +75,10 @@ def grid(t: np.ndarray, h: float) -> Grid:
     check_positive("h", h)
     spacing = np.diff(t)
     if h <= spacing.min() * (1 + 1e-9):
-        n = np.maximum(1, np.ceil(spacing / h * (1 - 1e-9))).astype(np.int64)
-        if float(n.sum()) > 2e9 or h < 4 * np.spacing(np.abs(t).max()):
+        n = np.maximum(1.0, np.ceil(spacing / h * (1 - 1e-9)))
+        if not float(n.sum()) <= 2e9 or h < 4 * np.spacing(np.abs(t).max()):
             raise ValueError(f"h = {h:g} needs {float(n.sum()):.3g} steps; at most 2e9 are taken")
+        n = n.astype(np.int64)
         return Grid(np.array(t), n, float((spacing / n).max()), True)
     span = t[-1] - t[0]
     n = max(1, int(np.ceil(span / h * (1 - 1e-9))))
