@@ -229,3 +229,19 @@ def test_infeasible_start_follows_the_policy():
     gaps = np.linalg.norm(x[:, None] - x[None], axis=-1)[np.triu_indices(12, 1)] - 2.0
     assert gaps.min() > -1e-11
     assert np.array_equal(nsbench.solve(base, "pbd", h=0.1).x[0], base.x0)
+
+
+def test_order_of_the_sweep_selects_the_multiplier_and_not_the_reaction():
+    """Hexagon: 12 contacts of rank 11. Sorted, reversed: the smallest multiplier; other orders: others, for ever."""
+    case = nsbench.get_case("hex")
+    spacing = np.diff(case.t)[-1]
+    found = {}
+    for order in ("sorted", "random,seed=2", "random,seed=5"):
+        for n in (32, 128):
+            traj = nsbench.solve(case, f"pbd[order={order}]", h=spacing / n)
+            e = nsbench.errors(case, traj)
+            found[order, n] = e["selection"], e["polyhedron"], e["reaction"]
+        coarse, fine = found[order, 32], found[order, 128]
+        assert fine[1] < 0.3 * coarse[1] and fine[2] < 0.3 * coarse[2], "distance to the polyhedron and reaction: O(h)"
+    level = [found[order, 128][0] for order in ("sorted", "random,seed=2", "random,seed=5")]
+    assert level[0] < 1e-2 and abs(level[1] - 0.577) < 5e-3 and abs(level[2] - 1.155) < 5e-3
