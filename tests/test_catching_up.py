@@ -158,7 +158,7 @@ def test_every_phase_alone_finds_the_same_point():
                 assert np.linalg.matrix_rank(G[mu > 0]) == (mu > 0).sum()
             assert pivot.one_by_one(on, *common, mu, d, w, slot)[0] == pivot.SOLVED
             assert d == pytest.approx(d0, abs=1e-9 * (1 + np.abs(d0).max()))
-    assert solved > 100 and reached > 0.9 * solved               # it has 50 rounds
+    assert solved > 100 and reached > 0.9 * solved               # it has 100 rounds
 
 
 def test_the_sparse_factor_is_the_dense_one_in_an_order_that_fills_little():

@@ -8,7 +8,7 @@ M_AA = G_A G_A^T made anew in each round: in a time loop G changes in every step
 1. Exchange: solve w = 0 on the set A, then put out all mu < 0 and take in all w < 0 at once. From the active set of
    the step before this is usually done in one or two rounds. It may cycle, so it ends when the number of wrong signs
    has not fallen for three rounds (Judice & Pires, Computers & Operations Research 21(5), 1994).
-2. If more signs are wrong than this phase has rounds: projected Newton on the dual (Bertsekas, SIAM J. Control Optim.
+2. If many signs are wrong: projected Newton on the dual (Bertsekas, SIAM J. Control Optim.
    20(2), 1982). Free are the rows with mu > 0 or w < 0, the step is cut back along max(mu + t p, 0) until the dual
    value falls enough, so no set can cycle. A shift of the diagonal keeps p finite where rows depend.
 3. The dual method of Goldfarb & Idnani (Mathematical Programming 27, 1983) from the best mu >= 0 at hand, made basic:
@@ -24,7 +24,8 @@ from nsbench.kernels.sparse import back, choose, dissection, factor, lengths, pu
 __all__ = ["INFEASIBLE", "MAXITER", "SOLVED", "pattern", "residual", "slack", "solve"]
 
 SHIFT = 0.1                  # of the diagonal in phase 2, times the residual: regularised Newton, fast at the end
-NEWTON, SHORTEST = 50, 1e-10  # rounds of phase 2; the least part of a step
+NEWTON, SHORTEST = 100, 1e-10  # rounds of phase 2; the least part of a step
+MANY = 50                    # wrong signs; phase 3 needs a round for each at least, phase 2 about as many for all
 CLOSE = 1e-3                 # the "epsilon" of projected Newton: any positive number will do
 
 
@@ -137,7 +138,7 @@ def solve(P, vals, q, guess, scale):
     if not done:
         for k in range(m):
             on[k], mu[k] = guess[k] > 0.0, max(guess[k], 0.0)
-        if wrong > NEWTON:                                # phase 3 needs a round for each at least
+        if wrong > MANY:
             rounds += newton(on, P, vals, q, norm, scale, mu, d, w, slot)
         rounds += purify(on, P, vals, mu, norm, slot)
         code, more = one_by_one(on, P, vals, q, norm, scale, mu, d, w, slot)
