@@ -77,6 +77,17 @@ class Case:
         inner = ",".join(f"{k}={format_value(v)}" for k, v in self.params.items())
         return f"{self.name}[{inner}]" if inner else self.name
 
+    @property
+    def classes(self) -> tuple[str, ...]:
+        """Words by which methods say what they expect: the kind of problem, what follows from the data, the tags."""
+        kind = type(self.problem).__name__.lower()
+        words = [kind, *self.tags]
+        if kind == "complementarity" and not self.problem.constraints:
+            words.append("smooth")
+        if not self.unique:
+            words.append("not_unique")
+        return tuple(dict.fromkeys(words))
+
     def replace(self, **changes) -> Case:
         """The same case with some fields changed."""
         return dataclasses.replace(self, **changes)

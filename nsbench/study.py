@@ -231,8 +231,11 @@ def describe_case(case: Case) -> dict:
         ref = reference(case)
         kind = "none" if ref is None else ref.kind
     except ValueError as e:
-        kind = f"unusable: {e}"
-    return {"doc": case.doc, "n": case.n, "problem": type(p).__name__, "reference": kind, "tags": list(case.tags),
+        ref, kind = None, f"unusable: {e}"
+    bounds = {k: getattr(ref, f"{k}_error", np.nan) for k in ("state", "impulse", "reaction", "event")}
+    told = {k: float(v) for k, v in bounds.items() if np.isfinite(v)} | {"how": getattr(ref, "how", "")}
+    return {"doc": case.doc, "n": case.n, "problem": type(p).__name__, "reference": kind, "certificate": told,
+            "tags": list(case.tags), "classes": list(case.classes),
             "families": [type(c).__name__ for c in getattr(p, "constraints", ())], "T": float(case.t[-1] - case.t[0]),
             "samples": len(case.t), "unique": case.unique}
 
@@ -241,7 +244,8 @@ def describe_solver(spec: str) -> dict:
     """What a report says of a solver: its first line, its accuracy parameter and its claims."""
     m = solvers.get(spec)
     return {"doc": (type(m).__doc__ or "").strip().splitlines()[0], "accuracy": m.accuracy,
-            "claims": {"state": m.claims.state, "impulse": m.claims.impulse, "exact": m.claims.exact}}
+            "claims": {"state": m.claims.state, "impulse": m.claims.impulse, "exact": m.claims.exact},
+            "expects": [dataclasses.asdict(e) for e in getattr(m, "expects", ())]}
 
 
 def talk_figure() -> dict:

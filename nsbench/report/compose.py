@@ -3,7 +3,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from nsbench.report import speed, tables
+from nsbench.report import speed, tables, trust
+from nsbench.report.expected import findings
 from nsbench.report.figures import case_panels, talk_figure, talk_sentence
 from nsbench.report.page import Content
 from nsbench.report.panels import draw, inline, sheet
@@ -28,7 +29,7 @@ class Figures:
 
 def identify(names) -> dict[str, str]:
     """A distinct id, also a file name, per case."""
-    out, taken = {}, {"talk", "verdict", "orders", "cases", "speed", "failures", "environment", "q", "ref"}
+    out, taken = {}, {"talk", "verdict", "orders", "cases", "trust", "speed", "failures", "environment", "q", "ref"}
     for name in names:
         base = new = slug(name)
         k = 2
@@ -62,7 +63,9 @@ def compose(data: Data, drawn: Figures) -> Content:
     """Tables and sentences around the figures."""
     s = drawn.summaries
     made = [tables.choice_table(data), tables.orders_table(s), tables.speed_table(data), tables.seeds_table(data),
-            tables.failures_table(data), tables.environment_table(data.env), tables.glossary_table()]
+            tables.failures_table(data), tables.environment_table(data.env), tables.glossary_table(),
+            trust.expected_table(findings(data, s)), trust.bounds_table(data, s), trust.references_table(data),
+            trust.selection_table(data, s)]
     lede = ", ".join(filter(None, (tables.counts_line(s), *_where(data.env))))
     factors = tuple(speeds(data)) or ("No two methods reached the same error with loops of one kind.",)
     told = {case: notes(data, case, s) for case in data.case_keys}

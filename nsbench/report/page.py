@@ -18,7 +18,7 @@ from nsbench.report.verdict import Statement
 class Content:
     """Everything the page shows, in order; `text` writes the same as Markdown.
 
-    tables: by key (choice, orders, speed, seeds, failures, environment, glossary); panels: inlined SVG by case;
+    tables: by key (choice, orders, speed, seeds, failures, environment, glossary, those of TRUST); panels: inlined SVG by case;
     notes: sentences under a case; talk: SVG or "", told: its sentence; title and lede: of the header.
     """
     title: str
@@ -42,6 +42,10 @@ READING = ("An open marker on the bottom edge is an error of exactly 0, a figure
            "shown, open markers are host loops.")
 
 
+TRUST = (("expected", "Expected against observed"), ("bounds", "Methods that claim a bound"),
+         ("selection", "Multipliers that are not unique"), ("references", "References and their own error"))
+
+
 def page(c: Content) -> str:
     """The whole document."""
     sections = [
@@ -53,6 +57,9 @@ def page(c: Content) -> str:
     if c.talk:
         shown = f'<p class="note">{html(c.told)}</p><div class="talk">{c.talk}</div>'
         sections.append(("talk", "The talk's figure", shown))
+    trust = "".join(f"<h3>{html(head)}</h3>{table(c.tables[key], c.looks, 'list text' if key == 'references' else '')}"
+                    for key, head in TRUST if c.tables[key].rows or c.tables[key].note)
+    sections.append(("trust", "What the numbers rest on", trust))
     sections.append(("speed", "Speed at equal error", _list(c.speeds, c.looks) + table(c.tables["speed"], c.looks)))
     seeds = "<h3>Over seeds</h3>" + table(c.tables["seeds"], c.looks) if c.tables["seeds"].rows else ""
     sections += [("failures", "Failures and refusals", table(c.tables["failures"], c.looks, "list text") + seeds),

@@ -13,8 +13,9 @@ from nsbench.report.style import LEADS, clean, family, slug
 
 NUMBERS = ("asked", "h", "seconds", "setup_seconds", "steps", "drift_calls", "projections", "inner_iterations",
            "qp_solves", "events", "restarts", "contacts_peak", "state_sup", "state_T", "impulse", "reaction", "l1",
-           "settled", "event_time", "feasibility", "sign", "complementarity", "residual", "selection", "polyhedron",
-           "state_floor", "impulse_floor", "state_scale", "impulse_scale", "multipliers_unique")
+           "settled", "event_time", "events_missed", "events_extra", "feasibility", "sign", "complementarity",
+           "residual", "selection", "polyhedron", "state_floor", "impulse_floor", "state_scale", "impulse_scale",
+           "multipliers_unique")
 WORDS = ("case", "solver", "accuracy", "status", "why", "loop", "reference")
 GOOD = ("ok", "below_reference")     # statuses whose errors are numbers
 
@@ -62,7 +63,7 @@ class Runs:
     def floor(self, metric: str) -> float:
         """Below it an error of `metric` says nothing (the reference's own error); 0: exact or no reference."""
         column = {"state_sup": "state_floor", "state_T": "state_floor"}.get(metric, "impulse_floor")
-        if metric in ("feasibility", "sign", "complementarity", "residual", "selection"):
+        if metric in ("feasibility", "sign", "complementarity", "residual", "selection", "polyhedron"):
             return 0.0
         values = self.col[column][np.isfinite(self.col[column])]
         return float(values.max()) if values.size else 0.0

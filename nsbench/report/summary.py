@@ -15,7 +15,7 @@ FEWEST = 3            # distinct steps below which nobody can speak of an order
 MOST = 500            # runs in one fit; more are thinned evenly, and the sentence says so
 MARGIN = 0.1          # an order this close to the claim is not called a deviation, however narrow its interval
 NAMES = {"state_sup": "state", "impulse": "impulse", "reaction": "reaction", "feasibility": "violation",
-         "settled": "settled multiplier", "selection": "selection"}
+         "settled": "settled multiplier", "selection": "selection", "polyhedron": "distance to the set of multipliers"}
 
 
 @dataclass(frozen=True)

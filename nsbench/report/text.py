@@ -1,7 +1,7 @@
 """The report as Markdown: the same sentences and tables as the page."""
 from __future__ import annotations
 
-from nsbench.report.page import MEASURED, Content, meta, paragraphs
+from nsbench.report.page import MEASURED, TRUST, Content, meta, paragraphs
 from nsbench.report.style import markdown
 from nsbench.report.tables import Table
 
@@ -22,6 +22,10 @@ def text(c: Content) -> str:
         out += [f"![{markdown(case)}](figures/{c.ids[case]}.svg)"] if c.panels[case] else []
     if c.talk:
         out += ["## The talk's figure", markdown(c.told), "![The talk's figure](figures/talk.svg)"]
+    out += ["## What the numbers rest on"]
+    for key, head in TRUST:
+        if c.tables[key].rows or c.tables[key].note:
+            out += [f"### {head}", table(c.tables[key])]
     out += ["## Speed at equal error", "\n".join(f"- {markdown(s)}" for s in c.speeds), table(c.tables["speed"]),
             "## Failures and refusals", table(c.tables["failures"])]
     out += ["### Over seeds", table(c.tables["seeds"])] if c.tables["seeds"].rows else []
@@ -34,7 +38,7 @@ def table(t: Table) -> str:
     if not t.rows:
         return markdown(t.note)
     grouped = any(r.group for r in t.rows)
-    columns = (["case"] if grouped else []) + list(t.columns)
+    columns = (["case"] if grouped else []) + [markdown(k) for k in t.columns]
     lines = [columns, ["---"] * len(columns)]
     for row in t.rows:
         line = [markdown(row.group)] if grouped else []

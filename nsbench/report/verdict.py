@@ -7,9 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from nsbench.report import speed
+from nsbench.report.expected import findings, fresh, gone
 from nsbench.report.source import Data
 from nsbench.report.style import LEADS, count, factor, listed, num, power
 from nsbench.report.summary import Order, Summary, silent_wrong, spell
+
+MOST = 12           # deviations told in the opening; the table has them all
 
 
 @dataclass(frozen=True)
@@ -29,12 +32,23 @@ def verdict(data: Data, summaries: dict[tuple, Summary]) -> list[Statement]:
              Statement("Can the multipliers be trusted", tuple(_multipliers(summaries))),
              Statement("Which step", tuple(_violations(data, summaries))),
              Statement("At equal error", tuple(speeds(data)))]
+    parts += _unexpected(findings(data, summaries))
     wrong = silent_wrong(summaries)
     if wrong:
         parts.append(Statement("Wrong without a word", tuple(
             f"{s.solver} on {s.case}, called ok: {s.state.sentence}" for s in wrong), "bad"))
     parts.append(Statement("What failed", (_runs(summaries), *_failed(summaries))))
     return [p for p in parts if p.sentences]
+
+
+def _unexpected(found) -> list[Statement]:
+    """New deviations from what the methods declare, and known ones that are gone: the same statement for both."""
+    told = [f"{f.solver} on {f.case}, {f.metric}: {f.expected} was expected, {f.observed} is seen."
+            for f in fresh(found)]
+    told += [f"{f.solver} on {f.case}, {f.metric}: known to be “{was}”, is seen as {f.observed}: the table of known "
+             "deviations is out of date." for f, was, _ in gone(found)]
+    rest = [f"{len(told) - MOST} more: see the table."] if len(told) > MOST else []
+    return [Statement("Not as expected", (*told[:MOST], *rest), "bad")] if told else []
 
 
 def _choices(data: Data):

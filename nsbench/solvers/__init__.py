@@ -8,10 +8,10 @@ import pkgutil
 import sys
 
 from nsbench.case import Case, format_value, get_case, load_module, nearest, parse_spec
-from nsbench.solvers.base import Claims, Grid, Run, Solver, check_positive, grid, sample
+from nsbench.solvers.base import Claims, Expect, Grid, Run, Solver, check_positive, grid, sample
 from nsbench.trajectory import Event, Status, Trajectory
 
-__all__ = ["Case", "Claims", "Event", "Grid", "Run", "Solver", "Status", "Trajectory", "all_names", "broken",
+__all__ = ["Case", "Claims", "Event", "Expect", "Grid", "Run", "Solver", "Status", "Trajectory", "all_names", "broken",
            "check_positive", "get", "grid", "load", "sample", "solve", "spec_of", "standard"]
 
 _loaded: dict[str, type] = {}

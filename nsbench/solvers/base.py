@@ -32,7 +32,23 @@ class Claims:
     exact: float | None = None
 
 
+@dataclass(frozen=True)
+class Expect:
+    """What a method should show on a class of cases, and why; where no class applies its claims are expected.
+
+    when: words of `Case.classes`, all of which the case has. state, impulse: an order, or a word: "exact" (rounding
+    at every step, no order), "plateau", "diverges", "open" (no verdict can be expected), or the status that its runs
+    should end with; None: nothing is said. The impulse's expectation holds for the reaction where that stands for it.
+    why: the reason, with its source.
+    """
+    when: tuple[str, ...]
+    state: float | str | None
+    impulse: float | str | None
+    why: str
+
+
 class Solver(Protocol):
+    """Optional: `expects`, a tuple of `Expect`; the first one that applies to a case counts."""
     accuracy: str
     default: float
     claims: Claims

@@ -8,12 +8,16 @@ import numpy as np
 from nsbench.case import Case, nearest
 from nsbench.problem import Complementarity, Smooth
 from nsbench.solvers._qp import BACKENDS
-from nsbench.solvers.base import Claims, Run, grid, sample
+from nsbench.solvers.base import Claims, Expect, Run, grid, sample
 from nsbench.solvers.start import start_state
 from nsbench.trajectory import Status, Trajectory
 
 KKT = 1e-6                    # a length; a step with a larger residual did not solve its problem
 CODES = {0: "ok", 1: "nan", 3: "infeasible"}
+EXPECTS = (
+    Expect(("exact_at_grid",), "exact", "exact", "every step of Euler is exact for a drift that is constant in each mode"),
+    Expect(("infeasible_start",), None, None, "what a method makes of an infeasible start is its meaning, not its error"),
+)
 
 
 @dataclass(frozen=True)
@@ -36,6 +40,7 @@ class CatchingUp:
     accuracy = "h"
     default = 1e-2
     claims = Claims(state=1.0, impulse=1.0)
+    expects = EXPECTS
 
     def __post_init__(self):
         if self.backend not in BACKENDS:

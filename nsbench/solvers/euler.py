@@ -7,10 +7,18 @@ import numpy as np
 
 from nsbench.case import Case
 from nsbench.problem import Complementarity, Filippov
-from nsbench.solvers.base import Claims, Run, grid, sample
+from nsbench.solvers.base import Claims, Expect, Run, grid, sample
 from nsbench.trajectory import Status, Trajectory
 
 STANDARD = ("euler", "euler[implicit=true]")
+EXPLICIT = (
+    Expect(("exact_at_grid",), "open", "open", "exact at some steps, O(h) chatter at others: no order describes both"),
+    Expect(("zeno",), 0.5, None, "order about 1/2 was measured where events accumulate; none is proved"),
+)
+IMPLICIT = (
+    Expect(("exact_at_grid",), "exact", "exact", "every step is exact for fields that are constant in each mode"),
+    Expect(("zeno",), 0.5, None, "order about 1/2 was measured where events accumulate; none is proved"),
+)
 
 
 @dataclass(frozen=True)
@@ -29,6 +37,10 @@ class Euler:
     accuracy = "h"
     default = 1e-2
     claims = Claims(state=1.0, impulse=1.0)
+
+    @property
+    def expects(self) -> tuple[Expect, ...]:
+        return IMPLICIT if self.implicit else EXPLICIT
 
     def __post_init__(self):
         if not isinstance(self.implicit, bool):

@@ -11,9 +11,13 @@ from typing import ClassVar
 
 from nsbench.case import Case
 from nsbench.problem import LCS, Complementarity
-from nsbench.solvers.base import Claims, Run, check_positive
+from nsbench.solvers.base import Claims, Expect, Run, check_positive
 
 METHODS = ("dop853", "rk45", "radau", "lsoda")
+EXPECTS = (
+    Expect(("zeno",), "chatter", None, "no method that follows events can pass a time at which they accumulate"),
+    Expect(("not_unique",), "degenerate", None, "several motions continue: the method says so and stops"),
+)
 
 
 @dataclass(frozen=True)
@@ -31,6 +35,7 @@ class EventDriven:
     accuracy: ClassVar[str] = "tol"
     default: ClassVar[float] = 1e-12
     claims: ClassVar[Claims] = Claims(exact=1e-10)
+    expects: ClassVar[tuple[Expect, ...]] = EXPECTS
 
     def __post_init__(self):
         if self.method not in METHODS:

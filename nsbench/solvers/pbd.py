@@ -7,11 +7,15 @@ import numpy as np
 
 from nsbench.case import Case
 from nsbench.problem import Complementarity, Smooth
-from nsbench.solvers.base import Claims, Run, grid, sample
+from nsbench.solvers.base import Claims, Expect, Run, grid, sample
 from nsbench.solvers.start import start_state
 from nsbench.trajectory import Status, Trajectory
 
 ORDERS = ("sorted", "reverse", "random")
+EXPECTS = (
+    Expect(("exact_at_grid",), "exact", "exact", "every step of Euler is exact for a drift that is constant in each mode"),
+    Expect(("infeasible_start",), None, None, "what a method makes of an infeasible start is its meaning, not its error"),
+)
 
 
 @dataclass(frozen=True)
@@ -33,6 +37,7 @@ class PBD:
     accuracy = "h"
     default = 1e-2
     claims = Claims(state=1.0, impulse=1.0)
+    expects = EXPECTS
 
     def __post_init__(self):
         if self.order not in ORDERS:
