@@ -1,0 +1,89 @@
+"""Break the bench on purpose, one fault at a time, and see which test notices.
+
+    python tests/studies/mutations.py [NAME ...]
+
+Every fault is a replacement of text in a copy of the checkout; the tests named with it must pass before and fail after.
+Prints one line per fault with the first test that failed; exit status 1 if one went unnoticed or no longer applies.
+"""
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+SWEEP = ("nsbench/kernels/pbd.py", "sweep(0, m, 1,", "sweep(0, max(m - 1, 0), 1,")
+# name: (file, text, its replacement, tests)
+FAULTS = {
+    "sign error in the multiplier (pbd)":
+        ("nsbench/kernels/project.py", "            mu[c] += m\n", "            mu[c] -= m\n", "tests/test_contract.py"),
+    "sign error in the multiplier (event_driven)":
+        ("nsbench/kernels/rows.py", "return f + push, lam, push", "return f + push, -lam, push", "tests/test_event_driven*.py"),
+    "one prox dropped":
+        (*SWEEP, "tests/test_pbd.py"),
+    "h halved inside the loop":
+        ("nsbench/kernels/pbd.py", "x[c] += h * v[c]", "x[c] += 0.5 * h * v[c]", "tests/test_contract.py"),
+    "last step skipped":
+        ("nsbench/kernels/pbd.py", "for s in range(substeps[k]):", "for s in range(substeps[k] - (k == K - 2)):",
+         "tests/test_pbd.py"),
+    "dg/dt forgotten (event_driven)":
+        ("nsbench/solvers/_contact_field.py", "return self.scene.rates(t, x, rows.near) if self.scene.moving else",
+         "return np.zeros(len(rows)) if self.scene.moving else", "tests/test_event_driven*.py"),
+    "walls taken at the start of the step (pbd)":
+        ("nsbench/kernels/pbd.py", "b_of(after, b)", "b_of(now, b)", "tests/test_pbd.py"),
+    "order fitted on asked steps":
+        ("nsbench/study.py", '{"h": row.get("h", spec.asked), "k"', '{"h": spec.asked, "k"', "tests/test_steps_taken.py"),
+}
+
+
+def tests_of(pattern, folder):
+    """Test files of a space-separated list of patterns and node ids."""
+    out = []
+    for part in pattern.split():
+        path, sep, node = part.partition("::")
+        out += [str(p.relative_to(folder)) + sep + node for p in sorted(folder.glob(path))]
+    return out
+
+
+def pytest(folder, pattern):
+    """(exit status, first failure) of the tests in a copy."""
+    env = dict(os.environ, PYTHONPATH=str(folder), PYTHONDONTWRITEBYTECODE="1")
+    done = subprocess.run([sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *tests_of(pattern, folder)],
+                          cwd=folder, env=env, capture_output=True, text=True, timeout=1500)
+    failed = re.search(r"^FAILED (\S+)", done.stdout, re.M)
+    return done.returncode, failed[1] if failed else done.stdout.strip().splitlines()[-1:]
+
+
+def copy(to):
+    names = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True).stdout.splitlines()
+    for name in names:
+        if (ROOT / name).is_file() and not name.startswith("reports/"):
+            (to / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(ROOT / name, to / name)
+
+
+def main(chosen):
+    bad = 0
+    for name, (file, text, other, pattern) in FAULTS.items():
+        if chosen and not any(c in name for c in chosen):
+            continue
+        with tempfile.TemporaryDirectory() as folder:
+            folder = Path(folder)
+            copy(folder)
+            source = (folder / file).read_text(encoding="utf-8")
+            if source.count(text) != 1:
+                print(f"{name:45} does not apply: {text!r} stands {source.count(text)} times in {file}", flush=True)
+                bad += 1
+                continue
+            (folder / file).write_text(source.replace(text, other), encoding="utf-8")
+            status, failed = pytest(folder, pattern)
+        caught = status == 1
+        bad += not caught
+        print(f"{name:45} {'caught by ' + str(failed) if caught else f'NOT CAUGHT (status {status}: {failed})'}", flush=True)
+    return 1 if bad else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
