@@ -15,6 +15,7 @@ from nsbench.case import case_module, case_names
 
 P = 13                                             # points per panel
 NODES = 0.5 - 0.5 * np.cos(np.pi * np.arange(P) / (P - 1))
+LAYER = 16                                         # halvings: rates up to about 1e5 per unit of time
 TOL = 1e-9                                         # state error that one panel may add; rounding is about 1e-12
 
 
@@ -32,13 +33,15 @@ SLOPE = differentiation(NODES)
 
 
 def panels(case):
-    """Intervals without events inside, at most a twentieth of the whole long."""
+    """Intervals without events inside, at most a twentieth of the whole long; shorter in the layers of stiff cases."""
     t0, T = case.t[0], case.t[-1]
     inside = [e for e in case.exact_events if t0 < e < T]
     edges = np.concatenate(([t0], np.sort(inside), [T]))
     for a, b in pairwise(edges):
         if b - a > 1e-12 * T:
             cut = np.linspace(a, b, 1 + int(np.ceil(20 * (b - a) / (T - t0))))
+            if "stiff" in case.tags:                 # a layer after each event: the first panel is halved towards it
+                cut = np.concatenate((cut[:1], cut[0] + (cut[1] - cut[0]) * 0.5 ** np.arange(LAYER, 0, -1), cut[1:]))
             yield from pairwise(cut)
 
 
