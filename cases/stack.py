@@ -1,4 +1,4 @@
-"""Stack: discs piled exactly above each other on a floor under gravity; nothing must move.
+"""Stack: discs piled up on a floor under gravity, in a column or between walls; nothing must move.
 
     x_i' = (0, -1) + contact forces,   g_i = y_i - 1 >= 0 (floor),   g_ij = |x_i - x_j| - 2 >= 0
 
@@ -8,14 +8,32 @@ carries the n - i discs from i upwards (counted from 0): the state and the impul
 What it is for: the "jittering and collapsing stack". One sweep passes a load on by one disc per step or so; the
 load on the floor is reached after about 1.8 n^2 steps, and by then the column has sunk by h n (n - 1) / 2 (190 h for
 n = 20): order one, with a large constant. A column is unstable physically: x_i are equal exactly, so only a method that
-moves a disc sideways by itself can topple it. `columns` > 1 puts touching columns between two walls; these rows can
-be stressed against the walls at will, so the impulses are not unique there.
+moves a disc sideways by itself can topple it. The figure for all of them is the drift per unit time.
+
+Between two walls, `columns` discs on the floor, touching: shape = "square" stands n such rows on each other, "hex" lays
+n rows of columns and columns - 1 discs in turn into the gaps below, "pile" rows of one less each, up to n = columns of
+them. All of these rest: the discs in a gap are carried by two below, and what pushes sideways goes into the walls. Each
+row can be stressed against the walls at will, so the impulses are not unique there; the reaction is the weight.
 """
 import numpy as np
 
 from nsbench import Affine, Case, Complementarity, Distance
 
-SUITES = {"smoke": [{"n": 5}], "standard": [{"n": 20}], "full": [{"n": 6, "columns": 6}]}
+SUITES = {"smoke": [{"n": 5}], "standard": [{"n": 20}],
+          "full": [{"n": 6, "columns": 6}, {"n": 5, "columns": 5, "shape": "pile"}, {"n": 6, "columns": 6, "shape": "hex"}]}
+SHAPES = ("square", "pile", "hex")
+
+
+def places(n, columns, shape):
+    """Centres (discs, 2): disc by disc of a column, or row by row from below."""
+    if shape == "square":
+        col, row = np.divmod(np.arange(n * columns), n)
+        return np.stack((2.0 * col + 1.0, 2.0 * row + 1.0), axis=1)
+    out = []
+    for row in range(n):
+        less = row if shape == "pile" else row % 2          # discs fewer than on the floor, and so far to the right
+        out += [(1.0 + less + 2.0 * k, 1.0 + 3.0 ** 0.5 * row) for k in range(columns - less)]
+    return np.array(out)
 
 
 def floor_and_walls(count, columns):
@@ -30,13 +48,17 @@ def floor_and_walls(count, columns):
                   np.repeat([-1.0, -1.0, 2.0 * columns - 1.0], count))
 
 
-def make(n: int = 20, columns: int = 1) -> Case:
-    """n: discs above each other; columns: how many such columns stand between the walls (one needs no walls)."""
+def make(n: int = 20, columns: int = 1, shape: str = "square") -> Case:
+    """n: rows above each other; columns: discs in the lowest one (one needs no walls); shape: how the rows are laid."""
     if n < 1 or columns < 1:
         raise ValueError(f"n is {n!r}, columns {columns!r}; at least 1")
-    col, row = np.divmod(np.arange(n * columns), n)
-    x0 = np.stack((2.0 * col + 1.0, 2.0 * row + 1.0), axis=1).ravel()
-    weight = np.tile([0.0, -1.0], n * columns)
+    if shape not in SHAPES:
+        raise ValueError(f"shape is {shape!r}; one of {', '.join(SHAPES)}")
+    if shape != "square" and (columns < 2 or (shape == "pile" and n > columns)):
+        raise ValueError(f"shape is {shape!r}: at least 2 columns are needed, and no more rows in a pile; "
+                         f"n is {n!r}, columns {columns!r}")
+    x0 = places(n, columns, shape).ravel()
+    weight = np.tile([0.0, -1.0], len(x0) // 2)
     loads = n - np.arange(float(n))
 
     def drift(xp):
@@ -53,7 +75,7 @@ def make(n: int = 20, columns: int = 1) -> Case:
     unique = columns == 1
     return Case(
         name="stack",
-        problem=Complementarity(drift, (floor_and_walls(n * columns, columns), Distance(d=2.0))),
+        problem=Complementarity(drift, (floor_and_walls(len(x0) // 2, columns), Distance(d=2.0))),
         x0=x0,
         t=np.linspace(0.0, 2.0, 21),
         exact=exact, exact_impulse=exact_impulse if unique else None, exact_events=(),

@@ -22,7 +22,8 @@ from nsbench import Affine, Case, Complementarity
 
 S1, S2 = 0.43, 1.27                          # off every sample time, so that both walls are met inside steps
 SUITES = {"smoke": [{"psi": 60.0}], "standard": [{"psi": 60.0}, {"psi": 120.0}],
-          "full": [{"psi": 10.0}, {"psi": 60.0, "swell": 0.5}, {"psi": 90.0, "swell": 0.5}, {"psi": 170.0}]}
+          "full": [{"psi": 10.0}, {"psi": 30.0}, {"psi": 60.0, "swell": 0.5}, {"psi": 90.0, "swell": 0.5}, {"psi": 150.0},
+                   {"psi": 170.0}]}
 
 
 def clock(t, swell):
