@@ -4,8 +4,9 @@ from __future__ import annotations
 import numpy as np
 
 from nsbench.case import Case
-from nsbench.contacts import Scene
+from nsbench.contacts import ANCHOR, PAIR, Scene
 
+ITERATIONS = 1000         # linear convergence: a start that overlaps deeply needs a few hundred
 TOLERANCE = 1e-9          # relative; a start that misses by less is the rounding of whoever made it
 
 
@@ -13,7 +14,8 @@ def start_state(case: Case, scene: Scene) -> np.ndarray:
     """(n,) the start under the case's policy.
 
     "error": ValueError with the worst constraint and by how much; "keep": x0 as it is; "project": the nearest
-    feasible point, by sequential least-distance problems (Gauss-Newton on the constraints).
+    feasible point around, by sequential least-distance problems (linearised constraints, until nothing moves any more);
+    ValueError where none is nearest (coincident centres) or it is not found.
     """
     x, t = case.x0.copy(), float(case.t[0])
     if case.start == "keep" or not scene.families:
@@ -31,20 +33,27 @@ def start_state(case: Case, scene: Scene) -> np.ndarray:
 
 
 def _nearest(case, scene, x0, t, scale):
+    """The point where linearising the constraints gives the point itself; it stays feasible and nearest from there on."""
     from scipy.optimize import nnls
-    y = x0
-    for _ in range(100):
+    y, moved = x0, np.inf
+    for _ in range(ITERATIONS):
         near = scene.near(y, float(np.abs(y - x0).max()) + scale, t)
         g = scene.gaps(t, y, near)
-        if g.min() >= -1e-13 * scale and y is not x0:
+        if g.min() >= -1e-13 * scale and moved <= 1e-13 * scale:
             return y
+        tie = np.flatnonzero(np.isin(near.kind, (PAIR, ANCHOR)) & (g == -near.sign * near.d) & (near.sign > 0.0))
+        if tie.size:
+            raise ValueError(f"the start of {case.key} has coincident centres, {near.ids[int(tie[0])]}: no feasible point "
+                             'is the nearest; part them, or give start="keep"')
         G = scene.dense_gradients(t, y, near)
         # least distance: min |z - x0|, G z >= h; by non-negative least squares (Lawson & Hanson 1974, chapter 23)
         h = G @ (y - x0) - g
         E, rhs = np.vstack([G.T, h[None]]), np.append(np.zeros(len(x0)), 1.0)
-        _, size = nnls(E, rhs)
-        r = E @ nnls(E, rhs)[0] - rhs
+        mu, size = nnls(E, rhs)
         if size < 1e-12:
             raise ValueError(f"the constraints of {case.key} leave no point: the start cannot be projected")
-        y = x0 - r[:-1] / r[-1]
-    raise ValueError(f"the start of {case.key} could not be projected in 100 steps (violation {-g.min():.3g})")
+        r = E @ mu - rhs
+        z = x0 - r[:-1] / r[-1]
+        y, moved = z, float(np.abs(z - y).max())
+    raise ValueError(f"the start of {case.key} could not be projected in {ITERATIONS} steps (violation {-g.min():.3g}, "
+                     f"last step {moved:.3g}): the nearest feasible point is perhaps not unique")
