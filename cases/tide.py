@@ -34,5 +34,5 @@ CASE = Case(
     x0=np.array([0.5]),
     t=np.linspace(0.0, 3.0, 61),
     exact=exact, exact_impulse=exact_impulse, exact_events=(T1, T2),
-    also=("catching_up[backend=osqp]", "catching_up[backend=piqp]"),
+    also=("catching_up[backend=osqp]", "catching_up[backend=piqp]", "theta[theta=0.5]"),
 )

@@ -97,6 +97,7 @@ def check_shapes(case: Case) -> None:
     """Evaluate the data once at the start; ValueError or TypeError names what is wrong."""
     p, x, t0 = case.problem, case.x0.copy(), float(case.t[0])
     if isinstance(p, LCS):
+        _check_inputs(case)
         return
     with np.errstate(all="ignore"):
         if isinstance(p, Filippov):
@@ -115,6 +116,20 @@ def check_shapes(case: Case) -> None:
         raise ValueError(f"drift of {case.name} returns {f.dtype} of shape {f.shape}; float64 {x.shape} is needed")
     if not np.array_equal(x, case.x0):
         raise ValueError(f"drift of {case.name} changes x in place")
+
+
+def _check_inputs(case: Case) -> None:
+    """The inputs of a linear complementarity system at the start."""
+    p, t0 = case.problem, float(case.t[0])
+    if p.A.shape[0] != case.n:
+        raise ValueError(f"A of {case.name} has {p.A.shape[0]} rows, the state {case.n} entries")
+    for name, factory, size in (("u", p.u, case.n), ("q", p.q, p.B.shape[1])):
+        if factory is None:
+            continue
+        with np.errstate(all="ignore"):
+            value = np.asarray(factory(np)(t0))
+        if value.shape != (size,) or value.dtype != np.float64:
+            raise ValueError(f"{name} of {case.name} returns {value.dtype} of shape {value.shape}; float64 ({size},) is needed")
 
 
 def format_value(v) -> str:

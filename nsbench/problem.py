@@ -289,3 +289,6 @@ class LCS:
         (n, n2), (nb, m), (mc, nc) = self.A.shape, self.B.shape, self.C.shape
         if not (n == n2 == nb == nc and m == mc and self.D.shape == (m, m)):
             raise ValueError(f"shapes do not fit: A {self.A.shape} B {self.B.shape} C {self.C.shape} D {self.D.shape}")
+        for name in "uq":
+            if getattr(self, name) is not None:
+                _factory(name, getattr(self, name))

@@ -67,7 +67,8 @@ def functions(case):
         d = len(p.switch(np)(0.0, case.x0.copy()))
         return [("field", p.field, rhs_signs(p.field, case.n, d), (case.n, d)), ("switch", p.switch, None, (case.n,))]
     assert isinstance(p, LCS)
-    return []
+    from nsbench.solvers._lcs import drift_of
+    return [("A x + u", drift_of(p), rhs(drift_of(p), case.n), (case.n,))]
 
 
 @functools.cache

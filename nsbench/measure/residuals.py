@@ -3,10 +3,12 @@
 All are in the units of the case and computed from samples and impulses alone. Interval means of the multipliers are
 impulse increments over the sample spacing D.
 
-feasibility       max over samples of max_k (-g_k)^+; LCS: of the interval means of -w; Filippov: none (NaN)
+feasibility       max over samples of max_k (-g_k)^+; LCS: of the interval means of -w, and at samples in rows without
+                  lam; Filippov: none (NaN)
 sign              least interval mean of a multiplier; Filippov: least of theta and 1 - theta
 complementarity   largest over intervals of (gap at both ends)^+ x mean multiplier; Filippov: c^+ (1 - theta) and
-                  (-c)^+ theta. A contact that acts and lets go between two samples is seen with an error of O(D^2)
+                  (-c)^+ theta; LCS: mean w x mean lam where nothing switches. A contact that acts and lets go between
+                  two samples is seen with an error of O(D^2)
 residual          largest over intervals of (|x_{k+1} - x_k - int f - (R_{k+1} - R_k)| - q)^+ / D, a velocity, and of
                   the same for R_{k+1} - R_k = sum of impulse x gradient; int f by quadrature over the samples, whose
                   error is at most q (see quadrature; order six, and two at kinks). Of the order of the method, down
@@ -49,8 +51,9 @@ def residuals(frame: Frame, traj: Trajectory) -> dict:
             found = _inclusion(frame.case, traj.contacts, t, x, impulse, kinked)
         else:
             lam = np.diff(impulse, axis=0) / np.diff(t)[:, None]
-            special = _lcs if isinstance(frame.case.problem, LCS) else _gaps
-            feasible, complementary, mismatch = special(frame, traj.contacts, t, x, impulse, reaction, lam)
+            args = frame, traj.contacts, t, x, impulse, reaction, lam
+            lcs = isinstance(frame.case.problem, LCS)
+            feasible, complementary, mismatch = _lcs(*args, kinked) if lcs else _gaps(*args)
             equation = _equation(frame, t, x, impulse, reaction, kinked, traj.contacts)
             found = feasible, float(lam.min(initial=0.0)), complementary, max(equation, mismatch)
     return dict(zip(NAMES, map(float, found), strict=True))
@@ -98,20 +101,23 @@ def _lcs_push(problem, contacts, impulse):
     return spread(problem, contacts, impulse, {(0, i): i for i in range(problem.B.shape[1])}) @ problem.B.T
 
 
-def _lcs(frame, contacts, t, x, impulse, reaction, lam):
+def _lcs(frame, contacts, t, x, impulse, reaction, lam, kinked):
+    """As _gaps. w has interval means by the quadrature of C x + q, less its bound; rows without lam count at samples.
+    Complementarity is a product of means, so it is looked at where nothing switches."""
     p = frame.case.problem
     q = p.q(np) if p.q else lambda s: 0.0
     v = np.array([p.C @ b + q(a) for a, b in zip(t, x, strict=True)])
     lam = spread(p, contacts, lam, {(0, i): i for i in range(p.B.shape[1])})
-    push = lam @ p.D.T
-    w = 0.5 * (v[1:] + v[:-1]) + push
-    both = np.maximum(np.minimum(v[1:], v[:-1]) + push, 0.0)
-    complementary = float((both * np.maximum(lam, 0.0)).max(initial=0.0))
+    value, bound = (a / np.diff(t)[:, None] for a in integrals(t, v, kinked))
+    w = value + lam @ p.D.T
+    both = np.maximum(w - bound, 0.0) * np.maximum(lam, 0.0)
+    complementary = float(both[~kinked].max(initial=0.0))
+    feasible = max(float((-w - bound).max(initial=0.0)), float(-v[:, ~p.D.any(axis=1)].min(initial=0.0)), 0.0)
     mismatch = 0.0
     if reaction.shape[1]:
         off = np.diff(reaction - _lcs_push(p, contacts, impulse), axis=0)
         mismatch = float((np.abs(off) / np.diff(t)[:, None]).max(initial=0.0))
-    return float(np.maximum(-w, 0.0).max(initial=0.0)), complementary, mismatch
+    return feasible, complementary, mismatch
 
 
 def _inclusion(case, contacts, t, x, impulse, kinked):

@@ -49,7 +49,7 @@ class EventDriven:
     def refuses(self, case: Case) -> str | None:
         if isinstance(case.problem, LCS):
             return ("event_driven knows complementarity with gradients and Filippov systems; a linear complementarity "
-                    "system has modes of its own")
+                    "system has modes of its own.")
         if isinstance(case.problem, Complementarity) and case.problem.constraints and case.start == "keep":
             return 'event_driven starts on the feasible set; this case keeps its start as it is (start="keep")'
         return None

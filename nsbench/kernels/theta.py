@@ -1,0 +1,235 @@
+"""The time loop of implicit theta stepping for systems with linear constraints: one complementarity problem per step.
+
+    x+ = x + h (f(t_th, x_th) + B lam),   x_th = (1 - th) x + th x+,   t_th = t + th h
+    0 <= lam _|_ C x_th + q(t_th) + D lam + E (C (x+ - x_th) + q(t + h) - q(t_th)) >= 0
+
+E picks the rows that constrain the state alone; these hold at the end of the step. Held at t_th they would let the state
+swing about the constraint for ever (th = 1/2). The other rows say what lam is, so they belong where lam belongs, at t_th.
+E is the projector on the left null space of D_II, I the rows with lam > 0: found by repeating the step at most 3 times.
+"""
+import numpy as np
+from numba import njit
+
+from nsbench.kernels.lemke import least, other_motion, scales, solve
+from nsbench.kernels.relay import NAN, OK, gauss, health, largest
+
+NOTHING, JUMP, SLOW = 4, 5, 6
+NEWTON = 50               # iterations; the matrix is made anew when one gains less than a factor of ten
+AGAIN = 3                 # repetitions of a step whose rows changed their kind
+LARGE = 10.0              # times the way of the drift: pushes beyond are jumps of the state
+LCPS, PIVOTS, INNER, CALLS, UNSETTLED = range(5)
+
+
+@njit(cache=True, error_model="numpy")
+def at_end(D, fixed, on):
+    """E: rows without lam (fixed) and the left null space of D on the support."""
+    m = fixed.size
+    E = np.zeros((m, m))
+    idx = np.flatnonzero(on & ~fixed)
+    p = idx.size
+    if p:
+        S = np.empty((p, p))
+        for i in range(p):
+            for j in range(p):
+                S[i, j] = D[idx[i], idx[j]]
+        top = np.abs(D).max()
+        U, sigma, _ = np.linalg.svd(S)
+        for k in range(p):
+            if not sigma[k] > 1e-10 * top:
+                for i in range(p):
+                    for j in range(p):
+                        E[idx[i], idx[j]] += U[i, k] * U[j, k]
+    for i in range(m):
+        if fixed[i]:
+            E[i, i] = 1.0
+    return E
+
+
+@njit(cache=True, error_model="numpy")
+def jacobian(f, t, x, J):
+    """df/dx by one-sided differences into J; calls made."""
+    n = x.size
+    a, b, y = np.empty(n), np.empty(n), x.copy()
+    f(t, y, a)
+    for j in range(n):
+        y[j] = x[j] + 1.5e-8 * max(1.0, abs(x[j]))           # sqrt(eps): half of the digits, enough for Newton
+        f(t, y, b)
+        for i in range(n):
+            J[i, j] = (b[i] - a[i]) / (y[j] - x[j])
+        y[j] = x[j]
+    return n + 1
+
+
+@njit(cache=True, error_model="numpy")
+def times(A, x, out):
+    """out <- A x."""
+    for i in range(A.shape[0]):
+        out[i] = 0.0
+        for j in range(A.shape[1]):
+            out[i] += A[i, j] * x[j]
+
+
+@njit(cache=True, error_model="numpy")
+def matrices(J, h, theta, B, W, G):
+    """W <- (I - h th J)^-1, G <- h W B; False if singular."""
+    n = J.shape[0]
+    for c in range(n):
+        K, e = np.eye(n) - h * theta * J, np.zeros(n)
+        e[c] = 1.0
+        if not gauss(K, e):
+            return False
+        W[:, c] = e
+    for i in range(n):
+        for j in range(B.shape[1]):
+            G[i, j] = 0.0
+            for c in range(n):
+                G[i, j] += h * W[i, c] * B[c, j]
+    return True
+
+
+@njit(cache=True, error_model="numpy")
+def rows(C, D, G, E, theta, M, a, b):
+    """M <- D + (th I + (1 - th) E) C G, and its scales."""
+    m, n = C.shape
+    for j in range(m):
+        for i in range(m):
+            M[i, j] = 0.0
+            for c in range(n):
+                M[i, j] += C[i, c] * G[c, j]
+        col = M[:, j].copy()
+        for i in range(m):
+            M[i, j] = D[i, j] + theta * col[i]
+            for k in range(m):
+                M[i, j] += (1.0 - theta) * E[i, k] * col[k]
+    a[:], b[:] = scales(M)
+
+
+@njit(cache=True, error_model="numpy")
+def offset(C, E, theta, x, z, q0, q1, u, v, r):
+    """r <- (1 - th) C x + th C z + q(t_th) + E ((1 - th) C (z - x) + q(t + h) - q(t_th)); u, v (m,): work."""
+    times(C, x, u)
+    times(C, z, v)
+    for i in range(r.size):
+        r[i] = q0[i] + (1.0 - theta) * u[i] + theta * v[i]
+    for i in range(r.size):
+        u[i] = (1.0 - theta) * (v[i] - u[i]) + q1[i] - q0[i]
+    for i in range(r.size):
+        for k in range(r.size):
+            r[i] += E[i, k] * u[k]
+
+
+@njit(cache=True, error_model="numpy")
+def advance(f, linear, there, h, theta, x, y, v, q0, q1, system, state, lam, on, stale, count):
+    """One step from x to y: Newton's method on (y, lam), exact at once where f is linear. Returns a status.
+
+    system: B, C, D, fixed; state: J, W, G, E, M, a, b, made anew when `stale` and kept between steps.
+    """
+    B, C, D, fixed = system
+    J, W, G, E, M, a, b = state
+    n, m = x.size, lam.size
+    w, r, p, s, mid, z = np.empty(m), np.empty(m), np.empty(m), np.empty(m), np.empty(n), np.empty(n)
+    y[:] = x
+    move, tries, fresh = np.inf, 0, False
+    for it in range(NEWTON):
+        for c in range(n):
+            mid[c] = (1.0 - theta) * x[c] + theta * y[c]
+        f(there, mid, v)
+        count[CALLS] += 1
+        if health(v) != OK:
+            return health(v)
+        if stale:
+            if not linear:
+                count[CALLS] += jacobian(f, there, mid, J)
+            if not matrices(J, h, theta, B, W, G):
+                return SLOW
+            rows(C, D, G, E, theta, M, a, b)
+            stale, fresh = False, True
+        for c in range(n):
+            mid[c] = x[c] + h * v[c] - y[c]
+        times(W, mid, z)
+        for c in range(n):
+            z[c] += y[c]
+        if m:
+            offset(C, E, theta, x, z, q0, q1, p, s, r)
+            found, pivots = solve(M, r, a, b, on, lam, w)
+            count[LCPS] += 1
+            count[PIVOTS] += pivots
+            if not found:
+                return NOTHING
+            least(M, r, a, b, lam, w)
+            times(G, lam, mid)
+            for c in range(n):
+                z[c] += mid[c]
+        before, move = move, largest(z - y)
+        y[:] = z
+        count[INNER] += 1
+        if health(y) != OK:
+            return health(y)
+        if linear or move <= 1e-13 * (1.0 + largest(y)) or (fresh and it > 5 and move <= 1e-11 * (1.0 + largest(y))):
+            if theta == 1.0 or m == 0 or not regroup(D, fixed, lam, E):
+                return OK
+            rows(C, D, G, E, theta, M, a, b)
+            tries += 1
+            if tries > AGAIN:
+                count[UNSETTLED] += 1
+                return OK
+        elif move > 0.1 * before:
+            stale = True
+        fresh = False
+    return SLOW
+
+
+@njit(cache=True, error_model="numpy")
+def regroup(D, fixed, lam, E):
+    """Bring E to the rows with lam > 0; was it another one?"""
+    new = at_end(D, fixed, lam > 0.0)
+    if np.abs(new - E).max() <= 1e-12:
+        return False
+    E[:] = new
+    return True
+
+
+@njit(cache=True, error_model="numpy")
+def march(f, q_of, moving, linear, J, t, substeps, x, q, B, C, D, theta, fixed, jumpy, check):
+    """Samples of one run.
+
+    f(t, x, out), q_of(t, out): pointers; linear: f = J x + u(t). q (m,): its value if nothing moves. fixed (m,): rows
+    without lam; jumpy (m,): rows their own multiplier does not move; check: are other solutions looked for?
+    Returns X (K, n), impulse (K, m), multiplier (K, m) and length (K,) of the last step before each sample, counters,
+    status, time reached, time of the first step with several motions or NaN.
+    """
+    K, n, m = t.size, x.size, q.size
+    X, P, L, H = np.full((K, n), np.nan), np.full((K, m), np.nan), np.full((K, m), np.nan), np.zeros(K)
+    x, y, v, q0, q1 = x.copy(), x.copy(), np.empty(n), q.copy(), q.copy()
+    total, lam, w, on = np.zeros(m), np.zeros(m), np.zeros(m), np.zeros(m, np.bool_)
+    count, twice, old = np.zeros(5, np.int64), np.nan, -1.0
+    M, a, b, G = np.zeros((m, m)), np.ones(m), np.ones(m), np.zeros((n, m))
+    state = (J.copy(), np.eye(n), G, at_end(D, fixed, on), M, a, b)
+    X[0], P[0], L[0] = x, total, lam
+    for k in range(K - 1):
+        h = (t[k + 1] - t[k]) / substeps[k]
+        for s in range(substeps[k]):
+            now = t[k] + s * h
+            after = t[k + 1] if s + 1 == substeps[k] else t[k] + (s + 1) * h
+            there = after if theta == 1.0 else now + theta * h
+            if moving:
+                q_of(there, q0)
+                q_of(after, q1)
+            stale = abs(h - old) > 1e-12 * h                  # sample times are rounded: the same step for all
+            old = h if stale else old
+            code = advance(f, linear, there, h, theta, x, y, v, q0, q1, (B, C, D, fixed), state, lam, on, stale, count)
+            if code == NOTHING and health(q0) + health(q1) != OK:
+                code = NAN
+            if code != OK:
+                return X, P, L, H, count, code, now, twice
+            if check and np.isnan(twice):
+                offset(C, state[3], theta, x, y - G @ lam, q0, q1, w.copy(), w.copy(), w)
+                if other_motion(M, w, G, lam, h * largest(v) + largest(G @ lam)):
+                    twice = now
+            for i in range(m):
+                if jumpy[i] and lam[i] * largest(G[:, i].copy()) > LARGE * h * largest(v):
+                    return X, P, L, H, count, JUMP, after, twice
+                total[i] += h * lam[i]
+            x[:] = y
+        X[k + 1], P[k + 1], L[k + 1], H[k + 1] = x, total, lam, h
+    return X, P, L, H, count, OK, t[K - 1], twice
