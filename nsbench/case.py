@@ -30,6 +30,8 @@ class Case:
     `contacts` (by default the rows of the families in order, all pairs excepted); exact_events: known event times.
     start: what an infeasible x0 means: "error", "project" (the nearest feasible point) or "keep".
     unique: False where the solution itself is not unique (repulsive sliding): no reference is allowed.
+    distance(t, x) -> float, only there: how far the samples x (k, n) at t (k,) are from the set of all solutions, the
+    least, over all of them, of the largest difference at any sample.
     substeps: fewest steps between two samples in the ladder of fixed-step methods.
     also: further solvers of the standard suite, such as "pbd[order=reverse]"; params: how the case was made.
     tags: free words for filters; radius: for pictures of particles.
@@ -44,6 +46,7 @@ class Case:
     contacts: tuple | None = None
     start: str = "error"
     unique: bool = True
+    distance: Callable | None = None
     substeps: int = 2
     also: tuple[str, ...] = ()
     tags: tuple[str, ...] = ()
@@ -65,6 +68,8 @@ class Case:
         object.__setattr__(self, "t", t)
         if self.start not in STARTS:
             raise ValueError(f"start is {self.start!r}; one of {STARTS}")
+        if self.unique and self.distance is not None:
+            raise ValueError(f"{self.name} gives the distance to a set of solutions, but says that there is one: unique=False?")
         check_shapes(self)
 
     @property

@@ -14,6 +14,7 @@ FINE, FAILED = 0, 3
 EXPECTED = ("ok", "refused", "below_reference")
 METRICS = {
     "state_sup": "largest error of the state over the sample times", "state_T": "error of the state at T",
+    "set_distance": "distance of the states to the set of all solutions, where there are many",
     "impulse": "largest error of a cumulative impulse over the sample times",
     "reaction": "the same of the cumulative reaction, unique even where multipliers are not",
     "l1": "sum over sample intervals of the error of the interval's impulse",

@@ -13,7 +13,7 @@ from nsbench.problem import Complementarity
 from nsbench.reference import columns_of, spread
 from nsbench.trajectory import Trajectory
 
-NAMES = ("state_sup", "state_T", "impulse", "reaction", "l1", "settled", "sup", "event_time", "events_missed",
+NAMES = ("state_sup", "state_T", "set_distance", "impulse", "reaction", "l1", "settled", "sup", "event_time", "events_missed",
          "events_extra", "selection", "polyhedron", "state_floor", "impulse_floor", "state_scale", "impulse_scale")
 MEASURED = ("ok", "unverified", "degenerate", "below_reference")       # statuses of runs that reached T
 
@@ -27,6 +27,9 @@ def errors(case: Case, traj: Trajectory) -> dict:
     impulse in the interval|, which is the L1 distance of interval means; settled: largest difference of interval
     means of a multiplier outside windows of 2 sample spacings around the reference's events; sup: the same
     everywhere, a diagnostic (no order at jumps); event_time, events_missed, events_extra: see `event_errors`.
+
+    set_distance: of the samples from the set of all solutions, in the place of state_sup where there are many (the
+    case's `distance`, see Case).
 
     multipliers_unique: rank of the active gradients along the reference (None without one). Where False, impulse, l1,
     settled and sup are NaN: the reaction's error stands in their place, polyhedron is the distance of the multipliers
@@ -46,14 +49,20 @@ def errors(case: Case, traj: Trajectory) -> dict:
         raise ValueError(f"the run has {len(traj.t)} samples at times of its own; {case.key} has {len(case.t)}")
     out |= residuals(made, traj)
     if ref is None:
+        if case.distance is not None and _finished(traj):
+            out["set_distance"] = float(case.distance(traj.t, traj.x))
         return out
     bound = ref.impulse_error if made.unique else ref.reaction_error
     out |= {"state_floor": 10.0 * ref.state_error, "impulse_floor": 10.0 * bound,
             "reaction_floor": 10.0 * ref.reaction_error,
             "state_scale": _size(ref.x), "impulse_scale": max(_size(ref.impulse), _size(ref.reaction))}
-    if traj.status.code in MEASURED and np.all(np.isfinite(traj.x)) and np.all(np.isfinite(traj.impulse)):
+    if _finished(traj):
         out |= _against(made, traj)
     return out
+
+
+def _finished(traj: Trajectory) -> bool:
+    return traj.status.code in MEASURED and bool(np.all(np.isfinite(traj.x)) and np.all(np.isfinite(traj.impulse)))
 
 
 def _size(values) -> float:

@@ -1,6 +1,7 @@
 """The motion of a Filippov system in one mode: weights that keep it on its surfaces, and the projection onto them.
 
-A mode p (d,) holds +1 or -1 where the state is beside surface i, 0 where it slides on it.
+A mode p (d,) holds +1 or -1 where the state is beside surface i, 0 where it slides on it, FREE where it lies on it and
+both sides have the same field: nothing holds it there, and its sign, which no motion determines, is taken as 0.
 """
 from __future__ import annotations
 
@@ -10,6 +11,9 @@ import numpy as np
 
 TINY = 1e-30          # imaginary step: its square vanishes against 1, so the derivative has no truncation error
 EPS = np.finfo(float).eps
+FREE = 2
+SAME = 1e-14          # fields that differ by less than this part of their size are the same, but for rounding
+STARTS = (-0.8, 0.0, 0.8)      # of Newton's method in each sign, where all solutions are looked for
 
 
 class Motion:
@@ -72,38 +76,85 @@ class Motion:
         F is multilinear in s; continued beyond |s_i| = 1, so that the exit of a sliding arc is a smooth event.
         guess (d,): where Newton's method starts (several surfaces). Source: Filippov 1988; Alexander & Seidman 1998.
         """
+        s = np.where(p == FREE, 0, p).astype(float)
         on = np.flatnonzero(p == 0)
-        s = p.astype(float)
         if not on.size:
             self.calls += 1
             return self.field(t, x, s), s
+        corners, rates = self._corners(t, x, s, on)
+        s[on] = _ratio(*rates[:, 0]) if on.size == 1 else self._newton(corners, rates, guess[on])
+        return _blend(corners, s[on]), s
+
+    def room(self, t, x, p, guess):
+        """(1 - s, 1 + s) of the sliding surfaces, each vanishing as the speed it is made of does: no digits cancel."""
+        s = np.where(p == FREE, 0, p).astype(float)
+        on = np.flatnonzero(p == 0)
+        if on.size > 1:
+            s = self.velocity(t, x, p, guess)[1][on]
+            return 1.0 - s, 1.0 + s
+        plus, minus = self._corners(t, x, s, on)[1]
+        with np.errstate(all="ignore"):
+            return -2.0 * plus / (minus - plus), 2.0 * minus / (minus - plus)
+
+    def branches(self, t, x, p) -> list:
+        """All signs s (d,) that keep the state on its sliding surfaces, with |s_i| <= 1 or little more; NaN: unclear.
+
+        One surface: one. Two: roots of a quadratic. More: one if F is affine in the signs, else what Newton's method
+        finds from 3^k starts.
+        """
+        s = np.where(p == FREE, 0, p).astype(float)
+        on = np.flatnonzero(p == 0)
+        if on.size < 2:
+            return [self.velocity(t, x, p, np.zeros(self.d))[1]]
+        corners, rates = self._corners(t, x, s, on)
+        twisted = np.abs(_mixed(rates)).max() > 2**on.size * SAME
+        starts = [np.zeros(on.size)] if not twisted else _pair(rates) if on.size == 2 else product(STARTS, repeat=on.size)
+        out = []
+        for start in starts:
+            found = s.copy()
+            found[on] = self._newton(corners, rates, np.array(start))
+            if not any(np.array_equal(found, q, equal_nan=True) or np.abs(found - q).max() < 1e-9 for q in out):
+                out.append(found)
+        if any(np.all(np.isfinite(q)) for q in out):
+            out = [q for q in out if np.all(np.isfinite(q))]
+        return out
+
+    def _corners(self, t, x, s, on):
+        """Fields (2, ..., 2, n) and rates of the sliding surfaces (2, ..., 2, k); index 0 is the positive side."""
         corners = np.empty((2,) * on.size + (self.n,))
         rates = np.empty((2,) * on.size + (on.size,))
+        s = s.copy()
         for code in product((0, 1), repeat=on.size):
-            s[on] = 1.0 - 2.0 * np.array(code)                   # index 0 is the positive side
+            s[on] = 1.0 - 2.0 * np.array(code)
             corners[code] = self.field(t, x, s)
             rates[code] = self.along(t, x, 1.0, corners[code])[on]
         self.calls += 2**on.size
-        s[on] = self._signs(rates, guess[on])
-        return _blend(corners, s[on]), s
+        if on.size > 1:                         # each switch function in units of its own
+            size = np.abs(rates).reshape(-1, on.size).max(axis=0)
+            rates /= np.where(size > 0.0, size, 1.0)
+        return corners, rates
 
-    def _signs(self, rates, s):
-        if s.size == 1:
-            plus, minus = rates[0, 0], rates[1, 0]
-            with np.errstate(all="ignore"):
-                return np.array([(plus + minus) / (minus - plus)])
+    def _newton(self, corners, rates, s):
         for _ in range(30):
             self.newton += 1
-            slopes = np.array([_blend(0.5 * np.subtract(*np.moveaxis(rates, j, 0)), np.delete(s, j))
-                               for j in range(s.size)]).T
+            slopes = _slopes(rates, s)
             try:
                 move = np.linalg.solve(slopes, _blend(rates, s))
             except np.linalg.LinAlgError:
-                break
+                return _smallest(corners, rates)
             s = s - move
             if np.abs(move).max() <= 1e-13 * (1.0 + np.abs(s).max()):
-                return s
+                # a solution of equations that are dependent but for rounding is no solution
+                return s if np.linalg.cond(slopes) < 1e12 else _smallest(corners, rates)
         return np.full(s.size, np.nan)
+
+    def same(self, t, x, s, i) -> bool:
+        """Whether the fields on both sides of surface i are the same, for the other signs s."""
+        up, down = s.copy(), s.copy()
+        up[i], down[i] = 1.0, -1.0
+        a, b = self.field(t, x, up), self.field(t, x, down)
+        self.calls += 2
+        return bool(np.abs(a - b).max() <= SAME * np.abs(a).max())
 
     def project(self, t, x, on):
         """The nearest point with c_i = 0 for i in `on`, to first order of the distance; x itself if it is there."""
@@ -121,3 +172,56 @@ def _blend(corners, s):
     for v in s:
         corners = 0.5 * (1.0 + v) * corners[0] + 0.5 * (1.0 - v) * corners[1]
     return corners
+
+
+def _ratio(plus, minus):
+    with np.errstate(all="ignore"):
+        return (plus + minus) / (minus - plus)
+
+
+def _slopes(corners, s):
+    """(n, k) derivatives of the multilinear interpolation in each sign."""
+    return np.array([_blend(0.5 * np.subtract(*np.moveaxis(corners, j, 0)), np.delete(s, j)) for j in range(s.size)]).T
+
+
+def _mixed(rates):
+    """What of the corners is not affine in the signs: the largest second differences, by pairs of signs."""
+    k = rates.ndim - 1
+    out = [np.zeros(1)]
+    for i in range(k):
+        for j in range(i):
+            low = np.diff(np.diff(rates, axis=i), axis=j)
+            out.append(low.ravel())
+    return np.concatenate(out)
+
+
+def _pair(rates):
+    """Starts for two surfaces: (A + C b) + a (B + D b) = 0 has a solution a where the two vectors are parallel, a
+    quadratic in b."""
+    pp, pm, mp, mm = rates[0, 0], rates[0, 1], rates[1, 0], rates[1, 1]
+    A, B, C, D = (pp + pm + mp + mm) / 4, (pp + pm - mp - mm) / 4, (pp - pm + mp - mm) / 4, (pp - pm - mp + mm) / 4
+    det = lambda u, v: u[0] * v[1] - u[1] * v[0]
+    roots = np.roots([det(C, D), det(A, D) + det(C, B), det(A, B)])
+    out = [(0.0, 0.0)]
+    for b in roots[np.abs(roots.imag) <= 1e-7 * (1.0 + np.abs(roots))].real:
+        w = B + D * b
+        out.append((float(-(w @ (A + C * b)) / (w @ w)) if w @ w > 0.0 else 0.0, float(b)))
+    return [q for q in out if np.all(np.isfinite(q))]
+
+
+def _smallest(corners, rates):
+    """The least signs that hold dependent surfaces, if F is the same for all that do; NaN otherwise.
+
+    For fields affine in the signs (dependent surfaces, or inputs that act alike); any others are left undecided.
+    """
+    k = rates.ndim - 1
+    none, zero = np.full(k, np.nan), np.zeros(k)
+    if not np.all(np.isfinite(rates)) or np.abs(_mixed(corners)).max() > 1e-12 * np.abs(corners).max():
+        return none
+    slopes, F = _slopes(rates, zero), _slopes(corners, zero)
+    s = -np.linalg.lstsq(slopes, _blend(rates, zero), rcond=1e-12)[0]
+    if np.abs(_blend(rates, s)).max() > 1e-12:
+        return none
+    _, values, V = np.linalg.svd(slopes)
+    null = V[values <= 1e-12]
+    return none if np.abs(F @ null.T).max(initial=0.0) > 1e-10 * np.abs(corners).max() else s

@@ -3,6 +3,7 @@
 At a meeting with surfaces every mode of the surfaces met is a candidate: beside a surface if the motion leads away
 from it, on it if the weights that hold it there lie in [0, 1]. Where the first derivative vanishes (tangential exits)
 a short trial motion decides. No candidate, or several with different motions, is an answer: the run says so and stops.
+Where both sides of a surface have the same field nothing happens on it; a motion that stays on it is let go on.
 """
 from __future__ import annotations
 
@@ -12,13 +13,15 @@ import numpy as np
 
 from nsbench.case import Case
 from nsbench.solvers._arc import follow
-from nsbench.solvers._sliding import EPS, Motion
+from nsbench.solvers._sliding import EPS, FREE, Motion
 from nsbench.solvers.base import Run
 from nsbench.trajectory import Event, Status, Trajectory
 
 TRIALS = 10.0 ** np.arange(-7, -2)      # lengths of trial motions as parts of the run: the first sign shown decides
 FLAT = 1e-7                             # relative size below which a first derivative decides nothing
 WINDOW = 3                              # events per window of the test for accumulation
+AWAY = 1e-9                             # relative distance at which a surface is left that does not hold the motion
+TOUCH = 100.0                           # tolerances of the arcs: less weight than this cannot be told from a touch
 IDLE = 1000                             # events in a row that leave the mode as it is before the run is called stuck
 
 
@@ -37,7 +40,8 @@ class _Walk:
         self.t, self.x, self.n, self.d = float(case.t[0]), case.x0.copy(), case.n, motion.d
         motion.calls = motion.newton = 0
         self.theta, self.mode, self.signs = np.zeros(self.d), np.zeros(self.d, np.int64), np.zeros(self.d)
-        self.events, self.meetings, self.idle = [], [], 0
+        self.events, self.meetings, self.idle, self.touches, self.ends = [], [], 0, 0, None
+        self.entered = [None] * self.d          # (side it came from, time, theta) of the last entry of each surface
         self.arcs, self.steps, self.h, self.done = 0, 0, 0.0, 1
         self.X, self.W = np.full((len(case.t), self.n), np.nan), np.full((len(case.t), self.d), np.nan)
 
@@ -51,7 +55,9 @@ class _Walk:
         if status.ok:                       # an event at the very end leaves the last sample to us
             self.X[self.done:], self.W[self.done:] = self.x, self.theta
         stats = {"steps": self.steps, "h": float(self.h), "drift_calls": self.motion.calls, "events": len(self.events),
-                 "restarts": self.arcs, "inner_iterations": self.motion.newton, "loop": "host"}
+                 "touches": self.touches, "restarts": self.arcs, "inner_iterations": self.motion.newton, "loop": "host"}
+        if self.ends is not None:
+            stats["accumulation"] = float(self.ends)
         return Trajectory(case.t, self.X, tuple((0, i) for i in range(self.d)), self.W, np.empty((len(case.t), 0)),
                           status, tuple(self.events), stats, "mean")
 
@@ -74,7 +80,8 @@ class _Walk:
     def _arc(self) -> Status:
         """Follow the mode to its next event or the end, then choose the next mode."""
         motion, mode, guess, n, T = self.motion, self.mode, self.signs.copy(), self.n, self.case.t[-1]
-        on = np.flatnonzero(mode == 0)
+        on, free = np.flatnonzero(mode == 0), np.flatnonzero(mode == FREE)
+        away = AWAY / EPS * self._band(self.t, self.x, 1.0)[free]
 
         def rhs(t, y):
             F, s = motion.velocity(t, y[:n], mode, guess)
@@ -82,12 +89,16 @@ class _Walk:
             return np.concatenate([F, 0.5 * (1.0 + s)])
 
         def gaps(t, y):
-            g = mode * motion.switch(t, y[:n])
+            c = motion.switch(t, y[:n])
+            g, more = mode * c, []
             if on.size:
-                s = motion.velocity(t, y[:n], mode, guess)[1][on]
-                g[on] = 1.0 - s
-                return np.concatenate([g, 1.0 + s])
-            return g
+                g[on], below = motion.room(t, y[:n], mode, guess)
+                more.append(below)
+            if free.size:
+                g[free] = away - c[free]
+                alike = [motion.same(t, y[:n], guess, i) for i in free]
+                more += [away + c[free], np.where(alike, 1.0, -1.0)]
+            return np.concatenate([g, *more])
 
         def project(t, y):
             x = motion.project(t, y[:n], on)
@@ -95,8 +106,8 @@ class _Walk:
 
         if on.size:
             self.x = motion.project(self.t, self.x, on)
-        band = np.concatenate([self._band(self.t, self.x, 16.0), np.full(on.size, FLAT)])
-        band[on] = FLAT
+        band = np.concatenate([self._band(self.t, self.x, 16.0), np.full(on.size, FLAT), np.zeros(2 * free.size)])
+        band[on], band[free] = FLAT, 0.0
         later = self.case.t[self.done:]
         arc = follow(rhs, self.t, np.concatenate([self.x, self.theta]), T, gaps, method=self.options.method,
                      rtol=self.tol, max_step=self.options.max_step, max_steps=self.options.max_steps - self.steps,
@@ -122,13 +133,13 @@ class _Walk:
     def _meet(self, fired) -> Status:
         """Choose the mode after an event, and record what changed."""
         self.meetings.append(self.t)
-        ends = accumulation(self.meetings, self.case.t[-1] - self.case.t[0])
+        self.ends = ends = accumulation(self.meetings, self.case.t[-1] - self.case.t[0])
         if ends is not None:
             return Status("chatter", f"Events accumulate at t = {ends:.9g}: following events cannot pass that time.")
         if len(self.meetings) > self.options.max_events:
             return Status("chatter", f"{len(self.meetings)} events were met by t = {self.t:.9g}; raise max_events.")
         c = self.motion.switch(self.t, self.x)
-        near = (np.abs(c) <= self._band(self.t, self.x)) | (self.mode == 0)
+        near = (np.abs(c) <= self._band(self.t, self.x)) | (self.mode == 0) | (self.mode == FREE)
         near[fired[fired < self.d]] = True
         met = np.flatnonzero(near)
         self.motion.trust(self.t, self.x)
@@ -137,8 +148,7 @@ class _Walk:
             return status
         for i in met:
             if mode[i] != self.mode[i]:
-                kind = "enter" if mode[i] == 0 else "exit" if self.mode[i] == 0 else "cross"
-                self.events.append(Event(self.t, kind, (0, int(i))))
+                self._record(int(i), self.mode[i], mode[i])
         self.idle = self.idle + 1 if np.array_equal(mode, self.mode) else 0
         self.mode, self.signs = mode, signs
         if self.idle > IDLE:
@@ -146,20 +156,44 @@ class _Walk:
                                      "the motion stays within rounding of the surface without being held by it.")
         return Status()
 
+    def _record(self, i, old, new):
+        """Add the event of surface i, from one mode to another; a touch is none.
+
+        The motion touches a surface where it would have entered and left to the side it came from with all but no
+        other weight in between: below the tolerance of the arcs nothing tells the two apart.
+        """
+        if FREE in (old, new):
+            self.events += [Event(self.t, "exit" if old == 0 else "enter", (0, i))] if 0 in (old, new) else []
+            return
+        if new == 0:
+            self.entered[i] = old, self.t, self.theta[i]
+        elif old == 0 and self.entered[i] is not None and self.entered[i][0] == new:
+            _, t, theta = self.entered[i]
+            weight = abs(self.theta[i] - theta - (new > 0) * (self.t - t))
+            last = max(k for k, e in enumerate(self.events) if e.contact == (0, i))
+            if weight <= TOUCH * self.tol:
+                del self.events[last]
+                self.touches += 1
+                return
+        kind = "enter" if new == 0 else "exit" if old == 0 else "cross"
+        self.events.append(Event(self.t, kind, (0, i)))
+
     def _choose(self, met):
         """(status, mode, signs) among the modes of the surfaces met; sliding first."""
-        good, mode, size, known = [], self.mode.copy(), np.zeros(self.d), True
+        good, mode, size, known, s = [], self.mode.copy(), np.zeros(self.d), True, self.signs
         for q in product((1, -1), repeat=met.size):
             mode[met] = q
-            F = self.motion.velocity(self.t, self.x, mode, self.signs)[0]
+            F, s = self.motion.velocity(self.t, self.x, mode, self.signs)
             known = known and bool(np.all(np.isfinite(F)))
             size = np.fmax(size, np.abs(self.motion.along(self.t, self.x, 1.0, F)))
-        for q in product((0, 1, -1), repeat=met.size):
+        ways = [(FREE, 1, -1) if known and self.motion.same(self.t, self.x, s, i) else (0, 1, -1) for i in met]
+        for q in product(*ways):
             mode = self.mode.copy()
             mode[met] = q
-            found = self._holds(mode, met, size)
-            if found is not None:
-                good.append((mode, *found))
+            for s in self.motion.branches(self.t, self._onto(mode), mode):
+                ahead = self._holds(mode, s, met, size)
+                if ahead is not None:
+                    good.append((mode, s, ahead))
         if not good and not known:
             return Status("nan", f"The drift is not finite on {self._named(met)} at t = {self.t:.9g}."), None, None
         if not good:
@@ -171,35 +205,44 @@ class _Walk:
                                             "the solution is not unique there."), None, None
         return Status(), mode, signs
 
-    def _holds(self, mode, met, size):
-        """(signs, trial states) if the mode is a motion from here, else None; size (d,): largest |c_i'| beside it."""
-        t, x, motion = self.t, self.x, self.motion
+    def _onto(self, mode):
         on = np.flatnonzero(mode == 0)
-        if on.size:
-            x = motion.project(t, x, on)
-        F, s = motion.velocity(t, x, mode, np.zeros(self.d))
+        return self.motion.project(self.t, self.x, on) if on.size else self.x
+
+    def _holds(self, mode, s, met, size):
+        """Trial states if the mode with signs s is a motion from here, else None; size (d,): largest |c_i'| beside it."""
+        t, x, motion = self.t, self._onto(mode), self.motion
+        F, s = motion.velocity(t, x, mode, s)
         if not (np.all(np.isfinite(s)) and np.all(np.isfinite(F))):
             return None
         value, rate = np.zeros(self.d), motion.along(t, x, 1.0, F)
         for i in met:
-            value[i] = 1.0 - abs(s[i]) if mode[i] == 0 else mode[i] * rate[i] / (size[i] or 1.0)
+            value[i] = (1.0 - abs(s[i]) if mode[i] == 0 else
+                        (-abs(rate[i]) if mode[i] == FREE else mode[i] * rate[i]) / (size[i] or 1.0))
         if np.any(value[met] < -FLAT):
             return None
         open_ = [i for i in met if value[i] <= FLAT]
         signs, ahead = np.zeros(len(open_)), []
         for part in TRIALS:
-            after, state, weights = self._trial(mode, x, s, part * (self.case.t[-1] - self.case.t[0]))
+            h = part * (self.case.t[-1] - self.case.t[0])
+            after, state, weights = self._trial(mode, t, x, s, h)
             ahead.append(state)
             c, band = motion.switch(after, state), self._band(after, state)
             for k, i in enumerate(open_):
                 v, least = (1.0 - abs(weights[i]), 1e-2 * FLAT) if mode[i] == 0 else (mode[i] * c[i], band[i] / 10)
+                if mode[i] == FREE:
+                    off = abs(c[i]) - band[i]
+                    if off > 0.0:       # what two half steps see otherwise is the error of the trial
+                        _, other, _ = self._trial(mode, *self._trial(mode, t, x, s, h / 2), h / 2)
+                        off -= 4.0 * abs(c[i] - motion.switch(after, other)[i])
+                    v, least = (-1.0 if off > 0.0 or not motion.same(after, state, weights, i) else 0.0), 0.0
                 if signs[k] == 0.0 and abs(v) > least:
                     signs[k] = np.sign(v)
-        return None if np.any(signs < 0.0) else (s, np.array(ahead))
+        return None if np.any(signs < 0.0) else np.array(ahead)
 
-    def _trial(self, mode, x, s, h):
-        """(time, state, signs) after one classical Runge-Kutta step of length h in the mode."""
-        t, v = self.t, self.motion.velocity
+    def _trial(self, mode, t, x, s, h):
+        """(time, state, signs) after one classical Runge-Kutta step of length h from (t, x, s) in the mode."""
+        v = self.motion.velocity
         k1 = v(t, x, mode, s)[0]
         k2 = v(t + h / 2, x + h / 2 * k1, mode, s)[0]
         k3 = v(t + h / 2, x + h / 2 * k2, mode, s)[0]
