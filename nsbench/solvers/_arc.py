@@ -190,7 +190,8 @@ class _Follower:
         fun = lambda s: float(self.gaps(s, dense(s))[i]) - self.level[i]
         if not (left < right and fun(left) > 0.0 and fun(right) < 0.0):
             return guess
-        return brentq(fun, left, right, xtol=4 * np.spacing(abs(right)), rtol=_MINIMAL)
+        # a root of higher order takes more than the usual hundred iterations
+        return brentq(fun, left, right, xtol=4 * np.spacing(abs(right)), rtol=_MINIMAL, maxiter=10_000)
 
     def _land(self, t_old, y_old, t, i, slope):
         """Repeat the step with its end at the event; two Newton corrections of its time on the repeated step."""
