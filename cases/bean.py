@@ -7,7 +7,7 @@ In complex numbers z' = i w (z - q), q = 1/w: free motion circles about q. On an
 m - q = D e^{ia}, theta = p - a obeys theta' = w (1 + beta cos theta), beta = D/R > 1, and the force presses outwards
 with w D sin theta: lam1 = w D sin theta on the rim, lam2 = -w D sin theta on the bite. So the impulse is
 -/+ R ln((1 + beta cos theta) / (1 + beta cos theta_0)) on rim and bite. With kappa^2 = (beta + 1) / (beta - 1) and
-s^2 = beta^2 - 1, v = tan(theta/2) / kappa solves v' = (w s/2) (1 - v^2): v = (v0 + T) / (1 + v0 T), T = tanh(w s t/2).
+s^2 = beta^2 - 1, v = tan(theta/2) / kappa solves v' = (w s/2) (1 - v^2): v is tanh or coth of xi = xi_0 + w s t/2.
 
 side = "right": the point lands on the bite, is carried over its shoulder, leaves it tangentially where theta = -pi
 (lam2 = 0), falls onto the rim and creeps to its rest at cos theta = -1/beta. side = "left": it slides down the bite
@@ -26,87 +26,65 @@ STARTS = {"right": -0.6 + 1.2j, "left": -0.9 + 1.3j}
 SUITES = {"standard": [{}], "full": [{"side": "left"}]}
 
 
+# Zeros of |z - m| = R along free motion, and xi there, with 40 digits: computed in float64 they cost the left side, which
+# starts near an unstable rest, two digits.
+HIT, HIT_XI, LAND, LAND_XI = 1.007110591454036315795, -1.068871650213896156908, 3.888581986585556467815, 0.758310070211060317640
+LEFT_HIT, LEFT_XI, CORNER_AT = 0.9965638086754796638629, -1.514309597892674333562, 2.902957499257168729538
+CORNER = -1.911437827766147647625 - 0.5885621722338523523746j
+
+
 def falling(z, t):
     """Free motion from z."""
     return Q + (z - Q) * np.exp(1j * W * t)
 
 
-def landing(z, middle, radius):
-    """Time at which free motion from z first meets the circle: |q - m + (z - q) e^{iwt}| = radius."""
-    arm, far = z - Q, Q - middle
-    cos = (radius**2 - abs(arm) ** 2 - abs(far) ** 2) / (2.0 * abs(arm) * abs(far))
-    start = np.angle(arm / far)
-    return min(np.mod(np.array([1.0, -1.0]) * np.arccos(cos) - start, 2 * np.pi)) / W
-
-
-def halves(unit, kappa):
-    """v = tan(theta/2) / kappa of e^{i theta}, as a fraction (up, down) that is never 0/0."""
-    if unit.real > 0.0:
-        return unit.imag, kappa * (1.0 + unit.real)
-    return 1.0 - unit.real, kappa * unit.imag
-
-
 class Arc:
-    """Motion along a circle from z on; sign +1 outside the circle, -1 inside."""
+    """Motion along a circle that begins at xi; sign +1 outside the circle, -1 inside."""
 
-    def __init__(self, z, middle, radius, sign):
+    def __init__(self, middle, radius, sign, xi, coth=False):
         away = middle - Q
-        self.middle, self.radius, self.sign = middle, radius, sign
-        self.turn = away / abs(away)
         beta = abs(away) / radius
+        self.middle, self.arm, self.weight, self.xi, self.coth = middle, radius * away / abs(away), sign * radius, xi, coth
         self.kappa = np.sqrt((beta + 1.0) / (beta - 1.0))
         self.rate = 0.5 * W * np.sqrt((beta - 1.0) * (beta + 1.0))
-        self.up, self.down = halves((z - middle) / (radius * self.turn), self.kappa)
 
-    def when(self, unit):
-        """Time at which e^{i theta} = unit."""
-        up, down = halves(unit, self.kappa)
-        return np.arctanh((up * self.down - self.up * down) / (down * self.down - up * self.up)) / self.rate
+    def root(self, xi):
+        """e^{i theta/2} up to a factor: down + i kappa up, where v = up/down."""
+        up, down = (np.cosh(xi), np.sinh(xi)) if self.coth else (np.sinh(xi), np.cosh(xi))
+        return down + 1j * self.kappa * up
 
     def at(self, t):
-        """Place (complex) and impulse after the time t; 1 + beta cos theta is (1 - v^2) / (1 + kappa^2 v^2) up to a factor."""
-        T = np.tanh(self.rate * t)
-        up, down = self.kappa * (self.up + self.down * T), self.down + self.up * T
-        size = up * up + down * down
-        root = down + 1j * up
-        fall = np.log((self.down**2 + (self.kappa * self.up) ** 2) / size) - 2.0 * np.log(np.cosh(self.rate * t))
-        return self.middle + self.radius * self.turn * root * root / size, self.sign * self.radius * fall
+        """Place (complex) and impulse after the time t; 1 + beta cos theta is 1 / |root|^2 up to a factor."""
+        root, first = self.root(self.xi + self.rate * t), self.root(self.xi)
+        return self.middle + self.arm * root / np.conj(root), 2.0 * self.weight * np.log(np.abs(first) / np.abs(root))
 
 
 def over(z0):
-    """Event times, and (k, 3) from times: place as a complex number, impulses of rim and bite."""
-    t1 = landing(z0, CENTRE, BITE)
-    bite = Arc(falling(z0, t1), CENTRE, BITE, +1)
-    t2 = t1 + bite.when(-1.0 + 0.0j)
-    shoulder = bite.at(t2 - t1)[0]
-    t3 = t2 + landing(shoulder, 0.0, RIM)
-    rim = Arc(falling(shoulder, t3 - t2), 0.0, RIM, -1)
+    """Event times, and (place as a complex number, impulses of rim and bite) of times."""
+    bite, rim = Arc(CENTRE, BITE, +1, HIT_XI, coth=True), Arc(0.0, RIM, -1, LAND_XI)
+    leave = HIT - HIT_XI / bite.rate                    # theta = -pi at xi = 0
+    shoulder = CENTRE - bite.arm
 
     def motion(t):
-        on_bite, by_bite = bite.at(np.clip(t, t1, t2) - t1)
-        on_rim, by_rim = rim.at(np.maximum(t, t3) - t3)
-        z = np.select([t < t1, t < t2, t < t3], [falling(z0, t), on_bite, falling(shoulder, t - t2)], on_rim)
+        on_bite, by_bite = bite.at(np.clip(t, HIT, leave) - HIT)
+        on_rim, by_rim = rim.at(np.maximum(t, LAND) - LAND)
+        z = np.select([t < HIT, t < leave, t < LAND], [falling(z0, t), on_bite, falling(shoulder, t - leave)], on_rim)
         return z, by_rim, by_bite
-    return (t1, t2, t3), motion
+    return (HIT, leave, LAND), motion
 
 
 def down(z0):
     """The same for the start on the other side: down the bite into the corner."""
-    t1 = landing(z0, CENTRE, BITE)
-    bite = Arc(falling(z0, t1), CENTRE, BITE, +1)
-    far = abs(CENTRE)
-    along = (RIM**2 + far**2 - BITE**2) / (2.0 * far)
-    corner = CENTRE / far * (along - 1j * np.sqrt((RIM - along) * (RIM + along)))
-    t2 = t1 + bite.when((corner - CENTRE) / (BITE * bite.turn))
-    force, out, up = 1j * W * (corner - Q), corner / RIM, (corner - CENTRE) / BITE
+    bite = Arc(CENTRE, BITE, +1, LEFT_XI)
+    force, out, up = 1j * W * (CORNER - Q), CORNER / RIM, (CORNER - CENTRE) / BITE
     lam = np.linalg.solve([[out.real, -up.real], [out.imag, -up.imag]], [force.real, force.imag])
 
     def motion(t):
-        on_bite, by_bite = bite.at(np.clip(t, t1, t2) - t1)
-        z = np.select([t < t1, t < t2], [falling(z0, t), on_bite], corner)
-        since = np.maximum(t - t2, 0.0)
+        on_bite, by_bite = bite.at(np.clip(t, LEFT_HIT, CORNER_AT) - LEFT_HIT)
+        z = np.select([t < LEFT_HIT, t < CORNER_AT], [falling(z0, t), on_bite], CORNER)
+        since = np.maximum(t - CORNER_AT, 0.0)
         return z, lam[0] * since, by_bite + lam[1] * since
-    return (t1, t2), motion
+    return (LEFT_HIT, CORNER_AT), motion
 
 
 DOWN, TURN = np.array([0.0, -1.0]), W * np.array([-1.0, 1.0])

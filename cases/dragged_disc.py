@@ -11,8 +11,8 @@ import numpy as np
 from nsbench import Case, Complementarity, Distance
 
 HEIGHT = 0.6
-T1 = (1.0 - HEIGHT**2) ** 0.5
-P1 = np.pi - np.arcsin(HEIGHT)
+T1 = 0.8                             # sqrt(1 - HEIGHT^2)
+U1 = (1.0 + T1) / HEIGHT             # tan(p/2) where the rim reaches the point
 
 
 def drift(xp):
@@ -28,18 +28,20 @@ def centre(xp):
     return c
 
 
-def angle(t):
-    return 2.0 * np.arctan(np.tan(P1 / 2) * np.exp(np.maximum(t - T1, 0.0)))
+def half_angle(t):
+    """u = tan(p/2), which grows like e^t."""
+    return U1 * np.exp(np.maximum(t - T1, 0.0))
 
 
 def exact(t):
-    p = angle(t)
-    dragged = np.stack((t + np.cos(p), np.sin(p)), axis=1)
+    u = half_angle(t)
+    dragged = np.stack((t - (u - 1.0) * (u + 1.0) / (1.0 + u * u), 2.0 * u / (1.0 + u * u)), axis=1)
     return np.where((t < T1)[:, None], [0.0, HEIGHT], dragged)
 
 
 def exact_impulse(t):
-    return np.log(HEIGHT / np.sin(angle(t)))[:, None]
+    u = half_angle(t)
+    return np.where(t < T1, 0.0, np.log(0.5 * HEIGHT * (1.0 + u * u) / u))[:, None]
 
 
 CASE = Case(

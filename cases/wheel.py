@@ -27,13 +27,17 @@ def make(w: float = 0.5) -> Case:
     shift = np.arctan((w * u1 - 1.0) / s)
     t2 = t1 + 2.0 / s * (np.arctan((w - 1.0) / s) - shift) if w > 1 else np.inf
 
+    high, low = (1.0 + s) / w, (1.0 - s) / w            # u+ and u-, for w < 1
+
+    def quotient(t):
+        """(u - u-) / (u - u+) on the rim."""
+        return (u1 - low) / (u1 - high) * np.exp(-s * (np.maximum(t, t1) - t1))
+
     def half_angle(t):
         """u = tan(p/2) on the rim, for t in [t1, t2]."""
-        since = np.clip(t, t1, t2) - t1
         if w > 1:
-            return (1.0 + s * np.tan(0.5 * s * since + shift)) / w
-        high, low = (1.0 + s) / w, (1.0 - s) / w
-        q = (u1 - low) / (u1 - high) * np.exp(-s * since)
+            return (1.0 + s * np.tan(0.5 * s * (np.clip(t, t1, t2) - t1) + shift)) / w
+        q = quotient(t)
         return (low - q * high) / (1.0 - q)
 
     def drift(xp):
@@ -50,14 +54,21 @@ def make(w: float = 0.5) -> Case:
         return np.stack((z.real, z.imag), axis=1)
 
     def exact_impulse(t):
-        sin = np.sin(2 * np.arctan(half_angle(t)))
-        return np.log((w / 2) / (w - sin))[:, None]
+        u = half_angle(t)
+        if w > 1:
+            left = w - 2.0 * u / (1.0 + u * u)
+        else:                               # w - sin p = w (u - u+) (u - u-) / (1 + u^2), which tends to zero
+            q = quotient(t)
+            left = w * q * (2.0 * s / w / (1.0 - q)) ** 2 / (1.0 + u * u)
+        return np.where(t < t1, 0.0, np.log((w / 2) / left))[:, None]
 
+    # w > 1: long enough for one touch after the release of w = 1.5
+    t = np.linspace(0.0, 5.0, 41) if w < 1 else np.linspace(0.0, 8.0, 65)
     return Case(
         name="wheel",
         problem=Complementarity(drift, (Distance(d=1.0, sign=-1, pairs=[[0, 0]], anchors=np.zeros((1, 2))),)),
         x0=np.zeros(2),
-        t=np.linspace(0.0, 5.0, 41),
-        exact=exact, exact_impulse=exact_impulse, exact_events=(t1, t2) if w > 1 else (t1,),
+        t=t,
+        exact=exact, exact_impulse=exact_impulse, exact_events=(t1, t2) if t2 < t[-1] else (t1,),
         contacts=((0, 0, 0),), substeps=16,
     )

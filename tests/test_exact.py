@@ -195,13 +195,15 @@ CASES = list(solved())
 @pytest.mark.parametrize("case", CASES)
 def test_exact_solution_satisfies_its_own_equation(case):
     assert case.exact_events is not None, "an exact solution comes with the times of its kinks (perhaps none)"
+    assert all(case.t[0] <= e <= case.t[-1] for e in case.exact_events), "an event outside of the run cannot be found"
     assert complaint(case) is None
 
 
 def test_the_cases_with_a_closed_form_are_all_here():
     names = {p.values[0].name for p in CASES}
     assert names >= {"apple", "smooth", "tide", "wedge", "rods", "duplicate", "hex", "two_discs", "stack", "chain",
-                     "tide_again", "moving_floor", "play", "dragged_disc", "wheel"}
+                     "tide_again", "moving_floor", "play", "dragged_disc", "wheel", "obstacle", "graze", "stiff_contact",
+                     "bean", "corner_degenerate", "box_turning", "rods_wall", "kissing"}
 
 
 def bump(case):

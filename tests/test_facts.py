@@ -101,6 +101,14 @@ def test_a_stiff_contact_needs_steps_below_two_over_its_stiffness(spec):
     assert 99.0 < lam.max() < 101.0
 
 
+def test_a_buckling_row_looks_like_a_plateau_before_it_converges():
+    case = nsbench.get_case("buckling_row")
+    exact = nsbench.solve(case, "event_driven", tol=1e-10).x
+    off = {n: np.abs(nsbench.solve(case, "pbd", h=2.0 / n).x - exact).max() for n in (400, 800, 1600, 102400)}
+    assert all(off[n] > 2.0 for n in (400, 800, 1600)) and off[400] < 2 * off[1600]
+    assert off[102400] < 0.1
+
+
 def test_the_later_a_central_impact_is_left_the_more_its_height_matters():
     for b in (0.2, 0.02):
         ends = [nsbench.get_case("obstacle", b=b * (1 + s)).exact_events[1] for s in (1e-6, -1e-6)]
