@@ -148,10 +148,16 @@ def test_kissing_discs_meet_at_products_between_minus_a_half_and_a_quarter(loops
         assert len(G) == len(case.contacts) and np.linalg.matrix_rank(G, rtol=1e-10) == len(G)
 
 
+def still(xp):
+    def f(t, x):
+        return 0.0 * x
+    return f
+
+
 def sweep(x, order="sorted"):
     """One sweep of exact projections of unit discs, alone: the point, and the contacts that acted."""
-    still = nsbench.Complementarity(lambda xp: lambda t, x: 0.0 * x, (nsbench.Distance(d=2.0),))
-    case = nsbench.Case("sweep", still, x, np.array([0.0, 1.0]), start="keep")
+    problem = nsbench.Complementarity(still, (nsbench.Distance(d=2.0),))
+    case = nsbench.Case("sweep", problem, x, np.array([0.0, 1.0]), start="keep")
     traj = nsbench.solve(case, f"pbd[order={order}]", h=1.0)
     return traj.x[-1], [c for c, i in zip(traj.contacts, traj.impulse[-1], strict=True) if i > 0.0]
 
