@@ -68,9 +68,12 @@ def parser() -> argparse.ArgumentParser:
     c = add("check", lambda a: _show("check", a), "check a case file or a solver file")
     c.add_argument("file")
     c = add("reference", lambda a: _show("reference", a), "build or verify stored references")
-    c.add_argument("action", choices=("build", "verify"))
+    c.add_argument("action", choices=("build", "verify", "list"))
     c.add_argument("cases", nargs="*", metavar="CASE")
-    c.add_argument("--into", metavar="DIR", help="folder to write to (default: reference_solutions)")
+    c.add_argument("--into", metavar="DIR", help="folder to use (default: reference_solutions)")
+    c.add_argument("--kind", choices=("auto", "certified", "runs"), default="auto",
+                   help="build: a proof, two runs that agree, or the first with the second as a fallback")
+    c.add_argument("--certify", action="store_true", help="verify: make every proof again (minutes)")
     return p
 
 

@@ -161,18 +161,31 @@ def check(args, say) -> int:
 
 
 def reference(args, say) -> int:
-    """nsbench reference build | verify"""
+    """nsbench reference build | verify | list"""
+    import time
+
     from nsbench import reference as ref
-    keys = args.cases or [k for k in study.suite_cases("full") if get_case(k).exact is None and get_case(k).unique]
+    folder = args.into or None
+    keys = args.cases or [k for k in study.suite_cases("full") if _has_stored(get_case(k), args.action, folder)]
+    options = {"build": {"kind": args.kind}, "verify": {"certify": args.certify}, "list": {}}[args.action]
+    action = {"build": ref.build, "verify": ref.verify, "list": ref.load}[args.action]
     failed = 0
     for key in keys:
-        case = get_case(key)
+        case, start = get_case(key), time.perf_counter()
         try:
-            say(f"{key}: {getattr(ref, args.action)(case, **({'folder': args.into} if args.into else {}))}")
+            said = action(case, folder=folder, **options)
+            took = f" ({time.perf_counter() - start:.1f} s)" if args.action != "list" else ""
+            say(f"{key}: {said or 'has no stored reference'}{took}")
         except (ValueError, ArithmeticError) as e:
             failed += 1
             say(f"{key}: {e}")
     return FINE if not failed else FAILED
+
+
+def _has_stored(case, action, folder) -> bool:
+    """Cases of the suite to work on: those with a stored reference and, to build, those that need one."""
+    from nsbench.reference import files_of
+    return files_of(case, folder)[1].exists() or (action == "build" and case.exact is None and case.unique)
 
 
 def is_terminal() -> bool:

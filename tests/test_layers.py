@@ -11,7 +11,7 @@ import nsbench
 ROOT = Path(nsbench.__file__).parent
 LAYERS = ["problem", "trajectory", "compile", "moving", "kernels", "case", "contacts", "solvers", "reference", "measure", "study",
           "store", "report", "execute", "commands", "cli"]
-HEAVY = ("jax", "numba", "cvxpy", "pandas", "matplotlib", "scipy", "diffrax", "osqp", "pyarrow")
+HEAVY = ("jax", "numba", "cvxpy", "pandas", "matplotlib", "scipy", "diffrax", "osqp", "pyarrow", "flint")
 
 
 def layer(module):

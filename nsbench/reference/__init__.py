@@ -4,7 +4,7 @@ from __future__ import annotations
 import dataclasses
 
 from nsbench.case import Case
-from nsbench.reference.build import build, verify
+from nsbench.reference.build import bounded_by, build, verify
 from nsbench.reference.known import (
     Reference,
     canonical,
@@ -16,22 +16,33 @@ from nsbench.reference.known import (
 )
 from nsbench.reference.stored import BadReference, files_of, load, store
 
-__all__ = ["BadReference", "Reference", "build", "canonical", "closed_form", "columns_of", "files_of", "listed_contacts",
+__all__ = ["BadReference", "Reference", "bounded_by", "build", "canonical", "closed_form", "columns_of", "files_of", "listed_contacts",
            "load", "reference", "right_hand_side", "spread", "store", "verify"]
 
 
 def reference(case: Case, folder=None) -> Reference | None:
     """The closed form, else the stored reference, else None (always None where the solution is not unique).
 
-    BadReference (a ValueError) if the stored one is broken or of another version. A closed form without impulses
-    takes them from the stored reference, if there is one.
+    BadReference (a ValueError) if the stored one is broken or of another version. What a closed form does not tell
+    (impulses, events) comes from the stored reference, if there is one; where that is a certificate, the bound of the
+    closed form is the distance to it and the certificate's own bound: proven, and not only a count of roundings.
     """
     if not case.unique:
         return None
     if case.exact is None:
         return load(case, folder)
     ref = closed_form(case)
-    if ref.impulse is None and (stored := load(case, folder)) is not None:
+    try:
+        stored = load(case, folder)
+    except BadReference:
+        if ref.impulse is None:
+            raise
+        return ref                          # nothing of it is needed; `reference verify` tells that it is stale
+    if stored is None:
+        return ref
+    if stored.kind == "certified":
+        ref = bounded_by(case, ref, stored)
+    if ref.impulse is None:
         ref = dataclasses.replace(ref, contacts=stored.contacts, impulse=stored.impulse,
                                   impulse_error=stored.impulse_error, how=f"impulses: {stored.how}")
     return ref

@@ -1,6 +1,7 @@
-"""Make a stored reference: two integrators at two tolerances must agree, and a fixed-step method must come closer."""
+"""Make a stored reference: a certificate where the scene is small, else two integrators that agree and a witness."""
 from __future__ import annotations
 
+import dataclasses
 import platform
 from importlib import metadata
 
@@ -9,7 +10,8 @@ import numpy as np
 from nsbench import solvers
 from nsbench.case import Case
 from nsbench.problem import Complementarity
-from nsbench.reference.known import Reference, columns_of, spread
+from nsbench.reference import certify as certificates
+from nsbench.reference.known import Reference, closed_form, columns_of, spread
 from nsbench.reference.stored import load, store
 from nsbench.trajectory import Trajectory
 
@@ -17,23 +19,58 @@ SAFETY = 2.0                        # on the difference of two runs: neither is 
 LIMIT = 1e-8                        # relative; two good runs that differ by more did not follow the same path
 METHODS = (("event_driven", 1e-13), ("event_driven[method=rk45]", 1e-12))
 WITNESS = (4, 16)                   # steps of the witness, in units of the fewest per sample that the case asks for
+ROUNDING = 1e-13                    # relative; what sums of thousands of steps leave
+SPREAD = 10.0                       # a run may be this many times the difference of two of them off a proven solution
+FORMULA = 256 * float(np.finfo(float).eps)      # relative; closed forms are some dozen operations on rounded times
+KINDS = ("auto", "certified", "runs")
 
 
-def build(case: Case, folder=None, methods=METHODS, limit: float = LIMIT, witness: str | None = "auto") -> Reference:
-    """Run both methods, compare, store; the first one is kept.
+def build(case: Case, folder=None, methods=METHODS, limit: float = LIMIT, witness: str | None = "auto",
+          kind: str = "auto") -> Reference:
+    """Compute a reference and store it. kind "certified": a proof (ValueError where it cannot be made); "runs": two runs
+    that agree; "auto": the first, or the second with the reason why.
 
-    Its own error: SAFETY times the largest difference of the two in state, impulse and reaction. Impulses may differ
-    (multipliers that are not unique); their bound says so. witness: a method of another kind, which shares no code
-    with the event-driven core ("auto": pbd with constraints, else euler); its distance must shrink when its step is
-    divided by four. ValueError where a run is not ok, the two differ by more than `limit` relative to the largest
-    state, or the witness does not come closer.
+    Two runs: the first one is kept; its own error is SAFETY times the largest difference of the two in state, impulse,
+    reaction and event times. Impulses may differ (multipliers that are not unique); their bound says so. witness: a
+    method of another kind, which shares no code with the event-driven core ("auto": pbd with constraints, else euler);
+    its distance must shrink when its step is divided by four. ValueError where a run is not ok, the two differ by more
+    than `limit` relative to the largest state, or the witness does not come closer.
     """
     if not case.unique:
         raise ValueError(f"{case.key} has no unique solution: no reference is allowed")
-    runs = [_run(case, spec, accuracy) for spec, accuracy in methods]
-    a, b = runs
+    if kind not in KINDS:
+        raise ValueError(f"kind is {kind!r}; one of {', '.join(KINDS)}")
+    why = ""
+    if kind != "runs":
+        try:
+            ref = certified(case)
+            store(case, ref, folder)
+            return ref
+        except (ValueError, ArithmeticError, NotImplementedError, TypeError) as e:   # what a drift's own code may raise
+            if kind == "certified":
+                raise ValueError(f"{case.key} is not certified: {e}") from e
+            why = f"; no certificate: {e}"
+    ref = _two_runs(case, methods, limit, witness)
+    ref = dataclasses.replace(ref, how=ref.how + why)
+    store(case, ref, folder)
+    return ref
+
+
+def certified(case: Case) -> Reference:
+    """The certified reference, compared with a run of the fast method; ValueError if that is elsewhere."""
+    ref = certificates.certify(case).reference
+    run = _run(case, *METHODS[0])
+    state, reaction, _, _ = differences(case, ref, run)
+    scale = max(1.0, float(np.abs(ref.x).max()))
+    if max(state, reaction) > certificates.AGREE * scale:
+        raise ValueError(f"{case.key}: the certified solution and {METHODS[0][0]} differ by {max(state, reaction):.1e}")
+    return dataclasses.replace(ref, how=f"{ref.how}; {METHODS[0][0]} at {METHODS[0][1]:g} differs by {state:.1e}")
+
+
+def _two_runs(case, methods, limit, witness) -> Reference:
+    a, b = (_run(case, spec, accuracy) for spec, accuracy in methods)
     scale = max(1.0, float(np.abs(a.x).max()))
-    state, reaction, impulse = differences(case, a, b)
+    state, reaction, impulse, times = differences(case, a, b)
     if state > limit * scale or reaction > limit * scale:
         raise ValueError(f"{case.key}: {methods[0][0]} and {methods[1][0]} differ by {state:.2e} in the state and "
                          f"{reaction:.2e} in the reaction; at most {limit * scale:.0e} is allowed: nothing is stored")
@@ -41,26 +78,77 @@ def build(case: Case, folder=None, methods=METHODS, limit: float = LIMIT, witnes
     how += _witness(case, a, witness, scale)
     floor = 1e-15 * scale
     smooth = a.reaction.size == 0
-    ref = Reference(a.t, a.x, a.contacts, a.impulse, None if smooth else a.reaction, a.events,
-                    max(SAFETY * state, floor), max(SAFETY * impulse, floor),
-                    float("nan") if smooth else max(SAFETY * reaction, floor), "stored", how, versions())
-    store(case, ref, folder)
-    return ref
+    return Reference(a.t, a.x, a.contacts, a.impulse, None if smooth else a.reaction, a.events,
+                     max(SAFETY * state, floor), max(SAFETY * impulse, floor),
+                     float("nan") if smooth else max(SAFETY * reaction, floor), "stored", how, versions(),
+                     max(SAFETY * times, 1e-15 * max(1.0, float(np.abs(case.t).max()))))
 
 
-def verify(case: Case, folder=None, methods=METHODS) -> str:
-    """Read the stored reference and run its second method again: a sentence, or ValueError if they disagree."""
+def verify(case: Case, folder=None, methods=METHODS, certify: bool = False) -> str:
+    """Compute what is stored again: a sentence, or ValueError if it disagrees.
+
+    By default runs: the second method must be within the bound of two runs, and of a certified reference within the
+    bound and SPREAD times the difference of both methods. certify=True makes a certified reference anew, proof and all.
+    """
     ref = load(case, folder)
     if ref is None:
         raise ValueError(f"{case.key} has no stored reference")
+    if case.exact is not None and ref.kind == "certified":
+        bounded_by(case, closed_form(case), ref)
+    if certify and ref.kind == "certified":
+        return _verify_proof(case, ref)
     again = _run(case, *methods[1])
-    state, reaction, _ = differences(case, ref, again)
+    state, reaction, _, times = differences(case, ref, again)
+    scale = max(1.0, float(np.abs(ref.x).max()))
+    slack = time_slack = 0.0
+    if ref.kind == "certified":
+        s, r, _, time_slack = differences(case, _run(case, *methods[0]), again)
+        slack = SPREAD * max(s, r)
+        if not slack <= certificates.AGREE * scale:
+            raise ValueError(f"{case.key}: the two methods differ by {slack / SPREAD:.1e}: nothing can be confirmed")
     # the difference is half the stored bound where nothing has changed
-    for name, got, bound in (("state", state, ref.state_error), ("reaction", reaction, ref.reaction_error)):
-        if got > max(bound, 1e-13 * max(1.0, np.abs(ref.x).max())):
+    for name, got, bound in (("state", state, ref.state_error + slack), ("reaction", reaction, ref.reaction_error + slack),
+                             ("event times", times, ref.time_error + SPREAD * time_slack)):
+        if got > max(bound, ROUNDING * scale):
             raise ValueError(f"{case.key}: the stored {name} and {methods[1][0]} differ by {got:.2e}; "
                              f"the bound is {bound:.2e}")
-    return f"confirmed by {methods[1][0]}: state differs by {state:.1e} (bound {ref.state_error:.1e})"
+    return f"confirmed by {methods[1][0]}: state differs by {state:.1e} ({ref.kind}, bound {ref.state_error:.1e})"
+
+
+def _verify_proof(case, ref) -> str:
+    again = certificates.certify(case).reference
+    state, reaction, impulse, _ = differences(case, ref, again)
+    for name, got in (("state", state), ("impulse", impulse), ("reaction", reaction)):
+        bound = getattr(ref, f"{name}_error") + getattr(again, f"{name}_error")
+        if got > bound:
+            raise ValueError(f"{case.key}: the stored {name} and a new certificate differ by {got:.2e}; both are within "
+                             f"{bound:.1e}")
+    old, new = ref.shown.get("times"), again.shown["times"]
+    if old is None or len(old) != len(new) or any(a[:25] != b[:25] for a, b in zip(old, new, strict=True)):
+        raise ValueError(f"{case.key}: the stored event times and a new certificate differ: {old} and {new}")
+    return f"proven again: state differs by {state:.1e} (bound {ref.state_error:.1e})"
+
+
+def bounded_by(case: Case, closed: Reference, proof: Reference) -> Reference:
+    """A closed form with the bounds that a certificate of the same case gives; ValueError if the two disagree.
+
+    Allowed is what rounding may do to formulas of a dozen operations on rounded times.
+    """
+    state, reaction, impulse, times = differences(case, closed, proof) if closed.impulse is not None else (
+        float(np.abs(closed.x - proof.x).max()), 0.0, 0.0, float("nan"))
+    scale = max(1.0, float(np.abs(closed.x).max()), float(np.abs(proof.impulse).max(initial=0.0)))
+    for name, off in (("state", state), ("impulse", impulse), ("reaction", reaction)):
+        if off > FORMULA * scale:
+            raise ValueError(f"{case.key}: the closed form and its certificate differ by {off:.2e} in the {name}")
+    changes = {"state_error": state + proof.state_error,
+               "how": f"{closed.how + '; ' if closed.how else ''}a certificate differs by {state:.1e}"}
+    if closed.impulse is not None:
+        changes["impulse_error"] = impulse + proof.impulse_error
+    if closed.reaction is not None and proof.reaction is not None:
+        changes["reaction_error"] = float(np.abs(closed.reaction - proof.reaction).max(initial=0.0)) + proof.reaction_error
+    if closed.events is None:
+        changes |= {"events": proof.events, "time_error": proof.time_error}
+    return dataclasses.replace(closed, **changes)
 
 
 def _run(case, spec, accuracy) -> Trajectory:
@@ -72,15 +160,19 @@ def _run(case, spec, accuracy) -> Trajectory:
     return traj
 
 
-def differences(case, a, b) -> tuple[float, float, float]:
-    """Largest differences in state, reaction (0 for a Filippov system) and impulse."""
+def differences(case, a, b) -> tuple[float, float, float, float]:
+    """Largest differences in state, reaction (0 for a Filippov system), impulse and event times (NaN where the two do
+    not have the same events in the same order)."""
     state = float(np.abs(a.x - b.x).max())
     reaction = 0.0
     if a.reaction is not None and b.reaction is not None and a.reaction.size:
         reaction = float(np.abs(a.reaction - b.reaction).max())
     columns = columns_of(case.problem, a.contacts, b.contacts)
     da, db = (spread(case.problem, r.contacts, r.impulse, columns) for r in (a, b))
-    return state, reaction, float(np.abs(da - db).max(initial=0.0))
+    times = float("nan")
+    if a.events is not None and [(e.kind, e.contact) for e in a.events] == [(e.kind, e.contact) for e in b.events]:
+        times = max((abs(e.t - f.t) for e, f in zip(a.events, b.events, strict=True)), default=0.0)
+    return state, reaction, float(np.abs(da - db).max(initial=0.0)), times
 
 
 def _witness(case, ref, spec, scale) -> str:

@@ -23,6 +23,7 @@ from nsbench.trajectory import Event
 
 FORMAT = 1
 BOUNDS = ("state_error", "impulse_error", "reaction_error")
+KINDS = ("stored", "certified")
 
 
 class BadReference(ValueError):
@@ -87,6 +88,9 @@ def store(case: Case, ref: Reference, folder=None) -> Path:
     meta = {"format": FORMAT, "fingerprint": fingerprint(case), "how": ref.how, "versions": ref.versions,
             "contacts": [list(map(int, c)) for c in ref.contacts], "events": events,
             **{k: None if np.isnan(v) else v for k, v in bounds.items()}}
+    meta |= {"kind": ref.kind, "time_error": None if np.isnan(ref.time_error) else float(ref.time_error)}
+    if ref.shown:
+        meta["shown"] = ref.shown
     meta["checksum"] = _checksum(arrays, meta)
     npz, js = files_of(case, folder)
     npz.parent.mkdir(parents=True, exist_ok=True)
@@ -123,7 +127,10 @@ def load(case: Case, folder=None) -> Reference | None:
         raise BadReference(f"the reference {npz} was made for another version of {case.key} "
                            f"({', '.join(wrong)} differ): build it again with `nsbench reference build \"{case.key}\"`")
     bounds = {k: float("nan") if meta[k] is None else float(meta[k]) for k in BOUNDS}
+    kind, time_error = meta.get("kind", "stored"), meta.get("time_error")
+    if kind not in KINDS:
+        raise BadReference(f"the reference {npz} is of the kind {kind!r}; one of {', '.join(KINDS)}")
     events = None if meta["events"] is None else tuple(Event(t, k, tuple(c)) for t, k, c in meta["events"])
     return Reference(case.t, arrays["x"], tuple(map(tuple, meta["contacts"])), arrays.get("impulse"),
-                     arrays.get("reaction"), events, **bounds, kind="stored", how=meta["how"],
-                     versions=meta["versions"])
+                     arrays.get("reaction"), events, **bounds, kind=kind, how=meta["how"], versions=meta["versions"],
+                     time_error=float("nan") if time_error is None else float(time_error), shown=meta.get("shown", {}))
