@@ -20,7 +20,7 @@ def made(tmp_path_factory):
     """tide and slide_exit without their closed forms, built once."""
     folder = tmp_path_factory.mktemp("references")
     cases = [c.replace(exact=None, exact_impulse=None, exact_events=None) for c in (TIDE, get_case("slide_exit"))]
-    return folder, cases, [refs.build(c, folder, PAIR) for c in cases]
+    return folder, cases, [refs.build(c, folder, PAIR, kind="runs") for c in cases]
 
 
 @pytest.mark.parametrize("name", ["tide", "wedge[psi=120]", "two_discs[w=1]", "play", "chain", "dragged_disc"])
@@ -146,7 +146,7 @@ def test_the_text_of_the_case_counts_but_not_its_prose(tmp_path):
     path = tmp_path / "mine.py"
     path.write_text(FILE)
     case = load_case(path)
-    refs.build(case, tmp_path / "r", PAIR)
+    refs.build(case, tmp_path / "r", PAIR, kind="runs")
     text = FILE.replace("A case.", "The same\n\nin more words.").replace("The wind", "Wind")
     path.write_text(text.replace("return f\n", "return f    # why\n\n"))
     assert refs.reference(load_case(path), tmp_path / "r").kind == "stored"
@@ -187,7 +187,7 @@ class Liar:
 def test_nothing_is_stored_when_the_methods_disagree_or_fail(monkeypatch, tmp_path, change, text):
     Liar(monkeypatch, change)
     with pytest.raises(ValueError, match=text):
-        refs.build(TIDE, tmp_path, PAIR)
+        refs.build(TIDE, tmp_path, PAIR, kind="runs")
     assert not list(tmp_path.iterdir())
 
 
@@ -198,7 +198,7 @@ def test_nothing_is_stored_when_both_agree_on_something_else(monkeypatch, tmp_pa
     honest = solvers.solve
     monkeypatch.setattr("nsbench.solvers.solve", lambda c, s, **a: honest(higher if "event" in s else c, s, **a))
     with pytest.raises(ValueError, match="does not come closer"):
-        refs.build(TIDE, tmp_path, PAIR)
+        refs.build(TIDE, tmp_path, PAIR, kind="runs")
     assert not list(tmp_path.iterdir())
 
 

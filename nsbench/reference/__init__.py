@@ -16,8 +16,8 @@ from nsbench.reference.known import (
 )
 from nsbench.reference.stored import BadReference, files_of, load, store
 
-__all__ = ["BadReference", "Reference", "bounded_by", "build", "canonical", "closed_form", "columns_of", "files_of", "listed_contacts",
-           "load", "reference", "right_hand_side", "spread", "store", "verify"]
+__all__ = ["BadReference", "Reference", "bounded_by", "build", "canonical", "closed_form", "columns_of", "files_of",
+           "listed_contacts", "load", "reference", "right_hand_side", "spread", "store", "verify"]
 
 
 def reference(case: Case, folder=None) -> Reference | None:

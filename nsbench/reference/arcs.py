@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -40,7 +41,7 @@ def arcs_of(case: Case, spec: str = "event_driven", tol: float = 1e-13) -> list[
     first = _run(case, spec, tol)
     times = instants(case, first.events)
     cuts = np.concatenate(([case.t[0]], [t for t, _ in times], [case.t[-1]]))
-    inner = np.concatenate([a + (b - a) * np.array([0.3, 0.5, 0.7]) for a, b in zip(cuts[:-1], cuts[1:], strict=True)])
+    inner = np.concatenate([a + (b - a) * np.array([0.3, 0.5, 0.7]) for a, b in pairwise(cuts)])
     fine = case.replace(t=np.unique(np.concatenate((case.t[[0, -1]], inner))), exact=None, exact_impulse=None,
                         exact_events=None)
     traj = _run(fine, spec, tol)

@@ -134,8 +134,9 @@ def bounded_by(case: Case, closed: Reference, proof: Reference) -> Reference:
 
     Allowed is what rounding may do to formulas of a dozen operations on rounded times.
     """
-    state, reaction, impulse, times = differences(case, closed, proof) if closed.impulse is not None else (
-        float(np.abs(closed.x - proof.x).max()), 0.0, 0.0, float("nan"))
+    state, reaction, impulse = float(np.abs(closed.x - proof.x).max()), 0.0, 0.0
+    if closed.impulse is not None:
+        state, reaction, impulse, _ = differences(case, closed, proof)
     scale = max(1.0, float(np.abs(closed.x).max()), float(np.abs(proof.impulse).max(initial=0.0)))
     for name, off in (("state", state), ("impulse", impulse), ("reaction", reaction)):
         if off > FORMULA * scale:

@@ -26,7 +26,7 @@ from nsbench.reference.signs import MULTIPLE, ZERO, ball, order_of_zero, positiv
 
 TUBE = 1e-18            # radius of the tube over which derivatives are bounded; the path must stay far inside
 PIECES = 4              # of a step, to begin with
-FINE, COARSE = 1e-34, 2.0 ** -8  # defects above this are bounded on smaller pieces, down to this part of a step
+COARSE = 2.0 ** -8      # defects above the truncation of a step are bounded on smaller pieces, down to this part of it
 LOOSE = 0.5             # growth of the bound on a piece above which its balls are likely too wide
 SMALLEST = 2.0 ** -22   # part of a step below which the proof is given up
 ORDER = 30              # of the Taylor polynomials of defects on a piece: its length is a small part of a radius
@@ -46,12 +46,12 @@ class Bounds:
 def enclose(path: Path, digits: Digits) -> Bounds:
     """Bounds of a path as a solution from where it starts. Refused where a sign does not hold or cannot be shown."""
     with precision(digits):
-        return _Tube(path).run()
+        return _Tube(path, 10.0 ** (2.0 - digits.digits)).run()
 
 
 class _Tube:
-    def __init__(self, path):
-        self.path, self.r, self.largest = path, 0.0, 0.0
+    def __init__(self, path, fine):
+        self.path, self.fine, self.r, self.largest = path, fine, 0.0, 0.0
         self.impulse, self.reaction, self.times, self.notes = 0.0, 0.0, [], []
 
     def run(self) -> Bounds:
@@ -105,7 +105,7 @@ class _Tube:
         if not local.finite:
             return f"{where} the equations cannot be bounded"
         grow = local.mu * (high - low)
-        if (local.defect > FINE or grow > LOOSE) and b - a > COARSE * float(st.h):
+        if (local.defect > self.fine or grow > LOOSE) and b - a > COARSE * float(st.h):
             return f"{where} the defect is {local.defect:.1e}, its growth {grow:.1e}"
         r = float((arb(grow).exp() * (arb(self.r) + arb(local.defect) * (high - low) * arb(abs(grow)).exp())).upper())
         if not (grow < 50.0 and r < TUBE / 10):

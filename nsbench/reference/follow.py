@@ -190,7 +190,7 @@ class _Follower:
 
     def _inside(self, st):
         times = self.case.t[len(self.samples):]
-        return [float(v) for v in times if arb(float(v)) <= st.t + st.h or v >= self.case.t[-1] and _last(self, st)]
+        return [float(v) for v in times if arb(float(v)) <= st.t + st.h or (v >= self.case.t[-1] and _last(self, st))]
 
     @staticmethod
     def _add(total, piece, st, s):
