@@ -20,7 +20,7 @@ import numpy as np
 from nsbench import Affine, Case, Complementarity, Distance
 
 SUITES = {"smoke": [{"n": 3}], "standard": [{"n": 3}, {"n": 10}, {"n": 30}],
-          "full": [{"n": 30, "seed": 1}, {"n": 30, "box": True}, {"n": 100}, {"n": 100, "box": True}]}
+          "full": [{"n": 30, "seed": 1}, {"n": 100}, {"n": 100, "box": True}]}
 SHOWN = ("n", "seed")
 SPACING = 2.8                        # of the free start: gaps of a few tenths of a radius, closed within T
 ROW = 0.75 ** 0.5                     # height of a row of the lattice
