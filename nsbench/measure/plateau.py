@@ -10,10 +10,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from nsbench.measure.asymptote import convergent, fit_headed
+
 LEVEL = 0.01                              # of the likelihood ratio
 FINER = 4.0                               # a plateau must persist when the smallest step is divided by this
-LARGE = 4.0                               # C over M h^p at the finest step: the plateau one means to see
+LARGE = 2.0                               # C over M h^p at the finest step: what an order must exclude at 5 %
 RISEN = 0.1                               # in log err: a rise of the finest errors over the smallest that is none
+SLOWEST = 0.3                             # the slowest convergence a plateau is weighed against (none known is below 1/2)
 END = 2.0**1.5                            # the fine end, where the error must have stopped to fall
 
 
@@ -111,17 +114,33 @@ def persists(h: np.ndarray, err: np.ndarray, full: Levelled) -> bool:
 
     The fit without the finest two octaves must foresee the level: a convex but converging error (h + 100 h^3) shows
     a C that falls with the smallest step, like the error itself. And at the fine end (one and a half octaves: with
-    C = LARGE M h^p there the local slope is a fifth to two fifths of p) the error must fall less than half as fast as
+    C = 4 M h^p there the local slope is a fifth to two fifths of p) the error must fall less than half as fast as
     M h^p.
     """
-    coarse, fine = h >= FINER * h.min() * (1 - 1e-9), h <= END * h.min() * (1 + 1e-9)
+    from scipy.special import fdtri
+    # a high order levels off sooner: the same share of h^p
+    end = max(h.min() * END ** (1.0 / max(full.p, 1.0)), np.sort(h)[min(3, len(h) - 1)])
+    coarse, fine = h >= FINER * h.min() * (1 - 1e-9), h <= end * (1 + 1e-9)
     if coarse.sum() < 5 or fine.sum() < 3:
         return False
     before = fit_levelled(h[coarse], err[coarse])
     slope = power_law(np.log(h[fine]), np.log(err[fine]))[1]
     if _rises(h, err):                                   # rounding or divergence, no level
         return False
-    return full.C > 0.5 * before.C and slope < 0.5 * full.p
+    off = np.log(err[coarse]) - np.log(full.C + full.M * h[coarse] ** full.p)
+    free = max(before.n - 3, 1)
+    foreseen = full.C > 0.5 * before.C or (off @ off - before.rss) / 3 < fdtri(3, free, 0.95) * before.rss / free
+    return foreseen and slope < 0.5 * full.p
+
+
+def claimed(h: np.ndarray, err: np.ndarray) -> Levelled | None:
+    """The plateau that the errors show: significant against a power law, no worse (within one s^2) than a power law with
+    a head, which bends the same way but at the coarse end, and persistent; else None."""
+    level = fit_levelled(h, err)
+    if not (level.C > 0.0 and level.significant and persists(h, err, level)):
+        return None
+    rss = convergent(np.log(h), np.log(err), SLOWEST)
+    return level if level.rss - rss <= level.rss / (level.n - 3) else None
 
 
 def _rises(h: np.ndarray, err: np.ndarray) -> bool:
@@ -132,21 +151,37 @@ def _rises(h: np.ndarray, err: np.ndarray) -> bool:
     return bool(middle[0] - middle.min() > max(RISEN, 4.0 * noise))
 
 
-def cannot_exclude(h: np.ndarray, err: np.ndarray) -> bool:
-    """Does err = M (4 h_min^p + h^p), a plateau of four fifths of the finest error, fit as well as M h^p (F, 5 %)?"""
+def cannot_exclude(h: np.ndarray, err: np.ndarray, head: bool = True) -> bool:
+    """Does M (C h_min^p + h^p), with or without a head, fit as well as the power law with its head (or without)?
+
+    As well: for C of LARGE to 4 LARGE not worse at 5 % (F); for a quarter or half of LARGE, which takes more points to
+    exclude, better.
+    """
     from scipy.special import fdtri
     u, y, n = np.log(h / h.min()), np.log(err), len(h)
-    _, p, rss0 = power_law(u, y)
-    rss = np.inf
-    for _ in range(30):
-        z = np.logaddexp(np.log(LARGE), p * u)
-        r = (y - z) - (y - z).mean()
-        rss = min(rss, float(r @ r))
-        J = u * np.exp(p * u - z)
-        J = J - J.mean()
-        step = float(np.clip(J @ r / max(J @ J, 1e-300), -0.5, 0.5))
-        p = min(max(p + step, 0.0), 20.0)
-        if abs(step) < 1e-6:
-            break
-    noise = max(min(rss0, rss) / (n - 2), (8 * np.finfo(float).eps) ** 2)
-    return n <= 2 or (rss - rss0) / noise < fdtri(1, n - 2, 0.95)
+    if n < 6:
+        return True
+    rss, free, shapes = power_law(u, y)[2], n - 2, (y,)
+    if head:
+        headed = fit_headed(u, y)
+        rss, free, shapes = headed.rss, headed.freedom / headed.inflation, (y, y - headed.head)
+    least = [min(_with_level(u, z, LARGE * k) for z in shapes) for k in (0.25, 0.5, 1.0, 2.0, 4.0)]
+    noise = max(rss / free, (8 * np.finfo(float).eps) ** 2)
+    return (min(least[2:]) - rss) / noise < fdtri(1, free, 0.95) or min(least) <= rss
+
+
+def _with_level(u, y, times) -> float:
+    """Smallest sum of squares of y - log M - log(times + e^(p u)) over M and p >= 0."""
+    best = np.inf
+    for p in (0.5, 2.0):
+        for _ in range(30):
+            z = np.logaddexp(np.log(times), p * u)
+            r = (y - z) - (y - z).mean()
+            best = min(best, float(r @ r))
+            J = u * np.exp(p * u - z)
+            J = J - J.mean()
+            step = float(np.clip(J @ r / max(J @ J, 1e-300), -0.5, 0.5))
+            p = min(max(p + step, 0.0), 20.0)
+            if abs(step) < 1e-6:
+                break
+    return best

@@ -1,0 +1,101 @@
+"""Which points of a ladder of errors say something: finite, above the floors, not alone far from their neighbours."""
+from __future__ import annotations
+
+import numpy as np
+
+EPS = float(np.finfo(float).eps)
+APART = 0.001           # level (for the whole ladder) at which one error is called apart from the others
+PHASE = 0.02            # of an octave: steps closer than this in log2 h, modulo one, are at the same phase
+DIP = 1 / 3             # of the floor: an error below says nothing, even among larger ones
+CLEAR = 100.0           # times rounding: an error that rounding cannot have made
+
+
+def rounding(h, scale: float = 1.0, span: float = 1.0) -> np.ndarray:
+    """Errors that rounding alone can make: scale (1e-12 + eps span / h).
+
+    The second part is the worst case of span / h additions, each half a unit off in the same direction (it happens:
+    with a constant drift every step is rounded alike). The first covers roots and small linear solves, which leave
+    thousands of eps.
+    """
+    return scale * (1e-12 + EPS * span / np.asarray(h, float))
+
+
+def tidy(h, err):
+    """Sorted, finite, one point per step: (h, err, counts of what was dropped)."""
+    h, err = np.asarray(h, float).ravel(), np.abs(np.asarray(err, float).ravel())
+    if h.shape != err.shape:
+        raise ValueError(f"{h.size} steps and {err.size} errors")
+    good = np.isfinite(h) & (h > 0) & np.isfinite(err)
+    h, err, bad = h[good], err[good], int((~good).sum())
+    order = np.argsort(h, kind="stable")
+    h, err = h[order], err[order]
+    new = np.ones(len(h), bool)
+    new[1:] = np.diff(h) > 1e-12 * h[1:]
+    return h[new], err[new], {"not finite": bad, "same step": int((~new).sum()), "floor": 0, "apart": 0, "head": 0}
+
+
+def above(err, floor) -> np.ndarray:
+    """Points above the floor: all finer steps are dropped once the running median of five is below, and deep dips.
+
+    A single error somewhat below the floor stays: dropping low ones and keeping high ones would bend the fine end.
+    """
+    ratio, n = err / floor, len(err)
+    width = min(5, n | 1)
+    lo = np.clip(np.arange(n) - width // 2, 0, max(n - width, 0))
+    middle = np.array([np.median(ratio[k:k + width]) for k in lo])
+    below = np.flatnonzero(middle <= 1.0)
+    keep = ratio > DIP
+    if below.size:
+        keep[:below[-1] + 1] = False
+    return keep
+
+
+def now_and_then(err, noise) -> int:
+    """How many steps are exact to rounding although a finer one is clearly not."""
+    clear = np.flatnonzero(err > CLEAR * noise)
+    return int((err[clear[0]:] <= noise[clear[0]:]).sum()) if clear.size else 0
+
+
+def dyadic(h) -> bool:
+    """True when the steps sit at fewer than 3 phases of log2 h: such a ladder can see the same phase at every step."""
+    phases, last = 0, -1.0
+    for phase in np.sort(np.log2(h) % 1.0):
+        if phase > last + PHASE:
+            phases, last = phases + 1, phase
+    return phases < 3
+
+
+def alone(h, err) -> np.ndarray:
+    """Mask of errors far off a cubic through the others (log-log, studentised residual, Bonferroni), one in ten at most.
+
+    A cubic follows a head, a plateau or a turn; what it cannot follow is one step, or some, that went otherwise.
+    """
+    from scipy.special import stdtrit
+    out = np.zeros(len(h), bool)
+    while out.sum() < len(h) // 10:
+        rest = np.flatnonzero(~out)
+        n = len(rest)
+        if n < 12:
+            break
+        v = np.log(h[rest] / h[rest[0]])
+        Q, _ = np.linalg.qr(np.vander(2 * v / v[-1] - 1, 4))
+        y = np.log(err[rest])
+        r, free = y - Q @ (Q.T @ y), 1.0 - np.einsum("ij,ij->i", Q, Q)
+        without = (r @ r - r * r / free) / (n - 5)               # variance when the point is left out
+        t = np.abs(r) / np.sqrt(np.maximum(free * without, (8 * EPS) ** 2))
+        k = int(np.argmax(t))
+        # a factor below two is scatter, however small the scatter of the others is
+        if t[k] < stdtrit(n - 5, 1 - APART / (2 * n)) or abs(r[k]) / free[k] < np.log(2.0):
+            break
+        out[rest[k]] = True
+    return out
+
+
+def binned(h, err, statistic, per_octave: int = 1):
+    """One (h, err) per bin of log2 h: medians, or the largest error at the step it was met."""
+    bins = np.floor(per_octave * np.log2(h / h[0]) + 1e-9).astype(int)
+    groups = [np.flatnonzero(bins == k) for k in np.unique(bins)]
+    if statistic is np.max:
+        best = [g[np.argmax(err[g])] for g in groups]
+        return h[best], err[best]
+    return tuple(np.exp([np.median(np.log(a[g])) for g in groups]) for a in (h, err))
