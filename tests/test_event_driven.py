@@ -214,7 +214,8 @@ def test_bumps_of_a_wall_are_seen_though_the_drift_is_constant():
 def test_the_first_crossing_of_a_wavy_wall_is_found_in_one_long_step():
     for waves in (7.0, 23.0, 61.0):
         wall = lambda y, w=waves: 1.0 - 0.3 * y - 0.5 * np.sin(w * y)
-        arc = follow(lambda t, y: np.ones(1), 0.0, np.zeros(1), 4.0, lambda t, y, g=wall: g(y))
+        arc = follow(lambda t, y: np.ones(1), 0.0, np.zeros(1), 4.0, lambda t, y, g=wall: g(y),
+                     data=lambda t, y, g=wall: [g(y)])
         scan = np.linspace(0, 4, 400_001)
         first = scan[np.argmax(wall(scan) < 0)]
         assert arc.fired.size and first - 1e-5 <= arc.t <= first and arc.steps < 20

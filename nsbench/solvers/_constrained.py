@@ -18,7 +18,6 @@ from nsbench.solvers.base import Run
 from nsbench.solvers.start import start_state
 from nsbench.trajectory import Event, Status, Trajectory
 
-SHARE = 0.1             # of the tolerance goes to one step: a run takes tens, and kinks of a drift deceive estimates
 MEMORY = 10             # arcs whose largest step is the time scale of the look-ahead
 CROWD = 100             # events, and twice the contacts held, that may fall together before they count as accumulation
 TOGETHER = 1e-10        # part of the run that counts as one instant
@@ -47,6 +46,7 @@ class _Walk:
         self.X, self.R = np.full((len(case.t), case.n), np.nan), np.full((len(case.t), case.n), np.nan)
         self.impulses, self.done = [], 0
         self.events, self.meetings, self.paces = [], [], []
+        self.proof = {"unproven": 0, "refused": 0, "touches": 0}
         self.steps, self.arcs, self.h, self.peak, self.lam = 0, 0, 0.0, 0, np.empty(0)
 
     def run(self) -> Trajectory:
@@ -143,15 +143,18 @@ class _Walk:
         still = len(gaps(self.t, np.concatenate((self.x, np.zeros(p + n))))) - o - p
         band = np.concatenate((self._band(others), self.tol * self.selector.size / held.norm, np.zeros(still)))
         arc = follow(rhs, self.t, np.concatenate((self.x, np.zeros(p + n))), self.T,
-                     gaps if band.size else None, method=self.options.method, rtol=SHARE * self.tol, band=band,
+                     gaps if band.size else None, method=self.options.method, rtol=self.tol, band=band,
                      project=project if p else None, samples=self.case.t[self.done:],
-                     max_step=self.options.max_step, max_steps=self.options.max_steps - self.steps)
+                     max_step=self.options.max_step, max_steps=self.options.max_steps - self.steps,
+                     data=lambda t, y: field.data(t, y[:n]))
         return self._after(arc, held, o, p)
 
     def _after(self, arc, held, o, p) -> Status:
         n = self.case.n
         self.arcs += 1
         self.steps += arc.steps
+        for name in self.proof:
+            self.proof[name] += getattr(arc, name)
         self.h = max(self.h, arc.h)
         if arc.h > 0.0:
             self.paces.append(arc.h)
@@ -208,6 +211,7 @@ class _Walk:
             status = Status("unverified", "Samples are missing although no failure was met.")
         stats = {"steps": self.steps, "h": float(self.h), "drift_calls": self.field.calls,
                  "qp_solves": self.selector.solved, "inner_iterations": self.selector.iterations,
-                 "events": len(self.events), "restarts": self.arcs, "contacts_peak": self.peak, "loop": "host"}
+                 "events": len(self.events), "restarts": self.arcs, "contacts_peak": self.peak, "loop": "host",
+                 "roots": "sampled" if self.proof["unproven"] else "verified", **self.proof}
         return Trajectory(self.case.t, self.X, tuple(self.column), impulse, self.R, status, tuple(self.events), stats,
                           "mean")

@@ -7,7 +7,8 @@ import numpy as np
 
 from nsbench.case import Case
 from nsbench.contacts import PAIR, ROW, SMOOTH, Near, Scene
-from nsbench.problem import Affine, Distance
+from nsbench.jets import SPACE
+from nsbench.problem import Affine, Distance, Smooth
 
 LISTED = 2000       # so many pairs of hard particles are all listed, without a certificate on the distance travelled
 
@@ -33,6 +34,10 @@ class ContactField:
         self.scene, self.n, self.calls = scene, case.n, 0
         self._drift = host(case.problem.drift)
         families = scene.families
+        self._boxes = [case.problem.drift, *[q for c in families if isinstance(c, Smooth)
+                                             for q in (c.g, c.gradient, c.rate) if q is not None]]
+        self._clocks = [c.b if isinstance(c, Affine) else c.anchors for c in families
+                        if isinstance(c, (Affine, Distance)) and c.moving]
         self._moving_b = any(isinstance(c, Affine) and c.moving for c in families)
         self._moving_anchors = any(isinstance(c, Distance) and c.moving for c in families)
         t0 = float(case.t[0])
@@ -59,6 +64,10 @@ class ContactField:
     def drift(self, t: float, x: np.ndarray) -> np.ndarray:
         self.calls += 1
         return self._drift(t, x)
+
+    def data(self, t, x) -> list:
+        """What the case gives as functions of (t, x), for Jets: drift, smooth constraints, moving walls and anchors."""
+        return [q(SPACE)(t, x) for q in self._boxes] + [q(SPACE)(t) for q in self._clocks]
 
     def candidates(self, t: float, x: np.ndarray) -> Rows:
         """Every constraint that can become active before a particle has travelled reach / 2."""

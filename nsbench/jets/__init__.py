@@ -32,14 +32,14 @@ class Jet:
     range = property(lambda self: (self.mid[..., 0] - self.rad[..., 0], self.mid[..., 0] + self.rad[..., 0]))
 
     def __array_ufunc__(self, ufunc, method, *inputs, **kwargs):
-        from nsbench._jet_functions import UFUNCS
+        from nsbench.jets.table import UFUNCS
         if method == "__call__" and ufunc in UFUNCS and not any(v is not None for v in kwargs.values()):
             with np.errstate(all="ignore"):            # what overflows is an infinite radius
                 return UFUNCS[ufunc](*inputs)
         raise TypeError(f"no Jet of {ufunc.__name__}")
 
     def __array_function__(self, func, types, args, kwargs):
-        from nsbench._jet_functions import ARRANGE, FUNCTIONS
+        from nsbench.jets.table import ARRANGE, FUNCTIONS
         if func in FUNCTIONS:
             return FUNCTIONS[func](*args, **kwargs)
         if func in ARRANGE:

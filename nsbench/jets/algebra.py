@@ -1,9 +1,9 @@
-"""The functions of numpy that a Jet takes: what each does to Taylor coefficients with radii (see nsbench.jets)."""
+"""Arithmetic, elementary functions and sums of Jets: what each does to Taylor coefficients with radii."""
 from __future__ import annotations
 
 import numpy as np
 
-from nsbench.jets import ORDER, Jet, _arranged, _jets, as_jet
+from nsbench.jets import ORDER, Jet, _jets, as_jet
 from nsbench.kernels import jets as kernel
 
 UNIT = kernel.UNIT
@@ -183,109 +183,6 @@ def tanh(a):
     return Jet(flip * y.mid, y.rad)
 
 
-def _either(a, b, first, second):
-    """a where `first` is proven, b where `second` is, else their hull, without derivatives. Masks (*shape, K)."""
-    am, bm, ar, br = _pair(a, b)
-    first, second = np.broadcast_arrays(first, second)
-    m = np.where(first[..., None], am, bm)
-    r = np.where(first[..., None], ar, br)
-    open_ = np.broadcast_to(~(first | second), m.shape[:-1])
-    if open_.any():
-        lo = np.minimum(am[..., 0] - ar[..., 0], bm[..., 0] - br[..., 0])
-        hi = np.maximum(am[..., 0] + ar[..., 0], bm[..., 0] + br[..., 0])
-        m, r = m.copy(), r.copy()
-        m[open_], r[open_] = 0.0, np.inf
-        m[..., 0] = np.where(open_, 0.5 * (lo + hi), m[..., 0])
-        r[..., 0] = np.where(open_, 0.5 * (hi - lo), r[..., 0])
-    return Jet(m, r)
-
-
-class Maybe:
-    """The truth of a comparison on every piece: yes, no, or neither is proven. Masks (*shape, K)."""
-    __slots__ = ("no", "yes")
-    __array_ufunc__ = None
-
-    def __init__(self, yes, no):
-        self.yes, self.no = yes, no
-
-    def __and__(self, o):
-        o = maybe(o, self)
-        return Maybe(self.yes & o.yes, self.no | o.no)
-
-    def __or__(self, o):
-        o = maybe(o, self)
-        return Maybe(self.yes | o.yes, self.no & o.no)
-
-    __rand__, __ror__ = __and__, __or__
-
-    def __invert__(self):
-        return Maybe(self.no, self.yes)
-
-    def __getitem__(self, index):
-        index = index if isinstance(index, tuple) else (index,)
-        full = (*index, slice(None)) if Ellipsis in index else (*index, Ellipsis)
-        return Maybe(self.yes[full], self.no[full])
-
-    def __bool__(self):
-        if self.yes.all():
-            return True
-        if self.no.all():
-            return False
-        raise TypeError("not proven either way: no branch can be taken")
-
-    def __array_function__(self, func, types, args, kwargs):
-        if func is np.where:
-            return where(*args)
-        raise TypeError(f"no {func.__name__} of a comparison of Jets")
-
-
-def maybe(c, like) -> Maybe:
-    if isinstance(c, Maybe):
-        return c
-    c = np.asarray(c, bool)[..., None]
-    return Maybe(c, ~c)
-
-
-def _compare(a, b, strict):
-    """a < b, or a <= b."""
-    lo, hi = subtract(a, b).range
-    return Maybe(hi < 0.0, lo >= 0.0) if strict else Maybe(hi <= 0.0, lo > 0.0)
-
-
-def where(c, a, b):
-    if not isinstance(c, Maybe):
-        mask = np.asarray(c, bool)[..., None]
-        return _either(a, b, mask, ~mask)
-    if not any(True for _ in _jets((a, b))):
-        a = as_jet(a, c.yes.shape[-1])
-    return _either(a, b, c.yes, c.no)
-
-
-def maximum(a, b):
-    lo, hi = subtract(a, b).range
-    out = _either(a, b, lo >= 0.0, hi <= 0.0)
-    return out
-
-
-def minimum(a, b):
-    lo, hi = subtract(a, b).range
-    return _either(a, b, hi <= 0.0, lo >= 0.0)
-
-
-def sign(a):
-    one = np.ones(a.shape)
-    lo, hi = a.range
-    return _either(as_jet(one, a.mid.shape[-2]), -one, lo > 0.0, hi < 0.0)
-
-
-def floor(a):
-    lo, hi = (np.floor(v) for v in a.range)
-    flat = lo == hi
-    mid, rad = np.zeros_like(a.mid), np.where(flat[..., None], 0.0, np.inf) + 0.0 * a.mid
-    mid[..., 0], rad[..., 0] = 0.5 * (lo + hi), 0.5 * (hi - lo)
-    return Jet(mid, rad)
-
-
 def arctan2(y, x):
     """Off the cut: the derivative is (x y' - y x') / (x^2 + y^2)."""
     ym, xm, yr, xr = _pair(y, x)
@@ -323,61 +220,13 @@ def _lift(b):
     raise TypeError("no product of a Jet matrix with a matrix")
 
 
-def _fold(pick):
-    def fold(a, axis=None, **_):
-        if axis is None:
-            a, axis = a.reshape(-1), 0
-        rows = np.moveaxis(a, axis, 0)
-        out = rows[0]
-        for k in range(1, len(rows)):
-            out = pick(out, rows[k])
-        return out
-    return fold
-
-
 def norm(a, ord=None, axis=None, **_):
     if ord not in (None, 2):
         raise TypeError("no Jet of this norm")
     return np.sqrt(total(multiply(a, a), axis))
 
 
-def clip(a, lo=None, hi=None, **_):
-    a = a if lo is None else maximum(a, lo)
-    return a if hi is None else minimum(a, hi)
-
-
 def diff(a, n=1, axis=-1, **_):
     if n != 1 or a.ndim != 1:
         raise TypeError("no Jet of this difference")
     return a[1:] - a[:-1]
-
-
-UFUNCS = {
-    np.add: add, np.subtract: subtract, np.multiply: multiply, np.true_divide: divide, np.power: power,
-    np.float_power: power, np.matmul: matmul, np.negative: lambda a: -a, np.positive: lambda a: a,
-    np.square: square, np.sqrt: lambda a: _root(a, 0.5), np.reciprocal: lambda a: divide(1.0, a),
-    np.cbrt: lambda a: _root(a, 1.0 / 3.0), np.exp: exp, np.expm1: lambda a: subtract(exp(a), 1.0), np.log: log,
-    np.log1p: lambda a: log(add(a, 1.0)), np.sin: lambda a: _circular(a, -1)[0], np.cos: lambda a: _circular(a, -1)[1],
-    np.tan: tan, np.sinh: lambda a: _circular(a, 1)[0], np.cosh: lambda a: _circular(a, 1)[1], np.tanh: tanh,
-    np.arctan: arctan, np.arctan2: arctan2, np.abs: lambda a: maximum(a, -a), np.fabs: lambda a: maximum(a, -a),
-    np.maximum: maximum, np.minimum: minimum, np.fmax: maximum, np.fmin: minimum, np.sign: sign, np.floor: floor,
-    np.mod: lambda a, b: subtract(a, multiply(floor(divide(a, b)), b)), np.hypot: lambda a, b: _root(a * a + b * b, 0.5),
-    np.heaviside: lambda a, h: multiply(add(sign(a), 1.0), 0.5),
-    np.less: lambda a, b: _compare(a, b, True), np.less_equal: lambda a, b: _compare(a, b, False),
-    np.greater: lambda a, b: _compare(b, a, True), np.greater_equal: lambda a, b: _compare(b, a, False),
-}
-FUNCTIONS = {
-    np.where: where, np.sum: total, np.dot: matmul, np.linalg.norm: norm, np.clip: clip, np.diff: diff,
-    np.zeros_like: lambda a, **_: as_jet(np.zeros(a.shape), a.mid.shape[-2]),
-    np.ones_like: lambda a, **_: as_jet(np.ones(a.shape), a.mid.shape[-2]),
-    np.full_like: lambda a, v, **_: multiply(as_jet(np.ones(a.shape), a.mid.shape[-2]), v),
-    np.mean: lambda a, axis=None, **_: divide(total(a, axis), float(a.size if axis is None else a.shape[axis])),
-    np.max: _fold(maximum), np.min: _fold(minimum), np.prod: _fold(multiply), np.copy: lambda a, **_: a.copy(),
-    np.shape: lambda a: a.shape, np.ndim: lambda a: a.ndim, np.size: lambda a: a.size,
-    np.outer: lambda a, b: multiply(a[:, None], b[None]),
-}
-ARRANGE = {np.stack, np.concatenate, np.hstack, np.vstack, np.column_stack, np.append, np.roll, np.flip, np.tile, np.repeat,
-           np.expand_dims, np.squeeze, np.broadcast_to, np.transpose, np.moveaxis, np.swapaxes, np.ravel, np.reshape, np.take,
-           np.atleast_1d, np.diag, np.fliplr, np.flipud}
-
-__all__ = ["ARRANGE", "FUNCTIONS", "UFUNCS", "Maybe", "_arranged"]

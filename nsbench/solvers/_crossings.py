@@ -1,0 +1,126 @@
+"""The first event on a step: downward crossings of functions known at the nodes of its pieces.
+
+Every function is interpolated by a Chebyshev series on every piece; pieces are halved until the series is resolved.
+A dip below zero and back inside one piece is found as two roots of the series. A dip that stays within `touch` of
+zero is a touch, not an event: its depth is rounding, and what follows is the same to rounding with and without it.
+"""
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.polynomial import chebyshev
+
+from nsbench.solvers._pieces import DEGREE, NODES, TO_CHEBYSHEV, Piece, whole
+
+SPLITS = 12             # halvings of a piece before a function counts as not smooth
+TOUCH = 0.05            # part of the band that a dip must exceed to be a crossing
+STEEP = 100.0           # touches per piece: a function that leaves a piece below zero at this pace has crossed
+_END = np.arange(DEGREE + 1.0) ** 2         # slope of the Chebyshev polynomials at 1
+_MINIMAL = 16 * np.finfo(float).eps
+
+
+class Crossings:
+    """The event functions of one arc: gaps(t, y) -> (m,), their levels, and which are armed.
+
+    An armed function fires where it crosses zero downward; one that is not fires where it falls below its level, and
+    is armed once it exceeds its band. touches counts dips that were none.
+    """
+
+    def __init__(self, gaps: Callable, band, armed, t: float, y: np.ndarray):
+        g = np.asarray(gaps(t, y), float)
+        self.gaps, self.touches = gaps, 0
+        self.finite = bool(np.all(np.isfinite(g)))
+        self.band = np.broadcast_to(np.asarray(band, float), g.shape)
+        self.armed = g > self.band if armed is None else np.array(armed, bool)
+        self.level = np.where(self.armed, 0.0, np.minimum(g, 0.0) - self.band)
+        self.touch = TOUCH * self.band
+
+    def first(self, dense: Callable, pieces: list[Piece]):
+        """(time, index, slope) of the first event on the pieces, or None."""
+        todo = [(p, 0) for p in reversed(pieces)]
+        while todo:
+            piece, depth = todo.pop()
+            values = np.array([self.gaps(s, y) for s, y in zip(piece.times, piece.y, strict=True)])
+            c = TO_CHEBYSHEV @ values
+            tail, swing = np.abs(c[-2:]).sum(axis=0), np.abs(c[1:]).sum(axis=0)
+            near = ~(c[0] - swing - tail > np.where(self.armed, 0.0, self.level))
+            rough = near & (tail > 1e-4 * swing) & (tail > 1e-3 * self.band) & (swing > 1e-15 * np.abs(values).max(initial=0.0))
+            if rough.any() and depth < SPLITS and piece.hi - piece.lo > 64 * np.spacing(abs(piece.hi)):
+                mid = 0.5 * (piece.lo + piece.hi)
+                todo += [(whole(dense, mid, piece.hi, piece.depth + 1, piece.proven), depth + 1),
+                         (whole(dense, piece.lo, mid, piece.depth + 1, piece.proven), depth + 1)]
+                continue
+            hits = [(*hit, int(i)) for i in np.flatnonzero(near) if (hit := self._crossing(i, c[:, i], values[:, i]))]
+            if hits:
+                s, left, right, target, i = min(hits)
+                to_time = lambda u: 0.5 * (piece.lo + piece.hi) + 0.5 * (piece.hi - piece.lo) * u     # noqa: B023
+                slope = chebyshev.chebval(s, chebyshev.chebder(c[:, i])) * 2 / (piece.hi - piece.lo)
+                self.level[i] = target
+                return self._root(dense, i, to_time(left), to_time(s), to_time(right)), i, float(slope)
+            rose = ~self.armed & (values > self.band).any(axis=0)
+            self.armed |= rose
+            self.level[rose] = 0.0
+        return None
+
+    def _crossing(self, i, c, values):
+        """(s, left, right, target) of the first event of function i on [-1, 1]: its place, and a bracket; or None."""
+        if self.armed[i]:
+            return self._downward(c, values, -1.0, 0.0, self.touch[i], True)
+        fall = self._downward(c, values, -1.0, self.level[i], 0.0)
+        rise = _first(c - _lifted(self.band[i]), -1.0, above=True)
+        if rise is None or (fall is not None and fall[0] <= rise):
+            return fall
+        return self._downward(c, values, rise, 0.0, self.touch[i], True)
+
+    def _downward(self, c, values, start, target, touch, count=False):
+        """First crossing of `target` after `start` that goes `touch` below it."""
+        deep = _first(c - _lifted(target - touch), start)
+        if deep is None and chebyshev.chebval(1.0, c) < target and _END @ c < -STEEP * touch:
+            deep = 1.0                          # it is on its way down when the piece ends
+        if deep is None:
+            k = np.flatnonzero((values < target - touch) & (start < NODES))      # the series may be unresolved
+            if k.size and start == -1.0:
+                return NODES[k[0]], NODES[max(k[0] - 1, 0)], NODES[k[0]], target
+            if count and values.min() < target - 1e-3 * touch and start == -1.0:
+                self.touches += 1
+            return None
+        roots = _roots(c - _lifted(target))
+        before = roots[(roots <= deep) & (roots >= start)]
+        s = before[-1] if before.size else (deep if touch == 0.0 else start)
+        left = 0.5 * (s + (before[-2] if before.size > 1 else start))
+        later = np.append(_roots(c - _lifted(target - touch)), 1.0)
+        right = 0.5 * (deep + later[later > deep][0]) if deep < 1.0 else 1.0
+        return float(s), float(left), float(right), target
+
+    def _root(self, dense, i, left, guess, right):
+        from scipy.optimize import brentq
+        fun = lambda s: float(self.gaps(s, dense(s))[i]) - self.level[i]
+        if not (left < right and fun(left) > 0.0 and fun(right) < 0.0):
+            return guess
+        # a root of higher order takes more than the usual hundred iterations
+        return brentq(fun, left, right, xtol=4 * np.spacing(abs(right)), rtol=_MINIMAL, maxiter=10_000)
+
+
+def _lifted(level):
+    """The constant series."""
+    return np.eye(1, DEGREE + 1)[0] * level
+
+
+def _roots(c) -> np.ndarray:
+    """Real roots of the series on [-1, 1], sorted."""
+    c = np.trim_zeros(c, "b")
+    roots = chebyshev.chebroots(c) if len(c) > 1 else np.empty(0)
+    return np.sort(roots.real[(roots.imag == 0.0) & (np.abs(roots.real) <= 1.0 + 1e-12)]).clip(-1.0, 1.0)
+
+
+def _first(c, start, above=False):
+    """First s >= start at which the series becomes negative (positive if `above`), or None."""
+    c = -c if above else c
+    roots = _roots(c)
+    edges = np.concatenate([[start], roots[roots > start], [1.0]])
+    signs = chebyshev.chebval(0.5 * (edges[1:] + edges[:-1]), c)
+    for s, e, sign in zip(edges[:-1], edges[1:], signs, strict=True):
+        if sign < 0.0 and e > s:
+            return float(s)
+    return None
