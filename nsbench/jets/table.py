@@ -5,13 +5,6 @@ import numpy as np
 
 from nsbench.jets import algebra, as_jet, kinks
 
-ARRANGE only move entries.)"""
-from __future__ import annotations
-
-import numpy as np
-
-from nsbench.jets import algebra, as_jet, kinks
-
 UFUNCS = {
     np.add: algebra.add,
     np.subtract: algebra.subtract,
