@@ -8,6 +8,7 @@ from numba import njit
 
 OK, NAN, BLOWN, STUCK = 0, 1, 2, 3
 NEWTON = 30                       # iterations; a fresh Jacobian needs about 5, a kept one three times that
+TRIALS = 100_000                  # modes and starts that one step may try: minutes, not for ever, with many surfaces
 ROUNDING = 64 * 2.0**-52          # what a few operations on numbers of size one may lose
 
 
@@ -187,17 +188,23 @@ def wrong(mode, c, s, jump, scale, new):
 def implicit_step(field, switch, t, h, x, mode, y, s):
     """x+ = x + h F(t, x+, s), s_i in Sgn(c_i(t, x+)): from the last mode by block pivots, else by trying all 3^d.
 
+    A solution exists for small h (Kakutani: s -> Sgn(c(y(s))) on the box); where fields are not affine in the signs
+    Newton's method may need another start to find it, and all modes are tried from the 2^d points s_i = +-1/2 too.
     y, s, mode are overwritten by the solution. Returns found, calls, iterations.
     """
     d, calls, inner = s.size, 0, 0
     new, c, jump, start = mode.copy(), np.empty(d), np.zeros(d), s.copy()
-    for trial in range(2 * d + 2 + 3**d):
+    for trial in range(min(2 * d + 2 + 3**d * (1 + 2**d), TRIALS)):
         if trial >= 2 * d + 2:
             code = trial - 2 * d - 2
+            again = code // 3**d
             for i in range(d):
                 new[i] = code % 3 - 1
                 code //= 3
             s[:] = start
+            for i in range(d):
+                if again > 0:
+                    s[i] = 0.5 if ((again - 1) >> i) % 2 == 0 else -0.5
             y[:] = x
         mode[:] = new
         solved, more, its = newton(field, switch, t, h, x, mode, y, s, jump)
