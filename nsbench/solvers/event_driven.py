@@ -1,7 +1,7 @@
 """The event-driven method: integrate between events, locate each one, choose the next mode.
 
 Complementarity systems: a fixed set of active contacts on each arc (see _constrained). Filippov systems: a fixed mode,
-sliding included (see _switching). Errors are those of the integrator, at its tolerance: no order in a step is lost at
+sliding included (see _switching). Linear complementarity systems: a fixed set of conducting rows (see _diodes). Errors are those of the integrator, at its tolerance: no order in a step is lost at
 kinks, and no step is asked for.
 """
 from __future__ import annotations
@@ -48,8 +48,8 @@ class EventDriven:
 
     def refuses(self, case: Case) -> str | None:
         if isinstance(case.problem, LCS):
-            return ("event_driven knows complementarity with gradients and Filippov systems; a linear complementarity "
-                    "system has modes of its own.")
+            from nsbench.solvers._lcs import inconsistent
+            return inconsistent(case)
         if isinstance(case.problem, Complementarity) and case.problem.constraints and case.start == "keep":
             return 'event_driven starts on the feasible set; this case keeps its start as it is (start="keep")'
         return None
@@ -60,6 +60,8 @@ class EventDriven:
             raise ValueError(f"tol is {tol!r}; below 0.1 is needed")
         if isinstance(case.problem, Complementarity):
             from nsbench.solvers import _constrained as method
+        elif isinstance(case.problem, LCS):
+            from nsbench.solvers import _diodes as method
         else:
             from nsbench.solvers import _switching as method
         return method.prepare(case, self, tol)

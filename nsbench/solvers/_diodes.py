@@ -1,0 +1,237 @@
+"""The event-driven method on linear complementarity systems: linear arcs with a fixed set of conducting rows.
+
+On an arc w = 0 on a set I and lam = 0 elsewhere (see _modes); it ends where w outside or lam inside falls through zero.
+At an event every set is a candidate whose constraints the state satisfies; a lam or w that vanishes there is
+decided by short trial motions: the first sign shown counts, which is the lexicographic order of the derivatives. No
+candidate, or several with different motions, is an answer: the run says so and stops.
+"""
+from __future__ import annotations
+
+import numpy as np
+
+from nsbench.case import Case
+from nsbench.solvers._lcs import certainly_unique
+from nsbench.solvers._linear_arc import EPS, SUM, Flow, crossing, resolved, value
+from nsbench.solvers._modes import Inputs, mode
+from nsbench.solvers._switching import accumulation
+from nsbench.solvers.base import Run
+from nsbench.trajectory import Event, Status, Trajectory
+
+ALL = 6                             # rows whose 2^m sets are all candidates; with more, those of short implicit steps
+TRIALS = 10.0 ** np.arange(-8, -2)  # lengths of trial motions, as parts of the fastest time shown
+BAND = 1e-12                        # of the terms of a sum: below, it is zero (4500 roundings)
+START = 1e-9                        # the same for the start, which may have been typed
+SHARE = 1e-2                        # of the tolerance for the last coefficients of one step: a run takes tens
+LEAST = 1e-13                       # part of the run below which a step is not halved: an input jumps there
+IDLE = 1000                         # events in a row that leave the set as it is
+
+
+def prepare(case: Case, options, tol: float) -> Run:
+    """A Run of an LCS; options are EventDriven's. Events: contact (lam_i begins to act) and release, contact (0, i)."""
+    import scipy.linalg  # noqa: F401  (loaded here, not in the timed run)
+    return lambda: _Walk(case, options, tol).run()
+
+
+class _Walk:
+    def __init__(self, case, options, tol):
+        self.case, self.p, self.options, self.tol = case, case.problem, options, tol
+        self.n, self.m = self.p.B.shape
+        self.t, self.T, self.x = float(case.t[0]), float(case.t[-1]), case.x0.copy()
+        self.inputs, self.flows, self.flow = Inputs(self.p), {}, None
+        self.total = np.zeros(self.m)
+        self.X, self.P = np.full((len(case.t), self.n), np.nan), np.full((len(case.t), self.m), np.nan)
+        self.X[0], self.P[0], self.done = self.x, 0.0, 1
+        self.scale = np.abs(self.x)
+        self.events, self.meetings, self.idle, self.steps, self.arcs, self.tried, self.h = [], [], 0, 0, 0, 0, 0.0
+        self.pace, self.unsure = None, False
+
+    def run(self) -> Trajectory:
+        with np.errstate(all="ignore"):
+            status = self._choose(START)
+            while status.ok and self.t < self.T:
+                status = self._arc()
+        if status.ok:
+            self.X[self.done:], self.P[self.done:] = self.x, self.total
+            if self.unsure:
+                status = Status("unverified", f"With more than {ALL} rows that are neither of a P-matrix nor passive it is "
+                                              "not known whether another motion exists.")
+        acted = np.flatnonzero(np.any(self.P > 0.0, axis=0))
+        stats = {"steps": self.steps, "h": float(self.h), "events": len(self.events), "restarts": self.arcs,
+                 "inner_iterations": self.tried, "loop": "host"}
+        return Trajectory(self.case.t, self.X, tuple((0, int(i)) for i in acted), self.P[:, acted], self.P @ self.p.B.T,
+                          status, tuple(self.events), stats, "mean")
+
+    def _flow(self, rows):
+        if rows not in self.flows:
+            found = mode(self.p, rows)
+            self.flows[rows] = None if found is None else Flow(found, self.inputs, self.options.method, self.tol)
+        return self.flows[rows]
+
+    def _weight(self):
+        return np.where(self.scale > 0.0, self.scale, max(self.scale.max(initial=0.0), 1.0) if self.scale.any() else 1.0)
+
+    # arcs
+
+    def _arc(self) -> Status:
+        """Follow the set of rows to its next event or the end, then choose the next one."""
+        flow, self.arcs = self.flow, self.arcs + 1
+        self.x = flow.project(self.t, self.x, self._weight())
+        f, size = flow.at(self.t, self.x, self.scale)
+        armed, grow = f > BAND * size, np.zeros(self.m)
+        span = self.T - float(self.case.t[0])
+        h = self.pace or span
+        while self.t < self.T:
+            h = min(h, span, self.options.max_step)
+            if self.steps >= self.options.max_steps:
+                return Status("maxiter", f"{self.steps} steps were taken by t = {self.t:.9g}.")
+            X, s = flow.step(self.t, self.x, h)
+            self.steps += 1
+            F = flow.functions(X, s)
+            if not (np.all(np.isfinite(X)) and np.all(np.isfinite(F))):
+                if h > LEAST * span:
+                    h *= 0.25
+                    continue
+                return self._lost()
+            self.scale = np.maximum(self.scale, np.abs(X).max(axis=0))
+            grow = np.maximum(grow, np.abs(F).max(axis=0))
+            sizes = np.concatenate((self._weight(), grow))
+            good, easy = resolved(np.hstack([X, F]), np.where(sizes > 0.0, sizes, 1.0), SHARE * self.tol)
+            if not good and h > LEAST * span:
+                h *= 0.5
+                continue
+            self.h = max(self.h, h)
+            status, fired = self._advance(flow, X, F, h, armed, size)
+            if not status.ok or fired:
+                self.pace = h
+                return self._meet() if status.ok else status
+            f, size = flow.at(self.t, self.x, self.scale)
+            armed |= f > BAND * size
+            h = 2.0 * h if easy else h
+        self.pace = h
+        return Status()
+
+    def _lost(self):
+        if np.abs(self.x).max() > 1e150:
+            return Status("diverged", f"The state passed 1e150 at t = {self.t:.9g}.")
+        return Status("nan", f"The inputs u and q, or the state, are not finite after t = {self.t:.9g}.")
+
+    def _advance(self, flow, X, F, h, armed, size):
+        """Record samples up to the first event on the step, or to its end; (status, did something fire)."""
+        level = np.where(armed, 0.0, -BAND * size)
+        found = crossing(F, level)
+        reach = 1.0 if found is None else found[0]
+        end = self.t + 0.5 * h * (1.0 + reach)
+        cut = end > self.T or (found is None and abs(end - self.T) <= 4.0 * np.spacing(abs(self.T)))
+        if cut:
+            end, found = self.T, None
+        P = self.total + h * (SUM @ _lam(F, flow.mode.rows))
+        while self.done < len(self.case.t) and self.case.t[self.done] <= end:
+            at = 2.0 * (self.case.t[self.done] - self.t) / h - 1.0
+            self.X[self.done], self.P[self.done] = value(X, at), value(P, at)
+            self.done += 1
+        at = 2.0 * (end - self.t) / h - 1.0
+        if at >= 1.0:
+            self.x, self.total = X[-1].copy(), P[-1].copy()
+        else:
+            self.x, self.total = value(X, at), value(P, at)
+        self.t = end
+        if not np.all(np.isfinite(self.x)):
+            return self._lost(), False
+        return Status(), found is not None
+
+    def _meet(self) -> Status:
+        self.meetings.append(self.t)
+        ends = accumulation(self.meetings, self.T - float(self.case.t[0]))
+        if ends is not None:
+            return Status("chatter", f"Events accumulate at t = {ends:.9g}: following events cannot pass that time.")
+        if len(self.meetings) > self.options.max_events:
+            return Status("chatter", f"{len(self.meetings)} events were met by t = {self.t:.9g}; raise max_events.")
+        old = set(self.flow.mode.rows)
+        status = self._choose(BAND)
+        if not status.ok:
+            return status
+        new = set(self.flow.mode.rows)
+        self.events += [Event(self.t, "contact", (0, int(i))) for i in sorted(new - old)]
+        self.events += [Event(self.t, "release", (0, int(i))) for i in sorted(old - new)]
+        self.idle = self.idle + 1 if old == new else 0
+        if self.idle > IDLE:
+            return Status("chatter", f"{IDLE} events up to t = {self.t:.9g} changed nothing: lam or w stays within rounding "
+                                     "of zero.")
+        return Status()
+
+    # the choice of rows
+
+    def _choose(self, band) -> Status:
+        good = []
+        for rows in self._candidates():
+            flow = self._flow(rows)
+            found = None if flow is None else self._holds(flow, band)
+            self.tried += 1
+            if found is not None:
+                good.append((*found, rows))
+        if not good:
+            return Status("infeasible", f"At t = {self.t:.9g} no lambda continues the motion without a jump of the state.")
+        good.sort(key=lambda g: (g[0], len(g[-1]), g[-1]))
+        first = good[0]
+        for other in good[1:]:
+            k = min(len(first[1]), len(other[1]))
+            apart = np.abs(first[1][:k] - other[1][:k]) / (self._weight() * (1.0 + np.abs(self.x / self._weight())))
+            if k and apart.max(initial=0.0) > 1e3 * EPS:
+                return Status("degenerate", f"At t = {self.t:.9g} several motions continue (rows {list(first[-1])} or "
+                                            f"{list(other[-1])} act): the solution is not unique there.")
+        self.flow = self._flow(first[-1])
+        return Status()
+
+    def _candidates(self):
+        """Sets of rows to look at: all of them, or what implicit steps of decreasing length choose, and their like."""
+        if self.m <= ALL:
+            return [tuple(i for i in range(self.m) if (code >> i) & 1) for code in range(2**self.m)]
+        from nsbench.kernels import lemke
+        out = [] if self.flow is None else [self.flow.mode.rows]
+        span = self.T - float(self.case.t[0])
+        for h in span * 10.0 ** -np.arange(3.0, 9.0):
+            W = np.linalg.inv(np.eye(self.n) - h * self.p.A)
+            s = self.inputs(self.t + h, 0)[0]
+            z, G = W @ (self.x + h * s[:self.n]), h * W @ self.p.B
+            M, r = self.p.D + self.p.C @ G, self.p.C @ z + s[self.n:]
+            a, b = lemke.scales(M)
+            on, lam = np.zeros(self.m, np.bool_), np.zeros(self.m)
+            if lemke.solve(M, r, a, b, on, lam, np.zeros(self.m))[0]:
+                out.append(tuple(int(i) for i in np.flatnonzero(lam > 0.0)))
+            if not self.unsure and not certainly_unique(M, G):
+                self.unsure = True
+        return list(dict.fromkeys(out))
+
+    def _holds(self, flow, band):
+        """(number of undecided functions, trial states) if the set continues the motion from here, else None."""
+        off, size = flow.off(self.t, self.x, self.scale)
+        if np.any(np.abs(off) > band * size):
+            return None
+        x = flow.project(self.t, self.x, self._weight())
+        f, size = flow.at(self.t, x, self.scale)
+        if not np.all(np.isfinite(f)) or np.any(f < -band * size):
+            return None
+        signs, ahead = np.where(f > band * size, 1, 0), []
+        span = self.T - float(self.case.t[0])
+        fast = min(span, 1.0 / max(np.abs(np.linalg.eigvals(flow.mode.G)).max(initial=0.0), 1e-300))
+        for part in TRIALS:
+            X, s = flow.step(self.t, x, part * fast)
+            if not np.all(np.isfinite(X)):
+                return None
+            last = flow.functions(X[-1:], s[-1:])[0]
+            _, now = flow.at(self.t + part * fast, X[-1], np.maximum(self.scale, np.abs(X[-1])))
+            clear = np.abs(last) > BAND * now
+            signs = np.where((signs == 0) & clear, np.sign(last), signs)
+            if np.any(signs < 0):
+                return None
+            if np.any(clear & (last < 0.0)):                # one that was positive is so no more: beyond this mode
+                break
+            ahead.append(X[-1])
+        return int(np.count_nonzero(signs == 0)), np.array(ahead)
+
+
+def _lam(F, rows):
+    """lam at the nodes: the functions of the rows, zero elsewhere."""
+    out = np.zeros_like(F)
+    out[:, list(rows)] = F[:, list(rows)]
+    return out
