@@ -18,10 +18,12 @@ from nsbench.solvers.base import Run
 from nsbench.trajectory import Event, Status, Trajectory
 
 ALL = 6                             # rows whose 2^m sets are all candidates; with more, those of short implicit steps
-TRIALS = 10.0 ** np.arange(-8, -2)  # lengths of trial motions, as parts of the fastest time shown
+FIRST = -8.0                        # trial motions: powers of ten, from 1e-8 of the fastest time of the candidates
+LONGEST = 1e-2                      # to this part of the run: what vanishes so long counts as zero
 BAND = 1e-12                        # of the terms of a sum: below, it is zero (4500 roundings)
 START = 1e-9                        # the same for the start, which may have been typed
 SHARE = 1e-2                        # of the tolerance for the last coefficients of one step: a run takes tens
+NOISE = 64.0                        # roundings in the last coefficients: 13 values with weights of about one, and a solve
 LEAST = 1e-13                       # part of the run below which a step is not halved: an input jumps there
 IDLE = 1000                         # events in a row that leave the set as it is
 
@@ -41,7 +43,8 @@ class _Walk:
         self.total = np.zeros(self.m)
         self.X, self.P = np.full((len(case.t), self.n), np.nan), np.full((len(case.t), self.m), np.nan)
         self.X[0], self.P[0], self.done = self.x, 0.0, 1
-        self.scale = np.abs(self.x)
+        with np.errstate(all="ignore"):
+            self.scale, self.top = self._sizes()
         self.events, self.meetings, self.idle, self.steps, self.arcs, self.tried, self.h = [], [], 0, 0, 0, 0, 0.0
         self.pace, self.unsure = None, False
 
@@ -67,16 +70,23 @@ class _Walk:
             self.flows[rows] = None if found is None else Flow(found, self.inputs, self.options.method, self.tol)
         return self.flows[rows]
 
-    def _weight(self):
-        return np.where(self.scale > 0.0, self.scale, max(self.scale.max(initial=0.0), 1.0) if self.scale.any() else 1.0)
+    def _sizes(self):
+        """Sizes of the states (n,), above zero, from the start and from what the inputs ask for; of the inputs (n + m,)."""
+        s = np.abs([self.inputs(t, 0)[0] for t in self.case.t])
+        top = np.where(np.isfinite(s), s, 0.0).max(axis=0)
+        asked = np.where(self.p.C != 0.0, top[self.n:, None] / np.abs(np.where(self.p.C != 0.0, self.p.C, 1.0)), 0.0)
+        out = np.maximum(np.abs(self.x), asked.max(axis=0, initial=0.0))
+        out = np.maximum(out, np.where(out > 0.0, 0.0, top[:self.n] * (self.T - self.t)))
+        return np.where(out > 0.0, out, out.max(initial=0.0) or 1.0), top
 
     # arcs
 
     def _arc(self) -> Status:
         """Follow the set of rows to its next event or the end, then choose the next one."""
         flow, self.arcs = self.flow, self.arcs + 1
-        self.x = flow.project(self.t, self.x, self._weight())
-        f, size = flow.at(self.t, self.x, self.scale)
+        flow.scale = self.scale
+        self.x = flow.project(self.t, self.x, self.scale)
+        f, size = flow.at(self.t, self.x, (self.scale, self.top))
         armed, grow = f > BAND * size, np.zeros(self.m)
         span = self.T - float(self.case.t[0])
         h = self.pace or span
@@ -94,8 +104,9 @@ class _Walk:
                 return self._lost()
             self.scale = np.maximum(self.scale, np.abs(X).max(axis=0))
             grow = np.maximum(grow, np.abs(F).max(axis=0))
-            sizes = np.concatenate((self._weight(), grow))
-            good, easy = resolved(np.hstack([X, F]), np.where(sizes > 0.0, sizes, 1.0), SHARE * self.tol)
+            terms = np.concatenate((self.scale, np.maximum(size, grow)))
+            limit = SHARE * self.tol * np.concatenate((self.scale, grow)) + NOISE * EPS * terms
+            good, easy = resolved(np.hstack([X, F]), limit)
             if not good and h > LEAST * span:
                 h *= 0.5
                 continue
@@ -104,7 +115,7 @@ class _Walk:
             if not status.ok or fired:
                 self.pace = h
                 return self._meet() if status.ok else status
-            f, size = flow.at(self.t, self.x, self.scale)
+            f, size = flow.at(self.t, self.x, (self.scale, self.top))
             armed |= f > BAND * size
             h = 2.0 * h if easy else h
         self.pace = h
@@ -162,24 +173,22 @@ class _Walk:
     # the choice of rows
 
     def _choose(self, band) -> Status:
-        good = []
-        for rows in self._candidates():
-            flow = self._flow(rows)
-            found = None if flow is None else self._holds(flow, band)
-            self.tried += 1
-            if found is not None:
-                good.append((*found, rows))
+        flows = [f for f in (self._flow(rows) for rows in self._candidates()) if f is not None]
+        self.tried += len(flows)
+        flows = [f for f in flows if self._starts(f, band)]
+        span = self.T - float(self.case.t[0])
+        fast = min([span, *(1.0 / f.fastest for f in flows if f.fastest > 0.0)])
+        times = fast * 10.0 ** np.arange(FIRST, 1.0 + np.log10(LONGEST * span / fast))
+        good = [(left, len(f.mode.rows), f.mode.rows, f) for f in flows
+                if (left := self._undecided(f, band, times)) is not None]
         if not good:
             return Status("infeasible", f"At t = {self.t:.9g} no lambda continues the motion without a jump of the state.")
-        good.sort(key=lambda g: (g[0], len(g[-1]), g[-1]))
-        first = good[0]
-        for other in good[1:]:
-            k = min(len(first[1]), len(other[1]))
-            apart = np.abs(first[1][:k] - other[1][:k]) / (self._weight() * (1.0 + np.abs(self.x / self._weight())))
-            if k and apart.max(initial=0.0) > 1e3 * EPS:
-                return Status("degenerate", f"At t = {self.t:.9g} several motions continue (rows {list(first[-1])} or "
-                                            f"{list(other[-1])} act): the solution is not unique there.")
-        self.flow = self._flow(first[-1])
+        first, *others = (g[-1] for g in sorted(good, key=lambda g: g[:3]))
+        for other in others:
+            if self._apart(first, other, times):
+                return Status("degenerate", f"At t = {self.t:.9g} several motions continue (rows {list(first.mode.rows)} or "
+                                            f"{list(other.mode.rows)} act): the solution is not unique there.")
+        self.flow = first
         return Status()
 
     def _candidates(self):
@@ -202,32 +211,50 @@ class _Walk:
                 self.unsure = True
         return list(dict.fromkeys(out))
 
-    def _holds(self, flow, band):
-        """(number of undecided functions, trial states) if the set continues the motion from here, else None."""
-        off, size = flow.off(self.t, self.x, self.scale)
+    def _starts(self, flow, band) -> bool:
+        """Does the state satisfy the constraints of this set, with lam and w not negative now?"""
+        off, size = flow.off(self.t, self.x, (self.scale, self.top))
         if np.any(np.abs(off) > band * size):
-            return None
-        x = flow.project(self.t, self.x, self._weight())
-        f, size = flow.at(self.t, x, self.scale)
-        if not np.all(np.isfinite(f)) or np.any(f < -band * size):
-            return None
-        signs, ahead = np.where(f > band * size, 1, 0), []
-        span = self.T - float(self.case.t[0])
-        fast = min(span, 1.0 / max(np.abs(np.linalg.eigvals(flow.mode.G)).max(initial=0.0), 1e-300))
-        for part in TRIALS:
-            X, s = flow.step(self.t, x, part * fast)
-            if not np.all(np.isfinite(X)):
+            return False
+        x = flow.project(self.t, self.x, self.scale)
+        f, size = flow.at(self.t, x, (self.scale, self.top))
+        return bool(np.all(f >= -band * size))               # False where not finite
+
+    def _undecided(self, flow, band, times) -> int | None:
+        """How many of lam and w vanish on the trial motions too; None if one turns negative first."""
+        x = flow.project(self.t, self.x, self.scale)
+        f, size = flow.at(self.t, x, (self.scale, self.top))
+        signs = np.where(f > band * size, 1, 0)
+        for h in times:
+            if np.all(signs > 0):
+                break
+            f, clear, _ = self._after(flow, x, h)
+            if not np.all(np.isfinite(f)):
                 return None
-            last = flow.functions(X[-1:], s[-1:])[0]
-            _, now = flow.at(self.t + part * fast, X[-1], np.maximum(self.scale, np.abs(X[-1])))
-            clear = np.abs(last) > BAND * now
-            signs = np.where((signs == 0) & clear, np.sign(last), signs)
+            signs = np.where((signs == 0) & clear, np.sign(f), signs)
             if np.any(signs < 0):
                 return None
-            if np.any(clear & (last < 0.0)):                # one that was positive is so no more: beyond this mode
+            if np.any(clear & (f < 0.0)):                    # one that was positive: from here another set acts
                 break
-            ahead.append(X[-1])
-        return int(np.count_nonzero(signs == 0)), np.array(ahead)
+        return int(np.count_nonzero(signs == 0))
+
+    def _after(self, flow, x, h):
+        """lam and w after the time h in this set, which of them are beyond rounding, and the state."""
+        X, _ = flow.collocate(self.t, x, h)
+        f, size = flow.at(self.t + h, X[-1], (np.maximum(self.scale, np.abs(X[-1])), self.top))
+        return f, np.abs(f) > BAND * size, X[-1]
+
+    def _apart(self, a, b, times) -> bool:
+        """Do the motions of two sets differ, as long as both are motions?"""
+        xa, xb = (f.project(self.t, self.x, self.scale) for f in (a, b))
+        for h in times:
+            fa, clear_a, ya = self._after(a, xa, h)
+            fb, clear_b, yb = self._after(b, xb, h)
+            if np.any(clear_a & (fa < 0.0)) or np.any(clear_b & (fb < 0.0)):
+                return False
+            if np.any(np.abs(ya - yb) > BAND * self.scale):
+                return True
+        return False
 
 
 def _lam(F, rows):

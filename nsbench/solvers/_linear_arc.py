@@ -50,13 +50,15 @@ class Flow:
 
     def __init__(self, mode, inputs, method: str = "dop853", tol: float = 1e-12):
         self.mode, self.inputs, self._factors = mode, inputs, {}
-        self._method, self._tol = method, tol
+        self._method, self._tol, self.scale = method, tol, np.ones(len(mode.G))
+        self.fastest = float(np.abs(np.linalg.eigvals(mode.G)).max(initial=0.0))
 
     def step(self, t: float, x: np.ndarray, h: float):
         """Values at the nodes: x (13, n), inputs (13, order + 1, n + m). Methods other than the default integrate with
         `_arc.follow` from node to node: slower, and a check of the collocation."""
-        if self._method != "dop853":
-            return self._followed(t, x, h)
+        return (self.collocate if self._method == "dop853" else self._followed)(t, x, h)
+
+    def collocate(self, t, x, h):
         from scipy.linalg import lu_factor, lu_solve
         m, n = self.mode, x.size
         s = np.array([self.inputs(t + 0.5 * h * (1.0 + c), m.order) for c in S])
@@ -65,55 +67,56 @@ class Flow:
             if len(self._factors) > 64:
                 self._factors.clear()
             M = np.eye(STAGES * n) - np.kron(BUTCHER, h * m.G)
-            self._factors[h] = M, lu_factor(M)
+            self._factors[h] = M, lu_factor(M, check_finite=False)
         M, factors = self._factors[h]
         rhs = (h * BUTCHER @ (g[1:] + m.G @ x)).ravel()      # for the change of x: rounding is relative to it
-        d = lu_solve(factors, rhs)
-        d += lu_solve(factors, rhs - M @ d)                 # states of very different size are mixed in M
+        d = lu_solve(factors, rhs, check_finite=False)
+        d += lu_solve(factors, rhs - M @ d, check_finite=False)                 # states of very different size are mixed in M
         return np.vstack([x, x + d.reshape(STAGES, n)]), s
 
     def _followed(self, t, x, h):
         from nsbench.solvers._arc import follow
-        m, times = self.mode, t + 0.5 * h * (1.0 + S)
-        scale = np.abs(x).max() + h * np.abs(m.G @ x).max() or 1.0      # the tolerance is relative to the state
-        rhs = lambda a, y: m.G @ y + np.einsum("kij,kj->i", m.U, self.inputs(a, m.order)) / scale
-        arc = follow(rhs, t, x / scale, times[-1], method=self._method, rtol=0.1 * self._tol, samples=times[1:-1])
+        m, times, size = self.mode, 0.5 * h * (1.0 + S), np.maximum(self.scale, np.abs(x))
+        G = m.G * size / size[:, None]                       # tolerances are relative to each state
+        rhs = lambda a, y: G @ y + np.einsum("kij,kj->i", m.U, self.inputs(t + a, m.order)) / size
+        arc = follow(rhs, 0.0, x / size, times[-1], method=self._method, rtol=0.1 * self._tol, samples=times[1:-1])
         X = np.full((len(S), x.size), np.nan)
         if arc.status.ok:
-            X = scale * np.vstack([x / scale, arc.samples, arc.y])
-        return X, np.array([self.inputs(a, m.order) for a in times])
+            X = size * np.vstack([x / size, arc.samples, arc.y])
+        return X, np.array([self.inputs(t + a, m.order) for a in times])
 
     def functions(self, X, s):
         """(13, m): lam on the rows of the mode, w elsewhere."""
         return X @ self.mode.signs.T + np.einsum("ikl,akl->ai", self.mode.signs_s, s)
 
     def at(self, t, x, scale):
-        """(m,) the functions at one time, and the sizes of their terms for states of the size `scale` (n,)."""
-        s = self.inputs(t, self.mode.order)
-        f = self.mode.signs @ x + np.einsum("ikl,kl->i", self.mode.signs_s, s)
-        size = np.abs(self.mode.signs) @ scale + np.einsum("ikl,kl->i", np.abs(self.mode.signs_s), np.abs(s))
-        return f, size
+        """(m,) the functions at one time, and the sizes of their terms; scale: sizes of the states (n,), inputs (n + m,)."""
+        return self._linear(self.mode.signs, self.mode.signs_s, t, x, scale)
 
     def off(self, t, x, scale):
         """(c,) how far the state is from the constraints of the mode, and the sizes of their terms."""
+        return self._linear(self.mode.held, self.mode.held_s, t, x, scale)
+
+    def _linear(self, row, row_s, t, x, scale):
         s = self.inputs(t, self.mode.order)
-        f = self.mode.held @ x + np.einsum("ikl,kl->i", self.mode.held_s, s)
-        return f, np.abs(self.mode.held) @ scale + np.einsum("ikl,kl->i", np.abs(self.mode.held_s), np.abs(s))
+        most = np.abs(s)
+        most[0] = np.maximum(most[0], scale[1])
+        size = np.abs(row) @ scale[0] + np.einsum("ikl,kl->i", np.abs(row_s), most)
+        return row @ x + np.einsum("ikl,kl->i", row_s, s), size
 
     def project(self, t, x, weight):
         """x moved onto the constraints of the mode by the least change relative to weight (n,)."""
         if not len(self.mode.held):
             return x
-        f, _ = self.off(t, x, weight)
+        f, _ = self.off(t, x, (weight, 0.0))
         return x - weight * np.linalg.lstsq(self.mode.held * weight, f, rcond=None)[0]
 
 
-def resolved(values: np.ndarray, scale: np.ndarray, tol: float) -> tuple[bool, bool]:
-    """(is the polynomial through values (13, k) the function to tol x scale, would half the points do?)"""
+def resolved(values: np.ndarray, limit: np.ndarray) -> tuple[bool, bool]:
+    """(is the polynomial through values (13, k) the function up to limit (k,), would half the points do?)"""
     c = np.abs(TO_CHEB @ values)
-    floor = 8.0 * EPS * np.abs(values).max(axis=0, initial=0.0)
     tail, half = c[-2:].max(axis=0, initial=0.0), c[STAGES // 2:].max(axis=0, initial=0.0)
-    return bool(np.all(tail <= tol * scale + floor)), bool(np.all(half <= tol * scale + floor))
+    return bool(np.all(tail <= limit)), bool(np.all(half <= limit))
 
 
 def value(nodes: np.ndarray, s: float) -> np.ndarray:
@@ -122,21 +125,35 @@ def value(nodes: np.ndarray, s: float) -> np.ndarray:
 
 
 def crossing(f: np.ndarray, level: np.ndarray):
-    """(s, index) of the first downward crossing of one of the polynomials f (13, k) through its level, or None."""
-    c = TO_CHEB @ f
-    c[0] -= level
+    """(s, index) of the first downward crossing of one of the polynomials f (13, k) through its level, or None.
+
+    A level below zero only keeps rounding from being a crossing: what falls through it has crossed at its zero before.
+    """
+    zero = TO_CHEB @ f
+    c = zero - np.eye(STAGES + 1, 1) * level
     best = None
     for i in np.flatnonzero(c[0] - np.abs(c[1:]).sum(axis=0) <= 0.0):
         s = _first(c[:, i])
         if s is not None and (best is None or s < best[0]):
             best = s, int(i)
+    if best is not None and level[best[1]] < 0.0:
+        before = [r for r, _ in _falls(zero[:, best[1]]) if r <= best[0]]
+        best = (before[-1] if before else best[0]), best[1]
     return best
 
 
 def _first(c):
     """First point of [-1, 1] behind which the series is negative; None if there is none."""
-    if np.polynomial.chebyshev.chebval(-1.0, c) <= 0.0:
+    if np.polynomial.chebyshev.chebval(-1.0, c) < 0.0:
         return -1.0
+    falls = _falls(c)
+    if falls:
+        return falls[0][0]
+    return 1.0 if np.polynomial.chebyshev.chebval(1.0, c) < 0.0 else None
+
+
+def _falls(c):
+    """Zeros in [-1, 1] behind which the series is negative, with a point there."""
     top = np.abs(c).sum()
     k = len(c)
     while k > 2 and abs(c[k - 1]) <= EPS * top:
@@ -145,13 +162,10 @@ def _first(c):
     roots = np.polynomial.chebyshev.chebroots(c)
     d = np.polynomial.chebyshev.chebder(c)
     real = roots.real[(np.abs(roots.imag) <= 1e-6) & (np.abs(roots.real) <= 1.0 + 1e-6)]
-    for _ in range(2):
+    for _ in range(2):                                      # Newton: a double root loses half of the digits, no more
         slope = np.polynomial.chebyshev.chebval(real, d)
         move = np.where(slope != 0.0, np.polynomial.chebyshev.chebval(real, c) / np.where(slope != 0.0, slope, 1.0), 0.0)
         real = np.where(np.abs(move) <= 1e-5, real - move, real)
     real = np.sort(np.clip(real, -1.0, 1.0))
     behind = 0.5 * (real + np.append(real[1:], 1.0))
-    for r, m in zip(real, behind, strict=True):
-        if np.polynomial.chebyshev.chebval(m, c) < 0.0:
-            return float(r)
-    return 1.0 if np.polynomial.chebyshev.chebval(1.0, c) < 0.0 else None
+    return [(float(r), float(m)) for r, m in zip(real, behind, strict=True) if np.polynomial.chebyshev.chebval(m, c) < 0.0]
