@@ -6,7 +6,7 @@ without the further power holds h + 3 h^2 with 10 % scatter in half of all trial
 the price of an interval about twice as wide; where scatter is small the price is too.
 
 The shapes of the head are equal to first order in r: a sum, of either sign (the error may pass zero), and
-(1 + r (h / h_max)^q)^-1 or ^-1/2, for errors that saturate at coarse steps. Each is fitted to log err by least squares;
+(1 + r (h / h_max)^q)^-1 or ^(-1/2), for errors that saturate at coarse steps. Each is fitted to log err by least squares;
 the order is their mean, weighted by how well they fit (Buckland, Burnham & Augustin, Biometrics 53, 1997, eq. 9).
 """
 from __future__ import annotations
@@ -15,16 +15,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-# belief in each shape of the head, (q, kind), before the data are seen: smooth expansions have q = 1, symmetric ones 2,
-# grazes and corners 1/2; "sum" is 1 + r (h / h_max)^q with r of either sign, "saturated" and "root" its inverse, and
-# the root of that
-MODELS = {(q, kind): of_q * of_kind for q, of_q in ((1.0, 0.7), (0.5, 0.1), (2.0, 0.1), (3.0, 0.1))
-          for kind, of_kind in (("sum", 0.5), ("saturated", 0.25), ("root", 0.25))}
+# belief in each shape of the head, (q, power), before the data are seen. Smooth expansions have q = 1, symmetric ones
+# 2, grazes and corners 1/2; the head is (1 + r (h / h_max)^q)^power with r of either sign
+MODELS = {(q, power): of_q * of_power for q, of_q in ((1.0, 0.7), (0.5, 0.1), (2.0, 0.1), (3.0, 0.1))
+          for power, of_power in ((1.0, 0.5), (-1.0, 0.25), (-0.5, 0.25))}
+Q, POWER = (np.array(column)[:, None] for column in zip(*MODELS, strict=True))
+BELIEF = np.array(list(MODELS.values()))
 DECAYED = 0.3                             # the same where the alternative is a plateau, which is a head of order 0
 LIMIT = 1.0                               # largest share of the head at the finest step that is tried; more is no limit
 EDGE = 0.5                                # share above which the order is a guess: "pre-asymptotic"
-COUNTED = 0.5                             # of the scatter of the orders about their mean: about half of it is noise, which
-                                          # the variance of the mean holds already
 MOST = 9.0                                # variance of a slope under a correlation of 0.8 over that under none
 EPS = float(np.finfo(float).eps)
 
@@ -49,104 +48,102 @@ class Headed:
     inflation: float
 
 
-def fit_headed(u: np.ndarray, y: np.ndarray) -> Headed:
-    """Least squares over r for each q and shape (grid, then Gauss-Newton). u (n,) ascending, n >= 5."""
+def fit_headed(u: np.ndarray, y: np.ndarray, own: np.ndarray | float = 0.0) -> Headed:
+    """Least squares over r for each shape of the head (grid, then Gauss-Newton). u (n,) ascending, n >= 5.
+
+    own (n,): how far the reference's own error, relative to err, may have moved each y: it widens the interval.
+    """
+    own = np.broadcast_to(own, u.shape)
     from scipy.special import stdtrit
-    u = u - u.max()
-    n = len(u)
-    Q, _ = np.linalg.qr(np.stack([np.ones(n), u], 1))
-    fits = [_with_head(u, y, Q, q, kind, LIMIT) for q, kind in MODELS]
-    rss = np.array([f[0] for f in fits])
+    u, n = u - u.max(), len(u)
+    rss, r, p, reader = _fits(u, y, LIMIT)
     rss = np.maximum(rss, n * (8 * EPS) ** 2)                # rounding of the logarithms is no misfit
     best = int(np.argmin(rss))
-    _, q, r, head, J, a, p = fits[best]
-    resid = y - head - a - p * u
+    head, slope = _head(r, np.exp(Q * u))
+    rest = y - head[best] - p[best] * u
+    a, resid = float(rest.mean()), rest - rest.mean()
     grow = _inflation(resid)
     s2 = rss[best] / max(n - 3, 1)
-    belief, worse = np.array(list(MODELS.values())), (rss - rss[best]) / s2
-    weight = belief * np.exp(-0.5 * worse / grow)
+    worse = (rss - rss[best]) / s2
+    weight = BELIEF * np.exp(-0.5 * worse / grow)
     weight /= weight.sum()
-    mean = float(weight @ [f[-1] for f in fits])
+    mean = float(weight @ p)
     # every order is linear in log err nearby, so the mean is too; to its variance comes that of the orders about it
-    reader = weight @ [np.linalg.pinv(f[4])[1] for f in fits]
-    apart = float(weight @ [(f[-1] - mean) ** 2 for f in fits])
-    half = float(stdtrit(n - 3, 0.975)) * np.sqrt(s2 * grow * float(reader @ reader) + COUNTED * apart) if n > 3 else np.inf
+    by = weight @ reader
+    half = float(stdtrit(n - 3, 0.975)) * np.sqrt(s2 * grow * (by @ by) + weight @ (p - mean) ** 2 + (by * by) @ own**2)
     # residuals as smooth as the estimate can say are no noise but misfit, and a bend in them counts in full
+    J = np.stack([np.ones(n), u, slope[best] / max(np.abs(slope[best]).max(), 1e-300)], 1)
     bend, drift = _bend(u, J, resid, s2 * (grow if grow < MOST else 1.0))
-    share = np.array([abs(f[2]) * np.exp(f[1] * u[0]) for f in fits])
-    sharp = belief * np.exp(-0.5 * worse)                    # a smooth misfit inflates the variance, but not the doubt
-    edge = bool(sharp @ (share > EDGE) > 0.5 * sharp.sum())
-    return Headed(a + (p - mean) * float(u[0]), mean, half, head, float(rss[best]), n - 3, q, r, edge, bend, drift, grow)
-
-
-def _with_head(u, y, Q, q, kind, most):
-    """Best fit with one shape of head: (rss, q, r, head, Jacobian in (a, p, r), a, p)."""
-    e = np.exp(q * u)
-    rss, r = _along(Q, e, y, kind, most)
-    head, slope = _head(r, e, kind)
-    J = np.stack([np.ones(len(u)), u, slope / max(np.abs(slope).max(), 1e-300)], 1)
-    (a, p), *_ = np.linalg.lstsq(J[:, :2], y - head, rcond=None)
-    return rss, q, r, head, J, float(a), float(p)
+    sharp = BELIEF * np.exp(-0.5 * worse)                    # a smooth misfit inflates the variance, but not the doubt
+    edge = bool(sharp @ (np.abs(r) * np.exp(Q[:, 0] * u[0]) > EDGE) > 0.5 * sharp.sum())
+    return Headed(a + (p[best] - mean) * float(u[0]), mean, float(half), head[best], float(rss[best]), n - 3,
+                  float(Q[best, 0]), float(r[best]), edge, float(bend), float(drift), grow)
 
 
 def convergent(u: np.ndarray, y: np.ndarray, least: float) -> float:
     """The smallest sum of squares of a power law with a head whose order is at least `least`."""
-    u = u - u.max()
-    n, w = len(u), u - u.mean()
-    Q, _ = np.linalg.qr(np.stack([np.ones(n), u], 1))
-    best = np.inf
-    for q, kind in MODELS:
-        rss, *_, p = _with_head(u, y, Q, q, kind, DECAYED)
-        if p < least:                                        # on the edge: a grid over r with p = least
-            grid = _grid(np.exp(q * u[0]), kind, DECAYED)
-            z = y[:, None] - _head(grid[None, :], np.exp(q * u)[:, None], kind)[0] - least * w[:, None]
-            rss = float((z - z.mean(0)).T.var(1).min()) * n
-        best = min(best, rss)
-    return max(best, n * (8 * EPS) ** 2)
+    u, n = u - u.max(), len(u)
+    rss, _, p, _ = _fits(u, y, DECAYED)
+    grid = _grid(np.exp(Q * u[0]), DECAYED)                  # on the edge: a grid over r with p = least
+    z = y - least * u - _head(grid, np.exp(Q * u))[0]
+    edge = z.var(axis=-1).min(axis=-1) * n
+    return max(float(np.where(p < least, edge, rss).min()), n * (8 * EPS) ** 2)
 
 
-def _head(r, e, kind):
-    """(head, its derivative in r) for r scalar or (1, m) and e (n,) or (n, 1)."""
-    if kind != "sum":
-        power = {"saturated": 1.0, "root": 0.5}[kind]
-        return -power * np.log1p(r * e), -power * e / (1 + r * e)
-    z = 1 + r * e
+def _head(r, e):
+    """(head, its derivative in r) for r (models, ...) and e (models, n): (models, ..., n)."""
+    shape = (len(e),) + (1,) * (r.ndim - 1) + (-1,)
+    e, power = e.reshape(shape), POWER.reshape(shape)
+    z = 1 + r[..., None] * e
     z = np.where(np.abs(z) < 1e-3, 1e-3, z)                  # a step at which both terms cancel says nothing finer
-    return np.log(np.abs(z)), e / z
+    return power * np.log(np.abs(z)), power * e / z
 
 
-def _grid(finest, kind, most):
-    """Values of r for which the head has decayed at the finest step, where (h / h_max)^q = finest."""
-    size = np.geomspace(1e-3, max(most / finest, 2e-3), 40)
-    return np.concatenate([-(size if kind == "sum" else size[size < 0.9])[::-1], [0.0], size])
+def _grid(finest, most):
+    """(models, 61) values of r whose share at the finest step, where (h / h_max)^q = finest (models, 1), is at most `most`;
+    below -0.9 only for a sum, whose error may pass zero."""
+    top = np.maximum(most / finest, 2e-3)
+    unit = np.linspace(0.0, 1.0, 30)
+    up = 1e-3 * (top / 1e-3) ** unit
+    down = -1e-3 * (np.where(POWER > 0, top, np.minimum(top, 0.9)) / 1e-3) ** unit
+    return np.concatenate([down[:, ::-1], np.zeros_like(top), up], 1)
 
 
-def _along(Q, e, y, kind, most):
-    """The best r of one shape: (rss, r)."""
-    grid = _grid(e[0], kind, most)
+def _fits(u, y, most):
+    """Of every model: (rss, r, p, the vector whose product with log err is p to first order)."""
+    e = np.exp(Q * u)
+    w = u - u.mean()
+    w = w / np.sqrt(w @ w)
 
-    def misfit(r):
-        z = y[:, None] - _head(r[None, :], e[:, None], kind)[0]
-        z = z - Q @ (Q.T @ z)
-        return np.einsum("ij,ij->j", z, z)
-    rss = misfit(grid)
-    k = int(np.argmin(rss))
-    low, high = grid[0], grid[-1]
-    r, best = float(grid[k]), float(rss[k])
-    for _ in range(12):
-        head, slope = _head(r, e, kind)
-        z, d = y - head, slope - Q @ (Q.T @ slope)
-        z = z - Q @ (Q.T @ z)
-        dd = float(d @ d)
-        if dd <= 1e-24:
+    def off(z):
+        z = z - z.mean(axis=-1, keepdims=True)
+        return z - (z @ w)[..., None] * w
+    grid = _grid(e[:, :1], most)
+    z = off(y - _head(grid, e)[0])
+    rss = np.einsum("...i,...i", z, z)
+    rows = np.arange(len(e))
+    at = rss.argmin(1)
+    r, best, low, high = grid[rows, at], rss[rows, at], grid[:, 0], grid[:, -1]
+    for _ in range(15):
+        head, slope = _head(r, e)
+        z, d = off(y - head), off(slope)
+        dd = np.einsum("ij,ij->i", d, d)
+        step = np.where(dd > 1e-24, np.einsum("ij,ij->i", d, z) / np.maximum(dd, 1e-24), 0.0)
+        trial = np.clip(r[:, None] + step[:, None] * np.array([1.0, 0.5, 0.1]), low[:, None], high[:, None])
+        z = off(y - _head(trial, e)[0])
+        rss = np.einsum("...i,...i", z, z)
+        at = rss.argmin(1)
+        better = rss[rows, at] < best * (1 - 1e-9)
+        r, best = np.where(better, trial[rows, at], r), np.where(better, rss[rows, at], best)
+        if not better.any():
             break
-        trial = np.clip(r + float(d @ z) / dd * np.array([1.0, 0.5, 0.1]), low, high)
-        rss = misfit(trial)
-        k = int(np.argmin(rss))
-        if rss[k] >= best * (1 - 1e-9):
-            break
-        r, best = float(trial[k]), float(rss[k])
-    return best, r
+    head, slope = _head(r, e)
+    c = u - u.mean()
+    p = (y - head) @ c / (c @ c)
+    d = slope - slope.mean(axis=1, keepdims=True)
+    dd = np.maximum(np.einsum("ij,ij->i", d, d), 1e-300)
+    v = c - d * (d @ c / dd)[:, None]                        # the part of u that neither constant nor head can make
+    return best, r, p, v / np.maximum(np.einsum("ij,ij->i", v, v), 1e-300)[:, None]
 
 
 def _inflation(resid: np.ndarray) -> float:

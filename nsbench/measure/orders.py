@@ -17,6 +17,8 @@ FEWEST = 8              # points it keeps at least: 5 degrees of freedom for the
 CURVED = 0.01           # level of the test for a bend that the head does not explain
 DRIFT = 0.05            # a drift of the slope over the window that may stay: a tenth of the half between orders
 SMOOTH = 1e-6           # a drift that no interval shows
+CROWD = 3               # steps per half octave for the order of the largest errors
+WIDE = 1.0              # width of an interval that names no order any more: orders differ by halves
 FLAT = 0.1              # slopes below are no convergence one can see: 6 octaves gain a factor 1.5
 ENDS = 2.0              # octaves of the fine end
 SOME = 0.1              # share of the steps that may be exact by luck before one speaks of two behaviours
@@ -62,11 +64,12 @@ def fit_order(h, err, floor: float = 0.0, reference_error: float = 0.0, *, scale
     error, which must level off too; None where `err` is itself of the state, the reaction or the impulse.
 
     Rules. Non-finite errors are counted out, equal steps kept once. Steps where the running median of five errors is
-    below the floor, and single errors below it, are dropped; so are single errors far from all others (at most one in
-    ten). The order is the p of M h^p (1 + r h^q) (asymptote.py): a line through all points holds its order only if
-    there is no head. Points are dropped from the coarse end while a bend is left over (t-test at 1 %). "order" needs
-    6 octaves and 18 steps, not all of a dyadic ladder, a window of 3 octaves and 8 points, a head that has decayed at
-    the finest step, and that a plateau fits worse.
+    below the floor, and deep dips below it, are dropped; so are single errors far from all others (at most one in ten).
+    The order is the p of M h^p (1 + r h^q)^s (asymptote.py): a line through all points holds its order only if there is
+    no head. Points are dropped from the coarse end while a bend is left over (t-test at 1 %) or where that makes the
+    interval half as wide. "order" needs 6 octaves and 18 steps, not all of a dyadic ladder, a window of 3 octaves and 8
+    points, a head that has decayed at the finest step, an interval no wider than 1, and that a plateau fits worse.
+    Where all errors scatter too much, the largest per half octave are tried.
 
     >>> import numpy as np
     >>> h = 0.1 / np.unique(np.round(2 ** np.arange(0, 8, 0.3)))
@@ -104,7 +107,7 @@ def fit_order(h, err, floor: float = 0.0, reference_error: float = 0.0, *, scale
     h, err = h[~apart], err[~apart]
     line = _straight(h, err, base)
     verdict = _levels_off(h, err, line, known, why, multipliers_unique, reaction)
-    return verdict or _power(h, err, line, why)
+    return verdict or _power(h, err, line, known, why)
 
 
 def _slope(h, err) -> tuple[float, tuple[float, float], float]:
@@ -156,7 +159,7 @@ def _levels_off(h, err, line: Fit, known, why, unique, reaction) -> Fit | None:
                             f"{seen} for all {len(h)} steps: it does not fall with the step.")
 
 
-def _settle(h, err) -> tuple[int, Headed | None, bool]:
+def _settle(h, err, known) -> tuple[int, Headed | None, bool]:
     """Drop points from the coarse end while a bend is left over: (points kept, their fit, whether it is gone).
 
     A head of another shape is no scatter, and less of it is better: a shorter window is taken at once if its interval
@@ -166,12 +169,12 @@ def _settle(h, err) -> tuple[int, Headed | None, bool]:
     n = len(h)
     if n < FEWEST:
         return n, None, False
-    u, y = np.log(h), np.log(err)
-    fit, strict = fit_headed(u, y), False
+    u, y, own = np.log(h), np.log(err), known / 10.0 / err
+    fit, strict = fit_headed(u, y, own), False
     allowed = [k for k in range(FEWEST, n) if u[k - 1] - u[0] >= WINDOW * np.log(2.0) - 1e-9]
     if allowed and abs(fit.drift) > SMOOTH:
         some = sorted({allowed[round(k * (len(allowed) - 1))] for k in (0.0, 0.33, 0.67)})
-        tried = [(k, fit_headed(u[:k], y[:k])) for k in some]
+        tried = [(k, fit_headed(u[:k], y[:k], own[:k])) for k in some]
         at = min(range(len(some)), key=lambda i: tried[i][1].half)
         if tried[at][1].half < fit.half / 2:
             n, fit = tried[at]
@@ -185,12 +188,12 @@ def _settle(h, err) -> tuple[int, Headed | None, bool]:
         if gone or n - 1 not in allowed:
             return n, fit, gone
         n -= 1
-        fit = fit_headed(u[:n], y[:n])
+        fit = fit_headed(u[:n], y[:n], own[:n])
 
 
-def _power(h, err, line: Fit, why: str) -> Fit:
+def _power(h, err, line: Fit, known: float, why: str) -> Fit:
     """Drop what no head explains, then say whether what is left shows an order."""
-    n, headed, settled = _settle(h, err)
+    n, headed, settled = _settle(h, err, known)
     fit = line
     if headed is not None:
         widen = abs(headed.drift) / 2 if n < len(h) else 0.0
@@ -212,7 +215,33 @@ def _power(h, err, line: Fit, why: str) -> Fit:
         return replace(fit, sentence=f"No verdict ({why}): {said}.")
     if not settled or headed.edge:
         return replace(fit, verdict="pre-asymptotic", sentence=f"The local slope still drifts: {said}.")
-    # errors that dip with the phase of the step scatter below a clean upper envelope, which may tell what they cannot
-    if lo <= 0.0 or (cannot_exclude(h[:n], err[:n]) and cannot_exclude(*binned(h[:n], err[:n], np.max, 2), head=False)):
-        return replace(fit, sentence=f"No verdict (a plateau fits as well: more or finer steps are needed): {said}.")
-    return replace(fit, verdict="order", sentence=f"Order: {said}, constant {fit.constant:.3g}.")
+    if hi - lo > WIDE:
+        doubt = f"the interval is wider than {WIDE:g}: more steps are needed"
+    elif lo <= 0.0 or (cannot_exclude(h[:n], err[:n]) and cannot_exclude(*binned(h[:n], err[:n], np.max, 2), head=False)):
+        doubt = "a plateau fits as well: more or finer steps are needed"
+    else:
+        return replace(fit, verdict="order", sentence=f"Order: {said}, constant {fit.constant:.3g}.")
+    return _bounded(h, err, fit) or replace(fit, sentence=f"No verdict ({doubt}): {said}.")
+
+
+def _bounded(h, err, fit: Fit) -> Fit | None:
+    """The order of the largest errors per half octave, where all errors together scatter too much for one.
+
+    Errors that turn with the phase of the step fall to zero between; what converges is their bound. Needs several steps
+    in each half octave, or the largest is as much a matter of luck.
+    """
+    top, most = binned(h, err, np.max, 2)
+    if len(top) < max(FEWEST, 2 * WINDOW) or len(h) < CROWD * len(top):
+        return None
+    found = fit_headed(np.log(top), np.log(most))
+    lo, hi = float(found.p - found.half), float(found.p + found.half)
+    bent = found.edge or (abs(found.drift) > DRIFT and found.bend > 2.0)
+    if bent or lo <= 0.0 or hi - lo > WIDE / 2 or cannot_exclude(top, most):
+        return None
+    constant = float(np.exp(found.a) / top[-1] ** found.p)
+    return replace(fit, verdict="order", order=found.p, interval=(lo, hi), constant=constant, points=len(h),
+                   window=(float(h[0]), float(h[-1])), dropped={**fit.dropped, "head": 0},
+                   head=float(np.expm1(abs(found.head[-1]))),
+                   sentence=f"Order of the largest error per half octave: slope {found.p:.3f} [{lo:.3f}, {hi:.3f}] from "
+                            f"{len(h)} steps in [{h[0]:.2e}, {h[-1]:.2e}], constant {constant:.3g}; the errors turn with "
+                            "the phase of the step.")
