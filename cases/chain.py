@@ -87,7 +87,8 @@ def pulled(links, slack, pull, growth, zigzag):
         exact=exact if known else None, exact_impulse=exact_impulse if known else None,
         exact_events=tuple(events) if known else None,
         contacts=((0, 0, 0), *((1, j - 1, j) for j in range(1, links))),
-        substeps=16, also=("pbd[order=reverse]",), radius=0.1, tags=("seed",),
+        substeps=16, also=("pbd[order=reverse]",), radius=0.1,
+        tags=("seed",) if growth or zigzag else ("seed", "constant_force"),
     )
 
 
@@ -153,5 +154,6 @@ def hang(n, hanging):
         exact=exact if rest else None, exact_impulse=exact_impulse if rest else None,
         exact_events=() if rest else None,
         contacts=((0, 0, 0), (0, n - 1, 1), *((1, j - 1, j) for j in range(1, n))),
-        substeps=16, also=("pbd[order=reverse]",), radius=0.1, tags=("seed",),
+        substeps=16, also=("pbd[order=reverse]",), radius=0.1,
+        tags=("seed", "constant_force") if rest else ("seed",),
     )

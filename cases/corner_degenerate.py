@@ -62,5 +62,6 @@ def make(psi: float = 120.0, swell: float = 0.5) -> Case:
         x0=corners[0],
         t=np.linspace(0.0, 2.0, 41),
         exact=polygon(corners), exact_impulse=polygon(pressed), exact_events=events if psi > 90.0 else events[1:],
-        substeps=8, also=("pbd[order=reverse]",), tags=("biactive",),
+        substeps=max(8, min(64, round(2.0 / sin**2))),     # a sweep takes 1 / sin^2 steps to see through the corner
+        also=("pbd[order=reverse]",), tags=("biactive",) if swell else ("biactive", "constant_force"),
     )

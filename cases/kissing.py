@@ -88,5 +88,5 @@ def make(n: int = 12, seed: int = 0, loops: float = 0.5) -> Case:
         t=np.linspace(0.0, 0.5, 11),
         exact=exact, exact_impulse=exact_impulse, exact_events=(),
         contacts=tuple((0, int(a), int(b)) for a, b in pairs),
-        substeps=16, also=("pbd[order=reverse]",), radius=1.0,
+        substeps=16, also=("pbd[order=reverse]",), radius=1.0, tags=("constant_force",),
     )

@@ -65,5 +65,5 @@ def make(n: int = 5, swell: float = 0.0) -> Case:
         t=np.linspace(0.0, 2.0, 21),
         exact=exact, exact_impulse=exact_impulse, exact_events=tuple(when(stops, swell)),
         substeps=min(40, max(8, n * n // 3)),           # the sweep needs about n^2 steps to see through the queue
-        also=("pbd[order=reverse]",),
+        also=("pbd[order=reverse]",), tags=() if swell else ("constant_force",),
     )

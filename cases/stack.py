@@ -81,5 +81,5 @@ def make(n: int = 20, columns: int = 1, shape: str = "square") -> Case:
         exact=exact, exact_impulse=exact_impulse if unique else None, exact_events=(),
         contacts=((0, 0), *((1, i, i + 1) for i in range(n - 1))) if unique else None,
         substeps=min(40, max(8, n * n // 10)), also=("pbd[order=reverse]",), radius=1.0,
-        tags=("seed",) if unique else ("seed", "redundant"),
+        tags=("seed", "constant_force") if unique else ("seed", "constant_force", "redundant"),
     )

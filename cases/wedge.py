@@ -71,5 +71,5 @@ def make(psi: float = 60.0, swell: float = 0.0) -> Case:
         x0=corners[0],
         t=np.linspace(0.0, 2.0, 41),
         exact=polygon(corners), exact_impulse=polygon(pressed), exact_events=(when(S1, swell), when(S2, swell)),
-        substeps=8,
+        substeps=8, tags=() if swell else ("constant_force",),
     )

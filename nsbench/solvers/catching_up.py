@@ -16,6 +16,8 @@ KKT = 1e-6                    # a length; a step with a larger residual did not 
 CODES = {0: "ok", 1: "nan", 3: "infeasible"}
 EXPECTS = (
     Expect(("exact_at_grid",), "exact", "exact", "every step of Euler is exact for a drift that is constant in each mode"),
+    Expect(("constant_force",), "exact", "exact", "drift and gradients are constant along the motion: steps are exact at "
+           "grid times, whatever the number of contacts"),
     Expect(("infeasible_start",), None, None, "what a method makes of an infeasible start is its meaning, not its error"),
 )
 
