@@ -7,7 +7,7 @@ import numpy as np
 
 from nsbench.case import Case
 from nsbench.problem import LCS, Affine, Complementarity
-from nsbench.solvers.base import Claims, Run, grid, sample
+from nsbench.solvers.base import Claims, Expect, Run, grid, sample
 from nsbench.trajectory import Status, Trajectory
 
 ALL = 8                   # rows whose 2^m supports are tried in each step where uniqueness is not certain
@@ -28,6 +28,8 @@ class Theta:
 
     accuracy = "h"
     default = 1e-2
+    expects = (Expect(("constant_force",), "exact", "exact", "drift and gradients are constant: steps are exact at grid "
+                      "times, whatever the number of contacts"),)
 
     def __post_init__(self):
         if isinstance(self.theta, bool) or not isinstance(self.theta, (int, float)) or not 0.5 <= self.theta <= 1.0:
