@@ -26,7 +26,7 @@ def test_every_way_off_the_line_is_a_solution():
     for tau, side in itertools.product((0.0, 0.33, 1.0, 5.0), (1, -1)):
         x = np.stack([t, side * np.maximum(t - tau, 0)], 1)
         assert repulsive.distance(t, x) < 1e-14
-        assert repulsive.distance(t, x + [1e-3, 0.0]) == pytest.approx(1e-3)
+        assert repulsive.distance(t, x + np.array([1e-3, 0.0])) == pytest.approx(1e-3)
     late = np.stack([t, 2.0 * np.maximum(t - 1.0, 0)], 1)           # leaves at twice the speed: tau = 1/2 is nearest
     assert repulsive.distance(t, late) == pytest.approx(0.5, abs=1e-9)
 
