@@ -23,11 +23,11 @@ def test_the_closed_form_is_met(make):
     case, traj = run(made)
     _, _, _, x, weights, events = made
     assert traj.status.ok, traj.status
-    assert np.abs(traj.x - x(case.t)).max() <= 1e-11 * max(1.0, np.abs(x(case.t)).max())
-    assert np.abs(traj.impulse - weights(case.t)).max() <= 1e-10
+    assert np.abs(traj.x - x(case.t)).max() <= 1e-12 * max(1.0, np.abs(x(case.t)).max())
+    assert np.abs(traj.impulse - weights(case.t)).max() <= 1e-12
     found = order((e.t, e.kind, e.contact[1]) for e in traj.events)
     assert [e[1:] for e in found] == [e[1:] for e in order(events)]
-    np.testing.assert_allclose([e[0] for e in found], [e[0] for e in order(events)], rtol=0, atol=1e-10)
+    np.testing.assert_allclose([e[0] for e in found], [e[0] for e in order(events)], rtol=0, atol=1e-12)
 
 
 SAME = {

@@ -9,6 +9,8 @@ from itertools import product
 
 import numpy as np
 
+from nsbench.jets import SPACE
+
 TINY = 1e-30          # imaginary step: its square vanishes against 1, so the derivative has no truncation error
 EPS = np.finfo(float).eps
 FREE = 2
@@ -25,6 +27,7 @@ class Motion:
     """
     def __init__(self, problem, t0: float, x0: np.ndarray):
         self.field, self.switch, self._factory = problem.field(np), problem.switch(np), problem.switch
+        self._boxes = problem.field(SPACE), problem.switch(SPACE)
         self.n, self.d = x0.size, len(self.switch(t0, x0))
         self.along, self.newton, self.calls = self._complex, 0, 0
         self.trust(t0, x0)
@@ -117,6 +120,16 @@ class Motion:
                 out.append(found)
         if any(np.all(np.isfinite(q)) for q in out):
             out = [q for q in out if np.all(np.isfinite(q))]
+        return out
+
+    def data(self, t, x, p) -> list:
+        """The switch functions and the fields that a mode is made of, for Jets (see solvers._pieces)."""
+        field, switch = self._boxes
+        s, on = np.where(p == FREE, 0, p).astype(float), np.flatnonzero(p == 0)
+        out = [switch(t, x)]
+        for code in product((1.0, -1.0), repeat=on.size):
+            s[on] = code
+            out.append(field(t, x, s.copy()))
         return out
 
     def _corners(self, t, x, s, on):

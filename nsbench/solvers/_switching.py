@@ -40,7 +40,8 @@ class _Walk:
         self.t, self.x, self.n, self.d = float(case.t[0]), case.x0.copy(), case.n, motion.d
         motion.calls = motion.newton = 0
         self.theta, self.mode, self.signs = np.zeros(self.d), np.zeros(self.d, np.int64), np.zeros(self.d)
-        self.events, self.meetings, self.idle, self.touches, self.ends = [], [], 0, 0, None
+        self.events, self.meetings, self.idle, self.ends = [], [], 0, None
+        self.proof = {"unproven": 0, "refused": 0, "touches": 0}
         self.entered = [None] * self.d          # (side it came from, time, theta) of the last entry of each surface
         self.arcs, self.steps, self.h, self.done = 0, 0, 0.0, 1
         self.X, self.W = np.full((len(case.t), self.n), np.nan), np.full((len(case.t), self.d), np.nan)
@@ -55,7 +56,8 @@ class _Walk:
         if status.ok:                       # an event at the very end leaves the last sample to us
             self.X[self.done:], self.W[self.done:] = self.x, self.theta
         stats = {"steps": self.steps, "h": float(self.h), "drift_calls": self.motion.calls, "events": len(self.events),
-                 "touches": self.touches, "restarts": self.arcs, "inner_iterations": self.motion.newton, "loop": "host"}
+                 "restarts": self.arcs, "inner_iterations": self.motion.newton, "loop": "host",
+                 "roots": "sampled" if self.proof["unproven"] else "verified", **self.proof}
         if self.ends is not None:
             stats["accumulation"] = float(self.ends)
         return Trajectory(case.t, self.X, tuple((0, i) for i in range(self.d)), self.W, np.empty((len(case.t), 0)),
@@ -106,14 +108,19 @@ class _Walk:
 
         if on.size:
             self.x = motion.project(self.t, self.x, on)
+        def data(t, y):
+            return motion.data(t, y[:n], mode)
+
         band = np.concatenate([self._band(self.t, self.x, 16.0), np.full(on.size, FLAT), np.zeros(2 * free.size)])
         band[on], band[free] = FLAT, 0.0
         later = self.case.t[self.done:]
         arc = follow(rhs, self.t, np.concatenate([self.x, self.theta]), T, gaps, method=self.options.method,
                      rtol=self.tol, max_step=self.options.max_step, max_steps=self.options.max_steps - self.steps,
-                     project=project if on.size else None, band=band, samples=later)
+                     project=project if on.size else None, band=band, samples=later, data=data)
         rows = slice(self.done, self.done + len(arc.samples))
         self.X[rows], self.W[rows] = arc.samples[:, :n], arc.samples[:, n:]
+        for k in self.proof:
+            self.proof[k] += getattr(arc, k)
         self.done, self.arcs, self.steps, self.h = rows.stop, self.arcs + 1, self.steps + arc.steps, max(self.h, arc.h)
         self.t, self.x, self.theta, self.signs = float(arc.t), arc.y[:n], arc.y[n:], guess
         return self._meet(arc.fired) if arc.status.ok and arc.fired.size else self._explained(arc.status)
@@ -173,7 +180,7 @@ class _Walk:
             last = max(k for k, e in enumerate(self.events) if e.contact == (0, i))
             if weight <= TOUCH * self.tol:
                 del self.events[last]
-                self.touches += 1
+                self.proof["touches"] += 1
                 return
         kind = "enter" if new == 0 else "exit" if old == 0 else "cross"
         self.events.append(Event(self.t, kind, (0, i)))
