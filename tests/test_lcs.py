@@ -99,7 +99,8 @@ def test_a_switch_there_and_back_inside_any_step_is_found(width):
 
 
 def test_diodes_in_parallel_share_one_reaction():
-    case = system(NONE, [[1.0, 1.0]], [[1.0], [1.0]], np.zeros((2, 2)), [0.0], 3.0, u=lambda xp: lambda t: -xp.cos(t) * xp.ones(1),
+    push = lambda xp: lambda t: -xp.cos(t) * xp.ones(1)
+    case = system(NONE, [[1.0, 1.0]], [[1.0], [1.0]], np.zeros((2, 2)), [0.0], 3.0, u=push,
                   exact=lambda t: np.where(t < np.pi / 2, 0.0, 1 - np.sin(t))[:, None], exact_events=(np.pi / 2,),
                   exact_impulse=lambda t: 0.5 * np.sin(np.minimum(t, np.pi / 2))[:, None] * np.ones(2))
     for spec, accuracy, limit in (("event_driven", {}, 1e-13), ("theta[theta=0.5]", {"h": 1e-3}, 1e-6)):
@@ -163,9 +164,9 @@ def test_no_solution_and_several_are_told():
 def spiral():
     """x' = B s, s in Sgn(x) with relays as in relay_lcs: a spiral into the corner whose turns shrink by a third."""
     B = -np.array([[1.0, -2.0], [2.0, 1.0]]) / 5**0.5
-    O, I = np.zeros((2, 2)), np.eye(2)
+    zero, one = np.zeros((2, 2)), np.eye(2)
     low = B @ np.ones(2)
-    return system(O, np.hstack([-B, O]), np.vstack([I, O]), np.block([[O, I], [-I, O]]), [1.0, 0.3], 3.0,
+    return system(zero, np.hstack([-B, zero]), np.vstack([one, zero]), np.block([[zero, one], [-one, zero]]), [1.0, 0.3], 3.0,
                   u=lambda xp: lambda t: xp.asarray(low), q=lambda xp: lambda t: xp.array([0.0, 0.0, 2.0, 2.0]))
 
 

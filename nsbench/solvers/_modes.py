@@ -67,18 +67,18 @@ class Mode:
 
 def mode(p: LCS, rows: tuple) -> Mode | None:
     """The mode with w = 0 on `rows`; None if these do not determine lam."""
-    I, n, m = list(rows), p.A.shape[0], p.B.shape[1]
-    B, N, K = p.B[:, I], p.D[np.ix_(I, I)], p.C[I]
-    S = np.zeros((len(I), 1, n + m))
-    S[np.arange(len(I)), 0, n + np.array(I, int)] = 1.0
+    on, n, m = list(rows), p.A.shape[0], p.B.shape[1]
+    B, N, K = p.B[:, on], p.D[np.ix_(on, on)], p.C[on]
+    S = np.zeros((len(on), 1, n + m))
+    S[np.arange(len(on)), 0, n + np.array(on, int)] = 1.0
     held, held_s = [], []
     for _ in range(n + 1):
         split = _split(N)
         if split is None:
             break
-        R, Z, E = split                                     # rows with lam, combinations without, and their scales
+        R, Z = split                                     # combinations with lam, and those without
         if not Z.shape[0]:
-            return _mode(p, I, N, K, S, held, held_s)
+            return _mode(p, on, N, K, S, held, held_s)
         Kz, Sz = Z @ K, np.einsum("ij,jkl->ikl", Z, S)
         size = np.abs(Z) @ np.abs(K)
         if np.any(np.abs(Kz).max(axis=1) <= ZERO * size.max(axis=1)):
@@ -97,7 +97,7 @@ def mode(p: LCS, rows: tuple) -> Mode | None:
 
 
 def _split(N):
-    """(R, Z, scales): R N of full row rank, Z N = 0; None if N has no finite entries."""
+    """(R, Z): R N of full row rank, Z N = 0; None if N is not finite."""
     k = len(N)
     if not np.all(np.isfinite(N)):
         return None
@@ -107,26 +107,26 @@ def _split(N):
     b = 1.0 / np.where(b > 0.0, b, 1.0)
     U, s, _ = np.linalg.svd(a[:, None] * N * b) if k else (np.zeros((0, 0)), np.zeros(0), None)
     rank = int(np.count_nonzero(s > RANK * s[0])) if k and s[0] > 0.0 else 0
-    return U[:, :rank].T * a, U[:, rank:].T * a, a
+    return U[:, :rank].T * a, U[:, rank:].T * a
 
 
-def _mode(p, I, N, K, S, held, held_s):
+def _mode(p, on, N, K, S, held, held_s):
     n, m = p.A.shape[0], p.B.shape[1]
     order = S.shape[1] - 1
     a, b = _equal(N)
-    solve = lambda v: b[:, None] * np.linalg.solve(a[:, None] * N * b, a[:, None] * v) if len(I) else np.zeros((0, v.shape[1]))
-    F, Phi = -solve(K), -solve(S.reshape(len(I), (order + 1) * (n + m))).reshape(len(I), order + 1, n + m)
-    G = p.A + p.B[:, I] @ F
-    U = np.einsum("ij,jkl->kil", p.B[:, I], Phi)
+    solve = lambda v: b[:, None] * np.linalg.solve(a[:, None] * N * b, a[:, None] * v) if len(on) else np.zeros((0, v.shape[1]))
+    F, Phi = -solve(K), -solve(S.reshape(len(on), (order + 1) * (n + m))).reshape(len(on), order + 1, n + m)
+    G = p.A + p.B[:, on] @ F
+    U = np.einsum("ij,jkl->kil", p.B[:, on], Phi)
     U[0, :, :n] += np.eye(n)
-    J = [j for j in range(m) if j not in I]
+    J = [j for j in range(m) if j not in on]
     signs, signs_s = np.zeros((m, n)), np.zeros((m, order + 1, n + m))
-    signs[I], signs_s[I] = F, Phi
-    signs[J] = p.C[J] + p.D[np.ix_(J, I)] @ F
-    signs_s[J] = np.einsum("ij,jkl->ikl", p.D[np.ix_(J, I)], Phi)
+    signs[on], signs_s[on] = F, Phi
+    signs[J] = p.C[J] + p.D[np.ix_(J, on)] @ F
+    signs_s[J] = np.einsum("ij,jkl->ikl", p.D[np.ix_(J, on)], Phi)
     signs_s[J, 0, n + np.array(J, int)] += 1.0
     pad = [np.concatenate((h, np.zeros((len(h), order + 1 - h.shape[1], n + m))), axis=1) for h in held_s]
-    return Mode(tuple(I), F, Phi, G, U, np.vstack(held) if held else np.zeros((0, n)),
+    return Mode(tuple(on), F, Phi, G, U, np.vstack(held) if held else np.zeros((0, n)),
                 np.concatenate(pad) if pad else np.zeros((0, order + 1, n + m)), signs, signs_s, order)
 
 

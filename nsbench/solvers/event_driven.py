@@ -1,8 +1,8 @@
 """The event-driven method: integrate between events, locate each one, choose the next mode.
 
 Complementarity systems: a fixed set of active contacts on each arc (see _constrained). Filippov systems: a fixed mode,
-sliding included (see _switching). Linear complementarity systems: a fixed set of conducting rows (see _diodes). Errors are those of the integrator, at its tolerance: no order in a step is lost at
-kinks, and no step is asked for.
+sliding included (see _switching). Linear complementarity systems: a fixed set of conducting rows (see _diodes). Errors are
+those of the integrator, at its tolerance: no order in a step is lost at kinks, and no step is asked for.
 """
 from __future__ import annotations
 
