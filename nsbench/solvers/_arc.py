@@ -21,10 +21,13 @@ from nsbench.trajectory import Status
 
 METHODS = {"dop853": "DOP853", "rk45": "RK45", "radau": "Radau", "lsoda": "LSODA"}
 SHARE = 0.03            # of the tolerance goes to one step: a run takes tens, and kinks of a drift deceive estimates
-UNSEEN = 1e5            # local errors by which a step may miss the equation: dense outputs, of lower order, do by 1e3
+UNSEEN = {"dop853": 1e5, "rk45": 1e6, "radau": 1e8, "lsoda": 1e8}     # local errors by which a step may miss the
+#                         equation: dense outputs are of lower order, those of implicit methods of much lower
 ALONE = 10.0            # local errors that a piece may add to its share of that
 REFUSALS = 40           # steps refused in a row, each at least half as long as the one before
 PARTS = 64              # of the run: longest step where nothing is proven
+STIFF, ROW, LONG = 20.0, 15, 2000       # the equation is so much faster than the solution, in so many steps in a row, and
+#                         so many are still to come: an implicit method is faster (Hairer & Wanner 1996, section IV.2)
 _MINIMAL = 16 * np.finfo(float).eps        # tolerances below SciPy's own floor are raised to it
 
 
@@ -84,7 +87,7 @@ def follow(rhs: Callable, t0: float, y0: np.ndarray, t_end: float, gaps: Callabl
 class _Follower:
     def __init__(self, rhs, t0, y0, t_end, gaps, method, rtol, atol, max_step, project, armed, band, samples, data):
         import scipy.integrate
-        self.kind = getattr(scipy.integrate, METHODS[method])
+        self.kind, self.method, self.slow = getattr(scipy.integrate, METHODS[method]), method, 0
         self.restart = method == "lsoda"        # keeps a history that cannot be projected
         self.fun, self.project, self.max_step, self.data = _Counted(rhs), project, max_step, data
         self.rtol, self.atol = max(SHARE * rtol, 100 * np.finfo(float).eps), max(SHARE * atol, _MINIMAL)
@@ -150,6 +153,8 @@ class _Follower:
             if found is not None:
                 return *self._land(t_old, y_old, *found), solver
         self.t, self.y = solver.t, solver.y
+        if self.method == "dop853" and self._stiff(solver, t_old, y_old):
+            return Status(), np.empty(0), self._implicit(solver)
         if wish is not None and solver.status == "finished" and solver.step_size < wish:
             solver.h_abs = max(solver.h_abs, wish)          # the step was cut short by a sample, not by its error
         if self.project is not None and (not self.restart or solver.status == "finished"):
@@ -173,7 +178,7 @@ class _Follower:
             return None                                     # proven smooth over the whole step: its estimate can be trusted
         for p in pieces:
             slopes, share = p.slopes(), (p.hi - p.lo) / (b - a)
-            size = (UNSEEN * share + ALONE) * (self.atol + self.rtol * np.abs(p.y).max(axis=0))
+            size = (UNSEEN[self.method] * share + ALONE) * (self.atol + self.rtol * np.abs(p.y).max(axis=0))
             size += 64 * np.spacing(max(abs(a), abs(b))) * np.abs(slopes).max(axis=0)      # the nodes are rounded too
             for t, y, slope in zip(p.times, p.y, slopes, strict=True):
                 off = np.abs(slope - self.fun(t, y)) * (p.hi - p.lo)
@@ -191,6 +196,25 @@ class _Follower:
             fresh.max_step = h
             return fresh
         return self._solver(t, y, stop, h)
+
+    def _stiff(self, solver, t, y) -> bool:
+        """Whether the equation bounds the steps and not the solution: from the two stages at the end of the step."""
+        h = solver.t - t
+        stage = y + h * (solver.A[11, :11] @ solver.K[:11])
+        fast = np.linalg.norm(solver.K[12] - solver.K[11]) / np.linalg.norm(solver.y - stage)
+        slow = np.linalg.norm(solver.K[12] - solver.K[0]) / (h * max(np.linalg.norm(solver.K[12]), np.linalg.norm(solver.K[0])))
+        self.slow = self.slow + 1 if fast > STIFF * slow and np.isfinite(fast) else max(self.slow - 1, 0)
+        return self.slow >= ROW and self.t_end - solver.t > LONG * h
+
+    def _implicit(self, solver):
+        """Go on from here with an implicit method."""
+        import scipy.integrate
+        self.kind, self.method = scipy.integrate.Radau, "radau"
+        if self.project is not None:
+            y = self.project(self.t, self.y)
+            self.y = self.y if y is None else y
+        return self._solver(self.t, self.y, solver.t_bound) if self.t < solver.t_bound else self._solver(
+            self.t, self.y, self.t_end)
 
     def _failed(self, t, y) -> Status:
         if np.abs(y).max(initial=0.0) > 1e6 * self.y_size:

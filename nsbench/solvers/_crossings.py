@@ -16,6 +16,7 @@ from nsbench.solvers._pieces import DEGREE, NODES, TO_CHEBYSHEV, Piece, whole
 SPLITS = 12             # halvings of a piece before a function counts as not smooth
 TOUCH = 0.05            # part of the band that a dip must exceed to be a crossing
 STEEP = 100.0           # touches per piece: a function that leaves a piece below zero at this pace has crossed
+_SCAN = chebyshev.chebvander(np.linspace(-1.0, 1.0, 33), DEGREE)
 _END = np.arange(DEGREE + 1.0) ** 2         # slope of the Chebyshev polynomials at 1
 _MINIMAL = 16 * np.finfo(float).eps
 
@@ -46,6 +47,8 @@ class Crossings:
             tail, swing = np.abs(c[-2:]).sum(axis=0), np.abs(c[1:]).sum(axis=0)
             near = ~(c[0] - swing - tail > np.where(self.armed, 0.0, self.level))
             rough = near & (tail > 1e-4 * swing) & (tail > 1e-3 * self.band) & (swing > 1e-15 * np.abs(values).max(initial=0.0))
+            lowest = (_SCAN @ c).min(axis=0, initial=np.inf)                # a dip this near to zero needs the last digit
+            rough |= near & (tail > self.touch) & (np.abs(lowest) <= 100.0 * tail + 4e-3 * swing)
             if rough.any() and depth < SPLITS and piece.hi - piece.lo > 64 * np.spacing(abs(piece.hi)):
                 mid = 0.5 * (piece.lo + piece.hi)
                 todo += [(whole(dense, mid, piece.hi, piece.depth + 1, piece.proven), depth + 1),

@@ -15,7 +15,7 @@ import numpy as np
 from nsbench.jets import ORDER, as_jet, clock, path
 
 DEGREE = ORDER - 1      # of the interpolants: one more than the dense output of DOP853
-RESOLVED = 1e-9         # bound on interpolation of the data, relative to their size, that counts as smooth
+RESOLVED = 1e-10        # bound on interpolation of the data, relative to their size, that counts as smooth
 DEPTH = 15              # halvings: features of 3e-5 of a step are resolved, narrower ones are left open
 CROWDED = 64            # unresolved pieces of one size: beyond, proofs cost more than they are worth
 
@@ -62,8 +62,9 @@ def cut(dense: Callable, lo: float, hi: float, data: Callable | None) -> list[Pi
     if data is None:
         return None
     done, open_ = [], [whole(dense, lo, hi)]
+    size = (1.0 + np.abs(open_[0].y).max(initial=0.0)) / max(hi - lo, 1.0)    # as a length, and as a speed over the step
     for depth in range(DEPTH + 1):
-        smooth = _smooth(open_, data)
+        smooth = _smooth(open_, data, RESOLVED * size)
         if smooth is None:
             return None
         done += [Piece(p.lo, p.hi, p.y, depth, True) for p, good in zip(open_, smooth, strict=True) if good]
@@ -80,8 +81,8 @@ def cut(dense: Callable, lo: float, hi: float, data: Callable | None) -> list[Pi
     return sorted(done, key=lambda p: p.lo)
 
 
-def _smooth(pieces, data):
-    """(K,) whether the bound holds on each piece; None if the data do not take Jets."""
+def _smooth(pieces, data, least):
+    """(K,) whether the bound is below RESOLVED of the data, or `least`, on each piece; None if data take no Jets."""
     ends = np.array([(p.lo, p.hi) for p in pieces])
     c = np.stack([TO_POWERS @ p.y for p in pieces], axis=1)                   # (9, K, n)
     try:
@@ -91,8 +92,8 @@ def _smooth(pieces, data):
         return None             # written for arrays in a way that Jets do not follow: said by the run, not hidden
     good = np.ones(len(pieces), bool)
     for q in found:
-        size = np.abs(q.mid[..., 0]) + np.where(np.isfinite(q.rad[..., 0]), q.rad[..., 0], 0.0)
-        size = size.reshape(-1, len(pieces)).max(axis=0, initial=0.0)
+        low = np.abs(q.mid[..., 0]) - q.rad[..., 0]                           # proven to be reached
+        size = np.nanmax(np.where(np.isfinite(low), low, 0.0), initial=0.0)
         bound = (np.abs(q.mid[..., ORDER]) + q.rad[..., ORDER]).reshape(-1, len(pieces)).max(axis=0, initial=0.0)
-        good &= bound * HALF <= RESOLVED * size + 1e-300
+        good &= bound * HALF <= max(RESOLVED * size, least)
     return good
