@@ -69,8 +69,8 @@ class _Walk:
         """(m,) gaps this small count as closed, and closed gaps are watched for this much violation."""
         return self.tol * (1.0 + np.abs(self.x).max()) * rows.norm
 
-    def _select(self, first=False) -> Status:
-        """List the candidates here, choose the basis, write down what changed."""
+    def _select(self, first=False, fired=None) -> Status:
+        """List the candidates here, choose the basis, write down what changed. fired: the contact that just closed."""
         before = {} if first else dict(zip(self.field.take(self.all, self.kept).near.ids,
                                            np.isin(np.flatnonzero(self.kept), self.basis), strict=True))
         ids = self.field.take(self.all, self.basis).near.ids
@@ -79,7 +79,10 @@ class _Walk:
         if not np.all(np.isfinite(g)):
             return Status("nan", f"Constraint {self.all.near.ids[int(np.argmin(np.isfinite(g)))]} is not finite "
                                  f"at t = {self.t:.9g}.")
-        closed = np.flatnonzero(g <= self._band(self.all))
+        touching = g <= self._band(self.all)
+        if fired is not None:                   # closed to the last digit of the time, whatever its speed makes of that
+            touching[self.all.near.ids.index(fired)] = True
+        closed = np.flatnonzero(touching)
         rows = self.field.take(self.all, closed)
         names = rows.near.ids
         place = {c: k for k, c in enumerate(names)}
@@ -174,7 +177,9 @@ class _Walk:
             self._relist()
             return Status()
         self.meetings.append(self.t)
-        return self._budget() or self._select()
+        opens = np.delete(np.arange(len(self.all)), self.basis)
+        fired = self.field.take(self.all, opens[arc.fired[:1]]).near.ids[0] if arc.fired[0] < o else None
+        return self._budget() or self._select(fired=fired)
 
     def _budget(self) -> Status | None:
         crowd = CROWD + 2 * self.peak

@@ -16,7 +16,7 @@ from nsbench.jets import ORDER, as_jet, clock, path
 
 DEGREE = ORDER - 1      # of the interpolants: one more than the dense output of DOP853
 RESOLVED = 1e-10        # bound on interpolation of the data, relative to their size, that counts as smooth
-DEPTH = 15              # halvings: features of 3e-5 of a step are resolved, narrower ones are left open
+DEPTH = 19              # halvings: features of 2e-6 of a step are resolved, narrower ones are left open
 CROWDED = 64            # unresolved pieces of one size: beyond, proofs cost more than they are worth
 
 _ANGLES = np.pi * np.arange(DEGREE + 1) / DEGREE
