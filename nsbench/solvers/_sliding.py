@@ -122,6 +122,36 @@ class Motion:
             out = [q for q in out if np.all(np.isfinite(q))]
         return out
 
+    def held(self, t, x, p) -> float:
+        """How far the best way off the sliding surfaces of a mode is from being one; negative: a motion leads away.
+
+        A way off keeps some of the surfaces, with |s_i| <= 1, and gains distance from the others. Where surfaces meet,
+        it may exist beside a motion that stays: then the solution is not unique. In relative units, between -1 and 1.
+        """
+        on = np.flatnonzero(p == 0)
+        _, rates = self._corners(t, x, np.where(p == FREE, 0, p).astype(float), on)
+        best = -1.0
+        for q in product((0, 1, -1), repeat=on.size):
+            q = np.array(q)
+            off, kept = np.flatnonzero(q), np.flatnonzero(q == 0)
+            if not off.size:
+                continue
+            part = rates[tuple(slice(None) if v == 0 else (1 - v) // 2 for v in q)]
+            for s in self._keeping(part[..., kept]):
+                gain = (q * _blend(part, s))[off].min()
+                room = (1.0 - np.abs(s)).min(initial=1.0)
+                best = max(best, min(gain, room)) if np.isfinite(gain + room) else best
+        return -min(best, 1.0)
+
+    def _keeping(self, rates) -> list:
+        """Signs that keep the surfaces with the given rates (2, ..., 2, k) on them."""
+        k = rates.shape[-1]
+        if k == 0:
+            return [np.empty(0)]
+        if k == 1:
+            return [_ratio(*rates[:, 0:1])]
+        return [self._newton(rates, rates, np.array(q)) for q in (_pair(rates) if k == 2 else [np.zeros(k)])]
+
     def data(self, t, x, p) -> list:
         """The switch functions and the fields that a mode is made of, for Jets (see solvers._pieces)."""
         field, switch = self._boxes

@@ -94,8 +94,11 @@ class _Walk:
             c = motion.switch(t, y[:n])
             g, more = mode * c, []
             if on.size:
-                g[on], below = motion.room(t, y[:n], mode, guess)
+                # weights that are lost count as beyond their bounds: they are, or the arc ends there in a fold
+                g[on], below = np.nan_to_num(motion.room(t, y[:n], mode, guess), nan=-1.0, posinf=1e3, neginf=-1e3)
                 more.append(below)
+                if on.size > 1:
+                    more.append([motion.held(t, y[:n], mode)])
             if free.size:
                 g[free] = away - c[free]
                 alike = [motion.same(t, y[:n], guess, i) for i in free]
@@ -106,12 +109,13 @@ class _Walk:
             x = motion.project(t, y[:n], on)
             return None if x is y[:n] else np.concatenate([x, y[n:]])
 
-        if on.size:
-            self.x = motion.project(self.t, self.x, on)
         def data(t, y):
             return motion.data(t, y[:n], mode)
 
-        band = np.concatenate([self._band(self.t, self.x, 16.0), np.full(on.size, FLAT), np.zeros(2 * free.size)])
+        if on.size:
+            self.x = motion.project(self.t, self.x, on)
+        band = np.concatenate([self._band(self.t, self.x, 16.0), np.full(on.size + (on.size > 1), FLAT),
+                               np.zeros(2 * free.size)])
         band[on], band[free] = FLAT, 0.0
         later = self.case.t[self.done:]
         arc = follow(rhs, self.t, np.concatenate([self.x, self.theta]), T, gaps, method=self.options.method,
@@ -126,9 +130,15 @@ class _Walk:
         return self._meet(arc.fired) if arc.status.ok and arc.fired.size else self._explained(arc.status)
 
     def _explained(self, status):
-        if status.code == "nan" and np.any(self.mode == 0):
-            s = self.motion.velocity(self.t, self.x, self.mode, self.signs)[1]
-            if not np.all(np.isfinite(s)):
+        """A failed arc in words: sliding may have lost its weights though the fields are finite."""
+        if status.code in ("nan", "degenerate") and np.any(self.mode == 0):
+            s, mode = self.motion.velocity(self.t, self.x, self.mode, self.signs)[1], self.mode.copy()
+            on = np.flatnonzero(mode == 0)
+            for q in product((1, -1), repeat=on.size):
+                mode[on] = q
+                if not np.all(np.isfinite(self.motion.velocity(self.t, self.x, mode, self.signs)[0])):
+                    return status
+            if not np.all(np.isfinite(s)) or on.size > 1:
                 return Status("degenerate", f"At t = {self.t:.9g} no weights, or many, keep the state on "
                                             f"{self._named()}: the fields do not determine the motion.")
         return status
@@ -207,7 +217,8 @@ class _Walk:
             return Status("degenerate", f"At t = {self.t:.9g} no motion continues from {self._named(met)}."), None, None
         mode, signs, ahead = good[0]
         for _, _, other in good[1:]:
-            if np.abs(other - ahead).max() > 1e-12 * (1.0 + np.abs(ahead).max()):
+            # trials that lead where weights are lost are not numbers; the shorter ones decide then
+            if not np.nanmax(np.abs(other - ahead)) <= 1e-12 * (1.0 + np.nanmax(np.abs(ahead))):
                 return Status("degenerate", f"At t = {self.t:.9g} several motions continue from {self._named(met)}: "
                                             "the solution is not unique there."), None, None
         return Status(), mode, signs
