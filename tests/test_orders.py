@@ -173,6 +173,41 @@ def test_an_error_that_is_still_saturated_is_pre_asymptotic():
         assert fit_order(H, H / (H + c)).verdict == "pre-asymptotic"
 
 
+def test_an_order_keeps_its_distance_from_what_only_looks_like_one():
+    dyad = 0.1 * 2.0 ** -np.arange(19)
+    said = {name: fit_order(h, err) for name, h, err in (
+        ("log", H, 1 / np.log(1 / H)), ("dyadic growth", dyad, 1.3 ** np.arange(19)), ("dyadic level", dyad, 0.3 + 0 * dyad),
+        ("turning", H, H * (1 + 0.9 * np.sin(9 * np.log(H)))), ("half exact", H, 1e-3 * (np.arange(25) % 2)))}
+    assert {f.verdict for f in said.values()} <= {"undecided", "pre-asymptotic"}, said
+    assert fit_order(H, H**0.5 + 5 * H).order == pytest.approx(0.5, abs=1e-3)
+    assert fit_order(H, np.minimum(0.1 * H**0.5, H)).interval[0] <= 1.0 <= fit_order(H, np.minimum(0.1 * H**0.5, H)).interval[1]
+
+
+def test_one_error_apart_is_left_out_and_told():
+    rng = np.random.default_rng(3)
+    err = H * np.exp(0.05 * rng.normal(size=H.size))
+    err[12] *= 100.0
+    fit = fit_order(H, err)
+    assert fit.dropped["apart"] == 1 and "1 far off the others" in fit.sentence
+    assert fit.verdict == "order" and abs(fit.order - 1.0) < 0.1 and np.ptp(fit.interval) < 0.3
+    top = H * np.exp(0.05 * rng.normal(size=H.size))
+    assert fit_order(H, top).dropped["apart"] == 0
+
+
+def test_medians_and_largest_errors_have_slopes_with_intervals():
+    rng = np.random.default_rng(4)
+    fits = [fit_order(FINE, FINE * np.exp(0.1 * rng.normal(size=FINE.size))) for _ in range(60)]
+    for name in ("median_interval", "envelope_interval"):
+        cover = np.mean([getattr(f, name)[0] <= 1.0 <= getattr(f, name)[1] for f in fits])
+        assert cover >= 0.85, (name, cover)                      # 95 of 100 expected; 0.85 by chance once in 500
+    assert all("largest errors" in f.sentence and "medians" in f.sentence for f in fits)
+
+
+def test_the_reference_widens_the_interval():
+    wide, narrow = fit_order(H, H**2, reference_error=1e-7), fit_order(H, H**2)
+    assert np.ptp(wide.interval) > np.ptp(narrow.interval) + 1e-3
+
+
 def test_too_little_data_is_undecided_but_the_slope_is_given():
     assert np.isnan(fit_order([0.1, 0.2], [1, 2]).order)
     assert np.isnan(fit_order([], []).order)

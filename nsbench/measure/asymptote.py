@@ -23,7 +23,7 @@ Q, POWER = (np.array(column)[:, None] for column in zip(*MODELS, strict=True))
 BELIEF = np.array(list(MODELS.values()))
 DECAYED = 0.3                             # the same where the alternative is a plateau, which is a head of order 0
 LIMIT = 1.0                               # largest share of the head at the finest step that is tried; more is no limit
-EDGE = 0.5                                # share above which the order is a guess: "pre-asymptotic"
+GAP = 0.1                                 # between p and the local slope at the finest step: more is a guess
 MOST = 9.0                                # variance of a slope under a correlation of 0.8 over that under none
 EPS = float(np.finfo(float).eps)
 
@@ -32,7 +32,7 @@ EPS = float(np.finfo(float).eps)
 class Headed:
     """log err = a + p u + head(u), u = log(h / h_max). half: half-width of the 95 % interval of p (t-based, widened by
     the correlation of neighbouring residuals); head (n,): the fitted head; rss; freedom: n - 3; q, r: of the head;
-    edge: the head has not decayed at the finest step, in models with most of the weight; bend, drift: |t| of a
+    edge: the slope at the finest step is not p yet, in models with most of the weight; bend, drift: |t| of a
     further square of u and the change of slope over the window it means; inflation: of the variance, by correlation."""
     a: float
     p: float
@@ -75,7 +75,9 @@ def fit_headed(u: np.ndarray, y: np.ndarray, own: np.ndarray | float = 0.0) -> H
     J = np.stack([np.ones(n), u, slope[best] / max(np.abs(slope[best]).max(), 1e-300)], 1)
     bend, drift = _bend(u, J, resid, s2 * (grow if grow < MOST else 1.0))
     sharp = BELIEF * np.exp(-0.5 * worse)                    # a smooth misfit inflates the variance, but not the doubt
-    edge = bool(sharp @ (np.abs(r) * np.exp(Q[:, 0] * u[0]) > EDGE) > 0.5 * sharp.sum())
+    share = r * np.exp(Q[:, 0] * u[0])
+    gap = np.abs(POWER[:, 0] * Q[:, 0] * share) / np.maximum(np.abs(1 + share), 1e-3)
+    edge = bool(sharp @ (gap > GAP) > 0.5 * sharp.sum())
     return Headed(a + (p[best] - mean) * float(u[0]), mean, float(half), head[best], float(rss[best]), n - 3,
                   float(Q[best, 0]), float(r[best]), edge, float(bend), float(drift), grow)
 

@@ -97,17 +97,28 @@ def fit_order(h, err, floor: float = 0.0, reference_error: float = 0.0, *, scale
         verdict, what = ("below reference", "ten times the reference's error") if below else ("undecided", "rounding")
         said = f"Only {keep.sum()} errors lie above {what} ({max(known, noise[0]):.1e}): no order."
         return replace(base, verdict=verdict, points=int(keep.sum()), sentence=f"No verdict ({mixed})." if mixed else said)
-    why = "the steps are dyadic: an error that turns with the phase of the step looks constant" if dyadic(h) else ""
+    why = "the steps are dyadic: an error that turns with the phase of the step looks constant" if dyadic(h) else mixed
+    phase = bool(why)
     if not why and (ladder < LADDER - 1e-9 or steps < STEPS):
         why = f"{ladder:.1f} octaves with {steps} steps; {LADDER:g} with {STEPS} are needed"
-    why = why or mixed
     h, err = h[keep], err[keep]
     apart = alone(h, err)
     dropped["apart"] = int(apart.sum())
     h, err = h[~apart], err[~apart]
     line = _straight(h, err, base)
-    verdict = _levels_off(h, err, line, known, why, multipliers_unique, reaction)
-    return verdict or _power(h, err, line, known, why)
+    fit = (_levels_off(h, err, line, known, why, multipliers_unique, reaction)
+           or (None if phase else _diverges(h, line)) or _power(h, err, line, known, why))
+    return replace(fit, sentence=f"{fit.sentence}{_rates(fit)}")
+
+
+def _rates(fit: Fit) -> str:
+    """The plain slopes per octave, and the points left out, as sentences."""
+    told = [f"{name} {p:.2f} [{lo:.2f}, {hi:.2f}]" for name, p, (lo, hi) in (
+        ("medians", fit.median, fit.median_interval), ("largest errors", fit.envelope, fit.envelope_interval))
+        if np.isfinite([p, lo, hi]).all()]
+    names = {"floor": "below the floor", "apart": "far off the others", "head": "at the coarse end", "not finite": "not finite"}
+    out = [f"{fit.dropped[k]} {name}" for k, name in names.items() if fit.dropped[k]]
+    return (f" Plain slopes per octave: {', '.join(told)}." if told else "") + (f" Left out: {', '.join(out)}." if out else "")
 
 
 def _slope(h, err) -> tuple[float, tuple[float, float], float]:
@@ -176,11 +187,11 @@ def _settle(h, err, known) -> tuple[int, Headed | None, bool]:
         some = sorted({allowed[round(k * (len(allowed) - 1))] for k in (0.0, 0.33, 0.67)})
         tried = [(k, fit_headed(u[:k], y[:k], own[:k])) for k in some]
         at = min(range(len(some)), key=lambda i: tried[i][1].half)
-        if tried[at][1].half < fit.half / 2:
-            n, fit = tried[at]
-            # how far the order of the next window lies is what the misfit may still do to this one
-            fit = replace(fit, half=fit.half + min((abs(fit.p - tried[i][1].p) for i in (at - 1, at + 1) if 0 <= i < len(some)),
-                                                   default=0.0))
+        # how far the order of the next window lies is what the misfit may still do to this one
+        beside = [abs(tried[at][1].p - tried[i][1].p) for i in (at - 1, at + 1) if 0 <= i < len(some)]
+        half = tried[at][1].half + min(beside, default=0.0)
+        if tried[at][1].half < fit.half / 2 and half < fit.half:
+            n, fit = some[at], replace(tried[at][1], half=half)
     while True:
         strict = strict or fit.bend > stdtrit(n - 4, 1.0 - CURVED / 2)
         # one level to believe in a bend, another that it is gone: stopping at the first would leave a bias of its size
@@ -189,6 +200,15 @@ def _settle(h, err, known) -> tuple[int, Headed | None, bool]:
             return n, fit, gone
         n -= 1
         fit = fit_headed(u[:n], y[:n], own[:n])
+
+
+def _diverges(h, line: Fit) -> Fit | None:
+    """The verdict where the plain slope of at least five errors is negative; divergence needs no long ladder."""
+    lo, hi = line.interval
+    if hi >= 0.0 or line.order >= -FLAT or len(h) < 5:
+        return None
+    return replace(line, verdict="diverges", sentence=f"The error grows as the step shrinks: slope {line.order:.3f} "
+                   f"[{lo:.3f}, {hi:.3f}] from {len(h)} steps in [{h[0]:.2e}, {h[-1]:.2e}].")
 
 
 def _power(h, err, line: Fit, known: float, why: str) -> Fit:
@@ -205,10 +225,6 @@ def _power(h, err, line: Fit, known: float, why: str) -> Fit:
                       median_interval=line.median_interval, envelope_interval=line.envelope_interval)
     lo, hi = fit.interval
     said = f"slope {fit.order:.3f} [{lo:.3f}, {hi:.3f}] from {fit.points} steps in [{h[0]:.2e}, {h[n - 1]:.2e}]"
-    apart = line.dropped["apart"]
-    said += f", {apart} step{'s' if apart > 1 else ''} far off the others left out" if apart else ""
-    if line.interval[1] < 0.0 and line.order < -FLAT and len(h) >= 5:
-        return replace(line, verdict="diverges", sentence=f"The error grows as the step shrinks: {said}.")
     if not why and (headed is None or np.log2(h[n - 1] / h[0]) < WINDOW - 1e-9):
         why = f"{np.log2(h[n - 1] / h[0]):.1f} octaves with {n} steps above the floor; {WINDOW:g} with {FEWEST} are needed"
     if why:
@@ -217,7 +233,9 @@ def _power(h, err, line: Fit, known: float, why: str) -> Fit:
         return replace(fit, verdict="pre-asymptotic", sentence=f"The local slope still drifts: {said}.")
     if hi - lo > WIDE:
         doubt = f"the interval is wider than {WIDE:g}: more steps are needed"
-    elif lo <= 0.0 or (cannot_exclude(h[:n], err[:n]) and cannot_exclude(*binned(h[:n], err[:n], np.max, 2), head=False)):
+    elif lo <= 2 * FLAT:
+        doubt = "so slow that a logarithm, or no convergence, fits as well"
+    elif cannot_exclude(h[:n], err[:n]) and cannot_exclude(*binned(h[:n], err[:n], np.max, 2), head=False):
         doubt = "a plateau fits as well: more or finer steps are needed"
     else:
         return replace(fit, verdict="order", sentence=f"Order: {said}, constant {fit.constant:.3g}.")
@@ -236,7 +254,7 @@ def _bounded(h, err, fit: Fit) -> Fit | None:
     found = fit_headed(np.log(top), np.log(most))
     lo, hi = float(found.p - found.half), float(found.p + found.half)
     bent = found.edge or (abs(found.drift) > DRIFT and found.bend > 2.0)
-    if bent or lo <= 0.0 or hi - lo > WIDE / 2 or cannot_exclude(top, most):
+    if bent or lo <= 2 * FLAT or hi - lo > WIDE / 2 or cannot_exclude(top, most):
         return None
     constant = float(np.exp(found.a) / top[-1] ** found.p)
     return replace(fit, verdict="order", order=found.p, interval=(lo, hi), constant=constant, points=len(h),

@@ -17,6 +17,7 @@ FINER = 4.0                               # a plateau must persist when the smal
 LARGE = 2.0                               # C over M h^p at the finest step: what an order must exclude at 5 %
 RISEN = 0.1                               # in log err: a rise of the finest errors over the smallest that is none
 SLOWEST = 0.3                             # the slowest convergence a plateau is weighed against (none known is below 1/2)
+CREEPING = 0.05                           # an order below which nobody could tell it from none
 END = 2.0**1.5                            # the fine end, where the error must have stopped to fall
 
 
@@ -134,13 +135,20 @@ def persists(h: np.ndarray, err: np.ndarray, full: Levelled) -> bool:
 
 
 def claimed(h: np.ndarray, err: np.ndarray) -> Levelled | None:
-    """The plateau that the errors show: significant against a power law, no worse (within one s^2) than a power law with
-    a head, which bends the same way but at the coarse end, and persistent; else None."""
+    """The plateau that the errors show, or None.
+
+    Significant against a power law; persistent; no worse (within one s^2) than a power law with a head, which bends the
+    same way but at the coarse end; and not significantly worse than a very slow convergence, such as that of 1 / log h.
+    """
+    from scipy.special import fdtri
     level = fit_levelled(h, err)
     if not (level.C > 0.0 and level.significant and persists(h, err, level)):
         return None
-    rss = convergent(np.log(h), np.log(err), SLOWEST)
-    return level if level.rss - rss <= level.rss / (level.n - 3) else None
+    u, y, free = np.log(h), np.log(err), level.n - 3
+    if level.rss - convergent(u, y, SLOWEST) > level.rss / free:
+        return None
+    creeping = convergent(u, y, CREEPING)
+    return level if (level.rss - creeping) / (creeping / free) < fdtri(1, free, 0.95) else None
 
 
 def _rises(h: np.ndarray, err: np.ndarray) -> bool:

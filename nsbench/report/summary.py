@@ -39,6 +39,8 @@ class Order:
     plateau: float = math.nan
     best: float = math.nan
     best_h: float = math.nan
+    window: tuple = (math.nan, math.nan)
+    envelope: float = math.nan
 
 
 @dataclass(frozen=True)
@@ -143,7 +145,8 @@ def order(runs: Runs, metric: str, claims: dict, fit) -> Order:
         sentence += f" Claimed: {num(claim)}; measured {flag} it."
     lo, hi = (float(v) for v in result.interval)
     return Order(metric, "fit", f"{value:.2f} [{lo:.2f}, {hi:.2f}]", sentence, value, (lo, hi), float(result.constant),
-                 verdict, flag, claim, float(result.plateau), **best)
+                 verdict, flag, claim, float(result.plateau), **best, window=tuple(map(float, result.window)),
+                 envelope=float(result.envelope))
 
 
 def _deviation(value: float, interval, verdict: str, claim) -> str:

@@ -259,9 +259,9 @@ GLOSSARY = {
     "settled": "sup of the multiplier's error outside windows around events",
     "selection": "the part of non-unique multipliers that a method picks (self-stress); never an error",
     "violation": "largest max(0, -g) over constraints and sample times, computed by the bench",
-    "order, interval": "slope of log error over log h in the fit window, with its t-based 95 % interval; kept negative "
-                       "when a method diverges",
-    "constant": "C in error = C h^p",
+    "order, interval": "p of error = C h^p (1 + r h^q)^s in the fit window, the slope of log error over log h that the "
+                       "error tends to, with its t-based 95 % interval; kept negative when a method diverges",
+    "constant": "C in error = C h^p, of the finest steps",
     "exact at grid times": "the error is rounding at every step, so that no order can be fitted (Euler is exact for "
                            "a constant drift)",
     "plateau": "the error tends to C > 0: the method converges to a limit of its own",

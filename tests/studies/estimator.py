@@ -102,7 +102,8 @@ def main() -> None:
                 if f == family and note:
                     print(line(f"    {note}", d))
     for name, c in totals(counts).items():
-        print(line(name, c))
+        if c.n:
+            print(line(name, c))
 
 
 if __name__ == "__main__":
