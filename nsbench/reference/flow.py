@@ -7,66 +7,18 @@ a curve that solves the equations and keeps these signs is the solution.
 """
 from __future__ import annotations
 
-from dataclasses import dataclass
-from itertools import product
-
 import numpy as np
 from flint import arb, arb_mat
 
 from nsbench.case import Case
-from nsbench.contacts import Scene
 from nsbench.problem import Affine, Complementarity, Distance, Filippov
-from nsbench.reference.jets import Dual, Jet, Number, array
+from nsbench.reference.dual import Dual, array
+from nsbench.reference.jets import Jet
+from nsbench.reference.linear import lead, solve
 from nsbench.reference.namespace import NAMESPACE, vector
+from nsbench.reference.rows import Row, rows_of
 
 INNER = 2               # level of the derivatives that make gradients; level 1 is left for those of the whole flow
-
-
-@dataclass(frozen=True)
-class Row:
-    """One constraint: its id, its family's number, kind, and what the kind needs (columns, values, sign, distance)."""
-    id: tuple
-    family: int
-    kind: str
-    index: int
-    cols: tuple = ()
-    vals: tuple = ()
-    other: tuple = ()
-    d: float = 0.0
-    sign: int = 1
-
-
-def rows_of(case: Case) -> list[Row]:
-    """Every constraint of a small scene, all pairs listed, in the stated order."""
-    scene, out = Scene(case.problem, case.n), []
-    for k, c in enumerate(case.problem.constraints):
-        if isinstance(c, Affine):
-            for i in range(c.shape[0]):
-                e = slice(c.indptr[i], c.indptr[i + 1])
-                out.append(Row((k, i), k, "affine", i, tuple(c.indices[e].tolist()), tuple(c.data[e].tolist())))
-        elif isinstance(c, Distance):
-            out += _distances(k, c, case.n, scene)
-        else:
-            count = len(np.atleast_1d(c.g(np)(float(case.t[0]), case.x0)))
-            out += [Row((k, i), k, "smooth", i) for i in range(count)]
-    return out
-
-
-def _distances(k, c, n, scene):
-    count = c.particles(n)
-    place = lambda i: tuple(range(c.start + i * c.dim, c.start + (i + 1) * c.dim))
-    if c.all_pairs:
-        r = scene.radii[k]
-        size = (lambda i, j: 2 * float(r[i])) if c.radii is None else (lambda i, j: (float(r[i]), float(r[j])))
-        return [Row((k, i, j), k, "pair", -1, place(i), (), place(j), size(i, j), 1)
-                for i in range(count) for j in range(i + 1, count)]
-    pairs = c.pairs
-    if pairs is None:
-        pairs = np.stack(np.indices((count, len(np.asarray(c.anchors(np)(0.0) if c.moving else c.anchors)))), -1)
-        pairs = pairs.reshape(-1, 2)
-    d, kind = np.broadcast_to(c.d, len(pairs)), "pair" if c.anchors is None else "anchor"
-    return [Row((k, int(i), int(j)), k, kind, int(j), place(int(i)), (), place(int(j)) if kind == "pair" else (),
-                float(d[m]), c.sign) for m, (i, j) in enumerate(pairs)]
 
 
 class ContactFlow:
@@ -189,13 +141,13 @@ class ContactPoint:
 
     def matrix(self, u) -> arb_mat:
         """d residual / d u in the leading coefficients: G G^T."""
-        G = [{j: _lead(a) for j, a in grad.items()} for grad in self.grads]
+        G = [{j: lead(a) for j, a in grad.items()} for grad in self.grads]
         return arb_mat([[sum((a[j] * b[j] for j in a if j in b), start=arb(0)) for b in G] for a in G])
 
     def start(self) -> list:
         """Leading coefficients of the unknowns."""
         zero = [Jet.lift(None, 0.0)] * self.flow.m
-        return solve(self.matrix(zero), [-_lead(v) for v in self.residual(zero)])
+        return solve(self.matrix(zero), [-lead(v) for v in self.residual(zero)])
 
     def watch(self, u) -> dict:
         """What is claimed to be non-negative, by (what, id); gaps as `side`."""
@@ -209,119 +161,8 @@ class ContactPoint:
         return [v - f for v, f in zip(self.velocity(u), self.f, strict=True)]
 
 
-class SlidingFlow:
-    """Filippov system in the mode p (+1, -1 beside a surface, 0 on it); unknowns are the signs of the surfaces with 0."""
-
-    def __init__(self, case: Case, mode):
-        self.case, self.n, self.mode = case, case.n, tuple(int(v) for v in mode)
-        self.on = [i for i, v in enumerate(self.mode) if v == 0]
-        self.m, self.shut = len(self.on), ()
-        self.field, self.switch = case.problem.field(NAMESPACE), case.problem.switch(NAMESPACE)
-
-    def at(self, t, x):
-        return SlidingPoint(self, t, x)
-
-    def names(self):
-        return tuple((0, i) for i in range(len(self.mode)))
-
-    def invariants(self, point):
-        return [point.c[i] for i in self.on]
-
-
-class SlidingPoint:
-    def __init__(self, flow, t, x):
-        self.flow, n = flow, flow.n
-        one, d = Jet.lift(None, 1.0), len(flow.mode)
-        duals = array([Dual(v, {i: one}, INNER) for i, v in enumerate(x)])
-        c = vector(flow.switch(Dual(t, {n: one}, INNER), duals), d)
-        c = [v if isinstance(v, Dual) and v.level == INNER else Dual(v, {}, INNER) for v in c]
-        self.c = [v.v for v in c]
-        self.corners = {}
-        for code in product((1, -1), repeat=flow.m):
-            s = np.array(flow.mode, float)
-            s[flow.on] = code
-            F = vector(flow.field(t, array(x), s), n)
-            self.corners[code] = F, [_along(c[i].d, F, n) for i in flow.on]
-
-    def _blend(self, values, u):
-        """Multilinear in the signs u: the corners weighted by products of (1 + s)/2 and (1 - s)/2."""
-        if not u:
-            return values[()]
-        weights = [{1: 0.5 * (1.0 + s), -1: 0.5 * (1.0 - s)} for s in u]
-        total = None
-        for code, vector_ in values.items():
-            w = weights[0][code[0]]
-            for k in range(1, len(code)):
-                w = w * weights[k][code[k]]
-            part = [w * v for v in vector_]
-            total = part if total is None else [a + b for a, b in zip(total, part, strict=True)]
-        return total
-
-    def velocity(self, u):
-        return self._blend({k: v[0] for k, v in self.corners.items()}, list(u))
-
-    def residual(self, u):
-        return self._blend({k: v[1] for k, v in self.corners.items()}, list(u))
-
-    def matrix(self, u):
-        signs = [Dual(Jet.lift(None, _lead(v)), {k: Jet.lift(None, 1.0)}) for k, v in enumerate(u)]
-        rates = {k: [Jet.lift(None, _lead(r)) for r in v[1]] for k, v in self.corners.items()}
-        rows = self._blend(rates, signs)
-        return arb_mat([[r.d[k].at(0) if k in r.d else arb(0) for k in range(self.flow.m)] for r in rows])
-
-    def start(self):
-        if self.flow.m == 0:
-            return []
-        if self.flow.m == 1:
-            plus, minus = _lead(self.corners[(1,)][1][0]), _lead(self.corners[(-1,)][1][0])
-            return [(plus + minus) / (minus - plus)]
-        rates = {k: [Jet.lift(None, _lead(r)) for r in v[1]] for k, v in self.corners.items()}
-        return zero_of(lambda s: [v.at(0) for v in self._blend(rates, [Jet.lift(None, v) for v in s])],
-                       lambda s: self.matrix([Jet.lift(None, v) for v in s]), self.flow.m)
-
-    def watch(self, u):
-        out = {("side", (0, i)): p * self.c[i] for i, p in enumerate(self.flow.mode) if p}
-        for i, s in zip(self.flow.on, u, strict=True):
-            out |= {("upper", (0, i)): 1.0 - s, ("lower", (0, i)): 1.0 + s}
-        return out
-
-    def rates_of_impulse(self, u):
-        s = dict(zip(self.flow.on, u, strict=True))
-        return [0.5 * (1.0 + s[i]) if i in s else Jet.lift(None, 0.5 * (1 + p)) for i, p in enumerate(self.flow.mode)]
-
-    def force(self, u):
-        return []
-
-
-def zero_of(function, slopes, m: int) -> list:
-    """The zero of m equations from the origin by Newton's method; ArithmeticError if it does not settle."""
-    s = [arb(0)] * m
-    for _ in range(60):
-        value = function(s)
-        move = solve(slopes(s), [-v for v in value])
-        s = [(a + b).mid() for a, b in zip(s, move, strict=True)]
-        if max(abs(float(v)) for v in move) < 1e-45:
-            return s
-    raise ArithmeticError("the weights that keep the state on its surfaces are not found")
-
-
-def _along(d, F, n):
-    return sum((a * (F[j] if j < n else 1.0) for j, a in d.items()), start=Jet.lift(None, 0.0))
-
-
 def _slope(value):
     return value.derivative() if isinstance(value, Jet) else 0.0
-
-
-def _lead(v) -> arb:
-    return v.leading.at(0) if isinstance(v, Number) else arb(v)
-
-
-def solve(M: arb_mat, b: list) -> list:
-    """M u = b for balls, by Gauss after multiplication with an approximate inverse."""
-    if not b:
-        return []
-    return [v for row in M.solve(arb_mat([[v] for v in b]), algorithm="precond").tolist() for v in row]
 
 
 def make_flow(case: Case, arc, rows=None):
@@ -329,5 +170,6 @@ def make_flow(case: Case, arc, rows=None):
     if isinstance(case.problem, Complementarity):
         return ContactFlow(case, arc.held, arc.shut, rows)
     if isinstance(case.problem, Filippov):
+        from nsbench.reference.sliding import SlidingFlow
         return SlidingFlow(case, arc.mode)
     raise ValueError(f"certificates know no {type(case.problem).__name__} systems")

@@ -13,8 +13,11 @@ from flint import arb, arb_mat, ctx
 from nsbench.case import Case
 from nsbench.problem import Complementarity
 from nsbench.reference.arcs import Arc
-from nsbench.reference.flow import ContactFlow, _lead, make_flow, rows_of, solve
-from nsbench.reference.jets import Dual, Jet
+from nsbench.reference.dual import Dual
+from nsbench.reference.flow import ContactFlow, make_flow
+from nsbench.reference.jets import Jet
+from nsbench.reference.linear import lead, solve
+from nsbench.reference.rows import rows_of
 from nsbench.reference.series import Step, first_kink, root, step
 
 REACH = 1e-6            # an event may be this far from where the run saw it, relative to the run's length
@@ -109,7 +112,7 @@ class _Follower:
         if self.rows is None:
             return 0.0
         point = ContactFlow(self.case, (), (), self.rows).at(Jet.of([self.t, 1], 2), [Jet.of([v], 1) for v in self.x])
-        out = [r.id for r in self.rows if -1e-12 < float(_lead(point.gap(r))) < 0.0]
+        out = [r.id for r in self.rows if -1e-12 < float(lead(point.gap(r))) < 0.0]
         return self._onto(ContactFlow(self.case, tuple(out), (), self.rows), self.arcs[0]) if out else 0.0
 
     def _onto(self, flow, arc) -> float:
@@ -119,7 +122,7 @@ class _Follower:
             one = Jet.lift(None, 1.0)
             point = flow.at(Jet.of([self.t, 1], 2), [Dual(Jet.of([v], 1), {i: one}, 1) for i, v in enumerate(self.x)])
             g = [v if isinstance(v, Dual) else Dual(v, {}) for v in flow.invariants(point)]
-            off = max((abs(float(_lead(v))) for v in g), default=0.0)
+            off = max((abs(float(lead(v))) for v in g), default=0.0)
             if off > ON:
                 raise Refused(f"the arc that ends at t = {arc.end:.9g} is said to hold {_name(flow)}, which is "
                               f"{off:.2e} away at its start, t = {float(self.t):.9g}")
@@ -127,7 +130,7 @@ class _Follower:
                 break
             G = [{j: d.leading.at(0).mid() for j, d in v.d.items()} for v in g]
             M = arb_mat([[sum((a[j] * b[j] for j in a if j in b), start=arb(0)).mid() for b in G] for a in G])
-            mu = solve(M, [-_lead(v).mid() for v in g])
+            mu = solve(M, [-lead(v).mid() for v in g])
             for m, grad in zip(mu, G, strict=True):
                 for j, a in grad.items():
                     self.x[j] = (self.x[j] + m * a).mid()

@@ -1,8 +1,8 @@
 """Numbers a drift can be evaluated in: power series in time with ball coefficients, with partial derivatives, complex.
 
 Jet is a truncated series a_0 + a_1 s + ... + O(s^L) whose coefficients are balls (python-flint's arb_series): every
-operation rounds outwards, so what is true of a ball is true of every number in it. Dual carries partial derivatives
-with it (forward mode, sparse); Complex is a pair. All three nest: a Dual of Jets has Jets as value and derivatives.
+operation rounds outwards, so what is true of a ball is true of every number in it. nsbench.reference.dual adds partial
+derivatives and complex numbers; all three nest: a Dual of Jets has Jets as value and derivatives.
 
 Source: Johansson, "Arb: efficient arbitrary-precision midpoint-radius interval arithmetic", IEEE Trans. Comput. 66
 (2017); Griewank and Walther, "Evaluating Derivatives" (2008), chapters 3 and 13.
@@ -11,9 +11,9 @@ from __future__ import annotations
 
 import numbers
 
-import numpy as np
 from flint import arb, arb_series
 
+COMPLEX = 9             # level of complex numbers, above all nested derivatives
 ROUNDING = 1e-25        # a ball this close to zero counts as zero when the side of a kink must be told
 
 
@@ -41,7 +41,7 @@ class Number:
                 return NotImplemented
             return other if other.level == self.level else self.lift(other)
         if isinstance(other, complex) and not isinstance(other, numbers.Real):
-            return NotImplemented if self.level < Complex.level else Complex(other.real, other.imag)
+            return NotImplemented if self.level < COMPLEX else self.lift(other)
         return self.lift(other) if isinstance(other, (numbers.Real, arb)) else NotImplemented
 
     def __add__(self, other):
@@ -167,6 +167,7 @@ def _promoted(self, other, name):
     if isinstance(other, Number):
         return getattr(other.lift(self), name)(other)
     if isinstance(other, complex):
+        from nsbench.reference.dual import Complex
         return getattr(Complex(self, 0.0), name)(Complex(other.real, other.imag))
     return NotImplemented
 
@@ -229,137 +230,3 @@ class Jet(Number):
 
     def integral(self) -> Jet:
         return Jet(self.s.integral())
-
-
-SLOPES = {          # derivative of f at v, given f(v)
-    "sqrt": lambda v, f: 0.5 / f, "exp": lambda v, f: f, "log": lambda v, f: v.inv(), "sin": lambda v, f: v.cos(),
-    "cos": lambda v, f: -v.sin(), "atan": lambda v, f: (v * v + 1.0).inv(), "asin": lambda v, f: 1.0 / (1.0 - v * v).sqrt(),
-    "acos": lambda v, f: -1.0 / (1.0 - v * v).sqrt(),
-}
-
-
-class Dual(Number):
-    """v + sum_j d[j] eps_j, products of eps vanish; level tells nested ones apart (1, 2)."""
-    __slots__ = ("d", "level", "v")
-
-    def __init__(self, v, d, level=1):
-        self.v, self.d, self.level = v, d, level
-
-    def lift(self, value):
-        return Dual(value if isinstance(value, Number) else Jet.lift(None, value), {}, self.level)
-
-    def add(self, o):
-        d = dict(self.d)
-        for j, b in o.d.items():
-            d[j] = d[j] + b if j in d else b
-        return Dual(self.v + o.v, d, self.level)
-
-    def mul(self, o):
-        d = {j: a * o.v for j, a in self.d.items()}
-        for j, b in o.d.items():
-            term = self.v * b
-            d[j] = d[j] + term if j in d else term
-        return Dual(self.v * o.v, d, self.level)
-
-    def scaled(self, c):
-        return Dual(self.v * c, {j: a * c for j, a in self.d.items()}, self.level)
-
-    def divided(self, c):
-        return Dual(self.v / c, {j: a / c for j, a in self.d.items()}, self.level)
-
-    def inv(self):
-        w = self.v.inv()
-        slope = -(w * w)
-        return Dual(w, {j: a * slope for j, a in self.d.items()}, self.level)
-
-    def apply(self, name):
-        f = self.v.apply(name)
-        slope = SLOPES[name](self.v, f) if self.d else None
-        return Dual(f, {j: a * slope for j, a in self.d.items()}, self.level)
-
-    @property
-    def leading(self) -> Jet:
-        return self.v.leading
-
-
-class Complex(Number):
-    """re + i im; both real numbers of any kind."""
-    __slots__ = ("im", "re")
-    level = 9
-
-    def __init__(self, re, im):
-        self.re, self.im = re, im
-
-    def lift(self, value):
-        return Complex(value, 0.0)
-
-    def add(self, o):
-        return Complex(self.re + o.re, self.im + o.im)
-
-    def mul(self, o):
-        return Complex(self.re * o.re - self.im * o.im, self.re * o.im + self.im * o.re)
-
-    def scaled(self, c):
-        return Complex(self.re * c, self.im * c)
-
-    def divided(self, c):
-        return Complex(self.re / c, self.im / c)
-
-    def inv(self):
-        size = self.re * self.re + self.im * self.im
-        return Complex(self.re / size, -1.0 * self.im / size)
-
-    def apply(self, name):
-        if name != "exp":
-            raise NotImplementedError(f"certificates know no complex {name}")
-        from nsbench.reference.namespace import elementary
-        size, c, s = elementary("exp", self.re), elementary("cos", self.im), elementary("sin", self.im)
-        return Complex(size * c, size * s)
-
-    def conjugate(self):
-        return Complex(self.re, -1.0 * self.im)
-
-    def __abs__(self):
-        from nsbench.reference.namespace import elementary
-        return elementary("sqrt", self.re * self.re + self.im * self.im)
-
-    @property
-    def real(self):
-        return self.re
-
-    @property
-    def imag(self):
-        return self.im
-
-    def _compare(self, other, low):
-        raise TypeError("complex numbers have no order")
-
-
-class JetArray(np.ndarray):
-    """An object array of numbers with real and imaginary parts taken entry by entry."""
-
-    @property
-    def real(self):
-        return _each(self, lambda v: v.real)
-
-    @property
-    def imag(self):
-        return _each(self, lambda v: v.imag)
-
-    def conj(self):
-        return _each(self, lambda v: v.conjugate())
-
-    conjugate = conj
-
-
-def _each(a, f):
-    out = np.empty(np.shape(a), object)
-    flat = out.reshape(-1)
-    for k, v in enumerate(np.asarray(a, object).reshape(-1)):
-        flat[k] = f(v)
-    return out.view(JetArray)
-
-
-def array(values) -> JetArray:
-    """Numbers (or nested lists, arrays of them) as a JetArray."""
-    return np.array(values, dtype=object).view(JetArray)

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from nsbench.reference.jets import ROUNDING, Complex, Jet, JetArray, NotDecided, Number, _each, array
+from nsbench.reference.dual import Complex, JetArray, _each, array
+from nsbench.reference.jets import ROUNDING, Jet, NotDecided, Number
 
 ELEMENTWISE = {"sin": "sin", "cos": "cos", "tan": "tan", "exp": "exp", "log": "log", "sqrt": "sqrt", "sinh": "sinh",
                "cosh": "cosh", "tanh": "tanh", "arctan": "arctan", "arcsin": "arcsin", "arccos": "arccos"}

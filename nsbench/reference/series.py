@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 from flint import arb, arb_poly
 
-from nsbench.reference.flow import solve
 from nsbench.reference.jets import Jet
+from nsbench.reference.linear import solve
 from nsbench.reference.namespace import Branches, NotDecided, watching
 
 NEWTON = 60             # of a root: quadratic, from a guess good to 1e-9
