@@ -143,8 +143,10 @@ def show(args, say) -> int:
         say(f"  {name:<20} {value}")
     if len(traj.t):
         from nsbench.measure import errors
-        for name, value in errors(case, traj).items():
-            say(f"  {name:<20} {value:.6g}" if isinstance(value, float) else f"  {name:<20} {value}")
+        found = errors(case, traj)
+        for name, value in found.items():
+            text = f"{value:.6g}" if isinstance(value, float) else str(value)
+            say(f"  {name:<20} {'below ten times the bound of the reference' if name in found['below'].split() else text}")
     for e in traj.events[:40]:
         say(f"  t = {e.t:.12g}  {e.kind}  {e.contact}")
     return FINE if traj.status.code in EXPECTED else FAILED

@@ -177,9 +177,21 @@ def attempt(spec: Spec, announce: Callable[[str], None] = lambda what: None):
     try:
         from nsbench.measure import errors
         row |= errors(case, traj)
+        row |= _below(row)
     except Exception as e:
         return row | _status(Status("error", f"The run ended, measuring it did not: {type(e).__name__}: {e}")), None
     return row, run if traj.status.ok else None
+
+
+def _below(row: dict) -> dict:
+    """The status of a run that is right as far as its reference can tell: state and impulses (or, where these are not
+    unique or not known, the reaction) are below ten times its bound. Otherwise nothing changes."""
+    below = row.get("below", "").split()
+    force = next((name for name in ("impulse", "reaction") if np.isfinite(row[name])), None)
+    if row["status"] != "ok" or "state_sup" not in below or (force and force not in below):
+        return {}
+    return _status(Status("below_reference", f"The error is below {row['state_floor']:.2g}, ten times the bound of the "
+                                             f"reference ({row['reference']})."))
 
 
 def misfit(case: Case, traj) -> str:

@@ -10,7 +10,7 @@ from nsbench import Affine, Case, Complementarity, Distance, Filippov, Smooth, g
 from nsbench import reference as refs  # noqa: E402
 from nsbench.reference.arcs import arcs_of  # noqa: E402
 from nsbench.reference.certify import certify  # noqa: E402
-from nsbench.reference.follow import Refused  # noqa: E402
+from nsbench.reference.linear import Refused  # noqa: E402
 from nsbench.reference.signs import positive  # noqa: E402
 
 TIDE = get_case("tide")
@@ -167,7 +167,7 @@ def test_building_prefers_the_proof_and_says_why_not(tmp_path):
     ref = refs.build(case, tmp_path)
     assert ref.kind == "certified" and ref.state_error < 1e-15 and "proven" in ref.how
     back = refs.load(case, tmp_path)
-    assert back.shown == ref.shown and back.kind == "certified" and back.time_error == ref.time_error < 1e-15
+    assert back.shown == ref.shown and back.kind == "certified" and back.event_error == ref.event_error < 1e-15
     assert "confirmed" in refs.verify(case, tmp_path) and "proven again" in refs.verify(case, tmp_path, certify=True)
     odd = Case("odd", Complementarity(lambda xp: lambda t, x: -xp.cbrt(x)), np.ones(1), np.linspace(0, 0.5, 3))
     assert "no certificate: certificates know no array function 'cbrt'" in refs.build(odd, tmp_path).how

@@ -18,7 +18,7 @@ class Progress:
 
     def step(self, label: str, status: str) -> None:
         self.done += 1
-        self.failed += status not in ("ok", "refused")
+        self.failed += status not in ("ok", "refused", "below_reference")
         now = time.monotonic()
         if self.terminal:
             if now - self.last > 0.1 or self.done == self.total:

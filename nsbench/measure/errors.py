@@ -14,7 +14,8 @@ from nsbench.reference import columns_of, spread
 from nsbench.trajectory import Trajectory
 
 NAMES = ("state_sup", "state_T", "set_distance", "impulse", "reaction", "l1", "settled", "sup", "event_time", "events_missed",
-         "events_extra", "selection", "polyhedron", "state_floor", "impulse_floor", "state_scale", "impulse_scale")
+         "events_extra", "selection", "polyhedron", "state_floor", "impulse_floor", "reaction_floor", "event_floor",
+         "state_scale", "impulse_scale")
 MEASURED = ("ok", "unverified", "degenerate", "below_reference")       # statuses of runs that reached T
 
 
@@ -34,7 +35,8 @@ def errors(case: Case, traj: Trajectory) -> dict:
     multipliers_unique: rank of the active gradients along the reference (None without one). Where False, impulse, l1,
     settled and sup are NaN: the reaction's error stands in their place, polyhedron is the distance of the multipliers
     to the set of all, selection the one to its smallest element, no error.
-    state_floor, impulse_floor: ten times the reference's own error; errors below say nothing. state_scale,
+    state_floor, impulse_floor, reaction_floor, event_floor: ten times the reference's own error; errors below say
+    nothing, and `below` names those that are (see `below_reference`); whoever prints one prints the floor. state_scale,
     impulse_scale: at least 1, and the largest value of the reference, which rounding is relative to.
     reference: "closed form", "stored" or "none". feasibility, sign, complementarity, residual: see `residuals`.
     A run that did not reach T has residuals only. BadReference (a ValueError) if the stored reference is unusable.
@@ -42,7 +44,7 @@ def errors(case: Case, traj: Trajectory) -> dict:
     made = frame(case)
     ref = made.ref
     out = {k: float("nan") for k in NAMES}
-    out |= {"reference": "none" if ref is None else ref.kind, "multipliers_unique": made.unique}
+    out |= {"reference": "none" if ref is None else ref.kind, "multipliers_unique": made.unique, "below": ""}
     if not len(traj.t):
         return out | dict.fromkeys(RESIDUALS, float("nan"))
     if not np.array_equal(traj.t, case.t):
@@ -54,11 +56,23 @@ def errors(case: Case, traj: Trajectory) -> dict:
         return out
     bound = ref.impulse_error if made.unique else ref.reaction_error
     out |= {"state_floor": 10.0 * ref.state_error, "impulse_floor": 10.0 * bound,
-            "reaction_floor": 10.0 * ref.reaction_error,
+            "reaction_floor": 10.0 * ref.reaction_error, "event_floor": 10.0 * ref.event_error,
             "state_scale": _size(ref.x), "impulse_scale": max(_size(ref.impulse), _size(ref.reaction))}
     if _finished(traj):
         out |= _against(made, traj)
+        out["below"] = " ".join(below_reference(out, case.t))
     return out
+
+
+def below_reference(row: dict, t: np.ndarray) -> list[str]:
+    """Names of the errors in `row` that lie below ten times what the reference's own error can make of them."""
+    k, gap = len(t) - 1, float(np.diff(t).min())
+    floors = {"state_sup": row["state_floor"], "state_T": row["state_floor"], "impulse": row["impulse_floor"],
+              "reaction": row["reaction_floor"], "event_time": row["event_floor"],
+              # differences of two cumulative impulses: summed over the intervals, or over the shortest of them
+              "l1": 2 * k * row["impulse_floor"], "settled": 2 * row["impulse_floor"] / gap,
+              "sup": 2 * row["impulse_floor"] / gap}
+    return [name for name, floor in floors.items() if row[name] < floor]
 
 
 def _finished(traj: Trajectory) -> bool:

@@ -51,7 +51,20 @@ def arcs_of(case: Case, spec: str = "event_driven", tol: float = 1e-13) -> list[
         events = times[k][1] if k < len(times) else ()
         arc = _arc(case, traj, at, float(cuts[k + 1]), events)
         out.append(dataclasses.replace(arc, events=tuple((e.kind, e.contact) for e in events)))
+    for k, after in enumerate(out[1:]):
+        if after.mode:
+            out[k] = dataclasses.replace(out[k], triggers=_switches(out[k], after))
     return out
+
+
+def _switches(arc: Arc, after: Arc) -> tuple:
+    """What vanishes where a mode changes to the next: the room of a sign on the side it leaves to, or the side itself."""
+    out = []
+    for _, contact in arc.events:
+        old, new = arc.mode[contact[1]], after.mode[contact[1]]
+        if old != new:
+            out.append(("upper" if new > 0 else "lower", contact) if old == 0 else ("side", contact))
+    return tuple(dict.fromkeys(out))
 
 
 def _run(case, spec, tol):
@@ -83,19 +96,8 @@ def _arc(case, traj, at, end, events) -> Arc:
         c = np.array([case.problem.switch(np)(s, y) for s, y in zip(t, x, strict=True)])
         slides = np.all(np.abs(c) <= CLOSED * (1.0 + np.abs(x).max()), axis=0)
         mode = tuple(0 if s else int(np.sign(v)) for s, v in zip(slides, c[1], strict=True))
-        return Arc(end, tuple(_switch(e, mode, mean[-1]) for e in events), mode=mode)
+        return Arc(end, (), mode=mode)
     raise ValueError(f"certificates know no {type(case.problem).__name__} systems")
-
-
-def _switch(event, mode, theta):
-    i = event.contact[1]
-    if mode[i] == 0:
-        return ("upper" if theta[_column(event)] > 0.5 else "lower"), event.contact
-    return "side", event.contact
-
-
-def _column(event):
-    return event.contact[1]
 
 
 def _contacts(case, traj, t, x, mean, end, events):

@@ -108,7 +108,7 @@ def verify(case: Case, folder=None, methods=METHODS, certify: bool = False) -> s
             raise ValueError(f"{case.key}: the two methods differ by {slack / SPREAD:.1e}: nothing can be confirmed")
     # the difference is half the stored bound where nothing has changed
     for name, got, bound in (("state", state, ref.state_error + slack), ("reaction", reaction, ref.reaction_error + slack),
-                             ("event times", times, ref.time_error + SPREAD * time_slack)):
+                             ("event times", times, ref.event_error + SPREAD * time_slack)):
         if got > max(bound, ROUNDING * scale):
             raise ValueError(f"{case.key}: the stored {name} and {methods[1][0]} differ by {got:.2e}; "
                              f"the bound is {bound:.2e}")
@@ -148,7 +148,7 @@ def bounded_by(case: Case, closed: Reference, proof: Reference) -> Reference:
     if closed.reaction is not None and proof.reaction is not None:
         changes["reaction_error"] = float(np.abs(closed.reaction - proof.reaction).max(initial=0.0)) + proof.reaction_error
     if closed.events is None:
-        changes |= {"events": proof.events, "time_error": proof.time_error}
+        changes |= {"events": proof.events, "event_error": proof.event_error}
     return dataclasses.replace(closed, **changes)
 
 

@@ -89,18 +89,18 @@ def certify(case: Case, arcs=None, order: int = 40, digits: float = 36.0, bits: 
     contact = isinstance(case.problem, Complementarity)
     shown = {"times": [t.str(SHOWN, radius=False) for t in times],
              "final": [v.str(SHOWN, radius=False) for v in path.x[-1]]}
-    time_error = max(bounds.times, default=0.0)
+    event_error = max(bounds.times, default=0.0)
     how = (f"Taylor series of order {order} in {bits} bits along {len(arcs)} arcs of event_driven, signs proven by balls; "
-           f"before rounding the state is known to {bounds.state:.0e}, event times to {time_error:.0e}")
+           f"before rounding the state is known to {bounds.state:.0e}, event times to {event_error:.0e}")
     if path.moved:
         how += f"; the start was put on its constraints, {path.moved:.0e} away"
     how += "".join(f"; {n}" for n in bounds.notes)
     ref = Reference(case.t, x, path.contacts, impulse, reaction if contact else None, events,
                     bounds.state + path.moved + rounding(x), bounds.impulse + rounding(impulse),
                     bounds.reaction + rounding(reaction) if contact else float("nan"), "certified", how, versions(),
-                    time_error + rounding(case.t), shown)
+                    event_error + rounding(case.t), shown)
     return Certificate(ref, {"state": bounds.state, "impulse": bounds.impulse, "reaction": bounds.reaction,
-                             "time": time_error}, bounds.notes, len(arcs), sum(len(p.steps) for p in path.pieces))
+                             "time": event_error}, bounds.notes, len(arcs), sum(len(p.steps) for p in path.pieces))
 
 
 def rounding(values) -> float:

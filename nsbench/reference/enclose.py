@@ -16,9 +16,9 @@ from dataclasses import dataclass
 
 from flint import arb
 
-from nsbench.reference.follow import Digits, Path, Refused, precision
+from nsbench.reference.follow import Digits, Path, precision
 from nsbench.reference.jets import Jet
-from nsbench.reference.linear import lead
+from nsbench.reference.linear import Refused, lead
 from nsbench.reference.local import TUBE, Local
 
 PIECES = 4              # of a step, to begin with

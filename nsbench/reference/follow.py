@@ -16,7 +16,7 @@ from nsbench.reference.arcs import Arc
 from nsbench.reference.dual import Dual
 from nsbench.reference.flow import ContactFlow, make_flow
 from nsbench.reference.jets import Jet
-from nsbench.reference.linear import lead, solve
+from nsbench.reference.linear import Refused, lead, solve
 from nsbench.reference.rows import rows_of
 from nsbench.reference.series import Step, first_kink, root, step
 
@@ -24,10 +24,6 @@ REACH = 1e-6            # an event may be this far from where the run saw it, re
 SAME = 1e-25            # events of one instant agree to this
 ON = 1e-7               # an arc may start this far from its constraints before its end is polished
 MOST_STEPS = 20_000
-
-
-class Refused(ValueError):
-    """The claimed arcs are not the solution, or cannot be shown to be; the message says where and why."""
 
 
 @dataclass(frozen=True)

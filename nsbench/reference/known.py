@@ -21,7 +21,7 @@ class Reference:
     reaction (k, n) or None (Filippov); events: Event with kind "" where only the time is known, or None (unknown).
     state_error, impulse_error, reaction_error: bounds of its own error (max norm), NaN for what is None.
     kind: "closed form", "stored" (two runs that agree) or "certified" (proven); how: who made it; versions: of the
-    libraries that did. time_error: bound of the event times, NaN where there are none to tell; shown: further digits of
+    libraries that did. event_error: bound of the event times, NaN where there are none to tell; shown: further digits of
     a certified one, {"times": [...], "final": [...]} as decimals.
     """
     t: np.ndarray
@@ -36,12 +36,12 @@ class Reference:
     kind: str = "closed form"
     how: str = ""
     versions: dict = dataclasses.field(default_factory=dict)
-    time_error: float = float("nan")
+    event_error: float = float("nan")
     shown: dict = dataclasses.field(default_factory=dict)
 
     def __str__(self) -> str:
         known = (("state", self.state_error), ("impulse", self.impulse_error), ("reaction", self.reaction_error),
-                 ("event times", self.time_error))
+                 ("event times", self.event_error))
         bounds = ", ".join(f"{name} to {v:.1e}" for name, v in known if not np.isnan(v))
         return f"{self.kind}, {bounds}{'; ' + self.how if self.how else ''}"
 
@@ -63,7 +63,7 @@ def closed_form(case: Case) -> Reference:
     size = scale if impulse is None else max(scale, float(np.abs(impulse).max(initial=0.0)))
     return Reference(t, x, ids, impulse, reaction, events, 4 * EPS * scale,
                      float("nan") if impulse is None else 4 * EPS * size, quadrature + 4 * EPS * size,
-                     time_error=float("nan") if not events else 4 * EPS * max(1.0, float(np.abs(t).max())))
+                     event_error=float("nan") if not events else 4 * EPS * max(1.0, float(np.abs(t).max())))
 
 
 def _checked(case, name, value, shape):

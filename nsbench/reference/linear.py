@@ -6,6 +6,10 @@ from flint import arb, arb_mat
 from nsbench.reference.jets import Number
 
 
+class Refused(ValueError):
+    """The claimed arcs are not the solution, or cannot be shown to be; the message says where and why."""
+
+
 def zero_of(function, slopes, m: int) -> list:
     """The zero of m equations from the origin by Newton's method; ArithmeticError if it does not settle."""
     s = [arb(0)] * m

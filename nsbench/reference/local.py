@@ -6,7 +6,7 @@ from flint import arb, arb_mat, arb_poly
 
 from nsbench.reference.dual import Dual
 from nsbench.reference.jets import Jet
-from nsbench.reference.linear import lead
+from nsbench.reference.linear import Refused, lead
 from nsbench.reference.namespace import Branches, noted, watching
 from nsbench.reference.series import coefficients
 from nsbench.reference.signs import MULTIPLE, ZERO, ball, order_of_zero, positive
@@ -119,8 +119,11 @@ class Local:
             s = positive(p, self.low, self.high, allow)
             if s is not None and not self._touches(key, p, allow):
                 value = float(p(arb(s)).mid())
-                return f"{key[0]} of {key[1]} cannot be shown to stay positive: it is {value:.3e} at t = " \
-                       f"{float(self.time) + s:.12g}"
+                why = (f"{key[0]} of {key[1]} cannot be shown to stay positive: it is {value:.3e} at t = "
+                       f"{float(self.time) + s:.12g}")
+                if value < -ZERO and p(arb(s)) < -allow:
+                    raise Refused(why)                  # it is negative: smaller pieces will not help
+                return why
         return None
 
     def _vanishes(self, key, p, rest) -> bool:

@@ -88,7 +88,7 @@ def store(case: Case, ref: Reference, folder=None) -> Path:
     meta = {"format": FORMAT, "fingerprint": fingerprint(case), "how": ref.how, "versions": ref.versions,
             "contacts": [list(map(int, c)) for c in ref.contacts], "events": events,
             **{k: None if np.isnan(v) else v for k, v in bounds.items()}}
-    meta |= {"kind": ref.kind, "time_error": None if np.isnan(ref.time_error) else float(ref.time_error)}
+    meta |= {"kind": ref.kind, "event_error": None if np.isnan(ref.event_error) else float(ref.event_error)}
     if ref.shown:
         meta["shown"] = ref.shown
     meta["checksum"] = _checksum(arrays, meta)
@@ -127,10 +127,10 @@ def load(case: Case, folder=None) -> Reference | None:
         raise BadReference(f"the reference {npz} was made for another version of {case.key} "
                            f"({', '.join(wrong)} differ): build it again with `nsbench reference build \"{case.key}\"`")
     bounds = {k: float("nan") if meta[k] is None else float(meta[k]) for k in BOUNDS}
-    kind, time_error = meta.get("kind", "stored"), meta.get("time_error")
+    kind, event_error = meta.get("kind", "stored"), meta.get("event_error")
     if kind not in KINDS:
         raise BadReference(f"the reference {npz} is of the kind {kind!r}; one of {', '.join(KINDS)}")
     events = None if meta["events"] is None else tuple(Event(t, k, tuple(c)) for t, k, c in meta["events"])
     return Reference(case.t, arrays["x"], tuple(map(tuple, meta["contacts"])), arrays.get("impulse"),
                      arrays.get("reaction"), events, **bounds, kind=kind, how=meta["how"], versions=meta["versions"],
-                     time_error=float("nan") if time_error is None else float(time_error), shown=meta.get("shown", {}))
+                     event_error=float("nan") if event_error is None else float(event_error), shown=meta.get("shown", {}))

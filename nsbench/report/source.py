@@ -14,8 +14,8 @@ from nsbench.report.style import LEADS, clean, family, slug
 NUMBERS = ("asked", "h", "seconds", "setup_seconds", "steps", "drift_calls", "projections", "inner_iterations",
            "qp_solves", "events", "restarts", "contacts_peak", "state_sup", "state_T", "impulse", "reaction", "l1",
            "settled", "event_time", "events_missed", "events_extra", "feasibility", "sign", "complementarity",
-           "residual", "selection", "polyhedron", "state_floor", "impulse_floor", "state_scale", "impulse_scale",
-           "multipliers_unique")
+           "residual", "selection", "polyhedron", "state_floor", "impulse_floor", "reaction_floor",
+           "event_floor", "state_scale", "impulse_scale", "multipliers_unique")
 WORDS = ("case", "solver", "accuracy", "status", "why", "loop", "reference")
 GOOD = ("ok", "below_reference")     # statuses whose errors are numbers
 

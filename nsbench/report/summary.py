@@ -122,12 +122,12 @@ def order(runs: Runs, metric: str, claims: dict, fit) -> Order:
     claim = claims.get({"state_sup": "state", "impulse": "impulse", "reaction": "impulse"}.get(metric, ""))
     bound = claims.get("exact") if metric == "state_sup" else None
     if bound is not None or (runs.accuracy == "tol" and claim is None):
-        return _bound(metric, name, bound, error, h, best)
+        return _bound(metric, name, bound, error, h, best, runs.floor(metric))
     steps = np.unique(h).size
     if steps < FEWEST:
         return Order(metric, "level", "too few steps",
                      f"{name}: {count(steps, 'step size')} with a number; an order needs {FEWEST} at least. "
-                     f"Smallest error {num(best['best'])}.", **best)
+                     f"Smallest error {shown(best['best'], runs.floor(metric))}.", **best)
     if not error.any():
         sentence = f"{name}: the error is exactly 0 at every step: no order."
         return Order(metric, "exact", "0 at every step", sentence, **best)
@@ -160,16 +160,21 @@ def _deviation(value: float, interval, verdict: str, claim) -> str:
     return "above" if value > claim else "below"
 
 
-def _bound(metric: str, name: str, bound, error, h, best) -> Order:
+def shown(value: float, floor: float) -> str:
+    """An error, or the floor of its reference where it lies below: what is below says nothing."""
+    return f"< {num(floor)}" if value < floor else num(value)
+
+
+def _bound(metric: str, name: str, bound, error, h, best, floor) -> Order:
     """A method that controls its own error: its tightest tolerance against the bound it claims."""
     last = float(error[np.argmin(h)])
     if bound is None:
         return Order(metric, "level", "no order in tol", f"{name}: the accuracy is a tolerance, and no order in it is "
-                     f"claimed. Smallest error {num(best['best'])} at tol = {num(best['best_h'])}.", **best)
-    kept = last <= bound
-    return Order(metric, "bound", f"{num(last)} ≤ {num(bound)}" if kept else f"{num(last)} > {num(bound)}",
+                     f"claimed. Smallest error {shown(best['best'], floor)} at tol = {num(best['best_h'])}.", **best)
+    kept, text = last <= bound, shown(last, floor)
+    return Order(metric, "bound", f"{text} ≤ {num(bound)}" if kept else f"{num(last)} > {num(bound)}",
                  f"{name}: the method claims an error of at most {num(bound)}; at tol = {num(float(h.min()))} it is "
-                 f"{num(last)}: {'kept' if kept else 'missed'}.", verdict="bound kept" if kept else "bound missed",
+                 f"{text}: {'kept' if kept else 'missed'}.", verdict="bound kept" if kept else "bound missed",
                  flag="" if kept else "below", claim=bound, **best)
 
 

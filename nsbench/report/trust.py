@@ -29,9 +29,9 @@ def bounds_table(data: Data, summaries: dict[tuple, Summary]) -> Table:
         col = {k: float(v[at]) for k, v in s.runs.col.items() if v.dtype.kind == "f"}
         wrong = [f"{int(col[k])} {word}" for k, word in (("events_missed", "missed"), ("events_extra", "not in the "
                  "reference")) if col[k] > 0]
-        events = Cell(_small(col["event_time"]), ", ".join(wrong), kind="bad" if wrong else "number")
-        rows.append(Row((Cell(solver, kind="method"), _bounded(s, col), Cell(_small(col["impulse"]), kind="number"),
-                         Cell(_small(col["reaction"]), kind="number"), events,
+        events = Cell(_known(col, "event_time", "event_floor"), ", ".join(wrong), kind="bad" if wrong else "number")
+        force, push = (Cell(_known(col, name, f"{name}_floor"), kind="number") for name in ("impulse", "reaction"))
+        rows.append(Row((Cell(solver, kind="method"), _bounded(s, col), force, push, events,
                          Cell(num(col["events"]) if col["events"] == col["events"] else "0", kind="number"),
                          Cell(str(s.runs.col["reference"][at]) or "none", _bound(col["state_floor"]))), case, solver))
     return Table("bounds", ("method", "state / max(1, |x|)", "impulse", "reaction", "event times", "events",
@@ -46,6 +46,12 @@ def _bounded(s: Summary, col: dict) -> Cell:
     floor = col["state_floor"] if col["state_floor"] == col["state_floor"] else 0.0
     text = f"< {num(floor)}" if col["state_sup"] < floor else _small(relative)
     return Cell(text, "", s.state.sentence, "flag" if s.state.flag else "number")
+
+
+def _known(col: dict, name: str, floor: str) -> str:
+    """An error, or ten times the bound of the reference where it lies below that."""
+    least = col.get(floor, math.nan)
+    return f"< {num(least)}" if col[name] < least else _small(col[name])
 
 
 def _small(value: float) -> str:
