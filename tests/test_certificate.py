@@ -207,8 +207,8 @@ def test_a_certificate_bounds_the_closed_form(tmp_path):
     ref = refs.reference(TIDE, tmp_path)
     assert ref.kind == "closed form" and "a certificate differs by" in ref.how and ref.state_error < 1e-15
     wrong = TIDE.replace(exact=lambda t: TIDE.exact(t) + 1e-12)
-    with pytest.raises(ValueError, match=r"closed form and its certificate differ by 1[.]00e-12 in the state"):
+    with pytest.raises(ValueError, match=r"closed form and its certificate differ by 1[.]00e-12 in exact[(]t[)]"):
         refs.reference(wrong, tmp_path)
     wrong = TIDE.replace(exact_impulse=lambda t: TIDE.exact_impulse(t) * (1 + 1e-11))
-    with pytest.raises(ValueError, match="in the impulse"):
+    with pytest.raises(ValueError, match="in exact_impulse"):
         refs.verify(wrong, tmp_path)

@@ -100,7 +100,10 @@ def _second_opinion(case):
     traj = solvers.solve(case, "event_driven")
     if not traj.status.ok:
         return [f"event_driven cannot confirm the exact solution: {traj.status}"]
-    found, out = errors(case, traj), []
+    try:
+        found, out = errors(case, traj), []
+    except ValueError as e:                      # a certificate of this case says otherwise
+        return [str(e)]
     for name, what, limit in (("state_sup", "exact(t)", 1e-8), ("impulse", "exact_impulse(t)", 1e-7),
                               ("event_time", "exact_events", 1e-7)):
         size = found["state_scale" if name == "state_sup" else "impulse_scale"] if name != "event_time" else 1.0

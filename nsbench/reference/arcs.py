@@ -64,7 +64,13 @@ def _switches(arc: Arc, after: Arc) -> tuple:
         old, new = arc.mode[contact[1]], after.mode[contact[1]]
         if old != new:
             out.append(("upper" if new > 0 else "lower", contact) if old == 0 else ("side", contact))
-    return tuple(dict.fromkeys(out))
+    return _causes(out, "side")
+
+
+def _causes(triggers, kind) -> tuple:
+    """Where something is met, whatever lets go at the same instant may do so by a jump: the meeting is the cause."""
+    met = [t for t in triggers if t[0] == kind]
+    return tuple(dict.fromkeys(met or triggers))
 
 
 def _run(case, spec, tol):
@@ -120,4 +126,4 @@ def _contacts(case, traj, t, x, mean, end, events):
             triggers.append(("gap", c))
         elif e.kind in ("release", "pivot") and c in held:
             triggers.append(("lam", c))
-    return Arc(end, tuple(dict.fromkeys(triggers)), held, tuple(sorted(closed - set(held))))
+    return Arc(end, _causes(triggers, "gap"), held, tuple(sorted(closed - set(held))))

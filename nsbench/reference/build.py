@@ -138,9 +138,14 @@ def bounded_by(case: Case, closed: Reference, proof: Reference) -> Reference:
     if closed.impulse is not None:
         state, reaction, impulse, _ = differences(case, closed, proof)
     scale = max(1.0, float(np.abs(closed.x).max()), float(np.abs(proof.impulse).max(initial=0.0)))
-    for name, off in (("state", state), ("impulse", impulse), ("reaction", reaction)):
+    for name, off in (("exact(t)", state), ("exact_impulse(t)", impulse), ("the reaction that follows", reaction)):
         if off > FORMULA * scale:
-            raise ValueError(f"{case.key}: the closed form and its certificate differ by {off:.2e} in the {name}")
+            raise ValueError(f"{case.key}: the closed form and its certificate differ by {off:.2e} in {name}")
+    at = np.array([e.t for e in proof.events or ()])
+    for e in closed.events or ():
+        late = np.abs(at - e.t).min(initial=np.inf)
+        if late > FORMULA * max(1.0, float(np.abs(case.t).max())):
+            raise ValueError(f"{case.key}: exact_events has t = {e.t:.12g}; the certificate's nearest event is {late:.1e} off")
     changes = {"state_error": state + proof.state_error,
                "how": f"{closed.how + '; ' if closed.how else ''}a certificate differs by {state:.1e}"}
     if closed.impulse is not None:
