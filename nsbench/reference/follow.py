@@ -23,6 +23,7 @@ from nsbench.reference.series import Step, first_kink, root, step
 REACH = 1e-6            # an event may be this far from where the run saw it, relative to the run's length
 SAME = 1e-25            # events of one instant agree to this
 ON = 1e-7               # an arc may start this far from its constraints before its end is polished
+WRONG = 1e-12           # a watched number this far below zero at the end of a step is wrong beyond doubt
 MOST_STEPS = 20_000
 
 
@@ -179,6 +180,11 @@ class _Follower:
         return found[0] if float(found[0]) <= float(st.h) else None
 
     def _advance(self, piece, st):
+        for key, p in st.watch.items():                  # the proof looks everywhere; no need to go on from a bad place
+            value = float(p(st.h).mid())
+            if value < -WRONG:
+                raise Refused(f"{key[0]} of {key[1]} does not stay positive: it is {value:.3e} at t = "
+                              f"{float(st.t + st.h):.12g}")
         for time in self._inside(st):
             self._sample((piece, st), arb(time))
         self._add(self.total, piece, st, st.h)

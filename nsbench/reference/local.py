@@ -119,7 +119,7 @@ class Local:
             s = positive(p, self.low, self.high, allow)
             if s is not None and not self._touches(key, p, allow):
                 value = float(p(arb(s)).mid())
-                why = (f"{key[0]} of {key[1]} cannot be shown to stay positive: it is {value:.3e} at t = "
+                why = (f"{key[0]} of {key[1]} does not stay positive, or cannot be shown to: it is {value:.3e} at t = "
                        f"{float(self.time) + s:.12g}")
                 if value < -ZERO and p(arb(s)) < -allow:
                     raise Refused(why)                  # it is negative: smaller pieces will not help
