@@ -89,6 +89,9 @@ def certify(case: Case, arcs=None, order: int = 40, digits: float = 36.0, bits: 
     contact = isinstance(case.problem, Complementarity)
     shown = {"times": [t.str(SHOWN, radius=False) for t in times],
              "final": [v.str(SHOWN, radius=False) for v in path.x[-1]]}
+    shut = sorted({c for p in path.pieces for c in p.flow.shut})
+    if shut:                                             # closed without a multiplier of their own: others may share it
+        shown["shut"] = [list(c) for c in shut]
     event_error = max(bounds.times, default=0.0)
     how = (f"Taylor series of order {order} in {bits} bits along {len(arcs)} arcs of event_driven, signs proven by balls; "
            f"before rounding the state is known to {bounds.state:.0e}, event times to {event_error:.0e}")
