@@ -230,6 +230,9 @@ class Filippov:
     Everything is reduced to one `field(xp) -> (t, x, s)` with signs s in [-1, 1]^d: between the modes
     it is multilinear in the weights theta = (1 + s) / 2 (Alexander & Seidman 1998), which for one
     surface is Filippov's convexification. theta_i in [0, 1] is the weight of the positive side.
+    Where d > 1 surfaces meet this is a convention: of all convex combinations of the 2^d fields that stay on them it
+    takes one of product weights. They all move alike if the field is affine in the signs; else a case that wants all
+    of Filippov's solutions says so with ``unique=False`` and gives their `distance`.
     """
     modes: Mapping | None
     switch: Factory

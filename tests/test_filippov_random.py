@@ -47,3 +47,24 @@ def test_a_way_off_that_opens_while_sliding_in_a_corner_is_told():
     # weights hold the state on two surfaces up to t = 2.8013; from 2.8007 on another motion leaves one of them
     traj = solve(random_case(26))
     assert traj.status.code == "degenerate" and "t = 2.80069913" in str(traj.status) and "not unique" in str(traj.status)
+
+
+def test_where_minors_forbid_a_way_off_a_search_finds_none(monkeypatch):
+    from nsbench.solvers import _sliding
+    rng, seen = np.random.default_rng(3), 0
+    for _ in range(60):
+        k = int(rng.integers(2, 4))
+        B, f = rng.normal(size=(k, k)) - 1.5 * np.eye(k), rng.normal(size=k)
+        motion = _sliding.Motion(Filippov.relay(lambda xp, f=f: lambda t, x: f + 0 * x, B, lambda xp: lambda t, x: x + 0.0),
+                                 0.0, np.zeros(k))
+        at = 0.0, np.zeros(k), np.zeros(k, np.int64)
+        quick = motion.held(*at)
+        with monkeypatch.context() as m:
+            m.setattr(_sliding, "_positive_minors", lambda M: False)
+            searched = motion.held(*at)
+        # on the box the problem s_i in Sgn(c_i') has one solution then, be it on all surfaces or off some
+        s = np.linalg.solve(B, -f)
+        if quick == 1.0 and np.abs(s).max() < 1.0:
+            seen += 1
+            assert searched > 0.0
+    assert seen > 5

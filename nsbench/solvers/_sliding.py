@@ -5,7 +5,7 @@ both sides have the same field: nothing holds it there, and its sign, which no m
 """
 from __future__ import annotations
 
-from itertools import product
+from itertools import combinations, product
 
 import numpy as np
 
@@ -110,8 +110,7 @@ class Motion:
         if on.size < 2:
             return [self.velocity(t, x, p, np.zeros(self.d))[1]]
         corners, rates = self._corners(t, x, s, on)
-        twisted = np.abs(_mixed(rates)).max() > 2**on.size * SAME
-        starts = [np.zeros(on.size)] if not twisted else _pair(rates) if on.size == 2 else product(STARTS, repeat=on.size)
+        starts = [np.zeros(on.size)] if _affine(rates) else _pair(rates) if on.size == 2 else product(STARTS, repeat=on.size)
         out = []
         for start in starts:
             found = s.copy()
@@ -127,9 +126,13 @@ class Motion:
 
         A way off keeps some of the surfaces, with |s_i| <= 1, and gains distance from the others. Where surfaces meet,
         it may exist beside a motion that stays: then the solution is not unique. In relative units, between -1 and 1.
+        None exists where the rates are affine in the signs and the negative of their matrix has positive principal
+        minors (Cottle, Pang & Stone 1992, theorem 3.3.7, for the box).
         """
         on = np.flatnonzero(p == 0)
         _, rates = self._corners(t, x, np.where(p == FREE, 0, p).astype(float), on)
+        if _affine(rates) and _positive_minors(-_slopes(rates, np.zeros(on.size))):
+            return 1.0
         best = -1.0
         for q in product((0, 1, -1), repeat=on.size):
             q = np.array(q)
@@ -236,6 +239,17 @@ def _mixed(rates):
             low = np.diff(np.diff(rates, axis=i), axis=j)
             out.append(low.ravel())
     return np.concatenate(out)
+
+
+def _affine(rates) -> bool:
+    """Whether the rates, of size one, are affine in the signs but for rounding."""
+    return bool(np.abs(_mixed(rates)).max() <= 2.0 ** rates.shape[-1] * SAME)
+
+
+def _positive_minors(M) -> bool:
+    k = len(M)
+    return all(np.linalg.det(M[np.ix_(rows, rows)]) > 1e-9 for size in range(1, k + 1)
+               for rows in combinations(range(k), size))
 
 
 def _pair(rates):
