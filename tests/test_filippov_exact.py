@@ -5,6 +5,7 @@ from filippov_corners import SEVERAL
 from filippov_systems import ONE, constant, drift, entry
 
 from nsbench import Case, Filippov, solve
+from nsbench.solvers._sliding import Motion
 
 
 def run(made, k=41):
@@ -71,8 +72,11 @@ def test_two_motions_in_one_corner_are_not_chosen_between():
     # rates bilinear in the signs with two solutions inside the square, (1/2, 1/2) and (-1/2, -1/2): x' = s0 - s1,
     # y' = 1/4 - s0 s1; the third coordinate tells which
     field = drift(lambda xp, t, x, s: xp.array([s[0] - s[1], 0.25 - s[0] * s[1], s[0]]))
-    _, traj = run((Filippov.signs(field, drift(lambda xp, t, x: x[:2])), (0.0, 0.0, 0.0), 1.0))
+    problem = Filippov.signs(field, drift(lambda xp, t, x: x[:2]))
+    _, traj = run((problem, (0.0, 0.0, 0.0), 1.0))
     assert traj.status.code == "degenerate" and "not unique" in str(traj.status)
+    found = Motion(problem, 0.0, np.zeros(3)).branches(0.0, np.zeros(3), np.zeros(2, np.int64))
+    np.testing.assert_allclose(sorted(s.tolist() for s in found), [[-0.5, -0.5], [0.5, 0.5]], atol=1e-14)
 
 
 def test_dependent_surfaces_that_leave_the_velocity_open_are_told():
