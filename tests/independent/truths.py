@@ -1,0 +1,120 @@
+"""The stored truths of the systems in cases/, and how far a trajectory is from one.
+
+truths.npz holds states, cumulative impulses and reactions at the sample times (float64), truths.json the event times (20
+digits), the names of the contacts and what of all this is unique. recompute.py makes them anew.
+"""
+from __future__ import annotations
+
+import json
+from collections import defaultdict
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+import nsbench
+
+HERE = Path(__file__).parent
+NEAR = 1e-5         # events further apart than this are not the same event told inexactly
+SAME = 1e-12        # times closer than this are one time, where only times are unique
+
+
+@dataclass(frozen=True)
+class Truth:
+    """States (k, n), impulses (k, m) of the contacts `ids`, events (time, kind, id).
+
+    unique: "all", "times" or "none" of the events; weights (w, m): the unique combinations of impulses, None for each of
+    them; optional: times at which an event may be told or not; reaction (k, n) where impulses are not unique, else None.
+    """
+    x: np.ndarray
+    impulse: np.ndarray
+    reaction: np.ndarray | None
+    ids: tuple
+    events: tuple
+    unique: str
+    weights: np.ndarray | None
+    optional: tuple
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Largest errors of states and impulses, relative to max(1, size), and of event times; what was missed or is extra."""
+    state: float
+    impulse: float
+    event: float
+    missed: tuple
+    extra: tuple
+
+
+@cache
+def stored():
+    with np.load(HERE / "truths.npz") as data:
+        return json.loads((HERE / "truths.json").read_text(encoding="utf-8")), dict(data)
+
+
+def names() -> list[str]:
+    return sorted(stored()[0])
+
+
+def truth(name: str) -> Truth:
+    rest, data = stored()
+    d = rest[name]
+    return Truth(data[f"{name}.x"], data[f"{name}.impulse"], data.get(f"{name}.reaction"), tuple(map(tuple, d["ids"])),
+                 tuple((t, kind, tuple(c)) for t, kind, c in d["events"]), d["unique"],
+                 None if d["weights"] is None else np.array(d["weights"], float).reshape(-1, len(d["ids"])),
+                 tuple(d["optional"]))
+
+
+def case(name: str) -> nsbench.Case:
+    """The system, by the public way: as a case file."""
+    return nsbench.load_case(HERE / "cases" / f"{name}.py")
+
+
+def distance(a, b) -> float:
+    """Largest |a - b| / max(1, |b|); infinite where a is not finite."""
+    e = np.abs(a - b) / np.maximum(1.0, np.abs(b))
+    return float(np.max(np.where(np.isfinite(e), e, np.inf), initial=0.0))
+
+
+def grouped(events, unique):
+    """Sorted event times by (kind, contact), or all distinct ones where only times are unique."""
+    out = defaultdict(list)
+    for t, kind, c in sorted(events):
+        key = (kind, c) if unique == "all" else "any"
+        if unique == "all" or not out[key] or t - out[key][-1] > SAME:
+            out[key].append(t)
+    return out
+
+
+def paired(told, true, optional):
+    """(error, missed, extra) of two sorted lists of times, each event used once."""
+    worst, missed, extra, rest = 0.0, [], [], list(told)
+    for t in true:
+        near = min(rest, key=lambda s: abs(s - t), default=np.inf)
+        if abs(near - t) > NEAR:
+            missed.append(t)
+            continue
+        rest.remove(near)
+        worst = max(worst, abs(near - t))
+    extra = [s for s in rest if min((abs(s - o) for o in optional), default=np.inf) > SAME]
+    return worst, missed, extra
+
+
+def compare(traj, true: Truth) -> Errors:
+    """Errors of a trajectory; a contact that acts and that the truth does not know counts into the impulse."""
+    told = {tuple(map(int, c)): traj.impulse[:, k] for k, c in enumerate(traj.contacts)}
+    zero = np.zeros(len(true.x))
+    columns = np.stack([told.get(c, zero) for c in true.ids], axis=1)
+    w = np.eye(len(true.ids)) if true.weights is None else true.weights
+    impulse = [distance(columns @ w.T, true.impulse @ w.T), *(distance(v, zero) for c, v in told.items() if c not in true.ids)]
+    if true.reaction is not None:
+        impulse.append(distance(traj.reaction, true.reaction))
+    worst, missed, extra = 0.0, [], []
+    if true.unique != "none":
+        a = grouped([(float(e.t), e.kind, tuple(map(int, e.contact))) for e in traj.events], true.unique)
+        b = grouped([(float(t), kind, c) for t, kind, c in true.events], true.unique)
+        for key in a.keys() | b.keys():
+            error, lost, more = paired(a[key], b[key], true.optional)
+            worst, missed, extra = max(worst, error), missed + lost, extra + more
+    return Errors(distance(traj.x, true.x), max(impulse), worst, tuple(sorted(missed)), tuple(sorted(extra)))
