@@ -3,6 +3,9 @@
 The truths are by the extrapolated midpoint rule at 45 digits, written without using the bench (tests/independent). This is
 a quick part of them; tests/studies/independent.py runs all.
 """
+from types import SimpleNamespace
+
+import numpy as np
 import pytest
 from independent import truths
 
@@ -11,10 +14,10 @@ import nsbench
 SYSTEMS = {
     "walls": ("jump_forcing", "wall_rotating", "tiny", "lam_zero", "touch_tangent"),
     "narrow": ("wall_bump", "spike_2d", "spike_5e3", "dip_1e6", "near_miss", "narrow_dip", "fil_spike"),
-    "distances": ("out_disc", "three_symm", "rods_1d"),
+    "distances": ("out_disc", "three_symm", "rods_1d", "rope_towed"),
     "corners": ("dup_rows", "simul_1e9", "start_out"),
-    "switches": ("surf_exits", "codim2_leave", "dry_friction", "belt"),
-    "circuits": ("parallel_diodes", "two_diodes_d0", "relay_lcs"),
+    "switches": ("surf_exits", "codim2_leave", "dry_friction", "belt", "modes4"),
+    "circuits": ("parallel_diodes", "two_diodes_d0", "mixed_degree", "relay_lcs"),
 }
 
 
@@ -25,6 +28,25 @@ def test_a_second_derivation_agrees(name):
     assert traj.status.ok, str(traj.status)
     assert not errors.missed and not errors.extra
     assert errors.state < 1e-10 and errors.impulse < 1e-9 and errors.event < 1e-9
+
+
+def told(true, events=None, x=0.0, impulse=0.0):
+    """The truth as a trajectory, off by x and impulse, with other events."""
+    events = [SimpleNamespace(t=float(t), kind=kind, contact=c) for t, kind, c in (true.events if events is None else events)]
+    return SimpleNamespace(t=np.linspace(0.0, 10.0, len(true.x)), x=true.x + x, impulse=true.impulse + impulse,
+                           contacts=true.ids, events=events)
+
+
+def test_an_error_of_a_trajectory_is_seen():
+    true = truths.truth("two_diodes_d0")
+    (t, kind, c), *rest = true.events
+    assert truths.compare(told(true), true) == truths.Errors(0.0, 0.0, 0.0, (), ())
+    assert truths.compare(told(true, x=1e-9), true).state > 1e-10
+    assert truths.compare(told(true, impulse=1e-8), true).impulse > 1e-9
+    assert truths.compare(told(true, [(float(t) + 1e-8, kind, c), *rest]), true).event > 1e-9
+    assert truths.compare(told(true, rest), true).missed == (float(t),)
+    assert truths.compare(told(true, [*true.events, (float(t), kind, c)]), true).extra == (float(t),)
+    assert truths.compare(told(true, [(float(t), "cross", c), *rest]), true).extra == (float(t),)
 
 
 def test_every_system_has_a_truth_and_every_truth_a_system():

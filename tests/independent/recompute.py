@@ -60,7 +60,8 @@ def main(argv=None) -> int:
         values, times = differences(name)
         good = values <= DIGITS and times <= TIME_DIGITS
         wrong += not good
-        print(f"{name:18s} {time.perf_counter() - start:7.1f} s {values:9.1e} {times:9.1e}{'' if good else '  DIFFERS'}", flush=True)
+        seconds = time.perf_counter() - start
+        print(f"{name:18s} {seconds:7.1f} s {values:9.1e} {times:9.1e}{'' if good else '  DIFFERS'}", flush=True)
     return wrong
 
 

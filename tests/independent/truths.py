@@ -16,8 +16,8 @@ import numpy as np
 import nsbench
 
 HERE = Path(__file__).parent
-NEAR = 1e-5         # events further apart than this are not the same event told inexactly
-SAME = 1e-12        # times closer than this are one time, where only times are unique
+NEAR = 1e-5         # events further apart than this, of the unit of time, are not the same event told inexactly
+SAME = 1e-12        # times closer than this are one time, where only times are unique or an event is optional
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,10 @@ class Truth:
 
 @dataclass(frozen=True)
 class Errors:
-    """Largest errors of states and impulses, relative to max(1, size), and of event times; what was missed or is extra."""
+    """Largest errors of states, impulses and event times, each relative to max(unit, size); what was missed or is extra.
+
+    The unit is 1, or the largest size in the truth (of times: the end) if that is less: micrometres are not compared to 1.
+    """
     state: float
     impulse: float
     event: float
@@ -71,9 +74,14 @@ def case(name: str) -> nsbench.Case:
     return nsbench.load_case(HERE / "cases" / f"{name}.py")
 
 
+def unit(a) -> float:
+    """1, or the largest size of a if that is less and not 0."""
+    return min(1.0, float(np.max(np.abs(a), initial=0.0)) or 1.0)
+
+
 def distance(a, b) -> float:
-    """Largest |a - b| / max(1, |b|); infinite where a is not finite."""
-    e = np.abs(a - b) / np.maximum(1.0, np.abs(b))
+    """Largest |a - b| / max(unit, |b|); infinite where a is not finite."""
+    e = np.abs(a - b) / np.maximum(unit(b), np.abs(b))
     return float(np.max(np.where(np.isfinite(e), e, np.inf), initial=0.0))
 
 
@@ -87,16 +95,16 @@ def grouped(events, unique):
     return out
 
 
-def paired(told, true, optional):
-    """(error, missed, extra) of two sorted lists of times, each event used once."""
-    worst, missed, extra, rest = 0.0, [], [], list(told)
+def paired(told, true, optional, near):
+    """(error, missed, extra) of two sorted lists of times, each used once, paired if not further apart than `near`."""
+    worst, missed, rest = 0.0, [], list(told)
     for t in true:
-        near = min(rest, key=lambda s: abs(s - t), default=np.inf)
-        if abs(near - t) > NEAR:
+        s = min(rest, key=lambda s: abs(s - t), default=np.inf)
+        if abs(s - t) > near:
             missed.append(t)
             continue
-        rest.remove(near)
-        worst = max(worst, abs(near - t))
+        rest.remove(s)
+        worst = max(worst, abs(s - t))
     extra = [s for s in rest if min((abs(s - o) for o in optional), default=np.inf) > SAME]
     return worst, missed, extra
 
@@ -115,6 +123,6 @@ def compare(traj, true: Truth) -> Errors:
         a = grouped([(float(e.t), e.kind, tuple(map(int, e.contact))) for e in traj.events], true.unique)
         b = grouped([(float(t), kind, c) for t, kind, c in true.events], true.unique)
         for key in a.keys() | b.keys():
-            error, lost, more = paired(a[key], b[key], true.optional)
-            worst, missed, extra = max(worst, error), missed + lost, extra + more
+            error, lost, more = paired(a[key], b[key], true.optional, NEAR * unit(traj.t))
+            worst, missed, extra = max(worst, error / unit(traj.t)), missed + lost, extra + more
     return Errors(distance(traj.x, true.x), max(impulse), worst, tuple(sorted(missed)), tuple(sorted(extra)))
