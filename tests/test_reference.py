@@ -242,3 +242,12 @@ def test_floors_are_ten_times_the_references_error(made, monkeypatch):
     e = nsbench.errors(case, nsbench.solve(case, "event_driven", tol=1e-12))
     assert e["reference"] == "stored" and e["state_floor"] == 10 * ref.state_error
     assert e["impulse_floor"] == 10 * ref.impulse_error and e["state_sup"] <= e["state_floor"]
+
+
+@pytest.mark.parametrize("key", ["stiff_contact", "stiff_contact[K=10000]"])
+def test_the_reaction_of_a_stiff_closed_form_is_within_its_bound(key):
+    """One wall of slope 1: the reaction is the impulse. A layer of width 1/K follows the release."""
+    case = get_case(key)
+    ref = refs.closed_form(case)
+    off = np.abs(ref.reaction - case.exact_impulse(case.t)).max()
+    assert off <= ref.reaction_error < 1e-8 * case.exact_impulse(case.t).max()

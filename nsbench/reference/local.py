@@ -83,8 +83,9 @@ class Local:
         J, D = V[:, :n], None
         try:
             if m:
-                inverse = arb_mat(R[:, n:].tolist()).inv()
-                S = np.array(inverse.tolist(), object)
+                one = arb_mat(m, m, [int(i == j) for i in range(m) for j in range(m)])
+                # preconditioned: plain elimination with wide balls makes them far wider
+                S = np.array(arb_mat(R[:, n:].tolist()).solve(one, algorithm="precond").tolist(), object)
                 D = -(S @ R[:, :n])                          # du/dx
                 J = V[:, :n] + V[:, n:] @ D
                 self.du, self.inverse, self.velocity_u = norm(D), norm(S), norm(V[:, n:])
