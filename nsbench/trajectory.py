@@ -44,6 +44,8 @@ class Trajectory:
     (0, i) for surface i); reaction (k, n): cumulative integral of sum lambda_k grad g_k dt, unique even where
     lambda is not (Filippov: empty, (k, 0)). After a failure the remaining samples are NaN.
     lam_time: where in its step the method's multiplier belongs: "end", "start", "midpoint" or "mean".
+    lam (k, m), lam_h (k,): multiplier and length of the last step before each sample, of fixed-step methods, in cases
+    whose multiplier is known at any time; NaN where it is not known (the first sample has no step). See measure.labels.
     """
     t: np.ndarray
     x: np.ndarray
@@ -54,3 +56,5 @@ class Trajectory:
     events: tuple[Event, ...] = ()
     stats: dict = field(default_factory=dict)
     lam_time: str = "mean"
+    lam: np.ndarray | None = None
+    lam_h: np.ndarray | None = None

@@ -74,8 +74,8 @@ def test_a_drift_that_is_not_affine_is_solved_to_rounding(theta):
     acted = np.zeros((100, 2))
     acted[:, [c[1] for c in traj.contacts]] = np.diff(traj.impulse, axis=0)
     for k in range(100):
-        mid = (1 - theta) * traj.x[k] + theta * traj.x[k + 1]
-        rest = traj.x[k + 1] - traj.x[k] - h * fun((k + theta) * h, mid) - C.T @ acted[k]
+        old, new = fun(k * h, traj.x[k]), fun((k + 1) * h, traj.x[k + 1])
+        rest = traj.x[k + 1] - traj.x[k] - h * ((1 - theta) * old + theta * new) - C.T @ acted[k]
         gap = C @ traj.x[k + 1] + [0.1, 0.2]
         assert np.abs(rest).max() < 1e-12 and gap.min() > -1e-13 and np.abs(np.minimum(gap, acted[k] / h)).max() < 1e-12
     assert traj.contacts == ((0, 0), (0, 1)) and traj.impulse[-1].min() > 0.01

@@ -1,10 +1,10 @@
 """The time loop of implicit theta stepping for systems with linear constraints: one complementarity problem per step.
 
-    x+ = x + h (f(t_th, x_th) + B lam),   x_th = (1 - th) x + th x+,   t_th = t + th h
-    0 <= lam _|_ C x_th + q(t_th) + D lam + E (C (x+ - x_th) + q(t + h) - q(t_th)) >= 0
+    x+ = x + h ((1 - th) f(t, x) + th f(t + h, x+) + B lam)
+    0 <= lam _|_ D lam + (1 - th) v + th v+ + E (1 - th) (v+ - v) >= 0,   v = C x + q(t),   v+ = C x+ + q(t + h)
 
-E picks the rows that constrain the state alone; these hold at the end of the step. Held at t_th they would let the state
-swing about the constraint for ever (th = 1/2). The other rows say what lam is, so they belong where lam belongs, at t_th.
+E picks the rows that constrain the state alone; these hold at the end of the step. Held at the mean they would let the
+state swing about the constraint for ever (th = 1/2). The other rows say what lam is, so they belong where lam belongs.
 E is the projector on the left null space of D_II, I the rows with lam > 0: found by repeating the step at most 3 times.
 """
 import numpy as np
@@ -106,20 +106,21 @@ def rows(C, D, G, E, theta, M, a, b):
 
 @njit(cache=True, error_model="numpy")
 def offset(C, E, theta, x, z, q0, q1, u, v, r):
-    """r <- (1 - th) C x + th C z + q(t_th) + E ((1 - th) C (z - x) + q(t + h) - q(t_th)); u, v (m,): work."""
+    """r <- (1 - th) (C x + q0) + th (C z + q1) + E (1 - th) (C (z - x) + q1 - q0); u, v (m,): work."""
     times(C, x, u)
     times(C, z, v)
     for i in range(r.size):
-        r[i] = q0[i] + (1.0 - theta) * u[i] + theta * v[i]
-    for i in range(r.size):
-        u[i] = (1.0 - theta) * (v[i] - u[i]) + q1[i] - q0[i]
+        u[i] += q0[i]
+        v[i] += q1[i]
+        r[i] = (1.0 - theta) * u[i] + theta * v[i]
+        u[i] = (1.0 - theta) * (v[i] - u[i])
     for i in range(r.size):
         for k in range(r.size):
             r[i] += E[i, k] * u[k]
 
 
 @njit(cache=True, error_model="numpy")
-def advance(f, linear, there, h, theta, x, y, v, q0, q1, system, state, lam, on, stale, count):
+def advance(f, linear, now, after, h, theta, x, y, v, q0, q1, system, state, lam, on, stale, count):
     """One step from x to y: Newton's method on (y, lam), exact at once where f is linear. Returns a status.
 
     system: B, C, D, fixed; state: J, W, G, E, M, a, b, made anew when `stale` and kept between steps.
@@ -128,18 +129,21 @@ def advance(f, linear, there, h, theta, x, y, v, q0, q1, system, state, lam, on,
     J, W, G, E, M, a, b = state
     n, m = x.size, lam.size
     w, r, p, s, mid, z = np.empty(m), np.empty(m), np.empty(m), np.empty(m), np.empty(n), np.empty(n)
-    y[:] = x
+    y[:], old = x, np.zeros(n)
+    if theta < 1.0:
+        f(now, x.copy(), old)
+        count[CALLS] += 1
     move, tries, fresh = np.inf, 0, False
     for it in range(NEWTON):
-        for c in range(n):
-            mid[c] = (1.0 - theta) * x[c] + theta * y[c]
-        f(there, mid, v)
+        f(after, y.copy(), v)
         count[CALLS] += 1
+        for c in range(n):
+            v[c] = (1.0 - theta) * old[c] + theta * v[c] if theta < 1.0 else v[c]
         if health(v) != OK:
             return health(v)
         if stale:
             if not linear:
-                count[CALLS] += jacobian(f, there, mid, J)
+                count[CALLS] += jacobian(f, after, y, J)
             if not matrices(J, h, theta, B, W, G):
                 return SLOW
             rows(C, D, G, E, theta, M, a, b)
@@ -195,41 +199,39 @@ def march(f, q_of, moving, linear, J, t, substeps, x, q, B, C, D, theta, fixed, 
 
     f(t, x, out), q_of(t, out): pointers; linear: f = J x + u(t). q (m,): its value if nothing moves. fixed (m,): rows
     without lam; jumpy (m,): rows their own multiplier does not move; check: are other solutions looked for?
-    Returns X (K, n), impulse (K, m), multiplier (K, m) and length (K,) of the last step before each sample, counters,
-    status, time reached, time of the first step with several motions or NaN.
+    Returns X (K, n), impulse (K, m), counters, status, time reached, time of the first step with several motions or NaN.
     """
     K, n, m = t.size, x.size, q.size
-    X, P, L, H = np.full((K, n), np.nan), np.full((K, m), np.nan), np.full((K, m), np.nan), np.zeros(K)
+    X, P = np.full((K, n), np.nan), np.full((K, m), np.nan)
     x, y, v, q0, q1 = x.copy(), x.copy(), np.empty(n), q.copy(), q.copy()
     total, lam, w, on = np.zeros(m), np.zeros(m), np.zeros(m), np.zeros(m, np.bool_)
     count, twice, old = np.zeros(5, np.int64), np.nan, -1.0
     M, a, b, G = np.zeros((m, m)), np.ones(m), np.ones(m), np.zeros((n, m))
     state = (J.copy(), np.eye(n), G, at_end(D, fixed, on), M, a, b)
-    X[0], P[0], L[0] = x, total, lam
+    X[0], P[0] = x, total
     for k in range(K - 1):
         h = (t[k + 1] - t[k]) / substeps[k]
         for s in range(substeps[k]):
             now = t[k] + s * h
             after = t[k + 1] if s + 1 == substeps[k] else t[k] + (s + 1) * h
-            there = after if theta == 1.0 else now + theta * h
             if moving:
-                q_of(there, q0)
+                q_of(now, q0)
                 q_of(after, q1)
             stale = abs(h - old) > 1e-12 * h                  # sample times are rounded: the same step for all
             old = h if stale else old
-            code = advance(f, linear, there, h, theta, x, y, v, q0, q1, (B, C, D, fixed), state, lam, on, stale, count)
+            code = advance(f, linear, now, after, h, theta, x, y, v, q0, q1, (B, C, D, fixed), state, lam, on, stale, count)
             if code == NOTHING and health(q0) + health(q1) != OK:
                 code = NAN
             if code != OK:
-                return X, P, L, H, count, code, now, twice
+                return X, P, count, code, now, twice
             if check and np.isnan(twice):
                 offset(C, state[3], theta, x, y - G @ lam, q0, q1, w.copy(), w.copy(), w)
                 if other_motion(M, w, G, lam, h * largest(v) + largest(G @ lam)):
                     twice = now
             for i in range(m):
                 if jumpy[i] and lam[i] * largest(G[:, i].copy()) > LARGE * h * largest(v):
-                    return X, P, L, H, count, JUMP, after, twice
+                    return X, P, count, JUMP, after, twice
                 total[i] += h * lam[i]
             x[:] = y
-        X[k + 1], P[k + 1], L[k + 1], H[k + 1] = x, total, lam, h
-    return X, P, L, H, count, OK, t[K - 1], twice
+        X[k + 1], P[k + 1] = x, total
+    return X, P, count, OK, t[K - 1], twice

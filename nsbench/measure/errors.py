@@ -6,6 +6,8 @@ import numpy as np
 from nsbench.case import Case
 from nsbench.measure.events import event_errors
 from nsbench.measure.frame import Frame, frame
+from nsbench.measure.labels import NAMES as LABELS
+from nsbench.measure.labels import at_labels
 from nsbench.measure.polyhedron import selection
 from nsbench.measure.residuals import NAMES as RESIDUALS
 from nsbench.measure.residuals import residuals
@@ -14,8 +16,8 @@ from nsbench.reference import columns_of, spread
 from nsbench.trajectory import Trajectory
 
 NAMES = ("state_sup", "state_T", "set_distance", "impulse", "reaction", "l1", "settled", "sup", "event_time", "events_missed",
-         "events_extra", "selection", "polyhedron", "state_floor", "impulse_floor", "reaction_floor", "event_floor",
-         "state_scale", "impulse_scale")
+         "events_extra", *LABELS, "lam_floor", "selection", "polyhedron", "state_floor", "impulse_floor", "reaction_floor",
+         "event_floor", "state_scale", "impulse_scale")
 MEASURED = ("ok", "unverified", "degenerate", "below_reference")       # statuses of runs that reached T
 
 
@@ -29,6 +31,8 @@ def errors(case: Case, traj: Trajectory) -> dict:
     means of a multiplier outside windows of 2 sample spacings around the reference's events; sup: the same
     everywhere, a diagnostic (no order at jumps); event_time, events_missed, events_extra: see `event_errors`.
 
+    lam_own, lam_at_start, lam_at_mid, lam_at_end, lam_mean, lam_floor: the multiplier of single steps against the exact
+    one at the method's own time label and at the others, see `measure.labels`.
     set_distance: of the samples from the set of all solutions, in the place of state_sup where there are many (the
     case's `distance`, see Case).
 
@@ -90,7 +94,7 @@ def _against(made: Frame, traj: Trajectory) -> dict:
     if ref.reaction is not None and traj.reaction.shape == ref.reaction.shape:
         out["reaction"] = float(np.abs(traj.reaction - ref.reaction).max())
     if made.unique and ref.impulse is not None:
-        out |= _multipliers(made, traj)
+        out |= _multipliers(made, traj) | at_labels(made, traj)
     if not made.unique and isinstance(made.case.problem, Complementarity):
         out["selection"], out["polyhedron"] = selection(made, traj)
     if ref.events is not None and (traj.events or "events" in traj.stats):

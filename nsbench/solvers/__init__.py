@@ -8,11 +8,11 @@ import pkgutil
 import sys
 
 from nsbench.case import Case, format_value, get_case, load_module, nearest, parse_spec
-from nsbench.solvers.base import Claims, Expect, Grid, Run, Solver, check_positive, grid, sample
+from nsbench.solvers.base import Claims, Expect, Grid, Run, Solver, check_positive, grid, last_steps, sample
 from nsbench.trajectory import Event, Status, Trajectory
 
 __all__ = ["Case", "Claims", "Event", "Expect", "Grid", "Run", "Solver", "Status", "Trajectory", "all_names", "broken",
-           "check_positive", "get", "grid", "load", "sample", "solve", "spec_of", "standard"]
+           "check_positive", "get", "grid", "last_steps", "load", "sample", "solve", "spec_of", "standard"]
 
 _loaded: dict[str, type] = {}
 

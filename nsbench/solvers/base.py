@@ -82,8 +82,8 @@ class Grid:
     aligned: bool
 
 
-def grid(t: np.ndarray, h: float) -> Grid:
-    """Steps of at most h for the sample times t.
+def grid(t: np.ndarray, h: float, last: bool = False) -> Grid:
+    """Steps of at most h for the sample times t. last: record the state before the last step to each sample too.
 
     A step that fits between samples divides every spacing; a longer one walks over them in steps of exactly h,
     the last one shortened, and samples are read off the polygon.
@@ -95,11 +95,32 @@ def grid(t: np.ndarray, h: float) -> Grid:
         if not float(n.sum()) <= 2e9 or h < 4 * np.spacing(np.abs(t).max()):
             raise ValueError(f"h = {h:g} needs {float(n.sum()):.3g} steps; at most 2e9 are taken")
         n = n.astype(np.int64)
-        return Grid(np.array(t), n, float((spacing / n).max()), True)
+        return (_with_last if last else Grid)(np.array(t), n, float((spacing / n).max()), not last)
     span = t[-1] - t[0]
     n = max(1, int(np.ceil(span / h * (1 - 1e-9))))
     nodes = np.append(t[0] + h * np.arange(n), t[-1])
     return Grid(nodes, np.ones(n, np.int64), float(min(h, span)), False)
+
+
+def _with_last(t, n, h, aligned):
+    """The same steps with the time before the last one of each interval among the recorded times."""
+    several = n > 1
+    before = (t[1:] - np.diff(t) / n)[several]
+    place = np.flatnonzero(several) + 1
+    return Grid(np.insert(t, place, before),
+                np.insert(np.where(several, 1, n), np.flatnonzero(several), n[several] - 1), h, aligned)
+
+
+def last_steps(t: np.ndarray, g: Grid, impulse: np.ndarray) -> dict:
+    """lam and lam_h of a Trajectory from the impulses (K, m) at the recorded times of `grid(t, h, last=True)`; {} where
+    steps are longer than the sample spacing."""
+    at = np.searchsorted(g.t, t)
+    if g.aligned or not (at[-1] < len(g.t) and np.array_equal(g.t[at], t) and np.all(g.substeps[at[1:] - 1] == 1)):
+        return {}
+    h = np.append(np.nan, g.t[at[1:]] - g.t[at[1:] - 1])
+    lam = np.full((len(t), impulse.shape[1]), np.nan)
+    lam[1:] = (impulse[at[1:]] - impulse[at[1:] - 1]) / h[1:, None]
+    return {"lam": lam, "lam_h": h}
 
 
 def sample(t: np.ndarray, nodes: np.ndarray, values: np.ndarray) -> np.ndarray:

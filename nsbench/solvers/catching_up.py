@@ -8,7 +8,7 @@ import numpy as np
 from nsbench.case import Case, nearest
 from nsbench.problem import Complementarity, Smooth
 from nsbench.solvers._qp import BACKENDS
-from nsbench.solvers.base import Claims, Expect, Run, grid, sample
+from nsbench.solvers.base import Claims, Expect, Run, grid, last_steps, sample
 from nsbench.solvers.start import start_state
 from nsbench.trajectory import Status, Trajectory
 
@@ -68,7 +68,7 @@ class CatchingUp:
 
     def prepare(self, case: Case, h: float) -> Run:
         from nsbench.contacts import Scene
-        g = grid(case.t, h)
+        g = grid(case.t, h, last=case.exact_impulse is not None)
         scene = Scene(case.problem, case.n)
         x0 = start_state(case, scene)
         reach = self.reach * _mean_radius(scene)
@@ -116,9 +116,10 @@ def _trajectory(case, g, loop, out):
     steps = int(g.substeps.sum())
     stats = {"steps": steps, "h": g.h, "drift_calls": steps, "loop": loop, "kkt": float(worst), **work}
     status = _status(code, stats, when, reached)
+    lam = last_steps(case.t, g, impulse)
     if not g.aligned:
         X, R, impulse = (sample(case.t, g.t, v) for v in (X, R, impulse))
-    return Trajectory(case.t, X, contacts, impulse, R, status, stats=stats, lam_time="end")
+    return Trajectory(case.t, X, contacts, impulse, R, status, stats=stats, lam_time="end", **lam)
 
 
 def _status(code, stats, when, reached):

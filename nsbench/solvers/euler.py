@@ -7,7 +7,7 @@ import numpy as np
 
 from nsbench.case import Case
 from nsbench.problem import Complementarity, Filippov
-from nsbench.solvers.base import Claims, Expect, Run, grid, sample
+from nsbench.solvers.base import Claims, Expect, Run, grid, last_steps, sample
 from nsbench.trajectory import Status, Trajectory
 
 STANDARD = ("euler", "euler[implicit=true]")
@@ -55,7 +55,7 @@ class Euler:
         return None
 
     def prepare(self, case: Case, h: float) -> Run:
-        g = grid(case.t, h)
+        g = grid(case.t, h, last=case.exact_impulse is not None)
         loop, kernels, field, switch, d = _forms(case)
         march = kernels["march_implicit" if self.implicit else "march_explicit"]
         args = (field, switch, g.t, g.substeps, case.x0.copy(), d)
@@ -70,6 +70,7 @@ class Euler:
 
     def _trajectory(self, case, g, loop, result):
         X, W, calls, inner, code, reached = result
+        lam = last_steps(case.t, g, W)
         if not g.aligned:
             X, W = sample(case.t, g.t, X), sample(case.t, g.t, W)
         stats = {"steps": int(g.substeps.sum()), "h": g.h, "drift_calls": int(calls), "loop": loop}
@@ -78,7 +79,7 @@ class Euler:
         smooth = isinstance(case.problem, Complementarity)
         return Trajectory(case.t, X, tuple((0, i) for i in range(W.shape[1])), W,
                           np.where(np.isnan(X), np.nan, 0.0) if smooth else np.empty((len(X), 0)),
-                          _status(code, reached), stats=stats, lam_time="end" if self.implicit else "start")
+                          _status(code, reached), stats=stats, lam_time="end" if self.implicit else "start", **lam)
 
 
 def _status(code, reached):

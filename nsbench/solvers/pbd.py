@@ -7,7 +7,7 @@ import numpy as np
 
 from nsbench.case import Case
 from nsbench.problem import Complementarity, Smooth
-from nsbench.solvers.base import Claims, Expect, Run, grid, sample
+from nsbench.solvers.base import Claims, Expect, Run, grid, last_steps, sample
 from nsbench.solvers.start import start_state
 from nsbench.trajectory import Status, Trajectory
 
@@ -59,7 +59,7 @@ class PBD:
 
     def prepare(self, case: Case, h: float) -> Run:
         from nsbench.contacts import Scene
-        g = grid(case.t, h)
+        g = grid(case.t, h, last=case.exact_impulse is not None)
         scene = Scene(case.problem, case.n)
         x0 = start_state(case, scene)
         if any(isinstance(c, Smooth) for c in scene.families):
@@ -153,9 +153,10 @@ def _trajectory(case, g, loop, out):
     elif code == 2:
         status = Status("degenerate", "Coincident centres: the contact has no normal; they were parted along "
                                       "the first axis.")
+    lam = last_steps(case.t, g, impulse)
     if not g.aligned:
         X, R, impulse = (sample(case.t, g.t, v) for v in (X, R, impulse))
-    return Trajectory(case.t, X, contacts, impulse, R, status, stats=stats, lam_time="end")
+    return Trajectory(case.t, X, contacts, impulse, R, status, stats=stats, lam_time="end", **lam)
 
 
 SOLVER = PBD

@@ -7,7 +7,7 @@ import numpy as np
 
 from nsbench.case import Case
 from nsbench.problem import LCS, Affine, Complementarity
-from nsbench.solvers.base import Claims, Expect, Run, grid, sample
+from nsbench.solvers.base import Claims, Expect, Run, grid, last_steps, sample
 from nsbench.trajectory import Status, Trajectory
 
 ALL = 8                   # rows whose 2^m supports are tried in each step where uniqueness is not certain
@@ -15,12 +15,12 @@ ALL = 8                   # rows whose 2^m supports are tried in each step where
 
 @dataclass(frozen=True)
 class Theta:
-    """x+ = x + h (f(t_th, x_th) + B lam), x_th = (1 - theta) x + theta x+: one complementarity problem for lam per step.
+    """x+ = x + h ((1 - theta) f(t, x) + theta f(t + h, x+) + B lam): one complementarity problem for lam per step.
 
-    theta 1: implicit Euler, order 1, lam belongs to the end of the step. theta 0.5: order 2, lam belongs to the middle;
-    steps in which lam jumps (relays) cost O(h) for any theta. Rows that constrain the state alone (D = 0; gaps) hold at
-    the end of the step, rows that say what lam is at t_th: kernels.theta says how they are told apart. Of several lam
-    with the same motion the smallest is taken. A drift that is not affine is solved by Newton's method to 1e-13.
+    theta 1: implicit Euler, order 1, lam belongs to the end of the step. theta 0.5: the trapezoid, order 2, lam belongs
+    to the middle; steps in which lam jumps (relays) cost O(h) for any theta. Rows that constrain the state alone (D = 0;
+    gaps) hold at the end of the step, rows that say what lam is hold in the mean: kernels.theta says how they are told
+    apart. Of several lam with the same motion the smallest is taken. Newton's method solves a drift that is not affine.
     Source: Han, Tiwari, Camlibel & Pang, SIAM J. Numer. Anal. 47(5), 2009 (least-norm steps of passive systems); Acary
     & Brogliato, Numerical Methods for Nonsmooth Dynamical Systems (2008), section 9.4.
     """
@@ -56,7 +56,7 @@ class Theta:
         return None
 
     def prepare(self, case: Case, h: float) -> Run:
-        g = grid(case.t, h)
+        g = grid(case.t, h, last=case.exact_impulse is not None)
         data = _of_lcs(case) if isinstance(case.problem, LCS) else _of_gaps(case)
         march, loop, f, q_of = _compiled(case, data)
         B, C, D = data["B"], data["C"], data["D"]
@@ -139,7 +139,7 @@ def _unique(data, h, theta, fixed):
 
 def _trajectory(case, g, loop, theta, B, judged, out):
     from nsbench.kernels.theta import CALLS, INNER, LCPS, PIVOTS, UNSETTLED
-    X, P, _, _, count, code, reached, twice = out
+    X, P, count, code, reached, twice = out
     if isinstance(case.problem, LCS):
         contacts = tuple((0, i) for i in range(P.shape[1]))
     else:
@@ -150,11 +150,12 @@ def _trajectory(case, g, loop, theta, B, judged, out):
     stats = {"steps": int(g.substeps.sum()), "h": g.h, "drift_calls": int(count[CALLS]), "loop": loop,
              "qp_solves": int(count[LCPS]), "inner_iterations": int(count[INNER]), "pivots": int(count[PIVOTS]),
              "limits": int(count[UNSETTLED])}
+    lam = last_steps(case.t, g, P[:, acted])
     if not g.aligned:
         X, P, R = (sample(case.t, g.t, v) for v in (X, P, R))
     label = {1.0: "end", 0.5: "midpoint"}.get(theta, "mean")
     return Trajectory(case.t, X, tuple(contacts[i] for i in acted), P[:, acted], R,
-                      _status(code, reached, twice, judged), stats=stats, lam_time=label)
+                      _status(code, reached, twice, judged), stats=stats, lam_time=label, **lam)
 
 
 def _status(code, reached, twice, judged):
