@@ -52,6 +52,11 @@ def system(**flags):
     return enter
 
 
+def columns(n):
+    """The ids of n contacts of one family."""
+    return [(0, k) for k in range(n)]
+
+
 def linspace(a, b, k):
     """The doubles of numpy.linspace, exactly."""
     return [mpf(float(v)) for v in np.linspace(a, b, k)]

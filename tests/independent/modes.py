@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import partial
 
 import mpmath as m
-from engine import EPS, ZERO, march
+from engine import EPS, ZERO, columns, march
 from mpmath import mpf
 
 
@@ -41,6 +41,11 @@ def affine(a, b=0, db=None):
     a = [mpf(v) for v in a]
     return Gap(lambda t, x: dot(a, x) + (b(t) if callable(b) else mpf(b)), lambda t, x: a,
                (lambda t, x: db(t)) if db else Gap.rate)
+
+
+def eye(n):
+    """Floors at 0 under n coordinates."""
+    return [affine([int(i == k) for i in range(n)]) for k in range(n)]
 
 
 def length(v):
@@ -130,7 +135,7 @@ def complementarity(f, gaps, x0, ts, H=0.05, ids=None, breaks=(), directions=Non
     """The Path; f one function or one per era; ids (0, k) unless given."""
     f = f if isinstance(f, list) else [f] * (len(breaks) + 1)
     directions = [[mpf(v) for v in d] for d in directions] if directions else None
-    return march(Contacts(f, gaps, ids or [(0, k) for k in range(len(gaps))], directions), x0, ts, H, breaks)
+    return march(Contacts(f, gaps, ids or columns(len(gaps)), directions), x0, ts, H, breaks)
 
 
 # ---------------------------------------------------------------- Filippov
@@ -203,9 +208,14 @@ class Sides:
         return new, [(kind(a, b), self.ids[k]) for k, (a, b) in enumerate(zip(mode or new, new, strict=True)) if a != b]
 
 
+def const(*rows):
+    """Constant gradients of surfaces that stand, as `dswitch`."""
+    return lambda t, x: ([[mpf(v) for v in r] for r in rows], [mpf(0)] * len(rows))
+
+
 def filippov(f, switch, dswitch, x0, ts, d=1, H=0.05):
     """The Path; impulses are the integrals of the weights of the positive sides."""
-    return march(Sides(f, switch, dswitch, [(0, k) for k in range(d)]), x0, ts, H)
+    return march(Sides(f, switch, dswitch, columns(d)), x0, ts, H)
 
 
 # ---------------------------------------------------------------- circuits with D of full rank on the sets met
@@ -255,4 +265,4 @@ class Circuit:
 def circuit(A, B, C, D, u, q, x0, ts, H=0.05):
     """The Path of an LCS."""
     A, B, C, D = ([[mpf(v) for v in r] for r in M] for M in (A, B, C, D))
-    return march(Circuit(A, B, C, D, u, q, [(0, k) for k in range(len(D))]), x0, ts, H)
+    return march(Circuit(A, B, C, D, u, q, columns(len(D))), x0, ts, H)

@@ -41,7 +41,8 @@ class Truth:
 class Errors:
     """Largest errors of states, impulses and event times, each relative to max(unit, size); what was missed or is extra.
 
-    The unit is 1, or the largest size in the truth (of times: the end) if that is less: micrometres are not compared to 1.
+    The unit is 1, or the largest state or impulse (of times: the end) if that is less: micrometres are not compared to 1.
+    It is one for states and impulses, for an impulse is what two states of their size differ by.
     """
     state: float
     impulse: float
@@ -74,14 +75,14 @@ def case(name: str) -> nsbench.Case:
     return nsbench.load_case(HERE / "cases" / f"{name}.py")
 
 
-def unit(a) -> float:
-    """1, or the largest size of a if that is less and not 0."""
-    return min(1.0, float(np.max(np.abs(a), initial=0.0)) or 1.0)
+def unit(*arrays) -> float:
+    """1, or the largest size in the arrays if that is less and not 0."""
+    return min(1.0, max(float(np.max(np.abs(a), initial=0.0)) for a in arrays) or 1.0)
 
 
-def distance(a, b) -> float:
-    """Largest |a - b| / max(unit, |b|); infinite where a is not finite."""
-    e = np.abs(a - b) / np.maximum(unit(b), np.abs(b))
+def distance(a, b, one) -> float:
+    """Largest |a - b| / max(one, |b|); infinite where a is not finite."""
+    e = np.abs(a - b) / np.maximum(one, np.abs(b))
     return float(np.max(np.where(np.isfinite(e), e, np.inf), initial=0.0))
 
 
@@ -111,18 +112,20 @@ def paired(told, true, optional, near):
 
 def compare(traj, true: Truth) -> Errors:
     """Errors of a trajectory; a contact that acts and that the truth does not know counts into the impulse."""
+    one = unit(true.x, true.impulse)
     told = {tuple(map(int, c)): traj.impulse[:, k] for k, c in enumerate(traj.contacts)}
     zero = np.zeros(len(true.x))
     columns = np.stack([told.get(c, zero) for c in true.ids], axis=1)
     w = np.eye(len(true.ids)) if true.weights is None else true.weights
-    impulse = [distance(columns @ w.T, true.impulse @ w.T), *(distance(v, zero) for c, v in told.items() if c not in true.ids)]
+    impulse = [distance(columns @ w.T, true.impulse @ w.T, one)]
+    impulse += [distance(v, zero, one) for c, v in told.items() if c not in true.ids]
     if true.reaction is not None:
-        impulse.append(distance(traj.reaction, true.reaction))
+        impulse.append(distance(traj.reaction, true.reaction, one))
     worst, missed, extra = 0.0, [], []
     if true.unique != "none":
         a = grouped([(float(e.t), e.kind, tuple(map(int, e.contact))) for e in traj.events], true.unique)
         b = grouped([(float(t), kind, c) for t, kind, c in true.events], true.unique)
         for key in a.keys() | b.keys():
-            error, lost, more = paired(a[key], b[key], true.optional, NEAR * unit(traj.t))
-            worst, missed, extra = max(worst, error / unit(traj.t)), missed + lost, extra + more
-    return Errors(distance(traj.x, true.x), max(impulse), worst, tuple(sorted(missed)), tuple(sorted(extra)))
+            error, lost, more = paired(a[key], b[key], true.optional, NEAR * unit(traj.t[-1:]))
+            worst, missed, extra = max(worst, error / unit(traj.t[-1:])), missed + lost, extra + more
+    return Errors(distance(traj.x, true.x, one), max(impulse), worst, tuple(sorted(missed)), tuple(sorted(extra)))

@@ -4,13 +4,8 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 from engine import Path, linspace, march, system
-from modes import affine, changes, circuit, complementarity, dot, filippov
+from modes import affine, changes, circuit, complementarity, const, dot, filippov
 from mpmath import cos, mpf, sin
-
-
-def const(*rows):
-    """Constant gradients of surfaces that stand."""
-    return lambda t, x: ([[mpf(v) for v in r] for r in rows], [mpf(0)] * len(rows))
 
 
 def lin(A, u=None):

@@ -2,17 +2,9 @@
 from dataclasses import replace
 
 import numpy as np
-from engine import closed, linspace, system
-from modes import affine, complementarity
+from engine import closed, columns, linspace, system
+from modes import affine, complementarity, eye
 from mpmath import cos, mpf, pi, sin
-
-
-def ids(n):
-    return [(0, k) for k in range(n)]
-
-
-def eye(n):
-    return [affine([int(i == k) for i in range(n)]) for k in range(n)]
 
 
 def wedge(a):
@@ -157,7 +149,7 @@ def start_tangent():
         return [1 - cos(t), mpf(0) if t <= pi else 1 + cos(t), t**3 / 3 - t**4 / 20]
     def i(t):
         return [0, 1 - cos(min(t, pi)), 0]
-    return closed([(None, x, i)], linspace(0, 5, 41), ids(3), [(+pi, "release", (0, 1))])
+    return closed([(None, x, i)], linspace(0, 5, 41), columns(3), [(+pi, "release", (0, 1))])
 
 
 @system(optional=(2,))
@@ -172,7 +164,7 @@ def at_sample():
             )
         ],
         linspace(0, 2, 9),
-        ids(3),
+        columns(3),
         [(mpf(0.25), "contact", (0, 2)), (mpf(1), "contact", (0, 0))],
     )
 
@@ -187,6 +179,6 @@ def release_at_sample():
             (None, lambda t: [(t - 2) ** 2 / 4], lambda t: [mpf(0.25)]),
         ],
         linspace(0, 4, 9),
-        ids(1),
+        columns(1),
         [(mpf(1), "contact", (0, 0)), (mpf(2), "release", (0, 0))],
     )

@@ -1,16 +1,7 @@
 """What is over in a blink: dips, spikes, bumps, near misses."""
-from engine import closed, linspace, system
-from modes import affine, anchor, complementarity, filippov
+from engine import closed, columns, linspace, system
+from modes import affine, anchor, complementarity, const, filippov
 from mpmath import cos, exp, log, mpf, sqrt
-
-
-def ids(n):
-    return [(0, k) for k in range(n)]
-
-
-def const(*rows):
-    """Constant gradients of surfaces that stand."""
-    return lambda t, x: ([[mpf(v) for v in r] for r in rows], [mpf(0)] * len(rows))
 
 
 @system()
@@ -25,7 +16,7 @@ def dip_1e6():
             (None, lambda t: [(t - 1) ** 2], lambda t: [1 - y0]),
         ],
         linspace(0, 3, 32),
-        ids(1),
+        columns(1),
         [(t1, "contact", (0, 0)), (mpf(1), "release", (0, 0))],
     )
 
@@ -43,14 +34,14 @@ def dip_1e10():
             (None, lambda t: [(t - c) ** 2], lambda t: [c * c - y0]),
         ],
         linspace(0, 3, 31),
-        ids(1),
+        columns(1),
         [(t1, "contact", (0, 0)), (c, "release", (0, 0))],
     )
 
 
 @system()
 def near_miss():
-    return closed([(None, lambda t: [(t - 1) ** 2 + mpf(1.000000001) - 1], lambda t: [0])], linspace(0, 3, 32), ids(1), [])
+    return closed([(None, lambda t: [(t - 1) ** 2 + mpf(1.000000001) - 1], lambda t: [0])], linspace(0, 3, 32), columns(1), [])
 
 
 @system()
@@ -89,7 +80,7 @@ def wall_bump():
             (None, lambda t: [mpf(1.2) - 1], lambda t: [mpf(1.2) - 1]),
         ],
         linspace(0, 10, 21),
-        ids(1),
+        columns(1),
         [(t1, "contact", (0, 0)), (t0, "release", (0, 0))],
     )
 

@@ -1,15 +1,7 @@
 """Stiff, slow, long, small, far off and steep."""
-from engine import closed, linspace, system
-from modes import affine, complementarity
+from engine import closed, columns, linspace, system
+from modes import affine, complementarity, eye
 from mpmath import cos, exp, findroot, mpf, pi, sin
-
-
-def ids(n):
-    return [(0, k) for k in range(n)]
-
-
-def eye(n):
-    return [affine([int(i == k) for i in range(n)]) for k in range(n)]
 
 
 @system()
@@ -31,7 +23,7 @@ def stiff():
             (None, lambda t: [0], lambda t: [imp(t2) + k * (sin(t3) - sin(t))]),
         ],
         linspace(0, 8, 41),
-        ids(1),
+        columns(1),
         [(t1, "contact", (0, 0)), (t2, "release", (0, 0)), (t3, "contact", (0, 0))],
     )
 

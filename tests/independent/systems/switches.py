@@ -1,6 +1,6 @@
 """Filippov systems: crossings, sliding, friction, surfaces that meet."""
 from engine import closed, linspace, system
-from modes import filippov
+from modes import const, filippov
 from mpmath import cos, mpf, pi, sin, sqrt
 
 
@@ -10,11 +10,6 @@ def modes1(above, below):
         w = (1 + s[0]) / 2
         return [w * p + (1 - w) * q for p, q in zip(above(t, x), below(t, x), strict=True)]
     return f
-
-
-def const(*rows):
-    """Constant gradients of surfaces that stand."""
-    return lambda t, x: ([[mpf(v) for v in r] for r in rows], [mpf(0)] * len(rows))
 
 
 @system()

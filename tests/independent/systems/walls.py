@@ -3,13 +3,9 @@ import itertools
 import math
 from functools import partial
 
-from engine import Path, closed, linspace, system
+from engine import Path, closed, columns, linspace, system
 from modes import Gap, affine, complementarity
 from mpmath import acos, ceil, cos, findroot, mpf, pi, sin
-
-
-def ids(n):
-    return [(0, k) for k in range(n)]
 
 
 @system()
@@ -36,7 +32,7 @@ def jump_forcing():
 
 @system(events="none")
 def touch_tangent():
-    return closed([(None, lambda t: [(t - 1) ** 2], lambda t: [0])], linspace(0, 3, 31), ids(1), [])
+    return closed([(None, lambda t: [(t - 1) ** 2], lambda t: [0])], linspace(0, 3, 31), columns(1), [])
 
 
 @system()
@@ -117,12 +113,12 @@ def many10():
     ts = linspace(0, 15, 61)
     data = [[mpf(round(v, 2)) for v in (1.0 + 0.37 * k, 0.3 * k, 0.1 + 0.02 * k, 0.5 + 0.05 * k)] for k in range(10)]
     x, impulse, events = zip(*(tide(*d, ts, k) for k, d in enumerate(data)), strict=True)
-    return Path(ts, [*zip(*x, strict=True)], [*zip(*impulse, strict=True)], sorted(itertools.chain(*events)), ids(10))
+    return Path(ts, [*zip(*x, strict=True)], [*zip(*impulse, strict=True)], sorted(itertools.chain(*events)), columns(10))
 
 
 @system(events="none")
 def lam_zero():
-    return closed([(None, lambda t: [t, 0, sin(t)], lambda t: [0, 0])], linspace(0, 5, 26), ids(2), [])
+    return closed([(None, lambda t: [t, 0, sin(t)], lambda t: [0, 0])], linspace(0, 5, 26), columns(2), [])
 
 
 @system()
