@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from nsbench.case import Case
-from nsbench.problem import LCS, Complementarity, Distance
+from nsbench.problem import LCS, Affine, Complementarity, Distance
 from nsbench.trajectory import Event
 
 EPS = float(np.finfo(float).eps)
@@ -61,7 +61,10 @@ def closed_form(case: Case) -> Reference:
     events = None if times is None else tuple(
         e if isinstance(e, Event) else Event(float(e), "", ()) for e in times)
     f = right_hand_side(case.problem)
-    reaction, quadrature = (None, float("nan")) if f is None else _reaction(case, f, x, events or ())
+    if impulse is not None and _constant_gradients(case.problem):
+        reaction, quadrature = _along_rows(case, impulse, ids), 0.0
+    else:
+        reaction, quadrature = (None, float("nan")) if f is None else _reaction(case, f, x, events or ())
     size = scale if impulse is None else max(scale, float(np.abs(impulse).max(initial=0.0)))
     return Reference(t, x, ids, impulse, reaction, events, 4 * EPS * scale,
                      float("nan") if impulse is None else 4 * EPS * size, quadrature + 4 * EPS * size,
@@ -117,6 +120,21 @@ def spread(problem, contacts, values, columns: dict) -> np.ndarray:
 def columns_of(problem, *lists) -> dict:
     """One column for every contact of the lists of ids."""
     return {c: k for k, c in enumerate(sorted({canonical(problem, c) for ids in lists for c in ids}))}
+
+
+def _constant_gradients(problem) -> bool:
+    return isinstance(problem, Complementarity) and bool(problem.constraints) and all(
+        isinstance(c, Affine) for c in problem.constraints)
+
+
+def _along_rows(case, impulse, ids):
+    """The reaction where gradients are rows of A: no quadrature of the drift, which a stiff layer would spoil."""
+    out = np.zeros((len(impulse), case.n))
+    for column, (family, row) in zip(impulse.T, ids, strict=True):
+        c = case.problem.constraints[family]
+        part = slice(c.indptr[row], c.indptr[row + 1])
+        out[:, c.indices[part]] += column[:, None] * c.data[part]
+    return out
 
 
 def _reaction(case, f, x, events):
