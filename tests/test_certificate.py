@@ -134,7 +134,7 @@ def test_every_family_and_the_namespace():
     bowl = Smooth(lambda xp: lambda t, x: x[1:2] + 1.0 - 0.3 * xp.sin(x[0:1] + 0.2 * t))
     wall = Affine(np.array([[1.0, 0.0]]), lambda xp: lambda t: (0.9 + 0.1 * xp.sin(t)) * xp.ones(1))
     post = Distance(d=0.5, pairs=[[0, 0]], anchors=lambda xp: lambda t: xp.array([[1.2 + 0.1 * t, -0.8]]))
-    case = Case("mixed", Complementarity(drift, (bowl, wall, post)), np.array([0.2, 0.3]), np.linspace(0.0, 3.0, 13))
+    case = Case("mixed", Complementarity(drift, (bowl, wall, post)), np.array([0.2, 0.3]), np.linspace(0.0, 1.8, 4))
     import nsbench
     run, made = nsbench.solve(case, "event_driven", tol=1e-13), certify(case)
     assert run.status.ok and len(run.events) >= 1 and made.proven["state"] < 1e-25

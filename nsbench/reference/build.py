@@ -154,7 +154,7 @@ def bounded_by(case: Case, closed: Reference, proof: Reference) -> Reference:
     if closed.impulse is not None and not selected:
         changes["impulse_error"] = impulse + proof.impulse_error
     if closed.reaction is not None and proof.reaction is not None:
-        changes |= {"reaction": proof.reaction, "reaction_error": proof.reaction_error}     # no quadrature of the drift
+        changes["reaction_error"] = float(np.abs(closed.reaction - proof.reaction).max(initial=0.0)) + proof.reaction_error
     if closed.events is None:
         changes |= {"events": proof.events, "event_error": proof.event_error}
     return dataclasses.replace(closed, **changes)
