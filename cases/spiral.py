@@ -77,4 +77,5 @@ def make(a: float = 0.1, w: float = 1.0) -> Case:
         x0=np.array(X0),
         t=np.linspace(0.0, 1.25 * end, 41),
         exact=exact, exact_impulse=exact_impulse, exact_events=(*t0[1:][t0[1:] < end - LISTED], end),
+        tags=("zeno", "weak") if a <= 0.1 * w else ("zeno",),
     )

@@ -119,5 +119,5 @@ def make(kind: str = "affine") -> Case:
         raise ValueError(f'kind is {kind!r}; "affine" or "generic"')
     data = affine() if kind == "affine" else {
         "problem": Filippov({k: constant(v) for k, v in CORNERS.items()}, planes), "x0": np.array([0.5, 0.5, 0.0]),
-        "unique": False, "distance": distance}
+        "unique": False, "distance": distance, "tags": ("corner",)}
     return Case(name="two_surfaces", t=np.linspace(0.0, 3.0, 31), **data)

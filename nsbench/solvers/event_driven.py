@@ -16,6 +16,7 @@ from nsbench.solvers.base import Claims, Expect, Run, check_positive
 METHODS = ("dop853", "rk45", "radau", "lsoda")
 EXPECTS = (
     Expect(("zeno",), "chatter", None, "no method that follows events can pass a time at which they accumulate"),
+    Expect(("not_unique", "corner"), None, None, "the multilinear convention picks one of the velocities in a corner"),
     Expect(("not_unique",), "degenerate", None, "several motions continue: the method says so and stops"),
 )
 
