@@ -153,7 +153,9 @@ class Motion:
             return [np.empty(0)]
         if k == 1:
             return [_ratio(*rates[:, 0:1])]
-        return [self._newton(rates, rates, np.array(q)) for q in (_pair(rates) if k == 2 else [np.zeros(k)])]
+        if k == 2:                              # roots of the quadratic are good enough to look for a way
+            return [np.array(q) for q in _pair(rates)[1:]]
+        return [self._newton(rates, rates, np.zeros(k))]
 
     def data(self, t, x, p) -> list:
         """The switch functions and the fields that a mode is made of, for Jets (see solvers._pieces)."""
@@ -254,7 +256,7 @@ def _positive_minors(M) -> bool:
 
 def _pair(rates):
     """Starts for two surfaces: (A + C b) + a (B + D b) = 0 has a solution a where the two vectors are parallel, a
-    quadratic in b."""
+    quadratic in b. The first start is no such root."""
     pp, pm, mp, mm = rates[0, 0], rates[0, 1], rates[1, 0], rates[1, 1]
     A, B, C, D = (pp + pm + mp + mm) / 4, (pp + pm - mp - mm) / 4, (pp - pm + mp - mm) / 4, (pp - pm - mp + mm) / 4
     det = lambda u, v: u[0] * v[1] - u[1] * v[0]
