@@ -1,0 +1,48 @@
+"""Runs that cannot go on end with a status and a sentence; bad starts and options are refused."""
+import numpy as np
+import pytest
+from event_scenes import floor, push, scene
+
+from nsbench import Affine, Smooth
+from nsbench.solvers import solve
+
+
+def test_a_start_outside_is_refused_or_projected():
+    case = scene(push(-1.0), floor(), x0=[-1.0], t=[0, 1])
+    with pytest.raises(ValueError, match="violates"):
+        solve(case)
+    assert solve(case.replace(start="project")).x[:, 0] == pytest.approx([0.0, 0.0], abs=1e-12)
+    assert solve(case.replace(start="keep")).status.code == "refused"
+
+
+MOVING = Affine(np.array([[1.0], [-1.0]]), lambda xp: lambda t: xp.stack((-t, 2 - t)))
+FAILURES = {
+    "nan at the start": (lambda xp: lambda t, x: x * np.nan, floor(), [1.0], "nan"),
+    "nan later": (lambda xp: lambda t, x: -xp.sqrt(2 - t) * xp.ones_like(x), floor(), [1.0], "nan"),
+    "blow-up": (lambda xp: lambda t, x: x**2, floor(), [1.0], "diverged"),
+    "walls that close": (push(0.0), MOVING, [0.5], "infeasible"),
+    "no gradient": (push(-1.0), Smooth(lambda xp: lambda t, x: x**3, lambda xp: lambda t, x: np.diag(3 * x**2),
+                                       lambda xp: lambda t, x: 0 * x), [1.0], "degenerate"),
+    "no direction": (push(-1.0), Smooth(lambda xp: lambda t, x: 1 * x,
+                                        lambda xp: lambda t, x: np.diag(np.where(x > 1e-6, 1.0, np.nan)),
+                                        lambda xp: lambda t, x: 0 * x), [1.0], "degenerate"),
+}
+
+
+@pytest.mark.parametrize("name", FAILURES)
+def test_failures_are_statuses(name):
+    drift, constraint, x0, code = FAILURES[name]
+    traj = solve(scene(drift, constraint, x0=x0, t=np.linspace(0, 4, 9)))
+    assert traj.status.code == code and str(traj.status).endswith(".")
+    assert np.isnan(traj.x[-1]).all() and np.isnan(traj.impulse[-1]).all() and np.isfinite(traj.x[0]).all()
+
+
+@pytest.mark.parametrize("option, code", [("max_events=1", "chatter"), ("max_steps=7", "maxiter")])
+def test_budgets_end_a_run(option, code):
+    assert solve("tide", f"event_driven[{option}]").status.code == code
+
+
+def test_bad_options_are_named():
+    for spec in ("event_driven[method=euler]", "event_driven[max_events=0]", "event_driven[max_step=-1]"):
+        with pytest.raises(ValueError, match=spec.partition("[")[2].partition("=")[0]):
+            solve("tide", spec)
