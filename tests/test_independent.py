@@ -3,13 +3,18 @@
 The truths are by the extrapolated midpoint rule at 45 digits, written without using the bench (tests/independent). This is
 a quick part of them; tests/studies/independent.py runs all.
 """
+import sys
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from independent import truths
 
 import nsbench
+
+sys.path.append(str(Path(__file__).parent / "independent"))
+
+import truths
 
 SYSTEMS = {
     "walls": ("jump_forcing", "wall_rotating", "tiny", "lam_zero", "touch_tangent"),

@@ -82,7 +82,8 @@ def main(argv=None) -> int:
         rows[name] = in_process(name, o.solver, o.limit)
         print(line(name, rows[name]), flush=True)
     bad = [name for name, row in rows.items() if faults(row)]
-    worst = ", ".join(f"{key} {max((row.get(key, 0.0), name) for name, row in rows.items())}" for key in BOUNDS)
+    worst = ", ".join("{} {:.1e} ({})".format(key, *max((row.get(key, 0.0), name) for name, row in rows.items()))
+                      for key in BOUNDS)
     print(f"{len(rows) - len(bad)} of {len(rows)} good; worst {worst}" + (f"; not good: {', '.join(bad)}" if bad else ""))
     return len(bad)
 
