@@ -56,3 +56,16 @@ def test_the_digits_of_three_discs_are_those_of_the_free_motion():
     assert ref.shown["times"][0][:29] == text[:29]
     mean = ref.x.reshape(len(case.t), 3, 2).mean(axis=1)
     assert np.abs(mean - mean[0] * np.exp(-case.t)[:, None]).max() < 1e-15
+
+
+def test_a_case_of_somebody_else_may_bear_a_stored_name(tmp_path):
+    """three_discs in a user's file is another case: it has no reference, and running it is no error."""
+    import nsbench
+    path = tmp_path / "three_discs.py"
+    path.write_text("import numpy as np\nfrom nsbench import Case, Complementarity\n"
+                    "CASE = Case('three_discs', Complementarity(lambda xp: lambda t, x: -x), np.ones(1), np.linspace(0, 1, 3))\n")
+    case = nsbench.load_case(path)
+    assert refs.reference(case) is None
+    assert nsbench.errors(case, nsbench.solve(case, "event_driven"))["reference"] == "none"
+    with pytest.raises(refs.BadReference, match="another version"):
+        refs.reference(get_case("three_discs").replace(x0=get_case("three_discs").x0 + 1e-9))
