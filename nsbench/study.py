@@ -173,7 +173,7 @@ def attempt(spec: Spec, announce: Callable[[str], None] = lambda what: None):
         return row | _status(Status("error", wrong)), None
     row |= {k: v for k, v in traj.stats.items() if isinstance(v, (int, float, str, bool))}
     row["h"] = {"h": row.get("h", spec.asked), "k": 1.0 / spec.asked}.get(spec.accuracy, spec.asked)
-    row |= _status(traj.status)
+    row |= _status(traj.status) | {"lam_time": traj.lam_time}
     try:
         from nsbench.measure import errors
         row |= errors(case, traj)

@@ -65,7 +65,7 @@ def compose(data: Data, drawn: Figures) -> Content:
     made = [tables.choice_table(data), tables.orders_table(s), tables.speed_table(data), tables.seeds_table(data),
             tables.failures_table(data), tables.environment_table(data.env), tables.glossary_table(),
             trust.expected_table(findings(data, s)), trust.bounds_table(data, s), trust.references_table(data),
-            trust.selection_table(data, s)]
+            trust.selection_table(data, s), trust.labels_table(data, s)]
     lede = ", ".join(filter(None, (tables.counts_line(s), *_where(data.env))))
     factors = tuple(speeds(data)) or ("No two methods reached the same error with loops of one kind.",)
     told = {case: notes(data, case, s) for case in data.case_keys}

@@ -43,7 +43,8 @@ READING = ("An open marker on the bottom edge is an error of exactly 0, a figure
 
 
 TRUST = (("expected", "Expected against observed"), ("bounds", "Methods that claim a bound"),
-         ("selection", "Multipliers that are not unique"), ("references", "References and their own error"))
+         ("selection", "Multipliers that are not unique"), ("labels", "Where in its step a multiplier belongs"),
+         ("references", "References and their own error"))
 
 
 def page(c: Content) -> str:

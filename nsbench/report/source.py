@@ -11,12 +11,13 @@ import numpy as np
 
 from nsbench.report.style import LEADS, clean, family, slug
 
+LABELS = ("lam_at_start", "lam_at_mid", "lam_at_end", "lam_mean")     # of single steps, against lambda at that time
 NUMBERS = ("asked", "h", "seconds", "setup_seconds", "steps", "drift_calls", "projections", "inner_iterations",
            "qp_solves", "events", "restarts", "contacts_peak", "state_sup", "state_T", "impulse", "reaction", "l1",
            "settled", "event_time", "events_missed", "events_extra", "feasibility", "sign", "complementarity",
            "residual", "selection", "polyhedron", "state_floor", "impulse_floor", "reaction_floor",
-           "event_floor", "state_scale", "impulse_scale", "multipliers_unique")
-WORDS = ("case", "solver", "accuracy", "status", "why", "loop", "reference")
+           "event_floor", "state_scale", "impulse_scale", "multipliers_unique", *LABELS, "lam_floor")
+WORDS = ("case", "solver", "accuracy", "status", "why", "loop", "reference", "lam_time")
 GOOD = ("ok", "below_reference")     # statuses whose errors are numbers
 
 
@@ -62,6 +63,10 @@ class Runs:
 
     def floor(self, metric: str) -> float:
         """Below it an error of `metric` says nothing (the reference's own error); 0: exact or no reference."""
+        if metric in LABELS:
+            column = "lam_floor"
+            values = self.col[column][np.isfinite(self.col[column])]
+            return float(values.max()) if values.size else 0.0
         column = {"state_sup": "state_floor", "state_T": "state_floor"}.get(metric, "impulse_floor")
         if metric in ("feasibility", "sign", "complementarity", "residual", "selection", "polyhedron"):
             return 0.0

@@ -15,7 +15,9 @@ FEWEST = 3            # distinct steps below which nobody can speak of an order
 MOST = 500            # runs in one fit; more are thinned evenly, and the sentence says so
 MARGIN = 0.1          # an order this close to the claim is not called a deviation, however narrow its interval
 NAMES = {"state_sup": "state", "impulse": "impulse", "reaction": "reaction", "feasibility": "violation",
-         "settled": "settled multiplier", "selection": "selection", "polyhedron": "distance to the set of multipliers"}
+         "settled": "settled multiplier", "selection": "selection", "polyhedron": "distance to the set of multipliers",
+         "lam_at_start": "multiplier at the start of the step",
+         "lam_at_mid": "multiplier at its middle", "lam_at_end": "multiplier at its end", "lam_mean": "its mean"}
 
 
 @dataclass(frozen=True)

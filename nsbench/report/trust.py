@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from nsbench.report.expected import Finding, fresh, gone
-from nsbench.report.source import Data
+from nsbench.report.source import LABELS, Data
 from nsbench.report.style import clean, count, num
 from nsbench.report.summary import Summary, order
 from nsbench.report.tables import Cell, Row, Table, order_cell
@@ -105,6 +105,38 @@ def selection_table(data: Data, summaries: dict[tuple, Summary]) -> Table:
             "the same runs. A plateau there is the selection that the method makes, not an error of it.")
     return Table("selection", ("method", "reaction", "distance to the set", "selection at the finest step",
                                "a naive comparison would say"), tuple(rows), note if rows else "")
+
+
+OWN = {"start": "lam_at_start", "midpoint": "lam_at_mid", "end": "lam_at_end", "mean": "lam_mean"}
+
+
+def labels_table(data: Data, summaries: dict[tuple, Summary]) -> Table:
+    """The multiplier of single steps at each place in the step: what a wrong time label costs."""
+    from nsbench.measure import fit_order
+    rows = []
+    for (case, solver), s in summaries.items():
+        good, own = s.runs.good, next((w for w in s.runs.col["lam_time"] if w in OWN), "")
+        if s.word != "ok" or not own or not any(np.isfinite(s.runs.col[k][good]).any() for k in LABELS):
+            continue
+        span = _float(data.cases.get(case, {}).get("T"))
+        fit = functools.partial(fit_order, span=span if span > 0 else 1.0)
+        cells = [_label(s, k, order(s.runs, k, {}, fit), k == OWN[own]) for k in LABELS]
+        rows.append(Row((Cell(solver, kind="method"), Cell(own), *cells), case, solver))
+    note = ("Largest error of the multiplier of single steps, away from events, against the exact one at four places in the "
+            "step, at the finest step, with its order. A method declares the place its multiplier belongs to (bold); at another "
+            "one the same numbers show another order: that is the error of the comparison, not of the method.")
+    return Table("labels", ("method", "declared", "start of the step", "middle", "end", "mean over the step"), tuple(rows),
+                 note if rows else "")
+
+
+def _label(s: Summary, name: str, o, own: bool) -> Cell:
+    col, good = s.runs.col, s.runs.good & np.isfinite(s.runs.col[name])
+    if not good.any():
+        return Cell("not known", kind="quiet")
+    error, floor = float(col[name][good][np.argmin(col["h"][good])]), s.runs.floor(name)
+    text = f"< {num(floor)}" if error < floor else num(error)
+    small = f"order {o.order:.2f}" if o.kind == "fit" and o.verdict == "order" else o.verdict or o.text
+    return Cell(text, small, o.sentence, "flag" if own else "number")
 
 
 def _naive(o) -> Cell:
