@@ -54,7 +54,9 @@ class Crossings:
                 todo += [(whole(dense, mid, piece.hi, piece.depth + 1, piece.proven), depth + 1),
                          (whole(dense, piece.lo, mid, piece.depth + 1, piece.proven), depth + 1)]
                 continue
-            hits = [(*hit, int(i)) for i in np.flatnonzero(near) if (hit := self._crossing(i, c[:, i], values[:, i]))]
+            base = np.where(self.armed, 0.0, self.level)
+            dips = near & (rough | (lowest - base <= 100.0 * tail + 4e-3 * swing + self.touch))
+            hits = [(*hit, int(i)) for i in np.flatnonzero(dips) if (hit := self._crossing(i, c[:, i], values[:, i]))]
             if hits:
                 s, left, right, target, i = min(hits)
                 to_time = lambda u: 0.5 * (piece.lo + piece.hi) + 0.5 * (piece.hi - piece.lo) * u     # noqa: B023
