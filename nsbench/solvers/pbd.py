@@ -156,7 +156,8 @@ def _trajectory(case, g, loop, out):
     lam = last_steps(case.t, g, impulse)
     if not g.aligned:
         X, R, impulse = (sample(case.t, g.t, v) for v in (X, R, impulse))
-    return Trajectory(case.t, X, contacts, impulse, R, status, stats=stats, lam_time="end", **lam)
+    # the drift that the multiplier balances is taken at the start of the step
+    return Trajectory(case.t, X, contacts, impulse, R, status, stats=stats, lam_time="start", **lam)
 
 
 SOLVER = PBD
