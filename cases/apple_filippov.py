@@ -46,4 +46,5 @@ def make(y0: float = 1.0) -> Case:
         x0=np.array([y0]),
         t=np.linspace(0.0, 2.0, 41),
         exact=exact, exact_impulse=exact_impulse, exact_events=(land,) if 0.0 < land < 2.0 else (),
+        tags=("exact_at_grid",),
     )

@@ -45,4 +45,5 @@ CASE = Case(
     x0=np.array([0.0, 0.5]),
     t=np.linspace(0.0, 2.0, 41),
     exact=exact, exact_impulse=exact_impulse, exact_events=(0.5,),
+    tags=("exact_at_grid",),
 )

@@ -239,6 +239,12 @@ def test_events_are_matched_in_order_with_the_least_total_difference():
     assert np.isnan(deaf["event_time"]) and deaf["events_missed"] == 2
 
 
+def test_a_change_of_basis_is_no_event_of_the_solution():
+    both = (Event(1.0, "contact", (0, 0, 1)), Event(2.0, "release", (0, 0, 1)))
+    mine, other = (*both, Event(1.5, "pivot", (0, 0, 2))), (*both, Event(1.2, "pivot", (0, 1, 2)), Event(1.6, "pivot", (0, 0, 3)))
+    assert event_errors(nsbench.get_case("three_discs").problem, mine, other) == (0.0, 0, 0)
+
+
 def test_the_quadrature_keeps_its_bound():
     rng = np.random.default_rng(3)
     for n in (11, 21, 41):

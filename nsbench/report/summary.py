@@ -173,6 +173,10 @@ def _bound(metric: str, name: str, bound, error, h, best, floor) -> Order:
     if bound is None:
         return Order(metric, "level", "no order in tol", f"{name}: the accuracy is a tolerance, and no order in it is "
                      f"claimed. Smallest error {shown(best['best'], floor)} at tol = {num(best['best_h'])}.", **best)
+    if bound < last < floor:
+        return Order(metric, "bound", f"< {num(floor)}", f"{name}: the error is below {num(floor)}, ten times the bound of "
+                     f"the reference: it cannot tell whether the claimed {num(bound)} is kept.", verdict="below reference",
+                     claim=bound, **best)
     kept, text = last <= bound, shown(last, floor)
     return Order(metric, "bound", f"{text} ≤ {num(bound)}" if kept else f"{num(last)} > {num(bound)}",
                  f"{name}: the method claims an error of at most {num(bound)}; at tol = {num(float(h.min()))} it is "
@@ -214,7 +218,8 @@ def silent_wrong(summaries: dict) -> list[Summary]:
         if s.state.kind == "bound" and s.state.claim is not None:
             col = s.runs.col
             tightest = col["h"] == np.nanmin(col["h"][s.runs.good])
-            if np.any((col["status"] == "ok") & tightest & (col["state_sup"] > s.state.claim)):
+            if np.any((col["status"] == "ok") & tightest & (col["state_sup"] > s.state.claim)
+                      & ~(col["state_sup"] < s.runs.floor("state_sup"))):
                 out.append(s)
     return out
 

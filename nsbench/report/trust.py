@@ -116,7 +116,7 @@ def labels_table(data: Data, summaries: dict[tuple, Summary]) -> Table:
     rows = []
     for (case, solver), s in summaries.items():
         good, own = s.runs.good, next((w for w in s.runs.col["lam_time"] if w in OWN), "")
-        if s.word != "ok" or not own or not any(np.isfinite(s.runs.col[k][good]).any() for k in LABELS):
+        if s.word != "ok" or not own or s.runs.accuracy != "h" or not _labels_differ(s, good):
             continue
         span = _float(data.cases.get(case, {}).get("T"))
         fit = functools.partial(fit_order, span=span if span > 0 else 1.0)
@@ -124,9 +124,20 @@ def labels_table(data: Data, summaries: dict[tuple, Summary]) -> Table:
         rows.append(Row((Cell(solver, kind="method"), Cell(own), *cells), case, solver))
     note = ("Largest error of the multiplier of single steps, away from events, against the exact one at four places in the "
             "step, at the finest step, with its order. A method declares the place its multiplier belongs to (bold); at another "
-            "one the same numbers show another order: that is the error of the comparison, not of the method.")
+            "one the same numbers show another order: that is the error of the comparison, not of the method. Only methods and "
+            "cases are listed where the place matters: where the error at one is three times that at another.")
     return Table("labels", ("method", "declared", "start of the step", "middle", "end", "mean over the step"), tuple(rows),
                  note if rows else "")
+
+
+def _labels_differ(s: Summary, good) -> bool:
+    """Is the error at one place in the step more than three times that at another, at the finest step?"""
+    known = good & np.all([np.isfinite(s.runs.col[k]) for k in LABELS], axis=0)
+    if not known.any():
+        return False
+    at = np.flatnonzero(known)[np.argmin(s.runs.col["h"][known])]
+    errors = [max(s.runs.col[k][at], s.runs.floor(k), 1e-12) for k in LABELS]
+    return max(errors) > 3 * min(errors)
 
 
 def _label(s: Summary, name: str, o, own: bool) -> Cell:

@@ -12,10 +12,12 @@ from nsbench.trajectory import Status, Trajectory
 
 STANDARD = ("euler", "euler[implicit=true]")
 EXPLICIT = (
+    Expect(("smooth",), 1.0, None, "without constraints and surfaces there is no multiplier"),
     Expect(("exact_at_grid",), "open", "open", "exact at some steps, O(h) chatter at others: no order describes both"),
     Expect(("zeno", "weak"), 0.5, None, "the logarithm in h log(1 + a/h) / a, for steps near the contraction a; the limit is 1"),
 )
 IMPLICIT = (
+    Expect(("smooth",), 1.0, None, "without constraints and surfaces there is no multiplier"),
     Expect(("exact_at_grid",), "exact", "exact", "every step is exact for fields that are constant in each mode"),
     Expect(("zeno", "weak"), 0.5, None, "the logarithm in h log(1 + a/h) / a, for steps near the contraction a; the limit is 1"),
 )

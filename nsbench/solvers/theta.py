@@ -28,7 +28,8 @@ class Theta:
 
     accuracy = "h"
     default = 1e-2
-    expects = (Expect(("constant_force",), "exact", "exact", "drift and gradients are constant: steps are exact at grid "
+    expects = (Expect(("exact_at_grid",), "exact", "exact", "the drift is constant in each mode: its steps are exact"),
+               Expect(("constant_force",), "exact", "exact", "drift and gradients are constant: steps are exact at grid "
                       "times, whatever the number of contacts"),)
 
     def __post_init__(self):
