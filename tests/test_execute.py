@@ -46,11 +46,11 @@ def test_hang_exit_and_exception_are_rows_and_the_others_go_on(tmp_path):
     specs = [Spec("tide", f"bad[how={how}]", "h", 0.01, "", (str(file),))
              for how in ("fine", "hang", "raise", "exit", "memory", "fine2")]
     rows = {}
-    run_all([specs, [Spec("apple", "pbd", "h", 0.01)]], 2, 2.0, lambda spec, row: rows.__setitem__(spec, row))
+    run_all([specs, [Spec("tide", "pbd", "h", 0.01)]], 2, 2.0, lambda spec, row: rows.__setitem__(spec, row))
     status = [rows[s]["status"] for s in specs]
     assert status == ["ok", "timeout", "error", "crashed", "oom", "ok"]
     assert "2 s" in rows[specs[1]]["why"] and "code 7" in rows[specs[3]]["why"] and "on purpose" in rows[specs[2]]["why"]
-    assert rows[Spec("apple", "pbd", "h", 0.01)]["status"] == "ok"
+    assert rows[Spec("tide", "pbd", "h", 0.01)]["status"] == "ok"
 
 
 def test_rows_of_a_repeated_run_agree_to_the_byte():

@@ -23,18 +23,20 @@ def bounds_table(data: Data, summaries: dict[tuple, Summary]) -> Table:
         if s.state.kind != "bound" and s.runs.accuracy != "tol":
             continue
         if s.outcome:
-            rows.append(Row((Cell(solver, kind="method"), Cell(s.outcome, kind=s.word, span=6)), case, solver, s.word))
+            rows.append(Row((Cell(case), Cell(solver, kind="method"), Cell(s.outcome, kind=s.word, span=6)), solver=solver,
+                            kind=s.word))
             continue
         at = int(np.nanargmin(np.where(s.runs.good, s.runs.col["h"], np.inf)))
         col = {k: float(v[at]) for k, v in s.runs.col.items() if v.dtype.kind == "f"}
         wrong = [f"{int(col[k])} {word}" for k, word in (("events_missed", "missed"), ("events_extra", "not in the "
                  "reference")) if col[k] > 0]
-        events = Cell(_known(col, "event_time", "event_floor"), ", ".join(wrong), kind="bad" if wrong else "number")
+        told = _known(col, "event_time", "event_floor") if col["events"] > 0 or wrong else "none"
+        events = Cell(told, ", ".join(wrong), kind="bad" if wrong else "number")
         force, push = (Cell(_known(col, name, f"{name}_floor"), kind="number") for name in ("impulse", "reaction"))
-        rows.append(Row((Cell(solver, kind="method"), _bounded(s, col), force, push, events,
+        rows.append(Row((Cell(case), Cell(solver, kind="method"), _bounded(s, col), force, push, events,
                          Cell(num(col["events"]) if col["events"] == col["events"] else "0", kind="number"),
-                         Cell(str(s.runs.col["reference"][at]) or "none", _bound(col["state_floor"]))), case, solver))
-    return Table("bounds", ("method", "state / max(1, |x|)", "impulse", "reaction", "event times", "events",
+                         Cell(str(s.runs.col["reference"][at]) or "none", _bound(col["state_floor"]))), solver=solver))
+    return Table("bounds", ("case", "method", "state / max(1, |x|)", "impulse", "reaction", "event times", "events",
                             "reference, its bound"), tuple(rows),
                  "Largest errors over all samples at the tightest tolerance run. A figure after “<” is ten times the "
                  "reference's own bound: the error lies below it.")
