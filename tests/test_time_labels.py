@@ -34,14 +34,14 @@ def test_what_half_a_step_costs_is_the_slope_of_the_multiplier():
     assert e["lam_mean"] == pytest.approx(h**2 / 12 * np.cos(held.min()), rel=0.05)
 
 
-@pytest.mark.parametrize("spec, right, exact", [("theta", "lam_at_end", True), ("pbd", "lam_at_start", False),
-                                               ("catching_up", "lam_at_start", False)])
-def test_first_order_methods_on_tide(spec, right, exact):
-    """Implicit Euler takes the force at the end of the step: there lam is exact. Projections declare the end, where the
-    constraint holds, but take the force at the start: half a step between is what first order means."""
+@pytest.mark.parametrize("spec, right, wrong", [("theta", "lam_at_end", "lam_at_start"), ("pbd", "lam_at_start", "lam_at_end"),
+                                               ("catching_up", "lam_at_start", "lam_at_end")])
+def test_first_order_methods_on_tide(spec, right, wrong):
+    """Implicit Euler takes the force at the end of the step, projections after explicit Euler take it at the start:
+    there lam is exact, and at the other end a whole step is between."""
     e = nsbench.errors(get_case("tide"), solve("tide", spec, h=0.005))
-    assert e[right] < 1e-11 and e["lam_at_mid"] > 1e-3
-    assert (e["lam_own"] == e[right]) is exact and e["lam_own"] == e["lam_at_end"]
+    assert e[right] < 1e-11 and e["lam_at_mid"] > 1e-3 and e[wrong] > 2e-3
+    assert e["lam_own"] == e[right]
 
 
 def test_methods_without_steps_have_interval_means():

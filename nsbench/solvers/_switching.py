@@ -77,7 +77,8 @@ class _Walk:
     def _band(self, t, x, times=1e3):
         """(d,) what rounding and the location of events leave of c_i on its surface: 1000 eps of its terms."""
         G = self.motion.gradients(t, x, np.arange(self.d))
-        return times * EPS * (np.abs(G) @ (1.0 + np.abs(x)))
+        pace = np.abs(self.motion.along(t, x, 1.0, np.zeros(self.n)))       # a surface that only time moves rounds too
+        return times * EPS * (np.abs(G) @ (1.0 + np.abs(x)) + pace * (1.0 + abs(t)))
 
     def _arc(self) -> Status:
         """Follow the mode to its next event or the end, then choose the next mode."""
