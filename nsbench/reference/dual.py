@@ -5,6 +5,7 @@ import numpy as np
 
 from nsbench.reference.jets import COMPLEX, Jet, Number
 
+INNER = 2               # level of the derivatives that make gradients; level 1 is left for those of the whole flow
 SLOPES = {          # derivative of f at v, given f(v)
     "sqrt": lambda v, f: 0.5 / f, "exp": lambda v, f: f, "log": lambda v, f: v.inv(), "sin": lambda v, f: v.cos(),
     "cos": lambda v, f: -v.sin(), "atan": lambda v, f: (v * v + 1.0).inv(), "asin": lambda v, f: 1.0 / (1.0 - v * v).sqrt(),

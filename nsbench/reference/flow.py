@@ -12,13 +12,11 @@ from flint import arb, arb_mat
 
 from nsbench.case import Case
 from nsbench.problem import Affine, Complementarity, Distance, Filippov
-from nsbench.reference.dual import Dual, array
+from nsbench.reference.dual import INNER, Dual, array
 from nsbench.reference.jets import Jet
 from nsbench.reference.linear import lead, solve
 from nsbench.reference.namespace import NAMESPACE, vector
 from nsbench.reference.rows import Row, rows_of
-
-INNER = 2               # level of the derivatives that make gradients; level 1 is left for those of the whole flow
 
 
 class ContactFlow:

@@ -7,8 +7,7 @@ import numpy as np
 from flint import arb, arb_mat
 
 from nsbench.case import Case
-from nsbench.reference.dual import Dual, array
-from nsbench.reference.flow import INNER
+from nsbench.reference.dual import INNER, Dual, array
 from nsbench.reference.jets import Jet
 from nsbench.reference.linear import lead, zero_of
 from nsbench.reference.namespace import NAMESPACE, vector

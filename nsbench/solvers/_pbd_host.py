@@ -19,9 +19,8 @@ def prepare(method, case, scene, g, x0):
     from nsbench.compile import host
     from nsbench.kernels import pbd
     from nsbench.kernels.keys import static_keys
-    from nsbench.solvers.pbd import ORDERS
     near = scene.near(x0, np.inf, float(case.t[0]))
-    near = near.take(np.argsort(static_keys(near.family, ORDERS.index(method.order), method.seed)))
+    near = near.take(np.argsort(static_keys(near.family, method.rank, method.seed)))
     runs = _runs(near.kind)
     f = host(case.problem.drift)
 

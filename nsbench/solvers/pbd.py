@@ -49,6 +49,11 @@ class PBD:
         if not self.reach > 0:
             raise ValueError(f"reach is {self.reach!r}; a positive number is needed")
 
+    @property
+    def rank(self) -> int:
+        """Number of the order, as kernels.keys counts them."""
+        return ORDERS.index(self.order)
+
     def refuses(self, case: Case) -> str | None:
         if not isinstance(case.problem, Complementarity):
             return "PBD needs constraints to project on; this case is a " + (
@@ -82,7 +87,7 @@ class PBD:
         walls = (rows, scene.b(t0), scene.anchors(t0))
         if scene.hard:
             args = (*head, scene.all_static().arrays(), *walls, *_hard(scene), self.reach * _mean_radius(scene),
-                    ORDERS.index(self.order), self.seed)
+                    self.rank, self.seed)
         else:
             args = (*head, _ordered(scene.all_static(), self), *walls)
         march = kernel.march if loop == "compiled" else kernel.march.py_func
@@ -119,7 +124,7 @@ def _ordered(near, method):
     if method.order == "sorted":
         return near.arrays()
     from nsbench.kernels.keys import static_keys
-    return near.take(np.argsort(static_keys(near.family, ORDERS.index(method.order), method.seed))).arrays()
+    return near.take(np.argsort(static_keys(near.family, method.rank, method.seed))).arrays()
 
 
 def _hard(scene):
