@@ -173,7 +173,7 @@ def _bound(metric: str, name: str, bound, error, h, best, floor) -> Order:
     if bound is None:
         return Order(metric, "level", "no order in tol", f"{name}: the accuracy is a tolerance, and no order in it is "
                      f"claimed. Smallest error {shown(best['best'], floor)} at tol = {num(best['best_h'])}.", **best)
-    if bound < last < floor:
+    if last < floor and floor > bound:
         return Order(metric, "bound", f"< {num(floor)}", f"{name}: the error is below {num(floor)}, ten times the bound of "
                      f"the reference: it cannot tell whether the claimed {num(bound)} is kept.", verdict="below reference",
                      claim=bound, **best)

@@ -123,9 +123,11 @@ def _orders(summaries):
         bounds = [s.state for s in group if s.state.kind == "bound"]
         if bounds:
             missed = [(s, s.state) for s in group if s.state.kind == "bound" and s.state.flag]
+            blind = [s.case for s in group if s.state.kind == "bound" and s.state.verdict == "below reference"]
             tail = f"; missed on {listed([f'{s.case} ({_told(o)})' for s, o in missed], 4)}" if missed else ""
-            yield (f"{name}: the bound it claims, {num(bounds[0].claim)}, is kept on {len(bounds) - len(missed)} of "
-                   f"{count(len(bounds), 'case')}{tail}.")
+            tail += f"; the reference is not good enough to tell on {listed(blind, 4)}" if blind else ""
+            yield (f"{name}: the bound it claims, {num(bounds[0].claim)}, is kept on "
+                   f"{len(bounds) - len(missed) - len(blind)} of {count(len(bounds), 'case')}{tail}.")
     exact = list(dict.fromkeys(s.case for s, o in pairs if o.kind == "exact"))
     if exact:
         yield f"Exact at grid times for at least one method, hence no order there: {listed(exact)}."
