@@ -1,0 +1,77 @@
+"""Seconds of several runs, measured in one interleaved series: ratios that a noisy machine can be asked for.
+
+Every round runs each of them once, beginning with another one each time; a disturbance meets all of them alike. A ratio
+is the median of the ratios within rounds (not the ratio of medians), and comes with its quartiles.
+"""
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+ROUNDS = 7
+LEAST = 0.02            # seconds: a run that is shorter is repeated within its turn until the turn lasts this long
+
+
+@dataclass(frozen=True)
+class Times:
+    """seconds (rounds,) of one run, per round; repeats: how often it ran within a turn."""
+    seconds: np.ndarray
+    repeats: int
+
+    @property
+    def median(self) -> float:
+        return float(np.median(self.seconds))
+
+    @property
+    def quartiles(self) -> tuple[float, float]:
+        low, high = np.percentile(self.seconds, (25, 75))
+        return float(low), float(high)
+
+    @property
+    def worst(self) -> float:
+        return float(self.seconds.max())
+
+
+@dataclass(frozen=True)
+class Ratio:
+    """median and quartiles of the ratio of two runs within rounds."""
+    median: float
+    low: float
+    high: float
+
+    def __str__(self) -> str:
+        return f"{self.median:.3g} [{self.low:.3g}, {self.high:.3g}]"
+
+
+def interleaved(runs: dict[str, Callable[[], object]], rounds: int = ROUNDS, least: float = LEAST) -> dict[str, Times]:
+    """Seconds of each run, by name, over `rounds` rounds. Each is run once before, untimed, and that call tells how
+    often it must be repeated in its turn to last `least` seconds. Runs must be ready: prepared and compiled.
+
+    Raises ValueError for no runs or fewer than one round.
+    """
+    if not runs or rounds < 1:
+        raise ValueError(f"{len(runs)} runs in {rounds} rounds; at least one of each is needed")
+    names = list(runs)
+    repeats = {n: max(1, int(np.ceil(least / max(_seconds(runs[n], 1), 1e-9)))) for n in names}
+    seconds = {n: np.empty(rounds) for n in names}
+    for r in range(rounds):
+        turn = names[r % len(names):] + names[:r % len(names)]
+        for n in turn:
+            seconds[n][r] = _seconds(runs[n], repeats[n])
+    return {n: Times(seconds[n], repeats[n]) for n in names}
+
+
+def _seconds(run, repeats):
+    start = time.perf_counter()
+    for _ in range(repeats):
+        run()
+    return (time.perf_counter() - start) / repeats
+
+
+def ratio(one: Times, other: Times) -> Ratio:
+    """Seconds of `one` over seconds of `other`, round by round; both from the same interleaved series."""
+    low, middle, high = np.percentile(one.seconds / other.seconds, (25, 50, 75))
+    return Ratio(float(middle), float(low), float(high))
