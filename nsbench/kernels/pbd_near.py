@@ -42,16 +42,17 @@ def in_order(lists, keys):
 
 
 @njit(cache=True)
-def build(x, reach, order, seed, static, static_keys, hard, radii):
+def near_list(x, reach, order, seed, static, static_keys, hard, radii, rank):
     """Listed constraints and near pairs in the order of the sweep, with their keys.
 
-    hard (families, 4): family, start, particles, dim; radii: those of all families one after the other.
+    hard (families, 4): family, start, particles, dim; radii and rank (by which pairs are ordered; empty: by label): those
+    of all families one after the other.
     """
     lists, keys = static, static_keys
     at = 0
     for u in range(hard.shape[0]):
         fam, start, n, dm = hard[u]
-        r = radii[at:at + n]
+        r, number = radii[at:at + n], rank[at:at + n]
         at += n
         if n < 2:
             continue
@@ -59,7 +60,11 @@ def build(x, reach, order, seed, static, static_keys, hard, radii):
         m = i.size
         k = np.empty(m, np.uint64)
         for c in range(m):
-            k[c] = order_key(order, seed, fam, i[c], j[c])
+            if rank.size == 0:
+                k[c] = order_key(order, seed, fam, i[c], j[c])
+            else:
+                a, b = number[i[c]], number[j[c]]
+                k[c] = order_key(order, seed, fam, min(a, b), max(a, b))
         pairs = (np.ones(m, np.int64), np.full(m, fam), i, j, start + dm * i, start + dm * j, r[i] + r[j],
                  np.ones(m), np.full(m, dm))
         lists, keys = append(lists, keys, (pairs, k), np.arange(m))
@@ -67,12 +72,18 @@ def build(x, reach, order, seed, static, static_keys, hard, radii):
 
 
 @njit(cache=True)
-def rebuild(old, old_keys, mu, x, reach, order, seed, static, static_keys, hard, radii):
+def build(x, reach, order, seed, static, static_keys, hard, radii):
+    """`near_list` in an order by labels."""
+    return near_list(x, reach, order, seed, static, static_keys, hard, radii, np.empty(0, np.int64))
+
+
+@njit(cache=True)
+def rebuild(old, old_keys, mu, x, reach, order, seed, static, static_keys, hard, radii, rank):
     """A new list that carries the impulses of the old one; pairs that have acted since the last sample stay in it.
 
     (So an impulse is summed in the same order as over all pairs, and agrees with that to the last bit.)
     """
-    lists, keys = build(x, reach, order, seed, static, static_keys, hard, radii)
+    lists, keys = near_list(x, reach, order, seed, static, static_keys, hard, radii, rank)
     at = np.searchsorted(keys, old_keys)
     gone = np.empty(old_keys.size, np.int64)
     m = 0
@@ -151,15 +162,15 @@ def any_moved(x, base, hard, limit2):
 
 
 @njit(cache=True)
-def march(f, b_of, a_of, moving, t, substeps, sweeps, x, static, rows, b, anchors, hard, radii, owner, reach, order,
-          seed):
+def march(f, b_of, a_of, moving, t, substeps, sweeps, x, static, rows, b, anchors, hard, radii, rank, owner, reach,
+          order, seed):
     """As kernels.pbd.march, with near lists; also returns rebuilds and the longest list held."""
     K = t.size
     X, R = np.full((K, x.size), np.nan), np.full((K, x.size), np.nan)
     x, reac, v, base = x.copy(), np.zeros(x.size), np.empty(x.size), x.copy()
     ids, values, count = np.empty((64, 4), np.int64), np.empty(64), 0
     static_key = static_keys(static[1], order, seed)
-    lists, keys = build(x, reach, order, seed, static, static_key, hard, radii)
+    lists, keys = near_list(x, reach, order, seed, static, static_key, hard, radii, rank)
     mu, most = np.zeros(keys.size), 3 * hard[:, 2].sum() + static_key.size
     X[0], R[0] = x, reac
     work, status, rebuilds, peak, skin, calm = 0, OK, 1, keys.size, reach, 0
@@ -184,7 +195,8 @@ def march(f, b_of, a_of, moving, t, substeps, sweeps, x, static, rows, b, anchor
                     if broken:
                         if inside > 4 and keys.size < most:        # a violent sweep: longer lists, fewer of them
                             skin *= 1.5
-                        lists, keys, mu = rebuild(lists, keys, mu, x, skin, order, seed, static, static_key, hard, radii)
+                        lists, keys, mu = rebuild(lists, keys, mu, x, skin, order, seed, static, static_key, hard, radii,
+                                                  rank)
                         base[:] = x
                         rebuilds, peak, inside = rebuilds + 1, max(peak, keys.size), inside + 1
                         c = 0 if c == 0 else np.searchsorted(keys, last, side="right")

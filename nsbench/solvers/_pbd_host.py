@@ -18,9 +18,8 @@ def prepare(method, case, scene, g, x0):
     """A zero-argument march that returns what kernels.pbd.march returns."""
     from nsbench.compile import host
     from nsbench.kernels import pbd
-    from nsbench.kernels.keys import static_keys
     near = scene.near(x0, np.inf, float(case.t[0]))
-    near = near.take(np.argsort(static_keys(near.family, method.rank, method.seed)))
+    near = near.take(np.argsort(_keys(scene, near, method, x0)))
     runs = _runs(near.kind)
     f = host(case.problem.drift)
 
@@ -47,6 +46,23 @@ def prepare(method, case, scene, g, x0):
             mu[:] = 0.0
         return X, R, _ids(ids), np.array(values), work, code, g.t[-1]
     return march
+
+
+def _keys(scene, near, method, x0):
+    """Keys of all constraints; in the orders by pairs those of hard families count by their particles."""
+    from nsbench.kernels.keys import order_key, static_keys
+    from nsbench.solvers.pbd import hard_ranks
+    keys = static_keys(near.family, method.rank, method.seed)
+    if method.order not in ("cell", "coloured"):
+        return keys
+    rank, at = hard_ranks(scene, method.order, x0), 0
+    for k, _, m in scene.hard:
+        number = rank[at:at + m] if rank.size else np.arange(m)
+        at += m
+        for c in np.flatnonzero(near.family == k):
+            a, b = sorted((number[near.i[c]], number[near.j[c]]))
+            keys[c] = order_key(method.rank, method.seed, k, a, b)
+    return keys
 
 
 def _ids(ids):

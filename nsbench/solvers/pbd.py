@@ -11,7 +11,7 @@ from nsbench.solvers.base import Claims, Expect, Run, grid, last_steps, sample
 from nsbench.solvers.start import start_state
 from nsbench.trajectory import Status, Trajectory
 
-ORDERS = ("sorted", "reverse", "random")
+ORDERS = ("sorted", "reverse", "random", "cell", "coloured")      # as kernels.keys numbers them
 EXPECTS = (
     Expect(("exact_at_grid",), "exact", "exact", "every step of Euler is exact for a drift that is constant in each mode"),
     Expect(("infeasible_start",), None, None, "what a method makes of an infeasible start is its meaning, not its error"),
@@ -23,7 +23,10 @@ class PBD:
     """Explicit Euler, then `sweeps` sweeps of exact projections prox_{g_m} o ... o prox_{g_1}.
 
     The order of the sweep is part of the method: "sorted" (families as the case lists them, indices ascending),
-    "reverse", or "random": one permutation of all constraints, the same in every step, drawn from `seed`.
+    "reverse", "random": one permutation of all constraints, the same in every step, drawn from `seed`; "cell": sorted,
+    with hard particles renumbered once by cells of the start, as large as the largest of them; "coloured": sorted, with
+    the pairs of a hard family by colours of their labels (kernels.keys), few of which follow on one another, so that
+    many can be done at once. No order depends on the list, the step or the number of threads.
     The multiplier estimate of constraint k in a step is displacement along grad g_k / (h |grad g_k|), kept as
     impulse. `reach`: margin of the neighbour list in mean radii; the result does not depend on it. Coincident
     centres are parted along the first axis and the run is marked "degenerate".
@@ -86,8 +89,9 @@ class PBD:
         head = (*pointers, scene.moving, g.t, g.substeps, self.sweeps, x0)
         walls = (rows, scene.b(t0), scene.anchors(t0))
         if scene.hard:
-            args = (*head, scene.all_static().arrays(), *walls, *_hard(scene), self.reach * _mean_radius(scene),
-                    self.rank, self.seed)
+            hard, radii, owner = _hard(scene)
+            args = (*head, scene.all_static().arrays(), *walls, hard, radii, hard_ranks(scene, self.order, x0), owner,
+                    self.reach * _mean_radius(scene), self.rank, self.seed)
         else:
             args = (*head, _ordered(scene.all_static(), self), *walls)
         march = kernel.march if loop == "compiled" else kernel.march.py_func
@@ -136,6 +140,15 @@ def _hard(scene):
         owner[start:start + m * dim, 0] = np.repeat(first, dim)
         owner[start:start + m * dim, 1] = dim
     return hard, np.concatenate([scene.radii[k] for k in hard[:, 0]]), owner
+
+
+def hard_ranks(scene, order, x0):
+    """Numbers by which the pairs of hard particles are ordered, family after family; empty: their labels."""
+    from nsbench.kernels.keys import ranks
+    if order != "cell":
+        return np.empty(0, np.int64)
+    return np.concatenate([ranks(x0[c.start:c.start + m * c.dim], c.dim, 2.0 * float(scene.radii[k].max(initial=0.5)))
+                           for k, c, m in scene.hard])
 
 
 def _mean_radius(scene):
