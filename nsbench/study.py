@@ -64,7 +64,8 @@ def ladder(case: Case, method) -> list[float]:
     if method.accuracy == "h":
         spacing = float(np.diff(case.t).min())
         # dyadic effects are avoided by the ratios; fewer steps than this per sample are not asymptotic anywhere
-        return [spacing / n for n in substeps_ladder(max(1, case.substeps))]
+        octaves = getattr(method, "octaves", OCTAVES)
+        return [spacing / n for n in substeps_ladder(max(1, case.substeps), octaves, round(POINTS * octaves / OCTAVES))]
     values = getattr(method, "ladder", (method.default,))
     if method.accuracy == "k" and len(values) == 2:
         return [float(v) for v in np.geomspace(*values, POINTS)]
