@@ -143,3 +143,49 @@ def test_options_out_of_range_are_errors():
     for spec in ("solve_ivp[method=rk45]", "kdtree[sweep=rust]", "kdtree[margin=-1]"):
         with pytest.raises(ValueError, match="is"):
             solvers.get(spec)
+
+
+def needs_nosnoc():
+    pytest.importorskip("casadi", reason="casadi and nosnoc are an extra: pip install nsbench[nosnoc]")
+    pytest.importorskip("nosnoc", reason="nosnoc is an extra: pip install nsbench[nosnoc]")
+
+
+@pytest.mark.parametrize("name", case_names())
+def test_nosnoc_takes_a_case_or_refuses_with_a_sentence(name):
+    why = solvers.get("nosnoc").refuses(get_case(name))
+    assert why is None or (len(why.split()) > 4 and why.endswith((".", ")")))
+
+
+def test_nosnoc_says_how_to_get_it(monkeypatch):
+    monkeypatch.setattr(solvers.get("nosnoc").refuses.__globals__["importlib"].util, "find_spec", lambda name: None)
+    assert "pip install" in solvers.get("nosnoc").refuses(get_case("tide"))
+    assert "linear" in solvers.get("nosnoc").refuses(get_case("rlc_diode")), "what it cannot do comes first"
+
+
+@pytest.mark.parametrize("spec, key, bound", [
+    ("nosnoc[stages=2]", "slide_exit", 1e-4), ("nosnoc", "oscillator", 1e-5), ("nosnoc", "two_discs", 1e-8),
+    ("nosnoc[stages=2]", "tide", 1e-5)])
+def test_nosnoc_is_as_accurate_as_its_order_and_tolerance_allow(spec, key, bound):
+    """Stewart's form and the step form, weights, impulses and reactions; the bounds are three times what was seen."""
+    needs_nosnoc()
+    case = get_case(key)
+    traj = nsbench.solve(case, spec)
+    e = nsbench.errors(case, traj)
+    assert traj.status.ok and e["state_sup"] < bound and e["impulse"] < bound and not e["reaction"] > bound
+    assert e["residual"] < 1e-6
+
+
+def test_nosnoc_has_the_order_of_its_radau_method():
+    needs_nosnoc()
+    case, found = get_case("oscillator"), []
+    for n in (1, 2):
+        traj = nsbench.solve(case, "nosnoc[stages=2]", h=float(case.t[1]) / n)
+        found.append([traj.stats["h"], nsbench.errors(case, traj)["state_sup"]])
+    h, err = np.log(np.array(found).T)
+    assert abs(np.polyfit(h, err, 1)[0] - solvers.get("nosnoc[stages=2]").claims.state) < 0.3
+
+
+def test_nosnoc_says_when_its_push_is_too_weak():
+    needs_nosnoc()
+    case = get_case("stiff_contact")                 # lam grows to 100
+    assert nsbench.solve(case, "nosnoc[stages=1]", h=0.5).status.code == "infeasible"

@@ -52,13 +52,15 @@ class SolveIvp:
         return f"The modes written by hand are those of the catalogue's {case.name}; this one has {why}." if why else None
 
     def prepare(self, case: Case, accuracy: float) -> Run:
+        from scipy.integrate import solve_ivp
+
         from nsbench.solvers._hand_written import script
         tol = check_positive("tol", accuracy)
         if not TIGHTEST <= tol < 0.1:
             raise ValueError(f"tol is {tol!r}; at least {TIGHTEST:g}, below which SciPy's tolerances mean nothing, and below 0.1")
         work = script(case)
         arcs = {name: (arc, [_event(e) for e in arc.exits]) for name, arc in work.arcs.items()}
-        return lambda: _march(case, work, arcs, METHODS[self.method], tol)
+        return lambda: _march(case, work, arcs, solve_ivp, METHODS[self.method], tol)
 
 
 def _event(e):
@@ -69,8 +71,7 @@ def _event(e):
     return crosses
 
 
-def _march(case, work, arcs, method, tol):
-    from scipy.integrate import solve_ivp
+def _march(case, work, arcs, solve_ivp, method, tol):
     n, m, times = case.n, len(work.contacts), case.t
     size = n + m + (n if work.push is None else 0)
     Y = np.full((len(times), size), np.nan)
