@@ -9,7 +9,7 @@ import pytest
 import nsbench
 
 ROOT = Path(nsbench.__file__).parent
-LAYERS = ["problem", "trajectory", "compile", "moving", "kernels", "jets", "case", "contacts", "solvers", "reference",
+LAYERS = ["problem", "trajectory", "compile", "moving", "kernels", "jets", "tape", "case", "contacts", "solvers", "reference",
           "measure", "study", "store", "report", "execute", "commands", "cli"]
 HEAVY = ("jax", "numba", "cvxpy", "pandas", "matplotlib", "scipy", "diffrax", "osqp", "pyarrow", "flint")
 

@@ -14,6 +14,8 @@ import numpy as np
 from nsbench.case import Case
 from nsbench.solvers._arc import follow
 from nsbench.solvers._sliding import EPS, FREE, Motion
+from nsbench.solvers._tape import tape
+from nsbench.solvers._taylor import Compiled
 from nsbench.solvers.base import Run
 from nsbench.trajectory import Event, Status, Trajectory
 
@@ -30,12 +32,16 @@ def prepare(case: Case, options, tol: float) -> Run:
 
     Its trajectory has the integrals of theta and the events enter, exit and cross with contact (0, i).
     """
-    motion = Motion(case.problem, float(case.t[0]), case.x0)
-    return lambda: _Walk(case, motion, options, tol).run()
+    motion, made = Motion(case.problem, float(case.t[0]), case.x0), None
+    if options.method == "dop853" and options.compiled:
+        made = tape(case.problem, motion.d, float(case.t[0]), case.x0)
+    fast = None if made is None else Compiled(made, case, options, tol)
+    return lambda: _Walk(case, motion, options, tol, fast).run()
 
 
 class _Walk:
-    def __init__(self, case, motion, options, tol):
+    def __init__(self, case, motion, options, tol, fast=None):
+        self.fast, self.hosted = fast, 0        # the compiled walk, and how often it had to be helped
         self.case, self.motion, self.options, self.tol = case, motion, options, tol
         self.t, self.x, self.n, self.d = float(case.t[0]), case.x0.copy(), case.n, motion.d
         motion.calls = motion.newton = 0
@@ -50,13 +56,14 @@ class _Walk:
         case = self.case
         self.X[0], self.W[0] = self.x, 0.0
         with np.errstate(all="ignore"):
-            status = self._start()
+            status = self._start() if self.fast is None else self.fast.go(self, 0)
             while status.ok and self.t < case.t[-1]:
-                status = self._arc()
+                status = self._arc() if self.fast is None else self.fast.go(self, 1)
         if status.ok:                       # an event at the very end leaves the last sample to us
             self.X[self.done:], self.W[self.done:] = self.x, self.theta
         stats = {"steps": self.steps, "h": float(self.h), "drift_calls": self.motion.calls, "events": len(self.events),
-                 "restarts": self.arcs, "inner_iterations": self.motion.newton, "loop": "host",
+                 "restarts": self.arcs, "inner_iterations": self.motion.newton,
+                 "loop": "host" if self.fast is None or self.hosted else "compiled",
                  "roots": "sampled" if self.proof["unproven"] else "verified", **self.proof}
         if self.ends is not None:
             stats["accumulation"] = float(self.ends)
@@ -80,8 +87,8 @@ class _Walk:
         pace = np.abs(self.motion.along(t, x, 1.0, np.zeros(self.n)))       # a surface that only time moves rounds too
         return times * EPS * (np.abs(G) @ (1.0 + np.abs(x)) + pace * (1.0 + abs(t)))
 
-    def _arc(self) -> Status:
-        """Follow the mode to its next event or the end, then choose the next mode."""
+    def _arc(self, armed=None) -> Status:
+        """Follow the mode to its next event or the end, then choose the next mode. armed: of an arc that goes on."""
         motion, mode, guess, n, T = self.motion, self.mode, self.signs.copy(), self.n, self.case.t[-1]
         on, free = np.flatnonzero(mode == 0), np.flatnonzero(mode == FREE)
         away = AWAY / EPS * self._band(self.t, self.x, 1.0)[free]
@@ -121,12 +128,13 @@ class _Walk:
         later = self.case.t[self.done:]
         arc = follow(rhs, self.t, np.concatenate([self.x, self.theta]), T, gaps, method=self.options.method,
                      rtol=self.tol, max_step=self.options.max_step, max_steps=self.options.max_steps - self.steps,
-                     project=project if on.size else None, band=band, samples=later, data=data)
+                     project=project if on.size else None, armed=armed, band=band, samples=later, data=data)
         rows = slice(self.done, self.done + len(arc.samples))
         self.X[rows], self.W[rows] = arc.samples[:, :n], arc.samples[:, n:]
         for k in self.proof:
             self.proof[k] += getattr(arc, k)
-        self.done, self.arcs, self.steps, self.h = rows.stop, self.arcs + 1, self.steps + arc.steps, max(self.h, arc.h)
+        self.done, self.steps, self.h = rows.stop, self.steps + arc.steps, max(self.h, arc.h)
+        self.arcs += armed is None
         self.t, self.x, self.theta, self.signs = float(arc.t), arc.y[:n], arc.y[n:], guess
         return self._meet(arc.fired) if arc.status.ok and arc.fired.size else self._explained(arc.status)
 
@@ -175,7 +183,7 @@ class _Walk:
         return Status()
 
     def _record(self, i, old, new):
-        """Add the event of surface i, from one mode to another; a touch is none.
+        """Add the event of surface i at self.t, from one mode to another; a touch is none.
 
         The motion touches a surface where it would have entered and left to the side it came from with all but no
         other weight in between: below the tolerance of the arcs nothing tells the two apart.

@@ -26,12 +26,14 @@ class EventDriven:
     """Smooth arcs between located events.
 
     method: the integrator (dop853, rk45, radau, lsoda). max_events, max_steps: budgets of one run. max_step: bound on
-    a step (samples always end steps). tol: relative and absolute tolerance of the integrator.
+    a step (samples always end steps of the host). compiled: follow Filippov systems that can be traced by Taylor series,
+    compiled, with `dop853` where those need help. tol: relative and absolute tolerance of the integrator.
     """
     method: str = "dop853"
     max_events: int = 100_000
     max_steps: int = 1_000_000
     max_step: float = float("inf")
+    compiled: bool = True
 
     accuracy: ClassVar[str] = "tol"
     default: ClassVar[float] = 1e-12

@@ -1,0 +1,21 @@
+"""Operations of a tape, as numbers that kernels and the tracer share.
+
+An operation makes row e of a table from rows a and b and a constant c. PAIRS are made with their partner, the next row.
+"""
+CONST = 0           # c
+ADD = 1             # a + b
+SUB = 2             # a - b
+MUL = 3             # a b
+DIV = 4             # a / b
+ADDC = 5            # a + c
+MULC = 6            # c a
+RDIV = 7            # c / a
+SQR = 8             # a a
+POW = 9             # a ** c, a > 0
+EXP = 10
+LOG = 11            # b is a
+ATAN = 12           # b is 1 + a a
+SIN, COS = 13, 14   # a pair
+SINH, COSH = 15, 16     # a pair
+TANH, SECH2 = 17, 18    # a pair: tanh a and its slope 1 - tanh(a)^2
+PAIRS = {SIN: COS, SINH: COSH, TANH: SECH2}

@@ -1,0 +1,62 @@
+"""Tapes in arrays: for each of several lists of outputs, the operations that make them, in order."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from nsbench.kernels.tapecodes import PAIRS
+from nsbench.tape.graph import Graph
+
+
+@dataclass(frozen=True)
+class Programs:
+    """op, a, b, c: operations of all programs in a row; program m has those of first[m] : first[m + 1].
+
+    Operation e of program m makes row n + 1 + e - first[m]; outs[m, j] is the row of its output j, -1 for none.
+    rows: the largest number of rows.
+    """
+    op: np.ndarray
+    a: np.ndarray
+    b: np.ndarray
+    c: np.ndarray
+    first: np.ndarray
+    outs: np.ndarray
+    rows: int
+
+
+def lay_out(graph: Graph, outputs: list[list[int]]) -> Programs:
+    """One program for each list of nodes (-1: no output there; all of one length)."""
+    ops, outs, first = [], [], [0]
+    for wanted in outputs:
+        rows, part = _needed(graph, wanted)
+        ops += part
+        outs.append([rows[i] if i >= 0 else -1 for i in wanted])
+        first.append(len(ops))
+    table = list(zip(*ops, strict=True)) if ops else [(), (), (), ()]
+    whole = [np.array(v, np.int64) for v in table[:3]]
+    first = np.array(first, np.int64)
+    return Programs(*whole, np.array(table[3], float), first, np.array(outs, np.int64),
+                    graph.n + 1 + int(np.diff(first).max(initial=0)))
+
+
+def _needed(graph, wanted):
+    """Rows of the nodes that are needed, and their operations with rows for nodes."""
+    seconds = set(PAIRS.values())
+    keep, stack = set(), [i for i in wanted if i >= 0]
+    while stack:
+        i = stack.pop()
+        if i in keep or i <= graph.n:
+            continue
+        op, a, b, _ = graph.nodes[i]
+        keep.add(i)
+        stack += [r for r in (a, b) if r >= 0]
+        if op in PAIRS:
+            stack.append(i + 1)
+        elif op in seconds:
+            stack.append(i - 1)
+    rows = {i: i for i in range(graph.n + 1)}
+    order = sorted(keep)
+    rows |= {i: graph.n + 1 + k for k, i in enumerate(order)}
+    part = [(op, rows.get(a, 0), rows.get(b, 0), c) for op, a, b, c in (graph.nodes[i] for i in order)]
+    return rows, part
