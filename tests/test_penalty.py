@@ -5,7 +5,7 @@ import pytest
 import nsbench
 from nsbench import Affine, Case, Complementarity, Distance, Filippov, Smooth, get_case, solve
 from nsbench.contacts import Scene
-from nsbench.solvers import get
+from nsbench.solvers import _programs, get
 from nsbench.solvers._forces import constraint_ids, count, right_hand_side
 
 TIDE = get_case("tide")
@@ -154,7 +154,8 @@ def test_reaction_and_impulse_belong_together():
     assert np.abs(traj.x - case.x0 + traj.t[:, None] - traj.reaction).max() < 1e-12
 
 
-def test_one_compilation_serves_every_k_start_and_tolerance():
+def test_one_compilation_serves_every_k_start_and_tolerance(monkeypatch):
+    monkeypatch.setattr(_programs, "folder", lambda: None)          # what an earlier run left on disk is not asked
     traced = []
 
     def drift(xp):
@@ -199,15 +200,16 @@ def test_failures_are_values_with_a_sentence(drift, code, word, method):
 
 
 def test_what_is_refused():
-    many = Case("many", Complementarity(lambda xp: lambda t, x: -x, (Distance(2.0),)),
-                5.0 * np.arange(400.0), np.linspace(0, 1, 3))
+    many = Case("many", Complementarity(lambda xp: lambda t, x: -x, (Distance(2.0, anchors=np.full((100, 2), 1e4)),)),
+                5.0 * np.arange(398.0), np.linspace(0, 1, 3))
     assert "19900" in solve(many, "penalty").status.why and "MB" in solve(many, "penalty").status.why
     empty = TIDE.replace(problem=Complementarity(TIDE.problem.drift, ()))
     assert solve(empty, "penalty").status.code == "refused"
     one = np.ones((1, 1))
     lcs = Case("lcs", nsbench.LCS(-one, one, one, one), np.ones(1), np.linspace(0, 1, 3))
     assert solve(lcs, "penalty").status.code == "refused"
-    for option, text in (("method=euler", "euler"), ("rtol=0", "rtol"), ("atol=-1", "atol"), ("max_steps=0", "max_steps")):
+    for option, text in (("method=euler", "euler"), ("rtol=0", "rtol"), ("extrapolate=3", "extrapolate"), ("pairs=some", "pairs"),
+                         ("reach=0", "reach"), ("atol=-1", "atol"), ("max_steps=0", "max_steps")):
         with pytest.raises(ValueError, match=text):
             get(f"penalty[{option}]")
     with pytest.raises(ValueError, match="k is"):

@@ -2,7 +2,9 @@
 
 diffrax.diffeqsolve is not used: its loop costs 3 times as long to compile as the one here (8 times to trace), reads
 samples off an interpolant, and reports neither why a step was refused nor when no step can succeed any more.
-Loaded only when a penalty run is prepared.
+Explicit methods take their coefficients from diffrax, but small scenes run through stages written out one by one:
+a loop over stages costs 10 microseconds a step on a CPU, more than the stages of three discs.
+Loaded only when a penalty program is traced, not when it is found in the cache.
 """
 from __future__ import annotations
 
@@ -16,16 +18,42 @@ from nsbench.solvers._newton import Chord
 EXPLICIT = {"bosh3": diffrax.Bosh3, "tsit5": diffrax.Tsit5, "dopri8": diffrax.Dopri8}
 IMPLICIT = {"kvaerno3": diffrax.Kvaerno3, "kvaerno5": diffrax.Kvaerno5}
 NEVER, TOO_LARGE, NOT_FINITE, NEWTON = range(4)      # why the last step was refused, if it was
+UNROLL = 100              # states and quadratures up to which stages are written out: 3 to 6 times faster up to there, and
+                          # slower at 500, where the compiler computes stages again for each of their sums
+REST = 0.6                # of the certified travel: an accepted step that ends beyond it ends the segment
 
 
 def _largest(z):
     return jnp.max(jnp.abs(z))
 
 
-def _stepper(method: str, n: int, rtol, atol):
-    if method in EXPLICIT:
-        return EXPLICIT[method](scan_kind="lax")
-    return IMPLICIT[method](scan_kind="lax", root_finder=Chord(n, rtol, atol, _largest))
+def _stepper(slopes, method: str, n: int, rtol, atol, unroll: bool):
+    """step(t, end, z, args, stage) -> (z1, error, stage, solved), and the first stage (t, z, args) -> stage."""
+    if unroll:
+        return _written_out(slopes.f, EXPLICIT[method].tableau, n)
+    term = diffrax.ODETerm(lambda t, z, args: jnp.concatenate(slopes.f(t, z[:n], *args)))
+    solver = (EXPLICIT[method](scan_kind="lax") if method in EXPLICIT
+              else IMPLICIT[method](scan_kind="lax", root_finder=Chord(n, rtol, atol, _largest)))
+
+    def step(t, end, z, args, stage):
+        z1, error, _, stage, result = solver.step(term, t, end, z, args, stage, False)
+        return z1, error, stage, result == diffrax.RESULTS.successful
+    return step, lambda t, h, z, args: solver.init(term, t, t + h, z, args)
+
+
+def _written_out(f, tableau, n):
+    """An explicit method whose last stage is the first of the next step. Quadratures drive nothing: the stages need
+    the state alone."""
+    def add(h, weights, slopes):
+        return h * sum(float(w) * s for w, s in zip(weights, slopes, strict=True) if w != 0.0)
+
+    def step(t, end, z, args, stage):
+        h, x, ks = end - t, z[:n], [stage]
+        for a, c in zip(tableau.a_lower, tableau.c, strict=True):
+            at = end if c == 1.0 else t + float(c) * h
+            ks.append(jnp.concatenate(f(at, x + add(h, a, [s[:n] for s in ks]), *args)))
+        return z + add(h, tableau.b_sol, ks), add(h, tableau.b_error, ks), ks[-1], jnp.array(True)
+    return step, lambda t, h, z, args: jnp.concatenate(f(t, z[:n], *args))
 
 
 def stages(method: str) -> int:
@@ -34,53 +62,77 @@ def stages(method: str) -> int:
     return tableau.num_stages - (1 if tableau.fsal else 0)
 
 
-def integrator(rhs, method: str, n: int):
-    """(z0, ts, k, rtol, atol, max_steps) -> dict with samples z (K, size), the time t reached and counts.
+def short(method: str, size: int) -> bool:
+    """Whether the stages are written out for so many states and quadratures."""
+    return method in EXPLICIT and size <= UNROLL
 
-    Errors are controlled in the maximum norm, so that many idle quadratures do not dilute one active. Steps are cut to
-    end at samples (the uncut size is kept). Steps too short for floating point and max_steps end the loop early:
-    "i" is then less than K, and the remaining samples NaN.
+
+def integrator(slopes, method: str, n: int, unroll: bool = False):
+    """run(z0, i, t, h, ts, k, rtol, atol, max_steps, near) -> dict with samples z (K, size), the time t reached, counts.
+
+    It goes from z0 at time t to ts[i] and on, with a first step h. Errors are controlled in the maximum norm, so that
+    many idle quadratures do not dilute one active. Steps are cut to end at samples (the uncut size is kept). Steps too
+    short for floating point and max_steps end the loop early: "i" is then less than K, later samples are NaN.
+    near: () or (lists, base, reach) where lists hold all that can touch while no coordinate is further than
+    `reach` from base (n,). Right-hand sides beyond that are NaN, so that a step that asks for one is refused; the loop
+    ends after a step beyond REST of it ("far"), or when such a step was refused ("cause" NOT_FINITE).
     """
-    term = diffrax.ODETerm(rhs)
-
-    def run(z0, ts, k, rtol, atol, max_steps):
-        solver = _stepper(method, n, rtol, atol)
+    def run(z0, i, t, h, ts, k, rtol, atol, max_steps, near):
+        watched, args = _watch(slopes, n, k, near)
+        step_of, first = _stepper(watched, method, n, rtol, atol, unroll)
         # proportional control where stability limits the step: a third of the refusals of the plain controller
         proportional, integral = (0.3, 0.4) if method in EXPLICIT else (0.0, 1.0)
         controller = diffrax.PIDController(rtol=rtol, atol=atol, pcoeff=proportional, icoeff=integral, norm=_largest)
-        order = solver.error_order(term)
-        # a first step within the stiffness 1/k; the controller multiplies it by up to 10 a step
-        h = 0.1 * jnp.minimum(ts[1] - ts[0], 1.0 / k)
-        _, control = controller.init(term, ts[0], ts[0] + h, z0, h, k, solver.func, order)
-        samples = jnp.full((ts.shape[0], z0.shape[0]), jnp.nan).at[0].set(z0)
-        start = dict(i=1, t=ts[0], h=h, z=z0, stage=solver.init(term, ts[0], ts[0] + h, z0, k), control=control,
-                     samples=samples, accepted=0, refused=0, cause=NEVER, longest=0.0, last=0.0)
+        term = diffrax.ODETerm(lambda t, z, args: z)                   # no more than its type is looked at
+        named = EXPLICIT[method]() if method in EXPLICIT else IMPLICIT[method]()
+        order = named.error_order(term)
+        _, control = controller.init(term, t, t + h, z0, h, args, named.func, order)
+        samples = jnp.full((ts.shape[0], z0.shape[0]), jnp.nan).at[i - 1].set(z0)
+        start = dict(i=i, t=t, h=h, z=z0, stage=first(t, h, z0, args), control=control, samples=samples, accepted=0,
+                     refused=0, cause=NEVER, longest=0.0, last=0.0, far=False)
 
         def going(c):
             seen = c["t"] + 0.06 * c["h"] > c["t"]         # 8 spacings of t; 0.9 of less than 5 rounds to no less
-            return (c["i"] < ts.shape[0]) & (c["accepted"] + c["refused"] < max_steps) & seen
+            on = (c["i"] < ts.shape[0]) & (c["accepted"] + c["refused"] < max_steps) & seen
+            return on & ~c["far"] if near else on
 
         def step(c):
             t, h, z, target = c["t"], c["h"], c["z"], ts[c["i"]]
             cut = t + 1.001 * h >= target
             end = jnp.where(cut, target, t + h)
-            z1, error, _, stage, result = solver.step(term, t, end, z, k, c["stage"], False)
-            solved = result == diffrax.RESULTS.successful
+            z1, error, stage, solved = step_of(t, end, z, args, c["stage"])
             finite = jnp.isfinite(z1).all()
             error = jnp.where(solved & finite & jnp.isfinite(error).all(), error, jnp.inf)
-            keep, _, end1, _, control, _ = controller.adapt_step_size(t, end, z, z1, k, error, order, c["control"])
+            keep, _, end1, _, control, _ = controller.adapt_step_size(t, end, z, z1, args, error, order, c["control"])
             t1 = jnp.where(keep, end, t)
             h1 = jnp.where(keep & cut, jnp.maximum(end1 - t1, h), end1 - t1)
             cause = jnp.where(keep, NEVER, jnp.where(finite, jnp.where(solved, TOO_LARGE, NEWTON), NOT_FINITE))
             choose = lambda new, old: jax.tree_util.tree_map(lambda a, b: jnp.where(keep, a, b), new, old)
             arrived = keep & cut
             samples = c["samples"].at[c["i"]].set(jnp.where(arrived, z1, jnp.nan))
+            far = (_travel(z1[:n], near) > REST * near[2]) & keep if near else False
             return dict(i=c["i"] + arrived, t=t1, h=h1, z=choose(z1, z), stage=choose(stage, c["stage"]),
                         control=control, samples=samples, accepted=c["accepted"] + keep, refused=c["refused"] + ~keep,
-                        cause=cause, longest=jnp.maximum(c["longest"], t1 - t),
+                        cause=cause, longest=jnp.maximum(c["longest"], t1 - t), far=far,
                         last=jnp.where(keep, end - t, c["last"]))
 
         out = lax.while_loop(going, step, start)
         return {name: out[name] for name in
-                ("samples", "i", "t", "h", "z", "accepted", "refused", "cause", "longest", "last")}
+                ("samples", "i", "t", "h", "z", "accepted", "refused", "cause", "longest", "last", "far")}
     return run
+
+
+def _travel(x, near):
+    """The largest change of a coordinate since the lists were made."""
+    return _largest(x - near[1])
+
+
+def _watch(slopes, n, k, near):
+    """Slopes that are NaN where the lists are not certified, and the arguments they take."""
+    if not near:
+        return slopes, (k, ())
+
+    def watched(t, x, k, near):
+        dx, dq = slopes.f(t, x, k, near[0])
+        return jnp.where(_travel(x, near) <= near[2], dx, jnp.nan), dq
+    return type(slopes)(watched, slopes.size), (k, near)

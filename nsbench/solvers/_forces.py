@@ -6,23 +6,28 @@ reaction = sum of impulse * grad g (constant gradients) hold to rounding, whatev
 """
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
+
 import numpy as np
 
 from nsbench.compile import jax_function
-from nsbench.problem import Affine, Complementarity, Distance, Filippov, Smooth
+from nsbench.problem import Affine, Distance, Filippov, Smooth
+
+DENSE = 4096              # entries up to which rows are a dense matrix: its zeros cost less than a scatter's calls
 
 
 def constraint_ids(problem, n: int) -> list[tuple]:
     """Contact ids in the stated order, all pairs i < j listed; surfaces (0, i) for a Filippov system."""
     if isinstance(problem, Filippov):
         return [(0, i) for i in range(_surfaces(problem, n))]
-    ids = []
-    for k, c in enumerate(problem.constraints):
-        if isinstance(c, Distance):
-            ids += [(k, int(i), int(j)) for i, j in zip(*_pairs(c, n), strict=True)]
-        else:
-            ids += [(k, i) for i in range(_rows(c, n))]
-    return ids
+    return [name for k, c in enumerate(problem.constraints) for name in _ids(k, c, n)]
+
+
+def _ids(k, c, n):
+    if isinstance(c, Distance):
+        return [(k, i, j) for i, j in zip(*(a.tolist() for a in _pairs(c, n)), strict=True)]
+    return [(k, i) for i in range(_rows(c, n))]
 
 
 def count(problem, n: int) -> int:
@@ -41,24 +46,73 @@ def count(problem, n: int) -> int:
     return total
 
 
-def right_hand_side(problem, n: int):
-    """(t, z, k) -> dz/dt. Complementarity: z = (x, m impulses, n reactions); Filippov: z = (x, d weights)."""
-    return _filippov(problem, n) if isinstance(problem, Filippov) else _penalty(problem, n)
+def layout(problem, n: int, style: str, capacity: tuple[int, ...] = ()) -> tuple[list, np.ndarray, int, dict]:
+    """(ids, columns, size, offsets): ids of the constraints that have a place of their own among the quadratures of
+    `slopes`, their columns, the number of all quadratures, and {family: first column} of those that use near lists."""
+    if isinstance(problem, Filippov):
+        ids = constraint_ids(problem, n)
+        return ids, np.arange(len(ids)), len(ids), {}
+    ids, columns, offsets, size = [], [], {}, 0
+    for k, c in enumerate(problem.constraints):
+        N = c.particles(n) if isinstance(c, Distance) else 0
+        if _style(c, style) == "near":
+            offsets[k] = size
+            size += N * capacity[len(offsets) - 1]
+            continue
+        mine = _ids(k, c, n)
+        ids += mine
+        square = _style(c, style) == "square"
+        columns += [size + i * N + j for _, i, j in mine] if square else range(size, size + len(mine))
+        size += N * N if square else len(mine)
+    return ids, np.array(columns, np.int64), size + n, offsets
 
 
-def _penalty(problem: Complementarity, n: int):
-    """x' = f + sum lam grad g, impulse' = lam, reaction' = sum lam grad g, lam = k max(-g, 0)."""
+def _style(c, style):
+    return style if isinstance(c, Distance) and c.all_pairs else "pairs"
+
+
+@dataclass(frozen=True)
+class Slopes:
+    """f: (t, x, k, lists) -> (x', quadratures'); size: how many quadratures."""
+    f: Callable
+    size: int
+
+
+def slopes(problem, n: int, style: str = "pairs", capacity: tuple[int, ...] = ()) -> Slopes:
+    """What is to be integrated. Constraints: m impulses, then n reactions; Filippov: d weights.
+
+    style says how the pairs of hard particles are visited: "pairs": each once; "square": each twice, in an N x N array
+    without gathers and scatters (for a few particles); "near": each twice, those in
+    lists = (neighbours (N, capacity) of each such family), where a particle's own number fills up its row.
+    """
+    size = layout(problem, n, style, capacity)[2]
+    if isinstance(problem, Filippov):
+        return Slopes(_filippov(problem, n), size)
     import jax.numpy as jnp
     f = jax_function(problem.drift)
-    make = {Affine: _affine, Distance: _distance, Smooth: _smooth}
-    families = [make[type(c)](c, n) for c in problem.constraints]
+    families, place = [], 0
+    for c in problem.constraints:
+        how = _style(c, style)
+        if how == "near":
+            families.append(_near(c, n, place))
+            place += 1
+        elif how == "square":
+            families.append(_square(c, n))
+        else:
+            families.append({Affine: _affine, Distance: _distance, Smooth: _smooth}[type(c)](c, n))
 
-    def rhs(t, z, k):
-        x = z[:n]
-        parts = [family(t, x, k) for family in families]
+    def penalised(t, x, k, lists):
+        parts = [family(t, x, k, lists) for family in families]
         force = sum(p[1] for p in parts)
-        return jnp.concatenate([f(t, x) + force, *(p[0] for p in parts), force])
-    return rhs
+        return f(t, x) + force, jnp.concatenate([*(p[0] for p in parts), force])
+    return Slopes(penalised, size)
+
+
+def right_hand_side(problem, n: int):
+    """(t, z, k) -> dz/dt. Complementarity: z = (x, m impulses, n reactions); Filippov: z = (x, d weights)."""
+    import jax.numpy as jnp
+    f = slopes(problem, n).f
+    return lambda t, z, k: jnp.concatenate(f(t, z[:n], k, ()))
 
 
 def _filippov(problem: Filippov, n: int):
@@ -70,11 +124,10 @@ def _filippov(problem: Filippov, n: int):
     import jax.numpy as jnp
     field, switch = jax_function(problem.field), jax_function(problem.switch)
 
-    def rhs(t, z, k):
-        x = z[:n]
+    def smoothed(t, x, k, lists):
         s = jnp.clip(k * switch(t, x), -1.0, 1.0)
-        return jnp.concatenate([field(t, x, s), 0.5 * (1.0 + s)])
-    return rhs
+        return field(t, x, s), 0.5 * (1.0 + s)
+    return smoothed
 
 
 def _surfaces(problem: Filippov, n: int) -> int:
@@ -109,8 +162,16 @@ def _affine(c: Affine, n: int):
     m = c.shape[0]
     b = _moving(c.b, c.moving)
     rows = np.repeat(np.arange(m), np.diff(c.indptr))
+    if m * n <= DENSE:
+        A = np.zeros((m, n))
+        np.add.at(A, (rows, c.indices), c.data)
 
-    def push(t, x, k):
+        def push(t, x, k, lists):
+            lam = k * jnp.maximum(-((A * x).sum(1) + b(t)), 0.0)
+            return lam, (A * lam[:, None]).sum(0)
+        return push
+
+    def push(t, x, k, lists):
         g = jnp.zeros(m).at[rows].add(c.data * x[c.indices]) + b(t)
         lam = k * jnp.maximum(-g, 0.0)
         return lam, jnp.zeros(n).at[c.indices].add(c.data * lam[rows])
@@ -120,14 +181,14 @@ def _affine(c: Affine, n: int):
 def _distance(c: Distance, n: int):
     """Coincident points are parted along the first axis, as in nsbench.contacts; the slope of the length is then 0."""
     import jax.numpy as jnp
-    N, end = c.particles(n), c.start + c.particles(n) * c.dim
+    N = c.particles(n)
     i, j = _pairs(c, n)
     d = c.d if c.radii is None else np.broadcast_to(c.radii, N)[i] + np.broadcast_to(c.radii, N)[j]
     first = np.eye(c.dim)[0]
     anchors = None if c.anchors is None else _moving(c.anchors, c.moving)
 
-    def push(t, x, k):
-        p = x[c.start:end].reshape(N, c.dim)
+    def push(t, x, k, lists):
+        p = _positions(c, n, x)
         diff = p[i] - (p[j] if anchors is None else jnp.asarray(anchors(t))[j])
         square = (diff * diff).sum(1)
         apart = square > 0.0
@@ -138,7 +199,58 @@ def _distance(c: Distance, n: int):
         total = jnp.zeros_like(p).at[i].add(force)
         if anchors is None:
             total = total.at[j].add(-force)
-        return lam, jnp.zeros(n).at[c.start:end].set(total.ravel()) if N * c.dim < n else total.ravel()
+        return lam, _spread(c, n, total)
+    return push
+
+
+def _positions(c, n, x):
+    """(N, dim) coordinates of a family's particles."""
+    N = c.particles(n)
+    return x[c.start:c.start + N * c.dim].reshape(N, c.dim)
+
+
+def _spread(c, n, total):
+    """Forces (N, dim) on a family's particles as a vector (n,)."""
+    import jax.numpy as jnp
+    return total.ravel() if total.size == n else jnp.zeros(n).at[c.start:c.start + total.size].set(total.ravel())
+
+
+def _pushes(parts, own, touch, k, upper):
+    """lam of each particle with its partners, and forces (N, dim): parts are the components of the differences, `own`
+    marks entries that are no pair, `upper` those whose second particle has the larger number."""
+    import jax.numpy as jnp
+    square = sum(q * q for q in parts)
+    apart = square > 0.0
+    length = jnp.sqrt(jnp.where(apart, square, 1.0))
+    lam = jnp.where(own, 0.0, k * jnp.maximum(touch - jnp.where(apart, length, 0.0), 0.0))
+    w = lam / length
+    along = jnp.where(apart, parts[0] * w, jnp.where(upper, lam, -lam))      # coincident: parted along the first axis
+    return lam, jnp.stack([along.sum(1), *((q * w).sum(1) for q in parts[1:])], axis=1)
+
+
+def _square(c: Distance, n: int):
+    N = c.particles(n)
+    r = np.broadcast_to(c.radii if c.radii is not None else c.d / 2, N)
+    touch, own, upper = r[:, None] + r, np.eye(N, dtype=bool), np.triu(np.ones((N, N), bool), 1)
+
+    def push(t, x, k, lists):
+        p = _positions(c, n, x)
+        lam, total = _pushes([p[:, None, a] - p[None, :, a] for a in range(c.dim)], own, touch, k, upper)
+        return lam.ravel(), _spread(c, n, total)
+    return push
+
+
+def _near(c: Distance, n: int, place: int):
+    import jax.numpy as jnp
+    N = c.particles(n)
+    r = np.array(np.broadcast_to(c.radii if c.radii is not None else c.d / 2, N))
+    number = np.arange(N)[:, None]
+
+    def push(t, x, k, lists):
+        nb, p = lists[place], _positions(c, n, x)
+        touch = r[:, None] + jnp.asarray(r)[nb]
+        lam, total = _pushes([p[:, a][:, None] - p[:, a][nb] for a in range(c.dim)], nb == number, touch, k, nb > number)
+        return lam.ravel(), _spread(c, n, total)
     return push
 
 
@@ -149,7 +261,7 @@ def _smooth(c: Smooth, n: int):
     g = jax_function(c.g)
     gradient = jax_function(c.gradient) if c.gradient else None
 
-    def push(t, x, k):
+    def push(t, x, k, lists):
         value, back = jax.vjp(lambda y: g(t, y), x)
         lam = k * jnp.maximum(-value, 0.0)
         return lam, jnp.asarray(gradient(t, x)).T @ lam if gradient else back(lam)[0]

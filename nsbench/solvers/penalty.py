@@ -2,19 +2,28 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
 from nsbench.case import Case
-from nsbench.problem import LCS, Complementarity
+from nsbench.problem import LCS, Complementarity, Distance
+from nsbench.solvers._extrapolation import combined, weights
 from nsbench.solvers.base import Claims, Expect, Run, check_positive
 from nsbench.solvers.start import start_state
 from nsbench.trajectory import Status, Trajectory
 
-EXPLICIT = ("tsit5", "dopri8", "bosh3")
+EXPLICIT = {"tsit5": 6, "dopri8": 13, "bosh3": 3}      # right-hand sides of a step
 IMPLICIT = ("kvaerno3", "kvaerno5")
-PAIRS = 6000              # constraints whose impulses are integrated: 110 discs
+# by extrapolations: k of an order study, which an explicit method takes in seconds, and where layers have died out; default k
+LADDERS = ((30.0, 3840.0), (60.0, 7680.0), (30.0, 1920.0))
+TOLERANCES = (1e-9, 1e-12, 1e-13)
+DEFAULTS = (1e4, 1e4, 1e3)
+LISTED = 6000             # listed constraints (all but hard pairs) whose impulses are integrated
+MEMORY = 1e9              # bytes of samples of one run
+FEW = 8                   # hard particles up to which an N x N array is faster than a list of pairs
+MANY = 40                 # hard particles up to which all pairs are visited
+PAIRS = ("auto", "all", "near")
+NOT_FINITE, NEWTON = 2, 3     # as nsbench.solvers._diffrax counts why a step was refused; that needs diffrax to be loaded
 HIDDEN = 0.0101           # k times tolerance, kept up to k = 1e7 at 1e-9: up to 190 tolerances of error were measured
 EXPECTS = (
     Expect(("zeno",), None, None, "no rate is known for a smoothed sign at an accumulation of events"),
@@ -29,27 +38,58 @@ class Penalty:
     Filippov systems: the sign of a surface c becomes clip(k c, -1, 1), a layer of half-width eps = 1/k. Impulses and
     reaction are integrated as further states. method: explicit "tsit5", "dopri8", "bosh3" (about k T / 3 steps), or
     implicit "kvaerno3", "kvaerno5" (dearer steps and 4 times the compile time, but their number does not grow with k).
-    rtol and atol are those of the step control; max_steps counts refused steps too. Every right-hand side visits all
-    pairs of particles.
+    rtol and atol are those of the step control (1e-9; 1e-12 and 1e-13 where extrapolated), max_steps counts refused steps.
+
+    extrapolate: 1 gives 2 x(2k) - x(k), 2 also x(4k): powers 1/k and 1/k^2 of the error cancel, in states, impulses and
+    reaction alike. Between events the error has an expansion in powers of 1/k, because an impact is forgotten like
+    exp(-k t) and an event that is crossed at an angle moves smoothly with 1/k. So the claim is for samples away from
+    events, many 1/k after each impact; where events are dense or grazed it does not hold.
+
+    pairs: "all" pairs of hard particles in every right-hand side, "near" ones (lists with a margin of `reach` mean radii,
+    made again when a particle has travelled as far as they allow: same forces, other order of sums), or "auto".
     Source: Moreau-Yosida regularisation of a projected system; integrators by Kidger (2021), Tsitouras (2011), Prince &
     Dormand (1981), Bogacki & Shampine (1989), Kvaerno (2004).
     """
     method: str = "tsit5"
-    rtol: float = 1e-9
-    atol: float = 1e-9
+    rtol: float | None = None
+    atol: float | None = None
     max_steps: int = 1_000_000
+    extrapolate: int = 0
+    pairs: str = "auto"
+    reach: float = 0.3
 
     accuracy = "k"
-    default = 1e4
-    claims = Claims(state=1.0, impulse=1.0)
     expects = EXPECTS
-    ladder = (30.0, 3840.0)       # k of an order study: 7 octaves which an explicit method takes in seconds
+
+    @property
+    def claims(self) -> Claims:
+        return Claims(state=1.0 + self.extrapolate, impulse=1.0 + self.extrapolate)
+
+    @property
+    def default(self) -> float:
+        return DEFAULTS[self.extrapolate]
+
+    @property
+    def ladder(self) -> tuple[float, float]:
+        """k of an order study."""
+        return LADDERS[self.extrapolate]
+
+    def tolerance(self, name: str) -> float:
+        """rtol or atol: as given, or small enough for the error that the method claims."""
+        given = getattr(self, name)
+        return given if given is not None else TOLERANCES[self.extrapolate]
 
     def __post_init__(self):
-        if self.method not in EXPLICIT + IMPLICIT:
-            raise ValueError(f"method is {self.method!r}; one of {', '.join(EXPLICIT + IMPLICIT)}")
-        check_positive("rtol", self.rtol)
-        check_positive("atol", self.atol)
+        if self.method not in (*EXPLICIT, *IMPLICIT):
+            raise ValueError(f"method is {self.method!r}; one of {', '.join((*EXPLICIT, *IMPLICIT))}")
+        for name in ("rtol", "atol"):
+            if getattr(self, name) is not None:
+                check_positive(name, getattr(self, name))
+        check_positive("reach", self.reach)
+        if self.extrapolate not in (0, 1, 2) or isinstance(self.extrapolate, bool):
+            raise ValueError(f"extrapolate is {self.extrapolate!r}; 0, 1 or 2 times")
+        if self.pairs not in PAIRS:
+            raise ValueError(f"pairs is {self.pairs!r}; one of {', '.join(PAIRS)}")
         if not (isinstance(self.max_steps, int) and self.max_steps >= 1):
             raise ValueError(f"max_steps is {self.max_steps!r}; a positive whole number is needed")
 
@@ -59,74 +99,70 @@ class Penalty:
             return "A penalty needs constraints with gradients or switches; this one is a linear complementarity system."
         if isinstance(p, Complementarity) and not p.constraints:
             return "A penalty needs constraints; this case has none (only its integrator would remain)."
+        return self._too_many(case)
+
+    def _too_many(self, case: Case) -> str | None:
         from nsbench.solvers._forces import count
-        m = count(p, case.n)
-        if m > PAIRS:
-            return (f"A penalty integrates an impulse for every constraint, here {m}, in every stage of every step "
-                    f"({m * len(case.t) * 8 / 1e6:.0f} MB of samples); at most {PAIRS} are taken: use pbd or "
+        listed, hard = count(p := case.problem, case.n), _hard(p, case.n)
+        pairs = sum(N * (N - 1) // 2 for N in hard)
+        near = _near_lists(self, case)
+        m = listed - pairs if near else listed
+        if m > LISTED:
+            return (f"A penalty integrates an impulse for every listed constraint, here {m}, in every stage of every step "
+                    f"({m * len(case.t) * 8 / 1e6:.0f} MB of samples); at most {LISTED} are taken: use pbd or "
                     "catching_up.")
+        size = (m + 2 * case.n + (16 * sum(hard) if near else 0)) * len(case.t) * 8
+        if size > MEMORY:
+            return f"A penalty would keep samples of {size / 1e9:.1f} GB here; at most {MEMORY / 1e9:.0f} GB are taken."
         return None
 
     def prepare(self, case: Case, k: float) -> Run:
         k = check_positive("k", k)
         x0 = _start(case)
+        from nsbench.solvers._penalty_program import NotTraceable
         try:
-            compiled, ids = _compiled(case.problem, case.n, len(case.t), self.method)
-        except _NotTraceable as e:
+            march = _march(self, case, x0)
+        except NotTraceable as e:
             why = f"JAX cannot trace the functions of {case.key} (do they use the array namespace they are given?): {e}."
             return lambda: _nothing(case, why)
-        size = compiled.size
-        z0 = np.concatenate([x0, np.zeros(size - case.n)])
-        arguments = (z0, case.t, k, float(self.rtol), float(self.atol), self.max_steps)
-        return lambda: _trajectory(self, case, k, ids, {a: np.asarray(v) for a, v in compiled(*arguments).items()})
+        levels = [k * 2.0**level for level in range(self.extrapolate + 1)]
+
+        def run():
+            runs = [_trajectory(self, case, level, k, march(level)) for level in levels]
+            return combined(runs, 1.0 / k) if self.extrapolate else runs[0]
+        return run
 
 
-class _NotTraceable(Exception):
-    """A factory of the case is not a function of JAX arrays; the message says why."""
+def _hard(problem, n: int) -> list[int]:
+    """Numbers of particles of the families of hard ones."""
+    return [c.particles(n) for c in getattr(problem, "constraints", ()) if isinstance(c, Distance) and c.all_pairs]
 
 
-@dataclass(frozen=True)
-class _Compiled:
-    """An executable for a state with quadratures of `size` entries in all."""
-    run: object
-    size: int
-
-    def __call__(self, *arguments):
-        _float64()
-        return self.run(*arguments)
+def _near_lists(penalty: Penalty, case: Case) -> bool:
+    most = max(_hard(case.problem, case.n), default=0)
+    return most > 1 and (penalty.pairs == "near" or (penalty.pairs == "auto" and most > MANY))
 
 
-def _float64():
-    """JAX in float64, whoever imported it before."""
-    import jax
-    if not jax.config.jax_enable_x64:
-        jax.config.update("jax_enable_x64", True)
-    return jax
+def _march(penalty: Penalty, case: Case, x0: np.ndarray):
+    """k -> samples and counts of a run, bound to the compiled program. Raises NotTraceable."""
+    from nsbench.solvers._penalty_program import compiled
+    limits = (penalty.tolerance("rtol"), penalty.tolerance("atol"), penalty.max_steps)
+    if _near_lists(penalty, case):
+        from nsbench.solvers._segments import Segments
+        segments = Segments(case, x0, penalty.method, penalty.reach)
+        return lambda k: segments.run(k, *limits)
+    hard = _hard(case.problem, case.n)
+    style = "square" if penalty.method in EXPLICIT and 0 < max(hard, default=0) <= FEW else "pairs"
+    program, n = compiled(case.problem, case.n, len(case.t), penalty.method, style), case.n
+    z0, forces = np.concatenate([x0, np.zeros(program.size)]), isinstance(case.problem, Complementarity)
 
-
-@lru_cache(maxsize=64)
-def _compiled(problem, n: int, samples: int, method: str):
-    """(executable, contact ids). Start, times, k, tolerances and step limit are arguments: one compilation serves all."""
-    jax = _float64()
-    import jax.numpy as jnp
-
-    from nsbench.solvers._diffrax import integrator
-    from nsbench.solvers._forces import constraint_ids, right_hand_side
-    ids = constraint_ids(problem, n)
-    size = n + len(ids) + (n if isinstance(problem, Complementarity) else 0)
-    rhs = right_hand_side(problem, n)
-    vector = lambda length: jax.ShapeDtypeStruct((length,), jnp.float64)
-    try:
-        slope = jax.eval_shape(rhs, 0.0, vector(size), 1.0)
-    except (TypeError, AttributeError, IndexError, ValueError, NotImplementedError) as e:
-        raise _NotTraceable(f"{type(e).__name__}: {str(e).strip().splitlines()[0].rstrip('.')}") from None
-    if slope.dtype != jnp.float64:
-        raise _NotTraceable(f"they return {slope.dtype}, float64 is needed")
-    number, whole = jax.ShapeDtypeStruct((), jnp.float64), jax.ShapeDtypeStruct((), jnp.int64)
-    with jax.default_device(jax.devices("cpu")[0]):      # a loop of tiny operations: an accelerator only adds latency
-        lowered = jax.jit(integrator(rhs, method, n)).lower(
-            vector(size), vector(samples), number, number, number, whole)
-        return _Compiled(lowered.compile(), size), tuple(ids)
+    def march(k):
+        first = 0.1 * min(case.t[1] - case.t[0], 1.0 / k)       # within the stiffness; the controller lets it grow
+        out = program(z0, 1, case.t[0], first, case.t, k, *limits, ())
+        z = out.pop("samples")
+        return out | {"x": z[:, :n].copy(), "impulse": z[:, n + program.columns], "ids": program.ids,
+                      "reaction": z[:, -n:].copy() if forces else np.empty((len(z), 0))}
+    return march
 
 
 def _start(case: Case) -> np.ndarray:
@@ -141,32 +177,33 @@ def _nothing(case: Case, why: str) -> Trajectory:
                       Status("refused", why))
 
 
-def _trajectory(penalty: Penalty, case: Case, k: float, ids: tuple, out: dict) -> Trajectory:
-    n, m, z = case.n, len(ids), out["samples"]
-    impulse, reaction = z[:, n:n + m], z[:, n + m:]
-    reached = z[:int(out["i"])]
-    pushes = np.diff(reached[:, n:n + m], axis=0) > 0.0
-    acted = np.arange(m)
+def _trajectory(penalty: Penalty, case: Case, k: float, asked: float, out: dict) -> Trajectory:
+    impulse, ids = out["impulse"], out["ids"]
+    pushes = np.diff(impulse[:int(out["i"])], axis=0) > 0.0
+    acted = np.arange(len(ids))
     if isinstance(case.problem, Complementarity):
         acted = np.flatnonzero(pushes.any(axis=0))
     steps, refused = int(out["accepted"]), int(out["refused"])
     stats = {"steps": steps, "h": 1.0 / k, "refused_steps": refused, "longest_step": float(out["longest"]),
              "contacts_peak": int(pushes.sum(axis=1).max(initial=0)), "loop": "compiled"}
+    if "segments" in out:
+        stats["segments"] = out["segments"]
     if penalty.method in EXPLICIT:
-        from nsbench.solvers._diffrax import stages
-        stats["drift_calls"] = 1 + (steps + refused) * stages(penalty.method)
-    return Trajectory(case.t, z[:, :n].copy(), tuple(ids[a] for a in acted), impulse[:, acted], reaction.copy(),
-                      _status(penalty, case, k, out), (), stats, "mean")
+        stats["drift_calls"] = out.get("segments", 1) + (steps + refused) * EXPLICIT[penalty.method]
+    return Trajectory(case.t, out["x"], tuple(ids[a] for a in acted), impulse[:, acted], out["reaction"],
+                      _status(penalty, case, k, asked, out), (), stats, "mean")
 
 
-def _status(penalty: Penalty, case: Case, k: float, out: dict) -> Status:
+def _status(penalty: Penalty, case: Case, k: float, asked: float, out: dict) -> Status:
     """What became of the run, judged by the samples themselves."""
     t, tried = float(out["t"]), int(out["accepted"]) + int(out["refused"])
     at = f"at t = {t:.6g} of {case.t[-1]:g}"
-    if int(out["i"]) == len(case.t) and np.isfinite(out["samples"]).all():
-        worst = max(penalty.rtol, penalty.atol)
-        if k * worst > HIDDEN:
-            return Status("unverified", f"The error of the penalty, about 1/k = {1 / k:.1e}, may be hidden by the "
+    if int(out["i"]) == len(case.t) and np.isfinite(out["x"]).all() and np.isfinite(out["impulse"]).all():
+        # weights of an extrapolation amplify what the integrator leaves
+        worst = max(penalty.tolerance("rtol"), penalty.tolerance("atol"))
+        claimed = asked ** -(1.0 + penalty.extrapolate)
+        if worst * float(np.abs(weights(penalty.extrapolate)).sum()) > HIDDEN * claimed:
+            return Status("unverified", f"The error of the penalty, about {claimed:.1e}, may be hidden by the "
                                         f"integrator's, up to 200 times its tolerance {worst:.1e}: lower rtol and atol.")
         return Status()
     if tried < penalty.max_steps:
@@ -180,7 +217,6 @@ def _status(penalty: Penalty, case: Case, k: float, out: dict) -> Status:
 
 def _no_step(penalty: Penalty, case: Case, k: float, out: dict, at: str) -> Status:
     """Why no step succeeds, however short."""
-    from nsbench.solvers._diffrax import NEWTON, NOT_FINITE
     if np.abs(out["z"][:case.n]).max() > 1e6 * (1.0 + np.abs(case.x0).max()):
         return Status("diverged", f"The state grew beyond all bounds {at}.")
     if out["cause"] == NOT_FINITE:

@@ -1,0 +1,65 @@
+"""Linear combinations of runs at accuracies e, e/2, e/4, ... in which the first powers of e cancel (Richardson 1911)."""
+from __future__ import annotations
+
+import numpy as np
+
+from nsbench.trajectory import Status, Trajectory
+
+
+def weights(times: int) -> np.ndarray:
+    """(times + 1,) weights of the runs with e, e/2, ..., e/2^times: their sum is 1 and e, ..., e^times cancel.
+
+    Once: 2 x(e/2) - x(e); twice: (x(e) - 6 x(e/2) + 8 x(e/4)) / 3. Source: Hairer, Norsett & Wanner I, II.9.
+    """
+    w = np.array([1.0])
+    for power in range(1, times + 1):
+        r = 2.0**power
+        w = (r * np.append(0.0, w) - np.append(w, 0.0)) / (r - 1.0)
+    return w
+
+
+def combined(runs: list[Trajectory], h: float) -> Trajectory:
+    """The extrapolated trajectory of runs at halved accuracies; impulses by the contacts that acted in any of them.
+
+    Its states are not feasible, nor its multipliers of one sign, to better than their error. A run that failed fails
+    it, with the first sentence; work is added up. stats["spread"]: the largest difference from the same extrapolation
+    with one level less (from the last run, for two), an estimate of that one's error.
+    """
+    w, last = weights(len(runs) - 1), weights(len(runs) - 2)
+    for r in runs:
+        if len(r.t) == 0:                          # refused: there are no samples
+            return r
+    contacts = tuple(sorted({c for r in runs for c in r.contacts}))
+    impulses = [_columns(r, contacts) for r in runs]
+    x = _sum(w, [r.x for r in runs])
+    before = _sum(last, [r.x for r in runs[1:]])
+    with np.errstate(invalid="ignore"):
+        spread = float(np.abs(x - before).max(initial=0.0))
+    stats = _work([r.stats for r in runs]) | {"h": h, "spread": spread}
+    bad = next((r.status for r in runs if not r.status.ok), Status())
+    return Trajectory(runs[0].t, x, contacts, _sum(w, impulses), _sum(w, [r.reaction for r in runs]), bad, (), stats,
+                      runs[0].lam_time)
+
+
+def _sum(w, arrays):
+    return sum(a * b for a, b in zip(w, arrays, strict=True))
+
+
+def _columns(run, contacts):
+    at = {c: k for k, c in enumerate(contacts)}
+    out = np.zeros((len(run.t), len(contacts)))
+    out[:, [at[c] for c in run.contacts]] = run.impulse
+    out[~np.isfinite(run.x).all(axis=1)] = np.nan
+    return out
+
+
+def _work(stats: list[dict]) -> dict:
+    """Counts added up; what is no count is that of the finest run, or the largest."""
+    out = dict(stats[-1])
+    for name, value in stats[-1].items():
+        values = [s.get(name, 0) for s in stats]
+        if isinstance(value, (int, np.integer)) and not isinstance(value, bool):
+            out[name] = max(values) if name.endswith("_peak") else sum(values)
+        elif isinstance(value, float):
+            out[name] = max(values)
+    return out

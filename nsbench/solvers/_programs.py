@@ -1,0 +1,123 @@
+"""Compiled JAX programs, kept in the process and in the user's cache folder: a second process need not even trace.
+
+A program is found by the fingerprint of what it was made from (nsbench.solvers._fingerprint), of this package, of the
+libraries that trace and compile, of JAX's settings and of the processor. Where there is no fingerprint it is traced and
+found by the text of what was traced. JAX's own settings, its cache among them, are left as the user has them.
+A file that cannot be read is no error: the program is compiled again. NSBENCH_CACHE=off keeps programs off the disk.
+"""
+from __future__ import annotations
+
+import contextlib
+import functools
+import hashlib
+import os
+import pickle
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+from nsbench.solvers._fingerprint import package_digest, version
+
+TRACERS = ("jax", "jaxlib", "diffrax", "equinox", "optimistix", "lineax", "numpy")
+FILES = 2000                   # programs kept on disk, about 300 MB; the oldest give way
+
+
+def float64():
+    """JAX in float64, whoever imported it before."""
+    import jax
+    if not jax.config.jax_enable_x64:
+        jax.config.update("jax_enable_x64", True)
+    return jax
+
+
+def program(key: str | None, trace: Callable):
+    """The executable for `key`; trace() -> jax.stages.Lowered is called where it is not known yet, or key is None."""
+    name = None if key is None else _digest("made from", key, _platform())
+    found = _load(name)
+    if found is None:
+        lowered = trace()
+        text = _digest("traced", lowered.as_text(), _platform())
+        found = _load(text)
+        if found is None:
+            found = lowered.compile()
+            _save(text if name is None else name, found)
+    return found
+
+
+def _digest(*words: str) -> str:
+    h = hashlib.sha256()
+    for w in words:
+        h.update(len(w).to_bytes(8, "little") + w.encode())
+    return h.hexdigest()
+
+
+def _platform() -> str:
+    """All beside the program that makes an executable what it is."""
+    jax = float64()
+    settings = {k: v for k, v in jax.config.values.items() if "cache" not in k}
+    return _digest(*(f"{n} {version(n)}" for n in TRACERS), package_digest(), repr(sorted(settings.items(), key=str)),
+                   os.environ.get("XLA_FLAGS", ""), _processor())
+
+
+@functools.cache
+def _processor() -> str:
+    import platform
+    lines = ""
+    with contextlib.suppress(OSError):
+        lines = "".join(sorted(set(line for line in Path("/proc/cpuinfo").read_text().splitlines()
+                                   if line.startswith(("flags", "Features", "model name")))))
+    return f"{platform.machine()} {platform.processor()} {platform.python_version()} {os.cpu_count()} {lines}"
+
+
+@functools.cache
+def folder() -> Path | None:
+    """Where programs are kept, or None: not wanted, or nowhere to write."""
+    if os.environ.get("NSBENCH_CACHE", "").lower() == "off":
+        return None
+    path = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "nsbench" / "programs"
+    try:
+        path.mkdir(parents=True, exist_ok=True, mode=0o700)
+    except OSError:
+        return None
+    # a program is machine code: one that others can write to is not run
+    return path if not hasattr(os, "getuid") or (path.stat().st_uid == os.getuid() and not path.stat().st_mode & 0o022) \
+        else None
+
+
+def _load(name):
+    home = folder()
+    if home is None or name is None:
+        return None
+    path = home / f"{name}.bin"
+    try:
+        data = path.read_bytes()
+        digest, body = data[:32], data[32:]
+        if hashlib.sha256(body).digest() != digest:          # half a file
+            return None
+        from jax.experimental.serialize_executable import deserialize_and_load
+        return deserialize_and_load(*pickle.loads(body), backend="cpu", execution_devices=_cpu())
+    except Exception:      # whatever is wrong with the file, or with this JAX's idea of it: the program is compiled again
+        return None
+
+
+def _cpu():
+    import jax
+    return jax.devices("cpu")[:1]
+
+
+def _save(name, compiled) -> None:
+    """Keep an executable; where that fails nothing is lost but time."""
+    home = folder()
+    if home is None or name is None:
+        return
+    try:
+        from jax.experimental.serialize_executable import serialize
+        body = pickle.dumps(serialize(compiled))
+        with tempfile.NamedTemporaryFile(dir=home, delete=False) as f:
+            f.write(hashlib.sha256(body).digest() + body)
+        os.replace(f.name, home / f"{name}.bin")
+        files = sorted(home.glob("*.bin"), key=lambda p: p.stat().st_mtime)
+        for old in files[:-FILES]:
+            old.unlink(missing_ok=True)
+    except Exception:      # a full disk, a folder that is gone, an executable that cannot be written
+        return

@@ -1,0 +1,149 @@
+"""A compiled program is found again by what it was made from, in another process too, and never for something else."""
+import functools
+import json
+import math
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from nsbench import Affine, Complementarity, Distance, get_case, solve
+from nsbench.solvers import _penalty_program, _programs
+from nsbench.solvers._fingerprint import Unknown, fingerprint
+
+SCALE, TABLE = 2.0, {"a": [1.0, 2.0]}
+
+
+def helper(x):
+    return SCALE * x
+
+
+def make(c, call=helper, power=1.0):
+    def drift(xp):
+        def f(t, x):
+            return -c * call(x) ** power + TABLE["a"][0]
+        return f
+    return drift
+
+
+def other(c, call=helper, power=1.0):
+    def drift(xp):
+        def f(t, x):
+            return +c * call(x) ** power + TABLE["a"][0]
+        return f
+    return drift
+
+
+def again(number):
+    """Two closures of one name, met in different places."""
+    def leaf(v):
+        return lambda t: v
+    a, b = leaf(1.0), leaf(2.0)
+    return [(a, b, a), (a, b, b)][number]
+
+
+def test_what_differs_has_another_fingerprint(monkeypatch):
+    same = fingerprint(make(1.0))
+    assert same == fingerprint(make(1.0)) and len(same) == 64
+    different = [make(2.0), make(1.0, lambda x: SCALE * x), make(1.0, power=2.0), other(1.0), make(np.float64(1.0)),
+                 make(np.ones(2)), make(np.zeros(2)), make(np.zeros((2, 1))), make(1), make(True), make(-1.0), make(0.0),
+                 make(-0.0), make(1.0, functools.partial(pow, 2.0)), make(1.0, np.sin), make(1.0, np.cos), make(1.0, math.sin)]
+    prints = [fingerprint(d) for d in different]
+    assert len({*prints, same}) == len(prints) + 1
+    assert fingerprint(again(0)) != fingerprint(again(1))
+    assert fingerprint(Distance(2.0)) != fingerprint(Distance(2.0, dim=3)) != fingerprint(Distance(radii=np.ones(3), dim=3))
+    monkeypatch.setitem(TABLE, "a", [3.0, 2.0])
+    assert fingerprint(make(1.0)) != same
+    monkeypatch.undo()
+    monkeypatch.setattr(sys.modules[__name__], "SCALE", 3.0)
+    assert fingerprint(make(1.0)) != same
+
+
+class Foreign:
+    def __call__(self, x):
+        return x
+
+
+def test_what_cannot_be_told_has_none():
+    def drawing(xp):
+        return lambda t, x: np.random.default_rng().normal() + x
+    def reading(xp):
+        return lambda t, x: float(open("x").read()) + x
+    def importing(xp):
+        import json
+        return lambda t, x: json.loads("1") * x
+    for bad in (make(Foreign()), make(1.0, Foreign()), drawing, reading, importing, make(sys.modules[__name__])):
+        with pytest.raises(Unknown):
+            fingerprint(bad)
+
+
+def test_every_case_of_the_catalogue_has_one_and_no_two_share_it():
+    from nsbench.study import resolve, suite_cases
+    seen = {}
+    for key in suite_cases("standard"):
+        case = resolve(key)
+        seen.setdefault((fingerprint(case.problem), case.n), []).append(key)
+    shared = [keys for keys in seen.values() if len(keys) > 1]
+    assert all(len({str(get_case(k).problem.constraints) for k in keys}) == 1 for keys in shared) if shared else True
+    assert len(seen) > 35
+
+
+def test_a_case_made_again_is_no_other_case():
+    a, b = get_case("discs", n=3), get_case("discs", n=3)
+    assert a.problem is not b.problem
+    how = (a.n, len(a.t), "tsit5", "square")
+    assert _penalty_program.compiled(a.problem, *how) is _penalty_program.compiled(b.problem, *how)
+    c = get_case("discs", n=3, seed=1)
+    assert _penalty_program.compiled(c.problem, *how) is not _penalty_program.compiled(a.problem, *how)
+
+
+SCRIPT = """
+import json, sys
+from nsbench import solve
+traj = solve("three_discs", "penalty", k=200.0)
+print(json.dumps([traj.x.tolist(), traj.impulse.tolist(), "diffrax" in sys.modules]))
+"""
+
+
+def test_another_process_neither_traces_nor_compiles(tmp_path, monkeypatch):
+    """The first one traces, the second finds the program; a spoilt file is made again; each gives the same bits."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    def run():
+        return json.loads(subprocess.run([sys.executable, "-c", SCRIPT], capture_output=True, text=True, check=True).stdout)
+    first, second = run(), run()
+    file, = (tmp_path / "nsbench" / "programs").glob("*.bin")
+    assert first[2] and not second[2] and first[:2] == second[:2]
+    file.write_bytes(file.read_bytes()[:-100])
+    third = run()
+    assert third[2] and third[:2] == first[:2]
+
+
+def test_what_others_could_write_is_not_run(tmp_path, monkeypatch):
+    home = tmp_path / "nsbench" / "programs"
+    home.mkdir(parents=True)
+    home.chmod(0o777)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    _programs.folder.cache_clear()
+    try:
+        assert _programs.folder() is None
+        home.chmod(0o700)
+        _programs.folder.cache_clear()
+        assert _programs.folder() == home
+        monkeypatch.setenv("NSBENCH_CACHE", "off")
+        _programs.folder.cache_clear()
+        assert _programs.folder() is None
+    finally:
+        monkeypatch.undo()
+        _programs.folder.cache_clear()
+
+
+def test_without_a_fingerprint_the_text_decides(tmp_path, monkeypatch):
+    monkeypatch.setattr(_programs, "folder", lambda: tmp_path)
+    odd = Foreign()
+    def drift(xp):
+        return lambda t, x: odd(-x)
+    tide = get_case("tide")
+    runs = [solve(tide.replace(problem=Complementarity(drift, (Affine(np.eye(1), np.zeros(1)),))), "penalty", k=50.0)
+            for _ in range(2)]
+    assert runs[0].status.ok and np.array_equal(runs[0].x, runs[1].x) and len(list(tmp_path.glob("*.bin"))) == 1
