@@ -1,4 +1,6 @@
 """What users would write themselves gives the right answers: as accurate as it claims, and told apart from the bench."""
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,7 @@ from nsbench.case import case_names, get_case
 from nsbench.study import suite_cases
 
 FULL = [k for k in dict.fromkeys(suite_cases("full")) if solvers.get("solve_ivp").refuses(get_case(k)) is None]
+MODES = {k for k in case_names() if solvers.get("solve_ivp").refuses(get_case(k)) is None}
 SLOW = {"stiff_contact[K=10000]"}               # 2 s: explicit steps at the limit of stability
 
 
@@ -189,3 +192,11 @@ def test_nosnoc_says_when_its_push_is_too_weak():
     needs_nosnoc()
     case = get_case("stiff_contact")                 # lam grows to 100
     assert nsbench.solve(case, "nosnoc[stages=1]", h=0.5).status.code == "infeasible"
+
+
+def test_readme_tells_of_every_script_that_measures_speed():
+    root = Path(__file__).parent.parent
+    told = (root / "README.md").read_text(encoding="utf-8")
+    scripts = sorted(p.name for p in (root / "tests" / "studies" / "speed").glob("*.py"))
+    assert scripts and not [s for s in scripts if f"`{s}`" not in told]
+    assert f"the modes of {len(MODES)} cases" in told
