@@ -6,6 +6,7 @@ pointer: the kernel is compiled once for every drift and kept on disk; only the 
 from __future__ import annotations
 
 import functools
+import types
 from collections.abc import Callable
 
 import numpy as np
@@ -34,8 +35,8 @@ def _pointer(factory, signature, make):
 
 
 def _types():
-    from numba import types
-    return types.void, types.float64, types.float64[::1]
+    from numba import types as of
+    return of.void, of.float64, of.float64[::1]
 
 
 @functools.lru_cache(maxsize=256)
@@ -73,8 +74,6 @@ def compiled_leaves(factory: Callable) -> Callable:
 
 
 def _compile_cells(f):
-    import types
-
     import numba
     if not isinstance(f, types.FunctionType) or not f.__closure__:
         return f
@@ -115,6 +114,19 @@ def _still():
     def nothing(t, out):
         return
     return numba.cfunc(void(f8, vec), cache=False)(nothing)
+
+
+def plain(function, made: dict | None = None):
+    """A kernel as Python functions, those it calls included: for one small call compilation would take seconds."""
+    made = {} if made is None else made
+    if function not in made:
+        source = function.py_func
+        names = dict(source.__globals__)
+        made[function] = types.FunctionType(source.__code__, names, source.__name__, source.__defaults__)
+        for name in source.__code__.co_names:
+            if hasattr(names.get(name), "py_func"):
+                names[name] = plain(names[name], made)
+    return made[function]
 
 
 def jax_function(factory: Callable) -> Callable:

@@ -3,6 +3,7 @@
 First the support of the last solution, then Lemke's method with lexicographic pivots (Cottle, Pang & Stone 1992, section
 4.4), then all supports if there are few. Rows and columns are scaled first: circuits mix ohms with 1e-6 farads. Of
 several solutions with the same w the smallest one can be had (Han, Tiwari, Camlibel & Pang 2009): see `least`.
+Loops stand where numpy would add rows: its broadcasting takes numba seconds to compile.
 """
 import numpy as np
 from numba import njit
@@ -59,7 +60,8 @@ def by_support(M, r, on, lam, w):
     m = r.size
     idx = np.flatnonzero(on)
     p = idx.size
-    lam[:] = 0.0
+    for i in range(m):
+        lam[i] = 0.0
     if p:
         N, b = np.empty((p, p)), np.empty(p)
         for i in range(p):
@@ -126,10 +128,13 @@ def lemke(M, r):
     enter, limit = z0, 100 + 20 * m
     for it in range(limit):
         p = T[row, enter]
-        T[row] /= p
+        for j in range(2 * m + 2):
+            T[row, j] /= p
         for i in range(m):
-            if i != row and T[i, enter] != 0.0:
-                T[i] -= T[i, enter] * T[row]
+            p = T[i, enter]
+            if i != row and p != 0.0:
+                for j in range(2 * m + 2):
+                    T[i, j] -= p * T[row, j]
         out, basis[row] = basis[row], enter
         if out == z0:
             for i in range(m):
@@ -149,12 +154,15 @@ def solve(M, r, a, b, on, lam, w):
     m = r.size
     if by_support(M, r, on, lam, w):
         return True, 0
-    S, s = np.empty((m, m)), a * r
-    top = np.abs(s).max()
+    S, s, top = np.empty((m, m)), np.empty(m), 0.0
     for i in range(m):
+        s[i] = a[i] * r[i]
+        top = max(top, abs(s[i]))
         for j in range(m):
             S[i, j] = M[i, j] * a[i] * b[j]
-    guess, found, count = lemke(S, s / top if top > 0.0 else s)
+    for i in range(m):
+        s[i] = s[i] / top if top > 0.0 else s[i]
+    guess, found, count = lemke(S, s)
     if found and by_support(M, r, guess, lam, w):
         on[:] = guess
         return True, count
@@ -176,8 +184,13 @@ def other_motion(M, r, G, lam, size):
     for code in range(2**m):
         for i in range(m):
             on[i] = (code >> i) & 1
-        if by_support(M, r, on, mu, w) and np.abs(G @ (mu - lam)).max() > 1e-9 * size:
-            return True
+        if by_support(M, r, on, mu, w):
+            for c in range(G.shape[0]):
+                apart = 0.0
+                for i in range(m):
+                    apart += G[c, i] * (mu[i] - lam[i])
+                if abs(apart) > 1e-9 * size:
+                    return True
     return False
 
 
@@ -223,14 +236,22 @@ def least(M, r, a, b, lam, w):
         for j in range(p):
             for k in range(Q.shape[1]):
                 P[i, j] += Q[i, k] * Q[j, k]
-    start -= P @ start
-    mu = solve_lcp(P, start, np.empty(0, np.int64), np.full(p, SIGN * np.abs(lam).max()), 1e-14)[0]
-    start += P @ mu
+    along, top = np.zeros(p), 0.0
+    for i in range(p):
+        for j in range(p):
+            along[i] += P[i, j] * start[j]
+    for i in range(p):
+        start[i] -= along[i]
+        top = max(top, lam[idx[i]])
+    mu = solve_lcp(P, start, np.empty(0, np.int64), np.full(p, SIGN * top), 1e-14)[0]
     other, v = np.zeros(m), np.empty(m)
     for i in range(p):
+        for j in range(p):
+            start[i] += P[i, j] * mu[j]
         other[idx[i]] = max(start[i], 0.0)
     if slack(M, r, other, v):
-        lam[:], w[:] = other, v
+        for i in range(m):
+            lam[i], w[i] = other[i], v[i]
 
 
 @njit(cache=True, error_model="numpy")
@@ -253,5 +274,7 @@ def near_singular(A):
         for i in range(n):
             A[i, k], A[i, q] = A[i, q], A[i, k]
         for i in range(k + 1, n):
-            A[i, k:] -= A[i, k] / A[k, k] * A[k, k:]
+            r = A[i, k] / A[k, k]
+            for j in range(k, n):
+                A[i, j] -= r * A[k, j]
     return False

@@ -24,15 +24,17 @@ LCPS, PIVOTS, INNER, CALLS, UNSETTLED = range(5)
 def at_end(D, fixed, on):
     """E: rows without lam (fixed) and the left null space of D on the support."""
     m = fixed.size
-    E = np.zeros((m, m))
-    idx = np.flatnonzero(on & ~fixed)
-    p = idx.size
+    E, idx, p, top = np.zeros((m, m)), np.empty(m, np.int64), 0, 0.0
+    for i in range(m):
+        if on[i] and not fixed[i]:
+            idx[p], p = i, p + 1
+        for j in range(m):
+            top = max(top, abs(D[i, j]))
     if p:
         S = np.empty((p, p))
         for i in range(p):
             for j in range(p):
                 S[i, j] = D[idx[i], idx[j]]
-        top = np.abs(D).max()
         U, sigma, _ = np.linalg.svd(S)
         for k in range(p):
             if not sigma[k] > 1e-10 * top:
@@ -73,12 +75,16 @@ def times(A, x, out):
 def matrices(J, h, theta, B, W, G):
     """W <- (I - h th J)^-1, G <- h W B; False if singular."""
     n = J.shape[0]
+    K, e = np.empty((n, n)), np.empty(n)
     for c in range(n):
-        K, e = np.eye(n) - h * theta * J, np.zeros(n)
-        e[c] = 1.0
+        for i in range(n):
+            e[i] = 1.0 if i == c else 0.0
+            for j in range(n):
+                K[i, j] = (1.0 if i == j else 0.0) - h * theta * J[i, j]
         if not gauss(K, e):
             return False
-        W[:, c] = e
+        for i in range(n):
+            W[i, c] = e[i]
     for i in range(n):
         for j in range(B.shape[1]):
             G[i, j] = 0.0
@@ -91,17 +97,19 @@ def matrices(J, h, theta, B, W, G):
 def rows(C, D, G, E, theta, M, a, b):
     """M <- D + (th I + (1 - th) E) C G, and its scales."""
     m, n = C.shape
+    col = np.empty(m)
     for j in range(m):
         for i in range(m):
-            M[i, j] = 0.0
+            col[i] = 0.0
             for c in range(n):
-                M[i, j] += C[i, c] * G[c, j]
-        col = M[:, j].copy()
+                col[i] += C[i, c] * G[c, j]
         for i in range(m):
             M[i, j] = D[i, j] + theta * col[i]
             for k in range(m):
                 M[i, j] += (1.0 - theta) * E[i, k] * col[k]
-    a[:], b[:] = scales(M)
+    one, other = scales(M)
+    for i in range(m):
+        a[i], b[i] = one[i], other[i]
 
 
 @njit(cache=True, error_model="numpy")
@@ -164,8 +172,10 @@ def advance(f, linear, now, after, h, theta, x, y, v, q0, q1, system, state, lam
             times(G, lam, mid)
             for c in range(n):
                 z[c] += mid[c]
-        before, move = move, largest(z - y)
-        y[:] = z
+        before, move = move, 0.0
+        for c in range(n):
+            move = max(move, abs(z[c] - y[c]))
+            y[c] = z[c]
         count[INNER] += 1
         if health(y) != OK:
             return health(y)
@@ -186,10 +196,19 @@ def advance(f, linear, now, after, h, theta, x, y, v, q0, q1, system, state, lam
 @njit(cache=True, error_model="numpy")
 def regroup(D, fixed, lam, E):
     """Bring E to the rows with lam > 0; was it another one?"""
-    new = at_end(D, fixed, lam > 0.0)
-    if np.abs(new - E).max() <= 1e-12:
+    m, far = lam.size, 0.0
+    on = np.empty(m, np.bool_)
+    for i in range(m):
+        on[i] = lam[i] > 0.0
+    new = at_end(D, fixed, on)
+    for i in range(m):
+        for j in range(m):
+            far = max(far, abs(new[i, j] - E[i, j]))
+    if far <= 1e-12:
         return False
-    E[:] = new
+    for i in range(m):
+        for j in range(m):
+            E[i, j] = new[i, j]
     return True
 
 
@@ -204,7 +223,8 @@ def march(f, q_of, moving, linear, J, t, substeps, x, q, B, C, D, theta, fixed, 
     K, n, m = t.size, x.size, q.size
     X, P = np.full((K, n), np.nan), np.full((K, m), np.nan)
     x, y, v, q0, q1 = x.copy(), x.copy(), np.empty(n), q.copy(), q.copy()
-    total, lam, w, on = np.zeros(m), np.zeros(m), np.zeros(m), np.zeros(m, np.bool_)
+    total, lam, on = np.zeros(m), np.zeros(m), np.zeros(m, np.bool_)
+    w, u, z, push, free = np.empty(m), np.empty(m), np.empty(m), np.empty(n), np.empty(n)
     count, twice, old = np.zeros(5, np.int64), np.nan, -1.0
     M, a, b, G = np.zeros((m, m)), np.ones(m), np.ones(m), np.zeros((n, m))
     state = (J.copy(), np.eye(n), G, at_end(D, fixed, on), M, a, b)
@@ -225,13 +245,20 @@ def march(f, q_of, moving, linear, J, t, substeps, x, q, B, C, D, theta, fixed, 
             if code != OK:
                 return X, P, count, code, now, twice
             if check and np.isnan(twice):
-                offset(C, state[3], theta, x, y - G @ lam, q0, q1, w.copy(), w.copy(), w)
-                if other_motion(M, w, G, lam, h * largest(v) + largest(G @ lam)):
+                times(G, lam, push)
+                for c in range(n):
+                    free[c] = y[c] - push[c]
+                offset(C, state[3], theta, x, free, q0, q1, u, z, w)
+                if other_motion(M, w, G, lam, h * largest(v) + largest(push)):
                     twice = now
             for i in range(m):
                 if jumpy[i] and lam[i] * largest(G[:, i].copy()) > LARGE * h * largest(v):
                     return X, P, count, JUMP, after, twice
                 total[i] += h * lam[i]
-            x[:] = y
-        X[k + 1], P[k + 1] = x, total
+            for c in range(n):
+                x[c] = y[c]
+        for c in range(n):
+            X[k + 1, c] = x[c]
+        for i in range(m):
+            P[k + 1, i] = total[i]
     return X, P, count, OK, t[K - 1], twice

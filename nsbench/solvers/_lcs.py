@@ -6,10 +6,11 @@ from itertools import combinations
 import numpy as np
 
 from nsbench.case import Case
-from nsbench.compile import compiled_leaves
+from nsbench.compile import compiled_leaves, plain
 from nsbench.problem import LCS
 
 MINORS = 10               # rows whose principal minors are all looked at
+FEW = 8                   # rows up to which one complementarity problem is solved without compiling the solver
 _drifts: dict = {}         # by id; the system is kept beside it, so that the id stays its own
 
 
@@ -57,9 +58,11 @@ def inconsistent(case: Case) -> str | None:
         return f"w is not finite at the start of {case.key}: {v}."
     size = np.abs(p.C) @ np.abs(case.x0) + np.abs(q)
     v = np.where(np.abs(v) <= 1e-9 * size, np.maximum(v, 0.0), v)         # the rounding of whoever made the start
-    a, b = lemke.scales(p.D)
-    if lemke.solve(p.D, v, a, b, np.zeros(len(v), np.bool_), np.zeros(len(v)), np.zeros(len(v)))[0]:
-        return None
+    solve, scales = (plain(f) if len(v) <= FEW else f for f in (lemke.solve, lemke.scales))
+    D = np.array(p.D)
+    with np.errstate(all="ignore"):
+        if solve(D, v, *scales(D), np.zeros(len(v), np.bool_), np.zeros(len(v)), np.zeros(len(v)))[0]:
+            return None
     row = int(np.argmin(v))
     return (f"The start of {case.key} is inconsistent: no lambda >= 0 makes w = C x0 + D lambda + q(t0) non-negative and "
             f"complementary to it (C x0 + q(t0) is {v[row]:.6g} in row {row}); the state would have to jump, for which "

@@ -1,6 +1,7 @@
 """Euler's method on a Filippov field, or on a plain smooth system: explicit (chatters) and implicit (does not)."""
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 
 import numpy as np
@@ -112,8 +113,9 @@ def _forms(case):
         return "host", _in_python(relay), _filling(f), _filling(c), d
 
 
+@functools.lru_cache(maxsize=256)
 def _no_signs(drift):
-    """The drift as a field without signs."""
+    """The drift as a field without signs; the same object each time, so that what is compiled for it serves again."""
     def field(xp):
         f = drift(xp)
         def g(t, x, s):
