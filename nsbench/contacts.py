@@ -189,17 +189,18 @@ class Scene:
     def dense_gradients(self, t: float, x: np.ndarray, near: Near) -> np.ndarray:
         """(m, n) rows grad g_k."""
         G = np.zeros((len(near), self.n))
-        r, c, v = self._triplets(t, x, near)
+        r, c, v = self.triplets(t, x, near)
         np.add.at(G, (r, c), v)
         return G
 
     def gradients(self, t: float, x: np.ndarray, near: Near):
         """(m, n) scipy.sparse.csr_array of rows grad g_k. A distance of zero has the first axis as direction."""
         from scipy.sparse import csr_array
-        r, c, v = self._triplets(t, x, near)
+        r, c, v = self.triplets(t, x, near)
         return csr_array((v, (r, c)), shape=(len(near), self.n))
 
-    def _triplets(self, t, x, near):
+    def triplets(self, t: float, x: np.ndarray, near: Near):
+        """Rows, columns and values of the gradients; rows and columns are the same for every t and x."""
         r, c, v = [np.empty(0, np.int64)], [np.empty(0, np.int64)], [np.empty(0)]
         for sel, (i, j), diff, dist in self._distances(t, x, near):
             unit = np.divide(diff, dist[:, None], out=np.zeros_like(diff), where=dist[:, None] > 0)
@@ -222,7 +223,7 @@ class Scene:
                 r.append(np.repeat(sel, self.n))
                 c.append(np.tile(np.arange(self.n), sel.size))
                 v.append(G.ravel())
-        return map(np.concatenate, (r, c, v))
+        return tuple(map(np.concatenate, (r, c, v)))
 
     def rates(self, t: float, x: np.ndarray, near: Near) -> np.ndarray:
         """(m,) partial derivatives dg/dt."""

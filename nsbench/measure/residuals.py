@@ -19,8 +19,7 @@ residual          largest over intervals of (|x_{k+1} - x_k - int f - (R_{k+1} -
 """
 from __future__ import annotations
 
-import functools
-from itertools import pairwise, product
+from itertools import product
 
 import numpy as np
 
@@ -84,16 +83,51 @@ def _gaps(frame, contacts, t, x, impulse, reaction, lam):
     near = near_of(scene, contacts)
     complementary, mismatch = 0.0, 0.0
     gaps = [scene.gaps(a, b, near) for a, b in zip(t, x, strict=True)]
-    G: dict = {}                                       # only those in use are kept: they are the largest arrays here
+    gradients = _Gradients(scene, near, t, x)
     for k, d in enumerate(np.diff(impulse, axis=0)):
         both = np.maximum(np.minimum(gaps[k], gaps[k + 1]), 0.0)
         complementary = max(complementary, float((both * np.maximum(lam[k], 0.0)).max(initial=0.0)))
-        used = range(max(k - 2, 0), min(k + 4, len(t)))
-        G = {j: G[j] if j in G else scene.gradients(float(t[j]), x[j], near) for j in used}
-        most = functools.reduce(lambda a, b: a.maximum(b), (abs(G[b] - G[a]) for a, b in pairwise(used)))
-        rho = np.abs(reaction[k + 1] - reaction[k] - 0.5 * ((G[k] + G[k + 1]).T @ d)) - 0.5 * (most.T @ np.abs(d))
+        rho = np.abs(reaction[k + 1] - reaction[k] - gradients.push(k, d)) - gradients.doubt(k, d)
         mismatch = max(mismatch, float(rho.max(initial=0.0)) / (t[k + 1] - t[k]))
     return worst, complementary, mismatch
+
+
+class _Gradients:
+    """Gradients of the contacts of `near` at the samples, as the entries of one sparse pattern that all samples share.
+
+    Only the samples around the interval asked for last are kept: these are the largest arrays here.
+    """
+
+    def __init__(self, scene, near, t, x):
+        self.scene, self.near, self.t, self.x = scene, near, t, x
+        self.values: dict = {}
+        self.steps: dict = {}
+        row, col, _ = scene.triplets(float(t[0]), x[0], near)
+        places, self.place = np.unique(row * scene.n + col, return_inverse=True)
+        self.row, self.col = places // scene.n, places % scene.n
+
+    def _around(self, k: int) -> range:
+        """Samples of interval k and the two intervals on each side; what is older is dropped."""
+        used = range(max(k - 2, 0), min(k + 4, len(self.t)))
+        self.values = {j: self.values[j] if j in self.values else self._entries(j) for j in used}
+        self.steps = {j: self.steps[j] if j in self.steps else np.abs(self.values[j + 1] - self.values[j])
+                      for j in used[:-1]}
+        return used
+
+    def _entries(self, j: int) -> np.ndarray:
+        values = self.scene.triplets(float(self.t[j]), self.x[j], self.near)[2]
+        return np.bincount(self.place, values, len(self.row))
+
+    def push(self, k: int, d: np.ndarray) -> np.ndarray:
+        """(n,) the mean gradient of interval k times the impulses d."""
+        self._around(k)
+        mean = 0.5 * (self.values[k] + self.values[k + 1])
+        return np.bincount(self.col, mean * d[self.row], self.scene.n)
+
+    def doubt(self, k: int, d: np.ndarray) -> np.ndarray:
+        """(n,) half the largest change of the gradient around interval k, times |d|."""
+        most = np.max([self.steps[j] for j in self._around(k)[:-1]], axis=0)
+        return np.bincount(self.col, 0.5 * most * np.abs(d)[self.row], self.scene.n)
 
 
 def _lcs_push(problem, contacts, impulse):
