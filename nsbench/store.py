@@ -20,6 +20,18 @@ LIBRARIES = ("numpy", "scipy", "numba", "llvmlite", "jax", "jaxlib", "diffrax", 
 NOT_NUMBERS = ("report", "cli.py", "store.py", "execute", "__pycache__")     # cannot change a row's numbers
 
 
+CLOCK = {                # columns of the clock: unit and meaning; they stand with the columns of runs.parquet
+    "setup_seconds": ("s", "preparation, as every call of prepare pays it"),
+    "compile_seconds": ("s", "what the first preparation in a process takes beyond: compilation, loading, imports"),
+    "seconds": ("s", "the run alone: median over its rounds"),
+    "seconds_low": ("s", "lower quartile over its rounds"), "seconds_high": ("s", "upper quartile over its rounds"),
+    "seconds_max": ("s", "worst round"),
+    "rounds": ("1", "rounds it was timed in, interleaved with the other runs of its case; 1: a long run, timed once"),
+    "session": ("", "runs with the same word were timed on one machine in one go"),
+    "step_max_seconds": ("s", "slowest step, of solvers that can tell"),
+}
+
+
 class StoreError(Exception):
     """The results folder cannot be used; the message says which file and why."""
 
@@ -157,6 +169,8 @@ def write_tables(folder: Path, rows: list[dict]) -> None:
     import pyarrow as pa
     import pyarrow.parquet as pq
     table = pa.table({c: _column(pa, [r.get(c) for r in rows]) for c in columns})
+    told = {c: dict(zip((b"unit", b"meaning"), CLOCK[c], strict=True)) if c in CLOCK else None for c in columns}
+    table = table.cast(pa.schema([table.field(c).with_metadata(told[c]) for c in columns]))
     sink = pa.BufferOutputStream()
     pq.write_table(table.replace_schema_metadata({"nsbench_schema": str(SCHEMA)}), sink)
     write_atomically(folder / "runs.parquet", sink.getvalue().to_pybytes())

@@ -3,6 +3,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import secrets
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -13,8 +14,6 @@ from nsbench import solvers
 from nsbench.case import Case, case_module, case_names, get_case, load_case
 from nsbench.trajectory import Status, Trajectory
 
-TIMED = 0.25            # runs shorter than this, in seconds, are timed in ROUNDS interleaved rounds
-ROUNDS = 3
 POINTS, OCTAVES = 19, 6
 SUITES = ("smoke", "standard", "hard", "full")
 
@@ -120,34 +119,29 @@ def plan(cases: Iterable[tuple[str, str]], specs: Iterable[str] | None, values: 
     return out
 
 
-def run_batch(specs: list[Spec], announce: Callable[[str, int], None] = lambda what, i: None):
+def run_batch(specs: list[Spec], announce: Callable[[str, int], None] = lambda what, i: None, order=None):
     """Rows of the specs of one case, as (index, row), each as soon as it is known.
 
-    Each is prepared and run once; then all that were quick are timed again in interleaved rounds, and their rows
-    given out once more with the median.
+    Each is prepared and run once; then all that were quick are timed in interleaved rounds, the first call left out,
+    and their rows given out once more with median, quartiles and worst. order(specs) yields (index, spec) in the order
+    to take them (by default as they come).
     """
+    from nsbench.measure import clock
     kept = []
-    for i, spec in enumerate(specs):
+    for i, spec in order(specs) if order else enumerate(specs):
         row, run = attempt(spec, lambda what, i=i: announce(what, i))
         yield i, row
-        if run is not None and row["seconds"] < TIMED:
-            kept.append((i, row, run, [row["seconds"]]))
-    for _ in range(ROUNDS - 1):
-        for i, _, run, times in kept:
-            announce("run", i)
-            times.append(_clock(run)[1])
-    for i, row, _, times in kept:
-        yield i, row | {"seconds": float(np.median(times)), "seconds_max": max(times), "rounds": len(times)}
-
-
-def _clock(run):
-    start = time.perf_counter()
-    out = run()
-    return out, time.perf_counter() - start
+        if run is not None and clock.rounds_of(row["seconds"]) > 1:
+            kept.append((i, row, run))
+    rounds = [clock.rounds_of(row["seconds"]) for _, row, _ in kept]
+    times = clock.in_rounds([run for _, _, run in kept], rounds, lambda k: announce("run", kept[k][0]))
+    for (i, row, _), seconds in zip(kept, times, strict=True):
+        yield i, row | clock.columns(seconds)
 
 
 def attempt(spec: Spec, announce: Callable[[str], None] = lambda what: None):
     """One run: its row and, if it can be timed again, the zero-argument run. Failures are rows, whatever raised."""
+    from nsbench.measure import clock
     row = {"case": spec.case, "solver": spec.solver, "accuracy": spec.accuracy, "asked": spec.asked, "h": spec.asked}
     announce("prepare")
     try:
@@ -159,11 +153,12 @@ def attempt(spec: Spec, announce: Callable[[str], None] = lambda what: None):
         why = method.refuses(case)
         if why:
             return row | _status(Status("refused", why)), None
-        start = time.perf_counter()
-        run = method.prepare(case, spec.asked)
-        row["setup_seconds"] = time.perf_counter() - start
+        run, spent = clock.prepared(lambda: method.prepare(case, spec.asked))
+        row |= spent
         announce("run")
-        traj, row["seconds"] = _clock(run)
+        start = time.perf_counter()
+        traj = run()
+        row |= clock.columns([time.perf_counter() - start])
     except MemoryError as e:
         return row | _status(Status("oom", f"Out of memory: {e}")), None
     except Exception as e:               # a plugin may raise anything; it becomes a row and the others go on
@@ -228,10 +223,11 @@ def run(cases, solver_specs=None, *, h=None, tol=None, k=None) -> Study:
     names = [solver_specs] if isinstance(solver_specs, str) else solver_specs
     values = {n: list(np.atleast_1d(v)) for n, v in (("h", h), ("tol", tol), ("k", k)) if v is not None}
     rows: list[dict] = []
+    session = secrets.token_hex(6)
     for key in keys:
         specs = plan([(key, "")], names, values)
         done = dict(run_batch(specs))
-        rows += [done[i] for i in sorted(done)]
+        rows += [done[i] | {"session": session} for i in sorted(done)]
     return Study(rows, {key: describe_case(resolve(key)) for key in keys},
                  {spec: describe_solver(spec) for spec in dict.fromkeys(r["solver"] for r in rows)})
 

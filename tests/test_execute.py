@@ -1,8 +1,12 @@
 """Whatever becomes of a run, it is a row, and the others go on."""
 import dataclasses
 import itertools
+import os
+import time
 
-from nsbench.execute.local import run_all
+from nsbench.execute.local import Chore, run_all
+from nsbench.execute.turns import Turns, kernels_of
+from nsbench.measure import clock
 from nsbench.study import Spec, attempt, run_batch, substeps_ladder
 
 SOLVER = '''
@@ -55,7 +59,7 @@ def test_hang_exit_and_exception_are_rows_and_the_others_go_on(tmp_path):
 
 def test_rows_of_a_repeated_run_agree_to_the_byte():
     spec = Spec("tide", "pbd", "h", 0.01)
-    times = ("seconds", "setup_seconds", "seconds_max", "rounds")
+    times = ("seconds", "seconds_low", "seconds_high", "setup_seconds", "compile_seconds", "seconds_max", "rounds")
     a, b = ({k: repr(v) for k, v in attempt(spec)[0].items() if k not in times} for _ in range(2))
     assert a == b
 
@@ -64,7 +68,9 @@ def test_quick_runs_are_timed_in_rounds_and_each_row_is_given_at_once():
     specs = [Spec("tide", "pbd", "h", h) for h in (0.05, 0.025)]
     seen = list(run_batch(specs))
     assert [i for i, _ in seen] == [0, 1, 0, 1]
-    assert seen[-1][1]["rounds"] == 3 and "rounds" not in seen[0][1]
+    first, last = seen[0][1], seen[2][1]
+    assert first["rounds"] == 1 and 3 <= last["rounds"] <= 7
+    assert last["seconds_low"] <= last["seconds"] <= last["seconds_high"] <= last["seconds_max"]
 
 
 def test_refusal_is_a_row_with_a_sentence():
@@ -82,3 +88,66 @@ def test_ladder_has_enough_steps_over_enough_octaves_and_no_dyadic_rule():
 
 def test_specs_are_plain_data():
     assert dataclasses.asdict(Spec("tide", "pbd", "h", 0.1))["asked"] == 0.1
+
+
+def test_first_call_of_a_quick_run_is_no_part_of_its_clock(tmp_path, monkeypatch):
+    from nsbench import solvers
+    from nsbench.study import attempt
+    calls = []
+    method = solvers.get("pbd")
+
+    class Slow:
+        accuracy, default, claims = method.accuracy, method.default, method.claims
+
+        def refuses(self, case):
+            return None
+
+        def prepare(self, case, h):
+            time.sleep(0.2 if not calls else 0.02)
+            calls.append("prepare")
+            run = method.prepare(case, h)
+
+            def call():
+                time.sleep(0.06 if calls.count("run") == 0 else 0.001)
+                calls.append("run")
+                return run()
+            return call
+    monkeypatch.setattr(solvers, "get", lambda spec: Slow())
+    row = attempt(Spec("tide", "slow", "h", 0.05))[0]
+    assert row["compile_seconds"] > 0.1 and 0.015 < row["setup_seconds"] < 0.15
+    calls[:] = ["prepare"]
+    last = list(run_batch([Spec("tide", "slow", "h", 0.05)]))[-1][1]
+    assert last["rounds"] >= 3 and last["seconds_max"] < 0.05
+
+
+def test_rounds_begin_with_another_run_each_time_and_long_runs_are_timed_once():
+    seen = []
+    times = clock.in_rounds([lambda: None] * 3, [3, 3, 1], seen.append)
+    assert [len(t) for t in times] == [3, 3, 1] and seen == [0, 1, 2, 1, 0, 0, 1]
+    assert [clock.rounds_of(s) for s in (1e-6, 0.01, 0.06, 0.2)] == [7, 5, 3, 1]
+
+
+def test_no_two_workers_compile_the_same_kernels_at_once(tmp_path):
+    specs = [Spec("tide", "pbd", "h", 0.1), Spec("tide", "euler", "h", 0.1), Spec("tide", "pbd[sweeps=2]", "h", 0.1)]
+    one, other = Turns(str(tmp_path)).order(specs), Turns(str(tmp_path)).order(specs)
+    assert next(one)[0] == 0 and next(other)[0] == 1              # the second leaves pbd to the first
+    assert next(one)[0] == 2                                      # which has let it go with its next run
+    assert [i for i, _ in other] == [0, 2] and [i for i, _ in one] == [1]
+    assert sorted(i for i, _ in Turns(str(tmp_path)).order(specs)) == [0, 1, 2]
+
+
+def test_specs_with_other_families_need_other_kernels():
+    words = {kernels_of(Spec(c, s, "h", 0.1)) for c, s in (("tide", "pbd"), ("three_discs", "pbd"), ("sliding", "euler"),
+                                                           ("tide", "pbd[order=reverse]"))}
+    assert len(words) == 3
+
+
+def test_chores_are_done_and_one_that_fails_or_dies_costs_nothing_else(tmp_path):
+    file = tmp_path / "bad.py"
+    file.write_text(SOLVER)
+    rows, last = [], Spec("tide", "bad[how=exit]", "h", 0.01, "", (str(file),))
+    chores = [Chore(os.makedirs, (str(tmp_path / n),)) for n in "ab"]
+    chores += [Chore(os.makedirs, (str(tmp_path),)), Chore(os._exit, (3,))]
+    done = run_all([[last], [Spec("tide", "pbd", "h", 0.01)]], 1, 20.0, lambda s, row: rows.append(row["status"]), chores)
+    assert rows[0] == "crashed" and set(rows[1:]) == {"ok"}        # a death in the last run of a batch: the next goes on
+    assert done == chores[:2] and (tmp_path / "a").is_dir() and (tmp_path / "b").is_dir()

@@ -69,6 +69,18 @@ def test_tables_keep_every_column_and_row(tmp_path):
         assert frame.x[0] == 1.0 and np.isnan(frame.x[2])
 
 
+def test_every_column_of_the_clock_carries_its_unit(tmp_path):
+    import pyarrow.parquet
+
+    from nsbench.measure import clock
+    row = clock.columns([0.1, 0.2, 0.4]) | clock.prepared(lambda: None)[1] | {"session": "a", "h": 0.1}
+    store.write_tables(tmp_path, [row])
+    schema = pyarrow.parquet.read_schema(tmp_path / "runs.parquet")
+    units = {f.name: (f.metadata or {}).get(b"unit") for f in schema}
+    assert units.pop("h") is None and set(units) <= set(store.CLOCK) and None not in units.values()
+    assert units["seconds"] == b"s" and units["rounds"] == b"1" and schema.metadata[b"nsbench_schema"] == b"1"
+
+
 def test_no_half_file_is_left(tmp_path):
     with pytest.raises(store.StoreError):
         store.write_atomically(tmp_path / "missing" / "f", b"x")

@@ -10,39 +10,61 @@ from __future__ import annotations
 import contextlib
 import multiprocessing as mp
 import os
+import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from multiprocessing.connection import wait
 from pathlib import Path
 
+from nsbench.execute.turns import Turns
 from nsbench.study import Spec, run_batch
 
 PREPARE = 300.0           # seconds: compiling and factorising, beside the limit of the run itself
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 
-def _worker(pipe) -> None:
-    """Body of a worker: batches in, (what, index, row) out."""
+@dataclass(frozen=True)
+class Chore:
+    """Work without a row, done by whichever worker has nothing else to do: function(*args), both picklable."""
+    function: Callable
+    args: tuple = ()
+
+
+def _worker(pipe, locks: str) -> None:
+    """Body of a worker: batches and chores in, (what, index, row) out."""
     import signal
     signal.signal(signal.SIGINT, signal.SIG_IGN)         # the parent decides what Ctrl-C means
+    turns = Turns(locks)
     while True:
         try:
-            specs = pipe.recv()
+            task = pipe.recv()
         except EOFError:
             return
-        if specs is None:
+        if task is None:
             return
-        for i, row in run_batch(specs, lambda what, i: pipe.send((what, i, None))):
+        if isinstance(task, Chore):
+            pipe.send(("done", -1, _does(task)))
+            continue
+        for i, row in run_batch(task, lambda what, i: pipe.send((what, i, None)), turns.order):
             pipe.send(("row", i, row))
         pipe.send(("done", -1, None))
 
 
+def _does(chore: Chore) -> bool:
+    try:
+        chore.function(*chore.args)
+    except Exception:                    # who set the chore looks after those that were not done
+        return False
+    return True
+
+
 @dataclass
 class _Job:
-    """A worker at work on the specs of one case; `missing` have no row yet."""
+    """A worker at work on the specs of one case, of which `missing` have no row yet, or on a chore."""
     process: mp.Process
     pipe: object
+    chore: Chore | None = None
     specs: list[Spec] = field(default_factory=list)
     missing: set[int] = field(default_factory=set)
     what: str = ""
@@ -62,14 +84,14 @@ def _jax_cache() -> dict[str, str]:
     return {k: os.environ.get(k, v) for k, v in wanted.items()}
 
 
-def _spawn() -> _Job:
+def _spawn(locks: str) -> _Job:
     context = mp.get_context("spawn")
     ours, theirs = context.Pipe()
     ours_alone = dict.fromkeys(THREADS, "1") | _jax_cache()      # one thread: no worker takes the other's core
     keep = {k: os.environ.get(k) for k in ours_alone}
     os.environ.update(ours_alone)
     try:
-        process = context.Process(target=_worker, args=(theirs,), daemon=True)
+        process = context.Process(target=_worker, args=(theirs, locks), daemon=True)
         process.start()
     finally:
         for k, v in keep.items():
@@ -82,51 +104,55 @@ def _spawn() -> _Job:
 
 
 def run_all(batches: list[list[Spec]], jobs: int, timeout: float | None, on_row: Callable[[Spec, dict], None],
-            tick: Callable[[], None] = lambda: None) -> None:
-    """Rows of all batches, handed to on_row as they come. KeyboardInterrupt stops the workers and passes on."""
-    queue, working = list(reversed(batches)), []
-    try:
-        while queue or working:
-            while queue and len(working) < jobs:
-                _assign(working, _spawn(), queue.pop())
-            for pipe in wait([j.pipe for j in working], timeout=0.2):
-                job = next(j for j in working if j.pipe is pipe)
-                more = _listen(job, on_row)
-                if more is None:
-                    continue
-                working.remove(job)
-                if more:
-                    queue.append(more)
-                elif queue:
-                    _assign(working, job, queue.pop())
-                else:
-                    _dismiss(job)
-            for job in [j for j in working if _late(j, timeout)]:
-                working.remove(job)
-                queue += _give_up(job, timeout, on_row)
-            tick()
-    finally:
-        for job in working:
-            job.process.kill()
-            job.process.join()
+            chores: Iterable[Chore] = ()) -> list[Chore]:
+    """Rows of all batches, handed to on_row as they come, then the chores; those that were done. KeyboardInterrupt stops
+    the workers and passes on."""
+    queue, working, done = [*reversed([*chores]), *reversed(batches)], [], []
+    with tempfile.TemporaryDirectory(prefix="nsbench-") as locks:
+        try:
+            while queue or working:
+                while queue and len(working) < jobs:
+                    _assign(working, _spawn(locks), queue.pop())
+                for pipe in wait([j.pipe for j in working], timeout=0.2):
+                    job = next(j for j in working if j.pipe is pipe)
+                    more = _listen(job, on_row, done)
+                    if more is None:
+                        continue
+                    working.remove(job)
+                    queue += more
+                    if queue and not job.pipe.closed:
+                        _assign(working, job, queue.pop())
+                    elif not job.pipe.closed:
+                        _dismiss(job)
+                for job in [j for j in working if _late(j, timeout)]:
+                    working.remove(job)
+                    queue += _give_up(job, timeout, on_row)
+        finally:
+            for job in working:
+                job.process.kill()
+                job.process.join()
+    return done
 
 
-def _assign(working, job, specs):
-    job.specs, job.missing, job.what, job.index = specs, set(range(len(specs))), "start", -1
+def _assign(working, job, task):
+    job.chore, job.specs = (task, []) if isinstance(task, Chore) else (None, task)
+    job.missing, job.what, job.index = set(range(len(job.specs))), "start", -1
     job.since = time.monotonic()
-    job.pipe.send(specs)
+    job.pipe.send(task)
     working.append(job)
 
 
-def _listen(job, on_row):
-    """Take one message. None: go on; a list: the worker is free, these specs are still to do (it died)."""
+def _listen(job, on_row, done):
+    """Take one message. None: go on; a list: the worker is free, or dead, and these batches are still to do."""
     try:
         what, i, row = job.pipe.recv()
     except (EOFError, ConnectionResetError):
         job.process.join()
-        return _lost(job, on_row, "crashed", f"The worker died with exit code {job.process.exitcode} during this run.")
+        rest = _lost(job, on_row, "crashed", f"The worker died with exit code {job.process.exitcode} during this run.")
+        return [rest] if rest else []
     job.since = time.monotonic()
     if what == "done":
+        done += [job.chore] if row else []
         return []
     if what == "row":
         job.missing.discard(i)

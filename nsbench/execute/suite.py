@@ -3,12 +3,14 @@ from __future__ import annotations
 
 import json
 import os
+import secrets
 from itertools import groupby
 from pathlib import Path
 
 import nsbench
 from nsbench import solvers, store, study
 from nsbench.case import parse_spec
+from nsbench.execute.local import Chore, run_all
 from nsbench.execute.progress import Progress
 
 EXPECTED = ("ok", "refused", "below_reference")
@@ -30,11 +32,12 @@ def execute(specs, out: Path, args, say) -> int:
         return 0
     journal = store.Journal(out)
     rows = {keys[s]: known[keys[s]] for s in specs if keys[s] in known}
+    drawn = set()
     if todo:
         say(f"{len(todo)} runs ({len(rows)} known already), results in {out}")
-        _run(todo, keys, rows, journal, args, say)
+        drawn = _run(todo, keys, rows, journal, args, say, [*cases], out)
     ordered = [rows[keys[s]] for s in specs if keys[s] in rows]
-    path = publish(out, ordered, cases, fresh=bool(todo), say=say)
+    path = publish(out, ordered, cases, fresh=bool(todo), say=say, drawn=drawn)
     journal.close()
     failed = [r for r in ordered if r["status"] not in EXPECTED]
     if failed:
@@ -43,23 +46,40 @@ def execute(specs, out: Path, args, say) -> int:
     return 3 if any(r["status"] in ("error", "crashed") for r in failed) or len(failed) == len(ordered) else 0
 
 
-def _run(todo, keys, rows, journal, args, say):
-    from nsbench.execute.local import run_all
+def _run(todo, keys, rows, journal, args, say, cases, out):
+    """The rows of `todo`; the pictures that were drawn on the way, as (case, file)."""
+    session = secrets.token_hex(6)                       # seconds of one session were measured side by side
     batches = [list(g) for _, g in groupby(todo, key=lambda s: (s.case, s.file))]
     batches = _in_order(batches)
     bar = Progress(len(todo), say, os.isatty(1) if _has_terminal() else False)
 
     def on_row(spec, row):
         first = keys[spec] not in rows
-        rows[keys[spec]] = row
+        rows[keys[spec]] = row = row | {"session": session}
         journal.append(keys[spec], row)
         if first:
             bar.step(spec.label, row["status"])
     jobs = args.jobs or min(2, os.cpu_count() or 1)
+    (out / "figures").mkdir(exist_ok=True)
     try:
-        run_all(batches, jobs, args.timeout, on_row)
+        return {c.args[:2] for c in run_all(batches, jobs, args.timeout, on_row, _chores(cases, out))}
     finally:
         bar.end()
+
+
+def _chores(cases, out):
+    """What a report needs beside rows, several pictures at a time: workers that have nothing else to do draw them."""
+    talk = [Chore(_talk, ("talk", "", str(out)))] if "sliding" in {key for key, _ in cases} else []
+    return [*talk, *(Chore(_picture, (key, file, str(out / "figures"))) for key, file in cases)]
+
+
+def _picture(key: str, file: str, folder: str) -> None:
+    from nsbench.report.pictures import write_scenes
+    write_scenes([study.resolve(key, file)], Path(folder))
+
+
+def _talk(name: str, _: str, out: str) -> None:
+    store.write_atomically(Path(out) / "extra.json", _dump({f"{name}_figure": study.talk_figure()}))
 
 
 def _in_order(batches):
@@ -95,8 +115,8 @@ def _reference_files(case):
     return [f for f in files_of(case) if Path(f).exists()]
 
 
-def publish(out: Path, rows, cases, fresh: bool, say) -> Path:
-    """Tables, pictures and report; nothing is written again when nothing changed."""
+def publish(out: Path, rows, cases, fresh: bool, say, drawn=frozenset()) -> Path:
+    """Tables, pictures and report; nothing is written again when nothing changed. drawn: pictures that are there."""
     digest = store._digest(json.dumps([store.clean(r) for r in rows], sort_keys=True).encode(), _report_digest())
     path, stamp = out / "report.html", out / ".report.key"
     if not fresh and path.exists() and stamp.exists() and stamp.read_text() == digest:
@@ -109,12 +129,14 @@ def publish(out: Path, rows, cases, fresh: bool, say) -> Path:
         store.write_atomically(out / "env.json", _dump(store.environment()))
     figures = out / "figures"
     figures.mkdir(exist_ok=True)
-    extra = {}
-    if "sliding" in {k for k, _ in cases}:
-        extra["talk_figure"] = study.talk_figure()
-    store.write_atomically(out / "extra.json", _dump(extra))
-    from nsbench.report.pictures import write_scenes
-    write_scenes([c for c in cases.values()], figures)
+    if "sliding" not in {k for k, _ in cases}:
+        store.write_atomically(out / "extra.json", _dump({}))
+    elif ("talk", "") not in drawn:
+        _talk("talk", "", out)
+    missing = [c for name, c in cases.items() if name not in drawn]
+    if missing:
+        from nsbench.report.pictures import write_scenes
+        write_scenes(missing, figures)
     from nsbench.report import write_report
     path = Path(write_report(out, path))
     store.write_atomically(stamp, digest.encode())

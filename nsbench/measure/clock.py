@@ -12,6 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 ROUNDS = 7
+FEWEST = 3              # of rounds: quartiles of less say nothing
+TURNS = 0.05            # seconds: what the turns of one row may take together, if they are not FEWEST
+LONG = 0.1              # seconds: a run that takes longer is timed once; what disturbs it averages out within
+AGAIN = 5e-3, 20.0      # seconds of a first preparation: below it hides nothing, beyond it is not made twice
 LEAST = 0.02            # seconds: a run that is shorter is repeated within its turn until the turn lasts this long
 
 
@@ -44,6 +48,44 @@ class Ratio:
 
     def __str__(self) -> str:
         return f"{self.median:.3g} [{self.low:.3g}, {self.high:.3g}]"
+
+
+def rounds_of(seconds: float) -> int:
+    """In how many rounds a run of this length is timed for its row: 1 (beyond LONG), or FEWEST to ROUNDS."""
+    return 1 if seconds >= LONG else int(np.clip(TURNS / max(seconds, 1e-9), FEWEST, ROUNDS))
+
+
+def columns(seconds) -> dict:
+    """The columns of a row that tell the clock of its rounds (in seconds, but for `rounds`)."""
+    low, middle, high = (float(v) for v in np.percentile(seconds, (25, 50, 75)))
+    return {"seconds": middle, "seconds_low": low, "seconds_high": high, "seconds_max": float(np.max(seconds)),
+            "rounds": len(seconds)}
+
+
+def in_rounds(runs: list[Callable[[], object]], rounds: list[int], announce: Callable[[int], None]) -> list[list[float]]:
+    """Seconds of every run in its number of rounds; each round begins with another run. announce(i): run i is next."""
+    out: list[list[float]] = [[] for _ in runs]
+    for r in range(max(rounds, default=0)):
+        first = r * len(runs) // max(rounds)
+        for i in (*range(first, len(runs)), *range(first)):
+            if r < rounds[i]:
+                announce(i)
+                out[i].append(_seconds(runs[i], 1))
+    return out
+
+
+def prepared(prepare: Callable[[], Callable]) -> tuple[Callable, dict]:
+    """The run that `prepare()` returns, and what it took: setup_seconds, what every preparation pays, and
+    compile_seconds, what the first one in a process paid beyond it: compilation, loading from caches, imports. They are
+    told apart by preparing twice. A preparation of more than 20 s is not repeated: all of it counts as set-up."""
+    start = time.perf_counter()
+    run = prepare()
+    first = again = time.perf_counter() - start
+    if AGAIN[0] < first < AGAIN[1]:
+        start = time.perf_counter()
+        run = prepare()
+        again = min(first, time.perf_counter() - start)
+    return run, {"setup_seconds": again, "compile_seconds": first - again}
 
 
 def interleaved(runs: dict[str, Callable[[], object]], rounds: int = ROUNDS, least: float = LEAST) -> dict[str, Times]:
