@@ -156,7 +156,8 @@ def test_names_are_text_and_nothing_else(tmp_path):
         assert not re.search(r"[\x00-\x09\x0b-\x1f\x7f\u202e]", text_)
     assert "<script" not in path.with_suffix(".md").read_text(encoding="utf-8")
     figures = sorted(p.name for p in (tmp_path / "out" / "figures").iterdir())
-    assert len(figures) == len(NASTY) + 1 and all(len(f) <= 120 for f in figures)
+    assert len(figures) == 2 * (len(NASTY) + 1) + 1 and figures.count("profiles.svg") == 1
+    assert all(len(f) <= 120 for f in figures)
     assert not any(f.startswith((".", "scene_", "talk")) for f in figures)
     assert [p for p in tmp_path.iterdir()] == [tmp_path / "out"]
     assert all("<script" not in (tmp_path / "out" / "figures" / f).read_text(encoding="utf-8") for f in figures)
@@ -246,25 +247,25 @@ def panel(y, far=False, failed=()):
 
 
 def marks(drawn):
-    """(x, y, style) of every marker in the SVG."""
-    found = re.findall(r'<use [^>]*x="([\d.]+)" y="([\d.]+)" style="([^"]*)"', drawn)
-    return [(float(x), float(y), s) for x, y, s in found]
+    """(x, y, kind) of every marker in the SVG: m full, o open, x a cross."""
+    lines = re.findall(r'<path d="M([^"]*)"[^>]*style="marker:url\(#(\w):', drawn)
+    return [(*map(float, p.split()), kind) for d, kind in lines for p in d.split("L")]
 
 
 def test_a_zero_is_an_open_marker_on_the_bottom_edge_and_a_failure_a_cross_on_the_top_one():
-    plain, zero = (panels.draw(panel(y), "a") for y in ([0.1, 0.05, 0.02], [0.1, 0.05, 0.0]))
+    plain, zero = (panels.draw(panel(y)) for y in ([0.1, 0.05, 0.02], [0.1, 0.05, 0.0]))
     bottom = max(y for _, y, _ in marks(zero))
     low = [s for _, y, s in marks(zero) if y == bottom]
-    assert len(low) == 1 and style.PAPER in low[0] and len(marks(plain)) == len(marks(zero)) == 6
-    assert not any(style.PAPER in s for _, _, s in marks(plain))
-    failed = panels.draw(panel([0.1, 0.05, 0.02], failed=[0.2, 0.3]), "a")
+    assert low == ["o"] and len(marks(plain)) == len(marks(zero)) == 6
+    assert {s for _, _, s in marks(plain)} == {"m"}
+    failed = panels.draw(panel([0.1, 0.05, 0.02], failed=[0.2, 0.3]))
     top = min(y for _, y, _ in marks(failed))
-    assert len(marks(failed)) == 8 and sum(y == top for _, y, _ in marks(failed)) == 2
+    assert len(marks(failed)) == 8 and [s for _, y, s in marks(failed) if y == top] == ["x", "x"]
 
 
 def test_errors_of_another_league_do_not_press_the_others_flat():
     def spread(drawn):
         heights = [y for _, y, _ in marks(drawn)[:3]]
         return max(heights) - min(heights)
-    flat, kept = (panels.draw(panel([1e-14, 2e-14, 3e-14], far=far), "a") for far in (False, True))
+    flat, kept = (panels.draw(panel([1e-14, 2e-14, 3e-14], far=far)) for far in (False, True))
     assert spread(kept) > 4 * spread(flat) and "1e-14" in kept

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 from report_rows import SOLVERS, STEPS, row, summaries
 
-from nsbench.report import figures, source, speed, style, summary, tables, verdict
+from nsbench.report import source, speed, style, summary, tables, talk, verdict
 
 
 def test_two_steps_are_no_order_and_zeros_are_exact():
@@ -94,5 +94,5 @@ def test_methods_keep_their_look_and_variants_share_a_colour():
 
 def test_the_distance_from_the_exact_path_is_that_of_the_polygon():
     path = np.array([[0.0, 1.0], [0.0, 0.0], [2.0, 0.0]])
-    assert figures.strays(np.array([[1.0, 0.3], [0.1, 0.5], [1.5, -0.2]]), path) == pytest.approx(0.3)
-    assert figures.strays(np.array([[3.0, 0.0]]), path) == pytest.approx(1.0)
+    assert talk.strays(np.array([[1.0, 0.3], [0.1, 0.5], [1.5, -0.2]]), path) == pytest.approx(0.3)
+    assert talk.strays(np.array([[3.0, 0.0]]), path) == pytest.approx(1.0)

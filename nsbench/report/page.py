@@ -6,8 +6,10 @@ import re
 from dataclasses import dataclass
 from textwrap import dedent
 
+from nsbench.report.panels import inline, markers
 from nsbench.report.sheet import CSS, SCRIPT
 from nsbench.report.source import Data, Runs
+from nsbench.report.speed import RULE
 from nsbench.report.style import SHAPES, Look, clean, html
 from nsbench.report.summary import Summary
 from nsbench.report.tables import Table
@@ -19,7 +21,8 @@ class Content:
     """Everything the page shows, in order; `text` writes the same as Markdown.
 
     tables: by key (choice, orders, speed, seeds, failures, environment, glossary, those of TRUST); panels: inlined SVG by case;
-    notes: sentences under a case; talk: SVG or "", told: its sentence; title and lede: of the header.
+    notes: sentences under a case; talk: SVG or "", told: its sentence; title and lede: of the header; profiles, scaling: SVG;
+    wins: who is cheapest where.
     """
     title: str
     lede: str
@@ -34,6 +37,9 @@ class Content:
     speeds: tuple[str, ...]
     talk: str = ""
     told: str = ""
+    profiles: tuple[str, ...] = ()
+    scaling: tuple[str, ...] = ()
+    wins: tuple[str, ...] = ()
 
 
 READING = ("An open marker on the bottom edge is an error of exactly 0, a figure there an error far below the others; a "
@@ -61,7 +67,7 @@ def page(c: Content) -> str:
     trust = "".join(f"<h3>{html(head)}</h3>{table(c.tables[key], c.looks, 'list text' if key == 'references' else '')}"
                     for key, head in TRUST if c.tables[key].rows or c.tables[key].note)
     sections.append(("trust", "What the numbers rest on", trust))
-    sections.append(("speed", "Speed at equal error", _list(c.speeds, c.looks) + table(c.tables["speed"], c.looks)))
+    sections.append(("speed", "Speed at equal error", _speed(c)))
     seeds = "<h3>Over seeds</h3>" + table(c.tables["seeds"], c.looks) if c.tables["seeds"].rows else ""
     sections += [("failures", "Failures and refusals", table(c.tables["failures"], c.looks, "list text") + seeds),
                  ("environment", "Machine, versions, words", table(c.tables["environment"], c.looks, "list")
@@ -70,14 +76,31 @@ def page(c: Content) -> str:
     links = "".join(f'<a href="#{key}">{html(head)}</a>' for key, head, _ in sections)
     cases = " ".join(f'<a href="#{c.ids[k]}">{html(k)}</a>' for k in c.data.case_keys)
     more = f"<details><summary>{len(c.data.case_keys)} cases</summary>{cases}</details>" if cases else ""
+    marks = inline(f'<svg width="0" height="0" style="position:absolute">{markers(c.looks.values())}</svg>', {}, "")
     return (f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
             f'<meta name="viewport" content="width=device-width,initial-scale=1"><title>{html(c.title)}</title>'
             f'<style>{CSS}</style></head>\n<body><main><header><h1>{html(c.title)}</h1>'
-            f'<p class="lede">{html(c.lede)}</p><nav>{links}{more}</nav></header>\n{body}</main>'
+            f'<p class="lede">{html(c.lede)}</p><nav>{links}{more}</nav></header>\n{marks}{body}</main>'
             f'<script>{SCRIPT}</script></body></html>\n')
 
 
+def _speed(c: Content) -> str:
+    """Factors, profiles over all cases, cost against size; every table with its note."""
+    parts = [_list(c.speeds, c.looks), f'<p class="note">{html(RULE)}</p>']
+    for head, drawn, told, key in (("Time to error over all cases", c.profiles, _list(c.wins, c.looks), "sizes"),
+                                   ("Cost against size", c.scaling, "", "scaling")):
+        if drawn or c.tables[key].rows:
+            legend = _items(c.looks.items())
+            figures = f'{legend}<div class="panels">{"".join(drawn)}</div>' if drawn else ""
+            told += f'<p class="note">{html(SHARES)}</p>' if key == "sizes" else ""
+            parts.append(f'<article class="case"><h3>{head}</h3>{told}{figures}{table(c.tables[key], c.looks)}</article>')
+    return "".join(parts) + "<h3>Every case</h3>" + table(c.tables["speed"], c.looks)
 
+
+SHARES = ("Each curve tells on which share of the cases a method gets to the error within so many times the seconds of the "
+          "fastest (performance profiles of Dolan & More, 2002), compiled loops alone. A case that a method refuses, was not "
+          "run on, or does not solve to this error counts against it; where its coarsest run is already better, the seconds "
+          "of that run count.")
 MEASURED = ("Compilation, set-up and factorisation are timed apart from the run; only the run is shown. Compare "
             "seconds within this study: they depend on the machine and its load. Errors and residuals are computed by "
             "the bench from the trajectory, never taken from a solver's word.")
@@ -203,8 +226,11 @@ def _doc(doc) -> str:
 
 def _legend(runs: list[Runs], c: Content) -> str:
     shown = [r for r in runs if c.summaries[r.case, r.solver].word != "refused"]
-    items = "".join(f'<li data-s="{look.index}">{chip(look)}{html(name)}</li>'
-                    for name, look in ((r.solver, c.looks[r.solver]) for r in shown))
+    return _items([(r.solver, c.looks[r.solver]) for r in shown])
+
+
+def _items(shown) -> str:
+    items = "".join(f'<li data-s="{look.index}">{chip(look)}{html(name)}</li>' for name, look in shown)
     return f'<ul class="legend">{items}</ul>'
 
 

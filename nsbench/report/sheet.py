@@ -75,6 +75,7 @@ td b{font-weight:500;border-radius:3px;padding:1px 4px;margin-left:-4px}
 .legend{margin:1.1rem 0 .2rem;padding:0}
 .legend li{cursor:default}
 .panels{display:grid;grid-template-columns:repeat(auto-fill,minmax(290px,1fr));gap:.6rem 1.4rem}
+.panels text{font-family:var(--sans)}.case>ul{margin:.6rem 0 0;padding:0;list-style:none}.case>ul.legend{margin-top:1.1rem}
 .panels svg,.talk svg{display:block;width:100%;height:auto;overflow:visible}
 svg *{stroke-linejoin:round;stroke-linecap:butt}
 .s{transition:opacity .12s}

@@ -12,12 +12,13 @@ import numpy as np
 from nsbench.report.style import LEADS, clean, family, slug
 
 LABELS = ("lam_at_start", "lam_at_mid", "lam_at_end", "lam_mean")     # of single steps, against lambda at that time
-NUMBERS = ("asked", "h", "seconds", "setup_seconds", "steps", "drift_calls", "projections", "inner_iterations",
+NUMBERS = ("asked", "h", "seconds", "seconds_low", "seconds_high", "seconds_max", "rounds", "setup_seconds",
+           "compile_seconds", "steps", "drift_calls", "projections", "inner_iterations",
            "qp_solves", "events", "restarts", "contacts_peak", "state_sup", "state_T", "impulse", "reaction", "l1",
            "settled", "event_time", "events_missed", "events_extra", "feasibility", "sign", "complementarity",
            "residual", "selection", "polyhedron", "state_floor", "impulse_floor", "reaction_floor",
            "event_floor", "state_scale", "impulse_scale", "multipliers_unique", *LABELS, "lam_floor")
-WORDS = ("case", "solver", "accuracy", "status", "why", "loop", "reference", "lam_time")
+WORDS = ("case", "solver", "accuracy", "status", "why", "loop", "reference", "lam_time", "session")
 GOOD = ("ok", "below_reference")     # statuses whose errors are numbers
 
 

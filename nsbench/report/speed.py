@@ -10,6 +10,7 @@ from nsbench.report.source import Data, Runs
 from nsbench.report.style import LEADS, family, num
 
 TARGETS = (1e-2, 1e-3, 1e-4, 1e-6)
+LONG = 0.1          # seconds beyond which a run is timed once (measure.clock)
 WORK = ("drift_calls", "projections", "inner_iterations")
 
 
@@ -17,7 +18,8 @@ WORK = ("drift_calls", "projections", "inner_iterations")
 class Cost:
     """What `solver` needs for one error. at_most: its coarsest run was already better.
 
-    h: the step (1/k, tolerance: see `accuracy`) that does it.
+    h: the step (1/k, tolerance: see `accuracy`) that does it. low, high: quartiles of the seconds; rounds: the fewest
+    rounds they come from; session: the run of the bench they were measured in, "" if that is not stored.
     """
     solver: str
     loop: str
@@ -26,6 +28,10 @@ class Cost:
     h: float
     accuracy: str
     at_most: bool
+    low: float = math.nan
+    high: float = math.nan
+    rounds: float = math.nan
+    session: str = ""
 
 
 def work(runs: Runs) -> np.ndarray:
@@ -35,6 +41,32 @@ def work(runs: Runs) -> np.ndarray:
     stack = np.array([parts["drift_calls"], parts["projections"], inner])
     total = np.nansum(stack, axis=0)
     return np.where(np.isfinite(stack).any(axis=0) & (total > 0), total, np.nan)
+
+
+def inner(runs: Runs) -> np.ndarray:
+    """Projections, or inner iterations (QP solves where those are not counted), per run."""
+    parts = np.array([runs.col["projections"], np.where(np.isfinite(runs.col["inner_iterations"]),
+                                                        runs.col["inner_iterations"], runs.col["qp_solves"])])
+    total = np.nansum(parts, axis=0)
+    return np.where(total > 0, total, np.nan)
+
+
+RULE = ("Seconds of two methods are compared only when both loops over steps are compiled, both were timed on one machine in "
+        "one go, and both in interleaved rounds (runs of more than 0.1 s once); then compilation and set-up are apart. "
+        "Otherwise their counted work is compared, or nothing.")
+
+
+def apart(one: Cost, other: Cost) -> str:
+    """Why the seconds of two methods may not be compared; "" if they may. See RULE."""
+    if not (one.loop == "compiled" and other.loop == "compiled"):
+        host = one if one.loop != "compiled" else other
+        return f"the loop of {host.solver} is not compiled ({host.loop or 'unmarked'}): its seconds measure an interpreter"
+    if one.session != other.session:
+        return "their seconds were not measured in one go"
+    for c in (one, other):
+        if c.rounds < 2 and c.seconds < LONG:
+            return f"{c.solver} was not timed in rounds"
+    return ""
 
 
 def cost(runs: Runs, target: float, metric: str = "state_sup") -> Cost | None:
@@ -56,8 +88,11 @@ def cost(runs: Runs, target: float, metric: str = "state_sup") -> Cost | None:
     if i and envelope[i] > 0:
         share = math.log(envelope[i - 1] / target) / math.log(envelope[i - 1] / envelope[i])
     pick = lambda v: _between(v[i - 1] if i else v[i], v[i], share)
+    used = slice(max(i - 1, 0), i + 1)
+    rounds, sessions = runs.col["rounds"][good][used], sorted({s for s in runs.col["session"][good][used] if s})
     return Cost(runs.solver, runs.loop, pick(runs.col["seconds"][good]), pick(work(runs)[good]), pick(h),
-                runs.accuracy, i == 0)
+                runs.accuracy, i == 0, pick(runs.col["seconds_low"][good]), pick(runs.col["seconds_high"][good]),
+                float(np.min(rounds)), "+".join(sessions))
 
 
 def _between(a: float, b: float, share: float) -> float:
@@ -86,12 +121,12 @@ def setting(c: Cost) -> str:
 
 
 def ratio(one: Cost, other: Cost) -> float | None:
-    """Seconds of `one` over seconds of `other`; None unless both are known, of loops of the same kind.
+    """Seconds of `one` over seconds of `other`; None unless both are known and may be compared (`apart`).
 
     A method whose coarsest run was already better has no cost at this error, only a bound.
     """
-    alike = one.loop and one.loop == other.loop and not (one.at_most or other.at_most)
-    return one.seconds / other.seconds if alike and one.seconds > 0 and other.seconds > 0 else None
+    known = one.seconds > 0 and other.seconds > 0 and not (one.at_most or other.at_most)
+    return one.seconds / other.seconds if known and not apart(one, other) else None
 
 
 def work_ratio(one: Cost, other: Cost) -> float | None:

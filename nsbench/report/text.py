@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 from nsbench.report.page import MEASURED, TRUST, Content, meta, paragraphs
+from nsbench.report.speed import RULE
 from nsbench.report.style import markdown
 from nsbench.report.tables import Table
 
@@ -20,14 +21,19 @@ def text(c: Content) -> str:
         out += ["\n".join("    " + line for line in equations.splitlines())] if equations else []
         out += [markdown(n) for n in c.notes[case]]
         out += [f"![{markdown(case)}](figures/{c.ids[case]}.svg)"] if c.panels[case] else []
+        out += [f"![{markdown(case)}: cost](figures/cost_{c.ids[case]}.svg)"] if c.panels[case] else []
     if c.talk:
         out += ["## The talk's figure", markdown(c.told), "![The talk's figure](figures/talk.svg)"]
     out += ["## What the numbers rest on"]
     for key, head in TRUST:
         if c.tables[key].rows or c.tables[key].note:
             out += [f"### {head}", table(c.tables[key])]
-    out += ["## Speed at equal error", "\n".join(f"- {markdown(s)}" for s in c.speeds), table(c.tables["speed"]),
-            "## Failures and refusals", table(c.tables["failures"])]
+    out += ["## Speed at equal error", "\n".join(f"- {markdown(s)}" for s in (*c.speeds, *c.wins)), RULE]
+    out += ["![Time to error over all cases](figures/profiles.svg)"] if c.profiles else []
+    out += [table(c.tables["sizes"])] if c.tables["sizes"].rows else []
+    out += ["![Cost against size](figures/scaling.svg)"] if c.scaling else []
+    out += [table(c.tables["scaling"])] if c.tables["scaling"].rows else []
+    out += [table(c.tables["speed"]), "## Failures and refusals", table(c.tables["failures"])]
     out += ["### Over seeds", table(c.tables["seeds"])] if c.tables["seeds"].rows else []
     out += ["## Machine, versions, words", table(c.tables["environment"]), MEASURED, table(c.tables["glossary"])]
     return "\n\n".join(part for part in out if part) + "\n"
