@@ -11,6 +11,7 @@ import numpy as np
 
 from nsbench.case import Case
 from nsbench.contacts import Scene
+from nsbench.solvers import _contact_walk
 from nsbench.solvers._arc import follow
 from nsbench.solvers._contact_field import ContactField
 from nsbench.solvers._selection import Selector
@@ -28,8 +29,19 @@ def prepare(case: Case, options, tol: float) -> Run:
     import scipy.integrate  # noqa: F401  (loaded here, not in the timed run)
     scene = Scene(case.problem, case.n)
     x = start_state(case, scene)
-    ContactField(case, scene).compile(float(case.t[0]), x)
-    return lambda: _Walk(case, scene, x.copy(), options, tol).run()
+    field = ContactField(case, scene)
+    field.compile(float(case.t[0]), x)
+    plan = _contact_walk.plan(case, field, x, options, tol)
+    if plan is not None:
+        _contact_walk.load(_Walk(case, scene, x.copy(), options, tol), plan)
+
+    def run():
+        if plan is not None:
+            walk = _Walk(case, scene, x.copy(), options, tol)
+            if _contact_walk.run(walk, plan):
+                return walk._trajectory(Status())
+        return _Walk(case, scene, x.copy(), options, tol).run()
+    return run
 
 
 class _Walk:
@@ -47,6 +59,7 @@ class _Walk:
         self.impulses, self.done = [], 0
         self.events, self.meetings, self.paces = [], [], []
         self.proof = {"unproven": 0, "refused": 0, "touches": 0}
+        self.loop = "host"
         self.steps, self.arcs, self.h, self.peak, self.lam = 0, 0, 0.0, 0, np.empty(0)
 
     def run(self) -> Trajectory:
@@ -216,7 +229,7 @@ class _Walk:
             status = Status("unverified", "Samples are missing although no failure was met.")
         stats = {"steps": self.steps, "h": float(self.h), "drift_calls": self.field.calls,
                  "qp_solves": self.selector.solved, "inner_iterations": self.selector.iterations,
-                 "events": len(self.events), "restarts": self.arcs, "contacts_peak": self.peak, "loop": "host",
+                 "events": len(self.events), "restarts": self.arcs, "contacts_peak": self.peak, "loop": self.loop,
                  "roots": "sampled" if self.proof["unproven"] else "verified", **self.proof}
         return Trajectory(self.case.t, self.X, tuple(self.column), impulse, self.R, status, tuple(self.events), stats,
                           "mean")

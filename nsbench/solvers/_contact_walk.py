@@ -1,0 +1,158 @@
+"""The event-driven method on Complementarity systems as machine code, where drift and constraints allow it.
+
+kernels.walk follows arcs and takes the choices that are beyond doubt; the others are taken here, by _selection. Whatever
+does not end well is told by the loop in Python (see _constrained), which starts again from the beginning.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from nsbench.case import Case
+from nsbench.problem import Smooth
+from nsbench.solvers import _selection
+from nsbench.solvers._affine_drift import affine_drift
+from nsbench.solvers._arc import SHARE
+from nsbench.trajectory import Event
+
+ROOM = 10.0             # times the size of the start: the box on which the drift is known to be affine
+SPARE = 0.01            # of the share of an arc's step: series cost little more to be this much better
+FLOOR = 1e-16           # below the spacing of numbers nothing is gained
+ORDERS = (8, 24)        # of the series: as few terms as an event is found with, as many as ever pay
+LOG = 128               # events between two looks at whether they accumulate
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """What a run needs that does not change: the drift as CSR and constant, the box, hard particles, order and eps."""
+    drift: tuple
+    box: float
+    hard: np.ndarray
+    order: int
+    eps: float
+
+
+def plan(case: Case, field, x, options, tol: float) -> Plan | None:
+    """None where the loop in Python is meant: other integrators, moving or smooth constraints, drifts that bend."""
+    scene = field.scene
+    if options.method != "dop853" or scene.moving or any(isinstance(c, Smooth) for c in scene.families):
+        return None
+    box = ROOM * (1.0 + float(np.abs(x).max()))
+    drift = affine_drift(case, box)
+    if drift is None:
+        return None
+    hard = np.array([(c.start, m, c.dim) for _, c, m in scene.hard], np.int64).reshape(-1, 3)
+    eps = max(SPARE * SHARE * tol, FLOOR)
+    order = int(np.clip(np.ceil(1.0 - 0.5 * np.log(eps)), ORDERS[0] + 2, ORDERS[1]))       # Jorba & Zou 2005, eq. 10
+    return Plan(drift, box, hard, order, eps)
+
+
+def load(walk, p: Plan):
+    """Load or compile the kernels: a run of no length."""
+    walk.T = walk.t
+    run(walk, p)
+
+
+def run(walk, p: Plan) -> bool:
+    """Carry `walk` (see _constrained) to its end; False where it should start again in Python."""
+    from nsbench.kernels import walk as k
+    with np.errstate(all="ignore"):
+        walk._record(walk.x[None], np.zeros((1, 0)), np.zeros((1, walk.case.n)))
+        if not walk._start().ok:
+            return False
+        return _Driver(walk, p, k).run()
+
+
+class _Driver:
+    """Moves data between `walk` and the kernel."""
+
+    def __init__(self, walk, p, kernel):
+        self.walk, self.plan, self.k = walk, p, kernel
+        self.num, self.cnt = np.zeros(kernel.NUM), np.zeros(kernel.CNT, np.int64)
+        self.num[[kernel.END, kernel.TOL, kernel.EPS]] = walk.T, walk.tol, p.eps
+        self.num[[kernel.MAX_STEP, kernel.BOX, kernel.REACH]] = walk.options.max_step, p.box, walk.field.reach
+        self.num[[kernel.DOUBT, kernel.STRICT, kernel.DEPENDENT]] = (
+            _selection.UNDECIDED, _selection.STRICT, _selection.DEPENDENT)
+        self.cnt[kernel.MAX_STEPS] = walk.options.max_steps
+        self.paces = np.zeros(10)
+        self.paces[0], self.cnt[kernel.PACES] = walk.paces[0], 1
+        self.paths = np.full((2, len(walk.case.t), walk.case.n), np.nan)
+        self.paths[0, 0], self.paths[1, 0], self.cnt[kernel.SAMPLE] = walk.x, 0.0, 1
+        self.impulse, self.total = np.zeros((len(walk.case.t), 0)), np.zeros(0)
+        self.log = (np.empty(LOG), np.empty(LOG, np.int64), np.empty(LOG, np.int64))
+
+    def run(self) -> bool:
+        walk, k = self.walk, self.k
+        while True:
+            code = self._go()
+            if code == k.DONE:
+                return self._finish()
+            if code == k.FAIL:
+                return False
+            if code == k.RELIST:
+                walk._relist()
+                continue
+            if code == k.CHOOSE:
+                walk.meetings.append(walk.t)
+            if walk._budget() is not None:
+                return False
+            if code == k.CHOOSE:
+                walk.paces, walk.selector.size = self.paces.tolist(), float(self.num[k.SIZE])
+                fired = int(self.cnt[k.FIRED])
+                if not walk._select(fired=walk.all.near.take([fired]).ids[0] if fired >= 0 else None).ok:
+                    return False
+
+    def _go(self):
+        """One stay in the kernel."""
+        walk, k, near = self.walk, self.k, self.walk.all.near
+        scene = walk.field.scene
+        m = len(near)
+        ids = None
+        column = np.full(m, -1, np.int64)
+        if walk.column:
+            ids = near.ids
+            column = np.array([walk.column.get(c, -1) for c in ids], np.int64)
+        spare = len(walk.column) + m - len(self.total)
+        if spare > 0:
+            self.total = np.append(self.total, np.zeros(spare + m))
+            self.impulse = np.hstack((self.impulse, np.zeros((len(self.impulse), spare + m))))
+        listed = (near.kind, near.p, near.q, near.d, near.sign, near.dim)
+        places = (walk.field._anchors0, scene.ptr, scene.cols, scene.vals, walk.field._b0)
+        basis = np.zeros(m, bool)
+        basis[walk.basis] = True
+        x = np.array(walk.x)
+        self.num[k.T], self.num[k.SIZE] = walk.t, walk.selector.size
+        self.cnt[k.EVENTS], self.cnt[k.COLUMNS], self.cnt[k.PEAK] = 0, len(walk.column), walk.peak
+        code = k.walk(listed, places, walk.all.norm, self.plan.drift, self.plan.hard, walk.all.width, self.plan.order, x,
+                      walk.anchor, basis, walk.kept, walk.case.t, (self.paths[0], self.paths[1], self.impulse),
+                      (column, self.total, walk.reaction), self.paces, self.log, self.num, self.cnt)
+        walk.t, walk.x, walk.basis, walk.peak = float(self.num[k.T]), x, np.flatnonzero(basis), int(self.cnt[k.PEAK])
+        walk.selector.size = float(self.num[k.SIZE])
+        self._names(near, ids, column)
+        return code
+
+    def _names(self, near, ids, column):
+        """Contacts that acted for the first time, and events, by their ids."""
+        k, walk = self.k, self.walk
+        new = np.flatnonzero(column >= len(walk.column))
+        for e in new[np.argsort(column[new])]:
+            walk.column[near.take([e]).ids[0]] = int(column[e])
+        count = int(self.cnt[k.EVENTS])
+        if count:
+            times, kinds, entries = (a[:count] for a in self.log)
+            for t, kind, c in zip(times.tolist(), kinds.tolist(), near.take(entries).ids, strict=True):
+                walk.events.append(Event(t, "release" if kind else "contact", c))
+                walk.meetings.append(t)
+
+    def _finish(self) -> bool:
+        walk, k = self.walk, self.k
+        c = len(walk.column)
+        walk.X, walk.R, walk.done = self.paths[0], self.paths[1], int(self.cnt[k.SAMPLE])
+        walk.impulses = list(self.impulse[:, :c])
+        walk.steps, walk.arcs, walk.h = int(self.cnt[k.STEPS]), int(self.cnt[k.ARCS]) + 1, float(self.num[k.H])
+        walk.proof["touches"] = int(self.cnt[k.TOUCHES])
+        walk.field.calls += int(self.cnt[k.ORDERS])
+        walk.selector.solved += int(self.cnt[k.SOLVED])
+        walk.loop = "compiled"
+        return True
