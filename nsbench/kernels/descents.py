@@ -104,6 +104,11 @@ def passage(c, deg, armed, level, band, touch, hi, b, d):
     deep = first_below(c, deg, -touch, start, hi, b)
     if deep < 0.0:
         return -1.0, True, first_below(c, deg, -1e-3 * touch, start, hi, b) >= 0.0
-    if value(c, deg, start) <= 0.0:
-        return start, True, False
+    if value(c, deg, start) <= 0.0:                       # by rounding, at the start of a step: it may rise before it falls
+        for j in range(deg + 1):
+            d[j] = -c[j]
+        rise = first_below(d, deg, -touch, start, deep, b)
+        if rise < 0.0:
+            return start, True, False
+        start = rise
     return root(c, deg, 0.0, start, deep), True, False

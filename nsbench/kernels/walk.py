@@ -1,143 +1,24 @@
 """The event-driven loop for drifts f = A x + c and constraints that stand still, as machine code.
 
-Arcs are Taylor series (see series), events are isolated descents of polynomials (see sightings). After an event the next
-set of held contacts is chosen here if it is beyond doubt: every multiplier strictly positive, every other closed contact
-strictly opening, or dependent as before. All else is left to the caller, who solves the complementarity problem with
+Arcs are Taylor series (see series), events are isolated descents of polynomials (see sightings). The next set of held
+contacts is chosen here if it is beyond doubt (see choice); if not, the caller solves the complementarity problem with
 look-ahead and comes back. What fails here is left to the caller too.
 """
 import numpy as np
 from numba import njit
 
+from nsbench.kernels.choice import (
+    BOX, DEPENDENT, DOUBT, END, EPS, H, LEAST, MAX_STEP, NUM, REACH, SIZE, STRICT, TOL, T, choose, outfit)
 from nsbench.kernels.series import at, extend, gap, hold, longest
 from nsbench.kernels.sightings import first_event, strays, travel
-from nsbench.kernels.skyline import arrange, solve
 
 DONE, CHOOSE, RELIST, FAIL, PAUSE = 0, 1, 2, 3, 4
-T, END, TOL, EPS, SIZE, MAX_STEP, BOX, REACH, H, DOUBT, STRICT, DEPENDENT, NUM = range(13)     # entries of `num`
 SAMPLE, STEPS, EVENTS, COLUMNS, FIRED, TOUCHES, ARCS, SOLVED, PEAK, ORDERS, MAX_STEPS, PACES, CNT = range(13)  # of `cnt`
 SHORT = 8               # terms of a series where the next event is expected soon
-LEAST = 1e-12           # pivots over their diagonal that count as zero: contacts that lock or depend on each other
+CLOSED, OPENED, FIRST = 0, 1, 2         # kinds of events; FIRST is added to the first of an instant
+LOGGED = 16             # events that one instant may add to the log
 DEFECT = 1e3            # local errors, of the equation at the end of a step: the slope of a series has lost an order
 TOO_MANY = 50_000       # steps still to come: the equation is stiff, another method is meant for it
-
-
-@njit(cache=True, error_model="numpy")
-def outfit(W, listed, places, norm, x, width, order, work):
-    """Everything an arc with the held entries W needs, with x put on them; and whether that could be done."""
-    p = W.size
-    C, V, count = np.zeros((p, width), np.int64), np.zeros((p, width)), np.zeros(p, np.int64)
-    U, mu = np.zeros((p, 3, order + 2)), np.zeros((p, order + 1))
-    kind, first, _, _, _, dim = listed
-    second, ptr, cols = listed[2], places[1], places[2]
-    for a in range(p):                                    # the pattern alone, for the plan
-        k = W[a]
-        if kind[k] == 0:
-            for e in range(ptr[first[k]], ptr[first[k] + 1]):
-                C[a, count[a]] = cols[e]
-                count[a] += 1
-        else:
-            for c in range(dim[k]):
-                C[a, c] = first[k] + c
-                if kind[k] == 1:
-                    C[a, dim[k] + c] = second[k] + c
-            count[a] = 2 * dim[k] if kind[k] == 1 else dim[k]
-    plan = arrange(C, count, p, x.size)
-    E = np.empty(plan[2][p])
-    good = hold(W, plan, listed, places, norm, x, C, V, count, U, E, work, LEAST)
-    return good, (C, V, count, U, mu, plan, E)
-
-
-@njit(cache=True, error_model="numpy")
-def _speed(k, listed, places, x, v):
-    """(G_k v, |G_k|^2) of entry k."""
-    kind, p, q, d, sign, dim = listed
-    anchors, ptr, cols, vals, _ = places
-    s, size = 0.0, 0.0
-    if kind[k] == 0:
-        for e in range(ptr[p[k]], ptr[p[k] + 1]):
-            s += vals[e] * v[cols[e]]
-            size += vals[e] * vals[e]
-        return s, size
-    for c in range(dim[k]):
-        u = (x[p[k] + c] - (x[q[k] + c] if kind[k] == 1 else anchors[q[k] + c])) / d[k]
-        s += u * (v[p[k] + c] - (v[q[k] + c] if kind[k] == 1 else 0.0))
-        size += u * u
-    return sign[k] * s, size * (2.0 if kind[k] == 1 else 1.0)
-
-
-@njit(cache=True, error_model="numpy")
-def combine(gear, W, z, n):
-    """G^T z."""
-    C, V, count = gear[0], gear[1], gear[2]
-    out = np.zeros(n)
-    for a in range(W.size):
-        for e in range(count[a]):
-            out[C[a, e]] += z[a] * V[a, e]
-    return out
-
-
-@njit(cache=True, error_model="numpy")
-def certain(entry, closing, pull, slope, W, gear, kept, listed, places, norm, x, v, num, pace):
-    """Whether holding W from now on is beyond doubt; gear: of W, with mu[:, 0]; v: the velocity.
-
-    entry: what closed, or vanished with that `slope` of its multiplier; pull: G^T z with the old set, z the column of the
-    inverse of its Gram matrix, divided by the root of its diagonal entry: what depends on `entry` does not meet it.
-    """
-    kind, sign, n = listed[0], listed[4], x.size
-    small = num[DOUBT] * num[SIZE]
-    if not np.isfinite(small):
-        return False
-    held = np.zeros(kind.size, np.bool_)
-    for a in range(W.size):
-        k = W[a]
-        held[k] = True
-        if not (sign[k] if kind[k] > 0 else 1.0) * gear[4][a, 0] * norm[k] > small:
-            return False
-    near = num[TOL] * (1.0 + np.abs(x).max())
-    for k in range(kind.size):
-        if held[k] or not (kept[k] or gap(k, listed, places, x) <= near * norm[k]):
-            continue
-        if kept[k] and k != entry:
-            if gap(k, listed, places, x) > near * norm[k]:
-                return False
-            if not closing:
-                y, size = _speed(k, listed, places, x, pull)
-                if y * y > 1e-2 * num[DEPENDENT] * size:
-                    return False
-        elif k == entry:
-            if not (not closing and -slope * 1e-5 * pace > 1e2 * num[STRICT] * num[SIZE]):
-                return False
-        else:
-            w, _ = _speed(k, listed, places, x, v)
-            if not w > small * norm[k]:
-                return False
-    return True
-
-
-@njit(cache=True, error_model="numpy")
-def _column(entry, W, gear, n):
-    """G^T z / sqrt(z_k) and z_k for the column z = M^-1 e_k of `entry`."""
-    z, k = np.zeros(W.size), np.searchsorted(W, entry)
-    z[k] = 1.0
-    solve(gear[5], W.size, gear[6], z, z)
-    top = z[k]
-    for a in range(W.size):
-        z[a] /= np.sqrt(top)
-    return combine(gear, W, z, n), top
-
-
-@njit(cache=True, error_model="numpy")
-def _switched(W, entry, closing):
-    """W with the entry put in or taken out; sorted."""
-    at_ = np.searchsorted(W, entry)
-    out = np.empty(W.size + (1 if closing else -1), np.int64)
-    out[:at_] = W[:at_]
-    if closing:
-        out[at_] = entry
-        out[at_ + 1:] = W[at_:]
-    else:
-        out[at_:] = W[at_ + 1:]
-    return out
 
 
 @njit(cache=True, error_model="numpy")
@@ -235,9 +116,12 @@ def _watch(W, gear, basis, listed, places, norm, x, num):
 
 @njit(cache=True, error_model="numpy")
 def _look(deg, h, W, gear, basis, listed, places, norm, X, watch, reach, num):
+    """(s, entry, touches, watch): the first event within h, and the arms at the end of it."""
     band, level, armed, firm, low = watch
-    return first_event(W, basis, listed, places, norm, X, gear[4], deg, h, band, level, armed, firm, low,
-                       num[TOL] * num[SIZE], reach)
+    armed, firm = armed.copy(), firm.copy()
+    s, entry, touches = first_event(W, basis, listed, places, norm, X, gear[4], deg, h, band, level, armed, firm, low,
+                                    num[TOL] * num[SIZE], reach)
+    return s, entry, touches, (band, level, armed, firm, low)
 
 
 @njit(cache=True, error_model="numpy")
@@ -249,12 +133,26 @@ def _columns(W, column, cnt):
 
 
 @njit(cache=True, error_model="numpy")
-def _note(entry, closing, log, paces, num, cnt):
-    log[0][cnt[EVENTS]] = num[T]
-    log[1][cnt[EVENTS]] = 0 if closing else 1
-    log[2][cnt[EVENTS]] = entry
+def _write(kind, entry, log, num, cnt):
+    log[0][cnt[EVENTS]], log[1][cnt[EVENTS]], log[2][cnt[EVENTS]] = num[T], kind, entry
     cnt[EVENTS] += 1
+
+
+@njit(cache=True, error_model="numpy")
+def _note(entry, closing, dropped, basis, kept, log, num, cnt):
+    """Write down what closed and what left, and take it over into the masks."""
+    first = FIRST
+    if closing:
+        basis[entry], kept[entry] = True, True
+        _write(CLOSED + first, entry, log, num, cnt)
+        first = 0
+    for k in range(kept.size):
+        if dropped[k]:
+            basis[k], kept[k] = False, False
+            _write(OPENED + first, k, log, num, cnt)
+            first = 0
     cnt[SOLVED] += 1
+    cnt[PEAK] = max(cnt[PEAK], kept.sum())
 
 
 @njit(cache=True, error_model="numpy")
@@ -289,11 +187,12 @@ def walk(listed, places, norm, drift, hard, width, order, x, origin, basis, kept
                 h, code = _length(deg, W, gear, X, x, origin, reach, hard, num)
                 if code != DONE:
                     return code
-                s, entry, touches = _look(deg, h, W, gear, basis, listed, places, norm, X, watch, reach, num)
+                s, entry, touches, later = _look(deg, h, W, gear, basis, listed, places, norm, X, watch, reach, num)
                 if entry >= 0 or h >= num[END] - num[T]:
                     break
             cnt[STEPS] += 1
-            cnt[TOUCHES] += touches
+            watch = later
+            cnt[TOUCHES] += touches if entry < 0 else 0
             num[H], arc_h = max(num[H], h), max(arc_h, h)
             if entry < 0 and (num[END] - num[T]) > TOO_MANY * h:
                 return FAIL
@@ -316,36 +215,22 @@ def walk(listed, places, norm, drift, hard, width, order, x, origin, basis, kept
         paces[cnt[PACES] % paces.size] = arc_h
         cnt[PACES] += 1
         cnt[ARCS] += 1
-        closing, slope, top, pull = not basis[entry], 0.0, 1.0, V
+        closing, slope = not basis[entry], 0.0
         cnt[FIRED] = entry if closing else -1
         if not closing:
-            pull, top = _column(entry, W, gear, n)
             a = np.searchsorted(W, entry)
             for j in range(deg - 1, 0, -1):
                 slope = slope * s + j * gear[4][a, j]
-            slope *= (listed[4][entry] if listed[0][entry] > 0 else 1.0) / top
-        if closing and kept[entry]:
+            slope *= listed[4][entry] if listed[0][entry] > 0 else 1.0
+        V[:] = x
+        sure = not (closing and kept[entry])
+        if sure:
+            sure, W, gear, dropped = choose(entry, closing, slope, W, gear, kept, listed, places, norm, drift, width, order, x,
+                                            X, F, work, num, paces.max())
+        if not sure:
+            x[:] = V
             return CHOOSE
-        W2, y = _switched(W, entry, closing), x.copy()
-        good, gear2 = outfit(W2, listed, places, norm, y, width, order, work)
-        if not good:
-            return CHOOSE
-        X[0] = y
-        rhs = np.empty(W2.size)
-        extend(0, 1, W2, gear2[5], gear2[6], listed, drift, gear2[0], gear2[1], gear2[2], gear2[3], gear2[4], X, F, rhs)
-        num[SIZE] = max(num[SIZE], np.abs(F[0]).max())
-        if closing:
-            _, top = _column(entry, W2, gear2, n)
-            _, size = _speed(entry, listed, places, y, V)
-            if not 1.0 > 10.0 * num[DEPENDENT] * top * size:
-                return CHOOSE
-        if not certain(entry, closing, pull, slope, W2, gear2, kept, listed, places, norm, y, X[1], num, paces.max()):
-            return CHOOSE
-        W, gear, ready = W2, gear2, 1
-        x[:] = y
-        basis[entry], kept[entry] = closing, closing
-        cnt[PEAK] = max(cnt[PEAK], kept.sum())
-        _note(entry, closing, log, paces, num, cnt)
-        if cnt[EVENTS] == log[0].size:
+        _note(entry, closing, dropped, basis, kept, log, num, cnt)
+        if cnt[EVENTS] > log[0].size - LOGGED:
             return PAUSE
     return FAIL

@@ -142,8 +142,9 @@ class _Driver:
         if count:
             times, kinds, entries = (a[:count] for a in self.log)
             for t, kind, c in zip(times.tolist(), kinds.tolist(), near.take(entries).ids, strict=True):
-                walk.events.append(Event(t, "release" if kind else "contact", c))
-                walk.meetings.append(t)
+                walk.events.append(Event(t, "release" if kind % k.FIRST == k.OPENED else "contact", c))
+                if kind >= k.FIRST:
+                    walk.meetings.append(t)
 
     def _finish(self) -> bool:
         walk, k = self.walk, self.k
