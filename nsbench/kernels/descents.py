@@ -7,6 +7,8 @@ import numpy as np
 from numba import njit
 
 NARROW = 2.0**-44           # of [0, 1]: below, times cannot be told apart
+STEEP = 100.0           # touches per step: a function that reaches zero at this pace at the end of a step crosses there
+ENDS = 1e-2             # of a touch: zero, up to rounding
 MOST = 4000                 # intervals looked at: far beyond what a polynomial with distinct roots takes
 
 
@@ -102,6 +104,8 @@ def passage(c, deg, armed, level, band, touch, hi, b, d):
             return fall, False, False
         start = rise
     deep = first_below(c, deg, -touch, start, hi, b)
+    if deep < 0.0 and hi == 1.0 and value(c, deg, 1.0) < ENDS * touch and slope(c, deg, 1.0) < -STEEP * touch:
+        return (root(c, deg, 0.0, start, 1.0) if value(c, deg, 1.0) < 0.0 else 1.0), True, False
     if deep < 0.0:
         return -1.0, True, first_below(c, deg, -1e-3 * touch, start, hi, b) >= 0.0
     if value(c, deg, start) <= 0.0:                       # by rounding, at the start of a step: it may rise before it falls

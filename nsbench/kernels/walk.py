@@ -7,17 +7,15 @@ look-ahead and comes back. What fails here is left to the caller too.
 import numpy as np
 from numba import njit
 
-from nsbench.kernels.choice import (
-    BOX, DEPENDENT, DOUBT, END, EPS, H, LEAST, MAX_STEP, NUM, REACH, SIZE, STRICT, TOL, T, choose, outfit)
+from nsbench.kernels import slots
+from nsbench.kernels.choice import HELD, KEPT, NEW, choose
+from nsbench.kernels.outfit import LEAST, outfit
 from nsbench.kernels.series import at, extend, gap, hold, longest
 from nsbench.kernels.sightings import first_event, strays, travel
 
-DONE, CHOOSE, RELIST, FAIL, PAUSE = 0, 1, 2, 3, 4
-SAMPLE, STEPS, EVENTS, COLUMNS, FIRED, TOUCHES, ARCS, SOLVED, PEAK, ORDERS, MAX_STEPS, PACES, CNT = range(13)  # of `cnt`
 SHORT = 8               # terms of a series where the next event is expected soon
-CLOSED, OPENED, FIRST = 0, 1, 2         # kinds of events; FIRST is added to the first of an instant
-LOGGED = 16             # events that one instant may add to the log
 DEFECT = 1e3            # local errors, of the equation at the end of a step: the slope of a series has lost an order
+ROUNDED = 1e-10         # of the slope: what ill-conditioned contacts lose by rounding
 TOO_MANY = 50_000       # steps still to come: the equation is stiff, another method is meant for it
 
 
@@ -56,18 +54,18 @@ def _advance(s, t, deg, W, gear, listed, X, F, x, samples, records, book, cnt):
     column, total, reaction = book
     kind, sign, mu = listed[0], listed[4], gear[4]
     push, t0 = np.empty(x.size), t - s
-    while cnt[SAMPLE] < samples.size and samples[cnt[SAMPLE]] <= t:
-        r = cnt[SAMPLE]
+    while cnt[slots.SAMPLE] < samples.size and samples[cnt[slots.SAMPLE]] <= t:
+        r = cnt[slots.SAMPLE]
         u = min(samples[r] - t0, s)
         _path(u, deg, X, F, XS[r], push)
         for i in range(x.size):
             RS[r, i] = reaction[i] + push[i]
-        for c in range(cnt[COLUMNS]):
+        for c in range(cnt[slots.COLUMNS]):
             ZS[r, c] = total[c]
         for a in range(W.size):
             k = W[a]
             ZS[r, column[k]] += (sign[k] if kind[k] > 0 else 1.0) * _impulse(a, u, deg, mu)
-        cnt[SAMPLE] += 1
+        cnt[slots.SAMPLE] += 1
     _path(s, deg, X, F, x, push)
     for i in range(x.size):
         reaction[i] += push[i]
@@ -79,26 +77,26 @@ def _advance(s, t, deg, W, gear, listed, X, F, x, samples, records, book, cnt):
 @njit(cache=True, error_model="numpy")
 def _length(deg, W, gear, X, x, origin, reach, hard, num):
     """(h, code): the step that the series of this degree allows, and whether the list must be made anew first."""
-    h = min(longest(X, gear[4], deg, num[EPS], W), num[MAX_STEP], num[END] - num[T])
-    if not h > 4e-16 * (abs(num[T]) + abs(num[END])) and h < num[END] - num[T]:
-        return h, FAIL
+    h = min(longest(X, gear[4], deg, num[slots.EPS], W), num[slots.MAX_STEP], num[slots.END] - num[slots.T])
+    if not h > 4e-16 * (abs(num[slots.T]) + abs(num[slots.END])) and h < num[slots.END] - num[slots.T]:
+        return h, slots.FAIL
     for _ in range(60):
         travel(X, deg, h, reach)
-        if num[REACH] == np.inf:
-            return h, DONE
-        may, did = strays(x, origin, reach, hard, 0.5 * num[REACH])
+        if num[slots.REACH] == np.inf:
+            return h, slots.DONE
+        may, did = strays(x, origin, reach, hard, 0.5 * num[slots.REACH])
         if not may:
-            return h, DONE
+            return h, slots.DONE
         if did:
-            return h, RELIST
+            return h, slots.RELIST
         h *= 0.5
-    return h, FAIL
+    return h, slots.FAIL
 
 
 @njit(cache=True, error_model="numpy")
 def _watch(W, gear, basis, listed, places, norm, x, num):
     """Bands, levels and arms of gaps and multipliers at the start of an arc (see solvers._crossings)."""
-    m, near = norm.size, num[TOL] * (1.0 + np.abs(x).max())
+    m, near = norm.size, num[slots.TOL] * (1.0 + np.abs(x).max())
     band, level, armed = np.empty(m), np.empty(m), np.empty(m, np.bool_)
     for k in range(m):
         band[k] = near * norm[k]
@@ -108,7 +106,7 @@ def _watch(W, gear, basis, listed, places, norm, x, num):
     firm, low = np.empty(W.size, np.bool_), np.empty(W.size)
     for a in range(W.size):
         lam = gear[4][a, 0] * (listed[4][W[a]] if listed[0][W[a]] > 0 else 1.0)
-        tight = num[TOL] * num[SIZE] / norm[W[a]]
+        tight = num[slots.TOL] * num[slots.SIZE] / norm[W[a]]
         firm[a] = lam > tight
         low[a] = min(lam, 0.0) - tight
     return band, level, armed, firm, low
@@ -120,7 +118,7 @@ def _look(deg, h, W, gear, basis, listed, places, norm, X, watch, reach, num):
     band, level, armed, firm, low = watch
     armed, firm = armed.copy(), firm.copy()
     s, entry, touches = first_event(W, basis, listed, places, norm, X, gear[4], deg, h, band, level, armed, firm, low,
-                                    num[TOL] * num[SIZE], reach)
+                                    num[slots.TOL] * num[slots.SIZE], reach)
     return s, entry, touches, (band, level, armed, firm, low)
 
 
@@ -128,36 +126,35 @@ def _look(deg, h, W, gear, basis, listed, places, norm, X, watch, reach, num):
 def _columns(W, column, cnt):
     for k in W:
         if column[k] < 0:
-            column[k] = cnt[COLUMNS]
-            cnt[COLUMNS] += 1
+            column[k] = cnt[slots.COLUMNS]
+            cnt[slots.COLUMNS] += 1
 
 
 @njit(cache=True, error_model="numpy")
-def _write(kind, entry, log, num, cnt):
-    log[0][cnt[EVENTS]], log[1][cnt[EVENTS]], log[2][cnt[EVENTS]] = num[T], kind, entry
-    cnt[EVENTS] += 1
-
-
-@njit(cache=True, error_model="numpy")
-def _note(entry, closing, dropped, basis, kept, log, num, cnt):
-    """Write down what closed and what left, and take it over into the masks."""
-    first = FIRST
-    if closing:
-        basis[entry], kept[entry] = True, True
-        _write(CLOSED + first, entry, log, num, cnt)
-        first = 0
-    for k in range(kept.size):
-        if dropped[k]:
-            basis[k], kept[k] = False, False
-            _write(OPENED + first, k, log, num, cnt)
-            first = 0
-    cnt[SOLVED] += 1
-    cnt[PEAK] = max(cnt[PEAK], kept.sum())
+def _note(role, basis, kept, log, num, cnt):
+    """Write down what closed, what opened, what handed its load to others; and take it over into the masks."""
+    first = slots.FIRST
+    for kind in (slots.CLOSED, slots.OPENED, slots.PIVOT):
+        for k in range(role.size):
+            what, new = role[k] % NEW, role[k] >= NEW
+            after = what >= KEPT
+            if (kind == slots.CLOSED and new and after) or (kind == slots.OPENED and kept[k] and not new and not after) or (
+                    kind == slots.PIVOT and not new and basis[k] and what == KEPT):
+                log[0][cnt[slots.EVENTS]], log[1][cnt[slots.EVENTS]], log[2][cnt[slots.EVENTS]] = num[slots.T], kind + first, k
+                cnt[slots.EVENTS] += 1
+                first = 0
+                if cnt[slots.EVENTS] == log[0].size:
+                    return False
+    for k in range(role.size):
+        basis[k], kept[k] = role[k] % NEW == HELD, role[k] % NEW >= KEPT
+    cnt[slots.SOLVED] += 1
+    cnt[slots.PEAK] = max(cnt[slots.PEAK], kept.sum())
+    return True
 
 
 @njit(cache=True, error_model="numpy")
 def walk(listed, places, norm, drift, hard, width, order, x, origin, basis, kept, samples, records, book, paces, log, num, cnt):
-    """Go on from num[T] with the basis until something must be decided elsewhere; returns the code of what.
+    """Go on from num[slots.T] with the basis until something must be decided elsewhere; returns the code of what.
 
     listed, places, norm: the list of constraints; hard (f, 3): start, count, dim of hard particles, listed around
     `origin`; basis, kept (m,) masks; the rest is work in progress: x, records and book, paces, log, num, cnt.
@@ -176,47 +173,48 @@ def walk(listed, places, norm, drift, hard, width, order, x, origin, basis, kept
         watch = _watch(W, gear, basis, listed, places, norm, x, num)
         ready, deg, entry = 1, 1, -1
         while entry < 0:
-            if cnt[STEPS] >= cnt[MAX_STEPS] or not np.abs(x).max() <= num[BOX]:
-                return FAIL
+            if cnt[slots.STEPS] >= cnt[slots.MAX_STEPS] or not np.abs(x).max() <= num[slots.BOX]:
+                return slots.FAIL
             for goal in (quick, order):
                 if goal <= deg:
                     continue
                 extend(deg, goal, W, gear[5], gear[6], listed, drift, gear[0], gear[1], gear[2], gear[3], gear[4], X, F, rhs)
-                cnt[ORDERS] += goal - deg
+                cnt[slots.ORDERS] += goal - deg
                 deg = goal
                 h, code = _length(deg, W, gear, X, x, origin, reach, hard, num)
-                if code != DONE:
+                if code != slots.DONE:
                     return code
                 s, entry, touches, later = _look(deg, h, W, gear, basis, listed, places, norm, X, watch, reach, num)
-                if entry >= 0 or h >= num[END] - num[T]:
+                if entry >= 0 or h >= num[slots.END] - num[slots.T]:
                     break
-            cnt[STEPS] += 1
+            cnt[slots.STEPS] += 1
             watch = later
-            cnt[TOUCHES] += touches if entry < 0 else 0
-            num[H], arc_h = max(num[H], h), max(arc_h, h)
-            if entry < 0 and (num[END] - num[T]) > TOO_MANY * h:
-                return FAIL
+            cnt[slots.TOUCHES] += touches if entry < 0 else 0
+            num[slots.H], arc_h = max(num[slots.H], h), max(arc_h, h)
+            if entry < 0 and (num[slots.END] - num[slots.T]) > TOO_MANY * h:
+                return slots.FAIL
             quick = order if entry < 0 else SHORT
-            last = entry < 0 and h >= num[END] - num[T]
+            last = entry < 0 and h >= num[slots.END] - num[slots.T]
             s = h if entry < 0 else s * h
-            num[T] = num[END] if last else num[T] + s
-            _advance(s, num[T], deg, W, gear, listed, X, F, x, samples, records, book, cnt)
+            num[slots.T] = num[slots.END] if last else num[slots.T] + s
+            _advance(s, num[slots.T], deg, W, gear, listed, X, F, x, samples, records, book, cnt)
             if last:
-                return DONE
+                return slots.DONE
             if entry < 0:
                 _rate(s, deg, X, V)
                 if not hold(W, gear[5], listed, places, norm, x, gear[0], gear[1], gear[2], gear[3], gear[6], work, LEAST):
-                    return FAIL
+                    return slots.FAIL
                 X[0] = x
                 extend(0, 1, W, gear[5], gear[6], listed, drift, gear[0], gear[1], gear[2], gear[3], gear[4], X, F, rhs)
                 deg = 1
-                if not h * np.abs(V - X[1]).max() <= num[EPS] * DEFECT * (1.0 + np.abs(x).max()) + 1e-10 * h * np.abs(V).max():
-                    return FAIL                           # the series did not see what the path does
-        paces[cnt[PACES] % paces.size] = arc_h
-        cnt[PACES] += 1
-        cnt[ARCS] += 1
+                off = h * np.abs(V - X[1]).max()
+                if not off <= num[slots.EPS] * DEFECT * (1.0 + np.abs(x).max()) + ROUNDED * h * np.abs(V).max():
+                    return slots.FAIL                     # the series did not see what the path does
+        paces[cnt[slots.PACES] % paces.size] = arc_h
+        cnt[slots.PACES] += 1
+        cnt[slots.ARCS] += 1
         closing, slope = not basis[entry], 0.0
-        cnt[FIRED] = entry if closing else -1
+        cnt[slots.FIRED] = entry if closing else -1
         if not closing:
             a = np.searchsorted(W, entry)
             for j in range(deg - 1, 0, -1):
@@ -225,12 +223,13 @@ def walk(listed, places, norm, drift, hard, width, order, x, origin, basis, kept
         V[:] = x
         sure = not (closing and kept[entry])
         if sure:
-            sure, W, gear, dropped = choose(entry, closing, slope, W, gear, kept, listed, places, norm, drift, width, order, x,
+            sure, W, gear, role = choose(entry, closing, slope, W, gear, kept, listed, places, norm, drift, width, order, x,
                                             X, F, work, num, paces.max())
         if not sure:
             x[:] = V
-            return CHOOSE
-        _note(entry, closing, dropped, basis, kept, log, num, cnt)
-        if cnt[EVENTS] > log[0].size - LOGGED:
-            return PAUSE
-    return FAIL
+            return slots.CHOOSE
+        if not _note(role, basis, kept, log, num, cnt):
+            return slots.FAIL
+        if cnt[slots.EVENTS] > log[0].size // 2:
+            return slots.PAUSE
+    return slots.FAIL

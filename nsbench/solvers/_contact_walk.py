@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from nsbench.case import Case
+from nsbench.kernels import slots
 from nsbench.problem import Smooth
 from nsbench.solvers import _selection
 from nsbench.solvers._affine_drift import affine_drift
@@ -20,7 +21,8 @@ ROOM = 10.0             # times the size of the start: the box on which the drif
 SPARE = 0.01            # of the share of an arc's step: series cost little more to be this much better
 FLOOR = 1e-16           # below the spacing of numbers nothing is gained
 ORDERS = (8, 24)        # of the series: as few terms as an event is found with, as many as ever pay
-LOG = 128               # events between two looks at whether they accumulate
+KINDS = ("contact", "release", "pivot")
+LOG = 1024              # events between two looks at whether they accumulate
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,56 +58,56 @@ def load(walk, p: Plan):
 
 def run(walk, p: Plan) -> bool:
     """Carry `walk` (see _constrained) to its end; False where it should start again in Python."""
-    from nsbench.kernels import walk as k
+    from nsbench.kernels.walk import walk as kernel
     with np.errstate(all="ignore"):
         walk._record(walk.x[None], np.zeros((1, 0)), np.zeros((1, walk.case.n)))
         if not walk._start().ok:
             return False
-        return _Driver(walk, p, k).run()
+        return _Driver(walk, p, kernel).run()
 
 
 class _Driver:
     """Moves data between `walk` and the kernel."""
 
     def __init__(self, walk, p, kernel):
-        self.walk, self.plan, self.k = walk, p, kernel
-        self.num, self.cnt = np.zeros(kernel.NUM), np.zeros(kernel.CNT, np.int64)
-        self.num[[kernel.END, kernel.TOL, kernel.EPS]] = walk.T, walk.tol, p.eps
-        self.num[[kernel.MAX_STEP, kernel.BOX, kernel.REACH]] = walk.options.max_step, p.box, walk.field.reach
-        self.num[[kernel.DOUBT, kernel.STRICT, kernel.DEPENDENT]] = (
+        self.walk, self.plan, self.kernel = walk, p, kernel
+        self.num, self.cnt = np.zeros(slots.FLOATS), np.zeros(slots.INTS, np.int64)
+        self.num[[slots.END, slots.TOL, slots.EPS]] = walk.T, walk.tol, p.eps
+        self.num[[slots.MAX_STEP, slots.BOX, slots.REACH]] = walk.options.max_step, p.box, walk.field.reach
+        self.num[[slots.DOUBT, slots.STRICT, slots.DEPENDENT]] = (
             _selection.UNDECIDED, _selection.STRICT, _selection.DEPENDENT)
-        self.cnt[kernel.MAX_STEPS] = walk.options.max_steps
+        self.cnt[slots.MAX_STEPS] = walk.options.max_steps
         self.paces = np.zeros(10)
-        self.paces[0], self.cnt[kernel.PACES] = walk.paces[0], 1
+        self.paces[0], self.cnt[slots.PACES] = walk.paces[0], 1
         self.paths = np.full((2, len(walk.case.t), walk.case.n), np.nan)
-        self.paths[0, 0], self.paths[1, 0], self.cnt[kernel.SAMPLE] = walk.x, 0.0, 1
+        self.paths[0, 0], self.paths[1, 0], self.cnt[slots.SAMPLE] = walk.X[0], 0.0, 1
         self.impulse, self.total = np.zeros((len(walk.case.t), 0)), np.zeros(0)
         self.log = (np.empty(LOG), np.empty(LOG, np.int64), np.empty(LOG, np.int64))
 
     def run(self) -> bool:
-        walk, k = self.walk, self.k
+        walk = self.walk
         while True:
             code = self._go()
-            if code == k.DONE:
+            if code == slots.DONE:
                 return self._finish()
-            if code == k.FAIL:
+            if code == slots.FAIL:
                 return False
-            if code == k.RELIST:
+            if code == slots.RELIST:
                 walk._relist()
                 continue
-            if code == k.CHOOSE:
+            if code == slots.CHOOSE:
                 walk.meetings.append(walk.t)
             if walk._budget() is not None:
                 return False
-            if code == k.CHOOSE:
-                walk.paces, walk.selector.size = self.paces.tolist(), float(self.num[k.SIZE])
-                fired = int(self.cnt[k.FIRED])
+            if code == slots.CHOOSE:
+                walk.paces, walk.selector.size = self.paces.tolist(), float(self.num[slots.SIZE])
+                fired = int(self.cnt[slots.FIRED])
                 if not walk._select(fired=walk.all.near.take([fired]).ids[0] if fired >= 0 else None).ok:
                     return False
 
     def _go(self):
         """One stay in the kernel."""
-        walk, k, near = self.walk, self.k, self.walk.all.near
+        walk, near = self.walk, self.walk.all.near
         scene = walk.field.scene
         m = len(near)
         ids = None
@@ -122,38 +124,38 @@ class _Driver:
         basis = np.zeros(m, bool)
         basis[walk.basis] = True
         x = np.array(walk.x)
-        self.num[k.T], self.num[k.SIZE] = walk.t, walk.selector.size
-        self.cnt[k.EVENTS], self.cnt[k.COLUMNS], self.cnt[k.PEAK] = 0, len(walk.column), walk.peak
-        code = k.walk(listed, places, walk.all.norm, self.plan.drift, self.plan.hard, walk.all.width, self.plan.order, x,
+        self.num[slots.T], self.num[slots.SIZE] = walk.t, walk.selector.size
+        self.cnt[slots.EVENTS], self.cnt[slots.COLUMNS], self.cnt[slots.PEAK] = 0, len(walk.column), walk.peak
+        code = self.kernel(listed, places, walk.all.norm, self.plan.drift, self.plan.hard, walk.all.width, self.plan.order, x,
                       walk.anchor, basis, walk.kept, walk.case.t, (self.paths[0], self.paths[1], self.impulse),
                       (column, self.total, walk.reaction), self.paces, self.log, self.num, self.cnt)
-        walk.t, walk.x, walk.basis, walk.peak = float(self.num[k.T]), x, np.flatnonzero(basis), int(self.cnt[k.PEAK])
-        walk.selector.size = float(self.num[k.SIZE])
+        walk.t, walk.x, walk.basis, walk.peak = float(self.num[slots.T]), x, np.flatnonzero(basis), int(self.cnt[slots.PEAK])
+        walk.selector.size = float(self.num[slots.SIZE])
         self._names(near, ids, column)
         return code
 
     def _names(self, near, ids, column):
         """Contacts that acted for the first time, and events, by their ids."""
-        k, walk = self.k, self.walk
+        walk = self.walk
         new = np.flatnonzero(column >= len(walk.column))
         for e in new[np.argsort(column[new])]:
             walk.column[near.take([e]).ids[0]] = int(column[e])
-        count = int(self.cnt[k.EVENTS])
+        count = int(self.cnt[slots.EVENTS])
         if count:
             times, kinds, entries = (a[:count] for a in self.log)
             for t, kind, c in zip(times.tolist(), kinds.tolist(), near.take(entries).ids, strict=True):
-                walk.events.append(Event(t, "release" if kind % k.FIRST == k.OPENED else "contact", c))
-                if kind >= k.FIRST:
+                walk.events.append(Event(t, KINDS[kind % slots.FIRST], c))
+                if kind >= slots.FIRST:
                     walk.meetings.append(t)
 
     def _finish(self) -> bool:
-        walk, k = self.walk, self.k
+        walk = self.walk
         c = len(walk.column)
-        walk.X, walk.R, walk.done = self.paths[0], self.paths[1], int(self.cnt[k.SAMPLE])
+        walk.X, walk.R, walk.done = self.paths[0], self.paths[1], int(self.cnt[slots.SAMPLE])
         walk.impulses = list(self.impulse[:, :c])
-        walk.steps, walk.arcs, walk.h = int(self.cnt[k.STEPS]), int(self.cnt[k.ARCS]) + 1, float(self.num[k.H])
-        walk.proof["touches"] = int(self.cnt[k.TOUCHES])
-        walk.field.calls += int(self.cnt[k.ORDERS])
-        walk.selector.solved += int(self.cnt[k.SOLVED])
+        walk.steps, walk.arcs, walk.h = int(self.cnt[slots.STEPS]), int(self.cnt[slots.ARCS]) + 1, float(self.num[slots.H])
+        walk.proof["touches"] = int(self.cnt[slots.TOUCHES])
+        walk.field.calls += int(self.cnt[slots.ORDERS])
+        walk.selector.solved += int(self.cnt[slots.SOLVED])
         walk.loop = "compiled"
         return True

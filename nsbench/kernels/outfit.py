@@ -1,0 +1,125 @@
+"""What an arc with a set of held contacts needs: rows, plan, factor; and questions to that factor."""
+import numpy as np
+from numba import njit
+
+from nsbench.kernels.series import hold
+from nsbench.kernels.skyline import arrange, solve
+
+LEAST = 1e-12           # pivots over their diagonal that count as zero: contacts that lock or depend on each other
+
+
+@njit(cache=True, error_model="numpy")
+def outfit(W, listed, places, norm, x, width, order, work):
+    """Everything an arc with the held entries W needs, with x put on them; and whether that could be done."""
+    p = W.size
+    C, V, count = np.zeros((p, width), np.int64), np.zeros((p, width)), np.zeros(p, np.int64)
+    U, mu = np.zeros((p, 3, order + 2)), np.zeros((p, order + 1))
+    kind, first, _, _, _, dim = listed
+    second, ptr, cols = listed[2], places[1], places[2]
+    for a in range(p):                                    # the pattern alone, for the plan
+        k = W[a]
+        if kind[k] == 0:
+            for e in range(ptr[first[k]], ptr[first[k] + 1]):
+                C[a, count[a]] = cols[e]
+                count[a] += 1
+        else:
+            for c in range(dim[k]):
+                C[a, c] = first[k] + c
+                if kind[k] == 1:
+                    C[a, dim[k] + c] = second[k] + c
+            count[a] = 2 * dim[k] if kind[k] == 1 else dim[k]
+    plan = arrange(C, count, p, x.size)
+    E = np.empty(plan[2][p])
+    good = hold(W, plan, listed, places, norm, x, C, V, count, U, E, work, LEAST)
+    return good, (C, V, count, U, mu, plan, E)
+
+
+@njit(cache=True, error_model="numpy")
+def speed(k, listed, places, x, v):
+    """(G_k v, |G_k|^2) of entry k."""
+    kind, p, q, d, sign, dim = listed
+    anchors, ptr, cols, vals, _ = places
+    s, size = 0.0, 0.0
+    if kind[k] == 0:
+        for e in range(ptr[p[k]], ptr[p[k] + 1]):
+            s += vals[e] * v[cols[e]]
+            size += vals[e] * vals[e]
+        return s, size
+    for c in range(dim[k]):
+        u = (x[p[k] + c] - (x[q[k] + c] if kind[k] == 1 else anchors[q[k] + c])) / d[k]
+        s += u * (v[p[k] + c] - (v[q[k] + c] if kind[k] == 1 else 0.0))
+        size += u * u
+    return sign[k] * s, size * (2.0 if kind[k] == 1 else 1.0)
+
+
+@njit(cache=True, error_model="numpy")
+def _push(gear, W, z, n):
+    """G^T z."""
+    C, V, count = gear[0], gear[1], gear[2]
+    out = np.zeros(n)
+    for a in range(W.size):
+        for e in range(count[a]):
+            out[C[a, e]] += z[a] * V[a, e]
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+def column(entry, W, gear, n):
+    """G^T z / sqrt(z_k) and z_k for the column z = M^-1 e_k of `entry`."""
+    z, k = np.zeros(W.size), np.searchsorted(W, entry)
+    z[k] = 1.0
+    solve(gear[5], W.size, gear[6], z, z)
+    top = z[k]
+    for a in range(W.size):
+        z[a] /= np.sqrt(top)
+    return _push(gear, W, z, n), top
+
+
+@njit(cache=True, error_model="numpy")
+def switched(W, entry, closing):
+    """W with the entry put in or taken out; sorted."""
+    at_ = np.searchsorted(W, entry)
+    out = np.empty(W.size + (1 if closing else -1), np.int64)
+    out[:at_] = W[:at_]
+    if closing:
+        out[at_] = entry
+        out[at_ + 1:] = W[at_:]
+    else:
+        out[at_:] = W[at_ + 1:]
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+def sine(c, W, gear, listed, places, x):
+    """Squared sine of the angle between the gradient of entry c and the span of those held."""
+    C, V, count = gear[0], gear[1], gear[2]
+    row = gradient(c, listed, places, x)
+    r, size = np.empty(W.size), np.sum(row * row)
+    for _ in range(2):                                    # once more on the rest: the difference of two lengths is no length
+        for a in range(W.size):
+            r[a] = 0.0
+            for e in range(count[a]):
+                r[a] += V[a, e] * row[C[a, e]]
+        solve(gear[5], W.size, gear[6], r, r)
+        for a in range(W.size):
+            for e in range(count[a]):
+                row[C[a, e]] -= V[a, e] * r[a]
+    return np.sum(row * row) / size
+
+
+@njit(cache=True, error_model="numpy")
+def gradient(k, listed, places, x):
+    """(n,) the gradient of entry k, dense; distances up to their sign."""
+    kind, p, q, d, _, dim = listed
+    anchors, ptr, cols, vals, _ = places
+    row = np.zeros(x.size)
+    if kind[k] == 0:
+        for e in range(ptr[p[k]], ptr[p[k] + 1]):
+            row[cols[e]] += vals[e]
+        return row
+    for c in range(dim[k]):
+        u = (x[p[k] + c] - (x[q[k] + c] if kind[k] == 1 else anchors[q[k] + c])) / d[k]
+        row[p[k] + c] = u
+        if kind[k] == 1:
+            row[q[k] + c] = -u
+    return row
