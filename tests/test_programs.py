@@ -92,7 +92,7 @@ def test_every_case_of_the_catalogue_has_one_and_no_two_share_it():
 def test_a_case_made_again_is_no_other_case():
     a, b = get_case("discs", n=3), get_case("discs", n=3)
     assert a.problem is not b.problem
-    how = (a.n, len(a.t), "tsit5", "square")
+    how = (a.n, len(a.t), "tsit5", "pairs")
     assert _penalty_program.compiled(a.problem, *how) is _penalty_program.compiled(b.problem, *how)
     c = get_case("discs", n=3, seed=1)
     assert _penalty_program.compiled(c.problem, *how) is not _penalty_program.compiled(a.problem, *how)

@@ -18,7 +18,7 @@ from nsbench.solvers._newton import Chord
 EXPLICIT = {"bosh3": diffrax.Bosh3, "tsit5": diffrax.Tsit5, "dopri8": diffrax.Dopri8}
 IMPLICIT = {"kvaerno3": diffrax.Kvaerno3, "kvaerno5": diffrax.Kvaerno5}
 NEVER, TOO_LARGE, NOT_FINITE, NEWTON = range(4)      # why the last step was refused, if it was
-UNROLL = 100              # states and quadratures up to which stages are written out: 3 to 6 times faster up to there, and
+UNROLL = 100              # states and quadratures up to which stages are written out: 1.2 to 3 times faster up to there, and
                           # slower at 500, where the compiler computes stages again for each of their sums
 REST = 0.6                # of the certified travel: an accepted step that ends beyond it ends the segment
 

@@ -54,21 +54,19 @@ def layout(problem, n: int, style: str, capacity: tuple[int, ...] = ()) -> tuple
         return ids, np.arange(len(ids)), len(ids), {}
     ids, columns, offsets, size = [], [], {}, 0
     for k, c in enumerate(problem.constraints):
-        N = c.particles(n) if isinstance(c, Distance) else 0
-        if _style(c, style) == "near":
+        if _uses_lists(c, style):
             offsets[k] = size
-            size += N * capacity[len(offsets) - 1]
+            size += c.particles(n) * capacity[len(offsets) - 1]
             continue
         mine = _ids(k, c, n)
         ids += mine
-        square = _style(c, style) == "square"
-        columns += [size + i * N + j for _, i, j in mine] if square else range(size, size + len(mine))
-        size += N * N if square else len(mine)
+        columns += range(size, size + len(mine))
+        size += len(mine)
     return ids, np.array(columns, np.int64), size + n, offsets
 
 
-def _style(c, style):
-    return style if isinstance(c, Distance) and c.all_pairs else "pairs"
+def _uses_lists(c, style):
+    return style == "near" and isinstance(c, Distance) and c.all_pairs
 
 
 @dataclass(frozen=True)
@@ -81,8 +79,7 @@ class Slopes:
 def slopes(problem, n: int, style: str = "pairs", capacity: tuple[int, ...] = ()) -> Slopes:
     """What is to be integrated. Constraints: m impulses, then n reactions; Filippov: d weights.
 
-    style says how the pairs of hard particles are visited: "pairs": each once; "square": each twice, in an N x N array
-    without gathers and scatters (for a few particles); "near": each twice, those in
+    style says how the pairs of hard particles are visited: "pairs": each once; "near": each twice, those in
     lists = (neighbours (N, capacity) of each such family), where a particle's own number fills up its row.
     """
     size = layout(problem, n, style, capacity)[2]
@@ -92,12 +89,9 @@ def slopes(problem, n: int, style: str = "pairs", capacity: tuple[int, ...] = ()
     f = jax_function(problem.drift)
     families, place = [], 0
     for c in problem.constraints:
-        how = _style(c, style)
-        if how == "near":
+        if _uses_lists(c, style):
             families.append(_near(c, n, place))
             place += 1
-        elif how == "square":
-            families.append(_square(c, n))
         else:
             families.append({Affine: _affine, Distance: _distance, Smooth: _smooth}[type(c)](c, n))
 
@@ -215,32 +209,8 @@ def _spread(c, n, total):
     return total.ravel() if total.size == n else jnp.zeros(n).at[c.start:c.start + total.size].set(total.ravel())
 
 
-def _pushes(parts, own, touch, k, upper):
-    """lam of each particle with its partners, and forces (N, dim): parts are the components of the differences, `own`
-    marks entries that are no pair, `upper` those whose second particle has the larger number."""
-    import jax.numpy as jnp
-    square = sum(q * q for q in parts)
-    apart = square > 0.0
-    length = jnp.sqrt(jnp.where(apart, square, 1.0))
-    lam = jnp.where(own, 0.0, k * jnp.maximum(touch - jnp.where(apart, length, 0.0), 0.0))
-    w = lam / length
-    along = jnp.where(apart, parts[0] * w, jnp.where(upper, lam, -lam))      # coincident: parted along the first axis
-    return lam, jnp.stack([along.sum(1), *((q * w).sum(1) for q in parts[1:])], axis=1)
-
-
-def _square(c: Distance, n: int):
-    N = c.particles(n)
-    r = np.broadcast_to(c.radii if c.radii is not None else c.d / 2, N)
-    touch, own, upper = r[:, None] + r, np.eye(N, dtype=bool), np.triu(np.ones((N, N), bool), 1)
-
-    def push(t, x, k, lists):
-        p = _positions(c, n, x)
-        lam, total = _pushes([p[:, None, a] - p[None, :, a] for a in range(c.dim)], own, touch, k, upper)
-        return lam.ravel(), _spread(c, n, total)
-    return push
-
-
 def _near(c: Distance, n: int, place: int):
+    """Pairs of lists[place] (N, capacity): rows of partners, filled up with a particle's own number."""
     import jax.numpy as jnp
     N = c.particles(n)
     r = np.array(np.broadcast_to(c.radii if c.radii is not None else c.d / 2, N))
@@ -248,9 +218,15 @@ def _near(c: Distance, n: int, place: int):
 
     def push(t, x, k, lists):
         nb, p = lists[place], _positions(c, n, x)
-        touch = r[:, None] + jnp.asarray(r)[nb]
-        lam, total = _pushes([p[:, a][:, None] - p[:, a][nb] for a in range(c.dim)], nb == number, touch, k, nb > number)
-        return lam.ravel(), _spread(c, n, total)
+        parts = [p[:, a][:, None] - p[:, a][nb] for a in range(c.dim)]
+        square = sum(q * q for q in parts)
+        apart = square > 0.0
+        length = jnp.sqrt(jnp.where(apart, square, 1.0))
+        depth = r[:, None] + jnp.asarray(r)[nb] - jnp.where(apart, length, 0.0)
+        lam = jnp.where(nb == number, 0.0, k * jnp.maximum(depth, 0.0))
+        w = lam / length
+        along = jnp.where(apart, parts[0] * w, jnp.where(nb > number, lam, -lam))      # coincident: as in _distance
+        return lam.ravel(), _spread(c, n, jnp.stack([along.sum(1), *((q * w).sum(1) for q in parts[1:])], axis=1))
     return push
 
 

@@ -20,7 +20,6 @@ TOLERANCES = (1e-9, 1e-12, 1e-13)
 DEFAULTS = (1e4, 1e4, 1e3)
 LISTED = 6000             # listed constraints (all but hard pairs) whose impulses are integrated
 MEMORY = 1e9              # bytes of samples of one run
-FEW = 8                   # hard particles up to which an N x N array is faster than a list of pairs
 MANY = 40                 # hard particles up to which all pairs are visited
 PAIRS = ("auto", "all", "near")
 NOT_FINITE, NEWTON = 2, 3     # as nsbench.solvers._diffrax counts why a step was refused; that needs diffrax to be loaded
@@ -151,9 +150,7 @@ def _march(penalty: Penalty, case: Case, x0: np.ndarray):
         from nsbench.solvers._segments import Segments
         segments = Segments(case, x0, penalty.method, penalty.reach)
         return lambda k: segments.run(k, *limits)
-    hard = _hard(case.problem, case.n)
-    style = "square" if penalty.method in EXPLICIT and 0 < max(hard, default=0) <= FEW else "pairs"
-    program, n = compiled(case.problem, case.n, len(case.t), penalty.method, style), case.n
+    program, n = compiled(case.problem, case.n, len(case.t), penalty.method, "pairs"), case.n
     z0, forces = np.concatenate([x0, np.zeros(program.size)]), isinstance(case.problem, Complementarity)
 
     def march(k):
