@@ -71,3 +71,51 @@ def test_failures_and_refusals_pass_through():
                 np.linspace(0, 2, 11))
     assert solve(wild, "penalty[extrapolate=1]", k=100.0).status.code == "diverged"
     assert solve("rlc_diode", "penalty[extrapolate=1]").status.code == "refused"
+
+
+STEPS = 0.05 / np.array([8, 11, 15, 21, 29, 40, 55])
+
+
+@pytest.mark.parametrize("spec, name", [("richardson", "three_discs"), ("richardson", "two_discs"), ("richardson", "dragged_disc"),
+                                        ("richardson[method=catching_up]", "obstacle"),
+                                        ("richardson[method=catching_up]", "dragged_disc")])
+def test_steps_extrapolated_once_have_order_two(spec, name):
+    """Through impacts and releases: what depends on where in its step an event lies is of size h^2."""
+    case, method = get_case(name), get(spec)
+    h = STEPS * np.diff(case.t).min() / 0.05
+    rows = [errors(case, solve(case, spec, h=v)) for v in h]
+    plain = errors(case, solve(case, method.method, h=h[-1]))
+    fit = nsbench.fit_order(h, np.array([r["state_sup"] for r in rows]))
+    assert abs(fit.order - 2.0) < 0.15 and rows[-1]["state_sup"] < 0.02 * plain["state_sup"]
+    fit = nsbench.fit_order(h, np.array([r["reaction"] for r in rows]))
+    assert abs(fit.order - 2.0) < 0.3
+
+
+def test_three_levels_have_order_three_without_events_between():
+    case = get_case("dragged_disc")
+    h = np.diff(case.t).min() / np.array([2, 3, 4, 6, 8])
+    err = [errors(case, solve(case, "richardson[levels=3]", h=v))["state_sup"] for v in h]
+    assert abs(nsbench.fit_order(h, np.array(err)).order - 3.0) < 0.1
+
+
+def test_what_is_halved_is_the_step_that_was_taken():
+    case = get_case("tide")
+    runs = [solve(case, "pbd", h=0.05 / n) for n in (3, 6)]
+    out = solve(case, "richardson", h=0.02)                      # three steps per sample, not two and a half
+    assert out.stats["steps"] == 9 * (len(case.t) - 1) and out.stats["h"] == runs[0].stats["h"]
+    assert np.array_equal(out.x, 2 * runs[1].x - runs[0].x) and np.array_equal(out.impulse, 2 * runs[1].impulse - runs[0].impulse)
+    assert out.status.ok and out.x.min() < 0.0                   # it is not feasible, and says so where it is measured
+    assert errors(case, out)["violation"] == -out.x.min()
+
+
+def test_steps_that_cannot_be_halved_are_refused():
+    tide = get_case("tide")
+    assert "end at the samples" in solve(tide, "richardson", h=0.07).status.why
+    uneven = tide.replace(t=np.array([0.0, 0.1, 0.23, 3.0]))
+    assert "equally spaced" in solve(uneven, "richardson", h=0.05).status.why
+    even = tide.replace(t=np.array([0.0, 0.1, 0.3, 3.0]))
+    assert solve(even, "richardson", h=0.05).status.ok
+    assert solve("sliding", "richardson").status.code == "refused"
+    for option, text in (("method=euler", "method"), ("levels=4", "levels")):
+        with pytest.raises(ValueError, match=text):
+            get(f"richardson[{option}]")

@@ -28,6 +28,8 @@ EXPECTS = (
     Expect(("zeno",), None, None, "no rate is known for a smoothed sign at an accumulation of events"),
     Expect(("infeasible_start",), None, None, "what a method makes of an infeasible start is its meaning, not its error"),
 )
+LAYERS = tuple(Expect((word,), "open", "open", "its error in 1/k is a constant per mode, which extrapolation removes: what is "
+                      "left are layers that die out, and no power") for word in ("exact_at_grid", "constant_force"))
 
 
 @dataclass(frozen=True)
@@ -58,7 +60,10 @@ class Penalty:
     reach: float = 0.3
 
     accuracy = "k"
-    expects = EXPECTS
+
+    @property
+    def expects(self) -> tuple[Expect, ...]:
+        return (*EXPECTS, *LAYERS) if self.extrapolate else EXPECTS
 
     @property
     def claims(self) -> Claims:
