@@ -214,6 +214,12 @@ def test_nosnoc_has_the_order_of_its_radau_method():
     assert abs(np.polyfit(h, err, 1)[0] - solvers.get("nosnoc[stages=2]").claims.state) < 0.3
 
 
+def test_nosnoc_refuses_functions_that_leave_the_namespace():
+    needs_nosnoc()
+    for drift in (lambda xp: lambda t, x: -x if x[0] > 0.5 else x, lambda xp: lambda t, x: xp.array([float(x[0])])):
+        assert "casadi cannot" in solvers.get("nosnoc").refuses(changed("tide", drift=drift))
+
+
 def test_nosnoc_says_when_its_push_is_too_weak():
     needs_nosnoc()
     case = get_case("stiff_contact")                 # lam grows to 100

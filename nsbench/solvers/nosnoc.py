@@ -60,15 +60,28 @@ class Nosnoc:
         why = _filippov(case) if isinstance(p, Filippov) else _constrained(case)
         if why is None and not (importlib.util.find_spec("nosnoc") and importlib.util.find_spec("casadi")):
             why = 'nosnoc is not installed; pip install "nsbench[nosnoc]" brings it and casadi.'
-        return why
+        return why or self._untold(case)
+
+    def _untold(self, case):
+        """Why casadi cannot build the case's functions; None if it can."""
+        try:
+            self._built(case)
+        except (TypeError, ValueError, AttributeError, NotImplementedError) as e:
+            return f"casadi cannot build the functions of {case.key} (do they use the array namespace they are given?): {e}."
+        return None
+
+    def _built(self, case):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")              # casadi warns of how nosnoc calls numpy
+            return _model(case, self.push)
 
     def prepare(self, case: Case, h: float) -> Run:
         check_positive("h", h)
         spacing = float(case.t[-1] - case.t[0]) / (len(case.t) - 1)
         parts = max(1, int(np.ceil(spacing / h * (1.0 - 1e-9))))
+        model, contacts, turning = self._built(case)
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")              # casadi warns of how nosnoc calls numpy
-            model, contacts, turning = _model(case, self.push)
+            warnings.simplefilter("ignore")
             solver = _solver(self, model, spacing / parts)
         return lambda: _march(case, self, solver, contacts, turning, parts, spacing / parts)
 
