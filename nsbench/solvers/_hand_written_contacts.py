@@ -89,6 +89,44 @@ def wedge(case, psi=60.0, swell=0.0) -> Script:
                    "corner": Arc(corner)}, "free", ((0, 0), (0, 1)), np.array([[nx, ny], [-nx, ny]]))
 
 
+def box_turning(case, side=1.0) -> Script:
+    """Each coordinate is free, at its low or at its high stop, whatever the other one does: nine arcs. In the unit box
+    one coordinate reaches a stop as the other leaves one: two events, one after the other at the same time."""
+    winds = (math.cos, math.sin)
+
+    def arc(places):
+        def rhs(t, y):
+            rate = [0.0] * 6
+            for k, place in enumerate(places):
+                blow = winds[k](t)
+                if place == "free":
+                    rate[k] = blow
+                else:
+                    rate[2 + 2 * k + (place == "high")] = abs(blow)
+            return rate
+
+        def enter(t, y):
+            for k, place in enumerate(places):
+                if place != "free":
+                    y[k] = 0.0 if place == "low" else side
+
+        def go(k, place):
+            return " ".join(place if i == k else p for i, p in enumerate(places))
+        exits = []
+        for k, place in enumerate(places):
+            if place == "free":
+                exits += [Exit(lambda t, y, k=k: y[k], -1, go(k, "low"), "contact", (0, 2 * k)),
+                          Exit(lambda t, y, k=k: side - y[k], -1, go(k, "high"), "contact", (0, 2 * k + 1))]
+            else:
+                exits.append(Exit(lambda t, y, k=k: winds[k](t), 1 if place == "low" else -1, go(k, "free"), "release",
+                                  (0, 2 * k + (place == "high"))))
+        return Arc(rhs, tuple(exits), enter)
+    places = ("free", "low", "high")
+    walls = np.repeat(np.eye(2), 2, axis=0) * np.array([[1.0], [-1.0], [1.0], [-1.0]])
+    return Script({f"{a} {b}": arc((a, b)) for a in places for b in places}, "free free",
+                  ((0, 0), (0, 1), (0, 2), (0, 3)), walls)
+
+
 def obstacle(case, b=0.2) -> Script:
     def pillar(t, y):
         r = math.hypot(y[0], y[1])
@@ -160,5 +198,5 @@ def _floor(t, y):
 
 
 SCRIPTS = {"apple": apple, "tide": tide, "tide_again": tide, "moving_floor": moving_floor, "stiff_contact": stiff_contact,
-           "play": play, "graze": graze, "wedge": wedge, "obstacle": obstacle, "two_discs": two_discs,
+           "play": play, "box_turning": box_turning, "graze": graze, "wedge": wedge, "obstacle": obstacle, "two_discs": two_discs,
            "three_discs": three_discs}

@@ -181,7 +181,8 @@ def _solver(method, model, step):
     o.n_s, o.N_finite_elements, o.terminal_time, o.print_level = method.stages, method.elements, step, 0
     o.comp_tol = o.sigma_N = method.comp_tol
     o.step_equilibration = nosnoc.StepEquilibrationMode.HEURISTIC_MEAN
-    o.opts_casadi_nlp = {**o.opts_casadi_nlp, "ipopt": dict(o.opts_casadi_nlp["ipopt"])}      # they are shared by a class
+    shared = o.opts_casadi_nlp                           # by all that nosnoc solves in this process
+    o.opts_casadi_nlp = {**shared, "ipopt": dict(shared["ipopt"]), "show_eval_warnings": False}
     o.tol_ipopt = 1e-2 * method.comp_tol
     return nosnoc.NosnocSolver(o, model)
 
@@ -200,8 +201,8 @@ def _march(case, method, solver, contacts, turning, parts, step):
                 inner += int(np.nansum(np.array(found["nlp_iter"], dtype=float)))
                 x = np.asarray(found["x_list"][-1], float)
                 if "SUCCESS" not in str(found["status"]) or not np.all(np.isfinite(x)):
-                    status = Status("maxiter", f"IPOPT did not solve the step to t = {x[n]:.6g}; other stages, elements or "
-                                               "another h may help.")
+                    status = Status("maxiter", f"IPOPT did not solve a step between t = {case.t[k - 1]:.6g} and {case.t[k]:.6g}; "
+                                               "other stages, elements or another h may help.")
                     break
             if not status.ok:
                 break
