@@ -9,36 +9,13 @@ import numpy as np
 from numba import njit
 
 from nsbench.kernels import qp
-from nsbench.kernels.keys import static_keys
+from nsbench.kernels.candidates import carry, columns, gather
 from nsbench.kernels.pbd import NAN, OK, finite
-from nsbench.kernels.pbd_near import build
 from nsbench.kernels.records import flush
 
 INFEASIBLE = 3
-SORTED, SEED = 0, 0
 QPS, ROUNDS, REBUILDS, PEAK, LIMITS, TIES = range(6)      # places of the counters
 SKIN_OVER_STEP = 8.0                                      # a list should outlive its own step
-
-
-@njit(cache=True, error_model="numpy")
-def columns(lists, rows):
-    """CSR pattern (ptr, cols) of the gradients of a list; coordinates of i first, then of j."""
-    kind, _, _, _, p, q, _, _, dim = lists
-    rptr, rcols = rows[0], rows[1]
-    ptr = np.zeros(kind.size + 1, np.int64)
-    for k in range(kind.size):
-        size = rptr[p[k] + 1] - rptr[p[k]] if kind[k] == 0 else (2 * dim[k] if kind[k] == 1 else dim[k])
-        ptr[k + 1] = ptr[k] + size
-    cols = np.empty(ptr[-1], np.int64)
-    for k in range(kind.size):
-        if kind[k] == 0:
-            cols[ptr[k]:ptr[k + 1]] = rcols[rptr[p[k]]:rptr[p[k] + 1]]
-            continue
-        for c in range(dim[k]):
-            cols[ptr[k] + c] = p[k] + c
-            if kind[k] == 1:
-                cols[ptr[k] + dim[k] + c] = q[k] + c
-    return ptr, cols
 
 
 @njit(cache=True, error_model="numpy")
@@ -88,26 +65,6 @@ def travel(base, x, y, hard):
 
 
 @njit(cache=True, error_model="numpy")
-def carry(keys, mu, new):
-    """The multipliers of one list as those of another; keys ascending."""
-    out = np.zeros(new.size)
-    for k in range(keys.size):
-        if mu[k] > 0.0:
-            c = np.searchsorted(new, keys[k])
-            if c < new.size and new[c] == keys[k]:
-                out[c] = mu[k]
-    return out
-
-
-@njit(cache=True, error_model="numpy")
-def gather(x, skin, static, skeys, rows, hard, radii):
-    """A list of candidates at x, its keys (ascending), and the pattern of their gradients."""
-    lists, keys = build(x, skin, SORTED, SEED, static, skeys, hard, radii)
-    ptr, cols = columns(lists, rows)
-    return lists, keys, qp.pattern(ptr, cols, x.size)
-
-
-@njit(cache=True, error_model="numpy")
 def project(lists, P, rows, b, anchors, x, z, guess, count):
     """The point nearest to z where the gaps linearised at x are not negative. Returns mu, d = y - z, code, residual."""
     m = guess.size
@@ -115,7 +72,10 @@ def project(lists, P, rows, b, anchors, x, z, guess, count):
     linearise(lists, rows, b, anchors, x, P[0], vals, w)
     for c in range(x.size):
         scale = max(scale, abs(x[c]), abs(z[c]))
-    qp.slack(P, vals, w, z - x, q)
+    e = np.empty(x.size)
+    for c in range(x.size):
+        e[c] = z[c] - x[c]
+    qp.slack(P, vals, w, e, q)
     clear = True
     for k in range(m):
         clear = clear and q[k] >= 0.0
@@ -138,14 +98,19 @@ def march(f, b_of, a_of, moving, t, substeps, x, static, rows, b, anchors, hard,
     of its step, status, time reached.
     """
     K, n = t.size, x.size
-    X, R = np.full((K, n), np.nan), np.full((K, n), np.nan)
+    X, R = np.empty((K, n)), np.empty((K, n))
+    for k in range(K):
+        for c in range(n):
+            X[k, c] = R[k, c] = np.nan
     x, reac, v, base, z = x.copy(), np.zeros(n), np.empty(n), x.copy(), np.empty(n)
     ids, values, size = np.empty((64, 4), np.int64), np.empty(64), np.int64(0)
-    count, skin, skeys = np.zeros(6, np.int64), reach, static_keys(static[1], SORTED, SEED)
-    lists, keys, P = gather(x, skin, static, skeys, rows, hard, radii)
+    count, skin = np.zeros(6, np.int64), reach
+    lists, keys = gather(x, skin, static, hard, radii)
+    P = qp.pattern(*columns(lists, rows[0], rows[1]), n)
     guess, total = np.zeros(keys.size), np.zeros(keys.size)
     count[REBUILDS], count[PEAK] = 1, keys.size
-    X[0], R[0] = x, reac
+    for c in range(n):
+        X[0, c], R[0, c] = x[c], 0.0
     worst, when = 0.0, t[0]
     for k in range(K - 1):
         h = (t[k + 1] - t[k]) / substeps[k]
@@ -167,8 +132,11 @@ def march(f, b_of, a_of, moving, t, substeps, x, static, rows, b, anchors, hard,
                     break
                 ids, values, size = flush(k + 1, total, lists[1], lists[2], lists[3], ids, values, size)
                 skin = max(reach, SKIN_OVER_STEP * last)
-                lists, new, P = gather(x, skin, static, skeys, rows, hard, radii)
-                guess, keys, total, base[:] = carry(keys, mu, new), new, np.zeros(new.size), x
+                lists, new = gather(x, skin, static, hard, radii)
+                P = qp.pattern(*columns(lists, rows[0], rows[1]), n)
+                guess, keys, total = carry(keys, mu, new), new, np.zeros(new.size)
+                for c in range(n):
+                    base[c] = x[c]
                 count[REBUILDS] += 1
                 count[PEAK] = max(count[PEAK], keys.size)
             if not kkt <= worst:
@@ -178,10 +146,12 @@ def march(f, b_of, a_of, moving, t, substeps, x, static, rows, b, anchors, hard,
             for c in range(n):
                 x[c] = z[c] + d[c]
                 reac[c] += d[c]
-            total += mu
+            for c in range(mu.size):
+                total[c] += mu[c]
             guess = mu
             if not finite(x):
                 return X, R, ids[:size], values[:size], count, worst, when, NAN, now
-        X[k + 1], R[k + 1] = x, reac
+        for c in range(n):
+            X[k + 1, c], R[k + 1, c] = x[c], reac[c]
         ids, values, size = flush(k + 1, total, lists[1], lists[2], lists[3], ids, values, size)
     return X, R, ids[:size], values[:size], count, worst, when, OK, t[K - 1]

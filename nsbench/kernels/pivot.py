@@ -22,9 +22,10 @@ def equality(on, P, vals, q, norm, dependent, eps, mu, d, w, slot):
     for i in range(act.size):
         if D[i] == 0.0:
             on[act[i]] = False
-    mu[:] = 0.0
-    d[:] = 0.0
-    w[:] = q
+    for k in range(mu.size):
+        mu[k], w[k] = 0.0, q[k]
+    for c in range(d.size):
+        d[c] = 0.0
     b, before = np.empty(act.size), np.inf
     for _ in range(6):                                # a solve and its refinement with the true residual
         worst = 0.0
@@ -66,11 +67,14 @@ def direction(p, act, L, D, P, vals, slot):
             for e in range(ptr[act[i]], ptr[act[i] + 1]):
                 b[i] += vals[e] * v[cols[e]]
         back(L, D, b)
-        r += b
         for i in range(act.size):
+            r[i] += b[i]
             for e in range(ptr[act[i]], ptr[act[i] + 1]):
                 v[cols[e]] -= vals[e] * b[i]
-    return r, (v * v).sum()
+    gain = 0.0
+    for e in v:
+        gain += e * e
+    return r, gain
 
 
 @njit(cache=True, error_model="numpy")
@@ -115,7 +119,8 @@ def settle(on, P, vals, q, norm, scale, mu, d, w, slot):
             if on[k] and goal[k] * norm[k] < -tol:
                 t = min(t, mu[k] / (mu[k] - goal[k]))
         if t == 1.0:
-            mu[:] = goal
+            for k in range(mu.size):
+                mu[k] = goal[k]
             return act, L, D, rounds
         for k in range(mu.size):
             if on[k] and goal[k] * norm[k] < -tol and mu[k] / (mu[k] - goal[k]) <= t:

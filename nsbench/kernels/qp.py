@@ -116,7 +116,11 @@ def newton(on, P, vals, q, norm, scale, mu, d, w, slot):
                 break
         if not new < value - EPS * abs(value):
             break
-        mu[:], d[:], value = trial, e, new
+        value = new
+        for k in range(m):
+            mu[k] = trial[k]
+        for c in range(d.size):
+            d[c] = e[c]
     for k in range(m):
         on[k] = mu[k] > 0.0
     return rounds

@@ -17,7 +17,9 @@ def visits(ptr, cols, n):
         tptr[c + 1] += 1
     for c in range(n):
         tptr[c + 1] += tptr[c]
-    fill = tptr[:n].copy()
+    fill = np.empty(n, np.int64)
+    for c in range(n):
+        fill[c] = tptr[c]
     trow, tpos = np.empty(cols.size, np.int64), np.empty(cols.size, np.int64)
     for k in range(ptr.size - 1):
         for e in range(ptr[k], ptr[k + 1]):
@@ -213,7 +215,8 @@ def back(L, D, b):
 def push(P, vals, mu, d):
     """d = G^T mu."""
     ptr, cols = P[0], P[1]
-    d[:] = 0.0
+    for c in range(d.size):
+        d[c] = 0.0
     for k in range(mu.size):
         if mu[k] != 0.0:
             for e in range(ptr[k], ptr[k + 1]):
