@@ -10,6 +10,7 @@ from numba import njit
 
 from nsbench.kernels import qp
 from nsbench.kernels.candidates import carry, columns, gather
+from nsbench.kernels.least import least
 from nsbench.kernels.pbd import NAN, OK, finite
 from nsbench.kernels.records import flush
 
@@ -49,8 +50,8 @@ def linearise(lists, rows, b, anchors, x, ptr, vals, g):
 
 
 @njit(cache=True, error_model="numpy")
-def travel(base, x, y, hard):
-    """The farthest way of a hard particle base -> x -> y, and of x -> y alone."""
+def travel(base, x, z, d, hard):
+    """The farthest way of a hard particle base -> x -> y = z + d, and of x -> y alone."""
     far, last = 0.0, 0.0
     for u in range(hard.shape[0]):
         start, n, dim = hard[u, 1], hard[u, 2], hard[u, 3]
@@ -58,41 +59,45 @@ def travel(base, x, y, hard):
             s, v = 0.0, 0.0
             for c in range(start + i * dim, start + (i + 1) * dim):
                 s += (x[c] - base[c]) ** 2
-                v += (y[c] - x[c]) ** 2
+                v += (z[c] + d[c] - x[c]) ** 2
             far = max(far, np.sqrt(s) + np.sqrt(v))
             last = max(last, np.sqrt(v))
     return far, last
 
 
 @njit(cache=True, error_model="numpy")
-def project(lists, P, rows, b, anchors, x, z, guess, count):
-    """The point nearest to z where the gaps linearised at x are not negative. Returns mu, d = y - z, code, residual."""
+def project(exact, many, lists, P, book, store, rows, b, anchors, x, z, guess, count):
+    """The point nearest to z where the gaps linearised at x are not negative.
+
+    exact, many, book, store: see kernels.least. Returns mu, d = y - z, code, residual, book, store.
+    """
     m = guess.size
     vals, w, q, scale = np.empty(P[1].size), np.empty(m), np.empty(m), 1.0
     linearise(lists, rows, b, anchors, x, P[0], vals, w)
+    e, work = np.empty(x.size), np.zeros(4, np.int64)
     for c in range(x.size):
         scale = max(scale, abs(x[c]), abs(z[c]))
-    e = np.empty(x.size)
-    for c in range(x.size):
         e[c] = z[c] - x[c]
     qp.slack(P, vals, w, e, q)
     clear = True
     for k in range(m):
         clear = clear and q[k] >= 0.0
     if clear:
-        return np.zeros(m), np.zeros(x.size), qp.SOLVED, 0.0
-    mu, d, code, rounds = qp.solve(P, vals, q, guess, scale)
+        return np.zeros(m), np.zeros(x.size), np.int64(qp.SOLVED), 0.0, book, store
+    mu, d, book, store = least(exact, many, P, book, store, vals, q, guess, scale, work)
     count[QPS] += 1
-    count[ROUNDS] += rounds
-    count[LIMITS] += code == qp.MAXITER
+    count[ROUNDS] += work[1]
+    count[LIMITS] += work[0] == qp.MAXITER
     for k in range(m):                                    # a push between coincident centres has no direction
         count[TIES] += lists[0][k] != 0 and mu[k] > 0.0 and w[k] == -lists[7][k] * lists[6][k]
-    return mu, d, code, qp.residual(P, vals, q, mu, d)
+    return mu, d, work[0], qp.residual(P, vals, q, mu, d), book, store
 
 
 @njit(cache=True, error_model="numpy")
-def march(f, b_of, a_of, moving, t, substeps, x, static, rows, b, anchors, hard, radii, reach):
-    """Samples of one run. Arguments as kernels.pbd_near.march (static: arrays of the listed constraints, sorted).
+def march(f, b_of, a_of, exact, many, moving, t, substeps, x, static, rows, b, anchors, hard, radii, reach):
+    """Samples of one run. Arguments as kernels.pbd_near.march (static: arrays of the listed constraints, by family).
+
+    exact, many: the functions of kernels.least.
 
     Returns X (K, n), reaction (K, n), ids, values (records of impulse), counters, the worst KKT residual with the time
     of its step, status, time reached.
@@ -108,6 +113,7 @@ def march(f, b_of, a_of, moving, t, substeps, x, static, rows, b, anchors, hard,
     lists, keys = gather(x, skin, static, hard, radii)
     P = qp.pattern(*columns(lists, rows[0], rows[1]), n)
     guess, total = np.zeros(keys.size), np.zeros(keys.size)
+    book, store = np.zeros(2, np.int64), np.empty(1)
     count[REBUILDS], count[PEAK] = 1, keys.size
     for c in range(n):
         X[0, c], R[0, c] = x[c], 0.0
@@ -126,8 +132,9 @@ def march(f, b_of, a_of, moving, t, substeps, x, static, rows, b, anchors, hard,
                 b_of(after, b)
                 a_of(after, anchors)
             while True:
-                mu, d, code, kkt = project(lists, P, rows, b, anchors, x, z, guess, count)
-                far, last = travel(base, x, z + d, hard)
+                mu, d, code, kkt, book, store = project(exact, many, lists, P, book, store, rows, b, anchors, x, z,
+                                                                guess, count)
+                far, last = travel(base, x, z, d, hard)
                 if code == qp.INFEASIBLE or not 2.0 * far > skin:
                     break
                 ids, values, size = flush(k + 1, total, lists[1], lists[2], lists[3], ids, values, size)
@@ -135,6 +142,7 @@ def march(f, b_of, a_of, moving, t, substeps, x, static, rows, b, anchors, hard,
                 lists, new = gather(x, skin, static, hard, radii)
                 P = qp.pattern(*columns(lists, rows[0], rows[1]), n)
                 guess, keys, total = carry(keys, mu, new), new, np.zeros(new.size)
+                book[0] = 0
                 for c in range(n):
                     base[c] = x[c]
                 count[REBUILDS] += 1

@@ -135,7 +135,9 @@ def solve(P, vals, q, guess, scale):
     rounds = factorisations.
     """
     m = q.size
-    mu, d, w, on = np.zeros(m), np.zeros(P[2].size - 1), np.empty(m), guess > 0.0
+    mu, d, w, on = np.zeros(m), np.zeros(P[2].size - 1), np.empty(m), np.empty(m, np.bool_)
+    for k in range(m):
+        on[k] = guess[k] > 0.0
     norm, slot = lengths(P, vals), np.empty(m, np.int64)
     done, wrong, rounds = exchange(on, P, vals, q, norm, scale, mu, d, w, slot)
     code = SOLVED

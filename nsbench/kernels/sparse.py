@@ -31,7 +31,7 @@ def visits(ptr, cols, n):
 
 
 @njit(cache=True, error_model="numpy")
-def _levels(root, part, label, ptr, cols, tptr, trow, queue, level):
+def levels(root, part, label, ptr, cols, tptr, trow, queue, level):
     """Breadth first from root through the rows with label `part`; returns how many were reached."""
     queue[0] = root
     level[root] = 0
@@ -73,8 +73,8 @@ def dissection(ptr, cols, tptr, trow):
         part += 1
         for k in range(lo, hi):
             label[order[k]] = part
-        found = _levels(order[lo], part, label, ptr, cols, tptr, trow, queue, level)
-        found = _levels(queue[found - 1], part, label, ptr, cols, tptr, trow, queue, level)
+        found = levels(order[lo], part, label, ptr, cols, tptr, trow, queue, level)
+        found = levels(queue[found - 1], part, label, ptr, cols, tptr, trow, queue, level)
         cut = level[queue[found // 2]]
         if found == hi - lo and (found <= SMALL or cut == 0 or cut == level[queue[found - 1]]):
             for k in range(found):

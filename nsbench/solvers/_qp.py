@@ -38,19 +38,31 @@ def residual(G, w: np.ndarray, mu: np.ndarray, d: np.ndarray) -> float:
 
 
 class ActiveSet:
-    """nsbench.kernels.qp: the active set kept from step to step; rounds of factorisation are its iterations."""
+    """nsbench.kernels.least, as in the compiled loop; rounds of factorisation are its iterations."""
 
     def __init__(self, eps=None, max_iter=None):
         self._key, self._pattern, self.setups = None, None, 0
+        self._book, self._store = np.zeros(2, np.int64), np.empty(1)
 
     def __call__(self, G, q, h, key, mu):
-        from nsbench.kernels import qp
+        from nsbench.kernels import few, least, qp
         if key is not self._key:
             self._key, self.setups = key, self.setups + 1
             self._pattern = qp.pattern(G.indptr.astype(np.int64), G.indices.astype(np.int64), G.shape[1])
-        scale = max(1.0, float(np.abs(q).max(initial=0.0)))
-        mu, d, code, rounds = qp.solve(self._pattern, G.data, q, mu, scale)
-        return Answer(mu, d, ("solved", "infeasible", "maxiter")[code], int(rounds))
+            self._book[0] = 0
+        scale, work = max(1.0, float(np.abs(q).max(initial=0.0))), np.zeros(4, np.int64)
+        mu, d, self._book, self._store = least.least(few.exact, many_rows(G.shape[0]), self._pattern, self._book, self._store,
+                                                     G.data, q, mu, scale, work)
+        return Answer(mu, d, ("solved", "infeasible", "maxiter")[work[0]], int(work[1]))
+
+
+def many_rows(rows):
+    """The projector for many rows, compiled where there are many."""
+    from nsbench.kernels import least
+    if rows <= least.FEW:
+        return least.nobody
+    from nsbench.kernels import many
+    return many.many
 
 
 class OSQP:

@@ -7,7 +7,7 @@ import numpy as np
 
 from nsbench.case import Case, nearest
 from nsbench.problem import Complementarity, Smooth
-from nsbench.solvers._qp import BACKENDS
+from nsbench.solvers._qp import BACKENDS, many_rows
 from nsbench.solvers.base import Claims, Expect, Run, grid, last_steps, sample
 from nsbench.solvers.start import start_state
 from nsbench.trajectory import Status, Trajectory
@@ -86,6 +86,12 @@ def _mean_radius(scene) -> float:
     return float(np.mean(np.concatenate(list(scene.radii.values())))) if scene.hard else 1.0
 
 
+def _projectors(scene):
+    """The functions of kernels.least; the one for many rows is compiled where there can be many."""
+    from nsbench.kernels import few
+    return few.exact, many_rows(len(scene.all_static()) + 3 * sum(m for _, _, m in scene.hard))     # discs: 3 contacts each
+
+
 def _compiled(case, scene, g, x0, reach):
     """The compiled loop bound to its data, and "compiled" or "host": the same loop around a drift in Python."""
     from nsbench.kernels import catching_up as kernel
@@ -94,8 +100,8 @@ def _compiled(case, scene, g, x0, reach):
     pointers, loop = _pointers(case, scene)
     hard, radii = _hard(scene)[:2] if scene.hard else (np.empty((0, 4), np.int64), np.empty(0))
     rows = (scene.ptr, scene.cols, scene.vals)
-    args = (*pointers, scene.moving, g.t.copy(), g.substeps, x0, scene.all_static().arrays(), rows, scene.b(t0),
-            scene.anchors(t0), hard, radii, reach)
+    args = (*pointers, *_projectors(scene), scene.moving, g.t.copy(), g.substeps, x0, scene.all_static().arrays(), rows,
+            scene.b(t0), scene.anchors(t0), hard, radii, reach)
     march = kernel.march if loop == "compiled" else kernel.march.py_func
     if loop == "compiled":
         march.compile(_types(args))
