@@ -129,6 +129,14 @@ def test_a_jacobi_step_divides_a_pair_by_its_larger_number_of_contacts():
     assert np.abs(impulse - 0.025).max() < 1e-15 and np.abs(x[:, 0] - [-0.025, 1.9, 3.825]).max() < 1e-15
 
 
+def test_kdtree_starts_where_pbd_does():
+    case = get_case("three_discs", overlap="project")
+    a, b = (nsbench.solve(case, s, h=0.01).x[0] for s in ("kdtree", "pbd"))
+    assert np.array_equal(a, b) and np.abs(a - case.x0).max() > 0.1
+    with pytest.raises(ValueError, match="violates"):
+        nsbench.solve(case.replace(start="error"), "kdtree")
+
+
 def test_kdtree_keeps_discs_and_walls_of_a_box_apart():
     case = get_case("discs", n=30, box=True)
     traj = nsbench.solve(case, "kdtree[margin=0.1]", h=1e-3)
@@ -140,7 +148,6 @@ def test_kdtree_keeps_discs_and_walls_of_a_box_apart():
 @pytest.mark.parametrize("key, word", [
     ("slide_exit", "none"), ("smooth", "none"), ("epithelium", "one family"), ("wedge", "walls"), ("play", "walls"),
     ("stack", "walls"), ("chain", "one family"), ("obstacle", "one family"), ("relay_lcs", "none"),
-    ("three_discs[overlap=project]", "nearest"),
 ])
 def test_kdtree_refuses_what_it_would_get_wrong(key, word):
     why = solvers.get("kdtree").refuses(get_case(key))

@@ -9,6 +9,7 @@ import numpy as np
 from nsbench.case import Case
 from nsbench.problem import Affine, Complementarity, Distance
 from nsbench.solvers.base import Claims, Expect, Run, grid, sample
+from nsbench.solvers.start import start_state
 from nsbench.trajectory import Status, Trajectory
 
 SWEEPS = ("numba", "numpy")
@@ -53,16 +54,16 @@ class KDTree:
             return "kdtree takes one family of hard particles of one size that fill the state; use pbd for anything else."
         if not all(isinstance(c, Distance) or _box(c) for c in p.constraints) or (hard and p.constraints[0] is not hard[0]):
             return "kdtree takes particles, then walls at rest across single coordinates; use pbd for other constraints."
-        if case.start == "project":
-            return 'kdtree starts where the case says; this one asks for the nearest feasible point (start="project").'
         return None
 
     def prepare(self, case: Case, h: float) -> Run:
+        from nsbench.contacts import Scene
+        x0 = start_state(case, Scene(case.problem, case.n))
         g, f = grid(case.t, h), case.problem.drift(np)
         walls = _walls(case)
         hard = next((c for c in case.problem.constraints if isinstance(c, Distance)), None)
         project = _sweeper(self, hard)
-        return lambda: _march(case, g, f, project, walls)
+        return lambda: _march(case, x0, g, f, project, walls)
 
 
 def _box(c) -> bool:
@@ -119,9 +120,9 @@ def _jacobi(x, pairs, d, impulse):
         x[:, c] += np.bincount(i, u[:, c], n) - np.bincount(j, u[:, c], n)
 
 
-def _march(case, g, f, project, walls):
+def _march(case, x0, g, f, project, walls):
     (low, high), where, slope = walls
-    x, n, K = case.x0.copy(), case.n, len(g.t)
+    x, n, K = x0.copy(), case.n, len(g.t)
     X, R = np.full((K, n), np.nan), np.full((K, n), np.nan)
     push, wall = np.zeros(n), np.zeros((2, n))
     X[0], R[0] = x, push
