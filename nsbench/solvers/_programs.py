@@ -12,12 +12,18 @@ import functools
 import hashlib
 import os
 import pickle
+import re
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
+
 from nsbench.solvers._fingerprint import package_digest, version
 
+# functions outside the program: LAPACK's must be looked up before it runs, any other (a callback into this process, say)
+# would be gone in the next one, so such a program is not kept
+CALLS = re.compile(r"custom_call @?\"?([A-Za-z0-9_.$]+)")
 TRACERS = ("jax", "jaxlib", "diffrax", "equinox", "optimistix", "lineax", "numpy")
 FILES = 2000                   # programs kept on disk, about 300 MB; the oldest give way
 
@@ -36,11 +42,15 @@ def program(key: str | None, trace: Callable):
     found = _load(name)
     if found is None:
         lowered = trace()
-        text = _digest("traced", lowered.as_text(), _platform())
-        found = _load(text)
+        written = lowered.as_text()
+        text = _digest("traced", written, _platform())
+        calls = set(CALLS.findall(written))
+        keep = all(c.startswith("lapack_") for c in calls)
+        found = _load(text) if keep else None
         if found is None:
             found = lowered.compile()
-            _save(text if name is None else name, found)
+            if keep:
+                _save(text if name is None else name, found, bool(calls))
     return found
 
 
@@ -95,7 +105,11 @@ def _load(name):
         if hashlib.sha256(body).digest() != digest:          # half a file
             return None
         from jax.experimental.serialize_executable import deserialize_and_load
-        return deserialize_and_load(*pickle.loads(body), backend="cpu", execution_devices=_cpu())
+        lapack, *executable = pickle.loads(body)
+        if lapack:
+            from jaxlib.lapack import prepare_lapack_call
+            prepare_lapack_call("getrf", np.dtype(np.float64))
+        return deserialize_and_load(*executable, backend="cpu", execution_devices=_cpu())
     except Exception:      # whatever is wrong with the file, or with this JAX's idea of it: the program is compiled again
         return None
 
@@ -105,14 +119,14 @@ def _cpu():
     return jax.devices("cpu")[:1]
 
 
-def _save(name, compiled) -> None:
-    """Keep an executable; where that fails nothing is lost but time."""
+def _save(name, compiled, lapack: bool) -> None:
+    """Keep an executable and whether it calls LAPACK; where that fails nothing is lost but time."""
     home = folder()
     if home is None or name is None:
         return
     try:
         from jax.experimental.serialize_executable import serialize
-        body = pickle.dumps(serialize(compiled))
+        body = pickle.dumps((lapack, *serialize(compiled)))
         with tempfile.NamedTemporaryFile(dir=home, delete=False) as f:
             f.write(hashlib.sha256(body).digest() + body)
         os.replace(f.name, home / f"{name}.bin")
