@@ -164,14 +164,16 @@ def solve(M, r, a, b, on, lam, w):
         s[i] = s[i] / top if top > 0.0 else s[i]
     guess, found, count = lemke(S, s)
     if found and by_support(M, r, guess, lam, w):
-        on[:] = guess
+        for i in range(m):
+            on[i] = guess[i]
         return True, count
     if m <= FEW:
         for code in range(2**m):
             for i in range(m):
                 guess[i] = (code >> i) & 1
             if by_support(M, r, guess, lam, w):
-                on[:] = guess
+                for i in range(m):
+                    on[i] = guess[i]
                 return True, count + code + 1
     return False, count
 
@@ -224,10 +226,11 @@ def least(M, r, a, b, lam, w):
         rank += 1
     if rank == p:
         return
-    N = np.ascontiguousarray(Vt[rank:].T)
+    Q = np.empty((p, p - rank))
     for i in range(p):
-        N[i] *= b[idx[i]]
-    Q = np.linalg.qr(N)[0]
+        for k in range(p - rank):
+            Q[i, k] = Vt[rank + k, i] * b[idx[i]]
+    orthonormal(Q)
     start = np.empty(p)
     for i in range(p):
         start[i] = lam[idx[i]]
@@ -252,6 +255,26 @@ def least(M, r, a, b, lam, w):
     if slack(M, r, other, v):
         for i in range(m):
             lam[i], w[i] = other[i], v[i]
+
+
+@njit(cache=True, error_model="numpy")
+def orthonormal(Q):
+    """Columns of Q made orthonormal in place, by Gram and Schmidt's method done twice (Giraud et al. 2005)."""
+    p, n = Q.shape
+    for k in range(n):
+        for _ in range(2):
+            for j in range(k):
+                s = 0.0
+                for i in range(p):
+                    s += Q[i, j] * Q[i, k]
+                for i in range(p):
+                    Q[i, k] -= s * Q[i, j]
+        s = 0.0
+        for i in range(p):
+            s += Q[i, k] * Q[i, k]
+        s = np.sqrt(s)
+        for i in range(p):
+            Q[i, k] /= s
 
 
 @njit(cache=True, error_model="numpy")

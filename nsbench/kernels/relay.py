@@ -62,6 +62,13 @@ def gauss(A, b):
 
 
 @njit(cache=True)
+def copy(source, target):
+    """target <- source; a loop, as the checks of an assignment of arrays take numba seconds to compile."""
+    for i in range(target.size):
+        target[i] = source[i]
+
+
+@njit(cache=True)
 def extended(field, t, x, s, e, v, out):
     """F(t, x, s) in `out`, continued multilinearly to |s_i| > 1 through the values at s_i = -1 and 1; calls made.
 
@@ -155,7 +162,7 @@ def newton(field, switch, t, h, x, mode, y, s, jump):
             for j in range(slide.size):
                 jump[slide[j]] = largest(J[:n, n + j])
         before = largest(q) if it else np.inf
-        q[:] = r
+        copy(r, q)
         if not gauss(J.copy(), q) or health(q) != OK:
             return False, calls, it + 1
         for i in range(n):
@@ -201,12 +208,12 @@ def implicit_step(field, switch, t, h, x, mode, y, s):
             for i in range(d):
                 new[i] = code % 3 - 1
                 code //= 3
-            s[:] = start
+            copy(start, s)
             for i in range(d):
                 if again > 0:
                     s[i] = 0.5 if ((again - 1) >> i) % 2 == 0 else -0.5
-            y[:] = x
-        mode[:] = new
+            copy(x, y)
+        copy(new, mode)
         solved, more, its = newton(field, switch, t, h, x, mode, y, s, jump)
         calls, inner = calls + more, inner + its
         if solved:
@@ -217,8 +224,8 @@ def implicit_step(field, switch, t, h, x, mode, y, s):
                     s[i] = min(1.0, max(-1.0, s[i]))
                 return True, calls, inner
         else:
-            y[:] = x
-            s[:] = start
+            copy(x, y)
+            copy(start, s)
             for i in range(d):
                 new[i] = 0 if mode[i] != 0 else new[i]
     return False, calls, inner
@@ -235,7 +242,8 @@ def march_implicit(field, switch, t, substeps, x, d):
         switch(t[0], x, c)
         for i in range(d):
             mode[i] = np.int64(np.sign(c[i]))
-    X[0], W[0] = x, w
+    copy(x, X[0])
+    copy(w, W[0])
     calls, inner = 0, 0
     for k in range(K - 1):
         h = (t[k + 1] - t[k]) / substeps[k]
@@ -251,10 +259,11 @@ def march_implicit(field, switch, t, substeps, x, d):
                     field(after, x, s, y)
                 bad = health(y)
                 return X, W, calls, inner, (STUCK if bad == OK else bad), after - h
-            x[:] = y
+            copy(y, x)
             for i in range(d):
                 w[i] += h * 0.5 * (1.0 + s[i])
-        X[k + 1], W[k + 1] = x, w
+        copy(x, X[k + 1])
+        copy(w, W[k + 1])
     return X, W, calls, inner, OK, t[K - 1]
 
 
@@ -264,7 +273,8 @@ def march_explicit(field, switch, t, substeps, x, d):
     K, x = t.size, x.copy()
     X, W = np.full((K, x.size), np.nan), np.full((K, d), np.nan)
     v, s, c, w = np.empty(x.size), np.empty(d), np.zeros(d), np.zeros(d)
-    X[0], W[0] = x, w
+    copy(x, X[0])
+    copy(w, W[0])
     calls = 0
     for k in range(K - 1):
         h = (t[k + 1] - t[k]) / substeps[k]
@@ -284,5 +294,6 @@ def march_explicit(field, switch, t, substeps, x, d):
                 bad = health(c)
             if bad != OK:
                 return X, W, calls, 0, bad, now
-        X[k + 1], W[k + 1] = x, w
+        copy(x, X[k + 1])
+        copy(w, W[k + 1])
     return X, W, calls, 0, OK, t[K - 1]

@@ -137,7 +137,9 @@ def advance(f, linear, now, after, h, theta, x, y, v, q0, q1, system, state, lam
     J, W, G, E, M, a, b = state
     n, m = x.size, lam.size
     w, r, p, s, mid, z = np.empty(m), np.empty(m), np.empty(m), np.empty(m), np.empty(n), np.empty(n)
-    y[:], old = x, np.zeros(n)
+    old = np.zeros(n)
+    for c in range(n):
+        y[c] = x[c]
     if theta < 1.0:
         f(now, x.copy(), old)
         count[CALLS] += 1
@@ -228,7 +230,10 @@ def march(f, q_of, moving, linear, J, t, substeps, x, q, B, C, D, theta, fixed, 
     count, twice, old = np.zeros(5, np.int64), np.nan, -1.0
     M, a, b, G = np.zeros((m, m)), np.ones(m), np.ones(m), np.zeros((n, m))
     state = (J.copy(), np.eye(n), G, at_end(D, fixed, on), M, a, b)
-    X[0], P[0] = x, total
+    for c in range(n):
+        X[0, c] = x[c]
+    for i in range(m):
+        P[0, i] = 0.0
     for k in range(K - 1):
         h = (t[k + 1] - t[k]) / substeps[k]
         for s in range(substeps[k]):

@@ -15,7 +15,7 @@ ROUNDS = 7
 FEWEST = 3              # of rounds: quartiles of less say nothing
 TURNS = 0.05            # seconds: what the turns of one row may take together, if they are not FEWEST
 LONG = 0.1              # seconds: a run that takes longer is timed once; what disturbs it averages out within
-AGAIN = 5e-3, 20.0      # seconds of a first preparation: below it hides nothing, beyond it is not made twice
+AGAIN = 5e-3            # seconds: a preparation that is quicker hides no compilation
 LEAST = 0.02            # seconds: a run that is shorter is repeated within its turn until the turn lasts this long
 
 
@@ -77,11 +77,11 @@ def in_rounds(runs: list[Callable[[], object]], rounds: list[int], announce: Cal
 def prepared(prepare: Callable[[], Callable]) -> tuple[Callable, dict]:
     """The run that `prepare()` returns, and what it took: setup_seconds, what every preparation pays, and
     compile_seconds, what the first one in a process paid beyond it: compilation, loading from caches, imports. They are
-    told apart by preparing twice. A preparation of more than 20 s is not repeated: all of it counts as set-up."""
+    told apart by preparing twice."""
     start = time.perf_counter()
     run = prepare()
     first = again = time.perf_counter() - start
-    if AGAIN[0] < first < AGAIN[1]:
+    if first > AGAIN:
         start = time.perf_counter()
         run = prepare()
         again = min(first, time.perf_counter() - start)

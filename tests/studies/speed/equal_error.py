@@ -1,0 +1,169 @@
+"""The cheapest method at equal error, for 3 to 1000 discs: who wins at 1e-2, 1e-3, 1e-4 and 1e-6, and by which factor.
+
+    python tests/studies/speed/equal_error.py                       (--sizes 3,10,30,100,1000 --budget 30 -s SOLVER ...)
+
+Scenes: discs[n=N], seed 0, drawn together and turned, to T = 3 (21 samples; the references stored with the bench). For
+N = 1000 the same scene to T = 0.25 (3 samples), whose reference is made here: Richardson's extrapolation of PBD at its two
+finest steps, and its bound the change from the extrapolation one level coarser (both printed: a check of PBD with itself,
+so --reference event_driven, where that can do it, is the independent one). Errors below ten times a bound are not numbers.
+
+Every method runs at finer and finer steps (ratio 2), tolerances (ratio 100) or stiffnesses (ratio 4) until its error is
+below 1e-6 or its share of the seconds per size (--budget) is spent; then all runs of a size are timed in interleaved rounds.
+Seconds of an error come from the work-precision curve as in the report (nsbench.report.speed), preparation and compilation
+apart. Compiled loops are ranked; a loop in Python stands below them, as its seconds measure an interpreter.
+"""
+import argparse
+import os
+import platform
+import time
+
+for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"):
+    os.environ.setdefault(_name, "1")
+
+import numpy as np  # noqa: E402
+
+import nsbench  # noqa: E402
+from nsbench import solvers  # noqa: E402
+from nsbench.measure import clock  # noqa: E402
+from nsbench.report import source, speed  # noqa: E402
+from nsbench.report.style import LEADS, factor, family, power, seconds  # noqa: E402
+from nsbench.store import versions  # noqa: E402
+
+EXTRA = ("pbd[order=reverse]", "pbd[order=cell]", "pbd[order=coloured]", "pbd[order=strips]")
+OUT = ("nosnoc", "solve_ivp")            # modes by hand: other cases; nosnoc: minutes
+LARGE, SHORT = 300, 0.25                 # discs beyond which the run ends at SHORT
+DEEP = 15                                # halvings of the sample spacing in the reference of a large scene
+
+
+def methods(asked):
+    """Specs to try: those asked for, or the standard ones with the other orders of PBD, as far as they exist."""
+    out = []
+    for spec in asked or (*solvers.standard(), *EXTRA):
+        try:
+            solvers.get(spec)
+        except (LookupError, ValueError):
+            continue
+        if asked or family(spec) not in OUT:
+            out.append(spec)
+    return list(dict.fromkeys(out))
+
+
+def scene(n: int, how: str):
+    """The case, its reference states (None: the stored one is used) and the bound of the state error."""
+    case = nsbench.get_case("discs", n=n)
+    if n < LARGE:
+        from nsbench.reference import reference
+        return case, None, reference(case).state_error
+    case = case.replace(t=np.linspace(0.0, SHORT, 4))
+    if how == "event_driven":
+        traj = nsbench.solve(case, "event_driven")
+        looser = nsbench.solve(case, "event_driven", tol=1e-10)
+        if not traj.status.ok:
+            raise SystemExit(f"event_driven on {n} discs: {traj.status}")
+        return case, traj.x, float(np.abs(traj.x - looser.x).max())
+    spacing = case.t[1]
+    x = [nsbench.solve(case, LEADS, h=spacing / 2**k).x for k in (DEEP - 2, DEEP - 1, DEEP)]
+    fine, coarse = 2 * x[2] - x[1], 2 * x[1] - x[0]
+    return case, fine, float(np.abs(fine - coarse).max())
+
+
+def accuracies(case, method):
+    """Ever finer ones, without end."""
+    if method.accuracy == "h":
+        k = 0
+        while True:
+            yield float(np.diff(case.t).min()) / 2**k
+            k += 1
+    a, ratio = (1e-3, 1e-2) if method.accuracy == "tol" else (30.0, 4.0)
+    while a > 1e-13:
+        yield a
+        a *= ratio
+
+
+def ladder(case, spec, reference, bound, budget):
+    """(row, run) of every accuracy tried."""
+    method, out, spent = solvers.get(spec), [], 0.0
+    if method.refuses(case):
+        return out
+    for accuracy in accuracies(case, method):
+        try:
+            run, _ = clock.prepared(lambda: method.prepare(case, accuracy))  # noqa: B023
+            start = time.perf_counter()
+            traj = run()
+            took = time.perf_counter() - start
+        except (ValueError, MemoryError):
+            break
+        spent += took
+        if traj.status.code in ("ok", "unverified", "degenerate") and len(traj.t) == len(case.t):
+            error = (float(np.abs(traj.x - reference).max()) if reference is not None
+                     else nsbench.errors(case, traj)["state_sup"])
+            row = {"case": case.key, "solver": spec, "accuracy": method.accuracy, "asked": accuracy, "status": "ok",
+                   "h": 1.0 / accuracy if method.accuracy == "k" else accuracy, "seconds": took, "rounds": 1,
+                   "loop": traj.stats.get("loop", ""), "state_sup": max(error, 1e-300)}
+            out.append((row, run))
+            if error < 1e-6:
+                break
+        if spent + 2.2 * took > budget:
+            break
+    return out
+
+
+def measured(case, specs, reference, bound, budget):
+    """Rows of all methods on one scene, timed in interleaved rounds."""
+    found = [pair for spec in specs for pair in ladder(case, spec, reference, bound, budget / len(specs))]
+    rounds = [clock.rounds_of(row["seconds"]) for row, _ in found]
+    times = clock.in_rounds([run for _, run in found], rounds, lambda i: None)
+    return [row | clock.columns(t) for (row, _), t in zip(found, times, strict=True)]
+
+
+def told(data, key, target, bound):
+    """The line of one size and one error."""
+    if target < 10 * bound:
+        return "the reference cannot tell"
+    found = speed.costs(data, key, target)
+    ranked = [c for c in found if c.loop == "compiled"]
+    if not ranked:
+        return f"not reached by a compiled loop; {LEADS} would need about {seconds(_beyond(data, key, target))}"
+    first, pbd = ranked[0], next((c for c in ranked if family(c.solver) == LEADS), None)
+    text = f"{first.solver} {'<= ' if first.at_most else ''}{seconds(first.seconds)} ({speed.setting(first)})"
+    rivals = [c for c in ranked if family(c.solver) != family(first.solver)]
+    if rivals:
+        text += f"; next other method x {factor(rivals[0].seconds / first.seconds)} ({rivals[0].solver})"
+    if pbd is None:
+        text += f"; {LEADS} would need about x {factor(_beyond(data, key, target) / first.seconds)}, going on with order 1"
+    elif pbd is not first:
+        text += f"; {LEADS} x {factor(pbd.seconds / first.seconds)} ({pbd.solver})"
+    hosts = [f"{c.solver} x {factor(c.seconds / first.seconds)}" for c in found if c.loop != "compiled"]
+    return text + (f"   [loops in Python: {', '.join(hosts[:3])}]" if hosts else "")
+
+
+def _beyond(data, key, target):
+    """Seconds of the best PBD at an error it was not run to: the cost of its finest run times what the error must lose."""
+    own = [r for r in data.of_case(key) if family(r.solver) == LEADS and len(r)]
+    return min((r.col["seconds"][-1] * r.col["state_sup"][-1] / target for r in own), default=float("nan"))
+
+
+def main():
+    p = argparse.ArgumentParser()
+    p.add_argument("--sizes", default="3,10,30,100,1000")
+    p.add_argument("--budget", type=float, default=25.0, help="seconds of runs per size, shared by the methods")
+    p.add_argument("--reference", choices=("richardson", "event_driven"), default="richardson", help="of the large scene")
+    p.add_argument("-s", "--solver", action="append")
+    args = p.parse_args()
+    specs, wins = methods(args.solver), []
+    print(f"Python {platform.python_version()}, numpy {versions()['numpy']}, numba {versions()['numba']}; load average "
+          f"{os.getloadavg()[0]:.1f} of {os.cpu_count()} cores\nmethods: {', '.join(specs)}\n{speed.RULE}\n")
+    for n in map(int, args.sizes.split(",")):
+        case, reference, bound = scene(n, args.reference)
+        data = source.read(measured(case, specs, reference, bound, args.budget))
+        print(f"{n} discs to T = {case.t[-1]:g}; the reference is known to {bound:.1e}")
+        for target in speed.TARGETS:
+            line = told(data, case.key, target, bound)
+            print(f"  error {power(target)}  {line}", flush=True)
+            wins += [(n, target)] if line.startswith(LEADS) else []
+    print(f"\n{LEADS} is the cheapest at " + (", ".join(f"N = {n}, {power(t)}" for n, t in wins) or "no size and error")
+          + "; nowhere else.")
+
+
+if __name__ == "__main__":
+    main()
