@@ -52,7 +52,7 @@ def test_penalty_once_extrapolated_has_order_two(name):
         assert abs(order - 2.0) < 0.05 and rows[-1][quantity] < 3e-7
 
 
-@pytest.mark.parametrize("name, least", [("three_discs", 2.9), ("slide_exit", 2.7)])
+@pytest.mark.parametrize("name, least", [("three_discs", 2.8), ("slide_exit", 2.7)])
 def test_penalty_twice_extrapolated_has_order_three(name, least):
     ks = np.geomspace(150.0, 1200.0, 7)
     order, rows = slope(name, "penalty[extrapolate=2]", ks, "state_T")
@@ -61,7 +61,7 @@ def test_penalty_twice_extrapolated_has_order_three(name, least):
 
 
 def test_an_error_that_cannot_be_told_is_unverified():
-    for spec, good, hidden in (("penalty[extrapolate=1]", 4e4, 8e4), ("penalty[extrapolate=2]", 2e3, 4e3)):
+    for spec, good, hidden in (("penalty[extrapolate=1]", 1e5, 3e5), ("penalty[extrapolate=2]", 2e3, 4e3)):
         assert solve("tide", spec, k=good).status.ok
         assert solve("tide", spec, k=hidden).status.code == "unverified"
 

@@ -43,6 +43,13 @@ def _level(things, n):
     return level
 
 
+def _entries(scene, rows, width):
+    """(places (m, width) of the rows' entries among all, and which of them are there)."""
+    at = scene.ptr[rows][:, None] + np.arange(width)
+    inside = at < scene.ptr[rows + 1][:, None]
+    return np.where(inside, at, 0), inside
+
+
 def _up(value, step):
     """value rounded up: to a multiple of step, and by an eighth beyond eight of them."""
     step = max(step, step * (int(value) // (8 * step)))
@@ -57,9 +64,8 @@ def arrange(lists, scene: Scene, owner: np.ndarray, sizes: tuple[int, int, int])
     things = np.full((m, max(2, width)), -1, np.int64)
     pair = kind == PAIR
     things[pair, 0], things[pair, 1] = particle[p[pair]], particle[q[pair]]
-    for c in np.flatnonzero(~pair):
-        cols = scene.cols[scene.ptr[p[c]]:scene.ptr[p[c] + 1]]
-        things[c, :len(cols)] = particle[cols]
+    entry, inside = _entries(scene, p[~pair], width)
+    things[~pair, :width] = np.where(inside, particle[scene.cols[entry]] if len(scene.cols) else -1, -1)
     level = _level(things, n)
     L = max(sizes[0], _up(level.max(initial=0) + 1, LEVELS))
     place, most = np.empty(m, np.int64), []
@@ -75,9 +81,8 @@ def arrange(lists, scene: Scene, owner: np.ndarray, sizes: tuple[int, int, int])
     cols, vals = np.full((L, R, width), n), np.zeros((L, R, width))
     row, number = np.zeros((L, R), np.int64), np.full((L, R), m)
     row[a, b], number[a, b] = p[~pair], np.flatnonzero(~pair)
-    for la, lb, r in zip(a, b, p[~pair], strict=True):
-        e = slice(scene.ptr[r], scene.ptr[r + 1])
-        cols[la, lb, :e.stop - e.start], vals[la, lb, :e.stop - e.start] = scene.cols[e], scene.vals[e]
+    if len(scene.cols):
+        cols[a, b], vals[a, b] = np.where(inside, scene.cols[entry], n), np.where(inside, scene.vals[entry], 0.0)
     return Levels((P, Q, D, S, N), (cols, vals, row, number), int(level.max(initial=-1) + 1)), (L, C, R)
 
 

@@ -16,7 +16,7 @@ EXPLICIT = {"tsit5": 6, "dopri8": 13, "bosh3": 3}      # right-hand sides of a s
 IMPLICIT = ("kvaerno3", "kvaerno5")
 # by extrapolations: k of an order study, which an explicit method takes in seconds, and where layers have died out; default k
 LADDERS = ((30.0, 3840.0), (60.0, 7680.0), (30.0, 1920.0))
-TOLERANCES = (1e-9, 1e-12, 1e-13)
+LEAST = 1e-13             # tolerance; rounding of 10^5 steps is a tenth of it
 DEFAULTS = (1e4, 1e4, 1e3)
 LISTED = 6000             # listed constraints (all but hard pairs) whose impulses are integrated
 MEMORY = 1e9              # bytes of samples of one run
@@ -39,7 +39,7 @@ class Penalty:
     Filippov systems: the sign of a surface c becomes clip(k c, -1, 1), a layer of half-width eps = 1/k. Impulses and
     reaction are integrated as further states. method: explicit "tsit5", "dopri8", "bosh3" (about k T / 3 steps), or
     implicit "kvaerno3", "kvaerno5" (dearer steps and 4 times the compile time, but their number does not grow with k).
-    rtol and atol are those of the step control (1e-9; 1e-12 and 1e-13 where extrapolated), max_steps counts refused steps.
+    rtol and atol are those of the step control (1e-9, less where extrapolated), max_steps counts refused steps.
 
     extrapolate: 1 gives 2 x(2k) - x(k), 2 also x(4k): powers 1/k and 1/k^2 of the error cancel, in states, impulses and
     reaction alike. Between events the error has an expansion in powers of 1/k, because an impact is forgotten like
@@ -78,10 +78,13 @@ class Penalty:
         """k of an order study."""
         return LADDERS[self.extrapolate]
 
-    def tolerance(self, name: str) -> float:
-        """rtol or atol: as given, or small enough for the error that the method claims."""
+    def tolerance(self, name: str, k: float) -> float:
+        """rtol or atol: as given, or 1e-9; where extrapolated, what leaves the claimed error k^-2 or k^-3 to be seen."""
         given = getattr(self, name)
-        return given if given is not None else TOLERANCES[self.extrapolate]
+        if given is not None:
+            return given
+        seen = 0.99 * HIDDEN * k ** -(1.0 + self.extrapolate) / float(np.abs(weights(self.extrapolate)).sum())
+        return float(np.clip(seen, LEAST, 1e-9)) if self.extrapolate else 1e-9
 
     def __post_init__(self):
         if self.method not in (*EXPLICIT, *IMPLICIT):
@@ -125,7 +128,7 @@ class Penalty:
         x0 = _start(case)
         from nsbench.solvers._penalty_program import NotTraceable
         try:
-            march = _march(self, case, x0)
+            march = _march(self, case, x0, k)
         except NotTraceable as e:
             why = f"JAX cannot trace the functions of {case.key} (do they use the array namespace they are given?): {e}."
             return lambda: _nothing(case, why)
@@ -147,10 +150,10 @@ def _near_lists(penalty: Penalty, case: Case) -> bool:
     return most > 1 and (penalty.pairs == "near" or (penalty.pairs == "auto" and most > MANY))
 
 
-def _march(penalty: Penalty, case: Case, x0: np.ndarray):
+def _march(penalty: Penalty, case: Case, x0: np.ndarray, asked: float):
     """k -> samples and counts of a run, bound to the compiled program. Raises NotTraceable."""
     from nsbench.solvers._penalty_program import compiled
-    limits = (penalty.tolerance("rtol"), penalty.tolerance("atol"), penalty.max_steps)
+    limits = (penalty.tolerance("rtol", asked), penalty.tolerance("atol", asked), penalty.max_steps)
     if _near_lists(penalty, case):
         from nsbench.solvers._segments import Segments
         segments = Segments(case, x0, penalty.method, penalty.reach)
@@ -202,7 +205,7 @@ def _status(penalty: Penalty, case: Case, k: float, asked: float, out: dict) -> 
     at = f"at t = {t:.6g} of {case.t[-1]:g}"
     if int(out["i"]) == len(case.t) and np.isfinite(out["x"]).all() and np.isfinite(out["impulse"]).all():
         # weights of an extrapolation amplify what the integrator leaves
-        worst = max(penalty.tolerance("rtol"), penalty.tolerance("atol"))
+        worst = max(penalty.tolerance("rtol", asked), penalty.tolerance("atol", asked))
         claimed = asked ** -(1.0 + penalty.extrapolate)
         if worst * float(np.abs(weights(penalty.extrapolate)).sum()) > HIDDEN * claimed:
             return Status("unverified", f"The error of the penalty, about {claimed:.1e}, may be hidden by the "
