@@ -58,6 +58,13 @@ def test_implicit_goes_on_where_explicit_meets_the_wall():
     assert better.status.ok and abs(np.abs(better.x - TIDE.exact(better.t)).max() * 1e9 - np.cos(np.pi / 6)) < 0.03
 
 
+def test_the_integrator_is_chosen_by_k():
+    low, high = (solve("three_discs", "penalty[method=auto]", k=k) for k in (1e3, 1e5))
+    assert low.stats["integrator"] == "tsit5" and high.stats["integrator"] == "kvaerno5"
+    assert np.array_equal(low.x, solve("three_discs", "penalty", k=1e3).x) and high.stats["steps"] < 1000
+    assert solve("three_discs", "penalty[method=auto,extrapolate=1]", k=1500.0).stats["integrator"] == "kvaerno5"
+
+
 def test_newton_does_not_take_rounding_for_divergence():
     traj = solve("hex", "penalty[method=kvaerno5]", k=1631.0626448979872)
     assert traj.status.ok and traj.stats["steps"] + traj.stats["refused_steps"] < 300

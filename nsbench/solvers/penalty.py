@@ -1,7 +1,7 @@
 """Smoothed penalty: constraints as stiff springs, switches as thin layers, integrated by diffrax in float64."""
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,6 +16,7 @@ EXPLICIT = {"tsit5": 6, "dopri8": 13, "bosh3": 3}      # right-hand sides of a s
 IMPLICIT = ("kvaerno3", "kvaerno5")
 # by extrapolations: k of an order study, which an explicit method takes in seconds, and where layers have died out; default k
 LADDERS = ((30.0, 3840.0), (60.0, 7680.0), (30.0, 1920.0))
+STIFF = 2e3               # k from which kvaerno5 takes less time than tsit5 for few states; 2e4 for 60, as factors cost n^3
 LEAST = 1e-13             # tolerance; rounding of 10^5 steps is a tenth of it
 DEFAULTS = (1e4, 1e4, 1e3)
 LISTED = 6000             # listed constraints (all but hard pairs) whose impulses are integrated
@@ -38,7 +39,8 @@ class Penalty:
 
     Filippov systems: the sign of a surface c becomes clip(k c, -1, 1), a layer of half-width eps = 1/k. Impulses and
     reaction are integrated as further states. method: explicit "tsit5", "dopri8", "bosh3" (about k T / 3 steps), or
-    implicit "kvaerno3", "kvaerno5" (dearer steps and 4 times the compile time, but their number does not grow with k).
+    implicit "kvaerno3", "kvaerno5" (dearer steps and 4 times the compile time, but their number grows little with k), or
+    "auto": tsit5 or kvaerno5 by k and the number of states, named in stats["integrator"].
     rtol and atol are those of the step control (1e-9, less where extrapolated), max_steps counts refused steps.
 
     extrapolate: 1 gives 2 x(2k) - x(k), 2 also x(4k): powers 1/k and 1/k^2 of the error cancel, in states, impulses and
@@ -87,8 +89,8 @@ class Penalty:
         return float(np.clip(seen, LEAST, 1e-9)) if self.extrapolate else 1e-9
 
     def __post_init__(self):
-        if self.method not in (*EXPLICIT, *IMPLICIT):
-            raise ValueError(f"method is {self.method!r}; one of {', '.join((*EXPLICIT, *IMPLICIT))}")
+        if self.method not in (*EXPLICIT, *IMPLICIT, "auto"):
+            raise ValueError(f"method is {self.method!r}; one of {', '.join((*EXPLICIT, *IMPLICIT, 'auto'))}")
         for name in ("rtol", "atol"):
             if getattr(self, name) is not None:
                 check_positive(name, getattr(self, name))
@@ -125,6 +127,9 @@ class Penalty:
 
     def prepare(self, case: Case, k: float) -> Run:
         k = check_positive("k", k)
+        if self.method == "auto":
+            stiff = k * 2.0**self.extrapolate >= STIFF * (1.0 + (case.n / 20.0) ** 2)
+            return replace(self, method="kvaerno5" if stiff else "tsit5").prepare(case, k)
         x0 = _start(case)
         from nsbench.solvers._penalty_program import NotTraceable
         try:
@@ -190,7 +195,7 @@ def _trajectory(penalty: Penalty, case: Case, k: float, asked: float, out: dict)
         acted = np.flatnonzero(pushes.any(axis=0))
     steps, refused = int(out["accepted"]), int(out["refused"])
     stats = {"steps": steps, "h": 1.0 / k, "refused_steps": refused, "longest_step": float(out["longest"]),
-             "contacts_peak": int(pushes.sum(axis=1).max(initial=0)), "loop": "compiled"}
+             "contacts_peak": int(pushes.sum(axis=1).max(initial=0)), "loop": "compiled", "integrator": penalty.method}
     if "segments" in out:
         stats["segments"] = out["segments"]
     if penalty.method in EXPLICIT:
