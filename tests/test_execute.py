@@ -116,6 +116,7 @@ def test_first_call_of_a_quick_run_is_no_part_of_its_clock(tmp_path, monkeypatch
     row = attempt(Spec("tide", "slow", "h", 0.05))[0]
     assert row["compile_seconds"] > 0.1 and 0.015 < row["setup_seconds"] < 0.15
     calls[:] = ["prepare"]
+    monkeypatch.setattr(clock, "LONG", 10.0)             # the first call would be long enough to be timed once
     last = list(run_batch([Spec("tide", "slow", "h", 0.05)]))[-1][1]
     assert last["rounds"] >= 3 and last["seconds_max"] < 0.05
 
@@ -124,7 +125,7 @@ def test_rounds_begin_with_another_run_each_time_and_long_runs_are_timed_once():
     seen = []
     times = clock.in_rounds([lambda: None] * 3, [3, 3, 1], seen.append)
     assert [len(t) for t in times] == [3, 3, 1] and seen == [0, 1, 2, 1, 0, 0, 1]
-    assert [clock.rounds_of(s) for s in (1e-6, 0.01, 0.06, 0.2)] == [7, 5, 3, 1]
+    assert [clock.rounds_of(s) for s in (1e-6, 0.006, 0.04, 0.2)] == [7, 5, 3, 1]
 
 
 def test_no_two_workers_compile_the_same_kernels_at_once(tmp_path):
@@ -151,3 +152,14 @@ def test_chores_are_done_and_one_that_fails_or_dies_costs_nothing_else(tmp_path)
     done = run_all([[last], [Spec("tide", "pbd", "h", 0.01)]], 1, 20.0, lambda s, row: rows.append(row["status"]), chores)
     assert rows[0] == "crashed" and set(rows[1:]) == {"ok"}        # a death in the last run of a batch: the next goes on
     assert done == chores[:2] and (tmp_path / "a").is_dir() and (tmp_path / "b").is_dir()
+
+
+def test_the_longest_batches_come_first_and_the_second_needs_other_kernels():
+    from nsbench.execute.suite import _in_order, weight
+    quick = [Spec("tide", "pbd", "h", 0.1)]
+    free, long = [Spec("sliding", "euler", "h", 0.1)], [Spec("discs[n=30]", "pbd", "h", 1e-4)]
+    python = [Spec("tide", "catching_up[backend=osqp]", "h", 1e-3)]
+    assert weight(quick) < weight(python) and weight(quick) < weight(long)
+    assert weight([Spec("sliding", "pbd", "h", float("nan"))]) == 0.0
+    assert _in_order([quick, free, long])[:2] == [long, free] and len(_in_order([quick, free, long, python])) == 4
+    assert _in_order([quick, python]) == [python, quick]

@@ -14,6 +14,7 @@ from nsbench.execute.local import Chore, run_all
 from nsbench.execute.progress import Progress
 
 EXPECTED = ("ok", "refused", "below_reference")
+RUN, EVENTS, IN_PYTHON = 1e4, 1e4, 1e3     # in steps of one coordinate (0.1 us): measuring, a run by events, a step in Python
 
 
 def execute(specs, out: Path, args, say) -> int:
@@ -83,16 +84,29 @@ def _talk(name: str, _: str, out: str) -> None:
 
 
 def _in_order(batches):
-    """The long ones first, so that no tail is left at the end; but behind the first those without constraints.
+    """The long ones first, so that no tail is left at the end; but behind the first the longest one without constraints.
 
     On a new machine the first worker compiles the kernels that every constrained case needs; the second one works on
-    cases that need others meanwhile, instead of compiling the same.
+    a case that needs others meanwhile.
     """
-    problem = [study.resolve(b[0].case, b[0].file) for b in batches]
-    order = sorted(range(len(batches)), key=lambda i: -problem[i].n)
-    free = [i for i in order if not getattr(problem[i].problem, "constraints", ())]
-    bound = [i for i in order if i not in free]
-    return [batches[i] for i in (*bound[:1], *free, *bound[1:])]
+    order = sorted(range(len(batches)), key=lambda i: -weight(batches[i]))
+    cases = [study.resolve(b[0].case, b[0].file) for b in batches]
+    bound = [i for i in order if getattr(cases[i].problem, "constraints", ())]
+    free = [i for i in order if i not in bound]
+    first = [*bound[:1], *free[:1]]
+    return [batches[i] for i in (*first, *(i for i in order if i not in first))]
+
+
+def weight(batch) -> float:
+    """A guess of how long a batch takes, in steps of one coordinate: what every run needs, and what its steps do."""
+    total = 0.0
+    for s in batch:
+        case = study.resolve(s.case, s.file)
+        span = float(case.t[-1] - case.t[0])
+        steps = {"h": span / s.asked, "k": span * s.asked / 3}.get(s.accuracy, EVENTS)
+        if steps == steps:                               # NaN: refused
+            total += RUN + steps * (case.n + (IN_PYTHON if "backend=" in s.solver else 0))
+    return total
 
 
 def _has_terminal() -> bool:

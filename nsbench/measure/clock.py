@@ -13,8 +13,8 @@ import numpy as np
 
 ROUNDS = 7
 FEWEST = 3              # of rounds: quartiles of less say nothing
-TURNS = 0.05            # seconds: what the turns of one row may take together, if they are not FEWEST
-LONG = 0.1              # seconds: a run that takes longer is timed once; what disturbs it averages out within
+TURNS = 0.03            # seconds: what the turns of one row may take together, if they are not FEWEST
+LONG = 0.05             # seconds: a run that takes longer is timed once; what disturbs it averages out within
 AGAIN = 5e-3            # seconds: a preparation that is quicker hides no compilation
 LEAST = 0.02            # seconds: a run that is shorter is repeated within its turn until the turn lasts this long
 
