@@ -126,6 +126,24 @@ def test_another_process_neither_traces_nor_compiles(tmp_path, monkeypatch, spec
     assert third[2] and third[:2] == first[:2]
 
 
+def test_what_another_cache_gave_is_not_kept(tmp_path, monkeypatch):
+    """JAX's own cache, where the user has one, is used but not copied: a copy would lack its functions."""
+    for name, value in (("JAX_COMPILATION_CACHE_DIR", str(tmp_path / "jax")), ("XDG_CACHE_HOME", str(tmp_path)),
+                        ("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0"),
+                        ("JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES", "-1")):
+        monkeypatch.setenv(name, value)
+    kept = tmp_path / "nsbench" / "programs"
+
+    def run(cache):
+        monkeypatch.setenv("NSBENCH_CACHE", cache)
+        return json.loads(subprocess.run([sys.executable, "-c", SCRIPT, "penalty"], capture_output=True, text=True,
+                                         check=True).stdout)
+    first = run("off")
+    assert list((tmp_path / "jax").iterdir())
+    second = run("")
+    assert not list(kept.iterdir()) and run("") == second == first
+
+
 def test_what_others_could_write_is_not_run(tmp_path, monkeypatch):
     home = tmp_path / "nsbench" / "programs"
     home.mkdir(parents=True)

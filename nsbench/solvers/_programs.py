@@ -48,10 +48,26 @@ def program(key: str | None, trace: Callable):
         keep = all(c.startswith("lapack_") for c in calls)
         found = _load(text) if keep else None
         if found is None:
-            found = lowered.compile()
-            if keep:
+            found, fresh = _compile(lowered)
+            if keep and fresh:
                 _save(text if name is None else name, found, bool(calls))
     return found
+
+
+def _compile(lowered):
+    """(executable, whether it was compiled here). What JAX's own cache gives, where the user has one, cannot be written
+    again: it would lack its functions when it is read."""
+    before = len(_watch_cache())
+    return lowered.compile(), len(_watch_cache()) == before
+
+
+@functools.cache
+def _watch_cache() -> list:
+    """The hits of JAX's own cache in this process."""
+    import jax
+    hits = []
+    jax.monitoring.register_event_listener(lambda event, **_: hits.append(event) if event.endswith("/cache_hits") else None)
+    return hits
 
 
 def _digest(*words: str) -> str:
