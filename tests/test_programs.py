@@ -144,6 +144,18 @@ def test_what_another_cache_gave_is_not_kept(tmp_path, monkeypatch):
     assert not list(kept.iterdir()) and run("") == second == first
 
 
+def test_a_kept_program_that_does_not_run_is_compiled_again():
+    import jax
+
+    def broken(*_):
+        raise jax.errors.JaxRuntimeError("NOT_FOUND: Function fusion not found")
+    made = []
+    kept = _programs.Kept(broken, lambda: made.append(1) or (lambda x: {"y": x}))
+    assert kept(3.0) == {"y": 3.0} == kept(3.0) and made == [1]
+    with pytest.raises(jax.errors.JaxRuntimeError):
+        _programs.Kept(broken)(3.0)
+
+
 def test_what_others_could_write_is_not_run(tmp_path, monkeypatch):
     home = tmp_path / "nsbench" / "programs"
     home.mkdir(parents=True)

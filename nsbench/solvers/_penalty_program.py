@@ -25,8 +25,7 @@ class Program:
     offsets: dict = field(default_factory=dict)
 
     def __call__(self, *arguments) -> dict:
-        float64()
-        return {name: np.asarray(v) for name, v in self.run(*arguments).items()}
+        return self.run(*arguments)
 
 
 @lru_cache(maxsize=64)
