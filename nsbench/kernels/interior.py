@@ -16,9 +16,9 @@ from nsbench.kernels.sparse import push, slack
 
 ROUNDS, PATIENCE = 80, 25    # about 20 do from nothing; then ten times tol will do; then it is given up
 CORRECTORS = 2               # more of them find nothing to correct
-BACK = 0.995                 # of the way to the border
+BACK = 0.999                 # of the way to the border
 ENOUGH = 0.95                # a step this long needs no corrector
-NEAR = 0.05                  # of the squared residual of the guess: where on the central path to start
+NEAR = 0.01                 # of the squared residual of the guess: where on the central path to start
 CENTRAL = 0.01               # of mu: a product lam s below is lifted, by s
 PROX = 1e-9                 # proximal term of the multipliers, of lengths: no weight is above its inverse
 FAR = 1e9                    # a point farther away than this many scales is no point
@@ -147,7 +147,7 @@ def interior(P, T, room, vals, q, guess, norm, scale, tol, mu, d, w):
         if _parted(q, lam, g, norm, scale):
             return 1, rounds
         factor(T, P[0], vals, weight, L, F, stack)
-        if gap < 1e4 * m * tol and off < 1e4 * tol and polish(T, L, P, vals, q, norm, lam, s, weight, tol, mu, d, w,
+        if gap < 10.0 * m * tol and off < 1e4 * tol and polish(T, L, P, vals, q, norm, lam, s, weight, tol, mu, d, w,
                                                               work) <= (tol if rounds < PATIENCE else 10.0 * tol):
             return 0, rounds + 1
         for k in range(m):
