@@ -15,7 +15,7 @@ from nsbench.kernels.pbd import NAN, OK, finite
 from nsbench.kernels.records import flush
 
 INFEASIBLE = 3
-QPS, ROUNDS, REBUILDS, PEAK, LIMITS, TIES = range(6)      # places of the counters
+QPS, ROUNDS, REBUILDS, PEAK, LIMITS, TIES, WORST, ACTING = range(8)      # places of the counters
 SKIN_OVER_STEP = 8.0                                      # a list should outlive its own step
 
 
@@ -87,6 +87,7 @@ def project(exact, many, lists, P, book, store, rows, b, anchors, x, z, guess, c
     mu, d, book, store = least(exact, many, P, book, store, vals, q, guess, scale, work)
     count[QPS] += 1
     count[ROUNDS] += work[1]
+    count[WORST] = max(count[WORST], work[1])
     count[LIMITS] += work[0] == qp.MAXITER
     for k in range(m):                                    # a push between coincident centres has no direction
         count[TIES] += lists[0][k] != 0 and mu[k] > 0.0 and w[k] == -lists[7][k] * lists[6][k]
@@ -109,7 +110,7 @@ def march(f, b_of, a_of, exact, many, moving, t, substeps, x, static, rows, b, a
             X[k, c] = R[k, c] = np.nan
     x, reac, v, base, z = x.copy(), np.zeros(n), np.empty(n), x.copy(), np.empty(n)
     ids, values, size = np.empty((64, 4), np.int64), np.empty(64), np.int64(0)
-    count, skin = np.zeros(6, np.int64), reach
+    count, skin = np.zeros(8, np.int64), reach
     lists, keys = gather(x, skin, static, hard, radii)
     P = qp.pattern(*columns(lists, rows[0], rows[1]), n)
     guess, total = np.zeros(keys.size), np.zeros(keys.size)
@@ -156,6 +157,7 @@ def march(f, b_of, a_of, exact, many, moving, t, substeps, x, static, rows, b, a
                 reac[c] += d[c]
             for c in range(mu.size):
                 total[c] += mu[c]
+                count[ACTING] += mu[c] > 0.0
             guess = mu
             if not finite(x):
                 return X, R, ids[:size], values[:size], count, worst, when, NAN, now

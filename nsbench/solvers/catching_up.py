@@ -109,7 +109,9 @@ def _compiled(case, scene, g, x0, reach):
     def run():
         X, R, ids, values, count, worst, when, code, reached = march(*args)
         count = {key: int(count[at]) for at, key in enumerate(("qp_solves", "inner_iterations", "rebuilds",
-                                                              "contacts_peak", "limits", "ties"))}
+                                                              "contacts_peak", "limits", "ties", "rounds_worst",
+                                                              "contacts"))}
+        count["contacts"] = round(count["contacts"] / max(1, int(g.substeps.sum())))
         return X, R, ids, values, count, worst, when, CODES[code], reached
     return run, loop
 
