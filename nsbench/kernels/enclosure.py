@@ -13,7 +13,7 @@ from nsbench.kernels.jets import TINY, UNIT, circular, divide, exponential, mult
 from nsbench.kernels.jets import power as root
 from nsbench.kernels.tapecodes import (
     ADD,
-    ADDC,
+    AFFINE,
     ATAN,
     CONST,
     COS,
@@ -22,7 +22,6 @@ from nsbench.kernels.tapecodes import (
     EXP,
     LOG,
     MUL,
-    MULC,
     POW,
     RDIV,
     SECH2,
@@ -135,7 +134,7 @@ def _function(o, c, am, ar, wm, wr, ym, yr, zm, zr):
 
 
 @njit(cache=True, error_model="numpy")
-def enclose(op, a, b, c, lo, hi, n, M, R):
+def enclose(op, a, b, c, d, lo, hi, n, M, R):
     """Rows n + 1 .. of M, R (rows, ORDER + 1), from those of the state and the time."""
     for e in range(lo, hi):
         o, row, i, j = op[e], n + 1 + e - lo, a[e], b[e]
@@ -146,11 +145,12 @@ def enclose(op, a, b, c, lo, hi, n, M, R):
             for k in range(ORDER + 1):
                 M[row, k] = M[i, k] + sign * M[j, k]
                 R[row, k] = R[i, k] + R[j, k] + UNIT * abs(M[row, k])
-        elif o == ADDC or o == MULC:
-            w = c[e] if o == MULC else 1.0
+        elif o == AFFINE:
             for k in range(ORDER + 1):
-                M[row, k] = w * M[i, k] + (c[e] if o == ADDC and k == 0 else 0.0)
-                R[row, k] = abs(w) * R[i, k] + UNIT * abs(M[row, k])
+                M[row, k] = c[e] * M[i, k]
+                R[row, k] = abs(c[e]) * R[i, k] + UNIT * abs(M[row, k])
+            M[row, 0] += d[e]
+            R[row, 0] += UNIT * abs(M[row, 0])
         elif o == CONST or o == RDIV:
             for k in range(ORDER + 1):
                 M[row, k], R[row, k] = 0.0, 0.0

@@ -37,12 +37,12 @@ def accumulate(ring, count, span):
 @inner
 def landed(tape, m, n, p, w, t, s, h, C, V):
     """Time from the step's start at which watched function w vanishes, near s: Newton's method on the function itself."""
-    row = tape[5][m, n + w]
+    row = tape[6][m, n + w]
     for _ in range(4):
         for j in range(n):
             V[j] = horner(C, j, s, p)
         V[n] = t + s
-        point(tape[0], tape[1], tape[2], tape[3], tape[4][m], tape[4][m + 1], n, V)
+        point(tape[0], tape[1], tape[2], tape[3], tape[4], tape[5][m], tape[5][m + 1], n, V)
         slope = 0.0
         for k in range(p, 0, -1):
             slope = slope * s + k * C[row, k]
@@ -58,12 +58,12 @@ def landed(tape, m, n, p, w, t, s, h, C, V):
 @inner
 def step(tape, m, n, d, p, t, x, most, local, armed, edge, scratch):
     """One step in program m: (code, length, fired). CLEAR: go on after `length`; FOUND: event; HARD: not certain."""
-    op, a, b, c, first, outs = tape
+    op, a, b, c, e, first, outs = tape
     C, Q, M, R, V, error, lift, stack, work = scratch[:9]
     for j in range(n):
         C[j, 0] = x[j]
     C[n, 0] = t
-    series(op, a, b, c, first[m], first[m + 1], outs[m], n, p, C)
+    series(op, a, b, c, e, first[m], first[m + 1], outs[m], n, p, C)
     h, watches = length(C, n, p, x, outs[m], d + 1, local, most), d + 1
     tiny = 64.0 * EPS * abs(t)
     if not h > min(tiny, 0.5 * most):
@@ -80,8 +80,8 @@ def step(tape, m, n, d, p, t, x, most, local, armed, edge, scratch):
     start, width, pieces, whole = 0.0, h, 0, h
     while start < h:
         width = min(width, h - start)
-        if not certified(op, a, b, c, first[m], first[m + 1], outs[m], n, p, watches, t, start, width, whole, local, C, Q, M, R,
-                         V, error):
+        if not certified(op, a, b, c, e, first[m], first[m + 1], outs[m], n, p, watches, t, start, width, whole, local, C, Q, M,
+                         R, V, error):
             width *= 0.5
             if start > 0.0 and width < whole / PIECES:
                 break
@@ -115,7 +115,7 @@ def begin(tape, m, n, d, i, t, x, V, G, armed, edge):
     at(tape, m, n, t, x, V)
     fine = True
     for k in range(d + 1):
-        row = tape[5][m, n + k]
+        row = tape[6][m, n + k]
         value = V[row] if row >= 0 else 1.0
         fine = fine and np.isfinite(value) and value >= -edge[k]
         armed[k] = value > edge[k]
@@ -170,7 +170,7 @@ def walk(tape, table, slides, p, limits, begun, numbers, floats, x, theta, mode,
     n, d = x.size, mode.size
     C, V = scratch[0], scratch[4]
     edge, G, F, y, D = scratch[9:]
-    span, local, T, outs = limits[0], limits[1], times[-1], tape[5]
+    span, local, T, outs = limits[0], limits[1], times[-1], tape[6]
     t, in_arc, who = floats[TIME], 0, -1
     if begun == 0:
         who = met(tape, n, d, t, x, mode, -1, V, G)

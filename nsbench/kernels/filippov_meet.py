@@ -1,6 +1,6 @@
 """Where a Filippov motion meets a surface: the geometry there, and which mode continues, decided where that is plain.
 
-A tape is the tuple (op, a, b, c, first, outs) of nsbench.tape.program; its last program is the geometry of the surfaces.
+A tape is the tuple (op, a, b, c, d, first, outs) of nsbench.tape.program; its last program is the geometry of the surfaces.
 """
 import numpy as np
 from numba import njit
@@ -29,21 +29,21 @@ def program(table, mode):
 @njit(cache=True, error_model="numpy")
 def at(tape, m, n, t, x, V):
     """Values of program m at a point."""
-    op, a, b, c, first, _ = tape
+    op, a, b, c, e, first, _ = tape
     for i in range(n):
         V[i] = x[i]
     V[n] = t
-    point(op, a, b, c, first[m], first[m + 1], n, V)
+    point(op, a, b, c, e, first[m], first[m + 1], n, V)
 
 
 @inner
 def geometry(tape, n, d, t, x, V, G):
     """G (d, n + 2): gradient, time derivative and value of each switch function (the last program)."""
-    m = tape[5].shape[0] - 1
+    m = tape[6].shape[0] - 1
     at(tape, m, n, t, x, V)
     for i in range(d):
         for j in range(n + 2):
-            G[i, j] = V[tape[5][m, i * (n + 2) + j]]
+            G[i, j] = V[tape[6][m, i * (n + 2) + j]]
 
 
 @inner
@@ -73,11 +73,11 @@ def project(tape, n, d, i, t, x, V, G):
 @inner
 def trial(tape, n, d, p, m, i, slides, t, x, span, local, least, C):
     """Sign that the watched function of surface i shows first on a trial in program m; 0: none, or not the same later on."""
-    op, a, b, c, first, outs = tape
+    op, a, b, c, e, first, outs = tape
     for j in range(n):
         C[j, 0] = x[j]
     C[n, 0] = t
-    series(op, a, b, c, first[m], first[m + 1], outs[m], n, p, C)
+    series(op, a, b, c, e, first[m], first[m + 1], outs[m], n, p, C)
     most = length(C, n, p, x, outs[m], d + 1, local, 1e-3 * span)
     seen = 0
     for k in range(-7, -2):
@@ -115,7 +115,7 @@ def decide(tape, table, n, d, p, i, mode, t, x, span, local, V, G, F, C, y):
         at(tape, m, n, t, x, V)
         rate[k] = G[i, n]
         for j in range(n):
-            F[k, j] = V[tape[5][m, j]]
+            F[k, j] = V[tape[6][m, j]]
             rate[k] += G[i, j] * F[k, j]
     size, apart, most = max(abs(rate[0]), abs(rate[1])), 0.0, 0.0
     for j in range(n):

@@ -1,14 +1,13 @@
 """Operations of a tape, as numbers that kernels and the tracer share.
 
-An operation makes row e of a table from rows a and b and a constant c. PAIRS are made with their partner, the next row.
+An operation makes row e of a table from rows a and b and constants c, d. PAIRS are made with their partner, the next row.
 """
 CONST = 0           # c
 ADD = 1             # a + b
 SUB = 2             # a - b
 MUL = 3             # a b
 DIV = 4             # a / b
-ADDC = 5            # a + c
-MULC = 6            # c a
+AFFINE = 5          # c a + d
 RDIV = 7            # c / a
 SQR = 8             # a a
 POW = 9             # a ** c, a > 0

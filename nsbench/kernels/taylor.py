@@ -1,7 +1,7 @@
 """Taylor coefficients of everything on a tape: an interpreter, compiled once for all of them.
 
-A tape is a list of operations op[e], a[e], b[e], c[e] (see tapecodes); operation e makes row n + 1 + e - lo of a table whose
-rows 0 .. n - 1 are the state and whose row n is the time. `series` fills a table (rows, p + 1) of normalised Taylor
+A tape is a list of operations op[e], a[e], b[e], c[e], d[e] (see tapecodes); operation e makes row n + 1 + e - lo of a table
+whose rows 0 .. n - 1 are the state and whose row n is the time. `series` fills a table (rows, p + 1) of normalised Taylor
 coefficients of the solution of x_i' = (row F[i]); `point` fills one column, the values at one point.
 Source of the recurrences: Jorba & Zou, Experimental Mathematics 14 (2005), proposition 2.1.
 """
@@ -12,7 +12,7 @@ from numba import njit
 
 from nsbench.kernels.tapecodes import (
     ADD,
-    ADDC,
+    AFFINE,
     ATAN,
     COS,
     COSH,
@@ -20,7 +20,6 @@ from nsbench.kernels.tapecodes import (
     EXP,
     LOG,
     MUL,
-    MULC,
     POW,
     RDIV,
     SECH2,
@@ -42,7 +41,7 @@ def power(a, alpha):
 
 
 @inner
-def head(op, u, v, c):
+def head(op, u, v, c, d):
     """Value of an operation without partner, and of the first of a pair, at the values u, v of its rows."""
     if op == ADD:
         return u + v
@@ -50,10 +49,8 @@ def head(op, u, v, c):
         return u - v
     if op == MUL:
         return u * v
-    if op == MULC:
-        return c * u
-    if op == ADDC:
-        return u + c
+    if op == AFFINE:
+        return c * u + d
     if op == SQR:
         return u * u
     if op == DIV:
@@ -88,18 +85,22 @@ def partner(op, u, y):
 
 
 @njit(cache=True, error_model="numpy")
-def point(op, a, b, c, lo, hi, n, V):
+def point(op, a, b, c, d, lo, hi, n, V):
     """Values V[n + 1 :] at the state V[:n] and the time V[n]."""
     for e in range(lo, hi):
         o, row = op[e], n + 1 + e - lo
         if o == COS or o == COSH or o == SECH2:
             continue
-        V[row] = head(o, V[a[e]], V[b[e]], c[e])
+        V[row] = head(o, V[a[e]], V[b[e]], c[e], d[e])
         if o == SIN or o == SINH or o == TANH:
             V[row + 1] = partner(o, V[a[e]], V[row])
 
 
-@inner
+# sums of products in any order: so the compiler may add four at a time
+summing = njit(cache=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True, fastmath={"reassoc", "contract"})
+
+
+@summing
 def _product(C, u, v, first, k):
     """Sum over i = first .. k of u_i v_(k-i), for rows u, v."""
     s = 0.0
@@ -108,7 +109,7 @@ def _product(C, u, v, first, k):
     return s
 
 
-@inner
+@summing
 def _weighted(C, u, v, last, k):
     """Sum over i = 1 .. last of i u_i v_(k-i), for rows u, v: of u' v, at last = k coefficient k - 1."""
     s = 0.0
@@ -124,10 +125,8 @@ def _coefficient(o, C, u, v, y, w, k):
         C[y, k] = C[u, k] + C[v, k]
     elif o == SUB:
         C[y, k] = C[u, k] - C[v, k]
-    elif o == MULC:
+    elif o == AFFINE:
         C[y, k] = w * C[u, k]
-    elif o == ADDC:
-        C[y, k] = C[u, k]
     elif o == MUL:
         C[y, k] = _product(C, u, v, 0, k)
     elif o == SQR:
@@ -162,7 +161,7 @@ def _coefficient(o, C, u, v, y, w, k):
 
 
 @njit(cache=True, error_model="numpy")
-def series(op, a, b, c, lo, hi, F, n, p, C):
+def series(op, a, b, c, d, lo, hi, F, n, p, C):
     """Table C (rows, >= p + 1): coefficients 0 .. p of state and operations, from C[:n, 0] and the time C[n, 0]."""
     for k in range(1, p + 1):
         C[n, k] = 0.0
@@ -171,7 +170,7 @@ def series(op, a, b, c, lo, hi, F, n, p, C):
         o, row = op[e], n + 1 + e - lo
         if o == COS or o == COSH or o == SECH2:
             continue
-        C[row, 0] = head(o, C[a[e], 0], C[b[e], 0], c[e])
+        C[row, 0] = head(o, C[a[e], 0], C[b[e], 0], c[e], d[e])
         if o == SIN or o == SINH or o == TANH:
             C[row + 1, 0] = partner(o, C[a[e], 0], C[row, 0])
     for k in range(1, p + 1):

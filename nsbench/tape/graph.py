@@ -1,6 +1,6 @@
 """A graph of scalar operations without duplicates, and derivatives on it.
 
-Nodes are (op, a, b, c) of kernels.tapecodes with a, b nodes; the first n + 1 are the state and the time. Equal operations are
+Nodes are (op, a, b, c, d) of kernels.tapecodes with a, b nodes; the first n + 1 are the state and the time. Equal operations are
 one node; operations on constants are carried out.
 """
 from __future__ import annotations
@@ -9,7 +9,7 @@ import math
 
 from nsbench.kernels.tapecodes import (
     ADD,
-    ADDC,
+    AFFINE,
     ATAN,
     CONST,
     COS,
@@ -18,7 +18,6 @@ from nsbench.kernels.tapecodes import (
     EXP,
     LOG,
     MUL,
-    MULC,
     PAIRS,
     POW,
     RDIV,
@@ -31,7 +30,7 @@ from nsbench.kernels.tapecodes import (
 )
 
 INPUT = -1
-TOTAL = {INPUT, CONST, ADD, SUB, MUL, ADDC, MULC, SQR, ATAN, SIN, COS, TANH, SECH2}    # finite wherever their rows are
+TOTAL = {INPUT, CONST, ADD, SUB, MUL, AFFINE, SQR, ATAN, SIN, COS, TANH, SECH2}    # finite wherever their rows are
 MOST = 20_000           # nodes: beyond, the interpreter's table leaves the cache and tracing takes seconds
 
 
@@ -43,8 +42,8 @@ class Graph:
         for i in range(n + 1):
             self._new(INPUT, i, -1, 0.0)
 
-    def _new(self, op, a, b, c):
-        key = op, a, b, c
+    def _new(self, op, a, b, c, d=0.0):
+        key = op, a, b, c, d
         if key not in self.known:
             if len(self.nodes) >= MOST:
                 raise TypeError(f"more than {MOST} operations")
@@ -61,7 +60,7 @@ class Graph:
 
     def value(self, i: int) -> float | None:
         """The constant that node i is, or None."""
-        op, _, _, c = self.nodes[i]
+        op, _, _, c, _ = self.nodes[i]
         return c if op == CONST else None
 
     def add(self, a: int, b: int) -> int:
@@ -71,8 +70,17 @@ class Graph:
         if u is not None:
             a, b, u, v = b, a, v, u
         if v is not None:
-            return a if v == 0.0 else self._new(ADDC, a, -1, v)
+            return self._affine(a, 1.0, v)
         return self._new(ADD, min(a, b), max(a, b), 0.0)
+
+    def _affine(self, a, c, d):
+        """c a + d, of what `a` itself is made of if it is affine."""
+        op, inner, _, c0, d0 = self.nodes[a]
+        if op == AFFINE:
+            a, c, d = inner, c * c0, c * d0 + d
+        if not (math.isfinite(c) and math.isfinite(d)):
+            raise TypeError("a constant overflows")
+        return a if (c, d) == (1.0, 0.0) else self._new(AFFINE, a, -1, c, d + 0.0)
 
     def sub(self, a: int, b: int) -> int:
         u, v = self.value(a), self.value(b)
@@ -94,7 +102,7 @@ class Graph:
         if v is not None:
             if v == 1.0:
                 return a
-            return self.const(0.0) if v == 0.0 and self.total[a] else self._new(MULC, a, -1, v)
+            return self.const(0.0) if v == 0.0 and self.total[a] else self._affine(a, v, 0.0)
         return self.square(a) if a == b else self._new(MUL, min(a, b), max(a, b), 0.0)
 
     def div(self, a: int, b: int) -> int:
@@ -178,7 +186,7 @@ class Graph:
             if j in done:
                 stack.pop()
                 continue
-            op, a, b, _ = self.nodes[j]
+            op, a, b, _, _ = self.nodes[j]
             if op in (INPUT, CONST):
                 done[j] = self.const(1.0 if op == INPUT and a == var else 0.0)
                 continue
@@ -190,7 +198,7 @@ class Graph:
         return done[i]
 
     def _rule(self, y, da, db):
-        op, a, b, c = self.nodes[y]
+        op, a, b, c, _ = self.nodes[y]
         if self.value(da) == 0.0 and (db < 0 or self.value(db) == 0.0):
             return self.const(0.0)
         if op in (ADD, SUB):
@@ -199,9 +207,7 @@ class Graph:
             return self.add(self.mul(da, b), self.mul(a, db))
         if op == DIV:
             return self.div(self.sub(da, self.mul(y, db)), b)
-        if op == ADDC:
-            return da
-        if op == MULC:
+        if op == AFFINE:
             return self.mul(self.const(c), da)
         if op in (LOG, ATAN):
             return self.div(da, b)

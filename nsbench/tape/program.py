@@ -11,7 +11,7 @@ from nsbench.tape.graph import Graph
 
 @dataclass(frozen=True)
 class Programs:
-    """op, a, b, c: operations of all programs in a row; program m has those of first[m] : first[m + 1].
+    """op, a, b, c, d: operations of all programs in a row; program m has those of first[m] : first[m + 1].
 
     Operation e of program m makes row n + 1 + e - first[m]; outs[m, j] is the row of its output j, -1 for none.
     rows: the largest number of rows.
@@ -20,6 +20,7 @@ class Programs:
     a: np.ndarray
     b: np.ndarray
     c: np.ndarray
+    d: np.ndarray
     first: np.ndarray
     outs: np.ndarray
     rows: int
@@ -33,10 +34,10 @@ def lay_out(graph: Graph, outputs: list[list[int]]) -> Programs:
         ops += part
         outs.append([rows[i] if i >= 0 else -1 for i in wanted])
         first.append(len(ops))
-    table = list(zip(*ops, strict=True)) if ops else [(), (), (), ()]
+    table = list(zip(*ops, strict=True)) if ops else [()] * 5
     whole = [np.array(v, np.int64) for v in table[:3]]
     first = np.array(first, np.int64)
-    return Programs(*whole, np.array(table[3], float), first, np.array(outs, np.int64),
+    return Programs(*whole, np.array(table[3], float), np.array(table[4], float), first, np.array(outs, np.int64),
                     graph.n + 1 + int(np.diff(first).max(initial=0)))
 
 
@@ -48,7 +49,7 @@ def _needed(graph, wanted):
         i = stack.pop()
         if i in keep or i <= graph.n:
             continue
-        op, a, b, _ = graph.nodes[i]
+        op, a, b, _, _ = graph.nodes[i]
         keep.add(i)
         stack += [r for r in (a, b) if r >= 0]
         if op in PAIRS:
@@ -58,5 +59,5 @@ def _needed(graph, wanted):
     rows = {i: i for i in range(graph.n + 1)}
     order = sorted(keep)
     rows |= {i: graph.n + 1 + k for k, i in enumerate(order)}
-    part = [(op, rows.get(a, 0), rows.get(b, 0), c) for op, a, b, c in (graph.nodes[i] for i in order)]
+    part = [(op, rows.get(a, 0), rows.get(b, 0), c, d) for op, a, b, c, d in (graph.nodes[i] for i in order)]
     return rows, part
