@@ -134,10 +134,10 @@ def _function(o, c, am, ar, wm, wr, ym, yr, zm, zr):
 
 
 @njit(cache=True, error_model="numpy")
-def enclose(op, a, b, c, d, lo, hi, n, M, R):
+def enclose(ops, nums, lo, hi, n, M, R):
     """Rows n + 1 .. of M, R (rows, ORDER + 1), from those of the state and the time."""
     for e in range(lo, hi):
-        o, row, i, j = op[e], n + 1 + e - lo, a[e], b[e]
+        o, row, i, j = ops[e, 0], n + 1 + e - lo, ops[e, 1], ops[e, 2]
         if o == COS or o == COSH or o == SECH2:
             continue
         if o == ADD or o == SUB:
@@ -147,14 +147,14 @@ def enclose(op, a, b, c, d, lo, hi, n, M, R):
                 R[row, k] = R[i, k] + R[j, k] + UNIT * abs(M[row, k])
         elif o == AFFINE:
             for k in range(ORDER + 1):
-                M[row, k] = c[e] * M[i, k]
-                R[row, k] = abs(c[e]) * R[i, k] + UNIT * abs(M[row, k])
-            M[row, 0] += d[e]
+                M[row, k] = nums[e, 0] * M[i, k]
+                R[row, k] = abs(nums[e, 0]) * R[i, k] + UNIT * abs(M[row, k])
+            M[row, 0] += nums[e, 1]
             R[row, 0] += UNIT * abs(M[row, 0])
         elif o == CONST or o == RDIV:
             for k in range(ORDER + 1):
                 M[row, k], R[row, k] = 0.0, 0.0
-            M[row, 0] = c[e]
+            M[row, 0] = nums[e, 0]
             if o == RDIV:
                 one, zero = M[row:row + 1].copy(), R[row:row + 1].copy()
                 divide(one, zero, M[i:i + 1], R[i:i + 1], M[row:row + 1], R[row:row + 1])
@@ -166,7 +166,7 @@ def enclose(op, a, b, c, d, lo, hi, n, M, R):
             divide(M[i:i + 1], R[i:i + 1], M[j:j + 1], R[j:j + 1], M[row:row + 1], R[row:row + 1])
         else:
             z = min(row + 1, M.shape[0] - 1)
-            _function(o, c[e], M[i:i + 1], R[i:i + 1], M[j:j + 1], R[j:j + 1], M[row:row + 1], R[row:row + 1],
+            _function(o, nums[e, 0], M[i:i + 1], R[i:i + 1], M[j:j + 1], R[j:j + 1], M[row:row + 1], R[row:row + 1],
                       M[z:z + 1], R[z:z + 1])
 
 

@@ -35,14 +35,14 @@ def accumulate(ring, count, span):
 
 
 @inner
-def landed(tape, m, n, p, w, t, s, h, C, V):
+def landed(ops, nums, first, outs, m, n, p, w, t, s, h, C, V):
     """Time from the step's start at which watched function w vanishes, near s: Newton's method on the function itself."""
-    row = tape[6][m, n + w]
+    row = outs[m, n + w]
     for _ in range(4):
         for j in range(n):
             V[j] = horner(C, j, s, p)
         V[n] = t + s
-        point(tape[0], tape[1], tape[2], tape[3], tape[4], tape[5][m], tape[5][m + 1], n, V)
+        point(ops, nums, first[m], first[m + 1], n, V)
         slope = 0.0
         for k in range(p, 0, -1):
             slope = slope * s + k * C[row, k]
@@ -56,14 +56,12 @@ def landed(tape, m, n, p, w, t, s, h, C, V):
 
 
 @inner
-def step(tape, m, n, d, p, t, x, most, local, armed, edge, scratch):
+def step(ops, nums, first, outs, m, n, d, p, t, x, most, local, armed, edge, C, Q, M, R, V, error, lift, stack, work):
     """One step in program m: (code, length, fired). CLEAR: go on after `length`; FOUND: event; HARD: not certain."""
-    op, a, b, c, e, first, outs = tape
-    C, Q, M, R, V, error, lift, stack, work = scratch[:9]
     for j in range(n):
         C[j, 0] = x[j]
     C[n, 0] = t
-    series(op, a, b, c, e, first[m], first[m + 1], outs[m], n, p, C)
+    series(ops, nums, first[m], first[m + 1], outs[m], n, p, C)
     h, watches = length(C, n, p, x, outs[m], d + 1, local, most), d + 1
     tiny = 64.0 * EPS * abs(t)
     if not h > min(tiny, 0.5 * most):
@@ -80,7 +78,7 @@ def step(tape, m, n, d, p, t, x, most, local, armed, edge, scratch):
     start, width, pieces, whole = 0.0, h, 0, h
     while start < h:
         width = min(width, h - start)
-        if not certified(op, a, b, c, e, first[m], first[m + 1], outs[m], n, p, watches, t, start, width, whole, local, C, Q, M,
+        if not certified(ops, nums, first[m], first[m + 1], outs[m], n, p, watches, t, start, width, whole, local, C, Q, M,
                          R, V, error):
             width *= 0.5
             if start > 0.0 and width < whole / PIECES:
@@ -92,7 +90,7 @@ def step(tape, m, n, d, p, t, x, most, local, armed, edge, scratch):
             continue
         code, w, s = hunted(outs[m], n, p, watches, start, width, C, Q, error, lift, stack, work)
         if code == FOUND:
-            s = landed(tape, m, n, p, w, t, s, h, C, V)
+            s = landed(ops, nums, first, outs, m, n, p, w, t, s, h, C, V)
             return (FOUND, s, w) if s >= 0.0 else (HARD, 0.0, -1)
         if code != CLEAR:
             return (CLEAR, start, -1) if start > 0.0 else (HARD, 0.0, -1)
@@ -104,18 +102,18 @@ def step(tape, m, n, d, p, t, x, most, local, armed, edge, scratch):
 
 
 @inner
-def begin(tape, m, n, d, i, t, x, V, G, armed, edge):
+def begin(ops, nums, first, outs, m, n, d, i, t, x, V, G, armed, edge):
     """Which functions are armed at the start of an arc, and the bands of those that are not."""
-    geometry(tape, n, d, t, x, V, G)
+    geometry(ops, nums, first, outs, n, d, t, x, V, G)
     for k in range(d):
         edge[k] = band(G, k, t, x, ARC_BAND)
     if i >= 0:
         edge[i] = FLAT
     edge[d] = FLAT
-    at(tape, m, n, t, x, V)
+    at(ops, nums, first, outs, m, n, t, x, V)
     fine = True
     for k in range(d + 1):
-        row = tape[6][m, n + k]
+        row = outs[m, n + k]
         value = V[row] if row >= 0 else 1.0
         fine = fine and np.isfinite(value) and value >= -edge[k]
         armed[k] = value > edge[k]
@@ -123,14 +121,14 @@ def begin(tape, m, n, d, i, t, x, V, G, armed, edge):
 
 
 @inner
-def record(tape, n, d, p, i, t, reach, last, times, done, mode, weights, C, X, W, theta, V, G):
+def record(ops, nums, first, outs, n, d, p, i, t, reach, last, times, done, mode, weights, C, X, W, theta, V, G):
     """Write the samples up to t + reach (all that are left if `last`); returns how many are done by then."""
     while done < times.size and (times[done] <= t + reach or last):
         s = min(times[done] - t, reach)
         for j in range(n):
             X[done, j] = horner(C, j, s, p)
         if i >= 0:
-            project(tape, n, d, i, times[done], X[done], V, G)
+            project(ops, nums, first, outs, n, d, i, times[done], X[done], V, G)
         integrals(d, p, i, s, mode, weights, C, theta, W[done])
         done += 1
     return done
@@ -160,7 +158,8 @@ def noted(i, old, new, t, theta, numbers, ring, log, logged):
 
 
 @njit(cache=True, error_model="numpy")
-def walk(tape, table, slides, p, limits, begun, numbers, floats, x, theta, mode, armed, ring, times, X, W, log, logged, scratch):
+def walk(ops, nums, first, outs, table, slides, p, limits, begun, numbers, floats, x, theta, mode, armed, ring, times, X, W,
+         log, logged, scratch):
     """Follow the motion until the end or until something is not plain; numbers[CODE] tells which.
 
     limits: span, local error, longest step, most steps, most meetings. begun: 0 the mode is to be chosen, 1 an arc begins,
@@ -168,19 +167,18 @@ def walk(tape, table, slides, p, limits, begun, numbers, floats, x, theta, mode,
     (cap, 3): surface, mode before, after. scratch: C, Q, M, R, V, error, lift, stack, work, edge, G, F, y, D.
     """
     n, d = x.size, mode.size
-    C, V = scratch[0], scratch[4]
-    edge, G, F, y, D = scratch[9:]
-    span, local, T, outs = limits[0], limits[1], times[-1], tape[6]
+    C, Q, M, R, V, error, lift, stack, work, edge, G, F, y, D = scratch
+    span, local, T = limits[0], limits[1], times[-1]
     t, in_arc, who = floats[TIME], 0, -1
     if begun == 0:
-        who = met(tape, n, d, t, x, mode, -1, V, G)
+        who = met(ops, nums, first, outs, n, d, t, x, mode, -1, V, G)
     while True:
         if who == -2:
             numbers[CODE] = START if begun == 0 else MEET
             break
         if who >= 0:
             old = mode[who]
-            q = decide(tape, table, n, d, p, who, mode, t, x, span, local, V, G, F, D, y)
+            q = decide(ops, nums, first, outs, table, n, d, p, who, mode, t, x, span, local, V, G, F, D, y)
             mode[who] = old
             if q == UNKNOWN or (begun > 0 and q == old):
                 numbers[CODE] = START if begun == 0 else MEET
@@ -202,9 +200,9 @@ def walk(tape, table, slides, p, limits, begun, numbers, floats, x, theta, mode,
         i = slides[m]
         if begun < 2:
             if i >= 0:
-                project(tape, n, d, i, t, x, V, G)
+                project(ops, nums, first, outs, n, d, i, t, x, V, G)
             numbers[CARRY] = 0
-            if not begin(tape, m, n, d, i, t, x, V, G, armed, edge):
+            if not begin(ops, nums, first, outs, m, n, d, i, t, x, V, G, armed, edge):
                 numbers[CODE] = HARD
                 break
             numbers[ARCS] += 1
@@ -213,7 +211,8 @@ def walk(tape, table, slides, p, limits, begun, numbers, floats, x, theta, mode,
             numbers[CODE] = STEPS
             break
         numbers[CARRY] = 1
-        code, h, fired = step(tape, m, n, d, p, t, x, min(limits[2], T - t), local, armed, edge, scratch)
+        code, h, fired = step(ops, nums, first, outs, m, n, d, p, t, x, min(limits[2], T - t), local, armed, edge,
+                              C, Q, M, R, V, error, lift, stack, work)
         if code == HARD or (in_arc > MANY and T - t > AHEAD * h):
             numbers[CODE], numbers[FIRED] = HARD, fired
             break
@@ -223,7 +222,8 @@ def walk(tape, table, slides, p, limits, begun, numbers, floats, x, theta, mode,
         floats[LONGEST] = max(floats[LONGEST], h)
         last = code == CLEAR and h >= T - t
         weights = outs[m, n + d + 1]
-        numbers[DONE] = record(tape, n, d, p, i, t, h, last, times, numbers[DONE], mode, weights, C, X, W, theta, V, G)
+        numbers[DONE] = record(ops, nums, first, outs, n, d, p, i, t, h, last, times, numbers[DONE], mode, weights, C, X, W,
+                               theta, V, G)
         integrals(d, p, i, h, mode, weights, C, theta, theta)
         for j in range(n):
             x[j] = horner(C, j, h, p)
@@ -232,7 +232,7 @@ def walk(tape, table, slides, p, limits, begun, numbers, floats, x, theta, mode,
                 armed[k] = horner(C, outs[m, n + k], h, p) > edge[k]
         t = T if last else t + h
         if i >= 0:
-            project(tape, n, d, i, t, x, V, G)
+            project(ops, nums, first, outs, n, d, i, t, x, V, G)
         if last:
             numbers[CODE] = END
             break
@@ -243,5 +243,5 @@ def walk(tape, table, slides, p, limits, begun, numbers, floats, x, theta, mode,
             ring[6] = t
             who = -2
             if numbers[MEETINGS] < limits[4] and not accumulate(ring, numbers[MEETINGS] + 1, span):
-                who = met(tape, n, d, t, x, mode, i if fired == d else fired, V, G)
+                who = met(ops, nums, first, outs, n, d, t, x, mode, i if fired == d else fired, V, G)
     floats[TIME] = t

@@ -1,6 +1,6 @@
 """Where a Filippov motion meets a surface: the geometry there, and which mode continues, decided where that is plain.
 
-A tape is the tuple (op, a, b, c, d, first, outs) of nsbench.tape.program; its last program is the geometry of the surfaces.
+ops, nums, first, outs: the programs of the modes (nsbench.tape.program); the last program is the geometry of the surfaces.
 """
 import numpy as np
 from numba import njit
@@ -27,23 +27,22 @@ def program(table, mode):
 
 
 @njit(cache=True, error_model="numpy")
-def at(tape, m, n, t, x, V):
+def at(ops, nums, first, outs, m, n, t, x, V):
     """Values of program m at a point."""
-    op, a, b, c, e, first, _ = tape
     for i in range(n):
         V[i] = x[i]
     V[n] = t
-    point(op, a, b, c, e, first[m], first[m + 1], n, V)
+    point(ops, nums, first[m], first[m + 1], n, V)
 
 
 @inner
-def geometry(tape, n, d, t, x, V, G):
+def geometry(ops, nums, first, outs, n, d, t, x, V, G):
     """G (d, n + 2): gradient, time derivative and value of each switch function (the last program)."""
-    m = tape[6].shape[0] - 1
-    at(tape, m, n, t, x, V)
+    m = outs.shape[0] - 1
+    at(ops, nums, first, outs, m, n, t, x, V)
     for i in range(d):
         for j in range(n + 2):
-            G[i, j] = V[tape[6][m, i * (n + 2) + j]]
+            G[i, j] = V[outs[m, i * (n + 2) + j]]
 
 
 @inner
@@ -56,10 +55,10 @@ def band(G, i, t, x, times):
 
 
 @inner
-def project(tape, n, d, i, t, x, V, G):
+def project(ops, nums, first, outs, n, d, i, t, x, V, G):
     """Move x to c_i = 0 along the gradient (see solvers._sliding)."""
     for _ in range(3):
-        geometry(tape, n, d, t, x, V, G)
+        geometry(ops, nums, first, outs, n, d, t, x, V, G)
         size, square = 0.0, 0.0
         for j in range(n):
             size += abs(G[i, j] * x[j])
@@ -71,13 +70,12 @@ def project(tape, n, d, i, t, x, V, G):
 
 
 @inner
-def trial(tape, n, d, p, m, i, slides, t, x, span, local, least, C):
+def trial(ops, nums, first, outs, n, d, p, m, i, slides, t, x, span, local, least, C):
     """Sign that the watched function of surface i shows first on a trial in program m; 0: none, or not the same later on."""
-    op, a, b, c, e, first, outs = tape
     for j in range(n):
         C[j, 0] = x[j]
     C[n, 0] = t
-    series(op, a, b, c, e, first[m], first[m + 1], outs[m], n, p, C)
+    series(ops, nums, first[m], first[m + 1], outs[m], n, p, C)
     most = length(C, n, p, x, outs[m], d + 1, local, 1e-3 * span)
     seen = 0
     for k in range(-7, -2):
@@ -99,23 +97,23 @@ def trial(tape, n, d, p, m, i, slides, t, x, span, local, least, C):
 
 
 @inner
-def decide(tape, table, n, d, p, i, mode, t, x, span, local, V, G, F, C, y):
+def decide(ops, nums, first, outs, table, n, d, p, i, mode, t, x, span, local, V, G, F, C, y):
     """The mode of surface i that continues from (t, x), if it is the only one and that is plain; else UNKNOWN.
 
     F (2, n), y (n,), mode (d,): scratch; the other entries of mode are +-1.
     """
     rate = np.zeros(2)
-    geometry(tape, n, d, t, x, V, G)
+    geometry(ops, nums, first, outs, n, d, t, x, V, G)
     wide = band(G, i, t, x, AWAY_BAND)
     for k in range(2):
         mode[i] = 1 - 2 * k
         m = program(table, mode)
         if m < 0:
             return UNKNOWN
-        at(tape, m, n, t, x, V)
+        at(ops, nums, first, outs, m, n, t, x, V)
         rate[k] = G[i, n]
         for j in range(n):
-            F[k, j] = V[tape[6][m, j]]
+            F[k, j] = V[outs[m, j]]
             rate[k] += G[i, j] * F[k, j]
     size, apart, most = max(abs(rate[0]), abs(rate[1])), 0.0, 0.0
     for j in range(n):
@@ -139,8 +137,9 @@ def decide(tape, table, n, d, p, i, mode, t, x, span, local, V, G, F, C, y):
             for j in range(n):
                 y[j] = x[j]
             if q == 0:
-                project(tape, n, d, i, t, y, V, G)
-            sign = trial(tape, n, d, p, m, i, q == 0, t, y, span, local, 1e-2 * FLAT if q == 0 else wide / 10, C)
+                project(ops, nums, first, outs, n, d, i, t, y, V, G)
+            least = 1e-2 * FLAT if q == 0 else wide / 10
+            sign = trial(ops, nums, first, outs, n, d, p, m, i, q == 0, t, y, span, local, least, C)
             if sign == 0:
                 return UNKNOWN
             if sign < 0:
@@ -152,10 +151,10 @@ def decide(tape, table, n, d, p, i, mode, t, x, span, local, V, G, F, C, y):
 
 
 @inner
-def met(tape, n, d, t, x, mode, before, V, G):
+def met(ops, nums, first, outs, n, d, t, x, mode, before, V, G):
     """Which surface is met, the only one near: -1 for none, -2 for several. before: surface of an event, -1 at the start,
     where the mode is set to the signs of the switch functions."""
-    geometry(tape, n, d, t, x, V, G)
+    geometry(ops, nums, first, outs, n, d, t, x, V, G)
     which = before
     for k in range(d):
         if before < 0:

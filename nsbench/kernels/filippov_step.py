@@ -64,7 +64,7 @@ def _ninth(Q, i, p, derivative):
 
 
 @inner
-def certified(op, a, b, c, d, lo, hi, outs, n, p, watches, t, start, width, whole, local, C, Q, M, R, V, error):
+def certified(ops, nums, lo, hi, outs, n, p, watches, t, start, width, whole, local, C, Q, M, R, V, error):
     """Whether the piece [t + start, t + start + width] of a step `whole` long is certified.
 
     Q (n + watches, p + 1): the polynomials of state and watched functions in s on the piece; error (watches,): bounds on what
@@ -80,7 +80,7 @@ def certified(op, a, b, c, d, lo, hi, outs, n, p, watches, t, start, width, whol
         if outs[n + w] >= 0:
             shifted(C, outs[n + w], p, middle, radius, Q, n + w)
     path(Q, n, p, t + middle, radius, M, R)
-    enclose(op, a, b, c, d, lo, hi, n, M, R)
+    enclose(ops, nums, lo, hi, n, M, R)
     least, pace = biggest / max(whole, 1.0), 0.0
     for i in range(n):
         pace = max(pace, abs(M[outs[i], 0]) - R[outs[i], 0])
@@ -103,7 +103,7 @@ def certified(op, a, b, c, d, lo, hi, outs, n, p, watches, t, start, width, whol
         for i in range(n):
             V[i] = horner(C, i, s, p)
         V[n] = t + s
-        point(op, a, b, c, d, lo, hi, n, V)
+        point(ops, nums, lo, hi, n, V)
         for i in range(n):
             row = outs[i]
             off = abs(horner(C, row, s, p - 1) - V[row]) * whole

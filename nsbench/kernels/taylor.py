@@ -1,8 +1,8 @@
 """Taylor coefficients of everything on a tape: an interpreter, compiled once for all of them.
 
-A tape is a list of operations op[e], a[e], b[e], c[e], d[e] (see tapecodes); operation e makes row n + 1 + e - lo of a table
-whose rows 0 .. n - 1 are the state and whose row n is the time. `series` fills a table (rows, p + 1) of normalised Taylor
-coefficients of the solution of x_i' = (row F[i]); `point` fills one column, the values at one point.
+A tape is a list of operations ops[e] = (op, a, b), nums[e] = (c, d) (see tapecodes); operation e makes row n + 1 + e - lo
+of a table whose rows 0 .. n - 1 are the state and whose row n is the time. `series` fills a table (rows, p + 1) of normalised
+Taylor coefficients of the solution of x_i' = (row F[i]); `point` fills one column, the values at one point.
 Source of the recurrences: Jorba & Zou, Experimental Mathematics 14 (2005), proposition 2.1.
 """
 from math import atan, cos, cosh, exp, log, sin, sinh, tanh
@@ -85,15 +85,15 @@ def partner(op, u, y):
 
 
 @njit(cache=True, error_model="numpy")
-def point(op, a, b, c, d, lo, hi, n, V):
+def point(ops, nums, lo, hi, n, V):
     """Values V[n + 1 :] at the state V[:n] and the time V[n]."""
     for e in range(lo, hi):
-        o, row = op[e], n + 1 + e - lo
+        o, row = ops[e, 0], n + 1 + e - lo
         if o == COS or o == COSH or o == SECH2:
             continue
-        V[row] = head(o, V[a[e]], V[b[e]], c[e], d[e])
+        V[row] = head(o, V[ops[e, 1]], V[ops[e, 2]], nums[e, 0], nums[e, 1])
         if o == SIN or o == SINH or o == TANH:
-            V[row + 1] = partner(o, V[a[e]], V[row])
+            V[row + 1] = partner(o, V[ops[e, 1]], V[row])
 
 
 # sums of products in any order: so the compiler may add four at a time
@@ -161,25 +161,25 @@ def _coefficient(o, C, u, v, y, w, k):
 
 
 @njit(cache=True, error_model="numpy")
-def series(op, a, b, c, d, lo, hi, F, n, p, C):
+def series(ops, nums, lo, hi, F, n, p, C):
     """Table C (rows, >= p + 1): coefficients 0 .. p of state and operations, from C[:n, 0] and the time C[n, 0]."""
     for k in range(1, p + 1):
         C[n, k] = 0.0
     C[n, 1] = 1.0
     for e in range(lo, hi):
-        o, row = op[e], n + 1 + e - lo
+        o, row = ops[e, 0], n + 1 + e - lo
         if o == COS or o == COSH or o == SECH2:
             continue
-        C[row, 0] = head(o, C[a[e], 0], C[b[e], 0], c[e], d[e])
+        C[row, 0] = head(o, C[ops[e, 1], 0], C[ops[e, 2], 0], nums[e, 0], nums[e, 1])
         if o == SIN or o == SINH or o == TANH:
-            C[row + 1, 0] = partner(o, C[a[e], 0], C[row, 0])
+            C[row + 1, 0] = partner(o, C[ops[e, 1], 0], C[row, 0])
     for k in range(1, p + 1):
         for i in range(n):
             C[i, k] = C[F[i], k - 1] / k
         for e in range(lo, hi):
-            o = op[e]
+            o = ops[e, 0]
             if o != COS and o != COSH and o != SECH2:
-                _coefficient(o, C, a[e], b[e], n + 1 + e - lo, c[e], k)
+                _coefficient(o, C, ops[e, 1], ops[e, 2], n + 1 + e - lo, nums[e, 0], k)
 
 
 @inner

@@ -26,7 +26,7 @@ class Tape:
     """tape, table, slides: what kernels.filippov.walk takes."""
 
     def __init__(self, programs, table, slides, n, d):
-        self.arrays = programs.op, programs.a, programs.b, programs.c, programs.d, programs.first, programs.outs
+        self.arrays = programs.ops, programs.nums, programs.first, programs.outs
         self.table, self.slides, self.rows, self.n, self.d = table, slides, programs.rows, n, d
 
     def scratch(self, p: int) -> tuple:
@@ -109,8 +109,8 @@ def _agrees(made, problem, modes, t0, x0) -> bool:
         for m, q in enumerate(modes):
             if 0 in q:
                 continue
-            at(made.arrays, m, made.n, float(t), x, V)
-            rows = made.arrays[6][m, :made.n + made.d]
+            at(*made.arrays, m, made.n, float(t), x, V)
+            rows = made.arrays[3][m, :made.n + made.d]
             with np.errstate(all="ignore"):
                 want = np.concatenate([field(t, x, np.array(q, float)), q * switch(t, x)])
             off, same = np.abs(V[rows] - want), np.isfinite(want)

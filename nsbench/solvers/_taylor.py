@@ -35,7 +35,7 @@ class Compiled:
         while True:
             numbers[kernel.EVENTS] = 0
             tape = self.tape
-            kernel.walk(tape.arrays, tape.table, tape.slides, self.p, self.limits, begun, numbers, floats, walk.x, walk.theta,
+            kernel.walk(*tape.arrays, tape.table, tape.slides, self.p, self.limits, begun, numbers, floats, walk.x, walk.theta,
                         walk.mode, armed, ring, walk.case.t, walk.X, walk.W, self.log, self.logged, self.scratch)
             self._replay(walk, int(numbers[kernel.EVENTS]))
             if numbers[kernel.CODE] != kernel.FULL:
@@ -43,9 +43,9 @@ class Compiled:
             begun = 1
         code, walk.done, walk.steps, walk.arcs, walk.motion.calls, _, _, fired, going = (int(v) for v in numbers)
         walk.t, walk.h = float(floats[kernel.TIME]), float(floats[kernel.LONGEST])
-        walk.signs = np.where(np.abs(walk.mode) == 1, walk.mode, 0.0)
         if code == kernel.END:
             return Status()
+        walk.signs = np.where(np.abs(walk.mode) == 1, walk.mode, 0.0)
         if code == kernel.STEPS:
             return Status("maxiter", f"{self.options.max_steps} steps were taken by t = {walk.t:.9g}.")
         size = np.abs(walk.x).max(initial=0.0)

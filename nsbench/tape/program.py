@@ -11,16 +11,15 @@ from nsbench.tape.graph import Graph
 
 @dataclass(frozen=True)
 class Programs:
-    """op, a, b, c, d: operations of all programs in a row; program m has those of first[m] : first[m + 1].
+    """ops (e, 3): op, a, b and nums (e, 2): c, d of the operations of all programs in a row.
+
+    Program m has those of first[m] : first[m + 1].
 
     Operation e of program m makes row n + 1 + e - first[m]; outs[m, j] is the row of its output j, -1 for none.
     rows: the largest number of rows.
     """
-    op: np.ndarray
-    a: np.ndarray
-    b: np.ndarray
-    c: np.ndarray
-    d: np.ndarray
+    ops: np.ndarray
+    nums: np.ndarray
     first: np.ndarray
     outs: np.ndarray
     rows: int
@@ -34,10 +33,9 @@ def lay_out(graph: Graph, outputs: list[list[int]]) -> Programs:
         ops += part
         outs.append([rows[i] if i >= 0 else -1 for i in wanted])
         first.append(len(ops))
-    table = list(zip(*ops, strict=True)) if ops else [()] * 5
-    whole = [np.array(v, np.int64) for v in table[:3]]
     first = np.array(first, np.int64)
-    return Programs(*whole, np.array(table[3], float), np.array(table[4], float), first, np.array(outs, np.int64),
+    return Programs(np.array([o[:3] for o in ops], np.int64).reshape(-1, 3),
+                    np.array([o[3:] for o in ops], float).reshape(-1, 2), first, np.array(outs, np.int64),
                     graph.n + 1 + int(np.diff(first).max(initial=0)))
 
 
