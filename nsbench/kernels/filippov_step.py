@@ -22,8 +22,10 @@ SHARP = 1e-9            # truncation of the watched functions, relative to what 
 
 @inner
 def length(C, n, p, x, outs, watches, local, most):
-    """A step on which the last terms of the state are below local (1 + |x|), those of the watched functions below SHARP
-    of their size (Jorba & Zou 2005, section 3.2). C: table of kernels.taylor; 0 if it is not finite."""
+    """A step on which the last terms of the state are below local (1 + |x|), those of the integral of the weight below
+    local, those of the watched functions below SHARP of their size (Jorba & Zou 2005, section 3.2).
+
+    C: table of kernels.taylor; 0 if it is not finite."""
     h = most
     for k in range(max(p - 2, 1), p + 1):
         worst = 0.0
@@ -33,6 +35,9 @@ def length(C, n, p, x, outs, watches, local, most):
             worst = max(worst, abs(C[i, k]) / (1.0 + abs(x[i])))
         if worst > 0.0:
             h = min(h, (local / worst) ** (1.0 / k))
+        weight = abs(C[outs[n + watches], k]) / (k + 1)
+        if weight > 0.0:
+            h = min(h, (local / weight) ** (1.0 / (k + 1)))
     for w in range(watches):
         row = outs[n + w]
         if row < 0:
@@ -112,7 +117,10 @@ def certified(ops, nums, lo, hi, outs, n, p, watches, t, start, width, whole, lo
         for w in range(watches):
             row = outs[n + w]
             if row >= 0:
-                error[w] += 0.5 * abs(horner(C, row, s, p) - V[row]) + 2e-16 * abs(V[row])
+                off = abs(horner(C, row, s, p) - V[row])
+                error[w] += 0.5 * off + 2e-16 * abs(V[row])
+                if w == watches - 1 and not 0.5 * off * whole <= DEFECT * local + 1e-14 * whole * abs(V[row]):
+                    return False                    # twice the weight, which is integrated
     return True
 
 
