@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from report_rows import STEPS, row
 
-from nsbench.report import compose, profiles, scaling, source, speed, style
+from nsbench.report import compose, profiles, scaling, source, speed, style, timing
 
 SIZES = {"discs[n=3]": 6, "discs[n=10]": 20, "discs[n=30]": 60, "discs[n=100]": 200}
 
@@ -102,3 +102,15 @@ def test_every_case_has_the_three_diagrams_of_work_and_precision():
     assert all(any(word in svg for svg in drawn.panels["a"]) for word in (
         "State error against seconds", "Against right-hand sides", "Against projections or inner iterations"))
     assert drawn.files["cost_a"].count("<svg ") == 4 and "m:0" in drawn.files["cost_a"]
+
+
+def test_the_clock_tells_compilation_set_up_and_run_apart():
+    found = rows("a", "pbd", 1e-6) + rows("b", "pbd", 1e-6)
+    for k, r in enumerate(found):
+        r.update(compile_seconds=1.5 if k in (0, len(STEPS)) else 0.0, setup_seconds=2e-3, seconds_max=1.4 * r["seconds"])
+    found[3]["seconds_max"] = 9.0 * found[3]["seconds"]
+    found += rows("b", "catching_up", 1e-3, rounds=1)
+    first, second = timing.clock_table(data_of(found)).rows
+    assert [c.text for c in first.cells][:3] == ["pbd", "3 s", "2 ms"]
+    assert [c.text for c in first.cells][4:] == [f"{2 * len(STEPS)} of {2 * len(STEPS)}", "0.90 to 1.20", f"{style.TIMES} 9"]
+    assert [c.text for c in second.cells][1:3] == ["not told"] * 2 and second.cells[-1].text == "no rounds"

@@ -3,7 +3,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from nsbench.report import profiles, scaling, speed, tables, trust
+from nsbench.report import profiles, scaling, speed, tables, timing, trust
 from nsbench.report.expected import findings
 from nsbench.report.figures import case_panels, cost_panels
 from nsbench.report.page import Content
@@ -79,7 +79,7 @@ def compose(data: Data, drawn: Figures) -> Content:
             tables.failures_table(data), tables.environment_table(data.env), tables.glossary_table(),
             trust.expected_table(findings(data, s)), trust.bounds_table(data, s), trust.references_table(data),
             trust.selection_table(data, s), trust.labels_table(data, s), scaling.scaling_table(data),
-            scaling.sizes_table(data)]
+            scaling.sizes_table(data), timing.clock_table(data)]
     lede = ", ".join(filter(None, (tables.counts_line(s), *_where(data.env))))
     factors = tuple(speeds(data)) or ("No two methods reached the same error with loops of one kind.",)
     told = {case: notes(data, case, s) for case in data.case_keys}

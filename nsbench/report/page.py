@@ -94,7 +94,8 @@ def _speed(c: Content) -> str:
             figures = f'{legend}<div class="panels">{"".join(drawn)}</div>' if drawn else ""
             told += f'<p class="note">{html(SHARES)}</p>' if key == "sizes" else ""
             parts.append(f'<article class="case"><h3>{head}</h3>{told}{figures}{table(c.tables[key], c.looks)}</article>')
-    return "".join(parts) + "<h3>Every case</h3>" + table(c.tables["speed"], c.looks)
+    return ("".join(parts) + "<h3>Every case</h3>" + table(c.tables["speed"], c.looks)
+            + "<h3>The clock</h3>" + table(c.tables["clock"], c.looks))
 
 
 SHARES = ("Each curve tells on which share of the cases a method gets to the error within so many times the seconds of the "

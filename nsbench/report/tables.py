@@ -184,8 +184,8 @@ def _speed(cost: speed.Cost | None, base: speed.Cost | None, absent: str) -> Cel
         return Cell(text, "bounds only", "A coarsest run was already better than this error.", "number")
     ratio, work = speed.ratio(cost, base), speed.work_ratio(cost, base)
     small = f"{TIMES} {factor(ratio)}" if ratio else f"work {TIMES} {factor(work)}" if work else "not comparable"
-    return Cell(text, small, "" if ratio else "The loops are of different kinds: seconds would compare an interpreter "
-                "with a compiler.", "number")
+    spread = f"quartiles {seconds(cost.low)} and {seconds(cost.high)}" if np.isfinite(cost.low + cost.high) else ""
+    return Cell(text, small, spread if ratio else f"Not compared in seconds: {speed.apart(cost, base)}.", "number")
 
 
 def failures_table(data: Data) -> Table:

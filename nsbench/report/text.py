@@ -33,7 +33,8 @@ def text(c: Content) -> str:
     out += [table(c.tables["sizes"])] if c.tables["sizes"].rows else []
     out += ["![Cost against size](figures/scaling.svg)"] if c.scaling else []
     out += [table(c.tables["scaling"])] if c.tables["scaling"].rows else []
-    out += [table(c.tables["speed"]), "## Failures and refusals", table(c.tables["failures"])]
+    out += [table(c.tables["speed"]), "### The clock", table(c.tables["clock"])]
+    out += ["## Failures and refusals", table(c.tables["failures"])]
     out += ["### Over seeds", table(c.tables["seeds"])] if c.tables["seeds"].rows else []
     out += ["## Machine, versions, words", table(c.tables["environment"]), MEASURED, table(c.tables["glossary"])]
     return "\n\n".join(part for part in out if part) + "\n"
