@@ -11,7 +11,7 @@ from numba import njit
 
 from nsbench.kernels import slots
 from nsbench.kernels.outfit import column, outfit, sine, speed, switched
-from nsbench.kernels.series import extend, gap
+from nsbench.kernels.series import extend, gaps
 
 TURNS = 24              # changes of the set after one event: beyond, the full method takes over
 UNCLEAR = 1e2           # times the bound on dependence, up and down, in which nothing is decided
@@ -71,15 +71,16 @@ def _closing(role, entry, listed, places, norm, x, v, num):
     entry: one that opens from zero speed, which was looked at before.
     """
     near, small = num[slots.TOL] * (1.0 + np.abs(x).max()), num[slots.DOUBT] * num[slots.SIZE]
+    g = np.empty(role.size)
+    gaps(np.arange(role.size), listed, places, x, g)
     for k in range(role.size):
         what = role[k] % NEW
         if what == HELD or k == entry:
             continue
-        g = gap(k, listed, places, x)
         if what == KEPT:
-            if g > near * norm[k]:
+            if g[k] > near * norm[k]:
                 return -2, 0.0
-        elif what == OUT or g <= near * norm[k]:
+        elif what == OUT or g[k] <= near * norm[k]:
             w, _ = speed(k, listed, places, x, v)
             if not w > small * norm[k]:
                 return (-2 if what == OUT else k), w / norm[k]

@@ -53,6 +53,12 @@ def root(c, deg, level, lo, hi):
 @njit(cache=True, error_model="numpy")
 def first_below(c, deg, level, lo, hi, b):
     """The smallest s in [lo, hi] with c(s) < level, up to rounding; -1.0 if there is none. b (deg + 1,): scratch."""
+    spread, power = 0.0, 1.0
+    for j in range(1, deg + 1):
+        power *= hi
+        spread += abs(c[j]) * power
+    if c[0] - spread >= level:
+        return -1.0
     left, right = np.empty(128), np.empty(128)
     left[0], right[0], top, looked = lo, hi, 1, 0
     while top > 0:

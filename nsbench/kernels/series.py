@@ -11,20 +11,26 @@ from nsbench.kernels.skyline import SUMS, factor, fill, solve
 
 
 @njit(cache=True, error_model="numpy")
-def gap(k, listed, places, x):
-    """g of entry k of the list; distances as sign (|u|^2 - d^2) / (2 d), which has the zero and the slope of g there."""
+def gaps(index, listed, places, x, out):
+    """out (m,): g of the entries `index` of the list; distances as sign (|u|^2 - d^2) / (2 d), which has g's zero and slope.
+
+    Loops over entries stay in one function with the arrays unpacked: to unpack them per entry counts their references.
+    """
     kind, p, q, d, sign, dim = listed
     anchors, ptr, cols, vals, b = places
-    if kind[k] == 0:
-        g = b[p[k]]
-        for e in range(ptr[p[k]], ptr[p[k] + 1]):
-            g += vals[e] * x[cols[e]]
-        return g
-    s = 0.0
-    for c in range(dim[k]):
-        u = x[p[k] + c] - (x[q[k] + c] if kind[k] == 1 else anchors[q[k] + c])
-        s += u * u
-    return sign[k] * (s - d[k] * d[k]) / (2.0 * d[k])
+    for a in range(index.size):
+        k = index[a]
+        if kind[k] == 0:
+            g = b[p[k]]
+            for e in range(ptr[p[k]], ptr[p[k] + 1]):
+                g += vals[e] * x[cols[e]]
+            out[a] = g
+        else:
+            s = 0.0
+            for c in range(dim[k]):
+                u = x[p[k] + c] - (x[q[k] + c] if kind[k] == 1 else anchors[q[k] + c])
+                s += u * u
+            out[a] = sign[k] * (s - d[k] * d[k]) / (2.0 * d[k])
 
 
 @njit(cache=True, error_model="numpy")
@@ -59,9 +65,10 @@ def hold(W, plan, listed, places, norm, x, C, V, count, U, E, work, least):
         fill(plan, C, V, count, p, work, E)
         if not factor(plan, p, E, least):
             return False
-        far = 0.0
+        gaps(W, listed, places, x, g)
+        far, sign = 0.0, listed[4]
         for a in range(p):
-            g[a] = -gap(W[a], listed, places, x) * (listed[4][W[a]] if listed[0][W[a]] else 1.0)
+            g[a] *= -sign[W[a]]
             far = max(far, abs(g[a]) / norm[W[a]])
         if far <= fine or turn == 3:
             return far <= 1e3 * fine

@@ -10,14 +10,15 @@ from nsbench.kernels.descents import passage
 
 
 @njit(cache=True, error_model="numpy")
-def travel(X, deg, h, out):
-    """out (n,): a bound on how far each coordinate goes within h."""
-    out[:] = 0.0
-    power = 1.0
-    for j in range(1, deg + 1):
-        power *= h
+def travel(X, deg, h, first, out):
+    """out (n,): a bound on how far each coordinate goes within h by the terms of order `first` and higher."""
+    for i in range(out.size):
+        out[i] = 0.0
+    for j in range(deg, first - 1, -1):
         for i in range(out.size):
-            out[i] += abs(X[j, i]) * power
+            out[i] = (out[i] + abs(X[j, i])) * (h if j > first else 1.0)
+    for i in range(out.size):
+        out[i] *= h**first
 
 
 @njit(cache=True, error_model="numpy")
@@ -37,27 +38,51 @@ def strays(x, origin, reach, hard, limit):
 
 
 @njit(cache=True, error_model="numpy")
-def _far(k, listed, places, x, reach):
-    """Whether entry k stays above zero whatever the coordinates do within `reach`."""
+def _doubtful(held, armed, listed, places, X, h, bend):
+    """Entries not held that may reach zero within h, and those not armed.
+
+    The others stay above zero along the straight line, by more than both ends may bend off it.
+    """
     kind, p, q, d, sign, dim = listed
     anchors, ptr, cols, vals, b = places
-    if kind[k] == 0:
-        g = b[p[k]]
-        for e in range(ptr[p[k]], ptr[p[k] + 1]):
-            g += vals[e] * x[cols[e]] - abs(vals[e]) * reach[cols[e]]
-        return g > 0.0
-    s, r = 0.0, 0.0
-    for c in range(dim[k]):
-        if kind[k] == 1:
-            u, v = x[p[k] + c] - x[q[k] + c], reach[p[k] + c] + reach[q[k] + c]
+    out, m = np.empty(kind.size, np.int64), 0
+    for k in range(kind.size):
+        if held[k]:
+            continue
+        if not armed[k]:
+            far = False
+        elif kind[k] == 0:
+            g, v, r = b[p[k]], 0.0, 0.0
+            for e in range(ptr[p[k]], ptr[p[k] + 1]):
+                g += vals[e] * X[0, cols[e]]
+                v += vals[e] * X[1, cols[e]]
+                r += abs(vals[e]) * bend[cols[e]]
+            far = min(g, g + v * h) > r
         else:
-            u, v = x[p[k] + c] - anchors[q[k] + c], reach[p[k] + c]
-        s += u * u
-        r += v * v
-    r = np.sqrt(r)
-    if sign[k] > 0.0:
-        return s > (d[k] + r) * (d[k] + r)
-    return d[k] > r and s < (d[k] - r) * (d[k] - r)
+            s, sv, vv, r = 0.0, 0.0, 0.0, 0.0
+            for c in range(dim[k]):
+                i, j = p[k] + c, q[k] + c
+                if kind[k] == 1:
+                    u, v, w = X[0, i] - X[0, j], (X[1, i] - X[1, j]) * h, bend[i] + bend[j]
+                else:
+                    u, v, w = X[0, i] - anchors[j], X[1, i] * h, bend[i]
+                s += u * u
+                sv += u * v
+                vv += v * v
+                r += w * w
+            r = np.sqrt(r)
+            if sign[k] < 0.0:
+                far = d[k] > r and max(s, s + 2.0 * sv + vv) < (d[k] - r) * (d[k] - r)
+            else:
+                if sv + vv <= 0.0:
+                    s += 2.0 * sv + vv                    # nearest at the end
+                elif sv < 0.0:
+                    s -= sv * sv / vv * (1.0 + 1e-12)
+                far = s > (d[k] + r) * (d[k] + r)
+        if not far:
+            out[m] = k
+            m += 1
+    return out[:m]
 
 
 @njit(cache=True, error_model="numpy")
@@ -88,11 +113,11 @@ def _gap_series(k, listed, places, X, deg, powers, diff, out):
 
 
 @njit(cache=True, error_model="numpy")
-def first_event(W, held, listed, places, norm, X, mu, deg, h, band, level, armed, firm, low, small, reach):
+def first_event(W, held, listed, places, norm, X, mu, deg, h, band, level, armed, firm, low, small, bend):
     """(s, entry, touches): the first event at s h, 0 <= s <= 1, its entry in the list; s = 2.0 if there is none.
 
     band, level, armed (m,) of gaps; firm, low (p,): armed and level of multipliers, whose band is `small` over norm.
-    Changes armed and firm to what they are at the end of the step.
+    bend (n,): how far coordinates go by the terms of order two and higher. Changes armed and firm to what they are at the end of the step.
     """
     kind, _, _, _, sign, _ = listed
     powers, diff, b, c, e = np.empty(deg + 1), np.empty(deg + 1), np.empty(deg + 1), np.empty(deg + 1), np.empty(deg + 1)
@@ -100,10 +125,7 @@ def first_event(W, held, listed, places, norm, X, mu, deg, h, band, level, armed
     for j in range(deg):
         powers[j + 1] = powers[j] * h
     best, which, touches, hi = 2.0, -1, 0, 1.0
-    x = X[0]
-    for k in range(kind.size):
-        if held[k] or (armed[k] and _far(k, listed, places, x, reach)):
-            continue
+    for k in _doubtful(held, armed, listed, places, X, h, bend):
         _gap_series(k, listed, places, X, deg, powers, diff, c)
         s, now, touched = passage(c, deg, armed[k], level[k], band[k], 0.05 * band[k], hi, b, e)
         armed[k] = now

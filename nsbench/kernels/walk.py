@@ -10,10 +10,10 @@ from numba import njit
 from nsbench.kernels import slots
 from nsbench.kernels.choice import HELD, KEPT, NEW, choose
 from nsbench.kernels.outfit import LEAST, outfit
-from nsbench.kernels.series import at, extend, gap, hold, longest
+from nsbench.kernels.series import at, extend, gaps, hold, longest
 from nsbench.kernels.sightings import first_event, strays, travel
 
-SHORT = 8               # terms of a series where the next event is expected soon
+SHORT = 10               # terms of a series where the next event is expected soon
 DEFECT = 1e3            # local errors, of the equation at the end of a step: the slope of a series has lost an order
 ROUNDED = 1e-10         # of the slope: what ill-conditioned contacts lose by rounding
 TOO_MANY = 50_000       # steps still to come: the equation is stiff, another method is meant for it
@@ -81,7 +81,7 @@ def _length(deg, W, gear, X, x, origin, reach, hard, num):
     if not h > 4e-16 * (abs(num[slots.T]) + abs(num[slots.END])) and h < num[slots.END] - num[slots.T]:
         return h, slots.FAIL
     for _ in range(60):
-        travel(X, deg, h, reach)
+        travel(X, deg, h, 1, reach)
         if num[slots.REACH] == np.inf:
             return h, slots.DONE
         may, did = strays(x, origin, reach, hard, 0.5 * num[slots.REACH])
@@ -97,12 +97,12 @@ def _length(deg, W, gear, X, x, origin, reach, hard, num):
 def _watch(W, gear, basis, listed, places, norm, x, num):
     """Bands, levels and arms of gaps and multipliers at the start of an arc (see solvers._crossings)."""
     m, near = norm.size, num[slots.TOL] * (1.0 + np.abs(x).max())
-    band, level, armed = np.empty(m), np.empty(m), np.empty(m, np.bool_)
+    band, level, armed, g = np.empty(m), np.empty(m), np.empty(m, np.bool_), np.empty(m)
+    gaps(np.arange(m), listed, places, x, g)
     for k in range(m):
         band[k] = near * norm[k]
-        g = 0.0 if basis[k] else gap(k, listed, places, x)
-        armed[k] = g > band[k]
-        level[k] = 0.0 if armed[k] else min(g, 0.0) - band[k]
+        armed[k] = g[k] > band[k]
+        level[k] = 0.0 if armed[k] else min(g[k], 0.0) - band[k]
     firm, low = np.empty(W.size, np.bool_), np.empty(W.size)
     for a in range(W.size):
         lam = gear[4][a, 0] * (listed[4][W[a]] if listed[0][W[a]] > 0 else 1.0)
@@ -117,6 +117,7 @@ def _look(deg, h, W, gear, basis, listed, places, norm, X, watch, reach, num):
     """(s, entry, touches, watch): the first event within h, and the arms at the end of it."""
     band, level, armed, firm, low = watch
     armed, firm = armed.copy(), firm.copy()
+    travel(X, deg, h, 2, reach)
     s, entry, touches = first_event(W, basis, listed, places, norm, X, gear[4], deg, h, band, level, armed, firm, low,
                                     num[slots.TOL] * num[slots.SIZE], reach)
     return s, entry, touches, (band, level, armed, firm, low)
