@@ -7,11 +7,11 @@ positive and every other closed contact opens strictly or depends on the set: th
 of velocities, whose velocity is unique (Lawson & Hanson 1974, chapter 23), whatever the way it was found.
 """
 import numpy as np
-from numba import njit
 
 from nsbench.kernels import slots
+from nsbench.kernels.inner import inner
 from nsbench.kernels.outfit import column, outfit, sine, speed, switched
-from nsbench.kernels.series import extend, gaps
+from nsbench.kernels.series import extend, gaps, size
 
 TURNS = 24              # changes of the set after one event: beyond, the full method takes over
 UNCLEAR = 1e2           # times the bound on dependence, up and down, in which nothing is decided
@@ -19,7 +19,7 @@ AHEAD = 1e-5            # of a step of the integrator: the first look ahead, whe
 NOT, OUT, KEPT, HELD, NEW = 0, 1, 2, 3, 4       # what a contact is: open, leaving, closed and dependent, in the set; + NEW
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _weakest(W, gear, listed, norm, small, spared):
     """Index of the member whose multiplier is smallest, if that is not above `small`; -1 if all are; -2 if one is no number.
 
@@ -36,7 +36,7 @@ def _weakest(W, gear, listed, norm, small, spared):
     return which
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _swap(a, W, gear, role, listed, places, x, dependent):
     """Member a leaves: (clear, the dependent contact that takes its place or -1, their coefficient, inverse Gram entry).
 
@@ -49,28 +49,28 @@ def _swap(a, W, gear, role, listed, places, x, dependent):
     turn = listed[4][k] if listed[0][k] > 0 else 1.0
     for c in range(role.size):
         if role[c] == KEPT or role[c] == KEPT + NEW:
-            y, size = speed(c, listed, places, x, pull)
-            if y * y > dependent / UNCLEAR * size:
-                if y * y < dependent * UNCLEAR * size:
+            y, length = speed(c, listed, places, x, pull)
+            if y * y > dependent / UNCLEAR * length:
+                if y * y < dependent * UNCLEAR * length:
                     return False, -1, 0.0, top
                 if turn * y < best:
                     best, which = turn * y, c
     if which < 0:
         for c in range(role.size):
             if role[c] == KEPT or role[c] == KEPT + NEW:
-                y, size = speed(c, listed, places, x, pull)
-                if y * y > dependent * UNCLEAR * size:
+                y, length = speed(c, listed, places, x, pull)
+                if y * y > dependent * UNCLEAR * length:
                     role[c] += OUT - KEPT
     return True, which, best * np.sqrt(top), top
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _closing(role, entry, listed, places, norm, x, v, num):
     """The closed contact outside the set that does not open strictly, and its speed; -1 if there is none, -2: unclear.
 
     entry: one that opens from zero speed, which was looked at before.
     """
-    near, small = num[slots.TOL] * (1.0 + np.abs(x).max()), num[slots.DOUBT] * num[slots.SIZE]
+    near, small = num[slots.TOL] * (1.0 + size(x)), num[slots.DOUBT] * num[slots.SIZE]
     g = np.empty(role.size)
     gaps(np.arange(role.size), listed, places, x, g)
     for k in range(role.size):
@@ -87,7 +87,7 @@ def _closing(role, entry, listed, places, norm, x, v, num):
     return -1, 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _roles(W, kept):
     role = np.zeros(kept.size, np.int64)
     for k in range(kept.size):
@@ -97,7 +97,7 @@ def _roles(W, kept):
     return role
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _leave(a, W, which, role):
     """The set without member a, with the dependent contact `which` in its place if that is one."""
     k = W[a]
@@ -109,19 +109,19 @@ def _leave(a, W, which, role):
     return W
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _velocity(W, start, x, listed, places, norm, drift, width, order, X, F, work, num):
     """Gear and velocity (X[1], mu of order 0) with the set W; False if its rows depend on each other."""
     x[:] = start
     good, gear = outfit(W, listed, places, norm, x, width, order, work)
     if good:
         X[0] = x
-        extend(0, 1, W, gear[5], gear[6], listed, drift, gear[0], gear[1], gear[2], gear[3], gear[4], X, F, np.empty(W.size))
-        num[slots.SIZE] = max(num[slots.SIZE], np.abs(F[0]).max())
+        extend(0, 1, W, gear, listed, drift, X, F)
+        num[slots.SIZE] = max(num[slots.SIZE], size(F[0]))
     return good, gear
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _first(entry, closing, slope, W, gear, role, listed, places, norm, x, num, pace):
     """The first set to try: (clear, set, member whose multiplier grows from zero, contact that opens from rest)."""
     if closing:
@@ -139,7 +139,7 @@ def _first(entry, closing, slope, W, gear, role, listed, places, norm, x, num, p
     return clear and -slope / top * AHEAD * pace > sight, W, -1, entry
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def choose(entry, closing, slope, W, gear, kept, listed, places, norm, drift, width, order, x, X, F, work, num, pace):
     """(sure, set, gear, role): the next set and all for its arc, with mu and X of order 0; x is put on it.
 
@@ -157,8 +157,8 @@ def choose(entry, closing, slope, W, gear, kept, listed, places, norm, drift, wi
             break
         if fresh >= 0:                                    # what was taken in last must be independent of the others
             _, top = column(fresh, W2, gear2, x.size)
-            _, size = speed(fresh, listed, places, x, X[1])
-            sure, fresh = 1.0 > UNCLEAR * num[slots.DEPENDENT] * top * size, -1
+            _, length = speed(fresh, listed, places, x, X[1])
+            sure, fresh = 1.0 > UNCLEAR * num[slots.DEPENDENT] * top * length, -1
         a = _weakest(W2, gear2, listed, norm, small, spared)
         if a >= 0 and sure:
             sure, which, _, _ = _swap(a, W2, gear2, role, listed, places, x, num[slots.DEPENDENT])

@@ -4,7 +4,8 @@ Coefficients c (deg + 1,) in s; on an interval the polynomial is developed about
 terms' sizes bounds what it does. No passage is missed between nodes: there are none.
 """
 import numpy as np
-from numba import njit
+
+from nsbench.kernels.inner import inner
 
 NARROW = 2.0**-44           # of [0, 1]: below, times cannot be told apart
 STEEP = 100.0           # touches per step: a function that reaches zero at this pace at the end of a step crosses there
@@ -12,7 +13,7 @@ ENDS = 1e-2             # of a touch: zero, up to rounding
 MOST = 4000                 # intervals looked at: far beyond what a polynomial with distinct roots takes
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def value(c, deg, s):
     v = c[deg]
     for j in range(deg - 1, -1, -1):
@@ -20,7 +21,7 @@ def value(c, deg, s):
     return v
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def slope(c, deg, s):
     v = deg * c[deg]
     for j in range(deg - 1, 0, -1):
@@ -28,7 +29,7 @@ def slope(c, deg, s):
     return v
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def root(c, deg, level, lo, hi):
     """A root of c - level in [lo, hi], where it is above at lo and below at hi: Newton's steps, kept in the bracket."""
     s = hi
@@ -50,7 +51,7 @@ def root(c, deg, level, lo, hi):
     return s
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def first_below(c, deg, level, lo, hi, b):
     """The smallest s in [lo, hi] with c(s) < level, up to rounding; -1.0 if there is none. b (deg + 1,): scratch."""
     spread, power = 0.0, 1.0
@@ -93,7 +94,7 @@ def first_below(c, deg, level, lo, hi, b):
     return -1.0
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def passage(c, deg, armed, level, band, touch, hi, b, d):
     """First event of one function on [0, hi]: (s or -1.0, armed afterwards, touched).
 

@@ -1,14 +1,14 @@
 """What an arc with a set of held contacts needs: rows, plan, factor; and questions to that factor."""
 import numpy as np
-from numba import njit
 
+from nsbench.kernels.inner import inner
 from nsbench.kernels.series import hold
 from nsbench.kernels.skyline import arrange, solve
 
 LEAST = 1e-12           # pivots over their diagonal that count as zero: contacts that lock or depend on each other
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def outfit(W, listed, places, norm, x, width, order, work):
     """Everything an arc with the held entries W needs, with x put on them; and whether that could be done."""
     p = W.size
@@ -29,12 +29,11 @@ def outfit(W, listed, places, norm, x, width, order, work):
                     C[a, dim[k] + c] = second[k] + c
             count[a] = 2 * dim[k] if kind[k] == 1 else dim[k]
     plan = arrange(C, count, p, x.size)
-    E = np.empty(plan[2][p])
-    good = hold(W, plan, listed, places, norm, x, C, V, count, U, E, work, LEAST)
-    return good, (C, V, count, U, mu, plan, E)
+    gear = (C, V, count, U, mu, plan, np.empty(plan[2][p]))
+    return hold(W, gear, listed, places, norm, x, work, LEAST), gear
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def speed(k, listed, places, x, v):
     """(G_k v, |G_k|^2) of entry k."""
     kind, p, q, d, sign, dim = listed
@@ -52,7 +51,7 @@ def speed(k, listed, places, x, v):
     return sign[k] * s, size * (2.0 if kind[k] == 1 else 1.0)
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _push(gear, W, z, n):
     """G^T z."""
     C, V, count = gear[0], gear[1], gear[2]
@@ -63,7 +62,7 @@ def _push(gear, W, z, n):
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def column(entry, W, gear, n):
     """G^T z / sqrt(z_k) and z_k for the column z = M^-1 e_k of `entry`."""
     z, k = np.zeros(W.size), np.searchsorted(W, entry)
@@ -75,7 +74,7 @@ def column(entry, W, gear, n):
     return _push(gear, W, z, n), top
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def switched(W, entry, closing):
     """W with the entry put in or taken out; sorted."""
     at_ = np.searchsorted(W, entry)
@@ -89,7 +88,7 @@ def switched(W, entry, closing):
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def sine(c, W, gear, listed, places, x):
     """Squared sine of the angle between the gradient of entry c and the span of those held."""
     C, V, count = gear[0], gear[1], gear[2]
@@ -107,7 +106,7 @@ def sine(c, W, gear, listed, places, x):
     return np.sum(row * row) / size
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def gradient(k, listed, places, x):
     """(n,) the gradient of entry k, dense; distances up to their sign."""
     kind, p, q, d, _, dim = listed

@@ -5,12 +5,35 @@ and every order of mu costs one solve with the same Gram matrix (Taylor series o
 Pryce 1998). lam = sign mu. Affine rows have their gradient in place of u, which stands still.
 """
 import numpy as np
-from numba import njit
 
-from nsbench.kernels.skyline import SUMS, factor, fill, solve
+from nsbench.kernels.inner import inner, summing
+from nsbench.kernels.skyline import factor, fill, solve
 
 
-@njit(cache=True, error_model="numpy")
+@inner
+def size(x):
+    """Largest |x_i|; NaN if one is."""
+    top = 0.0
+    for v in x:
+        top = max(top, abs(v)) if v == v else np.nan
+        if top != top:
+            break
+    return top
+
+
+@inner
+def apart(x, y):
+    """Largest |x_i - y_i|; NaN if one is."""
+    top = 0.0
+    for i in range(x.size):
+        v = abs(x[i] - y[i])
+        if v != v:
+            return np.nan
+        top = max(top, v)
+    return top
+
+
+@inner
 def gaps(index, listed, places, x, out):
     """out (m,): g of the entries `index` of the list; distances as sign (|u|^2 - d^2) / (2 d), which has g's zero and slope.
 
@@ -33,7 +56,7 @@ def gaps(index, listed, places, x, out):
             out[a] = sign[k] * (s - d[k] * d[k]) / (2.0 * d[k])
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def gradients(W, listed, places, x, C, V, count, U):
     """Rows of the held entries W: columns, values, lengths; u in U[:, :, 0]."""
     kind, p, q, d, _, dim = listed
@@ -55,11 +78,12 @@ def gradients(W, listed, places, x, C, V, count, U):
         count[a] = 2 * m if kind[k] == 1 else m
 
 
-@njit(cache=True, error_model="numpy")
-def hold(W, plan, listed, places, norm, x, C, V, count, U, E, work, least):
+@inner
+def hold(W, gear, listed, places, norm, x, work, least):
     """x is put on g = 0 along the gradients there, and the Gram matrix factored; False if that cannot be done."""
+    C, V, count, U, _, plan, E = gear
     p, g = W.size, np.empty(W.size)
-    fine = 2e-15 * (1.0 + np.abs(x).max())
+    fine = 2e-15 * (1.0 + size(x))
     for turn in range(4):
         gradients(W, listed, places, x, C, V, count, U)
         fill(plan, C, V, count, p, work, E)
@@ -82,7 +106,7 @@ def hold(W, plan, listed, places, norm, x, C, V, count, U, E, work, least):
     return True
 
 
-@njit(cache=True, error_model="numpy", fastmath=SUMS)
+@summing
 def _fold(U, k, c, m):
     """sum_{a=1}^m u[a] u[m+1-a]."""
     s = 0.0
@@ -91,7 +115,7 @@ def _fold(U, k, c, m):
     return s
 
 
-@njit(cache=True, error_model="numpy", fastmath=SUMS)
+@summing
 def _mixed(mu, U, k, c, m):
     """sum_{a=1}^m mu[m-a] u[a]."""
     s = 0.0
@@ -100,7 +124,7 @@ def _mixed(mu, U, k, c, m):
     return s
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _push(m, W, listed, mu, U, V):
     """V += the part of order m of the forces that is known before mu[m]."""
     kind, p, q, _, _, dim = listed
@@ -114,11 +138,13 @@ def _push(m, W, listed, mu, U, V):
                     V[q[k] + c] -= s
 
 
-@njit(cache=True, error_model="numpy")
-def extend(m0, m1, W, plan, E, listed, drift, C, G, count, U, mu, X, F, rhs):
+@inner
+def extend(m0, m1, W, gear, listed, drift, X, F):
     """Orders m0 to m1 - 1 of mu (p, .) and of the drift F (., n); so X (., n) and U up to order m1."""
     kind, p, q, d, _, dim = listed
     aptr, acols, avals, const = drift
+    C, G, count, U, mu, plan, E = gear
+    rhs = np.empty(W.size)
     for m in range(m0, m1):
         V = X[m + 1]
         for i in range(const.size):
@@ -152,22 +178,22 @@ def extend(m0, m1, W, plan, E, listed, drift, C, G, count, U, mu, X, F, rhs):
                     U[a, c, m + 1] = (V[p[k] + c] - (V[q[k] + c] if kind[k] == 1 else 0.0)) / d[k]
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def longest(X, mu, deg, eps, W):
     """How far the terms of the two highest orders stay below eps (1 + |x|): Jorba & Zou 2005, section 3.2."""
-    size, h = eps * (1.0 + np.abs(X[0]).max()), np.inf
+    fine, h = eps * (1.0 + size(X[0])), np.inf
     for j in (deg - 1, deg):
-        top = np.abs(X[j]).max()
+        top = size(X[j])
         for a in range(W.size):
             top = max(top, abs(mu[a, j - 1]) / j)         # of the impulse
         if not np.isfinite(top):
             return 0.0
         if top > 0.0:
-            h = min(h, (size / top) ** (1.0 / j))
+            h = min(h, (fine / top) ** (1.0 / j))
     return 0.9 * h
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def at(X, deg, s, out):
     """out (n,): the series at s."""
     out[:] = X[deg]

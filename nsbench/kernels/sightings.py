@@ -4,12 +4,12 @@ Entries that the path cannot bring to zero within the step are left out by a bou
 of the others the gap is developed into a series and its descents are isolated (see descents). Nothing is sampled.
 """
 import numpy as np
-from numba import njit
 
 from nsbench.kernels.descents import passage
+from nsbench.kernels.inner import inner
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def travel(X, deg, h, first, out):
     """out (n,): a bound on how far each coordinate goes within h by the terms of order `first` and higher."""
     for i in range(out.size):
@@ -21,7 +21,7 @@ def travel(X, deg, h, first, out):
         out[i] *= h**first
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def strays(x, origin, reach, hard, limit):
     """(may, did): whether a hard particle may go farther than `limit` from its origin in this step; whether any moved."""
     may, did = False, False
@@ -37,7 +37,7 @@ def strays(x, origin, reach, hard, limit):
     return may, did
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _doubtful(held, armed, listed, places, X, h, bend):
     """Entries not held that may reach zero within h, and those not armed.
 
@@ -85,7 +85,7 @@ def _doubtful(held, armed, listed, places, X, h, bend):
     return out[:m]
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _gap_series(k, listed, places, X, deg, powers, diff, out):
     """out (deg + 1,): series of the gap (see series.gap) in the time over h."""
     kind, p, q, d, sign, dim = listed
@@ -112,12 +112,12 @@ def _gap_series(k, listed, places, X, deg, powers, diff, out):
         out[j] *= 0.5 * sign[k] / d[k]
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def first_event(W, held, listed, places, norm, X, mu, deg, h, band, level, armed, firm, low, small, bend):
     """(s, entry, touches): the first event at s h, 0 <= s <= 1, its entry in the list; s = 2.0 if there is none.
 
-    band, level, armed (m,) of gaps; firm, low (p,): armed and level of multipliers, whose band is `small` over norm.
-    bend (n,): how far coordinates go by the terms of order two and higher. Changes armed and firm to what they are at the end of the step.
+    band, level, armed (m,) of gaps; firm, low (p,): armed and level of multipliers, whose band is `small` over norm; bend
+    (n,): how far coordinates go by the terms of order two and higher. armed and firm become those at the end of the step.
     """
     kind, _, _, _, sign, _ = listed
     powers, diff, b, c, e = np.empty(deg + 1), np.empty(deg + 1), np.empty(deg + 1), np.empty(deg + 1), np.empty(deg + 1)

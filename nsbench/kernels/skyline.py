@@ -5,12 +5,11 @@ that a matrix of many small clusters, or of one flat cluster, has a short envelo
 (George & Liu 1981, chapter 4). Row i of the ordered matrix is held from its first entry to its diagonal.
 """
 import numpy as np
-from numba import njit
 
-SUMS = {"reassoc", "contract"}          # dot products may be summed in lanes
+from nsbench.kernels.inner import inner, summing
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def columns(C, count, p, n):
     """Rows of each column: pointers (n + 1,) and members."""
     ptr = np.zeros(n + 1, np.int64)
@@ -27,7 +26,7 @@ def columns(C, count, p, n):
     return ptr, member
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _breadth(start, C, count, ptr, member, stamp, mark, queue, at):
     """Rows reached from `start` in breadth-first order, written to queue[at:]; returns the end."""
     queue[at], stamp[start], head, end = start, mark, at, at + 1
@@ -43,7 +42,7 @@ def _breadth(start, C, count, ptr, member, stamp, mark, queue, at):
     return end
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def arrange(C, count, p, n):
     """A plan: place (p,) of each row, start (p,) and ptr (p + 1,) of the envelope, pairs of rows that meet (nptr, near)."""
     ptr, member = columns(C, count, p, n)
@@ -80,7 +79,7 @@ def arrange(C, count, p, n):
     return place, start, eptr, nptr, near[:m].copy()
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def fill(plan, C, V, count, p, work, E):
     """E: the Gram matrix G G^T of rows (C, V, count) in the envelope of the plan; work (n,) zeros."""
     place, start, eptr, nptr, near = plan
@@ -98,7 +97,7 @@ def fill(plan, C, V, count, p, work, E):
             work[C[k, e]] = 0.0
 
 
-@njit(cache=True, error_model="numpy", fastmath=SUMS)
+@summing
 def _dot(E, a, b, m):
     s = 0.0
     for k in range(m):
@@ -106,7 +105,7 @@ def _dot(E, a, b, m):
     return s
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def factor(plan, p, E, least):
     """E <- its Cholesky factor; False if a pivot is not above `least` times its diagonal."""
     _, start, eptr, _, _ = plan
@@ -124,7 +123,7 @@ def factor(plan, p, E, least):
     return True
 
 
-@njit(cache=True, error_model="numpy", fastmath=SUMS)
+@summing
 def solve(plan, p, E, v, out):
     """out <- (L L^T)^-1 v, both in the order of the rows."""
     place, start, eptr, _, _ = plan

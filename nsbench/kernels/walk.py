@@ -9,8 +9,9 @@ from numba import njit
 
 from nsbench.kernels import slots
 from nsbench.kernels.choice import HELD, KEPT, NEW, choose
+from nsbench.kernels.inner import inner
 from nsbench.kernels.outfit import LEAST, outfit
-from nsbench.kernels.series import at, extend, gaps, hold, longest
+from nsbench.kernels.series import apart, at, extend, gaps, hold, longest, size
 from nsbench.kernels.sightings import first_event, strays, travel
 
 SHORT = 10               # terms of a series where the next event is expected soon
@@ -19,7 +20,7 @@ ROUNDED = 1e-10         # of the slope: what ill-conditioned contacts lose by ro
 TOO_MANY = 50_000       # steps still to come: the equation is stiff, another method is meant for it
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _path(s, deg, X, F, out, push):
     """The state and the reaction since the start of the step at s."""
     at(X, deg, s, out)
@@ -30,7 +31,7 @@ def _path(s, deg, X, F, out, push):
         push[i] = out[i] - X[0, i] - total * s
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _rate(s, deg, X, out):
     """out: the slope of the series at s."""
     out[:] = deg * X[deg]
@@ -39,7 +40,7 @@ def _rate(s, deg, X, out):
             out[i] = out[i] * s + j * X[j, i]
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _impulse(a, s, deg, mu):
     total = 0.0
     for j in range(deg - 1, -1, -1):
@@ -47,7 +48,7 @@ def _impulse(a, s, deg, mu):
     return total * s
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _advance(s, t, deg, W, gear, listed, X, F, x, samples, records, book, cnt):
     """Write the samples up to t, at s from the start of the step, and move x, reaction and impulses there."""
     XS, RS, ZS = records
@@ -74,7 +75,7 @@ def _advance(s, t, deg, W, gear, listed, X, F, x, samples, records, book, cnt):
         total[column[k]] += (sign[k] if kind[k] > 0 else 1.0) * _impulse(a, s, deg, mu)
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _length(deg, W, gear, X, x, origin, reach, hard, num):
     """(h, code): the step that the series of this degree allows, and whether the list must be made anew first."""
     h = min(longest(X, gear[4], deg, num[slots.EPS], W), num[slots.MAX_STEP], num[slots.END] - num[slots.T])
@@ -93,10 +94,10 @@ def _length(deg, W, gear, X, x, origin, reach, hard, num):
     return h, slots.FAIL
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _watch(W, gear, basis, listed, places, norm, x, num):
     """Bands, levels and arms of gaps and multipliers at the start of an arc (see solvers._crossings)."""
-    m, near = norm.size, num[slots.TOL] * (1.0 + np.abs(x).max())
+    m, near = norm.size, num[slots.TOL] * (1.0 + size(x))
     band, level, armed, g = np.empty(m), np.empty(m), np.empty(m, np.bool_), np.empty(m)
     gaps(np.arange(m), listed, places, x, g)
     for k in range(m):
@@ -112,7 +113,7 @@ def _watch(W, gear, basis, listed, places, norm, x, num):
     return band, level, armed, firm, low
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _look(deg, h, W, gear, basis, listed, places, norm, X, watch, reach, num):
     """(s, entry, touches, watch): the first event within h, and the arms at the end of it."""
     band, level, armed, firm, low = watch
@@ -123,7 +124,7 @@ def _look(deg, h, W, gear, basis, listed, places, norm, X, watch, reach, num):
     return s, entry, touches, (band, level, armed, firm, low)
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _columns(W, column, cnt):
     for k in W:
         if column[k] < 0:
@@ -131,7 +132,7 @@ def _columns(W, column, cnt):
             cnt[slots.COLUMNS] += 1
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _note(role, basis, kept, log, num, cnt):
     """Write down what closed, what opened, what handed its load to others; and take it over into the masks."""
     first = slots.FIRST
@@ -166,20 +167,20 @@ def walk(listed, places, norm, drift, hard, width, order, x, origin, basis, kept
     good, gear = outfit(W, listed, places, norm, x, width, order, work)
     ready, quick = 0, SHORT
     while good:
-        rhs, arc_h = np.empty(W.size), 0.0
+        arc_h = 0.0
         _columns(W, book[0], cnt)
         if ready == 0:
             X[0] = x
-            extend(0, 1, W, gear[5], gear[6], listed, drift, gear[0], gear[1], gear[2], gear[3], gear[4], X, F, rhs)
+            extend(0, 1, W, gear, listed, drift, X, F)
         watch = _watch(W, gear, basis, listed, places, norm, x, num)
         ready, deg, entry = 1, 1, -1
         while entry < 0:
-            if cnt[slots.STEPS] >= cnt[slots.MAX_STEPS] or not np.abs(x).max() <= num[slots.BOX]:
+            if cnt[slots.STEPS] >= cnt[slots.MAX_STEPS] or not size(x) <= num[slots.BOX]:
                 return slots.FAIL
             for goal in (quick, order):
                 if goal <= deg:
                     continue
-                extend(deg, goal, W, gear[5], gear[6], listed, drift, gear[0], gear[1], gear[2], gear[3], gear[4], X, F, rhs)
+                extend(deg, goal, W, gear, listed, drift, X, F)
                 cnt[slots.ORDERS] += goal - deg
                 deg = goal
                 h, code = _length(deg, W, gear, X, x, origin, reach, hard, num)
@@ -203,13 +204,13 @@ def walk(listed, places, norm, drift, hard, width, order, x, origin, basis, kept
                 return slots.DONE
             if entry < 0:
                 _rate(s, deg, X, V)
-                if not hold(W, gear[5], listed, places, norm, x, gear[0], gear[1], gear[2], gear[3], gear[6], work, LEAST):
+                if not hold(W, gear, listed, places, norm, x, work, LEAST):
                     return slots.FAIL
                 X[0] = x
-                extend(0, 1, W, gear[5], gear[6], listed, drift, gear[0], gear[1], gear[2], gear[3], gear[4], X, F, rhs)
+                extend(0, 1, W, gear, listed, drift, X, F)
                 deg = 1
-                off = h * np.abs(V - X[1]).max()
-                if not off <= num[slots.EPS] * DEFECT * (1.0 + np.abs(x).max()) + ROUNDED * h * np.abs(V).max():
+                off = h * apart(V, X[1])
+                if not off <= num[slots.EPS] * DEFECT * (1.0 + size(x)) + ROUNDED * h * size(V):
                     return slots.FAIL                     # the series did not see what the path does
         paces[cnt[slots.PACES] % paces.size] = arc_h
         cnt[slots.PACES] += 1
@@ -225,7 +226,7 @@ def walk(listed, places, norm, drift, hard, width, order, x, origin, basis, kept
         sure = not (closing and kept[entry])
         if sure:
             sure, W, gear, role = choose(entry, closing, slope, W, gear, kept, listed, places, norm, drift, width, order, x,
-                                            X, F, work, num, paces.max())
+                                            X, F, work, num, size(paces))
         if not sure:
             x[:] = V
             return slots.CHOOSE
