@@ -93,6 +93,7 @@ class _Driver:
             if code == slots.FAIL:
                 return False
             if code == slots.RELIST:
+                self.cnt[slots.ARCS] += 1                 # as in Python, an arc ends here
                 walk._relist()
                 continue
             if code == slots.CHOOSE:
