@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from nsbench.case import Case
-from nsbench.problem import Complementarity, Smooth
+from nsbench.problem import Affine, Complementarity, Smooth
 from nsbench.solvers.base import Claims, Expect, Run, grid, last_steps, sample
 from nsbench.solvers.start import start_state
 from nsbench.trajectory import Status, Trajectory
@@ -79,6 +79,34 @@ class PBD:
 
     def _compiled(self, case, scene, g, x0):
         """The compiled loop bound to its data, and "compiled" or "host": the same loop around a drift in Python."""
+        if packs(scene):
+            return self._packed(case, scene, g, x0)
+        return self._listed(case, scene, g, x0)
+
+    def _packed(self, case, scene, g, x0, record=True):
+        """The fast loop for one family of hard particles; should its lists get too long, the one for all scenes."""
+        from nsbench.kernels import pbd_packed as kernel
+        (f, b, _), loop = _pointers(case, scene)
+        (k, c, m), = scene.hard
+        families = np.array([(k, 0), *zip(*_first_rows(scene), strict=True)], np.int64)
+        radii = scene.radii[k]
+        args = (f, b, scene.moving, g.t, g.substeps, self.sweeps, x0, (scene.ptr, scene.cols, scene.vals, scene.inv2),
+                scene.b(float(case.t[0])), radii[:1].copy() if np.all(radii == radii[0]) else radii,
+                hard_ranks(scene, self.order, x0), families, c.dim, self.reach * _mean_radius(scene), self.rank, self.seed,
+                record)
+        march = kernel.march if loop == "compiled" else kernel.march.py_func
+        if loop == "compiled":
+            march.compile(_types((*args, *kernel.room(1, 2 * c.dim))))
+
+        def run():
+            out = march(*args, *kernel.room(m, case.n))
+            if out[5] != kernel.TOO_MANY:
+                return (*out[:8], out[8] + scene.inv2.size)
+            return self._listed(case, scene, g, x0)[0]()
+        return run, loop
+
+    def _listed(self, case, scene, g, x0):
+        """The loop for any scene, all of whose constraints are listed."""
         if scene.hard:
             from nsbench.kernels import pbd_near as kernel
         else:
@@ -140,6 +168,22 @@ def _hard(scene):
         owner[start:start + m * dim, 0] = np.repeat(first, dim)
         owner[start:start + m * dim, 1] = dim
     return hard, np.concatenate([scene.radii[k] for k in hard[:, 0]]), owner
+
+
+def packs(scene) -> bool:
+    """Whether kernels.pbd_packed takes the scene: hard particles of one family, each constraint besides on one of them."""
+    if len(scene.hard) != 1 or not all(isinstance(c, Affine) or c is scene.hard[0][1] for c in scene.families):
+        return False
+    _, c, m = scene.hard[0]
+    owner = scene.cols // c.dim
+    return c.start == 0 and m * c.dim == scene.n and bool(
+        np.all(owner == np.repeat(owner[scene.ptr[:-1]], np.diff(scene.ptr))))
+
+
+def _first_rows(scene):
+    """Families of rows, and the first row of each among all."""
+    k = [k for k, c in enumerate(scene.families) if isinstance(c, Affine)]
+    return k, np.cumsum([0, *(a.shape[0] for a in scene.affine)])[:-1].tolist()
 
 
 def hard_ranks(scene, order, x0):
