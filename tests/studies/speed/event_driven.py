@@ -96,7 +96,8 @@ def main(argv=None) -> int:
     for n in (3, 10, 30, 100):
         if n <= o.most:
             case = get_case("discs", n=n)
-            compare(f"discs[n={n}], plain, 1e-10", case, 1e-10, lambda case=case: plain(case, 1e-10)[0], min(o.rounds, 3))
+            rounds = min(o.rounds, 3 if n < 100 else 2)
+            compare(f"discs[n={n}], plain, 1e-10", case, 1e-10, lambda case=case: plain(case, 1e-10)[0], rounds)
     case = get_case("discs", n=1000)
     case = case.replace(t=np.linspace(0.0, o.reach, 3))
     run = get("event_driven").prepare(case, 1e-10)
