@@ -4,7 +4,6 @@ from __future__ import annotations
 import dataclasses
 import functools
 import secrets
-import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
@@ -156,9 +155,9 @@ def attempt(spec: Spec, announce: Callable[[str], None] = lambda what: None):
         run, spent = clock.prepared(lambda: method.prepare(case, spec.asked))
         row |= spent
         announce("run")
-        start = time.perf_counter()
-        traj = run()
-        row |= clock.columns([time.perf_counter() - start])
+        traj, seconds, compiled = clock.first_call(run)
+        row |= clock.columns([seconds])
+        row["compile_seconds"] += compiled
     except MemoryError as e:
         return row | _status(Status("oom", f"Out of memory: {e}")), None
     except Exception as e:               # a plugin may raise anything; it becomes a row and the others go on

@@ -57,3 +57,19 @@ def test_nothing_to_time_is_an_error():
         clock.interleaved({})
     with pytest.raises(ValueError, match="0 rounds"):
         clock.interleaved({"a": lambda: None}, rounds=0)
+
+
+def test_a_run_that_compiles_is_timed_without_its_compilation():
+    import numba
+
+    @numba.njit
+    def late(x):
+        return x + 1.0
+    calls = []
+
+    def run():
+        calls.append(late(float(len(calls))))
+        return calls[-1]
+    out, seconds, compiled = clock.first_call(run)
+    assert len(calls) == 2 and out == 2.0 and compiled > 0.01 > seconds
+    assert clock.first_call(run)[2] == 0.0 and len(calls) == 3

@@ -5,6 +5,7 @@ is the median of the ratios within rounds (not the ratio of medians), and comes 
 """
 from __future__ import annotations
 
+import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -86,6 +87,42 @@ def prepared(prepare: Callable[[], Callable]) -> tuple[Callable, dict]:
         run = prepare()
         again = min(first, time.perf_counter() - start)
     return run, {"setup_seconds": again, "compile_seconds": first - again}
+
+
+def first_call(run: Callable[[], object]) -> tuple[object, float, float]:
+    """What `run()` returns, its seconds, and those that numba's compiler took within. A run that compiles is made again:
+    its seconds are those of the second call."""
+    out, seconds, spent = _watched(run)
+    if spent > 0.0:
+        out, seconds, _ = _watched(run)
+    return out, seconds, spent
+
+
+def _watched(run):
+    """(result, seconds, seconds of numba's compiler, loading from its cache included)."""
+    if "numba" not in sys.modules:
+        start = time.perf_counter()
+        out = run()
+        seconds = time.perf_counter() - start
+        return out, seconds, seconds if "numba" in sys.modules else 0.0      # what imports numba will have compiled too
+    from numba.core import event
+
+    class Watch(event.Listener):
+        depth, since, total = 0, 0.0, 0.0
+
+        def on_start(self, _):
+            self.since = self.since if self.depth else time.perf_counter()
+            self.depth += 1
+
+        def on_end(self, _):
+            self.depth -= 1
+            self.total += 0.0 if self.depth else time.perf_counter() - self.since
+    watch = Watch()
+    with event.install_listener("numba:compiler_lock", watch):
+        start = time.perf_counter()
+        out = run()
+        seconds = time.perf_counter() - start
+    return out, seconds, watch.total
 
 
 def interleaved(runs: dict[str, Callable[[], object]], rounds: int = ROUNDS, least: float = LEAST) -> dict[str, Times]:
