@@ -18,7 +18,7 @@ ROUNDS, PATIENCE = 80, 25    # about 20 do from nothing; then ten times tol will
 CORRECTORS = 2               # more of them find nothing to correct
 BACK = 0.999                 # of the way to the border
 ENOUGH = 0.95                # a step this long needs no corrector
-NEAR = 0.01                 # of the squared residual of the guess: where on the central path to start
+NEAR, COLD = 0.01, 1.0        # of the squared residual of the guess: where on the central path to start, warm or cold
 CENTRAL = 0.01               # of mu: a product lam s below is lifted, by s
 PROX = 1e-9                 # proximal term of the multipliers, of lengths: no weight is above its inverse
 FAR = 1e9                    # a point farther away than this many scales is no point
@@ -116,7 +116,7 @@ def _parted(q, lam, d, norm, scale):
 
 
 @njit(cache=True, error_model="numpy")
-def interior(P, T, room, vals, q, guess, norm, scale, tol, mu, d, w):
+def interior(P, T, room, vals, q, guess, norm, scale, tol, mu, d, w, near=NEAR):
     """Fill mu (m,), d = G^T mu (n,), w = q + G d. Returns code (0 solved, 1 infeasible, 2 neither) and rounds.
 
     T, room: kernels.parts.tree of the pattern and kernels.fronts.room of it; guess (m,): multipliers to start near.
@@ -129,7 +129,7 @@ def interior(P, T, room, vals, q, guess, norm, scale, tol, mu, d, w):
     z, rd, dd, ed, g = np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n)
     push(P, vals, guess, z)
     slack(P, vals, q, z, w)
-    _start(guess, w, norm, max(NEAR * wrong(guess, w, norm) ** 2, tol * tol), lam, s)
+    _start(guess, w, norm, max(near * wrong(guess, w, norm) ** 2, tol * tol), lam, s)
     push(P, vals, lam, z)
     for rounds in range(ROUNDS):
         push(P, vals, lam, g)

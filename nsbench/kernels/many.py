@@ -3,7 +3,7 @@ import numpy as np
 from numba import cfunc, njit
 
 from nsbench.kernels import qp
-from nsbench.kernels.interior import interior
+from nsbench.kernels.interior import COLD, NEAR, interior
 from nsbench.kernels.least import GIVEN_UP, GROW, MANY
 from nsbench.kernels.parts import tree
 from nsbench.kernels.sparse import lengths
@@ -56,6 +56,10 @@ def many(ptr, cols, tptr, trow, tpos, order, vals, q, guess, scale, book, store,
         return
     room = (store[:ends[0]], store[ends[0]:ends[1]], store[ends[1]:ends[2]], store[ends[2]:ends[3]])
     P = (ptr, cols, tptr, trow, tpos, order)
-    code, rounds = interior(P, T, room, vals, q, guess, lengths(P, vals), scale, TOL, mu, d, np.empty(q.size))
+    norm, w = lengths(P, vals), np.empty(q.size)
+    code, rounds = interior(P, T, room, vals, q, guess, norm, scale, TOL, mu, d, w, NEAR)
+    if code == 2:                                         # once more from nothing
+        code, more = interior(P, T, room, vals, q, np.zeros(q.size), norm, scale, TOL, mu, d, w, COLD)
+        rounds += more
     work[0] = qp.SOLVED if code == 0 else (qp.INFEASIBLE if code == 1 else GIVEN_UP)
     work[1] = rounds

@@ -48,10 +48,10 @@ def scene(x, pull, turn, own, steps, seed=1, h=STEP):
 def jammed(n, seed=0):
     """Places (2 n,) of discs that nearly all touch, overlaps removed."""
     rng = np.random.default_rng(seed)
-    angle, r = 2 * np.pi * rng.random(n), np.sqrt(2.0 * n * rng.random(n))
+    angle, r = 2 * np.pi * rng.random(n), np.sqrt(n / 0.7 * rng.random(n))
     x = np.stack((r * np.cos(angle), r * np.sin(angle)), 1).ravel()
     for h in 0.02 * 0.6 ** np.arange(12):                  # PBD overlaps by about h: shorter steps at the end
-        x = nsbench.solve(scene(x, min(30.0, np.sqrt(n)), 0.0, 0.0, 150, h=h), "pbd", h=h).x[-1]
+        x = nsbench.solve(scene(x, np.sqrt(n) / 16.0, 0.0, 0.0, 150, h=h), "pbd", h=h).x[-1]
     x = nsbench.solve(scene(x, 0.0, 0.0, 0.0, 200), "pbd[sweeps=5]", h=STEP).x[-1]
     return nsbench.solve(scene(x, 1.0, 0.5, 1.0, 10), "catching_up", h=STEP).x[-1]
 
