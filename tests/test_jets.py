@@ -80,7 +80,8 @@ def test_kinks_jumps_and_poles_are_left_open_where_they_lie_and_nowhere_else(kin
 
 
 @pytest.mark.parametrize("call", [lambda xp, t, x: x if x[0] > 0.0 else -x, lambda xp, t, x: x * float(t),
-                                  lambda xp, t, x: np.sort(x), lambda xp, t, x: x * 1j])
+                                  lambda xp, t, x: np.sort(x), lambda xp, t, x: x * 1j,
+                                  lambda xp, t, x: np.append(x, 0), lambda xp, t, x: np.insert(x, 0, 1)])
 def test_what_a_jet_cannot_do_is_a_type_error(call):
     _, centre, radius, c = pieces()
     with pytest.raises(TypeError):

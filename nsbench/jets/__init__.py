@@ -12,6 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 ORDER = 9                   # one more than the degree of the interpolants that the last coefficient bounds
+FOREIGN = 2**40             # numbers below it among those of entries are values of the caller's that came in with them
 LIMIT = 50_000              # entries of one Jet: beyond, a proof costs more than the step it is for
 
 
@@ -173,7 +174,7 @@ def as_jet(value, pieces: int) -> Jet:
 
 def _arranged(func, *args, **kwargs):
     """func, which only moves entries, on Jets: it is applied to their numbers instead."""
-    pool, first = [], [0]
+    pool, first = [], [FOREIGN]
     pieces = next(j.mid.shape[-2] for j in _jets(args))
 
     def number(a):
@@ -187,8 +188,9 @@ def _arranged(func, *args, **kwargs):
         return index
 
     index = func(*[number(a) for a in args], **kwargs)
-    if isinstance(index, (list, tuple)):
+    if isinstance(index, (list, tuple)) or np.any(np.asarray(index) < FOREIGN):
         raise TypeError(f"no Jet of {func.__name__}")
+    index = np.asarray(index) - FOREIGN
     mid = np.concatenate([j.mid.reshape(-1, pieces, ORDER + 1) for j in pool])
     rad = np.concatenate([j.rad.reshape(-1, pieces, ORDER + 1) for j in pool])
     return Jet(mid[index], rad[index])
