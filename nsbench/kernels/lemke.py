@@ -8,6 +8,7 @@ Loops stand where numpy would add rows: its broadcasting takes numba seconds to 
 import numpy as np
 from numba import njit
 
+from nsbench.kernels.independent import near_singular, orthonormal
 from nsbench.kernels.lcp import solve_lcp
 from nsbench.kernels.relay import gauss
 
@@ -218,7 +219,7 @@ def least(M, r, a, b, lam, w):
     for i in range(p):
         for j in range(p):
             S[i, j] = M[idx[i], idx[j]] * a[idx[i]] * b[idx[j]]
-    if not near_singular(S.copy()):
+    if not near_singular(S.copy(), RANK):
         return
     _, sigma, Vt = np.linalg.svd(S)
     rank = 0
@@ -255,49 +256,3 @@ def least(M, r, a, b, lam, w):
     if slack(M, r, other, v):
         for i in range(m):
             lam[i], w[i] = other[i], v[i]
-
-
-@njit(cache=True, error_model="numpy")
-def orthonormal(Q):
-    """Columns of Q made orthonormal in place, by Gram and Schmidt's method done twice (Giraud et al. 2005)."""
-    p, n = Q.shape
-    for k in range(n):
-        for _ in range(2):
-            for j in range(k):
-                s = 0.0
-                for i in range(p):
-                    s += Q[i, j] * Q[i, k]
-                for i in range(p):
-                    Q[i, k] -= s * Q[i, j]
-        s = 0.0
-        for i in range(p):
-            s += Q[i, k] * Q[i, k]
-        s = np.sqrt(s)
-        for i in range(p):
-            Q[i, k] /= s
-
-
-@njit(cache=True, error_model="numpy")
-def near_singular(A):
-    """Does elimination with full pivoting meet a pivot below RANK of the first? A is overwritten."""
-    n, first = A.shape[0], 0.0
-    for k in range(n):
-        p, q = k, k
-        for i in range(k, n):
-            for j in range(k, n):
-                if abs(A[i, j]) > abs(A[p, q]):
-                    p, q = i, j
-        top = abs(A[p, q])
-        if k == 0:
-            first = top
-        if not top > 1e2 * RANK * first:                     # elimination overestimates the least singular value
-            return True
-        for j in range(n):
-            A[k, j], A[p, j] = A[p, j], A[k, j]
-        for i in range(n):
-            A[i, k], A[i, q] = A[i, q], A[i, k]
-        for i in range(k + 1, n):
-            r = A[i, k] / A[k, k]
-            for j in range(k, n):
-                A[i, j] -= r * A[k, j]
-    return False
