@@ -5,6 +5,7 @@ particles only those near, found by cell lists. The order is the stated one: fam
 """
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 
 import numpy as np
@@ -88,7 +89,8 @@ class Scene:
         self.b_factory = chain([a.b for a in self.affine])
         self.anchor_factory = chain([c.anchors for c in self.anchored])
         self._smooth = [SmoothRows(c, n) for c in self.families if isinstance(c, Smooth)]
-        self._parts = self._static_parts()
+        if any(isinstance(c, Distance) and not c.all_pairs for c in self.families):
+            _ = self._parts                              # bad indices are told at once
         self.hard = [(k, c, c.particles(n)) for k, c in enumerate(self.families)
                      if isinstance(c, Distance) and c.all_pairs]
         self.radii = {k: np.broadcast_to(c.radii if c.radii is not None else c.d / 2, m).astype(float)
@@ -106,7 +108,9 @@ class Scene:
         """The s-th Smooth family: g(t, x), gradient(t, x), rate(t, x) in numpy."""
         return self._smooth[s]
 
-    def _static_parts(self) -> dict[int, Near]:
+    @functools.cached_property
+    def _parts(self) -> dict[int, Near]:
+        """The listed constraints by family; made when asked for: rows take 72 bytes each."""
         parts, row, anchor, smooth = {}, 0, 0, 0
         for k, c in enumerate(self.families):
             if isinstance(c, Affine):

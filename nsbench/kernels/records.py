@@ -1,6 +1,10 @@
 """Impulses by contact as growing records (sample, family, i, j, impulse): what never acts takes no room."""
+from collections.abc import Sequence
+
 import numpy as np
 from numba import njit
+
+MANY = 100_000            # contacts; a tuple takes some 130 bytes for each
 
 
 @njit(cache=True)
@@ -26,12 +30,48 @@ def flush(k, mu, family, i, j, ids, values, count):
     return ids, values, count
 
 
-def cumulate(ids: np.ndarray, values: np.ndarray, samples: int) -> tuple[tuple, np.ndarray]:
-    """Contact ids that ever acted, sorted, and their cumulative impulse (samples, m)."""
+class Contacts(Sequence):
+    """Contact ids as a tuple of tuples would hold them, kept as an array (m, 3) of family, i, j (-1: no second index)."""
+
+    def __init__(self, ids: np.ndarray):
+        self.ids = ids
+
+    def __len__(self):
+        return len(self.ids)
+
+    def __getitem__(self, index):
+        if isinstance(index, slice):
+            return Contacts(self.ids[index])
+        return _name(self.ids[index].tolist())
+
+    def __iter__(self):
+        return map(_name, self.ids.tolist())
+
+    def __eq__(self, other):
+        if isinstance(other, Contacts):
+            return np.array_equal(self.ids, other.ids)
+        return isinstance(other, tuple) and len(self) == len(other) and all(a == b for a, b in zip(self, other, strict=True))
+
+    def __hash__(self):
+        return hash(tuple(self))
+
+
+def _name(id_):
+    return tuple(id_) if id_[2] >= 0 else tuple(id_[:2])
+
+
+def cumulate(ids: np.ndarray, values: np.ndarray, samples: int) -> tuple[Sequence, np.ndarray]:
+    """Contact ids that ever acted, sorted, and their cumulative impulse (samples, m); a `Contacts` if there are many."""
     if not len(values):
         return (), np.zeros((samples, 0))
-    contacts, column = np.unique(ids[:, 1:], axis=0, return_inverse=True)
+    if ids.max() < 2**27 and ids[:, 1].max() < 2**7:     # one word for each id: sorted much faster, in the same order
+        words = (ids[:, 1].astype(np.int64) << 56) | (ids[:, 2].astype(np.int64) << 28) | (ids[:, 3].astype(np.int64) + 1)
+        words, column = np.unique(words, return_inverse=True)
+        contacts = np.stack((words >> 56, (words >> 28) & (2**28 - 1), (words & (2**28 - 1)) - 1), axis=1).astype(ids.dtype)
+        del words
+    else:
+        contacts, column = np.unique(ids[:, 1:], axis=0, return_inverse=True)
     impulse = np.zeros((samples, len(contacts)))
     np.add.at(impulse, (ids[:, 0], column.ravel()), values)
-    names = tuple((f, i) if j < 0 else (f, i, j) for f, i, j in contacts.tolist())
-    return names, np.cumsum(impulse, axis=0)
+    names = Contacts(contacts) if len(contacts) > MANY else tuple(map(_name, contacts.tolist()))
+    return names, np.cumsum(impulse, axis=0, out=impulse)
