@@ -74,47 +74,66 @@ def sweep(lists, y, base, r, dim, rows, b, limit2, log_at, log_mu, record):
 
     Returns the projections done, whether centres coincided, and whether a particle strayed (the sweep then ends).
     """
+    if dim == 2 and r.size == 1:
+        return sweep_discs(lists, y, base, 2.0 * r[0], rows, b, limit2, log_at, log_mu, record)
     i, j, mu = lists
-    alike, d, k, tied = r.size == 1, 2.0 * r[0], 0, False
+    k, tied = 0, False
     for c in range(i.size):
         p, q = i[c], j[c]
-        if dim == 2 and q >= 0:
-            a, e = y[2 * p] - y[2 * q], y[2 * p + 1] - y[2 * q + 1]
-            s = a * a + e * e
-            if not alike:
-                d = r[p] + r[q]
-            if s >= d * d:
+        if q >= 0:
+            m = project_pair(y, p, q, 2.0 * r[0] if r.size == 1 else r[p] + r[q], dim)
+        else:
+            m = project_row(y, p, -1 - q, rows, b, dim)
+        if m == 0.0:
+            continue
+        tied = tied or m < 0.0
+        if record:
+            log_at[k], log_mu[k] = c, mu[c]
+            mu[c] += abs(m)
+        k += 1
+        if strayed(y, base, p, dim, limit2) or (q >= 0 and strayed(y, base, q, dim, limit2)):
+            return k, tied, True
+    return k, tied, False
+
+
+@njit(cache=True, error_model="numpy")
+def sweep_discs(lists, y, base, d, rows, b, limit2, log_at, log_mu, record):
+    """`sweep` in the plane for one diameter d. Indices are unsigned: numba then does not ask whether they count from the
+    end, which would be a fourth of the time."""
+    i, j, mu = lists
+    one, two, k, d2, tied = np.uint64(1), np.uint64(2), np.uint64(0), d * d, False
+    for c in range(i.size):
+        if j[c] < 0:
+            m = project_row(y, i[c], -1 - j[c], rows, b, 2)
+            if m == 0.0:
+                continue
+            broken = strayed(y, base, i[c], 2, limit2)
+        else:
+            p, q = two * np.uint64(i[c]), two * np.uint64(j[c])
+            ex, ey = y[p] - y[q], y[p + one] - y[q + one]
+            s = ex * ex + ey * ey
+            if s >= d2:
                 continue
             length = np.sqrt(s)
             m = -0.5 * (length - d)
             if m <= 0.0:
                 continue
             if length == 0.0:
-                a, e, tied = m, 0.0, True
+                ex, tied = m, True
             else:
                 w = m / length
-                a, e = w * a, w * e
-            y[2 * p] += a
-            y[2 * p + 1] += e
-            y[2 * q] -= a
-            y[2 * q + 1] -= e
-        elif q >= 0:
-            m = project_pair(y, p, q, d if alike else r[p] + r[q], dim)
-            if m == 0.0:
-                continue
-            tied = tied or m < 0.0
-            m = abs(m)
-        else:
-            m = project_row(y, p, -1 - q, rows, b, dim)
-            if m == 0.0:
-                continue
+                ex, ey = w * ex, w * ey
+            px, py, qx, qy = y[p] + ex, y[p + one] + ey, y[q] - ex, y[q + one] - ey
+            y[p], y[p + one], y[q], y[q + one] = px, py, qx, qy
+            px, py, qx, qy = px - base[p], py - base[p + one], qx - base[q], qy - base[q + one]
+            broken = max(px * px + py * py, qx * qx + qy * qy) > limit2
         if record:
             log_at[k], log_mu[k] = c, mu[c]
             mu[c] += m
-        k += 1
-        if strayed(y, base, p, dim, limit2) or (q >= 0 and strayed(y, base, q, dim, limit2)):
-            return k, tied, True
-    return k, tied, False
+        k += one
+        if broken:
+            return np.int64(k), tied, True
+    return np.int64(k), tied, False
 
 
 @njit(cache=True)
@@ -235,7 +254,7 @@ def march(f, b_of, moving, t, substeps, sweeps, x, rows, b, r, number, families,
                     far = farthest(y, base, dim)
                     start[:] = y
                 while True:
-                    if far > (np.inf if full else 0.2499 * skin * skin):
+                    if far > (np.inf if full else (0.4999 * skin) ** 2):
                         if not moving:
                             valid -= np.sqrt(farthest(y, base, dim))
                             if valid < 0.5 * skin:
@@ -251,10 +270,10 @@ def march(f, b_of, moving, t, substeps, sweeps, x, rows, b, r, number, families,
                         if u > 0:
                             start[:] = y
                         full = pairs == n * (n - 1) // 2 and m == pairs + rows[3].size
-                        rebuilds, peak, age = rebuilds + 1, max(peak, pairs), 0
+                        rebuilds, peak, age, far = rebuilds + 1, max(peak, pairs), 0, 0.0
                     lists = candidates[0][:m], candidates[1][:m], candidates[4][:m]
                     log_at, log_mu = candidates[8], candidates[5].view(np.float64)
-                    done, tied, broken = sweep(lists, y, base, radii, dim, rows, b, np.inf if full else 0.2499 * skin * skin,
+                    done, tied, broken = sweep(lists, y, base, radii, dim, rows, b, np.inf if full else (0.4999 * skin) ** 2,
                                                log_at, log_mu, record)
                     if not broken:
                         break

@@ -31,16 +31,14 @@ def sort_by_key(ids, lo, hi, keys):
 @njit(cache=True)
 def waits(i, j, keys, ends, ids, after, need):
     """Fill `after` (2 m,) with the next constraint at either particle (-1: none), `need` (m,) with how many a constraint
-    waits for; returns how many constraints a particle has at most. ends (n + 1,), ids (2 m,): room to work in."""
+    waits for. ends (n + 1,), ids (2 m,): room to work in."""
     n = ends.size - 1
     ends[:] = 0
     for c in range(i.size):
         ends[i[c] + 1] += 1
         if j[c] >= 0:
             ends[j[c] + 1] += 1
-    most = 0
     for s in range(n):
-        most = max(most, ends[s + 1])
         ends[s + 1] += ends[s]
     for c in range(i.size):
         ids[ends[i[c]]] = c
@@ -59,7 +57,6 @@ def waits(i, j, keys, ends, ids, after, need):
             after[2 * p + (i[p] != s)] = ids[e]
             need[ids[e]] += 1
         lo = hi
-    return most
 
 
 @njit(cache=True)
@@ -90,9 +87,9 @@ def schedule(i, j, keys, row, ends, ids, after, need, place):
     """Fill `place` (m,) with the places of the constraints in the order of execution.
 
     i, j (m,): particles (j < 0: on i alone); keys (m,) of the stated order; row (n,) of the particles' cells; the
-    rest is room. Returns the largest number of constraints at one particle.
+    rest is room.
     """
-    most = waits(i, j, keys, ends, ids, after, need)
+    waits(i, j, keys, ends, ids, after, need)
     fill_levels(after, need, ids, place)
     last = 0
     for c in range(i.size):
@@ -107,4 +104,3 @@ def schedule(i, j, keys, row, ends, ids, after, need, place):
         s = place[c]
         place[c] = count[s]
         count[s] += 1
-    return most

@@ -35,7 +35,7 @@ class PBD:
     sweeps: int = 1
     order: str = "sorted"
     seed: int = 0
-    reach: float = 0.3
+    reach: float = 0.5
 
     accuracy = "h"
     default = 1e-2

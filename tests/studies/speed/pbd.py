@@ -32,7 +32,7 @@ from nsbench.measure.clock import interleaved, ratio  # noqa: E402
 from nsbench.solvers import get  # noqa: E402
 from nsbench.solvers.base import grid  # noqa: E402
 
-WORK = 4_000_000          # discs times steps of a timed run
+WORK = 2_000_000          # discs times steps of a timed run; 30 steps at least, more than a list lives
 VARIANTS = (("sorted", "rows"), ("cell", "rows"), ("coloured", "rows"), ("sorted", "random"), ("cell", "random"))
 
 LOOP = """
@@ -63,7 +63,7 @@ def peak():
 def now():
     return 1024 * next(int(v.split()[1]) for v in open("/proc/self/status") if v.startswith("VmRSS"))
 get("pbd").prepare(drift_scene(100, 5, warm=0).case, STEP)()
-case = drift_scene({n}, {steps}, warm=0).case
+case = drift_scene({n}, {steps}, warm=0).case.replace(start="keep")
 open("/proc/self/clear_refs", "w").write("5")
 before = now()
 run = get("pbd").prepare(case, STEP)
@@ -74,7 +74,7 @@ print((ready - before) / {n}, (peak() - before) / {n}, (now() - before) / {n}, l
 
 
 def steps_for(n):
-    return int(np.clip(WORK // n, 60, 2000))
+    return int(np.clip(WORK // n, 30, 1000))
 
 
 def growth(sizes, rounds):
@@ -121,8 +121,8 @@ def pair_lists(scene, order):
     y[:] = x
     rows = (np.zeros(1, np.int64), np.empty(0, np.int64), np.empty(0), np.empty(0))
     families = np.zeros((1, 2), np.int64)
-    m, _, _, _, candidates = packed.renew(0, (none, none, np.empty(0)), particles, candidates, y, w, reac, base, np.ones(1), 0.3,
-                                          2, rows, np.empty(0), none, False, families, none.astype(np.int64), rank, 0, n * n)
+    m, _, _, _, candidates = packed.renew(0, (none, none, np.empty(0)), particles, candidates, y, w, reac, base, np.ones(1),
+                                          0.5, 2, rows, np.empty(0), none, False, families, none.astype(np.int64), rank, 0, n * n)
     i, j, label = candidates[0][:m].copy(), candidates[1][:m].copy(), particles[0]
     keys = np.empty(m, np.uint64)
     packed.fill_keys(i, j, label, none.astype(np.int64), families, rank, 0, keys)
@@ -140,7 +140,7 @@ def ours(start, lists):
 
     def run():
         y[:] = start
-        sweep((*lists, mu), y, base, np.ones(1), 2, rows, rows[3], 0.02, log_at, log_mu, True)
+        sweep((*lists, mu), y, base, np.ones(1), 2, rows, rows[3], 0.0625, log_at, log_mu, True)
         return y
     return run
 
