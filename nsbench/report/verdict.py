@@ -203,7 +203,8 @@ def speeds(data: Data):
                f"{count(len(values), 'comparison')}; {factor(min(values))} to {factor(max(values))}).")
     apart -= set(ratios)
     if apart:
-        yield f"Seconds of {listed(sorted(apart))} are not compared with {LEADS}: their loops are of another kind."
+        yield (f"Seconds of {listed(sorted(apart))} are not compared with {LEADS}: their loops are of another kind, or "
+               "their coarsest run was already better.")
     gains = [g for solver in qp for g in ratios.get(solver, [])]
     if gains:
         top, case, target = max(gains)
