@@ -15,7 +15,8 @@ from nsbench.kernels.packed import DEEP, near_rows, renew
 from nsbench.kernels.pbd import NAN, OK, TIED
 
 TOO_MANY = -1
-ROOM = 11                 # pairs per particle held at most, unless the first list has half as many already
+ROOM = 11                 # pairs per particle held at most, unless the first list has half as many already,
+FEW = 1500                # or there are few particles: all pairs of so many take 60 MB
 
 
 @njit(cache=True, error_model="numpy")
@@ -265,7 +266,7 @@ def march(f, b_of, moving, t, substeps, sweeps, x, rows, b, r, number, families,
                                                                   most)
                         if m < 0:
                             return X, R, ids[:count], values[:count], work, TOO_MANY, now, rebuilds, peak
-                        if rebuilds == 0:
+                        if rebuilds == 0 and n > FEW:
                             most = max(ROOM * n, 2 * pairs)
                         if u > 0:
                             start[:] = y
