@@ -252,7 +252,7 @@ def describe_solver(spec: str) -> dict:
     """What a report says of a solver: its first line, its accuracy parameter and its claims."""
     m = solvers.get(spec)
     return {"doc": (type(m).__doc__ or "").strip().splitlines()[0], "accuracy": m.accuracy,
-            "claims": {"state": m.claims.state, "impulse": m.claims.impulse, "exact": m.claims.exact},
+            "claims": dataclasses.asdict(m.claims),
             "expects": [dataclasses.asdict(e) for e in getattr(m, "expects", ())]}
 
 

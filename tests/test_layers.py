@@ -2,6 +2,7 @@
 import ast
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -44,6 +45,13 @@ def test_imports_point_one_way(path):
 def test_cases_import_only_what_a_case_file_may():
     for path in sorted((ROOT.parent / "cases").glob("*.py")):
         assert set(imports(path)) <= {f"nsbench.{n}" for n in nsbench.__all__} | {"nsbench.problem", "nsbench.case"}, path
+
+
+def test_every_folder_is_installed():
+    """A folder that pyproject.toml does not list is there for the developers only."""
+    listed = tomllib.loads((ROOT.parent / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["setuptools"]["packages"]
+    here = {".".join(p.parent.relative_to(ROOT.parent).parts) for p in ROOT.rglob("__init__.py")}
+    assert here | {"nsbench.cases", "nsbench.reference_solutions"} == set(listed)
 
 
 def loaded_by(code):

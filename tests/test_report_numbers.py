@@ -4,6 +4,7 @@ import pytest
 from report_rows import SOLVERS, STEPS, row, summaries
 
 from nsbench.report import source, speed, style, summary, tables, talk, verdict
+from nsbench.solvers import get
 
 
 def test_two_steps_are_no_order_and_zeros_are_exact():
@@ -21,6 +22,17 @@ def test_a_deviation_from_the_claim_is_marked_in_either_direction(p, flag):
     state = summaries(rows)["a", "pbd"].state
     assert state.flag == flag and abs(state.order - p) < 0.02
     assert summaries(rows, {})["a", "pbd"].state.flag == ""
+
+
+def test_rounding_that_an_extrapolation_enlarges_is_no_plateau():
+    """2 x(h/2) - x(h) carries five times the rounding of one addition per step: errors that level off there are none."""
+    h = 0.1 / np.unique(np.round(300 * 2 ** np.arange(0, 8, 0.3)))
+    noise = 2.5 * (1e-12 + np.finfo(float).eps / h)
+    rows = [row("a", "pbd", float(v), state_sup=float(max(1e3 * v**3, e))) for v, e in zip(h, noise, strict=True)]
+    plain, known = (summaries(rows, {"pbd": {"accuracy": "h", "claims": {"state": 2.0} | more}})["a", "pbd"].state
+                    for more in ({}, {"rounding": 5.0}))
+    assert plain.best_h and known.window[0] > 3 * plain.window[0] and known.order == pytest.approx(3.0, abs=0.05)
+    assert get("richardson").claims.rounding == 5.0 and get("richardson[levels=3]").claims.rounding == pytest.approx(15.0)
 
 
 def test_errors_below_the_reference_are_not_numbers():

@@ -80,7 +80,7 @@ def summarise(data: Data) -> dict[tuple, Summary]:
         claims = data.solvers.get(solver, {}).get("claims") or {}
         force = "reaction" if case in nonunique else "impulse"
         statuses = Counter(runs.col["status"].tolist())
-        fit = functools.partial(fit_order, span=_span(data.cases.get(case, {})))
+        fit = functools.partial(fit_order, span=_span(data.cases.get(case, {})) * claims.get("rounding", 1.0))
         out[case, solver] = Summary(
             runs, order(runs, "state_sup", claims, fit), order(runs, force, claims, fit),
             order(runs, "feasibility", {}, fit), statuses, _outcome(runs, statuses))

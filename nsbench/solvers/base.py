@@ -26,10 +26,13 @@ class Claims:
     """Orders in the accuracy parameter: h of fixed steps, 1/k of a penalty. None: no order is claimed.
 
     exact: the method claims the bound `exact` on the state error instead of an order (event-driven).
+    rounding: how many times the rounding of one addition per step h can stand in the result: errors below it are no
+    errors of the method.
     """
     state: float | None = None
     impulse: float | None = None
     exact: float | None = None
+    rounding: float = 1.0
 
 
 @dataclass(frozen=True)

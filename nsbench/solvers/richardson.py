@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from nsbench.case import Case
-from nsbench.solvers._extrapolation import combined
+from nsbench.solvers._extrapolation import combined, weights
 from nsbench.solvers.base import Claims, Expect, Run, grid
 
 METHODS = ("pbd", "catching_up")
@@ -36,7 +36,12 @@ class Richardson:
 
     accuracy = "h"
     default = 1e-2
-    claims = Claims(state=2.0, impulse=2.0)
+
+    @property
+    def claims(self) -> Claims:
+        """Rounding: a run with h/2^j makes 2^j additions per h, and its weight multiplies what they leave."""
+        return Claims(state=2.0, impulse=2.0,
+                      rounding=sum(abs(float(w)) * 2**j for j, w in enumerate(weights(self.levels - 1))))
 
     @property
     def expects(self) -> tuple[Expect, ...]:
