@@ -163,3 +163,29 @@ def test_the_longest_batches_come_first_and_the_second_needs_other_kernels():
     assert weight([Spec("sliding", "pbd", "h", float("nan"))]) == 0.0
     assert _in_order([quick, free, long])[:2] == [long, free] and len(_in_order([quick, free, long, python])) == 4
     assert _in_order([quick, python]) == [python, quick]
+
+
+def test_what_shares_a_solver_waits_its_turn_and_is_taken_after(tmp_path):
+    """Other families need more kernels of the same solver: they are not compiled beside it."""
+    one = Turns(str(tmp_path)).order([Spec("tide", "pbd", "h", 0.1)])
+    other = Turns(str(tmp_path)).order([Spec("three_discs", "pbd", "h", 0.1), Spec("three_discs", "penalty", "k", 9.0)])
+    assert next(one)[0] == 0 and next(other)[0] == 1
+    one.close()
+    assert [i for i, _ in other] == [0]
+
+
+def test_a_kernel_compiled_within_a_run_stops_its_clock():
+    from nsbench.execute.local import _Job, _late, _News
+    told = []
+
+    class Pipe:
+        def send(self, message):
+            told.append(message)
+    news = _News(Pipe())
+    news.tell("run", 3)
+    with news.compiling():
+        pass
+    assert told == [("run", 3, None), ("compile", 3, None), ("run", 3, None)]
+    since = time.monotonic() - 5.0
+    assert _late(_Job(None, None, what="run", since=since), 2.0)
+    assert not _late(_Job(None, None, what="compile", since=since), 2.0)

@@ -2,8 +2,8 @@
 
 The parent never computes. A worker says what it is about to do with which run; when nothing new is heard within the
 limit it is killed, the run becomes a timeout row, and the rest of its case goes to a fresh worker. A worker that dies
-by itself makes its run a "crashed" row. The clock of a run starts when its preparation (compilation) has ended;
-preparation has a limit of its own.
+by itself makes its run a "crashed" row. The clock of a run starts when its preparation (compilation) has ended, and anew
+after a kernel that was compiled within it; preparation and compilation have a limit of their own.
 """
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from dataclasses import dataclass, field
 from multiprocessing.connection import wait
 from pathlib import Path
 
+from nsbench.execute.once import share_compilation
 from nsbench.execute.turns import Turns
 from nsbench.study import Spec, run_batch
 
@@ -35,7 +36,8 @@ def _worker(pipe, locks: str) -> None:
     """Body of a worker: batches and chores in, (what, index, row) out."""
     import signal
     signal.signal(signal.SIGINT, signal.SIG_IGN)         # the parent decides what Ctrl-C means
-    turns = Turns(locks)
+    turns, news = Turns(locks), _News(pipe)
+    share_compilation(locks, news.compiling)
     while True:
         try:
             task = pipe.recv()
@@ -43,12 +45,34 @@ def _worker(pipe, locks: str) -> None:
             return
         if task is None:
             return
+        news.last = ("start", -1)
         if isinstance(task, Chore):
             pipe.send(("done", -1, _does(task)))
             continue
-        for i, row in run_batch(task, lambda what, i: pipe.send((what, i, None)), turns.order):
+        for i, row in run_batch(task, news.tell, turns.order):
             pipe.send(("row", i, row))
         pipe.send(("done", -1, None))
+
+
+class _News:
+    """What a worker tells of itself: what it does with which run, and when a kernel is compiled on the way, for which
+    the clock of the run stands still."""
+
+    def __init__(self, pipe):
+        self.pipe, self.last = pipe, ("start", -1)
+
+    def tell(self, what: str, i: int) -> None:
+        self.last = (what, i)
+        self.pipe.send((what, i, None))
+
+    @contextlib.contextmanager
+    def compiling(self):
+        before = self.last
+        self.tell("compile", before[1])
+        try:
+            yield
+        finally:
+            self.tell(*before)
 
 
 def _does(chore: Chore) -> bool:

@@ -84,17 +84,16 @@ def _talk(name: str, _: str, out: str) -> None:
 
 
 def _in_order(batches):
-    """The long ones first, so that no tail is left at the end; but behind the first the longest one without constraints.
-
-    On a new machine the first worker compiles the kernels that every constrained case needs; the second one works on
-    a case that needs others meanwhile.
+    """The long ones first, so that no tail is left at the end; but before all others the longest one of each kind of
+    problem, those with constraints at the head: on a new machine the workers then begin with different kernels.
     """
     order = sorted(range(len(batches)), key=lambda i: -weight(batches[i]))
-    cases = [study.resolve(b[0].case, b[0].file) for b in batches]
-    bound = [i for i in order if getattr(cases[i].problem, "constraints", ())]
-    free = [i for i in order if i not in bound]
-    first = [*bound[:1], *free[:1]]
-    return [batches[i] for i in (*first, *(i for i in order if i not in first))]
+    problems = [study.resolve(b[0].case, b[0].file).problem for b in batches]
+    first: dict[tuple, int] = {}
+    for i in order:
+        first.setdefault((not getattr(problems[i], "constraints", ()), type(problems[i]).__name__), i)
+    head = [first[kind] for kind in sorted(first)]
+    return [batches[i] for i in (*head, *(i for i in order if i not in head))]
 
 
 def weight(batch) -> float:

@@ -1,8 +1,10 @@
-"""Which specs a worker takes next: on a new machine no kernel is compiled by two workers at the same time.
+"""Which specs a worker takes next: on a new machine no worker waits for kernels that another one compiles.
 
-Runs of one solver on one kind of problem share kernels. The first worker to come to them holds a lock while it prepares
-its first one; the other takes what it can meanwhile, comes back, and loads from the cache on disk what was compiled.
-The lock is a file's, so that it goes with the process that holds it, whatever becomes of that.
+Runs of one solver on one kind of problem share kernels; which families of constraints a case has decides which of them
+it needs. A worker that comes to families it has not met with this solver holds the solver's lock during the first run;
+the others take what they can meanwhile, come back, and load from the cache on disk what was compiled (that no kernel is
+compiled twice, nsbench.execute.once sees to). The lock is a file's: it goes with the process that holds it, whatever
+becomes of that.
 """
 from __future__ import annotations
 
@@ -41,10 +43,10 @@ class Turns:
             yield from rest
 
     def _next(self, groups):
-        """A group whose kernels nobody else is compiling, with the open lock (None: they are known here)."""
+        """A group whose solver nobody else is compiling for, with the open lock (None: its kernels are known here)."""
         while True:
             for key in groups:
-                lock = None if key in self.known else self._lock(key)
+                lock = None if key in self.known else self._lock(" ".join(key.split()[:2]))
                 if key in self.known or lock is not None:
                     return key, lock
             time.sleep(PAUSE)
@@ -62,7 +64,8 @@ class Turns:
 
 
 def kernels_of(spec: Spec) -> str:
-    """Runs with the same word need the same kernels, as far as can be told before they are prepared."""
+    """Runs with the same words need the same kernels, as far as can be told before they are prepared: solver, kind of
+    problem, families of constraints. Where the first two are the same, most kernels are."""
     try:
         problem = resolve(spec.case, spec.file).problem
     except Exception:                                    # it is the run's row that tells why
