@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from nsbench.report import speed
-from nsbench.report.panels import BOTTOM, LEFT, RIGHT, _marks, _Pen
+from nsbench.report.panels import BOTTOM, DASHES, LEFT, RIGHT, _marks, _Pen
 from nsbench.report.source import Data
 from nsbench.report.style import INK, MUTED, RULE, count, power
 
@@ -68,7 +68,7 @@ def _curve(pen, steps, cases: int, look) -> str:
         points += [(a, share), (a, (k + 1) / cases)]
         share = (k + 1) / cases
     points += [(FAR, share)]
-    return (f'<g id="s{look.index}">' + pen.path(points, stroke=look.colour, stroke_width=1.2)
+    return (f'<g id="s{look.index}">' + pen.path(points, stroke=look.colour, stroke_width=1.2, stroke_dasharray=DASHES[look.line])
             + pen.path([points[-1]], style=_marks("m", look.index)) + "</g>")
 
 

@@ -26,7 +26,7 @@ class Power:
 
     def __str__(self) -> str:
         lo, hi = self.interval
-        return f"{self.exponent:.2f}" + (f" [{lo:.2f}, {hi:.2f}]" if math.isfinite(lo) else "")
+        return f"{self.exponent:z.2f}" + (f" [{lo:z.2f}, {hi:z.2f}]" if math.isfinite(lo) else "")
 
 
 def fit_power(sizes, values) -> Power | None:

@@ -168,14 +168,15 @@ def _multipliers(summaries):
 
 
 def _violations(data: Data, summaries):
-    """Which step keeps the constraints: one sentence per figure."""
+    """Which step keeps the constraints, and the case that asks for it: one sentence per figure."""
     for target in (1e-2, 1e-3):
         told, missed = [], []
         for solver, group in _by_solver(summaries).items():
             found = {s.case: speed.step_for_violation(s.runs, target) for s in group if s.runs.violates}
-            steps = [c.h for c in found.values() if c is not None and c.h > 0]
+            steps = [(c.h, case) for case, c in found.items() if c is not None and c.h > 0]
             if steps:
-                told.append(f"{solver} h = {num(min(steps))}")
+                h, case = min(steps)
+                told.append(f"{solver} h = {num(h)} ({case})")
             missed += [f"{solver} on {case}" for case, c in found.items() if c is None]
         if told:
             tail = f"; not reached by {listed(missed, 4)}" if missed else ""
