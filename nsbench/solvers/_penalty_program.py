@@ -76,7 +76,7 @@ def _traced(problem, n, samples, method, style, capacity, particles):
     jax = float64()
     import jax.numpy as jnp
 
-    from nsbench.solvers._diffrax import integrator, short
+    from nsbench.solvers._diffrax import integrator
     from nsbench.solvers._forces import slopes
     real = lambda *shape: jax.ShapeDtypeStruct(shape, jnp.float64)
     whole = jax.ShapeDtypeStruct((), jnp.int64)
@@ -91,6 +91,6 @@ def _traced(problem, n, samples, method, style, capacity, particles):
         raise NotTraceable(f"they return {wrong}, float64 is needed")
     near = (lists, real(n), real()) if style == "near" else ()
     with jax.default_device(jax.devices("cpu")[0]):      # a loop of tiny operations: an accelerator only adds latency
-        run = integrator(made, method, n, short(method, n + made.size))
+        run = integrator(made, method, n)
         return jax.jit(run).lower(real(n + made.size), whole, real(), real(), real(samples), real(), real(), real(),
                                   whole, near)
