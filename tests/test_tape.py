@@ -46,6 +46,14 @@ def tape(f):
     return lay_out(graph, [[*F, *vector(graph, f(SPACE, x[0:1], x[1]), 1)]])
 
 
+def values(made, inputs):
+    """All rows at one point, computed beside others."""
+    V, k = np.zeros((made.rows, 3)), len(inputs)
+    V[:k] = np.array(inputs)[:, None] + [0.1, 0.0, -0.05]
+    point(made.ops, made.nums, made.first[0, 0], made.first[0, 2], k - 1, V, 3)
+    return V[:, 1]
+
+
 def exact(f, t, order):
     mpmath.mp.dps = 60
     c = mpmath.taylor(lambda s: f(Multiple(), u(mpmath.mpf(s)), v(mpmath.mpf(s))), t, order)
@@ -59,12 +67,10 @@ def test_coefficients_are_those_of_the_taylor_series(name):
     for t in (-0.3, 0.0, 0.8):
         C = np.zeros((made.rows, P + 1))
         C[:3, 0] = u(t), v(t), t
-        series(made.ops, made.nums, made.first[0], made.first[1], made.outs[0], 2, P, C)
+        series(made.ops, made.nums, *made.first[0], made.outs[0], 2, P, C)
         want = exact(ELEMENTARY[name], t, P)
         assert np.all(np.abs(C[made.outs[0, 2]] - want) <= 2e-14 * np.maximum(np.abs(want), np.abs(want).max()))
-        V = np.zeros(made.rows)
-        V[:3] = u(t), v(t), t
-        point(made.ops, made.nums, made.first[0], made.first[1], 2, V)
+        V = values(made, [u(t), v(t), t])
         assert abs(V[made.outs[0, 2]] - want[0]) <= 4e-16 * (1.0 + abs(want[0]))
 
 
@@ -74,7 +80,7 @@ def test_enclosures_hold_every_derivative_at_every_point(name):
     Q = np.array([exact(lambda xp, a, b, k=k: (a, b)[k], centre, 3) * radius ** np.arange(4) for k in (0, 1)])
     M, R = np.zeros((made.rows, ORDER + 1)), np.zeros((made.rows, ORDER + 1))
     path(Q, 2, 3, centre, radius, M, R)
-    enclose(made.ops, made.nums, made.first[0], made.first[1], 2, M, R)
+    enclose(made.ops, made.nums, made.first[0, 0], made.first[0, 2], 2, M, R)
     mid, rad = M[made.outs[0, 2]], R[made.outs[0, 2]]
     assert np.all(np.isfinite(rad))
     for s in np.linspace(-1.0, 1.0, 5):
@@ -90,7 +96,7 @@ def test_what_may_be_undefined_on_a_piece_is_not_enclosed(f):
     Q = np.array([[0.85, 0.02], [0.9, 0.0]])
     M, R = np.zeros((made.rows, ORDER + 1)), np.zeros((made.rows, ORDER + 1))
     path(Q, 2, 1, 0.0, 0.1, M, R)
-    enclose(made.ops, made.nums, made.first[0], made.first[1], 2, M, R)
+    enclose(made.ops, made.nums, made.first[0, 0], made.first[0, 2], 2, M, R)
     assert not np.all(np.isfinite(R[made.outs[0, 2]]))
 
 
@@ -100,9 +106,8 @@ def test_derivatives_are_those_of_differences(name):
     t, x = inputs(graph)
     (y,) = vector(graph, f(SPACE, x[0:1], x[1] + 0.1 * t), 1)
     made = lay_out(graph, [[graph.derivative(y, k, {}) for k in range(3)]])
-    V, at = np.zeros(made.rows), np.array([0.8, 0.6, 0.3])
-    V[:3] = at
-    point(made.ops, made.nums, made.first[0], made.first[1], 2, V)
+    at = np.array([0.8, 0.6, 0.3])
+    V = values(made, at)
     value = lambda z: f(np, z[0], z[1] + 0.1 * z[2])
     rough = [(value(at + e) - value(at - e)) / 2e-5 for e in 1e-5 * np.eye(3)]
     np.testing.assert_allclose(V[made.outs[0]], rough, rtol=0, atol=2e-9)
@@ -115,9 +120,8 @@ def test_arrays_are_taken_apart_while_tracing():
         y = xp.concatenate((x[:2], xp.stack((x[2], t)))).reshape(2, 2)
         return A @ x + b + xp.linalg.norm(y[0]) * xp.ones_like(x) + xp.sum(y) + xp.dot(x, x) * xp.array([1.0, 0, t])
     made = lay_out(graph, [vector(graph, f(SPACE, *inputs(graph)), 3)])
-    V, x = np.zeros(made.rows), np.array([0.3, -0.7, 1.1])
-    V[:4] = *x, 0.6
-    point(made.ops, made.nums, made.first[0], made.first[1], 3, V)
+    x = np.array([0.3, -0.7, 1.1])
+    V = values(made, [*x, 0.6])
     np.testing.assert_allclose(V[made.outs[0]], f(np, 0.6, x), rtol=1e-15)
 
 

@@ -1,16 +1,16 @@
-"""Enclosures of everything on a tape over a piece of time, with derivatives: the interpreter of nsbench.jets' arithmetic.
+"""Enclosures of everything on a tape over a piece of time, with derivatives: the arithmetic of nsbench.jets, for tapes.
 
 The path is a polynomial in s, |s| <= 1, over the piece. Row by row, M +- R encloses the coefficients q^(j)(s) / j! (time in
 units of the piece's radius) of every operation, j = 0 .. ORDER, for all s of the piece. What may be undefined somewhere on
-the piece has infinite radii. Source: Moore 1966, chapter 11; the rows are those of kernels.jets.
+the piece has infinite radii. Source: Moore 1966, chapter 11.
 """
-from math import atan, comb, cosh, exp, log, sinh, tanh
+from math import atan, cosh, exp, log, sinh, tanh
 
 import numpy as np
 from numba import njit
 
-from nsbench.kernels.jets import TINY, UNIT, circular, divide, exponential, multiply
-from nsbench.kernels.jets import power as root
+from nsbench.kernels.jets import TINY, UNIT
+from nsbench.kernels.polynomial import CHOOSE
 from nsbench.kernels.tapecodes import (
     ADD,
     AFFINE,
@@ -30,144 +30,154 @@ from nsbench.kernels.tapecodes import (
     SQR,
     SUB,
 )
+from nsbench.kernels.taylor import inner
 
-ORDER = 9               # as in nsbench.jets
-DEGREE = 40             # largest degree of a path
-BINOMIAL = np.array([[float(comb(k, j)) for k in range(DEGREE + 1)] for j in range(ORDER + 1)])
-PATH = 4e-14            # rounding of the coefficients of a path, relative: a shift of a polynomial adds up DEGREE terms
-
-
-@njit(cache=True, error_model="numpy")
-def _between(u, v, M, R):
-    """First entry of a row: the range [u, v], values of a library function."""
-    M[0, 0], R[0, 0] = 0.5 * (u + v), 0.5 * (v - u) + 4.0 * UNIT * max(abs(u), abs(v)) + TINY
+ORDER = 12              # of derivatives: with 9 a piece of a circle is a third as long, with 15 the proof costs what it saves
+PATH = 4e-14            # rounding of the coefficients of a path, relative: a shift of a polynomial adds up its terms
 
 
-@njit(cache=True, error_model="numpy")
-def _square(am, ar, cm, cr):
-    """c = a a, knowing that it is not negative."""
-    multiply(am, ar, am, ar, cm, cr)
-    u, v = abs(am[0, 0]) - ar[0, 0], abs(am[0, 0]) + ar[0, 0]
-    u = max(u, 0.0)
-    cm[0, 0], cr[0, 0] = 0.5 * (u * u + v * v), 0.5 * (v * v - u * u) * (1.0 + UNIT) + UNIT * (u * u + v * v)
+@inner
+def _range(M, R, y, u, v):
+    """First entry of row y: the range [u, v], values of a library function."""
+    M[y, 0], R[y, 0] = 0.5 * (u + v), 0.5 * (v - u) + 4.0 * UNIT * max(abs(u), abs(v)) + TINY
 
 
-@njit(cache=True, error_model="numpy")
-def _primitive(am, ar, wm, wr, cm, cr):
-    """c with c' = a' / w, its first entry given: of log and arctan."""
-    low = abs(wm[0, 0]) - wr[0, 0]
-    for k in range(1, am.shape[1]):
-        if not low > 0.0:
-            cm[0, k], cr[0, k] = 0.0, np.inf
-            continue
-        s, r = am[0, k], ar[0, k] + UNIT * abs(am[0, k])
-        for i in range(1, k):
-            f = i / k
-            s -= f * cm[0, i] * wm[0, k - i]
-            r += f * (abs(cm[0, i]) * wr[0, k - i] + cr[0, i] * (abs(wm[0, k - i]) + wr[0, k - i])
-                      + UNIT * abs(cm[0, i] * wm[0, k - i]))
-        cm[0, k] = s / wm[0, 0]
-        cr[0, k] = (r + abs(cm[0, k]) * wr[0, 0]) / low + UNIT * abs(cm[0, k]) + TINY
-
-
-@njit(cache=True, error_model="numpy")
-def _tangent(am, ar, cm, cr, dm, dr):
-    """c = tanh a and d = 1 - c c, both first entries given:  c' = d a'."""
-    for k in range(1, am.shape[1]):
-        s, r = 0.0, TINY
-        for i in range(1, k + 1):
-            f = i / k
-            s += f * am[0, i] * dm[0, k - i]
-            r += f * (abs(am[0, i]) * dr[0, k - i] + ar[0, i] * (abs(dm[0, k - i]) + dr[0, k - i])
-                      + UNIT * abs(am[0, i] * dm[0, k - i]))
-        cm[0, k], cr[0, k] = s, r
+@inner
+def _multiply(M, R, a, b, y):
+    """Row y = row a times row b."""
+    for k in range(ORDER + 1):
         s, r = 0.0, TINY
         for i in range(k + 1):
-            s -= cm[0, i] * cm[0, k - i]
-            r += (abs(cm[0, i]) * cr[0, k - i] + cr[0, i] * (abs(cm[0, k - i]) + cr[0, k - i])
-                  + UNIT * abs(cm[0, i] * cm[0, k - i]))
-        dm[0, k], dr[0, k] = s, r
+            u, v, dv = M[a, i], M[b, k - i], R[b, k - i]
+            s += u * v
+            r += abs(u) * (dv + UNIT * abs(v)) + R[a, i] * (abs(v) + dv)
+        M[y, k] = s
+        R[y, k] = r
 
 
-@njit(cache=True, error_model="numpy")
-def _circle(m, r, sm, sr, cm, cr):
-    """First entries of sine and cosine at m +- r."""
-    s, c = np.sin(m), np.cos(m)
-    ease = UNIT * (1.0 + 0.1 * abs(m))              # of the reduced argument
-    sm[0, 0], sr[0, 0] = s, min(abs(c) * r + r * r / 2, 2.0) + ease + 4.0 * UNIT
-    cm[0, 0], cr[0, 0] = c, min(abs(s) * r + r * r / 2, 2.0) + ease + 4.0 * UNIT
+@inner
+def _divide(M, R, a, c, b, y):
+    """Row y = row a, or the constant c if a < 0, over row b."""
+    low = abs(M[b, 0]) - R[b, 0]
+    for k in range(ORDER + 1):
+        s, r = c if k == 0 else 0.0, TINY
+        if a >= 0:
+            s, r = M[a, k], R[a, k]
+        r += UNIT * abs(s)
+        for i in range(1, k + 1):
+            u, v, dv = M[b, i], M[y, k - i], R[y, k - i]
+            s -= u * v
+            r += abs(u) * (dv + UNIT * abs(v)) + R[b, i] * (abs(v) + dv)
+        _over(M, R, y, k, s, r, b, low)
 
 
-@njit(cache=True, error_model="numpy")
-def _function(o, c, am, ar, wm, wr, ym, yr, zm, zr):
-    """Rows of an elementary function and, for pairs, of its partner z."""
-    lo, hi = am[0, 0] - ar[0, 0], am[0, 0] + ar[0, 0]
+@inner
+def _weighted(M, R, a, b, k, flat, slope):
+    """Sum over i = 1 .. k of (flat + slope i) a_i b_(k-i), for rows a, b, and its radius."""
+    s, r = 0.0, TINY
+    for i in range(1, k + 1):
+        w, u, du, v, dv = flat + slope * i, M[a, i], R[a, i], M[b, k - i], R[b, k - i]
+        s += w * u * v
+        r += abs(w) * (abs(u) * dv + du * (abs(v) + dv))
+        r += UNIT * (abs(flat) + abs(slope) * i) * (abs(u) + du) * (abs(v) + dv)       # w is rounded too, and may cancel
+    return s, r
+
+
+@inner
+def _over(M, R, y, k, s, r, w, low):
+    """Coefficient k of row y: s +- r over the first entry of row w, which is at least low; nothing is known if it may vanish."""
+    if low > 0.0:
+        M[y, k] = s / M[w, 0]
+        R[y, k] = (r + abs(M[y, k]) * R[w, 0]) / low + UNIT * abs(M[y, k]) + TINY
+    else:
+        M[y, k], R[y, k] = 0.0, np.inf
+
+
+@inner
+def _first(o, c, M, R, a, y):
+    """First entries of row y = o(a), a function, and of its partner's, the next row; NaN where it may be undefined."""
+    m, r = M[a, 0], R[a, 0]
+    lo, hi = m - r, m + r
     if o == SIN:
-        _circle(am[0, 0], ar[0, 0], ym, yr, zm, zr)
-        circular(am, ar, ym, yr, zm, zr, -1.0)
-    elif o == EXP:
-        _between(exp(lo), exp(hi), ym, yr)
-        exponential(am, ar, ym[:, 0].copy(), yr[:, 0].copy(), ym, yr)
+        s, c, ease = np.sin(m), np.cos(m), UNIT * (1.0 + 0.1 * abs(m))      # ease: of the reduced argument
+        M[y, 0], R[y, 0] = s, min(abs(c) * r + r * r / 2, 2.0) + ease + 4.0 * UNIT
+        M[y + 1, 0], R[y + 1, 0] = c, min(abs(s) * r + r * r / 2, 2.0) + ease + 4.0 * UNIT
+        return
+    below = above = 1.0
+    if o == EXP:
+        u, v = exp(lo), exp(hi)
     elif o == POW:
-        lo, hi = max(lo, 0.0), max(hi, 0.0)
-        u, v = lo**c, hi**c
-        _between(min(u, v), max(u, v), ym, yr)
-        root(am, ar, ym[:, 0].copy(), yr[:, 0].copy(), c, ym, yr)
+        u, v = (lo**c, hi**c) if lo > 0.0 else (-np.inf, np.inf)
+        u, v = min(u, v), max(u, v)
     elif o == LOG:
-        if lo > 0.0:
-            _between(log(lo), log(hi), ym, yr)
-        else:
-            ym[0, 0], yr[0, 0] = 0.0, np.inf
-        _primitive(am, ar, wm, wr, ym, yr)
+        u, v = (log(lo), log(hi)) if lo > 0.0 else (-np.inf, np.inf)
     elif o == ATAN:
-        _between(atan(lo), atan(hi), ym, yr)
-        _primitive(am, ar, wm, wr, ym, yr)
+        u, v = atan(lo), atan(hi)
     elif o == SINH:
-        _between(sinh(lo), sinh(hi), ym, yr)
-        _between(1.0 if lo < 0.0 < hi else min(cosh(lo), cosh(hi)), max(cosh(lo), cosh(hi)), zm, zr)
-        circular(am, ar, ym, yr, zm, zr, 1.0)
+        u, v = sinh(lo), sinh(hi)
+        below, above = cosh(lo), cosh(hi)
+        below, above = (1.0 if lo < 0.0 < hi else min(below, above)), max(below, above)
     else:                                           # TANH
         u, v = tanh(lo), tanh(hi)
-        _between(u, v, ym, yr)
-        _between(1.0 - max(u * u, v * v), 1.0 if lo < 0.0 < hi else 1.0 - min(u * u, v * v), zm, zr)
-        _tangent(am, ar, ym, yr, zm, zr)
+        below, above = 1.0 - max(u * u, v * v), (1.0 if lo < 0.0 < hi else 1.0 - min(u * u, v * v))
+    _range(M, R, y, u, v)
+    if o >= SINH:
+        _range(M, R, y + 1, below, above)
+
+
+@inner
+def _further(o, c, M, R, a, b, y, k):
+    """Coefficient k >= 1 of row y = o(a, b), and of its partner's; the recurrences of kernels.taylor."""
+    if o == POW:
+        s, r = _weighted(M, R, a, y, k, -1.0, (c + 1.0) / k)
+        _over(M, R, y, k, s, r, a, M[a, 0] - R[a, 0])
+    elif o == LOG or o == ATAN:
+        s, r = _weighted(M, R, b, y, k, -1.0, 1.0 / k)          # nothing of y_0
+        _over(M, R, y, k, s + M[a, k], r + R[a, k] + UNIT * abs(M[a, k]), b, abs(M[b, 0]) - R[b, 0])
+    else:
+        pair = o != EXP
+        M[y, k], R[y, k] = _weighted(M, R, a, y + pair, k, 0.0, 1.0 / k)
+        if o == SIN or o == SINH:
+            M[y + 1, k], R[y + 1, k] = _weighted(M, R, a, y, k, 0.0, (-1.0 if o == SIN else 1.0) / k)
+        elif pair:                                              # TANH
+            s, r = _weighted(M, R, y, y, k, -1.0, 0.0)
+            M[y + 1, k], R[y + 1, k] = s - M[y, 0] * M[y, k], r + abs(M[y, 0]) * R[y, k] + R[y, 0] * (abs(M[y, k]) + R[y, k])
 
 
 @njit(cache=True, error_model="numpy")
 def enclose(ops, nums, lo, hi, n, M, R):
     """Rows n + 1 .. of M, R (rows, ORDER + 1), from those of the state and the time."""
     for e in range(lo, hi):
-        o, row, i, j = ops[e, 0], n + 1 + e - lo, ops[e, 1], ops[e, 2]
+        o, row, i, j, c = ops[e, 0], n + 1 + e - lo, ops[e, 1], ops[e, 2], nums[e, 0]
         if o == COS or o == COSH or o == SECH2:
             continue
-        if o == ADD or o == SUB:
-            sign = 1.0 if o == ADD else -1.0
+        if o == ADD or o == SUB or o == AFFINE:
+            u, v = (c, 0.0) if o == AFFINE else (1.0, 1.0 if o == ADD else -1.0)
             for k in range(ORDER + 1):
-                M[row, k] = M[i, k] + sign * M[j, k]
-                R[row, k] = R[i, k] + R[j, k] + UNIT * abs(M[row, k])
-        elif o == AFFINE:
-            for k in range(ORDER + 1):
-                M[row, k] = nums[e, 0] * M[i, k]
-                R[row, k] = abs(nums[e, 0]) * R[i, k] + UNIT * abs(M[row, k])
-            M[row, 0] += nums[e, 1]
-            R[row, 0] += UNIT * abs(M[row, 0])
-        elif o == CONST or o == RDIV:
+                M[row, k] = u * M[i, k] + v * M[j, k]
+                R[row, k] = abs(u) * R[i, k] + abs(v) * R[j, k] + UNIT * abs(M[row, k])
+            if o == AFFINE:
+                M[row, 0] += nums[e, 1]
+                R[row, 0] += UNIT * abs(M[row, 0])
+            continue
+        if o == CONST:
             for k in range(ORDER + 1):
                 M[row, k], R[row, k] = 0.0, 0.0
-            M[row, 0] = nums[e, 0]
-            if o == RDIV:
-                one, zero = M[row:row + 1].copy(), R[row:row + 1].copy()
-                divide(one, zero, M[i:i + 1], R[i:i + 1], M[row:row + 1], R[row:row + 1])
-        elif o == MUL:
-            multiply(M[i:i + 1], R[i:i + 1], M[j:j + 1], R[j:j + 1], M[row:row + 1], R[row:row + 1])
+            M[row, 0] = c
+            continue
+        if o == MUL:
+            _multiply(M, R, i, j, row)
         elif o == SQR:
-            _square(M[i:i + 1], R[i:i + 1], M[row:row + 1], R[row:row + 1])
-        elif o == DIV:
-            divide(M[i:i + 1], R[i:i + 1], M[j:j + 1], R[j:j + 1], M[row:row + 1], R[row:row + 1])
+            _multiply(M, R, i, i, row)
+            u, v = max(abs(M[i, 0]) - R[i, 0], 0.0), abs(M[i, 0]) + R[i, 0]
+            M[row, 0] = 0.5 * (u * u + v * v)       # it is not negative
+            R[row, 0] = 0.5 * (v * v - u * u) * (1.0 + UNIT) + UNIT * (u * u + v * v)
+        elif o == DIV or o == RDIV:
+            _divide(M, R, i if o == DIV else -1, c, j if o == DIV else i, row)
         else:
-            z = min(row + 1, M.shape[0] - 1)
-            _function(o, nums[e, 0], M[i:i + 1], R[i:i + 1], M[j:j + 1], R[j:j + 1], M[row:row + 1], R[row:row + 1],
-                      M[z:z + 1], R[z:z + 1])
+            _first(o, c, M, R, i, row)
+            for k in range(1, ORDER + 1):
+                _further(o, c, M, R, i, j, row, k)
 
 
 @njit(cache=True, error_model="numpy")
@@ -178,9 +188,12 @@ def path(Q, n, p, centre, radius, M, R):
     """
     for i in range(n):
         for j in range(ORDER + 1):
-            M[i, j], R[i, j] = (Q[i, j], PATH * abs(Q[i, j])) if j <= p else (0.0, 0.0)
-            for k in range(j + 1, p + 1):
-                R[i, j] += BINOMIAL[j, k] * abs(Q[i, k])
+            M[i, j] = Q[i, j] if j <= p else 0.0
+            R[i, j] = PATH * abs(M[i, j])
+        for k in range(1, p + 1):
+            size = abs(Q[i, k])
+            for j in range(min(k, ORDER + 1)):
+                R[i, j] += CHOOSE[k, j] * size
     for j in range(ORDER + 1):
         M[n, j], R[n, j] = 0.0, 0.0
     M[n, 0], M[n, 1] = centre, radius

@@ -40,13 +40,13 @@ def landed(ops, nums, first, outs, m, n, p, w, t, s, h, C, V):
     row = outs[m, n + w]
     for _ in range(4):
         for j in range(n):
-            V[j] = horner(C, j, s, p)
-        V[n] = t + s
-        point(ops, nums, first[m], first[m + 1], n, V)
+            V[j, 0] = horner(C, j, s, p)
+        V[n, 0] = t + s
+        point(ops, nums, first[m, 0], first[m, 2], n, V, 1)
         slope = 0.0
         for k in range(p, 0, -1):
             slope = slope * s + k * C[row, k]
-        move = -V[row] / slope
+        move = -V[row, 0] / slope
         if not (slope < 0.0 and abs(move) <= 1e-3 * h):
             return -1.0
         s = min(max(s + move, 0.0), h)
@@ -61,7 +61,7 @@ def step(ops, nums, first, outs, m, n, d, p, t, x, most, local, armed, edge, C, 
     for j in range(n):
         C[j, 0] = x[j]
     C[n, 0] = t
-    series(ops, nums, first[m], first[m + 1], outs[m], n, p, C)
+    series(ops, nums, first[m, 0], first[m, 1], first[m, 2], outs[m], n, p, C)
     h, watches = length(C, n, p, x, outs[m], d + 1, local, most), d + 1
     tiny = 64.0 * EPS * abs(t)
     if not h > min(tiny, 0.5 * most):
@@ -78,7 +78,7 @@ def step(ops, nums, first, outs, m, n, d, p, t, x, most, local, armed, edge, C, 
     start, width, pieces, whole = 0.0, h, 0, h
     while start < h:
         width = min(width, h - start)
-        if not certified(ops, nums, first[m], first[m + 1], outs[m], n, p, watches, t, start, width, whole, local, C, Q, M,
+        if not certified(ops, nums, first[m, 0], first[m, 2], outs[m], n, p, watches, t, start, width, whole, local, C, Q, M,
                          R, V, error):
             width *= 0.5
             if start > 0.0 and width < whole / PIECES:
@@ -114,7 +114,7 @@ def begin(ops, nums, first, outs, m, n, d, i, t, x, V, G, armed, edge):
     fine = True
     for k in range(d + 1):
         row = outs[m, n + k]
-        value = V[row] if row >= 0 else 1.0
+        value = V[row, 0] if row >= 0 else 1.0
         fine = fine and np.isfinite(value) and value >= -edge[k]
         armed[k] = value > edge[k]
     return fine

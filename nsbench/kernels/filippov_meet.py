@@ -11,6 +11,7 @@ from nsbench.kernels.taylor import horner, inner, point, series
 EPS = 2.0 ** -52
 UNKNOWN = 9                                 # `decide`: not plain
 FLAT, AWAY_BAND = 1e-7, 1e3                 # as in solvers._switching
+SHORT = 12                                  # largest order of a trial: it goes no further than a thousandth of the run
 SAME = 1e-14                                # as in solvers._sliding
 
 
@@ -30,9 +31,9 @@ def program(table, mode):
 def at(ops, nums, first, outs, m, n, t, x, V):
     """Values of program m at a point."""
     for i in range(n):
-        V[i] = x[i]
-    V[n] = t
-    point(ops, nums, first[m], first[m + 1], n, V)
+        V[i, 0] = x[i]
+    V[n, 0] = t
+    point(ops, nums, first[m, 0], first[m, 2], n, V, 1)
 
 
 @inner
@@ -42,7 +43,7 @@ def geometry(ops, nums, first, outs, n, d, t, x, V, G):
     at(ops, nums, first, outs, m, n, t, x, V)
     for i in range(d):
         for j in range(n + 2):
-            G[i, j] = V[outs[m, i * (n + 2) + j]]
+            G[i, j] = V[outs[m, i * (n + 2) + j], 0]
 
 
 @inner
@@ -72,10 +73,11 @@ def project(ops, nums, first, outs, n, d, i, t, x, V, G):
 @inner
 def trial(ops, nums, first, outs, n, d, p, m, i, slides, t, x, span, local, least, C):
     """Sign that the watched function of surface i shows first on a trial in program m; 0: none, or not the same later on."""
+    p = min(p, SHORT)
     for j in range(n):
         C[j, 0] = x[j]
     C[n, 0] = t
-    series(ops, nums, first[m], first[m + 1], outs[m], n, p, C)
+    series(ops, nums, first[m, 0], first[m, 1], first[m, 2], outs[m], n, p, C)
     most = length(C, n, p, x, outs[m], d + 1, local, 1e-3 * span)
     seen = 0
     for k in range(-7, -2):
@@ -113,7 +115,7 @@ def decide(ops, nums, first, outs, table, n, d, p, i, mode, t, x, span, local, V
         at(ops, nums, first, outs, m, n, t, x, V)
         rate[k] = G[i, n]
         for j in range(n):
-            F[k, j] = V[outs[m, j]]
+            F[k, j] = V[outs[m, j], 0]
             rate[k] += G[i, j] * F[k, j]
     size, apart, most = max(abs(rate[0]), abs(rate[1])), 0.0, 0.0
     for j in range(n):

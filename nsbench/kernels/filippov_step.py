@@ -3,18 +3,19 @@
 A program of a mode (see nsbench.tape) has the outputs F (n), watch (d + 1), theta. watch[k] > 0 until surface k is met, or,
 for the surface it slides on, until its weight is used up: 1 - s there and 1 + s as the last one.
 
-Certificate of a piece: the fields and the watched functions along the polynomial path are enclosed with their ninth
+Certificate of a piece: the fields and the watched functions along the polynomial path are enclosed with their first ORDER
 derivatives (kernels.enclosure), those of the polynomials that stand for them too; at NODES the two agree. So they agree in
 between, up to the bound on interpolation (Davis 1963, theorem 3.1.1), and nothing narrower than the piece hides in it.
 """
 import numpy as np
 
-from nsbench.kernels.enclosure import BINOMIAL, ORDER, enclose, path
-from nsbench.kernels.polynomial import CLEAR, FOUND, first_fall, shifted
-from nsbench.kernels.taylor import horner, inner, point
+from nsbench.kernels.enclosure import ORDER, enclose, path
+from nsbench.kernels.polynomial import CHOOSE, CLEAR, DEGREE, FOUND, first_fall, shifted
+from nsbench.kernels.taylor import horner, inner, point, summing
 
 NODES = -np.cos(np.pi * np.arange(ORDER) / (ORDER - 1))     # of the interpolation behind the certificate
-HALF = 1.0 / 2.0 ** (ORDER - 2)                             # its bound, from the coefficient of order 9
+POWERS = NODES ** np.arange(DEGREE + 1)[:, None]
+HALF = 1.0 / 2.0 ** (ORDER - 2)                             # its bound, from the coefficient of that order
 RESOLVED = 1e-10        # bound on interpolation that counts as smooth, relative (as in solvers._pieces)
 DEFECT = 100.0          # local errors by which the path may miss the equation at a node
 SHARP = 1e-9            # truncation of the watched functions, relative to what they reach on the step; roots are polished
@@ -59,13 +60,24 @@ def length(C, n, p, x, outs, watches, local, most):
     return h
 
 
-@inner
-def _ninth(Q, i, p, derivative):
-    """Bound on coefficient 9, anywhere on the piece, of the polynomial Q[i], or of its derivative in s."""
+@summing
+def _tail(Q, i, p, derivative):
+    """Bound on coefficient ORDER, anywhere on the piece, of the polynomial Q[i], or of its derivative in s."""
     s = 0.0
     for k in range(ORDER, p + 1 - derivative):
-        s += BINOMIAL[ORDER, k] * abs(Q[i, k + derivative]) * ((k + 1) if derivative else 1.0)
+        s += CHOOSE[k, ORDER] * abs(Q[i, k + derivative]) * (1.0 + derivative * k)
     return s
+
+
+@inner
+def _at_nodes(Q, i, p, derivative, out, to):
+    """out[to, :ORDER]: values at NODES of the polynomial Q[i], or of its derivative in s."""
+    for j in range(ORDER):
+        out[to, j] = 0.0
+    for k in range(p - derivative, -1, -1):
+        term = Q[i, k + derivative] * (1.0 + derivative * k)
+        for j in range(ORDER):
+            out[to, j] += POWERS[k, j] * term
 
 
 @inner
@@ -91,7 +103,7 @@ def certified(ops, nums, lo, hi, outs, n, p, watches, t, start, width, whole, lo
         pace = max(pace, abs(M[outs[i], 0]) - R[outs[i], 0])
     for i in range(n):
         row = outs[i]
-        bound = abs(M[row, ORDER]) + R[row, ORDER] + _ninth(Q, i, p, 1) / radius
+        bound = abs(M[row, ORDER]) + R[row, ORDER] + _tail(Q, i, p, 1) / radius
         if not bound * HALF <= RESOLVED * max(pace, least):
             return False
     for w in range(watches):
@@ -99,27 +111,29 @@ def certified(ops, nums, lo, hi, outs, n, p, watches, t, start, width, whole, lo
         error[w] = 0.0
         if row >= 0:
             size = max(abs(M[row, 0]) - R[row, 0], least if w < watches - 1 else 1.0)
-            bound = abs(M[row, ORDER]) + R[row, ORDER] + _ninth(Q, n + w, p, 0)
+            bound = abs(M[row, ORDER]) + R[row, ORDER] + _tail(Q, n + w, p, 0)
             if not bound * HALF <= RESOLVED * size:
                 return False
             error[w] = bound * HALF
+    for i in range(n):
+        _at_nodes(Q, i, p, 0, V, i)
     for k in range(ORDER):
-        s = start + radius * (1.0 + NODES[k])
-        for i in range(n):
-            V[i] = horner(C, i, s, p)
-        V[n] = t + s
-        point(ops, nums, lo, hi, n, V)
-        for i in range(n):
-            row = outs[i]
-            off = abs(horner(C, row, s, p - 1) - V[row]) * whole
-            if not off <= DEFECT * local * (1.0 + abs(V[i])) + 1e-14 * whole * abs(pace):
+        V[n, k] = t + start + radius * (1.0 + NODES[k])
+    point(ops, nums, lo, hi, n, V, ORDER)
+    for i in range(n):
+        _at_nodes(Q, i, p, 1, M, 0)
+        for k in range(ORDER):
+            off = abs(M[0, k] / radius - V[outs[i], k]) * whole
+            if not off <= DEFECT * local * (1.0 + abs(V[i, k])) + 1e-14 * whole * abs(pace):
                 return False
-        for w in range(watches):
-            row = outs[n + w]
-            if row >= 0:
-                off = abs(horner(C, row, s, p) - V[row])
-                error[w] += 0.5 * off + 2e-16 * abs(V[row])
-                if w == watches - 1 and not 0.5 * off * whole <= DEFECT * local + 1e-14 * whole * abs(V[row]):
+    for w in range(watches):
+        row = outs[n + w]
+        if row >= 0:
+            _at_nodes(Q, n + w, p, 0, M, 0)
+            for k in range(ORDER):
+                off = abs(M[0, k] - V[row, k])
+                error[w] += 0.5 * off + 2e-16 * abs(V[row, k])
+                if w == watches - 1 and not 0.5 * off * whole <= DEFECT * local + 1e-14 * whole * abs(V[row, k]):
                     return False                    # twice the weight, which is integrated
     return True
 

@@ -1,25 +1,36 @@
 """Polynomials on [-1, 1]: shifts, and the first place where one falls through zero, decided by bounds."""
+from math import comb
+
 import numpy as np
 
 from nsbench.kernels.taylor import inner
 
 CLEAR, FOUND, UNCLEAR = 0, 1, 2
 DEEP = 60               # halvings of [-1, 1] before a place counts as unclear
+DEGREE = 40             # largest degree
+CHOOSE = np.array([[float(comb(k, j)) for j in range(DEGREE + 1)] for k in range(DEGREE + 1)])
 
 
 @inner
 def shifted(C, row, p, middle, radius, out, to):
-    """out[to, k], k = 0 .. p: coefficients in s of u(middle + radius s), u = C[row], by Horner's scheme repeated (Shaw &
-    Traub 1974)."""
+    """out[to, k], k = 0 .. p: coefficients in s of u(middle + radius s), u = C[row], by the binomial theorem."""
+    if middle == 0.0:
+        scale = 1.0
+        for k in range(p + 1):
+            out[to, k] = C[row, k] * scale
+            scale *= radius
+        return
     for k in range(p + 1):
-        out[to, k] = C[row, k]
-    if middle != 0.0:
-        for i in range(p):
-            for k in range(p - 1, i - 1, -1):
-                out[to, k] += middle * out[to, k + 1]
+        out[to, k] = 0.0
+    scale = 1.0
+    for k in range(p + 1):
+        term = C[row, k] * scale
+        for j in range(k + 1):
+            out[to, j] += CHOOSE[k, j] * term
+        scale *= middle
     scale = 1.0
     for k in range(1, p + 1):
-        scale *= radius
+        scale *= radius / middle
         out[to, k] *= scale
 
 

@@ -14,6 +14,7 @@ from nsbench.kernels.tapecodes import (
     ADD,
     AFFINE,
     ATAN,
+    CONST,
     COS,
     COSH,
     DIV,
@@ -85,15 +86,16 @@ def partner(op, u, y):
 
 
 @njit(cache=True, error_model="numpy")
-def point(ops, nums, lo, hi, n, V):
-    """Values V[n + 1 :] at the state V[:n] and the time V[n]."""
+def point(ops, nums, lo, hi, n, V, many):
+    """Values V[n + 1 :, :many] at the states V[:n, :many] and the times V[n, :many], for `many` points."""
     for e in range(lo, hi):
-        o, row = ops[e, 0], n + 1 + e - lo
+        o, u, v, row = ops[e, 0], ops[e, 1], ops[e, 2], n + 1 + e - lo
         if o == COS or o == COSH or o == SECH2:
             continue
-        V[row] = head(o, V[ops[e, 1]], V[ops[e, 2]], nums[e, 0], nums[e, 1])
-        if o == SIN or o == SINH or o == TANH:
-            V[row + 1] = partner(o, V[ops[e, 1]], V[row])
+        for k in range(many):
+            V[row, k] = head(o, V[u, k], V[v, k], nums[e, 0], nums[e, 1])
+            if o == SIN or o == SINH or o == TANH:
+                V[row + 1, k] = partner(o, V[u, k], V[row, k])
 
 
 # sums of products in any order: so the compiler may add four at a time
@@ -156,13 +158,16 @@ def _coefficient(o, C, u, v, y, w, k):
     elif o == TANH:
         C[y, k] = _weighted(C, u, y + 1, k, k) / k
         C[y + 1, k] = -_product(C, y, y, 0, k)
-    else:
-        C[y, k] = 0.0           # CONST
+    elif o == CONST:
+        C[y, k] = 0.0           # a second of a pair is made with the first
 
 
 @njit(cache=True, error_model="numpy")
-def series(ops, nums, lo, hi, F, n, p, C):
-    """Table C (rows, >= p + 1): coefficients 0 .. p of state and operations, from C[:n, 0] and the time C[n, 0]."""
+def series(ops, nums, lo, mid, hi, F, n, p, C):
+    """Table C (rows, >= p + 1): coefficients 0 .. p of state and operations, from C[:n, 0] and the time C[n, 0].
+
+    Operations lo .. mid - 1 make the derivatives, order by order; the others follow one by one when the state is known.
+    """
     for k in range(1, p + 1):
         C[n, k] = 0.0
     C[n, 1] = 1.0
@@ -173,13 +178,16 @@ def series(ops, nums, lo, hi, F, n, p, C):
         C[row, 0] = head(o, C[ops[e, 1], 0], C[ops[e, 2], 0], nums[e, 0], nums[e, 1])
         if o == SIN or o == SINH or o == TANH:
             C[row + 1, 0] = partner(o, C[ops[e, 1], 0], C[row, 0])
-    for k in range(1, p + 1):
-        for i in range(n):
-            C[i, k] = C[F[i], k - 1] / k
-        for e in range(lo, hi):
-            o = ops[e, 0]
-            if o != COS and o != COSH and o != SECH2:
-                _coefficient(o, C, ops[e, 1], ops[e, 2], n + 1 + e - lo, nums[e, 0], k)
+    for part in range(p + hi - mid):                # one loop for both, so that the branches below are there once
+        begin, end, least, most = lo, mid, part + 1, part + 1
+        if part < p:
+            for i in range(n):
+                C[i, most] = C[F[i], part] / most
+        else:
+            begin, end, least, most = mid + part - p, mid + part - p + 1, 1, p
+        for e in range(begin, end):
+            for k in range(least, most + 1):
+                _coefficient(ops[e, 0], C, ops[e, 1], ops[e, 2], n + 1 + e - lo, nums[e, 0], k)
 
 
 @inner

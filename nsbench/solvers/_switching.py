@@ -50,16 +50,21 @@ class _Walk:
         self.proof = {"unproven": 0, "refused": 0, "touches": 0}
         self.entered = [None] * self.d          # (side it came from, time, theta) of the last entry of each surface
         self.arcs, self.steps, self.h, self.done = 0, 0, 0.0, 1
-        self.X, self.W = np.full((len(case.t), self.n), np.nan), np.full((len(case.t), self.d), np.nan)
+        self.X, self.W = np.empty((len(case.t), self.n)), np.empty((len(case.t), self.d))
+        self.X.fill(np.nan)
+        self.W.fill(np.nan)
 
     def run(self) -> Trajectory:
         case = self.case
         self.X[0], self.W[0] = self.x, 0.0
-        with np.errstate(all="ignore"):
-            status = self._start() if self.fast is None else self.fast.go(self, 0)
-            while status.ok and self.t < case.t[-1]:
-                status = self._arc() if self.fast is None else self.fast.go(self, 1)
-        if status.ok:                       # an event at the very end leaves the last sample to us
+        if self.fast is None:
+            with np.errstate(all="ignore"):
+                status = self._start()
+                while status.ok and self.t < case.t[-1]:
+                    status = self._arc()
+        else:
+            status = self.fast.go(self)
+        if status.ok and self.done < len(self.X):       # an event at the very end leaves the last sample to us
             self.X[self.done:], self.W[self.done:] = self.x, self.theta
         stats = {"steps": self.steps, "h": float(self.h), "drift_calls": self.motion.calls, "events": len(self.events),
                  "restarts": self.arcs, "inner_iterations": self.motion.newton,

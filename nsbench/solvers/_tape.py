@@ -18,7 +18,7 @@ MOST = 4                # surfaces: 2^d fields are traced
 ROOM = 256              # events that one call of the walk can note
 PROBES = 5              # points at which the tape must agree with the case
 AGREES = 1e-12          # relative to the largest entry: both round, in another order
-LEAST, LARGEST = 8, 22  # orders of the series
+LEAST, LARGEST = 18, 22 # orders of the series: below, more steps cost more than the terms they save
 SHARE = 0.03            # of the tolerance goes to one step (as in _arc)
 
 
@@ -35,9 +35,9 @@ class Tape:
         from nsbench.kernels.polynomial import DEEP
         rows, n, d = self.rows, self.n, self.d
         return (np.zeros((rows, p + 1)), np.zeros((n + d + 1, p + 1)), np.zeros((rows, ORDER + 1)),
-                np.zeros((rows, ORDER + 1)), np.zeros(rows), np.zeros(d + 1), np.zeros(d + 1), np.zeros((2 * DEEP + 4, 2)),
-                np.zeros((1, p + 1)), np.zeros(d + 1), np.zeros((d, n + 2)), np.zeros((2, n)), np.zeros(n),
-                np.zeros((rows, p + 1)))
+                np.zeros((rows, ORDER + 1)), np.zeros((rows, ORDER)), np.zeros(d + 1), np.zeros(d + 1),
+                np.zeros((2 * DEEP + 4, 2)), np.zeros((1, p + 1)), np.zeros(d + 1), np.zeros((d, n + 2)), np.zeros((2, n)),
+                np.zeros(n), np.zeros((rows, p + 1)))
 
 
 def order(tol: float) -> int:
@@ -102,7 +102,7 @@ def _sliding(graph, fields, c, slopes, q, n, d):
 def _agrees(made, problem, modes, t0, x0) -> bool:
     """Whether the programs beside the surfaces give what the case's own functions give, near the start."""
     from nsbench.kernels.filippov_meet import at
-    field, switch, V, rng = problem.field(np), problem.switch(np), np.zeros(made.rows), np.random.default_rng(0)
+    field, switch, V, rng = problem.field(np), problem.switch(np), np.zeros((made.rows, 1)), np.random.default_rng(0)
     for k in range(PROBES):
         scale = 0.3 * k * (1.0 + np.abs(x0).max(initial=0.0))
         t, x = t0 + 0.7 * k, x0 + scale * rng.uniform(-1, 1, x0.size)
@@ -110,11 +110,11 @@ def _agrees(made, problem, modes, t0, x0) -> bool:
             if 0 in q:
                 continue
             at(*made.arrays, m, made.n, float(t), x, V)
-            rows = made.arrays[3][m, :made.n + made.d]
+            got = V[made.arrays[3][m, :made.n + made.d], 0]
             with np.errstate(all="ignore"):
                 want = np.concatenate([field(t, x, np.array(q, float)), q * switch(t, x)])
-            off, same = np.abs(V[rows] - want), np.isfinite(want)
-            if not np.array_equal(np.isfinite(V[rows]), same):
+            off, same = np.abs(got - want), np.isfinite(want)
+            if not np.array_equal(np.isfinite(got), same):
                 return False
             if np.any(off[same] > AGREES * (1.0 + np.abs(want[same]).max(initial=0.0))):
                 return False

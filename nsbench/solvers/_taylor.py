@@ -12,39 +12,58 @@ from nsbench.solvers._sliding import EPS
 from nsbench.solvers._tape import ROOM, SHARE, order
 from nsbench.trajectory import Status
 
+END, OK = 0, Status()    # the code of a walk that is at its end (kernels.filippov)
 GROWN = 1e6             # times its start: a state whose steps vanish has gone to infinity (as in _arc)
 
 
 class Compiled:
-    """One case, ready to run: go(walk, begun) follows `walk` until the end, a failure, or the next event the host met."""
+    """One case, ready to run."""
 
     def __init__(self, tape, case, options, tol):
         self.tape, self.p, self.options = tape, order(tol), options
         self.limits = np.array([case.t[-1] - case.t[0], max(SHARE * tol, EPS), options.max_step, options.max_steps,
                                 options.max_events])
-        self.scratch = tape.scratch(self.p)
+        self.scratch, self.span = tape.scratch(self.p), float(case.t[-1])
         self.log, self.logged = np.empty((ROOM, 2)), np.empty((ROOM, 3), np.int64)
+        self.ring, self.armed = np.zeros(7), np.zeros(tape.d + 1, np.bool_)
+        self.numbers, self.floats = np.zeros(9, np.int64), np.zeros(2)
 
-    def go(self, walk, begun: int) -> Status:
+    def go(self, walk) -> Status:
+        """Follow `walk` from its start to the end or a failure, with the host's help where a choice is not plain."""
+        code, fired, going = self._walk(walk, 0)
+        if code == END:                     # most runs: nothing of the host is set up for them
+            return OK
+        with np.errstate(all="ignore"):
+            status = self._helped(walk, code, fired, going)
+            while status.ok and walk.t < self.span:
+                code, fired, going = self._walk(walk, 1)
+                status = OK if code == END else self._helped(walk, code, fired, going)
+        return status
+
+    def _walk(self, walk, begun: int) -> tuple[int, int, int]:
+        """Walk on, compiled, and write down where to: code, the function that fired, and whether the arc goes on."""
         from nsbench.kernels import filippov as kernel
-        ring, armed = np.zeros(7), np.zeros(walk.d + 1, np.bool_)
+        tape, ring, numbers, floats = self.tape, self.ring, self.numbers, self.floats
         last = walk.meetings[-7:]
-        ring[7 - len(last):] = last
-        numbers = np.array([0, walk.done, walk.steps, walk.arcs, walk.motion.calls, 0, len(walk.meetings), 0, 0])
-        floats = np.array([walk.t, walk.h])
+        if last:
+            ring[7 - len(last):] = last
+        numbers[:] = 0, walk.done, walk.steps, walk.arcs, walk.motion.calls, 0, len(walk.meetings), 0, 0
+        floats[:] = walk.t, walk.h
         while True:
-            numbers[kernel.EVENTS] = 0
-            tape = self.tape
             kernel.walk(*tape.arrays, tape.table, tape.slides, self.p, self.limits, begun, numbers, floats, walk.x, walk.theta,
-                        walk.mode, armed, ring, walk.case.t, walk.X, walk.W, self.log, self.logged, self.scratch)
-            self._replay(walk, int(numbers[kernel.EVENTS]))
-            if numbers[kernel.CODE] != kernel.FULL:
+                        walk.mode, self.armed, ring, walk.case.t, walk.X, walk.W, self.log, self.logged, self.scratch)
+            code, walk.done, walk.steps, walk.arcs, walk.motion.calls, events, _, fired, going = numbers.tolist()
+            if events:
+                self._replay(walk, events)
+            if code != kernel.FULL:
                 break
-            begun = 1
-        code, walk.done, walk.steps, walk.arcs, walk.motion.calls, _, _, fired, going = (int(v) for v in numbers)
-        walk.t, walk.h = float(floats[kernel.TIME]), float(floats[kernel.LONGEST])
-        if code == kernel.END:
-            return Status()
+            begun, numbers[kernel.EVENTS] = 1, 0
+        walk.t, walk.h = floats.tolist()
+        return code, fired, going
+
+    def _helped(self, walk, code, fired, going) -> Status:
+        """What the host makes of the state in which the compiled walk stopped."""
+        from nsbench.kernels import filippov as kernel
         walk.signs = np.where(np.abs(walk.mode) == 1, walk.mode, 0.0)
         if code == kernel.STEPS:
             return Status("maxiter", f"{self.options.max_steps} steps were taken by t = {walk.t:.9g}.")
@@ -57,7 +76,7 @@ class Compiled:
         if code == kernel.MEET:
             return walk._meet(np.array([fired]))
         one = not np.any(walk.mode == 0)
-        return walk._arc((armed[:-1] if one else armed) if going else None)
+        return walk._arc((self.armed[:-1] if one else self.armed).copy() if going else None)
 
     def _replay(self, walk, count):
         """Record the events that the kernel met."""

@@ -13,9 +13,8 @@ from nsbench.tape.graph import Graph
 class Programs:
     """ops (e, 3): op, a, b and nums (e, 2): c, d of the operations of all programs in a row.
 
-    Program m has those of first[m] : first[m + 1].
-
-    Operation e of program m makes row n + 1 + e - first[m]; outs[m, j] is the row of its output j, -1 for none.
+    Program m has those of first[m, 0] : first[m, 2]; those up to first[m, 1] make its leading outputs, the others the rest.
+    Operation e of program m makes row n + 1 + e - first[m, 0]; outs[m, j] is the row of its output j, -1 for none.
     rows: the largest number of rows.
     """
     ops: np.ndarray
@@ -26,21 +25,23 @@ class Programs:
 
 
 def lay_out(graph: Graph, outputs: list[list[int]]) -> Programs:
-    """One program for each list of nodes (-1: no output there; all of one length)."""
-    ops, outs, first = [], [], [0]
+    """One program for each list of nodes (-1: no output there; all of one length), of which the first n lead."""
+    ops, outs, first = [], [], []
     for wanted in outputs:
-        rows, part = _needed(graph, wanted)
-        ops += part
+        lead = _needed(graph, wanted[:graph.n])
+        order = lead + sorted(set(_needed(graph, wanted)).difference(lead))
+        rows = {i: i for i in range(graph.n + 1)} | {i: graph.n + 1 + k for k, i in enumerate(order)}
+        first.append([len(ops), len(ops) + len(lead), len(ops) + len(order)])
+        ops += [(op, rows.get(a, 0), rows.get(b, 0), c, d) for op, a, b, c, d in (graph.nodes[i] for i in order)]
         outs.append([rows[i] if i >= 0 else -1 for i in wanted])
-        first.append(len(ops))
     first = np.array(first, np.int64)
     return Programs(np.array([o[:3] for o in ops], np.int64).reshape(-1, 3),
                     np.array([o[3:] for o in ops], float).reshape(-1, 2), first, np.array(outs, np.int64),
-                    graph.n + 1 + int(np.diff(first).max(initial=0)))
+                    graph.n + 1 + int((first[:, 2] - first[:, 0]).max(initial=0)))
 
 
 def _needed(graph, wanted):
-    """Rows of the nodes that are needed, and their operations with rows for nodes."""
+    """The operations that these nodes need, in order."""
     seconds = set(PAIRS.values())
     keep, stack = set(), [i for i in wanted if i >= 0]
     while stack:
@@ -54,8 +55,4 @@ def _needed(graph, wanted):
             stack.append(i + 1)
         elif op in seconds:
             stack.append(i - 1)
-    rows = {i: i for i in range(graph.n + 1)}
-    order = sorted(keep)
-    rows |= {i: graph.n + 1 + k for k, i in enumerate(order)}
-    part = [(op, rows.get(a, 0), rows.get(b, 0), c, d) for op, a, b, c, d in (graph.nodes[i] for i in order)]
-    return rows, part
+    return sorted(keep)
