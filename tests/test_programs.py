@@ -195,3 +195,43 @@ def test_what_calls_back_into_this_process_is_not_kept(tmp_path, monkeypatch):
     problem = Complementarity(drift, (Affine(np.eye(1), np.zeros(1)),))
     assert solve(get_case("tide").replace(problem=problem), "penalty", k=50.0).status.ok
     assert not list(tmp_path.iterdir())
+
+
+def test_a_kept_program_is_no_pickle(tmp_path, monkeypatch):
+    """A line of JSON and XLA's machine code; reading it never comes near pickle, and a pickle in its place is not read."""
+    import hashlib
+    import pickle
+    from pathlib import Path
+
+    import nsbench
+    sources = [p for p in Path(nsbench.__file__).parent.rglob("*.py") if p.parent.name != "tests"]
+    assert not [p.name for p in sources if "import pickle" in p.read_text() or "serialize_executable import" in p.read_text()]
+    monkeypatch.setattr(_programs, "folder", lambda: tmp_path)
+    harm = tmp_path / "touched"
+    body = pickle.dumps(Harm(harm))
+    (tmp_path / "name.bin").write_bytes(hashlib.sha256(body).digest() + body)
+    assert _programs._load("name") is None and not harm.exists()
+    pickle.loads(body)
+    assert harm.exists()                                     # what reading it as a pickle would have done
+
+
+class Harm:
+    def __init__(self, path):
+        self.path = path
+
+    def __reduce__(self):
+        return type(self.path).touch, (self.path,)
+
+
+def test_a_program_that_needs_more_than_its_code_is_not_packed():
+    import jax
+    import jax.numpy as jnp
+
+    from nsbench.solvers._executables import pack, unpack
+    _programs.float64()
+    with pytest.raises((ValueError, NotImplementedError)):
+        pack(jax.jit(lambda x, *, y: {"a": x + y}).lower(jnp.ones(3), y=2.0).compile(), False)
+    made = jax.jit(lambda x, pair: {"b": x + pair[0], "a": 2 * x}).lower(jnp.ones(3), (1.0, (jnp.ones(2), 5))).compile()
+    again = unpack(pack(made, False))                        # two arguments are not used: the program does not have them
+    out = again(np.arange(3.0), (2.0, (np.ones(2), 5)))
+    assert np.array_equal(out["b"], [2.0, 3.0, 4.0]) and np.array_equal(out["a"], [0.0, 2.0, 4.0])

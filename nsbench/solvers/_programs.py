@@ -11,7 +11,6 @@ import contextlib
 import functools
 import hashlib
 import os
-import pickle
 import re
 import tempfile
 from collections.abc import Callable
@@ -20,6 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
+from nsbench.solvers._executables import pack, unpack
 from nsbench.solvers._fingerprint import package_digest, version
 
 # functions outside the program: LAPACK's must be looked up before it runs, any other (a callback into this process, say)
@@ -149,19 +149,9 @@ def _load(name):
         digest, body = data[:32], data[32:]
         if hashlib.sha256(body).digest() != digest:          # half a file
             return None
-        from jax.experimental.serialize_executable import deserialize_and_load
-        lapack, *executable = pickle.loads(body)
-        if lapack:
-            from jaxlib.lapack import prepare_lapack_call
-            prepare_lapack_call("getrf", np.dtype(np.float64))
-        return deserialize_and_load(*executable, backend="cpu", execution_devices=_cpu())
+        return unpack(body)
     except Exception:      # whatever is wrong with the file, or with this JAX's idea of it: the program is compiled again
         return None
-
-
-def _cpu():
-    import jax
-    return jax.devices("cpu")[:1]
 
 
 def _save(name, compiled, lapack: bool) -> None:
@@ -170,8 +160,7 @@ def _save(name, compiled, lapack: bool) -> None:
     if home is None or name is None:
         return
     try:
-        from jax.experimental.serialize_executable import serialize
-        body = pickle.dumps((lapack, *serialize(compiled)))
+        body = pack(compiled, lapack)
         with tempfile.NamedTemporaryFile(dir=home, delete=False) as f:
             f.write(hashlib.sha256(body).digest() + body)
         os.replace(f.name, home / f"{name}.bin")
