@@ -9,9 +9,9 @@ of velocities, whose velocity is unique (Lawson & Hanson 1974, chapter 23), what
 import numpy as np
 
 from nsbench.kernels import slots
-from nsbench.kernels.inner import inner
 from nsbench.kernels.outfit import column, outfit, sine, speed, switched
-from nsbench.kernels.series import extend, gaps, size
+from nsbench.kernels.inner import inner, one
+from nsbench.kernels.series import copied, extend, gaps, place, size
 
 TURNS = 24              # changes of the set after one event: beyond, the full method takes over
 UNCLEAR = 1e2           # times the bound on dependence, up and down, in which nothing is decided
@@ -65,14 +65,14 @@ def _swap(a, W, gear, role, listed, places, x, dependent):
 
 
 @inner
-def _closing(role, entry, listed, places, norm, x, v, num):
+def _closing(role, all_, entry, listed, places, norm, x, v, num):
     """The closed contact outside the set that does not open strictly, and its speed; -1 if there is none, -2: unclear.
 
     entry: one that opens from zero speed, which was looked at before.
     """
     near, small = num[slots.TOL] * (1.0 + size(x)), num[slots.DOUBT] * num[slots.SIZE]
     g = np.empty(role.size)
-    gaps(np.arange(role.size), listed, places, x, g)
+    gaps(all_, listed, places, x, g)
     for k in range(role.size):
         what = role[k] % NEW
         if what == HELD or k == entry:
@@ -101,10 +101,10 @@ def _roles(W, kept):
 def _leave(a, W, which, role):
     """The set without member a, with the dependent contact `which` in its place if that is one."""
     k = W[a]
-    W = switched(W, k, False)
+    W = switched(W, k, -one())
     role[k] += (OUT if which < 0 else KEPT) - HELD
     if which >= 0:
-        W = switched(W, which, True)
+        W = switched(W, which, one())
         role[which] += HELD - KEPT
     return W
 
@@ -112,11 +112,11 @@ def _leave(a, W, which, role):
 @inner
 def _velocity(W, start, x, listed, places, norm, drift, width, order, X, F, work, num):
     """Gear and velocity (X[1], mu of order 0) with the set W; False if its rows depend on each other."""
-    x[:] = start
+    copied(start, x)
     good, gear = outfit(W, listed, places, norm, x, width, order, work)
     if good:
-        X[0] = x
-        extend(0, 1, W, gear, listed, drift, X, F)
+        copied(x, X[0])
+        extend(one() - 1, one(), W, gear, listed, drift, X, F)
         num[slots.SIZE] = max(num[slots.SIZE], size(F[0]))
     return good, gear
 
@@ -126,8 +126,8 @@ def _first(entry, closing, slope, W, gear, role, listed, places, norm, x, num, p
     """The first set to try: (clear, set, member whose multiplier grows from zero, contact that opens from rest)."""
     if closing:
         role[entry] = HELD + NEW
-        return True, switched(W, entry, True), -1, -1
-    a = np.searchsorted(W, entry)
+        return True, switched(W, entry, one()), -1, -1
+    a = place(W, entry)
     clear, which, c, top = _swap(a, W, gear, role, listed, places, x, num[slots.DEPENDENT])
     sight = UNCLEAR * num[slots.STRICT] * num[slots.SIZE]
     W = _leave(a, W, which, role)
@@ -148,7 +148,9 @@ def choose(entry, closing, slope, W, gear, kept, listed, places, norm, drift, wi
     """
     role, start, small = _roles(W, kept), x.copy(), num[slots.DOUBT] * num[slots.SIZE]
     sure, W2, spared, rising = _first(entry, closing, slope, W, gear, role, listed, places, norm, x, num, pace)
-    fresh = entry if closing else -1
+    fresh, all_ = entry if closing else -1, np.empty(kept.size, np.int64)
+    for k in range(kept.size):
+        all_[k] = k
     for _ in range(TURNS):
         if not sure:
             break
@@ -165,12 +167,12 @@ def choose(entry, closing, slope, W, gear, kept, listed, places, norm, drift, wi
             sure &= not (closing and W2[a] == entry)
             W2 = _leave(a, W2, which, role)
             continue
-        k, w = _closing(role, rising, listed, places, norm, x, X[1], num)
+        k, w = _closing(role, all_, rising, listed, places, norm, x, X[1], num)
         if a == -1 and k == -1 and sure:
             return True, W2, gear2, role
         sure &= a == -1 and k >= 0
         if sure and w < -small:
-            W2, role[k], fresh = switched(W2, k, True), HELD + NEW, k
+            W2, role[k], fresh = switched(W2, k, one()), HELD + NEW, k
         elif sure:
             sure, role[k] = sine(k, W2, gear2, listed, places, x) < num[slots.DEPENDENT] / UNCLEAR, KEPT + NEW
     return False, W, gear, role

@@ -7,12 +7,14 @@ Pivoting codes for general M fail on such rank-deficient contact sets.
 import numpy as np
 from numba import njit
 
+from nsbench.kernels.inner import inner
+
 OK, INFEASIBLE, UNFINISHED = 0, 1, 2
 NULL = 1e-6               # coefficients of a null direction below are rounding: eps over the smallest squared sine
 ROUNDING = 1e-9           # of a row that depends on others: eps over the smallest sine that counts as independent (1e-5)
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _append(L, M, idx, p, k, dep):
     """Factor row p for the new index k; False if its row depends on those of idx[:p]. Fills L[p, :p] in any case."""
     pivot = M[k, k]
@@ -29,7 +31,7 @@ def _append(L, M, idx, p, k, dep):
     return True
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _remove(L, M, idx, p, place, dep):
     """Take idx[place] out and factor the later rows again; returns the new p."""
     q = place
@@ -39,7 +41,7 @@ def _remove(L, M, idx, p, place, dep):
     return q
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _backsolve(L, p, v):
     for a in range(p - 1, -1, -1):
         for b in range(a + 1, p):
@@ -47,7 +49,7 @@ def _backsolve(L, p, v):
         v[a] /= L[a, a]
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _solve(L, p, v):
     """v <- (L L^T)^-1 v for the leading p rows."""
     for a in range(p):
@@ -57,7 +59,7 @@ def _solve(L, p, v):
     _backsolve(L, p, v)
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _target(L, M, h, idx, p):
     """lam on idx[:p] with w = 0 there, refined once."""
     s = np.empty(p)
@@ -75,12 +77,12 @@ def _target(L, M, h, idx, p):
     return s
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _settle(L, M, h, idx, p, lam, dep):
     """Move lam to the target of its support, dropping what becomes zero on the way; returns p."""
     while p > 0:
         s = _target(L, M, h, idx, p)
-        alpha, worst = 1.0, -1
+        alpha, worst = 1.0, np.int64(-1)
         for a in range(p):
             if s[a] <= 0.0:
                 old = lam[idx[a]]
@@ -98,7 +100,7 @@ def _settle(L, M, h, idx, p, lam, dep):
     return p
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _exchange(L, M, idx, p, k, lam, dep):
     """k depends on the support: move along the null direction with lam_k growing until a member vanishes.
 
@@ -108,7 +110,7 @@ def _exchange(L, M, idx, p, k, lam, dep):
     for a in range(p):
         c[a] = L[p, a]
     _backsolve(L, p, c)                                   # G_k = sum_a c_a G_a
-    block, alpha = -1, np.inf
+    block, alpha = np.int64(-1), np.inf
     for a in range(p):
         if c[a] > NULL and lam[idx[a]] / c[a] < alpha:
             block, alpha = a, lam[idx[a]] / c[a]
@@ -122,7 +124,7 @@ def _exchange(L, M, idx, p, k, lam, dep):
     return p + 1 if _append(L, M, idx, p, k, dep) else p
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _speeds(M, h, lam, w):
     """w <- h + M lam."""
     for k in range(h.size):
@@ -131,7 +133,7 @@ def _speeds(M, h, lam, w):
             w[k] += M[k, a] * lam[a]
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _size(M, h, lam, k):
     """Size of the terms that w_k is the sum of."""
     s = abs(h[k])
@@ -150,13 +152,16 @@ def solve_lcp(M, h, warm, tol, dep):
     """
     m = h.size
     lam, skip = np.zeros(m), np.zeros(m, np.bool_)
-    L, idx, p = np.zeros((m + 1, m + 1)), np.empty(m + 1, np.int64), 0
+    L, idx, p = np.zeros((m + 1, m + 1)), np.empty(m + 1, np.int64), np.int64(0)
     for k in warm:
         if M[k, k] > 0.0 and _append(L, M, idx, p, k, dep):
             p += 1
     while p > 0:                                          # the warm support without its negative members
         s = _target(L, M, h, idx, p)
-        worst = np.argmin(s)
+        worst = np.int64(0)
+        for a in range(1, p):
+            if s[a] < s[worst] or s[a] != s[a]:
+                worst = a
         if s[worst] > 0.0:
             for a in range(p):
                 lam[idx[a]] = s[a]
@@ -167,7 +172,7 @@ def solve_lcp(M, h, warm, tol, dep):
     _speeds(M, h, lam, w)
     while it < 50 + 20 * m:
         it += 1
-        k, worst = -1, 0.0
+        k, worst = np.int64(-1), 0.0
         for c in range(m):
             if lam[c] == 0.0 and not skip[c] and w[c] < -tol[c]:
                 size = w[c] / np.sqrt(M[c, c]) if M[c, c] > 0.0 else -np.inf
@@ -208,7 +213,7 @@ def solve_lcp(M, h, warm, tol, dep):
 def in_span(M, support, dep):
     """(m,) whether each row lies in the span of the independent rows `support`."""
     m = M.shape[0]
-    L, idx, p = np.zeros((m + 1, m + 1)), np.empty(m + 1, np.int64), 0
+    L, idx, p = np.zeros((m + 1, m + 1)), np.empty(m + 1, np.int64), np.int64(0)
     for k in support:
         if _append(L, M, idx, p, k, 0.0):
             p += 1

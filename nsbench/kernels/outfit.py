@@ -2,7 +2,7 @@
 import numpy as np
 
 from nsbench.kernels.inner import inner
-from nsbench.kernels.series import hold
+from nsbench.kernels.series import hold, place
 from nsbench.kernels.skyline import arrange, solve
 
 LEAST = 1e-12           # pivots over their diagonal that count as zero: contacts that lock or depend on each other
@@ -65,7 +65,7 @@ def _push(gear, W, z, n):
 @inner
 def column(entry, W, gear, n):
     """G^T z / sqrt(z_k) and z_k for the column z = M^-1 e_k of `entry`."""
-    z, k = np.zeros(W.size), np.searchsorted(W, entry)
+    z, k = np.zeros(W.size), place(W, entry)
     z[k] = 1.0
     solve(gear[5], W.size, gear[6], z, z)
     top = z[k]
@@ -75,16 +75,15 @@ def column(entry, W, gear, n):
 
 
 @inner
-def switched(W, entry, closing):
-    """W with the entry put in or taken out; sorted."""
-    at_ = np.searchsorted(W, entry)
-    out = np.empty(W.size + (1 if closing else -1), np.int64)
-    out[:at_] = W[:at_]
-    if closing:
-        out[at_] = entry
-        out[at_ + 1:] = W[at_:]
-    else:
-        out[at_:] = W[at_ + 1:]
+def switched(W, entry, change):
+    """W with the entry put in (change 1) or taken out (-1); sorted."""
+    out, a = np.empty(W.size + change, np.int64), place(W, entry)
+    for i in range(a):
+        out[i] = W[i]
+    if change > 0:
+        out[a] = entry
+    for i in range(a if change > 0 else a + 1, W.size):
+        out[i + change] = W[i]
     return out
 
 
@@ -93,7 +92,9 @@ def sine(c, W, gear, listed, places, x):
     """Squared sine of the angle between the gradient of entry c and the span of those held."""
     C, V, count = gear[0], gear[1], gear[2]
     row = gradient(c, listed, places, x)
-    r, size = np.empty(W.size), np.sum(row * row)
+    r, size, rest = np.empty(W.size), 0.0, 0.0
+    for i in range(row.size):
+        size += row[i] * row[i]
     for _ in range(2):                                    # once more on the rest: the difference of two lengths is no length
         for a in range(W.size):
             r[a] = 0.0
@@ -103,7 +104,9 @@ def sine(c, W, gear, listed, places, x):
         for a in range(W.size):
             for e in range(count[a]):
                 row[C[a, e]] -= V[a, e] * r[a]
-    return np.sum(row * row) / size
+    for i in range(row.size):
+        rest += row[i] * row[i]
+    return rest / size
 
 
 @inner

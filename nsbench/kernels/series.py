@@ -22,6 +22,26 @@ def size(x):
 
 
 @inner
+def copied(x, out):
+    """out <- x."""
+    for i in range(out.size):
+        out[i] = x[i]
+
+
+@inner
+def place(W, k):
+    """Where k is, or belongs, in the ascending W."""
+    lo, hi = 0, W.size
+    while lo < hi:
+        mid = (lo + hi) // 2
+        if W[mid] < k:
+            lo = mid + 1
+        else:
+            hi = mid
+    return lo
+
+
+@inner
 def apart(x, y):
     """Largest |x_i - y_i|; NaN if one is."""
     top = 0.0
@@ -182,7 +202,7 @@ def extend(m0, m1, W, gear, listed, drift, X, F):
 def longest(X, mu, deg, eps, W):
     """How far the terms of the two highest orders stay below eps (1 + |x|): Jorba & Zou 2005, section 3.2."""
     fine, h = eps * (1.0 + size(X[0])), np.inf
-    for j in (deg - 1, deg):
+    for j in range(deg - 1, deg + 1):
         top = size(X[j])
         for a in range(W.size):
             top = max(top, abs(mu[a, j - 1]) / j)         # of the impulse
@@ -196,7 +216,8 @@ def longest(X, mu, deg, eps, W):
 @inner
 def at(X, deg, s, out):
     """out (n,): the series at s."""
-    out[:] = X[deg]
+    for i in range(out.size):
+        out[i] = X[deg, i]
     for j in range(deg - 1, -1, -1):
         for i in range(out.size):
             out[i] = out[i] * s + X[j, i]

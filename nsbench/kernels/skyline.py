@@ -59,16 +59,18 @@ def arrange(C, count, p, n):
     place = np.empty(p, np.int64)
     for u in range(p):
         place[queue[u]] = p - 1 - u
-    nptr, near, m = np.zeros(p + 1, np.int64), np.empty(8 * p + 8, np.int64), 0
-    start, stamp[:] = np.arange(p), -1
+    most, start = 0, np.empty(p, np.int64)
+    for k in range(p):
+        start[k], stamp[k] = k, -1
+        for e in range(count[k]):
+            most += ptr[C[k, e] + 1] - ptr[C[k, e]]
+    nptr, near, m = np.zeros(p + 1, np.int64), np.empty(most, np.int64), 0
     for k in range(p):
         for e in range(count[k]):
             for u in range(ptr[C[k, e]], ptr[C[k, e] + 1]):
                 j = member[u]
                 if stamp[j] != k and place[j] <= place[k]:
                     stamp[j] = k
-                    if m == near.size:
-                        near = np.concatenate((near, np.empty(m, np.int64)))
                     near[m] = j
                     m += 1
                     start[place[k]] = min(start[place[k]], place[j])
@@ -76,7 +78,7 @@ def arrange(C, count, p, n):
     eptr = np.zeros(p + 1, np.int64)
     for i in range(p):
         eptr[i + 1] = eptr[i] + i - start[i] + 1
-    return place, start, eptr, nptr, near[:m].copy()
+    return place, start, eptr, nptr, near
 
 
 @inner

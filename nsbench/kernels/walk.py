@@ -9,9 +9,9 @@ from numba import njit
 
 from nsbench.kernels import slots
 from nsbench.kernels.choice import HELD, KEPT, NEW, choose
-from nsbench.kernels.inner import inner
+from nsbench.kernels.inner import inner, one
 from nsbench.kernels.outfit import LEAST, outfit
-from nsbench.kernels.series import apart, at, extend, gaps, hold, longest, size
+from nsbench.kernels.series import apart, at, copied, extend, gaps, hold, longest, place, size
 from nsbench.kernels.sightings import first_event, strays, travel
 
 SHORT = 10               # terms of a series where the next event is expected soon
@@ -34,7 +34,8 @@ def _path(s, deg, X, F, out, push):
 @inner
 def _rate(s, deg, X, out):
     """out: the slope of the series at s."""
-    out[:] = deg * X[deg]
+    for i in range(out.size):
+        out[i] = deg * X[deg, i]
     for j in range(deg - 1, 0, -1):
         for i in range(out.size):
             out[i] = out[i] * s + j * X[j, i]
@@ -78,11 +79,11 @@ def _advance(s, t, deg, W, gear, listed, X, F, x, samples, records, book, cnt):
 @inner
 def _length(deg, W, gear, X, x, origin, reach, hard, num):
     """(h, code): the step that the series of this degree allows, and whether the list must be made anew first."""
-    h = min(longest(X, gear[4], deg, num[slots.EPS], W), num[slots.MAX_STEP], num[slots.END] - num[slots.T])
+    h = min(min(longest(X, gear[4], deg, num[slots.EPS], W), num[slots.MAX_STEP]), num[slots.END] - num[slots.T])
     if not h > 4e-16 * (abs(num[slots.T]) + abs(num[slots.END])) and h < num[slots.END] - num[slots.T]:
         return h, slots.FAIL
     for _ in range(60):
-        travel(X, deg, h, 1, reach)
+        travel(X, deg, h, one(), reach)
         if num[slots.REACH] == np.inf:
             return h, slots.DONE
         may, did = strays(x, origin, reach, hard, 0.5 * num[slots.REACH])
@@ -98,8 +99,10 @@ def _length(deg, W, gear, X, x, origin, reach, hard, num):
 def _watch(W, gear, basis, listed, places, norm, x, num):
     """Bands, levels and arms of gaps and multipliers at the start of an arc (see solvers._crossings)."""
     m, near = norm.size, num[slots.TOL] * (1.0 + size(x))
-    band, level, armed, g = np.empty(m), np.empty(m), np.empty(m, np.bool_), np.empty(m)
-    gaps(np.arange(m), listed, places, x, g)
+    band, level, armed, g, all_ = np.empty(m), np.empty(m), np.empty(m, np.bool_), np.empty(m), np.empty(m, np.int64)
+    for k in range(m):
+        all_[k] = k
+    gaps(all_, listed, places, x, g)
     for k in range(m):
         band[k] = near * norm[k]
         armed[k] = g[k] > band[k]
@@ -118,7 +121,7 @@ def _look(deg, h, W, gear, basis, listed, places, norm, X, watch, reach, num):
     """(s, entry, touches, watch): the first event within h, and the arms at the end of it."""
     band, level, armed, firm, low = watch
     armed, firm = armed.copy(), firm.copy()
-    travel(X, deg, h, 2, reach)
+    travel(X, deg, h, 2 * one(), reach)
     s, entry, touches = first_event(W, basis, listed, places, norm, X, gear[4], deg, h, band, level, armed, firm, low,
                                     num[slots.TOL] * num[slots.SIZE], reach)
     return s, entry, touches, (band, level, armed, firm, low)
@@ -150,7 +153,10 @@ def _note(role, basis, kept, log, num, cnt):
     for k in range(role.size):
         basis[k], kept[k] = role[k] % NEW == HELD, role[k] % NEW >= KEPT
     cnt[slots.SOLVED] += 1
-    cnt[slots.PEAK] = max(cnt[slots.PEAK], kept.sum())
+    total = 0
+    for k in range(role.size):
+        total += kept[k]
+    cnt[slots.PEAK] = max(cnt[slots.PEAK], total)
     return True
 
 
@@ -163,17 +169,22 @@ def walk(listed, places, norm, drift, hard, width, order, x, origin, basis, kept
     """
     n = x.size
     X, F, V, reach, work = np.empty((order + 1, n)), np.empty((order, n)), np.empty(n), np.empty(n), np.zeros(n)
-    W = np.flatnonzero(basis)
+    W, p = np.empty(basis.size, np.int64), 0
+    for k in range(basis.size):
+        if basis[k]:
+            W[p] = k
+            p += 1
+    W = W[:p]
     good, gear = outfit(W, listed, places, norm, x, width, order, work)
     ready, quick = 0, SHORT
     while good:
         arc_h = 0.0
         _columns(W, book[0], cnt)
         if ready == 0:
-            X[0] = x
-            extend(0, 1, W, gear, listed, drift, X, F)
+            copied(x, X[0])
+            extend(one() - 1, one(), W, gear, listed, drift, X, F)
         watch = _watch(W, gear, basis, listed, places, norm, x, num)
-        ready, deg, entry = 1, 1, -1
+        ready, deg, entry = 1, one(), -1
         while entry < 0:
             if cnt[slots.STEPS] >= cnt[slots.MAX_STEPS] or not size(x) <= num[slots.BOX]:
                 return slots.FAIL
@@ -206,9 +217,9 @@ def walk(listed, places, norm, drift, hard, width, order, x, origin, basis, kept
                 _rate(s, deg, X, V)
                 if not hold(W, gear, listed, places, norm, x, work, LEAST):
                     return slots.FAIL
-                X[0] = x
-                extend(0, 1, W, gear, listed, drift, X, F)
-                deg = 1
+                copied(x, X[0])
+                extend(one() - 1, one(), W, gear, listed, drift, X, F)
+                deg = one()
                 off = h * apart(V, X[1])
                 if not off <= num[slots.EPS] * DEFECT * (1.0 + size(x)) + ROUNDED * h * size(V):
                     return slots.FAIL                     # the series did not see what the path does
@@ -216,19 +227,19 @@ def walk(listed, places, norm, drift, hard, width, order, x, origin, basis, kept
         cnt[slots.PACES] += 1
         cnt[slots.ARCS] += 1
         closing, slope = not basis[entry], 0.0
-        cnt[slots.FIRED] = entry if closing else -1
+        cnt[slots.FIRED], cnt[slots.ENTRY] = entry if closing else -1, entry
         if not closing:
-            a = np.searchsorted(W, entry)
+            a = place(W, entry)
             for j in range(deg - 1, 0, -1):
                 slope = slope * s + j * gear[4][a, j]
             slope *= listed[4][entry] if listed[0][entry] > 0 else 1.0
-        V[:] = x
+        copied(x, V)
         sure = not (closing and kept[entry])
         if sure:
             sure, W, gear, role = choose(entry, closing, slope, W, gear, kept, listed, places, norm, drift, width, order, x,
                                             X, F, work, num, size(paces))
         if not sure:
-            x[:] = V
+            copied(V, x)
             return slots.CHOOSE
         if not _note(role, basis, kept, log, num, cnt):
             return slots.FAIL

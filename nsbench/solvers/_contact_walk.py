@@ -15,6 +15,7 @@ from nsbench.problem import Smooth
 from nsbench.solvers import _selection
 from nsbench.solvers._affine_drift import affine_drift
 from nsbench.solvers._arc import SHARE
+from nsbench.solvers._contact_choice import choose, parts
 from nsbench.trajectory import Event
 
 ROOM = 10.0             # times the size of the start: the box on which the drift is known to be affine
@@ -77,6 +78,7 @@ class _Driver:
         self.num[[slots.DOUBT, slots.STRICT, slots.DEPENDENT]] = (
             _selection.UNDECIDED, _selection.STRICT, _selection.DEPENDENT)
         self.cnt[slots.MAX_STEPS] = walk.options.max_steps
+        self.parts = parts(p.drift)
         self.paces = np.zeros(10)
         self.paces[0], self.cnt[slots.PACES] = walk.paces[0], 1
         self.paths = np.full((2, len(walk.case.t), walk.case.n), np.nan)
@@ -102,8 +104,7 @@ class _Driver:
                 return False
             if code == slots.CHOOSE:
                 walk.paces, walk.selector.size = self.paces.tolist(), float(self.num[slots.SIZE])
-                fired = int(self.cnt[slots.FIRED])
-                if not walk._select(fired=walk.all.near.take([fired]).ids[0] if fired >= 0 else None).ok:
+                if not choose(walk, self.parts, int(self.cnt[slots.FIRED]), int(self.cnt[slots.ENTRY])):
                     return False
 
     def _go(self):

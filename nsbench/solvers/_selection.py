@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from nsbench.solvers._contact_field import ContactField, Rows
+from nsbench.solvers._gram import gram_of
 
 DEPENDENT = 1e-10       # squared sine of the angle between a gradient and those held
 UNDECIDED = 1e-7        # speeds and multipliers this small, relative to the drift, are looked at ahead
@@ -37,6 +38,7 @@ class Selector:
 
     def __init__(self, field: ContactField):
         self.field, self.size, self.solved, self.iterations = field, 0.0, 0, 0
+        self.patterns: dict = {}
 
     def measure(self, t, x, rows: Rows, step):
         """Update the running size of speeds: |f| and |dg/dt| here and a step later."""
@@ -48,21 +50,22 @@ class Selector:
                 self.size = max(self.size, size)
 
     def velocity(self, t, x, rows: Rows, warm, strictly=True):
-        """Solution of the velocity problem: (lam, w, support, code, bad), M, x'."""
-        from nsbench.kernels.lcp import solve_lcp
-        from nsbench.kernels.rows import add_transposed, gram, times
-        C, V, count = self.field.gradients(t, x, rows)
-        f = np.ascontiguousarray(self.field.drift(t, x))
-        M = gram(C, V, count, f.size)
-        h = times(C, V, count, f) + self.field.rates(t, x, rows)
-        norm = np.sqrt(np.diag(M))
-        tol = 1e-14 * (np.abs(h).max(initial=0.0) + self.size * norm) + (0.0 if strictly else 1e-12 * self.size * norm)
-        *solution, its = solve_lcp(M, h, np.asarray(warm, np.int64), tol, DEPENDENT)
+        """Solution of the velocity problem: (lam, w, support, code, bad), its Gram matrix, x'."""
+        M, h, (C, V, count, v) = self._problem(t, x, rows)
+        tol = 1e-14 * (np.abs(h).max(initial=0.0) + self.size * M.norm) + (0.0 if strictly else 1e-12 * self.size * M.norm)
+        from nsbench.kernels.rows import add_transposed
+        *solution, its = M.solve(h, np.asarray(warm, np.int64), tol, DEPENDENT, self.size)
         self.solved += 1
         self.iterations += its
-        v = f.copy()
         add_transposed(C, V, count, solution[0], v)
         return solution, M, v
+
+    def _problem(self, t, x, rows):
+        """Gram matrix and right-hand side h = G f + dg/dt of the velocity problem; the gradients and f."""
+        from nsbench.kernels.rows import times
+        C, V, count = self.field.gradients(t, x, rows)
+        f = np.array(self.field.drift(t, x), float)
+        return gram_of(C, V, count, f.size, self.patterns), times(C, V, count, f) + self.field.rates(t, x, rows), (C, V, count, f)
 
     def choose(self, t: float, x: np.ndarray, rows: Rows, warm, step: float) -> Choice:
         """rows: the closed contacts; warm: indices to prefer; step: a step of the integrator, the time scale."""
@@ -70,7 +73,7 @@ class Selector:
         none = np.zeros(m, bool)
         self.measure(t, x, rows, step)
         (lam, w, support, code, bad), M, _ = self.velocity(t, x, rows, warm)
-        norm = np.sqrt(np.diag(M))
+        norm = M.norm
         flat = np.flatnonzero(~(norm >= FLAT * rows.norm))
         if flat.size:
             return Choice(support, none, int(flat[0]), True)
@@ -97,14 +100,14 @@ class Selector:
             (lam, w, held, code, _), M2, _ = self.velocity(t + delta, y, part, warm)
             if code == 1 or not np.all(np.isfinite(lam)):
                 continue
-            norm = np.sqrt(np.diag(M2))
+            norm = M2.norm
             held = held[lam[held] * norm[held] > STRICT * self.size]
             if not self._holds(t, x, part, held):
                 continue
             best = shut[held]
-            if np.all((w > STRICT * self.size * norm) | self._span(M2, held)):
+            if np.all((w > STRICT * self.size * norm) | M2.span(held, DEPENDENT)):
                 break
-        kept = _mask(len(rows), shut) & self._span(M, best)
+        kept = _mask(len(rows), shut) & M.span(best, DEPENDENT)
         return Choice(best, kept)
 
     def _holds(self, t, x, part, held) -> bool:
@@ -112,8 +115,8 @@ class Selector:
         if not held.size:
             return True
         rows = self.field.take(part, held)
-        _, lam, _ = self.field.held(t, x, rows)
-        return bool(np.all(lam * rows.norm >= -AGREE * self.size))
+        M, h, _ = self._problem(t, x, rows)
+        return bool(np.all(M.hold(h) * rows.norm >= -AGREE * self.size))
 
     def _ahead(self, t, x, part, warm, delta):
         """Where the flow is after delta, by one Runge-Kutta step with the velocity problem in every stage."""
@@ -125,12 +128,6 @@ class Selector:
             warm = held
             total += weight * k
         return x + delta * total
-
-    def _span(self, M, support):
-        from nsbench.kernels.lcp import in_span
-        if not support.size:
-            return np.zeros(len(M), bool)
-        return in_span(M, support, DEPENDENT)
 
 
 def _mask(m, index):
