@@ -147,13 +147,16 @@ class Scene:
         return _join([self._parts[k] for k in sorted(self._parts)])
 
     def near(self, x: np.ndarray, reach: float, t: float = 0.0) -> Near:
-        """Every listed constraint and the hard pairs with gap at most `reach`, in the stated order. x finite."""
+        """Every listed constraint and the hard pairs with gap at most `reach` (inf: all), in the stated order. x finite."""
         parts = dict(self._parts)
-        if self.hard:
+        if self.hard and reach < np.inf:
             from nsbench.kernels.near import near_pairs
         for k, c, m in self.hard:
             r = self.radii[k]
-            i, j = near_pairs(np.ascontiguousarray(x), c.start, m, c.dim, r, float(reach)) if m > 1 else ([], [])
+            if reach == np.inf:
+                i, j = np.triu_indices(m, 1)
+            else:
+                i, j = near_pairs(np.ascontiguousarray(x), c.start, m, c.dim, r, float(reach)) if m > 1 else ([], [])
             i, j = np.asarray(i, np.int64), np.asarray(j, np.int64)
             parts[k] = _near(PAIR, k, i, j, c.start + i * c.dim, c.start + j * c.dim, r[i] + r[j], 1, c.dim)
         return _join([parts[k] for k in sorted(parts)])

@@ -9,8 +9,8 @@ of velocities, whose velocity is unique (Lawson & Hanson 1974, chapter 23), what
 import numpy as np
 
 from nsbench.kernels import slots
+from nsbench.kernels.inner import inner, once, one
 from nsbench.kernels.outfit import column, outfit, sine, speed, switched
-from nsbench.kernels.inner import inner, one
 from nsbench.kernels.series import copied, extend, gaps, place, size
 
 TURNS = 24              # changes of the set after one event: beyond, the full method takes over
@@ -19,7 +19,7 @@ AHEAD = 1e-5            # of a step of the integrator: the first look ahead, whe
 NOT, OUT, KEPT, HELD, NEW = 0, 1, 2, 3, 4       # what a contact is: open, leaving, closed and dependent, in the set; + NEW
 
 
-@inner
+@once
 def _weakest(W, gear, listed, norm, small, spared):
     """Index of the member whose multiplier is smallest, if that is not above `small`; -1 if all are; -2 if one is no number.
 
@@ -64,7 +64,7 @@ def _swap(a, W, gear, role, listed, places, x, dependent):
     return True, which, best * np.sqrt(top), top
 
 
-@inner
+@once
 def _closing(role, all_, entry, listed, places, norm, x, v, num):
     """The closed contact outside the set that does not open strictly, and its speed; -1 if there is none, -2: unclear.
 
@@ -87,7 +87,7 @@ def _closing(role, all_, entry, listed, places, norm, x, v, num):
     return -1, 0.0
 
 
-@inner
+@once
 def _roles(W, kept):
     role = np.zeros(kept.size, np.int64)
     for k in range(kept.size):
@@ -109,7 +109,7 @@ def _leave(a, W, which, role):
     return W
 
 
-@inner
+@once
 def _velocity(W, start, x, listed, places, norm, drift, width, order, X, F, work, num):
     """Gear and velocity (X[1], mu of order 0) with the set W; False if its rows depend on each other."""
     copied(start, x)
@@ -121,7 +121,7 @@ def _velocity(W, start, x, listed, places, norm, drift, width, order, X, F, work
     return good, gear
 
 
-@inner
+@once
 def _first(entry, closing, slope, W, gear, role, listed, places, norm, x, num, pace):
     """The first set to try: (clear, set, member whose multiplier grows from zero, contact that opens from rest)."""
     if closing:

@@ -16,3 +16,5 @@ summing = numba.njit(error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrap
 def one():
     """1 that is no literal."""
     return np.int64(1)
+
+once = numba.njit(error_model="numpy", inline="always")

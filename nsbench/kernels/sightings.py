@@ -6,7 +6,7 @@ of the others the gap is developed into a series and its descents are isolated (
 import numpy as np
 
 from nsbench.kernels.descents import passage
-from nsbench.kernels.inner import inner
+from nsbench.kernels.inner import inner, once, one
 
 
 @inner
@@ -112,7 +112,7 @@ def _gap_series(k, listed, places, X, deg, powers, diff, out):
         out[j] *= 0.5 * sign[k] / d[k]
 
 
-@inner
+@once
 def first_event(W, held, listed, places, norm, X, mu, deg, h, band, level, armed, firm, low, small, bend):
     """(s, entry, touches): the first event at s h, 0 <= s <= 1, its entry in the list; s = 2.0 if there is none.
 
@@ -124,7 +124,7 @@ def first_event(W, held, listed, places, norm, X, mu, deg, h, band, level, armed
     powers[0] = 1.0
     for j in range(deg):
         powers[j + 1] = powers[j] * h
-    best, which, touches, hi = 2.0, -1, 0, 1.0
+    best, which, touches, hi = 2.0, -one(), 0, 1.0
     for k in _doubtful(held, armed, listed, places, X, h, bend):
         _gap_series(k, listed, places, X, deg, powers, diff, c)
         s, now, touched = passage(c, deg, armed[k], level[k], band[k], 0.05 * band[k], hi, b, e)

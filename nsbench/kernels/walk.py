@@ -9,7 +9,7 @@ from numba import njit
 
 from nsbench.kernels import slots
 from nsbench.kernels.choice import HELD, KEPT, NEW, choose
-from nsbench.kernels.inner import inner, one
+from nsbench.kernels.inner import inner, once, one
 from nsbench.kernels.outfit import LEAST, outfit
 from nsbench.kernels.series import apart, at, copied, extend, gaps, hold, longest, place, size
 from nsbench.kernels.sightings import first_event, strays, travel
@@ -49,7 +49,7 @@ def _impulse(a, s, deg, mu):
     return total * s
 
 
-@inner
+@once
 def _advance(s, t, deg, W, gear, listed, X, F, x, samples, records, book, cnt):
     """Write the samples up to t, at s from the start of the step, and move x, reaction and impulses there."""
     XS, RS, ZS = records
@@ -76,7 +76,7 @@ def _advance(s, t, deg, W, gear, listed, X, F, x, samples, records, book, cnt):
         total[column[k]] += (sign[k] if kind[k] > 0 else 1.0) * _impulse(a, s, deg, mu)
 
 
-@inner
+@once
 def _length(deg, W, gear, X, x, origin, reach, hard, num):
     """(h, code): the step that the series of this degree allows, and whether the list must be made anew first."""
     h = min(min(longest(X, gear[4], deg, num[slots.EPS], W), num[slots.MAX_STEP]), num[slots.END] - num[slots.T])
@@ -95,7 +95,7 @@ def _length(deg, W, gear, X, x, origin, reach, hard, num):
     return h, slots.FAIL
 
 
-@inner
+@once
 def _watch(W, gear, basis, listed, places, norm, x, num):
     """Bands, levels and arms of gaps and multipliers at the start of an arc (see solvers._crossings)."""
     m, near = norm.size, num[slots.TOL] * (1.0 + size(x))
@@ -116,7 +116,7 @@ def _watch(W, gear, basis, listed, places, norm, x, num):
     return band, level, armed, firm, low
 
 
-@inner
+@once
 def _look(deg, h, W, gear, basis, listed, places, norm, X, watch, reach, num):
     """(s, entry, touches, watch): the first event within h, and the arms at the end of it."""
     band, level, armed, firm, low = watch
@@ -127,7 +127,7 @@ def _look(deg, h, W, gear, basis, listed, places, norm, X, watch, reach, num):
     return s, entry, touches, (band, level, armed, firm, low)
 
 
-@inner
+@once
 def _columns(W, column, cnt):
     for k in W:
         if column[k] < 0:
@@ -135,7 +135,7 @@ def _columns(W, column, cnt):
             cnt[slots.COLUMNS] += 1
 
 
-@inner
+@once
 def _note(role, basis, kept, log, num, cnt):
     """Write down what closed, what opened, what handed its load to others; and take it over into the masks."""
     first = slots.FIRST
@@ -184,7 +184,7 @@ def walk(listed, places, norm, drift, hard, width, order, x, origin, basis, kept
             copied(x, X[0])
             extend(one() - 1, one(), W, gear, listed, drift, X, F)
         watch = _watch(W, gear, basis, listed, places, norm, x, num)
-        ready, deg, entry = 1, one(), -1
+        ready, deg, entry = 1, one(), -one()
         while entry < 0:
             if cnt[slots.STEPS] >= cnt[slots.MAX_STEPS] or not size(x) <= num[slots.BOX]:
                 return slots.FAIL

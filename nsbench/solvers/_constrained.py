@@ -30,8 +30,8 @@ def prepare(case: Case, options, tol: float) -> Run:
     scene = Scene(case.problem, case.n)
     x = start_state(case, scene)
     field = ContactField(case, scene)
-    field.compile(float(case.t[0]), x)
     plan = _contact_walk.plan(case, field, x, options, tol)
+    field.compile(float(case.t[0]), x, arcs=plan is None)
     if plan is not None:
         _contact_walk.load(_Walk(case, scene, x.copy(), options, tol), plan)
 

@@ -17,7 +17,7 @@ def parts(drift) -> np.ndarray:
     """(n,) number of the part of each coordinate that the drift (ptr, cols, vals, c) joins."""
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import connected_components
-    ptr, cols, vals, c = drift
+    ptr, cols, _, c = drift
     return connected_components(csr_array((np.ones(len(cols)), cols, ptr), shape=(len(c), len(c))), directed=False)[1]
 
 

@@ -48,8 +48,8 @@ class ContactField:
         self._smooth_norm = self._typical(t0, case.x0)
         self._hard = [c.start + np.arange(m * c.dim).reshape(m, c.dim) for _, c, m in scene.hard]
 
-    def compile(self, t: float, x: np.ndarray):
-        """Load or compile every kernel once, on an empty list."""
+    def compile(self, t: float, x: np.ndarray, arcs: bool = True):
+        """Load or compile every kernel once, on an empty list. arcs: those for arcs followed in Python too."""
         from nsbench.kernels.lcp import in_span, solve_lcp
         from nsbench.kernels.rows import add_transposed, gram, gram_solve, held, times
         none = self.take(self.candidates(t, x), np.empty(0, np.int64))
@@ -58,8 +58,10 @@ class ContactField:
         M, index, v = gram(C, V, count, self.n), np.empty(0, np.int64), np.empty(0)
         solve_lcp(M, v, index, v, 0.0)
         in_span(M, index, 0.0)
-        add_transposed(C, V, count, gram_solve(M, times(C, V, count, x)), x.copy())
-        held(C, V, count, x, v)
+        add_transposed(C, V, count, times(C, V, count, x), x.copy())
+        gram_solve(M, v)
+        if arcs:
+            held(C, V, count, x, v)
 
     def drift(self, t: float, x: np.ndarray) -> np.ndarray:
         self.calls += 1
@@ -71,10 +73,7 @@ class ContactField:
 
     def candidates(self, t: float, x: np.ndarray) -> Rows:
         """Every constraint that can become active before a particle has travelled reach / 2."""
-        reach = self.reach
-        if not self.certified and self.scene.hard:
-            reach = 4.0 * (1.0 + float(np.abs(x).max(initial=0.0)))     # more than any distance
-        return self.rows(self.scene.near(np.ascontiguousarray(x), reach, t))
+        return self.rows(self.scene.near(np.ascontiguousarray(x), self.reach, t))
 
     def rows(self, near: Near) -> Rows:
         smooth = near.kind == SMOOTH

@@ -16,6 +16,7 @@ from nsbench.solvers import _selection
 from nsbench.solvers._affine_drift import affine_drift
 from nsbench.solvers._arc import SHARE
 from nsbench.solvers._contact_choice import choose, parts
+from nsbench.solvers._gram import LONG, compile_sparse
 from nsbench.trajectory import Event
 
 ROOM = 10.0             # times the size of the start: the box on which the drift is known to be affine
@@ -28,8 +29,10 @@ LOG = 1024              # events between two looks at whether they accumulate
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """What a run needs that does not change: the drift as CSR and constant, the box, hard particles, order and eps."""
+    """What a run needs that does not change: the drift as CSR and constant, the part it gives each coordinate to (see
+    _contact_choice), the box, hard particles, order and eps."""
     drift: tuple
+    label: np.ndarray
     box: float
     hard: np.ndarray
     order: int
@@ -48,13 +51,15 @@ def plan(case: Case, field, x, options, tol: float) -> Plan | None:
     hard = np.array([(c.start, m, c.dim) for _, c, m in scene.hard], np.int64).reshape(-1, 3)
     eps = max(SPARE * SHARE * tol, FLOOR)
     order = int(np.clip(np.ceil(1.0 - 0.5 * np.log(eps)), ORDERS[0] + 2, ORDERS[1]))       # Jorba & Zou 2005, eq. 10
-    return Plan(drift, box, hard, order, eps)
+    return Plan(drift, parts(drift), box, hard, order, eps)
 
 
 def load(walk, p: Plan):
     """Load or compile the kernels: a run of no length."""
     walk.T = walk.t
     run(walk, p)
+    if walk.field.certified or len(walk.all) > LONG:
+        compile_sparse()
 
 
 def run(walk, p: Plan) -> bool:
@@ -78,7 +83,6 @@ class _Driver:
         self.num[[slots.DOUBT, slots.STRICT, slots.DEPENDENT]] = (
             _selection.UNDECIDED, _selection.STRICT, _selection.DEPENDENT)
         self.cnt[slots.MAX_STEPS] = walk.options.max_steps
-        self.parts = parts(p.drift)
         self.paces = np.zeros(10)
         self.paces[0], self.cnt[slots.PACES] = walk.paces[0], 1
         self.paths = np.full((2, len(walk.case.t), walk.case.n), np.nan)
@@ -104,7 +108,7 @@ class _Driver:
                 return False
             if code == slots.CHOOSE:
                 walk.paces, walk.selector.size = self.paces.tolist(), float(self.num[slots.SIZE])
-                if not choose(walk, self.parts, int(self.cnt[slots.FIRED]), int(self.cnt[slots.ENTRY])):
+                if not choose(walk, self.plan.label, int(self.cnt[slots.FIRED]), int(self.cnt[slots.ENTRY])):
                     return False
 
     def _go(self):

@@ -83,3 +83,14 @@ def gram_of(C, V, count, n, patterns: dict):
         patterns.clear()
         patterns[key] = qp.pattern(ptr, cols, n)
     return Sparse((C, V, count), n, patterns[key], V[there], np.sqrt((V * V).sum(1)))
+
+
+def compile_sparse():
+    """Load or compile what Sparse calls, on two rows."""
+    from nsbench.kernels import qp
+    two = np.arange(2)
+    P, h = qp.pattern(np.arange(3), two, 2), np.array([-1.0, 1.0])
+    rows = Sparse((two[:, None], np.ones((2, 1)), np.ones(2, np.int64)), 2, P, np.ones(2), np.ones(2))
+    rows.solve(h, two[:1], 0.0, 1e-10, 1.0)
+    rows.hold(h)
+    rows.span(two[:1], 1e-10)
