@@ -77,6 +77,32 @@ def test_a_list_of_neighbours_changes_nothing(monkeypatch):
     agree(solve(case, "event_driven"), whole, 1e-12)
 
 
+def two_clusters():
+    """Ten discs drawn together here and ten there."""
+    shift = np.repeat([0.0, 60.0], 20)
+    pull = affine(np.random.default_rng(5), 20)
+    starts = [get_case("discs", n=10, seed=k).x0 for k in (0, 1)]
+    return Case("two_clusters", Complementarity(lambda xp: lambda t, x: pull(xp)(t, x - shift), (Distance(d=2.0),)),
+                np.concatenate(starts) + shift, np.linspace(0.0, 3.0, 7))
+
+
+@pytest.mark.parametrize("case", [get_case("discs[n=30]"), get_case("discs[n=60,seed=3]"), two_clusters()], ids=str)
+def test_parts_and_sparse_factors_change_nothing(case, monkeypatch):
+    """Choices by dense factors for all contacts together; or part by part, by sparse factors from three rows on."""
+    from nsbench.solvers import _contact_choice, _gram
+    whole, shares, touched = solve(case, "event_driven"), [], _contact_choice._touched
+
+    def watched(walk, label, active, changed):
+        among = touched(walk, label, active, changed)
+        shares.append(among[active].mean())
+        return among
+    monkeypatch.setattr(_contact_choice, "FEW", 0)
+    monkeypatch.setattr(_contact_choice, "_touched", watched)
+    monkeypatch.setattr(_gram, "LONG", 2)
+    agree(solve(case, "event_driven"), whole, 1e-11)
+    assert (min(shares) < 1.0) == (case.name == "two_clusters"), shares
+
+
 @pytest.mark.parametrize("name", ["three_discs", "discs[n=10]"])
 def test_the_plain_method_agrees(name):
     case = get_case(name)
