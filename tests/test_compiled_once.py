@@ -1,6 +1,7 @@
 """A kernel that two processes come to together is compiled by one of them, and loaded by the other."""
 import multiprocessing as mp
 import sys
+import time
 
 from nsbench.execute.once import share_compilation
 
@@ -19,11 +20,10 @@ def outer(x, depth):
 
 def _use(folder, locks, ready, told):
     """Calls a kernel when the other process does; compiling takes a while."""
-    import time
     from contextlib import contextmanager
 
     from numba.core import event
-    entered = []
+    entered, waits = [], []
 
     @contextmanager
     def around():
@@ -37,14 +37,14 @@ def _use(folder, locks, ready, told):
         def on_end(self, _):
             pass
     if locks:
-        share_compilation(locks, around)
+        share_compilation(locks, around, waits.append)
     sys.path.insert(0, folder)
     import kernels_of_two
     ready.wait()
     with event.install_listener("numba:compile", Slow()):
         value = kernels_of_two.outer(1.0, 2)
     told.put([value, *(sum(k.stats.cache_misses.values()) for k in (kernels_of_two.outer, kernels_of_two.inner)),
-              len(entered)])
+              len(entered), max(waits, default=0.0)])
 
 
 def together(folder, locks):
@@ -69,3 +69,20 @@ def test_two_processes_compile_each_kernel_once(tmp_path, monkeypatch):
     shared = together(tmp_path, str(tmp_path / "locks"))
     assert sorted(row[1] for row in shared) == sorted(row[2] for row in shared) == [0, 1]
     assert all(row[0] == 2.0 and row[3] == 1 for row in shared)   # one report for a kernel and those it calls
+    first, second = sorted(shared, key=lambda row: -row[1])
+    assert second[4] > 0.4 > first[4]                             # it waited while the first one compiled
+
+
+def test_the_clock_stands_still_while_another_process_compiles():
+    from nsbench.measure import clock
+
+    def wait():
+        start = time.perf_counter()
+        time.sleep(0.2)
+        clock.stand(time.perf_counter() - start)
+
+    def prepare():
+        wait()
+        return wait
+    run, spent = clock.prepared(prepare)
+    assert spent["setup_seconds"] + spent["compile_seconds"] < 0.1 and clock.first_call(run)[1] < 0.1

@@ -19,6 +19,7 @@ from pathlib import Path
 
 from nsbench.execute.once import share_compilation
 from nsbench.execute.turns import Turns
+from nsbench.measure import clock
 from nsbench.study import Spec, run_batch
 
 PREPARE = 300.0           # seconds: compiling and factorising, beside the limit of the run itself
@@ -37,7 +38,7 @@ def _worker(pipe, locks: str) -> None:
     import signal
     signal.signal(signal.SIGINT, signal.SIG_IGN)         # the parent decides what Ctrl-C means
     turns, news = Turns(locks), _News(pipe)
-    share_compilation(locks, news.compiling)
+    share_compilation(locks, news.compiling, clock.stand)
     while True:
         try:
             task = pipe.recv()

@@ -10,16 +10,18 @@ from __future__ import annotations
 import contextlib
 import functools
 import hashlib
+import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from pathlib import Path
 
 
-def share_compilation(folder: str, around: Callable[[], AbstractContextManager]) -> None:
+def share_compilation(folder: str, around: Callable[[], AbstractContextManager], waited: Callable[[float], None]) -> None:
     """From now on every kernel with a cache is compiled under a lock that all processes with this folder share.
 
-    around() is entered while a kernel is loaded, waited for or compiled, once for a kernel and those it calls. Where
-    files cannot be locked nothing changes, and both compile.
+    around() is entered while a kernel is loaded, waited for or compiled, once for a kernel and those it calls; waited(s)
+    is told the seconds for which another process held the lock. Where files cannot be locked nothing changes, and both
+    compile.
     """
     try:
         import fcntl
@@ -34,7 +36,9 @@ def share_compilation(folder: str, around: Callable[[], AbstractContextManager])
         if name is None or name in held:                 # nothing to share, or a kernel that calls itself
             return plain(self, sig)
         with contextlib.nullcontext() if held else around(), open(Path(folder) / name, "ab") as file:
+            start = time.perf_counter()
             fcntl.flock(file, fcntl.LOCK_EX)             # closing the file gives it back
+            waited(time.perf_counter() - start)
             held.add(name)
             try:
                 return plain(self, sig)

@@ -15,9 +15,21 @@ import numpy as np
 ROUNDS = 7
 FEWEST = 3              # of rounds: quartiles of less say nothing
 TURNS = 0.03            # seconds: what the turns of one row may take together, if they are not FEWEST
-LONG = 0.05             # seconds: a run that takes longer is timed once; what disturbs it averages out within
+LONG = 0.02             # seconds: a run that takes longer is timed once; several slices of a scheduler average out within
 AGAIN = 5e-3            # seconds: a preparation that is quicker hides no compilation
 LEAST = 0.02            # seconds: a run that is shorter is repeated within its turn until the turn lasts this long
+
+_stood = 0.0            # seconds in which the clock of preparations and first calls stood still
+
+
+def stand(seconds: float) -> None:
+    """So long this process has just waited for what another one compiles: that is no time of the run it waited in."""
+    global _stood
+    _stood += seconds
+
+
+def _now() -> float:
+    return time.perf_counter() - _stood
 
 
 @dataclass(frozen=True)
@@ -79,13 +91,13 @@ def prepared(prepare: Callable[[], Callable]) -> tuple[Callable, dict]:
     """The run that `prepare()` returns, and what it took: setup_seconds, what every preparation pays, and
     compile_seconds, what the first one in a process paid beyond it: compilation, loading from caches, imports. They are
     told apart by preparing twice."""
-    start = time.perf_counter()
+    start = _now()
     run = prepare()
-    first = again = time.perf_counter() - start
+    first = again = _now() - start
     if first > AGAIN:
-        start = time.perf_counter()
+        start = _now()
         run = prepare()
-        again = min(first, time.perf_counter() - start)
+        again = min(first, _now() - start)
     return run, {"setup_seconds": again, "compile_seconds": first - again}
 
 
@@ -101,9 +113,9 @@ def first_call(run: Callable[[], object]) -> tuple[object, float, float]:
 def _watched(run):
     """(result, seconds, seconds of numba's compiler, loading from its cache included)."""
     if "numba" not in sys.modules:
-        start = time.perf_counter()
+        start = _now()
         out = run()
-        seconds = time.perf_counter() - start
+        seconds = _now() - start
         return out, seconds, seconds if "numba" in sys.modules else 0.0      # what imports numba will have compiled too
     from numba.core import event
 
@@ -111,17 +123,17 @@ def _watched(run):
         depth, since, total = 0, 0.0, 0.0
 
         def on_start(self, _):
-            self.since = self.since if self.depth else time.perf_counter()
+            self.since = self.since if self.depth else _now()
             self.depth += 1
 
         def on_end(self, _):
             self.depth -= 1
-            self.total += 0.0 if self.depth else time.perf_counter() - self.since
+            self.total += 0.0 if self.depth else _now() - self.since
     watch = Watch()
     with event.install_listener("numba:compiler_lock", watch):
-        start = time.perf_counter()
+        start = _now()
         out = run()
-        seconds = time.perf_counter() - start
+        seconds = _now() - start
     return out, seconds, watch.total
 
 

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from nsbench.measure.clock import LONG
 from nsbench.report.source import Data, Runs
 from nsbench.report.style import LEADS, family, num
 
 TARGETS = (1e-2, 1e-3, 1e-4, 1e-6)
-LONG = 0.05         # seconds beyond which a run is timed once (measure.clock)
 WORK = ("drift_calls", "projections", "inner_iterations")
 
 
@@ -52,7 +52,7 @@ def inner(runs: Runs) -> np.ndarray:
 
 
 RULE = ("Seconds of two methods are compared only when both loops over steps are compiled, both were timed on one machine in "
-        "one go, and both in interleaved rounds (runs of more than 0.05 s once); then compilation and set-up are apart. "
+        f"one go, and both in interleaved rounds (runs of more than {LONG:g} s once); then compilation and set-up are apart. "
         "Otherwise their counted work is compared, or nothing.")
 
 

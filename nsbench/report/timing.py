@@ -3,6 +3,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from nsbench.measure.clock import LONG
 from nsbench.report.source import Data
 from nsbench.report.style import TIMES, factor, seconds
 from nsbench.report.tables import Cell, Row, Table
@@ -26,8 +27,8 @@ def clock_table(data: Data) -> Table:
                            "quartiles over median", "worst round over median"), tuple(rows),
                  "Compilation is what the first preparation in a process takes beyond a second one: compiling, loading from "
                  "caches, imports; set-up is what each preparation takes; neither is part of the seconds compared. Runs of more "
-                 "than 0.05 s are timed once; the others in 3 to 7 rounds with the methods interleaved, the first call left out. "
-                 "The spread is the median over all timed runs, the worst round the largest factor seen.")
+                 f"than {LONG:g} s are timed once; the others in 3 to 7 rounds with the methods interleaved, the first call "
+                 "left out. The spread is the median over all timed runs, the worst round the largest factor seen.")
 
 
 def _total(values) -> str:
