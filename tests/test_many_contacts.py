@@ -61,7 +61,10 @@ def ready(G):
 def by_fronts(G, q, guess, tol=1e-12):
     P, T, vals = ready(G)
     mu, d, w = np.zeros(len(q)), np.zeros(G.shape[1]), np.zeros(len(q))
-    code, rounds = interior(P, T, fronts.room(T), vals, q, guess, lengths(P, vals), 10.0, tol, mu, d, w)
+    norm = lengths(P, vals)
+    code, rounds = interior(P, T, fronts.room(T), vals / np.repeat(norm, np.diff(P[0])), q / norm, guess * norm, 10.0, tol, mu,
+                            d, w)
+    mu /= norm
     return code, mu, d, qp.residual(P, vals, q, mu, d), rounds
 
 

@@ -101,29 +101,26 @@ def factor(T, ptr, vals, weight, L, F, stack):
 
 
 @njit(cache=True, error_model="numpy", fastmath=FAST)
-def solve(T, L, b, x, w):
-    """x = K^-1 b; w (n,) and more: work space. b and x may be the same array."""
-    order, first, bptr, border, panel = T[0], T[1], T[3], T[4], T[6]
-    n, parts = order.size, first.size - 1
-    y, z = w[:n], w[n:]
-    for c in range(n):
-        y[c] = b[order[c]]
-    for s in range(parts):
-        lo, own, far = first[s], first[s + 1] - first[s], bptr[s + 1] - bptr[s]
-        for i in range(own):
-            z[i] = y[lo + i]
-        for i in range(far):
-            z[own + i] = 0.0
-        for k in range(own):
-            r = panel[s] + k * (own + far)
-            row, rest = L[r + k:r + own + far], z[k:]
-            v = rest[0] * row[0]
-            y[lo + k] = v
-            for j in range(row.size):
-                rest[j] -= v * row[j]
-        for i in range(far):
-            y[border[bptr[s] + i]] += z[own + i]
-    for s in range(parts - 1, -1, -1):
+def forward(T, L, s, y, z):
+    """Eliminate the part s from a right-hand side: z holds the front's; y (n,) by places takes what comes out of it."""
+    first, bptr, border, panel = T[1], T[3], T[4], T[6]
+    lo, own, far = first[s], first[s + 1] - first[s], bptr[s + 1] - bptr[s]
+    for k in range(own):
+        r = panel[s] + k * (own + far)
+        row, rest = L[r + k:r + own + far], z[k:]
+        v = rest[0] * row[0]
+        y[lo + k] = v
+        for j in range(row.size):
+            rest[j] -= v * row[j]
+    for i in range(far):
+        y[border[bptr[s] + i]] += z[own + i]
+
+
+@njit(cache=True, error_model="numpy", fastmath=FAST)
+def backward(T, L, y, z):
+    """The second half of a solution, by places."""
+    first, bptr, border, panel = T[1], T[3], T[4], T[6]
+    for s in range(first.size - 2, -1, -1):
         lo, own, far = first[s], first[s + 1] - first[s], bptr[s + 1] - bptr[s]
         for i in range(far):
             z[own + i] = y[border[bptr[s] + i]]
@@ -134,6 +131,24 @@ def solve(T, L, b, x, w):
             for j in range(row.size):
                 v += row[j] * rest[j]
             rest[0] = y[lo + k] = (y[lo + k] - v) * row[0]
+
+
+@njit(cache=True, error_model="numpy")
+def solve(T, L, b, x, w):
+    """x = K^-1 b; w (n,) and more: work space. b and x may be the same array."""
+    order, first, bptr = T[0], T[1], T[3]
+    n = order.size
+    y, z = w[:n], w[n:]
+    for c in range(n):
+        y[c] = b[order[c]]
+    for s in range(first.size - 1):
+        lo, own, far = first[s], first[s + 1] - first[s], bptr[s + 1] - bptr[s]
+        for i in range(own):
+            z[i] = y[lo + i]
+        for i in range(far):
+            z[own + i] = 0.0
+        forward(T, L, s, y, z)
+    backward(T, L, y, z)
     for c in range(n):
         x[order[c]] = y[c]
 

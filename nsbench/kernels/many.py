@@ -1,4 +1,4 @@
-"""kernels.interior on the fronts of a list as a C function: redundant packings do not slow it down."""
+"""Many rows as a C function: the active set of the step before revised, or else the interior point, on the fronts of a list."""
 import numpy as np
 from numba import cfunc, njit
 
@@ -6,9 +6,11 @@ from nsbench.kernels import qp
 from nsbench.kernels.interior import COLD, NEAR, interior
 from nsbench.kernels.least import GIVEN_UP, GROW, MANY
 from nsbench.kernels.parts import tree
+from nsbench.kernels.revise import revise
 from nsbench.kernels.sparse import lengths
 
-TOL = 1e-10                  # of the residual, a length; reached by refinement, so mostly far less is left
+TOL = 1e-10                  # of the residual, a length
+WRONG, SWAPS = 60, 150       # signs wrong at first, and exchanges: more of them cost more than the interior point
 HEAD = 16                    # of the book: whether it is filled, then where its arrays begin
 
 
@@ -40,7 +42,7 @@ def _opened(book):
 
 @cfunc(MANY, cache=True, error_model="numpy")
 def many(ptr, cols, tptr, trow, tpos, order, vals, q, guess, scale, book, store, mu, d, work):
-    """kernels.interior on the tree in the book, made first if book[0] is 0; the caller empties it for a new list."""
+    """kernels.revise, else kernels.interior, on the tree in the book, made first if book[0] is 0; the caller empties it for a new list."""
     if book[0] == 0:
         work[2] = _shelve(tree(ptr, cols, tptr, trow), book)
         if work[2] > book.size:
@@ -56,10 +58,30 @@ def many(ptr, cols, tptr, trow, tpos, order, vals, q, guess, scale, book, store,
         return
     room = (store[:ends[0]], store[ends[0]:ends[1]], store[ends[1]:ends[2]], store[ends[2]:ends[3]])
     P = (ptr, cols, tptr, trow, tpos, order)
-    norm, w = lengths(P, vals), np.empty(q.size)
-    code, rounds = interior(P, T, room, vals, q, guess, norm, scale, TOL, mu, d, w, NEAR)
-    if code == 2:                                         # once more from nothing
-        code, more = interior(P, T, room, vals, q, np.zeros(q.size), norm, scale, TOL, mu, d, w, COLD)
+    norm, unit, least, start, w = lengths(P, vals), np.empty(vals.size), np.empty(q.size), np.empty(q.size), np.empty(q.size)
+    fresh = True
+    for k in range(q.size):
+        for e in range(ptr[k], ptr[k + 1]):
+            unit[e] = vals[e] / norm[k]
+        least[k], start[k] = q[k] / norm[k], max(guess[k], 0.0) * norm[k]
+        fresh = fresh and start[k] == 0.0
+        mu[k] = start[k]
+    code, rounds = 2, 0
+    if not fresh:
+        done, rounds, swaps = revise(P, T, room, unit, least, mu, TOL, WRONG, SWAPS, d, w)
+        code, rounds = 0 if done else 2, rounds + swaps
+        if swaps > 0:                                     # what it has won is a better start
+            for k in range(q.size):
+                start[k] = mu[k]
+    if code == 2:
+        code, more = interior(P, T, room, unit, least, start, scale, TOL, mu, d, w, COLD if fresh else NEAR)
         rounds += more
+    if code == 2 and not fresh:                           # once more from nothing
+        for k in range(q.size):
+            start[k] = 0.0
+        code, more = interior(P, T, room, unit, least, start, scale, TOL, mu, d, w, COLD)
+        rounds += more
+    for k in range(q.size):
+        mu[k] /= norm[k]
     work[0] = qp.SOLVED if code == 0 else (qp.INFEASIBLE if code == 1 else GIVEN_UP)
     work[1] = rounds

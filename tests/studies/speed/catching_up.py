@@ -46,13 +46,26 @@ def scene(x, pull, turn, own, steps, seed=1, h=STEP):
 
 
 def jammed(n, seed=0):
-    """Places (2 n,) of discs that nearly all touch, overlaps removed."""
+    """Places (2 n,) of discs that nearly all touch, in random order.
+
+    A shaken square lattice is drawn together by PBD under a pull that dies away, since PBD overlaps by about a step; then
+    what overlaps is taken apart, and ten steps of catching up fit the rest.
+    """
     rng = np.random.default_rng(seed)
-    angle, r = 2 * np.pi * rng.random(n), np.sqrt(n / 0.7 * rng.random(n))
-    x = np.stack((r * np.cos(angle), r * np.sin(angle)), 1).ravel()
-    for h in 0.02 * 0.6 ** np.arange(12):                  # PBD overlaps by about h: shorter steps at the end
-        x = nsbench.solve(scene(x, np.sqrt(n) / 16.0, 0.0, 0.0, 150, h=h), "pbd", h=h).x[-1]
-    x = nsbench.solve(scene(x, 0.0, 0.0, 0.0, 200), "pbd[sweeps=5]", h=STEP).x[-1]
+    side = int(1.2 * np.sqrt(n)) + 3
+    p = 2.4 * np.stack(np.divmod(np.arange(side * side), side), 1) - 1.2 * (side - 1)
+    p = p[np.argsort((p ** 2).sum(1), kind="stable")[:n]] + rng.uniform(-0.2, 0.2, (n, 2))
+    x = rng.permutation(p).ravel()
+
+    def drift(xp):
+        def f(t, y):
+            return -rate * 0.6 ** (t / 6.0) * y + 0.3 * 0.1 ** t * own
+        return f
+    own, rate = rng.normal(size=2 * n), min(0.06, 3.0 / np.abs(p).max())
+    case = Case("draw", Complementarity(drift, (Distance(2.0),)), x, np.array([0.0, 72.0]), start="keep")
+    x = nsbench.solve(case, "pbd", h=0.02).x[-1]
+    case = Case("part", Complementarity(drift, (Distance(2.0),)), x, np.array([72.0, 80.0]), start="keep")
+    x = nsbench.solve(case, "pbd[sweeps=5]", h=0.02).x[-1]
     return nsbench.solve(scene(x, 1.0, 0.5, 1.0, 10), "catching_up", h=STEP).x[-1]
 
 

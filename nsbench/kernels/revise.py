@@ -1,0 +1,238 @@
+"""The active set of a step, revised row by row on one sparse factor.
+
+    min 1/2 |G^T mu|^2 + q mu + |mu - c|^2 / (2 rho)    s.t.  mu >= 0            rows of G of length 1
+
+is the dual of the step's problem with a proximal term, which keeps the solution on every set of rows unique, redundant rows
+or not (Rockafellar, SIAM J. Control Optim. 14(5), 1976). A primal active set solves it: K = I + rho G_A^T G_A is factored
+for the rows A of the start; each row that leaves (its multiplier reaches zero) or comes (it is violated most) costs one column
+K^-1 g and a line of a small dense system (Gill, Murray & Saunders, SIAM J. Sci. Comput. 5(3), 1984: Schur complements). The
+value falls from full step to full step, so no set comes back. Then c = mu, until the residual of the step's own problem
+is small; if that takes long, on a factor with a larger rho. Everything is computed as a change from c, so rounding
+shrinks with it.
+"""
+import numpy as np
+from numba import njit
+
+from nsbench.kernels.fronts import backward, factor, forward, solve
+from nsbench.kernels.sparse import push, slack
+
+RHO, MORE, MOST = 1e6, 100.0, 1e8     # the proximal term, what it is multiplied by when centres move slowly, its end
+CENTRES, SLOW = 12, 4        # centres in all; after so many the proximal term is made smaller
+EXTRA = 64                   # columns kept; a fresh factor costs about ten of them
+FINE = 1e-3                  # of the residual asked for: no need to go on
+ZERO = 1e-12                 # a multiplier, a length, this little below zero is rounding
+
+
+@njit(cache=True, error_model="numpy")
+def _column(T, L, k, owner, ptr, vals, y, z, v):
+    """v = K^-1 g_k: forwards only along the fronts above the row."""
+    order, first, up, bptr, loc = T[0], T[1], T[2], T[3], T[9]
+    for c in range(y.size):
+        y[c] = 0.0
+    s = owner
+    own = first[s + 1] - first[s]
+    for i in range(own + bptr[s + 1] - bptr[s]):
+        z[i] = 0.0
+    for e in range(ptr[k], ptr[k + 1]):
+        z[loc[e]] += vals[e]
+    while True:
+        forward(T, L, s, y, z)
+        s = up[s]
+        if s < 0:
+            break
+        own = first[s + 1] - first[s]
+        for i in range(own):
+            z[i] = y[first[s] + i]
+        for i in range(bptr[s + 1] - bptr[s]):
+            z[own + i] = 0.0
+    backward(T, L, y, z)
+    for c in range(y.size):
+        v[order[c]] = y[c]
+
+
+@njit(cache=True, error_model="numpy")
+def _dense(A, b, n):
+    """Solve A x = b in place by elimination with row exchanges."""
+    for k in range(n):
+        p = k
+        for i in range(k + 1, n):
+            if abs(A[i, k]) > abs(A[p, k]):
+                p = i
+        if p != k:
+            for j in range(k, n):
+                A[k, j], A[p, j] = A[p, j], A[k, j]
+            b[k], b[p] = b[p], b[k]
+        for i in range(k + 1, n):
+            f = A[i, k] / A[k, k]
+            if f != 0.0:
+                for j in range(k + 1, n):
+                    A[i, j] -= f * A[k, j]
+                b[i] -= f * b[k]
+    for k in range(n - 1, -1, -1):
+        for j in range(k + 1, n):
+            b[k] -= A[k, j] * b[j]
+        b[k] /= A[k, k]
+
+
+@njit(cache=True, error_model="numpy")
+def _dot(ptr, cols, vals, k, v):
+    s = 0.0
+    for e in range(ptr[k], ptr[k + 1]):
+        s += vals[e] * v[cols[e]]
+    return s
+
+
+@njit(cache=True, error_model="numpy")
+def _point(P, vals, rho, on, extra, size, V, S, A, b, base, c, wc, move, t):
+    """The solution on the set: move = d - d_c (n,), t = c - rho w (m,)."""
+    ptr, cols = P[0], P[1]
+    for i in range(size):
+        for j in range(size):
+            A[i, j] = S[i, j]
+        A[i, i] += 1.0 / rho if on[extra[i]] else -1.0 / rho
+        b[i] = -_dot(ptr, cols, vals, extra[i], base)
+    _dense(A, b, size)
+    for e in range(move.size):
+        move[e] = base[e]
+    for i in range(size):
+        f, v = b[i], V[i]
+        for e in range(move.size):
+            move[e] += f * v[e]
+    for k in range(t.size):
+        t[k] = c[k] - rho * (wc[k] + _dot(ptr, cols, vals, k, move))
+
+
+@njit(cache=True, error_model="numpy")
+def _centre(P, T, room, vals, q, rho, on, c, wc, base, r, fresh):
+    """wc = q + G G^T c and base, the way from there to the solution on the set if nothing was exchanged since."""
+    if fresh:
+        push(P, vals, c, base)
+        slack(P, vals, q, base, wc)
+    for k in range(c.size):
+        r[k] = -rho * wc[k] if on[k] else -c[k]
+    push(P, vals, r, base)
+    solve(T, room[0], base, base, room[3])
+
+
+@njit(cache=True, error_model="numpy")
+def _factor(P, T, room, vals, rho, on, weight):
+    for k in range(on.size):
+        weight[k] = rho if on[k] else 0.0
+    factor(T, P[0], vals, weight, room[0], room[1], room[2])
+
+
+@njit(cache=True, error_model="numpy")
+def _block(on, mu, t):
+    """The row whose multiplier reaches zero first on the way from mu to t, or -1, and how far that is."""
+    part, at = 1.0, -1
+    for k in range(mu.size):
+        if on[k] and t[k] < -ZERO and mu[k] <= part * (mu[k] - t[k]):
+            part, at = mu[k] / (mu[k] - t[k]), k
+    return part, at
+
+
+@njit(cache=True, error_model="numpy")
+def _wrong(on, t):
+    count = 0
+    for k in range(on.size):
+        count += (on[k] and t[k] < -ZERO) or (not on[k] and t[k] > ZERO)
+    return count
+
+
+@njit(cache=True, error_model="numpy")
+def revise(P, T, room, vals, q, mu, tol, most, limit, d, w):
+    """From mu >= 0 (m,) to the solution: fills mu, d = G^T mu (n,), w = q + G d (m,).
+
+    vals, q: rows of length 1; T, room: see kernels.interior. Gives up if more than `most` signs are wrong at first or
+    after `limit` exchanges; mu is then no worse than before. Returns whether it is solved to the residual tol, factorisations,
+    exchanges.
+    """
+    m, n, ptr, cols = mu.size, d.size, P[0], P[1]
+    on, owner, c, wc, t, r = np.empty(m, np.bool_), np.empty(m, np.int64), mu.copy(), np.empty(m), np.empty(m), np.empty(m)
+    for k in range(m):
+        on[k] = mu[k] > 0.0
+    for s in range(T[7].size - 1):
+        for o in range(T[7][s], T[7][s + 1]):
+            owner[T[8][o]] = s
+    V, S, A, b = np.empty((EXTRA, n)), np.empty((EXTRA, EXTRA)), np.empty((EXTRA, EXTRA)), np.empty(EXTRA)
+    best, found = np.empty(m), False
+    extra, size, base, move, y, z = np.empty(EXTRA, np.int64), 0, np.empty(n), np.empty(n), room[3][:n], room[3][n:]
+    rho, factors, swaps, centres, first = RHO, 1, 0, 0, True
+    _factor(P, T, room, vals, rho, on, t)
+    _centre(P, T, room, vals, q, rho, on, c, wc, base, r, True)
+    while True:
+        _point(P, vals, rho, on, extra, size, V, S, A, b, base, c, wc, move, t)
+        if first and not _wrong(on, t) <= most:
+            return False, factors, swaps
+        first = False
+        part, at = _block(on, mu, t)
+        for k in range(m):
+            if on[k]:
+                mu[k] = max(mu[k] + part * (t[k] - mu[k]), 0.0)
+        if at >= 0:
+            mu[at] = 0.0
+        else:
+            worst = 0.5 * tol * rho
+            for k in range(m):
+                if not on[k] and t[k] > worst:
+                    worst, at = t[k], k
+        if at < 0:                                             # solved on this centre
+            push(P, vals, mu, d)
+            slack(P, vals, q, d, w)
+            off = 0.0
+            for k in range(m):
+                off = max(off, abs(min(mu[k], w[k])))
+            if off <= FINE * tol or (off <= tol and found):
+                return True, factors, swaps
+            centres += 1
+            if not off < np.inf or centres > CENTRES:
+                break
+            if off <= tol:                                     # once more, for one solve: hundreds of times closer
+                found = True
+                for k in range(m):
+                    best[k] = mu[k]
+            for k in range(m):
+                c[k], wc[k] = mu[k], w[k]
+            if centres >= SLOW and rho < MOST and not found:
+                rho, centres, size, factors = rho * MORE, 0, 0, factors + 1
+                _factor(P, T, room, vals, rho, on, t)
+            _centre(P, T, room, vals, q, rho, on, c, wc, base, r, False)
+            continue
+        if swaps == limit:
+            break
+        swaps += 1
+        place = 0
+        while place < size and extra[place] != at:
+            place += 1
+        if place == EXTRA:                                     # no room: a factor of the set as it will be
+            on[at] = not on[at]
+            size, factors = 0, factors + 1
+            _factor(P, T, room, vals, rho, on, t)
+            _centre(P, T, room, vals, q, rho, on, c, wc, base, r, False)
+            continue
+        v = V[place]
+        if place == size:
+            _column(T, room[0], at, owner[at], ptr, vals, y, z, v)
+        f = rho * wc[at] - c[at] if not on[at] else c[at] - rho * wc[at]
+        for e in range(n):
+            base[e] -= f * v[e]
+        on[at] = not on[at]
+        if place == size:
+            extra[size], size = at, size + 1
+            for i in range(size):
+                S[i, size - 1] = S[size - 1, i] = _dot(ptr, cols, vals, extra[i], v)
+        else:                                                  # back where it was: the last column takes its place
+            size -= 1
+            for e in range(n):
+                v[e] = V[size, e]
+            extra[place] = extra[size]
+            for i in range(size):
+                S[place, i] = S[size, i] if i != place else S[size, size]
+            for i in range(size):
+                S[i, place] = S[place, i]
+    if found:
+        for k in range(m):
+            mu[k] = best[k]
+        push(P, vals, mu, d)
+        slack(P, vals, q, d, w)
+    return found, factors, swaps
