@@ -42,7 +42,7 @@ def _opened(book):
 
 @cfunc(MANY, cache=True, error_model="numpy")
 def many(ptr, cols, tptr, trow, tpos, order, vals, q, guess, scale, book, store, mu, d, work):
-    """kernels.revise, else kernels.interior, on the tree in the book, made first if book[0] is 0; the caller empties it for a new list."""
+    """Solve on the tree in the book, made first if book[0] is 0; the caller empties it for a new list."""
     if book[0] == 0:
         work[2] = _shelve(tree(ptr, cols, tptr, trow), book)
         if work[2] > book.size:

@@ -3,7 +3,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from nsbench.solvers._qp import BACKENDS, Answer, residual
+from nsbench.solvers._qp import BACKENDS, Answer, Rows, residual
 
 ROUNDS = 300                  # successive linearisations; each gains a factor of about mu times the curvature
 SHORTEST = 1 / 64             # of their steps, shortened where they go to and fro
@@ -14,7 +14,9 @@ class _List:
 
     def __init__(self, scene, x, skin, t, old=None, mu=None):
         self.near, self.base, self.skin = scene.near(x, skin, t), x.copy(), skin
-        self.mu = np.zeros(len(self.near))
+        self.mu, self.rows = np.zeros(len(self.near)), None
+        self.touching = np.isin(self.near.kind, (1, 2))
+        self.coincident = -self.near.sign * self.near.d        # the gap of coincident centres
         self._hard = [(c.start, m, c.dim) for _, c, m in scene.hard]
         if old is not None:
             kept = dict(zip(old.near.ids, mu, strict=True))
@@ -119,11 +121,14 @@ class HostLoop:
 
     def _ties(self, g, mu):
         """A push between coincident centres has no direction."""
-        near = self.list.near
-        self.stats["ties"] += int(np.sum(np.isin(near.kind, (1, 2)) & (mu > 0.0) & (g == -near.sign * near.d)))
+        self.stats["ties"] += int(np.count_nonzero(self.list.touching & (mu > 0.0) & (g == self.list.coincident)))
 
     def _linearise(self, after, x, z):
-        g, G = self.scene.gaps(after, x, self.list.near), self.scene.gradients(after, x, self.list.near)
+        near = self.list.near
+        g, (row, cols, vals) = self.scene.gaps(after, x, near), self.scene.triplets(after, x, near)
+        if self.list.rows is None:                          # where the entries are stays the same for all of a list
+            self.list.rows = Rows(row, cols, (len(near), self.scene.n))
+        G = self.list.rows.fill(vals)
         return g, g + G @ (z - x), G
 
     def _solve(self, G, q, h, mu) -> Answer:
@@ -137,6 +142,8 @@ class HostLoop:
 
     def _record(self, k, mu):
         on = np.flatnonzero(mu)
+        if not on.size:
+            return
         near = self.list.near
         ids = np.stack([np.full(on.size, k), near.family[on], near.i[on], near.j[on]], axis=1)
         self.records.append((ids, mu[on]))

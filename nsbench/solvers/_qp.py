@@ -2,7 +2,7 @@
 
     min 1/2 |d|^2  s.t.  q + G d >= 0        d = G^T mu,    0 <= mu  _|_  q + G d >= 0
 
-A backend is made once per run and called as ``backend(G, q, h, key, mu)``: G (m, n) csr_array, q (m,), h the step,
+A backend is made once per run and called as ``backend(G, q, h, key, mu)``: G (m, n) Rows, q (m,), h the step,
 key an object that stays the same as long as the constraints do, mu (m,) a first guess. It returns an Answer. The libraries
 solve in units of velocity, (d / h, mu / h, q / h), so that their tolerances mean the same for every step.
 """
@@ -22,6 +22,48 @@ class Answer:
     iterations: int
 
 
+class Rows:
+    """G by entries: row (e,), cols (e,) and vals (e,), rows in order, columns in order in every row, ptr (m + 1,).
+
+    A product costs two numpy calls: a csr_array checks itself at every step of its life, for longer than a small QP takes.
+    """
+
+    def __init__(self, row, cols, shape):
+        self.order = np.lexsort((cols, row))
+        self.row, self.cols, self.shape = row[self.order], cols[self.order], shape
+        self.ptr = np.concatenate(([0], np.cumsum(np.bincount(row, minlength=shape[0])))).astype(np.int64)
+        self.down = np.lexsort((self.row, self.cols))          # entries by columns
+        self.down_ptr = np.concatenate(([0], np.cumsum(np.bincount(cols, minlength=shape[1])))).astype(np.int64)
+        self.vals = np.empty(row.size)
+
+    @classmethod
+    def of(cls, G):
+        """Of a scipy sparse array without duplicates."""
+        G = G.tocoo()
+        return cls(G.row.astype(np.int64), G.col.astype(np.int64), G.shape).fill(G.data)
+
+    def fill(self, values):
+        """The entries, in the order in which their places were given."""
+        self.vals = values[self.order]
+        return self
+
+    def __matmul__(self, d):
+        return np.bincount(self.row, self.vals * d[self.cols], self.shape[0])
+
+    def back(self, mu):
+        """G^T mu."""
+        return np.bincount(self.cols, self.vals * mu[self.row], self.shape[1])
+
+    def lengths(self):
+        """|G_k| of every row."""
+        return np.sqrt(np.bincount(self.row, self.vals * self.vals, self.shape[0]))
+
+    def csc(self):
+        """As scipy's csc_matrix, for the libraries."""
+        from scipy.sparse import csc_matrix
+        return csc_matrix((self.vals[self.down], self.row[self.down], self.down_ptr), shape=self.shape)
+
+
 def residual(G, w: np.ndarray, mu: np.ndarray, d: np.ndarray) -> float:
     """How far (d, mu) is from solving the problem, as a length: the largest of
 
@@ -30,10 +72,12 @@ def residual(G, w: np.ndarray, mu: np.ndarray, d: np.ndarray) -> float:
         sign             -mu_k |G_k|
         complementarity  min(mu_k |G_k|, w_k / |G_k|)
 
-    the last three being |min(mu_k |G_k|, w_k / |G_k|)|. Not computed from anything the solver says about itself.
+    the last three being |min(mu_k |G_k|, w_k / |G_k|)|. G: Rows or a scipy sparse array. Not computed from anything the
+    solver says about itself.
     """
-    norm = np.sqrt((G * G).sum(axis=1))
-    stationarity = np.abs(d - G.T @ mu).max(initial=0.0)
+    G = G if isinstance(G, Rows) else Rows.of(G)
+    norm = G.lengths()
+    stationarity = np.abs(d - G.back(mu)).max(initial=0.0)
     return float(np.maximum(stationarity, np.abs(np.minimum(mu * norm, w / norm)).max(initial=0.0)))
 
 
@@ -48,11 +92,11 @@ class ActiveSet:
         from nsbench.kernels import few, least, qp
         if key is not self._key:
             self._key, self.setups = key, self.setups + 1
-            self._pattern = qp.pattern(G.indptr.astype(np.int64), G.indices.astype(np.int64), G.shape[1])
+            self._pattern = qp.pattern(G.ptr, G.cols, G.shape[1])
             self._book[0] = 0
         scale, work = max(1.0, float(np.abs(q).max(initial=0.0))), np.zeros(4, np.int64)
         mu, d, self._book, self._store = least.least(few.exact, many_rows(G.shape[0]), self._pattern, self._book, self._store,
-                                                     G.data, q, mu, scale, work)
+                                                     G.vals, q, mu, scale, work)
         return Answer(mu, d, ("solved", "infeasible", "maxiter")[work[0]], int(work[1]))
 
 
@@ -79,16 +123,15 @@ class OSQP:
     def __call__(self, G, q, h, key, mu):
         import osqp
         m, n = G.shape
-        A = G.tocsc()
         low = -q / h
         if key is not self._key:
             from scipy.sparse import csc_matrix
             self._key, self.setups, self._solver = key, self.setups + 1, osqp.OSQP()
-            self._solver.setup(csc_matrix(np.eye(1)) if n == 1 else _identity(n), np.zeros(n), csc_matrix(A), low,
+            self._solver.setup(csc_matrix(np.eye(1)) if n == 1 else _identity(n), np.zeros(n), G.csc(), low,
                                np.full(m, np.inf), **self._settings)
-            self._solver.warm_start(x=G.T @ mu / h, y=-mu / h)
+            self._solver.warm_start(x=G.back(mu) / h, y=-mu / h)
         else:
-            self._solver.update(Ax=A.data, l=low)
+            self._solver.update(Ax=G.vals[G.down], l=low)
         r = self._solver.solve(raise_error=False)
         status = osqp.SolverStatus(r.info.status_val)
         code = {osqp.SolverStatus.OSQP_SOLVED: "solved", osqp.SolverStatus.OSQP_PRIMAL_INFEASIBLE: "infeasible"}
@@ -100,20 +143,21 @@ class PIQP:
 
     def __init__(self, eps=None, max_iter=None):
         self._eps, self._max_iter = eps or 1e-11, max_iter or 250
-        self._key, self._solver, self.setups = None, None, 0
+        self._key, self._solver, self._A, self.setups = None, None, None, 0
 
     def __call__(self, G, q, h, key, mu):
         import piqp
-        from scipy.sparse import csc_matrix
-        A, n = csc_matrix(G.tocsc()), G.shape[1]
+        n = G.shape[1]
         if key is not self._key:
             self._key, self.setups, self._solver = key, self.setups + 1, piqp.SparseSolver()
             s = self._solver.settings
             s.eps_abs, s.eps_rel, s.max_iter, s.verbose = self._eps, self._eps, self._max_iter, False
             s.eps_duality_gap_abs, s.eps_duality_gap_rel = self._eps, self._eps
-            self._solver.setup(P=_identity(n), c=np.zeros(n), G=A, h_l=-q / h)
+            self._A = G.csc()
+            self._solver.setup(P=_identity(n), c=np.zeros(n), G=self._A, h_l=-q / h)
         else:
-            self._solver.update(G=A, h_l=-q / h)
+            self._A.data[:] = G.vals[G.down]
+            self._solver.update(G=self._A, h_l=-q / h)
         status = self._solver.solve()
         r = self._solver.result
         code = {piqp.PIQP_SOLVED: "solved", piqp.PIQP_PRIMAL_INFEASIBLE: "infeasible"}.get(status, "maxiter")
