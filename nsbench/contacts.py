@@ -42,6 +42,11 @@ class Near:
         return [(f, i) if j < 0 else (f, i, j)
                 for f, i, j in zip(self.family.tolist(), self.i.tolist(), self.j.tolist(), strict=True)]
 
+    @property
+    def key(self) -> np.ndarray:
+        """(m,) one number per id; ids have at most 2^21 members in each index."""
+        return (self.family << 42) + (self.i << 21) + self.j + 1
+
     def take(self, index) -> Near:
         return Near(*(a[index] for a in self.arrays()))
 

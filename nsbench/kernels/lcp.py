@@ -218,6 +218,8 @@ def in_span(M, support, dep):
         if _append(L, M, idx, p, k, 0.0):
             p += 1
     out = np.zeros(m, np.bool_)
+    for k in support:
+        out[k] = True
     for k in range(m):
-        out[k] = not _append(L, M, idx, p, k, dep)
+        out[k] = out[k] or not _append(L, M, idx, p, k, dep)
     return out

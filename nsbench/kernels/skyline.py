@@ -27,55 +27,64 @@ def columns(C, count, p, n):
 
 
 @inner
-def _breadth(start, C, count, ptr, member, stamp, mark, queue, at):
-    """Rows reached from `start` in breadth-first order, written to queue[at:]; returns the end."""
-    queue[at], stamp[start], head, end = start, mark, at, at + 1
+def _breadth(first, nptr, near, stamp, mark, queue, at):
+    """Rows reached from `first` in breadth-first order, written to queue[at:]; returns the end."""
+    queue[at], stamp[first], head, end = first, mark, at, at + 1
     while head < end:
         k = queue[head]
         head += 1
-        for e in range(count[k]):
-            for u in range(ptr[C[k, e]], ptr[C[k, e] + 1]):
-                if stamp[member[u]] != mark:
-                    stamp[member[u]] = mark
-                    queue[end] = member[u]
-                    end += 1
+        for u in range(nptr[k], nptr[k + 1]):
+            if stamp[near[u]] != mark:
+                stamp[near[u]] = mark
+                queue[end] = near[u]
+                end += 1
     return end
 
 
 @inner
-def arrange(C, count, p, n):
-    """A plan: place (p,) of each row, start (p,) and ptr (p + 1,) of the envelope, pairs of rows that meet (nptr, near)."""
+def _neighbours(C, count, p, n, stamp):
+    """Rows that share a column with each row, itself included: pointers (p + 1,) and members."""
     ptr, member = columns(C, count, p, n)
-    queue, stamp, at, mark = np.empty(p, np.int64), np.zeros(p, np.int64), 0, 0
-    done = np.zeros(p, np.bool_)
+    nptr, most, m = np.zeros(p + 1, np.int64), 0, 0
     for k in range(p):
-        if not done[k]:
-            end = _breadth(k, C, count, ptr, member, stamp, mark + 1, queue, at)
-            end = _breadth(queue[end - 1], C, count, ptr, member, stamp, mark + 2, queue, at)
-            mark += 2
-            for u in range(at, end):
-                done[queue[u]] = True
-            at = end
-    place = np.empty(p, np.int64)
-    for u in range(p):
-        place[queue[u]] = p - 1 - u
-    most, start = 0, np.empty(p, np.int64)
-    for k in range(p):
-        start[k], stamp[k] = k, -1
+        stamp[k] = -1
         for e in range(count[k]):
             most += ptr[C[k, e] + 1] - ptr[C[k, e]]
-    nptr, near, m = np.zeros(p + 1, np.int64), np.empty(most, np.int64), 0
+    near = np.empty(most, np.int64)
     for k in range(p):
         for e in range(count[k]):
             for u in range(ptr[C[k, e]], ptr[C[k, e] + 1]):
                 j = member[u]
-                if stamp[j] != k and place[j] <= place[k]:
+                if stamp[j] != k:
                     stamp[j] = k
                     near[m] = j
                     m += 1
-                    start[place[k]] = min(start[place[k]], place[j])
         nptr[k + 1] = m
-    eptr = np.zeros(p + 1, np.int64)
+    return nptr, near
+
+
+@inner
+def arrange(C, count, p, n):
+    """A plan: place (p,) of each row, start (p,) and ptr (p + 1,) of the envelope, and who meets each row (nptr, near)."""
+    queue, stamp, at, mark = np.empty(p, np.int64), np.empty(p, np.int64), np.int64(0), np.int64(p)
+    nptr, near = _neighbours(C, count, p, n, stamp)
+    done = np.zeros(p, np.bool_)
+    for k in range(p):
+        if not done[k]:
+            end = _breadth(k, nptr, near, stamp, mark + 1, queue, at)
+            end = _breadth(queue[end - 1], nptr, near, stamp, mark + 2, queue, at)
+            mark += 2
+            for u in range(at, end):
+                done[queue[u]] = True
+            at = end
+    place, start, eptr = np.empty(p, np.int64), np.empty(p, np.int64), np.zeros(p + 1, np.int64)
+    for u in range(p):
+        place[queue[u]] = p - 1 - u
+    for k in range(p):
+        first = place[k]
+        for u in range(nptr[k], nptr[k + 1]):
+            first = min(first, place[near[u]])
+        start[place[k]] = first
     for i in range(p):
         eptr[i + 1] = eptr[i] + i - start[i] + 1
     return place, start, eptr, nptr, near
@@ -92,9 +101,10 @@ def fill(plan, C, V, count, p, work, E):
             work[C[k, e]] += V[k, e]
         for u in range(nptr[k], nptr[k + 1]):
             j, s = near[u], 0.0
-            for e in range(count[j]):
-                s += V[j, e] * work[C[j, e]]
-            E[eptr[i] + place[j] - start[i]] = s
+            if place[j] <= i:
+                for e in range(count[j]):
+                    s += V[j, e] * work[C[j, e]]
+                E[eptr[i] + place[j] - start[i]] = s
         for e in range(count[k]):
             work[C[k, e]] = 0.0
 

@@ -131,8 +131,9 @@ class _Walk:
         """Candidates around the present state; basis and kept contacts keep their meaning."""
         if self.field.certified:
             new = self.field.candidates(self.t, self.x)
-            key = {c: k for k, c in enumerate(new.near.ids)}
-            move = lambda index: np.array([key[c] for c in self.all.near.take(index).ids], np.int64)
+            key = new.near.key
+            order = np.argsort(key)
+            move = lambda index: order[np.searchsorted(key, self.all.near.key[index], sorter=order)]
             basis, kept = move(self.basis), np.zeros(len(new), bool)
             kept[move(self.kept)] = True
             self.all, self.basis, self.kept = new, basis, kept

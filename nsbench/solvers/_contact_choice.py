@@ -10,7 +10,7 @@ import numpy as np
 
 from nsbench.trajectory import Event
 
-FEW = 80                # closed contacts: so few are chosen together
+FEW = 300               # closed contacts: so few are chosen together, sooner than parts are found
 
 
 def parts(drift) -> np.ndarray:

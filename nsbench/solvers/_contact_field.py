@@ -95,7 +95,8 @@ class ContactField:
         return dict(zip(smooth.ids, norm.tolist(), strict=True))
 
     def take(self, rows: Rows, index) -> Rows:
-        return self.rows(rows.near.take(index))
+        near = rows.near.take(index)
+        return self.rows(near) if rows.smooth is not None else Rows(near, rows.slot[index], None, rows.width, rows.norm[index])
 
     def _places(self, t):
         return (self.scene.anchors(t) if self._moving_anchors else self._anchors0,

@@ -88,6 +88,7 @@ class _Driver:
         self.paths = np.full((2, len(walk.case.t), walk.case.n), np.nan)
         self.paths[0, 0], self.paths[1, 0], self.cnt[slots.SAMPLE] = walk.X[0], 0.0, 1
         self.impulse, self.total = np.zeros((len(walk.case.t), 0)), np.zeros(0)
+        self.listed, self.column, self.known = None, np.empty(0, np.int64), np.empty(0, np.int64)
         self.log = (np.empty(LOG), np.empty(LOG, np.int64), np.empty(LOG, np.int64))
 
     def run(self) -> bool:
@@ -116,11 +117,7 @@ class _Driver:
         walk, near = self.walk, self.walk.all.near
         scene = walk.field.scene
         m = len(near)
-        ids = None
-        column = np.full(m, -1, np.int64)
-        if walk.column:
-            ids = near.ids
-            column = np.array([walk.column.get(c, -1) for c in ids], np.int64)
+        column = self._columns()
         spare = len(walk.column) + m - len(self.total)
         if spare > 0:
             self.total = np.append(self.total, np.zeros(spare + m))
@@ -137,15 +134,29 @@ class _Driver:
                       (column, self.total, walk.reaction), self.paces, self.log, self.num, self.cnt)
         walk.t, walk.x, walk.basis, walk.peak = float(self.num[slots.T]), x, np.flatnonzero(basis), int(self.cnt[slots.PEAK])
         walk.selector.size = float(self.num[slots.SIZE])
-        self._names(near, ids, column)
+        self._names(near, column)
         return code
 
-    def _names(self, near, ids, column):
+    def _columns(self):
+        """(m,) column of each entry of the list in the impulses, or -1: kept while the list is the same."""
+        walk = self.walk
+        if self.listed is not walk.all:
+            key, self.listed = walk.all.near.key, walk.all
+            self.column = np.full(len(key), -1, np.int64)
+            if len(self.known):
+                order = np.argsort(self.known)
+                at = order[np.minimum(np.searchsorted(self.known, key, sorter=order), len(order) - 1)]
+                self.column[self.known[at] == key] = at[self.known[at] == key]
+        return self.column
+
+    def _names(self, near, column):
         """Contacts that acted for the first time, and events, by their ids."""
         walk = self.walk
         new = np.flatnonzero(column >= len(walk.column))
-        for e in new[np.argsort(column[new])]:
-            walk.column[near.take([e]).ids[0]] = int(column[e])
+        new = new[np.argsort(column[new])]
+        self.known = np.append(self.known, near.take(new).key)
+        for e, c in zip(new, near.take(new).ids, strict=True):
+            walk.column[c] = int(column[e])
         count = int(self.cnt[slots.EVENTS])
         if count:
             times, kinds, entries = (a[:count] for a in self.log)
