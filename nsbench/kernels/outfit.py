@@ -12,8 +12,8 @@ LEAST = 1e-12           # pivots over their diagonal that count as zero: contact
 def outfit(W, listed, places, norm, x, width, order, work):
     """Everything an arc with the held entries W needs, with x put on them; and whether that could be done."""
     p = W.size
-    C, V, count = np.zeros((p, width), np.int64), np.zeros((p, width)), np.zeros(p, np.int64)
-    U, mu = np.zeros((p, 3, order + 2)), np.zeros((p, order + 1))
+    C, V, count = np.empty((p, width), np.int64), np.empty((p, width)), np.zeros(p, np.int64)
+    U, mu = np.empty((p, 3, order + 2)), np.empty((p, order + 1))        # orders are written before they are read
     kind, first, _, _, _, dim = listed
     second, ptr, cols = listed[2], places[1], places[2]
     for a in range(p):                                    # the pattern alone, for the plan
