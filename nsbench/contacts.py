@@ -57,6 +57,15 @@ class Near:
         return (self.kind, self.family, self.i, self.j, self.p, self.q, self.d, self.sign, self.dim)
 
 
+@dataclass(frozen=True)
+class Places:
+    """Where the entries of a Near stand. pairs: (kind, entries, coordinates of i, of j or of the anchor) by kind and
+    dimension; rows: entries that are affine rows; smooth: entries of each Smooth family."""
+    pairs: tuple
+    rows: np.ndarray
+    smooth: tuple
+
+
 def _near(kind, family, i, j, p, q, d, sign, dim) -> Near:
     m = len(i)
     i, j, p, q = (np.asarray(a, np.int64) for a in (i, j, p, q))
@@ -166,37 +175,54 @@ class Scene:
             parts[k] = _near(PAIR, k, i, j, c.start + i * c.dim, c.start + j * c.dim, r[i] + r[j], 1, c.dim)
         return _join([parts[k] for k in sorted(parts)])
 
-    def gaps(self, t: float, x: np.ndarray, near: Near) -> np.ndarray:
+    def deepest(self, t: float, x: np.ndarray) -> float:
+        """The most that a constraint is violated by at (t, x), 0.0 where none is: of near(x, 0.0, t), without listing it."""
+        worst = max(0.0, float(-self.gaps(t, x, *self._static).min(initial=0.0)))
+        if self.hard:
+            from nsbench.kernels.near import near_pairs
+        for k, c, m in self.hard:
+            i, j = near_pairs(np.ascontiguousarray(x), c.start, m, c.dim, self.radii[k], 0.0) if m > 1 else ((), ())
+            if len(i):
+                p, r = x[c.start:c.start + m * c.dim].reshape(m, c.dim), self.radii[k]
+                diff = p[i] - p[j]
+                worst = max(worst, float(-(np.sqrt((diff * diff).sum(1)) - (r[i] + r[j])).min(initial=0.0)))
+        return worst
+
+    @functools.cached_property
+    def _static(self):
+        return (near := self.all_static()), self.places(near)
+
+    def places(self, near: Near) -> Places:
+        """For many evaluations of the same contacts."""
+        pairs = []
+        for kind in (PAIR, ANCHOR):
+            of_kind = near.kind == kind
+            for dim in (1, 2, 3) if of_kind.any() else ():
+                sel = np.flatnonzero(of_kind & (near.dim == dim))
+                if sel.size:
+                    axes = np.arange(dim)
+                    pairs.append((kind, sel, near.p[sel, None] + axes, near.q[sel, None] + axes))
+        smooth = [np.flatnonzero((near.kind == SMOOTH) & (near.q == s)) for s in range(len(self._smooth))]
+        return Places(tuple(pairs), np.flatnonzero(near.kind == ROW), tuple(smooth))
+
+    def gaps(self, t: float, x: np.ndarray, near: Near, places: Places | None = None) -> np.ndarray:
         """(m,) values g_k(t, x)."""
-        g = np.empty(len(near))
-        for sel, _, _, dist in self._distances(t, x, near):
+        g, places = np.empty(len(near)), places or self.places(near)
+        for sel, _, _, dist in self._distances(t, x, places):
             g[sel] = near.sign[sel] * (dist - near.d[sel])
-        rows = np.flatnonzero(near.kind == ROW)
-        if rows.size:
+        if places.rows.size:
             prod = np.add.reduceat(self.vals * x[self.cols], self.ptr[:-1])
-            g[rows] = (prod + self.b(t))[near.p[rows]]
-        for s, fam in enumerate(self._smooth):
-            sel = np.flatnonzero((near.kind == SMOOTH) & (near.q == s))
+            g[places.rows] = (prod + self.b(t))[near.p[places.rows]]
+        for fam, sel in zip(self._smooth, places.smooth, strict=True):
             if sel.size:
                 g[sel] = fam.g(t, x)[near.p[sel]]
         return g
 
-    def _distances(self, t, x, near):
+    def _distances(self, t, x, places):
         """Per kind and dimension: which entries, coordinates of i, differences (m, dim), lengths (m,)."""
-        anchors = None
-        for kind in (PAIR, ANCHOR):
-            of_kind = near.kind == kind
-            if not of_kind.any():
-                continue
-            if kind == ANCHOR:
-                anchors = self.anchors(t)
-            for dim in (1, 2, 3):
-                sel = np.flatnonzero(of_kind & (near.dim == dim))
-                if sel.size:
-                    axes = np.arange(dim)
-                    i, j = near.p[sel, None] + axes, near.q[sel, None] + axes
-                    diff = x[i] - (x[j] if kind == PAIR else anchors[j])
-                    yield sel, (i, j if kind == PAIR else None), diff, np.sqrt((diff * diff).sum(1))
+        for kind, sel, i, j in places.pairs:
+            diff = x[i] - (x[j] if kind == PAIR else self.anchors(t)[j])
+            yield sel, (i, j if kind == PAIR else None), diff, np.sqrt((diff * diff).sum(1))
 
     def dense_gradients(self, t: float, x: np.ndarray, near: Near) -> np.ndarray:
         """(m, n) rows grad g_k."""
@@ -213,29 +239,34 @@ class Scene:
 
     def triplets(self, t: float, x: np.ndarray, near: Near):
         """Rows, columns and values of the gradients; rows and columns are the same for every t and x."""
-        r, c, v = [np.empty(0, np.int64)], [np.empty(0, np.int64)], [np.empty(0)]
-        for sel, (i, j), diff, dist in self._distances(t, x, near):
-            unit = np.divide(diff, dist[:, None], out=np.zeros_like(diff), where=dist[:, None] > 0)
-            unit[dist == 0, 0] = 1.0
-            unit *= near.sign[sel, None]
-            for coords, values in ((i, unit), (j, -unit)):
-                if coords is not None:
-                    r.append(np.repeat(sel, coords.shape[1]))
-                    c.append(coords.ravel())
-                    v.append(values.ravel())
-        for k in np.flatnonzero(near.kind == ROW):
+        places = self.places(near)
+        r, c = [np.empty(0, np.int64)], [np.empty(0, np.int64)]
+        for kind, sel, i, j in places.pairs:
+            for coords in (i, j) if kind == PAIR else (i,):
+                r.append(np.repeat(sel, coords.shape[1]))
+                c.append(coords.ravel())
+        for k in places.rows:
             e = slice(self.ptr[near.p[k]], self.ptr[near.p[k] + 1])
             r.append(np.full(e.stop - e.start, k))
             c.append(self.cols[e])
-            v.append(self.vals[e])
-        for s, fam in enumerate(self._smooth):
-            sel = np.flatnonzero((near.kind == SMOOTH) & (near.q == s))
+        for sel in places.smooth:
+            r.append(np.repeat(sel, self.n))
+            c.append(np.tile(np.arange(self.n), sel.size))
+        return np.concatenate(r), np.concatenate(c), self.slopes(t, x, near, places)
+
+    def slopes(self, t: float, x: np.ndarray, near: Near, places: Places) -> np.ndarray:
+        """The values of `triplets` alone."""
+        v = [np.empty(0)]
+        for sel, (_, j), diff, dist in self._distances(t, x, places):
+            unit = np.divide(diff, dist[:, None], out=np.zeros_like(diff), where=dist[:, None] > 0)
+            unit[dist == 0, 0] = 1.0
+            unit *= near.sign[sel, None]
+            v += [unit.ravel()] if j is None else [unit.ravel(), (-unit).ravel()]
+        v += [self.vals[self.ptr[p]:self.ptr[p + 1]] for p in near.p[places.rows]]
+        for fam, sel in zip(self._smooth, places.smooth, strict=True):
             if sel.size:
-                G = fam.gradient(t, x)[near.p[sel]]
-                r.append(np.repeat(sel, self.n))
-                c.append(np.tile(np.arange(self.n), sel.size))
-                v.append(G.ravel())
-        return tuple(map(np.concatenate, (r, c, v)))
+                v.append(fam.gradient(t, x)[near.p[sel]].ravel())
+        return np.concatenate(v)
 
     def rates(self, t: float, x: np.ndarray, near: Near) -> np.ndarray:
         """(m,) partial derivatives dg/dt."""
@@ -249,7 +280,7 @@ class Scene:
         if any(c.moving for c in self.anchored):
             speed = np.concatenate([time_derivative(c.anchors)(t).ravel() if c.moving else np.zeros(c.anchors.size)
                                     for c in self.anchored])
-            for sel, (_, j), diff, dist in self._distances(t, x, near):
+            for sel, (_, j), diff, dist in self._distances(t, x, self.places(near)):
                 if j is None:
                     q = near.q[sel, None] + np.arange(diff.shape[1])
                     rate[sel] = -near.sign[sel] * (diff * speed[q]).sum(1) / np.where(dist > 0, dist, 1.0)

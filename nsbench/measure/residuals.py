@@ -74,16 +74,14 @@ def _gaps(frame, contacts, t, x, impulse, reaction, lam):
     change of the gradient over this interval and the two on each side, times the impulse.
     """
     scene = frame.scene
-    worst = 0.0
-    for a, b in zip(t, x, strict=True):
-        near = scene.near(b, 0.0, a)
-        worst = max(worst, float(-scene.gaps(a, b, near).min(initial=0.0)))
+    worst = max(scene.deepest(a, b) for a, b in zip(t, x, strict=True))
     if not contacts:
         return worst, 0.0, float(np.abs(np.diff(reaction, axis=0)).max(initial=0.0))
     near = near_of(scene, contacts)
+    places = scene.places(near)
     complementary, mismatch = 0.0, 0.0
-    gaps = [scene.gaps(a, b, near) for a, b in zip(t, x, strict=True)]
-    gradients = _Gradients(scene, near, t, x)
+    gaps = [scene.gaps(a, b, near, places) for a, b in zip(t, x, strict=True)]
+    gradients = _Gradients(scene, near, places, t, x)
     for k, d in enumerate(np.diff(impulse, axis=0)):
         both = np.maximum(np.minimum(gaps[k], gaps[k + 1]), 0.0)
         complementary = max(complementary, float((both * np.maximum(lam[k], 0.0)).max(initial=0.0)))
@@ -98,8 +96,8 @@ class _Gradients:
     Only the samples around the interval asked for last are kept: these are the largest arrays here.
     """
 
-    def __init__(self, scene, near, t, x):
-        self.scene, self.near, self.t, self.x = scene, near, t, x
+    def __init__(self, scene, near, places, t, x):
+        self.scene, self.near, self.places, self.t, self.x = scene, near, places, t, x
         self.values: dict = {}
         self.steps: dict = {}
         row, col, _ = scene.triplets(float(t[0]), x[0], near)
@@ -115,7 +113,7 @@ class _Gradients:
         return used
 
     def _entries(self, j: int) -> np.ndarray:
-        values = self.scene.triplets(float(self.t[j]), self.x[j], self.near)[2]
+        values = self.scene.slopes(float(self.t[j]), self.x[j], self.near, self.places)
         return np.bincount(self.place, values, len(self.row))
 
     def push(self, k: int, d: np.ndarray) -> np.ndarray:
