@@ -46,8 +46,11 @@ def rhs(factory: Callable, n: int):
 
     def make(f):
         def fill(t, x, out):
-            out[:] = np.nan          # what is left if f raises: a callback cannot pass an exception on
-            out[:] = f(t, x)
+            for i in range(out.size):
+                out[i] = np.nan      # what is left if f raises: a callback cannot pass an exception on
+            v = f(t, x)              # element by element: assigning a slice takes two seconds to compile in each process
+            for i in range(out.size if v.size == out.size or v.size == 1 else 0):
+                out[i] = v[i if v.size > 1 else 0]
         return fill
     return _pointer(factory, void(f8, vec, vec), make)
 
@@ -59,8 +62,11 @@ def rhs_signs(factory: Callable, n: int, d: int):
 
     def make(f):
         def fill(t, x, s, out):
-            out[:] = np.nan
-            out[:] = f(t, x, s)
+            for i in range(out.size):
+                out[i] = np.nan
+            v = f(t, x, s)
+            for i in range(out.size if v.size == out.size or v.size == 1 else 0):
+                out[i] = v[i if v.size > 1 else 0]
         return fill
     return _pointer(compiled_leaves(factory), void(f8, vec, vec, vec), make)
 
