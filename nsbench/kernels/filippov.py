@@ -7,13 +7,14 @@ import numpy as np
 from numba import njit
 
 from nsbench.kernels.filippov_meet import EPS, FLAT, UNKNOWN, at, band, decide, geometry, met, program, project
-from nsbench.kernels.filippov_step import certified, hunted, length, lifted
+from nsbench.kernels.filippov_step import certified, hunted, length, lifted, shorter
 from nsbench.kernels.polynomial import CLEAR, FOUND
 from nsbench.kernels.taylor import horner, inner, point, series
 
 END, MEET, HARD, STEPS, FULL, START = 0, 1, 2, 3, 4, 5      # why `walk` returns
 TINY = -3                                                   # FIRED, with HARD: steps vanish
 ARC_BAND = 16.0                                             # as in solvers._switching
+SPLIT = 1.5                                                 # pieces: a step little longer than one is shortened instead
 PIECES = 16                                                 # of a step: a shorter step is cheaper than more of them
 WINDOW = 3                                                  # as in solvers._switching
 MANY, AHEAD = 4000, 1e6                                     # steps of one arc, and those to come: the equation is stiff
@@ -56,8 +57,11 @@ def landed(ops, nums, first, outs, m, n, p, w, t, s, h, C, V):
 
 
 @inner
-def step(ops, nums, first, outs, m, n, d, p, t, x, most, local, armed, edge, C, Q, M, R, V, error, lift, stack, work):
-    """One step in program m: (code, length, fired). CLEAR: go on after `length`; FOUND: event; HARD: not certain."""
+def step(ops, nums, first, outs, m, n, d, p, t, x, most, held, local, armed, edge, C, Q, M, R, V, error, lift, stack, work):
+    """One step in program m: (code, length, fired, held). CLEAR: go on after `length`; FOUND: event; HARD: not certain.
+
+    held: a width for which the certificate should hold; handed on from step to step, so that it seldom fails.
+    """
     for j in range(n):
         C[j, 0] = x[j]
     C[n, 0] = t
@@ -65,40 +69,48 @@ def step(ops, nums, first, outs, m, n, d, p, t, x, most, local, armed, edge, C, 
     h, watches = length(C, n, p, x, outs[m], d + 1, local, most), d + 1
     tiny = 64.0 * EPS * abs(t)
     if not h > min(tiny, 0.5 * most):
-        return HARD, 0.0, TINY
+        return HARD, 0.0, TINY, held
     for w in range(watches):
         row = outs[m, n + w]
         lift[w] = 0.0
         if row >= 0 and not armed[w]:
             lift[w] = lifted(C, row, p, h, edge[w])
             if lift[w] < 0.0:
-                return HARD, 0.0, -1
+                return HARD, 0.0, -1, held
             if lift[w] == 0.0:
                 lift[w] = np.inf
-    start, width, pieces, whole = 0.0, h, 0, h
+    if held < h < SPLIT * held:
+        h = held
+    start, width, pieces, whole = 0.0, h / np.ceil(h / held), 0, h
     while start < h:
-        width = min(width, h - start)
-        if not certified(ops, nums, first[m, 0], first[m, 2], outs[m], n, p, watches, t, start, width, whole, local, C, Q, M,
-                         R, V, error):
-            width *= 0.5
+        if width > 0.999 * (h - start):
+            width = h - start
+        room = certified(ops, nums, first[m, 0], first[m, 2], outs[m], n, p, watches, t, start, width, whole, local, C, Q, M,
+                         R, V, error)
+        fits = shorter(room) * width
+        held = max(held, fits) if room >= 1.0 and width < 0.7 * held else fits      # short pieces tell little of longer ones
+        if not room >= 1.0:
+            width = fits
+            if start == 0.0 and h < SPLIT * width:
+                whole = h = width
             if start > 0.0 and width < whole / PIECES:
                 break
             if width < tiny or width < 1e-12 * whole:
-                return HARD, 0.0, -1
+                return HARD, 0.0, -1, held
             if start == 0.0 and width < whole / PIECES:
                 whole = h = min(h, width * PIECES)
             continue
         code, w, s = hunted(outs[m], n, p, watches, start, width, C, Q, error, lift, stack, work)
         if code == FOUND:
             s = landed(ops, nums, first, outs, m, n, p, w, t, s, h, C, V)
-            return (FOUND, s, w) if s >= 0.0 else (HARD, 0.0, -1)
+            return (FOUND, s, w, held) if s >= 0.0 else (HARD, 0.0, -1, held)
         if code != CLEAR:
-            return (CLEAR, start, -1) if start > 0.0 else (HARD, 0.0, -1)
+            return (CLEAR, start, -1, held) if start > 0.0 else (HARD, 0.0, -1, held)
         start += width
         pieces += 1
         if pieces >= PIECES:
             break
-    return CLEAR, start if start < h else h, -1
+    return CLEAR, start if start < h else h, -1, held
 
 
 @inner
@@ -169,7 +181,7 @@ def walk(ops, nums, first, outs, table, slides, p, limits, begun, numbers, float
     n, d = x.size, mode.size
     C, Q, M, R, V, error, lift, stack, work, edge, G, F, y, D = scratch
     span, local, T = limits[0], limits[1], times[-1]
-    t, in_arc, who = floats[TIME], 0, -1
+    t, in_arc, who, held = floats[TIME], 0, -1, np.inf
     if begun == 0:
         who = met(ops, nums, first, outs, n, d, t, x, mode, -1, V, G)
     while True:
@@ -211,8 +223,8 @@ def walk(ops, nums, first, outs, table, slides, p, limits, begun, numbers, float
             numbers[CODE] = STEPS
             break
         numbers[CARRY] = 1
-        code, h, fired = step(ops, nums, first, outs, m, n, d, p, t, x, min(limits[2], T - t), local, armed, edge,
-                              C, Q, M, R, V, error, lift, stack, work)
+        code, h, fired, held = step(ops, nums, first, outs, m, n, d, p, t, x, min(limits[2], T - t), held, local, armed, edge,
+                                    C, Q, M, R, V, error, lift, stack, work)
         if code == HARD or (in_arc > MANY and T - t > AHEAD * h):
             numbers[CODE], numbers[FIRED] = HARD, fired
             break

@@ -82,14 +82,15 @@ def _at_nodes(Q, i, p, derivative, out, to):
 
 @inner
 def certified(ops, nums, lo, hi, outs, n, p, watches, t, start, width, whole, local, C, Q, M, R, V, error):
-    """Whether the piece [t + start, t + start + width] of a step `whole` long is certified.
+    """The piece [t + start, t + start + width] of a step `whole` long is certified if this is >= 1.
 
+    It is the least quotient of a bound that counts as smooth and the bound found; 0 if it fails otherwise.
     Q (n + watches, p + 1): the polynomials of state and watched functions in s on the piece; error (watches,): bounds on what
     the latter miss of the functions. C: table of the step; M, R, V: scratch.
     """
     radius = 0.5 * width
     middle = start + radius
-    biggest = 1.0
+    biggest, room = 1.0, np.inf
     for i in range(n):
         shifted(C, i, p, middle, radius, Q, i)
         biggest = max(biggest, 1.0 + abs(Q[i, 0]))
@@ -104,16 +105,18 @@ def certified(ops, nums, lo, hi, outs, n, p, watches, t, start, width, whole, lo
     for i in range(n):
         row = outs[i]
         bound = abs(M[row, ORDER]) + R[row, ORDER] + _tail(Q, i, p, 1) / radius
-        if not bound * HALF <= RESOLVED * max(pace, least):
-            return False
+        room = min(room, RESOLVED * max(pace, least) / (bound * HALF))
+        if not room >= 1.0:
+            return room
     for w in range(watches):
         row = outs[n + w]
         error[w] = 0.0
         if row >= 0:
             size = max(abs(M[row, 0]) - R[row, 0], least if w < watches - 1 else 1.0)
             bound = abs(M[row, ORDER]) + R[row, ORDER] + _tail(Q, n + w, p, 0)
-            if not bound * HALF <= RESOLVED * size:
-                return False
+            room = min(room, RESOLVED * size / (bound * HALF))
+            if not room >= 1.0:
+                return room
             error[w] = bound * HALF
     for i in range(n):
         _at_nodes(Q, i, p, 0, V, i)
@@ -125,7 +128,7 @@ def certified(ops, nums, lo, hi, outs, n, p, watches, t, start, width, whole, lo
         for k in range(ORDER):
             off = abs(M[0, k] / radius - V[outs[i], k]) * whole
             if not off <= DEFECT * local * (1.0 + abs(V[i, k])) + 1e-14 * whole * abs(pace):
-                return False
+                return 0.0
     for w in range(watches):
         row = outs[n + w]
         if row >= 0:
@@ -134,8 +137,17 @@ def certified(ops, nums, lo, hi, outs, n, p, watches, t, start, width, whole, lo
                 off = abs(M[0, k] - V[row, k])
                 error[w] += 0.5 * off + 2e-16 * abs(V[row, k])
                 if w == watches - 1 and not 0.5 * off * whole <= DEFECT * local + 1e-14 * whole * abs(V[row, k]):
-                    return False                    # twice the weight, which is integrated
-    return True
+                    return 0.0                      # twice the weight, which is integrated
+    return room
+
+
+@inner
+def shorter(room):
+    """Part of a piece with this `room` that the certificate should hold for: bounds go with the power ORDER of the width.
+
+    Those of pieces far too long explode instead: they tell nothing, and a quarter is tried.
+    """
+    return max(0.9 * room ** (1.0 / ORDER), 0.25) if room > 0.0 else 0.5
 
 
 @inner

@@ -192,8 +192,9 @@ def series(ops, nums, lo, mid, hi, F, n, p, C):
 
 @inner
 def horner(C, row, s, p):
-    """Value at s of a row of coefficients up to order p."""
-    y = C[row, p]
-    for k in range(p - 1, -1, -1):
-        y = y * s + C[row, k]
-    return y
+    """Value at s of a row of coefficients up to order p >= 1: even and odd powers apart, as one chain would wait for itself."""
+    y, w, z = C[row, p], C[row, p - 1], s * s
+    for k in range(p - 2, 0, -2):
+        y = y * z + C[row, k]
+        w = w * z + C[row, k - 1]
+    return y * s + w if p % 2 else (y * z + C[row, 0]) + w * s

@@ -20,7 +20,8 @@ class Compiled:
     """One case, ready to run."""
 
     def __init__(self, tape, case, options, tol):
-        self.tape, self.p, self.options = tape, order(tol), options
+        from nsbench.kernels import filippov as kernel
+        self.kernel, self.tape, self.p, self.options = kernel, tape, order(tol), options
         self.limits = np.array([case.t[-1] - case.t[0], max(SHARE * tol, EPS), options.max_step, options.max_steps,
                                 options.max_events])
         self.scratch, self.span = tape.scratch(self.p), float(case.t[-1])
@@ -42,8 +43,7 @@ class Compiled:
 
     def _walk(self, walk, begun: int) -> tuple[int, int, int]:
         """Walk on, compiled, and write down where to: code, the function that fired, and whether the arc goes on."""
-        from nsbench.kernels import filippov as kernel
-        tape, ring, numbers, floats = self.tape, self.ring, self.numbers, self.floats
+        tape, kernel, ring, numbers, floats = self.tape, self.kernel, self.ring, self.numbers, self.floats
         last = walk.meetings[-7:]
         if last:
             ring[7 - len(last):] = last
@@ -63,7 +63,7 @@ class Compiled:
 
     def _helped(self, walk, code, fired, going) -> Status:
         """What the host makes of the state in which the compiled walk stopped."""
-        from nsbench.kernels import filippov as kernel
+        kernel = self.kernel
         walk.signs = np.where(np.abs(walk.mode) == 1, walk.mode, 0.0)
         if code == kernel.STEPS:
             return Status("maxiter", f"{self.options.max_steps} steps were taken by t = {walk.t:.9g}.")
