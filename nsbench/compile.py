@@ -29,7 +29,7 @@ def _pointer(factory, signature, make):
     import numba
     from numba.core.errors import NumbaError
     try:
-        return numba.cfunc(signature)(make(numba.njit(factory(np))))
+        return numba.cfunc(signature)(make(numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True)(factory(np))))
     except (NumbaError, NotImplementedError) as e:
         raise CompileError(str(e).strip().splitlines()[0]) from None
 
