@@ -112,7 +112,7 @@ def march(f, b_of, a_of, exact, many, moving, t, substeps, x, static, rows, b, a
     ids, values, size = np.empty((64, 4), np.int64), np.empty(64), np.int64(0)
     count, skin = np.zeros(8, np.int64), reach
     lists, keys = gather(x, skin, static, hard, radii)
-    P = qp.pattern(*columns(lists, rows[0], rows[1]), n)
+    P = qp.outline(*columns(lists, rows[0], rows[1]), n)
     guess, total = np.zeros(keys.size), np.zeros(keys.size)
     book, store = np.zeros(2, np.int64), np.empty(1)
     count[REBUILDS], count[PEAK] = 1, keys.size
@@ -141,7 +141,7 @@ def march(f, b_of, a_of, exact, many, moving, t, substeps, x, static, rows, b, a
                 ids, values, size = flush(k + 1, total, lists[1], lists[2], lists[3], ids, values, size)
                 skin = max(reach, SKIN_OVER_STEP * last)
                 lists, new = gather(x, skin, static, hard, radii)
-                P = qp.pattern(*columns(lists, rows[0], rows[1]), n)
+                P = qp.outline(*columns(lists, rows[0], rows[1]), n)
                 guess, keys, total = carry(keys, mu, new), new, np.zeros(new.size)
                 book[0] = 0
                 for c in range(n):

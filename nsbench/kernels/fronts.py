@@ -59,18 +59,43 @@ def eliminate(F, own, nf, L, at):
 
 
 @njit(cache=True, error_model="numpy")
+def _add(F, nf, below, far, rel, ends):
+    """Add what a part below has left (far x far, upper triangle) at the places rel (far,) of the front, run by run.
+
+    Places that follow each other are added as slices: they are read and written several times as fast as one by one.
+    """
+    runs = 0
+    for j in range(far):
+        if j + 1 == far or rel[j + 1] != rel[j] + 1:
+            ends[runs] = j + 1
+            runs += 1
+    run = 0
+    for i in range(far):
+        if ends[run] <= i:
+            run += 1
+        j = i
+        for u in range(run, runs):
+            at = rel[i] * nf + rel[j]
+            row, out = below[i * far + j:i * far + ends[u]], F[at:at + ends[u] - j]
+            for b in range(row.size):
+                out[b] += row[b]
+            j = ends[u]
+
+
+@njit(cache=True, error_model="numpy")
 def factor(T, ptr, vals, weight, L, F, stack):
     """Fill L with the factor of I + G^T diag(weight) G; F and stack: work space of the sizes T tells."""
     first, up, bptr, rel, panel, optr, orow, loc = T[1], T[2], T[3], T[5], T[6], T[7], T[8], T[9]
     parts, top = first.size - 1, 0
-    waiting, sizes = np.empty(parts + 1, np.int64), 0
+    waiting, sizes, ends = np.empty(parts + 1, np.int64), 0, np.empty(T[10][0], np.int64)
     for s in range(parts):
         own = first[s + 1] - first[s]
         nf = own + bptr[s + 1] - bptr[s]
         for i in range(nf):
-            for j in range(i, nf):
-                F[i * nf + j] = 0.0
-            F[i * nf + i] = 1.0 if i < own else 0.0
+            row = F[i * nf + i:i * nf + nf]
+            for j in range(row.size):
+                row[j] = 0.0
+            row[0] = 1.0 if i < own else 0.0
         for o in range(optr[s], optr[s + 1]):
             k = orow[o]
             if weight[k] == 0.0:
@@ -85,16 +110,13 @@ def factor(T, ptr, vals, weight, L, F, stack):
             c = waiting[sizes]
             lo, far = bptr[c], bptr[c + 1] - bptr[c]
             top -= far * far
-            for i in range(far):
-                r = rel[lo + i] * nf
-                for j in range(i, far):
-                    F[r + rel[lo + j]] += stack[top + i * far + j]
+            _add(F, nf, stack[top:top + far * far], far, rel[lo:lo + far], ends)
         eliminate(F, own, nf, L, panel[s])
         far = nf - own
         for i in range(far):
-            r = (own + i) * nf + own
-            for j in range(i, far):
-                stack[top + i * far + j] = F[r + j]
+            row, out = F[(own + i) * (nf + 1):(own + i + 1) * nf], stack[top + i * far + i:top + i * far + far]
+            for j in range(out.size):
+                out[j] = row[j]
         top += far * far
         waiting[sizes] = s
         sizes += 1

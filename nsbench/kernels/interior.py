@@ -21,10 +21,10 @@ BACK = 0.999                 # of the way to the border
 ENOUGH = 0.95                # a step this long needs no corrector
 NEAR, COLD = 0.01, 1.0        # of the squared residual of the guess: where on the central path to start, warm or cold
 CENTRAL = 0.01               # of mu: a product lam s below is lifted, by s
-CLEAR, OPEN = 1e3, 0.04      # lam / s of a row that is clear; so few others among all are worth the attempt to finish
-SMALL = 50                   # or so few, whatever their part
+CLEAR, OPEN = 1e3, 0.005     # lam / s of a row that is clear; SMALL and so few others among all are worth an attempt to finish
+SMALL = 100                  # an exchange costs a tenth of a round, whatever the size
 LATE = 1e-2                  # of tol, mean product lam s: nothing more becomes clear after that, many rows are neither
-WRONG, SWAPS = 0.04, 300     # signs wrong at the start of that attempt, of all rows; exchanges in it
+SWAPS = 300                  # exchanges in that attempt; it is not begun with more signs wrong than rows may be unclear
 PROX = 1e-9                 # proximal term of the multipliers, of lengths: no weight is above its inverse
 FAR = 1e9                    # a point farther away than this many scales is no point
 
@@ -118,7 +118,8 @@ def interior(P, T, room, vals, q, guess, scale, tol, mu, d, w, near=NEAR):
     slack(P, vals, q, z, w)
     _start(guess, w, max(near * wrong(guess, w) ** 2, tol * tol), lam, s)
     push(P, vals, lam, z)
-    tried, late, tries = 2 * max(SMALL, int(OPEN * m)), 10.0 * LATE * m * tol, 0
+    few, late, tries = SMALL + int(OPEN * m), 10.0 * LATE * m * tol, 0
+    tried = 2 * few
     for rounds in range(ROUNDS):
         push(P, vals, lam, g)
         slack(P, vals, q, z, w)
@@ -139,7 +140,7 @@ def interior(P, T, room, vals, q, guess, scale, tol, mu, d, w, near=NEAR):
             tried, late = min(tried, doubt), min(gap, late)
             for k in range(m):
                 mu[k] = lam[k] if lam[k] > s[k] else 0.0
-            done, more, swaps = revise(P, T, room, vals, q, mu, tol, max(SMALL, WRONG * m), SWAPS, d, w)
+            done, more, swaps = revise(P, T, room, vals, q, mu, tol, few, SWAPS, d, w)
             tries += more + swaps
             if done:
                 return 0, rounds + tries

@@ -7,6 +7,8 @@ and store must have; it answers GROW when they are smaller, and nothing is solve
 import numpy as np
 from numba import cfunc, float64, int64, njit, void
 
+from nsbench.kernels.qp import arrange
+
 FEW = 128                    # rows at work; below, one round of the active set costs less than three rounds on fronts
 GROW, GIVEN_UP = 5, 6
 _I, _F = int64[::1], float64[::1]
@@ -46,6 +48,7 @@ def least(exact, many, P, book, store, vals, q, guess, scale, work):
             return mu, d, book, store
         done = work[1]
         start = mu.copy() if done > 0 else guess
+    arrange(P)
     exact(ptr, cols, tptr, trow, tpos, order, vals, q, start, scale, mu, d, work)
     work[1] += done
     return mu, d, book, store

@@ -10,7 +10,7 @@ from nsbench.kernels.revise import revise
 from nsbench.kernels.sparse import lengths
 
 TOL = 1e-10                  # of the residual, a length
-WRONG, SWAPS = 60, 150       # signs wrong at first, and exchanges: more of them cost more than the interior point
+WRONG, SWAPS = 50, 90        # signs wrong at first, and exchanges: more of them cost more than the interior point
 HEAD = 16                    # of the book: whether it is filled, then where its arrays begin
 
 

@@ -32,8 +32,26 @@ CLOSE = 1e-3                 # the "epsilon" of projected Newton: any positive n
 @njit(cache=True, error_model="numpy")
 def pattern(ptr, cols, n):
     """All that depends only on where G has entries: ptr, cols, their transpose, and an order of elimination."""
+    P = outline(ptr, cols, n)
+    arrange(P)
+    return P
+
+
+@njit(cache=True, error_model="numpy")
+def outline(ptr, cols, n):
+    """A pattern whose order of elimination is yet to be made: the fronts of kernels.many do without."""
     tptr, trow, tpos = visits(ptr, cols, n)
-    return ptr, cols, tptr, trow, tpos, dissection(ptr, cols, tptr, trow)
+    return ptr, cols, tptr, trow, tpos, np.full(ptr.size - 1, -1)
+
+
+@njit(cache=True, error_model="numpy")
+def arrange(P):
+    """Make the order of elimination if there is none."""
+    ptr, cols, tptr, trow, _, order = P
+    if order.size > 0 and order[0] < 0:
+        new = dissection(ptr, cols, tptr, trow)
+        for k in range(order.size):
+            order[k] = new[k]
 
 
 @njit(cache=True, error_model="numpy")

@@ -92,7 +92,7 @@ class ActiveSet:
         from nsbench.kernels import few, least, qp
         if key is not self._key:
             self._key, self.setups = key, self.setups + 1
-            self._pattern = qp.pattern(G.ptr, G.cols, G.shape[1])
+            self._pattern = qp.outline(G.ptr, G.cols, G.shape[1])
             self._book[0] = 0
         scale, work = max(1.0, float(np.abs(q).max(initial=0.0))), np.zeros(4, np.int64)
         mu, d, self._book, self._store = least.least(few.exact, many_rows(G.shape[0]), self._pattern, self._book, self._store,
