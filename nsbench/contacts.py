@@ -15,6 +15,7 @@ from nsbench.moving import SmoothRows, chain, time_derivative
 from nsbench.problem import Affine, Complementarity, Distance, Smooth
 
 ROW, PAIR, ANCHOR, SMOOTH = 0, 1, 2, 3
+FEW = 64                # hard particles: all their pairs are looked at sooner than a kernel is compiled
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +72,18 @@ def _near(kind, family, i, j, p, q, d, sign, dim) -> Near:
     i, j, p, q = (np.asarray(a, np.int64) for a in (i, j, p, q))
     return Near(np.full(m, kind, np.int64), np.full(m, family, np.int64), i, j, p, q,
                 np.broadcast_to(np.asarray(d, float), m).copy(), np.full(m, float(sign)), np.full(m, dim, np.int64))
+
+
+def _pairs(x, r, reach):
+    """Pairs (i, j), i < j, in order, of particles x (m, dim) with radii r whose gap is at most `reach`: kernels.near, for few."""
+    i, j = np.triu_indices(len(x), 1)
+    if reach == np.inf:
+        return i, j
+    s = np.zeros(len(i))
+    for c in range(x.shape[1]):
+        s += (x[i, c] - x[j, c]) ** 2
+    close = s <= (r[i] + r[j] + reach) ** 2
+    return i[close], j[close]
 
 
 def _join(parts: list[Near]) -> Near:
@@ -163,15 +176,13 @@ class Scene:
     def near(self, x: np.ndarray, reach: float, t: float = 0.0) -> Near:
         """Every listed constraint and the hard pairs with gap at most `reach` (inf: all), in the stated order. x finite."""
         parts = dict(self._parts)
-        if self.hard and reach < np.inf:
-            from nsbench.kernels.near import near_pairs
         for k, c, m in self.hard:
             r = self.radii[k]
-            if reach == np.inf:
-                i, j = np.triu_indices(m, 1)
+            if m <= FEW or reach == np.inf:
+                i, j = _pairs(np.asarray(x, float)[c.start:c.start + m * c.dim].reshape(m, c.dim), r, float(reach))
             else:
-                i, j = near_pairs(np.ascontiguousarray(x), c.start, m, c.dim, r, float(reach)) if m > 1 else ([], [])
-            i, j = np.asarray(i, np.int64), np.asarray(j, np.int64)
+                from nsbench.kernels.near import near_pairs
+                i, j = near_pairs(np.ascontiguousarray(x), c.start, m, c.dim, r, float(reach))
             parts[k] = _near(PAIR, k, i, j, c.start + i * c.dim, c.start + j * c.dim, r[i] + r[j], 1, c.dim)
         return _join([parts[k] for k in sorted(parts)])
 
