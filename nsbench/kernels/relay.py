@@ -11,6 +11,9 @@ NEWTON = 30                       # iterations; a fresh Jacobian needs about 5, 
 TRIALS = 100_000                  # modes and starts that one step may try: minutes, not for ever, with many surfaces
 ROUNDING = 64 * 2.0**-52          # what a few operations on numbers of size one may lose
 
+# only called by kernels of this file: without the wrappers for Python they compile faster, and crash if Python calls them
+inner = njit(cache=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+
 
 @njit(cache=True)
 def health(x):
@@ -61,14 +64,14 @@ def gauss(A, b):
     return True
 
 
-@njit(cache=True)
+@inner
 def copy(source, target):
     """target <- source; a loop, as the checks of an assignment of arrays take numba seconds to compile."""
     for i in range(target.size):
         target[i] = source[i]
 
 
-@njit(cache=True)
+@inner
 def extended(field, t, x, s, e, v, out):
     """F(t, x, s) in `out`, continued multilinearly to |s_i| > 1 through the values at s_i = -1 and 1; calls made.
 
@@ -97,7 +100,7 @@ def extended(field, t, x, s, e, v, out):
     return 2**k
 
 
-@njit(cache=True)
+@inner
 def residual(field, switch, t, h, x, y, s, slide, e, v, c, r):
     """y - x - h F(t, y, s) and c_i(t, y) of the sliding surfaces, in r; calls made."""
     n = x.size
@@ -111,7 +114,7 @@ def residual(field, switch, t, h, x, y, s, slide, e, v, c, r):
     return calls
 
 
-@njit(cache=True)
+@inner
 def jacobian(field, switch, t, h, x, y, s, slide, e, v, c, r, q, J):
     """Derivative of the residual r: one-sided differences in y; in s_i exact, as F is affine in each weight."""
     n, calls = x.size, 0
@@ -133,11 +136,12 @@ def jacobian(field, switch, t, h, x, y, s, slide, e, v, c, r, q, J):
         for i in range(n):
             J[i, n + j] -= 0.5 * q[i]
         s[slide[j]] = keep
-        J[n:, n + j] = 0.0
+        for i in range(n, n + slide.size):
+            J[i, n + j] = 0.0
     return calls
 
 
-@njit(cache=True)
+@inner
 def newton(field, switch, t, h, x, mode, y, s, jump):
     """Solve one implicit step for a given mode, from (y, s), which are overwritten.
 
@@ -145,10 +149,15 @@ def newton(field, switch, t, h, x, mode, y, s, jump):
     iterations. The Jacobian is kept while an iteration gains a factor of 20.
     """
     n, d = x.size, s.size
-    slide = np.flatnonzero(mode == 0)
-    size = n + slide.size
+    size = n
+    for i in range(d):
+        size += mode[i] == 0
+    slide, j = np.empty(size - n, np.int64), 0
+    for i in range(d):
+        if mode[i] == 0:
+            slide[j], j = i, j + 1
     e, v, c = np.empty(d), np.empty(n), np.empty(d)
-    r, q, J = np.empty(size), np.empty(size), np.zeros((size, size))
+    r, q, J, K = np.empty(size), np.empty(size), np.zeros((size, size)), np.empty((size, size))
     for i in range(d):
         if mode[i] != 0:
             s[i] = mode[i]
@@ -160,10 +169,14 @@ def newton(field, switch, t, h, x, mode, y, s, jump):
         if it == 0 or last > 0.05:
             calls += jacobian(field, switch, t, h, x, y, s, slide, e, v, c, r, q, J)
             for j in range(slide.size):
-                jump[slide[j]] = largest(J[:n, n + j])
+                jump[slide[j]] = 0.0
+                for i in range(n):
+                    jump[slide[j]] = max(jump[slide[j]], abs(J[i, n + j]))
         before = largest(q) if it else np.inf
         copy(r, q)
-        if not gauss(J.copy(), q) or health(q) != OK:
+        for i in range(size):
+            copy(J[i], K[i])
+        if not gauss(K, q) or health(q) != OK:
             return False, calls, it + 1
         for i in range(n):
             y[i] -= q[i]
@@ -177,7 +190,7 @@ def newton(field, switch, t, h, x, mode, y, s, jump):
     return False, calls, NEWTON
 
 
-@njit(cache=True)
+@inner
 def wrong(mode, c, s, jump, scale, new):
     """Whether the solved step contradicts its mode; `new` gets the mode with every contradiction turned over."""
     bad = False
@@ -191,7 +204,7 @@ def wrong(mode, c, s, jump, scale, new):
     return bad
 
 
-@njit(cache=True)
+@inner
 def implicit_step(field, switch, t, h, x, mode, y, s):
     """x+ = x + h F(t, x+, s), s_i in Sgn(c_i(t, x+)): from the last mode by block pivots, else by trying all 3^d.
 
