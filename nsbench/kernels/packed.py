@@ -17,14 +17,20 @@ DEEP = 16.0               # rows are looked for in a list that reaches that many
 def room(n, m):
     """Arrays to work in, for n particles and m candidates; made by numpy (room.py_func) they lie on large pages.
 
-    Of particles: label, store by label, row of cells, and three to work in; of candidates: two lists (i, j), impulses,
-    keys or impulses logged, two to work in of twice the length, places or what is logged, what is waited for.
+    Of particles: label, store by label, row of cells, one to work in. Of candidates: three of two whole numbers each, that
+    are i and j, impulse, and the chosen i and j (kernels.close) when a list is made; places or what is logged, what is
+    waited for; keys or impulses of the chosen, impulses logged, where the chosen are.
     """
-    return (np.arange(n).astype(np.int32), np.arange(n).astype(np.int32), np.empty(n, np.int32), np.empty(n, np.int32),
-            np.empty(n, np.int32), np.empty(n + 1, np.int32)), \
-           (np.empty(m, np.int32), np.empty(m, np.int32), np.empty(m, np.int32), np.empty(m, np.int32), np.zeros(m),
-            np.empty(m, np.uint64), np.empty(2 * m, np.int32), np.empty(2 * m, np.int32), np.empty(m, np.int32),
-            np.empty(m, np.int8))
+    return (np.arange(n).astype(np.int32), np.arange(n).astype(np.int32), np.empty(n, np.int32), np.empty(n + 1, np.int32)), \
+           (np.empty(2 * m, np.int32), np.empty(2 * m, np.int32), np.empty(2 * m, np.int32), np.empty(m, np.int32),
+            np.empty(m, np.int8), np.empty(m), np.empty(m), np.empty(m, np.int32))
+
+
+@njit(cache=True)
+def listed(candidates, m):
+    """i, j, impulse of the first m candidates."""
+    half = candidates[3].size
+    return candidates[0][:m], candidates[0][half:half + m], candidates[1].view(np.float64)[:m]
 
 
 @njit(cache=True)
@@ -75,18 +81,26 @@ def take(values, order, dim, spare):
 
 
 @njit(cache=True, error_model="numpy")
+def discs_between(y, d2, s, lo, hi, i, j, m):
+    """Append the pairs of s with lo, ..., hi - 1 in the plane whose squared distance is at most d2; there is room. Indices
+    are unsigned: numba then does not ask whether they count from the end. Returns the new length."""
+    one, two = np.uint64(1), np.uint64(2)
+    a, b = y[two * s], y[two * s + one]
+    q = lo
+    while q < hi:
+        u, v = a - y[two * q], b - y[two * q + one]
+        i[m], j[m] = s, q
+        m += np.uint64(u * u + v * v <= d2)
+        q += one
+    return m
+
+
+@njit(cache=True, error_model="numpy")
 def pairs_between(y, r, skin, dim, s, lo, hi, i, j, m):
-    """Append the pairs of s with lo, ..., hi - 1 whose gap is at most skin; there is room. Returns the new length."""
-    alike, d = r.size == 1, 2.0 * r[0] + skin
-    if dim == 2 and alike:
-        a, b = y[2 * s], y[2 * s + 1]
-        for q in range(lo, hi):
-            u, v = a - y[2 * q], b - y[2 * q + 1]
-            i[m], j[m] = s, q
-            m += u * u + v * v <= d * d
-        return m
+    """The same in any dimension, with any radii: pairs whose gap is at most skin."""
+    d = 2.0 * r[0] + skin
     for q in range(lo, hi):
-        if not alike:
+        if r.size > 1:
             d = r[s] + r[q] + skin
         g = 0.0
         for c in range(dim):
@@ -104,24 +118,28 @@ def near_pairs(y, r, skin, dim, first, num, i, j):
     r: radii (n,) in the order of the store, or (1,) if all are alike. Returns their number, -1 where room was lacking.
     """
     m, n0, n1, n2 = 0, num[0], num[1], num[2]
+    lo, hi, d2, discs = np.empty(5, np.int64), np.empty(5, np.int64), (2.0 * r[0] + skin) ** 2, dim == 2 and r.size == 1
     for k in range(first.size - 1):
         if first[k] == first[k + 1]:
             continue
         k0, k1, k2 = k % n0, (k // n0) % n1, k // (n0 * n1)
         left, right = max(0, k0 - 1), min(n0, k0 + 2)
-        lo, hi, count, ahead = np.empty(4, np.int64), np.empty(4, np.int64), 0, 0
+        hi[0], count = first[k - k0 + right], 1              # the rest of its own row of cells, then
+        ahead = hi[0] - first[k]
         for a2 in range(k2, min(n2, k2 + 2)):                # rows of cells ahead, each a stretch of the store
             for a1 in range(k1 + 1 if a2 == k2 else max(0, k1 - 1), min(n1, k1 + 2)):
                 lo[count], hi[count] = first[(a2 * n1 + a1) * n0 + left], first[(a2 * n1 + a1) * n0 + right]
                 ahead += hi[count] - lo[count]
                 count += 1
-        end = first[k - k0 + right]
         for s in range(first[k], first[k + 1]):
-            if m + ahead + end - s > i.size:
+            if m + ahead > i.size:
                 return -1
-            m = pairs_between(y, r, skin, dim, s, s + 1, end, i, j, m)
+            lo[0] = s + 1
             for a in range(count):
-                m = pairs_between(y, r, skin, dim, s, lo[a], hi[a], i, j, m)
+                if discs:
+                    m = np.int64(discs_between(y, d2, np.uint64(s), np.uint64(lo[a]), np.uint64(hi[a]), i, j, np.uint64(m)))
+                else:
+                    m = pairs_between(y, r, skin, dim, s, lo[a], hi[a], i, j, m)
     return m
 
 
@@ -212,21 +230,20 @@ def put(i, j, place, label, a, b):
 
 
 @njit(cache=True)
-def renew(m, kept, particles, candidates, y, w, reac, base, r, skin, dim, rows, b, near, moving, families, number, order,
-          seed, most):
+def renew(m, kept, particles, candidates, y, reac, base, spare, r, skin, dim, rows, b, which, families, number, order, seed,
+          most):
     """The store sorted anew at y, and the candidates there in their order of execution, with their impulses.
 
-    m: candidates held before; kept: impulses of pairs that left; particles, candidates: as made by `room`; near: rows
-    among which those of the list are, all of them if they are `moving`. Changes y, w, reac (sorted), base (= y). Returns m,
-    kept, radii in the order of the store, pairs, and the candidates' arrays (longer ones if need be); m = -1 where there
-    are more than `most` pairs.
+    m: candidates held before; kept: impulses of pairs that left; particles, candidates: as made by `room`; spare (n dim,):
+    to work in; which: the rows listed. Changes y, reac (sorted), base (= y). Returns m, kept, radii in the order of the
+    store, pairs, and the candidates' arrays (longer ones if need be); m = -1 where there are more than `most` pairs.
     """
-    label, store, row, grid, cell, ends = particles
-    i, j, mu = candidates[0], candidates[1], candidates[4]
-    old, n = carried(i[:m], j[:m], mu[:m], label, kept), label.size
+    label, store, row, ends = particles
+    old, n = carried(*listed(candidates, m), label, kept), label.size
+    grid, cell = spare.view(np.int32)[:n], spare.view(np.int32)[n:2 * n]
     first, num = by_cells(y, dim, 2.0 * r.max() + skin, cell, grid, row)
-    for values in (y, w, reac):
-        take(values, grid, dim, base)
+    take(y, grid, dim, base)
+    take(reac, grid, dim, base)
     base[:] = y
     for s in range(n):
         cell[s] = label[grid[s]]
@@ -234,22 +251,24 @@ def renew(m, kept, particles, candidates, y, w, reac, base, r, skin, dim, rows, 
     for s in range(n):
         store[label[s]] = s
     radii = r if r.size == 1 else r[label]
-    which = near if moving else near_rows(y, store, rows, b, 0.5 * skin, dim, near, False)
     while True:
-        pairs = near_pairs(y, radii, skin, dim, first, num, candidates[2], candidates[3])
-        if 0 <= pairs <= most and pairs + which.size <= candidates[2].size:
+        half = candidates[3].size
+        a, c = candidates[2][:half], candidates[2][half:]
+        pairs = near_pairs(y, radii, skin, dim, first, num, a, c)
+        if 0 <= pairs <= most and pairs + which.size <= half:
             break
-        if pairs > most or (pairs < 0 and candidates[2].size > most + n):
+        if pairs > most or (pairs < 0 and half > most + n):
             return -1, kept, radii, pairs, candidates
-        candidates = room(0, 2 * candidates[2].size + which.size)[1]
-    i, j, a, c, mu, keys, ids, after, place, need = candidates
-    m = pairs + which.size
+        candidates = room(0, 2 * half + which.size)[1]
+    ids, after, _, place, need = candidates[:5]
+    keys, m = candidates[5].view(np.uint64), pairs + which.size
     for e in range(which.size):
         a[pairs + e], c[pairs + e] = store[rows[1][rows[0][which[e]]] // dim], -1 - which[e]
     fill_keys(a[:m], c[:m], label, number, families, order, seed, keys[:m])
     schedule(a[:m], c[:m], keys[:m], row, ends, ids[:2 * m], after[:2 * m], need[:m], place[:m])
-    put(a[:m], c[:m], place[:m], label, i[:m], j[:m])
-    kept = bring(i[:m], j[:m], old, store, grid, mu[:m])
+    i, j, mu = listed(candidates, m)
+    put(a[:m], c[:m], place[:m], label, i, j)
+    kept = bring(i, j, old, store, grid, mu)
     for e in range(kept[2].size):
         kept[0][e], kept[1][e] = label[kept[0][e]], label[kept[1][e]] if kept[1][e] >= 0 else kept[1][e]
     return m, kept, radii, pairs, candidates

@@ -11,7 +11,8 @@ import numpy as np
 from numba import njit
 
 from nsbench.kernels import packed
-from nsbench.kernels.packed import DEEP, near_rows, renew
+from nsbench.kernels.close import choose, put_back, width
+from nsbench.kernels.packed import DEEP, listed, near_rows, renew
 from nsbench.kernels.pbd import NAN, OK, TIED
 
 TOO_MANY = -1
@@ -138,24 +139,23 @@ def sweep_discs(lists, y, base, d, rows, b, limit2, log_at, log_mu, record):
 
 
 @njit(cache=True)
-def undo(mu, y, start, log_at, log_mu, k):
-    """Positions and impulses as they were before the sweep."""
-    y[:] = start
+def undo(mu, log_at, log_mu, k):
+    """Impulses as they were before the sweep."""
     for e in range(k):
         mu[log_at[e]] = log_mu[e]
 
 
 @njit(cache=True)
-def drift(y, w, base, v, label, h, dim):
-    """One step of Euler; w: a copy. Returns the largest squared distance from base, NaN where not all is finite."""
+def drift(x, y, spot, v, label, h, dim):
+    """One step of Euler from x (by label) to y. Returns the largest squared distance from spot, NaN if not all is finite."""
     far, good = 0.0, True
     for s in range(label.size):
         g = 0.0
         for c in range(dim):
-            a = y[s * dim + c] + h * v[label[s] * dim + c]
-            y[s * dim + c] = w[s * dim + c] = a
+            a = x[label[s] * dim + c] + h * v[label[s] * dim + c]
+            y[s * dim + c] = a
             good = good and abs(a) < 1e150
-            g += (a - base[s * dim + c]) ** 2
+            g += (a - spot[s * dim + c]) ** 2
         far = max(far, g)
     return far if good else np.nan
 
@@ -173,12 +173,13 @@ def farthest(y, base, dim):
 
 
 @njit(cache=True)
-def settle(x, y, w, reac, label, dim):
-    """What the sweep moved is reaction; x: positions by label."""
+def settle(x, y, v, reac, label, h, dim):
+    """What the sweep moved since the drift is reaction; x: positions by label, before the step and now."""
     for s in range(label.size):
         for c in range(dim):
-            reac[s * dim + c] += y[s * dim + c] - w[s * dim + c]
-            x[label[s] * dim + c] = y[s * dim + c]
+            e = label[s] * dim + c
+            reac[s * dim + c] += y[s * dim + c] - (x[e] + h * v[e])
+            x[e] = y[s * dim + c]
 
 
 @njit(cache=True)
@@ -222,80 +223,130 @@ def flush(k, lists, kept, label, families, ids, values, count):
 
 
 @njit(cache=True, error_model="numpy")
-def march(f, b_of, moving, t, substeps, sweeps, x, rows, b, r, number, families, dim, reach, order, seed, record, state,
-          particles, candidates):
+def renewed(sizes, widths, least, kept, radii, particles, candidates, state, r, dim, rows, b, near, moving, families, number,
+            order, seed, record):
+    """Candidates chosen for the positions at hand (kernels.close), from a new list if the one there is used up.
+
+    sizes: candidates, chosen ones, lists made, pairs at most, whether all constraints are listed, pairs allowed; widths:
+    skin of the list, of the choice, how far the rows looked at are valid, what of the skin is left. Returns kept, radii, near
+    and the candidates' arrays; sizes[0] = -1 where lists get too long.
+    """
+    y, reac, base, spot, n = state[0], state[1], state[2], state[3], state[0].size // dim
+    if record:
+        put_back(listed(candidates, sizes[0])[2], candidates[7][:sizes[1]], candidates[5][:sizes[1]])
+    gone = np.sqrt(farthest(y, base, dim))
+    left = widths[0] - 2.0002 * gone         # 2e-4 of the skin is for rounding
+    wide = widths[1] >= least                # sweeps move particles by more than the list is made for: all of it is chosen
+    if sizes[2] == 0 or (sizes[4] == 0 and (wide or left < 0.6 * widths[1])):
+        widths[0] = max(least, widths[1])
+        which = near
+        if not moving:
+            widths[2] -= gone
+            if widths[2] < 0.5 * widths[0]:
+                widths[2] = 0.5 * DEEP * widths[0]
+                near = near_rows(y, particles[1], rows, b, widths[2], dim, near, True)
+            which = near_rows(y, particles[1], rows, b, 0.5 * widths[0], dim, near, False)
+        sizes[0], kept, radii, pairs, candidates = renew(sizes[0], kept, particles, candidates, y, reac, base, spot, r, widths[0],
+                                                         dim, rows, b, which, families, number, order, seed, sizes[5])
+        if sizes[0] < 0:
+            return kept, radii, near, candidates
+        if sizes[2] == 0 and n > FEW:
+            sizes[5] = max(ROOM * n, 2 * pairs)
+        sizes[2], sizes[3], left = sizes[2] + 1, max(sizes[3], pairs), widths[0]
+        sizes[4] = pairs == n * (n - 1) // 2 and sizes[0] == pairs + rows[3].size
+    widths[3] = min(widths[1], left)
+    if sizes[4] == 1:
+        widths[3] = np.inf if wide else widths[1]
+    half = candidates[3].size
+    chosen = candidates[2][:half], candidates[2][half:], candidates[7], candidates[5]
+    sizes[1] = choose(listed(candidates, sizes[0]), chosen, y, radii, widths[3], dim, rows, b, moving)
+    spot[:] = y
+    return kept, radii, near, candidates
+
+
+@njit(cache=True, error_model="numpy")
+def march(f, b_of, moving, t, substeps, sweeps, x, rows, b, r, number, families, dim, reach, order, seed, record, samples,
+          state, particles, candidates):
     """As kernels.pbd_near.march. r: radii by label, or one for all; number: ranks (order CELL) or empty; families as in
     kernels.packed.fill_keys; record: whether impulses are kept (a run without is for measuring what that costs);
-    state (6, N), particles, candidates: arrays to work in, as kernels.packed.room makes them.
+    samples (2, K, N): places to fill with states and reactions; state (6, N), particles, candidates: arrays to work in,
+    as `room` makes them.
     """
     K, n = t.size, x.size // dim
-    X, R = np.full((K, x.size), np.nan), np.full((K, x.size), np.nan)
-    y, w, reac, base, v, start = state[0], state[1], state[2], state[3], state[4], state[5 if sweeps > 1 else 1]
-    x, label, none = x.copy(), particles[0], np.empty(0, np.int32)
-    X[0] = R[0] = x
-    R[0], y[:], w[:], base[:], reac[:] = 0.0, x, x, x, 0.0
+    X, R, none = samples[0], samples[1], np.empty(0, np.int32)
+    y, reac, base, spot, v, start, label = state[0], state[1], state[2], state[3], state[4], state[5], particles[0]
+    X[0], y[:], base[:], spot[:] = x, x, x, x
+    R[0], reac[:] = 0.0, 0.0
     ids, values, count, kept, radii = np.empty((0, 4), np.int32), np.empty(0), 0, (none, none, np.empty(0)), r
-    work, status, rebuilds, peak, calm, age, m = 0, OK, 0, 0, 0, 0, 0
-    least, most, full, far = max(reach, 1e-9 * np.abs(x).max()), n * n, False, np.inf
-    skin, near, valid = least, np.arange(rows[3].size if moving else 0).astype(np.int32), 0.0
+    work, status, calm, age, reserve, storm, pace, radius = 0, OK, 0, 0, 0.15, 0.0, np.inf, r.mean()
+    sizes, least = np.array([0, 0, 0, 0, 0, n * n]), max(reach, 1e-8 * np.abs(x).max())
+    widths = np.array([least, 0.3 * least, 0.0, 0.0])
+    near = np.arange(rows[3].size if moving else 0).astype(np.int32)
     for k in range(K - 1):
         h = (t[k + 1] - t[k]) / substeps[k]
+        X[k + 1] = X[k]
+        z = X[k + 1]
         for s in range(substeps[k]):
             now = t[k] + s * h
-            f(now, x, v)
-            moved = drift(y, w, base, v, label, h, dim)
-            if not moved >= 0.0:
-                return X, R, ids[:count], values[:count], work, NAN, now, rebuilds, peak
-            far = moved if rebuilds > 0 else np.inf
+            f(now, z, v)
+            far = drift(z, y, spot, v, label, h, dim)
+            if not far >= 0.0:
+                X[k + 1:], R[k + 1:] = np.nan, np.nan
+                return X, R, ids[:count], values[:count], work, NAN, now, sizes[2], sizes[3]
             if moving:
                 b_of(t[k + 1] if s + 1 == substeps[k] else t[k] + (s + 1) * h, b)
             age, again = age + 1, 0
             for u in range(sweeps):
                 if u > 0:
-                    far = farthest(y, base, dim)
+                    far = farthest(y, spot, dim)
                     start[:] = y
                 while True:
-                    if far > (np.inf if full else (0.4999 * skin) ** 2):
-                        if not moving:
-                            valid -= np.sqrt(farthest(y, base, dim))
-                            if valid < 0.5 * skin:
-                                valid = 0.5 * DEEP * skin
-                                near = near_rows(y, particles[1], rows, b, valid, dim, near, True)
-                        m, kept, radii, pairs, candidates = renew(m, kept, particles, candidates, y, w, reac, base, r, skin,
-                                                                  dim, rows, b, near, moving, families, number, order, seed,
-                                                                  most)
-                        if m < 0:
-                            return X, R, ids[:count], values[:count], work, TOO_MANY, now, rebuilds, peak
-                        if rebuilds == 0 and n > FEW:
-                            most = max(ROOM * n, 2 * pairs)
+                    if sizes[2] == 0 or again > 0 or far > ((0.4999 - (reserve if storm == 0.0 else 0.0)) * widths[3]) ** 2:
+                        if sizes[2] > 0 and again == 0:
+                            pace, reserve = np.sqrt(far) / max(age, 1), max(0.05, 0.97 * reserve)
+                        widths[1] = max(storm, width(pace, radius, least))
+                        kept, radii, near, candidates = renewed(sizes, widths, least, kept, radii, particles, candidates, state,
+                                                                r, dim, rows, b, near, moving, families, number, order, seed,
+                                                                record)
+                        if sizes[0] < 0:
+                            return X, R, ids[:count], values[:count], work, TOO_MANY, now, sizes[2], sizes[3]
                         if u > 0:
                             start[:] = y
-                        full = pairs == n * (n - 1) // 2 and m == pairs + rows[3].size
-                        rebuilds, peak, age, far = rebuilds + 1, max(peak, pairs), 0, 0.0
-                    lists = candidates[0][:m], candidates[1][:m], candidates[4][:m]
-                    log_at, log_mu = candidates[8], candidates[5].view(np.float64)
-                    done, tied, broken = sweep(lists, y, base, radii, dim, rows, b, np.inf if full else (0.4999 * skin) ** 2,
-                                               log_at, log_mu, record)
+                        age = 0
+                    half, c = candidates[3].size, sizes[1]
+                    lists = candidates[2][:c], candidates[2][half:half + c], candidates[5][:c]
+                    done, tied, broken = sweep(lists, y, spot, radii, dim, rows, b, (0.4999 * widths[3]) ** 2, candidates[3],
+                                               candidates[6], record)
                     if not broken:
                         break
-                    undo(lists[2], y, w if u == 0 else start, log_at, log_mu, done if record else 0)
-                    if age == 0:             # a new list and yet too short
-                        skin *= 1.5
-                    again, far = again + 1, np.inf
+                    if u == 0:
+                        drift(z, y, spot, v, label, h, dim)
+                    else:
+                        y[:] = start
+                    if record:
+                        undo(lists[2], candidates[3], candidates[6], done)
+                    if age == 0:             # a new choice and yet too narrow
+                        storm = 1.5 * max(least, widths[1])
+                    else:
+                        reserve = min(0.3, 1.25 * reserve)
+                    again += 1
                 work += done
                 status = TIED if tied else status
             calm = calm + 1 if again == 0 else 0
-            if calm > 8 and skin > least:                # the storm is over: short lists again
-                skin, calm = max(least, skin / 1.5), 0
-            settle(x, y, w, reac, label, dim)
-        X[k + 1] = x
+            if calm > 8 and storm > 0.0:     # the storm is over: narrow again
+                storm, calm = storm / 1.5 if storm > 1.5 * least else 0.0, 0
+                widths[3] = 0.0 if storm == 0.0 else widths[3]
+            settle(z, y, v, reac, label, h, dim)
         unpack(reac, label, dim, R[k + 1])
-        ids, values, count = flush(k + 1, (candidates[0][:m], candidates[1][:m], candidates[4][:m]), kept, label, families,
-                                   ids, values, count)
+        if record:
+            put_back(listed(candidates, sizes[0])[2], candidates[7][:sizes[1]], candidates[5][:sizes[1]])
+            candidates[5][:sizes[1]] = 0.0
+            ids, values, count = flush(k + 1, listed(candidates, sizes[0]), kept, label, families, ids, values, count)
         kept = (none, none, np.empty(0))
-    return X, R, ids[:count], values[:count], work, status, t[K - 1], rebuilds, peak
+    return X, R, ids[:count], values[:count], work, status, t[K - 1], sizes[2], sizes[3]
 
 
-def room(n: int, N: int) -> tuple:
-    """State and arrays to work in for n particles with N coordinates and some pairs each. Made by numpy: on large pages."""
-    return np.empty((6, N)), *packed.room.py_func(n, 3 * n + 64)
+def room(n: int, N: int, K: int) -> tuple:
+    """Samples, state and arrays to work in for n particles with N coordinates and some pairs each, K samples. Made by numpy:
+    on large pages."""
+    return np.empty((2, K, N)), np.empty((6, N)), *packed.room.py_func(n, 8 * n + 64)

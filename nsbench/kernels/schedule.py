@@ -1,14 +1,15 @@
 """What of a sweep may run at once: constraints put in an order of execution that gives the bits of the stated order.
 
-Two constraints that share no particle may change places. So each particle sorts its own constraints by key, each
-constraint waits for its neighbours in those short lists, and its level is one more than that of the last it waits
-for. Any order in which nobody overtakes whom it waits for does; the one taken here is by  row + 2 level,  row that of
-the cells of a first particle. Rows of constraints that share a particle differ by at most 1, so this sum grows
-from one to the next; constraints of one sum share no particle; and those far apart in the list are far apart in
-space: the sweep goes through memory once, and its projections do not wait for one another.
+Two constraints that share no particle may change places. So each particle sorts its own constraints by key, and each
+constraint waits for its neighbours in those short lists. Any order in which nobody overtakes whom it waits for does. The
+one taken here goes through the store band by band, a band being some rows of cells: of all constraints that wait for
+nothing any more, next is the one that has been so longest in the lowest band. What follows in the list then seldom waits
+for one another, as a band goes on at many places in turn, and yet is near in memory.
 """
 import numpy as np
 from numba import njit
+
+BAND = 8                  # rows of cells, as many as chains of projections that a processor has in hand at a time
 
 
 @njit(cache=True)
@@ -60,29 +61,6 @@ def waits(i, j, keys, ends, ids, after, need):
 
 
 @njit(cache=True)
-def fill_levels(after, need, stack, level):
-    """Level of each constraint, from 0; need is used up."""
-    level[:] = 0
-    for first in range(need.size):
-        if need[first] != 0:
-            continue
-        stack[0], top = first, 1
-        need[first] = -1
-        while top > 0:
-            top -= 1
-            c = stack[top]
-            for e in range(2 * c, 2 * c + 2):
-                q = after[e]
-                if q >= 0:
-                    level[q] = max(level[q], level[c] + 1)
-                    need[q] -= 1
-                    if need[q] == 0:
-                        need[q] = -1
-                        stack[top] = q
-                        top += 1
-
-
-@njit(cache=True)
 def schedule(i, j, keys, row, ends, ids, after, need, place):
     """Fill `place` (m,) with the places of the constraints in the order of execution.
 
@@ -90,17 +68,37 @@ def schedule(i, j, keys, row, ends, ids, after, need, place):
     rest is room.
     """
     waits(i, j, keys, ends, ids, after, need)
-    fill_levels(after, need, ids, place)
-    last = 0
+    bands = 1
+    for s in range(row.size):
+        bands = max(bands, row[s] // BAND + 1)
+    first, last = np.full(bands, -1, np.int32), np.empty(bands, np.int32)
+    behind = ids                             # the queues of the bands as linked lists
     for c in range(i.size):
-        place[c] = row[i[c]] + 2 * place[c]
-        last = max(last, place[c])
-    count = np.zeros(last + 2, np.int32)
-    for c in range(i.size):
-        count[place[c] + 1] += 1
-    for s in range(last + 1):
-        count[s + 1] += count[s]
-    for c in range(i.size):
-        s = place[c]
-        place[c] = count[s]
-        count[s] += 1
+        if need[c] == 0:
+            u = row[i[c]] // BAND
+            if first[u] < 0:
+                first[u] = c
+            else:
+                behind[last[u]] = c
+            behind[c], last[u] = -1, c
+    done, at = 0, 0
+    while at < bands:
+        c = first[at]
+        if c < 0:
+            at += 1
+            continue
+        first[at] = behind[c]
+        place[c] = done
+        done += 1
+        for e in range(2 * c, 2 * c + 2):
+            q = after[e]
+            if q >= 0:
+                need[q] -= 1
+                if need[q] == 0:
+                    u = row[i[q]] // BAND
+                    if first[u] < 0:
+                        first[u] = q
+                    else:
+                        behind[last[u]] = q
+                    behind[q], last[u] = -1, q
+                    at = min(at, u)

@@ -35,7 +35,7 @@ class PBD:
     sweeps: int = 1
     order: str = "sorted"
     seed: int = 0
-    reach: float = 0.5
+    reach: float = 1.0
 
     accuracy = "h"
     default = 1e-2
@@ -96,10 +96,10 @@ class PBD:
                 record)
         march = kernel.march if loop == "compiled" else kernel.march.py_func
         if loop == "compiled":
-            march.compile(_types((*args, *kernel.room(1, 2 * c.dim))))
+            march.compile(_types((*args, *kernel.room(1, 2 * c.dim, 2))))
 
         def run():
-            out = march(*args, *kernel.room(m, case.n))
+            out = march(*args, *kernel.room(m, case.n, len(g.t)))
             if out[5] != kernel.TOO_MANY:
                 return (*out[:8], out[8] + scene.inv2.size)
             return self._listed(case, scene, g, x0)[0]()

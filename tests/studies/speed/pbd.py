@@ -116,14 +116,14 @@ def pair_lists(scene, order):
     from nsbench.kernels.keys import COLOURED, SORTED
     x = scene.x0.ravel()
     n, rank, none = len(scene.x0), {"sorted": SORTED, "coloured": COLOURED}[order], np.empty(0, np.int32)
-    state, particles, candidates = pbd_packed.room(n, x.size)
-    y, w, reac, base = (state[k] for k in range(4))
+    _, state, particles, candidates = pbd_packed.room(n, x.size, 2)
+    y, reac, base, spare = (state[k] for k in range(4))
     y[:] = x
     rows = (np.zeros(1, np.int64), np.empty(0, np.int64), np.empty(0), np.empty(0))
     families = np.zeros((1, 2), np.int64)
-    m, _, _, _, candidates = packed.renew(0, (none, none, np.empty(0)), particles, candidates, y, w, reac, base, np.ones(1),
-                                          0.5, 2, rows, np.empty(0), none, False, families, none.astype(np.int64), rank, 0, n * n)
-    i, j, label = candidates[0][:m].copy(), candidates[1][:m].copy(), particles[0]
+    m, _, _, _, candidates = packed.renew(0, (none, none, np.empty(0)), particles, candidates, y, reac, base, spare, np.ones(1),
+                                          0.5, 2, rows, np.empty(0), none, families, none.astype(np.int64), rank, 0, n * n)
+    i, j, label = *(v.copy() for v in packed.listed(candidates, m)[:2]), particles[0]
     keys = np.empty(m, np.uint64)
     packed.fill_keys(i, j, label, none.astype(np.int64), families, rank, 0, keys)
     o = np.argsort(keys)
