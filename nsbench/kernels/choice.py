@@ -139,7 +139,7 @@ def _first(entry, closing, slope, W, gear, role, listed, places, norm, x, num, p
     return clear and -slope / top * AHEAD * pace > sight, W, -1, entry
 
 
-@inner
+@once
 def choose(entry, closing, slope, W, gear, kept, listed, places, norm, drift, width, order, x, X, F, work, num, pace):
     """(sure, set, gear, role): the next set and all for its arc, with mu and X of order 0; x is put on it.
 
