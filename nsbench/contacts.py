@@ -92,6 +92,18 @@ def _join(parts: list[Near]) -> Near:
     return Near(*(np.concatenate(a) for a in zip(*(n.arrays() for n in parts), strict=True)))
 
 
+def _stacked(families: list[Affine]):
+    """All affine rows as CSR: ptr, cols, vals. A single family's own arrays, not copies: a large scene has many rows."""
+    if len(families) == 1:
+        return families[0].indptr, families[0].indices, families[0].data
+    ptr, cols, vals = [np.zeros(1, np.int64)], [np.empty(0, np.int64)], [np.empty(0)]
+    for a in families:
+        ptr.append(a.indptr[1:] + ptr[-1][-1])
+        cols.append(a.indices)
+        vals.append(a.data)
+    return np.concatenate(ptr), np.concatenate(cols), np.concatenate(vals)
+
+
 class Scene:
     """The constraints of a Complementarity problem with a state of size n, ready for evaluation.
 
@@ -103,12 +115,7 @@ class Scene:
         self.affine = [c for c in self.families if isinstance(c, Affine)]
         self.anchored = [c for c in self.families if isinstance(c, Distance) and c.anchors is not None]
         self.moving = any(c.moving for c in self.families)
-        ptr, cols, vals = [np.zeros(1, np.int64)], [np.empty(0, np.int64)], [np.empty(0)]
-        for a in self.affine:
-            ptr.append(a.indptr[1:] + ptr[-1][-1])
-            cols.append(a.indices)
-            vals.append(a.data)
-        self.ptr, self.cols, self.vals = map(np.concatenate, (ptr, cols, vals))
+        self.ptr, self.cols, self.vals = _stacked(self.affine)
         rows = len(self.ptr) - 1
         self.inv2 = 1.0 / np.add.reduceat(self.vals**2, self.ptr[:-1]) if rows else np.empty(0)
         self._b = [host(a.b) if a.moving else (lambda t, v=a.b: v) for a in self.affine]

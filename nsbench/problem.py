@@ -61,7 +61,7 @@ class Affine:
     def __post_init__(self):
         if hasattr(self.A, "tocsr"):
             csr = self.A.tocsr()
-            ptr, cols, vals, shape = csr.indptr, csr.indices, _floats("A", csr.data, 1), csr.shape
+            ptr, cols, vals, shape = csr.indptr, csr.indices, _floats("A", csr.data, 1).copy(), csr.shape
         else:
             A = _floats("A", self.A, 2)
             rows, cols = np.nonzero(A)

@@ -7,7 +7,7 @@ active while no particle is farther than half of that from where they were chose
 import numpy as np
 from numba import njit
 
-FAVOUR = 2.4              # of reading a list once against a step of the sweep over what it grows by, per radius: measured
+FAVOUR = 2.4              # of reading a list once against a step of the sweep over what it grows by, per radius: estimated
 
 
 @njit(cache=True, error_model="numpy")
