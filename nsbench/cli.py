@@ -1,6 +1,7 @@
 """The command line: the only module that prints or exits.
 
-Exit codes: 0 fine, 2 usage, 3 some runs failed unexpectedly, 5 infrastructure, 130 interrupted.
+Exit codes: 0 fine, 1 a number is not as in the baseline, 2 usage, 3 some runs failed unexpectedly, 4 nothing or too little
+compared, 5 infrastructure, 130 interrupted.
 """
 from __future__ import annotations
 
@@ -74,6 +75,12 @@ def parser() -> argparse.ArgumentParser:
     c.add_argument("--kind", choices=("auto", "certified", "runs"), default="auto",
                    help="build: a proof, two runs that agree, or the first with the second as a fallback")
     c.add_argument("--certify", action="store_true", help="verify: make every proof again (minutes)")
+    c = add("gate", lambda a: _show("gate", a), "compare results with a baseline: 0 as before, 1 not, 4 too little compared")
+    c.add_argument("dir", metavar="DIR", help="folder of results")
+    c.add_argument("--baseline", required=True, metavar="FILE")
+    c.add_argument("--update", action="store_true", help="write what changed into the baseline (needs --reason)")
+    c.add_argument("--reason", metavar="TEXT", default="")
+    c.add_argument("--summary", metavar="FILE", help="append a summary in Markdown to this file")
     return p
 
 

@@ -193,6 +193,41 @@ def _has_stored(case, action, folder) -> bool:
     return files_of(case, folder)[1].exists() or (action == "build" and case.exact is None and case.unique)
 
 
+def gate(args, say) -> int:
+    """nsbench gate"""
+    from nsbench.gate import baseline, told
+    from nsbench.gate.facts import facts
+    from nsbench.gate.judge import exit_code, judge
+    from nsbench.report.source import read
+    if args.update and not args.reason.strip():
+        raise ValueError("--update needs --reason: a sentence that says why the numbers are others now")
+    found, path = facts(read(args.dir)), Path(args.baseline)
+    if args.update:
+        return _update(found, path, args, say)
+    findings = judge(found, baseline.read(path))
+    code = exit_code(findings)
+    for line in told.lines(findings):
+        say(line)
+    if args.summary:
+        with open(args.summary, "a", encoding="utf-8") as file:
+            file.write(told.summary(findings, code))
+    return code
+
+
+def _update(found, path, args, say) -> int:
+    from nsbench.gate import baseline, spreads
+    from nsbench.gate.update import updated
+    from nsbench.store import write_atomically
+    old = baseline.read(path) if path.exists() else {}
+    lines, changes = updated(found, old, spreads.read(args.dir), args.reason.strip())
+    if changes or not path.exists():
+        write_atomically(path, baseline.text(lines).encode())
+    for change in changes:
+        say(change)
+    say(f"{path}: {len(lines)} lines, {len(changes)} changed")
+    return FINE
+
+
 def is_terminal() -> bool:
     return sys.stdout.isatty()
 

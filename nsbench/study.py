@@ -3,9 +3,11 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import hashlib
 import secrets
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -245,7 +247,26 @@ def describe_case(case: Case) -> dict:
     return {"doc": case.doc, "n": case.n, "problem": type(p).__name__, "reference": kind, "certificate": told,
             "tags": list(case.tags), "classes": list(case.classes),
             "families": [type(c).__name__ for c in getattr(p, "constraints", ())], "T": float(case.t[-1] - case.t[0]),
-            "samples": len(case.t), "unique": case.unique}
+            "samples": len(case.t), "unique": case.unique, "digest": _digest(case.key.encode(), *_contents([case.source])),
+            "reference_digest": _digest(kind.encode(), *_contents(_stored(case)))}
+
+
+def _stored(case: Case) -> list:
+    from nsbench.reference import files_of
+    return [] if case.exact is not None else [f for f in files_of(case) if Path(f).exists()]
+
+
+def _contents(paths) -> list[bytes]:
+    """What is in the files, whatever ends their lines."""
+    return [Path(p).read_bytes().replace(b"\r\n", b"\n") for p in paths if p]
+
+
+def _digest(*chunks: bytes) -> str:
+    """Sixteen hexadecimal digits of the content."""
+    h = hashlib.sha256()
+    for c in chunks:
+        h.update(len(c).to_bytes(8, "little") + c)
+    return h.hexdigest()[:16]
 
 
 def describe_solver(spec: str) -> dict:
@@ -253,7 +274,8 @@ def describe_solver(spec: str) -> dict:
     m = solvers.get(spec)
     return {"doc": (type(m).__doc__ or "").strip().splitlines()[0], "accuracy": m.accuracy,
             "claims": dataclasses.asdict(m.claims),
-            "expects": [dataclasses.asdict(e) for e in getattr(m, "expects", ())]}
+            "expects": [dataclasses.asdict(e) for e in getattr(m, "expects", ())],
+            "digest": _digest(repr(sorted(dataclasses.asdict(m).items())).encode())}
 
 
 def talk_figure() -> dict:

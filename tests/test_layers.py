@@ -11,7 +11,7 @@ import nsbench
 
 ROOT = Path(nsbench.__file__).parent
 LAYERS = ["problem", "trajectory", "compile", "moving", "kernels", "jets", "tape", "case", "contacts", "solvers", "reference",
-          "measure", "study", "store", "report", "execute", "commands", "cli"]
+          "measure", "study", "store", "report", "gate", "execute", "commands", "cli"]
 HEAVY = ("jax", "numba", "cvxpy", "pandas", "matplotlib", "scipy", "diffrax", "osqp", "pyarrow", "flint")
 
 

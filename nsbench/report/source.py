@@ -16,7 +16,7 @@ NUMBERS = ("asked", "h", "seconds", "seconds_low", "seconds_high", "seconds_max"
            "compile_seconds", "steps", "drift_calls", "projections", "inner_iterations",
            "qp_solves", "events", "restarts", "contacts_peak", "state_sup", "state_T", "impulse", "reaction", "l1",
            "settled", "event_time", "events_missed", "events_extra", "feasibility", "sign", "complementarity",
-           "residual", "selection", "polyhedron", "state_floor", "impulse_floor", "reaction_floor",
+           "residual", "selection", "polyhedron", "lam_own", "rebuilds", "state_floor", "impulse_floor", "reaction_floor",
            "event_floor", "state_scale", "impulse_scale", "multipliers_unique", *LABELS, "lam_floor")
 WORDS = ("case", "solver", "accuracy", "status", "why", "loop", "reference", "lam_time", "session")
 GOOD = ("ok", "below_reference")     # statuses whose errors are numbers

@@ -1,0 +1,127 @@
+"""The baseline: a CSV file with one reviewable number per line."""
+from __future__ import annotations
+
+import csv
+import io
+import math
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from nsbench.gate.facts import KINDS, Fact
+
+COLUMNS = ("case", "solver", "parameters", "metric", "kind", "value", "rtol", "atol", "unit", "config", "why")
+ENOUGH = 10 << 20       # bytes: a larger file is no baseline
+LEAST = 1e-6            # relative tolerance of a number that does not spread: other libraries round otherwise
+WIDER = 10.0            # tolerance over spread: three perturbed runs see a part of what rounding can do
+GATEABLE = 1e-2         # spread beyond which a number says nothing
+
+
+@dataclass(frozen=True)
+class Line:
+    """A fact with its tolerances |value - new| <= atol + rtol |value| and the reason why it stands as it does."""
+    case: str
+    solver: str
+    parameters: str
+    metric: str
+    kind: str
+    value: float | str
+    rtol: float
+    atol: float
+    unit: str
+    config: str
+    why: str
+
+    @property
+    def key(self) -> tuple[str, str, str, str]:
+        return self.case, self.solver, self.parameters, self.metric
+
+
+def read(path) -> dict[tuple, Line]:
+    """Lines by key. ValueError names the file, the line and the value that cannot be used; NaN is refused."""
+    path = Path(path)
+    if not path.is_file():
+        raise FileNotFoundError(f"no baseline {path}")
+    if path.stat().st_size > ENOUGH:
+        raise ValueError(f"{path} is {path.stat().st_size} bytes long; a baseline has at most {ENOUGH}")
+    try:
+        text = path.read_text(encoding="utf-8")
+    except UnicodeDecodeError as e:
+        raise ValueError(f"{path} is not UTF-8: {e.reason} at byte {e.start}") from None
+    rows = csv.reader(io.StringIO(text, newline=""), strict=True)
+    out: dict[tuple, Line] = {}
+    try:
+        head = next(rows, None)
+        if head is None or tuple(head) != COLUMNS:
+            raise ValueError(f"{path}: the first line is {head}; {','.join(COLUMNS)} is needed")
+        for row in rows:
+            line = _line(row, f"{path}, line {rows.line_num}")
+            if line.key in out:
+                raise ValueError(f"{path}, line {rows.line_num}: {' '.join(line.key)} stands there twice")
+            out[line.key] = line
+    except csv.Error as e:
+        raise ValueError(f"{path}, line {rows.line_num}: {e}") from None
+    return out
+
+
+def _line(row: list[str], where: str) -> Line:
+    if len(row) != len(COLUMNS):
+        raise ValueError(f"{where}: {len(row)} fields; {len(COLUMNS)} are needed")
+    field = dict(zip(COLUMNS, row, strict=True))
+    if field["kind"] not in KINDS:
+        raise ValueError(f"{where}: kind is {field['kind']!r}; one of {', '.join(KINDS)}")
+    value = field["value"] if field["kind"] == "class" else _number(field["value"], "value", where)
+    rtol, atol = (_number(field[n], n, where) for n in ("rtol", "atol"))
+    if rtol < 0 or atol < 0:
+        raise ValueError(f"{where}: tolerances are {rtol:g} and {atol:g}; they must not be negative")
+    return Line(*(field[n] for n in COLUMNS[:5]), value, rtol, atol, field["unit"], field["config"], field["why"])
+
+
+def _number(text: str, name: str, where: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise ValueError(f"{where}: {name} is {text!r}; a finite number is needed")
+    return value
+
+
+def text(lines) -> str:
+    """The file's text; the numbers are what repr gives, so that nothing is lost."""
+    out = io.StringIO()
+    w = csv.writer(out, lineterminator="\n")
+    w.writerow(COLUMNS)
+    for x in lines:
+        w.writerow([x.case, x.solver, x.parameters, x.metric, x.kind, x.value if isinstance(x.value, str) else repr(x.value),
+                    f"{x.rtol:.2g}", f"{x.atol:.2g}", x.unit, x.config, x.why])
+    return out.getvalue()
+
+
+def line(fact: Fact, spread: float, why: str) -> Line | None:
+    """The line of a fact whose runs from starts 1e-12 apart differ by `spread`; None where it cannot be held.
+
+    near: ten times the spread, relative to the value. max: ten times the value, at least ten times the floor: what lies
+    below a floor is held below it. count: exact where nothing was seen to change.
+    """
+    if fact.kind == "class":
+        return None if spread else _made(fact, fact.value, 0.0, 0.0, why)
+    if not math.isfinite(fact.value) or not math.isfinite(spread):
+        return None
+    if fact.kind == "max":
+        return _made(fact, fact.value, 0.0, max(WIDER * (abs(fact.value) + spread), fact.floor), why)
+    relative = spread / abs(fact.value) if fact.value else math.inf if spread else 0.0
+    if relative > GATEABLE:
+        return None
+    if fact.kind == "count":
+        return _made(fact, fact.value, WIDER * relative, 0.0, why)
+    return _made(fact, fact.value, max(WIDER * relative, LEAST), fact.floor, why)
+
+
+def _made(fact: Fact, value, rtol: float, atol: float, why: str) -> Line:
+    return Line(fact.case, fact.solver, fact.parameters, fact.metric, fact.kind, value, float(f"{rtol:.2g}"),
+                float(f"{atol:.2g}"), fact.unit, fact.config, why)
+
+
+def same(a: Line, b: Line) -> bool:
+    """Do two lines say the same, whatever their reasons?"""
+    return replace(a, why="") == replace(b, why="")

@@ -1,0 +1,120 @@
+"""What of a study can be held: orders, constants and verdicts of every method on every case, errors and counted work of one
+step in the middle of its ladder, and how many of its runs ended in which way."""
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from nsbench.report.source import Data, Runs
+from nsbench.report.summary import Order, Summary, spell, summarise
+
+KINDS = ("near", "max", "min", "class", "count")
+ERRORS = ("state_sup", "state_T", "impulse", "reaction", "l1", "settled", "lam_own", "event_time")
+RESIDUALS = ("feasibility", "complementarity", "residual")
+WORK = ("steps", "drift_calls", "projections", "qp_solves", "inner_iterations", "events", "restarts", "rebuilds",
+        "contacts_peak", "events_missed", "events_extra")
+UNITS = {"order": "1", "constant": "error/h^order"}
+SMALL = 1e-9        # residuals below it are rounding: they are held from above, not near a value
+
+
+@dataclass(frozen=True)
+class Fact:
+    """One number, or word, of one method on one case.
+
+    parameters: the accuracy of one run such as ``h=0.00125``, or ``ladder`` for what the whole ladder says. kind: how it
+    is compared (near: within its tolerances of a value; max, min: not beyond it; class: the same word; count: the same
+    number). floor: below it a value says nothing. config: words ``what=digest`` of all that may change it but is no code.
+    """
+    case: str
+    solver: str
+    parameters: str
+    metric: str
+    kind: str
+    value: float | str
+    unit: str
+    config: str
+    floor: float = 0.0
+
+    @property
+    def key(self) -> tuple[str, str, str, str]:
+        return self.case, self.solver, self.parameters, self.metric
+
+
+def facts(data: Data) -> dict[tuple, Fact]:
+    """Every fact of a study by its key, in the order of the page."""
+    out = {}
+    for s in summarise(data).values():
+        config = configuration(data, s.runs)
+        for f in (*_ladder(s, config), *_middle(s.runs, config)):
+            out[f.key] = f
+    return out
+
+
+def configuration(data: Data, runs: Runs) -> str:
+    """Case, reference, solver and ladder as short digests: what a number depends on beside the code of the package."""
+    case, solver = data.cases.get(runs.case, {}), data.solvers.get(runs.solver, {})
+    asked = sorted(float(v) for v in runs.col["asked"] if math.isfinite(v))
+    parts = {"case": case.get("digest", ""), "reference": case.get("reference_digest", ""),
+             "solver": solver.get("digest", ""), "ladder": [f"{v:.12g}" for v in asked]}
+    return " ".join(f"{name}={digest(value)}" for name, value in parts.items())
+
+
+def digest(value) -> str:
+    """Six hexadecimal digits of anything that JSON can hold."""
+    return hashlib.sha256(json.dumps(value, sort_keys=True, default=str).encode()).hexdigest()[:6]
+
+
+def _ladder(s: Summary, config: str):
+    """What the whole ladder says: how its runs ended, verdict, order and constant of the state and of the force."""
+    def fact(metric, kind, value, unit="", floor=0.0):
+        return Fact(s.case, s.solver, "ladder", metric, kind, value, unit, config, floor)
+    yield fact("statuses", "class", spell(s.statuses))
+    for name, order in (("state", s.state), ("force", s.force)):
+        if s.outcome or order.kind == "none":
+            continue
+        yield fact(f"{name} verdict", "class", _verdict(order))
+        if order.kind == "fit" and order.verdict == "order":
+            yield fact(f"{name} order", "near", order.order, UNITS["order"])
+            yield fact(f"{name} constant", "near", order.constant, UNITS["constant"])
+        elif order.verdict == "plateau":
+            yield fact(f"{name} plateau", "near", order.plateau)
+
+
+def _verdict(order: Order) -> str:
+    """One word for what the fit says; a claimed bound is kept or not."""
+    if order.kind == "bound":
+        return "bound missed" if order.flag == "below" else "bound kept"
+    return order.verdict or order.kind
+
+
+def _middle(runs: Runs, config: str):
+    """Errors, residuals and work of the run in the middle of the ladder, by what was asked for."""
+    asked = np.where(np.isfinite(runs.col["asked"]), runs.col["asked"], np.inf)
+    if not np.isfinite(asked).any():
+        return
+    at = int(np.argsort(asked, kind="stable")[np.isfinite(asked).sum() // 2])
+    parameters = f"{runs.accuracy}={asked[at]:.6g}"
+
+    def fact(metric, kind, value, unit="", floor=0.0):
+        return Fact(runs.case, runs.solver, parameters, metric, kind, value, unit, config, floor)
+    yield fact("status", "class", str(runs.col["status"][at]))
+    if not runs.good[at]:
+        return
+    if runs.col["lam_time"][at]:
+        yield fact("lam_time", "class", str(runs.col["lam_time"][at]))
+    for name in ERRORS:
+        value, floor = float(runs.col[name][at]), runs.floor(name)
+        if math.isfinite(value):
+            yield fact(name, "near" if value > floor else "max", value, floor=floor)
+    for name in RESIDUALS:
+        value = float(runs.col[name][at])
+        if math.isfinite(value):
+            yield fact(name, "near" if value > SMALL else "max", value, floor=1e-12 * runs.scale(name))
+    for name in WORK:
+        value = float(runs.col[name][at])
+        if math.isfinite(value):
+            yield fact(name, "count", value)

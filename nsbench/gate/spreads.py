@@ -1,0 +1,58 @@
+"""How far numbers move when nothing that matters does: calibration.csv beside the results."""
+from __future__ import annotations
+
+import csv
+import io
+import math
+from pathlib import Path
+
+from nsbench.gate.facts import Fact
+
+NAME = "calibration.csv"
+COLUMNS = ("case", "solver", "parameters", "metric", "spread")
+
+
+def spreads(first: dict[tuple, Fact], others: list[dict[tuple, Fact]]) -> dict[tuple, float]:
+    """The largest distance of each fact from those of the same key in other studies; inf where one of them lacks it, or
+    says another word."""
+    out = {}
+    for key, fact in first.items():
+        out[key] = max((_apart(fact, other.get(key)) for other in others), default=0.0)
+    return out
+
+
+def _apart(a: Fact, b: Fact | None) -> float:
+    if b is None or isinstance(a.value, str) != isinstance(b.value, str):
+        return math.inf
+    if isinstance(a.value, str):
+        return 0.0 if a.value == b.value else math.inf
+    return abs(a.value - b.value) if math.isfinite(a.value) and math.isfinite(b.value) else math.inf
+
+
+def text(found: dict[tuple, float]) -> str:
+    out = io.StringIO()
+    w = csv.writer(out, lineterminator="\n")
+    w.writerow(COLUMNS)
+    w.writerows([*key, repr(v)] for key, v in found.items())
+    return out.getvalue()
+
+
+def read(folder) -> dict[tuple, float]:
+    """Spreads by key. FileNotFoundError where nothing was calibrated; ValueError names what cannot be read."""
+    path = Path(folder) / NAME
+    if not path.is_file():
+        raise FileNotFoundError(f"no {path}: tolerances come from how far numbers spread; run nsbench calibrate {folder} first")
+    with open(path, newline="", encoding="utf-8") as file:
+        rows = list(csv.reader(file))
+    if not rows or tuple(rows[0]) != COLUMNS:
+        raise ValueError(f"{path}: the first line is not {','.join(COLUMNS)}")
+    out = {}
+    for i, row in enumerate(rows[1:], 2):
+        try:
+            *key, value = row
+            out[tuple(key)] = float(value)
+        except ValueError:
+            raise ValueError(f"{path}, line {i}: {row!r} is no key with a spread") from None
+        if len(key) != 4 or not out[tuple(key)] >= 0:
+            raise ValueError(f"{path}, line {i}: {row!r} is no key with a spread")
+    return out

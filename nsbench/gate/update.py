@@ -1,0 +1,34 @@
+"""A baseline brought up to date: only lines whose facts changed are written anew, each with the reason given."""
+from __future__ import annotations
+
+from nsbench.gate.baseline import Line, line, same
+from nsbench.gate.facts import Fact
+from nsbench.gate.judge import judge, shown
+
+
+def updated(found: dict[tuple, Fact], old: dict[tuple, Line], spread: dict[tuple, float], reason: str):
+    """(lines, changes): the new baseline in the order of `found`, and a sentence for every line that is not as before.
+
+    A line that passes stays as it is, to the byte: rounding on another machine is no change. Facts without a spread, or
+    with a spread above one per cent, get no line, and the changes say so.
+    """
+    passed = {f.key for f in judge(found, old) if f.outcome == "pass"}
+    lines, changes = [], []
+    for key, fact in found.items():
+        before = old.get(key)
+        if key in passed:
+            lines.append(before)
+            continue
+        after = line(fact, spread[key], reason) if key in spread else None
+        name = " ".join(key)
+        if after is None:
+            if before is not None:
+                changes.append(f"{name}: {shown(before.value)} -> no line: it spreads too far to be held")
+            continue
+        lines.append(after)
+        if before is None:
+            changes.append(f"{name}: new, {shown(after.value)}")
+        elif not same(before, after):
+            changes.append(f"{name}: {shown(before.value)} -> {shown(after.value)}")
+    gone = [key for key in old if key not in found]
+    return lines, changes + [f"{' '.join(key)}: {shown(old[key].value)} -> no line: it is not in these results" for key in gone]
