@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from nsbench.measure.window import rounding
 from nsbench.report.source import Data, Runs
 from nsbench.report.summary import Order, Summary, spell, summarise
 
@@ -49,7 +50,7 @@ def facts(data: Data) -> dict[tuple, Fact]:
     out = {}
     for s in summarise(data).values():
         config = configuration(data, s.runs)
-        for f in (*_ladder(s, config), *_middle(s.runs, config)):
+        for f in (*_ladder(s, config), *_middle(s.runs, config, data.cases.get(s.case, {}).get("T", 1.0))):
             out[f.key] = f
     return out
 
@@ -91,8 +92,11 @@ def _verdict(order: Order) -> str:
     return order.verdict or order.kind
 
 
-def _middle(runs: Runs, config: str):
-    """Errors, residuals and work of the run in the middle of the ladder, by what was asked for."""
+def _middle(runs: Runs, config: str, span: float):
+    """Errors, residuals and work of the run in the middle of the ladder, by what was asked for.
+
+    Errors that the reference cannot tell, or that rounding over `span` can make, are held from above alone.
+    """
     asked = np.where(np.isfinite(runs.col["asked"]), runs.col["asked"], np.inf)
     if not np.isfinite(asked).any():
         return
@@ -107,7 +111,8 @@ def _middle(runs: Runs, config: str):
     if runs.col["lam_time"][at]:
         yield fact("lam_time", "class", str(runs.col["lam_time"][at]))
     for name in ERRORS:
-        value, floor = float(runs.col[name][at]), runs.floor(name)
+        value = float(runs.col[name][at])
+        floor = max(runs.floor(name), float(rounding(runs.col["h"][at], runs.scale(name), span)))
         if math.isfinite(value):
             yield fact(name, "near" if value > floor else "max", value, floor=floor)
     for name in RESIDUALS:
