@@ -81,6 +81,11 @@ def parser() -> argparse.ArgumentParser:
     c.add_argument("--update", action="store_true", help="write what changed into the baseline (needs --reason)")
     c.add_argument("--reason", metavar="TEXT", default="")
     c.add_argument("--summary", metavar="FILE", help="append a summary in Markdown to this file")
+    c = add("compare", lambda a: _show("compare", a), "what differs between two folders of results")
+    c.add_argument("old", metavar="A")
+    c.add_argument("new", metavar="B")
+    c.add_argument("--rtol", type=float, default=1e-6, metavar="R", help="relative difference that is none (default: 1e-6)")
+    add("doctor", lambda a: _show("doctor", a), "is this installation fit to measure with?")
     return p
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from nsbench import solvers, study
 from nsbench.case import broken_cases, case_module, case_names, get_case, load_case
 
-FINE, FAILED = 0, 3
+FINE, FAILED, NOTHING, BROKEN = 0, 3, 4, 5
 EXPECTED = ("ok", "refused", "below_reference")
 METRICS = {
     "state_sup": "largest error of the state over the sample times", "state_T": "error of the state at T",
@@ -212,6 +212,36 @@ def gate(args, say) -> int:
         with open(args.summary, "a", encoding="utf-8") as file:
             file.write(told.summary(findings, code))
     return code
+
+
+def compare(args, say) -> int:
+    """nsbench compare"""
+    from dataclasses import replace
+
+    from nsbench.gate import baseline, told
+    from nsbench.gate.facts import facts
+    from nsbench.gate.judge import judge
+    from nsbench.report.source import read
+    if not 0 <= args.rtol < 1:
+        raise ValueError(f"--rtol is {args.rtol:g}; a number from 0 to 1 is needed")
+    old, new = (facts(read(d)) for d in (args.old, args.new))
+    lines = {key: line if line.kind in ("class", "max") else replace(line, rtol=args.rtol) for key, line in
+             ((key, baseline.line(fact, 0.0, "")) for key, fact in old.items()) if line is not None}
+    findings = judge(new, lines)
+    for text in told.lines(findings):
+        say(text)
+    return FINE if any(f.outcome not in ("missing", "new") for f in findings) else NOTHING
+
+
+def doctor(args, say) -> int:
+    """nsbench doctor"""
+    from nsbench.execute.doctor import FAULT, examine
+    faults = 0
+    for verdict, sentence in examine():
+        say(f"{verdict:<8} {sentence}")
+        faults += verdict == FAULT
+    say("nothing stands in the way" if not faults else f"{faults} fault(s): numbers of this installation are not to be trusted")
+    return FINE if not faults else BROKEN
 
 
 def _update(found, path, args, say) -> int:

@@ -1,12 +1,17 @@
 """Every way in which a number can differ from the baseline is told, and nothing that is not a number passes."""
 from dataclasses import replace
 
+import numpy as np
 import pytest
+from report_rows import row
 
-from nsbench.gate import baseline, told, update
+from nsbench import store
+from nsbench.cli import main
+from nsbench.gate import baseline, spreads, told, update
 from nsbench.gate.baseline import Line
-from nsbench.gate.facts import Fact
+from nsbench.gate.facts import Fact, facts
 from nsbench.gate.judge import OUTCOMES, exit_code, judge
+from nsbench.report.source import read
 
 FACT = Fact("tide", "pbd", "h=0.01", "state_sup", "near", 0.25, "", "case=aa reference=bb")
 COUNT = Fact("tide", "pbd", "h=0.01", "steps", "count", 300.0, "", "case=aa reference=bb")
@@ -131,3 +136,42 @@ def test_the_summary_is_harmless_and_counts_everything():
     page = told.summary(findings, exit_code(findings))
     assert "<script>" not in page and "1 new" in told.sentence(findings) and "2 missing" in told.sentence(findings)
     assert set(OUTCOMES) >= {f.outcome for f in findings} and told.lines([])[-1] == "nothing to compare"
+
+
+def study(folder, factor=1.0):
+    """Results on disk: one case, one method, an error that halves with the step, times a factor."""
+    h = 0.1 / np.unique(np.round(4 * 2 ** np.arange(0, 6.4, 0.35)))
+    rows = [row("tide", "pbd", float(v), state_sup=float(factor * v), impulse=float(2 * factor * v)) for v in h]
+    folder.mkdir()
+    store.write_tables(folder, rows)
+    return folder
+
+
+def test_the_commands_compare_update_and_hold(tmp_path, capsys):
+    a, b, base = study(tmp_path / "a"), study(tmp_path / "b", 1.01), tmp_path / "base.csv"
+    gate = ["gate", str(a), "--baseline", str(base)]
+    assert main(["compare", str(a), str(a)]) == 0 and "regressed" not in capsys.readouterr().out
+    assert main(["compare", str(a), str(b)]) == 0 and "state constant: was 1, is 1.01" in capsys.readouterr().out
+    assert main([*gate, "--update"]) == 2 and "--reason" in capsys.readouterr().err
+    assert main([*gate, "--update", "--reason", "first"]) == 2 and "calibrate" in capsys.readouterr().err
+    found = facts(read(a))
+    (a / "calibration.csv").write_text(spreads.text(spreads.spreads(found, [found])))
+    assert main([*gate, "--update", "--reason", "first"]) == 0 and main(gate) == 0
+    before = base.read_bytes()
+    assert main([*gate, "--update", "--reason", "again"]) == 0 and base.read_bytes() == before
+    page = tmp_path / "page.md"
+    assert main(["gate", str(b), "--baseline", str(base), "--summary", str(page)]) == 1 and "not as in" in page.read_text()
+
+
+def test_spreads_are_distances_and_what_one_study_lacks_has_no_bound():
+    other = {FACT.key: replace(FACT, value=0.26), WORD.key: replace(WORD, value="18 ok")}
+    got = spreads.spreads({f.key: f for f in (FACT, COUNT, WORD)}, [other])
+    assert got == {FACT.key: pytest.approx(0.01), COUNT.key: float("inf"), WORD.key: float("inf")}
+
+
+@pytest.mark.parametrize("text", ["", "case,solver\n", "case,solver,parameters,metric,spread\na,b,c,d,nan\n",
+                                  "case,solver,parameters,metric,spread\na,b,c,d\n"])
+def test_a_spoilt_calibration_is_an_error_that_names_the_file(tmp_path, text):
+    (tmp_path / "calibration.csv").write_text(text)
+    with pytest.raises(ValueError, match=r"calibration\.csv"):
+        spreads.read(tmp_path)
