@@ -70,9 +70,7 @@ def _options(method) -> str:
 
 def run(args, say) -> int:
     """nsbench run"""
-    if args.jobs is not None and args.jobs < 1:
-        raise ValueError(f"-j is {args.jobs}; at least one worker is needed")
-    solvers.check_positive("--timeout", args.timeout)
+    _workers(args)
     solver_files = tuple(str(p) for f in args.solver_files for p in python_files(f))
     added = [solvers.load(f) for f in solver_files]
     values = {n: read_values(getattr(args, n)) for n in ("h", "tol", "k") if getattr(args, n) is not None}
@@ -90,6 +88,12 @@ def run(args, say) -> int:
         specs += [s for s in study.plan([*keys, *files], added, values, solver_files) if s not in specs]
     from nsbench.execute.suite import execute
     return execute(specs, Path(args.out), args, say)
+
+
+def _workers(args) -> None:
+    if args.jobs is not None and args.jobs < 1:
+        raise ValueError(f"-j is {args.jobs}; at least one worker is needed")
+    solvers.check_positive("--timeout", args.timeout)
 
 
 def python_files(path) -> list[Path]:
@@ -214,6 +218,13 @@ def gate(args, say) -> int:
     return code
 
 
+def calibrate(args, say) -> int:
+    """nsbench calibrate"""
+    from nsbench.execute.calibrate import calibrate as again
+    _workers(args)
+    return again(Path(args.dir), args, say)
+
+
 def compare(args, say) -> int:
     """nsbench compare"""
     from dataclasses import replace
@@ -225,8 +236,8 @@ def compare(args, say) -> int:
     if not 0 <= args.rtol < 1:
         raise ValueError(f"--rtol is {args.rtol:g}; a number from 0 to 1 is needed")
     old, new = (facts(read(d)) for d in (args.old, args.new))
-    lines = {key: line if line.kind in ("class", "max") else replace(line, rtol=args.rtol) for key, line in
-             ((key, baseline.line(fact, 0.0, "")) for key, fact in old.items()) if line is not None}
+    lines = {key: baseline.line(fact, 0.0, "") for key, fact in old.items()}
+    lines = {key: line if line.kind in ("class", "max") else replace(line, rtol=args.rtol) for key, line in lines.items()}
     findings = judge(new, lines)
     for text in told.lines(findings):
         say(text)

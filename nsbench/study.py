@@ -16,18 +16,23 @@ from nsbench.case import Case, case_module, case_names, get_case, load_case
 from nsbench.trajectory import Status, Trajectory
 
 POINTS, OCTAVES = 19, 6
+NUDGE = 1e-12                 # relative to each coordinate, or to 1: far above rounding, far below any error that counts
 SUITES = ("smoke", "standard", "hard", "full")
 
 
 @dataclass(frozen=True)
 class Spec:
-    """One run to attempt: a case by key (or by file), a solver by spec, its accuracy (None: refused)."""
+    """One run to attempt: a case by key (or by file), a solver by spec, its accuracy (NaN: refused).
+
+    nudge: not 0 starts it NUDGE away from the case's start, in a direction drawn with this seed; such a run is not timed.
+    """
     case: str
     solver: str
     accuracy: str
     asked: float
     file: str = ""                 # case file outside the package
     solver_files: tuple[str, ...] = ()
+    nudge: int = 0
 
     @property
     def label(self) -> str:
@@ -154,7 +159,8 @@ def attempt(spec: Spec, announce: Callable[[str], None] = lambda what: None):
         why = method.refuses(case)
         if why:
             return row | _status(Status("refused", why)), None
-        run, spent = clock.prepared(lambda: method.prepare(case, spec.asked))
+        start = nudged(case, spec.nudge)                 # measured against the solution from the case's own start
+        run, spent = clock.prepared(lambda: method.prepare(start, spec.asked))
         row |= spent
         announce("run")
         traj, seconds, compiled = clock.first_call(run)
@@ -177,7 +183,15 @@ def attempt(spec: Spec, announce: Callable[[str], None] = lambda what: None):
         row |= _below(row)
     except Exception as e:
         return row | _status(Status("error", f"The run ended, measuring it did not: {type(e).__name__}: {e}")), None
-    return row, run if traj.status.ok else None
+    return row, run if traj.status.ok and not spec.nudge else None
+
+
+def nudged(case: Case, seed: int) -> Case:
+    """The case from a start NUDGE away, relative to the larger of 1 and each coordinate; itself for the seed 0."""
+    if not seed:
+        return case
+    away = np.random.default_rng(seed).uniform(-1.0, 1.0, case.n)
+    return case.replace(x0=case.x0 + NUDGE * np.maximum(1.0, np.abs(case.x0)) * away)
 
 
 def _below(row: dict) -> dict:

@@ -15,6 +15,7 @@ from nsbench.report.source import read
 
 FACT = Fact("tide", "pbd", "h=0.01", "state_sup", "near", 0.25, "", "case=aa reference=bb")
 COUNT = Fact("tide", "pbd", "h=0.01", "steps", "count", 300.0, "", "case=aa reference=bb")
+INF = float("inf")
 WORD = Fact("tide", "pbd", "ladder", "statuses", "class", "19 ok", "", "case=aa reference=bb")
 
 
@@ -74,11 +75,19 @@ def test_a_better_number_is_no_pass():
     assert exit_code(judge({FACT.key: replace(FACT, value=0.1)}, book(FACT))) == 1
 
 
-@pytest.mark.parametrize("fact, spread, rtol", [(FACT, 0.0, 1e-6), (FACT, 2.5e-5, 1e-3), (FACT, 2.6e-3, None),
-                                                (FACT, float("inf"), None), (COUNT, 0.0, 0.0), (WORD, float("inf"), None)])
-def test_tolerances_come_from_the_spread_and_what_spreads_is_not_held(fact, spread, rtol):
+@pytest.mark.parametrize("fact, spread, rtol", [(FACT, 0.0, 1e-6), (FACT, 2.5e-5, 1e-3), (FACT, 2.6e-3, INF), (FACT, INF, INF),
+                                                (COUNT, 0.0, 0.0), (COUNT, 4.0, INF), (WORD, 0.0, 0.0)])
+def test_tolerances_come_from_the_spread(fact, spread, rtol):
     line = baseline.line(fact, spread, "")
-    assert (None if line is None else line.rtol) == rtol
+    assert line.rtol == rtol and line.held == (rtol < INF) and outcome(fact, line) == ("pass" if line.held else "not held")
+
+
+def test_what_spreads_too_far_must_still_be_there_and_be_a_number():
+    line, word = baseline.line(FACT, INF, ""), baseline.line(WORD, INF, "")
+    assert outcome(replace(FACT, value=7.0), line) == "not held"
+    assert outcome(replace(FACT, value=float("nan")), line) == "regressed"
+    assert outcome(replace(WORD, value="many"), word) == "not held"
+    assert exit_code(judge({}, {line.key: line})) == exit_code(judge({FACT.key: FACT}, {line.key: line})) == 4
 
 
 def test_what_is_below_a_floor_is_held_below_it():
@@ -87,7 +96,7 @@ def test_what_is_below_a_floor_is_held_below_it():
 
 
 def test_the_file_is_read_as_it_was_written(tmp_path):
-    lines = [baseline.line(f, 0.0, 'a "why", with =cmd() and é') for f in (FACT, COUNT, WORD)]
+    lines = [baseline.line(f, s, 'a "why", with =cmd() and é') for f, s in ((FACT, 0.0), (COUNT, 50.0), (WORD, INF))]
     path = tmp_path / "b.csv"
     path.write_text(baseline.text(lines), encoding="utf-8", newline="\r\n")
     assert list(baseline.read(path).values()) == lines
@@ -127,7 +136,9 @@ def test_an_update_writes_only_what_changed_and_says_from_what_to_what():
     assert lines[0] == old[FACT.key] and lines[2] == old[WORD.key]
     assert lines[1].why == "more steps" and changes == ["tide pbd h=0.01 steps: 300 -> 310"]
     lines, changes = update.updated({FACT.key: replace(FACT, value=0.5)}, old, {FACT.key: 0.1}, "wild")
-    assert lines == [] and "spreads too far" in changes[0] and len(changes) == 3
+    assert [x.held for x in lines] == [False] and len(changes) == 3
+    with pytest.raises(ValueError, match="calibrate again"):
+        update.updated({FACT.key: replace(FACT, value=0.5)}, old, {}, "unknown")
 
 
 def test_the_summary_is_harmless_and_counts_everything():

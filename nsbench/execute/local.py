@@ -109,10 +109,10 @@ def _jax_cache() -> dict[str, str]:
     return {k: os.environ.get(k, v) for k, v in wanted.items()}
 
 
-def _spawn(locks: str) -> _Job:
+def _spawn(locks: str, threads: int) -> _Job:
     context = mp.get_context("spawn")
     ours, theirs = context.Pipe()
-    ours_alone = dict.fromkeys(THREADS, "1") | _jax_cache()      # one thread: no worker takes the other's core
+    ours_alone = dict.fromkeys(THREADS, str(threads)) | _jax_cache()
     keep = {k: os.environ.get(k) for k in ours_alone}
     os.environ.update(ours_alone)
     try:
@@ -129,7 +129,7 @@ def _spawn(locks: str) -> _Job:
 
 
 def run_all(batches: list[list[Spec]], jobs: int, timeout: float | None, on_row: Callable[[Spec, dict], None],
-            chores: Iterable[Chore] = ()) -> list[Chore]:
+            chores: Iterable[Chore] = (), threads: int = 1) -> list[Chore]:
     """Rows of all batches, handed to on_row as they come, then the chores; those that were done. KeyboardInterrupt stops
     the workers and passes on."""
     queue, working, done = [*reversed([*chores]), *reversed(batches)], [], []
@@ -137,7 +137,7 @@ def run_all(batches: list[list[Spec]], jobs: int, timeout: float | None, on_row:
         try:
             while queue or working:
                 while queue and len(working) < jobs:
-                    _assign(working, _spawn(locks), queue.pop())
+                    _assign(working, _spawn(locks, threads), queue.pop())
                 for pipe in wait([j.pipe for j in working], timeout=0.2):
                     job = next(j for j in working if j.pipe is pipe)
                     more = _listen(job, on_row, done)

@@ -20,7 +20,7 @@ RUN, EVENTS, IN_PYTHON = 1e4, 1e4, 1e3     # in steps of one coordinate (0.1 us)
 def execute(specs, out: Path, args, say) -> int:
     """Run what is not known yet and write DIR/{journal.jsonl, runs.*, env.json, report.*, figures/}; the exit code."""
     cases = {(s.case, s.file): study.resolve(s.case, s.file) for s in specs}
-    keys = {s: store.key_of(s, cases[s.case, s.file], _solver_file(s), _reference_files(cases[s.case, s.file]))
+    keys = {s: store.key_of(s, cases[s.case, s.file], solver_file(s), reference_files(cases[s.case, s.file]))
             for s in specs}
     if out.exists() and not out.is_dir():
         raise ValueError(f"{out} is a file; a folder is needed")
@@ -115,7 +115,7 @@ def _has_terminal() -> bool:
         return False
 
 
-def _solver_file(spec) -> str:
+def solver_file(spec) -> str:
     name = parse_spec(spec.solver)[0]
     for f in spec.solver_files:
         if Path(f).stem == name:
@@ -123,7 +123,7 @@ def _solver_file(spec) -> str:
     return str(Path(solvers.__file__).with_name(f"{name}.py"))
 
 
-def _reference_files(case):
+def reference_files(case):
     from nsbench.reference import files_of
     return [f for f in files_of(case) if Path(f).exists()]
 

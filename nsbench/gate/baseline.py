@@ -14,6 +14,7 @@ ENOUGH = 10 << 20       # bytes: a larger file is no baseline
 LEAST = 1e-6            # relative tolerance of a number that does not spread: other libraries round otherwise
 WIDER = 10.0            # tolerance over spread: three perturbed runs see a part of what rounding can do
 GATEABLE = 1e-2         # spread beyond which a number says nothing
+ANY = "*"               # value of a word that is not held; a number that is not held has the relative tolerance inf
 
 
 @dataclass(frozen=True)
@@ -34,6 +35,11 @@ class Line:
     @property
     def key(self) -> tuple[str, str, str, str]:
         return self.case, self.solver, self.parameters, self.metric
+
+    @property
+    def held(self) -> bool:
+        """False: it spreads too far, and is only reported."""
+        return math.isfinite(self.rtol) and math.isfinite(self.atol) and self.value != ANY
 
 
 def read(path) -> dict[tuple, Line]:
@@ -70,7 +76,8 @@ def _line(row: list[str], where: str) -> Line:
     if field["kind"] not in KINDS:
         raise ValueError(f"{where}: kind is {field['kind']!r}; one of {', '.join(KINDS)}")
     value = field["value"] if field["kind"] == "class" else _number(field["value"], "value", where)
-    rtol, atol = (_number(field[n], n, where) for n in ("rtol", "atol"))
+    rtol = math.inf if field["rtol"] == "inf" else _number(field["rtol"], "rtol", where)
+    atol = math.inf if field["atol"] == "inf" else _number(field["atol"], "atol", where)
     if rtol < 0 or atol < 0:
         raise ValueError(f"{where}: tolerances are {rtol:g} and {atol:g}; they must not be negative")
     return Line(*(field[n] for n in COLUMNS[:5]), value, rtol, atol, field["unit"], field["config"], field["why"])
@@ -97,21 +104,20 @@ def text(lines) -> str:
     return out.getvalue()
 
 
-def line(fact: Fact, spread: float, why: str) -> Line | None:
-    """The line of a fact whose runs from starts 1e-12 apart differ by `spread`; None where it cannot be held.
+def line(fact: Fact, spread: float, why: str) -> Line:
+    """The line of a fact whose runs from starts 1e-12 apart differ by `spread` (inf: one of them failed or said another word).
 
-    near: ten times the spread, relative to the value. max: ten times the value, at least ten times the floor: what lies
-    below a floor is held below it. count: exact where nothing was seen to change.
+    near: ten times the spread, relative to the value. max: ten times the value, at least the floor: what lies below a floor
+    is held below it. count: exact where nothing was seen to change. What spreads by more than a hundredth is not held: it
+    is only reported, and it must still be there and be finite.
     """
     if fact.kind == "class":
-        return None if spread else _made(fact, fact.value, 0.0, 0.0, why)
-    if not math.isfinite(fact.value) or not math.isfinite(spread):
-        return None
+        return _made(fact, ANY if spread else fact.value, 0.0, 0.0, why)
     if fact.kind == "max":
         return _made(fact, fact.value, 0.0, max(WIDER * (abs(fact.value) + spread), fact.floor), why)
     relative = spread / abs(fact.value) if fact.value else math.inf if spread else 0.0
     if relative > GATEABLE:
-        return None
+        return _made(fact, fact.value, math.inf, 0.0, why)
     if fact.kind == "count":
         return _made(fact, fact.value, WIDER * relative, 0.0, why)
     return _made(fact, fact.value, max(WIDER * relative, LEAST), fact.floor, why)

@@ -5,12 +5,13 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+from collections import Counter
 from dataclasses import dataclass
 
 import numpy as np
 
 from nsbench.measure.window import rounding
-from nsbench.report.source import Data, Runs
+from nsbench.report.source import GOOD, Data, Runs
 from nsbench.report.summary import Order, Summary, spell, summarise
 
 KINDS = ("near", "max", "min", "class", "count")
@@ -73,7 +74,7 @@ def _ladder(s: Summary, config: str):
     """What the whole ladder says: how its runs ended, verdict, order and constant of the state and of the force."""
     def fact(metric, kind, value, unit="", floor=0.0):
         return Fact(s.case, s.solver, "ladder", metric, kind, value, unit, config, floor)
-    yield fact("statuses", "class", spell(s.statuses))
+    yield fact("statuses", "class", spell(_ended(s.statuses)))
     for name, order in (("state", s.state), ("force", s.force)):
         if s.outcome or order.kind == "none":
             continue
@@ -83,6 +84,14 @@ def _ladder(s: Summary, config: str):
             yield fact(f"{name} constant", "near", order.constant, UNITS["constant"])
         elif order.verdict == "plateau":
             yield fact(f"{name} plateau", "near", order.plateau)
+
+
+def _ended(statuses: Counter) -> Counter:
+    """Runs by status; whether a reference can tell the error from zero is no way to end."""
+    out = Counter()
+    for code, n in statuses.items():
+        out["ok" if code in GOOD else code] += n
+    return out
 
 
 def _verdict(order: Order) -> str:
@@ -105,7 +114,7 @@ def _middle(runs: Runs, config: str, span: float):
 
     def fact(metric, kind, value, unit="", floor=0.0):
         return Fact(runs.case, runs.solver, parameters, metric, kind, value, unit, config, floor)
-    yield fact("status", "class", str(runs.col["status"][at]))
+    yield fact("status", "class", "ok" if runs.good[at] else str(runs.col["status"][at]))
     if not runs.good[at]:
         return
     if runs.col["lam_time"][at]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from nsbench.gate.baseline import Line
 from nsbench.gate.facts import Fact
 
-OUTCOMES = ("pass", "regressed", "improved", "status changed", "configuration differs", "missing", "new")
+OUTCOMES = ("pass", "not held", "regressed", "improved", "status changed", "configuration differs", "missing", "new")
 FINE, REGRESSED, NOT_COMPARED = 0, 1, 4
 ORDERS = ("state order", "force order")      # neither direction is better
 
@@ -36,6 +36,8 @@ def _one(fact: Fact | None, line: Line, found) -> Finding:
     if differs:
         return Finding("configuration differs", line.key, f"{' and '.join(differs)} of another version: not comparable")
     if line.kind == "class" or isinstance(fact.value, str):
+        if not line.held and isinstance(fact.value, str):
+            return Finding("not held", line.key, f"is {fact.value!r}; it changes with the rounding")
         if str(fact.value) == str(line.value):
             return Finding("pass", line.key)
         changed = "status changed" if line.metric in ("status", "statuses") else "regressed"
@@ -44,6 +46,8 @@ def _one(fact: Fact | None, line: Line, found) -> Finding:
     room = line.atol + line.rtol * abs(line.value)
     if not math.isfinite(fact.value):                    # NaN compares false with everything: it must never pass
         return Finding("regressed", line.key, text)
+    if not line.held:
+        return Finding("not held", line.key, f"{text}: it changes with the rounding")
     over = fact.value - line.value
     if {"max": over <= room, "min": -over <= room}.get(line.kind, abs(over) <= room):
         return Finding("pass", line.key)
@@ -63,7 +67,7 @@ def exit_code(findings: list[Finding]) -> int:
     seen = {f.outcome for f in findings}
     if seen & {"regressed", "status changed", "improved"}:
         return REGRESSED
-    return FINE if seen == {"pass"} else NOT_COMPARED
+    return FINE if "pass" in seen and seen <= {"pass", "not held"} else NOT_COMPARED
 
 
 def shown(value) -> str:

@@ -7,7 +7,7 @@ from nsbench.gate.judge import OUTCOMES, Finding
 from nsbench.report.style import count, markdown
 
 MOST = 60           # findings of one kind that are listed; the others are counted
-BAD = tuple(o for o in OUTCOMES if o != "pass")
+BAD = tuple(o for o in OUTCOMES if o not in ("pass", "not held"))
 
 
 def sentence(findings: list[Finding]) -> str:

@@ -9,22 +9,20 @@ from nsbench.gate.judge import judge, shown
 def updated(found: dict[tuple, Fact], old: dict[tuple, Line], spread: dict[tuple, float], reason: str):
     """(lines, changes): the new baseline in the order of `found`, and a sentence for every line that is not as before.
 
-    A line that passes stays as it is, to the byte: rounding on another machine is no change. Facts without a spread, or
-    with a spread above one per cent, get no line, and the changes say so.
+    A line that passes stays as it is, to the byte: rounding on another machine is no change. ValueError for a fact whose
+    spread is not known.
     """
-    passed = {f.key for f in judge(found, old) if f.outcome == "pass"}
+    passed = {f.key for f in judge(found, old) if f.outcome in ("pass", "not held")}
     lines, changes = [], []
     for key, fact in found.items():
         before = old.get(key)
         if key in passed:
             lines.append(before)
             continue
-        after = line(fact, spread[key], reason) if key in spread else None
         name = " ".join(key)
-        if after is None:
-            if before is not None:
-                changes.append(f"{name}: {shown(before.value)} -> no line: it spreads too far to be held")
-            continue
+        if key not in spread:
+            raise ValueError(f"how far {name} spreads is not known: run nsbench calibrate again")
+        after = line(fact, spread[key], reason)
         lines.append(after)
         if before is None:
             changes.append(f"{name}: new, {shown(after.value)}")
