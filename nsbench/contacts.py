@@ -6,90 +6,15 @@ particles only those near, found by cell lists. The order is the stated one: fam
 from __future__ import annotations
 
 import functools
-from dataclasses import dataclass
 
 import numpy as np
 
 from nsbench.compile import host
 from nsbench.moving import SmoothRows, chain, time_derivative
+from nsbench.near import ANCHOR, PAIR, ROW, SMOOTH, Near, Places, join, listed, pairs_of_few
 from nsbench.problem import Affine, Complementarity, Distance, Smooth
 
-ROW, PAIR, ANCHOR, SMOOTH = 0, 1, 2, 3
 FEW = 64                # hard particles: all their pairs are looked at sooner than a kernel is compiled
-
-
-@dataclass(frozen=True, eq=False)
-class Near:
-    """m candidate constraints: arrays of length m.
-
-    kind (ROW, PAIR, ANCHOR, SMOOTH); family, i, j (j = -1 where an id has no second index); p, q: row number or
-    first coordinate of particle i; first coordinate of particle j or of the anchor; d, sign, dim of a distance.
-    """
-    kind: np.ndarray
-    family: np.ndarray
-    i: np.ndarray
-    j: np.ndarray
-    p: np.ndarray
-    q: np.ndarray
-    d: np.ndarray
-    sign: np.ndarray
-    dim: np.ndarray
-
-    def __len__(self) -> int:
-        return len(self.kind)
-
-    @property
-    def ids(self) -> list[tuple]:
-        return [(f, i) if j < 0 else (f, i, j)
-                for f, i, j in zip(self.family.tolist(), self.i.tolist(), self.j.tolist(), strict=True)]
-
-    @property
-    def key(self) -> np.ndarray:
-        """(m,) one number per id; ids have at most 2^21 members in each index."""
-        return (self.family << 42) + (self.i << 21) + self.j + 1
-
-    def take(self, index) -> Near:
-        return Near(*(a[index] for a in self.arrays()))
-
-    def copy(self) -> Near:
-        return Near(*(a.copy() for a in self.arrays()))
-
-    def arrays(self) -> tuple:
-        return (self.kind, self.family, self.i, self.j, self.p, self.q, self.d, self.sign, self.dim)
-
-
-@dataclass(frozen=True)
-class Places:
-    """Where the entries of a Near stand. pairs: (kind, entries, coordinates of i, of j or of the anchor) by kind and
-    dimension; rows: entries that are affine rows; smooth: entries of each Smooth family."""
-    pairs: tuple
-    rows: np.ndarray
-    smooth: tuple
-
-
-def _near(kind, family, i, j, p, q, d, sign, dim) -> Near:
-    m = len(i)
-    i, j, p, q = (np.asarray(a, np.int64) for a in (i, j, p, q))
-    return Near(np.full(m, kind, np.int64), np.full(m, family, np.int64), i, j, p, q,
-                np.broadcast_to(np.asarray(d, float), m).copy(), np.full(m, float(sign)), np.full(m, dim, np.int64))
-
-
-def _pairs(x, r, reach):
-    """Pairs (i, j), i < j, in order, of particles x (m, dim) with radii r whose gap is at most `reach`: kernels.near, for few."""
-    i, j = np.triu_indices(len(x), 1)
-    if reach == np.inf:
-        return i, j
-    s = np.zeros(len(i))
-    for c in range(x.shape[1]):
-        s += (x[i, c] - x[j, c]) ** 2
-    close = s <= (r[i] + r[j] + reach) ** 2
-    return i[close], j[close]
-
-
-def _join(parts: list[Near]) -> Near:
-    if not parts:
-        return _near(ROW, 0, [], [], [], [], 0.0, 1, 1)
-    return Near(*(np.concatenate(a) for a in zip(*(n.arrays() for n in parts), strict=True)))
 
 
 def _stacked(families: list[Affine]):
@@ -150,12 +75,12 @@ class Scene:
             if isinstance(c, Affine):
                 m = c.shape[0]
                 i = np.arange(m)
-                parts[k] = _near(ROW, k, i, np.full(m, -1), row + i, np.zeros(m), 0.0, 1, 1)
+                parts[k] = listed(ROW, k, i, np.full(m, -1), row + i, np.zeros(m), 0.0, 1, 1)
                 row += m
             elif isinstance(c, Smooth):
                 m = self._smooth[smooth].m
                 i = np.arange(m)
-                parts[k] = _near(SMOOTH, k, i, np.full(m, -1), i, np.full(m, smooth), 0.0, 1, 1)
+                parts[k] = listed(SMOOTH, k, i, np.full(m, -1), i, np.full(m, smooth), 0.0, 1, 1)
                 smooth += 1
             elif not c.all_pairs:
                 parts[k] = self._listed(k, c, anchor)
@@ -174,11 +99,11 @@ class Scene:
                              f"there are {count} and {targets}")
         i, j = pairs.T
         q = anchor + j * c.dim if c.anchors is not None else c.start + j * c.dim
-        return _near(PAIR if c.anchors is None else ANCHOR, k, i, j, c.start + i * c.dim, q, c.d, c.sign, c.dim)
+        return listed(PAIR if c.anchors is None else ANCHOR, k, i, j, c.start + i * c.dim, q, c.d, c.sign, c.dim)
 
     def all_static(self) -> Near:
         """The listed constraints alone."""
-        return _join([self._parts[k] for k in sorted(self._parts)])
+        return join([self._parts[k] for k in sorted(self._parts)])
 
     def near(self, x: np.ndarray, reach: float, t: float = 0.0) -> Near:
         """Every listed constraint and the hard pairs with gap at most `reach` (inf: all), in the stated order. x finite."""
@@ -186,19 +111,18 @@ class Scene:
         for k, c, m in self.hard:
             r = self.radii[k]
             if m <= FEW or reach == np.inf:
-                i, j = _pairs(np.asarray(x, float)[c.start:c.start + m * c.dim].reshape(m, c.dim), r, float(reach))
+                i, j = pairs_of_few(np.asarray(x, float)[c.start:c.start + m * c.dim].reshape(m, c.dim), r, float(reach))
             else:
                 from nsbench.kernels.near import near_pairs
                 i, j = near_pairs(np.ascontiguousarray(x), c.start, m, c.dim, r, float(reach))
-            parts[k] = _near(PAIR, k, i, j, c.start + i * c.dim, c.start + j * c.dim, r[i] + r[j], 1, c.dim)
-        return _join([parts[k] for k in sorted(parts)])
+            parts[k] = listed(PAIR, k, i, j, c.start + i * c.dim, c.start + j * c.dim, r[i] + r[j], 1, c.dim)
+        return join([parts[k] for k in sorted(parts)])
 
     def deepest(self, t: float, x: np.ndarray) -> float:
         """The most that a constraint is violated by at (t, x), 0.0 where none is: of near(x, 0.0, t), without listing it."""
         worst = max(0.0, float(-self.gaps(t, x, *self._static).min(initial=0.0)))
-        if self.hard:
-            from nsbench.kernels.near import near_pairs
         for k, c, m in self.hard:
+            from nsbench.kernels.near import near_pairs
             i, j = near_pairs(np.ascontiguousarray(x), c.start, m, c.dim, self.radii[k], 0.0) if m > 1 else ((), ())
             if len(i):
                 p, r = x[c.start:c.start + m * c.dim].reshape(m, c.dim), self.radii[k]

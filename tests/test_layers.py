@@ -10,8 +10,8 @@ import pytest
 import nsbench
 
 ROOT = Path(nsbench.__file__).parent
-LAYERS = ["problem", "trajectory", "compile", "moving", "kernels", "jets", "tape", "case", "contacts", "solvers", "reference",
-          "measure", "study", "store", "report", "gate", "execute", "commands", "cli"]
+LAYERS = ["problem", "trajectory", "compile", "moving", "kernels", "jets", "tape", "case", "near", "contacts", "solvers",
+          "reference", "measure", "describe", "study", "store", "report", "gate", "execute", "commands", "cli"]
 HEAVY = ("jax", "numba", "cvxpy", "pandas", "matplotlib", "scipy", "diffrax", "osqp", "pyarrow", "flint")
 
 

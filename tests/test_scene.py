@@ -193,11 +193,11 @@ def test_states_of_another_size_are_refused():
 @pytest.mark.parametrize("dim", [1, 2, 3])
 def test_near_pairs_of_few_particles_are_those_of_the_kernel(dim):
     """At grid points too, where gaps are exactly the reach."""
-    from nsbench.contacts import _pairs
     from nsbench.kernels.near import near_pairs
+    from nsbench.near import pairs_of_few
     rng = np.random.default_rng(dim)
     for n, reach, grid in ((1, 0.5, False), (2, 1.0, True), (40, 0.3, False), (64, 1.0, True), (30, np.inf, False)):
         x = rng.integers(0, 9, (n, dim)).astype(float) if grid else rng.normal(size=(n, dim))
         r = np.full(n, 0.5) if grid else rng.uniform(0.0, 0.2, n)
-        few, many = _pairs(x, r, reach), near_pairs(x.ravel(), 0, n, dim, r, min(reach, 1e3))
+        few, many = pairs_of_few(x, r, reach), near_pairs(x.ravel(), 0, n, dim, r, min(reach, 1e3))
         assert all(np.array_equal(a, b) for a, b in zip(few, many, strict=True)) and (n < 40 or few[0].size > 2)

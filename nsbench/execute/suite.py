@@ -8,7 +8,7 @@ from itertools import groupby
 from pathlib import Path
 
 import nsbench
-from nsbench import solvers, store, study
+from nsbench import describe, solvers, store, study
 from nsbench.case import parse_spec
 from nsbench.execute.local import Chore, run_all
 from nsbench.execute.progress import Progress
@@ -80,7 +80,7 @@ def _picture(key: str, file: str, folder: str) -> None:
 
 
 def _talk(name: str, _: str, out: str) -> None:
-    store.write_atomically(Path(out) / "extra.json", _dump({f"{name}_figure": study.talk_figure()}))
+    store.write_atomically(Path(out) / "extra.json", _dump({f"{name}_figure": describe.talk_figure()}))
 
 
 def _in_order(batches):
@@ -135,9 +135,9 @@ def publish(out: Path, rows, cases, fresh: bool, say, drawn=frozenset()) -> Path
     if not fresh and path.exists() and stamp.exists() and stamp.read_text() == digest:
         return path
     store.write_tables(out, rows)
-    meta = {s: study.describe_solver(s) for s in dict.fromkeys(r["solver"] for r in rows)}
+    meta = {s: describe.describe_solver(s) for s in dict.fromkeys(r["solver"] for r in rows)}
     store.write_atomically(out / "solvers.json", _dump(meta))
-    store.write_atomically(out / "cases.json", _dump({k: study.describe_case(c) for (k, _), c in cases.items()}))
+    store.write_atomically(out / "cases.json", _dump({k: describe.describe_case(c) for (k, _), c in cases.items()}))
     if fresh or not (out / "env.json").exists():
         store.write_atomically(out / "env.json", _dump(store.environment()))
     figures = out / "figures"

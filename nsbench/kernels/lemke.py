@@ -8,9 +8,9 @@ Loops stand where numpy would add rows: its broadcasting takes numba seconds to 
 import numpy as np
 from numba import njit
 
+from nsbench.kernels.dense import gauss
 from nsbench.kernels.independent import near_singular, orthonormal
 from nsbench.kernels.lcp import solve_lcp
-from nsbench.kernels.relay import gauss
 
 FEW = 10                  # rows whose 2^m supports are tried when Lemke's method ends on a ray
 SIGN = 1e-12              # of the terms of a sum: below, its sign is rounding (a few hundred operations)

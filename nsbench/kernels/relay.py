@@ -6,62 +6,15 @@ on the positive side, on the negative side, on the surface itself.
 import numpy as np
 from numba import njit
 
-OK, NAN, BLOWN, STUCK = 0, 1, 2, 3
+from nsbench.kernels.dense import OK, gauss, health, largest
+
+STUCK = 3                         # beside OK, NAN, BLOWN
 NEWTON = 30                       # iterations; a fresh Jacobian needs about 5, a kept one three times that
 TRIALS = 100_000                  # modes and starts that one step may try: minutes, not for ever, with many surfaces
 ROUNDING = 64 * 2.0**-52          # what a few operations on numbers of size one may lose
 
 # only called by kernels of this file: without the wrappers for Python they compile faster, and crash if Python calls them
 inner = njit(cache=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)
-
-
-@njit(cache=True)
-def health(x):
-    """OK, NAN, or BLOWN beyond 1e150, where squares overflow."""
-    for v in x:
-        if v != v:
-            return NAN
-    for v in x:
-        if abs(v) > 1e150:
-            return BLOWN
-    return OK
-
-
-@njit(cache=True)
-def largest(x):
-    """max |x_i|, 0 for none."""
-    m = 0.0
-    for v in x:
-        m = max(m, abs(v))
-    return m
-
-
-@njit(cache=True)
-def gauss(A, b):
-    """Solve A z = b in place (z in b) with partial pivoting; False if A is singular or not finite."""
-    n = b.size
-    for j in range(n):
-        p = j
-        for i in range(j + 1, n):
-            if abs(A[i, j]) > abs(A[p, j]):
-                p = i
-        if not (0.0 < abs(A[p, j]) < np.inf):
-            return False
-        if p != j:
-            for k in range(j, n):
-                A[j, k], A[p, k] = A[p, k], A[j, k]
-            b[j], b[p] = b[p], b[j]
-        for i in range(j + 1, n):
-            r = A[i, j] / A[j, j]
-            if r != 0.0:
-                for k in range(j + 1, n):
-                    A[i, k] -= r * A[j, k]
-                b[i] -= r * b[j]
-    for j in range(n - 1, -1, -1):
-        for k in range(j + 1, n):
-            b[j] -= A[j, k] * b[k]
-        b[j] /= A[j, j]
-    return True
 
 
 @inner

@@ -140,6 +140,76 @@ def _wrong(on, t):
 
 
 @njit(cache=True, error_model="numpy")
+def _move(on, mu, t, worst):
+    """mu goes towards t until a row leaves: that row, or, where all of the way is gone, the row violated by most, beyond
+    `worst`; -1 if there is none."""
+    part, at = _block(on, mu, t)
+    for k in range(mu.size):
+        if on[k]:
+            mu[k] = max(mu[k] + part * (t[k] - mu[k]), 0.0)
+    if at >= 0:
+        mu[at] = 0.0
+        return at
+    for k in range(mu.size):
+        if not on[k] and t[k] > worst:
+            worst, at = t[k], k
+    return at
+
+
+@njit(cache=True, error_model="numpy")
+def _residual(P, vals, q, mu, d, w):
+    """Fill d = G^T mu and w = q + G d; the largest |min(mu, w)|."""
+    push(P, vals, mu, d)
+    slack(P, vals, q, d, w)
+    off = 0.0
+    for k in range(mu.size):
+        off = max(off, abs(min(mu[k], w[k])))
+    return off
+
+
+@njit(cache=True, error_model="numpy")
+def _swap(P, T, room, vals, rho, owner, c, wc, on, at, extra, size, V, S, base):
+    """Row `at` joins or leaves the set: a column and a line more, or, where it only comes back, less. The new size; -1
+    without room for it, and then nothing has changed."""
+    place = 0
+    while place < size and extra[place] != at:
+        place += 1
+    if place == EXTRA:
+        return -1
+    n, v = base.size, V[place]
+    if place == size:
+        _column(T, room[0], at, owner[at], P[0], vals, room[3][:n], room[3][n:], v)
+    f = rho * wc[at] - c[at] if not on[at] else c[at] - rho * wc[at]
+    for e in range(n):
+        base[e] -= f * v[e]
+    on[at] = not on[at]
+    if place == size:
+        extra[size], size = at, size + 1
+        for i in range(size):
+            S[i, size - 1] = S[size - 1, i] = _dot(P[0], P[1], vals, extra[i], v)
+        return size
+    size -= 1                                                  # back where it was: the last column takes its place
+    for e in range(n):
+        v[e] = V[size, e]
+    extra[place] = extra[size]
+    for i in range(size):
+        S[place, i] = S[size, i] if i != place else S[size, size]
+    for i in range(size):
+        S[i, place] = S[place, i]
+    return size
+
+
+@njit(cache=True)
+def _owners(T, m):
+    """The front of each row."""
+    owner = np.empty(m, np.int64)
+    for s in range(T[7].size - 1):
+        for o in range(T[7][s], T[7][s + 1]):
+            owner[T[8][o]] = s
+    return owner
+
+
+@njit(cache=True, error_model="numpy")
 def revise(P, T, room, vals, q, mu, tol, most, limit, d, w):
     """From mu >= 0 (m,) to the solution: fills mu, d = G^T mu (n,), w = q + G d (m,).
 
@@ -147,41 +217,23 @@ def revise(P, T, room, vals, q, mu, tol, most, limit, d, w):
     after `limit` exchanges; mu is then no worse than before. Returns whether it is solved to the residual tol, factorisations,
     exchanges.
     """
-    m, n, ptr, cols = mu.size, d.size, P[0], P[1]
-    on, owner, c, wc, t, r = np.empty(m, np.bool_), np.empty(m, np.int64), mu.copy(), np.empty(m), np.empty(m), np.empty(m)
+    m, n = mu.size, d.size
+    on, c, wc, t, r, best = np.empty(m, np.bool_), mu.copy(), np.empty(m), np.empty(m), np.empty(m), np.empty(m)
     for k in range(m):
         on[k] = mu[k] > 0.0
-    for s in range(T[7].size - 1):
-        for o in range(T[7][s], T[7][s + 1]):
-            owner[T[8][o]] = s
+    owner, extra = _owners(T, m), np.empty(EXTRA, np.int64)
     V, S, A, b = np.empty((EXTRA, n)), np.empty((EXTRA, EXTRA)), np.empty((EXTRA, EXTRA)), np.empty(EXTRA)
-    best, found = np.empty(m), False
-    extra, size, base, move, y, z = np.empty(EXTRA, np.int64), 0, np.empty(n), np.empty(n), room[3][:n], room[3][n:]
-    rho, factors, swaps, centres, first = RHO, 1, 0, 0, True
+    base, move, size = np.empty(n), np.empty(n), 0
+    rho, factors, swaps, centres, found = RHO, 1, 0, 0, False
     _factor(P, T, room, vals, rho, on, t)
     _centre(P, T, room, vals, q, rho, on, c, wc, base, r, True)
     while True:
         _point(P, vals, rho, on, extra, size, V, S, A, b, base, c, wc, move, t)
-        if first and not _wrong(on, t) <= most:
+        if swaps + centres == 0 and factors == 1 and not _wrong(on, t) <= most:
             return False, factors, swaps
-        first = False
-        part, at = _block(on, mu, t)
-        for k in range(m):
-            if on[k]:
-                mu[k] = max(mu[k] + part * (t[k] - mu[k]), 0.0)
-        if at >= 0:
-            mu[at] = 0.0
-        else:
-            worst = 0.5 * tol * rho
-            for k in range(m):
-                if not on[k] and t[k] > worst:
-                    worst, at = t[k], k
+        at = _move(on, mu, t, 0.5 * tol * rho)
         if at < 0:                                             # solved on this centre
-            push(P, vals, mu, d)
-            slack(P, vals, q, d, w)
-            off = 0.0
-            for k in range(m):
-                off = max(off, abs(min(mu[k], w[k])))
+            off = _residual(P, vals, q, mu, d, w)
             if off <= FINE * tol or (off <= tol and found):
                 return True, factors, swaps
             centres += 1
@@ -201,38 +253,14 @@ def revise(P, T, room, vals, q, mu, tol, most, limit, d, w):
         if swaps == limit:
             break
         swaps += 1
-        place = 0
-        while place < size and extra[place] != at:
-            place += 1
-        if place == EXTRA:                                     # no room: a factor of the set as it will be
+        size = _swap(P, T, room, vals, rho, owner, c, wc, on, at, extra, size, V, S, base)
+        if size < 0:                                           # a factor of the set as it will be
             on[at] = not on[at]
             size, factors = 0, factors + 1
             _factor(P, T, room, vals, rho, on, t)
             _centre(P, T, room, vals, q, rho, on, c, wc, base, r, False)
-            continue
-        v = V[place]
-        if place == size:
-            _column(T, room[0], at, owner[at], ptr, vals, y, z, v)
-        f = rho * wc[at] - c[at] if not on[at] else c[at] - rho * wc[at]
-        for e in range(n):
-            base[e] -= f * v[e]
-        on[at] = not on[at]
-        if place == size:
-            extra[size], size = at, size + 1
-            for i in range(size):
-                S[i, size - 1] = S[size - 1, i] = _dot(ptr, cols, vals, extra[i], v)
-        else:                                                  # back where it was: the last column takes its place
-            size -= 1
-            for e in range(n):
-                v[e] = V[size, e]
-            extra[place] = extra[size]
-            for i in range(size):
-                S[place, i] = S[size, i] if i != place else S[size, size]
-            for i in range(size):
-                S[i, place] = S[place, i]
     if found:
         for k in range(m):
             mu[k] = best[k]
-        push(P, vals, mu, d)
-        slack(P, vals, q, d, w)
+        _residual(P, vals, q, mu, d, w)
     return found, factors, swaps

@@ -10,8 +10,8 @@ E is the projector on the left null space of D_II, I the rows with lam > 0: foun
 import numpy as np
 from numba import njit
 
+from nsbench.kernels.dense import NAN, OK, gauss, health, largest
 from nsbench.kernels.lemke import least, other_motion, scales, solve
-from nsbench.kernels.relay import NAN, OK, gauss, health, largest
 
 NOTHING, JUMP, SLOW = 4, 5, 6
 NEWTON = 50               # iterations; the matrix is made anew when one gains less than a factor of ten

@@ -1,0 +1,82 @@
+"""Candidate constraints as arrays: those of a problem that are looked at in one state."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+ROW, PAIR, ANCHOR, SMOOTH = 0, 1, 2, 3
+
+
+@dataclass(frozen=True, eq=False)
+class Near:
+    """m candidate constraints: arrays of length m.
+
+    kind (ROW, PAIR, ANCHOR, SMOOTH); family, i, j (j = -1 where an id has no second index); p, q: row number or
+    first coordinate of particle i; first coordinate of particle j or of the anchor; d, sign, dim of a distance.
+    """
+    kind: np.ndarray
+    family: np.ndarray
+    i: np.ndarray
+    j: np.ndarray
+    p: np.ndarray
+    q: np.ndarray
+    d: np.ndarray
+    sign: np.ndarray
+    dim: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.kind)
+
+    @property
+    def ids(self) -> list[tuple]:
+        return [(f, i) if j < 0 else (f, i, j)
+                for f, i, j in zip(self.family.tolist(), self.i.tolist(), self.j.tolist(), strict=True)]
+
+    @property
+    def key(self) -> np.ndarray:
+        """(m,) one number per id; ids have at most 2^21 members in each index."""
+        return (self.family << 42) + (self.i << 21) + self.j + 1
+
+    def take(self, index) -> Near:
+        return Near(*(a[index] for a in self.arrays()))
+
+    def copy(self) -> Near:
+        return Near(*(a.copy() for a in self.arrays()))
+
+    def arrays(self) -> tuple:
+        return (self.kind, self.family, self.i, self.j, self.p, self.q, self.d, self.sign, self.dim)
+
+
+@dataclass(frozen=True)
+class Places:
+    """Where the entries of a Near stand. pairs: (kind, entries, coordinates of i, of j or of the anchor) by kind and
+    dimension; rows: entries that are affine rows; smooth: entries of each Smooth family."""
+    pairs: tuple
+    rows: np.ndarray
+    smooth: tuple
+
+
+def listed(kind, family, i, j, p, q, d, sign, dim) -> Near:
+    m = len(i)
+    i, j, p, q = (np.asarray(a, np.int64) for a in (i, j, p, q))
+    return Near(np.full(m, kind, np.int64), np.full(m, family, np.int64), i, j, p, q,
+                np.broadcast_to(np.asarray(d, float), m).copy(), np.full(m, float(sign)), np.full(m, dim, np.int64))
+
+
+def pairs_of_few(x, r, reach):
+    """Pairs (i, j), i < j, in order, of particles x (m, dim) with radii r whose gap is at most `reach`: kernels.near, for few."""
+    i, j = np.triu_indices(len(x), 1)
+    if reach == np.inf:
+        return i, j
+    s = np.zeros(len(i))
+    for c in range(x.shape[1]):
+        s += (x[i, c] - x[j, c]) ** 2
+    close = s <= (r[i] + r[j] + reach) ** 2
+    return i[close], j[close]
+
+
+def join(parts: list[Near]) -> Near:
+    if not parts:
+        return listed(ROW, 0, [], [], [], [], 0.0, 1, 1)
+    return Near(*(np.concatenate(a) for a in zip(*(n.arrays() for n in parts), strict=True)))
