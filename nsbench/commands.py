@@ -235,7 +235,7 @@ def compare(args, say) -> int:
     from nsbench.report.source import read
     if not 0 <= args.rtol < 1:
         raise ValueError(f"--rtol is {args.rtol:g}; a number from 0 to 1 is needed")
-    old, new = (facts(read(d)) for d in (args.old, args.new))
+    old, new = ({key: replace(f, config="") for key, f in facts(read(d)).items()} for d in (args.old, args.new))
     lines = {key: baseline.line(fact, 0.0, "") for key, fact in old.items()}
     lines = {key: line if line.kind in ("class", "max") else replace(line, rtol=args.rtol) for key, line in lines.items()}
     findings = judge(new, lines)

@@ -75,8 +75,9 @@ class Affine:
             if b.shape != (shape[0],):
                 raise ValueError(f"b has shape {b.shape}, A has {shape[0]} rows")
             object.__setattr__(self, "b", b)
-        for name, value in (("indptr", np.asarray(ptr, np.int64)), ("indices", np.asarray(cols, np.int64)),
-                            ("data", np.asarray(vals, np.float64)), ("shape", tuple(map(int, shape)))):
+        # contiguous: kernels are compiled for one kind of array, and nonzero gives strided ones
+        for name, value in (("indptr", np.ascontiguousarray(ptr, np.int64)), ("indices", np.ascontiguousarray(cols, np.int64)),
+                            ("data", np.ascontiguousarray(vals, np.float64)), ("shape", tuple(map(int, shape)))):
             object.__setattr__(self, name, value)
 
     @property

@@ -140,7 +140,7 @@ def interior(P, T, room, vals, q, guess, scale, tol, mu, d, w, near=NEAR):
             tried, late = min(tried, doubt), min(gap, late)
             for k in range(m):
                 mu[k] = lam[k] if lam[k] > s[k] else 0.0
-            done, more, swaps = revise(P, T, room, vals, q, mu, tol, few, SWAPS, d, w)
+            done, more, swaps = revise(P, T, room, vals, q, mu, tol, few, np.int64(SWAPS), d, w)
             tries += more + swaps
             if done:
                 return 0, rounds + tries

@@ -68,7 +68,7 @@ def many(ptr, cols, tptr, trow, tpos, order, vals, q, guess, scale, book, store,
         mu[k] = start[k]
     code, rounds = 2, 0
     if not fresh:
-        done, rounds, swaps = revise(P, T, room, unit, least, mu, TOL, WRONG, SWAPS, d, w)
+        done, rounds, swaps = revise(P, T, room, unit, least, mu, TOL, np.int64(WRONG), np.int64(SWAPS), d, w)
         code, rounds = 0 if done else 2, rounds + swaps
         if swaps > 0:                                     # what it has won is a better start
             for k in range(q.size):

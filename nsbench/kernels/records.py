@@ -60,13 +60,16 @@ def _name(id_):
     return tuple(id_) if id_[2] >= 0 else tuple(id_[:2])
 
 
-@njit("Tuple((int32[:, ::1], int32[::1]))(int32[:, ::1])", cache=True)
+@njit(cache=True)
 def sorted_contacts(ids):
     """Contacts (m, 3) of records ids (k, 4), sorted, and the number of its contact for each record.
 
     What numpy.unique finds by sorting, by counting: places by family and i, then each short stretch by j.
     """
-    size = np.zeros(ids[:, 1].max() + 2, np.int64)           # where a family begins
+    families = 0
+    for e in range(len(ids)):
+        families = max(families, ids[e, 1] + 1)
+    size = np.zeros(families + 1, np.int64)                  # where a family begins
     for e in range(len(ids)):
         size[ids[e, 1] + 1] = max(size[ids[e, 1] + 1], ids[e, 2] + 1)
     for f in range(size.size - 1):
@@ -94,7 +97,8 @@ def sorted_contacts(ids):
         lo = ends[s]
     contacts = np.empty((m, 3), np.int32)
     for e in range(len(ids)):
-        contacts[column[e]] = ids[e, 1:]
+        for c in range(3):
+            contacts[column[e], c] = ids[e, c + 1]
     return contacts, column
 
 

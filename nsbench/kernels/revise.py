@@ -103,11 +103,8 @@ def _point(P, vals, rho, on, extra, size, V, S, A, b, base, c, wc, move, t):
 
 
 @njit(cache=True, error_model="numpy")
-def _centre(P, T, room, vals, q, rho, on, c, wc, base, r, fresh):
-    """wc = q + G G^T c and base, the way from there to the solution on the set if nothing was exchanged since."""
-    if fresh:
-        push(P, vals, c, base)
-        slack(P, vals, q, base, wc)
+def _centre(P, T, room, vals, rho, on, c, wc, base, r):
+    """base: the way from the centre c, where w is wc, to the solution on the set if nothing was exchanged since."""
     for k in range(c.size):
         r[k] = -rho * wc[k] if on[k] else -c[k]
     push(P, vals, r, base)
@@ -223,10 +220,12 @@ def revise(P, T, room, vals, q, mu, tol, most, limit, d, w):
         on[k] = mu[k] > 0.0
     owner, extra = _owners(T, m), np.empty(EXTRA, np.int64)
     V, S, A, b = np.empty((EXTRA, n)), np.empty((EXTRA, EXTRA)), np.empty((EXTRA, EXTRA)), np.empty(EXTRA)
-    base, move, size = np.empty(n), np.empty(n), 0
+    base, move, size = np.empty(n), np.empty(n), np.int64(0)      # no literal: kernels are compiled for numbers
     rho, factors, swaps, centres, found = RHO, 1, 0, 0, False
     _factor(P, T, room, vals, rho, on, t)
-    _centre(P, T, room, vals, q, rho, on, c, wc, base, r, True)
+    push(P, vals, c, base)
+    slack(P, vals, q, base, wc)
+    _centre(P, T, room, vals, rho, on, c, wc, base, r)
     while True:
         _point(P, vals, rho, on, extra, size, V, S, A, b, base, c, wc, move, t)
         if swaps + centres == 0 and factors == 1 and not _wrong(on, t) <= most:
@@ -248,7 +247,7 @@ def revise(P, T, room, vals, q, mu, tol, most, limit, d, w):
             if centres >= SLOW and rho < MOST and not found:
                 rho, centres, size, factors = rho * MORE, 0, 0, factors + 1
                 _factor(P, T, room, vals, rho, on, t)
-            _centre(P, T, room, vals, q, rho, on, c, wc, base, r, False)
+            _centre(P, T, room, vals, rho, on, c, wc, base, r)
             continue
         if swaps == limit:
             break
@@ -258,7 +257,7 @@ def revise(P, T, room, vals, q, mu, tol, most, limit, d, w):
             on[at] = not on[at]
             size, factors = 0, factors + 1
             _factor(P, T, room, vals, rho, on, t)
-            _centre(P, T, room, vals, q, rho, on, c, wc, base, r, False)
+            _centre(P, T, room, vals, rho, on, c, wc, base, r)
     if found:
         for k in range(m):
             mu[k] = best[k]
