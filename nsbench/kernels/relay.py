@@ -6,7 +6,7 @@ on the positive side, on the negative side, on the surface itself.
 import numpy as np
 from numba import njit
 
-from nsbench.kernels.dense import OK, gauss, health, largest
+from nsbench.kernels.dense import BLOWN, NAN, OK, gauss, health, largest  # noqa: F401 (codes that solvers read here)
 
 STUCK = 3                         # beside OK, NAN, BLOWN
 NEWTON = 30                       # iterations; a fresh Jacobian needs about 5, a kept one three times that

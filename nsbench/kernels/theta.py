@@ -10,7 +10,7 @@ E is the projector on the left null space of D_II, I the rows with lam > 0: foun
 import numpy as np
 from numba import njit
 
-from nsbench.kernels.dense import NAN, OK, gauss, health, largest
+from nsbench.kernels.dense import BLOWN, NAN, OK, gauss, health, largest  # noqa: F401 (codes that solvers read here)
 from nsbench.kernels.lemke import least, other_motion, scales, solve
 
 NOTHING, JUMP, SLOW = 4, 5, 6
