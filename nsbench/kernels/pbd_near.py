@@ -17,15 +17,52 @@ from nsbench.kernels.records import flush
 
 
 @njit(cache=True)
-def append(lists, keys, other, chosen):
+def joined(a, b, chosen):
+    """a with the chosen entries of b behind it."""
+    out = np.empty(a.size + chosen.size, a.dtype)
+    for c in range(a.size):
+        out[c] = a[c]
+    for c in range(chosen.size):
+        out[a.size + c] = b[chosen[c]]
+    return out
+
+
+@njit(cache=True)
+def append(lists, keys, other, other_keys, chosen):
     """Lists and keys with the chosen entries of another list behind them."""
     a0, a1, a2, a3, a4, a5, a6, a7, a8 = lists
-    b0, b1, b2, b3, b4, b5, b6, b7, b8 = other[0]
+    b0, b1, b2, b3, b4, b5, b6, b7, b8 = other
     o = chosen
-    return (np.concatenate((a0, b0[o])), np.concatenate((a1, b1[o])), np.concatenate((a2, b2[o])),
-            np.concatenate((a3, b3[o])), np.concatenate((a4, b4[o])), np.concatenate((a5, b5[o])),
-            np.concatenate((a6, b6[o])), np.concatenate((a7, b7[o])), np.concatenate((a8, b8[o]))), \
-        np.concatenate((keys, other[1][o]))
+    return (joined(a0, b0, o), joined(a1, b1, o), joined(a2, b2, o), joined(a3, b3, o), joined(a4, b4, o), joined(a5, b5, o),
+            joined(a6, b6, o), joined(a7, b7, o), joined(a8, b8, o)), joined(keys, other_keys, o)
+
+
+@njit(cache=True)
+def ascending(keys):
+    """The order (m,) in which keys ascend: runs that ascend already are merged, two by two."""
+    m = keys.size
+    order, other, ends = np.arange(m), np.empty(m, np.int64), np.empty(m + 1, np.int64)
+    runs, ends[0] = 0, 0
+    for c in range(1, m + 1):
+        if c == m or keys[c] < keys[c - 1]:
+            runs += 1
+            ends[runs] = c
+    while runs > 1:
+        left = 0
+        for u in range(0, runs, 2):
+            lo, mid, hi = ends[u], ends[u + 1], ends[min(u + 2, runs)]
+            a, b = lo, mid
+            for c in range(lo, hi):
+                if b == hi or (a < mid and keys[order[a]] <= keys[order[b]]):
+                    other[c] = order[a]
+                    a += 1
+                else:
+                    other[c] = order[b]
+                    b += 1
+            left += 1
+            ends[left] = hi
+        order, other, runs = other, order, left
+    return order
 
 
 @njit(cache=True)
@@ -36,9 +73,41 @@ def in_order(lists, keys):
         up, down = up and keys[c - 1] < keys[c], down and keys[c - 1] > keys[c]
     if up:
         return lists, keys
-    o = np.arange(keys.size - 1, -1, -1) if down else np.argsort(keys, kind="mergesort")
+    if down:
+        o = np.empty(keys.size, np.int64)
+        for c in range(keys.size):
+            o[c] = keys.size - 1 - c
+    else:
+        o = ascending(keys)
     a0, a1, a2, a3, a4, a5, a6, a7, a8 = lists
-    return (a0[o], a1[o], a2[o], a3[o], a4[o], a5[o], a6[o], a7[o], a8[o]), keys[o]
+    none, empty = np.empty(0, np.int64), np.empty(0)
+    return (joined(none, a0, o), joined(none, a1, o), joined(none, a2, o), joined(none, a3, o), joined(none, a4, o),
+            joined(none, a5, o), joined(empty, a6, o), joined(empty, a7, o), joined(none, a8, o)), \
+        joined(np.empty(0, np.uint64), keys, o)
+
+
+@njit(cache=True)
+def places(keys, wanted):
+    """Where each of the wanted keys stands among the keys, or would; both ascend."""
+    at, place = np.empty(wanted.size, np.int64), 0
+    for c in range(wanted.size):
+        while place < keys.size and keys[place] < wanted[c]:
+            place += 1
+        at[c] = place
+    return at
+
+
+@njit(cache=True)
+def pairs_of(family, i, j, start, dim, r):
+    """The list of the pairs i, j of a family of hard particles."""
+    m = i.size
+    one, fam, p, q, dims = (np.empty(m, np.int64), np.empty(m, np.int64), np.empty(m, np.int64), np.empty(m, np.int64),
+                            np.empty(m, np.int64))
+    d, sign = np.empty(m), np.empty(m)
+    for c in range(m):
+        one[c], fam[c], dims[c], sign[c] = 1, family, dim, 1.0
+        p[c], q[c], d[c] = start + dim * i[c], start + dim * j[c], r[i[c]] + r[j[c]]
+    return one, fam, i, j, p, q, d, sign, dims
 
 
 @njit(cache=True)
@@ -65,9 +134,7 @@ def near_list(x, reach, order, seed, static, static_keys, hard, radii, rank):
             else:
                 a, b = number[i[c]], number[j[c]]
                 k[c] = order_key(order, seed, fam, min(a, b), max(a, b))
-        pairs = (np.ones(m, np.int64), np.full(m, fam), i, j, start + dm * i, start + dm * j, r[i] + r[j],
-                 np.ones(m), np.full(m, dm))
-        lists, keys = append(lists, keys, (pairs, k), np.arange(m))
+        lists, keys = append(lists, keys, pairs_of(fam, i, j, start, dm, r), k, np.arange(m))
     return in_order(lists, keys)
 
 
@@ -84,7 +151,7 @@ def rebuild(old, old_keys, mu, x, reach, order, seed, static, static_keys, hard,
     (So an impulse is summed in the same order as over all pairs, and agrees with that to the last bit.)
     """
     lists, keys = near_list(x, reach, order, seed, static, static_keys, hard, radii, rank)
-    at = np.searchsorted(keys, old_keys)
+    at = places(keys, old_keys)
     gone = np.empty(old_keys.size, np.int64)
     m = 0
     for c in range(old_keys.size):
@@ -92,9 +159,9 @@ def rebuild(old, old_keys, mu, x, reach, order, seed, static, static_keys, hard,
             gone[m] = c
             m += 1
     if m > 0:
-        lists, keys = append(lists, keys, (old, old_keys), gone[:m])
+        lists, keys = append(lists, keys, old, old_keys, gone[:m])
         lists, keys = in_order(lists, keys)
-        at = np.searchsorted(keys, old_keys)
+        at = places(keys, old_keys)
     new = np.zeros(keys.size)
     for c in range(old_keys.size):
         if mu[c] != 0.0:
@@ -197,9 +264,13 @@ def march(f, b_of, a_of, moving, t, substeps, sweeps, x, static, rows, b, anchor
                             skin *= 1.5
                         lists, keys, mu = rebuild(lists, keys, mu, x, skin, order, seed, static, static_key, hard, radii,
                                                   rank)
-                        base[:] = x
+                        for e in range(x.size):
+                            base[e] = x[e]
                         rebuilds, peak, inside = rebuilds + 1, max(peak, keys.size), inside + 1
-                        c = 0 if c == 0 else np.searchsorted(keys, last, side="right")
+                        if c > 0:
+                            c = 0
+                            while c < keys.size and keys[c] <= last:
+                                c += 1
                     c, done, tied, broken = sweep_on(c, lists, rows, b, anchors, x, base, owner,
                                                      0.2499 * skin * skin, mu)
                     work += done

@@ -15,9 +15,12 @@ def flush(k, mu, family, i, j, ids, values, count):
         if mu[c] != 0.0:
             need += 1
     if count + need > values.size:
-        room = 2 * values.size + need
-        ids = np.concatenate((ids, np.empty((room, 4), np.int64)))
-        values = np.concatenate((values, np.empty(room)))
+        more, large = np.empty((3 * values.size + need, 4), np.int64), np.empty(3 * values.size + need)
+        for c in range(count):
+            large[c] = values[c]
+            for e in range(4):
+                more[c, e] = ids[c, e]
+        ids, values = more, large
     for c in range(mu.size):
         if mu[c] != 0.0:
             ids[count, 0] = k
