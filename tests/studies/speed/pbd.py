@@ -183,7 +183,7 @@ def sweeps(sizes, rounds):
 def against_peers(sizes, rounds):
     for labels in ("rows", "random"):
         for n in sizes:
-            steps = max(20, min(200, WORK // 4 // n))
+            steps = min(200, steps_for(n))               # more than a list lives: none is charged for a few steps alone
             scene = drift_scene(n, steps, labels)
             runs, skipped = peers(scene, steps)
             orders = ("sorted", "cell", "coloured")
