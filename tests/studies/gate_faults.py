@@ -40,6 +40,13 @@ FAULTS = {
 }
 
 
+def whole_copy(folder):
+    """A copy of the checkout whose cases and references are its own, not those of the installed package."""
+    copy(folder)
+    for name in ("cases", "reference_solutions"):
+        (folder / "nsbench" / name).symlink_to(folder / name)
+
+
 def nsbench(folder, *args):
     """Exit status and output of the command line of a copy, with caches of its own."""
     env = os.environ | {"PYTHONPATH": str(folder), "NUMBA_CACHE_DIR": str(folder / ".kernels"),
@@ -73,7 +80,7 @@ def faults(chosen, path) -> int:
             continue
         with tempfile.TemporaryDirectory() as folder:
             folder = Path(folder)
-            copy(folder)
+            whole_copy(folder)
             source = (folder / file).read_text(encoding="utf-8")
             if source.count(text) != 1:
                 print(f"{name:34} does not apply: {text!r} stands {source.count(text)} times in {file}", flush=True)
@@ -112,7 +119,7 @@ def main() -> int:
     args = p.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         folder = Path(folder)
-        copy(folder)
+        whole_copy(folder)
         status, said = suite(folder)
         if status:
             raise SystemExit(f"the unbroken bench: {said}")
