@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 from nsbench.kernels.keys import CELL, order_key
-from nsbench.kernels.schedule import schedule
+from nsbench.kernels.schedule import divide, schedule
 
 DEEP = 16.0               # rows are looked for in a list that reaches that many times as far, made anew less often
 
@@ -230,7 +230,7 @@ def put(i, j, place, label, a, b):
 
 
 @njit(cache=True)
-def renew(m, kept, particles, candidates, y, reac, base, spare, r, skin, dim, rows, b, which, families, number, order, seed,
+def renew(crew, m, kept, particles, candidates, y, reac, base, spare, r, skin, dim, rows, b, which, families, number, order, seed,
           most):
     """The store sorted anew at y, and the candidates there in their order of execution, with their impulses.
 
@@ -259,6 +259,8 @@ def renew(m, kept, particles, candidates, y, reac, base, spare, r, skin, dim, ro
             break
         if pairs > most or (pairs < 0 and half > most + n):
             return -1, kept, radii, pairs, candidates
+        if crew is not None:                 # its arrays are known to all threads: the run is begun anew with longer ones
+            return -2 * half - which.size, kept, radii, pairs, candidates
         candidates = room(0, 2 * half + which.size)[1]
     ids, after, _, place, need = candidates[:5]
     keys, m = candidates[5].view(np.uint64), pairs + which.size
@@ -266,6 +268,8 @@ def renew(m, kept, particles, candidates, y, reac, base, spare, r, skin, dim, ro
         a[pairs + e], c[pairs + e] = store[rows[1][rows[0][which[e]]] // dim], -1 - which[e]
     fill_keys(a[:m], c[:m], label, number, families, order, seed, keys[:m])
     schedule(a[:m], c[:m], keys[:m], row, ends, ids[:2 * m], after[:2 * m], need[:m], place[:m])
+    if crew is not None:
+        divide(a[:m], c[:m], after[:2 * m], place[:m], ids[:m], need[:m], n, crew[4])
     i, j, mu = listed(candidates, m)
     put(a[:m], c[:m], place[:m], label, i, j)
     kept = bring(i, j, old, store, grid, mu)

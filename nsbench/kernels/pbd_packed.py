@@ -12,12 +12,14 @@ import numpy as np
 from numba import njit
 
 from nsbench.kernels import packed
+from nsbench.kernels import pbd_threads as threads
 from nsbench.kernels.close import choose, put_back, width
 from nsbench.kernels.packed import DEEP, listed, near_rows, renew
 from nsbench.kernels.pbd import NAN, OK, TIED
+from nsbench.kernels.pbd_step import drift, farthest, settle
 from nsbench.kernels.pbd_sweep import sweep
 
-TOO_MANY = -1
+TOO_MANY, TOO_SMALL = -1, -2
 ROOM = 11                 # pairs per particle held at most, unless the first list has half as many already,
 FEW = 1500                # or there are few particles: all pairs of so many take 60 MB
 
@@ -27,43 +29,6 @@ def undo(mu, log_at, log_mu, k):
     """Impulses as they were before the sweep."""
     for e in range(k):
         mu[log_at[e]] = log_mu[e]
-
-
-@njit(cache=True)
-def drift(x, y, spot, v, label, h, dim):
-    """One step of Euler from x (by label) to y. Returns the largest squared distance from spot, NaN if not all is finite."""
-    far, good = 0.0, True
-    for s in range(label.size):
-        g = 0.0
-        for c in range(dim):
-            a = x[label[s] * dim + c] + h * v[label[s] * dim + c]
-            y[s * dim + c] = a
-            good = good and abs(a) < 1e150
-            g += (a - spot[s * dim + c]) ** 2
-        far = max(far, g)
-    return far if good else np.nan
-
-
-@njit(cache=True)
-def farthest(y, base, dim):
-    """The largest squared distance from base."""
-    far = 0.0
-    for s in range(y.size // dim):
-        g = 0.0
-        for c in range(s * dim, (s + 1) * dim):
-            g += (y[c] - base[c]) ** 2
-        far = max(far, g)
-    return far
-
-
-@njit(cache=True)
-def settle(x, y, v, reac, label, h, dim):
-    """What the sweep moved since the drift is reaction; x: positions by label, before the step and now."""
-    for s in range(label.size):
-        for c in range(dim):
-            e = label[s] * dim + c
-            reac[s * dim + c] += y[s * dim + c] - (x[e] + h * v[e])
-            x[e] = y[s * dim + c]
 
 
 @njit(cache=True)
@@ -107,8 +72,8 @@ def flush(k, lists, kept, label, families, ids, values, count):
 
 
 @njit(cache=True, error_model="numpy")
-def renewed(sizes, widths, least, kept, radii, particles, candidates, state, r, dim, rows, b, near, moving, families, number,
-            order, seed, record):
+def renewed(crew, sizes, widths, least, kept, radii, particles, candidates, state, r, dim, rows, b, near, moving, families,
+            number, order, seed, record):
     """Candidates chosen for the positions at hand (kernels.close), from a new list if the one there is used up.
 
     sizes: candidates, chosen ones, lists made, pairs at most, whether all constraints are listed, pairs allowed; widths:
@@ -117,8 +82,11 @@ def renewed(sizes, widths, least, kept, radii, particles, candidates, state, r, 
     """
     y, reac, base, spot, n = state[0], state[1], state[2], state[3], state[0].size // dim
     if record:
-        put_back(listed(candidates, sizes[0])[2], candidates[7][:sizes[1]], candidates[5][:sizes[1]])
-    gone = np.sqrt(farthest(y, base, dim))
+        if crew is None:
+            put_back(listed(candidates, sizes[0])[2], candidates[7][:sizes[1]], candidates[5][:sizes[1]])
+        else:
+            threads.together(crew, threads.PUT_BACK)
+    gone = np.sqrt(farthest(y, base, dim, 0, n))
     left = widths[0] - 2.0002 * gone         # 2e-4 of the skin is for rounding
     wide = widths[1] >= least                # sweeps move particles by more than the list is made for: all of it is chosen
     if sizes[2] == 0 or (sizes[4] == 0 and (wide or left < 0.6 * widths[1])):
@@ -130,8 +98,8 @@ def renewed(sizes, widths, least, kept, radii, particles, candidates, state, r, 
                 widths[2] = 0.5 * DEEP * widths[0]
                 near = near_rows(y, particles[1], rows, b, widths[2], dim, near, True)
             which = near_rows(y, particles[1], rows, b, 0.5 * widths[0], dim, near, False)
-        sizes[0], kept, radii, pairs, candidates = renew(sizes[0], kept, particles, candidates, y, reac, base, spot, r, widths[0],
-                                                         dim, rows, b, which, families, number, order, seed, sizes[5])
+        sizes[0], kept, radii, pairs, candidates = renew(crew, sizes[0], kept, particles, candidates, y, reac, base, spot, r,
+                                                         widths[0], dim, rows, b, which, families, number, order, seed, sizes[5])
         if sizes[0] < 0:
             return kept, radii, near, candidates
         if sizes[2] == 0 and n > FEW:
@@ -141,26 +109,31 @@ def renewed(sizes, widths, least, kept, radii, particles, candidates, state, r, 
     widths[3] = min(widths[1], left)
     if sizes[4] == 1:
         widths[3] = np.inf if wide else widths[1]
-    half = candidates[3].size
-    chosen = candidates[2][:half], candidates[2][half:], candidates[7], candidates[5]
-    sizes[1] = choose(listed(candidates, sizes[0]), chosen, y, radii, widths[3], dim, rows, b, moving)
-    spot[:] = y
+    if crew is None:
+        half = candidates[3].size
+        chosen = candidates[2][:half], candidates[2][half:], candidates[7], candidates[5]
+        sizes[1] = choose(listed(candidates, sizes[0]), chosen, y, radii, widths[3], dim, rows, b, moving)
+        spot[:] = y
+    else:
+        sizes[1] = threads.choose_all(crew, radii, widths[3])
     return kept, radii, near, candidates
 
 
-@njit(cache=True, error_model="numpy")
-def march(f, b_of, moving, t, substeps, sweeps, x, rows, b, r, number, families, dim, reach, order, seed, record, samples,
+@njit(cache=True, error_model="numpy", nogil=True)
+def march(f, b_of, moving, t, substeps, sweeps, x, rows, b, r, number, families, dim, reach, order, seed, record, crew, samples,
           state, particles, candidates):
     """As kernels.pbd_near.march. r: radii by label, or one for all; number: ranks (order CELL) or empty; families as in
     kernels.packed.fill_keys; record: whether impulses are kept (a run without is for measuring what that costs);
-    samples (2, K, N): places to fill with states and reactions; state (6, N), particles, candidates: arrays to work in,
-    as `room` makes them.
+    crew: None, or that of kernels.pbd_threads; samples (2, K, N): places to fill with states and reactions; state (6, N),
+    particles, candidates: arrays to work in, as `room` makes them.
     """
     K, n = t.size, x.size // dim
     X, R, none = samples[0], samples[1], np.empty(0, np.int32)
     y, reac, base, spot, v, start, label = state[0], state[1], state[2], state[3], state[4], state[5], particles[0]
     X[0], y[:], base[:], spot[:] = x, x, x, x
     R[0], reac[:] = 0.0, 0.0
+    for s in range(label.size):              # the room may have been used before
+        label[s] = particles[1][s] = s
     ids, values, count, kept, radii = np.empty((0, 4), np.int32), np.empty(0), 0, (none, none, np.empty(0)), r
     work, status, calm, age, reserve, storm, pace, radius = 0, OK, 0, 0, 0.15, 0.0, np.inf, r.mean()
     sizes, least = np.array([0, 0, 0, 0, 0, n * n]), max(reach, 1e-8 * np.abs(x).max())
@@ -173,7 +146,10 @@ def march(f, b_of, moving, t, substeps, sweeps, x, rows, b, r, number, families,
         for s in range(substeps[k]):
             now = t[k] + s * h
             f(now, z, v)
-            far = drift(z, y, spot, v, label, h, dim)
+            if crew is None:
+                far = drift(z, y, spot, v, label, h, dim, 0, label.size)
+            else:
+                far = threads.drift_all(crew, k + 1, h)
             if not far >= 0.0:
                 X[k + 1:], R[k + 1:] = np.nan, np.nan
                 return X, R, ids[:count], values[:count], work, NAN, now, sizes[2], sizes[3]
@@ -182,33 +158,42 @@ def march(f, b_of, moving, t, substeps, sweeps, x, rows, b, r, number, families,
             age, again = age + 1, 0
             for u in range(sweeps):
                 if u > 0:
-                    far = farthest(y, spot, dim)
+                    far = farthest(y, spot, dim, 0, label.size)
                     start[:] = y
                 while True:
                     if sizes[2] == 0 or again > 0 or far > ((0.4999 - (reserve if storm == 0.0 else 0.0)) * widths[3]) ** 2:
-                        if sizes[2] > 0 and again == 0:
-                            pace, reserve = np.sqrt(far) / max(age, 1), max(0.05, 0.97 * reserve)
+                        if again == 0:
+                            pace = np.sqrt(far) / max(age, 1)
+                            reserve = max(0.05, 0.97 * reserve) if sizes[2] > 0 else reserve
                         widths[1] = max(storm, width(pace, radius, least))
-                        kept, radii, near, candidates = renewed(sizes, widths, least, kept, radii, particles, candidates, state,
-                                                                r, dim, rows, b, near, moving, families, number, order, seed,
-                                                                record)
+                        kept, radii, near, candidates = renewed(crew, sizes, widths, least, kept, radii, particles, candidates,
+                                                                state, r, dim, rows, b, near, moving, families, number, order,
+                                                                seed, record)
                         if sizes[0] < 0:
-                            return X, R, ids[:count], values[:count], work, TOO_MANY, now, sizes[2], sizes[3]
+                            code = TOO_MANY if sizes[0] == -1 else TOO_SMALL
+                            return X, R, ids[:count], values[:count], -sizes[0], code, now, sizes[2], sizes[3]
                         if u > 0:
                             start[:] = y
                         age = 0
-                    half, c = candidates[3].size, sizes[1]
-                    lists = candidates[2][:c], candidates[2][half:half + c], candidates[5][:c]
-                    done, tied, broken = sweep(lists, y, spot, radii, dim, rows, b, (0.4999 * widths[3]) ** 2, candidates[3],
-                                               candidates[6], record)
+                    limit2 = (0.4999 * widths[3]) ** 2
+                    if crew is None:
+                        half, c = candidates[3].size, sizes[1]
+                        lists = candidates[2][:c], candidates[2][half:half + c], candidates[5][:c]
+                        done, tied, broken = sweep(lists, y, spot, radii, dim, rows, b, limit2, candidates[3], candidates[6],
+                                                   record)
+                    else:
+                        done, tied, broken = threads.sweep_all(crew, limit2)
                     if not broken:
                         break
                     if u == 0:
-                        drift(z, y, spot, v, label, h, dim)
+                        drift(z, y, spot, v, label, h, dim, 0, label.size)
                     else:
                         y[:] = start
                     if record:
-                        undo(lists[2], candidates[3], candidates[6], done)
+                        if crew is None:
+                            undo(candidates[5], candidates[3], candidates[6], done)
+                        else:
+                            threads.undo_all(crew)
                     if age == 0:             # a new choice and yet too narrow
                         storm = 1.5 * max(least, widths[1])
                     else:
@@ -220,17 +205,24 @@ def march(f, b_of, moving, t, substeps, sweeps, x, rows, b, r, number, families,
             if calm > 8 and storm > 0.0:     # the storm is over: narrow again
                 storm, calm = storm / 1.5 if storm > 1.5 * least else 0.0, 0
                 widths[3] = 0.0 if storm == 0.0 else widths[3]
-            settle(z, y, v, reac, label, h, dim)
+            if crew is None:
+                settle(z, y, v, reac, label, h, dim, 0, label.size)
+            else:
+                threads.together(crew, threads.SETTLE)
         unpack(reac, label, dim, R[k + 1])
         if record:
-            put_back(listed(candidates, sizes[0])[2], candidates[7][:sizes[1]], candidates[5][:sizes[1]])
-            candidates[5][:sizes[1]] = 0.0
+            if crew is None:
+                put_back(listed(candidates, sizes[0])[2], candidates[7][:sizes[1]], candidates[5][:sizes[1]])
+                candidates[5][:sizes[1]] = 0.0
+            else:
+                threads.together(crew, threads.PUT_BACK)
+                candidates[5][:sizes[0]] = 0.0
             ids, values, count = flush(k + 1, listed(candidates, sizes[0]), kept, label, families, ids, values, count)
         kept = (none, none, np.empty(0))
     return X, R, ids[:count], values[:count], work, status, t[K - 1], sizes[2], sizes[3]
 
 
-def room(n: int, N: int, K: int) -> tuple:
-    """Samples, state and arrays to work in for n particles with N coordinates and some pairs each, K samples. Made by numpy:
-    on large pages."""
-    return np.empty((2, K, N)), np.empty((6, N)), *packed.room.py_func(n, 8 * n + 64)
+def room(n: int, N: int, m: int = 0) -> tuple:
+    """State and arrays to work in for n particles with N coordinates and m candidates, 0: some for each. Made by numpy: on
+    large pages."""
+    return np.empty((6, N)), *packed.room.py_func(n, m or 8 * n + 64)

@@ -102,3 +102,49 @@ def schedule(i, j, keys, row, ends, ids, after, need, place):
                         behind[last[u]] = q
                     behind[q], last[u] = -1, q
                     at = min(at, u)
+
+
+@njit(cache=True)
+def about(i, j, n, threads, first):
+    """Class of a constraint on particles i, j by place: its strip, else its border (behind the `threads` strips), else the
+    rest. first: the earliest that may be said (0: strips; else borders)."""
+    j = i if j < 0 else j
+    strip = ((i + 1) * threads - 1) // n
+    if first == 0 and strip == ((j + 1) * threads - 1) // n:
+        return strip
+    border = (((i + 1) * 2 * threads - 1) // n + 1) // 2
+    return threads + border if border == (((j + 1) * 2 * threads - 1) // n + 1) // 2 else 2 * threads + 1
+
+
+@njit(cache=True)
+def divide(i, j, after, place, order, kind, n, ends):
+    """Sort the order of execution by classes that threads may take: changes `place`, fills `ends` with where each begins.
+
+    Of n particles of the store those of a strip lie together; ends (2 threads + 3,): of the strips, of the borders from
+    the lowest half strip on to the highest, of the rest. A class waits for nothing but earlier ones of its own kind: a
+    strip for none, a border for strips alone. after: as `waits` fills it; order, kind: room (m,).
+    """
+    threads = ends.size // 2 - 1
+    last = 2 * threads + 1
+    for c in range(i.size):
+        order[place[c]] = c
+        kind[c] = about(i[c], j[c], n, threads, 0)
+    ends[:] = 0
+    for e in range(i.size):
+        c = order[e]
+        ends[kind[c] + 1] += 1
+        for u in range(2 * c, 2 * c + 2):
+            q = after[u]
+            if q >= 0 and kind[c] == last:
+                kind[q] = last
+            elif q >= 0 and kind[c] >= threads and kind[q] < threads:
+                kind[q] = about(i[q], j[q], n, threads, 1)
+    for k in range(ends.size - 1):
+        ends[k + 1] += ends[k]
+    for e in range(i.size):
+        c = order[e]
+        place[c] = ends[kind[c]]
+        ends[kind[c]] += 1
+    for k in range(ends.size - 1, 0, -1):    # filling has moved each start to its end
+        ends[k] = ends[k - 1]
+    ends[0] = 0

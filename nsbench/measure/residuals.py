@@ -40,7 +40,8 @@ def residuals(frame: Frame, traj: Trajectory) -> dict:
     out = dict.fromkeys(NAMES, float("nan"))
     if k < 2:
         return out
-    t, x, impulse, reaction = traj.t[:k], traj.x[:k], traj.impulse[:k], traj.reaction[:k]
+    t, x, impulse, reaction = traj.t[:k], traj.x[:k].copy(), traj.impulse[:k], traj.reaction[:k]
+    x.flags.writeable = False                # a drift that writes into the state it is given is found out here, if not before
     events = [e.t for e in traj.events]
     if frame.ref is not None:
         events += [e.t for e in frame.ref.events or ()]

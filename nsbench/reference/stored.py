@@ -13,6 +13,7 @@ import os
 import re
 import tokenize
 import zipfile
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +23,7 @@ from nsbench.reference.known import Reference
 from nsbench.trajectory import Event
 
 FORMAT = 1
+ENOUGH = 1 << 30          # bytes: a thousand samples of ten thousand discs are 160 MB
 BOUNDS = ("state_error", "impulse_error", "reaction_error")
 KINDS = ("stored", "certified")
 
@@ -103,17 +105,30 @@ def store(case: Case, ref: Reference, folder=None) -> Path:
     return npz
 
 
+def _small_enough(npz: Path, js: Path) -> None:
+    """ValueError for files, or arrays packed in them, that are far larger than any reference."""
+    for path in (npz, js):
+        if path.stat().st_size > ENOUGH:
+            raise ValueError(f"{path.name} is {path.stat().st_size} bytes long; at most {ENOUGH} are read")
+    with zipfile.ZipFile(npz) as z:
+        size = sum(i.file_size for i in z.infolist())
+    if size > ENOUGH:
+        raise ValueError(f"{npz.name} unpacks to {size} bytes; at most {ENOUGH} are read")
+
+
 def load(case: Case, folder=None) -> Reference | None:
     """The stored reference; None if there is none, BadReference if it is broken or of another version of the case."""
     npz, js = files_of(case, folder)
     if not npz.exists() and not js.exists():
         return None
     try:
+        _small_enough(npz, js)
         meta = json.loads(js.read_bytes())
         with np.load(io.BytesIO(npz.read_bytes()), allow_pickle=False) as z:
             arrays = {k: z[k] for k in z.files}
         kept, sums = dict(meta["fingerprint"]), (meta["checksum"], _checksum(arrays, meta))
-    except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile, zipfile.error) as e:
+    except (OSError, ValueError, KeyError, TypeError, EOFError, RecursionError, MemoryError, NotImplementedError, zlib.error,
+            zipfile.BadZipFile) as e:
         raise BadReference(f"the reference {npz} with {js.name} cannot be read: {type(e).__name__}: {e}") from None
     if sums[0] != sums[1]:
         raise BadReference(f"the reference {npz} does not match the checksum in {js.name}: it was damaged or edited")

@@ -5,7 +5,9 @@ import dataclasses
 import functools
 import importlib
 import pkgutil
+import re
 import sys
+from pathlib import Path
 
 from nsbench.case import Case, format_value, get_case, load_module, nearest, parse_spec
 from nsbench.solvers.base import Claims, Expect, Grid, Run, Solver, check_positive, grid, last_steps, sample
@@ -15,6 +17,7 @@ __all__ = ["Case", "Claims", "Event", "Expect", "Grid", "Run", "Solver", "Status
            "check_positive", "get", "grid", "last_steps", "load", "sample", "solve", "spec_of", "standard"]
 
 _loaded: dict[str, type] = {}
+NAME = re.compile(r"[A-Za-z0-9_.-]{1,80}")       # of a solver, as of a case
 
 
 @functools.cache
@@ -25,21 +28,36 @@ def _scan() -> tuple[dict, dict]:
             continue
         try:
             module = importlib.import_module(f"{__name__}.{info.name}")
-            found[info.name] = module.SOLVER
-        except Exception as e:                       # a broken plugin must not take the others with it
+            found[info.name] = _checked(module)
+        except (Exception, SystemExit) as e:         # a broken plugin must not take the others with it
             failed[info.name] = f"{type(e).__name__}: {e}"
     return found, failed
 
 
+def _checked(module) -> type:
+    """SOLVER of a module; TypeError where it is no solver, with what is missing."""
+    made = getattr(module, "SOLVER", None)
+    if made is None:
+        raise TypeError(f"{module.__file__} does not define SOLVER")
+    if not (isinstance(made, type) and dataclasses.is_dataclass(made)):
+        raise TypeError(f"SOLVER of {module.__file__} is {made!r}; a frozen dataclass is needed")
+    missing = [n for n in ("accuracy", "default", "claims", "refuses", "prepare") if not hasattr(made, n)]
+    if missing:
+        raise TypeError(f"SOLVER of {module.__file__} has no {', '.join(missing)}")
+    return made
+
+
 def load(path) -> str:
     """Register the solver of the file at `path`, which defines SOLVER, under the file's name."""
-    module = load_module(path)
-    if not hasattr(module, "SOLVER"):
-        raise ValueError(f"{path} does not define SOLVER")
-    name = module.__name__.removeprefix("nsbench_file_")
-    if name in _scan()[0]:
-        raise ValueError(f"{path}: a solver named {name!r} exists already")
-    _loaded[name] = module.SOLVER
+    path = Path(path).resolve()
+    name = path.stem
+    if not NAME.fullmatch(name):
+        raise ValueError(f"{str(path)!r}: a solver is named after its file, in letters, digits, '_', '.', '-', at most 80")
+    homes = {n: sys.modules[c.__module__].__file__ for n, c in {**_scan()[0], **_loaded}.items() if c.__module__ in sys.modules}
+    for other, file in homes.items():
+        if other.casefold() == name.casefold() and not (other in _loaded and Path(file) == path):
+            raise ValueError(f"{path}: a solver named {other!r} exists already, in {file}")
+    _loaded[name] = _checked(load_module(path))
     return name
 
 
@@ -93,11 +111,12 @@ def solve(case: Case | str, solver: str = "event_driven", **accuracy) -> Traject
     if set(accuracy) - {method.accuracy}:
         wrong = (set(accuracy) - {method.accuracy}).pop()
         raise LookupError(f"{solver} takes {method.accuracy!r}, not {wrong!r}")
+    from nsbench.solvers._doubts import doubted
     value = check_positive(method.accuracy, accuracy.get(method.accuracy, method.default))
     why = method.refuses(case)
     if why:
         return refused(case, why)
-    return method.prepare(case, value)()
+    return doubted(case, method.prepare(case, value)())
 
 
 def refused(case: Case, why: str) -> Trajectory:

@@ -28,6 +28,10 @@ REFUSALS = 40           # steps refused in a row, each at least half as long as 
 PARTS = 64              # of the run: longest step where nothing is proven
 STIFF, ROW, LONG = 20.0, 15, 2000       # the equation is so much faster than the solution, in so many steps in a row, and
 #                         so many are still to come: an implicit method is faster (Hairer & Wanner 1996, section IV.2)
+CREEP, SPAN = 200, 1e-9  # so many steps that lead no further than this part of the arc: as many again as a run may take would
+#                         not end it (steps towards a kink or a dip 1e-10 wide shrink and grow by factors: 30 do)
+CREEPS = f"{CREEP} steps led from t = {{:.9g}} no further than {SPAN:g} of the run: a pole, contacts that lock, or a layer too " \
+         "thin for doubles."
 _MINIMAL = 16 * np.finfo(float).eps        # tolerances below SciPy's own floor are raised to it
 
 
@@ -84,16 +88,35 @@ def follow(rhs: Callable, t0: float, y0: np.ndarray, t_end: float, gaps: Callabl
                              max_steps, first_step)
 
 
+class Creeping:
+    """Whether the last CREEP steps went nowhere, and about as far as those before: shrinking ones end by themselves."""
+
+    def __init__(self, t0: float, length: float):
+        self.mark, self.length = (0, t0, 0.0), length
+
+    def __call__(self, steps: int, t: float) -> bool:
+        """To be asked after every step, with the number of steps so far and the time."""
+        begun, start, before = self.mark
+        if steps - begun < CREEP:
+            return False
+        far = t - start
+        self.mark = steps, t, far
+        return 0.05 * before < far < SPAN * self.length
+
+
 class _Follower:
     def __init__(self, rhs, t0, y0, t_end, gaps, method, rtol, atol, max_step, project, armed, band, samples, data):
         import scipy.integrate
         self.kind, self.method, self.slow = getattr(scipy.integrate, METHODS[method]), method, 0
         self.restart = method == "lsoda"        # keeps a history that cannot be projected
         self.fun, self.project, self.max_step, self.data = _Counted(rhs), project, max_step, data
-        self.rtol, self.atol = max(SHARE * rtol, 100 * np.finfo(float).eps), max(SHARE * atol, _MINIMAL)
+        eps = np.finfo(float).eps
+        # an impulse is what two states differ by: it cannot be asked for more digits than the largest of them has
+        self.rtol, self.atol = max(SHARE * rtol, 100 * eps), max(SHARE * atol, _MINIMAL, eps * np.abs(y0).max(initial=0.0))
         self.t, self.y, self.t_end, self.y_size = t0, y0, t_end, 1.0 + np.abs(y0).max(initial=0.0)
         self.stops, self.bound = np.append(np.asarray(samples, float), t_end), (t_end - t0) / PARTS
         self.h, self.steps, self.rows, self.row = 0.0, 0, [], 0
+        self.creeps = Creeping(t0, t_end - t0)
         self.unproven = self.refused = 0
         self.watch = None if gaps is None else Crossings(gaps, band, armed, t0, y0)
 
@@ -112,6 +135,8 @@ class _Follower:
             while self.t < stop:
                 if self.steps >= max_steps:
                     return self._end(Status("maxiter", f"{max_steps} steps were taken by t = {self.t:.9g}."))
+                if self.creeps(self.steps, self.t):
+                    return self._end(Status("maxiter", CREEPS.format(self.t)))
                 status, fired, solver = self._step(solver)
                 h = None if self.restart else solver.h_abs
                 if not status.ok or fired.size:

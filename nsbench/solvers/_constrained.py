@@ -206,7 +206,7 @@ class _Walk:
 
     def _why(self, status, held) -> Status:
         """A stepper that stops while multipliers explode has met contacts that lock."""
-        if status.code == "maxiter":
+        if status.code == "maxiter" and self.steps >= self.options.max_steps:
             return Status("maxiter", f"{self.options.max_steps} steps were taken by t = {self.t:.9g}.")
         if status.code in ("degenerate", "diverged") and len(held):
             lam = self.field.held(self.t, self.x, held)[1] * held.norm

@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from nsbench.case import Case
+from nsbench.solvers._arc import CREEPS, Creeping
 from nsbench.solvers._lcs import certainly_unique
 from nsbench.solvers._linear_arc import EPS, SUM, Flow, crossing, resolved, value
 from nsbench.solvers._modes import Inputs, mode
@@ -40,6 +41,7 @@ class _Walk:
         self.n, self.m = self.p.B.shape
         self.t, self.T, self.x = float(case.t[0]), float(case.t[-1]), case.x0.copy()
         self.inputs, self.flows, self.flow = Inputs(self.p), {}, None
+        self.creeps = Creeping(self.t, self.T - self.t)
         self.total = np.zeros(self.m)
         self.X, self.P = np.full((len(case.t), self.n), np.nan), np.full((len(case.t), self.m), np.nan)
         self.X[0], self.P[0], self.done = self.x, 0.0, 1
@@ -94,6 +96,8 @@ class _Walk:
             h = min(h, span, self.options.max_step)
             if self.steps >= self.options.max_steps:
                 return Status("maxiter", f"{self.steps} steps were taken by t = {self.t:.9g}.")
+            if self.creeps(self.steps, self.t):
+                return Status("maxiter", CREEPS.format(self.t))
             X, s = flow.step(self.t, self.x, h)
             self.steps += 1
             F = flow.functions(X, s)

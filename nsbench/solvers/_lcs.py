@@ -6,7 +6,7 @@ from itertools import combinations
 import numpy as np
 
 from nsbench.case import Case
-from nsbench.compile import compiled_leaves, plain
+from nsbench.compile import plain
 from nsbench.problem import LCS
 
 MINORS = 10               # rows whose principal minors are all looked at
@@ -15,11 +15,9 @@ _drifts: dict = {}         # by id; the system is kept beside it, so that the id
 
 
 def drift_of(p: LCS):
-    """The factory of A x + u(t), with u compiled where it is called from compiled code; one object per system, so that
-    what is compiled for it serves again."""
+    """The factory of A x + u(t); one object per system, so that what is compiled for it serves again."""
     if id(p) not in _drifts:
-        make = _make(p)
-        _drifts[id(p)] = p, lambda xp: compiled_leaves(make)(xp) if xp is np else make(xp)
+        _drifts[id(p)] = p, _make(p)
     return _drifts[id(p)][1]
 
 

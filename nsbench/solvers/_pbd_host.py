@@ -24,6 +24,10 @@ def prepare(method, case, scene, g, x0):
     f = host(case.problem.drift)
 
     def march():
+        with np.errstate(all="ignore"):              # what overflows ends the run, and is told by its status
+            return steps()
+
+    def steps():
         X, R = np.full((len(g.t), case.n), np.nan), np.full((len(g.t), case.n), np.nan)
         x, reac, mu, work, code = x0.copy(), np.zeros(case.n), np.zeros(len(near)), 0, pbd.OK
         X[0], R[0], ids, values = x, reac, [], []

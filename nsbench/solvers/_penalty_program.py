@@ -6,7 +6,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from nsbench.solvers._fingerprint import Unknown, fingerprint
+from nsbench.fingerprint import Unknown, fingerprint
 from nsbench.solvers._programs import float64, program
 
 

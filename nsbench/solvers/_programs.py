@@ -1,32 +1,30 @@
 """Compiled JAX programs, kept in the process and in the user's cache folder: a second process need not even trace.
 
-A program is found by the fingerprint of what it was made from (nsbench.solvers._fingerprint), of this package, of the
+A program is found by the fingerprint of what it was made from (nsbench.fingerprint), of this package, of the
 libraries that trace and compile, of JAX's settings and of the processor. Where there is no fingerprint it is traced and
 found by the text of what was traced. JAX's own settings, its cache among them, are left as the user has them.
 A file that cannot be read is no error: the program is compiled again. NSBENCH_CACHE=off keeps programs off the disk.
 """
 from __future__ import annotations
 
-import contextlib
 import functools
-import hashlib
 import os
 import re
-import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from nsbench import kept
+from nsbench.fingerprint import package_digest, version
+from nsbench.kept import digest
 from nsbench.solvers._executables import pack, unpack
-from nsbench.solvers._fingerprint import package_digest, version
 
 # functions outside the program: LAPACK's must be looked up before it runs, any other (a callback into this process, say)
 # would be gone in the next one, so such a program is not kept
 CALLS = re.compile(r"custom_call @?\"?([A-Za-z0-9_.$]+)")
 TRACERS = ("jax", "jaxlib", "diffrax", "equinox", "optimistix", "lineax", "numpy")
-FILES = 2000                   # programs kept on disk, about 300 MB; the oldest give way
 
 
 def float64():
@@ -58,13 +56,13 @@ class Kept:
 
 def program(key: str | None, trace: Callable) -> Kept:
     """The executable for `key`; trace() -> jax.stages.Lowered is called where it is not known yet, or key is None."""
-    name = None if key is None else _digest("made from", key, _platform())
+    name = None if key is None else digest("made from", key, _platform())
     found = _load(name)
     if found is not None:
         return Kept(found, lambda: _compiled(trace(), name, fresh=True))
     lowered = trace()
     if name is None:
-        name = _digest("traced", lowered.as_text(), _platform())
+        name = digest("traced", lowered.as_text(), _platform())
         found = _load(name)
         if found is not None:
             return Kept(found, lambda: _compiled(trace(), name, fresh=True))
@@ -73,9 +71,8 @@ def program(key: str | None, trace: Callable) -> Kept:
 
 def _compiled(lowered, name: str, fresh: bool = False):
     """The executable, kept under `name` if it can be. fresh: what is there now is of no use."""
-    if fresh and folder() is not None:
-        with contextlib.suppress(OSError):
-            (folder() / f"{name}.bin").unlink()
+    if fresh:
+        kept.drop(folder(), name)
     calls = set(CALLS.findall(lowered.as_text()))
     found, ours = _compile(lowered)
     if ours and all(c.startswith("lapack_") for c in calls):
@@ -99,56 +96,24 @@ def _watch_cache() -> list:
     return hits
 
 
-def _digest(*words: str) -> str:
-    h = hashlib.sha256()
-    for w in words:
-        h.update(len(w).to_bytes(8, "little") + w.encode())
-    return h.hexdigest()
-
-
 def _platform() -> str:
     """All beside the program that makes an executable what it is."""
     jax = float64()
     settings = {k: v for k, v in jax.config.values.items() if "cache" not in k}
-    return _digest(*(f"{n} {version(n)}" for n in TRACERS), package_digest(), repr(sorted(settings.items(), key=str)),
-                   os.environ.get("XLA_FLAGS", ""), _processor())
+    return digest(*(f"{n} {version(n)}" for n in TRACERS), package_digest(), repr(sorted(settings.items(), key=str)),
+                  os.environ.get("XLA_FLAGS", ""), kept.processor())
 
 
-@functools.cache
-def _processor() -> str:
-    import platform
-    lines = ""
-    with contextlib.suppress(OSError):
-        lines = "".join(sorted(set(line for line in Path("/proc/cpuinfo").read_text().splitlines()
-                                   if line.startswith(("flags", "Features", "model name")))))
-    return f"{platform.machine()} {platform.processor()} {platform.python_version()} {os.cpu_count()} {lines}"
-
-
-@functools.cache
 def folder() -> Path | None:
-    """Where programs are kept, or None: not wanted, or nowhere to write."""
-    if os.environ.get("NSBENCH_CACHE", "").lower() == "off":
-        return None
-    path = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "nsbench" / "programs"
-    try:
-        path.mkdir(parents=True, exist_ok=True, mode=0o700)
-    except OSError:
-        return None
-    # a program is machine code: one that others can write to is not run
-    return path if not hasattr(os, "getuid") or (path.stat().st_uid == os.getuid() and not path.stat().st_mode & 0o022) \
-        else None
+    """Where programs are kept, or None."""
+    return kept.folder("programs")
 
 
 def _load(name):
-    home = folder()
-    if home is None or name is None:
+    body = kept.read(folder(), name)
+    if body is None:
         return None
-    path = home / f"{name}.bin"
     try:
-        data = path.read_bytes()
-        digest, body = data[:32], data[32:]
-        if hashlib.sha256(body).digest() != digest:          # half a file
-            return None
         return unpack(body)
     except Exception:      # whatever is wrong with the file, or with this JAX's idea of it: the program is compiled again
         return None
@@ -156,16 +121,10 @@ def _load(name):
 
 def _save(name, compiled, lapack: bool) -> None:
     """Keep an executable and whether it calls LAPACK; where that fails nothing is lost but time."""
-    home = folder()
-    if home is None or name is None:
+    if folder() is None or name is None:
         return
     try:
         body = pack(compiled, lapack)
-        with tempfile.NamedTemporaryFile(dir=home, delete=False) as f:
-            f.write(hashlib.sha256(body).digest() + body)
-        os.replace(f.name, home / f"{name}.bin")
-        files = sorted(home.glob("*.bin"), key=lambda p: p.stat().st_mtime)
-        for old in files[:-FILES]:
-            old.unlink(missing_ok=True)
-    except Exception:      # a full disk, a folder that is gone, an executable that cannot be written
+    except Exception:      # an executable that cannot be written
         return
+    kept.write(folder(), name, body)

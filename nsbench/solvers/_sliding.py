@@ -10,11 +10,13 @@ from itertools import combinations, product
 import numpy as np
 
 from nsbench.jets import SPACE
+from nsbench.trajectory import Status
 
 TINY = 1e-30          # imaginary step: its square vanishes against 1, so the derivative has no truncation error
 EPS = np.finfo(float).eps
 FREE = 2
 SAME = 1e-14          # fields that differ by less than this part of their size are the same, but for rounding
+LOST = 100.0          # tolerances of the run by which a state may miss the surface that it meets: what event_driven claims
 STARTS = (-0.8, 0.0, 0.8)      # of Newton's method in each sign, where all solutions are looked for
 
 
@@ -72,6 +74,17 @@ class Motion:
     def gradients(self, t, x, rows) -> np.ndarray:
         """(len(rows), n) gradients of the switch functions in x."""
         return np.array([self.along(t, x, 0.0, e)[rows] for e in np.eye(self.n)]).T
+
+    def lost(self, t, x, rows, mode, tol) -> Status | None:
+        """What is wrong if a surface of `rows` that was just met is not where the state is, to the digits of a run of tol."""
+        rows = rows[np.abs(mode[rows]) == 1]
+        slope = np.linalg.norm(self.gradients(t, x, rows), axis=1) if rows.size else np.empty(0)
+        slope = np.maximum(slope, np.abs(self.along(t, x, 1.0, np.zeros(self.n)))[rows])      # one may be met in time alone
+        far = np.abs(self.switch(t, x)[rows]) / np.maximum(slope, np.finfo(float).tiny)
+        if np.all(far <= LOST * tol * (1.0 + np.abs(x).max())):
+            return None
+        return Status("degenerate", f"At t = {t:.9g} the gradient of surface {rows[far.argmax()]} vanishes where it is met: that "
+                                    f"is told to within {far.max():.1g} only.")
 
     def velocity(self, t, x, p, guess):
         """(F, s): the velocity in mode p and its signs; s of a sliding surface solves c_i' = 0, NaN if nothing does.

@@ -32,9 +32,8 @@ def prepare(case: Case, options, tol: float) -> Run:
 
     Its trajectory has the integrals of theta and the events enter, exit and cross with contact (0, i).
     """
-    motion, made = Motion(case.problem, float(case.t[0]), case.x0), None
-    if options.method == "dop853" and options.compiled:
-        made = tape(case.problem, motion.d, float(case.t[0]), case.x0)
+    motion, series = Motion(case.problem, float(case.t[0]), case.x0), options.method == "dop853" and options.compiled
+    made = tape(case.problem, motion.d, float(case.t[0]), case.x0) if series else None
     fast = None if made is None else Compiled(made, case, options, tol)
     return lambda: _Walk(case, motion, options, tol, fast).run()
 
@@ -174,7 +173,8 @@ class _Walk:
         near[fired[fired < self.d]] = True
         met = np.flatnonzero(near)
         self.motion.trust(self.t, self.x)
-        status, mode, signs = self._choose(met)
+        lost = self.motion.lost(self.t, self.x, fired[fired < self.d], self.mode, self.tol)
+        status, mode, signs = (lost, None, None) if lost else self._choose(met)
         if not status.ok:
             return status
         for i in met:

@@ -95,8 +95,11 @@ def grid(t: np.ndarray, h: float, last: bool = False) -> Grid:
     spacing = np.diff(t)
     if h <= spacing.min() * (1 + 1e-9):
         n = np.maximum(1.0, np.ceil(spacing / h * (1 - 1e-9)))
-        if not float(n.sum()) <= 2e9 or h < 4 * np.spacing(np.abs(t).max()):
+        if not float(n.sum()) <= 2e9:
             raise ValueError(f"h = {h:g} needs {float(n.sum()):.3g} steps; at most 2e9 are taken")
+        if h < 4 * np.spacing(np.abs(t).max()):
+            raise ValueError(f"h = {h:g} is below the rounding of t = {np.abs(t).max():g}, where times are "
+                             f"{np.spacing(np.abs(t).max()):.2g} apart")
         n = n.astype(np.int64)
         return (_with_last if last else Grid)(np.array(t), n, float((spacing / n).max()), not last)
     span = t[-1] - t[0]

@@ -7,6 +7,7 @@ import numpy as np
 
 from nsbench.case import Case, nearest
 from nsbench.problem import Complementarity, Smooth
+from nsbench.solvers._ended import not_finite
 from nsbench.solvers._qp import BACKENDS, many_rows
 from nsbench.solvers.base import Claims, Expect, Run, grid, last_steps, sample
 from nsbench.solvers.start import start_state
@@ -75,11 +76,13 @@ class CatchingUp:
         smooth = any(isinstance(c, Smooth) for c in scene.families)
         if self.backend == "active_set" and not smooth and not self.nonlinear:
             march, loop = _compiled(case, scene, g, x0, reach)
+            again = lambda fine, x: _compiled(case, scene, fine, x, reach)[0]()[0]
         else:
             from nsbench.solvers._catching_up_host import HostLoop
-            march = HostLoop(case, scene, g, x0, self.backend, self.nonlinear, reach, self.eps, self.max_iter).run
-            loop = "host"
-        return lambda: _trajectory(case, g, loop, march())
+            loop, made = "host", (self.backend, self.nonlinear, reach, self.eps, self.max_iter)
+            march = HostLoop(case, scene, g, x0, *made).run
+            again = lambda fine, x: HostLoop(case, scene, fine, x, *made).run()[0]
+        return lambda: _trajectory(case, g, loop, march(), again)
 
 
 def _mean_radius(scene) -> float:
@@ -116,14 +119,14 @@ def _compiled(case, scene, g, x0, reach):
     return run, loop
 
 
-def _trajectory(case, g, loop, out):
+def _trajectory(case, g, loop, out, again):
     from nsbench.kernels.records import cumulate
     X, R, ids, values, work, worst, when, code, reached = out
     contacts, impulse = cumulate(ids, values, len(g.t))
     impulse[~np.isfinite(X[:, 0])] = np.nan
     steps = int(g.substeps.sum())
     stats = {"steps": steps, "h": g.h, "drift_calls": steps, "loop": loop, "kkt": float(worst), **work}
-    status = _status(code, stats, when, reached)
+    status = not_finite(g, X, reached, again) if code == "nan" else _status(code, stats, when, reached)
     lam = last_steps(case.t, g, impulse)
     if not g.aligned:
         X, R, impulse = (sample(case.t, g.t, v) for v in (X, R, impulse))
@@ -132,9 +135,6 @@ def _trajectory(case, g, loop, out):
 
 
 def _status(code, stats, when, reached):
-    if code == "nan":
-        return Status("nan", f"The state stopped being finite at t = {reached:.6g}: the drift is not finite there "
-                             "or the step is too long for it.")
     if code == "infeasible":
         return Status("infeasible", f"The QP of the step from t = {reached:.6g} has no feasible point: the linearised "
                                     "constraints contradict each other.")

@@ -8,6 +8,7 @@ import numpy as np
 
 from nsbench.case import Case
 from nsbench.problem import Affine, Complementarity, Distance
+from nsbench.solvers._ended import ended
 from nsbench.solvers.base import Claims, Expect, Run, grid, sample
 from nsbench.solvers.start import start_state
 from nsbench.trajectory import Status, Trajectory
@@ -63,7 +64,11 @@ class KDTree:
         walls = _walls(case)
         hard = next((c for c in case.problem.constraints if isinstance(c, Distance)), None)
         project = _sweeper(self, hard)
-        return lambda: _march(case, x0, g, f, project, walls)
+
+        def run():
+            with np.errstate(all="ignore"):          # what overflows ends the run, and is told by its status
+                return _march(case, x0, g, f, project, walls)
+        return run
 
 
 def _box(c) -> bool:
@@ -130,10 +135,9 @@ def _march(case, x0, g, f, project, walls):
     for k, steps in enumerate(g.substeps):
         h = (g.t[k + 1] - g.t[k]) / steps
         for s in range(steps):
-            x = x + h * f(g.t[k] + s * h, x)
+            last, x = x, x + h * f(g.t[k] + s * h, x)
             if not np.isfinite(x.sum()):
-                status = Status("nan", f"The state stopped being finite at t = {g.t[k] + (s + 1) * h:.6g}: the drift is not "
-                                       "finite there or the step is too long for it.")
+                status = ended(last, x0, g.t[k] + (s + 1) * h, g.t[k] + s * h)
                 break
             before = x.copy()
             if project is not None:

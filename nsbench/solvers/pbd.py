@@ -7,10 +7,13 @@ import numpy as np
 
 from nsbench.case import Case
 from nsbench.problem import Affine, Complementarity, Smooth
+from nsbench.solvers._ended import not_finite
 from nsbench.solvers.base import Claims, Expect, Run, grid, last_steps, sample
 from nsbench.solvers.start import start_state
 from nsbench.trajectory import Status, Trajectory
 
+MANY_THREADS = 32
+THREADED = ("random", "coloured")                                 # orders in which few constraints wait for far ones
 ORDERS = ("sorted", "reverse", "random", "cell", "coloured")      # as kernels.keys numbers them
 EXPECTS = (
     Expect(("exact_at_grid",), "exact", "exact", "every step of Euler is exact for a drift that is constant in each mode"),
@@ -30,12 +33,16 @@ class PBD:
     The multiplier estimate of constraint k in a step is displacement along grad g_k / (h |grad g_k|), kept as
     impulse. `reach`: margin of the neighbour list in mean radii; the result does not depend on it. Coincident
     centres are parted along the first axis and the run is marked "degenerate".
+    `threads`: for random and coloured orders over one family of hard particles; the result is that of one, bit for bit.
+    They are this run's own (beside those of other workers, whatever NUMBA_NUM_THREADS says), and wait by looking: they pay
+    where processors are idle and particles many.
     Source: Mueller et al. 2007; as a method for complementarity systems Plunder & Merino-Aceituno, arXiv 2310.01215.
     """
     sweeps: int = 1
     order: str = "sorted"
     seed: int = 0
     reach: float = 1.0
+    threads: int = 1
 
     accuracy = "h"
     default = 1e-2
@@ -51,6 +58,8 @@ class PBD:
             raise ValueError(f"seed is {self.seed!r}; a whole number from 0 to 2^31 is needed")
         if not self.reach > 0:
             raise ValueError(f"reach is {self.reach!r}; a positive number is needed")
+        if not (isinstance(self.threads, int) and 1 <= self.threads <= MANY_THREADS):
+            raise ValueError(f"threads is {self.threads!r}; a whole number from 1 to {MANY_THREADS}")
 
     @property
     def rank(self) -> int:
@@ -63,6 +72,19 @@ class PBD:
                 "Filippov system." if type(case.problem).__name__ == "Filippov" else "linear complementarity system.")
         if not case.problem.constraints:
             return "PBD needs constraints to project on; this case has none (it would be explicit Euler: use euler)."
+        return self._refuses_threads(case) if self.threads > 1 else None
+
+    def _refuses_threads(self, case: Case) -> str | None:
+        from nsbench.contacts import Scene
+        if self.order not in THREADED:
+            return (f"Threads need an order in which few constraints wait for far ones: {' or '.join(THREADED)}, not "
+                    f"{self.order}; use one thread.")
+        scene = Scene(case.problem, case.n)
+        if not packs(scene):
+            return ("Threads share hard particles of one family and rows on single ones; this case has other constraints: "
+                    "use one thread.")
+        if _pointers(case, scene)[1] != "compiled":
+            return "Threads need a drift that numba compiles; this one runs in Python: use one thread."
         return None
 
     def prepare(self, case: Case, h: float) -> Run:
@@ -73,9 +95,11 @@ class PBD:
         if any(isinstance(c, Smooth) for c in scene.families):
             from nsbench.solvers._pbd_host import prepare
             march, loop = prepare(self, case, scene, g, x0), "host"
+            again = lambda fine, x: prepare(self, case, scene, fine, x)()[0]
         else:
             march, loop = self._compiled(case, scene, g, x0)
-        return lambda: _trajectory(case, g, loop, march())
+            again = lambda fine, x: self._compiled(case, scene, fine, x)[0]()[0]
+        return lambda: _trajectory(case, g, loop, march(), again)
 
     def _compiled(self, case, scene, g, x0):
         """The compiled loop bound to its data, and "compiled" or "host": the same loop around a drift in Python."""
@@ -94,12 +118,13 @@ class PBD:
                 scene.b(float(case.t[0])), radii[:1].copy() if np.all(radii == radii[0]) else radii,
                 hard_ranks(scene, self.order, x0), families, c.dim, self.reach * _mean_radius(scene), self.rank, self.seed,
                 record)
-        march = kernel.march if loop == "compiled" else kernel.march.py_func
-        if loop == "compiled":
-            march.compile(_types((*args, *kernel.room(1, 2 * c.dim, 2))))
+        if self.threads > 1:
+            march = _threaded(kernel, self.threads, args, case.n, len(g.t), m)
+        else:
+            march = _alone(kernel, loop, args, case.n, len(g.t), m)
 
         def run():
-            out = march(*args, *kernel.room(m, case.n, len(g.t)))
+            out = march()
             if out[5] != kernel.TOO_MANY:
                 return (*out[:8], out[8] + scene.inv2.size)
             return self._listed(case, scene, g, x0)[0]()
@@ -126,6 +151,38 @@ class PBD:
         if loop == "compiled":
             march.compile(_types(args))
         return (lambda: march(*args)), loop
+
+
+def _alone(kernel, loop, args, n, samples, m):
+    """The march of kernels.pbd_packed on one thread: without arguments, and its lists are made once. (Its state is not: the
+    trajectory has that room when it is made.)"""
+    state, *lists = kernel.room(m, n)
+    if loop == "compiled":
+        kernel.march.compile(_types((*args, None, np.empty((2, 1, 1)), state, *lists)))
+    march, shape = kernel.march if loop == "compiled" else kernel.march.py_func, state.shape
+    del state
+    return lambda: march(*args, None, np.empty((2, samples, n)), np.empty(shape), *lists)
+
+
+def _threaded(kernel, threads, args, n, samples, m):
+    """The same on several threads; where lists outgrow their arrays, begun anew with longer ones."""
+    from nsbench.kernels import pbd_threads
+    room = [kernel.room(m, n)]
+
+    def bound(X):
+        return pbd_threads.crew(threads, args[12], args[2], args[16], X, room[0], *args[7:10])
+    crew = bound(np.empty((2, 1, n)))
+    kernel.march.compile(_types((*args, crew, crew[6], *room[0])))
+    pbd_threads.serve.compile(_types((1, crew)))
+
+    def march():
+        while True:
+            crew = bound(np.empty((2, samples, n)))
+            out = pbd_threads.run_with(crew, kernel.march, (*args, crew, crew[6], *room[0]))
+            if out[5] != kernel.TOO_SMALL:
+                return out
+            room[0] = kernel.room(m, n, int(out[4]))
+    return march
 
 
 def _types(args):
@@ -189,7 +246,7 @@ def _first_rows(scene):
 def hard_ranks(scene, order, x0):
     """Numbers by which the pairs of hard particles are ordered, family after family; empty: their labels."""
     from nsbench.kernels.keys import ranks
-    if order != "cell":
+    if order != "cell" or not scene.hard:
         return np.empty(0, np.int64)
     return np.concatenate([ranks(x0[c.start:c.start + m * c.dim], c.dim, 2.0 * float(scene.radii[k].max(initial=0.5)))
                            for k, c, m in scene.hard])
@@ -199,7 +256,7 @@ def _mean_radius(scene):
     return float(np.mean(np.concatenate(list(scene.radii.values()))))
 
 
-def _trajectory(case, g, loop, out):
+def _trajectory(case, g, loop, out, again=None):
     from nsbench.kernels.records import cumulate
     X, R, ids, values, work, code, reached, *lists = out
     contacts, impulse = cumulate(ids, values, len(g.t))
@@ -210,8 +267,7 @@ def _trajectory(case, g, loop, out):
     status = Status()
     if code == 1:
         impulse[~np.isfinite(X[:, 0])] = np.nan
-        status = Status("nan", f"The state stopped being finite at t = {reached:.6g}: the drift is not finite there "
-                               "or the step is too long for it.")
+        status = not_finite(g, X, reached, again)
     elif code == 2:
         status = Status("degenerate", "Coincident centres: the contact has no normal; they were parted along "
                                       "the first axis.")

@@ -69,7 +69,8 @@ class PBDJax:
         scene = Scene(case.problem, case.n)
         x0 = start_state(case, scene)
         march = _March(self, case, scene, g, x0)
-        return lambda: _trajectory(case, g, "compiled", march())
+        again = lambda fine, x: _March(self, case, scene, fine, x)()[0]
+        return lambda: _trajectory(case, g, "compiled", march(), again)
 
 
 def _device(kind: str):

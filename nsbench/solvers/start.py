@@ -10,6 +10,14 @@ ITERATIONS = 1000         # linear convergence: a start that overlaps deeply nee
 TOLERANCE = 1e-9          # relative; a start that misses by less is the rounding of whoever made it
 
 
+class NoStart(ValueError):
+    """There is no start; code: the status of the runs that would begin there."""
+
+    def __init__(self, code: str, sentence: str):
+        super().__init__(sentence)
+        self.code = code
+
+
 def start_state(case: Case, scene: Scene) -> np.ndarray:
     """(n,) the start under the case's policy.
 
@@ -43,15 +51,15 @@ def _nearest(case, scene, x0, t, scale):
             return y
         tie = np.flatnonzero(np.isin(near.kind, (PAIR, ANCHOR)) & (g == -near.sign * near.d) & (near.sign > 0.0))
         if tie.size:
-            raise ValueError(f"the start of {case.key} has coincident centres, {near.ids[int(tie[0])]}: no feasible point "
-                             'is the nearest; part them, or give start="keep"')
+            raise NoStart("degenerate", f"the start of {case.key} has coincident centres, {near.ids[int(tie[0])]}: no feasible "
+                                        'point is the nearest; part them, or give start="keep"')
         G = scene.dense_gradients(t, y, near)
         # least distance: min |z - x0|, G z >= h; by non-negative least squares (Lawson & Hanson 1974, chapter 23)
         h = G @ (y - x0) - g
         E, rhs = np.vstack([G.T, h[None]]), np.append(np.zeros(len(x0)), 1.0)
         mu, size = nnls(E, rhs)
         if size < 1e-12:
-            raise ValueError(f"the constraints of {case.key} leave no point: the start cannot be projected")
+            raise NoStart("infeasible", f"the constraints of {case.key} leave no point: the start cannot be projected")
         r = E @ mu - rhs
         z = x0 - r[:-1] / r[-1]
         y, moved = z, float(np.abs(z - y).max())

@@ -67,6 +67,9 @@ def _put(h, v, seen):
         _put(h, (v.func, v.args, v.keywords), seen)
     elif isinstance(v, types.FunctionType):
         _function(h, tag, v, seen)
+    elif type(v).__module__.startswith("numba.") and isinstance(getattr(v, "py_func", None), types.FunctionType):
+        tag("compiled")
+        _put(h, (v.targetoptions, v.py_func), seen)
     elif isinstance(v, type):
         tag("class", v.__qualname__)
         if v.__module__ != "builtins":
@@ -154,7 +157,7 @@ def version(name: str) -> str:
 def package_digest() -> str:
     """Content of every file of this package."""
     h = hashlib.sha256()
-    root = Path(__file__).parent.parent
+    root = Path(__file__).parent
     for p in sorted(root.rglob("*.py")):
         h.update(str(p.relative_to(root)).encode() + p.read_bytes())
     return h.hexdigest()

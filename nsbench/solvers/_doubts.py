@@ -1,0 +1,140 @@
+"""What a run that says ok may not know: that its constraints leave no point, or no direction to push in.
+
+A projection moves somewhere even where there is nowhere to go: contradicting walls are met half-way, and a constraint
+whose gradient vanishes throws the state far away. Whatever the method, such a run is no solution, and is not called ok.
+Nothing is looked at where it cannot happen: a start that was found feasible proves that constraints at rest leave a point.
+"""
+from __future__ import annotations
+
+import functools
+from dataclasses import replace
+
+import numpy as np
+
+from nsbench.case import Case
+from nsbench.contacts import ANCHOR, PAIR, Scene
+from nsbench.problem import Complementarity, Distance, Smooth
+from nsbench.trajectory import Status, Trajectory
+
+MISSED = 1e-7            # relative to the state: what walls may contradict each other by, as the linear program is solved
+FLAT = 1e-6              # gradient over its largest along the run: below it a constraint does not push but throws
+
+
+def doubted(case: Case, traj: Trajectory) -> Trajectory:
+    """The run with the status infeasible or degenerate where it says ok and cannot be; itself everywhere else."""
+    p = case.problem
+    if not traj.status.ok or not isinstance(p, Complementarity) or not p.constraints or not len(traj.t):
+        return traj
+    with np.errstate(all="ignore"):
+        status = _tied(case) or _nowhere(case, traj) or _flat(case, traj)
+    return traj if status is None else replace(traj, status=status)
+
+
+@functools.lru_cache(maxsize=64)
+def _scene(case: Case) -> Scene:
+    return Scene(case.problem, case.n)
+
+
+@functools.lru_cache(maxsize=512)
+def _tied(case: Case) -> Status | None:
+    """Coincident centres at a start that is kept: which way they part is no property of the case."""
+    if case.start != "keep" or not any(isinstance(c, Distance) for c in case.problem.constraints):
+        return None
+    t, scene = float(case.t[0]), _scene(case)
+    near = scene.near(case.x0, 0.0, t)
+    g = scene.gaps(t, case.x0, near)
+    tie = np.flatnonzero(np.isin(near.kind, (PAIR, ANCHOR)) & (near.sign > 0) & (g == -near.d))
+    if not tie.size:
+        return None
+    return Status("degenerate", f"The start has coincident centres, {near.ids[int(tie[0])]}: their contact has no normal, and "
+                                "each method parts them in a direction of its own.")
+
+
+def _nowhere(case: Case, traj: Trajectory) -> Status | None:
+    """Rows or links that contradict each other where the run violates them most."""
+    if case.exact is not None or not (case.start == "keep" or any(c.moving for c in case.problem.constraints)):
+        return None
+    scene = _scene(case)
+    depth = [_depth(scene, float(t), x) for t, x in zip(traj.t, traj.x, strict=True)]
+    k = int(np.argmax(depth))
+    if depth[k] <= MISSED * max(1.0, float(np.abs(traj.x[k]).max())):
+        return None
+    why = contradiction(case, float(case.t[k] if scene.moving else case.t[0]))
+    return None if why is None else Status("infeasible", why)
+
+
+def _depth(scene: Scene, t: float, x: np.ndarray) -> float:
+    """The most by which a row or a listed distance is violated."""
+    near, places = scene._static
+    return float(-scene.gaps(t, x, near, places).min(initial=0.0))
+
+
+@functools.lru_cache(maxsize=512)
+def contradiction(case: Case, t: float) -> str | None:
+    """Why no state meets all rows, or all links, at time t; None where they do not contradict each other.
+
+    Rows by a linear program, normalised: the least s with A x + b + s >= 0 for some x. Links by shortest paths: anchors
+    further apart than the links between them are long. Other contradictions are not looked for.
+    """
+    return _rows(_scene(case), t) or _links(case, _scene(case), t)
+
+
+def _rows(scene: Scene, t: float) -> str | None:
+    m = len(scene.ptr) - 1
+    if m < 2:
+        return None
+    from scipy.optimize import linprog
+    from scipy.sparse import csr_matrix, hstack
+    norm = np.sqrt(scene.inv2)
+    A = csr_matrix((scene.vals * np.repeat(norm, np.diff(scene.ptr)), scene.cols, scene.ptr), (m, scene.n))
+    b = scene.b(t) * norm
+    found = linprog(np.append(np.zeros(scene.n), 1.0), A_ub=-hstack([A, np.ones((m, 1))]).tocsr(), b_ub=b,
+                    bounds=[(None, None)] * scene.n + [(0.0, None)])
+    if found.status or found.x[-1] <= MISSED * max(1.0, float(np.abs(b).max(initial=0.0))):
+        return None
+    return (f"The walls contradict each other at t = {t:.6g}: every state misses one of them by {found.x[-1]:.3g} or more.")
+
+
+def _links(case: Case, scene: Scene, t: float) -> str | None:
+    links = [(k, c) for k, c in enumerate(scene.families) if isinstance(c, Distance) and c.sign < 0]
+    if not any(c.anchors is not None for _, c in links):
+        return None
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import shortest_path
+    near, points = scene.all_static(), scene.anchors(t)
+    use = np.flatnonzero(np.isin(near.kind, (PAIR, ANCHOR)) & (near.sign < 0))
+    # nodes: particles by their first coordinate, then anchors by theirs
+    p, q = near.p[use], np.where(near.kind[use] == ANCHOR, case.n + near.q[use], near.q[use])
+    size = case.n + len(points)
+    graph = coo_matrix((near.d[use], (p, q)), (size, size)).tocsr()
+    ends = np.unique(q[q >= case.n])
+    reach = shortest_path(graph, directed=False, indices=ends)[:, ends]
+    dim = int(near.dim[use][0])
+    at = points[(ends - case.n)[:, None] + np.arange(dim)]
+    apart = np.sqrt(((at[:, None] - at[None]) ** 2).sum(-1))
+    short = apart - np.where(np.isfinite(reach), reach, np.inf)
+    i, j = np.unravel_index(int(np.argmax(short)), short.shape)
+    if short[i, j] <= MISSED * max(1.0, float(apart.max())):
+        return None
+    return (f"The links are too short at t = {t:.6g}: two anchors are {apart[i, j]:.6g} apart, and the links between them "
+            f"{reach[i, j]:.6g} long.")
+
+
+def _flat(case: Case, traj: Trajectory) -> Status | None:
+    """A smooth constraint that pushes where its gradient vanishes."""
+    if not any(isinstance(c, Smooth) for c in case.problem.constraints):
+        return None
+    scene, acts = _scene(case), np.abs(np.diff(traj.impulse, axis=0)) > 0.0
+    families = [k for k, c in enumerate(scene.families) if isinstance(c, Smooth)]
+    for s, k in enumerate(families):
+        mine = [(c, ident[1]) for c, ident in enumerate(traj.contacts) if ident[0] == k]
+        if not mine:
+            continue
+        grads = [np.asarray(scene.smooth(s).gradient(t, x)) for t, x in zip(traj.t, traj.x, strict=True)]
+        size = np.sqrt((np.array(grads) ** 2).sum(-1))                       # (samples, rows)
+        for c, row in mine:
+            pushing = np.flatnonzero(acts[:, c] & (np.minimum(size[:-1, row], size[1:, row]) <= FLAT * np.nanmax(size[:, row])))
+            if pushing.size:
+                return Status("degenerate", f"Constraint {(k, row)} pushes at t = {traj.t[pushing[0] + 1]:.6g} where its "
+                                            "gradient vanishes: there is no direction to push in.")
+    return None
