@@ -17,9 +17,12 @@ from typing import Any
 
 import numpy as np
 
-from nsbench.problem import LCS, Complementarity, Distance, Filippov, _floats
+from nsbench import opened
+from nsbench.problem import LCS, Complementarity, Filippov, _floats
+from nsbench.shapes import check_shapes
 
 STARTS = ("error", "project", "keep")
+ENOUGH = 4 << 20         # bytes: a longer file was not written by hand
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,15 +60,19 @@ class Case:
     source: str = ""
 
     def __post_init__(self):
-        if not re.fullmatch(r"[A-Za-z0-9_.-]{1,80}", self.name):
-            raise ValueError(f"case name {self.name!r}: letters, digits, '_', '.', '-', at most 80")
+        if not (isinstance(self.name, str) and re.fullmatch(r"[A-Za-z0-9_.-]{1,80}", self.name)):
+            raise ValueError(f"case name {str(self.name)[:100]!r}: letters, digits, '_', '.', '-', at most 80")
         if not isinstance(self.problem, (Complementarity, Filippov, LCS)):
             raise TypeError(f"problem of {self.name} is {type(self.problem).__name__}; "
                             "Complementarity, Filippov or LCS is needed")
         object.__setattr__(self, "x0", _floats("x0", self.x0, 1))
+        if not self.x0.size:
+            raise ValueError(f"x0 of {self.name} is empty; a state has at least one coordinate")
         t = _floats("t", self.t, 1)
         if len(t) < 2 or np.any(np.diff(t) <= 0):
-            raise ValueError(f"t of {self.name} must increase and hold at least two times")
+            where = int(np.argmax(np.diff(t) <= 0)) if len(t) > 1 else 0
+            raise ValueError(f"t of {self.name} must increase and hold at least two times; it is "
+                             f"{', '.join(f'{v:g}' for v in t[where:where + 2])} there")
         object.__setattr__(self, "t", t)
         if self.start not in STARTS:
             raise ValueError(f"start is {self.start!r}; one of {STARTS}")
@@ -97,45 +104,6 @@ class Case:
     def replace(self, **changes) -> Case:
         """The same case with some fields changed."""
         return dataclasses.replace(self, **changes)
-
-
-def check_shapes(case: Case) -> None:
-    """Evaluate the data once at the start; ValueError or TypeError names what is wrong."""
-    p, x, t0 = case.problem, case.x0.copy(), float(case.t[0])
-    if isinstance(p, LCS):
-        _check_inputs(case)
-        return
-    with np.errstate(all="ignore"):
-        if isinstance(p, Filippov):
-            c = np.asarray(p.switch(np)(t0, x))
-            if c.ndim != 1 or c.dtype != np.float64:
-                raise ValueError(f"switch of {case.name} returns {c.dtype} of shape {c.shape}; float64 (d,) is needed")
-            f = np.asarray(p.field(np)(t0, x, np.ones(len(c))))
-        else:
-            for c in p.constraints:
-                if isinstance(c, Distance):
-                    c.particles(case.n)
-                elif hasattr(c, "shape") and c.shape[1] != case.n:
-                    raise ValueError(f"A of {case.name} has {c.shape[1]} columns, the state {case.n} entries")
-            f = np.asarray(p.drift(np)(t0, x))
-    if f.shape != x.shape or f.dtype != np.float64:
-        raise ValueError(f"drift of {case.name} returns {f.dtype} of shape {f.shape}; float64 {x.shape} is needed")
-    if not np.array_equal(x, case.x0):
-        raise ValueError(f"drift of {case.name} changes x in place")
-
-
-def _check_inputs(case: Case) -> None:
-    """The inputs of a linear complementarity system at the start."""
-    p, t0 = case.problem, float(case.t[0])
-    if p.A.shape[0] != case.n:
-        raise ValueError(f"A of {case.name} has {p.A.shape[0]} rows, the state {case.n} entries")
-    for name, factory, size in (("u", p.u, case.n), ("q", p.q, p.B.shape[1])):
-        if factory is None:
-            continue
-        with np.errstate(all="ignore"):
-            value = np.asarray(factory(np)(t0))
-        if value.shape != (size,) or value.dtype != np.float64:
-            raise ValueError(f"{name} of {case.name} returns {value.dtype} of shape {value.shape}; float64 ({size},) is needed")
 
 
 def format_value(v) -> str:
@@ -182,10 +150,24 @@ def _scan() -> tuple[dict, dict]:
     found, failed = {}, {}
     for info in pkgutil.iter_modules(package.__path__):
         try:
-            found[info.name] = importlib.import_module(f"nsbench.cases.{info.name}")
-        except Exception as e:                       # a broken plugin must not take the others with it
+            module = importlib.import_module(f"nsbench.cases.{info.name}")
+        except (Exception, SystemExit) as e:         # a broken plugin must not take the others with it
             failed[info.name] = f"{type(e).__name__}: {e}"
-    return found, failed
+            continue
+        if hasattr(module, "CASE") or hasattr(module, "make"):
+            found[info.name] = module
+        else:
+            failed[info.name] = f"{module.__file__} defines neither CASE nor make(**params)"
+    for one, other in alike({name: str(m.__file__) for name, m in found.items()}):
+        for name in (one, other):
+            failed[name] = f"names that are equal but for case: {found[one].__file__} and {found[other].__file__}"
+    return {name: m for name, m in found.items() if name not in failed}, failed
+
+
+def alike(names) -> list[tuple[str, str]]:
+    """Pairs of different names that are equal but for case: on some machines their files are one."""
+    seen: dict[str, str] = {}
+    return [(seen[n.casefold()], n) for n in sorted(names) if seen.setdefault(n.casefold(), n) != n]
 
 
 def case_names() -> list[str]:
@@ -236,7 +218,10 @@ def get_case(name: str, **params) -> Case:
     LookupError for an unknown name or parameter (with the nearest match); ValueError for bad data.
     """
     base, inner = parse_spec(name)
-    return _build(case_module(base), base, {**inner, **params})
+    case = _build(case_module(base), base, {**inner, **params})
+    if case.name != base:                            # its runs could not be told from those of another case
+        raise ValueError(f"{case.source} makes a case named {case.name!r}; the file's name is {base!r}")
+    return case
 
 
 def load_module(path):
@@ -244,10 +229,13 @@ def load_module(path):
     path = Path(path).resolve()
     if not path.is_file():
         raise FileNotFoundError(f"no file {path}")
+    if path.stat().st_size > ENOUGH:
+        raise ValueError(f"{path} is {path.stat().st_size} bytes long; a case or solver file has at most {ENOUGH}")
     spec = importlib.util.spec_from_file_location(f"nsbench_file_{path.stem}", path)
     module = sys.modules[spec.name] = importlib.util.module_from_spec(spec)      # dataclasses look themselves up there
     try:
-        spec.loader.exec_module(module)
+        with opened.during(path):
+            spec.loader.exec_module(module)
     except (Exception, SystemExit) as e:             # the file is the user's: whatever it raises is told with its name
         raise ValueError(f"{path} failed to load: {type(e).__name__}: {e}") from e
     return module
@@ -258,4 +246,5 @@ def load_case(path, **params) -> Case:
     module = load_module(path)
     if not (hasattr(module, "CASE") or hasattr(module, "make")):
         raise ValueError(f"{path} defines neither CASE nor make(**params)")
-    return _build(module, Path(path).stem, params)
+    with opened.during(path):
+        return _build(module, Path(path).stem, params)

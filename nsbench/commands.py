@@ -1,8 +1,6 @@
 """What the commands do; they are given `say` to print with and return the exit code."""
 from __future__ import annotations
 
-import json
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +8,7 @@ import numpy as np
 from nsbench import solvers, study
 from nsbench.case import broken_cases, case_module, case_names, get_case, load_case
 
-FINE, FAILED, NOTHING, BROKEN = 0, 3, 4, 5
+FINE, FAILED, BROKEN = 0, 3, 5
 EXPECTED = ("ok", "refused", "below_reference")
 METRICS = {
     "state_sup": "largest error of the state over the sample times", "state_T": "error of the state at T",
@@ -36,7 +34,7 @@ def list_(args, say) -> int:
         say("cases:" if want is None else "")
         for name in case_names():
             module = case_module(name)
-            first = (module.__doc__ or "").strip().splitlines()[0]
+            first = _first_line(module)
             params = _parameters(module)
             say(f"  {name:<16} {first}" + (f"  [{params}]" if params else ""))
         for name, why in broken_cases().items():
@@ -45,7 +43,7 @@ def list_(args, say) -> int:
         say("solvers:" if want is None else "")
         for name in solvers.all_names():
             method = solvers.get(name)
-            first = (type(method).__doc__ or "").strip().splitlines()[0]
+            first = _first_line(type(method))
             say(f"  {name:<16} {first}  [{method.accuracy}; {_options(method)}]")
         for name, why in solvers.broken().items():
             say(f"  {name:<16} FAILED TO LOAD: {why}")
@@ -54,6 +52,10 @@ def list_(args, say) -> int:
         for name, text in METRICS.items():
             say(f"  {name:<16} {text}")
     return FINE
+
+
+def _first_line(thing) -> str:
+    return next(iter((thing.__doc__ or "").strip().splitlines()), "(says nothing of itself)")
 
 
 def _parameters(module) -> str:
@@ -70,30 +72,60 @@ def _options(method) -> str:
 
 def run(args, say) -> int:
     """nsbench run"""
-    _workers(args)
+    from nsbench.execute.plan import admit
+    from nsbench.execute.suite import execute
+    from nsbench.size import foreseen
+    workers(args)
+    _cluster(args)
     solver_files = tuple(str(p) for f in args.solver_files for p in python_files(f))
     added = [solvers.load(f) for f in solver_files]
     values = {n: read_values(getattr(args, n)) for n in ("h", "tol", "k") if getattr(args, n) is not None}
     files = [(load_case(p).key, str(p)) for f in args.case_files for p in python_files(f)]
     if args.cases:
+        admit({c: foreseen(c) for c in args.cases}, args)
         named = [get_case(c) for c in args.cases]
         keys = [(c.key, "") for c in named if args.tag is None or args.tag in c.tags]
     else:
         keys = [] if files else [(k, "") for k in study.suite_cases(args.suite, args.tag)]
     chosen = args.solver or ([*solvers.standard()] if files and not args.cases else None)
+    _told_apart([*keys, *files])
     specs = study.plan([*keys, *files], chosen, values, solver_files)
     if not specs:
         raise LookupError("nothing to run: no case matches")
     if added and args.solver is None:
         specs += [s for s in study.plan([*keys, *files], added, values, solver_files) if s not in specs]
-    from nsbench.execute.suite import execute
     return execute(specs, Path(args.out), args, say)
 
 
-def _workers(args) -> None:
+def _told_apart(cases) -> None:
+    """ValueError with both files where two cases of one run have the same name, or names that are equal but for case."""
+    seen: dict[str, tuple] = {}
+    for key, file in dict.fromkeys(cases):
+        one = seen.setdefault(key.casefold(), (key, file))
+        if one != (key, file):
+            where = [f or study.resolve(k).source for k, f in (one, (key, file))]
+            raise ValueError(f"two cases are named alike: {one[0]} in {where[0]} and {key} in {where[1]}")
+
+
+def workers(args) -> None:
     if args.jobs is not None and args.jobs < 1:
         raise ValueError(f"-j is {args.jobs}; at least one worker is needed")
     solvers.check_positive("--timeout", args.timeout)
+    if getattr(args, "probe", 0.0) and not 0.0 <= args.probe < float("inf"):
+        raise ValueError(f"--probe is {args.probe:g}; a number of seconds is needed, 0 for none")
+    if getattr(args, "memory", None) is not None:
+        from nsbench.execute.memory import bytes_of
+        args.memory = bytes_of(args.memory)
+
+
+def _cluster(args) -> None:
+    from importlib.util import find_spec
+    if args.dask is None:
+        return
+    if args.jobs is not None:
+        raise ValueError("-j is for workers on this machine, --dask for those of a cluster; give one of them")
+    if find_spec("distributed") is None:
+        raise ValueError("--dask needs the package distributed: pip install 'nsbench[dask]'")
 
 
 def python_files(path) -> list[Path]:
@@ -197,53 +229,6 @@ def _has_stored(case, action, folder) -> bool:
     return files_of(case, folder)[1].exists() or (action == "build" and case.exact is None and case.unique)
 
 
-def gate(args, say) -> int:
-    """nsbench gate"""
-    from nsbench.gate import baseline, told
-    from nsbench.gate.facts import facts
-    from nsbench.gate.judge import exit_code, judge
-    from nsbench.report.source import read
-    if args.update and not args.reason.strip():
-        raise ValueError("--update needs --reason: a sentence that says why the numbers are others now")
-    found, path = facts(read(args.dir)), Path(args.baseline)
-    if args.update:
-        return _update(found, path, args, say)
-    findings = judge(found, baseline.read(path))
-    code = exit_code(findings)
-    for line in told.lines(findings):
-        say(line)
-    if args.summary:
-        with open(args.summary, "a", encoding="utf-8") as file:
-            file.write(told.summary(findings, code))
-    return code
-
-
-def calibrate(args, say) -> int:
-    """nsbench calibrate"""
-    from nsbench.execute.calibrate import calibrate as again
-    _workers(args)
-    return again(Path(args.dir), args, say)
-
-
-def compare(args, say) -> int:
-    """nsbench compare"""
-    from dataclasses import replace
-
-    from nsbench.gate import baseline, told
-    from nsbench.gate.facts import facts
-    from nsbench.gate.judge import judge
-    from nsbench.report.source import read
-    if not 0 <= args.rtol < 1:
-        raise ValueError(f"--rtol is {args.rtol:g}; a number from 0 to 1 is needed")
-    old, new = ({key: replace(f, config="") for key, f in facts(read(d)).items()} for d in (args.old, args.new))
-    lines = {key: baseline.line(fact, 0.0, "") for key, fact in old.items()}
-    lines = {key: line if line.kind in ("class", "max") else replace(line, rtol=args.rtol) for key, line in lines.items()}
-    findings = judge(new, lines)
-    for text in told.lines(findings):
-        say(text)
-    return FINE if any(f.outcome not in ("missing", "new") for f in findings) else NOTHING
-
-
 def doctor(args, say) -> int:
     """nsbench doctor"""
     from nsbench.execute.doctor import FAULT, examine
@@ -253,25 +238,3 @@ def doctor(args, say) -> int:
         faults += verdict == FAULT
     say("nothing stands in the way" if not faults else f"{faults} fault(s): numbers of this installation are not to be trusted")
     return FINE if not faults else BROKEN
-
-
-def _update(found, path, args, say) -> int:
-    from nsbench.gate import baseline, spreads
-    from nsbench.gate.update import updated
-    from nsbench.store import write_atomically
-    old = baseline.read(path) if path.exists() else {}
-    lines, changes = updated(found, old, spreads.read(args.dir), args.reason.strip())
-    if changes or not path.exists():
-        write_atomically(path, baseline.text(lines).encode())
-    for change in changes:
-        say(change)
-    say(f"{path}: {len(lines)} lines, {len(changes)} changed")
-    return FINE
-
-
-def is_terminal() -> bool:
-    return sys.stdout.isatty()
-
-
-def dump(value) -> bytes:
-    return json.dumps(value, indent=1, sort_keys=True, default=str).encode()

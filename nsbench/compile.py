@@ -1,7 +1,8 @@
 """One physics, three forms: a factory as a numpy function, as a numba function pointer, as a JAX function.
 
 A compiled drift is a C callback ``(t, x, out)``. Passed to a cached kernel it is a first-class function
-pointer: the kernel is compiled once for every drift and kept on disk; only the drift itself is compiled per case.
+pointer: the kernel is compiled once for every drift and kept on disk; the drift itself is compiled once per case, and
+kept too (nsbench.pointers).
 """
 from __future__ import annotations
 
@@ -22,16 +23,42 @@ def host(factory: Callable) -> Callable:
 
 
 def _pointer(factory, signature, make):
-    """A cfunc of `signature` from the njit-compiled factory; CompileError with numba's reason.
+    """A pointer of `signature` to make(function): a cfunc, or what an earlier process kept of one on disk.
 
-    The cfunc holds the address of machine code, so it is kept alive by the caller (numba keeps a reference).
+    make: a function of this module, known by its name. CompileError with numba's reason. The pointer is an address of
+    machine code, so it is kept alive by the caller (numba keeps a reference).
     """
-    import numba
     from numba.core.errors import NumbaError
+
+    from nsbench import pointers
     try:
-        return numba.cfunc(signature)(make(numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True)(factory(np))))
+        function = factory(np)
+        name = pointers.name_of(signature, make.__qualname__, function)
+        found = pointers.load(name, signature)
+        if found is not None:
+            return found
+        return pointers.compiled(name, signature, make(_compiled(function)))
     except (NumbaError, NotImplementedError) as e:
         raise CompileError(str(e).strip().splitlines()[0]) from None
+
+
+def _compiled(f, callers=()):
+    """The function for compiled callers alone, with the closures that it calls: numba calls compiled functions only.
+
+    A field made of modes is a tree of closures; each closure cell that holds a Python function is compiled first, but for
+    `callers`, which it would call in a circle: numba says what it thinks of those.
+    """
+    import numba
+    if isinstance(f, types.FunctionType) and f.__closure__:
+        callers, cells = (*callers, f), []
+        for cell in f.__closure__:
+            try:
+                v = cell.cell_contents
+            except ValueError:
+                raise CompileError(f"{f.__qualname__} closes over a name without a value") from None
+            cells.append(types.CellType(_compiled(v, callers) if isinstance(v, types.FunctionType) and v not in callers else v))
+        f = types.FunctionType(f.__code__, f.__globals__, f.__name__, f.__defaults__, tuple(cells))
+    return numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True)(f)
 
 
 def _types():
@@ -68,28 +95,7 @@ def rhs_signs(factory: Callable, n: int, d: int):
             for i in range(out.size if v.size == out.size or v.size == 1 else 0):
                 out[i] = v[i if v.size > 1 else 0]
         return fill
-    return _pointer(compiled_leaves(factory), void(f8, vec, vec, vec), make)
-
-
-def compiled_leaves(factory: Callable) -> Callable:
-    """The factory with closures it calls compiled too: numba calls compiled functions only.
-
-    A field made of modes is a tree of closures; each closure cell that holds a Python function is compiled first.
-    """
-    return lambda xp: _compile_cells(factory(xp))
-
-
-def _compile_cells(f):
-    import numba
-    if not isinstance(f, types.FunctionType) or not f.__closure__:
-        return f
-    cells = []
-    for cell in f.__closure__:
-        value = cell.cell_contents
-        if isinstance(value, types.FunctionType):
-            value = numba.njit(_compile_cells(value))
-        cells.append(types.CellType(value))
-    return types.FunctionType(f.__code__, f.__globals__, f.__name__, f.__defaults__, tuple(cells))
+    return _pointer(factory, void(f8, vec, vec, vec), make)
 
 
 @functools.lru_cache(maxsize=256)
@@ -104,7 +110,7 @@ def curve(factory: Callable, size: int):
             for i in range(out.size):
                 out[i] = value[i]
         return fill
-    return _pointer(compiled_leaves(factory), void(f8, vec), make)
+    return _pointer(factory, void(f8, vec), make)
 
 
 def still():

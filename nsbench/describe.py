@@ -50,7 +50,7 @@ def _digest(*chunks: bytes) -> str:
 def describe_solver(spec: str) -> dict:
     """What a report says of a solver: its first line, its accuracy parameter and its claims."""
     m = solvers.get(spec)
-    return {"doc": (type(m).__doc__ or "").strip().splitlines()[0], "accuracy": m.accuracy,
+    return {"doc": next(iter((type(m).__doc__ or "").strip().splitlines()), ""), "accuracy": m.accuracy,
             "claims": dataclasses.asdict(m.claims),
             "expects": [dataclasses.asdict(e) for e in getattr(m, "expects", ())],
             "digest": _digest(repr(sorted(dataclasses.asdict(m).items())).encode())}

@@ -1,4 +1,4 @@
-"""What a study leaves on disk: journal, tables, environment; and the keys by which a run is found again."""
+"""What a study leaves on disk: journal, tables, environment."""
 from __future__ import annotations
 
 import contextlib
@@ -6,18 +6,27 @@ import csv
 import functools
 import hashlib
 import io
-import json
-import math
 import os
 import platform
 import sys
-from dataclasses import asdict
 from importlib import metadata
 from pathlib import Path
 
-SCHEMA = 1
-LIBRARIES = ("numpy", "scipy", "numba", "llvmlite", "jax", "jaxlib", "diffrax", "equinox", "osqp", "piqp")
-NOT_NUMBERS = ("report", "cli.py", "store.py", "execute", "__pycache__")     # cannot change a row's numbers
+from nsbench.journal import (  # noqa: F401 (what a study leaves on disk is read and written by this name)
+    SCHEMA,
+    Journal,
+    StoreError,
+    as_read,
+    clean,
+    read_journal,
+    read_parts,
+    restore,
+    settled,
+    write_atomically,
+)
+
+FORMULA = ("=", "+", "-", "@", "\t", "\r")      # what begins a formula in a spreadsheet
+LIBRARIES = ("numpy", "scipy", "numba", "llvmlite", "jax", "jaxlib", "diffrax", "equinox", "osqp", "piqp", "nosnoc", "casadi")
 
 
 CLOCK = {                # columns of the clock: unit and meaning; they stand with the columns of runs.parquet
@@ -28,12 +37,9 @@ CLOCK = {                # columns of the clock: unit and meaning; they stand wi
     "seconds_max": ("s", "worst round"),
     "rounds": ("1", "rounds it was timed in, interleaved with the other runs of its case; 1: a long run, timed once"),
     "session": ("", "runs with the same word were timed on one machine in one go"),
+    "shared": ("", "true: made by a worker of a cluster, which may have had other work: its seconds are compared with none"),
     "step_max_seconds": ("s", "slowest step, of solvers that can tell"),
 }
-
-
-class StoreError(Exception):
-    """The results folder cannot be used; the message says which file and why."""
 
 
 def _digest(*chunks: bytes) -> str:
@@ -45,13 +51,9 @@ def _digest(*chunks: bytes) -> str:
 
 @functools.cache
 def package_digest() -> str:
-    """Content of every package file that can change a number, cases apart (each case counts for its own runs)."""
+    """Content of every file of the package, cases apart; what a single run depends on, nsbench.keys tells."""
     root = Path(__file__).parent
-    files = sorted(p for p in root.rglob("*.py") if not set(p.relative_to(root).parts) & {*NOT_NUMBERS, "cases",
-                                                                                         "solvers"})
-    shared = [p for p in sorted((root / "solvers").glob("*.py")) if p.name in ("__init__.py", "base.py", "start.py")
-              or p.name.startswith("_")]
-    return _digest(*(p.read_bytes() for p in [*files, *shared]))
+    return _digest(*(p.read_bytes() for p in sorted(root.rglob("*.py")) if "cases" not in p.relative_to(root).parts))
 
 
 @functools.cache
@@ -63,108 +65,13 @@ def versions() -> dict[str, str]:
     return out
 
 
-@functools.cache
-def _file_digest(path: str) -> str:
-    return _digest(Path(path).read_bytes()) if path else ""
-
-
-def key_of(spec, case, solver_file: str, reference_files=()) -> str:
-    """Everything that can change a row's numbers: package, case, solver, reference, parameters, versions."""
-    parts = {k: v for k, v in asdict(spec).items() if k not in ("file", "solver_files")}
-    return _digest(json.dumps(parts, sort_keys=True, default=repr).encode(), package_digest().encode(),
-                   json.dumps(versions()).encode(), _file_digest(case.source).encode(),
-                   _file_digest(solver_file).encode(), *(_file_digest(str(f)).encode() for f in reference_files))
-
-
-def clean(row: dict) -> dict:
-    """The row with plain Python values; JSON has no NaN and no infinity: they become None and text."""
-    out = {}
-    for k, v in row.items():
-        v = v.item() if hasattr(v, "item") else v
-        if isinstance(v, float) and not math.isfinite(v):
-            v = None if math.isnan(v) else ("inf" if v > 0 else "-inf")
-        out[k] = v
-    return out
-
-
-def restore(row: dict) -> dict:
-    numbers = {"inf": math.inf, "-inf": -math.inf}
-    return {k: math.nan if v is None else numbers.get(v, v) if isinstance(v, str) else v for k, v in row.items()}
-
-
-class Journal:
-    """DIR/journal.jsonl: one line per run, written and synced as the run ends; half a line is dropped on reading."""
-
-    def __init__(self, folder: Path):
-        self.path = folder / "journal.jsonl"
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            self._file = open(self.path, "ab")           # held open and locked for the whole run
-        except OSError as e:
-            raise StoreError(f"cannot write to {folder}: {e.strerror}") from None
-        self._lock()
-        self._mend()
-
-    def _lock(self):
-        with contextlib.suppress(ImportError):
-            import fcntl
-            try:
-                fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except OSError:
-                self._file.close()
-                raise StoreError(f"another run is writing to {self.path.parent}") from None
-
-    def _mend(self):
-        """Cut half a line that a killed run left at the end."""
-        size = self.path.stat().st_size
-        if not size:
-            return
-        data = self.path.read_bytes()
-        whole = data.rfind(b"\n") + 1
-        if whole < size:
-            self._file.truncate(whole)
-
-    def append(self, key: str, row: dict) -> None:
-        line = json.dumps({"schema": SCHEMA, "key": key, "row": clean(row)}, allow_nan=False)
-        self._file.write(line.encode() + b"\n")
-        self._file.flush()
-        os.fsync(self._file.fileno())
-
-    def close(self):
-        self._file.close()
-
-
-def read_journal(folder: Path) -> dict[str, dict]:
-    """Rows by key; the last one of a key counts. Lines that cannot be read are dropped."""
-    path, out = Path(folder) / "journal.jsonl", {}
-    if not path.exists():
-        return out
-    for line in path.read_bytes().splitlines():
-        with contextlib.suppress(ValueError, KeyError, TypeError):
-            entry = json.loads(line)
-            if entry["schema"] == SCHEMA:
-                out[entry["key"]] = restore(entry["row"])
-    return out
-
-
-def write_atomically(path: Path, data: bytes) -> None:
-    """Beside, then renamed: no half file is ever seen."""
-    tmp = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        tmp.write_bytes(data)
-        os.replace(tmp, path)
-    except OSError as e:
-        tmp.unlink(missing_ok=True)
-        raise StoreError(f"cannot write {path}: {e.strerror}") from None
-
-
 def write_tables(folder: Path, rows: list[dict]) -> None:
     """runs.csv and runs.parquet."""
     columns = list(dict.fromkeys(k for r in rows for k in r))
     text = io.StringIO()
     w = csv.DictWriter(text, columns, lineterminator="\n")
     w.writeheader()
-    w.writerows(rows)
+    w.writerows({k: cell(v) for k, v in r.items()} for r in rows)
     write_atomically(folder / "runs.csv", text.getvalue().encode())
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -172,8 +79,19 @@ def write_tables(folder: Path, rows: list[dict]) -> None:
     told = {c: dict(zip((b"unit", b"meaning"), CLOCK[c], strict=True)) if c in CLOCK else None for c in columns}
     table = table.cast(pa.schema([table.field(c).with_metadata(told[c]) for c in columns]))
     sink = pa.BufferOutputStream()
-    pq.write_table(table.replace_schema_metadata({"nsbench_schema": str(SCHEMA)}), sink)
+    # with checksums: a page that was damaged on the disk is an error on reading, not another number
+    pq.write_table(table.replace_schema_metadata({"nsbench_schema": str(SCHEMA)}), sink, write_page_checksum=True)
     write_atomically(folder / "runs.parquet", sink.getvalue().to_pybytes())
+
+
+def cell(value):
+    """A cell of runs.csv: text that a spreadsheet would take for a formula begins with an apostrophe."""
+    return f"'{value}" if isinstance(value, str) and value.startswith(FORMULA) else value
+
+
+def text_of(value: str) -> str:
+    """The text of a cell, without the apostrophe that `cell` gave it."""
+    return value[1:] if isinstance(value, str) and value[:1] == "'" and value[1:].startswith(FORMULA) else value
 
 
 def _column(pa, values):

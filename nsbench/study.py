@@ -12,10 +12,13 @@ import numpy as np
 from nsbench import solvers
 from nsbench.case import Case, case_module, case_names, get_case, load_case
 from nsbench.describe import describe_case, describe_solver
+from nsbench.solvers._doubts import doubted
+from nsbench.solvers.start import NoStart
 from nsbench.trajectory import Status, Trajectory
 
 POINTS, OCTAVES = 19, 6
 NUDGE = 1e-12                 # relative to each coordinate, or to 1: far above rounding, far below any error that counts
+STARTS = {"error": "feasible", "project": "projected", "keep": "kept"}     # what the case makes of a start outside
 SUITES = ("smoke", "standard", "hard", "full")
 
 
@@ -100,6 +103,8 @@ def suite_cases(suite: str, tag: str | None = None) -> list[str]:
 def resolve(case: str, file: str = "") -> Case:
     """The case of a key, from the registry or from a file; the same object each time, so that what was compiled for
     it serves again."""
+    if file in _given:
+        return _given[file]
     if file:
         from nsbench.case import parse_spec
         return load_case(file, **parse_spec(case)[1])
@@ -120,6 +125,9 @@ def plan(cases: Iterable[tuple[str, str]], specs: Iterable[str] | None, values: 
                 out.append(Spec(key, spec, method.accuracy, float("nan"), file, solver_files))
                 continue
             asked = (values or {}).get(method.accuracy) or ladder(case, method)
+            if values and method.accuracy == "h":
+                for h in asked:
+                    solvers.grid(case.t, h)          # a step that cannot be taken is told before anything runs
             out += [Spec(key, spec, method.accuracy, float(a), file, solver_files) for a in asked]
     return out
 
@@ -162,27 +170,50 @@ def attempt(spec: Spec, announce: Callable[[str], None] = lambda what: None):
         run, spent = clock.prepared(lambda: method.prepare(start, spec.asked))
         row |= spent
         announce("run")
-        traj, seconds, compiled = clock.first_call(run)
+        traj, seconds, compiled = clock.first_call(run, lambda: announce("run"))
         row |= clock.columns([seconds])
         row["compile_seconds"] += compiled
-    except MemoryError as e:
-        return row | _status(Status("oom", f"Out of memory: {e}")), None
     except Exception as e:               # a plugin may raise anything; it becomes a row and the others go on
-        return row | _status(Status("error", f"{type(e).__name__}: {e}")), None
+        return row | _status(_raised(e)), None
     announce("measure")
     wrong = misfit(case, traj)
     if wrong:
         return row | _status(Status("error", wrong)), None
-    row |= {k: v for k, v in traj.stats.items() if isinstance(v, (int, float, str, bool))}
+    # a solver counts its work; what the bench itself says of the run is not the solver's to say
+    own = {*row, "status", "why", "session"} - {"h"}
+    row |= {k: v for k, v in traj.stats.items() if isinstance(v, (int, float, str, bool)) and k not in own}
+    row["start"] = STARTS[case.start]
     row["h"] = {"h": row.get("h", spec.asked), "k": 1.0 / spec.asked}.get(spec.accuracy, spec.asked)
-    row |= _status(traj.status) | {"lam_time": traj.lam_time}
+    row |= {"lam_time": traj.lam_time}
     try:
         from nsbench.measure import errors
-        row |= errors(case, traj)
+        traj = doubted(case, traj)
+        row |= _status(traj.status) | errors(case, traj)
         row |= _below(row)
     except Exception as e:
-        return row | _status(Status("error", f"The run ended, measuring it did not: {type(e).__name__}: {e}")), None
+        return row | _status(_raised(e, "The run ended, measuring it did not: ")), None
     return row, run if traj.status.ok and not spec.nudge else None
+
+
+def run_one(spec: Spec, announce: Callable[[str], None] = lambda what: None) -> dict:
+    """The row of one run, wherever and whenever it is computed: it depends on nothing but the spec and what the spec
+    names (but for the columns of the clock). announce(what): what is done now."""
+    return attempt(spec, announce)[0]
+
+
+def lost(spec: Spec, status: str, why: str) -> dict:
+    """The row of a run whose process ended before it could tell one."""
+    return {"case": spec.case, "solver": spec.solver, "accuracy": spec.accuracy, "asked": spec.asked,
+            "h": 1.0 / spec.asked if spec.accuracy == "k" else spec.asked, "status": status, "why": why}
+
+
+def _raised(e: Exception, when: str = "") -> Status:
+    """The status of a run that raised: memory that was not to be had, from Python or from XLA, or an error."""
+    if isinstance(e, NoStart):
+        return Status(e.code, f"No start: {e}.")
+    if isinstance(e, MemoryError) or "RESOURCE_EXHAUSTED" in str(e):
+        return Status("oom", f"{when}Out of memory: {e}")
+    return Status("error", f"{when}{type(e).__name__}: {e}")
 
 
 def nudged(case: Case, seed: int) -> Case:
@@ -211,7 +242,12 @@ def misfit(case: Case, traj) -> str:
         return f"The solver returned {what}; a Trajectory with a Status is needed."
     if not traj.status.ok:
         return ""
-    for name, shape in (("x", (len(case.t), case.n)), ("impulse", (len(case.t), len(traj.contacts)))):
+    if not np.array_equal(traj.t, case.t):
+        return f"The solver says ok, but its {len(traj.t)} times are not those of the case, {len(case.t)} up to {case.t[-1]:g}."
+    shapes = [("x", (len(case.t), case.n)), ("impulse", (len(case.t), len(traj.contacts)))]
+    if np.size(traj.reaction):                       # some have none: of a field with switches, of methods that tell none
+        shapes.append(("reaction", (len(case.t), case.n)))
+    for name, shape in shapes:
         a = np.asarray(getattr(traj, name))
         if a.shape != shape or a.dtype != np.float64:
             return f"The solver says ok, but {name} is {a.dtype} of shape {a.shape}; float64 {shape} is needed."
@@ -227,20 +263,32 @@ def _status(status: Status) -> dict:
     return {"status": status.code, "why": "" if status.ok else str(status)}
 
 
+_given: dict[str, Case] = {}          # objects that were handed to `run`, by what stands for a file in their specs
+
+
+def _hand_over(case: Case) -> str:
+    token = f"<object {len(_given)}>"
+    _given[token] = case
+    return token
+
+
 def run(cases, solver_specs=None, *, h=None, tol=None, k=None) -> Study:
-    """Run cases (keys, or Case objects of the registry) with solvers (specs; None: the standard ones), in this process.
+    """Run cases (keys, or Case objects, as they are) with solvers (specs; None: the standard ones), in this process.
 
     h, tol, k: accuracies that replace the standard ladders. The command line runs the same rows in supervised
     workers with a journal.
     """
-    keys = [c.key if isinstance(c, Case) else c for c in ([cases] if isinstance(cases, (str, Case)) else cases)]
+    given = dict.fromkeys([cases] if isinstance(cases, (str, Case)) else cases)
+    found = [(c.key, _hand_over(c)) if isinstance(c, Case) else (c, "") for c in given]
+    if len({key for key, _ in found}) < len(found):
+        raise ValueError(f"two cases are named alike: {', '.join(sorted(key for key, _ in found))}")
     names = [solver_specs] if isinstance(solver_specs, str) else solver_specs
     values = {n: list(np.atleast_1d(v)) for n, v in (("h", h), ("tol", tol), ("k", k)) if v is not None}
     rows: list[dict] = []
     session = secrets.token_hex(6)
-    for key in keys:
-        specs = plan([(key, "")], names, values)
+    for key, file in found:
+        specs = plan([(key, file)], names, values)
         done = dict(run_batch(specs))
         rows += [done[i] | {"session": session} for i in sorted(done)]
-    return Study(rows, {key: describe_case(resolve(key)) for key in keys},
+    return Study(rows, {key: describe_case(resolve(key, file)) for key, file in found},
                  {spec: describe_solver(spec) for spec in dict.fromkeys(r["solver"] for r in rows)})

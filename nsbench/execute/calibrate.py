@@ -6,9 +6,8 @@ import os
 from dataclasses import replace
 from pathlib import Path
 
-from nsbench import store, study
+from nsbench import keys, store, study
 from nsbench.execute.local import run_all
-from nsbench.execute.suite import reference_files, solver_file
 from nsbench.gate import spreads
 from nsbench.gate.baseline import GATEABLE, line
 from nsbench.gate.facts import facts
@@ -56,19 +55,20 @@ def specs_of(data: Data) -> list[study.Spec]:
 def _again(specs, folder: Path, threads: int, args, data: Data) -> Data:
     """The rows of one pass, journalled like those of a study, so that a pass that was stopped goes on."""
     cases = {s.case: study.resolve(s.case) for s in specs}
-    keys = {s: store.key_of(s, cases[s.case], solver_file(s), reference_files(cases[s.case])) for s in specs}
+    found = {s: keys.key_of(s, keys.parts_of(s, cases[s.case])) for s in specs}
     journal = store.Journal(folder)
     rows = store.read_journal(folder)
-    todo = [s for s in specs if keys[s] not in rows]
+    todo = [s for s in specs if found[s] not in rows]
     by_case: dict[str, list] = {}
     for s in todo:
         by_case.setdefault(s.case, []).append(s)
 
     def on_row(spec, row):
-        rows[keys[spec]] = row
-        journal.append(keys[spec], row)
+        rows[found[spec]] = row
+        journal.append(found[spec], row)
     try:
-        run_all([*by_case.values()], args.jobs or min(2, os.cpu_count() or 1), args.timeout, on_row, threads=threads)
+        jobs = args.jobs or max(1, min(2, (os.cpu_count() or 1) // threads))         # no more threads than cores
+        run_all([*by_case.values()], jobs, args.timeout, on_row, threads=threads)
     finally:
         journal.close()
-    return build(columns_of([rows[keys[s]] for s in specs]), data.cases, data.solvers)
+    return build(columns_of([rows[found[s]] for s in specs]), data.cases, data.solvers)

@@ -1,221 +1,223 @@
-"""Supervised local workers: spawned, warm, one case at a time each; killed and replaced on their time limit.
+"""Supervised local workers: spawned, warm, one case at a time each; killed and replaced on their limits.
 
 The parent never computes. A worker says what it is about to do with which run; when nothing new is heard within the
-limit it is killed, the run becomes a timeout row, and the rest of its case goes to a fresh worker. A worker that dies
-by itself makes its run a "crashed" row. The clock of a run starts when its preparation (compilation) has ended, and anew
-after a kernel that was compiled within it; preparation and compilation have a limit of their own.
+limit it is killed, the run becomes a timeout row, and the rest of its case goes to a fresh worker. A worker that holds
+more memory than it may makes its run an "oom" row, one that dies by itself a "crashed" one. The clock of a run starts when
+its preparation (compilation) has ended, and anew after a kernel that was compiled within it; preparation and compilation
+have a limit of their own. Nothing that a worker or its run does (dying half way through a message, closing its
+descriptors, printing without end) stops the parent or the other workers.
 """
 from __future__ import annotations
 
 import contextlib
-import multiprocessing as mp
-import os
+import signal
 import tempfile
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from multiprocessing.connection import wait
-from pathlib import Path
 
-from nsbench.execute.once import share_compilation
-from nsbench.execute.turns import Turns
-from nsbench.measure import clock
-from nsbench.study import Spec, run_batch
+from nsbench.execute import memory, stop
+from nsbench.execute.process import LEAVING, Worker, ended, last_line, spawn
+from nsbench.execute.worker import Chore
+from nsbench.study import Spec, lost
 
 PREPARE = 300.0           # seconds: compiling and factorising, beside the limit of the run itself
-THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+TICK = 0.1                # seconds between two looks at limits
+JUMP = 2.0                # seconds without a look: this process was stopped, or waited for its disk, and heard nobody
+GONE = 1.0                # seconds for a worker to end whose pipe has closed
+BATCH = 1000              # specs: more of one case are several batches, which several workers can take
 
-
-@dataclass(frozen=True)
-class Chore:
-    """Work without a row, done by whichever worker has nothing else to do: function(*args), both picklable."""
-    function: Callable
-    args: tuple = ()
-
-
-def _worker(pipe, locks: str) -> None:
-    """Body of a worker: batches and chores in, (what, index, row) out."""
-    import signal
-    signal.signal(signal.SIGINT, signal.SIG_IGN)         # the parent decides what Ctrl-C means
-    turns, news = Turns(locks), _News(pipe)
-    share_compilation(locks, news.compiling, clock.stand)
-    while True:
-        try:
-            task = pipe.recv()
-        except EOFError:
-            return
-        if task is None:
-            return
-        news.last = ("start", -1)
-        if isinstance(task, Chore):
-            pipe.send(("done", -1, _does(task)))
-            continue
-        for i, row in run_batch(task, news.tell, turns.order):
-            pipe.send(("row", i, row))
-        pipe.send(("done", -1, None))
-
-
-class _News:
-    """What a worker tells of itself: what it does with which run, and when a kernel is compiled on the way, for which
-    the clock of the run stands still."""
-
-    def __init__(self, pipe):
-        self.pipe, self.last = pipe, ("start", -1)
-
-    def tell(self, what: str, i: int) -> None:
-        self.last = (what, i)
-        self.pipe.send((what, i, None))
-
-    @contextlib.contextmanager
-    def compiling(self):
-        before = self.last
-        self.tell("compile", before[1])
-        try:
-            yield
-        finally:
-            self.tell(*before)
-
-
-def _does(chore: Chore) -> bool:
-    try:
-        chore.function(*chore.args)
-    except Exception:                    # who set the chore looks after those that were not done
-        return False
-    return True
-
-
-@dataclass
-class _Job:
-    """A worker at work on the specs of one case, of which `missing` have no row yet, or on a chore."""
-    process: mp.Process
-    pipe: object
-    chore: Chore | None = None
-    specs: list[Spec] = field(default_factory=list)
-    missing: set[int] = field(default_factory=set)
-    what: str = ""
-    index: int = -1
-    since: float = 0.0
-
-
-def _jax_cache() -> dict[str, str]:
-    """Settings that keep what JAX compiles in the user's cache folder, unless the user has settings of his own."""
-    folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "nsbench" / "jax"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError:
-        return {}
-    wanted = {"JAX_COMPILATION_CACHE_DIR": str(folder), "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0",
-              "JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES": "-1"}
-    return {k: os.environ.get(k, v) for k, v in wanted.items()}
-
-
-def _spawn(locks: str, threads: int) -> _Job:
-    context = mp.get_context("spawn")
-    ours, theirs = context.Pipe()
-    ours_alone = dict.fromkeys(THREADS, str(threads)) | _jax_cache()
-    keep = {k: os.environ.get(k) for k in ours_alone}
-    os.environ.update(ours_alone)
-    try:
-        process = context.Process(target=_worker, args=(theirs, locks), daemon=True)
-        process.start()
-    finally:
-        for k, v in keep.items():
-            if v is None:
-                os.environ.pop(k, None)
-            else:
-                os.environ[k] = v
-    theirs.close()
-    return _Job(process, ours)
+OnOutput = Callable[[Spec, bytes], None]
 
 
 def run_all(batches: list[list[Spec]], jobs: int, timeout: float | None, on_row: Callable[[Spec, dict], None],
-            chores: Iterable[Chore] = (), threads: int = 1) -> list[Chore]:
-    """Rows of all batches, handed to on_row as they come, then the chores; those that were done. KeyboardInterrupt stops
-    the workers and passes on."""
-    queue, working, done = [*reversed([*chores]), *reversed(batches)], [], []
-    with tempfile.TemporaryDirectory(prefix="nsbench-") as locks:
+            chores: Iterable[Chore] = (), threads: int = 1, most: int | None = None,
+            on_output: OnOutput = lambda spec, text: None) -> list[Chore]:
+    """Rows of all batches, handed to on_row as they come, then the chores; those that were done.
+
+    timeout: seconds of one run (None: no limit); threads: of every library in each worker; most: bytes that a worker may
+    hold (None: its share of the machine); on_output is told what a run has printed, if anything, before on_row. A signal
+    that stops the program takes effect between two rows: the workers are stopped and KeyboardInterrupt passes on.
+    """
+    batches = [b[k:k + BATCH] for b in batches for k in range(0, len(b), BATCH)]
+    team = _Team([*reversed([*chores]), *reversed(batches)], timeout, on_row, on_output, threads, most or memory.limit(jobs))
+    with stop.held(), tempfile.TemporaryDirectory(prefix="nsbench-", ignore_cleanup_errors=True) as team.locks:
         try:
-            while queue or working:
-                while queue and len(working) < jobs:
-                    _assign(working, _spawn(locks, threads), queue.pop())
-                for pipe in wait([j.pipe for j in working], timeout=0.2):
-                    job = next(j for j in working if j.pipe is pipe)
-                    more = _listen(job, on_row, done)
-                    if more is None:
-                        continue
-                    working.remove(job)
-                    queue += more
-                    if queue and not job.pipe.closed:
-                        _assign(working, job, queue.pop())
-                    elif not job.pipe.closed:
-                        _dismiss(job)
-                for job in [j for j in working if _late(j, timeout)]:
-                    working.remove(job)
-                    queue += _give_up(job, timeout, on_row)
+            while team.queue or team.alone or team.working:
+                stop.check()
+                team.hire(jobs)
+                team.hear()
+                team.look()
         finally:
-            for job in working:
-                job.process.kill()
-                job.process.join()
-    return done
+            team.end()
+    return team.done
 
 
-def _assign(working, job, task):
-    job.chore, job.specs = (task, []) if isinstance(task, Chore) else (None, task)
-    job.missing, job.what, job.index = set(range(len(job.specs))), "start", -1
-    job.since = time.monotonic()
-    job.pipe.send(task)
-    working.append(job)
+@dataclass
+class _Team:
+    """The workers, and what is still to do: `queue` by anyone, last one first; `alone` by a fresh worker."""
+    queue: list
+    timeout: float | None
+    on_row: Callable[[Spec, dict], None]
+    on_output: OnOutput
+    threads: int
+    most: int
+    locks: str = ""
+    alone: list = field(default_factory=list)
+    working: list[Worker] = field(default_factory=list)
+    leaving: list[tuple[float, Worker]] = field(default_factory=list)
+    done: list[Chore] = field(default_factory=list)
+    again: set[Spec] = field(default_factory=set)
+    looked: float = field(default_factory=time.monotonic)
+    spawn: Callable[[str, int], Worker] = spawn
+    keep: bool = False                                   # a worker without work waits in `spare`
+    spare: list[Worker] = field(default_factory=list)
 
+    def hire(self, jobs: int) -> None:
+        while (self.queue or self.alone) and len(self.working) < jobs:
+            self.assign(self.spawn(self.locks, self.threads), (self.alone or self.queue).pop())
 
-def _listen(job, on_row, done):
-    """Take one message. None: go on; a list: the worker is free, or dead, and these batches are still to do."""
-    try:
-        what, i, row = job.pipe.recv()
-    except (EOFError, ConnectionResetError):
-        job.process.join()
-        rest = _lost(job, on_row, "crashed", f"The worker died with exit code {job.process.exitcode} during this run.")
-        return [rest] if rest else []
-    job.since = time.monotonic()
-    if what == "done":
-        done += [job.chore] if row else []
-        return []
-    if what == "row":
-        job.missing.discard(i)
-        on_row(job.specs[i], row)
-    else:
-        job.what, job.index = what, i
-    return None
+    def assign(self, job: Worker, task) -> None:
+        job.chore, job.specs = (task, []) if isinstance(task, Chore) else (None, task)
+        job.missing, job.what, job.index, job.peak = set(range(len(job.specs))), "start", -1, 0
+        job.since = time.monotonic()
+        self.working.append(job)
+        with contextlib.suppress(OSError):               # it died meanwhile: it will be seen that its pipe is closed
+            job.pipe.send(task)
 
+    def hear(self) -> None:
+        """Take what workers say; one message of each."""
+        outputs = [j.printed for j in self.working if j.printed.open]
+        ready = wait([*(j.pipe for j in self.working), *outputs], timeout=TICK)
+        stop.check()                                     # what stopped this process may have met the workers as well
+        for job in [*self.working]:
+            if job.printed in ready:
+                job.printed.drain()
+            if job.pipe in ready:
+                self.listen(job)
 
-def _lost(job, on_row, status, why):
-    """Row for the run in flight; the specs that are still to do."""
-    job.pipe.close()
-    i = job.index if job.index >= 0 else min(job.missing, default=-1)     # died before its first word: one run pays
-    if i in job.missing:
-        spec = job.specs[i]
-        job.missing.discard(i)
-        on_row(spec, {"case": spec.case, "solver": spec.solver, "accuracy": spec.accuracy, "asked": spec.asked,
-                      "h": 1.0 / spec.asked if spec.accuracy == "k" else spec.asked, "status": status, "why": why})
-    return [job.specs[k] for k in sorted(job.missing)]
+    def listen(self, job: Worker) -> None:
+        try:
+            what, i, row = job.pipe.recv()
+        except Exception:                # closed, in the middle of a message, or a run has written into the pipe itself
+            self.died(job)
+            return
+        job.since = time.monotonic()
+        if what == "done":
+            self.done += [job.chore] if row else []
+            self.working.remove(job)
+            if self.queue:
+                self.assign(job, self.queue.pop())
+            elif self.keep:
+                self.spare.append(job)
+            else:
+                self.dismiss(job)
+        elif what == "row":
+            self.row(job, i, row)
+        else:
+            job.what, job.index = what, i
+            if what == "prepare":
+                job.begun, job.peak = job.begun + 1, 0
 
+    def row(self, job: Worker, i: int, row: dict) -> None:
+        text = job.printed.take(i)
+        if i in job.missing:                             # else it is given again, with its times
+            job.missing.discard(i)
+            if text:
+                self.on_output(job.specs[i], text)
+        self.on_row(job.specs[i], row)
 
-def _late(job, timeout):
-    limit = timeout if job.what == "run" else None if timeout is None else timeout + PREPARE
-    return limit is not None and time.monotonic() - job.since > limit
+    def look(self) -> None:
+        """Who is beyond a limit, or gone without a word?"""
+        now = time.monotonic()
+        if now - self.looked < TICK:
+            return
+        if now - self.looked > JUMP:
+            for job in self.working:
+                job.since = min(now, job.since + now - self.looked)
+        self.looked = now
+        for job in [*self.working]:
+            job.peak = max(job.peak, memory.held_by(job.process.pid))
+            if job.peak > self.most:
+                job.kill()
+                self.too_large(job, f"The worker held {memory.told(job.peak)}, its limit is {memory.told(self.most)} "
+                                    "(--memory); it was stopped.")
+            elif job.pipe.poll():
+                continue                                 # it has said something that was not heard yet
+            elif job.process.exitcode is not None:       # what it has started holds its pipe open
+                self.died(job)
+            elif (limit := _beyond(job, self.timeout, now)) is not None:
+                job.kill()
+                self.give_up(job, "timeout", f"No end within {limit:g} s ({job.what}); the worker was stopped.", limit=limit)
+        for since, job in [*self.leaving]:
+            if job.process.exitcode is not None or now - since > LEAVING:
+                self.leaving.remove((since, job))
+                job.kill()
+                job.printed.close()
+            else:
+                job.printed.drain()
 
+    def died(self, job: Worker) -> None:
+        job.wait(GONE)
+        code = job.process.exitcode
+        job.kill()                                       # if it only closed its pipe; and what it has started
+        if code is not None and -code in stop.SIGNALS:   # sent to this process as well, by who stops all of us?
+            time.sleep(2 * TICK)
+        stop.check()
+        text = job.printed.take(job.index)
+        last = text.decode("utf-8", "replace")
+        if code == -signal.SIGKILL and (memory.kernel_kills() > job.kills or job.peak > memory.NEAR * self.most):
+            self.too_large(job, "The system stopped the worker for want of memory; it was last seen to hold "
+                                f"{memory.told(job.peak)}.", text)
+        elif code is not None and code != 0 and memory.ran_out(last):
+            self.too_large(job, f"The worker {ended(code)} for want of memory: {last_line(last, memory.WORDS)}", text)
+        else:
+            said = f" The last it printed: {last_line(last)}" if last.strip() else ""
+            self.give_up(job, "crashed", f"The worker {ended(code)} during this run.{said}", text)
 
-def _give_up(job, timeout, on_row):
-    job.process.kill()
-    job.process.join()
-    limit = timeout if job.what == "run" else timeout + PREPARE
-    rest = _lost(job, on_row, "timeout", f"No end within {limit:g} s ({job.what}); the worker was stopped.")
-    return [rest] if rest else []
+    def too_large(self, job: Worker, why: str, text: bytes = b"") -> None:
+        """A run that followed others in its process is tried once more in a process of its own: they may have left much."""
+        i = job.current
+        if i in job.missing and job.begun > 1 and job.specs[i] not in self.again:
+            self.again.add(job.specs[i])
+            self.alone.append([job.specs[i]])
+            job.missing.discard(i)
+        self.give_up(job, "oom", why, text)
 
+    def give_up(self, job: Worker, status: str, why: str, text: bytes = b"", **more) -> None:
+        """Row for the run in flight; the specs that are still to do go to others. text: what it has printed."""
+        self.working.remove(job)
+        text, i = text or job.printed.take(job.index), job.current
+        job.close()
+        if i in job.missing:
+            spec = job.specs[i]
+            job.missing.discard(i)
+            if text:
+                self.on_output(spec, text)
+            self.on_row(spec, lost(spec, status, why) | more)
+        if job.missing:
+            self.queue.append([job.specs[k] for k in sorted(job.missing)])
 
-def _dismiss(job):
-    with contextlib.suppress(OSError):
-        job.pipe.send(None)
+    def dismiss(self, job: Worker) -> None:
+        with contextlib.suppress(OSError):
+            job.pipe.send(None)
         job.pipe.close()
-    job.process.join(5)
-    if job.process.is_alive():
-        job.process.kill()
+        self.leaving.append((time.monotonic(), job))
+
+    def end(self) -> None:
+        for job in (*self.working, *self.spare):
+            job.kill()
+            job.close()
+        for since, job in self.leaving:
+            while job.process.exitcode is None and time.monotonic() - since < LEAVING:
+                job.printed.drain()                      # it may have more to print than its pipe holds
+                job.wait(TICK)
+            job.kill()
+            job.printed.close()
+
+
+def _beyond(job: Worker, timeout: float | None, now: float) -> float | None:
+    """The limit that the worker has passed, in seconds; None: it has not."""
+    limit = None if timeout is None else timeout if job.what == "run" else timeout + PREPARE
+    return limit if limit is not None and now - job.since > limit else None

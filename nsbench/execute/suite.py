@@ -1,15 +1,19 @@
 """A suite from plan to folder: what is known is reused, the rest runs in workers, then tables and report."""
 from __future__ import annotations
 
+import contextlib
 import json
 import os
+import re
 import secrets
 from itertools import groupby
 from pathlib import Path
 
 import nsbench
-from nsbench import describe, solvers, store, study
+from nsbench import describe, size, store, study
+from nsbench import keys as key
 from nsbench.case import parse_spec
+from nsbench.execute import plan
 from nsbench.execute.local import Chore, run_all
 from nsbench.execute.progress import Progress
 
@@ -20,26 +24,23 @@ RUN, EVENTS, IN_PYTHON = 1e4, 1e4, 1e3     # in steps of one coordinate (0.1 us)
 def execute(specs, out: Path, args, say) -> int:
     """Run what is not known yet and write DIR/{journal.jsonl, runs.*, env.json, report.*, figures/}; the exit code."""
     cases = {(s.case, s.file): study.resolve(s.case, s.file) for s in specs}
-    keys = {s: store.key_of(s, cases[s.case, s.file], solver_file(s), reference_files(cases[s.case, s.file]))
-            for s in specs}
-    if out.exists() and not out.is_dir():
-        raise ValueError(f"{out} is a file; a folder is needed")
-    known = {} if args.force else store.read_journal(out)
-    todo = [s for s in specs if keys[s] not in known]
+    parts = {s: key.parts_of(s, cases[s.case, s.file]) for s in specs}
+    keys = {s: key.key_of(s, parts[s]) for s in specs}
+    _folder(out)
+    plan.admit({c.key: size.size_of(c) for c in cases.values()}, args)
     if args.plan:
-        for s in specs:
-            say(f"{'reuse' if keys[s] in known else 'run':<6} {s.label}")
-        say(f"{len(todo)} to run, {len(specs) - len(todo)} known")
-        return 0
-    journal = store.Journal(out)
-    rows = {keys[s]: known[keys[s]] for s in specs if keys[s] in known}
-    drawn = set()
-    if todo:
-        say(f"{len(todo)} runs ({len(rows)} known already), results in {out}")
-        drawn = _run(todo, keys, rows, journal, args, say, [*cases], out)
-    ordered = [rows[keys[s]] for s in specs if keys[s] in rows]
-    path = publish(out, ordered, cases, fresh=bool(todo), say=say, drawn=drawn)
-    journal.close()
+        known = {} if args.force else _known(out, args, say)
+        return plan.tell(specs, cases, parts, keys, known, out, args, say)
+    with contextlib.closing(store.Journal(out)) as journal:          # from here on nobody else writes there
+        known = {} if args.force else _known(out, args, say)
+        rows = {keys[s]: known[keys[s]] for s in specs if keys[s] in known}
+        todo = [s for s in specs if keys[s] not in known]
+        drawn = set()
+        if todo:
+            say(f"{len(todo)} runs ({len(rows)} known already), results in {out}")
+            drawn = _run(todo, keys, parts, rows, journal, args, say, [*cases], out)
+        ordered = [rows[keys[s]] for s in specs if keys[s] in rows]
+        path = publish(out, ordered, cases, fresh=bool(todo), say=say, drawn=drawn)
     failed = [r for r in ordered if r["status"] not in EXPECTED]
     if failed:
         say(f"{len(failed)} of {len(ordered)} runs failed; the report lists each with its reason")
@@ -47,25 +48,70 @@ def execute(specs, out: Path, args, say) -> int:
     return 3 if any(r["status"] in ("error", "crashed") for r in failed) or len(failed) == len(ordered) else 0
 
 
-def _run(todo, keys, rows, journal, args, say, cases, out):
+def _folder(out: Path) -> None:
+    """Raises ValueError if this can be no folder of results."""
+    if out.exists() and not out.is_dir():
+        raise ValueError(f"{out} is a {'link to a ' if out.is_symlink() else ''}file; a folder is needed")
+    if out.is_symlink() and not out.exists():
+        raise ValueError(f"{out} is a link to {os.readlink(out)}, which does not exist; a folder is needed")
+
+
+def _known(out: Path, args, say) -> dict[str, dict]:
+    """Rows by key that need not be run again: those of the journal, but for what was killed or had less time."""
+    damaged: list[int] = []
+    rows = store.read_journal(out, damaged)
+    if damaged:
+        few = ", ".join(map(str, damaged[:5])) + (", ..." if len(damaged) > 5 else "")
+        say(f"{out / 'journal.jsonl'}: {len(damaged)} damaged line(s) left out ({few}); their runs are made again")
+    return {key: row for key, row in rows.items() if store.settled(row, args.timeout)}
+
+
+def _run(todo, keys, parts, rows, journal, args, say, cases, out):
     """The rows of `todo`; the pictures that were drawn on the way, as (case, file)."""
     session = secrets.token_hex(6)                       # seconds of one session were measured side by side
     batches = [list(g) for _, g in groupby(todo, key=lambda s: (s.case, s.file))]
     batches = _in_order(batches)
     bar = Progress(len(todo), say, os.isatty(1) if _has_terminal() else False)
+    outputs = Outputs(out / "output", keys)
 
     def on_row(spec, row):
         first = keys[spec] not in rows
-        rows[keys[spec]] = row = row | {"session": session}
-        journal.append(keys[spec], row)
+        rows[keys[spec]] = row = store.as_read(row | {"session": session})
+        journal.append(keys[spec], row, parts[spec])
         if first:
+            outputs.none(spec)
             bar.step(spec.label, row["status"])
     jobs = args.jobs or min(2, os.cpu_count() or 1)
     (out / "figures").mkdir(exist_ok=True)
     try:
-        return {c.args[:2] for c in run_all(batches, jobs, args.timeout, on_row, _chores(cases, out))}
+        if args.dask is not None:
+            from nsbench.execute import cluster
+            return {*cluster.run_all(batches, args.dask, args.timeout, on_row, args.memory, outputs.write)}
+        return {c.args[:2] for c in run_all(batches, jobs, args.timeout, on_row, _chores(cases, out),
+                                            most=args.memory, on_output=outputs.write)}
     finally:
         bar.end()
+
+
+class Outputs:
+    """DIR/output/LABEL-KEY.txt: what a run has printed, if anything; nothing is left of an earlier one."""
+
+    def __init__(self, folder: Path, keys: dict):
+        self.folder, self.keys, self.written = folder, keys, set()
+        self.old = {p.name for p in folder.glob("*.txt")} if folder.is_dir() else set()
+
+    def name(self, spec) -> str:
+        return re.sub(r"[^A-Za-z0-9=.,+-]+", "_", spec.label)[:80].lstrip(".") + f"-{self.keys[spec][:12]}.txt"
+
+    def write(self, spec, text: bytes) -> None:
+        self.folder.mkdir(exist_ok=True)
+        store.write_atomically(self.folder / self.name(spec), text)
+        self.written.add(spec)
+
+    def none(self, spec) -> None:
+        """The run has ended: without a word, unless something of it was written."""
+        if self.old and spec not in self.written and self.name(spec) in self.old:
+            (self.folder / self.name(spec)).unlink(missing_ok=True)
 
 
 def _chores(cases, out):
@@ -85,7 +131,8 @@ def _talk(name: str, _: str, out: str) -> None:
 
 def _in_order(batches):
     """The long ones first, so that no tail is left at the end; but before all others the longest one of each kind of
-    problem, those with constraints at the head: on a new machine the workers then begin with different kernels.
+    problem, those with constraints at the head: on a new machine the workers then begin with different kernels. Variants of
+    one case need the same ones, and do not follow one another where something else can.
     """
     order = sorted(range(len(batches)), key=lambda i: -weight(batches[i]))
     problems = [study.resolve(b[0].case, b[0].file).problem for b in batches]
@@ -93,7 +140,12 @@ def _in_order(batches):
     for i in order:
         first.setdefault((not getattr(problems[i], "constraints", ()), type(problems[i]).__name__), i)
     head = [first[kind] for kind in sorted(first)]
-    return [batches[i] for i in (*head, *(i for i in order if i not in head))]
+    names = [parse_spec(b[0].case)[0] for b in batches]
+    out, rest = head, [i for i in order if i not in head]
+    while rest:
+        at = next((k for k, i in enumerate(rest) if names[i] != names[out[-1]]), 0)
+        out.append(rest.pop(at))
+    return [batches[i] for i in out]
 
 
 def weight(batch) -> float:
@@ -113,19 +165,6 @@ def _has_terminal() -> bool:
         return os.isatty(1)
     except OSError:
         return False
-
-
-def solver_file(spec) -> str:
-    name = parse_spec(spec.solver)[0]
-    for f in spec.solver_files:
-        if Path(f).stem == name:
-            return f
-    return str(Path(solvers.__file__).with_name(f"{name}.py"))
-
-
-def reference_files(case):
-    from nsbench.reference import files_of
-    return [f for f in files_of(case) if Path(f).exists()]
 
 
 def publish(out: Path, rows, cases, fresh: bool, say, drawn=frozenset()) -> Path:

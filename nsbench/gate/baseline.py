@@ -32,9 +32,7 @@ class Line:
     config: str
     why: str
 
-    @property
-    def key(self) -> tuple[str, str, str, str]:
-        return self.case, self.solver, self.parameters, self.metric
+    key = Fact.key
 
     @property
     def held(self) -> bool:

@@ -9,6 +9,7 @@ from pathlib import Path
 from nsbench.gate.facts import Fact
 
 NAME = "calibration.csv"
+ENOUGH = 10 << 20         # bytes
 COLUMNS = ("case", "solver", "parameters", "metric", "spread")
 
 
@@ -42,8 +43,13 @@ def read(folder) -> dict[tuple, float]:
     path = Path(folder) / NAME
     if not path.is_file():
         raise FileNotFoundError(f"no {path}: tolerances come from how far numbers spread; run nsbench calibrate {folder} first")
-    with open(path, newline="", encoding="utf-8") as file:
-        rows = list(csv.reader(file))
+    if path.stat().st_size > ENOUGH:
+        raise ValueError(f"{path} is {path.stat().st_size} bytes long; a calibration has at most {ENOUGH}")
+    try:
+        with open(path, newline="", encoding="utf-8") as file:
+            rows = list(csv.reader(file, strict=True))
+    except (csv.Error, UnicodeDecodeError) as e:
+        raise ValueError(f"{path} cannot be read: {e}") from None
     if not rows or tuple(rows[0]) != COLUMNS:
         raise ValueError(f"{path}: the first line is not {','.join(COLUMNS)}")
     out = {}

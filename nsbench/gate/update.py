@@ -3,7 +3,7 @@ from __future__ import annotations
 
 from nsbench.gate.baseline import Line, line, same
 from nsbench.gate.facts import Fact
-from nsbench.gate.judge import judge, shown
+from nsbench.gate.judge import judge, shown, unlike
 
 
 def updated(found: dict[tuple, Fact], old: dict[tuple, Line], spread: dict[tuple, float], reason: str):
@@ -27,6 +27,8 @@ def updated(found: dict[tuple, Fact], old: dict[tuple, Line], spread: dict[tuple
         if before is None:
             changes.append(f"{name}: new, {shown(after.value)}")
         elif not same(before, after):
-            changes.append(f"{name}: {shown(before.value)} -> {shown(after.value)}")
+            other = unlike(before.config, after.config)
+            changes.append(f"{name}: {shown(before.value)} -> {shown(after.value)}"
+                           + (f", {' and '.join(other)} of another version" if other else ""))
     gone = [key for key in old if key not in found]
     return lines, changes + [f"{' '.join(key)}: {shown(old[key].value)} -> no line: it is not in these results" for key in gone]

@@ -1,0 +1,225 @@
+"""The journal of a study, line by line as its runs end, and how files are written so that no half of one is ever seen."""
+from __future__ import annotations
+
+import contextlib
+import errno
+import json
+import math
+import os
+import re
+import stat
+import zlib
+from pathlib import Path
+
+SCHEMA = 1
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EMFILE, errno.ENFILE)     # the machine's fault, not the folder's
+
+
+class StoreError(Exception):
+    """The results folder cannot be used; the message says which file and why."""
+
+
+def clean(row: dict) -> dict:
+    """The row with plain Python values; JSON has no NaN and no infinity: they become None and text."""
+    out = {}
+    for k, v in row.items():
+        v = v.item() if hasattr(v, "item") else v
+        if isinstance(v, float) and not math.isfinite(v):
+            v = None if math.isnan(v) else ("inf" if v > 0 else "-inf")
+        out[k] = v
+    return out
+
+
+def restore(row: dict) -> dict:
+    numbers = {"inf": math.inf, "-inf": -math.inf}
+    return {k: math.nan if v is None else numbers.get(v, v) if isinstance(v, str) else v for k, v in row.items()}
+
+
+class Journal:
+    """DIR/journal.jsonl: one line per run, written and synced as the run ends; locked while it is open.
+
+    Each line carries a checksum of itself. What a kill, a full disk or a loss of power left of a line is dropped on
+    reading and cut off here. Raises ValueError for a folder that cannot be one, StoreError for one that is in use.
+    """
+
+    def __init__(self, folder: Path):
+        self.path, self._told = folder / "journal.jsonl", set()
+        made = not folder.exists()
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            # not through a link, and without waiting for the other end of what is no file
+            self._file = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_APPEND | getattr(os, "O_NOFOLLOW", 0)
+                                 | getattr(os, "O_NONBLOCK", 0), 0o666)
+        except OSError as e:
+            if e.errno in FULL:
+                raise StoreError(f"cannot write to {folder}: {e.strerror}") from None
+            if self.path.is_symlink():
+                raise ValueError(f"{self.path} is a link; a file of its own is needed") from None
+            raise ValueError(f"cannot write to {folder}: {e.strerror}") from None
+        try:
+            if not stat.S_ISREG(os.fstat(self._file).st_mode):
+                raise ValueError(f"{self.path} is no plain file")
+            self._lock()
+            self._mend()
+            for place in (folder, *([folder.parent] if made else [])):
+                _sync_folder(place)
+        except BaseException:
+            os.close(self._file)
+            raise
+
+    def _lock(self):
+        with contextlib.suppress(ImportError):
+            import fcntl
+            try:
+                fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except OSError:
+                raise StoreError(f"another run is writing to {self.path.parent}") from None
+
+    def _mend(self):
+        """Cut off what is no whole line at the end."""
+        data = self.path.read_bytes()
+        whole = len(data[:data.rfind(b"\n") + 1].rstrip(b"\0\n"))
+        whole += whole < len(data) and data[whole:whole + 1] == b"\n"
+        if whole < len(data):
+            os.ftruncate(self._file, whole)
+            os.fsync(self._file)
+        for left in self.path.parent.glob(".*"):         # of a process that was killed while it wrote a table
+            writer = re.fullmatch(r"\..+\.(\d+)", left.name)
+            if writer and not _alive(int(writer[1])):
+                left.unlink(missing_ok=True)
+
+    def append(self, key: str, row: dict, parts=()) -> None:
+        """The row of a run, written and synced, and, by their digests, the parts of its key; what is in a part is written
+        once, before. Raises StoreError if that fails; the journal is then as it was."""
+        lines = [{"schema": SCHEMA, "part": p.digest, "items": dict(p.items)} for p in parts if p.digest not in self._told]
+        lines.append({"schema": SCHEMA, "key": key, "parts": [p.digest for p in parts], "row": clean(row)})
+        size = os.fstat(self._file).st_size
+        try:
+            left = memoryview(b"".join(map(_sealed, lines)))
+            while left:
+                left = left[os.write(self._file, left):]
+            os.fsync(self._file)
+        except OSError as e:
+            with contextlib.suppress(OSError):
+                os.ftruncate(self._file, size)
+            raise StoreError(f"cannot write {self.path}: {e.strerror}; what was finished before is kept") from None
+        self._told |= {p.digest for p in parts}
+
+    def close(self):
+        if self._file >= 0:
+            os.close(self._file)
+            self._file = -1
+
+
+def _alive(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    except (OSError, OverflowError):                     # there, and of another user
+        pass
+    return True
+
+
+def _sealed(entry: dict) -> bytes:
+    """The line of an entry, with a checksum of what stands before it."""
+    text = json.dumps(entry, allow_nan=False).encode()
+    return text[:-1] + b', "sum": "%08x"}\n' % zlib.crc32(text[:-1])
+
+
+def _opened(line: bytes) -> dict:
+    """The entry of a line. Raises ValueError for one that is not as it was written."""
+    entry = json.loads(line)
+    if not isinstance(entry, dict):
+        raise ValueError("no entry")
+    if "sum" in entry:                                   # journals of older versions have none
+        end = line.rfind(b', "sum": ')
+        if entry["sum"] != f"{zlib.crc32(line[:end]):08x}":
+            raise ValueError("the checksum differs")
+    return entry
+
+
+def _entries(path: Path):
+    """(number of its line from 1, entry or None for what cannot be read); blocks of zeros, which a loss of power leaves,
+    end the line that they are in."""
+    if not path.exists():
+        return
+    with open(path, "rb") as file:
+        for number, text in enumerate(file, 1):
+            for line in filter(None, (piece.strip() for piece in text.split(b"\0"))):
+                try:
+                    entry = _opened(line)
+                except (ValueError, RecursionError):
+                    entry = None
+                yield number, entry
+
+
+def read_journal(folder: Path, damaged: list[int] | None = None) -> dict[str, dict]:
+    """Rows by key; the last one of a key counts. Lines that cannot be read are dropped, and their numbers added to
+    `damaged`."""
+    out: dict[str, dict] = {}
+    lost = [] if damaged is None else damaged
+    for number, entry in _entries(Path(folder) / "journal.jsonl"):
+        try:
+            if entry["schema"] == SCHEMA and "part" not in entry:
+                out[entry["key"]] = restore(entry["row"])
+        except (KeyError, TypeError, AttributeError):
+            lost.append(number)
+    return out
+
+
+def read_parts(folder: Path) -> tuple[dict[tuple, list[str]], dict[str, dict]]:
+    """What runs were made of: digests of parts by (case, solver, accuracy, asked), the last run counting; items of a part
+    by its digest."""
+    made, parts = {}, {}
+    for _, entry in _entries(Path(folder) / "journal.jsonl"):
+        with contextlib.suppress(ValueError, KeyError, TypeError):
+            if entry["schema"] != SCHEMA:
+                continue
+            if "part" in entry:
+                parts[str(entry["part"])] = dict(entry["items"])
+            else:
+                row = restore(entry["row"])
+                made[row["case"], row["solver"], row["accuracy"], repr(float(row["asked"]))] = list(entry.get("parts", ()))
+    return made, parts
+
+
+def as_read(row: dict) -> dict:
+    """The row as a journal gives it back: what is written from it is the same before and after a resume."""
+    return restore(json.loads(json.dumps(clean(row), allow_nan=False)))
+
+
+def settled(row: dict, timeout: float | None) -> bool:
+    """Is this row final? A run that was killed (by whomever), ran out of memory, or had less time than `timeout` seconds
+    is tried again."""
+    if row["status"] == "timeout":
+        return timeout is not None and timeout <= row.get("limit", 0.0)
+    return row["status"] not in ("crashed", "oom")
+
+
+def write_atomically(path: Path, data: bytes) -> None:
+    """Beside, synced, then renamed: no half file is ever seen, not even after a loss of power."""
+    tmp = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        with open(tmp, "wb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(tmp, path)
+        _sync_folder(path.parent)
+    except BaseException as e:
+        with contextlib.suppress(OSError):
+            tmp.unlink(missing_ok=True)
+        if isinstance(e, OSError):
+            raise StoreError(f"cannot write {path}: {e.strerror}") from None
+        raise
+
+
+def _sync_folder(folder: Path) -> None:
+    """A new name in a folder outlasts a loss of power; where folders cannot be synced nothing is promised."""
+    with contextlib.suppress(OSError):
+        number = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(number)
+        finally:
+            os.close(number)
