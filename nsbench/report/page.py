@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass
 from textwrap import dedent
 
-from nsbench.report.panels import inline, markers
+from nsbench.report.panels import DASHES, inline, markers
 from nsbench.report.sheet import CSS, SCRIPT
 from nsbench.report.source import Data, Runs
 from nsbench.report.speed import RULE
@@ -141,6 +141,13 @@ def chip(look: Look, hollow: bool = False) -> str:
             f'stroke="var(--m{look.tone})"/></svg>')
 
 
+def _key(look: Look) -> str:
+    """A method's mark on a piece of its line, for legends."""
+    return (f'<svg class="chip key" viewBox="0 0 28 12" aria-hidden="true"><path d="M0 6h28" fill="none" stroke-width="1.4" '
+            f'stroke="var(--m{look.tone})" stroke-dasharray="{DASHES[look.line]}"/><path transform="translate(8 0)" '
+            f'd="{SHAPES[look.marker]}" fill="var(--m{look.tone})" stroke="var(--m{look.tone})"/></svg>')
+
+
 def table(t: Table, looks: dict[str, Look], kind: str = "") -> str:
     """`t` as HTML; a change of group opens with a heading row."""
     if not t.rows:
@@ -231,7 +238,7 @@ def _legend(runs: list[Runs], c: Content) -> str:
 
 
 def _items(shown) -> str:
-    items = "".join(f'<li data-s="{look.index}">{chip(look)}{html(name)}</li>' for name, look in shown)
+    items = "".join(f'<li data-s="{look.index}">{_key(look)}{html(name)}</li>' for name, look in shown)
     return f'<ul class="legend">{items}</ul>'
 
 

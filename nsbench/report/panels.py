@@ -99,7 +99,8 @@ def draw(panel: Panel) -> str:
     parts.append(pen.path([(xs[0], ys[1]), (xs[0], ys[0]), (xs[1], ys[0])], stroke=MUTED, stroke_width=0.7))
     for p in panel.slopes:
         parts += _guide(pen, p, panel)
-    parts += [_line(pen, line) for line in panel.lines]
+    below = [line.far or (line.level >= 0 and line.level < 10.0 ** ys[0]) for line in panel.lines]
+    parts += [_line(pen, line, sum(below[:i])) for i, line in enumerate(panel.lines)]
     parts += [pen.text(k, ys[0], _power(k), 7, anchor="middle", down=9) for k in x]
     parts += [f'<text x="{LEFT - 3}" y="{pen.y(k) + 2.5:.1f}" font-size="7" fill="{MUTED}" text-anchor="end">'
               f'{_power(k)}</text>' for k in y]
@@ -134,8 +135,9 @@ def _limits(panel: Panel):
     return (float(x.min()) - pad, float(x.max()) + pad), (low - room * (2.5 if below else 1), high + room * 1.5)
 
 
-def _line(pen: _Pen, line: Line) -> str:
-    """One method: its polygon with markers, zeros at the bottom, failures at the top, its level across."""
+def _line(pen: _Pen, line: Line, place: int) -> str:
+    """One method: its polygon with markers, zeros at the bottom, failures at the top, its level across. place: how many
+    numbers already stand where one that lies below the panel is written."""
     (x0, x1), (low, high), k = pen.xs, pen.ys, line.look.index
     stroke = {"stroke": line.look.colour, "stroke_width": 1.2}
     at = np.unique(np.linspace(0, len(line.x) - 1, min(len(line.x), POINTS)).astype(int))
@@ -147,7 +149,8 @@ def _line(pen: _Pen, line: Line) -> str:
                             stroke_dasharray=DASHES[line.look.line]))
         if line.far and np.log10(y[solid]).min() < low:
             i = int(np.argmin(y[solid]))
-            out.append(pen.text(np.log10(x[solid][i]), low, num(float(y[solid][i])), 6.5, line.look.colour, "middle", -6))
+            out.append(pen.text(np.log10(x[solid][i]), low, num(float(y[solid][i])), 6.5, line.look.colour, "middle",
+                                -6 - 7 * place))
     if np.any(y == 0):
         out.append(pen.path([(a, low) for a in np.log10(x[y == 0])], style=_marks("o", k)))
     if line.failed.size:
@@ -156,7 +159,7 @@ def _line(pen: _Pen, line: Line) -> str:
         level = math.log10(line.level) if line.level else -math.inf
         out.append(pen.path([(x0, max(level, low)), (x1, max(level, low))], **stroke, stroke_dasharray=DASHES[":"]))
         if level < low:
-            out.append(pen.text(x0, low, num(line.level), 6.5, line.look.colour, down=-3))
+            out.append(pen.text(x0, low, num(line.level), 6.5, line.look.colour, down=-3 - 7 * place))
     return "".join([*out, "</g>"])
 
 
@@ -229,7 +232,8 @@ def sheet(panels: list[str], legend: list[tuple[str, Look, bool]], title: str) -
                                           f'height="{high}" ', 1))
     for i, (name, look, hollow) in enumerate(legend):
         x, y = 8 + i % per * 190, 24 + rows * high + 14 * (i // per)
-        parts.append(f'<g transform="translate({x} {y})"><path d="{SHAPES[look.marker]}" stroke="{look.colour}" fill="'
-                     f'{"none" if hollow else look.colour}"/><text x="16" y="9" font-size="8" fill="{INK}">'
-                     f'{html(name)}</text></g>')
+        parts.append(f'<g transform="translate({x} {y})"><path d="M0 6h28" fill="none" stroke="{look.colour}" '
+                     f'stroke-dasharray="{DASHES[look.line]}"/><path transform="translate(8 0)" d="{SHAPES[look.marker]}" '
+                     f'stroke="{look.colour}" fill="{PAPER if hollow else look.colour}"/>'
+                     f'<text x="34" y="9" font-size="8" fill="{INK}">{html(name)}</text></g>')
     return "\n".join([*parts, "</svg>\n"])

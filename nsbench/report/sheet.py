@@ -63,7 +63,7 @@ td b{font-weight:500;border-radius:3px;padding:1px 4px;margin-left:-4px}
 .js .tools{display:flex}
 .tools input[type=search]{font:inherit;color:var(--ink);background:transparent;border:1px solid var(--rule)}
 .tools input[type=search]{border-radius:4px;padding:.3rem .6rem;width:17rem;max-width:100%}
-.chip{width:9px;height:9px;margin-right:.5em;vertical-align:baseline;overflow:visible}
+.chip{width:9px;height:9px;margin-right:.5em;vertical-align:baseline;overflow:visible}.key{width:21px}
 .case{margin-top:3rem;padding-top:1.4rem;border-top:1px solid var(--rule)}
 .case:first-of-type{border-top:0;padding-top:0;margin-top:.6rem}
 .about{display:flex;gap:2rem;align-items:flex-start;margin-top:.7rem}

@@ -10,15 +10,19 @@ from pathlib import Path
 import numpy as np
 
 from nsbench.report.style import LEADS, clean, family, slug
+from nsbench.store import SCHEMA, text_of
 
 LABELS = ("lam_at_start", "lam_at_mid", "lam_at_end", "lam_mean")     # of single steps, against lambda at that time
-NUMBERS = ("asked", "h", "seconds", "seconds_low", "seconds_high", "seconds_max", "rounds", "setup_seconds",
-           "compile_seconds", "steps", "drift_calls", "projections", "inner_iterations",
+CLOCKED = ("seconds", "seconds_low", "seconds_high", "seconds_max", "rounds", "setup_seconds", "compile_seconds")
+NUMBERS = ("asked", "h", *CLOCKED, "shared", "steps", "drift_calls", "projections", "inner_iterations",
            "qp_solves", "events", "restarts", "contacts_peak", "state_sup", "state_T", "impulse", "reaction", "l1",
            "settled", "event_time", "events_missed", "events_extra", "feasibility", "sign", "complementarity",
            "residual", "selection", "polyhedron", "lam_own", "rebuilds", "state_floor", "impulse_floor", "reaction_floor",
            "event_floor", "state_scale", "impulse_scale", "multipliers_unique", *LABELS, "lam_floor")
 WORDS = ("case", "solver", "accuracy", "status", "why", "loop", "reference", "lam_time", "session")
+FIELDS = {"cases": {"classes": list, "T": (int, float), "families": (list, str), "certificate": dict},
+          "solvers": {"claims": dict, "expects": list}}     # kinds of what the notes on cases and solvers hold
+LARGEST, NOTES = 4 << 30, 64 << 20      # bytes of a table, and of the notes beside it: more than a million rows take
 GOOD = ("ok", "below_reference")     # statuses whose errors are numbers
 
 
@@ -131,29 +135,60 @@ def _table(folder: Path) -> dict:
     """Columns of DIR/runs.parquet, or of runs.csv where only that exists."""
     path = folder / "runs.parquet"
     if path.is_file():
+        import pyarrow
         import pyarrow.parquet
+        _size(path, LARGEST)
         try:
-            table = pyarrow.parquet.read_table(path)
-        except (OSError, ValueError) as e:
+            with open(path, "rb") as file:               # a name that the locale cannot spell is no matter of the library's
+                table = pyarrow.parquet.read_table(file, page_checksum_verification=True)
+        except (OSError, ValueError, pyarrow.ArrowException, MemoryError) as e:
             raise ValueError(f"{path} cannot be read: {e}") from e
-        return columns_of({n: table[n].to_pylist() for n in table.column_names if n in NUMBERS or n in WORDS})
+        _schema(path, (table.schema.metadata or {}).get(b"nsbench_schema", b"").decode("ascii", "replace"))
+        return columns_of({n: table[n].to_numpy() if n in NUMBERS and pyarrow.types.is_float64(table[n].type)
+                           else table[n].to_pylist() for n in table.column_names if n in NUMBERS or n in WORDS})
     path = folder / "runs.csv"
     if path.is_file():
         import csv
-        with open(path, newline="", encoding="utf-8") as file:
-            return columns_of(list(csv.DictReader(file)))
+        _size(path, LARGEST)
+        try:
+            with open(path, newline="", encoding="utf-8") as file:
+                rows = [{k: text_of(v) for k, v in r.items()} for r in csv.DictReader(file, strict=True)]
+        except (csv.Error, UnicodeDecodeError) as e:
+            raise ValueError(f"{path} cannot be read: {e}") from e
+        if rows and not {"case", "solver", "status"} <= set(rows[0]):
+            raise ValueError(f"{path} has no column case, solver or status: these are no results")
+        return columns_of(rows)
     raise FileNotFoundError(f"{folder} holds no runs.parquet and no runs.csv")
+
+
+def _size(path: Path, most: int) -> None:
+    if path.stat().st_size > most:
+        raise ValueError(f"{path} is {path.stat().st_size} bytes long; at most {most} are read")
+
+
+def _schema(path: Path, found) -> None:
+    if str(found) not in ("", str(SCHEMA)):
+        raise ValueError(f"{path} is of schema {clean(found, 40)}; this version of nsbench reads {SCHEMA}: run the study again")
 
 
 def _json(path: Path) -> dict:
     if not path.is_file():
         return {}
+    _size(path, NOTES)
     try:
         value = json.loads(path.read_text(encoding="utf-8"))
-    except (ValueError, OSError) as e:
+    except (ValueError, OSError, RecursionError) as e:
         raise ValueError(f"{path} cannot be read: {e}") from e
     if not isinstance(value, dict):
         raise ValueError(f"{path} holds a {type(value).__name__}; an object is needed")
+    if path.name == "env.json":
+        _schema(path, value.get("schema", ""))
+    for name, notes in value.items():
+        for what, kinds in FIELDS.get(path.stem, {}).items():
+            found = notes.get(what) if isinstance(notes, dict) else None
+            if found is not None and (not isinstance(found, kinds) or isinstance(found, bool) or (
+                    what == "expects" and not all(isinstance(e, dict) for e in found))):
+                raise ValueError(f"{path}: {what} of {clean(name, 80)} is {clean(found, 80)!r}; that is no such note")
     return value
 
 
@@ -171,18 +206,35 @@ def _word(value) -> str:
 
 
 def columns_of(rows) -> dict:
-    """Dict rows, a DataFrame or a dict of columns -> arrays of all columns; what is missing is NaN or empty."""
+    """Dict rows, a DataFrame or a dict of columns -> arrays of all columns; what is missing is NaN or empty.
+
+    Seconds of runs on shared workers are missing, too: nothing that compares seconds gets to see them.
+    """
     if hasattr(rows, "columns"):
         rows = {name: rows[name].tolist() for name in rows.columns}
     if not isinstance(rows, dict):
         rows = list(rows)
         rows = {name: [r.get(name) for r in rows] for name in (*NUMBERS, *WORDS)}
     size = max((len(v) for v in rows.values()), default=0)
-    out = {n: np.array([_number(v) for v in rows.get(n, [None] * size)], dtype=np.float64) for n in NUMBERS}
-    out |= {n: np.array([_word(v) for v in rows.get(n, [None] * size)], dtype=object) for n in WORDS}
-    for name in ("case", "solver"):
-        out[name] = np.array([v.strip() or "(unnamed)" for v in out[name]], dtype=object)
+    out = {n: _numbers(rows[n]) if n in rows else np.full(size, np.nan) for n in NUMBERS}
+    for name in CLOCKED:
+        out[name][out["shared"] == 1.0] = math.nan
+    for name in WORDS:
+        known: dict = {}                                 # there are few different words in many rows
+        values = rows.get(name, ())
+        for v in values:
+            if isinstance(v, str) and v not in known:
+                known[v] = (_word(v).strip() or "(unnamed)") if name in ("case", "solver") else _word(v)
+        nothing = "(unnamed)" if name in ("case", "solver") else ""
+        out[name] = np.array([known[v] if isinstance(v, str) else _word(v) or nothing for v in values] or [nothing] * size,
+                             dtype=object)
     return out
+
+
+def _numbers(values) -> np.ndarray:
+    if isinstance(values, np.ndarray) and values.dtype == np.float64:
+        return values.copy()
+    return np.array([_number(v) for v in values], dtype=np.float64)
 
 
 def build(cols: dict, cases=None, solvers=None, env=None, extra=None, files=None) -> Data:

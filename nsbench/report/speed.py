@@ -66,6 +66,8 @@ def apart(one: Cost, other: Cost) -> str:
     for c in (one, other):
         if c.rounds < 2 and c.seconds < LONG:
             return f"{c.solver} was not timed in rounds"
+        if not c.seconds > 0:
+            return f"{c.solver} has no seconds of a machine of its own"
     return ""
 
 
@@ -96,6 +98,8 @@ def cost(runs: Runs, target: float, metric: str = "state_sup") -> Cost | None:
 
 
 def _between(a: float, b: float, share: float) -> float:
+    if math.isnan(a):                                    # seconds of a shared worker: the run beside it alone tells nothing
+        return a
     if not (a > 0 and b > 0):
         return float(b)
     return float(math.exp((1 - share) * math.log(a) + share * math.log(b)))

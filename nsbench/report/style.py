@@ -5,9 +5,10 @@ import math
 import re
 from dataclasses import dataclass
 
-# Okabe & Ito (2008): told apart by readers with any of the common colour blindnesses. Ink stands for their black.
-PALETTE = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#1c1b1a", "#b8a800")
-DARK = ("#4aa8e0", "#ff8a4c", "#2fc79c", "#e39cc3", "#f0b429", "#8ccdf2", "#e6e3dc", "#ece14a")
+# Okabe & Ito (2008): told apart by readers with any of the common colour blindnesses. Ink stands for their black; violet is a
+# ninth one, for as many methods.
+PALETTE = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#1c1b1a", "#b8a800", "#7b4fb0")
+DARK = ("#4aa8e0", "#ff8a4c", "#2fc79c", "#e39cc3", "#f0b429", "#8ccdf2", "#e6e3dc", "#ece14a", "#b99be6")
 INK, MUTED, RULE, SHADE, PAPER = "#1c1b1a", "#77736c", "#dcd7ce", "#efebe3", "#fdfcfa"
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">")
 LINES = ("-", "--", "-.", ":")

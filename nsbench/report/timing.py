@@ -28,7 +28,14 @@ def clock_table(data: Data) -> Table:
                  "Compilation is what the first preparation in a process takes beyond a second one: compiling, loading from "
                  "caches, imports; set-up is what each preparation takes; neither is part of the seconds compared. Runs of more "
                  f"than {LONG:g} s are timed once; the others in 3 to 7 rounds with the methods interleaved, the first call "
-                 "left out. The spread is the median over all timed runs, the worst round the largest factor seen.")
+                 "left out. The spread is the median over all timed runs, the worst round the largest factor seen."
+                 + shared(data))
+
+
+def shared(data: Data) -> str:
+    """" N runs ..." if the seconds of some are left out because their workers were shared; otherwise ""."""
+    count = sum(int((r.col["shared"] == 1.0).sum()) for r in data.runs.values())
+    return f" {count} runs were made by shared workers of a cluster: their seconds are stored, and used nowhere." if count else ""
 
 
 def _total(values) -> str:
