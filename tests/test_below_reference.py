@@ -31,6 +31,7 @@ def test_the_names_of_what_is_below_are_given(slack):
     assert rough["below"] == "" and rough["state_sup"] > 1e-3 and coarse["state_sup"] < 1.0
 
 
+@pytest.mark.survives("coarse reference")
 def test_a_row_below_its_reference_has_that_status(slack):
     spec = Spec("slide_exit", "event_driven", "tol", 1e-12)
     row, run = attempt(spec)
@@ -58,6 +59,7 @@ def test_the_state_alone_does_not_make_a_row_below(slack, monkeypatch):
     assert row["status"] == "ok" and "state_sup" in row["below"] and "impulse" not in row["below"].split()
 
 
+@pytest.mark.survives("coarse reference")
 def test_the_report_shows_the_floor_instead():
     from nsbench.report.summary import shown
     from nsbench.report.trust import _known

@@ -11,6 +11,7 @@ STEPS = 0.05 / np.array([2, 3, 5, 7, 9, 13, 17, 23, 31, 43, 59, 83, 113, 157])  
 STANDARD = solvers.standard()
 
 
+@pytest.mark.survives("silent wrong")
 @pytest.mark.parametrize("spec", STANDARD)
 def test_reaches_the_order_it_claims(spec):
     method = solvers.get(spec)
@@ -68,6 +69,7 @@ def test_trajectory_keeps_the_contract(spec):
         assert a.stats["loop"] in ("compiled", "host")
 
 
+@pytest.mark.survives("nan later")
 @pytest.mark.parametrize("spec", STANDARD)
 def test_nan_drift_is_a_status_and_never_a_hang(spec):
     def nan_later(xp):
@@ -103,6 +105,7 @@ def test_bad_accuracies_and_names_are_errors_with_the_value():
     ("t", np.array([0.0, 0.0]), "increase"), ("name", "<script>", "<script>"), ("start", "maybe", "maybe"),
     ("t", np.array([0.0]), "two times"),
 ])
+@pytest.mark.survives("start not finite", "names")
 def test_bad_case_data_is_an_error_with_the_value(field, value, text):
     with pytest.raises((ValueError, TypeError), match=text):
         get_case("tide").replace(**{field: value})
@@ -116,6 +119,7 @@ def test_bad_case_data_is_an_error_with_the_value(field, value, text):
     (lambda: nsbench.Filippov({(1,): lambda xp: None}, lambda xp: None), "sign tuples"),
     (lambda: nsbench.Distance(1.0, pairs=[[0, 1], [1, 0]]), "twice"),
 ])
+@pytest.mark.survives("radius no length")
 def test_bad_constraints_are_errors_with_the_value(make, text):
     with pytest.raises((ValueError, TypeError), match=text):
         make()

@@ -3,15 +3,13 @@ import itertools
 
 import numpy as np
 import pytest
-from scipy.optimize import linprog
+from exact_runs import exact_run
 
 import nsbench
-from nsbench import LCS, Affine, Case, Complementarity, Distance, Filippov, get_case
+from nsbench import LCS, Case, Filippov, get_case
 from nsbench.case import case_names
-from nsbench.contacts import Scene
 from nsbench.measure.events import event_errors, match
-from nsbench.measure.frame import frame, full_rank, near_of, outside_windows
-from nsbench.measure.polyhedron import polyhedron
+from nsbench.measure.frame import outside_windows
 from nsbench.measure.quadrature import integrals, kinked_intervals
 from nsbench.measure.residuals import distance_to_hull
 from nsbench.reference import closed_form
@@ -19,15 +17,6 @@ from nsbench.trajectory import Event, Status, Trajectory
 
 TIDE = get_case("tide")
 RESIDUALS = ("feasibility", "sign", "complementarity", "residual")
-
-
-def exact_run(case, **changes):
-    """The closed form as if a solver had returned it."""
-    ref = closed_form(case)
-    fields = {"t": case.t, "x": ref.x, "contacts": ref.contacts, "impulse": ref.impulse, "events": ref.events,
-              "stats": {"events": len(ref.events)} if ref.events else {},
-              "reaction": ref.reaction if ref.reaction is not None else np.empty((len(case.t), 0))}
-    return Trajectory(**{**fields, **changes})
 
 
 def hand_pbd(case, substeps):
@@ -92,6 +81,7 @@ def test_a_closed_form_has_neither_errors_nor_residuals(name):
     ("sliding", lambda r: {"impulse": 2.1 * r.impulse}, "sign", -1.0),
     ("two_discs", lambda r: {"x": 0.99 * r.x}, "feasibility", 0.019),
 ])
+@pytest.mark.survives("own residuals")
 def test_residuals_notice_a_wrong_run(name, change, key, size):
     case = get_case(name)
     run = exact_run(case)
@@ -107,107 +97,6 @@ def test_the_state_error_is_the_largest_coordinate_at_the_worst_sample():
     e = nsbench.errors(case, exact_run(case, x=closed_form(case).x + off, reaction=closed_form(case).reaction + off))
     assert e["state_sup"] == pytest.approx(0.3) and e["state_T"] == pytest.approx(0.1)
     assert e["reaction"] == pytest.approx(0.3) and e["impulse"] == 0.0
-
-
-def test_contacts_are_matched_by_id_whichever_way_round_and_an_absent_one_is_zero():
-    case = get_case("two_discs")
-    run = exact_run(case)
-    (i, a, b), = run.contacts
-    assert nsbench.errors(case, exact_run(case, contacts=((i, b, a),)))["impulse"] == 0.0
-    none = exact_run(case, contacts=(), impulse=np.empty((len(case.t), 0)))
-    assert nsbench.errors(case, none)["impulse"] == run.impulse.max()
-    both = np.hstack([run.impulse, 0.25 * case.t[:, None]])
-    wide = TIDE.replace(problem=Complementarity(TIDE.problem.drift, (Affine(np.eye(1), np.zeros(1)),
-                                                                     Affine(np.eye(1), np.ones(1)))),
-                        contacts=((0, 0),))
-    e = nsbench.errors(wide, exact_run(wide, contacts=((0, 0), (1, 0)), impulse=np.hstack(
-        [TIDE.exact_impulse(TIDE.t), 0.25 * TIDE.t[:, None]])))
-    assert e["impulse"] == pytest.approx(0.75) and e["l1"] == pytest.approx(0.75) and both.shape[1] == 2
-
-
-def test_redundant_multipliers_have_a_selection_and_no_error():
-    case = get_case("duplicate")
-    push = TIDE.exact_impulse(case.t)
-    rest = (case.t[:-1] > np.pi / 6) & (case.t[1:] < np.pi / 2)
-    load = (np.diff(push[:, 0]) / np.diff(case.t))[rest].max()
-    for share in (0.5, 0.7, 1.0):
-        e = nsbench.errors(case, exact_run(case, contacts=((0, 0), (0, 1)), events=(),
-                                           impulse=push * [share, 1 - share], reaction=push))
-        assert e["multipliers_unique"] is False
-        assert all(np.isnan(e[k]) for k in ("impulse", "l1", "settled", "sup"))
-        assert e["reaction"] < 1e-14 and e["polyhedron"] < 1e-12
-        assert e["selection"] == pytest.approx((share - 0.5) * np.sqrt(2) * load, abs=1e-12)
-    e = nsbench.errors(case, exact_run(case, contacts=((0, 0), (0, 1)), reaction=1.1 * push,
-                                       impulse=push * [1.2, -0.1]))
-    assert e["polyhedron"] == pytest.approx(np.hypot(0.2, 0.1) * load, rel=1e-6)      # the nearest point is (1, 0)
-    told = case.replace(exact_impulse=lambda t: TIDE.exact_impulse(t) * [0.5, 0.5])     # a closed form that takes sides
-    e = nsbench.errors(told, exact_run(told))
-    assert np.isnan(e["impulse"]) and np.isnan(e["settled"]) and e["impulse_floor"] < 1e-13
-
-
-def test_hexagonal_contacts_are_redundant_and_distances_to_the_set_are_right():
-    case = get_case("hex")
-    made = frame(case)
-    assert made.unique is False and frame(TIDE).unique is True
-    scene = Scene(case.problem, case.n)
-    x = case.exact(case.t[-1:])[0]
-    G = scene.dense_gradients(0.0, x, near_of(scene, made.active[-1]))
-    assert G.shape[0] == 12 and np.linalg.matrix_rank(G) == 11
-    poly = polyhedron(G, x, 1e-12)
-    stress = poly.Z[:, 0]
-    assert poly.Z.shape == (12, 1) and np.abs(stress @ G).max() < 1e-12
-    pair = next(c for c in itertools.combinations(range(7), 2) if (0, *c) not in made.active[-1])
-    run = exact_run(case, contacts=(*made.active[-1], (0, *pair)), events=(), impulse=np.outer(
-        np.maximum(case.t - np.log(1.5), 0), [*poly.nearest(np.zeros(12)), 0.5]))
-    e = nsbench.errors(case, run)                        # a contact that does not touch has no part in any solution
-    assert e["polyhedron"] == pytest.approx(0.5) and e["selection"] == pytest.approx(0.5)
-    # the set is a segment base + s stress: distances by hand
-    lo = max(-poly.base[k] / stress[k] for k in range(12) if stress[k] > 0)
-    hi = min(-poly.base[k] / stress[k] for k in range(12) if stress[k] < 0)
-    rng = np.random.default_rng(4)
-    for lam in rng.uniform(-3, 6, (20, 12)):
-        s = np.clip(stress @ (lam - poly.base), lo, hi)
-        assert np.abs(poly.nearest(lam) - poly.base - s * stress).max() < 1e-9
-
-
-def test_the_nearest_multiplier_satisfies_its_optimality_conditions():
-    rng = np.random.default_rng(7)
-    for _ in range(30):
-        m, n = rng.integers(3, 9), rng.integers(1, 4)
-        G = rng.normal(size=(m, n))
-        mu0 = np.maximum(rng.normal(size=m), 0)
-        r = G.T @ mu0
-        lam = 3 * rng.normal(size=m)
-        mu = polyhedron(G, r, 1e-10).nearest(lam)
-        assert np.abs(G.T @ mu - r).max() < 1e-9 and mu.min() > -2e-10
-        # no feasible point is nearer: mu minimises (mu - lam) . z over the set
-        best = linprog(mu - lam, A_eq=G.T, b_eq=r, bounds=(0, None))
-        assert best.status == 3 or (mu - lam) @ mu <= best.fun + 1e-7
-    assert polyhedron(np.eye(2), np.array([1.0, -1.0]), 1e-10).nearest(np.zeros(2)) is None
-
-
-def test_rank_of_sparse_gradients_is_that_of_dense_ones():
-    from scipy.sparse import block_diag, csr_array
-    rng = np.random.default_rng(0)
-    for _ in range(40):
-        blocks = [rng.normal(size=(rng.integers(1, 4), rng.integers(1, 5))) for _ in range(3)]
-        if rng.uniform() < 0.3:
-            blocks[1] = np.vstack([blocks[1], blocks[1][0] * 2 + 1e-13])
-        G = csr_array(block_diag(blocks))
-        assert full_rank(G) == (np.linalg.matrix_rank(G.toarray(), tol=1e-10) == G.shape[0])
-
-
-def test_candidates_by_id_are_those_of_the_scene():
-    families = (Affine(np.eye(6)[:2], np.zeros(2)), Distance(1.0), Distance(2.0, anchors=np.ones((2, 2)), sign=-1),
-                Distance(np.array([1.0, 2.0]), sign=-1, pairs=[[0, 1], [2, 1]]))
-    scene = Scene(Complementarity(lambda xp: lambda t, x: -x, families), 6)
-    x = np.random.default_rng(1).normal(size=6)
-    near = scene.near(x, np.inf)
-    pick = [11, 3, 0, 7, 5]
-    ids = [near.ids[k] for k in pick]
-    again = near_of(scene, ids)
-    assert again.ids == ids and np.array_equal(scene.gaps(0.0, x, again), scene.gaps(0.0, x, near)[pick])
-    assert near_of(scene, []).ids == []
 
 
 def test_windows_are_two_samples_wide():
@@ -294,6 +183,7 @@ def down(xp):
     return lambda t, x: xp.array([1.0, -1.0])
 
 
+@pytest.mark.survives("repulsive")
 def test_a_solution_that_is_not_unique_is_judged_by_the_inclusion_alone():
     t = np.linspace(0, 1, 11)
     problem = Filippov({(1,): up, (-1,): down}, lambda xp: lambda t, x: x[1:])

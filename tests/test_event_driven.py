@@ -48,6 +48,7 @@ def test_other_integrators_meet_the_tide(method, tol):
     assert traj.status.ok and np.abs(traj.x - case.exact(case.t)).max() < 1e-8 * (tol / 1e-12) ** 0.3
 
 
+@pytest.mark.survives("dependent constraints")
 def test_duplicate_walls_share_one_load():
     case = get_case("duplicate")
     traj = solve(case)
@@ -163,6 +164,7 @@ def test_a_held_contact_does_not_drift_off_at_any_tolerance():
     assert traj.status.ok and np.abs(away[3:] - 1).max() < 1e-14
 
 
+@pytest.mark.survives("event at a sample")
 def test_events_at_samples_and_at_the_end():
     for t in ([0, 0.5, 1.0], [0, 0.5, 1.0, 2.0], [0, 1.5]):
         case = scene(push(-1.0), floor(), x0=[1.0], t=t)
@@ -171,6 +173,7 @@ def test_events_at_samples_and_at_the_end():
         np.testing.assert_allclose(traj.x[:, 0], np.maximum(1 - case.t, 0), atol=1e-14)
 
 
+@pytest.mark.survives("event at a sample")
 def test_contact_from_the_start_is_no_event():
     traj = solve(scene(push(-1.0, 0.0), Affine(np.eye(2), np.zeros(2)), x0=[0.0, 0.0], t=[0, 0.5, 1]))
     assert traj.status.ok and traj.events == () and traj.contacts == ((0, 0),)

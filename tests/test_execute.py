@@ -4,6 +4,8 @@ import itertools
 import os
 import time
 
+import pytest
+
 from nsbench.execute.local import Chore, run_all
 from nsbench.execute.turns import Turns, kernels_of
 from nsbench.measure import clock
@@ -44,6 +46,7 @@ SOLVER = Bad
 '''
 
 
+@pytest.mark.survives("hang", "death", "memory")
 def test_hang_exit_and_exception_are_rows_and_the_others_go_on(tmp_path):
     file = tmp_path / "bad.py"
     file.write_text(SOLVER)
@@ -57,6 +60,7 @@ def test_hang_exit_and_exception_are_rows_and_the_others_go_on(tmp_path):
     assert rows[Spec("tide", "pbd", "h", 0.01)]["status"] == "ok"
 
 
+@pytest.mark.survives("same bytes")
 def test_rows_of_a_repeated_run_agree_to_the_byte():
     spec = Spec("tide", "pbd", "h", 0.01)
     times = ("seconds", "seconds_low", "seconds_high", "setup_seconds", "compile_seconds", "seconds_max", "rounds")
@@ -163,6 +167,9 @@ def test_the_longest_batches_come_first_and_the_second_needs_other_kernels():
     assert weight([Spec("sliding", "pbd", "h", float("nan"))]) == 0.0
     assert _in_order([quick, free, long])[:2] == [long, free] and len(_in_order([quick, free, long, python])) == 4
     assert _in_order([quick, python]) == [python, quick]
+    variant, short = [Spec("discs[n=10]", "pbd", "h", 1e-4)], [Spec("hex", "pbd", "h", 1e-2)]
+    assert weight(long) > weight(variant) > weight(short)
+    assert _in_order([short, variant, long]) == [long, short, variant] and _in_order([variant, long]) == [long, variant]
 
 
 def test_what_shares_a_solver_waits_its_turn_and_is_taken_after(tmp_path):
@@ -175,17 +182,18 @@ def test_what_shares_a_solver_waits_its_turn_and_is_taken_after(tmp_path):
 
 
 def test_a_kernel_compiled_within_a_run_stops_its_clock():
-    from nsbench.execute.local import _Job, _late, _News
+    from nsbench.execute.local import _beyond
+    from nsbench.execute.process import Worker
+    from nsbench.execute.worker import News
     told = []
 
     class Pipe:
         def send(self, message):
             told.append(message)
-    news = _News(Pipe())
+    news = News(Pipe())
     news.tell("run", 3)
     with news.compiling():
         pass
     assert told == [("run", 3, None), ("compile", 3, None), ("run", 3, None)]
-    since = time.monotonic() - 5.0
-    assert _late(_Job(None, None, what="run", since=since), 2.0)
-    assert not _late(_Job(None, None, what="compile", since=since), 2.0)
+    assert _beyond(Worker(None, None, what="run", since=10.0), 2.0, 15.0) == 2.0
+    assert _beyond(Worker(None, None, what="compile", since=10.0), 2.0, 15.0) is None

@@ -210,6 +210,7 @@ def cross_times(B, x, count):
     return times
 
 
+@pytest.mark.survives("zeno")
 @pytest.mark.parametrize("damping", [0.05, 0.2, 0.9])
 def test_a_spiral_stops_as_chatter_at_its_accumulation_time(damping):
     B = np.array([[-damping, -1.0], [1.0, -damping]])
@@ -253,6 +254,7 @@ def test_what_cannot_be_followed_is_a_status_with_a_sentence(name):
     assert np.array_equal(traj.x[0], case.x0) and np.all(np.isnan(traj.x[-1])) and traj.x.shape == (41, 2)
 
 
+@pytest.mark.survives("zeno")
 def test_budgets_of_events_and_steps():
     swing = Filippov.relay(drift(lambda xp, t, x: xp.array([x[1], 0.0])), np.array([[0.0], [-1.0]]),
                            drift(lambda xp, t, x: x[0:1]))

@@ -44,6 +44,7 @@ SAME = {
 }
 
 
+@pytest.mark.survives("tangential")
 @pytest.mark.parametrize("name", SAME)
 def test_a_motion_along_a_surface_that_does_not_switch_has_no_events(name):
     field, switch, x0, x = SAME[name]
@@ -52,6 +53,7 @@ def test_a_motion_along_a_surface_that_does_not_switch_has_no_events(name):
     assert np.abs(traj.x - x(case.t)).max() < 1e-10
 
 
+@pytest.mark.survives("tangential")
 def test_a_surface_that_does_not_switch_is_left_on_its_side():
     bend = drift(lambda xp, t, x: xp.array([1.0, x[0] ** 2]))
     case, traj = run((Filippov({(1,): bend, (-1,): bend}, entry(1)), (0.0, 0.0), 2.0))
@@ -60,6 +62,7 @@ def test_a_surface_that_does_not_switch_is_left_on_its_side():
     np.testing.assert_allclose(traj.impulse[:, 0], case.t, atol=1e-12)
 
 
+@pytest.mark.survives("tangential")
 def test_a_touch_is_told_from_an_entry_by_the_weight_in_between():
     # a belt touched to rounding has no events, one met 1e-4 too fast has short sticks
     case, traj = run(ONE["belt_that_is_touched"]())

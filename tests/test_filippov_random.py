@@ -30,6 +30,7 @@ def random_case(seed):
     return Case("random", Filippov({q: mode(q) for q in data}, switch), rng.normal(size=n), np.linspace(0.0, 4.0, 21))
 
 
+@pytest.mark.survives("silent wrong")
 @pytest.mark.parametrize("seed", range(10))
 def test_two_integrators_agree_on_random_systems(seed):
     case = random_case(seed)

@@ -27,6 +27,7 @@ def outcome(fact, line):
     return judge({fact.key: fact}, {line.key: line})[0].outcome
 
 
+@pytest.mark.survives("another baseline")
 @pytest.mark.parametrize("value, expected", [
     (0.25, "pass"), (0.25 * (1 + 9e-7), "pass"), (0.25 * (1 + 2e-6), "regressed"), (0.24, "improved"),
     (float("nan"), "regressed"), (float("inf"), "regressed"), (-0.25, "improved")])
@@ -58,11 +59,13 @@ def test_words_and_statuses():
     assert outcome(replace(FACT, value="many"), baseline.line(FACT, 0.0, "")) == "regressed"
 
 
+@pytest.mark.survives("another baseline")
 def test_another_configuration_is_named_and_not_compared():
     found = judge({FACT.key: replace(FACT, config="case=aa reference=cc")}, book(FACT))
     assert found[0].outcome == "configuration differs" and "reference" in found[0].sentence and exit_code(found) == 4
 
 
+@pytest.mark.survives("another baseline")
 def test_what_one_side_lacks_is_not_fine():
     missing, new = judge({}, book(FACT)), judge({FACT.key: FACT}, {})
     assert (missing[0].outcome, new[0].outcome) == ("missing", "new")
@@ -105,6 +108,7 @@ def test_the_file_is_read_as_it_was_written(tmp_path):
 GOOD = "tide,pbd,h=1,state_sup,near,0.5,0.1,0,,c=1,why"
 
 
+@pytest.mark.survives("spoilt baseline", "another baseline")
 @pytest.mark.parametrize("body, said", [
     (GOOD.replace("0.5", "nan"), "value is 'nan'"), (GOOD.replace("0.5", "inf"), "finite"), (GOOD.replace("0.1", "nan"), "rtol"),
     (GOOD.replace("0.1", "-1"), "negative"), (GOOD.replace("near", "like"), "kind is 'like'"), (GOOD + "\n" + GOOD, "twice"),
@@ -117,6 +121,7 @@ def test_a_spoilt_baseline_is_an_error_that_names_file_and_line(tmp_path, body, 
     assert said in str(e.value)
 
 
+@pytest.mark.survives("spoilt baseline")
 def test_a_file_that_is_none_is_an_error(tmp_path):
     (tmp_path / "b.csv").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(ValueError, match=r"b.csv is not UTF-8"):

@@ -17,6 +17,7 @@ def raises_late(xp):
     return f
 
 
+@pytest.mark.survives("silent wrong")
 @pytest.mark.parametrize("spec", ["pbd", "catching_up"])
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 def test_a_drift_that_raises_in_compiled_code_is_a_failure(spec):
@@ -26,6 +27,7 @@ def test_a_drift_that_raises_in_compiled_code_is_a_failure(spec):
     assert traj.status.code == "nan" and np.isnan(traj.x[-1]).all()
 
 
+@pytest.mark.survives("ok is finite", "float32")
 def test_what_a_solver_says_is_not_taken_for_granted():
     case = nsbench.get_case("tide")
     k = len(case.t)
@@ -68,6 +70,7 @@ def test_check_says_what_a_broken_file_raises(tmp_path, capsys, text):
     assert "not met" in capsys.readouterr().out
 
 
+@pytest.mark.survives("errors that grow")
 def test_an_error_that_grows_again_is_no_plateau():
     h = 0.1 / np.unique(np.round(2 ** np.arange(0, 8, 0.3)))
     for err in (h + 1e-5 / h, h + 1e-6 / h):

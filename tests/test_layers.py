@@ -10,9 +10,11 @@ import pytest
 import nsbench
 
 ROOT = Path(nsbench.__file__).parent
-LAYERS = ["problem", "trajectory", "compile", "moving", "kernels", "jets", "tape", "case", "near", "contacts", "solvers",
-          "reference", "measure", "describe", "study", "store", "report", "gate", "execute", "commands", "cli"]
-HEAVY = ("jax", "numba", "cvxpy", "pandas", "matplotlib", "scipy", "diffrax", "osqp", "pyarrow", "flint")
+LAYERS = ["places", "imports", "opened", "stamps", "kept", "fingerprint", "problem", "trajectory", "pointers", "compile",
+          "moving", "kernels", "jets", "tape", "shapes", "case", "size", "near", "contacts", "solvers", "reference", "measure",
+          "describe", "study", "keys", "journal", "store", "report", "gate", "execute", "commands", "gate_commands", "cli"]
+HEAVY = ("jax", "numba", "cvxpy", "pandas", "matplotlib", "scipy", "diffrax", "osqp", "pyarrow", "flint", "distributed",
+         "dask")
 
 
 def layer(module):

@@ -170,6 +170,7 @@ def spiral():
                   u=lambda xp: lambda t: xp.asarray(low), q=lambda xp: lambda t: xp.array([0.0, 0.0, 2.0, 2.0]))
 
 
+@pytest.mark.survives("zeno")
 def test_switches_that_accumulate_end_with_their_time():
     traj = solve(spiral(), "event_driven")
     times = np.unique([e.t for e in traj.events])
@@ -189,6 +190,13 @@ def test_inputs_that_end_or_jump():
     traj = solve(jump, "event_driven")
     assert traj.status.ok and traj.x[-1, 0] == pytest.approx(1.3, abs=1e-12)
     assert [(e.kind, round(e.t, 9)) for e in traj.events] == [("contact", 0.5), ("release", 0.7)]
+
+
+def test_a_pole_of_an_input_is_told_and_not_crept_up_to_for_ever():
+    pole = system(NONE, ONE, ONE, ONE, [1.0], 2.0, u=lambda xp: lambda t: xp.ones(1) / (t - 0.7317))
+    traj = solve(pole, "event_driven")
+    assert traj.status.code == "maxiter" and "t = 0.7316999" in str(traj.status) and traj.stats["steps"] < 2000
+    assert np.all(np.isnan(traj.x[traj.t > 0.74]))
 
 
 def test_many_rows_are_chosen_by_short_steps():

@@ -133,11 +133,12 @@ def test_forces_are_minus_the_gradient_of_the_energy(dim):
         assert np.allclose(out[n + m:], force, atol=1e-6) and np.allclose(out[:n], -x + out[n + m:], atol=1e-12)
 
 
+@pytest.mark.survives("coincident centres")
 def test_coincident_centres_are_parted_along_the_first_axis():
     problem = Complementarity(lambda xp: lambda t, x: -x, (Distance(2.0),))
     case = Case("same", problem, np.zeros(4), np.linspace(0, 1, 5), start="keep")
     traj = solve(case, "penalty", k=1e3)
-    assert traj.status.ok and np.allclose(traj.x[-1], [1.0, 0.0, -1.0, 0.0], atol=2e-3)
+    assert traj.status.code == "degenerate" and np.allclose(traj.x[-1], [1.0, 0.0, -1.0, 0.0], atol=2e-3)
 
 
 def test_moving_wall_pushes_a_point_along():

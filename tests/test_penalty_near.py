@@ -67,6 +67,7 @@ def test_tables_list_each_pair_twice_and_nothing_else():
     assert _table(np.empty(0, np.int64), np.empty(0, np.int64), 2, 8).tolist() == [[0] * 8, [1] * 8]
 
 
+@pytest.mark.survives("giant")
 def test_many_discs_and_what_is_still_refused():
     case = get_case("discs", n=300)
     case = case.replace(t=np.linspace(0.0, 0.2, 5))

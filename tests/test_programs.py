@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from nsbench import Affine, Complementarity, Distance, get_case, solve
+from nsbench.fingerprint import Unknown, fingerprint
+from nsbench.kept import folder as kept_folder
 from nsbench.solvers import _penalty_program, _programs
-from nsbench.solvers._fingerprint import Unknown, fingerprint
 
 SCALE, TABLE = 2.0, {"a": [1.0, 2.0]}
 
@@ -161,18 +162,18 @@ def test_what_others_could_write_is_not_run(tmp_path, monkeypatch):
     home.mkdir(parents=True)
     home.chmod(0o777)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    _programs.folder.cache_clear()
+    kept_folder.cache_clear()
     try:
         assert _programs.folder() is None
         home.chmod(0o700)
-        _programs.folder.cache_clear()
+        kept_folder.cache_clear()
         assert _programs.folder() == home
         monkeypatch.setenv("NSBENCH_CACHE", "off")
-        _programs.folder.cache_clear()
+        kept_folder.cache_clear()
         assert _programs.folder() is None
     finally:
         monkeypatch.undo()
-        _programs.folder.cache_clear()
+        kept_folder.cache_clear()
 
 
 def test_without_a_fingerprint_the_text_decides(tmp_path, monkeypatch):
@@ -197,6 +198,7 @@ def test_what_calls_back_into_this_process_is_not_kept(tmp_path, monkeypatch):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.survives("no pickle")
 def test_a_kept_program_is_no_pickle(tmp_path, monkeypatch):
     """A line of JSON and XLA's machine code; reading it never comes near pickle, and a pickle in its place is not read."""
     import hashlib

@@ -106,6 +106,7 @@ def empty(npz, js):
     npz.write_bytes(b"")
 
 
+@pytest.mark.survives("spoilt reference", "foreign reference")
 @pytest.mark.parametrize("damage", [truncate, other_arrays, better_bound, half_json, pickle_inside, no_json, empty])
 def test_a_damaged_reference_is_refused_by_name(made, tmp_path, damage):
     case, npz, js = copies(made, tmp_path)
@@ -119,6 +120,7 @@ def test_a_damaged_reference_is_refused_by_name(made, tmp_path, damage):
     ({"source": __file__}, "source"), ({"problem": Filippov({(1,): TIDE.problem.drift, (-1,): TIDE.problem.drift},
                                                           lambda xp: lambda t, x: x)}, "problem"),
 ])
+@pytest.mark.survives("foreign reference")
 def test_a_reference_of_another_version_of_the_case_is_refused(made, tmp_path, change, word):
     case, *_ = copies(made, tmp_path)
     with pytest.raises(refs.BadReference, match=f"another version of tide .*{word}"):

@@ -89,6 +89,7 @@ def test_the_page_needs_nothing_else(page):
     assert "@import" not in page and "url(" not in page.replace("url(#", "")
 
 
+@pytest.mark.survives("names")
 def test_a_script_in_a_stored_picture_cannot_run(page):
     assert "alert(1)" not in page and page.count("<script>") == 1
     assert 'src="data:image/svg+xml;base64,' in page
@@ -139,6 +140,7 @@ NASTY = ["<script>alert('x')</script>", "=cmd()|'/C calc'!A0", "\x1b[31mred\x1b[
          "x" * 300, '"><img src=x onerror=1>', "|pipe|", "\u202eabc", "é✓", "scene_tide", "talk", ""]
 
 
+@pytest.mark.survives("names")
 def test_names_are_text_and_nothing_else(tmp_path):
     rows = [row(n, "pbd", float(h), state_sup=float(h), seconds=1.0, why=n, status="ok" if k else "error")
             for n in NASTY for k, h in enumerate(STEPS[:4])]
@@ -163,6 +165,7 @@ def test_names_are_text_and_nothing_else(tmp_path):
     assert all("<script" not in (tmp_path / "out" / "figures" / f).read_text(encoding="utf-8") for f in figures)
 
 
+@pytest.mark.survives("all fail")
 @pytest.mark.parametrize("rows", [[], [row("tide", "pbd", 0.1, status="timeout", why="Killed after 2 s.")],
                                   [row("tide", "pbd", np.nan, status="refused", why="No.", loop=None)]])
 def test_a_study_without_a_number_has_a_report(rows, tmp_path):
@@ -183,6 +186,7 @@ def test_non_unique_multipliers_compare_reactions_and_show_the_selection_apart(p
     assert page.count("Selection: not an error, hex[n=19]") == 1 and "it is not an error." in article
 
 
+@pytest.mark.survives("spoilt results")
 def test_files_that_cannot_be_read_are_named(tmp_path):
     with pytest.raises(FileNotFoundError, match=re.escape(str(tmp_path))):
         write_report(tmp_path)
@@ -200,6 +204,7 @@ def test_files_that_cannot_be_read_are_named(tmp_path):
     assert not list(tmp_path.glob("report*")) and not list(tmp_path.glob(".report*"))
 
 
+@pytest.mark.survives("million rows")
 def test_very_many_rows_make_a_small_page(tmp_path, monkeypatch):
     monkeypatch.setattr(compose, "DRAWN", 1)
     h = np.tile(np.geomspace(1e-1, 1e-6, 15_000), 2)
@@ -252,6 +257,7 @@ def marks(drawn):
     return [(*map(float, p.split()), kind) for d, kind in lines for p in d.split("L")]
 
 
+@pytest.mark.survives("error zero")
 def test_a_zero_is_an_open_marker_on_the_bottom_edge_and_a_failure_a_cross_on_the_top_one():
     plain, zero = (panels.draw(panel(y)) for y in ([0.1, 0.05, 0.02], [0.1, 0.05, 0.0]))
     bottom = max(y for _, y, _ in marks(zero))

@@ -7,6 +7,7 @@ from nsbench.report import source, speed, style, summary, tables, talk, verdict
 from nsbench.solvers import get
 
 
+@pytest.mark.survives("two steps", "error zero")
 def test_two_steps_are_no_order_and_zeros_are_exact():
     few = summaries([row("a", "pbd", h, state_sup=h, impulse=0.0) for h in (0.1, 0.05)])["a", "pbd"]
     assert few.state.kind == "level" and "order needs 3" in few.state.sentence and few.state.best == 0.05
@@ -35,6 +36,7 @@ def test_rounding_that_an_extrapolation_enlarges_is_no_plateau():
     assert get("richardson").claims.rounding == 5.0 and get("richardson[levels=3]").claims.rounding == pytest.approx(15.0)
 
 
+@pytest.mark.survives("coarse reference")
 def test_errors_below_the_reference_are_not_numbers():
     rows = [row("a", "pbd", float(h), state_sup=float(1e-9 * h), state_floor=1e-9, status="below_reference")
             for h in STEPS]

@@ -27,7 +27,8 @@ def costs(**other):
 
 
 @pytest.mark.parametrize("other, said", [
-    ({}, ""), ({"loop": "host"}, "not compiled"), ({"session": "two"}, "in one go"), ({"rounds": 1}, "in rounds")])
+    ({}, ""), ({"loop": "host"}, "not compiled"), ({"session": "two"}, "in one go"), ({"rounds": 1}, "in rounds"),
+                                         ({"shared": True}, "machine of its own")])
 def test_seconds_are_compared_by_the_stated_rule(other, said):
     c = costs(**other)
     why = speed.apart(c["catching_up"], c["pbd"])
@@ -42,6 +43,17 @@ def test_a_long_run_is_compared_though_it_was_timed_once_and_quartiles_are_carri
     one, other = speed.costs(data, "a", 1e-2)
     assert speed.ratio(other, one) == pytest.approx(2.0)
     assert one.low == pytest.approx(0.9 * one.seconds) and one.high == pytest.approx(1.2 * one.seconds)
+
+
+def test_seconds_of_shared_workers_are_told_of_and_used_nowhere():
+    found = rows("a", "pbd", 1e-6) + rows("a", "catching_up", 1e-9, shared=True)
+    data = data_of(found)
+    assert [c.solver for c in speed.costs(data, "a", 1e-2)] == ["pbd", "catching_up"]      # however quick it seems
+    assert "catching_up" not in profiles.ratios(data, 1e-2)
+    table = timing.clock_table(data)
+    assert [r.solver for r in table.rows] == ["pbd"] and f" {len(STEPS)} runs were made by shared workers" in table.note
+    mixed = data_of([{**r, "shared": i % 2 == 0} for i, r in enumerate(rows("a", "pbd", 1e-6))])
+    assert not speed.costs(mixed, "a", 1e-2)[0].seconds > 0                                # one of the two beside it was shared
 
 
 def test_a_profile_is_the_share_of_cases_within_a_factor_of_the_best():

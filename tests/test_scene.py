@@ -45,6 +45,7 @@ def test_every_case_is_drawn_the_same_each_time(name):
         assert "Created with" not in text and "dc:date" not in text
 
 
+@pytest.mark.survives("terminal")
 def test_the_bytes_do_not_depend_on_the_process_and_no_display_is_needed():
     code = ("import sys, nsbench; from nsbench.report import scene; assert 'matplotlib' not in sys.modules\n"
             "for n in ('tide', 'hex', 'sliding', 'epithelium'): print(scene.scene_svg(nsbench.get_case(n)))\n"
@@ -56,6 +57,7 @@ def test_the_bytes_do_not_depend_on_the_process_and_no_display_is_needed():
     assert out.stdout == here
 
 
+@pytest.mark.survives("names")
 @pytest.mark.parametrize("title", ['<b>&"$x_1$"</b>', "]]> <!-- --", "\x1b[31mred\x00", "\u6f22\u5b57 \u202e evil",
                                    "$\\frac{1}"])
 def test_titles_are_text_and_nothing_else(title):

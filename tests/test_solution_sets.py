@@ -59,6 +59,7 @@ def test_the_distance_to_all_curves_with_bounded_slopes_is_found_by_linear_progr
         assert two_surfaces.distance(t, x) == pytest.approx(found.fun, abs=1e-9)
 
 
+@pytest.mark.survives("repulsive")
 @pytest.mark.parametrize("name, bound", [("repulsive", 1e-12), (GENERIC, 3e-3)])
 @pytest.mark.parametrize("spec", ["euler", "euler[implicit=true]"])
 def test_methods_that_pick_one_solution_are_near_the_set(name, bound, spec):
@@ -86,11 +87,13 @@ def test_what_leaves_the_set_is_measured():
     assert e["set_distance"] > 1.0 and e["residual"] > 1.0
 
 
+@pytest.mark.survives("repulsive")
 def test_following_events_refuses_to_pick():
     traj = solve("repulsive", "event_driven")
     assert traj.status.code == "degenerate" and "not unique" in str(traj.status)
 
 
+@pytest.mark.survives("repulsive")
 def test_a_reference_is_forbidden_there():
     case = get_case("repulsive")
     assert reference(case.replace(exact=lambda t: np.stack([t, t], 1))) is None

@@ -1,5 +1,6 @@
 """Orders are fitted against the step that was taken, never against the one asked for."""
 import numpy as np
+import pytest
 
 import nsbench
 from nsbench.report import source, summary
@@ -12,6 +13,7 @@ def fits():
     return study, summary.summarise(source.read(study))["tide", "pbd"].state
 
 
+@pytest.mark.survives("end between steps")
 def test_a_row_holds_the_step_that_divides_the_spacing():
     study, _ = fits()
     spacing = float(np.diff(nsbench.get_case("tide").t).min())
@@ -19,6 +21,7 @@ def test_a_row_holds_the_step_that_divides_the_spacing():
         assert r["asked"] > r["h"] and abs(spacing / r["h"] - np.ceil(spacing / r["asked"])) < 1e-9
 
 
+@pytest.mark.survives("end between steps")
 def test_the_order_in_the_steps_taken_is_sharper_than_in_those_asked():
     study, taken = fits()
     assert taken.verdict == "order" and abs(taken.order - 1.0) < 0.01

@@ -4,10 +4,7 @@ import json
 import numpy as np
 import pytest
 
-from nsbench import get_case, store
-from nsbench.study import Spec
-
-SPEC = Spec("tide", "pbd", "h", 0.01)
+from nsbench import store
 
 
 def test_rows_come_back_as_they_were_written(tmp_path):
@@ -21,6 +18,7 @@ def test_rows_come_back_as_they_were_written(tmp_path):
     assert back["why"] == row["why"] and back["flag"] is True and back["steps"] == 3
 
 
+@pytest.mark.survives("half a line")
 def test_half_a_line_is_dropped_and_mended(tmp_path):
     j = store.Journal(tmp_path)
     j.append("a", {"x": 1.0})
@@ -37,6 +35,7 @@ def test_half_a_line_is_dropped_and_mended(tmp_path):
     assert list(store.read_journal(tmp_path)) == ["a", "c"]
 
 
+@pytest.mark.survives("one folder")
 def test_two_runs_in_one_folder_are_refused(tmp_path):
     j = store.Journal(tmp_path)
     with pytest.raises(store.StoreError, match="another run"):
@@ -45,19 +44,20 @@ def test_two_runs_in_one_folder_are_refused(tmp_path):
     store.Journal(tmp_path).close()
 
 
-def test_key_changes_with_everything_that_can_change_a_number(tmp_path):
-    case = get_case("tide")
-    file = tmp_path / "s.py"
-    file.write_text("a = 1")
-    base = store.key_of(SPEC, case, str(file))
-    assert base == store.key_of(Spec("tide", "pbd", "h", 0.01, "elsewhere.py"), case, str(file))
-    assert base != store.key_of(Spec("tide", "pbd", "h", 0.02), case, str(file))
-    assert base != store.key_of(Spec("tide", "pbd[sweeps=2]", "h", 0.01), case, str(file))
-    assert base != store.key_of(SPEC, get_case("apple"), str(file))
-    other = tmp_path / "t.py"
-    other.write_text("a = 2")
-    assert base != store.key_of(SPEC, case, str(other))
-    assert base != store.key_of(SPEC, case, str(file), (str(other),))
+def test_what_a_run_was_made_of_is_told_once_and_comes_back(tmp_path):
+    from nsbench.keys import Part
+    old, new = Part.of({"a.py": "1"}), Part.of({"a.py": "2"})
+    row = {"case": "tide", "solver": "pbd", "accuracy": "h", "asked": 0.1}
+    j = store.Journal(tmp_path)
+    for part in (old, old, new):
+        j.append("k", row, (part,))
+    j.append("l", row | {"asked": float("nan")})
+    j.close()
+    made, parts = store.read_parts(tmp_path)
+    assert made == {("tide", "pbd", "h", "0.1"): [new.digest], ("tide", "pbd", "h", "nan"): []}
+    assert parts == {old.digest: {"a.py": "1"}, new.digest: {"a.py": "2"}}
+    assert len((tmp_path / "journal.jsonl").read_text().splitlines()) == 6
+    assert [*store.read_journal(tmp_path)] == ["k", "l"]
 
 
 def test_tables_keep_every_column_and_row(tmp_path):

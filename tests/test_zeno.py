@@ -35,6 +35,7 @@ def fate(B, x):
     return "slow", t
 
 
+@pytest.mark.survives("zeno")
 @pytest.mark.parametrize("seed", range(12))
 def test_random_spirals_end_at_their_accumulation_time(seed):
     rng = np.random.default_rng(seed)

@@ -1,13 +1,13 @@
 """Twelve faults, one at a time, that the gate must see; and runs of the unbroken bench under load, which it must let pass.
 
     python tests/studies/gate_faults.py [NAME ...]
-    python tests/studies/gate_faults.py --clean 100
+    python tests/studies/gate_faults.py --clean 100 [--busy N]
 
 Every fault is a replacement of text in a copy of the checkout. A small suite (CASES x METHODS) is run and calibrated on an
 unbroken copy, then run on every broken one, each with kernels of its own, and held against the unbroken one's baseline by
 `nsbench gate`; a fault is caught where that exits with 1 or 4. --clean N runs the unbroken suite N times beside processes
-that keep every core busy, and counts those that the gate does not let pass. Exit status 1 if a fault went unseen, no longer
-applies, or a clean run was stopped.
+that keep every core busy (--busy: so many of them), and counts those that the gate does not let pass. Exit status 1 if a
+fault went unseen, no longer applies, or a clean run was stopped.
 """
 import argparse
 import os
@@ -16,7 +16,8 @@ import sys
 import tempfile
 from pathlib import Path
 
-from mutations import SWEEP, copy
+from copies import broken, copy
+from mutations import SWEEP
 
 CASES = ("tide", "three_discs", "discs[n=10]", "two_discs[w=1]", "slide_exit", "relay_lcs")
 METHODS = ("pbd", "catching_up", "event_driven", "euler[implicit=true]", "theta")
@@ -78,34 +79,30 @@ def faults(chosen, path) -> int:
     for name, (file, text, other) in FAULTS.items():
         if chosen and not any(c in name for c in chosen):
             continue
-        with tempfile.TemporaryDirectory() as folder:
-            folder = Path(folder)
-            whole_copy(folder)
-            source = (folder / file).read_text(encoding="utf-8")
-            if source.count(text) != 1:
-                print(f"{name:34} does not apply: {text!r} stands {source.count(text)} times in {file}", flush=True)
-                unseen += 1
-                continue
-            (folder / file).write_text(source.replace(text, other), encoding="utf-8")
-            ran, _ = suite(folder)
-            status, said = nsbench(folder, "gate", folder / "results", "--baseline", path)
+        try:
+            with broken(file, text, other, whole_copy) as folder:
+                ran, _ = suite(folder)
+                status, said = nsbench(folder, "gate", folder / "results", "--baseline", path)
+        except LookupError as e:
+            ran, status, said = None, 0, str(e)
         unseen += status not in (1, 4)
         print(f"{name:34} {'caught' if status in (1, 4) else 'NOT SEEN'}: gate {status} (run {ran}); "
               f"{said.strip().splitlines()[-1]}", flush=True)
     return unseen
 
 
-def clean(folder, path, times) -> int:
+def clean(folder, path, times, others) -> int:
     """How many of the runs of the unbroken bench under load are stopped by the gate."""
-    busy = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(os.cpu_count() or 1)]
+    busy = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(others)]
     try:
         alarms = 0
         for k in range(times):
             suite(folder)
             status, said = nsbench(folder, "gate", folder / "results", "--baseline", path)
             alarms += status != 0
+            print(f"run {k + 1}, load {os.getloadavg()[0]:.1f}: gate {status}; {said.strip().splitlines()[-1]}", flush=True)
             if status:
-                print(f"run {k + 1}: gate {status}\n{said}", flush=True)
+                print(said, flush=True)
     finally:
         for p in busy:
             p.kill()
@@ -116,6 +113,7 @@ def main() -> int:
     p = argparse.ArgumentParser()
     p.add_argument("names", nargs="*")
     p.add_argument("--clean", type=int, default=0, metavar="N")
+    p.add_argument("--busy", type=int, default=os.cpu_count() or 1, metavar="N")
     args = p.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         folder = Path(folder)
@@ -125,7 +123,7 @@ def main() -> int:
             raise SystemExit(f"the unbroken bench: {said}")
         path = baseline(folder)
         if args.clean:
-            bad = clean(folder, path, args.clean)
+            bad = clean(folder, path, args.clean, args.busy)
             print(f"{bad} of {args.clean} clean runs under load were stopped")
         else:
             bad = faults(args.names, path)

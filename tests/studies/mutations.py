@@ -7,13 +7,11 @@ Prints one line per fault with the first test that failed; exit status 1 if one 
 """
 import os
 import re
-import shutil
 import subprocess
 import sys
-import tempfile
-from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[2]
+from copies import broken
+
 SWEEP = ("nsbench/kernels/pbd.py", "sweep(0, m, 1,", "sweep(0, max(m - 1, 0), 1,")
 # name: (file, text, its replacement, tests)
 FAULTS = {
@@ -63,29 +61,16 @@ def pytest(folder, pattern):
     return done.returncode, failed[1] if failed else done.stdout.strip().splitlines()[-1:]
 
 
-def copy(to):
-    names = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True).stdout.splitlines()
-    for name in names:
-        if (ROOT / name).is_file() and not name.startswith("reports/"):
-            (to / name).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy2(ROOT / name, to / name)
-
-
 def main(chosen):
     bad = 0
     for name, (file, text, other, pattern) in FAULTS.items():
         if chosen and not any(c in name for c in chosen):
             continue
-        with tempfile.TemporaryDirectory() as folder:
-            folder = Path(folder)
-            copy(folder)
-            source = (folder / file).read_text(encoding="utf-8")
-            if source.count(text) != 1:
-                print(f"{name:45} does not apply: {text!r} stands {source.count(text)} times in {file}", flush=True)
-                bad += 1
-                continue
-            (folder / file).write_text(source.replace(text, other), encoding="utf-8")
-            status, failed = pytest(folder, pattern)
+        try:
+            with broken(file, text, other) as folder:
+                status, failed = pytest(folder, pattern)
+        except LookupError as e:
+            status, failed = 0, e
         caught = status == 1
         bad += not caught
         print(f"{name:45} {'caught by ' + str(failed) if caught else f'NOT CAUGHT (status {status}: {failed})'}", flush=True)

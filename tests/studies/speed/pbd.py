@@ -5,7 +5,8 @@
 The scene is `peers_discs.drift_scene`: unit discs, area fraction 0.8, random unit velocities, h = 0.01, four walls.
 A step is drift, certificate, rebuilds of the list and one sweep; a run is what `prepare` returns, with its trajectory.
 
-    growth    nanoseconds per disc and step, by order and labels; largest over smallest over the sizes
+    growth    nanoseconds per disc and step, by order and labels; largest over smallest over the sizes; the coloured order on
+              two threads against the strict one on one (worth nothing unless two processors are idle: see the load)
     sweep     one sweep of one list, in ways that differ in nothing else: a C loop over the pairs in the stated order (gcc -O3,
               contraction off: equal bits are checked), our sweep one after another, and by schedule
     peers     libraries that users have (peers_discs.py), sorted and random labels
@@ -32,6 +33,7 @@ from nsbench.measure.clock import interleaved, ratio  # noqa: E402
 from nsbench.solvers import get  # noqa: E402
 from nsbench.solvers.base import grid  # noqa: E402
 
+TWO = "order=coloured,threads=2"
 WORK = 2_000_000          # discs times steps of a timed run; 60 steps at least, more than a list lives
 VARIANTS = (("sorted", "rows"), ("cell", "rows"), ("coloured", "rows"), ("sorted", "random"), ("cell", "random"))
 
@@ -85,6 +87,8 @@ def growth(sizes, rounds):
         for order, labels in VARIANTS:
             if labels in scenes:
                 runs[order, labels, n] = get(f"pbd[order={order}]").prepare(scenes[labels].case, STEP)
+        if n >= 10_000:
+            runs[TWO, "rows", n] = get(f"pbd[{TWO}]").prepare(scenes["rows"].case, STEP)
     times = interleaved(runs, rounds)
     for order, labels in VARIANTS:
         ns = {n: 1e9 * times[order, labels, n].median / n / steps_for(n) for n in sizes if (order, labels, n) in times}
@@ -94,6 +98,11 @@ def growth(sizes, rounds):
         for n in sizes:
             print(f"growth   whole step, sorted over {order}, rows, {n}: "
                   f"{ratio(times['sorted', 'rows', n], times[order, 'rows', n])}")
+    for n in sizes:
+        if (TWO, "rows", n) in times:
+            print(f"growth   two threads, sorted on one over coloured on two, rows, {n}: "
+                  f"{ratio(times['sorted', 'rows', n], times[TWO, 'rows', n])}; coloured on one over coloured on two: "
+                  f"{ratio(times['coloured', 'rows', n], times[TWO, 'rows', n])}; load {os.getloadavg()[0]:.1f}")
 
 
 def compiled_loop():
@@ -116,13 +125,14 @@ def pair_lists(scene, order):
     from nsbench.kernels.keys import COLOURED, SORTED
     x = scene.x0.ravel()
     n, rank, none = len(scene.x0), {"sorted": SORTED, "coloured": COLOURED}[order], np.empty(0, np.int32)
-    _, state, particles, candidates = pbd_packed.room(n, x.size, 2)
+    state, particles, candidates = pbd_packed.room(n, x.size)
     y, reac, base, spare = (state[k] for k in range(4))
     y[:] = x
     rows = (np.zeros(1, np.int64), np.empty(0, np.int64), np.empty(0), np.empty(0))
     families = np.zeros((1, 2), np.int64)
-    m, _, _, _, candidates = packed.renew(0, (none, none, np.empty(0)), particles, candidates, y, reac, base, spare, np.ones(1),
-                                          0.5, 2, rows, np.empty(0), none, families, none.astype(np.int64), rank, 0, n * n)
+    m, _, _, _, candidates = packed.renew(None, 0, (none, none, np.empty(0)), particles, candidates, y, reac, base, spare,
+                                          np.ones(1), 0.5, 2, rows, np.empty(0), none, families, none.astype(np.int64), rank, 0,
+                                          n * n)
     i, j, label = *(v.copy() for v in packed.listed(candidates, m)[:2]), particles[0]
     keys = np.empty(m, np.uint64)
     packed.fill_keys(i, j, label, none.astype(np.int64), families, rank, 0, keys)

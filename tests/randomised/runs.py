@@ -1,0 +1,61 @@
+"""One run of a case by a method, measured: a trajectory, a sentence at the border, or a crash."""
+from __future__ import annotations
+
+import linecache
+import traceback
+import warnings
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+import nsbench
+from nsbench import solvers
+
+
+@dataclass
+class Outcome:
+    """A trajectory with what the bench measures of it, or a sentence at the border, or a crash."""
+    traj: object = None
+    measured: dict = field(default_factory=dict)
+    told: str = ""
+    crash: str = ""
+
+    @property
+    def ok(self) -> bool:
+        return self.traj is not None and self.traj.status.ok
+
+
+def attempt(case, spec: str, value: float) -> Outcome:
+    """One run, measured."""
+    method = solvers.get(spec)
+    with warnings.catch_warnings(), np.errstate(all="ignore"):
+        warnings.simplefilter("ignore")
+        try:
+            traj = solvers.solve(case, spec, **{method.accuracy: value})
+        except Exception as e:
+            return Outcome(told=str(e)) if on_purpose(e) else Outcome(crash=f"{type(e).__name__}: {e} at {_place(e)}")
+        try:
+            return Outcome(traj, nsbench.errors(case, traj))
+        except Exception as e:
+            return Outcome(traj, crash=f"measuring: {type(e).__name__}: {e} at {_place(e)}")
+
+
+def on_purpose(e: Exception) -> bool:
+    """Whether the package raised it itself, as bad input is told."""
+    if not isinstance(e, (ValueError, TypeError, LookupError)):
+        return False
+    last = traceback.extract_tb(e.__traceback__)[-1]
+    return "nsbench" in Path(last.filename).parts and "raise" in linecache.getline(last.filename, last.lineno)
+
+
+def _place(e) -> str:
+    last = traceback.extract_tb(e.__traceback__)[-1]
+    return f"{Path(last.filename).name}:{last.lineno}"
+
+
+def relative(a, b, one, round_off=0.0) -> float:
+    """Largest |a - b|, less what rounding is allowed, over the larger of `one` and how far b moves; infinite where something
+    is not finite."""
+    d = np.maximum(np.abs(a - b) - round_off, 0.0) / max(one, float(np.abs(b - b[0]).max(initial=0.0)))
+    return float(np.max(np.where(np.isfinite(d), d, np.inf), initial=0.0))

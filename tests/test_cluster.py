@@ -1,0 +1,167 @@
+"""A cluster gives the rows that this machine gives, whatever becomes of its workers, and keeps little of them here."""
+import os
+import signal
+
+import pytest
+from local_cluster import cluster
+from test_execute import SOLVER
+
+from nsbench import store
+from nsbench.cli import main
+from nsbench.execute import cluster as far
+from nsbench.execute import local, watched
+from nsbench.study import Spec, run_one
+
+CLOCK = {*store.CLOCK, "shared"}
+# a nanny whose worker dies while it still starts gives it up: the run lets it start
+KILLER = SOLVER.replace('if self.how == "exit":', 'if self.how == "kill":\n                time.sleep(2)\n'
+                        '                os.kill(os.getppid(), 9)\n'
+                        '            if self.how == "exit":')
+
+
+@pytest.fixture(scope="module")
+def address():
+    with cluster(2, DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES="1") as (where, _):
+        yield where
+
+
+def plain(row):
+    return {k: repr(v) for k, v in row.items() if k not in CLOCK}
+
+
+def pids(address):
+    with far.connected(address) as client:
+        return [*client.run(os.getpid).values()]
+
+
+def test_rows_are_those_of_this_machine_though_a_worker_is_killed(address):
+    steps = [0.05 / n for n in (1, 2, 3, 5, 8, 13, 21)]
+    batches = [[Spec(c, s, "h", h) for s in ("pbd", "euler") for h in steps] for c in ("tide", "sliding")]
+    before, rows = pids(address), {}
+
+    def on_row(spec, row):
+        assert row["shared"] is True and spec not in rows
+        rows[spec] = plain(row)
+        if len(rows) == 3:
+            os.kill(before[0], signal.SIGKILL)
+    far.run_all(iter(batches), address, 60.0, on_row)
+    here = {}
+    local.run_all(batches, 1, 60.0, lambda spec, row: here.__setitem__(spec, plain(row)))
+    assert rows == here and len(rows) == 28
+    assert set(pids(address)) != set(before)
+
+
+def test_hang_exit_and_exception_are_the_rows_they_are_here(address, tmp_path):
+    file = tmp_path / "bad.py"
+    file.write_text(SOLVER)
+    specs = [Spec("tide", f"bad[how={how}]", "h", 0.01, "", (str(file),))
+             for how in ("fine", "hang", "raise", "exit", "memory", "fine2")]
+    there, here = {}, {}
+    far.run_all([specs], address, 2.0, lambda spec, row: there.__setitem__(spec, plain(row)))
+    local.run_all([specs], 2, 2.0, lambda spec, row: here.__setitem__(spec, plain(row)))
+    assert there == here
+    assert [there[s]["status"] for s in specs] == ["'ok'", "'timeout'", "'error'", "'crashed'", "'oom'", "'ok'"]
+
+
+@pytest.mark.survives("death")
+def test_a_run_that_kills_its_workers_is_a_row_and_the_others_go_on(address, tmp_path):
+    file = tmp_path / "bad.py"
+    file.write_text(KILLER)
+    specs = [Spec("tide", f"bad[how={how}]", "h", 0.01, "", (str(file),)) for how in ("a", "b", "c", "kill", "d", "e")]
+    rows = {}
+    far.run_all([specs], address, 60.0, lambda spec, row: rows.__setitem__(spec, row))
+    assert [rows[s]["status"] for s in specs] == ["ok", "ok", "ok", "crashed", "ok", "ok"]
+    assert "lost every worker" in rows[specs[3]]["why"]
+
+
+def test_specifications_are_taken_as_they_are_needed_and_tasks_are_forgotten(address, monkeypatch):
+    monkeypatch.setattr(far, "MOST", 20)
+    taken, done, most = [0], [0], [0]
+
+    def specs():
+        for _ in range(1000):
+            taken[0] += 1
+            yield Spec("sliding", "pbd", "h", float("nan"))
+
+    def on_row(spec, row):
+        done[0] += 1
+        most[0] = max(most[0], taken[0] - done[0])
+    far.run_all([specs()], address, 60.0, on_row)
+    assert done[0] == 1000 and most[0] <= far.AHEAD * 2 * 20
+    with far.connected(address) as client:
+        assert client.run_on_scheduler(lambda dask_scheduler: len(dask_scheduler.tasks)) <= 4
+        assert not any(client.run(lambda: len(watched._crews)).values())     # and no process is left behind
+
+
+def test_what_stops_a_study_stops_it_there_as_well(address, tmp_path):
+    file = tmp_path / "bad.py"
+    file.write_text(SOLVER)
+    specs = [Spec("tide", "pbd", "h", 0.1), Spec("tide", "bad[how=hang]", "h", 0.01, "", (str(file),))] * 3
+
+    def on_row(spec, row):
+        raise KeyboardInterrupt
+    with pytest.raises(KeyboardInterrupt):
+        far.run_all([specs], address, 600.0, on_row)
+    with far.connected(address) as client:
+        assert not any(client.run(lambda: len(watched._crews)).values())
+    rows = []
+    far.run_all([specs[:1]], address, 60.0, lambda spec, row: rows.append(row["status"]))      # nobody is still at work
+    assert rows == ["ok"]
+
+
+def test_workers_unlike_this_installation_are_refused(address):
+    here = watched.fingerprint() | {"numpy": "1.0", "nsbench.cases": "0"}
+    with far.connected(address) as client:
+        with pytest.raises(far.ClusterError, match=r"tcp://.* nsbench.cases has other contents, numpy is .* \(here 1.0\)"):
+            far._check(client, address, here)
+        work = far._Work(client, address, 60.0, iter([Spec("tide", "pbd", "h", 0.1)]), here)
+        with pytest.raises(far.ClusterError, match="that joined is not like this"):      # after the others were looked at
+            list(work.rows())
+        with pytest.raises(far.ClusterError, match=r"cannot load nsbench: .* install the same"):
+            far._check(_Deaf(client), address, here)
+
+
+class _Deaf:
+    """A client one of whose workers cannot import what it is asked for."""
+
+    def __init__(self, client):
+        self.nthreads = client.nthreads
+
+    def run(self, function, on_error):
+        return {"tcp://there": ModuleNotFoundError("No module named 'nsbench'")}
+
+
+def test_files_are_used_where_they_lie_or_as_copies_of_their_text(tmp_path):
+    file = tmp_path / "bad.py"
+    file.write_text(SOLVER)
+    spec, gone = Spec("tide", "bad[how=fine]", "h", 0.01, "", (str(file),)), str(tmp_path / "other" / "bad.py")
+    assert watched._placed([spec], {str(file): SOLVER}) == [spec]
+    other = Spec("tide", "bad[how=fine]", "h", 0.01, "", (gone,))
+    copy = watched._placed([other], {gone: SOLVER})[0]
+    assert copy.solver_files[0] != gone and run_one(copy)["status"] == "ok"
+    assert watched._placed([spec], {str(file): SOLVER + "\n"})[0].solver_files != spec.solver_files
+
+
+def test_without_an_address_that_answers_it_is_said_soon(tmp_path, capsys, monkeypatch):
+    run = ["run", "tide", "-s", "pbd", "-o", str(tmp_path / "r"), "--dask"]
+    assert main([*run, "tcp://127.0.0.1:9"]) == 5
+    assert "no scheduler answers at tcp://127.0.0.1:9" in capsys.readouterr().err
+    assert main([*run, "nonsense"]) == 2 and "tcp://" in capsys.readouterr().err
+    assert main([*run, "tcp://127.0.0.1:9", "-j", "2"]) == 2
+    capsys.readouterr()
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    assert main([*run, "tcp://127.0.0.1:9"]) == 2
+    assert "pip install 'nsbench[dask]'" in capsys.readouterr().err
+
+
+def test_a_cluster_that_ends_is_told_and_what_it_gave_is_kept(tmp_path, capsys, monkeypatch):
+    out, first = tmp_path / "r", store.Journal.append
+    with cluster(1) as (where, process):
+        def append(self, *entry):
+            first(self, *entry)
+            process.kill()
+        monkeypatch.setattr(store.Journal, "append", append)
+        assert main(["run", "tide", "-s", "pbd", "-o", str(out), "--dask", where]) == 5
+    assert f"the scheduler at {where} is gone" in capsys.readouterr().err
+    kept = store.read_journal(out)
+    assert kept and all(r["shared"] for r in kept.values())

@@ -1,0 +1,91 @@
+"""Random scenes of every family: what says ok is true and nothing crashes; a scene that fails is shrunk to a case file.
+
+The long run is tests/studies/honesty.py; what is found is kept in tests/honesty_kept.
+"""
+import dataclasses
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from randomised import judge
+from randomised.choices import Choices, drawn, replayed, shrunk
+from randomised.scenes import FAMILIES, scene
+
+import nsbench
+
+FOUND = Path(tempfile.gettempdir()) / "nsbench_honesty"
+FIXED = {"affine": "theta", "discs": "pbd", "links": "catching_up", "smooth": "pbd", "ode": "euler", "modes": "euler",
+         "signs": "euler", "relay": "euler[implicit=true]", "circuit": "theta"}
+
+
+def held(text, family, specs):
+    """Judges the scene of a case file; where it fails the file is kept, and the last one that hypothesis tries is the least."""
+    FOUND.mkdir(exist_ok=True)
+    path = FOUND / f"{family}.py"
+    path.write_text(text, encoding="utf-8")
+    judged = judge.Scene(nsbench.load_case(path))
+    for spec in specs:
+        verdict = judged.judge(spec)
+        assert verdict.word not in ("wrong", "crash"), f"{spec}: {verdict.why}; the case file is {path}"
+
+
+@pytest.mark.survives("silent wrong")
+@settings(max_examples=6, deadline=None, derandomize=True, database=None, suppress_health_check=list(HealthCheck))
+@given(st.data())
+def test_what_says_ok_is_true(data):
+    family = data.draw(st.sampled_from(sorted(FAMILIES)))
+    text = scene(Choices(lambda n: data.draw(st.integers(0, n - 1))), family)
+    held(text, family, ("event_driven", FIXED[family]))
+
+
+def wall(**changes):
+    """A point pushed against a floor, held and let go, of which nothing is known."""
+    return nsbench.get_case("tide").replace(name="wall", exact=None, exact_impulse=None, exact_events=None, **changes)
+
+
+LIES = {                    # what a solver may tell of a true trajectory, and the word for it
+    "a plateau": (lambda traj: {"x": traj.x + 1e-3 * (np.arange(len(traj.t)) > 2)[:, None]}, "wrong"),
+    "not a number": (lambda traj: {"x": traj.x * np.nan}, "wrong"),
+    "a pull": (lambda traj: {"impulse": -traj.impulse - np.arange(len(traj.t))[:, None] * (traj.impulse[-1] > 0)}, "wrong"),
+    "an impulse that is lost": (lambda traj: {"contacts": (), "impulse": traj.impulse[:, :0],
+                                              "reaction": 0.0 * traj.reaction}, "wrong"),
+    "a loud failure": (lambda traj: {"status": nsbench.solvers.Status("maxiter", "A sentence.")}, "told"),
+    "nothing": (lambda traj: {}, "fine"),
+}
+
+
+@pytest.mark.parametrize("lie", LIES)
+@pytest.mark.parametrize("spec", ["event_driven", "pbd"])
+def test_a_lie_is_seen(lie, spec, monkeypatch):
+    change, word = LIES[lie]
+    case, true = wall(), judge.solvers.solve
+    def lies(case, name, **accuracy):
+        traj = true(case, name, **accuracy)
+        lied = name == spec or (spec == "event_driven" and name.startswith("event_driven[max_steps="))
+        return dataclasses.replace(traj, **change(traj)) if lied else traj
+    monkeypatch.setattr(judge.solvers, "solve", lies)
+    assert judge.Scene(case).judge(spec).word == word
+
+
+def test_a_crash_is_told_from_bad_input(monkeypatch):
+    def crashes(case, name, **accuracy):
+        return [][1]
+    assert judge.Scene(wall()).judge("pbd").word == "fine"
+    assert judge.Scene(wall(x0=np.array([-1.0]))).judge("pbd").word == "told"
+    monkeypatch.setattr(judge.solvers, "solve", crashes)
+    assert judge.Scene(wall()).judge("pbd").word == "crash"
+
+
+@pytest.mark.parametrize("family", sorted(FAMILIES))
+def test_a_scene_is_its_choices_and_shrinks(family):
+    c = drawn(np.random.default_rng(3))
+    text = scene(c, family)
+    assert scene(replayed(c.made), family) == text
+
+    def fails(made):
+        return "xp.sin" in scene(replayed(made), family)
+    least = shrunk(c.made, fails) if fails(c.made) else c.made
+    assert not fails(c.made) or (fails(least) and len(scene(replayed(least), family)) <= len(text))

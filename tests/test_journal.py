@@ -1,0 +1,149 @@
+"""What a kill, a full disk or a loss of power leaves of a journal is dropped and mended; nothing whole is lost."""
+import errno
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+
+from nsbench import journal, store
+from nsbench.cli import main
+
+
+def write(folder, **rows):
+    j = store.Journal(folder)
+    for key, value in rows.items():
+        j.append(key, {"x": value, "status": "ok"})
+    j.close()
+    return folder / "journal.jsonl"
+
+
+def test_a_block_of_zeros_takes_with_it_what_it_overwrote_and_no_more(tmp_path):
+    path = write(tmp_path, a=1.0, b=2.0, c=3.0, d=4.0)
+    data = path.read_bytes()
+    lines = data.splitlines(keepends=True)
+    b, c = len(lines[0]), len(lines[0]) + len(lines[1])
+    for begin, end, kept in ((b + 5, b + 20, "acd"), (b + 5, c + 9, "ad"), (0, c, "cd"), (c, len(data), "ab"),
+                             (len(data) - 1, len(data), "abcd"), (b - 1, b, "abcd"), (0, len(data), "")):
+        path.write_bytes(data[:begin] + bytes(end - begin) + data[end:])
+        damaged = []
+        assert "".join(store.read_journal(tmp_path, damaged)) == kept
+        assert len(damaged) <= 2
+        write(tmp_path, e=5.0)
+        assert "".join(store.read_journal(tmp_path)) == (kept + "e" if (begin, end) != (len(data) - 1, len(data)) else "abce")
+
+
+@pytest.mark.survives("half a line")
+@pytest.mark.parametrize("cut", [1, 2, 20, 60])
+def test_a_torn_end_is_cut_off_and_the_next_line_is_whole(tmp_path, cut):
+    path = write(tmp_path, a=1.0, b=2.0)
+    path.write_bytes(path.read_bytes()[:-cut] + bytes(3))
+    write(tmp_path, c=3.0)
+    assert list(store.read_journal(tmp_path)) == ["a", "c"]
+    for line in path.read_bytes().splitlines():
+        json.loads(line)
+
+
+@pytest.mark.survives("half a line")
+def test_a_line_that_is_not_as_it_was_written_is_dropped(tmp_path):
+    path = write(tmp_path, a=1.5, b=2.5)
+    path.write_bytes(path.read_bytes().replace(b"1.5", b"1.6"))
+    damaged = []
+    assert list(store.read_journal(tmp_path, damaged)) == ["b"] and damaged == [1]
+
+
+def test_lines_without_a_checksum_are_of_an_older_version(tmp_path):
+    tmp_path.joinpath("journal.jsonl").write_text('{"schema": 1, "key": "a", "row": {"x": 1.0}}\n')
+    assert store.read_journal(tmp_path) == {"a": {"x": 1.0}}
+
+
+def test_a_full_disk_leaves_whole_lines(tmp_path, monkeypatch):
+    path = write(tmp_path, a=1.0)
+    before, plain = path.read_bytes(), os.write
+
+    def full(fd, data):
+        plain(fd, bytes(data)[:10])                      # what still fits
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    j = store.Journal(tmp_path)
+    monkeypatch.setattr(journal.os, "write", full)
+    with pytest.raises(store.StoreError, match="No space left"):
+        j.append("b", {"x": 2.0})
+    monkeypatch.undo()
+    assert path.read_bytes() == before
+    j.append("c", {"x": 3.0})
+    j.close()
+    assert list(store.read_journal(tmp_path)) == ["a", "c"]
+
+
+def test_a_table_that_cannot_be_written_leaves_the_old_one(tmp_path, monkeypatch):
+    store.write_atomically(tmp_path / "f", b"old")
+
+    for error in (OSError(errno.ENOSPC, "No space left on device"), KeyboardInterrupt()):
+        def fails(fd, error=error):
+            raise error
+        monkeypatch.setattr(journal.os, "fsync", fails)
+        with pytest.raises((store.StoreError, KeyboardInterrupt)):
+            store.write_atomically(tmp_path / "f", b"new")
+        assert [p.name for p in tmp_path.iterdir()] == ["f"] and (tmp_path / "f").read_bytes() == b"old"
+
+
+def test_what_a_killed_process_left_beside_its_tables_is_cleared_away(tmp_path):
+    gone = subprocess.Popen([sys.executable, "-c", ""])
+    gone.wait()
+    (tmp_path / f".runs.csv.{gone.pid}").write_text("half")
+    (tmp_path / f".runs.csv.{os.getpid()}").write_text("at work")
+    (tmp_path / ".report.key").write_text("kept")
+    write(tmp_path, a=1.0)
+    assert {p.name for p in tmp_path.iterdir()} == {"journal.jsonl", ".report.key", f".runs.csv.{os.getpid()}"}
+
+
+RUN = ("run", "tide", "-s", "pbd", "--h", "0.05,0.025", "-j", "1", "-o")
+
+
+@pytest.mark.survives("output is a file")
+def test_a_folder_that_cannot_be_one_is_told_before_anything_runs(tmp_path, capsys):
+    (tmp_path / "file").write_text("")
+    (tmp_path / "dangling").symlink_to(tmp_path / "nothing")
+    (tmp_path / "to_file").symlink_to(tmp_path / "file")
+    (tmp_path / "linked").mkdir()
+    (tmp_path / "linked" / "journal.jsonl").symlink_to(tmp_path / "file")
+    (tmp_path / "piped").mkdir()
+    os.mkfifo(tmp_path / "piped" / "journal.jsonl")
+    for name, words in (("file", "is a file"), ("dangling", "does not exist"), ("to_file", "a link to a file"),
+                        ("linked", "is a link"), ("piped", "no plain file"), ("file/below", "cannot write to")):
+        assert main([*RUN, str(tmp_path / name)]) == 2
+        assert words in capsys.readouterr().err
+    assert (tmp_path / "file").read_text() == ""
+
+
+@pytest.mark.survives("read-only")
+def test_a_folder_that_may_not_be_written_is_told_as_usage(tmp_path, monkeypatch, capsys):
+    out, plain = tmp_path / "out", os.open
+
+    def refuses(path, *args, **more):
+        if str(path).startswith(str(out)):
+            raise PermissionError(errno.EACCES, "Permission denied", str(path))
+        return plain(path, *args, **more)
+    monkeypatch.setattr(journal.os, "open", refuses)
+    assert main([*RUN, str(out)]) == 2
+    assert "Permission denied" in capsys.readouterr().err
+
+
+@pytest.mark.survives("disk full")
+@pytest.mark.skipif(os.name != "posix", reason="limits of POSIX")
+def test_a_run_that_meets_a_full_disk_ends_with_5_and_is_taken_up_again(tmp_path):
+    """A limit on the size of files stands for a disk: what is written beyond it fails."""
+    out = tmp_path / "out"
+    code = ("import resource, sys; from nsbench.cli import main\n"
+            "if __name__ == '__main__':\n    resource.setrlimit(resource.RLIMIT_FSIZE, (12_000, resource.RLIM_INFINITY))\n"
+            "    sys.exit(main(sys.argv[1:]))")
+    (tmp_path / "limited.py").write_text(code)
+    full = subprocess.run([sys.executable, str(tmp_path / "limited.py"), *RUN[:5], "5e-2..1e-3", *RUN[6:], str(out)],
+                          capture_output=True, text=True)
+    assert full.returncode == 5 and "File too large" in full.stderr and "Traceback" not in full.stderr
+    data = (out / "journal.jsonl").read_bytes()
+    assert data.endswith(b"\n") and len(data) <= 12_000
+    for line in data.splitlines():
+        json.loads(line)
+    assert not [p for p in out.rglob(".*") if p.is_file()] and not (out / "runs.csv").exists()

@@ -1,0 +1,70 @@
+"""What one run does to its process, the next one in the same process does not see; what it warns of is counted."""
+import pytest
+
+from nsbench.execute.local import run_all
+from nsbench.study import Spec
+
+MEDDLER = '''"""Changes everything that it can reach; then tells what it finds."""
+import locale, os, random, warnings
+from dataclasses import dataclass
+import jax
+import numpy as np
+from nsbench.solvers import Claims, Trajectory
+
+
+@dataclass(frozen=True)
+class Meddler:
+    """Meddles, or looks."""
+    how: str = "look"
+    accuracy, default, claims = "h", 0.01, Claims()
+
+    def refuses(self, case):
+        return None
+
+    def prepare(self, case, h):
+        def run():
+            if self.how == "meddle":
+                np.random.seed(99)
+                random.seed(99)
+                np.seterr(all="raise")
+                jax.config.update("jax_enable_x64", False)
+                jax.config.update("jax_debug_nans", True)
+                warnings.simplefilter("error")
+                os.environ["OMP_NUM_THREADS"] = "64"
+                os.chdir("/")
+            if self.how == "warn":
+                for text in ("one", "two"):
+                    warnings.warn(text)
+                warnings.warn("three")
+            found = {"drawn": float(np.random.rand()), "also": random.random(), "errors": repr(np.geterr()),
+                     "x64": jax.config.jax_enable_x64,
+                     "nans": jax.config.jax_debug_nans, "threads": os.environ.get("OMP_NUM_THREADS", ""), "here": os.getcwd()}
+            k = len(case.t)
+            return Trajectory(case.t, np.tile(case.x0, (k, 1)), (), np.zeros((k, 0)), np.zeros((k, case.n)), stats=found)
+        return run
+
+
+SOLVER = Meddler
+'''
+SEEN = ("status", "drawn", "also", "errors", "x64", "nans", "threads", "here")
+
+
+def rows(folder, *hows, jobs=1):
+    file = folder / "meddler.py"
+    file.write_text(MEDDLER)
+    specs = [Spec("tide", f"meddler[how={how}]", "h", 0.01 / (1 + i), "", (str(file),)) for i, how in enumerate(hows)]
+    specs += [Spec("tide", "penalty", "k", 100.0), Spec("tide", "pbd", "h", 0.01)]
+    found = {}
+    run_all([specs], jobs, 60.0, lambda spec, row, *_: found.__setitem__(spec, row))
+    return [found[s] for s in specs]
+
+
+@pytest.mark.survives("global state", "threads", "warnings")
+def test_what_a_run_changes_the_next_one_does_not_see(tmp_path):
+    before, _, after, warned, last, penalty, pbd = rows(tmp_path, "look", "meddle", "look", "warn", "look")
+    assert [r["status"] for r in (before, after, warned, last, penalty, pbd)] == ["ok"] * 6
+    for row in (after, last):
+        assert {k: row[k] for k in SEEN} == {k: before[k] for k in SEEN}
+    assert before["x64"] and not before["nans"] and before["threads"] == "1"
+    assert penalty["state_sup"] < 0.1
+    assert warned["warnings"] == 2 and before["warnings"] == after["warnings"] == 0      # by the place that warns
