@@ -1,6 +1,8 @@
 """A cluster gives the rows that this machine gives, whatever becomes of its workers, and keeps little of them here."""
 import os
 import signal
+import threading
+import time
 
 import pytest
 from local_cluster import cluster
@@ -107,6 +109,27 @@ def test_what_stops_a_study_stops_it_there_as_well(address, tmp_path):
     rows = []
     far.run_all([specs[:1]], address, 60.0, lambda spec, row: rows.append(row["status"]))      # nobody is still at work
     assert rows == ["ok"]
+
+
+def test_a_task_that_comes_after_its_study_was_stopped_is_not_begun(tmp_path):
+    file = tmp_path / "bad.py"
+    file.write_text(SOLVER)
+    hang, fine = (Spec("tide", f"bad[how={how}]", "h", 0.01, "", (str(file),)) for how in ("hang", "fine"))
+    arguments = 600.0, None, "study", watched.fingerprint(), {str(file): SOLVER}
+    rows = []
+    thread = threading.Thread(target=lambda: rows.append(watched.rows_of([hang, fine], *arguments)))
+    thread.start()
+    until = time.monotonic() + 60
+    while not any(crew.team.working for crew in [*watched._crews.values()]) and time.monotonic() < until:
+        time.sleep(0.05)
+    process, = (job.process for crew in watched._crews.values() for job in crew.team.working)
+    watched.dismiss("study")
+    thread.join(30)
+    assert rows == [[]] and process.exitcode is not None            # the run under way ends, its thread is free again
+    assert watched.rows_of([fine], *arguments) == [] and not watched._crews
+    others = watched.rows_of([fine], 600.0, None, "other study", *arguments[3:])
+    assert [row["status"] for row, _ in others] == ["ok"]
+    watched.dismiss("other study")
 
 
 def test_workers_unlike_this_installation_are_refused(address):

@@ -17,6 +17,7 @@ import sys
 import tempfile
 import threading
 import time
+from collections import deque
 from dataclasses import dataclass, field
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
@@ -78,7 +79,8 @@ def unlike(there: dict[str, str], here: dict[str, str]) -> str:
 class _Crew:
     """The process that one thread of this worker has for the runs of one study, and who watches it."""
     team: _Team
-    lock: threading.Lock = field(default_factory=threading.Lock)
+    busy: bool = False                                   # its thread is at work with it
+    gone: bool = False                                   # nobody waits for its rows: its thread ends it, soon
     since: float = field(default_factory=time.monotonic)
 
     def rows(self, specs: list[Spec], timeout: float | None, most: int) -> list[tuple[dict, bytes]]:
@@ -91,7 +93,7 @@ class _Crew:
             team.spare.remove(job)
             job.close()
         team.assign(team.spare.pop() if team.spare else team.spawn(team.locks, 1), specs)
-        while team.working or team.alone:
+        while (team.working or team.alone) and not self.gone:
             team.hear()
             team.look()
             team.queue.clear()                           # what a lost process left undone: the client sends it again
@@ -101,11 +103,14 @@ class _Crew:
 
 
 _crews: dict[tuple[str, int], _Crew] = {}                # by owner and thread
+_dismissed: deque[str] = deque(maxlen=1000)              # owners: a task of theirs may still be on its way to a thread
+_guard = threading.Lock()                                # of these two, and of who is busy
 
 
 def rows_of(specs: list[Spec], timeout: float | None, most: int | None, owner: str, expected: dict[str, str],
             texts: dict[str, str]) -> list[tuple[dict, bytes]]:
-    """Row of each of the first of `specs` (of one at least, then of as many as end within SLICE) and what it has printed.
+    """Row of each of the first of `specs` (of one at least, then of as many as end within SLICE) and what it has printed; [] if the
+    owner was dismissed.
 
     timeout: seconds of one run (None: no limit); most: bytes that it may hold (None: what each processor of this machine
     can have); owner: a word for the study, see `dismiss`; expected: the client's fingerprint; texts: contents of case and
@@ -115,26 +120,38 @@ def rows_of(specs: list[Spec], timeout: float | None, most: int | None, owner: s
     if differs:
         raise OtherInstallation(differs)
     key = owner, threading.get_ident()
-    crew = _crews.setdefault(key, _Crew(_team()))
     _reaper()
-    with crew.lock:
-        try:
-            return crew.rows(_placed(specs, texts), timeout, most or memory.limit(os.cpu_count() or 1))
-        except BaseException:
-            _crews.pop(key, None)
-            crew.team.end()
-            raise
+    with _guard:
+        if owner in _dismissed:
+            return []
+        crew = _crews.setdefault(key, _Crew(_team()))
+        crew.busy = True
+    try:
+        return crew.rows(_placed(specs, texts), timeout, most or memory.limit(os.cpu_count() or 1))
+    except BaseException:
+        crew.gone = True
+        raise
+    finally:
+        with _guard:
+            crew.busy = False
+            if crew.gone:
+                _crews.pop(key, None)
+                crew.team.end()
 
 
 def dismiss(owner: str) -> None:
-    """End all processes that work for `owner`."""
-    for key in [k for k in _crews if k[0] == owner]:
-        crew = _crews.pop(key)
-        if crew.lock.acquire(blocking=False):
-            crew.team.end()
-        else:                                            # its thread will see that it is gone
-            for job in [*crew.team.working]:
-                job.process.kill()
+    """End all processes that work for `owner`, and begin none for it any more."""
+    with _guard:
+        _dismissed.append(owner)
+        for key in [k for k in _crews if k[0] == owner]:
+            _end(key)
+
+
+def _end(key: tuple[str, int]) -> None:
+    crew = _crews.pop(key)
+    crew.gone = True
+    if not crew.busy:
+        crew.team.end()
 
 
 @functools.cache
@@ -143,8 +160,9 @@ def _reaper() -> threading.Thread:
     def reap():
         while True:
             time.sleep(IDLE / 4)
-            for owner, _ in [k for k, c in [*_crews.items()] if not c.lock.locked() and time.monotonic() - c.since > IDLE]:
-                dismiss(owner)
+            with _guard:
+                for key in [k for k, c in _crews.items() if not c.busy and time.monotonic() - c.since > IDLE]:
+                    _end(key)
     thread = threading.Thread(target=reap, daemon=True, name="nsbench-reaper")
     thread.start()
     return thread
