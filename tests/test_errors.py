@@ -213,6 +213,15 @@ def test_a_linear_complementarity_system_has_errors_and_residuals():
     assert nsbench.errors(case, exact_run(case, reaction=np.empty((61, 0))))["residual"] < 1e-9
 
 
+def test_two_samples_do_not_tell_how_an_integrand_moves_between_them():
+    for name, unknown in (("rlc_diode", {"feasibility", "complementarity", "residual"}), ("tide", {"residual"}),
+                          ("slide_exit", {"feasibility", "residual"})):
+        case = get_case(name)
+        case = case.replace(name="brief", t=case.t[[0, -1]])
+        e = nsbench.errors(case, nsbench.solve(case, "event_driven", tol=1e-10))
+        assert {k for k in RESIDUALS if np.isnan(e[k])} == unknown
+
+
 def test_a_weight_that_varies_between_samples_is_no_defect():
     case = get_case("slide_exit")
     assert nsbench.errors(case, nsbench.solve(case, "event_driven", tol=1e-12))["residual"] < 1e-9

@@ -16,6 +16,9 @@ residual          largest over intervals of (|x_{k+1} - x_k - int f - (R_{k+1} -
                   Filippov: distance of (x_{k+1} - x_k) / D to the convex hull of the fields' means, over the modes
                   that the weights theta allow (between 0 and 1: both sides); a mean of products is not the product
                   of means, which is allowed for by a quarter of the product of both ranges, O(D^2) for smooth theta
+
+With two samples, how an integrand moves between them is not known: what needs a quadrature (the residual; feasibility and
+complementarity of an LCS) is NaN.
 """
 from __future__ import annotations
 
@@ -56,7 +59,11 @@ def residuals(frame: Frame, traj: Trajectory) -> dict:
             feasible, complementary, mismatch = _lcs(*args, kinked) if lcs else _gaps(*args)
             equation = _equation(frame, t, x, impulse, reaction, kinked, traj.contacts)
             found = feasible, float(lam.min(initial=0.0)), complementary, max(equation, mismatch)
-    return dict(zip(NAMES, map(float, found), strict=True))
+    out = dict(zip(NAMES, map(float, found), strict=True))
+    if k == 2:
+        by_quadrature = NAMES if isinstance(frame.case.problem, LCS) else ("residual",)
+        out |= {name: float("nan") for name in by_quadrature if name != "sign"}
+    return out
 
 
 def _equation(frame, t, x, impulse, reaction, kinked, contacts) -> float:
