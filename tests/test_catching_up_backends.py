@@ -3,6 +3,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from scipy.sparse import eye_array
 
 import nsbench
 from nsbench import Affine, Case, Complementarity, Distance
@@ -125,3 +126,12 @@ def test_contradicting_walls_are_infeasible_from_then_on(spec):
     run = nsbench.solve(case, spec, h=0.1)
     assert run.status.code == "infeasible" and "t = 1" in str(run.status)
     assert run.x[:3, 0] == pytest.approx([0.5, 0.5, 1.0]) and np.all(np.isnan(run.x[3:])) and np.all(np.isnan(run.impulse[3:]))
+
+
+def test_bounds_that_osqp_takes_for_infinite_are_no_answer(capfd):
+    backend, G, key = _qp.OSQP(), _qp.Rows.of(eye_array(2).tocsr()), object()
+    start = np.zeros(2)
+    assert backend(G, np.array([-1.0, 1.0]), 0.1, key, start).code == "solved"
+    answer = backend(G, np.array([-1e32, 1.0]), 0.1, key, start)
+    assert answer.code == "maxiter" and not answer.d.any() and "ERROR" not in "".join(capfd.readouterr())
+    assert backend(G, np.array([-2.0, 1.0]), 0.1, key, start).d[0] == pytest.approx(2.0)

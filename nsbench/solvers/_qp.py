@@ -109,6 +109,9 @@ def many_rows(rows):
     return many.many
 
 
+INFINITE = 1e30            # to OSQP
+
+
 class OSQP:
     """OSQP (Stellato et al. 2020): set up once for a list of constraints, then updated; polished; warm-started.
 
@@ -124,6 +127,8 @@ class OSQP:
         import osqp
         m, n = G.shape
         low = -q / h
+        if not np.abs(low).max(initial=0.0) < INFINITE:  # it would print an error and solve with the bounds of before
+            return Answer(np.zeros(m), np.zeros(n), "maxiter", 0)
         if key is not self._key:
             from scipy.sparse import csc_matrix
             self._key, self.setups, self._solver = key, self.setups + 1, osqp.OSQP()
