@@ -5,45 +5,24 @@ import os
 import time
 
 import pytest
+from solver_file import solver
 
 from nsbench.execute.local import Chore, run_all
 from nsbench.execute.turns import Turns, kernels_of
 from nsbench.measure import clock
 from nsbench.study import Spec, attempt, run_batch, substeps_ladder
 
-SOLVER = '''
-"""A solver that misbehaves on purpose."""
-import os, time
-from dataclasses import dataclass
-import numpy as np
-from nsbench.solvers import Claims, Status, Trajectory
-
-@dataclass(frozen=True)
-class Bad:
-    """Misbehaves."""
-    how: str = "hang"
-    accuracy, default, claims = "h", 0.01, Claims()
-
-    def refuses(self, case):
-        return None
-
-    def prepare(self, case, h):
-        def run():
-            if self.how == "hang":
-                while True:
-                    np.linalg.svd(np.ones((300, 300)))
-            if self.how == "exit":
-                os._exit(7)
-            if self.how == "raise":
-                raise RuntimeError("on purpose")
-            if self.how == "memory":
-                raise MemoryError("on purpose")
-            k = len(case.t)
-            return Trajectory(case.t, np.tile(case.x0, (k, 1)), (), np.zeros((k, 0)), np.zeros((k, case.n)))
-        return run
-
-SOLVER = Bad
-'''
+SOLVER = solver('''
+    if self.how == "hang":
+        while True:
+            np.linalg.svd(np.ones((300, 300)))
+    if self.how == "exit":
+        os._exit(7)
+    if self.how == "raise":
+        raise RuntimeError("on purpose")
+    if self.how == "memory":
+        raise MemoryError("on purpose")
+''', how="hang")
 
 
 @pytest.mark.survives("hang", "death", "memory")

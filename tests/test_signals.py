@@ -8,37 +8,17 @@ import time
 from pathlib import Path
 
 import pytest
+from solver_file import solver
 
 sys.path.insert(0, str(Path(__file__).parent / "studies"))
 import kills
 
 pytestmark = pytest.mark.skipif(not Path("/proc/self/environ").exists(), reason="processes are looked up in /proc")
 
-SOLVER = '''
-"""A solver that is quick for large steps and never ends for small ones, in C, with the interpreter's lock."""
-import ctypes
-from dataclasses import dataclass
-import numpy as np
-from nsbench.solvers import Claims, Trajectory
-
-@dataclass(frozen=True)
-class Slow:
-    """Slow."""
-    accuracy, default, claims = "h", 0.01, Claims()
-
-    def refuses(self, case):
-        return None
-
-    def prepare(self, case, h):
-        def run():
-            if h < 0.01:
-                ctypes.PyDLL(None).sleep(1000)
-            k = len(case.t)
-            return Trajectory(case.t, np.tile(case.x0, (k, 1)), (), np.zeros((k, 0)), np.zeros((k, case.n)))
-        return run
-
-SOLVER = Slow
-'''
+SOLVER = solver('''
+    if h < 0.01:
+        ctypes.PyDLL(None).sleep(1000)
+''')
 
 
 @pytest.mark.parametrize("signals", [(signal.SIGINT,), (signal.SIGINT, signal.SIGINT), (signal.SIGTERM,),

@@ -4,79 +4,58 @@ import time
 from pathlib import Path
 
 import pytest
+from solver_file import solver
 
 from nsbench.execute import memory
 from nsbench.execute.local import run_all
 from nsbench.study import Spec
 
-SOLVER = '''
-"""A solver that misbehaves on purpose."""
-import ctypes, os, re, signal, sys, time, warnings
-from dataclasses import dataclass
-import numpy as np
-from nsbench.solvers import Claims, Status, Trajectory
-
+SOLVER = solver('''
+    if self.how in ("sleep", "regex"):
+        open(os.path.join(os.path.dirname(__file__), self.how), "w").write(repr(time.time()))
+    if self.how == "sleep":
+        ctypes.PyDLL(None).sleep(1000)                       # in C, with the interpreter's lock
+    if self.how == "regex":
+        re.match(r"(a+)+$", "a" * 60 + "b")
+    if self.how == "kill":
+        os.kill(os.getpid(), signal.SIGKILL)
+    if self.how == "segfault":
+        ctypes.string_at(0)
+    if self.how == "close":
+        os.closerange(0, 100)
+        time.sleep(1000)
+    if self.how == "fork":                                   # a child that holds everything open
+        child = os.fork()
+        if child == 0:
+            time.sleep(1000)
+        open(os.path.join(os.path.dirname(__file__), self.how), "w").write(str(child))
+        os._exit(9)
+    if self.how == "grow":
+        kept = []
+        while True:
+            kept.append(np.ones(1 << 23))
+    if self.how == "huge":
+        np.ones(1 << 48)
+    if self.how == "xla":
+        raise RuntimeError("RESOURCE_EXHAUSTED: Out of memory while trying to allocate 9 bytes.")
+    if self.how == "alloc":
+        os.write(2, b"terminate called after throwing an instance of 'std::bad_alloc'" + bytes([10]))
+        os.abort()
+    if self.how == "print":
+        ctypes.CDLL(None).puts(b"from C " + bytes([27]) + b"[2J")
+        print("from Python")
+        os.system("echo from a child")
+        for _ in range(3):
+            warnings.warn("careful")
+        np.log(np.zeros(1))
+    if self.how == "flood":
+        for _ in range(300):
+            print("x" * 1000)
+''', before="""
 class Odd(float):
-    """A number that only this file knows."""
+    'A number that only this file knows.'
 
-@dataclass(frozen=True)
-class Bad:
-    """Misbehaves."""
-    how: str = "fine"
-    accuracy, default, claims = "h", 0.01, Claims()
-
-    def refuses(self, case):
-        return None
-
-    def prepare(self, case, h):
-        def run():
-            if self.how in ("sleep", "regex"):
-                open(os.path.join(os.path.dirname(__file__), self.how), "w").write(repr(time.time()))
-            if self.how == "sleep":
-                ctypes.PyDLL(None).sleep(1000)                       # in C, with the interpreter's lock
-            if self.how == "regex":
-                re.match(r"(a+)+$", "a" * 60 + "b")
-            if self.how == "kill":
-                os.kill(os.getpid(), signal.SIGKILL)
-            if self.how == "segfault":
-                ctypes.string_at(0)
-            if self.how == "close":
-                os.closerange(0, 100)
-                time.sleep(1000)
-            if self.how == "fork":                                   # a child that holds everything open
-                child = os.fork()
-                if child == 0:
-                    time.sleep(1000)
-                open(os.path.join(os.path.dirname(__file__), self.how), "w").write(str(child))
-                os._exit(9)
-            if self.how == "grow":
-                kept = []
-                while True:
-                    kept.append(np.ones(1 << 23))
-            if self.how == "huge":
-                np.ones(1 << 48)
-            if self.how == "xla":
-                raise RuntimeError("RESOURCE_EXHAUSTED: Out of memory while trying to allocate 9 bytes.")
-            if self.how == "alloc":
-                os.write(2, b"terminate called after throwing an instance of 'std::bad_alloc'" + bytes([10]))
-                os.abort()
-            if self.how == "print":
-                ctypes.CDLL(None).puts(b"from C " + bytes([27]) + b"[2J")
-                print("from Python")
-                os.system("echo from a child")
-                for _ in range(3):
-                    warnings.warn("careful")
-                np.log(np.zeros(1))
-            if self.how == "flood":
-                for _ in range(300):
-                    print("x" * 1000)
-            k = len(case.t)
-            return Trajectory(case.t, np.tile(case.x0, (k, 1)), (), np.zeros((k, 0)), np.zeros((k, case.n)),
-                              stats={"odd": Odd(2.5)})
-        return run
-
-SOLVER = Bad
-'''
+""", stats='{"odd": Odd(2.5)}')
 
 
 def rows_of(tmp_path, *hows, jobs=1, timeout=30.0, most=4 << 30):

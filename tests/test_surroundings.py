@@ -1,57 +1,31 @@
 """A run that changes what all runs of its process share changes no other run's numbers."""
 import pytest
+from solver_file import solver
 
 from nsbench.execute.local import run_all
 from nsbench.study import Spec
 
-SOLVER = '''
-"""A solver that changes everything that others share, or tells what it finds."""
-import ctypes, locale, os, random, sys, warnings
-from dataclasses import dataclass
-import numpy as np
-from nsbench.solvers import Claims, Trajectory
-
-@dataclass(frozen=True)
-class Rude:
-    """Changes global state."""
-    how: str = "look"
-    accuracy, default, claims = "h", 0.01, Claims()
-
-    def refuses(self, case):
-        return None
-
-    def prepare(self, case, h):
-        import jax
-
-        def spoil():
-            np.random.seed(7), random.seed(7)
-            np.seterr(all="ignore")
-            np.set_printoptions(precision=1)
-            os.chdir("/")
-            os.environ["NSBENCH_RUDE"], os.environ["HOME"] = "1", "/nowhere"
-            jax.config.update("jax_enable_x64", False)
-            jax.config.update("jax_disable_jit", True)
-            sys.setrecursionlimit(5000)
-            sys.stdout.close()
-            sys.path.insert(0, "/nowhere")
-            warnings.simplefilter("error")
-            ctypes.CDLL(None).fesetround(0x400 if os.uname().machine == "x86_64" else 0x800000)     # downward, or so
-
-        def run():
-            if self.how == "spoil":
-                spoil()
-            elif self.how == "look":
-                third = float(np.float64(1.0) / np.float64(3.0) - 0.1)
-                print(np.random.random(), random.random(), np.geterr()["over"], np.get_printoptions()["precision"],
-                      os.getcwd(), os.environ.get("NSBENCH_RUDE"), os.environ.get("HOME"), jax.config.jax_enable_x64,
-                      jax.config.jax_disable_jit, sys.getrecursionlimit(), sys.path[0], repr(third), file=sys.stdout)
-                warnings.warn("once")
-            k = len(case.t)
-            return Trajectory(case.t, np.tile(case.x0, (k, 1)), (), np.zeros((k, 0)), np.zeros((k, case.n)))
-        return run
-
-SOLVER = Rude
-'''
+SOLVER = solver('''
+    if self.how == "spoil":
+        np.random.seed(7), random.seed(7)
+        np.seterr(all="ignore")
+        np.set_printoptions(precision=1)
+        os.chdir("/")
+        os.environ["NSBENCH_RUDE"], os.environ["HOME"] = "1", "/nowhere"
+        jax.config.update("jax_enable_x64", False)
+        jax.config.update("jax_disable_jit", True)
+        sys.setrecursionlimit(5000)
+        sys.stdout.close()
+        sys.path.insert(0, "/nowhere")
+        warnings.simplefilter("error")
+        ctypes.CDLL(None).fesetround(0x400 if os.uname().machine == "x86_64" else 0x800000)     # downward, or so
+    elif self.how == "look":
+        third = float(np.float64(1.0) / np.float64(3.0) - 0.1)
+        print(np.random.random(), random.random(), np.geterr()["over"], np.get_printoptions()["precision"],
+              os.getcwd(), os.environ.get("NSBENCH_RUDE"), os.environ.get("HOME"), jax.config.jax_enable_x64,
+              jax.config.jax_disable_jit, sys.getrecursionlimit(), sys.path[0], repr(third), file=sys.stdout)
+        warnings.warn("once")
+''', how="look", before="import jax\n\n")
 TIMES = {"seconds", "seconds_low", "seconds_high", "seconds_max", "setup_seconds", "compile_seconds", "rounds"}
 
 

@@ -1,51 +1,28 @@
 """What one run does to its process, the next one in the same process does not see; what it warns of is counted."""
 import pytest
+from solver_file import solver
 
 from nsbench.execute.local import run_all
 from nsbench.study import Spec
 
-MEDDLER = '''"""Changes everything that it can reach; then tells what it finds."""
-import locale, os, random, warnings
-from dataclasses import dataclass
-import jax
-import numpy as np
-from nsbench.solvers import Claims, Trajectory
-
-
-@dataclass(frozen=True)
-class Meddler:
-    """Meddles, or looks."""
-    how: str = "look"
-    accuracy, default, claims = "h", 0.01, Claims()
-
-    def refuses(self, case):
-        return None
-
-    def prepare(self, case, h):
-        def run():
-            if self.how == "meddle":
-                np.random.seed(99)
-                random.seed(99)
-                np.seterr(all="raise")
-                jax.config.update("jax_enable_x64", False)
-                jax.config.update("jax_debug_nans", True)
-                warnings.simplefilter("error")
-                os.environ["OMP_NUM_THREADS"] = "64"
-                os.chdir("/")
-            if self.how == "warn":
-                for text in ("one", "two"):
-                    warnings.warn(text)
-                warnings.warn("three")
-            found = {"drawn": float(np.random.rand()), "also": random.random(), "errors": repr(np.geterr()),
-                     "x64": jax.config.jax_enable_x64,
-                     "nans": jax.config.jax_debug_nans, "threads": os.environ.get("OMP_NUM_THREADS", ""), "here": os.getcwd()}
-            k = len(case.t)
-            return Trajectory(case.t, np.tile(case.x0, (k, 1)), (), np.zeros((k, 0)), np.zeros((k, case.n)), stats=found)
-        return run
-
-
-SOLVER = Meddler
-'''
+MEDDLER = solver('''
+    if self.how == "meddle":
+        np.random.seed(99)
+        random.seed(99)
+        np.seterr(all="raise")
+        jax.config.update("jax_enable_x64", False)
+        jax.config.update("jax_debug_nans", True)
+        warnings.simplefilter("error")
+        os.environ["OMP_NUM_THREADS"] = "64"
+        os.chdir("/")
+    if self.how == "warn":
+        for text in ("one", "two"):
+            warnings.warn(text)
+        warnings.warn("three")
+    found = {"drawn": float(np.random.rand()), "also": random.random(), "errors": repr(np.geterr()),
+             "x64": jax.config.jax_enable_x64,
+             "nans": jax.config.jax_debug_nans, "threads": os.environ.get("OMP_NUM_THREADS", ""), "here": os.getcwd()}
+''', how="look", before="import jax\n\n", stats="found")
 SEEN = ("status", "drawn", "also", "errors", "x64", "nans", "threads", "here")
 
 

@@ -109,8 +109,8 @@ _guard = threading.Lock()                                # of these two, and of 
 
 def rows_of(specs: list[Spec], timeout: float | None, most: int | None, owner: str, expected: dict[str, str],
             texts: dict[str, str]) -> list[tuple[dict, bytes]]:
-    """Row of each of the first of `specs` (of one at least, then of as many as end within SLICE) and what it has printed; [] if the
-    owner was dismissed.
+    """Row of each of the first of `specs` (of one at least, then of as many as end within SLICE) and what it has
+    printed; [] if the owner was dismissed.
 
     timeout: seconds of one run (None: no limit); most: bytes that it may hold (None: what each processor of this machine
     can have); owner: a word for the study, see `dismiss`; expected: the client's fingerprint; texts: contents of case and
