@@ -13,6 +13,7 @@ shrinks with it.
 import numpy as np
 from numba import njit
 
+from nsbench.kernels.dense import gauss
 from nsbench.kernels.fronts import backward, factor, forward, solve
 from nsbench.kernels.sparse import push, slack
 
@@ -51,30 +52,6 @@ def _column(T, L, k, owner, ptr, vals, y, z, v):
 
 
 @njit(cache=True, error_model="numpy")
-def _dense(A, b, n):
-    """Solve A x = b in place by elimination with row exchanges."""
-    for k in range(n):
-        p = k
-        for i in range(k + 1, n):
-            if abs(A[i, k]) > abs(A[p, k]):
-                p = i
-        if p != k:
-            for j in range(k, n):
-                A[k, j], A[p, j] = A[p, j], A[k, j]
-            b[k], b[p] = b[p], b[k]
-        for i in range(k + 1, n):
-            f = A[i, k] / A[k, k]
-            if f != 0.0:
-                for j in range(k + 1, n):
-                    A[i, j] -= f * A[k, j]
-                b[i] -= f * b[k]
-    for k in range(n - 1, -1, -1):
-        for j in range(k + 1, n):
-            b[k] -= A[k, j] * b[j]
-        b[k] /= A[k, k]
-
-
-@njit(cache=True, error_model="numpy")
 def _dot(ptr, cols, vals, k, v):
     s = 0.0
     for e in range(ptr[k], ptr[k + 1]):
@@ -91,7 +68,8 @@ def _point(P, vals, rho, on, extra, size, V, S, A, b, base, c, wc, move, t):
             A[i, j] = S[i, j]
         A[i, i] += 1.0 / rho if on[extra[i]] else -1.0 / rho
         b[i] = -_dot(ptr, cols, vals, extra[i], base)
-    _dense(A, b, size)
+    if not gauss(A[:size, :size], b[:size]):
+        b[:size] = np.nan                                      # dependent rows: the residual will say so
     for e in range(move.size):
         move[e] = base[e]
     for i in range(size):

@@ -61,6 +61,16 @@ def waits(i, j, keys, ends, ids, after, need):
 
 
 @njit(cache=True)
+def _join(c, u, first, last, behind):
+    """Constraint c at the end of the queue of band u."""
+    if first[u] < 0:
+        first[u] = c
+    else:
+        behind[last[u]] = c
+    behind[c], last[u] = -1, c
+
+
+@njit(cache=True)
 def schedule(i, j, keys, row, ends, ids, after, need, place):
     """Fill `place` (m,) with the places of the constraints in the order of execution.
 
@@ -75,12 +85,7 @@ def schedule(i, j, keys, row, ends, ids, after, need, place):
     behind = ids                             # the queues of the bands as linked lists
     for c in range(i.size):
         if need[c] == 0:
-            u = row[i[c]] // BAND
-            if first[u] < 0:
-                first[u] = c
-            else:
-                behind[last[u]] = c
-            behind[c], last[u] = -1, c
+            _join(c, row[i[c]] // BAND, first, last, behind)
     done, at = 0, 0
     while at < bands:
         c = first[at]
@@ -96,11 +101,7 @@ def schedule(i, j, keys, row, ends, ids, after, need, place):
                 need[q] -= 1
                 if need[q] == 0:
                     u = row[i[q]] // BAND
-                    if first[u] < 0:
-                        first[u] = q
-                    else:
-                        behind[last[u]] = q
-                    behind[q], last[u] = -1, q
+                    _join(q, u, first, last, behind)
                     at = min(at, u)
 
 
