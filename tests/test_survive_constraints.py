@@ -121,3 +121,21 @@ def test_a_smooth_wall_with_a_gradient_is_not_degenerate():
         Smooth(lambda xp: lambda t, x: xp.stack((x[1] - xp.sin(x[0]),))),)), np.array([0.0, 1.0]), np.linspace(0, 2, 11))
     for spec in ("pbd", "catching_up", "event_driven"):
         assert solve(case, spec).status.ok
+
+
+@pytest.mark.survives("empty set")
+@pytest.mark.parametrize("spec", ["pbd", "pbd[order=reverse]", "pbd[order=random,seed=1]", "richardson", "catching_up", "penalty",
+                                  "event_driven"])
+@pytest.mark.parametrize("closing, dim, fits", [(0.3, 1, True), (0.9, 1, False), (0.58, 2, True), (1.4, 2, False)])
+def test_walls_that_close_in_on_discs_leave_no_room_at_some_time(spec, closing, dim, fits):
+    """Three discs in a row of length 2, or in a box as high as one: centres between -L and L, L = 1.6 - closing t."""
+    walls = Affine(np.kron(np.eye(3), np.eye(dim)[:1]), lambda xp: lambda t: (1.6 - closing * t) * xp.ones(3))
+    other = Affine(-np.kron(np.eye(3), np.eye(dim)[:1]), lambda xp: lambda t: (1.6 - closing * t) * xp.ones(3))
+    lids = tuple(Affine(s * np.kron(np.eye(3), np.eye(dim)[1:]), 0.05 * np.ones(3)) for s in (1.0, -1.0) if dim == 2)
+    x0 = np.array([[-1.2, 0.0, 1.2], [0.0, 0.03, -0.02]])[:dim].T.ravel()
+    case = nsbench.Case("closing", Complementarity(lambda xp: lambda t, x: -0.1 * x, (nsbench.Distance(1.0, dim=dim), walls, other,
+                                                                                     *lids)), x0, np.linspace(0, 1, 9))
+    method = nsbench.solvers.get(spec)
+    for value in {"h": (0.03, 0.003), "k": (300.0, 3000.0), "tol": (1e-8,)}[method.accuracy]:
+        status = solve(case, spec, **{method.accuracy: value}).status
+        assert status.code == ("ok" if fits else "infeasible"), status

@@ -17,6 +17,9 @@ from nsbench.problem import Complementarity, Distance, Smooth
 from nsbench.trajectory import Status, Trajectory
 
 MISSED = 1e-7            # relative to the state: what walls may contradict each other by, as the linear program is solved
+HALF = 0.5               # of the largest depth: where the run begins to violate its constraints as much
+CURVED = 0.05            # part of a depth that the curvature of constraints may make of it, as long as it is small
+MANY = 3000              # constraints: beyond, the linear program takes seconds
 FLAT = 1e-6              # gradient over its largest along the run: below it a constraint does not push but throws
 
 
@@ -51,22 +54,39 @@ def _tied(case: Case) -> Status | None:
 
 
 def _nowhere(case: Case, traj: Trajectory) -> Status | None:
-    """Rows or links that contradict each other where the run violates them most."""
+    """Constraints that contradict each other where the run violates them most, or begins to violate them as much."""
     if case.exact is not None or not (case.start == "keep" or any(c.moving for c in case.problem.constraints)):
         return None
     scene = _scene(case)
-    depth = [_depth(scene, float(t), x) for t, x in zip(traj.t, traj.x, strict=True)]
-    k = int(np.argmax(depth))
-    if depth[k] <= MISSED * max(1.0, float(np.abs(traj.x[k]).max())):
+    depth = np.array([scene.deepest(float(t), x) for t, x in zip(traj.t, traj.x, strict=True)])
+    worst = int(np.argmax(depth))
+    if depth[worst] <= MISSED * max(1.0, float(np.abs(traj.x[worst]).max())):
         return None
-    why = contradiction(case, float(case.t[k] if scene.moving else case.t[0]))
+    why = contradiction(case, float(case.t[worst] if scene.moving else case.t[0]))
+    first = int(np.argmax(depth >= HALF * depth[worst]))
+    for k in dict.fromkeys((worst, first)):
+        why = why or _arrangement(scene, float(traj.t[k]), traj.x[k], float(depth[k]))
     return None if why is None else Status("infeasible", why)
 
 
-def _depth(scene: Scene, t: float, x: np.ndarray) -> float:
-    """The most by which a row or a listed distance is violated."""
-    near, places = scene._static
-    return float(-scene.gaps(t, x, near, places).min(initial=0.0))
+def _arrangement(scene: Scene, t: float, x: np.ndarray, depth: float) -> str | None:
+    """Why no small move from x meets all constraints that touch there; None where one does, or where they are too many.
+
+    The linear program of `_rows`, of the linearised constraints. For links and rods it is no more than what they ask; hard
+    particles may not change places, as they could by a long move. The curvature of what is deep is why a part of the
+    depth is allowed.
+    """
+    near = scene.near(x, 0.0, t)
+    if not 1 < len(near) <= MANY:
+        return None
+    row, col, vals = scene.triplets(t, x, near)
+    order = np.argsort(row, kind="stable")
+    ptr, col, vals = np.searchsorted(row[order], np.arange(len(near) + 1)), col[order], vals[order]
+    missed = _least_miss(ptr, col, vals, scene.gaps(t, x, near), scene.n)
+    if missed <= max(CURVED * depth, MISSED * max(1.0, float(np.abs(x).max()))):
+        return None
+    return (f"The constraints contradict each other at t = {t:.6g} where the run violates them by {depth:.3g}: to first order, "
+            f"every way on misses one of them by {missed:.3g} or more.")
 
 
 @functools.lru_cache(maxsize=512)
@@ -80,19 +100,26 @@ def contradiction(case: Case, t: float) -> str | None:
 
 
 def _rows(scene: Scene, t: float) -> str | None:
-    m = len(scene.ptr) - 1
-    if m < 2:
+    if len(scene.ptr) < 3:
         return None
+    missed = _least_miss(scene.ptr, scene.cols, scene.vals, scene.b(t), scene.n)
+    if missed <= MISSED * max(1.0, float(np.abs(scene.b(t) * np.sqrt(scene.inv2)).max(initial=0.0))):
+        return None
+    return f"The walls contradict each other at t = {t:.6g}: every state misses one of them by {missed:.3g} or more."
+
+
+def _least_miss(ptr, cols, vals, b, n: int) -> float:
+    """The least s >= 0 with A x + b + s >= 0 for some x, rows of A normalised; 0.0 where the program is not solved."""
     from scipy.optimize import linprog
     from scipy.sparse import csr_matrix, hstack
-    norm = np.sqrt(scene.inv2)
-    A = csr_matrix((scene.vals * np.repeat(norm, np.diff(scene.ptr)), scene.cols, scene.ptr), (m, scene.n))
-    b = scene.b(t) * norm
-    found = linprog(np.append(np.zeros(scene.n), 1.0), A_ub=-hstack([A, np.ones((m, 1))]).tocsr(), b_ub=b,
-                    bounds=[(None, None)] * scene.n + [(0.0, None)])
-    if found.status or found.x[-1] <= MISSED * max(1.0, float(np.abs(b).max(initial=0.0))):
-        return None
-    return (f"The walls contradict each other at t = {t:.6g}: every state misses one of them by {found.x[-1]:.3g} or more.")
+    rows = np.repeat(np.arange(len(b)), np.diff(ptr))
+    norm = 1.0 / np.sqrt(np.bincount(rows, vals * vals, len(b)))
+    if not np.isfinite(norm).all():
+        return 0.0
+    A = csr_matrix((vals * norm[rows], cols, ptr), (len(b), n))
+    found = linprog(np.append(np.zeros(n), 1.0), A_ub=-hstack([A, np.ones((len(b), 1))]).tocsr(), b_ub=b * norm,
+                    bounds=[(None, None)] * n + [(0.0, None)])
+    return 0.0 if found.status else float(found.x[-1])
 
 
 def _links(case: Case, scene: Scene, t: float) -> str | None:
