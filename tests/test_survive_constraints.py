@@ -133,8 +133,8 @@ def test_walls_that_close_in_on_discs_leave_no_room_at_some_time(spec, closing, 
     other = Affine(-np.kron(np.eye(3), np.eye(dim)[:1]), lambda xp: lambda t: (1.6 - closing * t) * xp.ones(3))
     lids = tuple(Affine(s * np.kron(np.eye(3), np.eye(dim)[1:]), 0.05 * np.ones(3)) for s in (1.0, -1.0) if dim == 2)
     x0 = np.array([[-1.2, 0.0, 1.2], [0.0, 0.03, -0.02]])[:dim].T.ravel()
-    case = nsbench.Case("closing", Complementarity(lambda xp: lambda t, x: -0.1 * x, (nsbench.Distance(1.0, dim=dim), walls, other,
-                                                                                     *lids)), x0, np.linspace(0, 1, 9))
+    case = nsbench.Case("closing", Complementarity(lambda xp: lambda t, x: -0.1 * x, (
+        nsbench.Distance(1.0, dim=dim), walls, other, *lids)), x0, np.linspace(0, 1, 9))
     method = nsbench.solvers.get(spec)
     for value in {"h": (0.03, 0.003), "k": (300.0, 3000.0), "tol": (1e-8,)}[method.accuracy]:
         status = solve(case, spec, **{method.accuracy: value}).status
