@@ -11,7 +11,7 @@ from nsbench.kernels.dense import BLOWN, NAN, OK, gauss, health, largest  # noqa
 STUCK = 3                         # beside OK, NAN, BLOWN
 NEWTON = 30                       # iterations; a fresh Jacobian needs about 5, a kept one three times that
 TRIALS = 100_000                  # modes and starts that one step may try: minutes, not for ever, with many surfaces
-ROUNDING = 64 * 2.0**-52          # what a few operations on numbers of size one may lose
+ROUNDING = 64 * 2.0**-52          # what a few operations may lose, relative to the numbers in them
 
 # only called by kernels of this file: without the wrappers for Python they compile faster, and crash if Python calls them
 inner = njit(cache=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)
@@ -144,15 +144,28 @@ def newton(field, switch, t, h, x, mode, y, s, jump):
 
 
 @inner
-def wrong(mode, c, s, jump, scale, new):
-    """Whether the solved step contradicts its mode; `new` gets the mode with every contradiction turned over."""
-    bad = False
+def wrong(switch, t, y, mode, c, s, jump, new, e, noise):
+    """Whether the solved step contradicts its mode; `new` gets the mode with every contradiction turned over.
+
+    e, noise (d,): work.
+    """
+    bad, unsure, size = False, False, largest(y)
     for i in range(mode.size):
-        new[i] = mode[i]
+        new[i], noise[i] = mode[i], 0.0
+        unsure |= mode[i] != 0 and not c[i] * mode[i] >= 0.0
+    if unsure:                                              # what rounding of the state makes of c
+        for j in range(y.size):
+            keep = y[j]
+            y[j] = keep + ROUNDING * keep
+            switch(t, y, e)
+            y[j] = keep
+            for i in range(mode.size):
+                noise[i] = max(noise[i], abs(e[i] - c[i]))
+    for i in range(mode.size):
         if mode[i] == 0:
-            if not (abs(s[i]) - 1.0) * jump[i] <= ROUNDING * scale:
+            if not (abs(s[i]) - 1.0) * jump[i] <= ROUNDING * (size + jump[i]):
                 new[i], bad = (1 if s[i] > 0.0 else -1), True
-        elif not c[i] * mode[i] >= -ROUNDING:
+        elif not c[i] * mode[i] >= -noise[i]:
             new[i], bad = 0, True
     return bad
 
@@ -167,6 +180,7 @@ def implicit_step(field, switch, t, h, x, mode, y, s):
     """
     d, calls, inner = s.size, 0, 0
     new, c, jump, start = mode.copy(), np.empty(d), np.zeros(d), s.copy()
+    e, noise = np.empty(d), np.empty(d)
     for trial in range(min(2 * d + 2 + 3**d * (1 + 2**d), TRIALS)):
         if trial >= 2 * d + 2:
             code = trial - 2 * d - 2
@@ -185,7 +199,7 @@ def implicit_step(field, switch, t, h, x, mode, y, s):
         if solved:
             if d:
                 switch(t, y, c)
-            if not wrong(mode, c, s, jump, 1.0 + largest(y), new):
+            if not wrong(switch, t, y, mode, c, s, jump, new, e, noise):
                 for i in range(d):
                     s[i] = min(1.0, max(-1.0, s[i]))
                 return True, calls, inner
