@@ -137,9 +137,10 @@ def newton(field, switch, t, h, x, mode, y, s, jump):
             s[slide[j]] -= q[n + j]
             q[n + j] *= jump[slide[j]]
         move = largest(q)
-        if move <= 1e-12 * (1.0 + largest(y)):              # the next move is 20 times smaller or, fresh, its square
+        # far from the origin no more than rounding is allowed: a step may be much shorter than 1e-12 of the coordinates
+        if move <= 1e-12 * (1.0 + min(1.0, largest(y))) + ROUNDING * largest(y):
             return True, calls, it + 1
-        last = move / before if it else 0.0
+        last = move / before if it else 0.0                 # the next move is 20 times smaller or, fresh, its square
     return False, calls, NEWTON
 
 
@@ -160,7 +161,7 @@ def wrong(switch, t, y, mode, c, s, jump, new, e, noise):
             switch(t, y, e)
             y[j] = keep
             for i in range(mode.size):
-                noise[i] = max(noise[i], abs(e[i] - c[i]))
+                noise[i] += abs(e[i] - c[i])
     for i in range(mode.size):
         if mode[i] == 0:
             if not (abs(s[i]) - 1.0) * jump[i] <= ROUNDING * (size + jump[i]):

@@ -37,12 +37,21 @@ NAMES = ("feasibility", "sign", "complementarity", "residual")
 
 def residuals(frame: Frame, traj: Trajectory) -> dict:
     """The four residuals over the samples before the first that is not finite; NaN where there are fewer than two."""
+    return _measured(frame, traj)[0]
+
+
+def interval_residuals(frame: Frame, traj: Trajectory) -> np.ndarray:
+    """(k - 1,) the residual of each interval, a velocity, of which `residual` is the largest; NaN where it has none."""
+    return _measured(frame, traj)[1]
+
+
+def _measured(frame: Frame, traj: Trajectory) -> tuple[dict, np.ndarray]:
     good = np.all(np.isfinite(traj.x), axis=1) & np.all(np.isfinite(traj.impulse), axis=1)
     good &= np.all(np.isfinite(traj.reaction), axis=1)
     k = int(np.argmin(good)) if not good.all() else len(good)
-    out = dict.fromkeys(NAMES, float("nan"))
+    out, each = dict.fromkeys(NAMES, float("nan")), np.full(max(len(good) - 1, 0), np.nan)
     if k < 2:
-        return out
+        return out, each
     t, x, impulse, reaction = traj.t[:k], traj.x[:k].copy(), traj.impulse[:k], traj.reaction[:k]
     x.flags.writeable = False                # a drift that writes into the state it is given is found out here, if not before
     events = [e.t for e in traj.events]
@@ -51,28 +60,33 @@ def residuals(frame: Frame, traj: Trajectory) -> dict:
     kinked = kinked_intervals(t, changes(frame.case.problem, t, impulse) if k > 2 else np.zeros(k - 2, bool), events)
     with np.errstate(all="ignore"):
         if isinstance(frame.case.problem, Filippov):
-            found = _inclusion(frame.case, traj.contacts, t, x, impulse, kinked)
+            *found, off = _inclusion(frame.case, traj.contacts, t, x, impulse, kinked)
+            found = *found, off.max(initial=0.0)
         else:
             lam = np.diff(impulse, axis=0) / np.diff(t)[:, None]
             args = frame, traj.contacts, t, x, impulse, reaction, lam
             lcs = isinstance(frame.case.problem, LCS)
             feasible, complementary, mismatch = _lcs(*args, kinked) if lcs else _gaps(*args)
             equation = _equation(frame, t, x, impulse, reaction, kinked, traj.contacts)
-            found = feasible, float(lam.min(initial=0.0)), complementary, max(equation, mismatch)
+            found = (feasible, float(lam.min(initial=0.0)), complementary,
+                     max(float(equation.max(initial=0.0)), float(mismatch.max(initial=0.0))))
+            off = np.maximum(equation, mismatch)
     out = dict(zip(NAMES, map(float, found), strict=True))
     if k == 2:
         by_quadrature = NAMES if isinstance(frame.case.problem, LCS) else ("residual",)
         out |= {name: float("nan") for name in by_quadrature if name != "sign"}
-    return out
+    else:
+        each[:k - 1] = off
+    return out, each
 
 
-def _equation(frame, t, x, impulse, reaction, kinked, contacts) -> float:
+def _equation(frame, t, x, impulse, reaction, kinked, contacts) -> np.ndarray:
     f = right_hand_side(frame.case.problem)
     F = np.array([f(a, b) for a, b in zip(t, x, strict=True)])
     value, bound = integrals(t, F, kinked)
     R = reaction if reaction.shape[1] else _lcs_push(frame.case.problem, contacts, impulse)
     rho = np.abs(np.diff(x, axis=0) - value - np.diff(R, axis=0))
-    return float((np.maximum(rho - bound, 0.0) / np.diff(t)[:, None]).max(initial=0.0))
+    return (np.maximum(rho - bound, 0.0) / np.diff(t)[:, None]).max(axis=1, initial=0.0)
 
 
 def _gaps(frame, contacts, t, x, impulse, reaction, lam):
@@ -84,17 +98,17 @@ def _gaps(frame, contacts, t, x, impulse, reaction, lam):
     scene = frame.scene
     worst = max(scene.deepest(a, b) for a, b in zip(t, x, strict=True))
     if not contacts:
-        return worst, 0.0, float(np.abs(np.diff(reaction, axis=0)).max(initial=0.0))
+        return worst, 0.0, np.abs(np.diff(reaction, axis=0)).max(axis=1, initial=0.0)
     near = near_of(scene, contacts)
     places = scene.places(near)
-    complementary, mismatch = 0.0, 0.0
+    complementary, mismatch = 0.0, np.zeros(len(t) - 1)
     gaps = [scene.gaps(a, b, near, places) for a, b in zip(t, x, strict=True)]
     gradients = _Gradients(scene, near, places, t, x)
     for k, d in enumerate(np.diff(impulse, axis=0)):
         both = np.maximum(np.minimum(gaps[k], gaps[k + 1]), 0.0)
         complementary = max(complementary, float((both * np.maximum(lam[k], 0.0)).max(initial=0.0)))
         rho = np.abs(reaction[k + 1] - reaction[k] - gradients.push(k, d)) - gradients.doubt(k, d)
-        mismatch = max(mismatch, float(rho.max(initial=0.0)) / (t[k + 1] - t[k]))
+        mismatch[k] = max(0.0, float(rho.max(initial=0.0)) / (t[k + 1] - t[k]))
     return worst, complementary, mismatch
 
 
@@ -153,10 +167,10 @@ def _lcs(frame, contacts, t, x, impulse, reaction, lam, kinked):
     both = np.maximum(w - bound, 0.0) * np.maximum(lam, 0.0)
     complementary = float(both[~kinked].max(initial=0.0))
     feasible = max(float((-w - bound).max(initial=0.0)), float(-v[:, ~p.D.any(axis=1)].min(initial=0.0)), 0.0)
-    mismatch = 0.0
+    mismatch = np.zeros(len(t) - 1)
     if reaction.shape[1]:
         off = np.diff(reaction - _lcs_push(p, contacts, impulse), axis=0)
-        mismatch = float((np.abs(off) / np.diff(t)[:, None]).max(initial=0.0))
+        mismatch = (np.abs(off) / np.diff(t)[:, None]).max(axis=1, initial=0.0)
     return feasible, complementary, mismatch
 
 
@@ -175,16 +189,16 @@ def _inclusion(case, contacts, t, x, impulse, kinked):
         value, bound = integrals(t, F[mode], kinked)
         means[mode], bounds[mode] = (v / np.diff(t)[:, None] for v in (value, bound))
     mixed = _mixing(theta, F)
-    worst = 0.0
+    off = np.zeros(len(t) - 1)
     for k, v in enumerate(np.diff(x, axis=0) / np.diff(t)[:, None]):
         # weights that miss 0 or 1 by rounding belong to one mode alone
         sides = [((1.0,) if w > 1 - 1e-9 else (-1.0,) if w < 1e-9 else (1.0, -1.0)) for w in theta[k]]
         modes = [m for m in product(*sides) if np.all(np.isfinite(means[m][k]))]
         if not modes:
-            return float("nan"), float(np.minimum(theta, 1 - theta).min()), complementary, float("nan")
+            return float("nan"), float(np.minimum(theta, 1 - theta).min()), complementary, np.full(len(off), np.nan)
         slack = max(float(np.linalg.norm(bounds[m][k])) for m in modes) + (mixed[k] if len(modes) > 1 else 0.0)
-        worst = max(worst, distance_to_hull(v, np.array([means[m][k] for m in modes])) - slack)
-    return float("nan"), float(np.minimum(theta, 1 - theta).min()), complementary, worst
+        off[k] = max(0.0, distance_to_hull(v, np.array([means[m][k] for m in modes])) - slack)
+    return float("nan"), float(np.minimum(theta, 1 - theta).min()), complementary, off
 
 
 def _mixing(theta, F) -> np.ndarray:

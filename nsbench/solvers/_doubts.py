@@ -1,8 +1,9 @@
-"""What a run that says ok may not know: that its constraints leave no point, or no direction to push in.
+"""What a run that says ok may not know: that its constraints leave no point or no direction to push in, that it is rounding.
 
 A projection moves somewhere even where there is nowhere to go: contradicting walls are met half-way, and a constraint
 whose gradient vanishes throws the state far away. Whatever the method, such a run is no solution, and is not called ok.
 Nothing is looked at where it cannot happen: a start that was found feasible proves that constraints at rest leave a point.
+Steps round the state: where they are so many that their roundings can add up to a part of the motion, nothing is known.
 """
 from __future__ import annotations
 
@@ -13,9 +14,11 @@ import numpy as np
 
 from nsbench.case import Case
 from nsbench.contacts import ANCHOR, PAIR, Scene
-from nsbench.problem import Complementarity, Distance, Smooth
+from nsbench.problem import LCS, Complementarity, Distance, Smooth
 from nsbench.trajectory import Status, Trajectory
 
+EPS = float(np.finfo(float).eps)
+ROUNDED = 1e-2           # part of the motion that roundings of all steps may add up to
 MISSED = 1e-7            # relative to the state: what walls may contradict each other by, as the linear program is solved
 HALF = 0.5               # of the largest depth: where the run begins to violate its constraints as much
 CURVED = 0.05            # part of a depth that the curvature of constraints may make of it, as long as it is small
@@ -24,13 +27,43 @@ FLAT = 1e-6              # gradient over its largest along the run: below it a c
 
 
 def doubted(case: Case, traj: Trajectory) -> Trajectory:
-    """The run with the status infeasible or degenerate where it says ok and cannot be; itself everywhere else."""
+    """The run with the status infeasible, degenerate or unverified where it says ok and cannot be; itself everywhere else."""
     p = case.problem
-    if not traj.status.ok or not isinstance(p, Complementarity) or not p.constraints or not len(traj.t):
+    if not traj.status.ok or not len(traj.t):
         return traj
     with np.errstate(all="ignore"):
-        status = _tied(case) or _nowhere(case, traj) or _flat(case, traj)
+        status = _rounded(case, traj)
+        if isinstance(p, Complementarity) and p.constraints:
+            status = _tied(case) or _nowhere(case, traj) or _flat(case, traj) or status
     return traj if status is None else replace(traj, status=status)
+
+
+def _rounded(case: Case, traj: Trajectory) -> Status | None:
+    """Steps so many that their roundings, each half a spacing of the state, may add up to a part of the motion.
+
+    The motion is that of the samples, or what the drift would make of the time, if that is more: a state may be held.
+    """
+    lost = float(traj.stats.get("steps", 0)) * 0.5 * EPS * float(np.abs(traj.x).max(initial=0.0))
+    if not lost > ROUNDED * float(np.abs(traj.x - traj.x[0]).max(initial=0.0)):
+        return None
+    pace = max(_pace(case.problem, float(t), x) for t, x in zip(traj.t, traj.x, strict=True))
+    if not 0.0 < ROUNDED * pace * float(traj.t[-1] - traj.t[0]) < lost:
+        return None
+    return Status("unverified", f"The roundings of {int(traj.stats['steps'])} steps of a state of {np.abs(traj.x).max():.3g} may add "
+                                f"up to {lost:.2g}, which is more than a hundredth of the motion: take longer steps, or a "
+                                "frame in which the state is not so large.")
+
+
+def _pace(problem, t: float, x: np.ndarray) -> float:
+    """Largest speed that the drift, or a field beside all surfaces, gives to a coordinate."""
+    if isinstance(problem, LCS):
+        speeds = [problem.A @ x + (problem.u(np)(t) if problem.u else 0.0)]
+    elif isinstance(problem, Complementarity):
+        speeds = [problem.drift(np)(t, x.copy())]
+    else:
+        field, d = problem.field(np), len(np.atleast_1d(problem.switch(np)(t, x)))
+        speeds = [field(t, x.copy(), np.full(d, s)) for s in (1.0, -1.0)]
+    return float(np.abs(speeds).max(initial=0.0))
 
 
 @functools.lru_cache(maxsize=64)

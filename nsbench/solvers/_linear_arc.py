@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 STAGES = 12
+FOLLOWED = 2000         # steps of another integrator from the first node to the last: what needs more is no step
 EPS = np.finfo(float).eps
 
 
@@ -79,11 +80,12 @@ class Flow:
         m, times, size = self.mode, 0.5 * h * (1.0 + S), np.maximum(self.scale, np.abs(x))
         G = m.G * size / size[:, None]                       # tolerances are relative to each state
         rhs = lambda a, y: G @ y + np.einsum("kij,kj->i", m.U, self.inputs(t + a, m.order)) / size
-        arc = follow(rhs, 0.0, x / size, times[-1], method=self._method, rtol=0.1 * self._tol, samples=times[1:-1])
-        X = np.full((len(S), x.size), np.nan)
-        if arc.status.ok:
-            X = size * np.vstack([x / size, arc.samples, arc.y])
-        return X, np.array([self.inputs(t + a, m.order) for a in times])
+        X, s = np.full((len(S), x.size), np.nan), np.array([self.inputs(t + a, m.order) for a in times])
+        if np.all(np.isfinite(s)):
+            arc = follow(rhs, 0.0, x / size, times[-1], method=self._method, rtol=0.1 * self._tol, samples=times[1:-1],
+                         max_steps=FOLLOWED)
+            X = size * np.vstack([x / size, arc.samples, arc.y]) if arc.status.ok else X
+        return X, s
 
     def functions(self, X, s):
         """(13, m): lam on the rows of the mode, w elsewhere."""

@@ -4,7 +4,8 @@
 
 A backend is made once per run and called as ``backend(G, q, h, key, mu)``: G (m, n) Rows, q (m,), h the step,
 key an object that stays the same as long as the constraints do, mu (m,) a first guess. It returns an Answer. The libraries
-solve in units of velocity, (d / h, mu / h, q / h), so that their tolerances mean the same for every step.
+solve in units of velocity, (d / h, mu / h, q / h), so that their tolerances mean the same for every step; these are absolute,
+so where all speeds are below 1 they are in units of the largest that is asked for, to a power of two (see `unit`).
 """
 from __future__ import annotations
 
@@ -81,6 +82,19 @@ def residual(G, w: np.ndarray, mu: np.ndarray, d: np.ndarray) -> float:
     return float(np.maximum(stationarity, np.abs(np.minimum(mu * norm, w / norm)).max(initial=0.0)))
 
 
+FAR = 1e6                  # of the largest speed that is asked for
+
+
+def unit(G: Rows, q: np.ndarray, h: float) -> float:
+    """The length that lengths are divided by: h, or less where no constraint asks for the speed 1.
+
+    Not so little that bounds of what is far grow beyond FAR, where the libraries lose the digits of what is near.
+    """
+    speeds = -q / (h * G.lengths())
+    asked = max(float(speeds.max(initial=0.0)), float(np.abs(speeds).max(initial=0.0)) / FAR)
+    return h * min(1.0, 2.0 ** np.ceil(np.log2(asked))) if 0.0 < asked < np.inf else h
+
+
 class ActiveSet:
     """nsbench.kernels.least, as in the compiled loop; rounds of factorisation are its iterations."""
 
@@ -126,6 +140,7 @@ class OSQP:
     def __call__(self, G, q, h, key, mu):
         import osqp
         m, n = G.shape
+        h = unit(G, q, h)
         low = -q / h
         if not np.abs(low).max(initial=0.0) < INFINITE:  # it would print an error and solve with the bounds of before
             return Answer(np.zeros(m), np.zeros(n), "maxiter", 0)
@@ -153,6 +168,7 @@ class PIQP:
     def __call__(self, G, q, h, key, mu):
         import piqp
         n = G.shape[1]
+        h = unit(G, q, h)
         if key is not self._key:
             self._key, self.setups, self._solver = key, self.setups + 1, piqp.SparseSolver()
             s = self._solver.settings

@@ -18,6 +18,7 @@ from nsbench.trajectory import Status, Trajectory
 
 STANDARD = ()                   # 0.1 s a step: asked for by name
 MOST = 10                       # contacts: from six on (four discs), steps were seen to fail or to be wrong
+LABOUR, FIRST = 250, 5000       # iterations of IPOPT a step on average, from so many in all, that end a run: 85 a step are usual
 SUNK = 1e-3                     # depth below a constraint at which the push was too weak to hold
 
 
@@ -191,7 +192,7 @@ def _march(case, method, solver, contacts, turning, parts, step):
     n, m, K = case.n, len(contacts), len(case.t)
     x = np.concatenate((case.x0, [float(case.t[0])], np.zeros(m + (n if turning else 0))))
     Y = np.full((K, len(x)), np.nan)
-    Y[0], status, inner = x, Status(), 0
+    Y[0], status, inner, steps = x, Status(), 0, 0
     with warnings.catch_warnings(), contextlib.redirect_stdout(io.StringIO()):
         warnings.simplefilter("ignore")
         for k in range(1, K):
@@ -203,6 +204,11 @@ def _march(case, method, solver, contacts, turning, parts, step):
                 if "SUCCESS" not in str(found["status"]) or not np.all(np.isfinite(x)):
                     status = Status("maxiter", f"IPOPT did not solve a step between t = {case.t[k - 1]:.6g} and {case.t[k]:.6g}; "
                                                "other stages, elements or another h may help.")
+                    break
+                steps += 1
+                if inner > max(FIRST, LABOUR * steps):
+                    status = Status("maxiter", f"IPOPT took {inner} iterations for the {steps} steps up to t = {x[n]:.6g}, where 85 "
+                                               "a step are usual; other stages, elements or another h may help.")
                     break
             if not status.ok:
                 break

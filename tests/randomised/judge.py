@@ -8,18 +8,19 @@ the unit and what the state moves. Then, for a run that says ok, SILENT WRONG is
 
 claimed bound   (event_driven) a difference above BOUND x condition, claims.exact being 1e-10;
 claimed order p (steps h, 1/k of a penalty) at the finest of the LADDER an error above M = 4 times the largest constant
-                e / h^p seen at the coarser ones, that stays where it is when the ladder is continued: still, 64 times finer,
+                e / h^p seen at those 8 times coarser or more, that stays where it is when the ladder is continued: still, 64 times finer,
                 more than a quarter of what it was. (An order is a promise for small h; what comes down late is counted as
                 "slow", not as wrong.) So for the depth of violated constraints. p is the claim without events, 1 with them,
                 as the methods say of themselves;
 own residuals   (event_driven, with samples at its events too) a residual of the equation above 1e-5 of the largest velocity
-                that does not fall to half with four times the samples, and four times more; (methods that claim a bound) a
-                depth above 1e-8; (all but extrapolated ones, which say that theirs are of no sign) a multiplier below -1e-8
-                of its size; a state or impulse that is not finite.
+                with 64 times the samples, if what it lacks (see own) stays with ever more where it is large; (methods
+                that claim a bound) a depth above 1e-8; (all but extrapolated ones, which say that theirs are of no sign) a
+                multiplier below -1e-8 of its size; a state or impulse that is not finite.
 
 Where there is no answer (event_driven says why), the finest runs of all methods of a scene are held against each other: both
-ok, and further apart than four times the last changes of both. Not so where it says that several motions continue: then
-methods may differ. The answer has a budget of 1500 steps (of some 10 ms), which bounds the time of a stiff scene.
+ok, and further apart than four times the last changes of both. Not so where it says that several motions continue, or where
+the condition is beyond WILD, or an infeasible start is kept: then methods may differ. And each is held against its equation
+alone: see own. The answer has a budget of 1500 steps (of some 10 ms), which bounds the time of a stiff scene.
 
 Crashes are exceptions that are not raised on purpose at the border (a ValueError, TypeError or LookupError that a `raise` of
 the package tells) and failures of measuring.
@@ -32,18 +33,16 @@ from functools import cached_property
 import numpy as np
 
 from nsbench import solvers
-from nsbench.problem import LCS, Complementarity, Smooth
+from nsbench.measure.frame import frame
+from nsbench.problem import LCS, Complementarity
 from nsbench.study import misfit
+from randomised.ladder import LADDER, LATER, LATER_SLOW, floors, is_slow, slower, values
+from randomised.own import MISSING, filled, settled
 from randomised.runs import Outcome, attempt, relative
 
-LADDER = {"h": (3, 11, 43, 683), "k": (100.0, 400.0, 1600.0, 6400.0)}
-LATER = {"h": (2731, 10923, 43691), "k": (25600.0, 102400.0)}
-LATER_SLOW = {"h": (171, 683, 2731), "k": (6400.0, 25600.0, 102400.0)}     # of loops that take a hundred times as long
-SLOW_LOOPS = ("kdtree", "nosnoc", "pbd_jax", "backend", "nonlinear", "method=catching_up,", "penalty")
 M, BOUND, DEPTH, SIGN, RESIDUAL = 4.0, 1e-9, 1e-8, 1e-8, 1e-5
 ABSOLUTE = 1e-11           # what absolute tolerances leave in states that are small themselves
 WILD = 1e5                  # a condition above which no answer can be judged: rounding alone moves it visibly
-ROUND = 2.3e-16
 STEPS = "max_steps=1500"
 FIRST = f"event_driven[{STEPS}]"
 SECOND = tuple((f"event_driven[{option},{STEPS}]", tol) for option, tol in (
@@ -52,8 +51,8 @@ SECOND = tuple((f"event_driven[{option},{STEPS}]", tol) for option, tol in (
 
 @dataclass(frozen=True)
 class Verdict:
-    """word: fine, told (a status that is not ok, or a sentence at the border), refused, slow, open (nothing to judge it
-    by), wrong, crash; status: of the finest run."""
+    """word: fine, own (by its own residuals alone), told (a status that is not ok, or a sentence at the border), refused,
+    slow, open (nothing to judge it by), wrong, crash; status: of the finest run."""
     word: str
     status: str = ""
     why: str = ""
@@ -65,15 +64,22 @@ class Scene:
     def __init__(self, case, second: int = 0, answered: bool = True):
         """answered=False: the answer is known not to come to an end."""
         self.case, self.second, self.answered = case, SECOND[second % len(SECOND)], answered
+        self.solved = case.replace(start="error") if _kept_feasible(case) else case
         self.finest: dict[str, tuple] = {}
 
     @cached_property
     def first(self) -> Outcome:
-        return attempt(self.case, FIRST, 1e-12) if self.answered else Outcome(told="no end")
+        return attempt(self.solved, FIRST, 1e-12) if self.answered else Outcome(told="no end")
 
     @cached_property
     def again(self) -> Outcome:
-        return attempt(self.case, *self.second)
+        return attempt(self.solved, self.second[0], self._tol(self.second[1]))
+
+    def _tol(self, tol: float) -> float:
+        """tol for a scene of this unit, or this far from the origin: it is absolute, and relative to the largest coordinate."""
+        x = self.first.traj.x if self.first.ok else self.case.x0[None]
+        far = max(1.0, float(np.abs(x).max()) / max(self.unit, float(np.abs(x - x[0]).max())))
+        return max(tol * self.unit / far, min(tol, 1e-13))
 
     @cached_property
     def unit(self) -> float:
@@ -97,7 +103,7 @@ class Scene:
     @cached_property
     def condition(self) -> float:
         """At least 1; infinite where a start beside this one does not run."""
-        rng, case, worst = np.random.default_rng(0), self.case, 1.0
+        rng, case, worst = np.random.default_rng(0), self.solved, 1.0
         nudge = max(1e-9, self.round_off / self.unit)
         feasible = isinstance(case.problem, Complementarity) and case.problem.constraints
         for _ in range(2):
@@ -130,48 +136,60 @@ class Scene:
 
     # -------------------------------------------------------------- a claimed bound
     def _first(self, run) -> Verdict:
-        bad = self._faults(run, True)
-        if bad:
-            return bad
-        if not self.condition < WILD:
-            return Verdict("open", "ok", f"condition {self.condition:.1e}")
-        residuals, circuit = [], isinstance(self.case.problem, LCS)        # whose w has means over intervals, as a residual
+        return self._faults(run, True) or self._by_itself(FIRST, 1e-12, run)
+
+    def _by_itself(self, spec, tol, run) -> Verdict:
+        """What the residuals of a run with more samples say; and whether these move it."""
+        circuit = isinstance(self.case.problem, LCS)                     # whose w has means over intervals, as a residual
+        good = Verdict("fine" if spec == FIRST and self.condition < WILD else "own", "ok", self._why_open())
         for parts in (4, 16, 64):               # a residual must fall with more samples, or be small
-            more, at = self._sampled(run.traj, parts)
+            at = self._times(run.traj, parts)
+            more = self._at(spec, tol, at)
             bad = self._faults(more, True, self.case.replace(t=at))
             if bad:
-                return bad if bad.word == "crash" else Verdict("open", "ok", f"with more samples: {bad.status} {bad.why}")
+                more_ = f"with more samples: {bad.status} {bad.why}"
+                return Verdict("open", "ok", more_) if bad.word == "told" else Verdict(bad.word, bad.status, more_)
             d = relative(more.traj.x[np.searchsorted(at, self.case.t)], run.traj.x, self.unit,
-                         max(self.round_off, ABSOLUTE))
-            if d > self.bound:
+                         max(self.round_off, ABSOLUTE, 10.0 * tol))
+            if d > self.bound and good.word == "fine":
                 return Verdict("wrong", "ok", f"more samples move it by {d:.1e}, condition {self.condition:.1e}")
             steps = np.abs(np.diff(more.traj.x, axis=0) / np.diff(at)[:, None])
             size = max(self.unit, float(steps.max()))
-            residuals.append(max(more.measured["residual"], more.measured["feasibility"] if circuit else 0.0))
-            if not residuals[-1] > RESIDUAL * size + 2.0 * self.round_off / np.diff(at).min():
-                return Verdict("fine", "ok")
-        if residuals[-1] > 0.5 * residuals[-2]:
-            return Verdict("wrong", "ok", "residuals " + ", ".join(f"{r:.1e}" for r in residuals) + " with ever more samples")
-        return Verdict("fine", "ok")
+            residual = max(more.measured["residual"], more.measured["feasibility"] if circuit else 0.0)
+            if not residual > RESIDUAL * size + 2.0 * self.round_off / np.diff(at).min():
+                return good
+        return self._filled(spec, tol, at, size, good)
 
-    def _sampled(self, traj, parts: int):
-        """event_driven with samples at its events too, and `parts` times as many of all: then no interval holds an event
-        inside. The run and its times."""
+    def _filled(self, spec, tol, t, size, good) -> Verdict:
+        """A run whose residual stays with more samples everywhere: a kink of the drift, or something that is missing?"""
+        allowed = MISSING * size * float(t[-1] - t[0]) + 2.0 * self.round_off * len(t) + ABSOLUTE
+        found, traj = filled(lambda at: o.traj if (o := self._at(spec, tol, at)).ok else None, self.case, t, allowed)
+        text = ", ".join(f"{v:.1e}" for v in found) + " with ever more samples"
+        if traj is None:
+            return Verdict("open", "ok", "with more samples: no run; missing " + text)
+        return good if found[-1] <= allowed else Verdict("wrong", "ok", "missing " + text)
+
+    def _times(self, traj, parts: int):
+        """Samples at the events of a run too, and `parts` times as many of all: then no interval holds an event inside."""
         t, events = self.case.t, []
         for e in sorted(e.t for e in traj.events):
             if np.abs(np.append(t, events) - e).min() > 1e-7 * (t[-1] - t[0]):
                 events.append(e)
         coarse = np.sort(np.append(t, events))
-        at = np.unique(np.concatenate([coarse, *(coarse[:-1] + j / parts * np.diff(coarse) for j in range(1, parts))]))
-        return attempt(self.case.replace(t=at), f"event_driven[max_steps={1500 + len(at)}]", 1e-12), at
+        return np.unique(np.concatenate([coarse, *(coarse[:-1] + j / parts * np.diff(coarse) for j in range(1, parts))]))
+
+    def _at(self, spec, tol, t) -> Outcome:
+        """The same with samples t."""
+        return attempt(self.case.replace(t=t), spec.replace(STEPS, f"max_steps={1500 + len(t)}"), tol)
 
     def _bounded(self, spec) -> Verdict:
-        run = self.again if spec == self.second[0] else attempt(self.case, spec, 1e-11)
+        tol = self._tol(self.second[1] if spec == self.second[0] else 1e-11)
+        run = self.again if spec == self.second[0] else attempt(self.case, spec, tol)
         bad = self._faults(run, True)
         if bad:
             return bad
         if not (self.first.ok and self.condition < WILD):
-            return Verdict("open", "ok", self._why_open())
+            return self._by_itself(spec, tol, run)
         d = self.apart(run.traj, self.first.traj, ABSOLUTE)
         if d > self.bound:
             return Verdict("wrong", "ok", f"apart from event_driven by {d:.1e}, condition {self.condition:.1e}")
@@ -180,7 +198,7 @@ class Scene:
     def _why_open(self) -> str:
         if not self.first.ok:
             return "no answer: " + (str(self.first.traj.status.code) if self.first.traj is not None else "border")
-        return f"condition {self.condition:.1e}"
+        return f"condition {self.condition:.1e}" if self.condition >= WILD else ""
 
     def _faults(self, run: Outcome, exact: bool, case=None, spec: str = "") -> Verdict | None:
         """What is wrong with a run (of `case`) by itself; None if it says ok and nothing is."""
@@ -198,7 +216,7 @@ class Scene:
         if signed and run.measured["sign"] < -SIGN * max(1.0, float(np.abs(lam).max(initial=0.0))):
             return Verdict("wrong", "ok", f"multiplier {run.measured['sign']:.1e}")
         size = max(self.unit, float(np.abs(run.traj.x).max()))
-        if exact and not isinstance(case.problem, LCS) and run.measured["feasibility"] > DEPTH * size * self._slope:
+        if exact and not isinstance(case.problem, LCS) and run.measured["feasibility"] > (DEPTH * size + ABSOLUTE) * self._slope:
             return Verdict("wrong", "ok", f"depth {run.measured['feasibility']:.1e}")
         return None
 
@@ -211,27 +229,12 @@ class Scene:
         return max([1.0, *rows])
 
     # -------------------------------------------------------------- a claimed order
-    def _values(self, spec, method, ladder):
-        if method.accuracy == "k":
-            soft = [np.abs(c.data).min() ** -2 for c in self.case.problem.constraints if hasattr(c, "data")] \
-                if isinstance(self.case.problem, Complementarity) else []
-            T = float(self.case.t[-1] - self.case.t[0])
-            return [k * max([1.0, *soft]) / min(T, 1.0) for k in ladder["k"]]
-        spacing = float(np.diff(self.case.t).min())
-        if spec == "nosnoc":                    # a nonlinear program for each step
-            return [spacing / n for n in (1, 2)] if ladder is LADDER else [spacing / n for n in (5, 17)]
-        steps = (self.case.t[-1] - self.case.t[0]) / spacing          # so that a ladder takes as many steps in all, about
-        scale = max(1.0, 30.0 / steps)
-        return [spacing / max(1, round(n * scale)) for n in ladder["h"]]
-
     def _ladder(self, spec, method) -> Verdict:
-        # what is slow stops earlier
-        slow = any(word in spec for word in SLOW_LOOPS) or any(
-            isinstance(c, Smooth) for c in getattr(self.case.problem, "constraints", ()))
-        values, rest = self._values(spec, method, LADDER), self._values(spec, method, LATER_SLOW if slow else LATER)
-        values = values[:3] if slow else values
+        slow = is_slow(self.case, spec)                     # what is slow stops earlier
+        steps, rest = values(self.case, spec, method, LADDER), values(self.case, spec, method, LATER_SLOW if slow else LATER)
+        steps = steps[:3] if slow else steps
         runs = []
-        for v in values:
+        for v in steps:
             runs.append((v, attempt(self.case, spec, v)))
             if runs[-1][1].crash:
                 return Verdict("crash", "", f"at {v:g}: {runs[-1][1].crash}")
@@ -242,15 +245,14 @@ class Scene:
         last, before = good[-1][1].traj, good[-2][1].traj if len(good) > 1 else None
         self.finest[spec] = (last, self.apart(before, last) if before is not None else np.inf)
         if self.answer is None:
-            return self._against_others(spec)
-        steps = float(np.diff(self.case.t).sum()) / min(h for h, _ in good) if method.accuracy == "h" else 1e4
-        floor = 10.0 * self.bound + ROUND * steps * self.condition
+            return self._against_others(spec) or settled(self.case, spec, method, self.unit, self._why_open(), Verdict)
+        floor = floors(self.case, method, self.answer, self.bound, self.condition, self.unit)
         p = self._order(method)
         for name, e in (("error", lambda r: self.apart(r.traj, self.answer)), ("depth", self._depth)):
             found = [(h, e(run)) for h, run in good]
-            if not _slower(found, p, floor):
+            if not slower(found, p, floor):
                 continue
-            verdict = self._later(spec, method, rest, found, e, floor, name)
+            verdict = self._later(method, rest, found, e, floor, name, spec)
             if verdict.word != "fine":
                 return verdict
         return Verdict("fine", "ok")
@@ -263,7 +265,7 @@ class Scene:
         quiet = not self.answer.events and not self.answer.contacts
         return method.claims.state if quiet else min(1.0, method.claims.state)
 
-    def _later(self, spec, method, rest, found, e, floor, name) -> Verdict:
+    def _later(self, method, rest, found, e, floor, name, spec) -> Verdict:
         """The ladder goes on: does it come down?"""
         for v in rest:
             run = attempt(self.case, spec, v)
@@ -273,15 +275,18 @@ class Scene:
                 return Verdict("told", "border" if run.traj is None else run.traj.status.code, "finer")
             found.append((1.0 / v if method.accuracy == "k" else v, e(run)))
         text = f"{name} " + ", ".join(f"{err:.1e} at {h:.1e}" for h, err in found)
-        (_, err), coarse = found[-1], [err for g, err in found if g > 60.0 * found[-1][0]] or [found[0][1]]
-        if err <= floor or err <= 0.25 * coarse[-1]:
+        (h, err), coarse = found[-1], [err for g, err in found if g > 60.0 * found[-1][0]] or [found[0][1]]
+        if err <= floor(h) or err <= 0.25 * coarse[-1]:
             return Verdict("slow", "ok", text)
         return Verdict("wrong", "ok", text)
 
-    def _against_others(self, spec) -> Verdict:
+    def _against_others(self, spec) -> Verdict | None:
+        """wrong, if others that say ok are elsewhere; not where motions part (several continue, or a huge condition), or where
+        what an infeasible start becomes is each method's own meaning."""
         mine, change = self.finest[spec]
-        if self.first.traj is not None and self.first.traj.status.code == "degenerate":
-            return Verdict("open", "ok", self._why_open())
+        degenerate = self.first.traj is not None and self.first.traj.status.code == "degenerate"
+        if self.first.ok or degenerate or self.solved.start == "keep":
+            return None
         for other, (theirs, moved) in self.finest.items():
             if other == spec or not np.isfinite(change + moved):
                 continue
@@ -289,11 +294,13 @@ class Scene:
             if d > 1e-6 + M * (change + moved) and change + moved < 0.1:
                 return Verdict("wrong", "ok", f"{d:.1e} apart from {other}; last changes {change:.1e}, {moved:.1e}; "
                                               + self._why_open())
-        return Verdict("open", "ok", self._why_open())
+        return None
 
 
-def _slower(found, p, floor) -> bool:
-    """Is the finest error above M times what the largest constant of the coarser ones allows?"""
-    h, err = found[-1]
-    allowed = max((e * (h / g) ** p for g, e in found[:-1]), default=np.inf)
-    return not (err <= floor or err <= M * allowed)
+def _kept_feasible(case) -> bool:
+    """Whether a start that is kept is feasible: then it is the same as one that is projected, and can be followed."""
+    p = case.problem
+    if case.start != "keep" or not (isinstance(p, Complementarity) and p.constraints):
+        return False
+    with np.errstate(all="ignore"):
+        return frame(case).scene.deepest(float(case.t[0]), case.x0) <= 0.0

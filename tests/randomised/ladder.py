@@ -1,0 +1,65 @@
+"""The steps that methods of a claimed order are run with, and what else than the method stands in their errors."""
+from __future__ import annotations
+
+import numpy as np
+
+from nsbench.problem import Complementarity, Smooth
+from nsbench.solvers._extrapolation import weights
+
+LADDER = {"h": (3, 11, 43, 683), "k": (100.0, 400.0, 1600.0, 6400.0)}
+LATER = {"h": (2731, 10923, 43691), "k": (25600.0, 102400.0)}
+LATER_SLOW = {"h": (171, 683, 2731), "k": (6400.0, 25600.0, 102400.0)}     # of loops that take a hundred times as long
+SLOW_LOOPS = ("kdtree", "nosnoc", "pbd_jax", "backend", "nonlinear", "method=catching_up,", "penalty")
+M, COARSER = 4.0, 8.0       # times the largest constant of steps so many times coarser
+EPS = 2.3e-16
+MOST = 4e6                  # steps of a run: uneven samples may be 1e4 to the length of the smallest spacing
+ANSWER = 1e-11              # ten tolerances of the answer
+INTEGRATOR = 200.0          # tolerances of its integrator that a penalty says to hide (see penalty: 190 were measured)
+
+
+def is_slow(case, spec: str) -> bool:
+    return any(word in spec for word in SLOW_LOOPS) or any(
+        isinstance(c, Smooth) for c in getattr(case.problem, "constraints", ()))
+
+
+def values(case, spec, method, ladder) -> list[float]:
+    """h or k of a ladder for this case."""
+    if method.accuracy == "k":
+        return [k * stiffness(case) for k in ladder["k"]]
+    spacing = float(np.diff(case.t).min())
+    if spec == "nosnoc":                    # a nonlinear program for each step
+        return [spacing / n for n in (1, 2)] if ladder is LADDER else [spacing / n for n in (5, 17)]
+    steps = (case.t[-1] - case.t[0]) / spacing                  # so that a ladder takes as many steps in all, about
+    scale, most = max(1.0, 30.0 / steps), max(1, int(MOST / steps))
+    return [spacing / n for n in sorted({min(most, max(1, round(n * scale))) for n in ladder["h"]})]
+
+
+def stiffness(case) -> float:
+    """What k is multiplied by, for gradients and for the length of the run."""
+    soft = [np.abs(c.data).min() ** -2 for c in case.problem.constraints if hasattr(c, "data")] \
+        if isinstance(case.problem, Complementarity) else []
+    return max([1.0, *soft]) / min(float(case.t[-1] - case.t[0]), 1.0)
+
+
+def floors(case, method, answer, bound: float, condition: float, unit: float):
+    """h (or 1 / k) -> errors below it are none of the method: of the answer (whose tolerance of 1e-12 is absolute too), of
+    rounding in every step (a spacing of the largest coordinate each), of the integrator of a penalty."""
+    T, moved = float(case.t[-1] - case.t[0]), max(unit, float(np.abs(answer.x - answer.x[0]).max()))
+    least, large = 10.0 * bound + ANSWER / moved * condition, max(1.0, float(np.abs(answer.x).max()) / moved)
+
+    def floor(h: float) -> float:
+        if method.accuracy == "h":
+            return least + EPS * T / h * condition * large
+        tol = method.tolerance("rtol", 1.0 / h) * float(np.abs(weights(method.extrapolate)).sum())
+        return least + (EPS * 1e4 + INTEGRATOR * tol) * condition * large
+    return floor
+
+
+def slower(found, p: float, floor) -> bool:
+    """Is the finest error above M times what the largest constant of those COARSER or more allows?
+
+    Of those less than M times coarser even an error that stays would be allowed.
+    """
+    h, err = found[-1]
+    allowed = max((e * (h / g) ** p for g, e in found[:-1] if g > COARSER * h), default=np.inf)
+    return not (err <= floor(h) or err <= M * allowed)
