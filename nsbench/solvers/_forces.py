@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
@@ -114,14 +115,45 @@ def _filippov(problem: Filippov, n: int):
 
     The clipped sign, and not tanh: outside the layer it is exact, and at an exit from sliding the layer is left at
     c = 1/k, where tanh (s -> 1 only as c -> infinity) lags by log(k)/k and spoils the order in 1/k.
+    Between the modes a Filippov system is multilinear in s: a field that is not is taken at the corners.
     """
     import jax.numpy as jnp
     field, switch = jax_function(problem.field), jax_function(problem.switch)
+    if not _multilinear(problem, n):
+        field = _blended(field, _surfaces(problem, n))
 
     def smoothed(t, x, k, lists):
         s = jnp.clip(k * switch(t, x), -1.0, 1.0)
         return field(t, x, s), 0.5 * (1.0 + s)
     return smoothed
+
+
+def _multilinear(problem: Filippov, n: int) -> bool:
+    """Whether the field is what its corners make of it, at some points drawn once; False where it is not finite."""
+    rng, field, d = np.random.default_rng(0), problem.field(np), _surfaces(problem, n)
+    with np.errstate(all="ignore"):
+        for _ in range(4):
+            t, x, s = rng.uniform(), rng.uniform(-1.0, 1.0, n), rng.uniform(-1.0, 1.0, d)
+            corners = np.array([field(t, x.copy(), q) for q in _corners(d)])
+            off = np.abs(np.prod(0.5 * (1.0 + _corners(d) * s), axis=1) @ corners - field(t, x.copy(), s))
+            if not np.all(off <= 1e-12 * (1.0 + np.abs(corners).max(axis=0))):
+                return False
+    return True
+
+
+def _corners(d: int) -> np.ndarray:
+    return np.array(list(product((1.0, -1.0), repeat=d)))
+
+
+def _blended(field: Callable, d: int) -> Callable:
+    """The field that is multilinear in s and has the same values at its corners."""
+    import jax
+    import jax.numpy as jnp
+    corners = jnp.asarray(_corners(d))
+
+    def blended(t, x, s):
+        return jnp.prod(0.5 * (1.0 + corners * s), axis=1) @ jax.vmap(lambda q: field(t, x, q))(corners)
+    return blended
 
 
 def _surfaces(problem: Filippov, n: int) -> int:

@@ -126,7 +126,8 @@ def _trajectory(case, g, loop, out, again):
     impulse[~np.isfinite(X[:, 0])] = np.nan
     steps = int(g.substeps.sum())
     stats = {"steps": steps, "h": g.h, "drift_calls": steps, "loop": loop, "kkt": float(worst), **work}
-    status = not_finite(g, X, reached, again) if code == "nan" else _status(code, stats, when, reached, max(np.nanmax(np.abs(a), initial=0.0) for a in (X, R)))
+    status = not_finite(g, X, reached, again) if code == "nan" else _status(
+        code, stats, when, reached, max(np.nanmax(np.abs(a), initial=0.0) for a in (X, R)))
     lam = last_steps(case.t, g, impulse)
     if not g.aligned:
         X, R, impulse = (sample(case.t, g.t, v) for v in (X, R, impulse))
