@@ -135,3 +135,16 @@ def test_bounds_that_osqp_takes_for_infinite_are_no_answer(capfd):
     answer = backend(G, np.array([-1e32, 1.0]), 0.1, key, start)
     assert answer.code == "maxiter" and not answer.d.any() and "ERROR" not in "".join(capfd.readouterr())
     assert backend(G, np.array([-2.0, 1.0]), 0.1, key, start).d[0] == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize("backend", ["active_set", "osqp", "piqp"])
+def test_the_unit_of_length_is_the_users(backend):
+    def case(unit):
+        def drift(xp):
+            return lambda t, x: unit * xp.array([1.0 - 0.4 * x[0] / unit, 0.1 * xp.sin(t) - 0.4 * x[1] / unit, -0.4 * x[2] / unit,
+                                                 -0.4 * x[3] / unit])
+        return Case("unit", Complementarity(drift, (Distance(d=unit, dim=2),)), unit * np.array([-1.0, 0.0, 0.0, 0.1]),
+                    np.linspace(0.0, 1.0, 6))
+    large, small = (nsbench.solve(case(unit), f"catching_up[backend={backend}]", h=0.02) for unit in (1.0, 1e-8))
+    assert large.status.ok and small.status.ok
+    assert np.abs(small.x / 1e-8 - large.x).max() < 1e-7 and np.abs(small.impulse / 1e-8 - large.impulse).max() < 1e-7

@@ -49,8 +49,9 @@ def _rounded(case: Case, traj: Trajectory) -> Status | None:
     pace = max(_pace(case.problem, float(t), x) for t, x in zip(traj.t, traj.x, strict=True))
     if not 0.0 < ROUNDED * pace * float(traj.t[-1] - traj.t[0]) < lost:
         return None
-    return Status("unverified", f"The roundings of {int(traj.stats['steps'])} steps of a state of {np.abs(traj.x).max():.3g} may add "
-                                f"up to {lost:.2g}, which is more than a hundredth of the motion: take longer steps, or a "
+    size = np.abs(traj.x).max()
+    return Status("unverified", f"The roundings of {int(traj.stats['steps'])} steps of a state of {size:.3g} may add up to {lost:.2g}, "
+                                "which is more than a hundredth of the motion: take longer steps, or a "
                                 "frame in which the state is not so large.")
 
 

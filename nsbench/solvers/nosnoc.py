@@ -207,8 +207,8 @@ def _march(case, method, solver, contacts, turning, parts, step):
                     break
                 steps += 1
                 if inner > max(FIRST, LABOUR * steps):
-                    status = Status("maxiter", f"IPOPT took {inner} iterations for the {steps} steps up to t = {x[n]:.6g}, where 85 "
-                                               "a step are usual; other stages, elements or another h may help.")
+                    status = Status("maxiter", f"IPOPT took {inner} iterations for the {steps} steps up to t = {x[n]:.6g}, where "
+                                               "85 a step are usual; other stages, elements or another h may help.")
                     break
             if not status.ok:
                 break

@@ -8,8 +8,8 @@ the unit and what the state moves. Then, for a run that says ok, SILENT WRONG is
 
 claimed bound   (event_driven) a difference above BOUND x condition, claims.exact being 1e-10;
 claimed order p (steps h, 1/k of a penalty) at the finest of the LADDER an error above M = 4 times the largest constant
-                e / h^p seen at those 8 times coarser or more, that stays where it is when the ladder is continued: still, 64 times finer,
-                more than a quarter of what it was. (An order is a promise for small h; what comes down late is counted as
+                e / h^p seen at those 8 times coarser or more, that stays where it is when the ladder is continued: still, 64
+                times finer, more than a quarter of what it was. (An order is a promise for small h; what comes down late is counted as
                 "slow", not as wrong.) So for the depth of violated constraints. p is the claim without events, 1 with them,
                 as the methods say of themselves;
 own residuals   (event_driven, with samples at its events too) a residual of the equation above 1e-5 of the largest velocity
@@ -121,7 +121,17 @@ class Scene:
     def answer(self):
         """The trajectory that others are held against, or None."""
         trusted = self.first.ok and self.again.ok and self.condition < WILD
-        return self.first.traj if trusted and self.apart(self.again.traj, self.first.traj, ABSOLUTE) <= self.bound else None
+        if not (trusted and self.apart(self.again.traj, self.first.traj, ABSOLUTE) <= self.bound):
+            return None
+        if self.digits == 1e-12:
+            return self.first.traj
+        better = attempt(self.solved, FIRST, self.digits)
+        return better.traj if better.ok and self.apart(self.first.traj, better.traj, ABSOLUTE) <= self.bound else None
+
+    @cached_property
+    def digits(self) -> float:
+        """Tolerance of the answer: an absolute 1e-12 is much in a small unit."""
+        return min(1e-12, max(1e-12 * self.unit, 1e-15)) if self.unit < 0.1 else 1e-12
 
     def judge(self, spec: str) -> Verdict:
         method = solvers.get(spec)
@@ -246,7 +256,7 @@ class Scene:
         self.finest[spec] = (last, self.apart(before, last) if before is not None else np.inf)
         if self.answer is None:
             return self._against_others(spec) or settled(self.case, spec, method, self.unit, self._why_open(), Verdict)
-        floor = floors(self.case, method, self.answer, self.bound, self.condition, self.unit)
+        floor = floors(self.case, method, self.answer, self.digits, self.bound, self.condition, self.unit)
         p = self._order(method)
         for name, e in (("error", lambda r: self.apart(r.traj, self.answer)), ("depth", self._depth)):
             found = [(h, e(run)) for h, run in good]

@@ -13,7 +13,7 @@ SLOW_LOOPS = ("kdtree", "nosnoc", "pbd_jax", "backend", "nonlinear", "method=cat
 M, COARSER = 4.0, 8.0       # times the largest constant of steps so many times coarser
 EPS = 2.3e-16
 MOST = 4e6                  # steps of a run: uneven samples may be 1e4 to the length of the smallest spacing
-ANSWER = 1e-11              # ten tolerances of the answer
+ANSWER = 10.0               # tolerances of the answer
 INTEGRATOR = 200.0          # tolerances of its integrator that a penalty says to hide (see penalty: 190 were measured)
 
 
@@ -41,17 +41,17 @@ def stiffness(case) -> float:
     return max([1.0, *soft]) / min(float(case.t[-1] - case.t[0]), 1.0)
 
 
-def floors(case, method, answer, bound: float, condition: float, unit: float):
-    """h (or 1 / k) -> errors below it are none of the method: of the answer (whose tolerance of 1e-12 is absolute too), of
+def floors(case, method, answer, digits: float, bound: float, condition: float, unit: float):
+    """h (or 1 / k) -> errors below it are none of the method: of the answer (whose tolerance `digits` is absolute too), of
     rounding in every step (a spacing of the largest coordinate each), of the integrator of a penalty."""
     T, moved = float(case.t[-1] - case.t[0]), max(unit, float(np.abs(answer.x - answer.x[0]).max()))
-    least, large = 10.0 * bound + ANSWER / moved * condition, max(1.0, float(np.abs(answer.x).max()) / moved)
+    least, large = 10.0 * bound + ANSWER * digits / moved * condition, max(1.0, float(np.abs(answer.x).max()) / moved)
 
     def floor(h: float) -> float:
         if method.accuracy == "h":
             return least + EPS * T / h * condition * large
         tol = method.tolerance("rtol", 1.0 / h) * float(np.abs(weights(method.extrapolate)).sum())
-        return least + (EPS * 1e4 + INTEGRATOR * tol) * condition * large
+        return least + (EPS * 1e4 + INTEGRATOR * tol) * condition * max(large, 1.0 / moved)
     return floor
 
 

@@ -15,7 +15,7 @@ from randomised.runs import attempt
 
 ROUNDS = 12                 # of finer samples where something is missing: 4^12 times finer than the finest even ones
 WORST = 40                  # intervals that a round divides at most
-MISSING = 1e-7              # of the way that the largest velocity makes in a run: what may be missing of a run that claims a bound
+MISSING = 1e-7              # of the way that the largest velocity makes in a run: may be missing of one that claims a bound
 OWN = 1e-5                  # the same for steps
 STEPS = (8, 32, 128)        # of a sample spacing, each a sample
 STIFF = (100.0, 400.0, 1600.0)          # and k with PARTS samples to a spacing
