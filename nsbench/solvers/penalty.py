@@ -19,6 +19,7 @@ LADDERS = ((30.0, 3840.0), (60.0, 7680.0), (30.0, 1920.0))
 STIFF = 2e3               # k from which kvaerno5 takes less time than tsit5 for few states; 2e4 for 60, as factors cost n^3
 LEAST = 1e-13             # tolerance; rounding of 10^5 steps is a tenth of it
 DEFAULTS = (1e4, 1e4, 1e3)
+SMALL = 1e-3              # size of a motion of which an absolute 1e-9 would be visible beside a rate
 LISTED = 6000             # listed constraints (all but hard pairs) whose impulses are integrated
 MEMORY = 1e9              # bytes of samples of one run
 MANY = 40                 # hard particles up to which all pairs are visited
@@ -41,7 +42,8 @@ class Penalty:
     reaction are integrated as further states. method: explicit "tsit5", "dopri8", "bosh3" (about k T / 3 steps), or
     implicit "kvaerno3", "kvaerno5" (dearer steps and 4 times the compile time, but their number grows little with k), or
     "auto": tsit5 or kvaerno5 by k and the number of states, named in stats["integrator"].
-    rtol and atol are those of the step control (1e-9, less where extrapolated), max_steps counts refused steps.
+    rtol and atol are those of the step control (1e-9, less where extrapolated; atol times the size of motions far below 1),
+    max_steps counts refused steps.
 
     extrapolate: 1 gives 2 x(2k) - x(k), 2 also x(4k): powers 1/k and 1/k^2 of the error cancel, in states, impulses and
     reaction alike. Between events the error has an expansion in powers of 1/k, because an impact is forgotten like
@@ -158,7 +160,7 @@ def _near_lists(penalty: Penalty, case: Case) -> bool:
 def _march(penalty: Penalty, case: Case, x0: np.ndarray, asked: float):
     """k -> samples and counts of a run, bound to the compiled program. Raises NotTraceable."""
     from nsbench.solvers._penalty_program import compiled
-    limits = (penalty.tolerance("rtol", asked), penalty.tolerance("atol", asked), penalty.max_steps)
+    limits = (penalty.tolerance("rtol", asked), penalty.tolerance("atol", asked) * _unit(penalty, case, x0), penalty.max_steps)
     if _near_lists(penalty, case):
         from nsbench.solvers._segments import Segments
         segments = Segments(case, x0, penalty.method, penalty.reach)
@@ -173,6 +175,19 @@ def _march(penalty: Penalty, case: Case, x0: np.ndarray, asked: float):
         return out | {"x": z[:, :n].copy(), "impulse": z[:, n + program.columns], "ids": program.ids,
                       "reaction": z[:, -n:].copy() if forces else np.empty((len(z), 0))}
     return march
+
+
+def _unit(penalty: Penalty, case: Case, x0: np.ndarray) -> float:
+    """What an atol that is not given is relative to: 1, or the size of the motion where that is much smaller."""
+    p, t = case.problem, float(case.t[0])
+    with np.errstate(all="ignore"):
+        if isinstance(p, Complementarity):
+            speeds = [p.drift(np)(t, x0.copy())]
+        else:
+            d = len(np.atleast_1d(p.switch(np)(t, x0.copy())))
+            speeds = [p.field(np)(t, x0.copy(), np.full(d, s)) for s in (1.0, -1.0)]
+        size = max(float(np.abs(x0).max()), float(case.t[-1] - t) * float(np.abs(speeds).max(initial=0.0)))
+    return size if penalty.atol is None and 0.0 < size < SMALL else 1.0
 
 
 def _start(case: Case) -> np.ndarray:

@@ -51,7 +51,7 @@ def floors(case, method, answer, digits: float, bound: float, condition: float, 
         if method.accuracy == "h":
             return least + EPS * T / h * condition * large
         tol = method.tolerance("rtol", 1.0 / h) * float(np.abs(weights(method.extrapolate)).sum())
-        return least + (EPS * 1e4 + INTEGRATOR * tol) * condition * max(large, 1.0 / moved)
+        return least + (EPS * 1e4 + INTEGRATOR * tol) * condition * max(large, (1.0 if unit > 1e-3 else unit) / moved)
     return floor
 
 
