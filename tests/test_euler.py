@@ -147,14 +147,15 @@ def test_what_euler_refuses():
 
 def test_steps_whose_roundings_may_be_the_motion_are_not_called_ok():
     def far(away):
-        return Case("far", Filippov.signs(lambda xp: lambda t, x, s: xp.array([-0.5 - 0.1 * s[0]]),
-                                          lambda xp: lambda t, x: xp.array([x[0] - away])), [away + 0.2], np.linspace(0.0, 1.0, 6))
+        problem = Filippov.signs(lambda xp: lambda t, x, s: xp.array([-0.5 - 0.1 * s[0]]),
+                                 lambda xp: lambda t, x: xp.array([x[0] - away]))
+        return Case("far", problem, [away + 0.2], np.linspace(0.0, 1.0, 6))
     short = solve(far(1e8), "euler", h=1e-6)
     assert short.status.code == "unverified" and "rounding" in str(short.status)
     assert solve(far(1e8), "euler", h=1e-3).status.ok and solve(far(1.0), "euler", h=1e-6).status.ok
 
 
 def test_a_state_that_is_held_is_not_rounding():
-    held = Case("held", Filippov.signs(lambda xp: lambda t, x, s: xp.array([-0.5 * s[0]]), lambda xp: lambda t, x: xp.array([x[0] - 3.0])),
-                [3.0], np.linspace(0.0, 1.0, 6))
+    problem = Filippov.signs(lambda xp: lambda t, x, s: xp.array([-0.5 * s[0]]), lambda xp: lambda t, x: xp.array([x[0] - 3.0]))
+    held = Case("held", problem, [3.0], np.linspace(0.0, 1.0, 6))
     assert solve(held, IMPLICIT, h=1e-5).status.ok

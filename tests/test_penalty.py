@@ -227,8 +227,8 @@ def test_what_is_refused():
 @pytest.mark.parametrize("spec", ["penalty", "penalty[method=kvaerno5]"])
 def test_a_motion_in_a_small_unit_has_the_digits_of_one_in_a_large(spec):
     def case(unit):
-        return Case("unit", Filippov.signs(lambda xp: lambda t, x, s: unit * xp.array([-s[0], 1.0 + 0.5 * s[0] - x[1] / unit]),
-                                           lambda xp: lambda t, x: xp.array([x[0] / unit - 0.3 * t])),
-                    unit * np.array([0.5, 0.0]), np.linspace(0.0, 1.0, 6))
+        field = lambda xp: lambda t, x, s: unit * xp.array([1.3 * xp.tanh(x[0] / unit) - s[0]])
+        return Case("unit", Filippov.signs(field, lambda xp: lambda t, x: xp.array([t - 0.7])), unit * np.array([0.1]),
+                    np.linspace(0.0, 1.0, 6))
     large, small = (solve(case(unit), spec, k=1e3) for unit in (1.0, 1e-8))
     assert large.status.ok and small.status.ok and np.abs(small.x / 1e-8 - large.x).max() < 1e-6

@@ -50,8 +50,8 @@ def _rounded(case: Case, traj: Trajectory) -> Status | None:
     if not 0.0 < ROUNDED * pace * float(traj.t[-1] - traj.t[0]) < lost:
         return None
     size = np.abs(traj.x).max()
-    return Status("unverified", f"The roundings of {int(traj.stats['steps'])} steps of a state of {size:.3g} may add up to {lost:.2g}, "
-                                "which is more than a hundredth of the motion: take longer steps, or a "
+    return Status("unverified", f"The roundings of {int(traj.stats['steps'])} steps of a state of {size:.3g} may add up to "
+                                f"{lost:.2g}, which is more than a hundredth of the motion: take longer steps, or a "
                                 "frame in which the state is not so large.")
 
 
