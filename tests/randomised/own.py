@@ -17,11 +17,12 @@ ROUNDS = 12                 # of finer samples where something is missing: 4^12 
 WORST = 40                  # intervals that a round divides at most
 MISSING = 1e-7              # of the way that the largest velocity makes in a run: may be missing of one that claims a bound
 OWN = 1e-5                  # the same for steps
-STEPS = (8, 32, 128)        # of a sample spacing, each a sample
+COARSER = (16, 4, 1)        # than the finest steps that can be samples
+MORE, SHORTER = 10, 8       # samples, and steps between them, where defects stay: they may be too long for a stiff drift
 STIFF = (100.0, 400.0, 1600.0)          # and k with PARTS samples to a spacing
 PARTS = 40
 NODES = 3000                # samples at most
-STAYS = 0.5                 # what does not fall to that with sixteen times finer steps stays
+STAYS = 0.5                 # what does not fall to that part of its largest with 16 to 64 times finer steps stays
 
 
 def missing(case, traj) -> np.ndarray:
@@ -64,24 +65,33 @@ def settled(case, spec: str, method, unit: float, why: str, verdict):
     Defects are what is missing in all intervals, the greatest depth, and the integral of gap x multiplier,
     with each step a sample.
     """
-    found = []
+    found, last = [], None
     for v, t in _fine(case, spec, method):
+        if last is not None and not _stays(found):
+            break
         run = attempt(case.replace(t=t), spec, v)
         if run.crash:
             return verdict("crash", "", f"at {v:g} with more samples: {run.crash}")
         if not run.ok:
             return verdict("open", "ok", why)
         found.append(_defects(case.replace(t=t), run, unit))
-    if len(found) < 3:
+        last = v if len(found) == len(COARSER) else last
+    if len(found) < len(COARSER):
         return verdict("open", "ok", why)
-    for name, first, *_, last in zip(("missing", "depth", "complementarity"), *found, strict=True):
-        if not last <= max(OWN, STAYS * first):
-            return verdict("wrong", "ok", f"{name} {first:.1e} stays at {last:.1e}; {why}")
-    return verdict("own", "ok", why)
+    stays = _stays(found)
+    return verdict("wrong", "ok", f"{stays}; {why}") if stays else verdict("own", "ok", why)
+
+
+def _stays(found) -> str:
+    """Which defect does not fall, if one does not."""
+    for name, *before, last in zip(("missing", "depth", "complementarity"), *found, strict=True):
+        if not last <= max(OWN, STAYS * max(before)):
+            return f"{name} " + ", ".join(f"{v:.1e}" for v in (*before, last)) + " with ever finer steps"
+    return ""
 
 
 def _fine(case, spec, method):
-    """(h or k, samples): every step a sample, as many as NODES allows."""
+    """(h or k, samples): every step a sample, as many as NODES allows; then more samples, and shorter steps."""
     spacing = np.diff(case.t)
     if "richardson" in spec or "extrapolate" in spec:           # no step of theirs is one of a motion
         return
@@ -89,11 +99,14 @@ def _fine(case, spec, method):
         parts = max(2, min(PARTS, NODES // len(spacing)))
         for k in STIFF:
             yield k * stiffness(case), _divided(case.t, parts)
+        yield 64.0 * STIFF[-1] * stiffness(case), _divided(case.t, MORE * parts)
         return
-    for n in STEPS:
-        parts = max(1, n * min(NODES, STEPS[-1] * len(spacing)) // (STEPS[-1] * len(spacing)))
-        t = _divided(case.t, parts)
+    most = max(COARSER[0], NODES // len(spacing))
+    for n in COARSER:
+        t = _divided(case.t, most // n)
         yield float(np.diff(t).min()), t
+    t = _divided(case.t, MORE * most)
+    yield float(np.diff(t).min()) / SHORTER, t
 
 
 def _divided(t, parts):
