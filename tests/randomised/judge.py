@@ -9,8 +9,8 @@ the unit and what the state moves. Then, for a run that says ok, SILENT WRONG is
 claimed bound   (event_driven) a difference above BOUND x condition, claims.exact being 1e-10;
 claimed order p (steps h, 1/k of a penalty) at the finest of the LADDER an error above M = 4 times the largest constant
                 e / h^p seen at those 8 times coarser or more, that stays where it is when the ladder is continued: still,
-                64 times finer, more than a quarter of what it was. (An order is a promise for small h; what comes down late is counted as
-                "slow", not as wrong.) So for the depth of violated constraints. p is the claim without events, 1 with them,
+                64 times finer, more than a quarter of what it was. (An order is a promise for small h; what comes down late is
+                counted as "slow", not as wrong.) So for the depth of violated constraints. p is the claim without events, 1 with them,
                 as the methods say of themselves;
 own residuals   (event_driven, with samples at its events too) a residual of the equation above 1e-5 of the largest velocity
                 with 64 times the samples, if what it lacks (see own) stays with ever more where it is large; (methods

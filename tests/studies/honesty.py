@@ -187,7 +187,7 @@ def table(lines, families) -> str:
             key = family_of(i, families), spec.replace(",max_steps=1500", "")
             words[key][word] += 1
             status[key][code or word] += 1
-    shown = ("fine", "slow", "open", *BAD)
+    shown = ("fine", "own", "slow", "open", *BAD)
     out = [f"{'family':8s} {'method':32s} {'runs':>5s}  " + " ".join(f"{w:>6s}" for w in shown) + "  statuses"]
     for key in sorted(words):
         w = words[key]
