@@ -268,7 +268,10 @@ class Scene:
         return Verdict("fine", "ok")
 
     def _depth(self, run) -> float:
-        v = run.measured["feasibility"] if not isinstance(self.case.problem, LCS) else 0.0
+        """Over the size of the state; of an LCS, whose w is known to a quadrature, what it is beyond that of the answer."""
+        v = run.measured["feasibility"]
+        if isinstance(self.case.problem, LCS):
+            v = max(0.0, v - self.first.measured["feasibility"])
         return 0.0 if np.isnan(v) else v / max(self.unit, float(np.abs(run.traj.x).max())) / self._slope
 
     def _order(self, method) -> float:

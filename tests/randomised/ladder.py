@@ -61,5 +61,5 @@ def slower(found, p: float, floor) -> bool:
     Of those less than M times coarser even an error that stays would be allowed.
     """
     h, err = found[-1]
-    allowed = max((e * (h / g) ** p for g, e in found[:-1] if g > COARSER * h), default=np.inf)
+    allowed = max((e * (h / g) ** p for g, e in found[:-1] if g > COARSER * h), default=0.0)
     return not (err <= floor(h) or err <= M * allowed)
