@@ -46,8 +46,8 @@ def _rounded(case: Case, traj: Trajectory) -> Status | None:
     lost = float(traj.stats.get("steps", 0)) * 0.5 * EPS * float(np.abs(traj.x).max(initial=0.0))
     if not lost > ROUNDED * float(np.abs(traj.x - traj.x[0]).max(initial=0.0)):
         return None
-    pace = max(_pace(case.problem, float(t), x) for t, x in zip(traj.t, traj.x, strict=True))
-    if not 0.0 < ROUNDED * pace * float(traj.t[-1] - traj.t[0]) < lost:
+    speed = max(pace(case.problem, float(t), x) for t, x in zip(traj.t, traj.x, strict=True))
+    if not 0.0 < ROUNDED * speed * float(traj.t[-1] - traj.t[0]) < lost:
         return None
     size = np.abs(traj.x).max()
     return Status("unverified", f"The roundings of {int(traj.stats['steps'])} steps of a state of {size:.3g} may add up to "
@@ -55,7 +55,7 @@ def _rounded(case: Case, traj: Trajectory) -> Status | None:
                                 "frame in which the state is not so large.")
 
 
-def _pace(problem, t: float, x: np.ndarray) -> float:
+def pace(problem, t: float, x: np.ndarray) -> float:
     """Largest speed that the drift, or a field beside all surfaces, gives to a coordinate."""
     if isinstance(problem, LCS):
         speeds = [problem.A @ x + (problem.u(np)(t) if problem.u else 0.0)]
@@ -148,7 +148,7 @@ def _least_miss(ptr, cols, vals, b, n: int) -> float:
     from scipy.sparse import csr_matrix, hstack
     rows = np.repeat(np.arange(len(b)), np.diff(ptr))
     norm = 1.0 / np.sqrt(np.bincount(rows, vals * vals, len(b)))
-    if not (np.isfinite(norm).all() and np.isfinite(b * norm).all()):
+    if not (np.isfinite(norm).all() and np.isfinite(b).all()):
         return 0.0
     A = csr_matrix((vals * norm[rows], cols, ptr), (len(b), n))
     found = linprog(np.append(np.zeros(n), 1.0), A_ub=-hstack([A, np.ones((len(b), 1))]).tocsr(), b_ub=b * norm,

@@ -1,8 +1,8 @@
 """What a run that says ok is held to: what its method claims, against an event-driven answer, a second one, or itself.
 
 The answer of a scene is that of event_driven at default settings, if another integrator at another tolerance agrees with it.
-CONDITION is how much more the samples move than a start that is moved by 1e-9 of the unit, which is 1, or the largest state if
-that is less (as in tests/independent). Errors are the largest of states at samples and of cumulative reactions, less 1e-11 of
+CONDITION is how much more the samples move than a start that is moved by 1e-9 of the unit, which is 1, or the largest state or
+what the drift makes of the time if these are less (as in tests/independent). Errors are the largest of states at samples and of cumulative reactions, less 1e-11 of
 the largest coordinate (and, of methods that claim a bound, 1e-11: tolerances are relative and absolute), over the larger of
 the unit and what the state moves. Then, for a run that says ok, SILENT WRONG is
 
@@ -35,6 +35,7 @@ import numpy as np
 from nsbench import solvers
 from nsbench.measure.frame import frame
 from nsbench.problem import LCS, Complementarity
+from nsbench.solvers._doubts import pace
 from nsbench.study import misfit
 from randomised.ladder import LADDER, LATER, LATER_SLOW, floors, is_slow, slower, values
 from randomised.own import MISSING, filled, settled
@@ -83,8 +84,11 @@ class Scene:
 
     @cached_property
     def unit(self) -> float:
-        x = self.first.traj.x if self.first.ok else self.case.x0
-        return min(1.0, float(np.max(np.abs(x), initial=0.0)) or 1.0)
+        """The largest state, or what the drift makes of the time if that is more; at most 1."""
+        x, t = (self.first.traj.x if self.first.ok else self.case.x0), self.case.t
+        with np.errstate(all="ignore"):
+            way = float(t[-1] - t[0]) * pace(self.case.problem, float(t[0]), self.case.x0)
+        return min(1.0, max(float(np.max(np.abs(x), initial=0.0)), way if np.isfinite(way) else 0.0) or 1.0)
 
     def apart(self, a, b, absolute: float = 0.0) -> float:
         """Difference of two runs, less what tolerances allow: states, and reactions where both have them."""

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from nsbench.measure.frame import frame
+from nsbench.measure.frame import frame, near_of
 from nsbench.measure.residuals import interval_residuals
+from nsbench.problem import Complementarity, Filippov
 from randomised.ladder import stiffness
 from randomised.runs import attempt
 
@@ -17,12 +18,12 @@ ROUNDS = 12                 # of finer samples where something is missing: 4^12 
 WORST = 40                  # intervals that a round divides at most
 MISSING = 1e-7              # of the way that the largest velocity makes in a run: may be missing of one that claims a bound
 OWN = 1e-5                  # the same for steps
-COARSER = (16, 4, 1)        # than the finest steps that can be samples
-MORE, SHORTER = 10, 8       # samples, and steps between them, where defects stay: they may be too long for a stiff drift
-STIFF = (100.0, 400.0, 1600.0)          # and k with PARTS samples to a spacing
+STEPS = (8, 32, 128, 512, 2048)         # of a sample spacing, each a sample; more where there are few samples
+STIFF = (100.0, 400.0, 1600.0, 6400.0)  # and k with PARTS samples to a spacing
 PARTS = 40
-NODES = 3000                # samples at most
-STAYS = 0.5                 # what does not fall to that part of its largest with 16 to 64 times finer steps stays
+LEAST, NODES = 240, 40000   # samples of the coarsest, and of any run
+STAYS = 0.5                 # what does not fall to that with sixteen times finer steps stays
+NAMES = "missing", "depth", "complementarity"
 
 
 def missing(case, traj) -> np.ndarray:
@@ -65,7 +66,7 @@ def settled(case, spec: str, method, unit: float, why: str, verdict):
     Defects are what is missing in all intervals, the greatest depth, and the integral of gap x multiplier,
     with each step a sample.
     """
-    found, last = [], None
+    found, bad = [], None
     for v, t in _fine(case, spec, method):
         if last is not None and not _stays(found):
             break
@@ -75,19 +76,13 @@ def settled(case, spec: str, method, unit: float, why: str, verdict):
         if not run.ok:
             return verdict("open", "ok", why)
         found.append(_defects(case.replace(t=t), run, unit))
-        last = v if len(found) == len(COARSER) else last
-    if len(found) < len(COARSER):
-        return verdict("open", "ok", why)
-    stays = _stays(found)
-    return verdict("wrong", "ok", f"{stays}; {why}") if stays else verdict("own", "ok", why)
-
-
-def _stays(found) -> str:
-    """Which defect does not fall, if one does not."""
-    for name, *before, last in zip(("missing", "depth", "complementarity"), *found, strict=True):
-        if not last <= max(OWN, STAYS * max(before)):
-            return f"{name} " + ", ".join(f"{v:.1e}" for v in (*before, last)) + " with ever finer steps"
-    return ""
+        if len(found) < 3:
+            continue
+        bad = [f"{name} {', '.join(f'{v:.1e}' for v in values)}" for name, values in zip(NAMES, zip(*found, strict=True), strict=True)
+               if not values[-1] <= max(OWN, STAYS * max(values[:-2]))]
+        if not bad:
+            return verdict("own", "ok", why)
+    return verdict("wrong", "ok", "; ".join([*bad, why])) if bad else verdict("open", "ok", why)
 
 
 def _fine(case, spec, method):
@@ -96,17 +91,16 @@ def _fine(case, spec, method):
     if "richardson" in spec or "extrapolate" in spec:           # no step of theirs is one of a motion
         return
     if method.accuracy == "k":
-        parts = max(2, min(PARTS, NODES // len(spacing)))
+        parts = max(PARTS, -(-LEAST // len(spacing)))
         for k in STIFF:
             yield k * stiffness(case), _divided(case.t, parts)
         yield 64.0 * STIFF[-1] * stiffness(case), _divided(case.t, MORE * parts)
         return
-    most = max(COARSER[0], NODES // len(spacing))
-    for n in COARSER:
-        t = _divided(case.t, most // n)
-        yield float(np.diff(t).min()), t
-    t = _divided(case.t, MORE * most)
-    yield float(np.diff(t).min()) / SHORTER, t
+    base = max(1, -(-LEAST // (STEPS[0] * len(spacing))))
+    for n in STEPS:
+        if base * n * len(spacing) <= NODES:
+            t = _divided(case.t, base * n)
+            yield float(np.diff(t).min()), t
 
 
 def _divided(t, parts):
@@ -122,5 +116,19 @@ def _defects(case, run, unit):
     lacks = float(np.nan_to_num(missing(case, traj), nan=np.inf)[first:].sum()) / (size * T)
     scene = frame(case).scene
     depth = max(scene.deepest(a, b) for a, b in zip(traj.t[first:], traj.x[first:], strict=True)) / moved if scene else 0.0
-    complementary = run.measured["complementarity"]
-    return lacks, depth, 0.0 if np.isnan(complementary) else complementary / (size * moved)
+    return lacks, depth, _apart(case, run, first) / (size * T * moved)
+
+
+def _apart(case, run, first: int) -> float:
+    """The integral of gap x multiplier, gaps being the lesser one of both ends; of a Filippov system the greatest product of a
+    switch function and the weight of its other side, times the run; 0 of an LCS."""
+    traj, p = run.traj, case.problem
+    if isinstance(p, Filippov):
+        return run.measured["complementarity"] * float(traj.t[-1] - traj.t[0])
+    if not isinstance(p, Complementarity) or not traj.contacts:
+        return 0.0
+    scene = frame(case).scene
+    near = near_of(scene, traj.contacts)
+    places = scene.places(near)
+    gaps = np.maximum([scene.gaps(t, x, near, places) for t, x in zip(traj.t, traj.x, strict=True)], 0.0)
+    return float((np.minimum(gaps[:-1], gaps[1:]) * np.maximum(np.diff(traj.impulse, axis=0), 0.0))[first:].sum())
