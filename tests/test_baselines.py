@@ -239,3 +239,22 @@ def test_readme_tells_of_every_script_that_measures_speed():
     scripts = sorted(p.name for p in (root / "tests" / "studies" / "speed").glob("*.py"))
     assert scripts and not [s for s in scripts if f"`{s}`" not in told]
     assert f"the modes of {len(MODES)} cases" in told
+
+
+def test_nosnoc_does_not_go_on_for_ever(monkeypatch):
+    needs_nosnoc()
+    from nsbench.solvers import nosnoc
+    monkeypatch.setattr(nosnoc, "LABOUR", 5)
+    monkeypatch.setattr(nosnoc, "FIRST", 50)
+    run = nsbench.solve("slide_exit", "nosnoc", h=0.1)
+    assert run.status.code == "maxiter" and "iterations for the" in str(run.status)
+    assert 50 < run.stats["inner_iterations"] < 500
+
+
+def test_nosnoc_tells_of_a_switch_that_its_tolerance_hides():
+    needs_nosnoc()
+    case = get_case("slide_exit")
+    problem = nsbench.Filippov.signs(case.problem.field, lambda xp: lambda t, x: 1e-14 * case.problem.switch(xp)(t, x))
+    flat = case.replace(problem=problem, exact=None, exact_impulse=None, exact_events=None)
+    run = nsbench.solve(flat, "nosnoc", h=0.1)
+    assert run.status.code == "maxiter" or (run.status.code == "unverified" and "comp_tol" in str(run.status))

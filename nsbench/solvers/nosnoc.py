@@ -19,6 +19,7 @@ from nsbench.trajectory import Status, Trajectory
 STANDARD = ()                   # 0.1 s a step: asked for by name
 MOST = 10                       # contacts: from six on (four discs), steps were seen to fail or to be wrong
 LABOUR, FIRST = 250, 5000       # iterations of IPOPT a step on average, from so many in all, that end a run: 85 a step are usual
+UNSEEN = 100.0                  # tolerances by which a switch has to change to be seen
 SUNK = 1e-3                     # depth below a constraint at which the push was too weak to hold
 
 
@@ -218,8 +219,27 @@ def _march(case, method, solver, contacts, turning, parts, step):
     if isinstance(case.problem, Complementarity):
         R = Y[:, n + 1 + m:].copy() if turning else W @ np.vstack([_dense(c) for c in case.problem.constraints])
         status = _sunk(case, X) if status.ok else status
+    elif status.ok:
+        status = _unresolved(case, X, method.comp_tol)
     stats = {"steps": (K - 1) * parts, "h": step, "inner_iterations": inner, "loop": "host"}
     return Trajectory(case.t, X, tuple(contacts), W, R, status, stats=stats)
+
+
+def _unresolved(case, X, tol):
+    """Can each switch change by more than the tolerance of complementarity, over all that the run moves?"""
+    from nsbench.solvers._doubts import pace
+    from nsbench.solvers._sliding import Motion
+    motion, T = Motion(case.problem, float(case.t[0]), X[0].copy()), float(case.t[-1] - case.t[0])
+    with np.errstate(all="ignore"):
+        way = max(float(np.abs(X - X[0]).max()), T * pace(case.problem, float(case.t[0]), X[0]))
+        slope = np.max([np.abs(motion.gradients(float(t), x, np.arange(motion.d))).sum(axis=1) * way
+                        + np.abs(motion.along(float(t), x, 1.0, np.zeros(case.n))) * T
+                        for t, x in zip(case.t, X, strict=True)], axis=0)
+    row = int(np.argmin(slope))
+    if slope[row] > UNSEEN * tol:
+        return Status()
+    return Status("unverified", f"Switch {row} changes by {slope[row]:.2g} in the run, which the tolerance of complementarity, "
+                                f"{tol:.2g}, cannot tell from zero: scale it, or lower comp_tol.")
 
 
 def _sunk(case, X):

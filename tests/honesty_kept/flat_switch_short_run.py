@@ -23,4 +23,4 @@ CASE = Case(
     t=np.linspace(0.0, 1e-6, 6),
 )
 
-BY = ("euler[implicit=true]", "euler", "event_driven")
+BY = ("euler[implicit=true]", "euler", "event_driven", "nosnoc")
