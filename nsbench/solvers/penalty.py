@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from nsbench.case import Case
-from nsbench.problem import LCS, Complementarity, Distance, Filippov
+from nsbench.problem import LCS, Affine, Complementarity, Distance, Filippov
 from nsbench.solvers._extrapolation import combined, weights
 from nsbench.solvers.base import Claims, Expect, Run, check_positive
 from nsbench.solvers.start import start_state
@@ -179,16 +179,24 @@ def _march(penalty: Penalty, case: Case, x0: np.ndarray, asked: float):
 
 
 def _unit(penalty: Penalty, case: Case, x0: np.ndarray) -> float:
-    """What an atol that is not given is relative to: 1, or the size of the motion where that is much smaller."""
-    p, t = case.problem, float(case.t[0])
+    """What an atol that is not given is relative to: 1, or the size of motion and constraints where that is much smaller."""
+    p, t, lengths = case.problem, float(case.t[0]), [0.0]
     with np.errstate(all="ignore"):
         if isinstance(p, Complementarity):
             speeds = [p.drift(np)(t, x0.copy())]
+            lengths += [_length(c, t) for c in p.constraints]
         else:
             d = len(np.atleast_1d(p.switch(np)(t, x0.copy())))
             speeds = [p.field(np)(t, x0.copy(), np.full(d, s)) for s in (1.0, -1.0)]
-        size = max(float(np.abs(x0).max()), float(case.t[-1] - t) * float(np.abs(speeds).max(initial=0.0)))
+        size = max(*lengths, float(np.abs(x0).max()), float(case.t[-1] - t) * float(np.abs(speeds).max(initial=0.0)))
     return size if penalty.atol is None and 0.0 < size < SMALL else 1.0
+
+
+def _length(c, t: float) -> float:
+    """Size of a family of constraints, not known (1) of smooth ones."""
+    if isinstance(c, Distance):
+        return float(np.max(2.0 * c.radii if c.d is None else c.d))
+    return float(np.abs(c.b(np)(t) if c.moving else c.b).max(initial=0.0)) if isinstance(c, Affine) else 1.0
 
 
 def _start(case: Case) -> np.ndarray:

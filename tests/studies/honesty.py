@@ -40,8 +40,8 @@ METHODS = {"pbd": 3, "pbd[order=reverse]": 2, "pbd[order=random,seed=1]": 2, "pb
            "catching_up[nonlinear=true]": 1, "euler": 4, "euler[implicit=true]": 4, "theta": 4, "theta[theta=0.5]": 3,
            "richardson": 2, "richardson[method=catching_up]": 1, "richardson[levels=3]": 1, "kdtree": 2, "kdtree[sweep=numpy]": 1,
            "penalty": 0.4, "penalty[method=kvaerno5]": 0.3, "penalty[extrapolate=1]": 0.3, "pbd_jax": 0.25, "nosnoc": 0.15,
-           "event_driven[compiled=false]": 0.5, "solve_ivp": 0.1}
-MORE = 8                    # methods of a scene beside event_driven and its second
+           "event_driven[compiled=false,max_steps=1500]": 0.5, "solve_ivp": 0.1}
+MORE = 4                    # methods of a scene beside event_driven and its second
 
 
 def family_of(i: int, families) -> str:
