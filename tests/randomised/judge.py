@@ -2,16 +2,16 @@
 
 The answer of a scene is that of event_driven at default settings, if another integrator at another tolerance agrees with it.
 CONDITION is how much more the samples move than a start that is moved by 1e-9 of the unit, which is 1, or the largest state or
-what the drift makes of the time if these are less (as in tests/independent). Errors are the largest of states at samples and of cumulative reactions, less 1e-11 of
-the largest coordinate (and, of methods that claim a bound, 1e-11: tolerances are relative and absolute), over the larger of
-the unit and what the state moves. Then, for a run that says ok, SILENT WRONG is
+what the drift makes of the time if these are less (as in tests/independent). Errors are the largest of states at samples and
+of cumulative reactions, less 1e-11 of the largest coordinate (and, of methods that claim a bound, 1e-11: tolerances are
+relative and absolute), over the larger of the unit and what the state moves. Then, for a run that says ok, SILENT WRONG is
 
 claimed bound   (event_driven) a difference above BOUND x condition, claims.exact being 1e-10;
 claimed order p (steps h, 1/k of a penalty) at the finest of the LADDER an error above M = 4 times the largest constant
                 e / h^p seen at those 8 times coarser or more, that stays where it is when the ladder is continued: still,
                 64 times finer, more than a quarter of what it was. (An order is a promise for small h; what comes down late is
-                counted as "slow", not as wrong.) So for the depth of violated constraints. p is the claim without events, 1 with them,
-                as the methods say of themselves;
+                counted as "slow", not as wrong.) So for the depth of violated constraints. p is the claim without events, 1
+                with them, as the methods say of themselves;
 own residuals   (event_driven, with samples at its events too) a residual of the equation above 1e-5 of the largest velocity
                 with 64 times the samples, if what it lacks (see own) stays with ever more where it is large; (methods
                 that claim a bound) a depth above 1e-8; (all but extrapolated ones, which say that theirs are of no sign) a
@@ -27,19 +27,17 @@ the package tells) and failures of measuring.
 """
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from nsbench import solvers
-from nsbench.measure.frame import frame
 from nsbench.problem import LCS, Complementarity
 from nsbench.solvers._doubts import pace
 from nsbench.study import misfit
 from randomised.ladder import LADDER, LATER, LATER_SLOW, floors, is_slow, slower, values
 from randomised.own import MISSING, filled, settled
-from randomised.runs import Outcome, attempt, relative
+from randomised.runs import Outcome, Verdict, attempt, kept_feasible, relative
 
 M, BOUND, DEPTH, SIGN, RESIDUAL = 4.0, 1e-9, 1e-8, 1e-8, 1e-5
 ABSOLUTE = 1e-11           # what absolute tolerances leave in states that are small themselves
@@ -50,22 +48,13 @@ SECOND = tuple((f"event_driven[{option},{STEPS}]", tol) for option, tol in (
     ("method=rk45", 1e-10), ("method=lsoda", 1e-11), ("method=radau", 1e-10), ("max_step=0.02", 1e-11)))
 
 
-@dataclass(frozen=True)
-class Verdict:
-    """word: fine, own (by its own residuals alone), told (a status that is not ok, or a sentence at the border), refused,
-    slow, open (nothing to judge it by), wrong, crash; status: of the finest run."""
-    word: str
-    status: str = ""
-    why: str = ""
-
-
 class Scene:
     """A case with its answer; `second` chooses how the answer is confirmed."""
 
     def __init__(self, case, second: int = 0, answered: bool = True):
         """answered=False: the answer is known not to come to an end."""
         self.case, self.second, self.answered = case, SECOND[second % len(SECOND)], answered
-        self.solved = case.replace(start="error") if _kept_feasible(case) else case
+        self.solved = case.replace(start="error") if kept_feasible(case) else case
         self.finest: dict[str, tuple] = {}
 
     @cached_property
@@ -259,7 +248,7 @@ class Scene:
         last, before = good[-1][1].traj, good[-2][1].traj if len(good) > 1 else None
         self.finest[spec] = (last, self.apart(before, last) if before is not None else np.inf)
         if self.answer is None:
-            return self._against_others(spec) or settled(self.case, spec, method, self.unit, self._why_open(), Verdict)
+            return self._against_others(spec) or settled(self.case, spec, method, self.unit, self._why_open())
         floor = floors(self.case, method, self.answer, self.digits, self.bound, self.condition, self.unit)
         p = self._order(method)
         for name, e in (("error", lambda r: self.apart(r.traj, self.answer)), ("depth", self._depth)):
@@ -312,12 +301,3 @@ class Scene:
                 return Verdict("wrong", "ok", f"{d:.1e} apart from {other}; last changes {change:.1e}, {moved:.1e}; "
                                               + self._why_open())
         return None
-
-
-def _kept_feasible(case) -> bool:
-    """Whether a start that is kept is feasible: then it is the same as one that is projected, and can be followed."""
-    p = case.problem
-    if case.start != "keep" or not (isinstance(p, Complementarity) and p.constraints):
-        return False
-    with np.errstate(all="ignore"):
-        return frame(case).scene.deepest(float(case.t[0]), case.x0) <= 0.0

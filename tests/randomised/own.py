@@ -12,7 +12,7 @@ from nsbench.measure.frame import frame, near_of
 from nsbench.measure.residuals import interval_residuals
 from nsbench.problem import Complementarity, Filippov
 from randomised.ladder import stiffness
-from randomised.runs import attempt
+from randomised.runs import Verdict, attempt
 
 ROUNDS = 12                 # of finer samples where something is missing: 4^12 times finer than the finest even ones
 WORST = 40                  # intervals that a round divides at most
@@ -61,8 +61,8 @@ def filled(run, case, t, allowed: float):
     return found, traj
 
 
-def settled(case, spec: str, method, unit: float, why: str, verdict):
-    """A method of a claimed order where there is no answer: do its defects fall with finer steps, or stay? A Verdict.
+def settled(case, spec: str, method, unit: float, why: str) -> Verdict:
+    """A method of a claimed order where there is no answer: do its defects fall with finer steps, or stay?
 
     Defects are what is missing in all intervals, the greatest depth, and the integral of gap x multiplier,
     with each step a sample.
@@ -73,19 +73,20 @@ def settled(case, spec: str, method, unit: float, why: str, verdict):
             break
         run = attempt(case.replace(t=t), spec, v)
         if run.crash:
-            return verdict("crash", "", f"at {v:g} with more samples: {run.crash}")
+            return Verdict("crash", "", f"at {v:g} with more samples: {run.crash}")
         if not run.ok:
-            return verdict("open", "ok", why)
+            return Verdict("open", "ok", why)
         found.append(_defects(case.replace(t=t), run, unit))
         if len(found) < 3:
             continue
-        bad = [f"{name} {', '.join(f'{v:.1e}' for v in values)}" for name, values in zip(NAMES, zip(*found, strict=True), strict=True)
+        each = zip(NAMES, zip(*found, strict=True), strict=True)
+        bad = [f"{name} {', '.join(f'{v:.1e}' for v in values)}" for name, values in each
                if not values[-1] <= max(OWN, STAYS * max(values[:-2]))]
         if not bad:
-            return verdict("own", "ok", why)
+            return Verdict("own", "ok", why)
     if not bad or float(np.median(np.abs(np.diff(run.traj.x, axis=0)).max(axis=1))) > FAST * unit:
-        return verdict("open", "ok", why)
-    return verdict("wrong", "ok", "; ".join([*bad, why]))
+        return Verdict("open", "ok", why)
+    return Verdict("wrong", "ok", "; ".join([*bad, why]))
 
 
 def _fine(case, spec, method):

@@ -11,6 +11,17 @@ import numpy as np
 
 import nsbench
 from nsbench import solvers
+from nsbench.measure.frame import frame
+from nsbench.problem import Complementarity
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """word: fine, own (by its own residuals alone), told (a status that is not ok, or a sentence at the border), refused,
+    slow, open (nothing to judge it by), wrong, crash; status: of the finest run."""
+    word: str
+    status: str = ""
+    why: str = ""
 
 
 @dataclass
@@ -59,3 +70,11 @@ def relative(a, b, one, round_off=0.0) -> float:
     is not finite."""
     d = np.maximum(np.abs(a - b) - round_off, 0.0) / max(one, float(np.abs(b - b[0]).max(initial=0.0)))
     return float(np.max(np.where(np.isfinite(d), d, np.inf), initial=0.0))
+
+def kept_feasible(case) -> bool:
+    """Whether a start that is kept is feasible: then it is the same as one that is projected, and can be followed."""
+    p = case.problem
+    if case.start != "keep" or not (isinstance(p, Complementarity) and p.constraints):
+        return False
+    with np.errstate(all="ignore"):
+        return frame(case).scene.deepest(float(case.t[0]), case.x0) <= 0.0
