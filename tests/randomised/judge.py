@@ -128,8 +128,7 @@ class Scene:
 
     def judge(self, spec: str) -> Verdict:
         method = solvers.get(spec)
-        why = method.refuses(self.case)
-        if why:
+        if why := method.refuses(self.case):
             return Verdict("refused", "refused", why)
         if spec in ("event_driven", FIRST):
             return self._first(self.first)
@@ -137,7 +136,6 @@ class Scene:
             return self._bounded(spec)
         return self._ladder(spec, method)
 
-    # -------------------------------------------------------------- a claimed bound
     def _first(self, run) -> Verdict:
         return self._faults(run, True) or self._by_itself(FIRST, 1e-12, run)
 
@@ -231,7 +229,6 @@ class Scene:
         rows += [float(np.abs(p.C).max())] if hasattr(p, "C") else []
         return max([1.0, *rows])
 
-    # -------------------------------------------------------------- a claimed order
     def _ladder(self, spec, method) -> Verdict:
         slow = is_slow(self.case, spec)                     # what is slow stops earlier
         steps, rest = values(self.case, spec, method, LADDER), values(self.case, spec, method, LATER_SLOW if slow else LATER)
