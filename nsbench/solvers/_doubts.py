@@ -148,7 +148,7 @@ def _least_miss(ptr, cols, vals, b, n: int) -> float:
     from scipy.sparse import csr_matrix, hstack
     rows = np.repeat(np.arange(len(b)), np.diff(ptr))
     norm = 1.0 / np.sqrt(np.bincount(rows, vals * vals, len(b)))
-    if not (np.isfinite(norm).all() and np.isfinite(b).all()):
+    if not (np.isfinite(norm).all() and np.isfinite(b * norm).all()):
         return 0.0
     A = csr_matrix((vals * norm[rows], cols, ptr), (len(b), n))
     found = linprog(np.append(np.zeros(n), 1.0), A_ub=-hstack([A, np.ones((len(b), 1))]).tocsr(), b_ub=b * norm,
