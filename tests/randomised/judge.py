@@ -186,8 +186,7 @@ class Scene:
     def _bounded(self, spec) -> Verdict:
         tol = self._tol(self.second[1] if spec == self.second[0] else 1e-11)
         run = self.again if spec == self.second[0] else attempt(self.case, spec, tol)
-        bad = self._faults(run, True)
-        if bad:
+        if bad := self._faults(run, True):
             return bad
         if not (self.first.ok and self.condition < WILD):
             return self._by_itself(spec, tol, run)
@@ -214,7 +213,9 @@ class Scene:
             return Verdict("wrong", "ok", wrong)
         lam = np.diff(run.traj.impulse, axis=0) / np.diff(case.t)[:, None]
         signed = "richardson" not in spec and "extrapolate" not in spec
-        if signed and run.measured["sign"] < -SIGN * max(1.0, float(np.abs(lam).max(initial=0.0))):
+        noise = SIGN * max(1.0, float(np.abs(lam).max(initial=0.0)))
+        noise += ABSOLUTE / np.diff(case.t).min() if exact else 0.0         # means of what has an absolute tolerance
+        if signed and run.measured["sign"] < -noise:
             return Verdict("wrong", "ok", f"multiplier {run.measured['sign']:.1e}")
         size = max(self.unit, float(np.abs(run.traj.x).max()))
         if exact and not isinstance(case.problem, LCS) and run.measured["feasibility"] > (DEPTH * size + ABSOLUTE) * self._slope:

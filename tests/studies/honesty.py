@@ -41,7 +41,7 @@ METHODS = {"pbd": 3, "pbd[order=reverse]": 2, "pbd[order=random,seed=1]": 2, "pb
            "richardson": 2, "richardson[method=catching_up]": 1, "richardson[levels=3]": 1, "kdtree": 2, "kdtree[sweep=numpy]": 1,
            "penalty": 0.4, "penalty[method=kvaerno5]": 0.3, "penalty[extrapolate=1]": 0.3, "pbd_jax": 0.25, "nosnoc": 0.15,
            "event_driven[compiled=false,max_steps=1500]": 0.5, "solve_ivp": 0.1}
-MORE = 4                    # methods of a scene beside event_driven and its second
+MORE = 8                    # methods of a scene beside event_driven and its second
 
 
 def family_of(i: int, families) -> str:
