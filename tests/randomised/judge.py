@@ -239,8 +239,7 @@ class Scene:
             runs.append((v, attempt(self.case, spec, v)))
             if runs[-1][1].crash:
                 return Verdict("crash", "", f"at {v:g}: {runs[-1][1].crash}")
-        bad = self._faults(runs[-1][1], False, spec=spec)
-        if bad:
+        if bad := self._faults(runs[-1][1], False, spec=spec):
             return bad
         good = [(1.0 / v if method.accuracy == "k" else v, run) for v, run in runs if run.ok]
         last, before = good[-1][1].traj, good[-2][1].traj if len(good) > 1 else None
