@@ -84,6 +84,27 @@ def test_explicit_steps_beyond_the_limit_of_stability_diverge(tmp_path):
     assert solve(free, "euler", h=0.01).status.code == "diverged"
 
 
+@pytest.mark.survives("stiff and explicit")
+@pytest.mark.parametrize("rate", [210.0, 250.0, 400.0, 900.0])
+def test_what_overshoots_is_not_ok_because_the_end_comes_before_infinity(tmp_path, rate):
+    """x' = -rate (x - cos t) from 0.5 with h = 0.01 up to t = 2: grows by (rate h - 1)^200, from 1e8 to beyond 1e150."""
+    case = nsbench.load_case(case_file(tmp_path, f"-{rate} * (x - xp.cos(t))", "Affine(np.eye(1), 1e300 * np.ones(1)),"))
+    free = case.replace(problem=nsbench.Complementarity(case.problem.drift, ()))
+    for where, solver in ((case, "pbd"), (case, "catching_up"), (free, "euler")):
+        assert solve(where, solver, h=0.01).status.code == "diverged"
+        assert solve(where, solver, h=0.9 / rate).status.ok
+    assert solve(free, "euler[implicit=true]", h=0.01).status.ok
+
+
+def test_what_grows_because_it_should_is_ok():
+    """x' = 30 x, and an ellipse whose long axis is 1e5 times the short one, past its tip."""
+    steep = nsbench.Case("steep", nsbench.Complementarity(lambda xp: lambda t, x: 30.0 * x, ()), np.ones(1), np.linspace(0, 1, 9))
+    turning = nsbench.Case("turning", nsbench.Complementarity(
+        lambda xp: lambda t, x: xp.stack((-1e5 * x[1], 1e-5 * x[0])), ()), np.array([0.0, -1.0]), np.linspace(0.0, 2.0, 5))
+    for case in (steep, turning):
+        assert solve(case, "euler", h=0.01).status.ok
+
+
 def test_the_least_step_is_taken():
     """One more digit, and the same step is refused: the limit is at rounding, not well above."""
     case = nsbench.get_case("tide").replace(t=np.array([0.0, 3e-9]), exact=None, exact_impulse=None)

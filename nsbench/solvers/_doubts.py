@@ -18,6 +18,7 @@ from nsbench.problem import LCS, Complementarity, Distance, Smooth
 from nsbench.trajectory import Status, Trajectory
 
 EPS = float(np.finfo(float).eps)
+GREW = 10.0              # over the start's size, and over that of half of the samples
 ROUNDED = 1e-2           # part of the motion that roundings of all steps may add up to
 MISSED = 1e-7            # relative to the state: what walls may contradict each other by, as the linear program is solved
 HALF = 0.5               # of the largest depth: where the run begins to violate its constraints as much
@@ -32,10 +33,28 @@ def doubted(case: Case, traj: Trajectory) -> Trajectory:
     if not traj.status.ok or not len(traj.t):
         return traj
     with np.errstate(all="ignore"):
-        status = _rounded(case, traj)
+        status = _overshot(case, traj) or _rounded(case, traj)
         if isinstance(p, Complementarity) and p.constraints:
             status = _tied(case) or _nowhere(case, traj) or _flat(case, traj) or status
     return traj if status is None else replace(traj, status=status)
+
+
+def _overshot(case: Case, traj: Trajectory) -> Status | None:
+    """A state that grew although the drift pulls back: steps h of it lead over to the other side, further away each time.
+
+    An explicit step multiplies what decays with rate r by 1 - r h, which grows beyond r h = 2 (Hairer & Wanner, Solving ODEs
+    II, chapter IV.2). Looked at where the samples are largest: |drift| h of more than twice the state, and against it.
+    """
+    h, p = float(traj.stats.get("h", 0.0) or 0.0), case.problem
+    sizes = np.abs(traj.x).max(axis=1, initial=0.0)
+    k = int(np.argmax(sizes))
+    if not (isinstance(p, Complementarity) and h > 0.0 and sizes[k] > GREW * max(sizes[0], float(np.median(sizes)))):
+        return None
+    i, f = int(np.argmax(np.abs(traj.x[k]))), p.drift(np)(float(traj.t[k]), traj.x[k].copy())
+    if not -f[i] * h * np.sign(traj.x[k, i]) > 2.0 * sizes[k]:
+        return None
+    return Status("diverged", f"The state grew to {sizes[k]:.3g} at t = {traj.t[k]:.6g} although the drift pulls it back: steps "
+                              f"of {h:.3g} overshoot; take them shorter than {2.0 * sizes[k] / abs(f[i]):.3g}.")
 
 
 def _rounded(case: Case, traj: Trajectory) -> Status | None:

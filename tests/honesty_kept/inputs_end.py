@@ -1,7 +1,7 @@
 """An input with a logarithm that ends with the run: LSODA went on in steps of no length."""
 import numpy as np
 
-from nsbench import Case, LCS
+from nsbench import LCS, Case
 
 
 def u(xp):
