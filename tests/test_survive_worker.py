@@ -1,4 +1,6 @@
 """What one run does to its process, the next one in the same process does not see; what it warns of is counted."""
+from pathlib import Path
+
 import pytest
 from solver_file import solver
 
@@ -45,3 +47,18 @@ def test_what_a_run_changes_the_next_one_does_not_see(tmp_path):
     assert before["x64"] and not before["nans"] and before["threads"] == "1"
     assert penalty["state_sup"] < 0.1
     assert warned["warnings"] == 2 and before["warnings"] == after["warnings"] == 0      # by the place that warns
+
+
+@pytest.mark.survives("threads")
+@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="threads are looked up in /proc")
+def test_each_of_several_workers_computes_with_one_thread(tmp_path):
+    file = tmp_path / "counter.py"
+    file.write_text(solver('''
+        jax.jit(lambda a: a @ a)(jax.numpy.ones((200, 200))).block_until_ready()
+        names = [open(f"/proc/self/task/{t}/comm").read() for t in os.listdir("/proc/self/task")]
+        found = {"xla": sum("XLAEigen" in name for name in names), "numba": numba.get_num_threads()}
+    ''', before="import jax, numba\n\n", stats="found"))
+    specs = [[Spec("tide", f"counter[how={how}]", "h", 0.01, "", (str(file),))] for how in ("one", "two")]
+    found = []
+    run_all(specs, 2, 60.0, lambda spec, row, *_: found.append((row["status"], row["xla"], row["numba"])))
+    assert found == [("ok", 1, 1)] * 2

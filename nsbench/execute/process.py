@@ -15,7 +15,7 @@ from nsbench.execute.printed import Printed
 from nsbench.execute.worker import Chore
 from nsbench.study import Spec
 
-THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS", "NPROC")   # the last: XLA
 LEAVING = 5.0             # seconds for a worker to end that was told to
 
 
