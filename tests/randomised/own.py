@@ -24,6 +24,7 @@ PARTS = 40
 LEAST, NODES = 240, 40000   # samples of the coarsest, and of any run
 STAYS = 0.5                 # what does not fall to that with sixteen times finer steps stays
 FAST = 0.005                # of the unit: where most steps still move by more, no order can be seen yet
+SLOW = 0.1                  # step x rate of the drift: with more, explicit steps of it are not yet small
 NAMES = "missing", "depth", "complementarity"
 
 
@@ -74,17 +75,34 @@ def settled(case, spec: str, method, unit: float, why: str) -> Verdict:
             return Verdict("crash", "", f"at {v:g} with more samples: {run.crash}")
         if not run.ok:
             return Verdict("open", "ok", why)
-        found.append(_defects(case.replace(t=t), run, unit))
+        defects, sizes = _defects(case.replace(t=t), run, unit)
+        found.append(defects)
         if len(found) < 3:
             continue
-        each = zip(NAMES, zip(*found, strict=True), strict=True)
+        # relative to the finest run: coarse ones of a stiff drift are of any size
+        each = zip(NAMES, (np.array(found) / sizes).T, strict=True)
         bad = [f"{name} {', '.join(f'{v:.1e}' for v in values)}" for name, values in each
                if not values[-1] <= max(OWN, STAYS * max(values[:-2]))]
         if not bad:
             return Verdict("own", "ok", why)
-    if not bad or float(np.median(np.abs(np.diff(run.traj.x, axis=0)).max(axis=1))) > FAST * unit:
+    step = float(np.diff(t).min())
+    if not bad or step * _rate(case, run.traj) > SLOW or (
+            float(np.median(np.abs(np.diff(run.traj.x, axis=0)).max(axis=1))) > FAST * unit):
         return Verdict("open", "ok", why)
     return Verdict("wrong", "ok", "; ".join([*bad, why]))
+
+
+def _rate(case, traj) -> float:
+    """The largest rate of the drift, row sums of its Jacobian by differences, at some samples; 0 of other systems."""
+    if not isinstance(case.problem, Complementarity):
+        return 0.0
+    f, worst = case.problem.drift(np), 0.0
+    for k in np.unique(np.linspace(0, len(traj.t) - 1, 20).astype(int)):
+        t, x = float(traj.t[k]), traj.x[k]
+        steps = 1e-6 * np.maximum(1e-3 * np.abs(x).max(initial=0.0), np.abs(x)) + 1e-300
+        J = np.array([(f(t, x + d * e) - f(t, x)) / d for d, e in zip(steps, np.eye(len(x)), strict=True)])
+        worst = max(worst, float(np.nan_to_num(np.abs(J).sum(axis=0), nan=np.inf).max()))
+    return worst
 
 
 def _fine(case, spec, method):
@@ -109,15 +127,15 @@ def _divided(t, parts):
 
 
 def _defects(case, run, unit):
-    """The three defects of a run, relative to its size."""
+    """The three defects of a run, and what they are to be held against."""
     traj = run.traj
     size = max(unit, float(np.abs(np.diff(traj.x, axis=0) / np.diff(traj.t)[:, None]).max()))
     T, moved = float(traj.t[-1] - traj.t[0]), max(unit, float(np.abs(traj.x - traj.x[0]).max()))
     first = len(traj.t) // 2 if case.start == "keep" else 0     # that may be infeasible, and is mended in some steps
-    lacks = float(np.nan_to_num(missing(case, traj), nan=np.inf)[first:].sum()) / (size * T)
+    lacks = float(np.nan_to_num(missing(case, traj), nan=np.inf)[first:].sum())
     scene = frame(case).scene
-    depth = max(scene.deepest(a, b) for a, b in zip(traj.t[first:], traj.x[first:], strict=True)) / moved if scene else 0.0
-    return lacks, depth, _apart(case, run, first) / (size * T * moved)
+    depth = max(scene.deepest(a, b) for a, b in zip(traj.t[first:], traj.x[first:], strict=True)) if scene else 0.0
+    return (lacks, depth, _apart(case, run, first)), (size * T, moved, size * T * moved)
 
 
 def _apart(case, run, first: int) -> float:
