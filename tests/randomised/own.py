@@ -108,7 +108,7 @@ def _rate(case, traj) -> float:
 def _fine(case, spec, method):
     """(h or k, samples): every step a sample, as many as NODES allows."""
     spacing = np.diff(case.t)
-    if "richardson" in spec or "extrapolate" in spec:           # no step of theirs is one of a motion
+    if any(word in spec for word in ("richardson", "extrapolate", "nosnoc")):       # whose steps are no motion, or 0.1 s each
         return
     if method.accuracy == "k":
         parts = max(PARTS, -(-LEAST // len(spacing)))
