@@ -12,6 +12,7 @@ import numpy as np
 from nsbench import solvers
 from nsbench.case import Case, case_module, case_names, get_case, load_case
 from nsbench.describe import describe_case, describe_solver
+from nsbench.misfit import misfit
 from nsbench.solvers._doubts import doubted
 from nsbench.solvers.start import NoStart
 from nsbench.trajectory import Status, Trajectory
@@ -176,23 +177,27 @@ def attempt(spec: Spec, announce: Callable[[str], None] = lambda what: None):
     except Exception as e:               # a plugin may raise anything; it becomes a row and the others go on
         return row | _status(_raised(e)), None
     announce("measure")
-    wrong = misfit(case, traj)
-    if wrong:
-        return row | _status(Status("error", wrong)), None
-    # a solver counts its work; what the bench itself says of the run is not the solver's to say
-    own = {*row, "status", "why", "session"} - {"h"}
-    row |= {k: v for k, v in traj.stats.items() if isinstance(v, (int, float, str, bool)) and k not in own}
-    row["start"] = STARTS[case.start]
-    row["h"] = {"h": row.get("h", spec.asked), "k": 1.0 / spec.asked}.get(spec.accuracy, spec.asked)
-    row |= {"lam_time": traj.lam_time}
     try:
+        wrong = misfit(start, traj, spec.accuracy, spec.asked)
+        if wrong:
+            return row | _status(Status("error", wrong)), None
+        row |= _told(spec, case, traj)
         from nsbench.measure import errors
         traj = doubted(case, traj)
         row |= _status(traj.status) | errors(case, traj)
         row |= _below(row)
-    except Exception as e:
+    except Exception as e:               # what a solver returns can be anything as well
         return row | _status(_raised(e, "The run ended, measuring it did not: ")), None
     return row, run if traj.status.ok and not spec.nudge else None
+
+
+def _told(spec: Spec, case: Case, traj: Trajectory) -> dict:
+    """The columns that are the solver's to tell: its counted work, and the steps it took."""
+    own = {"case", "solver", "accuracy", "asked", "setup_seconds", "compile_seconds", "seconds", "seconds_low", "seconds_high",
+           "seconds_max", "rounds", "status", "why", "session"}
+    told = {k: v for k, v in traj.stats.items() if isinstance(v, (int, float, str, bool)) and k not in own}
+    h = {"h": told.get("h", spec.asked), "k": 1.0 / spec.asked}.get(spec.accuracy, spec.asked)
+    return told | {"start": STARTS[case.start], "h": h, "lam_time": traj.lam_time}
 
 
 def run_one(spec: Spec, announce: Callable[[str], None] = lambda what: None) -> dict:
@@ -233,27 +238,6 @@ def _below(row: dict) -> dict:
         return {}
     return _status(Status("below_reference", f"The error is below {row['state_floor']:.2g}, ten times the bound of the "
                                              f"reference ({row['reference']})."))
-
-
-def misfit(case: Case, traj) -> str:
-    """What is wrong with what a solver returned, as a sentence; "" if it keeps the contract. Its word is not enough."""
-    if not isinstance(traj, Trajectory) or not isinstance(traj.status, Status):
-        what = type(traj).__name__ if not isinstance(traj, Trajectory) else f"a status of type {type(traj.status).__name__}"
-        return f"The solver returned {what}; a Trajectory with a Status is needed."
-    if not traj.status.ok:
-        return ""
-    if not np.array_equal(traj.t, case.t):
-        return f"The solver says ok, but its {len(traj.t)} times are not those of the case, {len(case.t)} up to {case.t[-1]:g}."
-    shapes = [("x", (len(case.t), case.n)), ("impulse", (len(case.t), len(traj.contacts)))]
-    if np.size(traj.reaction):                       # some have none: of a field with switches, of methods that tell none
-        shapes.append(("reaction", (len(case.t), case.n)))
-    for name, shape in shapes:
-        a = np.asarray(getattr(traj, name))
-        if a.shape != shape or a.dtype != np.float64:
-            return f"The solver says ok, but {name} is {a.dtype} of shape {a.shape}; float64 {shape} is needed."
-        if not np.all(np.isfinite(a)):
-            return f"The solver says ok, but {name} is not finite."
-    return ""
 
 
 _files_loaded: set[str] = set()

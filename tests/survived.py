@@ -112,6 +112,8 @@ ENTRIES = [
         "promises",
         ("closed list", "Every row has a status of a closed list", "kept"),
         ("ok is finite", "A row that says ok is finite and reached its end time", "kept, whatever the solver says"),
+        ("another start", "A run that says ok and begins elsewhere than its case", "R error"),
+        ("another step", "A run that says ok and tells of steps it was not asked for", "R error"),
         ("own residuals", "Residuals of a row are computed by the bench", "kept, whatever the solver says"),
         ("same bytes", "The same run on the same machine gives the same numbers", "kept, byte for byte"),
         ("silent wrong", "Runs that say ok and are further off than their method claims", "none"),

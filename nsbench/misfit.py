@@ -1,0 +1,82 @@
+"""What a solver returned, held against the contract of a run: its word is not enough."""
+from __future__ import annotations
+
+import numbers
+
+import numpy as np
+
+from nsbench.case import Case
+from nsbench.contacts import Scene
+from nsbench.problem import Complementarity
+from nsbench.solvers.start import TOLERANCE
+from nsbench.trajectory import Status, Trajectory
+
+ROUNDED = 1e-12           # of the start's size: what linear combinations of runs may leave of it
+SHORTEST = 0.49           # of the step asked for: steps that divide the spacing of samples evenly are at least half as long
+SLACK = 1e-9              # relative, of steps: what dividing and adding them up rounds
+
+
+def misfit(case: Case, traj, accuracy: str = "", asked: float = np.nan) -> str:
+    """What is wrong with what a solver returned, as a sentence; "" if it keeps the contract.
+
+    case: with the start that the run was given; accuracy, asked: what the solver was asked for ("": not looked at).
+    """
+    if not isinstance(traj, Trajectory) or not isinstance(traj.status, Status):
+        what = type(traj).__name__ if not isinstance(traj, Trajectory) else f"a status of type {type(traj.status).__name__}"
+        return f"The solver returned {what}; a Trajectory with a Status is needed."
+    for name, kind in (("contacts", tuple), ("stats", dict)):
+        found = getattr(traj, name)
+        if not isinstance(found, kind):
+            return f"The solver returned {name} of type {type(found).__name__}; a {kind.__name__} is needed."
+    if not traj.status.ok:
+        return ""
+    if not np.array_equal(traj.t, case.t):
+        return f"The solver says ok, but its {np.size(traj.t)} times are not those of the case, {len(case.t)} up to {case.t[-1]:g}."
+    return _arrays(case, traj) or _start(case, traj.x[0]) or (_steps(case, traj.stats, asked) if accuracy == "h" else "")
+
+
+
+def _arrays(case: Case, traj: Trajectory) -> str:
+    shapes = [("x", (len(case.t), case.n)), ("impulse", (len(case.t), len(traj.contacts)))]
+    if np.size(traj.reaction):                       # some have none: of a field with switches, of methods that tell none
+        shapes.append(("reaction", (len(case.t), case.n)))
+    for name, shape in shapes:
+        a = np.asarray(getattr(traj, name))
+        if a.shape != shape or a.dtype != np.float64:
+            return f"The solver says ok, but {name} is {a.dtype} of shape {a.shape}; float64 {shape} is needed."
+        if not np.all(np.isfinite(a)):
+            return f"The solver says ok, but {name} is not finite."
+    return ""
+
+
+def _start(case: Case, x: np.ndarray) -> str:
+    """Is x (n,) the start of the case? Where that is to be projected, any feasible point is: several may be the nearest."""
+    if case.start == "project" and isinstance(case.problem, Complementarity):
+        scene, t = Scene(case.problem, case.n), float(case.t[0])
+        scale = max(1.0, float(np.abs(case.x0).max(initial=0.0)))
+        if scene.deepest(t, case.x0) > TOLERANCE * scale:
+            depth = scene.deepest(t, x)
+            return "" if depth <= TOLERANCE * scale else (
+                f"The solver says ok, but its first state violates a constraint by {depth:.3g}; the start is to be projected.")
+    if np.abs(x - case.x0).max(initial=0.0) <= ROUNDED * np.abs(case.x0).max(initial=0.0):
+        return ""
+    i = int(np.argmax(np.abs(x - case.x0)))
+    return f"The solver says ok, but it begins with {x[i]:.6g} in coordinate {i}, where the start of the case is {case.x0[i]:.6g}."
+
+
+def _steps(case: Case, stats: dict, asked: float) -> str:
+    """Can the steps that the solver says it took be those it was asked for? Orders are fitted on them."""
+    h, steps, span = stats.get("h", asked), stats.get("steps"), float(case.t[-1] - case.t[0])
+    # some take no step over a sample, however long a one is asked for
+    least = SHORTEST * min(asked, float(np.diff(case.t).max()))
+    if not isinstance(h, numbers.Real) or not least < h <= asked * (1.0 + SLACK):
+        return (f"The solver says ok, but its steps of {_told(h)} are none that h = {asked:.6g} allows over a time of {span:g}: "
+                "stats['h'] is the longest step it took.")
+    if steps is not None and not (isinstance(steps, numbers.Real) and steps * min(h, span) >= span * (1.0 - SLACK)):
+        return (f"The solver says ok, but {_told(steps)} steps of {h:.6g} do not cover a time of {span:g}: stats['steps'] "
+                "counts all of them.")
+    return ""
+
+
+def _told(value) -> str:
+    return f"{value:.6g}" if isinstance(value, numbers.Real) else repr(value)[:40]
