@@ -20,6 +20,7 @@ from nsbench.trajectory import Status, Trajectory
 POINTS, OCTAVES = 19, 6
 NUDGE = 1e-12                 # relative to each coordinate, or to 1: far above rounding, far below any error that counts
 STARTS = {"error": "feasible", "project": "projected", "keep": "kept"}     # what the case makes of a start outside
+REPEATED = "It ended once, and did not when it was repeated to be timed"
 SUITES = ("smoke", "standard", "hard", "full")
 
 
@@ -137,20 +138,27 @@ def run_batch(specs: list[Spec], announce: Callable[[str, int], None] = lambda w
     """Rows of the specs of one case, as (index, row), each as soon as it is known.
 
     Each is prepared and run once; then all that were quick are timed in interleaved rounds, the first call left out,
-    and their rows given out once more with median, quartiles and worst. order(specs) yields (index, spec) in the order
-    to take them (by default as they come).
+    and their rows given out once more with median, quartiles and worst, or as an error where a repetition raised.
+    order(specs) yields (index, spec) in the order to take them (by default as they come).
     """
     from nsbench.measure import clock
     kept = []
     for i, spec in order(specs) if order else enumerate(specs):
         row, run = attempt(spec, lambda what, i=i: announce(what, i))
         yield i, row
-        if run is not None and clock.rounds_of(row["seconds"]) > 1:
+        if run is not None and timed_again(spec, row):
             kept.append((i, row, run))
     rounds = [clock.rounds_of(row["seconds"]) for _, row, _ in kept]
     times = clock.in_rounds([run for _, _, run in kept], rounds, lambda k: announce("run", kept[k][0]))
     for (i, row, _), seconds in zip(kept, times, strict=True):
-        yield i, row | clock.columns(seconds)
+        failed = isinstance(seconds, Exception)
+        yield i, row | (_status(_raised(seconds, f"{REPEATED}: ")) if failed else clock.columns(seconds))
+
+
+def timed_again(spec: Spec, row: dict) -> bool:
+    """Is the run of this row repeated to be timed? Those that were quick and went well, from the case's own start."""
+    from nsbench.measure import clock
+    return row["status"] in ("ok", "below_reference") and not spec.nudge and clock.rounds_of(row["seconds"]) > 1
 
 
 def attempt(spec: Spec, announce: Callable[[str], None] = lambda what: None):

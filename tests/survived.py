@@ -80,6 +80,7 @@ ENTRIES = [
         ("ctrl-c", "Ctrl-C, once and twice", "exit 130, the journal is kept"),
         ("kill", "A suite that is killed at any moment", "loses at most the runs in flight; the next call goes on"),
         ("disk full", "No room left on the disk", "exit 5, no half file; the next call goes on"),
+        ("a repetition", "A run that goes well once and fails when it is repeated to be timed", "R; others keep their times"),
         ("output of a run", "What a solver prints", "kept with its run"),
         ("half a line", "A journal that ends within a line, or holds lines that are none", "they are dropped"),
         ("read-only", "A results folder that cannot be written to", "E"),

@@ -18,9 +18,10 @@ from dataclasses import dataclass, field
 from multiprocessing.connection import wait
 
 from nsbench.execute import memory, stop
+from nsbench.execute.printed import NOBODY
 from nsbench.execute.process import LEAVING, Worker, ended, last_line, spawn
 from nsbench.execute.worker import Chore
-from nsbench.study import Spec, lost
+from nsbench.study import REPEATED, Spec, lost
 
 PREPARE = 300.0           # seconds: compiling and factorising, beside the limit of the run itself
 TICK = 0.1                # seconds between two looks at limits
@@ -69,6 +70,7 @@ class _Team:
     leaving: list[tuple[float, Worker]] = field(default_factory=list)
     done: list[Chore] = field(default_factory=list)
     again: set[Spec] = field(default_factory=set)
+    timed: set[Spec] = field(default_factory=set)        # more than once, the worker of the first time being gone
     looked: float = field(default_factory=time.monotonic)
     spawn: Callable[[str, int], Worker] = spawn
     keep: bool = False                                   # a worker without work waits in `spare`
@@ -81,7 +83,7 @@ class _Team:
     def assign(self, job: Worker, task) -> None:
         job.chore, job.specs = (task, []) if isinstance(task, Chore) else (None, task)
         job.missing, job.what, job.index, job.peak = set(range(len(job.specs))), "start", -1, 0
-        job.since = time.monotonic()
+        job.since, job.untimed = time.monotonic(), set()
         self.working.append(job)
         with contextlib.suppress(OSError):               # it died meanwhile: it will be seen that its pipe is closed
             job.pipe.send(task)
@@ -113,8 +115,9 @@ class _Team:
                 self.spare.append(job)
             else:
                 self.dismiss(job)
-        elif what == "row":
+        elif what in ("first", "row"):
             self.row(job, i, row)
+            (job.untimed.add if what == "first" else job.untimed.discard)(i)
         else:
             job.what, job.index = what, i
             if what == "prepare":
@@ -165,7 +168,7 @@ class _Team:
         if code is not None and -code in stop.SIGNALS:   # sent to this process as well, by who stops all of us?
             time.sleep(2 * TICK)
         stop.check()
-        text = job.printed.take(job.index)
+        text = job.printed.take(job.index if job.index in job.missing else NOBODY)
         last = text.decode("utf-8", "replace")
         if code == -signal.SIGKILL and (memory.kernel_kills() > job.kills or job.peak > memory.NEAR * self.most):
             self.too_large(job, "The system stopped the worker for want of memory; it was last seen to hold "
@@ -179,25 +182,36 @@ class _Team:
     def too_large(self, job: Worker, why: str, text: bytes = b"") -> None:
         """A run that followed others in its process is tried once more in a process of its own: they may have left much."""
         i = job.current
-        if i in job.missing and job.begun > 1 and job.specs[i] not in self.again:
+        if i in job.missing | job.untimed and job.begun > 1 and job.specs[i] not in self.again:
             self.again.add(job.specs[i])
             self.alone.append([job.specs[i]])
             job.missing.discard(i)
+            job.untimed.discard(i)
         self.give_up(job, "oom", why, text)
 
     def give_up(self, job: Worker, status: str, why: str, text: bytes = b"", **more) -> None:
-        """Row for the run in flight; the specs that are still to do go to others. text: what it has printed."""
+        """Row for the run in flight, be it a repetition; what is still to do or to be timed goes to others. text: what it
+        has printed."""
         self.working.remove(job)
         text, i = text or job.printed.take(job.index), job.current
         job.close()
-        if i in job.missing:
+        repeated = i in job.untimed and (job.what != "measure" or len(job.specs) == 1)
+        if i in job.missing or repeated:
             spec = job.specs[i]
             job.missing.discard(i)
+            job.untimed.discard(i)
             if text:
                 self.on_output(spec, text)
-            self.on_row(spec, lost(spec, status, why) | more)
+            self.on_row(spec, lost(spec, status, f"{REPEATED}. {why}" if repeated else why) | more)
+        self.time_again([job.specs[k] for k in sorted(job.untimed)])
         if job.missing:
             self.queue.append([job.specs[k] for k in sorted(job.missing)])
+
+    def time_again(self, specs: list[Spec]) -> None:
+        """Their worker is gone, and with it the times of their repetitions: once more side by side, then each by itself."""
+        together = [s for s in specs if s not in self.timed]
+        self.queue += [[s] for s in specs if s in self.timed] + ([together] if together else [])
+        self.timed |= {*together}
 
     def dismiss(self, job: Worker) -> None:
         with contextlib.suppress(OSError):

@@ -28,6 +28,7 @@ class Worker:
     chore: Chore | None = None
     specs: list[Spec] = field(default_factory=list)
     missing: set[int] = field(default_factory=set)
+    untimed: set[int] = field(default_factory=set)       # their rows will be given again, with the times of repetitions
     what: str = ""
     index: int = -1
     since: float = 0.0

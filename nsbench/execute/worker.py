@@ -15,7 +15,7 @@ from nsbench.execute.printed import NOBODY
 from nsbench.execute.surroundings import Surroundings
 from nsbench.execute.turns import Turns
 from nsbench.measure import clock
-from nsbench.study import run_batch, run_one
+from nsbench.study import run_batch, run_one, timed_again
 
 
 @dataclass(frozen=True)
@@ -47,12 +47,14 @@ def work(pipe, printed, word: bytes, parent: int, locks: str, seconds: float | N
                 continue
             news.specs = task
             around.restore()                             # files of cases and solvers are loaded next
-            warned = {}
+            warned, rounds = {}, set()
             runs = run_batch(task, news.tell, turns.order) if seconds is None else _once(task, news.tell, seconds)
             for i, row in runs:
                 warned.setdefault(i, len(around.warned))             # a row that is given again was counted then
                 around.prints(NOBODY)
-                pipe.send(("row", i, {k: _plain(v) for k, v in row.items()} | {"warnings": warned[i]}))
+                more = seconds is None and i not in rounds and timed_again(task[i], row)
+                rounds |= {i} if more else set()
+                pipe.send(("first" if more else "row", i, {k: _plain(v) for k, v in row.items()} | {"warnings": warned[i]}))
             pipe.send(("done", -1, None))
 
 

@@ -75,15 +75,19 @@ def columns(seconds) -> dict:
             "rounds": len(seconds)}
 
 
-def in_rounds(runs: list[Callable[[], object]], rounds: list[int], announce: Callable[[int], None]) -> list[list[float]]:
-    """Seconds of every run in its number of rounds; each round begins with another run. announce(i): run i is next."""
-    out: list[list[float]] = [[] for _ in runs]
+def in_rounds(runs: list[Callable[[], object]], rounds: list[int], announce: Callable[[int], None]) -> list:
+    """Seconds of every run in its number of rounds, or what it raised in the first one that it did not end; each round
+    begins with another run. announce(i): run i is next."""
+    out: list[list[float] | Exception] = [[] for _ in runs]
     for r in range(max(rounds, default=0)):
         first = r * len(runs) // max(rounds)
         for i in (*range(first, len(runs)), *range(first)):
-            if r < rounds[i]:
+            if r < rounds[i] and not isinstance(out[i], Exception):
                 announce(i)
-                out[i].append(_seconds(runs[i], 1))
+                try:
+                    out[i].append(_seconds(runs[i], 1))
+                except Exception as e:       # it ended once; who asked is told of it, and the others are timed
+                    out[i] = e
     return out
 
 

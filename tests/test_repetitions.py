@@ -1,0 +1,86 @@
+"""A run that went well once and not when it was repeated to be timed is told as that, and nobody else loses a number."""
+import pytest
+from solver_file import solver
+
+import nsbench
+from nsbench import solvers, study
+from nsbench.execute.local import run_all
+from nsbench.study import Spec, run_batch
+
+SECOND = solver('''
+    global CALLS
+    CALLS += self.how != "fine"
+    if self.how == "raise" and CALLS > 1:
+        raise RuntimeError("the second call")
+    if self.how == "memory" and CALLS > 1:
+        raise MemoryError("the second call")
+    if self.how == "exit" and CALLS > 1:
+        print("the second call", flush=True)
+        os._exit(9)
+    if self.how == "hang" and CALLS > 1:
+        time.sleep(1000)
+''', before="CALLS = 0\n")
+
+
+def specs_of(tmp_path, *hows):
+    path = tmp_path / "second.py"
+    path.write_text(SECOND)
+    return [Spec("tide", f"second[how={how}]" if how != "pbd" else "pbd", "h", 0.01, "", (str(path),)) for how in hows]
+
+
+def last_rows(specs, **more):
+    """The row of each run that counts, the last one, by what the run does; how many it was given."""
+    rows, given = {}, {}
+
+    def on_row(spec, row):
+        rows[spec] = row
+        given[spec] = given.get(spec, 0) + 1
+    run_all([specs], 1, 3.0, on_row, **more)
+    return [rows[s] for s in specs], [given[s] for s in specs]
+
+
+@pytest.mark.survives("a repetition")
+@pytest.mark.parametrize("how, status", [("raise", "error"), ("memory", "oom"), ("exit", "crashed"), ("hang", "timeout")])
+def test_a_repetition_that_fails_is_a_row_and_the_others_are_timed(tmp_path, how, status):
+    rows, _ = last_rows(specs_of(tmp_path, "pbd", how, "fine"))
+    assert [r["status"] for r in rows] == ["ok", status, "ok"]
+    assert study.REPEATED in rows[1]["why"] and len(rows[1]["why"]) > len(study.REPEATED) + 10
+    assert rows[0]["rounds"] >= 3 and rows[2]["rounds"] >= 3 and rows[1].get("rounds", 1) == 1
+    if how == "exit":
+        assert "The last it printed: the second call" in rows[1]["why"]
+
+
+@pytest.mark.survives("a repetition", "death")
+def test_a_death_costs_those_before_it_no_times_whether_or_not_it_had_a_row(tmp_path):
+    rows, given = last_rows(specs_of(tmp_path, "pbd", "fine", "exit", "hang"))
+    assert [r["status"] for r in rows] == ["ok", "ok", "crashed", "timeout"]
+    assert rows[0]["rounds"] >= 3 and rows[1]["rounds"] >= 3
+    assert max(given) <= 6
+
+
+@pytest.mark.survives("a repetition")
+def test_a_repetition_that_raises_costs_a_study_nothing_else(tmp_path):
+    first, bad, last = specs = specs_of(tmp_path, "pbd", "raise", "fine")
+    rows = dict(run_batch(specs))
+    assert [rows[i]["status"] for i in range(3)] == ["ok", "error", "ok"] and "the second call" in rows[1]["why"]
+    assert rows[0]["rounds"] >= 3 and rows[2]["rounds"] >= 3
+    solvers._loaded.pop("second")
+    study._files_loaded.clear()
+    solvers.load(bad.solver_files[0])
+    found = nsbench.run("tide", ["pbd", "second[how=raise]"], h=0.01)
+    assert [r["status"] for r in found.rows] == ["ok", "error"] and found.rows[0]["rounds"] >= 3
+    solvers._loaded.pop("second")
+
+
+@pytest.mark.survives("ok is finite")
+@pytest.mark.parametrize("parts, word", [("(), np.zeros((k, 0)), np.zeros((k, 1)), stats=None", "stats"),
+                                         ("None, np.zeros((k, 0)), np.zeros((k, 1))", "contacts"),
+                                         ("(), [[0.0], [0.0, 1.0]], np.zeros((k, 1))", "measuring it did not"),
+                                         ("(), np.zeros((k, 0)), np.zeros((k, 1)), Status('nan', 'no'), stats=None", "stats"),
+                                         ("(), np.zeros((k, 0)), np.zeros((k, 1)), stats={1: 'a', 'h': 0.1}", "")])
+def test_whatever_a_solver_returns_is_a_row(tmp_path, parts, word):
+    path = tmp_path / "odd.py"
+    path.write_text(solver(f"k = len(case.t)\nreturn Trajectory(case.t, np.tile(case.x0, (k, 1)), {parts})"))
+    row = dict(run_batch([Spec("tide", "odd", "h", 0.1, "", (str(path),))]))[0]
+    assert row["status"] == ("error" if word else "ok") and word in row["why"]
+    solvers._loaded.pop("odd")
