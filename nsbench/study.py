@@ -203,7 +203,7 @@ def _told(spec: Spec, case: Case, traj: Trajectory) -> dict:
     """The columns that are the solver's to tell: its counted work, and the steps it took."""
     own = {"case", "solver", "accuracy", "asked", "setup_seconds", "compile_seconds", "seconds", "seconds_low", "seconds_high",
            "seconds_max", "rounds", "status", "why", "session"}
-    told = {k: v for k, v in traj.stats.items() if isinstance(v, (int, float, str, bool)) and k not in own}
+    told = {k: v for k, v in traj.stats.items() if isinstance(k, str) and isinstance(v, (int, float, str, bool)) and k not in own}
     h = {"h": told.get("h", spec.asked), "k": 1.0 / spec.asked}.get(spec.accuracy, spec.asked)
     return told | {"start": STARTS[case.start], "h": h, "lam_time": traj.lam_time}
 
