@@ -227,7 +227,7 @@ def _march(case, method, solver, contacts, turning, parts, step):
 
 def _unresolved(case, X, tol):
     """Can each switch change by more than the tolerance of complementarity, over all that the run moves?"""
-    from nsbench.solvers._doubts import pace
+    from nsbench.solvers._doubts import flat_layer, pace
     from nsbench.solvers._sliding import Motion
     motion, T = Motion(case.problem, float(case.t[0]), X[0].copy()), float(case.t[-1] - case.t[0])
     with np.errstate(all="ignore"):
@@ -237,7 +237,8 @@ def _unresolved(case, X, tol):
                         for t, x in zip(case.t, X, strict=True)], axis=0)
     row = int(np.argmin(slope))
     if slope[row] > UNSEEN * tol:
-        return Status()
+        flat = flat_layer(case, tol, X)
+        return Status("unverified", f"{flat}: no error of that size is claimed there.") if flat else Status()
     return Status("unverified", f"Switch {row} changes by {slope[row]:.2g} in the run, which the tolerance of complementarity, "
                                 f"{tol:.2g}, cannot tell from zero: scale it, or lower comp_tol.")
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from nsbench.case import Case
 from nsbench.problem import LCS, Affine, Complementarity, Distance, Filippov
+from nsbench.solvers._doubts import flat_layer
 from nsbench.solvers._extrapolation import combined, weights
 from nsbench.solvers.base import Claims, Expect, Run, check_positive
 from nsbench.solvers.start import start_state
@@ -19,7 +20,6 @@ LADDERS = ((30.0, 3840.0), (60.0, 7680.0), (30.0, 1920.0))
 STIFF = 2e3               # k from which kvaerno5 takes less time than tsit5 for few states; 2e4 for 60, as factors cost n^3
 LEAST = 1e-13             # tolerance; rounding of 10^5 steps is a tenth of it
 DEFAULTS = (1e4, 1e4, 1e3)
-FLAT = 0.1                # of the largest slope of a switch: there its layer is ten times as thick, and thicker as k grows
 SMALL = 1e-3              # size of a motion of which an absolute 1e-9 would be visible beside a rate
 LISTED = 6000             # listed constraints (all but hard pairs) whose impulses are integrated
 MEMORY = 1e9              # bytes of samples of one run
@@ -239,7 +239,7 @@ def _status(penalty: Penalty, case: Case, k: float, asked: float, out: dict) -> 
         if worst * float(np.abs(weights(penalty.extrapolate)).sum()) > HIDDEN * claimed:
             return Status("unverified", f"The error of the penalty, about {claimed:.1e}, may be hidden by the "
                                         f"integrator's, up to 200 times its tolerance {worst:.1e}: lower rtol and atol.")
-        return (_thick(case, k, out["x"]) if isinstance(case.problem, Filippov) else None) or Status()
+        return _thick(case, k, out["x"]) if isinstance(case.problem, Filippov) else Status()
     if tried < penalty.max_steps:
         return _no_step(penalty, case, k, out, at)
     last = float(out["last"])
@@ -249,21 +249,9 @@ def _status(penalty: Penalty, case: Case, k: float, asked: float, out: dict) -> 
                              f"(k h = {k * last:.2g}); {advice}.")
 
 
-def _thick(case: Case, k: float, X: np.ndarray) -> Status | None:
-    """A layer that the run is in where its switch is flat: 1 / k is neither its width nor the order of the error there."""
-    from nsbench.solvers._sliding import Motion
-    motion = Motion(case.problem, float(case.t[0]), X[0].copy())
-    rows = np.arange(motion.d)
-    with np.errstate(all="ignore"):
-        steep = np.array([np.linalg.norm(motion.gradients(float(t), x, rows), axis=1) for t, x in zip(case.t, X, strict=True)])
-        inside = np.array([np.abs(k * motion.switch(float(t), x)) < 1.0 for t, x in zip(case.t, X, strict=True)])
-    found = np.argwhere(inside & (steep < FLAT * steep.max(axis=0)))
-    if not len(found):
-        return None
-    at, row = found[0]
-    slopes = f"a slope of {steep[at, row]:.2g}, elsewhere {steep[:, row].max():.2g}"
-    return Status("unverified", f"At t = {case.t[at]:.6g} the state is in the layer of surface {row} where its switch is flat "
-                                f"({slopes}): no error of size 1 / k is claimed there.")
+def _thick(case: Case, k: float, X: np.ndarray) -> Status:
+    flat = flat_layer(case, 1.0 / k, X)
+    return Status("unverified", f"{flat}: no error of size 1 / k is claimed there.") if flat else Status()
 
 
 def _no_step(penalty: Penalty, case: Case, k: float, out: dict, at: str) -> Status:

@@ -23,4 +23,4 @@ CASE = Case(
     t=np.linspace(0.0, 2.0, 2),
 )
 
-BY = ("penalty", "penalty[method=kvaerno5]", "euler")
+BY = ("penalty", "penalty[method=kvaerno5]", "nosnoc", "euler")
