@@ -85,8 +85,7 @@ def settled(case, spec: str, method, unit: float, why: str) -> Verdict:
                if not values[-1] <= max(OWN, STAYS * max(values[:-2]))]
         if not bad:
             return Verdict("own", "ok", why)
-    step = float(np.diff(t).min())
-    if not bad or step * _rate(case, run.traj) > SLOW or (
+    if not bad or float(np.diff(t).min()) * _rate(case, run.traj) > SLOW or (
             float(np.median(np.abs(np.diff(run.traj.x, axis=0)).max(axis=1))) > FAST * unit):
         return Verdict("open", "ok", why)
     return Verdict("wrong", "ok", "; ".join([*bad, why]))
