@@ -25,14 +25,15 @@ def copy(source, target):
 
 
 @inner
-def extended(field, t, x, s, e, v, out):
+def extended(field, blend, t, x, s, e, v, out):
     """F(t, x, s) in `out`, continued multilinearly to |s_i| > 1 through the values at s_i = -1 and 1; calls made.
 
-    Iterates of Newton's method leave the box, where a field need not mean anything. e (d,), v (n,): work.
+    Iterates of Newton's method leave the box, where a field need not mean anything. Nor need it between the modes: with
+    `blend` it is multilinear there too, as Filippov's is. e (d,), v (n,): work.
     """
     k = 0
     for i in range(s.size):
-        if abs(s[i]) > 1.0:
+        if abs(s[i]) > 1.0 or (blend and abs(s[i]) < 1.0):
             k += 1
     if k == 0:
         field(t, x, s, out)
@@ -43,7 +44,7 @@ def extended(field, t, x, s, e, v, out):
         weight, rest = 1.0, code
         for i in range(s.size):
             e[i] = s[i]
-            if abs(s[i]) > 1.0:
+            if abs(s[i]) > 1.0 or (blend and abs(s[i]) < 1.0):
                 e[i] = 1.0 if rest % 2 == 0 else -1.0
                 weight *= 0.5 * (1.0 + e[i] * s[i])
                 rest //= 2
@@ -54,10 +55,10 @@ def extended(field, t, x, s, e, v, out):
 
 
 @inner
-def residual(field, switch, t, h, x, y, s, slide, e, v, c, r):
+def residual(field, switch, blend, t, h, x, y, s, slide, e, v, c, r):
     """y - x - h F(t, y, s) and c_i(t, y) of the sliding surfaces, in r; calls made."""
     n = x.size
-    calls = extended(field, t, y, s, e, v, r[:n])
+    calls = extended(field, blend, t, y, s, e, v, r[:n])
     for i in range(n):
         r[i] = y[i] - x[i] - h * r[i]
     if c.size:
@@ -68,24 +69,24 @@ def residual(field, switch, t, h, x, y, s, slide, e, v, c, r):
 
 
 @inner
-def jacobian(field, switch, t, h, x, y, s, slide, e, v, c, r, q, J):
+def jacobian(field, switch, blend, t, h, x, y, s, slide, e, v, c, r, q, J):
     """Derivative of the residual r: one-sided differences in y; in s_i exact, as F is affine in each weight."""
     n, calls = x.size, 0
     for j in range(n):
         keep = y[j]
         y[j] = keep + 1.5e-8 * max(1.0, abs(keep))          # sqrt(eps): half of the digits, enough for Newton
-        calls += residual(field, switch, t, h, x, y, s, slide, e, v, c, q)
+        calls += residual(field, switch, blend, t, h, x, y, s, slide, e, v, c, q)
         for i in range(r.size):
             J[i, j] = (q[i] - r[i]) / (y[j] - keep)
         y[j] = keep
     for j in range(slide.size):
         keep = s[slide[j]]
         s[slide[j]] = 1.0
-        calls += residual(field, switch, t, h, x, y, s, slide, e, v, c, q)
+        calls += residual(field, switch, blend, t, h, x, y, s, slide, e, v, c, q)
         for i in range(n):
             J[i, n + j] = 0.5 * q[i]
         s[slide[j]] = -1.0
-        calls += residual(field, switch, t, h, x, y, s, slide, e, v, c, q)
+        calls += residual(field, switch, blend, t, h, x, y, s, slide, e, v, c, q)
         for i in range(n):
             J[i, n + j] -= 0.5 * q[i]
         s[slide[j]] = keep
@@ -95,7 +96,7 @@ def jacobian(field, switch, t, h, x, y, s, slide, e, v, c, r, q, J):
 
 
 @inner
-def newton(field, switch, t, h, x, mode, y, s, jump):
+def newton(field, switch, blend, t, h, x, mode, y, s, jump):
     """Solve one implicit step for a given mode, from (y, s), which are overwritten.
 
     jump (d,): displacement per unit of s_i, the size of a step's freedom on surface i. Returns converged, calls,
@@ -118,9 +119,9 @@ def newton(field, switch, t, h, x, mode, y, s, jump):
             s[i] = 0.0
     calls, last = 0, 0.0
     for it in range(NEWTON):
-        calls += residual(field, switch, t, h, x, y, s, slide, e, v, c, r)
+        calls += residual(field, switch, blend, t, h, x, y, s, slide, e, v, c, r)
         if it == 0 or last > 0.05:
-            calls += jacobian(field, switch, t, h, x, y, s, slide, e, v, c, r, q, J)
+            calls += jacobian(field, switch, blend, t, h, x, y, s, slide, e, v, c, r, q, J)
             for j in range(slide.size):
                 jump[slide[j]] = 0.0
                 for i in range(n):
@@ -172,7 +173,7 @@ def wrong(switch, t, y, mode, c, s, jump, new, e, noise):
 
 
 @inner
-def implicit_step(field, switch, t, h, x, mode, y, s):
+def implicit_step(field, switch, blend, t, h, x, mode, y, s):
     """x+ = x + h F(t, x+, s), s_i in Sgn(c_i(t, x+)): from the last mode by block pivots, else by trying all 3^d.
 
     A solution exists for small h (Kakutani: s -> Sgn(c(y(s))) on the box); where fields are not affine in the signs
@@ -195,7 +196,7 @@ def implicit_step(field, switch, t, h, x, mode, y, s):
                     s[i] = 0.5 if ((again - 1) >> i) % 2 == 0 else -0.5
             copy(x, y)
         copy(new, mode)
-        solved, more, its = newton(field, switch, t, h, x, mode, y, s, jump)
+        solved, more, its = newton(field, switch, blend, t, h, x, mode, y, s, jump)
         calls, inner = calls + more, inner + its
         if solved:
             if d:
@@ -213,7 +214,7 @@ def implicit_step(field, switch, t, h, x, mode, y, s):
 
 
 @njit(cache=True)
-def march_implicit(field, switch, t, substeps, x, d):
+def march_implicit(field, switch, blend, t, substeps, x, d):
     """Samples of one run of implicit Euler: X (K, n), integrals of theta (K, d), calls, iterations, status, time."""
     K, x = t.size, x.copy()
     X, W = np.full((K, x.size), np.nan), np.full((K, d), np.nan)
@@ -230,7 +231,7 @@ def march_implicit(field, switch, t, substeps, x, d):
         h = (t[k + 1] - t[k]) / substeps[k]
         for j in range(substeps[k]):
             after = t[k + 1] if j + 1 == substeps[k] else t[k] + (j + 1) * h
-            found, more, its = implicit_step(field, switch, after, h, x, mode, y, s)
+            found, more, its = implicit_step(field, switch, blend, after, h, x, mode, y, s)
             calls, inner = calls + more, inner + its
             if not found or health(y) != OK:
                 if not found:                               # a field that is no number on the way explains it

@@ -24,7 +24,6 @@ MISSED = 1e-7            # relative to the state: what walls may contradict each
 HALF = 0.5               # of the largest depth: where the run begins to violate its constraints as much
 CURVED = 0.05            # part of a depth that the curvature of constraints may make of it, as long as it is small
 MANY = 3000              # constraints: beyond, the linear program takes seconds
-THICK = 0.1              # of the largest slope of a switch: there its layer is ten times as thick, and thicker as it is refined
 FLAT = 1e-6              # gradient over its largest along the run: below it a constraint does not push but throws
 
 
@@ -73,23 +72,6 @@ def _rounded(case: Case, traj: Trajectory) -> Status | None:
     return Status("unverified", f"The roundings of {int(traj.stats['steps'])} steps of a state of {size:.3g} may add up to "
                                 f"{lost:.2g}, which is more than a hundredth of the motion: take longer steps, or a "
                                 "frame in which the state is not so large.")
-
-
-def flat_layer(case: Case, width: float, X: np.ndarray) -> str:
-    """Where a run of a Filippov system is within `width` of a surface whose switch is flat there, so that what is hidden
-    below `width` is no small length; "" if it is nowhere."""
-    from nsbench.solvers._sliding import Motion
-    motion = Motion(case.problem, float(case.t[0]), X[0].copy())
-    rows = np.arange(motion.d)
-    with np.errstate(all="ignore"):
-        steep = np.array([np.linalg.norm(motion.gradients(float(t), x, rows), axis=1) for t, x in zip(case.t, X, strict=True)])
-        inside = np.array([np.abs(motion.switch(float(t), x)) < width for t, x in zip(case.t, X, strict=True)])
-    found = np.argwhere(inside & (steep < THICK * steep.max(axis=0)))
-    if not len(found):
-        return ""
-    at, row = found[0]
-    return (f"At t = {case.t[at]:.6g} the state is in the layer of surface {row} where its switch is flat (a slope of "
-            f"{steep[at, row]:.2g}, elsewhere {steep[:, row].max():.2g})")
 
 
 def pace(problem, t: float, x: np.ndarray) -> float:

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import product
 
 import numpy as np
 
 from nsbench.compile import jax_function
 from nsbench.problem import Affine, Distance, Filippov, Smooth
+from nsbench.solvers._corners import corners, multilinear, surfaces
 
 DENSE = 4096              # entries up to which rows are a dense matrix: its zeros cost less than a scatter's calls
 
@@ -21,7 +21,7 @@ DENSE = 4096              # entries up to which rows are a dense matrix: its zer
 def constraint_ids(problem, n: int) -> list[tuple]:
     """Contact ids in the stated order, all pairs i < j listed; surfaces (0, i) for a Filippov system."""
     if isinstance(problem, Filippov):
-        return [(0, i) for i in range(_surfaces(problem, n))]
+        return [(0, i) for i in range(surfaces(problem, n))]
     return [name for k, c in enumerate(problem.constraints) for name in _ids(k, c, n)]
 
 
@@ -34,7 +34,7 @@ def _ids(k, c, n):
 def count(problem, n: int) -> int:
     """How many constraints there are, without listing pairs."""
     if isinstance(problem, Filippov):
-        return _surfaces(problem, n)
+        return surfaces(problem, n)
     total = 0
     for c in problem.constraints:
         if not isinstance(c, Distance):
@@ -119,8 +119,8 @@ def _filippov(problem: Filippov, n: int):
     """
     import jax.numpy as jnp
     field, switch = jax_function(problem.field), jax_function(problem.switch)
-    if not _multilinear(problem, n):
-        field = _blended(field, _surfaces(problem, n))
+    if not multilinear(problem, n):
+        field = _blended(field, surfaces(problem, n))
 
     def smoothed(t, x, k, lists):
         s = jnp.clip(k * switch(t, x), -1.0, 1.0)
@@ -128,36 +128,15 @@ def _filippov(problem: Filippov, n: int):
     return smoothed
 
 
-def _multilinear(problem: Filippov, n: int) -> bool:
-    """Whether the field is what its corners make of it, at some points drawn once; False where it is not finite."""
-    rng, field, d = np.random.default_rng(0), problem.field(np), _surfaces(problem, n)
-    with np.errstate(all="ignore"):
-        for _ in range(4):
-            t, x, s = rng.uniform(), rng.uniform(-1.0, 1.0, n), rng.uniform(-1.0, 1.0, d)
-            corners = np.array([field(t, x.copy(), q) for q in _corners(d)])
-            off = np.abs(np.prod(0.5 * (1.0 + _corners(d) * s), axis=1) @ corners - field(t, x.copy(), s))
-            if not np.all(off <= 1e-12 * (1.0 + np.abs(corners).max(axis=0))):
-                return False
-    return True
-
-
-def _corners(d: int) -> np.ndarray:
-    return np.array(list(product((1.0, -1.0), repeat=d)))
-
-
 def _blended(field: Callable, d: int) -> Callable:
     """The field that is multilinear in s and has the same values at its corners."""
     import jax
     import jax.numpy as jnp
-    corners = jnp.asarray(_corners(d))
+    signs = jnp.asarray(corners(d))
 
     def blended(t, x, s):
-        return jnp.prod(0.5 * (1.0 + corners * s), axis=1) @ jax.vmap(lambda q: field(t, x, q))(corners)
+        return jnp.prod(0.5 * (1.0 + signs * s), axis=1) @ jax.vmap(lambda q: field(t, x, q))(signs)
     return blended
-
-
-def _surfaces(problem: Filippov, n: int) -> int:
-    return problem.d if problem.d is not None else len(problem.switch(np)(0.0, np.full(n, 0.37)))
 
 
 def _rows(c, n: int) -> int:

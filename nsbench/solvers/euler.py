@@ -31,8 +31,9 @@ class Euler:
     Explicit: s_i is the sign of c_i(t, x), and +1 on the surface itself (c_i = 0 counts as the positive side).
     Implicit: s_i in Sgn(c_i(t + h, x+)), one small complementarity problem in each step: Newton's method for a sign
     pattern, pivots from the pattern of the last step, all 3^d patterns if they cycle. The impulse of surface i is the
-    sum of h theta_i, theta = (1 + s) / 2. Where several solutions of the step exist (repulsive surfaces) the pattern
-    of the last step wins. Without switching surfaces both are the textbook methods.
+    sum of h theta_i, theta = (1 + s) / 2. Between the modes the field is multilinear in s, made so where it is not. Where
+    several solutions of the step exist (repulsive surfaces) the pattern of the last step wins. Without switching surfaces
+    both are the textbook methods.
     Source: Acary & Brogliato, Numerical Methods for Nonsmooth Dynamical Systems (2008), chapters 9 and 10.
     """
     implicit: bool = False
@@ -61,7 +62,7 @@ class Euler:
         g = grid(case.t, h, last=case.exact_impulse is not None)
         loop, kernels, field, switch, d = _forms(case)
         march = kernels["march_implicit" if self.implicit else "march_explicit"]
-        args = (field, switch, g.t, g.substeps, case.x0.copy(), d)
+        args = (field, switch, *((_blends(case),) if self.implicit else ()), g.t, g.substeps, case.x0.copy(), d)
         if loop == "compiled":
             from numba import typeof
             march.compile(tuple(typeof(a) for a in args))
@@ -83,6 +84,12 @@ class Euler:
         return Trajectory(case.t, X, tuple((0, i) for i in range(W.shape[1])), W,
                           np.where(np.isnan(X), np.nan, 0.0) if smooth else np.empty((len(X), 0)),
                           _status(code, reached), stats=stats, lam_time="end" if self.implicit else "start", **lam)
+
+
+def _blends(case) -> bool:
+    """Whether the field has to be made multilinear between its modes."""
+    from nsbench.solvers._corners import multilinear
+    return isinstance(case.problem, Filippov) and not multilinear(case.problem, case.n)
 
 
 def _status(code, reached):

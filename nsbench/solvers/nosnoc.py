@@ -227,7 +227,8 @@ def _march(case, method, solver, contacts, turning, parts, step):
 
 def _unresolved(case, X, tol):
     """Can each switch change by more than the tolerance of complementarity, over all that the run moves?"""
-    from nsbench.solvers._doubts import flat_layer, pace
+    from nsbench.solvers._doubts import pace
+    from nsbench.solvers._flat_layer import flat_layer
     from nsbench.solvers._sliding import Motion
     motion, T = Motion(case.problem, float(case.t[0]), X[0].copy()), float(case.t[-1] - case.t[0])
     with np.errstate(all="ignore"):

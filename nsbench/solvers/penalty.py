@@ -7,7 +7,6 @@ import numpy as np
 
 from nsbench.case import Case
 from nsbench.problem import LCS, Affine, Complementarity, Distance, Filippov
-from nsbench.solvers._doubts import flat_layer
 from nsbench.solvers._extrapolation import combined, weights
 from nsbench.solvers.base import Claims, Expect, Run, check_positive
 from nsbench.solvers.start import start_state
@@ -250,6 +249,7 @@ def _status(penalty: Penalty, case: Case, k: float, asked: float, out: dict) -> 
 
 
 def _thick(case: Case, k: float, X: np.ndarray) -> Status:
+    from nsbench.solvers._flat_layer import flat_layer
     flat = flat_layer(case, 1.0 / k, X)
     return Status("unverified", f"{flat}: no error of size 1 / k is claimed there.") if flat else Status()
 

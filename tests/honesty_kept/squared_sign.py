@@ -23,4 +23,4 @@ CASE = Case(
     t=np.linspace(0.0, 2.0, 6),
 )
 
-BY = ("penalty", "penalty[extrapolate=1]", "event_driven")
+BY = ("penalty", "penalty[extrapolate=1]", "euler[implicit=true]", "event_driven")
