@@ -14,6 +14,7 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
+from nsbench import seen
 from nsbench.places import PACKAGE, ROOT, beside, elsewhere, inside, named_file, place_of, plugins
 
 LOOKUPS = {"solvers": ("get", "solve", "standard", "all_names", "load"),       # names that find others by a text
@@ -81,6 +82,7 @@ def direct(path: str, top: bool = False) -> frozenset[tuple[str, str]]:
 
 @functools.cache
 def _source(path: str) -> str:
+    seen.note(path)
     try:
         return Path(path).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError):

@@ -11,6 +11,8 @@ import stat
 import zlib
 from pathlib import Path
 
+from nsbench.trajectory import MACHINE
+
 SCHEMA = 1
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EMFILE, errno.ENFILE)     # the machine's fault, not the folder's
 
@@ -190,11 +192,11 @@ def as_read(row: dict) -> dict:
 
 
 def settled(row: dict, timeout: float | None) -> bool:
-    """Is this row final? A run that was killed (by whomever), ran out of memory, or had less time than `timeout` seconds
-    is tried again."""
+    """Is this row final? A run that was killed (by whomever), ran out of memory, met a fault of the machine (a full disk, a
+    missing file), or had less time than `timeout` seconds is tried again."""
     if row["status"] == "timeout":
         return timeout is not None and timeout <= row.get("limit", 0.0)
-    return row["status"] not in ("crashed", "oom")
+    return row["status"] not in ("crashed", "oom") and not (row["status"] == "error" and MACHINE in str(row.get("why", "")))
 
 
 def write_atomically(path: Path, data: bytes) -> None:

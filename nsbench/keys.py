@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
 
-from nsbench import imports, opened, places
+from nsbench import imports, opened, places, seen
 from nsbench.case import parse_spec
 
 ROOT = places.ROOT
@@ -56,14 +56,24 @@ def parts_of(spec, case) -> tuple[Part, ...]:
 
 
 def watched(spec, case) -> frozenset[str]:
-    """Paths of all files that a run depends on."""
-    return _common_needs().files | _solver_needs(spec.solver, spec.solver_files).files | _case_needs(case.source).files
+    """Paths of all files that a run depends on: those that are imported or opened, stored references, whether they are there
+    or not, and what tells the versions of libraries."""
+    from nsbench.reference.stored import files_of
+    return _watched(spec.solver, spec.solver_files, case.source, tuple(str(f) for f in files_of(case)))
+
+
+@functools.cache
+def _watched(solver: str, solver_files: tuple[str, ...], source: str, references: tuple[str, ...]) -> frozenset[str]:
+    found = _common_needs(), _solver_needs(solver, solver_files), _case_needs(source)
+    told = map(_told_by, _with_theirs({name for f in found for name in f.libraries}))
+    return frozenset({*references, *filter(None, told)}.union(*(f.files for f in found)))
 
 
 def forget() -> None:
     """Files are read again from now on: for a process that outlives an edit."""
     imports.forget()
-    for f in (_common, _common_needs, _of_solver, _solver_needs, _of_case, _case_needs, _content):
+    seen.forget()
+    for f in (_common, _common_needs, _of_solver, _solver_needs, _of_case, _case_needs, _content, _watched):
         f.cache_clear()
 
 
@@ -119,7 +129,10 @@ def _of_case(source: str, references: tuple[str, ...]) -> Part:
 
 def _references(case) -> tuple[str, ...]:
     from nsbench.reference.stored import files_of
-    return tuple(str(f) for f in files_of(case) if f.exists())
+    files = [str(f) for f in files_of(case)]
+    for f in files:
+        seen.note(f)
+    return tuple(f for f in files if os.path.exists(f))
 
 
 def _files(paths, home: Path) -> dict[str, str]:
@@ -135,27 +148,33 @@ def _files(paths, home: Path) -> dict[str, str]:
 
 @functools.cache
 def _content(path: str) -> str:
-    try:
-        with open(path, "rb") as f:
-            return hashlib.file_digest(f, "sha256").hexdigest()[:16]
-    except OSError as e:
-        return f"cannot be read: {e.strerror}"
+    seen.note(path)
+    return seen.digest(path)
 
 
 def _libraries(names) -> dict[str, str]:
     """Versions of libraries and of all they depend on, and the settings they look at."""
-    todo, out = sorted(names), {}
-    while todo:
-        name = todo.pop()
-        if name in out:
-            continue
-        out[name], more = version(name)
-        todo += more
+    out = {}
+    for name in _with_theirs(names):
+        out[name] = version(name)[0]
+        if told := _told_by(name):
+            seen.note(told)
     settings = {f"setting {k}": v for k, v in os.environ.items() if not HARMLESS.match(k)
                 and any(k.startswith(p) for lib, starts in SETTINGS.items() if lib in out for p in starts)}
     if "jax" in out:
         settings |= _accelerator()
     return out | settings
+
+
+def _with_theirs(names) -> list[str]:
+    """The libraries and all they depend on."""
+    todo, out = sorted(names), []
+    while todo:
+        name = todo.pop()
+        if name not in out:
+            out.append(name)
+            todo += version(name)[1]
+    return out
 
 
 @functools.cache
@@ -167,6 +186,16 @@ def version(name: str) -> tuple[str, tuple[str, ...]]:
         return "not installed", ()
     needed = [re.match(r"[A-Za-z0-9._-]+", r) for r in found.requires or () if "extra ==" not in r]
     return found.version, tuple(m[0].lower() for m in needed if m)
+
+
+@functools.cache
+def _told_by(name: str) -> str:
+    """The file that tells the version of a library; another version brings another file."""
+    try:
+        folder = getattr(metadata.distribution(NAMES.get(name, name)), "_path", None)
+    except (metadata.PackageNotFoundError, ValueError):
+        return ""
+    return str(folder / "METADATA") if isinstance(folder, Path) else ""
 
 
 @functools.cache

@@ -9,13 +9,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from nsbench import solvers
+from nsbench import opened, solvers
 from nsbench.case import Case, case_module, case_names, get_case, load_case
 from nsbench.describe import describe_case, describe_solver
 from nsbench.misfit import misfit
 from nsbench.solvers._doubts import doubted
 from nsbench.solvers.start import NoStart
-from nsbench.trajectory import Status, Trajectory
+from nsbench.trajectory import Status, Trajectory, fault_of_machine
 
 POINTS, OCTAVES = 19, 6
 NUDGE = 1e-12                 # relative to each coordinate, or to 1: far above rounding, far below any error that counts
@@ -29,6 +29,7 @@ class Spec:
     """One run to attempt: a case by key (or by file), a solver by spec, its accuracy (NaN: refused).
 
     nudge: not 0 starts it NUDGE away from the case's start, in a direction drawn with this seed; such a run is not timed.
+    parts: digests of what it is made of (nsbench.keys) where it was asked for, for who computes it elsewhere.
     """
     case: str
     solver: str
@@ -37,6 +38,7 @@ class Spec:
     file: str = ""                 # case file outside the package
     solver_files: tuple[str, ...] = ()
     nudge: int = 0
+    parts: tuple[str, ...] = dataclasses.field(default=(), compare=False, repr=False)
 
     @property
     def label(self) -> str:
@@ -163,14 +165,18 @@ def timed_again(spec: Spec, row: dict) -> bool:
 
 def attempt(spec: Spec, announce: Callable[[str], None] = lambda what: None):
     """One run: its row and, if it can be timed again, the zero-argument run. Failures are rows, whatever raised."""
+    with opened.by_run(*filter(None, [spec.file, *spec.solver_files])):
+        return _attempt(spec, announce)
+
+
+def _attempt(spec, announce):
     from nsbench.measure import clock
     row = {"case": spec.case, "solver": spec.solver, "accuracy": spec.accuracy, "asked": spec.asked, "h": spec.asked}
     announce("prepare")
     try:
-        for f in spec.solver_files:
-            if f not in _files_loaded:
-                solvers.load(f)
-                _files_loaded.add(f)
+        for f in (f for f in spec.solver_files if f not in _files_loaded):
+            solvers.load(f)
+            _files_loaded.add(f)
         case, method = resolve(spec.case, spec.file), solvers.get(spec.solver)
         why = method.refuses(case)
         if why:
@@ -226,7 +232,7 @@ def _raised(e: Exception, when: str = "") -> Status:
         return Status(e.code, f"No start: {e}.")
     if isinstance(e, MemoryError) or "RESOURCE_EXHAUSTED" in str(e):
         return Status("oom", f"{when}Out of memory: {e}")
-    return Status("error", f"{when}{type(e).__name__}: {e}")
+    return Status("error", f"{when}{type(e).__name__}: {e}{fault_of_machine(e)}")
 
 
 def nudged(case: Case, seed: int) -> Case:
@@ -270,8 +276,8 @@ def run(cases, solver_specs=None, *, h=None, tol=None, k=None) -> Study:
     h, tol, k: accuracies that replace the standard ladders. The command line runs the same rows in supervised
     workers with a journal.
     """
-    given = dict.fromkeys([cases] if isinstance(cases, (str, Case)) else cases)
-    found = [(c.key, _hand_over(c)) if isinstance(c, Case) else (c, "") for c in given]
+    found = [(c.key, _hand_over(c)) if isinstance(c, Case) else (c, "")
+             for c in dict.fromkeys([cases] if isinstance(cases, (str, Case)) else cases)]
     if len({key for key, _ in found}) < len(found):
         raise ValueError(f"two cases are named alike: {', '.join(sorted(key for key, _ in found))}")
     names = [solver_specs] if isinstance(solver_specs, str) else solver_specs

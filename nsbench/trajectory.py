@@ -1,12 +1,16 @@
 """What a run returns: samples, impulses, events, a status and counted work."""
 from __future__ import annotations
 
+import errno
+import os
 from dataclasses import dataclass, field
 
 import numpy as np
 
 STATUSES = ("ok", "unverified", "below_reference", "refused", "diverged", "nan", "infeasible", "degenerate",
             "chatter", "maxiter", "timeout", "oom", "crashed", "error")
+MACHINE = "a fault of the machine"       # in the sentence of an "error" that may be gone when the run is made again
+SHORT = (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EAGAIN)
 
 
 @dataclass(frozen=True)
@@ -58,3 +62,15 @@ class Trajectory:
     lam_time: str = "mean"
     lam: np.ndarray | None = None
     lam_h: np.ndarray | None = None
+
+
+def fault_of_machine(e: BaseException) -> str:
+    """The end of a sentence if files, disk or threads of the machine are behind what was raised, however a library tells it;
+    "" if not."""
+    words, told, below = [*map(os.strerror, SHORT), "can't start new thread"], set(), e
+    while below is not None and id(below) not in told:
+        if isinstance(below, OSError) or any(w in str(below) for w in words):
+            return f" ({MACHINE})" if below is e else f" ({MACHINE}: {type(below).__name__}: {below})"
+        told.add(id(below))
+        below = below.__cause__ or below.__context__
+    return ""

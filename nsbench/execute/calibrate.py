@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from nsbench import keys, store, study
+from nsbench.execute.filed import Filed, changed_data
 from nsbench.execute.local import run_all
 from nsbench.gate import spreads
 from nsbench.gate.baseline import GATEABLE, line
@@ -55,17 +56,20 @@ def specs_of(data: Data) -> list[study.Spec]:
 def _again(specs, folder: Path, threads: int, args, data: Data) -> Data:
     """The rows of one pass, journalled like those of a study, so that a pass that was stopped goes on."""
     cases = {s.case: study.resolve(s.case) for s in specs}
-    found = {s: keys.key_of(s, keys.parts_of(s, cases[s.case])) for s in specs}
+    keys.forget()
+    parts = {s: keys.parts_of(s, cases[s.case]) for s in specs}
+    found = {s: keys.key_of(s, parts[s]) for s in specs}
     journal = store.Journal(folder)
-    rows = store.read_journal(folder)
+    entries = Filed(journal, found, parts, {(s.case, s.file): cases[s.case] for s in specs})
+    stale = {found[s] for s in changed_data(folder, specs, found)}
+    rows = {k: row for k, row in store.read_journal(folder).items() if k not in stale}
     todo = [s for s in specs if found[s] not in rows]
     by_case: dict[str, list] = {}
     for s in todo:
         by_case.setdefault(s.case, []).append(s)
 
     def on_row(spec, row):
-        rows[found[spec]] = row
-        journal.append(found[spec], row)
+        rows[found[spec]] = entries.row(spec, row)
     try:
         jobs = args.jobs or max(1, min(2, (os.cpu_count() or 1) // threads))         # no more threads than cores
         run_all([*by_case.values()], jobs, args.timeout, on_row, threads=threads)

@@ -13,7 +13,7 @@ import nsbench
 from nsbench import describe, size, store, study
 from nsbench import keys as key
 from nsbench.case import parse_spec
-from nsbench.execute import plan
+from nsbench.execute import filed, plan
 from nsbench.execute.local import Chore, run_all
 from nsbench.execute.progress import Progress
 
@@ -23,22 +23,25 @@ RUN, EVENTS, IN_PYTHON = 1e4, 1e4, 1e3     # in steps of one coordinate (0.1 us)
 
 def execute(specs, out: Path, args, say) -> int:
     """Run what is not known yet and write DIR/{journal.jsonl, runs.*, env.json, report.*, figures/}; the exit code."""
+    key.forget()                                         # this process may have made keys before somebody edited a file
     cases = {(s.case, s.file): study.resolve(s.case, s.file) for s in specs}
     parts = {s: key.parts_of(s, cases[s.case, s.file]) for s in specs}
     keys = {s: key.key_of(s, parts[s]) for s in specs}
     _folder(out)
     plan.admit({c.key: size.size_of(c) for c in cases.values()}, args)
     if args.plan:
-        known = {} if args.force else _known(out, args, say)
+        known = {} if args.force else _known(out, specs, keys, args, say)
         return plan.tell(specs, cases, parts, keys, known, out, args, say)
     with contextlib.closing(store.Journal(out)) as journal:          # from here on nobody else writes there
-        known = {} if args.force else _known(out, args, say)
+        known = {} if args.force else _known(out, specs, keys, args, say)
         rows = {keys[s]: known[keys[s]] for s in specs if keys[s] in known}
         todo = [s for s in specs if keys[s] not in known]
         drawn = set()
         if todo:
             say(f"{len(todo)} runs ({len(rows)} known already), results in {out}")
-            drawn = _run(todo, keys, parts, rows, journal, args, say, [*cases], out)
+            entries = filed.Filed(journal, keys, parts, cases, here=args.dask is None)
+            drawn = _run(todo, keys, entries, rows, args, say, [*cases], out)
+            entries.tell(say)
         ordered = [rows[keys[s]] for s in specs if keys[s] in rows]
         path = publish(out, ordered, cases, fresh=bool(todo), say=say, drawn=drawn)
     failed = [r for r in ordered if r["status"] not in EXPECTED]
@@ -56,17 +59,17 @@ def _folder(out: Path) -> None:
         raise ValueError(f"{out} is a link to {os.readlink(out)}, which does not exist; a folder is needed")
 
 
-def _known(out: Path, args, say) -> dict[str, dict]:
-    """Rows by key that need not be run again: those of the journal, but for what was killed or had less time."""
+def _known(out: Path, specs, keys, args, say) -> dict[str, dict]:
+    """Rows by key that need not be made again (nsbench.execute.filed)."""
     damaged: list[int] = []
-    rows = store.read_journal(out, damaged)
+    rows = filed.known(out, specs, keys, args.timeout, damaged)
     if damaged:
         few = ", ".join(map(str, damaged[:5])) + (", ..." if len(damaged) > 5 else "")
         say(f"{out / 'journal.jsonl'}: {len(damaged)} damaged line(s) left out ({few}); their runs are made again")
-    return {key: row for key, row in rows.items() if store.settled(row, args.timeout)}
+    return rows
 
 
-def _run(todo, keys, parts, rows, journal, args, say, cases, out):
+def _run(todo, keys, entries, rows, args, say, cases, out):
     """The rows of `todo`; the pictures that were drawn on the way, as (case, file)."""
     session = secrets.token_hex(6)                       # seconds of one session were measured side by side
     batches = [list(g) for _, g in groupby(todo, key=lambda s: (s.case, s.file))]
@@ -76,8 +79,7 @@ def _run(todo, keys, parts, rows, journal, args, say, cases, out):
 
     def on_row(spec, row):
         first = keys[spec] not in rows
-        rows[keys[spec]] = row = store.as_read(row | {"session": session})
-        journal.append(keys[spec], row, parts[spec])
+        rows[keys[spec]] = row = entries.row(spec, store.as_read(row | {"session": session}))
         if first:
             outputs.none(spec)
             bar.step(spec.label, row["status"])
@@ -86,7 +88,8 @@ def _run(todo, keys, parts, rows, journal, args, say, cases, out):
     try:
         if args.dask is not None:
             from nsbench.execute import cluster
-            return {*cluster.run_all(batches, args.dask, args.timeout, on_row, args.memory, outputs.write)}
+            return {*cluster.run_all(batches, args.dask, args.timeout, on_row, args.memory, outputs.write,
+                                      entries.parts)}
         return {c.args[:2] for c in run_all(batches, jobs, args.timeout, on_row, _chores(cases, out),
                                             most=args.memory, on_output=outputs.write)}
     finally:

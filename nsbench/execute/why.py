@@ -4,6 +4,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from nsbench import store
+from nsbench.execute.filed import READ, TOUCHED, changed_data
 from nsbench.keys import Part
 from nsbench.study import Spec
 
@@ -15,7 +16,7 @@ def reasons(specs: list[Spec], parts: dict[Spec, tuple[Part, ...]], keys: dict[S
             force: bool) -> dict[Spec, str]:
     """For every run a few words why it is to be made, "" where its row is reused. known: rows by key that may be reused."""
     made, items = store.read_parts(out)
-    rows = store.read_journal(out)
+    rows, data = store.read_journal(out), changed_data(out, specs, keys)
     pairs = {key[:2] for key in made}
     told: dict[tuple, str] = {}           # runs of one case and solver have changed alike
     answer = {}
@@ -25,7 +26,9 @@ def reasons(specs: list[Spec], parts: dict[Spec, tuple[Part, ...]], keys: dict[S
             answer[s] = ""
         elif was is None:
             answer[s] = SIZE if (s.case, s.solver) in pairs else NEW
-        elif keys[s] in rows:
+        elif s in data and not force:
+            answer[s] = "; ".join(f"{name.partition(': ')[2]} changed" for name in data[s])
+        elif keys[s] in rows and was and not _touched(was, items):
             answer[s] = "forced" if force else f"ended with {rows[keys[s]].get('status')}"
         else:
             now = tuple(p.digest for p in parts[s])
@@ -35,9 +38,17 @@ def reasons(specs: list[Spec], parts: dict[Spec, tuple[Part, ...]], keys: dict[S
     return answer
 
 
+def _touched(was: list[str], items: dict[str, dict]) -> str:
+    """The files that changed while the last row was made, of which it is therefore not certain what made it."""
+    return next((items[d][TOUCHED] for d in was if TOUCHED in items.get(d, ())), "")
+
+
 def _changes(old: list[dict | None], new: list[dict]) -> str:
     if not old or any(o is None for o in old):
         return OTHER
+    old = [{k: v for k, v in part.items() if not k.startswith(READ)} for part in old]
+    if touched := next((part[TOUCHED] for part in old if TOUCHED in part), ""):
+        return f"{touched} {TOUCHED}"
     before, after = ({k: v for part in parts for k, v in part.items()} for parts in (old, new))
     words = [_change(k, before.get(k), after.get(k)) for k in sorted(before.keys() | after.keys())
              if before.get(k) != after.get(k)]

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from nsbench.execute import memory
+from nsbench.execute.filed import read_by
 from nsbench.execute.once import share_compilation
 from nsbench.execute.orphan import go_with
 from nsbench.execute.printed import NOBODY
@@ -54,7 +55,9 @@ def work(pipe, printed, word: bytes, parent: int, locks: str, seconds: float | N
                 around.prints(NOBODY)
                 more = seconds is None and i not in rounds and timed_again(task[i], row)
                 rounds |= {i} if more else set()
-                pipe.send(("first" if more else "row", i, {k: _plain(v) for k, v in row.items()} | {"warnings": warned[i]}))
+                read = read_by(task[i])
+                pipe.send(("first" if more else "row", i, {k: _plain(v) for k, v in row.items()} | {"warnings": warned[i]}
+                           | ({"read": read} if read else {})))
             pipe.send(("done", -1, None))
 
 
