@@ -62,6 +62,11 @@ def watched(spec, case) -> frozenset[str]:
     return _watched(spec.solver, spec.solver_files, case.source, tuple(str(f) for f in files_of(case)))
 
 
+def foreign(*paths: str) -> list[str]:
+    """All files that case or solver files depend on and that neither this package nor a library brings, themselves included."""
+    return sorted(p for p in _with_data(*paths).files if places.is_foreign(p))
+
+
 @functools.cache
 def _watched(solver: str, solver_files: tuple[str, ...], source: str, references: tuple[str, ...]) -> frozenset[str]:
     found = _common_needs(), _solver_needs(solver, solver_files), _case_needs(source)

@@ -129,9 +129,8 @@ def plan(cases: Iterable[tuple[str, str]], specs: Iterable[str] | None, values: 
                 out.append(Spec(key, spec, method.accuracy, float("nan"), file, solver_files))
                 continue
             asked = (values or {}).get(method.accuracy) or ladder(case, method)
-            if values and method.accuracy == "h":
-                for h in asked:
-                    solvers.grid(case.t, h)          # a step that cannot be taken is told before anything runs
+            for h in asked if values and method.accuracy == "h" else ():
+                solvers.grid(case.t, h)              # a step that cannot be taken is told before anything runs
             out += [Spec(key, spec, method.accuracy, float(a), file, solver_files) for a in asked]
     return out
 
@@ -169,15 +168,18 @@ def attempt(spec: Spec, announce: Callable[[str], None] = lambda what: None):
         return _attempt(spec, announce)
 
 
+def found(spec: Spec):
+    """The case of the spec and its method; raises what their files raise."""
+    _files_loaded.update(f for f in spec.solver_files if f not in _files_loaded and solvers.load(f))
+    return resolve(spec.case, spec.file), solvers.get(spec.solver)
+
+
 def _attempt(spec, announce):
     from nsbench.measure import clock
     row = {"case": spec.case, "solver": spec.solver, "accuracy": spec.accuracy, "asked": spec.asked, "h": spec.asked}
     announce("prepare")
     try:
-        for f in (f for f in spec.solver_files if f not in _files_loaded):
-            solvers.load(f)
-            _files_loaded.add(f)
-        case, method = resolve(spec.case, spec.file), solvers.get(spec.solver)
+        case, method = found(spec)
         why = method.refuses(case)
         if why:
             return row | _status(Status("refused", why)), None
@@ -215,15 +217,14 @@ def _told(spec: Spec, case: Case, traj: Trajectory) -> dict:
 
 
 def run_one(spec: Spec, announce: Callable[[str], None] = lambda what: None) -> dict:
-    """The row of one run, wherever and whenever it is computed: it depends on nothing but the spec and what the spec
-    names (but for the columns of the clock). announce(what): what is done now."""
+    """The row of one run, which depends on nothing but the spec and what it names (but for the columns of the clock)."""
     return attempt(spec, announce)[0]
 
 
 def lost(spec: Spec, status: str, why: str) -> dict:
     """The row of a run whose process ended before it could tell one."""
-    return {"case": spec.case, "solver": spec.solver, "accuracy": spec.accuracy, "asked": spec.asked,
-            "h": 1.0 / spec.asked if spec.accuracy == "k" else spec.asked, "status": status, "why": why}
+    h = 1.0 / spec.asked if spec.accuracy == "k" else spec.asked
+    return dict(case=spec.case, solver=spec.solver, accuracy=spec.accuracy, asked=spec.asked, h=h, status=status, why=why)
 
 
 def _raised(e: Exception, when: str = "") -> Status:
@@ -276,17 +277,16 @@ def run(cases, solver_specs=None, *, h=None, tol=None, k=None) -> Study:
     h, tol, k: accuracies that replace the standard ladders. The command line runs the same rows in supervised
     workers with a journal.
     """
-    found = [(c.key, _hand_over(c)) if isinstance(c, Case) else (c, "")
-             for c in dict.fromkeys([cases] if isinstance(cases, (str, Case)) else cases)]
-    if len({key for key, _ in found}) < len(found):
-        raise ValueError(f"two cases are named alike: {', '.join(sorted(key for key, _ in found))}")
+    given = dict.fromkeys([cases] if isinstance(cases, (str, Case)) else cases)
+    these = [(c.key, _hand_over(c)) if isinstance(c, Case) else (c, "") for c in given]
+    if len({key for key, _ in these}) < len(these):
+        raise ValueError(f"two cases are named alike: {', '.join(sorted(key for key, _ in these))}")
     names = [solver_specs] if isinstance(solver_specs, str) else solver_specs
     values = {n: list(np.atleast_1d(v)) for n, v in (("h", h), ("tol", tol), ("k", k)) if v is not None}
-    rows: list[dict] = []
-    session = secrets.token_hex(6)
-    for key, file in found:
+    rows, session = [], secrets.token_hex(6)
+    for key, file in these:
         specs = plan([(key, file)], names, values)
         done = dict(run_batch(specs))
         rows += [done[i] | {"session": session} for i in sorted(done)]
-    return Study(rows, {key: describe_case(resolve(key, file)) for key, file in found},
+    return Study(rows, {key: describe_case(resolve(key, file)) for key, file in these},
                  {spec: describe_solver(spec) for spec in dict.fromkeys(r["solver"] for r in rows)})

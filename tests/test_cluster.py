@@ -1,14 +1,18 @@
 """A cluster gives the rows that this machine gives, whatever becomes of its workers, and keeps little of them here."""
+import dataclasses
 import os
 import signal
+import sys
 import threading
 import time
+from pathlib import Path
 
 import pytest
 from local_cluster import cluster
+from solver_file import solver
 from test_execute import SOLVER
 
-from nsbench import store
+from nsbench import keys, solvers, store
 from nsbench.cli import main
 from nsbench.execute import cluster as far
 from nsbench.execute import local, watched
@@ -115,7 +119,7 @@ def test_a_task_that_comes_after_its_study_was_stopped_is_not_begun(tmp_path):
     file = tmp_path / "bad.py"
     file.write_text(SOLVER)
     hang, fine = (Spec("tide", f"bad[how={how}]", "h", 0.01, "", (str(file),)) for how in ("hang", "fine"))
-    arguments = 600.0, None, "study", watched.fingerprint(), {str(file): SOLVER}
+    arguments = 600.0, None, "study", watched.fingerprint(), [{str(file): SOLVER.encode()}]
     rows = []
     thread = threading.Thread(target=lambda: rows.append(watched.rows_of([hang, fine], *arguments)))
     thread.start()
@@ -154,15 +158,98 @@ class _Deaf:
         return {"tcp://there": ModuleNotFoundError("No module named 'nsbench'")}
 
 
-def test_files_are_used_where_they_lie_or_as_copies_of_their_text(tmp_path):
-    file = tmp_path / "bad.py"
+def test_files_are_used_where_they_lie_or_as_copies_that_lie_alike(tmp_path, monkeypatch):
+    file, data = tmp_path / "bad.py", tmp_path / "data" / "x.txt"
     file.write_text(SOLVER)
-    spec, gone = Spec("tide", "bad[how=fine]", "h", 0.01, "", (str(file),)), str(tmp_path / "other" / "bad.py")
-    assert watched._placed([spec], {str(file): SOLVER}) == [spec]
-    other = Spec("tide", "bad[how=fine]", "h", 0.01, "", (gone,))
-    copy = watched._placed([other], {gone: SOLVER})[0]
+    unit = {str(file): SOLVER.encode(), str(data): b"1"}
+    data.parent.mkdir()
+    data.write_text("1")
+    assert watched._placed([unit]) == {str(file): str(file), str(data): str(data)}
+    data.write_text("2")
+    places = [Path(p) for p in watched._placed([unit]).values()]
+    assert [p.read_bytes() for p in places] == [*unit.values()] and places[1].parent.parent == places[0].parent != tmp_path
+    gone = str(tmp_path / "other" / "bad.py")
+    copy, = watched._moved([Spec("tide", "bad[how=fine]", "h", 0.01, "", (gone,))], watched._placed([{gone: SOLVER.encode()}]))
     assert copy.solver_files[0] != gone and run_one(copy)["status"] == "ok"
-    assert watched._placed([spec], {str(file): SOLVER + "\n"})[0].solver_files != spec.solver_files
+    with pytest.raises(watched.OtherInstallation, match="x.txt, too large to be sent, is not the same there"):
+        watched._placed([{str(file): SOLVER.encode(), str(data): "0" * 16}])
+
+
+BEFORE = """
+HOME = os.path.dirname(__file__)
+sys.path.insert(0, HOME)
+import beside, pluggy
+with open(os.path.join(HOME, "ta" + "ble.txt")) as file:
+    D = float(file.read())
+"""
+
+
+def study(file, out, address):
+    return main(["run", "tide", "--solvers", str(file), "-s", file.stem, "--h", "0.1,0.05", "-o", str(out), "--dask", address])
+
+
+@pytest.fixture
+def plugin(tmp_path, monkeypatch):
+    """A solver file with a module and data beside it."""
+    monkeypatch.setattr(solvers, "_loaded", {})
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    (tmp_path / "beside.py").write_text("C = 1.0\n")
+    (tmp_path / "table.txt").write_text("10.0")
+    file = tmp_path / "mine.py"
+    file.write_text(solver("pass", before=BEFORE, stats='{"mark": beside.C + D}'))
+    yield file
+    sys.modules.pop("beside", None)
+    keys.forget()
+
+
+def sent(monkeypatch, tmp_path, change=lambda path, content: content):
+    """As if the client's folder were one that workers do not have. change(path, content): what arrives there instead."""
+    unit, asked, away = far._Work._unit, far._Work._asked, lambda f: f.replace(str(tmp_path), "/not/there")
+    monkeypatch.setattr(far._Work, "_unit", lambda self, names: {away(f): change(f, c) for f, c in unit(self, names).items()})
+    monkeypatch.setattr(far._Work, "_asked", lambda self, spec: dataclasses.replace(
+        asked(self, spec), solver_files=tuple(map(away, spec.solver_files))))
+
+
+@pytest.mark.survives("stale")
+def test_modules_and_data_beside_a_file_travel_with_it(address, plugin, tmp_path, monkeypatch):
+    with monkeypatch.context() as m:
+        sent(m, tmp_path)
+        assert study(plugin, tmp_path / "r", address) == 0
+    assert [r["mark"] for r in store.read_journal(tmp_path / "r").values()] == [11.0, 11.0]
+
+
+@pytest.mark.survives("stale")
+@pytest.mark.parametrize("name", ["beside.py", "table.txt"])
+def test_a_row_of_other_files_than_the_client_has_is_refused(address, plugin, tmp_path, monkeypatch, capsys, name):
+    with monkeypatch.context() as m:
+        sent(m, tmp_path, lambda path, content: content + b" " if path.endswith(name) else content)
+        assert study(plugin, tmp_path / "r", address) == 5
+    assert f" of something else: {name} has other contents" in capsys.readouterr().err
+    assert not store.read_journal(tmp_path / "r")
+
+
+@pytest.mark.survives("stale")
+def test_a_worker_with_another_library_or_package_on_its_disk_is_refused(address, plugin, tmp_path, monkeypatch, capsys):
+    """Of a library that only a plugin needs, and of files that the worker has loaded long before."""
+    version, content = keys.version, keys._content
+    with monkeypatch.context() as m:
+        m.setattr(keys, "version", lambda name: ("0.0", ()) if name == "pluggy" else version(name))
+        assert study(plugin, tmp_path / "r", address) == 5
+    assert "pluggy is " in (said := capsys.readouterr().err) and "(here 0.0)" in said
+    with monkeypatch.context() as m:
+        changed = keys.functools.cache(lambda path: "0" * 16 if path.endswith("errors.py") else content(path))
+        m.setattr(keys, "_content", changed)
+        assert study(plugin, tmp_path / "r", address) == 5
+    assert "nsbench/measure/errors.py has other contents" in capsys.readouterr().err
+    assert not store.read_journal(tmp_path / "r")
+
+
+@pytest.mark.survives("stale")
+def test_a_file_that_changes_there_while_it_is_used_is_told(address, plugin, tmp_path, capsys):
+    plugin.write_text(solver("os.utime(os.path.join(HOME, 'beside.py'))", before=BEFORE))
+    assert study(plugin, tmp_path / "r", address) == 5
+    assert "beside.py changed there while it was used" in capsys.readouterr().err
+    assert not store.read_journal(tmp_path / "r")
 
 
 def test_without_an_address_that_answers_it_is_said_soon(tmp_path, capsys, monkeypatch):

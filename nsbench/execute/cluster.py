@@ -1,6 +1,7 @@
 """Rows computed by the workers of an existing Dask cluster, as `nsbench.execute.local` computes them here.
 
-Runs are sent as data (specifications; case and solver files as text), never as code, to workers that have the same package.
+Runs are sent as data (specifications; case and solver files, with modules and data beside them), never as code, to workers that
+have the same package. What a run is made of is looked at again where it is made (nsbench.execute.here).
 A task is a list of runs of which a worker does what it can within a slice of time; what is left goes back to the queue, so
 that rows come soon, however long runs are, and no task holds more than MOST rows. Only a few tasks per thread are under
 way, each is forgotten as soon as its rows were handed on, and specifications are taken from their iterator as they are
@@ -15,14 +16,18 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import dataclasses
+import os
 import secrets
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import chain, islice
+from pathlib import Path
 
+from nsbench import keys, seen
 from nsbench.execute import stop
-from nsbench.execute.watched import OtherInstallation, dismiss, fingerprint, rows_of, unlike
+from nsbench.execute.watched import LARGE, OtherInstallation, dismiss, fingerprint, rows_of, unlike
 from nsbench.study import Spec, lost
 
 CONNECT = 4.0             # seconds to answer in
@@ -40,10 +45,12 @@ class ClusterError(Exception):
 
 def run_all(batches: Iterable[Iterable[Spec]], address: str, timeout: float | None,
             on_row: Callable[[Spec, dict], None], most: int | None = None,
-            on_output: Callable[[Spec, bytes], None] = lambda spec, text: None) -> list:
+            on_output: Callable[[Spec, bytes], None] = lambda spec, text: None,
+            parts: Mapping[Spec, tuple[keys.Part, ...]] | None = None) -> list:
     """Rows of all batches, handed to on_row(spec, row) as they come, marked as `shared`: seconds on workers that do who
     knows what else are no measurement. most: bytes that a run may hold (None: its processor's share of the worker's
-    machine); on_output is told what a run has printed, if anything, before on_row. Returns [], the chores done; the cluster
+    machine); on_output is told what a run has printed, if anything, before on_row; parts: what the runs are made of here: a
+    worker that finds anything else in its place is refused. Returns [], the chores done; the cluster
     is left as it was. A signal that stops the program takes effect between two rows.
 
     Raises ClusterError (no answer, no workers, workers that are not like this installation), ValueError (no such address,
@@ -52,7 +59,7 @@ def run_all(batches: Iterable[Iterable[Spec]], address: str, timeout: float | No
     with connected(address) as client, stop.held():
         here = fingerprint()
         _check(client, address, here)
-        work = _Work(client, address, timeout, chain.from_iterable(batches), here, most)
+        work = _Work(client, address, timeout, chain.from_iterable(batches), here, most, parts)
         try:
             for spec, row, text in work.rows():
                 if text:
@@ -110,9 +117,10 @@ class _Work:
     """The runs that are still to do, and the tasks under way."""
 
     def __init__(self, client, address: str, timeout: float | None, specs: Iterator[Spec], here: dict[str, str],
-                 most: int | None = None):
+                 most: int | None = None, parts: Mapping | None = None):
+        self.parts = parts or {}
         self.client, self.address, self.timeout, self.here, self.most = client, address, timeout, here, most
-        self.owner, self.texts = secrets.token_hex(6), {}
+        self.owner, self.units = secrets.token_hex(6), {}
         self.specs, self.rest = specs, deque()           # not taken yet; given back by tasks that ran out of time
         self.suspects = deque()                          # runs of tasks that lost their workers
         self.flying: dict = {}                           # by future: its specs, and whether it is alone on the cluster
@@ -148,14 +156,25 @@ class _Work:
         return ([self.suspects.popleft()], True) if self.suspects and not self.flying else None
 
     def _send(self, specs: list[Spec], alone: bool) -> None:
-        files = {f for s in specs for f in (s.file, *s.solver_files) if f}
-        for f in files - self.texts.keys():
-            with open(f, encoding="utf-8", newline="") as file:
-                self.texts[f] = file.read()
+        owners = dict.fromkeys(names for s in specs for names in ((s.file,), s.solver_files) if any(names))
+        units = [self._unit(names) for names in owners]
+        asked = [self._asked(s) for s in specs]
         self.sent += 1
-        future = self.client.submit(rows_of, specs, self.timeout, self.most, self.owner, self.here,
-                                    {f: self.texts[f] for f in files}, key=f"nsbench-{self.owner}-{self.sent}", pure=False)
+        future = self.client.submit(rows_of, asked, self.timeout, self.most, self.owner, self.here, units,
+                                    key=f"nsbench-{self.owner}-{self.sent}", pure=False)
         self.flying[future] = specs, alone
+
+    def _asked(self, spec: Spec) -> Spec:
+        return dataclasses.replace(spec, parts=tuple(p.digest for p in self.parts.get(spec, ())))
+
+    def _unit(self, names: tuple[str, ...]) -> dict[str, bytes | str]:
+        """Files of one case or of all solvers and all they need beside the package: contents, or digests of large ones."""
+        if names not in self.units:
+            files = {os.path.realpath(n): n for n in names} | {f: f for f in keys.foreign(*names) if f not in
+                                                               map(os.path.realpath, names)}
+            self.units[names] = {f: seen.digest(f) if os.path.getsize(f) > LARGE else Path(f).read_bytes()
+                                 for f in files.values()}
+        return self.units[names]
 
     def _received(self, future, specs: list[Spec], alone: bool) -> Iterator[tuple[Spec, dict, bytes]]:
         from distributed import KilledWorker
@@ -179,6 +198,10 @@ class _Work:
             why = f"The worker could not begin: {type(error).__name__}: {_first_line(error)}"
             rows = [(lost(specs[0], "crashed", why), b"")]
         for spec, (row, text) in zip(specs, rows, strict=False):
+            if there := row.pop("unlike", None):
+                own = {k: v for p in self.parts[spec] for k, v in p.items}
+                raise ClusterError(f"a worker would make {spec.label} of something else: {there.get('why') or unlike(there, own)}; "
+                                   "what is there must be as here")
             yield spec, row, text
 
     def _measured(self, done: int, specs: list[Spec]) -> None:

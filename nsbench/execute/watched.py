@@ -12,6 +12,7 @@ import dataclasses
 import functools
 import hashlib
 import os
+import re
 import subprocess
 import sys
 import tempfile
@@ -23,7 +24,7 @@ from multiprocessing import Pipe
 from multiprocessing.connection import Connection
 from pathlib import Path
 
-from nsbench import keys, store
+from nsbench import keys, seen, store
 from nsbench.execute import memory
 from nsbench.execute.local import _Team
 from nsbench.execute.printed import Printed
@@ -32,6 +33,8 @@ from nsbench.execute.worker import work
 from nsbench.study import Spec
 
 SLICE = 2.0               # seconds: a task ends with the run that passes them; what is left goes to whoever is free
+DIGEST = re.compile(r"[0-9a-f]{16}")
+LARGE = 10 << 20          # bytes: a file beyond is not sent, but must lie there
 IDLE = 120.0              # seconds without a task after which the processes for a study are ended
 
 
@@ -71,7 +74,11 @@ def unlike(there: dict[str, str], here: dict[str, str]) -> str:
     for name in sorted({*there, *here}):
         a, b = there.get(name, "missing"), here.get(name, "missing")
         if a != b:
-            words.append(f"{name} has other contents" if name.startswith("nsbench") else f"{name} is {a} (here {b})")
+            both = DIGEST.fullmatch(a) and DIGEST.fullmatch(b)
+            b = "only there" if b == "missing" else "here" if DIGEST.fullmatch(b) else f"here {b}"
+            a = "there" if DIGEST.fullmatch(a) else a
+            words.append(f"{name} has other contents" if both or name.startswith("nsbench.") or name == "nsbench"
+                         else f"{name} is {a} ({b})")
     return ", ".join(words)
 
 
@@ -79,6 +86,7 @@ def unlike(there: dict[str, str], here: dict[str, str]) -> str:
 class _Crew:
     """The process that one thread of this worker has for the runs of one study, and who watches it."""
     team: _Team
+    placed: dict[str, str] = field(default_factory=dict)             # where the files of the client lie here
     busy: bool = False                                   # its thread is at work with it
     gone: bool = False                                   # nobody waits for its rows: its thread ends it, soon
     since: float = field(default_factory=time.monotonic)
@@ -108,13 +116,13 @@ _guard = threading.Lock()                                # of these two, and of 
 
 
 def rows_of(specs: list[Spec], timeout: float | None, most: int | None, owner: str, expected: dict[str, str],
-            texts: dict[str, str]) -> list[tuple[dict, bytes]]:
+            units: list[dict[str, bytes | str]]) -> list[tuple[dict, bytes]]:
     """Row of each of the first of `specs` (of one at least, then of as many as end within SLICE) and what it has
     printed; [] if the owner was dismissed.
 
     timeout: seconds of one run (None: no limit); most: bytes that it may hold (None: what each processor of this machine
-    can have); owner: a word for the study, see `dismiss`; expected: the client's fingerprint; texts: contents of case and
-    solver files by their paths at the client. Raises OtherInstallation.
+    can have); owner: a word for the study, see `dismiss`; expected: the client's fingerprint; units: see `_placed`. A row
+    that was not made of what the client has says so as "unlike" (nsbench.execute.here). Raises OtherInstallation.
     """
     differs = unlike(fingerprint(), expected)
     if differs:
@@ -127,7 +135,11 @@ def rows_of(specs: list[Spec], timeout: float | None, most: int | None, owner: s
         crew = _crews.setdefault(key, _Crew(_team()))
         crew.busy = True
     try:
-        return crew.rows(_placed(specs, texts), timeout, most or memory.limit(os.cpu_count() or 1))
+        placed = _placed(units)
+        moved = [Path(f).name for f, place in placed.items() if crew.placed.setdefault(f, place) != place]
+        if moved:
+            raise OtherInstallation(f"{', '.join(moved)} changed there while it was used")
+        return crew.rows(_moved(specs, placed), timeout, most or memory.limit(os.cpu_count() or 1))
     except BaseException:
         crew.gone = True
         raise
@@ -211,26 +223,42 @@ def _folder() -> tempfile.TemporaryDirectory:
     return tempfile.TemporaryDirectory(prefix="nsbench-files-", ignore_cleanup_errors=True)
 
 
-def _placed(specs: list[Spec], texts: dict[str, str]) -> list[Spec]:
-    """The specs with the paths that their files have on this machine: the same where the same text lies there, otherwise
-    that of a copy."""
-    places = {path: _place(path, text) for path, text in texts.items()}
-    if all(path == place for path, place in places.items()):
-        return specs
-    return [dataclasses.replace(s, file=places.get(s.file, ""), solver_files=tuple(places[f] for f in s.solver_files))
+def _moved(specs: list[Spec], places: dict[str, str]) -> list[Spec]:
+    """The specs with the paths that their files have on this machine."""
+    return [dataclasses.replace(s, file=places.get(s.file, s.file), solver_files=tuple(places[f] for f in s.solver_files))
             for s in specs]
 
 
-@functools.lru_cache(maxsize=64)
-def _place(path: str, text: str) -> str:
-    with contextlib.suppress(OSError):
-        if Path(path).read_bytes() == text.encode():
-            return path
-    folder = Path(_folder().name) / hashlib.sha256(text.encode()).hexdigest()[:16]
-    folder.mkdir(exist_ok=True)
-    copy = folder / Path(path).name
-    copy.write_bytes(text.encode())
-    return str(copy)
+def _placed(units: list[dict[str, bytes | str]]) -> dict[str, str]:
+    """Where files of the client lie on this machine, by their paths there. A unit are files that need one another (a case
+    file with modules and data), with their contents, or the digest of what is too large to be sent. They are used where they
+    lie if all of a unit are the same there, otherwise as copies that lie to one another as the files do. Raises
+    OtherInstallation for a large one that is not there."""
+    return {path: place for unit in units for path, place in _place(unit).items()}
+
+
+def _place(unit):
+    if all(map(_lies_there, unit, unit.values())):
+        return {path: path for path in unit}
+    gone = [path for path, content in unit.items() if isinstance(content, str) and not _lies_there(path, content)]
+    if gone:
+        raise OtherInstallation(f"{', '.join(gone)}, too large to be sent, is not the same there")
+    root = os.path.commonpath([os.path.dirname(path) for path in unit])
+    whole = hashlib.sha256(repr(sorted((os.path.relpath(p, root), c) for p, c in unit.items())).encode()).hexdigest()[:16]
+    out = {path: Path(_folder().name) / whole / os.path.relpath(path, root) for path in unit}
+    for path, copy in out.items():
+        content = unit[path] if isinstance(unit[path], bytes) else Path(path).read_bytes()
+        if not _lies_there(copy, content):
+            copy.parent.mkdir(parents=True, exist_ok=True)
+            copy.write_bytes(content)
+    return {path: str(copy) for path, copy in out.items()}
+
+
+def _lies_there(path, content) -> bool:
+    try:
+        return seen.digest(str(path)) == content if isinstance(content, str) else Path(path).read_bytes() == content
+    except OSError:
+        return False
 
 
 if __name__ == "__main__":

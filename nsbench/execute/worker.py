@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from nsbench.execute import memory
+from nsbench.execute import here, memory
 from nsbench.execute.filed import read_by
 from nsbench.execute.once import share_compilation
 from nsbench.execute.orphan import go_with
@@ -16,7 +16,7 @@ from nsbench.execute.printed import NOBODY
 from nsbench.execute.surroundings import Surroundings
 from nsbench.execute.turns import Turns
 from nsbench.measure import clock
-from nsbench.study import run_batch, run_one, timed_again
+from nsbench.study import lost, run_batch, run_one, timed_again
 
 
 @dataclass(frozen=True)
@@ -62,12 +62,16 @@ def work(pipe, printed, word: bytes, parent: int, locks: str, seconds: float | N
 
 
 def _once(specs, tell, seconds: float):
-    """(index, row) of the first specs, as many as end within so many seconds."""
+    """(index, row) of the first specs, as many as end within so many seconds. A row with items by their names as "unlike" was
+    not, or not for certain, made of what was asked for."""
     start = time.monotonic()
     for i, spec in enumerate(specs):
         if i and time.monotonic() - start > seconds:
             return
-        yield i, run_one(spec, lambda what, i=i: tell(what, i))
+        unlike = here.unlike(spec)
+        row = lost(spec, "error", "not made") if unlike else run_one(spec, lambda what, i=i: tell(what, i))
+        unlike = unlike or here.touched(spec)
+        yield i, row | ({"unlike": unlike} if unlike else {})
 
 
 def _stand_alone() -> None:
