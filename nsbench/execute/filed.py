@@ -73,16 +73,14 @@ class Filed:
     def __init__(self, journal: store.Journal, found: dict[Spec, str], parts: dict[Spec, tuple[Part, ...]], cases: dict,
                  here: bool = True):
         self.journal, self.keys, self.parts, self.cases, self.here = journal, found, parts, cases, here
-        self.certain: set[Spec] = set()
         self.uncertain: dict[Spec, list[str]] = {}       # and the files on account of which
 
     def row(self, spec: Spec, row: dict) -> dict:
         """The row as it is to be shown; written and synced."""
         read = row.pop("read", None) or {}
-        files = [] if spec in self.certain else self._changed(spec, read)
+        files = self._changed(spec, read)
         parts = self.parts[spec]
         if not files:
-            self.certain.add(spec)
             more = (Part.of({READ + k: v for k, v in read.items()}),) if read else ()
             self.journal.append(self.keys[spec], row, parts + more)
             return row
