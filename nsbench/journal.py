@@ -8,12 +8,17 @@ import math
 import os
 import re
 import stat
+import sys
 import zlib
 from pathlib import Path
 
-from nsbench.trajectory import MACHINE
+from nsbench.trajectory import MACHINE, spelled
 
 SCHEMA = 1
+BLOCK = 1 << 20                # bytes that are read at a time
+LONGEST = 16 << 20             # bytes of a line: what one run is made of takes some ten thousand
+PIECES = re.compile(rb"[^\0\n]+|\0+|\n")
+WHOLE = 1 << 63
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EMFILE, errno.ENFILE)     # the machine's fault, not the folder's
 
 
@@ -22,19 +27,23 @@ class StoreError(Exception):
 
 
 def clean(row: dict) -> dict:
-    """The row with plain Python values; JSON has no NaN and no infinity: they become None and text."""
+    """The row with plain Python values, text that UTF-8 can spell and whole numbers that 64 bits hold; JSON has no NaN and
+    no infinity: they become None and text."""
     out = {}
     for k, v in row.items():
         v = v.item() if hasattr(v, "item") else v
+        if isinstance(v, int) and not -WHOLE <= v < WHOLE:
+            v = float(v) if abs(v) <= sys.float_info.max else math.inf if v > 0 else -math.inf
         if isinstance(v, float) and not math.isfinite(v):
             v = None if math.isnan(v) else ("inf" if v > 0 else "-inf")
-        out[k] = v
+        out[spelled(k)] = spelled(v) if isinstance(v, str) else v
     return out
 
 
 def restore(row: dict) -> dict:
     numbers = {"inf": math.inf, "-inf": -math.inf}
-    return {k: math.nan if v is None else numbers.get(v, v) if isinstance(v, str) else v for k, v in row.items()}
+    return {spelled(k): math.nan if v is None else numbers.get(v, spelled(v)) if isinstance(v, str) else v
+            for k, v in row.items()}
 
 
 class Journal:
@@ -79,11 +88,17 @@ class Journal:
 
     def _mend(self):
         """Cut off what is no whole line at the end."""
-        data = self.path.read_bytes()
-        whole = len(data[:data.rfind(b"\n") + 1].rstrip(b"\0\n"))
-        whole += whole < len(data) and data[whole:whole + 1] == b"\n"
-        if whole < len(data):
+        size = os.fstat(self._file).st_size
+        with open(self.path, "rb") as file:
+            last = _backwards(file, size, lambda block: block.rfind(b"\n") + 1)
+            whole = _backwards(file, last, lambda block: len(block.rstrip(b"\0\n")))
+            file.seek(whole)
+            ended = whole == 0 or file.read(1) == b"\n"
+        whole += whole > 0 and ended
+        if whole < size:
             os.ftruncate(self._file, whole)
+            if not ended:                                # zeros stand where the line ended: the next one is not part of it
+                os.write(self._file, b"\n")
             os.fsync(self._file)
         for left in self.path.parent.glob(".*"):         # of a process that was killed while it wrote a table
             writer = re.fullmatch(r"\..+\.(\d+)", left.name)
@@ -141,19 +156,48 @@ def _opened(line: bytes) -> dict:
     return entry
 
 
+def _backwards(file, end: int, find) -> int:
+    """The place before `end` that find(block) tells of, counted from the block's begin; 0 if it tells 0 of all blocks."""
+    while end > 0:
+        begin = max(0, end - BLOCK)
+        file.seek(begin)
+        if at := find(file.read(end - begin)):
+            return begin + at
+        end = begin
+    return 0
+
+
+def _lines(path: Path):
+    """(number from 1, bytes) of the lines of a file, a block at a time; blocks of zeros, which a loss of power leaves, end the
+    line that they are in. Raises ValueError for a line that is longer than any of a journal."""
+    number, line = 1, b""
+    with open(path, "rb") as file:
+        while block := file.read(BLOCK):
+            for part in PIECES.findall(block):
+                if part[:1] not in b"\0\n":
+                    line += part
+                    if len(line) > LONGEST:
+                        raise ValueError(f"line {number} of {path} is longer than {LONGEST} bytes; no journal has such a line")
+                    continue
+                if line:
+                    yield number, line
+                line, number = b"", number + (part == b"\n")
+    if line:
+        yield number, line
+
+
 def _entries(path: Path):
-    """(number of its line from 1, entry or None for what cannot be read); blocks of zeros, which a loss of power leaves,
-    end the line that they are in."""
+    """(number of its line from 1, entry or None for what cannot be read)."""
     if not path.exists():
         return
-    with open(path, "rb") as file:
-        for number, text in enumerate(file, 1):
-            for line in filter(None, (piece.strip() for piece in text.split(b"\0"))):
-                try:
-                    entry = _opened(line)
-                except (ValueError, RecursionError):
-                    entry = None
-                yield number, entry
+    for number, text in _lines(path):
+        line = text.strip()
+        if line:
+            try:
+                entry = _opened(line)
+            except (ValueError, RecursionError):
+                entry = None
+            yield number, entry
 
 
 def read_journal(folder: Path, damaged: list[int] | None = None) -> dict[str, dict]:

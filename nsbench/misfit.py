@@ -13,6 +13,7 @@ from nsbench.trajectory import Status, Trajectory
 
 ROUNDED = 1e-12           # of the start's size: what linear combinations of runs may leave of it
 SHORTEST = 0.49           # of the step asked for: steps that divide the spacing of samples evenly are at least half as long
+COUNTS = 200              # entries of stats
 SLACK = 1e-9              # relative, of steps: what dividing and adding them up rounds
 
 
@@ -28,6 +29,8 @@ def misfit(case: Case, traj, accuracy: str = "", asked: float = np.nan) -> str:
         found = getattr(traj, name)
         if not isinstance(found, kind):
             return f"The solver returned {name} of type {type(found).__name__}; a {kind.__name__} is needed."
+    if len(traj.stats) > COUNTS:
+        return f"The solver returned stats with {len(traj.stats)} entries; at most {COUNTS} become columns."
     if not traj.status.ok:
         return ""
     if not np.array_equal(traj.t, case.t):

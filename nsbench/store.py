@@ -24,6 +24,7 @@ from nsbench.journal import (  # noqa: F401 (what a study leaves on disk is read
     settled,
     write_atomically,
 )
+from nsbench.trajectory import spelled
 
 FORMULA = ("=", "+", "-", "@", "\t", "\r")      # what begins a formula in a spreadsheet
 LIBRARIES = ("numpy", "scipy", "numba", "llvmlite", "jax", "jaxlib", "diffrax", "equinox", "osqp", "piqp", "nosnoc", "casadi")
@@ -67,6 +68,7 @@ def versions() -> dict[str, str]:
 
 def write_tables(folder: Path, rows: list[dict]) -> None:
     """runs.csv and runs.parquet."""
+    rows = [{spelled(k): spelled(v) if isinstance(v, str) else v for k, v in r.items()} for r in rows]
     columns = list(dict.fromkeys(k for r in rows for k in r))
     text = io.StringIO()
     w = csv.DictWriter(text, columns, lineterminator="\n")

@@ -15,12 +15,13 @@ from nsbench.describe import describe_case, describe_solver
 from nsbench.misfit import misfit
 from nsbench.solvers._doubts import doubted
 from nsbench.solvers.start import NoStart
-from nsbench.trajectory import Status, Trajectory, fault_of_machine
+from nsbench.trajectory import Status, Trajectory, fault_of_machine, spelled
 
 POINTS, OCTAVES = 19, 6
 NUDGE = 1e-12                 # relative to each coordinate, or to 1: far above rounding, far below any error that counts
 STARTS = {"error": "feasible", "project": "projected", "keep": "kept"}     # what the case makes of a start outside
 REPEATED = "It ended once, and did not when it was repeated to be timed"
+LONGEST = 10_000              # characters of a text in a row
 SUITES = ("smoke", "standard", "hard", "full")
 
 
@@ -211,7 +212,8 @@ def _told(spec: Spec, case: Case, traj: Trajectory) -> dict:
     """The columns that are the solver's to tell: its counted work, and the steps it took."""
     own = {"case", "solver", "accuracy", "asked", "setup_seconds", "compile_seconds", "seconds", "seconds_low", "seconds_high",
            "seconds_max", "rounds", "status", "why", "session"}
-    told = {k: v for k, v in traj.stats.items() if isinstance(k, str) and isinstance(v, (int, float, str, bool)) and k not in own}
+    told = {spelled(k): spelled(v)[:LONGEST] if isinstance(v, str) else v for k, v in traj.stats.items()
+            if isinstance(k, str) and isinstance(v, (int, float, str, bool)) and k not in own}
     h = {"h": told.get("h", spec.asked), "k": 1.0 / spec.asked}.get(spec.accuracy, spec.asked)
     return told | {"start": STARTS[case.start], "h": h, "lam_time": traj.lam_time}
 
@@ -224,7 +226,8 @@ def run_one(spec: Spec, announce: Callable[[str], None] = lambda what: None) -> 
 def lost(spec: Spec, status: str, why: str) -> dict:
     """The row of a run whose process ended before it could tell one."""
     h = 1.0 / spec.asked if spec.accuracy == "k" else spec.asked
-    return dict(case=spec.case, solver=spec.solver, accuracy=spec.accuracy, asked=spec.asked, h=h, status=status, why=why)
+    return dict(case=spec.case, solver=spec.solver, accuracy=spec.accuracy, asked=spec.asked, h=h, status=status,
+                why=spelled(why))
 
 
 def _raised(e: Exception, when: str = "") -> Status:
@@ -259,7 +262,7 @@ _files_loaded: set[str] = set()
 
 
 def _status(status: Status) -> dict:
-    return {"status": status.code, "why": "" if status.ok else str(status)}
+    return {"status": status.code, "why": "" if status.ok else spelled(str(status))[:LONGEST]}
 
 
 _given: dict[str, Case] = {}          # objects that were handed to `run`, by what stands for a file in their specs

@@ -13,6 +13,11 @@ MACHINE = "a fault of the machine"       # in the sentence of an "error" that ma
 SHORT = (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EAGAIN)
 
 
+def spelled(text: str) -> str:
+    """The text as UTF-8 can spell it: of half characters, as a name of a file may hold them, their numbers are told."""
+    return text.encode("utf-8", "backslashreplace").decode()
+
+
 @dataclass(frozen=True)
 class Status:
     """One word of a closed list and, unless ok, a sentence a person can act on."""

@@ -82,6 +82,7 @@ ENTRIES = [
         ("disk full", "No room left on the disk", "exit 5, no half file; the next call goes on"),
         ("a repetition", "A run that goes well once and fails when it is repeated to be timed", "R; others keep their times"),
         ("output of a run", "What a solver prints", "kept with its run"),
+        ("half a character", "Text in a row that UTF-8 cannot spell", "told by its numbers; tables and report as ever"),
         ("half a line", "A journal that ends within a line, or holds lines that are none", "they are dropped"),
         ("read-only", "A results folder that cannot be written to", "E"),
         ("output is a file", "The output is a file, or a link that leads nowhere", "E"),

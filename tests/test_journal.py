@@ -147,3 +147,51 @@ def test_a_run_that_meets_a_full_disk_ends_with_5_and_is_taken_up_again(tmp_path
     for line in data.splitlines():
         json.loads(line)
     assert not [p for p in out.rglob(".*") if p.is_file()] and not (out / "runs.csv").exists()
+
+
+@pytest.mark.survives("half a line")
+@pytest.mark.parametrize("zeros", [1, 3, 29, 70_000])
+def test_zeros_before_the_last_end_of_a_line_cost_no_line_that_follows(tmp_path, monkeypatch, zeros):
+    path = write(tmp_path, a=1.0, b=2.0)
+    data = path.read_bytes()
+    for block in (7, 1 << 20):
+        monkeypatch.setattr(journal, "BLOCK", block)
+        path.write_bytes(data[:-30] + bytes(zeros) + b"\n")
+        write(tmp_path, c=3.0)
+        damaged = []
+        assert list(store.read_journal(tmp_path, damaged)) == ["a", "c"] and damaged == [2]
+        path.write_bytes(data[:-1] + bytes(zeros) + b"\n")
+        write(tmp_path, c=3.0)
+        assert list(store.read_journal(tmp_path)) == ["a", "b", "c"]
+
+
+@pytest.mark.survives("half a line")
+@pytest.mark.parametrize("block", [1, 5, 64, 1000])
+def test_a_journal_is_read_and_mended_the_same_in_blocks_of_any_size(tmp_path, monkeypatch, block):
+    whole = write(tmp_path, a=1.0, b=2.0, c=3.0).read_bytes()
+    monkeypatch.setattr(journal, "BLOCK", block)
+    for tail in (b"", b"\n\n", b"half", b"\0\0", b"\0\nhalf\0", bytes(3000) + b"\n", b"\n" + bytes(3000)):
+        (tmp_path / "journal.jsonl").write_bytes(whole + tail)
+        store.Journal(tmp_path).close()
+        assert (tmp_path / "journal.jsonl").read_bytes() == whole, tail
+        (tmp_path / "journal.jsonl").write_bytes(whole[:40] + bytes(50) + whole[40:] + tail)
+        assert list(store.read_journal(tmp_path)) == ["b", "c"]
+    for nothing in (b"", b"\n", b"\0", b"half", bytes(3000) + b"\n\0"):
+        (tmp_path / "journal.jsonl").write_bytes(nothing)
+        store.Journal(tmp_path).close()
+        assert (tmp_path / "journal.jsonl").read_bytes() == b""
+
+
+@pytest.mark.survives("oversized")
+def test_a_line_that_no_journal_has_is_refused_by_its_number(tmp_path, monkeypatch, capsys):
+    path = write(tmp_path, a=1.0)
+    monkeypatch.setattr(journal, "LONGEST", 1000)
+    monkeypatch.setattr(journal, "BLOCK", 300)
+    path.write_bytes(path.read_bytes() + bytes(5000) + b"\n")        # zeros are no line
+    write(tmp_path, b=2.0)
+    assert list(store.read_journal(tmp_path)) == ["a", "b"]
+    path.write_bytes(path.read_bytes() + b"x" * 1001 + b"\n")
+    with pytest.raises(ValueError, match=rf"line \d of .*journal\.jsonl is longer than 1000 bytes"):
+        store.read_journal(tmp_path)
+    assert main([*RUN, str(tmp_path)]) == 2
+    assert "journal.jsonl is longer than 1000 bytes" in capsys.readouterr().err

@@ -92,3 +92,61 @@ def test_no_half_file_is_left(tmp_path):
 def test_environment_is_plain_json():
     env = json.loads(json.dumps(store.environment()))
     assert env["versions"]["numpy"] == np.__version__
+
+
+HALF = "no file t\udcff.csv"
+
+
+@pytest.mark.survives("half a character")
+def test_text_that_utf8_cannot_spell_is_told_by_its_numbers(tmp_path):
+    """In new rows, in those of a journal that was written before, and in tables."""
+    j = store.Journal(tmp_path)
+    j.append("new", {"why": HALF, HALF: 1.0})
+    j.close()
+    path = tmp_path / "journal.jsonl"
+    path.write_text(path.read_text() + json.dumps({"schema": 1, "key": "old", "row": {"why": HALF, "n": 2}}) + "\n")
+    rows = [*store.read_journal(tmp_path).values(), {"why": HALF, HALF: "\udc00"}]
+    assert rows[0] == {"why": r"no file t\udcff.csv", r"no file t\udcff.csv": 1.0}
+    assert rows[1]["why"] == r"no file t\udcff.csv"
+    store.write_tables(tmp_path, rows)
+    import pandas
+    for frame in (pandas.read_parquet(tmp_path / "runs.parquet"), pandas.read_csv(tmp_path / "runs.csv")):
+        assert set(frame.why) == {r"no file t\udcff.csv"} and r"no file t\udcff.csv" in frame.columns
+
+
+def test_whole_numbers_beyond_64_bits_are_numbers_like_others(tmp_path):
+    row = {"a": 2**63 - 1, "b": -2**70, "c": 10**400, "d": -10**5000}
+    j = store.Journal(tmp_path)
+    j.append("k", row)
+    j.close()
+    back = store.read_journal(tmp_path)["k"]
+    assert back == store.as_read(row) == {"a": 2**63 - 1, "b": -2.0**70, "c": np.inf, "d": -np.inf}
+    store.write_tables(tmp_path, [back])
+
+
+@pytest.mark.survives("half a character")
+def test_a_run_that_raises_such_text_leaves_tables_and_a_report(tmp_path, capsys):
+    from solver_file import solver
+
+    from nsbench import solvers
+    from nsbench.cli import main
+    (tmp_path / "mine.py").write_text(solver('raise ValueError("no file " + os.fsdecode(b"t\\xff.csv"))'))
+    args = ["run", "tide", "--solvers", str(tmp_path / "mine.py"), "-s", "mine", "-s", "kdtree", "--h", "0.1", "-j", "1", "-o",
+            str(tmp_path / "r")]
+    assert [main(args), main(args)] == [3, 3]
+    assert r"no file t\udcff.csv" in (tmp_path / "r" / "runs.csv").read_text(encoding="utf-8")
+    assert "udcff" in (tmp_path / "r" / "report.html").read_text(encoding="utf-8")
+    solvers._loaded.pop("mine")
+
+
+@pytest.mark.parametrize("stats, status", [({"n": 10**400, "t": "x" * 10**6}, "ok"), ({f"s{k}": k for k in range(300)}, "error")])
+def test_what_a_solver_counts_has_a_sane_size(tmp_path, stats, status):
+    from solver_file import solver
+
+    from nsbench import solvers
+    from nsbench.study import Spec, attempt
+    (tmp_path / "mine.py").write_text(solver("pass", stats=repr(stats)))
+    row = attempt(Spec("tide", "mine", "h", 0.1, "", (str(tmp_path / "mine.py"),)))[0]
+    assert row["status"] == status, row["why"]
+    assert len(json.dumps(store.clean(row))) < 30_000
+    solvers._loaded.pop("mine")
