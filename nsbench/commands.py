@@ -157,10 +157,12 @@ def read_values(text: str) -> list[float]:
 
 def report(args, say) -> int:
     """nsbench report"""
+    from nsbench.published import check
     from nsbench.report import write_report
     for d in args.dirs:
         if not (Path(d) / "runs.parquet").is_file():
             raise FileNotFoundError(f"no results in {d}")
+        check(d)
         say(str(write_report(Path(d), Path(d) / "report.html")))
     return FINE
 

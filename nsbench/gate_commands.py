@@ -13,12 +13,14 @@ def gate(args, say) -> int:
     from nsbench.gate import baseline, told
     from nsbench.gate.facts import facts
     from nsbench.gate.judge import exit_code, judge
+    from nsbench.published import check
     from nsbench.report.source import read
     from nsbench.store import FORMULA
     if args.update and not args.reason.strip():
         raise ValueError("--update needs --reason: a sentence that says why the numbers are others now")
     if args.reason.strip().startswith(FORMULA):
         raise ValueError(f"--reason is {args.reason.strip()[:40]!r}; a spreadsheet would take it for a formula")
+    check(args.dir)
     found, path = facts(read(args.dir)), Path(args.baseline)
     if args.update:
         return _update(found, path, args, say)
@@ -35,7 +37,9 @@ def gate(args, say) -> int:
 def calibrate(args, say) -> int:
     """nsbench calibrate"""
     from nsbench.execute.calibrate import calibrate as again
+    from nsbench.published import check
     workers(args)
+    check(args.dir)
     return again(Path(args.dir), args, say)
 
 
@@ -46,9 +50,12 @@ def compare(args, say) -> int:
     from nsbench.gate import baseline, told
     from nsbench.gate.facts import facts
     from nsbench.gate.judge import judge
+    from nsbench.published import check
     from nsbench.report.source import read
     if not 0 <= args.rtol < 1:
         raise ValueError(f"--rtol is {args.rtol:g}; a number from 0 to 1 is needed")
+    check(args.old)
+    check(args.new)
     old, new = ({key: replace(f, config="") for key, f in facts(read(d)).items()} for d in (args.old, args.new))
     lines = {key: baseline.line(fact, 0.0, "") for key, fact in old.items()}
     lines = {key: line if line.kind in ("class", "max") else replace(line, rtol=args.rtol) for key, line in lines.items()}

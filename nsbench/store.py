@@ -66,15 +66,15 @@ def versions() -> dict[str, str]:
     return out
 
 
-def write_tables(folder: Path, rows: list[dict]) -> None:
-    """runs.csv and runs.parquet."""
+def write_tables(folder: Path, rows: list[dict]) -> dict[str, str]:
+    """runs.csv and runs.parquet; the digests of their contents, by name."""
     rows = [{spelled(k): spelled(v) if isinstance(v, str) else v for k, v in r.items()} for r in rows]
     columns = list(dict.fromkeys(k for r in rows for k in r))
     text = io.StringIO()
     w = csv.DictWriter(text, columns, lineterminator="\n")
     w.writeheader()
     w.writerows({k: cell(v) for k, v in r.items()} for r in rows)
-    write_atomically(folder / "runs.csv", text.getvalue().encode())
+    files = {"runs.csv": text.getvalue().encode()}
     import pyarrow as pa
     import pyarrow.parquet as pq
     table = pa.table({c: _column(pa, [r.get(c) for r in rows]) for c in columns})
@@ -83,7 +83,10 @@ def write_tables(folder: Path, rows: list[dict]) -> None:
     sink = pa.BufferOutputStream()
     # with checksums: a page that was damaged on the disk is an error on reading, not another number
     pq.write_table(table.replace_schema_metadata({"nsbench_schema": str(SCHEMA)}), sink, write_page_checksum=True)
-    write_atomically(folder / "runs.parquet", sink.getvalue().to_pybytes())
+    files["runs.parquet"] = sink.getvalue().to_pybytes()
+    for name, data in files.items():
+        write_atomically(folder / name, data)
+    return {name: hashlib.sha256(data).hexdigest() for name, data in files.items()}
 
 
 def cell(value):

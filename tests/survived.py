@@ -88,6 +88,7 @@ ENTRIES = [
         ("output is a file", "The output is a file, or a link that leads nowhere", "E"),
         ("one folder", "A second run in the folder of one that is going on", "refused, exit 5"),
         ("spoilt results", "Tables and notes of results that are cut short or damaged", "E, naming the file"),
+        ("older tables", "Tables from before a run that did not end, or of another journal", "E, naming the folder"),
         ("spoilt reference", "A stored reference that is cut short or damaged", "refused by name, R error"),
         ("spoilt baseline", "A baseline that is cut short or damaged", "E, naming the file"),
         ("foreign reference", "A stored reference with another checksum, or of another version of its case", "refused by name"),

@@ -100,6 +100,7 @@ HALF = "no file t\udcff.csv"
 @pytest.mark.survives("half a character")
 def test_text_that_utf8_cannot_spell_is_told_by_its_numbers(tmp_path):
     """In new rows, in those of a journal that was written before, and in tables."""
+    assert store.clean({"why": HALF, HALF: 1.0}) == {"why": r"no file t\udcff.csv", r"no file t\udcff.csv": 1.0}
     j = store.Journal(tmp_path)
     j.append("new", {"why": HALF, HALF: 1.0})
     j.close()

@@ -10,7 +10,7 @@ from itertools import groupby
 from pathlib import Path
 
 import nsbench
-from nsbench import describe, size, store, study
+from nsbench import describe, published, size, store, study
 from nsbench import keys as key
 from nsbench.case import parse_spec
 from nsbench.execute import filed, plan
@@ -18,6 +18,7 @@ from nsbench.execute.local import Chore, run_all
 from nsbench.execute.progress import Progress
 
 EXPECTED = ("ok", "refused", "below_reference")
+NO_ROW = "No worker gave a row of this run. The same command tries it again."
 RUN, EVENTS, IN_PYTHON = 1e4, 1e4, 1e3     # in steps of one coordinate (0.1 us): measuring, a run by events, a step in Python
 
 
@@ -39,10 +40,11 @@ def execute(specs, out: Path, args, say) -> int:
         drawn = set()
         if todo:
             say(f"{len(todo)} runs ({len(rows)} known already), results in {out}")
+            published.begin(out)
             entries = filed.Filed(journal, keys, parts, cases, here=args.dask is None)
             drawn = _run(todo, keys, entries, rows, args, say, [*cases], out)
             entries.tell(say)
-        ordered = [rows[keys[s]] for s in specs if keys[s] in rows]
+        ordered = [rows[keys[s]] if keys[s] in rows else study.lost(s, "error", NO_ROW) for s in specs]
         path = publish(out, ordered, cases, fresh=bool(todo), say=say, drawn=drawn)
     failed = [r for r in ordered if r["status"] not in EXPECTED]
     if failed:
@@ -173,14 +175,14 @@ def _has_terminal() -> bool:
 def publish(out: Path, rows, cases, fresh: bool, say, drawn=frozenset()) -> Path:
     """Tables, pictures and report; nothing is written again when nothing changed. drawn: pictures that are there."""
     digest = store._digest(json.dumps([store.clean(r) for r in rows], sort_keys=True).encode(), _report_digest())
-    path, stamp = out / "report.html", out / ".report.key"
-    if not fresh and path.exists() and stamp.exists() and stamp.read_text() == digest:
+    path = out / "report.html"
+    if not fresh and path.exists() and published.current(out, digest):
         return path
-    store.write_tables(out, rows)
+    tables = store.write_tables(out, rows)
     meta = {s: describe.describe_solver(s) for s in dict.fromkeys(r["solver"] for r in rows)}
     store.write_atomically(out / "solvers.json", _dump(meta))
     store.write_atomically(out / "cases.json", _dump({k: describe.describe_case(c) for (k, _), c in cases.items()}))
-    if fresh or not (out / "env.json").exists():
+    if fresh or not published.intact(out, "env.json"):
         store.write_atomically(out / "env.json", _dump(store.environment()))
     figures = out / "figures"
     figures.mkdir(exist_ok=True)
@@ -194,7 +196,7 @@ def publish(out: Path, rows, cases, fresh: bool, say, drawn=frozenset()) -> Path
         write_scenes(missing, figures)
     from nsbench.report import write_report
     path = Path(write_report(out, path))
-    store.write_atomically(stamp, digest.encode())
+    published.end(out, digest, tables)
     return path
 
 
