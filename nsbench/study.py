@@ -262,7 +262,9 @@ _files_loaded: set[str] = set()
 
 
 def _status(status: Status) -> dict:
-    return {"status": status.code, "why": "" if status.ok else spelled(str(status))[:LONGEST]}
+    why = "" if status.ok else spelled(str(status))
+    middle = " ... " if len(why) > LONGEST else ""
+    return {"status": status.code, "why": why[:LONGEST // 2] + middle + why[max(LONGEST // 2, len(why) - LONGEST // 2):]}
 
 
 _given: dict[str, Case] = {}          # objects that were handed to `run`, by what stands for a file in their specs

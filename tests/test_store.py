@@ -151,3 +151,12 @@ def test_what_a_solver_counts_has_a_sane_size(tmp_path, stats, status):
     assert row["status"] == status, row["why"]
     assert len(json.dumps(store.clean(row))) < 30_000
     solvers._loaded.pop("mine")
+
+
+def test_the_middle_of_a_long_sentence_is_left_out():
+    from nsbench.study import LONGEST, _status
+    from nsbench.trajectory import Status
+    for size in (1, LONGEST // 2, LONGEST // 2 + 1, LONGEST, LONGEST + 1, 10**7):
+        why = _status(Status("error", "a" + "b" * (size - 2) + "c" * (size > 1)))["why"]
+        assert len(why) == min(size, LONGEST + 5) and why[0] == "a" and (" ... " in why) == (size > LONGEST)
+        assert size == 1 or why[-1] == "c"
