@@ -19,6 +19,9 @@ BLOCK = 1 << 20                # bytes that are read at a time
 LONGEST = 16 << 20             # bytes of a line: what one run is made of takes some ten thousand
 PIECES = re.compile(rb"[^\0\n]+|\0+|\n")
 WHOLE = 1 << 63
+FOLDERS = ("figures", "output")
+# what a kill leaves of `replace`, by the number of its process; of older versions, of reports and figures
+LEFT = re.compile(r"\..+\.(\d+)|\.(?:report\.html|report\.md|.+\.svg|.{40})\.[a-z0-9_]{8}")
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EMFILE, errno.ENFILE)     # the machine's fault, not the folder's
 
 
@@ -100,10 +103,11 @@ class Journal:
             if not ended:                                # zeros stand where the line ended: the next one is not part of it
                 os.write(self._file, b"\n")
             os.fsync(self._file)
-        for left in self.path.parent.glob(".*"):         # of a process that was killed while it wrote a table
-            writer = re.fullmatch(r"\..+\.(\d+)", left.name)
-            if writer and not _alive(int(writer[1])):
-                left.unlink(missing_ok=True)
+        for place in (self.path.parent, *(self.path.parent / name for name in FOLDERS)):
+            for left in place.glob(".*"):                # of a process that was killed while it wrote a file
+                writer = LEFT.fullmatch(left.name)
+                if writer and not (writer[1] and _alive(int(writer[1]))):
+                    left.unlink(missing_ok=True)
 
     def append(self, key: str, row: dict, parts=()) -> None:
         """The row of a run, written and synced, and, by their digests, the parts of its key; what is in a part is written
@@ -244,8 +248,16 @@ def settled(row: dict, timeout: float | None) -> bool:
 
 
 def write_atomically(path: Path, data: bytes) -> None:
+    """`replace`, with a StoreError that names the file where it cannot be written."""
+    try:
+        replace(path, data)
+    except OSError as e:
+        raise StoreError(f"cannot write {path}: {e.strerror}") from None
+
+
+def replace(path: Path, data: bytes) -> None:
     """Beside, synced, then renamed: no half file is ever seen, not even after a loss of power."""
-    tmp = path.with_name(f".{path.name}.{os.getpid()}")
+    tmp = path.with_name(f".{path.name[:40]}.{os.getpid()}")
     try:
         with open(tmp, "wb") as file:
             file.write(data)
@@ -253,11 +265,9 @@ def write_atomically(path: Path, data: bytes) -> None:
             os.fsync(file.fileno())
         os.replace(tmp, path)
         _sync_folder(path.parent)
-    except BaseException as e:
+    except BaseException:
         with contextlib.suppress(OSError):
             tmp.unlink(missing_ok=True)
-        if isinstance(e, OSError):
-            raise StoreError(f"cannot write {path}: {e.strerror}") from None
         raise
 
 

@@ -20,6 +20,7 @@ from nsbench.journal import (  # noqa: F401 (what a study leaves on disk is read
     clean,
     read_journal,
     read_parts,
+    replace,
     restore,
     settled,
     write_atomically,

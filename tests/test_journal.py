@@ -98,6 +98,50 @@ def test_what_a_killed_process_left_beside_its_tables_is_cleared_away(tmp_path):
     assert {p.name for p in tmp_path.iterdir()} == {"journal.jsonl", ".report.key", f".runs.csv.{os.getpid()}"}
 
 
+@pytest.mark.survives("kill")
+def test_what_a_kill_left_of_reports_and_figures_is_cleared_by_the_next_run(tmp_path):
+    gone = subprocess.Popen([sys.executable, "-c", ""])
+    gone.wait()
+    left = [f".report.html.{gone.pid}", ".report.html.a1b2c3d4", ".report.md._______8", f"figures/.scene_tide.svg.{gone.pid}",
+            "figures/.tide_state.svg.xyz01234", f"figures/.{'n' * 40}.abcdefgh", f"output/.tide.txt.{gone.pid}",
+            f".report.key.{gone.pid}"]
+    kept = [f".report.html.{os.getpid()}", "report.html", ".report.key", "figures/scene_tide.svg", "figures/.notes.markdown",
+            f"figures/.scene.svg.{os.getpid()}", "output/tide.txt", "mine/.tide.svg.xyz01234"]
+    for name in (*left, *kept):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text("")
+    write(tmp_path, a=1.0)
+    there = {p.relative_to(tmp_path).as_posix() for p in tmp_path.rglob("*") if p.is_file()}
+    assert there == {*kept, "journal.jsonl"}
+
+
+@pytest.mark.survives("disk full", "kill")
+def test_every_file_of_a_results_folder_is_written_beside_and_renamed(tmp_path, monkeypatch):
+    """No file but the journal and the key's mark is ever opened for writing under the name that it is read by."""
+    import builtins
+    import io
+    out, seen, plain, low, renamed = tmp_path / "r", [], io.open, os.open, os.replace
+
+    def noted(file, mode="r", *args, **more):
+        seen.extend([str(file)] * (set(mode) & set("wax+") != set()))
+        return plain(file, mode, *args, **more)
+
+    def noted_low(path, flags, *args, **more):
+        seen.extend([str(path)] * (flags & (os.O_WRONLY | os.O_RDWR) != 0))
+        return low(path, flags, *args, **more)
+    monkeypatch.setattr(builtins, "open", noted)
+    monkeypatch.setattr(io, "open", noted)
+    monkeypatch.setattr(os, "open", noted_low)
+    into = []
+    monkeypatch.setattr(os, "replace", lambda a, b: (into.append(str(b)), renamed(a, b)))
+    from nsbench.execute import suite
+    monkeypatch.setattr(suite, "_chores", lambda cases, out: [])     # pictures are drawn here, where they are seen
+    assert main([*RUN, str(out)]) == 0
+    there = {str(p) for p in out.rglob("*") if p.is_file()} - {str(out / "journal.jsonl")}
+    assert len(there) >= 10 and there == {p for p in into if p.startswith(str(out))}
+    assert {p for p in seen if p.startswith(str(out)) and not os.path.basename(p).startswith(".")} == {str(out / "journal.jsonl")}
+
+
 RUN = ("run", "tide", "-s", "pbd", "--h", "0.05,0.025", "-j", "1", "-o")
 
 

@@ -238,7 +238,7 @@ def test_markdown_cells_cannot_break_the_table():
 def test_a_write_that_fails_leaves_nothing_behind(tmp_path, monkeypatch):
     def full(*_):
         raise OSError(28, "No space left on device")
-    monkeypatch.setattr("nsbench.report.os.replace", full)
+    monkeypatch.setattr("nsbench.journal.os.replace", full)
     with pytest.raises(OSError, match="No space left"):
         write_report([row("a", "pbd", 0.1, state_sup=0.1)], tmp_path / "r.html")
     assert not [p for p in tmp_path.rglob("*") if p.is_file()]

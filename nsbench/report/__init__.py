@@ -7,8 +7,6 @@ exist) and writes the page, the same as Markdown beside it, and one SVG per case
 """
 from __future__ import annotations
 
-import os
-import tempfile
 from pathlib import Path
 
 __all__ = ["write_report"]
@@ -22,6 +20,7 @@ def write_report(study, path=None) -> Path:
     Raises FileNotFoundError for a folder without rows and ValueError, naming the file, for one that cannot be read.
     A study in which every run failed has a report like any other.
     """
+    from nsbench.journal import replace
     from nsbench.report.compose import compose, figures
     from nsbench.report.page import page
     from nsbench.report.source import read
@@ -35,20 +34,7 @@ def write_report(study, path=None) -> Path:
     path.parent.mkdir(parents=True, exist_ok=True)
     (path.parent / "figures").mkdir(exist_ok=True)
     for name, svg in drawn.files.items():
-        _write(path.parent / "figures" / f"{name}.svg", svg)
-    _write(path.with_suffix(".md"), text(content))
-    _write(path, page(content))
+        replace(path.parent / "figures" / f"{name}.svg", svg.encode())
+    replace(path.with_suffix(".md"), text(content).encode())
+    replace(path, page(content).encode())
     return path
-
-
-def _write(path: Path, content: str) -> None:
-    """Whole or not at all: a full disk leaves no half report."""
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name[:40]}.")
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
-            file.write(content)
-        os.chmod(name, 0o644)
-        os.replace(name, path)
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
-        raise

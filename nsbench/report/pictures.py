@@ -7,6 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
+from nsbench.journal import replace
+
 
 def scene_file(key: str) -> str:
     """File name of a case's picture."""
@@ -33,4 +35,4 @@ def write_scenes(cases, folder: Path) -> None:
         except Exception as e:           # a case may bring its own drawing: a picture never costs the report
             warnings.warn(f"no picture of {case.key}: {type(e).__name__}: {e}", stacklevel=2)
             continue
-        (Path(folder) / scene_file(case.key)).write_text(text, encoding="utf-8")
+        replace(Path(folder) / scene_file(case.key), text.encode())
