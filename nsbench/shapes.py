@@ -11,6 +11,8 @@ from nsbench.problem import LCS, Affine, Distance, Filippov, Smooth
 def check_shapes(case) -> None:
     """Evaluate the data once at the start; ValueError or TypeError names what is wrong."""
     p, x, t0 = case.problem, case.x0.copy(), float(case.t[0])
+    for name in ("exact", "exact_impulse"):
+        _check_exact(case, name, getattr(case, name))
     if isinstance(p, LCS):
         _check_inputs(case)
         return
@@ -33,6 +35,19 @@ def check_shapes(case) -> None:
             raise ValueError(f"drift of {case.name} returns {f.dtype} of shape {f.shape}; float64 {x.shape} is needed")
     if not np.array_equal(x, case.x0):
         raise ValueError(f"drift of {case.name} changes x in place")
+
+
+def _check_exact(case, name: str, solution) -> None:
+    """A closed form is in double precision. What it raises, its shape and its values are told when it is used."""
+    if solution is None:
+        return
+    with np.errstate(all="ignore"):
+        try:
+            a = np.asarray(solution(case.t))
+        except Exception:                                # of the case's author: whatever is raised is told where it is needed
+            return
+    if a.dtype in (np.float32, np.float16, np.complex64):
+        raise TypeError(f"{name} of {case.name} returns {a.dtype}; float64 is needed")
 
 
 def _sides(d: int) -> list[tuple]:

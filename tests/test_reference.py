@@ -113,6 +113,9 @@ def test_a_damaged_reference_is_refused_by_name(made, tmp_path, damage):
     damage(npz, js)
     with pytest.raises(refs.BadReference, match=r"tide\.npz"):
         refs.reference(case, tmp_path)
+    known = case.replace(exact=TIDE.exact, exact_impulse=TIDE.exact_impulse, exact_events=TIDE.exact_events)
+    with pytest.raises(refs.BadReference, match=r"tide\.npz"):          # though its closed form has the impulses too
+        refs.reference(known, tmp_path)
 
 
 @pytest.mark.parametrize("change, word", [

@@ -21,6 +21,7 @@ SOLVER = solver('''
 ''')
 
 
+@pytest.mark.survives("ctrl-c")
 @pytest.mark.parametrize("signals", [(signal.SIGINT,), (signal.SIGINT, signal.SIGINT), (signal.SIGTERM,),
                                      (signal.SIGTERM, signal.SIGINT, signal.SIGTERM), (signal.SIGKILL,)],
                          ids=lambda s: "+".join(x.name for x in s))

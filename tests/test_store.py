@@ -1,10 +1,17 @@
 """Nothing finished is lost, half a line is dropped, and a changed input is never served from the journal."""
 import json
+import os
+import signal
+import subprocess
+import sys
+import time
 
 import numpy as np
 import pytest
+from solver_file import solver
 
 from nsbench import store
+from nsbench.cli import main
 
 
 def test_rows_come_back_as_they_were_written(tmp_path):
@@ -42,6 +49,27 @@ def test_two_runs_in_one_folder_are_refused(tmp_path):
         store.Journal(tmp_path)
     j.close()
     store.Journal(tmp_path).close()
+
+
+@pytest.mark.survives("one folder")
+def test_a_second_suite_in_the_folder_of_one_that_goes_on_is_refused_and_changes_nothing(tmp_path, capsys):
+    file, out = tmp_path / "slow.py", tmp_path / "r"
+    file.write_text(solver("ctypes.PyDLL(None).sleep(1000 if h < 0.05 else 0)"))
+    args = ["run", "tide", "--solvers", str(file), "-s", "slow", "--h", "0.1,0.01", "-j", "1", "-o", str(out)]
+    first = subprocess.Popen([sys.executable, "-m", "nsbench", *args], stdout=subprocess.DEVNULL, start_new_session=True)
+    try:
+        until = time.monotonic() + 60
+        while not ((out / "journal.jsonl").exists() and store.read_journal(out)) and time.monotonic() < until:
+            time.sleep(0.05)
+        before = (out / "journal.jsonl").read_bytes()
+        assert len(store.read_journal(out)) == 1 and first.poll() is None
+        assert main(["run", "tide", "-s", "pbd", "--h", "0.1", "-o", str(out)]) == 5
+        assert "another run is writing" in capsys.readouterr().err
+        assert (out / "journal.jsonl").read_bytes() == before and not (out / "report.html").exists()
+        assert first.poll() is None
+    finally:
+        os.killpg(first.pid, signal.SIGINT)
+        assert first.wait(30) == 130
 
 
 def test_what_a_run_was_made_of_is_told_once_and_comes_back(tmp_path):

@@ -68,6 +68,26 @@ def test_a_wall_that_stands_there_three_times_pushes_once(tmp_path):
     assert not nsbench.errors(case, traj)["multipliers_unique"] or np.isnan(nsbench.errors(case, traj)["state_sup"])
 
 
+@pytest.mark.survives("dependent constraints")
+@pytest.mark.parametrize("spec", [m for m in METHODS if m != "kdtree"])      # which takes walls across coordinates only
+def test_a_corner_of_three_walls_in_the_plane_holds_with_one_reaction(tmp_path, spec):
+    """x >= 0, y >= 0, x + y >= 0, met in the corner at t = 1/2: three rows of rank 2. Exact: the drift (-1, -2) moves
+    (1/2, 1) to the corner on a straight line, and there the walls bear all of it."""
+    path = case_file(tmp_path, drift="xp.array([-1.0, -2.0]) + 0 * x", x0="[0.5, 1.0]", constraints="Affine(np.array("
+                     "[[1.0, 0.0], [0.0, 1.0], [1.0, 1.0]]), np.zeros(3)),", more="exact=lambda t: "
+                     "np.outer(np.maximum(0.5 - t, 0.0), [1.0, 2.0])")
+    case = nsbench.load_case(path)
+    traj = solve(case, spec)
+    assert traj.status.ok
+    bears = np.outer(np.maximum(case.t - 0.5, 0.0), [1.0, 2.0])      # the drift, integrated from the corner on
+    assert np.abs(traj.x - case.exact(case.t)).max() < 2e-2 and np.abs(traj.reaction - bears).max() < 4e-2
+    rows_of = np.array([[1.0, 0.0], [0.0, 1.0], [1.0, 1.0]])[[c[1] for c in traj.contacts]]
+    assert np.all(np.diff(traj.impulse, axis=0) >= -1e-12)
+    assert traj.impulse @ rows_of == pytest.approx(traj.reaction, abs=1e-9)
+    row = rows(path, (spec,))[spec]
+    assert row["status"] in ("ok", "below_reference") and not row["multipliers_unique"] and np.isnan(row["impulse"]) and row["reaction"] < 4e-2
+
+
 BETWEEN = "Affine(np.array([[1.0], [-1.0]]), {}),"
 TRIANGLE = "Affine(np.array([[1.0, 0], [0, 1], [-1, -1]]), np.array([-1.0, -1.0, 1.0])),"
 

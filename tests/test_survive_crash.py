@@ -49,8 +49,8 @@ def stopped(out, *signals):
 
 @pytest.mark.survives("ctrl-c")
 def test_two_interrupts_tear_nothing(tmp_path):
-    code = stopped(tmp_path, signal.SIGINT, signal.SIGINT)
-    assert code in (130, 0) and len(whole(tmp_path)) >= 2          # 0: it had ended before
+    """Of 38 runs two have ended: the rest takes far longer than the signals."""
+    assert stopped(tmp_path, signal.SIGINT, signal.SIGINT) == 130 and len(whole(tmp_path)) >= 2
 
 
 @pytest.mark.survives("kill")

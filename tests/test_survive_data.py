@@ -35,7 +35,11 @@ def test_data_that_makes_no_sense_is_an_error(tmp_path, capsys, change, said):
 
 @pytest.mark.parametrize("name, solver, value, said", [
     *(pytest.param("h", "pbd", v, v, marks=pytest.mark.survives("step no number")) for v in ("0", "-0.5", "nan", "inf")),
-    *(pytest.param("k", "penalty", v, v, marks=pytest.mark.survives("stiffness no number")) for v in ("0", "-3", "nan", "inf")),
+    *(pytest.param("tol", "event_driven", v, v, marks=pytest.mark.survives("step no number")) for v in ("0", "-1", "nan", "inf")),
+    *(pytest.param("h", solver, v, v, marks=pytest.mark.survives("step no number")) for solver in ("theta", "euler", "kdtree")
+      for v in ("0", "-0.5", "nan", "inf")),
+    *(pytest.param("k", "penalty", v, v, marks=pytest.mark.survives("stiffness no number", "step no number"))
+      for v in ("0", "-3", "nan", "inf")),
     pytest.param("h", "pbd", "1e-17", "1e-17", marks=pytest.mark.survives("step below rounding")),
     pytest.param("h", "catching_up", "0.1,1e-15", "1e-15", marks=pytest.mark.survives("step below rounding")),
 ])

@@ -1,4 +1,5 @@
 """Whatever a drift returns, a run ends with a row that says what became of it, or is refused before it starts."""
+import numpy as np
 import pytest
 from survive_files import case_file, refused_before, rows
 
@@ -82,9 +83,24 @@ def test_a_drift_that_writes_into_the_state_later_on_is_an_error_row(tmp_path):
     {"problem": "Filippov({(1,): drift, (-1,): lambda xp: lambda t, x: np.float32(1) * x.astype(np.float32)}, "
                 "lambda xp: lambda t, x: x - 9.0)"},
     {"problem": "Filippov({(1,): drift, (-1,): drift}, lambda xp: lambda t, x: x.astype(np.float32))"},
+    {"problem": "Filippov.relay(drift, np.ones((1, 1), np.float32), lambda xp: lambda t, x: x + 0.0)"},
+    {"constraints": "Distance(radii=np.ones(2, np.float32), dim=1),", "x0": "[0.0, 4.0]"},
+    {"constraints": "Distance(np.float32(1.0), dim=1),", "x0": "[0.0, 4.0]"},
+    {"constraints": "Distance(1.0, anchors=np.full((1, 1), -4, np.float32), dim=1),"},
+    *({"problem": "LCS(" + ", ".join(f"np.eye(1, dtype=np.float{32 if m == k else 64})" for m in range(4)) + ")"} for k in range(4)),
+    {"more": "exact=lambda t: np.ones((len(t), 1), np.float32)"},
+    {"more": "exact_impulse=lambda t: np.ones((len(t), 1), np.float32)"},
 ])
 def test_single_precision_is_an_error_wherever_it_stands(tmp_path, capsys, change):
     path = case_file(tmp_path, **change)
     assert "float32" in refused_before(path, tmp_path, capsys)
     with pytest.raises((ValueError, TypeError), match="float32"):
         load_case(path)
+
+
+@pytest.mark.survives("float32")
+def test_a_closed_form_in_single_precision_cannot_come_in_by_another_way(tmp_path):
+    case = load_case(case_file(tmp_path))
+    for name in ("exact", "exact_impulse"):
+        with pytest.raises(TypeError, match=f"{name} .*float32"):
+            case.replace(**{name: lambda t: np.ones((len(t), 1), np.float32)})

@@ -16,6 +16,7 @@ from nsbench.case import parse_spec
 from nsbench.execute import filed, plan
 from nsbench.execute.local import Chore, run_all
 from nsbench.execute.progress import Progress
+from nsbench.reference import find
 
 EXPECTED = ("ok", "refused", "below_reference")
 NO_ROW = "No worker gave a row of this run. The same command tries it again."
@@ -29,6 +30,8 @@ def execute(specs, out: Path, args, say) -> int:
     parts = {s: key.parts_of(s, cases[s.case, s.file]) for s in specs}
     keys = {s: key.key_of(s, parts[s]) for s in specs}
     _folder(out)
+    for case in cases.values():
+        find.check(case)
     plan.admit({c.key: size.size_of(c) for c in cases.values()}, args)
     if args.plan:
         known = {} if args.force else _known(out, specs, keys, args, say)

@@ -72,6 +72,9 @@ def closed_form(case: Case) -> Reference:
 
 
 def _checked(case, name, value, shape):
+    value = np.asarray(value)
+    if value.dtype.kind not in "fiu" or value.dtype in (np.float32, np.float16):
+        raise TypeError(f"{name} of {case.key} returns {value.dtype}; float64 is needed")
     value = np.asarray(value, float)
     if value.shape != shape or not np.all(np.isfinite(value)):
         raise ValueError(f"{name} of {case.key} returns shape {value.shape}; finite values of shape {shape} are needed")

@@ -32,6 +32,10 @@ class BadReference(ValueError):
     """A stored reference that is broken or belongs to another version of its case; the message names the file."""
 
 
+class OtherVersion(BadReference):
+    """It is whole, and belongs to another version of its case."""
+
+
 def home() -> Path:
     import nsbench.reference_solutions as package
     return Path(next(iter(package.__path__)))
@@ -139,7 +143,7 @@ def load(case: Case, folder=None) -> Reference | None:
         if a.shape != mine.shape or np.abs(a - mine).max(initial=0.0) > 1e-13 * max(1.0, np.abs(mine).max(initial=0.0)):
             wrong.append(name)
     if wrong:
-        raise BadReference(f"the reference {npz} was made for another version of {case.key} "
+        raise OtherVersion(f"the reference {npz} was made for another version of {case.key} "
                            f"({', '.join(wrong)} differ): build it again with `nsbench reference build \"{case.key}\"`")
     bounds = {k: float("nan") if meta[k] is None else float(meta[k]) for k in BOUNDS}
     kind, event_error = meta.get("kind", "stored"), meta.get("event_error")
