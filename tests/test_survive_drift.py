@@ -87,7 +87,8 @@ def test_a_drift_that_writes_into_the_state_later_on_is_an_error_row(tmp_path):
     {"constraints": "Distance(radii=np.ones(2, np.float32), dim=1),", "x0": "[0.0, 4.0]"},
     {"constraints": "Distance(np.float32(1.0), dim=1),", "x0": "[0.0, 4.0]"},
     {"constraints": "Distance(1.0, anchors=np.full((1, 1), -4, np.float32), dim=1),"},
-    *({"problem": "LCS(" + ", ".join(f"np.eye(1, dtype=np.float{32 if m == k else 64})" for m in range(4)) + ")"} for k in range(4)),
+    *({"problem": "LCS(" + ", ".join(f"np.eye(1, dtype=np.float{32 if m == k else 64})" for m in range(4)) + ")"}
+      for k in range(4)),
     {"more": "exact=lambda t: np.ones((len(t), 1), np.float32)"},
     {"more": "exact_impulse=lambda t: np.ones((len(t), 1), np.float32)"},
 ])

@@ -1,4 +1,4 @@
-"""The same suite gives the same numbers, by one worker or two, in fresh processes; a scene that chatters costs the others nothing."""
+"""The same suite gives the same numbers, by one worker or two, in fresh processes; a scene that chatters takes no other along."""
 import os
 import subprocess
 import sys
@@ -16,8 +16,8 @@ def numbers(folder, jobs):
     """Rows without their times, as text: what every method of the standard suite gives on three small cases."""
     specs = [word for s in solvers.standard() for word in ("-s", s)]
     args = ["run", "tide", "sliding", "three_discs", *specs, "--h", "0.05,0.02", "--k", "1e3", "--tol", "1e-6", "-j", str(jobs)]
-    done = subprocess.run([sys.executable, "-m", "nsbench", *args, "-o", str(folder)], capture_output=True, text=True, timeout=300,
-                          env=os.environ | {"OMP_NUM_THREADS": "1"})
+    done = subprocess.run([sys.executable, "-m", "nsbench", *args, "-o", str(folder)], capture_output=True, text=True,
+                          timeout=300, env=os.environ | {"OMP_NUM_THREADS": "1"})
     assert done.returncode == 0, done.stdout + done.stderr
     return {key: {k: repr(v) for k, v in row.items() if k not in TIMES} for key, row in store.read_journal(folder).items()}
 

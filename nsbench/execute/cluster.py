@@ -200,7 +200,8 @@ class _Work:
         for spec, (row, text) in zip(specs, rows, strict=False):
             if there := row.pop("unlike", None):
                 own = {k: v for p in self.parts[spec] for k, v in p.items}
-                raise ClusterError(f"a worker would make {spec.label} of something else: {there.get('why') or unlike(there, own)}; "
+                raise ClusterError(f"a worker would make {spec.label} of something else: "
+                                   f"{there.get('why') or unlike(there, own)}; "
                                    "what is there must be as here")
             yield spec, row, text
 
