@@ -34,7 +34,8 @@ def misfit(case: Case, traj, accuracy: str = "", asked: float = np.nan) -> str:
     if not traj.status.ok:
         return ""
     if not np.array_equal(traj.t, case.t):
-        return f"The solver says ok, but its {np.size(traj.t)} times are not those of the case, {len(case.t)} up to {case.t[-1]:g}."
+        return (f"The solver says ok, but its {np.size(traj.t)} times are not those of the case, {len(case.t)} up to "
+                f"{case.t[-1]:g}.")
     return _arrays(case, traj) or _start(case, traj.x[0]) or (_steps(case, traj.stats, asked) if accuracy == "h" else "")
 
 
@@ -64,7 +65,8 @@ def _start(case: Case, x: np.ndarray) -> str:
     if np.abs(x - case.x0).max(initial=0.0) <= ROUNDED * np.abs(case.x0).max(initial=0.0):
         return ""
     i = int(np.argmax(np.abs(x - case.x0)))
-    return f"The solver says ok, but it begins with {x[i]:.6g} in coordinate {i}, where the start of the case is {case.x0[i]:.6g}."
+    return (f"The solver says ok, but it begins with {x[i]:.6g} in coordinate {i}, where the start of the case is "
+            f"{case.x0[i]:.6g}.")
 
 
 def _steps(case: Case, stats: dict, asked: float) -> str:

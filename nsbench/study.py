@@ -141,7 +141,8 @@ def run_batch(specs: list[Spec], announce: Callable[[str, int], None] = lambda w
 
     Each is prepared and run once; then all that were quick are timed in interleaved rounds, the first call left out,
     and their rows given out once more with median, quartiles and worst, or as an error where a repetition raised.
-    order(specs) yields (index, spec) in the order to take them (by default as they come).
+    order(specs) yields (index, spec) in the order to take them (by default as they come). announce(what, i): "prepare",
+    "run", "measure", or, of a repetition, "again".
     """
     from nsbench.measure import clock
     kept = []
@@ -151,7 +152,7 @@ def run_batch(specs: list[Spec], announce: Callable[[str, int], None] = lambda w
         if run is not None and timed_again(spec, row):
             kept.append((i, row, run))
     rounds = [clock.rounds_of(row["seconds"]) for _, row, _ in kept]
-    times = clock.in_rounds([run for _, _, run in kept], rounds, lambda k: announce("run", kept[k][0]))
+    times = clock.in_rounds([run for _, _, run in kept], rounds, lambda k: announce("again", kept[k][0]))
     for (i, row, _), seconds in zip(kept, times, strict=True):
         failed = isinstance(seconds, Exception)
         yield i, row | (_status(_raised(seconds, f"{REPEATED}: ")) if failed else clock.columns(seconds))

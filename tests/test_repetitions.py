@@ -17,6 +17,16 @@ SECOND = solver('''
     if self.how == "exit" and CALLS > 1:
         print("the second call", flush=True)
         os._exit(9)
+    if self.how == "meddle" and CALLS > 1:
+        np.seterr(all="raise")
+        warnings.simplefilter("error")
+        os.environ["OMP_NUM_THREADS"] = "nonsense"
+        os.chdir("/")
+    if self.how in ("look", "sea"):
+        warnings.warn("careful")
+        np.log(np.zeros(1))
+        int(os.environ["OMP_NUM_THREADS"])
+        assert os.getcwd() != "/"
     if self.how == "hang" and CALLS > 1:
         time.sleep(1000)
 ''', before="CALLS = 0\n")
@@ -56,6 +66,14 @@ def test_a_death_costs_those_before_it_no_times_whether_or_not_it_had_a_row(tmp_
     assert [r["status"] for r in rows] == ["ok", "ok", "crashed", "timeout"]
     assert rows[0]["rounds"] >= 3 and rows[1]["rounds"] >= 3
     assert max(given) <= 6
+
+
+@pytest.mark.survives("a repetition", "global state")
+def test_a_repetition_does_not_see_what_the_one_before_it_has_changed(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    rows, _ = last_rows(specs_of(tmp_path, "look", "meddle", "sea"))
+    assert [r["status"] for r in rows] == ["ok"] * 3, [r["why"] for r in rows]
+    assert min(r["rounds"] for r in rows) >= 3 and [r["warnings"] for r in rows] == [2, 0, 2]
 
 
 @pytest.mark.survives("a repetition")

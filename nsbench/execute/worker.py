@@ -99,10 +99,12 @@ class News:
             self.around.prints(i)
         elif what == "run" and self.around is not None:
             self.around.draw_anew()
+        elif what == "again" and self.around is not None:            # between runs of others: none sees what they left
+            self.around.restore(begins=False)
         elif what == "measure" and self.around is not None:          # what is found there is kept for the next runs
             self.around.restore(begins=False)
-        self.last = (what, i)
-        self.pipe.send((what, i, None))
+        self.last = ("run" if what == "again" else what, i)
+        self.pipe.send((*self.last, None))
 
     @contextlib.contextmanager
     def compiling(self):
