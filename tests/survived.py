@@ -91,7 +91,7 @@ ENTRIES = [
         ("older tables", "Tables from before a run that did not end, or of another journal", "E, naming the folder"),
         ("spoilt reference", "A stored reference that is cut short or damaged", "E, naming the file"),
         ("spoilt baseline", "A baseline that is cut short or damaged", "E, naming the file"),
-        ("foreign reference", "A stored reference with another checksum, or of another version of its case", "E, naming the file"),
+        ("foreign reference", "A stored reference of another checksum or version of its case", "E, naming the file"),
         ("stale", "Another package, case, solver, option or library than the one a row was made with", "runs again"),
         ("not picklable", "Cases and solvers that cannot be pickled", "run: they travel by name"),
         ("broken plugin", "A plugin that cannot be imported, or is none", "others run, list says why"),

@@ -171,7 +171,7 @@ def test_files_are_used_where_they_lie_or_as_copies_that_lie_alike(tmp_path, mon
     gone = str(tmp_path / "other" / "bad.py")
     copy, = watched._moved([Spec("tide", "bad[how=fine]", "h", 0.01, "", (gone,))], watched._placed([{gone: SOLVER.encode()}]))
     assert copy.solver_files[0] != gone and run_one(copy)["status"] == "ok"
-    with pytest.raises(watched.OtherInstallation, match="x.txt, too large to be sent, is not the same there"):
+    with pytest.raises(watched.OtherInstallation, match=r"x\.txt, too large to be sent, is not the same there"):
         watched._placed([{str(file): SOLVER.encode(), str(data): "0" * 16}])
 
 

@@ -235,7 +235,7 @@ def test_a_line_that_no_journal_has_is_refused_by_its_number(tmp_path, monkeypat
     write(tmp_path, b=2.0)
     assert list(store.read_journal(tmp_path)) == ["a", "b"]
     path.write_bytes(path.read_bytes() + b"x" * 1001 + b"\n")
-    with pytest.raises(ValueError, match=rf"line \d of .*journal\.jsonl is longer than 1000 bytes"):
+    with pytest.raises(ValueError, match=r"line \d of .*journal\.jsonl is longer than 1000 bytes"):
         store.read_journal(tmp_path)
     assert main([*RUN, str(tmp_path)]) == 2
     assert "journal.jsonl is longer than 1000 bytes" in capsys.readouterr().err

@@ -78,13 +78,13 @@ def test_a_repetition_does_not_see_what_the_one_before_it_has_changed(tmp_path, 
 
 @pytest.mark.survives("a repetition")
 def test_a_repetition_that_raises_costs_a_study_nothing_else(tmp_path):
-    first, bad, last = specs = specs_of(tmp_path, "pbd", "raise", "fine")
+    specs = specs_of(tmp_path, "pbd", "raise", "fine")
     rows = dict(run_batch(specs))
     assert [rows[i]["status"] for i in range(3)] == ["ok", "error", "ok"] and "the second call" in rows[1]["why"]
     assert rows[0]["rounds"] >= 3 and rows[2]["rounds"] >= 3
     solvers._loaded.pop("second")
     study._files_loaded.clear()
-    solvers.load(bad.solver_files[0])
+    solvers.load(specs[1].solver_files[0])
     found = nsbench.run("tide", ["pbd", "second[how=raise]"], h=0.01)
     assert [r["status"] for r in found.rows] == ["ok", "error"] and found.rows[0]["rounds"] >= 3
     solvers._loaded.pop("second")

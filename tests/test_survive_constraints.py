@@ -85,7 +85,8 @@ def test_a_corner_of_three_walls_in_the_plane_holds_with_one_reaction(tmp_path, 
     assert np.all(np.diff(traj.impulse, axis=0) >= -1e-12)
     assert traj.impulse @ rows_of == pytest.approx(traj.reaction, abs=1e-9)
     row = rows(path, (spec,))[spec]
-    assert row["status"] in ("ok", "below_reference") and not row["multipliers_unique"] and np.isnan(row["impulse"]) and row["reaction"] < 4e-2
+    assert row["status"] in ("ok", "below_reference") and not row["multipliers_unique"]
+    assert np.isnan(row["impulse"]) and row["reaction"] < 4e-2
 
 
 BETWEEN = "Affine(np.array([[1.0], [-1.0]]), {}),"

@@ -7,7 +7,6 @@ the time, with or without a nanny. Such a process goes with the worker, or when 
 """
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import functools
 import hashlib
