@@ -29,7 +29,8 @@ def rows(out):
 @pytest.mark.parametrize("put_back", ["after", "during"])
 def test_a_file_that_is_edited_while_runs_are_made_leaves_no_row_that_is_served(tmp_path, capsys, monkeypatch, put_back):
     """The key is that of the first text, the worker loads the second."""
-    file, out, go, there = (tmp_path / name for name in ("mine.py", "r", "go", "there"))
+    file, out, go, there = (tmp_path / name for name in ("mine.py", "r", "go", "said/there"))
+    there.parent.mkdir()
     text = f"open({str(there)!r}, 'w').close()\nwhile not os.path.exists({str(go)!r}): time.sleep(0.01)"
     first, second = (solver(text, stats=f'{{"mark": {n}}}') for n in (1, 2))
     file.write_text(first)
