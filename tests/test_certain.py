@@ -6,7 +6,7 @@ import time
 import pytest
 from solver_file import solver
 
-from nsbench import opened, published, seen, solvers, store
+from nsbench import opened, seen, solvers, store
 from nsbench.cli import main
 
 DATA = 'c = float(open(os.path.join(os.path.dirname(__file__), "data", "table.txt")).read())'
@@ -25,36 +25,36 @@ def rows(out):
     return [r for k, r in store.read_journal(out).items() if len(k) == 64]
 
 
+def edited(out, edit):
+    """A thread that edits when the keys have been made and no worker has loaded anything."""
+    def wait():
+        until = time.monotonic() + 30
+        while not (out / "journal.jsonl").exists() and time.monotonic() < until:
+            time.sleep(0.002)
+        edit()
+    thread = threading.Thread(target=wait)
+    thread.start()
+    return thread
+
+
 @pytest.mark.survives("stale")
 @pytest.mark.parametrize("put_back", ["after", "during"])
-def test_a_file_that_is_edited_while_runs_are_made_leaves_no_row_that_is_served(tmp_path, capsys, monkeypatch, put_back):
+def test_a_file_that_is_edited_while_runs_are_made_leaves_no_row_that_is_served(tmp_path, capsys, put_back):
     """The key is that of the first text, the worker loads the second."""
-    file, out, go, there = (tmp_path / name for name in ("mine.py", "r", "go", "said/there"))
-    there.parent.mkdir()
-    text = f"open({str(there)!r}, 'w').close()\nwhile not os.path.exists({str(go)!r}): time.sleep(0.01)"
-    first, second = (solver(text, stats=f'{{"mark": {n}}}') for n in (1, 2))
+    file, out, go = tmp_path / "mine.py", tmp_path / "r", tmp_path / "go"
+    first, second = (solver(f"while not os.path.exists({str(go)!r}): time.sleep(0.01)", stats=f'{{"mark": {n}}}') for n in (1, 2))
     file.write_text(first)
     os.utime(file, (1e9, 1e9))
 
-    def edit(folder):
-        """When the keys have been made and no worker has loaded anything."""
-        begin(folder)
-        os.link(file, tmp_path / "kept")
-        (tmp_path / "next").write_text(second)
-        os.replace(tmp_path / "next", file)
-        thread.start()
-
-    def after():
+    def edit():
+        os.rename(file, tmp_path / "kept")
+        file.write_text(second)
         if put_back == "during":
-            until = time.monotonic() + 60
-            while not there.exists() and time.monotonic() < until:   # until the worker has loaded it
-                time.sleep(0.01)
+            time.sleep(8.0)                              # until the worker has loaded it
             os.rename(tmp_path / "kept", file)           # the same file at the same place, its times too
         go.write_text("")
-    thread, begin = threading.Thread(target=after), published.begin
-    monkeypatch.setattr(published, "begin", edit)
+    thread = edited(out, edit)
     assert run(file, out) == 3
-    monkeypatch.setattr(published, "begin", begin)
     thread.join()
     assert "mine.py changed while runs were made: 1 rows are unverified" in capsys.readouterr().out
     assert store.read_journal(out) and not rows(out)
