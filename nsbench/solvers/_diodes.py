@@ -12,7 +12,7 @@ import numpy as np
 from nsbench.case import Case
 from nsbench.solvers._arc import CREEPS, Creeping
 from nsbench.solvers._lcs import certainly_unique
-from nsbench.solvers._linear_arc import EPS, SUM, Flow, crossing, resolved, value
+from nsbench.solvers._linear_arc import EPS, SUM, Flow, S, crossing, resolved, value
 from nsbench.solvers._modes import Inputs, mode
 from nsbench.solvers._switching import accumulation
 from nsbench.solvers.base import Run
@@ -25,6 +25,7 @@ BAND = 1e-12                        # of the terms of a sum: below, it is zero (
 START = 1e-9                        # the same for the start, which may have been typed
 SHARE = 1e-2                        # of the tolerance for the last coefficients of one step: a run takes tens
 NOISE = 64.0                        # roundings in the last coefficients: 13 values with weights of about one, and a solve
+GROWS = 100.0                       # most of a state's size in one step, so that SHARE of the tolerance is relative to its start
 LEAST = 1e-13                       # part of the run below which a step is not halved: an input jumps there
 IDLE = 1000                         # events in a row that leave the set as it is
 
@@ -106,15 +107,16 @@ class _Walk:
                     h *= 0.25
                     continue
                 return self._lost()
-            self.scale = np.maximum(self.scale, np.abs(X).max(axis=0))
-            grow = np.maximum(grow, np.abs(F).max(axis=0))
-            terms = np.concatenate((self.scale, np.maximum(size, grow)))
-            limit = SHARE * self.tol * np.concatenate((self.scale, grow)) + NOISE * EPS * terms
+            most = np.maximum(self.scale, np.abs(X).max(axis=0))
+            more = np.maximum(grow, np.abs(F).max(axis=0))
+            terms = np.concatenate((most, np.maximum(size, more)))
+            limit = SHARE * self.tol * np.concatenate((most, more)) + NOISE * EPS * terms
             good, easy = resolved(np.hstack([X, F]), limit)
+            good = good and bool(np.all(most <= GROWS * self.scale))
             if not good and h > LEAST * span:
                 h *= 0.5
                 continue
-            self.h = max(self.h, h)
+            self.h, grow = max(self.h, h), more
             status, fired = self._advance(flow, X, F, h, armed, size)
             if not status.ok or fired:
                 self.pace = h
@@ -150,6 +152,7 @@ class _Walk:
         else:
             self.x, self.total = value(X, at), value(P, at)
         self.t = end
+        self.scale = np.maximum(self.scale, np.abs(np.vstack([X[S <= at], self.x])).max(axis=0))      # no size beyond an event
         if not np.all(np.isfinite(self.x)):
             return self._lost(), False
         return Status(), found is not None

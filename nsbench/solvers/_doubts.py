@@ -15,6 +15,7 @@ import numpy as np
 from nsbench.case import Case
 from nsbench.contacts import ANCHOR, PAIR, Scene
 from nsbench.problem import LCS, Complementarity, Distance, Smooth
+from nsbench.solvers._poles import pole
 from nsbench.trajectory import Status, Trajectory
 
 EPS = float(np.finfo(float).eps)
@@ -33,7 +34,7 @@ def doubted(case: Case, traj: Trajectory) -> Trajectory:
     if not traj.status.ok or not len(traj.t):
         return traj
     with np.errstate(all="ignore"):
-        status = _overshot(case, traj) or _rounded(case, traj)
+        status = pole(case, traj) or _overshot(case, traj) or _rounded(case, traj)
         if isinstance(p, Complementarity) and p.constraints:
             status = _tied(case) or _nowhere(case, traj) or _flat(case, traj) or status
     return traj if status is None else replace(traj, status=status)

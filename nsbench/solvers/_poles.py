@@ -1,0 +1,151 @@
+"""Poles of the drift between two samples: a fixed step passes over them, and no solution does.
+
+The drift is evaluated on arrays that note what they are divided by. Where such a denominator changes its sign, or touches
+zero, on the way from sample to sample, and |drift| times the distance in time does not vanish there, the way to go is
+not finite: the integral of 1 / s diverges, that of 1 / sqrt(s) does not.
+"""
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from nsbench.case import Case
+from nsbench.problem import LCS, Complementarity
+from nsbench.trajectory import Status, Trajectory
+
+POINTS = 200             # of a run at which denominators are compared, at least its samples
+SMALL = 1e-2             # of its largest value: a denominator without a change of sign that gets so small may touch zero
+HALVINGS = 100
+NEAR, NEARER = 1e-4, 1e-7            # of the interval: distances at which the drift is compared
+VANISHES = 0.7           # a product of drift and distance falls to 0.5 for s^-0.9, and stays for 1 / s
+OVER = {np.true_divide: 1, np.floor_divide: 1, np.remainder: 1, np.reciprocal: 0}
+
+
+class Noting(np.ndarray):
+    """An array that appends what it divides by to `seen`."""
+    seen: list = []
+
+    def __array_ufunc__(self, ufunc, method, *inputs, out=None, **kwargs):
+        plain = [np.asarray(v) for v in inputs]
+        if method == "__call__":
+            self._note(ufunc, inputs, plain)
+        value = getattr(ufunc, method)(*plain, **kwargs)
+        if out is not None:
+            np.asarray(out[0])[...] = value
+            return out[0]
+        return _noting(value)
+
+    @staticmethod
+    def _note(ufunc, inputs, plain):
+        k = OVER.get(ufunc)
+        if k is not None and isinstance(inputs[k], Noting):
+            Noting.seen.append(plain[k].ravel().astype(float))
+        elif ufunc is np.tan:
+            Noting.seen.append(np.cos(plain[0]).ravel())
+        elif ufunc in (np.power, np.float_power) and isinstance(inputs[0], Noting) and np.any(plain[1] < 0):
+            Noting.seen.append(plain[0].ravel().astype(float))
+
+    def __getitem__(self, index):
+        return _noting(super().__getitem__(index))
+
+    def __iter__(self):
+        return (self[k] for k in range(len(self)))
+
+
+def _noting(value):
+    return np.asarray(value).view(Noting) if np.asarray(value).dtype.kind == "f" else np.asarray(value)
+
+
+class _Space:
+    """numpy, but that arrays made of noting ones note too."""
+
+    def __getattr__(self, name):
+        found = getattr(np, name)
+        if isinstance(found, (np.ufunc, type)) or not callable(found):
+            return found
+        return lambda *args, **kwargs: _kept(found(*args, **kwargs))
+
+
+def _kept(value):
+    return _noting(value) if isinstance(value, (np.ndarray, np.floating)) else value
+
+
+def pole(case: Case, traj: Trajectory) -> Status | None:
+    """diverged, if the drift has a pole on the straight way between two samples of the run; None otherwise."""
+    drift = _drift(case)
+    if not _denominators(drift, float(traj.t[0]), traj.x[0]).size:
+        return None
+    parts = max(1, -(-POINTS // max(1, len(traj.t) - 1)))
+    times = np.append((traj.t[:-1, None] + np.diff(traj.t)[:, None] * np.arange(parts) / parts).ravel(), traj.t[-1])
+    state = lambda t: np.array([np.interp(t, traj.t, column) for column in traj.x.T])
+    found = [_denominators(drift, t, x) for t, x in zip(times, state(times).T, strict=True)]
+    if len({len(v) for v in found}) > 1 or not np.all(np.isfinite(found)):
+        return None
+    values = np.array(found)
+    for column in np.flatnonzero((values.min(axis=0) * values.max(axis=0) <= 0.0)
+                                 | (np.abs(values).min(axis=0) < SMALL * np.abs(values).max(axis=0))):
+        for k in _suspects(values[:, column]):
+            at = _zero(lambda t, c=column: _denominators(drift, t, state(t))[c], times[max(0, k - 1)],
+                       times[min(k + 1, len(times) - 1)])
+            if _grows(lambda t: np.abs(np.asarray(drift(np)(t, state(t)))), at, times, parts):
+                return Status("diverged", f"The drift has a pole at t = {at:.6g}, over which no solution goes: steps beside it "
+                                          "hide that, however short.")
+    return None
+
+
+def _drift(case: Case) -> Callable:
+    """xp -> (t, x) -> the velocity beside surfaces, without reactions."""
+    p = case.problem
+    if isinstance(p, Complementarity):
+        return p.drift
+    if isinstance(p, LCS):
+        return lambda xp: lambda t, x: sum(xp.sum(g(xp)(t)) for g in (p.u, p.q) if g is not None) + 0.0 * x
+    return lambda xp: lambda t, x: p.field(xp)(t, x, np.where(np.asarray(p.switch(np)(float(t), np.array(x))) >= 0.0, 1.0, -1.0))
+
+
+def _denominators(drift, t: float, x: np.ndarray) -> np.ndarray:
+    """All that the drift divides by at (t, x), in the order of its operations."""
+    Noting.seen = []
+    with np.errstate(all="ignore"):
+        try:
+            drift(_Space())(_noting(t), _noting(x.copy()))
+        except Exception:
+            return np.empty(0)
+    return np.concatenate(Noting.seen) if Noting.seen else np.empty(0)
+
+
+def _suspects(v):
+    """Where a denominator changes its sign (the point behind), or has a least absolute value."""
+    a = np.abs(v)
+    turns = np.flatnonzero((a[1:-1] <= a[:-2]) & (a[1:-1] <= a[2:])) + 1
+    return [*(np.flatnonzero(v[1:] * v[:-1] <= 0.0) + 1), *(k for k in turns if a[k] < SMALL * a.max())]
+
+
+def _zero(den, low, high) -> float:
+    """Where |den| is least between two times: bisection of a change of sign, of the slope's otherwise."""
+    eps = 1e-9 * (high - low)
+    for kind in ("value", "slope"):
+        f = den if kind == "value" else lambda t: abs(den(t + eps)) - abs(den(t - eps))
+        a, b, fa, fb = low, high, f(low), f(high)
+        if fa * fb > 0.0:
+            continue
+        for _ in range(HALVINGS):
+            mid = 0.5 * (a + b)
+            if not a < mid < b:
+                break
+            fm = f(mid)
+            a, b, fa = (mid, b, fm) if fa * fm > 0.0 else (a, mid, fa)
+        return 0.5 * (a + b)
+    return low
+
+
+def _grows(speed, at, times, parts) -> bool:
+    """Does a component of the drift grow near `at`, on either side, as 1 / distance or faster?"""
+    length = float(np.diff(times).max()) * parts
+    for side in (-1.0, 1.0):
+        if times[0] <= at + side * NEAR * length <= times[-1]:
+            far, near = (speed(at + side * d * length) * d for d in (NEAR, NEARER))
+            if np.any(np.isfinite(far) & (far > 0.0) & ~(near < VANISHES * far)):
+                return True
+    return False
