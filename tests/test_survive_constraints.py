@@ -6,7 +6,7 @@ from survive_files import METHODS, case_file, refused_before, rows
 import nsbench
 from nsbench.problem import Affine, Complementarity, Smooth
 from nsbench.solvers import solve
-from nsbench.solvers._doubts import contradiction
+from nsbench.solvers._contradiction import contradiction
 
 PAIR = "Distance(2.0),"
 

@@ -20,6 +20,8 @@ STANDARD = ()                   # 0.1 s a step: asked for by name
 MOST = 10                       # contacts: from six on (four discs), steps were seen to fail or to be wrong
 LABOUR, FIRST = 250, 5000       # iterations of IPOPT a step on average, from so many in all, that end a run: 85 a step are usual
 UNSEEN = 100.0                  # tolerances by which a switch has to change to be seen
+LEAK = 1000.0                   # tolerances by which the state may be pushed where nothing touches
+BESIDE = 10.0                   # the same of a state that is on a surface
 SUNK = 1e-3                     # depth below a constraint at which the push was too weak to hold
 
 
@@ -30,7 +32,8 @@ class Nosnoc:
     Filippov systems in Stewart's form; complementarity systems, for which nosnoc has no class, in Heaviside's step form:
     x' = f + push sum_k (1 - alpha_k) grad g_k, alpha_k the step of g_k, which has the same solution as long as every
     multiplier is below `push`. comp_tol: tolerance of complementarity. Integrals of weights or multipliers are states.
-    Claimed is the order of the Radau method, 2 stages - 1, which holds through switches until comp_tol.
+    Claimed is the order of the Radau method, 2 stages - 1, which holds through switches until 1000 comp_tol; where what
+    is left of complementarity can have moved the state by more, the run is unverified.
     Source: Nurkanovic, Sperl, Albrecht, Diehl, arXiv 2205.05337; Nurkanovic & Diehl, IEEE Control Systems Letters 2022.
     """
     stages: int = 3
@@ -218,7 +221,10 @@ def _march(case, method, solver, contacts, turning, parts, step):
     R = np.empty((K, 0))
     if isinstance(case.problem, Complementarity):
         R = Y[:, n + 1 + m:].copy() if turning else W @ np.vstack([_dense(c) for c in case.problem.constraints])
-        status = _sunk(case, X) if status.ok else status
+        if status.ok:
+            status = _sunk(case, X)
+        if status.ok:
+            status = _leaks(case, method, X, W)
     elif status.ok:
         status = _unresolved(case, X, method.comp_tol)
     stats = {"steps": (K - 1) * parts, "h": step, "inner_iterations": inner, "loop": "host"}
@@ -238,10 +244,22 @@ def _unresolved(case, X, tol):
                         for t, x in zip(case.t, X, strict=True)], axis=0)
     row = int(np.argmin(slope))
     if slope[row] > UNSEEN * tol:
-        flat = flat_layer(case, tol, X)
+        flat = flat_layer(case, tol, X) or _lingers(case, X, tol, slope)
         return Status("unverified", f"{flat}: no error of that size is claimed there.") if flat else Status()
     return Status("unverified", f"Switch {row} changes by {slope[row]:.2g} in the run, which the tolerance of complementarity, "
                                 f"{tol:.2g}, cannot tell from zero: scale it, or lower comp_tol.")
+
+
+def _lingers(case, X, tol, slope) -> str:
+    """Where a state is kept off a surface by what is left of complementarity, weight x distance = tol: where one field ends on
+    the surface, that pushes it away by sqrt(2 tol x pace of the other), no small length; "" if nowhere."""
+    c = np.abs([case.problem.switch(np)(float(t), x) for t, x in zip(case.t[1:], X[1:], strict=True)])
+    found = np.argwhere((c > BESIDE * tol) & (c < np.sqrt(2.0 * tol * slope)))
+    if not len(found):
+        return ""
+    at, row = found[0]
+    return (f"At t = {case.t[at + 1]:.6g} the state is {c[at, row]:.2g} from surface {row}, as what is left of complementarity "
+            f"({tol:.2g}) may keep it")
 
 
 def _sunk(case, X):
@@ -250,6 +268,23 @@ def _sunk(case, X):
     if worst >= -SUNK:
         return Status()
     return Status("infeasible", f"A constraint is violated by {-worst:.3g}: a multiplier is above the push; raise it.")
+
+
+def _leaks(case, method, X, W) -> Status:
+    """Have constraints pushed where they do not touch? gap x multiplier is comp_tol x push, not zero: while a gap opens slowly,
+    or many are open for long, that adds up."""
+    floor = method.comp_tol * method.push
+    gaps = np.array([[float(g) for _, g in _gaps(case.problem, x, float(t), np, case.n)]
+                     for t, x in zip(case.t, X, strict=True)])
+    steep = np.concatenate([np.linalg.norm(_dense(c), axis=1) if isinstance(c, Affine) else np.full(_count(c, case.n), 2.0**0.5)
+                            for c in case.problem.constraints])
+    open_, gained = np.maximum(gaps[1:], gaps[:-1]), np.diff(W, axis=0)
+    apart = (open_ > BESIDE * floor) & (gained * open_ < 100.0 * floor * np.diff(case.t)[:, None])
+    leaked = float((np.where(apart, gained, 0.0) * steep).sum())
+    if leaked <= LEAK * method.comp_tol:
+        return Status()
+    return Status("unverified", f"Constraints that do not touch have pushed by {leaked:.2g} in all, for gap x multiplier is "
+                                f"{floor:.2g}, not zero: no smaller error is claimed; lower comp_tol.")
 
 
 SOLVER = Nosnoc

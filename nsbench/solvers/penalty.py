@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from nsbench.case import Case
+from nsbench.moving import SmoothRows
 from nsbench.problem import LCS, Affine, Complementarity, Distance, Filippov
 from nsbench.solvers._extrapolation import combined, weights
 from nsbench.solvers.base import Claims, Expect, Run, check_positive
@@ -21,6 +22,7 @@ LEAST = 1e-13             # tolerance; rounding of 10^5 steps is a tenth of it
 DEFAULTS = (1e4, 1e4, 1e3)
 SMALL = 1e-3              # size of a motion of which an absolute 1e-9 would be visible beside a rate
 LISTED = 6000             # listed constraints (all but hard pairs) whose impulses are integrated
+MOST = 1_000_000, 100_000  # steps of explicit and of implicit methods, a minute of either
 MEMORY = 1e9              # bytes of samples of one run
 MANY = 40                 # hard particles up to which all pairs are visited
 PAIRS = ("auto", "all", "near")
@@ -43,7 +45,7 @@ class Penalty:
     implicit "kvaerno3", "kvaerno5" (dearer steps and 4 times the compile time, but their number grows little with k), or
     "auto": tsit5 or kvaerno5 by k and the number of states, named in stats["integrator"].
     rtol and atol are those of the step control (1e-9, less where extrapolated; atol times the size of motions far below 1),
-    max_steps counts refused steps.
+    max_steps counts refused steps: 10^6 of an explicit method, 10^5 of an implicit one, where no other number is given.
 
     extrapolate: 1 gives 2 x(2k) - x(k), 2 also x(4k): powers 1/k and 1/k^2 of the error cancel, in states, impulses and
     reaction alike. Between events the error has an expansion in powers of 1/k, because an impact is forgotten like
@@ -58,7 +60,7 @@ class Penalty:
     method: str = "tsit5"
     rtol: float | None = None
     atol: float | None = None
-    max_steps: int = 1_000_000
+    max_steps: int | None = None
     extrapolate: int = 0
     pairs: str = "auto"
     reach: float = 0.3
@@ -76,6 +78,11 @@ class Penalty:
     @property
     def default(self) -> float:
         return DEFAULTS[self.extrapolate]
+
+    @property
+    def most(self) -> int:
+        """Steps that a run may take, refused ones too."""
+        return self.max_steps or MOST[self.method in IMPLICIT]
 
     @property
     def ladder(self) -> tuple[float, float]:
@@ -101,7 +108,7 @@ class Penalty:
             raise ValueError(f"extrapolate is {self.extrapolate!r}; 0, 1 or 2 times")
         if self.pairs not in PAIRS:
             raise ValueError(f"pairs is {self.pairs!r}; one of {', '.join(PAIRS)}")
-        if not (isinstance(self.max_steps, int) and self.max_steps >= 1):
+        if not (self.max_steps is None or (isinstance(self.max_steps, int) and self.max_steps >= 1)):
             raise ValueError(f"max_steps is {self.max_steps!r}; a positive whole number is needed")
 
     def refuses(self, case: Case) -> str | None:
@@ -160,7 +167,7 @@ def _near_lists(penalty: Penalty, case: Case) -> bool:
 def _march(penalty: Penalty, case: Case, x0: np.ndarray, asked: float):
     """k -> samples and counts of a run, bound to the compiled program. Raises NotTraceable."""
     from nsbench.solvers._penalty_program import compiled
-    limits = (penalty.tolerance("rtol", asked), penalty.tolerance("atol", asked) * _unit(penalty, case, x0), penalty.max_steps)
+    limits = (penalty.tolerance("rtol", asked), penalty.tolerance("atol", asked) * _unit(penalty, case, x0), penalty.most)
     if _near_lists(penalty, case):
         from nsbench.solvers._segments import Segments
         segments = Segments(case, x0, penalty.method, penalty.reach)
@@ -183,7 +190,7 @@ def _unit(penalty: Penalty, case: Case, x0: np.ndarray) -> float:
     with np.errstate(all="ignore"):
         if isinstance(p, Complementarity):
             speeds = [p.drift(np)(t, x0.copy())]
-            lengths += [_length(c, t) for c in p.constraints]
+            lengths += [_length(c, t, x0) for c in p.constraints]
         else:
             d = len(np.atleast_1d(p.switch(np)(t, x0.copy())))
             speeds = [p.field(np)(t, x0.copy(), np.full(d, s)) for s in (1.0, -1.0)]
@@ -191,11 +198,15 @@ def _unit(penalty: Penalty, case: Case, x0: np.ndarray) -> float:
     return size if penalty.atol is None and 0.0 < size < SMALL else 1.0
 
 
-def _length(c, t: float) -> float:
-    """Size of a family of constraints, not known (1) of smooth ones."""
+def _length(c, t: float, x: np.ndarray) -> float:
+    """Size of a family of constraints: of smooth ones how far the start is from them, to first order."""
     if isinstance(c, Distance):
         return float(np.max(2.0 * c.radii if c.d is None else c.d))
-    return float(np.abs(c.b(np)(t) if c.moving else c.b).max(initial=0.0)) if isinstance(c, Affine) else 1.0
+    if isinstance(c, Affine):
+        return float(np.abs(c.b(np)(t) if c.moving else c.b).max(initial=0.0))
+    rows = SmoothRows(c, x.size)
+    away = np.abs(rows.g(t, x)) / np.sqrt((rows.gradient(t, x) ** 2).sum(-1))
+    return float(away.max(initial=0.0)) if np.all(np.isfinite(away)) else 1.0
 
 
 def _start(case: Case) -> np.ndarray:
@@ -239,12 +250,12 @@ def _status(penalty: Penalty, case: Case, k: float, asked: float, out: dict) -> 
             return Status("unverified", f"The error of the penalty, about {claimed:.1e}, may be hidden by the "
                                         f"integrator's, up to 200 times its tolerance {worst:.1e}: lower rtol and atol.")
         return _thick(case, k, out["x"]) if isinstance(case.problem, Filippov) else Status()
-    if tried < penalty.max_steps:
+    if tried < penalty.most:
         return _no_step(penalty, case, k, out, at)
     last = float(out["last"])
     advice = ("an explicit method needs about k T / 3 of them: take method=kvaerno5 or a smaller k"
               if penalty.method in EXPLICIT else "raise max_steps, rtol or atol")
-    return Status("maxiter", f"The penalty is too stiff for {penalty.max_steps} steps: {at} their length was {last:.1e} "
+    return Status("maxiter", f"The penalty is too stiff for {penalty.most} steps: {at} their length was {last:.1e} "
                              f"(k h = {k * last:.2g}); {advice}.")
 
 

@@ -36,7 +36,7 @@ from nsbench.problem import LCS, Complementarity
 from nsbench.solvers._doubts import pace
 from nsbench.study import misfit
 from randomised.ladder import LADDER, LATER, LATER_SLOW, floors, is_slow, slower, values
-from randomised.own import MISSING, filled, settled
+from randomised.own import MISSING, filled, settled, slope
 from randomised.runs import Outcome, Verdict, attempt, kept_feasible, relative
 
 M, BOUND, DEPTH, SIGN, RESIDUAL = 4.0, 1e-9, 1e-8, 1e-8, 1e-5
@@ -219,17 +219,10 @@ class Scene:
         if signed and run.measured["sign"] < -noise:
             return Verdict("wrong", "ok", f"multiplier {run.measured['sign']:.1e}")
         size = max(self.unit, float(np.abs(run.traj.x).max()))
-        if exact and not isinstance(case.problem, LCS) and run.measured["feasibility"] > (DEPTH * size + ABSOLUTE) * self._slope:
+        deep = (DEPTH * size + ABSOLUTE) * slope(self.case)
+        if exact and not isinstance(case.problem, LCS) and run.measured["feasibility"] > deep:
             return Verdict("wrong", "ok", f"depth {run.measured['feasibility']:.1e}")
         return None
-
-    @cached_property
-    def _slope(self) -> float:
-        """Largest gradient of rows: a depth is in units of the gap."""
-        p = self.case.problem
-        rows = [np.abs(c.data).max() for c in getattr(p, "constraints", ()) if hasattr(c, "data")]
-        rows += [float(np.abs(p.C).max())] if hasattr(p, "C") else []
-        return max([1.0, *rows])
 
     def _ladder(self, spec, method) -> Verdict:
         slow = is_slow(self.case, spec)                     # what is slow stops earlier
@@ -263,7 +256,7 @@ class Scene:
         v = run.measured["feasibility"]
         if isinstance(self.case.problem, LCS):
             v = max(0.0, v - self.first.measured["feasibility"])
-        return 0.0 if np.isnan(v) else v / max(self.unit, float(np.abs(run.traj.x).max())) / self._slope
+        return 0.0 if np.isnan(v) else v / max(self.unit, float(np.abs(run.traj.x).max())) / slope(self.case)
 
     def _order(self, method) -> float:
         quiet = not self.answer.events and not self.answer.contacts

@@ -5,6 +5,7 @@ import numpy as np
 
 from nsbench.problem import Complementarity, Smooth
 from nsbench.solvers._extrapolation import weights
+from nsbench.solvers.nosnoc import LEAK
 
 LADDER = {"h": (3, 11, 43, 683), "k": (100.0, 400.0, 1600.0, 6400.0)}
 LATER = {"h": (2731, 10923, 43691), "k": (25600.0, 102400.0)}
@@ -48,6 +49,8 @@ def floors(case, method, answer, digits: float, bound: float, condition: float, 
     least, large = 10.0 * bound + ANSWER * digits / moved * condition, max(1.0, float(np.abs(answer.x).max()) / moved)
 
     def floor(h: float) -> float:
+        if hasattr(method, "comp_tol"):                         # what nosnoc claims ends there
+            return least + LEAK * method.comp_tol * condition / moved
         if method.accuracy == "h":
             return least + EPS * T / h * condition * large
         tol = method.tolerance("rtol", 1.0 / h) * float(np.abs(weights(method.extrapolate)).sum())

@@ -19,7 +19,7 @@ WORST = 40                  # intervals that a round divides at most
 MISSING = 1e-7              # of the way that the largest velocity makes in a run: may be missing of one that claims a bound
 OWN = 1e-5                  # the same for steps
 STEPS = (8, 32, 128, 512, 2048)         # of a sample spacing, each a sample; more where there are few samples
-STIFF = (100.0, 400.0, 1600.0, 6400.0)  # and k with PARTS samples to a spacing
+STIFF = (100.0, 400.0, 1600.0, 6400.0)  # and k with PARTS samples to a spacing, four times as many each time
 PARTS = 40
 LEAST, NODES = 240, 12000   # samples of the coarsest, and of any run
 STAYS = 0.5                 # what does not fall to that with sixteen times finer steps stays
@@ -91,6 +91,14 @@ def settled(case, spec: str, method, unit: float, why: str) -> Verdict:
     return Verdict("wrong", "ok", "; ".join([*bad, why]))
 
 
+def slope(case) -> float:
+    """Largest gradient of rows, at least 1: a depth is in units of the gap."""
+    p = case.problem
+    rows = [np.abs(c.data).max() for c in getattr(p, "constraints", ()) if hasattr(c, "data")]
+    rows += [float(np.abs(p.C).max())] if hasattr(p, "C") else []
+    return max([1.0, *rows])
+
+
 def _rate(case, traj) -> float:
     """The largest rate of the drift, row sums of its Jacobian by differences, at some samples; 0 of other systems."""
     if not isinstance(case.problem, Complementarity):
@@ -111,8 +119,9 @@ def _fine(case, spec, method):
         return
     if method.accuracy == "k":
         parts = max(PARTS, -(-LEAST // len(spacing)))
-        for k in STIFF:
-            yield k * stiffness(case), _divided(case.t, parts)
+        for j, k in enumerate(STIFF):                   # what the samples hide of jumps of the drift falls too
+            if 4**j * parts * len(spacing) <= NODES or j < 3:
+                yield k * stiffness(case), _divided(case.t, 4**j * parts)
         return
     base = max(1, -(-LEAST // (STEPS[0] * len(spacing))))
     for n in STEPS:
@@ -133,7 +142,7 @@ def _defects(case, run, unit):
     first = len(traj.t) // 2 if case.start == "keep" else 0     # that may be infeasible, and is mended in some steps
     lacks = float(np.nan_to_num(missing(case, traj), nan=np.inf)[first:].sum())
     scene = frame(case).scene
-    depth = max(scene.deepest(a, b) for a, b in zip(traj.t[first:], traj.x[first:], strict=True)) if scene else 0.0
+    depth = max(scene.deepest(a, b) for a, b in zip(traj.t[first:], traj.x[first:], strict=True)) / slope(case) if scene else 0.0
     return (lacks, depth, _apart(case, run, first)), (size * T, moved, size * T * moved)
 
 

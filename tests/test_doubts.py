@@ -1,0 +1,114 @@
+"""What no solution does is not called ok, whatever passed over it: poles of the drift, walls without room between two samples."""
+import numpy as np
+import pytest
+
+from nsbench import LCS, Affine, Case, Complementarity, Distance, Filippov, solvers
+from nsbench.solvers._poles import pole
+
+POLES = {                                              # of (xp, t, x), x starting at 1, over [0, 1]
+    "simple": lambda xp, t, x: 1.0 / (t - 0.3001),
+    "faint": lambda xp, t, x: 1e-6 / (t - 0.3001),
+    "double": lambda xp, t, x: 1.0 / (t - 0.3001) ** 2,
+    "double, as a product": lambda xp, t, x: 1e-3 / ((t - 0.3001) * (t - 0.3001)),
+    "negative power": lambda xp, t, x: (t - 0.3001) ** -1.0,
+    "tangent": lambda xp, t, x: xp.tan(3.0 * t),
+    "reciprocal": lambda xp, t, x: xp.reciprocal(t - 0.3001),
+    "of an array": lambda xp, t, x: xp.sum(1.0 / xp.array([t - 0.3001, t + 2.0])),
+    "behind a branch": lambda xp, t, x: xp.where(t < 2.0, 1.0 / (t - 0.3001), 0.0),
+}
+NONE = {
+    "integrable": lambda xp, t, x: 1.0 / xp.sqrt(xp.abs(t - 0.3001)),
+    "removable": lambda xp, t, x: xp.sin(t - 0.3001) / (t - 0.3001),
+    "hidden": lambda xp, t, x: xp.where(xp.abs(t - 0.3001) > 1e-9, 0.1, 1.0 / (t - 7.0)),
+    "narrow peak": lambda xp, t, x: 1.0 / (1e-3 + (t - 0.3001) ** 2),
+    "before the start": lambda xp, t, x: 0.01 / (t + 1e-3),
+    "logarithm": lambda xp, t, x: 0.1 * xp.log(xp.abs(t - 0.3001)),
+    "saturation": lambda xp, t, x: -x[0] / (0.1 + x[0]),
+}
+
+
+def _case(term, t=(0.0, 0.5, 1.0)):
+    def drift(xp):
+        return lambda t, x: xp.array([term(xp, t, x)])
+    return Case(name="pole", problem=Complementarity(drift), x0=np.array([1.0]), t=np.array(t))
+
+
+@pytest.mark.survives("diverged")
+@pytest.mark.parametrize("term", POLES.values(), ids=POLES)
+def test_a_pole_between_samples_is_told(term):
+    case = _case(term)
+    status = solvers.solve(case, "euler", h=3.7e-4).status
+    assert status.code == "diverged" and "pole" in str(status)
+
+
+@pytest.mark.parametrize("term", NONE.values(), ids=NONE)
+def test_what_is_no_pole_is_not(term):
+    assert solvers.solve(_case(term), "euler", h=3.7e-4).status.ok
+
+
+@pytest.mark.parametrize("samples", (2, 3, 20, 1001))
+def test_a_pole_is_found_with_few_samples_and_many(samples):
+    case = _case(POLES["simple"], np.linspace(0.0, 1.0, samples))
+    assert solvers.solve(case, "euler", h=3.7e-4).status.code == "diverged"
+
+
+def test_a_pole_of_the_state():
+    """x' = 1 + 1e-3 / (x - 1.5001)^2 has a solution that passes; steps beside the pole know nothing of it."""
+    case = _case(lambda xp, t, x: 1.0 + 1e-3 / (x[0] - 1.5001) ** 2)
+    assert solvers.solve(case, "euler", h=3.7e-4).status.code == "unverified"
+
+
+def test_poles_of_fields_and_inputs():
+    def mode(xp):
+        return lambda t, x: xp.array([1.0 + 1.0 / (t - 0.3001)])
+
+    def other(xp):
+        return lambda t, x: xp.array([-0.5 + 0.0 * x[0]])
+
+    def switch(xp):
+        return lambda t, x: xp.array([x[0] - 100.0])
+    field = Case(name="field", problem=Filippov({(1,): other, (-1,): mode}, switch), x0=np.array([1.0]), t=np.linspace(0, 1, 4))
+    assert solvers.solve(field, "euler", h=3.7e-4).status.code == "diverged"
+    beside = field.replace(problem=Filippov({(1,): mode, (-1,): other}, switch))     # the mode with the pole is never met
+    assert solvers.solve(beside, "euler", h=3.7e-4).status.ok
+
+    def u(xp):
+        return lambda t: xp.array([1.0 / (t - 0.3001)])
+    one = np.ones((1, 1))
+    circuit = Case(name="circuit", problem=LCS(-one, one, one, one, u=u), x0=np.array([1.0]), t=np.linspace(0, 1, 4))
+    assert pole(circuit, solvers.solve(circuit, "theta", h=3.7e-4)) is not None
+
+
+def _still(xp):
+    return lambda t, x: xp.array([0.0 * x[0]])
+
+
+@pytest.mark.survives("empty set")
+@pytest.mark.parametrize("spec, h", (("pbd", 1e-3), ("pbd[sweeps=3]", 1e-3), ("kdtree", None), ("penalty", None)))
+def test_walls_that_cross_and_part_between_two_samples(spec, h):
+    """low = -1 + 3 t (1 - t) is above high = 1 - 3 t (1 - t) from t = 0.39 to 0.61; the samples are 0 and 1."""
+    def walls(xp):
+        return lambda t: xp.array([1.0 - 3.5 * 2.0 * t * (1.0 - t) * 0.6, 1.0 - 3.5 * 2.0 * t * (1.0 - t) * 0.6])
+    case = Case(name="crossing", problem=Complementarity(_still, (Affine(np.array([[1.0], [-1.0]]), walls),)),
+                x0=np.array([0.1]), t=np.array([0.0, 1.0]))
+    method = solvers.get(spec)
+    if method.refuses(case):
+        pytest.skip("walls at rest only")
+    status = solvers.solve(case, spec, **({"h": h} if h else {"k": 1e4})).status
+    assert status.code == "infeasible" and "contradict" in str(status)
+    narrow = case.replace(problem=Complementarity(_still, (Affine(np.array([[1.0], [-1.0]]), lambda xp: lambda t: 0.9 * walls(
+        xp)(t) + 0.1),)))                                # they come as near as 0.055 and part again
+    assert solvers.solve(narrow, spec, **({"h": h} if h else {"k": 1e4})).status.ok
+
+
+def test_hard_particles_on_a_line_keep_their_order():
+    """Ten times too fast for the step: without room to the side one jumps over the other."""
+    def drift(xp):
+        return lambda t, x: xp.array([5.0 + 0.0 * x[0], -5.0 + 0.0 * x[0]])
+    case = Case(name="line", problem=Complementarity(drift, (Distance(d=0.1, dim=1),)), x0=np.array([-0.5, 0.5]),
+                t=np.linspace(0.0, 1.0, 3))
+    assert solvers.solve(case, "pbd", h=1e-3).status.ok
+    assert solvers.solve(case, "pbd", h=0.5).status.code == "unverified"
+    anchored = case.replace(problem=Complementarity(drift, (Distance(d=0.1, dim=1, pairs=[[0, 0]], anchors=np.array([[0.0]])),)))
+    assert solvers.solve(anchored, "pbd", h=1e-3).status.ok
+    assert solvers.solve(anchored, "pbd", h=0.5).status.code == "unverified"
