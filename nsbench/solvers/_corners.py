@@ -5,7 +5,10 @@ from itertools import product
 
 import numpy as np
 
+from nsbench.case import Case
 from nsbench.problem import Filippov
+
+STEPS = 4.0              # of a run: so near to a surface at both ends of an interval is on it
 
 
 def surfaces(problem: Filippov, n: int) -> int:
@@ -29,3 +32,27 @@ def multilinear(problem: Filippov, n: int) -> bool:
 def corners(d: int) -> np.ndarray:
     """(2^d, d) signs."""
     return np.array(list(product((1.0, -1.0), repeat=d)))
+
+
+def held(case: Case, X: np.ndarray, h: float) -> str:
+    """Where a run in steps of h stays in the corner of two or more surfaces whose modes are not affine in their signs: there the
+    velocities of Filippov's set are many, and alternating between modes picks one that is not that of multilinear
+    weights; "" if nowhere."""
+    field, switch, d = case.problem.field(np), case.problem.switch(np), surfaces(case.problem, case.n)
+    if d < 2:
+        return ""
+    near, values = np.zeros((len(X), d), bool), []
+    with np.errstate(all="ignore"):
+        for k, (t, x) in enumerate(zip(case.t, X, strict=True)):
+            values.append([field(t, x.copy(), s) for s in corners(d)])
+            c, steps = switch(t, x), [np.abs(switch(t + h, x + h * f) - switch(t, x)) for f in values[-1]]
+            near[k] = np.abs(c) <= STEPS * np.max(steps, axis=0)
+    both = near[1:] & near[:-1]
+    for k in np.flatnonzero(both.sum(axis=1) > 1):
+        rows, f = np.flatnonzero(both[k]), np.array(values[k + 1])
+        fit = np.column_stack((np.ones(2**d), corners(d)))
+        off = np.abs(f - fit @ np.linalg.lstsq(fit, f, rcond=None)[0]).max()
+        if off > 1e-9 * np.abs(f).max():
+            return (f"From t = {case.t[k]:.6g} to {case.t[k + 1]:.6g} the state stays in the corner of surfaces "
+                    f"{', '.join(map(str, rows))}")
+    return ""

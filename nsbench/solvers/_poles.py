@@ -6,8 +6,6 @@ not finite: the integral of 1 / s diverges, that of 1 / sqrt(s) does not.
 """
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
 from nsbench.case import Case
@@ -75,39 +73,51 @@ def _kept(value):
 def pole(case: Case, traj: Trajectory) -> Status | None:
     """diverged, if the drift has a pole in time on the straight way between two samples of the run; unverified, if it has one
     in the state, over which some solutions go (x' = 1 / x^2); None otherwise."""
-    drift = _drift(case)
-    if not _denominators(drift, float(traj.t[0]), traj.x[0]).size:
-        return None
     parts = max(1, -(-POINTS // max(1, len(traj.t) - 1)))
     times = np.append((traj.t[:-1, None] + np.diff(traj.t)[:, None] * np.arange(parts) / parts).ravel(), traj.t[-1])
     state = lambda t: np.array([np.interp(t, traj.t, column) for column in traj.x.T])
+    for drift, intervals in _drifts(case, traj):
+        if _denominators(drift, float(traj.t[0]), traj.x[0]).size and (
+                status := _met(drift, np.repeat(intervals, parts), traj, times, state, parts)):
+            return status
+    return None
+
+
+def _met(drift, looked, traj, times, state, parts) -> Status | None:
+    """A pole of one drift on the way through `times`, of which those with `looked` begin a part that is looked at."""
     found = [_denominators(drift, t, x) for t, x in zip(times, state(times).T, strict=True)]
     if len({len(v) for v in found}) > 1 or not np.all(np.isfinite(found)):
         return None
-    values = np.array(found)
+    values, last = np.array(found), len(times) - 1
     for column in np.flatnonzero((values.min(axis=0) * values.max(axis=0) <= 0.0)
                                  | (np.abs(values).min(axis=0) < SMALL * np.abs(values).max(axis=0))):
         for k in _suspects(values[:, column]):
-            at = _zero(lambda t, c=column: _denominators(drift, t, state(t))[c], times[max(0, k - 1)],
-                       times[min(k + 1, len(times) - 1)])
+            if not looked[max(0, k - 1):k + 1].any():
+                continue
+            at = _zero(lambda t, c=column: _denominators(drift, t, state(t))[c], times[max(0, k - 1)], times[min(k + 1, last)])
             if _grows(lambda t: np.abs(np.asarray(drift(np)(t, state(t)))), at, times, parts):
                 least = min(abs(_denominators(drift, at, x)[column]) for x in (traj.x[0], traj.x[-1]))
                 if least < IN_TIME * np.abs(values[:, column]).max():
-                    return Status("diverged", f"The drift has a pole at t = {at:.6g}, over which no solution goes: steps beside it "
-                                              "hide that, however short.")
+                    return Status("diverged", f"The drift has a pole at t = {at:.6g}, over which no solution goes: steps beside "
+                                              "it hide that, however short.")
                 return Status("unverified", f"The state goes over a pole of the drift, about t = {at:.6g}: steps beside it say "
                                             "nothing of what happens there.")
     return None
 
 
-def _drift(case: Case) -> Callable:
-    """xp -> (t, x) -> the velocity beside surfaces, without reactions."""
-    p = case.problem
+def _drifts(case: Case, traj: Trajectory):
+    """(xp -> (t, x) -> the velocity without reactions, (K - 1,) where it may be met): of a Filippov system the field of each
+    mode that has samples, in the intervals beside these."""
+    p, everywhere = case.problem, np.ones(len(traj.t) - 1, bool)
     if isinstance(p, Complementarity):
-        return p.drift
+        return [(p.drift, everywhere)]
     if isinstance(p, LCS):
-        return lambda xp: lambda t, x: sum(xp.sum(g(xp)(t)) for g in (p.u, p.q) if g is not None) + 0.0 * x
-    return lambda xp: lambda t, x: p.field(xp)(t, x, np.where(np.asarray(p.switch(np)(float(t), np.array(x))) >= 0.0, 1.0, -1.0))
+        return [(lambda xp: lambda t, x: sum(xp.sum(g(xp)(t)) for g in (p.u, p.q) if g is not None) + 0.0 * x, everywhere)]
+    switch = p.switch(np)
+    values = [np.asarray(switch(float(t), x.copy())) for t, x in zip(traj.t, traj.x, strict=True)]
+    signs = [tuple(np.where(v >= 0.0, 1.0, -1.0)) for v in values]
+    at = {s: np.array([q == s for q in signs]) for s in dict.fromkeys(signs)}
+    return [(lambda xp, s=s: lambda t, x: p.field(xp)(t, x, np.array(s)), on[1:] | on[:-1]) for s, on in at.items()]
 
 
 def _denominators(drift, t: float, x: np.ndarray) -> np.ndarray:

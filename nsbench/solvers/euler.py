@@ -80,10 +80,12 @@ class Euler:
         stats = {"steps": int(g.substeps.sum()), "h": g.h, "drift_calls": int(calls), "loop": loop}
         if self.implicit:
             stats["inner_iterations"] = int(inner)
-        smooth = isinstance(case.problem, Complementarity)
+        status, smooth = _status(code, reached), isinstance(case.problem, Complementarity)
+        if status.ok and not (smooth or self.implicit) and case.unique:
+            status = _in_a_corner(case, X, g.h)
         return Trajectory(case.t, X, tuple((0, i) for i in range(W.shape[1])), W,
                           np.where(np.isnan(X), np.nan, 0.0) if smooth else np.empty((len(X), 0)),
-                          _status(code, reached), stats=stats, lam_time="end" if self.implicit else "start", **lam)
+                          status, stats=stats, lam_time="end" if self.implicit else "start", **lam)
 
 
 def _blends(case) -> bool:
@@ -101,6 +103,13 @@ def _status(code, reached):
     if code == relay.BLOWN:
         return Status("diverged", f"The state passed 1e150 at t = {reached:.6g}; a smaller step may help.")
     return Status("maxiter", f"No solution of the implicit step from t = {reached:.6g} was found; try a smaller step.")
+
+
+def _in_a_corner(case, X, h):
+    from nsbench.solvers._corners import held
+    where = held(case, X, h)
+    return Status("unverified", f"{where}, where Filippov's velocities are many: which one an explicit step makes by "
+                                "alternating between modes is no claim of it.") if where else Status()
 
 
 def _forms(case):

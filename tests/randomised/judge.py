@@ -19,7 +19,8 @@ own residuals   (event_driven, with samples at its events too) a residual of the
 
 Where there is no answer (event_driven says why), the finest runs of all methods of a scene are held against each other: both
 ok, and further apart than four times the last changes of both. Not so where it says that several motions continue, or where
-the condition is beyond WILD, or an infeasible start is kept: then methods may differ. And each is held against its equation
+the condition is beyond WILD, or an infeasible start is kept, or two surfaces are one and the same, on which their signs may
+differ: then methods may differ. And each is held against its equation
 alone: see own. The answer has a budget of 1500 steps (of some 10 ms), which bounds the time of a stiff scene.
 
 Crashes are exceptions that are not raised on purpose at the border (a ValueError, TypeError or LookupError that a `raise` of
@@ -36,7 +37,7 @@ from nsbench.problem import LCS, Complementarity
 from nsbench.solvers._doubts import pace
 from nsbench.study import misfit
 from randomised.ladder import LADDER, LATER, LATER_SLOW, floors, is_slow, slower, values
-from randomised.own import MISSING, filled, settled, slope
+from randomised.own import MISSING, coincide, filled, settled, slope
 from randomised.runs import Outcome, Verdict, attempt, kept_feasible, relative
 
 M, BOUND, DEPTH, SIGN, RESIDUAL = 4.0, 1e-9, 1e-8, 1e-8, 1e-5
@@ -282,7 +283,7 @@ class Scene:
         what an infeasible start becomes is each method's own meaning."""
         mine, change = self.finest[spec]
         degenerate = self.first.traj is not None and self.first.traj.status.code == "degenerate"
-        if self.first.ok or degenerate or self.solved.start == "keep":
+        if self.first.ok or degenerate or self.solved.start == "keep" or coincide(self.case):
             return None
         for other, (theirs, moved) in self.finest.items():
             if other == spec or not np.isfinite(change + moved):

@@ -91,6 +91,17 @@ def settled(case, spec: str, method, unit: float, why: str) -> Verdict:
     return Verdict("wrong", "ok", "; ".join([*bad, why]))
 
 
+def coincide(case) -> bool:
+    """Whether two surfaces of a Filippov system are one: their switches agree in sign, or never do, at 200 points."""
+    if not isinstance(case.problem, Filippov):
+        return False
+    rng, size, switch = np.random.default_rng(0), max(1e-8, float(np.abs(case.x0).max())), case.problem.switch(np)
+    with np.errstate(all="ignore"):
+        c = np.sign([switch(rng.uniform(case.t[0], case.t[-1]), size * rng.uniform(-2.0, 2.0, case.n)) for _ in range(200)])
+    agree = np.abs(c.T @ c) == len(c)
+    return bool(np.any(agree & ~np.eye(len(agree), dtype=bool)))
+
+
 def slope(case) -> float:
     """Largest gradient of rows, at least 1: a depth is in units of the gap."""
     p = case.problem
