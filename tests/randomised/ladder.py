@@ -5,7 +5,7 @@ import numpy as np
 
 from nsbench.problem import Complementarity, Smooth
 from nsbench.solvers._extrapolation import weights
-from nsbench.solvers.nosnoc import LEAK
+from nsbench.solvers._nosnoc_doubts import LEAK
 
 LADDER = {"h": (3, 11, 43, 683), "k": (100.0, 400.0, 1600.0, 6400.0)}
 LATER = {"h": (2731, 10923, 43691), "k": (25600.0, 102400.0)}

@@ -1,0 +1,86 @@
+"""What nosnoc's tolerances hide: each is absolute, and complementarity is left to a product that is not zero."""
+from __future__ import annotations
+
+import numpy as np
+
+from nsbench.problem import Affine
+from nsbench.solvers._nosnoc_model import count, dense, gaps
+from nsbench.trajectory import Status
+
+UNSEEN = 100.0                  # tolerances by which a switch has to change to be seen
+SOLVED = 1e-2                   # of comp_tol: tolerance of IPOPT
+LEAK = 1000.0                   # tolerances by which the state may be pushed where nothing touches
+BESIDE = 10.0                   # the same of a state that is on a surface
+SUNK = 1e-3                     # depth below a constraint at which the push was too weak to hold
+
+
+def _way(case, X) -> float:
+    """How far the run moves, or would in its time at the pace of the start."""
+    from nsbench.solvers._doubts import pace
+    with np.errstate(all="ignore"):
+        T = float(case.t[-1] - case.t[0])
+        return max(float(np.abs(X - X[0]).max()), T * pace(case.problem, float(case.t[0]), X[0]))
+
+
+def coarse(case, method, X, W, parts) -> Status:
+    """Is what IPOPT leaves in each step, which is absolute, small beside the motion?"""
+    left, way = SOLVED * method.comp_tol * (len(X) - 1) * parts, _way(case, X)
+    if left <= LEAK * method.comp_tol * way:
+        return Status()
+    return Status("unverified", f"The steps are solved to {SOLVED * method.comp_tol:.2g}, in all to {left:.2g}, which is much "
+                                f"for a motion by {way:.2g}: take units in which that is about 1.")
+
+
+def unresolved(case, method, X, W, parts) -> Status:
+    """Can each switch change by more than the tolerance of complementarity, over all that the run moves?"""
+    from nsbench.solvers._flat_layer import flat_layer
+    from nsbench.solvers._sliding import Motion
+    tol, way = method.comp_tol, _way(case, X)
+    motion, T = Motion(case.problem, float(case.t[0]), X[0].copy()), float(case.t[-1] - case.t[0])
+    with np.errstate(all="ignore"):
+        slope = np.max([np.abs(motion.gradients(float(t), x, np.arange(motion.d))).sum(axis=1) * way
+                        + np.abs(motion.along(float(t), x, 1.0, np.zeros(case.n))) * T
+                        for t, x in zip(case.t, X, strict=True)], axis=0)
+    row = int(np.argmin(slope))
+    if slope[row] > UNSEEN * tol:
+        flat = flat_layer(case, tol, X) or _lingers(case, X, tol, slope)
+        return Status("unverified", f"{flat}: no error of that size is claimed there.") if flat else Status()
+    return Status("unverified", f"Switch {row} changes by {slope[row]:.2g} in the run, which the tolerance of complementarity, "
+                                f"{tol:.2g}, cannot tell from zero: scale it, or lower comp_tol.")
+
+
+def _lingers(case, X, tol, slope) -> str:
+    """Where a state is kept off a surface by what is left of complementarity, weight x distance = tol: where one field ends on
+    the surface, that pushes it away by sqrt(2 tol x pace of the other), no small length; "" if nowhere."""
+    c = np.abs([case.problem.switch(np)(float(t), x) for t, x in zip(case.t[1:], X[1:], strict=True)])
+    found = np.argwhere((c > BESIDE * tol) & (c < np.sqrt(2.0 * tol * slope)))
+    if not len(found):
+        return ""
+    at, row = found[0]
+    return (f"At t = {case.t[at + 1]:.6g} the state is {c[at, row]:.2g} from surface {row}, as what is left of complementarity "
+            f"({tol:.2g}) may keep it")
+
+
+def sunk(case, method, X, W, parts) -> Status:
+    """Did the push hold every constraint?"""
+    worst = min(min(float(g) for _, g in gaps(case.problem, x, float(t), np, case.n)) for t, x in zip(case.t, X, strict=True))
+    if worst >= -SUNK * min(1.0, _way(case, X)):
+        return Status()
+    return Status("infeasible", f"A constraint is violated by {-worst:.3g}: a multiplier is above the push; raise it.")
+
+
+def leaks(case, method, X, W, parts) -> Status:
+    """Have constraints pushed where they do not touch? gap x multiplier is comp_tol x push, not zero: while a gap opens slowly,
+    or many are open for long, that adds up."""
+    floor = method.comp_tol * method.push
+    depth = np.array([[float(g) for _, g in gaps(case.problem, x, float(t), np, case.n)]
+                     for t, x in zip(case.t, X, strict=True)])
+    steep = np.concatenate([np.linalg.norm(dense(c), axis=1) if isinstance(c, Affine) else np.full(count(c, case.n), 2.0**0.5)
+                            for c in case.problem.constraints])
+    open_, gained = np.maximum(depth[1:], depth[:-1]), np.diff(W, axis=0)
+    apart = (open_ > BESIDE * floor) & (gained * open_ < 100.0 * floor * np.diff(case.t)[:, None])
+    leaked = float((np.where(apart, gained, 0.0) * steep).sum())
+    if leaked <= LEAK * method.comp_tol * min(1.0, _way(case, X)):
+        return Status()
+    return Status("unverified", f"Constraints that do not touch have pushed by {leaked:.2g} in all, for gap x multiplier is "
+                                f"{floor:.2g}, not zero: no smaller error is claimed; lower comp_tol.")
