@@ -69,12 +69,12 @@ def residual(field, switch, blend, t, h, x, y, s, slide, e, v, c, r):
 
 
 @inner
-def jacobian(field, switch, blend, t, h, x, y, s, slide, e, v, c, r, q, J):
+def jacobian(field, switch, blend, unit, t, h, x, y, s, slide, e, v, c, r, q, J):
     """Derivative of the residual r: one-sided differences in y; in s_i exact, as F is affine in each weight."""
     n, calls = x.size, 0
     for j in range(n):
         keep = y[j]
-        y[j] = keep + 1.5e-8 * max(1.0, abs(keep))          # sqrt(eps): half of the digits, enough for Newton
+        y[j] = keep + 1.5e-8 * max(unit, abs(keep))          # sqrt(eps): half of the digits, enough for Newton
         calls += residual(field, switch, blend, t, h, x, y, s, slide, e, v, c, q)
         for i in range(r.size):
             J[i, j] = (q[i] - r[i]) / (y[j] - keep)
@@ -96,7 +96,7 @@ def jacobian(field, switch, blend, t, h, x, y, s, slide, e, v, c, r, q, J):
 
 
 @inner
-def newton(field, switch, blend, t, h, x, mode, y, s, jump):
+def newton(field, switch, blend, unit, t, h, x, mode, y, s, jump):
     """Solve one implicit step for a given mode, from (y, s), which are overwritten.
 
     jump (d,): displacement per unit of s_i, the size of a step's freedom on surface i. Returns converged, calls,
@@ -121,7 +121,7 @@ def newton(field, switch, blend, t, h, x, mode, y, s, jump):
     for it in range(NEWTON):
         calls += residual(field, switch, blend, t, h, x, y, s, slide, e, v, c, r)
         if it == 0 or last > 0.05:
-            calls += jacobian(field, switch, blend, t, h, x, y, s, slide, e, v, c, r, q, J)
+            calls += jacobian(field, switch, blend, unit, t, h, x, y, s, slide, e, v, c, r, q, J)
             for j in range(slide.size):
                 jump[slide[j]] = 0.0
                 for i in range(n):
@@ -139,7 +139,7 @@ def newton(field, switch, blend, t, h, x, mode, y, s, jump):
             q[n + j] *= jump[slide[j]]
         move = largest(q)
         # far from the origin no more than rounding is allowed: a step may be much shorter than 1e-12 of the coordinates
-        if move <= 1e-12 * (1.0 + min(1.0, largest(y))) + ROUNDING * largest(y):
+        if move <= 1e-12 * (unit + min(unit, largest(y))) + ROUNDING * largest(y):
             return True, calls, it + 1
         last = move / before if it else 0.0                 # the next move is 20 times smaller or, fresh, its square
     return False, calls, NEWTON
@@ -173,7 +173,7 @@ def wrong(switch, t, y, mode, c, s, jump, new, e, noise):
 
 
 @inner
-def implicit_step(field, switch, blend, t, h, x, mode, y, s):
+def implicit_step(field, switch, blend, unit, t, h, x, mode, y, s):
     """x+ = x + h F(t, x+, s), s_i in Sgn(c_i(t, x+)): from the last mode by block pivots, else by trying all 3^d.
 
     A solution exists for small h (Kakutani: s -> Sgn(c(y(s))) on the box); where fields are not affine in the signs
@@ -196,7 +196,7 @@ def implicit_step(field, switch, blend, t, h, x, mode, y, s):
                     s[i] = 0.5 if ((again - 1) >> i) % 2 == 0 else -0.5
             copy(x, y)
         copy(new, mode)
-        solved, more, its = newton(field, switch, blend, t, h, x, mode, y, s, jump)
+        solved, more, its = newton(field, switch, blend, unit, t, h, x, mode, y, s, jump)
         calls, inner = calls + more, inner + its
         if solved:
             if d:
@@ -214,8 +214,11 @@ def implicit_step(field, switch, blend, t, h, x, mode, y, s):
 
 
 @njit(cache=True)
-def march_implicit(field, switch, blend, t, substeps, x, d):
-    """Samples of one run of implicit Euler: X (K, n), integrals of theta (K, d), calls, iterations, status, time."""
+def march_implicit(field, switch, blend, unit, t, substeps, x, d):
+    """Samples of one run of implicit Euler: X (K, n), integrals of theta (K, d), calls, iterations, status, time.
+
+    unit: size of the state that tolerances are relative to.
+    """
     K, x = t.size, x.copy()
     X, W = np.full((K, x.size), np.nan), np.full((K, d), np.nan)
     y, s, c, w = x.copy(), np.zeros(d), np.zeros(d), np.zeros(d)
@@ -231,7 +234,7 @@ def march_implicit(field, switch, blend, t, substeps, x, d):
         h = (t[k + 1] - t[k]) / substeps[k]
         for j in range(substeps[k]):
             after = t[k + 1] if j + 1 == substeps[k] else t[k] + (j + 1) * h
-            found, more, its = implicit_step(field, switch, blend, after, h, x, mode, y, s)
+            found, more, its = implicit_step(field, switch, blend, unit, after, h, x, mode, y, s)
             calls, inner = calls + more, inner + its
             if not found or health(y) != OK:
                 if not found:                               # a field that is no number on the way explains it

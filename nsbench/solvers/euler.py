@@ -8,6 +8,7 @@ import numpy as np
 
 from nsbench.case import Case
 from nsbench.problem import Complementarity, Filippov
+from nsbench.solvers._units import unit
 from nsbench.solvers.base import Claims, Expect, Run, grid, last_steps, sample
 from nsbench.trajectory import Status, Trajectory
 
@@ -62,7 +63,8 @@ class Euler:
         g = grid(case.t, h, last=case.exact_impulse is not None)
         loop, kernels, field, switch, d = _forms(case)
         march = kernels["march_implicit" if self.implicit else "march_explicit"]
-        args = (field, switch, *((_blends(case),) if self.implicit else ()), g.t, g.substeps, case.x0.copy(), d)
+        own = (_blends(case), unit(case, case.x0)) if self.implicit else ()
+        args = (field, switch, *own, g.t, g.substeps, case.x0.copy(), d)
         if loop == "compiled":
             from numba import typeof
             march.compile(tuple(typeof(a) for a in args))

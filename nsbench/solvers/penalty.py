@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from nsbench.case import Case
-from nsbench.moving import SmoothRows
-from nsbench.problem import LCS, Affine, Complementarity, Distance, Filippov
+from nsbench.problem import LCS, Complementarity, Distance, Filippov
 from nsbench.solvers._extrapolation import combined, weights
+from nsbench.solvers._units import unit
 from nsbench.solvers.base import Claims, Expect, Run, check_positive
 from nsbench.solvers.start import start_state
 from nsbench.trajectory import Status, Trajectory
@@ -20,7 +20,6 @@ LADDERS = ((30.0, 3840.0), (60.0, 7680.0), (30.0, 1920.0))
 STIFF = 2e3               # k from which kvaerno5 takes less time than tsit5 for few states; 2e4 for 60, as factors cost n^3
 LEAST = 1e-13             # tolerance; rounding of 10^5 steps is a tenth of it
 DEFAULTS = (1e4, 1e4, 1e3)
-SMALL = 1e-3              # size of a motion of which an absolute 1e-9 would be visible beside a rate
 LISTED = 6000             # listed constraints (all but hard pairs) whose impulses are integrated
 MOST = 1_000_000, 100_000  # steps of explicit and of implicit methods, a minute of either
 MEMORY = 1e9              # bytes of samples of one run
@@ -167,7 +166,8 @@ def _near_lists(penalty: Penalty, case: Case) -> bool:
 def _march(penalty: Penalty, case: Case, x0: np.ndarray, asked: float):
     """k -> samples and counts of a run, bound to the compiled program. Raises NotTraceable."""
     from nsbench.solvers._penalty_program import compiled
-    limits = (penalty.tolerance("rtol", asked), penalty.tolerance("atol", asked) * _unit(penalty, case, x0), penalty.most)
+    size = unit(case, x0) if penalty.atol is None else 1.0
+    limits = (penalty.tolerance("rtol", asked), penalty.tolerance("atol", asked) * size, penalty.most)
     if _near_lists(penalty, case):
         from nsbench.solvers._segments import Segments
         segments = Segments(case, x0, penalty.method, penalty.reach)
@@ -182,31 +182,6 @@ def _march(penalty: Penalty, case: Case, x0: np.ndarray, asked: float):
         return out | {"x": z[:, :n].copy(), "impulse": z[:, n + program.columns], "ids": program.ids,
                       "reaction": z[:, -n:].copy() if forces else np.empty((len(z), 0))}
     return march
-
-
-def _unit(penalty: Penalty, case: Case, x0: np.ndarray) -> float:
-    """What an atol that is not given is relative to: 1, or the size of motion and constraints where that is much smaller."""
-    p, t, lengths = case.problem, float(case.t[0]), [0.0]
-    with np.errstate(all="ignore"):
-        if isinstance(p, Complementarity):
-            speeds = [p.drift(np)(t, x0.copy())]
-            lengths += [_length(c, t, x0) for c in p.constraints]
-        else:
-            d = len(np.atleast_1d(p.switch(np)(t, x0.copy())))
-            speeds = [p.field(np)(t, x0.copy(), np.full(d, s)) for s in (1.0, -1.0)]
-        size = max(*lengths, float(np.abs(x0).max()), float(case.t[-1] - t) * float(np.abs(speeds).max(initial=0.0)))
-    return size if penalty.atol is None and 0.0 < size < SMALL else 1.0
-
-
-def _length(c, t: float, x: np.ndarray) -> float:
-    """Size of a family of constraints: of smooth ones how far the start is from them, to first order."""
-    if isinstance(c, Distance):
-        return float(np.max(2.0 * c.radii if c.d is None else c.d))
-    if isinstance(c, Affine):
-        return float(np.abs(c.b(np)(t) if c.moving else c.b).max(initial=0.0))
-    rows = SmoothRows(c, x.size)
-    away = np.abs(rows.g(t, x)) / np.sqrt((rows.gradient(t, x) ** 2).sum(-1))
-    return float(away.max(initial=0.0)) if np.all(np.isfinite(away)) else 1.0
 
 
 def _start(case: Case) -> np.ndarray:

@@ -13,7 +13,7 @@ LATER_SLOW = {"h": (171, 683, 2731), "k": (6400.0, 25600.0, 102400.0)}     # of 
 SLOW_LOOPS = ("kdtree", "nosnoc", "pbd_jax", "backend", "nonlinear", "method=catching_up,", "penalty")
 M, COARSER = 4.0, 8.0       # times the largest constant of steps so many times coarser
 EPS = 2.3e-16
-MOST, MOST_SLOW = 4e6, 1e5  # steps of a run: uneven samples may be 1e4 to the length of the smallest spacing
+MOST, MOST_SLOW = 4e6, 1e4  # steps of a run: uneven samples may be 1e4 to the length of the smallest spacing
 ANSWER = 10.0               # tolerances of the answer
 INTEGRATOR = 200.0          # tolerances of its integrator that a penalty says to hide (see penalty: 190 were measured)
 
