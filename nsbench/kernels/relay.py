@@ -10,6 +10,7 @@ from nsbench.kernels.dense import BLOWN, NAN, OK, gauss, health, largest  # noqa
 
 STUCK = 3                         # beside OK, NAN, BLOWN
 NEWTON = 30                       # iterations; a fresh Jacobian needs about 5, a kept one three times that
+SUDDEN, FEW = 10.0, 5             # a move so many times the last may be to a far solution: with few surfaces nearer ones count
 TRIALS = 100_000                  # modes and starts that one step may try: minutes, not for ever, with many surfaces
 ROUNDING = 64 * 2.0**-52          # what a few operations may lose, relative to the numbers in them
 
@@ -173,12 +174,12 @@ def wrong(switch, t, y, mode, c, s, jump, new, e, noise):
 
 
 @inner
-def implicit_step(field, switch, blend, unit, t, h, x, mode, y, s):
+def implicit_step(field, switch, blend, unit, t, h, x, mode, y, s, last):
     """x+ = x + h F(t, x+, s), s_i in Sgn(c_i(t, x+)): from the last mode by block pivots, else by trying all 3^d.
 
     A solution exists for small h (Kakutani: s -> Sgn(c(y(s))) on the box); where fields are not affine in the signs
     Newton's method may need another start to find it, and all modes are tried from the 2^d points s_i = +-1/2 too.
-    y, s, mode are overwritten by the solution. Returns found, calls, iterations.
+    y, s, mode are overwritten by the solution; last: how far the step before went. Returns found, calls, iterations.
     """
     d, calls, inner = s.size, 0, 0
     new, c, jump, start = mode.copy(), np.empty(d), np.zeros(d), s.copy()
@@ -204,13 +205,56 @@ def implicit_step(field, switch, blend, unit, t, h, x, mode, y, s):
             if not wrong(switch, t, y, mode, c, s, jump, new, e, noise):
                 for i in range(d):
                     s[i] = min(1.0, max(-1.0, s[i]))
-                return True, calls, inner
+                if d == 0 or d > FEW or distance(x, y) <= SUDDEN * last:
+                    return True, calls, inner
+                more, its = nearest(field, switch, blend, unit, t, h, x, mode, y, s, start, c, jump, new, e, noise)
+                return True, calls + more, inner + its
         else:
             copy(x, y)
             copy(start, s)
             for i in range(d):
                 new[i] = 0 if mode[i] != 0 else new[i]
     return False, calls, inner
+
+
+@inner
+def distance(x, y):
+    """Largest difference of the coordinates."""
+    out = 0.0
+    for i in range(x.size):
+        out = max(out, abs(y[i] - x[i]))
+    return out
+
+
+@inner
+def nearest(field, switch, blend, unit, t, h, x, mode, y, s, start, c, jump, new, e, noise):
+    """Of the solutions of a step in all 3^d modes the one nearest to x: (mode, y, s), one of them, become that one.
+
+    Where fields are stiff beyond a surface a step has solutions there, however far it is, until h is below distance / speed.
+    Returns calls, iterations.
+    """
+    d, calls, inner = s.size, 0, 0
+    best, to, weights, at = distance(x, y), y.copy(), s.copy(), mode.copy()
+    for code in range(3**d):
+        for i in range(d):
+            mode[i] = code % 3 - 1
+            code //= 3
+        copy(x, y)
+        copy(start, s)
+        solved, more, its = newton(field, switch, blend, unit, t, h, x, mode, y, s, jump)
+        calls, inner = calls + more, inner + its
+        if solved and distance(x, y) < best:
+            switch(t, y, c)
+            if not wrong(switch, t, y, mode, c, s, jump, new, e, noise):
+                best = distance(x, y)
+                copy(y, to)
+                copy(mode, at)
+                for i in range(d):
+                    weights[i] = min(1.0, max(-1.0, s[i]))
+    copy(to, y)
+    copy(weights, s)
+    copy(at, mode)
+    return calls, inner
 
 
 @njit(cache=True)
@@ -229,12 +273,12 @@ def march_implicit(field, switch, blend, unit, t, substeps, x, d):
             mode[i] = np.int64(np.sign(c[i]))
     copy(x, X[0])
     copy(w, W[0])
-    calls, inner = 0, 0
+    calls, inner, last = 0, 0, np.inf
     for k in range(K - 1):
         h = (t[k + 1] - t[k]) / substeps[k]
         for j in range(substeps[k]):
             after = t[k + 1] if j + 1 == substeps[k] else t[k] + (j + 1) * h
-            found, more, its = implicit_step(field, switch, blend, unit, after, h, x, mode, y, s)
+            found, more, its = implicit_step(field, switch, blend, unit, after, h, x, mode, y, s, last)
             calls, inner = calls + more, inner + its
             if not found or health(y) != OK:
                 if not found:                               # a field that is no number on the way explains it
@@ -244,6 +288,7 @@ def march_implicit(field, switch, blend, unit, t, substeps, x, d):
                     field(after, x, s, y)
                 bad = health(y)
                 return X, W, calls, inner, (STUCK if bad == OK else bad), after - h
+            last = distance(x, y)
             copy(y, x)
             for i in range(d):
                 w[i] += h * 0.5 * (1.0 + s[i])

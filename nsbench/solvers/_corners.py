@@ -9,6 +9,7 @@ from nsbench.case import Case
 from nsbench.problem import Filippov
 
 STEPS = 4.0              # of a run: so near to a surface at both ends of an interval is on it
+SIDE = 1e-9              # mean weight below which a run was on one side alone
 
 
 def surfaces(problem: Filippov, n: int) -> int:
@@ -34,10 +35,13 @@ def corners(d: int) -> np.ndarray:
     return np.array(list(product((1.0, -1.0), repeat=d)))
 
 
-def held(case: Case, X: np.ndarray, h: float) -> str:
-    """Where a run in steps of h stays in the corner of two or more surfaces whose modes are not affine in their signs: there the
-    velocities of Filippov's set are many, and alternating between modes picks one that is not that of multilinear
-    weights; "" if nowhere."""
+def held(case: Case, X: np.ndarray, weights: np.ndarray, h: float) -> str:
+    """Where a run in steps of h, with these mean weights (K - 1, d) of the positive sides between samples, stays in the corner
+    of two or more surfaces whose modes are not affine in their signs; "" if nowhere.
+
+    There the velocities of Filippov's set are many, and alternating between modes picks one that is not that of
+    multilinear weights.
+    """
     field, switch, d = case.problem.field(np), case.problem.switch(np), surfaces(case.problem, case.n)
     if d < 2:
         return ""
@@ -47,7 +51,7 @@ def held(case: Case, X: np.ndarray, h: float) -> str:
             values.append([field(t, x.copy(), s) for s in corners(d)])
             c, steps = switch(t, x), [np.abs(switch(t + h, x + h * f) - switch(t, x)) for f in values[-1]]
             near[k] = np.abs(c) <= STEPS * np.max(steps, axis=0)
-    both = near[1:] & near[:-1]
+    both = near[1:] & near[:-1] & (weights > SIDE) & (weights < 1.0 - SIDE)
     for k in np.flatnonzero(both.sum(axis=1) > 1):
         rows, f = np.flatnonzero(both[k]), np.array(values[k + 1])
         fit = np.column_stack((np.ones(2**d), corners(d)))

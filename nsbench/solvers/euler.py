@@ -33,8 +33,9 @@ class Euler:
     Implicit: s_i in Sgn(c_i(t + h, x+)), one small complementarity problem in each step: Newton's method for a sign
     pattern, pivots from the pattern of the last step, all 3^d patterns if they cycle. The impulse of surface i is the
     sum of h theta_i, theta = (1 + s) / 2. Between the modes the field is multilinear in s, made so where it is not. Where
-    several solutions of the step exist (repulsive surfaces) the pattern of the last step wins. Without switching surfaces
-    both are the textbook methods.
+    several solutions of the step exist (repulsive surfaces) the pattern of the last step wins; if that leads suddenly far,
+    the nearest one (with at most five surfaces): fields that are stiff beyond a surface have solutions there too.
+    Without switching surfaces both are the textbook methods.
     Source: Acary & Brogliato, Numerical Methods for Nonsmooth Dynamical Systems (2008), chapters 9 and 10.
     """
     implicit: bool = False
@@ -84,7 +85,7 @@ class Euler:
             stats["inner_iterations"] = int(inner)
         status, smooth = _status(code, reached), isinstance(case.problem, Complementarity)
         if status.ok and not (smooth or self.implicit) and case.unique:
-            status = _in_a_corner(case, X, g.h)
+            status = _in_a_corner(case, X, W, g.h)
         return Trajectory(case.t, X, tuple((0, i) for i in range(W.shape[1])), W,
                           np.where(np.isnan(X), np.nan, 0.0) if smooth else np.empty((len(X), 0)),
                           status, stats=stats, lam_time="end" if self.implicit else "start", **lam)
@@ -107,9 +108,9 @@ def _status(code, reached):
     return Status("maxiter", f"No solution of the implicit step from t = {reached:.6g} was found; try a smaller step.")
 
 
-def _in_a_corner(case, X, h):
+def _in_a_corner(case, X, W, h):
     from nsbench.solvers._corners import held
-    where = held(case, X, h)
+    where = held(case, X, np.diff(W, axis=0) / np.diff(case.t)[:, None], h)
     return Status("unverified", f"{where}, where Filippov's velocities are many: which one an explicit step makes by "
                                 "alternating between modes is no claim of it.") if where else Status()
 

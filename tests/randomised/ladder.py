@@ -3,7 +3,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from nsbench.problem import Complementarity, Smooth
+from nsbench.problem import Complementarity, Filippov, Smooth
+from nsbench.solvers._doubts import pace
 from nsbench.solvers._extrapolation import weights
 from nsbench.solvers._nosnoc_doubts import LEAK
 
@@ -48,9 +49,13 @@ def floors(case, method, answer, digits: float, bound: float, condition: float, 
     T, moved = float(case.t[-1] - case.t[0]), max(unit, float(np.abs(answer.x - answer.x[0]).max()))
     least, large = 10.0 * bound + ANSWER * digits / moved * condition, max(1.0, float(np.abs(answer.x).max()) / moved)
 
+    chatters = isinstance(case.problem, Filippov) and getattr(method, "implicit", None) is False
+
     def floor(h: float) -> float:
         if hasattr(method, "comp_tol"):                         # what nosnoc claims ends there
             return least + LEAK * method.comp_tol * condition / moved
+        if chatters:                                            # by the motion of a step, which some samples happen not to show
+            return least + h * pace(case.problem, float(case.t[0]), case.x0) / moved + EPS * T / h * condition * large
         if method.accuracy == "h":
             return least + EPS * T / h * condition * large
         tol = method.tolerance("rtol", 1.0 / h) * float(np.abs(weights(method.extrapolate)).sum())
