@@ -84,16 +84,13 @@ def _still(xp):
 
 
 @pytest.mark.survives("empty set")
-@pytest.mark.parametrize("spec, h", (("pbd", 1e-3), ("pbd[sweeps=3]", 1e-3), ("kdtree", None), ("penalty", None)))
+@pytest.mark.parametrize("spec, h", (("pbd", 1e-3), ("pbd[sweeps=3]", 1e-3), ("penalty", None)))
 def test_walls_that_cross_and_part_between_two_samples(spec, h):
     """low = -1 + 3 t (1 - t) is above high = 1 - 3 t (1 - t) from t = 0.39 to 0.61; the samples are 0 and 1."""
     def walls(xp):
         return lambda t: xp.array([1.0 - 3.5 * 2.0 * t * (1.0 - t) * 0.6, 1.0 - 3.5 * 2.0 * t * (1.0 - t) * 0.6])
     case = Case(name="crossing", problem=Complementarity(_still, (Affine(np.array([[1.0], [-1.0]]), walls),)),
                 x0=np.array([0.1]), t=np.array([0.0, 1.0]))
-    method = solvers.get(spec)
-    if method.refuses(case):
-        pytest.skip("walls at rest only")
     status = solvers.solve(case, spec, **({"h": h} if h else {"k": 1e4})).status
     assert status.code == "infeasible" and "contradict" in str(status)
     narrow = case.replace(problem=Complementarity(_still, (Affine(np.array([[1.0], [-1.0]]), lambda xp: lambda t: 0.9 * walls(
@@ -112,3 +109,20 @@ def test_hard_particles_on_a_line_keep_their_order():
     anchored = case.replace(problem=Complementarity(drift, (Distance(d=0.1, dim=1, pairs=[[0, 0]], anchors=np.array([[0.0]])),)))
     assert solvers.solve(anchored, "pbd", h=1e-3).status.ok
     assert solvers.solve(anchored, "pbd", h=0.5).status.code == "unverified"
+
+
+@pytest.mark.survives("repulsive")
+@pytest.mark.parametrize("samples", (2, 5, 102))
+def test_a_surface_that_turns_repulsive(samples):
+    """x' = (t - b) s on the surface x = 0: held before b, then left by both fields."""
+    def made(b):
+        def field(xp):
+            return lambda t, x, s: xp.array([(t - b) * s[0], 1.0 + 0.0 * x[0]])
+
+        def switch(xp):
+            return lambda t, x: xp.array([x[0]])
+        return Case(name="turns", problem=Filippov.signs(field, switch), x0=np.array([0.0, 0.0]), t=np.linspace(0, 1, samples))
+    status = solvers.solve(made(0.6), "event_driven", tol=1e-10).status
+    assert status.code == "degenerate" and "both fields leave" in str(status)
+    assert solvers.solve(made(1.5), "event_driven", tol=1e-10).status.ok
+    assert solvers.solve(made(0.6).replace(unique=False), "event_driven", tol=1e-10).status.ok

@@ -14,9 +14,10 @@ import numpy as np
 
 from nsbench.case import Case
 from nsbench.contacts import ANCHOR, PAIR
-from nsbench.problem import LCS, Complementarity, Distance, Smooth
+from nsbench.problem import LCS, Complementarity, Distance, Filippov, Smooth
 from nsbench.solvers._contradiction import nowhere, passed, scene_of
 from nsbench.solvers._poles import pole
+from nsbench.solvers._repelled import repelled
 from nsbench.trajectory import Status, Trajectory
 
 EPS = float(np.finfo(float).eps)
@@ -32,6 +33,8 @@ def doubted(case: Case, traj: Trajectory) -> Trajectory:
         return traj
     with np.errstate(all="ignore"):
         status = pole(case, traj) or _overshot(case, traj) or _rounded(case, traj)
+        if isinstance(p, Filippov):
+            status = status or repelled(case, traj)
         if isinstance(p, Complementarity) and p.constraints:
             status = _tied(case) or nowhere(case, traj) or passed(case, traj) or _flat(case, traj) or status
     return traj if status is None else replace(traj, status=status)
@@ -48,7 +51,7 @@ def _overshot(case: Case, traj: Trajectory) -> Status | None:
     k = int(np.argmax(sizes))
     if not (isinstance(p, Complementarity) and h > 0.0 and sizes[k] > GREW * max(sizes[0], float(np.median(sizes)))):
         return None
-    i, f = int(np.argmax(np.abs(traj.x[k]))), p.drift(np)(float(traj.t[k]), traj.x[k].copy())
+    i, f = int(np.argmax(np.abs(traj.x[k]))), p.drift(np)(traj.t[k], traj.x[k].copy())
     if not -f[i] * h * np.sign(traj.x[k, i]) > 2.0 * sizes[k]:
         return None
     return Status("diverged", f"The state grew to {sizes[k]:.3g} at t = {traj.t[k]:.6g} although the drift pulls it back: steps "
@@ -73,7 +76,8 @@ def _rounded(case: Case, traj: Trajectory) -> Status | None:
 
 
 def pace(problem, t: float, x: np.ndarray) -> float:
-    """Largest speed that the drift, or a field beside all surfaces, gives to a coordinate."""
+    """Largest speed that the drift, or a field beside all surfaces, gives to a coordinate; infinite at a pole."""
+    t = np.float64(t)                                        # whose divisions by zero are no exceptions
     if isinstance(problem, LCS):
         speeds = [problem.A @ x + (problem.u(np)(t) if problem.u else 0.0)]
     elif isinstance(problem, Complementarity):

@@ -95,7 +95,7 @@ def _met(drift, looked, traj, times, state, parts) -> Status | None:
             if not looked[max(0, k - 1):k + 1].any():
                 continue
             at = _zero(lambda t, c=column: _denominators(drift, t, state(t))[c], times[max(0, k - 1)], times[min(k + 1, last)])
-            if _grows(lambda t: np.abs(np.asarray(drift(np)(t, state(t)))), at, times, parts):
+            if _grows(lambda t: np.abs(np.asarray(drift(np)(np.float64(t), state(t)))), at, times, parts):
                 least = min(abs(_denominators(drift, at, x)[column]) for x in (traj.x[0], traj.x[-1]))
                 if least < IN_TIME * np.abs(values[:, column]).max():
                     return Status("diverged", f"The drift has a pole at t = {at:.6g}, over which no solution goes: steps beside "
@@ -114,7 +114,7 @@ def _drifts(case: Case, traj: Trajectory):
     if isinstance(p, LCS):
         return [(lambda xp: lambda t, x: sum(xp.sum(g(xp)(t)) for g in (p.u, p.q) if g is not None) + 0.0 * x, everywhere)]
     switch = p.switch(np)
-    values = [np.asarray(switch(float(t), x.copy())) for t, x in zip(traj.t, traj.x, strict=True)]
+    values = [np.asarray(switch(t, x.copy())) for t, x in zip(traj.t, traj.x, strict=True)]
     signs = [tuple(np.where(v >= 0.0, 1.0, -1.0)) for v in values]
     at = {s: np.array([q == s for q in signs]) for s in dict.fromkeys(signs)}
     return [(lambda xp, s=s: lambda t, x: p.field(xp)(t, x, np.array(s)), on[1:] | on[:-1]) for s, on in at.items()]

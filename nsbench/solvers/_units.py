@@ -12,7 +12,7 @@ SMALL = 1e-3              # size of a motion of which an absolute 1e-9 would be 
 
 def unit(case: Case, x0: np.ndarray) -> float:
     """1, or the size of states, motion and constraints (of a Complementarity or Filippov problem) where that is much smaller."""
-    p, t, lengths = case.problem, float(case.t[0]), [0.0]
+    p, t, lengths = case.problem, case.t[0], [0.0]
     with np.errstate(all="ignore"):
         if isinstance(p, Complementarity):
             speeds = [p.drift(np)(t, x0.copy())]

@@ -111,12 +111,17 @@ def slope(case) -> float:
 
 
 def _rate(case, traj) -> float:
-    """The largest rate of the drift, row sums of its Jacobian by differences, at some samples; 0 of other systems."""
-    if not isinstance(case.problem, Complementarity):
+    """The largest rate of the drift, or of the field beside the surfaces, row sums of its Jacobian by differences, at some
+    samples; 0 of an LCS."""
+    p = case.problem
+    if not isinstance(p, (Complementarity, Filippov)):
         return 0.0
-    f, worst = case.problem.drift(np), 0.0
+    f, worst = p.drift(np) if isinstance(p, Complementarity) else None, 0.0
     for k in np.unique(np.linspace(0, len(traj.t) - 1, 20).astype(int)):
-        t, x = float(traj.t[k]), traj.x[k]
+        t, x = traj.t[k], traj.x[k]
+        if isinstance(p, Filippov):
+            signs = np.where(np.asarray(p.switch(np)(t, x.copy())) >= 0.0, 1.0, -1.0)
+            f = lambda t, x, s=signs: p.field(np)(t, x, s)
         steps = 1e-6 * np.maximum(1e-3 * np.abs(x).max(initial=0.0), np.abs(x)) + 1e-300
         J = np.array([(f(t, x + d * e) - f(t, x)) / d for d, e in zip(steps, np.eye(len(x)), strict=True)])
         worst = max(worst, float(np.nan_to_num(np.abs(J).sum(axis=0), nan=np.inf).max()))

@@ -1,0 +1,54 @@
+"""Runs that stay on a surface which both fields leave: they may leave it at any time, and no one says which is meant."""
+from __future__ import annotations
+
+import numpy as np
+
+from nsbench.case import Case
+from nsbench.trajectory import Status, Trajectory
+
+POINTS = 40              # of a run that are looked at, at least its samples
+ON = 1e-9                # of the largest value of a switch: a state this near is on its surface
+STEP = 1e-6              # of the run: the differences that rates of switches are taken from
+CLEAR = 1e-4             # of the largest rate: below it, nothing is said of its sign
+
+
+def repelled(case: Case, traj: Trajectory) -> Status | None:
+    """degenerate, if the state is on one surface at two samples in a row, and both fields lead away from it there or between
+    (Filippov 1988, section 10: the solution to the right is not unique); None for cases that say so of themselves."""
+    if not case.unique or len(traj.t) < 2:
+        return None
+    switch, field = case.problem.switch(np), case.problem.field(np)
+    c = np.array([switch(t, x.copy()) for t, x in zip(traj.t, traj.x, strict=True)])
+    on = np.abs(c) <= ON * np.maximum(np.abs(c).max(axis=0), _swing(switch, traj))
+    rows = np.flatnonzero((on[1:] & on[:-1]).any(axis=0))
+    parts = -(-POINTS // (len(traj.t) - 1))
+    for i in rows:
+        found, largest = [], 0.0
+        for k in np.flatnonzero(on[1:, i] & on[:-1, i] & (on[1:].sum(axis=1) == 1)):
+            for a in np.arange(1, parts + 1) / parts:
+                t, x = (1.0 - a) * traj.t[k] + a * traj.t[k + 1], (1.0 - a) * traj.x[k] + a * traj.x[k + 1]
+                rates = _rates(switch, field, t, x, i, STEP * (traj.t[-1] - traj.t[0]))
+                found.append((t, *rates))
+                largest = max(largest, *np.abs(rates))
+        for t, plus, minus in found:
+            if plus > CLEAR * largest and minus < -CLEAR * largest:
+                return Status("degenerate", f"At t = {t:.6g} the state is on surface {i}, which both fields leave: it may leave "
+                                            "to either side at any time.")
+    return None
+
+
+def _swing(switch, traj) -> np.ndarray:
+    """(d,) by how much each switch changes where a coordinate changes by as much as any does in the run."""
+    x, t = traj.x[-1], traj.t[-1]
+    ways = max(float(np.abs(traj.x - traj.x[0]).max()), float(np.abs(traj.x).max())) * np.eye(x.size)
+    return np.max([np.abs(switch(t, x + s * e) - switch(t, x.copy())) for e in ways for s in (1.0, -1.0)], axis=0)
+
+
+def _rates(switch, field, t, x, i, dt) -> tuple[float, float]:
+    """Rates of switch i in the fields of its positive and its negative side, other signs as they are."""
+    signs, out = np.where(np.asarray(switch(t, x.copy())) >= 0.0, 1.0, -1.0), []
+    for side in (1.0, -1.0):
+        signs[i] = side
+        f = np.asarray(field(t, x.copy(), signs.copy()))
+        out.append(float((switch(t + dt, x + dt * f)[i] - switch(t - dt, x - dt * f)[i]) / (2.0 * dt)))
+    return out[0], out[1]
