@@ -11,7 +11,7 @@ import numpy as np
 from nsbench.measure.frame import frame, near_of
 from nsbench.measure.residuals import interval_residuals
 from nsbench.problem import Complementarity, Filippov
-from randomised.ladder import stiffness
+from randomised.ladder import is_slow, stiffness
 from randomised.runs import Verdict, attempt
 
 ROUNDS = 12                 # of finer samples where something is missing: 4^12 times finer than the finest even ones
@@ -21,7 +21,7 @@ OWN = 1e-5                  # the same for steps
 STEPS = (8, 32, 128, 512, 2048)         # of a sample spacing, each a sample; more where there are few samples
 STIFF = (100.0, 400.0, 1600.0, 6400.0)  # and k with PARTS samples to a spacing, four times as many each time
 PARTS = 40
-LEAST, NODES = 240, 12000   # samples of the coarsest, and of any run
+LEAST, NODES = 240, 12000   # samples of the coarsest, and of any run (a fourth of that where loops are slow)
 STAYS = 0.5                 # what does not fall to that with sixteen times finer steps stays
 FAST = 0.005                # of the unit: where most steps still move by more, no order can be seen yet
 SLOW = 0.1                  # step x rate of the drift: with more, explicit steps of it are not yet small
@@ -139,9 +139,9 @@ def _fine(case, spec, method):
             if 4**j * parts * len(spacing) <= NODES or j < 3:
                 yield k * stiffness(case), _divided(case.t, 4**j * parts)
         return
-    base = max(1, -(-LEAST // (STEPS[0] * len(spacing))))
+    base, most = max(1, -(-LEAST // (STEPS[0] * len(spacing)))), NODES // (4 if is_slow(case, spec) else 1)
     for n in STEPS:
-        if base * n * len(spacing) <= NODES:
+        if base * n * len(spacing) <= most:
             t = _divided(case.t, base * n)
             yield float(np.diff(t).min()), t
 
