@@ -21,7 +21,6 @@ STIFF = 2e3               # k from which kvaerno5 takes less time than tsit5 for
 LEAST = 1e-13             # tolerance; rounding of 10^5 steps is a tenth of it
 DEFAULTS = (1e4, 1e4, 1e3)
 LISTED = 6000             # listed constraints (all but hard pairs) whose impulses are integrated
-MOST = 1_000_000, 100_000  # steps of explicit and of implicit methods, a minute of either
 MEMORY = 1e9              # bytes of samples of one run
 MANY = 40                 # hard particles up to which all pairs are visited
 PAIRS = ("auto", "all", "near")
@@ -44,7 +43,7 @@ class Penalty:
     implicit "kvaerno3", "kvaerno5" (dearer steps and 4 times the compile time, but their number grows little with k), or
     "auto": tsit5 or kvaerno5 by k and the number of states, named in stats["integrator"].
     rtol and atol are those of the step control (1e-9, less where extrapolated; atol times the size of motions far below 1),
-    max_steps counts refused steps: 10^6 of an explicit method, 10^5 of an implicit one, where no other number is given.
+    max_steps counts refused steps; of an implicit method, whose steps cost ten times as much, a tenth of it is taken.
 
     extrapolate: 1 gives 2 x(2k) - x(k), 2 also x(4k): powers 1/k and 1/k^2 of the error cancel, in states, impulses and
     reaction alike. Between events the error has an expansion in powers of 1/k, because an impact is forgotten like
@@ -59,7 +58,7 @@ class Penalty:
     method: str = "tsit5"
     rtol: float | None = None
     atol: float | None = None
-    max_steps: int | None = None
+    max_steps: int = 1_000_000
     extrapolate: int = 0
     pairs: str = "auto"
     reach: float = 0.3
@@ -81,7 +80,7 @@ class Penalty:
     @property
     def most(self) -> int:
         """Steps that a run may take, refused ones too."""
-        return self.max_steps or MOST[self.method in IMPLICIT]
+        return max(1, self.max_steps // 10) if self.method in IMPLICIT else self.max_steps
 
     @property
     def ladder(self) -> tuple[float, float]:
@@ -107,7 +106,7 @@ class Penalty:
             raise ValueError(f"extrapolate is {self.extrapolate!r}; 0, 1 or 2 times")
         if self.pairs not in PAIRS:
             raise ValueError(f"pairs is {self.pairs!r}; one of {', '.join(PAIRS)}")
-        if not (self.max_steps is None or (isinstance(self.max_steps, int) and self.max_steps >= 1)):
+        if not (isinstance(self.max_steps, int) and self.max_steps >= 1):
             raise ValueError(f"max_steps is {self.max_steps!r}; a positive whole number is needed")
 
     def refuses(self, case: Case) -> str | None:
