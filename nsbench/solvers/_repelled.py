@@ -19,7 +19,7 @@ def repelled(case: Case, traj: Trajectory) -> Status | None:
         return None
     switch, field = case.problem.switch(np), case.problem.field(np)
     c = np.array([switch(t, x.copy()) for t, x in zip(traj.t, traj.x, strict=True)])
-    on = np.abs(c) <= ON * np.maximum(np.abs(c).max(axis=0), _swing(switch, traj))
+    on = np.abs(c) <= ON * np.maximum(np.abs(c).max(axis=0), swing(switch, traj))
     rows = np.flatnonzero((on[1:] & on[:-1]).any(axis=0))
     parts = -(-POINTS // (len(traj.t) - 1))
     for i in rows:
@@ -37,7 +37,7 @@ def repelled(case: Case, traj: Trajectory) -> Status | None:
     return None
 
 
-def _swing(switch, traj) -> np.ndarray:
+def swing(switch, traj) -> np.ndarray:
     """(d,) by how much each switch changes where a coordinate changes by as much as any does in the run."""
     x, t = traj.x[-1], traj.t[-1]
     ways = max(float(np.abs(traj.x - traj.x[0]).max()), float(np.abs(traj.x).max())) * np.eye(x.size)

@@ -11,6 +11,7 @@ import numpy as np
 from nsbench.measure.frame import frame, near_of
 from nsbench.measure.residuals import interval_residuals
 from nsbench.problem import Complementarity, Filippov
+from nsbench.solvers._repelled import swing
 from randomised.ladder import is_slow, stiffness
 from randomised.runs import Verdict, attempt
 
@@ -159,7 +160,8 @@ def _defects(case, run, unit):
     lacks = float(np.nan_to_num(missing(case, traj), nan=np.inf)[first:].sum())
     scene = frame(case).scene
     depth = max(scene.deepest(a, b) for a, b in zip(traj.t[first:], traj.x[first:], strict=True)) / slope(case) if scene else 0.0
-    return (lacks, depth, _apart(case, run, first)), (size * T, moved, size * T * moved)
+    across = float(swing(case.problem.switch(np), traj).max()) if isinstance(case.problem, Filippov) else size * moved
+    return (lacks, depth, _apart(case, run, first)), (size * T, moved, across * T)
 
 
 def _apart(case, run, first: int) -> float:
