@@ -1,4 +1,7 @@
-"""What nosnoc's tolerances hide: each is absolute, and complementarity is left to a product that is not zero."""
+"""What nosnoc's tolerances hide: each is absolute, and complementarity is left to a product that is not zero.
+
+The checks take the case with every step a sample, its states X (K, n) and the integrals W (K, m) of multipliers or weights.
+"""
 from __future__ import annotations
 
 import numpy as np
@@ -22,16 +25,16 @@ def _way(case, X) -> float:
         return max(float(np.abs(X - X[0]).max()), T * pace(case.problem, float(case.t[0]), X[0]))
 
 
-def coarse(case, method, X, W, parts) -> Status:
+def coarse(case, method, X, W) -> Status:
     """Is what IPOPT leaves in each step, which is absolute, small beside the motion?"""
-    left, way = SOLVED * method.comp_tol * (len(X) - 1) * parts, _way(case, X)
+    left, way = SOLVED * method.comp_tol * (len(X) - 1), _way(case, X)
     if left <= LEAK * method.comp_tol * way:
         return Status()
     return Status("unverified", f"The steps are solved to {SOLVED * method.comp_tol:.2g}, in all to {left:.2g}, which is much "
                                 f"for a motion by {way:.2g}: take units in which that is about 1.")
 
 
-def unresolved(case, method, X, W, parts) -> Status:
+def unresolved(case, method, X, W) -> Status:
     """Can each switch change by more than the tolerance of complementarity, over all that the run moves?"""
     from nsbench.solvers._flat_layer import flat_layer
     from nsbench.solvers._sliding import Motion
@@ -43,25 +46,42 @@ def unresolved(case, method, X, W, parts) -> Status:
                         for t, x in zip(case.t, X, strict=True)], axis=0)
     row = int(np.argmin(slope))
     if slope[row] > UNSEEN * tol:
-        flat = flat_layer(case, tol, X) or _lingers(case, X, tol, slope)
+        c = np.array([motion.switch(float(t), x) for t, x in zip(case.t, X, strict=True)])
+        flat = flat_layer(case, tol, X) or _lingers(case, c, tol, slope) or _leans(case, method, c, X, W)
         return Status("unverified", f"{flat}: no error of that size is claimed there.") if flat else Status()
     return Status("unverified", f"Switch {row} changes by {slope[row]:.2g} in the run, which the tolerance of complementarity, "
                                 f"{tol:.2g}, cannot tell from zero: scale it, or lower comp_tol.")
 
 
-def _lingers(case, X, tol, slope) -> str:
+def _lingers(case, c, tol, slope) -> str:
     """Where a state is kept off a surface by what is left of complementarity, weight x distance = tol: where one field ends on
     the surface, that pushes it away by sqrt(2 tol x pace of the other), no small length; "" if nowhere."""
-    c = np.abs([case.problem.switch(np)(float(t), x) for t, x in zip(case.t[1:], X[1:], strict=True)])
-    found = np.argwhere((c > BESIDE * tol) & (c < np.sqrt(2.0 * tol * slope)))
+    beside = (np.abs(c) > BESIDE * tol) & (np.abs(c) < np.sqrt(2.0 * tol * slope))
+    found = np.argwhere(beside[1:] & (beside[:-1] | (np.arange(1, len(c)) == len(c) - 1)[:, None]))
     if not len(found):
         return ""
     at, row = found[0]
-    return (f"At t = {case.t[at + 1]:.6g} the state is {c[at, row]:.2g} from surface {row}, as what is left of complementarity "
-            f"({tol:.2g}) may keep it")
+    return (f"At t = {case.t[at + 1]:.6g} the state is {abs(c[at + 1, row]):.2g} from surface {row}, as what is left of "
+            f"complementarity ({tol:.2g}) may keep it")
 
 
-def sunk(case, method, X, W, parts) -> Status:
+def _leans(case, method, c, X, W) -> str:
+    """Has the field beyond a surface that is not reached been mixed in? Its weight is tol over the distance, not zero: while a
+    state passes near, or where a switch is flat, that adds up; "" if it has not."""
+    from nsbench.solvers._doubts import pace
+    tol, T = method.comp_tol, np.diff(case.t)[:, None]
+    beside, near = np.sign(c[1:]) * np.sign(c[:-1]) > 0.0, np.maximum(np.abs(c[1:]), np.abs(c[:-1]))
+    theta = np.clip(np.diff(W, axis=0) / T, 0.0, 1.0)
+    strange = np.where(c[1:] > 0.0, 1.0 - theta, theta)
+    mixed = beside & (near > BESIDE * tol) & (strange * near < 100.0 * tol)
+    with np.errstate(all="ignore"):
+        pushed = 2.0 * pace(case.problem, float(case.t[0]), X[0]) * float((np.where(mixed, strange, 0.0) * T).sum())
+    if pushed <= LEAK * tol * min(1.0, _way(case, X)):
+        return ""
+    return f"Fields beyond surfaces that are not reached have pushed by {pushed:.2g} in all, their weights not being zero"
+
+
+def sunk(case, method, X, W) -> Status:
     """Did the push hold every constraint?"""
     worst = min(min(float(g) for _, g in gaps(case.problem, x, float(t), np, case.n)) for t, x in zip(case.t, X, strict=True))
     if worst >= -SUNK * min(1.0, _way(case, X)):
@@ -69,7 +89,7 @@ def sunk(case, method, X, W, parts) -> Status:
     return Status("infeasible", f"A constraint is violated by {-worst:.3g}: a multiplier is above the push; raise it.")
 
 
-def leaks(case, method, X, W, parts) -> Status:
+def leaks(case, method, X, W) -> Status:
     """Have constraints pushed where they do not touch? gap x multiplier is comp_tol x push, not zero: while a gap opens slowly,
     or many are open for long, that adds up."""
     floor = method.comp_tol * method.push

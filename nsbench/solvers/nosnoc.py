@@ -104,7 +104,7 @@ def _march(case, method, solver, contacts, turning, parts, step):
     n, m, K = case.n, len(contacts), len(case.t)
     x = np.concatenate((case.x0, [float(case.t[0])], np.zeros(m + (n if turning else 0))))
     Y = np.full((K, len(x)), np.nan)
-    Y[0], status, inner, steps = x, Status(), 0, 0
+    Y[0], status, inner, steps, every = x, Status(), 0, 0, [x]
     with warnings.catch_warnings(), contextlib.redirect_stdout(io.StringIO()):
         warnings.simplefilter("ignore")
         for k in range(1, K):
@@ -118,6 +118,7 @@ def _march(case, method, solver, contacts, turning, parts, step):
                                                "other stages, elements or another h may help.")
                     break
                 steps += 1
+                every.append(x)
                 if inner > max(FIRST, LABOUR * steps):
                     status = Status("maxiter", f"IPOPT took {inner} iterations for the {steps} steps up to t = {x[n]:.6g}, where "
                                                "85 a step are usual; other stages, elements or another h may help.")
@@ -132,11 +133,17 @@ def _march(case, method, solver, contacts, turning, parts, step):
         checks = (coarse, sunk, leaks)
     else:
         checks = (coarse, unresolved)
-    for check in checks if status.ok else ():
-        status = status if not status.ok else check(case, method, X, W, parts)
+    if status.ok:
+        fine, every = case.replace(t=np.append(_times(case.t, parts), case.t[-1])), np.array(every)
+        for check in checks:
+            status = check(fine, method, every[:, :n], every[:, n + 1:n + 1 + m]) if status.ok else status
     stats = {"steps": (K - 1) * parts, "h": step, "inner_iterations": inner, "loop": "host"}
     return Trajectory(case.t, X, tuple(contacts), W, R, status, stats=stats)
 
+
+def _times(t, parts):
+    """Where the steps begin."""
+    return (t[:-1, None] + np.diff(t)[:, None] * np.arange(parts) / parts).ravel()
 
 
 SOLVER = Nosnoc
