@@ -1,4 +1,6 @@
 """What no solution does is not called ok, whatever passed over it: poles of the drift, walls without room between two samples."""
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -126,3 +128,20 @@ def test_a_surface_that_turns_repulsive(samples):
     assert status.code == "degenerate" and "both fields leave" in str(status)
     assert solvers.solve(made(1.5), "event_driven", tol=1e-10).status.ok
     assert solvers.solve(made(0.6).replace(unique=False), "event_driven", tol=1e-10).status.ok
+
+
+@pytest.mark.survives("empty set")
+@pytest.mark.parametrize("gap, code", ((1e-8, "infeasible"), (1e-12, "ok")))
+def test_walls_that_miss_each_other_by_little(gap, code):
+    """x <= 0.5 and x >= 0.5 + gap, in rows of very different size: rounding aside, no state meets both."""
+    walls = Affine(np.array([[-1.0], [1e6]]), np.array([0.5, -1e6 * (0.5 + gap)]))
+    case = Case(name="gap", problem=Complementarity(_still, (walls,)), x0=np.array([0.5]), t=np.linspace(0, 1, 3), start="keep")
+    assert solvers.solve(case, "pbd", h=0.01).status.code == code
+
+
+def test_a_corner_is_told_where_it_is_held_and_not_where_it_is_passed():
+    from nsbench import load_case
+    kept = Path(__file__).parent / "honesty_kept"
+    status = solvers.solve(load_case(kept / "many_velocities_in_a_corner.py"), "euler", h=1e-3).status
+    assert status.code == "unverified" and "corner" in str(status)
+    assert solvers.solve(load_case(kept / "solution_beyond_a_surface.py"), "euler", h=1e-4).status.ok
