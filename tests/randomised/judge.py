@@ -1,10 +1,8 @@
 """What a run that says ok is held to: what its method claims, against an event-driven answer, a second one, or itself.
 
-The answer of a scene is that of event_driven at default settings, if another integrator at another tolerance agrees with it.
-CONDITION is how much more the samples move than a start that is moved by 1e-9 of the unit, which is 1, or the largest state or
-what the drift makes of the time if these are less (as in tests/independent). Errors are the largest of states at samples and
-of cumulative reactions, less 1e-11 of the largest coordinate (and, of methods that claim a bound, 1e-11: tolerances are
-relative and absolute), over the larger of the unit and what the state moves. Then, for a run that says ok, SILENT WRONG is
+The answer of a scene, its unit and its condition stand in `answer`. Errors are the largest of states at samples and of
+cumulative reactions, less 1e-11 of the largest coordinate (and, of methods that claim a bound, 1e-11: tolerances are relative
+and absolute), over the larger of the unit and what the state moves. Then, for a run that says ok, SILENT WRONG is
 
 claimed bound   (event_driven) a difference above BOUND x condition, claims.exact being 1e-10, beside rounding of the state;
 claimed order p (steps h, 1/k of a penalty) at the finest of the LADDER an error above M = 4 times the largest constant
@@ -20,116 +18,35 @@ own residuals   (event_driven, with samples at its events too) a residual of the
 Where there is no answer (event_driven says why), the finest runs of all methods of a scene are held against each other: both
 ok, and further apart than four times the last changes of both. Not so where it says that several motions continue, or where
 the condition is beyond WILD, or an infeasible start is kept, or two surfaces are one and the same, on which their signs may
-differ: then methods may differ. And each is held against its equation
-alone: see own. The answer has a budget of 1500 steps (of some 10 ms), which bounds the time of a stiff scene.
+differ: then methods may differ. And each is held against its equation alone: see own. The answer has a budget of 1500 steps
+(of some 10 ms), which bounds the time of a stiff scene.
 
 Crashes are exceptions that are not raised on purpose at the border (a ValueError, TypeError or LookupError that a `raise` of
 the package tells) and failures of measuring.
 """
 from __future__ import annotations
 
-from functools import cached_property
-
 import numpy as np
 
 from nsbench import solvers
-from nsbench.problem import LCS, Complementarity
-from nsbench.solvers._doubts import pace
+from nsbench.problem import LCS
 from nsbench.study import misfit
-from randomised.ladder import EPS, LADDER, LATER, LATER_SLOW, floors, is_slow, slower, values
+from randomised.answer import ABSOLUTE, FIRST, STEPS, WILD, Answer
+from randomised.ladder import LADDER, LATER, LATER_SLOW, floors, is_slow, slower, values
 from randomised.own import MISSING, coincide, filled, settled, slope
-from randomised.runs import Outcome, Verdict, attempt, kept_feasible, relative
+from randomised.runs import Outcome, Verdict, attempt, relative
 
-M, BOUND, DEPTH, SIGN, RESIDUAL = 4.0, 1e-9, 1e-8, 1e-8, 1e-5
+M, DEPTH, SIGN, RESIDUAL = 4.0, 1e-8, 1e-8, 1e-5
 FALLS = 0.3                # with 64 times finer steps; the layer of a switch as flat as x^3 is k^(-1/3) wide, and falls to 1/4
-ABSOLUTE = 1e-11           # what absolute tolerances leave in states that are small themselves
-ROUNDINGS = 100.0           # spacings of the largest coordinate: of some 1500 steps, of random sign
 LEFT = 1e-8                 # ten tolerances of a penalty's integrator, in one step
-WILD = 1e5                  # a condition above which no answer can be judged: rounding alone moves it visibly
-STEPS = "max_steps=1500"
-FIRST = f"event_driven[{STEPS}]"
-SECOND = tuple((f"event_driven[{option},{STEPS}]", tol) for option, tol in (
-    ("method=rk45", 1e-10), ("method=lsoda", 1e-11), ("method=radau", 1e-10), ("max_step=0.02", 1e-11)))
 
 
-class Scene:
-    """A case with its answer; `second` chooses how the answer is confirmed."""
+class Scene(Answer):
+    """A case whose runs are judged; `second` chooses how its answer is confirmed."""
 
     def __init__(self, case, second: int = 0, answered: bool = True):
-        """answered=False: the answer is known not to come to an end."""
-        self.case, self.second, self.answered = case, SECOND[second % len(SECOND)], answered
-        self.solved = case.replace(start="error") if kept_feasible(case) else case
+        super().__init__(case, second, answered)
         self.finest: dict[str, tuple] = {}
-
-    @cached_property
-    def first(self) -> Outcome:
-        return attempt(self.solved, FIRST, 1e-12) if self.answered else Outcome(told="no end")
-
-    @cached_property
-    def again(self) -> Outcome:
-        return attempt(self.solved, self.second[0], self._tol(self.second[1]))
-
-    def _tol(self, tol: float) -> float:
-        """tol for a scene of this unit, or this far from the origin: it is absolute, and relative to the largest coordinate."""
-        x = self.first.traj.x if self.first.ok else self.case.x0[None]
-        far = max(1.0, float(np.abs(x).max()) / max(self.unit, float(np.abs(x - x[0]).max())))
-        return max(tol * self.unit / far, min(tol, 1e-13))
-
-    @cached_property
-    def unit(self) -> float:
-        """The largest state, or what the drift makes of the time if that is more; at most 1."""
-        x, t = (self.first.traj.x if self.first.ok else self.case.x0), self.case.t
-        with np.errstate(all="ignore"):
-            way = float(t[-1] - t[0]) * pace(self.case.problem, float(t[0]), self.case.x0)
-        return min(1.0, max(float(np.max(np.abs(x), initial=0.0)), way if np.isfinite(way) else 0.0) or 1.0)
-
-    def apart(self, a, b, absolute: float = 0.0) -> float:
-        """Difference of two runs, less what tolerances allow: states, and reactions where both have them."""
-        allowed = max(self.round_off, absolute)
-        out = relative(a.x, b.x, self.unit, allowed)
-        if a.reaction.shape == b.reaction.shape and np.isfinite(b.reaction).all():
-            out = max(out, relative(a.reaction, b.reaction, self.unit, allowed))
-        return out
-
-    @cached_property
-    def round_off(self) -> float:
-        """1e-11 of the largest coordinate: tolerances are relative, and rounding adds up over steps and events."""
-        x = self.first.traj.x if self.first.ok else self.case.x0
-        return 1e-11 * float(np.abs(x).max(initial=0.0))
-
-    @cached_property
-    def condition(self) -> float:
-        """At least 1; infinite where a start beside this one does not run."""
-        rng, case, worst = np.random.default_rng(0), self.solved, 1.0
-        nudge = max(1e-9, self.round_off / self.unit)
-        feasible = isinstance(case.problem, Complementarity) and case.problem.constraints
-        for _ in range(2):
-            away = rng.uniform(-1.0, 1.0, case.n)
-            start = "project" if feasible and case.start == "error" else case.start
-            other = attempt(case.replace(x0=case.x0 + nudge * self.unit * away, start=start), FIRST, 1e-12)
-            worst = max(worst, relative(other.traj.x, self.first.traj.x, self.unit) / nudge if other.ok else np.inf)
-        return worst
-
-    @cached_property
-    def bound(self) -> float:
-        far = float(np.abs(self.first.traj.x).max(initial=0.0)) / self.unit if self.first.ok else 1.0
-        return (BOUND + ROUNDINGS * EPS * far) * self.condition
-
-    @cached_property
-    def answer(self):
-        """The trajectory that others are held against, or None."""
-        trusted = self.first.ok and self.again.ok and self.condition < WILD
-        if not (trusted and self.apart(self.again.traj, self.first.traj, ABSOLUTE) <= self.bound):
-            return None
-        if self.digits == 1e-12:
-            return self.first.traj
-        better = attempt(self.solved, FIRST, self.digits)
-        return better.traj if better.ok and self.apart(self.first.traj, better.traj, ABSOLUTE) <= self.bound else None
-
-    @cached_property
-    def digits(self) -> float:
-        """Tolerance of the answer: an absolute 1e-12 is much in a small unit."""
-        return min(1e-12, max(1e-12 * self.unit, 1e-15)) if self.unit < 0.1 else 1e-12
 
     def judge(self, spec: str) -> Verdict:
         method = solvers.get(spec)
@@ -189,7 +106,7 @@ class Scene:
         return attempt(self.case.replace(t=t), spec.replace(STEPS, f"max_steps={1500 + len(t)}"), tol)
 
     def _bounded(self, spec) -> Verdict:
-        tol = self._tol(self.second[1] if spec == self.second[0] else 1e-11)
+        tol = self.tol(self.second[1] if spec == self.second[0] else 1e-11)
         run = self.again if spec == self.second[0] else attempt(self.case, spec, tol)
         if bad := self._faults(run, True):
             return bad

@@ -54,7 +54,7 @@ def choices(seed: int, i: int):
 
 def chosen(case, seed: int, i: int, solvers_) -> list[str]:
     """The methods of scene i: event_driven, its second, and some of the others that take it."""
-    from randomised.judge import SECOND
+    from randomised.answer import SECOND
 
     from nsbench import solvers
     rng = np.random.default_rng([seed, i, 1])
