@@ -81,11 +81,12 @@ def settled(case, spec: str, method, unit: float, why: str) -> Verdict:
         if len(found) < 3:
             continue
         # relative to the finest run: coarse ones of a stiff drift are of any size
-        each = zip(NAMES, (np.array(found) / sizes).T, strict=True)
-        bad = [f"{name} {', '.join(f'{v:.1e}' for v in values)}" for name, values in each
-               if not values[-1] <= max(OWN, STAYS * max(values[:-2]))]
-        if not bad:
+        each = [(name, values) for name, values in zip(NAMES, (np.array(found) / sizes).T, strict=True)
+                if not values[-1] <= max(OWN, STAYS * max(values[:-2]))]
+        if not each:
             return Verdict("own", "ok", why)
+        bad = [f"{name} {', '.join(f'{v:.1e}' for v in values)}" for name, values in each
+               if not values[-1] <= STAYS * values[-2]]         # else it falls at last: nothing is known
     if not bad or float(np.diff(t).min()) * _rate(case, run.traj) > SLOW or (
             float(np.median(np.abs(np.diff(run.traj.x, axis=0)).max(axis=1))) > FAST * unit):
         return Verdict("open", "ok", why)
