@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from nsbench import opened
+from nsbench import guest, opened
 from nsbench.problem import LCS, Complementarity, Filippov, _floats
 from nsbench.shapes import check_shapes
 
@@ -234,7 +234,7 @@ def load_module(path):
     spec = importlib.util.spec_from_file_location(f"nsbench_file_{path.stem}", path)
     module = sys.modules[spec.name] = importlib.util.module_from_spec(spec)      # dataclasses look themselves up there
     try:
-        with opened.during(path):
+        with opened.during(path), guest.asked(str(path)):
             spec.loader.exec_module(module)
     except (Exception, SystemExit) as e:             # the file is the user's: whatever it raises is told with its name
         raise ValueError(f"{path} failed to load: {type(e).__name__}: {e}") from e
@@ -246,5 +246,5 @@ def load_case(path, **params) -> Case:
     module = load_module(path)
     if not (hasattr(module, "CASE") or hasattr(module, "make")):
         raise ValueError(f"{path} defines neither CASE nor make(**params)")
-    with opened.during(path):
+    with opened.during(path), guest.asked(f"make of {path}"):
         return _build(module, Path(path).stem, params)

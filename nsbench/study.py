@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from nsbench import opened, solvers
+from nsbench import guest, opened, solvers
 from nsbench.case import Case, case_module, case_names, get_case, load_case
 from nsbench.describe import describe_case, describe_solver
 from nsbench.misfit import misfit
@@ -126,7 +126,7 @@ def plan(cases: Iterable[tuple[str, str]], specs: Iterable[str] | None, values: 
         chosen = list(specs) if specs else [*solvers.standard(), *case.also]
         for spec in dict.fromkeys(chosen):
             method = solvers.get(spec)
-            if method.refuses(case):
+            if guest.refuses(method, case, spec):
                 out.append(Spec(key, spec, method.accuracy, float("nan"), file, solver_files))
                 continue
             asked = (values or {}).get(method.accuracy) or ladder(case, method)

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 INTERRUPTED = 130         # exit code
+_leave = os._exit         # as it is here: a file that is loaded is kept from it
 PATIENCE = 5.0            # seconds for cleaning up, before a signal is taken as "now"
 
 
@@ -37,7 +38,7 @@ def _hear(number, frame) -> None:
         if not _ear.held:
             raise KeyboardInterrupt
     elif now - _ear.since > PATIENCE:
-        os._exit(INTERRUPTED)
+        _leave(INTERRUPTED)
 
 
 @contextlib.contextmanager
