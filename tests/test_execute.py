@@ -138,7 +138,8 @@ def test_chores_are_done_and_one_that_fails_or_dies_costs_nothing_else(tmp_path)
 
 
 def test_the_longest_batches_come_first_and_the_second_needs_other_kernels():
-    from nsbench.execute.suite import _in_order, weight
+    from nsbench.execute.forecast import weight
+    from nsbench.execute.suite import _in_order
     quick = [Spec("tide", "pbd", "h", 0.1)]
     free, long = [Spec("sliding", "euler", "h", 0.1)], [Spec("discs[n=30]", "pbd", "h", 1e-4)]
     python = [Spec("tide", "catching_up[backend=osqp]", "h", 1e-3)]

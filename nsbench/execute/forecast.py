@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from nsbench.measure import clock
-from nsbench.study import Spec
+from nsbench.study import Spec, resolve
 
 JOURNAL, PROBE, GUESS, NOTHING = "journal", "probe", "guess", "refused"
 PER_WORK = 1e-7           # seconds per step of one coordinate, where nothing at all is known
@@ -20,6 +20,7 @@ MEASURE = 0.02            # seconds of measuring a run, where no probe has told
 SETTLED = 0.05            # seconds of compiling; a probe with more of it says nothing of what measuring takes
 STEEPEST = 2.0            # power of the accuracy: a solver whose steps get dearer as they get shorter does not reach it
 TYPICAL = {"h": 1.0, "tol": 0.2, "k": 0.5}      # powers where one accuracy alone is known: steps, orders of five and two
+RUN, EVENTS, IN_PYTHON = 1e4, 1e4, 1e3     # in steps of one coordinate (0.1 us): measuring, a run by events, a step in Python
 FEW = 6                   # neighbours from which a power is fitted, so that a floor far away does not flatten it
 
 
@@ -121,8 +122,19 @@ def power_law(asked, spent, at: float, accuracy: str) -> float:
 
 def work(spec: Spec) -> float:
     """Steps times coordinates of a run, as far as they can be known before."""
-    from nsbench.execute.suite import weight
     return weight([spec])
+
+
+def weight(batch) -> float:
+    """A guess of how long a batch takes, in steps of one coordinate: what every run needs, and what its steps do."""
+    total = 0.0
+    for s in batch:
+        case = resolve(s.case, s.file)
+        span = float(case.t[-1] - case.t[0])
+        steps = {"h": span / s.asked, "k": span * s.asked / 3}.get(s.accuracy, EVENTS)
+        if steps == steps:                               # NaN: refused
+            total += RUN + steps * (case.n + (IN_PYTHON if "backend=" in s.solver else 0))
+    return total
 
 
 def _accuracy_of(solver: str) -> str:

@@ -14,13 +14,13 @@ from nsbench import describe, published, size, store, study
 from nsbench import keys as key
 from nsbench.case import parse_spec
 from nsbench.execute import filed, plan
+from nsbench.execute.forecast import weight
 from nsbench.execute.local import Chore, run_all
 from nsbench.execute.progress import Progress
 from nsbench.reference import find
 
 EXPECTED = ("ok", "refused", "below_reference")
 NO_ROW = "No worker gave a row of this run. The same command tries it again."
-RUN, EVENTS, IN_PYTHON = 1e4, 1e4, 1e3     # in steps of one coordinate (0.1 us): measuring, a run by events, a step in Python
 
 
 def execute(specs, out: Path, args, say) -> int:
@@ -154,18 +154,6 @@ def _in_order(batches):
         at = next((k for k, i in enumerate(rest) if names[i] != names[out[-1]]), 0)
         out.append(rest.pop(at))
     return [batches[i] for i in out]
-
-
-def weight(batch) -> float:
-    """A guess of how long a batch takes, in steps of one coordinate: what every run needs, and what its steps do."""
-    total = 0.0
-    for s in batch:
-        case = study.resolve(s.case, s.file)
-        span = float(case.t[-1] - case.t[0])
-        steps = {"h": span / s.asked, "k": span * s.asked / 3}.get(s.accuracy, EVENTS)
-        if steps == steps:                               # NaN: refused
-            total += RUN + steps * (case.n + (IN_PYTHON if "backend=" in s.solver else 0))
-    return total
 
 
 def _has_terminal() -> bool:

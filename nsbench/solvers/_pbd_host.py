@@ -55,7 +55,7 @@ def prepare(method, case, scene, g, x0):
 def _keys(scene, near, method, x0):
     """Keys of all constraints; in the orders by pairs those of hard families count by their particles."""
     from nsbench.kernels.keys import order_key, static_keys
-    from nsbench.solvers.pbd import hard_ranks
+    from nsbench.solvers._pbd_order import hard_ranks
     keys = static_keys(near.family, method.rank, method.seed)
     if method.order not in ("cell", "coloured"):
         return keys

@@ -8,6 +8,7 @@ import numpy as np
 from nsbench.case import Case
 from nsbench.problem import Affine, Complementarity, Smooth
 from nsbench.solvers._ended import not_finite
+from nsbench.solvers._pbd_order import hard_ranks
 from nsbench.solvers.base import Claims, Expect, Run, grid, last_steps, sample
 from nsbench.solvers.start import start_state
 from nsbench.trajectory import Status, Trajectory
@@ -241,15 +242,6 @@ def _first_rows(scene):
     """Families of rows, and the first row of each among all."""
     k = [k for k, c in enumerate(scene.families) if isinstance(c, Affine)]
     return k, np.cumsum([0, *(a.shape[0] for a in scene.affine)])[:-1].tolist()
-
-
-def hard_ranks(scene, order, x0):
-    """Numbers by which the pairs of hard particles are ordered, family after family; empty: their labels."""
-    from nsbench.kernels.keys import ranks
-    if order != "cell" or not scene.hard:
-        return np.empty(0, np.int64)
-    return np.concatenate([ranks(x0[c.start:c.start + m * c.dim], c.dim, 2.0 * float(scene.radii[k].max(initial=0.5)))
-                           for k, c, m in scene.hard])
 
 
 def _mean_radius(scene):
