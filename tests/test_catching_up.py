@@ -149,3 +149,13 @@ def test_refusals_and_options():
             get(f"catching_up[{bad}]")
     with pytest.raises(ValueError, match="did you mean 'osqp'"):
         get("catching_up[backend=osqq]")
+
+
+def test_nonlinear_steps_that_do_not_settle_end_the_run(monkeypatch):
+    """A disc dragged round another: one linearisation a step is not enough, and twenty such steps are."""
+    from nsbench.solvers import _catching_up_host as host
+    case = nsbench.get_case("two_discs")
+    assert nsbench.solve(case, "catching_up[nonlinear=true]", h=0.01).status.ok
+    monkeypatch.setattr(host, "ROUNDS", 1)
+    traj = nsbench.solve(case, "catching_up[nonlinear=true]", h=0.01)
+    assert traj.status.code == "maxiter" and "did not settle" in str(traj.status) and traj.stats["limits"] == host.ENOUGH

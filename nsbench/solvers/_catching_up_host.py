@@ -5,6 +5,7 @@ import numpy as np
 
 from nsbench.solvers._qp import BACKENDS, Answer, Rows, residual
 
+ENOUGH = 20                   # steps that did not settle: the run is unverified long before, and each takes ROUNDS programs
 ROUNDS = 300                  # successive linearisations; each gains a factor of about mu times the curvature
 SHORTEST = 1 / 64             # of their steps, shortened where they go to and fro
 
@@ -53,7 +54,7 @@ class HostLoop:
         self.peak = len(self.list.near)
         X, R = np.full((len(t), x.size), np.nan), np.full((len(t), x.size), np.nan)
         X[0], R[0] = x, reac
-        self.records, worst, when = [], 0.0, self.t0
+        self.records, self.unsettled, worst, when = [], 0, 0.0, self.t0
         for k in range(len(t) - 1):
             h = (t[k + 1] - t[k]) / substeps[k]
             for s in range(substeps[k]):
@@ -67,6 +68,8 @@ class HostLoop:
                     worst, when = kkt, now
                 if code == "infeasible":
                     return self._result(X, R, worst, when, code, now)
+                if self.unsettled >= ENOUGH:
+                    return self._result(X, R, worst, when, "unsettled", now)
                 if not _finite(y):
                     return self._result(X, R, worst, when, "nan", now)
                 reac += y - z
@@ -115,6 +118,7 @@ class HostLoop:
             before, y = change, y + part * (new - y)
         else:
             self.stats["limits"] += 1
+            self.unsettled += 1
         w, _, G = self._linearise(after, y, y)
         self._ties(g, mu)
         return "solved", mu, y, residual(G, w, mu, y - z), far, last

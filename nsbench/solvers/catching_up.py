@@ -136,6 +136,9 @@ def _trajectory(case, g, loop, out, again):
 
 
 def _status(code, stats, when, reached, size):
+    if code == "unsettled":
+        return Status("maxiter", f"{stats['limits']} nonlinear steps up to t = {reached:.6g} did not settle: shorter steps, or "
+                                 "linearised ones (without nonlinear=true), may.")
     if code == "infeasible":
         return Status("infeasible", f"The QP of the step from t = {reached:.6g} has no feasible point: the linearised "
                                     "constraints contradict each other.")
