@@ -15,6 +15,8 @@ from nsbench.trajectory import Status, Trajectory
 POINTS = 200             # of a run at which denominators are compared, at least its samples
 SMALL = 1e-2             # of its largest value: a denominator without a change of sign that gets so small may touch zero
 HALVINGS = 100
+MOST = 300               # denominators that are followed to their zeros; of more, those where the drift is largest
+BESIDE = 0.05            # of the way between the points around a zero: another way, beside it
 NEAR, NEARER = 1e-4, 1e-7            # of the interval: distances at which the drift is compared
 VANISHES = 0.7           # a product of drift and distance falls to 0.5 for s^-0.9, and stays for 1 / s
 IN_TIME = 1e-6           # of its largest value: a denominator that is as small there at other states too
@@ -75,7 +77,7 @@ def pole(case: Case, traj: Trajectory) -> Status | None:
     in the state, over which some solutions go (x' = 1 / x^2); None otherwise."""
     parts = max(1, -(-POINTS // max(1, len(traj.t) - 1)))
     times = np.append((traj.t[:-1, None] + np.diff(traj.t)[:, None] * np.arange(parts) / parts).ravel(), traj.t[-1])
-    state = lambda t: np.array([np.interp(t, traj.t, column) for column in traj.x.T])
+    state = _way(traj)
     for drift, intervals in _drifts(case, traj):
         if _denominators(drift, float(traj.t[0]), traj.x[0]).size and (
                 status := _met(drift, np.repeat(intervals, parts), traj, times, state, parts)):
@@ -83,26 +85,65 @@ def pole(case: Case, traj: Trajectory) -> Status | None:
     return None
 
 
+def _way(traj):
+    """t -> the state on the straight ways between the samples."""
+    def state(t):
+        k = min(max(int(np.searchsorted(traj.t, t, "right")) - 1, 0), len(traj.t) - 2)
+        a = (t - traj.t[k]) / (traj.t[k + 1] - traj.t[k])
+        return (1.0 - a) * traj.x[k] + a * traj.x[k + 1]
+    return state
+
+
 def _met(drift, looked, traj, times, state, parts) -> Status | None:
     """A pole of one drift on the way through `times`, of which those with `looked` begin a part that is looked at."""
-    found = [_denominators(drift, t, x) for t, x in zip(times, state(times).T, strict=True)]
+    use = np.flatnonzero(np.append(looked, False) | np.append(False, looked))
+    found = [_denominators(drift, t, state(t)) for t in times[use]]
     if len({len(v) for v in found}) > 1 or not np.all(np.isfinite(found)):
         return None
     values, last = np.array(found), len(times) - 1
-    for column in np.flatnonzero((values.min(axis=0) * values.max(axis=0) <= 0.0)
-                                 | (np.abs(values).min(axis=0) < SMALL * np.abs(values).max(axis=0))):
-        for k in _suspects(values[:, column]):
-            if not looked[max(0, k - 1):k + 1].any():
-                continue
-            at = _zero(lambda t, c=column: _denominators(drift, t, state(t))[c], times[max(0, k - 1)], times[min(k + 1, last)])
-            if _grows(lambda t: np.abs(np.asarray(drift(np)(np.float64(t), state(t)))), at, times, parts):
-                least = min(abs(_denominators(drift, at, x)[column]) for x in (traj.x[0], traj.x[-1]))
-                if least < IN_TIME * np.abs(values[:, column]).max():
-                    return Status("diverged", f"The drift has a pole at t = {at:.6g}, over which no solution goes: steps beside "
-                                              "it hide that, however short.")
-                return Status("unverified", f"The state goes over a pole of the drift, about t = {at:.6g}: steps beside it say "
-                                            "nothing of what happens there.")
+    columns = np.flatnonzero((values.min(axis=0) * values.max(axis=0) <= 0.0)
+                             | (np.abs(values).min(axis=0) < SMALL * np.abs(values).max(axis=0)))
+    suspects = [(int(use[k]), c, turns) for c in columns for k, turns in _suspects(values[:, c])]
+    if len(suspects) > MOST:
+        size = {k: _speed(drift, times[k], state(times[k])).max(initial=0.0) for k in {k for k, _, _ in suspects}}
+        suspects = sorted(suspects, key=lambda s: -size[s[0]])[:MOST]
+    for k, column, turns in suspects:
+        ends = times[max(0, k - 1)], times[min(k + 1, last)]
+        at = _pole_at(drift, column, state, ends, times, parts)
+        if at is None or (turns and _missed(drift, column, state, ends, times, parts)):
+            continue
+        least = min(np.abs(_denominators(drift, at, x)[column:column + 1]).min(initial=np.inf) for x in (traj.x[0], traj.x[-1]))
+        if least < IN_TIME * np.abs(values[:, column]).max():
+            return Status("diverged", f"The drift has a pole at t = {at:.6g}, over which no solution goes: steps beside "
+                                      "it hide that, however short.")
+        return Status("unverified", f"The state goes over a pole of the drift, about t = {at:.6g}: steps beside it say "
+                                    "nothing of what happens there.")
     return None
+
+
+def _pole_at(drift, column, state, ends, times, parts) -> float | None:
+    """Where a denominator vanishes between two times and the drift grows as at a pole; None where not, or not to be told."""
+    try:
+        at = _zero(lambda t: _denominators(drift, t, state(t))[column], *ends)
+    except IndexError:                                       # other operations there
+        return None
+    return at if _grows(lambda t: _speed(drift, t, state(t)), at, times, parts) else None
+
+
+def _missed(drift, column, state, ends, times, parts) -> bool:
+    """Whether ways beside the straight one miss a pole where a denominator only touches zero: then it is one of the straight way,
+    which leads through the inside of a curved one, as from one side of a vortex to the other."""
+    moved = state(ends[1]) - state(ends[0])
+    beside = BESIDE * np.abs(moved).max() * np.cos(1.0 + np.arange(moved.size))
+    return any(_pole_at(drift, column, lambda t, s=s: state(t) + s * beside, ends, times, parts) is None for s in (1.0, -1.0))
+
+
+def _speed(drift, t, x) -> np.ndarray:
+    """|drift|; no numbers where it raises."""
+    try:
+        return np.abs(np.asarray(drift(np)(np.float64(t), x), float))
+    except Exception:
+        return np.full(x.size, np.nan)
 
 
 def _drifts(case: Case, traj: Trajectory):
@@ -114,10 +155,11 @@ def _drifts(case: Case, traj: Trajectory):
     if isinstance(p, LCS):
         return [(lambda xp: lambda t, x: sum(xp.sum(g(xp)(t)) for g in (p.u, p.q) if g is not None) + 0.0 * x, everywhere)]
     switch = p.switch(np)
-    values = [np.asarray(switch(t, x.copy())) for t, x in zip(traj.t, traj.x, strict=True)]
-    signs = [tuple(np.where(v >= 0.0, 1.0, -1.0)) for v in values]
-    at = {s: np.array([q == s for q in signs]) for s in dict.fromkeys(signs)}
-    return [(lambda xp, s=s: lambda t, x: p.field(xp)(t, x, np.array(s)), on[1:] | on[:-1]) for s, on in at.items()]
+    values = np.array([switch(t, x.copy()) for t, x in zip(traj.t, traj.x, strict=True)])
+    signs, which = np.unique(np.where(values >= 0.0, 1.0, -1.0), axis=0, return_inverse=True)
+    which = which.ravel()
+    return [(lambda xp, s=s: lambda t, x: p.field(xp)(t, x, s.copy()), (which[1:] == k) | (which[:-1] == k))
+            for k, s in enumerate(signs)]
 
 
 def _denominators(drift, t: float, x: np.ndarray) -> np.ndarray:
@@ -132,27 +174,22 @@ def _denominators(drift, t: float, x: np.ndarray) -> np.ndarray:
 
 
 def _suspects(v):
-    """Where a denominator changes its sign (the point behind), or has a least absolute value."""
+    """Where a denominator changes its sign (the point behind), or has a least absolute value (True)."""
     a = np.abs(v)
     turns = np.flatnonzero((a[1:-1] <= a[:-2]) & (a[1:-1] <= a[2:])) + 1
-    return [*(np.flatnonzero(v[1:] * v[:-1] <= 0.0) + 1), *(k for k in turns if a[k] < SMALL * a.max())]
+    changes = np.flatnonzero(v[1:] * v[:-1] <= 0.0) + 1
+    beside = {*changes, *(changes - 1)}
+    return [*((k, v.min() >= 0.0 or v.max() <= 0.0) for k in changes),
+            *((k, True) for k in turns if a[k] < SMALL * a.max() and k not in beside)]
 
 
 def _zero(den, low, high) -> float:
-    """Where |den| is least between two times: bisection of a change of sign, of the slope's otherwise."""
+    """Where |den| is least between two times: a change of its sign, of the slope's otherwise."""
+    from scipy.optimize import brentq
     eps = 1e-9 * (high - low)
-    for kind in ("value", "slope"):
-        f = den if kind == "value" else lambda t: abs(den(t + eps)) - abs(den(t - eps))
-        a, b, fa, fb = low, high, f(low), f(high)
-        if fa * fb > 0.0:
-            continue
-        for _ in range(HALVINGS):
-            mid = 0.5 * (a + b)
-            if not a < mid < b:
-                break
-            fm = f(mid)
-            a, b, fa = (mid, b, fm) if fa * fm > 0.0 else (a, mid, fa)
-        return 0.5 * (a + b)
+    for f in (den, lambda t: abs(den(t + eps)) - abs(den(t - eps))):
+        if f(low) * f(high) <= 0.0:
+            return brentq(f, low, high, xtol=np.spacing(max(abs(low), abs(high))), maxiter=HALVINGS, disp=False)
     return low
 
 

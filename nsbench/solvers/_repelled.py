@@ -9,22 +9,27 @@ from nsbench.trajectory import Status, Trajectory
 POINTS = 40              # of a run that are looked at, at least its samples
 ON = 1e-9                # of the largest value of a switch: a state this near is on its surface
 STEP = 1e-6              # of the run: the differences that rates of switches are taken from
+ASIDE = 1e-9            # mean weight of a side below which a run was on the other alone
 CLEAR = 1e-4             # of the largest rate: below it, nothing is said of its sign
 
 
 def repelled(case: Case, traj: Trajectory) -> Status | None:
     """degenerate, if the state is on one surface at two samples in a row, and both fields lead away from it there or between
-    (Filippov 1988, section 10: the solution to the right is not unique); None for cases that say so of themselves."""
+    (Filippov 1988, section 10: the solution to the right is not unique); None for cases that say so of themselves.
+
+    A run that was on one side alone meanwhile has not stayed: it left and came back.
+    """
     if not case.unique or len(traj.t) < 2:
         return None
     switch, field = case.problem.switch(np), case.problem.field(np)
     c = np.array([switch(t, x.copy()) for t, x in zip(traj.t, traj.x, strict=True)])
     on = np.abs(c) <= ON * np.maximum(np.abs(c).max(axis=0), swing(switch, traj))
-    rows = np.flatnonzero((on[1:] & on[:-1]).any(axis=0))
+    stayed = on[1:] & on[:-1] & _mixed(traj, c.shape[1])
+    rows = np.flatnonzero(stayed.any(axis=0))
     parts = -(-POINTS // (len(traj.t) - 1))
     for i in rows:
         found, largest = [], 0.0
-        for k in np.flatnonzero(on[1:, i] & on[:-1, i] & (on[1:].sum(axis=1) == 1)):
+        for k in np.flatnonzero(stayed[:, i] & (on[1:].sum(axis=1) == 1)):
             for a in np.arange(1, parts + 1) / parts:
                 t, x = (1.0 - a) * traj.t[k] + a * traj.t[k + 1], (1.0 - a) * traj.x[k] + a * traj.x[k + 1]
                 rates = _rates(switch, field, t, x, i, STEP * (traj.t[-1] - traj.t[0]))
@@ -37,18 +42,41 @@ def repelled(case: Case, traj: Trajectory) -> Status | None:
     return None
 
 
+def _mixed(traj, d: int) -> np.ndarray:
+    """(K - 1, d) where both sides of a surface have a part in the motion between two samples, or it is not known."""
+    out = np.ones((len(traj.t) - 1, d), bool)
+    for column, ident in enumerate(traj.contacts):
+        weight = np.diff(traj.impulse[:, column]) / np.diff(traj.t)
+        out[:, ident[1]] = ~((weight < ASIDE) | (weight > 1.0 - ASIDE))
+    return out
+
+
+def there(f, t, x, *signs) -> np.ndarray:
+    """A switch or field at a point where the run need not have been; no number where it raises."""
+    try:
+        return np.asarray(f(t, x.copy(), *signs), float)
+    except Exception:
+        return np.array(np.nan)
+
+
 def swing(switch, traj) -> np.ndarray:
     """(d,) by how much each switch changes where a coordinate changes by as much as any does in the run."""
     x, t = traj.x[-1], traj.t[-1]
     ways = max(float(np.abs(traj.x - traj.x[0]).max()), float(np.abs(traj.x).max())) * np.eye(x.size)
-    return np.max([np.abs(switch(t, x + s * e) - switch(t, x.copy())) for e in ways for s in (1.0, -1.0)], axis=0)
+    here = there(switch, t, x)
+    largest = np.zeros_like(here)
+    for e in ways:
+        for s in (1.0, -1.0):
+            largest = np.fmax(largest, np.abs(there(switch, t, x + s * e) - here))
+    return largest
 
 
 def _rates(switch, field, t, x, i, dt) -> tuple[float, float]:
     """Rates of switch i in the fields of its positive and its negative side, other signs as they are."""
-    signs, out = np.where(np.asarray(switch(t, x.copy())) >= 0.0, 1.0, -1.0), []
+    signs, out = np.where(there(switch, t, x) >= 0.0, 1.0, -1.0), []
     for side in (1.0, -1.0):
         signs[i] = side
-        f = np.asarray(field(t, x.copy(), signs.copy()))
-        out.append(float((switch(t + dt, x + dt * f)[i] - switch(t - dt, x - dt * f)[i]) / (2.0 * dt)))
+        f = there(field, t, x, signs.copy())
+        change = there(switch, t + dt, x + dt * f) - there(switch, t - dt, x - dt * f)
+        out.append(float(change.ravel()[i] / (2.0 * dt)) if change.ndim else np.nan)
     return out[0], out[1]
