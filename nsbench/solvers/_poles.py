@@ -2,9 +2,12 @@
 
 The drift is evaluated on arrays that note what they are divided by. Where such a denominator changes its sign, or touches
 zero, on the way from sample to sample, and |drift| times the distance in time does not vanish there, the way to go is
-not finite: the integral of 1 / s diverges, that of 1 / sqrt(s) does not.
+not finite: the integral of 1 / s diverges, that of 1 / sqrt(s) does not. A drift that divides floats, or by
+other things at other times, is looked at where it is largest.
 """
 from __future__ import annotations
+
+import functools
 
 import numpy as np
 
@@ -13,11 +16,12 @@ from nsbench.problem import LCS, Complementarity
 from nsbench.trajectory import Status, Trajectory
 
 POINTS = 200             # of a run at which denominators are compared, at least its samples
-SMALL = 1e-2             # of its largest value: a denominator without a change of sign that gets so small may touch zero
+SMALL = 0.1              # of its largest value: a denominator without a change of sign that gets so small may touch zero
 HALVINGS = 100
-MOST = 300               # denominators that are followed to their zeros; of more, those where the drift is largest
+MOST = 100               # denominators that are followed to their zeros; of more, those where the drift is largest
 BESIDE = 0.05            # of the way between the points around a zero: another way, beside it
-NEAR, NEARER = 1e-4, 1e-7            # of the interval: distances at which the drift is compared
+NEARER, FURTHER = 1e-7, 1e3          # of the time between points: a distance at which the drift is compared; times that
+ROUNDED = 1e4            # spacings of numbers that this distance has at least
 VANISHES = 0.7           # a product of drift and distance falls to 0.5 for s^-0.9, and stays for 1 / s
 IN_TIME = 1e-6           # of its largest value: a denominator that is as small there at other states too
 OVER = {np.true_divide: 1, np.floor_divide: 1, np.remainder: 1, np.reciprocal: 0}
@@ -79,8 +83,14 @@ def pole(case: Case, traj: Trajectory) -> Status | None:
     times = np.append((traj.t[:-1, None] + np.diff(traj.t)[:, None] * np.arange(parts) / parts).ravel(), traj.t[-1])
     state = _way(traj)
     for drift, intervals in _drifts(case, traj):
-        if _denominators(drift, float(traj.t[0]), traj.x[0]).size and (
-                status := _met(drift, np.repeat(intervals, parts), traj, times, state, parts)):
+        divisors = functools.partial(_denominators, drift)
+        looked = np.repeat(intervals, parts)
+        use = np.flatnonzero(np.append(looked, False) | np.append(False, looked))
+        found = [divisors(t, state(t)) for t in times[use]] if divisors(times[use[0]], state(times[use[0]])).size else [()]
+        if len(found[0]) == 0 or len({len(v) for v in found}) > 1:
+            divisors = _reciprocals(drift, times[use], state)
+            found = [divisors(t, state(t)) for t in times[use]]
+        if np.all(np.isfinite(found)) and (status := _met(drift, divisors, use, np.array(found), traj, times, state)):
             return status
     return None
 
@@ -94,13 +104,9 @@ def _way(traj):
     return state
 
 
-def _met(drift, looked, traj, times, state, parts) -> Status | None:
-    """A pole of one drift on the way through `times`, of which those with `looked` begin a part that is looked at."""
-    use = np.flatnonzero(np.append(looked, False) | np.append(False, looked))
-    found = [_denominators(drift, t, state(t)) for t in times[use]]
-    if len({len(v) for v in found}) > 1 or not np.all(np.isfinite(found)):
-        return None
-    values, last = np.array(found), len(times) - 1
+def _met(drift, divisors, use, values, traj, times, state) -> Status | None:
+    """A pole of one drift on the way through `times`, by the values (U, m) of its divisors at those of `use` (U,)."""
+    last = len(times) - 1
     columns = np.flatnonzero((values.min(axis=0) * values.max(axis=0) <= 0.0)
                              | (np.abs(values).min(axis=0) < SMALL * np.abs(values).max(axis=0)))
     suspects = [(int(use[k]), c, turns) for c in columns for k, turns in _suspects(values[:, c])]
@@ -109,10 +115,10 @@ def _met(drift, looked, traj, times, state, parts) -> Status | None:
         suspects = sorted(suspects, key=lambda s: -size[s[0]])[:MOST]
     for k, column, turns in suspects:
         ends = times[max(0, k - 1)], times[min(k + 1, last)]
-        at = _pole_at(drift, column, state, ends, times, parts)
-        if at is None or (turns and _missed(drift, column, state, ends, times, parts)):
+        at = _pole_at(drift, divisors, column, state, ends, times)
+        if at is None or (turns and _missed(drift, divisors, column, state, ends, times)):
             continue
-        least = min(np.abs(_denominators(drift, at, x)[column:column + 1]).min(initial=np.inf) for x in (traj.x[0], traj.x[-1]))
+        least = min(np.abs(divisors(at, x)[column:column + 1]).min(initial=np.inf) for x in (traj.x[0], traj.x[-1]))
         if least < IN_TIME * np.abs(values[:, column]).max():
             return Status("diverged", f"The drift has a pole at t = {at:.6g}, over which no solution goes: steps beside "
                                       "it hide that, however short.")
@@ -121,21 +127,22 @@ def _met(drift, looked, traj, times, state, parts) -> Status | None:
     return None
 
 
-def _pole_at(drift, column, state, ends, times, parts) -> float | None:
+def _pole_at(drift, divisors, column, state, ends, times) -> float | None:
     """Where a denominator vanishes between two times and the drift grows as at a pole; None where not, or not to be told."""
     try:
-        at = _zero(lambda t: _denominators(drift, t, state(t))[column], *ends)
+        at = _zero(lambda t: divisors(t, state(t))[column], *ends)
     except IndexError:                                       # other operations there
         return None
-    return at if _grows(lambda t: _speed(drift, t, state(t)), at, times, parts) else None
+    return at if _grows(lambda t: _speed(drift, t, state(t)), at, times) else None
 
 
-def _missed(drift, column, state, ends, times, parts) -> bool:
+def _missed(drift, divisors, column, state, ends, times) -> bool:
     """Whether ways beside the straight one miss a pole where a denominator only touches zero: then it is one of the straight way,
     which leads through the inside of a curved one, as from one side of a vortex to the other."""
     moved = state(ends[1]) - state(ends[0])
     beside = BESIDE * np.abs(moved).max() * np.cos(1.0 + np.arange(moved.size))
-    return any(_pole_at(drift, column, lambda t, s=s: state(t) + s * beside, ends, times, parts) is None for s in (1.0, -1.0))
+    ways = [lambda t, s=s: state(t) + s * beside for s in (1.0, -1.0)]
+    return any(_pole_at(drift, divisors, column, way, ends, times) is None for way in ways)
 
 
 def _speed(drift, t, x) -> np.ndarray:
@@ -153,7 +160,8 @@ def _drifts(case: Case, traj: Trajectory):
     if isinstance(p, Complementarity):
         return [(p.drift, everywhere)]
     if isinstance(p, LCS):
-        return [(lambda xp: lambda t, x: sum(xp.sum(g(xp)(t)) for g in (p.u, p.q) if g is not None) + 0.0 * x, everywhere)]
+        inputs = [g for g in (p.u, p.q) if g is not None]
+        return [(lambda xp: lambda t, x: xp.hstack([g(xp)(t) for g in inputs]), everywhere)] if inputs else []
     switch = p.switch(np)
     values = np.array([switch(t, x.copy()) for t, x in zip(traj.t, traj.x, strict=True)])
     signs, which = np.unique(np.where(values >= 0.0, 1.0, -1.0), axis=0, return_inverse=True)
@@ -173,6 +181,14 @@ def _denominators(drift, t: float, x: np.ndarray) -> np.ndarray:
     return np.concatenate(Noting.seen) if Noting.seen else np.empty(0)
 
 
+def _reciprocals(drift, times, state):
+    """(t, x) -> 1 / |drift|, no larger than at an ordinary time: for drifts that divide what does not note it, as floats."""
+    speeds = np.nan_to_num(np.array([_speed(drift, t, state(t)) for t in times]), posinf=0.0)
+    usual, most = np.median(speeds, axis=0), speeds.max(axis=0)
+    least = np.where(usual > 0.0, usual, np.where(most > 0.0, 1e-3 * most, 1.0))
+    return lambda t, x: 1.0 / np.maximum(np.nan_to_num(_speed(drift, t, x), nan=np.inf), least)
+
+
 def _suspects(v):
     """Where a denominator changes its sign (the point behind), or has a least absolute value (True)."""
     a = np.abs(v)
@@ -189,16 +205,17 @@ def _zero(den, low, high) -> float:
     eps = 1e-9 * (high - low)
     for f in (den, lambda t: abs(den(t + eps)) - abs(den(t - eps))):
         if f(low) * f(high) <= 0.0:
-            return brentq(f, low, high, xtol=np.spacing(max(abs(low), abs(high))), maxiter=HALVINGS, disp=False)
+            number = lambda t, f=f: v if np.isfinite(v := f(t)) else 0.0
+            return brentq(number, low, high, xtol=np.spacing(max(abs(low), abs(high))), maxiter=HALVINGS, disp=False)
     return low
 
 
-def _grows(speed, at, times, parts) -> bool:
+def _grows(speed, at, times) -> bool:
     """Does a component of the drift grow near `at`, on either side, as 1 / distance or faster?"""
-    length = float(np.diff(times).max()) * parts
+    nearer = max(NEARER * float(np.diff(times).max()), ROUNDED * float(np.spacing(abs(at))))
     for side in (-1.0, 1.0):
-        if times[0] <= at + side * NEAR * length <= times[-1]:
-            far, near = (speed(at + side * d * length) * d for d in (NEAR, NEARER))
-            if np.any(np.isfinite(far) & (far > 0.0) & ~(near < VANISHES * far)):
+        if times[0] <= at + side * FURTHER * nearer <= times[-1]:
+            far, near = (speed(at + side * d) * d for d in (FURTHER * nearer, nearer))
+            if np.any(np.isfinite(far) & (far > 0.0) & (near >= VANISHES * far)):
                 return True
     return False
