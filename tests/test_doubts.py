@@ -176,6 +176,16 @@ def test_poles_of_inputs_do_not_cancel_each_other():
     assert solvers.solve(case, "theta", h=3.7e-4).status.code == "diverged"
 
 
+@pytest.mark.parametrize("sign, code", ((1.0, "ok"), (-1.0, "diverged")))
+def test_an_open_row_may_open_without_bound(sign, code):
+    """w = x + lam + q: a q that goes to + infinity leaves lam = 0, one that goes to - infinity takes lam along."""
+    def q(xp):
+        return lambda t: xp.array([sign * 1e-6 / (t - 0.3001) ** 2])
+    one = np.ones((1, 1))
+    case = Case(name="opens", problem=LCS(-one, one, one, one, q=q), x0=np.array([1.0]), t=np.linspace(0.0, 1.0, 4))
+    assert solvers.solve(case, "theta", h=3.7e-4).status.code == code
+
+
 def _relays(field, switch, x0, t):
     return Case(name="relays", problem=Filippov.signs(field, switch), x0=np.array(x0), t=np.array(t))
 

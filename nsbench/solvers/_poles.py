@@ -160,8 +160,9 @@ def _drifts(case: Case, traj: Trajectory):
     if isinstance(p, Complementarity):
         return [(p.drift, everywhere)]
     if isinstance(p, LCS):
-        inputs = [g for g in (p.u, p.q) if g is not None]
-        return [(lambda xp: lambda t, x: xp.hstack([g(xp)(t) for g in inputs]), everywhere)] if inputs else []
+        # a q that goes to + infinity opens its row, and moves nothing
+        parts = [*([lambda xp, t: p.u(xp)(t)] if p.u else []), *([lambda xp, t: xp.minimum(p.q(xp)(t), 0.0)] if p.q else [])]
+        return [(lambda xp: lambda t, x: xp.hstack([part(xp, t) for part in parts]), everywhere)] if parts else []
     switch = p.switch(np)
     values = np.array([switch(t, x.copy()) for t, x in zip(traj.t, traj.x, strict=True)])
     signs, which = np.unique(np.where(values >= 0.0, 1.0, -1.0), axis=0, return_inverse=True)
