@@ -43,10 +43,11 @@ def defect(t, traj):
 # 95 and 115: Newton's method misses the only solution from the weights of the last step
 @pytest.mark.parametrize("seed", [*range(30), 95, 115])
 def test_random_fields_in_eight_octants(seed):
+    """Each step is solved; the motion need not be the only one (seed 23: from t = 0.73 both fields leave surface 2)."""
     rng = np.random.default_rng(seed)
     x0 = np.concatenate((0.3 * rng.normal(size=3), rng.normal(size=24)))
     t = np.arange(0.0, 1.0001, H)
-    traj = solve(Case("octants", RANDOM, x0, t), IMPLICIT, h=H)
+    traj = solve(Case("octants", RANDOM, x0, t, unique=False), IMPLICIT, h=H)
     assert traj.status.ok, traj.status
     assert defect(t, traj) < 1e-11
 
