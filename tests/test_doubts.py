@@ -231,3 +231,16 @@ def test_doubts_evaluate_a_field_about_as_often_as_a_run():
                 x0=np.linspace(-0.1, 0.1, 30) + 0.0123, t=times)
     calls[0] = 0
     assert solvers.solve(many, "euler", h=1e-2).status.ok and calls[0] < 10_000
+
+
+@pytest.mark.parametrize("power, code", ((1, "ok"), (3, "unverified")))
+def test_a_layer_is_flat_where_its_slope_changes_within(power, code):
+    """Onto the circle r = 1 from r = 20: the slope of r^2 - 1 falls from 40 to 2, which is a length like another; that of its
+    third power vanishes there, and the layer of a penalty is k^(-1/3) wide."""
+    def field(xp):
+        return lambda t, x, s: -10.0 * s[0] * x / xp.sqrt(x[0] * x[0] + x[1] * x[1]) + xp.array([0.0 * t, 0.0 * t])
+
+    def switch(xp):
+        return lambda t, x: xp.array([(x[0] * x[0] + x[1] * x[1] - 1.0) ** power])
+    case = Case(name="circle", problem=Filippov.signs(field, switch), x0=np.array([12.0, 16.0]), t=np.linspace(0.0, 2.5, 6))
+    assert solvers.solve(case, "penalty", k=300.0).status.code == code

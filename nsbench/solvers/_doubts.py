@@ -32,8 +32,9 @@ def doubted(case: Case, traj: Trajectory) -> Trajectory:
     if not traj.status.ok or not len(traj.t):
         return traj
     with np.errstate(all="ignore"):
-        status = pole(case, traj) or _overshot(case, traj) or _rounded(case, traj)
-        if isinstance(p, Filippov):
+        known = case.exact is not None                       # then the error is seen, and the solution is there
+        status = (None if known else pole(case, traj)) or _overshot(case, traj) or _rounded(case, traj)
+        if isinstance(p, Filippov) and not known:
             status = status or repelled(case, traj)
         if isinstance(p, Complementarity) and p.constraints:
             status = _tied(case) or nowhere(case, traj) or passed(case, traj) or _flat(case, traj) or status
