@@ -10,7 +10,7 @@ import numpy as np
 
 from nsbench.measure.frame import frame, near_of
 from nsbench.measure.residuals import interval_residuals
-from nsbench.problem import Complementarity, Filippov
+from nsbench.problem import Complementarity, Distance, Filippov
 from nsbench.solvers._repelled import swing
 from randomised.ladder import is_slow, stiffness
 from randomised.runs import Verdict, attempt
@@ -25,6 +25,7 @@ PARTS = 40
 LEAST, NODES = 240, 12000   # samples of the coarsest, and of any run (a fourth of that where loops are slow)
 STAYS = 0.5                 # what does not fall to that with sixteen times finer steps stays
 FAST = 0.005                # of the unit: where most steps still move by more, no order can be seen yet
+NARROW = 0.1                # of the shortest link or diameter: the same
 SLOW = 0.1                  # step x rate of the drift: with more, explicit steps of it are not yet small
 NAMES = "missing", "depth", "complementarity"
 
@@ -87,8 +88,8 @@ def settled(case, spec: str, method, unit: float, why: str) -> Verdict:
             return Verdict("own", "ok", why)
         bad = [f"{name} {', '.join(f'{v:.1e}' for v in values)}" for name, values in each
                if not values[-1] <= STAYS * values[-2]]         # else it falls at last: nothing is known
-    if not bad or float(np.diff(t).min()) * _rate(case, run.traj) > SLOW or (
-            float(np.median(np.abs(np.diff(run.traj.x, axis=0)).max(axis=1))) > FAST * unit):
+    step = float(np.median(np.abs(np.diff(run.traj.x, axis=0)).max(axis=1)))
+    if not bad or float(np.diff(t).min()) * _rate(case, run.traj) > SLOW or step > min(FAST * unit, NARROW * _shortest(case)):
         return Verdict("open", "ok", why)
     return Verdict("wrong", "ok", "; ".join([*bad, why]))
 
@@ -110,6 +111,12 @@ def slope(case) -> float:
     rows = [np.abs(c.data).max() for c in getattr(p, "constraints", ()) if hasattr(c, "data")]
     rows += [float(np.abs(p.C).max())] if hasattr(p, "C") else []
     return max([1.0, *rows])
+
+
+def _shortest(case) -> float:
+    """The shortest length of links and the least diameter of particles; infinite where there is none."""
+    hard = [c for c in getattr(case.problem, "constraints", ()) if isinstance(c, Distance)]
+    return min([float(np.min(2.0 * c.radii if c.d is None else c.d)) for c in hard], default=np.inf)
 
 
 def _rate(case, traj) -> float:
