@@ -88,6 +88,8 @@ def settled(case, spec: str, method, unit: float, why: str) -> Verdict:
             return Verdict("own", "ok", why)
         bad = [f"{name} {', '.join(f'{v:.1e}' for v in values)}" for name, values in each
                if not values[-1] <= STAYS * values[-2]]         # else it falls at last: nothing is known
+    if not found:
+        return Verdict("open", "ok", why)
     step = float(np.median(np.abs(np.diff(run.traj.x, axis=0)).max(axis=1)))
     if not bad or float(np.diff(t).min()) * _rate(case, run.traj) > SLOW or step > min(FAST * unit, NARROW * _shortest(case)):
         return Verdict("open", "ok", why)
