@@ -18,6 +18,7 @@ from nsbench.execute import cluster as far
 from nsbench.execute import local, watched
 from nsbench.study import Spec, run_one
 
+LIMIT = 5.0             # seconds, of runs that take some milliseconds where nothing else is at work
 CLOCK = {*store.CLOCK, "shared"}
 # a nanny whose worker dies while it still starts gives it up: the run lets it start
 KILLER = SOLVER.replace('if self.how == "exit":', 'if self.how == "kill":\n                time.sleep(2)\n'
@@ -63,8 +64,9 @@ def test_hang_exit_and_exception_are_the_rows_they_are_here(address, tmp_path):
     specs = [Spec("tide", f"bad[how={how}]", "h", 0.01, "", (str(file),))
              for how in ("fine", "hang", "raise", "exit", "memory", "fine2")]
     there, here = {}, {}
-    far.run_all([specs], address, 2.0, lambda spec, row: there.__setitem__(spec, plain(row)))
-    local.run_all([specs], 2, 2.0, lambda spec, row: here.__setitem__(spec, plain(row)))
+    far.run_all([specs], address, LIMIT, lambda spec, row: there.__setitem__(spec, plain(row)))
+    local.run_all([specs], 2, LIMIT, lambda spec, row: here.__setitem__(spec, plain(row)))
+    assert [(k, v, here[s][k]) for s in specs for k, v in there[s].items() if v != here[s].get(k)] == []
     assert there == here
     assert [there[s]["status"] for s in specs] == ["'ok'", "'timeout'", "'error'", "'crashed'", "'oom'", "'ok'"]
 

@@ -59,6 +59,20 @@ def there(f, t, x, *signs) -> np.ndarray:
         return np.array(np.nan)
 
 
+def between(case: Case, width: float) -> str:
+    """Whether the start is within `width` of a surface that both fields leave: a layer so thick decides for it; "" if not."""
+    if not case.unique:
+        return ""
+    switch, field, t, x = case.problem.switch(np), case.problem.field(np), case.t[0], case.x0
+    with np.errstate(all="ignore"):
+        c = there(switch, t, x)
+        for i in np.flatnonzero(np.abs(c) < width):
+            plus, minus = _rates(switch, field, t, x, i, STEP * (case.t[-1] - t))
+            if plus > 0.0 > minus:
+                return f"The start is {abs(c[i]):.2g} from surface {i}, which both fields leave, and in its layer"
+    return ""
+
+
 def swing(switch, traj) -> np.ndarray:
     """(d,) by how much each switch changes where a coordinate changes by as much as any does in the run."""
     x, t = traj.x[-1], traj.t[-1]

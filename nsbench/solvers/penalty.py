@@ -235,7 +235,8 @@ def _status(penalty: Penalty, case: Case, k: float, asked: float, out: dict) -> 
 
 def _thick(case: Case, k: float, X: np.ndarray) -> Status:
     from nsbench.solvers._flat_layer import flat_layer
-    flat = flat_layer(case, 1.0 / k, X)
+    from nsbench.solvers._repelled import between
+    flat = flat_layer(case, 1.0 / k, X) or between(case, 1.0 / k)
     return Status("unverified", f"{flat}: no error of size 1 / k is claimed there.") if flat else Status()
 
 
