@@ -244,3 +244,11 @@ def test_a_layer_is_flat_where_its_slope_changes_within(power, code):
         return lambda t, x: xp.array([(x[0] * x[0] + x[1] * x[1] - 1.0) ** power])
     case = Case(name="circle", problem=Filippov.signs(field, switch), x0=np.array([12.0, 16.0]), t=np.linspace(0.0, 2.5, 6))
     assert solvers.solve(case, "penalty", k=300.0).status.code == code
+
+
+def test_a_layer_that_holds_a_repelled_start_is_told():
+    from nsbench import load_case
+    case = load_case(Path(__file__).parent / "honesty_kept" / "start_in_a_repulsive_layer.py")
+    status = solvers.solve(case, "penalty", k=1e3).status
+    assert status.code == "unverified" and "both fields leave" in str(status)
+    assert solvers.solve(case.replace(x0=np.array([0.1])), "penalty", k=1e3).status.ok
