@@ -31,7 +31,8 @@ class Seen:
 
     def table(self) -> str:
         what = [ends for tests in self.tests.values() for ends in tests.values()]
-        out = [f"{len(ENTRIES)} entries, {len(what)} of {sum(len(set(tests)) for tests in marked().values())} pairs of entry and test were run, "
+        pairs = sum(len(set(tests)) for tests in marked().values())
+        out = [f"{len(ENTRIES)} entries, {len(what)} of {pairs} pairs of entry and test were run, "
                f"{sum(bool(ends - {'passed'}) for ends in what)} did not pass", "",
                "| what must be survived | expected | test | outcome |", "| --- | --- | --- | --- |"]
         for room in dict.fromkeys(e.room for e in ENTRIES):
