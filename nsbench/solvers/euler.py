@@ -62,8 +62,9 @@ class Euler:
 
     def prepare(self, case: Case, h: float) -> Run:
         g = grid(case.t, h, last=case.exact_impulse is not None)
-        loop, kernels, field, switch, d = _forms(case)
-        march = kernels["march_implicit" if self.implicit else "march_explicit"]
+        from nsbench.kernels import relay
+        loop, taken, field, switch, d = _forms(case)
+        march = taken(relay.march_implicit if self.implicit else relay.march_explicit)
         own = (_blends(case), unit(case, case.x0)) if self.implicit else ()
         args = (field, switch, *own, g.t, g.substeps, case.x0.copy(), d)
         if loop == "compiled":
@@ -116,9 +117,8 @@ def _in_a_corner(case, X, W, h):
 
 
 def _forms(case):
-    """loop, kernels by name, field, switch, d: compiled, or the same source around functions in Python."""
+    """loop, how to take a kernel, field, switch, d: compiled, or the same source around functions in Python."""
     from nsbench import compile as form
-    from nsbench.kernels import relay
     p, n = case.problem, case.n
     if isinstance(p, Complementarity):
         field, switch, d = _no_signs(p.drift), p.drift, 0
@@ -126,10 +126,10 @@ def _forms(case):
         field, switch = p.field, p.switch
         d = len(p.switch(np)(float(case.t[0]), case.x0.copy()))
     try:
-        return "compiled", vars(relay), form.rhs_signs(field, n, d), form.rhs(switch, n), d
+        return "compiled", lambda kernel: kernel, form.rhs_signs(field, n, d), form.rhs(switch, n), d
     except form.CompileError:
         f, c = form.host(field), form.host(switch)
-        return "host", _in_python(relay), _filling(f), _filling(c), d
+        return "host", form.plain, _filling(f), _filling(c), d
 
 
 @functools.lru_cache(maxsize=256)
@@ -147,16 +147,6 @@ def _filling(f):
     def fill(*args):
         args[-1][:] = f(*args[:-1])
     return fill
-
-
-def _in_python(module):
-    """The functions of a kernel module without compilation: they call each other, so all are rebuilt."""
-    from types import FunctionType
-    names = dict(vars(module))
-    for name, value in vars(module).items():
-        if hasattr(value, "py_func"):
-            names[name] = FunctionType(value.py_func.__code__, names, name)
-    return names
 
 
 SOLVER = Euler
