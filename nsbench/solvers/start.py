@@ -7,6 +7,7 @@ from nsbench.case import Case
 from nsbench.contacts import ANCHOR, PAIR, Scene
 
 ITERATIONS = 1000         # linear convergence: a start that overlaps deeply needs a few hundred
+DENSE = 10_000           # entries of the gradients: below, SciPy solves before a kernel is compiled
 TOLERANCE = 1e-9          # relative; a start that misses by less is the rounding of whoever made it
 
 
@@ -42,26 +43,87 @@ def start_state(case: Case, scene: Scene) -> np.ndarray:
 
 def _nearest(case, scene, x0, t, scale):
     """The point where linearising the constraints gives the point itself; it stays feasible and nearest from there on."""
-    from scipy.optimize import nnls
-    y, moved = x0, np.inf
+    y, moved, reach, known = x0, np.inf, 4.0 * scene.deepest(t, x0), {}
     for _ in range(ITERATIONS):
-        near = scene.near(y, float(np.abs(y - x0).max()) + scale, t)
-        g = scene.gaps(t, y, near)
-        if g.min() >= -1e-13 * scale and moved <= 1e-13 * scale:
+        lines = _Lines(scene, t, y, reach)
+        if lines.g.min(initial=0.0) >= -1e-13 * scale and moved <= 1e-13 * scale:
             return y
-        tie = np.flatnonzero(np.isin(near.kind, (PAIR, ANCHOR)) & (g == -near.sign * near.d) & (near.sign > 0.0))
-        if tie.size:
-            raise NoStart("degenerate", f"the start of {case.key} has coincident centres, {near.ids[int(tie[0])]}: no feasible "
+        tie = lines.coincident()
+        if tie:
+            raise NoStart("degenerate", f"the start of {case.key} has coincident centres, {tie}: no feasible "
                                         'point is the nearest; part them, or give start="keep"')
-        G = scene.dense_gradients(t, y, near)
-        # least distance: min |z - x0|, G z >= h; by non-negative least squares (Lawson & Hanson 1974, chapter 23)
-        h = G @ (y - x0) - g
-        E, rhs = np.vstack([G.T, h[None]]), np.append(np.zeros(len(x0)), 1.0)
-        mu, size = nnls(E, rhs)
-        if size < 1e-12:
+        d = lines.nearest(y - x0, known, scale)
+        if d is None:
             raise NoStart("infeasible", f"the constraints of {case.key} leave no point: the start cannot be projected")
-        r = E @ mu - rhs
-        z = x0 - r[:-1] / r[-1]
-        y, moved = z, float(np.abs(z - y).max())
-    raise ValueError(f"the start of {case.key} could not be projected in {ITERATIONS} steps (violation {-g.min():.3g}, "
+        z = x0 + d
+        far = _farthest(scene, z - y)
+        if 2.0 * far <= reach:                 # else a pair that is not listed could be in the way
+            y, moved = z, float(np.abs(z - y).max())
+        reach = 4.0 * far
+    raise ValueError(f"the start of {case.key} could not be projected in {ITERATIONS} steps (violation {-lines.g.min():.3g}, "
                      f"last step {moved:.3g}): the nearest feasible point is perhaps not unique")
+
+
+def _farthest(scene, way):
+    """The longest way of a hard particle."""
+    parts = (way[c.start:c.start + m * c.dim].reshape(m, c.dim) for _, c, m in scene.hard)
+    return max((float(np.sqrt((p * p).sum(1)).max(initial=0.0)) for p in parts), default=0.0)
+
+
+class _Lines:
+    """The constraints near y, linearised there: g (m,) and their gradients, by entries."""
+
+    def __init__(self, scene, t, y, reach):
+        self.near, self.n = scene.near(y, reach, t), scene.n
+        self.g, (self._row, self._cols, self._vals) = scene.gaps(t, y, self.near), scene.triplets(t, y, self.near)
+
+    def coincident(self):
+        """A pair whose direction to part in is not known, or None."""
+        near = self.near
+        tie = np.flatnonzero(np.isin(near.kind, (PAIR, ANCHOR)) & (self.g == -near.sign * near.d) & (near.sign > 0.0))
+        return near.take(tie[:1]).ids[0] if tie.size else None
+
+    def nearest(self, e, known, scale):
+        """The shortest d (n,) with g + G (d - e) >= 0, or None; known: multipliers by id, a guess that is renewed.
+
+        Solved over some of the lines, to which those that are violated there are added, until none is.
+        """
+        along = np.bincount(self._row, self._vals * e[self._cols], len(self.g))
+        q = self.g - along
+        keys = self.near.key
+        on = (self.g <= 0.0) | (q <= 0.0) | np.isin(keys, list(known))
+        while True:
+            listed = np.flatnonzero(on)
+            keep, place = on[self._row], np.cumsum(on) - 1
+            row, cols, vals = place[self._row[keep]], self._cols[keep], self._vals[keep]
+            guess = np.array([known.get(k, 0.0) for k in keys[listed].tolist()])
+            d, mu = _least_distance(row, cols, vals, q[listed], self.n, guess)
+            if d is None:
+                return None
+            w = q + np.bincount(self._row, self._vals * d[self._cols], len(q))
+            known.clear()
+            known.update((k, m) for k, m in zip(keys[listed].tolist(), mu.tolist(), strict=True) if m > 0.0)
+            new = (w < -1e-14 * scale) & ~on
+            if not new.any():
+                return d
+            on |= new
+
+
+def _least_distance(row, cols, vals, q, n, guess):
+    """The shortest d (n,) with q + G d >= 0, and mu; None and None where there is none. By non-negative least squares (Lawson
+    & Hanson 1974, chapter 23) where G is small, else by the active sets that `catching_up` steps with."""
+    if not len(q) * n <= DENSE:
+        from nsbench.solvers._qp import ActiveSet, Rows
+        G = Rows(row, cols, (len(q), n)).fill(vals)
+        a = ActiveSet()(G, q, 1.0, G, guess)
+        return (None, None) if a.code == "infeasible" else (a.d, a.mu)
+    from scipy.optimize import nnls
+    E = np.zeros((n + 1, len(q)))
+    np.add.at(E, (cols, row), vals)
+    E[n] = -q
+    rhs = np.append(np.zeros(n), 1.0)
+    mu, size = nnls(E, rhs)
+    if size < 1e-12:
+        return None, None
+    r = E @ mu - rhs
+    return -r[:-1] / r[-1], mu / -r[-1]
