@@ -1,4 +1,4 @@
-"""A start that overlaps is put to the nearest feasible point, of few particles and of many, by two solvers of the same problem."""
+"""A start that overlaps is put to the nearest feasible point, of few particles and of many, by two solvers of one problem."""
 import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
