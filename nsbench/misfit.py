@@ -8,6 +8,7 @@ import numpy as np
 from nsbench.case import Case
 from nsbench.contacts import Scene
 from nsbench.problem import Complementarity
+from nsbench.solvers._extent import extent
 from nsbench.solvers.start import TOLERANCE
 from nsbench.trajectory import Status, Trajectory
 
@@ -57,7 +58,7 @@ def _start(case: Case, x: np.ndarray) -> str:
     """Is x (n,) the start of the case? Where that is to be projected, any feasible point is: several may be the nearest."""
     if case.start == "project" and isinstance(case.problem, Complementarity):
         scene, t = Scene(case.problem, case.n), float(case.t[0])
-        scale = max(1.0, float(np.abs(case.x0).max(initial=0.0)))
+        scale = max(extent(scene, case.x0, (t,)))
         if scene.deepest(t, case.x0) > TOLERANCE * scale:
             depth = scene.deepest(t, x)
             return "" if depth <= TOLERANCE * scale else (

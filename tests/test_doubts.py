@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from nsbench import LCS, Affine, Case, Complementarity, Distance, Filippov, solvers
+from nsbench.solvers._contradiction import contradiction
 from nsbench.solvers._poles import pole
 
 POLES = {                                              # of (xp, t, x), x starting at 1, over [0, 1]
@@ -88,6 +89,10 @@ def test_poles_of_fields_and_inputs():
     assert pole(circuit, solvers.solve(circuit, "theta", h=3.7e-4)) is not None
 
 
+def _rest(xp):
+    return lambda t, x: 0.0 * x
+
+
 def _still(xp):
     return lambda t, x: xp.array([0.0 * x[0]])
 
@@ -144,6 +149,32 @@ def test_walls_that_miss_each_other_by_little(gap, code):
     walls = Affine(np.array([[-1.0], [1e6]]), np.array([0.5, -1e6 * (0.5 + gap)]))
     case = Case(name="gap", problem=Complementarity(_still, (walls,)), x0=np.array([0.5]), t=np.linspace(0, 1, 3), start="keep")
     assert solvers.solve(case, "pbd", h=0.01).status.code == code
+
+
+@pytest.mark.survives("empty set")
+@pytest.mark.parametrize("length, origin", ((1.0, 0.0), (1e-8, 0.0), (1.0, 1e8)))
+def test_walls_cross_in_any_unit_and_anywhere(length, origin):
+    """x >= t / 10 and x <= -t / 20 in lengths, seen from an origin; apart again, they leave room."""
+    def case(rate):
+        def b(xp):
+            return lambda t: xp.array([length * (-0.1 * t) - origin, length * (rate * t) + origin])
+        walls = Affine(np.array([[1.0], [-1.0]]), b)
+        return Case(name="cross", problem=Complementarity(_still, (walls,)), x0=np.array([origin]), t=np.linspace(0, 1, 4))
+    assert solvers.solve(case(-0.05), "pbd", h=0.01).status.code == "infeasible"
+    assert solvers.solve(case(0.15), "pbd", h=0.01).status.ok
+
+
+@pytest.mark.survives("empty set")
+def test_several_links_of_one_pair_hold_as_the_shortest():
+    """Links of 3 and 1 between two particles that are held 2.5 apart: together they do not let go of 4."""
+    def made(apart):
+        links = (Distance(3.0, -1, pairs=[[0, 1]], dim=1), Distance(1.0, -1, pairs=[[0, 1]], dim=1),
+                 Distance(0.5, -1, pairs=[[0, 0], [1, 1]], anchors=np.array([[0.0], [apart]]), dim=1))
+        return Case(name="twice", problem=Complementarity(_rest, links), x0=np.array([0.0, 1.0]), t=np.linspace(0, 1, 3),
+                    start="keep")
+    assert solvers.solve(made(1.9), "pbd", h=0.01).status.ok and contradiction(made(1.9), 0.0) is None
+    assert "too short" in contradiction(made(2.5), 0.0)
+    assert solvers.solve(made(2.5), "pbd", h=0.01).status.code == "infeasible"
 
 
 def test_a_corner_is_told_where_it_is_held_and_not_where_it_is_passed():

@@ -58,6 +58,17 @@ def test_lines_left_out_at_first_are_obeyed():
 
 
 @pytest.mark.parametrize("entries", [0, 10**9])
+@pytest.mark.parametrize("unit", [1e-8, 1e8])
+def test_the_point_is_the_same_in_any_unit(unit, entries, monkeypatch):
+    monkeypatch.setattr(start, "DENSE", entries)
+    case, scene = heap(20, 0.9)
+    x = start.start_state(case, scene)
+    problem = Complementarity(still, (Distance(unit),))
+    scaled = start.start_state(case.replace(problem=problem, x0=unit * case.x0), Scene(problem, 40))
+    assert scaled == pytest.approx(unit * x, abs=1e-11 * unit)
+
+
+@pytest.mark.parametrize("entries", [0, 10**9])
 def test_walls_without_room_are_told_by_both(monkeypatch, entries):
     from nsbench import Affine
     monkeypatch.setattr(start, "DENSE", entries)

@@ -32,6 +32,7 @@ from nsbench.problem import LCS, Filippov
 from nsbench.reference import right_hand_side, spread
 from nsbench.trajectory import Trajectory
 
+OPEN = 1e-6               # of the largest w: below, it may be none, and the rest an error
 NAMES = ("feasibility", "sign", "complementarity", "residual")
 
 
@@ -65,7 +66,8 @@ def _measured(frame: Frame, traj: Trajectory) -> tuple[dict, np.ndarray]:
         else:
             lam = np.diff(impulse, axis=0) / np.diff(t)[:, None]
             args = frame, traj.contacts, t, x, impulse, reaction, lam
-            lcs = isinstance(frame.case.problem, LCS)
+            if lcs := isinstance(frame.case.problem, LCS):
+                kinked |= _switched(frame.case.problem, traj.contacts, t, x, lam)
             feasible, complementary, mismatch = _lcs(*args, kinked) if lcs else _gaps(*args)
             equation = _equation(frame, t, x, impulse, reaction, kinked, traj.contacts)
             found = (feasible, float(lam.min(initial=0.0)), complementary,
@@ -153,6 +155,15 @@ class _Gradients:
 def _lcs_push(problem, contacts, impulse):
     """(k, n) B times the impulse."""
     return spread(problem, contacts, impulse, {(0, i): i for i in range(problem.B.shape[1])}) @ problem.B.T
+
+
+def _switched(p, contacts, t, x, lam):
+    """(k - 1,) intervals at an end of which w > 0 whatever lam >= 0 is, and so lam = 0, though lam acts inside."""
+    q = p.q(np) if p.q else lambda s: 0.0
+    v = np.array([p.C @ b + q(a) for a, b in zip(t, x, strict=True)])
+    apart = (v > OPEN * np.abs(v).max(axis=0, initial=0.0)) & (p.D >= 0.0).all(axis=1)
+    acts = spread(p, contacts, lam, {(0, i): i for i in range(p.B.shape[1])}) > 0.0
+    return ((apart[1:] | apart[:-1]) & acts).any(axis=1)
 
 
 def _lcs(frame, contacts, t, x, impulse, reaction, lam, kinked):

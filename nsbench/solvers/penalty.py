@@ -25,6 +25,7 @@ MEMORY = 1e9              # bytes of samples of one run
 MANY = 40                 # hard particles up to which all pairs are visited
 PAIRS = ("auto", "all", "near")
 NOT_FINITE, NEWTON = 2, 3     # as nsbench.solvers._diffrax counts why a step was refused; that needs diffrax to be loaded
+FAR = 1e3                 # sizes of the motion from the origin, from where on rtol is of coordinates and not of what moves
 HIDDEN = 0.0101           # k times tolerance, kept up to k = 1e7 at 1e-9: up to 190 tolerances of error were measured
 EXPECTS = (
     Expect(("zeno",), None, None, "no rate is known for a smoothed sign at an accumulation of events"),
@@ -220,9 +221,11 @@ def _status(penalty: Penalty, case: Case, k: float, asked: float, out: dict) -> 
         # weights of an extrapolation amplify what the integrator leaves
         worst = max(penalty.tolerance("rtol", asked), penalty.tolerance("atol", asked))
         claimed = asked ** -(1.0 + penalty.extrapolate)
+        far = float(np.abs(out["x"]).max()) / max(1.0, float(np.abs(out["x"] - out["x"][0]).max()))
+        worst *= far if far > FAR else 1.0
         if worst * float(np.abs(weights(penalty.extrapolate)).sum()) > HIDDEN * claimed:
-            return Status("unverified", f"The error of the penalty, about {claimed:.1e}, may be hidden by the "
-                                        f"integrator's, up to 200 times its tolerance {worst:.1e}: lower rtol and atol.")
+            return Status("unverified", f"The error of the penalty, about {claimed:.1e}, may be hidden by the integrator's, up "
+                                        f"to 200 times its tolerance of {worst:.1e} of the motion: lower rtol and atol.")
         return _thick(case, k, out["x"]) if isinstance(case.problem, Filippov) else Status()
     if tried < penalty.most:
         return _no_step(penalty, case, k, out, at)

@@ -5,6 +5,7 @@ import numpy as np
 
 from nsbench.case import Case
 from nsbench.contacts import ANCHOR, PAIR, Scene
+from nsbench.solvers._extent import extent
 
 ITERATIONS = 1000         # linear convergence: a start that overlaps deeply needs a few hundred
 DENSE = 10_000           # entries of the gradients: below, SciPy solves before a kernel is compiled
@@ -31,8 +32,7 @@ def start_state(case: Case, scene: Scene) -> np.ndarray:
         return x
     near = scene.near(x, 0.0, t)
     g = scene.gaps(t, x, near)
-    scale = max(1.0, float(np.abs(x).max(initial=0.0)))
-    if not g.size or g.min() >= -TOLERANCE * scale:
+    if not g.size or g.min() >= 0.0 or g.min() >= -TOLERANCE * (scale := max(extent(scene, x, (t,)))):
         return x
     if case.start == "error":
         worst = int(np.argmin(g))
@@ -111,7 +111,18 @@ class _Lines:
 
 def _least_distance(row, cols, vals, q, n, guess):
     """The shortest d (n,) with q + G d >= 0, and mu; None and None where there is none. By non-negative least squares (Lawson
-    & Hanson 1974, chapter 23) where G is small, else by the active sets that `catching_up` steps with."""
+    & Hanson 1974, chapter 23) where G is small, else by the active sets that `catching_up` steps with. Both with rows of length
+    one and in units of what is missing most."""
+    norm = np.sqrt(np.bincount(row, vals * vals, len(q)))
+    norm[norm == 0.0] = 1.0
+    unit = float((-q / norm).max(initial=0.0))
+    if unit == 0.0:
+        return np.zeros(n), np.zeros(len(q))
+    d, mu = _in_units(row, cols, vals / norm[row], q / norm / unit, n, guess * norm / unit)
+    return (None, None) if d is None else (unit * d, unit * mu / norm)
+
+
+def _in_units(row, cols, vals, q, n, guess):
     if not len(q) * n <= DENSE:
         from nsbench.solvers._qp import ActiveSet, Rows
         G = Rows(row, cols, (len(q), n)).fill(vals)
@@ -123,7 +134,7 @@ def _least_distance(row, cols, vals, q, n, guess):
     E[n] = -q
     rhs = np.append(np.zeros(n), 1.0)
     mu, size = nnls(E, rhs)
-    if size < 1e-12:
-        return None, None
     r = E @ mu - rhs
+    if size < 1e-12 or not r[-1] < 0.0:
+        return None, None
     return -r[:-1] / r[-1], mu / -r[-1]

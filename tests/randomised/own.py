@@ -82,7 +82,7 @@ def settled(case, spec: str, method, unit: float, why: str) -> Verdict:
         if len(found) < 3:
             continue
         # relative to the finest run: coarse ones of a stiff drift are of any size
-        each = [(name, values) for name, values in zip(NAMES, (np.array(found) / sizes).T, strict=True)
+        each = [(name, values) for name, values in zip(NAMES, _relative(np.array(found), sizes).T, strict=True)
                 if not values[-1] <= max(OWN, STAYS * max(values[:-2]))]
         if not each:
             return Verdict("own", "ok", why)
@@ -94,6 +94,11 @@ def settled(case, spec: str, method, unit: float, why: str) -> Verdict:
     if not bad or float(np.diff(t).min()) * _rate(case, run.traj) > SLOW or step > min(FAST * unit, NARROW * _shortest(case)):
         return Verdict("open", "ok", why)
     return Verdict("wrong", "ok", "; ".join([*bad, why]))
+
+
+def _relative(found, sizes):
+    """Over what they are held against; nothing of nothing is none."""
+    return np.divide(found, sizes, out=np.where(found == 0.0, 0.0, np.inf), where=np.array(sizes) > 0.0)
 
 
 def coincide(case) -> bool:
