@@ -32,7 +32,7 @@ from nsbench.problem import LCS, Filippov
 from nsbench.reference import right_hand_side, spread
 from nsbench.trajectory import Trajectory
 
-OPEN = 1e-6               # of the largest w: below, it may be none, and the rest an error
+OPEN = 1e-6               # of the largest w or multiplier: below, it may be none, and an error
 NAMES = ("feasibility", "sign", "complementarity", "residual")
 
 
@@ -162,7 +162,8 @@ def _switched(p, contacts, t, x, lam):
     q = p.q(np) if p.q else lambda s: 0.0
     v = np.array([p.C @ b + q(a) for a, b in zip(t, x, strict=True)])
     apart = (v > OPEN * np.abs(v).max(axis=0, initial=0.0)) & (p.D >= 0.0).all(axis=1)
-    acts = spread(p, contacts, lam, {(0, i): i for i in range(p.B.shape[1])}) > 0.0
+    lam = spread(p, contacts, lam, {(0, i): i for i in range(p.B.shape[1])})
+    acts = lam > OPEN * np.abs(lam).max(initial=0.0)
     return ((apart[1:] | apart[:-1]) & acts).any(axis=1)
 
 

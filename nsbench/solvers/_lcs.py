@@ -42,8 +42,17 @@ def inputs(p: LCS):
     """u and q as numpy functions of time, (n,) and (m,)."""
     zero_u, zero_q = np.zeros(p.B.shape[0]), np.zeros(p.B.shape[1])
     u, q = p.u(np) if p.u else None, p.q(np) if p.q else None
-    return ((lambda t: np.asarray(u(t), float)) if u else lambda t: zero_u,
-            (lambda t: np.asarray(q(t), float)) if q else lambda t: zero_q)
+    return _numbers(u, zero_u) if u else lambda t: zero_u, _numbers(q, zero_q) if q else lambda t: zero_q
+
+
+def _numbers(f, like):
+    """f as arrays of floats; a division of Python's numbers by zero is not a number, as one of numpy's is."""
+    def g(t):
+        try:
+            return np.asarray(f(t), float)
+        except ZeroDivisionError:
+            return np.full(like.shape, np.nan)
+    return g
 
 
 def inconsistent(case: Case) -> str | None:

@@ -23,7 +23,7 @@ def repelled(case: Case, traj: Trajectory) -> Status | None:
         return None
     switch, field = case.problem.switch(np), case.problem.field(np)
     c = np.array([switch(t, x.copy()) for t, x in zip(traj.t, traj.x, strict=True)])
-    on = np.abs(c) <= ON * np.maximum(np.abs(c).max(axis=0), swing(switch, traj))
+    on = np.abs(c) <= ON * np.maximum(np.abs(c).max(axis=0), swing(switch, traj.t[-1], traj.x))
     stayed = on[1:] & on[:-1] & _mixed(traj, c.shape[1])
     rows = np.flatnonzero(stayed.any(axis=0))
     parts = -(-POINTS // (len(traj.t) - 1))
@@ -73,10 +73,11 @@ def between(case: Case, width: float) -> str:
     return ""
 
 
-def swing(switch, traj) -> np.ndarray:
-    """(d,) by how much each switch changes where a coordinate changes by as much as any does in the run."""
-    x, t = traj.x[-1], traj.t[-1]
-    ways = max(float(np.abs(traj.x - traj.x[0]).max()), float(np.abs(traj.x).max())) * np.eye(x.size)
+def swing(switch, t: float, X: np.ndarray, least: float = 0.0) -> np.ndarray:
+    """(d,) by how much each switch changes at the end (t, X[-1]) of a run where a coordinate changes by as much as any does in
+    it, or by `least`."""
+    x = X[-1]
+    ways = max(float(np.abs(X - X[0]).max()), float(np.abs(X).max()), least) * np.eye(x.size)
     here = there(switch, t, x)
     largest = np.zeros_like(here)
     for e in ways:

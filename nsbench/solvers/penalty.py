@@ -139,6 +139,10 @@ class Penalty:
             stiff = k * 2.0**self.extrapolate >= STIFF * (1.0 + (case.n / 20.0) ** 2)
             return replace(self, method="kvaerno5" if stiff else "tsit5").prepare(case, k)
         x0 = _start(case)
+        noise = k * 2.0**self.extrapolate * float(np.spacing(np.abs(x0).max(initial=0.0)))
+        if noise > unit(case, x0):
+            return lambda: _nothing(case, f"Rounding of the coordinates alone makes forces of {noise:.2g} at k = {k:g}: lower k, "
+                                          "or take a frame in which the state is not so large.")
         from nsbench.solvers._penalty_program import NotTraceable
         try:
             march = _march(self, case, x0, k)
@@ -239,8 +243,16 @@ def _status(penalty: Penalty, case: Case, k: float, asked: float, out: dict) -> 
 def _thick(case: Case, k: float, X: np.ndarray) -> Status:
     from nsbench.solvers._flat_layer import flat_layer
     from nsbench.solvers._repelled import between
-    flat = flat_layer(case, 1.0 / k, X) or between(case, 1.0 / k)
+    flat = flat_layer(case, 1.0 / k, X) or between(case, 1.0 / k) or _covered(case, 1.0 / k, X)
     return Status("unverified", f"{flat}: no error of size 1 / k is claimed there.") if flat else Status()
+
+
+def _covered(case: Case, width: float, X: np.ndarray) -> str:
+    """Where no switch leaves a layer of `width` over the size of the states themselves; "" where one does, or nothing moves."""
+    from nsbench.solvers._repelled import swing
+    with np.errstate(all="ignore"):
+        over = float(swing(case.problem.switch(np), float(case.t[-1]), X).max())
+    return f"The states are so small that no switch changes by more than {over:.2g} in them" if 0.0 < over < width else ""
 
 
 def _no_step(penalty: Penalty, case: Case, k: float, out: dict, at: str) -> Status:

@@ -175,7 +175,9 @@ def _defects(case, run, unit):
     lacks = float(np.nan_to_num(missing(case, traj), nan=np.inf)[first:].sum())
     scene = frame(case).scene
     depth = max(scene.deepest(a, b) for a, b in zip(traj.t[first:], traj.x[first:], strict=True)) / slope(case) if scene else 0.0
-    across = float(swing(case.problem.switch(np), traj).max()) if isinstance(case.problem, Filippov) else size * moved
+    across = size * moved
+    if isinstance(case.problem, Filippov):
+        across = float(swing(case.problem.switch(np), float(traj.t[-1]), traj.x, unit).max())
     return (lacks, depth, _apart(case, run, first)), (size * T, moved, across * T)
 
 
