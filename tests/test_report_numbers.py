@@ -110,3 +110,12 @@ def test_the_distance_from_the_exact_path_is_that_of_the_polygon():
     path = np.array([[0.0, 1.0], [0.0, 0.0], [2.0, 0.0]])
     assert talk.strays(np.array([[1.0, 0.3], [0.1, 0.5], [1.5, -0.2]]), path) == pytest.approx(0.3)
     assert talk.strays(np.array([[3.0, 0.0]]), path) == pytest.approx(1.0)
+
+
+def test_a_slope_of_scatter_is_no_number_to_show():
+    """Errors thrown over 16 decades: a line goes through them, but neither its slope nor its constant is one of a method."""
+    rng = np.random.default_rng(1)
+    rows = [row("a", "pbd", float(h), state_sup=float(10.0 ** rng.uniform(-16.0, 0.0))) for h in STEPS]
+    state = summaries(rows)["a", "pbd"].state
+    assert state.kind == "level" and state.verdict in summary.OPEN and not np.isfinite([state.order, state.constant]).any()
+    assert tables.order_cell(state).text == state.verdict

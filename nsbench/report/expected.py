@@ -11,12 +11,11 @@ from pathlib import Path
 
 from nsbench.report.source import Data
 from nsbench.report.style import num
-from nsbench.report.summary import MARGIN, Order, Summary
+from nsbench.report.summary import MARGIN, OPEN, Order, Summary
 
 TABLE = Path(__file__).with_name("deviations.csv")
 COLUMNS = ("case", "solver", "metric", "observed", "why")
 METRICS = ("state", "impulse")
-OPEN = ("undecided", "pre-asymptotic")
 
 
 @dataclass(frozen=True)

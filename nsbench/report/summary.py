@@ -11,8 +11,10 @@ import numpy as np
 from nsbench.report.source import GOOD, Data, Runs
 from nsbench.report.style import clean, count, num
 
+OPEN = ("undecided", "pre-asymptotic")
 FEWEST = 3            # distinct steps below which nobody can speak of an order
 MOST = 500            # runs in one fit; more are thinned evenly, and the sentence says so
+VAGUE = 2.0           # width of an interval from which on an order without a verdict is no number to show
 MARGIN = 0.1          # an order this close to the claim is not called a deviation, however narrow its interval
 NAMES = {"state_sup": "state", "impulse": "impulse", "reaction": "reaction", "feasibility": "violation",
          "settled": "settled multiplier", "selection": "selection", "polyhedron": "distance to the set of multipliers",
@@ -146,6 +148,8 @@ def order(runs: Runs, metric: str, claims: dict, fit) -> Order:
     if flag:
         sentence += f" Claimed: {num(claim)}; measured {flag} it."
     lo, hi = (float(v) for v in result.interval)
+    if verdict in OPEN and not hi - lo <= VAGUE:           # neither the order nor the constant says anything
+        return Order(metric, "level", verdict, sentence, verdict=verdict, **best)
     return Order(metric, "fit", f"{value:.2f} [{lo:.2f}, {hi:.2f}]", sentence, value, (lo, hi), float(result.constant),
                  verdict, flag, claim, float(result.plateau), **best, window=tuple(map(float, result.window)),
                  envelope=float(result.envelope))

@@ -10,7 +10,7 @@ from nsbench.report import speed
 from nsbench.report.expected import findings, fresh, gone
 from nsbench.report.source import Data
 from nsbench.report.style import LEADS, count, factor, listed, num, power
-from nsbench.report.summary import Order, Summary, silent_wrong, spell
+from nsbench.report.summary import OPEN, Order, Summary, silent_wrong, spell
 
 MOST = 12           # deviations told in the opening; the table has them all
 
@@ -135,9 +135,6 @@ def _orders(summaries):
     if open_:
         cases = listed(dict.fromkeys(s.case for s in open_), 4)
         yield f"No verdict (undecided or pre-asymptotic): {len(open_)} of {count(len(pairs), 'pair')}, on {cases}."
-
-
-OPEN = ("undecided", "pre-asymptotic")
 
 
 def _multipliers(summaries):

@@ -37,6 +37,7 @@ from randomised.own import MISSING, coincide, filled, settled, slope
 from randomised.runs import Outcome, Verdict, attempt, relative
 
 M, DEPTH, SIGN, RESIDUAL = 4.0, 1e-8, 1e-8, 1e-5
+AT_LAST = 0.5              # the order that the last two refinements show where the fall begins late
 FALLS = 0.3                # with 64 times finer steps; the layer of a switch as flat as x^3 is k^(-1/3) wide, and falls to 1/4
 LEFT = 1e-8                 # ten tolerances of a penalty's integrator, in one step
 
@@ -197,7 +198,9 @@ class Scene(Answer):
         if found[0][0] < 4.0 * found[-1][0]:                    # uneven samples leave no room for a ladder
             return Verdict("open", "ok", text)
         (h, err), coarse = found[-1], [err for g, err in found if g > 60.0 * found[-1][0]] or [found[0][1]]
-        if err <= floor(h) or err <= FALLS * coarse[-1]:
+        # or it begins to fall late, from a peak: steps that a stiff drift makes large errors of are not all the coarsest
+        late = all(e <= b * (s / g) ** AT_LAST for (g, b), (s, e) in zip(found[-3:], found[-2:], strict=False))
+        if err <= floor(h) or err <= FALLS * coarse[-1] or (late and err <= FALLS * max(e for _, e in found)):
             return Verdict("slow", "ok", text)
         return Verdict("wrong", "ok", text)
 
