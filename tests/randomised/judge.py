@@ -137,8 +137,9 @@ class Scene(Answer):
         lam = np.diff(run.traj.impulse, axis=0) / np.diff(case.t)[:, None]
         signed = "richardson" not in spec and "extrapolate" not in spec
         noise = SIGN * max(1.0, float(np.abs(lam).max(initial=0.0)))
-        left = ABSOLUTE if exact else LEFT if spec.startswith("penalty") else 0.0
-        noise += left / np.diff(case.t).min()               # means of what has an absolute tolerance
+        # means of what has an absolute tolerance, and of what changes at events, which are found to the rounding of a state
+        left = max(ABSOLUTE, self.round_off) if exact else LEFT if spec.startswith("penalty") else 0.0
+        noise += left / np.diff(case.t).min()
         if signed and run.measured["sign"] < -noise:
             return Verdict("wrong", "ok", f"multiplier {run.measured['sign']:.1e}")
         size = max(self.unit, float(np.abs(run.traj.x).max()))
