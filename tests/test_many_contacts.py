@@ -80,12 +80,12 @@ def test_walls_that_contradict_each_other_are_infeasible():
 def test_a_run_through_both_solvers_is_one_run(monkeypatch):
     """The same run with every step by the active set: state and reaction agree, and the impulses balance."""
     import nsbench
-    from nsbench.solvers import _qp, catching_up
+    from nsbench.solvers import _least, catching_up
     case = nsbench.get_case("discs", n=60, seed=3)
     own = nsbench.solve(case, "catching_up", h=0.02)
     from nsbench.kernels.least import nobody
     monkeypatch.setattr(catching_up, "many_rows", lambda rows: nobody)
-    monkeypatch.setattr(_qp, "many_rows", lambda rows: nobody)
+    monkeypatch.setattr(_least, "many_rows", lambda rows: nobody)
     exact = nsbench.solve(case, "catching_up", h=0.02)
     assert own.status.ok and exact.status.ok and own.stats["kkt"] <= 1e-9
     assert own.stats["inner_iterations"] != exact.stats["inner_iterations"]

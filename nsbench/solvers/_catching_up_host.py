@@ -3,7 +3,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from nsbench.solvers._qp import BACKENDS, Answer, Rows, residual
+from nsbench.solvers._least import Answer, Rows
+from nsbench.solvers._qp import BACKENDS, residual
 
 ENOUGH = 20                   # steps that did not settle: the run is unverified long before, and each takes ROUNDS programs
 ROUNDS = 300                  # successive linearisations; each gains a factor of about mu times the curvature

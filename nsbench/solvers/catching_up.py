@@ -8,7 +8,8 @@ import numpy as np
 from nsbench.case import Case, nearest
 from nsbench.problem import Complementarity, Smooth
 from nsbench.solvers._ended import not_finite
-from nsbench.solvers._qp import BACKENDS, many_rows
+from nsbench.solvers._least import many_rows
+from nsbench.solvers._qp import BACKENDS
 from nsbench.solvers.base import Claims, Expect, Run, grid, last_steps, sample
 from nsbench.solvers.start import start_state
 from nsbench.trajectory import Status, Trajectory

@@ -142,7 +142,7 @@ class Penalty:
         noise = k * 2.0**self.extrapolate * float(np.spacing(np.abs(x0).max(initial=0.0)))
         if noise > unit(case, x0):
             return lambda: _nothing(case, f"Rounding of the coordinates alone makes forces of {noise:.2g} at k = {k:g}: lower k, "
-                                          "or take a frame in which the state is not so large.")
+                                          "or take a frame in which the state is not so large.", "maxiter")
         from nsbench.solvers._penalty_program import NotTraceable
         try:
             march = _march(self, case, x0, k)
@@ -195,9 +195,9 @@ def _start(case: Case) -> np.ndarray:
     return start_state(case, Scene(case.problem, case.n))
 
 
-def _nothing(case: Case, why: str) -> Trajectory:
+def _nothing(case: Case, why: str, code: str = "refused") -> Trajectory:
     return Trajectory(np.empty(0), np.empty((0, case.n)), (), np.empty((0, 0)), np.empty((0, case.n)),
-                      Status("refused", why))
+                      Status(code, why))
 
 
 def _trajectory(penalty: Penalty, case: Case, k: float, asked: float, out: dict) -> Trajectory:

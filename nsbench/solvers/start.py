@@ -124,7 +124,7 @@ def _least_distance(row, cols, vals, q, n, guess):
 
 def _in_units(row, cols, vals, q, n, guess):
     if not len(q) * n <= DENSE:
-        from nsbench.solvers._qp import ActiveSet, Rows
+        from nsbench.solvers._least import ActiveSet, Rows
         G = Rows(row, cols, (len(q), n)).fill(vals)
         a = ActiveSet()(G, q, 1.0, G, guess)
         return (None, None) if a.code == "infeasible" else (a.d, a.mu)
