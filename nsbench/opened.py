@@ -55,9 +55,13 @@ def by(path) -> frozenset[str]:
 def read_by(path, counts: Callable[[str], bool]) -> dict[str, str]:
     """Digests of what runs of a case or solver file have read from below its folder, by the path from there: all runs of this
     process, since a later one may use what an earlier one keeps. A file that somebody else touched since has none.
+    The file itself, and what it opens as it is loaded, are in its key, whether a run was the first to load it or not.
     counts(path): is it data, and nothing that is installed?"""
-    home, out = Path(os.path.realpath(path)).parent, {}
-    for p, stamp in _read.get(os.path.realpath(path), {}).items():
+    file, out = os.path.realpath(path), {}
+    home, known = Path(file).parent, {file, *_found.get(file, ())}
+    for p, stamp in _read.get(file, {}).items():
+        if p in known:
+            continue
         if stamp != WRITTEN and Path(p).is_relative_to(home) and not p.endswith(COMPILED) and not os.path.isdir(p) and counts(p):
             out[Path(p).relative_to(home).as_posix()] = seen.digest(p) if stamp == seen.stamp(p) else seen.CHANGED
     return out

@@ -161,3 +161,15 @@ def test_files_that_are_opened_for_writing_are_not_read(tmp_path):
     with opened.by_run(str(file)):
         os.close(os.open(tmp_path / "y", os.O_RDONLY))
     assert [*opened.read_by(file, lambda p: True)] == ["y"]
+
+
+def test_what_loading_opens_is_not_read_by_the_run_that_loads_first(tmp_path):
+    """Its row says the same as that of a run which finds the file loaded."""
+    file, table, later = (tmp_path / name for name in ("case.py", "table.txt", "later.txt"))
+    for f in (file, table, later):
+        f.write_text("1")
+    with opened.by_run(str(file)):
+        with opened.during(file):
+            file.read_text(), table.read_text()
+        later.read_text()
+    assert [*opened.read_by(file, lambda p: True)] == ["later.txt"]
