@@ -8,8 +8,7 @@ import numpy as np
 from nsbench.case import Case
 from nsbench.contacts import Scene
 from nsbench.problem import Complementarity
-from nsbench.solvers._extent import extent
-from nsbench.solvers.start import TOLERANCE
+from nsbench.solvers._extent import misses
 from nsbench.trajectory import Status, Trajectory
 
 ROUNDED = 1e-12           # of the start's size: what linear combinations of runs may leave of it
@@ -58,11 +57,10 @@ def _start(case: Case, x: np.ndarray) -> str:
     """Is x (n,) the start of the case? Where that is to be projected, any feasible point is: several may be the nearest."""
     if case.start == "project" and isinstance(case.problem, Complementarity):
         scene, t = Scene(case.problem, case.n), float(case.t[0])
-        scale = max(extent(scene, case.x0, (t,)))
-        if scene.deepest(t, case.x0) > TOLERANCE * scale:
-            depth = scene.deepest(t, x)
-            return "" if depth <= TOLERANCE * scale else (
-                f"The solver says ok, but its first state violates a constraint by {depth:.3g}; the start is to be projected.")
+        if misses(case, scene, t, case.x0):
+            return "" if not misses(case, scene, t, x) else (
+                f"The solver says ok, but its first state violates a constraint by {scene.deepest(t, x):.3g}; the start is to be "
+                "projected.")
     if np.abs(x - case.x0).max(initial=0.0) <= ROUNDED * np.abs(case.x0).max(initial=0.0):
         return ""
     i = int(np.argmax(np.abs(x - case.x0)))

@@ -177,6 +177,36 @@ def test_several_links_of_one_pair_hold_as_the_shortest():
     assert solvers.solve(made(2.5), "pbd", h=0.01).status.code == "infeasible"
 
 
+@pytest.mark.survives("empty set")
+@pytest.mark.parametrize("third", (1e9, np.inf))
+@pytest.mark.parametrize("samples", (4, 1000))
+def test_a_wall_far_away_hides_no_contradiction(third, samples):
+    """x >= t and x <= 0.5, and a wall that nothing reaches."""
+    def b(xp):
+        return lambda t: xp.array([-t, 0.5 + 0.0 * t, third + 0.0 * t])
+    walls = Affine(np.array([[1.0], [-1.0], [-1.0]]), b)
+    case = Case(name="third", problem=Complementarity(_still, (walls,)), x0=np.array([0.2]), t=np.linspace(0, 1, samples))
+    assert solvers.solve(case, "pbd", h=0.01).status.code == "infeasible"
+    assert solvers.solve(case.replace(t=np.linspace(0, 0.4, samples)), "pbd", h=0.01).status.ok
+
+
+@pytest.mark.survives("empty set")
+def test_links_of_several_dimensions_are_chains_of_their_own():
+    """Two particles in the plane on links to moving anchors, 5 apart, and a link between their abscissas alone: no chain."""
+    def ends(xp):
+        return lambda t: xp.array([[0.1 * t, 0.0], [0.0, 5.0]])
+
+    def line(xp):
+        return lambda t: xp.array([[0.2 * t]])
+    two = Distance(1.0, -1, pairs=[[0, 0], [1, 1]], anchors=ends, dim=2)
+    others = (Distance(0.1, -1, pairs=[[0, 2]], dim=1), Distance(1.0, -1, pairs=[[0, 0]], anchors=line, dim=1),
+              Distance(1.0, -1, pairs=np.empty((0, 2), int), anchors=line, dim=1))
+    for more in others:
+        case = Case(name="mixed", problem=Complementarity(_rest, (two, more)), x0=np.array([0.0, 0.5, 0.0, 4.5]),
+                    t=np.linspace(0, 1, 3))
+        assert solvers.solve(case, "pbd", h=0.01).status.ok
+
+
 def test_a_corner_is_told_where_it_is_held_and_not_where_it_is_passed():
     from nsbench import load_case
     kept = Path(__file__).parent / "honesty_kept"

@@ -235,3 +235,14 @@ def test_two_weights_that_move_alike_are_not_unique():
                 exact=lambda t: np.stack([t, 0 * t], 1), exact_impulse=lambda t: np.stack([t / 2, t / 2], 1))
     assert nsbench.errors(case, exact_run(case, events=()))["multipliers_unique"] is False
     assert nsbench.errors(get_case("sliding"), exact_run(get_case("sliding")))["multipliers_unique"] is True
+
+
+@pytest.mark.parametrize("samples", [3, 101])
+@pytest.mark.parametrize("D", [0.0, 1.0])
+def test_a_push_of_an_open_diode_is_no_complementarity(samples, D):
+    """x' = lam, w = x + D lam, pushed by lam = 1 from x = 1 on: the product is at least 1 wherever it is looked at."""
+    t = np.linspace(0.0, 1.0, samples)
+    case = Case("pushed", LCS(*(np.array([[v]]) for v in (0.0, 1.0, 1.0, D))), np.array([1.0]), t)
+    traj = Trajectory(t, 1.0 + t[:, None], ((0, 0),), t[:, None], np.empty((samples, 0)), Status(), (), {}, "mean")
+    e = nsbench.errors(case, traj)
+    assert e["complementarity"] > 1.0 and e["residual"] < 1e-12

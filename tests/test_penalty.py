@@ -243,3 +243,30 @@ def test_forces_of_rounding_are_told():
     found = nsbench.solve(case, "penalty", k=1e8)
     assert found.status.code == "maxiter" and "Rounding of the coordinates" in str(found.status)
     assert nsbench.solve(case, "penalty", k=1e2).status.code != "maxiter"
+
+
+def _walled(speed, x0, column):
+    row = np.zeros((1, len(x0)))
+    row[0, column] = 1.0
+
+    def drift(xp):
+        return lambda t, x: xp.array(speed) + 0.0 * x
+    return Case("walled", Complementarity(drift, (Affine(row, np.array([-float(np.floor(x0[column]))])),)), np.array(x0),
+                np.linspace(0.0, 1.0, 3))
+
+
+def test_coordinates_far_away_that_nothing_holds_are_no_doubt():
+    """Nor forces of rounding that are small beside those of the drift."""
+    assert nsbench.solve(_walled([0.0, -1.0], [5000.0, 0.5], 1), "penalty", k=1e4).status.ok
+    assert nsbench.solve(_walled([0.0, -1.0], [1e12, 0.5], 1), "penalty", k=1e4).status.code != "maxiter"
+    assert nsbench.solve(_walled([-1e6], [1e12], 0), "penalty", k=1e4).status.code != "maxiter"
+
+
+def test_a_switch_that_comes_back_after_the_run_has_changed():
+    def field(xp):
+        return lambda t, x, s: xp.array([-0.3 + 0.05 * s[0]])
+
+    def switch(xp):
+        return lambda t, x: xp.sin(2.0 * np.pi * x)
+    case = Case("periodic", Filippov.signs(field, switch), np.array([1.0]), np.linspace(0.0, 1.0, 5))
+    assert nsbench.solve(case, "penalty", k=1e4).status.ok

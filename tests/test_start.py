@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
-from nsbench import Case, Complementarity, Distance
+from nsbench import Affine, Case, Complementarity, Distance
 from nsbench.contacts import Scene
 from nsbench.solvers import start
 
@@ -50,8 +50,8 @@ def test_pairs_left_out_change_nothing(entries, monkeypatch):
 def test_lines_left_out_at_first_are_obeyed():
     """One problem of all the lines against SciPy's answer; of 4005 lines a few dozen are violated at first."""
     case, scene = heap(90, 1.1)
-    lines = start._Lines(scene, 0.0, case.x0, np.inf)
-    d = lines.nearest(np.zeros(180), {}, 1.0)
+    lines = start._Lines(case, scene, 0.0, case.x0, np.inf)
+    d = lines.nearest(np.zeros(180), {})
     G = scene.dense_gradients(0.0, case.x0, lines.near)
     exact = start._least_distance(*scene.triplets(0.0, case.x0, lines.near), lines.g, 180, np.zeros(len(lines.g)))[0]
     assert (lines.g + G @ d).min() > -1e-12 and d == pytest.approx(exact, abs=1e-11)
@@ -70,9 +70,39 @@ def test_the_point_is_the_same_in_any_unit(unit, entries, monkeypatch):
 
 @pytest.mark.parametrize("entries", [0, 10**9])
 def test_walls_without_room_are_told_by_both(monkeypatch, entries):
-    from nsbench import Affine
     monkeypatch.setattr(start, "DENSE", entries)
     problem = Complementarity(still, (Affine(np.array([[1.0], [-1.0]]), np.array([0.0, -1.0])),))
     case = Case("shut", problem, np.zeros(1), np.linspace(0.0, 1.0, 2), start="project")
     with pytest.raises(start.NoStart, match="leave no point"):
         start.start_state(case, Scene(problem, 1))
+
+
+def test_a_wall_far_away_excuses_nothing_near():
+    problem = Complementarity(still, (Affine(np.array([[1.0], [-1.0]]), np.array([0.0, 1e9])),))
+    case = Case("far", problem, np.array([-0.5]), np.linspace(0.0, 1.0, 2))
+    with pytest.raises(ValueError, match="violates constraint"):
+        start.start_state(case, Scene(problem, 1))
+    assert start.start_state(case.replace(start="project"), Scene(problem, 1)) == pytest.approx([0.0], abs=1e-12)
+
+
+def test_a_long_link_excuses_no_overlap():
+    problem = Complementarity(still, (Distance(1.0), Distance(1e9, -1, pairs=[[0, 1]])))
+    case = Case("linked", problem, np.array([0.0, 0.0, 0.5, 0.0]), np.linspace(0.0, 1.0, 2))
+    with pytest.raises(ValueError, match=r"violates constraint \(0, 0, 1\) by 0.5"):
+        start.start_state(case, Scene(problem, 4))
+
+
+def test_rounding_at_a_wall_through_the_origin_is_none():
+    problem = Complementarity(still, (Affine(np.array([[1.0]]), np.array([0.0])),))
+    case = Case("rounded", problem, np.array([0.3 - (0.1 + 0.2)]), np.linspace(0.0, 1.0, 2))
+    assert start.start_state(case, Scene(problem, 1)) == case.x0
+
+
+@pytest.mark.parametrize("factor", [1e-6, 1.0, 1e6])
+def test_the_length_of_rows_is_nothing_to_a_projection(factor):
+    rng = np.random.default_rng(5)
+    for _ in range(30):
+        A, inside, x0 = rng.standard_normal((3, 4)), rng.standard_normal(4), rng.standard_normal(4)
+        problem = Complementarity(still, (Affine(factor * A, factor * -(A @ inside)),))
+        case = Case("rows", problem, x0, np.linspace(0.0, 1.0, 2), start="project")
+        assert (A @ (start.start_state(case, Scene(problem, 4)) - inside)).min() > -1e-10

@@ -66,9 +66,10 @@ def _measured(frame: Frame, traj: Trajectory) -> tuple[dict, np.ndarray]:
         else:
             lam = np.diff(impulse, axis=0) / np.diff(t)[:, None]
             args = frame, traj.contacts, t, x, impulse, reaction, lam
-            if lcs := isinstance(frame.case.problem, LCS):
-                kinked |= _switched(frame.case.problem, traj.contacts, t, x, lam)
-            feasible, complementary, mismatch = _lcs(*args, kinked) if lcs else _gaps(*args)
+            if isinstance(frame.case.problem, LCS):
+                feasible, complementary, mismatch = _lcs(*args, kinked)
+            else:
+                feasible, complementary, mismatch = _gaps(*args)
             equation = _equation(frame, t, x, impulse, reaction, kinked, traj.contacts)
             found = (feasible, float(lam.min(initial=0.0)), complementary,
                      max(float(equation.max(initial=0.0)), float(mismatch.max(initial=0.0))))
@@ -157,14 +158,11 @@ def _lcs_push(problem, contacts, impulse):
     return spread(problem, contacts, impulse, {(0, i): i for i in range(problem.B.shape[1])}) @ problem.B.T
 
 
-def _switched(p, contacts, t, x, lam):
-    """(k - 1,) intervals at an end of which w > 0 whatever lam >= 0 is, and so lam = 0, though lam acts inside."""
-    q = p.q(np) if p.q else lambda s: 0.0
-    v = np.array([p.C @ b + q(a) for a, b in zip(t, x, strict=True)])
+def _switched(p, v, lam):
+    """(k - 1,) intervals in which a lam acts that is 0 at one of both ends: there w > 0, whatever lam >= 0 is."""
     apart = (v > OPEN * np.abs(v).max(axis=0, initial=0.0)) & (p.D >= 0.0).all(axis=1)
-    lam = spread(p, contacts, lam, {(0, i): i for i in range(p.B.shape[1])})
     acts = lam > OPEN * np.abs(lam).max(initial=0.0)
-    return ((apart[1:] | apart[:-1]) & acts).any(axis=1)
+    return ((apart[1:] ^ apart[:-1]) & acts).any(axis=1)
 
 
 def _lcs(frame, contacts, t, x, impulse, reaction, lam, kinked):
@@ -174,6 +172,7 @@ def _lcs(frame, contacts, t, x, impulse, reaction, lam, kinked):
     q = p.q(np) if p.q else lambda s: 0.0
     v = np.array([p.C @ b + q(a) for a, b in zip(t, x, strict=True)])
     lam = spread(p, contacts, lam, {(0, i): i for i in range(p.B.shape[1])})
+    kinked = kinked | _switched(p, v, lam)
     value, bound = (a / np.diff(t)[:, None] for a in integrals(t, v, kinked))
     w = value + lam @ p.D.T
     both = np.maximum(w - bound, 0.0) * np.maximum(lam, 0.0)

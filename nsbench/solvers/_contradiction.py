@@ -13,22 +13,19 @@ import numpy as np
 from nsbench.case import Case
 from nsbench.contacts import ANCHOR, PAIR, Scene
 from nsbench.problem import Distance
-from nsbench.solvers._extent import TIMES, scene_of, size, walls
+from nsbench.solvers._extent import scene_of
 from nsbench.trajectory import Status, Trajectory
 
-MISSED = 1e-9            # relative to the scene: what walls may contradict each other by; ten times what the linear program is
-SOLVED = 1e-10           # solved to
+MISSED = 1e-9            # of the length of a chain: what it may be too short by
+SOLVED = 1e-10           # of the farthest constraint looked at: what a linear program is solved to
 ROUNDED = 1e-11          # of the largest coordinate: rounding, also of whoever made the numbers
 HALF = 0.5               # of the largest depth: where the run begins to violate its constraints as much
 CURVED = 0.05            # part of a depth that the curvature of constraints may make of it, as long as it is small
+FAR = 1e4                # of the depth: constraints farther away take no part in a contradiction
 MANY = 3000              # constraints: beyond, the linear program takes seconds
+ENDS = 200               # anchored links between which the ways are looked at
+TIMES = 200              # of a run at which walls and links are looked at, samples too
 PARTS, WORST = 4, 3      # of a run, an infeasible start being far from where walls meet later; in each, the programs solved
-
-
-def _visible(case: Case, moved: float = 0.0) -> float:
-    """What constraints may contradict each other by, as a length."""
-    far, coordinate = size(case)
-    return MISSED * max(far, moved) + ROUNDED * coordinate
 
 
 def nowhere(case: Case, traj: Trajectory) -> Status | None:
@@ -38,36 +35,36 @@ def nowhere(case: Case, traj: Trajectory) -> Status | None:
     scene = scene_of(case)
     depth = np.array([scene.deepest(float(t), x) for t, x in zip(traj.t, traj.x, strict=True)])
     later = int(np.argmax(depth[1:])) + 1 if len(depth) > 1 else 0           # a start may be left as it is
-    deepest, why = {int(np.argmax(depth)), later}, None
-    for worst in sorted(deepest, key=lambda k: -depth[k]):
-        if why or not depth[worst] > _visible(case, float(np.abs(traj.x[worst] - case.x0).max())):
+    why = None
+    for worst in sorted({int(np.argmax(depth)), later}, key=lambda k: -depth[k]):
+        if why or not depth[worst] > 0.0:
             break
-        why = contradiction(case, float(case.t[worst] if scene.moving else case.t[0]))
+        why = contradiction(case, float(traj.t[worst] if scene.moving else traj.t[0]), traj.x[worst])
         first = int(np.argmax(depth >= HALF * depth[worst]))
         for k in dict.fromkeys((worst, first)):
-            why = why or _arrangement(case, float(traj.t[k]), traj.x[k], float(depth[k]))
-    why = why or _between(case, scene, traj)
+            why = why or _arrangement(scene, float(traj.t[k]), traj.x[k], float(depth[k]))
+    why = why or _between(scene, traj, case)
     return None if why is None else Status("infeasible", why)
 
 
-def _between(case: Case, scene: Scene, traj: Trajectory) -> str | None:
+def _between(scene: Scene, traj: Trajectory, case: Case) -> str | None:
     """Why moving walls or anchors leave no point for a while between two samples: links at all times looked at, walls at those
     at which the straight way from one sample to the next violates constraints most."""
     if not scene.moving or len(traj.t) < 2:
         return None
     between = -(-TIMES // (len(traj.t) - 1))
-    a = np.arange(1, between) / between
-    times = (traj.t[:-1, None] + np.diff(traj.t)[:, None] * a).ravel()
-    for t in times:
-        if why := _links(case, scene, float(t)):
+    places = [(k, j / between) for k in range(len(traj.t) - 1) for j in range(1, between)]
+    time = lambda k, a: float((1.0 - a) * traj.t[k] + a * traj.t[k + 1])
+    state = lambda k, a: (1.0 - a) * traj.x[k] + a * traj.x[k + 1]
+    for place in places:
+        if why := _links(case, scene, time(*place)):
             return why
     if len(scene.ptr) < 3:
         return None
-    states = (traj.x[:-1, None] + np.diff(traj.x, axis=0)[:, None] * a[:, None]).reshape(len(times), -1)
-    deep = np.array([scene.deepest(float(t), x) for t, x in zip(times, states, strict=True)])
-    for part in np.array_split(np.arange(len(times)), PARTS):
+    deep = np.array([scene.deepest(time(*place), state(*place)) for place in places])
+    for part in np.array_split(np.arange(len(places)), PARTS):
         for k in part[np.argsort(-deep[part], kind="stable")[:WORST]]:
-            if deep[k] > 0.0 and (why := contradiction(case, float(times[k]))):
+            if deep[k] > 0.0 and (why := _rows(scene, time(*places[k]), state(*places[k]))):
                 return why
     return None
 
@@ -99,96 +96,109 @@ def _through(t: float, what: str) -> Status:
                                 "no room between them.")
 
 
-def _arrangement(case: Case, t: float, x: np.ndarray, depth: float) -> str | None:
+def _arrangement(scene: Scene, t: float, x: np.ndarray, depth: float) -> str | None:
     """Why no small move from x meets all constraints that touch there; None where one does, or where they are too many.
 
     The linear program of `_rows`, of the linearised constraints. For links and rods it is no more than what they ask; hard
     particles may not change places, as they could by a long move. The curvature of what is deep is why a part of the
     depth is allowed.
     """
-    scene = scene_of(case)
-    near, moved = scene.near(x, 0.0, t), float(np.abs(x - case.x0).max())
+    near = scene.near(x, 0.0, t)
     if not 1 < len(near) <= MANY:
         return None
     row, col, vals = scene.triplets(t, x, near)
     order = np.argsort(row, kind="stable")
     ptr, col, vals = np.searchsorted(row[order], np.arange(len(near) + 1)), col[order], vals[order]
-    missed = _least_miss(ptr, col, vals, scene.gaps(t, x, near), scene.n)
-    if missed <= max(CURVED * depth, _visible(case, moved)):
+    missed, deepest = _least_miss(ptr, col, vals, scene.gaps(t, x, near), scene.n)
+    if missed <= max(CURVED * deepest, ROUNDED * float(np.abs(x).max())):
         return None
     return (f"The constraints contradict each other at t = {t:.6g} where the run violates them by {depth:.3g}: to first order, "
             f"every way on misses one of them by {missed:.3g} or more.")
 
 
-@functools.lru_cache(maxsize=512)
-def contradiction(case: Case, t: float) -> str | None:
+def contradiction(case: Case, t: float, x: np.ndarray | None = None) -> str | None:
     """Why no state meets all rows, or all links, at time t; None where they do not contradict each other.
 
-    Rows by a linear program, normalised: the least s with A x + b + s >= 0 for some x. Links by shortest paths: anchors
-    further apart than the links between them are long. Other contradictions are not looked for.
+    Rows by a linear program around x (n,), the start where none is given: those that are not much farther away than what is
+    violated there. Links by shortest paths: anchors further apart than the links between them are long. Other contradictions
+    are not looked for.
     """
-    return _rows(case, scene_of(case), t) or _links(case, scene_of(case), t)
+    scene = scene_of(case)
+    return _rows(scene, t, case.x0 if x is None else x) or _links(case, scene, t)
 
 
-def _rows(case: Case, scene: Scene, t: float) -> str | None:
+def _rows(scene: Scene, t: float, x: np.ndarray) -> str | None:
     if len(scene.ptr) < 3:
         return None
-    missed = _least_miss(scene.ptr, scene.cols, scene.vals, walls(scene, scene.b(t), case.x0), scene.n)
-    if missed <= _visible(case):
+    b, terms = scene.b(t), scene.vals * x[scene.cols]
+    missed, _ = _least_miss(scene.ptr, scene.cols, scene.vals, np.add.reduceat(terms, scene.ptr[:-1]) + b, scene.n,
+                            np.add.reduceat(np.abs(terms), scene.ptr[:-1]) + np.abs(b))
+    if not missed > 0.0:
         return None
     return f"The walls contradict each other at t = {t:.6g}: every state misses one of them by {missed:.3g} or more."
 
 
-def _least_miss(ptr, cols, vals, g, n: int) -> float:
-    """The least s >= 0 with A d + g + s >= 0 for some d, rows of A normalised; 0.0 where the program is not solved.
+def _least_miss(ptr, cols, vals, g, n: int, terms=None) -> tuple[float, float]:
+    """The least s >= 0 with A d + g + s >= 0 for some d, and the largest -g, rows of A normalised: lengths.
 
-    d is a way from a point with gaps g. Solved in units of the largest gap: the tolerances of the program are absolute.
+    Of rows with g beyond FAR times the largest -g nothing is asked. 0.0 where the program is not solved, or s is what
+    rounding of `terms` (of which g are differences) or of the program may leave.
     """
     from scipy.optimize import linprog
     from scipy.sparse import csr_matrix, hstack
     rows = np.repeat(np.arange(len(g)), np.diff(ptr))
-    norm = 1.0 / np.sqrt(np.bincount(rows, vals * vals, len(g)))
-    unit = float(np.abs(g * norm).max(initial=0.0))
-    if not (np.isfinite(norm).all() and 0.0 < unit < np.inf):          # walls through the point: it is one of all
-        return 0.0
-    A = csr_matrix((vals * norm[rows], cols, ptr), (len(g), n))
-    found = linprog(np.append(np.zeros(n), 1.0), A_ub=-hstack([A, np.ones((len(g), 1))]).tocsr(), b_ub=g * norm / unit,
+    with np.errstate(divide="ignore", invalid="ignore"):
+        norm = 1.0 / np.sqrt(np.bincount(rows, vals * vals, len(g)))
+        g = np.where(np.isfinite(norm), g * norm, np.inf)            # a row of zeros asks nothing of a state
+    deep = float(-np.min(g, initial=0.0))
+    use = np.flatnonzero(g <= FAR * deep)
+    if not (0.0 < deep < np.inf) or np.isnan(g).any():
+        return 0.0, 0.0
+    A = csr_matrix((vals * np.where(np.isfinite(norm), norm, 0.0)[rows], cols, ptr), (len(g), n))[use]
+    unit = float(np.abs(g[use]).max())
+    found = linprog(np.append(np.zeros(n), 1.0), A_ub=-hstack([A, np.ones((len(use), 1))]).tocsr(), b_ub=g[use] / unit,
                     bounds=[(None, None)] * n + [(0.0, None)],
                     options={"primal_feasibility_tolerance": SOLVED, "dual_feasibility_tolerance": SOLVED})
-    return 0.0 if found.status else unit * float(found.x[-1])
+    missed = 0.0 if found.status else unit * float(found.x[-1])
+    least = 10.0 * SOLVED * unit + (0.0 if terms is None else ROUNDED * float((terms * norm)[use].max()))
+    return (missed if missed > least else 0.0), deep
 
 
 def _links(case: Case, scene: Scene, t: float) -> str | None:
-    found = _chains(case)
-    if found is None:
-        return None
-    at, reach = scene.anchors(t)[found[0]], found[1]
-    apart = np.sqrt(((at[:, None] - at[None]) ** 2).sum(-1))
-    short = apart - reach
-    i, j = np.unravel_index(int(np.argmax(short)), short.shape)
-    if short[i, j] <= _visible(case):
-        return None
-    return (f"The links are too short at t = {t:.6g}: two anchors are {apart[i, j]:.6g} apart, and the links between them "
-            f"{reach[i, j]:.6g} long.")
+    for at, reach in _chains(case):
+        at = scene.anchors(t)[at]
+        apart = np.sqrt(((at[:, None] - at[None]) ** 2).sum(-1))
+        short = apart - reach - MISSED * np.where(np.isfinite(reach), reach, 0.0)
+        i, j = np.unravel_index(int(np.argmax(short)), short.shape)
+        if short[i, j] > ROUNDED * float(np.abs(at).max()):
+            return (f"The links are too short at t = {t:.6g}: two anchors are {apart[i, j]:.6g} apart, and the links between "
+                    f"them {reach[i, j]:.6g} long.")
+    return None
 
 
 @functools.lru_cache(maxsize=64)
-def _chains(case: Case):
-    """Coordinates of the anchors of links (m, dim), and how far apart the links between them let them be (m, m), or None."""
+def _chains(case: Case) -> list[tuple]:
+    """By dimension of the links: coordinates of their anchors (m, dim), of ENDS at most, and how far apart the links between
+    them let them be (m, m)."""
     scene = scene_of(case)
-    links = [c for c in scene.families if isinstance(c, Distance) and c.sign < 0]
-    if not any(c.anchors is not None for c in links):
-        return None
+    near, out = scene.all_static(), []
+    links = near.take(np.isin(near.kind, (PAIR, ANCHOR)) & (near.sign < 0))
+    for dim in np.unique(links.dim[links.kind == ANCHOR]):
+        of = links.take(links.dim == dim)
+        # nodes: particles by their first coordinate, then anchors by theirs
+        p, q = of.p, np.where(of.kind == ANCHOR, case.n + of.q, of.q)
+        ends = np.unique(q[q >= case.n])[:ENDS]
+        if len(ends) > 1:
+            out.append(((ends - case.n)[:, None] + np.arange(dim), _reach(p, q, of.d, ends)))
+    return out
+
+
+def _reach(p, q, d, ends) -> np.ndarray:
+    """(m, m) lengths of the shortest ways between `ends` along edges (p, q) of length d; inf where there is none."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import shortest_path
-    near, points = scene.all_static(), scene.anchors(float(case.t[0]))
-    use = np.flatnonzero(np.isin(near.kind, (PAIR, ANCHOR)) & (near.sign < 0))
-    # nodes: particles by their first coordinate, then anchors by theirs
-    p, q = near.p[use], np.where(near.kind[use] == ANCHOR, case.n + near.q[use], near.q[use])
-    size = case.n + len(points)
-    order = np.lexsort((near.d[use], q, p))               # of several links of one pair the shortest: a sparse array adds them
+    order = np.lexsort((d, q, p))                        # of several links of one pair the shortest: a sparse array adds them
     order = order[np.append(True, (np.diff(p[order]) != 0) | (np.diff(q[order]) != 0))]
-    graph = coo_matrix((near.d[use][order], (p[order], q[order])), (size, size)).tocsr()
-    ends = np.unique(q[q >= case.n])
-    reach = shortest_path(graph, directed=False, indices=ends)[:, ends]
-    return (ends - case.n)[:, None] + np.arange(int(near.dim[use][0])), reach
+    size = int(max(p.max(), q.max())) + 1
+    graph = coo_matrix((d[order], (p[order], q[order])), (size, size)).tocsr()
+    return shortest_path(graph, directed=False, indices=ends)[:, ends]

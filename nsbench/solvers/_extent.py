@@ -1,4 +1,4 @@
-"""The extent of a scene: what a violated constraint is held against, in any unit and anywhere."""
+"""What a violated constraint is held against: its own numbers, in any unit and anywhere."""
 from __future__ import annotations
 
 import functools
@@ -6,9 +6,13 @@ import functools
 import numpy as np
 
 from nsbench.case import Case
-from nsbench.contacts import ANCHOR, SMOOTH, Scene
+from nsbench.contacts import PAIR, Scene
+from nsbench.near import Near
+from nsbench.solvers._units import unit
 
-TIMES = 200              # of a run at which walls and anchors are looked at
+TOLERANCE = 1e-9          # of a length of the scene; a start that misses by less is the rounding of whoever made it
+LEAST = 1e-6              # unit: a start of 1e-16 may be a difference of numbers about 1
+ROUNDED = 1e-10           # of the coordinates that a gap is made of: the same
 
 
 @functools.lru_cache(maxsize=64)
@@ -16,33 +20,35 @@ def scene_of(case: Case) -> Scene:
     return Scene(case.problem, case.n)
 
 
+def tolerances(case: Case, scene: Scene, t: float, x: np.ndarray, near: Near) -> np.ndarray:
+    """(m,) what the gaps of `near` at (t, x) may be below zero, each in its own unit.
+
+    A distance: TOLERANCE of itself, or of the unit of the case if that is more; a row: of the unit, times its length; both
+    ROUNDED of the numbers that they are the difference of. A smooth constraint, whose gap is no length: of the largest
+    coordinate, 1 at least.
+    """
+    length, places, largest = _unit(case), scene.places(near), float(np.abs(x).max(initial=0.0))
+    out = np.full(len(near), TOLERANCE * max(1.0, largest))
+    for kind, sel, i, j in places.pairs:
+        at = np.abs(x[i]).max(axis=1) + np.abs(x[j] if kind == PAIR else scene.anchors(t)[j]).max(axis=1)
+        out[sel] = TOLERANCE * np.maximum(near.d[sel], length) + ROUNDED * at
+    if places.rows.size:
+        row = near.p[places.rows]
+        terms = np.add.reduceat(np.abs(scene.vals * x[scene.cols]), scene.ptr[:-1]) + np.abs(scene.b(t))
+        out[places.rows] = TOLERANCE * length / np.sqrt(scene.inv2[row]) + ROUNDED * terms[row]
+    return out
+
+
+def misses(case: Case, scene: Scene, t: float, x: np.ndarray) -> bool:
+    """Whether x (n,) violates a constraint at t by more than it may; what is no number does."""
+    near = scene.near(x, 0.0, t)
+    g = scene.gaps(t, x, near)
+    return bool(np.any(~(g >= 0.0) & ~(np.isfinite(g) & (g >= -tolerances(case, scene, t, x, near)))))
+
+
 @functools.lru_cache(maxsize=64)
-def size(case: Case) -> tuple[float, float]:
-    """`extent` over the run."""
-    scene = scene_of(case)
-    return extent(scene, case.x0, np.linspace(case.t[0], case.t[-1], TIMES if scene.moving else 1))
-
-
-def extent(scene: Scene, x0: np.ndarray, times) -> tuple[float, float]:
-    """The farthest that a wall or an anchor is from the start (distances of links and particles count too), and the largest
-    coordinate, which says what rounding is. 1 and more where there are smooth constraints: their gaps are no lengths."""
-    norm, near = np.sqrt(scene.inv2), scene.all_static()
-    tied = near.take(near.kind == ANCHOR)
-    axes = np.arange(tied.dim.min(initial=3) if len(tied) else 0)
-    far = max([float(SMOOTH in near.kind), _largest(near.d), *(2.0 * _largest(r) for r in scene.radii.values())])
-    coordinate = _largest(x0)
-    for t in times:
-        b, anchors = scene.b(float(t)), scene.anchors(float(t))
-        away = x0[tied.p[:, None] + axes] - anchors[tied.q[:, None] + axes]
-        far = max(far, _largest(walls(scene, b, x0) * norm), _largest(away))
-        coordinate = max(coordinate, _largest(b * norm), _largest(anchors))
-    return far, coordinate
-
-
-def walls(scene: Scene, b, x):
-    """(rows,) gaps of the walls at x."""
-    return np.add.reduceat(scene.vals * x[scene.cols], scene.ptr[:-1]) + b if b.size else b
-
-
-def _largest(v) -> float:
-    return float(np.abs(v).max(initial=0.0))
+def _unit(case: Case) -> float:
+    try:
+        return max(unit(case, case.x0), LEAST)
+    except Exception:                                    # of a drift that raises, which is told where it is called for
+        return 1.0

@@ -139,10 +139,9 @@ class Penalty:
             stiff = k * 2.0**self.extrapolate >= STIFF * (1.0 + (case.n / 20.0) ** 2)
             return replace(self, method="kvaerno5" if stiff else "tsit5").prepare(case, k)
         x0 = _start(case)
-        noise = k * 2.0**self.extrapolate * float(np.spacing(np.abs(x0).max(initial=0.0)))
-        if noise > unit(case, x0):
-            return lambda: _nothing(case, f"Rounding of the coordinates alone makes forces of {noise:.2g} at k = {k:g}: lower k, "
-                                          "or take a frame in which the state is not so large.", "maxiter")
+        if lost := _lost(case, x0, k * 2.0**self.extrapolate):
+            return lambda: _nothing(case, f"Rounding of the coordinates alone {lost} at k = {k:g}: lower k, or take a frame in "
+                                          "which the state is not so large.", "maxiter")
         from nsbench.solvers._penalty_program import NotTraceable
         try:
             march = _march(self, case, x0, k)
@@ -155,6 +154,26 @@ class Penalty:
             runs = [_trajectory(self, case, level, k, march(level)) for level in levels]
             return combined(runs, 1.0 / k) if self.extrapolate else runs[0]
         return run
+
+
+def _lost(case: Case, x0: np.ndarray, k: float) -> str:
+    """What rounding of the start makes of springs or layers, if that is more than the drift or than a layer; else ""."""
+    rounded, p = np.spacing(np.abs(x0)), case.problem
+    with np.errstate(all="ignore"):
+        if isinstance(p, Complementarity):
+            from nsbench.contacts import Scene
+            scene = Scene(p, case.n)
+            held = np.zeros(case.n, bool)
+            for _, c, m in scene.hard:
+                held[c.start:c.start + m * c.dim] = True
+            held[scene.triplets(float(case.t[0]), x0, scene.all_static())[1]] = True
+            force = k * float((rounded * held).max(initial=0.0))
+            speed = float(np.abs(p.drift(np)(float(case.t[0]), x0.copy())).max(initial=0.0))
+            return f"makes forces of {force:.2g}" if force > max(unit(case, x0), speed) else ""
+        switch, sides = p.switch(np), np.where(np.arange(case.n) % 2, 1.0, -1.0)
+        c = switch(float(case.t[0]), x0.copy())
+        moved = np.max([np.abs(switch(float(case.t[0]), x0 + rounded * s) - c) for s in (1.0, sides)])
+        return f"changes a switch by {moved:.2g}, beyond its layer," if k * moved > 1.0 else ""
 
 
 def _hard(problem, n: int) -> list[int]:
@@ -225,7 +244,8 @@ def _status(penalty: Penalty, case: Case, k: float, asked: float, out: dict) -> 
         # weights of an extrapolation amplify what the integrator leaves
         worst = max(penalty.tolerance("rtol", asked), penalty.tolerance("atol", asked))
         claimed = asked ** -(1.0 + penalty.extrapolate)
-        far = float(np.abs(out["x"]).max()) / max(1.0, float(np.abs(out["x"] - out["x"][0]).max()))
+        moved = np.abs(out["x"] - out["x"][0]).max(axis=0)     # coordinates at rest are known as well as at the start
+        far = float(np.max(np.abs(out["x"]).max(axis=0)[moved > 0.0] / max(1.0, float(moved.max())), initial=1.0))
         worst *= far if far > FAR else 1.0
         if worst * float(np.abs(weights(penalty.extrapolate)).sum()) > HIDDEN * claimed:
             return Status("unverified", f"The error of the penalty, about {claimed:.1e}, may be hidden by the integrator's, up "
@@ -251,7 +271,9 @@ def _covered(case: Case, width: float, X: np.ndarray) -> str:
     """Where no switch leaves a layer of `width` over the size of the states themselves; "" where one does, or nothing moves."""
     from nsbench.solvers._repelled import swing
     with np.errstate(all="ignore"):
-        over = float(swing(case.problem.switch(np), float(case.t[-1]), X).max())
+        switch = case.problem.switch(np)
+        seen = np.ptp([switch(float(t), x.copy()) for t, x in zip(case.t, X, strict=True)], axis=0)
+        over = float(np.maximum(swing(switch, float(case.t[-1]), X), seen).max())
     return f"The states are so small that no switch changes by more than {over:.2g} in them" if 0.0 < over < width else ""
 
 

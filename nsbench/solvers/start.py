@@ -5,11 +5,13 @@ import numpy as np
 
 from nsbench.case import Case
 from nsbench.contacts import ANCHOR, PAIR, Scene
-from nsbench.solvers._extent import extent
+from nsbench.problem import Affine, Distance
+from nsbench.solvers._extent import tolerances
 
 ITERATIONS = 1000         # linear convergence: a start that overlaps deeply needs a few hundred
 DENSE = 10_000           # entries of the gradients: below, SciPy solves before a kernel is compiled
-TOLERANCE = 1e-9          # relative; a start that misses by less is the rounding of whoever made it
+FINE = 1e-4              # of what a start may miss by: a projected one
+STILL = 1e-13            # of the largest coordinate or the longest way: a projection that moves by less has ended
 
 
 class NoStart(ValueError):
@@ -32,29 +34,29 @@ def start_state(case: Case, scene: Scene) -> np.ndarray:
         return x
     near = scene.near(x, 0.0, t)
     g = scene.gaps(t, x, near)
-    if not g.size or g.min() >= 0.0 or g.min() >= -TOLERANCE * (scale := max(extent(scene, x, (t,)))):
+    if (g >= 0.0).all() or (np.isfinite(g).all() and (g >= -tolerances(case, scene, t, x, near)).all()):
         return x
-    if case.start == "error":
-        worst = int(np.argmin(g))
+    if case.start == "error" or not np.isfinite(g).all():
+        worst = int(np.argmin(np.where(np.isnan(g), -np.inf, g)))
         raise ValueError(f"the start of {case.key} violates constraint {near.ids[worst]} by {-g[worst]:.3g}; "
                          'give a feasible x0, or start="project" or "keep"')
-    return _nearest(case, scene, x, t, scale)
+    return _nearest(case, scene, x, t)
 
 
-def _nearest(case, scene, x0, t, scale):
+def _nearest(case, scene, x0, t):
     """The point where linearising the constraints gives the point itself; it stays feasible and nearest from there on."""
     y, moved, reach, known = x0, np.inf, 4.0 * scene.deepest(t, x0), {}
     for _ in range(ITERATIONS):
-        lines = _Lines(scene, t, y, reach)
-        if lines.g.min(initial=0.0) >= -1e-13 * scale and moved <= 1e-13 * scale:
+        lines = _Lines(case, scene, t, y, reach)
+        if (lines.g >= -lines.allowed).all() and moved <= STILL * float(np.abs([x0, y - x0]).max()):
             return y
         tie = lines.coincident()
         if tie:
             raise NoStart("degenerate", f"the start of {case.key} has coincident centres, {tie}: no feasible "
                                         'point is the nearest; part them, or give start="keep"')
-        d = lines.nearest(y - x0, known, scale)
+        d = lines.nearest(y - x0, known)
         if d is None:
-            raise NoStart("infeasible", f"the constraints of {case.key} leave no point: the start cannot be projected")
+            raise _none(case, scene)
         z = x0 + d
         far = _farthest(scene, z - y)
         if 2.0 * far <= reach:                 # else a pair that is not listed could be in the way
@@ -64,6 +66,14 @@ def _nearest(case, scene, x0, t, scale):
                      f"last step {moved:.3g}): the nearest feasible point is perhaps not unique")
 
 
+def _none(case, scene) -> NoStart:
+    """No point meets the linearised constraints: there is none at all where the set is convex."""
+    if all(isinstance(c, Affine) or (isinstance(c, Distance) and c.sign < 0) for c in scene.families):
+        return NoStart("infeasible", f"the constraints of {case.key} leave no point: the start cannot be projected")
+    return NoStart("infeasible", f"the constraints of {case.key} leave no point near the start, to first order: it cannot be "
+                                 'projected; give a feasible x0, or start="keep"')
+
+
 def _farthest(scene, way):
     """The longest way of a hard particle."""
     parts = (way[c.start:c.start + m * c.dim].reshape(m, c.dim) for _, c, m in scene.hard)
@@ -71,11 +81,12 @@ def _farthest(scene, way):
 
 
 class _Lines:
-    """The constraints near y, linearised there: g (m,) and their gradients, by entries."""
+    """The constraints near y, linearised there: g (m,), their gradients, by entries, and what g may miss by."""
 
-    def __init__(self, scene, t, y, reach):
+    def __init__(self, case, scene, t, y, reach):
         self.near, self.n = scene.near(y, reach, t), scene.n
         self.g, (self._row, self._cols, self._vals) = scene.gaps(t, y, self.near), scene.triplets(t, y, self.near)
+        self.allowed = FINE * tolerances(case, scene, t, y, self.near)
 
     def coincident(self):
         """A pair whose direction to part in is not known, or None."""
@@ -83,7 +94,7 @@ class _Lines:
         tie = np.flatnonzero(np.isin(near.kind, (PAIR, ANCHOR)) & (self.g == -near.sign * near.d) & (near.sign > 0.0))
         return near.take(tie[:1]).ids[0] if tie.size else None
 
-    def nearest(self, e, known, scale):
+    def nearest(self, e, known):
         """The shortest d (n,) with g + G (d - e) >= 0, or None; known: multipliers by id, a guess that is renewed.
 
         Solved over some of the lines, to which those that are violated there are added, until none is.
@@ -103,7 +114,7 @@ class _Lines:
             w = q + np.bincount(self._row, self._vals * d[self._cols], len(q))
             known.clear()
             known.update((k, m) for k, m in zip(keys[listed].tolist(), mu.tolist(), strict=True) if m > 0.0)
-            new = (w < -1e-14 * scale) & ~on
+            new = (w < -0.1 * self.allowed) & ~on
             if not new.any():
                 return d
             on |= new
