@@ -6,7 +6,7 @@ import numpy as np
 from nsbench.case import Case
 from nsbench.contacts import ANCHOR, PAIR, Scene
 from nsbench.problem import Affine, Distance
-from nsbench.solvers._extent import tolerances
+from nsbench.solvers._extent import misses, tolerances
 
 ITERATIONS = 1000         # linear convergence: a start that overlaps deeply needs a few hundred
 DENSE = 10_000           # entries of the gradients: below, SciPy solves before a kernel is compiled
@@ -32,11 +32,11 @@ def start_state(case: Case, scene: Scene) -> np.ndarray:
     x, t = case.x0.copy(), float(case.t[0])
     if case.start == "keep" or not scene.families:
         return x
+    if not misses(case, scene, t, x):
+        return x
     near = scene.near(x, 0.0, t)
     g = scene.gaps(t, x, near)
-    if (g >= 0.0).all() or (np.isfinite(g).all() and (g >= -tolerances(case, scene, t, x, near)).all()):
-        return x
-    if case.start == "error" or not np.isfinite(g).all():
+    if case.start == "error" or not (g > -np.inf).all():
         worst = int(np.argmin(np.where(np.isnan(g), -np.inf, g)))
         raise ValueError(f"the start of {case.key} violates constraint {near.ids[worst]} by {-g[worst]:.3g}; "
                          'give a feasible x0, or start="project" or "keep"')
