@@ -77,3 +77,85 @@ def test_links_of_several_dimensions_are_chains_of_their_own():
         case = Case(name="mixed", problem=Complementarity(_rest, (two, more)), x0=np.array([0.0, 0.5, 0.0, 4.5]),
                     t=np.linspace(0, 1, 3))
         assert solvers.solve(case, "pbd", h=0.01).status.ok
+
+
+@pytest.mark.survives("empty set")
+@pytest.mark.parametrize("samples", (201, 301))
+def test_a_deeper_violation_elsewhere_hides_no_contradiction(samples):
+    """Walls that cross by 0.1 at t = 1/2; at t = 1/5 a floor is pushed down by 0.2."""
+    def b(xp):
+        return lambda t: xp.array([0.1 - 0.2 * xp.sin(np.pi * t) ** 2, 0.1 - 0.2 * xp.sin(np.pi * t) ** 2, 0.0 * t])
+
+    def push(xp):
+        return lambda t, x: xp.array([0.0 * t, -200.0 * xp.exp(-(((t - 0.2) / 0.05) ** 2))])
+    walls = Affine(np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0]]), b)
+    case = Case(name="hidden", problem=Complementarity(push, (walls,)), x0=np.zeros(2), t=np.linspace(0, 1, samples))
+    assert solvers.solve(case, "penalty", k=1000.0).status.code == "infeasible"
+    assert solvers.solve(case.replace(t=case.t * 0.24), "penalty", k=1000.0).status.ok
+
+
+@pytest.mark.survives("empty set")
+def test_discs_without_room_beside_a_deeper_overlap():
+    """A disc squeezed between moving walls by 0.05 at the end, while an earlier push drives another through its floor by 0.2."""
+    def b(xp):
+        return lambda t: xp.array([0.5 + 0.0 * t, 1.05 - 0.1 * t, 0.0 * t])
+
+    def push(xp):
+        return lambda t, x: xp.array([0.0, 0.0, -200.0 * xp.exp(-(((t - 0.2) / 0.05) ** 2))])
+    walls = Affine(np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0]]), b)
+    two = Distance(1.5, dim=1, count=2)
+    case = Case(name="squeezed", problem=Complementarity(push, (two, walls)), x0=np.array([-0.48, 1.03, 0.0]),
+                t=np.linspace(0, 1, 301))
+    assert solvers.solve(case, "penalty", k=1000.0).status.code == "infeasible"
+    assert solvers.solve(case.replace(t=case.t * 0.3), "penalty", k=1000.0).status.ok
+
+
+@pytest.mark.survives("empty set")
+@pytest.mark.parametrize("far", (1.0, 1e9))
+def test_what_is_far_away_excuses_no_contradiction_here(far):
+    """Links too short, walls that cross, by 0.005; another particle is at `far`."""
+    def anchors(xp):
+        return lambda t: xp.array([[0.0 * t], [1.9 + 0.105 * t], [far + 0.0 * t]])
+
+    def b(xp):
+        return lambda t: xp.array([-0.505 * t, 0.5 + 0.0 * t, -far + 0.0 * t])
+    links = Distance(1.0, -1, pairs=[[0, 0], [0, 1], [1, 2]], anchors=anchors, dim=1)
+    walls = Affine(np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0]]), b)
+    for held, x in ((links, 0.95), (walls, 0.2)):
+        case = Case(name="far", problem=Complementarity(_rest, (held,)), x0=np.array([x, far]), t=np.linspace(0, 1, 3))
+        assert solvers.solve(case, "pbd", h=0.01).status.code == "infeasible"
+        assert solvers.solve(case.replace(t=case.t * 0.9), "pbd", h=0.01).status.ok
+
+
+@pytest.mark.survives("empty set")
+@pytest.mark.parametrize("slope", (1e-5, 1e-7))
+def test_a_flat_wedge_is_closed_by_a_wall_far_away(slope):
+    """y >= 0 and y <= slope (x - 10 t) leave room beyond x = 10 t, which x <= 1 takes."""
+    def b(xp):
+        return lambda t: xp.array([0.0 * t, -10.0 * slope * t, 1.0 + 0.0 * t])
+    walls = Affine(np.array([[0.0, 1.0], [slope, -1.0], [-1.0, 0.0]]), b)
+    case = Case(name="wedge", problem=Complementarity(_rest, (walls,)), x0=np.zeros(2), t=np.linspace(0, 1, 3))
+    assert solvers.solve(case, "pbd", h=0.01).status.code == "infeasible"
+    assert contradiction(case, 0.09) is None and contradiction(case, 0.11)
+
+
+@pytest.mark.survives("empty set")
+def test_every_chain_is_looked_at_between_samples():
+    """Two links of 1 between anchors that part to 2.3 and meet again; 201 particles on links of their own."""
+    ends, last = np.append(5.0 * np.arange(201), [-50.0, 0.0])[:, None], np.eye(1, 203, 202).T
+
+    def anchors(xp):
+        return lambda t: xp.asarray(ends) + xp.asarray(last) * (-48.1 + 1.6 * t * (1.0 - t))
+    links = Distance(1.0, -1, pairs=[[i, i] for i in range(201)] + [[201, 201], [201, 202]], anchors=anchors, dim=1)
+    case = Case(name="chains", problem=Complementarity(_rest, (links,)), x0=np.append(5.0 * np.arange(201), -49.05),
+                t=np.array([0.0, 1.0]))
+    assert solvers.solve(case, "pbd", h=0.01).status.code == "infeasible"
+
+
+@pytest.mark.survives("empty set")
+def test_a_heap_that_comes_apart_had_room():
+    """Three discs thrown together in a square: to first order no way out, but the run finds one."""
+    box = Affine(np.vstack([np.eye(6), -np.eye(6)]), np.repeat([0.0, 1.0], 6))
+    case = Case(name="heap", problem=Complementarity(_rest, (box, Distance(0.9))), t=np.linspace(0, 1, 5), start="keep",
+                x0=np.array([0.1, 0.45, 0.5, 0.55, 0.9, 0.45]))
+    assert solvers.solve(case, "pbd", h=0.005).status.ok

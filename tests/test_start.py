@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
-from nsbench import Affine, Case, Complementarity, Distance
+from nsbench import Affine, Case, Complementarity, Distance, Smooth
 from nsbench.contacts import Scene
 from nsbench.solvers import start
 
@@ -106,3 +106,43 @@ def test_the_length_of_rows_is_nothing_to_a_projection(factor):
         problem = Complementarity(still, (Affine(factor * A, factor * -(A @ inside)),))
         case = Case("rows", problem, x0, np.linspace(0.0, 1.0, 2), start="project")
         assert (A @ (start.start_state(case, Scene(problem, 4)) - inside)).min() > -1e-10
+
+
+@pytest.mark.parametrize("d", [1e-9, 1e-8, 1.0])
+@pytest.mark.parametrize("at", [0.0, 0.5, 1.0])
+def test_an_overlap_is_held_against_the_particles(d, at):
+    """Nine hundredths of what the smallest is, wherever they lie, and with a wall out of reach."""
+    wall = Affine(np.array([[1.0, 0.0, 0.0, 0.0]]), np.array([1.0]))
+    problem = Complementarity(still, (Distance(d), wall))
+    case = Case("small", problem, np.array([at, 0.0, at + 0.91 * d, 0.0]), np.linspace(0.0, 1.0, 2))
+    with pytest.raises(ValueError, match=r"violates constraint \(0, 0, 1\)"):
+        start.start_state(case, Scene(problem, 4))
+    rounded = case.replace(x0=np.array([at, 0.0, at + d * (1.0 - 1e-10), 0.0]) + np.spacing(at))
+    assert start.start_state(rounded, Scene(problem, 4)).tolist() == rounded.x0.tolist()
+
+
+@pytest.mark.parametrize("radius", [1e-5, 1.0, 1e4])
+@pytest.mark.parametrize("far", [0.0, 1e9])
+def test_a_smooth_constraint_is_held_against_what_it_sees(radius, far):
+    """x^2 + y^2 >= R^2 from 4/5 of R; a third coordinate that it knows nothing of. Projected, the start lies on the circle."""
+    disc = Smooth(lambda xp: lambda t, x: xp.array([x[0] ** 2 + x[1] ** 2 - radius**2]))
+    problem = Complementarity(still, (disc,))
+    case = Case("inside", problem, np.array([0.64 * radius, 0.48 * radius, far]), np.linspace(0.0, 1.0, 2))
+    with pytest.raises(ValueError, match="violates constraint"):
+        start.start_state(case, Scene(problem, 3))
+    x = start.start_state(case.replace(start="project"), Scene(problem, 3))
+    assert x[:2] == pytest.approx([0.8 * radius, 0.6 * radius], rel=1e-7)
+
+
+@pytest.mark.parametrize("radius", [1e2, 1e4, 1e6])
+def test_a_projection_ends_at_the_rounding_of_its_constraints(radius):
+    """On circles from within, on links of the same length that are held far away: the gaps round, near the origin."""
+    rng, link = np.random.default_rng(2), Distance(radius, -1, pairs=[[0, 0]], anchors=np.array([[0.6 * radius, 0.8 * radius]]))
+    disc = Smooth(lambda xp: lambda t, x: xp.array([x[0] ** 2 + x[1] ** 2 - radius**2]))
+    for _ in range(12):
+        for held, x0 in ((disc, radius * rng.uniform(-0.6, 0.6, 2)), (link, -rng.uniform(0.0, 0.5, 2))):
+            problem = Complementarity(still, (held,))
+            case = Case("on", problem, x0, np.linspace(0.0, 1.0, 2), start="project")
+            x = start.start_state(case, Scene(problem, 2))
+            away = np.hypot(*x) if held is disc else np.hypot(*(x - [0.6 * radius, 0.8 * radius]))
+            assert away == pytest.approx(radius, rel=1e-14)

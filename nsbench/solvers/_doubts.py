@@ -15,8 +15,9 @@ import numpy as np
 from nsbench.case import Case
 from nsbench.contacts import ANCHOR, PAIR
 from nsbench.problem import LCS, Complementarity, Distance, Filippov, Smooth
-from nsbench.solvers._contradiction import nowhere, passed
+from nsbench.solvers._contradiction import nowhere
 from nsbench.solvers._extent import scene_of
+from nsbench.solvers._passed import passed
 from nsbench.solvers._poles import pole
 from nsbench.solvers._repelled import repelled
 from nsbench.trajectory import Status, Trajectory

@@ -10,9 +10,9 @@ from nsbench.contacts import PAIR, Scene
 from nsbench.near import Near
 from nsbench.solvers._units import unit
 
-TOLERANCE = 1e-9          # of a length of the scene; a start that misses by less is the rounding of whoever made it
+TOLERANCE = 1e-9          # of a length; a start that misses by less is what whoever made it left out
 LEAST = 1e-6              # unit: a start of 1e-16 may be a difference of numbers about 1
-ROUNDED = 1e-10           # of the coordinates that a gap is made of: the same
+ROUNDED = 1e-13           # of the numbers that a gap is made of: some hundred roundings, of whoever made them
 
 
 @functools.lru_cache(maxsize=64)
@@ -20,22 +20,39 @@ def scene_of(case: Case) -> Scene:
     return Scene(case.problem, case.n)
 
 
-def tolerances(case: Case, scene: Scene, t: float, x: np.ndarray, near: Near) -> np.ndarray:
+def tolerances(case: Case, scene: Scene, t: float, x: np.ndarray, near: Near, share: float = 1.0,
+               rounded: float = ROUNDED) -> np.ndarray:
     """(m,) what the gaps of `near` at (t, x) may be below zero, each in its own unit.
 
-    A distance: TOLERANCE of itself, or of the unit of the case if that is more; a row: of the unit, times its length; both
-    ROUNDED of the numbers that they are the difference of. A smooth constraint, whose gap is no length: of the largest
-    coordinate, 1 at least.
+    `share` of TOLERANCE of a length: the distance itself, or the unit of the case for a row or a smooth constraint (of what the
+    gap changes by along it); and `rounded` of the numbers that the gap is the difference of.
     """
-    length, places, largest = _unit(case), scene.places(near), float(np.abs(x).max(initial=0.0))
-    out = np.full(len(near), TOLERANCE * max(1.0, largest))
-    for kind, sel, i, j in places.pairs:
-        at = np.abs(x[i]).max(axis=1) + np.abs(x[j] if kind == PAIR else scene.anchors(t)[j]).max(axis=1)
-        out[sel] = TOLERANCE * np.maximum(near.d[sel], length) + ROUNDED * at
+    length, places = _unit(case), scene.places(near)
+    out = np.maximum(near.d, LEAST * length)
     if places.rows.size:
-        row = near.p[places.rows]
+        out[places.rows] = length / np.sqrt(scene.inv2[near.p[places.rows]])
+    for family, sel in enumerate(places.smooth):
+        if sel.size:
+            with np.errstate(all="ignore"):
+                slope = np.sqrt((scene.smooth(family).gradient(t, x) ** 2).sum(-1))[near.p[sel]]
+            out[sel] = length * np.where(np.isfinite(slope), slope, 1.0)
+    return share * TOLERANCE * out + rounded * numbers(scene, t, x, near)
+
+
+def numbers(scene: Scene, t: float, x: np.ndarray, near: Near) -> np.ndarray:
+    """(m,) the sizes of what the gaps of `near` at (t, x) are differences of: coordinates of two ends, terms of a row; of a
+    smooth constraint to first order, 0 where it has no gradient."""
+    out, places = np.zeros(len(near)), scene.places(near)
+    for kind, sel, i, j in places.pairs:
+        out[sel] = np.abs(x[i]).max(axis=1) + np.abs(x[j] if kind == PAIR else scene.anchors(t)[j]).max(axis=1)
+    if places.rows.size:
         terms = np.add.reduceat(np.abs(scene.vals * x[scene.cols]), scene.ptr[:-1]) + np.abs(scene.b(t))
-        out[places.rows] = TOLERANCE * length / np.sqrt(scene.inv2[row]) + ROUNDED * terms[row]
+        out[places.rows] = terms[near.p[places.rows]]
+    for family, sel in enumerate(places.smooth):
+        if sel.size:
+            with np.errstate(all="ignore"):
+                terms = np.abs(scene.smooth(family).gradient(t, x) * x).sum(-1)[near.p[sel]]
+            out[sel] = np.where(np.isfinite(terms), terms, 0.0)
     return out
 
 
@@ -43,6 +60,8 @@ def misses(case: Case, scene: Scene, t: float, x: np.ndarray) -> bool:
     """Whether x (n,) violates a constraint at t by more than it may; what is no number does."""
     near = scene.near(x, 0.0, t)
     g = scene.gaps(t, x, near)
+    if (g >= 0.0).all():
+        return False
     return bool(np.any(~(g >= 0.0) & ~(np.isfinite(g) & (g >= -tolerances(case, scene, t, x, near)))))
 
 

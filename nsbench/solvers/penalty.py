@@ -171,8 +171,8 @@ def _lost(case: Case, x0: np.ndarray, k: float) -> str:
             speed = float(np.abs(p.drift(np)(float(case.t[0]), x0.copy())).max(initial=0.0))
             return f"makes forces of {force:.2g}" if force > max(unit(case, x0), speed) else ""
         switch, sides = p.switch(np), np.where(np.arange(case.n) % 2, 1.0, -1.0)
-        c = switch(float(case.t[0]), x0.copy())
-        moved = np.max([np.abs(switch(float(case.t[0]), x0 + rounded * s) - c) for s in (1.0, sides)])
+        c = lambda x: np.asarray(switch(float(case.t[0]), x), float)
+        moved = np.max([np.abs(c(x0 + rounded * s) - c(x0.copy())) for s in (1.0, sides)])
         return f"changes a switch by {moved:.2g}, beyond its layer," if k * moved > 1.0 else ""
 
 

@@ -6,12 +6,13 @@ import numpy as np
 from nsbench.case import Case
 from nsbench.contacts import ANCHOR, PAIR, Scene
 from nsbench.problem import Affine, Distance
-from nsbench.solvers._extent import misses, tolerances
+from nsbench.solvers._extent import misses, numbers, tolerances
 
 ITERATIONS = 1000         # linear convergence: a start that overlaps deeply needs a few hundred
 DENSE = 10_000           # entries of the gradients: below, SciPy solves before a kernel is compiled
-FINE = 1e-4              # of what a start may miss by: a projected one
-STILL = 1e-13            # of the largest coordinate or the longest way: a projection that moves by less has ended
+FINE = 1e-4              # of the length that a start may miss by: a projected one
+EXACT = 4e-15            # of the numbers that a gap is made of: what a projected start may miss by, sixteen roundings
+STILL = 1e-13            # of a coordinate, the longest way, or what pushes is made of: what moves by less has ended
 
 
 class NoStart(ValueError):
@@ -45,10 +46,11 @@ def start_state(case: Case, scene: Scene) -> np.ndarray:
 
 def _nearest(case, scene, x0, t):
     """The point where linearising the constraints gives the point itself; it stays feasible and nearest from there on."""
-    y, moved, reach, known = x0, np.inf, 4.0 * scene.deepest(t, x0), {}
+    y, moved, reach, known = x0, np.full(x0.size, np.inf), 4.0 * scene.deepest(t, x0), {}
     for _ in range(ITERATIONS):
         lines = _Lines(case, scene, t, y, reach)
-        if (lines.g >= -lines.allowed).all() and moved <= STILL * float(np.abs([x0, y - x0]).max()):
+        still = STILL * np.maximum(np.abs(x0), max(float(np.abs(y - x0).max()), lines.size(known)))
+        if (lines.g >= -lines.allowed).all() and (moved <= still).all():
             return y
         tie = lines.coincident()
         if tie:
@@ -60,10 +62,10 @@ def _nearest(case, scene, x0, t):
         z = x0 + d
         far = _farthest(scene, z - y)
         if 2.0 * far <= reach:                 # else a pair that is not listed could be in the way
-            y, moved = z, float(np.abs(z - y).max())
+            y, moved = z, np.abs(z - y)
         reach = 4.0 * far
     raise ValueError(f"the start of {case.key} could not be projected in {ITERATIONS} steps (violation {-lines.g.min():.3g}, "
-                     f"last step {moved:.3g}): the nearest feasible point is perhaps not unique")
+                     f"last step {moved.max():.3g}): the nearest feasible point is perhaps not unique")
 
 
 def _none(case, scene) -> NoStart:
@@ -86,7 +88,14 @@ class _Lines:
     def __init__(self, case, scene, t, y, reach):
         self.near, self.n = scene.near(y, reach, t), scene.n
         self.g, (self._row, self._cols, self._vals) = scene.gaps(t, y, self.near), scene.triplets(t, y, self.near)
-        self.allowed = FINE * tolerances(case, scene, t, y, self.near)
+        self.allowed = tolerances(case, scene, t, y, self.near, FINE, EXACT)
+        self._sizes = lambda: numbers(scene, t, y, self.near)
+
+    def size(self, known) -> float:
+        """The largest length that a gap is the difference of, of those that push: `known`, by id."""
+        norm = np.sqrt(np.bincount(self._row, self._vals**2, len(self.g)))
+        push = np.isin(self.near.key, list(known)) & (norm > 0.0)
+        return float((self._sizes()[push] / norm[push]).max(initial=0.0)) if push.any() else 0.0
 
     def coincident(self):
         """A pair whose direction to part in is not known, or None."""
@@ -135,17 +144,24 @@ def _least_distance(row, cols, vals, q, n, guess):
 
 def _in_units(row, cols, vals, q, n, guess):
     if not len(q) * n <= DENSE:
-        from nsbench.solvers._least import ActiveSet, Rows
-        G = Rows(row, cols, (len(q), n)).fill(vals)
-        a = ActiveSet()(G, q, 1.0, G, guess)
-        return (None, None) if a.code == "infeasible" else (a.d, a.mu)
+        return _by_active_sets(row, cols, vals, q, n, guess)
     from scipy.optimize import nnls
     E = np.zeros((n + 1, len(q)))
     np.add.at(E, (cols, row), vals)
     E[n] = -q
     rhs = np.append(np.zeros(n), 1.0)
-    mu, size = nnls(E, rhs)
+    try:
+        mu, size = nnls(E, rhs)
+    except RuntimeError:                                 # its iterations ran out
+        return _by_active_sets(row, cols, vals, q, n, guess)
     r = E @ mu - rhs
     if size < 1e-12 or not r[-1] < 0.0:
         return None, None
     return -r[:-1] / r[-1], mu / -r[-1]
+
+
+def _by_active_sets(row, cols, vals, q, n, guess):
+    from nsbench.solvers._least import ActiveSet, Rows
+    G = Rows(row, cols, (len(q), n)).fill(vals)
+    a = ActiveSet()(G, q, 1.0, G, guess)
+    return (None, None) if a.code == "infeasible" else (a.d, a.mu)
