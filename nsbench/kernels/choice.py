@@ -70,7 +70,7 @@ def _closing(role, all_, entry, listed, places, norm, x, v, num):
 
     entry: one that opens from zero speed, which was looked at before.
     """
-    near, small = num[slots.TOL] * (1.0 + size(x)), num[slots.DOUBT] * num[slots.SIZE]
+    near, small = num[slots.TOL] * (num[slots.UNIT] + size(x)), num[slots.DOUBT] * num[slots.SIZE]
     g = np.empty(role.size)
     gaps(all_, listed, places, x, g)
     for k in range(role.size):
@@ -113,7 +113,7 @@ def _leave(a, W, which, role):
 def _velocity(W, start, x, listed, places, norm, drift, width, order, X, F, work, num):
     """Gear and velocity (X[1], mu of order 0) with the set W; False if its rows depend on each other."""
     copied(start, x)
-    good, gear = outfit(W, listed, places, norm, x, width, order, work)
+    good, gear = outfit(W, listed, places, norm, x, width, order, work, num[slots.UNIT])
     if good:
         copied(x, X[0])
         extend(one() - 1, one(), W, gear, listed, drift, X, F)

@@ -9,7 +9,7 @@ LEAST = 1e-12           # pivots over their diagonal that count as zero: contact
 
 
 @inner
-def outfit(W, listed, places, norm, x, width, order, work):
+def outfit(W, listed, places, norm, x, width, order, work, unit):
     """Everything an arc with the held entries W needs, with x put on them; and whether that could be done."""
     p = W.size
     C, V, count = np.empty((p, width), np.int64), np.empty((p, width)), np.zeros(p, np.int64)
@@ -30,7 +30,7 @@ def outfit(W, listed, places, norm, x, width, order, work):
             count[a] = 2 * dim[k] if kind[k] == 1 else dim[k]
     plan = arrange(C, count, p, x.size)
     gear = (C, V, count, U, mu, plan, np.empty(plan[2][p]))
-    return hold(W, gear, listed, places, norm, x, work, LEAST), gear
+    return hold(W, gear, listed, places, norm, x, work, LEAST, unit), gear
 
 
 @inner

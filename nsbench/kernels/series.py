@@ -99,11 +99,14 @@ def gradients(W, listed, places, x, C, V, count, U):
 
 
 @inner
-def hold(W, gear, listed, places, norm, x, work, least):
-    """x is put on g = 0 along the gradients there, and the Gram matrix factored; False if that cannot be done."""
+def hold(W, gear, listed, places, norm, x, work, least, unit):
+    """x is put on g = 0 along the gradients there, and the Gram matrix factored; False if that cannot be done.
+
+    unit: the size of a scene; to rounding of that and of x.
+    """
     C, V, count, U, _, plan, E = gear
     p, g = W.size, np.empty(W.size)
-    fine = 2e-15 * (1.0 + size(x))
+    fine = 2e-15 * (unit + size(x))
     for turn in range(4):
         gradients(W, listed, places, x, C, V, count, U)
         fill(plan, C, V, count, p, work, E)

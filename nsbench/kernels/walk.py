@@ -98,7 +98,7 @@ def _length(deg, W, gear, X, x, origin, reach, hard, num):
 @once
 def _watch(W, gear, basis, listed, places, norm, x, num):
     """Bands, levels and arms of gaps and multipliers at the start of an arc (see solvers._crossings)."""
-    m, near = norm.size, num[slots.TOL] * (1.0 + size(x))
+    m, near = norm.size, num[slots.TOL] * (num[slots.UNIT] + size(x))
     band, level, armed, g, all_ = np.empty(m), np.empty(m), np.empty(m, np.bool_), np.empty(m), np.empty(m, np.int64)
     for k in range(m):
         all_[k] = k
@@ -175,7 +175,7 @@ def walk(listed, places, norm, drift, hard, width, order, x, origin, basis, kept
             W[p] = k
             p += 1
     W = W[:p]
-    good, gear = outfit(W, listed, places, norm, x, width, order, work)
+    good, gear = outfit(W, listed, places, norm, x, width, order, work, num[slots.UNIT])
     ready, quick = 0, SHORT
     while good:
         arc_h = 0.0
@@ -215,7 +215,7 @@ def walk(listed, places, norm, drift, hard, width, order, x, origin, basis, kept
                 return slots.DONE
             if entry < 0:
                 _rate(s, deg, X, V)
-                if not hold(W, gear, listed, places, norm, x, work, LEAST):
+                if not hold(W, gear, listed, places, norm, x, work, LEAST, num[slots.UNIT]):
                     return slots.FAIL
                 copied(x, X[0])
                 extend(one() - 1, one(), W, gear, listed, drift, X, F)

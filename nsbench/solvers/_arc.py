@@ -112,7 +112,8 @@ class _Follower:
         self.fun, self.project, self.max_step, self.data = _Counted(rhs), project, max_step, data
         eps = np.finfo(float).eps
         # an impulse is what two states differ by: it cannot be asked for more digits than the largest of them has
-        self.rtol, self.atol = max(SHARE * rtol, 100 * eps), max(SHARE * atol, _MINIMAL, eps * np.abs(y0).max(initial=0.0))
+        least = max(_MINIMAL * min(1.0, atol / rtol), eps * np.abs(y0).max(initial=0.0))
+        self.rtol, self.atol = max(SHARE * rtol, 100 * eps), max(SHARE * atol, least)
         self.t, self.y, self.t_end, self.y_size = t0, y0, t_end, 1.0 + np.abs(y0).max(initial=0.0)
         self.stops, self.bound = np.append(np.asarray(samples, float), t_end), (t_end - t0) / PARTS
         self.h, self.steps, self.rows, self.row = 0.0, 0, [], 0

@@ -74,13 +74,13 @@ class _Walk:
         f = self.field.drift(self.t, self.x)
         if not np.all(np.isfinite(f)):
             return Status("nan", f"The drift is not finite at t = {self.t:.9g}.")
-        pace = (1.0 + np.abs(self.x).max()) / np.abs(f).max() if np.any(f) else np.inf
+        pace = (self.field.unit + np.abs(self.x).max()) / np.abs(f).max() if np.any(f) else np.inf
         self.paces.append(min(1e-2 * pace, 1e-2 * (self.T - self.t), np.diff(self.case.t).min()))
         return self._select(first=True)
 
     def _band(self, rows):
         """(m,) gaps this small count as closed, and closed gaps are watched for this much violation."""
-        return self.tol * (1.0 + np.abs(self.x).max()) * rows.norm
+        return self.tol * (self.field.unit + np.abs(self.x).max()) * rows.norm
 
     def _select(self, first=False, fired=None) -> Status:
         """List the candidates here, choose the basis, write down what changed. fired: the contact that just closed."""
@@ -160,8 +160,8 @@ class _Walk:
         still = len(gaps(self.t, np.concatenate((self.x, np.zeros(p + n))))) - o - p
         band = np.concatenate((self._band(others), self.tol * self.selector.size / held.norm, np.zeros(still)))
         arc = follow(rhs, self.t, np.concatenate((self.x, np.zeros(p + n))), self.T,
-                     gaps if band.size else None, method=self.options.method, rtol=self.tol, band=band,
-                     project=project if p else None, samples=self.case.t[self.done:],
+                     gaps if band.size else None, method=self.options.method, rtol=self.tol, atol=self.tol * field.unit,
+                     band=band, project=project if p else None, samples=self.case.t[self.done:],
                      max_step=self.options.max_step, max_steps=self.options.max_steps - self.steps,
                      data=lambda t, y: field.data(t, y[:n]))
         return self._after(arc, held, o, p)

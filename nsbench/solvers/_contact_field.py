@@ -9,6 +9,7 @@ from nsbench.case import Case
 from nsbench.contacts import PAIR, ROW, SMOOTH, Near, Scene
 from nsbench.jets import SPACE
 from nsbench.problem import Affine, Distance, Smooth
+from nsbench.solvers._units import unit_of
 
 LISTED = 2000       # so many pairs of hard particles are all listed, without a certificate on the distance travelled
 
@@ -31,7 +32,7 @@ class ContactField:
 
     def __init__(self, case: Case, scene: Scene):
         from nsbench.compile import host
-        self.scene, self.n, self.calls = scene, case.n, 0
+        self.scene, self.n, self.calls, self.unit = scene, case.n, 0, unit_of(case)
         self._drift = host(case.problem.drift)
         families = scene.families
         self._boxes = [case.problem.drift, *[q for c in families if isinstance(c, Smooth)
@@ -136,7 +137,7 @@ class ContactField:
         from nsbench.kernels.rows import add_transposed, gram, gram_solve
         if not len(rows):
             return None
-        y, fine = x, 2e-15 * (1.0 + np.abs(x).max()) * rows.norm
+        y, fine = x, 2e-15 * (self.unit + np.abs(x).max()) * rows.norm
         for _ in range(3):
             g = self.gaps(t, y, rows)
             if np.all(np.abs(g) <= fine):

@@ -51,7 +51,7 @@ def plan(case: Case, field, x, options, tol: float) -> Plan | None:
     hard = np.array([(c.start, m, c.dim) for _, c, m in scene.hard], np.int64).reshape(-1, 3)
     eps = max(SPARE * SHARE * tol, FLOOR)
     order = int(np.clip(np.ceil(1.0 - 0.5 * np.log(eps)), ORDERS[0] + 2, ORDERS[1]))       # Jorba & Zou 2005, eq. 10
-    return Plan(drift, parts(drift), box, hard, order, eps)
+    return Plan(drift, parts(drift), box, hard, order, eps * field.unit)
 
 
 def load(walk, p: Plan):
@@ -79,6 +79,7 @@ class _Driver:
         self.walk, self.plan, self.kernel = walk, p, kernel
         self.num, self.cnt = np.zeros(slots.FLOATS), np.zeros(slots.INTS, np.int64)
         self.num[[slots.END, slots.TOL, slots.EPS]] = walk.T, walk.tol, p.eps
+        self.num[slots.UNIT] = walk.field.unit
         self.num[[slots.MAX_STEP, slots.BOX, slots.REACH]] = walk.options.max_step, p.box, walk.field.reach
         self.num[[slots.DOUBT, slots.STRICT, slots.DEPENDENT]] = (
             _selection.UNDECIDED, _selection.STRICT, _selection.DEPENDENT)

@@ -8,7 +8,7 @@ import numpy as np
 from nsbench.case import Case
 from nsbench.contacts import PAIR, Scene
 from nsbench.near import Near
-from nsbench.solvers._units import unit
+from nsbench.solvers._units import unit_of
 
 TOLERANCE = 1e-9          # of a length; a start that misses by less is what whoever made it left out
 LEAST = 1e-6              # unit: a start of 1e-16 may be a difference of numbers about 1
@@ -27,7 +27,7 @@ def tolerances(case: Case, scene: Scene, t: float, x: np.ndarray, near: Near, sh
     `share` of TOLERANCE of a length: the distance itself, or the unit of the case for a row or a smooth constraint (of what the
     gap changes by along it); and `rounded` of the numbers that the gap is the difference of.
     """
-    length, places = _unit(case), scene.places(near)
+    length, places = max(unit_of(case), LEAST), scene.places(near)
     out = np.maximum(near.d, LEAST * length)
     if places.rows.size:
         out[places.rows] = length / np.sqrt(scene.inv2[near.p[places.rows]])
@@ -63,11 +63,3 @@ def misses(case: Case, scene: Scene, t: float, x: np.ndarray) -> bool:
     if (g >= 0.0).all():
         return False
     return bool(np.any(~(g >= 0.0) & ~(np.isfinite(g) & (g >= -tolerances(case, scene, t, x, near)))))
-
-
-@functools.lru_cache(maxsize=64)
-def _unit(case: Case) -> float:
-    try:
-        return max(unit(case, case.x0), LEAST)
-    except Exception:                                    # of a drift that raises, which is told where it is called for
-        return 1.0

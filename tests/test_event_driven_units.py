@@ -1,0 +1,34 @@
+"""Events and arcs of a scene are the same in any unit of length, at any tolerance."""
+import numpy as np
+import pytest
+
+from nsbench import Affine, Case, Complementarity, Distance, Smooth, solvers
+
+
+def pushed(unit):
+    """Two discs driven against walls, together and apart again, in lengths of `unit`."""
+    def drift(xp):
+        return lambda t, x: unit * xp.array([1.0 + 0.0 * t, -0.5 + 0.0 * t, -1.0 + 0.0 * t, 0.3 + 0.0 * t])
+    walls = Affine(np.eye(3, 4), unit * np.array([1.0, 0.3, 1.0]))
+    return Case(name="pushed", problem=Complementarity(drift, (Distance(0.5 * unit), walls)),
+                x0=unit * np.array([-0.5, 0.1, 0.5, 0.0]), t=np.linspace(0.0, 1.0, 5))
+
+
+@pytest.mark.parametrize("unit", (1e-4, 1e-8, 1e-10))
+@pytest.mark.parametrize("spec, tol, miss", (("event_driven", 1e-6, 1e-9), ("event_driven", 1e-12, 1e-13),
+                                             ("event_driven[method=rk45]", 1e-9, 1e-10)))
+def test_a_scene_is_followed_in_any_unit(unit, spec, tol, miss):
+    exact = solvers.solve(pushed(1.0), "event_driven", tol=1e-12)
+    run = solvers.solve(pushed(unit), spec, tol=tol)
+    assert run.status.ok and [(e.kind, e.contact) for e in run.events] == [(e.kind, e.contact) for e in exact.events]
+    assert np.abs(run.x / unit - exact.x).max() < miss and np.abs(run.impulse / unit - exact.impulse).max() < miss
+
+
+@pytest.mark.parametrize("unit", (1e-8, 1.0))
+def test_a_gradient_that_vanishes_is_seen_in_any_unit(unit):
+    """x^3 >= 0, driven down: at 0 no direction leads away."""
+    g = Smooth(lambda xp: lambda t, x: unit * xp.array([(x[0] / unit) ** 3]))
+    problem = Complementarity(lambda xp: lambda t, x: xp.array([-unit + 0.0 * t]), (g,))
+    case = Case(name="cubic", problem=problem, x0=np.array([0.5 * unit]), t=np.linspace(0.0, 1.0, 5))
+    for tol in (1e-8, 1e-13):
+        assert solvers.solve(case, "event_driven", tol=tol).status.code == "degenerate"
