@@ -2,7 +2,7 @@
 import numpy as np
 import pytest
 
-from nsbench import Affine, Case, Complementarity, Distance, Smooth, solvers
+from nsbench import Affine, Case, Complementarity, Distance, Filippov, Smooth, solvers
 
 
 def pushed(unit):
@@ -32,3 +32,18 @@ def test_a_gradient_that_vanishes_is_seen_in_any_unit(unit):
     case = Case(name="cubic", problem=problem, x0=np.array([0.5 * unit]), t=np.linspace(0.0, 1.0, 5))
     for tol in (1e-8, 1e-13):
         assert solvers.solve(case, "event_driven", tol=tol).status.code == "degenerate"
+
+
+@pytest.mark.parametrize("unit", (1e-4, 1e-8, 1e-10))
+@pytest.mark.parametrize("spec, tol, miss", (("event_driven", 1e-12, 1e-13), ("event_driven[method=rk45]", 1e-9, 1e-6)))
+def test_sliding_weights_are_the_same_in_any_unit(unit, spec, tol, miss):
+    def slides(unit):
+        def field(xp):
+            return lambda t, x, s: unit * xp.array([-s[0] + 0.3 * xp.cos(3.0 * t), x[0] / unit - 1.5 * s[1] + xp.sin(5.0 * t)])
+
+        def switch(xp):
+            return lambda t, x: xp.array([x[0], x[1] - 0.2 * unit])
+        return Case(name="slides", problem=Filippov.signs(field, switch), x0=unit * np.array([0.5, -0.4]), t=np.linspace(0, 3, 7))
+    exact, run = solvers.solve(slides(1.0), "event_driven", tol=1e-12), solvers.solve(slides(unit), spec, tol=tol)
+    assert run.status.ok and len(run.events) == len(exact.events) == 2
+    assert np.abs(run.x / unit - exact.x).max() < miss and np.abs(run.impulse - exact.impulse).max() < miss

@@ -67,7 +67,7 @@ class _Counted:
 
 
 def follow(rhs: Callable, t0: float, y0: np.ndarray, t_end: float, gaps: Callable | None = None, *,
-           method: str = "dop853", rtol: float = 1e-12, atol: float | None = None, max_step: float = np.inf,
+           method: str = "dop853", rtol: float = 1e-12, atol: float | np.ndarray | None = None, max_step: float = np.inf,
            project: Callable | None = None, armed: np.ndarray | None = None, band: float | np.ndarray = 0.0,
            samples: np.ndarray = (), max_steps: int = 1_000_000, first_step: float | None = None,
            data: Callable | None = None) -> Arc:
@@ -112,8 +112,8 @@ class _Follower:
         self.fun, self.project, self.max_step, self.data = _Counted(rhs), project, max_step, data
         eps = np.finfo(float).eps
         # an impulse is what two states differ by: it cannot be asked for more digits than the largest of them has
-        least = max(_MINIMAL * min(1.0, atol / rtol), eps * np.abs(y0).max(initial=0.0))
-        self.rtol, self.atol = max(SHARE * rtol, 100 * eps), max(SHARE * atol, least)
+        least = np.maximum(_MINIMAL * np.minimum(1.0, atol / rtol), eps * np.abs(y0).max(initial=0.0))
+        self.rtol, self.atol = max(SHARE * rtol, 100 * eps), np.maximum(SHARE * atol, least)
         self.t, self.y, self.t_end, self.y_size = t0, y0, t_end, 1.0 + np.abs(y0).max(initial=0.0)
         self.stops, self.bound = np.append(np.asarray(samples, float), t_end), (t_end - t0) / PARTS
         self.h, self.steps, self.rows, self.row = 0.0, 0, [], 0

@@ -16,6 +16,7 @@ from nsbench.solvers._arc import follow
 from nsbench.solvers._sliding import EPS, FREE, Motion
 from nsbench.solvers._tape import tape
 from nsbench.solvers._taylor import Compiled
+from nsbench.solvers._units import unit_of
 from nsbench.solvers.base import Run
 from nsbench.trajectory import Event, Status, Trajectory
 
@@ -44,6 +45,8 @@ class _Walk:
         self.case, self.motion, self.options, self.tol = case, motion, options, tol
         self.t, self.x, self.n, self.d = float(case.t[0]), case.x0.copy(), case.n, motion.d
         motion.calls = motion.newton = 0
+        unit = unit_of(case)
+        self.size = 1.0 if unit == 1.0 else np.append(np.full(self.n, unit), np.ones(self.d))      # of a state and of weights
         self.theta, self.mode, self.signs = np.zeros(self.d), np.zeros(self.d, np.int64), np.zeros(self.d)
         self.events, self.meetings, self.idle, self.ends = [], [], 0, None
         self.proof = {"unproven": 0, "refused": 0, "touches": 0}
@@ -131,8 +134,9 @@ class _Walk:
         band[on], band[free] = FLAT, 0.0
         later = self.case.t[self.done:]
         arc = follow(rhs, self.t, np.concatenate([self.x, self.theta]), T, gaps, method=self.options.method,
-                     rtol=self.tol, max_step=self.options.max_step, max_steps=self.options.max_steps - self.steps,
-                     project=project if on.size else None, armed=armed, band=band, samples=later, data=data)
+                     rtol=self.tol, atol=self.tol * self.size, max_step=self.options.max_step,
+                     max_steps=self.options.max_steps - self.steps, project=project if on.size else None, armed=armed,
+                     band=band, samples=later, data=data)
         rows = slice(self.done, self.done + len(arc.samples))
         self.X[rows], self.W[rows] = arc.samples[:, :n], arc.samples[:, n:]
         for k in self.proof:

@@ -27,8 +27,8 @@ class EventDriven:
 
     method: the integrator (dop853, rk45, radau, lsoda). max_events, max_steps: budgets of one run. max_step: bound on
     a step (samples always end steps of the host). compiled: follow Filippov systems that can be traced by Taylor series,
-    compiled, with `dop853` where those need help. tol: relative and absolute tolerance of the integrator; with constraints,
-    the absolute one in the unit of the case (see _units).
+    compiled, with `dop853` where those need help. tol: relative and absolute tolerance of the integrator; the
+    absolute one in the unit of the case (see _units).
     """
     method: str = "dop853"
     max_events: int = 100_000
