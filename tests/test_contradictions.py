@@ -2,7 +2,7 @@
 import numpy as np
 import pytest
 
-from nsbench import Affine, Case, Complementarity, Distance, solvers
+from nsbench import Affine, Case, Complementarity, Distance, Smooth, solvers
 from nsbench.solvers._contradiction import contradiction
 
 
@@ -159,3 +159,41 @@ def test_a_heap_that_comes_apart_had_room():
     case = Case(name="heap", problem=Complementarity(_rest, (box, Distance(0.9))), t=np.linspace(0, 1, 5), start="keep",
                 x0=np.array([0.1, 0.45, 0.5, 0.55, 0.9, 0.45]))
     assert solvers.solve(case, "pbd", h=0.005).status.ok
+
+
+@pytest.mark.survives("empty set")
+def test_two_roundings_of_one_wall_are_no_contradiction():
+    """x = 2/3 + sin t, one side of it printed; a circle through the start, from both sides; PBD behind a prescribed motion."""
+    def b(xp):
+        return lambda t: xp.array([-0.6666666667 - xp.sin(t), 2.0 / 3.0 + xp.sin(t)])
+
+    def moved(xp):
+        return lambda t: xp.array([-xp.sin(t), xp.sin(t)])
+
+    def circle(xp):
+        def g(t, x):
+            r2, s2 = 0.56**2 + 0.96**2, (x[0] - 0.56) ** 2 + (x[1] - 0.96) ** 2
+            return xp.array([xp.sqrt(s2) - np.sqrt(r2), r2 - s2])
+        return g
+    both = np.array([[1.0], [-1.0]])
+    behind = Affine(both, moved), [0.0], 901
+    for held, x0, samples in ((Affine(both, b), [2.0 / 3.0], 11), (Smooth(circle), [0.0, 0.0], 3), behind):
+        case = Case(name="one", problem=Complementarity(_rest, (held,)), x0=np.array(x0), t=np.linspace(0, 1, samples))
+        assert solvers.solve(case, "pbd", h=0.01).status.ok
+
+
+@pytest.mark.survives("empty set")
+def test_the_programs_of_a_run_are_counted(monkeypatch):
+    """Walls without room ask for one at every sample, and still tell of the time at which they cross."""
+    from nsbench.solvers import _walls
+    asked, plain = [], _walls._program
+    monkeypatch.setattr(_walls, "_program", lambda *args: asked.append(1) or plain(*args))
+
+    def b(cross):
+        dip = lambda xp, t: cross * xp.maximum(0.0, 0.01 - xp.abs(t - 0.7))
+        return lambda xp: lambda t: xp.array([-xp.sin(9.0 * t), xp.sin(9.0 * t) - dip(xp, t)])
+    walls = lambda cross: Affine(np.array([[1.0], [-1.0]]), b(cross))
+    for cross, code in ((0.0, "ok"), (1.0, "infeasible")):
+        case = Case(name="many", problem=Complementarity(_still, (walls(cross),)), x0=np.array([0.0]), t=np.linspace(0, 1, 3001))
+        assert solvers.solve(case, "penalty", k=1000.0).status.code == code
+        assert len(asked) <= 2 * (_walls.MOST + 1)

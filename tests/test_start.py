@@ -146,3 +146,16 @@ def test_a_projection_ends_at_the_rounding_of_its_constraints(radius):
             x = start.start_state(case, Scene(problem, 2))
             away = np.hypot(*x) if held is disc else np.hypot(*(x - [0.6 * radius, 0.8 * radius]))
             assert away == pytest.approx(radius, rel=1e-14)
+
+
+def test_a_start_printed_with_ten_digits_is_a_start():
+    """Touching discs of 0.1 in a box of 10, a particle on a wall at some hundreds."""
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        angle, p = rng.uniform(0.0, 2.0 * np.pi), rng.uniform(1.0, 9.0, 2)
+        discs = Complementarity(still, (Distance(0.1),))
+        wall = Complementarity(still, (Affine(np.array([[1.0, 0.0]]), np.array([-50.0 * p[0]])),))
+        for problem, x in ((discs, [*p, *(p + 0.1 * np.array([np.cos(angle), np.sin(angle)]))]), (wall, [50.0 * p[0], 1.0])):
+            x0 = np.array([float(f"{v:.10g}") for v in x])
+            case = Case("printed", problem, x0, np.linspace(0.0, 1.0, 2))
+            assert start.start_state(case, Scene(problem, x0.size)).tolist() == x0.tolist()

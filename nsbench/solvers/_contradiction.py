@@ -10,7 +10,7 @@ import numpy as np
 
 from nsbench.case import Case
 from nsbench.contacts import Scene
-from nsbench.solvers._extent import misses, numbers, scene_of
+from nsbench.solvers._extent import misses, scene_of, tolerances
 from nsbench.solvers._links import too_short
 from nsbench.solvers._walls import Walls, least_miss
 from nsbench.trajectory import Status, Trajectory
@@ -31,24 +31,31 @@ def nowhere(case: Case, traj: Trajectory) -> Status | None:
     best = int(np.argmin(depth))
     if not scene.moving and not misses(case, scene, float(traj.t[best]), traj.x[best]):
         return None
-    walls = Walls(scene)
+    walls = Walls(case)
     for t, x in _moments(scene, traj):
         if why := walls.contradiction(t, x) or too_short(case, t):
             return Status("infeasible", why)
     for k in _deepest(depth):
-        if why := _arrangement(scene, float(traj.t[k]), traj.x[k], float(depth[k])):
+        if why := _arrangement(case, scene, float(traj.t[k]), traj.x[k], float(depth[k])):
             return Status("infeasible", why)
     return None
 
 
 def _moments(scene: Scene, traj: Trajectory):
-    """Times at which walls and links are looked at, and states around: all samples and, of few, the straight ways between; of
-    constraints at rest the start."""
-    yield float(traj.t[0]), traj.x[0]
+    """Times at which walls and links are looked at, and states around: all samples and, of few, the straight ways between, the
+    coarsest grid of them first; of constraints at rest the start."""
     between = -(-TIMES // max(len(traj.t) - 1, 1))
-    for k in range(len(traj.t) - 1) if scene.moving else ():
-        for a in np.arange(1, between + 1) / between:
-            yield float((1.0 - a) * traj.t[k] + a * traj.t[k + 1]), (1.0 - a) * traj.x[k] + a * traj.x[k + 1]
+    count = 1 + between * (len(traj.t) - 1) if scene.moving else 1
+    for at in _coarse_first(count):
+        k, a = at // between, at % between / between
+        t, x = traj.t[k:k + 2], traj.x[k:k + 2]
+        yield (float((1.0 - a) * t[0] + a * t[1]), (1.0 - a) * x[0] + a * x[1]) if a else (float(t[0]), x[0])
+
+
+def _coarse_first(count: int) -> list[int]:
+    """0 to count - 1: multiples of high powers of two first."""
+    numbers = np.arange(count)
+    return numbers[np.argsort(-(numbers & -numbers), kind="stable")].tolist()
 
 
 def _deepest(depth: np.ndarray) -> list[int]:
@@ -60,7 +67,7 @@ def _deepest(depth: np.ndarray) -> list[int]:
     return sorted((int(k) for k in worst if depth[k] > 0.0), key=lambda k: -depth[k])
 
 
-def _arrangement(scene: Scene, t: float, x: np.ndarray, depth: float) -> str | None:
+def _arrangement(case: Case, scene: Scene, t: float, x: np.ndarray, depth: float) -> str | None:
     """Why no small move from x meets all constraints that touch there; None where one does, or where they are too many.
 
     A linear program of the linearised constraints. For links and rods it is no more than what they ask; hard particles may
@@ -72,7 +79,7 @@ def _arrangement(scene: Scene, t: float, x: np.ndarray, depth: float) -> str | N
     row, col, vals = scene.triplets(t, x, near)
     order = np.argsort(row, kind="stable")
     ptr, col, vals = np.searchsorted(row[order], np.arange(len(near) + 1)), col[order], vals[order]
-    miss = least_miss(ptr, col, vals, scene.gaps(t, x, near), scene.n, numbers(scene, t, x, near))
+    miss = least_miss(ptr, col, vals, scene.gaps(t, x, near), scene.n, tolerances(case, scene, t, x, near))
     if not miss.least > CURVED * miss.deep:
         return None
     return (f"The constraints contradict each other at t = {t:.6g} where the run violates them by {depth:.3g}: to first order, "
@@ -85,4 +92,4 @@ def contradiction(case: Case, t: float, x: np.ndarray | None = None) -> str | No
     Rows by a linear program around x (n,), the start where none is given; links by shortest paths: anchors further apart than
     the links between them are long. Other contradictions are not looked for.
     """
-    return Walls(scene_of(case)).contradiction(t, case.x0 if x is None else x) or too_short(case, t)
+    return Walls(case).contradiction(t, case.x0 if x is None else x) or too_short(case, t)

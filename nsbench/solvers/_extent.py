@@ -13,6 +13,8 @@ from nsbench.solvers._units import unit_of
 TOLERANCE = 1e-9          # of a length; a start that misses by less is what whoever made it left out
 LEAST = 1e-6              # unit: a start of 1e-16 may be a difference of numbers about 1
 ROUNDED = 1e-13           # of the numbers that a gap is made of: some hundred roundings, of whoever made them
+PRINTED, HARMLESS = 1e-9, 1e-6     # of those numbers: ten digits of them; as long as it is no more than this of the length
+FINE, EXACT = 1e-4, 4e-15          # of TOLERANCE, and of the numbers, sixteen roundings: what a projection may miss by
 
 
 @functools.lru_cache(maxsize=64)
@@ -20,23 +22,31 @@ def scene_of(case: Case) -> Scene:
     return Scene(case.problem, case.n)
 
 
-def tolerances(case: Case, scene: Scene, t: float, x: np.ndarray, near: Near, share: float = 1.0,
-               rounded: float = ROUNDED) -> np.ndarray:
+def tolerances(case: Case, scene: Scene, t: float, x: np.ndarray, near: Near, projected: bool = False) -> np.ndarray:
     """(m,) what the gaps of `near` at (t, x) may be below zero, each in its own unit.
 
-    `share` of TOLERANCE of a length: the distance itself, or the unit of the case for a row or a smooth constraint (of what the
-    gap changes by along it); and `rounded` of the numbers that the gap is the difference of.
+    TOLERANCE of a length: the distance itself, or the unit of the case for a row or a smooth constraint (of what the gap
+    changes by along it); and ROUNDED or, where that is harmless, PRINTED of the numbers that the gap is the difference of.
+    Much less of what was projected.
     """
-    length, places = max(unit_of(case), LEAST), scene.places(near)
-    out = np.maximum(near.d, LEAST * length)
+    length, terms = lengths(case, scene, t, x, near), numbers(scene, t, x, near)
+    if projected:
+        return FINE * TOLERANCE * length + EXACT * terms
+    return TOLERANCE * length + np.maximum(ROUNDED * terms, np.minimum(PRINTED * terms, HARMLESS * length))
+
+
+def lengths(case: Case, scene: Scene, t: float, x: np.ndarray, near: Near) -> np.ndarray:
+    """(m,) what the gaps of `near` change by along a length of theirs."""
+    unit, places = max(unit_of(case), LEAST), scene.places(near)
+    out = np.maximum(near.d, LEAST * unit)
     if places.rows.size:
-        out[places.rows] = length / np.sqrt(scene.inv2[near.p[places.rows]])
+        out[places.rows] = unit / np.sqrt(scene.inv2[near.p[places.rows]])
     for family, sel in enumerate(places.smooth):
         if sel.size:
             with np.errstate(all="ignore"):
                 slope = np.sqrt((scene.smooth(family).gradient(t, x) ** 2).sum(-1))[near.p[sel]]
-            out[sel] = length * np.where(np.isfinite(slope), slope, 1.0)
-    return share * TOLERANCE * out + rounded * numbers(scene, t, x, near)
+            out[sel] = unit * np.where(np.isfinite(slope), slope, 1.0)
+    return out
 
 
 def numbers(scene: Scene, t: float, x: np.ndarray, near: Near) -> np.ndarray:

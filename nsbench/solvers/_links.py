@@ -7,7 +7,7 @@ import numpy as np
 
 from nsbench.case import Case
 from nsbench.contacts import ANCHOR, PAIR
-from nsbench.solvers._extent import ROUNDED, scene_of
+from nsbench.solvers._extent import HARMLESS, PRINTED, ROUNDED, scene_of
 
 MISSED = 1e-9            # of the length of a chain: what it may be too short by
 ENDS = 200               # anchored links of one chain between which the ways are looked at
@@ -20,7 +20,8 @@ def too_short(case: Case, t: float) -> str | None:
         anchors = scene.anchors(t) if anchors is None else anchors
         a, b = anchors[i], anchors[j]
         apart = np.sqrt(((a - b) ** 2).sum(-1))
-        short = apart - (1.0 + MISSED) * reach - ROUNDED * (np.abs(a).max(-1) + np.abs(b).max(-1))
+        terms = np.abs(a).max(-1) + np.abs(b).max(-1)
+        short = apart - (1.0 + MISSED) * reach - np.maximum(ROUNDED * terms, np.minimum(PRINTED * terms, HARMLESS * reach))
         k = int(np.argmax(short))
         if short[k] > 0.0:
             return (f"The links are too short at t = {t:.6g}: two anchors are {apart[k]:.6g} apart, and the links between them "

@@ -9,6 +9,7 @@ from nsbench.case import Case
 from nsbench.moving import SmoothRows
 from nsbench.problem import Affine, Complementarity, Distance
 
+LOOKS = 5                 # times of a run
 SMALL = 1e-3              # size of a motion of which an absolute 1e-9 would be visible beside a rate
 
 
@@ -22,17 +23,31 @@ def unit_of(case: Case) -> float:
 
 
 def unit(case: Case, x0: np.ndarray) -> float:
-    """1, or the size of states, motion and constraints (of a Complementarity or Filippov problem) where that is much smaller."""
-    p, t, lengths = case.problem, case.t[0], [0.0]
+    """1, or the size of states, motion and constraints (of a Complementarity or Filippov problem) where that is much smaller.
+
+    The size of the state at the start; of motion and constraints beside it at LOOKS times of the run.
+    """
+    found = [_sizes(case, float(case.t[0]), x0)]
+    for t in np.linspace(case.t[0], case.t[-1], LOOKS)[1:].tolist():
+        try:
+            found.append(_sizes(case, t, x0))
+        except Exception:                # the run may never be there
+            continue
+    lengths, speeds = np.array(found).T
+    size = max(float(lengths.max()), float(np.abs(x0).max()), float(case.t[-1] - case.t[0]) * float(speeds.max()))
+    return size if 0.0 < size < SMALL else 1.0
+
+
+def _sizes(case: Case, t: float, x0: np.ndarray) -> tuple[float, float]:
+    """The largest length of the constraints, and the largest speed, at x0."""
+    p = case.problem
     with np.errstate(all="ignore"):
         if isinstance(p, Complementarity):
-            speeds = [p.drift(np)(t, x0.copy())]
-            lengths += [_length(c, t, x0) for c in p.constraints]
+            fields, lengths = [p.drift(np)(t, x0.copy())], [_length(c, t, x0) for c in p.constraints]
         else:
-            d = len(np.atleast_1d(p.switch(np)(t, x0.copy())))
-            speeds = [p.field(np)(t, x0.copy(), np.full(d, s)) for s in (1.0, -1.0)]
-        size = max(*lengths, float(np.abs(x0).max()), float(case.t[-1] - t) * float(np.abs(speeds).max(initial=0.0)))
-    return size if 0.0 < size < SMALL else 1.0
+            d, lengths = len(np.atleast_1d(p.switch(np)(t, x0.copy()))), []
+            fields = [p.field(np)(t, x0.copy(), np.full(d, s)) for s in (1.0, -1.0)]
+        return max(lengths, default=0.0), max(float(np.abs(f).max(initial=0.0)) for f in fields)
 
 
 def _length(c, t: float, x: np.ndarray) -> float:

@@ -5,12 +5,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from nsbench.contacts import Scene
+from nsbench.case import Case
+from nsbench.contacts import ROW
+from nsbench.solvers._extent import scene_of, tolerances
 
 SOLVED = 1e-10           # of the farthest constraint looked at: what a linear program is solved to
-ROUNDED = 1e-11          # of the numbers that gaps are differences of: rounding, also of whoever made them
 FAR = 1e4                # of the depth, or of what is violated next: constraints farther away are asked when in the way
 ROOM = 1e3               # of the depth: the margin that is looked for, for the point to serve at other times too
+KEPT = 16                # points that were found
+MOST = 400               # programs solved for one run: of walls between which there is no room, each sample asks for one
 WEIGHS = 1e-7            # of all weights: a constraint that takes part in a contradiction
 
 
@@ -24,31 +27,36 @@ class Miss:
 
 
 class Walls:
-    """The affine rows of a scene, asked at many times: a point that was found serves as long as it misses none."""
+    """The affine rows of a case, asked at many times: a point that was found serves as long as it misses none."""
 
-    def __init__(self, scene: Scene):
-        self.scene, self.found = scene, []
+    def __init__(self, case: Case):
+        self.case, self.scene, self.found, self.programs = case, scene_of(case), [], 0
+        listed = self.scene.all_static()
+        self.near = listed.take(listed.kind == ROW)
 
     def contradiction(self, t: float, x: np.ndarray) -> str | None:
         """Why no state meets all rows at t; None where some does. x (n,): a state around."""
         s = self.scene
-        if len(s.ptr) < 3:
+        if len(s.ptr) < 3 or self.programs > MOST:
             return None
         b = s.b(t)
         rows = lambda z: np.add.reduceat(s.vals * z[s.cols], s.ptr[:-1]) + b
-        if any((rows(z) >= 0.0).all() for z in (x, *(x + way if way is not None else point for way, point in self.found))):
+        if any((rows(x + z if moves else z) >= 0.0).all() for moves, z in ((True, 0.0), *self.found)):
             return None
-        terms = np.add.reduceat(np.abs(s.vals * x[s.cols]), s.ptr[:-1]) + np.abs(b)
-        miss = least_miss(s.ptr, s.cols, s.vals, rows(x), s.n, terms, ROOM)
+        g, allowed = rows(x), tolerances(self.case, s, t, x, self.near)
+        if (g >= -allowed).all():
+            return None
+        self.programs += 1
+        miss = least_miss(s.ptr, s.cols, s.vals, g, s.n, allowed, ROOM)
         if miss.way is not None:
-            self.found = [(miss.way, None), (None, x + miss.way)]
+            self.found = [(True, miss.way), (False, x + miss.way), *self.found][:KEPT]
         if not miss.least > 0.0:
             return None
         return f"The walls contradict each other at t = {t:.6g}: every state misses one of them by {miss.least:.3g} or more."
 
 
-def least_miss(ptr, cols, vals, g, n: int, terms, room: float = 0.0) -> Miss:
-    """The least s with A d + g + s >= 0 for some d, by rows made as long as one: A as CSR; g (m,), differences of terms (m,).
+def least_miss(ptr, cols, vals, g, n: int, allowed, room: float = 0.0) -> Miss:
+    """The least s with A d + g + s >= 0 for some d, by rows made as long as one: A as CSR; g (m,), which may miss by `allowed`.
 
     Of rows beyond FAR times the largest -g nothing is asked until the way found misses them. With `room` a d is looked for
     that keeps so many times the largest -g clear of every row.
@@ -57,7 +65,7 @@ def least_miss(ptr, cols, vals, g, n: int, terms, room: float = 0.0) -> Miss:
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         norm = 1.0 / np.sqrt(np.bincount(rows, vals * vals, len(g)))
         asks = np.isfinite(norm)                                     # a row of zeros asks nothing of a state
-        g, terms, norm = np.where(asks, g * norm, np.inf), np.where(asks, terms * norm, 0.0), np.where(asks, norm, 0.0)
+        g, allowed, norm = np.where(asks, g * norm, np.inf), np.where(asks, allowed * norm, 0.0), np.where(asks, norm, 0.0)
     deep = float(-np.min(g, initial=0.0))
     if not 0.0 < deep < np.inf or np.isnan(g).any():
         return Miss()
@@ -67,7 +75,7 @@ def least_miss(ptr, cols, vals, g, n: int, terms, room: float = 0.0) -> Miss:
         if d is None:
             return Miss()
         part = weights > WEIGHS
-        least = 10.0 * SOLVED * float(np.abs(g[use]).max()) + ROUNDED * float(weights[part] @ terms[part])
+        least = 10.0 * SOLVED * float(np.abs(g[use]).max()) + float(weights[part] @ allowed[part])
         if s > least:
             return Miss(s, float(-np.min(g[part], initial=0.0)))
         after = np.bincount(rows, vals * d[cols], len(g)) + g

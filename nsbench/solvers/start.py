@@ -10,8 +10,6 @@ from nsbench.solvers._extent import misses, numbers, tolerances
 
 ITERATIONS = 1000         # linear convergence: a start that overlaps deeply needs a few hundred
 DENSE = 10_000           # entries of the gradients: below, SciPy solves before a kernel is compiled
-FINE = 1e-4              # of the length that a start may miss by: a projected one
-EXACT = 4e-15            # of the numbers that a gap is made of: what a projected start may miss by, sixteen roundings
 STILL = 1e-13            # of a coordinate, the longest way, or what pushes is made of: what moves by less has ended
 
 
@@ -88,7 +86,7 @@ class _Lines:
     def __init__(self, case, scene, t, y, reach):
         self.near, self.n = scene.near(y, reach, t), scene.n
         self.g, (self._row, self._cols, self._vals) = scene.gaps(t, y, self.near), scene.triplets(t, y, self.near)
-        self.allowed = tolerances(case, scene, t, y, self.near, FINE, EXACT)
+        self.allowed = tolerances(case, scene, t, y, self.near, projected=True)
         self._sizes = lambda: numbers(scene, t, y, self.near)
 
     def size(self, known) -> float:
