@@ -112,7 +112,7 @@ class _Walk:
             terms = np.concatenate((most, np.maximum(size, more)))
             limit = SHARE * self.tol * np.concatenate((most, more)) + NOISE * EPS * terms
             good, easy = resolved(np.hstack([X, F]), limit)
-            good = good and bool(np.all(most <= GROWS * self.scale))
+            good = good and bool(np.all(most <= GROWS * self.scale) and np.all(flow.jumped(s, h) <= self.tol * most))
             if not good and h > LEAST * span:
                 h *= 0.5
                 continue

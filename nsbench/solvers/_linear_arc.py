@@ -44,6 +44,9 @@ def _integrals(nodes):
 S = _radau(STAGES)                                          # on [-1, 1]
 TO_CHEB = _inverse(np.polynomial.chebyshev.chebvander(S, STAGES)).astype(float)
 BUTCHER, SUM = _integrals(S[1:]), _integrals(S)
+BACK = (np.polynomial.chebyshev.chebvander(S[:1], STAGES - 1)[0]
+        @ _inverse(np.polynomial.chebyshev.chebvander(S[1:], STAGES - 1))).astype(float)
+NOISE = 64.0            # roundings of values that are carried back to the first node
 
 
 class Flow:
@@ -74,6 +77,17 @@ class Flow:
         d = lu_solve(factors, rhs, check_finite=False)
         d += lu_solve(factors, rhs - M @ d, check_finite=False)                 # states of very different size are mixed in M
         return np.vstack([x, x + d.reshape(STAGES, n)]), s
+
+    def jumped(self, s, h):
+        """(n,) what a jump of the inputs right behind the first node makes of the state.
+
+        Collocation takes inputs from the other nodes alone: what they are carried back to is held against those at the first.
+        """
+        if self._method != "dop853":
+            return np.zeros(len(self.mode.G))
+        g = np.einsum("kij,akj->ai", self.mode.U, s)
+        off = np.abs(g[0] - BACK @ g[1:]) - NOISE * EPS * np.abs(g).max(axis=0)
+        return 0.5 * h * (S[1] - S[0]) * np.where(off <= 0.0, 0.0, off)
 
     def _followed(self, t, x, h):
         from nsbench.solvers._arc import follow
