@@ -29,3 +29,11 @@ def test_a_jump_of_an_input_is_found_wherever_it_lies(rate):
                          -1.0 + (at + 1.0) * np.exp(-rate * np.maximum(t - jump, 0.0)))
         missed.append(np.abs(run.x[:, 0] - exact).max())
     assert max(missed) < 1e-11
+
+
+def test_steps_of_other_integrators_are_counted():
+    """Each step of the walk takes them many: a budget of steps is one of theirs."""
+    case = switched(1.0, 0.5)
+    run = solvers.solve(case, "event_driven[method=rk45]", tol=1e-11)
+    assert run.status.ok and run.stats["steps"] > 100
+    assert solvers.solve(case, "event_driven[method=rk45,max_steps=100]", tol=1e-11).status.code == "maxiter"

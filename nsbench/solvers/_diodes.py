@@ -49,6 +49,7 @@ class _Walk:
         with np.errstate(all="ignore"):
             self.scale, self.top = self._sizes()
         self.events, self.meetings, self.idle, self.steps, self.arcs, self.tried, self.h = [], [], 0, 0, 0, 0, 0.0
+        self.asked = 0                          # of steps, each of which other integrators take many for
         self.pace, self.unsure = None, False
 
     def run(self) -> Trajectory:
@@ -97,10 +98,10 @@ class _Walk:
             h = min(h, span, self.options.max_step)
             if self.steps >= self.options.max_steps:
                 return Status("maxiter", f"{self.steps} steps were taken by t = {self.t:.9g}.")
-            if self.creeps(self.steps, self.t):
+            if self.creeps(self.asked, self.t):
                 return Status("maxiter", CREEPS.format(self.t))
             X, s = flow.step(self.t, self.x, h)
-            self.steps += 1
+            self.steps, self.asked = self.steps + flow.steps, self.asked + 1
             F = flow.functions(X, s)
             if not (np.all(np.isfinite(X)) and np.all(np.isfinite(F))):
                 if h > LEAST * span:

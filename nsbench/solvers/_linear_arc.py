@@ -55,6 +55,7 @@ class Flow:
     def __init__(self, mode, inputs, method: str = "dop853", tol: float = 1e-12):
         self.mode, self.inputs, self._factors = mode, inputs, {}
         self._method, self._tol, self.scale = method, tol, np.ones(len(mode.G))
+        self.steps = 1                                       # of the integrator, in the last step
         self.fastest = float(np.abs(np.linalg.eigvals(mode.G)).max(initial=0.0))
 
     def step(self, t: float, x: np.ndarray, h: float):
@@ -99,6 +100,7 @@ class Flow:
             arc = follow(rhs, 0.0, x / size, times[-1], method=self._method, rtol=0.1 * self._tol, samples=times[1:-1],
                          max_steps=FOLLOWED)
             X = size * np.vstack([x / size, arc.samples, arc.y]) if arc.status.ok else X
+            self.steps = max(arc.steps, 1)
         return X, s
 
     def functions(self, X, s):
