@@ -12,7 +12,7 @@ import numpy as np
 from nsbench.case import Case
 from nsbench.solvers._arc import CREEPS, Creeping
 from nsbench.solvers._lcs import certainly_unique
-from nsbench.solvers._linear_arc import EPS, SUM, Flow, S, crossing, resolved, value
+from nsbench.solvers._linear_arc import EPS, NOISE, SUM, Flow, S, crossing, resolved, value
 from nsbench.solvers._modes import Inputs, mode
 from nsbench.solvers._switching import accumulation
 from nsbench.solvers.base import Run
@@ -24,7 +24,6 @@ LONGEST = 1e-2                      # to this part of the run: what vanishes so 
 BAND = 1e-12                        # of the terms of a sum: below, it is zero (4500 roundings)
 START = 1e-9                        # the same for the start, which may have been typed
 SHARE = 1e-2                        # of the tolerance for the last coefficients of one step: a run takes tens
-NOISE = 64.0                        # roundings in the last coefficients: 13 values with weights of about one, and a solve
 GROWS = 100.0                       # most of a state's size in one step, so that SHARE of the tolerance is relative to its start
 LEAST = 1e-13                       # part of the run below which a step is not halved: an input jumps there
 IDLE = 1000                         # events in a row that leave the set as it is

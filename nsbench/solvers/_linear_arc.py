@@ -46,7 +46,7 @@ TO_CHEB = _inverse(np.polynomial.chebyshev.chebvander(S, STAGES)).astype(float)
 BUTCHER, SUM = _integrals(S[1:]), _integrals(S)
 BACK = (np.polynomial.chebyshev.chebvander(S[:1], STAGES - 1)[0]
         @ _inverse(np.polynomial.chebyshev.chebvander(S[1:], STAGES - 1))).astype(float)
-NOISE = 64.0            # roundings of values that are carried back to the first node
+NOISE = 64.0            # roundings in the last coefficients of a step, or in what is carried back to its first node: 13 values
 
 
 class Flow:

@@ -52,9 +52,7 @@ class _Walk:
         self.proof = {"unproven": 0, "refused": 0, "touches": 0}
         self.entered = [None] * self.d          # (side it came from, time, theta) of the last entry of each surface
         self.arcs, self.steps, self.h, self.done = 0, 0, 0.0, 1
-        self.X, self.W = np.empty((len(case.t), self.n)), np.empty((len(case.t), self.d))
-        self.X.fill(np.nan)
-        self.W.fill(np.nan)
+        self.X, self.W = (np.full((len(case.t), k), np.nan) for k in (self.n, self.d))
 
     def run(self) -> Trajectory:
         case = self.case
@@ -124,9 +122,6 @@ class _Walk:
             x = motion.project(t, y[:n], on)
             return None if x is y[:n] else np.concatenate([x, y[n:]])
 
-        def data(t, y):
-            return motion.data(t, y[:n], mode)
-
         if on.size:
             self.x = motion.project(self.t, self.x, on)
         band = np.concatenate([self._band(self.t, self.x, 16.0), np.full(on.size + (on.size > 1), FLAT),
@@ -136,7 +131,7 @@ class _Walk:
         arc = follow(rhs, self.t, np.concatenate([self.x, self.theta]), T, gaps, method=self.options.method,
                      rtol=self.tol, atol=self.tol * self.size, max_step=self.options.max_step,
                      max_steps=self.options.max_steps - self.steps, project=project if on.size else None, armed=armed,
-                     band=band, samples=later, data=data)
+                     band=band, samples=later, data=lambda t, y: motion.data(t, y[:n], mode))
         rows = slice(self.done, self.done + len(arc.samples))
         self.X[rows], self.W[rows] = arc.samples[:, :n], arc.samples[:, n:]
         for k in self.proof:
