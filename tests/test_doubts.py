@@ -137,6 +137,30 @@ def test_a_surface_that_turns_repulsive(samples):
     assert solvers.solve(made(0.6).replace(unique=False), "event_driven", tol=1e-10).status.ok
 
 
+@pytest.mark.survives("repulsive")
+@pytest.mark.parametrize("side", (1.0, -1.0))
+@pytest.mark.parametrize("samples", (3, 102))
+def test_a_rest_on_a_surface_that_the_other_side_begins_to_leave(side, samples):
+    """x' = -x on one side, which is at rest on x = 0, and (b - t) towards it on the other: from t = b on the state may leave."""
+    def made(b, rest=-1.0):
+        def field(xp):
+            return lambda t, x, s: xp.array([xp.where(s[0] * side > 0.0, rest * x[0], side * (b - t))])
+        return Case(name="rests", problem=Filippov.signs(field, lambda xp: lambda t, x: xp.array([x[0]])),
+                    x0=np.array([-0.1 * side]), t=np.linspace(0.0, 1.0, samples))
+    status = solvers.solve(made(0.6), "event_driven", tol=1e-10).status
+    assert status.code == "degenerate" and "at rest" in str(status)
+    assert solvers.solve(made(1.5), "event_driven", tol=1e-10).status.ok
+    assert solvers.solve(made(0.6).replace(unique=False), "event_driven", tol=1e-10).status.ok
+
+
+def test_what_comes_to_rest_beside_a_surface_has_not_met_it():
+    """x' = -x from 1 to exp(-20), with a side below that leads away from x = 0, which the state never sees."""
+    case = _relays(lambda xp: lambda t, x, s: xp.array([xp.where(s[0] > 0.0, -x[0], -1.0)]),
+                   lambda xp: lambda t, x: xp.array([x[0]]), [1.0], np.linspace(0.0, 20.0, 11))
+    traj = solvers.solve(case, "euler[implicit=true]", h=1e-3)
+    assert traj.status.ok and traj.x[-1, 0] == pytest.approx(np.exp(-20.0), rel=0.02)
+
+
 def test_a_corner_is_told_where_it_is_held_and_not_where_it_is_passed():
     from nsbench import load_case
     kept = Path(__file__).parent / "honesty_kept"
@@ -243,3 +267,13 @@ def test_a_layer_that_holds_a_repelled_start_is_told():
     status = solvers.solve(case, "penalty", k=1e3).status
     assert status.code == "unverified" and "both fields leave" in str(status)
     assert solvers.solve(case.replace(x0=np.array([0.1])), "penalty", k=1e3).status.ok
+
+
+@pytest.mark.parametrize("scale, code", ((1.0, "ok"), (1e-3, "unverified")))
+def test_a_layer_that_one_of_two_switches_does_not_leave_is_told(scale, code):
+    case = _relays(lambda xp: lambda t, x, s: xp.array([1.0 - 0.5 * s[0], 0.3 - 0.5 * s[1]]),
+                   lambda xp: lambda t, x: xp.array([x[0] + 0.2, scale * (x[1] - 0.1)]), [-0.5, 0.5], np.linspace(0.0, 1.0, 6))
+    status = solvers.solve(case, "penalty", k=100.0).status
+    assert status.code == code and (code == "ok" or "Switch 1" in str(status))
+    far = case.replace(x0=np.array([-0.5, 100.0]))              # 0.1 from its surface: with another sign it is never seen
+    assert solvers.solve(far, "penalty", k=100.0).status.ok

@@ -159,3 +159,13 @@ def test_a_state_that_is_held_is_not_rounding():
     problem = Filippov.signs(lambda xp: lambda t, x, s: xp.array([-0.5 * s[0]]), lambda xp: lambda t, x: xp.array([x[0] - 3.0]))
     held = Case("held", problem, [3.0], np.linspace(0.0, 1.0, 6))
     assert solve(held, IMPLICIT, h=1e-5).status.ok
+
+
+@pytest.mark.parametrize("far", (0.0, 1e4, 1e8, -1e8))
+def test_implicit_takes_its_differences_in_the_length_of_a_switch_however_far(far):
+    """x' = 1/4 - sign(sin 9 x), seen from far: a difference of 1e-8 of the coordinate would be ten lengths of the switch."""
+    relay = Filippov.signs(lambda xp: lambda t, x, s: 0.25 - s + 0.0 * x, lambda xp: lambda t, x: xp.sin(9.0 * (x - far)))
+    case = Case("far", relay, np.array([far + 0.25]), np.linspace(0.0, 1.0, 6))
+    traj = solve(case, IMPLICIT, h=1e-5)
+    assert traj.status.ok and traj.stats["inner_iterations"] < 3.5 * traj.stats["steps"]
+    assert traj.x[2:, 0] - far == pytest.approx(np.zeros(4), abs=4e-8)

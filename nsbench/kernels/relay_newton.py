@@ -67,12 +67,22 @@ def residual(field, switch, blend, t, h, x, y, s, slide, e, v, c, r):
 
 
 @inner
+def difference(unit, size):
+    """Step of a one-sided difference in a coordinate of this size, for functions that bend over the length `unit` or more.
+
+    Rounding is eps size / step of a derivative, curvature step / unit: both are at most sqrt(eps size / unit) where their
+    product is least. Beyond 1e8 units the first decides: four digits of a derivative are enough for Newton's method.
+    """
+    return max(1.5e-8 * np.sqrt(unit * max(unit, size)), 1e-12 * size)
+
+
+@inner
 def jacobian(field, switch, blend, unit, t, h, x, y, s, slide, e, v, c, r, q, J):
     """Derivative of the residual r: one-sided differences in y; in s_i exact, as F is affine in each weight."""
     n, calls = x.size, 0
     for j in range(n):
         keep = y[j]
-        y[j] = keep + 1.5e-8 * max(unit, abs(keep))          # sqrt(eps): half of the digits, enough for Newton
+        y[j] = keep + difference(unit, abs(keep))
         calls += residual(field, switch, blend, t, h, x, y, s, slide, e, v, c, q)
         for i in range(r.size):
             J[i, j] = (q[i] - r[i]) / (y[j] - keep)

@@ -10,44 +10,61 @@ POINTS = 40              # of a run that are looked at, at least its samples
 ON = 1e-9                # of the largest value of a switch: a state this near is on its surface
 STEP = 1e-6              # of the run: the differences that rates of switches are taken from
 ASIDE = 1e-9            # mean weight of a side below which a run was on the other alone
+ROUNDED = 16 * 2.0**-52  # of the same: and so near that nothing of a motion beside it is left
+REST = 1e-9              # of the largest rate: what differences leave of one that is zero
+BOTH = "both fields leave: it may leave to either side"
+RESTS = "one field leaves, while the other leaves it at rest there: it may leave"
 CLEAR = 1e-4             # of the largest rate: below it, nothing is said of its sign
 
 
 def repelled(case: Case, traj: Trajectory) -> Status | None:
-    """degenerate, if the state is on one surface at two samples in a row, and both fields lead away from it there or between
-    (Filippov 1988, section 10: the solution to the right is not unique); None for cases that say so of themselves.
+    """degenerate, if the state is on one surface at two samples in a row, and both fields lead away from it there or between,
+    or one does and the other is at rest (Filippov 1988, section 10: the solution to the right is not unique); None for cases
+    that say so of themselves.
 
-    A run that was on one side alone meanwhile has not stayed: it left and came back.
+    A run that was on one side alone meanwhile has not stayed, unless that side is at rest: it left and came back.
     """
     if not case.unique or len(traj.t) < 2:
         return None
     switch, field = case.problem.switch(np), case.problem.field(np)
     c = np.array([switch(t, x.copy()) for t, x in zip(traj.t, traj.x, strict=True)])
-    on = np.abs(c) <= ON * np.maximum(np.abs(c).max(axis=0), swing(switch, traj.t[-1], traj.x))
-    stayed = on[1:] & on[:-1] & _mixed(traj, c.shape[1])
-    rows = np.flatnonzero(stayed.any(axis=0))
+    size, side = np.maximum(np.abs(c).max(axis=0), swing(switch, traj.t[-1], traj.x)), _side(traj, c.shape[1])
+    on, exactly = np.abs(c) <= ON * size, np.abs(c) <= ROUNDED * size
+    stayed = np.where(side == 0.0, on[1:] & on[:-1], exactly[1:] & exactly[:-1])
     parts = -(-POINTS // (len(traj.t) - 1))
-    for i in rows:
-        found, largest = [], 0.0
-        for k in np.flatnonzero(stayed[:, i] & (on[1:].sum(axis=1) == 1)):
-            for a in np.arange(1, parts + 1) / parts:
-                t, x = (1.0 - a) * traj.t[k] + a * traj.t[k + 1], (1.0 - a) * traj.x[k] + a * traj.x[k + 1]
-                rates = _rates(switch, field, t, x, i, STEP * (traj.t[-1] - traj.t[0]))
-                found.append((t, *rates))
-                largest = max(largest, *np.abs(rates))
-        for t, plus, minus in found:
-            if plus > CLEAR * largest and minus < -CLEAR * largest:
-                return Status("degenerate", f"At t = {t:.6g} the state is on surface {i}, which both fields leave: it may leave "
-                                            "to either side at any time.")
+    for i in np.flatnonzero(stayed.any(axis=0)):
+        spans = np.flatnonzero(stayed[:, i] & (on[1:].sum(axis=1) == 1))
+        times = [[(1.0 - a) * traj.t[k] + a * traj.t[k + 1] for a in np.arange(1, parts + 1) / parts] for k in spans]
+        rates = np.array([[_rates(switch, field, t, _at(traj, k, t), i, STEP * (traj.t[-1] - traj.t[0])) for t in row]
+                          for k, row in zip(spans, times, strict=True)]).reshape(len(spans), parts, 2)
+        rates /= max(1e-300, float(np.fmax.reduce(np.abs(rates), axis=None, initial=0.0)))
+        (plus, minus), alone = (rates[..., 0], rates[..., 1]), side[spans, i][:, None]
+        for found, what in (((alone == 0.0) & (plus > CLEAR) & (minus < -CLEAR), BOTH),
+                            ((alone > 0.0) & (minus < -CLEAR) & _rests(plus), RESTS),
+                            ((alone < 0.0) & (plus > CLEAR) & _rests(minus), RESTS)):
+            for row, part in np.argwhere(found)[:1]:
+                return Status("degenerate", f"At t = {times[row][part]:.6g} the state is on surface {i}, which {what} at any "
+                                            "time.")
     return None
 
 
-def _mixed(traj, d: int) -> np.ndarray:
-    """(K - 1, d) where both sides of a surface have a part in the motion between two samples, or it is not known."""
-    out = np.ones((len(traj.t) - 1, d), bool)
+def _at(traj, k: int, t: float) -> np.ndarray:
+    """The state at t between the samples k and k + 1, on a straight line."""
+    a = (t - traj.t[k]) / (traj.t[k + 1] - traj.t[k])
+    return (1.0 - a) * traj.x[k] + a * traj.x[k + 1]
+
+
+def _rests(rate) -> np.ndarray:
+    """(spans, 1) whether the rates (spans, parts) of a side vanish all the time between two samples."""
+    return np.all(np.abs(rate) <= REST, axis=1, keepdims=True)
+
+
+def _side(traj, d: int) -> np.ndarray:
+    """(K - 1, d) 1 or -1 where that side of a surface alone made the motion between two samples, else (or not known) 0."""
+    out = np.zeros((len(traj.t) - 1, d))
     for column, ident in enumerate(traj.contacts):
         weight = np.diff(traj.impulse[:, column]) / np.diff(traj.t)
-        out[:, ident[1]] = ~((weight < ASIDE) | (weight > 1.0 - ASIDE))
+        out[:, ident[1]] = np.where(weight < ASIDE, -1.0, np.where(weight > 1.0 - ASIDE, 1.0, 0.0))
     return out
 
 

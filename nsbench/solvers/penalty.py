@@ -268,13 +268,14 @@ def _thick(case: Case, k: float, X: np.ndarray) -> Status:
 
 
 def _covered(case: Case, width: float, X: np.ndarray) -> str:
-    """Where no switch leaves a layer of `width` over the size of the states themselves; "" where one does, or nothing moves."""
+    """Which switch is in its layer at all samples, and would be wherever the states' own size could take it; "" if none is."""
     from nsbench.solvers._repelled import swing
     with np.errstate(all="ignore"):
         switch = case.problem.switch(np)
-        seen = np.ptp([switch(float(t), x.copy()) for t, x in zip(case.t, X, strict=True)], axis=0)
-        over = float(np.maximum(swing(switch, float(case.t[-1]), X), seen).max())
-    return f"The states are so small that no switch changes by more than {over:.2g} in them" if 0.0 < over < width else ""
+        seen = np.array([switch(float(t), x.copy()) for t, x in zip(case.t, X, strict=True)])
+        over = np.fmax(swing(switch, float(case.t[-1]), X), np.ptp(seen, axis=0))
+        inside = np.flatnonzero((np.abs(seen).max(axis=0) < width) & (0.0 < over) & (over < width))
+    return f"Switch {inside[0]} does not leave its layer: it changes by no more than {over[inside[0]]:.2g}" if inside.size else ""
 
 
 def _no_step(penalty: Penalty, case: Case, k: float, out: dict, at: str) -> Status:
