@@ -9,10 +9,12 @@ from nsbench.case import Case
 from nsbench.contacts import Scene
 from nsbench.problem import Complementarity
 from nsbench.solvers._extent import misses
+from nsbench.solvers.start import start_state
 from nsbench.trajectory import Status, Trajectory
 
 ROUNDED = 1e-12           # of the start's size: what linear combinations of runs may leave of it
 SHORTEST = 0.49           # of the step asked for: steps that divide the spacing of samples evenly are at least half as long
+NEAREST = 10.0            # times the way to the start that is projected: one of the points that may be the nearest
 COUNTS = 200              # entries of stats
 SLACK = 1e-9              # relative, of steps: what dividing and adding them up rounds
 
@@ -54,14 +56,19 @@ def _arrays(case: Case, traj: Trajectory) -> str:
 
 
 def _start(case: Case, x: np.ndarray) -> str:
-    """Is x (n,) the start of the case? Where that is to be projected, any feasible point is: several may be the nearest."""
-    if case.start == "project" and isinstance(case.problem, Complementarity):
+    """Is x (n,) the start of the case? Where that is to be projected, any feasible point is: several may be the nearest. Where
+    it misses by no more than it may, any feasible point is that is about as far away as the one that it is projected to."""
+    away, rounded = float(np.abs(x - case.x0).max(initial=0.0)), ROUNDED * float(np.abs(case.x0).max(initial=0.0))
+    if case.start != "keep" and isinstance(case.problem, Complementarity):
         scene, t = Scene(case.problem, case.n), float(case.t[0])
-        if misses(case, scene, t, case.x0):
+        far = misses(case, scene, t, case.x0)
+        if far and case.start == "project":
             return "" if not misses(case, scene, t, x) else (
                 f"The solver says ok, but its first state violates a constraint by {scene.deepest(t, x):.3g}; the start is to be "
                 "projected.")
-    if np.abs(x - case.x0).max(initial=0.0) <= ROUNDED * np.abs(case.x0).max(initial=0.0):
+        if away > rounded and not far and not misses(case, scene, t, x):
+            rounded += NEAREST * float(np.abs(start_state(case, scene) - case.x0).max(initial=0.0))
+    if away <= rounded:
         return ""
     i = int(np.argmax(np.abs(x - case.x0)))
     return (f"The solver says ok, but it begins with {x[i]:.6g} in coordinate {i}, where the start of the case is "

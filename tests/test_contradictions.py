@@ -24,6 +24,18 @@ def test_walls_that_miss_each_other_by_little(gap, code):
 
 
 @pytest.mark.survives("empty set")
+@pytest.mark.parametrize("size", (1e-6, 1.0, 1e6))
+def test_the_unit_of_a_scene_is_not_that_of_its_rows(size):
+    """x >= 1.05e-8 and x <= 1e-8, and a start within the first by a twentieth, in rows of any size."""
+    walls = Affine(size * np.array([[1.0], [-1.0]]), size * np.array([-1.05e-8, 1e-8]))
+    case = Case(name="rows", problem=Complementarity(_still, (walls,)), x0=np.array([1e-8]), t=np.linspace(0, 1, 3), start="keep")
+    assert solvers.solve(case, "pbd", h=0.01).status.code == "infeasible"
+    one = Complementarity(_still, (Affine(np.array([[size]]), np.array([-1.05e-8 * size])),))
+    with pytest.raises(ValueError, match="violates"):
+        solvers.solve(case.replace(problem=one, start="error"), "pbd", h=0.01)
+
+
+@pytest.mark.survives("empty set")
 @pytest.mark.parametrize("length, origin", ((1.0, 0.0), (1e-8, 0.0), (1.0, 1e8)))
 def test_walls_cross_in_any_unit_and_anywhere(length, origin):
     """x >= t / 10 and x <= -t / 20 in lengths, seen from an origin; apart again, they leave room."""

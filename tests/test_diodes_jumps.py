@@ -37,3 +37,41 @@ def test_steps_of_other_integrators_are_counted():
     run = solvers.solve(case, "event_driven[method=rk45]", tol=1e-11)
     assert run.status.ok and run.stats["steps"] > 100
     assert solvers.solve(case, "event_driven[method=rk45,max_steps=100]", tol=1e-11).status.code == "maxiter"
+
+
+def _free(u, t, rate=1.0):
+    """x' = u(t) - rate x beside a diode that never acts."""
+    one = np.ones((1, 1))
+    problem = LCS(-rate * one, 0.0 * one, 0.0 * one, one, u=u, q=lambda xp: lambda t: xp.array([1.0 + 0.0 * t]))
+    return Case(name="free", problem=problem, x0=np.array([0.5]), t=t)
+
+
+@pytest.mark.parametrize("width", (0.02, 0.1))
+def test_a_pulse_that_samples_lie_in_is_found_between_the_nodes_of_a_step(width):
+    case = _free(lambda xp: lambda t: xp.array([xp.where((t > 0.305) & (t < 0.305 + width), 1.0 / width, 0.0)]),
+                 np.linspace(0.0, 1.0, 101))
+    run, t = solvers.solve(case, "event_driven", tol=1e-12), case.t
+    begun, ended = np.clip(t - 0.305, 0.0, None), np.clip(t - 0.305 - width, 0.0, None)
+    exact = 0.5 * np.exp(-t) + (np.exp(-ended) - np.exp(-begun)) / width
+    assert run.status.ok and np.abs(run.x[:, 0] - exact).max() < 1e-11
+
+
+@pytest.mark.parametrize("row", (0, 1))
+def test_a_pulse_in_the_input_of_an_open_row_is_found(row):
+    """w = 1 + q falls below zero within the pulse, in which lam = 1 acts on x' = lam - x."""
+    one, pulse = np.ones((1, 1)), (0.305, 0.325)
+    q = lambda xp: lambda t: xp.array([xp.where((t > pulse[0]) & (t < pulse[1]), -1.0, 1.0)])
+    case = Case(name="row", problem=LCS(-one, one, 0.0 * one, one, q=q), x0=np.array([0.5]),
+                t=np.linspace(0.0, 1.0, 101 if row else 201))
+    run, t = solvers.solve(case, "event_driven", tol=1e-12), case.t
+    begun, ended = np.clip(t - pulse[0], 0.0, None), np.clip(t - pulse[1], 0.0, None)
+    assert run.status.ok and [e.kind for e in run.events] == ["contact", "release"]
+    assert np.abs(run.x[:, 0] - 0.5 * np.exp(-t) - np.exp(-ended) + np.exp(-begun)).max() < 1e-11
+
+
+@pytest.mark.parametrize("rate, w, begin", ((1e8, 100.0, 10.0), (1e12, 10.0, 100.0)))
+def test_roundings_of_a_fast_input_are_no_jumps_for_a_stiff_mode(rate, w, begin):
+    case = _free(lambda xp: lambda t: rate * xp.array([2.0 + xp.sin(w * t)]), np.linspace(begin, begin + 1.0, 11), rate)
+    run = solvers.solve(case, "event_driven")
+    assert run.status.ok and run.stats["steps"] < 1000
+    assert run.x[1:, 0] == pytest.approx(2.0 + np.sin(w * case.t[1:]), abs=2.0 * w / rate + 1e-11)

@@ -3,6 +3,7 @@ import numpy as np
 import pytest
 
 from nsbench import Affine, Case, Complementarity, Distance, Filippov, Smooth, solvers
+from nsbench.solvers._units import unit_of
 
 
 def pushed(unit):
@@ -47,3 +48,24 @@ def test_sliding_weights_are_the_same_in_any_unit(unit, spec, tol, miss):
     exact, run = solvers.solve(slides(1.0), "event_driven", tol=1e-12), solvers.solve(slides(unit), spec, tol=tol)
     assert run.status.ok and len(run.events) == len(exact.events) == 2
     assert np.abs(run.x / unit - exact.x).max() < miss and np.abs(run.impulse - exact.impulse).max() < miss
+
+
+@pytest.mark.parametrize("rate", (1e4, 1e6))
+@pytest.mark.parametrize("spec, asked", (("event_driven", {"tol": 1e-8}), ("penalty[method=kvaerno5]", {"k": 1e3})))
+def test_a_spring_makes_no_unit_of_how_fast_it_would_pull(rate, spec, asked):
+    """x' = -rate (x - L (1 + t^2)), L = 1e-8: the target moves by L; a start left standing would be pulled there fast."""
+    length = 1e-8
+    drift = lambda xp: lambda t, x: xp.array([-rate * (x[0] - length * (1.0 + t * t))])
+    case = Case(name="spring", problem=Complementarity(drift, (Affine(np.eye(1), np.array([-0.5 * length])),)),
+                x0=np.array([length]), t=np.linspace(0.0, 1.0, 5))
+    t = case.t
+    exact = length * (1.0 + t * t - 2.0 * t / rate - 2.0 / rate**2 * np.expm1(-rate * t))
+    run = solvers.solve(case, spec, **asked)
+    assert run.status.ok and np.abs(run.x[:, 0] - exact).max() < 1e-7 * length
+
+
+def test_a_drift_that_is_no_number_later_leaves_the_unit_as_it_is():
+    drift = lambda xp: lambda t, x: xp.array([2.0 + xp.sqrt(x[0] - t)])
+    case = Case(name="root", problem=Complementarity(drift, (Affine(np.eye(1), np.array([1e-5])),)), x0=np.array([1e-5]),
+                t=np.linspace(0.0, 1.0, 5))
+    assert unit_of(case) == 1.0

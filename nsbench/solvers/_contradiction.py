@@ -53,9 +53,9 @@ def _moments(scene: Scene, traj: Trajectory):
 
 
 def _coarse_first(count: int) -> list[int]:
-    """0 to count - 1: multiples of high powers of two first."""
-    numbers = np.arange(count)
-    return numbers[np.argsort(-(numbers & -numbers), kind="stable")].tolist()
+    """0 to count - 1: 0, then multiples of high powers of two first."""
+    numbers = np.arange(1, count)
+    return [0, *numbers[np.argsort(-(numbers & -numbers), kind="stable")].tolist()]
 
 
 def _deepest(depth: np.ndarray) -> list[int]:

@@ -49,7 +49,7 @@ class _Walk:
             self.scale, self.top = self._sizes()
         self.events, self.meetings, self.idle, self.steps, self.arcs, self.tried, self.h = [], [], 0, 0, 0, 0, 0.0
         self.asked = 0                          # of steps, each of which other integrators take many for
-        self.pace, self.unsure = None, False
+        self.pace, self.unsure, self.sampled = None, False, {}        # sampled: inputs at the samples, by order
 
     def run(self) -> Trajectory:
         with np.errstate(all="ignore"):
@@ -112,7 +112,7 @@ class _Walk:
             terms = np.concatenate((most, np.maximum(size, more)))
             limit = SHARE * self.tol * np.concatenate((most, more)) + NOISE * EPS * terms
             good, easy = resolved(np.hstack([X, F]), limit)
-            good = good and bool(np.all(most <= GROWS * self.scale) and np.all(flow.jumped(s, h) <= self.tol * most))
+            good = good and bool(np.all(most <= GROWS * self.scale)) and self._seen(flow, X, s, h, most, more)
             if not good and h > LEAST * span:
                 h *= 0.5
                 continue
@@ -126,6 +126,15 @@ class _Walk:
             h = 2.0 * h if easy else h
         self.pace = h
         return Status()
+
+    def _seen(self, flow, X, s, h, most, more) -> bool:
+        """Whether the polynomials of a step are the inputs behind its first node, and at the samples that lie in it."""
+        inside = slice(*np.searchsorted(self.case.t, (self.t, self.t + h), side="right"))
+        order = flow.mode.order
+        if order not in self.sampled:
+            self.sampled[order] = np.array([self.inputs(t, order) for t in self.case.t])
+        x, f = flow.missed(self.t, X, s, h, (self.case.t[inside], self.sampled[order][inside]))
+        return bool(np.all(x <= self.tol * most) and np.all(f <= self.tol * more))
 
     def _lost(self):
         if np.abs(self.x).max() > 1e150:

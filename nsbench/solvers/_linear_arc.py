@@ -79,20 +79,32 @@ class Flow:
         d += lu_solve(factors, rhs - M @ d, check_finite=False)                 # states of very different size are mixed in M
         return np.vstack([x, x + d.reshape(STAGES, n)]), s
 
-    def jumped(self, s, h):
-        """(n,) what a jump of the inputs right behind the first node makes of the state.
+    def missed(self, t, X, s, h, seen):
+        """What collocation does not see of the inputs: (n,) of the state, (m,) of the functions, as far as it is told.
 
-        Collocation takes inputs from the other nodes alone: what they are carried back to is held against those at the first.
+        Jumps right behind the first node of the step: it takes inputs from the other nodes alone, and what these are carried
+        back to is held against those at the first. Pulses between the nodes: seen, times within the step with the inputs
+        there (K,), (K, order + 1, n + m). What a stiff mode forgets within a step is none of it.
         """
+        G, roundings = self.mode.G, NOISE * EPS
         if self._method != "dop853":
-            return np.zeros(len(self.mode.G))
-        g = np.einsum("kij,akj->ai", self.mode.U, s)
-        off = np.abs(g[0] - BACK @ g[1:]) - NOISE * EPS * np.abs(g).max(axis=0)
-        return 0.5 * h * (S[1] - S[0]) * np.where(off <= 0.0, 0.0, off)
+            return np.zeros(len(G)), np.zeros(len(self.mode.signs))
+        c = TO_CHEB @ s.reshape(len(s), -1)
+        pace = np.abs(np.polynomial.chebyshev.chebder(c)).sum(axis=0).reshape(s.shape[1:]) * 2.0 / h
+        noise = roundings * (np.abs(s).max(axis=0) + (abs(t) + h) * pace)        # of the inputs, and of the time in them
+        beyond = lambda off: np.where(off > noise, off, 0.0)
+        behind = beyond(np.abs(s[0] - np.einsum("a,akj->kj", BACK, s[1:])))
+        times, inputs = seen
+        at = 2.0 * (times - t) / h - 1.0
+        between = np.polynomial.chebyshev.chebval(at, c).T.reshape(inputs.shape) - inputs
+        between = beyond(np.abs(between).max(axis=0)) if len(times) else np.zeros_like(behind)
+        return (_damped(G, 0.5 * h * (S[1] - S[0]), np.einsum("kij,kj->i", np.abs(self.mode.U), behind))
+                + _damped(G, h, np.einsum("kij,kj->i", np.abs(self.mode.U), between)),
+                np.einsum("ikl,kl->i", np.abs(self.mode.signs_s), between))
 
     def _followed(self, t, x, h):
         from nsbench.solvers._arc import follow
-        m, times, size = self.mode, 0.5 * h * (1.0 + S), np.maximum(self.scale, np.abs(x))
+        m, times, size, self.steps = self.mode, 0.5 * h * (1.0 + S), np.maximum(self.scale, np.abs(x)), 1
         G = m.G * size / size[:, None]                       # tolerances are relative to each state
         rhs = lambda a, y: G @ y + np.einsum("kij,kj->i", m.U, self.inputs(t + a, m.order)) / size
         X, s = np.full((len(S), x.size), np.nan), np.array([self.inputs(t + a, m.order) for a in times])
@@ -128,6 +140,11 @@ class Flow:
             return x
         f, _ = self.off(t, x, (weight, 0.0))
         return x - weight * np.linalg.lstsq(self.mode.held * weight, f, rcond=None)[0]
+
+
+def _damped(G, h, speed):
+    """(n,) the change of a state by so much more speed for a time h: implicit Euler's."""
+    return h * np.abs(np.linalg.inv(np.eye(len(G)) - h * G)) @ speed if speed.any() else np.zeros(len(G))
 
 
 def resolved(values: np.ndarray, limit: np.ndarray) -> tuple[bool, bool]:

@@ -25,37 +25,62 @@ def unit_of(case: Case) -> float:
 def unit(case: Case, x0: np.ndarray) -> float:
     """1, or the size of states, motion and constraints (of a Complementarity or Filippov problem) where that is much smaller.
 
-    The size of the state at the start; of motion and constraints beside it at LOOKS times of the run.
+    The size of the state at the start; of motion and constraints beside it at LOOKS times of the run. A drift that pulls back
+    moves a state until it is where it pulls to, which may be long before the end.
     """
-    found = [_sizes(case, float(case.t[0]), x0)]
-    for t in np.linspace(case.t[0], case.t[-1], LOOKS)[1:].tolist():
+    T, lengths, motions = float(case.t[-1] - case.t[0]), [float(np.abs(x0).max(initial=0.0))], []
+    looks = np.linspace(case.t[0], case.t[-1], LOOKS).tolist()
+    for t in looks:
         try:
-            found.append(_sizes(case, t, x0))
-        except Exception:                # the run may never be there
-            continue
-    lengths, speeds = np.array(found).T
-    size = max(float(lengths.max()), float(np.abs(x0).max()), float(case.t[-1] - case.t[0]) * float(speeds.max()))
-    return size if 0.0 < size < SMALL else 1.0
+            lengths += _lengths(case, t, x0)
+            motions += _motions(case, t, x0)
+        except Exception:
+            if t == looks[0]:
+                raise
+    size = np.fmax.reduce(lengths)
+    for f in motions:
+        v = f(x0)
+        with np.errstate(all="ignore"):
+            speed = float(np.abs(v).max(initial=0.0))
+            if not 0.0 < speed * T < np.inf or speed * T <= size:
+                continue
+            away = size or speed * T
+            change = float(np.abs(_tried(f, x0 + away * v / speed) - v).max(initial=0.0))
+            size = np.fmax(size, speed * min(T, away / change if change > 0.0 else T))
+    return float(size) if 0.0 < size < SMALL else 1.0
 
 
-def _sizes(case: Case, t: float, x0: np.ndarray) -> tuple[float, float]:
-    """The largest length of the constraints, and the largest speed, at x0."""
+def _tried(f, x: np.ndarray) -> np.ndarray:
+    """f(x), or zeros where it raises: the run may never be there."""
+    try:
+        return f(x)
+    except Exception:
+        return np.zeros(x.size)
+
+
+def _motions(case: Case, t: float, x0: np.ndarray) -> list:
+    """x -> drift at t, or the fields on both sides of all surfaces."""
     p = case.problem
+    if isinstance(p, Complementarity):
+        drift = p.drift(np)
+        return [lambda x: np.asarray(drift(t, x.copy()), float)]
+    field, d = p.field(np), len(np.atleast_1d(p.switch(np)(t, x0.copy())))
+    return [lambda x, s=s: np.asarray(field(t, x.copy(), np.full(d, s)), float) for s in (1.0, -1.0)]
+
+
+def _lengths(case: Case, t: float, x0: np.ndarray) -> list[float]:
+    """The sizes of the families of constraints at t."""
     with np.errstate(all="ignore"):
-        if isinstance(p, Complementarity):
-            fields, lengths = [p.drift(np)(t, x0.copy())], [_length(c, t, x0) for c in p.constraints]
-        else:
-            d, lengths = len(np.atleast_1d(p.switch(np)(t, x0.copy()))), []
-            fields = [p.field(np)(t, x0.copy(), np.full(d, s)) for s in (1.0, -1.0)]
-        return max(lengths, default=0.0), max(float(np.abs(f).max(initial=0.0)) for f in fields)
+        return [_length(c, t, x0) for c in case.problem.constraints] if isinstance(case.problem, Complementarity) else []
 
 
 def _length(c, t: float, x: np.ndarray) -> float:
-    """Size of a family of constraints: of smooth ones how far the start is from them, to first order."""
+    """Size of a family of constraints: of rows how far from the origin, of smooth ones how far from the start, to first order."""
     if isinstance(c, Distance):
         return float(np.max(2.0 * c.radii if c.d is None else c.d))
     if isinstance(c, Affine):
-        return float(np.abs(c.b(np)(t) if c.moving else c.b).max(initial=0.0))
+        slope = np.sqrt(np.add.reduceat(c.data**2, c.indptr[:-1])) if c.shape[0] else np.empty(0)
+        return float((np.abs(c.b(np)(t) if c.moving else c.b) / slope).max(initial=0.0))
     rows = SmoothRows(c, x.size)
     away = np.abs(rows.g(t, x)) / np.sqrt((rows.gradient(t, x) ** 2).sum(-1))
     return float(away.max(initial=0.0)) if np.all(np.isfinite(away)) else 1.0

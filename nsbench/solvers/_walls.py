@@ -13,7 +13,7 @@ SOLVED = 1e-10           # of the farthest constraint looked at: what a linear p
 FAR = 1e4                # of the depth, or of what is violated next: constraints farther away are asked when in the way
 ROOM = 1e3               # of the depth: the margin that is looked for, for the point to serve at other times too
 KEPT = 16                # points that were found
-MOST = 400               # programs solved for one run: of walls between which there is no room, each sample asks for one
+MOST, ENTRIES = 400, 2e6  # programs solved for one run, and their entries: without room between walls each sample asks for one
 WEIGHS = 1e-7            # of all weights: a constraint that takes part in a contradiction
 
 
@@ -37,7 +37,7 @@ class Walls:
     def contradiction(self, t: float, x: np.ndarray) -> str | None:
         """Why no state meets all rows at t; None where some does. x (n,): a state around."""
         s = self.scene
-        if len(s.ptr) < 3 or self.programs > MOST:
+        if len(s.ptr) < 3 or self.programs > MOST or self.programs * len(s.vals) > ENTRIES:
             return None
         b = s.b(t)
         rows = lambda z: np.add.reduceat(s.vals * z[s.cols], s.ptr[:-1]) + b

@@ -26,15 +26,23 @@ def start_state(case: Case, scene: Scene) -> np.ndarray:
 
     "error": ValueError with the worst constraint and by how much; "keep": x0 as it is; "project": the nearest
     feasible point around, by sequential least-distance problems (linearised constraints, until nothing moves any more);
-    ValueError where none is nearest (coincident centres) or it is not found.
+    ValueError where none is nearest (coincident centres) or it is not found. A start that misses by no more than the last of
+    its printed digits is no error, and is projected too, so that no method makes a push of it.
     """
     x, t = case.x0.copy(), float(case.t[0])
     if case.start == "keep" or not scene.families:
         return x
-    if not misses(case, scene, t, x):
-        return x
     near = scene.near(x, 0.0, t)
     g = scene.gaps(t, x, near)
+    if (g >= 0.0).all():
+        return x
+    if not misses(case, scene, t, x):
+        if (g >= -tolerances(case, scene, t, x, near, projected=True)).all():
+            return x
+        try:
+            return _nearest(case, scene, x, t)
+        except ValueError:                     # it is a start all the same
+            return x
     if case.start == "error" or not (g > -np.inf).all():
         worst = int(np.argmin(np.where(np.isnan(g), -np.inf, g)))
         raise ValueError(f"the start of {case.key} violates constraint {near.ids[worst]} by {-g[worst]:.3g}; "
