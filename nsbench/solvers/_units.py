@@ -32,14 +32,14 @@ def unit(case: Case, x0: np.ndarray) -> float:
     looks = np.linspace(case.t[0], case.t[-1], LOOKS).tolist()
     for t in looks:
         try:
-            lengths += _lengths(case, t, x0)
-            motions += _motions(case, t, x0)
+            with np.errstate(all="ignore"):
+                lengths += _lengths(case, t, x0)
+                motions += [(f, f(x0)) for f in _motions(case, t, x0)]
         except Exception:
             if t == looks[0]:
                 raise
     size = np.fmax.reduce(lengths)
-    for f in motions:
-        v = f(x0)
+    for f, v in motions:
         with np.errstate(all="ignore"):
             speed = float(np.abs(v).max(initial=0.0))
             if not 0.0 < speed * T < np.inf or speed * T <= size:
@@ -70,8 +70,7 @@ def _motions(case: Case, t: float, x0: np.ndarray) -> list:
 
 def _lengths(case: Case, t: float, x0: np.ndarray) -> list[float]:
     """The sizes of the families of constraints at t."""
-    with np.errstate(all="ignore"):
-        return [_length(c, t, x0) for c in case.problem.constraints] if isinstance(case.problem, Complementarity) else []
+    return [_length(c, t, x0) for c in case.problem.constraints] if isinstance(case.problem, Complementarity) else []
 
 
 def _length(c, t: float, x: np.ndarray) -> float:
