@@ -75,3 +75,24 @@ def test_roundings_of_a_fast_input_are_no_jumps_for_a_stiff_mode(rate, w, begin)
     run = solvers.solve(case, "event_driven")
     assert run.status.ok and run.stats["steps"] < 1000
     assert run.x[1:, 0] == pytest.approx(2.0 + np.sin(w * case.t[1:]), abs=2.0 * w / rate + 1e-11)
+
+
+@pytest.mark.parametrize("rate, w, tol", ((2.0, 5.0, 1e-6), (2.0, 5.0, 1e-8), (1.0, 3.0, 1e-8)))
+def test_a_mode_that_grows_takes_the_steps_at_which_an_implicit_one_has_no_solution(rate, w, tol):
+    """x' = rate x + cos(w t): steps of 1 / rate are tried."""
+    case = _free(lambda xp: lambda t: xp.array([xp.cos(w * t)]), np.linspace(0.0, 1.0, 5), -rate)
+    run, t, size = solvers.solve(case, "event_driven", tol=tol), case.t, rate * rate + w * w
+    exact = np.exp(rate * t) * (0.5 + rate / size) + (w * np.sin(w * t) - rate * np.cos(w * t)) / size
+    assert run.status.ok and np.abs(run.x[:, 0] - exact).max() < 10.0 * tol
+
+
+def test_a_jump_is_as_well_known_as_the_clock_however_late():
+    begin, missed = 1e4, []
+    for jump in np.random.default_rng(0).uniform(0.1, 0.9, 12):
+        u = lambda xp, at=begin + jump: lambda t: xp.array([xp.where(t < at, 1.0, -1.0)])
+        case = _free(u, np.linspace(begin, begin + 1.0, 5))
+        run, after = solvers.solve(case, "event_driven", tol=1e-12), case.t - begin
+        at = 1.0 - 0.5 * np.exp(-jump)
+        exact = np.where(after < jump, 1.0 - 0.5 * np.exp(-after), -1.0 + (at + 1.0) * np.exp(-np.maximum(after - jump, 0.0)))
+        missed.append(np.abs(run.x[:, 0] - exact).max())
+    assert max(missed) < 4.0 * np.spacing(begin)

@@ -161,6 +161,15 @@ def test_what_comes_to_rest_beside_a_surface_has_not_met_it():
     assert traj.status.ok and traj.x[-1, 0] == pytest.approx(np.exp(-20.0), rel=0.02)
 
 
+@pytest.mark.parametrize("spec", ("event_driven", "euler[implicit=true]"))
+@pytest.mark.parametrize("beside, code", ((1e-11, "ok"), (0.0, "degenerate")))
+def test_a_surface_is_no_thicker_for_a_large_coordinate(spec, beside, code):
+    """(x, y)' = (1, 0) where y > 0, (1, -1) below, from (1e4, y): beside the surface y = 0, along it; on it, it may leave."""
+    case = _relays(lambda xp: lambda t, x, s: xp.array([1.0, 0.5 * (s[0] - 1.0)]), lambda xp: lambda t, x: xp.array([x[1]]),
+                   [1e4, beside], np.linspace(0.0, 1.0, 5))
+    assert solvers.solve(case, spec, **({"tol": 1e-10} if spec == "event_driven" else {"h": 0.01})).status.code == code
+
+
 def test_a_corner_is_told_where_it_is_held_and_not_where_it_is_passed():
     from nsbench import load_case
     kept = Path(__file__).parent / "honesty_kept"
@@ -277,3 +286,9 @@ def test_a_layer_that_one_of_two_switches_does_not_leave_is_told(scale, code):
     assert status.code == code and (code == "ok" or "Switch 1" in str(status))
     far = case.replace(x0=np.array([-0.5, 100.0]))              # 0.1 from its surface: with another sign it is never seen
     assert solvers.solve(far, "penalty", k=100.0).status.ok
+
+
+def test_a_layer_of_a_switch_that_no_field_asks_is_none():
+    case = _relays(lambda xp: lambda t, x, s: xp.array([0.3 - s[0], 0.5]),
+                   lambda xp: lambda t, x: xp.array([x[0], 1e-5 * (x[1] - 0.5)]), [0.5, 0.0], np.linspace(0.0, 1.0, 6))
+    assert solvers.solve(case, "penalty", k=1e3).status.ok

@@ -70,3 +70,11 @@ def test_a_drift_that_is_no_number_later_leaves_the_unit_as_it_is(later):
     problem = Complementarity(lambda xp: lambda t, x: xp.array([later(xp, t, x)]), (Affine(np.eye(1), np.array([1e-5])),))
     case = Case(name="later", problem=problem, x0=np.array([1e-5]), t=np.linspace(0.0, 1.0, 5))
     assert unit_of(case) == unit(case, case.x0) == 1.0
+
+
+def test_the_unit_is_not_that_of_a_small_coordinate_that_decays_fast():
+    """x' = -1e6 x from 3e-6 beside y' = 1/2 from 1e-10 below a wall: y moves by 1/2, of which that is a rounding."""
+    drift = lambda xp: lambda t, x: xp.array([-1e6 * x[0], 0.5 + 0.0 * t])
+    problem = Complementarity(drift, (Affine(np.array([[0.0, 1.0]]), np.zeros(1)),))
+    case = Case(name="fast", problem=problem, x0=np.array([3e-6, -1e-10]), t=np.linspace(0.0, 1.0, 5))
+    assert unit_of(case) == 1.0 and solvers.solve(case, "event_driven", tol=1e-10).status.ok

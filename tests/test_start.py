@@ -186,3 +186,12 @@ def test_a_run_may_begin_at_a_start_that_misses_by_little_or_where_it_is_project
     begins = lambda x: replace(run, x=np.concatenate([[[x]], run.x[1:]]))
     assert not misfit(case, begins(1000.0)) and not misfit(case, begins(1000.0 - miss))
     assert "begins with" in misfit(case, begins(1000.0 + 1e-4 if miss else 1000.0 + 1e-8))
+
+
+@pytest.mark.parametrize("angle", (1e-4, 1e-5, 1e-6))
+def test_a_start_is_not_moved_much_farther_than_it_misses(angle):
+    """In a narrow wedge, 9e-10 within a wall: the nearest point that misses nothing is 1 / angle times as far."""
+    walls = Affine(np.array([[1.0, 0.0], [-1.0, angle]]), np.array([0.0, -angle - 9e-10]))
+    problem = Complementarity(lambda xp: lambda t, x: xp.array([0.0 * t, 1.0 + 0.0 * t]), (walls,))
+    case = Case("wedge", problem, np.array([0.0, 1.0]), np.linspace(0.0, 1.0, 3))
+    assert start.start_state(case, Scene(problem, 2)).tolist() == [0.0, 1.0]

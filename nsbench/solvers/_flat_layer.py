@@ -4,6 +4,7 @@ from __future__ import annotations
 import numpy as np
 
 from nsbench.case import Case
+from nsbench.solvers._repelled import swing, there
 from nsbench.solvers._sliding import Motion
 
 CHANGES = 0.5           # of a slope within the layer that it gives: there the layer is of another thickness than it says
@@ -34,6 +35,23 @@ def flat_layer(case: Case, width: float, X: np.ndarray) -> str:
             if max(abs(b - slope) for b in beside) > CHANGES * slope:
                 return (f"At t = {at:.6g} the state is in the layer of surface {row} where its switch is flat (a slope of "
                         f"{slope:.2g})")
+    return ""
+
+
+def covered(case: Case, width: float, X: np.ndarray) -> str:
+    """Which switch that a field depends on is in its layer at all samples, and would be wherever the states' own size could
+    take it; "" if none is."""
+    with np.errstate(all="ignore"):
+        switch, field = case.problem.switch(np), case.problem.field(np)
+        c = np.array([switch(float(t), x.copy()) for t, x in zip(case.t, X, strict=True)])
+        over = np.fmax(swing(switch, float(case.t[-1]), X), np.ptp(c, axis=0))
+        for i in np.flatnonzero((np.abs(c).max(axis=0) < width) & (0.0 < over) & (over < width)):
+            sides = np.where(c >= 0.0, 1.0, -1.0)
+            sides[:, i] = 1.0
+            for t, x, s in zip(case.t, X, sides, strict=True):
+                beside = s * np.where(np.arange(s.size) == i, -1.0, 1.0)
+                if np.any(there(field, t, x, s) != there(field, t, x, beside)):
+                    return f"Switch {i} does not leave its layer: it changes by no more than {over[i]:.2g}"
     return ""
 
 

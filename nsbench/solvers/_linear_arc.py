@@ -44,8 +44,10 @@ def _integrals(nodes):
 S = _radau(STAGES)                                          # on [-1, 1]
 TO_CHEB = _inverse(np.polynomial.chebyshev.chebvander(S, STAGES)).astype(float)
 BUTCHER, SUM = _integrals(S[1:]), _integrals(S)
+FIT = _inverse(np.polynomial.chebyshev.chebvander(S[1:], STAGES - 1)).astype(float)       # of the nodes that are collocated at
 BACK = (np.polynomial.chebyshev.chebvander(S[:1], STAGES - 1)[0]
         @ _inverse(np.polynomial.chebyshev.chebvander(S[1:], STAGES - 1))).astype(float)
+FASTEST = 7.0           # growths of a state in one step, beyond which a step is not taken
 NOISE = 64.0            # roundings in the last coefficients of a step, or in what is carried back to its first node: 13 values
 
 
@@ -56,7 +58,8 @@ class Flow:
         self.mode, self.inputs, self._factors = mode, inputs, {}
         self._method, self._tol, self.scale = method, tol, np.ones(len(mode.G))
         self.steps = 1                                       # of the integrator, in the last step
-        self.fastest = float(np.abs(np.linalg.eigvals(mode.G)).max(initial=0.0))
+        rates = np.linalg.eigvals(mode.G)
+        self.fastest, self.grows = float(np.abs(rates).max(initial=0.0)), max(0.0, float(rates.real.max(initial=0.0)))
 
     def step(self, t: float, x: np.ndarray, h: float):
         """Values at the nodes: x (13, n), inputs (13, order + 1, n + m). Methods other than the default integrate with
@@ -86,11 +89,12 @@ class Flow:
         back to is held against those at the first. Pulses between the nodes: seen, times within the step with the inputs
         there (K,), (K, order + 1, n + m). What a stiff mode forgets within a step is none of it.
         """
-        G, roundings = self.mode.G, NOISE * EPS
+        roundings, damped = NOISE * EPS, self._damped
         if self._method != "dop853":
-            return np.zeros(len(G)), np.zeros(len(self.mode.signs))
+            return np.zeros(len(self.mode.G)), np.zeros(len(self.mode.signs))
         c = TO_CHEB @ s.reshape(len(s), -1)
-        pace = np.abs(np.polynomial.chebyshev.chebder(c)).sum(axis=0).reshape(s.shape[1:]) * 2.0 / h
+        slope = np.polynomial.chebyshev.chebder(FIT @ s[1:].reshape(STAGES, -1))       # without a jump behind the first node
+        pace = np.abs(slope).sum(axis=0).reshape(s.shape[1:]) * 2.0 / h
         noise = roundings * (np.abs(s).max(axis=0) + (abs(t) + h) * pace)        # of the inputs, and of the time in them
         beyond = lambda off: np.where(off > noise, off, 0.0)
         behind = beyond(np.abs(s[0] - np.einsum("a,akj->kj", BACK, s[1:])))
@@ -98,9 +102,17 @@ class Flow:
         at = 2.0 * (times - t) / h - 1.0
         between = np.polynomial.chebyshev.chebval(at, c).T.reshape(inputs.shape) - inputs
         between = beyond(np.abs(between).max(axis=0)) if len(times) else np.zeros_like(behind)
-        return (_damped(G, 0.5 * h * (S[1] - S[0]), np.einsum("kij,kj->i", np.abs(self.mode.U), behind))
-                + _damped(G, h, np.einsum("kij,kj->i", np.abs(self.mode.U), between)),
+        return (damped(0.5 * h * (S[1] - S[0]), np.einsum("kij,kj->i", np.abs(self.mode.U), behind))
+                + damped(h, np.einsum("kij,kj->i", np.abs(self.mode.U), between)),
                 np.einsum("ikl,kl->i", np.abs(self.mode.signs_s), between))
+
+    def _damped(self, h, speed):
+        """(n,) what becomes of so much more speed for a time h: implicit Euler's change, and the growth of what grows."""
+        if not speed.any():
+            return np.zeros(len(speed))
+        short = h / (1.0 + 2.0 * h * self.grows)             # half of where the step of a mode that grows has no solution
+        return (np.exp(min(h * self.grows, FASTEST)) * h
+                * np.abs(np.linalg.inv(np.eye(len(speed)) - short * self.mode.G)) @ speed)
 
     def _followed(self, t, x, h):
         from nsbench.solvers._arc import follow
@@ -140,11 +152,6 @@ class Flow:
             return x
         f, _ = self.off(t, x, (weight, 0.0))
         return x - weight * np.linalg.lstsq(self.mode.held * weight, f, rcond=None)[0]
-
-
-def _damped(G, h, speed):
-    """(n,) the change of a state by so much more speed for a time h: implicit Euler's."""
-    return h * np.abs(np.linalg.inv(np.eye(len(G)) - h * G)) @ speed if speed.any() else np.zeros(len(G))
 
 
 def resolved(values: np.ndarray, limit: np.ndarray) -> tuple[bool, bool]:

@@ -45,8 +45,9 @@ def unit(case: Case, x0: np.ndarray) -> float:
             if not 0.0 < speed * T < np.inf or speed * T <= size:
                 continue
             away = size or speed * T
-            change = float(np.abs(_tried(f, x0 + away * v / speed) - v).max(initial=0.0))
-            size = np.fmax(size, speed * min(T, away / change if change > 0.0 else T))
+            change = np.abs(_tried(f, x0 + away * v / speed) - v)
+            lasts = np.where(change > 0.0, away / speed * np.abs(v) / change, T)        # of each coordinate
+            size = np.fmax(size, float((np.abs(v) * np.fmin(T, lasts)).max()))
     return float(size) if 0.0 < size < SMALL else 1.0
 
 

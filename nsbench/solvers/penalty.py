@@ -261,21 +261,10 @@ def _status(penalty: Penalty, case: Case, k: float, asked: float, out: dict) -> 
 
 
 def _thick(case: Case, k: float, X: np.ndarray) -> Status:
-    from nsbench.solvers._flat_layer import flat_layer
+    from nsbench.solvers._flat_layer import covered, flat_layer
     from nsbench.solvers._repelled import between
-    flat = flat_layer(case, 1.0 / k, X) or between(case, 1.0 / k) or _covered(case, 1.0 / k, X)
+    flat = flat_layer(case, 1.0 / k, X) or between(case, 1.0 / k) or covered(case, 1.0 / k, X)
     return Status("unverified", f"{flat}: no error of size 1 / k is claimed there.") if flat else Status()
-
-
-def _covered(case: Case, width: float, X: np.ndarray) -> str:
-    """Which switch is in its layer at all samples, and would be wherever the states' own size could take it; "" if none is."""
-    from nsbench.solvers._repelled import swing
-    with np.errstate(all="ignore"):
-        switch = case.problem.switch(np)
-        seen = np.array([switch(float(t), x.copy()) for t, x in zip(case.t, X, strict=True)])
-        over = np.fmax(swing(switch, float(case.t[-1]), X), np.ptp(seen, axis=0))
-        inside = np.flatnonzero((np.abs(seen).max(axis=0) < width) & (0.0 < over) & (over < width))
-    return f"Switch {inside[0]} does not leave its layer: it changes by no more than {over[inside[0]]:.2g}" if inside.size else ""
 
 
 def _no_step(penalty: Penalty, case: Case, k: float, out: dict, at: str) -> Status:

@@ -1,14 +1,17 @@
 """What an infeasible start means: an error, the nearest feasible point, or itself, as the case says."""
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 
 from nsbench.case import Case
 from nsbench.contacts import ANCHOR, PAIR, Scene
 from nsbench.problem import Affine, Distance
-from nsbench.solvers._extent import misses, numbers, tolerances
+from nsbench.solvers._extent import misses, numbers, scene_of, tolerances
 
 ITERATIONS = 1000         # linear convergence: a start that overlaps deeply needs a few hundred
+LISTED, FARTHER = 3000, 100.0      # constraints that are looked at, and times what is missed, of a start that misses by digits
 DENSE = 10_000           # entries of the gradients: below, SciPy solves before a kernel is compiled
 STILL = 1e-13            # of a coordinate, the longest way, or what pushes is made of: what moves by less has ended
 
@@ -37,17 +40,30 @@ def start_state(case: Case, scene: Scene) -> np.ndarray:
     if (g >= 0.0).all():
         return x
     if not misses(case, scene, t, x):
-        if (g >= -tolerances(case, scene, t, x, near, projected=True)).all():
-            return x
-        try:
-            return _nearest(case, scene, x, t)
-        except ValueError:                     # it is a start all the same
-            return x
+        return _tidied(case).copy()
     if case.start == "error" or not (g > -np.inf).all():
         worst = int(np.argmin(np.where(np.isnan(g), -np.inf, g)))
         raise ValueError(f"the start of {case.key} violates constraint {near.ids[worst]} by {-g[worst]:.3g}; "
                          'give a feasible x0, or start="project" or "keep"')
     return _nearest(case, scene, x, t)
+
+
+@functools.lru_cache(maxsize=64)
+def _tidied(case: Case) -> np.ndarray:
+    """The start, which misses by the last of its digits, projected; itself if it misses by rounding, by very many constraints,
+    or if it were moved by much more than it misses: it is a start all the same."""
+    scene, x, t = scene_of(case), case.x0.copy(), float(case.t[0])
+    near = scene.near(x, 0.0, t)
+    g, (row, _, vals) = scene.gaps(t, x, near), scene.triplets(t, x, near)
+    if (g >= -tolerances(case, scene, t, x, near, projected=True)).all() or len(near) > LISTED:
+        return x
+    with np.errstate(all="ignore"):
+        deep = float(np.nanmax(-g / np.sqrt(np.bincount(row, vals**2, len(g)))))
+    try:
+        y = _nearest(case, scene, x, t)
+    except ValueError:
+        return x
+    return y if float(np.abs(y - x).max()) <= FARTHER * deep else x
 
 
 def _nearest(case, scene, x0, t):
