@@ -112,7 +112,7 @@ class _Walk:
             terms = np.concatenate((most, np.maximum(size, more)))
             limit = SHARE * self.tol * np.concatenate((most, more)) + NOISE * EPS * terms
             good, easy = resolved(np.hstack([X, F]), limit)
-            good = good and bool(np.all(most <= GROWS * self.scale)) and self._seen(flow, X, s, h, most, more)
+            good = good and bool(np.all(most <= GROWS * self.scale)) and self._seen(flow, s, h, most, more)
             if not good and h > LEAST * span:
                 h *= 0.5
                 continue
@@ -127,13 +127,13 @@ class _Walk:
         self.pace = h
         return Status()
 
-    def _seen(self, flow, X, s, h, most, more) -> bool:
+    def _seen(self, flow, s, h, most, more) -> bool:
         """Whether the polynomials of a step are the inputs behind its first node, and at the samples that lie in it."""
         inside = slice(*np.searchsorted(self.case.t, (self.t, self.t + h), side="right"))
         order = flow.mode.order
         if order not in self.sampled:
             self.sampled[order] = np.array([self.inputs(t, order) for t in self.case.t])
-        x, f = flow.missed(self.t, X, s, h, (self.case.t[inside], self.sampled[order][inside]))
+        x, f = flow.missed(self.t, s, h, (self.case.t[inside], self.sampled[order][inside]))
         return bool(np.all(x <= self.tol * most) and np.all(f <= self.tol * more))
 
     def _lost(self):

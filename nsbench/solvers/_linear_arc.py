@@ -82,7 +82,7 @@ class Flow:
         d += lu_solve(factors, rhs - M @ d, check_finite=False)                 # states of very different size are mixed in M
         return np.vstack([x, x + d.reshape(STAGES, n)]), s
 
-    def missed(self, t, X, s, h, seen):
+    def missed(self, t, s, h, seen):
         """What collocation does not see of the inputs: (n,) of the state, (m,) of the functions, as far as it is told.
 
         Jumps right behind the first node of the step: it takes inputs from the other nodes alone, and what these are carried
