@@ -10,11 +10,13 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from randomised import judge
+from randomised import judge, own
 from randomised.choices import Choices, drawn, replayed, shrunk
 from randomised.scenes import FAMILIES, scene
 
 import nsbench
+from nsbench import solvers
+from nsbench.solvers.base import grid
 
 FOUND = Path(tempfile.gettempdir()) / "nsbench_honesty"
 FIXED = {"affine": "theta", "discs": "pbd", "links": "catching_up", "smooth": "pbd", "ode": "euler", "modes": "euler",
@@ -89,3 +91,12 @@ def test_a_scene_is_its_choices_and_shrinks(family):
         return "xp.sin" in scene(replayed(made), family)
     least = shrunk(c.made, fails) if fails(c.made) else c.made
     assert not fails(c.made) or (fails(least) and len(scene(replayed(least), family)) <= len(text))
+
+
+@pytest.mark.parametrize("spec", ["catching_up", "catching_up[nonlinear=true]", "euler"])
+def test_steps_that_are_samples_are_no_more_between_uneven_ones(spec):
+    """Else the loop takes as many as the smallest spacing asks for: minutes in Python."""
+    case = wall(t=np.array([0.0, 1.0, 1.002, 2.5, 3.0]))
+    grids = [(grid(t, h), len(t)) for h, t in own._fine(case, spec, solvers.get(spec))]
+    assert grids and all(g.aligned and g.substeps.max() == 1 and len(g.t) == n for g, n in grids)
+    assert max(n for _, n in grids) <= own.NODES + 1

@@ -16,7 +16,9 @@ class _List:
 
     def __init__(self, scene, x, skin, t, old=None, mu=None):
         self.near, self.base, self.skin = scene.near(x, skin, t), x.copy(), skin
-        self.mu, self.rows = np.zeros(len(self.near)), None
+        self.mu, self.places = np.zeros(len(self.near)), scene.places(self.near)
+        row, cols, _ = scene.triplets(t, x, self.near)      # where the entries are stays the same for all of a list
+        self.rows = Rows(row, cols, (len(self.near), scene.n))
         self.touching = np.isin(self.near.kind, (1, 2))
         self.coincident = -self.near.sign * self.near.d        # the gap of coincident centres
         self._hard = [(c.start, m, c.dim) for _, c, m in scene.hard]
@@ -129,11 +131,8 @@ class HostLoop:
         self.stats["ties"] += int(np.count_nonzero(self.list.touching & (mu > 0.0) & (g == self.list.coincident)))
 
     def _linearise(self, after, x, z):
-        near = self.list.near
-        g, (row, cols, vals) = self.scene.gaps(after, x, near), self.scene.triplets(after, x, near)
-        if self.list.rows is None:                          # where the entries are stays the same for all of a list
-            self.list.rows = Rows(row, cols, (len(near), self.scene.n))
-        G = self.list.rows.fill(vals)
+        near, places = self.list.near, self.list.places
+        g, G = self.scene.gaps(after, x, near, places), self.list.rows.fill(self.scene.slopes(after, x, near, places))
         return g, g + G @ (z - x), G
 
     def _solve(self, G, q, h, mu) -> Answer:

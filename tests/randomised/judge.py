@@ -150,8 +150,9 @@ class Scene(Answer):
 
     def _ladder(self, spec, method) -> Verdict:
         slow = is_slow(self.case, spec)                     # what is slow stops earlier
-        steps, rest = values(self.case, spec, method, LADDER), values(self.case, spec, method, LATER_SLOW if slow else LATER)
+        steps = values(self.case, spec, method, LADDER)
         steps = steps[:3] if slow else steps
+        rest = [v for v in values(self.case, spec, method, LATER_SLOW if slow else LATER) if v not in steps]
         runs = []
         for v in steps:
             runs.append((v, attempt(self.case, spec, v)))

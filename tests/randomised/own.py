@@ -153,17 +153,18 @@ def _fine(case, spec, method):
         parts = max(PARTS, -(-LEAST // len(spacing)))
         for j, k in enumerate(STIFF):                   # what the samples hide of jumps of the drift falls too
             if 4**j * parts * len(spacing) <= NODES or j < 3:
-                yield k * stiffness(case), _divided(case.t, 4**j * parts)
+                yield k * stiffness(case), _even(case.t, 4**j * parts)
         return
     base, most = max(1, -(-LEAST // (STEPS[0] * len(spacing)))), NODES // (4 if is_slow(case, spec) else 1)
     for n in STEPS:
         if base * n * len(spacing) <= most:
-            t = _divided(case.t, base * n)
+            t = _even(case.t, base * n)
             yield float(np.diff(t).min()), t
 
 
-def _divided(t, parts):
-    return np.append((t[:-1, None] + np.diff(t)[:, None] * np.arange(parts) / parts).ravel(), t[-1])
+def _even(t, parts):
+    """`parts` times as many samples, evenly: between uneven ones a step would not be a sample."""
+    return np.linspace(t[0], t[-1], parts * (len(t) - 1) + 1)
 
 
 def _defects(case, run, unit):
