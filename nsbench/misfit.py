@@ -1,6 +1,7 @@
 """What a solver returned, held against the contract of a run: its word is not enough."""
 from __future__ import annotations
 
+import contextlib
 import numbers
 
 import numpy as np
@@ -67,7 +68,8 @@ def _start(case: Case, x: np.ndarray) -> str:
                 f"The solver says ok, but its first state violates a constraint by {scene.deepest(t, x):.3g}; the start is to be "
                 "projected.")
         if away > rounded and not far and not misses(case, scene, t, x):
-            rounded += NEAREST * float(np.abs(start_state(case, scene) - case.x0).max(initial=0.0))
+            with contextlib.suppress(ValueError):            # no start is near
+                rounded += NEAREST * float(np.abs(start_state(case, scene) - case.x0).max(initial=0.0))
     if away <= rounded:
         return ""
     i = int(np.argmax(np.abs(x - case.x0)))

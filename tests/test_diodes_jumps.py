@@ -96,3 +96,14 @@ def test_a_jump_is_as_well_known_as_the_clock_however_late():
         exact = np.where(after < jump, 1.0 - 0.5 * np.exp(-after), -1.0 + (at + 1.0) * np.exp(-np.maximum(after - jump, 0.0)))
         missed.append(np.abs(run.x[:, 0] - exact).max())
     assert max(missed) < 4.0 * np.spacing(begin)
+
+
+def test_a_step_is_no_shorter_than_the_clock_knows():
+    """At 1e5 a part of 1e-13 of the run is half of what the clock ticks: such a step ends where it began."""
+    begin, jump = 1e5, 0.3
+    u = lambda xp: lambda t: xp.array([xp.where(t < begin + jump, 1.0, -1.0)])
+    case = _free(u, np.linspace(begin, begin + 1.0, 5))
+    run, after = solvers.solve(case, "event_driven[max_steps=3000]", tol=1e-12), case.t - begin
+    at = 1.0 - 0.5 * np.exp(-jump)
+    exact = np.where(after < jump, 1.0 - 0.5 * np.exp(-after), -1.0 + (at + 1.0) * np.exp(-np.maximum(after - jump, 0.0)))
+    assert run.status.ok and np.abs(run.x[:, 0] - exact).max() < 4.0 * np.spacing(begin)

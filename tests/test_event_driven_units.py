@@ -78,3 +78,23 @@ def test_the_unit_is_not_that_of_a_small_coordinate_that_decays_fast():
     problem = Complementarity(drift, (Affine(np.array([[0.0, 1.0]]), np.zeros(1)),))
     case = Case(name="fast", problem=problem, x0=np.array([3e-6, -1e-10]), t=np.linspace(0.0, 1.0, 5))
     assert unit_of(case) == 1.0 and solvers.solve(case, "event_driven", tol=1e-10).status.ok
+
+
+@pytest.mark.parametrize("tol", (1e-4, 1e-6, 1e-8))
+@pytest.mark.parametrize("size", (1e-5, 1e-10))
+def test_what_turns_comes_back_and_is_no_larger_than_its_circle(size, tol):
+    """x' = 1000 y, y' = -1000 x from (0, size), stopped at x = size / 2 until y = 0: then on the circle of half the size."""
+    w, t = 1000.0, np.linspace(0.0, 1.0, 11)
+    wall = Affine(np.array([[-1.0, 0.0]]), np.array([0.5 * size]))
+    problem = Complementarity(lambda xp: lambda t, x: w * xp.array([x[1], -x[0]]), (wall,))
+    case = Case(name="circle", problem=problem, x0=np.array([0.0, size]), t=t)
+    leaves = (np.pi / 6.0 + np.sqrt(3.0)) / w
+    exact = 0.5 * size * np.stack([np.cos(w * (t[1:] - leaves)), -np.sin(w * (t[1:] - leaves))], axis=1)
+    run = solvers.solve(case, "event_driven", tol=tol)
+    assert run.status.ok and np.abs(run.x[1:] - exact).max() < tol * size
+
+
+def test_a_small_coordinate_that_turns_is_no_unit_for_one_that_goes_on():
+    drift = lambda xp: lambda t, x: xp.array([1e3 * x[1], -1e3 * x[0], 0.5 + 0.0 * t])
+    case = Case(name="both", problem=Complementarity(drift, ()), x0=np.array([0.0, 1e-6, 0.0]), t=np.linspace(0.0, 1.0, 5))
+    assert unit_of(case) == 1.0

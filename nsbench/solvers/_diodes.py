@@ -25,7 +25,7 @@ BAND = 1e-12                        # of the terms of a sum: below, it is zero (
 START = 1e-9                        # the same for the start, which may have been typed
 SHARE = 1e-2                        # of the tolerance for the last coefficients of one step: a run takes tens
 GROWS = 100.0                       # most of a state's size in one step, so that SHARE of the tolerance is relative to its start
-LEAST = 1e-13                       # part of the run below which a step is not halved: an input jumps there
+LEAST = 1e-13                       # part of the run below which a step is not halved, if the clock knows it: an input jumps
 IDLE = 1000                         # events in a row that leave the set as it is
 
 
@@ -42,6 +42,7 @@ class _Walk:
         self.t, self.T, self.x = float(case.t[0]), float(case.t[-1]), case.x0.copy()
         self.inputs, self.flows, self.flow = Inputs(self.p), {}, None
         self.creeps = Creeping(self.t, self.T - self.t)
+        self.least = max(LEAST * (self.T - self.t), 4.0 * np.spacing(max(abs(self.t), abs(self.T))))
         self.total = np.zeros(self.m)
         self.X, self.P = np.full((len(case.t), self.n), np.nan), np.full((len(case.t), self.m), np.nan)
         self.X[0], self.P[0], self.done = self.x, 0.0, 1
@@ -103,7 +104,7 @@ class _Walk:
             self.steps, self.asked = self.steps + flow.steps, self.asked + 1
             F = flow.functions(X, s)
             if not (np.all(np.isfinite(X)) and np.all(np.isfinite(F))):
-                if h > LEAST * span:
+                if h > self.least:
                     h *= 0.25
                     continue
                 return self._lost()
@@ -113,7 +114,7 @@ class _Walk:
             limit = SHARE * self.tol * np.concatenate((most, more)) + NOISE * EPS * terms
             good, easy = resolved(np.hstack([X, F]), limit)
             good = good and bool(np.all(most <= GROWS * self.scale)) and self._seen(flow, s, h, most, more)
-            if not good and h > LEAST * span:
+            if not good and h > self.least:
                 h *= 0.5
                 continue
             self.h, grow = max(self.h, h), more

@@ -16,9 +16,7 @@ def flat_layer(case: Case, width: float, X: np.ndarray) -> str:
     """Where a run of a Filippov system, on the straight ways between its samples, is within `width` of a surface or passes it
     where its switch is so flat that what is hidden below `width` is no length of `width` / slope; "" if it is nowhere."""
     motion = Motion(case.problem, float(case.t[0]), X[0].copy())
-    rows, parts = np.arange(motion.d), -(-POINTS // (len(X) - 1))
-    times = np.append((case.t[:-1, None] + np.diff(case.t)[:, None] * np.arange(parts) / parts).ravel(), case.t[-1])
-    state = lambda t: np.array([np.interp(t, case.t, column) for column in X.T])
+    rows, times, state = np.arange(motion.d), _looks(case.t), _ways(case.t, X)
     with np.errstate(all="ignore"):
         c = np.array([motion.switch(float(t), x) for t, x in zip(times, state(times).T, strict=True)])
         met = [(_between(lambda t, i=i: motion.switch(t, state(t))[i], times[k], times[k + 1]), i)
@@ -38,19 +36,31 @@ def flat_layer(case: Case, width: float, X: np.ndarray) -> str:
     return ""
 
 
+def _looks(t: np.ndarray) -> np.ndarray:
+    """At least POINTS times, all samples t among them."""
+    parts = -(-POINTS // (len(t) - 1))
+    return np.append((t[:-1, None] + np.diff(t)[:, None] * np.arange(parts) / parts).ravel(), t[-1])
+
+
+def _ways(t: np.ndarray, X: np.ndarray):
+    """Time, or times (k,), -> the state (n,), or (n, k), on the straight ways between samples."""
+    return lambda at: np.array([np.interp(at, t, column) for column in X.T])
+
+
 def covered(case: Case, width: float, X: np.ndarray) -> str:
-    """Which switch that a field depends on is in its layer at all samples, and would be wherever the states' own size could
-    take it; "" if none is."""
+    """Which switch that a field depends on, at one of POINTS times or more, is in its layer at all of them, and would be wherever
+    the states' own size could take it; "" if none is."""
     with np.errstate(all="ignore"):
-        switch, field = case.problem.switch(np), case.problem.field(np)
-        c = np.array([switch(float(t), x.copy()) for t, x in zip(case.t, X, strict=True)])
+        switch, field, times = case.problem.switch(np), case.problem.field(np), _looks(case.t)
+        states = _ways(case.t, X)(times).T
+        c = np.array([switch(float(t), x.copy()) for t, x in zip(times, states, strict=True)])
         over = np.fmax(swing(switch, float(case.t[-1]), X), np.ptp(c, axis=0))
         for i in np.flatnonzero((np.abs(c).max(axis=0) < width) & (0.0 < over) & (over < width)):
-            sides = np.where(c >= 0.0, 1.0, -1.0)
-            sides[:, i] = 1.0
-            for t, x, s in zip(case.t, X, sides, strict=True):
-                beside = s * np.where(np.arange(s.size) == i, -1.0, 1.0)
-                if np.any(there(field, t, x, s) != there(field, t, x, beside)):
+            one = np.arange(c.shape[1]) == i
+            for t, x, row in zip(times, states, c, strict=True):
+                others = [np.where(np.abs(row) < width, side, np.where(row >= 0.0, 1.0, -1.0)) for side in (1.0, -1.0)]
+                if any(np.any(there(field, t, x, np.where(one, 1.0, s)) != there(field, t, x, np.where(one, -1.0, s)))
+                       for s in others):
                     return f"Switch {i} does not leave its layer: it changes by no more than {over[i]:.2g}"
     return ""
 

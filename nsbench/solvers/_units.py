@@ -10,6 +10,9 @@ from nsbench.moving import SmoothRows
 from nsbench.problem import Affine, Complementarity, Distance
 
 LOOKS = 5                 # times of a run
+KRYLOV = 8                # dimensions of a motion beside the start
+CLOSED = 1e-10            # of a vector: less of it outside a space is rounding
+DOUBLINGS = 40            # of the first of the times at which that motion is looked at, up to the run's
 SMALL = 1e-3              # size of a motion of which an absolute 1e-9 would be visible beside a rate
 
 
@@ -47,8 +50,36 @@ def unit(case: Case, x0: np.ndarray) -> float:
             away = size or speed * T
             change = np.abs(_tried(f, x0 + away * v / speed) - v)
             lasts = np.where(change > 0.0, away / speed * np.abs(v) / change, T)        # of each coordinate
-            size = np.fmax(size, float((np.abs(v) * np.fmin(T, lasts)).max()))
+            size = np.fmax(size, min(float((np.abs(v) * np.fmin(T, lasts)).max()), _way(f, x0, v, away, T)))
     return float(size) if 0.0 < size < SMALL else 1.0
+
+
+def _way(f, x0: np.ndarray, v: np.ndarray, away: float, T: float) -> float:
+    """The farthest that a coordinate comes from x0 within T where x' = v + J (x - x0), J by differences of f over the length
+    `away`, in the Krylov space of v (Arnoldi 1951); infinite where that is no number. What turns comes back."""
+    from scipy.linalg import expm
+    many = min(x0.size, KRYLOV)
+    V, H = np.zeros((many + 1, x0.size)), np.zeros((many + 1, many + 1))       # x - x0 = V y, y' = H y + |v| e_0
+    size = float(np.linalg.norm(v))
+    V[0], H[0, many] = v / size, size
+    for j in range(many):
+        w = (_tried(f, x0 + away * V[j]) - v) / away
+        whole = float(np.linalg.norm(w))
+        if not np.isfinite(whole):
+            return np.inf
+        for _ in range(2):
+            part = V[:j + 1] @ w
+            H[:j + 1, j] += part
+            w = w - part @ V[:j + 1]
+        rest = float(np.linalg.norm(w))
+        if rest <= CLOSED * whole or j + 1 == many:
+            break
+        H[j + 1, j], V[j + 1] = rest, w / rest
+    E, far = expm(2.0**-DOUBLINGS * T * H), 0.0
+    for _ in range(DOUBLINGS + 1):
+        far = max(far, float(np.abs(E[:many, many] @ V[:many]).max()))
+        E = E @ E
+    return far if np.isfinite(far) else np.inf
 
 
 def _tried(f, x: np.ndarray) -> np.ndarray:

@@ -30,7 +30,7 @@ def start_state(case: Case, scene: Scene) -> np.ndarray:
     "error": ValueError with the worst constraint and by how much; "keep": x0 as it is; "project": the nearest
     feasible point around, by sequential least-distance problems (linearised constraints, until nothing moves any more);
     ValueError where none is nearest (coincident centres) or it is not found. A start that misses by no more than the last of
-    its printed digits is no error, and is projected too, so that no method makes a push of it.
+    its printed digits is no error, and is projected too, so that no method makes a push of it, if what is feasible is near.
     """
     x, t = case.x0.copy(), float(case.t[0])
     if case.start == "keep" or not scene.families:
@@ -39,31 +39,34 @@ def start_state(case: Case, scene: Scene) -> np.ndarray:
     g = scene.gaps(t, x, near)
     if (g >= 0.0).all():
         return x
-    if not misses(case, scene, t, x):
-        return _tidied(case).copy()
+    far = misses(case, scene, t, x)
+    tidied = None if far else _tidied(case)
+    if tidied is not None:
+        return tidied.copy()
     if case.start == "error" or not (g > -np.inf).all():
         worst = int(np.argmin(np.where(np.isnan(g), -np.inf, g)))
-        raise ValueError(f"the start of {case.key} violates constraint {near.ids[worst]} by {-g[worst]:.3g}; "
+        beyond = "" if far else ", and what is feasible is much farther away"
+        raise ValueError(f"the start of {case.key} violates constraint {near.ids[worst]} by {-g[worst]:.3g}{beyond}; "
                          'give a feasible x0, or start="project" or "keep"')
     return _nearest(case, scene, x, t)
 
 
 @functools.lru_cache(maxsize=64)
-def _tidied(case: Case) -> np.ndarray:
-    """The start, which misses by the last of its digits, projected; itself if it misses by rounding, by very many constraints,
-    or if it were moved by much more than it misses: it is a start all the same."""
+def _tidied(case: Case) -> np.ndarray | None:
+    """The start, which misses by the last of its digits, projected; itself if it misses by rounding or by very many constraints,
+    or no point is nearest: it is a start all the same; None if it were moved by much more than all that it misses by."""
     scene, x, t = scene_of(case), case.x0.copy(), float(case.t[0])
     near = scene.near(x, 0.0, t)
     g, (row, _, vals) = scene.gaps(t, x, near), scene.triplets(t, x, near)
     if (g >= -tolerances(case, scene, t, x, near, projected=True)).all() or len(near) > LISTED:
         return x
     with np.errstate(all="ignore"):
-        deep = float(np.nanmax(-g / np.sqrt(np.bincount(row, vals**2, len(g)))))
+        deep = float(np.nansum(np.fmax(0.0, -g) / np.sqrt(np.bincount(row, vals**2, len(g)))))
     try:
         y = _nearest(case, scene, x, t)
     except ValueError:
         return x
-    return y if float(np.abs(y - x).max()) <= FARTHER * deep else x
+    return y if float(np.abs(y - x).max()) <= FARTHER * deep else None
 
 
 def _nearest(case, scene, x0, t):

@@ -1,0 +1,134 @@
+"""States at rest on a surface, beside one, or within its layer: what decides nothing is told."""
+from pathlib import Path
+
+import numpy as np
+import pytest
+from event_scenes import relays
+
+from nsbench import Case, Filippov, solvers
+
+
+@pytest.mark.survives("repulsive")
+@pytest.mark.parametrize("samples", (2, 5, 102))
+def test_a_surface_that_turns_repulsive(samples):
+    """x' = (t - b) s on the surface x = 0: held before b, then left by both fields."""
+    def made(b):
+        def field(xp):
+            return lambda t, x, s: xp.array([(t - b) * s[0], 1.0 + 0.0 * x[0]])
+
+        def switch(xp):
+            return lambda t, x: xp.array([x[0]])
+        return Case(name="turns", problem=Filippov.signs(field, switch), x0=np.array([0.0, 0.0]), t=np.linspace(0, 1, samples))
+    status = solvers.solve(made(0.6), "event_driven", tol=1e-10).status
+    assert status.code == "degenerate" and "both fields leave" in str(status)
+    assert solvers.solve(made(1.5), "event_driven", tol=1e-10).status.ok
+    assert solvers.solve(made(0.6).replace(unique=False), "event_driven", tol=1e-10).status.ok
+
+
+@pytest.mark.survives("repulsive")
+@pytest.mark.parametrize("side", (1.0, -1.0))
+@pytest.mark.parametrize("samples", (3, 102))
+def test_a_rest_on_a_surface_that_the_other_side_begins_to_leave(side, samples):
+    """x' = -x on one side, which is at rest on x = 0, and (b - t) towards it on the other: from t = b on the state may leave."""
+    def made(b, rest=-1.0):
+        def field(xp):
+            return lambda t, x, s: xp.array([xp.where(s[0] * side > 0.0, rest * x[0], side * (b - t))])
+        return Case(name="rests", problem=Filippov.signs(field, lambda xp: lambda t, x: xp.array([x[0]])),
+                    x0=np.array([-0.1 * side]), t=np.linspace(0.0, 1.0, samples))
+    status = solvers.solve(made(0.6), "event_driven", tol=1e-10).status
+    assert status.code == "degenerate" and "at rest" in str(status)
+    assert solvers.solve(made(1.5), "event_driven", tol=1e-10).status.ok
+    assert solvers.solve(made(0.6).replace(unique=False), "event_driven", tol=1e-10).status.ok
+
+
+def test_what_comes_to_rest_beside_a_surface_has_not_met_it():
+    """x' = -x from 1 to exp(-20), with a side below that leads away from x = 0, which the state never sees."""
+    case = relays(lambda xp: lambda t, x, s: xp.array([xp.where(s[0] > 0.0, -x[0], -1.0)]),
+                   lambda xp: lambda t, x: xp.array([x[0]]), [1.0], np.linspace(0.0, 20.0, 11))
+    traj = solvers.solve(case, "euler[implicit=true]", h=1e-3)
+    assert traj.status.ok and traj.x[-1, 0] == pytest.approx(np.exp(-20.0), rel=0.02)
+
+
+@pytest.mark.parametrize("spec", ("event_driven", "euler[implicit=true]"))
+@pytest.mark.parametrize("beside, code", ((1e-11, "ok"), (0.0, "degenerate")))
+def test_a_surface_is_no_thicker_for_a_large_coordinate(spec, beside, code):
+    """(x, y)' = (1, 0) where y > 0, (1, -1) below, from (1e4, y): beside the surface y = 0, along it; on it, it may leave."""
+    case = relays(lambda xp: lambda t, x, s: xp.array([1.0, 0.5 * (s[0] - 1.0)]), lambda xp: lambda t, x: xp.array([x[1]]),
+                   [1e4, beside], np.linspace(0.0, 1.0, 5))
+    assert solvers.solve(case, spec, **({"tol": 1e-10} if spec == "event_driven" else {"h": 0.01})).status.code == code
+
+
+@pytest.mark.parametrize("power, code", ((1, "ok"), (3, "unverified")))
+def test_a_layer_is_flat_where_its_slope_changes_within(power, code):
+    """Onto the circle r = 1 from r = 20: the slope of r^2 - 1 falls from 40 to 2, which is a length like another; that of its
+    third power vanishes there, and the layer of a penalty is k^(-1/3) wide."""
+    def field(xp):
+        return lambda t, x, s: -10.0 * s[0] * x / xp.sqrt(x[0] * x[0] + x[1] * x[1]) + xp.array([0.0 * t, 0.0 * t])
+
+    def switch(xp):
+        return lambda t, x: xp.array([(x[0] * x[0] + x[1] * x[1] - 1.0) ** power])
+    case = Case(name="circle", problem=Filippov.signs(field, switch), x0=np.array([12.0, 16.0]), t=np.linspace(0.0, 2.5, 6))
+    assert solvers.solve(case, "penalty", k=300.0).status.code == code
+
+
+def test_a_layer_that_holds_a_repelled_start_is_told():
+    from nsbench import load_case
+    case = load_case(Path(__file__).parent / "honesty_kept" / "start_in_a_repulsive_layer.py")
+    status = solvers.solve(case, "penalty", k=1e3).status
+    assert status.code == "unverified" and "both fields leave" in str(status)
+    assert solvers.solve(case.replace(x0=np.array([0.1])), "penalty", k=1e3).status.ok
+
+
+@pytest.mark.parametrize("scale, code", ((1.0, "ok"), (1e-3, "unverified")))
+def test_a_layer_that_one_of_two_switches_does_not_leave_is_told(scale, code):
+    case = relays(lambda xp: lambda t, x, s: xp.array([1.0 - 0.5 * s[0], 0.3 - 0.5 * s[1]]),
+                   lambda xp: lambda t, x: xp.array([x[0] + 0.2, scale * (x[1] - 0.1)]), [-0.5, 0.5], np.linspace(0.0, 1.0, 6))
+    status = solvers.solve(case, "penalty", k=100.0).status
+    assert status.code == code and (code == "ok" or "Switch 1" in str(status))
+    far = case.replace(x0=np.array([-0.5, 100.0]))              # 0.1 from its surface: with another sign it is never seen
+    assert solvers.solve(far, "penalty", k=100.0).status.ok
+
+
+def test_a_layer_of_a_switch_that_no_field_asks_is_none():
+    case = relays(lambda xp: lambda t, x, s: xp.array([0.3 - s[0], 0.5]),
+                   lambda xp: lambda t, x: xp.array([x[0], 1e-5 * (x[1] - 0.5)]), [0.5, 0.0], np.linspace(0.0, 1.0, 6))
+    assert solvers.solve(case, "penalty", k=1e3).status.ok
+
+
+@pytest.mark.parametrize("field, exact", (
+    (lambda xp, t, s: 1.0 + 2.0 * xp.sin(np.pi * t) ** 2 * s, 0.0),
+    (lambda xp, t, s: 1.0 + xp.where((t > 0.2) & (t < 0.8), s, 0.0), 0.4)), ids=("between samples", "for a while"))
+def test_a_layer_is_one_where_a_field_asks_its_switch_between_samples(field, exact):
+    case = relays(lambda xp: lambda t, x, s: xp.array([field(xp, t, s[0])]),
+                  lambda xp: lambda t, x: xp.array([1e-5 * (x[0] - 5.0)]), [0.0], [0.0, 1.0])
+    status = solvers.solve(case, "penalty", k=1e3).status
+    assert status.code == "unverified" and "Switch 0" in str(status)
+    run = solvers.solve(case, "euler", h=1e-3)
+    assert run.status.ok and run.x[-1, 0] == pytest.approx(exact, abs=3e-3)
+
+
+@pytest.mark.parametrize("height", (0.0, 1.0, 3.0))
+@pytest.mark.parametrize("fall", (1.0, 0.7))
+def test_a_fall_onto_a_surface_ends_on_it_wherever_it_lies(height, fall):
+    """y' = -2 fall (1 - t) above the surface until t = 1, then 0; -1 below: from t = 1 on the state may leave."""
+    case = relays(lambda xp: lambda t, x, s: xp.array([xp.where(s[0] > 0.0, -2.0 * fall * xp.maximum(1.0 - t, 0.0), -1.0)]),
+                  lambda xp: lambda t, x: xp.array([x[0] - height]), [height + fall], np.linspace(0.0, 2.0, 9))
+    status = solvers.solve(case, "event_driven", tol=1e-10).status
+    assert status.code == "degenerate" and "at rest" in str(status)
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+@pytest.mark.parametrize("spec, code", (("euler", "degenerate"), ("euler[implicit=true]", "ok")))
+def test_a_switch_that_raises_beside_the_state_is_no_crash(spec, code):
+    """A table that ends at x = 1, where the state stays."""
+    def switch(xp):
+        if xp is not np:
+            return lambda t, x: xp.array([x[1]])
+
+        def f(t, x):
+            if x[0] > 1.0:
+                raise ValueError("the table ends")
+            return np.array([x[1]])
+        return f
+    case = relays(lambda xp: lambda t, x, s: xp.array([0.0 * t, 0.5 * (s[0] - 1.0)]), switch, [1.0, 0.0], np.linspace(0, 1, 5))
+    assert solvers.solve(case, spec, h=0.01).status.code == code
