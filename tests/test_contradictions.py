@@ -209,3 +209,19 @@ def test_the_programs_of_a_run_are_counted(monkeypatch):
         case = Case(name="many", problem=Complementarity(_still, (walls(cross),)), x0=np.array([0.0]), t=np.linspace(0, 1, 3001))
         assert solvers.solve(case, "penalty", k=1000.0).status.code == code
         assert len(asked) <= 2 * (_walls.MOST + 1)
+
+
+@pytest.mark.parametrize("aside, code", ((1e-6, "unverified"), (0.3, "ok")))
+def test_a_squeezed_row_that_hardly_yields_is_told(aside, code):
+    """Three discs between a wall and one that comes by 1e-6: from a straight row the middle one has to leave by about 1e-3."""
+    c = np.sqrt(1.0 - aside**2)
+
+    def b(xp):
+        return lambda t: xp.array([0.0 * t, 2.0 * c - t])
+    walls = Affine(np.array([[1.0, 0, 0, 0, 0, 0], [0, 0, 0, 0, -1.0, 0]]), b)
+    case = Case(name="squeezed", problem=Complementarity(_rest, (Distance(1.0), walls)),
+                x0=np.array([0.0, 0.0, c, aside, 2.0 * c, 0.0]), t=np.linspace(0.0, 1e-6, 6))
+    status = solvers.solve(case, "pbd", h=1e-8).status
+    assert status.code == code and (code == "ok" or "farther away" in str(status))
+    run = solvers.solve(case, "catching_up", h=1e-10)
+    assert run.status.ok and run.x[-1, 3] - run.x[-1, 1] == pytest.approx(np.sqrt(1.0 - (c - 5e-7) ** 2), rel=1e-3)

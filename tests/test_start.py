@@ -28,10 +28,10 @@ def test_many_discs_are_projected_over_those_near(monkeypatch):
     case, scene = heap(800, 0.5)
     asked = []
 
-    def solve(row, cols, vals, q, n, guess, plain=start._least_distance):
+    def solve(row, cols, vals, q, n, guess, plain=start.least_distance):
         asked.append(len(q))
         return plain(row, cols, vals, q, n, guess)
-    monkeypatch.setattr(start, "_least_distance", solve)
+    monkeypatch.setattr(start, "least_distance", solve)
     x = start.start_state(case, scene)
     assert scene.deepest(0.0, x) < 1e-12 and max(asked) < 4000
     on = scene.near(x, 1e-11)
@@ -56,7 +56,7 @@ def test_lines_left_out_at_first_are_obeyed():
     lines = start._Lines(case, scene, 0.0, case.x0, np.inf)
     d = lines.nearest(np.zeros(180), {})
     G = scene.dense_gradients(0.0, case.x0, lines.near)
-    exact = start._least_distance(*scene.triplets(0.0, case.x0, lines.near), lines.g, 180, np.zeros(len(lines.g)))[0]
+    exact = start.least_distance(*scene.triplets(0.0, case.x0, lines.near), lines.g, 180, np.zeros(len(lines.g)))[0]
     assert (lines.g + G @ d).min() > -1e-12 and d == pytest.approx(exact, abs=1e-11)
 
 

@@ -132,3 +132,15 @@ def test_a_switch_that_raises_beside_the_state_is_no_crash(spec, code):
         return f
     case = relays(lambda xp: lambda t, x, s: xp.array([0.0 * t, 0.5 * (s[0] - 1.0)]), switch, [1.0, 0.0], np.linspace(0, 1, 5))
     assert solvers.solve(case, spec, h=0.01).status.code == code
+
+
+def test_a_corner_beside_which_a_field_is_no_number_is_told():
+    """Along y = 0 to x = 0 at t = 1/2, behind which one of the fields is the root of a negative number."""
+    def mode(x, y):
+        return lambda xp: lambda t, z: xp.array([x + 0.0 * t, y + 0.0 * t])
+    fields = {(1, 1): mode(-1.0, -1.0), (1, -1): mode(-1.0, 1.0), (-1, -1): mode(-1.0, 1.0),
+              (-1, 1): lambda xp: lambda t, z: xp.array([-1.0 + 0.0 * t, -xp.sqrt(0.1 - t)])}
+    case = Case(name="corner", problem=Filippov(fields, lambda xp: lambda t, x: 1.0 * x), x0=np.array([0.5, 0.0]),
+                t=np.linspace(0.0, 1.0, 5))
+    status = solvers.solve(case, "event_driven", tol=1e-10).status
+    assert status.code == "nan" and "not finite" in str(status)

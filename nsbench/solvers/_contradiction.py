@@ -13,10 +13,12 @@ from nsbench.contacts import Scene
 from nsbench.solvers._extent import misses, scene_of, tolerances
 from nsbench.solvers._links import too_short
 from nsbench.solvers._walls import Walls, least_miss
+from nsbench.solvers.start import DENSE, least_distance
 from nsbench.trajectory import Status, Trajectory
 
 HALF = 0.5               # of the largest depth: where the run begins to violate its constraints as much
 CURVED = 0.05            # part of a depth that the curvature of constraints may make of it, as long as it is small
+BEYOND = 1e3             # times what all constraints miss by: a state that meets them so far away is another one
 MANY = 3000              # constraints: beyond, the linear program takes seconds
 TIMES = 200              # of a run at which walls and links are looked at, samples too
 PARTS = 4                # of a run, in each of which the deepest sample is looked at: others may be deeper for other reasons
@@ -38,6 +40,8 @@ def nowhere(case: Case, traj: Trajectory) -> Status | None:
     for k in _deepest(depth):
         if why := _arrangement(case, scene, float(traj.t[k]), traj.x[k], float(depth[k])):
             return Status("infeasible", why)
+        if why := _beyond(case, scene, float(traj.t[k]), traj.x[k], float(depth[k])):
+            return Status("unverified", why)
     return None
 
 
@@ -84,6 +88,27 @@ def _arrangement(case: Case, scene: Scene, t: float, x: np.ndarray, depth: float
         return None
     return (f"The constraints contradict each other at t = {t:.6g} where the run violates them by {depth:.3g}: to first order, "
             f"every way on misses one of them by {miss.least:.3g} or more.")
+
+
+def _beyond(case: Case, scene: Scene, t: float, x: np.ndarray, depth: float) -> str | None:
+    """Why what meets the constraints is not about as far from x as x violates them; None where it is, or where they are many.
+
+    Projections one by one hardly move what is squeezed in a straight row, for it yields to the side only: a violation that no
+    step mends, however small it is, hides a way as long as a part of its square root.
+    """
+    near = scene.near(x, depth, t)
+    if not 0 < len(near) * scene.n <= DENSE:
+        return None
+    g, (row, col, vals) = scene.gaps(t, x, near), scene.triplets(t, x, near)
+    norm = np.sqrt(np.bincount(row, vals * vals, len(g)))
+    if not (np.all(norm > 0.0) and np.any(g < -tolerances(case, scene, t, x, near))):
+        return None
+    way, _ = least_distance(row, col, vals, g, scene.n, np.zeros(len(g)))
+    far = np.inf if way is None else float(np.abs(way).max())
+    if far <= BEYOND * float((np.fmax(0.0, -g) / norm).sum()):
+        return None
+    return (f"At t = {t:.6g} the run violates its constraints by {depth:.3g} where what meets them is much farther away: "
+            f"{far:.3g} to first order.")
 
 
 def contradiction(case: Case, t: float, x: np.ndarray | None = None) -> str | None:

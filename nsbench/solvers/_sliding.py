@@ -273,7 +273,8 @@ def _pair(rates):
     pp, pm, mp, mm = rates[0, 0], rates[0, 1], rates[1, 0], rates[1, 1]
     A, B, C, D = (pp + pm + mp + mm) / 4, (pp + pm - mp - mm) / 4, (pp - pm + mp - mm) / 4, (pp - pm - mp + mm) / 4
     det = lambda u, v: u[0] * v[1] - u[1] * v[0]
-    roots = np.roots([det(C, D), det(A, D) + det(C, B), det(A, B)])
+    terms = [det(C, D), det(A, D) + det(C, B), det(A, B)]
+    roots = np.roots(terms) if np.all(np.isfinite(terms)) else np.empty(0)
     out = [(0.0, 0.0)]
     for b in roots[np.abs(roots.imag) <= 1e-7 * (1.0 + np.abs(roots))].real:
         w = B + D * b

@@ -142,7 +142,7 @@ class _Lines:
             keep, place = on[self._row], np.cumsum(on) - 1
             row, cols, vals = place[self._row[keep]], self._cols[keep], self._vals[keep]
             guess = np.array([known.get(k, 0.0) for k in keys[listed].tolist()])
-            d, mu = _least_distance(row, cols, vals, q[listed], self.n, guess)
+            d, mu = least_distance(row, cols, vals, q[listed], self.n, guess)
             if d is None:
                 return None
             w = q + np.bincount(self._row, self._vals * d[self._cols], len(q))
@@ -154,7 +154,7 @@ class _Lines:
             on |= new
 
 
-def _least_distance(row, cols, vals, q, n, guess):
+def least_distance(row, cols, vals, q, n, guess):
     """The shortest d (n,) with q + G d >= 0, and mu; None and None where there is none. By non-negative least squares (Lawson
     & Hanson 1974, chapter 23) where G is small, else by the active sets that `catching_up` steps with. Both with rows of length
     one and in units of what is missing most."""
