@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from nsbench import Affine, Case, Complementarity, Distance, Filippov, Smooth, solvers
-from nsbench.solvers._units import unit, unit_of
+from nsbench.solvers._units import _way, unit, unit_of
 
 
 def pushed(unit):
@@ -98,3 +98,11 @@ def test_a_small_coordinate_that_turns_is_no_unit_for_one_that_goes_on():
     drift = lambda xp: lambda t, x: xp.array([1e3 * x[1], -1e3 * x[0], 0.5 + 0.0 * t])
     case = Case(name="both", problem=Complementarity(drift, ()), x0=np.array([0.0, 1e-6, 0.0]), t=np.linspace(0.0, 1.0, 5))
     assert unit_of(case) == 1.0
+
+
+@pytest.mark.parametrize("rate, way", ((1e4, np.inf), (3.0, (np.exp(3.0) - 1.0)), (-50.0, 1.0), (0.0, 1e-300)))
+def test_a_motion_beside_the_start_is_as_long_as_it_grows(rate, way):
+    x0 = np.array([1.0])
+    drift = lambda x: rate * x + (1e-300 if rate == 0.0 else 0.0)
+    with np.errstate(all="ignore"):
+        assert _way(drift, x0, drift(x0), 1.0, 1.0) == pytest.approx(way, rel=1e-6)

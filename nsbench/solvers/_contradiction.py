@@ -40,7 +40,7 @@ def nowhere(case: Case, traj: Trajectory) -> Status | None:
     for k in _deepest(depth):
         if why := _arrangement(case, scene, float(traj.t[k]), traj.x[k], float(depth[k])):
             return Status("infeasible", why)
-        if why := _beyond(case, scene, float(traj.t[k]), traj.x[k], float(depth[k])):
+        if k and (why := _beyond(case, scene, float(traj.t[k]), traj.x[k], float(depth[k]))):       # a start may be kept as it is
             return Status("unverified", why)
     return None
 
@@ -91,7 +91,8 @@ def _arrangement(case: Case, scene: Scene, t: float, x: np.ndarray, depth: float
 
 
 def _beyond(case: Case, scene: Scene, t: float, x: np.ndarray, depth: float) -> str | None:
-    """Why what meets the constraints is not about as far from x as x violates them; None where it is, or where they are many.
+    """Why what meets the constraints is not about as far from x as x violates them; None where it is, where none does to first
+    order, or where they are many.
 
     Projections one by one hardly move what is squeezed in a straight row, for it yields to the side only: a violation that no
     step mends, however small it is, hides a way as long as a part of its square root.
@@ -104,8 +105,7 @@ def _beyond(case: Case, scene: Scene, t: float, x: np.ndarray, depth: float) -> 
     if not (np.all(norm > 0.0) and np.any(g < -tolerances(case, scene, t, x, near))):
         return None
     way, _ = least_distance(row, col, vals, g, scene.n, np.zeros(len(g)))
-    far = np.inf if way is None else float(np.abs(way).max())
-    if far <= BEYOND * float((np.fmax(0.0, -g) / norm).sum()):
+    if way is None or (far := float(np.abs(way).max())) <= BEYOND * float((np.fmax(0.0, -g) / norm).sum()):
         return None
     return (f"At t = {t:.6g} the run violates its constraints by {depth:.3g} where what meets them is much farther away: "
             f"{far:.3g} to first order.")

@@ -60,8 +60,8 @@ def _way(f, x0: np.ndarray, v: np.ndarray, away: float, T: float) -> float:
     from scipy.linalg import expm
     many = min(x0.size, KRYLOV)
     V, H = np.zeros((many + 1, x0.size)), np.zeros((many + 1, many + 1))       # x - x0 = V y, y' = H y + |v| e_0
-    size = float(np.linalg.norm(v))
-    V[0], H[0, many] = v / size, size
+    most = float(np.abs(v).max())
+    V[0], H[0, many] = v / most / np.linalg.norm(v / most), most * np.linalg.norm(v / most)
     for j in range(many):
         w = (_tried(f, x0 + away * V[j]) - v) / away
         whole = float(np.linalg.norm(w))
@@ -75,11 +75,11 @@ def _way(f, x0: np.ndarray, v: np.ndarray, away: float, T: float) -> float:
         if rest <= CLOSED * whole or j + 1 == many:
             break
         H[j + 1, j], V[j + 1] = rest, w / rest
-    E, far = expm(2.0**-DOUBLINGS * T * H), 0.0
+    E, ways = expm(2.0**-DOUBLINGS * T * H), []
     for _ in range(DOUBLINGS + 1):
-        far = max(far, float(np.abs(E[:many, many] @ V[:many]).max()))
+        ways.append(float(np.abs(E[:many, many] @ V[:many]).max()))
         E = E @ E
-    return far if np.isfinite(far) else np.inf
+    return max(ways) if np.all(np.isfinite(ways)) else np.inf
 
 
 def _tried(f, x: np.ndarray) -> np.ndarray:
