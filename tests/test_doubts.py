@@ -33,6 +33,7 @@ NONE = {
     "peak of floats": lambda xp, t, x: 1e-5 / (1e-6 + (float(t) - 0.3001) ** 2),
     "before the start": lambda xp, t, x: 0.01 / (t + 1e-3),
     "logarithm": lambda xp, t, x: 0.1 * xp.log(xp.abs(t - 0.3001)),
+    "smaller than a root of the smallest number": lambda xp, t, x: 1e-200 / (1e-200 * (1.0 + t)),
     "saturation": lambda xp, t, x: -x[0] / (0.1 + x[0]),
 }
 

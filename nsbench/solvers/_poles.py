@@ -205,7 +205,7 @@ def _zero(den, low, high) -> float:
     from scipy.optimize import brentq
     eps = 1e-9 * (high - low)
     for f in (den, lambda t: abs(den(t + eps)) - abs(den(t - eps))):
-        if f(low) * f(high) <= 0.0:
+        if np.sign(f(low)) * np.sign(f(high)) <= 0.0:            # a product of small ones would be 0
             number = lambda t, f=f: v if np.isfinite(v := f(t)) else 0.0
             return brentq(number, low, high, xtol=np.spacing(max(abs(low), abs(high))), maxiter=HALVINGS, disp=False)
     return low
