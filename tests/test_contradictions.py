@@ -225,3 +225,16 @@ def test_a_squeezed_row_that_hardly_yields_is_told(aside, code):
     assert status.code == code and (code == "ok" or "farther away" in str(status))
     run = solvers.solve(case, "catching_up", h=1e-10)
     assert run.status.ok and run.x[-1, 3] - run.x[-1, 1] == pytest.approx(np.sqrt(1.0 - (c - 5e-7) ** 2), rel=1e-3)
+
+
+def test_a_gradient_that_is_infinite_is_no_crash():
+    """y >= sqrt(x) at x = 0, beside two rows that a sweep does not meet at once."""
+    def gradient(xp):
+        return lambda t, x: xp.stack([xp.stack([-0.5 / xp.sqrt(x[0]), 1.0 + 0.0 * x[0], 0.0 * x[0], 0.0 * x[0]])])
+    root = Smooth(lambda xp: lambda t, x: xp.stack([x[1] - xp.sqrt(x[0])]), gradient=gradient)
+    rows = Affine(np.array([[0.0, 0.0, 1.0, 0.0], [0.0, 0.0, -1.0, 1.0]]), np.zeros(2))
+    drift = lambda xp: lambda t, x: xp.stack([0.0 * x[0], 0.0 * x[0], -1.0 + 0.0 * x[0], -3.0 + 0.0 * x[0]])
+    case = Case(name="root", problem=Complementarity(drift, (rows, root)), x0=np.array([0.0, 1.0, 1.0, 1.0]),
+                t=np.linspace(0.0, 2.0, 5))
+    with np.errstate(all="ignore"):
+        assert solvers.solve(case, "pbd", h=1e-2).status.code in ("ok", "unverified")

@@ -201,6 +201,15 @@ def test_a_start_is_not_moved_much_farther_than_it_misses(angle):
     assert meant == pytest.approx([0.0, 1.0 + 9e-10 / angle], abs=1e-9)
 
 
+def test_a_start_printed_beside_the_end_of_a_wedge_is_moved_by_no_more_than_its_digits():
+    """Half a degree wide, from x = 1/3 on: the start lies 3.3e-11 before it, and 2.9e-13 within a wall."""
+    a = np.radians(0.5)
+    walls = Affine(np.array([[0.0, 1.0], [np.sin(a), -np.cos(a)]]), np.array([0.0, -np.sin(a) / 3.0]))
+    problem = Complementarity(lambda xp: lambda t, x: xp.array([1.0 + 0.0 * t, 0.0 * t]), (walls,))
+    case = Case("printed", problem, np.array([0.3333333333, 0.0]), np.linspace(0.0, 1.0, 3))
+    assert start.start_state(case, Scene(problem, 2)) == pytest.approx([1.0 / 3.0, 0.0], abs=1e-12)
+
+
 @pytest.mark.parametrize("spec, asked", (("catching_up", {"h": 0.01}), ("theta", {"h": 0.01}), ("event_driven", {"tol": 1e-10})))
 def test_a_long_row_that_misses_everywhere_is_pulled_apart_to_its_end(spec, asked):
     """250 rods, each 5e-10 too near to the one before: all are pushed by a tenth, and the wall carries 25."""

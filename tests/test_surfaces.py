@@ -144,3 +144,33 @@ def test_a_corner_beside_which_a_field_is_no_number_is_told():
                 t=np.linspace(0.0, 1.0, 5))
     status = solvers.solve(case, "event_driven", tol=1e-10).status
     assert status.code == "nan" and "not finite" in str(status)
+
+
+@pytest.mark.parametrize("spec", ("event_driven", "euler", "euler[implicit=true]"))
+def test_what_decays_never_meets_the_surface(spec):
+    """x' = -10 x from 1 to exp(-50), with a side below x = 0 that leads away: every digit of x is known all the time."""
+    case = relays(lambda xp: lambda t, x, s: xp.array([xp.where(s[0] > 0.0, -10.0 * x[0], -1.0)]),
+                  lambda xp: lambda t, x: xp.array([x[0]]), [1.0], np.linspace(0.0, 5.0, 51))
+    run = solvers.solve(case, spec, **({"tol": 1e-10} if spec == "event_driven" else {"h": 1e-3}))
+    assert run.status.ok and np.log(run.x[-1, 0]) == pytest.approx(-50.0, abs=0.3)
+
+
+def test_a_field_that_is_no_number_on_the_straight_ways_asks_no_switch():
+    """Along a circle in quarters, inside of which a root is of a negative number; the second switch is in its layer."""
+    def field(xp):
+        def f(t, x, s):
+            w = xp.sqrt(x[0] * x[0] + x[1] * x[1] - 0.6) / np.sqrt(0.4)
+            return xp.array([-x[1] * w, x[0] * w])
+        return f
+    case = relays(field, lambda xp: lambda t, x: xp.array([x[0] + 3.0, 1e-5 * x[1]]), [1.0, 0.0], np.linspace(0.0, 2 * np.pi, 5))
+    run = solvers.solve(case, "penalty", k=1e3)
+    assert run.status.ok and run.x[-1] == pytest.approx([1.0, 0.0], abs=1e-6)
+
+
+def test_a_switch_that_a_field_asks_only_where_two_others_differ_is_asked():
+    """x' = 1 + s0 (s1 - s2) / 2, where all three are in their layers."""
+    case = relays(lambda xp: lambda t, x, s: xp.array([1.0 + 0.5 * s[0] * (s[1] - s[2]), 0.0 * t]),
+                  lambda xp: lambda t, x: xp.array([1e-5 * (x[0] - 5.0), 1e-5 * (x[1] + 1.0), 1e-5 * (x[1] - 1.0)]),
+                  [0.0, 0.0], [0.0, 1.0])
+    status = solvers.solve(case, "penalty", k=1e3).status
+    assert status.code == "unverified" and "Switch 0" in str(status)

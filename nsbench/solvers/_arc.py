@@ -135,7 +135,7 @@ class _Follower:
                     solver.t_bound, solver.status = stop, "running"
             while self.t < stop:
                 if self.steps >= max_steps:
-                    return self._end(Status("maxiter", f"{max_steps} steps were taken by t = {self.t:.9g}."))
+                    return self._end(Status("maxiter", f"The last of max_steps was taken by t = {self.t:.9g}."))
                 if self.creeps(self.steps, self.t):
                     return self._end(Status("maxiter", CREEPS.format(self.t)))
                 status, fired, solver = self._step(solver)

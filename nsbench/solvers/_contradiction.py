@@ -10,7 +10,7 @@ import numpy as np
 
 from nsbench.case import Case
 from nsbench.contacts import Scene
-from nsbench.solvers._extent import misses, scene_of, tolerances
+from nsbench.solvers._extent import PRINTED, misses, scene_of, tolerances
 from nsbench.solvers._links import too_short
 from nsbench.solvers._walls import Walls, least_miss
 from nsbench.solvers.start import DENSE, least_distance
@@ -40,6 +40,7 @@ def nowhere(case: Case, traj: Trajectory) -> Status | None:
     for k in _deepest(depth):
         if why := _arrangement(case, scene, float(traj.t[k]), traj.x[k], float(depth[k])):
             return Status("infeasible", why)
+    for k in _deepest(depth):
         if k and (why := _beyond(case, scene, float(traj.t[k]), traj.x[k], float(depth[k]))):       # a start may be kept as it is
             return Status("unverified", why)
     return None
@@ -102,10 +103,11 @@ def _beyond(case: Case, scene: Scene, t: float, x: np.ndarray, depth: float) -> 
         return None
     g, (row, col, vals) = scene.gaps(t, x, near), scene.triplets(t, x, near)
     norm = np.sqrt(np.bincount(row, vals * vals, len(g)))
-    if not (np.all(norm > 0.0) and np.any(g < -tolerances(case, scene, t, x, near))):
+    if not (np.all((norm > 0.0) & (norm < np.inf)) and np.any(g < -tolerances(case, scene, t, x, near))):
         return None
     way, _ = least_distance(row, col, vals, g, scene.n, np.zeros(len(g)))
-    if way is None or (far := float(np.abs(way).max())) <= BEYOND * float((np.fmax(0.0, -g) / norm).sum()):
+    allowed = max(BEYOND * float((np.fmax(0.0, -g) / norm).sum()), PRINTED * float(np.abs(x).max()))
+    if way is None or (far := float(np.abs(way).max())) <= allowed:
         return None
     return (f"At t = {t:.6g} the run violates its constraints by {depth:.3g} where what meets them is much farther away: "
             f"{far:.3g} to first order.")

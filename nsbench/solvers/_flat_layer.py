@@ -1,6 +1,8 @@
 """Layers around surfaces, of penalties and of tolerances, where a switch is flat: there they are thicker than they say."""
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 
 from nsbench.case import Case
@@ -10,6 +12,7 @@ from nsbench.solvers._sliding import Motion
 CHANGES = 0.5           # of a slope within the layer that it gives: there the layer is of another thickness than it says
 POINTS = 100            # of a run that are looked at, at least its samples
 HALVINGS = 50
+UNKNOWN = 4             # other switches in their layers of which both signs are tried
 
 
 def flat_layer(case: Case, width: float, X: np.ndarray) -> str:
@@ -58,11 +61,20 @@ def covered(case: Case, width: float, X: np.ndarray) -> str:
         for i in np.flatnonzero((np.abs(c).max(axis=0) < width) & (0.0 < over) & (over < width)):
             one = np.arange(c.shape[1]) == i
             for t, x, row in zip(times, states, c, strict=True):
-                others = [np.where(np.abs(row) < width, side, np.where(row >= 0.0, 1.0, -1.0)) for side in (1.0, -1.0)]
-                if any(np.any(there(field, t, x, np.where(one, 1.0, s)) != there(field, t, x, np.where(one, -1.0, s)))
-                       for s in others):
+                if any(not np.array_equal(there(field, t, x, np.where(one, 1.0, s)), there(field, t, x, np.where(one, -1.0, s)),
+                                          equal_nan=True) for s in _sides(row, (np.abs(row) < width) & ~one)):
                     return f"Switch {i} does not leave its layer: it changes by no more than {over[i]:.2g}"
     return ""
+
+
+def _sides(c: np.ndarray, unknown: np.ndarray) -> list:
+    """The signs of the switches c (d,), with all those of the first few unknown ones."""
+    signs, open_ = np.where(c >= 0.0, 1.0, -1.0), np.flatnonzero(unknown)[:UNKNOWN]
+    out = []
+    for some in product((1.0, -1.0), repeat=open_.size):
+        out.append(signs.copy())
+        out[-1][open_] = some
+    return out
 
 
 def _between(f, low: float, high: float) -> float:

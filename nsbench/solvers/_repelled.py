@@ -10,7 +10,7 @@ POINTS = 40              # of a run that are looked at, at least its samples
 ON = 1e-9                # of the largest value of a switch: a state this near is on its surface
 STEP = 1e-6              # of the run: the differences that rates of switches are taken from
 ASIDE = 1e-9            # mean weight of a side below which a run was on the other alone
-ROUNDED = 16 * 2.0**-52  # of each coordinate's largest: and so near that nothing of a motion beside it is left
+ROUNDED = 16 * 2.0**-52  # of each coordinate: and so near that nothing of a motion beside it is left
 REST = 1e-9              # of the largest rate: what differences leave of one that is zero
 BOTH = "both fields leave: it may leave to either side"
 RESTS = "one field leaves, while the other leaves it at rest there: it may leave"
@@ -30,10 +30,12 @@ def repelled(case: Case, traj: Trajectory) -> Status | None:
     c = np.array([switch(t, x.copy()) for t, x in zip(traj.t, traj.x, strict=True)])
     size, side = np.maximum(np.abs(c).max(axis=0), swing(switch, traj.t[-1], traj.x)), _side(traj, c.shape[1])
     on = np.abs(c) <= ON * size
-    most = np.abs(traj.x).max(axis=0)
-    exactly = np.array([np.abs(row) <= _rounding(switch, t, x, most) if near.any() else near
-                        for row, near, t, x in zip(c, on, traj.t, traj.x, strict=True)])
-    stayed = np.where(side == 0.0, on[1:] & on[:-1], exactly[1:] & exactly[:-1])
+    # what fell there is left with a rounding of its fall, and stands; what decays never is
+    exactly, fallen = (np.array([np.abs(row) <= _rounding(switch, t, x, np.fmax(np.abs(x), least)) if near.any() else near
+                                 for row, near, t, x in zip(c, on, traj.t, traj.x, strict=True)])
+                       for least in (0.0, np.abs(traj.x).max(axis=0)))
+    stands = (exactly[1:] & exactly[:-1]) | (fallen[1:] & fallen[:-1] & (c[1:] == c[:-1]))
+    stayed = np.where(side == 0.0, on[1:] & on[:-1], stands)
     parts = -(-POINTS // (len(traj.t) - 1))
     for i in np.flatnonzero(stayed.any(axis=0)):
         spans = np.flatnonzero(stayed[:, i] & (on[1:].sum(axis=1) == 1))
@@ -57,10 +59,10 @@ def _at(traj, k: int, t: float) -> np.ndarray:
     return (1.0 - a) * traj.x[k] + a * traj.x[k + 1]
 
 
-def _rounding(switch, t, x, most) -> np.ndarray:
-    """(d,) what rounding of each coordinate, as large as it ever was (n,), and of time makes of the switches."""
+def _rounding(switch, t, x, sizes) -> np.ndarray:
+    """(d,) what rounding of coordinates of these sizes (n,), and of time, makes of the switches."""
     here = there(switch, t, x)
-    moved = [there(switch, t + ROUNDED * abs(t), x), *(there(switch, t, x + e) for e in np.diag(ROUNDED * most) if e.any())]
+    moved = [there(switch, t + ROUNDED * abs(t), x), *(there(switch, t, x + e) for e in np.diag(ROUNDED * sizes) if e.any())]
     return np.fmax.reduce([np.abs(c - here) for c in moved])
 
 

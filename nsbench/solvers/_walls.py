@@ -64,12 +64,13 @@ def least_miss(ptr, cols, vals, g, n: int, allowed, room: float = 0.0) -> Miss:
     rows = np.repeat(np.arange(len(g)), np.diff(ptr))
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         norm = 1.0 / np.sqrt(np.bincount(rows, vals * vals, len(g)))
-        asks = np.isfinite(norm)                                     # a row of zeros asks nothing of a state
+        asks = np.isfinite(norm) & (norm > 0.0)                      # a row of zeros, or of no numbers, asks nothing of a state
         g, allowed, norm = np.where(asks, g * norm, np.inf), np.where(asks, allowed * norm, 0.0), np.where(asks, norm, 0.0)
     deep = float(-np.min(g, initial=0.0))
     if not 0.0 < deep < np.inf or np.isnan(g).any():
         return Miss()
-    use, vals = g <= FAR * deep, vals * norm[rows]
+    with np.errstate(invalid="ignore"):
+        use, vals = g <= FAR * deep, np.where(asks[rows], vals * norm[rows], 0.0)
     while True:
         s, d, weights = _program(ptr, cols, vals, g, n, use, room * deep)
         if d is None:

@@ -8,7 +8,7 @@ import numpy as np
 from nsbench.case import Case
 from nsbench.contacts import ANCHOR, PAIR, Scene
 from nsbench.problem import Affine, Distance
-from nsbench.solvers._extent import misses, numbers, scene_of, tolerances
+from nsbench.solvers._extent import PRINTED, misses, numbers, scene_of, tolerances
 
 ITERATIONS = 1000         # linear convergence: a start that overlaps deeply needs a few hundred
 LISTED, FARTHER = 3000, 100.0      # constraints that are looked at, and times what is missed, of a start that misses by digits
@@ -66,7 +66,7 @@ def _tidied(case: Case) -> np.ndarray | None:
         y = _nearest(case, scene, x, t)
     except ValueError:
         return x
-    return y if float(np.abs(y - x).max()) <= FARTHER * deep else None
+    return y if float(np.abs(y - x).max()) <= max(FARTHER * deep, PRINTED * float(np.abs(x).max())) else None
 
 
 def _nearest(case, scene, x0, t):

@@ -14,7 +14,9 @@ LATER_SLOW = {"h": (171, 683, 2731), "k": (6400.0, 25600.0, 102400.0)}     # of 
 SLOW_LOOPS = ("kdtree", "nosnoc", "pbd_jax", "backend", "nonlinear", "method=catching_up,", "penalty")
 M, COARSER = 4.0, 8.0       # times the largest constant of steps so many times coarser
 EPS = 2.3e-16
-MOST, MOST_SLOW = 4e6, 1e4  # steps of a run: uneven samples may be 1e4 to the length of the smallest spacing
+# steps of a run, and of implicit loops, which take 20 us for one: uneven samples may be 1e4 to the smallest spacing
+MOST, MOST_IMPLICIT, MOST_SLOW = 4e6, 1e6, 1e4
+IMPLICIT = ("implicit", "theta")
 ANSWER = 10.0               # tolerances of the answer
 INTEGRATOR = 200.0          # tolerances of its integrator that a penalty says to hide (see penalty: 190 were measured)
 
@@ -32,7 +34,8 @@ def values(case, spec, method, ladder) -> list[float]:
     if spec == "nosnoc":                    # a nonlinear program for each step
         return [spacing / n for n in (1, 2)] if ladder is LADDER else [spacing / n for n in (5, 17)]
     steps = (case.t[-1] - case.t[0]) / spacing                  # so that a ladder takes as many steps in all, about
-    scale, most = max(1.0, 30.0 / steps), max(1, int((MOST_SLOW if is_slow(case, spec) else MOST) / steps))
+    most = MOST_SLOW if is_slow(case, spec) else MOST_IMPLICIT if any(word in spec for word in IMPLICIT) else MOST
+    scale, most = max(1.0, 30.0 / steps), max(1, int(most / steps))
     return [spacing / n for n in sorted({min(most, max(1, round(n * scale))) for n in ladder["h"]})]
 
 
