@@ -154,10 +154,14 @@ class Scene(Answer):
         steps = steps[:3] if slow else steps
         rest = [v for v in values(self.case, spec, method, LATER_SLOW if slow else LATER) if v not in steps]
         runs = []
-        for v in steps:
-            runs.append((v, attempt(self.case, spec, v)))
-            if runs[-1][1].crash:
-                return Verdict("crash", "", f"at {v:g}: {runs[-1][1].crash}")
+        for v in [steps[-1], *steps[:-1]]:                  # where the finest needs too many steps, the others tell nothing
+            run = attempt(self.case, spec, v)
+            if run.crash:
+                return Verdict("crash", "", f"at {v:g}: {run.crash}")
+            if not runs and run.traj is not None and run.traj.status.code == "maxiter":
+                return self._faults(run, False, spec=spec)
+            runs.append((v, run))
+        runs = [*runs[1:], runs[0]]
         if bad := self._faults(runs[-1][1], False, spec=spec):
             return bad
         good = [(1.0 / v if method.accuracy == "k" else v, run) for v, run in runs if run.ok]
