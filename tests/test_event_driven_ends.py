@@ -1,7 +1,7 @@
 """Runs that cannot go on end with a status and a sentence; bad starts and options are refused."""
 import numpy as np
 import pytest
-from event_scenes import floor, push, scene
+from event_scenes import floor, push, relays, scene
 
 from nsbench import Affine, Smooth
 from nsbench.solvers import solve
@@ -46,3 +46,20 @@ def test_bad_options_are_named():
     for spec in ("event_driven[method=euler]", "event_driven[max_events=0]", "event_driven[max_step=-1]"):
         with pytest.raises(ValueError, match=spec.partition("[")[2].partition("=")[0]):
             solve("tide", spec)
+
+
+@pytest.mark.parametrize("at", [1.373, 2 / 3, 1.37, 2.1, 2.6])
+@pytest.mark.parametrize("tol", [1e-6, 1e-10])
+def test_what_is_held_is_let_go_where_the_drift_jumps(at, tol):
+    """A multiplier, or the weight of a field, that jumps has no root: what it ends begins with the first time behind."""
+    def jumps(xp):
+        return lambda t, x: xp.where(t < at, -1.0, 2.0) + 0.0 * x
+
+    def against(xp):
+        return lambda t, x, s: xp.where(t < at, 0.0, 3.0) - s + 0.0 * x
+    t, way = np.linspace(0, 3, 61), 2.0 * (3.0 - at)
+    floored = solve(scene(jumps, floor(), x0=[0.5], t=t), tol=tol)
+    slid = solve(relays(against, lambda xp: lambda t, x: x, [0.5], t), tol=tol)
+    for traj in floored, slid:
+        assert traj.status.ok and traj.x[-1, 0] == pytest.approx(way, abs=10 * tol)
+    assert [e.t for e in floored.events] == pytest.approx([0.5, at], abs=1e-14)

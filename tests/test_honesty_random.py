@@ -100,3 +100,52 @@ def test_steps_that_are_samples_are_no_more_between_uneven_ones(spec):
     grids = [(grid(t, h), len(t)) for h, t in own._fine(case, spec, solvers.get(spec))]
     assert grids and all(g.aligned and g.substeps.max() == 1 and len(g.t) == n for g, n in grids)
     assert max(n for _, n in grids) <= own.NODES + 1
+
+
+def jumps(xp):
+    return lambda t, x: xp.where(t < 1.373, -1.0, 2.0) + 0.0 * x
+
+
+def test_the_second_integrator_is_judged_where_the_first_is_known_not_to_end():
+    spec = judge.Scene(wall(), 0).second[0]
+    assert judge.Scene(wall(), 0, answered=False).judge(spec).word == "own"
+
+
+def test_samples_that_were_asked_for_are_not_run_again(monkeypatch):
+    asked, attempt = [], judge.attempt
+
+    def counted(case, spec, value):
+        asked.append((spec, case.t.tobytes(), case.x0.tobytes()))
+        return attempt(case, spec, value)
+    monkeypatch.setattr(judge, "attempt", counted)
+    case = wall(problem=nsbench.Complementarity(jumps, wall().problem.constraints))
+    assert judge.Scene(case).judge("event_driven").word == "fine"
+    assert len(asked) > 3 and len(set(asked)) == len(asked)
+
+
+def far(xp):
+    """At rest, forgetful at first and repelled later, a long way from the origin."""
+    return lambda t, x: xp.where(t < 2.0, -20.0, 2.0) * (x - 1e8) + 0.0 * t
+
+
+def test_roundings_far_from_the_origin_grow_at_all_times():
+    case = nsbench.Case(name="far", problem=nsbench.Complementarity(far), x0=np.array([1e8 + 1.0]), t=np.linspace(0.0, 5.0, 16))
+    judged = judge.Scene(case)
+    assert judged.condition == 1.0 and judged.growth > 10.0
+    run = judged.first.traj
+    assert judged.apart(dataclasses.replace(run, x=run.x + 10.0 * judged.round_off), run) == 0.0
+    assert judge.Scene(wall()).growth == 1.0
+
+
+@pytest.mark.parametrize("speed, word", [(1.0, "wrong"), (1e9, "open")])
+def test_steps_in_which_the_drift_leaps_over_a_particle_show_no_order(speed, word, monkeypatch):
+    case, true = nsbench.get_case("two_discs").replace(exact=None, exact_impulse=None, exact_events=None), judge.attempt
+
+    def lied(case, spec, value):
+        out = true(case, spec, value)
+        if spec == "pbd":
+            out.traj = dataclasses.replace(out.traj, x=out.traj.x + 0.5 * (np.arange(len(out.traj.t)) > 2)[:, None])
+        return out
+    monkeypatch.setattr(judge, "attempt", lied)
+    monkeypatch.setattr(judge, "pace", lambda problem, t, x: speed)
+    assert judge.Scene(case).judge("pbd").word == word

@@ -62,7 +62,7 @@ class Crossings:
                 to_time = lambda u: 0.5 * (piece.lo + piece.hi) + 0.5 * (piece.hi - piece.lo) * u     # noqa: B023
                 slope = chebyshev.chebval(s, chebyshev.chebder(c[:, i])) * 2 / (piece.hi - piece.lo)
                 self.level[i] = target
-                return self._root(dense, i, to_time(left), to_time(s), to_time(right)), i, float(slope)
+                return self._root(dense, i, to_time(left), to_time(s), to_time(right), piece.hi), i, float(slope)
             rose = ~self.armed & (values > self.band).any(axis=0)
             self.armed |= rose
             self.level[rose] = 0.0
@@ -98,13 +98,23 @@ class Crossings:
         right = 0.5 * (deep + later[later > deep][0]) if deep < 1.0 else 1.0
         return float(s), float(left), float(right), target
 
-    def _root(self, dense, i, left, guess, right):
+    def _root(self, dense, i, left, guess, right, end):
         from scipy.optimize import brentq
         fun = lambda s: float(self.gaps(s, dense(s))[i]) - self.level[i]
+        if fun(right) > self.band[i] and fun(end) < 0.0:
+            right = end                         # it jumps between floats that are one to the polynomial
         if not (left < right and fun(left) > 0.0 and fun(right) < 0.0):
             return guess
         # a root of higher order takes more than the usual hundred iterations
-        return brentq(fun, left, right, xtol=4 * np.spacing(abs(right)), rtol=_MINIMAL, maxiter=10_000)
+        root = brentq(fun, left, right, xtol=4 * np.spacing(abs(right)), rtol=_MINIMAL, maxiter=10_000)
+        return root if fun(root) <= self.band[i] else _jump(fun, root, right)
+
+
+def _jump(fun, left, right):
+    """The first time after a jump to below zero: before it, nothing has happened yet."""
+    while left < (mid := 0.5 * (left + right)) < right:
+        left, right = (mid, right) if fun(mid) > 0.0 else (left, mid)
+    return right
 
 
 def _lifted(level):

@@ -15,6 +15,7 @@ from randomised.ladder import EPS
 from randomised.runs import Outcome, attempt, kept_feasible, relative
 
 BOUND = 1e-9                # of the condition: what event_driven is held to, claims.exact being 1e-10
+NUDGE = 1e-9                # of the unit: by which a start is moved for its condition, at least
 ABSOLUTE = 1e-11            # what absolute tolerances leave in states that are small themselves
 ROUNDINGS = 100.0           # spacings of the largest coordinate: of some 1500 steps, of random sign
 WILD = 1e5                  # a condition above which no answer can be judged: rounding alone moves it visibly
@@ -56,7 +57,7 @@ class Answer:
 
     def apart(self, a, b, absolute: float = 0.0) -> float:
         """Difference of two runs, less what tolerances allow: states, and reactions where both have them."""
-        allowed = max(self.round_off, absolute)
+        allowed = max(self.round_off * self.growth, absolute)
         out = relative(a.x, b.x, self.unit, allowed)
         if a.reaction.shape == b.reaction.shape and np.isfinite(b.reaction).all():
             out = max(out, relative(a.reaction, b.reaction, self.unit, allowed))
@@ -69,15 +70,36 @@ class Answer:
         return 1e-11 * float(np.abs(x).max(initial=0.0))
 
     @cached_property
+    def growth(self) -> float:
+        """What a later part of the run makes of a move by round_off, where that is more than the starts are moved by: at least 1.
+
+        Far from the origin tolerances and roundings move the state at all times. The start alone does not show it: what the
+        beginning forgets may be repelled later.
+        """
+        worst, rng, case = 1.0, np.random.default_rng(1), self.solved
+        if not self.first.ok or self.round_off <= NUDGE * self.unit:
+            return worst
+        for k in (len(case.t) // 3, 2 * len(case.t) // 3):
+            x, move = self.first.traj.x[k:], self.round_off * rng.uniform(-1.0, 1.0, case.n)
+            other = attempt(case.replace(t=case.t[k:], x0=x[0] + move, start=self._beside), FIRST, 1e-12)
+            if other.ok and len(x) > 1:
+                worst = max(worst, float(np.abs(other.traj.x - x).max()) / self.round_off)
+        return worst
+
+    @property
+    def _beside(self) -> str:
+        """How a start is taken that is moved."""
+        feasible = isinstance(self.case.problem, Complementarity) and self.case.problem.constraints
+        return "project" if feasible and self.solved.start == "error" else self.solved.start
+
+    @cached_property
     def condition(self) -> float:
         """At least 1; infinite where a start beside this one does not run."""
         rng, case, worst = np.random.default_rng(0), self.solved, 1.0
-        nudge = max(1e-9, self.round_off / self.unit)
-        feasible = isinstance(case.problem, Complementarity) and case.problem.constraints
+        nudge = max(NUDGE, self.round_off / self.unit)
         for _ in range(2):
             away = rng.uniform(-1.0, 1.0, case.n)
-            start = "project" if feasible and case.start == "error" else case.start
-            other = attempt(case.replace(x0=case.x0 + nudge * self.unit * away, start=start), FIRST, 1e-12)
+            other = attempt(case.replace(x0=case.x0 + nudge * self.unit * away, start=self._beside), FIRST, 1e-12)
             worst = max(worst, relative(other.traj.x, self.first.traj.x, self.unit) / nudge if other.ok else np.inf)
         return worst
 

@@ -7,9 +7,10 @@ and absolute), over the larger of the unit and what the state moves. Then, for a
 claimed bound   (event_driven) a difference above BOUND x condition, claims.exact being 1e-10, beside rounding of the state;
 claimed order p (steps h, 1/k of a penalty) at the finest of the LADDER an error above M = 4 times the largest constant
                 e / h^p seen at those 8 times coarser or more, that stays where it is when the ladder is continued: still,
-                64 times finer, more than a quarter of what it was. (An order is a promise for small h; what comes down late is
-                counted as "slow", not as wrong.) So for the depth of violated constraints. p is the claim without events, 1
-                with them, as the methods say of themselves;
+                64 times finer, more than a quarter of what it was. (An order is a promise for small h, in which the drift
+                goes less than a tenth of a diameter or link; what comes down late is counted as "slow", not as wrong.) So for
+                the depth of violated constraints. p is the claim without events, 1 with them, as the methods say of
+                themselves;
 own residuals   (event_driven, with samples at its events too) a residual of the equation above 1e-5 of the largest velocity
                 with 64 times the samples, if what it lacks (see own) stays with ever more where it is large; (methods
                 that claim a bound) a depth above 1e-8; (all but extrapolated ones, which say that theirs are of no sign) a
@@ -26,14 +27,17 @@ the package tells) and failures of measuring.
 """
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 
 from nsbench import solvers
 from nsbench.problem import LCS
+from nsbench.solvers._doubts import pace
 from nsbench.study import misfit
 from randomised.answer import ABSOLUTE, FIRST, STEPS, WILD, Answer
 from randomised.ladder import LADDER, LATER, LATER_SLOW, floors, is_slow, slower, values
-from randomised.own import MISSING, coincide, filled, settled, slope
+from randomised.own import MISSING, NARROW, coincide, filled, settled, shortest, slope
 from randomised.runs import Outcome, Verdict, attempt, relative
 
 M, DEPTH, SIGN, RESIDUAL = 4.0, 1e-8, 1e-8, 1e-5
@@ -74,20 +78,21 @@ class Scene(Answer):
                 more_ = f"with more samples: {bad.status} {bad.why}"
                 return Verdict("open", "ok", more_) if bad.word == "told" else Verdict(bad.word, bad.status, more_)
             d = relative(more.traj.x[np.searchsorted(at, self.case.t)], run.traj.x, self.unit,
-                         max(self.round_off, ABSOLUTE, 10.0 * tol))
-            if d > self.bound and good.word == "fine":
+                         max(self.round_off * self.growth, ABSOLUTE, 10.0 * tol))
+            if good.word == "fine" and d > self.bound:
                 return Verdict("wrong", "ok", f"more samples move it by {d:.1e}, condition {self.condition:.1e}")
             steps = np.abs(np.diff(more.traj.x, axis=0) / np.diff(at)[:, None])
             size = max(self.unit, float(steps.max()))
             residual = max(more.measured["residual"], more.measured["feasibility"] if circuit else 0.0)
             if not residual > RESIDUAL * size + 2.0 * self.round_off / np.diff(at).min():
                 return good
-        return self._filled(spec, tol, at, size, good)
+        return self._filled(spec, tol, at, more, size, good)
 
-    def _filled(self, spec, tol, t, size, good) -> Verdict:
-        """A run whose residual stays with more samples everywhere: a kink of the drift, or something that is missing?"""
+    def _filled(self, spec, tol, t, run, size, good) -> Verdict:
+        """A run with samples t whose residual stays with more everywhere: a kink of the drift, or something that is missing?"""
         allowed = MISSING * size * float(t[-1] - t[0]) + 2.0 * self.round_off * len(t) + ABSOLUTE
-        found, traj = filled(lambda at: o.traj if (o := self._at(spec, tol, at)).ok else None, self.case, t, allowed)
+        again = lambda at: run if at is t else self._at(spec, tol, at)
+        found, traj = filled(lambda at: o.traj if (o := again(at)).ok else None, self.case, t, allowed)
         text = ", ".join(f"{v:.1e}" for v in found) + " with ever more samples"
         if traj is None:
             return Verdict("open", "ok", "with more samples: no run; missing " + text)
@@ -210,7 +215,14 @@ class Scene(Answer):
         late = all(e <= b * (s / g) ** AT_LAST for (g, b), (s, e) in zip(found[-3:], found[-2:], strict=False))
         if err <= floor(h) or err <= FALLS * coarse[-1] or (late and err <= FALLS * max(e for _, e in found)):
             return Verdict("slow", "ok", text)
+        if h * self.pace > NARROW * shortest(self.case):        # it throws particles over one another before they are put back
+            return Verdict("open", "ok", text)
         return Verdict("wrong", "ok", text)
+
+    @cached_property
+    def pace(self) -> float:
+        """Largest speed of the drift along the answer."""
+        return max(pace(self.case.problem, float(t), x) for t, x in zip(self.answer.t, self.answer.x, strict=True))
 
     def _against_others(self, spec) -> Verdict | None:
         """wrong, if others that say ok are elsewhere; not where motions part (several continue, or a huge condition), or where

@@ -91,7 +91,7 @@ def settled(case, spec: str, method, unit: float, why: str) -> Verdict:
     if not found:
         return Verdict("open", "ok", why)
     step = float(np.median(np.abs(np.diff(run.traj.x, axis=0)).max(axis=1)))
-    if not bad or float(np.diff(t).min()) * _rate(case, run.traj) > SLOW or step > min(FAST * unit, NARROW * _shortest(case)):
+    if not bad or float(np.diff(t).min()) * _rate(case, run.traj) > SLOW or step > min(FAST * unit, NARROW * shortest(case)):
         return Verdict("open", "ok", why)
     return Verdict("wrong", "ok", "; ".join([*bad, why]))
 
@@ -120,7 +120,7 @@ def slope(case) -> float:
     return max([1.0, *rows])
 
 
-def _shortest(case) -> float:
+def shortest(case) -> float:
     """The shortest length of links and the least diameter of particles; infinite where there is none."""
     hard = [c for c in getattr(case.problem, "constraints", ()) if isinstance(c, Distance)]
     return min([float(np.min(2.0 * c.radii if c.d is None else c.d)) for c in hard], default=np.inf)
