@@ -47,6 +47,6 @@ class Seen:
 
 if __name__ == "__main__":
     seen = Seen()
-    code = pytest.main(["-q", "-m", "survives", "-p", "no:cacheprovider", *(sys.argv[1:] or [str(HERE)])], plugins=[seen])
+    code = pytest.main(["-q", "-n0", "-m", "survives", "-p", "no:cacheprovider", *(sys.argv[1:] or [str(HERE)])], plugins=[seen])
     print(seen.table())
     sys.exit(int(code))
