@@ -16,14 +16,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from nsbench.solvers._crossings import Crossings
+from nsbench.solvers._defect import shorter
 from nsbench.solvers._pieces import cut, whole
 from nsbench.trajectory import Status
 
 METHODS = {"dop853": "DOP853", "rk45": "RK45", "radau": "Radau", "lsoda": "LSODA"}
 SHARE = 0.03            # of the tolerance goes to one step: a run takes tens, and kinks of a drift deceive estimates
-UNSEEN = {"dop853": 1e5, "rk45": 1e6, "radau": 1e8, "lsoda": 1e8}     # local errors by which a step may miss the
-#                         equation: dense outputs are of lower order, those of implicit methods of much lower
-ALONE = 10.0            # local errors that a piece may add to its share of that
 REFUSALS = 40           # steps refused in a row, each at least half as long as the one before
 PARTS = 64              # of the run: longest step where nothing is proven
 STIFF, ROW, LONG = 20.0, 15, 2000       # the equation is so much faster than the solution, in so many steps in a row, and
@@ -202,15 +200,7 @@ class _Follower:
             pieces = [whole(dense, a, b)]
         elif len(pieces) == 1:
             return None                                     # proven smooth over the whole step: its estimate can be trusted
-        for p in pieces:
-            slopes, share = p.slopes(), (p.hi - p.lo) / (b - a)
-            size = (UNSEEN[self.method] * share + ALONE) * (self.atol + self.rtol * np.abs(p.y).max(axis=0))
-            size += 64 * np.spacing(max(abs(a), abs(b))) * np.abs(slopes).max(axis=0)      # the nodes are rounded too
-            for t, y, slope in zip(p.times, p.y, slopes, strict=True):
-                off = np.abs(slope - self.fun(t, y)) * (p.hi - p.lo)
-                if not np.all(off <= size):
-                    return min(max(p.lo - a, p.hi - p.lo), 0.5 * (b - a))
-        return None
+        return shorter(self.fun, pieces, self.method, self.atol, self.rtol, SHARE)
 
     def _again(self, solver, t, y, h):
         """A stepper at the start of the refused step, with first step h."""

@@ -55,7 +55,7 @@ def tests_of(pattern, folder):
 def pytest(folder, pattern):
     """(exit status, first failure) of the tests in a copy."""
     env = dict(os.environ, PYTHONPATH=str(folder), PYTHONDONTWRITEBYTECODE="1")
-    done = subprocess.run([sys.executable, "-m", "pytest", "-x", "-q", "-n0", "-p", "no:cacheprovider", *tests_of(pattern, folder)],
+    done = subprocess.run([sys.executable, "-m", "pytest", "-xqn0", "-p", "no:cacheprovider", *tests_of(pattern, folder)],
                           cwd=folder, env=env, capture_output=True, text=True, timeout=1500)
     failed = re.search(r"^FAILED (\S+)", done.stdout, re.M)
     return done.returncode, failed[1] if failed else done.stdout.strip().splitlines()[-1:]
