@@ -15,6 +15,8 @@ from nsbench import solvers
 from nsbench.measure.frame import frame
 from nsbench.problem import LCS, Complementarity
 
+EVENTS = 400                # that a run of event_driven may meet: one costs up to 0.1 s
+
 
 @dataclass(frozen=True)
 class Verdict:
@@ -39,9 +41,12 @@ class Outcome:
 
 
 def attempt(case, spec: str, value: float) -> Outcome:
-    """One run, measured. Circuits have a larger budget: integrators other than the own one take many steps for each of it."""
+    """One run, measured. Budgets of event_driven are of EVENTS too. Circuits have larger ones: integrators other than the own one
+    take many steps for each of it."""
+    if spec.startswith("event_driven[") and "max_events" not in spec:
+        spec = f"{spec[:-1]},max_events={EVENTS}]"
     if isinstance(case.problem, LCS):
-        spec = re.sub(r"max_steps=(\d+)", lambda m: f"max_steps={20 * int(m[1])}", spec)
+        spec = re.sub(r"(max_steps|max_events)=(\d+)", lambda m: f"{m[1]}={20 * int(m[2])}", spec)
     method = solvers.get(spec)
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore")
