@@ -37,5 +37,5 @@ def shorter(fun: Callable, pieces: list[Piece], method: str, atol, rtol: float, 
         missed, most = missed + part * (WEIGHTS @ f), np.fmax(most, one / share + noise)
     if method in EXPLICIT and not np.all(np.abs(missed) <= most):
         kink = next((p for p in pieces if not p.proven), pieces[0])
-        return min(max(kink.lo - a, kink.hi - kink.lo), 0.9 * (b - a))
+        return min(max(kink.lo - a, kink.hi - kink.lo), (0.5 if kink.lo == a else 0.9) * (b - a))
     return None
