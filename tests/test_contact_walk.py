@@ -86,7 +86,8 @@ def two_clusters():
                 np.concatenate(starts) + shift, np.linspace(0.0, 3.0, 7))
 
 
-@pytest.mark.parametrize("case", [get_case("discs[n=30]"), get_case("discs[n=60,seed=3]"), two_clusters()], ids=str)
+@pytest.mark.parametrize("case", [get_case("discs[n=30]"), get_case("discs[n=60,seed=3]"), two_clusters()],
+                         ids=lambda case: f"{case.name}-{case.n}")
 def test_parts_and_sparse_factors_change_nothing(case, monkeypatch):
     """Choices by dense factors for all contacts together; or part by part, by sparse factors from three rows on."""
     from nsbench.solvers import _contact_choice, _gram

@@ -100,14 +100,22 @@ class Crossings:
 
     def _root(self, dense, i, left, guess, right, end):
         from scipy.optimize import brentq
-        fun = lambda s: float(self.gaps(s, dense(s))[i]) - self.level[i]
-        if fun(right) > self.band[i] and fun(end) < 0.0:
-            right = end                         # it jumps between floats that are one to the polynomial
-        if not (left < right and fun(left) > 0.0 and fun(right) < 0.0):
+        seen = {}
+
+        def fun(s):
+            seen[s] = float(self.gaps(s, dense(s))[i]) - self.level[i]
+            return seen[s]
+        if not left < right and fun(right) > self.band[i]:
+            left, right = right, end            # it jumps between floats that are one to the polynomial
+        if not (left < right and fun(left) > 0.0):
             return guess
+        if fun(right) >= 0.0:
+            if not (seen[right] > self.band[i] and right < end and fun(end) < 0.0):
+                return guess
+            right = end
         # a root of higher order takes more than the usual hundred iterations
         root = brentq(fun, left, right, xtol=4 * np.spacing(abs(right)), rtol=_MINIMAL, maxiter=10_000)
-        return root if fun(root) <= self.band[i] else _jump(fun, root, right)
+        return root if seen[root] <= self.band[i] else _jump(fun, root, right)
 
 
 def _jump(fun, left, right):

@@ -30,11 +30,14 @@ def shorter(fun: Callable, pieces: list[Piece], method: str, atol, rtol: float, 
     clock, missed, most = 64 * np.spacing(max(abs(a), abs(b))), pieces[0].y[0] - pieces[-1].y[-1], 0.0
     for p in pieces:
         slopes, part = p.slopes(), p.hi - p.lo
-        f = np.array([fun(t, y) for t, y in zip(p.times, p.y, strict=True)])
         one, noise = atol + rtol * np.abs(p.y).max(axis=0), clock * np.abs(slopes).max(axis=0)  # the nodes are rounded too
-        if not np.all(np.abs(slopes - f) * part <= (UNSEEN[method] * part / (b - a) + ALONE) * one + noise):
-            return min(max(p.lo - a, part), 0.5 * (b - a))
-        missed, most = missed + part * (WEIGHTS @ f), np.fmax(most, one / share + noise)
+        size = (UNSEEN[method] * part / (b - a) + ALONE) * one + noise
+        for t, y, slope, weight in zip(p.times, p.y, slopes, part * WEIGHTS, strict=True):
+            f = fun(t, y)
+            if not np.all(np.abs(slope - f) * part <= size):
+                return min(max(p.lo - a, part), 0.5 * (b - a))
+            missed = missed + weight * f
+        most = np.fmax(most, one / share + noise)
     if method in EXPLICIT and not np.all(np.abs(missed) <= most):
         kink = next((p for p in pieces if not p.proven), pieces[0])
         return min(max(kink.lo - a, kink.hi - kink.lo), (0.5 if kink.lo == a else 0.9) * (b - a))
