@@ -135,6 +135,7 @@ def test_roundings_far_from_the_origin_grow_at_all_times():
     run = judged.first.traj
     assert judged.apart(dataclasses.replace(run, x=run.x + 10.0 * judged.round_off), run) == 0.0
     assert judge.Scene(wall()).growth == 1.0
+    assert judge.Scene(case.replace(t=np.array([0.0, 3.0]))).growth >= 1.0      # no sample between
 
 
 @pytest.mark.parametrize("speed, word", [(1.0, "wrong"), (1e9, "open")])

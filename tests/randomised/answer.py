@@ -79,10 +79,10 @@ class Answer:
         worst, rng, case = 1.0, np.random.default_rng(1), self.solved
         if not self.first.ok or self.round_off <= NUDGE * self.unit:
             return worst
-        for k in (len(case.t) // 3, 2 * len(case.t) // 3):
+        for k in sorted({len(case.t) // 3, min(2 * len(case.t) // 3, len(case.t) - 2)}):
             x, move = self.first.traj.x[k:], self.round_off * rng.uniform(-1.0, 1.0, case.n)
             other = attempt(case.replace(t=case.t[k:], x0=x[0] + move, start=self._beside), FIRST, 1e-12)
-            if other.ok and len(x) > 1:
+            if other.ok:
                 worst = max(worst, float(np.abs(other.traj.x - x).max()) / self.round_off)
         return worst
 
