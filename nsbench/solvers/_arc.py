@@ -22,7 +22,7 @@ from nsbench.trajectory import Status
 
 METHODS = {"dop853": "DOP853", "rk45": "RK45", "radau": "Radau", "lsoda": "LSODA"}
 SHARE = 0.03            # of the tolerance goes to one step: a run takes tens, and kinks of a drift deceive estimates
-REFUSALS = 40           # steps refused in a row, each at least half as long as the one before
+REFUSALS = 40           # steps refused in a row, each shorter than the one before
 PARTS = 64              # of the run: longest step where nothing is proven
 STIFF, ROW, LONG = 20.0, 15, 2000       # the equation is so much faster than the solution, in so many steps in a row, and
 #                         so many are still to come: an implicit method is faster (Hairer & Wanner 1996, section IV.2)
