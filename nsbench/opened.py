@@ -58,11 +58,11 @@ def read_by(path, counts: Callable[[str], bool]) -> dict[str, str]:
     The file itself, and what it opens as it is loaded, are in its key, whether a run was the first to load it or not.
     counts(path): is it data, and nothing that is installed?"""
     file, out = os.path.realpath(path), {}
-    home, known = Path(file).parent, {file, *_found.get(file, ())}
-    for p, stamp in _read.get(file, {}).items():
-        if p in known:
+    home, known = os.path.join(os.path.dirname(file), ""), {file, *_found.get(file, ())}
+    for p, stamp in _read.get(file, {}).items():         # after each run: what libraries opened is told apart first, and cheaply
+        if not p.startswith(home) or p in known or stamp == WRITTEN:
             continue
-        if stamp != WRITTEN and Path(p).is_relative_to(home) and not p.endswith(COMPILED) and not os.path.isdir(p) and counts(p):
+        if not p.endswith(COMPILED) and not os.path.isdir(p) and counts(p):
             out[Path(p).relative_to(home).as_posix()] = seen.digest(p) if stamp == seen.stamp(p) else seen.CHANGED
     return out
 

@@ -173,3 +173,14 @@ def test_what_loading_opens_is_not_read_by_the_run_that_loads_first(tmp_path):
             file.read_text(), table.read_text()
         later.read_text()
     assert [*opened.read_by(file, lambda p: True)] == ["later.txt"]
+
+
+def test_data_of_a_folder_whose_name_begins_alike_are_not_of_this_one(tmp_path):
+    for name in ("mine", "mine2"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "data.txt").write_text(name)
+    case = tmp_path / "mine" / "case.py"
+    with opened.by_run(str(case)):
+        for name in ("mine", "mine2"):
+            (tmp_path / name / "data.txt").read_text()
+    assert [*opened.read_by(case, lambda path: True)] == ["data.txt"]
