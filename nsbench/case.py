@@ -150,7 +150,8 @@ def _scan() -> tuple[dict, dict]:
     found, failed = {}, {}
     for info in pkgutil.iter_modules(package.__path__):
         try:
-            module = importlib.import_module(f"nsbench.cases.{info.name}")
+            with guest.asked(f"the file of the case {info.name}"):
+                module = importlib.import_module(f"nsbench.cases.{info.name}")
         except (Exception, SystemExit) as e:         # a broken plugin must not take the others with it
             failed[info.name] = f"{type(e).__name__}: {e}"
             continue
@@ -195,8 +196,8 @@ def _build(module, name: str, params: dict) -> Case:
                 raise LookupError(f"case {name} has no parameter {p!r}; {nearest(p, known)}")
         try:
             case = module.make(**params)
-        except (ValueError, TypeError, ArithmeticError, LookupError) as e:
-            raise ValueError(f"case {name} cannot be made with {params}: {e}") from e
+        except (Exception, SystemExit) as e:             # the file is somebody's: whatever it raises is told with its name
+            raise ValueError(f"case {name} cannot be made with {params}: {_told(e)}") from e
         if not isinstance(case, Case):
             raise ValueError(f"make(**params) of {name} returns {type(case).__name__}; a Case is needed")
         defaults = {k: v.default for k, v in known.items() if v.default is not inspect.Parameter.empty}
@@ -212,13 +213,19 @@ def _build(module, name: str, params: dict) -> Case:
                         source=getattr(module, "__file__", ""))
 
 
+def _told(e: BaseException) -> str:
+    usual = isinstance(e, (ValueError, TypeError, ArithmeticError, LookupError))
+    return str(e) if usual else f"{type(e).__name__}: {e}"
+
+
 def get_case(name: str, **params) -> Case:
     """A registered case, ``get_case("discs", n=30, seed=0)`` or ``get_case("discs[n=30,seed=0]")``.
 
     LookupError for an unknown name or parameter (with the nearest match); ValueError for bad data.
     """
     base, inner = parse_spec(name)
-    case = _build(case_module(base), base, {**inner, **params})
+    with guest.asked(f"make of the case {base}"):
+        case = _build(case_module(base), base, {**inner, **params})
     if case.name != base:                            # its runs could not be told from those of another case
         raise ValueError(f"{case.source} makes a case named {case.name!r}; the file's name is {base!r}")
     return case

@@ -10,6 +10,7 @@ import os
 import sys
 
 USAGE, FAILED, BROKEN, INTERRUPTED = 2, 3, 5, 130
+LIMIT = "limit of one run (default: 120 s); its preparation has 5 minutes more"
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -77,7 +78,7 @@ def parser() -> argparse.ArgumentParser:
                    help="solver file, or folder of solver files, outside the package")
     c.add_argument("-j", "--jobs", type=int, metavar="N", help="workers (default: the number of cores, at most 2)")
     c.add_argument("--dask", metavar="ADDRESS", help="the workers of this Dask cluster instead, such as tcp://10.0.0.1:8786")
-    c.add_argument("--timeout", type=float, default=120.0, metavar="S", help="limit of one run (default: 120 s)")
+    c.add_argument("--timeout", type=float, default=120.0, metavar="S", help=LIMIT)
     c.add_argument("--memory", metavar="SIZE", help="limit of one worker, such as 4G (default: its share of the machine)")
     c.add_argument("--plan", action="store_true", help="say what would run and why, with a forecast of time and memory, and stop")
     c.add_argument("--probe", type=float, default=10.0, metavar="S",
@@ -110,7 +111,7 @@ def parser() -> argparse.ArgumentParser:
     c = add("calibrate", lambda a: _against("calibrate", a), "how far the numbers of a study spread from starts 1e-12 apart")
     c.add_argument("dir", nargs="?", default="results", metavar="DIR")
     c.add_argument("-j", "--jobs", type=int, metavar="N", help="workers (default: the number of cores, at most 2)")
-    c.add_argument("--timeout", type=float, default=120.0, metavar="S", help="limit of one run (default: 120 s)")
+    c.add_argument("--timeout", type=float, default=120.0, metavar="S", help=LIMIT)
     c = add("compare", lambda a: _against("compare", a), "what differs between two folders of results")
     c.add_argument("old", metavar="A")
     c.add_argument("new", metavar="B")

@@ -77,6 +77,7 @@ def run(args, say) -> int:
     from nsbench.size import foreseen
     workers(args)
     _cluster(args)
+    left_out: dict[str, str] = {}
     solver_files = tuple(str(p) for f in args.solver_files for p in python_files(f))
     added = [solvers.load(f) for f in solver_files]
     values = {n: read_values(getattr(args, n)) for n in ("h", "tol", "k") if getattr(args, n) is not None}
@@ -86,7 +87,8 @@ def run(args, say) -> int:
         named = [get_case(c) for c in args.cases]
         keys = [(c.key, "") for c in named if args.tag is None or args.tag in c.tags]
     else:
-        keys = [] if files else [(k, "") for k in study.suite_cases(args.suite, args.tag)]
+        left_out = {} if files else broken_cases()
+        keys = [] if files else [(k, "") for k in study.suite_cases(args.suite, args.tag, left_out)]
     chosen = args.solver or ([*solvers.standard()] if files and not args.cases else None)
     _told_apart([*keys, *files])
     specs = study.plan([*keys, *files], chosen, values, solver_files)
@@ -94,7 +96,11 @@ def run(args, say) -> int:
         raise LookupError("nothing to run: no case matches")
     if added and args.solver is None:
         specs += [s for s in study.plan([*keys, *files], added, values, solver_files) if s not in specs]
-    return execute(specs, Path(args.out), args, say)
+    if not (files or args.cases or args.solver):
+        left_out |= {f"solver {name}": why for name, why in solvers.broken().items()}
+    for name, why in left_out.items():
+        say(f"left out: {name}: {why}")
+    return execute(specs, Path(args.out), args, say) or (FAILED if left_out else FINE)
 
 
 def _told_apart(cases) -> None:
@@ -169,7 +175,7 @@ def report(args, say) -> int:
 
 def show(args, say) -> int:
     """nsbench show"""
-    case = load_case(args.case) if args.case.endswith(".py") else get_case(args.case)
+    case = load_case(args.case) if args.case.endswith(".py") else _admitted(args.case)
     say(f"{case.key}: {type(case.problem).__name__}, n = {case.n}, t = {case.t[0]:g} .. {case.t[-1]:g}, "
         f"{len(case.t)} samples")
     if args.solver is None:
@@ -193,6 +199,16 @@ def show(args, say) -> int:
     return FINE if traj.status.code in EXPECTED else FAILED
 
 
+def _admitted(key: str):
+    """The registered case, unless it is foreseen to need more memory than there is."""
+    from types import SimpleNamespace
+
+    from nsbench.execute.plan import admit
+    from nsbench.size import foreseen
+    admit({key: foreseen(key)}, SimpleNamespace(memory=None, jobs=1))
+    return get_case(key)
+
+
 def check(args, say) -> int:
     """nsbench check"""
     from nsbench.execute.check import check_file
@@ -209,7 +225,8 @@ def reference(args, say) -> int:
 
     from nsbench import reference as ref
     folder = args.into or None
-    keys = args.cases or [k for k in study.suite_cases("full") if _has_stored(get_case(k), args.action, folder)]
+    keys = ([_admitted(k).key for k in args.cases]
+            or [k for k in study.suite_cases("full") if _has_stored(get_case(k), args.action, folder)])
     options = {"build": {"kind": args.kind}, "verify": {"certify": args.certify}, "list": {}}[args.action]
     action = {"build": ref.build, "verify": ref.verify, "list": ref.load}[args.action]
     failed = 0

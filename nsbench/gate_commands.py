@@ -70,10 +70,13 @@ def _update(found, path, args, say) -> int:
     from nsbench.gate.update import updated
     from nsbench.store import write_atomically
     old = baseline.read(path) if path.exists() else {}
-    lines, changes = updated(found, old, spreads.read(args.dir), args.reason.strip())
+    lines, changes = updated(found, old, spreads.read(args.dir, found), args.reason.strip())
     if changes or not path.exists():
         write_atomically(path, baseline.text(lines).encode())
     for change in changes:
         say(change)
     say(f"{path}: {len(lines)} lines, {len(changes)} changed")
+    if apart := sorted({f"{x.case} {x.solver}" for x in lines} - {f"{f.case} {f.solver}" for f in found.values()}):
+        say(f"of {len(apart)} that these results do not hold, such as {apart[0]}, every line stays; a line that is to go is "
+            "deleted by hand")
     return FINE

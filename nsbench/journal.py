@@ -10,6 +10,7 @@ import re
 import stat
 import sys
 import zlib
+from collections.abc import MutableMapping
 from pathlib import Path
 
 from nsbench.trajectory import MACHINE, spelled
@@ -20,8 +21,11 @@ LONGEST = 16 << 20             # bytes of a line: what one run is made of takes 
 PIECES = re.compile(rb"[^\0\n]+|\0+|\n")
 WHOLE = 1 << 63
 FOLDERS = ("figures", "output")
-# what a kill leaves of `replace`, by the number of its process; of older versions, of reports and figures
-LEFT = re.compile(r"\..+\.(\d+)|\.(?:report\.html|report\.md|.+\.svg|.{40})\.[a-z0-9_]{8}")
+# what a kill leaves of `replace`, by the number of its process; of older versions, of reports and figures: of names that a study
+# writes, in its folder and in those below, and of nothing else, be it named as strangely
+WRITTEN = r"runs\.csv|runs\.parquet|(?:cases|solvers|extra|env)\.json|report\.html|report\.md|\.report\.key|calibration\.csv"
+LEFT = re.compile(rf"\.(?:(?:{WRITTEN}|report\.key)\.(\d+)|report\.(?:html|md)\.[a-z0-9_]{{8}})")
+LEFT_BELOW = re.compile(r"\.(?:.+\.(?:svg|txt)|.{40})\.(?:(\d+)|[a-z0-9_]{8})")
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EMFILE, errno.ENFILE)     # the machine's fault, not the folder's
 
 
@@ -103,10 +107,11 @@ class Journal:
             if not ended:                                # zeros stand where the line ended: the next one is not part of it
                 os.write(self._file, b"\n")
             os.fsync(self._file)
-        for place in (self.path.parent, *(self.path.parent / name for name in FOLDERS)):
+        folder = self.path.parent
+        for place, names in ((folder, LEFT), *((folder / name, LEFT_BELOW) for name in FOLDERS)):
             for left in place.glob(".*"):                # of a process that was killed while it wrote a file
-                writer = LEFT.fullmatch(left.name)
-                if writer and not (writer[1] and _alive(int(writer[1]))):
+                writer = names.fullmatch(left.name)
+                if writer and left.is_file() and not (writer[1] and _alive(int(writer[1]))):
                     left.unlink(missing_ok=True)
 
     def append(self, key: str, row: dict, parts=()) -> None:
@@ -204,10 +209,10 @@ def _entries(path: Path):
             yield number, entry
 
 
-def read_journal(folder: Path, damaged: list[int] | None = None) -> dict[str, dict]:
-    """Rows by key; the last one of a key counts. Lines that cannot be read are dropped, and their numbers added to
-    `damaged`."""
-    out: dict[str, dict] = {}
+def read_journal(folder: Path, damaged: list[int] | None = None, into: MutableMapping | None = None) -> MutableMapping:
+    """Rows by key (in `into`, a dict if None); the last one of a key counts. Lines that cannot be read are dropped, and their
+    numbers added to `damaged`."""
+    out: MutableMapping = {} if into is None else into
     lost = [] if damaged is None else damaged
     for number, entry in _entries(Path(folder) / "journal.jsonl"):
         try:

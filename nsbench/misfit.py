@@ -11,13 +11,16 @@ from nsbench.contacts import Scene
 from nsbench.problem import Complementarity
 from nsbench.solvers._extent import misses
 from nsbench.solvers.start import start_state
-from nsbench.trajectory import Status, Trajectory
+from nsbench.trajectory import LAM_TIMES, Status, Trajectory
 
 ROUNDED = 1e-12           # of the start's size: what linear combinations of runs may leave of it
 SHORTEST = 0.49           # of the step asked for: steps that divide the spacing of samples evenly are at least half as long
 NEAREST = 10.0            # times the way to the start that is projected: one of the points that may be the nearest
 COUNTS = 200              # entries of stats
 SLACK = 1e-9              # relative, of steps: what dividing and adding them up rounds
+# columns that are the bench's to write, whatever a solver counts under such a name
+OWN = {"case", "solver", "accuracy", "asked", "setup_seconds", "compile_seconds", "seconds", "seconds_low", "seconds_high",
+       "seconds_max", "rounds", "status", "why", "session", "shared", "limit", "warnings", "read", "unlike"}
 
 
 def misfit(case: Case, traj, accuracy: str = "", asked: float = np.nan) -> str:
@@ -32,6 +35,8 @@ def misfit(case: Case, traj, accuracy: str = "", asked: float = np.nan) -> str:
         found = getattr(traj, name)
         if not isinstance(found, kind):
             return f"The solver returned {name} of type {type(found).__name__}; a {kind.__name__} is needed."
+    if traj.lam_time not in LAM_TIMES:
+        return f"The solver returned lam_time = {traj.lam_time!r:.40}; one of {', '.join(LAM_TIMES)} is needed."
     if len(traj.stats) > COUNTS:
         return f"The solver returned stats with {len(traj.stats)} entries; at most {COUNTS} become columns."
     if not traj.status.ok:
@@ -40,7 +45,6 @@ def misfit(case: Case, traj, accuracy: str = "", asked: float = np.nan) -> str:
         return (f"The solver says ok, but its {np.size(traj.t)} times are not those of the case, {len(case.t)} up to "
                 f"{case.t[-1]:g}.")
     return _arrays(case, traj) or _start(case, traj.x[0]) or (_steps(case, traj.stats, asked) if accuracy == "h" else "")
-
 
 
 def _arrays(case: Case, traj: Trajectory) -> str:

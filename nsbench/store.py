@@ -9,7 +9,9 @@ import io
 import os
 import platform
 import sys
+from collections.abc import Iterable
 from importlib import metadata
+from itertools import islice
 from pathlib import Path
 
 from nsbench.journal import (  # noqa: F401 (what a study leaves on disk is read and written by this name)
@@ -27,6 +29,7 @@ from nsbench.journal import (  # noqa: F401 (what a study leaves on disk is read
 )
 from nsbench.trajectory import spelled
 
+BLOCK = 10_000           # rows that are made a part of a table at a time
 FORMULA = ("=", "+", "-", "@", "\t", "\r")      # what begins a formula in a spreadsheet
 LIBRARIES = ("numpy", "scipy", "numba", "llvmlite", "jax", "jaxlib", "diffrax", "equinox", "osqp", "piqp", "nosnoc", "casadi")
 
@@ -45,6 +48,10 @@ CLOCK = {                # columns of the clock: unit and meaning; they stand wi
 
 
 def _digest(*chunks: bytes) -> str:
+    return digest_of(chunks)
+
+
+def digest_of(chunks: Iterable[bytes]) -> str:
     h = hashlib.sha256()
     for c in chunks:
         h.update(len(c).to_bytes(8, "little") + c)
@@ -67,18 +74,21 @@ def versions() -> dict[str, str]:
     return out
 
 
-def write_tables(folder: Path, rows: list[dict]) -> dict[str, str]:
-    """runs.csv and runs.parquet; the digests of their contents, by name."""
-    rows = [{spelled(k): spelled(v) if isinstance(v, str) else v for k, v in r.items()} for r in rows]
-    columns = list(dict.fromkeys(k for r in rows for k in r))
-    text = io.StringIO()
-    w = csv.DictWriter(text, columns, lineterminator="\n")
-    w.writeheader()
-    w.writerows({k: cell(v) for k, v in r.items()} for r in rows)
-    files = {"runs.csv": text.getvalue().encode()}
+def write_tables(folder: Path, rows: Iterable[dict]) -> dict[str, str]:
+    """runs.csv and runs.parquet; the digests of their contents, by name. rows: are gone through several times, and never all
+    of them held."""
     import pyarrow as pa
     import pyarrow.parquet as pq
-    table = pa.table({c: _column(pa, [r.get(c) for r in rows]) for c in columns})
+    columns = _kinds(pa, rows)
+    text, tables, plain = io.StringIO(), [], map(_spelled, rows)
+    w = csv.writer(text, lineterminator="\n")
+    w.writerow([cell(c) for c in columns])
+    while (block := list(islice(plain, BLOCK))) or not tables:
+        w.writerows([cell(r.get(c)) for c in columns] for r in block)
+        tables.append(pa.table({c: _column(pa, [r.get(c) for r in block], kind) for c, kind in columns.items()}))
+    files = {"runs.csv": text.getvalue().encode()}
+    table = pa.concat_tables(tables).combine_chunks()
+    del tables, text
     told = {c: dict(zip((b"unit", b"meaning"), CLOCK[c], strict=True)) if c in CLOCK else None for c in columns}
     table = table.cast(pa.schema([table.field(c).with_metadata(told[c]) for c in columns]))
     sink = pa.BufferOutputStream()
@@ -100,14 +110,28 @@ def text_of(value: str) -> str:
     return value[1:] if isinstance(value, str) and value[:1] == "'" and value[1:].startswith(FORMULA) else value
 
 
-def _column(pa, values):
-    """A column of one type: numbers as float64 (missing: null), everything else as text."""
-    known = [v for v in values if v is not None]
-    if all(isinstance(v, bool) for v in known):
-        return pa.array(values, pa.bool_())
-    if all(isinstance(v, (int, float)) for v in known):
-        return pa.array([None if v is None else float(v) for v in values], pa.float64())
-    return pa.array([None if v is None else str(v) for v in values], pa.string())
+def _spelled(row: dict) -> dict:
+    return {spelled(k): spelled(v) if isinstance(v, str) else v for k, v in row.items()}
+
+
+def _kinds(pa, rows: Iterable[dict]) -> dict:
+    """The type of every column, by name: truth values, numbers as float64, everything else as text."""
+    out: dict[str, int] = {}
+    for row in rows:
+        for k, v in row.items():
+            kind = 0 if v is None or isinstance(v, bool) else 1 if isinstance(v, (int, float)) else 2
+            out[k] = max(out.get(k, 0), kind)
+    types = {}
+    for k, kind in out.items():                          # names that are spelled alike are one column
+        types[spelled(k)] = max(types.get(spelled(k), 0), kind)
+    return {k: (pa.bool_(), pa.float64(), pa.string())[kind] for k, kind in types.items()}
+
+
+def _column(pa, values, kind):
+    """A column of this type (missing: null)."""
+    if kind == pa.float64():
+        return pa.array([None if v is None else float(v) for v in values], kind)
+    return pa.array(values if kind == pa.bool_() else [None if v is None else str(v) for v in values], kind)
 
 
 def environment(**more) -> dict:

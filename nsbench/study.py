@@ -12,12 +12,12 @@ import numpy as np
 from nsbench import guest, opened, solvers
 from nsbench.case import Case, case_module, case_names, get_case, load_case
 from nsbench.describe import describe_case, describe_solver
-from nsbench.misfit import misfit
+from nsbench.ladders import ladder
+from nsbench.misfit import OWN, misfit
 from nsbench.solvers._doubts import doubted
 from nsbench.solvers.start import NoStart
 from nsbench.trajectory import Status, Trajectory, fault_of_machine, spelled
 
-POINTS, OCTAVES = 19, 6
 NUDGE = 1e-12                 # relative to each coordinate, or to 1: far above rounding, far below any error that counts
 STARTS = {"error": "feasible", "project": "projected", "keep": "kept"}     # what the case makes of a start outside
 REPEATED = "It ended once, and did not when it was repeated to be timed"
@@ -59,33 +59,9 @@ class Study:
         return pandas.DataFrame(self.rows)
 
 
-def substeps_ladder(first: int, octaves: float = OCTAVES, points: int = POINTS) -> list[int]:
-    """At least `points` step counts from `first` to 2^octaves times as many, at ratios that are not dyadic."""
-    ratio = 2.0 ** (octaves / (points - 1)) * 1.003
-    while True:
-        out = [first]
-        while out[-1] < first * 2**octaves:
-            out.append(max(out[-1] + 1, round(out[-1] * ratio)))
-        if len(out) >= points:
-            return out
-        ratio = 1.0 + 0.97 * (ratio - 1.0)
-
-
-def ladder(case: Case, method) -> list[float]:
-    """The accuracies of the standard suite for a case and a method."""
-    if method.accuracy == "h":
-        spacing = float(np.diff(case.t).min())
-        # dyadic effects are avoided by the ratios; fewer steps than this per sample are not asymptotic anywhere
-        octaves = getattr(method, "octaves", OCTAVES)
-        return [spacing / n for n in substeps_ladder(max(1, case.substeps), octaves, round(POINTS * octaves / OCTAVES))]
-    values = getattr(method, "ladder", (method.default,))
-    if method.accuracy == "k" and len(values) == 2:
-        return [float(v) for v in np.geomspace(*values, POINTS)]
-    return [float(v) for v in values]
-
-
-def suite_cases(suite: str, tag: str | None = None) -> list[str]:
-    """Keys of the cases of a suite; "full" holds everything, "smoke" the smallest."""
+def suite_cases(suite: str, tag: str | None = None, left_out: dict[str, str] | None = None) -> list[str]:
+    """Keys of the cases of a suite; "full" holds everything, "smoke" the smallest. left_out: why those that cannot be made are
+    not among them, by name, is added here (None: the first one raises)."""
     if suite not in SUITES:
         raise LookupError(f"no suite {suite!r}; there are: {', '.join(SUITES)}")
     out = []
@@ -98,7 +74,13 @@ def suite_cases(suite: str, tag: str | None = None) -> list[str]:
         if suite == "smoke":
             sets = suites.get("smoke", suites.get("standard", [])[:1] if name in ("tide", "sliding", "three_discs") else [])
         for params in sets:
-            case = get_case(name, **params)
+            try:
+                case = get_case(name, **params)
+            except (LookupError, ValueError) as e:
+                if left_out is None:
+                    raise
+                left_out[name] = str(e)
+                continue
             if tag is None or tag in case.tags:
                 out.append(case.key)
     return out
@@ -211,10 +193,8 @@ def _attempt(spec, announce):
 
 def _told(spec: Spec, case: Case, traj: Trajectory) -> dict:
     """The columns that are the solver's to tell: its counted work, and the steps it took."""
-    own = {"case", "solver", "accuracy", "asked", "setup_seconds", "compile_seconds", "seconds", "seconds_low", "seconds_high",
-           "seconds_max", "rounds", "status", "why", "session"}
     told = {spelled(k): spelled(v)[:LONGEST] if isinstance(v, str) else v for k, v in traj.stats.items()
-            if isinstance(k, str) and isinstance(v, (int, float, str, bool)) and k not in own}
+            if isinstance(k, str) and isinstance(v, (int, float, str, bool)) and k not in OWN}
     h = {"h": told.get("h", spec.asked), "k": 1.0 / spec.asked}.get(spec.accuracy, spec.asked)
     return told | {"start": STARTS[case.start], "h": h, "lam_time": traj.lam_time}
 

@@ -9,6 +9,7 @@ import numpy as np
 
 STATUSES = ("ok", "unverified", "below_reference", "refused", "diverged", "nan", "infeasible", "degenerate",
             "chatter", "maxiter", "timeout", "oom", "crashed", "error")
+LAM_TIMES = ("start", "midpoint", "end", "mean")
 MACHINE = "a fault of the machine"       # in the sentence of an "error" that may be gone when the run is made again
 SHORT = (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EAGAIN)
 

@@ -1,11 +1,13 @@
 """Tolerances come from runs that differ in nothing that matters, and a calibrated study is held by its own baseline."""
 import argparse
+import contextlib
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import nsbench
-from nsbench import study
+from nsbench import store, study
 from nsbench.cli import main
 from nsbench.execute.calibrate import specs_of
 from nsbench.gate import baseline, spreads
@@ -39,12 +41,17 @@ def test_a_calibrated_study_is_held_by_its_own_baseline(tmp_path, capsys):
     assert "case=" in next(iter(lines.values())).config and all(x.held for x in lines.values())
     capsys.readouterr()
     assert main(["calibrate", str(out), "-j", "1"]) == 0 and "pass 3 of 3" in capsys.readouterr().out
+    again = Path(out, "calibration", "1")
+    key, row = next(iter(store.read_journal(again).items()))
+    with contextlib.closing(store.Journal(again)) as journal:        # a machine that was short of memory is not so for ever
+        journal.append(key, {k: row[k] for k in ("case", "solver", "accuracy", "asked")} | {"status": "oom", "why": "Once."})
+    assert main(["calibrate", str(out), "-j", "1"]) == 0 and store.read_journal(again)[key]["status"] == row["status"]
+    assert spreads.read(out) == found
 
 
 def test_a_study_of_cases_that_are_not_registered_cannot_be_calibrated(tmp_path):
     from report_rows import row
 
-    from nsbench import store
     from nsbench.execute.calibrate import calibrate
     store.write_tables(tmp_path, [row("nowhere", "pbd", 0.1)])
     assert specs_of(read(tmp_path)) == []

@@ -9,8 +9,9 @@ from solver_file import solver
 
 from nsbench.execute.local import Chore, run_all
 from nsbench.execute.turns import Turns, kernels_of
+from nsbench.ladders import substeps_ladder
 from nsbench.measure import clock
-from nsbench.study import Spec, attempt, run_batch, substeps_ladder
+from nsbench.study import Spec, attempt, run_batch
 
 SOLVER = solver('''
     if self.how == "hang":

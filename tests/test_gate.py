@@ -146,6 +146,24 @@ def test_an_update_writes_only_what_changed_and_says_from_what_to_what():
         update.updated({FACT.key: replace(FACT, value=0.5)}, old, {}, "unknown")
 
 
+def test_an_update_from_a_part_of_a_study_takes_nothing_from_the_rest():
+    other = replace(FACT, solver="catching_up"), replace(FACT, case="apple")
+    old = book(FACT, *other)
+    lines, changes = update.updated({FACT.key: replace(FACT, value=0.5)}, old, {FACT.key: 0.0}, "a part")
+    assert [x.value for x in lines] == [0.5, *(f.value for f in other)] and lines[1:] == [old[f.key] for f in other]
+    assert len(changes) == 1
+
+
+def test_where_less_is_held_than_is_not_too_little_was_compared():
+    loose = [replace(FACT, parameters=f"h={k}") for k in range(2)]
+    lines = book(FACT) | {f.key: baseline.line(f, INF, "") for f in loose}
+    found = {f.key: f for f in (FACT, *loose)}
+    assert exit_code(judge(found, lines)) == 4
+    found.pop(loose[0].key)
+    lines.pop(loose[0].key)
+    assert exit_code(judge(found, lines)) == 0
+
+
 def test_the_summary_is_harmless_and_counts_everything():
     wild = replace(FACT, case="<script>|x")
     findings = judge({wild.key: wild}, book(FACT, COUNT))
@@ -171,7 +189,10 @@ def test_the_commands_compare_update_and_hold(tmp_path, capsys):
     assert main([*gate, "--update"]) == 2 and "--reason" in capsys.readouterr().err
     assert main([*gate, "--update", "--reason", "first"]) == 2 and "calibrate" in capsys.readouterr().err
     found = facts(read(a))
-    (a / "calibration.csv").write_text(spreads.text(spreads.spreads(found, [found])))
+    spread = spreads.spreads(found, [found])
+    (a / "calibration.csv").write_text(spreads.text(spread, {k: replace(f, config="case=other") for k, f in found.items()}))
+    assert main([*gate, "--update", "--reason", "first"]) == 2 and "calibrate" in capsys.readouterr().err
+    (a / "calibration.csv").write_text(spreads.text(spread, found))
     assert main([*gate, "--update", "--reason", "first"]) == 0 and main(gate) == 0
     before = base.read_bytes()
     assert main([*gate, "--update", "--reason", "again"]) == 0 and base.read_bytes() == before
@@ -185,8 +206,11 @@ def test_spreads_are_distances_and_what_one_study_lacks_has_no_bound():
     assert got == {FACT.key: pytest.approx(0.01), COUNT.key: float("inf"), WORD.key: float("inf")}
 
 
-@pytest.mark.parametrize("text", ["", "case,solver\n", "case,solver,parameters,metric,spread\na,b,c,d,nan\n",
-                                  "case,solver,parameters,metric,spread\na,b,c,d\n"])
+HEAD = "case,solver,parameters,metric,spread,config\n"
+
+
+@pytest.mark.parametrize("text", ["", "case,solver\n", f"{HEAD}a,b,c,d,nan,\n", f"{HEAD}a,b,c,d,-1,\n",
+                                  f"{HEAD}a,b,c,d\n", f"{HEAD}a,b,c,d,0.1\n"])
 def test_a_spoilt_calibration_is_an_error_that_names_the_file(tmp_path, text):
     (tmp_path / "calibration.csv").write_text(text)
     with pytest.raises(ValueError, match=r"calibration\.csv"):

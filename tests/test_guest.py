@@ -26,7 +26,8 @@ def test_a_file_that_ends_its_process_where_it_is_loaded_is_an_error_that_names_
 
 
 @pytest.mark.survives("death")
-@pytest.mark.parametrize("does, status", (("os._exit(0)", "crashed"), ("raise KeyError('nowhere')", "error")))
+@pytest.mark.parametrize("does, status", (("os._exit(0)", "crashed"), ("raise KeyError('nowhere')", "error"),
+                                          ("__import__('sys').exit(0)", "crashed")))
 def test_a_method_that_fails_where_it_is_asked_what_it_refuses_has_its_row(tmp_path, does, status):
     file = tmp_path / "asked.py"
     file.write_text(solver("pass").replace("return None\n", f"{does}\n", 1))

@@ -40,7 +40,9 @@ def test_what_a_solver_says_is_not_taken_for_granted():
                       (Trajectory(case.t, x * np.nan, (), none, none), "finite"),
                       (Trajectory(case.t, x[1:], (), none, none), "shape"),
                       (Trajectory(case.t, x.astype(np.float32), (), none, none), "float32"),
-                      (Trajectory(case.t, x, ((0, 0),), none, none), "impulse")):
+                      (Trajectory(case.t, x, ((0, 0),), none, none), "impulse"),
+                      (Trajectory(case.t, x, (), none, none, lam_time="=cmd()"), "lam_time"),
+                      (Trajectory(case.t, x, (), none, none, lam_time=[]), "lam_time")):
         assert word in misfit(case, bad)
 
 

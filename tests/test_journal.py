@@ -7,8 +7,9 @@ import sys
 
 import pytest
 
-from nsbench import journal, store
+from nsbench import journal, published, store
 from nsbench.cli import main
+from nsbench.gate import spreads
 
 
 def write(folder, **rows):
@@ -102,11 +103,14 @@ def test_what_a_killed_process_left_beside_its_tables_is_cleared_away(tmp_path):
 def test_what_a_kill_left_of_reports_and_figures_is_cleared_by_the_next_run(tmp_path):
     gone = subprocess.Popen([sys.executable, "-c", ""])
     gone.wait()
+    names = [*published.FILES, published.STAMP, spreads.NAME, "report.html", "report.md"]
     left = [f".report.html.{gone.pid}", ".report.html.a1b2c3d4", ".report.md._______8", f"figures/.scene_tide.svg.{gone.pid}",
             "figures/.tide_state.svg.xyz01234", f"figures/.{'n' * 40}.abcdefgh", f"output/.tide.txt.{gone.pid}",
-            f".report.key.{gone.pid}"]
+            f"output/.{'n' * 40}.{gone.pid}", *(f".{name}.{gone.pid}" for name in names), f".report.key.{gone.pid}"]
     kept = [f".report.html.{os.getpid()}", "report.html", ".report.key", "figures/scene_tide.svg", "figures/.notes.markdown",
-            f"figures/.scene.svg.{os.getpid()}", "output/tide.txt", "mine/.tide.svg.xyz01234"]
+            f"figures/.scene.svg.{os.getpid()}", "output/tide.txt", "mine/.tide.svg.xyz01234",
+            f".env.{gone.pid}", f".notes.txt.{gone.pid}", f".env.json.mine.{gone.pid}", f"figures/.env.{gone.pid}",
+            f".runs.csv.{gone.pid + 10 ** 9}/mine", f".{'n' * 40}.{gone.pid}"]
     for name in (*left, *kept):
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text("")

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from solver_file import solver
 
-from nsbench.execute import memory
+from nsbench.execute import local, memory
 from nsbench.execute.local import run_all
 from nsbench.execute.process import THREADS
 from nsbench.study import Spec
@@ -83,6 +83,17 @@ def test_a_run_stuck_in_c_is_a_timeout_row_within_four_seconds_of_its_start(tmp_
     for how in ("sleep", "regex"):
         assert rows[how]["status"] == "timeout" and "2 s" in rows[how]["why"] and rows[how]["limit"] == 2.0
         assert 1.9 < times[how] - float((tmp_path / how).read_text()) < 4.0
+    assert rows["fine"]["status"] == rows["pbd"]["status"] == "ok"
+
+
+@pytest.mark.survives("hang")
+@pytest.mark.parametrize("where", ("    def prepare(self, case, h):", "    def refuses(self, case):"))
+def test_a_preparation_stuck_in_c_has_a_limit_of_its_own(tmp_path, monkeypatch, where):
+    monkeypatch.setattr(local, "PREPARE", 8.0)            # a worker begins within it on a busy machine too
+    stuck = f"{where}\n        if self.how == 'stuck':\n            ctypes.PyDLL(None).sleep(1000)"
+    monkeypatch.setitem(globals(), "SOLVER", SOLVER.replace(where, stuck))
+    rows, _, _ = rows_of(tmp_path, "stuck", "fine", timeout=2.0)
+    assert rows["stuck"]["status"] == "timeout" and "10 s (prepare)" in rows["stuck"]["why"]
     assert rows["fine"]["status"] == rows["pbd"]["status"] == "ok"
 
 

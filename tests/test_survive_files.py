@@ -1,4 +1,5 @@
 """Files that are damaged, foreign, far too large or no data at all are an error that names them, and nothing in them runs."""
+import csv
 import io
 import json
 import os
@@ -236,11 +237,12 @@ def test_a_million_rows_make_a_report(tmp_path):
 @pytest.mark.survives("names")
 def test_text_that_looks_like_a_formula_is_no_formula_in_csv(tmp_path):
     words = ("=cmd()|' /C calc'!A0", "+1", "-2+3", "@SUM(1)", "\t=1", "fine")
-    rows = [row("tide", "pbd", 0.1, status="error", why=w) for w in words]
+    rows = [row("tide", "pbd", 0.1, status="error", why=w) | {w: 1.0} for w in words]      # a solver names what it counts
     store.write_tables(tmp_path, rows)
     lines = (tmp_path / "runs.csv").read_text(encoding="utf-8")
     assert not re.search(r"(^|,)\"?[=+@\t]", lines) and "'=cmd()" in lines
     (tmp_path / "runs.parquet").unlink()
+    assert {"'=cmd()|' /C calc'!A0", "'+1", "'\t=1", "case"} <= {*next(csv.reader(lines.splitlines()))}
     back = read(tmp_path).runs["tide", "pbd"].col["why"]
     assert "=cmd()|' /C calc'!A0" in back and "fine" in back
 

@@ -68,7 +68,14 @@ def plugins(tmp_path, monkeypatch):
 
 
 BROKEN = {"missing": "import no_such_library", "raises": "raise RuntimeError('on purpose')", "half": "def (",
-          "exits": "import sys; sys.exit(3)", "nothing": "x = 1"}
+          "exits": "import sys; sys.exit(3)", "leaves": "import os; os._exit(0)", "nothing": "x = 1"}
+MAKES = '''
+def make():
+    {}
+
+
+SUITES = {{"smoke": [{{}}]}}
+'''
 
 
 @pytest.mark.survives("broken plugin")
@@ -76,6 +83,8 @@ def test_plugins_that_do_not_load_are_listed_with_the_reason_and_the_others_work
     for name, text in BROKEN.items():
         for package in plugins.values():
             (package / f"zz_{name}_{package.name}.py").write_text(text)
+    bare = solver(plugins["solvers"], "zz_bare")
+    bare.write_text(bare.read_text().replace("    accuracy, default", "    speed: float\n    accuracy, default"))
     (plugins["solvers"] / "zz_five.py").write_text("SOLVER = 5")
     (plugins["solvers"] / "zz_class.py").write_text("class SOLVER: pass")
     solver(plugins["solvers"], "zz_silent", doc="")
@@ -84,15 +93,31 @@ def test_plugins_that_do_not_load_are_listed_with_the_reason_and_the_others_work
     assert main(["list"]) == 0
     told = capsys.readouterr().out
     for name, said in (("missing", "no_such_library"), ("raises", "on purpose"), ("half", "SyntaxError"), ("exits", "SystemExit"),
-                       ("nothing", "neither CASE nor make"), ("nothing", "does not define SOLVER")):
+                       ("leaves", "os._exit(0)"), ("nothing", "neither CASE nor make"), ("nothing", "does not define SOLVER")):
         assert any(f"zz_{name}" in line and "FAILED TO LOAD" in line and said in line for line in told.splitlines()), name
     assert re.search(r"zz_five .*FAILED TO LOAD.*SOLVER.*is 5", told) and re.search(r"zz_class .*FAILED TO LOAD.*dataclass", told)
+    assert re.search(r"zz_bare .*FAILED TO LOAD.*no default of speed", told)
     assert re.search(r"zz_silent +Still", told) and re.search(r"zz_plain +\(says nothing", told)
     for args, said in ((["run", "zz_raises_cases"], "on purpose"), (["run", "tide", "-s", "zz_raises_solvers"], "on purpose")):
         assert main(args) == 2
         assert said in capsys.readouterr().err
     assert main(["run", "tide", "-s", "pbd", "--h", "0.1", "-o", str(tmp_path / "r"), "--plan"]) == 0
     assert nsbench.solve("tide", "pbd", h=0.1).status.ok
+
+
+@pytest.mark.survives("broken plugin")
+def test_a_registered_case_that_cannot_be_made_is_left_out_and_told(plugins, tmp_path, capsys):
+    makes = {"raises": ("raise NameError('nowhere')", "NameError: nowhere"), "gone": ("exit(0)", "SystemExit"),
+             "leaves": ("import os; os._exit(0)", "os._exit(0)")}
+    for name, text in {"broken": "1/0"}.items() | {n: MAKES.format(does) for n, (does, _) in makes.items()}.items():
+        (plugins["cases"] / f"zz_{name}.py").write_text(text)
+    for name, (_, said) in makes.items():
+        assert main(["show", f"zz_{name}"]) == 2
+        assert said in capsys.readouterr().err, name
+    assert main(["run", "--suite", "smoke", "-s", "pbd", "--h", "0.1", "--plan", "--probe", "0", "-o", str(tmp_path / "r")]) == 3
+    told = capsys.readouterr().out
+    assert all(f"left out: zz_{name}" in told for name in (*makes, "broken"))
+    assert int(re.search(r"(\d+) to run", told)[1]) >= 8, told
 
 
 @pytest.mark.survives("same name")
@@ -225,12 +250,14 @@ def test_a_solver_cannot_speak_for_the_bench(tmp_path):
     """Whatever it counts, the columns of the bench are those of the bench."""
     from nsbench.study import Spec, attempt
     lies = {"state_sup": 0.0, "residual": 0.0, "feasibility": 0.0, "status": "ok", "case": "other", "seconds": 0.0, "asked": 7.0,
-            "why": "trust me", "solver": "other", "reference": "exact", "setup_seconds": -1.0, "rounds": 99, "mine": 5}
+            "why": "trust me", "solver": "other", "reference": "exact", "setup_seconds": -1.0, "rounds": 99, "mine": 5,
+            "read": 5, "unlike": "all", "shared": True, "limit": 1e9, "warnings": 7}
     path = solver(tmp_path, "liar", stats=repr(lies))
     row = attempt(Spec("tide", "liar", "h", 0.1, "", (str(path),)))[0]
     assert row["case"] == "tide" and row["solver"] == "liar" and row["asked"] == 0.1 and row["why"] == "" and row["mine"] == 5
     assert row["state_sup"] > 0.4 and row["residual"] > 0.4
     assert row["seconds"] > 0 and row["setup_seconds"] >= 0 and row["rounds"] < 99
+    assert not {"read", "unlike", "shared", "limit", "warnings"} & row.keys()
     solvers._loaded.pop("liar")
 
 

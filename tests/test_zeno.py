@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from nsbench import Case, Filippov, errors, fit_order, get_case, solve
-from nsbench.study import substeps_ladder
+from nsbench.ladders import substeps_ladder
 
 IMPLICIT = "euler[implicit=true]"
 

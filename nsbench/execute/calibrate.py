@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from nsbench import keys, store, study
-from nsbench.execute.filed import Filed, changed_data
+from nsbench.execute.filed import Filed, known
 from nsbench.execute.local import run_all
 from nsbench.gate import spreads
 from nsbench.gate.baseline import GATEABLE, line
@@ -33,7 +33,7 @@ def calibrate(folder: Path, args, say) -> int:
         others.append(facts(_again(these, folder / FOLDER / str(number), threads, args, data)))
     first = facts(data)
     found = spreads.spreads(first, others)
-    store.write_atomically(folder / spreads.NAME, spreads.text(found).encode())
+    store.write_atomically(folder / spreads.NAME, spreads.text(found, first).encode())
     loose = [key for key, fact in first.items() if not line(fact, found[key], "").held]
     for key in loose:
         say(f"not to be held: {' '.join(key)}")
@@ -61,8 +61,7 @@ def _again(specs, folder: Path, threads: int, args, data: Data) -> Data:
     found = {s: keys.key_of(s, parts[s]) for s in specs}
     journal = store.Journal(folder)
     entries = Filed(journal, found, parts, {(s.case, s.file): cases[s.case] for s in specs})
-    stale = {found[s] for s in changed_data(folder, specs, found)}
-    rows = {k: row for k, row in store.read_journal(folder).items() if k not in stale}
+    rows = known(folder, specs, found, args.timeout, [])
     todo = [s for s in specs if found[s] not in rows]
     by_case: dict[str, list] = {}
     for s in todo:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from nsbench import journal, keys, opened, places, seen, store
 from nsbench.keys import Part
+from nsbench.rows import Kept
 from nsbench.study import Spec
 
 READ = "read "            # begins the names of items that runs have read; what follows is for `_place`
@@ -17,13 +18,15 @@ TOUCHED = "changed while it ran"
 CASE = "case"
 
 
-def known(out: Path, specs: list[Spec], found: dict[Spec, str], timeout: float | None, damaged: list[int]) -> dict[str, dict]:
+def known(out: Path, specs: list[Spec], found: dict[Spec, str], timeout: float | None, damaged: list[int]) -> Kept:
     """Rows by key that need not be made again: those of the journal, but for what was killed, had less time, or has read
     data that are others now. damaged: the numbers of lines that cannot be read are added."""
-    rows, data = store.read_journal(out, damaged), _data(out)
-    by_key = {found[s]: s for s in specs}
-    return {key: row for key, row in rows.items() if store.settled(row, timeout)
-            and not (key in by_key and others(by_key[key], data.get(key, {})))}
+    rows = Kept()
+    store.read_journal(out, damaged, rows)
+    stale = {found[s] for s in changed_data(out, specs, found)}
+    for key in [key for key, row in rows.items() if key in stale or not store.settled(row, timeout)]:
+        del rows[key]
+    return rows
 
 
 def changed_data(out: Path, specs: list[Spec], found: dict[Spec, str]) -> dict[Spec, list[str]]:

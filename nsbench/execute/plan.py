@@ -28,7 +28,7 @@ def admit(sizes: dict[str, size.Size | None], args) -> None:
     for name, s in sizes.items():
         if s is not None and s.memory > limit:
             raise ValueError(f"{name}: {s}, foreseen before anything is made; a worker may hold {size.memory(limit)} "
-                             "(--memory gives it another limit)")
+                             "(--memory of nsbench run gives it another limit)")
 
 
 def tell(specs, cases, parts, keys, known: dict, out: Path, args, say) -> int:

@@ -6,7 +6,8 @@ import json
 import os
 import re
 import secrets
-from itertools import groupby
+from collections import Counter
+from itertools import chain, groupby
 from pathlib import Path
 
 import nsbench
@@ -18,6 +19,7 @@ from nsbench.execute.forecast import weight
 from nsbench.execute.local import Chore, run_all
 from nsbench.execute.progress import Progress
 from nsbench.reference import find
+from nsbench.rows import InOrder, Kept
 
 EXPECTED = ("ok", "refused", "below_reference")
 NO_ROW = "No worker gave a row of this run. The same command tries it again."
@@ -27,7 +29,9 @@ def execute(specs, out: Path, args, say) -> int:
     """Run what is not known yet and write DIR/{journal.jsonl, runs.*, env.json, report.*, figures/}; the exit code."""
     key.forget()                                         # this process may have made keys before somebody edited a file
     cases = {(s.case, s.file): study.resolve(s.case, s.file) for s in specs}
-    parts = {s: key.parts_of(s, cases[s.case, s.file]) for s in specs}
+    made_of = {}                                         # many runs are made of the same
+    parts = {s: made_of.get(k) or made_of.setdefault(k, key.parts_of(s, cases[s.case, s.file]))
+             for s in specs for k in [(s.case, s.file, s.solver, s.solver_files)]}
     keys = {s: key.key_of(s, parts[s]) for s in specs}
     _folder(out)
     for case in cases.values():
@@ -38,22 +42,25 @@ def execute(specs, out: Path, args, say) -> int:
         return plan.tell(specs, cases, parts, keys, known, out, args, say)
     with contextlib.closing(store.Journal(out)) as journal:          # from here on nobody else writes there
         known = {} if args.force else _known(out, specs, keys, args, say)
-        rows = {keys[s]: known[keys[s]] for s in specs if keys[s] in known}
-        todo = [s for s in specs if keys[s] not in known]
+        rows, todo = Kept(), [s for s in specs if keys[s] not in known]
+        for s in specs:
+            if keys[s] in known:
+                rows[keys[s]] = known[keys[s]]
+        del known
         drawn = set()
         if todo:
-            say(f"{len(todo)} runs ({len(rows)} known already), results in {out}")
+            say(f"{len(todo)} runs ({len(specs) - len(todo)} known already), results in {out}")
             published.begin(out)
             entries = filed.Filed(journal, keys, parts, cases, here=args.dask is None)
             drawn = _run(todo, keys, entries, rows, args, say, [*cases], out)
             entries.tell(say)
-        ordered = [rows[keys[s]] if keys[s] in rows else study.lost(s, "error", NO_ROW) for s in specs]
+        ordered = InOrder(rows, (keys[s] for s in specs), lambda i: study.lost(specs[i], "error", NO_ROW))
         path = publish(out, ordered, cases, fresh=bool(todo), say=say, drawn=drawn)
-    failed = [r for r in ordered if r["status"] not in EXPECTED]
+    failed = Counter(r["status"] for r in ordered if r["status"] not in EXPECTED)
     if failed:
-        say(f"{len(failed)} of {len(ordered)} runs failed; the report lists each with its reason")
+        say(f"{failed.total()} of {len(ordered)} runs failed; the report lists each with its reason")
     say(f"report: {path}")
-    return 3 if any(r["status"] in ("error", "crashed") for r in failed) or len(failed) == len(ordered) else 0
+    return 3 if failed["error"] or failed["crashed"] or failed.total() == len(ordered) else 0
 
 
 def _folder(out: Path) -> None:
@@ -64,7 +71,7 @@ def _folder(out: Path) -> None:
         raise ValueError(f"{out} is a link to {os.readlink(out)}, which does not exist; a folder is needed")
 
 
-def _known(out: Path, specs, keys, args, say) -> dict[str, dict]:
+def _known(out: Path, specs, keys, args, say) -> Kept:
     """Rows by key that need not be made again (nsbench.execute.filed)."""
     damaged: list[int] = []
     rows = filed.known(out, specs, keys, args.timeout, damaged)
@@ -165,7 +172,7 @@ def _has_terminal() -> bool:
 
 def publish(out: Path, rows, cases, fresh: bool, say, drawn=frozenset()) -> Path:
     """Tables, pictures and report; nothing is written again when nothing changed. drawn: pictures that are there."""
-    digest = store._digest(json.dumps([store.clean(r) for r in rows], sort_keys=True).encode(), _report_digest())
+    digest = store.digest_of(chain((json.dumps(store.clean(r), sort_keys=True).encode() for r in rows), [_report_digest()]))
     path = out / "report.html"
     if not fresh and path.exists() and published.current(out, digest):
         return path

@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from dataclasses import dataclass
 
 from nsbench.gate.baseline import Line
@@ -63,11 +64,12 @@ def unlike(a: str, b: str) -> list[str]:
 
 def exit_code(findings: list[Finding]) -> int:
     """1: something is not as it was (also when it is better: a stale baseline hides the way back); 4: too little could be
-    compared, or one side has what the other lacks; 0: all is as it was."""
-    seen = {f.outcome for f in findings}
-    if seen & {"regressed", "status changed", "improved"}:
+    compared (less is held than is not), or one side has what the other lacks; 0: all is as it was."""
+    seen = Counter(f.outcome for f in findings)
+    if seen.keys() & {"regressed", "status changed", "improved"}:
         return REGRESSED
-    return FINE if "pass" in seen and seen <= {"pass", "not held"} else NOT_COMPARED
+    held = seen["pass"] > 0 and seen["pass"] >= seen["not held"]
+    return FINE if held and seen.keys() <= {"pass", "not held"} else NOT_COMPARED
 
 
 def shown(value) -> str:

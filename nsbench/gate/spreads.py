@@ -10,7 +10,7 @@ from nsbench.gate.facts import Fact
 
 NAME = "calibration.csv"
 ENOUGH = 10 << 20         # bytes
-COLUMNS = ("case", "solver", "parameters", "metric", "spread")
+COLUMNS = ("case", "solver", "parameters", "metric", "spread", "config")
 
 
 def spreads(first: dict[tuple, Fact], others: list[dict[tuple, Fact]]) -> dict[tuple, float]:
@@ -30,16 +30,18 @@ def _apart(a: Fact, b: Fact | None) -> float:
     return abs(a.value - b.value) if math.isfinite(a.value) and math.isfinite(b.value) else math.inf
 
 
-def text(found: dict[tuple, float]) -> str:
+def text(found: dict[tuple, float], facts: dict[tuple, Fact]) -> str:
+    """The file's text: each spread with the configuration of the fact that it was found for."""
     out = io.StringIO()
     w = csv.writer(out, lineterminator="\n")
     w.writerow(COLUMNS)
-    w.writerows([*key, repr(v)] for key, v in found.items())
+    w.writerows([*key, repr(v), facts[key].config] for key, v in found.items())
     return out.getvalue()
 
 
-def read(folder) -> dict[tuple, float]:
-    """Spreads by key. FileNotFoundError where nothing was calibrated; ValueError names what cannot be read."""
+def read(folder, facts: dict[tuple, Fact] | None = None) -> dict[tuple, float]:
+    """Spreads by key, of these facts: what was found for another case, solver or ladder of that name is none of theirs (None:
+    all). FileNotFoundError where nothing was calibrated; ValueError names what cannot be read."""
     path = Path(folder) / NAME
     if not path.is_file():
         raise FileNotFoundError(f"no {path}: tolerances come from how far numbers spread; run nsbench calibrate {folder} first")
@@ -51,14 +53,16 @@ def read(folder) -> dict[tuple, float]:
     except (csv.Error, UnicodeDecodeError) as e:
         raise ValueError(f"{path} cannot be read: {e}") from None
     if not rows or tuple(rows[0]) != COLUMNS:
-        raise ValueError(f"{path}: the first line is not {','.join(COLUMNS)}")
-    out = {}
+        raise ValueError(f"{path}: the first line is not {','.join(COLUMNS)}; run nsbench calibrate {folder} again")
+    out, all_of = {}, facts is None
     for i, row in enumerate(rows[1:], 2):
         try:
-            *key, value = row
-            out[tuple(key)] = float(value)
+            *key, value, config = row
+            spread = float(value)
         except ValueError:
             raise ValueError(f"{path}, line {i}: {row!r} is no key with a spread") from None
-        if len(key) != 4 or not out[tuple(key)] >= 0:
+        if len(key) != 4 or not spread >= 0:
             raise ValueError(f"{path}, line {i}: {row!r} is no key with a spread")
+        if all_of or (tuple(key) in facts and facts[tuple(key)].config == config):
+            out[tuple(key)] = spread
     return out

@@ -9,8 +9,9 @@ from nsbench.gate.judge import judge, shown, unlike
 def updated(found: dict[tuple, Fact], old: dict[tuple, Line], spread: dict[tuple, float], reason: str):
     """(lines, changes): the new baseline in the order of `found`, and a sentence for every line that is not as before.
 
-    A line that passes stays as it is, to the byte: rounding on another machine is no change. ValueError for a fact whose
-    spread is not known.
+    A line that passes stays as it is, to the byte: rounding on another machine is no change. So do, at the end, the lines of
+    what these results do not hold at all: a part of a study takes nothing from the rest. ValueError for a fact whose spread is
+    not known.
     """
     passed = {f.key for f in judge(found, old) if f.outcome in ("pass", "not held")}
     lines, changes = [], []
@@ -30,5 +31,7 @@ def updated(found: dict[tuple, Fact], old: dict[tuple, Line], spread: dict[tuple
             other = unlike(before.config, after.config)
             changes.append(f"{name}: {shown(before.value)} -> {shown(after.value)}"
                            + (f", {' and '.join(other)} of another version" if other else ""))
-    gone = [key for key in old if key not in found]
-    return lines, changes + [f"{' '.join(key)}: {shown(old[key].value)} -> no line: it is not in these results" for key in gone]
+    run = {key[:2] for key in found}
+    lines += [x for key, x in old.items() if key[:2] not in run]
+    gone = [key for key in old if key not in found and key[:2] in run]
+    return lines, changes + [f"{' '.join(key)}: {shown(old[key].value)} -> no line: not given any more" for key in gone]

@@ -152,7 +152,7 @@ def _table(folder: Path) -> dict:
         _size(path, LARGEST)
         try:
             with open(path, newline="", encoding="utf-8") as file:
-                rows = [{k: text_of(v) for k, v in r.items()} for r in csv.DictReader(file, strict=True)]
+                rows = [{text_of(k): text_of(v) for k, v in r.items()} for r in csv.DictReader(file, strict=True)]
         except (csv.Error, UnicodeDecodeError) as e:
             raise ValueError(f"{path} cannot be read: {e}") from e
         if rows and not {"case", "solver", "status"} <= set(rows[0]):

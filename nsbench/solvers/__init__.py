@@ -9,6 +9,7 @@ import re
 import sys
 from pathlib import Path
 
+from nsbench import guest
 from nsbench.case import Case, format_value, get_case, load_module, nearest, parse_spec
 from nsbench.solvers.base import Claims, Expect, Grid, Run, Solver, check_positive, grid, last_steps, sample
 from nsbench.trajectory import Event, Status, Trajectory
@@ -27,7 +28,8 @@ def _scan() -> tuple[dict, dict]:
         if info.name in ("base", "start") or info.name.startswith("_"):
             continue
         try:
-            module = importlib.import_module(f"{__name__}.{info.name}")
+            with guest.asked(f"the file of the solver {info.name}"):
+                module = importlib.import_module(f"{__name__}.{info.name}")
             found[info.name] = _checked(module)
         except (Exception, SystemExit) as e:         # a broken plugin must not take the others with it
             failed[info.name] = f"{type(e).__name__}: {e}"
@@ -44,6 +46,9 @@ def _checked(module) -> type:
     missing = [n for n in ("accuracy", "default", "claims", "refuses", "prepare") if not hasattr(made, n)]
     if missing:
         raise TypeError(f"SOLVER of {module.__file__} has no {', '.join(missing)}")
+    bare = [f.name for f in dataclasses.fields(made) if f.init and f.default is f.default_factory is dataclasses.MISSING]
+    if bare:
+        raise TypeError(f"SOLVER of {module.__file__} has no default of {', '.join(bare)}; every option needs one")
     return made
 
 

@@ -1,18 +1,20 @@
-"""A cluster against this machine: the same rows, bounded memory here, and what it costs; four parts that run alone.
+"""A cluster against this machine: the same rows, bounded memory here, and what it costs; five parts that run alone.
 
     python tests/studies/cluster.py rows [CASE ...] [--suite standard]     here and on 2 workers, one of them killed midway
     python tests/studies/cluster.py memory [--runs 100000]       the client's memory while so many tiny runs come in
+    python tests/studies/cluster.py whole [--runs 100000]        the same of all that `nsbench run --dask` does, tables and report
     python tests/studies/cluster.py overhead [--runs 10000]      processor time and seconds per run beyond the run itself
     python tests/studies/cluster.py efficiency [--runs 10000]    2 workers against 1, in turns
 
 Tiny runs are PBD on DROP, a case file whose three samples are soon measured, with as many different steps; long ones (a
 twentieth as many) PBD on the tide with steps of 2e-5 to 4e-5. The journal is written and synced as in `nsbench run`. Exit
 status 1 if a row differs, or if the client's memory grows with the number of runs (by more than GROWTH from a tenth of them
-to all of them). Seconds are told with the load of the machine: beside other work they say little, processor time and ratios
-in turns somewhat more.
+to all of them; of the whole command, by more than A_RUN per run). Seconds are told with the load of the machine: beside other
+work they say little, processor time and ratios in turns somewhat more.
 """
 import argparse
 import os
+import resource
 import signal
 import subprocess
 import sys
@@ -25,9 +27,11 @@ from local_cluster import cluster
 
 from nsbench import store
 from nsbench.execute import cluster as far
+from nsbench.execute import filed, suite
 from nsbench.study import Spec, run_one
 
 GROWTH = 16e6             # bytes: a few tasks of MOST rows
+A_RUN = 2e3               # bytes: its row, packed, its key and what was asked for
 ROUNDS = 3
 LONG = 2e-5               # step of the runs of some 10 ms
 DROP = '''
@@ -162,6 +166,37 @@ def client(args):
     return grown > GROWTH
 
 
+def whole(args):
+    """The command's own process: rows are kept until tables are written, and all of them are reported."""
+    with tempfile.TemporaryDirectory() as folder, cluster(2) as (address, _):
+        return subprocess.run([sys.executable, __file__, "command", "--runs", str(args.runs), "--address", address, "--folder",
+                               folder]).returncode
+
+
+def command(args):
+    marks, count = {args.runs // 10: 0, args.runs: 0}, [0]
+    plain = filed.Filed.row
+
+    def row(entries, spec, found):
+        count[0] += 1
+        if count[0] in marks:
+            marks[count[0]] = resident()
+            print(f"{count[0]:>8} runs: {resident() / 1e6:.1f} MB resident, {time.perf_counter() - start:.0f} s", flush=True)
+        return plain(entries, spec, found)
+    filed.Filed.row = row
+    print(f"       0 runs: {resident() / 1e6:.1f} MB resident; {load()}", flush=True)
+    start, given = time.perf_counter(), argparse.Namespace(plan=False, force=False, timeout=120.0, memory=None, jobs=None,
+                                                           dask=args.address)
+    specs = [*tiny(args.runs, args.folder)]
+    print(f"{resident() / 1e6:.1f} MB with what is asked for", flush=True)
+    status = suite.execute(specs, Path(args.folder) / "results", given, lambda *words, **how: None)
+    grown = (marks[args.runs] - marks[args.runs // 10]) / (0.9 * args.runs)
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+    print(f"exit {status} after {time.perf_counter() - start:.0f} s; {grown:.0f} bytes more for each run; {peak / 1e6:.0f} MB at "
+          f"the most, tables and report included; {load()}")
+    return status or grown > A_RUN
+
+
 def overhead(args):
     """Processor time of client, scheduler, workers and their children, per run, beyond that of the runs themselves."""
     for name, make, runs in (("tiny", tiny, args.runs), ("long", long, args.runs // 20)):
@@ -198,7 +233,7 @@ def efficiency(args):
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("part", choices=("rows", "memory", "overhead", "efficiency", "client"))
+    parser.add_argument("part", choices=("rows", "memory", "whole", "overhead", "efficiency", "client", "command"))
     parser.add_argument("cases", nargs="*", help="rows: these cases instead of the suite")
     parser.add_argument("--suite", default="standard")
     parser.add_argument("--runs", type=int)

@@ -18,14 +18,15 @@ def copy(to: Path) -> None:
 
 
 @contextlib.contextmanager
-def broken(file: str, text: str, other: str, copied=copy):
-    """A copy in which `other` stands for `text` in one file, for the time of a with-block; LookupError if `text` does not stand
-    there exactly once."""
+def broken(*replacements, copied=copy):
+    """A copy in which, for the time of a with-block, of each (file, text, other) the other stands for the text in its file;
+    LookupError if a text does not stand there exactly once."""
     with tempfile.TemporaryDirectory() as folder:
         folder = Path(folder)
         copied(folder)
-        source = (folder / file).read_text(encoding="utf-8")
-        if source.count(text) != 1:
-            raise LookupError(f"does not apply: {text!r} stands {source.count(text)} times in {file}")
-        (folder / file).write_text(source.replace(text, other), encoding="utf-8")
+        for file, text, other in replacements:
+            source = (folder / file).read_text(encoding="utf-8")
+            if source.count(text) != 1:
+                raise LookupError(f"does not apply: {text!r} stands {source.count(text)} times in {file}")
+            (folder / file).write_text(source.replace(text, other), encoding="utf-8")
         yield folder

@@ -3,11 +3,11 @@
     python tests/studies/gate_faults.py [NAME ...]
     python tests/studies/gate_faults.py --clean 100 [--busy N]
 
-Every fault is a replacement of text in a copy of the checkout. A small suite (CASES x METHODS) is run and calibrated on an
-unbroken copy, then run on every broken one, each with kernels of its own, and held against the unbroken one's baseline by
-`nsbench gate`; a fault is caught where that exits with 1 or 4. --clean N runs the unbroken suite N times beside processes
-that keep every core busy (--busy: so many of them), and counts those that the gate does not let pass. Exit status 1 if a
-fault went unseen, no longer applies, or a clean run was stopped.
+Every fault is a replacement of text (one is two) in a copy of the checkout. A small suite (CASES x METHODS) is run and
+calibrated on an unbroken copy, then run on every broken one, each with kernels of its own, and held against the unbroken
+one's baseline by `nsbench gate`; a fault is caught where that exits with 1 or 4. --clean N runs the unbroken suite N times
+beside processes that keep every core busy (--busy: so many of them), and counts those that the gate does not let pass. Exit
+status 1 if a fault went unseen, no longer applies, or a clean run was stopped.
 """
 import argparse
 import os
@@ -34,7 +34,8 @@ FAULTS = {
                                        "(2.0 * r[0] - 0.01) ** 2, dim == 2"),
     "single precision": ("nsbench/kernels/pbd.py", "x[c] += h * v[c]", "x[c] = np.float32(x[c] + h * v[c])"),
     "wrong time of the multiplier": ("nsbench/solvers/pbd.py", 'lam_time="start"', 'lam_time="end"'),
-    "stale reference": ("cases/three_discs.py", '"""Three', '"""The three'),
+    "stale reference": (("cases/three_discs.py", "        return -x\n", "        return -1.001 * x\n"),
+                        ("nsbench/reference/stored.py", "    if wrong:\n", "    if False:\n")),
     "fewer steps": ("nsbench/solvers/base.py", "np.ceil(spacing / h * (1 - 1e-9)))", "np.ceil(spacing / h * 0.5))"),
     "a method that refuses everything": ("nsbench/solvers/catching_up.py", "    def refuses(self, case: Case) -> str | None:",
                                          "    def refuses(self, case):\n        return 'No.'\n\n    def other(self, case):"),
@@ -76,11 +77,11 @@ def baseline(folder):
 def faults(chosen, path) -> int:
     """How many faults went unseen."""
     unseen = 0
-    for name, (file, text, other) in FAULTS.items():
+    for name, fault in FAULTS.items():
         if chosen and not any(c in name for c in chosen):
             continue
         try:
-            with broken(file, text, other, whole_copy) as folder:
+            with broken(*(fault if isinstance(fault[0], tuple) else (fault,)), copied=whole_copy) as folder:
                 ran, _ = suite(folder)
                 status, said = nsbench(folder, "gate", folder / "results", "--baseline", path)
         except LookupError as e:

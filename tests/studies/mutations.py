@@ -67,7 +67,7 @@ def main(chosen):
         if chosen and not any(c in name for c in chosen):
             continue
         try:
-            with broken(file, text, other) as folder:
+            with broken((file, text, other)) as folder:
                 status, failed = pytest(folder, pattern)
         except LookupError as e:
             status, failed = 0, e

@@ -1,0 +1,28 @@
+"""The published baseline is one of the present cases, references, methods and ladders: the gate can compare it."""
+from pathlib import Path
+
+from nsbench.case import get_case
+from nsbench.describe import describe_case, describe_solver
+from nsbench.gate import baseline
+from nsbench.gate.facts import digest
+from nsbench.study import plan, suite_cases
+
+LINES = baseline.read(Path(__file__).resolve().parents[1] / "reports" / "baseline.csv")
+
+
+def test_it_has_the_runs_of_the_standard_suite_under_their_present_configuration():
+    asked: dict[tuple, list[float]] = {}
+    for spec in plan([(key, "") for key in suite_cases("standard")], None):
+        asked.setdefault((spec.case, spec.solver), []).append(spec.asked)
+    assert asked.keys() == {key[:2] for key in LINES}
+    for (case, solver), config in {(key[:2], x.config) for key, x in LINES.items()}:
+        case_told, solver_told = describe_case(get_case(case)), describe_solver(solver)
+        ladder = [f"{v:.12g}" for v in sorted(v for v in asked[case, solver] if v == v)]
+        now = {"case": case_told.get("digest", ""), "reference": case_told.get("reference_digest", ""),
+               "solver": solver_told.get("digest", ""), "ladder": ladder}
+        assert config == " ".join(f"{name}={digest(v)}" for name, v in now.items()), (case, solver)
+
+
+def test_most_of_it_is_held_and_every_line_says_why_it_stands_so():
+    assert sum(x.held for x in LINES.values()) > 0.9 * len(LINES) > 5000
+    assert all(x.why for x in LINES.values())
