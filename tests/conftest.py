@@ -3,7 +3,17 @@ the background."""
 import os
 import signal
 
+import pytest
+
 for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(name, "1")
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:        # what tests start would inherit it, and not be interrupted
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@pytest.fixture(autouse=True)
+def solver_files_forgotten(monkeypatch):
+    """What a test registers is not there in the next one, in whatever order and process they come."""
+    from nsbench import solvers, study
+    monkeypatch.setattr(solvers, "_loaded", {})
+    monkeypatch.setattr(study, "_files_loaded", set())

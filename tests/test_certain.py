@@ -6,15 +6,10 @@ import time
 import pytest
 from solver_file import solver
 
-from nsbench import opened, seen, solvers, store
+from nsbench import opened, seen, store
 from nsbench.cli import main
 
 DATA = 'c = float(open(os.path.join(os.path.dirname(__file__), "data", "table.txt")).read())'
-
-
-@pytest.fixture(autouse=True)
-def others_forgotten(monkeypatch):
-    monkeypatch.setattr(solvers, "_loaded", {})
 
 
 def run(file, out, *more):

@@ -12,7 +12,7 @@ from local_cluster import cluster
 from solver_file import solver
 from test_execute import SOLVER
 
-from nsbench import keys, solvers, store
+from nsbench import keys, store
 from nsbench.cli import main
 from nsbench.execute import cluster as far
 from nsbench.execute import local, watched
@@ -193,7 +193,6 @@ def study(file, out, address):
 @pytest.fixture
 def plugin(tmp_path, monkeypatch):
     """A solver file with a module and data beside it."""
-    monkeypatch.setattr(solvers, "_loaded", {})
     monkeypatch.setattr(sys, "path", [*sys.path])
     (tmp_path / "beside.py").write_text("C = 1.0\n")
     (tmp_path / "table.txt").write_text("10.0")

@@ -87,7 +87,6 @@ def test_a_repetition_that_raises_costs_a_study_nothing_else(tmp_path):
     solvers.load(specs[1].solver_files[0])
     found = nsbench.run("tide", ["pbd", "second[how=raise]"], h=0.01)
     assert [r["status"] for r in found.rows] == ["ok", "error"] and found.rows[0]["rounds"] >= 3
-    solvers._loaded.pop("second")
 
 
 @pytest.mark.survives("ok is finite")
@@ -101,4 +100,3 @@ def test_whatever_a_solver_returns_is_a_row(tmp_path, parts, word):
     path.write_text(solver(f"k = len(case.t)\nreturn Trajectory(case.t, np.tile(case.x0, (k, 1)), {parts})"))
     row = dict(run_batch([Spec("tide", "odd", "h", 0.1, "", (str(path),))]))[0]
     assert row["status"] == ("error" if word else "ok") and word in row["why"]
-    solvers._loaded.pop("odd")
