@@ -77,7 +77,7 @@ def run(args, say) -> int:
     from nsbench.size import foreseen
     workers(args)
     _cluster(args)
-    left_out: dict[str, str] = {}
+    keys, left_out = [], {}
     solver_files = tuple(str(p) for f in args.solver_files for p in python_files(f))
     added = [solvers.load(f) for f in solver_files]
     values = {n: read_values(getattr(args, n)) for n in ("h", "tol", "k") if getattr(args, n) is not None}
@@ -86,9 +86,9 @@ def run(args, say) -> int:
         admit({c: foreseen(c) for c in args.cases}, args)
         named = [get_case(c) for c in args.cases]
         keys = [(c.key, "") for c in named if args.tag is None or args.tag in c.tags]
-    else:
-        left_out = {} if files else broken_cases()
-        keys = [] if files else [(k, "") for k in study.suite_cases(args.suite, args.tag, left_out)]
+    elif not files:
+        left_out = broken_cases()
+        keys = [(k, "") for k in study.suite_cases(args.suite, args.tag, left_out)]
     chosen = args.solver or ([*solvers.standard()] if files and not args.cases else None)
     _told_apart([*keys, *files])
     specs = study.plan([*keys, *files], chosen, values, solver_files)

@@ -1,8 +1,9 @@
 """Code of a user's file that runs in the command itself (its import, what a method refuses): it can neither end the command
-unheard, nor hold it up unheard."""
+unheard, nor hold it up unheard. Where it crashes in C, the command ends, and the traceback names the file."""
 from __future__ import annotations
 
 import contextlib
+import faulthandler
 import os
 import sys
 import threading
@@ -17,7 +18,8 @@ class EndsProcess(RuntimeError):
 
 @contextlib.contextmanager
 def asked(what: str) -> Iterator[None]:
-    """Within, os._exit of this thread raises EndsProcess, and what takes longer than SLOW says so on standard error."""
+    """Within, os._exit of this thread raises EndsProcess, what takes longer than SLOW says so on standard error, and a crash
+    in C leaves its traceback there."""
     here, leave = (os.getpid(), threading.get_ident()), os._exit
 
     def refused(status):
@@ -29,11 +31,16 @@ def asked(what: str) -> Iterator[None]:
     notice.daemon = True
     notice.start()
     os._exit = refused
+    crashes = not faulthandler.is_enabled()              # else somebody hears them already
+    if crashes:
+        faulthandler.enable(file=2)
     try:
         yield
     finally:
         os._exit = leave
         notice.cancel()
+        if crashes:
+            faulthandler.disable()
 
 
 def refuses(method, case, spec: str) -> bool:

@@ -25,6 +25,14 @@ def test_a_file_that_ends_its_process_where_it_is_loaded_is_an_error_that_names_
     assert done.returncode == 2 and "leaves.py" in done.stderr and "os._exit(0)" in done.stderr
 
 
+@pytest.mark.survives("broken plugin", "death")
+def test_a_file_that_crashes_in_c_where_it_is_loaded_is_named_by_the_traceback(tmp_path):
+    file = tmp_path / "crashes.py"
+    file.write_text(solver("pass", before="ctypes.string_at(0)"))
+    done = run(tmp_path, "run", "tide", "-s", "crashes", "--solvers", str(file), "--h", "0.1", "-o", str(tmp_path / "r"))
+    assert done.returncode < 0 and "Segmentation fault" in done.stderr and 'crashes.py", line' in done.stderr
+
+
 @pytest.mark.survives("death")
 @pytest.mark.parametrize("does, status", (("os._exit(0)", "crashed"), ("raise KeyError('nowhere')", "error"),
                                           ("__import__('sys').exit(0)", "crashed")))

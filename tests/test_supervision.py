@@ -35,6 +35,15 @@ SOLVER = solver('''
         kept = []
         while True:
             kept.append(np.ones(1 << 23))
+    if self.how == "child":                                  # what it has started grows, itself it does not
+        import subprocess
+        subprocess.run([sys.executable, "-c", "import time; kept = bytearray(3 << 29); time.sleep(20)"])
+    if self.how == "shared":                                 # children that hold what it holds hold nothing more
+        kept = np.ones(1 << 26)
+        for _ in range(3):
+            if os.fork() == 0:
+                time.sleep(1000)
+        time.sleep(4)
     if self.how == "huge":
         np.ones(1 << 48)
     if self.how == "xla":
@@ -119,6 +128,14 @@ def test_memory_that_is_not_to_be_had_is_an_oom_row(tmp_path):
     assert {how: row["status"] for how, row in rows.items()} == {
         "fine": "ok", "grow": "oom", "huge": "oom", "xla": "oom", "alloc": "oom", "pbd": "ok"}
     assert "its limit is 1.0 GiB" in rows["grow"]["why"] and "bad_alloc" in rows["alloc"]["why"]
+
+
+@pytest.mark.survives("memory")
+@pytest.mark.skipif(not memory.held_by(os.getpid(), [os.getppid()]), reason="the system does not tell what processes share")
+def test_what_a_run_has_started_counts_and_what_they_share_counts_once(tmp_path):
+    rows, _, _ = rows_of(tmp_path, "child", "shared", "fine", most=5 << 28)
+    assert [rows[how]["status"] for how in ("child", "shared", "fine")] == ["oom", "ok", "ok"], rows
+    assert "The worker and what it has started held 1." in rows["child"]["why"]
 
 
 @pytest.mark.survives("output of a run", "warnings")

@@ -25,6 +25,7 @@ from nsbench.study import REPEATED, Spec, lost
 
 PREPARE = 300.0           # seconds: compiling and factorising, beside the limit of the run itself
 TICK = 0.1                # seconds between two looks at limits
+COUNT = 1.0               # seconds between two looks at what the workers have started
 JUMP = 2.0                # seconds without a look: this process was stopped, or waited for its disk, and heard nobody
 GONE = 1.0                # seconds for a worker to end whose pipe has closed
 BATCH = 1000              # specs: more of one case are several batches, which several workers can take
@@ -72,6 +73,7 @@ class _Team:
     again: set[Spec] = field(default_factory=set)
     timed: set[Spec] = field(default_factory=set)        # more than once, the worker of the first time being gone
     looked: float = field(default_factory=time.monotonic)
+    counted: float = 0.0
     spawn: Callable[[str, int], Worker] = spawn
     keep: bool = False                                   # a worker without work waits in `spare`
     spare: list[Worker] = field(default_factory=list)
@@ -140,12 +142,17 @@ class _Team:
             for job in self.working:
                 job.since = min(now, job.since + now - self.looked)
         self.looked = now
+        started = {}
+        if now - self.counted > COUNT:
+            self.counted, started = now, memory.started_by(j.process.pid for j in self.working)
         for job in [*self.working]:
-            job.peak = max(job.peak, memory.held_by(job.process.pid))
+            others = started.get(job.process.pid, [])
+            job.peak = max(job.peak, memory.held_by(job.process.pid, others))
             if job.peak > self.most:
                 job.kill()
-                self.too_large(job, f"The worker held {memory.told(job.peak)}, its limit is {memory.told(self.most)} "
-                                    "(--memory); it was stopped.")
+                who = "The worker and what it has started" if others else "The worker"
+                self.too_large(job, f"{who} held {memory.told(job.peak)}, its limit is {memory.told(self.most)} (--memory); "
+                                    "it was stopped.")
             elif job.pipe.poll():
                 continue                                 # it has said something that was not heard yet
             elif job.process.exitcode is not None:       # what it has started holds its pipe open

@@ -8,6 +8,7 @@ from __future__ import annotations
 import contextlib
 import os
 import re
+from collections.abc import Iterable
 from pathlib import Path
 
 SHARE = 0.8               # of the machine's memory for all workers together: the rest is the parent's and the system's
@@ -64,12 +65,35 @@ def _limits():
                 yield int((folder / name).read_text())
 
 
-def held_by(pid: int) -> int:
-    """Bytes of resident memory of a process; 0 where the system does not tell."""
+def held_by(pid: int, others: Iterable[int] = ()) -> int:
+    """Bytes of resident memory of a process and of these others; 0 where the system does not tell. What several of them share
+    counts once."""
+    shares = [_share(p) for p in (pid, *others)] if others else []
+    if any(shares[1:]):
+        return sum(shares)
     try:
         return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
     except (OSError, ValueError, IndexError):
         return 0
+
+
+def _share(pid: int) -> int:
+    """Bytes of a process, with its part of what it shares (proc(5), smaps_rollup); 0 where it has ended."""
+    with contextlib.suppress(OSError):
+        found = re.search(r"^Pss:\s+(\d+) kB", Path(f"/proc/{pid}/smaps_rollup").read_text(), re.MULTILINE)
+        return int(found[1]) << 10 if found else 0
+    return 0
+
+
+def started_by(leaders: Iterable[int]) -> dict[int, list[int]]:
+    """The other processes of the groups that these lead: what a worker has started, unless it has left the group."""
+    out: dict[int, list[int]] = {pid: [] for pid in leaders}
+    with contextlib.suppress(OSError):
+        for pid in [int(name) for name in os.listdir("/proc") if name.isdigit()]:
+            with contextlib.suppress(OSError):
+                if (leader := os.getpgid(pid)) in out and leader != pid:
+                    out[leader].append(pid)
+    return out
 
 
 def kernel_kills() -> int:
