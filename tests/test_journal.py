@@ -187,8 +187,9 @@ def test_a_run_that_meets_a_full_disk_ends_with_5_and_is_taken_up_again(tmp_path
             "if __name__ == '__main__':\n    resource.setrlimit(resource.RLIMIT_FSIZE, (12_000, resource.RLIM_INFINITY))\n"
             "    sys.exit(main(sys.argv[1:]))")
     (tmp_path / "limited.py").write_text(code)
+    env = {k: v for k, v in os.environ.items() if not k.startswith("COVERAGE_")}       # its files would meet the limit as well
     full = subprocess.run([sys.executable, str(tmp_path / "limited.py"), *RUN[:5], "5e-2..1e-3", *RUN[6:], str(out)],
-                          capture_output=True, text=True)
+                          capture_output=True, text=True, env=env)
     assert full.returncode == 5 and "File too large" in full.stderr and "Traceback" not in full.stderr
     data = (out / "journal.jsonl").read_bytes()
     assert data.endswith(b"\n") and len(data) <= 12_000
