@@ -5,6 +5,7 @@ from solver_file import solver
 import nsbench
 from nsbench import solvers, study
 from nsbench.execute.local import run_all
+from nsbench.measure import clock
 from nsbench.study import Spec, run_batch
 
 SECOND = solver('''
@@ -29,7 +30,12 @@ SECOND = solver('''
         assert os.getcwd() != "/"
     if self.how == "hang" and CALLS > 1:
         time.sleep(1000)
-''', before="CALLS = 0\n")
+''', before="from nsbench.measure import clock\nclock.LONG = 5.0      # runs are quick, however busy the machine is\nCALLS = 0\n")
+
+
+@pytest.fixture(autouse=True)
+def what_is_quick(monkeypatch):
+    monkeypatch.setattr(clock, "LONG", clock.LONG)       # the file above, loaded here, changes it for one test
 
 
 def specs_of(tmp_path, *hows):
