@@ -92,7 +92,8 @@ class Crossings:
             return None
         roots = _roots(c - _lifted(target))
         before = roots[(roots <= deep) & (roots >= start)]
-        s = before[-1] if before.size else (deep if touch == 0.0 else start)
+        above = chebyshev.chebval(start, c) > target         # then a root is there, be it rounded to beyond `deep`
+        s = before[-1] if before.size else (deep if touch == 0.0 or above else start)
         left = 0.5 * (s + (before[-2] if before.size > 1 else start))
         later = np.append(_roots(c - _lifted(target - touch)), 1.0)
         right = 0.5 * (deep + later[later > deep][0]) if deep < 1.0 else 1.0
