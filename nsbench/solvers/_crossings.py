@@ -58,57 +58,57 @@ class Crossings:
             dips = near & (rough | (lowest - base <= 100.0 * tail + 4e-3 * swing + self.touch))
             hits = [(*hit, int(i)) for i in np.flatnonzero(dips) if (hit := self._crossing(i, c[:, i], values[:, i]))]
             if hits:
-                s, left, right, target, i = min(hits)
+                s, lefts, right, target, i = min(hits)
                 to_time = lambda u: 0.5 * (piece.lo + piece.hi) + 0.5 * (piece.hi - piece.lo) * u     # noqa: B023
                 slope = chebyshev.chebval(s, chebyshev.chebder(c[:, i])) * 2 / (piece.hi - piece.lo)
                 self.level[i] = target
-                return self._root(dense, i, to_time(left), to_time(s), to_time(right), piece.hi), i, float(slope)
+                lefts = [to_time(u) for u in lefts]
+                return self._root(dense, i, lefts, to_time(s), to_time(right), piece.hi), i, float(slope)
             rose = ~self.armed & (values > self.band).any(axis=0)
             self.armed |= rose
             self.level[rose] = 0.0
         return None
 
     def _crossing(self, i, c, values):
-        """(s, left, right, target) of the first event of function i on [-1, 1]: its place, and a bracket; or None."""
+        """(s, lefts, right, target) of the first event of function i on [-1, 1], or None: its place, and its bracket with
+        the ends that may be above, the nearest first."""
         if self.armed[i]:
             return self._downward(c, values, -1.0, 0.0, self.touch[i], True)
         fall = self._downward(c, values, -1.0, self.level[i], 0.0)
-        rise = _first(c - _lifted(self.band[i]), -1.0, above=True)
+        rise = next((a for a, _ in _below(_lifted(self.band[i]) - c, -1.0)), None)
         if rise is None or (fall is not None and fall[0] <= rise):
             return fall
         return self._downward(c, values, rise, 0.0, self.touch[i], True)
 
     def _downward(self, c, values, start, target, touch, count=False):
         """First crossing of `target` after `start` that goes `touch` below it."""
-        deep = _first(c - _lifted(target - touch), start)
-        if deep is None and chebyshev.chebval(1.0, c) < target and _END @ c < -STEEP * touch:
-            deep = 1.0                          # it is on its way down when the piece ends
-        if deep is None:
+        dip = next(iter(_below(c - _lifted(target - touch), start)), None)
+        if dip is None and chebyshev.chebval(1.0, c) < target and _END @ c < -STEEP * touch:
+            dip = 1.0, 1.0                      # it is on its way down when the piece ends
+        if dip is None:
             k = np.flatnonzero((values < target - touch) & (start < NODES))      # the series may be unresolved
             if k.size and start == -1.0:
-                return NODES[k[0]], NODES[max(k[0] - 1, 0)], NODES[k[0]], target
+                return NODES[k[0]], (NODES[max(k[0] - 1, 0)],), NODES[k[0]], target
             if count and values.min() < target - 1e-3 * touch and start == -1.0:
                 self.touches += 1
             return None
-        roots = _roots(c - _lifted(target))
-        before = roots[(roots <= deep) & (roots >= start)]
-        above = chebyshev.chebval(start, c) > target         # then a root is there, be it rounded to beyond `deep`
-        s = before[-1] if before.size else (deep if touch == 0.0 or above else start)
-        left = 0.5 * (s + (before[-2] if before.size > 1 else start))
-        later = np.append(_roots(c - _lifted(target - touch)), 1.0)
-        right = 0.5 * (deep + later[later > deep][0]) if deep < 1.0 else 1.0
-        return float(s), float(left), float(right), target
+        below = _below(c - _lifted(target), start)
+        s = next((a for a, b in below if a <= dip[0] <= b), dip[0])         # a root that rounding puts behind the dip is at it
+        turns = _roots(chebyshev.chebder(c))[::-1]                          # from the last one on it only falls to s
+        lefts = tuple(0.5 * (s + u) for u in (*turns[(turns > start) & (turns < s)], start))
+        return s, lefts, 0.5 * (dip[0] + dip[1]), target
 
-    def _root(self, dense, i, left, guess, right, end):
+    def _root(self, dense, i, lefts, guess, right, end):
         from scipy.optimize import brentq
         seen = {}
 
         def fun(s):
             seen[s] = float(self.gaps(s, dense(s))[i]) - self.level[i]
             return seen[s]
-        if not left < right and fun(right) > self.band[i]:
-            left, right = right, end            # it jumps between floats that are one to the polynomial
-        if not (left < right and fun(left) > 0.0):
+        if not lefts[-1] < right and fun(right) > self.band[i]:
+            lefts, right = [right], end         # it jumps between floats that are one to the polynomial
+        left = next((u for u in lefts if u < right and fun(u) > 0.0), None)
+        if left is None:
             return guess
         if fun(right) >= 0.0:
             if not (seen[right] > self.band[i] and right < end and fun(end) < 0.0):
@@ -138,13 +138,10 @@ def _roots(c) -> np.ndarray:
     return np.sort(roots.real[(roots.imag == 0.0) & (np.abs(roots.real) <= 1.0 + 1e-12)]).clip(-1.0, 1.0)
 
 
-def _first(c, start, above=False):
-    """First s >= start at which the series becomes negative (positive if `above`), or None."""
-    c = -c if above else c
+def _below(c, start) -> list[tuple[float, float]]:
+    """Where on [start, 1] the series is negative: (begin, end) of every interval, in order."""
     roots = _roots(c)
-    edges = np.concatenate([[start], roots[roots > start], [1.0]])
-    signs = chebyshev.chebval(0.5 * (edges[1:] + edges[:-1]), c)
-    for s, e, sign in zip(edges[:-1], edges[1:], signs, strict=True):
-        if sign < 0.0 and e > s:
-            return float(s)
-    return None
+    edges = np.unique(np.concatenate([[start], roots[roots > start], [1.0]]))
+    negative = chebyshev.chebval(0.5 * (edges[1:] + edges[:-1]), c) < 0.0
+    changes = np.flatnonzero(np.diff(negative.astype(int), prepend=0, append=0))
+    return list(zip(edges[changes[::2]].tolist(), edges[changes[1::2]].tolist(), strict=True))
