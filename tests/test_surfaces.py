@@ -71,6 +71,35 @@ def test_a_layer_is_flat_where_its_slope_changes_within(power, code):
     assert solvers.solve(case, "penalty", k=300.0).status.code == code
 
 
+@pytest.mark.parametrize("power, code", ((1, "ok"), (3, "unverified")))
+def test_a_flat_layer_between_two_samples_is_seen(power, code):
+    """On the surface from t = 0.2 to 0.75 (where 3 t^2 - 0.5 = 1.2), and away from it at both samples."""
+    case = relays(lambda xp: lambda t, x, s: xp.array([3.0 * t * t - 0.5 - 1.2 * s[0]]),
+                  lambda xp: lambda t, x: xp.array([x[0] ** power]), [0.3], [0.0, 1.0])
+    run = solvers.solve(case, "penalty", k=3e3)
+    assert run.status.code == code and run.x.shape == (2, 1)
+    assert power > 1 or run.x[-1, 0] == pytest.approx((1.0 - 1.7) - (t := np.sqrt(1.7 / 3.0)) ** 3 + 1.7 * t, abs=1e-3)
+
+
+@pytest.mark.parametrize("second", (2.0, -1.0))
+def test_a_surface_of_two_switches_that_all_fields_leave_is_told(second):
+    """From t = 0.457 on; until then the state is held on it."""
+    case = relays(lambda xp: lambda t, x, s: xp.array([(2.0 * t - 0.9137) * s[0]]),
+                  lambda xp: lambda t, x: xp.array([x[0], second * x[0]]), [0.1], np.linspace(0.0, 1.0, 21))
+    status = solvers.solve(case, "event_driven").status
+    assert status.code == "degenerate" and "surfaces 0, 1" in str(status)
+    assert solvers.solve(case.replace(t=np.linspace(0.0, 0.45, 21)), "event_driven").status.ok
+
+
+@pytest.mark.parametrize("rows, power", (([1.0], 1), ([1.0], 3), ([1.0, -2.0], 1), ([1.0, -2.0], 3)))
+@pytest.mark.parametrize("end, code", ((0.45, "ok"), (1.0, "degenerate")))
+def test_a_surface_that_is_come_to_between_two_samples_is_looked_at(rows, power, end, code):
+    case = relays(lambda xp: lambda t, x, s: xp.array([(2.0 * t - 0.9137) * s[0]]),
+                  lambda xp: lambda t, x: xp.array([r * x[0] ** power for r in rows]), [0.1], [0.0, end])
+    run = solvers.solve(case, "event_driven")
+    assert run.status.code == code and abs(run.x[-1, 0]) < 1e-15
+
+
 def test_a_layer_that_holds_a_repelled_start_is_told():
     from nsbench import load_case
     case = load_case(Path(__file__).parent / "honesty_kept" / "start_in_a_repulsive_layer.py")

@@ -69,7 +69,7 @@ def stages(method: str) -> int:
     return tableau.num_stages - (1 if tableau.fsal else 0)
 
 
-def integrator(slopes, method: str, n: int):
+def integrator(slopes, method: str, n: int, looks: int = 0):
     """run(z0, i, t, h, ts, k, rtol, atol, max_steps, near) -> dict with samples z (K, size), the time t reached, counts.
 
     It goes from z0 at time t to ts[i] and on, with a first step h. Errors are controlled in the maximum norm, so that
@@ -78,6 +78,7 @@ def integrator(slopes, method: str, n: int):
     near: () or (lists, base, reach) where lists hold all that can touch while no coordinate is further than
     `reach` from base (n,). Right-hand sides beyond that are NaN, so that a step that asks for one is refused; the loop
     ends after a step beyond REST of it ("far"), or when such a step was refused ("cause" NOT_FINITE).
+    way (looks, 1 + n): time and state after the last step in each of so many equal parts of ts, NaN where none ended.
     """
     def run(z0, i, t, h, ts, k, rtol, atol, max_steps, near):
         watched, args = _watch(slopes, n, k, near)
@@ -91,7 +92,7 @@ def integrator(slopes, method: str, n: int):
         _, control = controller.init(term, t, t + h, z0, h, args, named.func, order)
         samples = jnp.full((ts.shape[0], z0.shape[0]), jnp.nan).at[i - 1].set(z0)
         start = dict(i=i, t=t, h=h, z=z0, stage=first(t, h, z0, args), control=control, samples=samples, accepted=0,
-                     refused=0, cause=NEVER, longest=0.0, last=0.0, far=False)
+                     refused=0, cause=NEVER, longest=0.0, last=0.0, far=False, way=jnp.full((looks, 1 + n), jnp.nan))
 
         def going(c):
             seen = c["t"] + 0.06 * c["h"] > c["t"]         # 8 spacings of t; 0.9 of less than 5 rounds to no less
@@ -112,15 +113,19 @@ def integrator(slopes, method: str, n: int):
             choose = lambda new, old: jax.tree_util.tree_map(lambda a, b: jnp.where(keep, a, b), new, old)
             arrived = keep & cut
             samples = c["samples"].at[c["i"]].set(jnp.where(arrived, z1, jnp.nan))
+            way = c["way"]
+            if looks:
+                part = jnp.clip((t1 - ts[0]) / (ts[-1] - ts[0]) * looks, 0, looks - 1).astype(int)
+                way = way.at[part].set(jnp.where(keep, jnp.append(t1, z1[:n]), way[part]))
             far = (_travel(z1[:n], near) > REST * near[2]) & keep if near else False
             return dict(i=c["i"] + arrived, t=t1, h=h1, z=choose(z1, z), stage=choose(stage, c["stage"]),
                         control=control, samples=samples, accepted=c["accepted"] + keep, refused=c["refused"] + ~keep,
-                        cause=cause, longest=jnp.maximum(c["longest"], t1 - t), far=far,
+                        cause=cause, longest=jnp.maximum(c["longest"], t1 - t), far=far, way=way,
                         last=jnp.where(keep, end - t, c["last"]))
 
         out = lax.while_loop(going, step, start)
         return {name: out[name] for name in
-                ("samples", "i", "t", "h", "z", "accepted", "refused", "cause", "longest", "last", "far")}
+                ("samples", "i", "t", "h", "z", "accepted", "refused", "cause", "longest", "last", "far", "way")}
     return run
 
 

@@ -15,13 +15,14 @@ HALVINGS = 50
 UNKNOWN = 4             # other switches in their layers of which both signs are tried
 
 
-def flat_layer(case: Case, width: float, X: np.ndarray) -> str:
-    """Where a run of a Filippov system, on the straight ways between its samples, is within `width` of a surface or passes it
-    where its switch is so flat that what is hidden below `width` is no length of `width` / slope; "" if it is nowhere."""
+def flat_layer(case: Case, width: float, t: np.ndarray, X: np.ndarray) -> str:
+    """Where a run of a Filippov system, on the straight ways between its states X at times t, is within `width` of a surface
+    or passes it where its switch is so flat that what is hidden below `width` is no length of `width` / slope; "" if it is
+    nowhere."""
     motion = Motion(case.problem, float(case.t[0]), X[0].copy())
-    rows, times, state = np.arange(motion.d), _looks(case.t), _ways(case.t, X)
+    rows, times, state = np.arange(motion.d), _looks(t), _ways(t, X)
     with np.errstate(all="ignore"):
-        c = np.array([motion.switch(float(t), x) for t, x in zip(times, state(times).T, strict=True)])
+        c = np.array([motion.switch(float(at), x) for at, x in zip(times, state(times).T, strict=True)])
         met = [(_between(lambda t, i=i: motion.switch(t, state(t))[i], times[k], times[k + 1]), i)
                for k, i in np.argwhere(c[1:] * c[:-1] < 0.0)]
         met += [(times[k], i) for k, i in np.argwhere(np.abs(c) < width)]
@@ -31,7 +32,7 @@ def flat_layer(case: Case, width: float, X: np.ndarray) -> str:
             slope = float(np.linalg.norm(gradient))
             beside = [float(np.linalg.norm(motion.gradients(float(at), x + side * width / slope**2 * gradient, rows)[row]))
                       for side in (1.0, -1.0)] if slope > 0.0 else [np.inf]
-            if np.abs(motion.along(float(at), x, 1.0, 0.0 * x))[row] * (case.t[-1] - case.t[0]) > slope * np.abs(X).max():
+            if np.abs(motion.along(float(at), x, 1.0, 0.0 * x))[row] * (t[-1] - t[0]) > slope * np.abs(X).max():
                 continue                                     # a surface in time, which does not wait for the state
             if max(abs(b - slope) for b in beside) > CHANGES * slope:
                 return (f"At t = {at:.6g} the state is in the layer of surface {row} where its switch is flat (a slope of "
@@ -50,18 +51,18 @@ def _ways(t: np.ndarray, X: np.ndarray):
     return lambda at: np.array([np.interp(at, t, column) for column in X.T])
 
 
-def covered(case: Case, width: float, X: np.ndarray) -> str:
+def covered(case: Case, width: float, t: np.ndarray, X: np.ndarray) -> str:
     """Which switch that a field depends on, at one of POINTS times or more, is in its layer at all of them, and would be wherever
     the states' own size could take it; "" if none is."""
     with np.errstate(all="ignore"):
-        switch, field, times = case.problem.switch(np), case.problem.field(np), _looks(case.t)
-        states = _ways(case.t, X)(times).T
-        c = np.array([switch(float(t), x.copy()) for t, x in zip(times, states, strict=True)])
-        over = np.fmax(swing(switch, float(case.t[-1]), X), np.ptp(c, axis=0))
+        switch, field, times = case.problem.switch(np), case.problem.field(np), _looks(t)
+        states = _ways(t, X)(times).T
+        c = np.array([switch(float(at), x.copy()) for at, x in zip(times, states, strict=True)])
+        over = np.fmax(swing(switch, float(t[-1]), X), np.ptp(c, axis=0))
         for i in np.flatnonzero((np.abs(c).max(axis=0) < width) & (0.0 < over) & (over < width)):
             one = np.arange(c.shape[1]) == i
-            for t, x, row in zip(times, states, c, strict=True):
-                if any(not np.array_equal(there(field, t, x, np.where(one, 1.0, s)), there(field, t, x, np.where(one, -1.0, s)),
+            for at, x, row in zip(times, states, c, strict=True):
+                if any(not np.array_equal(there(field, at, x, np.where(one, 1.0, s)), there(field, at, x, np.where(one, -1.0, s)),
                                           equal_nan=True) for s in _sides(row, (np.abs(row) < width) & ~one)):
                     return f"Switch {i} does not leave its layer: it changes by no more than {over[i]:.2g}"
     return ""

@@ -47,7 +47,7 @@ def unresolved(case, method, X, W) -> Status:
     row = int(np.argmin(slope))
     if slope[row] > UNSEEN * tol:
         c = np.array([motion.switch(float(t), x) for t, x in zip(case.t, X, strict=True)])
-        flat = flat_layer(case, tol, X) or _lingers(case, c, tol, slope) or _leans(case, method, c, X, W)
+        flat = flat_layer(case, tol, case.t, X) or _lingers(case, c, tol, slope) or _leans(case, method, c, X, W)
         return Status("unverified", f"{flat}: no error of that size is claimed there.") if flat else Status()
     return Status("unverified", f"Switch {row} changes by {slope[row]:.2g} in the run, which the tolerance of complementarity, "
                                 f"{tol:.2g}, cannot tell from zero: scale it, or lower comp_tol.")

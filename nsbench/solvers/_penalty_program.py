@@ -7,7 +7,10 @@ from functools import lru_cache
 import numpy as np
 
 from nsbench.fingerprint import Unknown, fingerprint
+from nsbench.problem import Filippov
 from nsbench.solvers._programs import float64, program
+
+LOOKS = 100              # parts of a run with switches whose last steps are kept: what its samples may not show
 
 
 class NotTraceable(Exception):
@@ -91,6 +94,6 @@ def _traced(problem, n, samples, method, style, capacity, particles):
         raise NotTraceable(f"they return {wrong}, float64 is needed")
     near = (lists, real(n), real()) if style == "near" else ()
     with jax.default_device(jax.devices("cpu")[0]):      # a loop of tiny operations: an accelerator only adds latency
-        run = integrator(made, method, n)
+        run = integrator(made, method, n, LOOKS if isinstance(problem, Filippov) else 0)
         return jax.jit(run).lower(real(n + made.size), whole, real(), real(), real(samples), real(), real(), real(),
                                   whole, near)

@@ -1,6 +1,8 @@
 """Runs that stay on a surface which both fields leave: they may leave it at any time, and no one says which is meant."""
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 
 from nsbench.case import Case
@@ -14,6 +16,7 @@ ROUNDED = 16 * 2.0**-52  # of each coordinate: and so near that nothing of a mot
 REST = 1e-9              # of the largest rate: what differences leave of one that is zero
 BOTH = "both fields leave: it may leave to either side"
 RESTS = "one field leaves, while the other leaves it at rest there: it may leave"
+MEET = 4                 # surfaces through one point whose sectors are all looked at
 CLEAR = 1e-4             # of the largest rate: below it, nothing is said of its sign
 
 
@@ -22,7 +25,8 @@ def repelled(case: Case, traj: Trajectory) -> Status | None:
     or one does and the other is at rest (Filippov 1988, section 10: the solution to the right is not unique); None for cases
     that say so of themselves.
 
-    A run that was on one side alone meanwhile has not stayed, unless that side is at rest: it left and came back.
+    A run that was on one side alone meanwhile has not stayed, unless that side is at rest: it left and came back. A surface
+    that it came to between two samples, and by mixed fields is on at the second, is looked at there.
     """
     if not case.unique or len(traj.t) < 2:
         return None
@@ -36,12 +40,15 @@ def repelled(case: Case, traj: Trajectory) -> Status | None:
                        for least in (0.0, np.abs(traj.x).max(axis=0)))
     stands = (exactly[1:] & exactly[:-1]) | (fallen[1:] & fallen[:-1] & (c[1:] == c[:-1]))
     stayed = np.where(side == 0.0, on[1:] & on[:-1], stands)
+    came = ~stayed & fallen[1:] & (side == 0.0)
     parts = -(-POINTS // (len(traj.t) - 1))
-    for i in np.flatnonzero(stayed.any(axis=0)):
-        spans = np.flatnonzero(stayed[:, i] & (on[1:].sum(axis=1) == 1))
+    last = np.arange(parts) == parts - 1
+    for i in np.flatnonzero((stayed | came).any(axis=0)):
+        spans = np.flatnonzero((stayed | came)[:, i] & (on[1:].sum(axis=1) == 1))
         times = [[(1.0 - a) * traj.t[k] + a * traj.t[k + 1] for a in np.arange(1, parts + 1) / parts] for k in spans]
         rates = np.array([[_rates(switch, field, t, _at(traj, k, t), i, STEP * (traj.t[-1] - traj.t[0])) for t in row]
                           for k, row in zip(spans, times, strict=True)]).reshape(len(spans), parts, 2)
+        rates[~(stayed[spans, i][:, None] | last)] = np.nan
         rates /= max(1e-300, float(np.fmax.reduce(np.abs(rates), axis=None, initial=0.0)))
         (plus, minus), alone = (rates[..., 0], rates[..., 1]), side[spans, i][:, None]
         for found, what in (((alone == 0.0) & (plus > CLEAR) & (minus < -CLEAR), BOTH),
@@ -50,6 +57,23 @@ def repelled(case: Case, traj: Trajectory) -> Status | None:
             for row, part in np.argwhere(found)[:1]:
                 return Status("degenerate", f"At t = {times[row][part]:.6g} the state is on surface {i}, which {what} at any "
                                             "time.")
+    return _left(traj, switch, field, stayed, stayed | came, on, parts)
+
+
+def _left(traj, switch, field, stayed, held, on, parts) -> Status | None:
+    """degenerate, if the state stays where surfaces meet, or are one, and the field of a sector leads into that sector."""
+    for k in np.flatnonzero((held.sum(axis=1) > 1) & np.all(held == on[1:], axis=1)):
+        rows = np.flatnonzero(held[k])
+        sectors = np.array(list(product((1.0, -1.0), repeat=rows.size))) if rows.size <= MEET else ()
+        times = [(1.0 - a) * traj.t[k] + a * traj.t[k + 1] for a in np.arange(1, parts + 1) / parts]
+        dt = STEP * (traj.t[-1] - traj.t[0])
+        rates = np.array([[_rates_of(switch, field, t, _at(traj, k, t), rows, s, dt) for s in sectors] for t in times])
+        rates = rates.reshape(parts, len(sectors), rows.size)
+        rates[:0 if stayed[k, rows].all() else -1] = np.nan
+        rates /= np.fmax(np.fmax.reduce(np.abs(rates), axis=(0, 1), initial=0.0), 1e-300)
+        for part, _ in np.argwhere(np.all(rates * sectors > CLEAR, axis=2))[:1]:
+            return Status("degenerate", f"At t = {times[part]:.6g} the state is on surfaces {', '.join(map(str, rows))}, and the "
+                                        "field of a side leads to that side: it may leave at any time.")
     return None
 
 
@@ -117,10 +141,14 @@ def swing(switch, t: float, X: np.ndarray, least: float = 0.0) -> np.ndarray:
 
 def _rates(switch, field, t, x, i, dt) -> tuple[float, float]:
     """Rates of switch i in the fields of its positive and its negative side, other signs as they are."""
-    signs, out = np.where(there(switch, t, x) >= 0.0, 1.0, -1.0), []
-    for side in (1.0, -1.0):
-        signs[i] = side
-        f = there(field, t, x, signs.copy())
-        change = there(switch, t + dt, x + dt * f) - there(switch, t - dt, x - dt * f)
-        out.append(float(change.ravel()[i] / (2.0 * dt)) if change.ndim else np.nan)
-    return out[0], out[1]
+    plus, minus = (_rates_of(switch, field, t, x, [i], [side], dt)[0] for side in (1.0, -1.0))
+    return plus, minus
+
+
+def _rates_of(switch, field, t, x, rows, sides, dt) -> np.ndarray:
+    """Rates of the switches `rows` in the field of these sides of theirs, other signs as they are."""
+    signs = np.where(there(switch, t, x) >= 0.0, 1.0, -1.0)
+    signs[rows] = sides
+    f = there(field, t, x, signs)
+    change = there(switch, t + dt, x + dt * f) - there(switch, t - dt, x - dt * f)
+    return change.ravel()[rows] / (2.0 * dt) if change.ndim else np.full(len(rows), np.nan)

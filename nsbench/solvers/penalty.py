@@ -250,7 +250,7 @@ def _status(penalty: Penalty, case: Case, k: float, asked: float, out: dict) -> 
         if worst * float(np.abs(weights(penalty.extrapolate)).sum()) > HIDDEN * claimed:
             return Status("unverified", f"The error of the penalty, about {claimed:.1e}, may be hidden by the integrator's, up "
                                         f"to 200 times its tolerance of {worst:.1e} of the motion: lower rtol and atol.")
-        return _thick(case, k, out["x"]) if isinstance(case.problem, Filippov) else Status()
+        return _thick(case, k, *_way(case, out)) if isinstance(case.problem, Filippov) else Status()
     if tried < penalty.most:
         return _no_step(penalty, case, k, out, at)
     last = float(out["last"])
@@ -260,10 +260,18 @@ def _status(penalty: Penalty, case: Case, k: float, asked: float, out: dict) -> 
                              f"(k h = {k * last:.2g}); {advice}.")
 
 
-def _thick(case: Case, k: float, X: np.ndarray) -> Status:
+def _way(case: Case, out: dict) -> tuple[np.ndarray, np.ndarray]:
+    """Times and states that are known of a run: its samples, and those of steps between them."""
+    between = out["way"][np.isfinite(out["way"]).all(axis=1) & ~np.isin(out["way"][:, 0], case.t)]
+    t, X = np.append(case.t, between[:, 0]), np.append(out["x"], between[:, 1:], axis=0)
+    order = np.argsort(t)
+    return t[order], X[order]
+
+
+def _thick(case: Case, k: float, t: np.ndarray, X: np.ndarray) -> Status:
     from nsbench.solvers._flat_layer import covered, flat_layer
     from nsbench.solvers._repelled import between
-    flat = flat_layer(case, 1.0 / k, X) or between(case, 1.0 / k) or covered(case, 1.0 / k, X)
+    flat = flat_layer(case, 1.0 / k, t, X) or between(case, 1.0 / k) or covered(case, 1.0 / k, t, X)
     return Status("unverified", f"{flat}: no error of size 1 / k is claimed there.") if flat else Status()
 
 
