@@ -6,7 +6,9 @@ from nsbench import Case, Filippov
 
 def drift(xp):
     def f(t, x):
-        return xp.array([-0.034 * xp.sin(0.5 * (t - 100.0) + 0.0) + -1.608 * x[2] / (1.0 + x[0] * x[0]) + 0.795 * x[2], -1.532 * xp.sin(3.261 * x[2]) + 0.4596 * x[2] * x[1] + -1.0 * xp.sin(2.0 * x[0]), 1.359 * (t - 100.0)])
+        return xp.array([-0.034 * xp.sin(0.5 * (t - 100.0) + 0.0) + -1.608 * x[2] / (1.0 + x[0] * x[0]) + 0.795 * x[2],
+                         -1.532 * xp.sin(3.261 * x[2]) + 0.4596 * x[2] * x[1] + -1.0 * xp.sin(2.0 * x[0]),
+                         1.359 * (t - 100.0)])
     return f
 
 
