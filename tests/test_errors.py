@@ -158,6 +158,17 @@ def test_distance_to_a_hull_is_that_of_the_nearest_mixture():
     assert distance_to_hull(np.zeros(1), np.array([[1.0], [3.0]])) == 1.0
 
 
+@pytest.mark.parametrize("unit", (1e-100, 1e-12, 1e-8, 1e8))
+def test_the_distance_to_a_hull_has_the_unit_of_its_points(unit):
+    rng = np.random.default_rng(1)
+    for n, m in ((1, 3), (2, 4), (3, 8)):
+        points = rng.standard_normal((m, n))
+        for v in (rng.standard_normal(n), rng.dirichlet(np.ones(m)) @ points, np.full(n, 5.0)):
+            scaled = distance_to_hull(unit * v, unit * points) / unit
+            assert scaled == pytest.approx(distance_to_hull(v, points), rel=1e-9, abs=1e-11)
+    assert distance_to_hull(np.ones(2), np.ones((4, 2))) == 0.0
+
+
 def test_a_failed_run_has_residuals_and_no_errors():
     run = hand_pbd(TIDE, 10)[0]
     x, push = run.x.copy(), run.impulse.copy()
