@@ -1,4 +1,4 @@
-"""A root of an event function was looked for across a pole in time, and hit it: the division by zero ended the command's run."""
+"""A root of an event function was looked for across a pole in time, and hit it: the division by zero ended the run."""
 import numpy as np
 
 from nsbench import Case, Filippov
@@ -18,7 +18,8 @@ def mode_pm(xp):
 
 def mode_mp(xp):
     def f(t, x):
-        return xp.array([0.5 * x[0] / (1.0 + x[0] * x[0]) + 0.134 * xp.sin(2.763 * x[0]), -10000.0 * (x[0] - xp.cos(t - -1.0)) + 1.471 * xp.tanh(x[1])])
+        return xp.array([0.5 * x[0] / (1.0 + x[0] * x[0]) + 0.134 * xp.sin(2.763 * x[0]),
+                         -10000.0 * (x[0] - xp.cos(t - -1.0)) + 1.471 * xp.tanh(x[1])])
     return f
 
 
