@@ -6,7 +6,8 @@ from nsbench import Case, Filippov
 
 def mode_pp(xp):
     def f(t, x):
-        return xp.array([-1.0 + -0.1773 * x[1] * x[1] + 0.15 * x[0] * x[0], 1.399 * x[1] / (1.0 + x[0] * x[0]) + -1.72 / (t - -0.866)])
+        return xp.array([-1.0 + -0.1773 * x[1] * x[1] + 0.15 * x[0] * x[0],
+                         1.399 * x[1] / (1.0 + x[0] * x[0]) + -1.72 / (t - -0.866)])
     return f
 
 
