@@ -18,8 +18,12 @@ class CompileError(Exception):
 
 
 def host(factory: Callable) -> Callable:
-    """The factory in numpy."""
-    return factory(np)
+    """The factory in numpy, at times that are numpy's too: a Python float divided by zero, as at a pole in time, raises."""
+    f = factory(np)
+
+    def at(t, *args):
+        return f(np.float64(t) if type(t) is float else t, *args)
+    return at
 
 
 def _pointer(factory, signature, make):

@@ -5,6 +5,7 @@ from itertools import product
 
 import numpy as np
 
+from nsbench.compile import host
 from nsbench.problem import LCS, Affine, Distance, Filippov, Smooth
 
 
@@ -18,10 +19,10 @@ def check_shapes(case) -> None:
         return
     with np.errstate(all="ignore"):
         if isinstance(p, Filippov):
-            c = np.asarray(p.switch(np)(t0, x))
+            c = np.asarray(host(p.switch)(t0, x))
             if c.ndim != 1 or c.dtype != np.float64:
                 raise ValueError(f"switch of {case.name} returns {c.dtype} of shape {c.shape}; float64 (d,) is needed")
-            found = [np.asarray(p.field(np)(t0, x, np.array(s))) for s in _sides(len(c))]
+            found = [np.asarray(host(p.field)(t0, x, np.array(s))) for s in _sides(len(c))]
         else:
             for c in p.constraints:
                 if isinstance(c, Distance):
@@ -29,7 +30,7 @@ def check_shapes(case) -> None:
                 elif hasattr(c, "shape") and c.shape[1] != case.n:
                     raise ValueError(f"A of {case.name} has {c.shape[1]} columns, the state {case.n} entries")
                 _check_curves(case, c, t0, x)
-            found = [np.asarray(p.drift(np)(t0, x))]
+            found = [np.asarray(host(p.drift)(t0, x))]
     for f in found:
         if f.shape != x.shape or f.dtype != np.float64:
             raise ValueError(f"drift of {case.name} returns {f.dtype} of shape {f.shape}; float64 {x.shape} is needed")
@@ -58,11 +59,11 @@ def _sides(d: int) -> list[tuple]:
 def _check_curves(case, c, t0: float, x) -> None:
     """What a constraint's factories return at the start: real numbers in double precision, of the shape that is needed."""
     if isinstance(c, Smooth):
-        made = {"g": (c.g(np)(t0, x), None)}
+        made = {"g": (host(c.g)(t0, x), None)}
     else:
-        made = {"b": (c.b(np)(t0), (c.shape[0],))} if isinstance(c, Affine) and c.moving else {}
+        made = {"b": (host(c.b)(t0), (c.shape[0],))} if isinstance(c, Affine) and c.moving else {}
         if isinstance(c, Distance) and c.moving:
-            made["anchors"] = (c.anchors(np)(t0), None)
+            made["anchors"] = (host(c.anchors)(t0), None)
     for name, (value, shape) in made.items():
         a = np.asarray(value)
         if a.dtype in (np.float32, np.float16) or a.dtype.kind not in "fiu":
@@ -82,6 +83,6 @@ def _check_inputs(case) -> None:
         if factory is None:
             continue
         with np.errstate(all="ignore"):
-            value = np.asarray(factory(np)(t0))
+            value = np.asarray(host(factory)(t0))
         if value.shape != (size,) or value.dtype != np.float64:
             raise ValueError(f"{name} of {case.name} returns {value.dtype} of shape {value.shape}; float64 ({size},) is needed")

@@ -7,6 +7,7 @@ import numpy as np
 
 from nsbench import solvers
 from nsbench.case import Case, get_case, load_case, load_module
+from nsbench.compile import host
 from nsbench.problem import LCS, Complementarity, Filippov
 
 PROBES = ("tide", "sliding", "three_discs")
@@ -67,7 +68,7 @@ def _namespaces(case):
         return []
     t, x, out = float(case.t[0]), np.array(case.x0), []
     if isinstance(case.problem, Filippov):
-        s = np.ones(len(np.asarray(case.problem.switch(np)(t, x))))
+        s = np.ones(len(np.asarray(host(case.problem.switch)(t, x))))
         factory, args = case.problem.field, (t, x, s)
     else:
         factory, args = case.problem.drift, (t, x)

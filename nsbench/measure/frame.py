@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from nsbench.case import Case
+from nsbench.compile import host
 from nsbench.contacts import PAIR, Near, Scene
 from nsbench.problem import LCS, Complementarity, Filippov
 from nsbench.reference import Reference, canonical, files_of, reference, spread
@@ -119,7 +120,7 @@ def _active(case, ref, scene) -> tuple:
             acts[1:-1] = spread(p, ref.contacts, pattern(p, case.t, ref.impulse),
                                 {(0, i): i for i in range(p.B.shape[1])}) > 0
         return tuple(tuple((0, int(i)) for i in np.flatnonzero(a | b)) for a, b in pairwise(acts))
-    switch = p.switch(np) if isinstance(p, Filippov) else None
+    switch = host(p.switch) if isinstance(p, Filippov) else None
     for t, x in zip(case.t, ref.x, strict=True):
         if switch is not None:
             out.append(tuple((0, int(i)) for i in np.flatnonzero(np.abs(switch(t, x)) <= tol)))
@@ -141,7 +142,7 @@ def _independent(case, ref, scene, k, active) -> bool:
     rows = [c[1] for c in active]
     if isinstance(p, LCS):                    # B and, among what acts, D: what the motion and w = 0 say of lambda
         return full_rank(csr_array(np.vstack([p.B[:, rows], p.D[np.ix_(rows, rows)]]).T))
-    field_, s = p.field(np), np.ones(len(np.atleast_1d(p.switch(np)(float(case.t[k]), ref.x[k]))))
+    field_, s = host(p.field), np.ones(len(np.atleast_1d(host(p.switch)(float(case.t[k]), ref.x[k]))))
     if ref.impulse is not None:
         j = min(k, len(case.t) - 2)
         mean = (ref.impulse[j + 1] - ref.impulse[j]) / (case.t[j + 1] - case.t[j])

@@ -26,6 +26,7 @@ from itertools import product
 
 import numpy as np
 
+from nsbench.compile import host
 from nsbench.measure.frame import Frame, changes, near_of
 from nsbench.measure.quadrature import around, integrals, kinked_intervals
 from nsbench.problem import LCS, Filippov
@@ -169,7 +170,7 @@ def _lcs(frame, contacts, t, x, impulse, reaction, lam, kinked):
     """As _gaps. w has interval means by the quadrature of C x + q, less its bound; rows without lam count at samples.
     Complementarity is a product of means, so it is looked at where nothing switches."""
     p = frame.case.problem
-    q = p.q(np) if p.q else lambda s: 0.0
+    q = host(p.q) if p.q else lambda s: 0.0
     v = np.array([p.C @ b + q(a) for a, b in zip(t, x, strict=True)])
     lam = spread(p, contacts, lam, {(0, i): i for i in range(p.B.shape[1])})
     kinked = kinked | _switched(p, v, lam)
@@ -187,7 +188,7 @@ def _lcs(frame, contacts, t, x, impulse, reaction, lam, kinked):
 
 def _inclusion(case, contacts, t, x, impulse, kinked):
     p = case.problem
-    switch, field = p.switch(np), p.field(np)
+    switch, field = host(p.switch), host(p.field)
     c = np.array([switch(a, b) for a, b in zip(t, x, strict=True)])
     d = c.shape[1]
     theta = np.diff(spread(p, contacts, impulse, {(0, i): i for i in range(d)}), axis=0) / np.diff(t)[:, None]

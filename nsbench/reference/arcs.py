@@ -13,6 +13,7 @@ import numpy as np
 
 from nsbench import solvers
 from nsbench.case import Case
+from nsbench.compile import host
 from nsbench.problem import Complementarity, Filippov
 from nsbench.reference.known import canonical
 
@@ -99,7 +100,7 @@ def _arc(case, traj, at, end, events) -> Arc:
     if isinstance(case.problem, Complementarity):
         return _contacts(case, traj, t, x, mean, end, events)
     if isinstance(case.problem, Filippov):
-        c = np.array([case.problem.switch(np)(s, y) for s, y in zip(t, x, strict=True)])
+        c = np.array([host(case.problem.switch)(s, y) for s, y in zip(t, x, strict=True)])
         slides = np.all(np.abs(c) <= CLOSED * (1.0 + np.abs(x).max()), axis=0)
         mode = tuple(0 if s else int(np.sign(v)) for s, v in zip(slides, c[1], strict=True))
         return Arc(end, (), mode=mode)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from nsbench.case import Case
+from nsbench.compile import host
 from nsbench.problem import LCS, Affine, Complementarity, Distance
 from nsbench.trajectory import Event
 
@@ -84,9 +85,9 @@ def _checked(case, name, value, shape):
 def right_hand_side(problem):
     """f(t, x) without the multipliers' part, in numpy; None for a Filippov system."""
     if isinstance(problem, Complementarity):
-        return problem.drift(np)
+        return host(problem.drift)
     if isinstance(problem, LCS):
-        u = problem.u(np) if problem.u else lambda t: 0.0
+        u = host(problem.u) if problem.u else lambda t: 0.0
         return lambda t, x: problem.A @ x + u(t)
     return None
 
@@ -99,7 +100,7 @@ def listed_contacts(case: Case) -> tuple:
         return tuple(Scene(p, case.n).all_static().ids)
     if isinstance(p, LCS):
         return tuple((0, i) for i in range(p.B.shape[1]))
-    return tuple((0, i) for i in range(len(np.asarray(p.switch(np)(float(case.t[0]), case.x0)))))
+    return tuple((0, i) for i in range(len(np.asarray(host(p.switch)(float(case.t[0]), case.x0)))))
 
 
 def canonical(problem, contact) -> tuple:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from nsbench.case import Case
+from nsbench.compile import host
 from nsbench.contacts import Scene
 from nsbench.problem import Affine, Distance
 
@@ -35,7 +36,7 @@ def rows_of(case: Case) -> list[Row]:
         elif isinstance(c, Distance):
             out += _distances(k, c, case.n, scene)
         else:
-            count = len(np.atleast_1d(c.g(np)(float(case.t[0]), case.x0)))
+            count = len(np.atleast_1d(host(c.g)(float(case.t[0]), case.x0)))
             out += [Row((k, i), k, "smooth", i) for i in range(count)]
     return out
 
@@ -50,7 +51,7 @@ def _distances(k, c, n, scene):
                 for i in range(count) for j in range(i + 1, count)]
     pairs = c.pairs
     if pairs is None:
-        pairs = np.stack(np.indices((count, len(np.asarray(c.anchors(np)(0.0) if c.moving else c.anchors)))), -1)
+        pairs = np.stack(np.indices((count, len(np.asarray(host(c.anchors)(0.0) if c.moving else c.anchors)))), -1)
         pairs = pairs.reshape(-1, 2)
     d, kind = np.broadcast_to(c.d, len(pairs)), "pair" if c.anchors is None else "anchor"
     return [Row((k, int(i), int(j)), k, kind, int(j), place(int(i)), (), place(int(j)) if kind == "pair" else (),

@@ -3,6 +3,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from nsbench.compile import host
 from nsbench.problem import Affine, Distance
 
 # Okabe & Ito (2008), readable with the common colour blindnesses
@@ -31,7 +32,7 @@ def centres(x, key):
 
 
 def anchor_points(c, t):
-    return np.asarray(c.anchors(np)(t) if callable(c.anchors) else c.anchors, dtype=float).reshape(-1, c.dim)
+    return np.asarray(host(c.anchors)(t) if callable(c.anchors) else c.anchors, dtype=float).reshape(-1, c.dim)
 
 
 def extent(case, frames, what):
@@ -106,7 +107,7 @@ def _walls(case, key, radius, t):
     for c in case.problem.constraints:
         if not isinstance(c, Affine):
             continue
-        b = np.asarray(c.b(np)(t) if callable(c.b) else c.b, dtype=float)
+        b = np.asarray(host(c.b)(t) if callable(c.b) else c.b, dtype=float)
         owner = (c.indices - start) // dim
         first = c.indptr[:-1]
         lowest, highest = np.minimum.reduceat(owner, first), np.maximum.reduceat(owner, first)

@@ -4,6 +4,7 @@ from __future__ import annotations
 import numpy as np
 
 from nsbench.case import Case
+from nsbench.compile import host
 from nsbench.jets import ORDER, SPACE, Jet, as_jet
 
 MOST = 4000             # states: beyond, columns of A are not asked for one by one
@@ -23,7 +24,7 @@ def affine_drift(case: Case, box: float):
     time, state = _still(0.5 * (lo + hi), 0.5 * (hi - lo)), _still(np.zeros(n), np.full(n, box))
     if not (_quiet(case, time, _moving(state), 2) and _quiet(case, _moving(time), state, 1)):
         return None
-    f = case.problem.drift(np)
+    f = host(case.problem.drift)
     c = np.array(f(lo, np.zeros(n)), float)
     unit = 2.0 ** np.ceil(np.log2(1.0 + np.abs(c).max(initial=0.0)))      # differences round like c
     unit = min(unit, box)

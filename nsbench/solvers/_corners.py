@@ -6,6 +6,7 @@ from itertools import product
 import numpy as np
 
 from nsbench.case import Case
+from nsbench.compile import host
 from nsbench.problem import Filippov
 from nsbench.solvers._repelled import there
 
@@ -17,12 +18,12 @@ SIDE = 1e-9              # mean weight below which a run was on one side alone
 
 def surfaces(problem: Filippov, n: int) -> int:
     """Their number."""
-    return problem.d if problem.d is not None else len(problem.switch(np)(0.0, np.full(n, 0.37)))
+    return problem.d if problem.d is not None else len(host(problem.switch)(0.0, np.full(n, 0.37)))
 
 
 def multilinear(problem: Filippov, n: int) -> bool:
     """Whether the field is affine in each sign, at some points drawn once; False where it is not finite."""
-    rng, field, d = np.random.default_rng(0), problem.field(np), surfaces(problem, n)
+    rng, field, d = np.random.default_rng(0), host(problem.field), surfaces(problem, n)
     with np.errstate(all="ignore"):
         for _ in range(4):
             t, x, s = rng.uniform(), rng.uniform(-1.0, 1.0, n), rng.uniform(-1.0, 1.0, d)
@@ -50,7 +51,7 @@ def held(case: Case, X: np.ndarray, weights: np.ndarray, h: float) -> str:
     d = surfaces(case.problem, case.n)
     if d < 2:
         return ""
-    field, switch = case.problem.field(np), case.problem.switch(np)
+    field, switch = host(case.problem.field), host(case.problem.switch)
     keep = _apart(case.t, LONG * h)
     t, spans = case.t[keep], np.diff(case.t)[:, None]
     theta = np.diff(np.append(np.zeros((1, d)), np.cumsum(weights * spans, axis=0), axis=0)[keep], axis=0) / np.diff(t)[:, None]

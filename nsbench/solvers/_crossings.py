@@ -103,7 +103,7 @@ class Crossings:
         seen = {}
 
         def fun(s):
-            seen[s] = float(self.gaps(np.float64(s), dense(s))[i]) - self.level[i]   # a float divided by zero raises
+            seen[s] = float(self.gaps(s, dense(s))[i]) - self.level[i]
             return seen[s]
         if not lefts[-1] < right and fun(right) > self.band[i]:
             lefts, right = [right], end         # it jumps between floats that are one to the polynomial

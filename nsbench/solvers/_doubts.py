@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from nsbench.case import Case
+from nsbench.compile import host
 from nsbench.contacts import ANCHOR, PAIR
 from nsbench.problem import LCS, Complementarity, Distance, Filippov, Smooth
 from nsbench.solvers._contradiction import nowhere
@@ -54,7 +55,7 @@ def _overshot(case: Case, traj: Trajectory) -> Status | None:
     k = int(np.argmax(sizes))
     if not (isinstance(p, Complementarity) and h > 0.0 and sizes[k] > GREW * max(sizes[0], float(np.median(sizes)))):
         return None
-    i, f = int(np.argmax(np.abs(traj.x[k]))), p.drift(np)(traj.t[k], traj.x[k].copy())
+    i, f = int(np.argmax(np.abs(traj.x[k]))), host(p.drift)(traj.t[k], traj.x[k].copy())
     if not -f[i] * h * np.sign(traj.x[k, i]) > 2.0 * sizes[k]:
         return None
     return Status("diverged", f"The state grew to {sizes[k]:.3g} at t = {traj.t[k]:.6g} although the drift pulls it back: steps "
@@ -80,13 +81,12 @@ def _rounded(case: Case, traj: Trajectory) -> Status | None:
 
 def pace(problem, t: float, x: np.ndarray) -> float:
     """Largest speed that the drift, or a field beside all surfaces, gives to a coordinate; infinite at a pole."""
-    t = np.float64(t)                                        # whose divisions by zero are no exceptions
     if isinstance(problem, LCS):
-        speeds = [problem.A @ x + (problem.u(np)(t) if problem.u else 0.0)]
+        speeds = [problem.A @ x + (host(problem.u)(t) if problem.u else 0.0)]
     elif isinstance(problem, Complementarity):
-        speeds = [problem.drift(np)(t, x.copy())]
+        speeds = [host(problem.drift)(t, x.copy())]
     else:
-        field, d = problem.field(np), len(np.atleast_1d(problem.switch(np)(t, x)))
+        field, d = host(problem.field), len(np.atleast_1d(host(problem.switch)(t, x)))
         speeds = [field(t, x.copy(), np.full(d, s)) for s in (1.0, -1.0)]
     return float(np.abs(speeds).max(initial=0.0))
 

@@ -6,6 +6,7 @@ from itertools import product
 import numpy as np
 
 from nsbench.case import Case
+from nsbench.compile import host
 from nsbench.solvers._repelled import swing, there
 from nsbench.solvers._sliding import Motion
 
@@ -55,7 +56,7 @@ def covered(case: Case, width: float, t: np.ndarray, X: np.ndarray) -> str:
     """Which switch that a field depends on, at one of POINTS times or more, is in its layer at all of them, and would be wherever
     the states' own size could take it; "" if none is."""
     with np.errstate(all="ignore"):
-        switch, field, times = case.problem.switch(np), case.problem.field(np), _looks(t)
+        switch, field, times = host(case.problem.switch), host(case.problem.field), _looks(t)
         states = _ways(t, X)(times).T
         c = np.array([switch(float(at), x.copy()) for at, x in zip(times, states, strict=True)])
         over = np.fmax(swing(switch, float(t[-1]), X), np.ptp(c, axis=0))

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from nsbench.compile import jax_function
+from nsbench.compile import host, jax_function
 from nsbench.problem import Affine, Distance, Filippov, Smooth
 from nsbench.solvers._corners import corners, multilinear, surfaces
 
@@ -140,11 +140,11 @@ def _blended(field: Callable, d: int) -> Callable:
 
 
 def _rows(c, n: int) -> int:
-    return c.shape[0] if isinstance(c, Affine) else len(c.g(np)(0.0, np.full(n, 0.37)))
+    return c.shape[0] if isinstance(c, Affine) else len(host(c.g)(0.0, np.full(n, 0.37)))
 
 
 def _anchors(c: Distance) -> int:
-    return len(np.asarray(c.anchors(np)(0.0) if c.moving else c.anchors))
+    return len(np.asarray(host(c.anchors)(0.0) if c.moving else c.anchors))
 
 
 def _pairs(c: Distance, n: int):

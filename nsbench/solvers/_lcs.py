@@ -6,7 +6,7 @@ from itertools import combinations
 import numpy as np
 
 from nsbench.case import Case
-from nsbench.compile import plain
+from nsbench.compile import host, plain
 from nsbench.problem import LCS
 
 MINORS = 10               # rows whose principal minors are all looked at
@@ -41,18 +41,12 @@ def _make(p):
 def inputs(p: LCS):
     """u and q as numpy functions of time, (n,) and (m,)."""
     zero_u, zero_q = np.zeros(p.B.shape[0]), np.zeros(p.B.shape[1])
-    u, q = p.u(np) if p.u else None, p.q(np) if p.q else None
-    return _numbers(u, zero_u) if u else lambda t: zero_u, _numbers(q, zero_q) if q else lambda t: zero_q
+    return _floats(p.u) if p.u else lambda t: zero_u, _floats(p.q) if p.q else lambda t: zero_q
 
 
-def _numbers(f, like):
-    """f as arrays of floats; a division of Python's numbers by zero is not a number, as one of numpy's is."""
-    def g(t):
-        try:
-            return np.asarray(f(t), float)
-        except ZeroDivisionError:
-            return np.full(like.shape, np.nan)
-    return g
+def _floats(factory):
+    f = host(factory)
+    return lambda t: np.asarray(f(t), float)
 
 
 def inconsistent(case: Case) -> str | None:

@@ -5,6 +5,7 @@ from itertools import product
 
 import numpy as np
 
+from nsbench.compile import host
 from nsbench.problem import Affine, Distance, Filippov
 
 MOST = 10                       # contacts: from six on (four discs), steps were seen to fail or to be wrong
@@ -12,10 +13,10 @@ MOST = 10                       # contacts: from six on (four discs), steps were
 
 def untold_fields(case):
     p = case.problem
-    d = len(p.switch(np)(float(case.t[0]), case.x0.copy()))
+    d = len(host(p.switch)(float(case.t[0]), case.x0.copy()))
     if d > 2:
         return f"Stewart's form needs all 2^d fields; this case has {d} surfaces, at most two are taken."
-    f = p.field(np)
+    f = host(p.field)
     twist = sum(a * b * f(float(case.t[0]), case.x0.copy(), np.array([a, b])) for a, b in product((1.0, -1.0), repeat=2)) \
         if d == 2 else np.zeros(1)
     if np.abs(twist).max() > 1e-12:
@@ -41,7 +42,9 @@ def count(c, n):
     many = c.particles(n)
     if c.pairs is not None:
         return len(c.pairs)
-    return many * (many - 1) // 2 if c.anchors is None else many * np.shape(c.anchors if not c.moving else c.anchors(np)(0.0))[0]
+    if c.anchors is None:
+        return many * (many - 1) // 2
+    return many * np.shape(host(c.anchors)(0.0) if c.moving else c.anchors)[0]
 
 
 def model(case, push):

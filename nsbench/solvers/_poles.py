@@ -12,6 +12,7 @@ import functools
 import numpy as np
 
 from nsbench.case import Case
+from nsbench.compile import host
 from nsbench.problem import LCS, Complementarity
 from nsbench.trajectory import Status, Trajectory
 
@@ -148,7 +149,7 @@ def _missed(drift, divisors, column, state, ends, times) -> bool:
 def _speed(drift, t, x) -> np.ndarray:
     """|drift|; no numbers where it raises."""
     try:
-        return np.abs(np.asarray(drift(np)(np.float64(t), x), float))
+        return np.abs(np.asarray(host(drift)(t, x), float))
     except Exception:
         return np.full(x.size, np.nan)
 
@@ -163,7 +164,7 @@ def _drifts(case: Case, traj: Trajectory):
         # a q that goes to + infinity opens its row, and moves nothing
         parts = [*([lambda xp, t: p.u(xp)(t)] if p.u else []), *([lambda xp, t: xp.minimum(p.q(xp)(t), 0.0)] if p.q else [])]
         return [(lambda xp: lambda t, x: xp.hstack([part(xp, t) for part in parts]), everywhere)] if parts else []
-    switch = p.switch(np)
+    switch = host(p.switch)
     values = np.array([switch(t, x.copy()) for t, x in zip(traj.t, traj.x, strict=True)])
     signs, which = np.unique(np.where(values >= 0.0, 1.0, -1.0), axis=0, return_inverse=True)
     which = which.ravel()

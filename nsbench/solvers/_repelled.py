@@ -6,6 +6,7 @@ from itertools import product
 import numpy as np
 
 from nsbench.case import Case
+from nsbench.compile import host
 from nsbench.trajectory import Status, Trajectory
 
 POINTS = 40              # of a run that are looked at, at least its samples
@@ -30,7 +31,7 @@ def repelled(case: Case, traj: Trajectory) -> Status | None:
     """
     if not case.unique or len(traj.t) < 2:
         return None
-    switch, field = case.problem.switch(np), case.problem.field(np)
+    switch, field = host(case.problem.switch), host(case.problem.field)
     c = np.array([switch(t, x.copy()) for t, x in zip(traj.t, traj.x, strict=True)])
     size, side = np.maximum(np.abs(c).max(axis=0), swing(switch, traj.t[-1], traj.x)), _side(traj, c.shape[1])
     on = np.abs(c) <= ON * size
@@ -116,7 +117,7 @@ def between(case: Case, width: float) -> str:
     """Whether the start is within `width` of a surface that both fields leave: a layer so thick decides for it; "" if not."""
     if not case.unique:
         return ""
-    switch, field, t, x = case.problem.switch(np), case.problem.field(np), case.t[0], case.x0
+    switch, field, t, x = host(case.problem.switch), host(case.problem.field), case.t[0], case.x0
     with np.errstate(all="ignore"):
         c = there(switch, t, x)
         for i in np.flatnonzero(np.abs(c) < width):

@@ -9,6 +9,7 @@ from itertools import combinations, product
 
 import numpy as np
 
+from nsbench.compile import host
 from nsbench.jets import SPACE
 from nsbench.trajectory import Status
 
@@ -28,7 +29,7 @@ class Motion:
     differences, else by JAX.
     """
     def __init__(self, problem, t0: float, x0: np.ndarray):
-        self.field, self.switch, self._factory = problem.field(np), problem.switch(np), problem.switch
+        self.field, self.switch, self._factory = host(problem.field), host(problem.switch), problem.switch
         self._boxes = problem.field(SPACE), problem.switch(SPACE)
         self.n, self.d = x0.size, len(self.switch(t0, x0))
         self.along, self.newton, self.calls = self._complex, 0, 0

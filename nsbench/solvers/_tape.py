@@ -10,6 +10,7 @@ from itertools import product
 
 import numpy as np
 
+from nsbench.compile import host
 from nsbench.tape.graph import Graph
 from nsbench.tape.program import lay_out
 from nsbench.tape.trace import SPACE, UNTRACEABLE, inputs, vector
@@ -102,7 +103,7 @@ def _sliding(graph, fields, c, slopes, q, n, d):
 def _agrees(made, problem, modes, t0, x0) -> bool:
     """Whether the programs beside the surfaces give what the case's own functions give, near the start."""
     from nsbench.kernels.filippov_meet import at
-    field, switch, V, rng = problem.field(np), problem.switch(np), np.zeros((made.rows, 1)), np.random.default_rng(0)
+    field, switch, V, rng = host(problem.field), host(problem.switch), np.zeros((made.rows, 1)), np.random.default_rng(0)
     for k in range(PROBES):
         scale = 0.3 * k * (1.0 + np.abs(x0).max(initial=0.0))
         t, x = t0 + 0.7 * k, x0 + scale * rng.uniform(-1, 1, x0.size)

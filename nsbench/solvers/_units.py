@@ -6,6 +6,7 @@ import functools
 import numpy as np
 
 from nsbench.case import Case
+from nsbench.compile import host
 from nsbench.moving import SmoothRows
 from nsbench.problem import Affine, Complementarity, Distance
 
@@ -94,9 +95,9 @@ def _motions(case: Case, t: float, x0: np.ndarray) -> list:
     """x -> drift at t, or the fields on both sides of all surfaces."""
     p = case.problem
     if isinstance(p, Complementarity):
-        drift = p.drift(np)
+        drift = host(p.drift)
         return [lambda x: np.asarray(drift(t, x.copy()), float)]
-    field, d = p.field(np), len(np.atleast_1d(p.switch(np)(t, x0.copy())))
+    field, d = host(p.field), len(np.atleast_1d(host(p.switch)(t, x0.copy())))
     return [lambda x, s=s: np.asarray(field(t, x.copy(), np.full(d, s)), float) for s in (1.0, -1.0)]
 
 
@@ -111,7 +112,7 @@ def _length(c, t: float, x: np.ndarray) -> float:
         return float(np.max(2.0 * c.radii if c.d is None else c.d))
     if isinstance(c, Affine):
         slope = np.sqrt(np.add.reduceat(c.data**2, c.indptr[:-1])) if c.shape[0] else np.empty(0)
-        return float((np.abs(c.b(np)(t) if c.moving else c.b) / slope).max(initial=0.0))
+        return float((np.abs(host(c.b)(t) if c.moving else c.b) / slope).max(initial=0.0))
     rows = SmoothRows(c, x.size)
     away = np.abs(rows.g(t, x)) / np.sqrt((rows.gradient(t, x) ** 2).sum(-1))
     return float(away.max(initial=0.0)) if np.all(np.isfinite(away)) else 1.0

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from nsbench.case import Case
+from nsbench.compile import host
 from nsbench.problem import Complementarity, Filippov
 from nsbench.solvers._units import unit
 from nsbench.solvers.base import Claims, Expect, Run, grid, last_steps, sample
@@ -124,7 +125,7 @@ def _forms(case):
         field, switch, d = _no_signs(p.drift), p.drift, 0
     else:
         field, switch = p.field, p.switch
-        d = len(p.switch(np)(float(case.t[0]), case.x0.copy()))
+        d = len(host(p.switch)(float(case.t[0]), case.x0.copy()))
     try:
         return "compiled", lambda kernel: kernel, form.rhs_signs(field, n, d), form.rhs(switch, n), d
     except form.CompileError:

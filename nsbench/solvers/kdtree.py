@@ -7,6 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from nsbench.case import Case
+from nsbench.compile import host
 from nsbench.problem import Affine, Complementarity, Distance
 from nsbench.solvers._ended import ended
 from nsbench.solvers.base import Claims, Expect, Run, grid, sample
@@ -61,7 +62,7 @@ class KDTree:
     def prepare(self, case: Case, h: float) -> Run:
         from nsbench.contacts import Scene
         x0 = start_state(case, Scene(case.problem, case.n))
-        g, f = grid(case.t, h), case.problem.drift(np)
+        g, f = grid(case.t, h), host(case.problem.drift)
         walls = _walls(case)
         hard = next((c for c in case.problem.constraints if isinstance(c, Distance)), None)
         project = _sweeper(self, hard)

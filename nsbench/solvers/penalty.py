@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from nsbench.case import Case
+from nsbench.compile import host
 from nsbench.problem import LCS, Complementarity, Distance, Filippov
 from nsbench.solvers._extrapolation import combined, weights
 from nsbench.solvers._units import unit
@@ -168,9 +169,9 @@ def _lost(case: Case, x0: np.ndarray, k: float) -> str:
                 held[c.start:c.start + m * c.dim] = True
             held[scene.triplets(float(case.t[0]), x0, scene.all_static())[1]] = True
             force = k * float((rounded * held).max(initial=0.0))
-            speed = float(np.abs(p.drift(np)(float(case.t[0]), x0.copy())).max(initial=0.0))
+            speed = float(np.abs(host(p.drift)(float(case.t[0]), x0.copy())).max(initial=0.0))
             return f"makes forces of {force:.2g}" if force > max(unit(case, x0), speed) else ""
-        switch, sides = p.switch(np), np.where(np.arange(case.n) % 2, 1.0, -1.0)
+        switch, sides = host(p.switch), np.where(np.arange(case.n) % 2, 1.0, -1.0)
         c = lambda x: np.asarray(switch(float(case.t[0]), x), float)
         moved = np.max([np.abs(c(x0 + rounded * s) - c(x0.copy())) for s in (1.0, sides)])
         return f"changes a switch by {moved:.2g}, beyond its layer," if k * moved > 1.0 else ""

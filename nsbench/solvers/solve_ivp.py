@@ -7,6 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from nsbench.case import Case, case_names, get_case
+from nsbench.compile import host
 from nsbench.problem import Affine, Distance, Filippov
 from nsbench.solvers.base import Claims, Run, check_positive
 from nsbench.trajectory import Event, Status, Trajectory
@@ -119,13 +120,13 @@ def _differs(case, twin) -> str:
     rng = np.random.default_rng(0)
     for t, x in zip(rng.uniform(0.0, 3.0, 4), case.x0 + rng.normal(size=(4, case.n)), strict=True):
         if isinstance(p, Filippov):
-            one, two = p.switch(np)(t, x), q.switch(np)(t, x)
+            one, two = host(p.switch)(t, x), host(q.switch)(t, x)
             if not np.array_equal(one, two):
                 return "another switch"
             signs = rng.uniform(-1.0, 1.0, len(one))
-            one, two = p.field(np)(t, x, signs), q.field(np)(t, x, signs)
+            one, two = host(p.field)(t, x, signs), host(q.field)(t, x, signs)
         else:
-            one, two = p.drift(np)(t, x), q.drift(np)(t, x)
+            one, two = host(p.drift)(t, x), host(q.drift)(t, x)
         if not np.array_equal(one, two, equal_nan=True):
             return "another drift"
     if not isinstance(p, Filippov) and [_data(c) for c in p.constraints] != [_data(c) for c in q.constraints]:
@@ -135,7 +136,7 @@ def _differs(case, twin) -> str:
 
 def _data(c):
     """A family of constraints as plain values; walls that move at three times."""
-    at = lambda v: [np.asarray(v(np)(t)).tolist() for t in (0.0, 0.7, 2.3)] if callable(v) else np.asarray(v).tolist()
+    at = lambda v: [np.asarray(host(v)(t)).tolist() for t in (0.0, 0.7, 2.3)] if callable(v) else np.asarray(v).tolist()
     if isinstance(c, Affine):
         return "affine", c.indptr.tolist(), c.indices.tolist(), c.data.tolist(), at(c.b)
     if isinstance(c, Distance):

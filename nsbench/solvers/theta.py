@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from nsbench.case import Case
+from nsbench.compile import host
 from nsbench.problem import LCS, Affine, Complementarity
 from nsbench.solvers.base import Claims, Expect, Run, grid, last_steps, sample
 from nsbench.trajectory import Status, Trajectory
@@ -93,7 +94,7 @@ def _of_gaps(case):
         blocks.append(block)
     q, t0 = chain([c.b for c in families]), float(case.t[0])
     C = np.vstack(blocks)
-    q0 = np.concatenate([np.ravel(c.b(np)(t0) if c.moving else c.b) for c in families])
+    q0 = np.concatenate([np.ravel(host(c.b)(t0) if c.moving else c.b) for c in families])
     return {"f": case.problem.drift, "q": q, "q0": q0, "x0": start_state(case, Scene(case.problem, case.n)), "J": None,
             "B": np.ascontiguousarray(C.T), "C": C, "D": np.zeros((len(C), len(C)))}
 

@@ -44,4 +44,4 @@ CASE = Case(
                 2.1863767035778046, 2.6446472313334386, 2.994830039499825, 3.902469597971101, 4.0]),
 )
 
-BY = ("event_driven", "event_driven[compiled=false]", "euler")
+BY = ("event_driven", "event_driven[compiled=false]", "event_driven[method=lsoda]", "euler")
