@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from randomised import judge, own
+from randomised import judge, ladder, own
 from randomised.choices import Choices, drawn, replayed, shrunk
 from randomised.scenes import FAMILIES, scene
 
@@ -104,6 +104,33 @@ def test_steps_that_are_samples_are_no_more_between_uneven_ones(spec):
 
 def jumps(xp):
     return lambda t, x: xp.where(t < 1.373, -1.0, 2.0) + 0.0 * x
+
+
+@pytest.mark.parametrize("drift, size", [
+    (lambda xp, t: xp.where(t < 1.373, -1.0, 2.0) + xp.sin(9.0 * t), 3.0), (lambda xp, t: xp.where(t < 1.0, -1.0, 2.0), 3.0),
+    (lambda xp, t: 1.0 / (t - 1.373), 0.0), (lambda xp, t: xp.sqrt(1.373 - t), 0.0),
+    (lambda xp, t: xp.tanh(1e6 * (t - 1.373)), 0.0), (lambda xp, t: abs(t - 1.373), 0.0)],
+    ids=["jump", "at a sample", "pole", "root", "steep", "kink"])
+def test_jumps_of_a_drift_in_time_are_told_from_what_is_steep(drift, size):
+    """In a step with a jump a true run may be off by jump x h, and no ladder tells a constant."""
+    case = wall(problem=nsbench.Complementarity(lambda xp: lambda t, x: drift(xp, t) + 0.0 * x))
+    answer = nsbench.solve(wall(), "pbd", h=0.1)
+    assert abs(ladder.jumps(case, answer) - size) < 1e-9
+
+
+@pytest.mark.parametrize("off, word", [(0.5, "fine"), (10.0, "wrong")])
+def test_a_jump_excuses_its_part_of_a_step_alone(off, word, monkeypatch):
+    case, true = wall(problem=nsbench.Complementarity(jumps, wall().problem.constraints)), judge.attempt
+    finest = min(ladder.values(case, "pbd", solvers.get("pbd"), ladder.LADDER))
+
+    def lied(case, spec, value):
+        out = true(case, spec, value)
+        if spec == "pbd":
+            late = (np.arange(len(out.traj.t)) > 3)[:, None]
+            out.traj = dataclasses.replace(out.traj, x=out.traj.x + 3.0 * off * finest * late)
+        return out
+    monkeypatch.setattr(judge, "attempt", lied)
+    assert judge.Scene(case).judge("pbd").word == word
 
 
 def test_the_second_integrator_is_judged_where_the_first_is_known_not_to_end():

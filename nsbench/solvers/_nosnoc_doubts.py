@@ -36,11 +36,14 @@ def coarse(case, method, X, W) -> Status:
 
 def unresolved(case, method, X, W) -> Status:
     """Can each switch change by more than the tolerance of complementarity, over all that the run moves?"""
+    from nsbench.solvers._doubts import pace
     from nsbench.solvers._flat_layer import flat_layer
     from nsbench.solvers._sliding import Motion
-    tol, way = method.comp_tol, _way(case, X)
+    tol = method.comp_tol
     motion, T = Motion(case.problem, float(case.t[0]), X[0].copy()), float(case.t[-1] - case.t[0])
     with np.errstate(all="ignore"):
+        # what is held at rest on a surface is pushed there: its own way tells nothing
+        way = max(_way(case, X), T * max(pace(case.problem, float(t), x) for t, x in zip(case.t, X, strict=True)))
         slope = np.max([np.abs(motion.gradients(float(t), x, np.arange(motion.d))).sum(axis=1) * way
                         + np.abs(motion.along(float(t), x, 1.0, np.zeros(case.n))) * T
                         for t, x in zip(case.t, X, strict=True)], axis=0)

@@ -36,7 +36,7 @@ from nsbench.problem import LCS
 from nsbench.solvers._doubts import pace
 from nsbench.study import misfit
 from randomised.answer import ABSOLUTE, FIRST, STEPS, WILD, Answer
-from randomised.ladder import LADDER, LATER, LATER_SLOW, floors, is_slow, slower, values
+from randomised.ladder import LADDER, LATER, LATER_SLOW, floors, is_slow, jumps, slower, values
 from randomised.own import MISSING, NARROW, coincide, filled, settled, shortest, slope
 from randomised.runs import Outcome, Verdict, attempt, relative
 
@@ -177,7 +177,7 @@ class Scene(Answer):
         self.finest[spec] = (last, self.apart(before, last) if before is not None else np.inf)
         if self.answer is None:
             return self._against_others(spec) or settled(self.case, spec, method, self.unit, self._why_open())
-        floor = floors(self.case, method, self.answer, self.digits, self.bound, self.condition, self.unit)
+        floor = floors(self.case, method, self.answer, self.digits, self.bound, self.condition, self.unit, self.jump)
         p = self._order(method)
         for name, e in (("error", lambda r: self.apart(r.traj, self.answer)), ("depth", self._depth)):
             found = [(h, e(run)) for h, run in good]
@@ -221,6 +221,11 @@ class Scene(Answer):
         if h * self.pace > NARROW * shortest(self.case):        # it throws particles over one another before they are put back
             return Verdict("open", "ok", text)
         return Verdict("wrong", "ok", text)
+
+    @cached_property
+    def jump(self) -> float:
+        """How much the drift jumps in time along the answer."""
+        return jumps(self.case, self.answer)
 
     @cached_property
     def pace(self) -> float:

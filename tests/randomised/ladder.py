@@ -1,9 +1,12 @@
 """The steps that methods of a claimed order are run with, and what else than the method stands in their errors."""
 from __future__ import annotations
 
+from itertools import pairwise, product
+
 import numpy as np
 
-from nsbench.problem import Complementarity, Filippov, Smooth
+from nsbench.compile import host
+from nsbench.problem import LCS, Complementarity, Filippov, Smooth
 from nsbench.solvers._doubts import pace
 from nsbench.solvers._extrapolation import weights
 from nsbench.solvers._nosnoc_doubts import LEAK
@@ -18,6 +21,7 @@ EPS = 2.3e-16
 MOST, MOST_IMPLICIT, MOST_SLOW = 4e6, 1e6, 1e4
 IMPLICIT = ("implicit", "theta")
 ANSWER = 10.0               # tolerances of the answer
+LOOKS, JUMP = 400, 1e-3      # times of a run between which jumps of the drift are looked for; what is one, of its largest speed
 INTEGRATOR = 200.0          # tolerances of its integrator that a penalty says to hide (see penalty: 190 were measured)
 
 
@@ -46,24 +50,60 @@ def stiffness(case) -> float:
     return max([1.0, *soft]) / min(float(case.t[-1] - case.t[0]), 1.0)
 
 
-def floors(case, method, answer, digits: float, bound: float, condition: float, unit: float):
+def floors(case, method, answer, digits: float, bound: float, condition: float, unit: float, jump: float):
     """h (or 1 / k) -> errors below it are none of the method: of the answer (whose tolerance `digits` is absolute too), of
-    rounding in every step (a spacing of the largest coordinate each), of the integrator of a penalty."""
+    rounding in every step (a spacing of the largest coordinate each), of the integrator of a penalty; and those of which no
+    ladder tells a constant: the part of a step in which the drift jumps, from nothing to all of it, is chance."""
     T, moved = float(case.t[-1] - case.t[0]), max(unit, float(np.abs(answer.x - answer.x[0]).max()))
     least, large = 10.0 * bound + ANSWER * digits / moved * condition, max(1.0, float(np.abs(answer.x).max()) / moved)
 
+    jump *= condition / moved
     chatters = isinstance(case.problem, Filippov) and getattr(method, "implicit", None) is False
 
     def floor(h: float) -> float:
         if hasattr(method, "comp_tol"):                         # what nosnoc claims ends there
-            return least + LEAK * method.comp_tol * condition / moved
+            return least + LEAK * method.comp_tol * condition / moved + jump * h
         if chatters:                                            # by the motion of a step, which some samples happen not to show
-            return least + h * pace(case.problem, float(case.t[0]), case.x0) / moved + EPS * T / h * condition * large
+            return least + h * pace(case.problem, float(case.t[0]), case.x0) / moved + EPS * T / h * condition * large + jump * h
         if method.accuracy == "h":
-            return least + EPS * T / h * condition * large
+            return least + EPS * T / h * condition * large + jump * h
         tol = method.tolerance("rtol", 1.0 / h) * float(np.abs(weights(method.extrapolate)).sum())
         return least + (EPS * 1e4 + INTEGRATOR * tol) * condition * max(large, (1.0 if unit > 1e-3 else unit) / moved)
     return floor
+
+
+def jumps(case, answer) -> float:
+    """What all jumps in time add up to of the drift along the answer, or of that field of a Filippov system that has most."""
+    with np.errstate(all="ignore"):
+        return max((_jumps(f, answer) for f in _drifts(case)), default=0.0)
+
+
+def _drifts(case) -> list:
+    """(t, x) -> (n,): what may jump in time; the inputs of a circuit."""
+    p = case.problem
+    if isinstance(p, LCS):
+        return [lambda t, x, f=host(f): np.asarray(f(t), float) for f in (p.u, p.q) if f]
+    if isinstance(p, Complementarity):
+        return [host(p.drift)]
+    field, d = host(p.field), len(np.atleast_1d(host(p.switch)(float(case.t[0]), case.x0.copy())))
+    return [lambda t, x, s=s: field(t, x.copy(), np.array(s)) for s in product((1.0, -1.0), repeat=d)]
+
+
+def _jumps(f, answer) -> float:
+    times = np.unique(np.append(np.linspace(answer.t[0], answer.t[-1], LOOKS), answer.t))
+    states = [answer.x[k] for k in np.searchsorted(answer.t, times[:-1], side="right") - 1]
+    least = JUMP * max(float(np.abs(np.nan_to_num(f(t, x), posinf=0.0, neginf=0.0)).max(initial=0.0))
+                       for t, x in zip(times[:-1], states, strict=True))
+    total = 0.0
+    for (start, end), x in zip(pairwise(times), states, strict=True):
+        apart = lambda a, b, x=x: float(np.abs(f(b, x) - f(a, x)).max(initial=0.0))
+        a, b = start, end
+        while apart(a, b) > least and b - a > 1e-12 * (times[-1] - times[0]):
+            middle = 0.5 * (a + b)
+            a, b = (a, middle) if apart(a, middle) > 0.5 * apart(a, b) else (middle, b)
+        if apart(a, b) > max(least, 2.0 * (apart(start, a) + apart(b, end))):       # of a pole these are as large
+            total += apart(a, b)
+    return total
 
 
 def slower(found, p: float, floor) -> bool:
