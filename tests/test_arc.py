@@ -2,7 +2,7 @@
 import numpy as np
 import pytest
 
-from nsbench.solvers._arc import follow
+from nsbench.solvers._arc import CREEP, Creeping, follow
 
 
 def test_no_narrow_dip_is_missed():
@@ -39,3 +39,11 @@ def test_events_carry_the_accuracy_of_the_step_not_of_the_dense_output(method, t
                  method=method, rtol=tol, band=1e-14)
     assert abs(arc.t - np.pi) < bound and abs(arc.y[0]) <= 1e-14, "the event lies within the band that was asked for"
     assert abs(arc.y[1] + 1.0) < bound
+
+
+def test_steps_that_lead_nowhere_end_a_run():
+    """LSODA goes on with steps below rounding: hundreds of thousands at one time, before a pole."""
+    creeps = Creeping(0.0, 1.0)
+    assert not any(creeps(k, 1e-3 * k) for k in range(500))
+    assert not any(creeps(500 + k, 0.6 - 2.0**-k / 10.0) for k in range(300))       # halved steps end by themselves
+    assert any(creeps(800 + k, 0.6) for k in range(2 * CREEP))

@@ -87,7 +87,7 @@ def follow(rhs: Callable, t0: float, y0: np.ndarray, t_end: float, gaps: Callabl
 
 
 class Creeping:
-    """Whether the last CREEP steps went nowhere, and about as far as those before: shrinking ones end by themselves."""
+    """Whether the last CREEP steps hardly moved, and as far as those before, or not at all: shrinking ones end by themselves."""
 
     def __init__(self, t0: float, length: float):
         self.mark, self.length = (0, t0, 0.0), length
@@ -99,7 +99,7 @@ class Creeping:
             return False
         far = t - start
         self.mark = steps, t, far
-        return 0.05 * before < far < SPAN * self.length
+        return far == 0.0 or 0.05 * before < far < SPAN * self.length       # LSODA goes on with steps below rounding
 
 
 class _Follower:
