@@ -56,6 +56,8 @@ class Trajectory:
     lam_time: where in its step the method's multiplier belongs: "end", "start", "midpoint" or "mean".
     lam (k, m), lam_h (k,): multiplier and length of the last step before each sample, of fixed-step methods, in cases
     whose multiplier is known at any time; NaN where it is not known (the first sample has no step). See measure.labels.
+    between: times (j,), states (j, n) and impulses (j, m) after some steps between samples, of Filippov systems and as far as a
+    method keeps them: what a run may have gone through unseen.
     """
     t: np.ndarray
     x: np.ndarray
@@ -68,6 +70,7 @@ class Trajectory:
     lam_time: str = "mean"
     lam: np.ndarray | None = None
     lam_h: np.ndarray | None = None
+    between: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
 
 
 def fault_of_machine(e: BaseException) -> str:

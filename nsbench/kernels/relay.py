@@ -125,13 +125,27 @@ def nearest(field, switch, blend, unit, t, h, x, mode, y, s, start, c, jump, new
     return calls, inner
 
 
+@inner
+def look(rows, j, steps, t, x, w):
+    """Keeps time, state and integrals where step j of so many ends a part of its interval, but for the last."""
+    part = (j + 1) * rows.shape[0] // steps
+    if j * rows.shape[0] // steps < part < rows.shape[0]:
+        rows[part, 0] = t
+        for i in range(x.size):
+            rows[part, 1 + i] = x[i]
+        for i in range(w.size):
+            rows[part, 1 + x.size + i] = w[i]
+
+
 @njit(cache=True)
-def march_implicit(field, switch, blend, unit, t, substeps, x, d):
-    """Samples of one run of implicit Euler: X (K, n), integrals of theta (K, d), calls, iterations, status, time.
+def march_implicit(field, switch, blend, unit, t, substeps, x, d, parts):
+    """Samples of one run of implicit Euler: X (K, n), integrals of theta (K, d), calls, iterations, status, time, and what lies
+    between: (K - 1, parts, 1 + n + d), time, state and integrals at the end of parts of the intervals; NaN where none ends.
 
     unit: size of the state that tolerances are relative to.
     """
     K, x = t.size, x.copy()
+    between = np.full((K - 1, parts, 1 + x.size + d), np.nan)
     X, W = np.full((K, x.size), np.nan), np.full((K, d), np.nan)
     y, s, c, w = x.copy(), np.zeros(d), np.zeros(d), np.zeros(d)
     mode = np.zeros(d, np.int64)
@@ -155,22 +169,24 @@ def march_implicit(field, switch, blend, unit, t, substeps, x, d):
                         x[i] += h * y[i]
                     field(after, x, s, y)
                 bad = health(y)
-                return X, W, calls, inner, (STUCK if bad == OK else bad), after - h
+                return X, W, calls, inner, (STUCK if bad == OK else bad), after - h, between
             last = distance(x, y)
             copy(y, x)
             for i in range(d):
                 w[i] += h * 0.5 * (1.0 + s[i])
+            look(between[k], j, substeps[k], after, x, w)
         copy(x, X[k + 1])
         copy(w, W[k + 1])
-    return X, W, calls, inner, OK, t[K - 1]
+    return X, W, calls, inner, OK, t[K - 1], between
 
 
 @njit(cache=True)
-def march_explicit(field, switch, t, substeps, x, d):
+def march_explicit(field, switch, t, substeps, x, d, parts):
     """Samples of one run of explicit Euler, with s_i = 1 where c_i >= 0, else -1; returns as march_implicit does."""
     K, x = t.size, x.copy()
     X, W = np.full((K, x.size), np.nan), np.full((K, d), np.nan)
     v, s, c, w = np.empty(x.size), np.empty(d), np.zeros(d), np.zeros(d)
+    between = np.full((K - 1, parts, 1 + x.size + d), np.nan)
     copy(x, X[0])
     copy(w, W[0])
     calls = 0
@@ -191,7 +207,8 @@ def march_explicit(field, switch, t, substeps, x, d):
             if bad == OK:
                 bad = health(c)
             if bad != OK:
-                return X, W, calls, 0, bad, now
+                return X, W, calls, 0, bad, now, between
+            look(between[k], j, substeps[k], now + h, x, w)
         copy(x, X[k + 1])
         copy(w, W[k + 1])
-    return X, W, calls, 0, OK, t[K - 1]
+    return X, W, calls, 0, OK, t[K - 1], between

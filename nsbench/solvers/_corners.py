@@ -52,7 +52,7 @@ def held(case: Case, X: np.ndarray, weights: np.ndarray, h: float) -> str:
     if d < 2:
         return ""
     field, switch = host(case.problem.field), host(case.problem.switch)
-    keep = _apart(case.t, LONG * h)
+    keep = apart(case.t, LONG * h)
     t, spans = case.t[keep], np.diff(case.t)[:, None]
     theta = np.diff(np.append(np.zeros((1, d)), np.cumsum(weights * spans, axis=0), axis=0)[keep], axis=0) / np.diff(t)[:, None]
     mixed = (theta > SIDE) & (theta < 1.0 - SIDE)
@@ -74,7 +74,7 @@ def held(case: Case, X: np.ndarray, weights: np.ndarray, h: float) -> str:
     return ""
 
 
-def _apart(t: np.ndarray, span: float) -> np.ndarray:
+def apart(t: np.ndarray, span: float) -> np.ndarray:
     """Samples, the first and the last among them, that are at least `span` apart as far as the run is that long."""
     keep = [0]
     for k in range(1, len(t) - 1):

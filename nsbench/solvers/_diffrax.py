@@ -78,7 +78,7 @@ def integrator(slopes, method: str, n: int, looks: int = 0):
     near: () or (lists, base, reach) where lists hold all that can touch while no coordinate is further than
     `reach` from base (n,). Right-hand sides beyond that are NaN, so that a step that asks for one is refused; the loop
     ends after a step beyond REST of it ("far"), or when such a step was refused ("cause" NOT_FINITE).
-    way (looks, 1 + n): time and state after the last step in each of so many equal parts of ts, NaN where none ended.
+    way (looks, 1 + size): time and z after the last step in each of so many equal parts of ts, NaN where none ended.
     """
     def run(z0, i, t, h, ts, k, rtol, atol, max_steps, near):
         watched, args = _watch(slopes, n, k, near)
@@ -92,7 +92,7 @@ def integrator(slopes, method: str, n: int, looks: int = 0):
         _, control = controller.init(term, t, t + h, z0, h, args, named.func, order)
         samples = jnp.full((ts.shape[0], z0.shape[0]), jnp.nan).at[i - 1].set(z0)
         start = dict(i=i, t=t, h=h, z=z0, stage=first(t, h, z0, args), control=control, samples=samples, accepted=0,
-                     refused=0, cause=NEVER, longest=0.0, last=0.0, far=False, way=jnp.full((looks, 1 + n), jnp.nan))
+                     refused=0, cause=NEVER, longest=0.0, last=0.0, far=False, way=jnp.full((looks, 1 + z0.shape[0]), jnp.nan))
 
         def going(c):
             seen = c["t"] + 0.06 * c["h"] > c["t"]         # 8 spacings of t; 0.9 of less than 5 rounds to no less
@@ -116,7 +116,7 @@ def integrator(slopes, method: str, n: int, looks: int = 0):
             way = c["way"]
             if looks:
                 part = jnp.clip((t1 - ts[0]) / (ts[-1] - ts[0]) * looks, 0, looks - 1).astype(int)
-                way = way.at[part].set(jnp.where(keep, jnp.append(t1, z1[:n]), way[part]))
+                way = way.at[part].set(jnp.where(keep, jnp.append(t1, z1), way[part]))
             far = (_travel(z1[:n], near) > REST * near[2]) & keep if near else False
             return dict(i=c["i"] + arrived, t=t1, h=h1, z=choose(z1, z), stage=choose(stage, c["stage"]),
                         control=control, samples=samples, accepted=c["accepted"] + keep, refused=c["refused"] + ~keep,

@@ -16,11 +16,13 @@ from nsbench.case import Case
 from nsbench.compile import host
 from nsbench.contacts import ANCHOR, PAIR
 from nsbench.problem import LCS, Complementarity, Distance, Filippov, Smooth
+from nsbench.solvers._between import fuller
 from nsbench.solvers._contradiction import nowhere
 from nsbench.solvers._extent import scene_of
 from nsbench.solvers._passed import passed
 from nsbench.solvers._poles import pole
 from nsbench.solvers._repelled import repelled
+from nsbench.solvers._turned import turned
 from nsbench.trajectory import Status, Trajectory
 
 EPS = float(np.finfo(float).eps)
@@ -38,7 +40,8 @@ def doubted(case: Case, traj: Trajectory) -> Trajectory:
         known = case.exact is not None                       # then the error is seen, and the solution is there
         status = (None if known else pole(case, traj)) or _overshot(case, traj) or _rounded(case, traj)
         if isinstance(p, Filippov) and not known:
-            status = status or repelled(case, traj)
+            seen = fuller(traj)
+            status = status or repelled(case, seen) or turned(case, seen)
         if isinstance(p, Complementarity) and p.constraints:
             status = _tied(case) or nowhere(case, traj) or passed(case, traj) or _flat(case, traj) or status
     return traj if status is None else replace(traj, status=status)

@@ -38,7 +38,7 @@ def combined(runs: list[Trajectory], h: float) -> Trajectory:
     stats = _work([r.stats for r in runs]) | {"h": h, "spread": spread}
     bad = next((r.status for r in runs if not r.status.ok), Status())
     return Trajectory(runs[0].t, x, contacts, _sum(w, impulses), _sum(w, [r.reaction for r in runs]), bad, (), stats,
-                      runs[0].lam_time)
+                      runs[0].lam_time, between=runs[-1].between if runs[-1].contacts == contacts else None)
 
 
 def _sum(w, arrays):

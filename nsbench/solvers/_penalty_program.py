@@ -8,9 +8,8 @@ import numpy as np
 
 from nsbench.fingerprint import Unknown, fingerprint
 from nsbench.problem import Filippov
+from nsbench.solvers._between import LOOKS
 from nsbench.solvers._programs import float64, program
-
-LOOKS = 100              # parts of a run with switches whose last steps are kept: what its samples may not show
 
 
 class NotTraceable(Exception):

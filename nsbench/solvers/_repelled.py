@@ -47,7 +47,7 @@ def repelled(case: Case, traj: Trajectory) -> Status | None:
     for i in np.flatnonzero((stayed | came).any(axis=0)):
         spans = np.flatnonzero((stayed | came)[:, i] & (on[1:].sum(axis=1) == 1))
         times = [[(1.0 - a) * traj.t[k] + a * traj.t[k + 1] for a in np.arange(1, parts + 1) / parts] for k in spans]
-        rates = np.array([[_rates(switch, field, t, _at(traj, k, t), i, STEP * (traj.t[-1] - traj.t[0])) for t in row]
+        rates = np.array([[rates_beside(switch, field, t, _at(traj, k, t), i, STEP * (traj.t[-1] - traj.t[0])) for t in row]
                           for k, row in zip(spans, times, strict=True)]).reshape(len(spans), parts, 2)
         rates[~(stayed[spans, i][:, None] | last)] = np.nan
         rates /= max(1e-300, float(np.fmax.reduce(np.abs(rates), axis=None, initial=0.0)))
@@ -121,7 +121,7 @@ def between(case: Case, width: float) -> str:
     with np.errstate(all="ignore"):
         c = there(switch, t, x)
         for i in np.flatnonzero(np.abs(c) < width):
-            plus, minus = _rates(switch, field, t, x, i, STEP * (case.t[-1] - t))
+            plus, minus = rates_beside(switch, field, t, x, i, STEP * (case.t[-1] - t))
             if plus > 0.0 > minus:
                 return f"The start is {abs(c[i]):.2g} from surface {i}, which both fields leave, and in its layer"
     return ""
@@ -140,7 +140,7 @@ def swing(switch, t: float, X: np.ndarray, least: float = 0.0) -> np.ndarray:
     return largest
 
 
-def _rates(switch, field, t, x, i, dt) -> tuple[float, float]:
+def rates_beside(switch, field, t, x, i, dt) -> tuple[float, float]:
     """Rates of switch i in the fields of its positive and its negative side, other signs as they are."""
     plus, minus = (_rates_of(switch, field, t, x, [i], [side], dt)[0] for side in (1.0, -1.0))
     return plus, minus

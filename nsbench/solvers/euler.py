@@ -9,6 +9,7 @@ import numpy as np
 from nsbench.case import Case
 from nsbench.compile import host
 from nsbench.problem import Complementarity, Filippov
+from nsbench.solvers._between import LOOKS
 from nsbench.solvers._units import unit
 from nsbench.solvers.base import Claims, Expect, Run, grid, last_steps, sample
 from nsbench.trajectory import Status, Trajectory
@@ -67,7 +68,7 @@ class Euler:
         loop, taken, field, switch, d = _forms(case)
         march = taken(relay.march_implicit if self.implicit else relay.march_explicit)
         own = (_blends(case), unit(case, case.x0)) if self.implicit else ()
-        args = (field, switch, *own, g.t, g.substeps, case.x0.copy(), d)
+        args = (field, switch, *own, g.t, g.substeps, case.x0.copy(), d, _parts(g, d))
         if loop == "compiled":
             from numba import typeof
             march.compile(tuple(typeof(a) for a in args))
@@ -78,8 +79,8 @@ class Euler:
         return run
 
     def _trajectory(self, case, g, loop, result):
-        X, W, calls, inner, code, reached = result
-        lam = last_steps(case.t, g, W)
+        X, W, calls, inner, code, reached, looked = result
+        lam, between = last_steps(case.t, g, W), _between(case, g, X, W, looked) if W.shape[1] else None
         if not g.aligned:
             X, W = sample(case.t, g.t, X), sample(case.t, g.t, W)
         stats = {"steps": int(g.substeps.sum()), "h": g.h, "drift_calls": int(calls), "loop": loop}
@@ -90,7 +91,22 @@ class Euler:
             status = _in_a_corner(case, X, W, g.h)
         return Trajectory(case.t, X, tuple((0, i) for i in range(W.shape[1])), W,
                           np.where(np.isnan(X), np.nan, 0.0) if smooth else np.empty((len(X), 0)),
-                          status, stats=stats, lam_time="end" if self.implicit else "start", **lam)
+                          status, stats=stats, lam_time="end" if self.implicit else "start", **lam,
+                          between=between)
+
+
+def _parts(g, d: int) -> int:
+    """Of each interval of the grid, after which the state is kept, where surfaces are: LOOKS in all, about."""
+    return -(-LOOKS // (len(g.t) - 1)) if d else 0
+
+
+def _between(case, g, X, W, looked):
+    """Times, states and integrals that are known between samples: of other nodes of the grid, and those of the kernel."""
+    n, rows = X.shape[1], looked.reshape(-1, looked.shape[2])
+    rows = np.vstack([np.column_stack([g.t, X, W])[~np.isin(g.t, case.t)], rows])
+    rows = rows[np.isfinite(rows).all(axis=1)]
+    rows = rows[np.argsort(rows[:, 0])]
+    return rows[:, 0], rows[:, 1:1 + n], rows[:, 1 + n:]
 
 
 def _blends(case) -> bool:

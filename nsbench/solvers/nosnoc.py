@@ -133,12 +133,14 @@ def _march(case, method, solver, contacts, turning, parts, step):
         checks = (coarse, sunk, leaks)
     else:
         checks = (coarse, unresolved)
+    between = None
     if status.ok:
         fine, every = case.replace(t=np.append(_times(case.t, parts), case.t[-1])), np.array(every)
         for check in checks:
             status = check(fine, method, every[:, :n], every[:, n + 1:n + 1 + m]) if status.ok else status
+        between = fine.t, every[:, :n], every[:, n + 1:n + 1 + m]
     stats = {"steps": (K - 1) * parts, "h": step, "inner_iterations": inner, "loop": "host"}
-    return Trajectory(case.t, X, tuple(contacts), W, R, status, stats=stats)
+    return Trajectory(case.t, X, tuple(contacts), W, R, status, stats=stats, between=between)
 
 
 def _times(t, parts):

@@ -8,6 +8,7 @@ import numpy as np
 from nsbench.case import Case
 from nsbench.compile import host
 from nsbench.problem import LCS, Complementarity, Distance, Filippov
+from nsbench.solvers._between import fuller
 from nsbench.solvers._extrapolation import combined, weights
 from nsbench.solvers._units import unit
 from nsbench.solvers.base import Claims, Expect, Run, check_positive
@@ -202,8 +203,10 @@ def _march(penalty: Penalty, case: Case, x0: np.ndarray, asked: float):
     def march(k):
         first = 0.1 * min(case.t[1] - case.t[0], 1.0 / k)       # within the stiffness; the controller lets it grow
         out = program(z0, 1, case.t[0], first, case.t, k, *limits, ())
-        z = out.pop("samples")
-        return out | {"x": z[:, :n].copy(), "impulse": z[:, n + program.columns], "ids": program.ids,
+        z, way = out.pop("samples"), out.pop("way")
+        way = way[np.isfinite(way).all(axis=1)]
+        between = way[:, 0], way[:, 1:1 + n], way[:, 1 + n + program.columns]
+        return out | {"x": z[:, :n].copy(), "impulse": z[:, n + program.columns], "ids": program.ids, "between": between,
                       "reaction": z[:, -n:].copy() if forces else np.empty((len(z), 0))}
     return march
 
@@ -233,8 +236,9 @@ def _trajectory(penalty: Penalty, case: Case, k: float, asked: float, out: dict)
         stats["segments"] = out["segments"]
     if penalty.method in EXPLICIT:
         stats["drift_calls"] = out.get("segments", 1) + (steps + refused) * EXPLICIT[penalty.method]
-    return Trajectory(case.t, out["x"], tuple(ids[a] for a in acted), impulse[:, acted], out["reaction"],
-                      _status(penalty, case, k, asked, out), (), stats, "mean")
+    traj = Trajectory(case.t, out["x"], tuple(ids[a] for a in acted), impulse[:, acted], out["reaction"],
+                      _status(penalty, case, k, asked, out), (), stats, "mean", between=out.get("between"))
+    return _thin(case, k, traj) if isinstance(case.problem, Filippov) and traj.status.ok else traj
 
 
 def _status(penalty: Penalty, case: Case, k: float, asked: float, out: dict) -> Status:
@@ -251,7 +255,7 @@ def _status(penalty: Penalty, case: Case, k: float, asked: float, out: dict) -> 
         if worst * float(np.abs(weights(penalty.extrapolate)).sum()) > HIDDEN * claimed:
             return Status("unverified", f"The error of the penalty, about {claimed:.1e}, may be hidden by the integrator's, up "
                                         f"to 200 times its tolerance of {worst:.1e} of the motion: lower rtol and atol.")
-        return _thick(case, k, *_way(case, out)) if isinstance(case.problem, Filippov) else Status()
+        return Status()
     if tried < penalty.most:
         return _no_step(penalty, case, k, out, at)
     last = float(out["last"])
@@ -261,19 +265,13 @@ def _status(penalty: Penalty, case: Case, k: float, asked: float, out: dict) -> 
                              f"(k h = {k * last:.2g}); {advice}.")
 
 
-def _way(case: Case, out: dict) -> tuple[np.ndarray, np.ndarray]:
-    """Times and states that are known of a run: its samples, and those of steps between them."""
-    between = out["way"][np.isfinite(out["way"]).all(axis=1) & ~np.isin(out["way"][:, 0], case.t)]
-    t, X = np.append(case.t, between[:, 0]), np.append(out["x"], between[:, 1:], axis=0)
-    order = np.argsort(t)
-    return t[order], X[order]
-
-
-def _thick(case: Case, k: float, t: np.ndarray, X: np.ndarray) -> Status:
+def _thin(case: Case, k: float, traj: Trajectory) -> Trajectory:
+    """The run, unverified where a layer of 1 / k is thicker than that, or decides what the start does not."""
     from nsbench.solvers._flat_layer import covered, flat_layer
     from nsbench.solvers._repelled import between
-    flat = flat_layer(case, 1.0 / k, t, X) or between(case, 1.0 / k) or covered(case, 1.0 / k, t, X)
-    return Status("unverified", f"{flat}: no error of size 1 / k is claimed there.") if flat else Status()
+    seen = fuller(traj)
+    flat = flat_layer(case, 1.0 / k, seen.t, seen.x) or between(case, 1.0 / k) or covered(case, 1.0 / k, seen.t, seen.x)
+    return replace(traj, status=Status("unverified", f"{flat}: no error of size 1 / k is claimed there.")) if flat else traj
 
 
 def _no_step(penalty: Penalty, case: Case, k: float, out: dict, at: str) -> Status:

@@ -1,0 +1,57 @@
+"""Runs that slide on a surface while both fields turn away from it: from there on they may leave it to either side."""
+from __future__ import annotations
+
+import numpy as np
+
+from nsbench.case import Case
+from nsbench.compile import host
+from nsbench.solvers._corners import LONG, apart
+from nsbench.solvers._repelled import CLEAR, STEP, rates_beside
+from nsbench.trajectory import Status, Trajectory
+
+SIDE = 1e-3              # mean weight of a side from which a run slides rather than touches
+HALVINGS = 40
+AT_ONCE = 1e-2           # of the time between two known states: as near both fields turn at once
+
+
+def turned(case: Case, traj: Trajectory) -> Status | None:
+    """degenerate, if a run slides on a surface to which both fields lead, and both turn away at one time: a two-fold, from
+    which many solutions go on (Filippov 1988, section 10; Jeffrey, SIAM J. Applied Dynamical Systems 10, 2011). Where one
+    turns first, the run leaves to its side, and that is the solution. None for cases that say so of themselves.
+    """
+    if not case.unique or len(traj.t) < 3:
+        return None
+    switch, field, dt = host(case.problem.switch), host(case.problem.field), STEP * (traj.t[-1] - traj.t[0])
+    # the sides of explicit steps alternate: their weights are of some
+    keep = apart(traj.t, LONG * traj.stats["h"] if traj.lam_time == "start" else 0.0)
+    t, X = traj.t[keep], traj.x[keep]
+    theta = np.diff(traj.impulse[keep], axis=0) / np.diff(t)[:, None]
+    for column, (_, row) in enumerate(traj.contacts):
+        slides = (theta[:, column] > SIDE) & (theta[:, column] < 1.0 - SIDE)
+        if not slides.any():
+            continue
+        led = np.array([rates_beside(switch, field, at, x, row, dt) for at, x in zip(t, X, strict=True)])
+        led /= max(1e-300, float(np.fmax.reduce(np.abs(led), axis=None, initial=0.0)))
+        to, off = (led[:, 0] < -CLEAR) & (led[:, 1] > CLEAR), (led[:, 0] > CLEAR) & (led[:, 1] < -CLEAR)
+        for k in np.flatnonzero(slides & to[:-1]):
+            for end in (j for j in (k + 1, k + 2) if j < len(t) and off[j]):        # a state may lie where they turn
+                here = lambda at, row=row: rates_beside(switch, field, at, _state(t, X, at), row, dt)
+                plus, minus = (_turn(lambda at, side=side, here=here: here(at)[side], t[k], t[end]) for side in (0, 1))
+                if abs(plus - minus) <= AT_ONCE * (t[end] - t[k]):
+                    return Status("degenerate", f"At t = {plus:.6g} both fields turn away from surface {row}, on which the "
+                                                "state slides: it may leave to either side at any time.")
+    return None
+
+
+def _state(t, X, at: float) -> np.ndarray:
+    """The state at a time on the straight ways between those that are known."""
+    return np.array([np.interp(at, t, x) for x in X.T])
+
+
+def _turn(f, low: float, high: float) -> float:
+    """Where between low and high f changes its sign."""
+    first = f(low) > 0.0
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if (f(middle) > 0.0) == first else (low, middle)
+    return 0.5 * (low + high)

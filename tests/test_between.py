@@ -1,0 +1,68 @@
+"""What lies between the samples of a run: states that methods keep there, and two-folds that samples do not show."""
+import dataclasses
+
+import numpy as np
+import pytest
+
+from nsbench import Case, Filippov, solvers
+from nsbench.solvers._between import LOOKS, fuller
+
+METHODS = {"euler": {"h": 1e-3}, "euler[implicit=true]": {"h": 1e-3}, "penalty": {"k": 1e4}, "nosnoc": {"h": 0.1},
+           "event_driven": {}}
+
+
+def folds(plus, minus, samples=2, end=1.0, x0=(0.0, 0.0)):
+    """x0 slides on x0 = 0 while plus < 0 < minus, both (t, y) -> the speed across it; y grows with time."""
+    side = lambda speed: lambda xp: lambda t, x: xp.array([speed(t, x[1]), 1.0 + 0.0 * x[0]])
+    return Case("folds", Filippov({(1,): side(plus), (-1,): side(minus)}, lambda xp: lambda t, x: x[:1]),
+                x0=np.array(x0), t=np.linspace(0.0, end, samples))
+
+
+@pytest.mark.parametrize("samples", [2, 11])
+@pytest.mark.parametrize("by", ["time", "state"])
+@pytest.mark.parametrize("spec", METHODS)
+def test_a_state_that_slides_into_a_two_fold_is_told(spec, by, samples):
+    """Beyond it each method follows one of many solutions, and they differ."""
+    of = {"time": lambda t, y: t, "state": lambda t, y: y}[by]
+    case = folds(lambda t, y: 2.0 * (of(t, y) - 0.5), lambda t, y: 0.5 - of(t, y), samples)
+    assert solvers.solve(case, spec, **METHODS[spec]).status.code == "degenerate"
+    assert solvers.solve(case.replace(unique=False, distance=lambda t, x: 0.0), spec, **METHODS[spec]).status.ok \
+        or spec == "event_driven"
+
+
+@pytest.mark.parametrize("samples", [2, 11])
+@pytest.mark.parametrize("spec", METHODS)
+@pytest.mark.parametrize("first, second", [(0.5, 0.503), (0.5, 2.0)])
+def test_a_state_that_leaves_where_one_field_turns_first_is_right(spec, first, second, samples):
+    case = folds(lambda t, y: 2.0 * (t - first), lambda t, y: second - t, samples)
+    run = solvers.solve(case, spec, **METHODS[spec])
+    assert run.status.ok and abs(run.x[-1, 0] - (1.0 - first) ** 2) < 5e-3
+
+
+@pytest.mark.parametrize("spec", ["euler", "euler[implicit=true]", "penalty"])
+def test_what_is_kept_between_samples_is_the_run(spec):
+    """The same states as samples there; no more than asked for, in order, and none so near that weights are rounding."""
+    case = folds(lambda t, y: -1.0 - y, lambda t, y: 1.0, x0=(0.3, 0.0))
+    run = solvers.solve(case, spec, **METHODS[spec])
+    t, x, impulse = run.between
+    assert LOOKS / 2 < len(t) <= LOOKS and np.all(np.diff(t) > 0.0) and 0.0 < t[0] and t[-1] <= 1.0
+    if spec != "penalty":
+        sampled = solvers.solve(case.replace(t=np.linspace(0.0, 1.0, 101)), spec, **METHODS[spec])
+        same = np.searchsorted(sampled.t, t - 1e-9)
+        assert np.allclose(sampled.t[same], t) and np.allclose(sampled.x[same], x) and np.allclose(sampled.impulse[same], impulse)
+    whole = fuller(run)
+    assert np.all(np.diff(whole.t) > 0.0) and len(whole.t) == len(whole.x) == len(whole.impulse) > LOOKS / 2
+    more = (np.append(t, t[-1] + 1e-9), np.append(x, x[-1:], axis=0), np.append(impulse, impulse[-1:], axis=0))
+    twice = dataclasses.replace(run, between=more)
+    assert np.array_equal(fuller(twice).t, whole.t)
+
+
+def test_steps_longer_than_samples_are_kept_as_they_are():
+    run = solvers.solve(folds(lambda t, y: -1.0, lambda t, y: 1.0, 11), "euler", h=0.25)
+    assert np.allclose(run.between[0], [0.25, 0.75])
+
+
+def test_runs_with_many_samples_and_without_surfaces_keep_nothing():
+    run = solvers.solve(folds(lambda t, y: -1.0, lambda t, y: 1.0, 2 * LOOKS), "euler", h=1e-3)
+    assert len(run.between[0]) == 0
+    assert solvers.solve("smooth", "euler", h=0.1).between is None
