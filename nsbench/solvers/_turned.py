@@ -17,7 +17,8 @@ AT_ONCE = 1e-2           # of the time between two known states: as near both fi
 def turned(case: Case, traj: Trajectory) -> Status | None:
     """degenerate, if a run slides on a surface to which both fields lead, and both turn away at one time: a two-fold, from
     which many solutions go on (Filippov 1988, section 10; Jeffrey, SIAM J. Applied Dynamical Systems 10, 2011). Where one
-    turns first, the run leaves to its side, and that is the solution. None for cases that say so of themselves.
+    turns first, the run leaves to its side, and that is the solution. None for cases that say so of themselves. Not looked at
+    where it slides on another surface too: the fields beside that one are not those it moves in.
     """
     if not case.unique or len(traj.t) < 3:
         return None
@@ -26,8 +27,10 @@ def turned(case: Case, traj: Trajectory) -> Status | None:
     keep = apart(traj.t, LONG * traj.stats["h"] if traj.lam_time == "start" else 0.0)
     t, X = traj.t[keep], traj.x[keep]
     theta = np.diff(traj.impulse[keep], axis=0) / np.diff(t)[:, None]
+    mixed = np.pad((theta > SIDE) & (theta < 1.0 - SIDE), ((1, 1), (0, 0)))
+    long = mixed[1:-1] & (mixed[2:] | mixed[:-2])                # not only crossed
     for column, (_, row) in enumerate(traj.contacts):
-        slides = (theta[:, column] > SIDE) & (theta[:, column] < 1.0 - SIDE)
+        slides = mixed[1:-1, column] & ~np.delete(long, column, axis=1).any(axis=1)
         if not slides.any():
             continue
         led = np.array([rates_beside(switch, field, at, x, row, dt) for at, x in zip(t, X, strict=True)])
