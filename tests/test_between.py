@@ -66,3 +66,20 @@ def test_runs_with_many_samples_and_without_surfaces_keep_nothing():
     run = solvers.solve(folds(lambda t, y: -1.0, lambda t, y: 1.0, 2 * LOOKS), "euler", h=1e-3)
     assert len(run.between[0]) == 0
     assert solvers.solve("smooth", "euler", h=0.1).between is None
+
+
+@pytest.mark.parametrize("plus, minus, code", [(1.0, -1.0, "degenerate"), (1.0, 1.0, "ok"), (-1.0, 1.0, "ok"),
+                                               (1.0, -1e-6, "ok")])
+@pytest.mark.parametrize("spec", ["euler", "euler[implicit=true]", "nosnoc"])
+def test_a_start_from_which_both_fields_lead_away_is_told(spec, plus, minus, code):
+    """Each method takes one of its solutions. A field that is hardly one is no reason to say so."""
+    run = solvers.solve(folds(lambda t, y: plus + 0.0 * y, lambda t, y: minus + 0.0 * y), spec, h=0.1)
+    assert run.status.code == code
+
+
+@pytest.mark.parametrize("spec", ["euler", "euler[implicit=true]"])
+@pytest.mark.parametrize("away, code", [(lambda s: s, "degenerate"), (lambda s: -s, "ok")])
+def test_a_start_in_a_corner_from_which_fields_lead_away_is_told(spec, away, code):
+    case = Case("corner", Filippov.signs(lambda xp: lambda t, x, s: away(s) + 0.0 * x, lambda xp: lambda t, x: x + 0.0),
+                x0=np.zeros(2), t=np.linspace(0.0, 1.0, 2))
+    assert solvers.solve(case, spec, h=0.01).status.code == code

@@ -19,10 +19,10 @@ from nsbench.problem import LCS, Complementarity, Distance, Filippov, Smooth
 from nsbench.solvers._between import fuller
 from nsbench.solvers._contradiction import nowhere
 from nsbench.solvers._extent import scene_of
+from nsbench.solvers._parting import parted, turned
 from nsbench.solvers._passed import passed
 from nsbench.solvers._poles import pole
 from nsbench.solvers._repelled import repelled
-from nsbench.solvers._turned import turned
 from nsbench.trajectory import Status, Trajectory
 
 EPS = float(np.finfo(float).eps)
@@ -41,7 +41,7 @@ def doubted(case: Case, traj: Trajectory) -> Trajectory:
         status = (None if known else pole(case, traj)) or _overshot(case, traj) or _rounded(case, traj)
         if isinstance(p, Filippov) and not known:
             seen = fuller(traj)
-            status = status or repelled(case, seen) or turned(case, seen)
+            status = status or parted(case) or repelled(case, seen) or turned(case, seen)
         if isinstance(p, Complementarity) and p.constraints:
             status = _tied(case) or nowhere(case, traj) or passed(case, traj) or _flat(case, traj) or status
     return traj if status is None else replace(traj, status=status)

@@ -36,7 +36,7 @@ def repelled(case: Case, traj: Trajectory) -> Status | None:
     size, side = np.maximum(np.abs(c).max(axis=0), swing(switch, traj.t[-1], traj.x)), _side(traj, c.shape[1])
     on = np.abs(c) <= ON * size
     # what fell there is left with a rounding of its fall, and stands; what decays never is
-    exactly, fallen = (np.array([np.abs(row) <= _rounding(switch, t, x, np.fmax(np.abs(x), least)) if near.any() else near
+    exactly, fallen = (np.array([np.abs(row) <= rounding(switch, t, x, np.fmax(np.abs(x), least)) if near.any() else near
                                  for row, near, t, x in zip(c, on, traj.t, traj.x, strict=True)])
                        for least in (0.0, np.abs(traj.x).max(axis=0)))
     stands = (exactly[1:] & exactly[:-1]) | (fallen[1:] & fallen[:-1] & (c[1:] == c[:-1]))
@@ -68,7 +68,7 @@ def _left(traj, switch, field, stayed, held, on, parts) -> Status | None:
         sectors = np.array(list(product((1.0, -1.0), repeat=rows.size))) if rows.size <= MEET else ()
         times = [(1.0 - a) * traj.t[k] + a * traj.t[k + 1] for a in np.arange(1, parts + 1) / parts]
         dt = STEP * (traj.t[-1] - traj.t[0])
-        rates = np.array([[_rates_of(switch, field, t, _at(traj, k, t), rows, s, dt) for s in sectors] for t in times])
+        rates = np.array([[rates_of(switch, field, t, _at(traj, k, t), rows, s, dt) for s in sectors] for t in times])
         rates = rates.reshape(parts, len(sectors), rows.size)
         rates[:0 if stayed[k, rows].all() else -1] = np.nan
         rates /= np.fmax(np.fmax.reduce(np.abs(rates), axis=(0, 1), initial=0.0), 1e-300)
@@ -84,7 +84,7 @@ def _at(traj, k: int, t: float) -> np.ndarray:
     return (1.0 - a) * traj.x[k] + a * traj.x[k + 1]
 
 
-def _rounding(switch, t, x, sizes) -> np.ndarray:
+def rounding(switch, t, x, sizes) -> np.ndarray:
     """(d,) what rounding of coordinates of these sizes (n,), and of time, makes of the switches."""
     here = there(switch, t, x)
     moved = [there(switch, t + ROUNDED * abs(t), x), *(there(switch, t, x + e) for e in np.diag(ROUNDED * sizes) if e.any())]
@@ -142,11 +142,11 @@ def swing(switch, t: float, X: np.ndarray, least: float = 0.0) -> np.ndarray:
 
 def rates_beside(switch, field, t, x, i, dt) -> tuple[float, float]:
     """Rates of switch i in the fields of its positive and its negative side, other signs as they are."""
-    plus, minus = (_rates_of(switch, field, t, x, [i], [side], dt)[0] for side in (1.0, -1.0))
+    plus, minus = (rates_of(switch, field, t, x, [i], [side], dt)[0] for side in (1.0, -1.0))
     return plus, minus
 
 
-def _rates_of(switch, field, t, x, rows, sides, dt) -> np.ndarray:
+def rates_of(switch, field, t, x, rows, sides, dt) -> np.ndarray:
     """Rates of the switches `rows` in the field of these sides of theirs, other signs as they are."""
     signs = np.where(there(switch, t, x) >= 0.0, 1.0, -1.0)
     signs[rows] = sides

@@ -1,17 +1,37 @@
-"""Runs that slide on a surface while both fields turn away from it: from there on they may leave it to either side."""
+"""Starts, and slides, from which more than one motion goes on: fields of more than one side lead away to that side."""
 from __future__ import annotations
+
+from itertools import product
 
 import numpy as np
 
 from nsbench.case import Case
 from nsbench.compile import host
 from nsbench.solvers._corners import LONG, apart
-from nsbench.solvers._repelled import CLEAR, STEP, rates_beside
+from nsbench.solvers._repelled import CLEAR, MEET, STEP, rates_beside, rates_of, rounding, there
 from nsbench.trajectory import Status, Trajectory
 
 SIDE = 1e-3              # mean weight of a side from which a run slides rather than touches
 HALVINGS = 40
 AT_ONCE = 1e-2           # of the time between two known states: as near both fields turn at once
+
+
+def parted(case: Case) -> Status | None:
+    """degenerate, if the start is where surfaces are, up to MEET, and the fields of two sectors or more lead each into its own:
+    each of them is the beginning of a solution. None for cases that say so of themselves."""
+    if not case.unique:
+        return None
+    switch, field, t, x = host(case.problem.switch), host(case.problem.field), case.t[0], case.x0
+    rows = np.flatnonzero(np.abs(there(switch, t, x)) <= rounding(switch, t, x, np.abs(x)))
+    if not 0 < rows.size <= MEET:
+        return None
+    sectors = np.array(list(product((1.0, -1.0), repeat=rows.size)))
+    led = np.array([rates_of(switch, field, t, x, rows, s, STEP * (case.t[-1] - t)) for s in sectors])
+    led /= np.fmax(np.fmax.reduce(np.abs(led), axis=0), 1e-300)
+    if np.all(led * sectors > CLEAR, axis=1).sum() < 2:
+        return None
+    return Status("degenerate", f"The start is on surface {', '.join(map(str, rows))}, from which the fields of more than one "
+                                "side lead away: more than one motion begins there.")
 
 
 def turned(case: Case, traj: Trajectory) -> Status | None:
