@@ -44,12 +44,12 @@ def turned(case: Case, traj: Trajectory) -> Status | None:
         return None
     switch, field, dt = host(case.problem.switch), host(case.problem.field), STEP * (traj.t[-1] - traj.t[0])
     # the sides of explicit steps alternate: their weights are of some
-    keep = apart(traj.t, LONG * traj.stats["h"] if traj.lam_time == "start" else 0.0)
+    keep = apart(traj.t, LONG * float(traj.stats.get("h", 0.0)) if traj.lam_time == "start" else 0.0)
     t, X = traj.t[keep], traj.x[keep]
     theta = np.diff(traj.impulse[keep], axis=0) / np.diff(t)[:, None]
     mixed = np.pad((theta > SIDE) & (theta < 1.0 - SIDE), ((1, 1), (0, 0)))
     long = mixed[1:-1] & (mixed[2:] | mixed[:-2])                # not only crossed
-    for column, (_, row) in enumerate(traj.contacts):
+    for column, row in enumerate(ident[1] for ident in traj.contacts):
         slides = mixed[1:-1, column] & ~np.delete(long, column, axis=1).any(axis=1)
         if not slides.any():
             continue

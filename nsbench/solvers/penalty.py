@@ -205,7 +205,7 @@ def _march(penalty: Penalty, case: Case, x0: np.ndarray, asked: float):
         out = program(z0, 1, case.t[0], first, case.t, k, *limits, ())
         z, way = out.pop("samples"), out.pop("way")
         way = way[np.isfinite(way).all(axis=1)]
-        between = way[:, 0], way[:, 1:1 + n], way[:, 1 + n + program.columns]
+        between = None if forces else (way[:, 0], way[:, 1:1 + n], way[:, 1 + n + program.columns])
         return out | {"x": z[:, :n].copy(), "impulse": z[:, n + program.columns], "ids": program.ids, "between": between,
                       "reaction": z[:, -n:].copy() if forces else np.empty((len(z), 0))}
     return march
