@@ -83,3 +83,17 @@ def test_a_start_in_a_corner_from_which_fields_lead_away_is_told(spec, away, cod
     case = Case("corner", Filippov.signs(lambda xp: lambda t, x, s: away(s) + 0.0 * x, lambda xp: lambda t, x: x + 0.0),
                 x0=np.zeros(2), t=np.linspace(0.0, 1.0, 2))
     assert solvers.solve(case, spec, h=0.01).status.code == code
+
+
+@pytest.mark.parametrize("second, code", [(0.5, "degenerate"), (0.6, "ok")])
+def test_weights_of_long_explicit_steps_are_of_some(second, code):
+    case = folds(lambda t, y: 2.0 * (t - 0.5), lambda t, y: second - t, 11)
+    assert solvers.solve(case, "euler", h=0.02).status.code == code
+
+
+@pytest.mark.parametrize("spec", ["euler[implicit=true]", "penalty"])
+def test_fields_beside_another_surface_that_is_slid_on_tell_nothing(spec):
+    """On the negative side of surface 1 both fields lead away from surface 0; on surface 1 they lead to it at all times."""
+    field = lambda xp: lambda t, x, s: xp.array([-(0.6 + s[1]) * s[0], 0.5 * xp.sin(20.0 * t) - s[1]])
+    case = Case("both", Filippov.signs(field, lambda xp: lambda t, x: x + 0.0), x0=np.zeros(2), t=np.linspace(0.0, 1.0, 21))
+    assert solvers.solve(case, spec, **METHODS[spec]).status.ok
