@@ -94,6 +94,6 @@ def test_weights_of_long_explicit_steps_are_of_some(second, code):
 @pytest.mark.parametrize("spec", ["euler[implicit=true]", "penalty"])
 def test_fields_beside_another_surface_that_is_slid_on_tell_nothing(spec):
     """On the negative side of surface 1 both fields lead away from surface 0; on surface 1 they lead to it at all times."""
-    field = lambda xp: lambda t, x, s: xp.array([-(0.6 + s[1]) * s[0], 0.5 * xp.sin(20.0 * t) - s[1]])
-    case = Case("both", Filippov.signs(field, lambda xp: lambda t, x: x + 0.0), x0=np.zeros(2), t=np.linspace(0.0, 1.0, 21))
+    field = lambda xp: lambda t, x, s: xp.array([-(0.6 + s[1]) * s[0], 0.5 * xp.sin(20.0 * t) - s[1], 1.0])
+    case = Case("both", Filippov.signs(field, lambda xp: lambda t, x: x[:2]), x0=np.zeros(3), t=np.linspace(0.0, 1.0, 21))
     assert solvers.solve(case, spec, **METHODS[spec]).status.ok
