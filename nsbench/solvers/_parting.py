@@ -1,6 +1,7 @@
 """Starts, and slides, from which more than one motion goes on: fields of more than one side lead away to that side."""
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -8,10 +9,9 @@ import numpy as np
 from nsbench.case import Case
 from nsbench.compile import host
 from nsbench.solvers._corners import LONG, apart
-from nsbench.solvers._repelled import CLEAR, MEET, STEP, rates_beside, rates_of, rounding, there
+from nsbench.solvers._repelled import CLEAR, MEET, STEP, rates_beside, rates_of, rounding, sliding, there
 from nsbench.trajectory import Status, Trajectory
 
-SIDE = 1e-3              # mean weight of a side from which a run slides rather than touches
 HALVINGS = 40
 AT_ONCE = 1e-2           # of the time between two known states: as near both fields turn at once
 
@@ -46,11 +46,9 @@ def turned(case: Case, traj: Trajectory) -> Status | None:
     # the sides of explicit steps alternate: their weights are of some
     keep = apart(traj.t, LONG * float(traj.stats.get("h", 0.0)) if traj.lam_time == "start" else 0.0)
     t, X = traj.t[keep], traj.x[keep]
-    theta = np.diff(traj.impulse[keep], axis=0) / np.diff(t)[:, None]
-    mixed = np.pad((theta > SIDE) & (theta < 1.0 - SIDE), ((1, 1), (0, 0)))
-    long = mixed[1:-1] & (mixed[2:] | mixed[:-2])                # not only crossed
-    for column, row in enumerate(ident[1] for ident in traj.contacts):
-        slides = mixed[1:-1, column] & ~np.delete(long, column, axis=1).any(axis=1)
+    mixed, slid = sliding(replace(traj, t=t, x=X, impulse=traj.impulse[keep]), switch(t[0], X[0].copy()).size)
+    for row in {ident[1] for ident in traj.contacts}:
+        slides = mixed[:, row] & ~np.delete(slid, row, axis=1).any(axis=1)
         if not slides.any():
             continue
         led = np.array([rates_beside(switch, field, at, x, row, dt) for at, x in zip(t, X, strict=True)])

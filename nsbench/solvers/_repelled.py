@@ -14,6 +14,7 @@ ON = 1e-9                # of the largest value of a switch: a state this near i
 STEP = 1e-6              # of the run: the differences that rates of switches are taken from
 ASIDE = 1e-9            # mean weight of a side below which a run was on the other alone
 ROUNDED = 16 * 2.0**-52  # of each coordinate: and so near that nothing of a motion beside it is left
+SIDE = 1e-3              # mean weight of a side from which a run slides rather than touches
 REST = 1e-9              # of the largest rate: what differences leave of one that is zero
 BOTH = "both fields leave: it may leave to either side"
 RESTS = "one field leaves, while the other leaves it at rest there: it may leave"
@@ -41,11 +42,12 @@ def repelled(case: Case, traj: Trajectory) -> Status | None:
                        for least in (0.0, np.abs(traj.x).max(axis=0)))
     stands = (exactly[1:] & exactly[:-1]) | (fallen[1:] & fallen[:-1] & (c[1:] == c[:-1]))
     stayed = np.where(side == 0.0, on[1:] & on[:-1], stands)
-    came = ~stayed & fallen[1:] & (side == 0.0)
+    came, (_, slid) = ~stayed & fallen[1:] & (side == 0.0), sliding(traj, c.shape[1])
     parts = -(-POINTS // (len(traj.t) - 1))
     last = np.arange(parts) == parts - 1
     for i in np.flatnonzero((stayed | came).any(axis=0)):
-        spans = np.flatnonzero((stayed | came)[:, i] & (on[1:].sum(axis=1) == 1))
+        others = np.delete(slid, i, axis=1).any(axis=1)             # in layers, not on surfaces
+        spans = np.flatnonzero((stayed | came)[:, i] & (on[1:].sum(axis=1) == 1) & ~others)
         times = [[(1.0 - a) * traj.t[k] + a * traj.t[k + 1] for a in np.arange(1, parts + 1) / parts] for k in spans]
         rates = np.array([[rates_beside(switch, field, t, _at(traj, k, t), i, STEP * (traj.t[-1] - traj.t[0])) for t in row]
                           for k, row in zip(spans, times, strict=True)]).reshape(len(spans), parts, 2)
@@ -103,6 +105,16 @@ def _side(traj, d: int) -> np.ndarray:
         weight = np.diff(traj.impulse[:, column]) / np.diff(traj.t)
         out[:, ident[1]] = np.where(weight < ASIDE, -1.0, np.where(weight > 1.0 - ASIDE, 1.0, 0.0))
     return out
+
+
+def sliding(traj, d: int) -> tuple[np.ndarray, np.ndarray]:
+    """(K - 1, d) whether the fields of both sides of a surface made the motion between two states; and whether they did so in
+    the next interval or the last one too: then the surface was not crossed alone."""
+    mixed = np.zeros((len(traj.t) + 1, d), bool)
+    for column, ident in enumerate(traj.contacts):
+        weight = np.diff(traj.impulse[:, column]) / np.diff(traj.t)
+        mixed[1:-1, ident[1]] = (weight > SIDE) & (weight < 1.0 - SIDE)
+    return mixed[1:-1], mixed[1:-1] & (mixed[2:] | mixed[:-2])
 
 
 def there(f, t, x, *signs) -> np.ndarray:
