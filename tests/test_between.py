@@ -97,3 +97,12 @@ def test_fields_beside_another_surface_that_is_slid_on_tell_nothing(spec):
     field = lambda xp: lambda t, x, s: xp.array([-(0.6 + s[1]) * s[0], 0.5 * xp.sin(20.0 * t) - s[1], 1.0])
     case = Case("both", Filippov.signs(field, lambda xp: lambda t, x: x[:2]), x0=np.zeros(3), t=np.linspace(0.0, 1.0, 21))
     assert solvers.solve(case, spec, **METHODS[spec]).status.ok
+
+
+@pytest.mark.parametrize("samples", [2, 21])
+@pytest.mark.parametrize("spec", ["euler", "euler[implicit=true]", "penalty"])
+def test_a_slide_that_crosses_another_surface_beyond_which_both_fields_lead_away_is_told(spec, samples):
+    field = lambda xp: lambda t, x, s: xp.array([(0.1 - s[0]) * s[1], 1.0 + 0.0 * x[0]])
+    case = Case("over", Filippov.signs(field, lambda xp: lambda t, x: xp.array([x[0], 0.503 - x[1]])), x0=np.zeros(2),
+                t=np.linspace(0.0, 1.0, samples))
+    assert solvers.solve(case, spec, **METHODS[spec]).status.code == "degenerate"

@@ -46,7 +46,7 @@ def turned(case: Case, traj: Trajectory) -> Status | None:
     # the sides of explicit steps alternate: their weights are of some
     keep = apart(traj.t, LONG * float(traj.stats.get("h", 0.0)) if traj.lam_time == "start" else 0.0)
     t, X = traj.t[keep], traj.x[keep]
-    mixed, slid = sliding(replace(traj, t=t, x=X, impulse=traj.impulse[keep]), switch(t[0], X[0].copy()).size)
+    mixed, slid = sliding(replace(traj, t=t, x=X, impulse=traj.impulse[keep]), len(switch(t[0], X[0].copy())))
     for row in {ident[1] for ident in traj.contacts}:
         slides = mixed[:, row] & ~np.delete(slid, row, axis=1).any(axis=1)
         if not slides.any():
