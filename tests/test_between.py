@@ -18,6 +18,7 @@ def folds(plus, minus, samples=2, end=1.0, x0=(0.0, 0.0)):
                 x0=np.array(x0), t=np.linspace(0.0, end, samples))
 
 
+@pytest.mark.survives("repulsive")
 @pytest.mark.parametrize("samples", [2, 11])
 @pytest.mark.parametrize("by", ["time", "state"])
 @pytest.mark.parametrize("spec", METHODS)
@@ -68,6 +69,7 @@ def test_runs_with_many_samples_and_without_surfaces_keep_nothing():
     assert solvers.solve("smooth", "euler", h=0.1).between is None
 
 
+@pytest.mark.survives("repulsive")
 @pytest.mark.parametrize("plus, minus, code", [(1.0, -1.0, "degenerate"), (1.0, 1.0, "ok"), (-1.0, 1.0, "ok"),
                                                (1.0, -1e-6, "ok")])
 @pytest.mark.parametrize("spec", ["euler", "euler[implicit=true]", "nosnoc"])
