@@ -108,3 +108,13 @@ def test_a_slide_that_crosses_another_surface_beyond_which_both_fields_lead_away
     case = Case("over", Filippov.signs(field, lambda xp: lambda t, x: xp.array([x[0], 0.503 - x[1]])), x0=np.zeros(2),
                 t=np.linspace(0.0, 1.0, samples))
     assert solvers.solve(case, spec, **METHODS[spec]).status.code == "degenerate"
+
+
+@pytest.mark.parametrize("spec", ["euler", "euler[implicit=true]"])
+def test_rounding_of_fields_along_a_surface_leads_nowhere(spec):
+    """Along a circle both fields make of its switch, which is of order 1e-16 then, what rounding makes of it."""
+    turn = lambda way: lambda xp: lambda t, x: way * xp.array([-x[1], x[0]])
+    circle = Filippov({(1,): turn(1.0), (-1,): turn(2.0)}, lambda xp: lambda t, x: xp.array([x[0] * x[0] + x[1] * x[1] - 1.0]))
+    for angle in np.linspace(0.1, 6.0, 40):
+        case = Case("circle", circle, x0=np.array([np.cos(angle), np.sin(angle)]), t=np.linspace(0.0, 1.0, 2))
+        assert "more than one" not in str(solvers.solve(case, spec, h=0.01).status)

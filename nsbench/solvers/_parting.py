@@ -22,13 +22,13 @@ def parted(case: Case) -> Status | None:
     if not case.unique:
         return None
     switch, field, t, x = host(case.problem.switch), host(case.problem.field), case.t[0], case.x0
-    rows = np.flatnonzero(np.abs(there(switch, t, x)) <= rounding(switch, t, x, np.abs(x)))
+    noise = rounding(switch, t, x, np.abs(x))
+    rows, dt = np.flatnonzero(np.abs(there(switch, t, x)) <= noise), STEP * (case.t[-1] - t)
     if not 0 < rows.size <= MEET:
         return None
     sectors = np.array(list(product((1.0, -1.0), repeat=rows.size)))
-    led = np.array([rates_of(switch, field, t, x, rows, s, STEP * (case.t[-1] - t)) for s in sectors])
-    led /= np.fmax(np.fmax.reduce(np.abs(led), axis=0), 1e-300)
-    if np.all(led * sectors > CLEAR, axis=1).sum() < 2:
+    led = np.array([rates_of(switch, field, t, x, rows, s, dt) for s in sectors])
+    if np.all(led * sectors > np.fmax(CLEAR * np.fmax.reduce(np.abs(led), axis=0), noise[rows] / dt), axis=1).sum() < 2:
         return None
     return Status("degenerate", f"The start is on surface {', '.join(map(str, rows))}, from which the fields of more than one "
                                 "side lead away: more than one motion begins there.")
@@ -47,13 +47,14 @@ def turned(case: Case, traj: Trajectory) -> Status | None:
     keep = apart(traj.t, LONG * float(traj.stats.get("h", 0.0)) if traj.lam_time == "start" else 0.0)
     t, X = traj.t[keep], traj.x[keep]
     mixed, slid = sliding(replace(traj, t=t, x=X, impulse=traj.impulse[keep]), len(switch(t[0], X[0].copy())))
+    noise = rounding(switch, t[-1], X[-1], np.abs(X).max(axis=0)) / dt
     for row in {ident[1] for ident in traj.contacts}:
         slides = mixed[:, row] & ~np.delete(slid, row, axis=1).any(axis=1)
         if not slides.any():
             continue
         led = np.array([rates_beside(switch, field, at, x, row, dt) for at, x in zip(t, X, strict=True)])
-        led /= max(1e-300, float(np.fmax.reduce(np.abs(led), axis=None, initial=0.0)))
-        to, off = (led[:, 0] < -CLEAR) & (led[:, 1] > CLEAR), (led[:, 0] > CLEAR) & (led[:, 1] < -CLEAR)
+        clear = max(CLEAR * float(np.fmax.reduce(np.abs(led), axis=None, initial=0.0)), noise[row])
+        to, off = (led[:, 0] < -clear) & (led[:, 1] > clear), (led[:, 0] > clear) & (led[:, 1] < -clear)
         for k in np.flatnonzero(slides & to[:-1]):
             for end in (j for j in (k + 1, k + 2) if j < len(t) and off[j]):        # a state may lie where they turn
                 here = lambda at, row=row: rates_beside(switch, field, at, _state(t, X, at), row, dt)
