@@ -24,7 +24,7 @@ def flat_layer(case: Case, width: float, t: np.ndarray, X: np.ndarray) -> str:
     rows, times, state = np.arange(motion.d), _looks(t), _ways(t, X)
     with np.errstate(all="ignore"):
         c = np.array([motion.switch(float(at), x) for at, x in zip(times, state(times).T, strict=True)])
-        met = [(_between(lambda t, i=i: motion.switch(t, state(t))[i], times[k], times[k + 1]), i)
+        met = [(zero_between(lambda t, i=i: motion.switch(t, state(t))[i], times[k], times[k + 1]), i)
                for k, i in np.argwhere(c[1:] * c[:-1] < 0.0)]
         met += [(times[k], i) for k, i in np.argwhere(np.abs(c) < width)]
         for at, row in sorted(met):
@@ -79,7 +79,7 @@ def _sides(c: np.ndarray, unknown: np.ndarray) -> list:
     return out
 
 
-def _between(f, low: float, high: float) -> float:
+def zero_between(f, low: float, high: float) -> float:
     """A zero of f between two times at which it has different signs."""
     positive = f(low) > 0.0
     for _ in range(HALVINGS):

@@ -9,10 +9,10 @@ import numpy as np
 from nsbench.case import Case
 from nsbench.compile import host
 from nsbench.solvers._corners import LONG, apart
+from nsbench.solvers._flat_layer import zero_between
 from nsbench.solvers._repelled import CLEAR, MEET, STEP, rates_beside, rates_of, rounding, sliding, there
 from nsbench.trajectory import Status, Trajectory
 
-HALVINGS = 40
 AT_ONCE = 1e-2           # of the time between two known states: as near both fields turn at once
 
 
@@ -58,7 +58,7 @@ def turned(case: Case, traj: Trajectory) -> Status | None:
         for k in np.flatnonzero(slides & to[:-1]):
             for end in (j for j in (k + 1, k + 2) if j < len(t) and off[j]):        # a state may lie where they turn
                 here = lambda at, row=row: rates_beside(switch, field, at, _state(t, X, at), row, dt)
-                plus, minus = (_turn(lambda at, side=side, here=here: here(at)[side], t[k], t[end]) for side in (0, 1))
+                plus, minus = (zero_between(lambda at, side=side, here=here: here(at)[side], t[k], t[end]) for side in (0, 1))
                 if abs(plus - minus) <= AT_ONCE * (t[end] - t[k]):
                     return Status("degenerate", f"At t = {plus:.6g} both fields turn away from surface {row}, on which the "
                                                 "state slides: it may leave to either side at any time.")
@@ -68,12 +68,3 @@ def turned(case: Case, traj: Trajectory) -> Status | None:
 def _state(t, X, at: float) -> np.ndarray:
     """The state at a time on the straight ways between those that are known."""
     return np.array([np.interp(at, t, x) for x in X.T])
-
-
-def _turn(f, low: float, high: float) -> float:
-    """Where between low and high f changes its sign."""
-    first = f(low) > 0.0
-    for _ in range(HALVINGS):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if (f(middle) > 0.0) == first else (low, middle)
-    return 0.5 * (low + high)
