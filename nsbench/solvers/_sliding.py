@@ -9,7 +9,7 @@ from itertools import combinations, product
 
 import numpy as np
 
-from nsbench.compile import host
+from nsbench.compile import host, jax_function
 from nsbench.jets import SPACE
 from nsbench.trajectory import Status
 
@@ -60,7 +60,6 @@ class Motion:
         return bool(np.all(np.abs(exact - rough) <= 1e-4 * (1.0 + np.abs(rough))))
 
     def _by_jax(self, t, x):
-        from nsbench.compile import jax_function
         c = jax_function(self._factory)
         import jax
         slope = jax.jit(lambda t, x, dt, dx: jax.jvp(c, (t, x), (dt, dx))[1])
