@@ -7,12 +7,12 @@ import numpy as np
 
 from nsbench.case import Case
 from nsbench.compile import host
+from nsbench.solvers._bisection import zero_between
 from nsbench.solvers._repelled import swing, there
 from nsbench.solvers._sliding import Motion
 
 CHANGES = 0.5           # of a slope within the layer that it gives: there the layer is of another thickness than it says
 POINTS = 100            # of a run that are looked at, at least its samples
-HALVINGS = 50
 UNKNOWN = 4             # other switches in their layers of which both signs are tried
 
 
@@ -77,12 +77,3 @@ def _sides(c: np.ndarray, unknown: np.ndarray) -> list:
         out.append(signs.copy())
         out[-1][open_] = some
     return out
-
-
-def zero_between(f, low: float, high: float) -> float:
-    """A zero of f between two times at which it has different signs."""
-    positive = f(low) > 0.0
-    for _ in range(HALVINGS):
-        mid = 0.5 * (low + high)
-        low, high = (mid, high) if (f(mid) > 0.0) == positive else (low, mid)
-    return 0.5 * (low + high)

@@ -8,8 +8,8 @@ import numpy as np
 
 from nsbench.case import Case
 from nsbench.compile import host
+from nsbench.solvers._bisection import zero_between
 from nsbench.solvers._corners import LONG, apart
-from nsbench.solvers._flat_layer import zero_between
 from nsbench.solvers._repelled import CLEAR, MEET, STEP, rates_beside, rates_of, rounding, sliding, there
 from nsbench.trajectory import Status, Trajectory
 
