@@ -158,6 +158,14 @@ def test_distance_to_a_hull_is_that_of_the_nearest_mixture():
     assert distance_to_hull(np.zeros(1), np.array([[1.0], [3.0]])) == 1.0
 
 
+def test_a_mixture_is_as_near_to_its_hull_as_rounding_allows():
+    rng = np.random.default_rng(3)
+    for _ in range(500):
+        points = rng.normal(size=(rng.integers(3, 9), rng.integers(1, 5)))
+        points[0] = points[rng.integers(len(points))]                       # fields of surfaces that are one are alike
+        assert distance_to_hull(rng.dirichlet(np.ones(len(points))) @ points, points) < 1e-14
+
+
 @pytest.mark.parametrize("unit", (1e-100, 1e-12, 1e-8, 1e8))
 def test_the_distance_to_a_hull_has_the_unit_of_its_points(unit):
     rng = np.random.default_rng(1)

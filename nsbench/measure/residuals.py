@@ -240,4 +240,18 @@ def distance_to_hull(v: np.ndarray, points: np.ndarray) -> float:
         return 0.0
     # weights that sum to one by a heavy row; the sum is then made one exactly
     w, _ = nnls(np.vstack([from_v.T / size, np.full(len(points), 1e4)]), np.append(np.zeros(len(v)), 1e4))
-    return float(np.linalg.norm((w / w.sum()) @ from_v))
+    return _refined(w / w.sum(), from_v)
+
+
+def _refined(w: np.ndarray, from_v: np.ndarray) -> float:
+    """Distance that weights of points leave, after refinement of what the heavy row left of rounding."""
+    least = np.inf
+    while w.any():
+        w, from_v = w[w > 0.0] / w.sum(), from_v[w > 0.0]
+        least = min(least, float(np.linalg.norm(w @ from_v)))
+        u = np.linalg.lstsq((from_v[1:] - from_v[0]).T, -w @ from_v, rcond=None)[0]
+        w = w + np.append(-u.sum(), u)
+        if np.all(w >= 0.0):
+            return min(least, float(np.linalg.norm(w @ from_v)))
+        w = np.maximum(w, 0.0)
+    return least
