@@ -118,3 +118,28 @@ def test_rounding_of_fields_along_a_surface_leads_nowhere(spec):
     for angle in np.linspace(0.1, 6.0, 40):
         case = Case("circle", circle, x0=np.array([np.cos(angle), np.sin(angle)]), t=np.linspace(0.0, 1.0, 2))
         assert "more than one" not in str(solvers.solve(case, spec, h=0.01).status)
+
+
+@pytest.mark.parametrize("least", [1e-8, 1e-4])
+@pytest.mark.parametrize("samples", [2, 11, 201])
+@pytest.mark.parametrize("mirrored", [1.0, -1.0])
+@pytest.mark.parametrize("spec", METHODS)
+def test_a_slide_that_a_method_leaves_late_is_told(spec, mirrored, samples, least):
+    """The field that leads back to the surface does so by `least` alone; the other turns away at 0.5, and there the state leaves:
+    explicit steps that went over the surface once are still beside it at the end, weights in a layer lag behind."""
+    weak, turns = lambda t, y: -mirrored * least, lambda t, y: mirrored * (0.5 - t)
+    case = folds(*((weak, turns) if mirrored > 0.0 else (turns, weak)), samples)
+    run = solvers.solve(case, spec, **METHODS[spec])
+    assert run.status.code == "unverified" if spec in ("euler", "penalty") else \
+        not run.status.ok or abs(run.x[-1, 0] + mirrored * 0.125) < 1e-3
+
+
+@pytest.mark.parametrize("plus", [-0.5, -0.05])
+@pytest.mark.parametrize("jumps", [False, True])
+@pytest.mark.parametrize("spec", ["euler", "penalty"])
+def test_a_slide_that_a_method_leaves_in_time_is_right(spec, jumps, plus):
+    """Where the field turns suddenly too."""
+    minus = (lambda t, y: 0.5 * (0.5 - t) / (abs(0.5 - t) + 1e-9)) if jumps else (lambda t, y: 0.5 - t)
+    case = folds(lambda t, y: plus, minus, 11)
+    run = solvers.solve(case, spec, **METHODS[spec])
+    assert run.status.ok and abs(run.x[-1, 0] + (0.25 if jumps else 0.125)) < 2e-2

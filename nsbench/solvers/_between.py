@@ -23,3 +23,8 @@ def fuller(traj: Trajectory) -> Trajectory:
     t, x, impulse = (np.append(a, b[away], axis=0) for a, b in zip((traj.t, traj.x, traj.impulse), (t, x, impulse), strict=True))
     order = np.argsort(t)
     return replace(traj, t=t[order], x=x[order], impulse=impulse[order], between=None)
+
+
+def ways(t: np.ndarray, X: np.ndarray):
+    """Time, or times (k,), -> the state (n,), or (n, k), on the straight ways between those that are known."""
+    return lambda at: np.array([np.interp(at, t, column) for column in X.T])

@@ -7,6 +7,7 @@ import numpy as np
 
 from nsbench.case import Case
 from nsbench.compile import host
+from nsbench.solvers._between import ways
 from nsbench.solvers._bisection import zero_between
 from nsbench.solvers._repelled import swing, there
 from nsbench.solvers._sliding import Motion
@@ -21,7 +22,7 @@ def flat_layer(case: Case, width: float, t: np.ndarray, X: np.ndarray) -> str:
     or passes it where its switch is so flat that what is hidden below `width` is no length of `width` / slope; "" if it is
     nowhere."""
     motion = Motion(case.problem, float(case.t[0]), X[0].copy())
-    rows, times, state = np.arange(motion.d), _looks(t), _ways(t, X)
+    rows, times, state = np.arange(motion.d), _looks(t), ways(t, X)
     with np.errstate(all="ignore"):
         c = np.array([motion.switch(float(at), x) for at, x in zip(times, state(times).T, strict=True)])
         met = [(zero_between(lambda t, i=i: motion.switch(t, state(t))[i], times[k], times[k + 1]), i)
@@ -47,17 +48,12 @@ def _looks(t: np.ndarray) -> np.ndarray:
     return np.append((t[:-1, None] + np.diff(t)[:, None] * np.arange(parts) / parts).ravel(), t[-1])
 
 
-def _ways(t: np.ndarray, X: np.ndarray):
-    """Time, or times (k,), -> the state (n,), or (n, k), on the straight ways between samples."""
-    return lambda at: np.array([np.interp(at, t, column) for column in X.T])
-
-
 def covered(case: Case, width: float, t: np.ndarray, X: np.ndarray) -> str:
     """Which switch that a field depends on, at one of POINTS times or more, is in its layer at all of them, and would be wherever
     the states' own size could take it; "" if none is."""
     with np.errstate(all="ignore"):
         switch, field, times = host(case.problem.switch), host(case.problem.field), _looks(t)
-        states = _ways(t, X)(times).T
+        states = ways(t, X)(times).T
         c = np.array([switch(float(at), x.copy()) for at, x in zip(times, states, strict=True)])
         over = np.fmax(swing(switch, float(t[-1]), X), np.ptp(c, axis=0))
         for i in np.flatnonzero((np.abs(c).max(axis=0) < width) & (0.0 < over) & (over < width)):

@@ -8,6 +8,7 @@ import numpy as np
 
 from nsbench.case import Case
 from nsbench.compile import host
+from nsbench.solvers._between import ways
 from nsbench.solvers._bisection import zero_between
 from nsbench.solvers._corners import LONG, apart
 from nsbench.solvers._repelled import CLEAR, MEET, STEP, rates_beside, rates_of, rounding, sliding, there
@@ -46,6 +47,7 @@ def turned(case: Case, traj: Trajectory) -> Status | None:
     # the sides of explicit steps alternate: their weights are of some
     keep = apart(traj.t, LONG * float(traj.stats.get("h", 0.0)) if traj.lam_time == "start" else 0.0)
     t, X = traj.t[keep], traj.x[keep]
+    state = ways(t, X)
     mixed, slid = sliding(replace(traj, t=t, x=X, impulse=traj.impulse[keep]), len(switch(t[0], X[0].copy())))
     noise = rounding(switch, t[-1], X[-1], np.abs(X).max(axis=0)) / dt
     for row in {ident[1] for ident in traj.contacts}:
@@ -57,14 +59,9 @@ def turned(case: Case, traj: Trajectory) -> Status | None:
         to, off = (led[:, 0] < -clear) & (led[:, 1] > clear), (led[:, 0] > clear) & (led[:, 1] < -clear)
         for k in np.flatnonzero(slides & to[:-1]):
             for end in (j for j in (k + 1, k + 2) if j < len(t) and off[j]):        # a state may lie where they turn
-                here = lambda at, row=row: rates_beside(switch, field, at, _state(t, X, at), row, dt)
+                here = lambda at, row=row: rates_beside(switch, field, at, state(at), row, dt)
                 plus, minus = (zero_between(lambda at, side=side, here=here: here(at)[side], t[k], t[end]) for side in (0, 1))
                 if abs(plus - minus) <= AT_ONCE * (t[end] - t[k]):
                     return Status("degenerate", f"At t = {plus:.6g} both fields turn away from surface {row}, on which the "
                                                 "state slides: it may leave to either side at any time.")
     return None
-
-
-def _state(t, X, at: float) -> np.ndarray:
-    """The state at a time on the straight ways between those that are known."""
-    return np.array([np.interp(at, t, x) for x in X.T])

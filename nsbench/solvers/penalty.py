@@ -268,9 +268,12 @@ def _status(penalty: Penalty, case: Case, k: float, asked: float, out: dict) -> 
 def _thin(case: Case, k: float, traj: Trajectory) -> Trajectory:
     """The run, unverified where a layer of 1 / k is thicker than that, or decides what the start does not."""
     from nsbench.solvers._flat_layer import covered, flat_layer
+    from nsbench.solvers._late import late
     from nsbench.solvers._repelled import between
     seen = fuller(traj)
-    flat = flat_layer(case, 1.0 / k, seen.t, seen.x) or between(case, 1.0 / k) or covered(case, 1.0 / k, seen.t, seen.x)
+    with np.errstate(all="ignore"):
+        flat = (flat_layer(case, 1.0 / k, seen.t, seen.x) or between(case, 1.0 / k) or covered(case, 1.0 / k, seen.t, seen.x)
+                or late(case, seen, width=1.0 / k))
     return replace(traj, status=Status("unverified", f"{flat}: no error of size 1 / k is claimed there.")) if flat else traj
 
 

@@ -1,0 +1,49 @@
+"""Slides that end late: one field turns away from a surface to which the other hardly leads, and a method is still beside it."""
+from __future__ import annotations
+
+import numpy as np
+
+from nsbench.case import Case
+from nsbench.compile import host
+from nsbench.solvers._between import ways
+from nsbench.solvers._bisection import zero_between
+from nsbench.solvers._repelled import STEP, rates_beside, rounding, sliding
+from nsbench.trajectory import Trajectory
+
+FAINT = 1e-2             # of the largest rate with which the field that turns led to the surface: the other leads by less
+
+
+def late(case: Case, traj: Trajectory, step: float = 0.0, width: float = 0.0) -> str:
+    """Where a run leaves a surface later than its claim says; "" if nowhere.
+
+    Let the rate of a switch in the field of one side pass through 0 with slope s, from leading to the surface to leading away,
+    while that of the other side leads to it with a rate r: the state leaves then. An explicit step h that it made over the
+    surface before takes the other field h |rate| / r to lead back from, and rates are s times the time that is left: with
+    h s > r it does not come back in time, however little h is missing. In a layer of width w the weights follow in the time
+    w / r, while the rate changes by r within r / s: with w s > r^2 they lag behind, by about sqrt(w / s).
+    traj has the states that are known between samples too. Not looked at where it slides on another surface.
+    """
+    if not case.unique or len(traj.t) < 2:
+        return ""
+    switch, field, dt, t, X = (host(case.problem.switch), host(case.problem.field),
+                               STEP * (traj.t[-1] - traj.t[0]), traj.t, traj.x)
+    state = ways(t, X)
+    c = np.array([switch(at, x.copy()) for at, x in zip(t, X, strict=True)])
+    _, slid = sliding(traj, c.shape[1])
+    noise = rounding(switch, t[-1], X[-1], np.abs(X).max(axis=0)) / dt
+    for i in {ident[1] for ident in traj.contacts}:
+        led = np.array([rates_beside(switch, field, at, x, i, dt) for at, x in zip(t, X, strict=True)]) * (-1.0, 1.0)
+        near = np.abs(c[:, i]) <= max(2.0 * width, step * float(np.fmax.reduce(np.abs(led), axis=None, initial=0.0)))
+        beside = near[:-1] & ~np.delete(slid, i, axis=1).any(axis=1)
+        most = np.fmax.accumulate(np.where(near[:, None], led, 0.0))
+        for k, side in np.argwhere(beside[:, None] & (led[:-1] > noise[i])):
+            end = next((j for j in (k + 1, k + 2) if j < len(t) and led[j, side] < -noise[i]), None)
+            if end is None:                                         # one may lie where it turns
+                continue
+            here = lambda at, i=i: rates_beside(switch, field, at, state(at), i, dt)
+            turn = zero_between(lambda at, side=side, here=here: here(at)[side], t[k], t[end])
+            other, sharp = here(turn)[1 - side] * (-1.0, 1.0)[1 - side], (led[k, side] - led[end, side]) / (t[end] - t[k])
+            if -noise[i] <= other < min(FAINT * most[k, side], max(step * sharp, np.sqrt(width * sharp))):
+                return (f"At t = {turn:.6g} one field turns away from surface {i}, to which the other leads at {other:.2g} "
+                        "alone: the state stays beside it for longer")
+    return ""
