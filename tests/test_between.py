@@ -134,7 +134,7 @@ def test_a_slide_that_a_method_leaves_late_is_told(spec, mirrored, samples, leas
         not run.status.ok or abs(run.x[-1, 0] + mirrored * 0.125) < 1e-3
 
 
-@pytest.mark.parametrize("plus", [-0.5, -0.05])
+@pytest.mark.parametrize("plus", [-0.5, -0.02])
 @pytest.mark.parametrize("jumps", [False, True])
 @pytest.mark.parametrize("spec", ["euler", "penalty"])
 def test_a_slide_that_a_method_leaves_in_time_is_right(spec, jumps, plus):

@@ -19,6 +19,7 @@ from nsbench.problem import LCS, Complementarity, Distance, Filippov, Smooth
 from nsbench.solvers._between import fuller
 from nsbench.solvers._contradiction import nowhere
 from nsbench.solvers._extent import scene_of
+from nsbench.solvers._late import late
 from nsbench.solvers._parting import parted, turned
 from nsbench.solvers._passed import passed
 from nsbench.solvers._poles import pole
@@ -41,10 +42,16 @@ def doubted(case: Case, traj: Trajectory) -> Trajectory:
         status = (None if known else pole(case, traj)) or _overshot(case, traj) or _rounded(case, traj)
         if isinstance(p, Filippov) and not known:
             seen = fuller(traj)
-            status = status or parted(case) or repelled(case, seen) or turned(case, seen)
+            status = status or parted(case) or repelled(case, seen) or turned(case, seen) or _overslid(case, seen)
         if isinstance(p, Complementarity) and p.constraints:
             status = _tied(case) or nowhere(case, traj) or passed(case, traj) or _flat(case, traj) or status
     return traj if status is None else replace(traj, status=status)
+
+
+def _overslid(case: Case, traj: Trajectory) -> Status | None:
+    """Explicit steps over a surface that keep the state beside it when the slide has ended."""
+    where = late(case, traj, step=float(traj.stats["h"])) if traj.lam_time == "start" else ""
+    return Status("unverified", f"{where}: no error of size h is claimed there.") if where else None
 
 
 def _overshot(case: Case, traj: Trajectory) -> Status | None:

@@ -2,14 +2,14 @@
 from __future__ import annotations
 
 import functools
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from nsbench.case import Case
 from nsbench.compile import host
 from nsbench.problem import Complementarity, Filippov
-from nsbench.solvers._between import LOOKS, fuller
+from nsbench.solvers._between import LOOKS
 from nsbench.solvers._units import unit
 from nsbench.solvers.base import Claims, Expect, Run, grid, last_steps, sample
 from nsbench.trajectory import Status, Trajectory
@@ -89,11 +89,10 @@ class Euler:
         status, smooth = _status(code, reached), isinstance(case.problem, Complementarity)
         if status.ok and not (smooth or self.implicit) and case.unique:
             status = _in_a_corner(case, X, W, g.h)
-        traj = Trajectory(case.t, X, tuple((0, i) for i in range(W.shape[1])), W,
+        return Trajectory(case.t, X, tuple((0, i) for i in range(W.shape[1])), W,
                           np.where(np.isnan(X), np.nan, 0.0) if smooth else np.empty((len(X), 0)),
                           status, stats=stats, lam_time="end" if self.implicit else "start", **lam,
                           between=between)
-        return traj if smooth or self.implicit or not status.ok else _in_time(case, g.h, traj)
 
 
 def _parts(g, d: int) -> int:
@@ -132,14 +131,6 @@ def _in_a_corner(case, X, W, h):
     where = held(case, X, np.diff(W, axis=0) / np.diff(case.t)[:, None], h)
     return Status("unverified", f"{where}, where Filippov's velocities are many: which one an explicit step makes by "
                                 "alternating between modes is no claim of it.") if where else Status()
-
-
-def _in_time(case, h, traj):
-    """The run, unverified where steps over a surface keep it there when the slide has ended."""
-    from nsbench.solvers._late import late
-    with np.errstate(all="ignore"):
-        where = late(case, fuller(traj), step=h)
-    return replace(traj, status=Status("unverified", f"{where}: no error of size h is claimed there.")) if where else traj
 
 
 def _forms(case):
