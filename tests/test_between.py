@@ -143,3 +143,11 @@ def test_a_slide_that_a_method_leaves_in_time_is_right(spec, jumps, plus):
     case = folds(lambda t, y: plus, minus, 11)
     run = solvers.solve(case, spec, **METHODS[spec])
     assert run.status.ok and abs(run.x[-1, 0] + (0.25 if jumps else 0.125)) < 2e-2
+
+
+@pytest.mark.parametrize("samples", [2, 11])
+def test_a_state_that_comes_near_a_surface_by_itself_is_not_late(samples):
+    """And was never over it: its own field alone moves it."""
+    case = folds(lambda t, y: -1e-4, lambda t, y: 0.5 - t, samples, x0=(4e-4, 0.0))
+    run = solvers.solve(case, "euler", h=1e-3)
+    assert run.status.ok and abs(run.x[-1, 0] - 3e-4) < 1e-12

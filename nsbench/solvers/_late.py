@@ -13,6 +13,7 @@ from nsbench.trajectory import Trajectory
 
 FAINT = 1e-2             # of the largest rate with which the field that turns led to the surface: the other leads by less
 SOME = 8                 # states from which the pace across a surface is taken
+BOTH = 1e-12             # of the run: less is no step, but what is left of their sum
 LAG = 10.0               # times r of width w (see late) may be sqrt(w s): the error still falls like w in the end
 
 
@@ -35,7 +36,7 @@ def late(case: Case, traj: Trajectory, step: float = 0.0, width: float = 0.0) ->
     c = np.array([switch(at, x.copy()) for at, x in zip(t, X, strict=True)])
     _, slid = sliding(traj, c.shape[1])
     noise = rounding(switch, t[-1], X[-1], np.abs(X).max(axis=0)) / dt
-    for i in {ident[1] for ident in traj.contacts}:
+    for i, weight in zip((ident[1] for ident in traj.contacts), traj.impulse.T, strict=True):
         alone = np.flatnonzero(~np.delete(slid, i, axis=1).any(axis=1))
         rates = lambda k, i=i: np.array(rates_beside(switch, field, t[k], X[k], i, dt)) * (-1.0, 1.0)
         pace = max((np.fmax.reduce(np.abs(rates(k)), initial=0.0) for k in alone[::-(-len(alone) // SOME) or 1]), default=0.0)
@@ -45,7 +46,8 @@ def late(case: Case, traj: Trajectory, step: float = 0.0, width: float = 0.0) ->
             led[k] = rates(k)
         beside = np.isin(np.arange(len(t)), near)[:, None]
         most = np.fmax.accumulate(np.where(beside, led[:-1], 0.0))
-        for k, side in np.argwhere(beside & (led[:-1] > noise[i])):
+        both = np.minimum(weight, t - t[0] - weight)[:, None] > BOTH * (t[-1] - t[0])          # sides have been made use of
+        for k, side in np.argwhere(beside & both & (led[:-1] > noise[i])):
             end = next((j for j in (k + 1, min(k + 2, len(t))) if led[j, side] < -noise[i]), None)
             if end is None:                                         # one may lie where it turns
                 continue
@@ -54,7 +56,7 @@ def late(case: Case, traj: Trajectory, step: float = 0.0, width: float = 0.0) ->
             if led[end, 1 - side] < -noise[i] and abs(also - turn) <= AT_ONCE * (t[end] - t[k]):
                 continue                                            # a two-fold
             other, sharp = here(turn)[1 - side] * (-1.0, 1.0)[1 - side], (led[k, side] - led[end, side]) / (t[end] - t[k])
-            if -noise[i] <= other < min(FAINT * most[k, side], max(step * sharp, np.sqrt(width * sharp) / LAG)):
+            if noise[i] < other < min(FAINT * most[k, side], max(step * sharp, np.sqrt(width * sharp) / LAG)):
                 return (f"At t = {turn:.6g} one field turns away from surface {i}, to which the other leads at {other:.2g} "
                         "alone: the state stays beside it for longer")
     return ""
