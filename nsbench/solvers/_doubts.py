@@ -50,7 +50,7 @@ def doubted(case: Case, traj: Trajectory) -> Trajectory:
 
 def _overslid(case: Case, traj: Trajectory) -> Status | None:
     """Explicit steps over a surface that keep the state beside it when the slide has ended."""
-    where = late(case, traj, step=float(traj.stats["h"])) if traj.lam_time == "start" else ""
+    where = late(case, traj, step=float(traj.stats.get("h") or 0.0)) if traj.lam_time == "start" else ""
     return Status("unverified", f"{where}: no error of size h is claimed there.") if where else None
 
 

@@ -45,7 +45,7 @@ def turned(case: Case, traj: Trajectory) -> Status | None:
         return None
     switch, field, dt = host(case.problem.switch), host(case.problem.field), STEP * (traj.t[-1] - traj.t[0])
     # the sides of explicit steps alternate: their weights are of some
-    keep = apart(traj.t, LONG * float(traj.stats.get("h", 0.0)) if traj.lam_time == "start" else 0.0)
+    keep = apart(traj.t, LONG * float(traj.stats.get("h") or 0.0) if traj.lam_time == "start" else 0.0)
     t, X = traj.t[keep], traj.x[keep]
     state = ways(t, X)
     mixed, slid = sliding(replace(traj, t=t, x=X, impulse=traj.impulse[keep]), len(switch(t[0], X[0].copy())))
