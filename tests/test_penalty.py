@@ -270,3 +270,17 @@ def test_a_switch_that_comes_back_after_the_run_has_changed():
         return lambda t, x: xp.sin(2.0 * np.pi * x)
     case = Case("periodic", Filippov.signs(field, switch), np.array([1.0]), np.linspace(0.0, 1.0, 5))
     assert nsbench.solve(case, "penalty", k=1e4).status.ok
+
+
+@pytest.mark.parametrize("samples", [2, 3, 11])
+@pytest.mark.parametrize("offset", [0.0, 1e8])
+@pytest.mark.parametrize("spec", ["penalty", "penalty[method=kvaerno5]"])
+def test_a_motion_far_away_that_grows_has_grown_from_the_errors_of_its_beginning(spec, offset, samples):
+    """At its end it is 10^6 and the origin no more than 30 of it away; at its beginning it is 1, and tolerances are 0.1."""
+    def field(xp):
+        return lambda t, x, s: xp.array([x[0] - offset, -s[0]])
+    case = Case("far", Filippov.signs(field, lambda xp: lambda t, x: x[1:] - offset), np.array([offset + 1.0, offset + 1.0]),
+                np.linspace(0.0, 15.0, samples))
+    run = nsbench.solve(case, spec, k=1e3)
+    assert run.status.code == ("unverified" if offset else "ok")
+    assert offset or abs(run.x[-1, 0] / np.exp(15.0) - 1.0) < 1e-3

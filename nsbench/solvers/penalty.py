@@ -9,6 +9,7 @@ from nsbench.case import Case
 from nsbench.compile import host
 from nsbench.problem import LCS, Complementarity, Distance, Filippov
 from nsbench.solvers._between import fuller
+from nsbench.solvers._distant import distance
 from nsbench.solvers._extrapolation import combined, weights
 from nsbench.solvers._units import unit
 from nsbench.solvers.base import Claims, Expect, Run, check_positive
@@ -27,7 +28,6 @@ MEMORY = 1e9              # bytes of samples of one run
 MANY = 40                 # hard particles up to which all pairs are visited
 PAIRS = ("auto", "all", "near")
 NOT_FINITE, NEWTON = 2, 3     # as nsbench.solvers._diffrax counts why a step was refused; that needs diffrax to be loaded
-FAR = 1e3                 # sizes of the motion from the origin, from where on rtol is of coordinates and not of what moves
 HIDDEN = 0.0101           # k times tolerance, kept up to k = 1e7 at 1e-9: up to 190 tolerances of error were measured
 EXPECTS = (
     Expect(("zeno",), None, None, "no rate is known for a smoothed sign at an accumulation of events"),
@@ -247,11 +247,8 @@ def _status(penalty: Penalty, case: Case, k: float, asked: float, out: dict) -> 
     at = f"at t = {t:.6g} of {case.t[-1]:g}"
     if int(out["i"]) == len(case.t) and np.isfinite(out["x"]).all() and np.isfinite(out["impulse"]).all():
         # weights of an extrapolation amplify what the integrator leaves
-        worst = max(penalty.tolerance("rtol", asked), penalty.tolerance("atol", asked))
+        worst = distance(case, out["x"]) * max(penalty.tolerance("rtol", asked), penalty.tolerance("atol", asked))
         claimed = asked ** -(1.0 + penalty.extrapolate)
-        moved = np.abs(out["x"] - out["x"][0]).max(axis=0)     # coordinates at rest are known as well as at the start
-        far = float(np.max(np.abs(out["x"]).max(axis=0)[moved > 0.0] / max(1.0, float(moved.max())), initial=1.0))
-        worst *= far if far > FAR else 1.0
         if worst * float(np.abs(weights(penalty.extrapolate)).sum()) > HIDDEN * claimed:
             return Status("unverified", f"The error of the penalty, about {claimed:.1e}, may be hidden by the integrator's, up "
                                         f"to 200 times its tolerance of {worst:.1e} of the motion: lower rtol and atol.")
