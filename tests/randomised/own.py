@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from nsbench.compile import host
 from nsbench.measure.frame import frame, near_of
 from nsbench.measure.residuals import interval_residuals
 from nsbench.problem import Complementarity, Distance, Filippov
 from nsbench.solvers._repelled import swing
-from randomised.ladder import is_slow, stiffness
+from randomised.ladder import EPS, is_slow, stiffness
 from randomised.runs import Verdict, attempt
 
 ROUNDS = 12                 # of finer samples where something is missing: 4^12 times finer than the finest even ones
@@ -27,6 +28,7 @@ STAYS = 0.5                 # what does not fall to that with sixteen times fine
 FAST = 0.005                # of the unit: where most steps still move by more, no order can be seen yet
 NARROW = 0.1                # of the shortest link or diameter: the same
 SLOW = 0.1                  # step x rate of the drift: with more, explicit steps of it are not yet small
+LOOK = 20                   # samples from one to the next at which switches are looked at for their size
 NAMES = "missing", "depth", "complementarity"
 
 
@@ -187,7 +189,10 @@ def _apart(case, run, first: int) -> float:
     switch function and the weight of its other side, times the run; 0 of an LCS."""
     traj, p = run.traj, case.problem
     if isinstance(p, Filippov):
-        return run.measured["complementarity"] * float(traj.t[-1] - traj.t[0])
+        rounded = EPS * float(max(np.abs(traj.t[[0, -1]]).max(), np.ptp(traj.t)) / np.diff(traj.t).min())      # of a mean weight
+        looks = zip(traj.t[::LOOK], traj.x[::LOOK], strict=True)
+        across = max(float(np.abs(host(p.switch)(t, x.copy())).max()) for t, x in looks)
+        return max(0.0, run.measured["complementarity"] - rounded * across) * float(traj.t[-1] - traj.t[0])
     if not isinstance(p, Complementarity) or not traj.contacts:
         return 0.0
     scene = frame(case).scene
