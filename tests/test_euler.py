@@ -169,3 +169,14 @@ def test_implicit_takes_its_differences_in_the_length_of_a_switch_however_far(fa
     traj = solve(case, IMPLICIT, h=1e-5)
     assert traj.status.ok and traj.stats["inner_iterations"] < 3.5 * traj.stats["steps"]
     assert traj.x[2:, 0] - far == pytest.approx(np.zeros(4), abs=4e-8)
+
+
+@pytest.mark.parametrize("h", [1e-3, 1e-5, 2e-6])
+def test_implicit_steps_far_away_do_not_slide_on_what_rounding_leaves(h):
+    """A step of 2e-6 is 130 spacings of a state of 1e8, and all steps may lose some: both fields leave the surface, which moves
+    the other way."""
+    field = lambda xp: lambda t, x, s: xp.array([-0.7 - 0.7 * s[0] * (-1.0)])
+    case = Case("far", Filippov.signs(field, lambda xp: lambda t, x: xp.array([x[0] - 1e8 - 0.41 * t])), np.array([1e8]),
+                np.linspace(0.0, 0.1, 3))
+    run = solve(case, "euler[implicit=true]", h=h)
+    assert run.status.code == ("ok" if h > 2e-6 else "unverified") and abs(run.x[-1, 0] - 1e8 + 0.14) < 2e-3

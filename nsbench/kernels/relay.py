@@ -10,6 +10,7 @@ from nsbench.kernels.dense import BLOWN, NAN, OK, health, largest  # noqa: F401 
 from nsbench.kernels.relay_newton import ROUNDING, copy, inner, newton
 
 STUCK = 3                         # beside OK, NAN, BLOWN
+SLIDES = 4 * 2.0**-52             # of the state: a slide may need so much more than a side gives; it adds up over steps
 SUDDEN, FEW = 10.0, 5             # a move so many times the last may be to a far solution: with few surfaces nearer ones count
 TRIALS = 100_000                  # modes and starts that one step may try: minutes, not for ever, with many surfaces
 
@@ -34,7 +35,7 @@ def wrong(switch, t, y, mode, c, s, jump, new, e, noise):
                 noise[i] += abs(e[i] - c[i])
     for i in range(mode.size):
         if mode[i] == 0:
-            if not (abs(s[i]) - 1.0) * jump[i] <= ROUNDING * (size + jump[i]):
+            if not (abs(s[i]) - 1.0) * jump[i] <= SLIDES * (size + jump[i]):
                 new[i], bad = (1 if s[i] > 0.0 else -1), True
         elif not c[i] * mode[i] >= -noise[i]:
             new[i], bad = 0, True

@@ -29,6 +29,7 @@ from nsbench.trajectory import Status, Trajectory
 EPS = float(np.finfo(float).eps)
 GREW = 10.0              # over the start's size, and over that of half of the samples
 ROUNDED = 1e-2           # part of the motion that roundings of all steps may add up to
+SLIDES = 4 * EPS         # of the state, as in nsbench.kernels.relay
 FLAT = 1e-6              # gradient over its largest along the run: below it a constraint does not push but throws
 
 
@@ -73,11 +74,13 @@ def _overshot(case: Case, traj: Trajectory) -> Status | None:
 
 
 def _rounded(case: Case, traj: Trajectory) -> Status | None:
-    """Steps so many that their roundings, each half a spacing of the state, may add up to a part of the motion.
+    """Steps so many that their roundings, each half a spacing of the state, may add up to a part of the motion; those of implicit
+    steps on a surface too, each as much as they leave of its equation.
 
     The motion is that of the samples, or what the drift would make of the time, if that is more: a state may be held.
     """
-    lost = float(traj.stats.get("steps", 0)) * 0.5 * EPS * float(np.abs(traj.x).max(initial=0.0))
+    each = SLIDES if isinstance(case.problem, Filippov) and traj.lam_time == "end" else 0.5 * EPS
+    lost = float(traj.stats.get("steps", 0)) * each * float(np.abs(traj.x).max(initial=0.0))
     if not lost > ROUNDED * float(np.abs(traj.x - traj.x[0]).max(initial=0.0)):
         return None
     speed = max(pace(case.problem, float(t), x) for t, x in zip(traj.t, traj.x, strict=True))
