@@ -26,6 +26,20 @@ def test_a_scene_is_followed_in_any_unit(unit, spec, tol, miss):
 
 
 @pytest.mark.parametrize("unit", (1e-8, 1.0))
+@pytest.mark.parametrize("second", (0.0, 0.01))
+def test_surfaces_that_are_one_leave_many_motions_in_any_unit(unit, second):
+    """Their switches differ by more than a factor; the motion is one where the second changes nothing."""
+    def drift(xp):
+        return lambda t, x: 0.0 * x
+
+    def switch(xp):
+        return lambda t, x: xp.array([xp.sin(9.0 * x[0] / unit), 1.5 * x[0] / unit])
+    case = Case(name="one", problem=Filippov.relay(drift, unit * np.array([[-1.8, 0.0], [-1.0, second]]), switch),
+                x0=unit * np.array([0.0, 0.3]), t=np.linspace(0.0, 0.7, 5))
+    assert solvers.solve(case, "event_driven").status.code == ("degenerate" if second else "ok")
+
+
+@pytest.mark.parametrize("unit", (1e-8, 1.0))
 def test_a_gradient_that_vanishes_is_seen_in_any_unit(unit):
     """x^3 >= 0, driven down: at 0 no direction leads away."""
     g = Smooth(lambda xp: lambda t, x: unit * xp.array([(x[0] / unit) ** 3]))

@@ -45,7 +45,7 @@ class _Walk:
         self.case, self.motion, self.options, self.tol = case, motion, options, tol
         self.t, self.x, self.n, self.d = float(case.t[0]), case.x0.copy(), case.n, motion.d
         motion.calls = motion.newton = 0
-        unit = unit_of(case)
+        self.unit = unit = unit_of(case)
         self.size = 1.0 if unit == 1.0 else np.append(np.full(self.n, unit), np.ones(self.d))      # of a state and of weights
         self.theta, self.mode, self.signs = np.zeros(self.d), np.zeros(self.d, np.int64), np.zeros(self.d)
         self.events, self.meetings, self.idle, self.ends = [], [], 0, None
@@ -231,7 +231,7 @@ class _Walk:
         mode, signs, ahead = good[0]
         for _, _, other in good[1:]:
             # trials that lead where weights are lost are not numbers; the shorter ones decide then
-            if not np.nanmax(np.abs(other - ahead)) <= 1e-12 * (1.0 + np.nanmax(np.abs(ahead))):
+            if not np.nanmax(np.abs(other - ahead)) <= 1e-12 * (self.unit + np.nanmax(np.abs(ahead))):
                 return Status("degenerate", f"At t = {self.t:.9g} several motions continue from {self._named(met)}: "
                                             "the solution is not unique there."), None, None
         return Status(), mode, signs
