@@ -32,6 +32,13 @@ def test_other_integrators_agree():
         assert [(e.kind, e.contact) for e in a.events] == [(e.kind, e.contact) for e in b.events]
 
 
+def test_impulses_of_a_stiff_mode_are_as_near_as_its_states():
+    """lam = -1000 (x + q): an error of x that the mode forgets at once is a thousand times as much of lam."""
+    case = system([[-1.0]], ONE, ONE, [[1e-3]], [0.3], 1.0, 5, q=lambda xp: lambda t: (-1.0 - 0.5 * xp.sin(3.0 * t)) * xp.ones(1))
+    a, b = solve(case, "event_driven"), solve(case, "event_driven[method=rk45]", tol=1e-10)
+    assert b.status.ok and np.abs(a.impulse - b.impulse).max() <= 0.5e-10
+
+
 def test_switches_of_the_diode_in_thirty_digits():
     """Each arc anew by matrix exponentials and Newton's method on the voltage, in 40 digits."""
     mp.mp.dps = 40

@@ -117,11 +117,12 @@ class Flow:
     def _followed(self, t, x, h):
         from nsbench.solvers._arc import follow
         m, times, size, self.steps = self.mode, 0.5 * h * (1.0 + S), np.maximum(self.scale, np.abs(x)), 1
-        G = m.G * size / size[:, None]                       # tolerances are relative to each state
+        G = m.G * size / size[:, None]                       # tolerances are relative to each state, and
+        stiff = max(1.0, h * float(np.abs(G).sum(axis=1).max()))         # what a mode forgets of an error, its multipliers keep
         rhs = lambda a, y: G @ y + np.einsum("kij,kj->i", m.U, self.inputs(t + a, m.order)) / size
         X, s = np.full((len(S), x.size), np.nan), np.array([self.inputs(t + a, m.order) for a in times])
         if np.all(np.isfinite(s)):
-            arc = follow(rhs, 0.0, x / size, times[-1], method=self._method, rtol=0.1 * self._tol, samples=times[1:-1],
+            arc = follow(rhs, 0.0, x / size, times[-1], method=self._method, rtol=0.1 * self._tol / stiff, samples=times[1:-1],
                          max_steps=FOLLOWED)
             X = size * np.vstack([x / size, arc.samples, arc.y]) if arc.status.ok else X
             self.steps = max(arc.steps, 1)

@@ -37,7 +37,7 @@ from nsbench.solvers._doubts import pace
 from nsbench.study import misfit
 from randomised.answer import ABSOLUTE, FIRST, STEPS, WILD, Answer
 from randomised.ladder import LADDER, LATER, LATER_SLOW, floors, is_slow, jumps, slower, values
-from randomised.own import MISSING, NARROW, coincide, filled, settled, shortest, slope
+from randomised.own import FAST, MISSING, NARROW, coincide, filled, settled, shortest, slope
 from randomised.runs import Outcome, Verdict, attempt, relative
 
 M, DEPTH, SIGN, RESIDUAL = 4.0, 1e-8, 1e-8, 1e-5
@@ -218,7 +218,8 @@ class Scene(Answer):
         late = all(e <= b * (s / g) ** AT_LAST for (g, b), (s, e) in zip(found[-3:], found[-2:], strict=False))
         if err <= floor(h) or err <= FALLS * coarse[-1] or (late and err <= FALLS * max(e for _, e in found)):
             return Verdict("slow", "ok", text)
-        if h * self.pace > NARROW * shortest(self.case):        # it throws particles over one another before they are put back
+        # it throws particles over one another, or a state far from a narrow set, before they are put back
+        if h * self.pace > min(NARROW * shortest(self.case), FAST * self.unit):
             return Verdict("open", "ok", text)
         return Verdict("wrong", "ok", text)
 
