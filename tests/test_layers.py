@@ -10,10 +10,10 @@ import pytest
 import nsbench
 
 ROOT = Path(nsbench.__file__).parent
-LAYERS = ["places", "seen", "imports", "opened", "stamps", "kept", "fingerprint", "problem", "trajectory", "pointers", "compile",
-          "moving", "kernels", "jets", "tape", "shapes", "case", "size", "near", "contacts", "solvers", "misfit", "reference",
-          "measure", "describe", "ladders", "study", "keys", "journal", "store", "rows", "published", "report", "gate", "execute",
-          "commands", "gate_commands", "cli"]
+LAYERS = ["places", "seen", "imports", "opened", "stamps", "kept", "fingerprint", "problem", "trajectory", "pointers",
+          "compile", "moving", "kernels", "jets", "tape", "shapes", "case", "size", "near", "hull", "contacts",
+          "solvers", "misfit", "reference", "measure", "describe", "ladders", "study", "keys", "journal", "store",
+          "rows", "published", "report", "gate", "execute", "commands", "gate_commands", "cli"]
 HEAVY = ("jax", "numba", "cvxpy", "pandas", "matplotlib", "scipy", "diffrax", "osqp", "pyarrow", "flint", "distributed",
          "dask")
 

@@ -267,10 +267,11 @@ def _thin(case: Case, k: float, traj: Trajectory) -> Trajectory:
     from nsbench.solvers._flat_layer import covered, flat_layer
     from nsbench.solvers._late import late
     from nsbench.solvers._repelled import between
+    from nsbench.solvers._sectors import mixed
     seen = fuller(traj)
     with np.errstate(all="ignore"):
         flat = (flat_layer(case, 1.0 / k, seen.t, seen.x) or between(case, 1.0 / k) or covered(case, 1.0 / k, seen.t, seen.x)
-                or late(case, seen, width=1.0 / k))
+                or late(case, seen, width=1.0 / k) or mixed(case, 1.0 / k, seen.t, seen.x))
     return replace(traj, status=Status("unverified", f"{flat}: no error of size 1 / k is claimed there.")) if flat else traj
 
 

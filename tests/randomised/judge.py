@@ -8,9 +8,9 @@ claimed bound   (event_driven) a difference above BOUND x condition, claims.exac
 claimed order p (steps h, 1/k of a penalty) at the finest of the LADDER an error above M = 4 times the largest constant
                 e / h^p seen at those 8 times coarser or more, that stays where it is when the ladder is continued: still,
                 64 times finer, more than a quarter of what it was. (An order is a promise for small h, in which the drift
-                goes less than a tenth of a diameter or link; what comes down late is counted as "slow", not as wrong.) So for
-                the depth of violated constraints. p is the claim without events, 1 with them, as the methods say of
-                themselves;
+                goes less than 0.005 of the unit, and than a tenth of a diameter or link; what comes down late is counted as
+                "slow", not as wrong.) So for the depth of violated constraints. p is the claim without events, 1 with them,
+                as the methods say of themselves;
 own residuals   (event_driven, with samples at its events too) a residual of the equation above 1e-5 of the largest velocity
                 with up to 64 times the samples, if what it lacks (see own) stays with ever more where it is large;
                 (methods that claim a bound) a depth above 1e-8; (all but extrapolated ones, which say that theirs are of no
