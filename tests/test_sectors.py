@@ -10,6 +10,7 @@ from nsbench.solvers._sectors import beside
     ([[1.0, 0.0], [0.0, 3.0]], 4),
     ([[2.0, 1.0], [1e-6, 5e-7]], 2),                                    # one surface, twice
     ([[2.0, 1.0], [-4.0, -2.0]], 2),
+    ([[1.0, 0.0], [0.0, 1e-12]], 4),
     ([[1.0, 0.0], [0.0, 1.0], [1.0, 1.0]], 6),                          # three lines through a point
     ([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], 8)])
 def test_sectors_around_a_point(normals, sectors):
