@@ -2,7 +2,8 @@
 import numpy as np
 from scipy.sparse import csr_array, vstack
 
-from nsbench.kernels import parts, qp
+from nsbench.linalg import nested_dissection as parts
+from nsbench.qp.kernels import active_set as qp
 
 
 def packing(rng, n, crystal):

@@ -1,7 +1,8 @@
 """Made-up rows of several cases and methods, with every kind of outcome a report must show."""
 import numpy as np
 
-from nsbench.report import source, summary
+from nsbench.report import data as source
+from nsbench.report import summary
 
 STEPS = 0.05 / np.unique(np.round(2 ** np.arange(0, 7.5, 0.27)))
 METHODS = {     # order, constant of the state error, cost per step, loop

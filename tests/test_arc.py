@@ -2,7 +2,7 @@
 import numpy as np
 import pytest
 
-from nsbench.solvers._arc import CREEP, Creeping, follow
+from nsbench.solvers.event_driven.smooth.arc import CREEP, Creeping, follow
 
 
 def test_no_narrow_dip_is_missed():

@@ -4,7 +4,7 @@ import pytest
 
 from nsbench import Affine, Case, Complementarity, Smooth
 from nsbench.solvers import solve
-from nsbench.solvers._arc import follow
+from nsbench.solvers.event_driven.smooth.arc import follow
 
 SQRT_PI = np.pi**0.5
 

@@ -9,9 +9,9 @@ from scipy.integrate import solve_ivp
 import nsbench
 from nsbench import solvers
 from nsbench.case import case_names, get_case
-from nsbench.solvers._hand_written import script
-from nsbench.solvers.kdtree import _jacobi
-from nsbench.solvers.solve_ivp import _event, _march
+from nsbench.solvers.kdtree.method import _jacobi
+from nsbench.solvers.solve_ivp.method import _event, _march
+from nsbench.solvers.solve_ivp.scripts_filippov import script
 from nsbench.study import suite_cases
 
 FULL = [k for k in dict.fromkeys(suite_cases("full")) if solvers.get("solve_ivp").refuses(get_case(k)) is None]
@@ -243,7 +243,7 @@ def test_readme_tells_of_every_script_that_measures_speed():
 
 def test_nosnoc_does_not_go_on_for_ever(monkeypatch):
     needs_nosnoc()
-    from nsbench.solvers import nosnoc
+    from nsbench.solvers.nosnoc import method as nosnoc
     monkeypatch.setattr(nosnoc, "LABOUR", 5)
     monkeypatch.setattr(nosnoc, "FIRST", 50)
     run = nsbench.solve("slide_exit", "nosnoc", h=0.1)

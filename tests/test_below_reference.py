@@ -15,8 +15,8 @@ def slack(monkeypatch):
     """slide_exit with a stored reference whose bounds are 1e-6, and the runs measured against it."""
     case = get_case("slide_exit")
     ref = dataclasses.replace(refs.load(case), state_error=1e-6, impulse_error=1e-6, event_error=1e-6, kind="stored")
-    monkeypatch.setattr("nsbench.measure.frame.reference", lambda c: ref)
-    from nsbench.measure import frame
+    monkeypatch.setattr("nsbench.measure.context.reference", lambda c: ref)
+    from nsbench.measure import context as frame
     frame._frames.clear()
     yield case, ref
     frame._frames.clear()
@@ -61,8 +61,8 @@ def test_the_state_alone_does_not_make_a_row_below(slack, monkeypatch):
 
 @pytest.mark.survives("coarse reference")
 def test_the_report_shows_the_floor_instead():
+    from nsbench.report.reliability_tables import _known
     from nsbench.report.summary import shown
-    from nsbench.report.trust import _known
     assert shown(3e-16, 1e-14) == "< 1e-14" and shown(3e-13, 1e-14) == "3e-13"
     assert _known({"impulse": 1e-17, "impulse_floor": 1e-15}, "impulse", "impulse_floor") == "< 1e-15"
     assert _known({"impulse": 2e-15, "impulse_floor": np.nan}, "impulse", "impulse_floor") == "2e-15"

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from nsbench import Case, Filippov, solvers
-from nsbench.solvers._between import LOOKS, fuller
+from nsbench.diagnostics.run_view import LOOKS, fuller
 
 METHODS = {"euler": {"h": 1e-3}, "euler[implicit=true]": {"h": 1e-3}, "penalty": {"k": 1e4}, "nosnoc": {"h": 0.1},
            "event_driven": {}}

@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 
 import nsbench
-from nsbench import store, study
+from nsbench import study
 from nsbench.cli import main
-from nsbench.execute.calibrate import specs_of
 from nsbench.gate import baseline, spreads
-from nsbench.report.source import read
+from nsbench.gate.calibrate import specs_of
+from nsbench.report.data import read
+from nsbench.results import tables as store
 
 
 def test_a_nudged_start_is_near_and_the_same_for_the_same_seed():
@@ -52,7 +53,7 @@ def test_a_calibrated_study_is_held_by_its_own_baseline(tmp_path, capsys):
 def test_a_study_of_cases_that_are_not_registered_cannot_be_calibrated(tmp_path):
     from report_rows import row
 
-    from nsbench.execute.calibrate import calibrate
+    from nsbench.gate.calibrate import calibrate
     store.write_tables(tmp_path, [row("nowhere", "pbd", 0.1)])
     assert specs_of(read(tmp_path)) == []
     with pytest.raises(LookupError, match="no run of a registered case"):

@@ -9,9 +9,9 @@ import nsbench
 
 ROOT = Path(nsbench.__file__).parent
 CALLEE = "from numba import njit\n@njit(cache=True)\ndef added(x):\n    return x + {}\n"
-CALLER = ("from numba import njit\nfrom nsbench.kernels.callee import added\n"
+CALLER = ("from numba import njit\nfrom nsbench.compilation.numba_setup.callee import added\n"
           "@njit(cache=True)\ndef twice(x):\n    return 2.0 * added(x)\n")
-CODE = ("from nsbench.kernels.caller import twice; x = twice(1.0); "
+CODE = ("from nsbench.compilation.numba_setup.caller import twice; x = twice(1.0); "
         "print(x, sum(twice.stats.cache_hits.values()), sum(twice.stats.cache_misses.values()))")
 
 

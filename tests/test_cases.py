@@ -8,7 +8,7 @@ import pytest
 
 from nsbench import LCS, Complementarity, Filippov, get_case
 from nsbench.case import broken_cases, case_module, case_names
-from nsbench.contacts import Scene
+from nsbench.dynamics.contacts.constraint_set import Scene
 from nsbench.solvers import get, grid
 
 SETS = {name: getattr(case_module(name), "SUITES", {"standard": [{}]}) for name in case_names()}
@@ -59,7 +59,7 @@ def test_the_start_is_feasible_unless_the_case_says_otherwise(name, params):
 
 def functions(case):
     """(name, factory, its compiled form or None, sizes of its arguments after t) of all physics in the case."""
-    from nsbench.compile import rhs, rhs_signs
+    from nsbench.compilation.factories import rhs, rhs_signs
     p = case.problem
     if isinstance(p, Complementarity):
         return [("drift", p.drift, rhs(p.drift, case.n), (case.n,))]
@@ -67,7 +67,7 @@ def functions(case):
         d = len(p.switch(np)(0.0, case.x0.copy()))
         return [("field", p.field, rhs_signs(p.field, case.n, d), (case.n, d)), ("switch", p.switch, None, (case.n,))]
     assert isinstance(p, LCS)
-    from nsbench.solvers._lcs import drift_of
+    from nsbench.dynamics.lcs import drift_of
     return [("A x + u", drift_of(p), rhs(drift_of(p), case.n), (case.n,))]
 
 
@@ -85,7 +85,7 @@ def kinds():
 
 @pytest.mark.parametrize("name, params", kinds())
 def test_numpy_numba_and_jax_agree(name, params):
-    from nsbench.compile import jax_function
+    from nsbench.compilation.factories import jax_function
     case = get_case(name, **params)
     rng = np.random.default_rng(1)
     for what, factory, compiled, sizes in functions(case):

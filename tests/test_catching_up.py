@@ -153,7 +153,7 @@ def test_refusals_and_options():
 
 def test_nonlinear_steps_that_do_not_settle_end_the_run(monkeypatch):
     """A disc dragged round another: one linearisation a step is not enough, and twenty such steps are."""
-    from nsbench.solvers import _catching_up_host as host
+    from nsbench.solvers.catching_up import host_loop as host
     case = nsbench.get_case("two_discs")
     assert nsbench.solve(case, "catching_up[nonlinear=true]", h=0.01).status.ok
     monkeypatch.setattr(host, "ROUNDS", 1)

@@ -7,8 +7,8 @@ from scipy.sparse import eye_array
 
 import nsbench
 from nsbench import Affine, Case, Complementarity, Distance
-from nsbench.solvers import _qp
 from nsbench.solvers.base import grid
+from nsbench.solvers.catching_up import qp_backends as _qp
 
 ACCURATE = ("catching_up", "catching_up[backend=osqp]", "catching_up[backend=piqp]")
 
@@ -21,9 +21,9 @@ def still(xp):
 
 def host_twin(case, h, reach=0.3):
     """The run of the active set in the Python loop."""
-    from nsbench.contacts import Scene
-    from nsbench.solvers._catching_up_host import HostLoop
-    from nsbench.solvers.catching_up import _trajectory
+    from nsbench.dynamics.contacts.constraint_set import Scene
+    from nsbench.solvers.catching_up.host_loop import HostLoop
+    from nsbench.solvers.catching_up.method import _trajectory
     g = grid(case.t, h)
     loop = HostLoop(case, Scene(case.problem, case.n), g, case.x0.copy(), "active_set", False, reach, None, None)
     return _trajectory(case, g, "host", loop.run(), None)

@@ -6,8 +6,10 @@ import time
 import pytest
 from solver_file import solver
 
-from nsbench import opened, seen, store
 from nsbench.cli import main
+from nsbench.results import tables as store
+from nsbench.source_files import file_state as seen
+from nsbench.source_files import opened_files as opened
 
 DATA = 'c = float(open(os.path.join(os.path.dirname(__file__), "data", "table.txt")).read())'
 

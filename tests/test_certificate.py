@@ -8,10 +8,10 @@ flint = pytest.importorskip("flint", reason="certificates need python-flint (pip
 
 from nsbench import Affine, Case, Complementarity, Distance, Filippov, Smooth, get_case  # noqa: E402
 from nsbench import reference as refs  # noqa: E402
-from nsbench.reference.arcs import arcs_of  # noqa: E402
-from nsbench.reference.certify import certify  # noqa: E402
-from nsbench.reference.linear import Refused  # noqa: E402
-from nsbench.reference.signs import positive  # noqa: E402
+from nsbench.reference.certify.ball_algebra import Refused  # noqa: E402
+from nsbench.reference.certify.certificate import certify  # noqa: E402
+from nsbench.reference.certify.claimed_arcs import arcs_of  # noqa: E402
+from nsbench.reference.certify.positivity import positive  # noqa: E402
 
 TIDE = get_case("tide")
 
@@ -33,8 +33,8 @@ def test_the_tide_is_proven_to_thirty_digits(tide):
 
 def test_a_bound_holds_against_a_computation_with_more_digits():
     """slide_exit once more in 60 digits: the difference is within the bound, and the bound is no more than sharp."""
-    from nsbench.reference.enclose import enclose
-    from nsbench.reference.follow import Digits, event_times, follow, precision
+    from nsbench.reference.certify.error_bound import enclose
+    from nsbench.reference.certify.high_precision_path import Digits, event_times, follow, precision
     case = get_case("slide_exit")
     arcs = arcs_of(case)
     coarse, fine = Digits(24, 24.0, 140), Digits(60, 60.0, 320)
@@ -96,7 +96,7 @@ def spike(depth, width=1e-3):
 
 def test_a_spike_between_samples_is_seen():
     """A run that misses it claims one free arc: refused. A spike that stays below is no obstacle to the proof."""
-    from nsbench.reference.arcs import Arc
+    from nsbench.reference.certify.claimed_arcs import Arc
     with pytest.raises(Refused, match=r"gap of \(0, 0\) does not stay positive.*: it is -"):
         certify(spike(1e-4), [Arc(1.0, ())])
     assert max(certify(spike(-1e-4), [Arc(1.0, ())]).proven.values()) < 1e-30

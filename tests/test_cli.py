@@ -9,7 +9,7 @@ import time
 import pytest
 
 from nsbench.cli import main
-from nsbench.commands import read_values
+from nsbench.cli.commands import read_values
 
 
 def nsbench(*args, **kw):

@@ -12,10 +12,12 @@ from local_cluster import cluster
 from solver_file import solver
 from test_execute import SOLVER
 
-from nsbench import keys, store
 from nsbench.cli import main
-from nsbench.execute import cluster as far
-from nsbench.execute import local, watched
+from nsbench.execute.cluster import client as far
+from nsbench.execute.cluster import remote_worker as watched
+from nsbench.execute.workers import pool as local
+from nsbench.results import run_key as keys
+from nsbench.results import tables as store
 from nsbench.study import Spec, run_one
 
 LIMIT = 5.0             # seconds, of runs that take some milliseconds where nothing else is at work

@@ -3,7 +3,7 @@ import multiprocessing as mp
 import sys
 import time
 
-from nsbench.execute.once import share_compilation
+from nsbench.compilation.compile_lock import share_compilation
 
 KERNELS = '''
 from numba import njit

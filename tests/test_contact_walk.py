@@ -8,9 +8,11 @@ from plain_event_driven import run as plain
 from studies import random_scenes as scenes
 
 from nsbench import Affine, Case, Complementarity, Distance, get_case
-from nsbench.kernels import descents, skyline
-from nsbench.solvers import _contact_walk, get, solve
-from nsbench.solvers._affine_drift import affine_drift
+from nsbench.linalg import skyline_cholesky as skyline
+from nsbench.solvers import get, solve
+from nsbench.solvers.event_driven.contacts import compiled_loop as _contact_walk
+from nsbench.solvers.event_driven.contacts.affine_drift import affine_drift
+from nsbench.solvers.event_driven.contacts.kernels import polynomial_descent as descents
 
 
 def host(monkeypatch, case, tol=1e-12):
@@ -70,7 +72,7 @@ def test_random_scenes(kind, monkeypatch):
 
 
 def test_a_list_of_neighbours_changes_nothing(monkeypatch):
-    from nsbench.solvers import _contact_field
+    from nsbench.solvers.event_driven.contacts import evaluation as _contact_field
     case = get_case("discs[n=30]")
     whole = solve(case, "event_driven")
     monkeypatch.setattr(_contact_field, "LISTED", 0)
@@ -90,7 +92,8 @@ def two_clusters():
                          ids=lambda case: f"{case.name}-{case.n}")
 def test_parts_and_sparse_factors_change_nothing(case, monkeypatch):
     """Choices by dense factors for all contacts together; or part by part, by sparse factors from three rows on."""
-    from nsbench.solvers import _contact_choice, _gram
+    from nsbench.solvers.event_driven.contacts import compiled_choice as _contact_choice
+    from nsbench.solvers.event_driven.contacts import gram_matrix as _gram
     whole, shares, touched = solve(case, "event_driven"), [], _contact_choice._touched
 
     def watched(walk, label, active, changed):

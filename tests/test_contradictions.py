@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from nsbench import Affine, Case, Complementarity, Distance, Smooth, solvers
-from nsbench.solvers._contradiction import contradiction
+from nsbench.diagnostics.contacts.infeasible_constraints import contradiction
 
 
 def _rest(xp):
@@ -197,7 +197,7 @@ def test_two_roundings_of_one_wall_are_no_contradiction():
 @pytest.mark.survives("empty set")
 def test_the_programs_of_a_run_are_counted(monkeypatch):
     """Walls without room ask for one at every sample, and still tell of the time at which they cross."""
-    from nsbench.solvers import _walls
+    from nsbench.diagnostics.contacts import infeasible_rows as _walls
     asked, plain = [], _walls._program
     monkeypatch.setattr(_walls, "_program", lambda *args: asked.append(1) or plain(*args))
 

@@ -1,8 +1,8 @@
 """The event found is the first dip of the function that counts, wherever rounding puts the roots of its series."""
 import numpy as np
 
-from nsbench.solvers._crossings import TOUCH, Crossings
-from nsbench.solvers._pieces import whole
+from nsbench.solvers.event_driven.smooth.crossings import TOUCH, Crossings
+from nsbench.solvers.event_driven.smooth.pieces import whole
 
 
 def dense(t):

@@ -4,8 +4,7 @@ from importlib import metadata
 import pytest
 
 from nsbench import solvers
-from nsbench.cli import main
-from nsbench.execute import doctor
+from nsbench.cli import doctor, main
 
 
 def test_a_sound_installation_has_no_fault(capsys):

@@ -7,7 +7,7 @@ import pytest
 from event_scenes import relays
 
 from nsbench import LCS, Affine, Case, Complementarity, Distance, Filippov, solvers
-from nsbench.solvers._poles import pole
+from nsbench.diagnostics.drift_poles import pole
 
 POLES = {                                              # of (xp, t, x), x starting at 1, over [0, 1]
     "simple": lambda xp, t, x: 1.0 / (t - 0.3001),

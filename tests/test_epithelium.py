@@ -3,9 +3,9 @@ import numpy as np
 import pytest
 
 import nsbench
-from nsbench import compile
 from nsbench.case import case_module
-from nsbench.contacts import Scene
+from nsbench.compilation import factories as compile
+from nsbench.dynamics.contacts.constraint_set import Scene
 
 KINDS = ({}, {"r_hard": 0.7}, {"n": 3}, {"n": 5, "free_basal": True}, {"n": 5, "curvature": 0.1}, {"n": 2, "mu": 0.02})
 K, K_S, R_S, ETA_RATE = 2.0, 15.0, 1.0, 5.0

@@ -8,9 +8,9 @@ from exact_runs import exact_run
 import nsbench
 from nsbench import LCS, Case, Filippov, get_case
 from nsbench.case import case_names
-from nsbench.hull import distance_to_hull
-from nsbench.measure.events import event_errors, match
-from nsbench.measure.frame import outside_windows
+from nsbench.dynamics.filippov.convex_hull import distance_to_hull
+from nsbench.measure.context import outside_windows
+from nsbench.measure.event_times import event_errors, match
 from nsbench.measure.quadrature import integrals, kinked_intervals
 from nsbench.reference import closed_form
 from nsbench.trajectory import Event, Status, Trajectory

@@ -7,7 +7,8 @@ from event_scenes import floor, push, scene
 
 from nsbench import Affine, Distance
 from nsbench.case import get_case
-from nsbench.solvers import _contact_field, solve
+from nsbench.solvers import solve
+from nsbench.solvers.event_driven.contacts import evaluation as _contact_field
 
 KNOWN = ["apple", "tide", "smooth", "wedge", "two_discs", "rods[n=5]", "rods[n=10]", "hex[n=7]", "hex[n=19]",
          "duplicate", "chain", "chain[pull=last]", "chain[hanging=rest]", "stack[n=6]", "stack[n=3,columns=3]"]
@@ -86,7 +87,7 @@ def fine(case, k):
 @pytest.mark.parametrize("spec", ["discs[n=10,seed=2]", "hex[n=7]", "chain[hanging=fall,n=5]", "discs[n=6,box=true]"])
 def test_the_run_satisfies_its_inclusion(spec):
     """Feasible, multipliers not negative, loads on closed contacts only, x' = f + reaction: checked from samples."""
-    from nsbench.contacts import Scene
+    from nsbench.dynamics.contacts.constraint_set import Scene
     case = fine(get_case(spec), 1201)
     traj = solve(case)
     assert traj.status.ok

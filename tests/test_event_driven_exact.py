@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from nsbench import Affine, Case, Complementarity, Distance, Smooth
-from nsbench.contacts import Scene
+from nsbench.dynamics.contacts.constraint_set import Scene
 from nsbench.solvers import solve
 
 A0 = 0.3                                                    # angle off the top where the falling point lands

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from nsbench import Affine, Case, Complementarity, Distance, Filippov, Smooth, solvers
-from nsbench.solvers._units import _way, unit, unit_of
+from nsbench.dynamics.length_scale import _way, unit, unit_of
 
 
 def pushed(unit):

@@ -6,11 +6,11 @@ import os
 import pytest
 from solver_file import solver
 
-from nsbench.execute.local import Chore, run_all
-from nsbench.execute.turns import Turns, kernels_of
-from nsbench.ladders import substeps_ladder
+from nsbench.execute.workers.kernel_schedule import Turns, kernels_of
+from nsbench.execute.workers.pool import Chore, run_all
 from nsbench.measure import clock
 from nsbench.study import Spec, attempt, run_batch
+from nsbench.study.ladders import substeps_ladder
 
 SOLVER = solver('''
     if self.how == "hang":
@@ -165,9 +165,9 @@ def test_what_shares_a_solver_waits_its_turn_and_is_taken_after(tmp_path):
 
 
 def test_a_kernel_compiled_within_a_run_stops_its_clock():
-    from nsbench.execute.local import _beyond
-    from nsbench.execute.process import Worker
-    from nsbench.execute.worker import News
+    from nsbench.execute.workers.pool import _beyond
+    from nsbench.execute.workers.process import Worker
+    from nsbench.execute.workers.worker import News
     told = []
 
     class Pipe:

@@ -5,10 +5,13 @@ from report_rows import STEPS, row
 
 import nsbench
 from nsbench import solvers
-from nsbench.report import expected, source, summary, trust, verdict
-from nsbench.report.compose import compose, figures
-from nsbench.report.page import page
-from nsbench.report.text import text
+from nsbench.report import data as source
+from nsbench.report import expectations as expected
+from nsbench.report import reliability_tables as trust
+from nsbench.report import summary, verdict
+from nsbench.report.assemble import compose, figures
+from nsbench.report.html_page import page
+from nsbench.report.markdown import text
 
 SOLVERS = {"pbd": {"accuracy": "h", "claims": {"state": 1.0, "impulse": 1.0},
                    "expects": [{"when": ["exact_at_grid"], "state": "exact", "impulse": "exact", "why": "constant"},

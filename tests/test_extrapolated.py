@@ -5,7 +5,7 @@ import pytest
 import nsbench
 from nsbench import Affine, Case, Complementarity, errors, get_case, solve
 from nsbench.solvers import get
-from nsbench.solvers._extrapolation import combined, weights
+from nsbench.solvers.common.extrapolation import combined, weights
 from nsbench.trajectory import Status, Trajectory
 
 

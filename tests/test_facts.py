@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import nsbench
-from nsbench.contacts import Scene
+from nsbench.dynamics.contacts.constraint_set import Scene
 
 
 def stepwise(case, spec, n):
@@ -220,7 +220,7 @@ def test_the_projected_start_is_the_nearest_feasible_point():
     """Against a general optimiser from the same place; linearised once, discs end up too far apart."""
     from scipy.optimize import minimize
 
-    from nsbench.solvers.start import start_state
+    from nsbench.solvers.common.initial_state import start_state
     for seed in range(4):
         case = nsbench.get_case("overlap_start", meaning="project", seed=seed)
         y = start_state(case, Scene(case.problem, case.n))

@@ -5,7 +5,7 @@ from filippov_corners import SEVERAL
 from filippov_systems import ONE, constant, drift, entry
 
 from nsbench import Case, Filippov, solve
-from nsbench.solvers._sliding import Motion
+from nsbench.dynamics.filippov.vector_field import Motion
 
 
 def run(made, k=41):

@@ -51,7 +51,7 @@ def test_a_way_off_that_opens_while_sliding_in_a_corner_is_told():
 
 
 def test_where_minors_forbid_a_way_off_a_search_finds_none(monkeypatch):
-    from nsbench.solvers import _sliding
+    from nsbench.dynamics.filippov import vector_field as _sliding
     rng, seen = np.random.default_rng(3), 0
     for _ in range(60):
         k = int(rng.integers(2, 4))

@@ -5,13 +5,14 @@ import numpy as np
 import pytest
 from report_rows import row
 
-from nsbench import store
 from nsbench.cli import main
-from nsbench.gate import baseline, spreads, told, update
+from nsbench.gate import baseline, spreads, update
+from nsbench.gate import messages as told
 from nsbench.gate.baseline import Line
+from nsbench.gate.comparison import OUTCOMES, exit_code, judge
 from nsbench.gate.facts import Fact, facts
-from nsbench.gate.judge import OUTCOMES, exit_code, judge
-from nsbench.report.source import read
+from nsbench.report.data import read
+from nsbench.results import tables as store
 
 FACT = Fact("tide", "pbd", "h=0.01", "state_sup", "near", 0.25, "", "case=aa reference=bb")
 COUNT = Fact("tide", "pbd", "h=0.01", "steps", "count", 300.0, "", "case=aa reference=bb")

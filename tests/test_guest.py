@@ -7,7 +7,8 @@ import time
 import pytest
 from solver_file import solver
 
-from nsbench import guest, store
+from nsbench import user_code as guest
+from nsbench.results import tables as store
 
 
 def run(folder, *args):

@@ -4,7 +4,7 @@ import pytest
 
 import nsbench
 from nsbench.cli import main
-from nsbench.execute.check import check_case
+from nsbench.cli.check import check_case
 from nsbench.study import misfit
 from nsbench.trajectory import Status, Trajectory
 

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from nsbench import imports, places
+from nsbench.source_files import import_graph as imports
+from nsbench.source_files import locations as places
 
 ROOT = places.ROOT
 FILES = sorted(p for p in (*ROOT.rglob("*.py"), *(ROOT.parent / "cases").glob("*.py")))
@@ -57,8 +58,8 @@ def test_imports_found_by_their_looks_are_those_of_the_syntax_tree(path):
 
 
 # what lists of names and the finding of cases load beside what is asked for; none of it is called by a run
-BESIDE = ("describe.py", "measure/orders.py", "measure/asymptote.py", "measure/plateau.py", "measure/window.py",
-          "reference/build.py", "reference/certify.py", "keys.py", "imports.py", "places.py", "opened.py", "stamps.py")
+BESIDE = ("study/describe.py", "measure/orders/__init__.py", "measure/orders/corrected_power_law.py", "measure/orders/plateau.py", "measure/orders/window.py",
+          "reference/build.py", "reference/certify/certificate.py", "results/run_key.py", "source_files/import_graph.py", "source_files/locations.py", "source_files/opened_files.py", "compilation/numba_cache.py")
 
 
 def unknown(names, probes):

@@ -7,9 +7,11 @@ import sys
 
 import pytest
 
-from nsbench import journal, published, store
 from nsbench.cli import main
 from nsbench.gate import spreads
+from nsbench.results import consistency as published
+from nsbench.results import journal
+from nsbench.results import tables as store
 
 
 def write(folder, **rows):

@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 
 import nsbench
-from nsbench import get_case, keys
+from nsbench import get_case
+from nsbench.results import run_key as keys
 from nsbench.study import Spec
 
 ROOT = Path(nsbench.__file__).parent.parent
@@ -88,30 +89,30 @@ LINE = "\n# another line\n"
 EXPECTED = {                                             # written by hand
     "nsbench/cases/tide.py": rows(["tide"]),
     "nsbench/reference_solutions/sliding.json": rows(["sliding"]),
-    "nsbench/solvers/pbd.py": rows(solvers=PBD),
-    "nsbench/solvers/kdtree.py": rows(solvers=["kdtree", "own"]),
-    "nsbench/solvers/_switching.py": rows(solvers=["event_driven"]),
-    "nsbench/solvers/_pbd_device.py": rows(solvers=["pbd_jax"]),
-    "nsbench/solvers/_diffrax.py": rows(solvers=["penalty"]),
-    "nsbench/solvers/_lcs.py": rows(solvers=["theta", "event_driven"]),
+    "nsbench/solvers/pbd/method.py": rows(solvers=PBD),
+    "nsbench/solvers/kdtree/method.py": rows(solvers=["kdtree", "own"]),
+    "nsbench/solvers/event_driven/filippov/host_loop.py": rows(solvers=["event_driven"]),
+    "nsbench/solvers/pbd_jax/program.py": rows(solvers=["pbd_jax"]),
+    "nsbench/solvers/penalty/integrator.py": rows(solvers=["penalty"]),
+    "nsbench/dynamics/lcs.py": rows(solvers=["theta", "event_driven"]),
     "nsbench/solvers/base.py": EVERY,
-    "nsbench/kernels/theta.py": rows(solvers=["theta"]),
-    "nsbench/kernels/relay.py": rows(solvers=["theta", "euler"]),
-    "nsbench/kernels/pbd_packed.py": rows(solvers=["pbd", "pbd_jax", "catching_up", "richardson"]),
-    "nsbench/kernels/pairs.py": rows(solvers=["kdtree", "own"]),
-    "nsbench/jets/table.py": rows(solvers=["event_driven", "penalty", "nosnoc"]),      # two look for flat switches
+    "nsbench/solvers/theta/kernels/loop.py": rows(solvers=["theta"]),
+    "nsbench/solvers/euler/kernels/loop.py": rows(solvers=["theta", "euler"]),
+    "nsbench/solvers/pbd/kernels/cell_loop.py": rows(solvers=["pbd", "pbd_jax", "catching_up", "richardson"]),
+    "nsbench/solvers/kdtree/kernels/pair_sweep.py": rows(solvers=["kdtree", "own"]),
+    "nsbench/solvers/event_driven/interval_taylor/numpy_functions.py": rows(solvers=["event_driven", "penalty", "nosnoc"]),      # two look for flat switches
     "nsbench/measure/errors.py": EVERY,
     "nsbench/measure/residuals.py": EVERY,
-    "nsbench/measure/orders.py": set(),                  # of orders no row speaks
+    "nsbench/measure/orders/__init__.py": set(),                  # of orders no row speaks
     "nsbench/reference/build.py": set(),
-    "nsbench/reference/stored.py": EVERY,
+    "nsbench/reference/storage.py": EVERY,
     "nsbench/problem.py": EVERY,
     "nsbench/report/tables.py": set(),
-    "nsbench/execute/local.py": set(),
-    "nsbench/execute/surroundings.py": EVERY,
-    "nsbench/store.py": set(),
-    "nsbench/imports.py": set(),
-    "nsbench/places.py": set(),
+    "nsbench/execute/workers/pool.py": set(),
+    "nsbench/execute/workers/process_state.py": EVERY,
+    "nsbench/results/tables.py": set(),
+    "nsbench/source_files/import_graph.py": set(),
+    "nsbench/source_files/locations.py": set(),
     "mine.py": rows(["mine"]),
     "beside.py": rows(["mine"]),
     "start.txt": rows(["mine"]),
@@ -158,8 +159,8 @@ def test_an_edit_invalidates_what_depends_on_it_and_nothing_else(found, file):
 
 
 def test_a_file_that_acts_when_it_is_imported_counts_for_every_run(copy):
-    edits = [("nsbench/solvers/kdtree.py", "\nnp.seterr(all='ignore')\n"), ("nsbench/cases/wheel.py", "\nnp.pi = 3.0\n"),
-             ("nsbench/solvers/theta.py", "\nANOTHER = dict(a=1)\n")]
+    edits = [("nsbench/solvers/kdtree/method.py", "\nnp.seterr(all='ignore')\n"), ("nsbench/cases/wheel.py", "\nnp.pi = 3.0\n"),
+             ("nsbench/solvers/theta/method.py", "\nANOTHER = dict(a=1)\n")]
     assert [*invalidated(copy, edits).values()] == [EVERY, EVERY, rows(solvers=["theta"])]
 
 
@@ -173,8 +174,8 @@ def test_a_file_that_makes_up_what_it_imports_depends_on_its_whole_folder(copy):
 
 
 @pytest.mark.parametrize("mutation, missed", [
-    ("needs = imports.needs\nimports.needs = lambda *p, top=False: needs(*p, top=True)", "nsbench/kernels/theta.py"),
-    ("imports._found_by_text = lambda *a: set()", "nsbench/solvers/pbd.py"),
+    ("needs = imports.needs\nimports.needs = lambda *p, top=False: needs(*p, top=True)", "nsbench/solvers/theta/kernels/loop.py"),
+    ("imports._found_by_text = lambda *a: set()", "nsbench/solvers/pbd/method.py"),
     ("keys._files = lambda paths, home: {}", "nsbench/measure/errors.py"),
     ("import contextlib\nfrom nsbench import opened\nopened.during = contextlib.nullcontext", "factor.txt"),
 ])

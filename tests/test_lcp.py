@@ -4,7 +4,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from nsbench.kernels.lcp import INFEASIBLE, OK, in_span, solve_lcp
+from nsbench.lcp.gram_lcp import INFEASIBLE, OK, in_span, solve_lcp
 
 DEPENDENT = 1e-10
 

@@ -2,7 +2,7 @@
 import numpy as np
 import pytest
 
-from nsbench.solvers import _qp
+from nsbench.solvers.catching_up import qp_backends as _qp
 
 
 def csr(G):
@@ -31,7 +31,7 @@ def random_problem(rng):
 
 
 def test_the_active_set_solves_degenerate_problems_from_any_start():
-    from nsbench.kernels import qp
+    from nsbench.qp.kernels import active_set as qp
     rng, contradictions = np.random.default_rng(5), 0
     for _ in range(300):
         G, q = random_problem(rng)
@@ -51,8 +51,9 @@ def test_the_active_set_solves_degenerate_problems_from_any_start():
 
 
 def test_every_phase_alone_finds_the_same_point():
-    from nsbench.kernels import pivot, qp
-    from nsbench.kernels.sparse import lengths
+    from nsbench.linalg.sparse_ldl import lengths
+    from nsbench.qp.kernels import active_set as qp
+    from nsbench.qp.kernels import dual_active_set as pivot
     rng, solved, reached = np.random.default_rng(6), 0, 0
     for _ in range(200):
         G, q = random_problem(rng)
@@ -79,8 +80,8 @@ def test_every_phase_alone_finds_the_same_point():
 
 
 def test_the_sparse_factor_is_the_dense_one_in_an_order_that_fills_little():
-    from nsbench.kernels import qp
-    from nsbench.kernels.sparse import back, choose, factor
+    from nsbench.linalg.sparse_ldl import back, choose, factor
+    from nsbench.qp.kernels import active_set as qp
     rng, side = np.random.default_rng(0), 30
     m = side * side
     k = np.arange(m)
@@ -106,7 +107,7 @@ def test_the_sparse_factor_is_the_dense_one_in_an_order_that_fills_little():
 
 
 def test_the_residual_catches_a_false_answer():
-    from nsbench.kernels import qp
+    from nsbench.qp.kernels import active_set as qp
     G, q = np.array([[1.0, 0.0], [3.0, 4.0], [0.0, 2.0]]), np.array([-1.0, -15.0, 2.0])
     ptr, cols, vals = csr(G)
     P = qp.pattern(ptr, cols, 2)

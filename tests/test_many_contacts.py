@@ -4,9 +4,10 @@ import pytest
 from packings import ready, step
 from scipy.sparse import csr_array, vstack
 
-from nsbench.kernels import fronts, qp
-from nsbench.kernels.interior import interior
-from nsbench.kernels.sparse import lengths
+from nsbench.linalg import multifrontal as fronts
+from nsbench.linalg.sparse_ldl import lengths
+from nsbench.qp.kernels import active_set as qp
+from nsbench.qp.kernels.interior_point import interior
 
 
 def by_fronts(G, q, guess, tol=1e-12):
@@ -80,10 +81,11 @@ def test_walls_that_contradict_each_other_are_infeasible():
 def test_a_run_through_both_solvers_is_one_run(monkeypatch):
     """The same run with every step by the active set: state and reaction agree, and the impulses balance."""
     import nsbench
-    from nsbench.solvers import _least, catching_up
+    from nsbench.qp import projection as _least
+    from nsbench.solvers.catching_up import method as catching_up
     case = nsbench.get_case("discs", n=60, seed=3)
     own = nsbench.solve(case, "catching_up", h=0.02)
-    from nsbench.kernels.least import nobody
+    from nsbench.qp.kernels.dispatch import nobody
     monkeypatch.setattr(catching_up, "many_rows", lambda rows: nobody)
     monkeypatch.setattr(_least, "many_rows", lambda rows: nobody)
     exact = nsbench.solve(case, "catching_up", h=0.02)

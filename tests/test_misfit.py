@@ -5,8 +5,8 @@ from solver_file import solver
 from survive_files import case_file, rows
 
 import nsbench
-from nsbench.misfit import misfit
 from nsbench.study import Spec, attempt
+from nsbench.study.result_contract import misfit
 from nsbench.trajectory import Status, Trajectory
 
 METHODS = ("pbd", "pbd_jax", "kdtree", "catching_up", "theta", "penalty", "event_driven", "solve_ivp", "nosnoc", "richardson",

@@ -9,9 +9,9 @@ from scipy.optimize import linprog
 
 import nsbench
 from nsbench import Affine, Complementarity, Distance, get_case
-from nsbench.contacts import Scene
-from nsbench.measure.frame import frame, full_rank, near_of
-from nsbench.measure.polyhedron import polyhedron
+from nsbench.dynamics.contacts.constraint_set import Scene
+from nsbench.measure.context import frame, full_rank, near_of
+from nsbench.measure.multiplier_sets import polyhedron
 
 TIDE = get_case("tide")
 

@@ -177,7 +177,7 @@ def test_moving_walls_are_taken_at_the_end_of_the_step():
 @pytest.mark.parametrize("name", ["wedge", "rods", "hex"])
 def test_violation_after_one_sweep_at_rest_is_the_identity(name):
     """g_k after the sweep = h sum over l processed after k of lambda_l <grad g_k, grad g_l>, to 1 %."""
-    from nsbench.contacts import Scene
+    from nsbench.dynamics.contacts.constraint_set import Scene
     case = nsbench.get_case(name)
     for h in (1e-3, 1e-4):
         traj = nsbench.solve(case.replace(t=np.append(case.t, case.t[-1] + h)), "pbd", h=h)

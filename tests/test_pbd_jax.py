@@ -3,10 +3,10 @@ import numpy as np
 import pytest
 
 from nsbench import Affine, Case, Complementarity, Distance, Smooth, get_case, solve
-from nsbench.contacts import PAIR, Scene
+from nsbench.dynamics.contacts.constraint_set import PAIR, Scene
 from nsbench.solvers import get
-from nsbench.solvers._pbd_device import arrange
-from nsbench.solvers.pbd import _hard
+from nsbench.solvers.pbd.method import _hard
+from nsbench.solvers.pbd_jax.program import arrange
 
 
 def same(case, h, options="", tolerance=1e-12):

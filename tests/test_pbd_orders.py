@@ -6,7 +6,7 @@ import pytest
 from test_pbd import box_of_discs, crowd, plain
 
 import nsbench
-from nsbench.kernels.keys import levels, ranks
+from nsbench.dynamics.contacts.kernels.constraint_order import levels, ranks
 
 WORD = 2**64 - 1
 

@@ -5,9 +5,9 @@ from test_pbd import box_of_discs, crowd
 
 import nsbench
 from nsbench import Affine, Case, Complementarity, Distance
-from nsbench.contacts import Scene
-from nsbench.kernels.records import Contacts, cumulate
-from nsbench.solvers import pbd
+from nsbench.dynamics.contacts.constraint_set import Scene
+from nsbench.dynamics.contacts.kernels.impulse_records import Contacts, cumulate
+from nsbench.solvers.pbd import method as pbd
 
 ORDERS = ("sorted", "reverse", "random", "cell", "coloured")
 

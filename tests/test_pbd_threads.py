@@ -8,7 +8,7 @@ from test_pbd_packed import scene
 
 import nsbench
 from nsbench import Affine, Complementarity, Distance, solvers
-from nsbench.kernels.schedule import divide, schedule
+from nsbench.solvers.pbd.kernels.conflict_schedule import divide, schedule
 
 
 def bytes_of(traj):

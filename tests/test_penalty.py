@@ -4,9 +4,10 @@ import pytest
 
 import nsbench
 from nsbench import Affine, Case, Complementarity, Distance, Filippov, Smooth, get_case, solve
-from nsbench.contacts import Scene
-from nsbench.solvers import _programs, get
-from nsbench.solvers._forces import constraint_ids, count, right_hand_side
+from nsbench.compilation import jax_cache as _programs
+from nsbench.dynamics.contacts.constraint_set import Scene
+from nsbench.solvers import get
+from nsbench.solvers.penalty.forces import constraint_ids, count, right_hand_side
 
 TIDE = get_case("tide")
 
@@ -115,7 +116,7 @@ def plane(dim):
 
 @pytest.mark.parametrize("dim", [1, 2, 3])
 def test_forces_are_minus_the_gradient_of_the_energy(dim):
-    """Against central differences of k/2 sum max(-g, 0)^2, with the gaps of nsbench.contacts."""
+    """Against central differences of k/2 sum max(-g, 0)^2, with the gaps of nsbench.dynamics.contacts.constraint_set."""
     import jax
     problem, n = plane(dim)
     scene, rhs, k, t = Scene(problem, n), jax.jit(right_hand_side(problem, n)), 7.0, 0.6

@@ -3,9 +3,9 @@ import numpy as np
 import pytest
 
 from nsbench import Affine, Case, Complementarity, Distance, get_case, solve
-from nsbench.contacts import Scene
+from nsbench.dynamics.contacts.constraint_set import Scene
 from nsbench.solvers import get
-from nsbench.solvers._segments import Segments, _table
+from nsbench.solvers.penalty.neighbor_segments import Segments, _table
 
 
 @pytest.mark.parametrize("reach", [0.05, 0.3])

@@ -8,13 +8,16 @@ import time
 import numpy as np
 import pytest
 
-from nsbench import get_case, keys, size, store
+from nsbench import get_case
+from nsbench.case import size
 from nsbench.cli import main
-from nsbench.execute import plan
+from nsbench.execute import dry_run as plan
 from nsbench.execute.forecast import GUESS, JOURNAL, NOTHING, Forecast, small
 from nsbench.execute.probe import probe
-from nsbench.execute.why import NEW, SIZE, reasons
-from nsbench.keys import Part
+from nsbench.execute.rerun_reasons import NEW, SIZE, reasons
+from nsbench.results import run_key as keys
+from nsbench.results import tables as store
+from nsbench.results.run_key import Part
 from nsbench.study import Spec
 
 HANG = '''
@@ -88,7 +91,7 @@ def test_every_reason_to_run_again_is_told(tmp_path):
 
     def changed(**items):
         return tuple(Part.of({k: items.get(k, v) for k, v in p.items}) for p in parts)
-    assert why(tmp_path, spec, changed(**{"nsbench/kernels/pbd.py": "0"})) == "nsbench/kernels/pbd.py changed"
+    assert why(tmp_path, spec, changed(**{"nsbench/solvers/pbd/kernels/listed_loop.py": "0"})) == "nsbench/solvers/pbd/kernels/listed_loop.py changed"
     assert why(tmp_path, spec, changed(**{"nsbench/cases/tide.py": "0"})) == "nsbench/cases/tide.py changed"
     assert why(tmp_path, spec, changed(numpy="0.1")) == f"numpy {np.__version__} -> 0.1"
     more = (*parts[:2], Part.of(dict(parts[2].items) | {"beside.py": "1", "setting JAX_ENABLE_X64": "0"}))

@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 from numba import njit
 
-from nsbench import compile as form
-from nsbench import kept, pointers
+from nsbench.compilation import cfunc_cache as pointers
+from nsbench.compilation import disk_cache as kept
+from nsbench.compilation import factories as form
 
 X = np.array([0.3, -0.7, 1.9])
 

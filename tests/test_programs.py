@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from nsbench import Affine, Complementarity, Distance, get_case, solve
-from nsbench.fingerprint import Unknown, fingerprint
-from nsbench.kept import folder as kept_folder
-from nsbench.solvers import _penalty_program, _programs
+from nsbench.compilation import jax_cache as _programs
+from nsbench.compilation.disk_cache import folder as kept_folder
+from nsbench.compilation.function_digest import Unknown, fingerprint
+from nsbench.solvers.penalty import program as _penalty_program
 
 SCALE, TABLE = 2.0, {"a": [1.0, 2.0]}
 
@@ -229,7 +230,7 @@ def test_a_program_that_needs_more_than_its_code_is_not_packed():
     import jax
     import jax.numpy as jnp
 
-    from nsbench.solvers._executables import pack, unpack
+    from nsbench.compilation.jax_serialization import pack, unpack
     _programs.float64()
     with pytest.raises((ValueError, NotImplementedError)):
         pack(jax.jit(lambda x, *, y: {"a": x + y}).lower(jnp.ones(3), y=2.0).compile(), False)

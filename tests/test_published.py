@@ -8,12 +8,13 @@ import time
 
 import pytest
 
-from nsbench import published, store
 from nsbench.cli import main
 from nsbench.execute import suite
 from nsbench.gate import baseline
 from nsbench.gate.facts import facts
-from nsbench.report.source import read
+from nsbench.report.data import read
+from nsbench.results import consistency as published
+from nsbench.results import tables as store
 
 RUN = ["run", "tide", "-s", "pbd", "-s", "kdtree", "-j", "1"]
 

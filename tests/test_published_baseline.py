@@ -2,10 +2,10 @@
 from pathlib import Path
 
 from nsbench.case import get_case
-from nsbench.describe import describe_case, describe_solver
 from nsbench.gate import baseline
 from nsbench.gate.facts import digest
 from nsbench.study import plan, suite_cases
+from nsbench.study.describe import describe_case, describe_solver
 
 LINES = baseline.read(Path(__file__).resolve().parents[1] / "reports" / "baseline.csv")
 

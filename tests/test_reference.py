@@ -8,7 +8,7 @@ import pytest
 import nsbench
 from nsbench import Case, Complementarity, Filippov, get_case, load_case
 from nsbench import reference as refs
-from nsbench.reference.stored import source_hash, stem
+from nsbench.reference.storage import source_hash, stem
 from nsbench.solvers import Status, Trajectory
 
 TIDE = get_case("tide")
@@ -27,8 +27,8 @@ def made(tmp_path_factory):
 def test_the_reaction_of_a_closed_form_is_its_impulse_times_gradients(name):
     case = get_case(name)
     ref = refs.closed_form(case)
-    from nsbench.contacts import Scene
-    from nsbench.measure.frame import near_of
+    from nsbench.dynamics.contacts.constraint_set import Scene
+    from nsbench.measure.context import near_of
     scene = Scene(case.problem, case.n)
     near = near_of(scene, ref.contacts)
     fine = np.linspace(*case.t[[0, -1]], 4001)
@@ -243,7 +243,7 @@ def test_a_closed_form_of_the_wrong_shape_is_an_error():
 
 def test_floors_are_ten_times_the_references_error(made, monkeypatch):
     folder, (case, _), (ref, _) = made
-    monkeypatch.setattr("nsbench.reference.stored.home", lambda: folder)
+    monkeypatch.setattr("nsbench.reference.storage.home", lambda: folder)
     e = nsbench.errors(case, nsbench.solve(case, "event_driven", tol=1e-12))
     assert e["reference"] == "stored" and e["state_floor"] == 10 * ref.state_error
     assert e["impulse_floor"] == 10 * ref.impulse_error and e["state_sup"] <= e["state_floor"]

@@ -7,7 +7,7 @@ import pytest
 
 from nsbench import get_case
 from nsbench import reference as refs
-from nsbench.reference.stored import home
+from nsbench.reference.storage import home
 
 KEYS = sorted(json.loads(p.read_text())["fingerprint"]["case"] for p in home().glob("*.json"))
 SMALL = ("three_discs", "chain", "epithelium[n=3]", "slide_exit", "stick_slip", "tide", "obstacle", "bean", "box_turning",

@@ -4,7 +4,7 @@ from solver_file import solver
 
 import nsbench
 from nsbench import solvers, study
-from nsbench.execute.local import run_all
+from nsbench.execute.workers.pool import run_all
 from nsbench.measure import clock
 from nsbench.study import Spec, run_batch
 

@@ -8,7 +8,11 @@ import pytest
 from report_rows import CASES, ENV, METHODS, SOLVERS, STEPS, made, row, summaries
 
 from nsbench import write_report
-from nsbench.report import compose, panels, source, style, tables, text
+from nsbench.report import assemble as compose
+from nsbench.report import data as source
+from nsbench.report import markdown as text
+from nsbench.report import style, tables
+from nsbench.report import svg_plots as panels
 
 
 class Reader(HTMLParser):
@@ -238,7 +242,7 @@ def test_markdown_cells_cannot_break_the_table():
 def test_a_write_that_fails_leaves_nothing_behind(tmp_path, monkeypatch):
     def full(*_):
         raise OSError(28, "No space left on device")
-    monkeypatch.setattr("nsbench.journal.os.replace", full)
+    monkeypatch.setattr("nsbench.results.journal.os.replace", full)
     with pytest.raises(OSError, match="No space left"):
         write_report([row("a", "pbd", 0.1, state_sup=0.1)], tmp_path / "r.html")
     assert not [p for p in tmp_path.rglob("*") if p.is_file()]

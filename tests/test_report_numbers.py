@@ -3,7 +3,10 @@ import numpy as np
 import pytest
 from report_rows import SOLVERS, STEPS, row, summaries
 
-from nsbench.report import source, speed, style, summary, tables, talk, verdict
+from nsbench.report import cost as speed
+from nsbench.report import data as source
+from nsbench.report import style, summary, tables, verdict
+from nsbench.report import talk_figure as talk
 from nsbench.solvers import get
 
 

@@ -5,7 +5,25 @@ import numpy as np
 import pytest
 from report_rows import STEPS, row
 
-from nsbench.report import compose, profiles, scaling, source, speed, style, timing
+from nsbench.report import (
+    assemble as compose,
+)
+from nsbench.report import (
+    clock_table as timing,
+)
+from nsbench.report import (
+    cost as speed,
+)
+from nsbench.report import (
+    data as source,
+)
+from nsbench.report import (
+    performance_profiles as profiles,
+)
+from nsbench.report import (
+    scaling,
+    style,
+)
 
 SIZES = {"discs[n=3]": 6, "discs[n=10]": 20, "discs[n=30]": 60, "discs[n=100]": 200}
 

@@ -3,9 +3,10 @@ import numpy as np
 import pytest
 from packings import ready, step
 
-from nsbench.kernels import fronts, qp
-from nsbench.kernels.revise import EXTRA, revise
-from nsbench.kernels.sparse import lengths
+from nsbench.linalg import multifrontal as fronts
+from nsbench.linalg.sparse_ldl import lengths
+from nsbench.qp.kernels import active_set as qp
+from nsbench.qp.kernels.working_set_update import EXTRA, revise
 
 
 def problem(seed, n=70, crystal=False):

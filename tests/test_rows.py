@@ -2,9 +2,9 @@
 import math
 import sys
 
-from nsbench import store
-from nsbench.execute.filed import known
-from nsbench.rows import InOrder, Kept
+from nsbench.results import tables as store
+from nsbench.results.packed_rows import InOrder, Kept
+from nsbench.results.row_reuse import known
 
 ROWS = {"a": {"case": "tide", "h": 0.1, "steps": 3, "ok": True, "none": None, "bad": math.nan, "far": -math.inf, "zero": -0.0},
         "b": {"case": "tide", "h": 2, "steps": 0.5, "ok": 1.0, "why": "because"}, "c": {}}

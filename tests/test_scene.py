@@ -10,8 +10,10 @@ import pytest
 import nsbench
 from nsbench import Affine, Case, Complementarity, Distance, Smooth
 from nsbench.case import case_names
-from nsbench.contacts import Scene
-from nsbench.report import paths, scene, sketch
+from nsbench.dynamics.contacts.constraint_set import Scene
+from nsbench.report.scenes import figure as scene
+from nsbench.report.scenes import particles as sketch
+from nsbench.report.scenes import plane as paths
 from nsbench.trajectory import Status, Trajectory
 
 ALL = case_names()
@@ -195,8 +197,8 @@ def test_states_of_another_size_are_refused():
 @pytest.mark.parametrize("dim", [1, 2, 3])
 def test_near_pairs_of_few_particles_are_those_of_the_kernel(dim):
     """At grid points too, where gaps are exactly the reach."""
-    from nsbench.kernels.near import near_pairs
-    from nsbench.near import pairs_of_few
+    from nsbench.dynamics.contacts.candidates import pairs_of_few
+    from nsbench.dynamics.contacts.kernels.cell_list import near_pairs
     rng = np.random.default_rng(dim)
     for n, reach, grid in ((1, 0.5, False), (2, 1.0, True), (40, 0.3, False), (64, 1.0, True), (30, np.inf, False)):
         x = rng.integers(0, 9, (n, dim)).astype(float) if grid else rng.normal(size=(n, dim))

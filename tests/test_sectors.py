@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from nsbench import Case, Filippov, solve
-from nsbench.solvers._sectors import beside
+from nsbench.diagnostics.filippov.dependent_surfaces import beside
 
 
 @pytest.mark.parametrize("normals, sectors", [

@@ -51,7 +51,7 @@ def test_a_suite_that_is_stopped_leaves_nobody_and_a_whole_journal(tmp_path, sig
 
 
 def test_a_signal_between_two_rows_waits_for_the_second(tmp_path):
-    from nsbench.execute import stop
+    from nsbench.execute.workers import signals as stop
     done = []
     with pytest.raises(KeyboardInterrupt), stop.heard():
         with stop.held():
@@ -70,7 +70,7 @@ def test_a_signal_between_two_rows_waits_for_the_second(tmp_path):
 
 
 def test_signals_that_are_ignored_stay_so():
-    from nsbench.execute import stop
+    from nsbench.execute.workers import signals as stop
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
     try:
         with stop.heard():

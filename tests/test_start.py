@@ -6,9 +6,9 @@ import pytest
 from scipy.optimize import lsq_linear
 
 from nsbench import Affine, Case, Complementarity, Distance, Smooth, solvers
-from nsbench.contacts import Scene
-from nsbench.misfit import misfit
-from nsbench.solvers import start
+from nsbench.dynamics.contacts.constraint_set import Scene
+from nsbench.solvers.common import initial_state as start
+from nsbench.study.result_contract import misfit
 
 
 def still(xp):

@@ -3,7 +3,8 @@ import numpy as np
 import pytest
 
 import nsbench
-from nsbench.report import source, summary
+from nsbench.report import data as source
+from nsbench.report import summary
 
 STEPS = 0.05 / 6.3 * 2.0 ** -np.arange(0.0, 6.4, 0.27)         # none of them divides the spacing of the samples
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from solver_file import solver
 
-from nsbench import store
 from nsbench.cli import main
+from nsbench.results import tables as store
 
 
 def test_rows_come_back_as_they_were_written(tmp_path):
@@ -73,7 +73,7 @@ def test_a_second_suite_in_the_folder_of_one_that_goes_on_is_refused_and_changes
 
 
 def test_what_a_run_was_made_of_is_told_once_and_comes_back(tmp_path):
-    from nsbench.keys import Part
+    from nsbench.results.run_key import Part
     old, new = Part.of({"a.py": "1"}), Part.of({"a.py": "2"})
     row = {"case": "tide", "solver": "pbd", "accuracy": "h", "asked": 0.1}
     j = store.Journal(tmp_path)

@@ -6,9 +6,10 @@ from pathlib import Path
 import pytest
 from solver_file import solver
 
-from nsbench.execute import local, memory
-from nsbench.execute.local import run_all
-from nsbench.execute.process import THREADS
+from nsbench.execute.workers import memory
+from nsbench.execute.workers import pool as local
+from nsbench.execute.workers.pool import run_all
+from nsbench.execute.workers.process import THREADS
 from nsbench.study import Spec
 
 SOLVER = solver('''
@@ -152,8 +153,8 @@ def test_what_a_run_prints_is_kept_with_it_and_bounded(tmp_path, capfd):
 
 
 def test_a_worker_killed_by_the_system_for_memory_is_told_from_one_that_was_killed(monkeypatch):
-    from nsbench.execute.local import _Team
-    from nsbench.execute.process import Worker
+    from nsbench.execute.workers.pool import _Team
+    from nsbench.execute.workers.process import Worker
 
     class Gone:
         exitcode, pid = -9, 2**22 + 1                    # of no process
@@ -179,8 +180,8 @@ def test_a_worker_killed_by_the_system_for_memory_is_told_from_one_that_was_kill
 
 
 def test_a_run_that_followed_others_is_tried_alone_before_its_memory_is_blamed():
-    from nsbench.execute.local import _Team
-    from nsbench.execute.process import Worker
+    from nsbench.execute.workers.pool import _Team
+    from nsbench.execute.workers.process import Worker
     spec, rows = Spec("tide", "pbd", "h", 0.1), []
 
     class Pipe:
@@ -226,7 +227,7 @@ def test_every_library_of_a_worker_has_the_threads_it_is_given(tmp_path, threads
     file.write_text(SOLVER.replace("k = len(case.t)", """k = len(case.t)
             import numba
             print(*(os.environ[n] for n in THREADS), numba.get_num_threads())""").replace(
-        "import ctypes", "from nsbench.execute.process import THREADS; import ctypes"))
+        "import ctypes", "from nsbench.execute.workers.process import THREADS; import ctypes"))
     said = []
     run_all([[Spec("tide", "bad", "h", 0.01, "", (str(file),))]], 1, 30.0, lambda s, r: None, threads=threads,
             on_output=lambda s, text: said.append(text.split()))
@@ -234,7 +235,7 @@ def test_every_library_of_a_worker_has_the_threads_it_is_given(tmp_path, threads
 
 
 def test_each_run_gets_what_it_printed_however_the_pipe_cuts_it():
-    from nsbench.execute.printed import Printed, mark
+    from nsbench.execute.workers.output_capture import Printed, mark
     ours, theirs = os.pipe()
     text = b"before" + mark(b"word", 3) + b"of \0 three\0wor" + mark(b"word", -1) + b"again" + mark(b"word", 14) + b"of 14"
 

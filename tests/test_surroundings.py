@@ -2,7 +2,7 @@
 import pytest
 from solver_file import solver
 
-from nsbench.execute.local import run_all
+from nsbench.execute.workers.pool import run_all
 from nsbench.study import Spec
 
 SOLVER = solver('''

@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 from report_rows import row
 
-from nsbench import store
 from nsbench.cli import main
 from nsbench.gate import baseline
 from nsbench.gate.facts import facts
-from nsbench.report.source import read
+from nsbench.report.data import read
+from nsbench.results import tables as store
 
 STEPS = 0.1 / np.unique(np.round(4 * 2 ** np.arange(0, 6.4, 0.35)))
 

@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 
 import nsbench
-from nsbench.kernels import private
+from nsbench.compilation.numba_setup import private
 
 CODE = """
-import numba, nsbench.kernels.dense as d, numpy as np
+import numba, nsbench.linalg.dense as d, numpy as np
 d.largest.py_func
 print(d.largest._cache.cache_path)
 """

@@ -4,9 +4,9 @@ import pytest
 from survive_files import METHODS, case_file, refused_before, rows
 
 import nsbench
+from nsbench.diagnostics.contacts.infeasible_constraints import contradiction
 from nsbench.problem import Affine, Complementarity, Smooth
 from nsbench.solvers import solve
-from nsbench.solvers._contradiction import contradiction
 
 PAIR = "Distance(2.0),"
 

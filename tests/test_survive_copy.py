@@ -9,7 +9,7 @@ import pytest
 from solver_file import solver
 
 import nsbench
-from nsbench import store
+from nsbench.results import tables as store
 
 ROOT = Path(nsbench.__file__).parent.parent
 BROKEN = {"missing": "import no_such_library", "raises": "raise RuntimeError('on purpose')", "half": "def (",

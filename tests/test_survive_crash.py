@@ -10,8 +10,8 @@ import time
 
 import pytest
 
-from nsbench import store
 from nsbench.cli import main
+from nsbench.results import tables as store
 
 ARGS = ["run", "tide", "apple", "-s", "pbd", "-j", "1"]
 TIMES = {*store.CLOCK, "session"}

@@ -15,10 +15,11 @@ from report_rows import made, row
 from survive_files import case_file
 
 import nsbench
-from nsbench import reference, store
+from nsbench import reference
 from nsbench.cli import main
 from nsbench.report import write_report
-from nsbench.report.source import read
+from nsbench.report.data import read
+from nsbench.results import tables as store
 
 ROOT = Path(nsbench.__file__).parent
 
@@ -151,7 +152,7 @@ def test_files_far_too_large_are_named_and_not_read(tmp_path, capsys):
 
 @pytest.mark.survives("oversized", "spoilt reference")
 def test_a_reference_that_unpacks_to_more_than_memory_is_refused(tmp_path, monkeypatch):
-    from nsbench.reference import stored
+    from nsbench.reference import storage as stored
     case = nsbench.get_case("three_discs")
     npz, js = reference.files_of(case, tmp_path)
     for source, path in zip(reference.files_of(case), (npz, js), strict=True):

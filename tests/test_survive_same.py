@@ -6,8 +6,8 @@ import sys
 import pytest
 from survive_files import case_file
 
-from nsbench import store
 from nsbench.cli import main
+from nsbench.results import tables as store
 
 TIMES = {*store.CLOCK, "session"}
 

@@ -9,11 +9,11 @@ import pytest
 from survive_files import case_file
 
 import nsbench
-from nsbench import store
 from nsbench.cli import main
 from nsbench.execute.progress import Progress
 from nsbench.gate import baseline
-from nsbench.report.source import read
+from nsbench.report.data import read
+from nsbench.results import tables as store
 
 TIMES = {*store.CLOCK, "session"}
 
@@ -96,7 +96,7 @@ def test_a_plain_terminal_is_enough(tmp_path, env):
 
 @pytest.mark.survives("locale")
 def test_line_ends_of_windows_change_no_number(tmp_path):
-    from nsbench.describe import describe_case
+    from nsbench.study.describe import describe_case
     path = case_file(tmp_path)
     one = nsbench.load_case(path)
     path.write_bytes(path.read_bytes().replace(b"\n", b"\r\n"))

@@ -4,7 +4,7 @@ from pathlib import Path
 import pytest
 from solver_file import solver
 
-from nsbench.execute.local import run_all
+from nsbench.execute.workers.pool import run_all
 from nsbench.study import Spec
 
 MEDDLER = solver('''

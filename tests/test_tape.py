@@ -3,11 +3,11 @@ import mpmath
 import numpy as np
 import pytest
 
-from nsbench.kernels.enclosure import ORDER, enclose, path
-from nsbench.kernels.taylor import point, series
-from nsbench.tape.graph import Graph
-from nsbench.tape.program import lay_out
-from nsbench.tape.trace import SPACE, inputs, vector
+from nsbench.solvers.event_driven.filippov.kernels.enclosure import ORDER, enclose, path
+from nsbench.solvers.event_driven.filippov.kernels.taylor_series import point, series
+from nsbench.solvers.event_driven.filippov.tracing.graph import Graph
+from nsbench.solvers.event_driven.filippov.tracing.layout import lay_out
+from nsbench.solvers.event_driven.filippov.tracing.trace import SPACE, inputs, vector
 
 P = 14
 ELEMENTARY = {

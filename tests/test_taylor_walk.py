@@ -5,9 +5,9 @@ from filippov_systems import ONE
 from scipy.special import erf
 
 from nsbench import Case, Filippov, get_case, solve
-from nsbench.kernels.polynomial import CLEAR, DEEP, FOUND, UNCLEAR
-from nsbench.solvers import _taylor
-from nsbench.solvers._tape import tape
+from nsbench.solvers.event_driven.filippov import compiled_loop as _taylor
+from nsbench.solvers.event_driven.filippov.kernels.polynomial_root import CLEAR, DEEP, FOUND, UNCLEAR
+from nsbench.solvers.event_driven.filippov.program import tape
 
 CATALOGUE = ("slide_exit", "oscillator", "friction", "stick_slip", "circle_sliding", "crossing", "sliding")
 MADE = ("moving_parabola", "entry_at_full_weight", "left_and_met_again", "bouncing_relay", "forced_1.7_relay", "small", "far")
@@ -32,7 +32,7 @@ def test_states_weights_and_events_are_those_of_the_host(name):
 
 
 def test_a_run_is_the_same_each_time_it_is_called():
-    from nsbench.solvers.event_driven import EventDriven
+    from nsbench.solvers.event_driven.method import EventDriven
     run = EventDriven().prepare(get_case("stick_slip"), 1e-12)
     one, two = run(), run()
     assert np.array_equal(one.x, two.x) and one.events == two.events and one.stats == two.stats
@@ -93,7 +93,7 @@ def test_a_tape_that_is_not_the_case_is_not_used():
 def fall(c, error=1e-14):
     from numba import njit
 
-    from nsbench.kernels.polynomial import first_fall
+    from nsbench.solvers.event_driven.filippov.kernels.polynomial_root import first_fall
     global FALL
     FALL = FALL or njit(lambda C, p, error, stack, work: first_fall(C, 0, p, error, stack, work))
     p = len(c) - 1

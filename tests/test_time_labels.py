@@ -4,7 +4,7 @@ import pytest
 
 import nsbench
 from nsbench import Case, get_case, solve
-from nsbench.measure.labels import OWN, PLACES, nodal
+from nsbench.measure.multiplier_times import OWN, PLACES, nodal
 from nsbench.solvers import grid
 from nsbench.solvers.base import last_steps
 from nsbench.trajectory import Trajectory

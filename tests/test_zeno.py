@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from nsbench import Case, Filippov, errors, fit_order, get_case, solve
-from nsbench.ladders import substeps_ladder
+from nsbench.study.ladders import substeps_ladder
 
 IMPLICIT = "euler[implicit=true]"
 

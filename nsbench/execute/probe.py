@@ -15,7 +15,7 @@ import threading
 import time
 from dataclasses import asdict
 
-from nsbench import store
+from nsbench.results import tables as store
 from nsbench.study import Spec, attempt
 
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")

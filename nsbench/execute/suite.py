@@ -11,15 +11,19 @@ from itertools import chain, groupby
 from pathlib import Path
 
 import nsbench
-from nsbench import describe, published, size, store, study
-from nsbench import keys as key
-from nsbench.case import parse_spec
-from nsbench.execute import filed, plan
+from nsbench import study
+from nsbench.case import parse_spec, size
+from nsbench.execute import dry_run as plan
 from nsbench.execute.forecast import weight
-from nsbench.execute.local import Chore, run_all
 from nsbench.execute.progress import Progress
-from nsbench.reference import find
-from nsbench.rows import InOrder, Kept
+from nsbench.execute.workers.pool import Chore, run_all
+from nsbench.reference import lookup as find
+from nsbench.results import consistency as published
+from nsbench.results import row_reuse as filed
+from nsbench.results import run_key as key
+from nsbench.results import tables as store
+from nsbench.results.packed_rows import InOrder, Kept
+from nsbench.study import describe
 
 EXPECTED = ("ok", "refused", "below_reference")
 NO_ROW = "No worker gave a row of this run. The same command tries it again."
@@ -72,7 +76,7 @@ def _folder(out: Path) -> None:
 
 
 def _known(out: Path, specs, keys, args, say) -> Kept:
-    """Rows by key that need not be made again (nsbench.execute.filed)."""
+    """Rows by key that need not be made again (nsbench.results.row_reuse)."""
     damaged: list[int] = []
     rows = filed.known(out, specs, keys, args.timeout, damaged)
     if damaged:
@@ -99,7 +103,7 @@ def _run(todo, keys, entries, rows, args, say, cases, out):
     (out / "figures").mkdir(exist_ok=True)
     try:
         if args.dask is not None:
-            from nsbench.execute import cluster
+            from nsbench.execute.cluster import client as cluster
             return {*cluster.run_all(batches, args.dask, args.timeout, on_row, args.memory, outputs.write,
                                       entries.parts)}
         return {c.args[:2] for c in run_all(batches, jobs, args.timeout, on_row, _chores(cases, out),
@@ -136,7 +140,7 @@ def _chores(cases, out):
 
 
 def _picture(key: str, file: str, folder: str) -> None:
-    from nsbench.report.pictures import write_scenes
+    from nsbench.report.scenes.files import write_scenes
     write_scenes([study.resolve(key, file)], Path(folder))
 
 
@@ -190,7 +194,7 @@ def publish(out: Path, rows, cases, fresh: bool, say, drawn=frozenset()) -> Path
         _talk("talk", "", out)
     missing = [c for name, c in cases.items() if name not in drawn]
     if missing:
-        from nsbench.report.pictures import write_scenes
+        from nsbench.report.scenes.files import write_scenes
         write_scenes(missing, figures)
     from nsbench.report import write_report
     path = Path(write_report(out, path))
@@ -200,7 +204,7 @@ def publish(out: Path, rows, cases, fresh: bool, say, drawn=frozenset()) -> Path
 
 def _report_digest() -> bytes:
     root = Path(nsbench.__file__).parent / "report"
-    return store._digest(*(p.read_bytes() for p in sorted(root.glob("*")) if p.is_file())).encode()
+    return store._digest(*(p.read_bytes() for p in sorted(root.rglob("*")) if p.is_file() and p.suffix != ".pyc")).encode()
 
 
 def _dump(value) -> bytes:

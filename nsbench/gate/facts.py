@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from nsbench.measure.window import rounding
-from nsbench.report.source import GOOD, Data, Runs
+from nsbench.measure.orders.window import rounding
+from nsbench.report.data import GOOD, Data, Runs
 from nsbench.report.summary import Order, Summary, spell, summarise
 
 KINDS = ("near", "max", "min", "class", "count")

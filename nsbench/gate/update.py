@@ -2,8 +2,8 @@
 from __future__ import annotations
 
 from nsbench.gate.baseline import Line, line, same
+from nsbench.gate.comparison import judge, shown, unlike
 from nsbench.gate.facts import Fact
-from nsbench.gate.judge import judge, shown, unlike
 
 
 def updated(found: dict[tuple, Fact], old: dict[tuple, Line], spread: dict[tuple, float], reason: str):

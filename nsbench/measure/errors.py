@@ -4,11 +4,11 @@ from __future__ import annotations
 import numpy as np
 
 from nsbench.case import Case
-from nsbench.measure.events import event_errors
-from nsbench.measure.frame import Frame, frame
-from nsbench.measure.labels import NAMES as LABELS
-from nsbench.measure.labels import at_labels
-from nsbench.measure.polyhedron import selection
+from nsbench.measure.context import Frame, frame
+from nsbench.measure.event_times import event_errors
+from nsbench.measure.multiplier_sets import selection
+from nsbench.measure.multiplier_times import NAMES as LABELS
+from nsbench.measure.multiplier_times import at_labels
 from nsbench.measure.residuals import NAMES as RESIDUALS
 from nsbench.measure.residuals import residuals
 from nsbench.problem import Complementarity

@@ -26,9 +26,9 @@ from itertools import product
 
 import numpy as np
 
-from nsbench.compile import host
-from nsbench.hull import distance_to_hull
-from nsbench.measure.frame import Frame, changes, near_of
+from nsbench.compilation.factories import host
+from nsbench.dynamics.filippov.convex_hull import distance_to_hull
+from nsbench.measure.context import Frame, changes, near_of
 from nsbench.measure.quadrature import around, integrals, kinked_intervals
 from nsbench.problem import LCS, Filippov
 from nsbench.reference import right_hand_side, spread

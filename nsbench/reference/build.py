@@ -10,10 +10,10 @@ import numpy as np
 from nsbench import solvers
 from nsbench.case import Case
 from nsbench.problem import Complementarity
-from nsbench.reference import certify as certificates
-from nsbench.reference.bounds import bounded_by, differences
-from nsbench.reference.known import Reference, closed_form
-from nsbench.reference.stored import load, store
+from nsbench.reference.certify import certificate as certificates
+from nsbench.reference.comparison import bounded_by, differences
+from nsbench.reference.reference import Reference, closed_form
+from nsbench.reference.storage import load, store
 from nsbench.trajectory import Trajectory
 
 SAFETY = 2.0                        # on the difference of two runs: neither is the better one for certain

@@ -20,11 +20,11 @@ def write_report(study, path=None) -> Path:
     Raises FileNotFoundError for a folder without rows and ValueError, naming the file, for one that cannot be read.
     A study in which every run failed has a report like any other.
     """
-    from nsbench.journal import replace
-    from nsbench.report.compose import compose, figures
-    from nsbench.report.page import page
-    from nsbench.report.source import read
-    from nsbench.report.text import text
+    from nsbench.report.assemble import compose, figures
+    from nsbench.report.data import read
+    from nsbench.report.html_page import page
+    from nsbench.report.markdown import text
+    from nsbench.results.journal import replace
     folder = Path(study) if isinstance(study, (str, Path)) else Path(getattr(study, "dir", None) or ".")
     path = Path(path) if path is not None else folder / "report.html"
     path = path / "report.html" if path.is_dir() else path

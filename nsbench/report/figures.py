@@ -3,11 +3,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from nsbench.report import speed
-from nsbench.report.panels import Line, Panel
-from nsbench.report.source import Runs
+from nsbench.report import cost as speed
+from nsbench.report.data import Runs
 from nsbench.report.style import Look
 from nsbench.report.summary import Summary
+from nsbench.report.svg_plots import Line, Panel
 
 ROUNDING = 1e-11     # a line that never rises above it shows rounding, not a method
 STEP = "step h (or 1/k)"

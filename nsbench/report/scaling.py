@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from nsbench.report import speed
-from nsbench.report.panels import Line, Panel
-from nsbench.report.source import Data, Runs
+from nsbench.report import cost as speed
+from nsbench.report.data import Data, Runs
 from nsbench.report.style import LEADS, TIMES, factor, family, num, power, seconds
+from nsbench.report.svg_plots import Line, Panel
 from nsbench.report.tables import Cell, Row, Table
 
 TARGET = 1e-3       # the equal error of the exponents: reached by most methods on most scenes

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from nsbench.report.source import GOOD, Data, Runs
+from nsbench.report.data import GOOD, Data, Runs
 from nsbench.report.style import clean, count, num
 
 OPEN = ("undecided", "pre-asymptotic")

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from nsbench.report import speed
-from nsbench.report.source import Data
+from nsbench.report import cost as speed
+from nsbench.report.data import Data
 from nsbench.report.style import LEADS, TIMES, clean, count, factor, family, listed, num, power, seconds
 from nsbench.report.summary import Order, Summary, best_error, finished, spell
 

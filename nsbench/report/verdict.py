@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from nsbench.report import speed
-from nsbench.report.expected import findings, fresh, gone
-from nsbench.report.source import Data
+from nsbench.report import cost as speed
+from nsbench.report.data import Data
+from nsbench.report.expectations import findings, fresh, gone
 from nsbench.report.style import LEADS, count, factor, listed, num, power
 from nsbench.report.summary import OPEN, Order, Summary, silent_wrong, spell
 

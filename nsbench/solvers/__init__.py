@@ -9,7 +9,7 @@ import re
 import sys
 from pathlib import Path
 
-from nsbench import guest
+from nsbench import user_code as guest
 from nsbench.case import Case, format_value, get_case, load_module, nearest, parse_spec
 from nsbench.solvers.base import Claims, Expect, Grid, Run, Solver, check_positive, grid, last_steps, sample
 from nsbench.trajectory import Event, Status, Trajectory
@@ -25,7 +25,7 @@ NAME = re.compile(r"[A-Za-z0-9_.-]{1,80}")       # of a solver, as of a case
 def _scan() -> tuple[dict, dict]:
     found, failed = {}, {}
     for info in pkgutil.iter_modules(__path__):
-        if info.name in ("base", "start") or info.name.startswith("_"):
+        if info.name in ("base", "common") or info.name.startswith("_"):
             continue
         try:
             with guest.asked(f"the file of the solver {info.name}"):
@@ -116,7 +116,7 @@ def solve(case: Case | str, solver: str = "event_driven", **accuracy) -> Traject
     if set(accuracy) - {method.accuracy}:
         wrong = (set(accuracy) - {method.accuracy}).pop()
         raise LookupError(f"{solver} takes {method.accuracy!r}, not {wrong!r}")
-    from nsbench.solvers._doubts import doubted
+    from nsbench.diagnostics.diagnose import doubted
     value = check_positive(method.accuracy, accuracy.get(method.accuracy, method.default))
     why = method.refuses(case)
     if why:

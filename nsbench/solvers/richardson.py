@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from nsbench.case import Case
-from nsbench.solvers._extrapolation import combined, weights
 from nsbench.solvers.base import Claims, Expect, Run, grid
+from nsbench.solvers.common.extrapolation import combined, weights
 
 METHODS = ("pbd", "catching_up")
 SETTLING = Expect(("constant_force",), "open", "open", "steps along constant forces and gradients leave no error of size h "

@@ -9,8 +9,8 @@ from functools import cached_property
 
 import numpy as np
 
+from nsbench.diagnostics.diagnose import pace
 from nsbench.problem import Complementarity
-from nsbench.solvers._doubts import pace
 from randomised.ladder import EPS
 from randomised.runs import Outcome, attempt, kept_feasible, relative
 

@@ -32,8 +32,8 @@ from functools import cached_property
 import numpy as np
 
 from nsbench import solvers
+from nsbench.diagnostics.diagnose import pace
 from nsbench.problem import LCS
-from nsbench.solvers._doubts import pace
 from nsbench.study import misfit
 from randomised.answer import ABSOLUTE, FIRST, STEPS, WILD, Answer
 from randomised.ladder import LADDER, LATER, LATER_SLOW, floors, is_slow, jumps, slower, values

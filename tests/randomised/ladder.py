@@ -5,11 +5,11 @@ from itertools import pairwise, product
 
 import numpy as np
 
-from nsbench.compile import host
+from nsbench.compilation.factories import host
+from nsbench.diagnostics.diagnose import pace
 from nsbench.problem import LCS, Complementarity, Filippov, Smooth
-from nsbench.solvers._doubts import pace
-from nsbench.solvers._extrapolation import weights
-from nsbench.solvers._nosnoc_doubts import LEAK
+from nsbench.solvers.common.extrapolation import weights
+from nsbench.solvers.nosnoc.diagnostics import LEAK
 
 LADDER = {"h": (3, 11, 43, 683), "k": (100.0, 400.0, 1600.0, 6400.0)}
 LATER = {"h": (2731, 10923, 43691), "k": (25600.0, 102400.0)}

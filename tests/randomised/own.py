@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from nsbench.compile import host
-from nsbench.measure.frame import frame, near_of
+from nsbench.compilation.factories import host
+from nsbench.diagnostics.filippov.repulsive_surface import swing
+from nsbench.measure.context import frame, near_of
 from nsbench.measure.residuals import interval_residuals
 from nsbench.problem import Complementarity, Distance, Filippov
-from nsbench.solvers._repelled import swing
 from randomised.ladder import EPS, is_slow, stiffness
 from randomised.runs import Verdict, attempt
 

@@ -12,7 +12,7 @@ import numpy as np
 
 import nsbench
 from nsbench import solvers
-from nsbench.measure.frame import frame
+from nsbench.measure.context import frame
 from nsbench.problem import LCS, Complementarity
 
 EVENTS = 400                # that a run of event_driven may meet: one costs up to 0.1 s

@@ -25,9 +25,10 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from local_cluster import cluster
 
-from nsbench import store
-from nsbench.execute import cluster as far
-from nsbench.execute import filed, suite
+from nsbench.execute import suite
+from nsbench.execute.cluster import client as far
+from nsbench.results import row_reuse as filed
+from nsbench.results import tables as store
 from nsbench.study import Spec, run_one
 
 GROWTH = 16e6             # bytes: a few tasks of MOST rows

@@ -12,34 +12,34 @@ import sys
 
 from copies import broken
 
-SWEEP = ("nsbench/kernels/pbd.py", "sweep(0, m, 1,", "sweep(0, max(m - 1, 0), 1,")
+SWEEP = ("nsbench/solvers/pbd/kernels/listed_loop.py", "sweep(0, m, 1,", "sweep(0, max(m - 1, 0), 1,")
 # name: (file, text, its replacement, tests)
 FAULTS = {
     "sign error in the multiplier (pbd)":
-        ("nsbench/kernels/project.py", "            mu[c] += m\n", "            mu[c] -= m\n", "tests/test_contract.py"),
+        ("nsbench/solvers/pbd/kernels/projection.py", "            mu[c] += m\n", "            mu[c] -= m\n", "tests/test_contract.py"),
     "sign error in the multiplier (event_driven)":
-        ("nsbench/kernels/rows.py", "return f + push, lam, push", "return f + push, -lam, push", "tests/test_event_driven*.py"),
+        ("nsbench/solvers/event_driven/contacts/kernels/constraint_rows.py", "return f + push, lam, push", "return f + push, -lam, push", "tests/test_event_driven*.py"),
     "one prox dropped":
         (*SWEEP, "tests/test_pbd.py"),
     "h halved inside the loop":
-        ("nsbench/kernels/pbd.py", "x[c] += h * v[c]", "x[c] += 0.5 * h * v[c]", "tests/test_contract.py"),
+        ("nsbench/solvers/pbd/kernels/listed_loop.py", "x[c] += h * v[c]", "x[c] += 0.5 * h * v[c]", "tests/test_contract.py"),
     "last step skipped":
-        ("nsbench/kernels/pbd.py", "for s in range(substeps[k]):", "for s in range(substeps[k] - (k == K - 2)):",
+        ("nsbench/solvers/pbd/kernels/listed_loop.py", "for s in range(substeps[k]):", "for s in range(substeps[k] - (k == K - 2)):",
          "tests/test_pbd.py"),
     "dg/dt forgotten (event_driven)":
-        ("nsbench/solvers/_contact_field.py", "return self.scene.rates(t, x, rows.near) if self.scene.moving else",
+        ("nsbench/solvers/event_driven/contacts/evaluation.py", "return self.scene.rates(t, x, rows.near) if self.scene.moving else",
          "return np.zeros(len(rows)) if self.scene.moving else", "tests/test_event_driven*.py"),
     "walls taken at the start of the step (pbd)":
-        ("nsbench/kernels/pbd.py", "b_of(after, b)", "b_of(now, b)", "tests/test_pbd.py"),
+        ("nsbench/solvers/pbd/kernels/listed_loop.py", "b_of(after, b)", "b_of(now, b)", "tests/test_pbd.py"),
     "lambda compared at nodes":
-        ("nsbench/measure/labels.py",
+        ("nsbench/measure/multiplier_times.py",
          'mean = (_impulse(case, t[k]) - _impulse(case, t[k] - h[k])) / h[k][:, None]',
          'mean = nodal(case, t[k], spacing)[0]', "tests/test_time_labels.py"),
     "reference truncated by one digit in 1e-8":
-        ("nsbench/reference/stored.py", '"x": ref.x}', '"x": np.trunc(ref.x * 1e8) / 1e8}',
+        ("nsbench/reference/storage.py", '"x": ref.x}', '"x": np.trunc(ref.x * 1e8) / 1e8}',
          "tests/test_reference.py tests/test_certificate.py"),
     "order fitted on asked steps":
-        ("nsbench/study.py", '{"h": row.get("h", spec.asked), "k"', '{"h": spec.asked, "k"', "tests/test_steps_taken.py"),
+        ("nsbench/study/__init__.py", '{"h": row.get("h", spec.asked), "k"', '{"h": spec.asked, "k"', "tests/test_steps_taken.py"),
 }
 
 

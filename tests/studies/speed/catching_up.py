@@ -22,10 +22,10 @@ import numpy as np  # noqa: E402
 
 import nsbench  # noqa: E402
 from nsbench import Case, Complementarity, Distance  # noqa: E402
-from nsbench.contacts import Scene  # noqa: E402
+from nsbench.dynamics.contacts.constraint_set import Scene  # noqa: E402
 from nsbench.measure.clock import interleaved, ratio  # noqa: E402
 from nsbench.solvers import get  # noqa: E402
-from nsbench.solvers._qp import residual  # noqa: E402
+from nsbench.solvers.catching_up.qp_backends import residual  # noqa: E402
 
 STEP, STEPS, LONG, STATES = 0.01, 100, 10, 5   # steps of a run, of one with thousands of discs; states whose QPs others get
 DENSE = 400                  # rows up to which a dense solver is asked

@@ -9,7 +9,7 @@ of PBD at its two finest steps, with the change from one level coarser. Errors b
 
 Every method runs at finer and finer steps (ratio 2), tolerances (ratio 100) or stiffnesses (ratio 4) until its error is
 below 1e-6 or its share of the seconds per size (--budget) is spent; then all runs of a size are timed in interleaved rounds.
-Seconds of an error come from the work-precision curve as in the report (nsbench.report.speed), preparation and compilation
+Seconds of an error come from the work-precision curve as in the report (nsbench.report.cost), preparation and compilation
 apart. Compiled loops are ranked; a loop in Python stands below them, as its seconds measure an interpreter.
 """
 import argparse
@@ -25,9 +25,10 @@ import numpy as np  # noqa: E402
 import nsbench  # noqa: E402
 from nsbench import solvers  # noqa: E402
 from nsbench.measure import clock  # noqa: E402
-from nsbench.report import source, speed  # noqa: E402
+from nsbench.report import cost as speed
+from nsbench.report import data as source  # noqa: E402
 from nsbench.report.style import LEADS, factor, family, power, seconds  # noqa: E402
-from nsbench.store import versions  # noqa: E402
+from nsbench.results.tables import versions  # noqa: E402
 
 EXTRA = ("pbd[order=reverse]", "pbd[order=cell]", "pbd[order=coloured]", "richardson[method=catching_up]")
 OUT = ("nosnoc", "solve_ivp")            # modes by hand: other cases; nosnoc: minutes

@@ -38,7 +38,7 @@ def truth(case) -> np.ndarray:
     """(k, n) states at the samples, exact or from the stored reference."""
     if case.exact is not None:
         return case.exact(case.t)
-    from nsbench.reference.stored import load
+    from nsbench.reference.storage import load
     return load(case).x
 
 

@@ -21,7 +21,7 @@ import numpy as np  # noqa: E402
 import nsbench  # noqa: E402
 from nsbench import solvers  # noqa: E402
 from nsbench.measure.clock import interleaved, ratio  # noqa: E402
-from nsbench.measure.frame import frame  # noqa: E402
+from nsbench.measure.context import frame  # noqa: E402
 
 SETTINGS = (("oscillator", 3, 4, 1e-10), ("oscillator", 2, 5, 1e-12), ("slide_exit", 15, 4, 1e-10), ("slide_exit", 6, 4, 1e-12),
             ("three_discs", 6, 3, 1e-10))               # case, samples per step, stages, comp_tol

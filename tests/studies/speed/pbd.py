@@ -121,8 +121,9 @@ def compiled_loop():
 
 def pair_lists(scene, order):
     """Positions by cells after a drift, and the near pairs there: as executed, and one after another as stated."""
-    from nsbench.kernels import packed, pbd_packed
-    from nsbench.kernels.keys import COLOURED, SORTED
+    from nsbench.dynamics.contacts.kernels.constraint_order import COLOURED, SORTED
+    from nsbench.solvers.pbd.kernels import cell_loop as pbd_packed
+    from nsbench.solvers.pbd.kernels import cell_storage as packed
     x = scene.x0.ravel()
     n, rank, none = len(scene.x0), {"sorted": SORTED, "coloured": COLOURED}[order], np.empty(0, np.int32)
     state, particles, candidates = pbd_packed.room(n, x.size)
@@ -143,7 +144,7 @@ def pair_lists(scene, order):
 
 def ours(start, lists):
     """A run of our sweep over the list, certificate and records included; returns the positions."""
-    from nsbench.kernels.pbd_sweep import sweep
+    from nsbench.solvers.pbd.kernels.cell_sweep import sweep
     rows = (np.zeros(1, np.int64), np.empty(0, np.int64), np.empty(0), np.empty(0))
     m, y, base = lists[0].size, start.copy(), start.copy()
     mu, log_at, log_mu = np.zeros(m), np.empty(m, np.int32), np.empty(m)
@@ -207,7 +208,7 @@ def against_peers(sizes, rounds):
 
 
 def impulses(sizes, rounds):
-    from nsbench.contacts import Scene
+    from nsbench.dynamics.contacts.constraint_set import Scene
     for n in sizes:
         case = drift_scene(n, steps_for(n)).case
         method, scene = get("pbd"), Scene(case.problem, case.n)

@@ -16,7 +16,7 @@ import time
 from pathlib import Path
 
 from nsbench.measure.clock import interleaved, ratio
-from nsbench.store import versions
+from nsbench.results.tables import versions
 
 ROUNDS = 9
 

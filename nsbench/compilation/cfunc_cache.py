@@ -1,0 +1,114 @@
+"""Machine code of drifts in the user's cache folder: a second process takes it from there instead of compiling.
+
+numba's own cache knows functions by the file and the line they stand in, and not closures, which drifts are. Here one is
+found by its fingerprint, by this package, the libraries that compile, their settings and the processor. A file is a line
+of JSON, which names the function, then the object file that LLVM wrote; it is linked in an engine of its own, so that no
+two drifts meet each other's names. A drift without a fingerprint, or whose code holds addresses of this process, is
+compiled in each. Nothing is unpickled to load one (what a drift raises is, by numba, when it is raised: it is a part of
+its machine code).
+"""
+from __future__ import annotations
+
+import json
+
+from llvmlite import binding as llvm
+from numba.core import config, types
+from numba.core.ccallback import CFunc
+from numba.core.registry import cpu_target
+
+from nsbench.compilation import disk_cache as kept
+from nsbench.compilation.function_digest import Unknown, fingerprint, package_digest, version
+
+FORMAT = 1
+ELSEWHERE = ("CACHE_DIR", "NUM_THREADS", "DEFAULT_NUM_THREADS")     # settings of numba's that no drift's code depends on
+HERE = (b".numba.unresolved", b"__excinfo_unwrap_args")  # a function that calls itself; an error with data in it
+
+
+class Pointer(types.WrapperAddressProtocol):
+    """Machine code from the disk as a first-class function of numba's: its address, its signature, and what it lies in."""
+
+    def __init__(self, address: int, signature, engine):
+        self.address, self._signature, self._engine = address, signature, engine
+
+    def __wrapper_address__(self) -> int:
+        return self.address
+
+    def signature(self):
+        """Signature of the function, numba's."""
+        return self._signature
+
+
+class _Found:
+    """In the place of numba's cache of a callback: it keeps the result of the compilation."""
+    result = None
+
+    def load_overload(self, signature, context):
+        return None
+
+    def save_overload(self, signature, result):
+        self.result = result
+
+
+def name_of(signature, what: str, function) -> str | None:
+    """The name under which a function's machine code is kept; None: it cannot be told from others.
+
+    what: how the pointer is made of the function. Two functions of one name have the same code on this machine.
+    """
+    try:
+        made_of = fingerprint(function)
+    except (Unknown, RecursionError):        # the latter: a list that holds itself
+        return None
+    settings = (f"{k}={v!r}" for k, v in sorted(vars(config).items()) if k.isupper() and isinstance(v, (int, str, float))
+                and k not in ELSEWHERE)
+    return kept.digest("pointer", str(FORMAT), what, str(signature), made_of, package_digest(), *settings,
+                       *(f"{n} {version(n)}" for n in ("numba", "llvmlite", "numpy", "scipy")),
+                       *map(str, cpu_target.target_context.codegen().magic_tuple()), kept.processor())
+
+
+def load(name: str | None, signature) -> Pointer | None:
+    """The pointer whose code was kept under the name; None if there is none, or none of use."""
+    body = kept.read(kept.folder("pointers"), name)
+    if body is None:
+        return None
+    head, _, code = body.partition(b"\n")
+    try:
+        told = json.loads(head)
+        symbol = told["name"] if told["format"] == FORMAT else None
+        part = llvm.ObjectFileRef.from_data(code)
+        if symbol is None or not part._ptr:
+            return None
+        cpu_target.target_context.refresh()              # the functions of numba's that such code calls have a name now
+        engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _machine())
+        engine.add_object_file(part)
+        engine.finalize_object()
+        address = engine.get_function_address(symbol)
+    except (ValueError, KeyError, TypeError, RuntimeError):      # no such line, or not of this LLVM's making: compiled again
+        return None
+    return Pointer(address, signature, engine) if address else None
+
+
+def compiled(name: str | None, signature, function) -> CFunc:
+    """The callback, compiled here, and kept under the name if its code can run elsewhere. Raises what numba raises."""
+    callback, found = CFunc(function, (signature.args, signature.return_type), {}, {}), _Found()
+    callback._cache = found
+    callback.compile()
+    if name is not None and kept.folder("pointers") is not None and _stands_alone(found.result):
+        code = found.result.library.serialize_using_object_code()[2][0]
+        if not any(word in code for word in HERE):
+            head = {"format": FORMAT, "name": callback.native_name}
+            kept.write(kept.folder("pointers"), name, json.dumps(head).encode() + b"\n" + code)
+    return callback
+
+
+def _stands_alone(result) -> bool:
+    """Does the code neither hold addresses of this process nor ask it for Python objects?"""
+    return not (result.library.has_dynamic_globals or result.reload_init or result.lifted
+                or any(e.consts for e in (result.environment, *result._find_referenced_environments())))
+
+
+def _machine():
+    """LLVM's machine as numba sets it up."""
+    codegen = cpu_target.target_context.codegen()
+    options = {"opt": 3}
+    codegen._customize_tm_options(options)
+    return llvm.Target.from_triple(llvm.get_process_triple()).create_target_machine(**options)

@@ -1,0 +1,154 @@
+"""One physics, three forms: a factory as a numpy function, as a numba function pointer, as a JAX function.
+
+A compiled drift is a C callback ``(t, x, out)``. Passed to a cached kernel it is a first-class function
+pointer: the kernel is compiled once for every drift and kept on disk; the drift itself is compiled once per case, and
+kept too (nsbench.compilation.cfunc_cache).
+"""
+from __future__ import annotations
+
+import functools
+import types
+from collections.abc import Callable
+
+import numpy as np
+
+
+class CompileError(Exception):
+    """numba cannot compile a factory; the message says why."""
+
+
+def host(factory: Callable) -> Callable:
+    """The factory in numpy, at times that are numpy's too: a Python float divided by zero, as at a pole in time, raises."""
+    f = factory(np)
+
+    def at(t, *args):
+        return f(np.float64(t) if type(t) is float else t, *args)
+    return at
+
+
+def _pointer(factory, signature, make):
+    """A pointer of `signature` to make(function): a cfunc, or what an earlier process kept of one on disk.
+
+    make: a function of this module, known by its name. CompileError with numba's reason. The pointer is an address of
+    machine code, so it is kept alive by the caller (numba keeps a reference).
+    """
+    from numba.core.errors import NumbaError
+
+    from nsbench.compilation import cfunc_cache as pointers
+    try:
+        function = factory(np)
+        name = pointers.name_of(signature, make.__qualname__, function)
+        found = pointers.load(name, signature)
+        if found is not None:
+            return found
+        return pointers.compiled(name, signature, make(_compiled(function)))
+    except (NumbaError, NotImplementedError) as e:
+        raise CompileError(str(e).strip().splitlines()[0]) from None
+
+
+def _compiled(f, callers=()):
+    """The function for compiled callers alone, with the closures that it calls: numba calls compiled functions only.
+
+    A field made of modes is a tree of closures; each closure cell that holds a Python function is compiled first, but for
+    `callers`, which it would call in a circle: numba says what it thinks of those.
+    """
+    import numba
+    if isinstance(f, types.FunctionType) and f.__closure__:
+        callers, cells = (*callers, f), []
+        for cell in f.__closure__:
+            try:
+                v = cell.cell_contents
+            except ValueError:
+                raise CompileError(f"{f.__qualname__} closes over a name without a value") from None
+            cells.append(types.CellType(_compiled(v, callers) if isinstance(v, types.FunctionType) and v not in callers else v))
+        f = types.FunctionType(f.__code__, f.__globals__, f.__name__, f.__defaults__, tuple(cells))
+    return numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True)(f)
+
+
+def _types():
+    from numba import types as of
+    return of.void, of.float64, of.float64[::1]
+
+
+@functools.lru_cache(maxsize=256)
+def rhs(factory: Callable, n: int):
+    """``drift(xp) -> (t, x)`` as a cfunc (t, x, out), x and out (n,)."""
+    void, f8, vec = _types()
+
+    def make(f):
+        def fill(t, x, out):
+            for i in range(out.size):
+                out[i] = np.nan      # what is left if f raises: a callback cannot pass an exception on
+            v = f(t, x)              # element by element: assigning a slice takes two seconds to compile in each process
+            for i in range(out.size if v.size == out.size or v.size == 1 else 0):
+                out[i] = v[i if v.size > 1 else 0]
+        return fill
+    return _pointer(factory, void(f8, vec, vec), make)
+
+
+@functools.lru_cache(maxsize=256)
+def rhs_signs(factory: Callable, n: int, d: int):
+    """``field(xp) -> (t, x, s)`` as a cfunc (t, x, s, out)."""
+    void, f8, vec = _types()
+
+    def make(f):
+        def fill(t, x, s, out):
+            for i in range(out.size):
+                out[i] = np.nan
+            v = f(t, x, s)
+            for i in range(out.size if v.size == out.size or v.size == 1 else 0):
+                out[i] = v[i if v.size > 1 else 0]
+        return fill
+    return _pointer(factory, void(f8, vec, vec, vec), make)
+
+
+@functools.lru_cache(maxsize=256)
+def curve(factory: Callable, size: int):
+    """``b(xp) -> (t) -> array`` as a cfunc (t, out), out flat of the given size."""
+    void, f8, vec = _types()
+
+    def make(f):
+        def fill(t, out):
+            out[:] = np.nan
+            value = np.asarray(f(t)).ravel()
+            for i in range(out.size):
+                out[i] = value[i]
+        return fill
+    return _pointer(factory, void(f8, vec), make)
+
+
+def still():
+    """A curve that does nothing: the walls stand still."""
+    return _still()
+
+
+@functools.cache
+def _still():
+    import numba
+    void, f8, vec = _types()
+
+    def nothing(t, out):
+        return
+    return numba.cfunc(void(f8, vec), cache=False)(nothing)
+
+
+def plain(function, made: dict | None = None):
+    """A kernel as Python functions, those it calls included: for one small call compilation would take seconds."""
+    made = {} if made is None else made
+    if function not in made:
+        source = function.py_func
+        names = dict(source.__globals__)
+        made[function] = types.FunctionType(source.__code__, names, source.__name__, source.__defaults__)
+        for name in source.__code__.co_names:
+            if hasattr(names.get(name), "py_func"):
+                names[name] = plain(names[name], made)
+    return made[function]
+
+
+def jax_function(factory: Callable) -> Callable:
+    """The factory in jax.numpy, in float64."""
+    import jax
+    if not jax.config.jax_enable_x64:
+        jax.config.update("jax_enable_x64", True)
+    import jax.numpy as jnp
+    return factory(jnp)

@@ -1,0 +1,130 @@
+"""Compiled JAX programs, kept in the process and in the user's cache folder: a second process need not even trace.
+
+A program is found by the fingerprint of what it was made from (nsbench.compilation.function_digest), of this package, of the
+libraries that trace and compile, of JAX's settings and of the processor. Where there is no fingerprint it is traced and
+found by the text of what was traced. JAX's own settings, its cache among them, are left as the user has them.
+A file that cannot be read is no error: the program is compiled again. NSBENCH_CACHE=off keeps programs off the disk.
+"""
+from __future__ import annotations
+
+import functools
+import os
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from nsbench.compilation import disk_cache as kept
+from nsbench.compilation.disk_cache import digest
+from nsbench.compilation.function_digest import package_digest, version
+from nsbench.compilation.jax_serialization import pack, unpack
+
+# functions outside the program: LAPACK's must be looked up before it runs, any other (a callback into this process, say)
+# would be gone in the next one, so such a program is not kept
+CALLS = re.compile(r"custom_call @?\"?([A-Za-z0-9_.$]+)")
+TRACERS = ("jax", "jaxlib", "diffrax", "equinox", "optimistix", "lineax", "numpy")
+
+
+def float64():
+    """JAX in float64, whoever imported it before."""
+    import jax
+    if not jax.config.jax_enable_x64:
+        jax.config.update("jax_enable_x64", True)
+    return jax
+
+
+@dataclass
+class Kept:
+    """An executable; again() -> a newly compiled one, where this one came from the disk."""
+    run: Callable
+    again: Callable | None = None
+
+    def __call__(self, *arguments) -> dict:
+        """The results as numpy arrays. A program from the disk that does not run is compiled again, once."""
+        import jax
+        float64()
+        try:
+            return {name: np.asarray(v) for name, v in self.run(*arguments).items()}
+        except jax.errors.JaxRuntimeError:
+            if self.again is None:
+                raise
+        self.run, self.again = self.again(), None
+        return self(*arguments)
+
+
+def program(key: str | None, trace: Callable) -> Kept:
+    """The executable for `key`; trace() -> jax.stages.Lowered is called where it is not known yet, or key is None."""
+    name = None if key is None else digest("made from", key, _platform())
+    found = _load(name)
+    if found is not None:
+        return Kept(found, lambda: _compiled(trace(), name, fresh=True))
+    lowered = trace()
+    if name is None:
+        name = digest("traced", lowered.as_text(), _platform())
+        found = _load(name)
+        if found is not None:
+            return Kept(found, lambda: _compiled(trace(), name, fresh=True))
+    return Kept(_compiled(lowered, name))
+
+
+def _compiled(lowered, name: str, fresh: bool = False):
+    """The executable, kept under `name` if it can be. fresh: what is there now is of no use."""
+    if fresh:
+        kept.drop(folder(), name)
+    calls = set(CALLS.findall(lowered.as_text()))
+    found, ours = _compile(lowered)
+    if ours and all(c.startswith("lapack_") for c in calls):
+        _save(name, found, bool(calls))
+    return found
+
+
+def _compile(lowered):
+    """(executable, whether it was compiled here). What JAX's own cache gives, where the user has one, cannot be written
+    again: it would lack its functions when it is read."""
+    before = len(_watch_cache())
+    return lowered.compile(), len(_watch_cache()) == before
+
+
+@functools.cache
+def _watch_cache() -> list:
+    """The hits of JAX's own cache in this process."""
+    import jax
+    hits = []
+    jax.monitoring.register_event_listener(lambda event, **_: hits.append(event) if event.endswith("/cache_hits") else None)
+    return hits
+
+
+def _platform() -> str:
+    """All beside the program that makes an executable what it is."""
+    jax = float64()
+    settings = {k: v for k, v in jax.config.values.items() if "cache" not in k}
+    return digest(*(f"{n} {version(n)}" for n in TRACERS), package_digest(), repr(sorted(settings.items(), key=str)),
+                  os.environ.get("XLA_FLAGS", ""), kept.processor())
+
+
+def folder() -> Path | None:
+    """Where programs are kept, or None."""
+    return kept.folder("programs")
+
+
+def _load(name):
+    body = kept.read(folder(), name)
+    if body is None:
+        return None
+    try:
+        return unpack(body)
+    except Exception:      # whatever is wrong with the file, or with this JAX's idea of it: the program is compiled again
+        return None
+
+
+def _save(name, compiled, lapack: bool) -> None:
+    """Keep an executable and whether it calls LAPACK; where that fails nothing is lost but time."""
+    if folder() is None or name is None:
+        return
+    try:
+        body = pack(compiled, lapack)
+    except Exception:      # an executable that cannot be written
+        return
+    kept.write(folder(), name, body)

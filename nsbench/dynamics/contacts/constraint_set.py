@@ -1,0 +1,233 @@
+"""All families of one problem seen at a state: candidates, gaps, gradients as sparse rows, rates.
+
+Listed constraints (affine rows, fixed pairs, anchors, smooth ones) are always candidates; of the pairs of hard
+particles only those near, found by cell lists. The order is the stated one: family, then i, then j.
+"""
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+
+from nsbench.compilation.factories import host
+from nsbench.dynamics.contacts.candidates import ANCHOR, PAIR, ROW, SMOOTH, Near, Places, join, listed, pairs_of_few
+from nsbench.dynamics.contacts.time_dependence import SmoothRows, chain, time_derivative
+from nsbench.problem import Affine, Complementarity, Distance, Smooth
+
+FEW = 64                # hard particles: all their pairs are looked at sooner than a kernel is compiled
+
+
+def _stacked(families: list[Affine]):
+    """All affine rows as CSR: ptr, cols, vals. A single family's own arrays, not copies: a large scene has many rows."""
+    if len(families) == 1:
+        return families[0].indptr, families[0].indices, families[0].data
+    ptr, cols, vals = [np.zeros(1, np.int64)], [np.empty(0, np.int64)], [np.empty(0)]
+    for a in families:
+        ptr.append(a.indptr[1:] + ptr[-1][-1])
+        cols.append(a.indices)
+        vals.append(a.data)
+    return np.concatenate(ptr), np.concatenate(cols), np.concatenate(vals)
+
+
+class Scene:
+    """The constraints of a Complementarity problem with a state of size n, ready for evaluation.
+
+    Attributes used by kernels: ptr, cols, vals, inv2 (all affine rows as CSR), and b(t), anchors(t) as flat arrays.
+    """
+
+    def __init__(self, problem: Complementarity, n: int):
+        self.families, self.n = problem.constraints, n
+        self.affine = [c for c in self.families if isinstance(c, Affine)]
+        self.anchored = [c for c in self.families if isinstance(c, Distance) and c.anchors is not None]
+        self.moving = any(c.moving for c in self.families)
+        self.ptr, self.cols, self.vals = _stacked(self.affine)
+        rows = len(self.ptr) - 1
+        self.inv2 = 1.0 / np.add.reduceat(self.vals**2, self.ptr[:-1]) if rows else np.empty(0)
+        self._b = [host(a.b) if a.moving else (lambda t, v=a.b: v) for a in self.affine]
+        self._anchors = [host(c.anchors) if c.moving else (lambda t, v=c.anchors: v) for c in self.anchored]
+        self.b_factory = chain([a.b for a in self.affine])
+        self.anchor_factory = chain([c.anchors for c in self.anchored])
+        self._smooth = [SmoothRows(c, n) for c in self.families if isinstance(c, Smooth)]
+        if any(isinstance(c, Distance) and not c.all_pairs for c in self.families):
+            _ = self._parts                              # bad indices are told at once
+        self.hard = [(k, c, c.particles(n)) for k, c in enumerate(self.families)
+                     if isinstance(c, Distance) and c.all_pairs]
+        self.radii = {k: np.broadcast_to(c.radii if c.radii is not None else c.d / 2, m).astype(float)
+                      for k, c, m in self.hard}
+
+    def b(self, t: float) -> np.ndarray:
+        """(rows,) right-hand sides of all affine rows at time t."""
+        return np.concatenate([np.asarray(f(t), float) for f in self._b]) if self._b else np.empty(0)
+
+    def anchors(self, t: float) -> np.ndarray:
+        """Coordinates of all anchors at time t, flat."""
+        return np.concatenate([np.empty(0), *(np.asarray(f(t), float).ravel() for f in self._anchors)])
+
+    def smooth(self, s: int):
+        """The s-th Smooth family: g(t, x), gradient(t, x), rate(t, x) in numpy."""
+        return self._smooth[s]
+
+    @functools.cached_property
+    def _parts(self) -> dict[int, Near]:
+        """The listed constraints by family; made when asked for: rows take 72 bytes each."""
+        parts, row, anchor, smooth = {}, 0, 0, 0
+        for k, c in enumerate(self.families):
+            if isinstance(c, Affine):
+                m = c.shape[0]
+                i = np.arange(m)
+                parts[k] = listed(ROW, k, i, np.full(m, -1), row + i, np.zeros(m), 0.0, 1, 1)
+                row += m
+            elif isinstance(c, Smooth):
+                m = self._smooth[smooth].m
+                i = np.arange(m)
+                parts[k] = listed(SMOOTH, k, i, np.full(m, -1), i, np.full(m, smooth), 0.0, 1, 1)
+                smooth += 1
+            elif not c.all_pairs:
+                parts[k] = self._listed(k, c, anchor)
+                anchor += 0 if c.anchors is None else np.asarray(host(c.anchors)(0.0) if c.moving else c.anchors).size
+        return parts
+
+    def _listed(self, k: int, c: Distance, anchor: int) -> Near:
+        count = c.particles(self.n)
+        pairs, targets = c.pairs, count
+        if c.anchors is not None:
+            targets = len(np.asarray(host(c.anchors)(0.0) if c.moving else c.anchors))
+            if pairs is None:
+                pairs = np.stack(np.meshgrid(np.arange(count), np.arange(targets), indexing="ij"), -1).reshape(-1, 2)
+        if len(pairs) and (pairs[:, 0].max() >= count or pairs[:, 1].max() >= targets):
+            raise ValueError(f"family {k}: a pair names particle or anchor {pairs.max()}; "
+                             f"there are {count} and {targets}")
+        i, j = pairs.T
+        q = anchor + j * c.dim if c.anchors is not None else c.start + j * c.dim
+        return listed(PAIR if c.anchors is None else ANCHOR, k, i, j, c.start + i * c.dim, q, c.d, c.sign, c.dim)
+
+    def all_static(self) -> Near:
+        """The listed constraints alone."""
+        return join([self._parts[k] for k in sorted(self._parts)])
+
+    def near(self, x: np.ndarray, reach: float, t: float = 0.0) -> Near:
+        """Every listed constraint and the hard pairs with gap at most `reach` (inf: all), in the stated order. x finite."""
+        parts = dict(self._parts)
+        for k, c, m in self.hard:
+            r = self.radii[k]
+            if m <= FEW or reach == np.inf:
+                i, j = pairs_of_few(np.asarray(x, float)[c.start:c.start + m * c.dim].reshape(m, c.dim), r, float(reach))
+            else:
+                from nsbench.dynamics.contacts.kernels.cell_list import near_pairs
+                i, j = near_pairs(np.ascontiguousarray(x), c.start, m, c.dim, r, float(reach))
+            parts[k] = listed(PAIR, k, i, j, c.start + i * c.dim, c.start + j * c.dim, r[i] + r[j], 1, c.dim)
+        return join([parts[k] for k in sorted(parts)])
+
+    def deepest(self, t: float, x: np.ndarray) -> float:
+        """The most that a constraint is violated by at (t, x), 0.0 where none is: of near(x, 0.0, t), without listing it."""
+        worst = max(0.0, float(-self.gaps(t, x, *self._static).min(initial=0.0)))
+        for k, c, m in self.hard:
+            from nsbench.dynamics.contacts.kernels.cell_list import near_pairs
+            i, j = near_pairs(np.ascontiguousarray(x), c.start, m, c.dim, self.radii[k], 0.0) if m > 1 else ((), ())
+            if len(i):
+                p, r = x[c.start:c.start + m * c.dim].reshape(m, c.dim), self.radii[k]
+                diff = p[i] - p[j]
+                worst = max(worst, float(-(np.sqrt((diff * diff).sum(1)) - (r[i] + r[j])).min(initial=0.0)))
+        return worst
+
+    @functools.cached_property
+    def _static(self):
+        return (near := self.all_static()), self.places(near)
+
+    def places(self, near: Near) -> Places:
+        """For many evaluations of the same contacts."""
+        pairs = []
+        for kind in (PAIR, ANCHOR):
+            of_kind = near.kind == kind
+            for dim in (1, 2, 3) if of_kind.any() else ():
+                sel = np.flatnonzero(of_kind & (near.dim == dim))
+                if sel.size:
+                    axes = np.arange(dim)
+                    pairs.append((kind, sel, near.p[sel, None] + axes, near.q[sel, None] + axes))
+        smooth = [np.flatnonzero((near.kind == SMOOTH) & (near.q == s)) for s in range(len(self._smooth))]
+        return Places(tuple(pairs), np.flatnonzero(near.kind == ROW), tuple(smooth))
+
+    def gaps(self, t: float, x: np.ndarray, near: Near, places: Places | None = None) -> np.ndarray:
+        """(m,) values g_k(t, x)."""
+        g, places = np.empty(len(near)), places or self.places(near)
+        for sel, _, _, dist in self._distances(t, x, places):
+            g[sel] = near.sign[sel] * (dist - near.d[sel])
+        if places.rows.size:
+            prod = np.add.reduceat(self.vals * x[self.cols], self.ptr[:-1])
+            g[places.rows] = (prod + self.b(t))[near.p[places.rows]]
+        for fam, sel in zip(self._smooth, places.smooth, strict=True):
+            if sel.size:
+                g[sel] = fam.g(t, x)[near.p[sel]]
+        return g
+
+    def _distances(self, t, x, places):
+        """Per kind and dimension: which entries, coordinates of i, differences (m, dim), lengths (m,)."""
+        for kind, sel, i, j in places.pairs:
+            diff = x[i] - (x[j] if kind == PAIR else self.anchors(t)[j])
+            yield sel, (i, j if kind == PAIR else None), diff, np.sqrt((diff * diff).sum(1))
+
+    def dense_gradients(self, t: float, x: np.ndarray, near: Near) -> np.ndarray:
+        """(m, n) rows grad g_k."""
+        G = np.zeros((len(near), self.n))
+        r, c, v = self.triplets(t, x, near)
+        np.add.at(G, (r, c), v)
+        return G
+
+    def gradients(self, t: float, x: np.ndarray, near: Near):
+        """(m, n) scipy.sparse.csr_array of rows grad g_k. A distance of zero has the first axis as direction."""
+        from scipy.sparse import csr_array
+        r, c, v = self.triplets(t, x, near)
+        return csr_array((v, (r, c)), shape=(len(near), self.n))
+
+    def triplets(self, t: float, x: np.ndarray, near: Near):
+        """Rows, columns and values of the gradients; rows and columns are the same for every t and x."""
+        places = self.places(near)
+        r, c = [np.empty(0, np.int64)], [np.empty(0, np.int64)]
+        for kind, sel, i, j in places.pairs:
+            for coords in (i, j) if kind == PAIR else (i,):
+                r.append(np.repeat(sel, coords.shape[1]))
+                c.append(coords.ravel())
+        for k in places.rows:
+            e = slice(self.ptr[near.p[k]], self.ptr[near.p[k] + 1])
+            r.append(np.full(e.stop - e.start, k))
+            c.append(self.cols[e])
+        for sel in places.smooth:
+            r.append(np.repeat(sel, self.n))
+            c.append(np.tile(np.arange(self.n), sel.size))
+        return np.concatenate(r), np.concatenate(c), self.slopes(t, x, near, places)
+
+    def slopes(self, t: float, x: np.ndarray, near: Near, places: Places) -> np.ndarray:
+        """The values of `triplets` alone."""
+        v = [np.empty(0)]
+        for sel, (_, j), diff, dist in self._distances(t, x, places):
+            unit = np.divide(diff, dist[:, None], out=np.zeros_like(diff), where=dist[:, None] > 0)
+            unit[dist == 0, 0] = 1.0
+            unit *= near.sign[sel, None]
+            v += [unit.ravel()] if j is None else [unit.ravel(), (-unit).ravel()]
+        v += [self.vals[self.ptr[p]:self.ptr[p + 1]] for p in near.p[places.rows]]
+        for fam, sel in zip(self._smooth, places.smooth, strict=True):
+            if sel.size:
+                v.append(fam.gradient(t, x)[near.p[sel]].ravel())
+        return np.concatenate(v)
+
+    def rates(self, t: float, x: np.ndarray, near: Near) -> np.ndarray:
+        """(m,) partial derivatives dg/dt."""
+        rate = np.zeros(len(near))
+        if not self.moving:
+            return rate
+        rows = np.flatnonzero(near.kind == ROW)
+        if rows.size:
+            rate[rows] = np.concatenate([time_derivative(a.b)(t) if a.moving else np.zeros(a.shape[0])
+                                         for a in self.affine])[near.p[rows]]
+        if any(c.moving for c in self.anchored):
+            speed = np.concatenate([time_derivative(c.anchors)(t).ravel() if c.moving else np.zeros(c.anchors.size)
+                                    for c in self.anchored])
+            for sel, (_, j), diff, dist in self._distances(t, x, self.places(near)):
+                if j is None:
+                    q = near.q[sel, None] + np.arange(diff.shape[1])
+                    rate[sel] = -near.sign[sel] * (diff * speed[q]).sum(1) / np.where(dist > 0, dist, 1.0)
+        for s, fam in enumerate(self._smooth):
+            sel = np.flatnonzero((near.kind == SMOOTH) & (near.q == s))
+            if sel.size:
+                rate[sel] = fam.rate(t, x)[near.p[sel]]
+        return rate

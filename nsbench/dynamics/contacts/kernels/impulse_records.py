@@ -1,0 +1,126 @@
+"""Impulses by contact as growing records (sample, family, i, j, impulse): what never acts takes no room."""
+from collections.abc import Sequence
+
+import numpy as np
+from numba import njit
+
+from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
+
+MANY = 10_000             # contacts; a tuple takes some 130 bytes for each, and half a microsecond
+
+
+@njit(cache=True)
+def flush(k, mu, family, i, j, ids, values, count):
+    """Move the impulses mu of a list to the records of sample k and clear them; returns grown records."""
+    need = 0
+    for c in range(mu.size):
+        if mu[c] != 0.0:
+            need += 1
+    if count + need > values.size:
+        more, large = np.empty((3 * values.size + need, 4), np.int64), np.empty(3 * values.size + need)
+        for c in range(count):
+            large[c] = values[c]
+            for e in range(4):
+                more[c, e] = ids[c, e]
+        ids, values = more, large
+    for c in range(mu.size):
+        if mu[c] != 0.0:
+            ids[count, 0] = k
+            ids[count, 1] = family[c]
+            ids[count, 2] = i[c]
+            ids[count, 3] = j[c]
+            values[count] = mu[c]
+            mu[c] = 0.0
+            count += 1
+    return ids, values, count
+
+
+class Contacts(Sequence):
+    """Contact ids as a tuple of tuples would hold them, kept as an array (m, 3) of family, i, j (-1: no second index)."""
+
+    def __init__(self, ids: np.ndarray):
+        self.ids = ids
+
+    def __len__(self):
+        return len(self.ids)
+
+    def __getitem__(self, index):
+        if isinstance(index, slice):
+            return Contacts(self.ids[index])
+        return _name(self.ids[index].tolist())
+
+    def __iter__(self):
+        return map(_name, self.ids.tolist())
+
+    def __eq__(self, other):
+        if isinstance(other, Contacts):
+            return np.array_equal(self.ids, other.ids)
+        return isinstance(other, tuple) and len(self) == len(other) and all(a == b for a, b in zip(self, other, strict=True))
+
+    def __hash__(self):
+        return hash(tuple(self))
+
+
+def _name(id_):
+    return tuple(id_) if id_[2] >= 0 else tuple(id_[:2])
+
+
+@njit(cache=True)
+def sorted_contacts(ids):
+    """Contacts (m, 3) of records ids (k, 4), sorted, and the number of its contact for each record.
+
+    What numpy.unique finds by sorting, by counting: places by family and i, then each short stretch by j.
+    """
+    families = 0
+    for e in range(len(ids)):
+        families = max(families, ids[e, 1] + 1)
+    size = np.zeros(families + 1, np.int64)                  # where a family begins
+    for e in range(len(ids)):
+        size[ids[e, 1] + 1] = max(size[ids[e, 1] + 1], ids[e, 2] + 1)
+    for f in range(size.size - 1):
+        size[f + 1] += size[f]
+    ends, order, column = np.zeros(size[-1] + 1, np.int32), np.empty(len(ids), np.int32), np.empty(len(ids), np.int32)
+    for e in range(len(ids)):
+        ends[size[ids[e, 1]] + ids[e, 2] + 1] += 1
+    for s in range(ends.size - 1):
+        ends[s + 1] += ends[s]
+    for e in range(len(ids)):
+        at = size[ids[e, 1]] + ids[e, 2]
+        order[ends[at]] = e
+        ends[at] += 1                                        # to its end, the start of the next
+    lo, m = 0, 0
+    for s in range(ends.size - 1):
+        for e in range(lo, ends[s]):
+            c, f = order[e], e
+            while f > lo and ids[order[f - 1], 3] > ids[c, 3]:
+                order[f] = order[f - 1]
+                f -= 1
+            order[f] = c
+        for e in range(lo, ends[s]):
+            m += e == lo or ids[order[e], 3] != ids[order[e - 1], 3]
+            column[order[e]] = m - 1
+        lo = ends[s]
+    contacts = np.empty((m, 3), np.int32)
+    for e in range(len(ids)):
+        for c in range(3):
+            contacts[column[e], c] = ids[e, c + 1]
+    return contacts, column
+
+
+def cumulate(ids: np.ndarray, values: np.ndarray, samples: int) -> tuple[Sequence, np.ndarray]:
+    """Contact ids that ever acted, sorted, and their cumulative impulse (samples, m); a `Contacts` if there are many."""
+    if not len(values):
+        return (), np.zeros((samples, 0))
+    if len(values) > MANY and ids.dtype == np.int32:
+        contacts, column = sorted_contacts(ids)
+    elif ids.max() < 2**27 and ids[:, 1].max() < 2**7:     # one word for each id: sorted much faster, in the same order
+        words = (ids[:, 1].astype(np.int64) << 56) | (ids[:, 2].astype(np.int64) << 28) | (ids[:, 3].astype(np.int64) + 1)
+        words, column = np.unique(words, return_inverse=True)
+        contacts = np.stack((words >> 56, (words >> 28) & (2**28 - 1), (words & (2**28 - 1)) - 1), axis=1).astype(ids.dtype)
+        del words
+    else:
+        contacts, column = np.unique(ids[:, 1:], axis=0, return_inverse=True)
+    impulse = np.zeros((samples, len(contacts)))
+    np.add.at(impulse, (ids[:, 0], column.ravel()), values)
+    names = Contacts(contacts) if len(contacts) > MANY else tuple(map(_name, contacts.tolist()))
+    return names, np.cumsum(impulse, axis=0, out=impulse)

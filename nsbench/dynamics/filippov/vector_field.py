@@ -1,0 +1,300 @@
+"""The motion of a Filippov system in one mode: weights that keep it on its surfaces, and the projection onto them.
+
+A mode p (d,) holds +1 or -1 where the state is beside surface i, 0 where it slides on it, FREE where it lies on it and
+both sides have the same field: nothing holds it there, and its sign, which no motion determines, is taken as 0.
+"""
+from __future__ import annotations
+
+from itertools import combinations, product
+
+import numpy as np
+
+from nsbench.compilation.factories import host, jax_function
+from nsbench.solvers.event_driven.interval_taylor import SPACE
+from nsbench.trajectory import Status
+
+TINY = 1e-30          # imaginary step: its square vanishes against 1, so the derivative has no truncation error
+EPS = np.finfo(float).eps
+FREE = 2
+SAME = 1e-14          # fields that differ by less than this part of their size are the same, but for rounding
+LOST = 100.0          # tolerances of the run by which a state may miss the surface that it meets: what event_driven claims
+STARTS = (-0.8, 0.0, 0.8)      # of Newton's method in each sign, where all solutions are looked for
+
+
+class Motion:
+    """x' = F(t, x, s) with the signs s of a mode; the work of one run, no state but counters.
+
+    field(t, x, s) -> (n,), switch(t, x) -> (d,): numpy. `along(t, x, dt, dx)` -> (d,) is the derivative of the
+    switch functions in the direction (dt, dx), exact to rounding: by a complex step while that agrees with
+    differences, else by JAX.
+    """
+    def __init__(self, problem, t0: float, x0: np.ndarray):
+        self.field, self.switch, self._factory = host(problem.field), host(problem.switch), problem.switch
+        self._boxes = problem.field(SPACE), problem.switch(SPACE)
+        self.n, self.d = x0.size, len(self.switch(t0, x0))
+        self.along, self.newton, self.calls = self._complex, 0, 0
+        self.trust(t0, x0)
+
+    def _complex(self, t, x, dt, dx):
+        return np.imag(self.switch(t + TINY * 1j * dt, x + TINY * 1j * dx)) / TINY
+
+    def trust(self, t: float, x: np.ndarray) -> None:
+        """Turn from complex steps to JAX if the switch does not continue to complex numbers (abs, sorting) near x."""
+        if self.along != self._complex:
+            return
+        try:
+            good = all(self._agrees(t, x, dt, dx) for dt, dx in ((1.0, np.zeros(self.n)),
+                                                                 *((0.0, e) for e in np.eye(self.n))))
+        except (TypeError, ValueError, np.exceptions.ComplexWarning):
+            good = False
+        if not good:
+            self.along = self._by_jax(t, x)
+
+    def _agrees(self, t, x, dt, dx) -> bool:
+        import warnings
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("error", np.exceptions.ComplexWarning)
+            exact = self._complex(t, x, dt, dx)
+            h = 1e-6 * (1.0 + np.abs(x).max())
+            rough = (self.switch(t + h * dt, x + h * dx) - self.switch(t - h * dt, x - h * dx)) / (2 * h)
+        return bool(np.all(np.abs(exact - rough) <= 1e-4 * (1.0 + np.abs(rough))))
+
+    def _by_jax(self, t, x):
+        c = jax_function(self._factory)
+        import jax
+        slope = jax.jit(lambda t, x, dt, dx: jax.jvp(c, (t, x), (dt, dx))[1])
+        try:
+            slope(float(t), x, 1.0, x)                          # compiles
+        except (TypeError, ValueError, AttributeError, NotImplementedError) as e:
+            reason = str(e).strip().splitlines()[0]
+            raise ValueError("the switch functions can be differentiated neither by complex steps nor by JAX: "
+                             f"{reason}") from None
+        return lambda t, x, dt, dx: np.asarray(slope(float(t), x, float(dt), dx))
+
+    def gradients(self, t, x, rows) -> np.ndarray:
+        """(len(rows), n) gradients of the switch functions in x."""
+        return np.array([self.along(t, x, 0.0, e)[rows] for e in np.eye(self.n)]).T
+
+    def lost(self, t, x, rows, mode, tol) -> Status | None:
+        """What is wrong if a surface of `rows` that was just met is not where the state is, to the digits of a run of tol."""
+        rows = rows[np.abs(mode[rows]) == 1]
+        slope = np.linalg.norm(self.gradients(t, x, rows), axis=1) if rows.size else np.empty(0)
+        slope = np.maximum(slope, np.abs(self.along(t, x, 1.0, np.zeros(self.n)))[rows])      # one may be met in time alone
+        far = np.abs(self.switch(t, x)[rows]) / np.maximum(slope, np.finfo(float).tiny)
+        if np.all(far <= LOST * tol * (1.0 + np.abs(x).max())):
+            return None
+        return Status("degenerate", f"At t = {t:.9g} the gradient of surface {rows[far.argmax()]} vanishes where it is met: that "
+                                    f"is told to within {far.max():.1g} only.")
+
+    def velocity(self, t, x, p, guess):
+        """(F, s): the velocity in mode p and its signs; s of a sliding surface solves c_i' = 0, NaN if nothing does.
+
+        F is multilinear in s; continued beyond |s_i| = 1, so that the exit of a sliding arc is a smooth event.
+        guess (d,): where Newton's method starts (several surfaces). Source: Filippov 1988; Alexander & Seidman 1998.
+        """
+        s = np.where(p == FREE, 0, p).astype(float)
+        on = np.flatnonzero(p == 0)
+        if not on.size:
+            self.calls += 1
+            return self.field(t, x, s), s
+        corners, rates = self._corners(t, x, s, on)
+        s[on] = _ratio(*rates[:, 0]) if on.size == 1 else self._newton(corners, rates, guess[on])
+        return _blend(corners, s[on]), s
+
+    def room(self, t, x, p, guess):
+        """(1 - s, 1 + s) of the sliding surfaces, each vanishing as the speed it is made of does: no digits cancel."""
+        s = np.where(p == FREE, 0, p).astype(float)
+        on = np.flatnonzero(p == 0)
+        if on.size > 1:
+            s = self.velocity(t, x, p, guess)[1][on]
+            return 1.0 - s, 1.0 + s
+        plus, minus = self._corners(t, x, s, on)[1]
+        with np.errstate(all="ignore"):
+            return -2.0 * plus / (minus - plus), 2.0 * minus / (minus - plus)
+
+    def branches(self, t, x, p) -> list:
+        """All signs s (d,) that keep the state on its sliding surfaces, with |s_i| <= 1 or little more; NaN: unclear.
+
+        One surface: one. Two: roots of a quadratic. More: one if F is affine in the signs, else what Newton's method
+        finds from 3^k starts.
+        """
+        s = np.where(p == FREE, 0, p).astype(float)
+        on = np.flatnonzero(p == 0)
+        if on.size < 2:
+            return [self.velocity(t, x, p, np.zeros(self.d))[1]]
+        corners, rates = self._corners(t, x, s, on)
+        starts = [np.zeros(on.size)] if _affine(rates) else _pair(rates) if on.size == 2 else product(STARTS, repeat=on.size)
+        out = []
+        for start in starts:
+            found = s.copy()
+            found[on] = self._newton(corners, rates, np.array(start))
+            if not any(np.array_equal(found, q, equal_nan=True) or np.abs(found - q).max() < 1e-9 for q in out):
+                out.append(found)
+        if any(np.all(np.isfinite(q)) for q in out):
+            out = [q for q in out if np.all(np.isfinite(q))]
+        return out
+
+    def held(self, t, x, p) -> float:
+        """How far the best way off the sliding surfaces of a mode is from being one; negative: a motion leads away.
+
+        A way off keeps some of the surfaces, with |s_i| <= 1, and gains distance from the others. Where surfaces meet,
+        it may exist beside a motion that stays: then the solution is not unique. In relative units, between -1 and 1.
+        None exists where the rates are affine in the signs and the negative of their matrix has positive principal
+        minors (Cottle, Pang & Stone 1992, theorem 3.3.7, for the box).
+        """
+        on = np.flatnonzero(p == 0)
+        _, rates = self._corners(t, x, np.where(p == FREE, 0, p).astype(float), on)
+        if _affine(rates) and _positive_minors(-_slopes(rates, np.zeros(on.size))):
+            return 1.0
+        best = -1.0
+        for q in product((0, 1, -1), repeat=on.size):
+            q = np.array(q)
+            off, kept = np.flatnonzero(q), np.flatnonzero(q == 0)
+            if not off.size:
+                continue
+            part = rates[tuple(slice(None) if v == 0 else (1 - v) // 2 for v in q)]
+            for s in self._keeping(part[..., kept]):
+                gain = (q * _blend(part, s))[off].min()
+                room = (1.0 - np.abs(s)).min(initial=1.0)
+                best = max(best, min(gain, room)) if np.isfinite(gain + room) else best
+        return -min(best, 1.0)
+
+    def _keeping(self, rates) -> list:
+        """Signs that keep the surfaces with the given rates (2, ..., 2, k) on them."""
+        k = rates.shape[-1]
+        if k == 0:
+            return [np.empty(0)]
+        if k == 1:
+            return [_ratio(*rates[:, 0:1])]
+        if k == 2:                              # roots of the quadratic are good enough to look for a way
+            return [np.array(q) for q in _pair(rates)[1:]]
+        return [self._newton(rates, rates, np.zeros(k))]
+
+    def data(self, t, x, p) -> list:
+        """The switch functions and the fields that a mode is made of, for Jets (see solvers._pieces)."""
+        field, switch = self._boxes
+        s, on = np.where(p == FREE, 0, p).astype(float), np.flatnonzero(p == 0)
+        out = [switch(t, x)]
+        for code in product((1.0, -1.0), repeat=on.size):
+            s[on] = code
+            out.append(field(t, x, s.copy()))
+        return out
+
+    def _corners(self, t, x, s, on):
+        """Fields (2, ..., 2, n) and rates of the sliding surfaces (2, ..., 2, k); index 0 is the positive side."""
+        corners = np.empty((2,) * on.size + (self.n,))
+        rates = np.empty((2,) * on.size + (on.size,))
+        s = s.copy()
+        for code in product((0, 1), repeat=on.size):
+            s[on] = 1.0 - 2.0 * np.array(code)
+            corners[code] = self.field(t, x, s)
+            rates[code] = self.along(t, x, 1.0, corners[code])[on]
+        self.calls += 2**on.size
+        if on.size > 1:                         # each switch function in units of its own
+            size = np.abs(rates).reshape(-1, on.size).max(axis=0)
+            rates /= np.where(size > 0.0, size, 1.0)
+        return corners, rates
+
+    def _newton(self, corners, rates, s):
+        for _ in range(30):
+            self.newton += 1
+            slopes = _slopes(rates, s)
+            try:
+                move = np.linalg.solve(slopes, _blend(rates, s))
+            except np.linalg.LinAlgError:
+                return _smallest(corners, rates)
+            s = s - move
+            if np.abs(move).max() <= 1e-13 * (1.0 + np.abs(s).max()):
+                # a solution of equations that are dependent but for rounding is no solution
+                return s if np.linalg.cond(slopes) < 1e12 else _smallest(corners, rates)
+        return np.full(s.size, np.nan)
+
+    def same(self, t, x, s, i) -> bool:
+        """Whether the fields on both sides of surface i are the same, for the other signs s."""
+        up, down = s.copy(), s.copy()
+        up[i], down[i] = 1.0, -1.0
+        a, b = self.field(t, x, up), self.field(t, x, down)
+        self.calls += 2
+        return bool(np.abs(a - b).max() <= SAME * np.abs(a).max())
+
+    def project(self, t, x, on):
+        """The nearest point with c_i = 0 for i in `on`, to first order of the distance; x itself if it is there."""
+        for _ in range(3):
+            c = self.switch(t, x)[on]
+            G = self.gradients(t, x, on)
+            if np.all(np.abs(c) <= 4 * EPS * np.abs(G) @ np.abs(x)) or not np.all(np.isfinite(G)):
+                break
+            x = x - np.linalg.lstsq(G, c, rcond=None)[0]
+        return x
+
+
+def _blend(corners, s):
+    """Multilinear interpolation: corners (2, ..., 2, n), index 0 at s = 1, index 1 at s = -1."""
+    for v in s:
+        corners = 0.5 * (1.0 + v) * corners[0] + 0.5 * (1.0 - v) * corners[1]
+    return corners
+
+
+def _ratio(plus, minus):
+    with np.errstate(all="ignore"):
+        return (plus + minus) / (minus - plus)
+
+
+def _slopes(corners, s):
+    """(n, k) derivatives of the multilinear interpolation in each sign."""
+    return np.array([_blend(0.5 * np.subtract(*np.moveaxis(corners, j, 0)), np.delete(s, j)) for j in range(s.size)]).T
+
+
+def _mixed(rates):
+    """What of the corners is not affine in the signs: the largest second differences, by pairs of signs."""
+    k = rates.ndim - 1
+    out = [np.zeros(1)]
+    for i in range(k):
+        for j in range(i):
+            low = np.diff(np.diff(rates, axis=i), axis=j)
+            out.append(low.ravel())
+    return np.concatenate(out)
+
+
+def _affine(rates) -> bool:
+    """Whether the rates, of size one, are affine in the signs but for rounding."""
+    return bool(np.abs(_mixed(rates)).max() <= 2.0 ** rates.shape[-1] * SAME)
+
+
+def _positive_minors(M) -> bool:
+    k = len(M)
+    return all(np.linalg.det(M[np.ix_(rows, rows)]) > 1e-9 for size in range(1, k + 1)
+               for rows in combinations(range(k), size))
+
+
+def _pair(rates):
+    """Starts for two surfaces: (A + C b) + a (B + D b) = 0 has a solution a where the two vectors are parallel, a
+    quadratic in b. The first start is no such root."""
+    pp, pm, mp, mm = rates[0, 0], rates[0, 1], rates[1, 0], rates[1, 1]
+    A, B, C, D = (pp + pm + mp + mm) / 4, (pp + pm - mp - mm) / 4, (pp - pm + mp - mm) / 4, (pp - pm - mp + mm) / 4
+    det = lambda u, v: u[0] * v[1] - u[1] * v[0]
+    terms = [det(C, D), det(A, D) + det(C, B), det(A, B)]
+    roots = np.roots(terms) if np.all(np.isfinite(terms)) else np.empty(0)
+    out = [(0.0, 0.0)]
+    for b in roots[np.abs(roots.imag) <= 1e-7 * (1.0 + np.abs(roots))].real:
+        w = B + D * b
+        out.append((float(-(w @ (A + C * b)) / (w @ w)) if w @ w > 0.0 else 0.0, float(b)))
+    return [q for q in out if np.all(np.isfinite(q))]
+
+
+def _smallest(corners, rates):
+    """The least signs that hold dependent surfaces, if F is the same for all that do; NaN otherwise.
+
+    For fields affine in the signs (dependent surfaces, or inputs that act alike); any others are left undecided.
+    """
+    k = rates.ndim - 1
+    none, zero = np.full(k, np.nan), np.zeros(k)
+    if not np.all(np.isfinite(rates)) or np.abs(_mixed(corners)).max() > 1e-12 * np.abs(corners).max():
+        return none
+    slopes, F = _slopes(rates, zero), _slopes(corners, zero)
+    s = -np.linalg.lstsq(slopes, _blend(rates, zero), rcond=1e-12)[0]
+    if np.abs(_blend(rates, s)).max() > 1e-12:
+        return none
+    _, values, V = np.linalg.svd(slopes)
+    null = V[values <= 1e-12]
+    return none if np.abs(F @ null.T).max(initial=0.0) > 1e-10 * np.abs(corners).max() else s

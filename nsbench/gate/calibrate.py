@@ -1,0 +1,79 @@
+"""How far the numbers of a study move when nothing that matters does: the same runs again, from starts 1e-12 apart and
+with more threads. Their spread becomes the tolerances of the gate (nsbench.gate.baseline)."""
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+from pathlib import Path
+
+from nsbench import study
+from nsbench.execute.workers.pool import run_all
+from nsbench.gate import spreads
+from nsbench.gate.baseline import GATEABLE, line
+from nsbench.gate.facts import facts
+from nsbench.report.data import Data, build, columns_of, read
+from nsbench.results import run_key as keys
+from nsbench.results import tables as store
+from nsbench.results.row_reuse import Filed, known
+
+SEEDS = (1, 2)            # of the perturbed starts
+THREADS = 2               # of the pass from the unchanged start
+FOLDER = "calibration"    # of the journals within the results
+
+
+def calibrate(folder: Path, args, say) -> int:
+    """Write DIR/calibration.csv and say what cannot be held."""
+    data = read(folder)
+    specs = specs_of(data)
+    if not specs:
+        raise LookupError(f"{folder} holds no run of a registered case: nothing to calibrate")
+    passes = [([replace(s, nudge=seed) for s in specs], 1, f"starts 1e-12 apart, {seed}") for seed in SEEDS]
+    passes.append((specs, THREADS, f"{THREADS} threads"))
+    others = []
+    for number, (these, threads, title) in enumerate(passes, 1):
+        say(f"pass {number} of {len(passes)}: {title}, {len(these)} runs")
+        others.append(facts(_again(these, folder / FOLDER / str(number), threads, args, data)))
+    first = facts(data)
+    found = spreads.spreads(first, others)
+    store.write_atomically(folder / spreads.NAME, spreads.text(found, first).encode())
+    loose = [key for key, fact in first.items() if not line(fact, found[key], "").held]
+    for key in loose:
+        say(f"not to be held: {' '.join(key)}")
+    say(f"{len(first)} numbers, {len(loose)} of them spread by more than {100 * GATEABLE:g} %: {folder / spreads.NAME}")
+    return 0
+
+
+def specs_of(data: Data) -> list[study.Spec]:
+    """The runs of a study whose cases are registered, as specifications."""
+    out = []
+    for runs in data.runs.values():
+        try:
+            study.resolve(runs.case)
+        except LookupError:
+            continue
+        out += [study.Spec(runs.case, runs.solver, runs.accuracy, float(a)) for a in runs.col["asked"]]
+    return out
+
+
+def _again(specs, folder: Path, threads: int, args, data: Data) -> Data:
+    """The rows of one pass, journalled like those of a study, so that a pass that was stopped goes on."""
+    cases = {s.case: study.resolve(s.case) for s in specs}
+    keys.forget()
+    parts = {s: keys.parts_of(s, cases[s.case]) for s in specs}
+    found = {s: keys.key_of(s, parts[s]) for s in specs}
+    journal = store.Journal(folder)
+    entries = Filed(journal, found, parts, {(s.case, s.file): cases[s.case] for s in specs})
+    rows = known(folder, specs, found, args.timeout, [])
+    todo = [s for s in specs if found[s] not in rows]
+    by_case: dict[str, list] = {}
+    for s in todo:
+        by_case.setdefault(s.case, []).append(s)
+
+    def on_row(spec, row):
+        rows[found[spec]] = entries.row(spec, row)
+    try:
+        jobs = args.jobs or max(1, min(2, (os.cpu_count() or 1) // threads))         # no more threads than cores
+        run_all([*by_case.values()], jobs, args.timeout, on_row, threads=threads)
+    finally:
+        journal.close()
+    return build(columns_of([rows[found[s]] for s in specs]), data.cases, data.solvers)

@@ -1,0 +1,1 @@
+"""nsbench/lcp"""

@@ -1,0 +1,226 @@
+"""Small complementarity problems  0 <= lam _|_ w = h + M lam >= 0  with M = G G^T, G of any rank.
+
+An active-set method in Gram form (Lawson & Hanson 1974, chapter 23; dependent rows as in Goldfarb & Idnani 1983):
+the rows with lam > 0 are kept linearly independent, so a basic solution comes back even where lam is not unique.
+Pivoting codes for general M fail on such rank-deficient contact sets.
+"""
+import numpy as np
+from numba import njit
+
+from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
+from nsbench.compilation.decorators import inner
+
+OK, INFEASIBLE, UNFINISHED = 0, 1, 2
+NULL = 1e-6               # coefficients of a null direction below are rounding: eps over the smallest squared sine
+ROUNDING = 1e-9           # of a row that depends on others: eps over the smallest sine that counts as independent (1e-5)
+
+
+@inner
+def _append(L, M, idx, p, k, dep):
+    """Factor row p for the new index k; False if its row depends on those of idx[:p]. Fills L[p, :p] in any case."""
+    pivot = M[k, k]
+    for a in range(p):
+        s = M[k, idx[a]]
+        for b in range(a):
+            s -= L[p, b] * L[a, b]
+        L[p, a] = s / L[a, a]
+        pivot -= L[p, a] * L[p, a]
+    if not pivot > dep * M[k, k]:
+        return False
+    L[p, p] = np.sqrt(pivot)
+    idx[p] = k
+    return True
+
+
+@inner
+def _remove(L, M, idx, p, place, dep):
+    """Take idx[place] out and factor the later rows again; returns the new p."""
+    q = place
+    for a in range(place + 1, p):
+        if _append(L, M, idx, q, idx[a], dep):
+            q += 1
+    return q
+
+
+@inner
+def _backsolve(L, p, v):
+    for a in range(p - 1, -1, -1):
+        for b in range(a + 1, p):
+            v[a] -= L[b, a] * v[b]
+        v[a] /= L[a, a]
+
+
+@inner
+def _solve(L, p, v):
+    """v <- (L L^T)^-1 v for the leading p rows."""
+    for a in range(p):
+        for b in range(a):
+            v[a] -= L[a, b] * v[b]
+        v[a] /= L[a, a]
+    _backsolve(L, p, v)
+
+
+@inner
+def _target(L, M, h, idx, p):
+    """lam on idx[:p] with w = 0 there, refined once."""
+    s = np.empty(p)
+    for a in range(p):
+        s[a] = -h[idx[a]]
+    _solve(L, p, s)
+    r = np.empty(p)
+    for a in range(p):
+        r[a] = -h[idx[a]]
+        for b in range(p):
+            r[a] -= M[idx[a], idx[b]] * s[b]
+    _solve(L, p, r)
+    for a in range(p):
+        s[a] += r[a]
+    return s
+
+
+@inner
+def _settle(L, M, h, idx, p, lam, dep):
+    """Move lam to the target of its support, dropping what becomes zero on the way; returns p."""
+    while p > 0:
+        s = _target(L, M, h, idx, p)
+        alpha, worst = 1.0, np.int64(-1)
+        for a in range(p):
+            if s[a] <= 0.0:
+                old = lam[idx[a]]
+                step = old / (old - s[a]) if old > 0.0 else 0.0
+                if step < alpha or worst < 0:
+                    alpha, worst = step, a
+        for a in range(p):
+            lam[idx[a]] += alpha * (s[a] - lam[idx[a]])
+        if worst < 0:
+            for a in range(p):
+                lam[idx[a]] = s[a]
+            break
+        lam[idx[worst]] = 0.0
+        p = _remove(L, M, idx, p, worst, dep)
+    return p
+
+
+@inner
+def _exchange(L, M, idx, p, k, lam, dep):
+    """k depends on the support: move along the null direction with lam_k growing until a member vanishes.
+
+    Returns the new p with k in the support, or -1 if nothing blocks: no velocity satisfies row k and these rows.
+    """
+    c = np.empty(p)
+    for a in range(p):
+        c[a] = L[p, a]
+    _backsolve(L, p, c)                                   # G_k = sum_a c_a G_a
+    block, alpha = np.int64(-1), np.inf
+    for a in range(p):
+        if c[a] > NULL and lam[idx[a]] / c[a] < alpha:
+            block, alpha = a, lam[idx[a]] / c[a]
+    if block < 0:
+        return -1
+    for a in range(p):
+        lam[idx[a]] = max(0.0, lam[idx[a]] - alpha * c[a])
+    lam[idx[block]] = 0.0
+    lam[k] = alpha
+    p = _remove(L, M, idx, p, block, dep)
+    return p + 1 if _append(L, M, idx, p, k, dep) else p
+
+
+@inner
+def _speeds(M, h, lam, w):
+    """w <- h + M lam."""
+    for k in range(h.size):
+        w[k] = h[k]
+        for a in range(h.size):
+            w[k] += M[k, a] * lam[a]
+
+
+@inner
+def _size(M, h, lam, k):
+    """Size of the terms that w_k is the sum of."""
+    s = abs(h[k])
+    for a in range(h.size):
+        s += abs(M[k, a]) * lam[a]
+    return s
+
+
+@njit(cache=True, error_model="numpy")
+def solve_lcp(M, h, warm, tol, dep):
+    """Basic solution of 0 <= lam _|_ h + M lam >= 0.
+
+    M (m, m) = G G^T; h (m,); warm: indices to try as the support first; tol (m,): how negative w may stay;
+    dep: rows whose squared sine against the support is at most this count as dependent.
+    Returns lam (m,), w (m,), support (p,), code, row that cannot be satisfied or -1, iterations.
+    """
+    m = h.size
+    lam, skip = np.zeros(m), np.zeros(m, np.bool_)
+    L, idx, p = np.zeros((m + 1, m + 1)), np.empty(m + 1, np.int64), np.int64(0)
+    for k in warm:
+        if M[k, k] > 0.0 and _append(L, M, idx, p, k, dep):
+            p += 1
+    while p > 0:                                          # the warm support without its negative members
+        s = _target(L, M, h, idx, p)
+        worst = np.int64(0)
+        for a in range(1, p):
+            if s[a] < s[worst] or s[a] != s[a]:
+                worst = a
+        if s[worst] > 0.0:
+            for a in range(p):
+                lam[idx[a]] = s[a]
+            break
+        p = _remove(L, M, idx, p, worst, dep)
+    code, bad, it = UNFINISHED, -1, 0
+    w = np.empty(m)
+    _speeds(M, h, lam, w)
+    while it < 50 + 20 * m:
+        it += 1
+        k, worst = np.int64(-1), 0.0
+        for c in range(m):
+            if lam[c] == 0.0 and not skip[c] and w[c] < -tol[c]:
+                size = w[c] / np.sqrt(M[c, c]) if M[c, c] > 0.0 else -np.inf
+                if size < worst:
+                    k, worst = c, size
+        if k < 0:
+            code = OK
+            break
+        if M[k, k] == 0.0:
+            code, bad = INFEASIBLE, k
+            break
+        if _append(L, M, idx, p, k, dep):
+            p += 1
+        else:
+            q = _exchange(L, M, idx, p, k, lam, dep)
+            if q < 0 and w[k] > -ROUNDING * _size(M, h, lam, k):
+                skip[k] = True                            # w_k follows from the support, where w = 0: it is rounding
+                continue
+            if q < 0:
+                code, bad, p = INFEASIBLE, k, 0
+                break
+            p = q
+        p = _settle(L, M, h, idx, p, lam, dep)
+        _speeds(M, h, lam, w)
+        if lam[k] > 0.0:
+            skip[:] = False
+        else:
+            skip[k] = True                                # rounding: it is zero from either side
+    if code != INFEASIBLE:                                # what is left over must be rounding, and if so it is solved
+        code = OK
+        for k in range(m):
+            if w[k] < -max(tol[k], ROUNDING * _size(M, h, lam, k)):
+                code, bad = UNFINISHED, k
+    return lam, w, idx[:p].copy(), code, bad, it
+
+
+@njit(cache=True, error_model="numpy")
+def in_span(M, support, dep):
+    """(m,) whether each row lies in the span of the independent rows `support`."""
+    m = M.shape[0]
+    L, idx, p = np.zeros((m + 1, m + 1)), np.empty(m + 1, np.int64), np.int64(0)
+    for k in support:
+        if _append(L, M, idx, p, k, 0.0):
+            p += 1
+    out = np.zeros(m, np.bool_)
+    for k in support:
+        out[k] = True
+    for k in range(m):
+        out[k] = out[k] or not _append(L, M, idx, p, k, dep)
+    return out

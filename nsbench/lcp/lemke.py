@@ -1,0 +1,259 @@
+"""Complementarity problems  0 <= lam _|_ w = r + M lam >= 0  for a general square M, regular or not.
+
+First the support of the last solution, then Lemke's method with lexicographic pivots (Cottle, Pang & Stone 1992, section
+4.4), then all supports if there are few. Rows and columns are scaled first: circuits mix ohms with 1e-6 farads. Of
+several solutions with the same w the smallest one can be had (Han, Tiwari, Camlibel & Pang 2009): see `least`.
+Loops stand where numpy would add rows: its broadcasting takes numba seconds to compile.
+"""
+import numpy as np
+from numba import njit
+
+from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
+from nsbench.lcp.gram_lcp import solve_lcp
+from nsbench.linalg.dense import gauss
+from nsbench.linalg.rank import near_singular, orthonormal
+
+FEW = 10                  # rows whose 2^m supports are tried when Lemke's method ends on a ray
+SIGN = 1e-12              # of the terms of a sum: below, its sign is rounding (a few hundred operations)
+PIVOT = 1e-11             # of scaled entries: below, they are no pivots
+RANK = 1e-10              # relative singular value of scaled rows below which they count as dependent
+
+
+@njit(cache=True, error_model="numpy")
+def scales(M):
+    """(m,), (m,): factors of rows and columns that bring the entries of M near one."""
+    m = M.shape[0]
+    a, b = np.ones(m), np.ones(m)
+    for _ in range(8):
+        for i in range(m):
+            s = 0.0
+            for j in range(m):
+                s = max(s, abs(M[i, j]) * a[i] * b[j])
+            if s > 0.0:
+                a[i] /= np.sqrt(s)
+        for j in range(m):
+            s = 0.0
+            for i in range(m):
+                s = max(s, abs(M[i, j]) * a[i] * b[j])
+            if s > 0.0:
+                b[j] /= np.sqrt(s)
+    return a, b
+
+
+@njit(cache=True, error_model="numpy")
+def slack(M, r, lam, w):
+    """w <- r + M lam; returns whether lam and w are non-negative and complementary up to rounding."""
+    m, top, good = r.size, 0.0, True
+    for i in range(m):
+        top = max(top, abs(lam[i]))
+    for i in range(m):
+        w[i], size = r[i], abs(r[i])
+        for j in range(m):
+            w[i] += M[i, j] * lam[j]
+            size += abs(M[i, j] * lam[j])
+        if not w[i] >= -SIGN * size or not lam[i] >= -SIGN * top or (lam[i] != 0.0 and not w[i] <= SIGN * size):
+            good = False
+    return good
+
+
+@njit(cache=True, error_model="numpy")
+def by_support(M, r, on, lam, w):
+    """lam with w = 0 on the support, zero elsewhere; False if there is none or it is no solution."""
+    m = r.size
+    idx = np.flatnonzero(on)
+    p = idx.size
+    for i in range(m):
+        lam[i] = 0.0
+    if p:
+        N, b = np.empty((p, p)), np.empty(p)
+        for i in range(p):
+            b[i] = -r[idx[i]]
+            for j in range(p):
+                N[i, j] = M[idx[i], idx[j]]
+        if not gauss(N.copy(), b):
+            return False
+        for i in range(p):
+            lam[idx[i]] = b[i]
+        for i in range(p):                                   # one refinement
+            b[i] = -r[idx[i]]
+            for j in range(m):
+                b[i] -= M[idx[i], j] * lam[j]
+        if gauss(N, b):
+            for i in range(p):
+                lam[idx[i]] += b[i]
+    if not slack(M, r, lam, w):
+        return False
+    for i in range(m):
+        lam[i] = max(lam[i], 0.0)
+    return True
+
+
+@njit(cache=True, error_model="numpy")
+def _leaving(T, col, basis, m, z0):
+    """Row that leaves for column `col` by the lexicographic ratio test, -1 on a ray; the artificial one goes first."""
+    best = -1
+    last = T.shape[1] - 1
+    for i in range(m):
+        if not T[i, col] > PIVOT:
+            continue
+        if best < 0:
+            best = i
+            continue
+        for k in range(m + 1):                                # right-hand side first, then the columns of the inverse
+            c = last if k == 0 else k - 1
+            a, b = T[i, c] / T[i, col], T[best, c] / T[best, col]
+            close = abs(a - b) <= 1e-13 * (abs(a) + abs(b))
+            if close and k == 0 and (basis[i] == z0 or basis[best] == z0):
+                best = i if basis[i] == z0 else best
+                break
+            if not close:
+                if a < b:
+                    best = i
+                break
+    return best
+
+
+@njit(cache=True, error_model="numpy")
+def lemke(M, r):
+    """(support, found, pivots) of scaled data: by complementary pivots with the covering vector of ones."""
+    m = r.size
+    T = np.zeros((m, 2 * m + 2))                              # w | lam | z0 | right-hand side
+    basis, z0 = np.arange(m), 2 * m
+    for i in range(m):
+        T[i, i], T[i, z0], T[i, z0 + 1] = 1.0, -1.0, r[i]
+        for j in range(m):
+            T[i, m + j] = -M[i, j]
+    on = np.zeros(m, np.bool_)
+    row = np.argmin(r)
+    if r[row] >= 0.0:
+        return on, True, 0
+    enter, limit = z0, 100 + 20 * m
+    for it in range(limit):
+        p = T[row, enter]
+        for j in range(2 * m + 2):
+            T[row, j] /= p
+        for i in range(m):
+            p = T[i, enter]
+            if i != row and p != 0.0:
+                for j in range(2 * m + 2):
+                    T[i, j] -= p * T[row, j]
+        out, basis[row] = basis[row], enter
+        if out == z0:
+            for i in range(m):
+                if basis[i] >= m:
+                    on[basis[i] - m] = True
+            return on, True, it + 1
+        enter = out + m if out < m else out - m
+        row = _leaving(T, enter, basis, m, z0)
+        if row < 0:
+            return on, False, it + 1
+    return on, False, limit
+
+
+@njit(cache=True, error_model="numpy")
+def solve(M, r, a, b, on, lam, w):
+    """Solution in lam, w and its support in `on` (a guess before). a, b: `scales` of M. Returns found, pivots."""
+    m = r.size
+    if by_support(M, r, on, lam, w):
+        return True, 0
+    S, s, top = np.empty((m, m)), np.empty(m), 0.0
+    for i in range(m):
+        s[i] = a[i] * r[i]
+        top = max(top, abs(s[i]))
+        for j in range(m):
+            S[i, j] = M[i, j] * a[i] * b[j]
+    for i in range(m):
+        s[i] = s[i] / top if top > 0.0 else s[i]
+    guess, found, count = lemke(S, s)
+    if found and by_support(M, r, guess, lam, w):
+        for i in range(m):
+            on[i] = guess[i]
+        return True, count
+    if m <= FEW:
+        for code in range(2**m):
+            for i in range(m):
+                guess[i] = (code >> i) & 1
+            if by_support(M, r, guess, lam, w):
+                for i in range(m):
+                    on[i] = guess[i]
+                return True, count + code + 1
+    return False, count
+
+
+@njit(cache=True, error_model="numpy")
+def other_motion(M, r, G, lam, size):
+    """Is there a solution mu with G mu apart from G lam by more than 1e-9 of `size`? All supports are tried."""
+    m = r.size
+    on, mu, w = np.zeros(m, np.bool_), np.empty(m), np.empty(m)
+    for code in range(2**m):
+        for i in range(m):
+            on[i] = (code >> i) & 1
+        if by_support(M, r, on, mu, w):
+            for c in range(G.shape[0]):
+                apart = 0.0
+                for i in range(m):
+                    apart += G[c, i] * (mu[i] - lam[i])
+                if abs(apart) > 1e-9 * size:
+                    return True
+    return False
+
+
+@njit(cache=True, error_model="numpy")
+def least(M, r, a, b, lam, w):
+    """Replace lam by the smallest (Euclidean) solution with the same w = 0 rows, if these leave a choice.
+
+    On the rows with w = 0 the solutions are an affine set cut by lam >= 0: a least-distance problem in its
+    coordinates, whose dual is a Gram problem for kernels.lcp.
+    """
+    m = r.size
+    zero = np.zeros(m, np.bool_)
+    for i in range(m):
+        size = abs(r[i])
+        for j in range(m):
+            size += abs(M[i, j] * lam[j])
+        zero[i] = w[i] <= SIGN * size
+    idx = np.flatnonzero(zero)
+    p = idx.size
+    if p < 2:
+        return
+    S = np.empty((p, p))
+    for i in range(p):
+        for j in range(p):
+            S[i, j] = M[idx[i], idx[j]] * a[idx[i]] * b[idx[j]]
+    if not near_singular(S.copy(), RANK):
+        return
+    _, sigma, Vt = np.linalg.svd(S)
+    rank = 0
+    while rank < p and sigma[rank] > RANK * sigma[0]:
+        rank += 1
+    if rank == p:
+        return
+    Q = np.empty((p, p - rank))
+    for i in range(p):
+        for k in range(p - rank):
+            Q[i, k] = Vt[rank + k, i] * b[idx[i]]
+    orthonormal(Q)
+    start = np.empty(p)
+    for i in range(p):
+        start[i] = lam[idx[i]]
+    P = np.zeros((p, p))                                     # the projector on the null space
+    for i in range(p):
+        for j in range(p):
+            for k in range(Q.shape[1]):
+                P[i, j] += Q[i, k] * Q[j, k]
+    along, top = np.zeros(p), 0.0
+    for i in range(p):
+        for j in range(p):
+            along[i] += P[i, j] * start[j]
+    for i in range(p):
+        start[i] -= along[i]
+        top = max(top, lam[idx[i]])
+    mu = solve_lcp(P, start, np.empty(0, np.int64), np.full(p, SIGN * top), 1e-14)[0]
+    other, v = np.zeros(m), np.empty(m)
+    for i in range(p):
+        for j in range(p):
+            start[i] += P[i, j] * mu[j]
+        other[idx[i]] = max(start[i], 0.0)
+    if slack(M, r, other, v):
+        for i in range(m):
+            lam[i], w[i] = other[i], v[i]

@@ -1,0 +1,56 @@
+"""Small dense vectors and systems: what several time loops need."""
+import numpy as np
+from numba import njit
+
+from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
+
+OK, NAN, BLOWN = 0, 1, 2
+
+
+@njit(cache=True)
+def health(x):
+    """OK, NAN, or BLOWN beyond 1e150, where squares overflow."""
+    for v in x:
+        if v != v:
+            return NAN
+    for v in x:
+        if abs(v) > 1e150:
+            return BLOWN
+    return OK
+
+
+@njit(cache=True)
+def largest(x):
+    """max |x_i|, 0 for none."""
+    m = 0.0
+    for v in x:
+        m = max(m, abs(v))
+    return m
+
+
+@njit(cache=True)
+def gauss(A, b):
+    """Solve A z = b in place (z in b) with partial pivoting; False if A is singular or not finite."""
+    n = b.size
+    for j in range(n):
+        p = j
+        for i in range(j + 1, n):
+            if abs(A[i, j]) > abs(A[p, j]):
+                p = i
+        if not (0.0 < abs(A[p, j]) < np.inf):
+            return False
+        if p != j:
+            for k in range(j, n):
+                A[j, k], A[p, k] = A[p, k], A[j, k]
+            b[j], b[p] = b[p], b[j]
+        for i in range(j + 1, n):
+            r = A[i, j] / A[j, j]
+            if r != 0.0:
+                for k in range(j + 1, n):
+                    A[i, k] -= r * A[j, k]
+                b[i] -= r * b[j]
+    for j in range(n - 1, -1, -1):
+        for k in range(j + 1, n):
+            b[j] -= A[j, k] * b[k]
+        b[j] /= A[j, j]
+    return True

@@ -1,0 +1,51 @@
+"""Which columns are independent: orthonormal ones, and pivots of elimination, in loops over small matrices."""
+import numpy as np
+from numba import njit
+
+from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
+
+
+@njit(cache=True, error_model="numpy")
+def orthonormal(Q):
+    """Columns of Q made orthonormal in place, by Gram and Schmidt's method done twice (Giraud et al. 2005)."""
+    p, n = Q.shape
+    for k in range(n):
+        for _ in range(2):
+            for j in range(k):
+                s = 0.0
+                for i in range(p):
+                    s += Q[i, j] * Q[i, k]
+                for i in range(p):
+                    Q[i, k] -= s * Q[i, j]
+        s = 0.0
+        for i in range(p):
+            s += Q[i, k] * Q[i, k]
+        s = np.sqrt(s)
+        for i in range(p):
+            Q[i, k] /= s
+
+
+@njit(cache=True, error_model="numpy")
+def near_singular(A, rank):
+    """Does elimination with full pivoting meet a pivot below `rank` of the first? A is overwritten."""
+    n, first = A.shape[0], 0.0
+    for k in range(n):
+        p, q = k, k
+        for i in range(k, n):
+            for j in range(k, n):
+                if abs(A[i, j]) > abs(A[p, q]):
+                    p, q = i, j
+        top = abs(A[p, q])
+        if k == 0:
+            first = top
+        if not top > 1e2 * rank * first:                     # elimination overestimates the least singular value
+            return True
+        for j in range(n):
+            A[k, j], A[p, j] = A[p, j], A[k, j]
+        for i in range(n):
+            A[i, k], A[i, q] = A[i, q], A[i, k]
+        for i in range(k + 1, n):
+            r = A[i, k] / A[k, k]
+            for j in range(k, n):
+                A[i, j] -= r * A[k, j]
+    return False

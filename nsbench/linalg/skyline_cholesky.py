@@ -1,0 +1,156 @@
+"""Gram matrices of held contacts in skyline form: ordering, Cholesky factor, solves.
+
+Rows are ordered by Cuthill & McKee (1969) on the graph of contacts that share a coordinate, component by component, so
+that a matrix of many small clusters, or of one flat cluster, has a short envelope; the factor fills only that envelope
+(George & Liu 1981, chapter 4). Row i of the ordered matrix is held from its first entry to its diagonal.
+"""
+import numpy as np
+
+from nsbench.compilation.decorators import inner, summing
+
+
+@inner
+def columns(C, count, p, n):
+    """Rows of each column: pointers (n + 1,) and members."""
+    ptr = np.zeros(n + 1, np.int64)
+    for k in range(p):
+        for e in range(count[k]):
+            ptr[C[k, e] + 1] += 1
+    for c in range(n):
+        ptr[c + 1] += ptr[c]
+    fill, member = ptr[:n].copy(), np.empty(ptr[n], np.int64)
+    for k in range(p):
+        for e in range(count[k]):
+            member[fill[C[k, e]]] = k
+            fill[C[k, e]] += 1
+    return ptr, member
+
+
+@inner
+def _breadth(first, nptr, near, stamp, mark, queue, at):
+    """Rows reached from `first` in breadth-first order, written to queue[at:]; returns the end."""
+    queue[at], stamp[first], head, end = first, mark, at, at + 1
+    while head < end:
+        k = queue[head]
+        head += 1
+        for u in range(nptr[k], nptr[k + 1]):
+            if stamp[near[u]] != mark:
+                stamp[near[u]] = mark
+                queue[end] = near[u]
+                end += 1
+    return end
+
+
+@inner
+def _neighbours(C, count, p, n, stamp):
+    """Rows that share a column with each row, itself included: pointers (p + 1,) and members."""
+    ptr, member = columns(C, count, p, n)
+    nptr, most, m = np.zeros(p + 1, np.int64), 0, 0
+    for k in range(p):
+        stamp[k] = -1
+        for e in range(count[k]):
+            most += ptr[C[k, e] + 1] - ptr[C[k, e]]
+    near = np.empty(most, np.int64)
+    for k in range(p):
+        for e in range(count[k]):
+            for u in range(ptr[C[k, e]], ptr[C[k, e] + 1]):
+                j = member[u]
+                if stamp[j] != k:
+                    stamp[j] = k
+                    near[m] = j
+                    m += 1
+        nptr[k + 1] = m
+    return nptr, near
+
+
+@inner
+def arrange(C, count, p, n):
+    """A plan: place (p,) of each row, start (p,) and ptr (p + 1,) of the envelope, and who meets each row (nptr, near)."""
+    queue, stamp, at, mark = np.empty(p, np.int64), np.empty(p, np.int64), np.int64(0), np.int64(p)
+    nptr, near = _neighbours(C, count, p, n, stamp)
+    done = np.zeros(p, np.bool_)
+    for k in range(p):
+        if not done[k]:
+            end = _breadth(k, nptr, near, stamp, mark + 1, queue, at)
+            end = _breadth(queue[end - 1], nptr, near, stamp, mark + 2, queue, at)
+            mark += 2
+            for u in range(at, end):
+                done[queue[u]] = True
+            at = end
+    place, start, eptr = np.empty(p, np.int64), np.empty(p, np.int64), np.zeros(p + 1, np.int64)
+    for u in range(p):
+        place[queue[u]] = p - 1 - u
+    for k in range(p):
+        first = place[k]
+        for u in range(nptr[k], nptr[k + 1]):
+            first = min(first, place[near[u]])
+        start[place[k]] = first
+    for i in range(p):
+        eptr[i + 1] = eptr[i] + i - start[i] + 1
+    return place, start, eptr, nptr, near
+
+
+@inner
+def fill(plan, C, V, count, p, work, E):
+    """E: the Gram matrix G G^T of rows (C, V, count) in the envelope of the plan; work (n,) zeros."""
+    place, start, eptr, nptr, near = plan
+    E[:] = 0.0
+    for k in range(p):
+        i = place[k]
+        for e in range(count[k]):
+            work[C[k, e]] += V[k, e]
+        for u in range(nptr[k], nptr[k + 1]):
+            j, s = near[u], 0.0
+            if place[j] <= i:
+                for e in range(count[j]):
+                    s += V[j, e] * work[C[j, e]]
+                E[eptr[i] + place[j] - start[i]] = s
+        for e in range(count[k]):
+            work[C[k, e]] = 0.0
+
+
+@summing
+def _dot(E, a, b, m):
+    s = 0.0
+    for k in range(m):
+        s += E[a + k] * E[b + k]
+    return s
+
+
+@inner
+def factor(plan, p, E, least):
+    """E <- its Cholesky factor; False if a pivot is not above `least` times its diagonal."""
+    _, start, eptr, _, _ = plan
+    for i in range(p):
+        row, a = eptr[i], start[i]
+        for j in range(a, i):
+            b = max(a, start[j])
+            s = E[row + j - a] - _dot(E, row + b - a, eptr[j] + b - start[j], j - b)
+            E[row + j - a] = s / E[eptr[j + 1] - 1]
+        d = E[row + i - a]
+        s = d - _dot(E, row, row, i - a)
+        if not s > least * d:
+            return False
+        E[row + i - a] = np.sqrt(s)
+    return True
+
+
+@summing
+def solve(plan, p, E, v, out):
+    """out <- (L L^T)^-1 v, both in the order of the rows."""
+    place, start, eptr, _, _ = plan
+    y = np.empty(p)
+    for k in range(p):
+        y[place[k]] = v[k]
+    for i in range(p):
+        row, a, s = eptr[i], start[i], y[i]
+        for j in range(a, i):
+            s -= E[row + j - a] * y[j]
+        y[i] = s / E[row + i - a]
+    for i in range(p - 1, -1, -1):
+        row, a = eptr[i], start[i]
+        y[i] /= E[row + i - a]
+        for j in range(a, i):
+            y[j] -= E[row + j - a] * y[i]
+    for k in range(p):
+        out[k] = y[place[k]]

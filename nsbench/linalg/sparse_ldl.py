@@ -1,0 +1,261 @@
+"""Sparse rows G and the matrix M = G G^T: who shares a coordinate, an order of elimination, L D L^T, products.
+
+Rows are CSR: ptr (m + 1,), cols, vals. Their transpose is a table of visits: coordinate c is used by the entries
+tpos[tptr[c] : tptr[c + 1]] of the rows trow[...].
+"""
+import numpy as np
+from numba import njit
+
+from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
+
+SMALL = 24                  # a part this small is dense enough: dissecting it further gains nothing
+
+
+@njit(cache=True, error_model="numpy")
+def visits(ptr, cols, n):
+    """Transpose of a CSR pattern: tptr (n + 1,), trow, tpos, rows ascending in every column."""
+    tptr = np.zeros(n + 1, np.int64)
+    for c in cols:
+        tptr[c + 1] += 1
+    for c in range(n):
+        tptr[c + 1] += tptr[c]
+    fill = np.empty(n, np.int64)
+    for c in range(n):
+        fill[c] = tptr[c]
+    trow, tpos = np.empty(cols.size, np.int64), np.empty(cols.size, np.int64)
+    for k in range(ptr.size - 1):
+        for e in range(ptr[k], ptr[k + 1]):
+            f = fill[cols[e]]
+            fill[cols[e]] += 1
+            trow[f] = k
+            tpos[f] = e
+    return tptr, trow, tpos
+
+
+@njit(cache=True, error_model="numpy")
+def levels(root, part, label, ptr, cols, tptr, trow, queue, level):
+    """Breadth first from root through the rows with label `part`; returns how many were reached."""
+    queue[0] = root
+    level[root] = 0
+    label[root] = -part
+    done, found = 0, 1
+    while done < found:
+        v = queue[done]
+        done += 1
+        for e in range(ptr[v], ptr[v + 1]):
+            for f in range(tptr[cols[e]], tptr[cols[e] + 1]):
+                u = trow[f]
+                if label[u] == part:
+                    label[u] = -part
+                    level[u] = level[v] + 1
+                    queue[found] = u
+                    found += 1
+    for k in range(found):
+        label[queue[k]] = part
+    return found
+
+
+@njit(cache=True, error_model="numpy")
+def dissection(ptr, cols, tptr, trow):
+    """Rows in an order of elimination: nested dissection by the middle level of a breadth-first search.
+
+    Source: George & Liu, Computer Solution of Large Sparse Positive Definite Systems, 1981, section 8.
+    """
+    m = ptr.size - 1
+    order, label = np.arange(m), np.ones(m, np.int64)
+    if m <= SMALL:
+        return order
+    queue, level = np.empty(m, np.int64), np.empty(m, np.int64)
+    todo = np.empty((m + 1, 2), np.int64)
+    todo[0, 0], todo[0, 1] = 0, m
+    depth, part = 1, 1
+    while depth > 0:
+        depth -= 1
+        lo, hi = todo[depth, 0], todo[depth, 1]
+        part += 1
+        for k in range(lo, hi):
+            label[order[k]] = part
+        found = levels(order[lo], part, label, ptr, cols, tptr, trow, queue, level)
+        found = levels(queue[found - 1], part, label, ptr, cols, tptr, trow, queue, level)
+        cut = level[queue[found // 2]]
+        if found == hi - lo and (found <= SMALL or cut == 0 or cut == level[queue[found - 1]]):
+            for k in range(found):
+                order[hi - 1 - k] = queue[k]
+            continue
+        if found < hi - lo:                                    # a part of its own, then the rest
+            for k in range(found):
+                label[queue[k]] = 0
+            end, mid = hi, lo + found
+            for k in range(lo, hi):
+                if label[order[k]] != 0:
+                    queue[found] = order[k]
+                    found += 1
+            for k in range(found):
+                order[lo + k] = queue[k]
+        else:                                                  # before the cut, behind it, and the cut last
+            mid, end = lo, hi
+            for k in range(found - 1, -1, -1):
+                if level[queue[k]] == cut:
+                    end -= 1
+                    order[end] = queue[k]
+            at = end
+            for k in range(found - 1, -1, -1):
+                if level[queue[k]] > cut:
+                    at -= 1
+                    order[at] = queue[k]
+            for k in range(found):
+                if level[queue[k]] < cut:
+                    order[mid] = queue[k]
+                    mid += 1
+        if mid > lo:
+            todo[depth, 0], todo[depth, 1] = lo, mid
+            depth += 1
+        if end > mid:
+            todo[depth, 0], todo[depth, 1] = mid, end
+            depth += 1
+    return order
+
+
+@njit(cache=True, error_model="numpy")
+def _symbolic(act, slot, ptr, cols, tptr, trow):
+    """Elimination tree of the chosen rows and the start of each column of L."""
+    na = act.size
+    parent, mark = np.full(na, -1), np.full(na, -1)
+    start = np.zeros(na + 1, np.int64)
+    for k in range(na):
+        mark[k] = k
+        r = act[k]
+        for e in range(ptr[r], ptr[r + 1]):
+            for f in range(tptr[cols[e]], tptr[cols[e] + 1]):
+                i = slot[trow[f]]
+                if i < 0 or i >= k:
+                    continue
+                while mark[i] != k:
+                    if parent[i] == -1:
+                        parent[i] = k
+                    start[i + 1] += 1
+                    mark[i] = k
+                    i = parent[i]
+    for k in range(na):
+        start[k + 1] += start[k]
+    return parent, start
+
+
+@njit(cache=True, error_model="numpy")
+def factor(act, slot, ptr, cols, vals, tptr, trow, tpos, tol, shift):
+    """M_AA = L D L^T for the rows act (na,), slot (m,) their places in act or -1; the diagonal times 1 + shift.
+
+    A row whose squared sine to the rows before it is at most `tol` depends on them: D = 0 there, and `back` gives it
+    the multiplier 0. Returns (L by columns: start, count, row, value), D. Up-looking, after T. Davis, Algorithm 849
+    (ACM TOMS 31(4), 2005).
+    """
+    na = act.size
+    parent, start = _symbolic(act, slot, ptr, cols, tptr, trow)
+    row, value = np.empty(start[na], np.int64), np.empty(start[na])
+    count, D, y = np.zeros(na, np.int64), np.zeros(na), np.zeros(na)
+    mark, path, stack = np.full(na, -1), np.empty(na, np.int64), np.empty(na, np.int64)
+    for k in range(na):
+        top = na
+        mark[k] = k
+        r = act[k]
+        for e in range(ptr[r], ptr[r + 1]):
+            for f in range(tptr[cols[e]], tptr[cols[e] + 1]):
+                i = slot[trow[f]]
+                if i < 0 or i > k:
+                    continue
+                y[i] += vals[e] * vals[tpos[f]]
+                depth = 0
+                while mark[i] != k:
+                    path[depth] = i
+                    depth += 1
+                    mark[i] = k
+                    i = parent[i]
+                while depth > 0:
+                    depth -= 1
+                    top -= 1
+                    stack[top] = path[depth]
+        whole, d = y[k], y[k] * (1.0 + shift)
+        y[k] = 0.0
+        for s in range(top, na):
+            i = stack[s]
+            yi = y[i]
+            y[i] = 0.0
+            if D[i] == 0.0:
+                continue
+            end = start[i] + count[i]
+            for e in range(start[i], end):
+                y[row[e]] -= value[e] * yi
+            lki = yi / D[i]
+            d -= lki * yi
+            row[end] = k
+            value[end] = lki
+            count[i] += 1
+        D[k] = d if d > tol * whole else 0.0
+    return (start, count, row, value), D
+
+
+@njit(cache=True, error_model="numpy")
+def back(L, D, b):
+    """Solve L D L^T x = b in place; the entries of dependent rows become 0."""
+    start, count, row, value = L
+    for i in range(D.size):
+        if D[i] == 0.0:
+            b[i] = 0.0
+            continue
+        for e in range(start[i], start[i] + count[i]):
+            b[row[e]] -= value[e] * b[i]
+    for i in range(D.size - 1, -1, -1):
+        if D[i] == 0.0:
+            continue
+        s = b[i] / D[i]
+        for e in range(start[i], start[i] + count[i]):
+            s -= value[e] * b[row[e]]
+        b[i] = s
+
+
+@njit(cache=True, error_model="numpy")
+def push(P, vals, mu, d):
+    """d = G^T mu."""
+    ptr, cols = P[0], P[1]
+    for c in range(d.size):
+        d[c] = 0.0
+    for k in range(mu.size):
+        if mu[k] != 0.0:
+            for e in range(ptr[k], ptr[k + 1]):
+                d[cols[e]] += vals[e] * mu[k]
+
+
+@njit(cache=True, error_model="numpy")
+def slack(P, vals, q, d, w):
+    """w = q + G d."""
+    ptr, cols = P[0], P[1]
+    for k in range(q.size):
+        s = q[k]
+        for e in range(ptr[k], ptr[k + 1]):
+            s += vals[e] * d[cols[e]]
+        w[k] = s
+
+
+@njit(cache=True, error_model="numpy")
+def lengths(P, vals):
+    """|grad g_k| of every row."""
+    ptr, out = P[0], np.empty(P[0].size - 1)
+    for k in range(out.size):
+        s = 0.0
+        for e in range(ptr[k], ptr[k + 1]):
+            s += vals[e] * vals[e]
+        out[k] = np.sqrt(s)
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+def choose(on, order, slot):
+    """The rows switched on, in the order of elimination; slot: their places, -1 elsewhere."""
+    act, na = np.empty(on.size, np.int64), 0
+    for k in order:
+        slot[k] = -1
+        if on[k]:
+            slot[k] = na
+            act[na] = k
+            na += 1
+    return act[:na]

@@ -1,0 +1,170 @@
+"""What all runs of one case are measured against: its reference, events, scene, uniqueness; made once per case."""
+from __future__ import annotations
+
+import weakref
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import numpy as np
+
+from nsbench.case import Case
+from nsbench.compilation.factories import host
+from nsbench.dynamics.contacts.constraint_set import PAIR, Near, Scene
+from nsbench.problem import LCS, Complementarity, Filippov
+from nsbench.reference import Reference, canonical, files_of, reference, spread
+
+WINDOW = 2              # sample spacings on each side of an event that are not "settled"
+RANK = 1e-10            # relative singular value below which active gradients count as dependent
+_frames: weakref.WeakKeyDictionary = weakref.WeakKeyDictionary()
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """ref or None; scene (complementarity only); quiet (k - 1,): intervals outside the windows around events;
+    unique: are the multipliers (None without a reference); active: ids with a gap of zero at each sample."""
+    case: Case
+    ref: Reference | None
+    scene: Scene | None
+    quiet: np.ndarray
+    unique: bool | None
+    active: tuple = ()
+    cache: dict = field(default_factory=dict)
+
+
+def frame(case: Case) -> Frame:
+    """The frame of a case; made anew when its stored reference changes on disk."""
+    stamp = tuple(p.stat().st_mtime_ns if p.exists() else 0 for p in files_of(case))
+    known = _frames.get(case)
+    if known is None or known[0] != stamp:
+        known = _frames[case] = (stamp, _make(case))
+    return known[1]
+
+
+def _make(case: Case) -> Frame:
+    ref = reference(case)
+    scene = Scene(case.problem, case.n) if isinstance(case.problem, Complementarity) else None
+    if ref is None:
+        return Frame(case, None, scene, np.zeros(len(case.t) - 1, bool), None)
+    quiet = outside_windows(case.t, event_times(case, ref))
+    active = _active(case, ref, scene)
+    tested = [k for k in range(len(case.t)) if quiet[max(k - 1, 0)] and quiet[min(k, len(quiet) - 1)]]
+    # with events everywhere the samples themselves are as good: an event seldom falls on one
+    unique = all(_independent(case, ref, scene, k, active[k]) for k in tested or range(len(case.t)))
+    return Frame(case, ref, scene, quiet, unique, active)
+
+
+def event_times(case: Case, ref: Reference) -> np.ndarray:
+    """Times of the reference's events; where it has none to tell, the samples at which a contact starts or stops."""
+    if ref.events is not None:
+        return np.array([e.t for e in ref.events])
+    if ref.impulse is None:
+        return np.empty(0)
+    return case.t[1:-1][changes(case.problem, case.t, ref.impulse)]
+
+
+def pattern(problem, t, impulse) -> np.ndarray:
+    """(k - 1, m): which multipliers act in each interval (Filippov: 0, 2 or, for a weight in between, 1)."""
+    mean = np.diff(impulse, axis=0) / np.diff(t)[:, None]
+    if isinstance(problem, Filippov):
+        return (mean > 1e-9).astype(int) + (mean > 1 - 1e-9)
+    return (mean > 1e-9 * max(1.0, float(np.abs(mean).max(initial=0.0)))).astype(int)
+
+
+def changes(problem, t, impulse) -> np.ndarray:
+    """(k - 2,): does the pattern change at the inner samples?"""
+    p = pattern(problem, t, impulse)
+    return np.any(p[1:] != p[:-1], axis=1)
+
+
+def outside_windows(t: np.ndarray, events: np.ndarray) -> np.ndarray:
+    """(k - 1,): intervals that no event comes closer to than WINDOW sample spacings."""
+    quiet = np.ones(len(t) - 1, bool)
+    slack = 1e-9 * np.diff(t).min()
+    for e in events:
+        first = np.searchsorted(t, e - slack, side="right") - 1   # the interval that holds the event, or the two
+        last = np.searchsorted(t, e + slack, side="left") - 1     # that meet in it
+        quiet[max(last - WINDOW, 0):max(first + WINDOW + 1, 0)] = False
+    return quiet
+
+
+def near_of(scene: Scene, contacts) -> Near:
+    """The candidates with the given ids, in their order."""
+    static = scene.all_static()
+    at = {c: k for k, c in enumerate(static.ids)}
+    hard = {k: (c, scene.radii[k]) for k, c, _ in scene.hard}
+    rows = []
+    for c in contacts:
+        if c[0] in hard:
+            fam, r = hard[c[0]]
+            i, j = c[1], c[2]
+            rows.append((PAIR, c[0], i, j, fam.start + i * fam.dim, fam.start + j * fam.dim, r[i] + r[j], 1.0, fam.dim))
+        else:
+            k = at[c] if c in at else at[(c[0], c[2], c[1])]
+            rows.append(tuple(a[k] for a in static.arrays()))
+    like = static.arrays()
+    columns = zip(*rows, strict=True) if rows else [()] * len(like)
+    return Near(*(np.array(v, a.dtype) for v, a in zip(columns, like, strict=True)))
+
+
+def tolerance(ref: Reference) -> float:
+    """A gap below this is closed: ten times the reference's own error, and 1e-10 of the largest coordinate."""
+    return 10.0 * ref.state_error + 1e-10 * max(1.0, float(np.abs(ref.x).max(initial=0.0)))
+
+
+def _active(case, ref, scene) -> tuple:
+    """Per sample: canonical ids of closed contacts (complementarity), acting diodes (LCS), surfaces at zero."""
+    tol, out, p = tolerance(ref), [], case.problem
+    if isinstance(p, LCS):
+        acts = np.zeros((len(case.t) + 1, p.B.shape[1]), bool)
+        if ref.impulse is not None:
+            acts[1:-1] = spread(p, ref.contacts, pattern(p, case.t, ref.impulse),
+                                {(0, i): i for i in range(p.B.shape[1])}) > 0
+        return tuple(tuple((0, int(i)) for i in np.flatnonzero(a | b)) for a, b in pairwise(acts))
+    switch = host(p.switch) if isinstance(p, Filippov) else None
+    for t, x in zip(case.t, ref.x, strict=True):
+        if switch is not None:
+            out.append(tuple((0, int(i)) for i in np.flatnonzero(np.abs(switch(t, x)) <= tol)))
+            continue
+        near = scene.near(x, tol, t)
+        closed = near.take(scene.gaps(t, x, near) <= tol)
+        out.append(tuple(canonical(p, c) for c in closed.ids))
+    return tuple(out)
+
+
+def _independent(case, ref, scene, k, active) -> bool:
+    """Do the multipliers of the active contacts follow from the motion at sample k? Full column rank, by SVD."""
+    p = case.problem
+    if not active:
+        return True
+    if scene is not None:
+        return full_rank(scene.gradients(float(case.t[k]), ref.x[k], near_of(scene, active)))
+    from scipy.sparse import csr_array
+    rows = [c[1] for c in active]
+    if isinstance(p, LCS):                    # B and, among what acts, D: what the motion and w = 0 say of lambda
+        return full_rank(csr_array(np.vstack([p.B[:, rows], p.D[np.ix_(rows, rows)]]).T))
+    field_, s = host(p.field), np.ones(len(np.atleast_1d(host(p.switch)(float(case.t[k]), ref.x[k]))))
+    if ref.impulse is not None:
+        j = min(k, len(case.t) - 2)
+        mean = (ref.impulse[j + 1] - ref.impulse[j]) / (case.t[j + 1] - case.t[j])
+        s = 2 * spread(p, ref.contacts, mean[None], {(0, i): i for i in range(len(s))})[0] - 1
+    def at(i, v):
+        q = s.copy()
+        q[i] = v
+        return field_(float(case.t[k]), ref.x[k], q)
+    return full_rank(csr_array(np.array([at(i, 1.0) - at(i, -1.0) for i in rows])))
+
+
+def full_rank(G) -> bool:
+    """Are the rows of the sparse G independent (singular values, relative 1e-10, per connected group of rows)?"""
+    from scipy.sparse.csgraph import connected_components
+    size = abs(G)
+    count, label = connected_components(size @ size.T, directed=False)
+    for c in range(count):
+        rows = G[np.flatnonzero(label == c)]
+        used = np.unique(rows.indices)
+        if rows.shape[0] > used.size:
+            return False
+        s = np.linalg.svd(rows[:, used].toarray(), compute_uv=False)
+        if not s[-1] > RANK * s[0]:
+            return False
+    return True

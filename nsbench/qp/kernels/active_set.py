@@ -1,0 +1,210 @@
+"""The least-distance problem of one step by an active set that is kept from step to step.
+
+    min 1/2 |d|^2  s.t.  q + G d >= 0        d = G^T mu,    0 <= mu  _|_  w = q + G G^T mu >= 0
+
+G (m, n) sparse, m constraints of any rank: duplicates, hexagonal packings. Three phases, all on sparse factors of
+M_AA = G_A G_A^T made anew in each round: in a time loop G changes in every step, so there is nothing to update.
+
+1. Exchange: solve w = 0 on the set A, then put out all mu < 0 and take in all w < 0 at once. From the active set of
+   the step before this is usually done in one or two rounds. It may cycle, so it ends when the number of wrong signs
+   has not fallen for three rounds (Judice & Pires, Computers & Operations Research 21(5), 1994).
+2. If many signs are wrong: projected Newton on the dual (Bertsekas, SIAM J. Control Optim.
+   20(2), 1982). Free are the rows with mu > 0 or w < 0, the step is cut back along max(mu + t p, 0) until the dual
+   value falls enough, so no set can cycle. A shift of the diagonal keeps p finite where rows depend.
+3. The dual method of Goldfarb & Idnani (Mathematical Programming 27, 1983) from the best mu >= 0 at hand, made basic:
+   one violated row at a time, the rows that block it leave. The dual value falls with each row taken in, so no set comes
+   back; the active rows stay independent; a violated row that nothing blocks proves that there is no feasible point.
+"""
+import numpy as np
+from numba import njit
+
+from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
+from nsbench.linalg.sparse_ldl import back, choose, dissection, factor, lengths, push, slack, visits
+from nsbench.qp.kernels.dual_active_set import (
+    DEPENDENT,
+    EPS,
+    INFEASIBLE,
+    MAXITER,
+    SOLVED,
+    equality,
+    one_by_one,
+    purify,
+    rounding,
+)
+
+__all__ = ["INFEASIBLE", "MAXITER", "SOLVED", "pattern", "residual", "slack", "solve"]
+
+SHIFT = 0.1                  # of the diagonal in phase 2, times the residual: regularised Newton, fast at the end
+NEWTON, SHORTEST = 100, 1e-10  # rounds of phase 2; the least part of a step
+MANY = 50                    # wrong signs; phase 3 needs a round for each at least, phase 2 about as many for all
+CLOSE = 1e-3                 # the "epsilon" of projected Newton: any positive number will do
+
+
+@njit(cache=True, error_model="numpy")
+def pattern(ptr, cols, n):
+    """All that depends only on where G has entries: ptr, cols, their transpose, and an order of elimination."""
+    P = outline(ptr, cols, n)
+    arrange(P)
+    return P
+
+
+@njit(cache=True, error_model="numpy")
+def outline(ptr, cols, n):
+    """A pattern whose order of elimination is yet to be made: the fronts of kernels.many do without."""
+    tptr, trow, tpos = visits(ptr, cols, n)
+    return ptr, cols, tptr, trow, tpos, np.full(ptr.size - 1, -1)
+
+
+@njit(cache=True, error_model="numpy")
+def arrange(P):
+    """Make the order of elimination if there is none."""
+    ptr, cols, tptr, trow, _, order = P
+    if order.size > 0 and order[0] < 0:
+        new = dissection(ptr, cols, tptr, trow)
+        for k in range(order.size):
+            order[k] = new[k]
+
+
+@njit(cache=True, error_model="numpy")
+def exchange(on, P, vals, q, norm, scale, mu, d, w, slot):
+    """Phase 1. Returns whether all signs are right, how many were wrong at first, and the rounds taken."""
+    best, chances, rounds, first = on.size + 1, 3, 0, 0
+    while True:
+        equality(on, P, vals, q, norm, DEPENDENT, EPS * scale, mu, d, w, slot)
+        rounds += 1
+        tol, wrong, off = rounding(scale, mu, norm), 0, 0.0
+        for k in range(on.size):
+            off = max(off, abs(w[k]) / norm[k]) if on[k] else off
+        if not max(tol, off) <= np.sqrt(EPS) * scale:      # almost dependent rows that contradict: all is rounding
+            return False, first, rounds
+        for k in range(on.size):
+            if (on[k] and mu[k] * norm[k] < -tol) or (not on[k] and w[k] < -tol * norm[k]):
+                wrong += 1
+        first = wrong if rounds == 1 else first
+        if wrong == 0:
+            return True, first, rounds
+        chances = 3 if wrong < best else chances - 1
+        best = min(best, wrong)
+        if chances == 0:
+            return False, first, rounds
+        for k in range(on.size):
+            if on[k]:
+                on[k] = mu[k] * norm[k] >= -tol
+            else:
+                on[k] = w[k] < -tol * norm[k]
+
+
+@njit(cache=True, error_model="numpy")
+def dual(P, vals, q, mu, d):
+    """The dual value q mu + |G^T mu|^2 / 2, to be made small; fills d = G^T mu."""
+    push(P, vals, mu, d)
+    s = 0.0
+    for k in range(q.size):
+        s += q[k] * mu[k]
+    for c in range(d.size):
+        s += 0.5 * d[c] * d[c]
+    return s
+
+
+@njit(cache=True, error_model="numpy")
+def newton(on, P, vals, q, norm, scale, mu, d, w, slot):
+    """Phase 2. Projected Newton steps on the dual from mu >= 0; on return `on` is the support. Returns rounds."""
+    ptr, cols, tptr, trow, tpos, order = P
+    m, trial, e, p = q.size, np.empty(q.size), np.empty(d.size), np.empty(q.size)
+    free = np.zeros(m, np.bool_)
+    value, rounds = dual(P, vals, q, mu, d), 0
+    while rounds < NEWTON:
+        slack(P, vals, q, d, w)
+        tol, near, rounds = rounding(scale, mu, norm), 0.0, rounds + 1
+        if not tol <= np.sqrt(EPS) * scale:                # no bound below: the rows contradict each other
+            break
+        for k in range(m):                                 # how far from the end, as a length
+            near = max(near, abs(min(mu[k] * norm[k], w[k] / norm[k])))
+        if near <= tol:
+            break
+        for k in range(m):                                 # almost zero and about to be: a step of its own
+            free[k] = w[k] < 0.0 or mu[k] * norm[k] > min(near, CLOSE * scale)
+            p[k] = -w[k] / (norm[k] * norm[k])
+        act = choose(free, order, slot)
+        L, D = factor(act, slot, ptr, cols, vals, tptr, trow, tpos, 0.0, SHIFT * near / scale)
+        b = np.empty(act.size)
+        for i in range(act.size):
+            b[i] = -w[act[i]]
+        back(L, D, b)
+        for i in range(act.size):
+            p[act[i]] = b[i]
+        t, new = 2.0, np.inf
+        while t > SHORTEST:
+            t *= 0.5
+            slope = 0.0
+            for k in range(m):
+                trial[k] = max(mu[k] + t * p[k], 0.0)
+                slope += w[k] * ((trial[k] - mu[k]) if not free[k] else t * p[k])
+            new = dual(P, vals, q, trial, e)
+            if new <= value + 1e-4 * slope:
+                break
+        if not new < value - EPS * abs(value):
+            break
+        value = new
+        for k in range(m):
+            mu[k] = trial[k]
+        for c in range(d.size):
+            d[c] = e[c]
+    for k in range(m):
+        on[k] = mu[k] > 0.0
+    return rounds
+
+
+@njit(cache=True, error_model="numpy")
+def solve(P, vals, q, guess, scale):
+    """Solve the problem for the pattern P, entries vals and right-hand side q (m,).
+
+    guess (m,): multipliers to start from, such as those of the step before (those > 0 count).
+    scale: size of the numbers the gaps are made of. Returns mu (m,), d = G^T mu (n,), code (SOLVED, INFEASIBLE, MAXITER),
+    rounds = factorisations.
+    """
+    m = q.size
+    mu, d, w, on = np.zeros(m), np.zeros(P[2].size - 1), np.empty(m), np.empty(m, np.bool_)
+    for k in range(m):
+        on[k] = guess[k] > 0.0
+    norm, slot = lengths(P, vals), np.empty(m, np.int64)
+    done, wrong, rounds = exchange(on, P, vals, q, norm, scale, mu, d, w, slot)
+    code = SOLVED
+    if not done:
+        for k in range(m):
+            on[k], mu[k] = guess[k] > 0.0, max(guess[k], 0.0)
+        if wrong > MANY:
+            rounds += newton(on, P, vals, q, norm, scale, mu, d, w, slot)
+        rounds += purify(on, P, vals, mu, norm, slot)
+        code, more = one_by_one(on, P, vals, q, norm, scale, mu, d, w, slot)
+        rounds += more
+    for k in range(m):
+        mu[k] = max(mu[k], 0.0) if on[k] else 0.0
+    push(P, vals, mu, d)
+    return mu, d, code, rounds
+
+
+@njit(cache=True, error_model="numpy")
+def residual(P, vals, q, mu, d):
+    """How far (d, mu) is from solving the problem, as a length: the largest of
+
+        stationarity     |d - G^T mu|
+        primal           -w_k / |G_k|                       w = q + G d
+        sign             -mu_k |G_k|
+        complementarity  min(mu_k |G_k|, w_k / |G_k|)
+
+    mu_k |G_k| is how far row k moves the point, w_k / |G_k| how far the point is from row k, so nothing changes when
+    a gap is multiplied by a number. (The last three are |min(mu_k |G_k|, w_k / |G_k|)|.) NaN where data is not finite.
+    """
+    worst, e, w, norm = 0.0, np.empty(d.size), np.empty(q.size), lengths(P, vals)
+    push(P, vals, mu, e)
+    slack(P, vals, q, d, w)
+    for c in range(d.size):
+        v = abs(d[c] - e[c])
+        if not v <= worst:
+            worst = v
+    for k in range(q.size):
+        v = abs(min(mu[k] * norm[k], w[k] / norm[k]))
+        if not v <= worst:
+            worst = v
+    return worst

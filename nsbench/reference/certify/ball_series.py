@@ -1,0 +1,232 @@
+"""Numbers a drift can be evaluated in: power series in time with ball coefficients, with partial derivatives, complex.
+
+Jet is a truncated series a_0 + a_1 s + ... + O(s^L) whose coefficients are balls (python-flint's arb_series): every
+operation rounds outwards, so what is true of a ball is true of every number in it. nsbench.reference.certify.dual_numbers adds partial
+derivatives and complex numbers; all three nest: a Dual of Jets has Jets as value and derivatives.
+
+Source: Johansson, "Arb: efficient arbitrary-precision midpoint-radius interval arithmetic", IEEE Trans. Comput. 66
+(2017); Griewank and Walther, "Evaluating Derivatives" (2008), chapters 3 and 13.
+"""
+from __future__ import annotations
+
+import numbers
+
+from flint import arb, arb_series
+
+COMPLEX = 9             # level of complex numbers, above all nested derivatives
+ROUNDING = 1e-25        # a ball this close to zero counts as zero when the side of a kink must be told
+
+
+class NotDecided(ArithmeticError):
+    """A comparison of balls that overlap: the answer differs within the ball."""
+
+
+def exact(value) -> arb:
+    """A float, an integer or an arb as an arb without rounding."""
+    return value if isinstance(value, arb) else arb(float(value))
+
+
+class Number:
+    """What the kinds of numbers share: operators with arrays and plain numbers on either side.
+
+    A kind gives level (numbers of a lower level are constants to it), lift(constant), add, mul, neg, inv, the
+    elementary functions through `apply`, and `leading` (the number whose sign decides a comparison).
+    """
+    __slots__ = ()
+
+    def _other(self, other):
+        """`other` as a number of this kind; NotImplemented for arrays and numbers of a higher level."""
+        if isinstance(other, Number):
+            if other.level > self.level:
+                return NotImplemented
+            return other if other.level == self.level else self.lift(other)
+        if isinstance(other, complex) and not isinstance(other, numbers.Real):
+            return NotImplemented if self.level < COMPLEX else self.lift(other)
+        return self.lift(other) if isinstance(other, (numbers.Real, arb)) else NotImplemented
+
+    def __add__(self, other):
+        o = self._other(other)
+        return _promoted(self, other, "__add__") if o is NotImplemented else self.add(o)
+
+    __radd__ = __add__
+
+    def __mul__(self, other):
+        if isinstance(other, numbers.Real):
+            return self.scaled(other)
+        o = self._other(other)
+        return _promoted(self, other, "__mul__") if o is NotImplemented else self.mul(o)
+
+    __rmul__ = __mul__
+
+    def __neg__(self):
+        return self.scaled(-1)
+
+    def __pos__(self):
+        return self
+
+    def __sub__(self, other):
+        o = self._other(other)
+        return _promoted(self, other, "__sub__") if o is NotImplemented else self.add(-o)
+
+    def __rsub__(self, other):
+        return (-self) + other
+
+    def __truediv__(self, other):
+        if isinstance(other, numbers.Real):
+            return self.divided(other)
+        o = self._other(other)
+        return _promoted(self, other, "__truediv__") if o is NotImplemented else self.mul(o.inv())
+
+    def __rtruediv__(self, other):
+        return self.inv() * other
+
+    def __pow__(self, power):
+        if isinstance(power, numbers.Real) and float(power).is_integer():
+            return _whole_power(self, int(power))
+        if isinstance(power, numbers.Real) and float(2 * power).is_integer():
+            return _whole_power(self.sqrt(), int(2 * power))
+        return (self.log() * power).exp()
+
+    def __rpow__(self, base):
+        return (self * arb(float(base)).log()).exp()
+
+    def sqrt(self):
+        return self.apply("sqrt")
+
+    def exp(self):
+        return self.apply("exp")
+
+    def log(self):
+        return self.apply("log")
+
+    def sin(self):
+        return self.apply("sin")
+
+    def cos(self):
+        return self.apply("cos")
+
+    def tan(self):
+        return self.sin() / self.cos()
+
+    def sinh(self):
+        return (self.exp() - (-self).exp()) * 0.5
+
+    def cosh(self):
+        return (self.exp() + (-self).exp()) * 0.5
+
+    def tanh(self):
+        return 1.0 - 2.0 / ((2.0 * self).exp() + 1.0)
+
+    def arctan(self):
+        return self.apply("atan")
+
+    def arcsin(self):
+        return self.apply("asin")
+
+    def arccos(self):
+        return self.apply("acos")
+
+    def conjugate(self):
+        return self
+
+    @property
+    def real(self):
+        return self
+
+    @property
+    def imag(self):
+        return 0.0
+
+    def _compare(self, other, low):
+        from nsbench.reference.certify.array_namespace import decide
+        return decide(self - other, low)
+
+    def __gt__(self, other):
+        return self._compare(other, False)
+
+    def __ge__(self, other):
+        return self._compare(other, True)
+
+    def __lt__(self, other):
+        return not self._compare(other, True)
+
+    def __le__(self, other):
+        return not self._compare(other, False)
+
+    def __abs__(self):
+        return self if self._compare(0.0, True) else -self
+
+    def __float__(self):
+        raise TypeError("a number of a certificate cannot become a float: the drift leaves the array namespace")
+
+    __bool__ = __int__ = __index__ = __float__
+
+
+def _promoted(self, other, name):
+    """The operation with self lifted to the level of `other`; NotImplemented for arrays, which know what to do."""
+    if isinstance(other, Number):
+        return getattr(other.lift(self), name)(other)
+    if isinstance(other, complex):
+        from nsbench.reference.certify.dual_numbers import Complex
+        return getattr(Complex(self, 0.0), name)(Complex(other.real, other.imag))
+    return NotImplemented
+
+
+def _whole_power(x, k):
+    if k < 0:
+        return _whole_power(x, -k).inv()
+    if k == 0:
+        return x.scaled(0) + 1.0
+    half = _whole_power(x, k // 2)
+    return half * half * x if k % 2 and k > 1 else x if k == 1 else half * half
+
+
+class Jet(Number):
+    """A power series; s: arb_series."""
+    __slots__ = ("s",)
+    level = 0
+
+    def __init__(self, s):
+        self.s = s
+
+    @classmethod
+    def of(cls, coefficients, length: int) -> Jet:
+        return cls(arb_series(coefficients, length))
+
+    def lift(self, value):
+        return Jet(arb_series([exact(value)]))
+
+    def add(self, o):
+        return Jet(self.s + o.s)
+
+    def mul(self, o):
+        return Jet(self.s * o.s)
+
+    def scaled(self, c):
+        return Jet(self.s * exact(c))
+
+    def divided(self, c):
+        return Jet(self.s / exact(c))
+
+    def inv(self):
+        return Jet(1 / self.s)
+
+    def apply(self, name):
+        return Jet(getattr(self.s, name)())
+
+    @property
+    def leading(self) -> Jet:
+        return self
+
+    def at(self, k: int) -> arb:
+        return self.s[k]
+
+    @property
+    def length(self) -> int:
+        return self.s.prec
+
+    def derivative(self) -> Jet:
+        return Jet(self.s.derivative())
+
+    def integral(self) -> Jet:
+        return Jet(self.s.integral())

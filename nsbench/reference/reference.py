@@ -1,0 +1,177 @@
+"""What is known of a solution, and how much of it a closed form gives: states, impulses, events, the reaction."""
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+
+import numpy as np
+
+from nsbench.case import Case
+from nsbench.compilation.factories import host
+from nsbench.problem import LCS, Affine, Complementarity, Distance
+from nsbench.trajectory import Event
+
+EPS = float(np.finfo(float).eps)
+FINE = 1e-15            # relative; halves that agree with the whole to this add no more than rounding
+HALVINGS, TWICE = 24, 2 # of a piece, at most and at least
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """What is known of a solution at the sample times.
+
+    t (k,), x (k, n); contacts: ids of the m columns of impulse (k, m), or impulse None where it is not known;
+    reaction (k, n) or None (Filippov); events: Event with kind "" where only the time is known, or None (unknown).
+    state_error, impulse_error, reaction_error: bounds of its own error (max norm), NaN for what is None.
+    kind: "closed form", "stored" (two runs that agree) or "certified" (proven); how: who made it; versions: of the
+    libraries that did. event_error: bound of the event times, NaN where there are none to tell; shown: further digits of
+    a certified one, {"times": [...], "final": [...]} as decimals.
+    """
+    t: np.ndarray
+    x: np.ndarray
+    contacts: tuple
+    impulse: np.ndarray | None
+    reaction: np.ndarray | None
+    events: tuple[Event, ...] | None
+    state_error: float
+    impulse_error: float = float("nan")
+    reaction_error: float = float("nan")
+    kind: str = "closed form"
+    how: str = ""
+    versions: dict = dataclasses.field(default_factory=dict)
+    event_error: float = float("nan")
+    shown: dict = dataclasses.field(default_factory=dict)
+
+    def __str__(self) -> str:
+        known = (("state", self.state_error), ("impulse", self.impulse_error), ("reaction", self.reaction_error),
+                 ("event times", self.event_error))
+        bounds = ", ".join(f"{name} to {v:.1e}" for name, v in known if not np.isnan(v))
+        return f"{self.kind}, {bounds}{'; ' + self.how if self.how else ''}"
+
+
+def closed_form(case: Case) -> Reference:
+    """From case.exact, exact_impulse, exact_events; its own error is the rounding of the formulas."""
+    t = case.t
+    x = _checked(case, "exact", case.exact(t), (len(t), case.n))
+    scale = max(1.0, float(np.abs(x).max(initial=0.0)))
+    impulse, ids = None, ()
+    if case.exact_impulse is not None:
+        ids = tuple(case.contacts) if case.contacts is not None else listed_contacts(case)
+        impulse = _checked(case, "exact_impulse", case.exact_impulse(t), (len(t), len(ids)))
+    times = case.exact_events
+    events = None if times is None else tuple(
+        e if isinstance(e, Event) else Event(float(e), "", ()) for e in times)
+    f = right_hand_side(case.problem)
+    if impulse is not None and _constant_gradients(case.problem):
+        reaction, quadrature = _along_rows(case, impulse, ids), 0.0
+    else:
+        reaction, quadrature = (None, float("nan")) if f is None else _reaction(case, f, x, events or ())
+    size = scale if impulse is None else max(scale, float(np.abs(impulse).max(initial=0.0)))
+    return Reference(t, x, ids, impulse, reaction, events, 4 * EPS * scale,
+                     float("nan") if impulse is None else 4 * EPS * size, quadrature + 4 * EPS * size,
+                     event_error=float("nan") if not events else 4 * EPS * max(1.0, float(np.abs(t).max())))
+
+
+def _checked(case, name, value, shape):
+    value = np.asarray(value)
+    if value.dtype.kind not in "fiu" or value.dtype in (np.float32, np.float16):
+        raise TypeError(f"{name} of {case.key} returns {value.dtype}; float64 is needed")
+    value = np.asarray(value, float)
+    if value.shape != shape or not np.all(np.isfinite(value)):
+        raise ValueError(f"{name} of {case.key} returns shape {value.shape}; finite values of shape {shape} are needed")
+    return value
+
+
+def right_hand_side(problem):
+    """f(t, x) without the multipliers' part, in numpy; None for a Filippov system."""
+    if isinstance(problem, Complementarity):
+        return host(problem.drift)
+    if isinstance(problem, LCS):
+        u = host(problem.u) if problem.u else lambda t: 0.0
+        return lambda t, x: problem.A @ x + u(t)
+    return None
+
+
+def listed_contacts(case: Case) -> tuple:
+    """Ids of the rows of the families in order, all pairs excepted; of the surfaces of the other classes."""
+    p = case.problem
+    if isinstance(p, Complementarity):
+        from nsbench.dynamics.contacts.constraint_set import Scene
+        return tuple(Scene(p, case.n).all_static().ids)
+    if isinstance(p, LCS):
+        return tuple((0, i) for i in range(p.B.shape[1]))
+    return tuple((0, i) for i in range(len(np.asarray(host(p.switch)(float(case.t[0]), case.x0)))))
+
+
+def canonical(problem, contact) -> tuple:
+    """A contact's id with i < j where both are particles of one family."""
+    c = tuple(int(v) for v in contact)
+    if len(c) == 3 and c[1] > c[2] and isinstance(problem, Complementarity):
+        family = problem.constraints[c[0]]
+        if isinstance(family, Distance) and family.anchors is None:
+            return c[0], c[2], c[1]
+    return c
+
+
+def spread(problem, contacts, values, columns: dict) -> np.ndarray:
+    """`values` (k, m) of `contacts` on the `columns` {id: column}; absent contacts are zero."""
+    out = np.zeros((len(values), len(columns)))
+    for k, c in enumerate(contacts):
+        out[:, columns[canonical(problem, c)]] += values[:, k]
+    return out
+
+
+def columns_of(problem, *lists) -> dict:
+    """One column for every contact of the lists of ids."""
+    return {c: k for k, c in enumerate(sorted({canonical(problem, c) for ids in lists for c in ids}))}
+
+
+def _constant_gradients(problem) -> bool:
+    return isinstance(problem, Complementarity) and bool(problem.constraints) and all(
+        isinstance(c, Affine) for c in problem.constraints)
+
+
+def _along_rows(case, impulse, ids):
+    """The reaction where gradients are rows of A: no quadrature of the drift, which a stiff layer would spoil."""
+    out = np.zeros((len(impulse), case.n))
+    for column, (family, row) in zip(impulse.T, ids, strict=True):
+        c = case.problem.constraints[family]
+        part = slice(c.indptr[row], c.indptr[row + 1])
+        out[:, c.indices[part]] += column[:, None] * c.data[part]
+    return out
+
+
+def _reaction(case, f, x, events):
+    """R(t) = x(t) - x(t0) - integral of f(s, x(s)) ds on pieces split at the events: (k, n) and a bound of its error.
+
+    Gauss rules of 12 nodes; a piece is halved until it agrees with its halves to rounding, at least TWICE: a layer of a
+    stiff drift is thinner than the distance of the nodes.
+    """
+    cuts = np.array([e.t for e in events if case.t[0] < e.t < case.t[-1]])
+    knots = np.unique(np.concatenate((case.t, cuts)))
+    a, b, owner = knots[:-1], knots[1:], np.arange(len(knots) - 1)
+    total, error, whole = np.zeros((len(owner), case.n)), 0.0, _gauss(case, f, a, b)
+    size = 1.0 + np.abs(whole).sum(axis=0).max(initial=0.0)
+    for depth in range(HALVINGS):
+        mid = 0.5 * (a + b)
+        left, right = _gauss(case, f, a, mid), _gauss(case, f, mid, b)
+        off = np.abs(left + right - whole).max(axis=1, initial=0.0)
+        open_ = (off > FINE * size) & (depth < HALVINGS - 1) if depth >= TWICE else np.ones(len(off), bool)
+        np.add.at(total, owner[~open_], (left + right)[~open_])
+        error += float(off[~open_].sum())
+        a, b = np.concatenate((a[open_], mid[open_])), np.concatenate((mid[open_], b[open_]))
+        owner, whole = np.tile(owner[open_], 2), np.concatenate((left[open_], right[open_]))
+        if not len(a):
+            break
+    integral = np.concatenate((np.zeros((1, case.n)), np.cumsum(total, axis=0)))[np.searchsorted(knots, case.t)]
+    return x - x[0] - integral, error
+
+
+def _gauss(case, f, a, b):
+    """(len(a), n): integrals of f(s, x(s)) over [a_i, b_i]."""
+    node, weight = np.polynomial.legendre.leggauss(12)
+    half = 0.5 * (b - a)
+    s = (a + half)[:, None] + half[:, None] * node
+    states = np.asarray(case.exact(s.ravel()), float)
+    values = np.array([f(t, y) for t, y in zip(s.ravel(), states, strict=True)]).reshape(*s.shape, case.n)
+    return np.einsum("pgn,pg->pn", values, half[:, None] * weight)

@@ -1,0 +1,148 @@
+"""Cost at equal error: what a method needs to get, and stay, below an error; ratios only between like loops."""
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from nsbench.measure.clock import LONG
+from nsbench.report.data import Data, Runs
+from nsbench.report.style import LEADS, family, num
+
+TARGETS = (1e-2, 1e-3, 1e-4, 1e-6)
+WORK = ("drift_calls", "projections", "inner_iterations")
+
+
+@dataclass(frozen=True)
+class Cost:
+    """What `solver` needs for one error. at_most: its coarsest run was already better.
+
+    h: the step (1/k, tolerance: see `accuracy`) that does it. low, high: quartiles of the seconds; rounds: the fewest
+    rounds they come from; session: the run of the bench they were measured in, "" if that is not stored.
+    """
+    solver: str
+    loop: str
+    seconds: float
+    work: float
+    h: float
+    accuracy: str
+    at_most: bool
+    low: float = math.nan
+    high: float = math.nan
+    rounds: float = math.nan
+    session: str = ""
+
+
+def work(runs: Runs) -> np.ndarray:
+    """Counted work per run: drift calls + projections + inner iterations (QP solves where those are not counted)."""
+    parts = {name: runs.col[name] for name in WORK}
+    inner = np.where(np.isfinite(parts["inner_iterations"]), parts["inner_iterations"], runs.col["qp_solves"])
+    stack = np.array([parts["drift_calls"], parts["projections"], inner])
+    total = np.nansum(stack, axis=0)
+    return np.where(np.isfinite(stack).any(axis=0) & (total > 0), total, np.nan)
+
+
+def inner(runs: Runs) -> np.ndarray:
+    """Projections, or inner iterations (QP solves where those are not counted), per run."""
+    parts = np.array([runs.col["projections"], np.where(np.isfinite(runs.col["inner_iterations"]),
+                                                        runs.col["inner_iterations"], runs.col["qp_solves"])])
+    total = np.nansum(parts, axis=0)
+    return np.where(total > 0, total, np.nan)
+
+
+RULE = ("Seconds of two methods are compared only when both loops over steps are compiled, both were timed on one machine in "
+        f"one go, and both in interleaved rounds (runs of more than {LONG:g} s once); then compilation and set-up are apart. "
+        "Otherwise their counted work is compared, or nothing.")
+
+
+def apart(one: Cost, other: Cost) -> str:
+    """Why the seconds of two methods may not be compared; "" if they may. See RULE."""
+    if not (one.loop == "compiled" and other.loop == "compiled"):
+        host = one if one.loop != "compiled" else other
+        return f"the loop of {host.solver} is not compiled ({host.loop or 'unmarked'}): its seconds measure an interpreter"
+    if one.session != other.session:
+        return "their seconds were not measured in one go"
+    for c in (one, other):
+        if c.rounds < 2 and c.seconds < LONG:
+            return f"{c.solver} was not timed in rounds"
+        if not c.seconds > 0:
+            return f"{c.solver} has no seconds of a machine of its own"
+    return ""
+
+
+def cost(runs: Runs, target: float, metric: str = "state_sup") -> Cost | None:
+    """Cost of an error of `target`, or None if it is not reached.
+
+    The error curve is replaced by its envelope, the largest error over all steps at most h, so that a lucky dip is
+    not a bargain; between two runs cost and step are interpolated in their logarithms.
+    """
+    good = runs.good & np.isfinite(runs.col[metric]) & (runs.col["h"] > 0)
+    if not good.any():
+        return None
+    h, error = runs.col["h"][good], np.abs(runs.col[metric][good])
+    envelope = np.maximum.accumulate(error[::-1])[::-1]            # runs go from the coarsest to the finest
+    reached = np.flatnonzero(envelope <= target)
+    if not reached.size:
+        return None
+    i = int(reached[0])
+    share = 1.0
+    if i and envelope[i] > 0:
+        share = math.log(envelope[i - 1] / target) / math.log(envelope[i - 1] / envelope[i])
+    pick = lambda v: _between(v[i - 1] if i else v[i], v[i], share)
+    used = slice(max(i - 1, 0), i + 1)
+    rounds, sessions = runs.col["rounds"][good][used], sorted({s for s in runs.col["session"][good][used] if s})
+    return Cost(runs.solver, runs.loop, pick(runs.col["seconds"][good]), pick(work(runs)[good]), pick(h),
+                runs.accuracy, i == 0, pick(runs.col["seconds_low"][good]), pick(runs.col["seconds_high"][good]),
+                float(np.min(rounds)), "+".join(sessions))
+
+
+def _between(a: float, b: float, share: float) -> float:
+    if math.isnan(a):                                    # seconds of a shared worker: the run beside it alone tells nothing
+        return a
+    if not (a > 0 and b > 0):
+        return float(b)
+    return float(math.exp((1 - share) * math.log(a) + share * math.log(b)))
+
+
+def costs(data: Data, case: str, target: float) -> list[Cost]:
+    """Methods that reach `target` on `case`: those with compiled loops first, the cheapest in seconds first."""
+    found = [c for c in (cost(r, target) for r in data.of_case(case)) if c is not None]
+    big = math.inf
+    return sorted(found, key=lambda c: (c.loop != "compiled", c.seconds if c.seconds > 0 else big,
+                                        c.work if c.work > 0 else big, c.solver))
+
+
+def baseline(found: list[Cost]) -> Cost | None:
+    """The PBD that factors refer to: the plain one if it is there, else the cheapest variant."""
+    own = [c for c in found if family(c.solver) == LEADS]
+    return next((c for c in own if c.solver == LEADS), own[0] if own else None)
+
+
+def setting(c: Cost) -> str:
+    """``h = 0.01``, ``k = 100`` or ``tol = 1e-9``."""
+    return f"k = {num(1 / c.h)}" if c.accuracy == "k" else f"{c.accuracy} = {num(c.h)}"
+
+
+def ratio(one: Cost, other: Cost) -> float | None:
+    """Seconds of `one` over seconds of `other`; None unless both are known and may be compared (`apart`).
+
+    A method whose coarsest run was already better has no cost at this error, only a bound.
+    """
+    known = one.seconds > 0 and other.seconds > 0 and not (one.at_most or other.at_most)
+    return one.seconds / other.seconds if known and not apart(one, other) else None
+
+
+def work_ratio(one: Cost, other: Cost) -> float | None:
+    known = one.work > 0 and other.work > 0 and not (one.at_most or other.at_most)
+    return one.work / other.work if known else None
+
+
+def step_for_violation(runs: Runs, target: float) -> Cost | None:
+    """The largest step that keeps max(-g) at most `target`, with its cost."""
+    return cost(runs, target, "feasibility")
+
+
+def with_qp(data: Data) -> set[str]:
+    """Solvers that solve a QP in their steps: the talk's "time-stepping with an internal QP solver"."""
+    return {s for (_, s), r in data.runs.items() if np.any(r.col["qp_solves"] > 0)}

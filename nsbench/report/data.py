@@ -1,0 +1,268 @@
+"""What the report reads: the rows of a study with what is known of its cases, solvers and machine."""
+from __future__ import annotations
+
+import json
+import math
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from nsbench.report.style import LEADS, clean, family, slug
+from nsbench.results.tables import SCHEMA, text_of
+
+LABELS = ("lam_at_start", "lam_at_mid", "lam_at_end", "lam_mean")     # of single steps, against lambda at that time
+CLOCKED = ("seconds", "seconds_low", "seconds_high", "seconds_max", "rounds", "setup_seconds", "compile_seconds")
+NUMBERS = ("asked", "h", *CLOCKED, "shared", "steps", "drift_calls", "projections", "inner_iterations",
+           "qp_solves", "events", "restarts", "contacts_peak", "state_sup", "state_T", "impulse", "reaction", "l1",
+           "settled", "event_time", "events_missed", "events_extra", "feasibility", "sign", "complementarity",
+           "residual", "selection", "polyhedron", "lam_own", "rebuilds", "state_floor", "impulse_floor", "reaction_floor",
+           "event_floor", "state_scale", "impulse_scale", "multipliers_unique", *LABELS, "lam_floor")
+WORDS = ("case", "solver", "accuracy", "status", "why", "loop", "reference", "lam_time", "session")
+FIELDS = {"cases": {"classes": list, "T": (int, float), "families": (list, str), "certificate": dict},
+          "solvers": {"claims": dict, "expects": list}}     # kinds of what the notes on cases and solvers hold
+LARGEST, NOTES = 4 << 30, 64 << 20      # bytes of a table, and of the notes beside it: more than a million rows take
+GOOD = ("ok", "below_reference")     # statuses whose errors are numbers
+
+
+@dataclass(frozen=True)
+class Runs:
+    """All runs of one solver on one case, from the coarsest to the finest; `col` holds one array per column."""
+    case: str
+    solver: str
+    col: dict = field(repr=False)
+
+    def __len__(self) -> int:
+        return len(self.col["status"])
+
+    @property
+    def good(self) -> np.ndarray:
+        """Mask of the runs whose errors are numbers."""
+        return np.isin(self.col["status"], GOOD)
+
+    @property
+    def accuracy(self) -> str:
+        return next((a for a in self.col["accuracy"] if a), "h")
+
+    @property
+    def loop(self) -> str:
+        return next((s for s in self.col["loop"] if s), "")
+
+    @property
+    def unique(self) -> bool:
+        """False where some run found the multipliers to be non-unique."""
+        u = self.col["multipliers_unique"]
+        return not np.any(u[np.isfinite(u)] == 0)
+
+    @property
+    def violates(self) -> bool:
+        """Does a step size decide how far constraints are violated? 1e-9 is far above rounding, far below use."""
+        return self.accuracy == "h" and bool(np.any(self.col["feasibility"][self.good] > 1e-9))
+
+    def scale(self, metric: str) -> float:
+        """Size of the quantity that `metric` is the error of: what rounding is relative to; 1 if it is not stored."""
+        values = self.col["state_scale" if metric in ("state_sup", "state_T", "feasibility") else "impulse_scale"]
+        values = values[np.isfinite(values)]
+        return float(values.max()) if values.size else 1.0
+
+    def floor(self, metric: str) -> float:
+        """Below it an error of `metric` says nothing (the reference's own error); 0: exact or no reference."""
+        if metric in LABELS:
+            column = "lam_floor"
+            values = self.col[column][np.isfinite(self.col[column])]
+            return float(values.max()) if values.size else 0.0
+        column = {"state_sup": "state_floor", "state_T": "state_floor"}.get(metric, "impulse_floor")
+        if metric in ("feasibility", "sign", "complementarity", "residual", "selection", "polyhedron"):
+            return 0.0
+        values = self.col[column][np.isfinite(self.col[column])]
+        return float(values.max()) if values.size else 0.0
+
+
+@dataclass(frozen=True)
+class Data:
+    """Runs by (case, solver) in the order of the page; cases, solvers and env as stored; pictures: SVG by case."""
+    runs: dict
+    cases: dict
+    solvers: dict
+    env: dict
+    extra: dict
+    pictures: dict
+
+    @property
+    def case_keys(self) -> list[str]:
+        return list(dict.fromkeys(case for case, _ in self.runs))
+
+    @property
+    def specs(self) -> list[str]:
+        return sorted({solver for _, solver in self.runs}, key=lambda s: (family(s) != LEADS, s))
+
+    def of_case(self, case: str) -> list[Runs]:
+        return [r for (c, _), r in self.runs.items() if c == case]
+
+
+def read(study) -> Data:
+    """A study, a folder of results (or several), a DataFrame or a list of dict rows -> Data.
+
+    FileNotFoundError if a folder holds no rows; ValueError names the file that cannot be read.
+    """
+    if isinstance(study, (str, Path)):
+        return _folder(Path(study))
+    if isinstance(study, (list, tuple)) and study and all(isinstance(s, (str, Path)) for s in study):
+        return merge([_folder(Path(s)) for s in study])
+    rows = getattr(study, "rows", study)
+    known = {name: getattr(study, name, None) for name in ("cases", "solvers", "env", "extra")}
+    known = {k: v if isinstance(v, dict) else {} for k, v in known.items()}
+    return build(columns_of(rows), **known)
+
+
+def _folder(folder: Path) -> Data:
+    return build(_table(folder), *(_json(folder / f"{name}.json") for name in ("cases", "solvers", "env", "extra")),
+                 {p.stem: p for p in sorted((folder / "figures").glob("scene_*.svg"))})
+
+
+def merge(parts: list[Data]) -> Data:
+    """Several results folders on one page; runs of the same case and solver stand side by side."""
+    names = (*NUMBERS, *WORDS)
+    cols = {n: np.concatenate([r.col[n] for d in parts for r in d.runs.values()]) for n in names}
+    known = ("cases", "solvers", "env", "extra")
+    notes = [{k: v for d in parts for k, v in getattr(d, name).items()} for name in known]
+    out = build(cols, *notes)
+    return Data(out.runs, *notes, {k: v for d in parts for k, v in d.pictures.items()})
+
+
+def _table(folder: Path) -> dict:
+    """Columns of DIR/runs.parquet, or of runs.csv where only that exists."""
+    path = folder / "runs.parquet"
+    if path.is_file():
+        import pyarrow
+        import pyarrow.parquet
+        _size(path, LARGEST)
+        try:
+            with open(path, "rb") as file:               # a name that the locale cannot spell is no matter of the library's
+                table = pyarrow.parquet.read_table(file, page_checksum_verification=True)
+        except (OSError, ValueError, pyarrow.ArrowException, MemoryError) as e:
+            raise ValueError(f"{path} cannot be read: {e}") from e
+        _schema(path, (table.schema.metadata or {}).get(b"nsbench_schema", b"").decode("ascii", "replace"))
+        return columns_of({n: table[n].to_numpy() if n in NUMBERS and pyarrow.types.is_float64(table[n].type)
+                           else table[n].to_pylist() for n in table.column_names if n in NUMBERS or n in WORDS})
+    path = folder / "runs.csv"
+    if path.is_file():
+        import csv
+        _size(path, LARGEST)
+        try:
+            with open(path, newline="", encoding="utf-8") as file:
+                rows = [{text_of(k): text_of(v) for k, v in r.items()} for r in csv.DictReader(file, strict=True)]
+        except (csv.Error, UnicodeDecodeError) as e:
+            raise ValueError(f"{path} cannot be read: {e}") from e
+        if rows and not {"case", "solver", "status"} <= set(rows[0]):
+            raise ValueError(f"{path} has no column case, solver or status: these are no results")
+        return columns_of(rows)
+    raise FileNotFoundError(f"{folder} holds no runs.parquet and no runs.csv")
+
+
+def _size(path: Path, most: int) -> None:
+    if path.stat().st_size > most:
+        raise ValueError(f"{path} is {path.stat().st_size} bytes long; at most {most} are read")
+
+
+def _schema(path: Path, found) -> None:
+    if str(found) not in ("", str(SCHEMA)):
+        raise ValueError(f"{path} is of schema {clean(found, 40)}; this version of nsbench reads {SCHEMA}: run the study again")
+
+
+def _json(path: Path) -> dict:
+    if not path.is_file():
+        return {}
+    _size(path, NOTES)
+    try:
+        value = json.loads(path.read_text(encoding="utf-8"))
+    except (ValueError, OSError, RecursionError) as e:
+        raise ValueError(f"{path} cannot be read: {e}") from e
+    if not isinstance(value, dict):
+        raise ValueError(f"{path} holds a {type(value).__name__}; an object is needed")
+    if path.name == "env.json":
+        _schema(path, value.get("schema", ""))
+    for name, notes in value.items():
+        for what, kinds in FIELDS.get(path.stem, {}).items():
+            found = notes.get(what) if isinstance(notes, dict) else None
+            if found is not None and (not isinstance(found, kinds) or isinstance(found, bool) or (
+                    what == "expects" and not all(isinstance(e, dict) for e in found))):
+                raise ValueError(f"{path}: {what} of {clean(name, 80)} is {clean(found, 80)!r}; that is no such note")
+    return value
+
+
+def _number(value) -> float:
+    if isinstance(value, str):
+        value = {"true": 1.0, "false": 0.0}.get(value.lower(), value)
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        return math.nan
+
+
+def _word(value) -> str:
+    return "" if value is None or value != value else clean(value)
+
+
+def columns_of(rows) -> dict:
+    """Dict rows, a DataFrame or a dict of columns -> arrays of all columns; what is missing is NaN or empty.
+
+    Seconds of runs on shared workers are missing, too: nothing that compares seconds gets to see them.
+    """
+    if hasattr(rows, "columns"):
+        rows = {name: rows[name].tolist() for name in rows.columns}
+    if not isinstance(rows, dict):
+        rows = list(rows)
+        rows = {name: [r.get(name) for r in rows] for name in (*NUMBERS, *WORDS)}
+    size = max((len(v) for v in rows.values()), default=0)
+    out = {n: _numbers(rows[n]) if n in rows else np.full(size, np.nan) for n in NUMBERS}
+    for name in CLOCKED:
+        out[name][out["shared"] == 1.0] = math.nan
+    for name in WORDS:
+        known: dict = {}                                 # there are few different words in many rows
+        values = rows.get(name, ())
+        for v in values:
+            if isinstance(v, str) and v not in known:
+                known[v] = (_word(v).strip() or "(unnamed)") if name in ("case", "solver") else _word(v)
+        nothing = "(unnamed)" if name in ("case", "solver") else ""
+        out[name] = np.array([known[v] if isinstance(v, str) else _word(v) or nothing for v in values] or [nothing] * size,
+                             dtype=object)
+    return out
+
+
+def _numbers(values) -> np.ndarray:
+    if isinstance(values, np.ndarray) and values.dtype == np.float64:
+        return values.copy()
+    return np.array([_number(v) for v in values], dtype=np.float64)
+
+
+def build(cols: dict, cases=None, solvers=None, env=None, extra=None, files=None) -> Data:
+    """Columns -> Data: runs grouped by case and solver, cases in the order of `cases`, then by name."""
+    cases, solvers = ({clean(k): v if isinstance(v, dict) else {} for k, v in (d or {}).items()}
+                      for d in (cases, solvers))
+    place = {key: i for i, key in enumerate(cases)}
+    groups: dict = {}
+    for i, pair in enumerate(zip(cols["case"], cols["solver"], strict=True)):
+        groups.setdefault(pair, []).append(i)
+    runs = {}
+    for pair in sorted(groups, key=lambda p: (place.get(p[0], len(place)), p[0], family(p[1]) != LEADS, p[1])):
+        rows = np.array(groups[pair])
+        h = cols["h"][rows]
+        h = np.where(np.isfinite(h), h, cols["asked"][rows])
+        rows = rows[np.argsort(np.where(np.isfinite(h), -h, -np.inf), kind="stable")]
+        col = {name: values[rows] for name, values in cols.items()}
+        runs[pair] = Runs(*pair, {**col, "h": np.where(np.isfinite(col["h"]), col["h"], col["asked"])})
+    return Data(runs, cases, solvers, dict(env or {}), dict(extra or {}), _pictures(runs, cases, files or {}))
+
+
+def _pictures(runs: dict, cases: dict, files: dict) -> dict:
+    """The stored scene of each case: the file its notes name, else ``scene_CASE.svg``."""
+    out = {}
+    for case in dict.fromkeys(c for c, _ in runs):
+        named = Path(str(cases.get(case, {}).get("picture") or "")).stem
+        stems = (named, f"scene_{slug(case)}", "scene_" + re.sub(r"[^A-Za-z0-9_.-]+", "_", case).strip("_"))
+        path = next((files[s] for s in stems if s in files), None)
+        if path is not None and path.stat().st_size < 400_000:     # a page of 25 scenes stays below 10 MB
+            out[case] = path.read_text(encoding="utf-8")
+    return out

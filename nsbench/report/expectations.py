@@ -1,0 +1,139 @@
+"""Expected against observed: what each method should show on each case, what it shows, and which deviations are known.
+
+Known deviations stand in deviations.csv beside this file, with their reason. One that is no longer seen is reported
+like a new one: either way the table and the methods disagree.
+"""
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass
+from pathlib import Path
+
+from nsbench.report.data import Data
+from nsbench.report.style import num
+from nsbench.report.summary import MARGIN, OPEN, Order, Summary
+
+TABLE = Path(__file__).with_name("deviations.csv")
+COLUMNS = ("case", "solver", "metric", "observed", "why")
+METRICS = ("state", "impulse")
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One metric of one method on one case. expected: as declared; observed: what stands there; outcome: "kept",
+    "open" (no verdict, where one was expected), else what it is instead: "above", "below", "exact", "plateau",
+    "diverges", or a status; why: of the expectation; known: the reason of a known deviation, "" if it is new."""
+    case: str
+    solver: str
+    metric: str
+    expected: str
+    observed: str
+    outcome: str
+    why: str
+    known: str = ""
+
+
+def known_deviations(path: Path = TABLE) -> dict[tuple[str, str, str], tuple[str, str]]:
+    """(case, solver, metric) -> (observed, why). ValueError names a line that is not complete, or a repeated one."""
+    out: dict = {}
+    with open(path, newline="", encoding="utf-8") as file:
+        for k, row in enumerate(csv.DictReader(file), start=2):
+            if None in row or not all(row.get(c) for c in COLUMNS) or row["metric"] not in METRICS:
+                raise ValueError(f"{path.name}, line {k}: {', '.join(COLUMNS)} are needed, metric one of {METRICS}")
+            key = row["case"], row["solver"], row["metric"]
+            if key in out:
+                raise ValueError(f"{path.name}, line {k}: {key} stands there twice")
+            out[key] = row["observed"], row["why"]
+    return out
+
+
+def expectation(case: dict, solver: dict) -> dict:
+    """What is expected, from the stored descriptions of a case and a solver: state, impulse, why."""
+    classes = set(case.get("classes") or ())
+    for e in solver.get("expects") or ():
+        if set(e["when"]) <= classes:
+            return e
+    claims = solver.get("claims") or {}
+    bound = claims.get("exact")
+    why = "the method's claim"
+    if bound is not None:
+        return {"state": ("bound", bound), "impulse": None, "why": why}
+    return {"state": claims.get("state"), "impulse": claims.get("impulse"), "why": why}
+
+
+def findings(data: Data, summaries: dict[tuple, Summary], known: dict | None = None) -> list[Finding]:
+    """Every case x method x metric of which something is expected; refusals are no deviation from a claim."""
+    known = known_deviations() if known is None else known
+    out = []
+    for (case, solver), s in summaries.items():
+        hope = expectation(data.cases.get(case, {}), data.solvers.get(solver, {}))
+        for metric, order in zip(METRICS, (s.state, s.force), strict=True):
+            want = hope[metric]
+            if want is None or (s.word == "refused" and want != "refused"):
+                continue
+            outcome = compare(want, s, order)
+            observed, reason = known.get((case, solver, metric), ("", ""))
+            out.append(Finding(case, solver, metric, spelled(want), told(s, order), outcome, hope["why"],
+                               reason if observed == outcome else ""))
+    return out
+
+
+def spelled(want) -> str:
+    if isinstance(want, tuple):
+        return f"at most {num(want[1])}"
+    return f"order {want:g}" if isinstance(want, (int, float)) else str(want)
+
+
+def told(s: Summary, o: Order) -> str:
+    """What is seen, in a few words."""
+    if s.outcome:
+        return s.outcome
+    return f"order {o.text}" if o.kind == "fit" and o.verdict == "order" else \
+        f"{o.verdict} ({o.text})" if o.kind == "fit" else o.text
+
+
+def compare(want, s: Summary, o: Order) -> str:
+    """The outcome of one expectation, see `Finding`."""
+    if want == "open":
+        return "kept" if not s.outcome else _status(s)
+    if s.outcome:
+        return "kept" if want == _status(s) else _status(s)
+    if isinstance(want, str) and want not in ("exact", "plateau", "diverges"):
+        return "passes"                                    # a failure was expected, and runs gave numbers
+    if o.kind == "bound":
+        return "kept" if not o.flag else "below"
+    if o.kind in ("level", "none"):
+        return "kept" if o.verdict == "below reference" or o.text == "below reference" else "open"
+    if o.kind == "exact":
+        return "kept" if want == "exact" else "exact"
+    if o.verdict in OPEN:
+        return "open"
+    if o.verdict in ("plateau", "diverges"):
+        return "kept" if want == o.verdict else o.verdict
+    if isinstance(want, str):
+        return "below" if want == "exact" else "order"
+    lo, hi = o.interval
+    if abs(o.order - want) <= MARGIN or lo <= want <= hi:
+        return "kept"
+    return "above" if o.order > want else "below"
+
+
+def _status(s: Summary) -> str:
+    return s.statuses.most_common(1)[0][0]
+
+
+def gone(found: list[Finding], known: dict | None = None) -> list[tuple[Finding, str, str]]:
+    """Known deviations of this study's pairs that are not seen any more: (finding, observed then, its reason)."""
+    known = known_deviations() if known is None else known
+    out = []
+    for f in found:
+        was = known.get((f.case, f.solver, f.metric))
+        if was is not None and was[0] != f.outcome:
+            out.append((f, *was))
+    return out
+
+
+def fresh(found: list[Finding], known: dict | None = None) -> list[Finding]:
+    """Deviations that the table does not know."""
+    known = known_deviations() if known is None else known
+    return [f for f in found if f.outcome not in ("kept", "open") and (f.case, f.solver, f.metric) not in known]

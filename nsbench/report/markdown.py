@@ -1,0 +1,57 @@
+"""The report as Markdown: the same sentences and tables as the page."""
+from __future__ import annotations
+
+from nsbench.report.cost import RULE
+from nsbench.report.html_page import MEASURED, TRUST, Content, meta, paragraphs
+from nsbench.report.style import markdown
+from nsbench.report.tables import Table
+
+
+def text(c: Content) -> str:
+    """The whole report; figures are linked from ``figures/``."""
+    out = [f"# {markdown(c.title)}", markdown(c.lede), "## What the runs say"]
+    for s in c.statements:
+        out.append(f"**{markdown(s.head)}**\n\n" + "\n".join(f"- {markdown(x)}" for x in s.sentences))
+    out += [table(c.tables["choice"]), "## Orders", table(c.tables["orders"]), "## Case by case"]
+    for case in c.data.case_keys:
+        known = c.data.cases.get(case, {})
+        first, equations = paragraphs(known.get("doc"))
+        out += [f"### {markdown(case)}", markdown(meta(known, c.data.of_case(case)))]
+        out += [markdown(first)] if first else []
+        out += ["\n".join("    " + line for line in equations.splitlines())] if equations else []
+        out += [markdown(n) for n in c.notes[case]]
+        out += [f"![{markdown(case)}](figures/{c.ids[case]}.svg)"] if c.panels[case] else []
+        out += [f"![{markdown(case)}: cost](figures/cost_{c.ids[case]}.svg)"] if c.panels[case] else []
+    if c.talk:
+        out += ["## The talk's figure", markdown(c.told), "![The talk's figure](figures/talk.svg)"]
+    out += ["## What the numbers rest on"]
+    for key, head in TRUST:
+        if c.tables[key].rows or c.tables[key].note:
+            out += [f"### {head}", table(c.tables[key])]
+    out += ["## Speed at equal error", "\n".join(f"- {markdown(s)}" for s in (*c.speeds, *c.wins)), RULE]
+    out += ["![Time to error over all cases](figures/profiles.svg)"] if c.profiles else []
+    out += [table(c.tables["sizes"])] if c.tables["sizes"].rows else []
+    out += ["![Cost against size](figures/scaling.svg)"] if c.scaling else []
+    out += [table(c.tables["scaling"])] if c.tables["scaling"].rows else []
+    out += [table(c.tables["speed"]), "### The clock", table(c.tables["clock"])]
+    out += ["## Failures and refusals", table(c.tables["failures"])]
+    out += ["### Over seeds", table(c.tables["seeds"])] if c.tables["seeds"].rows else []
+    out += ["## Machine, versions, words", table(c.tables["environment"]), MEASURED, table(c.tables["glossary"])]
+    return "\n\n".join(part for part in out if part) + "\n"
+
+
+def table(t: Table) -> str:
+    """`t` in Markdown; the group becomes a first column, and a cell that spans is followed by dots."""
+    if not t.rows:
+        return markdown(t.note)
+    grouped = any(r.group for r in t.rows)
+    columns = (["case"] if grouped else []) + [markdown(k) for k in t.columns]
+    lines = [columns, ["---"] * len(columns)]
+    for row in t.rows:
+        line = [markdown(row.group)] if grouped else []
+        for c in row.cells:
+            line.append(markdown(f"{c.text} ({c.small})" if c.small else c.text))
+            line += ["…"] * (c.span - 1)
+        lines.append(line)
+    note = f"\n\n{markdown(t.note)}" if t.note else ""
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines) + note

@@ -1,0 +1,189 @@
+"""Particles of one state: discs, contacts, links, anchors, walls; and what every picture needs of a case."""
+from __future__ import annotations
+
+import numpy as np
+
+from nsbench.compilation.factories import host
+from nsbench.problem import Affine, Distance
+
+# Okabe & Ito (2008), readable with the common colour blindnesses
+BLUE, SKY, RED, BLACK = "#0072B2", "#56B4E9", "#D55E00", "#1c1b1a"
+GREY, SOLID = "#9a968d", "#e4e0d8"    # thin lines; what is forbidden
+SHOWN = 1500                         # discs in one panel: more are neither seen at 320 px nor light to send
+WALLS = 40                           # more distinct rows are no walls
+GRID = 121                           # points each way for contours of the forbidden region
+TOUCH = 2e-3                         # a gap within this fraction of a disc or link is drawn as contact
+
+
+def groups(case):
+    """The particle groups (start, dim, count) -> radius (None, number or (count,)) of all Distance families."""
+    out = {}
+    for c in case.problem.constraints:
+        if isinstance(c, Distance):
+            key = (c.start, c.dim, c.particles(case.n))
+            radius = c.radii if c.radii is not None else c.d / 2 if c.all_pairs else None
+            out[key] = radius if radius is not None else out.get(key, case.radius)
+    return out
+
+
+def centres(x, key):
+    start, dim, count = key
+    return x[start:start + dim * count].reshape(count, dim)
+
+
+def anchor_points(c, t):
+    return np.asarray(host(c.anchors)(t) if callable(c.anchors) else c.anchors, dtype=float).reshape(-1, c.dim)
+
+
+def extent(case, frames, what):
+    """Lowest and highest corner (2,) of what the frames show, without margin."""
+    low, high = np.full(2, np.inf), np.full(2, -np.inf)
+
+    def take(p, r=0.0):
+        nonlocal low, high
+        p, r = np.asarray(p)[:, :2], np.max(r)
+        p = p[np.all(np.isfinite(p), axis=1)]
+        if len(p):
+            low, high = np.minimum(low, p.min(0) - r), np.maximum(high, p.max(0) + r)
+
+    for f in frames:
+        if what == "curves":
+            half = rod(case) / 2
+            for column in f.path.T:
+                take(np.stack((f.times, column - half), 1))
+                take(np.stack((f.times, column + half), 1))
+            take([[case.t[0], f.x[0]], [case.t[-1], f.x[0]]])
+            continue
+        if what == "plane":
+            take(f.path)
+        elif np.all(np.isfinite(f.x)):
+            for key, r in groups(case).items():
+                p = centres(f.x, key)
+                if len(p) > SHOWN:
+                    p, r = _inside(p), 0.0
+                take(p, 0.0 if r is None else r)
+        for c in getattr(case.problem, "constraints", ()):
+            if isinstance(c, Distance) and c.anchors is not None and c.dim > 1:
+                r = c.d if c.pairs is None or what == "plane" else 0.0
+                take(anchor_points(c, f.t), r)
+    return low, high
+
+
+def rod(case):
+    """Length of the rods of a case on a line, else 0."""
+    return next((float(c.d) for c in getattr(case.problem, "constraints", ())
+                 if isinstance(c, Distance) and c.dim == 1 and c.all_pairs and c.d is not None), 0.0)
+
+
+def _window(p):
+    """Indices, in order, of the SHOWN points nearest to the middle."""
+    mid = np.median(p, axis=0)
+    return np.sort(np.argpartition(np.sum((p - mid) ** 2, axis=1), SHOWN)[:SHOWN])
+
+
+def _inside(p):
+    """Two opposite corners of a square that the window fills."""
+    q = p[_window(p), :2]
+    mid = np.median(p[:, :2], axis=0)
+    half = np.max(np.linalg.norm(q - mid, axis=1)) / 2 ** 0.5
+    return np.stack((mid - half, mid + half))
+
+
+def forbid(ax, gap):
+    """Shade where gap(points (m, 2)) < 0 inside the present limits, with its edge."""
+    (x0, x1), (y0, y1) = ax.get_xlim(), ax.get_ylim()
+    X, Y = np.meshgrid(np.linspace(x0, x1, GRID), np.linspace(y0, y1, GRID))
+    g = gap(np.stack((X.ravel(), Y.ravel()), 1)).reshape(X.shape)
+    if np.nanmin(g) < 0:
+        ax.contourf(X, Y, g, levels=[-1e300, 0.0], colors=[SOLID], zorder=0)
+        if np.nanmax(g) > 0:
+            ax.contour(X, Y, g, levels=[0.0], colors=[GREY], linewidths=0.9, zorder=1)
+
+
+def _walls(case, key, radius, t):
+    """Half-planes a . p + b >= 0 (m, 3) that bound the surfaces of the particles of one group; few distinct rows."""
+    start, dim, count = key
+    rows = []
+    for c in case.problem.constraints:
+        if not isinstance(c, Affine):
+            continue
+        b = np.asarray(host(c.b)(t) if callable(c.b) else c.b, dtype=float)
+        owner = (c.indices - start) // dim
+        first = c.indptr[:-1]
+        lowest, highest = np.minimum.reduceat(owner, first), np.maximum.reduceat(owner, first)
+        alone = (lowest == highest) & (lowest >= 0) & (highest < count)
+        a = np.zeros((len(b), dim))
+        row = np.repeat(np.arange(len(b)), np.diff(c.indptr))
+        inside = alone[row]
+        np.add.at(a, (row[inside], (c.indices[inside] - start) % dim), c.data[inside])
+        a, b, owner = a[alone, :2], b[alone], owner[first][alone]
+        size = np.linalg.norm(a, axis=1)
+        keep = size > 0
+        r = np.broadcast_to(0.0 if radius is None else radius, count)[owner[keep]]
+        rows.append(np.column_stack((a[keep] / size[keep, None], b[keep] / size[keep] + r)))
+    rows = np.unique(np.round(np.concatenate(rows), 9), axis=0) if rows else np.empty((0, 3))
+    return rows if len(rows) <= WALLS else rows[:0]
+
+
+def particles(ax, case, frame, scale):
+    """Discs, links, anchors and walls of one state; `scale` points per unit of length."""
+    for key, radius in groups(case).items():
+        walls = _walls(case, key, radius, frame.t)
+        if len(walls):
+            forbid(ax, lambda p, w=walls: (p @ w[:, :2].T + w[:, 2]).min(1))
+        if key[1] > 1:
+            _links(ax, case, key, frame, radius)
+            _discs(ax, centres(frame.x, key), radius, scale)
+
+
+def _discs(ax, p, radius, scale):
+    from scipy.spatial import cKDTree
+    total = len(p)
+    which = _window(p) if total > SHOWN else np.arange(total)
+    order = which[np.argsort(p[which, 2], kind="stable")] if p.shape[1] == 3 else which
+    if radius is None:
+        ax.scatter(*p[order, :2].T, s=14, color=BLUE, linewidths=0, zorder=4)
+        return
+    r = np.broadcast_to(radius, total)
+    size = (2 * scale * r[order]) ** 2            # area in points, for a diameter in data units
+    ax.scatter(*p[order, :2].T, s=size if np.ptp(r) else size[:1], facecolors=SKY + "66", edgecolors=BLUE,
+               linewidths=0.9 if total < 200 else 0.4, zorder=3)
+    if total > SHOWN:
+        ax.text(0.98, 0.02, f"{SHOWN} of {total} discs", transform=ax.transAxes, ha="right", fontsize=7, zorder=6,
+                bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.5})
+    q, rq = p[which], r[which]
+    pairs = cKDTree(q).query_pairs(2 * rq.max() * (1 + TOUCH), output_type="ndarray")
+    pairs = pairs[np.lexsort(pairs.T[::-1])]
+    gap = np.linalg.norm(q[pairs[:, 0]] - q[pairs[:, 1]], axis=1) - rq[pairs].sum(1)
+    near = TOUCH * 2 * rq.max()
+    for touching, colour, width in ((np.abs(gap) <= near, BLUE, 1.0), (gap < -near, RED, 1.8)):
+        _segments(ax, q[pairs[touching, 0]], q[pairs[touching, 1]], colors=colour, linewidths=width, zorder=4)
+
+
+def _segments(ax, p, q, **look):
+    from matplotlib.collections import LineCollection
+    if len(p):
+        ax.add_collection(LineCollection(np.stack((p[:, :2], q[:, :2]), 1), **look), autolim=False)
+
+
+def _links(ax, case, key, frame, radius):
+    """Links: taut ones black, slack ones grey and dashed; anchors as squares; discs to keep off filled."""
+    x = centres(frame.x, key)
+    for c in case.problem.constraints:
+        if not isinstance(c, Distance) or c.all_pairs or (c.start, c.dim, c.particles(case.n)) != key:
+            continue
+        other = x if c.anchors is None else anchor_points(c, frame.t)
+        if c.anchors is not None and c.sign > 0:
+            near = c.d - (0.0 if radius is None else np.min(radius))
+            forbid(ax, lambda p, o=other, d=near: (np.linalg.norm(p[:, None] - o[:, :2], axis=2) - d).min(1))
+            continue
+        pairs = c.pairs
+        if pairs is None:
+            pairs = np.stack(np.meshgrid(range(len(x)), range(len(other))), -1).reshape(-1, 2)
+        p, q = x[pairs[:, 0]], other[pairs[:, 1]]
+        if c.sign < 0:
+            taut = np.linalg.norm(p - q, axis=1) >= c.d * (1 - TOUCH)
+            _segments(ax, p[~taut], q[~taut], colors=GREY, linewidths=0.8, linestyles="--", zorder=2)
+            _segments(ax, p[taut], q[taut], colors=BLACK, linewidths=1.5, zorder=2)
+        if c.anchors is not None:
+            ax.scatter(*other[:, :2].T, marker="s", s=22, color=BLACK, linewidths=0, zorder=5)

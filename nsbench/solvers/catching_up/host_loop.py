@@ -1,0 +1,163 @@
+"""The catching-up loop in Python: for the library backends, smooth families, and the fully nonlinear projection."""
+from __future__ import annotations
+
+import numpy as np
+
+from nsbench.qp.projection import Answer, Rows
+from nsbench.solvers.catching_up.qp_backends import BACKENDS, residual
+
+ENOUGH = 20                   # steps that did not settle: the run is unverified long before, and each takes ROUNDS programs
+ROUNDS = 300                  # successive linearisations; each gains a factor of about mu times the curvature
+SHORTEST = 1 / 64             # of their steps, shortened where they go to and fro
+
+
+class _List:
+    """Candidates of a scene near a point, and the certificate that the pairs left out do not matter."""
+
+    def __init__(self, scene, x, skin, t, old=None, mu=None):
+        self.near, self.base, self.skin = scene.near(x, skin, t), x.copy(), skin
+        self.mu, self.places = np.zeros(len(self.near)), scene.places(self.near)
+        row, cols, _ = scene.triplets(t, x, self.near)      # where the entries are stays the same for all of a list
+        self.rows = Rows(row, cols, (len(self.near), scene.n))
+        self.touching = np.isin(self.near.kind, (1, 2))
+        self.coincident = -self.near.sign * self.near.d        # the gap of coincident centres
+        self._hard = [(c.start, m, c.dim) for _, c, m in scene.hard]
+        if old is not None:
+            kept = dict(zip(old.near.ids, mu, strict=True))
+            self.mu = np.array([kept.get(k, 0.0) for k in self.near.ids])
+
+    def travel(self, x, y):
+        """The farthest way of a hard particle base -> x -> y, and of x -> y alone."""
+        far = last = 0.0
+        for start, m, dim in self._hard:
+            part = slice(start, start + m * dim)
+            lengths = [np.sqrt((v[part].reshape(m, dim) ** 2).sum(1)) for v in (x - self.base, y - x)]
+            far, last = max(far, (lengths[0] + lengths[1]).max()), max(last, lengths[1].max())
+        return far, last
+
+
+class HostLoop:
+    """One run; `run()` returns what kernels.catching_up.march returns, as far as `_trajectory` reads it."""
+
+    def __init__(self, case, scene, g, x0, backend, nonlinear, reach, eps, max_iter):
+        from nsbench.compilation.factories import host
+        self.t0, self.scene, self.grid, self.x0, self.reach = float(case.t[0]), scene, g, x0, reach
+        self.f, self.nonlinear = host(case.problem.drift), nonlinear
+        self.make = lambda: BACKENDS[backend](eps, max_iter)
+
+    def run(self):
+        with np.errstate(all="ignore"):
+            return self._march()
+
+    def _march(self):
+        t, substeps = self.grid.t, self.grid.substeps
+        self.backend, self.stats = self.make(), {"qp_solves": 0, "inner_iterations": 0, "rebuilds": 1, "limits": 0, "ties": 0}
+        x, reac = self.x0.copy(), np.zeros(self.x0.size)
+        self.list = _List(self.scene, x, self.reach, self.t0)
+        self.peak = len(self.list.near)
+        X, R = np.full((len(t), x.size), np.nan), np.full((len(t), x.size), np.nan)
+        X[0], R[0] = x, reac
+        self.records, self.unsettled, worst, when = [], 0, 0.0, self.t0
+        for k in range(len(t) - 1):
+            h = (t[k + 1] - t[k]) / substeps[k]
+            for s in range(substeps[k]):
+                now = t[k] + s * h
+                after = t[k + 1] if s + 1 == substeps[k] else t[k] + (s + 1) * h
+                z = x + h * np.asarray(self.f(now, x), float)
+                if not _finite(z):
+                    return self._result(X, R, worst, when, "nan", now)
+                code, mu, y, kkt = self._step(after, x, z, h)
+                if not kkt <= worst:
+                    worst, when = kkt, now
+                if code == "infeasible":
+                    return self._result(X, R, worst, when, code, now)
+                if self.unsettled >= ENOUGH:
+                    return self._result(X, R, worst, when, "unsettled", now)
+                if not _finite(y):
+                    return self._result(X, R, worst, when, "nan", now)
+                reac += y - z
+                x = y
+                self._record(k + 1, mu)
+            X[k + 1], R[k + 1] = x, reac
+        return self._result(X, R, worst, when, "ok", t[-1])
+
+    def _step(self, after, x, z, h):
+        """Code, mu, y and the KKT residual of the step from x to after, once more over a longer list where needed."""
+        while True:
+            code, mu, y, kkt, far, last = (self._nonlinear if self.nonlinear else self._linear)(after, x, z, h)
+            if code == "infeasible" or not 2.0 * far > self.list.skin:
+                self.list.mu = mu
+                return code, mu, y, kkt
+            self.list = _List(self.scene, x, max(self.reach, 8.0 * last), after, self.list, mu)
+            self.stats["rebuilds"] += 1
+            self.peak = max(self.peak, len(self.list.near))
+
+    def _linear(self, after, x, z, h):
+        g, q, G = self._linearise(after, x, z)
+        a = self._solve(G, q, h, self.list.mu)
+        self._ties(g, a.mu)
+        return a.code, a.mu, z + a.d, residual(G, q + G @ a.d, a.mu, a.d), *self.list.travel(x, z + a.d)
+
+    def _nonlinear(self, after, x, z, h):
+        """The point of {g >= 0} nearest to z: linearise anew at each result until it stays.
+
+        Under a strong pull a link overshoots, to and fro: the point of linearisation then goes a part of the way only.
+        """
+        y, mu, far, last, part, before = x, self.list.mu, 0.0, 0.0, 1.0, np.inf
+        scale = max(1.0, float(np.abs(z).max()))
+        for _ in range(ROUNDS):
+            g, q, G = self._linearise(after, y, z)
+            a = self._solve(G, q, h, mu)
+            new, mu = z + a.d, a.mu
+            reach = self.list.travel(y, new)
+            far, last = max(far, reach[0]), max(last, float(self.list.travel(x, new)[1]), reach[1])
+            change = float(np.abs(new - y).max())
+            if a.code == "infeasible" or 2.0 * far > self.list.skin:
+                return a.code, mu, new, np.nan, far, last
+            if change <= 1e-12 * scale or not np.isfinite(change):
+                y = new
+                break
+            part = max(0.5 * part, SHORTEST) if change > 0.9 * before else part
+            before, y = change, y + part * (new - y)
+        else:
+            self.stats["limits"] += 1
+            self.unsettled += 1
+        w, _, G = self._linearise(after, y, y)
+        self._ties(g, mu)
+        return "solved", mu, y, residual(G, w, mu, y - z), far, last
+
+    def _ties(self, g, mu):
+        """A push between coincident centres has no direction."""
+        self.stats["ties"] += int(np.count_nonzero(self.list.touching & (mu > 0.0) & (g == self.list.coincident)))
+
+    def _linearise(self, after, x, z):
+        near, places = self.list.near, self.list.places
+        g, G = self.scene.gaps(after, x, near, places), self.list.rows.fill(self.scene.slopes(after, x, near, places))
+        return g, g + G @ (z - x), G
+
+    def _solve(self, G, q, h, mu) -> Answer:
+        if np.all(q >= 0.0):                                # nothing in the way: d = 0 solves it
+            return Answer(np.zeros(q.size), np.zeros(G.shape[1]), "solved", 0)
+        a = self.backend(G, q, h, self.list, mu)
+        self.stats["qp_solves"] += 1
+        self.stats["inner_iterations"] += a.iterations
+        self.stats["limits"] += a.code == "maxiter"
+        return a
+
+    def _record(self, k, mu):
+        on = np.flatnonzero(mu)
+        if not on.size:
+            return
+        near = self.list.near
+        ids = np.stack([np.full(on.size, k), near.family[on], near.i[on], near.j[on]], axis=1)
+        self.records.append((ids, mu[on]))
+
+    def _result(self, X, R, worst, when, code, reached):
+        ids = np.concatenate([r[0] for r in self.records] or [np.empty((0, 4), np.int64)])
+        values = np.concatenate([r[1] for r in self.records] or [np.empty(0)])
+        stats = {**self.stats, "contacts_peak": self.peak, "setups": self.backend.setups}
+        return X, R, ids, values, stats, worst, when, code, reached
+
+
+def _finite(x):
+    return bool(np.all(np.abs(x) < 1e150))

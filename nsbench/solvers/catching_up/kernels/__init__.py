@@ -1,0 +1,1 @@
+"""nsbench/solvers/catching_up/kernels"""

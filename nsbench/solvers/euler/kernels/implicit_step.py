@@ -1,0 +1,154 @@
+"""One implicit Euler step in a given mode: Newton's method for the state and the signs of the surfaces it slides on.
+
+Fields and switch functions are pointers (t, x, s, out) and (t, x, out). `mode` holds +1, -1 or 0 per surface:
+on the positive side, on the negative side, on the surface itself.
+"""
+import numpy as np
+from numba import njit
+
+from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
+from nsbench.linalg.dense import OK, gauss, health, largest
+
+NEWTON = 30                       # iterations; a fresh Jacobian needs about 5, a kept one three times that
+ROUNDING = 64 * 2.0**-52          # what a few operations may lose, relative to the numbers in them
+
+# only called by other kernels: without the wrappers for Python they compile faster, and crash if Python calls them
+inner = njit(cache=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+
+
+@inner
+def copy(source, target):
+    """target <- source; a loop, as the checks of an assignment of arrays take numba seconds to compile."""
+    for i in range(target.size):
+        target[i] = source[i]
+
+
+@inner
+def extended(field, blend, t, x, s, e, v, out):
+    """F(t, x, s) in `out`, continued multilinearly to |s_i| > 1 through the values at s_i = -1 and 1; calls made.
+
+    Iterates of Newton's method leave the box, where a field need not mean anything. Nor need it between the modes: with
+    `blend` it is multilinear there too, as Filippov's is. e (d,), v (n,): work.
+    """
+    k = 0
+    for i in range(s.size):
+        if abs(s[i]) > 1.0 or (blend and abs(s[i]) < 1.0):
+            k += 1
+    if k == 0:
+        field(t, x, s, out)
+        return 1
+    for c in range(out.size):
+        out[c] = 0.0
+    for code in range(2**k):
+        weight, rest = 1.0, code
+        for i in range(s.size):
+            e[i] = s[i]
+            if abs(s[i]) > 1.0 or (blend and abs(s[i]) < 1.0):
+                e[i] = 1.0 if rest % 2 == 0 else -1.0
+                weight *= 0.5 * (1.0 + e[i] * s[i])
+                rest //= 2
+        field(t, x, e, v)
+        for c in range(out.size):
+            out[c] += weight * v[c]
+    return 2**k
+
+
+@inner
+def residual(field, switch, blend, t, h, x, y, s, slide, e, v, c, r):
+    """y - x - h F(t, y, s) and c_i(t, y) of the sliding surfaces, in r; calls made."""
+    n = x.size
+    calls = extended(field, blend, t, y, s, e, v, r[:n])
+    for i in range(n):
+        r[i] = y[i] - x[i] - h * r[i]
+    if c.size:
+        switch(t, y, c)
+        for j in range(slide.size):
+            r[n + j] = c[slide[j]]
+    return calls
+
+
+@inner
+def difference(unit, size):
+    """Step of a one-sided difference in a coordinate of this size, for functions that bend over the length `unit` or more.
+
+    Rounding is eps size / step of a derivative, curvature step / unit: both are at most sqrt(eps size / unit) where their
+    product is least. Beyond 1e8 units the first decides: four digits of a derivative are enough for Newton's method.
+    """
+    return max(1.5e-8 * np.sqrt(unit * max(unit, size)), 1e-12 * size)
+
+
+@inner
+def jacobian(field, switch, blend, unit, t, h, x, y, s, slide, e, v, c, r, q, J):
+    """Derivative of the residual r: one-sided differences in y; in s_i exact, as F is affine in each weight."""
+    n, calls = x.size, 0
+    for j in range(n):
+        keep = y[j]
+        y[j] = keep + difference(unit, abs(keep))
+        calls += residual(field, switch, blend, t, h, x, y, s, slide, e, v, c, q)
+        for i in range(r.size):
+            J[i, j] = (q[i] - r[i]) / (y[j] - keep)
+        y[j] = keep
+    for j in range(slide.size):
+        keep = s[slide[j]]
+        s[slide[j]] = 1.0
+        calls += residual(field, switch, blend, t, h, x, y, s, slide, e, v, c, q)
+        for i in range(n):
+            J[i, n + j] = 0.5 * q[i]
+        s[slide[j]] = -1.0
+        calls += residual(field, switch, blend, t, h, x, y, s, slide, e, v, c, q)
+        for i in range(n):
+            J[i, n + j] -= 0.5 * q[i]
+        s[slide[j]] = keep
+        for i in range(n, n + slide.size):
+            J[i, n + j] = 0.0
+    return calls
+
+
+@inner
+def newton(field, switch, blend, unit, t, h, x, mode, y, s, jump):
+    """Solve one implicit step for a given mode, from (y, s), which are overwritten.
+
+    jump (d,): displacement per unit of s_i, the size of a step's freedom on surface i. Returns converged, calls,
+    iterations. The Jacobian is kept while an iteration gains a factor of 20.
+    """
+    n, d = x.size, s.size
+    size = n
+    for i in range(d):
+        size += mode[i] == 0
+    slide, j = np.empty(size - n, np.int64), 0
+    for i in range(d):
+        if mode[i] == 0:
+            slide[j], j = i, j + 1
+    e, v, c = np.empty(d), np.empty(n), np.empty(d)
+    r, q, J, K = np.empty(size), np.empty(size), np.zeros((size, size)), np.empty((size, size))
+    for i in range(d):
+        if mode[i] != 0:
+            s[i] = mode[i]
+        elif abs(s[i]) > 1.0:
+            s[i] = 0.0
+    calls, last = 0, 0.0
+    for it in range(NEWTON):
+        calls += residual(field, switch, blend, t, h, x, y, s, slide, e, v, c, r)
+        if it == 0 or last > 0.05:
+            calls += jacobian(field, switch, blend, unit, t, h, x, y, s, slide, e, v, c, r, q, J)
+            for j in range(slide.size):
+                jump[slide[j]] = 0.0
+                for i in range(n):
+                    jump[slide[j]] = max(jump[slide[j]], abs(J[i, n + j]))
+        before = largest(q) if it else np.inf
+        copy(r, q)
+        for i in range(size):
+            copy(J[i], K[i])
+        if not gauss(K, q) or health(q) != OK:
+            return False, calls, it + 1
+        for i in range(n):
+            y[i] -= q[i]
+        for j in range(slide.size):
+            s[slide[j]] -= q[n + j]
+            q[n + j] *= jump[slide[j]]
+        move = largest(q)
+        # far from the origin no more than rounding is allowed: a step may be much shorter than 1e-12 of the coordinates
+        if move <= 1e-12 * (unit + min(unit, largest(y))) + ROUNDING * largest(y):
+            return True, calls, it + 1
+        last = move / before if it else 0.0                 # the next move is 20 times smaller or, fresh, its square
+    return False, calls, NEWTON

@@ -1,0 +1,216 @@
+"""Explicit and implicit Euler on a field with signs, x' = F(t, x, s), s_i in Sgn(c_i(t, x)): the time loops.
+
+Fields and switch functions are pointers (t, x, s, out) and (t, x, out). `mode` holds +1, -1 or 0 per surface:
+on the positive side, on the negative side, on the surface itself.
+"""
+import numpy as np
+from numba import njit
+
+from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
+from nsbench.linalg.dense import BLOWN, NAN, OK, health, largest  # noqa: F401 (codes that solvers read here)
+from nsbench.solvers.euler.kernels.implicit_step import ROUNDING, copy, inner, newton
+
+STUCK = 3                         # beside OK, NAN, BLOWN
+SLIDES = 4 * 2.0**-52             # of the state: a slide may need so much more than a side gives; it adds up over steps
+SUDDEN, FEW = 10.0, 5             # a move so many times the last may be to a far solution: with few surfaces nearer ones count
+TRIALS = 100_000                  # modes and starts that one step may try: minutes, not for ever, with many surfaces
+
+
+@inner
+def wrong(switch, t, y, mode, c, s, jump, new, e, noise):
+    """Whether the solved step contradicts its mode; `new` gets the mode with every contradiction turned over.
+
+    e, noise (d,): work.
+    """
+    bad, unsure, size = False, False, largest(y)
+    for i in range(mode.size):
+        new[i], noise[i] = mode[i], 0.0
+        unsure |= mode[i] != 0 and not c[i] * mode[i] >= 0.0
+    if unsure:                                              # what rounding of the state makes of c
+        for j in range(y.size):
+            keep = y[j]
+            y[j] = keep + ROUNDING * keep
+            switch(t, y, e)
+            y[j] = keep
+            for i in range(mode.size):
+                noise[i] += abs(e[i] - c[i])
+    for i in range(mode.size):
+        if mode[i] == 0:
+            if not (abs(s[i]) - 1.0) * jump[i] <= SLIDES * (size + jump[i]):
+                new[i], bad = (1 if s[i] > 0.0 else -1), True
+        elif not c[i] * mode[i] >= -noise[i]:
+            new[i], bad = 0, True
+    return bad
+
+
+@inner
+def implicit_step(field, switch, blend, unit, t, h, x, mode, y, s, last):
+    """x+ = x + h F(t, x+, s), s_i in Sgn(c_i(t, x+)): from the last mode by block pivots, else by trying all 3^d.
+
+    A solution exists for small h (Kakutani: s -> Sgn(c(y(s))) on the box); where fields are not affine in the signs
+    Newton's method may need another start to find it, and all modes are tried from the 2^d points s_i = +-1/2 too.
+    y, s, mode are overwritten by the solution; last: how far the step before went. Returns found, calls, iterations.
+    """
+    d, calls, inner = s.size, 0, 0
+    new, c, jump, start = mode.copy(), np.empty(d), np.zeros(d), s.copy()
+    e, noise = np.empty(d), np.empty(d)
+    for trial in range(min(2 * d + 2 + 3**d * (1 + 2**d), TRIALS)):
+        if trial >= 2 * d + 2:
+            code = trial - 2 * d - 2
+            again = code // 3**d
+            for i in range(d):
+                new[i] = code % 3 - 1
+                code //= 3
+            copy(start, s)
+            for i in range(d):
+                if again > 0:
+                    s[i] = 0.5 if ((again - 1) >> i) % 2 == 0 else -0.5
+            copy(x, y)
+        copy(new, mode)
+        solved, more, its = newton(field, switch, blend, unit, t, h, x, mode, y, s, jump)
+        calls, inner = calls + more, inner + its
+        if solved:
+            if d:
+                switch(t, y, c)
+            if not wrong(switch, t, y, mode, c, s, jump, new, e, noise):
+                for i in range(d):
+                    s[i] = min(1.0, max(-1.0, s[i]))
+                if d == 0 or d > FEW or distance(x, y) <= SUDDEN * last:
+                    return True, calls, inner
+                more, its = nearest(field, switch, blend, unit, t, h, x, mode, y, s, start, c, jump, new, e, noise)
+                return True, calls + more, inner + its
+        else:
+            copy(x, y)
+            copy(start, s)
+            for i in range(d):
+                new[i] = 0 if mode[i] != 0 else new[i]
+    return False, calls, inner
+
+
+@inner
+def distance(x, y):
+    """Largest difference of the coordinates."""
+    out = 0.0
+    for i in range(x.size):
+        out = max(out, abs(y[i] - x[i]))
+    return out
+
+
+@inner
+def nearest(field, switch, blend, unit, t, h, x, mode, y, s, start, c, jump, new, e, noise):
+    """Of the solutions of a step in all 3^d modes the one nearest to x: (mode, y, s), one of them, become that one.
+
+    Where fields are stiff beyond a surface a step has solutions there, however far it is, until h is below distance / speed.
+    Returns calls, iterations.
+    """
+    d, calls, inner = s.size, 0, 0
+    best, to, weights, at = distance(x, y), y.copy(), s.copy(), mode.copy()
+    for code in range(3**d):
+        for i in range(d):
+            mode[i] = code % 3 - 1
+            code //= 3
+        copy(x, y)
+        copy(start, s)
+        solved, more, its = newton(field, switch, blend, unit, t, h, x, mode, y, s, jump)
+        calls, inner = calls + more, inner + its
+        if solved and distance(x, y) < best:
+            switch(t, y, c)
+            if not wrong(switch, t, y, mode, c, s, jump, new, e, noise):
+                best = distance(x, y)
+                copy(y, to)
+                copy(mode, at)
+                for i in range(d):
+                    weights[i] = min(1.0, max(-1.0, s[i]))
+    copy(to, y)
+    copy(weights, s)
+    copy(at, mode)
+    return calls, inner
+
+
+@inner
+def look(rows, j, steps, t, x, w):
+    """Keeps time, state and integrals where step j of so many ends a part of its interval, but for the last."""
+    part = (j + 1) * rows.shape[0] // steps
+    if j * rows.shape[0] // steps < part < rows.shape[0]:
+        rows[part, 0] = t
+        for i in range(x.size):
+            rows[part, 1 + i] = x[i]
+        for i in range(w.size):
+            rows[part, 1 + x.size + i] = w[i]
+
+
+@njit(cache=True)
+def march_implicit(field, switch, blend, unit, t, substeps, x, d, parts):
+    """Samples of one run of implicit Euler: X (K, n), integrals of theta (K, d), calls, iterations, status, time, and what lies
+    between: (K - 1, parts, 1 + n + d), time, state and integrals at the end of parts of the intervals; NaN where none ends.
+
+    unit: size of the state that tolerances are relative to.
+    """
+    K, x = t.size, x.copy()
+    between = np.full((K - 1, parts, 1 + x.size + d), np.nan)
+    X, W = np.full((K, x.size), np.nan), np.full((K, d), np.nan)
+    y, s, c, w = x.copy(), np.zeros(d), np.zeros(d), np.zeros(d)
+    mode = np.zeros(d, np.int64)
+    if d:
+        switch(t[0], x, c)
+        for i in range(d):
+            mode[i] = np.int64(np.sign(c[i]))
+    copy(x, X[0])
+    copy(w, W[0])
+    calls, inner, last = 0, 0, np.inf
+    for k in range(K - 1):
+        h = (t[k + 1] - t[k]) / substeps[k]
+        for j in range(substeps[k]):
+            after = t[k + 1] if j + 1 == substeps[k] else t[k] + (j + 1) * h
+            found, more, its = implicit_step(field, switch, blend, unit, after, h, x, mode, y, s, last)
+            calls, inner = calls + more, inner + its
+            if not found or health(y) != OK:
+                if not found:                               # a field that is no number on the way explains it
+                    field(after - h, x, s, y)
+                    for i in range(x.size):
+                        x[i] += h * y[i]
+                    field(after, x, s, y)
+                bad = health(y)
+                return X, W, calls, inner, (STUCK if bad == OK else bad), after - h, between
+            last = distance(x, y)
+            copy(y, x)
+            for i in range(d):
+                w[i] += h * 0.5 * (1.0 + s[i])
+            look(between[k], j, substeps[k], after, x, w)
+        copy(x, X[k + 1])
+        copy(w, W[k + 1])
+    return X, W, calls, inner, OK, t[K - 1], between
+
+
+@njit(cache=True)
+def march_explicit(field, switch, t, substeps, x, d, parts):
+    """Samples of one run of explicit Euler, with s_i = 1 where c_i >= 0, else -1; returns as march_implicit does."""
+    K, x = t.size, x.copy()
+    X, W = np.full((K, x.size), np.nan), np.full((K, d), np.nan)
+    v, s, c, w = np.empty(x.size), np.empty(d), np.zeros(d), np.zeros(d)
+    between = np.full((K - 1, parts, 1 + x.size + d), np.nan)
+    copy(x, X[0])
+    copy(w, W[0])
+    calls = 0
+    for k in range(K - 1):
+        h = (t[k + 1] - t[k]) / substeps[k]
+        for j in range(substeps[k]):
+            now = t[k] + j * h
+            if d:
+                switch(now, x, c)
+            for i in range(d):
+                s[i] = 1.0 if c[i] >= 0.0 else -1.0
+                w[i] += h if c[i] >= 0.0 else 0.0
+            field(now, x, s, v)
+            calls += 1
+            for i in range(x.size):
+                x[i] += h * v[i]
+            bad = health(x)
+            if bad == OK:
+                bad = health(c)
+            if bad != OK:
+                return X, W, calls, 0, bad, now, between
+            look(between[k], j, substeps[k], now + h, x, w)
+        copy(x, X[k + 1])
+        copy(w, W[k + 1])
+    return X, W, calls, 0, OK, t[K - 1], between

@@ -1,0 +1,169 @@
+"""Euler's method on a Filippov field, or on a plain smooth system: explicit (chatters) and implicit (does not)."""
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+
+import numpy as np
+
+from nsbench.case import Case
+from nsbench.compilation.factories import host
+from nsbench.diagnostics.run_view import LOOKS
+from nsbench.dynamics.length_scale import unit
+from nsbench.problem import Complementarity, Filippov
+from nsbench.solvers.base import Claims, Expect, Run, grid, last_steps, sample
+from nsbench.trajectory import Status, Trajectory
+
+STANDARD = ("euler", "euler[implicit=true]")
+EXPLICIT = (
+    Expect(("smooth",), 1.0, None, "without constraints and surfaces there is no multiplier"),
+    Expect(("exact_at_grid",), "open", "open", "exact at some steps, O(h) chatter at others: no order describes both"),
+    Expect(("zeno", "weak"), 0.5, None, "the logarithm in h log(1 + a/h) / a, for steps near the contraction a; the limit is 1"),
+)
+IMPLICIT = (
+    Expect(("smooth",), 1.0, None, "without constraints and surfaces there is no multiplier"),
+    Expect(("exact_at_grid",), "exact", "exact", "every step is exact for fields that are constant in each mode"),
+    Expect(("zeno", "weak"), 0.5, None, "the logarithm in h log(1 + a/h) / a, for steps near the contraction a; the limit is 1"),
+)
+
+
+@dataclass(frozen=True)
+class Euler:
+    """x+ = x + h F(t, x, s): explicit with s at the old state, implicit with F and s at the new one.
+
+    Explicit: s_i is the sign of c_i(t, x), and +1 on the surface itself (c_i = 0 counts as the positive side).
+    Implicit: s_i in Sgn(c_i(t + h, x+)), one small complementarity problem in each step: Newton's method for a sign
+    pattern, pivots from the pattern of the last step, all 3^d patterns if they cycle. The impulse of surface i is the
+    sum of h theta_i, theta = (1 + s) / 2. Between the modes the field is multilinear in s, made so where it is not. Where
+    several solutions of the step exist (repulsive surfaces) the pattern of the last step wins; if that leads suddenly far,
+    the nearest one (with at most five surfaces): fields that are stiff beyond a surface have solutions there too.
+    Without switching surfaces both are the textbook methods.
+    Source: Acary & Brogliato, Numerical Methods for Nonsmooth Dynamical Systems (2008), chapters 9 and 10.
+    """
+    implicit: bool = False
+
+    accuracy = "h"
+    default = 1e-2
+    claims = Claims(state=1.0, impulse=1.0)
+
+    @property
+    def expects(self) -> tuple[Expect, ...]:
+        return IMPLICIT if self.implicit else EXPLICIT
+
+    def __post_init__(self):
+        if not isinstance(self.implicit, bool):
+            raise ValueError(f"implicit is {self.implicit!r}; true or false")
+
+    def refuses(self, case: Case) -> str | None:
+        p = case.problem
+        if isinstance(p, Complementarity) and p.constraints:
+            return "Euler has no way to keep g >= 0; use pbd or catching_up."
+        if not isinstance(p, (Complementarity, Filippov)):
+            return "Euler takes Filippov systems and plain smooth ones; this case is a linear complementarity system."
+        return None
+
+    def prepare(self, case: Case, h: float) -> Run:
+        g = grid(case.t, h, last=case.exact_impulse is not None)
+        from nsbench.solvers.euler.kernels import loop as relay
+        loop, taken, field, switch, d = _forms(case)
+        march = taken(relay.march_implicit if self.implicit else relay.march_explicit)
+        own = (_blends(case), unit(case, case.x0)) if self.implicit else ()
+        args = (field, switch, *own, g.t, g.substeps, case.x0.copy(), d, _parts(g, d))
+        if loop == "compiled":
+            from numba import typeof
+            march.compile(tuple(typeof(a) for a in args))
+
+        def run():
+            with np.errstate(all="ignore"):
+                return self._trajectory(case, g, loop, march(*args))
+        return run
+
+    def _trajectory(self, case, g, loop, result):
+        X, W, calls, inner, code, reached, looked = result
+        lam, between = last_steps(case.t, g, W), _between(case, g, X, W, looked) if W.shape[1] else None
+        if not g.aligned:
+            X, W = sample(case.t, g.t, X), sample(case.t, g.t, W)
+        stats = {"steps": int(g.substeps.sum()), "h": g.h, "drift_calls": int(calls), "loop": loop}
+        if self.implicit:
+            stats["inner_iterations"] = int(inner)
+        status, smooth = _status(code, reached), isinstance(case.problem, Complementarity)
+        if status.ok and not (smooth or self.implicit) and case.unique:
+            status = _in_a_corner(case, X, W, g.h)
+        return Trajectory(case.t, X, tuple((0, i) for i in range(W.shape[1])), W,
+                          np.where(np.isnan(X), np.nan, 0.0) if smooth else np.empty((len(X), 0)),
+                          status, stats=stats, lam_time="end" if self.implicit else "start", **lam,
+                          between=between)
+
+
+def _parts(g, d: int) -> int:
+    """Of each interval of the grid, after which the state is kept, where surfaces are: LOOKS in all, about."""
+    return -(-LOOKS // (len(g.t) - 1)) if d else 0
+
+
+def _between(case, g, X, W, looked):
+    """Times, states and integrals that are known between samples: of other nodes of the grid, and those of the kernel."""
+    n, rows = X.shape[1], looked.reshape(-1, looked.shape[2])
+    rows = np.vstack([np.column_stack([g.t, X, W])[~np.isin(g.t, case.t)], rows])
+    rows = rows[np.isfinite(rows).all(axis=1)]
+    rows = rows[np.argsort(rows[:, 0])]
+    return rows[:, 0], rows[:, 1:1 + n], rows[:, 1 + n:]
+
+
+def _blends(case) -> bool:
+    """Whether the field has to be made multilinear between its modes."""
+    from nsbench.dynamics.filippov.modes import multilinear
+    return isinstance(case.problem, Filippov) and not multilinear(case.problem, case.n)
+
+
+def _status(code, reached):
+    from nsbench.solvers.euler.kernels import loop as relay
+    if code == relay.OK:
+        return Status()
+    if code == relay.NAN:
+        return Status("nan", f"The drift is not a number at t = {reached:.6g}.")
+    if code == relay.BLOWN:
+        return Status("diverged", f"The state passed 1e150 at t = {reached:.6g}; a smaller step may help.")
+    return Status("maxiter", f"No solution of the implicit step from t = {reached:.6g} was found; try a smaller step.")
+
+
+def _in_a_corner(case, X, W, h):
+    from nsbench.dynamics.filippov.modes import held
+    where = held(case, X, np.diff(W, axis=0) / np.diff(case.t)[:, None], h)
+    return Status("unverified", f"{where}, where Filippov's velocities are many: which one an explicit step makes by "
+                                "alternating between modes is no claim of it.") if where else Status()
+
+
+def _forms(case):
+    """loop, how to take a kernel, field, switch, d: compiled, or the same source around functions in Python."""
+    from nsbench.compilation import factories as form
+    p, n = case.problem, case.n
+    if isinstance(p, Complementarity):
+        field, switch, d = _no_signs(p.drift), p.drift, 0
+    else:
+        field, switch = p.field, p.switch
+        d = len(host(p.switch)(float(case.t[0]), case.x0.copy()))
+    try:
+        return "compiled", lambda kernel: kernel, form.rhs_signs(field, n, d), form.rhs(switch, n), d
+    except form.CompileError:
+        f, c = form.host(field), form.host(switch)
+        return "host", form.plain, _filling(f), _filling(c), d
+
+
+@functools.lru_cache(maxsize=256)
+def _no_signs(drift):
+    """The drift as a field without signs; the same object each time, so that what is compiled for it serves again."""
+    def field(xp):
+        f = drift(xp)
+        def g(t, x, s):
+            return f(t, x)
+        return g
+    return field
+
+
+def _filling(f):
+    def fill(*args):
+        args[-1][:] = f(*args[:-1])
+    return fill
+
+
+SOLVER = Euler

@@ -1,0 +1,178 @@
+"""The next set of held contacts after one event, where it is beyond doubt: else nothing is decided here.
+
+It starts from the set before with the contact that closed, or without the one whose multiplier vanished. A member whose
+multiplier is negative leaves: a closed contact that depends on the set through it takes its place if its own multiplier
+is then positive; else both open. What still closes is taken in. The set found is taken if every multiplier is strictly
+positive and every other closed contact opens strictly or depends on the set: then it solves the complementarity problem
+of velocities, whose velocity is unique (Lawson & Hanson 1974, chapter 23), whatever the way it was found.
+"""
+import numpy as np
+
+from nsbench.compilation.decorators import inner, once, one
+from nsbench.solvers.event_driven.contacts.kernels import loop_state as slots
+from nsbench.solvers.event_driven.contacts.kernels.held_set import column, outfit, sine, speed, switched
+from nsbench.solvers.event_driven.contacts.kernels.taylor_flow import copied, extend, gaps, place, size
+
+TURNS = 24              # changes of the set after one event: beyond, the full method takes over
+UNCLEAR = 1e2           # times the bound on dependence, up and down, in which nothing is decided
+AHEAD = 1e-5            # of a step of the integrator: the first look ahead, where slopes must show
+NOT, OUT, KEPT, HELD, NEW = 0, 1, 2, 3, 4       # what a contact is: open, leaving, closed and dependent, in the set; + NEW
+
+
+@once
+def _weakest(W, gear, listed, norm, small, spared):
+    """Index of the member whose multiplier is smallest, if that is not above `small`; -1 if all are; -2 if one is no number.
+
+    spared: a member whose multiplier is zero now and grows.
+    """
+    kind, sign = listed[0], listed[4]
+    worst, which = small, -1
+    for a in range(W.size):
+        lam = (sign[W[a]] if kind[W[a]] > 0 else 1.0) * gear[4][a, 0] * norm[W[a]]
+        if not np.isfinite(lam):
+            return -2
+        if lam <= worst and (W[a] != spared or lam < -small):
+            worst, which = lam, a
+    return which
+
+
+@inner
+def _swap(a, W, gear, role, listed, places, x, dependent):
+    """Member a leaves: (clear, the dependent contact that takes its place or -1, their coefficient, inverse Gram entry).
+
+    With z the column of the inverse Gram matrix, G_c G^T z is the coefficient of the member in row c. If it is negative,
+    c carries what the member would have to pull; if all are positive they open with the member and are marked OUT.
+    """
+    k = W[a]
+    pull, top = column(k, W, gear, x.size)
+    best, which = 0.0, -1
+    turn = listed[4][k] if listed[0][k] > 0 else 1.0
+    for c in range(role.size):
+        if role[c] == KEPT or role[c] == KEPT + NEW:
+            y, length = speed(c, listed, places, x, pull)
+            if y * y > dependent / UNCLEAR * length:
+                if y * y < dependent * UNCLEAR * length:
+                    return False, -1, 0.0, top
+                if turn * y < best:
+                    best, which = turn * y, c
+    if which < 0:
+        for c in range(role.size):
+            if role[c] == KEPT or role[c] == KEPT + NEW:
+                y, length = speed(c, listed, places, x, pull)
+                if y * y > dependent * UNCLEAR * length:
+                    role[c] += OUT - KEPT
+    return True, which, best * np.sqrt(top), top
+
+
+@once
+def _closing(role, all_, entry, listed, places, norm, x, v, num):
+    """The closed contact outside the set that does not open strictly, and its speed; -1 if there is none, -2: unclear.
+
+    entry: one that opens from zero speed, which was looked at before.
+    """
+    near, small = num[slots.TOL] * (num[slots.UNIT] + size(x)), num[slots.DOUBT] * num[slots.SIZE]
+    g = np.empty(role.size)
+    gaps(all_, listed, places, x, g)
+    for k in range(role.size):
+        what = role[k] % NEW
+        if what == HELD or k == entry:
+            continue
+        if what == KEPT:
+            if g[k] > near * norm[k]:
+                return -2, 0.0
+        elif what == OUT or g[k] <= near * norm[k]:
+            w, _ = speed(k, listed, places, x, v)
+            if not w > small * norm[k]:
+                return (-2 if what == OUT else k), w / norm[k]
+    return -1, 0.0
+
+
+@once
+def _roles(W, kept):
+    role = np.zeros(kept.size, np.int64)
+    for k in range(kept.size):
+        role[k] = KEPT if kept[k] else NOT
+    for k in W:
+        role[k] = HELD
+    return role
+
+
+@inner
+def _leave(a, W, which, role):
+    """The set without member a, with the dependent contact `which` in its place if that is one."""
+    k = W[a]
+    W = switched(W, k, -one())
+    role[k] += (OUT if which < 0 else KEPT) - HELD
+    if which >= 0:
+        W = switched(W, which, one())
+        role[which] += HELD - KEPT
+    return W
+
+
+@once
+def _velocity(W, start, x, listed, places, norm, drift, width, order, X, F, work, num):
+    """Gear and velocity (X[1], mu of order 0) with the set W; False if its rows depend on each other."""
+    copied(start, x)
+    good, gear = outfit(W, listed, places, norm, x, width, order, work, num[slots.UNIT])
+    if good:
+        copied(x, X[0])
+        extend(one() - 1, one(), W, gear, listed, drift, X, F)
+        num[slots.SIZE] = max(num[slots.SIZE], size(F[0]))
+    return good, gear
+
+
+@once
+def _first(entry, closing, slope, W, gear, role, listed, places, norm, x, num, pace):
+    """The first set to try: (clear, set, member whose multiplier grows from zero, contact that opens from rest)."""
+    if closing:
+        role[entry] = HELD + NEW
+        return True, switched(W, entry, one()), -1, -1
+    a = place(W, entry)
+    clear, which, c, top = _swap(a, W, gear, role, listed, places, x, num[slots.DEPENDENT])
+    sight = UNCLEAR * num[slots.STRICT] * num[slots.SIZE]
+    W = _leave(a, W, which, role)
+    if which >= 0:
+        return clear and slope / c * norm[which] * AHEAD * pace > sight, W, which, -1
+    for k in range(role.size):
+        if role[k] == OUT and k != entry:                 # opens from rest with it: too many to follow here
+            clear = False
+    return clear and -slope / top * AHEAD * pace > sight, W, -1, entry
+
+
+@once
+def choose(entry, closing, slope, W, gear, kept, listed, places, norm, drift, width, order, x, X, F, work, num, pace):
+    """(sure, set, gear, role): the next set and all for its arc, with mu and X of order 0; x is put on it.
+
+    entry: what closed, or vanished with that `slope` of its multiplier, of the set W with its gear; kept (m,): closed
+    contacts that are held or depend on those; pace: a step of the integrator; role (m,): what every contact is then.
+    """
+    role, start, small = _roles(W, kept), x.copy(), num[slots.DOUBT] * num[slots.SIZE]
+    sure, W2, spared, rising = _first(entry, closing, slope, W, gear, role, listed, places, norm, x, num, pace)
+    fresh, all_ = entry if closing else -1, np.empty(kept.size, np.int64)
+    for k in range(kept.size):
+        all_[k] = k
+    for _ in range(TURNS):
+        if not sure:
+            break
+        sure, gear2 = _velocity(W2, start, x, listed, places, norm, drift, width, order, X, F, work, num)
+        if not sure:
+            break
+        if fresh >= 0:                                    # what was taken in last must be independent of the others
+            _, top = column(fresh, W2, gear2, x.size)
+            _, length = speed(fresh, listed, places, x, X[1])
+            sure, fresh = 1.0 > UNCLEAR * num[slots.DEPENDENT] * top * length, -1
+        a = _weakest(W2, gear2, listed, norm, small, spared)
+        if a >= 0 and sure:
+            sure, which, _, _ = _swap(a, W2, gear2, role, listed, places, x, num[slots.DEPENDENT])
+            sure &= not (closing and W2[a] == entry)
+            W2 = _leave(a, W2, which, role)
+            continue
+        k, w = _closing(role, all_, rising, listed, places, norm, x, X[1], num)
+        if a == -1 and k == -1 and sure:
+            return True, W2, gear2, role
+        sure &= a == -1 and k >= 0
+        if sure and w < -small:
+            W2, role[k], fresh = switched(W2, k, one()), HELD + NEW, k
+        elif sure:
+            sure, role[k] = sine(k, W2, gear2, listed, places, x) < num[slots.DEPENDENT] / UNCLEAR, KEPT + NEW
+    return False, W, gear, role

@@ -1,0 +1,127 @@
+"""Gaps and gradients of a list of constraints as short rows, and the flow on a set of them held at zero.
+
+The list is that of contacts.Near: kind 0 row of A, 1 pair, 2 particle and anchor, 3 smooth. Smooth rows come dense
+from the host: row `slot` of `dense`.
+"""
+import numpy as np
+from numba import njit
+
+from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
+
+
+@njit(cache=True, error_model="numpy")
+def fill_gaps(kind, p, q, d, sign, dim, x, anchors, ptr, cols, vals, b, out):
+    """out (m,): gaps of rows, pairs and anchors; entries of smooth constraints are left alone."""
+    for k in range(kind.size):
+        if kind[k] == 0:
+            g = b[p[k]]
+            for e in range(ptr[p[k]], ptr[p[k] + 1]):
+                g += vals[e] * x[cols[e]]
+            out[k] = g
+        elif kind[k] < 3:
+            s = 0.0
+            for c in range(dim[k]):
+                u = x[p[k] + c] - (x[q[k] + c] if kind[k] == 1 else anchors[q[k] + c])
+                s += u * u
+            out[k] = sign[k] * (np.sqrt(s) - d[k])
+
+
+@njit(cache=True, error_model="numpy")
+def fill_rows(kind, p, q, sign, dim, slot, x, anchors, ptr, cols, vals, dense, width):
+    """Columns (m, width), values (m, width) and lengths (m,) of the gradients."""
+    m = kind.size
+    C, V, count = np.zeros((m, width), np.int64), np.zeros((m, width)), np.zeros(m, np.int64)
+    for k in range(m):
+        if kind[k] == 0:
+            for e in range(ptr[p[k]], ptr[p[k] + 1]):
+                C[k, count[k]], V[k, count[k]] = cols[e], vals[e]
+                count[k] += 1
+        elif kind[k] == 3:
+            for c in range(x.size):
+                C[k, c], V[k, c] = c, dense[slot[k], c]
+            count[k] = x.size
+        else:
+            s, pair = 0.0, kind[k] == 1
+            for c in range(dim[k]):
+                u = x[p[k] + c] - (x[q[k] + c] if pair else anchors[q[k] + c])
+                V[k, c] = u
+                s += u * u
+            r = np.sqrt(s)
+            for c in range(dim[k]):
+                C[k, c] = p[k] + c
+                V[k, c] *= sign[k] / r
+                if pair:
+                    C[k, dim[k] + c], V[k, dim[k] + c] = q[k] + c, -V[k, c]
+            count[k] = 2 * dim[k] if pair else dim[k]
+    return C, V, count
+
+
+@njit(cache=True, error_model="numpy")
+def gram(C, V, count, n):
+    """(m, m) G G^T."""
+    m = count.size
+    M, work = np.zeros((m, m)), np.zeros(n)
+    for k in range(m):
+        for e in range(count[k]):
+            work[C[k, e]] += V[k, e]
+        for a in range(k + 1):
+            s = 0.0
+            for e in range(count[a]):
+                s += V[a, e] * work[C[a, e]]
+            M[k, a] = s
+            M[a, k] = s
+        for e in range(count[k]):
+            work[C[k, e]] = 0.0
+    return M
+
+
+@njit(cache=True, error_model="numpy")
+def times(C, V, count, x):
+    """(m,) G x."""
+    out = np.zeros(count.size)
+    for k in range(count.size):
+        for e in range(count[k]):
+            out[k] += V[k, e] * x[C[k, e]]
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+def add_transposed(C, V, count, lam, out):
+    """out += G^T lam."""
+    for k in range(count.size):
+        for e in range(count[k]):
+            out[C[k, e]] += lam[k] * V[k, e]
+
+
+@njit(cache=True, error_model="numpy")
+def gram_solve(M, v):
+    """M^-1 v by Cholesky, M overwritten; NaN where M is not positive definite."""
+    m = v.size
+    for a in range(m):
+        for b in range(a + 1):
+            s = M[a, b]
+            for c in range(b):
+                s -= M[a, c] * M[b, c]
+            if a == b:
+                M[a, a] = np.sqrt(s) if s > 0.0 else np.nan
+            else:
+                M[a, b] = s / M[b, b]
+    out = v.copy()
+    for a in range(m):
+        for b in range(a):
+            out[a] -= M[a, b] * out[b]
+        out[a] /= M[a, a]
+    for a in range(m - 1, -1, -1):
+        for b in range(a + 1, m):
+            out[a] -= M[b, a] * out[b]
+        out[a] /= M[a, a]
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+def held(C, V, count, f, rate):
+    """Velocity with all these constraints held at zero: (x', lam, G^T lam),  (G G^T) lam = -(G f + rate)."""
+    lam = gram_solve(gram(C, V, count, f.size), -(times(C, V, count, f) + rate))
+    push = np.zeros(f.size)
+    add_transposed(C, V, count, lam, push)
+    return f + push, lam, push

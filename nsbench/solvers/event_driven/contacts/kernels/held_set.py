@@ -1,0 +1,127 @@
+"""What an arc with a set of held contacts needs: rows, plan, factor; and questions to that factor."""
+import numpy as np
+
+from nsbench.compilation.decorators import inner
+from nsbench.linalg.skyline_cholesky import arrange, solve
+from nsbench.solvers.event_driven.contacts.kernels.taylor_flow import hold, place
+
+LEAST = 1e-12           # pivots over their diagonal that count as zero: contacts that lock or depend on each other
+
+
+@inner
+def outfit(W, listed, places, norm, x, width, order, work, unit):
+    """Everything an arc with the held entries W needs, with x put on them; and whether that could be done."""
+    p = W.size
+    C, V, count = np.empty((p, width), np.int64), np.empty((p, width)), np.zeros(p, np.int64)
+    U, mu = np.empty((p, 3, order + 2)), np.empty((p, order + 1))        # orders are written before they are read
+    kind, first, _, _, _, dim = listed
+    second, ptr, cols = listed[2], places[1], places[2]
+    for a in range(p):                                    # the pattern alone, for the plan
+        k = W[a]
+        if kind[k] == 0:
+            for e in range(ptr[first[k]], ptr[first[k] + 1]):
+                C[a, count[a]] = cols[e]
+                count[a] += 1
+        else:
+            for c in range(dim[k]):
+                C[a, c] = first[k] + c
+                if kind[k] == 1:
+                    C[a, dim[k] + c] = second[k] + c
+            count[a] = 2 * dim[k] if kind[k] == 1 else dim[k]
+    plan = arrange(C, count, p, x.size)
+    gear = (C, V, count, U, mu, plan, np.empty(plan[2][p]))
+    return hold(W, gear, listed, places, norm, x, work, LEAST, unit), gear
+
+
+@inner
+def speed(k, listed, places, x, v):
+    """(G_k v, |G_k|^2) of entry k."""
+    kind, p, q, d, sign, dim = listed
+    anchors, ptr, cols, vals, _ = places
+    s, size = 0.0, 0.0
+    if kind[k] == 0:
+        for e in range(ptr[p[k]], ptr[p[k] + 1]):
+            s += vals[e] * v[cols[e]]
+            size += vals[e] * vals[e]
+        return s, size
+    for c in range(dim[k]):
+        u = (x[p[k] + c] - (x[q[k] + c] if kind[k] == 1 else anchors[q[k] + c])) / d[k]
+        s += u * (v[p[k] + c] - (v[q[k] + c] if kind[k] == 1 else 0.0))
+        size += u * u
+    return sign[k] * s, size * (2.0 if kind[k] == 1 else 1.0)
+
+
+@inner
+def _push(gear, W, z, n):
+    """G^T z."""
+    C, V, count = gear[0], gear[1], gear[2]
+    out = np.zeros(n)
+    for a in range(W.size):
+        for e in range(count[a]):
+            out[C[a, e]] += z[a] * V[a, e]
+    return out
+
+
+@inner
+def column(entry, W, gear, n):
+    """G^T z / sqrt(z_k) and z_k for the column z = M^-1 e_k of `entry`."""
+    z, k = np.zeros(W.size), place(W, entry)
+    z[k] = 1.0
+    solve(gear[5], W.size, gear[6], z, z)
+    top = z[k]
+    for a in range(W.size):
+        z[a] /= np.sqrt(top)
+    return _push(gear, W, z, n), top
+
+
+@inner
+def switched(W, entry, change):
+    """W with the entry put in (change 1) or taken out (-1); sorted."""
+    out, a = np.empty(W.size + change, np.int64), place(W, entry)
+    for i in range(a):
+        out[i] = W[i]
+    if change > 0:
+        out[a] = entry
+    for i in range(a if change > 0 else a + 1, W.size):
+        out[i + change] = W[i]
+    return out
+
+
+@inner
+def sine(c, W, gear, listed, places, x):
+    """Squared sine of the angle between the gradient of entry c and the span of those held."""
+    C, V, count = gear[0], gear[1], gear[2]
+    row = gradient(c, listed, places, x)
+    r, size, rest = np.empty(W.size), 0.0, 0.0
+    for i in range(row.size):
+        size += row[i] * row[i]
+    for _ in range(2):                                    # once more on the rest: the difference of two lengths is no length
+        for a in range(W.size):
+            r[a] = 0.0
+            for e in range(count[a]):
+                r[a] += V[a, e] * row[C[a, e]]
+        solve(gear[5], W.size, gear[6], r, r)
+        for a in range(W.size):
+            for e in range(count[a]):
+                row[C[a, e]] -= V[a, e] * r[a]
+    for i in range(row.size):
+        rest += row[i] * row[i]
+    return rest / size
+
+
+@inner
+def gradient(k, listed, places, x):
+    """(n,) the gradient of entry k, dense; distances up to their sign."""
+    kind, p, q, d, _, dim = listed
+    anchors, ptr, cols, vals, _ = places
+    row = np.zeros(x.size)
+    if kind[k] == 0:
+        for e in range(ptr[p[k]], ptr[p[k] + 1]):
+            row[cols[e]] += vals[e]
+        return row
+    for c in range(dim[k]):
+        u = (x[p[k] + c] - (x[q[k] + c] if kind[k] == 1 else anchors[q[k] + c])) / d[k]
+        row[p[k] + c] = u
+        if kind[k] == 1:
+            row[q[k] + c] = -u
+    return row

@@ -1,0 +1,259 @@
+"""The event-driven loop for drifts f = A x + c and constraints that stand still, as machine code.
+
+Arcs are Taylor series (see series), events are isolated descents of polynomials (see sightings). The next set of held
+contacts is chosen here if it is beyond doubt (see choice); if not, the caller solves the complementarity problem with
+look-ahead and comes back. What fails here is left to the caller too.
+"""
+import numpy as np
+from numba import njit
+
+from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
+from nsbench.compilation.decorators import inner, once, one
+from nsbench.solvers.event_driven.contacts.kernels import loop_state as slots
+from nsbench.solvers.event_driven.contacts.kernels.active_set_change import HELD, KEPT, NEW, choose
+from nsbench.solvers.event_driven.contacts.kernels.first_event import first_event, strays, travel
+from nsbench.solvers.event_driven.contacts.kernels.held_set import LEAST, outfit
+from nsbench.solvers.event_driven.contacts.kernels.taylor_flow import (
+    apart,
+    at,
+    copied,
+    extend,
+    gaps,
+    hold,
+    longest,
+    place,
+    size,
+)
+
+SHORT = 10               # terms of a series where the next event is expected soon
+DEFECT = 1e3            # local errors, of the equation at the end of a step: the slope of a series has lost an order
+ROUNDED = 1e-10         # of the slope: what ill-conditioned contacts lose by rounding
+TOO_MANY = 50_000       # steps still to come: the equation is stiff, another method is meant for it
+
+
+@inner
+def _path(s, deg, X, F, out, push):
+    """The state and the reaction since the start of the step at s."""
+    at(X, deg, s, out)
+    for i in range(out.size):
+        total = 0.0
+        for j in range(deg - 1, -1, -1):
+            total = total * s + F[j, i] / (j + 1)
+        push[i] = out[i] - X[0, i] - total * s
+
+
+@inner
+def _rate(s, deg, X, out):
+    """out: the slope of the series at s."""
+    for i in range(out.size):
+        out[i] = deg * X[deg, i]
+    for j in range(deg - 1, 0, -1):
+        for i in range(out.size):
+            out[i] = out[i] * s + j * X[j, i]
+
+
+@inner
+def _impulse(a, s, deg, mu):
+    total = 0.0
+    for j in range(deg - 1, -1, -1):
+        total = total * s + mu[a, j] / (j + 1)
+    return total * s
+
+
+@once
+def _advance(s, t, deg, W, gear, listed, X, F, x, samples, records, book, cnt):
+    """Write the samples up to t, at s from the start of the step, and move x, reaction and impulses there."""
+    XS, RS, ZS = records
+    column, total, reaction = book
+    kind, sign, mu = listed[0], listed[4], gear[4]
+    push, t0 = np.empty(x.size), t - s
+    while cnt[slots.SAMPLE] < samples.size and samples[cnt[slots.SAMPLE]] <= t:
+        r = cnt[slots.SAMPLE]
+        u = min(samples[r] - t0, s)
+        _path(u, deg, X, F, XS[r], push)
+        for i in range(x.size):
+            RS[r, i] = reaction[i] + push[i]
+        for c in range(cnt[slots.COLUMNS]):
+            ZS[r, c] = total[c]
+        for a in range(W.size):
+            k = W[a]
+            ZS[r, column[k]] += (sign[k] if kind[k] > 0 else 1.0) * _impulse(a, u, deg, mu)
+        cnt[slots.SAMPLE] += 1
+    _path(s, deg, X, F, x, push)
+    for i in range(x.size):
+        reaction[i] += push[i]
+    for a in range(W.size):
+        k = W[a]
+        total[column[k]] += (sign[k] if kind[k] > 0 else 1.0) * _impulse(a, s, deg, mu)
+
+
+@once
+def _length(deg, W, gear, X, x, origin, reach, hard, num):
+    """(h, code): the step that the series of this degree allows, and whether the list must be made anew first."""
+    h = min(min(longest(X, gear[4], deg, num[slots.EPS], W), num[slots.MAX_STEP]), num[slots.END] - num[slots.T])
+    if not h > 4e-16 * (abs(num[slots.T]) + abs(num[slots.END])) and h < num[slots.END] - num[slots.T]:
+        return h, slots.FAIL
+    for _ in range(60):
+        travel(X, deg, h, one(), reach)
+        if num[slots.REACH] == np.inf:
+            return h, slots.DONE
+        may, did = strays(x, origin, reach, hard, 0.5 * num[slots.REACH])
+        if not may:
+            return h, slots.DONE
+        if did:
+            return h, slots.RELIST
+        h *= 0.5
+    return h, slots.FAIL
+
+
+@once
+def _watch(W, gear, basis, listed, places, norm, x, num):
+    """Bands, levels and arms of gaps and multipliers at the start of an arc (see solvers._crossings)."""
+    m, near = norm.size, num[slots.TOL] * (num[slots.UNIT] + size(x))
+    band, level, armed, g, all_ = np.empty(m), np.empty(m), np.empty(m, np.bool_), np.empty(m), np.empty(m, np.int64)
+    for k in range(m):
+        all_[k] = k
+    gaps(all_, listed, places, x, g)
+    for k in range(m):
+        band[k] = near * norm[k]
+        armed[k] = g[k] > band[k]
+        level[k] = 0.0 if armed[k] else min(g[k], 0.0) - band[k]
+    firm, low = np.empty(W.size, np.bool_), np.empty(W.size)
+    for a in range(W.size):
+        lam = gear[4][a, 0] * (listed[4][W[a]] if listed[0][W[a]] > 0 else 1.0)
+        tight = num[slots.TOL] * num[slots.SIZE] / norm[W[a]]
+        firm[a] = lam > tight
+        low[a] = min(lam, 0.0) - tight
+    return band, level, armed, firm, low
+
+
+@once
+def _look(deg, h, W, gear, basis, listed, places, norm, X, watch, reach, num):
+    """(s, entry, touches, watch): the first event within h, and the arms at the end of it."""
+    band, level, armed, firm, low = watch
+    armed, firm = armed.copy(), firm.copy()
+    travel(X, deg, h, 2 * one(), reach)
+    s, entry, touches = first_event(W, basis, listed, places, norm, X, gear[4], deg, h, band, level, armed, firm, low,
+                                    num[slots.TOL] * num[slots.SIZE], reach)
+    return s, entry, touches, (band, level, armed, firm, low)
+
+
+@once
+def _columns(W, column, cnt):
+    for k in W:
+        if column[k] < 0:
+            column[k] = cnt[slots.COLUMNS]
+            cnt[slots.COLUMNS] += 1
+
+
+@once
+def _note(role, basis, kept, log, num, cnt):
+    """Write down what closed, what opened, what handed its load to others; and take it over into the masks."""
+    first = slots.FIRST
+    for kind in (slots.CLOSED, slots.OPENED, slots.PIVOT):
+        for k in range(role.size):
+            what, new = role[k] % NEW, role[k] >= NEW
+            after = what >= KEPT
+            if (kind == slots.CLOSED and new and after) or (kind == slots.OPENED and kept[k] and not new and not after) or (
+                    kind == slots.PIVOT and not new and basis[k] and what == KEPT):
+                log[0][cnt[slots.EVENTS]], log[1][cnt[slots.EVENTS]], log[2][cnt[slots.EVENTS]] = num[slots.T], kind + first, k
+                cnt[slots.EVENTS] += 1
+                first = 0
+                if cnt[slots.EVENTS] == log[0].size:
+                    return False
+    for k in range(role.size):
+        basis[k], kept[k] = role[k] % NEW == HELD, role[k] % NEW >= KEPT
+    cnt[slots.SOLVED] += 1
+    total = 0
+    for k in range(role.size):
+        total += kept[k]
+    cnt[slots.PEAK] = max(cnt[slots.PEAK], total)
+    return True
+
+
+@njit(cache=True, error_model="numpy")
+def walk(listed, places, norm, drift, hard, width, order, x, origin, basis, kept, samples, records, book, paces, log, num, cnt):
+    """Go on from num[slots.T] with the basis until something must be decided elsewhere; returns the code of what.
+
+    listed, places, norm: the list of constraints; hard (f, 3): start, count, dim of hard particles, listed around
+    `origin`; basis, kept (m,) masks; the rest is work in progress: x, records and book, paces, log, num, cnt.
+    """
+    n = x.size
+    X, F, V, reach, work = np.empty((order + 1, n)), np.empty((order, n)), np.empty(n), np.empty(n), np.zeros(n)
+    W, p = np.empty(basis.size, np.int64), 0
+    for k in range(basis.size):
+        if basis[k]:
+            W[p] = k
+            p += 1
+    W = W[:p]
+    good, gear = outfit(W, listed, places, norm, x, width, order, work, num[slots.UNIT])
+    ready, quick = 0, SHORT
+    while good:
+        arc_h = 0.0
+        _columns(W, book[0], cnt)
+        if ready == 0:
+            copied(x, X[0])
+            extend(one() - 1, one(), W, gear, listed, drift, X, F)
+        watch = _watch(W, gear, basis, listed, places, norm, x, num)
+        ready, deg, entry = 1, one(), -one()
+        while entry < 0:
+            if cnt[slots.STEPS] >= cnt[slots.MAX_STEPS] or not size(x) <= num[slots.BOX]:
+                return slots.FAIL
+            for goal in (quick, order):
+                if goal <= deg:
+                    continue
+                extend(deg, goal, W, gear, listed, drift, X, F)
+                cnt[slots.ORDERS] += goal - deg
+                deg = goal
+                h, code = _length(deg, W, gear, X, x, origin, reach, hard, num)
+                if code != slots.DONE:
+                    return code
+                s, entry, touches, later = _look(deg, h, W, gear, basis, listed, places, norm, X, watch, reach, num)
+                if entry >= 0 or h >= num[slots.END] - num[slots.T]:
+                    break
+            cnt[slots.STEPS] += 1
+            watch = later
+            cnt[slots.TOUCHES] += touches if entry < 0 else 0
+            num[slots.H], arc_h = max(num[slots.H], h), max(arc_h, h)
+            if entry < 0 and (num[slots.END] - num[slots.T]) > TOO_MANY * h:
+                return slots.FAIL
+            quick = order if entry < 0 else SHORT
+            last = entry < 0 and h >= num[slots.END] - num[slots.T]
+            s = h if entry < 0 else s * h
+            num[slots.T] = num[slots.END] if last else num[slots.T] + s
+            _advance(s, num[slots.T], deg, W, gear, listed, X, F, x, samples, records, book, cnt)
+            if last:
+                return slots.DONE
+            if entry < 0:
+                _rate(s, deg, X, V)
+                if not hold(W, gear, listed, places, norm, x, work, LEAST, num[slots.UNIT]):
+                    return slots.FAIL
+                copied(x, X[0])
+                extend(one() - 1, one(), W, gear, listed, drift, X, F)
+                deg = one()
+                off = h * apart(V, X[1])
+                if not off <= num[slots.EPS] * DEFECT * (1.0 + size(x)) + ROUNDED * h * size(V):
+                    return slots.FAIL                     # the series did not see what the path does
+        paces[cnt[slots.PACES] % paces.size] = arc_h
+        cnt[slots.PACES] += 1
+        cnt[slots.ARCS] += 1
+        closing, slope = not basis[entry], 0.0
+        cnt[slots.FIRED], cnt[slots.ENTRY] = entry if closing else -1, entry
+        if not closing:
+            a = place(W, entry)
+            for j in range(deg - 1, 0, -1):
+                slope = slope * s + j * gear[4][a, j]
+            slope *= listed[4][entry] if listed[0][entry] > 0 else 1.0
+        copied(x, V)
+        sure = not (closing and kept[entry])
+        if sure:
+            sure, W, gear, role = choose(entry, closing, slope, W, gear, kept, listed, places, norm, drift, width, order, x,
+                                            X, F, work, num, size(paces))
+        if not sure:
+            copied(V, x)
+            return slots.CHOOSE
+        if not _note(role, basis, kept, log, num, cnt):
+            return slots.FAIL
+        if cnt[slots.EVENTS] > log[0].size // 2:
+            return slots.PAUSE
+    return slots.FAIL

@@ -1,0 +1,1 @@
+"""nsbench/solvers/event_driven/filippov/kernels"""

@@ -1,0 +1,107 @@
+"""Polynomials on [-1, 1]: shifts, and the first place where one falls through zero, decided by bounds."""
+from math import comb
+
+import numpy as np
+
+from nsbench.solvers.event_driven.filippov.kernels.taylor_series import inner
+
+CLEAR, FOUND, UNCLEAR = 0, 1, 2
+DEEP = 60               # halvings of [-1, 1] before a place counts as unclear
+DEGREE = 40             # largest degree
+CHOOSE = np.array([[float(comb(k, j)) for j in range(DEGREE + 1)] for k in range(DEGREE + 1)])
+
+
+@inner
+def shifted(C, row, p, middle, radius, out, to):
+    """out[to, k], k = 0 .. p: coefficients in s of u(middle + radius s), u = C[row], by the binomial theorem."""
+    if middle == 0.0:
+        scale = 1.0
+        for k in range(p + 1):
+            out[to, k] = C[row, k] * scale
+            scale *= radius
+        return
+    for k in range(p + 1):
+        out[to, k] = 0.0
+    scale = 1.0
+    for k in range(p + 1):
+        term = C[row, k] * scale
+        for j in range(k + 1):
+            out[to, j] += CHOOSE[k, j] * term
+        scale *= middle
+    scale = 1.0
+    for k in range(1, p + 1):
+        scale *= radius / middle
+        out[to, k] *= scale
+
+
+@inner
+def _zero(C, row, p, lo, hi):
+    """The zero of the series C[row] in [lo, hi], where it falls monotonically: Newton's method within a bracket."""
+    s = 0.5 * (lo + hi)
+    for _ in range(200):
+        y, d = C[row, p], 0.0
+        for k in range(p - 1, -1, -1):
+            d = d * s + y
+            y = y * s + C[row, k]
+        if y > 0.0:
+            lo = s
+        else:
+            hi = s
+        step = s - y / d if d != 0.0 else 0.5 * (lo + hi)
+        new = step if lo < step < hi else 0.5 * (lo + hi)
+        if abs(new - s) <= 1e-16 or hi - lo <= 1e-16:
+            return new
+        s = new
+    return s
+
+
+@inner
+def first_fall(C, row, p, error, stack, work):
+    """(CLEAR, FOUND or UNCLEAR, place) of the first zero on [-1, 1] of u = C[row]; u(-1) > 0 up to `error`.
+
+    u is known up to `error`. CLEAR: it stays above it. FOUND: it falls monotonically from above to below zero there.
+    UNCLEAR: a minimum near zero that cannot be told from a touch. stack (>= 2 DEEP + 4, 2), work (1, p + 1): scratch.
+    """
+    top = 1
+    stack[0, 0], stack[0, 1] = -1.0, 1.0
+    while top > 0:
+        top -= 1
+        lo, hi = stack[top, 0], stack[top, 1]
+        middle, radius = 0.5 * (lo + hi), 0.5 * (hi - lo)
+        shifted(C, row, p, middle, radius, work, 0)
+        swing, bend = 0.0, 0.0
+        for k in range(1, p + 1):
+            swing += abs(work[0, k])
+            if k > 1:
+                bend += k * abs(work[0, k])
+        if work[0, 0] - swing > error:
+            continue
+        steep = abs(work[0, 1]) - bend
+        if steep > 2.0 * error:                     # monotone, known to be: the ends tell
+            left, right = 0.0, 0.0
+            for k in range(p + 1):
+                left += -work[0, k] if k % 2 else work[0, k]
+                right += work[0, k]
+            if work[0, 1] > 0.0:
+                if left > error or (lo == -1.0 and left > 0.0):
+                    continue
+                return UNCLEAR, lo
+            if right > error:
+                continue
+            if right < -error:
+                return FOUND, _zero(C, row, p, lo, hi) if left > 0.0 else lo
+            if right <= 0.0 and steep > 1e3 * error:
+                return FOUND, _zero(C, row, p, lo, hi) if left > 0.0 else lo
+            if hi == 1.0:                           # the next step sees it, or the next function
+                if right > 0.0 and steep > 1e3 * error:
+                    continue
+                return UNCLEAR, hi
+            if steep > 1e3 * error:
+                continue                            # falls on, through zero, in the next part
+            return UNCLEAR, hi
+        if radius < 2.0 ** -DEEP * 4.0 or swing <= error or top + 2 > stack.shape[0]:
+            return UNCLEAR, lo
+        stack[top, 0], stack[top, 1] = middle, hi
+        stack[top + 1, 0], stack[top + 1, 1] = lo, middle
+        top += 2
+    return CLEAR, np.nan

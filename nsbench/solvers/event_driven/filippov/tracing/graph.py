@@ -1,0 +1,218 @@
+"""A graph of scalar operations without duplicates, and derivatives on it.
+
+Nodes are (op, a, b, c, d) of kernels.tapecodes with a, b nodes; the first n + 1 are the state and the time. Equal operations are
+one node; operations on constants are carried out.
+"""
+from __future__ import annotations
+
+import math
+
+from nsbench.solvers.event_driven.filippov.kernels.opcodes import (
+    ADD,
+    AFFINE,
+    ATAN,
+    CONST,
+    COS,
+    COSH,
+    DIV,
+    EXP,
+    LOG,
+    MUL,
+    PAIRS,
+    POW,
+    RDIV,
+    SECH2,
+    SIN,
+    SINH,
+    SQR,
+    SUB,
+    TANH,
+)
+
+INPUT = -1
+TOTAL = {INPUT, CONST, ADD, SUB, MUL, AFFINE, SQR, ATAN, SIN, COS, TANH, SECH2}    # finite wherever their rows are
+MOST = 20_000           # nodes: beyond, the interpreter's table leaves the cache and tracing takes seconds
+
+
+class Graph:
+    """Operations on n states and the time (node n)."""
+
+    def __init__(self, n: int):
+        self.n, self.nodes, self.known, self.total = n, [], {}, []
+        for i in range(n + 1):
+            self._new(INPUT, i, -1, 0.0)
+
+    def _new(self, op, a, b, c, d=0.0):
+        key = op, a, b, c, d
+        if key not in self.known:
+            if len(self.nodes) >= MOST:
+                raise TypeError(f"more than {MOST} operations")
+            self.known[key] = len(self.nodes)
+            self.nodes.append(key)
+            self.total.append(op in TOTAL and (op in (INPUT, CONST) or all(self.total[r] for r in (a, b) if r >= 0)))
+        return self.known[key]
+
+    def const(self, value: float) -> int:
+        value = float(value)
+        if not math.isfinite(value):
+            raise TypeError(f"the constant {value} has no series")
+        return self._new(CONST, -1, -1, value + 0.0)
+
+    def value(self, i: int) -> float | None:
+        """The constant that node i is, or None."""
+        op, _, _, c, _ = self.nodes[i]
+        return c if op == CONST else None
+
+    def add(self, a: int, b: int) -> int:
+        u, v = self.value(a), self.value(b)
+        if u is not None and v is not None:
+            return self.const(u + v)
+        if u is not None:
+            a, b, u, v = b, a, v, u
+        if v is not None:
+            return self._affine(a, 1.0, v)
+        return self._new(ADD, min(a, b), max(a, b), 0.0)
+
+    def _affine(self, a, c, d):
+        """c a + d, of what `a` itself is made of if it is affine."""
+        op, inner, _, c0, d0 = self.nodes[a]
+        if op == AFFINE:
+            a, c, d = inner, c * c0, c * d0 + d
+        if not (math.isfinite(c) and math.isfinite(d)):
+            raise TypeError("a constant overflows")
+        return a if (c, d) == (1.0, 0.0) else self._new(AFFINE, a, -1, c, d + 0.0)
+
+    def sub(self, a: int, b: int) -> int:
+        u, v = self.value(a), self.value(b)
+        if v is not None:
+            return self.add(a, self.const(-v))
+        if u is not None:
+            return self.add(self.neg(b), a)
+        return self.const(0.0) if a == b and self.total[a] else self._new(SUB, a, b, 0.0)
+
+    def neg(self, a: int) -> int:
+        return self.mul(a, self.const(-1.0))
+
+    def mul(self, a: int, b: int) -> int:
+        u, v = self.value(a), self.value(b)
+        if u is not None and v is not None:
+            return self.const(u * v)
+        if u is not None:
+            a, b, u, v = b, a, v, u
+        if v is not None:
+            if v == 1.0:
+                return a
+            return self.const(0.0) if v == 0.0 and self.total[a] else self._affine(a, v, 0.0)
+        return self.square(a) if a == b else self._new(MUL, min(a, b), max(a, b), 0.0)
+
+    def div(self, a: int, b: int) -> int:
+        u, v = self.value(a), self.value(b)
+        if v is not None:
+            if v == 0.0:
+                raise TypeError("a division by the constant 0")
+            if u is not None:
+                return self.const(u / v)
+            return self.mul(a, self.const(1.0 / v)) if math.frexp(v)[0] in (0.5, -0.5) else self._new(DIV, a, b, 0.0)
+        return self._new(DIV, a, b, 0.0) if u is None else self._new(RDIV, b, -1, u)
+
+    def square(self, a: int) -> int:
+        u = self.value(a)
+        return self._new(SQR, a, -1, 0.0) if u is None else self.const(u * u)
+
+    def power(self, a: int, b: int) -> int:
+        v, u = self.value(b), self.value(a)
+        if v is None:
+            return self.exp(self.mul(b, self.log(a)))
+        if u is not None:
+            value = u**v
+            if isinstance(value, complex):
+                raise TypeError("a root of a negative constant")
+            return self.const(value)
+        if v == int(v) and abs(v) <= 32:
+            k = abs(int(v))
+            out = self._whole(a, k)
+            return out if v >= 0 else self.div(self.const(1.0), out)
+        return self._new(POW, a, -1, v)
+
+    def _whole(self, a, k):
+        if k == 0:
+            return self.const(1.0)
+        if k == 1:
+            return a
+        half = self.square(self._whole(a, k // 2))
+        return self.mul(half, a) if k % 2 else half
+
+    def _function(self, op, a, f):
+        u = self.value(a)
+        if u is not None:
+            return self.const(f(u))
+        out = self._new(op, a, a if op == LOG else -1, 0.0)
+        if op in PAIRS:                                                         # the partner is the next node
+            self._new(PAIRS[op], a, -1, 0.0)
+        return out
+
+    def exp(self, a):
+        return self._function(EXP, a, math.exp)
+
+    def log(self, a):
+        return self._function(LOG, a, math.log)
+
+    def sin(self, a):
+        return self._function(SIN, a, math.sin)
+
+    def cos(self, a):
+        u = self.value(a)
+        return self.sin(a) + 1 if u is None else self.const(math.cos(u))
+
+    def sinh(self, a):
+        return self._function(SINH, a, math.sinh)
+
+    def cosh(self, a):
+        u = self.value(a)
+        return self.sinh(a) + 1 if u is None else self.const(math.cosh(u))
+
+    def tanh(self, a):
+        return self._function(TANH, a, math.tanh)
+
+    def arctan(self, a):
+        u = self.value(a)
+        return self.const(math.atan(u)) if u is not None else self._new(ATAN, a, self.add(self.square(a), self.const(1.0)), 0.0)
+
+    def derivative(self, i: int, var: int, done: dict) -> int:
+        """The node of d(node i)/d(input var); `done` remembers those of one variable."""
+        stack = [i]
+        while stack:
+            j = stack[-1]
+            if j in done:
+                stack.pop()
+                continue
+            op, a, b, _, _ = self.nodes[j]
+            if op in (INPUT, CONST):
+                done[j] = self.const(1.0 if op == INPUT and a == var else 0.0)
+                continue
+            rows = [a] if b < 0 or op in (LOG, ATAN) else [a, b]
+            missing = [r for r in rows if r not in done]
+            stack += missing
+            if not missing:
+                done[j] = self._rule(j, done[a], done[b] if len(rows) > 1 else -1)
+        return done[i]
+
+    def _rule(self, y, da, db):
+        op, a, b, c, _ = self.nodes[y]
+        if self.value(da) == 0.0 and (db < 0 or self.value(db) == 0.0):
+            return self.const(0.0)
+        if op in (ADD, SUB):
+            return self.add(da, db) if op == ADD else self.sub(da, db)
+        if op == MUL:
+            return self.add(self.mul(da, b), self.mul(a, db))
+        if op == DIV:
+            return self.div(self.sub(da, self.mul(y, db)), b)
+        if op == AFFINE:
+            return self.mul(self.const(c), da)
+        if op in (LOG, ATAN):
+            return self.div(da, b)
+        factor = {RDIV: lambda: self.neg(self.div(y, a)), SQR: lambda: self.mul(self.const(2.0), a),
+                  POW: lambda: self.mul(self.const(c), self.power(a, self.const(c - 1.0))), EXP: lambda: y,
+                  SIN: lambda: y + 1, COS: lambda: self.neg(y - 1), SINH: lambda: y + 1, COSH: lambda: y - 1,
+                  TANH: lambda: y + 1, SECH2: lambda: self.mul(self.const(-2.0), self.mul(y - 1, y))}[op]()
+        return self.mul(factor, da)

@@ -1,0 +1,232 @@
+"""Arithmetic, elementary functions and sums of Jets: what each does to Taylor coefficients with radii."""
+from __future__ import annotations
+
+import numpy as np
+
+from nsbench.solvers.event_driven.interval_taylor import ORDER, Jet, _jets, as_jet
+from nsbench.solvers.event_driven.interval_taylor import kernels as kernel
+
+UNIT = kernel.UNIT
+
+
+def _pair(a, b):
+    """Two Jets with the same shape, flat rows; and that shape."""
+    pieces = next(_jets((a, b))).mid.shape[-2]
+    a, b = as_jet(a, pieces), as_jet(b, pieces)
+    return (*(np.broadcast_arrays(a.mid, b.mid)), *(np.broadcast_arrays(a.rad, b.rad)))
+
+
+def _flat(*arrays):
+    return [np.array(a).reshape(-1, ORDER + 1) for a in arrays]
+
+
+def _new(shape):
+    m, r = np.empty(shape), np.empty(shape)
+    return Jet(m, r), m.reshape(-1, ORDER + 1), r.reshape(-1, ORDER + 1)
+
+
+def _rounded(mid, rad):
+    return Jet(mid, rad + UNIT * np.abs(mid))
+
+
+def _constant(a):
+    """(array ready to broadcast) if `a` does not move, else None."""
+    if isinstance(a, Jet):
+        return None
+    a = np.asarray(a)
+    if a.dtype.kind not in "fiub":
+        return None
+    return a[..., None, None].astype(float)
+
+
+def add(a, b):
+    for u, v in ((a, b), (b, a)):
+        c = _constant(v)
+        if c is not None:
+            mid = u.mid + np.zeros_like(c)
+            mid[..., 0] += c[..., 0]
+            return _rounded(mid, u.rad + np.zeros_like(c))
+    am, bm, ar, br = _pair(a, b)
+    return _rounded(am + bm, ar + br)
+
+
+def subtract(a, b):
+    return add(a, -b if isinstance(b, Jet) else np.negative(b))
+
+
+def multiply(a, b):
+    for u, v in ((a, b), (b, a)):
+        c = _constant(v)
+        if c is not None:
+            return _rounded(u.mid * c, np.where(c == 0.0, 0.0, u.rad * np.abs(c)))
+    if a is b:
+        return square(a)
+    am, bm, ar, br = _pair(a, b)
+    out, m, r = _new(am.shape)
+    am, bm, ar, br = _flat(am, bm, ar, br)
+    kernel.multiply(am, ar, bm, br, m, r)
+    return out
+
+
+def divide(a, b):
+    c = _constant(b)
+    if c is not None:
+        return multiply(a, 1.0 / c[..., 0, 0])
+    am, bm, ar, br = _pair(a, b)
+    out, m, r = _new(am.shape)
+    am, bm, ar, br = _flat(am, bm, ar, br)
+    kernel.divide(am, ar, bm, br, m, r)
+    return out
+
+
+def _head(mid, rad):
+    """Rounding of a library function: a few units."""
+    return np.ascontiguousarray(mid).ravel(), np.ascontiguousarray(rad + 4 * UNIT * np.abs(mid)).ravel()
+
+
+def power(a, b):
+    if not isinstance(b, Jet) and np.ndim(b) == 0 and float(b) == int(b) and 0 <= b <= 32:
+        return _whole(a, int(b))
+    if isinstance(b, Jet):
+        return exp(multiply(b, log(as_jet(a, b.mid.shape[-2]))))
+    if np.ndim(b):
+        raise TypeError("no Jet to an array of powers")
+    if float(b) < 0 and float(b) == int(b):
+        return divide(1.0, power(a, -b))
+    return _root(a, float(b))
+
+
+def _whole(a, k):
+    if k == 0:
+        return as_jet(np.ones(a.shape), a.mid.shape[-2])
+    half = _whole(a, k // 2) if k > 1 else None
+    if k == 1:
+        return a
+    return square(half) if k % 2 == 0 else multiply(square(half), a)
+
+
+def square(a):
+    """a a, knowing that it is not negative."""
+    (out, m, r), (lo, hi) = _new(a.mid.shape), a.range
+    am, ar = _flat(a.mid, a.rad)
+    kernel.multiply(am, ar, am, ar, m, r)
+    u, v = np.where((lo < 0.0) & (hi > 0.0), 0.0, np.minimum(lo * lo, hi * hi)), np.maximum(lo * lo, hi * hi)
+    out.mid[..., 0], out.rad[..., 0] = 0.5 * (u + v), 0.5 * (v - u) * (1.0 + UNIT) + UNIT * (u + v)
+    return out
+
+
+def _root(a, alpha):
+    """a^alpha for a > 0."""
+    lo, hi = (np.maximum(v, 0.0) for v in a.range)
+    u, v = np.minimum(lo**alpha, hi**alpha), np.maximum(lo**alpha, hi**alpha)
+    out, m, r = _new(a.mid.shape)
+    kernel.power(*_flat(a.mid, a.rad), *_head(0.5 * (u + v), 0.5 * (v - u)), alpha, m, r)
+    return out
+
+
+def exp(a):
+    out, m, d = _new(a.mid.shape)
+    kernel.exponential(*_flat(a.mid, a.rad), *_head(*_between(np.exp, *a.range)), m, d)
+    return out
+
+
+def _primitive(slope, a, mid, rad):
+    """The Jet with derivative slope * a' and first row mid +- rad."""
+    sm, am, sr, ar = _pair(slope, a)
+    out, m, r = _new(am.shape)
+    kernel.integrate(*_flat(sm, sr, am, ar), *_head(mid, rad), m, r)
+    return out
+
+
+def _between(f, lo, hi):
+    """Middle and radius of a growing function's range."""
+    u, v = f(lo), f(hi)
+    return 0.5 * (u + v), 0.5 * (v - u)
+
+
+def log(a):
+    return _primitive(divide(1.0, a), a, *_between(np.log, *a.range))
+
+
+def arctan(a):
+    return _primitive(divide(1.0, add(multiply(a, a), 1.0)), a, *_between(np.arctan, *a.range))
+
+
+def _circular(a, sign):
+    out_s, sm, sr = _new(a.mid.shape)
+    out_c, cm, cr = _new(a.mid.shape)
+    m, r = a.mid[..., 0], a.rad[..., 0]
+    if sign < 0:
+        s, c = np.sin(m), np.cos(m)
+        rs, rc = np.minimum(np.abs(c) * r + r * r / 2, 2.0), np.minimum(np.abs(s) * r + r * r / 2, 2.0)
+        ease = UNIT * (1.0 + 0.1 * np.abs(m))           # of the reduced argument
+        rs, rc = rs + ease, rc + ease
+    else:
+        s, c = np.sinh(m), np.cosh(m)
+        rs = rc = c * np.sinh(r) + np.abs(s) * (np.cosh(r) - 1.0) + np.abs(s) * np.sinh(r)
+    for values, radii, vm, vr in ((s, rs, sm, sr), (c, rc, cm, cr)):
+        vm[:, 0], vr[:, 0] = _head(values, radii)
+    kernel.circular(*_flat(a.mid, a.rad), sm, sr, cm, cr, float(sign))
+    return out_s, out_c
+
+
+def tan(a):
+    s, c = _circular(a, -1)
+    return divide(s, c)
+
+
+def tanh(a):
+    """1 - 2 / (e^2a + 1), from the side where the exponential stays small."""
+    flip = np.where(a.mid[..., 0] > 0.0, -1.0, 1.0)[..., None]
+    e = exp(Jet(2.0 * flip * a.mid, 2.0 * a.rad))
+    y = divide(subtract(e, 1.0), add(e, 1.0))
+    return Jet(flip * y.mid, y.rad)
+
+
+def arctan2(y, x):
+    """Off the cut: the derivative is (x y' - y x') / (x^2 + y^2)."""
+    ym, xm, yr, xr = _pair(y, x)
+    y, x = Jet(ym.copy(), yr.copy()), Jet(xm.copy(), xr.copy())
+    over = divide(1.0, add(multiply(x, x), multiply(y, y)))
+    m, away = np.arctan2(ym[..., 0], xm[..., 0]), np.hypot(xm[..., 0], ym[..., 0])
+    reach = np.hypot(xr[..., 0], yr[..., 0])
+    cut = (xm[..., 0] <= reach) & (np.abs(ym[..., 0]) <= yr[..., 0])
+    rad = np.where((reach < away) & ~cut, np.arcsin(np.minimum(reach / np.where(away > 0, away, 1.0), 1.0)), np.inf)
+    first = _primitive(multiply(over, x), y, m, rad)
+    return subtract(first, _primitive(multiply(over, y), x, np.zeros_like(m), np.zeros_like(m)))
+
+
+def total(a, axis=None, **_):
+    if axis is None:
+        a, axis = a.reshape(-1), 0
+    axes = tuple(np.sort(np.atleast_1d(axis) % a.ndim))
+    n = float(np.prod([a.shape[k] for k in axes]))
+    return Jet(a.mid.sum(axes), (a.rad + n * UNIT * np.abs(a.mid)).sum(axes))
+
+
+def matmul(a, b):
+    if isinstance(a, Jet) and a.ndim == 2:
+        return total(multiply(a, b[None] if np.ndim(b) == 1 else _lift(b)), axis=1)
+    if not isinstance(a, Jet) and np.ndim(a) == 2:
+        if b.ndim == 1:
+            return total(multiply(np.asarray(a), b[None]), axis=1)
+        return total(multiply(np.asarray(a)[:, :, None], b[None]), axis=1)
+    if np.ndim(a) == 1:
+        return total(multiply(a, b) if np.ndim(b) == 1 else multiply(a[:, None], b), axis=0)
+    raise TypeError("no Jet of this product")
+
+
+def _lift(b):
+    raise TypeError("no product of a Jet matrix with a matrix")
+
+
+def norm(a, ord=None, axis=None, **_):
+    if ord not in (None, 2):
+        raise TypeError("no Jet of this norm")
+    return np.sqrt(total(multiply(a, a), axis))
+
+
+def diff(a, n=1, axis=-1, **_):
+    if n != 1 or a.ndim != 1:
+        raise TypeError("no Jet of this difference")
+    return a[1:] - a[:-1]

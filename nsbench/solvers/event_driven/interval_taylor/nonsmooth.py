@@ -1,0 +1,127 @@
+"""Functions of Jets with kinks and jumps: smooth where a side is proven, a hull without derivatives elsewhere."""
+from __future__ import annotations
+
+import numpy as np
+
+from nsbench.solvers.event_driven.interval_taylor import Jet, _jets, as_jet
+from nsbench.solvers.event_driven.interval_taylor.arithmetic import _pair, subtract
+
+
+def _either(a, b, first, second):
+    """a where `first` is proven, b where `second` is, else their hull, without derivatives. Masks (*shape, K)."""
+    am, bm, ar, br = _pair(a, b)
+    first, second = np.broadcast_arrays(first, second)
+    m = np.where(first[..., None], am, bm)
+    r = np.where(first[..., None], ar, br)
+    open_ = np.broadcast_to(~(first | second), m.shape[:-1])
+    if open_.any():
+        lo = np.minimum(am[..., 0] - ar[..., 0], bm[..., 0] - br[..., 0])
+        hi = np.maximum(am[..., 0] + ar[..., 0], bm[..., 0] + br[..., 0])
+        m, r = m.copy(), r.copy()
+        m[open_], r[open_] = 0.0, np.inf
+        m[..., 0] = np.where(open_, 0.5 * (lo + hi), m[..., 0])
+        r[..., 0] = np.where(open_, 0.5 * (hi - lo), r[..., 0])
+    return Jet(m, r)
+
+
+class Maybe:
+    """The truth of a comparison on every piece: yes, no, or neither is proven. Masks (*shape, K)."""
+    __slots__ = ("no", "yes")
+    __array_ufunc__ = None
+
+    def __init__(self, yes, no):
+        self.yes, self.no = yes, no
+
+    def __and__(self, o):
+        o = maybe(o, self)
+        return Maybe(self.yes & o.yes, self.no | o.no)
+
+    def __or__(self, o):
+        o = maybe(o, self)
+        return Maybe(self.yes | o.yes, self.no & o.no)
+
+    __rand__, __ror__ = __and__, __or__
+
+    def __invert__(self):
+        return Maybe(self.no, self.yes)
+
+    def __getitem__(self, index):
+        index = index if isinstance(index, tuple) else (index,)
+        full = (*index, slice(None)) if Ellipsis in index else (*index, Ellipsis)
+        return Maybe(self.yes[full], self.no[full])
+
+    def __bool__(self):
+        if self.yes.all():
+            return True
+        if self.no.all():
+            return False
+        raise TypeError("not proven either way: no branch can be taken")
+
+    def __array_function__(self, func, types, args, kwargs):
+        if func is np.where:
+            return where(*args)
+        raise TypeError(f"no {func.__name__} of a comparison of Jets")
+
+
+def maybe(c, like) -> Maybe:
+    if isinstance(c, Maybe):
+        return c
+    c = np.asarray(c, bool)[..., None]
+    return Maybe(c, ~c)
+
+
+def _compare(a, b, strict):
+    """a < b, or a <= b."""
+    lo, hi = subtract(a, b).range
+    return Maybe(hi < 0.0, lo >= 0.0) if strict else Maybe(hi <= 0.0, lo > 0.0)
+
+
+def where(c, a, b):
+    if not isinstance(c, Maybe):
+        mask = np.asarray(c, bool)[..., None]
+        return _either(a, b, mask, ~mask)
+    if not any(True for _ in _jets((a, b))):
+        a = as_jet(a, c.yes.shape[-1])
+    return _either(a, b, c.yes, c.no)
+
+
+def maximum(a, b):
+    lo, hi = subtract(a, b).range
+    out = _either(a, b, lo >= 0.0, hi <= 0.0)
+    return out
+
+
+def minimum(a, b):
+    lo, hi = subtract(a, b).range
+    return _either(a, b, hi <= 0.0, lo >= 0.0)
+
+
+def sign(a):
+    one = np.ones(a.shape)
+    lo, hi = a.range
+    return _either(as_jet(one, a.mid.shape[-2]), -one, lo > 0.0, hi < 0.0)
+
+
+def floor(a):
+    lo, hi = (np.floor(v) for v in a.range)
+    flat = lo == hi
+    mid, rad = np.zeros_like(a.mid), np.where(flat[..., None], 0.0, np.inf) + 0.0 * a.mid
+    mid[..., 0], rad[..., 0] = 0.5 * (lo + hi), 0.5 * (hi - lo)
+    return Jet(mid, rad)
+
+
+def _fold(pick):
+    def fold(a, axis=None, **_):
+        if axis is None:
+            a, axis = a.reshape(-1), 0
+        rows = np.moveaxis(a, axis, 0)
+        out = rows[0]
+        for k in range(1, len(rows)):
+            out = pick(out, rows[k])
+        return out
+    return fold
+
+
+def clip(a, lo=None, hi=None, **_):
+    a = a if lo is None else maximum(a, lo)
+    return a if hi is None else minimum(a, hi)

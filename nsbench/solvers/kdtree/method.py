@@ -1,0 +1,206 @@
+"""Position-based dynamics as users write it: SciPy's cKDTree finds the pairs of a step, numba or numpy projects them."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from nsbench.case import Case
+from nsbench.compilation.factories import host
+from nsbench.problem import Affine, Complementarity, Distance
+from nsbench.solvers.base import Claims, Expect, Run, grid, sample
+from nsbench.solvers.common.divergence import ended
+from nsbench.solvers.common.initial_state import start_state
+from nsbench.trajectory import Status, Trajectory
+
+SWEEPS = ("numba", "numpy")
+BLOWN = 1e150                                          # beyond, squares overflow, and SciPy's tree says that it cannot go on
+EXPECTS = (
+    Expect(("exact_at_grid",), "exact", "exact", "every step of Euler is exact for a drift that is constant in each mode"),
+    Expect(("infeasible_start",), None, None, "what a method makes of an infeasible start is its meaning, not its error"),
+)
+
+
+@dataclass(frozen=True)
+class KDTree:
+    """Explicit Euler, the pairs nearer than d from a k-d tree, one sweep over them, then the box.
+
+    The baseline of pbd for hard discs and balls of one size, with or without walls across coordinates. sweep "numba":
+    exact projections one after the other, in the order in which the tree lists the pairs. sweep "numpy": all
+    projections from the same state, each scaled by 1 / c with c the larger number of contacts of its two particles
+    (a Jacobi step; to divide each particle's motion by its own number is common too, but is another system in the
+    limit: pushes are then not opposite). margin: by how much of d the search goes beyond d. Without one, contacts that
+    the sweep itself makes wait for the next step.
+    """
+    sweep: str = "numba"
+    margin: float = 0.0
+
+    accuracy: ClassVar[str] = "h"
+    default: ClassVar[float] = 1e-2
+    octaves: ClassVar[float] = 3                        # of its ladder: a tenth of the time of six, for loops in Python
+    claims: ClassVar[Claims] = Claims(state=1.0, impulse=1.0)
+    expects: ClassVar[tuple[Expect, ...]] = EXPECTS
+
+    def __post_init__(self):
+        if self.sweep not in SWEEPS:
+            raise ValueError(f"sweep is {self.sweep!r}; one of {', '.join(SWEEPS)}")
+        if not 0.0 <= self.margin < 10.0:
+            raise ValueError(f"margin is {self.margin!r}; a part of the distance, from 0 to 10")
+
+    def refuses(self, case: Case) -> str | None:
+        p = case.problem
+        if not isinstance(p, Complementarity) or not p.constraints:
+            return "kdtree projects on hard particles and walls; this case has none."
+        hard = [c for c in p.constraints if isinstance(c, Distance)]
+        if len(hard) > 1 or any(not c.all_pairs or c.d is None or c.start or c.particles(case.n) * c.dim != case.n for c in hard):
+            return "kdtree takes one family of hard particles of one size that fill the state; use pbd for anything else."
+        if not all(isinstance(c, Distance) or _box(c) for c in p.constraints) or (hard and p.constraints[0] is not hard[0]):
+            return "kdtree takes particles, then walls at rest across single coordinates; use pbd for other constraints."
+        return None
+
+    def prepare(self, case: Case, h: float) -> Run:
+        from nsbench.dynamics.contacts.constraint_set import Scene
+        x0 = start_state(case, Scene(case.problem, case.n))
+        g, f = grid(case.t, h), host(case.problem.drift)
+        walls = _walls(case)
+        hard = next((c for c in case.problem.constraints if isinstance(c, Distance)), None)
+        project = _sweeper(self, hard)
+
+        def run():
+            with np.errstate(all="ignore"):          # what overflows ends the run, and is told by its status
+                return _march(case, x0, g, f, project, walls)
+        return run
+
+
+def _box(c) -> bool:
+    return isinstance(c, Affine) and not c.moving and bool(np.all(np.diff(c.indptr) == 1))
+
+
+def _walls(case):
+    """low, high (n,) of every coordinate, and the (family, row, |a|) that each bound comes from (-1: none)."""
+    bound = np.stack((np.full(case.n, -np.inf), np.full(case.n, np.inf)))
+    where, slope = np.full((2, case.n, 2), -1, np.int64), np.ones((2, case.n))
+    for k, c in enumerate(case.problem.constraints):
+        if isinstance(c, Distance):
+            continue
+        for row, (i, a) in enumerate(zip(c.indices, c.data, strict=True)):
+            side, at = (0, -c.b[row] / a) if a > 0 else (1, -c.b[row] / a)
+            if (at > bound[0, i]) if side == 0 else (at < bound[1, i]):
+                bound[side, i], where[side, i], slope[side, i] = at, (k, row), abs(a)
+    return bound, where, slope
+
+
+def _sweeper(method, hard):
+    """(x flat) -> pairs (p, 2) and their impulses (p,); x is changed in place. None without particles."""
+    if hard is None:
+        return None
+    from scipy.spatial import cKDTree
+    d, dim = float(hard.d), hard.dim
+    reach = d * (1.0 + method.margin)
+    if method.sweep == "numba":
+        from nsbench.solvers.kdtree.kernels.pair_sweep import sweep
+        sweep.compile("float64(float64[:, ::1], int64[:, ::1], float64, float64[::1])")
+    else:
+        sweep = _jacobi
+
+    def project(x):
+        points = x.reshape(-1, dim)
+        tree = cKDTree(points, compact_nodes=False, balanced_tree=False)         # quicker to build, as quick to ask
+        pairs = tree.query_pairs(reach, output_type="ndarray")
+        impulse = np.empty(len(pairs))
+        sweep(points, pairs, d, impulse)
+        return pairs, impulse
+    return project
+
+
+def _jacobi(x, pairs, d, impulse):
+    i, j = pairs[:, 0], pairs[:, 1]
+    u = x[i] - x[j]
+    r = np.sqrt(np.einsum("ij,ij->i", u, u))
+    near = r < d
+    n = len(x)
+    count = np.bincount(i[near], minlength=n) + np.bincount(j[near], minlength=n)
+    impulse[:] = np.where(near, 0.5 * (d - r) / np.maximum(np.maximum(count[i], count[j]), 1), 0.0)
+    u *= (impulse / np.where(near, r, 1.0))[:, None]
+    for c in range(x.shape[1]):
+        x[:, c] += np.bincount(i, u[:, c], n) - np.bincount(j, u[:, c], n)
+
+
+def _march(case, x0, g, f, project, walls):
+    (low, high), where, slope = walls
+    x, n, K = x0.copy(), case.n, len(g.t)
+    X, R = np.full((K, n), np.nan), np.full((K, n), np.nan)
+    push, wall = np.zeros(n), np.zeros((2, n))
+    X[0], R[0] = x, push
+    book, projections, status = _Book(K), 0, Status()
+    for k, steps in enumerate(g.substeps):
+        h = (g.t[k + 1] - g.t[k]) / steps
+        for s in range(steps):
+            last, x = x, x + h * f(g.t[k] + s * h, x)
+            if not np.abs(x).max() <= BLOWN:
+                status = ended(x if np.isfinite(x).all() else last, x0, g.t[k] + (s + 1) * h, g.t[k] + s * h)
+                break
+            before = x.copy()
+            if project is not None:
+                pairs, impulse = project(x)
+                book.add(pairs, impulse)
+                projections += np.count_nonzero(impulse)
+            inside = np.clip(x, low, high)
+            beyond = inside - x
+            wall[0] += np.maximum(beyond, 0.0)
+            wall[1] -= np.minimum(beyond, 0.0)
+            projections += np.count_nonzero(beyond)
+            x = inside
+            push += x - before
+        if not status.ok:
+            break
+        X[k + 1], R[k + 1] = x, push
+        book.close(k + 1, wall / slope)
+    contacts, W = book.table(where, np.isfinite(X[:, 0]))
+    if not g.aligned:
+        X, R, W = (sample(case.t, g.t, v) for v in (X, R, W))
+    steps = int(g.substeps.sum())
+    stats = {"steps": steps, "h": g.h, "drift_calls": steps, "projections": int(projections), "loop": "host"}
+    return Trajectory(case.t, X, contacts, W, R, status, stats=stats, lam_time="start")
+
+
+class _Book:
+    """Impulses by contact at the recorded times."""
+
+    def __init__(self, K):
+        self.K, self.open, self.rows, self.walls = K, [], [], []
+
+    def add(self, pairs, impulse):
+        acting = impulse > 0.0
+        if acting.any():
+            self.open.append((pairs[acting], impulse[acting]))
+
+    def close(self, k, wall):
+        if self.open:
+            pairs = np.sort(np.concatenate([p for p, _ in self.open]), axis=1)
+            self.rows.append((np.full(len(pairs), k), pairs, np.concatenate([m for _, m in self.open])))
+            self.open = []
+        self.walls.append((k, wall))
+
+    def table(self, where, good):
+        """contacts, impulse (K, m) cumulative, NaN where not `good`."""
+        contacts, columns = [], []
+        if self.rows:
+            at, pairs, m = (np.concatenate(v) for v in zip(*self.rows, strict=True))
+            ids, column = np.unique(pairs, axis=0, return_inverse=True)
+            sums = np.bincount(at * len(ids) + column.ravel(), m, self.K * len(ids)).reshape(self.K, len(ids))
+            contacts += [(0, int(i), int(j)) for i, j in ids]
+            columns.append(np.cumsum(sums, axis=0))
+        total = np.zeros((self.K, *where.shape[:2]))
+        for k, wall in self.walls:
+            total[k] = wall
+        for side, i in zip(*np.nonzero((total > 0.0).any(axis=0)), strict=True):
+            contacts.append(tuple(map(int, where[side, i])))
+            columns.append(total[:, side, i][:, None])
+        W = np.hstack(columns) if columns else np.zeros((self.K, 0))
+        W[~good] = np.nan
+        return tuple(contacts), W
+
+
+SOLVER = KDTree

@@ -1,0 +1,189 @@
+"""Position-based dynamics in JAX: the coloured order of PBD, level after level, on a GPU when there is one."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from nsbench.case import Case
+from nsbench.problem import Affine, Distance
+from nsbench.solvers.base import Claims, Run, check_positive, grid
+from nsbench.solvers.common.initial_state import start_state
+from nsbench.solvers.pbd.method import EXPECTS, _hard, _mean_radius, _trajectory
+
+DEVICES = ("auto", "cpu", "gpu")
+STANDARD = ()
+
+
+@dataclass(frozen=True)
+class PBDJax:
+    """`pbd[order=coloured]` as one program of array operations, a level of constraints that share no particle at once.
+
+    The same sweep in the same order: the result agrees with the CPU's to rounding. device: "gpu", "cpu", or "auto": a GPU
+    when there is one. Its worth begins where a level holds thousands of pairs; below, the compiled loop of pbd is faster.
+    `reach`: margin of the lists in mean radii; it grows where a step is longer. Sources as for pbd.
+    """
+    sweeps: int = 1
+    seed: int = 0
+    reach: float = 0.3
+    device: str = "auto"
+
+    accuracy = "h"
+    default = 1e-2
+    claims = Claims(state=1.0, impulse=1.0)
+    expects = EXPECTS
+
+    def __post_init__(self):
+        if not (isinstance(self.sweeps, int) and self.sweeps >= 1):
+            raise ValueError(f"sweeps is {self.sweeps!r}; a positive whole number is needed")
+        if not (isinstance(self.seed, int) and 0 <= self.seed < 2**31):
+            raise ValueError(f"seed is {self.seed!r}; a whole number from 0 to 2^31 is needed")
+        if self.device not in DEVICES:
+            raise ValueError(f"device is {self.device!r}; one of {', '.join(DEVICES)}")
+        check_positive("reach", self.reach)
+
+    @property
+    def like(self):
+        """The method on the CPU whose sweep this is."""
+        from nsbench.solvers.pbd.method import PBD
+        return PBD(sweeps=self.sweeps, order="coloured", seed=self.seed, reach=self.reach)
+
+    def refuses(self, case: Case) -> str | None:
+        why = self.like.refuses(case)
+        if why:
+            return why
+        families = case.problem.constraints
+        other = next((c for c in families if not isinstance(c, (Affine, Distance)) or getattr(c, "anchors", None) is not None),
+                     None)
+        if other is not None:
+            return "PBD in JAX projects on rows and on pairs of particles; this case has anchors or smooth constraints: use pbd."
+        if len({c.dim for c in families if isinstance(c, Distance)}) > 1:
+            return "PBD in JAX takes particles of one dimension; this case has several: use pbd."
+        if self.device == "gpu" and _device("gpu") is None:
+            return "A GPU was asked for and JAX finds none here: use device=cpu, or pbd[order=coloured], which is faster there."
+        return None
+
+    def prepare(self, case: Case, h: float) -> Run:
+        from nsbench.dynamics.contacts.constraint_set import Scene
+        g = grid(case.t, h, last=case.exact_impulse is not None)
+        scene = Scene(case.problem, case.n)
+        x0 = start_state(case, scene)
+        march = _March(self, case, scene, g, x0)
+        again = lambda fine, x: _March(self, case, scene, fine, x)()[0]
+        return lambda: _trajectory(case, g, "compiled", march(), again)
+
+
+def _device(kind: str):
+    """The first device of JAX of that kind, "auto": its default; None where there is none."""
+    from nsbench.compilation.jax_cache import float64
+    jax = float64()
+    try:
+        return jax.devices()[0] if kind == "auto" else jax.devices(kind)[0]
+    except RuntimeError:
+        return None
+
+
+class _March:
+    """One run bound to its program and lists."""
+
+    def __init__(self, method: PBDJax, case: Case, scene, g, x0):
+        from nsbench.dynamics.contacts.kernels.constraint_order import static_keys
+        self.method, self.case, self.scene, self.g, self.x0 = method, case, scene, g, x0
+        self.device = _device(method.device)
+        near = scene.all_static()
+        self.static = near.arrays()
+        self.static_keys = static_keys(near.family, method.like.rank, method.seed)
+        self.hard, self.radii, self.owner = _hard(scene)[:3] if scene.hard else (
+            np.empty((0, 4), np.int64), np.empty(0), np.full((scene.n, 2), -1, np.int64))
+        self.dim = next((c.dim for c in case.problem.constraints if isinstance(c, Distance)), 1)
+        self.start = method.reach * _mean_radius(scene) if scene.hard else 1.0
+        self.sizes, self.programs = (0, 0, 0), {}
+        self.program(self.lists(x0, self.start))
+
+    def lists(self, x, reach):
+        """(lists in the order of the sweep, their levels) at x."""
+        from nsbench.solvers.pbd.kernels.neighbor_loop import build
+        from nsbench.solvers.pbd_jax.program import arrange
+        made, _ = build(np.ascontiguousarray(x), reach, self.method.like.rank, self.method.seed, self.static,
+                        self.static_keys, self.hard, self.radii)
+        levels, self.sizes = arrange(made, self.scene, self.owner, self.sizes)
+        return made, levels
+
+    def program(self, lists):
+        """The executable for levels of these sizes, and its arguments on the device."""
+        from nsbench.compilation.factories import jax_function
+        from nsbench.compilation.jax_cache import float64
+        from nsbench.solvers.pbd_jax.program import advance
+        jax = float64()
+        made, levels = lists
+        # as many places for impulses as levels have: the list's own length would mean a program for every list
+        room = int(np.prod(levels.pairs[0].shape) + np.prod(levels.rows[2].shape)) + 1
+        pairs, rows = ((*part[:-1], np.where(part[-1] == len(made[0]), room - 1, part[-1])) for part in
+                       (levels.pairs, levels.rows))
+        key = (self.sizes, room)
+        with jax.default_device(self.device):
+            if key not in self.programs:
+                run = advance(jax_function(self.case.problem.drift), _right_sides(self.scene), self.scene.inv2,
+                              self.owner[:, 0] >= 0, self.dim, self.method.sweeps)
+                self.programs[key] = jax.jit(run)
+            return self.programs[key], jax.device_put(pairs), jax.device_put(rows), levels.count, room
+
+    def __call__(self):
+        """What kernels.pbd_near.march returns."""
+        import jax
+        g, n = self.g, self.case.n
+        X, R = np.full((len(g.t), n), np.nan), np.full((len(g.t), n), np.nan)
+        X[0], R[0] = self.x0, 0.0
+        x, reaction, reach, base, work, tied = self.x0, np.zeros(n), self.start, self.x0, 0, False
+        lists, fresh, rebuilds, peak = self.lists(x, reach), True, 0, 0
+        run, pairs, rows, count, room = self.program(lists)
+        ids, values = [], []
+        with jax.default_device(self.device):
+            for k in range(len(g.t) - 1):
+                h, s, mu = (g.t[k + 1] - g.t[k]) / g.substeps[k], 0, np.zeros(room)
+                while s < g.substeps[k]:
+                    limit = 0.999 * reach / (2.0 * np.sqrt(self.dim)) if len(self.hard) else np.inf
+                    x, reaction, mu, after, state, done, ties = run(
+                        x, reaction, mu, g.t[k], g.t[k + 1], h, s, int(g.substeps[k]), pairs, rows, count, base, limit)
+                    fresh, s, state = fresh and int(after) == s, int(after), int(state)
+                    work, tied = work + int(done), tied or bool(ties)
+                    if state == 2:
+                        return X, R, _ids(ids), _flat(values), work, 1, g.t[k] + s * h, rebuilds, peak
+                    if state == 1:
+                        peak = _flush(k + 1, np.asarray(mu), lists[0], ids, values, peak)
+                        reach = 2.0 * reach if fresh else reach          # no step fits into the lists as they are
+                        base = np.asarray(x)
+                        lists, fresh, rebuilds = self.lists(base, reach), True, rebuilds + 1
+                        run, pairs, rows, count, room = self.program(lists)
+                        mu = np.zeros(room)
+                X[k + 1], R[k + 1] = np.asarray(x), np.asarray(reaction)
+                peak = _flush(k + 1, np.asarray(mu), lists[0], ids, values, peak)
+        return X, R, _ids(ids), _flat(values), work, 2 if tied else 0, g.t[-1], rebuilds, peak
+
+
+def _right_sides(scene):
+    """t -> right-hand sides of all rows, in JAX."""
+    import jax.numpy as jnp
+
+    from nsbench.compilation.factories import jax_function
+    parts = [jax_function(c.b) if c.moving else (lambda t, v=c.b: v) for c in scene.affine]
+    return (lambda t: jnp.concatenate([jnp.asarray(p(t)) for p in parts])) if parts else (lambda t: jnp.zeros(0))
+
+
+def _flush(sample, mu, lists, ids, values, peak):
+    """Records of the constraints that pushed, as kernels.records keeps them; the largest number of them so far."""
+    acted = np.flatnonzero(mu[:len(lists[0])])
+    ids.append(np.stack([np.full(len(acted), sample), lists[1][acted], lists[2][acted], lists[3][acted]], axis=1))
+    values.append(mu[acted])
+    return max(peak, len(acted))
+
+
+def _ids(ids):
+    return np.concatenate([np.empty((0, 4), np.int64), *ids])
+
+
+def _flat(values):
+    return np.concatenate([np.empty(0), *values])
+
+
+SOLVER = PBDJax

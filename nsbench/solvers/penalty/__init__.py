@@ -1,0 +1,4 @@
+"""penalty: see method.py."""
+from nsbench.solvers.penalty.method import SOLVER
+
+__all__ = ["SOLVER"]

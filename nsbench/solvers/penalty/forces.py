@@ -1,0 +1,279 @@
+"""Penalty forces of the constraint families, and the smoothed Filippov field, as JAX functions.
+
+A right-hand side here takes (t, z, k) where z is the state followed by its quadratures: the impulses and, for
+constraints, the reaction. Integrated by the same Runge-Kutta weights, x - x0 = integral of f + reaction and
+reaction = sum of impulse * grad g (constant gradients) hold to rounding, whatever the step.
+"""
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from nsbench.compilation.factories import host, jax_function
+from nsbench.dynamics.filippov.modes import corners, multilinear, surfaces
+from nsbench.problem import Affine, Distance, Filippov, Smooth
+
+DENSE = 4096              # entries up to which rows are a dense matrix: its zeros cost less than a scatter's calls
+
+
+def constraint_ids(problem, n: int) -> list[tuple]:
+    """Contact ids in the stated order, all pairs i < j listed; surfaces (0, i) for a Filippov system."""
+    if isinstance(problem, Filippov):
+        return [(0, i) for i in range(surfaces(problem, n))]
+    return [name for k, c in enumerate(problem.constraints) for name in _ids(k, c, n)]
+
+
+def _ids(k, c, n):
+    if isinstance(c, Distance):
+        return [(k, i, j) for i, j in zip(*(a.tolist() for a in _pairs(c, n)), strict=True)]
+    return [(k, i) for i in range(_rows(c, n))]
+
+
+def count(problem, n: int) -> int:
+    """How many constraints there are, without listing pairs."""
+    if isinstance(problem, Filippov):
+        return surfaces(problem, n)
+    total = 0
+    for c in problem.constraints:
+        if not isinstance(c, Distance):
+            total += _rows(c, n)
+        elif c.pairs is not None:
+            total += len(c.pairs)
+        else:
+            particles = c.particles(n)
+            total += particles * (particles - 1) // 2 if c.anchors is None else particles * _anchors(c)
+    return total
+
+
+def layout(problem, n: int, style: str, capacity: tuple[int, ...] = ()) -> tuple[list, np.ndarray, int, dict]:
+    """(ids, columns, size, offsets): ids of the constraints that have a place of their own among the quadratures of
+    `slopes`, their columns, the number of all quadratures, and {family: first column} of those that use near lists."""
+    if isinstance(problem, Filippov):
+        ids = constraint_ids(problem, n)
+        return ids, np.arange(len(ids)), len(ids), {}
+    ids, columns, offsets, size = [], [], {}, 0
+    for k, c in enumerate(problem.constraints):
+        if _uses_lists(c, style):
+            offsets[k] = size
+            size += c.particles(n) * capacity[len(offsets) - 1]
+            continue
+        mine = _ids(k, c, n)
+        ids += mine
+        columns += range(size, size + len(mine))
+        size += len(mine)
+    return ids, np.array(columns, np.int64), size + n, offsets
+
+
+def _uses_lists(c, style):
+    return style == "near" and isinstance(c, Distance) and c.all_pairs
+
+
+@dataclass(frozen=True)
+class Slopes:
+    """f: (t, x, k, lists) -> (x', quadratures'); size: how many quadratures."""
+    f: Callable
+    size: int
+
+
+def slopes(problem, n: int, style: str = "pairs", capacity: tuple[int, ...] = ()) -> Slopes:
+    """What is to be integrated. Constraints: m impulses, then n reactions; Filippov: d weights.
+
+    style says how the pairs of hard particles are visited: "pairs": each once; "near": each twice, those in
+    lists = (neighbours (N, capacity) of each such family), where a particle's own number fills up its row.
+    """
+    size = layout(problem, n, style, capacity)[2]
+    if isinstance(problem, Filippov):
+        return Slopes(_filippov(problem, n), size)
+    import jax.numpy as jnp
+    f = jax_function(problem.drift)
+    families, place = [], 0
+    for c in problem.constraints:
+        if _uses_lists(c, style):
+            families.append(_near(c, n, place))
+            place += 1
+        else:
+            families.append({Affine: _affine, Distance: _distance, Smooth: _smooth}[type(c)](c, n))
+
+    def penalised(t, x, k, lists):
+        parts = [family(t, x, k, lists) for family in families]
+        force = sum(p[1] for p in parts)
+        return f(t, x) + force, jnp.concatenate([*(p[0] for p in parts), force])
+    return Slopes(penalised, size)
+
+
+def right_hand_side(problem, n: int):
+    """(t, z, k) -> dz/dt. Complementarity: z = (x, m impulses, n reactions); Filippov: z = (x, d weights)."""
+    import jax.numpy as jnp
+    f = slopes(problem, n).f
+    return lambda t, z, k: jnp.concatenate(f(t, z[:n], k, ()))
+
+
+def _filippov(problem: Filippov, n: int):
+    """x' = field(t, x, s), weight' = (1 + s) / 2, s = clip(k c, -1, 1): a boundary layer of half-width 1/k.
+
+    The clipped sign, and not tanh: outside the layer it is exact, and at an exit from sliding the layer is left at
+    c = 1/k, where tanh (s -> 1 only as c -> infinity) lags by log(k)/k and spoils the order in 1/k.
+    Between the modes a Filippov system is multilinear in s: a field that is not is taken at the corners.
+    """
+    import jax.numpy as jnp
+    field, switch = jax_function(problem.field), jax_function(problem.switch)
+    if not multilinear(problem, n):
+        field = _blended(field, surfaces(problem, n))
+
+    def smoothed(t, x, k, lists):
+        s = jnp.clip(k * switch(t, x), -1.0, 1.0)
+        return field(t, x, s), 0.5 * (1.0 + s)
+    return smoothed
+
+
+def _blended(field: Callable, d: int) -> Callable:
+    """The field that is multilinear in s and has the same values at its corners."""
+    import jax
+    import jax.numpy as jnp
+    signs = jnp.asarray(corners(d))
+
+    def blended(t, x, s):
+        return jnp.prod(0.5 * (1.0 + signs * s), axis=1) @ jax.vmap(lambda q: field(t, x, q))(signs)
+    return blended
+
+
+def _rows(c, n: int) -> int:
+    return c.shape[0] if isinstance(c, Affine) else len(host(c.g)(0.0, np.full(n, 0.37)))
+
+
+def _anchors(c: Distance) -> int:
+    return len(np.asarray(host(c.anchors)(0.0) if c.moving else c.anchors))
+
+
+def _pairs(c: Distance, n: int):
+    """First and second indices of all pairs of a family."""
+    if c.pairs is not None:
+        return c.pairs.T
+    if c.anchors is None:
+        return np.triu_indices(c.particles(n), 1)
+    i, j = np.indices((c.particles(n), _anchors(c)))
+    return i.ravel(), j.ravel()
+
+
+def _moving(value, moving: bool):
+    """A curve t -> array in JAX."""
+    return jax_function(value) if moving else lambda t: value
+
+
+def _affine(c: Affine, n: int):
+    import jax.numpy as jnp
+    m = c.shape[0]
+    b = _moving(c.b, c.moving)
+    rows = np.repeat(np.arange(m), np.diff(c.indptr))
+    if m * n <= DENSE:
+        A = np.zeros((m, n))
+        np.add.at(A, (rows, c.indices), c.data)
+
+        def push(t, x, k, lists):
+            lam = k * jnp.maximum(-((A * x).sum(1) + b(t)), 0.0)
+            return lam, (A * lam[:, None]).sum(0)
+        return push
+
+    def push(t, x, k, lists):
+        g = jnp.zeros(m).at[rows].add(c.data * x[c.indices]) + b(t)
+        lam = k * jnp.maximum(-g, 0.0)
+        return lam, jnp.zeros(n).at[c.indices].add(c.data * lam[rows])
+    return push
+
+
+def _distance(c: Distance, n: int):
+    """Coincident points are parted along the first axis, as in nsbench.dynamics.contacts.constraint_set; the slope of the length is then 0."""
+    import jax.numpy as jnp
+    N = c.particles(n)
+    if c.all_pairs and c.sign == 1 and N * N <= DENSE:
+        return _square(c, n, N)
+    i, j = _pairs(c, n)
+    d = c.d if c.radii is None else np.broadcast_to(c.radii, N)[i] + np.broadcast_to(c.radii, N)[j]
+    first = np.eye(c.dim)[0]
+    anchors = None if c.anchors is None else _moving(c.anchors, c.moving)
+
+    def push(t, x, k, lists):
+        p = _positions(c, n, x)
+        diff = p[i] - (p[j] if anchors is None else jnp.asarray(anchors(t))[j])
+        square = (diff * diff).sum(1)
+        apart = square > 0.0
+        length = jnp.sqrt(jnp.where(apart, square, 1.0))
+        unit = jnp.where(apart[:, None], diff / length[:, None], first)
+        lam = k * jnp.maximum(-c.sign * (jnp.where(apart, length, 0.0) - d), 0.0)
+        force = c.sign * lam[:, None] * unit
+        total = jnp.zeros_like(p).at[i].add(force)
+        if anchors is None:
+            total = total.at[j].add(-force)
+        return lam, _spread(c, n, total)
+    return push
+
+
+def _square(c: Distance, n: int, N: int):
+    """All pairs of a few hard particles as a table (N, N): each is worked out twice, which takes less time than to gather
+    and scatter it once."""
+    import jax.numpy as jnp
+    r = np.broadcast_to(c.radii if c.radii is not None else c.d / 2, N)
+    reach, number = r[:, None] + r, np.arange(N)
+    own, way = np.eye(N, dtype=bool), np.sign(number - number[:, None]).astype(float)
+    i, j = _pairs(c, n)
+
+    def push(t, x, k, lists):
+        p = _positions(c, n, x)
+        parts = [p[:, a][:, None] - p[:, a] for a in range(c.dim)]
+        square = sum(q * q for q in parts)
+        apart = square > 0.0
+        length = jnp.sqrt(jnp.where(apart, square, 1.0))
+        lam = jnp.where(own, 0.0, k * jnp.maximum(reach - jnp.where(apart, length, 0.0), 0.0))
+        w = lam / length
+        along = jnp.where(apart, parts[0] * w, way * lam)
+        return lam[i, j], _spread(c, n, jnp.stack([along.sum(1), *((q * w).sum(1) for q in parts[1:])], axis=1))
+    return push
+
+
+def _positions(c, n, x):
+    """(N, dim) coordinates of a family's particles."""
+    N = c.particles(n)
+    return x[c.start:c.start + N * c.dim].reshape(N, c.dim)
+
+
+def _spread(c, n, total):
+    """Forces (N, dim) on a family's particles as a vector (n,)."""
+    import jax.numpy as jnp
+    return total.ravel() if total.size == n else jnp.zeros(n).at[c.start:c.start + total.size].set(total.ravel())
+
+
+def _near(c: Distance, n: int, place: int):
+    """Pairs of lists[place] (N, capacity): rows of partners, filled up with a particle's own number."""
+    import jax.numpy as jnp
+    N = c.particles(n)
+    r = np.array(np.broadcast_to(c.radii if c.radii is not None else c.d / 2, N))
+    number = np.arange(N)[:, None]
+
+    def push(t, x, k, lists):
+        nb, p = lists[place], _positions(c, n, x)
+        parts = [p[:, a][:, None] - p[:, a][nb] for a in range(c.dim)]
+        square = sum(q * q for q in parts)
+        apart = square > 0.0
+        length = jnp.sqrt(jnp.where(apart, square, 1.0))
+        depth = r[:, None] + jnp.asarray(r)[nb] - jnp.where(apart, length, 0.0)
+        lam = jnp.where(nb == number, 0.0, k * jnp.maximum(depth, 0.0))
+        w = lam / length
+        along = jnp.where(apart, parts[0] * w, jnp.where(nb > number, lam, -lam))      # coincident: as in _distance
+        return lam.ravel(), _spread(c, n, jnp.stack([along.sum(1), *((q * w).sum(1) for q in parts[1:])], axis=1))
+    return push
+
+
+def _smooth(c: Smooth, n: int):
+    """The gradient is only needed times lam: a reverse-mode product, unless the family brings its own."""
+    import jax
+    import jax.numpy as jnp
+    g = jax_function(c.g)
+    gradient = jax_function(c.gradient) if c.gradient else None
+
+    def push(t, x, k, lists):
+        value, back = jax.vjp(lambda y: g(t, y), x)
+        lam = k * jnp.maximum(-value, 0.0)
+        return lam, jnp.asarray(gradient(t, x)).T @ lam if gradient else back(lam)[0]
+    return push

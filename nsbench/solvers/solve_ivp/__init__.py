@@ -1,0 +1,4 @@
+"""solve_ivp: see method.py."""
+from nsbench.solvers.solve_ivp.method import SOLVER
+
+__all__ = ["SOLVER"]

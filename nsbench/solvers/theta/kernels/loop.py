@@ -1,0 +1,270 @@
+"""The time loop of implicit theta stepping for systems with linear constraints: one complementarity problem per step.
+
+    x+ = x + h ((1 - th) f(t, x) + th f(t + h, x+) + B lam)
+    0 <= lam _|_ D lam + (1 - th) v + th v+ + E (1 - th) (v+ - v) >= 0,   v = C x + q(t),   v+ = C x+ + q(t + h)
+
+E picks the rows that constrain the state alone; these hold at the end of the step. Held at the mean they would let the
+state swing about the constraint for ever (th = 1/2). The other rows say what lam is, so they belong where lam belongs.
+E is the projector on the left null space of D_II, I the rows with lam > 0: found by repeating the step at most 3 times.
+"""
+import numpy as np
+from numba import njit
+
+from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
+from nsbench.lcp.lemke import least, other_motion, scales, solve
+from nsbench.linalg.dense import BLOWN, NAN, OK, gauss, health, largest  # noqa: F401 (codes that solvers read here)
+
+NOTHING, JUMP, SLOW = 4, 5, 6
+NEWTON = 50               # iterations; the matrix is made anew when one gains less than a factor of ten
+AGAIN = 3                 # repetitions of a step whose rows changed their kind
+LARGE = 10.0              # times the way of the drift: pushes beyond are jumps of the state
+LCPS, PIVOTS, INNER, CALLS, UNSETTLED = range(5)
+
+
+@njit(cache=True, error_model="numpy")
+def at_end(D, fixed, on):
+    """E: rows without lam (fixed) and the left null space of D on the support."""
+    m = fixed.size
+    E, idx, p, top = np.zeros((m, m)), np.empty(m, np.int64), 0, 0.0
+    for i in range(m):
+        if on[i] and not fixed[i]:
+            idx[p], p = i, p + 1
+        for j in range(m):
+            top = max(top, abs(D[i, j]))
+    if p:
+        S = np.empty((p, p))
+        for i in range(p):
+            for j in range(p):
+                S[i, j] = D[idx[i], idx[j]]
+        U, sigma, _ = np.linalg.svd(S)
+        for k in range(p):
+            if not sigma[k] > 1e-10 * top:
+                for i in range(p):
+                    for j in range(p):
+                        E[idx[i], idx[j]] += U[i, k] * U[j, k]
+    for i in range(m):
+        if fixed[i]:
+            E[i, i] = 1.0
+    return E
+
+
+@njit(cache=True, error_model="numpy")
+def jacobian(f, t, x, J):
+    """df/dx by one-sided differences into J; calls made."""
+    n = x.size
+    a, b, y = np.empty(n), np.empty(n), x.copy()
+    f(t, y, a)
+    for j in range(n):
+        y[j] = x[j] + 1.5e-8 * max(1.0, abs(x[j]))           # sqrt(eps): half of the digits, enough for Newton
+        f(t, y, b)
+        for i in range(n):
+            J[i, j] = (b[i] - a[i]) / (y[j] - x[j])
+        y[j] = x[j]
+    return n + 1
+
+
+@njit(cache=True, error_model="numpy")
+def times(A, x, out):
+    """out <- A x."""
+    for i in range(A.shape[0]):
+        out[i] = 0.0
+        for j in range(A.shape[1]):
+            out[i] += A[i, j] * x[j]
+
+
+@njit(cache=True, error_model="numpy")
+def matrices(J, h, theta, B, W, G):
+    """W <- (I - h th J)^-1, G <- h W B; False if singular."""
+    n = J.shape[0]
+    K, e = np.empty((n, n)), np.empty(n)
+    for c in range(n):
+        for i in range(n):
+            e[i] = 1.0 if i == c else 0.0
+            for j in range(n):
+                K[i, j] = (1.0 if i == j else 0.0) - h * theta * J[i, j]
+        if not gauss(K, e):
+            return False
+        for i in range(n):
+            W[i, c] = e[i]
+    for i in range(n):
+        for j in range(B.shape[1]):
+            G[i, j] = 0.0
+            for c in range(n):
+                G[i, j] += h * W[i, c] * B[c, j]
+    return True
+
+
+@njit(cache=True, error_model="numpy")
+def rows(C, D, G, E, theta, M, a, b):
+    """M <- D + (th I + (1 - th) E) C G, and its scales."""
+    m, n = C.shape
+    col = np.empty(m)
+    for j in range(m):
+        for i in range(m):
+            col[i] = 0.0
+            for c in range(n):
+                col[i] += C[i, c] * G[c, j]
+        for i in range(m):
+            M[i, j] = D[i, j] + theta * col[i]
+            for k in range(m):
+                M[i, j] += (1.0 - theta) * E[i, k] * col[k]
+    one, other = scales(M)
+    for i in range(m):
+        a[i], b[i] = one[i], other[i]
+
+
+@njit(cache=True, error_model="numpy")
+def offset(C, E, theta, x, z, q0, q1, u, v, r):
+    """r <- (1 - th) (C x + q0) + th (C z + q1) + E (1 - th) (C (z - x) + q1 - q0); u, v (m,): work."""
+    times(C, x, u)
+    times(C, z, v)
+    for i in range(r.size):
+        u[i] += q0[i]
+        v[i] += q1[i]
+        r[i] = (1.0 - theta) * u[i] + theta * v[i]
+        u[i] = (1.0 - theta) * (v[i] - u[i])
+    for i in range(r.size):
+        for k in range(r.size):
+            r[i] += E[i, k] * u[k]
+
+
+@njit(cache=True, error_model="numpy")
+def advance(f, linear, now, after, h, theta, x, y, v, q0, q1, system, state, lam, on, stale, count):
+    """One step from x to y: Newton's method on (y, lam), exact at once where f is linear. Returns a status.
+
+    system: B, C, D, fixed; state: J, W, G, E, M, a, b, made anew when `stale` and kept between steps.
+    """
+    B, C, D, fixed = system
+    J, W, G, E, M, a, b = state
+    n, m = x.size, lam.size
+    w, r, p, s, mid, z = np.empty(m), np.empty(m), np.empty(m), np.empty(m), np.empty(n), np.empty(n)
+    old = np.zeros(n)
+    for c in range(n):
+        y[c] = x[c]
+    if theta < 1.0:
+        f(now, x.copy(), old)
+        count[CALLS] += 1
+    move, tries, fresh = np.inf, 0, False
+    for it in range(NEWTON):
+        f(after, y.copy(), v)
+        count[CALLS] += 1
+        for c in range(n):
+            v[c] = (1.0 - theta) * old[c] + theta * v[c] if theta < 1.0 else v[c]
+        if health(v) != OK:
+            return health(v)
+        if stale:
+            if not linear:
+                count[CALLS] += jacobian(f, after, y, J)
+            if not matrices(J, h, theta, B, W, G):
+                return SLOW
+            rows(C, D, G, E, theta, M, a, b)
+            stale, fresh = False, True
+        for c in range(n):
+            mid[c] = x[c] + h * v[c] - y[c]
+        times(W, mid, z)
+        for c in range(n):
+            z[c] += y[c]
+        if m:
+            offset(C, E, theta, x, z, q0, q1, p, s, r)
+            found, pivots = solve(M, r, a, b, on, lam, w)
+            count[LCPS] += 1
+            count[PIVOTS] += pivots
+            if not found:
+                return NOTHING
+            least(M, r, a, b, lam, w)
+            times(G, lam, mid)
+            for c in range(n):
+                z[c] += mid[c]
+        before, move = move, 0.0
+        for c in range(n):
+            move = max(move, abs(z[c] - y[c]))
+            y[c] = z[c]
+        count[INNER] += 1
+        if health(y) != OK:
+            return health(y)
+        if linear or move <= 1e-13 * (1.0 + largest(y)) or (fresh and it > 5 and move <= 1e-11 * (1.0 + largest(y))):
+            if theta == 1.0 or m == 0 or not regroup(D, fixed, lam, E):
+                return OK
+            rows(C, D, G, E, theta, M, a, b)
+            tries += 1
+            if tries > AGAIN:
+                count[UNSETTLED] += 1
+                return OK
+        elif move > 0.1 * before:
+            stale = True
+        fresh = False
+    return SLOW
+
+
+@njit(cache=True, error_model="numpy")
+def regroup(D, fixed, lam, E):
+    """Bring E to the rows with lam > 0; was it another one?"""
+    m, far = lam.size, 0.0
+    on = np.empty(m, np.bool_)
+    for i in range(m):
+        on[i] = lam[i] > 0.0
+    new = at_end(D, fixed, on)
+    for i in range(m):
+        for j in range(m):
+            far = max(far, abs(new[i, j] - E[i, j]))
+    if far <= 1e-12:
+        return False
+    for i in range(m):
+        for j in range(m):
+            E[i, j] = new[i, j]
+    return True
+
+
+@njit(cache=True, error_model="numpy")
+def march(f, q_of, moving, linear, J, t, substeps, x, q, B, C, D, theta, fixed, jumpy, check):
+    """Samples of one run.
+
+    f(t, x, out), q_of(t, out): pointers; linear: f = J x + u(t). q (m,): its value if nothing moves. fixed (m,): rows
+    without lam; jumpy (m,): rows their own multiplier does not move; check: are other solutions looked for?
+    Returns X (K, n), impulse (K, m), counters, status, time reached, time of the first step with several motions or NaN.
+    """
+    K, n, m = t.size, x.size, q.size
+    X, P = np.full((K, n), np.nan), np.full((K, m), np.nan)
+    x, y, v, q0, q1 = x.copy(), x.copy(), np.empty(n), q.copy(), q.copy()
+    total, lam, on = np.zeros(m), np.zeros(m), np.zeros(m, np.bool_)
+    w, u, z, push, free = np.empty(m), np.empty(m), np.empty(m), np.empty(n), np.empty(n)
+    count, twice, old = np.zeros(5, np.int64), np.nan, -1.0
+    M, a, b, G = np.zeros((m, m)), np.ones(m), np.ones(m), np.zeros((n, m))
+    state = (J.copy(), np.eye(n), G, at_end(D, fixed, on), M, a, b)
+    for c in range(n):
+        X[0, c] = x[c]
+    for i in range(m):
+        P[0, i] = 0.0
+    for k in range(K - 1):
+        h = (t[k + 1] - t[k]) / substeps[k]
+        for s in range(substeps[k]):
+            now = t[k] + s * h
+            after = t[k + 1] if s + 1 == substeps[k] else t[k] + (s + 1) * h
+            if moving:
+                q_of(now, q0)
+                q_of(after, q1)
+            stale = abs(h - old) > 1e-12 * h                  # sample times are rounded: the same step for all
+            old = h if stale else old
+            code = advance(f, linear, now, after, h, theta, x, y, v, q0, q1, (B, C, D, fixed), state, lam, on, stale, count)
+            if code == NOTHING and health(q0) + health(q1) != OK:
+                code = NAN
+            if code != OK:
+                return X, P, count, code, now, twice
+            if check and np.isnan(twice):
+                times(G, lam, push)
+                for c in range(n):
+                    free[c] = y[c] - push[c]
+                offset(C, state[3], theta, x, free, q0, q1, u, z, w)
+                if other_motion(M, w, G, lam, h * largest(v) + largest(push)):
+                    twice = now
+            for i in range(m):
+                if jumpy[i] and lam[i] * largest(G[:, i].copy()) > LARGE * h * largest(v):
+                    return X, P, count, JUMP, after, twice
+                total[i] += h * lam[i]
+            for c in range(n):
+                x[c] = y[c]
+        for c in range(n):
+            X[k + 1, c] = x[c]
+        for i in range(m):
+            P[k + 1, i] = total[i]
+    return X, P, count, OK, t[K - 1], twice

@@ -1,0 +1,1 @@
+"""nsbench/source_files"""

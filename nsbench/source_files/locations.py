@@ -1,0 +1,98 @@
+"""Where modules lie: in this package, in an installed library, or in somebody's own folder. Nothing is imported."""
+from __future__ import annotations
+
+import functools
+import importlib.util
+import sys
+import sysconfig
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGE = ROOT.name
+
+
+@functools.cache
+def homes() -> dict[str, Path]:
+    """Folders of the package, by dotted name; cases and references may lie beside it."""
+    out = {PACKAGE: ROOT}
+    for name in ("cases", "reference_solutions"):
+        spec = importlib.util.find_spec(f"{PACKAGE}.{name}")
+        if spec is not None:
+            out[f"{PACKAGE}.{name}"] = Path(next(iter(spec.submodule_search_locations))).resolve()
+    return out
+
+
+@functools.cache
+def place_of(module: str) -> Path | None:
+    """File of a module of this package."""
+    home = max((h for h in homes() if f"{module}.".startswith(f"{h}.")), key=len)
+    base = homes()[home].joinpath(*module[len(home):].strip(".").split(".")) if module != home else homes()[home]
+    return next((p for p in (base / "__init__.py", base.with_suffix(".py")) if p.is_file()), None)
+
+
+def plugins(kind: str) -> dict[str, str]:
+    """Files of the package's own "solvers" or "cases" by name."""
+    folder = ROOT / kind if kind == "solvers" else homes()[f"{PACKAGE}.cases"]
+    found = {p.stem: str(p) for p in sorted(folder.glob("*.py")) if not p.name.startswith("_") and p.stem != "base"}
+    return found | ({p.parent.name: str(p) for p in sorted(folder.glob("*/method.py"))} if kind == "solvers" else {})
+
+
+def inside(path: Path) -> bool:
+    return any(path.is_relative_to(home) for home in homes().values())
+
+
+def is_foreign(path) -> bool:
+    """Is the file neither of this package nor of an installed library?"""
+    return not inside(Path(path)) and not is_installed(Path(path))
+
+
+def is_installed(path: Path) -> bool:
+    return bool({"site-packages", "dist-packages"} & {*path.parts}) or any(path.is_relative_to(p) for p in _standard())
+
+
+@functools.cache
+def _standard() -> tuple[str, ...]:
+    return tuple({sysconfig.get_path("stdlib"), sysconfig.get_path("platstdlib")})
+
+
+def beside(folder: Path, module: str, name: str) -> set[tuple[str, str]]:
+    """The module as a file in the folder, with the __init__ of the packages on the way; {} where there is none."""
+    out, base = set(), folder
+    for word in filter(None, module.split(".")):
+        base = base / word
+        out |= {("file", str(p)) for p in (base / "__init__.py", base.with_suffix(".py")) if p.is_file()}
+    inner = base / name if name.isidentifier() else None
+    if inner is not None and (out or not module):
+        out |= {("file", str(p)) for p in (inner / "__init__.py", inner.with_suffix(".py")) if p.is_file()}
+    if not out and base != folder and base.is_dir():     # a folder without __init__
+        out = {("file", str(p)) for p in sorted(base.rglob("*.py"))}
+    return out
+
+
+def elsewhere(module: str, name: str) -> set[tuple[str, str]]:
+    """A module that Python would find: a library where it is installed, else files."""
+    top = module.partition(".")[0]
+    if top in sys.stdlib_module_names:
+        return set()
+    try:
+        spec = importlib.util.find_spec(top)
+    except (ImportError, ValueError, AttributeError):
+        spec = None
+    places = [spec.origin] if spec is not None and spec.origin else list(getattr(spec, "submodule_search_locations", ()) or ())
+    if not places:
+        return set()
+    if is_installed(Path(places[0])):
+        return {("library", top)}
+    folder = Path(places[0]).parent.parent if Path(places[0]).name == "__init__.py" else Path(places[0]).parent
+    return beside(folder, module, name)
+
+
+def named_file(word: str, folder: Path) -> set[tuple[str, str]]:
+    """The file beside a foreign file that one of its strings names."""
+    if not word or "\n" in word or "\0" in word or word in (".", ".."):
+        return set()
+    try:
+        place = folder / word
+        return {("file", str(place.resolve()))} if place.is_file() else set()
+    except OSError:
+        return set()
