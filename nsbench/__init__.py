@@ -1,12 +1,22 @@
 """nsbench: which method, which step, what error, at what cost, for Filippov and complementarity systems."""
+
 from importlib import import_module
 
 _HOME = {
-    "Affine": "problem", "Distance": "problem", "Smooth": "problem",
-    "Complementarity": "problem", "Filippov": "problem", "LCS": "problem",
-    "Case": "case", "get_case": "case", "load_case": "case",
-    "solve": "solvers", "errors": "measure", "fit_order": "measure",
-    "run": "study", "write_report": "report",
+    "Affine": "problem",
+    "Distance": "problem",
+    "Smooth": "problem",
+    "Complementarity": "problem",
+    "Filippov": "problem",
+    "LCS": "problem",
+    "Case": "case",
+    "get_case": "case",
+    "load_case": "case",
+    "solve": "solvers",
+    "errors": "measure",
+    "fit_order": "measure",
+    "run": "study",
+    "write_report": "report",
 }
 __all__ = list(_HOME)
 __version__ = "0.1.0"

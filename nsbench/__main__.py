@@ -1,4 +1,5 @@
 """python -m nsbench"""
+
 from nsbench.cli import main
 
 if __name__ == "__main__":

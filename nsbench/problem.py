@@ -11,6 +11,7 @@ complementarity system: ``x' = A x + B lambda + u(t)``, ``w = C x + D lambda + q
 Physics is written once: a *factory* takes an array namespace and returns the function,
 ``drift(xp) -> f(t, x)``. Data is checked here, at the border; nothing below checks it again.
 """
+
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
@@ -27,7 +28,9 @@ def _floats(name: str, value, ndim: int | None = None) -> np.ndarray:
     """A read-only float64 copy of `value`; float32, complex and non-finite data are refused."""
     a = np.asarray(value)
     if a.dtype == np.float32 or a.dtype == np.float16:
-        raise TypeError(f"{name} is {a.dtype}; arrays must be float64 (rounding at 1e-7 would be read as method error)")
+        raise TypeError(
+            f"{name} is {a.dtype}; arrays must be float64 (rounding at 1e-7 would be read as method error)"
+        )
     if a.dtype.kind not in "fiub":
         raise TypeError(f"{name} has dtype {a.dtype}; real numbers are needed")
     a = np.array(a, dtype=np.float64)
@@ -51,6 +54,7 @@ class Affine:
     A: (m, n) array or scipy sparse matrix. b: (m,) array, or a factory ``b(xp) -> (t) -> (m,)``
     for moving walls.
     """
+
     A: Any
     b: Any
     indptr: np.ndarray = field(init=False, repr=False)
@@ -61,23 +65,33 @@ class Affine:
     def __post_init__(self):
         if hasattr(self.A, "tocsr"):
             csr = self.A.tocsr()
-            ptr, cols, vals, shape = csr.indptr, csr.indices, _floats("A", csr.data, 1).copy(), csr.shape
+            ptr = csr.indptr
+            cols = csr.indices
+            vals = _floats("A", csr.data, 1).copy()
+            shape = csr.shape
         else:
             A = _floats("A", self.A, 2)
             rows, cols = np.nonzero(A)
             ptr = np.searchsorted(rows, np.arange(A.shape[0] + 1))
-            vals, shape = A[rows, cols], A.shape
+            vals = A[rows, cols]
+            shape = A.shape
         zero = np.flatnonzero(np.diff(ptr) == 0)
         if zero.size:
-            raise ValueError(f"row {zero[0]} of A is zero: a constraint without gradient cannot be projected on")
+            raise ValueError(
+                f"row {zero[0]} of A is zero: a constraint without gradient cannot be projected on"
+            )
         if not callable(self.b):
             b = _floats("b", self.b, 1)
             if b.shape != (shape[0],):
                 raise ValueError(f"b has shape {b.shape}, A has {shape[0]} rows")
             object.__setattr__(self, "b", b)
         # contiguous: kernels are compiled for one kind of array, and nonzero gives strided ones
-        for name, value in (("indptr", np.ascontiguousarray(ptr, np.int64)), ("indices", np.ascontiguousarray(cols, np.int64)),
-                            ("data", np.ascontiguousarray(vals, np.float64)), ("shape", tuple(map(int, shape)))):
+        for name, value in (
+            ("indptr", np.ascontiguousarray(ptr, np.int64)),
+            ("indices", np.ascontiguousarray(cols, np.int64)),
+            ("data", np.ascontiguousarray(vals, np.float64)),
+            ("shape", tuple(map(int, shape))),
+        ):
             object.__setattr__(self, name, value)
 
     @property
@@ -95,6 +109,7 @@ class Distance:
     (particle, anchor); without pairs every particle meets every anchor.
     The particles are ``x[start : start + count * dim].reshape(count, dim)``; count None means up to the end.
     """
+
     d: Any = None
     sign: int = +1
     pairs: Any = None
@@ -106,7 +121,9 @@ class Distance:
 
     def __post_init__(self):
         if self.sign not in (+1, -1):
-            raise ValueError(f"sign is {self.sign!r}; +1 (at least d apart) or -1 (at most d apart)")
+            raise ValueError(
+                f"sign is {self.sign!r}; +1 (at least d apart) or -1 (at most d apart)"
+            )
         if self.dim not in (1, 2, 3):
             raise ValueError(f"dim is {self.dim!r}; 1, 2 or 3")
         if (self.d is None) == (self.radii is None):
@@ -155,8 +172,12 @@ class Distance:
     def particles(self, n: int) -> int:
         """How many particles the state of size n holds for this family; ValueError if it does not divide."""
         count = (n - self.start) // self.dim if self.count is None else self.count
-        if self.start + count * self.dim > n or (self.count is None and (n - self.start) % self.dim):
-            raise ValueError(f"the state has {n} entries; particles of dimension {self.dim} from {self.start} do not fit")
+        if self.start + count * self.dim > n or (
+            self.count is None and (n - self.start) % self.dim
+        ):
+            raise ValueError(
+                f"the state has {n} entries; particles of dimension {self.dim} from {self.start} do not fit"
+            )
         if self.radii is not None and self.radii.ndim and len(self.radii) != count:
             raise ValueError(f"{len(self.radii)} radii for {count} particles")
         return count
@@ -169,6 +190,7 @@ class Smooth:
     g: factory ``g(xp) -> (t, x) -> (m,)``. gradient: factory ``-> (t, x) -> (m, n)``; rate: factory
     ``-> (t, x) -> (m,)`` for the partial derivative in t. Both come from JAX unless given.
     """
+
     g: Factory
     gradient: Factory | None = None
     rate: Factory | None = None
@@ -182,6 +204,7 @@ class Smooth:
 @dataclass(frozen=True, eq=False)
 class Complementarity:
     """x' = f + sum lambda_k grad g_k, 0 <= g_k _|_ lambda_k >= 0; no constraints: a plain smooth ODE."""
+
     drift: Factory
     constraints: tuple = ()
 
@@ -195,9 +218,12 @@ class Complementarity:
 
 def _blend(plus, minus, axis):
     """Factory of  w f_plus + (1 - w) f_minus,  w = (1 + s_axis) / 2; at w = 0 or 1 one side alone counts."""
+
     def make(xp):
-        fp, fm = plus(xp), minus(xp)
+        fp = plus(xp)
+        fm = minus(xp)
         if xp.__name__ == "numpy":
+
             def f(t, x, s):
                 w = 0.5 * (1.0 + s[axis])
                 if w >= 1.0:
@@ -206,20 +232,27 @@ def _blend(plus, minus, axis):
                     return fm(t, x, s)
                 return w * fp(t, x, s) + (1.0 - w) * fm(t, x, s)
         else:
+
             def f(t, x, s):
                 w = 0.5 * (1.0 + s[axis])
-                a, b = fp(t, x, s), fm(t, x, s)
+                a = fp(t, x, s)
+                b = fm(t, x, s)
                 return xp.where(w >= 1.0, a, xp.where(w <= 0.0, b, w * a + (1.0 - w) * b))
+
         return f
+
     return make
 
 
 def _leaf(drift):
     def make(xp):
         inner = drift(xp)
+
         def f(t, x, s):
             return inner(t, x)
+
         return f
+
     return make
 
 
@@ -235,6 +268,7 @@ class Filippov:
     takes one of product weights. They all move alike if the field is affine in the signs; else a case that wants all
     of Filippov's solutions says so with ``unique=False`` and gives their `distance`.
     """
+
     modes: Mapping | None
     switch: Factory
     field: Factory | None = None
@@ -249,11 +283,15 @@ class Filippov:
         d = len(next(iter(modes)))
         want = set(product((1, -1), repeat=d))
         if set(modes) != want:
-            raise ValueError(f"modes has the sign tuples {sorted(modes)}; {d} surface(s) need {sorted(want)}")
+            raise ValueError(
+                f"modes has the sign tuples {sorted(modes)}; {d} surface(s) need {sorted(want)}"
+            )
+
         def build(prefix):
             if len(prefix) == d:
                 return _leaf(modes[prefix])
             return _blend(build((*prefix, 1)), build((*prefix, -1)), len(prefix))
+
         object.__setattr__(self, "modes", modes)
         object.__setattr__(self, "field", build(()))
         object.__setattr__(self, "d", d)
@@ -267,19 +305,25 @@ class Filippov:
     def relay(cls, drift: Factory, B, switch: Factory) -> Filippov:
         """x' = f + B s, s_i in Sgn(c_i); B is (n, d)."""
         B = _floats("B", B, 2)
+
         def field(xp):
-            f, b = drift(xp), B + 0.0
+            f = drift(xp)
+            b = B + 0.0
             if xp.__name__ != "numpy":
                 b = xp.asarray(b)
+
             def g(t, x, s):
                 return f(t, x) + b @ s
+
             return g
+
         return cls(None, switch, field, B.shape[1])
 
 
 @dataclass(frozen=True, eq=False)
 class LCS:
     """x' = A x + B lambda + u(t), w = C x + D lambda + q(t), 0 <= w _|_ lambda >= 0; u, q are factories."""
+
     A: Any
     B: Any
     C: Any
@@ -292,7 +336,9 @@ class LCS:
             object.__setattr__(self, name, _floats(name, getattr(self, name), 2))
         (n, n2), (nb, m), (mc, nc) = self.A.shape, self.B.shape, self.C.shape
         if not (n == n2 == nb == nc and m == mc and self.D.shape == (m, m)):
-            raise ValueError(f"shapes do not fit: A {self.A.shape} B {self.B.shape} C {self.C.shape} D {self.D.shape}")
+            raise ValueError(
+                f"shapes do not fit: A {self.A.shape} B {self.B.shape} C {self.C.shape} D {self.D.shape}"
+            )
         for name in "uq":
             if getattr(self, name) is not None:
                 _factory(name, getattr(self, name))

@@ -1,4 +1,5 @@
 """What a run returns: samples, impulses, events, a status and counted work."""
+
 from __future__ import annotations
 
 import errno
@@ -7,11 +8,33 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-STATUSES = ("ok", "unverified", "below_reference", "refused", "diverged", "nan", "infeasible", "degenerate",
-            "chatter", "maxiter", "timeout", "oom", "crashed", "error")
+STATUSES = (
+    "ok",
+    "unverified",
+    "below_reference",
+    "refused",
+    "diverged",
+    "nan",
+    "infeasible",
+    "degenerate",
+    "chatter",
+    "maxiter",
+    "timeout",
+    "oom",
+    "crashed",
+    "error",
+)
 LAM_TIMES = ("start", "midpoint", "end", "mean")
-MACHINE = "a fault of the machine"       # in the sentence of an "error" that may be gone when the run is made again
-SHORT = (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EAGAIN)
+MACHINE = "a fault of the machine"  # in the sentence of an "error" that may be gone when the run is made again
+SHORT = (
+    errno.ENOSPC,
+    errno.EDQUOT,
+    errno.EIO,
+    errno.EMFILE,
+    errno.ENFILE,
+    errno.ENOMEM,
+    errno.EAGAIN,
+)
 
 
 def spelled(text: str) -> str:
@@ -22,6 +45,7 @@ def spelled(text: str) -> str:
 @dataclass(frozen=True)
 class Status:
     """One word of a closed list and, unless ok, a sentence a person can act on."""
+
     code: str = "ok"
     why: str = ""
 
@@ -34,12 +58,15 @@ class Status:
         return self.code == "ok"
 
     def __str__(self) -> str:
-        return self.why or ("The run reached its end time." if self.ok else f"The run ended: {self.code}.")
+        return self.why or (
+            "The run reached its end time." if self.ok else f"The run ended: {self.code}."
+        )
 
 
 @dataclass(frozen=True)
 class Event:
     """A located event: its time, kind (contact, release, enter, exit, cross, pivot) and the contact's id."""
+
     t: float
     kind: str
     contact: tuple
@@ -59,6 +86,7 @@ class Trajectory:
     between: times (j,), states (j, n) and impulses (j, m) after some steps between samples, of Filippov systems and as far as a
     method keeps them: what a run may have gone through unseen.
     """
+
     t: np.ndarray
     x: np.ndarray
     contacts: tuple
@@ -76,10 +104,14 @@ class Trajectory:
 def fault_of_machine(e: BaseException) -> str:
     """The end of a sentence if files, disk or threads of the machine are behind what was raised, however a library tells it;
     "" if not."""
-    words, told, below = [*map(os.strerror, SHORT), "can't start new thread"], set(), e
+    words = [*map(os.strerror, SHORT), "can't start new thread"]
+    told = set()
+    below = e
     while below is not None and id(below) not in told:
         if isinstance(below, OSError) or any(w in str(below) for w in words):
-            return f" ({MACHINE})" if below is e else f" ({MACHINE}: {type(below).__name__}: {below})"
+            return (
+                f" ({MACHINE})" if below is e else f" ({MACHINE}: {type(below).__name__}: {below})"
+            )
         told.add(id(below))
         below = below.__cause__ or below.__context__
     return ""

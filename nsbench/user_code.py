@@ -1,5 +1,6 @@
 """Code of a user's file that runs in the command itself (its import, what a method refuses): it can neither end the command
 unheard, nor hold it up unheard. Where it crashes in C, the command ends, and the traceback names the file."""
+
 from __future__ import annotations
 
 import contextlib
@@ -9,7 +10,7 @@ import sys
 import threading
 from collections.abc import Iterator
 
-SLOW = 20.0              # seconds after which a line says who is at work
+SLOW = 20.0  # seconds after which a line says who is at work
 
 
 class EndsProcess(RuntimeError):
@@ -20,18 +21,29 @@ class EndsProcess(RuntimeError):
 def asked(what: str) -> Iterator[None]:
     """Within, os._exit of this thread raises EndsProcess, what takes longer than SLOW says so on standard error, and a crash
     in C leaves its traceback there."""
-    here, leave = (os.getpid(), threading.get_ident()), os._exit
+    here = (os.getpid(), threading.get_ident())
+    leave = os._exit
 
     def refused(status):
-        if (os.getpid(), threading.get_ident()) != here:         # a child of the file's own, or another thread
+        if (
+            os.getpid(),
+            threading.get_ident(),
+        ) != here:  # a child of the file's own, or another thread
             leave(status)
         raise EndsProcess(f"{what} calls os._exit({status}), which would end the command")
-    notice = threading.Timer(SLOW, lambda: print(f"nsbench: {what} is still at work after {SLOW:g} s; Ctrl-C stops it",
-                                                 file=sys.stderr, flush=True))
+
+    notice = threading.Timer(
+        SLOW,
+        lambda: print(
+            f"nsbench: {what} is still at work after {SLOW:g} s; Ctrl-C stops it",
+            file=sys.stderr,
+            flush=True,
+        ),
+    )
     notice.daemon = True
     notice.start()
     os._exit = refused
-    crashes = not faulthandler.is_enabled()              # else somebody hears them already
+    crashes = not faulthandler.is_enabled()  # else somebody hears them already
     if crashes:
         faulthandler.enable(file=2)
     try:

@@ -1,5 +1,6 @@
 """One thread for every library, set before any of them is imported; Ctrl-C is heard even where a shell started the tests in
 the background."""
+
 import os
 import signal
 
@@ -7,7 +8,9 @@ import pytest
 
 for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(name, "1")
-if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:        # what tests start would inherit it, and not be interrupted
+if (
+    signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+):  # what tests start would inherit it, and not be interrupted
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
@@ -15,5 +18,6 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:        # what tests start 
 def solver_files_forgotten(monkeypatch):
     """What a test registers is not there in the next one, in whatever order and process they come."""
     from nsbench import solvers, study
+
     monkeypatch.setattr(solvers, "_loaded", {})
     monkeypatch.setattr(study, "_files_loaded", set())

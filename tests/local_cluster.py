@@ -1,7 +1,8 @@
 """A Dask cluster of worker processes on this machine, each with a nanny that restarts it, in a process of its own.
 
-    python tests/local_cluster.py WORKERS       prints the address of the scheduler, ends with its standard input
+python tests/local_cluster.py WORKERS       prints the address of the scheduler, ends with its standard input
 """
+
 import contextlib
 import os
 import subprocess
@@ -14,8 +15,14 @@ def cluster(workers, **env):
     """(address, process) of a cluster; env: settings such as DASK_..."""
     with tempfile.TemporaryDirectory() as folder:
         settings = os.environ | {"DASK_TEMPORARY_DIRECTORY": folder} | env
-        process = subprocess.Popen([sys.executable, __file__, str(workers)], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
-                                   stderr=subprocess.DEVNULL, env=settings, text=True)
+        process = subprocess.Popen(
+            [sys.executable, __file__, str(workers)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            env=settings,
+            text=True,
+        )
         with process:
             try:
                 yield process.stdout.readline().strip(), process
@@ -28,7 +35,10 @@ def cluster(workers, **env):
 
 def main(workers):
     from distributed import LocalCluster
-    with LocalCluster(n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None) as own:
+
+    with LocalCluster(
+        n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None
+    ) as own:
         print(own.scheduler_address, flush=True)
         sys.stdin.read()
 

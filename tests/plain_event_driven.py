@@ -5,29 +5,47 @@ shares nothing with it: gaps and gradients are numpy expressions over all pairs,
 least-squares problem (min |f + G^T lam|, lam >= 0, has the complementarity conditions as its own), solved a little
 ahead of the event, dense output finds the events, and there is no list of neighbours.
 """
+
 import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.optimize import nnls
 
 from nsbench import Affine, Distance
 
-TOUCHING, AHEAD, ZERO, FAINT = 1e-9, 1e-6, 1e-9, 1e-11
+TOUCHING = 1e-9
+AHEAD = 1e-6
+ZERO = 1e-9
+FAINT = 1e-11
 
 
 class Plain:
     def __init__(self, case):
-        self.f, self.n = case.problem.drift(np), case.n
-        self.A, self.b, self.d, self.dim = np.zeros((0, case.n)), np.zeros(0), None, 2
+        self.f = case.problem.drift(np)
+        self.n = case.n
+        self.A = np.zeros((0, case.n))
+        self.b = np.zeros(0)
+        self.d = None
+        self.dim = 2
         for c in case.problem.constraints:
             if isinstance(c, Affine) and not c.moving:
                 dense = np.zeros(c.shape)
                 dense[np.repeat(np.arange(c.shape[0]), np.diff(c.indptr)), c.indices] = c.data
-                self.A, self.b = np.vstack((self.A, dense)), np.append(self.b, c.b)
-            elif isinstance(c, Distance) and c.all_pairs and c.radii is None and self.d is None and c.count is None:
-                self.d, self.dim = float(c.d), c.dim
+                self.A = np.vstack((self.A, dense))
+                self.b = np.append(self.b, c.b)
+            elif (
+                isinstance(c, Distance)
+                and c.all_pairs
+                and c.radii is None
+                and self.d is None
+                and c.count is None
+            ):
+                self.d = float(c.d)
+                self.dim = c.dim
                 self.i, self.j = np.triu_indices(c.particles(case.n), 1)
             else:
-                raise NotImplementedError("plain_event_driven knows equal hard discs and walls at rest")
+                raise NotImplementedError(
+                    "plain_event_driven knows equal hard discs and walls at rest"
+                )
 
     def gaps(self, x):
         g = self.A @ x + self.b
@@ -38,15 +56,18 @@ class Plain:
 
     def gradients(self, x, which):
         """(m, n) of the constraints `which`."""
-        G, rows = np.zeros((len(which), self.n)), len(self.b)
+        G = np.zeros((len(which), self.n))
+        rows = len(self.b)
         for r, k in enumerate(which):
             if k < rows:
                 G[r] = self.A[k]
                 continue
-            i, j = self.i[k - rows] * self.dim, self.j[k - rows] * self.dim
-            u = x[i:i + self.dim] - x[j:j + self.dim]
+            i = self.i[k - rows] * self.dim
+            j = self.j[k - rows] * self.dim
+            u = x[i : i + self.dim] - x[j : j + self.dim]
             u = u / np.sqrt(u @ u)
-            G[r, i:i + self.dim], G[r, j:j + self.dim] = u, -u
+            G[r, i : i + self.dim] = u
+            G[r, j : j + self.dim] = -u
         return G
 
     def held(self, t, x, active):
@@ -81,13 +102,17 @@ class Plain:
 def run(case, tol=1e-10):
     """(X, times): states at case.t and the times at which the set of loaded contacts changed."""
     s = Plain(case)
-    t, x, T = float(case.t[0]), np.array(case.x0, float), float(case.t[-1])
-    X, done, times = np.empty((len(case.t), s.n)), 1, []
+    t = float(case.t[0])
+    x = np.array(case.x0, float)
+    T = float(case.t[-1])
+    X = np.empty((len(case.t), s.n))
+    done = 1
+    times = []
     X[0], active = x, s.choose(t, x)
     while t < T:
         opened = np.ones(len(s.gaps(x)), bool)
         opened[active] = False
-        opened[s.gaps(x) < ZERO] = False                  # closed without load: seen again at the next event
+        opened[s.gaps(x) < ZERO] = False  # closed without load: seen again at the next event
 
         def gap(t, y, opened=opened):
             return s.gaps(y)[opened].min(initial=1.0)
@@ -97,12 +122,21 @@ def run(case, tol=1e-10):
 
         gap.terminal = load.terminal = True
         gap.direction = load.direction = -1
-        part = solve_ivp(lambda t, y, active=active: s.held(t, y, active)[0], (t, T), x, "DOP853", rtol=tol, atol=tol,
-                         events=(gap, load), dense_output=True)
+        part = solve_ivp(
+            lambda t, y, active=active: s.held(t, y, active)[0],
+            (t, T),
+            x,
+            "DOP853",
+            rtol=tol,
+            atol=tol,
+            events=(gap, load),
+            dense_output=True,
+        )
         while done < len(case.t) and case.t[done] <= part.t[-1]:
             X[done] = part.sol(case.t[done])
             done += 1
-        t, x = part.t[-1], part.y[:, -1]
+        t = part.t[-1]
+        x = part.y[:, -1]
         if part.status == 1:
             x = s.project(x, active)
             active = s.choose(t, x)

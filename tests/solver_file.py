@@ -1,4 +1,5 @@
 """The text of a solver file whose runs stay where the case starts, after doing what a test wants."""
+
 import textwrap
 
 TEXT = '''"""A solver that was made for a test."""
@@ -30,4 +31,6 @@ SOLVER = Made
 def solver(run: str, how: str = "fine", before: str = "", stats: str = "{}") -> str:
     """run: statements that a run begins with (they see self.how, case and h); how: its default; before: statements of the
     module; stats: an expression."""
-    return TEXT.format(run=textwrap.indent(textwrap.dedent(run), 12 * " "), how=how, before=before, stats=stats)
+    return TEXT.format(
+        run=textwrap.indent(textwrap.dedent(run), 12 * " "), how=how, before=before, stats=stats
+    )

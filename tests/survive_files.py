@@ -1,4 +1,5 @@
 """Case files for tests of what is survived, and the rows of their runs."""
+
 from nsbench.cli import main
 from nsbench.solvers import get
 from nsbench.study import Spec, attempt, resolve
@@ -8,13 +9,23 @@ HEAD = '"""A scene that was made for a test."""\nimport numpy as np\nfrom nsbenc
 FLOOR = "Affine(np.eye(1), np.zeros(1)),"
 
 
-def case_file(folder, drift="-1.0 + 0 * x", constraints=FLOOR, x0="[1.0]", t="np.linspace(0, 2, 11)", name="scene", more="",
-              problem=None):
+def case_file(
+    folder,
+    drift="-1.0 + 0 * x",
+    constraints=FLOOR,
+    x0="[1.0]",
+    t="np.linspace(0, 2, 11)",
+    name="scene",
+    more="",
+    problem=None,
+):
     """A file with one case; drift: what f(t, x) returns."""
     path = folder / f"{name}.py"
     problem = problem or f"Complementarity(drift, ({constraints}))"
-    path.write_text(f"{HEAD}\ndef drift(xp):\n    return lambda t, x: {drift}\n\n\n"
-                    f"CASE = Case(name={name!r}, problem={problem}, x0={x0}, t={t}{', ' if more else ''}{more})\n")
+    path.write_text(
+        f"{HEAD}\ndef drift(xp):\n    return lambda t, x: {drift}\n\n\n"
+        f"CASE = Case(name={name!r}, problem={problem}, x0={x0}, t={t}{', ' if more else ''}{more})\n"
+    )
     return path
 
 

@@ -1,4 +1,5 @@
 """What lies between the samples of a run: states that methods keep there, and two-folds that samples do not show."""
+
 import dataclasses
 
 import numpy as np
@@ -7,15 +8,24 @@ import pytest
 from nsbench import Case, Filippov, solvers
 from nsbench.diagnostics.run_view import LOOKS, fuller
 
-METHODS = {"euler": {"h": 1e-3}, "euler[implicit=true]": {"h": 1e-3}, "penalty": {"k": 1e4}, "nosnoc": {"h": 0.1},
-           "event_driven": {}}
+METHODS = {
+    "euler": {"h": 1e-3},
+    "euler[implicit=true]": {"h": 1e-3},
+    "penalty": {"k": 1e4},
+    "nosnoc": {"h": 0.1},
+    "event_driven": {},
+}
 
 
 def folds(plus, minus, samples=2, end=1.0, x0=(0.0, 0.0)):
     """x0 slides on x0 = 0 while plus < 0 < minus, both (t, y) -> the speed across it; y grows with time."""
     side = lambda speed: lambda xp: lambda t, x: xp.array([speed(t, x[1]), 1.0 + 0.0 * x[0]])
-    return Case("folds", Filippov({(1,): side(plus), (-1,): side(minus)}, lambda xp: lambda t, x: x[:1]),
-                x0=np.array(x0), t=np.linspace(0.0, end, samples))
+    return Case(
+        "folds",
+        Filippov({(1,): side(plus), (-1,): side(minus)}, lambda xp: lambda t, x: x[:1]),
+        x0=np.array(x0),
+        t=np.linspace(0.0, end, samples),
+    )
 
 
 @pytest.mark.survives("repulsive")
@@ -27,8 +37,12 @@ def test_a_state_that_slides_into_a_two_fold_is_told(spec, by, samples):
     of = {"time": lambda t, y: t, "state": lambda t, y: y}[by]
     case = folds(lambda t, y: 2.0 * (of(t, y) - 0.5), lambda t, y: 0.5 - of(t, y), samples)
     assert solvers.solve(case, spec, **METHODS[spec]).status.code == "degenerate"
-    assert solvers.solve(case.replace(unique=False, distance=lambda t, x: 0.0), spec, **METHODS[spec]).status.ok \
+    assert (
+        solvers.solve(
+            case.replace(unique=False, distance=lambda t, x: 0.0), spec, **METHODS[spec]
+        ).status.ok
         or spec == "event_driven"
+    )
 
 
 @pytest.mark.parametrize("samples", [2, 11])
@@ -50,10 +64,21 @@ def test_what_is_kept_between_samples_is_the_run(spec):
     if spec != "penalty":
         sampled = solvers.solve(case.replace(t=np.linspace(0.0, 1.0, 101)), spec, **METHODS[spec])
         same = np.searchsorted(sampled.t, t - 1e-9)
-        assert np.allclose(sampled.t[same], t) and np.allclose(sampled.x[same], x) and np.allclose(sampled.impulse[same], impulse)
+        assert (
+            np.allclose(sampled.t[same], t)
+            and np.allclose(sampled.x[same], x)
+            and np.allclose(sampled.impulse[same], impulse)
+        )
     whole = fuller(run)
-    assert np.all(np.diff(whole.t) > 0.0) and len(whole.t) == len(whole.x) == len(whole.impulse) > LOOKS / 2
-    more = (np.append(t, t[-1] + 1e-9), np.append(x, x[-1:], axis=0), np.append(impulse, impulse[-1:], axis=0))
+    assert (
+        np.all(np.diff(whole.t) > 0.0)
+        and len(whole.t) == len(whole.x) == len(whole.impulse) > LOOKS / 2
+    )
+    more = (
+        np.append(t, t[-1] + 1e-9),
+        np.append(x, x[-1:], axis=0),
+        np.append(impulse, impulse[-1:], axis=0),
+    )
     twice = dataclasses.replace(run, between=more)
     assert np.array_equal(fuller(twice).t, whole.t)
 
@@ -70,20 +95,30 @@ def test_runs_with_many_samples_and_without_surfaces_keep_nothing():
 
 
 @pytest.mark.survives("repulsive")
-@pytest.mark.parametrize("plus, minus, code", [(1.0, -1.0, "degenerate"), (1.0, 1.0, "ok"), (-1.0, 1.0, "ok"),
-                                               (1.0, -1e-6, "ok")])
+@pytest.mark.parametrize(
+    "plus, minus, code",
+    [(1.0, -1.0, "degenerate"), (1.0, 1.0, "ok"), (-1.0, 1.0, "ok"), (1.0, -1e-6, "ok")],
+)
 @pytest.mark.parametrize("spec", ["euler", "euler[implicit=true]", "nosnoc"])
 def test_a_start_from_which_both_fields_lead_away_is_told(spec, plus, minus, code):
     """Each method takes one of its solutions. A field that is hardly one is no reason to say so."""
-    run = solvers.solve(folds(lambda t, y: plus + 0.0 * y, lambda t, y: minus + 0.0 * y), spec, h=0.1)
+    run = solvers.solve(
+        folds(lambda t, y: plus + 0.0 * y, lambda t, y: minus + 0.0 * y), spec, h=0.1
+    )
     assert run.status.code == code
 
 
 @pytest.mark.parametrize("spec", ["euler", "euler[implicit=true]"])
 @pytest.mark.parametrize("away, code", [(lambda s: s, "degenerate"), (lambda s: -s, "ok")])
 def test_a_start_in_a_corner_from_which_fields_lead_away_is_told(spec, away, code):
-    case = Case("corner", Filippov.signs(lambda xp: lambda t, x, s: away(s) + 0.0 * x, lambda xp: lambda t, x: x + 0.0),
-                x0=np.zeros(2), t=np.linspace(0.0, 1.0, 2))
+    case = Case(
+        "corner",
+        Filippov.signs(
+            lambda xp: lambda t, x, s: away(s) + 0.0 * x, lambda xp: lambda t, x: x + 0.0
+        ),
+        x0=np.zeros(2),
+        t=np.linspace(0.0, 1.0, 2),
+    )
     assert solvers.solve(case, spec, h=0.01).status.code == code
 
 
@@ -96,17 +131,30 @@ def test_weights_of_long_explicit_steps_are_of_some(second, code):
 @pytest.mark.parametrize("spec", ["euler[implicit=true]", "penalty"])
 def test_fields_beside_another_surface_that_is_slid_on_tell_nothing(spec):
     """On the negative side of surface 1 both fields lead away from surface 0; on surface 1 they lead to it at all times."""
-    field = lambda xp: lambda t, x, s: xp.array([-(0.6 + s[1]) * s[0], 0.5 * xp.sin(20.0 * t) - s[1], 1.0])
-    case = Case("both", Filippov.signs(field, lambda xp: lambda t, x: x[:2]), x0=np.zeros(3), t=np.linspace(0.0, 1.0, 21))
+    field = lambda xp: (
+        lambda t, x, s: xp.array([-(0.6 + s[1]) * s[0], 0.5 * xp.sin(20.0 * t) - s[1], 1.0])
+    )
+    case = Case(
+        "both",
+        Filippov.signs(field, lambda xp: lambda t, x: x[:2]),
+        x0=np.zeros(3),
+        t=np.linspace(0.0, 1.0, 21),
+    )
     assert solvers.solve(case, spec, **METHODS[spec]).status.ok
 
 
 @pytest.mark.parametrize("samples", [2, 21])
 @pytest.mark.parametrize("spec", ["euler", "euler[implicit=true]", "penalty"])
-def test_a_slide_that_crosses_another_surface_beyond_which_both_fields_lead_away_is_told(spec, samples):
+def test_a_slide_that_crosses_another_surface_beyond_which_both_fields_lead_away_is_told(
+    spec, samples
+):
     field = lambda xp: lambda t, x, s: xp.array([(0.1 - s[0]) * s[1], 1.0 + 0.0 * x[0]])
-    case = Case("over", Filippov.signs(field, lambda xp: lambda t, x: xp.array([x[0], 0.503 - x[1]])), x0=np.zeros(2),
-                t=np.linspace(0.0, 1.0, samples))
+    case = Case(
+        "over",
+        Filippov.signs(field, lambda xp: lambda t, x: xp.array([x[0], 0.503 - x[1]])),
+        x0=np.zeros(2),
+        t=np.linspace(0.0, 1.0, samples),
+    )
     assert solvers.solve(case, spec, **METHODS[spec]).status.code == "degenerate"
 
 
@@ -114,9 +162,17 @@ def test_a_slide_that_crosses_another_surface_beyond_which_both_fields_lead_away
 def test_rounding_of_fields_along_a_surface_leads_nowhere(spec):
     """Along a circle both fields make of its switch, which is of order 1e-16 then, what rounding makes of it."""
     turn = lambda way: lambda xp: lambda t, x: way * xp.array([-x[1], x[0]])
-    circle = Filippov({(1,): turn(1.0), (-1,): turn(2.0)}, lambda xp: lambda t, x: xp.array([x[0] * x[0] + x[1] * x[1] - 1.0]))
+    circle = Filippov(
+        {(1,): turn(1.0), (-1,): turn(2.0)},
+        lambda xp: lambda t, x: xp.array([x[0] * x[0] + x[1] * x[1] - 1.0]),
+    )
     for angle in np.linspace(0.1, 6.0, 40):
-        case = Case("circle", circle, x0=np.array([np.cos(angle), np.sin(angle)]), t=np.linspace(0.0, 1.0, 2))
+        case = Case(
+            "circle",
+            circle,
+            x0=np.array([np.cos(angle), np.sin(angle)]),
+            t=np.linspace(0.0, 1.0, 2),
+        )
         assert "more than one" not in str(solvers.solve(case, spec, h=0.01).status)
 
 
@@ -127,11 +183,15 @@ def test_rounding_of_fields_along_a_surface_leads_nowhere(spec):
 def test_a_slide_that_a_method_leaves_late_is_told(spec, mirrored, samples, least):
     """The field that leads back to the surface does so by `least` alone; the other turns away at 0.5, and there the state leaves:
     explicit steps that went over the surface once are still beside it at the end, weights in a layer lag behind."""
-    weak, turns = lambda t, y: -mirrored * least, lambda t, y: mirrored * (0.5 - t)
+    weak = lambda t, y: -mirrored * least
+    turns = lambda t, y: mirrored * (0.5 - t)
     case = folds(*((weak, turns) if mirrored > 0.0 else (turns, weak)), samples)
     run = solvers.solve(case, spec, **METHODS[spec])
-    assert run.status.code == "unverified" if spec in ("euler", "penalty") else \
-        not run.status.ok or abs(run.x[-1, 0] + mirrored * 0.125) < 1e-3
+    assert (
+        run.status.code == "unverified"
+        if spec in ("euler", "penalty")
+        else not run.status.ok or abs(run.x[-1, 0] + mirrored * 0.125) < 1e-3
+    )
 
 
 @pytest.mark.parametrize("plus", [-0.5, -0.02])
@@ -139,7 +199,9 @@ def test_a_slide_that_a_method_leaves_late_is_told(spec, mirrored, samples, leas
 @pytest.mark.parametrize("spec", ["euler", "penalty"])
 def test_a_slide_that_a_method_leaves_in_time_is_right(spec, jumps, plus):
     """Where the field turns suddenly too."""
-    minus = (lambda t, y: 0.5 * (0.5 - t) / (abs(0.5 - t) + 1e-9)) if jumps else (lambda t, y: 0.5 - t)
+    minus = (
+        (lambda t, y: 0.5 * (0.5 - t) / (abs(0.5 - t) + 1e-9)) if jumps else (lambda t, y: 0.5 - t)
+    )
     case = folds(lambda t, y: plus, minus, 11)
     run = solvers.solve(case, spec, **METHODS[spec])
     assert run.status.ok and abs(run.x[-1, 0] + (0.25 if jumps else 0.125)) < 2e-2

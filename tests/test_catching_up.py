@@ -1,4 +1,5 @@
 """Catching up solves the QP of every step to rounding, whoever solves it, and says so when it does not."""
+
 import numpy as np
 import pytest
 
@@ -12,12 +13,14 @@ ACCURATE = ("catching_up", "catching_up[backend=osqp]", "catching_up[backend=piq
 def still(xp):
     def f(t, x):
         return 0.0 * x
+
     return f
 
 
 def pull(xp):
     def f(t, x):
         return -x
+
     return f
 
 
@@ -27,7 +30,9 @@ def order(h, error):
 
 def test_tide_converges_with_order_one_in_state_and_impulse():
     case = nsbench.get_case("tide")
-    steps = 0.05 / np.array([1, 2, 3, 5, 8, 13, 21, 34, 55, 89, 144])           # 7.2 octaves, no dyadic ratio
+    steps = 0.05 / np.array(
+        [1, 2, 3, 5, 8, 13, 21, 34, 55, 89, 144]
+    )  # 7.2 octaves, no dyadic ratio
     runs = [nsbench.solve(case, "catching_up", h=h) for h in steps]
     assert all(r.status.ok and r.stats["loop"] == "compiled" for r in runs)
     state = [np.abs(r.x - case.exact(r.t)).max() for r in runs]
@@ -39,17 +44,21 @@ def test_tide_converges_with_order_one_in_state_and_impulse():
 def step_by_cvxpy(x, z, radius=1.0):
     """The QP of one step written down anew: all pairs, no lists; (y, reaction)."""
     import cvxpy as cp
-    p, y = x.reshape(-1, 2), cp.Variable(x.size)
+
+    p = x.reshape(-1, 2)
+    y = cp.Variable(x.size)
     rows = []
     for i in range(len(p)):
         for j in range(i + 1, len(p)):
             e = p[i] - p[j]
             r = np.linalg.norm(e)
             a = np.zeros(x.size)
-            a[2 * i:2 * i + 2], a[2 * j:2 * j + 2] = e / r, -e / r
+            a[2 * i : 2 * i + 2] = e / r
+            a[2 * j : 2 * j + 2] = -e / r
             rows.append(r - 2 * radius + a @ (y - x) >= 0)
     cp.Problem(cp.Minimize(0.5 * cp.sum_squares(y - z)), rows).solve(
-        cp.CLARABEL, tol_gap_abs=1e-12, tol_gap_rel=1e-12, tol_feas=1e-12)
+        cp.CLARABEL, tol_gap_abs=1e-12, tol_gap_rel=1e-12, tol_feas=1e-12
+    )
     duals = [float(c.dual_value) for c in rows]
     return y.value, duals
 
@@ -64,8 +73,12 @@ def test_one_step_is_the_projection_cvxpy_finds(spec, seed):
     def push(xp):
         def f(t, x):
             return speed + 0.0 * x
+
         return f
-    case = Case("one_step", Complementarity(push, (Distance(2.0),)), x0, np.array([0.0, 0.1]), start="keep")
+
+    case = Case(
+        "one_step", Complementarity(push, (Distance(2.0),)), x0, np.array([0.0, 0.1]), start="keep"
+    )
     run = nsbench.solve(case, spec, h=0.1)
     y, duals = step_by_cvxpy(x0, x0 + 0.1 * speed)
     assert len(run.contacts) >= 6
@@ -105,7 +118,9 @@ def test_the_nonlinear_projection_lies_in_the_set_and_is_stationary():
 
 def test_the_nonlinear_projection_bears_strong_tension():
     case = nsbench.get_case("chain[hanging=rest]")
-    run = nsbench.solve(case, "catching_up[nonlinear=true]", h=0.05)    # plain successive linearisation goes to and fro
+    run = nsbench.solve(
+        case, "catching_up[nonlinear=true]", h=0.05
+    )  # plain successive linearisation goes to and fro
     assert run.status.ok and run.x == pytest.approx(case.exact(run.t), abs=1e-8)
 
 
@@ -113,38 +128,68 @@ def test_a_smooth_family_is_the_affine_one():
     def g(xp):
         def f(t, x):
             return x - 0.1 * xp.sin(t)
+
         return f
 
     def b(xp):
         def f(t):
             return -0.1 * xp.sin(t) * xp.ones(1)
+
         return f
+
     t = np.linspace(0.0, 1.0, 3)
-    runs = [nsbench.solve(Case("s", Complementarity(pull, (c,)), np.array([0.4]), t), "catching_up", h=0.01)
-            for c in (Smooth(g, gradient=lambda xp: lambda t, x: xp.ones((1, 1))), Affine(np.eye(1), b))]
+    runs = [
+        nsbench.solve(
+            Case("s", Complementarity(pull, (c,)), np.array([0.4]), t), "catching_up", h=0.01
+        )
+        for c in (Smooth(g, gradient=lambda xp: lambda t, x: xp.ones((1, 1))), Affine(np.eye(1), b))
+    ]
     assert [r.stats["loop"] for r in runs] == ["host", "compiled"]
-    assert runs[0].x == pytest.approx(runs[1].x, abs=1e-14) and runs[0].impulse == pytest.approx(runs[1].impulse, abs=1e-14)
+    assert runs[0].x == pytest.approx(runs[1].x, abs=1e-14) and runs[0].impulse == pytest.approx(
+        runs[1].impulse, abs=1e-14
+    )
 
 
 def test_failures_are_statuses():
     def blow(xp):
         def f(t, x):
             return x / (0.5 - t) if t < 0.5 else x * xp.inf
+
         return f
+
     floor = (Affine(np.eye(1), np.zeros(1)),)
-    run = nsbench.solve(Case("b", Complementarity(blow, floor), np.ones(1), np.linspace(0, 1, 5)), "catching_up", h=0.05)
+    run = nsbench.solve(
+        Case("b", Complementarity(blow, floor), np.ones(1), np.linspace(0, 1, 5)),
+        "catching_up",
+        h=0.05,
+    )
     assert run.status.code == "nan" and np.isfinite(run.x[1]).all() and np.isnan(run.x[-1]).all()
-    at = Case("c", Complementarity(still, (Distance(1.0),)), np.zeros(4), np.linspace(0, 1, 3), start="keep")
+    at = Case(
+        "c",
+        Complementarity(still, (Distance(1.0),)),
+        np.zeros(4),
+        np.linspace(0, 1, 3),
+        start="keep",
+    )
     for spec in ACCURATE:
         assert nsbench.solve(at, spec, h=0.1).status.code == "degenerate"
-    assert nsbench.solve("wheel", "catching_up", h=0.05).status.ok          # starts at the hub, far inside its link
+    assert nsbench.solve(
+        "wheel", "catching_up", h=0.05
+    ).status.ok  # starts at the hub, far inside its link
 
 
 def test_refusals_and_options():
     for name in ("sliding", "smooth"):
         why = get("catching_up").refuses(nsbench.get_case(name))
         assert why.endswith(".") and "Catching up" in why
-    for bad in ("backend=osqq", "nonlinear=3", "eps=1e-3", "backend=osqp,eps=2", "reach=0", "backend=piqp,max_iter=0"):
+    for bad in (
+        "backend=osqq",
+        "nonlinear=3",
+        "eps=1e-3",
+        "backend=osqp,eps=2",
+        "reach=0",
+        "backend=piqp,max_iter=0",
+    ):
         with pytest.raises(ValueError):
             get(f"catching_up[{bad}]")
     with pytest.raises(ValueError, match="did you mean 'osqp'"):
@@ -154,8 +199,13 @@ def test_refusals_and_options():
 def test_nonlinear_steps_that_do_not_settle_end_the_run(monkeypatch):
     """A disc dragged round another: one linearisation a step is not enough, and twenty such steps are."""
     from nsbench.solvers.catching_up import host_loop as host
+
     case = nsbench.get_case("two_discs")
     assert nsbench.solve(case, "catching_up[nonlinear=true]", h=0.01).status.ok
     monkeypatch.setattr(host, "ROUNDS", 1)
     traj = nsbench.solve(case, "catching_up[nonlinear=true]", h=0.01)
-    assert traj.status.code == "maxiter" and "did not settle" in str(traj.status) and traj.stats["limits"] == host.ENOUGH
+    assert (
+        traj.status.code == "maxiter"
+        and "did not settle" in str(traj.status)
+        and traj.stats["limits"] == host.ENOUGH
+    )

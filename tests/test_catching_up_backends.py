@@ -1,4 +1,5 @@
 """Catching up is one method, whoever solves its QPs and whichever loop it runs in; false answers are noticed."""
+
 import dataclasses
 
 import numpy as np
@@ -16,6 +17,7 @@ ACCURATE = ("catching_up", "catching_up[backend=osqp]", "catching_up[backend=piq
 def still(xp):
     def f(t, x):
         return 0.0 * x
+
     return f
 
 
@@ -24,8 +26,11 @@ def host_twin(case, h, reach=0.3):
     from nsbench.dynamics.contacts.constraint_set import Scene
     from nsbench.solvers.catching_up.host_loop import HostLoop
     from nsbench.solvers.catching_up.method import _trajectory
+
     g = grid(case.t, h)
-    loop = HostLoop(case, Scene(case.problem, case.n), g, case.x0.copy(), "active_set", False, reach, None, None)
+    loop = HostLoop(
+        case, Scene(case.problem, case.n), g, case.x0.copy(), "active_set", False, reach, None, None
+    )
     return _trajectory(case, g, "host", loop.run(), None)
 
 
@@ -41,7 +46,11 @@ def test_a_backend_that_claims_success_falsely_is_unverified(monkeypatch):
     case = nsbench.get_case("tide")
     monkeypatch.setitem(_qp.BACKENDS, "osqp", Liar)
     run = nsbench.solve(case, "catching_up[backend=osqp]", h=0.05)
-    assert run.status.code == "unverified" and "KKT residual" in str(run.status) and run.stats["kkt"] > 1e-6
+    assert (
+        run.status.code == "unverified"
+        and "KKT residual" in str(run.status)
+        and run.stats["kkt"] > 1e-6
+    )
 
 
 @pytest.mark.survives("iteration limit")
@@ -56,7 +65,9 @@ def test_backends_and_loops_agree_on_multipliers():
     twin = host_twin(case, 0.02)
     assert own.stats["loop"] == "compiled" and twin.stats["loop"] == "host"
     assert own.contacts == twin.contacts and own.status.ok
-    assert twin.x == pytest.approx(own.x, abs=1e-12) and twin.impulse == pytest.approx(own.impulse, abs=1e-11)
+    assert twin.x == pytest.approx(own.x, abs=1e-12) and twin.impulse == pytest.approx(
+        own.impulse, abs=1e-11
+    )
     for spec in ACCURATE[1:]:
         other = nsbench.solve(case, spec, h=0.02)
         at = [other.contacts.index(c) for c in own.contacts]
@@ -74,39 +85,59 @@ def everything():
     def walls(xp):
         def b(t):
             return xp.concatenate((xp.full(18, 0.3) + 0.2 * xp.sin(t), xp.full(18, 4.8) - 0.3 * t))
+
         return b
 
     def hook(xp):
         def a(t):
             return xp.array([[1.0, 0.0]]) * xp.cos(t) + xp.array([[-2.0, 2.0]])
+
         return a
 
     def nail(xp):
         def a(t):
             return xp.array([[5.5, 0.0]]) * xp.cos(0.1 * t)
+
         return a
 
     def f(xp):
         def g(t, x):
             return xp.cos(3.0 * t) * (2.0 - x) + xp.sin(xp.arange(18.0) + t)
+
         return g
-    families = (Distance(2.0), Affine(np.vstack([eye, -eye]), walls), Distance(2.1, sign=-1, pairs=[[0, 1], [4, 5]]),
-                Distance(1.5, sign=-1, pairs=[[6, 0]], anchors=nail), Distance(1.0, anchors=hook))
-    return Case("everything", Complementarity(f, families), x0, np.linspace(0.0, 1.0, 5), start="keep")
+
+    families = (
+        Distance(2.0),
+        Affine(np.vstack([eye, -eye]), walls),
+        Distance(2.1, sign=-1, pairs=[[0, 1], [4, 5]]),
+        Distance(1.5, sign=-1, pairs=[[6, 0]], anchors=nail),
+        Distance(1.0, anchors=hook),
+    )
+    return Case(
+        "everything", Complementarity(f, families), x0, np.linspace(0.0, 1.0, 5), start="keep"
+    )
 
 
 def test_the_compiled_loop_is_the_loop_in_python_for_every_family():
     case = everything()
-    own, twin = nsbench.solve(case, "catching_up", h=0.01), host_twin(case, 0.01)
-    assert own.status.ok and own.stats["loop"] == "compiled" and {c[0] for c in own.contacts} >= {0, 1, 2, 3}
+    own = nsbench.solve(case, "catching_up", h=0.01)
+    twin = host_twin(case, 0.01)
+    assert (
+        own.status.ok
+        and own.stats["loop"] == "compiled"
+        and {c[0] for c in own.contacts} >= {0, 1, 2, 3}
+    )
     assert own.contacts == twin.contacts
-    assert twin.x == pytest.approx(own.x, abs=1e-11) and twin.impulse == pytest.approx(own.impulse, abs=1e-10)
+    assert twin.x == pytest.approx(own.x, abs=1e-11) and twin.impulse == pytest.approx(
+        own.impulse, abs=1e-10
+    )
     assert own.reaction == pytest.approx(twin.reaction, abs=1e-11)
 
 
 @pytest.mark.parametrize("spec", ACCURATE)
 def test_redundant_contacts_have_the_unique_reaction(spec):
-    run, case = nsbench.solve("hex[n=19]", spec, h=0.01), nsbench.get_case("hex[n=19]")
+    run = nsbench.solve("hex[n=19]", spec, h=0.01)
+    case = nsbench.get_case("hex[n=19]")
     late = run.t > 0.5
     assert run.status.ok and len(run.contacts) >= 30
     fall = np.gradient(run.reaction[late], run.t[late], axis=0)[1:-1]
@@ -119,21 +150,37 @@ def test_redundant_contacts_have_the_unique_reaction(spec):
 def test_contradicting_walls_are_infeasible_from_then_on(spec):
     def walls(xp):
         def b(t):
-            return xp.stack((-t, 1.0 + 0.0 * t))                   # t <= x <= 1
+            return xp.stack((-t, 1.0 + 0.0 * t))  # t <= x <= 1
+
         return b
-    case = Case("press", Complementarity(still, (Affine(np.array([[1.0], [-1.0]]), walls),)), np.array([0.5]),
-                np.linspace(0.0, 2.0, 5))
+
+    case = Case(
+        "press",
+        Complementarity(still, (Affine(np.array([[1.0], [-1.0]]), walls),)),
+        np.array([0.5]),
+        np.linspace(0.0, 2.0, 5),
+    )
     run = nsbench.solve(case, spec, h=0.1)
     assert run.status.code == "infeasible" and "t = 1" in str(run.status)
-    assert run.x[:3, 0] == pytest.approx([0.5, 0.5, 1.0]) and np.all(np.isnan(run.x[3:])) and np.all(np.isnan(run.impulse[3:]))
+    assert (
+        run.x[:3, 0] == pytest.approx([0.5, 0.5, 1.0])
+        and np.all(np.isnan(run.x[3:]))
+        and np.all(np.isnan(run.impulse[3:]))
+    )
 
 
 def test_bounds_that_osqp_takes_for_infinite_are_no_answer(capfd):
-    backend, G, key = _qp.OSQP(), _qp.Rows.of(eye_array(2).tocsr()), object()
+    backend = _qp.OSQP()
+    G = _qp.Rows.of(eye_array(2).tocsr())
+    key = object()
     start = np.zeros(2)
     assert backend(G, np.array([-1.0, 1.0]), 0.1, key, start).code == "solved"
     answer = backend(G, np.array([-1e32, 1.0]), 0.1, key, start)
-    assert answer.code == "maxiter" and not answer.d.any() and "ERROR" not in "".join(capfd.readouterr())
+    assert (
+        answer.code == "maxiter"
+        and not answer.d.any()
+        and "ERROR" not in "".join(capfd.readouterr())
+    )
     assert backend(G, np.array([-2.0, 1.0]), 0.1, key, start).d[0] == pytest.approx(2.0)
 
 
@@ -141,10 +188,30 @@ def test_bounds_that_osqp_takes_for_infinite_are_no_answer(capfd):
 def test_the_unit_of_length_is_the_users(backend):
     def case(unit):
         def drift(xp):
-            return lambda t, x: unit * xp.array([1.0 - 0.4 * x[0] / unit, 0.1 * xp.sin(t) - 0.4 * x[1] / unit, -0.4 * x[2] / unit,
-                                                 -0.4 * x[3] / unit])
-        return Case("unit", Complementarity(drift, (Distance(d=unit, dim=2),)), unit * np.array([-1.0, 0.0, 0.0, 0.1]),
-                    np.linspace(0.0, 1.0, 6))
-    large, small = (nsbench.solve(case(unit), f"catching_up[backend={backend}]", h=0.02) for unit in (1.0, 1e-8))
+            return lambda t, x: (
+                unit
+                * xp.array(
+                    [
+                        1.0 - 0.4 * x[0] / unit,
+                        0.1 * xp.sin(t) - 0.4 * x[1] / unit,
+                        -0.4 * x[2] / unit,
+                        -0.4 * x[3] / unit,
+                    ]
+                )
+            )
+
+        return Case(
+            "unit",
+            Complementarity(drift, (Distance(d=unit, dim=2),)),
+            unit * np.array([-1.0, 0.0, 0.0, 0.1]),
+            np.linspace(0.0, 1.0, 6),
+        )
+
+    large, small = (
+        nsbench.solve(case(unit), f"catching_up[backend={backend}]", h=0.02) for unit in (1.0, 1e-8)
+    )
     assert large.status.ok and small.status.ok
-    assert np.abs(small.x / 1e-8 - large.x).max() < 1e-7 and np.abs(small.impulse / 1e-8 - large.impulse).max() < 1e-7
+    assert (
+        np.abs(small.x / 1e-8 - large.x).max() < 1e-7
+        and np.abs(small.impulse / 1e-8 - large.impulse).max() < 1e-7
+    )

@@ -1,4 +1,5 @@
 """The command line keeps its word: what it prints, where it writes, how it exits."""
+
 import csv
 import os
 import signal
@@ -13,7 +14,9 @@ from nsbench.cli.commands import read_values
 
 
 def nsbench(*args, **kw):
-    return subprocess.run([sys.executable, "-m", "nsbench", *args], capture_output=True, text=True, **kw)
+    return subprocess.run(
+        [sys.executable, "-m", "nsbench", *args], capture_output=True, text=True, **kw
+    )
 
 
 def test_a_run_ends_with_a_report_and_is_resumed(tmp_path):
@@ -21,7 +24,15 @@ def test_a_run_ends_with_a_report_and_is_resumed(tmp_path):
     first = nsbench("run", "tide", "-s", "pbd", "--h", "5e-2..1e-3", "-o", out, "-j", "1")
     assert first.returncode == 0, first.stderr
     assert first.stdout.splitlines()[-1] == f"report: {out}/report.html"
-    for name in ("runs.parquet", "runs.csv", "journal.jsonl", "env.json", "report.html", "report.md", "figures"):
+    for name in (
+        "runs.parquet",
+        "runs.csv",
+        "journal.jsonl",
+        "env.json",
+        "report.html",
+        "report.md",
+        "figures",
+    ):
         assert (tmp_path / "r" / name).exists(), name
     before = (tmp_path / "r" / "journal.jsonl").read_bytes()
     again = nsbench("run", "tide", "-s", "pbd", "--h", "5e-2..1e-3", "-o", out, "-j", "1")
@@ -31,18 +42,21 @@ def test_a_run_ends_with_a_report_and_is_resumed(tmp_path):
     assert plan.returncode == 2
 
 
-@pytest.mark.parametrize("args, text", [
-    (["run", "tyde"], "did you mean 'tide'?"),
-    (["run", "tide", "-s", "pdb"], "did you mean 'pbd'?"),
-    (["run", "tide", "-s", "pbd[ordr=reverse]"], "did you mean 'order'?"),
-    (["run", "discs[N=3]"], "no parameter 'N'"),
-    (["run", "tide", "--h", "-0.1"], "-0.1"),
-    (["run", "tide", "--h", "fine"], "fine"),
-    (["run", "--tag", "nosuchtag"], "no case matches"),
-    (["show", "tide", "-s", "pbd", "--tol", "1e-3"], "takes 'h'"),
-    (["report", "nowhere"], "no results in nowhere"),
-    (["check", "nowhere.py"], "no file"),
-])
+@pytest.mark.parametrize(
+    "args, text",
+    [
+        (["run", "tyde"], "did you mean 'tide'?"),
+        (["run", "tide", "-s", "pdb"], "did you mean 'pbd'?"),
+        (["run", "tide", "-s", "pbd[ordr=reverse]"], "did you mean 'order'?"),
+        (["run", "discs[N=3]"], "no parameter 'N'"),
+        (["run", "tide", "--h", "-0.1"], "-0.1"),
+        (["run", "tide", "--h", "fine"], "fine"),
+        (["run", "--tag", "nosuchtag"], "no case matches"),
+        (["show", "tide", "-s", "pbd", "--tol", "1e-3"], "takes 'h'"),
+        (["report", "nowhere"], "no results in nowhere"),
+        (["check", "nowhere.py"], "no file"),
+    ],
+)
 @pytest.mark.survives("nearest name", "nothing matches")
 def test_bad_input_exits_2_and_names_the_value(args, text, capsys):
     assert main(args) == 2
@@ -75,10 +89,25 @@ def test_values_are_read_as_lists_and_ranges():
 @pytest.mark.survives("ctrl-c")
 def test_interrupted_run_keeps_what_is_finished_and_goes_on(tmp_path):
     out = tmp_path / "r"
-    args = [sys.executable, "-m", "nsbench", "run", "tide", "three_discs", "-s", "pbd", "-o", str(out), "-j", "1"]
-    p = subprocess.Popen(args, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    args = [
+        sys.executable,
+        "-m",
+        "nsbench",
+        "run",
+        "tide",
+        "three_discs",
+        "-s",
+        "pbd",
+        "-o",
+        str(out),
+        "-j",
+        "1",
+    ]
+    p = subprocess.Popen(
+        args, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
     journal = out / "journal.jsonl"
-    for _ in range(3000):                    # kernels may have to be compiled first, on a machine with other work
+    for _ in range(3000):  # kernels may have to be compiled first, on a machine with other work
         if journal.exists() and journal.stat().st_size:
             break
         time.sleep(0.1)
@@ -92,14 +121,29 @@ def test_interrupted_run_keeps_what_is_finished_and_goes_on(tmp_path):
 
 
 def test_a_case_and_a_solver_from_files_outside_the_package(tmp_path):
-    case, solver = tmp_path / "my_case.py", tmp_path / "my_solver.py"
+    case = tmp_path / "my_case.py"
+    solver = tmp_path / "my_solver.py"
     case.write_text(CASE)
     solver.write_text(SOLVER)
     for f in (case, solver):
         checked = nsbench("check", str(f), cwd=tmp_path)
         assert checked.returncode == 0, checked.stdout + checked.stderr
-    r = nsbench("run", "--cases", str(case), "--solvers", str(solver), "-s", "my_solver", "-s", "pbd", "-o", "out",
-                "-j", "1", cwd=tmp_path)
+    r = nsbench(
+        "run",
+        "--cases",
+        str(case),
+        "--solvers",
+        str(solver),
+        "-s",
+        "my_solver",
+        "-s",
+        "pbd",
+        "-o",
+        "out",
+        "-j",
+        "1",
+        cwd=tmp_path,
+    )
     assert r.returncode == 0, r.stdout + r.stderr
     page = (tmp_path / "out" / "report.html").read_text()
     assert "my_case" in page and "my_solver" in page

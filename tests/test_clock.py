@@ -1,4 +1,5 @@
 """The clock compares runs within rounds: what slows a round slows all of it, and a short run is repeated."""
+
 import numpy as np
 import pytest
 
@@ -7,14 +8,17 @@ from nsbench.measure import clock
 
 def fake(monkeypatch, costs, pace):
     """A time that only the runs advance: cost of each run times the pace of its round."""
-    now, calls = [0.0], {n: 0 for n in costs}
+    now = [0.0]
+    calls = {n: 0 for n in costs}
     monkeypatch.setattr(clock.time, "perf_counter", lambda: now[0])
 
     def run(name):
         def go():
             now[0] += costs[name] * pace(calls)
             calls[name] += 1
+
         return go
+
     return {n: run(n) for n in costs}, calls
 
 
@@ -32,12 +36,15 @@ def test_a_short_run_is_repeated_until_its_turn_lasts(monkeypatch):
     found = clock.interleaved(runs, rounds=3, least=0.02)
     assert found["short"].repeats == 200 and found["long"].repeats == 1
     assert calls == {"short": 1 + 3 * 200, "long": 4}
-    assert found["short"].median == pytest.approx(1e-4) and found["short"].worst == pytest.approx(1e-4)
+    assert found["short"].median == pytest.approx(1e-4) and found["short"].worst == pytest.approx(
+        1e-4
+    )
     assert clock.ratio(found["long"], found["short"]).median == pytest.approx(1e4)
 
 
 def test_every_run_begins_a_round_in_turn(monkeypatch):
-    seen, runs = [], {}
+    seen = []
+    runs = {}
     now = [0.0]
     monkeypatch.setattr(clock.time, "perf_counter", lambda: now[0])
 
@@ -45,7 +52,9 @@ def test_every_run_begins_a_round_in_turn(monkeypatch):
         def go():
             now[0] += 1.0
             seen.append(name)
+
         return go
+
     for n in "abc":
         runs[n] = make(n)
     clock.interleaved(runs, rounds=3)
@@ -65,11 +74,13 @@ def test_a_run_that_compiles_is_timed_without_its_compilation():
     @numba.njit
     def late(x):
         return x + 1.0
+
     calls = []
 
     def run():
         calls.append(late(float(len(calls))))
         return calls[-1]
+
     out, seconds, compiled = clock.first_call(run)
     assert len(calls) == 2 and out == 2.0 and compiled > 0.01 > seconds
     assert clock.first_call(run)[2] == 0.0 and len(calls) == 3

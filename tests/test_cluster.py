@@ -1,4 +1,5 @@
 """A cluster gives the rows that this machine gives, whatever becomes of its workers, and keeps little of them here."""
+
 import dataclasses
 import os
 import signal
@@ -20,12 +21,15 @@ from nsbench.results import run_key as keys
 from nsbench.results import tables as store
 from nsbench.study import Spec, run_one
 
-LIMIT = 5.0             # seconds, of runs that take some milliseconds where nothing else is at work
+LIMIT = 5.0  # seconds, of runs that take some milliseconds where nothing else is at work
 CLOCK = {*store.CLOCK, "shared"}
 # a nanny whose worker dies while it still starts gives it up: the run lets it start
-KILLER = SOLVER.replace('if self.how == "exit":', 'if self.how == "kill":\n                time.sleep(2)\n'
-                        '                os.kill(os.getppid(), 9)\n'
-                        '            if self.how == "exit":')
+KILLER = SOLVER.replace(
+    'if self.how == "exit":',
+    'if self.how == "kill":\n                time.sleep(2)\n'
+    "                os.kill(os.getppid(), 9)\n"
+    '            if self.how == "exit":',
+)
 
 
 @pytest.fixture(scope="module")
@@ -45,14 +49,18 @@ def pids(address):
 
 def test_rows_are_those_of_this_machine_though_a_worker_is_killed(address):
     steps = [0.05 / n for n in (1, 2, 3, 5, 8, 13, 21)]
-    batches = [[Spec(c, s, "h", h) for s in ("pbd", "euler") for h in steps] for c in ("tide", "sliding")]
-    before, rows = pids(address), {}
+    batches = [
+        [Spec(c, s, "h", h) for s in ("pbd", "euler") for h in steps] for c in ("tide", "sliding")
+    ]
+    before = pids(address)
+    rows = {}
 
     def on_row(spec, row):
         assert row["shared"] is True and spec not in rows
         rows[spec] = plain(row)
         if len(rows) == 3:
             os.kill(before[0], signal.SIGKILL)
+
     far.run_all(iter(batches), address, 60.0, on_row)
     here = {}
     local.run_all(batches, 1, 60.0, lambda spec, row: here.__setitem__(spec, plain(row)))
@@ -63,21 +71,36 @@ def test_rows_are_those_of_this_machine_though_a_worker_is_killed(address):
 def test_hang_exit_and_exception_are_the_rows_they_are_here(address, tmp_path):
     file = tmp_path / "bad.py"
     file.write_text(SOLVER)
-    specs = [Spec("tide", f"bad[how={how}]", "h", 0.01, "", (str(file),))
-             for how in ("fine", "hang", "raise", "exit", "memory", "fine2")]
-    there, here = {}, {}
+    specs = [
+        Spec("tide", f"bad[how={how}]", "h", 0.01, "", (str(file),))
+        for how in ("fine", "hang", "raise", "exit", "memory", "fine2")
+    ]
+    there = {}
+    here = {}
     far.run_all([specs], address, LIMIT, lambda spec, row: there.__setitem__(spec, plain(row)))
     local.run_all([specs], 2, LIMIT, lambda spec, row: here.__setitem__(spec, plain(row)))
-    assert [(k, v, here[s][k]) for s in specs for k, v in there[s].items() if v != here[s].get(k)] == []
+    assert [
+        (k, v, here[s][k]) for s in specs for k, v in there[s].items() if v != here[s].get(k)
+    ] == []
     assert there == here
-    assert [there[s]["status"] for s in specs] == ["'ok'", "'timeout'", "'error'", "'crashed'", "'oom'", "'ok'"]
+    assert [there[s]["status"] for s in specs] == [
+        "'ok'",
+        "'timeout'",
+        "'error'",
+        "'crashed'",
+        "'oom'",
+        "'ok'",
+    ]
 
 
 @pytest.mark.survives("death")
 def test_a_run_that_kills_its_workers_is_a_row_and_the_others_go_on(address, tmp_path):
     file = tmp_path / "bad.py"
     file.write_text(KILLER)
-    specs = [Spec("tide", f"bad[how={how}]", "h", 0.01, "", (str(file),)) for how in ("a", "b", "c", "kill", "d", "e")]
+    specs = [
+        Spec("tide", f"bad[how={how}]", "h", 0.01, "", (str(file),))
+        for how in ("a", "b", "c", "kill", "d", "e")
+    ]
     rows = {}
     far.run_all([specs], address, 60.0, lambda spec, row: rows.__setitem__(spec, row))
     assert [rows[s]["status"] for s in specs] == ["ok", "ok", "ok", "crashed", "ok", "ok"]
@@ -86,7 +109,9 @@ def test_a_run_that_kills_its_workers_is_a_row_and_the_others_go_on(address, tmp
 
 def test_specifications_are_taken_as_they_are_needed_and_tasks_are_forgotten(address, monkeypatch):
     monkeypatch.setattr(far, "MOST", 20)
-    taken, done, most = [0], [0], [0]
+    taken = [0]
+    done = [0]
+    most = [0]
 
     def specs():
         for _ in range(1000):
@@ -96,44 +121,60 @@ def test_specifications_are_taken_as_they_are_needed_and_tasks_are_forgotten(add
     def on_row(spec, row):
         done[0] += 1
         most[0] = max(most[0], taken[0] - done[0])
+
     far.run_all([specs()], address, 60.0, on_row)
     assert done[0] == 1000 and most[0] <= far.AHEAD * 2 * 20
     with far.connected(address) as client:
         assert client.run_on_scheduler(lambda dask_scheduler: len(dask_scheduler.tasks)) <= 4
-        assert not any(client.run(lambda: len(watched._crews)).values())     # and no process is left behind
+        assert not any(
+            client.run(lambda: len(watched._crews)).values()
+        )  # and no process is left behind
 
 
 def test_what_stops_a_study_stops_it_there_as_well(address, tmp_path):
     file = tmp_path / "bad.py"
     file.write_text(SOLVER)
-    specs = [Spec("tide", "pbd", "h", 0.1), Spec("tide", "bad[how=hang]", "h", 0.01, "", (str(file),))] * 3
+    specs = [
+        Spec("tide", "pbd", "h", 0.1),
+        Spec("tide", "bad[how=hang]", "h", 0.01, "", (str(file),)),
+    ] * 3
 
     def on_row(spec, row):
         raise KeyboardInterrupt
+
     with pytest.raises(KeyboardInterrupt):
         far.run_all([specs], address, 600.0, on_row)
     with far.connected(address) as client:
         assert not any(client.run(lambda: len(watched._crews)).values())
     rows = []
-    far.run_all([specs[:1]], address, 60.0, lambda spec, row: rows.append(row["status"]))      # nobody is still at work
+    far.run_all(
+        [specs[:1]], address, 60.0, lambda spec, row: rows.append(row["status"])
+    )  # nobody is still at work
     assert rows == ["ok"]
 
 
 def test_a_task_that_comes_after_its_study_was_stopped_is_not_begun(tmp_path):
     file = tmp_path / "bad.py"
     file.write_text(SOLVER)
-    hang, fine = (Spec("tide", f"bad[how={how}]", "h", 0.01, "", (str(file),)) for how in ("hang", "fine"))
+    hang, fine = (
+        Spec("tide", f"bad[how={how}]", "h", 0.01, "", (str(file),)) for how in ("hang", "fine")
+    )
     arguments = 600.0, None, "study", watched.fingerprint(), [{str(file): SOLVER.encode()}]
     rows = []
     thread = threading.Thread(target=lambda: rows.append(watched.rows_of([hang, fine], *arguments)))
     thread.start()
     until = time.monotonic() + 60
-    while not any(crew.team.working for crew in [*watched._crews.values()]) and time.monotonic() < until:
+    while (
+        not any(crew.team.working for crew in [*watched._crews.values()])
+        and time.monotonic() < until
+    ):
         time.sleep(0.05)
-    process, = (job.process for crew in watched._crews.values() for job in crew.team.working)
+    (process,) = (job.process for crew in watched._crews.values() for job in crew.team.working)
     watched.dismiss("study")
     thread.join(30)
-    assert rows == [[]] and process.exitcode is not None            # the run under way ends, its thread is free again
+    assert (
+        rows == [[]] and process.exitcode is not None
+    )  # the run under way ends, its thread is free again
     assert watched.rows_of([fine], *arguments) == [] and not watched._crews
     others = watched.rows_of([fine], 600.0, None, "other study", *arguments[3:])
     assert [row["status"] for row, _ in others] == ["ok"]
@@ -143,10 +184,15 @@ def test_a_task_that_comes_after_its_study_was_stopped_is_not_begun(tmp_path):
 def test_workers_unlike_this_installation_are_refused(address):
     here = watched.fingerprint() | {"numpy": "1.0", "nsbench.cases": "0"}
     with far.connected(address) as client:
-        with pytest.raises(far.ClusterError, match=r"tcp://.* nsbench.cases has other contents, numpy is .* \(here 1.0\)"):
+        with pytest.raises(
+            far.ClusterError,
+            match=r"tcp://.* nsbench.cases has other contents, numpy is .* \(here 1.0\)",
+        ):
             far._check(client, address, here)
         work = far._Work(client, address, 60.0, iter([Spec("tide", "pbd", "h", 0.1)]), here)
-        with pytest.raises(far.ClusterError, match="that joined is not like this"):      # after the others were looked at
+        with pytest.raises(
+            far.ClusterError, match="that joined is not like this"
+        ):  # after the others were looked at
             list(work.rows())
         with pytest.raises(far.ClusterError, match=r"cannot load nsbench: .* install the same"):
             far._check(_Deaf(client), address, here)
@@ -163,7 +209,8 @@ class _Deaf:
 
 
 def test_files_are_used_where_they_lie_or_as_copies_that_lie_alike(tmp_path, monkeypatch):
-    file, data = tmp_path / "bad.py", tmp_path / "data" / "x.txt"
+    file = tmp_path / "bad.py"
+    data = tmp_path / "data" / "x.txt"
     file.write_text(SOLVER)
     unit = {str(file): SOLVER.encode(), str(data): b"1"}
     data.parent.mkdir()
@@ -171,11 +218,18 @@ def test_files_are_used_where_they_lie_or_as_copies_that_lie_alike(tmp_path, mon
     assert watched._placed([unit]) == {str(file): str(file), str(data): str(data)}
     data.write_text("2")
     places = [Path(p) for p in watched._placed([unit]).values()]
-    assert [p.read_bytes() for p in places] == [*unit.values()] and places[1].parent.parent == places[0].parent != tmp_path
+    assert [p.read_bytes() for p in places] == [*unit.values()] and places[
+        1
+    ].parent.parent == places[0].parent != tmp_path
     gone = str(tmp_path / "other" / "bad.py")
-    copy, = watched._moved([Spec("tide", "bad[how=fine]", "h", 0.01, "", (gone,))], watched._placed([{gone: SOLVER.encode()}]))
+    (copy,) = watched._moved(
+        [Spec("tide", "bad[how=fine]", "h", 0.01, "", (gone,))],
+        watched._placed([{gone: SOLVER.encode()}]),
+    )
     assert copy.solver_files[0] != gone and run_one(copy)["status"] == "ok"
-    with pytest.raises(watched.OtherInstallation, match=r"x\.txt, too large to be sent, is not the same there"):
+    with pytest.raises(
+        watched.OtherInstallation, match=r"x\.txt, too large to be sent, is not the same there"
+    ):
         watched._placed([{str(file): SOLVER.encode(), str(data): "0" * 16}])
 
 
@@ -189,7 +243,22 @@ with open(os.path.join(HOME, "ta" + "ble.txt")) as file:
 
 
 def study(file, out, address):
-    return main(["run", "tide", "--solvers", str(file), "-s", file.stem, "--h", "0.1,0.05", "-o", str(out), "--dask", address])
+    return main(
+        [
+            "run",
+            "tide",
+            "--solvers",
+            str(file),
+            "-s",
+            file.stem,
+            "--h",
+            "0.1,0.05",
+            "-o",
+            str(out),
+            "--dask",
+            address,
+        ]
+    )
 
 
 @pytest.fixture
@@ -207,10 +276,21 @@ def plugin(tmp_path, monkeypatch):
 
 def sent(monkeypatch, tmp_path, change=lambda path, content: content):
     """As if the client's folder were one that workers do not have. change(path, content): what arrives there instead."""
-    unit, asked, away = far._Work._unit, far._Work._asked, lambda f: f.replace(str(tmp_path), "/not/there")
-    monkeypatch.setattr(far._Work, "_unit", lambda self, names: {away(f): change(f, c) for f, c in unit(self, names).items()})
-    monkeypatch.setattr(far._Work, "_asked", lambda self, spec: dataclasses.replace(
-        asked(self, spec), solver_files=tuple(map(away, spec.solver_files))))
+    unit = far._Work._unit
+    asked = far._Work._asked
+    away = lambda f: f.replace(str(tmp_path), "/not/there")
+    monkeypatch.setattr(
+        far._Work,
+        "_unit",
+        lambda self, names: {away(f): change(f, c) for f, c in unit(self, names).items()},
+    )
+    monkeypatch.setattr(
+        far._Work,
+        "_asked",
+        lambda self, spec: dataclasses.replace(
+            asked(self, spec), solver_files=tuple(map(away, spec.solver_files))
+        ),
+    )
 
 
 @pytest.mark.survives("stale")
@@ -223,7 +303,9 @@ def test_modules_and_data_beside_a_file_travel_with_it(address, plugin, tmp_path
 
 @pytest.mark.survives("stale")
 @pytest.mark.parametrize("name", ["beside.py", "table.txt"])
-def test_a_row_of_other_files_than_the_client_has_is_refused(address, plugin, tmp_path, monkeypatch, capsys, name):
+def test_a_row_of_other_files_than_the_client_has_is_refused(
+    address, plugin, tmp_path, monkeypatch, capsys, name
+):
     with monkeypatch.context() as m:
         sent(m, tmp_path, lambda path, content: content + b" " if path.endswith(name) else content)
         assert study(plugin, tmp_path / "r", address) == 5
@@ -232,15 +314,20 @@ def test_a_row_of_other_files_than_the_client_has_is_refused(address, plugin, tm
 
 
 @pytest.mark.survives("stale")
-def test_a_worker_with_another_library_or_package_on_its_disk_is_refused(address, plugin, tmp_path, monkeypatch, capsys):
+def test_a_worker_with_another_library_or_package_on_its_disk_is_refused(
+    address, plugin, tmp_path, monkeypatch, capsys
+):
     """Of a library that only a plugin needs, and of files that the worker has loaded long before."""
-    version, content = keys.version, keys._content
+    version = keys.version
+    content = keys._content
     with monkeypatch.context() as m:
         m.setattr(keys, "version", lambda name: ("0.0", ()) if name == "pluggy" else version(name))
         assert study(plugin, tmp_path / "r", address) == 5
     assert "pluggy is " in (said := capsys.readouterr().err) and "(here 0.0)" in said
     with monkeypatch.context() as m:
-        changed = keys.functools.cache(lambda path: "0" * 16 if path.endswith("errors.py") else content(path))
+        changed = keys.functools.cache(
+            lambda path: "0" * 16 if path.endswith("errors.py") else content(path)
+        )
         m.setattr(keys, "_content", changed)
         assert study(plugin, tmp_path / "r", address) == 5
     assert "nsbench/measure/errors.py has other contents" in capsys.readouterr().err
@@ -268,11 +355,14 @@ def test_without_an_address_that_answers_it_is_said_soon(tmp_path, capsys, monke
 
 
 def test_a_cluster_that_ends_is_told_and_what_it_gave_is_kept(tmp_path, capsys, monkeypatch):
-    out, first = tmp_path / "r", store.Journal.append
+    out = tmp_path / "r"
+    first = store.Journal.append
     with cluster(1) as (where, process):
+
         def append(self, *entry):
             first(self, *entry)
             process.kill()
+
         monkeypatch.setattr(store.Journal, "append", append)
         assert main(["run", "tide", "-s", "pbd", "-o", str(out), "--dask", where]) == 5
     assert f"the scheduler at {where} is gone" in capsys.readouterr().err

@@ -1,11 +1,12 @@
 """A kernel that two processes come to together is compiled by one of them, and loaded by the other."""
+
 import multiprocessing as mp
 import sys
 import time
 
 from nsbench.compilation.compile_lock import share_compilation
 
-KERNELS = '''
+KERNELS = """
 from numba import njit
 
 @njit(cache=True)
@@ -15,7 +16,7 @@ def inner(x):
 @njit(cache=True)
 def outer(x, depth):
     return inner(x) if depth == 0 else outer(x, depth - 1)
-'''
+"""
 
 
 def _use(folder, locks, ready, told):
@@ -23,7 +24,9 @@ def _use(folder, locks, ready, told):
     from contextlib import contextmanager
 
     from numba.core import event
-    entered, waits = [], []
+
+    entered = []
+    waits = []
 
     @contextmanager
     def around():
@@ -36,20 +39,32 @@ def _use(folder, locks, ready, told):
 
         def on_end(self, _):
             pass
+
     if locks:
         share_compilation(locks, around, waits.append)
     sys.path.insert(0, folder)
     import kernels_of_two
+
     ready.wait()
     with event.install_listener("numba:compile", Slow()):
         value = kernels_of_two.outer(1.0, 2)
-    told.put([value, *(sum(k.stats.cache_misses.values()) for k in (kernels_of_two.outer, kernels_of_two.inner)),
-              len(entered), max(waits, default=0.0)])
+    told.put(
+        [
+            value,
+            *(
+                sum(k.stats.cache_misses.values())
+                for k in (kernels_of_two.outer, kernels_of_two.inner)
+            ),
+            len(entered),
+            max(waits, default=0.0),
+        ]
+    )
 
 
 def together(folder, locks):
     spawn = mp.get_context("spawn")
-    ready, told = spawn.Barrier(2), spawn.Queue()
+    ready = spawn.Barrier(2)
+    told = spawn.Queue()
     both = [spawn.Process(target=_use, args=(str(folder), locks, ready, told)) for _ in range(2)]
     for p in both:
         p.start()
@@ -64,13 +79,15 @@ def test_two_processes_compile_each_kernel_once(tmp_path, monkeypatch):
     (tmp_path / "locks").mkdir()
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "apart"))
     apart = together(tmp_path, "")
-    assert [row[1] for row in apart] == [1, 1]                   # what numba does by itself
+    assert [row[1] for row in apart] == [1, 1]  # what numba does by itself
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "shared"))
     shared = together(tmp_path, str(tmp_path / "locks"))
     assert sorted(row[1] for row in shared) == sorted(row[2] for row in shared) == [0, 1]
-    assert all(row[0] == 2.0 and row[3] == 1 for row in shared)   # one report for a kernel and those it calls
+    assert all(
+        row[0] == 2.0 and row[3] == 1 for row in shared
+    )  # one report for a kernel and those it calls
     first, second = sorted(shared, key=lambda row: -row[1])
-    assert second[4] > 0.4 > first[4]                             # it waited while the first one compiled
+    assert second[4] > 0.4 > first[4]  # it waited while the first one compiled
 
 
 def test_the_clock_stands_still_while_another_process_compiles():
@@ -84,5 +101,8 @@ def test_the_clock_stands_still_while_another_process_compiles():
     def prepare():
         wait()
         return wait
+
     run, spent = clock.prepared(prepare)
-    assert spent["setup_seconds"] + spent["compile_seconds"] < 0.1 and clock.first_call(run)[1] < 0.1
+    assert (
+        spent["setup_seconds"] + spent["compile_seconds"] < 0.1 and clock.first_call(run)[1] < 0.1
+    )

@@ -1,4 +1,5 @@
 """The machine code for contacts does what the loop in Python does; and takes only drifts that are proven affine."""
+
 import itertools
 
 import numba
@@ -30,15 +31,37 @@ def happened(traj):
 
 
 def agree(a, b, bound):
-    off = [np.abs(u - v).max() / max(1.0, np.abs(v).max()) for u, v in ((a.x, b.x), (a.reaction, b.reaction))]
+    off = [
+        np.abs(u - v).max() / max(1.0, np.abs(v).max())
+        for u, v in ((a.x, b.x), (a.reaction, b.reaction))
+    ]
     assert a.status.ok and b.status.ok and max(off) <= bound, off
-    first, second = happened(a), happened(b)
+    first = happened(a)
+    second = happened(b)
     assert [e[1:] for e in first] == [e[1:] for e in second]
     assert all(abs(e[0] - f[0]) < 1e-7 for e, f in zip(first, second, strict=True))
 
 
-@pytest.mark.parametrize("name", ["three_discs", "discs[n=10]", "discs[n=30]", "hex", "stack", "rods", "rods_wall", "chain",
-                                  "wheel", "wedge", "obstacle", "bean", "two_discs", "kissing", "graze"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "three_discs",
+        "discs[n=10]",
+        "discs[n=30]",
+        "hex",
+        "stack",
+        "rods",
+        "rods_wall",
+        "chain",
+        "wheel",
+        "wedge",
+        "obstacle",
+        "bean",
+        "two_discs",
+        "kissing",
+        "graze",
+    ],
+)
 def test_cases_of_the_catalogue(name, monkeypatch):
     case = get_case(name)
     traj = solve(case, "event_driven")
@@ -48,17 +71,29 @@ def test_cases_of_the_catalogue(name, monkeypatch):
 
 def affine(rng, n, mirror=False):
     """Factory of -a (x - c) + w J x + a constant kick per disc."""
-    a, w, kick = rng.uniform(0.3, 1.5), rng.uniform(-1.0, 1.0), rng.uniform(-0.3, 0.3, (n, 2))
+    a = rng.uniform(0.3, 1.5)
+    w = rng.uniform(-1.0, 1.0)
+    kick = rng.uniform(-0.3, 0.3, (n, 2))
     if mirror:
-        w, kick[n // 2:] = 0.0, kick[:n // 2] * [-1.0, 1.0]
-    push, turn = kick.ravel(), w * np.tile([-1.0, 1.0], n)
+        w = 0.0
+        kick[n // 2 :] = kick[: n // 2] * [-1.0, 1.0]
+    push = kick.ravel()
+    turn = w * np.tile([-1.0, 1.0], n)
     return lambda xp: lambda t, x: push - a * x + turn * x.reshape((-1, 2))[:, ::-1].flatten()
 
 
 def still(case):
     """The scene with its anchors where they are at the start."""
-    stand = lambda c: Distance(d=c.d, anchors=c.anchors(np)(0.0)) if getattr(c, "anchors", None) is not None and c.moving else c
-    return case.replace(problem=Complementarity(case.problem.drift, tuple(stand(c) for c in case.problem.constraints)))
+    stand = lambda c: (
+        Distance(d=c.d, anchors=c.anchors(np)(0.0))
+        if getattr(c, "anchors", None) is not None and c.moving
+        else c
+    )
+    return case.replace(
+        problem=Complementarity(
+            case.problem.drift, tuple(stand(c) for c in case.problem.constraints)
+        )
+    )
 
 
 @pytest.mark.parametrize("kind", [k for k in scenes.KINDS if k != "closing_box"])
@@ -73,6 +108,7 @@ def test_random_scenes(kind, monkeypatch):
 
 def test_a_list_of_neighbours_changes_nothing(monkeypatch):
     from nsbench.solvers.event_driven.contacts import evaluation as _contact_field
+
     case = get_case("discs[n=30]")
     whole = solve(case, "event_driven")
     monkeypatch.setattr(_contact_field, "LISTED", 0)
@@ -84,22 +120,33 @@ def two_clusters():
     shift = np.repeat([0.0, 60.0], 20)
     pull = affine(np.random.default_rng(5), 20)
     starts = [get_case("discs", n=10, seed=k).x0 for k in (0, 1)]
-    return Case("two_clusters", Complementarity(lambda xp: lambda t, x: pull(xp)(t, x - shift), (Distance(d=2.0),)),
-                np.concatenate(starts) + shift, np.linspace(0.0, 3.0, 7))
+    return Case(
+        "two_clusters",
+        Complementarity(lambda xp: lambda t, x: pull(xp)(t, x - shift), (Distance(d=2.0),)),
+        np.concatenate(starts) + shift,
+        np.linspace(0.0, 3.0, 7),
+    )
 
 
-@pytest.mark.parametrize("case", [get_case("discs[n=30]"), get_case("discs[n=60,seed=3]"), two_clusters()],
-                         ids=lambda case: f"{case.name}-{case.n}")
+@pytest.mark.parametrize(
+    "case",
+    [get_case("discs[n=30]"), get_case("discs[n=60,seed=3]"), two_clusters()],
+    ids=lambda case: f"{case.name}-{case.n}",
+)
 def test_parts_and_sparse_factors_change_nothing(case, monkeypatch):
     """Choices by dense factors for all contacts together; or part by part, by sparse factors from three rows on."""
     from nsbench.solvers.event_driven.contacts import compiled_choice as _contact_choice
     from nsbench.solvers.event_driven.contacts import gram_matrix as _gram
-    whole, shares, touched = solve(case, "event_driven"), [], _contact_choice._touched
+
+    whole = solve(case, "event_driven")
+    shares = []
+    touched = _contact_choice._touched
 
     def watched(walk, label, active, changed):
         among = touched(walk, label, active, changed)
         shares.append(among[active].mean())
         return among
+
     monkeypatch.setattr(_contact_choice, "FEW", 0)
     monkeypatch.setattr(_contact_choice, "_touched", watched)
     monkeypatch.setattr(_gram, "LONG", 2)
@@ -114,21 +161,28 @@ def test_the_plain_method_agrees(name):
     traj = solve(case, "event_driven")
     found = np.unique([e.t for e in traj.events if e.kind != "pivot"])
     assert np.abs(X - traj.x).max() < 1e-9 and len(found) >= 3
-    assert max(np.abs(times - t).min() for t in found) < 1e-8 and len(times) <= len({e.t for e in traj.events})
+    assert max(np.abs(times - t).min() for t in found) < 1e-8 and len(times) <= len(
+        {e.t for e in traj.events}
+    )
 
 
 def drifts():
     """(factory, whether it is affine on |x| <= 3 for t in [0, 2])."""
     M = np.array([[0.0, 1.0], [-2.0, 0.5]])
-    return [(lambda xp: lambda t, x: M @ x + 1.0, True), (lambda xp: lambda t, x: 0.0 * x, True),
-            (lambda xp: lambda t, x: xp.stack((x[1] / 2.0 - 1.0, 3.0 * (x[0] + x[1]))), True),
-            (lambda xp: lambda t, x: -x + xp.maximum(x - 3.5, 0.0), True),          # bends outside
-            (lambda xp: lambda t, x: -x + xp.maximum(x - 2.9, 0.0), False),
-            (lambda xp: lambda t, x: -x + xp.exp(-((x - 2.0) / 1e-3) ** 2), False),
-            (lambda xp: lambda t, x: -x + 1e-9 * x * x, False), (lambda xp: lambda t, x: -x + 1e-3 * t, False),
-            (lambda xp: lambda t, x: -x * (1.0 + xp.exp(-((t - 1.3) / 1e-4) ** 2)), False),
-            (lambda xp: lambda t, x: xp.where(t < 1.99, -x, x), False), (lambda xp: lambda t, x: -x / xp.abs(x), False),
-            (lambda xp: lambda t, x: np.array([-float(x[0]), 0.0]), False)]
+    return [
+        (lambda xp: lambda t, x: M @ x + 1.0, True),
+        (lambda xp: lambda t, x: 0.0 * x, True),
+        (lambda xp: lambda t, x: xp.stack((x[1] / 2.0 - 1.0, 3.0 * (x[0] + x[1]))), True),
+        (lambda xp: lambda t, x: -x + xp.maximum(x - 3.5, 0.0), True),  # bends outside
+        (lambda xp: lambda t, x: -x + xp.maximum(x - 2.9, 0.0), False),
+        (lambda xp: lambda t, x: -x + xp.exp(-(((x - 2.0) / 1e-3) ** 2)), False),
+        (lambda xp: lambda t, x: -x + 1e-9 * x * x, False),
+        (lambda xp: lambda t, x: -x + 1e-3 * t, False),
+        (lambda xp: lambda t, x: -x * (1.0 + xp.exp(-(((t - 1.3) / 1e-4) ** 2))), False),
+        (lambda xp: lambda t, x: xp.where(t < 1.99, -x, x), False),
+        (lambda xp: lambda t, x: -x / xp.abs(x), False),
+        (lambda xp: lambda t, x: np.array([-float(x[0]), 0.0]), False),
+    ]
 
 
 @pytest.mark.parametrize("k", range(len(drifts())))
@@ -147,7 +201,12 @@ def test_only_affine_drifts_are_taken_for_that(k):
 
 def test_a_run_that_leaves_the_proven_box_starts_again_in_python():
     """x' = x grows out of any."""
-    case = Case("grows", Complementarity(lambda xp: lambda t, x: x, (Affine([[1.0]], [1.0]),)), np.ones(1), np.linspace(0, 6, 4))
+    case = Case(
+        "grows",
+        Complementarity(lambda xp: lambda t, x: x, (Affine([[1.0]], [1.0]),)),
+        np.ones(1),
+        np.linspace(0, 6, 4),
+    )
     traj = solve(case, "event_driven")
     assert traj.stats["loop"] == "host" and abs(traj.x[-1, 0] / np.exp(6.0) - 1.0) < 1e-11
 
@@ -161,25 +220,34 @@ def test_descents_are_those_of_the_roots():
     """Against all roots of 2000 random polynomials, and dips between two near roots down to a width of 1e-5."""
     rng = np.random.default_rng(3)
     for k in range(2000):
-        c = rng.normal(size=rng.integers(2, 20)) 
+        c = rng.normal(size=rng.integers(2, 20))
         if k % 2:
-            a, w = rng.uniform(0.1, 0.9), 10.0 ** rng.uniform(-5, -1)
-            c = np.polynomial.polynomial.polymul([a * a - w * w / 4, -2 * a, 1.0], np.abs(c))      # a dip of width w
+            a = rng.uniform(0.1, 0.9)
+            w = 10.0 ** rng.uniform(-5, -1)
+            c = np.polynomial.polynomial.polymul(
+                [a * a - w * w / 4, -2 * a, 1.0], np.abs(c)
+            )  # a dip of width w
         roots = np.roots(c[::-1])
         real = np.sort(roots.real[np.abs(roots.imag) < 1e-12])
         edges = np.concatenate(([0.0], real[(real > 0.0) & (real < 1.0)], [1.0]))
-        below = [a for a, b in itertools.pairwise(edges)
-                 if np.polynomial.polynomial.polyval(0.5 * (a + b), c) < -1e-13]
+        below = [
+            a
+            for a, b in itertools.pairwise(edges)
+            if np.polynomial.polynomial.polyval(0.5 * (a + b), c) < -1e-13
+        ]
         s = _below(c, 0.0, 0.0, 1.0)
         assert (s >= 0.0) == bool(below) or abs(np.polynomial.polynomial.polyval(s, c)) < 1e-13
         if below:
-            assert abs(s - below[0]) < 1e-9 + 1e-13 / max(1e-9, abs(np.polynomial.polynomial.polyval(s + 1e-7, c)) / 1e-7)
+            assert abs(s - below[0]) < 1e-9 + 1e-13 / max(
+                1e-9, abs(np.polynomial.polynomial.polyval(s + 1e-7, c)) / 1e-7
+            )
 
 
 @numba.njit
 def _solved(C, V, count, n, v):
     p = count.size
-    plan, out = skyline.arrange(C, count, p, n), np.empty(p)
+    plan = skyline.arrange(C, count, p, n)
+    out = np.empty(p)
     E = np.empty(plan[2][p])
     skyline.fill(plan, C, V, count, p, np.zeros(n), E)
     good = skyline.factor(plan, p, E, 1e-14)
@@ -193,14 +261,20 @@ def test_skyline_solves_as_dense_matrices_do():
         pairs = np.sort(rng.choice(n // 2, (p, 2)), axis=1)
         pairs[:, 1] = np.minimum(pairs[:, 0] + 1 + pairs[:, 1] % 3, n // 2 - 1)
         pairs[:, 0] -= pairs[:, 0] == pairs[:, 1]
-        C = np.stack([2 * pairs[:, 0], 2 * pairs[:, 0] + 1, 2 * pairs[:, 1], 2 * pairs[:, 1] + 1], axis=1)
-        V, G = rng.normal(size=(p, 4)), np.zeros((p, n))
+        C = np.stack(
+            [2 * pairs[:, 0], 2 * pairs[:, 0] + 1, 2 * pairs[:, 1], 2 * pairs[:, 1] + 1], axis=1
+        )
+        V = rng.normal(size=(p, 4))
+        G = np.zeros((p, n))
         np.put_along_axis(G, C, V, axis=1)
         v = rng.normal(size=p)
         good, x, size = _solved(C, V, np.full(p, 4), n, v)
         assert good == (np.linalg.matrix_rank(G) == p)
         if good:
-            assert np.abs(G @ (G.T @ x) - v).max() < 1e-8 * max(1.0, np.abs(x).max()) and size <= p * (p + 1) // 2
+            assert (
+                np.abs(G @ (G.T @ x) - v).max() < 1e-8 * max(1.0, np.abs(x).max())
+                and size <= p * (p + 1) // 2
+            )
 
 
 @pytest.mark.parametrize("budget, code", [("max_steps=5", "maxiter"), ("max_events=4", "chatter")])

@@ -1,4 +1,5 @@
 """Every solver found by the scan keeps the protocol and reaches, on tide, the order it claims."""
+
 import numpy as np
 import pytest
 
@@ -7,7 +8,9 @@ from nsbench import solvers
 from nsbench.case import case_names, get_case
 from nsbench.study import suite_cases
 
-STEPS = 0.05 / np.array([2, 3, 5, 7, 9, 13, 17, 23, 31, 43, 59, 83, 113, 157])   # divide the sample spacing; not dyadic
+STEPS = 0.05 / np.array(
+    [2, 3, 5, 7, 9, 13, 17, 23, 31, 43, 59, 83, 113, 157]
+)  # divide the sample spacing; not dyadic
 STANDARD = solvers.standard()
 
 
@@ -15,7 +18,8 @@ STANDARD = solvers.standard()
 @pytest.mark.parametrize("spec", STANDARD)
 def test_reaches_the_order_it_claims(spec):
     method = solvers.get(spec)
-    name, cases = method.accuracy, ("tide", "slide_exit")
+    name = method.accuracy
+    cases = ("tide", "slide_exit")
     taken = [c for c in cases if method.refuses(get_case(c)) is None]
     assert taken, "a method of the standard suite must accept tide or slide_exit"
     for key in taken:
@@ -25,7 +29,8 @@ def test_reaches_the_order_it_claims(spec):
             assert err["state_sup"] <= method.claims.exact
             continue
         values = STEPS if name == "h" else np.geomspace(30.0, 3000.0, 12)
-        h, err = [], {"state": [], "impulse": []}
+        h = []
+        err = {"state": [], "impulse": []}
         for v in values:
             traj = nsbench.solve(case, spec, **{name: v})
             assert traj.status.ok, traj.status
@@ -63,7 +68,9 @@ def test_trajectory_keeps_the_contract(spec):
         assert np.array_equal(a.t, case.t) and a.x.shape == (len(case.t), case.n)
         assert a.impulse.shape == (len(case.t), m) and len(set(a.contacts)) == m
         assert a.reaction.shape[0] == len(case.t)
-        assert np.array_equal(a.x, b.x) and np.array_equal(a.impulse, b.impulse), "deterministic to the byte"
+        assert np.array_equal(a.x, b.x) and np.array_equal(a.impulse, b.impulse), (
+            "deterministic to the byte"
+        )
         assert np.array_equal(a.x[0], case.x0)
         assert a.lam_time in ("start", "end", "midpoint", "mean")
         assert a.stats["loop"] in ("compiled", "host")
@@ -75,9 +82,15 @@ def test_nan_drift_is_a_status_and_never_a_hang(spec):
     def nan_later(xp):
         def f(t, x):
             return xp.sqrt(1.0 - t) * xp.ones_like(x) - 2.0
+
         return f
-    case = nsbench.Case("nan_later", nsbench.Complementarity(nan_later, (nsbench.Affine(np.eye(1), np.zeros(1)),)),
-                        np.array([1.0]), np.linspace(0, 2, 11))
+
+    case = nsbench.Case(
+        "nan_later",
+        nsbench.Complementarity(nan_later, (nsbench.Affine(np.eye(1), np.zeros(1)),)),
+        np.array([1.0]),
+        np.linspace(0, 2, 11),
+    )
     method = solvers.get(spec)
     if method.refuses(case):
         case = case.replace(problem=nsbench.Complementarity(nan_later, ()))
@@ -100,25 +113,39 @@ def test_bad_accuracies_and_names_are_errors_with_the_value():
         get_case("tyde")
 
 
-@pytest.mark.parametrize("field, value, text", [
-    ("x0", np.array([np.nan]), "nan"), ("x0", np.ones(1, np.float32), "float32"), ("x0", np.ones((1, 1)), "shape"),
-    ("t", np.array([0.0, 0.0]), "increase"), ("name", "<script>", "<script>"), ("start", "maybe", "maybe"),
-    ("t", np.array([0.0]), "two times"),
-])
+@pytest.mark.parametrize(
+    "field, value, text",
+    [
+        ("x0", np.array([np.nan]), "nan"),
+        ("x0", np.ones(1, np.float32), "float32"),
+        ("x0", np.ones((1, 1)), "shape"),
+        ("t", np.array([0.0, 0.0]), "increase"),
+        ("name", "<script>", "<script>"),
+        ("start", "maybe", "maybe"),
+        ("t", np.array([0.0]), "two times"),
+    ],
+)
 @pytest.mark.survives("start not finite", "names")
 def test_bad_case_data_is_an_error_with_the_value(field, value, text):
     with pytest.raises((ValueError, TypeError), match=text):
         get_case("tide").replace(**{field: value})
 
 
-@pytest.mark.parametrize("make, text", [
-    (lambda: nsbench.Distance(-1.0), "-1"), (lambda: nsbench.Distance(float("nan")), "nan"),
-    (lambda: nsbench.Distance(1.0, sign=-1), "pairs"), (lambda: nsbench.Distance(1.0, dim=4), "4"),
-    (lambda: nsbench.Distance(1.0, pairs=[[0, 0]]), "itself"), (lambda: nsbench.Affine(np.zeros((1, 2)), np.zeros(1)), "zero"),
-    (lambda: nsbench.Affine(np.eye(2), np.zeros(3)), "shape"), (lambda: nsbench.Complementarity(3), "factory"),
-    (lambda: nsbench.Filippov({(1,): lambda xp: None}, lambda xp: None), "sign tuples"),
-    (lambda: nsbench.Distance(1.0, pairs=[[0, 1], [1, 0]]), "twice"),
-])
+@pytest.mark.parametrize(
+    "make, text",
+    [
+        (lambda: nsbench.Distance(-1.0), "-1"),
+        (lambda: nsbench.Distance(float("nan")), "nan"),
+        (lambda: nsbench.Distance(1.0, sign=-1), "pairs"),
+        (lambda: nsbench.Distance(1.0, dim=4), "4"),
+        (lambda: nsbench.Distance(1.0, pairs=[[0, 0]]), "itself"),
+        (lambda: nsbench.Affine(np.zeros((1, 2)), np.zeros(1)), "zero"),
+        (lambda: nsbench.Affine(np.eye(2), np.zeros(3)), "shape"),
+        (lambda: nsbench.Complementarity(3), "factory"),
+        (lambda: nsbench.Filippov({(1,): lambda xp: None}, lambda xp: None), "sign tuples"),
+        (lambda: nsbench.Distance(1.0, pairs=[[0, 1], [1, 0]]), "twice"),
+    ],
+)
 @pytest.mark.survives("radius no length")
 def test_bad_constraints_are_errors_with_the_value(make, text):
     with pytest.raises((ValueError, TypeError), match=text):
@@ -127,8 +154,12 @@ def test_bad_constraints_are_errors_with_the_value(make, text):
 
 def test_drift_of_wrong_shape_or_type_or_in_place_is_refused():
     tide = get_case("tide")
-    for bad, text in ((lambda xp: lambda t, x: xp.zeros(2), "shape"), (lambda xp: lambda t, x: 1j * x, "complex"),
-                      (lambda xp: lambda t, x: np.zeros(1, int), "int"), (in_place, "in place")):
+    for bad, text in (
+        (lambda xp: lambda t, x: xp.zeros(2), "shape"),
+        (lambda xp: lambda t, x: 1j * x, "complex"),
+        (lambda xp: lambda t, x: np.zeros(1, int), "int"),
+        (in_place, "in place"),
+    ):
         with pytest.raises((ValueError, TypeError), match=text):
             tide.replace(problem=nsbench.Complementarity(bad, ()))
 
@@ -137,10 +168,28 @@ def in_place(xp):
     def f(t, x):
         x[0] = 3.0
         return x + 0.0
+
     return f
 
 
 def test_standard_suite_holds_every_seed():
     names = {k.split("[")[0] for k in suite_cases("standard")}
-    assert names >= {"apple", "apple_filippov", "smooth", "sliding", "two_discs", "three_discs", "discs", "stack", "chain",
-                     "epithelium", "tide", "slide_exit", "wedge", "hex", "duplicate", "oscillator", "rods"}
+    assert names >= {
+        "apple",
+        "apple_filippov",
+        "smooth",
+        "sliding",
+        "two_discs",
+        "three_discs",
+        "discs",
+        "stack",
+        "chain",
+        "epithelium",
+        "tide",
+        "slide_exit",
+        "wedge",
+        "hex",
+        "duplicate",
+        "oscillator",
+        "rods",
+    }

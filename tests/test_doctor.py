@@ -1,4 +1,5 @@
 """The doctor finds what is wrong with an installation, says it in a sentence, and its exit code tells."""
+
 from importlib import metadata
 
 import pytest
@@ -10,10 +11,16 @@ from nsbench.cli import doctor, main
 def test_a_sound_installation_has_no_fault(capsys):
     assert main(["doctor"]) == 0
     said = capsys.readouterr().out
-    assert "nothing stands in the way" in said and "stored references are whole" in said and "pbd on tide: ok" in said
+    assert (
+        "nothing stands in the way" in said
+        and "stored references are whole" in said
+        and "pbd on tide: ok" in said
+    )
 
 
-@pytest.mark.parametrize("wanted, said", [("numpy>=99", ">=99 is needed"), ("no-such-library>=1", "is not installed")])
+@pytest.mark.parametrize(
+    "wanted, said", [("numpy>=99", ">=99 is needed"), ("no-such-library>=1", "is not installed")]
+)
 def test_a_library_that_is_missing_or_too_old_is_a_fault(monkeypatch, wanted, said):
     monkeypatch.setattr(metadata, "requires", lambda name: [wanted, 'other>=1; extra == "test"'])
     verdict, sentence = next(doctor._libraries())
@@ -23,7 +30,11 @@ def test_a_library_that_is_missing_or_too_old_is_a_fault(monkeypatch, wanted, sa
 def test_a_plugin_that_does_not_load_and_a_wrong_solution_are_faults(monkeypatch, capsys):
     monkeypatch.setattr(solvers, "broken", lambda: {"mine": "ImportError: no module"})
     solve = solvers.solve
-    monkeypatch.setattr(solvers, "solve", lambda case, spec, **kw: solve(case, spec, **({"h": 0.05} if "h" in kw else kw)))
+    monkeypatch.setattr(
+        solvers,
+        "solve",
+        lambda case, spec, **kw: solve(case, spec, **({"h": 0.05} if "h" in kw else kw)),
+    )
     found = [*doctor._plugins(), *doctor._solution()]
     assert [v for v, _ in found] == [doctor.FAULT, doctor.FAULT, doctor.FINE]
     monkeypatch.setattr(doctor, "examine", lambda: found)

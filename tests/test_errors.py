@@ -1,4 +1,5 @@
 """Errors and residuals are what their definitions say, vanish on exact runs, and notice every kind of wrong run."""
+
 import itertools
 
 import numpy as np
@@ -23,7 +24,10 @@ def hand_pbd(case, substeps):
     """Euler and projection on y >= 0, written out for tide; also the step."""
     f = case.problem.drift(np)
     h = (case.t[1] - case.t[0]) / substeps
-    y, total, xs, impulses = case.x0.copy(), 0.0, [case.x0.copy()], [0.0]
+    y = case.x0.copy()
+    total = 0.0
+    xs = [case.x0.copy()]
+    impulses = [0.0]
     for k in range(len(case.t) - 1):
         for j in range(substeps):
             z = y + h * f(case.t[k] + j * h, y)
@@ -36,12 +40,16 @@ def hand_pbd(case, substeps):
 
 
 def test_a_hand_written_method_of_order_one_shows_order_one_in_every_norm():
-    runs = [hand_pbd(TIDE, n) for n in (2, 3, 5, 7, 10, 13, 17, 22, 29, 37, 48, 61, 79, 103, 133, 171)]
+    runs = [
+        hand_pbd(TIDE, n) for n in (2, 3, 5, 7, 10, 13, 17, 22, 29, 37, 48, 61, 79, 103, 133, 171)
+    ]
     found = [nsbench.errors(TIDE, r) for r, _ in runs]
     for name in ("state_sup", "state_T", "impulse", "reaction", "l1", "settled", "residual"):
         slope = np.polyfit(np.log([h for _, h in runs]), np.log([e[name] for e in found]), 1)[0]
         assert slope == pytest.approx(1.0, abs=0.05), name
-    assert all(e["multipliers_unique"] and e["feasibility"] == 0.0 and e["sign"] == 0.0 for e in found)
+    assert all(
+        e["multipliers_unique"] and e["feasibility"] == 0.0 and e["sign"] == 0.0 for e in found
+    )
     # written out anew: the state, and the settled multiplier away from pi/6 and pi/2
     run, _ = runs[3]
     assert found[3]["state_sup"] == np.abs(run.x - TIDE.exact(TIDE.t)).max()
@@ -69,18 +77,26 @@ def test_a_closed_form_has_neither_errors_nor_residuals(name):
     assert e["residual"] < 1e-6 * scale, "the quadrature promises more than it keeps"
 
 
-@pytest.mark.parametrize("name, change, key, size", [
-    ("tide", lambda r: {"x": r.x + 1e-3 * (r.t > 1)[:, None]}, "residual", 0.0199),
-    ("tide", lambda r: {"x": r.x - 1e-3}, "feasibility", 1e-3),
-    ("tide", lambda r: {"impulse": 1.01 * r.impulse, "reaction": 1.01 * r.reaction}, "residual", 0.005),
-    ("tide", lambda r: {"impulse": 1.01 * r.impulse}, "residual", 0.005),
-    ("tide", lambda r: {"impulse": -r.impulse, "reaction": -r.reaction}, "sign", -0.8),
-    ("tide", lambda r: {"x": r.x + 0.1}, "complementarity", 0.08),
-    ("sliding", lambda r: {"x": r.x + 1e-2 * np.outer(r.t, [1, 0])}, "residual", 5e-3),
-    ("sliding", lambda r: {"x": r.x + np.array([0, 1e-2])}, "complementarity", 4e-3),
-    ("sliding", lambda r: {"impulse": 2.1 * r.impulse}, "sign", -1.0),
-    ("two_discs", lambda r: {"x": 0.99 * r.x}, "feasibility", 0.019),
-])
+@pytest.mark.parametrize(
+    "name, change, key, size",
+    [
+        ("tide", lambda r: {"x": r.x + 1e-3 * (r.t > 1)[:, None]}, "residual", 0.0199),
+        ("tide", lambda r: {"x": r.x - 1e-3}, "feasibility", 1e-3),
+        (
+            "tide",
+            lambda r: {"impulse": 1.01 * r.impulse, "reaction": 1.01 * r.reaction},
+            "residual",
+            0.005,
+        ),
+        ("tide", lambda r: {"impulse": 1.01 * r.impulse}, "residual", 0.005),
+        ("tide", lambda r: {"impulse": -r.impulse, "reaction": -r.reaction}, "sign", -0.8),
+        ("tide", lambda r: {"x": r.x + 0.1}, "complementarity", 0.08),
+        ("sliding", lambda r: {"x": r.x + 1e-2 * np.outer(r.t, [1, 0])}, "residual", 5e-3),
+        ("sliding", lambda r: {"x": r.x + np.array([0, 1e-2])}, "complementarity", 4e-3),
+        ("sliding", lambda r: {"impulse": 2.1 * r.impulse}, "sign", -1.0),
+        ("two_discs", lambda r: {"x": 0.99 * r.x}, "feasibility", 0.019),
+    ],
+)
 @pytest.mark.survives("own residuals")
 def test_residuals_notice_a_wrong_run(name, change, key, size):
     case = get_case(name)
@@ -93,8 +109,12 @@ def test_residuals_notice_a_wrong_run(name, change, key, size):
 def test_the_state_error_is_the_largest_coordinate_at_the_worst_sample():
     case = get_case("two_discs")
     off = np.zeros((len(case.t), 4))
-    off[7], off[-1] = [0.0, -0.3, 0.2, 0.0], [0.1, 0.0, 0.0, 0.05]
-    e = nsbench.errors(case, exact_run(case, x=closed_form(case).x + off, reaction=closed_form(case).reaction + off))
+    off[7] = [0.0, -0.3, 0.2, 0.0]
+    off[-1] = [0.1, 0.0, 0.0, 0.05]
+    e = nsbench.errors(
+        case,
+        exact_run(case, x=closed_form(case).x + off, reaction=closed_form(case).reaction + off),
+    )
     assert e["state_sup"] == pytest.approx(0.3) and e["state_T"] == pytest.approx(0.1)
     assert e["reaction"] == pytest.approx(0.3) and e["impulse"] == 0.0
 
@@ -111,8 +131,11 @@ def test_windows_are_two_samples_wide():
 def test_events_are_matched_in_order_with_the_least_total_difference():
     rng = np.random.default_rng(2)
     for _ in range(30):
-        a, b = np.sort(rng.uniform(size=3)), np.sort(rng.uniform(size=rng.integers(3, 7)))
-        best = min(sum(abs(x - y) for x, y in zip(a, c, strict=True)) for c in itertools.combinations(b, 3))
+        a = np.sort(rng.uniform(size=3))
+        b = np.sort(rng.uniform(size=rng.integers(3, 7)))
+        best = min(
+            sum(abs(x - y) for x, y in zip(a, c, strict=True)) for c in itertools.combinations(b, 3)
+        )
         assert match(a, b).sum() == pytest.approx(best) and match(b, a).sum() == pytest.approx(best)
     p = get_case("two_discs").problem
     want = (Event(0.5, "contact", (0, 0, 1)), Event(0.9, "release", (0, 0, 1)))
@@ -130,7 +153,8 @@ def test_events_are_matched_in_order_with_the_least_total_difference():
 
 def test_a_change_of_basis_is_no_event_of_the_solution():
     both = (Event(1.0, "contact", (0, 0, 1)), Event(2.0, "release", (0, 0, 1)))
-    mine, other = (*both, Event(1.5, "pivot", (0, 0, 2))), (*both, Event(1.2, "pivot", (0, 1, 2)), Event(1.6, "pivot", (0, 0, 3)))
+    mine = (*both, Event(1.5, "pivot", (0, 0, 2)))
+    other = (*both, Event(1.2, "pivot", (0, 1, 2)), Event(1.6, "pivot", (0, 0, 3)))
     assert event_errors(nsbench.get_case("three_discs").problem, mine, other) == (0.0, 0, 0)
 
 
@@ -142,7 +166,9 @@ def test_the_quadrature_keeps_its_bound():
         off = np.abs(value[:, 0] - np.diff(-np.cos(3 * t) / 3))
         assert np.all(off <= bound[:, 0] + 1e-15) and off.max() < 12 * (t[1] - t[0]) ** 7
         for kink in rng.uniform(0.3, 1.7, 20):
-            value, bound = integrals(t, np.abs(t - kink)[:, None], kinked_intervals(t, np.zeros(n - 2, bool), [kink]))
+            value, bound = integrals(
+                t, np.abs(t - kink)[:, None], kinked_intervals(t, np.zeros(n - 2, bool), [kink])
+            )
             exact = np.diff(np.sign(t - kink) * (t - kink) ** 2 / 2)
             assert np.all(np.abs(value[:, 0] - exact) <= bound[:, 0] + 1e-15)
 
@@ -151,7 +177,8 @@ def test_distance_to_a_hull_is_that_of_the_nearest_mixture():
     rng = np.random.default_rng(6)
     weights = rng.dirichlet(np.ones(4) * 0.7, 20000)
     for _ in range(10):
-        v, points = 2 * rng.normal(size=2), rng.normal(size=(4, 2))
+        v = 2 * rng.normal(size=2)
+        points = rng.normal(size=(4, 2))
         near = np.linalg.norm(weights @ points - v, axis=1).min()
         assert near - 0.05 < distance_to_hull(v, points) <= near + 1e-6
     assert distance_to_hull(points.mean(axis=0), points) < 1e-6
@@ -162,7 +189,7 @@ def test_a_mixture_is_as_near_to_its_hull_as_rounding_allows():
     rng = np.random.default_rng(3)
     for _ in range(500):
         points = rng.normal(size=(rng.integers(3, 9), rng.integers(1, 5)))
-        points[0] = points[rng.integers(len(points))]                       # fields of surfaces that are one are alike
+        points[0] = points[rng.integers(len(points))]  # fields of surfaces that are one are alike
         assert distance_to_hull(rng.dirichlet(np.ones(len(points))) @ points, points) < 1e-14
 
 
@@ -179,19 +206,34 @@ def test_the_distance_to_a_hull_has_the_unit_of_its_points(unit):
 
 def test_a_failed_run_has_residuals_and_no_errors():
     run = hand_pbd(TIDE, 10)[0]
-    x, push = run.x.copy(), run.impulse.copy()
+    x = run.x.copy()
+    push = run.impulse.copy()
     x[30:], push[30:] = np.nan, np.nan
-    e = nsbench.errors(TIDE, Trajectory(TIDE.t, x, run.contacts, push, push, Status("nan", "It stopped.")))
-    assert all(np.isnan(e[k]) for k in ("state_sup", "state_T", "impulse", "reaction", "l1", "settled", "sup"))
+    e = nsbench.errors(
+        TIDE, Trajectory(TIDE.t, x, run.contacts, push, push, Status("nan", "It stopped."))
+    )
+    assert all(
+        np.isnan(e[k])
+        for k in ("state_sup", "state_T", "impulse", "reaction", "l1", "settled", "sup")
+    )
     assert 0 < e["residual"] < 0.01 and e["feasibility"] == 0.0
-    for state, impulse in ((x, run.impulse), (run.x, push)):         # a solver that says ok is not believed
+    for state, impulse in (
+        (x, run.impulse),
+        (run.x, push),
+    ):  # a solver that says ok is not believed
         e = nsbench.errors(TIDE, Trajectory(TIDE.t, state, run.contacts, impulse, run.reaction))
         assert np.isnan(e["state_sup"]) and np.isnan(e["reaction"])
     none = np.empty((0, 0))
-    e = nsbench.errors(TIDE, Trajectory(np.empty(0), np.empty((0, 1)), (), none, none, Status("refused", "No.")))
-    assert all(np.isnan(e[k]) for k in (*RESIDUALS, "state_sup")) and e["reference"] == "closed form"
+    e = nsbench.errors(
+        TIDE, Trajectory(np.empty(0), np.empty((0, 1)), (), none, none, Status("refused", "No."))
+    )
+    assert (
+        all(np.isnan(e[k]) for k in (*RESIDUALS, "state_sup")) and e["reference"] == "closed form"
+    )
     with pytest.raises(ValueError, match="60 samples"):
-        nsbench.errors(TIDE, Trajectory(TIDE.t[1:], run.x[1:], run.contacts, run.impulse[1:], run.reaction[1:]))
+        nsbench.errors(
+            TIDE, Trajectory(TIDE.t[1:], run.x[1:], run.contacts, run.impulse[1:], run.reaction[1:])
+        )
 
 
 def up(xp):
@@ -210,31 +252,53 @@ def test_a_solution_that_is_not_unique_is_judged_by_the_inclusion_alone():
     none = np.empty((11, 0))
     late = np.maximum(t - 0.5, 0.0)
     for height, theta in ((t, t), (-t, 0 * t), (0 * t, 0.5 * t), (late, 0.5 * (t + late))):
-        e = nsbench.errors(case, Trajectory(t, np.stack([t, height], 1), ((0, 0),), theta[:, None], none))
-        assert e["reference"] == "none" and e["multipliers_unique"] is None and np.isnan(e["state_sup"])
+        e = nsbench.errors(
+            case, Trajectory(t, np.stack([t, height], 1), ((0, 0),), theta[:, None], none)
+        )
+        assert (
+            e["reference"] == "none"
+            and e["multipliers_unique"] is None
+            and np.isnan(e["state_sup"])
+        )
         assert e["residual"] < 1e-12 and e["complementarity"] < 1e-12
     e = nsbench.errors(case, Trajectory(t, np.stack([t, 2 * t], 1), ((0, 0),), t[:, None], none))
     assert e["residual"] == pytest.approx(1.0)
-    e = nsbench.errors(case, Trajectory(t, np.stack([t, t / 2], 1), ((0, 0),), 0.75 * t[:, None], none))
-    assert e["complementarity"] > 0.1                    # leaves at half the speed: a mixture away from the surface
+    e = nsbench.errors(
+        case, Trajectory(t, np.stack([t, t / 2], 1), ((0, 0),), 0.75 * t[:, None], none)
+    )
+    assert e["complementarity"] > 0.1  # leaves at half the speed: a mixture away from the surface
 
 
 def test_a_linear_complementarity_system_has_errors_and_residuals():
     one = np.eye(1)
-    case = Case("tide_lcs", LCS(0 * one, one, one, 0 * one, u=lambda xp: lambda t: -xp.cos(t) * xp.ones(1)),
-                TIDE.x0, TIDE.t, exact=TIDE.exact, exact_impulse=TIDE.exact_impulse, exact_events=TIDE.exact_events)
+    case = Case(
+        "tide_lcs",
+        LCS(0 * one, one, one, 0 * one, u=lambda xp: lambda t: -xp.cos(t) * xp.ones(1)),
+        TIDE.x0,
+        TIDE.t,
+        exact=TIDE.exact,
+        exact_impulse=TIDE.exact_impulse,
+        exact_events=TIDE.exact_events,
+    )
     run = exact_run(case)
     assert run.contacts == ((0, 0),) and np.abs(run.reaction - run.impulse).max() < 1e-14
     e = nsbench.errors(case, run)
-    assert e["state_sup"] == e["impulse"] == 0.0 and max(e[k] for k in RESIDUALS) < 1e-9 and e["sign"] == 0.0
+    assert (
+        e["state_sup"] == e["impulse"] == 0.0
+        and max(e[k] for k in RESIDUALS) < 1e-9
+        and e["sign"] == 0.0
+    )
     assert nsbench.errors(case, exact_run(case, x=run.x - 0.1))["feasibility"] == pytest.approx(0.1)
     assert nsbench.errors(case, exact_run(case, impulse=1.1 * run.impulse))["residual"] > 0.05
     assert nsbench.errors(case, exact_run(case, reaction=np.empty((61, 0))))["residual"] < 1e-9
 
 
 def test_two_samples_do_not_tell_how_an_integrand_moves_between_them():
-    for name, unknown in (("rlc_diode", {"feasibility", "complementarity", "residual"}), ("tide", {"residual"}),
-                          ("slide_exit", {"feasibility", "residual"})):
+    for name, unknown in (
+        ("rlc_diode", {"feasibility", "complementarity", "residual"}),
+        ("tide", {"residual"}),
+        ("slide_exit", {"feasibility", "residual"}),
+    ):
         case = get_case(name)
         case = case.replace(name="brief", t=case.t[[0, -1]])
         e = nsbench.errors(case, nsbench.solve(case, "event_driven", tol=1e-10))
@@ -249,11 +313,21 @@ def test_a_weight_that_varies_between_samples_is_no_defect():
 def test_two_weights_that_move_alike_are_not_unique():
     def field(xp):
         return lambda t, x, s: xp.array([1.0, 0.0]) - xp.array([0.0, 1.0]) * (s[0] + s[1])
+
     t = np.linspace(0, 1, 11)
-    case = Case("twice", Filippov.signs(field, lambda xp: lambda t, x: xp.stack((x[1], x[1]))), np.zeros(2), t,
-                exact=lambda t: np.stack([t, 0 * t], 1), exact_impulse=lambda t: np.stack([t / 2, t / 2], 1))
+    case = Case(
+        "twice",
+        Filippov.signs(field, lambda xp: lambda t, x: xp.stack((x[1], x[1]))),
+        np.zeros(2),
+        t,
+        exact=lambda t: np.stack([t, 0 * t], 1),
+        exact_impulse=lambda t: np.stack([t / 2, t / 2], 1),
+    )
     assert nsbench.errors(case, exact_run(case, events=()))["multipliers_unique"] is False
-    assert nsbench.errors(get_case("sliding"), exact_run(get_case("sliding")))["multipliers_unique"] is True
+    assert (
+        nsbench.errors(get_case("sliding"), exact_run(get_case("sliding")))["multipliers_unique"]
+        is True
+    )
 
 
 @pytest.mark.parametrize("samples", [3, 101])
@@ -262,6 +336,8 @@ def test_a_push_of_an_open_diode_is_no_complementarity(samples, D):
     """x' = lam, w = x + D lam, pushed by lam = 1 from x = 1 on: the product is at least 1 wherever it is looked at."""
     t = np.linspace(0.0, 1.0, samples)
     case = Case("pushed", LCS(*(np.array([[v]]) for v in (0.0, 1.0, 1.0, D))), np.array([1.0]), t)
-    traj = Trajectory(t, 1.0 + t[:, None], ((0, 0),), t[:, None], np.empty((samples, 0)), Status(), (), {}, "mean")
+    traj = Trajectory(
+        t, 1.0 + t[:, None], ((0, 0),), t[:, None], np.empty((samples, 0)), Status(), (), {}, "mean"
+    )
     e = nsbench.errors(case, traj)
     assert e["complementarity"] > 1.0 and e["residual"] < 1e-12

@@ -1,4 +1,5 @@
 """Runs that cannot go on end with a status and a sentence; bad starts and options are refused."""
+
 import numpy as np
 import pytest
 from event_scenes import floor, push, relays, scene
@@ -21,11 +22,26 @@ FAILURES = {
     "nan later": (lambda xp: lambda t, x: -xp.sqrt(2 - t) * xp.ones_like(x), floor(), [1.0], "nan"),
     "blow-up": (lambda xp: lambda t, x: x**2, floor(), [1.0], "diverged"),
     "walls that close": (push(0.0), MOVING, [0.5], "infeasible"),
-    "no gradient": (push(-1.0), Smooth(lambda xp: lambda t, x: x**3, lambda xp: lambda t, x: np.diag(3 * x**2),
-                                       lambda xp: lambda t, x: 0 * x), [1.0], "degenerate"),
-    "no direction": (push(-1.0), Smooth(lambda xp: lambda t, x: 1 * x,
-                                        lambda xp: lambda t, x: np.diag(np.where(x > 1e-6, 1.0, np.nan)),
-                                        lambda xp: lambda t, x: 0 * x), [1.0], "degenerate"),
+    "no gradient": (
+        push(-1.0),
+        Smooth(
+            lambda xp: lambda t, x: x**3,
+            lambda xp: lambda t, x: np.diag(3 * x**2),
+            lambda xp: lambda t, x: 0 * x,
+        ),
+        [1.0],
+        "degenerate",
+    ),
+    "no direction": (
+        push(-1.0),
+        Smooth(
+            lambda xp: lambda t, x: 1 * x,
+            lambda xp: lambda t, x: np.diag(np.where(x > 1e-6, 1.0, np.nan)),
+            lambda xp: lambda t, x: 0 * x,
+        ),
+        [1.0],
+        "degenerate",
+    ),
 }
 
 
@@ -34,7 +50,11 @@ def test_failures_are_statuses(name):
     drift, constraint, x0, code = FAILURES[name]
     traj = solve(scene(drift, constraint, x0=x0, t=np.linspace(0, 4, 9)))
     assert traj.status.code == code and str(traj.status).endswith(".")
-    assert np.isnan(traj.x[-1]).all() and np.isnan(traj.impulse[-1]).all() and np.isfinite(traj.x[0]).all()
+    assert (
+        np.isnan(traj.x[-1]).all()
+        and np.isnan(traj.impulse[-1]).all()
+        and np.isfinite(traj.x[0]).all()
+    )
 
 
 @pytest.mark.parametrize("option, code", [("max_events=1", "chatter"), ("max_steps=7", "maxiter")])
@@ -43,7 +63,11 @@ def test_budgets_end_a_run(option, code):
 
 
 def test_bad_options_are_named():
-    for spec in ("event_driven[method=euler]", "event_driven[max_events=0]", "event_driven[max_step=-1]"):
+    for spec in (
+        "event_driven[method=euler]",
+        "event_driven[max_events=0]",
+        "event_driven[max_step=-1]",
+    ):
         with pytest.raises(ValueError, match=spec.partition("[")[2].partition("=")[0]):
             solve("tide", spec)
 
@@ -52,12 +76,15 @@ def test_bad_options_are_named():
 @pytest.mark.parametrize("tol", [1e-6, 1e-10])
 def test_what_is_held_is_let_go_where_the_drift_jumps(at, tol):
     """A multiplier, or the weight of a field, that jumps has no root: what it ends begins with the first time behind."""
+
     def jumps(xp):
         return lambda t, x: xp.where(t < at, -1.0, 2.0) + 0.0 * x
 
     def against(xp):
         return lambda t, x, s: xp.where(t < at, 0.0, 3.0) - s + 0.0 * x
-    t, way = np.linspace(0, 3, 61), 2.0 * (3.0 - at)
+
+    t = np.linspace(0, 3, 61)
+    way = 2.0 * (3.0 - at)
     floored = solve(scene(jumps, floor(), x0=[0.5], t=t), tol=tol)
     slid = solve(relays(against, lambda xp: lambda t, x: x, [0.5], t), tol=tol)
     for traj in floored, slid:

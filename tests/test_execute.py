@@ -1,4 +1,5 @@
 """Whatever becomes of a run, it is a row, and the others go on."""
+
 import dataclasses
 import itertools
 import os
@@ -12,7 +13,8 @@ from nsbench.measure import clock
 from nsbench.study import Spec, attempt, run_batch
 from nsbench.study.ladders import substeps_ladder
 
-SOLVER = solver('''
+SOLVER = solver(
+    """
     if self.how == "hang":
         while True:
             np.linalg.svd(np.ones((300, 300)))
@@ -22,37 +24,59 @@ SOLVER = solver('''
         raise RuntimeError("on purpose")
     if self.how == "memory":
         raise MemoryError("on purpose")
-''', how="hang")
+""",
+    how="hang",
+)
 
 
 @pytest.mark.survives("hang", "death", "memory")
 def test_hang_exit_and_exception_are_rows_and_the_others_go_on(tmp_path):
     file = tmp_path / "bad.py"
     file.write_text(SOLVER)
-    specs = [Spec("tide", f"bad[how={how}]", "h", 0.01, "", (str(file),))
-             for how in ("fine", "hang", "raise", "exit", "memory", "fine2")]
+    specs = [
+        Spec("tide", f"bad[how={how}]", "h", 0.01, "", (str(file),))
+        for how in ("fine", "hang", "raise", "exit", "memory", "fine2")
+    ]
     rows = {}
-    run_all([specs, [Spec("tide", "pbd", "h", 0.01)]], 2, 2.0, lambda spec, row: rows.__setitem__(spec, row))
+    run_all(
+        [specs, [Spec("tide", "pbd", "h", 0.01)]],
+        2,
+        2.0,
+        lambda spec, row: rows.__setitem__(spec, row),
+    )
     status = [rows[s]["status"] for s in specs]
     assert status == ["ok", "timeout", "error", "crashed", "oom", "ok"]
-    assert "2 s" in rows[specs[1]]["why"] and "code 7" in rows[specs[3]]["why"] and "on purpose" in rows[specs[2]]["why"]
+    assert (
+        "2 s" in rows[specs[1]]["why"]
+        and "code 7" in rows[specs[3]]["why"]
+        and "on purpose" in rows[specs[2]]["why"]
+    )
     assert rows[Spec("tide", "pbd", "h", 0.01)]["status"] == "ok"
 
 
 @pytest.mark.survives("same bytes")
 def test_rows_of_a_repeated_run_agree_to_the_byte():
     spec = Spec("tide", "pbd", "h", 0.01)
-    times = ("seconds", "seconds_low", "seconds_high", "setup_seconds", "compile_seconds", "seconds_max", "rounds")
+    times = (
+        "seconds",
+        "seconds_low",
+        "seconds_high",
+        "setup_seconds",
+        "compile_seconds",
+        "seconds_max",
+        "rounds",
+    )
     a, b = ({k: repr(v) for k, v in attempt(spec)[0].items() if k not in times} for _ in range(2))
     assert a == b
 
 
 def test_quick_runs_are_timed_in_rounds_and_each_row_is_given_at_once(monkeypatch):
-    monkeypatch.setattr(clock, "LONG", 5.0)              # quick, however busy the machine is
+    monkeypatch.setattr(clock, "LONG", 5.0)  # quick, however busy the machine is
     specs = [Spec("tide", "pbd", "h", h) for h in (0.05, 0.025)]
     seen = list(run_batch(specs))
     assert [i for i, _ in seen] == [0, 1, 0, 1]
-    first, last = seen[0][1], seen[2][1]
+    first = seen[0][1]
+    last = seen[2][1]
     assert first["rounds"] == 1 and 3 <= last["rounds"] <= 7
     assert last["seconds_low"] <= last["seconds"] <= last["seconds_high"] <= last["seconds_max"]
 
@@ -78,12 +102,16 @@ def test_first_call_of_a_quick_run_is_no_part_of_its_clock(monkeypatch):
     from types import SimpleNamespace
 
     from nsbench import solvers
-    calls, now = [], [0.0]
+
+    calls = []
+    now = [0.0]
     monkeypatch.setattr(clock, "time", SimpleNamespace(perf_counter=lambda: now[0]))
     method = solvers.get("pbd")
 
     class Slow:
-        accuracy, default, claims = method.accuracy, method.default, method.claims
+        accuracy = method.accuracy
+        default = method.default
+        claims = method.claims
 
         def refuses(self, case):
             return None
@@ -97,12 +125,16 @@ def test_first_call_of_a_quick_run_is_no_part_of_its_clock(monkeypatch):
                 now[0] += 0.06 if calls.count("run") == 0 else 0.001
                 calls.append("run")
                 return run()
+
             return call
+
     monkeypatch.setattr(solvers, "get", lambda spec: Slow())
     row = attempt(Spec("tide", "slow", "h", 0.05))[0]
-    assert row["compile_seconds"] == pytest.approx(0.18) and row["setup_seconds"] == pytest.approx(0.02)
+    assert row["compile_seconds"] == pytest.approx(0.18) and row["setup_seconds"] == pytest.approx(
+        0.02
+    )
     calls[:] = ["prepare"]
-    monkeypatch.setattr(clock, "LONG", 10.0)             # the first call would be long enough to be timed once
+    monkeypatch.setattr(clock, "LONG", 10.0)  # the first call would be long enough to be timed once
     last = list(run_batch([Spec("tide", "slow", "h", 0.05)]))[-1][1]
     assert last["rounds"] >= 3 and last["seconds_max"] == pytest.approx(0.001)
 
@@ -115,50 +147,81 @@ def test_rounds_begin_with_another_run_each_time_and_long_runs_are_timed_once():
 
 
 def test_no_two_workers_compile_the_same_kernels_at_once(tmp_path):
-    specs = [Spec("tide", "pbd", "h", 0.1), Spec("tide", "euler", "h", 0.1), Spec("tide", "pbd[sweeps=2]", "h", 0.1)]
-    one, other = Turns(str(tmp_path)).order(specs), Turns(str(tmp_path)).order(specs)
-    assert next(one)[0] == 0 and next(other)[0] == 1              # the second leaves pbd to the first
-    assert next(one)[0] == 2                                      # which has let it go with its next run
+    specs = [
+        Spec("tide", "pbd", "h", 0.1),
+        Spec("tide", "euler", "h", 0.1),
+        Spec("tide", "pbd[sweeps=2]", "h", 0.1),
+    ]
+    one = Turns(str(tmp_path)).order(specs)
+    other = Turns(str(tmp_path)).order(specs)
+    assert next(one)[0] == 0 and next(other)[0] == 1  # the second leaves pbd to the first
+    assert next(one)[0] == 2  # which has let it go with its next run
     assert [i for i, _ in other] == [0, 2] and [i for i, _ in one] == [1]
     assert sorted(i for i, _ in Turns(str(tmp_path)).order(specs)) == [0, 1, 2]
 
 
 def test_specs_with_other_families_need_other_kernels():
-    words = {kernels_of(Spec(c, s, "h", 0.1)) for c, s in (("tide", "pbd"), ("three_discs", "pbd"), ("sliding", "euler"),
-                                                           ("tide", "pbd[order=reverse]"))}
+    words = {
+        kernels_of(Spec(c, s, "h", 0.1))
+        for c, s in (
+            ("tide", "pbd"),
+            ("three_discs", "pbd"),
+            ("sliding", "euler"),
+            ("tide", "pbd[order=reverse]"),
+        )
+    }
     assert len(words) == 3
 
 
 def test_chores_are_done_and_one_that_fails_or_dies_costs_nothing_else(tmp_path):
     file = tmp_path / "bad.py"
     file.write_text(SOLVER)
-    rows, last = [], Spec("tide", "bad[how=exit]", "h", 0.01, "", (str(file),))
+    rows = []
+    last = Spec("tide", "bad[how=exit]", "h", 0.01, "", (str(file),))
     chores = [Chore(os.makedirs, (str(tmp_path / n),)) for n in "ab"]
     chores += [Chore(os.makedirs, (str(tmp_path),)), Chore(os._exit, (3,))]
-    done = run_all([[last], [Spec("tide", "pbd", "h", 0.01)]], 1, 20.0, lambda s, row: rows.append(row["status"]), chores)
-    assert rows[0] == "crashed" and set(rows[1:]) == {"ok"}        # a death in the last run of a batch: the next goes on
+    done = run_all(
+        [[last], [Spec("tide", "pbd", "h", 0.01)]],
+        1,
+        20.0,
+        lambda s, row: rows.append(row["status"]),
+        chores,
+    )
+    assert rows[0] == "crashed" and set(rows[1:]) == {
+        "ok"
+    }  # a death in the last run of a batch: the next goes on
     assert done == chores[:2] and (tmp_path / "a").is_dir() and (tmp_path / "b").is_dir()
 
 
 def test_the_longest_batches_come_first_and_the_second_needs_other_kernels():
     from nsbench.execute.forecast import weight
     from nsbench.execute.suite import _in_order
+
     quick = [Spec("tide", "pbd", "h", 0.1)]
-    free, long = [Spec("sliding", "euler", "h", 0.1)], [Spec("discs[n=30]", "pbd", "h", 1e-4)]
+    free = [Spec("sliding", "euler", "h", 0.1)]
+    long = [Spec("discs[n=30]", "pbd", "h", 1e-4)]
     python = [Spec("tide", "catching_up[backend=osqp]", "h", 1e-3)]
     assert weight(quick) < weight(python) and weight(quick) < weight(long)
     assert weight([Spec("sliding", "pbd", "h", float("nan"))]) == 0.0
-    assert _in_order([quick, free, long])[:2] == [long, free] and len(_in_order([quick, free, long, python])) == 4
+    assert (
+        _in_order([quick, free, long])[:2] == [long, free]
+        and len(_in_order([quick, free, long, python])) == 4
+    )
     assert _in_order([quick, python]) == [python, quick]
-    variant, short = [Spec("discs[n=10]", "pbd", "h", 1e-4)], [Spec("hex", "pbd", "h", 1e-2)]
+    variant = [Spec("discs[n=10]", "pbd", "h", 1e-4)]
+    short = [Spec("hex", "pbd", "h", 1e-2)]
     assert weight(long) > weight(variant) > weight(short)
-    assert _in_order([short, variant, long]) == [long, short, variant] and _in_order([variant, long]) == [long, variant]
+    assert _in_order([short, variant, long]) == [long, short, variant] and _in_order(
+        [variant, long]
+    ) == [long, variant]
 
 
 def test_what_shares_a_solver_waits_its_turn_and_is_taken_after(tmp_path):
     """Other families need more kernels of the same solver: they are not compiled beside it."""
     one = Turns(str(tmp_path)).order([Spec("tide", "pbd", "h", 0.1)])
-    other = Turns(str(tmp_path)).order([Spec("three_discs", "pbd", "h", 0.1), Spec("three_discs", "penalty", "k", 9.0)])
+    other = Turns(str(tmp_path)).order(
+        [Spec("three_discs", "pbd", "h", 0.1), Spec("three_discs", "penalty", "k", 9.0)]
+    )
     assert next(one)[0] == 0 and next(other)[0] == 1
     one.close()
     assert [i for i, _ in other] == [0]
@@ -168,11 +231,13 @@ def test_a_kernel_compiled_within_a_run_stops_its_clock():
     from nsbench.execute.workers.pool import _beyond
     from nsbench.execute.workers.process import Worker
     from nsbench.execute.workers.worker import News
+
     told = []
 
     class Pipe:
         def send(self, message):
             told.append(message)
+
     news = News(Pipe())
     news.tell("run", 3)
     with news.compiling():

@@ -1,4 +1,5 @@
 """What methods declare to expect is compared with what is seen; deviations in either direction are told."""
+
 import numpy as np
 import pytest
 from report_rows import STEPS, row
@@ -13,16 +14,28 @@ from nsbench.report.assemble import compose, figures
 from nsbench.report.html_page import page
 from nsbench.report.markdown import text
 
-SOLVERS = {"pbd": {"accuracy": "h", "claims": {"state": 1.0, "impulse": 1.0},
-                   "expects": [{"when": ["exact_at_grid"], "state": "exact", "impulse": "exact", "why": "constant"},
-                               {"when": ["zeno"], "state": "chatter", "impulse": None, "why": "Zeno"},
-                               {"when": ["filippov"], "state": "refused", "impulse": None, "why": "no constraint"}]}}
+SOLVERS = {
+    "pbd": {
+        "accuracy": "h",
+        "claims": {"state": 1.0, "impulse": 1.0},
+        "expects": [
+            {"when": ["exact_at_grid"], "state": "exact", "impulse": "exact", "why": "constant"},
+            {"when": ["zeno"], "state": "chatter", "impulse": None, "why": "Zeno"},
+            {"when": ["filippov"], "state": "refused", "impulse": None, "why": "no constraint"},
+        ],
+    }
+}
 
 
 def study(error, classes=(), **more):
     """One case, one method, state error `error(h)`, impulse of order 1."""
-    rows = [row("a", "pbd", float(h), state_sup=float(error(h)), impulse=float(h), **more) for h in STEPS]
-    data = source.build(source.columns_of(rows), {"a": {"classes": list(classes), "T": 1.0}}, SOLVERS)
+    rows = [
+        row("a", "pbd", float(h), state_sup=float(error(h)), impulse=float(h), **more)
+        for h in STEPS
+    ]
+    data = source.build(
+        source.columns_of(rows), {"a": {"classes": list(classes), "T": 1.0}}, SOLVERS
+    )
     return data, summary.summarise(data)
 
 
@@ -31,11 +44,20 @@ def found(error, classes=(), known=None, **more):
     return {f.metric: f for f in expected.findings(data, s, {} if known is None else known)}
 
 
-@pytest.mark.parametrize("error, classes, outcome", [
-    (lambda h: h, (), "kept"), (lambda h: h**2, (), "above"), (lambda h: h**0.5, (), "below"),
-    (lambda h: 1 / h, (), "diverges"), (lambda h: 1e-17, (), "exact"), (lambda h: 0.5 + h, (), "plateau"),
-    (lambda h: 1e-17, ("exact_at_grid",), "kept"), (lambda h: h, ("exact_at_grid",), "below"),
-    (lambda h: h, ("zeno",), "passes")])
+@pytest.mark.parametrize(
+    "error, classes, outcome",
+    [
+        (lambda h: h, (), "kept"),
+        (lambda h: h**2, (), "above"),
+        (lambda h: h**0.5, (), "below"),
+        (lambda h: 1 / h, (), "diverges"),
+        (lambda h: 1e-17, (), "exact"),
+        (lambda h: 0.5 + h, (), "plateau"),
+        (lambda h: 1e-17, ("exact_at_grid",), "kept"),
+        (lambda h: h, ("exact_at_grid",), "below"),
+        (lambda h: h, ("zeno",), "passes"),
+    ],
+)
 def test_a_deviation_is_named_in_either_direction(error, classes, outcome):
     assert found(error, classes)["state"].outcome == outcome
 
@@ -54,7 +76,11 @@ def test_known_deviations_are_told_apart_from_new_ones_and_from_those_gone():
     same = list(found(lambda h: h**2, known=known).values())
     assert same[0].known and not expected.fresh(same, known) and not expected.gone(same, known)
     passes = list(found(lambda h: h, known=known).values())
-    assert not passes[0].known and len(expected.gone(passes, known)) == 1 and not expected.fresh(passes, known)
+    assert (
+        not passes[0].known
+        and len(expected.gone(passes, known)) == 1
+        and not expected.fresh(passes, known)
+    )
     words = [r.cells[0].text for r in trust.expected_table(passes, known).rows]
     assert words == ["no longer seen"]
     assert [r.cells[0].text for r in trust.expected_table(same, known).rows] == ["known"]
@@ -76,7 +102,11 @@ def test_the_table_in_the_repository_is_complete_and_names_what_exists():
 
 def test_a_broken_table_is_refused(tmp_path):
     head = "case,solver,metric,observed,why\n"
-    for bad in ("a,pbd,state,above,\n", "a,pbd,nothing,above,because\n", "a,pbd,state,above,x\n" * 2):
+    for bad in (
+        "a,pbd,state,above,\n",
+        "a,pbd,nothing,above,because\n",
+        "a,pbd,state,above,x\n" * 2,
+    ):
         (tmp_path / "t.csv").write_text(head + bad)
         with pytest.raises(ValueError, match=r"t\.csv, line"):
             expected.known_deviations(tmp_path / "t.csv")
@@ -84,17 +114,47 @@ def test_a_broken_table_is_refused(tmp_path):
 
 def test_selection_shows_the_false_plateau_of_a_naive_comparison():
     rng = np.random.default_rng(2)
-    rows = [row("a", "pbd", float(h), state_sup=float(h), reaction=float(h), polyhedron=float(h), multipliers_unique=False,
-                selection=float((0.5 + h) * np.exp(0.01 * rng.standard_normal()))) for h in STEPS]
+    rows = [
+        row(
+            "a",
+            "pbd",
+            float(h),
+            state_sup=float(h),
+            reaction=float(h),
+            polyhedron=float(h),
+            multipliers_unique=False,
+            selection=float((0.5 + h) * np.exp(0.01 * rng.standard_normal())),
+        )
+        for h in STEPS
+    ]
     data = source.build(source.columns_of(rows), {"a": {"T": 1.0}}, SOLVERS)
     table = trust.selection_table(data, summary.summarise(data))
     cells = [c.text for c in table.rows[0].cells]
-    assert cells[1].startswith("1.00") and cells[2].startswith("1.00") and cells[4].startswith("plateau at 0.5")
+    assert (
+        cells[1].startswith("1.00")
+        and cells[2].startswith("1.00")
+        and cells[4].startswith("plateau at 0.5")
+    )
     assert "WARNING" in table.note
     assert not trust.selection_table(*study(lambda h: h)).rows
 
 
 def test_errors_below_ten_times_the_bound_are_not_printed():
-    rows = [row("a", "event_driven", 1e-12, "tol", state_sup=3e-12, impulse=3e-12, state_floor=1e-11, state_scale=1.0)]
-    data = source.build(source.columns_of(rows), {}, {"event_driven": {"accuracy": "tol", "claims": {"exact": 1e-9}}})
+    rows = [
+        row(
+            "a",
+            "event_driven",
+            1e-12,
+            "tol",
+            state_sup=3e-12,
+            impulse=3e-12,
+            state_floor=1e-11,
+            state_scale=1.0,
+        )
+    ]
+    data = source.build(
+        source.columns_of(rows),
+        {},
+        {"event_driven": {"accuracy": "tol", "claims": {"exact": 1e-9}}},
+    )
     assert trust.bounds_table(data, summary.summarise(data)).rows[0].cells[2].text == "< 1e-11"

@@ -1,4 +1,5 @@
 """Extrapolated variants reach the order that they claim, say when their error cannot be told, and fail as their runs do."""
+
 import numpy as np
 import pytest
 
@@ -13,7 +14,9 @@ def test_weights_cancel_the_first_powers():
     assert np.allclose(weights(1), [-1, 2]) and np.allclose(weights(2), np.array([1, -6, 8]) / 3)
     for times in range(5):
         e = 2.0 ** -np.arange(times + 1)
-        assert [abs(weights(times) @ e**p - (p == 0)) < 1e-12 for p in range(times + 1)] == [True] * (times + 1)
+        assert [abs(weights(times) @ e**p - (p == 0)) < 1e-12 for p in range(times + 1)] == [
+            True
+        ] * (times + 1)
 
 
 @pytest.mark.parametrize("times", [1, 2])
@@ -22,19 +25,45 @@ def test_combination_of_a_known_expansion(times):
     t = np.linspace(0, 1, 3)
 
     def run(level):
-        e, c = 0.1 * 2.0**-level, ((0, 1),) if level else ((0, 0), (0, 1))
+        e = 0.1 * 2.0**-level
+        c = ((0, 1),) if level else ((0, 0), (0, 1))
         v = np.full((3, 1), 1 + e + e**2 + 7 * e**3)
-        return Trajectory(t, v, c, np.repeat(v, len(c), 1), v, stats={"steps": 5, "x_peak": level, "loop": "compiled"})
+        return Trajectory(
+            t,
+            v,
+            c,
+            np.repeat(v, len(c), 1),
+            v,
+            stats={"steps": 5, "x_peak": level, "loop": "compiled"},
+        )
+
     runs = [run(level) for level in range(times + 1)]
     out = combined(runs, 0.1)
     left = 7 * 0.1**3 * weights(times) @ 8.0 ** -np.arange(times + 1)
     if times == 1:
         left += 0.1**2 * weights(1) @ 4.0 ** -np.arange(2)
-    assert np.allclose(out.x, 1 + left, atol=1e-15) and np.allclose(out.reaction, out.x) and out.contacts == ((0, 0), (0, 1))
-    assert np.allclose(out.impulse[:, 1], out.x[:, 0]) and np.allclose(out.impulse[:, 0], weights(times)[0] * runs[0].x[:, 0])
-    assert out.stats["steps"] == 5 * (times + 1) and out.stats["x_peak"] == times and out.stats["h"] == 0.1
-    bad = [*runs[:-1], Trajectory(t, runs[-1].x * np.nan, ((0, 1),), runs[-1].x, runs[-1].x, Status("nan", "It broke."))]
-    assert combined(bad, 0.1).status.why == "It broke." and np.isnan(combined(bad, 0.1).impulse).all()
+    assert (
+        np.allclose(out.x, 1 + left, atol=1e-15)
+        and np.allclose(out.reaction, out.x)
+        and out.contacts == ((0, 0), (0, 1))
+    )
+    assert np.allclose(out.impulse[:, 1], out.x[:, 0]) and np.allclose(
+        out.impulse[:, 0], weights(times)[0] * runs[0].x[:, 0]
+    )
+    assert (
+        out.stats["steps"] == 5 * (times + 1)
+        and out.stats["x_peak"] == times
+        and out.stats["h"] == 0.1
+    )
+    bad = [
+        *runs[:-1],
+        Trajectory(
+            t, runs[-1].x * np.nan, ((0, 1),), runs[-1].x, runs[-1].x, Status("nan", "It broke.")
+        ),
+    ]
+    assert (
+        combined(bad, 0.1).status.why == "It broke." and np.isnan(combined(bad, 0.1).impulse).all()
+    )
 
 
 def slope(name, spec, ks, quantity="state_sup"):
@@ -61,14 +90,21 @@ def test_penalty_twice_extrapolated_has_order_three(name, least):
 
 
 def test_an_error_that_cannot_be_told_is_unverified():
-    for spec, good, hidden in (("penalty[extrapolate=1]", 1e5, 3e5), ("penalty[extrapolate=2]", 2e3, 4e3)):
+    for spec, good, hidden in (
+        ("penalty[extrapolate=1]", 1e5, 3e5),
+        ("penalty[extrapolate=2]", 2e3, 4e3),
+    ):
         assert solve("tide", spec, k=good).status.ok
         assert solve("tide", spec, k=hidden).status.code == "unverified"
 
 
 def test_failures_and_refusals_pass_through():
-    wild = Case("wild", Complementarity(lambda xp: lambda t, x: x * x, (Affine(np.eye(1), np.zeros(1)),)), np.ones(1),
-                np.linspace(0, 2, 11))
+    wild = Case(
+        "wild",
+        Complementarity(lambda xp: lambda t, x: x * x, (Affine(np.eye(1), np.zeros(1)),)),
+        np.ones(1),
+        np.linspace(0, 2, 11),
+    )
     assert solve(wild, "penalty[extrapolate=1]", k=100.0).status.code == "diverged"
     assert solve("rlc_diode", "penalty[extrapolate=1]").status.code == "refused"
 
@@ -76,12 +112,20 @@ def test_failures_and_refusals_pass_through():
 STEPS = 0.05 / np.array([8, 11, 15, 21, 29, 40, 55])
 
 
-@pytest.mark.parametrize("spec, name", [("richardson", "three_discs"), ("richardson", "two_discs"),
-                                        ("richardson", "dragged_disc"), ("richardson[method=catching_up]", "obstacle"),
-                                        ("richardson[method=catching_up]", "dragged_disc")])
+@pytest.mark.parametrize(
+    "spec, name",
+    [
+        ("richardson", "three_discs"),
+        ("richardson", "two_discs"),
+        ("richardson", "dragged_disc"),
+        ("richardson[method=catching_up]", "obstacle"),
+        ("richardson[method=catching_up]", "dragged_disc"),
+    ],
+)
 def test_steps_extrapolated_once_have_order_two(spec, name):
     """Through impacts and releases: what depends on where in its step an event lies is of size h^2."""
-    case, method = get_case(name), get(spec)
+    case = get_case(name)
+    method = get(spec)
     h = STEPS * np.diff(case.t).min() / 0.05
     rows = [errors(case, solve(case, spec, h=v)) for v in h]
     plain = errors(case, solve(case, method.method, h=h[-1]))
@@ -101,9 +145,11 @@ def test_three_levels_have_order_three_without_events_between():
 def test_what_is_halved_is_the_step_that_was_taken():
     case = get_case("tide")
     runs = [solve(case, "pbd", h=0.05 / n) for n in (3, 6)]
-    out = solve(case, "richardson", h=0.02)                      # three steps per sample, not two and a half
+    out = solve(case, "richardson", h=0.02)  # three steps per sample, not two and a half
     assert out.stats["steps"] == 9 * (len(case.t) - 1) and out.stats["h"] == runs[0].stats["h"]
-    assert np.array_equal(out.x, 2 * runs[1].x - runs[0].x) and np.array_equal(out.impulse, 2 * runs[1].impulse - runs[0].impulse)
+    assert np.array_equal(out.x, 2 * runs[1].x - runs[0].x) and np.array_equal(
+        out.impulse, 2 * runs[1].impulse - runs[0].impulse
+    )
     assert out.status.ok and out.contacts == runs[0].contacts and out.lam is None
 
 

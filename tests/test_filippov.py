@@ -1,4 +1,5 @@
 """Event-driven runs of Filippov systems reach closed forms to 1e-10, and say so where there is no single motion."""
+
 import numpy as np
 import pytest
 from nsbench.cases import slide_exit
@@ -8,7 +9,7 @@ from scipy.optimize import brentq
 from nsbench import Case, Filippov, get_case, solve
 from nsbench.solvers.event_driven.filippov.host_loop import accumulation
 
-TOL = 1e-10                 # what the method claims
+TOL = 1e-10  # what the method claims
 
 
 def states(xp):
@@ -46,12 +47,21 @@ def agrees(traj, x, impulse, events, tol=TOL):
     np.testing.assert_allclose(traj.x, x, rtol=0, atol=tol)
     np.testing.assert_allclose(traj.impulse, impulse, rtol=0, atol=tol)
     assert [(e.kind, e.contact) for e in traj.events] == [(kind, (0, i)) for _, kind, i in events]
-    np.testing.assert_allclose([e.t for e in traj.events], [t for t, _, _ in events], rtol=0, atol=tol)
+    np.testing.assert_allclose(
+        [e.t for e in traj.events], [t for t, _, _ in events], rtol=0, atol=tol
+    )
     assert traj.reaction.shape == (len(x), 0)
 
 
-KINDS = {"sliding": ["enter"], "oscillator": ["cross"], "apple_filippov": ["enter"], "apple_filippov[y0=-0.5]": [],
-         "apple_filippov[y0=0]": [], "crossing": ["cross"], "friction": ["cross", "enter"]}
+KINDS = {
+    "sliding": ["enter"],
+    "oscillator": ["cross"],
+    "apple_filippov": ["enter"],
+    "apple_filippov[y0=-0.5]": [],
+    "apple_filippov[y0=0]": [],
+    "crossing": ["cross"],
+    "friction": ["cross", "enter"],
+}
 
 
 @pytest.mark.parametrize("name", KINDS)
@@ -63,11 +73,13 @@ def test_a_case_with_a_closed_form_is_met(name):
 
 def test_the_numbers_of_slide_exit_hold_and_are_met():
     # an independent computation: a Runge-Kutta code for the free arcs, quadrature of dx1 / v(x1) for the sliding one
-    above, below = slide_exit.above(np), slide_exit.below(np)
+    above = slide_exit.above(np)
+    below = slide_exit.below(np)
     hit = lambda t, x: x[1]
     hit.terminal = True
     free = solve_ivp(above, (0, 1), [-0.5, 0.5], "DOP853", rtol=1e-13, atol=1e-14, events=hit)
-    enter, x1 = free.t[-1], free.y[0, -1]
+    enter = free.t[-1]
+    x1 = free.y[0, -1]
     weight = lambda u: (1 - u) / (2 - u + 0.5 * np.sin(u))
     speed = lambda u: weight(u) + (1 - weight(u)) * (2 + u * u / 4)
     leave = enter + quad(lambda u: 1 / speed(u), x1, 1, epsabs=1e-13)[0]
@@ -78,8 +90,9 @@ def test_the_numbers_of_slide_exit_hold_and_are_met():
     np.testing.assert_allclose(found, stated, rtol=0, atol=1e-11)
     traj = run(get_case("slide_exit"))
     assert [e.kind for e in traj.events] == ["enter", "exit"]
-    np.testing.assert_allclose([*(e.t for e in traj.events), *traj.x[-1], traj.impulse[-1, 0]], stated,
-                               rtol=0, atol=1e-12)
+    np.testing.assert_allclose(
+        [*(e.t for e in traj.events), *traj.x[-1], traj.impulse[-1, 0]], stated, rtol=0, atol=1e-12
+    )
 
 
 @pytest.mark.parametrize("method", ["rk45", "radau", "lsoda"])
@@ -89,12 +102,15 @@ def test_every_integrator_gets_there(method):
 
 
 def turning(xp, t, x, s):
-    grow, turn = 0.5 * xp.sin(t) - s[0], 1.0 + 0.5 * s[0]
+    grow = 0.5 * xp.sin(t) - s[0]
+    turn = 1.0 + 0.5 * s[0]
     return xp.array([grow * x[0] - turn * x[1], grow * x[1] + turn * x[0]])
 
 
 SQUARE = drift(lambda xp, t, x: x[0:1] * x[0:1] + x[1:2] * x[1:2] - 1.0)
-ROOT = drift(lambda xp, t, x: xp.abs(xp.sqrt(x[0:1] ** 2 + x[1:2] ** 2)) - 1.0)     # abs: no complex step, so JAX
+ROOT = drift(
+    lambda xp, t, x: xp.abs(xp.sqrt(x[0:1] ** 2 + x[1:2] ** 2)) - 1.0
+)  # abs: no complex step, so JAX
 
 
 @pytest.mark.parametrize("circle", [SQUARE, ROOT], ids=["complex step", "jax"])
@@ -107,20 +123,37 @@ def test_a_curved_surface_with_a_moving_weight(circle):
     angle = 1.5 * np.minimum(t, t1) + (late - t1) + 0.25 * (np.cos(t1) - np.cos(late))
     r = np.where(t < t1, np.exp(log_r(t)), 1.0)
     impulse = np.minimum(t, t1) + 0.5 * (late - t1) + 0.25 * (np.cos(t1) - np.cos(late))
-    agrees(run(case), np.stack([r * np.cos(angle), r * np.sin(angle)], 1), impulse[:, None], [(t1, "enter", 0)])
+    agrees(
+        run(case),
+        np.stack([r * np.cos(angle), r * np.sin(angle)], 1),
+        impulse[:, None],
+        [(t1, "enter", 0)],
+    )
 
 
 def test_two_relays_end_in_their_common_point():
     pull = drift(lambda xp, t, x: xp.array([0.5 * xp.sin(t), 0.5 * xp.cos(t)]))
     case = filippov(Filippov.relay(pull, -np.eye(2), states), (1.0, -0.7), 4.0)
     t = case.t
-    f1, f2 = lambda t: 1 - t + 0.5 * (1 - np.cos(t)), lambda t: -0.7 + t + 0.5 * np.sin(t)
-    t1, t2 = brentq(f1, 0, 3, xtol=1e-15), brentq(f2, 0, 3, xtol=1e-15)
-    a, b = np.maximum(t, t1), np.maximum(t, t2)
-    impulse = np.stack([np.minimum(t, t1) + 0.5 * (a - t1) + 0.25 * (np.cos(t1) - np.cos(a)),
-                        0.5 * (b - t2) + 0.25 * (np.sin(b) - np.sin(t2))], 1)
-    agrees(run(case), np.stack([np.where(t < t1, f1(t), 0), np.where(t < t2, f2(t), 0)], 1), impulse,
-           [(t2, "enter", 1), (t1, "enter", 0)])
+    f1 = lambda t: 1 - t + 0.5 * (1 - np.cos(t))
+    f2 = lambda t: -0.7 + t + 0.5 * np.sin(t)
+    t1 = brentq(f1, 0, 3, xtol=1e-15)
+    t2 = brentq(f2, 0, 3, xtol=1e-15)
+    a = np.maximum(t, t1)
+    b = np.maximum(t, t2)
+    impulse = np.stack(
+        [
+            np.minimum(t, t1) + 0.5 * (a - t1) + 0.25 * (np.cos(t1) - np.cos(a)),
+            0.5 * (b - t2) + 0.25 * (np.sin(b) - np.sin(t2)),
+        ],
+        1,
+    )
+    agrees(
+        run(case),
+        np.stack([np.where(t < t1, f1(t), 0), np.where(t < t2, f2(t), 0)], 1),
+        impulse,
+        [(t2, "enter", 1), (t1, "enter", 0)],
+    )
 
 
 def test_dry_friction_in_two_dimensions_lets_go_twice():
@@ -138,12 +171,20 @@ def test_dry_friction_in_two_dimensions_lets_go_twice():
 
 
 def test_a_moving_surface():
-    case = filippov(Filippov.relay(still, np.array([[-2.0]]), drift(lambda xp, t, x: x - xp.sin(t))), (1.0,), 4.0)
+    case = filippov(
+        Filippov.relay(still, np.array([[-2.0]]), drift(lambda xp, t, x: x - xp.sin(t))),
+        (1.0,),
+        4.0,
+    )
     t1 = brentq(lambda t: 1 - 2 * t - np.sin(t), 0, 1, xtol=1e-15)
     t = case.t[:, None]
     late = np.maximum(t, t1)
-    agrees(run(case), np.where(t < t1, 1 - 2 * t, np.sin(t)),
-           np.minimum(t, t1) + 0.5 * (late - t1) - 0.25 * (np.sin(late) - np.sin(t1)), [(t1, "enter", 0)])
+    agrees(
+        run(case),
+        np.where(t < t1, 1 - 2 * t, np.sin(t)),
+        np.minimum(t, t1) + 0.5 * (late - t1) - 0.25 * (np.sin(late) - np.sin(t1)),
+        [(t1, "enter", 0)],
+    )
 
 
 def test_stick_slip_repeats_its_cycle():
@@ -156,19 +197,34 @@ def test_stick_slip_repeats_its_cycle():
     sticks = [e.t for e in traj.events if e.kind == "enter"][1:]
     hit = lambda t, x: x[1] - 0.2 if t > 1 else -1.0
     hit.terminal = True
-    free = solve_ivp(below(np), (0, 9), [1.0, 0.2], "DOP853", rtol=1e-13, atol=1e-14, events=hit, max_step=0.1)
-    slip, stick = free.t[-1], (1 - free.y[0, -1]) / 0.2
+    free = solve_ivp(
+        below(np), (0, 9), [1.0, 0.2], "DOP853", rtol=1e-13, atol=1e-14, events=hit, max_step=0.1
+    )
+    slip = free.t[-1]
+    stick = (1 - free.y[0, -1]) / 0.2
     assert len(slips) >= 3
     np.testing.assert_allclose(np.diff(slips), slip + stick, rtol=0, atol=TOL)
-    np.testing.assert_allclose(np.array(sticks[:len(slips)]) - slips[:len(sticks)], slip, rtol=0, atol=TOL)
+    np.testing.assert_allclose(
+        np.array(sticks[: len(slips)]) - slips[: len(sticks)], slip, rtol=0, atol=TOL
+    )
 
 
 def test_a_bilinear_blend_of_four_fields_slides_at_its_own_velocity():
     modes = {(1, 1): (-1, -1, 1), (1, -1): (-1, 2, 0), (-1, 1): (2, -1, 0), (-1, -1): (1.5, 1, 5)}
     pair = drift(lambda xp, t, x: x[:2])
-    traj = run(filippov(Filippov({k: constant(*map(float, v)) for k, v in modes.items()}, pair), (0, 0, 0), 1.0, 11))
+    traj = run(
+        filippov(
+            Filippov({k: constant(*map(float, v)) for k, v in modes.items()}, pair),
+            (0, 0, 0),
+            1.0,
+            11,
+        )
+    )
     a, b = traj.impulse[-1]
-    v = sum(np.array(f) * (a if p > 0 else 1 - a) * (b if q > 0 else 1 - b) for (p, q), f in modes.items())
+    v = sum(
+        np.array(f) * (a if p > 0 else 1 - a) * (b if q > 0 else 1 - b)
+        for (p, q), f in modes.items()
+    )
     assert traj.status.ok and 0 < a < 1 and 0 < b < 1
     np.testing.assert_allclose(v[:2], 0, atol=1e-13)
     np.testing.assert_allclose(traj.x[-1], [0, 0, v[2]], atol=1e-13)
@@ -180,7 +236,12 @@ def test_a_dip_through_the_surface_inside_one_step_is_found(depth):
     below = drift(lambda xp, t, x: xp.array([1.0, 4 * x[0]]))
     traj = run(filippov(Filippov({(1,): above, (-1,): below}, second), (-1.0, 1.0 - depth), 2.0, 2))
     w = np.sqrt(depth)
-    agrees(traj, [[-1, 1 - depth], [1, 1 - depth]], [[0], [2 - 2 * w]], [(1 - w, "cross", 0), (1 + w, "cross", 0)])
+    agrees(
+        traj,
+        [[-1, 1 - depth], [1, 1 - depth]],
+        [[0], [2 - 2 * w]],
+        [(1 - w, "cross", 0), (1 + w, "cross", 0)],
+    )
 
 
 @pytest.mark.parametrize("ulps", range(-4, 5))
@@ -198,13 +259,17 @@ def test_sliding_stays_on_the_surface_at_any_tolerance():
 
 def cross_times(B, x, count):
     """Crossing times of x' = B sgn(x) by going from axis to axis."""
-    t, s, times = 0.0, np.sign(x), []
+    t = 0.0
+    s = np.sign(x)
+    times = []
     for _ in range(count):
         v = B @ s
         left = np.where(x * v < 0, -x / np.where(v == 0, 1, v), np.inf)
         i = int(np.argmin(left))
-        t, x = t + left[i], x + left[i] * v
-        x[i], s[i] = 0.0, -s[i]
+        t = t + left[i]
+        x = x + left[i] * v
+        x[i] = 0.0
+        s[i] = -s[i]
         x[i] = 1e-300 * s[i]
         times.append(t)
     return times
@@ -218,7 +283,9 @@ def test_a_spiral_stops_as_chatter_at_its_accumulation_time(damping):
     end = cross_times(B, np.array([1.0, 0.3]), 400)[-1]
     assert traj.status.code == "chatter"
     assert f"{end:.6g}" in str(traj.status)
-    assert np.all(np.isfinite(traj.x[traj.t < end - 1e-6])) and np.all(np.isnan(traj.x[traj.t > end]))
+    assert np.all(np.isfinite(traj.x[traj.t < end - 1e-6])) and np.all(
+        np.isnan(traj.x[traj.t > end])
+    )
 
 
 def test_accumulation_is_not_seen_in_slow_damping():
@@ -228,19 +295,54 @@ def test_accumulation_is_not_seen_in_slow_damping():
     assert accumulation([1.0] * 7, 1.0) == 1.0
 
 
-UP, DOWN = constant(1.0, 1.0), constant(1.0, -1.0)
+UP = constant(1.0, 1.0)
+DOWN = constant(1.0, -1.0)
 ENDS = {
-    "repulsive start": (Filippov({(1,): UP, (-1,): DOWN}, second), (0.0, 0.0), "degenerate", "not unique"),
-    "repulsive entry": (Filippov({(1, 1): UP, (1, -1): DOWN, (-1, 1): DOWN, (-1, -1): UP}, states), (-1.0, 0.3),
-                        "degenerate", "t = 1 several motions continue from surfaces 0, 1"),
-    "both tangential": (Filippov({(1,): constant(1.0, 0.0), (-1,): constant(2.0, 0.0)}, second), (0.0, 0.0),
-                        "degenerate", "not unique"),
-    "nan": (Filippov({(1,): drift(lambda xp, t, x: xp.array([1.0, -1 + 0 * xp.log(0.5 - x[0])])), (-1,): UP}, second),
-            (0.0, 1.0), "nan", "not finite"),
-    "nan on the surface": (Filippov({(1,): DOWN, (-1,): constant(np.nan, np.nan)}, second), (0.0, 1.0), "nan",
-                           "not finite on surface 0 at t = 1"),
-    "nan at the start": (Filippov({(1,): constant(np.nan, 0.0), (-1,): UP}, second), (0.0, 1.0), "nan", "t = 0"),
-    "blow-up": (Filippov({(1,): drift(lambda xp, t, x: x * x), (-1,): UP}, second), (1.0, 1.0), "diverged", "grew"),
+    "repulsive start": (
+        Filippov({(1,): UP, (-1,): DOWN}, second),
+        (0.0, 0.0),
+        "degenerate",
+        "not unique",
+    ),
+    "repulsive entry": (
+        Filippov({(1, 1): UP, (1, -1): DOWN, (-1, 1): DOWN, (-1, -1): UP}, states),
+        (-1.0, 0.3),
+        "degenerate",
+        "t = 1 several motions continue from surfaces 0, 1",
+    ),
+    "both tangential": (
+        Filippov({(1,): constant(1.0, 0.0), (-1,): constant(2.0, 0.0)}, second),
+        (0.0, 0.0),
+        "degenerate",
+        "not unique",
+    ),
+    "nan": (
+        Filippov(
+            {(1,): drift(lambda xp, t, x: xp.array([1.0, -1 + 0 * xp.log(0.5 - x[0])])), (-1,): UP},
+            second,
+        ),
+        (0.0, 1.0),
+        "nan",
+        "not finite",
+    ),
+    "nan on the surface": (
+        Filippov({(1,): DOWN, (-1,): constant(np.nan, np.nan)}, second),
+        (0.0, 1.0),
+        "nan",
+        "not finite on surface 0 at t = 1",
+    ),
+    "nan at the start": (
+        Filippov({(1,): constant(np.nan, 0.0), (-1,): UP}, second),
+        (0.0, 1.0),
+        "nan",
+        "t = 0",
+    ),
+    "blow-up": (
+        Filippov({(1,): drift(lambda xp, t, x: x * x), (-1,): UP}, second),
+        (1.0, 1.0),
+        "diverged",
+        "grew",
+    ),
 }
 
 
@@ -251,13 +353,20 @@ def test_what_cannot_be_followed_is_a_status_with_a_sentence(name):
     with np.errstate(all="ignore"):
         traj = run(case)
     assert traj.status.code == code and words in str(traj.status)
-    assert np.array_equal(traj.x[0], case.x0) and np.all(np.isnan(traj.x[-1])) and traj.x.shape == (41, 2)
+    assert (
+        np.array_equal(traj.x[0], case.x0)
+        and np.all(np.isnan(traj.x[-1]))
+        and traj.x.shape == (41, 2)
+    )
 
 
 @pytest.mark.survives("zeno")
 def test_budgets_of_events_and_steps():
-    swing = Filippov.relay(drift(lambda xp, t, x: xp.array([x[1], 0.0])), np.array([[0.0], [-1.0]]),
-                           drift(lambda xp, t, x: x[0:1]))
+    swing = Filippov.relay(
+        drift(lambda xp, t, x: xp.array([x[1], 0.0])),
+        np.array([[0.0], [-1.0]]),
+        drift(lambda xp, t, x: x[0:1]),
+    )
     case = filippov(swing, (1.0, 0.0), 40.0)
     assert run(case).status.ok
     traj = run(case, max_events=3)
@@ -269,10 +378,16 @@ def test_budgets_of_events_and_steps():
 def test_four_coupled_relays_agree_with_implicit_euler(seed):
     # c = x and a positive definite coupling: a maximal monotone problem, whose solution is unique
     rng = np.random.default_rng(seed)
-    A, a, w = rng.normal(size=(4, 4)) - 2 * np.eye(4), 1.5 * rng.normal(size=4), rng.uniform(1, 4, 4)
+    A = rng.normal(size=(4, 4)) - 2 * np.eye(4)
+    a = 1.5 * rng.normal(size=4)
+    w = rng.uniform(1, 4, 4)
     R = 0.3 * rng.normal(size=(4, 4))
-    load = drift(lambda xp, t, x: xp.einsum("ij,j", A, x) + a * xp.sin(w * t))      # einsum: Euler's loop in Python
-    case = filippov(Filippov.relay(load, -(R @ R.T + 0.5 * np.eye(4)), states), rng.normal(size=4), 2.0, 11)
+    load = drift(
+        lambda xp, t, x: xp.einsum("ij,j", A, x) + a * xp.sin(w * t)
+    )  # einsum: Euler's loop in Python
+    case = filippov(
+        Filippov.relay(load, -(R @ R.T + 0.5 * np.eye(4)), states), rng.normal(size=4), 2.0, 11
+    )
     traj = run(case)
     steps = np.array([0.04, 0.02, 0.01])
     euler = [solve(case, "euler[implicit=true]", h=h) for h in steps]

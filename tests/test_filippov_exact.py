@@ -1,4 +1,5 @@
 """Event-driven runs of Filippov systems nobody tuned for reach their closed forms to rounding, events included."""
+
 import numpy as np
 import pytest
 from filippov_corners import SEVERAL
@@ -28,19 +29,37 @@ def test_the_closed_form_is_met(make):
     assert np.abs(traj.impulse - weights(case.t)).max() <= 1e-12
     found = order((e.t, e.kind, e.contact[1]) for e in traj.events)
     assert [e[1:] for e in found] == [e[1:] for e in order(events)]
-    np.testing.assert_allclose([e[0] for e in found], [e[0] for e in order(events)], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(
+        [e[0] for e in found], [e[0] for e in order(events)], rtol=0, atol=1e-12
+    )
 
 
 SAME = {
     "line": (constant(1.0, 0.0), entry(1), (0.0, 0.0), lambda t: np.stack([t, 0 * t], 1)),
-    "circle": (drift(lambda xp, t, x: xp.array([-x[1], x[0]])), drift(lambda xp, t, x: x[0:1] ** 2 + x[1:2] ** 2 - 1),
-               (1.0, 0.0), lambda t: np.stack([np.cos(t), np.sin(t)], 1)),
-    "limit cycle": (drift(lambda xp, t, x: xp.array([-x[1], x[0]]) + x * (1 - x[0] ** 2 - x[1] ** 2)),
-                    drift(lambda xp, t, x: x[0:1] ** 2 + x[1:2] ** 2 - 1), (1.0, 0.0),
-                    lambda t: np.stack([np.cos(t), np.sin(t)], 1)),
-    "decay": (drift(lambda xp, t, x: xp.array([1.0, -x[1]])), entry(1), (0.0, 1.0),
-              lambda t: np.stack([t, np.exp(-t)], 1)),
-    "unused sign": (drift(lambda xp, t, x: xp.array([x[1], -x[0]])), entry(1), (0.0, 0.0), lambda t: np.zeros((len(t), 2))),
+    "circle": (
+        drift(lambda xp, t, x: xp.array([-x[1], x[0]])),
+        drift(lambda xp, t, x: x[0:1] ** 2 + x[1:2] ** 2 - 1),
+        (1.0, 0.0),
+        lambda t: np.stack([np.cos(t), np.sin(t)], 1),
+    ),
+    "limit cycle": (
+        drift(lambda xp, t, x: xp.array([-x[1], x[0]]) + x * (1 - x[0] ** 2 - x[1] ** 2)),
+        drift(lambda xp, t, x: x[0:1] ** 2 + x[1:2] ** 2 - 1),
+        (1.0, 0.0),
+        lambda t: np.stack([np.cos(t), np.sin(t)], 1),
+    ),
+    "decay": (
+        drift(lambda xp, t, x: xp.array([1.0, -x[1]])),
+        entry(1),
+        (0.0, 1.0),
+        lambda t: np.stack([t, np.exp(-t)], 1),
+    ),
+    "unused sign": (
+        drift(lambda xp, t, x: xp.array([x[1], -x[0]])),
+        entry(1),
+        (0.0, 0.0),
+        lambda t: np.zeros((len(t), 2)),
+    ),
 }
 
 
@@ -79,11 +98,15 @@ def test_two_motions_in_one_corner_are_not_chosen_between():
     _, traj = run((problem, (0.0, 0.0, 0.0), 1.0))
     assert traj.status.code == "degenerate" and "not unique" in str(traj.status)
     found = Motion(problem, 0.0, np.zeros(3)).branches(0.0, np.zeros(3), np.zeros(2, np.int64))
-    np.testing.assert_allclose(sorted(s.tolist() for s in found), [[-0.5, -0.5], [0.5, 0.5]], atol=1e-14)
+    np.testing.assert_allclose(
+        sorted(s.tolist() for s in found), [[-0.5, -0.5], [0.5, 0.5]], atol=1e-14
+    )
 
 
 def test_dependent_surfaces_that_leave_the_velocity_open_are_told():
     # two relays on one surface, of which the second drags x2 along: how they share the load decides its speed
     field = drift(lambda xp, t, x, s: xp.array([0.5 - s[0] - s[1], s[1]]))
-    _, traj = run((Filippov.signs(field, drift(lambda xp, t, x: xp.stack((x[0], x[0])))), (0.0, 0.0), 1.0))
+    _, traj = run(
+        (Filippov.signs(field, drift(lambda xp, t, x: xp.stack((x[0], x[0])))), (0.0, 0.0), 1.0)
+    )
     assert traj.status.code == "degenerate"

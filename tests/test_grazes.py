@@ -1,4 +1,5 @@
 """No passage is missed and none is invented: a part of the study of 1000."""
+
 import numpy as np
 import pytest
 from studies.grazes import KINDS, judge, passage, pick

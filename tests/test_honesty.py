@@ -1,4 +1,5 @@
 """Nothing wrong is called ok: neither a drift that raises, nor a solver that lies, nor a closed form that is false."""
+
 import numpy as np
 import pytest
 
@@ -14,6 +15,7 @@ def raises_late(xp):
         if t > 1.0:
             raise RuntimeError("on purpose")
         return -y
+
     return f
 
 
@@ -21,8 +23,11 @@ def raises_late(xp):
 @pytest.mark.parametrize("spec", ["pbd", "catching_up"])
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 def test_a_drift_that_raises_in_compiled_code_is_a_failure(spec):
-    case = nsbench.get_case("tide").replace(problem=nsbench.Complementarity(
-        raises_late, (nsbench.Affine(np.eye(1), np.zeros(1)),)), exact=None, exact_impulse=None)
+    case = nsbench.get_case("tide").replace(
+        problem=nsbench.Complementarity(raises_late, (nsbench.Affine(np.eye(1), np.zeros(1)),)),
+        exact=None,
+        exact_impulse=None,
+    )
     traj = nsbench.solve(case, spec, h=0.05)
     assert traj.status.code == "nan" and np.isnan(traj.x[-1]).all()
 
@@ -35,23 +40,32 @@ def test_what_a_solver_says_is_not_taken_for_granted():
     x = case.exact(case.t)
     good = Trajectory(case.t, x, (), none, none)
     assert misfit(case, good) == ""
-    assert misfit(case, Trajectory(case.t, x * np.nan, (), none, none, Status("nan", "A sentence."))) == ""
-    for bad, word in ((None, "NoneType"), (Trajectory(case.t, x, (), none, none, "ok"), "status"),
-                      (Trajectory(case.t, x * np.nan, (), none, none), "finite"),
-                      (Trajectory(case.t, x[1:], (), none, none), "shape"),
-                      (Trajectory(case.t, x.astype(np.float32), (), none, none), "float32"),
-                      (Trajectory(case.t, x, ((0, 0),), none, none), "impulse"),
-                      (Trajectory(case.t, x, (), none, none, lam_time="=cmd()"), "lam_time"),
-                      (Trajectory(case.t, x, (), none, none, lam_time=[]), "lam_time")):
+    assert (
+        misfit(case, Trajectory(case.t, x * np.nan, (), none, none, Status("nan", "A sentence.")))
+        == ""
+    )
+    for bad, word in (
+        (None, "NoneType"),
+        (Trajectory(case.t, x, (), none, none, "ok"), "status"),
+        (Trajectory(case.t, x * np.nan, (), none, none), "finite"),
+        (Trajectory(case.t, x[1:], (), none, none), "shape"),
+        (Trajectory(case.t, x.astype(np.float32), (), none, none), "float32"),
+        (Trajectory(case.t, x, ((0, 0),), none, none), "impulse"),
+        (Trajectory(case.t, x, (), none, none, lam_time="=cmd()"), "lam_time"),
+        (Trajectory(case.t, x, (), none, none, lam_time=[]), "lam_time"),
+    ):
         assert word in misfit(case, bad)
 
 
-@pytest.mark.parametrize("change, word", [
-    ({"exact_impulse": lambda t: 0.5 * tide.exact_impulse(t)}, "exact_impulse"),
-    ({"exact_impulse": lambda t: np.hstack([tide.exact_impulse(t)] * 3)}, "shape"),
-    ({"exact": lambda t: tide.exact(t) + 1e-6 * (t > 1.0)[:, None]}, "exact(t)"),
-    ({"exact_events": (0.9, 2.5)}, "exact_events"),
-])
+@pytest.mark.parametrize(
+    "change, word",
+    [
+        ({"exact_impulse": lambda t: 0.5 * tide.exact_impulse(t)}, "exact_impulse"),
+        ({"exact_impulse": lambda t: np.hstack([tide.exact_impulse(t)] * 3)}, "shape"),
+        ({"exact": lambda t: tide.exact(t) + 1e-6 * (t > 1.0)[:, None]}, "exact(t)"),
+        ({"exact_events": (0.9, 2.5)}, "exact_events"),
+    ],
+)
 def test_check_notices_a_false_closed_form(change, word):
     found = check_case(tide.replace(**change), lambda text: None)
     assert any(word in sentence for sentence in found), found
@@ -64,8 +78,17 @@ def test_check_is_content_with_a_true_one():
 tide = nsbench.get_case("tide")
 
 
-@pytest.mark.parametrize("text", ["1/0", "raise RuntimeError('x')", "def (", "CASE = 5", "import sys; sys.exit(0)",
-                                  "def make():\n    return {}['a']"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "1/0",
+        "raise RuntimeError('x')",
+        "def (",
+        "CASE = 5",
+        "import sys; sys.exit(0)",
+        "def make():\n    return {}['a']",
+    ],
+)
 def test_check_says_what_a_broken_file_raises(tmp_path, capsys, text):
     (tmp_path / "f.py").write_text(text)
     assert main(["check", str(tmp_path / "f.py")]) == 3
@@ -79,6 +102,8 @@ def test_an_error_that_grows_again_is_no_plateau():
         assert nsbench.fit_order(h, err).verdict not in ("plateau", "order")
 
 
-@pytest.mark.parametrize("args", [["-j", "0"], ["-j", "-1"], ["--timeout", "0"], ["--timeout", "nan"], ["--h", ""]])
+@pytest.mark.parametrize(
+    "args", [["-j", "0"], ["-j", "-1"], ["--timeout", "0"], ["--timeout", "nan"], ["--h", ""]]
+)
 def test_settings_that_make_no_sense_are_refused(args, capsys):
     assert main(["run", "tide", "-s", "pbd", *args]) == 2

@@ -2,6 +2,7 @@
 
 The long run is tests/studies/honesty.py; what is found is kept in tests/honesty_kept.
 """
+
 import dataclasses
 import tempfile
 from pathlib import Path
@@ -19,8 +20,17 @@ from nsbench import solvers
 from nsbench.solvers.base import grid
 
 FOUND = Path(tempfile.gettempdir()) / "nsbench_honesty"
-FIXED = {"affine": "theta", "discs": "pbd", "links": "catching_up", "smooth": "pbd", "ode": "euler", "modes": "euler",
-         "signs": "euler", "relay": "euler[implicit=true]", "circuit": "theta"}
+FIXED = {
+    "affine": "theta",
+    "discs": "pbd",
+    "links": "catching_up",
+    "smooth": "pbd",
+    "ode": "euler",
+    "modes": "euler",
+    "signs": "euler",
+    "relay": "euler[implicit=true]",
+    "circuit": "theta",
+}
 
 
 def held(text, family, specs):
@@ -31,11 +41,19 @@ def held(text, family, specs):
     judged = judge.Scene(nsbench.load_case(path))
     for spec in specs:
         verdict = judged.judge(spec)
-        assert verdict.word not in ("wrong", "crash"), f"{spec}: {verdict.why}; the case file is {path}"
+        assert verdict.word not in ("wrong", "crash"), (
+            f"{spec}: {verdict.why}; the case file is {path}"
+        )
 
 
 @pytest.mark.survives("silent wrong")
-@settings(max_examples=6, deadline=None, derandomize=True, database=None, suppress_health_check=list(HealthCheck))
+@settings(
+    max_examples=6,
+    deadline=None,
+    derandomize=True,
+    database=None,
+    suppress_health_check=list(HealthCheck),
+)
 @given(st.data())
 def test_what_says_ok_is_true(data):
     family = data.draw(st.sampled_from(sorted(FAMILIES)))
@@ -45,16 +63,35 @@ def test_what_says_ok_is_true(data):
 
 def wall(**changes):
     """A point pushed against a floor, held and let go, of which nothing is known."""
-    return nsbench.get_case("tide").replace(name="wall", exact=None, exact_impulse=None, exact_events=None, **changes)
+    return nsbench.get_case("tide").replace(
+        name="wall", exact=None, exact_impulse=None, exact_events=None, **changes
+    )
 
 
-LIES = {                    # what a solver may tell of a true trajectory, and the word for it
-    "a plateau": (lambda traj: {"x": traj.x + 1e-3 * (np.arange(len(traj.t)) > 2)[:, None]}, "wrong"),
+LIES = {  # what a solver may tell of a true trajectory, and the word for it
+    "a plateau": (
+        lambda traj: {"x": traj.x + 1e-3 * (np.arange(len(traj.t)) > 2)[:, None]},
+        "wrong",
+    ),
     "not a number": (lambda traj: {"x": traj.x * np.nan}, "wrong"),
-    "a pull": (lambda traj: {"impulse": -traj.impulse - np.arange(len(traj.t))[:, None] * (traj.impulse[-1] > 0)}, "wrong"),
-    "an impulse that is lost": (lambda traj: {"contacts": (), "impulse": traj.impulse[:, :0],
-                                              "reaction": 0.0 * traj.reaction}, "wrong"),
-    "a loud failure": (lambda traj: {"status": nsbench.solvers.Status("maxiter", "A sentence.")}, "told"),
+    "a pull": (
+        lambda traj: {
+            "impulse": -traj.impulse - np.arange(len(traj.t))[:, None] * (traj.impulse[-1] > 0)
+        },
+        "wrong",
+    ),
+    "an impulse that is lost": (
+        lambda traj: {
+            "contacts": (),
+            "impulse": traj.impulse[:, :0],
+            "reaction": 0.0 * traj.reaction,
+        },
+        "wrong",
+    ),
+    "a loud failure": (
+        lambda traj: {"status": nsbench.solvers.Status("maxiter", "A sentence.")},
+        "told",
+    ),
     "nothing": (lambda traj: {}, "fine"),
 }
 
@@ -63,11 +100,16 @@ LIES = {                    # what a solver may tell of a true trajectory, and t
 @pytest.mark.parametrize("spec", ["event_driven", "pbd"])
 def test_a_lie_is_seen(lie, spec, monkeypatch):
     change, word = LIES[lie]
-    case, true = wall(), judge.solvers.solve
+    case = wall()
+    true = judge.solvers.solve
+
     def lies(case, name, **accuracy):
         traj = true(case, name, **accuracy)
-        lied = name == spec or (spec == "event_driven" and name.startswith("event_driven[max_steps="))
+        lied = name == spec or (
+            spec == "event_driven" and name.startswith("event_driven[max_steps=")
+        )
         return dataclasses.replace(traj, **change(traj)) if lied else traj
+
     monkeypatch.setattr(judge.solvers, "solve", lies)
     assert judge.Scene(case).judge(spec).word == word
 
@@ -75,6 +117,7 @@ def test_a_lie_is_seen(lie, spec, monkeypatch):
 def test_a_crash_is_told_from_bad_input(monkeypatch):
     def crashes(case, name, **accuracy):
         return [][1]
+
     assert judge.Scene(wall()).judge("pbd").word == "fine"
     assert judge.Scene(wall(x0=np.array([-1.0]))).judge("pbd").word == "told"
     monkeypatch.setattr(judge.solvers, "solve", crashes)
@@ -89,6 +132,7 @@ def test_a_scene_is_its_choices_and_shrinks(family):
 
     def fails(made):
         return "xp.sin" in scene(replayed(made), family)
+
     least = shrunk(c.made, fails) if fails(c.made) else c.made
     assert not fails(c.made) or (fails(least) and len(scene(replayed(least), family)) <= len(text))
 
@@ -106,11 +150,18 @@ def jumps(xp):
     return lambda t, x: xp.where(t < 1.373, -1.0, 2.0) + 0.0 * x
 
 
-@pytest.mark.parametrize("drift, size", [
-    (lambda xp, t: xp.where(t < 1.373, -1.0, 2.0) + xp.sin(9.0 * t), 3.0), (lambda xp, t: xp.where(t < 1.0, -1.0, 2.0), 3.0),
-    (lambda xp, t: 1.0 / (t - 1.373), 0.0), (lambda xp, t: xp.sqrt(1.373 - t), 0.0),
-    (lambda xp, t: xp.tanh(1e6 * (t - 1.373)), 0.0), (lambda xp, t: abs(t - 1.373), 0.0)],
-    ids=["jump", "at a sample", "pole", "root", "steep", "kink"])
+@pytest.mark.parametrize(
+    "drift, size",
+    [
+        (lambda xp, t: xp.where(t < 1.373, -1.0, 2.0) + xp.sin(9.0 * t), 3.0),
+        (lambda xp, t: xp.where(t < 1.0, -1.0, 2.0), 3.0),
+        (lambda xp, t: 1.0 / (t - 1.373), 0.0),
+        (lambda xp, t: xp.sqrt(1.373 - t), 0.0),
+        (lambda xp, t: xp.tanh(1e6 * (t - 1.373)), 0.0),
+        (lambda xp, t: abs(t - 1.373), 0.0),
+    ],
+    ids=["jump", "at a sample", "pole", "root", "steep", "kink"],
+)
 def test_jumps_of_a_drift_in_time_are_told_from_what_is_steep(drift, size):
     """In a step with a jump a true run may be off by jump x h, and no ladder tells a constant."""
     case = wall(problem=nsbench.Complementarity(lambda xp: lambda t, x: drift(xp, t) + 0.0 * x))
@@ -120,7 +171,8 @@ def test_jumps_of_a_drift_in_time_are_told_from_what_is_steep(drift, size):
 
 @pytest.mark.parametrize("off, word", [(0.5, "fine"), (10.0, "wrong")])
 def test_a_jump_excuses_its_part_of_a_step_alone(off, word, monkeypatch):
-    case, true = wall(problem=nsbench.Complementarity(jumps, wall().problem.constraints)), judge.attempt
+    case = wall(problem=nsbench.Complementarity(jumps, wall().problem.constraints))
+    true = judge.attempt
     finest = min(ladder.values(case, "pbd", solvers.get("pbd"), ladder.LADDER))
 
     def lied(case, spec, value):
@@ -129,6 +181,7 @@ def test_a_jump_excuses_its_part_of_a_step_alone(off, word, monkeypatch):
             late = (np.arange(len(out.traj.t)) > 3)[:, None]
             out.traj = dataclasses.replace(out.traj, x=out.traj.x + 3.0 * off * finest * late)
         return out
+
     monkeypatch.setattr(judge, "attempt", lied)
     assert judge.Scene(case).judge("pbd").word == word
 
@@ -139,11 +192,13 @@ def test_the_second_integrator_is_judged_where_the_first_is_known_not_to_end():
 
 
 def test_samples_that_were_asked_for_are_not_run_again(monkeypatch):
-    asked, attempt = [], judge.attempt
+    asked = []
+    attempt = judge.attempt
 
     def counted(case, spec, value):
         asked.append((spec, case.t.tobytes(), case.x0.tobytes()))
         return attempt(case, spec, value)
+
     monkeypatch.setattr(judge, "attempt", counted)
     case = wall(problem=nsbench.Complementarity(jumps, wall().problem.constraints))
     assert judge.Scene(case).judge("event_driven").word == "fine"
@@ -156,24 +211,33 @@ def far(xp):
 
 
 def test_roundings_far_from_the_origin_grow_at_all_times():
-    case = nsbench.Case(name="far", problem=nsbench.Complementarity(far), x0=np.array([1e8 + 1.0]), t=np.linspace(0.0, 5.0, 16))
+    case = nsbench.Case(
+        name="far",
+        problem=nsbench.Complementarity(far),
+        x0=np.array([1e8 + 1.0]),
+        t=np.linspace(0.0, 5.0, 16),
+    )
     judged = judge.Scene(case)
     assert judged.condition == 1.0 and judged.growth > 10.0
     run = judged.first.traj
     assert judged.apart(dataclasses.replace(run, x=run.x + 10.0 * judged.round_off), run) == 0.0
     assert judge.Scene(wall()).growth == 1.0
-    assert judge.Scene(case.replace(t=np.array([0.0, 3.0]))).growth >= 1.0      # no sample between
+    assert judge.Scene(case.replace(t=np.array([0.0, 3.0]))).growth >= 1.0  # no sample between
 
 
 @pytest.mark.parametrize("speed, word", [(1.0, "wrong"), (1e9, "open")])
 def test_steps_in_which_the_drift_leaps_over_a_particle_show_no_order(speed, word, monkeypatch):
-    case, true = nsbench.get_case("two_discs").replace(exact=None, exact_impulse=None, exact_events=None), judge.attempt
+    case = nsbench.get_case("two_discs").replace(exact=None, exact_impulse=None, exact_events=None)
+    true = judge.attempt
 
     def lied(case, spec, value):
         out = true(case, spec, value)
         if spec == "pbd":
-            out.traj = dataclasses.replace(out.traj, x=out.traj.x + 0.5 * (np.arange(len(out.traj.t)) > 2)[:, None])
+            out.traj = dataclasses.replace(
+                out.traj, x=out.traj.x + 0.5 * (np.arange(len(out.traj.t)) > 2)[:, None]
+            )
         return out
+
     monkeypatch.setattr(judge, "attempt", lied)
     monkeypatch.setattr(judge, "pace", lambda problem, t, x: speed)
     assert judge.Scene(case).judge("pbd").word == word

@@ -1,4 +1,5 @@
 """What is read off the imports is all that a run imports."""
+
 import ast
 import json
 import subprocess
@@ -13,7 +14,7 @@ from nsbench.source_files import locations as places
 ROOT = places.ROOT
 FILES = sorted(p for p in (*ROOT.rglob("*.py"), *(ROOT.parent / "cases").glob("*.py")))
 PROBES = ("tide", "three_discs", "sliding", "rlc_diode")
-SCRIPT = '''
+SCRIPT = """
 import importlib, json, sys
 from nsbench import imports, keys, study
 from nsbench.study import Spec
@@ -39,7 +40,7 @@ for name in names:
     files = {f for f in files if f and "/cases/" not in f}
     out[name] = [statuses, sorted(files - {f for c in cases for f in allowed[name, c]}), len(files)]
 print(json.dumps(out))
-'''
+"""
 
 
 def by_tree(tree):
@@ -53,22 +54,39 @@ def test_imports_found_by_their_looks_are_those_of_the_syntax_tree(path):
     assert set(imports._quick(source, False).imports) == by_tree(tree)
     top = [n for n in tree.body if isinstance(n, (ast.Import, ast.ImportFrom))]
     assert set(imports._quick(source, True).imports) == by_tree(ast.Module(top, []))
-    assert not {getattr(n, "id", getattr(n, "attr", "")) for n in ast.walk(tree)} & {*imports.BY_NAME} or path.stem in (
-        "cli", "case", "__init__"), "imports by a name that it makes"
+    assert not {getattr(n, "id", getattr(n, "attr", "")) for n in ast.walk(tree)} & {
+        *imports.BY_NAME
+    } or path.stem in ("cli", "case", "__init__"), "imports by a name that it makes"
 
 
 # what lists of names and the finding of cases load beside what is asked for; none of it is called by a run
-BESIDE = ("study/describe.py", "measure/orders/__init__.py", "measure/orders/corrected_power_law.py", "measure/orders/plateau.py", "measure/orders/window.py",
-          "reference/build.py", "reference/certify/certificate.py", "results/run_key.py", "source_files/import_graph.py", "source_files/locations.py", "source_files/opened_files.py", "compilation/numba_cache.py")
+BESIDE = (
+    "study/describe.py",
+    "measure/orders/__init__.py",
+    "measure/orders/corrected_power_law.py",
+    "measure/orders/plateau.py",
+    "measure/orders/window.py",
+    "reference/build.py",
+    "reference/certify/certificate.py",
+    "results/run_key.py",
+    "source_files/import_graph.py",
+    "source_files/locations.py",
+    "source_files/opened_files.py",
+    "compilation/numba_cache.py",
+)
 
 
 def unknown(names, probes):
     """Of runs of the probes: how they ended, and the files they imported that their keys do not know, by solver."""
-    done = subprocess.run([sys.executable, "-c", SCRIPT, json.dumps([names, probes])], capture_output=True, text=True)
+    done = subprocess.run(
+        [sys.executable, "-c", SCRIPT, json.dumps([names, probes])], capture_output=True, text=True
+    )
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout.splitlines()[-1])
-    return {name: (statuses, {Path(p) for p in files} - {ROOT / p for p in BESIDE}, n)
-            for name, (statuses, files, n) in found.items()}
+    return {
+        name: (statuses, {Path(p) for p in files} - {ROOT / p for p in BESIDE}, n)
+        for name, (statuses, files, n) in found.items()
+    }
 
 
 @pytest.mark.parametrize("names", [("pbd", "kdtree"), ("euler", "solve_ivp")], ids=" ".join)

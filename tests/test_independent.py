@@ -3,6 +3,7 @@
 The truths are by the extrapolated midpoint rule at 45 digits, written without using the bench (tests/independent). This is
 a quick part of them; tests/studies/independent.py runs all.
 """
+
 import sys
 from pathlib import Path
 from types import SimpleNamespace
@@ -18,7 +19,15 @@ import truths
 
 SYSTEMS = {
     "walls": ("jump_forcing", "wall_rotating", "tiny", "lam_zero", "touch_tangent"),
-    "narrow": ("wall_bump", "spike_2d", "spike_5e3", "dip_1e6", "near_miss", "narrow_dip", "fil_spike"),
+    "narrow": (
+        "wall_bump",
+        "spike_2d",
+        "spike_5e3",
+        "dip_1e6",
+        "near_miss",
+        "narrow_dip",
+        "fil_spike",
+    ),
     "distances": ("out_disc", "three_symm", "rods_1d", "rope_towed"),
     "corners": ("dup_rows", "simul_1e9", "start_out"),
     "switches": ("surf_exits", "codim2_leave", "dry_friction", "belt", "modes4"),
@@ -37,9 +46,17 @@ def test_a_second_derivation_agrees(name):
 
 def told(true, events=None, x=0.0, impulse=0.0):
     """The truth as a trajectory, off by x and impulse, with other events."""
-    events = [SimpleNamespace(t=float(t), kind=kind, contact=c) for t, kind, c in (true.events if events is None else events)]
-    return SimpleNamespace(t=np.linspace(0.0, 10.0, len(true.x)), x=true.x + x, impulse=true.impulse + impulse,
-                           contacts=true.ids, events=events)
+    events = [
+        SimpleNamespace(t=float(t), kind=kind, contact=c)
+        for t, kind, c in (true.events if events is None else events)
+    ]
+    return SimpleNamespace(
+        t=np.linspace(0.0, 10.0, len(true.x)),
+        x=true.x + x,
+        impulse=true.impulse + impulse,
+        contacts=true.ids,
+        events=events,
+    )
 
 
 def test_an_error_of_a_trajectory_is_seen():
@@ -50,7 +67,9 @@ def test_an_error_of_a_trajectory_is_seen():
     assert truths.compare(told(true, impulse=1e-8), true).impulse > 1e-9
     assert truths.compare(told(true, [(float(t) + 1e-8, kind, c), *rest]), true).event > 1e-9
     assert truths.compare(told(true, rest), true).missed == (float(t),)
-    assert truths.compare(told(true, [*true.events, (float(t), kind, c)]), true).extra == (float(t),)
+    assert truths.compare(told(true, [*true.events, (float(t), kind, c)]), true).extra == (
+        float(t),
+    )
     assert truths.compare(told(true, [(float(t), "cross", c), *rest]), true).extra == (float(t),)
 
 

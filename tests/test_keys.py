@@ -1,4 +1,5 @@
 """Editing a file makes exactly those runs again that depend on it."""
+
 import dataclasses
 import json
 import os
@@ -15,14 +16,26 @@ from nsbench.results import run_key as keys
 from nsbench.study import Spec
 
 ROOT = Path(nsbench.__file__).parent.parent
-SOLVERS = ("catching_up", "euler", "event_driven", "kdtree", "nosnoc", "pbd", "pbd_jax", "penalty", "richardson", "solve_ivp",
-           "theta", "own")
+SOLVERS = (
+    "catching_up",
+    "euler",
+    "event_driven",
+    "kdtree",
+    "nosnoc",
+    "pbd",
+    "pbd_jax",
+    "penalty",
+    "richardson",
+    "solve_ivp",
+    "theta",
+    "own",
+)
 CASES = ("tide", "sliding", "mine")
-MINE = '''
+MINE = """
 from beside import table
 CASE = table()
-'''
-BESIDE = '''
+"""
+BESIDE = """
 import importlib
 from pathlib import Path
 import numpy as np
@@ -33,7 +46,7 @@ far = importlib.import_module("deep.far")
 def table():
     return Case(name="mine", problem=Complementarity(lambda xp: lambda t, x: -x, (Affine(np.eye(1), np.zeros(1)),)),
                 x0=np.array([START]), t=np.linspace(0.0, 1.0, 5))
-'''
+"""
 OWN = '''
 from dataclasses import dataclass
 from nsbench import solvers
@@ -49,9 +62,19 @@ class Own:
         return solvers.get("kdtree").prepare(case, factor * h)
 SOLVER = Own
 '''
-FILES = {"mine.py": MINE, "beside.py": BESIDE, "start.txt": "0.5", "factor.txt": "1.0", "deep/__init__.py": "", "deep/far.py": "",
-         "deep/unused.py": "", "own.py": OWN, "tool.py": "factor = 1.0", "other.py": "x = 1"}
-SCRIPT = '''
+FILES = {
+    "mine.py": MINE,
+    "beside.py": BESIDE,
+    "start.txt": "0.5",
+    "factor.txt": "1.0",
+    "deep/__init__.py": "",
+    "deep/far.py": "",
+    "deep/unused.py": "",
+    "own.py": OWN,
+    "tool.py": "factor = 1.0",
+    "other.py": "x = 1",
+}
+SCRIPT = """
 import json, sys
 from pathlib import Path
 folder, user = map(Path, sys.argv[1:3])
@@ -76,7 +99,7 @@ for file, more in edits:
     place.write_bytes(old)
 assert found() == before
 print(json.dumps(out))
-'''
+"""
 EVERY = {(c, s) for c in CASES for s in SOLVERS}
 
 
@@ -86,7 +109,7 @@ def rows(cases=CASES, solvers=SOLVERS):
 
 PBD = ("pbd", "pbd_jax", "catching_up", "richardson")
 LINE = "\n# another line\n"
-EXPECTED = {                                             # written by hand
+EXPECTED = {  # written by hand
     "nsbench/cases/tide.py": rows(["tide"]),
     "nsbench/reference_solutions/sliding.json": rows(["sliding"]),
     "nsbench/solvers/pbd/method.py": rows(solvers=PBD),
@@ -98,12 +121,16 @@ EXPECTED = {                                             # written by hand
     "nsbench/solvers/base.py": EVERY,
     "nsbench/solvers/theta/kernels/loop.py": rows(solvers=["theta"]),
     "nsbench/solvers/euler/kernels/loop.py": rows(solvers=["theta", "euler"]),
-    "nsbench/solvers/pbd/kernels/cell_loop.py": rows(solvers=["pbd", "pbd_jax", "catching_up", "richardson"]),
+    "nsbench/solvers/pbd/kernels/cell_loop.py": rows(
+        solvers=["pbd", "pbd_jax", "catching_up", "richardson"]
+    ),
     "nsbench/solvers/kdtree/kernels/pair_sweep.py": rows(solvers=["kdtree", "own"]),
-    "nsbench/solvers/event_driven/interval_taylor/numpy_functions.py": rows(solvers=["event_driven", "penalty", "nosnoc"]),      # two look for flat switches
+    "nsbench/solvers/event_driven/interval_taylor/numpy_functions.py": rows(
+        solvers=["event_driven", "penalty", "nosnoc"]
+    ),  # two look for flat switches
     "nsbench/measure/errors.py": EVERY,
     "nsbench/measure/residuals.py": EVERY,
-    "nsbench/measure/orders/__init__.py": set(),                  # of orders no row speaks
+    "nsbench/measure/orders/__init__.py": set(),  # of orders no row speaks
     "nsbench/reference/build.py": set(),
     "nsbench/reference/storage.py": EVERY,
     "nsbench/problem.py": EVERY,
@@ -128,10 +155,17 @@ EXPECTED = {                                             # written by hand
 @pytest.fixture(scope="module")
 def copy(tmp_path_factory):
     folder = tmp_path_factory.mktemp("copy")
-    shutil.copytree(ROOT / "nsbench", folder / "nsbench", ignore=shutil.ignore_patterns("__pycache__"))
-    shutil.copytree(ROOT / "cases", folder / "nsbench" / "cases", ignore=shutil.ignore_patterns("__pycache__"))
-    shutil.copytree(ROOT / "reference_solutions", folder / "nsbench" / "reference_solutions",
-                    ignore=shutil.ignore_patterns("__pycache__", "discs*", "ep*"))
+    shutil.copytree(
+        ROOT / "nsbench", folder / "nsbench", ignore=shutil.ignore_patterns("__pycache__")
+    )
+    shutil.copytree(
+        ROOT / "cases", folder / "nsbench" / "cases", ignore=shutil.ignore_patterns("__pycache__")
+    )
+    shutil.copytree(
+        ROOT / "reference_solutions",
+        folder / "nsbench" / "reference_solutions",
+        ignore=shutil.ignore_patterns("__pycache__", "discs*", "ep*"),
+    )
     user = folder / "user"
     for name, text in FILES.items():
         (user / name).parent.mkdir(parents=True, exist_ok=True)
@@ -141,8 +175,19 @@ def copy(tmp_path_factory):
 
 def invalidated(copy, edits, mutation=""):
     env = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
-    done = subprocess.run([sys.executable, "-c", SCRIPT, *map(str, copy), json.dumps([edits, CASES, SOLVERS]), mutation],
-                          capture_output=True, text=True, env=env | {"PYTHONDONTWRITEBYTECODE": "1"})
+    done = subprocess.run(
+        [
+            sys.executable,
+            "-c",
+            SCRIPT,
+            *map(str, copy),
+            json.dumps([edits, CASES, SOLVERS]),
+            mutation,
+        ],
+        capture_output=True,
+        text=True,
+        env=env | {"PYTHONDONTWRITEBYTECODE": "1"},
+    )
     assert done.returncode == 0, done.stderr
     return {name: {tuple(r) for r in found} for name, found in json.loads(done.stdout).items()}
 
@@ -159,8 +204,11 @@ def test_an_edit_invalidates_what_depends_on_it_and_nothing_else(found, file):
 
 
 def test_a_file_that_acts_when_it_is_imported_counts_for_every_run(copy):
-    edits = [("nsbench/solvers/kdtree/method.py", "\nnp.seterr(all='ignore')\n"), ("nsbench/cases/wheel.py", "\nnp.pi = 3.0\n"),
-             ("nsbench/solvers/theta/method.py", "\nANOTHER = dict(a=1)\n")]
+    edits = [
+        ("nsbench/solvers/kdtree/method.py", "\nnp.seterr(all='ignore')\n"),
+        ("nsbench/cases/wheel.py", "\nnp.pi = 3.0\n"),
+        ("nsbench/solvers/theta/method.py", "\nANOTHER = dict(a=1)\n"),
+    ]
     assert [*invalidated(copy, edits).values()] == [EVERY, EVERY, rows(solvers=["theta"])]
 
 
@@ -173,40 +221,77 @@ def test_a_file_that_makes_up_what_it_imports_depends_on_its_whole_folder(copy):
         mine.write_text(MINE)
 
 
-@pytest.mark.parametrize("mutation, missed", [
-    ("needs = imports.needs\nimports.needs = lambda *p, top=False: needs(*p, top=True)", "nsbench/solvers/theta/kernels/loop.py"),
-    ("imports._found_by_text = lambda *a: set()", "nsbench/solvers/pbd/method.py"),
-    ("keys._files = lambda paths, home: {}", "nsbench/measure/errors.py"),
-    ("import contextlib\nfrom nsbench import opened\nopened.during = contextlib.nullcontext", "factor.txt"),
-])
+@pytest.mark.parametrize(
+    "mutation, missed",
+    [
+        (
+            "needs = imports.needs\nimports.needs = lambda *p, top=False: needs(*p, top=True)",
+            "nsbench/solvers/theta/kernels/loop.py",
+        ),
+        ("imports._found_by_text = lambda *a: set()", "nsbench/solvers/pbd/method.py"),
+        ("keys._files = lambda paths, home: {}", "nsbench/measure/errors.py"),
+        (
+            "import contextlib\nfrom nsbench import opened\nopened.during = contextlib.nullcontext",
+            "factor.txt",
+        ),
+    ],
+)
 def test_a_key_that_forgets_something_is_found_out(copy, mutation, missed):
     assert invalidated(copy, [(missed, LINE)], mutation)[missed + LINE] != EXPECTED[missed]
 
 
 @pytest.mark.survives("stale")
 def test_what_was_asked_for_versions_and_settings_are_part_of_a_key(monkeypatch):
-    case, asked = get_case("tide"), Spec("tide", "pbd", "h", 0.01)
+    case = get_case("tide")
+    asked = Spec("tide", "pbd", "h", 0.01)
 
     def key(spec=asked):
         keys.forget()
         return keys.key_of(spec, keys.parts_of(spec, case))
+
     base = key()
-    for change in ({"asked": 0.02}, {"solver": "pbd[sweeps=2]"}, {"nudge": 1}, {"case": "tide[a=1]"}):
+    for change in (
+        {"asked": 0.02},
+        {"solver": "pbd[sweeps=2]"},
+        {"nudge": 1},
+        {"case": "tide[a=1]"},
+    ):
         assert key(dataclasses.replace(asked, **change)) != base
-    assert key(dataclasses.replace(asked, file="elsewhere.py")) == base       # the case itself is what counts
-    for name, value in (("JAX_ENABLE_X64", "0"), ("NUMBA_CPU_NAME", "generic"), ("NPY_DISABLE_CPU_FEATURES", "AVX2"),
-                        ("NSBENCH_ANYTHING", "1"), ("LD_PRELOAD", "")):
+    assert (
+        key(dataclasses.replace(asked, file="elsewhere.py")) == base
+    )  # the case itself is what counts
+    for name, value in (
+        ("JAX_ENABLE_X64", "0"),
+        ("NUMBA_CPU_NAME", "generic"),
+        ("NPY_DISABLE_CPU_FEATURES", "AVX2"),
+        ("NSBENCH_ANYTHING", "1"),
+        ("LD_PRELOAD", ""),
+    ):
         with monkeypatch.context() as m:
             m.setenv(name, value)
             assert key() != base
-    for name in ("NUMBA_CACHE_DIR", "JAX_COMPILATION_CACHE_DIR", "OMP_NUM_THREADS", "NSBENCH_CACHE", "EDITOR"):
+    for name in (
+        "NUMBA_CACHE_DIR",
+        "JAX_COMPILATION_CACHE_DIR",
+        "OMP_NUM_THREADS",
+        "NSBENCH_CACHE",
+        "EDITOR",
+    ):
         with monkeypatch.context() as m:
             m.setenv(name, "7")
             assert key() == base
     known = keys.version
-    for library, others in (("numpy", ()), ("llvmlite", ()), ("osqp", (asked,))):    # osqp is nothing to pbd
+    for library, others in (
+        ("numpy", ()),
+        ("llvmlite", ()),
+        ("osqp", (asked,)),
+    ):  # osqp is nothing to pbd
         with monkeypatch.context() as m:
-            m.setattr(keys, "version", lambda n, library=library: ("0.0", ()) if n == library else known(n))
+            m.setattr(
+                keys,
+                "version",
+                lambda n, library=library: ("0.0", ()) if n == library else known(n),
+            )
             assert (key() == base) == bool(others)
     assert "osqp" in dict(keys.parts_of(Spec("tide", "catching_up", "h", 0.01), case)[1].items)
     assert key() == base

@@ -1,4 +1,5 @@
 """Imports point one way, and what is not needed is not imported."""
+
 import ast
 import subprocess
 import sys
@@ -10,11 +11,44 @@ import pytest
 import nsbench
 
 ROOT = Path(nsbench.__file__).parent
-LAYERS = ["cases", "reference_solutions", "problem", "trajectory", "user_code", "source_files", "compilation", "case", "linalg", "lcp",
-          "qp", "dynamics", "diagnostics", "solvers", "reference", "measure", "study", "results", "report", "execute", "gate",
-          "cli"]
-HEAVY = ("jax", "numba", "cvxpy", "pandas", "matplotlib", "scipy", "diffrax", "osqp", "pyarrow", "flint", "distributed",
-         "dask")
+LAYERS = [
+    "cases",
+    "reference_solutions",
+    "problem",
+    "trajectory",
+    "user_code",
+    "source_files",
+    "compilation",
+    "case",
+    "linalg",
+    "lcp",
+    "qp",
+    "dynamics",
+    "diagnostics",
+    "solvers",
+    "reference",
+    "measure",
+    "study",
+    "results",
+    "report",
+    "execute",
+    "gate",
+    "cli",
+]
+HEAVY = (
+    "jax",
+    "numba",
+    "cvxpy",
+    "pandas",
+    "matplotlib",
+    "scipy",
+    "diffrax",
+    "osqp",
+    "pyarrow",
+    "flint",
+    "distributed",
+    "dask",
+)
 
 
 def layer(module):
@@ -40,35 +74,48 @@ def test_imports_point_one_way(path):
         return
     for module in imports(path):
         there = layer(module)
-        if there not in nsbench.__all__:                     # a folder or file that is not listed is an error
+        if there not in nsbench.__all__:  # a folder or file that is not listed is an error
             assert LAYERS.index(there) <= LAYERS.index(here), f"{here} imports {module}"
 
 
 def test_cases_import_only_what_a_case_file_may():
     for path in sorted((ROOT.parent / "cases").glob("*.py")):
-        assert set(imports(path)) <= {f"nsbench.{n}" for n in nsbench.__all__} | {"nsbench.problem", "nsbench.case"}, path
+        assert set(imports(path)) <= {f"nsbench.{n}" for n in nsbench.__all__} | {
+            "nsbench.problem",
+            "nsbench.case",
+        }, path
 
 
 def test_every_folder_is_installed():
     """A folder that pyproject.toml does not list is there for the developers only."""
-    listed = tomllib.loads((ROOT.parent / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["setuptools"]["packages"]
+    listed = tomllib.loads((ROOT.parent / "pyproject.toml").read_text(encoding="utf-8"))["tool"][
+        "setuptools"
+    ]["packages"]
     here = {".".join(p.parent.relative_to(ROOT.parent).parts) for p in ROOT.rglob("__init__.py")}
     assert here | {"nsbench.cases", "nsbench.reference_solutions"} == set(listed)
 
 
 def loaded_by(code):
-    out = subprocess.run([sys.executable, "-c", f"{code}\nimport sys; print(*sys.modules)"], capture_output=True, text=True,
-                         check=True)
+    out = subprocess.run(
+        [sys.executable, "-c", f"{code}\nimport sys; print(*sys.modules)"],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
     names = {m.split(".")[0] for m in out.stdout.splitlines()[-1].split()}
     return names, set(out.stdout.splitlines()[-1].split())
 
 
-@pytest.mark.parametrize("code", [
-    "import nsbench",
-    "from nsbench.cli import main\ntry: main(['--help'])\nexcept SystemExit: pass",
-    "from nsbench.cli import main\nmain(['list'])",
-    "import nsbench; nsbench.get_case('discs', n=30)",
-], ids=["import", "help", "list", "get_case"])
+@pytest.mark.parametrize(
+    "code",
+    [
+        "import nsbench",
+        "from nsbench.cli import main\ntry: main(['--help'])\nexcept SystemExit: pass",
+        "from nsbench.cli import main\nmain(['list'])",
+        "import nsbench; nsbench.get_case('discs', n=30)",
+    ],
+    ids=["import", "help", "list", "get_case"],
+)
 def test_start_up_imports_nothing_heavy(code):
     assert not loaded_by(code)[0] & set(HEAVY)
 
@@ -78,7 +125,13 @@ def test_apple_under_pbd_models_only_what_it_needs():
     top, modules = loaded_by("import nsbench; nsbench.solve('apple', 'pbd', h=0.01)")
     assert not top & {"jax", "diffrax", "cvxpy", "pandas", "matplotlib"}
     assert "scipy.spatial" not in modules
-    assert not {"nsbench.dynamics.contacts.kernels.cell_list", "nsbench.solvers.pbd.kernels.neighbor_loop"} & modules
+    assert (
+        not {
+            "nsbench.dynamics.contacts.kernels.cell_list",
+            "nsbench.solvers.pbd.kernels.neighbor_loop",
+        }
+        & modules
+    )
 
 
 def test_public_names_are_few_and_none_is_a_module():

@@ -1,4 +1,5 @@
 """Small complementarity problems are solved to rounding whatever their rank, and unsolvable ones are told apart."""
+
 import numpy as np
 import pytest
 from hypothesis import example, given, settings
@@ -10,7 +11,13 @@ DEPENDENT = 1e-10
 
 
 def solve(G, h, warm=()):
-    return solve_lcp(G @ G.T, h, np.array(warm, np.int64), np.full(len(h), 1e-13 * (1 + np.abs(h).max())), DEPENDENT)
+    return solve_lcp(
+        G @ G.T,
+        h,
+        np.array(warm, np.int64),
+        np.full(len(h), 1e-13 * (1 + np.abs(h).max())),
+        DEPENDENT,
+    )
 
 
 def contacts(seed, m, n, rank):
@@ -22,12 +29,14 @@ def contacts(seed, m, n, rank):
     return G, rng
 
 
-problems = st.tuples(st.integers(0, 10**6), st.integers(1, 14), st.integers(1, 8), st.integers(1, 8))
+problems = st.tuples(
+    st.integers(0, 10**6), st.integers(1, 14), st.integers(1, 8), st.integers(1, 8)
+)
 
 
 @settings(max_examples=300, deadline=None, derandomize=True, database=None)
 @given(problems)
-@example((2153, 12, 5, 5))               # an opposite row that is off by rounding is not a contradiction
+@example((2153, 12, 5, 5))  # an opposite row that is off by rounding is not a contradiction
 def test_random_problems_of_any_rank_meet_their_conditions(p):
     seed, m, n, rank = p
     G, rng = contacts(seed, m, n, min(rank, n))
@@ -35,7 +44,11 @@ def test_random_problems_of_any_rank_meet_their_conditions(p):
     lam, w, support, code, _, _ = solve(G, h)
     scale = 1 + np.abs(h).max()
     assert code == OK
-    assert np.all(lam >= 0) and np.all(w >= -1e-11 * scale) and np.abs(lam * w).max() <= 1e-10 * scale**2
+    assert (
+        np.all(lam >= 0)
+        and np.all(w >= -1e-11 * scale)
+        and np.abs(lam * w).max() <= 1e-10 * scale**2
+    )
     np.testing.assert_allclose(w, h + G @ (G.T @ lam), atol=1e-11 * scale)
     assert set(np.flatnonzero(lam)) <= set(support)
     assert np.linalg.matrix_rank(G[support], tol=1e-7) == len(support), "the solution is basic"
@@ -46,11 +59,14 @@ def test_random_problems_of_any_rank_meet_their_conditions(p):
 def test_the_velocity_is_that_of_another_method(p):
     """Non-negative least squares of SciPy on G itself, not on its Gram matrix."""
     from scipy.optimize import nnls
+
     seed, m, n, rank = p
     G, rng = contacts(seed, m, n, min(rank, n))
     f = rng.standard_normal(n)
     lam = solve(G, G @ f)[0]
-    np.testing.assert_allclose(f + G.T @ lam, f + G.T @ nnls(G.T, -f)[0], atol=1e-9 * (1 + np.abs(G).max()))
+    np.testing.assert_allclose(
+        f + G.T @ lam, f + G.T @ nnls(G.T, -f)[0], atol=1e-9 * (1 + np.abs(G).max())
+    )
 
 
 @settings(max_examples=100, deadline=None, derandomize=True, database=None)
@@ -59,7 +75,8 @@ def test_a_warm_start_changes_the_way_not_the_velocity(p, bits):
     seed, m, n, rank = p
     G, rng = contacts(seed, m, n, min(rank, n))
     h = G @ rng.standard_normal(n)
-    cold, warm = solve(G, h)[0], solve(G, h, [k for k in range(m) if bits >> k & 1])[0]
+    cold = solve(G, h)[0]
+    warm = solve(G, h, [k for k in range(m) if bits >> k & 1])[0]
     np.testing.assert_allclose(G.T @ warm, G.T @ cold, atol=1e-9 * (1 + np.abs(h).max()))
 
 
@@ -68,13 +85,19 @@ def test_a_warm_start_changes_the_way_not_the_velocity(p, bits):
 def test_moving_walls_are_kept_apart_or_called_infeasible(p):
     """h outside the range of G: feasible exactly if a velocity exists; linear programming is the judge."""
     from scipy.optimize import linprog
+
     seed, m, n, rank = p
     G, rng = contacts(seed, m, n, min(rank, n))
     h = np.round(G @ rng.standard_normal(n) + 0.3 * rng.standard_normal(m), 3)
-    best = linprog(np.append(np.zeros(n), -1.0), A_ub=np.hstack((-G, np.ones((m, 1)))), b_ub=h,
-                   bounds=[(None, None)] * n + [(None, 1.0)], method="highs").x[-1]
+    best = linprog(
+        np.append(np.zeros(n), -1.0),
+        A_ub=np.hstack((-G, np.ones((m, 1)))),
+        b_ub=h,
+        bounds=[(None, None)] * n + [(None, 1.0)],
+        method="highs",
+    ).x[-1]
     if abs(best) < 1e-4:
-        return                                   # too close for the judge
+        return  # too close for the judge
     lam, w, _, code, bad, _ = solve(G, h)
     assert code == (OK if best > 0 else INFEASIBLE)
     if code == OK:

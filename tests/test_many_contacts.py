@@ -1,4 +1,5 @@
 """With many contacts at work the step is solved on fronts: the same point as by the exact active set, warm or cold."""
+
 import numpy as np
 import pytest
 from packings import ready, step
@@ -12,10 +13,23 @@ from nsbench.qp.kernels.interior_point import interior
 
 def by_fronts(G, q, guess, tol=1e-12):
     P, T, vals = ready(G)
-    mu, d, w = np.zeros(len(q)), np.zeros(G.shape[1]), np.zeros(len(q))
+    mu = np.zeros(len(q))
+    d = np.zeros(G.shape[1])
+    w = np.zeros(len(q))
     norm = lengths(P, vals)
-    code, rounds = interior(P, T, fronts.room(T), vals / np.repeat(norm, np.diff(P[0])), q / norm, guess * norm, 10.0, tol, mu,
-                            d, w)
+    code, rounds = interior(
+        P,
+        T,
+        fronts.room(T),
+        vals / np.repeat(norm, np.diff(P[0])),
+        q / norm,
+        guess * norm,
+        10.0,
+        tol,
+        mu,
+        d,
+        w,
+    )
     mu /= norm
     return code, mu, d, qp.residual(P, vals, q, mu, d), rounds
 
@@ -29,7 +43,8 @@ def test_the_fronts_factor_the_dense_matrix_whatever_the_weights(n):
     L, F, stack, work = fronts.room(T)
     weight = 10.0 ** rng.uniform(-8, 6, G.shape[0]) * (rng.random(G.shape[0]) < 0.7)
     fronts.factor(T, P[0], vals, weight, L, F, stack)
-    b, x = rng.normal(size=2 * n), np.empty(2 * n)
+    b = rng.normal(size=2 * n)
+    x = np.empty(2 * n)
     fronts.solve(T, L, b, x, work)
     K = np.eye(2 * n) + (G.T @ (weight[:, None] * G.toarray()))
     assert x == pytest.approx(np.linalg.solve(K, b), abs=1e-8)
@@ -73,8 +88,12 @@ def test_walls_that_contradict_each_other_are_infeasible():
     rng = np.random.default_rng(7)
     G, q = step(rng, 100)
     n = G.shape[1]
-    ceiling = csr_array((np.full(n // 2, -1.0), (np.arange(n // 2), 2 * np.arange(n // 2) + 1)), shape=(n // 2, n))
-    code, _, _, _, _ = by_fronts(vstack([G, ceiling]), np.append(q, np.full(n // 2, -50.0)), np.zeros(len(q) + n // 2))
+    ceiling = csr_array(
+        (np.full(n // 2, -1.0), (np.arange(n // 2), 2 * np.arange(n // 2) + 1)), shape=(n // 2, n)
+    )
+    code, _, _, _, _ = by_fronts(
+        vstack([G, ceiling]), np.append(q, np.full(n // 2, -50.0)), np.zeros(len(q) + n // 2)
+    )
     assert code == 1
 
 
@@ -83,14 +102,16 @@ def test_a_run_through_both_solvers_is_one_run(monkeypatch):
     import nsbench
     from nsbench.qp import projection as _least
     from nsbench.solvers.catching_up import method as catching_up
+
     case = nsbench.get_case("discs", n=60, seed=3)
     own = nsbench.solve(case, "catching_up", h=0.02)
     from nsbench.qp.kernels.dispatch import nobody
+
     monkeypatch.setattr(catching_up, "many_rows", lambda rows: nobody)
     monkeypatch.setattr(_least, "many_rows", lambda rows: nobody)
     exact = nsbench.solve(case, "catching_up", h=0.02)
     assert own.status.ok and exact.status.ok and own.stats["kkt"] <= 1e-9
     assert own.stats["inner_iterations"] != exact.stats["inner_iterations"]
-    early = slice(0, 6)                                    # before small differences have grown: a cluster closing up
+    early = slice(0, 6)  # before small differences have grown: a cluster closing up
     assert own.x[early] == pytest.approx(exact.x[early], abs=1e-7)
     assert own.reaction[early] == pytest.approx(exact.reaction[early], abs=1e-7)

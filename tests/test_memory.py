@@ -1,4 +1,5 @@
 """Memory of hard discs grows like N: pairs are never listed."""
+
 import itertools
 import json
 import subprocess
@@ -23,7 +24,9 @@ print(json.dumps(out))
 
 
 def test_memory_and_lists_grow_like_the_number_of_discs():
-    out = subprocess.run([sys.executable, "-c", CODE], capture_output=True, text=True, check=True).stdout
+    out = subprocess.run(
+        [sys.executable, "-c", CODE], capture_output=True, text=True, check=True
+    ).stdout
     rows = json.loads(out.splitlines()[-1])
     for n, _, pairs in rows:
         assert pairs < 4 * n, f"{pairs / n:.1f} pairs a disc in the list at n = {n}"

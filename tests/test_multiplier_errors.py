@@ -1,5 +1,6 @@
 """Multiplier errors: contacts matched by id, redundant ones measured from the set of solutions, ranks and candidates as by dense
 algebra."""
+
 import itertools
 
 import numpy as np
@@ -19,17 +20,30 @@ TIDE = get_case("tide")
 def test_contacts_are_matched_by_id_whichever_way_round_and_an_absent_one_is_zero():
     case = get_case("two_discs")
     run = exact_run(case)
-    (i, a, b), = run.contacts
+    ((i, a, b),) = run.contacts
     assert nsbench.errors(case, exact_run(case, contacts=((i, b, a),)))["impulse"] == 0.0
     none = exact_run(case, contacts=(), impulse=np.empty((len(case.t), 0)))
     assert nsbench.errors(case, none)["impulse"] == run.impulse.max()
     both = np.hstack([run.impulse, 0.25 * case.t[:, None]])
-    wide = TIDE.replace(problem=Complementarity(TIDE.problem.drift, (Affine(np.eye(1), np.zeros(1)),
-                                                                     Affine(np.eye(1), np.ones(1)))),
-                        contacts=((0, 0),))
-    e = nsbench.errors(wide, exact_run(wide, contacts=((0, 0), (1, 0)), impulse=np.hstack(
-        [TIDE.exact_impulse(TIDE.t), 0.25 * TIDE.t[:, None]])))
-    assert e["impulse"] == pytest.approx(0.75) and e["l1"] == pytest.approx(0.75) and both.shape[1] == 2
+    wide = TIDE.replace(
+        problem=Complementarity(
+            TIDE.problem.drift, (Affine(np.eye(1), np.zeros(1)), Affine(np.eye(1), np.ones(1)))
+        ),
+        contacts=((0, 0),),
+    )
+    e = nsbench.errors(
+        wide,
+        exact_run(
+            wide,
+            contacts=((0, 0), (1, 0)),
+            impulse=np.hstack([TIDE.exact_impulse(TIDE.t), 0.25 * TIDE.t[:, None]]),
+        ),
+    )
+    assert (
+        e["impulse"] == pytest.approx(0.75)
+        and e["l1"] == pytest.approx(0.75)
+        and both.shape[1] == 2
+    )
 
 
 def test_redundant_multipliers_have_a_selection_and_no_error():
@@ -38,16 +52,30 @@ def test_redundant_multipliers_have_a_selection_and_no_error():
     rest = (case.t[:-1] > np.pi / 6) & (case.t[1:] < np.pi / 2)
     load = (np.diff(push[:, 0]) / np.diff(case.t))[rest].max()
     for share in (0.5, 0.7, 1.0):
-        e = nsbench.errors(case, exact_run(case, contacts=((0, 0), (0, 1)), events=(),
-                                           impulse=push * [share, 1 - share], reaction=push))
+        e = nsbench.errors(
+            case,
+            exact_run(
+                case,
+                contacts=((0, 0), (0, 1)),
+                events=(),
+                impulse=push * [share, 1 - share],
+                reaction=push,
+            ),
+        )
         assert e["multipliers_unique"] is False
         assert all(np.isnan(e[k]) for k in ("impulse", "l1", "settled", "sup"))
         assert e["reaction"] < 1e-14 and e["polyhedron"] < 1e-12
         assert e["selection"] == pytest.approx((share - 0.5) * np.sqrt(2) * load, abs=1e-12)
-    e = nsbench.errors(case, exact_run(case, contacts=((0, 0), (0, 1)), reaction=1.1 * push,
-                                       impulse=push * [1.2, -0.1]))
-    assert e["polyhedron"] == pytest.approx(np.hypot(0.2, 0.1) * load, rel=1e-6)      # the nearest point is (1, 0)
-    told = case.replace(exact_impulse=lambda t: TIDE.exact_impulse(t) * [0.5, 0.5])     # a closed form that takes sides
+    e = nsbench.errors(
+        case,
+        exact_run(case, contacts=((0, 0), (0, 1)), reaction=1.1 * push, impulse=push * [1.2, -0.1]),
+    )
+    assert e["polyhedron"] == pytest.approx(
+        np.hypot(0.2, 0.1) * load, rel=1e-6
+    )  # the nearest point is (1, 0)
+    told = case.replace(
+        exact_impulse=lambda t: TIDE.exact_impulse(t) * [0.5, 0.5]
+    )  # a closed form that takes sides
     e = nsbench.errors(told, exact_run(told))
     assert np.isnan(e["impulse"]) and np.isnan(e["settled"]) and e["impulse_floor"] < 1e-13
 
@@ -64,9 +92,13 @@ def test_hexagonal_contacts_are_redundant_and_distances_to_the_set_are_right():
     stress = poly.Z[:, 0]
     assert poly.Z.shape == (12, 1) and np.abs(stress @ G).max() < 1e-12
     pair = next(c for c in itertools.combinations(range(7), 2) if (0, *c) not in made.active[-1])
-    run = exact_run(case, contacts=(*made.active[-1], (0, *pair)), events=(), impulse=np.outer(
-        np.maximum(case.t - np.log(1.5), 0), [*poly.nearest(np.zeros(12)), 0.5]))
-    e = nsbench.errors(case, run)                        # a contact that does not touch has no part in any solution
+    run = exact_run(
+        case,
+        contacts=(*made.active[-1], (0, *pair)),
+        events=(),
+        impulse=np.outer(np.maximum(case.t - np.log(1.5), 0), [*poly.nearest(np.zeros(12)), 0.5]),
+    )
+    e = nsbench.errors(case, run)  # a contact that does not touch has no part in any solution
     assert e["polyhedron"] == pytest.approx(0.5) and e["selection"] == pytest.approx(0.5)
     # the set is a segment base + s stress: distances by hand
     lo = max(-poly.base[k] / stress[k] for k in range(12) if stress[k] > 0)
@@ -80,7 +112,8 @@ def test_hexagonal_contacts_are_redundant_and_distances_to_the_set_are_right():
 def test_the_nearest_multiplier_satisfies_its_optimality_conditions():
     rng = np.random.default_rng(7)
     for _ in range(30):
-        m, n = rng.integers(3, 9), rng.integers(1, 4)
+        m = rng.integers(3, 9)
+        n = rng.integers(1, 4)
         G = rng.normal(size=(m, n))
         mu0 = np.maximum(rng.normal(size=m), 0)
         r = G.T @ mu0
@@ -95,6 +128,7 @@ def test_the_nearest_multiplier_satisfies_its_optimality_conditions():
 
 def test_rank_of_sparse_gradients_is_that_of_dense_ones():
     from scipy.sparse import block_diag, csr_array
+
     rng = np.random.default_rng(0)
     for _ in range(40):
         blocks = [rng.normal(size=(rng.integers(1, 4), rng.integers(1, 5))) for _ in range(3)]
@@ -105,13 +139,19 @@ def test_rank_of_sparse_gradients_is_that_of_dense_ones():
 
 
 def test_candidates_by_id_are_those_of_the_scene():
-    families = (Affine(np.eye(6)[:2], np.zeros(2)), Distance(1.0), Distance(2.0, anchors=np.ones((2, 2)), sign=-1),
-                Distance(np.array([1.0, 2.0]), sign=-1, pairs=[[0, 1], [2, 1]]))
+    families = (
+        Affine(np.eye(6)[:2], np.zeros(2)),
+        Distance(1.0),
+        Distance(2.0, anchors=np.ones((2, 2)), sign=-1),
+        Distance(np.array([1.0, 2.0]), sign=-1, pairs=[[0, 1], [2, 1]]),
+    )
     scene = Scene(Complementarity(lambda xp: lambda t, x: -x, families), 6)
     x = np.random.default_rng(1).normal(size=6)
     near = scene.near(x, np.inf)
     pick = [11, 3, 0, 7, 5]
     ids = [near.ids[k] for k in pick]
     again = near_of(scene, ids)
-    assert again.ids == ids and np.array_equal(scene.gaps(0.0, x, again), scene.gaps(0.0, x, near)[pick])
+    assert again.ids == ids and np.array_equal(
+        scene.gaps(0.0, x, again), scene.gaps(0.0, x, near)[pick]
+    )
     assert near_of(scene, []).ids == []

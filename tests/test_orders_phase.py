@@ -1,10 +1,11 @@
 """An error that turns with the phase of the step is no plateau: the falling apple under explicit Euler, really run."""
+
 import numpy as np
 import pytest
 
 import nsbench
 
-T = 1.94                                              # one spacing, so that T / n is the step taken, whatever n
+T = 1.94  # one spacing, so that T / n is the step taken, whatever n
 
 
 def fallen(counts):
@@ -20,11 +21,14 @@ def fallen(counts):
 def test_dyadic_steps_show_a_plateau_that_is_not_there_and_get_no_verdict():
     h, err = fallen(2 * 2 ** np.arange(12))
     assert h == pytest.approx(0.97 * 2.0 ** -np.arange(12), rel=1e-12)
-    assert np.ptp(err[-6:]) < 1e-9 and err[-1] > 1e-4                # the same error over five halvings
+    assert np.ptp(err[-6:]) < 1e-9 and err[-1] > 1e-4  # the same error over five halvings
     fit = nsbench.fit_order(h, err)
     assert fit.verdict == "undecided" and "dyadic" in fit.sentence
-    same = 1.94 / (2 * 2 ** np.arange(12))                           # and also when the ladder is long and the fit perfect
-    assert nsbench.fit_order(np.append(same, same / 2**12), np.append(same, same / 2**12)).verdict == "undecided"
+    same = 1.94 / (2 * 2 ** np.arange(12))  # and also when the ladder is long and the fit perfect
+    assert (
+        nsbench.fit_order(np.append(same, same / 2**12), np.append(same, same / 2**12)).verdict
+        == "undecided"
+    )
 
 
 def test_sixteen_steps_per_octave_show_order_one():
@@ -38,11 +42,15 @@ def test_sixteen_steps_per_octave_show_order_one():
 
 def test_exact_at_some_steps_and_wrong_at_others_is_said_in_these_words():
     case = nsbench.get_case("sliding")
-    spacing, out = float(np.diff(case.t).min()), []
+    spacing = float(np.diff(case.t).min())
+    out = []
     for n in (1, 2, 3, 4, 5, 6, 7, 9, 11, 13, 16, 20, 24, 29, 35, 43, 52, 63, 77):
         traj = nsbench.solve(case, "euler", h=spacing / n)
         out.append((traj.stats["h"], nsbench.errors(case, traj)["state_sup"]))
     h, err = np.array(out).T
     assert (err < 1e-12).sum() >= 4 and (err > 1e-4).sum() >= 8
     fit = nsbench.fit_order(h, err, span=float(case.t[-1]))
-    assert fit.verdict == "undecided" and f"exact to rounding at {(err < 1e-12).sum()} of 19 steps" in fit.sentence
+    assert (
+        fit.verdict == "undecided"
+        and f"exact to rounding at {(err < 1e-12).sum()} of 19 steps" in fit.sentence
+    )

@@ -1,4 +1,5 @@
 """On synthetic ladders with known truth the intervals hold it, plateaus are seen and not invented, divergence is told."""
+
 from collections import Counter
 
 import numpy as np
@@ -7,8 +8,10 @@ from scipy.stats import binom
 from studies.estimator import HONEST, TRUE, Count, study, totals
 from studies.ladders import FAMILIES, ladders
 
-N, SEED = 400, 20                                     # the seed of no run during development
-RARE = 1e-3                                           # a right estimator fails one of these tests once in so many
+# the seed of no run during development
+N = 400
+SEED = 20
+RARE = 1e-3  # a right estimator fails one of these tests once in so many
 
 
 @pytest.fixture(scope="module")
@@ -19,7 +22,10 @@ def counts():
 def test_intervals_hold_the_order_in_93_to_97_of_100_where_the_model_holds(counts):
     c = totals(counts)["of them fair"]
     assert c.orders > 0.6 * c.n
-    assert binom.ppf(RARE, c.orders, 0.93) <= c.covered <= binom.ppf(1 - RARE, c.orders, 0.97), (c.covered, c.orders)
+    assert binom.ppf(RARE, c.orders, 0.93) <= c.covered <= binom.ppf(1 - RARE, c.orders, 0.97), (
+        c.covered,
+        c.orders,
+    )
 
 
 def test_intervals_seldom_miss_the_order_where_it_does_not(counts):
@@ -42,8 +48,15 @@ def test_a_plateau_is_seldom_called_an_order(counts):
     assert c.verdicts["order"] <= binom.ppf(1 - RARE, c.n, 0.05), c.verdicts
 
 
-@pytest.mark.parametrize("family, word", [("diverging", "diverges"), ("exact", "exact: no order"), ("flat", "plateau"),
-                                          ("hidden floor", "plateau")])
+@pytest.mark.parametrize(
+    "family, word",
+    [
+        ("diverging", "diverges"),
+        ("exact", "exact: no order"),
+        ("flat", "plateau"),
+        ("hidden floor", "plateau"),
+    ],
+)
 def test_what_does_not_converge_is_never_told_to(counts, family, word):
     told = counts[family].verdicts
     assert told["order"] == 0 and told[word] >= 0.8 * counts[family].n, told
@@ -51,14 +64,19 @@ def test_what_does_not_converge_is_never_told_to(counts, family, word):
 
 @pytest.mark.parametrize("family", ["dyadic", "short", "sometimes exact"])
 def test_what_cannot_be_known_has_no_verdict(counts, family):
-    told = set(counts[family].verdicts) - {*HONEST, "exact: no order"}     # short ladders may lie in rounding altogether
+    told = set(counts[family].verdicts) - {
+        *HONEST,
+        "exact: no order",
+    }  # short ladders may lie in rounding altogether
     assert not told, counts[family].verdicts
 
 
 def test_the_study_says_the_same_twice_and_knows_what_is_wrong():
     first, second = (list(ladders(60, 3)) for _ in range(2))
-    assert all(a == b and np.array_equal(x.err, y.err, equal_nan=True)
-               for (a, x), (b, y) in zip(first, second, strict=True))
+    assert all(
+        a == b and np.array_equal(x.err, y.err, equal_nan=True)
+        for (a, x), (b, y) in zip(first, second, strict=True)
+    )
     assert Counter(name for name, _ in first).keys() == FAMILIES.keys()
     c = Count()
     lie = type("Fit", (), {"verdict": "order", "interval": (0.9, 1.1)})()

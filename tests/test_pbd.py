@@ -1,4 +1,5 @@
 """Position-based dynamics is what it says: the stated sweep, bit for bit, however the pairs are found."""
+
 import itertools
 
 import numpy as np
@@ -14,6 +15,7 @@ RNG = np.random.default_rng(20)
 def pull(xp):
     def f(t, x):
         return -x
+
     return f
 
 
@@ -21,13 +23,26 @@ def crowd(n, size, seed, walls=False):
     """n discs of radius 1 thrown into a box: they overlap."""
     x0 = np.random.default_rng(seed).uniform(1.0, size - 1.0, 2 * n)
     eye = np.eye(2 * n)
-    family = (Distance(2.0), Affine(np.vstack([eye, -eye]), np.concatenate([np.full(2 * n, -1.0), np.full(2 * n, size - 1.0)])))
-    return Case("crowd", Complementarity(pull, family if walls else family[:1]), x0, np.linspace(0.0, 0.3, 4), start="keep")
+    family = (
+        Distance(2.0),
+        Affine(
+            np.vstack([eye, -eye]),
+            np.concatenate([np.full(2 * n, -1.0), np.full(2 * n, size - 1.0)]),
+        ),
+    )
+    return Case(
+        "crowd",
+        Complementarity(pull, family if walls else family[:1]),
+        x0,
+        np.linspace(0.0, 0.3, 4),
+        start="keep",
+    )
 
 
 def plain(case, h, sweeps, keys):
     """The method written down as in the paper: Euler, then projections over all constraints in the order of `keys`."""
-    x, X = case.x0.copy(), [case.x0.copy()]
+    x = case.x0.copy()
+    X = [case.x0.copy()]
     n = case.n // 2
     impulses = {}
     wall = case.problem.constraints[1] if len(case.problem.constraints) > 1 else None
@@ -42,8 +57,10 @@ def plain(case, h, sweeps, keys):
             for _ in range(sweeps):
                 for c in todo:
                     if c[0] == 0:
-                        i, j = 2 * c[1], 2 * c[2]
-                        dx, dy = x[i] - x[j], x[i + 1] - x[j + 1]
+                        i = 2 * c[1]
+                        j = 2 * c[2]
+                        dx = x[i] - x[j]
+                        dy = x[i + 1] - x[j + 1]
                         s = dx * dx + dy * dy
                         if s >= 4.0:
                             continue
@@ -80,11 +97,16 @@ def test_is_the_sweep_over_all_pairs_written_down_plainly():
 @pytest.mark.parametrize("sweeps", [1, 3])
 def test_near_list_changes_no_bit(order, sweeps):
     case = crowd(150, 22.0, 3, walls=True)
-    runs = [nsbench.solve(case, f"pbd[order={order},sweeps={sweeps},reach={reach}]", h=0.02) for reach in (0.05, 1.0, 1e9)]
+    runs = [
+        nsbench.solve(case, f"pbd[order={order},sweeps={sweeps},reach={reach}]", h=0.02)
+        for reach in (0.05, 1.0, 1e9)
+    ]
     for r in runs[:-1]:
         assert np.array_equal(r.x, runs[-1].x) and np.array_equal(r.impulse, runs[-1].impulse)
         assert r.contacts == runs[-1].contacts
-        assert r.stats["rebuilds"] > 1 and r.stats["contacts_peak"] < runs[-1].stats["contacts_peak"]
+        assert (
+            r.stats["rebuilds"] > 1 and r.stats["contacts_peak"] < runs[-1].stats["contacts_peak"]
+        )
 
 
 def test_two_thousand_discs_in_a_box_bit_for_bit_with_few_contacts_each():
@@ -94,7 +116,9 @@ def test_two_thousand_discs_in_a_box_bit_for_bit_with_few_contacts_each():
         assert np.array_equal(near.x, full.x) and np.array_equal(near.impulse, full.impulse), start
         assert full.stats["contacts_peak"] > 1_900_000
         pairs = near.stats["contacts_peak"] - 4 * 2000
-        assert pairs < (4 if start == "apart" else 12) * 2000, f"{start}: {pairs / 2000:.1f} pairs per disc"
+        assert pairs < (4 if start == "apart" else 12) * 2000, (
+            f"{start}: {pairs / 2000:.1f} pairs per disc"
+        )
 
 
 def box_of_discs(n, packing, start):
@@ -111,31 +135,51 @@ def box_of_discs(n, packing, start):
     angle = rng.uniform(0, 2 * np.pi, n)
     v = np.stack([np.cos(angle), np.sin(angle)], 1).ravel()
     from scipy.sparse import eye_array, vstack
+
     eye = eye_array(2 * n)
-    walls = Affine(vstack([eye, -eye]), np.concatenate([np.full(2 * n, -1.0), np.full(2 * n, size - 1.0)]))
+    walls = Affine(
+        vstack([eye, -eye]), np.concatenate([np.full(2 * n, -1.0), np.full(2 * n, size - 1.0)])
+    )
 
     def drift(xp):
         velocity = xp.asarray(v)
 
         def f(t, x):
             return velocity + 0.0 * x
+
         return f
-    return Case("box", Complementarity(drift, (Distance(2.0), walls)), x0.ravel(), np.linspace(0, 1.0, 6), start="keep")
+
+    return Case(
+        "box",
+        Complementarity(drift, (Distance(2.0), walls)),
+        x0.ravel(),
+        np.linspace(0, 1.0, 6),
+        start="keep",
+    )
 
 
 def test_smooth_family_is_projected_on_exactly():
     def inside(xp):
         def g(t, x):
             return xp.stack([1.0 - xp.sqrt(x[0] ** 2 + x[1] ** 2)])
+
         return g
 
     def push(xp):
         def f(t, x):
             return xp.array([1.0 - 0.5 * x[1], 0.5 * x[0]])
+
         return f
-    t, x0 = np.linspace(0, 2, 11), np.zeros(2)
+
+    t = np.linspace(0, 2, 11)
+    x0 = np.zeros(2)
     smooth = Case("a", Complementarity(push, (Smooth(inside),)), x0, t)
-    exact = Case("b", Complementarity(push, (Distance(1.0, -1, pairs=[[0, 0]], anchors=[[0.0, 0.0]]),)), x0, t)
+    exact = Case(
+        "b",
+        Complementarity(push, (Distance(1.0, -1, pairs=[[0, 0]], anchors=[[0.0, 0.0]]),)),
+        x0,
+        t,
+    )
     a, b = (nsbench.solve(c, "pbd", h=0.01) for c in (smooth, exact))
     assert a.stats["loop"] == "host" and b.stats["loop"] == "compiled"
     assert np.abs(a.x - b.x).max() < 1e-12 and np.abs(a.impulse[-1] - b.impulse[-1]).max() < 1e-12
@@ -147,7 +191,9 @@ def test_drift_that_numba_cannot_compile_gives_the_same_bits_in_a_host_loop():
 
         def f(t, x):
             return table["rate"] * x
+
         return f
+
     case = crowd(20, 9.0, 2, walls=True)
     slow = case.replace(problem=Complementarity(odd, case.problem.constraints))
     a, b = (nsbench.solve(c, "pbd", h=0.05) for c in (case, slow))
@@ -159,15 +205,23 @@ def test_moving_walls_are_taken_at_the_end_of_the_step():
     def floor(xp):
         def b(t):
             return xp.array([-t])
+
         return b
+
     still = np.zeros(1)
 
     def rest(xp):
         def f(t, x):
             return 0.0 * x
+
         return f
-    case = Case("lift", Complementarity(rest, (Affine(np.eye(1), still), Affine(np.eye(1), floor))), still,
-                np.linspace(0, 1, 11))
+
+    case = Case(
+        "lift",
+        Complementarity(rest, (Affine(np.eye(1), still), Affine(np.eye(1), floor))),
+        still,
+        np.linspace(0, 1, 11),
+    )
     traj = nsbench.solve(case, "pbd", h=0.1)
     assert np.abs(traj.x[:, 0] - case.t).max() < 1e-15
     assert traj.contacts == ((1, 0),) and traj.stats["loop"] == "compiled"
@@ -178,11 +232,13 @@ def test_moving_walls_are_taken_at_the_end_of_the_step():
 def test_violation_after_one_sweep_at_rest_is_the_identity(name):
     """g_k after the sweep = h sum over l processed after k of lambda_l <grad g_k, grad g_l>, to 1 %."""
     from nsbench.dynamics.contacts.constraint_set import Scene
+
     case = nsbench.get_case(name)
     for h in (1e-3, 1e-4):
         traj = nsbench.solve(case.replace(t=np.append(case.t, case.t[-1] + h)), "pbd", h=h)
         scene = Scene(case.problem, case.n)
-        x, t = traj.x[-1], case.t[-1]
+        x = traj.x[-1]
+        t = case.t[-1]
         near = scene.near(x, 0.05, t)
         lam = dict(zip(traj.contacts, (traj.impulse[-1] - traj.impulse[-2]) / h, strict=True))
         lam = np.array([lam.get(c, 0.0) for c in near.ids])
@@ -195,7 +251,9 @@ def test_violation_after_one_sweep_at_rest_is_the_identity(name):
         assert np.abs(measured - predicted).max() <= 0.01 * np.abs(predicted).max()
 
 
-@pytest.mark.parametrize("bad", ["pbd[order=sorte]", "pbd[sweeps=0]", "pbd[seed=-1]", "pbd[reach=0]"])
+@pytest.mark.parametrize(
+    "bad", ["pbd[order=sorte]", "pbd[sweeps=0]", "pbd[seed=-1]", "pbd[reach=0]"]
+)
 def test_bad_options_are_errors_with_the_value(bad):
     with pytest.raises(ValueError, match=bad.split("=")[1][:-1]):
         get(bad)
@@ -207,15 +265,28 @@ def test_refuses_with_a_sentence():
 
 
 def test_coincident_centres_are_degenerate_and_nan_is_nan():
-    case = Case("tie", Complementarity(pull, (Distance(2.0),)), np.zeros(4), np.linspace(0, 1, 3), start="keep")
+    case = Case(
+        "tie",
+        Complementarity(pull, (Distance(2.0),)),
+        np.zeros(4),
+        np.linspace(0, 1, 3),
+        start="keep",
+    )
     traj = nsbench.solve(case, "pbd", h=0.1)
     assert traj.status.code == "degenerate" and np.isfinite(traj.x).all()
 
     def bad(xp):
         def f(t, x):
             return xp.log(0.5 - t) * xp.ones_like(x)
+
         return f
-    case = Case("nan", Complementarity(bad, (Affine(np.eye(1), np.zeros(1)),)), np.ones(1), np.linspace(0, 1, 3))
+
+    case = Case(
+        "nan",
+        Complementarity(bad, (Affine(np.eye(1), np.zeros(1)),)),
+        np.ones(1),
+        np.linspace(0, 1, 3),
+    )
     traj = nsbench.solve(case, "pbd", h=0.1)
     assert traj.status.code == "nan" and "t = 0.5" in str(traj.status)
 
@@ -241,7 +312,10 @@ def test_order_of_the_sweep_selects_the_multiplier_and_not_the_reaction():
             traj = nsbench.solve(case, f"pbd[order={order}]", h=spacing / n)
             e = nsbench.errors(case, traj)
             found[order, n] = e["selection"], e["polyhedron"], e["reaction"]
-        coarse, fine = found[order, 32], found[order, 128]
-        assert fine[1] < 0.3 * coarse[1] and fine[2] < 0.3 * coarse[2], "distance to the polyhedron and reaction: O(h)"
+        coarse = found[order, 32]
+        fine = found[order, 128]
+        assert fine[1] < 0.3 * coarse[1] and fine[2] < 0.3 * coarse[2], (
+            "distance to the polyhedron and reaction: O(h)"
+        )
     level = [found[order, 128][0] for order in ("sorted", "random,seed=2", "random,seed=5")]
     assert level[0] < 1e-2 and abs(level[1] - 0.577) < 5e-3 and abs(level[2] - 1.155) < 5e-3

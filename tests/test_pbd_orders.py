@@ -1,4 +1,5 @@
 """The orders of PBD by cells and by colours are what they say, and whatever may run at once gives the same bits."""
+
 import itertools
 
 import numpy as np
@@ -31,7 +32,10 @@ def by_cell(case):
     """Discs numbered by rows of cells of side 2, the lowest row first."""
     x = case.x0.reshape(-1, 2)
     lo = x.min(axis=0)
-    order = sorted(range(len(x)), key=lambda i: (int((x[i, 1] - lo[1]) // 2.0), int((x[i, 0] - lo[0]) // 2.0), i))
+    order = sorted(
+        range(len(x)),
+        key=lambda i: (int((x[i, 1] - lo[1]) // 2.0), int((x[i, 0] - lo[0]) // 2.0), i),
+    )
     rank = {i: k for k, i in enumerate(order)}
     return lambda c: (0, *sorted((rank[c[1]], rank[c[2]]))) if c[0] == 0 else c
 
@@ -52,8 +56,15 @@ def test_is_the_sweep_over_all_pairs_in_the_stated_order(order, walls):
 @pytest.mark.parametrize("sweeps", [1, 3])
 def test_near_list_changes_no_bit(order, sweeps):
     case = crowd(150, 22.0, 3, walls=True)
-    near, full = (nsbench.solve(case, f"pbd[order={order},sweeps={sweeps},reach={reach}]", h=0.02) for reach in (0.05, 1e9))
-    assert np.array_equal(near.x, full.x) and np.array_equal(near.impulse, full.impulse) and near.contacts == full.contacts
+    near, full = (
+        nsbench.solve(case, f"pbd[order={order},sweeps={sweeps},reach={reach}]", h=0.02)
+        for reach in (0.05, 1e9)
+    )
+    assert (
+        np.array_equal(near.x, full.x)
+        and np.array_equal(near.impulse, full.impulse)
+        and near.contacts == full.contacts
+    )
     assert near.stats["rebuilds"] > 1
 
 
@@ -63,9 +74,11 @@ def test_levels_share_no_particle_and_any_order_within_them_gives_the_bits_of_th
     i, j = np.triu_indices(n, 1)
     key = np.array([(colour(a, b, 0), a, b) for a, b in zip(i.tolist(), j.tolist(), strict=True)])
     o = np.lexsort(key.T[::-1])
-    i, j = i[o], j[o]
+    i = i[o]
+    j = j[o]
     near = np.hypot(*(case.x0.reshape(-1, 2)[i] - case.x0.reshape(-1, 2)[j]).T) < 4.0
-    i, j = i[near], j[near]
+    i = i[near]
+    j = j[near]
     level = levels(i, j, n)
 
     def sweep(order):
@@ -78,8 +91,9 @@ def test_levels_share_no_particle_and_any_order_within_them_gives_the_bits_of_th
                 x[i[c]] += w * u
                 x[j[c]] -= w * u
         return x
+
     once = sweep(range(len(i)))
-    for seed in range(3):                   # any partition among threads is one of these
+    for seed in range(3):  # any partition among threads is one of these
         shuffled = np.random.default_rng(seed).permutation(len(i))
         assert np.array_equal(sweep(shuffled[np.argsort(level[shuffled], kind="stable")]), once)
     for k in range(level.max() + 1):
@@ -97,9 +111,15 @@ def test_smooth_scenes_in_the_host_loop_keep_the_order(order):
     def never(xp):
         def g(t, x):
             return xp.stack([x[0] * 0.0 + 1.0])
+
         return g
+
     case = crowd(12, 7.0, 4)
-    slow = case.replace(problem=nsbench.Complementarity(case.problem.drift, (*case.problem.constraints, nsbench.Smooth(never))))
+    slow = case.replace(
+        problem=nsbench.Complementarity(
+            case.problem.drift, (*case.problem.constraints, nsbench.Smooth(never))
+        )
+    )
     a, b = (nsbench.solve(c, f"pbd[order={order}]", h=0.05) for c in (case, slow))
     assert (a.stats["loop"], b.stats["loop"]) == ("compiled", "host")
     assert np.array_equal(a.x, b.x)
@@ -110,7 +130,8 @@ def test_smooth_scenes_in_the_host_loop_keep_the_order(order):
 def test_the_claimed_order_is_reached(order, name):
     case = nsbench.get_case(name)
     spacing = float(np.diff(case.t).max())
-    h, state = [], []
+    h = []
+    state = []
     for n in (8, 13, 21, 34, 55, 89):
         traj = nsbench.solve(case, f"pbd[order={order}]", h=spacing / n)
         assert traj.status.ok
@@ -122,5 +143,8 @@ def test_the_claimed_order_is_reached(order, name):
 
 def test_pairs_of_orders_differ():
     case = crowd(30, 12.0, 1, True)
-    X = [nsbench.solve(case, f"pbd[order={o}]", h=0.05).x for o in ("sorted", "reverse", "random", "cell", "coloured")]
+    X = [
+        nsbench.solve(case, f"pbd[order={o}]", h=0.05).x
+        for o in ("sorted", "reverse", "random", "cell", "coloured")
+    ]
     assert not any(np.array_equal(a, b) for a, b in itertools.combinations(X, 2))

@@ -1,4 +1,5 @@
 """A drift that one process has compiled is found by the next one, bit for bit, and never in the place of another."""
+
 import ctypes
 import json
 import math
@@ -22,12 +23,14 @@ def turning(a):
     def drift(xp):
         inner = leaf(a)(xp)
         return lambda t, x: xp.sin(a * t) * x[::-1] + inner(t, x)
+
     return drift
 
 
 def leaf(a):
     def drift(xp):
         return lambda t, x: xp.ones_like(x) / (a + xp.abs(x))
+
     return drift
 
 
@@ -35,7 +38,9 @@ def plain(c):
     def drift(xp):
         def f(t, x):
             return c * x + t
+
         return f
+
     return drift
 
 
@@ -46,7 +51,8 @@ def call(f, t, x, out):
 
 def value(factory, form_of=form.rhs.__wrapped__):
     """(kind of pointer, value) without the memory of this process."""
-    pointer, out = form_of(factory, X.size), np.full(X.size, 7.0)
+    pointer = form_of(factory, X.size)
+    out = np.full(X.size, 7.0)
     call(pointer, 0.4, X, out)
     return type(pointer).__name__, out
 
@@ -62,7 +68,13 @@ def home(tmp_path, monkeypatch):
 
 
 def test_what_is_found_has_the_bits_of_what_was_compiled(home):
-    drifts = [plain(2.0), plain(3.0), turning(1.5), turning(0.1), leaf(0.5)]      # two of each name, in one process
+    drifts = [
+        plain(2.0),
+        plain(3.0),
+        turning(1.5),
+        turning(0.1),
+        leaf(0.5),
+    ]  # two of each name, in one process
     first = [value(d) for d in drifts]
     assert [kind for kind, _ in first] == ["CFunc"] * 5 and len(list(home.iterdir())) == 5
     again = [value(d) for d in (plain(2.0), plain(3.0), turning(1.5), turning(0.1), leaf(0.5))]
@@ -86,8 +98,16 @@ print(json.dumps([out, kind]))
 
 def test_another_process_finds_it(home):
     def run(cache):
-        return json.loads(subprocess.run([sys.executable, "-c", SCRIPT], capture_output=True, text=True, check=True,
-                                         env=os.environ | {"NSBENCH_CACHE": cache}).stdout)
+        return json.loads(
+            subprocess.run(
+                [sys.executable, "-c", SCRIPT],
+                capture_output=True,
+                text=True,
+                check=True,
+                env=os.environ | {"NSBENCH_CACHE": cache},
+            ).stdout
+        )
+
     without = run("off")
     assert not list(home.iterdir()) if home.exists() else True
     first = run("")
@@ -95,26 +115,35 @@ def test_another_process_finds_it(home):
     assert without[0] == first[0] == second[0] and (first[1], second[1]) == ("CFunc", "Pointer")
 
 
-@pytest.mark.parametrize("harm", [
-    lambda body: b"", lambda body: b"{}\n" + body.partition(b"\n")[2], lambda body: body.partition(b"\n")[0] + b"\n",
-    lambda body: body.partition(b"\n")[0] + b"\nno object file", lambda body: b"[1]\n" + body, lambda body: b"\xff\xfe\n",
-    lambda body: body.replace(b'"name": "', b'"name": "un', 1),
-], ids=["empty", "no name", "no code", "no object", "a list", "no text", "no such function"])
+@pytest.mark.parametrize(
+    "harm",
+    [
+        lambda body: b"",
+        lambda body: b"{}\n" + body.partition(b"\n")[2],
+        lambda body: body.partition(b"\n")[0] + b"\n",
+        lambda body: body.partition(b"\n")[0] + b"\nno object file",
+        lambda body: b"[1]\n" + body,
+        lambda body: b"\xff\xfe\n",
+        lambda body: body.replace(b'"name": "', b'"name": "un', 1),
+    ],
+    ids=["empty", "no name", "no code", "no object", "a list", "no text", "no such function"],
+)
 def test_a_file_of_no_use_is_compiled_again(home, harm):
     _, right = value(plain(2.0))
-    file, = home.iterdir()
-    name, body = file.stem, kept.read(home, file.stem)
+    (file,) = home.iterdir()
+    name = file.stem
+    body = kept.read(home, file.stem)
     kept.write(home, name, harm(body))
     kind, again = value(plain(2.0))
     assert kind == "CFunc" and np.array_equal(again, right)
     assert kept.read(home, name) is not None and value(plain(2.0))[0] == "Pointer"
-    file.write_bytes(file.read_bytes()[:-1])                      # its checksum does not fit
+    file.write_bytes(file.read_bytes()[:-1])  # its checksum does not fit
     assert value(plain(2.0))[0] == "CFunc"
 
 
 def test_a_pickle_is_not_read(home):
     value(plain(2.0))
-    file, = home.iterdir()
+    (file,) = home.iterdir()
     harm = home.parent / "touched"
     kept.write(home, file.stem, pickle.dumps(Harm(harm)))
     assert value(plain(2.0))[0] == "CFunc" and not harm.exists()
@@ -139,11 +168,13 @@ def test_a_compiled_helper_is_told_by_its_source(home):
     def calling(power):
         @njit
         def helper(t):
-            return t ** power
+            return t**power
 
         def drift(xp):
             return lambda t, x: helper(t) * x
+
         return drift
+
     values = [value(calling(p)) for p in (2, 3, 2)]
     assert [kind for kind, _ in values] == ["CFunc", "CFunc", "Pointer"]
     assert np.abs(values[1][1] - 0.4**3 * X).max() < 1e-15 > np.abs(values[0][1] - 0.4**2 * X).max()
@@ -155,22 +186,29 @@ def test_an_address_of_this_process_is_not_kept(home):
 
     def drift(xp):
         return lambda t, x: there(t) * x
+
     assert value(drift)[0] == "CFunc" and np.array_equal(value(drift)[1], math.cos(0.4) * X)
     signature = form.rhs.__wrapped__(plain(2.0), 3)._sig
     before = set(home.iterdir())
 
     def fill(t, x, out):
         out[0] = there(t)
+
     pointers.compiled("name", signature, fill)
     assert set(home.iterdir()) == before
 
 
 def test_another_setting_of_numba_is_another_name(home, monkeypatch):
     from numba import config
+
     f = plain(2.0)(np)
     signature = form.rhs.__wrapped__(plain(2.0), 3)._sig
     name = pointers.name_of(signature, "what", f)
-    assert name == pointers.name_of(signature, "what", plain(2.0)(np)) != pointers.name_of(signature, "other", f)
+    assert (
+        name
+        == pointers.name_of(signature, "what", plain(2.0)(np))
+        != pointers.name_of(signature, "other", f)
+    )
     monkeypatch.setattr(config, "BOUNDSCHECK", 1)
     assert pointers.name_of(signature, "what", f) != name
 
@@ -187,7 +225,9 @@ def test_a_drift_that_raises_leaves_no_number_wherever_it_is_from(home, fault):
             if fault == "told" and t > 0.0:
                 raise ValueError("a sentence", t)
             return x * np.linalg.inv(np.zeros((2, 2)))[0, 0]
+
         return f
+
     for _ in range(2):
         kind, out = value(drift)
         assert np.all(np.isnan(out))

@@ -1,4 +1,5 @@
 """The published baseline is one of the present cases, references, methods and ladders: the gate can compare it."""
+
 from pathlib import Path
 
 from nsbench.case import get_case
@@ -16,10 +17,15 @@ def test_it_has_the_runs_of_the_standard_suite_under_their_present_configuration
         asked.setdefault((spec.case, spec.solver), []).append(spec.asked)
     assert asked.keys() == {key[:2] for key in LINES}
     for (case, solver), config in {(key[:2], x.config) for key, x in LINES.items()}:
-        case_told, solver_told = describe_case(get_case(case)), describe_solver(solver)
+        case_told = describe_case(get_case(case))
+        solver_told = describe_solver(solver)
         ladder = [f"{v:.12g}" for v in sorted(v for v in asked[case, solver] if v == v)]
-        now = {"case": case_told.get("digest", ""), "reference": case_told.get("reference_digest", ""),
-               "solver": solver_told.get("digest", ""), "ladder": ladder}
+        now = {
+            "case": case_told.get("digest", ""),
+            "reference": case_told.get("reference_digest", ""),
+            "solver": solver_told.get("digest", ""),
+            "ladder": ladder,
+        }
         assert config == " ".join(f"{name}={digest(v)}" for name, v in now.items()), (case, solver)
 
 

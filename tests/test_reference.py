@@ -1,4 +1,5 @@
 """A stored reference is what was computed, knows its own error, and is refused when damaged or of another version."""
+
 import dataclasses
 import json
 
@@ -19,20 +20,27 @@ PAIR = (("event_driven", 1e-12), ("event_driven[method=rk45]", 1e-10))
 def made(tmp_path_factory):
     """tide and slide_exit without their closed forms, built once."""
     folder = tmp_path_factory.mktemp("references")
-    cases = [c.replace(exact=None, exact_impulse=None, exact_events=None) for c in (TIDE, get_case("slide_exit"))]
+    cases = [
+        c.replace(exact=None, exact_impulse=None, exact_events=None)
+        for c in (TIDE, get_case("slide_exit"))
+    ]
     return folder, cases, [refs.build(c, folder, PAIR, kind="runs") for c in cases]
 
 
-@pytest.mark.parametrize("name", ["tide", "wedge[psi=120]", "two_discs[w=1]", "play", "chain", "dragged_disc"])
+@pytest.mark.parametrize(
+    "name", ["tide", "wedge[psi=120]", "two_discs[w=1]", "play", "chain", "dragged_disc"]
+)
 def test_the_reaction_of_a_closed_form_is_its_impulse_times_gradients(name):
     case = get_case(name)
     ref = refs.closed_form(case)
     from nsbench.dynamics.contacts.constraint_set import Scene
     from nsbench.measure.context import near_of
+
     scene = Scene(case.problem, case.n)
     near = near_of(scene, ref.contacts)
     fine = np.linspace(*case.t[[0, -1]], 4001)
-    mid, step = (fine[1:] + fine[:-1]) / 2, np.diff(case.exact_impulse(fine), axis=0)
+    mid = (fine[1:] + fine[:-1]) / 2
+    step = np.diff(case.exact_impulse(fine), axis=0)
     force = np.zeros(case.n)
     for t, x, d in zip(mid, case.exact(mid), step, strict=True):
         if d.any():
@@ -45,7 +53,11 @@ def test_a_built_reference_is_right_within_its_own_bound(made):
     folder, cases, (tide, slide) = made
     assert np.abs(tide.x - TIDE.exact(TIDE.t)).max() <= tide.state_error < 1e-9
     assert np.abs(tide.impulse - TIDE.exact_impulse(TIDE.t)).max() <= tide.impulse_error < 1e-9
-    assert np.abs(slide.x[-1] - [2.402773187027679, -0.335717922687778]).max() <= slide.state_error < 1e-8
+    assert (
+        np.abs(slide.x[-1] - [2.402773187027679, -0.335717922687778]).max()
+        <= slide.state_error
+        < 1e-8
+    )
     assert [e.kind for e in slide.events] == ["enter", "exit"] and slide.reaction is None
     for case, ref in zip(cases, (tide, slide), strict=True):
         a, b = (nsbench.solve(case, spec, tol=tol) for spec, tol in PAIR)
@@ -56,7 +68,11 @@ def test_a_built_reference_is_right_within_its_own_bound(made):
         assert back.events == ref.events and back.contacts == ref.contacts and back.kind == "stored"
         for key in ("state_error", "impulse_error", "reaction_error"):
             assert getattr(back, key) == getattr(ref, key) or np.isnan(getattr(ref, key))
-        assert "against" in back.how and back.versions["numpy"] == np.__version__ and "comes from" in back.how
+        assert (
+            "against" in back.how
+            and back.versions["numpy"] == np.__version__
+            and "comes from" in back.how
+        )
         assert "confirmed" in refs.verify(case, folder)
 
 
@@ -107,22 +123,40 @@ def empty(npz, js):
 
 
 @pytest.mark.survives("spoilt reference", "foreign reference")
-@pytest.mark.parametrize("damage", [truncate, other_arrays, better_bound, half_json, pickle_inside, no_json, empty])
+@pytest.mark.parametrize(
+    "damage", [truncate, other_arrays, better_bound, half_json, pickle_inside, no_json, empty]
+)
 def test_a_damaged_reference_is_refused_by_name(made, tmp_path, damage):
     case, npz, js = copies(made, tmp_path)
     damage(npz, js)
     with pytest.raises(refs.BadReference, match=r"tide\.npz"):
         refs.reference(case, tmp_path)
-    known = case.replace(exact=TIDE.exact, exact_impulse=TIDE.exact_impulse, exact_events=TIDE.exact_events)
-    with pytest.raises(refs.BadReference, match=r"tide\.npz"):          # though its closed form has the impulses too
+    known = case.replace(
+        exact=TIDE.exact, exact_impulse=TIDE.exact_impulse, exact_events=TIDE.exact_events
+    )
+    with pytest.raises(
+        refs.BadReference, match=r"tide\.npz"
+    ):  # though its closed form has the impulses too
         refs.reference(known, tmp_path)
 
 
-@pytest.mark.parametrize("change, word", [
-    ({"x0": np.array([0.5 + 1e-9])}, "x0"), ({"t": np.linspace(0, 3, 31)}, "t"), ({"t": np.linspace(0, 2.9, 61)}, "t"),
-    ({"source": __file__}, "source"), ({"problem": Filippov({(1,): TIDE.problem.drift, (-1,): TIDE.problem.drift},
-                                                          lambda xp: lambda t, x: x)}, "problem"),
-])
+@pytest.mark.parametrize(
+    "change, word",
+    [
+        ({"x0": np.array([0.5 + 1e-9])}, "x0"),
+        ({"t": np.linspace(0, 3, 31)}, "t"),
+        ({"t": np.linspace(0, 2.9, 61)}, "t"),
+        ({"source": __file__}, "source"),
+        (
+            {
+                "problem": Filippov(
+                    {(1,): TIDE.problem.drift, (-1,): TIDE.problem.drift}, lambda xp: lambda t, x: x
+                )
+            },
+            "problem",
+        ),
+    ],
+)
 @pytest.mark.survives("foreign reference")
 def test_a_reference_of_another_version_of_the_case_is_refused(made, tmp_path, change, word):
     case, *_ = copies(made, tmp_path)
@@ -160,7 +194,9 @@ def test_the_text_of_the_case_counts_but_not_its_prose(tmp_path):
         refs.reference(load_case(path), tmp_path / "r")
     assert source_hash(str(path)) not in ("", source_hash(TIDE.source))
     path.write_text(FILE)
-    assert refs.reference(load_case(path, height=0.6), tmp_path / "r") is None        # other parameters, other files
+    assert (
+        refs.reference(load_case(path, height=0.6), tmp_path / "r") is None
+    )  # other parameters, other files
 
 
 def test_names_are_safe_for_files():
@@ -173,22 +209,39 @@ def test_names_are_safe_for_files():
 
 class Liar:
     """Event-driven runs with something wrong."""
+
     def __init__(self, monkeypatch, change):
         from nsbench import solvers
+
         honest = solvers.solve
 
         def solve(case, spec, **accuracy):
             run = honest(case, spec, **accuracy)
             return change(run) if "rk45" in spec else run
+
         monkeypatch.setattr("nsbench.solvers.solve", solve)
 
 
-@pytest.mark.parametrize("change, text", [
-    (lambda r: Trajectory(r.t, r.x + 1e-6, r.contacts, r.impulse, r.reaction), "differ by 1.00e-06"),
-    (lambda r: Trajectory(r.t, r.x, r.contacts, r.impulse, r.reaction * 1.001), "in the reaction"),
-    (lambda r: Trajectory(r.t, r.x, r.contacts, r.impulse, r.reaction, Status("maxiter", "Too many.")), "maxiter"),
-    (lambda r: Trajectory(r.t, r.x * np.nan, r.contacts, r.impulse, r.reaction), "not finite"),
-])
+@pytest.mark.parametrize(
+    "change, text",
+    [
+        (
+            lambda r: Trajectory(r.t, r.x + 1e-6, r.contacts, r.impulse, r.reaction),
+            "differ by 1.00e-06",
+        ),
+        (
+            lambda r: Trajectory(r.t, r.x, r.contacts, r.impulse, r.reaction * 1.001),
+            "in the reaction",
+        ),
+        (
+            lambda r: Trajectory(
+                r.t, r.x, r.contacts, r.impulse, r.reaction, Status("maxiter", "Too many.")
+            ),
+            "maxiter",
+        ),
+        (lambda r: Trajectory(r.t, r.x * np.nan, r.contacts, r.impulse, r.reaction), "not finite"),
+    ],
+)
 def test_nothing_is_stored_when_the_methods_disagree_or_fail(monkeypatch, tmp_path, change, text):
     Liar(monkeypatch, change)
     with pytest.raises(ValueError, match=text):
@@ -198,10 +251,15 @@ def test_nothing_is_stored_when_the_methods_disagree_or_fail(monkeypatch, tmp_pa
 
 def test_nothing_is_stored_when_both_agree_on_something_else(monkeypatch, tmp_path):
     """Both event-driven runs see a floor that is not there: the witness of another kind notices."""
-    higher = TIDE.replace(problem=Complementarity(TIDE.problem.drift, (nsbench.Affine(np.eye(1), -0.2 * np.ones(1)),)))
+    higher = TIDE.replace(
+        problem=Complementarity(TIDE.problem.drift, (nsbench.Affine(np.eye(1), -0.2 * np.ones(1)),))
+    )
     from nsbench import solvers
+
     honest = solvers.solve
-    monkeypatch.setattr("nsbench.solvers.solve", lambda c, s, **a: honest(higher if "event" in s else c, s, **a))
+    monkeypatch.setattr(
+        "nsbench.solvers.solve", lambda c, s, **a: honest(higher if "event" in s else c, s, **a)
+    )
     with pytest.raises(ValueError, match="does not come closer"):
         refs.build(TIDE, tmp_path, PAIR, kind="runs")
     assert not list(tmp_path.iterdir())

@@ -1,4 +1,5 @@
 """The relay's events and states are those of its matrix exponentials, evaluated in 40 digits arc by arc."""
+
 import numpy as np
 import pytest
 
@@ -10,7 +11,9 @@ mp = pytest.importorskip("mpmath").mp
 def digits(case, kinds, times):
     """Events polished by Newton's method and states at the samples; kinds and first guesses of the times are given."""
     mp.dps = 40
-    w, xi, sigma = mp.mpf(25), mp.mpf(1) / 20, mp.mpf(1)
+    w = mp.mpf(25)
+    xi = mp.mpf(1) / 20
+    sigma = mp.mpf(1)
     A = mp.matrix([[-(2 * xi * w + 1), 1, 0], [-(2 * xi * w + w * w), 0, 1], [-w * w, 0, 0]])
     b = mp.matrix([1, -2 * sigma, 1])
 
@@ -21,10 +24,16 @@ def digits(case, kinds, times):
         M[:3, 3] = mp.zeros(3, 1) if s is None else -s * b
         return M
 
-    t, x, s, sample = mp.mpf(0), mp.matrix([mp.mpf(str(v)) for v in case.x0] + [1]), None, 0
-    events, states, room = [], [], []
+    t = mp.mpf(0)
+    x = mp.matrix([mp.mpf(str(v)) for v in case.x0] + [1])
+    s = None
+    sample = 0
+    events = []
+    states = []
+    room = []
     for kind, guess in [*zip(kinds, times, strict=True), ("end", case.t[-1])]:
-        M, end = matrix(s), mp.mpf(guess)
+        M = matrix(s)
+        end = mp.mpf(guess)
         for _ in range(4 if kind != "end" else 0):
             y = mp.expm(M * (end - t)) * x
             g = y[0] if s is not None else abs(y[1]) - 1

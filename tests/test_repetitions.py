@@ -1,4 +1,5 @@
 """A run that went well once and not when it was repeated to be timed is told as that, and nobody else loses a number."""
+
 import pytest
 from solver_file import solver
 
@@ -8,7 +9,8 @@ from nsbench.execute.workers.pool import run_all
 from nsbench.measure import clock
 from nsbench.study import Spec, run_batch
 
-SECOND = solver('''
+SECOND = solver(
+    """
     global CALLS
     CALLS += self.how != "fine"
     if self.how == "raise" and CALLS > 1:
@@ -30,33 +32,44 @@ SECOND = solver('''
         assert os.getcwd() != "/"
     if self.how == "hang" and CALLS > 1:
         time.sleep(1000)
-''', before="from nsbench.measure import clock\nclock.LONG = 5.0      # runs are quick, however busy the machine is\nCALLS = 0\n")
+""",
+    before="from nsbench.measure import clock\nclock.LONG = 5.0      # runs are quick, however busy the machine is\nCALLS = 0\n",
+)
 
 
 @pytest.fixture(autouse=True)
 def what_is_quick(monkeypatch):
-    monkeypatch.setattr(clock, "LONG", clock.LONG)       # the file above, loaded here, changes it for one test
+    monkeypatch.setattr(
+        clock, "LONG", clock.LONG
+    )  # the file above, loaded here, changes it for one test
 
 
 def specs_of(tmp_path, *hows):
     path = tmp_path / "second.py"
     path.write_text(SECOND)
-    return [Spec("tide", f"second[how={how}]" if how != "pbd" else "pbd", "h", 0.01, "", (str(path),)) for how in hows]
+    return [
+        Spec("tide", f"second[how={how}]" if how != "pbd" else "pbd", "h", 0.01, "", (str(path),))
+        for how in hows
+    ]
 
 
 def last_rows(specs, **more):
     """The row of each run that counts, the last one, by what the run does; how many it was given."""
-    rows, given = {}, {}
+    rows = {}
+    given = {}
 
     def on_row(spec, row):
         rows[spec] = row
         given[spec] = given.get(spec, 0) + 1
+
     run_all([specs], 1, 3.0, on_row, **more)
     return [rows[s] for s in specs], [given[s] for s in specs]
 
 
 @pytest.mark.survives("a repetition")
-@pytest.mark.parametrize("how, status", [("raise", "error"), ("memory", "oom"), ("exit", "crashed"), ("hang", "timeout")])
+@pytest.mark.parametrize(
+    "how, status", [("raise", "error"), ("memory", "oom"), ("exit", "crashed"), ("hang", "timeout")]
+)
 def test_a_repetition_that_fails_is_a_row_and_the_others_are_timed(tmp_path, how, status):
     rows, _ = last_rows(specs_of(tmp_path, "pbd", how, "fine"))
     assert [r["status"] for r in rows] == ["ok", status, "ok"]
@@ -86,7 +99,11 @@ def test_a_repetition_does_not_see_what_the_one_before_it_has_changed(tmp_path, 
 def test_a_repetition_that_raises_costs_a_study_nothing_else(tmp_path):
     specs = specs_of(tmp_path, "pbd", "raise", "fine")
     rows = dict(run_batch(specs))
-    assert [rows[i]["status"] for i in range(3)] == ["ok", "error", "ok"] and "the second call" in rows[1]["why"]
+    assert [rows[i]["status"] for i in range(3)] == [
+        "ok",
+        "error",
+        "ok",
+    ] and "the second call" in rows[1]["why"]
     assert rows[0]["rounds"] >= 3 and rows[2]["rounds"] >= 3
     solvers._loaded.pop("second")
     study._files_loaded.clear()
@@ -96,13 +113,20 @@ def test_a_repetition_that_raises_costs_a_study_nothing_else(tmp_path):
 
 
 @pytest.mark.survives("ok is finite")
-@pytest.mark.parametrize("parts, word", [("(), np.zeros((k, 0)), np.zeros((k, 1)), stats=None", "stats"),
-                                         ("None, np.zeros((k, 0)), np.zeros((k, 1))", "contacts"),
-                                         ("(), [[0.0], [0.0, 1.0]], np.zeros((k, 1))", "measuring it did not"),
-                                         ("(), np.zeros((k, 0)), np.zeros((k, 1)), Status('nan', 'no'), stats=None", "stats"),
-                                         ("(), np.zeros((k, 0)), np.zeros((k, 1)), stats={1: 'a', 'h': 0.1}", "")])
+@pytest.mark.parametrize(
+    "parts, word",
+    [
+        ("(), np.zeros((k, 0)), np.zeros((k, 1)), stats=None", "stats"),
+        ("None, np.zeros((k, 0)), np.zeros((k, 1))", "contacts"),
+        ("(), [[0.0], [0.0, 1.0]], np.zeros((k, 1))", "measuring it did not"),
+        ("(), np.zeros((k, 0)), np.zeros((k, 1)), Status('nan', 'no'), stats=None", "stats"),
+        ("(), np.zeros((k, 0)), np.zeros((k, 1)), stats={1: 'a', 'h': 0.1}", ""),
+    ],
+)
 def test_whatever_a_solver_returns_is_a_row(tmp_path, parts, word):
     path = tmp_path / "odd.py"
-    path.write_text(solver(f"k = len(case.t)\nreturn Trajectory(case.t, np.tile(case.x0, (k, 1)), {parts})"))
+    path.write_text(
+        solver(f"k = len(case.t)\nreturn Trajectory(case.t, np.tile(case.x0, (k, 1)), {parts})")
+    )
     row = dict(run_batch([Spec("tide", "odd", "h", 0.1, "", (str(path),))]))[0]
     assert row["status"] == ("error" if word else "ok") and word in row["why"]

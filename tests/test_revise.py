@@ -1,4 +1,5 @@
 """The active set revised row by row ends where the exact one ends, whatever rows it starts from, and says when it gives up."""
+
 import numpy as np
 import pytest
 from packings import ready, step
@@ -14,7 +15,8 @@ def problem(seed, n=70, crystal=False):
     G, q = step(np.random.default_rng(seed), n, crystal=crystal, walls=seed % 2 == 0)
     P, T, vals = ready(G)
     norm = lengths(P, vals)
-    vals, q = vals / np.repeat(norm, np.diff(P[0])), q / norm
+    vals = vals / np.repeat(norm, np.diff(P[0]))
+    q = q / norm
     mu, d, code, _ = qp.solve(P, vals, q, np.zeros(len(q)), 10.0)
     assert code == qp.SOLVED
     return P, T, vals, q, mu, d
@@ -22,7 +24,9 @@ def problem(seed, n=70, crystal=False):
 
 def run(P, T, vals, q, mu, most=10**6, limit=10**6, tol=1e-12):
     """What revise makes of mu: done, factorisations, exchanges, mu, d and the residual by the formula of kernels.qp."""
-    mu, d, w = mu.copy(), np.zeros(P[2].size - 1), np.zeros(len(q))
+    mu = mu.copy()
+    d = np.zeros(P[2].size - 1)
+    w = np.zeros(len(q))
     done, factors, swaps = revise(P, T, fronts.room(T), vals, q, mu, tol, most, limit, d, w)
     return done, factors, swaps, mu, d, qp.residual(P, vals, q, mu, d)
 
@@ -30,27 +34,41 @@ def run(P, T, vals, q, mu, most=10**6, limit=10**6, tol=1e-12):
 @pytest.mark.parametrize("seed", range(6))
 def test_any_start_ends_at_the_exact_displacement(seed):
     P, T, vals, q, exact, d0 = problem(seed, crystal=seed % 3 == 0)
-    rng, most = np.random.default_rng(seed), 0
-    for start in (exact, np.zeros(len(q)), np.where(rng.random(len(q)) < 0.7, exact, 0.0), 0.1 * rng.random(len(q)),
-                  np.where(rng.random(len(q)) < 0.1, 0.05, exact)):
+    rng = np.random.default_rng(seed)
+    most = 0
+    for start in (
+        exact,
+        np.zeros(len(q)),
+        np.where(rng.random(len(q)) < 0.7, exact, 0.0),
+        0.1 * rng.random(len(q)),
+        np.where(rng.random(len(q)) < 0.1, 0.05, exact),
+    ):
         done, _, swaps, mu, d, left = run(P, T, vals, q, start)
         assert done and left <= 1e-12 and mu.min() >= 0.0
         assert d == pytest.approx(d0, abs=1e-10)
         most = max(most, swaps)
-    assert most > EXTRA                                       # some needed more columns than there is room for
+    assert most > EXTRA  # some needed more columns than there is room for
 
 
 def test_the_exact_set_costs_one_factor_and_no_exchange():
     P, T, vals, q, exact, d0 = problem(1)
     done, factors, swaps, _, d, left = run(P, T, vals, q, exact)
-    assert done and (factors, swaps) == (1, 0) and left <= 1e-13 and d == pytest.approx(d0, abs=1e-13)
+    assert (
+        done and (factors, swaps) == (1, 0) and left <= 1e-13 and d == pytest.approx(d0, abs=1e-13)
+    )
 
 
 @pytest.mark.parametrize("seed, away", [(1, 10.0), (1, 100.0), (3, 10.0), (3, 100.0)])
-def test_one_more_centre_than_the_tolerance_asks_for_brings_the_residual_down_to_rounding(seed, away):
+def test_one_more_centre_than_the_tolerance_asks_for_brings_the_residual_down_to_rounding(
+    seed, away
+):
     P, T, vals, q, exact, d0 = problem(seed)
-    done, _, _, _, d, left = run(P, T, vals, q, away * exact, tol=1e-9)     # the right rows, far from the centre
-    assert done and left <= 1e-13 and d == pytest.approx(d0, abs=1e-10)      # 5e-11 and more at the centre before
+    done, _, _, _, d, left = run(
+        P, T, vals, q, away * exact, tol=1e-9
+    )  # the right rows, far from the centre
+    assert (
+        done and left <= 1e-13 and d == pytest.approx(d0, abs=1e-10)
+    )  # 5e-11 and more at the centre before
 
 
 def test_it_gives_up_and_is_no_worse_than_before():
@@ -60,6 +78,7 @@ def test_it_gives_up_and_is_no_worse_than_before():
     def value(mu):
         d = np.zeros(P[2].size - 1)
         return qp.dual(P, vals, q, mu, d)
+
     done, _, swaps, mu, _, _ = run(P, T, vals, q, start, most=0)
     assert not done and swaps == 0 and np.array_equal(mu, start)
     done, _, swaps, mu, _, left = run(P, T, vals, q, start, limit=5)

@@ -1,4 +1,5 @@
 """Rows that are kept in little room come back as they were."""
+
 import math
 import sys
 
@@ -6,8 +7,20 @@ from nsbench.results import tables as store
 from nsbench.results.packed_rows import InOrder, Kept
 from nsbench.results.row_reuse import known
 
-ROWS = {"a": {"case": "tide", "h": 0.1, "steps": 3, "ok": True, "none": None, "bad": math.nan, "far": -math.inf, "zero": -0.0},
-        "b": {"case": "tide", "h": 2, "steps": 0.5, "ok": 1.0, "why": "because"}, "c": {}}
+ROWS = {
+    "a": {
+        "case": "tide",
+        "h": 0.1,
+        "steps": 3,
+        "ok": True,
+        "none": None,
+        "bad": math.nan,
+        "far": -math.inf,
+        "zero": -0.0,
+    },
+    "b": {"case": "tide", "h": 2, "steps": 0.5, "ok": 1.0, "why": "because"},
+    "c": {},
+}
 
 
 def test_rows_come_back_equal_in_their_order_and_each_as_its_own():
@@ -15,7 +28,9 @@ def test_rows_come_back_equal_in_their_order_and_each_as_its_own():
     kept.update(ROWS)
     assert [*kept] == [*ROWS] and len(kept) == 3 and "a" in kept and "d" not in kept
     for key, row in ROWS.items():
-        assert repr(kept[key]) == repr(row) and [type(v) for v in kept[key].values()] == [type(v) for v in row.values()]
+        assert repr(kept[key]) == repr(row) and [type(v) for v in kept[key].values()] == [
+            type(v) for v in row.values()
+        ]
     kept["a"]["h"] = 7.0
     assert kept["a"]["h"] == 0.1
     kept["a"] = ROWS["c"]
@@ -26,7 +41,10 @@ def test_rows_come_back_equal_in_their_order_and_each_as_its_own():
 
 def test_a_row_takes_a_tenth_of_the_room_of_a_dict():
     kept = Kept()
-    rows = [{f"column {k}": k + 0.5 * i if k % 4 else f"word {k}" for k in range(50)} for i in range(100)]
+    rows = [
+        {f"column {k}": k + 0.5 * i if k % 4 else f"word {k}" for k in range(50)}
+        for i in range(100)
+    ]
     for i, row in enumerate(rows):
         kept[i] = row
     size = sum(sys.getsizeof(p) + sum(map(sys.getsizeof, p[1:])) for p in kept._packed.values())
@@ -35,9 +53,20 @@ def test_a_row_takes_a_tenth_of_the_room_of_a_dict():
 
 
 def test_tables_are_the_same_in_blocks_of_any_size(tmp_path, monkeypatch):
-    rows = [{"case": "tide", "n": i, "x": i / 7, "ok": bool(i % 2), "late": "word" if i > 7 else None,
-             "mixed": i if i < 9 else "x",
-             "true": i < 9 or 0.5, "never": None} | ({"new": 1.0} if i > 6 else {}) for i in range(10)]
+    rows = [
+        {
+            "case": "tide",
+            "n": i,
+            "x": i / 7,
+            "ok": bool(i % 2),
+            "late": "word" if i > 7 else None,
+            "mixed": i if i < 9 else "x",
+            "true": i < 9 or 0.5,
+            "never": None,
+        }
+        | ({"new": 1.0} if i > 6 else {})
+        for i in range(10)
+    ]
     found = []
     for size in (1, 3, 10, 10_000):
         monkeypatch.setattr(store, "BLOCK", size)
@@ -48,7 +77,14 @@ def test_tables_are_the_same_in_blocks_of_any_size(tmp_path, monkeypatch):
 
 def test_what_is_known_leaves_out_what_is_to_be_made_again(tmp_path):
     journal = store.Journal(tmp_path)
-    for key, status in (("a", "ok"), ("b", "crashed"), ("c", "ok"), ("c", "oom"), ("d", "oom"), ("d", "ok")):
+    for key, status in (
+        ("a", "ok"),
+        ("b", "crashed"),
+        ("c", "ok"),
+        ("c", "oom"),
+        ("d", "oom"),
+        ("d", "ok"),
+    ):
         journal.append(key, {"status": status})
     journal.close()
     assert dict(known(tmp_path, [], {}, 1.0, [])) == {"a": {"status": "ok"}, "d": {"status": "ok"}}

@@ -1,4 +1,5 @@
 """Surfaces that are one, or whose normals are dependent: which sectors there are, and penalties whose layers mix others."""
+
 import numpy as np
 import pytest
 
@@ -6,28 +7,43 @@ from nsbench import Case, Filippov, solve
 from nsbench.diagnostics.filippov.dependent_surfaces import beside
 
 
-@pytest.mark.parametrize("normals, sectors", [
-    ([[1.0, 0.0], [0.0, 3.0]], 4),
-    ([[2.0, 1.0], [1e-6, 5e-7]], 2),                                    # one surface, twice
-    ([[2.0, 1.0], [-4.0, -2.0]], 2),
-    ([[1.0, 0.0], [0.0, 1e-12]], 4),
-    ([[1.0, 0.0], [0.0, 1.0], [1.0, 1.0]], 6),                          # three lines through a point
-    ([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], 8)])
+@pytest.mark.parametrize(
+    "normals, sectors",
+    [
+        ([[1.0, 0.0], [0.0, 3.0]], 4),
+        ([[2.0, 1.0], [1e-6, 5e-7]], 2),  # one surface, twice
+        ([[2.0, 1.0], [-4.0, -2.0]], 2),
+        ([[1.0, 0.0], [0.0, 1e-12]], 4),
+        ([[1.0, 0.0], [0.0, 1.0], [1.0, 1.0]], 6),  # three lines through a point
+        ([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], 8),
+    ],
+)
 def test_sectors_around_a_point(normals, sectors):
     found = beside(np.array(normals))
-    drawn = np.unique(np.sign(np.random.default_rng(0).normal(size=(2000, len(normals[0]))) @ np.array(normals).T), axis=0)
+    drawn = np.unique(
+        np.sign(
+            np.random.default_rng(0).normal(size=(2000, len(normals[0]))) @ np.array(normals).T
+        ),
+        axis=0,
+    )
     assert len(found) == sectors and np.array_equal(np.unique(found, axis=0), drawn)
 
 
 def twice(steep, unit=1.0, both=0.5):
     """x slides on 0, where two switches vanish, of slopes 1 and `steep`; y goes with the sign of either."""
+
     def drift(xp):
         return lambda t, x: unit * xp.array([0.4 + 0.0 * t, 1.0])
 
     def switch(xp):
         return lambda t, x: xp.array([xp.sin(x[0] / unit), steep * x[0] / unit])
-    return Case("twice", Filippov.relay(drift, -unit * np.array([[1.0, 0.0], [0.0, both]]), switch), unit * np.zeros(2),
-                np.linspace(0.0, 1.0, 21))
+
+    return Case(
+        "twice",
+        Filippov.relay(drift, -unit * np.array([[1.0, 0.0], [0.0, both]]), switch),
+        unit * np.zeros(2),
+        np.linspace(0.0, 1.0, 21),
+    )
 
 
 @pytest.mark.parametrize("unit", (1.0, 1e-8))
@@ -37,7 +53,9 @@ def test_layers_of_different_thickness_around_one_surface_are_told(unit):
     assert right.status.ok and right.x[-1, 1] == pytest.approx(0.8 * unit, rel=1e-3)
     run = solve(twice(3.0, unit), "penalty", k=1e4)
     assert run.x[-1, 1] == pytest.approx(0.5 * unit, rel=1e-3)
-    assert run.status.code == "unverified" and "surfaces 0, 1, whose normals are dependent" in str(run.status)
+    assert run.status.code == "unverified" and "surfaces 0, 1, whose normals are dependent" in str(
+        run.status
+    )
 
 
 @pytest.mark.parametrize("steep, both", ((1.0, 0.5), (3.0, 0.0)))

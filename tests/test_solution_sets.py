@@ -1,4 +1,5 @@
 """Where the solution is not unique, runs are measured by their distance to the set of all solutions."""
+
 import itertools
 
 import numpy as np
@@ -12,7 +13,8 @@ GENERIC = "two_surfaces[kind=generic]"
 
 
 def test_the_distance_to_all_ways_off_a_line_is_found_by_search():
-    rng, t = np.random.default_rng(0), np.linspace(0.0, 2.0, 21)
+    rng = np.random.default_rng(0)
+    t = np.linspace(0.0, 2.0, 21)
     taus = np.append(np.linspace(0.0, 2.0, 4001), np.inf)
     for _ in range(20):
         y = rng.choice([-1, 1]) * np.maximum(t - rng.uniform(0, 2.5), 0) + 0.1 * rng.normal(size=21)
@@ -27,13 +29,16 @@ def test_every_way_off_the_line_is_a_solution():
         x = np.stack([t, side * np.maximum(t - tau, 0)], 1)
         assert repulsive.distance(t, x) < 1e-14
         assert repulsive.distance(t, x + np.array([1e-3, 0.0])) == pytest.approx(1e-3)
-    late = np.stack([t, 2.0 * np.maximum(t - 1.0, 0)], 1)           # leaves at twice the speed: tau = 1/2 is nearest
+    late = np.stack(
+        [t, 2.0 * np.maximum(t - 1.0, 0)], 1
+    )  # leaves at twice the speed: tau = 1/2 is nearest
     assert repulsive.distance(t, late) == pytest.approx(0.5, abs=1e-9)
 
 
 def test_velocities_along_the_intersection_are_those_of_convex_combinations():
     rng = np.random.default_rng(1)
-    fields, seen = np.array(list(two_surfaces.CORNERS.values())), []
+    fields = np.array(list(two_surfaces.CORNERS.values()))
+    seen = []
     for w in rng.dirichlet(np.ones(4), 20_000):
         if np.abs((w @ fields)[:2]).max() < 0.05:
             seen.append((w @ fields)[2])
@@ -43,17 +48,29 @@ def test_velocities_along_the_intersection_are_those_of_convex_combinations():
 
 def test_the_distance_to_all_curves_with_bounded_slopes_is_found_by_linear_programming():
     from scipy.optimize import linprog
-    case, rng = get_case(GENERIC), np.random.default_rng(2)
-    t, low, high = case.t, two_surfaces.LOW, two_surfaces.HIGH
+
+    case = get_case(GENERIC)
+    rng = np.random.default_rng(2)
+    t = case.t
+    low = two_surfaces.LOW
+    high = two_surfaces.HIGH
     for _ in range(5):
-        z = np.minimum(t, 0.5) + rng.uniform(0, 3) * np.maximum(t - 0.5, 0) + 0.2 * rng.normal(size=len(t)) * (t > 0)
+        z = (
+            np.minimum(t, 0.5)
+            + rng.uniform(0, 3) * np.maximum(t - 0.5, 0)
+            + 0.2 * rng.normal(size=len(t)) * (t > 0)
+        )
         late = np.diff(np.maximum(t - 0.5, 0.0))
         early = np.diff(np.minimum(t, 0.5))
         n = len(t)
         up = np.hstack([np.tril(np.ones((n - 1, n - 1))), -np.ones((n - 1, 1))])
         down = np.hstack([-np.tril(np.ones((n - 1, n - 1))), -np.ones((n - 1, 1))])
-        found = linprog(np.append(np.zeros(n - 1), 1.0), np.vstack([up, down]), np.concatenate([z[1:], -z[1:]]),
-                        bounds=[*zip(early + low * late, early + high * late, strict=True), (0, None)])
+        found = linprog(
+            np.append(np.zeros(n - 1), 1.0),
+            np.vstack([up, down]),
+            np.concatenate([z[1:], -z[1:]]),
+            bounds=[*zip(early + low * late, early + high * late, strict=True), (0, None)],
+        )
         assert found.status == 0
         x = np.stack([np.maximum(0.5 - t, 0), np.maximum(0.5 - t, 0), z], 1)
         assert two_surfaces.distance(t, x) == pytest.approx(found.fun, abs=1e-9)
@@ -72,9 +89,12 @@ def test_methods_that_pick_one_solution_are_near_the_set(name, bound, spec):
 
 def test_another_method_may_pick_another_velocity():
     case = get_case(GENERIC)
-    chatter, held = solve(case, "euler", h=1e-3), solve(case, "event_driven")
+    chatter = solve(case, "euler", h=1e-3)
+    held = solve(case, "event_driven")
     assert held.status.ok and errors(case, held)["set_distance"] < 1e-12
-    assert np.abs(chatter.x[-1] - held.x[-1]).max() > 0.1, "a reference trajectory would have called one of them wrong"
+    assert np.abs(chatter.x[-1] - held.x[-1]).max() > 0.1, (
+        "a reference trajectory would have called one of them wrong"
+    )
 
 
 def test_what_leaves_the_set_is_measured():

@@ -1,4 +1,5 @@
 """A start that overlaps is put to the nearest feasible point, of few particles and of many, by two solvers of one problem."""
+
 from dataclasses import replace
 
 import numpy as np
@@ -20,7 +21,9 @@ def heap(m, share):
     side = np.sqrt(m * np.pi / 4.0 / share)
     x0 = np.random.default_rng(m).uniform(0.0, side, 2 * m)
     problem = Complementarity(still, (Distance(1.0),))
-    return Case("heap", problem, x0, np.linspace(0.0, 1.0, 2), start="project"), Scene(problem, 2 * m)
+    return Case("heap", problem, x0, np.linspace(0.0, 1.0, 2), start="project"), Scene(
+        problem, 2 * m
+    )
 
 
 def test_many_discs_are_projected_over_those_near(monkeypatch):
@@ -31,6 +34,7 @@ def test_many_discs_are_projected_over_those_near(monkeypatch):
     def solve(row, cols, vals, q, n, guess, plain=start.least_distance):
         asked.append(len(q))
         return plain(row, cols, vals, q, n, guess)
+
     monkeypatch.setattr(start, "least_distance", solve)
     x = start.start_state(case, scene)
     assert scene.deepest(0.0, x) < 1e-12 and max(asked) < 4000
@@ -56,7 +60,9 @@ def test_lines_left_out_at_first_are_obeyed():
     lines = start._Lines(case, scene, 0.0, case.x0, np.inf)
     d = lines.nearest(np.zeros(180), {})
     G = scene.dense_gradients(0.0, case.x0, lines.near)
-    exact = start.least_distance(*scene.triplets(0.0, case.x0, lines.near), lines.g, 180, np.zeros(len(lines.g)))[0]
+    exact = start.least_distance(
+        *scene.triplets(0.0, case.x0, lines.near), lines.g, 180, np.zeros(len(lines.g))
+    )[0]
     assert (lines.g + G @ d).min() > -1e-12 and d == pytest.approx(exact, abs=1e-11)
 
 
@@ -85,7 +91,9 @@ def test_a_wall_far_away_excuses_nothing_near():
     case = Case("far", problem, np.array([-0.5]), np.linspace(0.0, 1.0, 2))
     with pytest.raises(ValueError, match="violates constraint"):
         start.start_state(case, Scene(problem, 1))
-    assert start.start_state(case.replace(start="project"), Scene(problem, 1)) == pytest.approx([0.0], abs=1e-12)
+    assert start.start_state(case.replace(start="project"), Scene(problem, 1)) == pytest.approx(
+        [0.0], abs=1e-12
+    )
 
 
 def test_a_long_link_excuses_no_overlap():
@@ -105,7 +113,9 @@ def test_rounding_at_a_wall_through_the_origin_is_none():
 def test_the_length_of_rows_is_nothing_to_a_projection(factor):
     rng = np.random.default_rng(5)
     for _ in range(30):
-        A, inside, x0 = rng.standard_normal((3, 4)), rng.standard_normal(4), rng.standard_normal(4)
+        A = rng.standard_normal((3, 4))
+        inside = rng.standard_normal(4)
+        x0 = rng.standard_normal(4)
         problem = Complementarity(still, (Affine(factor * A, factor * -(A @ inside)),))
         case = Case("rows", problem, x0, np.linspace(0.0, 1.0, 2), start="project")
         assert (A @ (start.start_state(case, Scene(problem, 4)) - inside)).min() > -1e-10
@@ -121,7 +131,9 @@ def test_an_overlap_is_held_against_the_particles(d, at):
     with pytest.raises(ValueError, match=r"violates constraint \(0, 0, 1\)"):
         start.start_state(case, Scene(problem, 4))
     rounded = case.replace(x0=np.array([at, 0.0, at + d * (1.0 - 1e-10), 0.0]) + np.spacing(at))
-    assert np.abs(start.start_state(rounded, Scene(problem, 4)) - rounded.x0).max() <= 1.01e-10 * d + np.spacing(at)
+    assert np.abs(
+        start.start_state(rounded, Scene(problem, 4)) - rounded.x0
+    ).max() <= 1.01e-10 * d + np.spacing(at)
 
 
 @pytest.mark.parametrize("radius", [1e-5, 1.0, 1e4])
@@ -130,7 +142,9 @@ def test_a_smooth_constraint_is_held_against_what_it_sees(radius, far):
     """x^2 + y^2 >= R^2 from 4/5 of R; a third coordinate that it knows nothing of. Projected, the start lies on the circle."""
     disc = Smooth(lambda xp: lambda t, x: xp.array([x[0] ** 2 + x[1] ** 2 - radius**2]))
     problem = Complementarity(still, (disc,))
-    case = Case("inside", problem, np.array([0.64 * radius, 0.48 * radius, far]), np.linspace(0.0, 1.0, 2))
+    case = Case(
+        "inside", problem, np.array([0.64 * radius, 0.48 * radius, far]), np.linspace(0.0, 1.0, 2)
+    )
     with pytest.raises(ValueError, match="violates constraint"):
         start.start_state(case, Scene(problem, 3))
     x = start.start_state(case.replace(start="project"), Scene(problem, 3))
@@ -140,10 +154,14 @@ def test_a_smooth_constraint_is_held_against_what_it_sees(radius, far):
 @pytest.mark.parametrize("radius", [1e2, 1e4, 1e6])
 def test_a_projection_ends_at_the_rounding_of_its_constraints(radius):
     """On circles from within, on links of the same length that are held far away: the gaps round, near the origin."""
-    rng, link = np.random.default_rng(2), Distance(radius, -1, pairs=[[0, 0]], anchors=np.array([[0.6 * radius, 0.8 * radius]]))
+    rng = np.random.default_rng(2)
+    link = Distance(radius, -1, pairs=[[0, 0]], anchors=np.array([[0.6 * radius, 0.8 * radius]]))
     disc = Smooth(lambda xp: lambda t, x: xp.array([x[0] ** 2 + x[1] ** 2 - radius**2]))
     for _ in range(12):
-        for held, x0 in ((disc, radius * rng.uniform(-0.6, 0.6, 2)), (link, -rng.uniform(0.0, 0.5, 2))):
+        for held, x0 in (
+            (disc, radius * rng.uniform(-0.6, 0.6, 2)),
+            (link, -rng.uniform(0.0, 0.5, 2)),
+        ):
             problem = Complementarity(still, (held,))
             case = Case("on", problem, x0, np.linspace(0.0, 1.0, 2), start="project")
             x = start.start_state(case, Scene(problem, 2))
@@ -155,12 +173,17 @@ def test_a_start_printed_with_ten_digits_is_a_start():
     """Touching discs of 0.1 in a box of 10, a particle on a wall at some hundreds: what they miss by is taken away."""
     rng = np.random.default_rng(0)
     for _ in range(20):
-        angle, p = rng.uniform(0.0, 2.0 * np.pi), rng.uniform(1.0, 9.0, 2)
+        angle = rng.uniform(0.0, 2.0 * np.pi)
+        p = rng.uniform(1.0, 9.0, 2)
         discs = Complementarity(still, (Distance(0.1),))
         wall = Complementarity(still, (Affine(np.array([[1.0, 0.0]]), np.array([-50.0 * p[0]])),))
-        for problem, x in ((discs, [*p, *(p + 0.1 * np.array([np.cos(angle), np.sin(angle)]))]), (wall, [50.0 * p[0], 1.0])):
+        for problem, x in (
+            (discs, [*p, *(p + 0.1 * np.array([np.cos(angle), np.sin(angle)]))]),
+            (wall, [50.0 * p[0], 1.0]),
+        ):
             x0 = np.array([float(f"{v:.10g}") for v in x])
-            case, scene = Case("printed", problem, x0, np.linspace(0.0, 1.0, 2)), Scene(problem, x0.size)
+            case = Case("printed", problem, x0, np.linspace(0.0, 1.0, 2))
+            scene = Scene(problem, x0.size)
             found = start.start_state(case, scene)
             assert np.abs(found - x0).max() <= scene.deepest(0.0, x0) < 1e-7
             assert scene.deepest(0.0, found) <= 1e-14 * np.abs(x0).max() + 1e-13
@@ -169,8 +192,10 @@ def test_a_start_printed_with_ten_digits_is_a_start():
 @pytest.mark.parametrize("policy", ("error", "project"))
 def test_no_method_makes_a_push_of_the_digits_that_a_start_was_not_printed_with(policy):
     """A particle that rests on a wall at 1000 1/3, from 1000.333333, under a force: impulses of PBD are of first order."""
-    problem = Complementarity(lambda xp: lambda t, x: xp.array([-1.0 - xp.sin(3.0 * t)]),
-                              (Affine(np.array([[1.0]]), np.array([-(1000.0 + 1.0 / 3.0)])),))
+    problem = Complementarity(
+        lambda xp: lambda t, x: xp.array([-1.0 - xp.sin(3.0 * t)]),
+        (Affine(np.array([[1.0]]), np.array([-(1000.0 + 1.0 / 3.0)])),),
+    )
     case = Case("printed", problem, np.array([1000.333333]), np.linspace(0.0, 1.0, 5), start=policy)
     exact = case.t + (1.0 - np.cos(3.0 * case.t)) / 3.0
     for spec, miss in (("event_driven", 1e-11), ("catching_up", 1e-6), ("pbd", 1e-6)):
@@ -180,8 +205,13 @@ def test_no_method_makes_a_push_of_the_digits_that_a_start_was_not_printed_with(
 
 @pytest.mark.parametrize("miss", (0.0, 5e-10, 5e-9, 3e-7, 9e-7))
 def test_a_run_may_begin_at_a_start_that_misses_by_little_or_where_it_is_projected_to(miss):
-    problem = Complementarity(lambda xp: lambda t, x: xp.array([-1.0 + 0.0 * t]), (Affine(np.eye(1), np.array([-1000.0])),))
-    case = Case("wall", problem, np.array([1000.0 - miss]), np.linspace(0.0, 1.0, 5), start="project")
+    problem = Complementarity(
+        lambda xp: lambda t, x: xp.array([-1.0 + 0.0 * t]),
+        (Affine(np.eye(1), np.array([-1000.0])),),
+    )
+    case = Case(
+        "wall", problem, np.array([1000.0 - miss]), np.linspace(0.0, 1.0, 5), start="project"
+    )
     run = solvers.solve(case, "pbd", h=0.01)
     begins = lambda x: replace(run, x=np.concatenate([[[x]], run.x[1:]]))
     assert not misfit(case, begins(1000.0)) and not misfit(case, begins(1000.0 - miss))
@@ -204,13 +234,18 @@ def test_a_start_is_not_moved_much_farther_than_it_misses(angle):
 def test_a_start_printed_beside_the_end_of_a_wedge_is_moved_by_no_more_than_its_digits():
     """Half a degree wide, from x = 1/3 on: the start lies 3.3e-11 before it, and 2.9e-13 within a wall."""
     a = np.radians(0.5)
-    walls = Affine(np.array([[0.0, 1.0], [np.sin(a), -np.cos(a)]]), np.array([0.0, -np.sin(a) / 3.0]))
+    walls = Affine(
+        np.array([[0.0, 1.0], [np.sin(a), -np.cos(a)]]), np.array([0.0, -np.sin(a) / 3.0])
+    )
     problem = Complementarity(lambda xp: lambda t, x: xp.array([1.0 + 0.0 * t, 0.0 * t]), (walls,))
     case = Case("printed", problem, np.array([0.3333333333, 0.0]), np.linspace(0.0, 1.0, 3))
     assert start.start_state(case, Scene(problem, 2)) == pytest.approx([1.0 / 3.0, 0.0], abs=1e-12)
 
 
-@pytest.mark.parametrize("spec, asked", (("catching_up", {"h": 0.01}), ("theta", {"h": 0.01}), ("event_driven", {"tol": 1e-10})))
+@pytest.mark.parametrize(
+    "spec, asked",
+    (("catching_up", {"h": 0.01}), ("theta", {"h": 0.01}), ("event_driven", {"tol": 1e-10})),
+)
 def test_a_long_row_that_misses_everywhere_is_pulled_apart_to_its_end(spec, asked):
     """250 rods, each 5e-10 too near to the one before: all are pushed by a tenth, and the wall carries 25."""
     many = 250

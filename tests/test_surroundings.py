@@ -1,11 +1,13 @@
 """A run that changes what all runs of its process share changes no other run's numbers."""
+
 import pytest
 from solver_file import solver
 
 from nsbench.execute.workers.pool import run_all
 from nsbench.study import Spec
 
-SOLVER = solver('''
+SOLVER = solver(
+    """
     if self.how == "spoil":
         np.random.seed(7), random.seed(7)
         np.seterr(all="ignore")
@@ -25,8 +27,19 @@ SOLVER = solver('''
               os.getcwd(), os.environ.get("NSBENCH_RUDE"), os.environ.get("HOME"), jax.config.jax_enable_x64,
               jax.config.jax_disable_jit, sys.getrecursionlimit(), sys.path[0], repr(third), file=sys.stdout)
         warnings.warn("once")
-''', how="look", before="import jax\n\n")
-TIMES = {"seconds", "seconds_low", "seconds_high", "seconds_max", "setup_seconds", "compile_seconds", "rounds"}
+""",
+    how="look",
+    before="import jax\n\n",
+)
+TIMES = {
+    "seconds",
+    "seconds_low",
+    "seconds_high",
+    "seconds_max",
+    "setup_seconds",
+    "compile_seconds",
+    "rounds",
+}
 
 
 @pytest.mark.survives("global state")
@@ -35,12 +48,28 @@ def test_what_a_run_changes_is_put_back_before_the_next_one(tmp_path):
     file.write_text(SOLVER)
 
     def ran(*specs):
-        rows, said = {}, []
-        run_all([[*specs]], 1, 60.0, lambda s, r: rows.__setitem__(s, r), on_output=lambda s, text: said.append(text))
-        return {s: {k: repr(v) for k, v in r.items() if k not in TIMES} for s, r in rows.items()}, said
-    look, spoil = (Spec("tide", f"rude[how={how}]", "h", 0.01, "", (str(file),)) for how in ("look", "spoil"))
+        rows = {}
+        said = []
+        run_all(
+            [[*specs]],
+            1,
+            60.0,
+            lambda s, r: rows.__setitem__(s, r),
+            on_output=lambda s, text: said.append(text),
+        )
+        return {
+            s: {k: repr(v) for k, v in r.items() if k not in TIMES} for s, r in rows.items()
+        }, said
+
+    look, spoil = (
+        Spec("tide", f"rude[how={how}]", "h", 0.01, "", (str(file),)) for how in ("look", "spoil")
+    )
     again = Spec("tide", "rude[how=look]", "h", 0.02, "", (str(file),))
-    others = [Spec("tide", "pbd", "h", 0.01), Spec("tide", "pbd[order=random]", "h", 0.01), Spec("tide", "penalty", "k", 100.0)]
+    others = [
+        Spec("tide", "pbd", "h", 0.01),
+        Spec("tide", "pbd[order=random]", "h", 0.01),
+        Spec("tide", "penalty", "k", 100.0),
+    ]
     clean, before = ran(look, *others)
     rows, after = ran(spoil, look, again, *others)
     assert {r["status"] for r in (*clean.values(), *rows.values())} == {"'ok'"}

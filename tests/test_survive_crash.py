@@ -1,4 +1,5 @@
 """A suite that is killed, or that has no room left on the disk, leaves whole lines and goes on from them."""
+
 import csv
 import errno
 import json
@@ -31,11 +32,19 @@ def whole(folder):
 
 def stopped(out, *signals):
     """The exit code of a suite that gets these signals when its journal holds two rows."""
-    p = subprocess.Popen([sys.executable, "-m", "nsbench", *ARGS, "-o", str(out)], stdout=subprocess.DEVNULL,
-                         stderr=subprocess.DEVNULL, start_new_session=True)
+    p = subprocess.Popen(
+        [sys.executable, "-m", "nsbench", *ARGS, "-o", str(out)],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    )
     try:
-        for _ in range(3000):                # kernels may have to be compiled first, on a machine with other work
-            if out.exists() and (out / "journal.jsonl").exists() and len(store.read_journal(out)) >= 2:
+        for _ in range(3000):  # kernels may have to be compiled first, on a machine with other work
+            if (
+                out.exists()
+                and (out / "journal.jsonl").exists()
+                and len(store.read_journal(out)) >= 2
+            ):
                 break
             time.sleep(0.1)
         for s in signals:
@@ -56,7 +65,8 @@ def test_two_interrupts_tear_nothing(tmp_path):
 @pytest.mark.survives("kill")
 def test_a_suite_that_is_killed_goes_on_and_ends_with_the_same_numbers(tmp_path):
     """The study of fifty kills is tests/studies/kills.py."""
-    out, calm = tmp_path / "r", tmp_path / "calm"
+    out = tmp_path / "r"
+    calm = tmp_path / "calm"
     stopped(out, signal.SIGKILL)
     done = set(store.read_journal(out))
     assert len(done) >= 2
@@ -70,8 +80,10 @@ class Full:
     """A disk that takes `calls` more writes to the results and then no byte; half of one is taken before."""
 
     def __init__(self, folder, calls, monkeypatch):
-        self.folder, self.calls = str(folder), calls
-        self.write, self.sync = os.write, os.fsync
+        self.folder = str(folder)
+        self.calls = calls
+        self.write = os.write
+        self.sync = os.fsync
         monkeypatch.setattr(os, "write", self.half)
         monkeypatch.setattr(os, "fsync", self.synced)
 
@@ -97,9 +109,13 @@ class Full:
 
 
 @pytest.mark.survives("disk full")
-@pytest.mark.skipif(not os.path.isdir("/proc/self/fd"), reason="tells files of the results by /proc")
+@pytest.mark.skipif(
+    not os.path.isdir("/proc/self/fd"), reason="tells files of the results by /proc"
+)
 @pytest.mark.parametrize("calls", [3, 6, 8])
-def test_a_full_disk_ends_the_suite_with_5_and_leaves_no_half_file(tmp_path, monkeypatch, capsys, calls):
+def test_a_full_disk_ends_the_suite_with_5_and_leaves_no_half_file(
+    tmp_path, monkeypatch, capsys, calls
+):
     """While rows are written, and while tables are: five rows, then three files."""
     out = tmp_path / "r"
     args = ["run", "tide", "-s", "pbd", "--h", "0.05,0.025,0.0125", "-j", "1", "-o", str(out)]
@@ -108,6 +124,9 @@ def test_a_full_disk_ends_the_suite_with_5_and_leaves_no_half_file(tmp_path, mon
         assert main(args) == 5
     assert "No space left" in capsys.readouterr().err
     kept = whole(out)
-    assert not [p for p in out.rglob(".*") if p.name != ".report.key"] and not (out / "report.html").exists()
+    assert (
+        not [p for p in out.rglob(".*") if p.name != ".report.key"]
+        and not (out / "report.html").exists()
+    )
     assert main(args) == 0
     assert kept <= whole(out) and len(numbers(out)) == 3

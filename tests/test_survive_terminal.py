@@ -1,4 +1,5 @@
 """Neither language, line ends, letters nor the terminal change what is computed or break what is said."""
+
 import csv
 import locale
 import os
@@ -20,9 +21,19 @@ TIMES = {*store.CLOCK, "session"}
 
 def command(*args, folder, **env):
     """The command in a process of its own, without a terminal; numbers of its rows where it ran any."""
-    keep = {k: os.environ[k] for k in ("PATH", "HOME", "NUMBA_CACHE_DIR", "XDG_CACHE_HOME", "PYTHONPATH") if k in os.environ}
-    done = subprocess.run([sys.executable, "-m", "nsbench", *map(str, args)], cwd=folder, env=keep | env, timeout=300,
-                          stdin=subprocess.DEVNULL, capture_output=True)
+    keep = {
+        k: os.environ[k]
+        for k in ("PATH", "HOME", "NUMBA_CACHE_DIR", "XDG_CACHE_HOME", "PYTHONPATH")
+        if k in os.environ
+    }
+    done = subprocess.run(
+        [sys.executable, "-m", "nsbench", *map(str, args)],
+        cwd=folder,
+        env=keep | env,
+        timeout=300,
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+    )
     return done.returncode, done.stdout, done.stderr
 
 
@@ -44,7 +55,10 @@ def comma(tmp_path_factory):
         except locale.Error:
             continue
     try:
-        made = subprocess.run(["localedef", "-i", "de_DE", "-f", "UTF-8", str(folder / "de_DE.UTF-8")], capture_output=True)
+        made = subprocess.run(
+            ["localedef", "-i", "de_DE", "-f", "UTF-8", str(folder / "de_DE.UTF-8")],
+            capture_output=True,
+        )
     except FileNotFoundError:
         made = None
     if made is None or not (folder / "de_DE.UTF-8").exists():
@@ -74,15 +88,23 @@ def test_decimal_commas_change_no_number(tmp_path, comma):
 
 
 @pytest.mark.survives("locale", "terminal")
-@pytest.mark.parametrize("env", [{"LANG": "C", "LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"},
-                                 {"PYTHONIOENCODING": "ascii"}, {"LANG": "C", "NO_COLOR": "1", "COLUMNS": "20", "TERM": "dumb"}],
-                         ids=["C", "ascii", "dumb"])
+@pytest.mark.parametrize(
+    "env",
+    [
+        {"LANG": "C", "LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"},
+        {"PYTHONIOENCODING": "ascii"},
+        {"LANG": "C", "NO_COLOR": "1", "COLUMNS": "20", "TERM": "dumb"},
+    ],
+    ids=["C", "ascii", "dumb"],
+)
 def test_a_plain_terminal_is_enough(tmp_path, env):
     """Letters that it lacks are shown by their number; no colours, no display."""
     folder = tmp_path / "Bücher é"
     folder.mkdir()
     path = case_file(folder, more="doc='Höhe über dem Boden → ∞'")
-    path.write_text(path.read_text().replace('"""A scene', '"""Szene → ∞. A scene'), encoding="utf-8")
+    path.write_text(
+        path.read_text().replace('"""A scene', '"""Szene → ∞. A scene'), encoding="utf-8"
+    )
     args = ("run", "--cases", path, "-s", "pbd", "--h", "0.1", "-j", "1", "-o", folder / "r")
     code, out, err = command(*args, folder=tmp_path, **env)
     assert code == 0, out + err
@@ -97,12 +119,17 @@ def test_a_plain_terminal_is_enough(tmp_path, env):
 @pytest.mark.survives("locale")
 def test_line_ends_of_windows_change_no_number(tmp_path):
     from nsbench.study.describe import describe_case
+
     path = case_file(tmp_path)
     one = nsbench.load_case(path)
     path.write_bytes(path.read_bytes().replace(b"\n", b"\r\n"))
     other = nsbench.load_case(path)
-    a, b = nsbench.solve(one, "pbd", h=0.1), nsbench.solve(other, "pbd", h=0.1)
-    assert a.x.tobytes() == b.x.tobytes() and describe_case(one)["digest"] == describe_case(other)["digest"]
+    a = nsbench.solve(one, "pbd", h=0.1)
+    b = nsbench.solve(other, "pbd", h=0.1)
+    assert (
+        a.x.tobytes() == b.x.tobytes()
+        and describe_case(one)["digest"] == describe_case(other)["digest"]
+    )
     lines = ",".join(baseline.COLUMNS) + "\ntide,pbd,h=1,state_sup,near,0.5,0.1,0,,c=1,why\n"
     for end in ("\n", "\r\n"):
         (tmp_path / "b.csv").write_bytes(lines.replace("\n", end).encode())
@@ -115,7 +142,9 @@ def test_a_line_of_progress_fits_the_terminal(width):
     said = []
     bar = Progress(300, lambda text, end="\n": said.append(text), True)
     for k in range(300):
-        bar.step("discs[n=1000,seed=0] catching_up[backend=osqp] h=0.001", "ok" if k % 7 else "timeout")
+        bar.step(
+            "discs[n=1000,seed=0] catching_up[backend=osqp] h=0.001", "ok" if k % 7 else "timeout"
+        )
         bar.last = 0.0
         assert len(bar.line("discs[n=1000,seed=0] pbd h=0.001", width)) == width
     assert said and all(len(s.lstrip("\r")) < 200 for s in said)
@@ -137,6 +166,20 @@ def test_one_failure_among_others_is_a_row_among_others(tmp_path):
     (tmp_path / "c").mkdir()
     case_file(tmp_path / "c", "xp.nan * x", name="bad")
     case_file(tmp_path / "c", name="good")
-    code = main(["run", "--cases", str(tmp_path / "c"), "-s", "pbd", "--h", "0.1,0.05", "-j", "1", "-o", str(tmp_path / "r")])
+    code = main(
+        [
+            "run",
+            "--cases",
+            str(tmp_path / "c"),
+            "-s",
+            "pbd",
+            "--h",
+            "0.1,0.05",
+            "-j",
+            "1",
+            "-o",
+            str(tmp_path / "r"),
+        ]
+    )
     found = {case: set(r.col["status"]) for (case, _), r in read(tmp_path / "r").runs.items()}
     assert code == 0 and found == {"bad": {"nan"}, "good": {"ok"}}

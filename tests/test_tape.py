@@ -1,4 +1,5 @@
 """A tape's series are Taylor series, its enclosures hold them, and what cannot be put on a tape is refused."""
+
 import mpmath
 import numpy as np
 import pytest
@@ -11,20 +12,37 @@ from nsbench.solvers.event_driven.filippov.tracing.trace import SPACE, inputs, v
 
 P = 14
 ELEMENTARY = {
-    "add": lambda xp, u, v: u + v, "sub": lambda xp, u, v: u - v, "mul": lambda xp, u, v: u * v, "div": lambda xp, u, v: u / v,
-    "from a constant": lambda xp, u, v: 2.0 - u, "scaled": lambda xp, u, v: 3.5 * u + 1.0, "over": lambda xp, u, v: 2.0 / u,
+    "add": lambda xp, u, v: u + v,
+    "sub": lambda xp, u, v: u - v,
+    "mul": lambda xp, u, v: u * v,
+    "div": lambda xp, u, v: u / v,
+    "from a constant": lambda xp, u, v: 2.0 - u,
+    "scaled": lambda xp, u, v: 3.5 * u + 1.0,
+    "over": lambda xp, u, v: 2.0 / u,
     "by a constant": lambda xp, u, v: u / 3.0,
-    "square": lambda xp, u, v: u * u, "cube": lambda xp, u, v: u**3, "inverse": lambda xp, u, v: u**-2,
-    "root": lambda xp, u, v: xp.sqrt(u), "power": lambda xp, u, v: u**1.7, "general power": lambda xp, u, v: u**v,
-    "exp": lambda xp, u, v: xp.exp(u), "log": lambda xp, u, v: xp.log(u), "sin": lambda xp, u, v: xp.sin(u),
-    "cos": lambda xp, u, v: xp.cos(u), "tan": lambda xp, u, v: xp.tan(u), "sinh": lambda xp, u, v: xp.sinh(u),
-    "cosh": lambda xp, u, v: xp.cosh(u), "tanh": lambda xp, u, v: xp.tanh(u), "arctan": lambda xp, u, v: xp.arctan(u),
-    "hypot": lambda xp, u, v: xp.hypot(u, v), "composed": lambda xp, u, v: xp.exp(-u * xp.sin(v)) / (1.0 + u * u),
+    "square": lambda xp, u, v: u * u,
+    "cube": lambda xp, u, v: u**3,
+    "inverse": lambda xp, u, v: u**-2,
+    "root": lambda xp, u, v: xp.sqrt(u),
+    "power": lambda xp, u, v: u**1.7,
+    "general power": lambda xp, u, v: u**v,
+    "exp": lambda xp, u, v: xp.exp(u),
+    "log": lambda xp, u, v: xp.log(u),
+    "sin": lambda xp, u, v: xp.sin(u),
+    "cos": lambda xp, u, v: xp.cos(u),
+    "tan": lambda xp, u, v: xp.tan(u),
+    "sinh": lambda xp, u, v: xp.sinh(u),
+    "cosh": lambda xp, u, v: xp.cosh(u),
+    "tanh": lambda xp, u, v: xp.tanh(u),
+    "arctan": lambda xp, u, v: xp.arctan(u),
+    "hypot": lambda xp, u, v: xp.hypot(u, v),
+    "composed": lambda xp, u, v: xp.exp(-u * xp.sin(v)) / (1.0 + u * u),
 }
 
 
 class Multiple:
     """The functions above in many digits."""
+
     def __getattr__(self, name):
         return getattr(mpmath, {"arctan": "atan"}.get(name, name))
 
@@ -48,7 +66,8 @@ def tape(f):
 
 def values(made, inputs):
     """All rows at one point, computed beside others."""
-    V, k = np.zeros((made.rows, 3)), len(inputs)
+    V = np.zeros((made.rows, 3))
+    k = len(inputs)
     V[:k] = np.array(inputs)[:, None] + [0.1, 0.0, -0.05]
     point(made.ops, made.nums, made.first[0, 0], made.first[0, 2], k - 1, V, 3)
     return V[:, 1]
@@ -69,19 +88,28 @@ def test_coefficients_are_those_of_the_taylor_series(name):
         C[:3, 0] = u(t), v(t), t
         series(made.ops, made.nums, *made.first[0], made.outs[0], 2, P, C)
         want = exact(ELEMENTARY[name], t, P)
-        assert np.all(np.abs(C[made.outs[0, 2]] - want) <= 2e-14 * np.maximum(np.abs(want), np.abs(want).max()))
+        assert np.all(
+            np.abs(C[made.outs[0, 2]] - want)
+            <= 2e-14 * np.maximum(np.abs(want), np.abs(want).max())
+        )
         V = values(made, [u(t), v(t), t])
         assert abs(V[made.outs[0, 2]] - want[0]) <= 4e-16 * (1.0 + abs(want[0]))
 
 
 @pytest.mark.parametrize("name", ELEMENTARY)
 def test_enclosures_hold_every_derivative_at_every_point(name):
-    made, centre, radius = tape(ELEMENTARY[name]), 0.4, 0.05
-    Q = np.array([exact(lambda xp, a, b, k=k: (a, b)[k], centre, 3) * radius ** np.arange(4) for k in (0, 1)])
-    M, R = np.zeros((made.rows, ORDER + 1)), np.zeros((made.rows, ORDER + 1))
+    made = tape(ELEMENTARY[name])
+    centre = 0.4
+    radius = 0.05
+    Q = np.array(
+        [exact(lambda xp, a, b, k=k: (a, b)[k], centre, 3) * radius ** np.arange(4) for k in (0, 1)]
+    )
+    M = np.zeros((made.rows, ORDER + 1))
+    R = np.zeros((made.rows, ORDER + 1))
     path(Q, 2, 3, centre, radius, M, R)
     enclose(made.ops, made.nums, made.first[0, 0], made.first[0, 2], 2, M, R)
-    mid, rad = M[made.outs[0, 2]], R[made.outs[0, 2]]
+    mid = M[made.outs[0, 2]]
+    rad = R[made.outs[0, 2]]
     assert np.all(np.isfinite(rad))
     for s in np.linspace(-1.0, 1.0, 5):
         want = exact(ELEMENTARY[name], centre + radius * s, ORDER) * radius ** np.arange(ORDER + 1)
@@ -89,12 +117,20 @@ def test_enclosures_hold_every_derivative_at_every_point(name):
     assert rad[0] < 0.2 * (1.0 + abs(mid[0])), "an enclosure this wide proves nothing"
 
 
-@pytest.mark.parametrize("f", [lambda xp, u, v: xp.log(u - 0.85), lambda xp, u, v: 1.0 / (u - 0.85),
-                               lambda xp, u, v: xp.sqrt(u - 0.85)], ids=["log", "pole", "root"])
+@pytest.mark.parametrize(
+    "f",
+    [
+        lambda xp, u, v: xp.log(u - 0.85),
+        lambda xp, u, v: 1.0 / (u - 0.85),
+        lambda xp, u, v: xp.sqrt(u - 0.85),
+    ],
+    ids=["log", "pole", "root"],
+)
 def test_what_may_be_undefined_on_a_piece_is_not_enclosed(f):
     made = tape(f)
     Q = np.array([[0.85, 0.02], [0.9, 0.0]])
-    M, R = np.zeros((made.rows, ORDER + 1)), np.zeros((made.rows, ORDER + 1))
+    M = np.zeros((made.rows, ORDER + 1))
+    R = np.zeros((made.rows, ORDER + 1))
     path(Q, 2, 1, 0.0, 0.1, M, R)
     enclose(made.ops, made.nums, made.first[0, 0], made.first[0, 2], 2, M, R)
     assert not np.all(np.isfinite(R[made.outs[0, 2]]))
@@ -102,7 +138,8 @@ def test_what_may_be_undefined_on_a_piece_is_not_enclosed(f):
 
 @pytest.mark.parametrize("name", ELEMENTARY)
 def test_derivatives_are_those_of_differences(name):
-    f, graph = ELEMENTARY[name], Graph(2)
+    f = ELEMENTARY[name]
+    graph = Graph(2)
     t, x = inputs(graph)
     (y,) = vector(graph, f(SPACE, x[0:1], x[1] + 0.1 * t), 1)
     made = lay_out(graph, [[graph.derivative(y, k, {}) for k in range(3)]])
@@ -114,22 +151,41 @@ def test_derivatives_are_those_of_differences(name):
 
 
 def test_arrays_are_taken_apart_while_tracing():
-    graph, A, b = Graph(3), np.arange(9.0).reshape(3, 3) - 4.0, np.array([0.5, 0.0, -1.0])
+    graph = Graph(3)
+    A = np.arange(9.0).reshape(3, 3) - 4.0
+    b = np.array([0.5, 0.0, -1.0])
 
     def f(xp, t, x):
         y = xp.concatenate((x[:2], xp.stack((x[2], t)))).reshape(2, 2)
-        return A @ x + b + xp.linalg.norm(y[0]) * xp.ones_like(x) + xp.sum(y) + xp.dot(x, x) * xp.array([1.0, 0, t])
+        return (
+            A @ x
+            + b
+            + xp.linalg.norm(y[0]) * xp.ones_like(x)
+            + xp.sum(y)
+            + xp.dot(x, x) * xp.array([1.0, 0, t])
+        )
+
     made = lay_out(graph, [vector(graph, f(SPACE, *inputs(graph)), 3)])
     x = np.array([0.3, -0.7, 1.1])
     V = values(made, [*x, 0.6])
     np.testing.assert_allclose(V[made.outs[0]], f(np, 0.6, x), rtol=1e-15)
 
 
-@pytest.mark.parametrize("f", [
-    lambda xp, t, x: x if t < 1.0 else -x, lambda xp, t, x: xp.abs(x), lambda xp, t, x: xp.maximum(x, 0.0),
-    lambda xp, t, x: xp.where(x > 0.0, x, 0.0), lambda xp, t, x: xp.array([float(x[0])]), lambda xp, t, x: xp.append(x, 1)[:1],
-    lambda xp, t, x: xp.sign(x), lambda xp, t, x: np.nan * x, lambda xp, t, x: xp.array([x[0], x[0]])],
-    ids=["branch", "abs", "max", "where", "float", "append", "sign", "nan", "shape"])
+@pytest.mark.parametrize(
+    "f",
+    [
+        lambda xp, t, x: x if t < 1.0 else -x,
+        lambda xp, t, x: xp.abs(x),
+        lambda xp, t, x: xp.maximum(x, 0.0),
+        lambda xp, t, x: xp.where(x > 0.0, x, 0.0),
+        lambda xp, t, x: xp.array([float(x[0])]),
+        lambda xp, t, x: xp.append(x, 1)[:1],
+        lambda xp, t, x: xp.sign(x),
+        lambda xp, t, x: np.nan * x,
+        lambda xp, t, x: xp.array([x[0], x[0]]),
+    ],
+    ids=["branch", "abs", "max", "where", "float", "append", "sign", "nan", "shape"],
+)
 def test_what_a_tape_cannot_hold_is_refused(f):
     graph = Graph(1)
     with pytest.raises((TypeError, ValueError)):

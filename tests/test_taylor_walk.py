@@ -1,4 +1,5 @@
 """The compiled walk of Filippov systems is the host's walk: the same motions and events, and nothing hidden in a step."""
+
 import numpy as np
 import pytest
 from filippov_systems import ONE
@@ -6,11 +7,32 @@ from scipy.special import erf
 
 from nsbench import Case, Filippov, get_case, solve
 from nsbench.solvers.event_driven.filippov import compiled_loop as _taylor
-from nsbench.solvers.event_driven.filippov.kernels.polynomial_root import CLEAR, DEEP, FOUND, UNCLEAR
+from nsbench.solvers.event_driven.filippov.kernels.polynomial_root import (
+    CLEAR,
+    DEEP,
+    FOUND,
+    UNCLEAR,
+)
 from nsbench.solvers.event_driven.filippov.program import tape
 
-CATALOGUE = ("slide_exit", "oscillator", "friction", "stick_slip", "circle_sliding", "crossing", "sliding")
-MADE = ("moving_parabola", "entry_at_full_weight", "left_and_met_again", "bouncing_relay", "forced_1.7_relay", "small", "far")
+CATALOGUE = (
+    "slide_exit",
+    "oscillator",
+    "friction",
+    "stick_slip",
+    "circle_sliding",
+    "crossing",
+    "sliding",
+)
+MADE = (
+    "moving_parabola",
+    "entry_at_full_weight",
+    "left_and_met_again",
+    "bouncing_relay",
+    "forced_1.7_relay",
+    "small",
+    "far",
+)
 drift = lambda f: lambda xp: lambda *a: f(xp, *a)
 
 
@@ -22,28 +44,44 @@ def made(name):
 @pytest.mark.parametrize("name", CATALOGUE + MADE)
 def test_states_weights_and_events_are_those_of_the_host(name):
     case = get_case(name) if name in CATALOGUE else made(name)
-    one, two = solve(case, "event_driven"), solve(case, "event_driven[compiled=false]")
-    assert (one.stats["loop"], two.stats["loop"]) == ("compiled", "host") and one.stats["roots"] == "verified"
+    one = solve(case, "event_driven")
+    two = solve(case, "event_driven[compiled=false]")
+    assert (one.stats["loop"], two.stats["loop"]) == ("compiled", "host") and one.stats[
+        "roots"
+    ] == "verified"
     assert one.status == two.status and one.stats["restarts"] == two.stats["restarts"]
     assert np.abs(one.x - two.x).max() <= 1e-12 * (1.0 + np.abs(two.x).max()) * (1.0 + case.t[-1])
     assert np.abs(one.impulse - two.impulse).max() <= 1e-12 * (1.0 + case.t[-1])
     assert [(e.kind, e.contact) for e in one.events] == [(e.kind, e.contact) for e in two.events]
-    np.testing.assert_allclose([e.t for e in one.events], [e.t for e in two.events], rtol=0, atol=1e-12 * (1.0 + case.t[-1]))
+    np.testing.assert_allclose(
+        [e.t for e in one.events],
+        [e.t for e in two.events],
+        rtol=0,
+        atol=1e-12 * (1.0 + case.t[-1]),
+    )
 
 
 def test_a_run_is_the_same_each_time_it_is_called():
     from nsbench.solvers.event_driven.method import EventDriven
+
     run = EventDriven().prepare(get_case("stick_slip"), 1e-12)
-    one, two = run(), run()
+    one = run()
+    two = run()
     assert np.array_equal(one.x, two.x) and one.events == two.events and one.stats == two.stats
 
 
 @pytest.mark.parametrize("width", [1e-2, 1e-4])
 def test_a_spike_of_the_drift_between_smooth_parts_is_integrated(width):
     # the series at the start knows nothing of it: all its coefficients underflow
-    push = drift(lambda xp, t, x: xp.array([1.0, -1.0 + 5.0 * xp.exp(-((t - 1.3) / width) ** 2)]) + 0.0 * x)
-    case = Case("spike", Filippov({(1,): push, (-1,): push}, drift(lambda xp, t, x: x[1:2] + 10.0)), np.array([0.0, 5.0]),
-                np.array([0.0, 2.0]))
+    push = drift(
+        lambda xp, t, x: xp.array([1.0, -1.0 + 5.0 * xp.exp(-(((t - 1.3) / width) ** 2))]) + 0.0 * x
+    )
+    case = Case(
+        "spike",
+        Filippov({(1,): push, (-1,): push}, drift(lambda xp, t, x: x[1:2] + 10.0)),
+        np.array([0.0, 5.0]),
+        np.array([0.0, 2.0]),
+    )
     traj = solve(case, "event_driven")
     area = 2.5 * width * np.sqrt(np.pi) * (erf(0.7 / width) + erf(1.3 / width))
     assert traj.status.ok and traj.stats["loop"] == "compiled" and traj.stats["roots"] == "verified"
@@ -58,13 +96,18 @@ def test_events_are_found_at_loose_tolerances_too():
 
 
 def test_more_events_than_one_call_notes():
-    swing = Filippov.relay(drift(lambda xp, t, x: xp.array([x[1], 0.0])), np.array([[0.0], [-1.0]]),
-                           drift(lambda xp, t, x: x[0:1]))
+    swing = Filippov.relay(
+        drift(lambda xp, t, x: xp.array([x[1], 0.0])),
+        np.array([[0.0], [-1.0]]),
+        drift(lambda xp, t, x: x[0:1]),
+    )
     case = Case("long", swing, np.array([1.0, 0.0]), np.linspace(0.0, 800.0, 5))
     traj = solve(case, "event_driven")
     assert len(traj.events) > _taylor.ROOM and traj.stats["loop"] == "compiled"
     q = np.sqrt(2.0)
-    np.testing.assert_allclose([e.t for e in traj.events], q * (2 * np.arange(len(traj.events)) + 1), rtol=1e-12)
+    np.testing.assert_allclose(
+        [e.t for e in traj.events], q * (2 * np.arange(len(traj.events)) + 1), rtol=1e-12
+    )
 
 
 def test_budgets_and_the_longest_step_are_kept():
@@ -77,8 +120,15 @@ def test_budgets_and_the_longest_step_are_kept():
 
 def test_what_cannot_be_traced_stays_with_the_host():
     lone = drift(lambda xp, t, x: xp.array([1.0, -1.0]) + 0.0 * xp.abs(x))
-    case = Case("kink", Filippov({(1,): lone, (-1,): drift(lambda xp, t, x: xp.array([2.0, 1.0]))},
-                                 drift(lambda xp, t, x: x[1:2])), np.array([0.0, 0.5]), np.linspace(0.0, 2.0, 5))
+    case = Case(
+        "kink",
+        Filippov(
+            {(1,): lone, (-1,): drift(lambda xp, t, x: xp.array([2.0, 1.0]))},
+            drift(lambda xp, t, x: x[1:2]),
+        ),
+        np.array([0.0, 0.5]),
+        np.linspace(0.0, 2.0, 5),
+    )
     traj = solve(case, "event_driven")
     assert traj.stats["loop"] == "host" and np.abs(traj.x[-1] - [2.75, 0.0]).max() < 1e-12
 
@@ -94,6 +144,7 @@ def fall(c, error=1e-14):
     from numba import njit
 
     from nsbench.solvers.event_driven.filippov.kernels.polynomial_root import first_fall
+
     global FALL
     FALL = FALL or njit(lambda C, p, error, stack, work: first_fall(C, 0, p, error, stack, work))
     p = len(c) - 1
@@ -104,7 +155,8 @@ FALL = None
 
 
 def test_first_falls_of_random_polynomials():
-    rng, seen = np.random.default_rng(5), 0
+    rng = np.random.default_rng(5)
+    seen = 0
     for _ in range(300):
         roots = rng.uniform(-2.0, 2.0, 7)
         c = np.polynomial.polynomial.polyfromroots(roots)
@@ -113,15 +165,14 @@ def test_first_falls_of_random_polynomials():
         code, s = fall(c)
         if not inside.size:
             assert code == CLEAR
-        elif np.diff(np.sort(roots)).min() > 1e-3:          # from a positive start the first root is a fall
+        elif np.diff(np.sort(roots)).min() > 1e-3:  # from a positive start the first root is a fall
             assert code == FOUND and abs(s - inside[0]) < 1e-9
             seen += 1
     assert seen > 100
 
 
 def test_a_touch_is_not_decided_and_a_close_miss_is():
-    square = lambda depth: np.array([0.09 - depth, -0.6, 1.0])           # (s - 0.3)^2 - depth
+    square = lambda depth: np.array([0.09 - depth, -0.6, 1.0])  # (s - 0.3)^2 - depth
     assert fall(square(0.0))[0] == UNCLEAR and fall(square(-1e-12))[0] == CLEAR
     code, s = fall(square(1e-10))
     assert code == FOUND and abs(s - (0.3 - 1e-5)) < 1e-9
-

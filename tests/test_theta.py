@@ -1,4 +1,5 @@
 """Theta stepping has the order it claims on diodes and walls, finds the least multiplier, and says what it cannot do."""
+
 import numpy as np
 import pytest
 
@@ -6,18 +7,20 @@ import nsbench
 from nsbench import LCS, Affine, Case, Complementarity, Distance, get_case, solve
 
 HALF = "theta[theta=0.5]"
-COUNTS = (2, 3, 5, 7, 11, 17, 26, 41, 63)          # steps per sample; no dyadic ratio
+COUNTS = (2, 3, 5, 7, 11, 17, 26, 41, 63)  # steps per sample; no dyadic ratio
 
 
 def envelope_slope(h, err):
     """Slope of the upper envelope: where an event falls in its step changes the error from step to step."""
-    h, err = np.array(h), np.array(err)
+    h = np.array(h)
+    err = np.array(err)
     top = np.array([(err / h**2)[h <= v * 1.01][-3:].max() * v**2 for v in h])
     return np.polyfit(np.log(h), np.log(top), 1)[0]
 
 
 def measured(case, spec, counts=COUNTS):
-    spacing, rows = float(np.diff(case.t).min()), []
+    spacing = float(np.diff(case.t).min())
+    rows = []
     for n in counts:
         traj = solve(case, spec, h=spacing / n)
         assert traj.status.ok, traj.status
@@ -46,11 +49,14 @@ def test_a_relay_switches_and_is_first_order_at_least():
 
 
 def test_one_step_is_the_formula():
-    p, h = get_case("rlc_diode").problem, 1e-5
+    p = get_case("rlc_diode").problem
+    h = 1e-5
     case = get_case("rlc_diode").replace(t=np.array([0.0, h]))
     for theta in (1.0, 0.5, 0.7):
         traj = solve(case, f"theta[theta={theta}]", h=1.0)
-        x, y, lam = traj.x[0], traj.x[1], traj.impulse[1] / h
+        x = traj.x[0]
+        y = traj.x[1]
+        lam = traj.impulse[1] / h
         mid = (1 - theta) * x + theta * y
         assert np.abs(y - x - h * (p.A @ mid + p.B @ lam)).max() <= 1e-14 * np.abs(y).max()
         w = p.C @ mid + p.D @ lam
@@ -60,24 +66,40 @@ def test_one_step_is_the_formula():
 
 
 def wall(f, C, b, x0, T=2.0, samples=21):
-    return Case("wall", Complementarity(f, (Affine(np.atleast_2d(np.asarray(C, float)), b),)), np.array(x0, float),
-                np.linspace(0, T, samples))
+    return Case(
+        "wall",
+        Complementarity(f, (Affine(np.atleast_2d(np.asarray(C, float)), b),)),
+        np.array(x0, float),
+        np.linspace(0, T, samples),
+    )
 
 
 @pytest.mark.parametrize("theta", [1.0, 0.5])
 def test_a_drift_that_is_not_affine_is_solved_to_rounding(theta):
     def f(xp):
-        return lambda t, x: xp.stack((xp.sin(3 * t) - x[0] ** 3 - 0.6, xp.cos(x[0]) - 0.5 * x[1] * x[1] - 2.0))
+        return lambda t, x: xp.stack(
+            (xp.sin(3 * t) - x[0] ** 3 - 0.6, xp.cos(x[0]) - 0.5 * x[1] * x[1] - 2.0)
+        )
+
     case = wall(f, [[1.0, 0.5], [0.0, 1.0]], np.array([0.1, 0.2]), [0.4, 0.3])
-    traj = solve(case.replace(t=np.linspace(0, 2, 101)), f"theta[theta={theta}]", h=0.02)     # one step per sample
-    fun, C, h = f(np), np.array([[1.0, 0.5], [0.0, 1.0]]), 0.02
+    traj = solve(
+        case.replace(t=np.linspace(0, 2, 101)), f"theta[theta={theta}]", h=0.02
+    )  # one step per sample
+    fun = f(np)
+    C = np.array([[1.0, 0.5], [0.0, 1.0]])
+    h = 0.02
     acted = np.zeros((100, 2))
     acted[:, [c[1] for c in traj.contacts]] = np.diff(traj.impulse, axis=0)
     for k in range(100):
-        old, new = fun(k * h, traj.x[k]), fun((k + 1) * h, traj.x[k + 1])
+        old = fun(k * h, traj.x[k])
+        new = fun((k + 1) * h, traj.x[k + 1])
         rest = traj.x[k + 1] - traj.x[k] - h * ((1 - theta) * old + theta * new) - C.T @ acted[k]
         gap = C @ traj.x[k + 1] + [0.1, 0.2]
-        assert np.abs(rest).max() < 1e-12 and gap.min() > -1e-13 and np.abs(np.minimum(gap, acted[k] / h)).max() < 1e-12
+        assert (
+            np.abs(rest).max() < 1e-12
+            and gap.min() > -1e-13
+            and np.abs(np.minimum(gap, acted[k] / h)).max() < 1e-12
+        )
     assert traj.contacts == ((0, 0), (0, 1)) and traj.impulse[-1].min() > 0.01
 
 
@@ -86,18 +108,24 @@ def test_walls_that_move_are_met_where_they_are():
     held = (case.t > 0.4) & (case.t < 2.2)
     traj = solve(case, HALF, h=0.05)
     assert np.abs(traj.x[held, 0] - 1.5 * np.sin(case.t[held])).max() < 1e-14
-    lam = np.diff(traj.impulse[held, 0]) / 0.2                   # x' + 1 on the floor, exactly in the mean
+    lam = np.diff(traj.impulse[held, 0]) / 0.2  # x' + 1 on the floor, exactly in the mean
     np.testing.assert_allclose(lam, 1.0 + 1.5 * np.diff(np.sin(case.t[held])) / 0.2, rtol=1e-12)
-    errors = [nsbench.errors(case, solve(case, HALF, h=h))["state_sup"] / h**2 for h in (0.1, 0.05, 0.02, 0.01, 0.004)]
+    errors = [
+        nsbench.errors(case, solve(case, HALF, h=h))["state_sup"] / h**2
+        for h in (0.1, 0.05, 0.02, 0.01, 0.004)
+    ]
     assert max(errors) < 1.0
 
 
 def test_compiled_and_python_loops_agree():
     tide = get_case("tide")
-    opaque = lambda xp: (lambda t, x: xp.einsum("i->i", -xp.cos(t) * xp.ones_like(x)))       # numba knows no einsum
+    opaque = lambda xp: (
+        lambda t, x: xp.einsum("i->i", -xp.cos(t) * xp.ones_like(x))
+    )  # numba knows no einsum
     host = tide.replace(problem=Complementarity(opaque, tide.problem.constraints))
     for spec in ("theta", HALF):
-        a, b = solve(tide, spec, h=0.01), solve(host, spec, h=0.01)
+        a = solve(tide, spec, h=0.01)
+        b = solve(host, spec, h=0.01)
         assert (a.stats["loop"], b.stats["loop"]) == ("compiled", "host")
         assert np.abs(a.x - b.x).max() < 1e-14 and np.abs(a.impulse - b.impulse).max() < 1e-14
 
@@ -105,8 +133,12 @@ def test_compiled_and_python_loops_agree():
 def parallel():
     """Two diodes that do the same beside each other: lam1 + lam2 = cos t while the point is held."""
     push = lambda xp: lambda t: -xp.cos(t) * xp.ones(1)
-    return Case("parallel", LCS([[0.0]], [[1.0, 1.0]], [[1.0], [1.0]], np.zeros((2, 2)), u=push), np.zeros(1),
-                np.linspace(0.0, 1.5, 31))
+    return Case(
+        "parallel",
+        LCS([[0.0]], [[1.0, 1.0]], [[1.0], [1.0]], np.zeros((2, 2)), u=push),
+        np.zeros(1),
+        np.linspace(0.0, 1.5, 31),
+    )
 
 
 def test_of_many_multipliers_the_least_is_taken():
@@ -114,32 +146,56 @@ def test_of_many_multipliers_the_least_is_taken():
         traj = solve(parallel(), spec, h=0.01)
         assert traj.status.ok
         np.testing.assert_allclose(traj.impulse[:, 0], traj.impulse[:, 1], rtol=1e-12, atol=1e-15)
-        np.testing.assert_allclose(traj.reaction[:, 0], np.sin(traj.t), atol=1e-2 if spec == "theta" else 1e-4)
+        np.testing.assert_allclose(
+            traj.reaction[:, 0], np.sin(traj.t), atol=1e-2 if spec == "theta" else 1e-4
+        )
         assert np.abs(traj.x).max() < 1e-14
 
 
 def test_unlike_diodes_in_parallel_carry_by_their_resistance():
-    unlike = LCS([[-1.0]], [[1.0, 2.0]], [[1.0], [2.0]], np.zeros((2, 2)), u=lambda xp: lambda t: -xp.ones(1))
+    unlike = LCS(
+        [[-1.0]], [[1.0, 2.0]], [[1.0], [2.0]], np.zeros((2, 2)), u=lambda xp: lambda t: -xp.ones(1)
+    )
     traj = solve(parallel().replace(problem=unlike), "theta", h=0.01)
     share = np.diff(traj.impulse, axis=0)[-1] / np.diff(traj.t)[-1]
-    np.testing.assert_allclose(share, [0.2, 0.4], rtol=1e-12)           # least |lam| with lam1 + 2 lam2 = 1
+    np.testing.assert_allclose(share, [0.2, 0.4], rtol=1e-12)  # least |lam| with lam1 + 2 lam2 = 1
 
 
 def one(**changes):
-    data = {"A": [[0.0]], "B": [[1.0]], "C": [[1.0]], "D": [[0.0]], "u": lambda xp: lambda t: -xp.ones(1)} | changes
+    data = {
+        "A": [[0.0]],
+        "B": [[1.0]],
+        "C": [[1.0]],
+        "D": [[0.0]],
+        "u": lambda xp: lambda t: -xp.ones(1),
+    } | changes
     return Case("one", LCS(**data), np.ones(1), np.linspace(0, 2, 21))
 
 
 def test_no_solution_and_several_are_told():
-    wrong = one(B=[[-1.0]])                             # pushes into the wall: no lam holds the point
+    wrong = one(B=[[-1.0]])  # pushes into the wall: no lam holds the point
     traj = solve(wrong, "theta", h=0.05)
     assert traj.status.code == "infeasible" and "no solution" in str(traj.status)
-    assert np.isfinite(traj.x[9]).all() and np.isnan(traj.x[-1]).all() and np.isnan(traj.impulse[-1]).all()
-    two = one(D=[[-1.0]], u=None, A=[[-1.0]])           # w = x - lam: lam = 0 or x
+    assert (
+        np.isfinite(traj.x[9]).all()
+        and np.isnan(traj.x[-1]).all()
+        and np.isnan(traj.impulse[-1]).all()
+    )
+    two = one(D=[[-1.0]], u=None, A=[[-1.0]])  # w = x - lam: lam = 0 or x
     traj = solve(two, "theta", h=0.05)
     assert traj.status.code == "degenerate" and "several solutions" in str(traj.status)
-    ball = Case("ball", LCS([[0, 1], [0, 0]], [[0], [1]], [[1, 0]], [[0]], u=lambda xp: lambda t: xp.array([0.0, -1.0])),
-                np.array([0.5, 0.0]), np.linspace(0, 2, 21))
+    ball = Case(
+        "ball",
+        LCS(
+            [[0, 1], [0, 0]],
+            [[0], [1]],
+            [[1, 0]],
+            [[0]],
+            u=lambda xp: lambda t: xp.array([0.0, -1.0]),
+        ),
+        np.array([0.5, 0.0]),
+        np.linspace(0, 2, 21),
+    )
     traj = solve(ball, "theta", h=0.01)
     assert traj.status.code == "infeasible" and "jump" in str(traj.status)
 
@@ -148,10 +204,17 @@ def test_what_theta_refuses():
     why = str(solve("inconsistent", "theta").status)
     assert "inconsistent" in why and "-0.5" in why and "jump" in why
     assert solve(one(A=[[1.0]]).replace(x0=np.array([-0.3])), "theta").status.code == "refused"
-    discs = Case("discs", Complementarity(lambda xp: lambda t, x: -x, (Distance(1.0),)), np.arange(4.0), np.linspace(0, 1, 3))
+    discs = Case(
+        "discs",
+        Complementarity(lambda xp: lambda t, x: -x, (Distance(1.0),)),
+        np.arange(4.0),
+        np.linspace(0, 1, 3),
+    )
     assert "not linear" in str(solve(discs, "theta").status)
     assert "Filippov" in str(solve("sliding", "theta").status)
-    assert "has none" in str(solve(discs.replace(problem=Complementarity(discs.problem.drift)), "theta").status)
+    assert "has none" in str(
+        solve(discs.replace(problem=Complementarity(discs.problem.drift)), "theta").status
+    )
     for bad in ("0.3", "1.5", "true", "x"):
         with pytest.raises(ValueError, match="theta is"):
             solve("tide", f"theta[theta={bad}]")
@@ -163,8 +226,14 @@ def test_methods_for_other_classes_refuse_with_a_sentence(solver):
     assert traj.status.code == "refused" and "linear complementarity system" in str(traj.status)
 
 
-@pytest.mark.parametrize("name, value", [("u", lambda xp: lambda t: xp.ones(3)), ("q", lambda xp: lambda t: 1.0),
-                                         ("q", lambda xp: lambda t: np.ones(1, int))])
+@pytest.mark.parametrize(
+    "name, value",
+    [
+        ("u", lambda xp: lambda t: xp.ones(3)),
+        ("q", lambda xp: lambda t: 1.0),
+        ("q", lambda xp: lambda t: np.ones(1, int)),
+    ],
+)
 def test_inputs_of_the_wrong_shape_or_type_are_named(name, value):
     with pytest.raises(ValueError, match=f"{name} of one returns"):
         one(**{name: value})

@@ -1,4 +1,5 @@
 """A Zeno point ends an event-driven run with its time, and costs implicit Euler half an order for a while."""
+
 import numpy as np
 import pytest
 
@@ -18,14 +19,16 @@ def still(xp):
 
 def fate(B, x):
     """What becomes of x' = B sgn(x) from x, and when: written out from axis to axis."""
-    t, s = 0.0, np.sign(x)
+    t = 0.0
+    s = np.sign(x)
     for _ in range(20_000):
         v = B @ s
         left = np.where(x * v < 0, -x / np.where(v == 0, 1, v), np.inf)
         i = int(np.argmin(left))
         if not np.isfinite(left[i]):
             return "never", np.inf
-        t, x = t + left[i], x + left[i] * v
+        t = t + left[i]
+        x = x + left[i] * v
         s[i] = -s[i]
         if (B @ s)[i] * s[i] <= 0.0:
             return "slides", t
@@ -39,14 +42,22 @@ def fate(B, x):
 @pytest.mark.parametrize("seed", range(12))
 def test_random_spirals_end_at_their_accumulation_time(seed):
     rng = np.random.default_rng(seed)
-    a, w = rng.uniform(0.1, 0.8, 2), rng.uniform(0.5, 2.0, 2)
-    B, x0 = np.array([[-a[0], -w[0]], [w[1], -a[1]]]), rng.uniform(-1, 1, 2)
+    a = rng.uniform(0.1, 0.8, 2)
+    w = rng.uniform(0.5, 2.0, 2)
+    B = np.array([[-a[0], -w[0]], [w[1], -a[1]]])
+    x0 = rng.uniform(-1, 1, 2)
     what, end = fate(B, x0.copy())
-    traj = solve(Case("z", Filippov.relay(still, B, states), x0, np.linspace(0.0, 1.3 * end + 0.1, 31)))
+    traj = solve(
+        Case("z", Filippov.relay(still, B, states), x0, np.linspace(0.0, 1.3 * end + 0.1, 31))
+    )
     if what == "slides":
         assert traj.status.ok and "accumulation" not in traj.stats
         return
-    assert what == "ends" and traj.status.code == "chatter" and f"t = {traj.stats['accumulation']:.9g}" in str(traj.status)
+    assert (
+        what == "ends"
+        and traj.status.code == "chatter"
+        and f"t = {traj.stats['accumulation']:.9g}" in str(traj.status)
+    )
     assert abs(traj.stats["accumulation"] - end) < 1e-8
     assert np.all(np.isfinite(traj.x) == (traj.t < end)[:, None])
 
@@ -54,7 +65,9 @@ def test_random_spirals_end_at_their_accumulation_time(seed):
 def ladder(case, octaves, points):
     spacing = np.diff(case.t).min()
     runs = [solve(case, IMPLICIT, h=spacing / n) for n in substeps_ladder(2, octaves, points)]
-    return np.array([r.stats["h"] for r in runs]), np.array([errors(case, r)["state_sup"] for r in runs])
+    return np.array([r.stats["h"] for r in runs]), np.array(
+        [errors(case, r)["state_sup"] for r in runs]
+    )
 
 
 def test_implicit_steps_pass_the_zeno_point_with_order_one_half_over_six_octaves():
@@ -78,4 +91,6 @@ def test_at_rest_in_the_point_the_weights_are_one_half():
     traj = solve(case, IMPLICIT, h=0.01)
     gone = case.t > 1.4
     assert traj.status.ok and np.abs(traj.x[gone]).max() < 1e-14
-    np.testing.assert_allclose(np.diff(traj.impulse[gone], axis=0) / np.diff(case.t)[0], 0.5, atol=1e-12)
+    np.testing.assert_allclose(
+        np.diff(traj.impulse[gone], axis=0) / np.diff(case.t)[0], 0.5, atol=1e-12
+    )

@@ -1,4 +1,5 @@
 """A case: a problem with its start, its sample times and what is known of its solution."""
+
 from __future__ import annotations
 
 import dataclasses
@@ -23,7 +24,7 @@ from nsbench.problem import LCS, Complementarity, Filippov, _floats
 from nsbench.source_files import opened_files as opened
 
 STARTS = ("error", "project", "keep")
-ENOUGH = 4 << 20         # bytes: a longer file was not written by hand
+ENOUGH = 4 << 20  # bytes: a longer file was not written by hand
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +42,7 @@ class Case:
     also: further solvers of the standard suite, such as "pbd[order=reverse]"; params: how the case was made.
     tags: free words for filters; radius: for pictures of particles.
     """
+
     name: str
     problem: Any
     x0: Any
@@ -62,23 +64,31 @@ class Case:
 
     def __post_init__(self):
         if not (isinstance(self.name, str) and re.fullmatch(r"[A-Za-z0-9_.-]{1,80}", self.name)):
-            raise ValueError(f"case name {str(self.name)[:100]!r}: letters, digits, '_', '.', '-', at most 80")
+            raise ValueError(
+                f"case name {str(self.name)[:100]!r}: letters, digits, '_', '.', '-', at most 80"
+            )
         if not isinstance(self.problem, (Complementarity, Filippov, LCS)):
-            raise TypeError(f"problem of {self.name} is {type(self.problem).__name__}; "
-                            "Complementarity, Filippov or LCS is needed")
+            raise TypeError(
+                f"problem of {self.name} is {type(self.problem).__name__}; "
+                "Complementarity, Filippov or LCS is needed"
+            )
         object.__setattr__(self, "x0", _floats("x0", self.x0, 1))
         if not self.x0.size:
             raise ValueError(f"x0 of {self.name} is empty; a state has at least one coordinate")
         t = _floats("t", self.t, 1)
         if len(t) < 2 or np.any(np.diff(t) <= 0):
             where = int(np.argmax(np.diff(t) <= 0)) if len(t) > 1 else 0
-            raise ValueError(f"t of {self.name} must increase and hold at least two times; it is "
-                             f"{', '.join(f'{v:g}' for v in t[where:where + 2])} there")
+            raise ValueError(
+                f"t of {self.name} must increase and hold at least two times; it is "
+                f"{', '.join(f'{v:g}' for v in t[where : where + 2])} there"
+            )
         object.__setattr__(self, "t", t)
         if self.start not in STARTS:
             raise ValueError(f"start is {self.start!r}; one of {STARTS}")
         if self.unique and self.distance is not None:
-            raise ValueError(f"{self.name} gives the distance to a set of solutions, but says that there is one: unique=False?")
+            raise ValueError(
+                f"{self.name} gives the distance to a set of solutions, but says that there is one: unique=False?"
+            )
         check_shapes(self)
 
     @property
@@ -108,7 +118,15 @@ class Case:
 
 
 def format_value(v) -> str:
-    return "true" if v is True else "false" if v is False else f"{v:g}" if isinstance(v, float) else str(v)
+    return (
+        "true"
+        if v is True
+        else "false"
+        if v is False
+        else f"{v:g}"
+        if isinstance(v, float)
+        else str(v)
+    )
 
 
 def parse_spec(spec: str) -> tuple[str, dict]:
@@ -120,7 +138,9 @@ def parse_spec(spec: str) -> tuple[str, dict]:
     for part in filter(None, (s.strip() for s in (m[2] or "").split(","))):
         key, eq, text = part.partition("=")
         if not eq or key.strip() in params:
-            raise ValueError(f"cannot read {part!r} in {spec[:200]!r}; write key=value, each key once")
+            raise ValueError(
+                f"cannot read {part!r} in {spec[:200]!r}; write key=value, each key once"
+            )
         params[key.strip()] = parse_value(text.strip())
     return m[1], params
 
@@ -138,7 +158,7 @@ def parse_value(text: str):
 
 
 def nearest(word: str, words) -> str:
-    """" Did you mean X?" or the list of what exists, to end an error message with."""
+    """ " Did you mean X?" or the list of what exists, to end an error message with."""
     words = sorted(words)
     close = difflib.get_close_matches(word, words, 1, 0.5)
     return f"did you mean {close[0]!r}?" if close else f"there are: {', '.join(words)}"
@@ -148,12 +168,14 @@ def nearest(word: str, words) -> str:
 def _scan() -> tuple[dict, dict]:
     """Modules of nsbench.cases by name, and why those that failed to load did."""
     import nsbench.cases as package
-    found, failed = {}, {}
+
+    found = {}
+    failed = {}
     for info in pkgutil.iter_modules(package.__path__):
         try:
             with guest.asked(f"the file of the case {info.name}"):
                 module = importlib.import_module(f"nsbench.cases.{info.name}")
-        except (Exception, SystemExit) as e:         # a broken plugin must not take the others with it
+        except (Exception, SystemExit) as e:  # a broken plugin must not take the others with it
             failed[info.name] = f"{type(e).__name__}: {e}"
             continue
         if hasattr(module, "CASE") or hasattr(module, "make"):
@@ -162,7 +184,9 @@ def _scan() -> tuple[dict, dict]:
             failed[info.name] = f"{module.__file__} defines neither CASE nor make(**params)"
     for one, other in alike({name: str(m.__file__) for name, m in found.items()}):
         for name in (one, other):
-            failed[name] = f"names that are equal but for case: {found[one].__file__} and {found[other].__file__}"
+            failed[name] = (
+                f"names that are equal but for case: {found[one].__file__} and {found[other].__file__}"
+            )
     return {name: m for name, m in found.items() if name not in failed}, failed
 
 
@@ -197,21 +221,35 @@ def _build(module, name: str, params: dict) -> Case:
                 raise LookupError(f"case {name} has no parameter {p!r}; {nearest(p, known)}")
         try:
             case = module.make(**params)
-        except (Exception, SystemExit) as e:             # the file is somebody's: whatever it raises is told with its name
+        except (
+            Exception,
+            SystemExit,
+        ) as e:  # the file is somebody's: whatever it raises is told with its name
             raise ValueError(f"case {name} cannot be made with {params}: {_told(e)}") from e
         if not isinstance(case, Case):
-            raise ValueError(f"make(**params) of {name} returns {type(case).__name__}; a Case is needed")
-        defaults = {k: v.default for k, v in known.items() if v.default is not inspect.Parameter.empty}
-        params = {k: v for k, v in {**defaults, **params}.items() if params.get(k, defaults.get(k)) != defaults.get(k)
-                  or k in getattr(module, "SHOWN", ())}
+            raise ValueError(
+                f"make(**params) of {name} returns {type(case).__name__}; a Case is needed"
+            )
+        defaults = {
+            k: v.default for k, v in known.items() if v.default is not inspect.Parameter.empty
+        }
+        params = {
+            k: v
+            for k, v in {**defaults, **params}.items()
+            if params.get(k, defaults.get(k)) != defaults.get(k)
+            or k in getattr(module, "SHOWN", ())
+        }
     elif params:
         raise LookupError(f"case {name} takes no parameters, got {sorted(params)}")
     else:
         case = module.CASE
         if not isinstance(case, Case):
             raise ValueError(f"CASE of {name} is {type(case).__name__}; a Case is needed")
-    return case.replace(params=params, doc=case.doc or inspect.getdoc(module) or "",
-                        source=getattr(module, "__file__", ""))
+    return case.replace(
+        params=params,
+        doc=case.doc or inspect.getdoc(module) or "",
+        source=getattr(module, "__file__", ""),
+    )
 
 
 def _told(e: BaseException) -> str:
@@ -227,8 +265,10 @@ def get_case(name: str, **params) -> Case:
     base, inner = parse_spec(name)
     with guest.asked(f"make of the case {base}"):
         case = _build(case_module(base), base, {**inner, **params})
-    if case.name != base:                            # its runs could not be told from those of another case
-        raise ValueError(f"{case.source} makes a case named {case.name!r}; the file's name is {base!r}")
+    if case.name != base:  # its runs could not be told from those of another case
+        raise ValueError(
+            f"{case.source} makes a case named {case.name!r}; the file's name is {base!r}"
+        )
     return case
 
 
@@ -238,13 +278,20 @@ def load_module(path):
     if not path.is_file():
         raise FileNotFoundError(f"no file {path}")
     if path.stat().st_size > ENOUGH:
-        raise ValueError(f"{path} is {path.stat().st_size} bytes long; a case or solver file has at most {ENOUGH}")
+        raise ValueError(
+            f"{path} is {path.stat().st_size} bytes long; a case or solver file has at most {ENOUGH}"
+        )
     spec = importlib.util.spec_from_file_location(f"nsbench_file_{path.stem}", path)
-    module = sys.modules[spec.name] = importlib.util.module_from_spec(spec)      # dataclasses look themselves up there
+    module = sys.modules[spec.name] = importlib.util.module_from_spec(
+        spec
+    )  # dataclasses look themselves up there
     try:
         with opened.during(path), guest.asked(str(path)):
             spec.loader.exec_module(module)
-    except (Exception, SystemExit) as e:             # the file is the user's: whatever it raises is told with its name
+    except (
+        Exception,
+        SystemExit,
+    ) as e:  # the file is the user's: whatever it raises is told with its name
         raise ValueError(f"{path} failed to load: {type(e).__name__}: {e}") from e
     return module
 

@@ -2,6 +2,7 @@
 
 A case with a giant parameter is foreseen from two small ones of its kind: every size grows like a power of the parameter.
 """
+
 from __future__ import annotations
 
 import inspect
@@ -14,19 +15,31 @@ import numpy as np
 from nsbench.case import Case, case_module, get_case, parse_spec
 from nsbench.problem import Affine, Complementarity, Distance
 
-LARGE = 20_000                  # a whole number from here on is foreseen before the case is made, which takes long
-SMALL = ((128, 256), (100, 200), (50, 100), (10, 20), (4, 8))     # values to make it with; the first pair that it takes
-TOUCHING = {1: 1, 2: 3, 3: 6}   # contacts per particle at most, of equal ones: half of how many can touch one
+LARGE = 20_000  # a whole number from here on is foreseen before the case is made, which takes long
+SMALL = (
+    (128, 256),
+    (100, 200),
+    (50, 100),
+    (10, 20),
+    (4, 8),
+)  # values to make it with; the first pair that it takes
+TOUCHING = {
+    1: 1,
+    2: 3,
+    3: 6,
+}  # contacts per particle at most, of equal ones: half of how many can touch one
 # Arrays of (samples, states) and (samples, contacts) that a run and its measuring hold, fitted to peaks of resident memory
 # of hard discs in a full box, 6 000 to 60 000 states: within 1.3 of each
-STATES, CONTACTS = 12, 12
-LIBRARIES = 190 << 20           # bytes: Python with numpy, scipy and compiled kernels
+STATES = 12
+CONTACTS = 12
+LIBRARIES = 190 << 20  # bytes: Python with numpy, scipy and compiled kernels
 
 
 @dataclass(frozen=True)
 class Size:
     """states n, sample times, contacts that can act at once (at most), hard particles; making: bytes at the peak of making
     the case and calling its drift once (0: not measured)."""
+
     states: float
     samples: float
     contacts: float
@@ -40,12 +53,16 @@ class Size:
     @property
     def memory(self) -> float:
         """Bytes that one run is foreseen to need at its peak, with its measuring."""
-        return LIBRARIES + max(self.making, 8.0 * self.samples * (STATES * self.states + CONTACTS * self.contacts))
+        return LIBRARIES + max(
+            self.making, 8.0 * self.samples * (STATES * self.states + CONTACTS * self.contacts)
+        )
 
     def __str__(self) -> str:
         hard = f"{number(self.pairs)} pairs of particles, " if self.pairs else ""
-        return (f"{number(self.states)} states, {hard}at most {number(self.contacts)} contacts at once, "
-                f"{memory(self.memory)} of memory for one run")
+        return (
+            f"{number(self.states)} states, {hard}at most {number(self.contacts)} contacts at once, "
+            f"{memory(self.memory)} of memory for one run"
+        )
 
 
 def size_of(case: Case) -> Size:
@@ -71,8 +88,14 @@ def foreseen(text: str) -> Size | None:
     if make is None:
         return None
     defaults = {k: p.default for k, p in inspect.signature(make).parameters.items()}
-    large = {k: float(v) for k, v in params.items() if isinstance(v, (int, float)) and not isinstance(v, bool)
-             and type(defaults.get(k)) is int and LARGE <= v < math.inf}
+    large = {
+        k: float(v)
+        for k, v in params.items()
+        if isinstance(v, (int, float))
+        and not isinstance(v, bool)
+        and type(defaults.get(k)) is int
+        and LARGE <= v < math.inf
+    }
     if not large:
         return None
     sizes = None
@@ -81,7 +104,9 @@ def foreseen(text: str) -> Size | None:
         if two is None:
             return None
         low, high, at = two
-        growth = (value / at) ** np.maximum(np.log2(np.maximum(high, 1e-300) / np.maximum(low, 1e-300)), 0.0)
+        growth = (value / at) ** np.maximum(
+            np.log2(np.maximum(high, 1e-300) / np.maximum(low, 1e-300)), 0.0
+        )
         sizes = high * growth if sizes is None else sizes * growth
     return Size(*map(float, sizes))
 
@@ -101,7 +126,9 @@ def _made(name, params):
     tracemalloc.start()
     try:
         s = size_of(get_case(name, **params))
-        return np.array([s.states, s.samples, s.contacts, s.particles, tracemalloc.get_traced_memory()[1]])
+        return np.array(
+            [s.states, s.samples, s.contacts, s.particles, tracemalloc.get_traced_memory()[1]]
+        )
     finally:
         tracemalloc.stop()
 

@@ -1,4 +1,5 @@
 """What a case's own functions return at its start, looked at once before anything runs."""
+
 from __future__ import annotations
 
 from itertools import product
@@ -11,7 +12,9 @@ from nsbench.problem import LCS, Affine, Distance, Filippov, Smooth
 
 def check_shapes(case) -> None:
     """Evaluate the data once at the start; ValueError or TypeError names what is wrong."""
-    p, x, t0 = case.problem, case.x0.copy(), float(case.t[0])
+    p = case.problem
+    x = case.x0.copy()
+    t0 = float(case.t[0])
     for name in ("exact", "exact_impulse"):
         _check_exact(case, name, getattr(case, name))
     if isinstance(p, LCS):
@@ -21,19 +24,25 @@ def check_shapes(case) -> None:
         if isinstance(p, Filippov):
             c = np.asarray(host(p.switch)(t0, x))
             if c.ndim != 1 or c.dtype != np.float64:
-                raise ValueError(f"switch of {case.name} returns {c.dtype} of shape {c.shape}; float64 (d,) is needed")
+                raise ValueError(
+                    f"switch of {case.name} returns {c.dtype} of shape {c.shape}; float64 (d,) is needed"
+                )
             found = [np.asarray(host(p.field)(t0, x, np.array(s))) for s in _sides(len(c))]
         else:
             for c in p.constraints:
                 if isinstance(c, Distance):
                     c.particles(case.n)
                 elif hasattr(c, "shape") and c.shape[1] != case.n:
-                    raise ValueError(f"A of {case.name} has {c.shape[1]} columns, the state {case.n} entries")
+                    raise ValueError(
+                        f"A of {case.name} has {c.shape[1]} columns, the state {case.n} entries"
+                    )
                 _check_curves(case, c, t0, x)
             found = [np.asarray(host(p.drift)(t0, x))]
     for f in found:
         if f.shape != x.shape or f.dtype != np.float64:
-            raise ValueError(f"drift of {case.name} returns {f.dtype} of shape {f.shape}; float64 {x.shape} is needed")
+            raise ValueError(
+                f"drift of {case.name} returns {f.dtype} of shape {f.shape}; float64 {x.shape} is needed"
+            )
     if not np.array_equal(x, case.x0):
         raise ValueError(f"drift of {case.name} changes x in place")
 
@@ -45,7 +54,7 @@ def _check_exact(case, name: str, solution) -> None:
     with np.errstate(all="ignore"):
         try:
             a = np.asarray(solution(case.t))
-        except Exception:                                # of the case's author: whatever is raised is told where it is needed
+        except Exception:  # of the case's author: whatever is raised is told where it is needed
             return
     if a.dtype in (np.float32, np.float16, np.complex64):
         raise TypeError(f"{name} of {case.name} returns {a.dtype}; float64 is needed")
@@ -68,15 +77,21 @@ def _check_curves(case, c, t0: float, x) -> None:
         a = np.asarray(value)
         if a.dtype in (np.float32, np.float16) or a.dtype.kind not in "fiu":
             raise TypeError(f"{name} of {case.name} returns {a.dtype}; float64 is needed")
-        if (shape is not None and a.shape != shape) or (name == "g" and a.ndim != 1) or (
-                name == "anchors" and (a.ndim != 2 or a.shape[1] != c.dim)):
+        if (
+            (shape is not None and a.shape != shape)
+            or (name == "g" and a.ndim != 1)
+            or (name == "anchors" and (a.ndim != 2 or a.shape[1] != c.dim))
+        ):
             wanted = shape or ("(m,)" if name == "g" else f"(a, {c.dim})")
-            raise ValueError(f"{name} of {case.name} returns the shape {a.shape}; {wanted} is needed")
+            raise ValueError(
+                f"{name} of {case.name} returns the shape {a.shape}; {wanted} is needed"
+            )
 
 
 def _check_inputs(case) -> None:
     """The inputs of a linear complementarity system at the start."""
-    p, t0 = case.problem, float(case.t[0])
+    p = case.problem
+    t0 = float(case.t[0])
     if p.A.shape[0] != case.n:
         raise ValueError(f"A of {case.name} has {p.A.shape[0]} rows, the state {case.n} entries")
     for name, factory, size in (("u", p.u, case.n), ("q", p.q, p.B.shape[1])):
@@ -85,4 +100,6 @@ def _check_inputs(case) -> None:
         with np.errstate(all="ignore"):
             value = np.asarray(host(factory)(t0))
         if value.shape != (size,) or value.dtype != np.float64:
-            raise ValueError(f"{name} of {case.name} returns {value.dtype} of shape {value.shape}; float64 ({size},) is needed")
+            raise ValueError(
+                f"{name} of {case.name} returns {value.dtype} of shape {value.shape}; float64 ({size},) is needed"
+            )

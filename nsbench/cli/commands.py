@@ -1,4 +1,5 @@
 """What the commands do; they are given `say` to print with and return the exit code."""
+
 from __future__ import annotations
 
 from pathlib import Path
@@ -8,10 +9,13 @@ import numpy as np
 from nsbench import solvers, study
 from nsbench.case import broken_cases, case_module, case_names, get_case, load_case
 
-FINE, FAILED, BROKEN = 0, 3, 5
+FINE = 0
+FAILED = 3
+BROKEN = 5
 EXPECTED = ("ok", "refused", "below_reference")
 METRICS = {
-    "state_sup": "largest error of the state over the sample times", "state_T": "error of the state at T",
+    "state_sup": "largest error of the state over the sample times",
+    "state_T": "error of the state at T",
     "set_distance": "distance of the states to the set of all solutions, where there are many",
     "impulse": "largest error of a cumulative impulse over the sample times",
     "reaction": "the same of the cumulative reaction, unique even where multipliers are not",
@@ -19,10 +23,15 @@ METRICS = {
     "settled": "largest error of an interval-mean multiplier away from events",
     "lam_own": "largest error of single steps' multipliers away from events, at the method's own time in the step",
     "lam_at_start": "the same against the exact multiplier at the start of the step",
-    "lam_at_mid": "the same at its middle", "lam_at_end": "the same at its end", "lam_mean": "the same of its mean",
-    "event_time": "largest error of a located event", "feasibility": "largest violation max(-g, 0)",
-    "sign": "smallest multiplier", "complementarity": "largest product of gap and impulse",
-    "residual": "residual of the equation", "selection": "distance to the least-norm multiplier (not an error)",
+    "lam_at_mid": "the same at its middle",
+    "lam_at_end": "the same at its end",
+    "lam_mean": "the same of its mean",
+    "event_time": "largest error of a located event",
+    "feasibility": "largest violation max(-g, 0)",
+    "sign": "smallest multiplier",
+    "complementarity": "largest product of gap and impulse",
+    "residual": "residual of the equation",
+    "selection": "distance to the least-norm multiplier (not an error)",
     "polyhedron": "distance of the multiplier to the set of all multipliers",
 }
 
@@ -60,13 +69,17 @@ def _first_line(thing) -> str:
 
 def _parameters(module) -> str:
     import inspect
+
     if not hasattr(module, "make"):
         return ""
-    return ", ".join(f"{k}={v.default}" for k, v in inspect.signature(module.make).parameters.items())
+    return ", ".join(
+        f"{k}={v.default}" for k, v in inspect.signature(module.make).parameters.items()
+    )
 
 
 def _options(method) -> str:
     import dataclasses
+
     return ", ".join(f"{f.name}={f.default}" for f in dataclasses.fields(method))
 
 
@@ -75,12 +88,16 @@ def run(args, say) -> int:
     from nsbench.case.size import foreseen
     from nsbench.execute.dry_run import admit
     from nsbench.execute.suite import execute
+
     workers(args)
     _cluster(args)
-    keys, left_out = [], {}
+    keys = []
+    left_out = {}
     solver_files = tuple(str(p) for f in args.solver_files for p in python_files(f))
     added = [solvers.load(f) for f in solver_files]
-    values = {n: read_values(getattr(args, n)) for n in ("h", "tol", "k") if getattr(args, n) is not None}
+    values = {
+        n: read_values(getattr(args, n)) for n in ("h", "tol", "k") if getattr(args, n) is not None
+    }
     files = [(load_case(p).key, str(p)) for f in args.case_files for p in python_files(f)]
     if args.cases:
         admit({c: foreseen(c) for c in args.cases}, args)
@@ -95,7 +112,9 @@ def run(args, say) -> int:
     if not specs:
         raise LookupError("nothing to run: no case matches")
     if added and args.solver is None:
-        specs += [s for s in study.plan([*keys, *files], added, values, solver_files) if s not in specs]
+        specs += [
+            s for s in study.plan([*keys, *files], added, values, solver_files) if s not in specs
+        ]
     if not (files or args.cases or args.solver):
         left_out |= {f"solver {name}": why for name, why in solvers.broken().items()}
     for name, why in left_out.items():
@@ -110,7 +129,9 @@ def _told_apart(cases) -> None:
         one = seen.setdefault(key.casefold(), (key, file))
         if one != (key, file):
             where = [f or study.resolve(k).source for k, f in (one, (key, file))]
-            raise ValueError(f"two cases are named alike: {one[0]} in {where[0]} and {key} in {where[1]}")
+            raise ValueError(
+                f"two cases are named alike: {one[0]} in {where[0]} and {key} in {where[1]}"
+            )
 
 
 def workers(args) -> None:
@@ -121,15 +142,19 @@ def workers(args) -> None:
         raise ValueError(f"--probe is {args.probe:g}; a number of seconds is needed, 0 for none")
     if getattr(args, "memory", None) is not None:
         from nsbench.execute.workers.memory import bytes_of
+
         args.memory = bytes_of(args.memory)
 
 
 def _cluster(args) -> None:
     from importlib.util import find_spec
+
     if args.dask is None:
         return
     if args.jobs is not None:
-        raise ValueError("-j is for workers on this machine, --dask for those of a cluster; give one of them")
+        raise ValueError(
+            "-j is for workers on this machine, --dask for those of a cluster; give one of them"
+        )
     if find_spec("distributed") is None:
         raise ValueError("--dask needs the package distributed: pip install 'nsbench[dask]'")
 
@@ -147,11 +172,15 @@ def python_files(path) -> list[Path]:
 
 
 def read_values(text: str) -> list[float]:
-    """"1e-2", "1e-2,5e-3" or "1e-2..1e-4" (three per octave, at ratios that are not dyadic)."""
+    """ "1e-2", "1e-2,5e-3" or "1e-2..1e-4" (three per octave, at ratios that are not dyadic)."""
     try:
         if ".." in text:
             a, b = (float(v) for v in text.split(".."))
-            out = np.geomspace(a, b, max(2, 1 + round(3.07 * abs(np.log2(a / b))))).tolist() if a > 0 and b > 0 else [a, b]
+            out = (
+                np.geomspace(a, b, max(2, 1 + round(3.07 * abs(np.log2(a / b))))).tolist()
+                if a > 0 and b > 0
+                else [a, b]
+            )
         else:
             out = [float(v) for v in text.split(",")]
     except ValueError:
@@ -165,6 +194,7 @@ def report(args, say) -> int:
     """nsbench report"""
     from nsbench.report import write_report
     from nsbench.results.consistency import check
+
     for d in args.dirs:
         if not (Path(d) / "runs.parquet").is_file():
             raise FileNotFoundError(f"no results in {d}")
@@ -176,8 +206,10 @@ def report(args, say) -> int:
 def show(args, say) -> int:
     """nsbench show"""
     case = load_case(args.case) if args.case.endswith(".py") else _admitted(args.case)
-    say(f"{case.key}: {type(case.problem).__name__}, n = {case.n}, t = {case.t[0]:g} .. {case.t[-1]:g}, "
-        f"{len(case.t)} samples")
+    say(
+        f"{case.key}: {type(case.problem).__name__}, n = {case.n}, t = {case.t[0]:g} .. {case.t[-1]:g}, "
+        f"{len(case.t)} samples"
+    )
     if args.solver is None:
         say(case.doc)
         for name in solvers.standard():
@@ -190,10 +222,13 @@ def show(args, say) -> int:
         say(f"  {name:<20} {value}")
     if len(traj.t):
         from nsbench.measure import errors
+
         found = errors(case, traj)
         for name, value in found.items():
             text = f"{value:.6g}" if isinstance(value, float) else str(value)
-            say(f"  {name:<20} {'below ten times the bound of the reference' if name in found['below'].split() else text}")
+            say(
+                f"  {name:<20} {'below ten times the bound of the reference' if name in found['below'].split() else text}"
+            )
     for e in traj.events[:40]:
         say(f"  t = {e.t:.12g}  {e.kind}  {e.contact}")
     return FINE if traj.status.code in EXPECTED else FAILED
@@ -205,6 +240,7 @@ def _admitted(key: str):
 
     from nsbench.case.size import foreseen
     from nsbench.execute.dry_run import admit
+
     admit({key: foreseen(key)}, SimpleNamespace(memory=None, jobs=1))
     return get_case(key)
 
@@ -212,6 +248,7 @@ def _admitted(key: str):
 def check(args, say) -> int:
     """nsbench check"""
     from nsbench.cli.check import check_file
+
     problems = check_file(Path(args.file), say)
     for p in problems:
         say(f"  not met: {p}")
@@ -224,14 +261,19 @@ def reference(args, say) -> int:
     import time
 
     from nsbench import reference as ref
+
     folder = args.into or None
-    keys = ([_admitted(k).key for k in args.cases]
-            or [k for k in study.suite_cases("full") if _has_stored(get_case(k), args.action, folder)])
-    options = {"build": {"kind": args.kind}, "verify": {"certify": args.certify}, "list": {}}[args.action]
+    keys = [_admitted(k).key for k in args.cases] or [
+        k for k in study.suite_cases("full") if _has_stored(get_case(k), args.action, folder)
+    ]
+    options = {"build": {"kind": args.kind}, "verify": {"certify": args.certify}, "list": {}}[
+        args.action
+    ]
     action = {"build": ref.build, "verify": ref.verify, "list": ref.load}[args.action]
     failed = 0
     for key in keys:
-        case, start = get_case(key), time.perf_counter()
+        case = get_case(key)
+        start = time.perf_counter()
         try:
             said = action(case, folder=folder, **options)
             took = f" ({time.perf_counter() - start:.1f} s)" if args.action != "list" else ""
@@ -245,15 +287,23 @@ def reference(args, say) -> int:
 def _has_stored(case, action, folder) -> bool:
     """Cases of the suite to work on: those with a stored reference and, to build, those that need one."""
     from nsbench.reference import files_of
-    return files_of(case, folder)[1].exists() or (action == "build" and case.exact is None and case.unique)
+
+    return files_of(case, folder)[1].exists() or (
+        action == "build" and case.exact is None and case.unique
+    )
 
 
 def doctor(args, say) -> int:
     """nsbench doctor"""
     from nsbench.cli.doctor import FAULT, examine
+
     faults = 0
     for verdict, sentence in examine():
         say(f"{verdict:<8} {sentence}")
         faults += verdict == FAULT
-    say("nothing stands in the way" if not faults else f"{faults} fault(s): numbers of this installation are not to be trusted")
+    say(
+        "nothing stands in the way"
+        if not faults
+        else f"{faults} fault(s): numbers of this installation are not to be trusted"
+    )
     return FINE if not faults else BROKEN

@@ -1,4 +1,5 @@
 """Is this installation fit to measure with? Each check is a sentence and whether it is fine, a warning or a fault."""
+
 from __future__ import annotations
 
 import os
@@ -10,26 +11,46 @@ from pathlib import Path
 
 import numpy as np
 
-FINE, WARNING, FAULT = "fine", "warning", "fault"
-EXTRAS = {"python-flint": "certified references", "nosnoc": "the nosnoc baseline", "casadi": "the nosnoc baseline"}
-ROOM = 500 << 20        # bytes: what kernels, programs and the results of a standard suite take together
+FINE = "fine"
+WARNING = "warning"
+FAULT = "fault"
+EXTRAS = {
+    "python-flint": "certified references",
+    "nosnoc": "the nosnoc baseline",
+    "casadi": "the nosnoc baseline",
+}
+ROOM = 500 << 20  # bytes: what kernels, programs and the results of a standard suite take together
 Finding = tuple[str, str]
 
 
 def examine() -> Iterator[Finding]:
     """(fine, warning or fault; a sentence) of every check, one by one."""
-    for check in (_python, _libraries, _plugins, _arithmetic, _folders, _machine, _references, _solution):
+    for check in (
+        _python,
+        _libraries,
+        _plugins,
+        _arithmetic,
+        _folders,
+        _machine,
+        _references,
+        _solution,
+    ):
         yield from check()
 
 
 def _python():
     bits = 64 if sys.maxsize > 2**32 else 32
     good = sys.version_info >= (3, 11) and bits == 64
-    yield FINE if good else FAULT, f"Python {sys.version.split()[0]}, {bits} bits" + ("" if good else "; 3.11 with 64 is needed")
+    yield (
+        FINE if good else FAULT,
+        f"Python {sys.version.split()[0]}, {bits} bits"
+        + ("" if good else "; 3.11 with 64 is needed"),
+    )
 
 
 def _libraries():
     from packaging.requirements import Requirement
+
     for text in metadata.requires("nsbench") or ():
         wanted = Requirement(text)
         if wanted.marker is not None and not wanted.marker.evaluate({"extra": ""}):
@@ -40,7 +61,10 @@ def _libraries():
             yield FAULT, f"{wanted.name} is not installed ({wanted.specifier} is needed)"
             continue
         good = wanted.specifier.contains(version, prereleases=True)
-        yield FINE if good else FAULT, f"{wanted.name} {version}" + ("" if good else f"; {wanted.specifier} is needed")
+        yield (
+            FINE if good else FAULT,
+            f"{wanted.name} {version}" + ("" if good else f"; {wanted.specifier} is needed"),
+        )
     for name, use in EXTRAS.items():
         try:
             yield FINE, f"{name} {metadata.version(name)}"
@@ -51,7 +75,11 @@ def _libraries():
 def _plugins():
     from nsbench import solvers
     from nsbench.case import broken_cases, case_names
-    broken = {**{f"case {k}": v for k, v in broken_cases().items()}, **{f"solver {k}": v for k, v in solvers.broken().items()}}
+
+    broken = {
+        **{f"case {k}": v for k, v in broken_cases().items()},
+        **{f"solver {k}": v for k, v in solvers.broken().items()},
+    }
     for name, why in broken.items():
         yield FAULT, f"{name} does not load: {why}"
     if not broken:
@@ -61,14 +89,22 @@ def _plugins():
 def _arithmetic():
     """A library built with unsafe options makes the processor flush small numbers to zero, for everybody in the process."""
     import nsbench.compilation.numba_setup  # noqa: F401
+
     tiny = np.float64(5e-324)
     kept = tiny * np.float64(1.0) > 0.0 and np.float64(2.3e-308) / np.float64(4.0) > 0.0
-    yield FINE if kept else FAULT, "numbers below 1e-308 are kept" if kept else (
-        "numbers below 1e-308 become zero: a library was built with -ffast-math; results will differ")
+    yield (
+        FINE if kept else FAULT,
+        "numbers below 1e-308 are kept"
+        if kept
+        else (
+            "numbers below 1e-308 become zero: a library was built with -ffast-math; results will differ"
+        ),
+    )
 
 
 def _folders():
     import shutil
+
     named = os.environ.get("NUMBA_CACHE_DIR")
     kernels = Path(named) if named else Path(__file__).resolve().parents[1]
     user = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "nsbench"
@@ -76,7 +112,10 @@ def _folders():
         if _writable(folder):
             yield FINE, f"{use} are kept in {folder}"
         else:
-            yield WARNING, f"{folder} cannot be written: {use} are kept elsewhere, or made anew by every process"
+            yield (
+                WARNING,
+                f"{folder} cannot be written: {use} are kept elsewhere, or made anew by every process",
+            )
     free = shutil.disk_usage(tempfile.gettempdir()).free
     yield FINE if free > ROOM else WARNING, f"{free >> 20} MiB free for temporary files"
 
@@ -91,10 +130,15 @@ def _writable(folder: Path) -> bool:
 
 
 def _machine():
-    cores, load = os.cpu_count() or 1, os.getloadavg()[0] if hasattr(os, "getloadavg") else 0.0
-    yield FINE if load < 0.5 * cores else WARNING, f"{cores} cores, load {load:.1f}" + (
-        "" if load < 0.5 * cores else ": seconds will be noisy, errors will not")
+    cores = os.cpu_count() or 1
+    load = os.getloadavg()[0] if hasattr(os, "getloadavg") else 0.0
+    yield (
+        FINE if load < 0.5 * cores else WARNING,
+        f"{cores} cores, load {load:.1f}"
+        + ("" if load < 0.5 * cores else ": seconds will be noisy, errors will not"),
+    )
     import jax
+
     yield FINE, f"JAX computes on {', '.join(sorted({d.platform for d in jax.devices()}))}"
 
 
@@ -102,6 +146,7 @@ def _references():
     from nsbench.case import get_case
     from nsbench.reference import files_of, load
     from nsbench.study import suite_cases
+
     good = 0
     for key in suite_cases("full"):
         case = get_case(key)
@@ -120,8 +165,12 @@ def _solution():
     from nsbench.case import get_case
     from nsbench.measure import errors
     from nsbench.solvers import solve
+
     case = get_case("tide")
     for spec, accuracy, bound in (("pbd", {"h": 1e-3}, 1e-3), ("event_driven", {}, 1e-10)):
         traj = solve(case, spec, **accuracy)
         error = errors(case, traj)["state_sup"] if traj.status.ok else np.nan
-        yield FINE if error <= bound else FAULT, f"{spec} on tide: {traj.status.code}, error {error:.1e} (at most {bound:g})"
+        yield (
+            FINE if error <= bound else FAULT,
+            f"{spec} on tide: {traj.status.code}, error {error:.1e} (at most {bound:g})",
+        )

@@ -1,4 +1,5 @@
 """What the commands do that hold results against others; like nsbench.cli.commands."""
+
 from __future__ import annotations
 
 from pathlib import Path
@@ -17,12 +18,18 @@ def gate(args, say) -> int:
     from nsbench.report.data import read
     from nsbench.results.consistency import check
     from nsbench.results.tables import FORMULA
+
     if args.update and not args.reason.strip():
-        raise ValueError("--update needs --reason: a sentence that says why the numbers are others now")
+        raise ValueError(
+            "--update needs --reason: a sentence that says why the numbers are others now"
+        )
     if args.reason.strip().startswith(FORMULA):
-        raise ValueError(f"--reason is {args.reason.strip()[:40]!r}; a spreadsheet would take it for a formula")
+        raise ValueError(
+            f"--reason is {args.reason.strip()[:40]!r}; a spreadsheet would take it for a formula"
+        )
     check(args.dir)
-    found, path = facts(read(args.dir)), Path(args.baseline)
+    found = facts(read(args.dir))
+    path = Path(args.baseline)
     if args.update:
         return _update(found, path, args, say)
     findings = judge(found, baseline.read(path))
@@ -39,6 +46,7 @@ def calibrate(args, say) -> int:
     """nsbench calibrate"""
     from nsbench.gate.calibrate import calibrate as again
     from nsbench.results.consistency import check
+
     workers(args)
     check(args.dir)
     return again(Path(args.dir), args, say)
@@ -54,13 +62,20 @@ def compare(args, say) -> int:
     from nsbench.gate.facts import facts
     from nsbench.report.data import read
     from nsbench.results.consistency import check
+
     if not 0 <= args.rtol < 1:
         raise ValueError(f"--rtol is {args.rtol:g}; a number from 0 to 1 is needed")
     check(args.old)
     check(args.new)
-    old, new = ({key: replace(f, config="") for key, f in facts(read(d)).items()} for d in (args.old, args.new))
+    old, new = (
+        {key: replace(f, config="") for key, f in facts(read(d)).items()}
+        for d in (args.old, args.new)
+    )
     lines = {key: baseline.line(fact, 0.0, "") for key, fact in old.items()}
-    lines = {key: line if line.kind in ("class", "max") else replace(line, rtol=args.rtol) for key, line in lines.items()}
+    lines = {
+        key: line if line.kind in ("class", "max") else replace(line, rtol=args.rtol)
+        for key, line in lines.items()
+    }
     findings = judge(new, lines)
     for text in told.lines(findings):
         say(text)
@@ -71,6 +86,7 @@ def _update(found, path, args, say) -> int:
     from nsbench.gate import baseline, spreads
     from nsbench.gate.update import updated
     from nsbench.results.tables import write_atomically
+
     old = baseline.read(path) if path.exists() else {}
     lines, changes = updated(found, old, spreads.read(args.dir, found), args.reason.strip())
     if changes or not path.exists():
@@ -78,7 +94,11 @@ def _update(found, path, args, say) -> int:
     for change in changes:
         say(change)
     say(f"{path}: {len(lines)} lines, {len(changes)} changed")
-    if apart := sorted({f"{x.case} {x.solver}" for x in lines} - {f"{f.case} {f.solver}" for f in found.values()}):
-        say(f"of {len(apart)} that these results do not hold, such as {apart[0]}, every line stays; a line that is to go is "
-            "deleted by hand")
+    if apart := sorted(
+        {f"{x.case} {x.solver}" for x in lines} - {f"{f.case} {f.solver}" for f in found.values()}
+    ):
+        say(
+            f"of {len(apart)} that these results do not hold, such as {apart[0]}, every line stays; a line that is to go is "
+            "deleted by hand"
+        )
     return FINE

@@ -7,6 +7,7 @@ two drifts meet each other's names. A drift without a fingerprint, or whose code
 compiled in each. Nothing is unpickled to load one (what a drift raises is, by numba, when it is raised: it is a part of
 its machine code).
 """
+
 from __future__ import annotations
 
 import json
@@ -20,15 +21,24 @@ from nsbench.compilation import disk_cache as kept
 from nsbench.compilation.function_digest import Unknown, fingerprint, package_digest, version
 
 FORMAT = 1
-ELSEWHERE = ("CACHE_DIR", "NUM_THREADS", "DEFAULT_NUM_THREADS")     # settings of numba's that no drift's code depends on
-HERE = (b".numba.unresolved", b"__excinfo_unwrap_args")  # a function that calls itself; an error with data in it
+ELSEWHERE = (
+    "CACHE_DIR",
+    "NUM_THREADS",
+    "DEFAULT_NUM_THREADS",
+)  # settings of numba's that no drift's code depends on
+HERE = (
+    b".numba.unresolved",
+    b"__excinfo_unwrap_args",
+)  # a function that calls itself; an error with data in it
 
 
 class Pointer(types.WrapperAddressProtocol):
     """Machine code from the disk as a first-class function of numba's: its address, its signature, and what it lies in."""
 
     def __init__(self, address: int, signature, engine):
-        self.address, self._signature, self._engine = address, signature, engine
+        self.address = address
+        self._signature = signature
+        self._engine = engine
 
     def __wrapper_address__(self) -> int:
         return self.address
@@ -40,6 +50,7 @@ class Pointer(types.WrapperAddressProtocol):
 
 class _Found:
     """In the place of numba's cache of a callback: it keeps the result of the compilation."""
+
     result = None
 
     def load_overload(self, signature, context):
@@ -56,13 +67,25 @@ def name_of(signature, what: str, function) -> str | None:
     """
     try:
         made_of = fingerprint(function)
-    except (Unknown, RecursionError):        # the latter: a list that holds itself
+    except (Unknown, RecursionError):  # the latter: a list that holds itself
         return None
-    settings = (f"{k}={v!r}" for k, v in sorted(vars(config).items()) if k.isupper() and isinstance(v, (int, str, float))
-                and k not in ELSEWHERE)
-    return kept.digest("pointer", str(FORMAT), what, str(signature), made_of, package_digest(), *settings,
-                       *(f"{n} {version(n)}" for n in ("numba", "llvmlite", "numpy", "scipy")),
-                       *map(str, cpu_target.target_context.codegen().magic_tuple()), kept.processor())
+    settings = (
+        f"{k}={v!r}"
+        for k, v in sorted(vars(config).items())
+        if k.isupper() and isinstance(v, (int, str, float)) and k not in ELSEWHERE
+    )
+    return kept.digest(
+        "pointer",
+        str(FORMAT),
+        what,
+        str(signature),
+        made_of,
+        package_digest(),
+        *settings,
+        *(f"{n} {version(n)}" for n in ("numba", "llvmlite", "numpy", "scipy")),
+        *map(str, cpu_target.target_context.codegen().magic_tuple()),
+        kept.processor(),
+    )
 
 
 def load(name: str | None, signature) -> Pointer | None:
@@ -77,19 +100,25 @@ def load(name: str | None, signature) -> Pointer | None:
         part = llvm.ObjectFileRef.from_data(code)
         if symbol is None or not part._ptr:
             return None
-        cpu_target.target_context.refresh()              # the functions of numba's that such code calls have a name now
+        cpu_target.target_context.refresh()  # the functions of numba's that such code calls have a name now
         engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _machine())
         engine.add_object_file(part)
         engine.finalize_object()
         address = engine.get_function_address(symbol)
-    except (ValueError, KeyError, TypeError, RuntimeError):      # no such line, or not of this LLVM's making: compiled again
+    except (
+        ValueError,
+        KeyError,
+        TypeError,
+        RuntimeError,
+    ):  # no such line, or not of this LLVM's making: compiled again
         return None
     return Pointer(address, signature, engine) if address else None
 
 
 def compiled(name: str | None, signature, function) -> CFunc:
     """The callback, compiled here, and kept under the name if its code can run elsewhere. Raises what numba raises."""
-    callback, found = CFunc(function, (signature.args, signature.return_type), {}, {}), _Found()
+    callback = CFunc(function, (signature.args, signature.return_type), {}, {})
+    found = _Found()
     callback._cache = found
     callback.compile()
     if name is not None and kept.folder("pointers") is not None and _stands_alone(found.result):
@@ -102,8 +131,12 @@ def compiled(name: str | None, signature, function) -> CFunc:
 
 def _stands_alone(result) -> bool:
     """Does the code neither hold addresses of this process nor ask it for Python objects?"""
-    return not (result.library.has_dynamic_globals or result.reload_init or result.lifted
-                or any(e.consts for e in (result.environment, *result._find_referenced_environments())))
+    return not (
+        result.library.has_dynamic_globals
+        or result.reload_init
+        or result.lifted
+        or any(e.consts for e in (result.environment, *result._find_referenced_environments()))
+    )
 
 
 def _machine():

@@ -5,6 +5,7 @@ kernel together both compile it, and the second one to write the kernel's index 
 file's lock is held from the look to the writing. A kernel asks for the locks of those that it calls while it holds its
 own, and no two kernels call each other, so that nobody waits in a circle. A lock goes with the process that holds it.
 """
+
 from __future__ import annotations
 
 import contextlib
@@ -16,7 +17,9 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 
 
-def share_compilation(folder: str, around: Callable[[], AbstractContextManager], waited: Callable[[float], None]) -> None:
+def share_compilation(
+    folder: str, around: Callable[[], AbstractContextManager], waited: Callable[[float], None]
+) -> None:
     """From now on every kernel with a cache is compiled under a lock that all processes with this folder share.
 
     around() is entered while a kernel is loaded, waited for or compiled, once for a kernel and those it calls; waited(s)
@@ -28,22 +31,28 @@ def share_compilation(folder: str, around: Callable[[], AbstractContextManager],
     except ImportError:
         return
     from numba.core.dispatcher import Dispatcher
-    plain, held = Dispatcher.compile, set()
+
+    plain = Dispatcher.compile
+    held = set()
 
     @functools.wraps(plain)
     def compile_alone(self, sig):
         name = _name(self)
-        if name is None or name in held:                 # nothing to share, or a kernel that calls itself
+        if name is None or name in held:  # nothing to share, or a kernel that calls itself
             return plain(self, sig)
-        with contextlib.nullcontext() if held else around(), open(Path(folder) / name, "ab") as file:
+        with (
+            contextlib.nullcontext() if held else around(),
+            open(Path(folder) / name, "ab") as file,
+        ):
             start = time.perf_counter()
-            fcntl.flock(file, fcntl.LOCK_EX)             # closing the file gives it back
+            fcntl.flock(file, fcntl.LOCK_EX)  # closing the file gives it back
             waited(time.perf_counter() - start)
             held.add(name)
             try:
                 return plain(self, sig)
             finally:
                 held.discard(name)
+
     Dispatcher.compile = compile_alone
 
 
@@ -53,4 +62,7 @@ def _name(dispatcher) -> str | None:
     if place is None:
         return None
     f = dispatcher.py_func
-    return "kernel-" + hashlib.sha256(f"{place} {f.__module__} {f.__qualname__}".encode()).hexdigest()[:16]
+    return (
+        "kernel-"
+        + hashlib.sha256(f"{place} {f.__module__} {f.__qualname__}".encode()).hexdigest()[:16]
+    )

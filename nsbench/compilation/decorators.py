@@ -4,19 +4,25 @@ They are not kept on disk: who calls them is, with their code in it. Beside that
 assigned to arrays (their message on shapes is put together by 25 functions on strings), literals as arguments (a version
 of the function for each), functions of numpy on arrays. Hence `one`, and loops.
 """
+
 import numba
 import numpy as np
 
 from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
 
 inner = numba.njit(error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
-summing = numba.njit(error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True,
-                     fastmath={"reassoc", "contract"})        # dot products may be summed in lanes
+summing = numba.njit(
+    error_model="numpy",
+    no_cpython_wrapper=True,
+    no_cfunc_wrapper=True,
+    fastmath={"reassoc", "contract"},
+)  # dot products may be summed in lanes
 
 
 @inner
 def one():
     """1 that is no literal."""
     return np.int64(1)
+
 
 once = numba.njit(error_model="numpy", inline="always")

@@ -3,6 +3,7 @@
 NSBENCH_CACHE=off keeps everything off the disk. A file that cannot be read or written is no error: what it would hold is
 compiled again.
 """
+
 from __future__ import annotations
 
 import contextlib
@@ -12,7 +13,7 @@ import os
 import tempfile
 from pathlib import Path
 
-FILES = 2000                   # kept in one folder, about 300 MB of JAX programs; the oldest give way
+FILES = 2000  # kept in one folder, about 300 MB of JAX programs; the oldest give way
 
 
 @functools.cache
@@ -26,8 +27,12 @@ def folder(kind: str) -> Path | None:
     except OSError:
         return None
     # it is run as it stands: a folder that others can write to is not read
-    return path if not hasattr(os, "getuid") or (path.stat().st_uid == os.getuid() and not path.stat().st_mode & 0o022) \
+    return (
+        path
+        if not hasattr(os, "getuid")
+        or (path.stat().st_uid == os.getuid() and not path.stat().st_mode & 0o022)
         else None
+    )
 
 
 def digest(*words: str) -> str:
@@ -42,10 +47,18 @@ def digest(*words: str) -> str:
 def processor() -> str:
     """The machine that the code is for, and this Python."""
     import platform
+
     lines = ""
     with contextlib.suppress(OSError):
-        lines = "".join(sorted(set(line for line in Path("/proc/cpuinfo").read_text().splitlines()
-                                   if line.startswith(("flags", "Features", "model name")))))
+        lines = "".join(
+            sorted(
+                set(
+                    line
+                    for line in Path("/proc/cpuinfo").read_text().splitlines()
+                    if line.startswith(("flags", "Features", "model name"))
+                )
+            )
+        )
     return f"{platform.machine()} {platform.processor()} {platform.python_version()} {os.cpu_count()} {lines}"
 
 

@@ -4,6 +4,7 @@ A compiled drift is a C callback ``(t, x, out)``. Passed to a cached kernel it i
 pointer: the kernel is compiled once for every drift and kept on disk; the drift itself is compiled once per case, and
 kept too (nsbench.compilation.cfunc_cache).
 """
+
 from __future__ import annotations
 
 import functools
@@ -23,6 +24,7 @@ def host(factory: Callable) -> Callable:
 
     def at(t, *args):
         return f(np.float64(t) if type(t) is float else t, *args)
+
     return at
 
 
@@ -35,6 +37,7 @@ def _pointer(factory, signature, make):
     from numba.core.errors import NumbaError
 
     from nsbench.compilation import cfunc_cache as pointers
+
     try:
         function = factory(np)
         name = pointers.name_of(signature, make.__qualname__, function)
@@ -53,20 +56,29 @@ def _compiled(f, callers=()):
     `callers`, which it would call in a circle: numba says what it thinks of those.
     """
     import numba
+
     if isinstance(f, types.FunctionType) and f.__closure__:
-        callers, cells = (*callers, f), []
+        callers = (*callers, f)
+        cells = []
         for cell in f.__closure__:
             try:
                 v = cell.cell_contents
             except ValueError:
                 raise CompileError(f"{f.__qualname__} closes over a name without a value") from None
-            cells.append(types.CellType(_compiled(v, callers) if isinstance(v, types.FunctionType) and v not in callers else v))
+            cells.append(
+                types.CellType(
+                    _compiled(v, callers)
+                    if isinstance(v, types.FunctionType) and v not in callers
+                    else v
+                )
+            )
         f = types.FunctionType(f.__code__, f.__globals__, f.__name__, f.__defaults__, tuple(cells))
     return numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True)(f)
 
 
 def _types():
     from numba import types as of
+
     return of.void, of.float64, of.float64[::1]
 
 
@@ -78,11 +90,15 @@ def rhs(factory: Callable, n: int):
     def make(f):
         def fill(t, x, out):
             for i in range(out.size):
-                out[i] = np.nan      # what is left if f raises: a callback cannot pass an exception on
-            v = f(t, x)              # element by element: assigning a slice takes two seconds to compile in each process
+                out[i] = np.nan  # what is left if f raises: a callback cannot pass an exception on
+            v = f(
+                t, x
+            )  # element by element: assigning a slice takes two seconds to compile in each process
             for i in range(out.size if v.size == out.size or v.size == 1 else 0):
                 out[i] = v[i if v.size > 1 else 0]
+
         return fill
+
     return _pointer(factory, void(f8, vec, vec), make)
 
 
@@ -98,7 +114,9 @@ def rhs_signs(factory: Callable, n: int, d: int):
             v = f(t, x, s)
             for i in range(out.size if v.size == out.size or v.size == 1 else 0):
                 out[i] = v[i if v.size > 1 else 0]
+
         return fill
+
     return _pointer(factory, void(f8, vec, vec, vec), make)
 
 
@@ -113,7 +131,9 @@ def curve(factory: Callable, size: int):
             value = np.asarray(f(t)).ravel()
             for i in range(out.size):
                 out[i] = value[i]
+
         return fill
+
     return _pointer(factory, void(f8, vec), make)
 
 
@@ -125,10 +145,12 @@ def still():
 @functools.cache
 def _still():
     import numba
+
     void, f8, vec = _types()
 
     def nothing(t, out):
         return
+
     return numba.cfunc(void(f8, vec), cache=False)(nothing)
 
 
@@ -138,7 +160,9 @@ def plain(function, made: dict | None = None):
     if function not in made:
         source = function.py_func
         names = dict(source.__globals__)
-        made[function] = types.FunctionType(source.__code__, names, source.__name__, source.__defaults__)
+        made[function] = types.FunctionType(
+            source.__code__, names, source.__name__, source.__defaults__
+        )
         for name in source.__code__.co_names:
             if hasattr(names.get(name), "py_func"):
                 names[name] = plain(names[name], made)
@@ -148,7 +172,9 @@ def plain(function, made: dict | None = None):
 def jax_function(factory: Callable) -> Callable:
     """The factory in jax.numpy, in float64."""
     import jax
+
     if not jax.config.jax_enable_x64:
         jax.config.update("jax_enable_x64", True)
     import jax.numpy as jnp
+
     return factory(jnp)

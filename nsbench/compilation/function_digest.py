@@ -4,6 +4,7 @@ Two functions with one fingerprint compute the same, in this process or another:
 disk. Whatever cannot be told apart for certain (an object of a foreign class, a module that is no known library, random
 numbers) has no fingerprint: `Unknown` is raised and the program is then found by what was traced, at the price of tracing.
 """
+
 from __future__ import annotations
 
 import builtins
@@ -18,10 +19,14 @@ from pathlib import Path
 import numpy as np
 
 LIBRARIES = ("numpy", "jax", "math", "scipy", "cmath", "operator", "functools", "itertools")
-PURE = frozenset("abs all any bool dict divmod enumerate float int isinstance len list map max min pow range reversed "
-                 "round set slice sorted sum tuple zip str frozenset complex".split())
+PURE = frozenset(
+    "abs all any bool dict divmod enumerate float int isinstance len list map max min pow range reversed "
+    "round set slice sorted sum tuple zip str frozenset complex".split()
+)
 PLAIN = (type(None), bool, int, float, complex, str, bytes, type(Ellipsis))
-UNCERTAIN = frozenset(("random", "default_rng", "RandomState", "fromfile", "load", "loadtxt", "genfromtxt", "memmap"))
+UNCERTAIN = frozenset(
+    ("random", "default_rng", "RandomState", "fromfile", "load", "loadtxt", "genfromtxt", "memmap")
+)
 
 
 class Unknown(Exception):
@@ -40,6 +45,7 @@ def _put(h, v, seen):
         for w in words:
             b = w if isinstance(w, bytes) else str(w).encode()
             h.update(len(b).to_bytes(8, "little") + b)
+
     if isinstance(v, PLAIN):
         tag(type(v).__name__, repr(v))
     elif isinstance(v, np.generic) or (type(v) is np.ndarray and v.dtype.kind in "fiubc"):
@@ -58,7 +64,10 @@ def _put(h, v, seen):
         tag("slice", repr(v))
     elif isinstance(v, np.ufunc) or isinstance(v, types.BuiltinFunctionType):
         tag("built in", getattr(v, "__module__", None) or "numpy", v.__name__)
-        if not isinstance(v, np.ufunc) and (v.__module__ or "numpy").partition(".")[0] not in (*LIBRARIES, "builtins"):
+        if not isinstance(v, np.ufunc) and (v.__module__ or "numpy").partition(".")[0] not in (
+            *LIBRARIES,
+            "builtins",
+        ):
             raise Unknown(f"the function {v.__name__} of {v.__module__}")
     elif isinstance(v, types.ModuleType):
         _library(tag, v.__name__)
@@ -67,7 +76,9 @@ def _put(h, v, seen):
         _put(h, (v.func, v.args, v.keywords), seen)
     elif isinstance(v, types.FunctionType):
         _function(h, tag, v, seen)
-    elif type(v).__module__.startswith("numba.") and isinstance(getattr(v, "py_func", None), types.FunctionType):
+    elif type(v).__module__.startswith("numba.") and isinstance(
+        getattr(v, "py_func", None), types.FunctionType
+    ):
         tag("compiled")
         _put(h, (v.targetoptions, v.py_func), seen)
     elif isinstance(v, type):
@@ -100,7 +111,7 @@ def _function(h, tag, f, seen):
         tag("function", f.__module__, f.__qualname__)
         _library(tag, f.__module__)
         return
-    if id(f) in seen:                        # it calls itself, or is met again
+    if id(f) in seen:  # it calls itself, or is met again
         tag("again", seen[id(f)])
         return
     seen[id(f)] = len(seen)
@@ -115,8 +126,18 @@ def _function(h, tag, f, seen):
 
 
 def _code(h, tag, code, space, seen):
-    tag("code", code.co_code, code.co_argcount, code.co_kwonlyargcount, code.co_flags, code.co_names, code.co_varnames,
-        code.co_freevars, code.co_cellvars, getattr(code, "co_exceptiontable", b""))
+    tag(
+        "code",
+        code.co_code,
+        code.co_argcount,
+        code.co_kwonlyargcount,
+        code.co_flags,
+        code.co_names,
+        code.co_varnames,
+        code.co_freevars,
+        code.co_cellvars,
+        getattr(code, "co_exceptiontable", b""),
+    )
     if UNCERTAIN & set(code.co_names):
         raise Unknown(f"{sorted(UNCERTAIN & set(code.co_names))[0]} in {code.co_name}")
     for op in dis.get_instructions(code):
@@ -150,6 +171,7 @@ def version(name: str) -> str:
         return metadata.version(name)
     except metadata.PackageNotFoundError:
         import platform
+
         return platform.python_version()
 
 

@@ -5,6 +5,7 @@ libraries that trace and compile, of JAX's settings and of the processor. Where 
 found by the text of what was traced. JAX's own settings, its cache among them, are left as the user has them.
 A file that cannot be read is no error: the program is compiled again. NSBENCH_CACHE=off keeps programs off the disk.
 """
+
 from __future__ import annotations
 
 import functools
@@ -30,6 +31,7 @@ TRACERS = ("jax", "jaxlib", "diffrax", "equinox", "optimistix", "lineax", "numpy
 def float64():
     """JAX in float64, whoever imported it before."""
     import jax
+
     if not jax.config.jax_enable_x64:
         jax.config.update("jax_enable_x64", True)
     return jax
@@ -38,19 +40,22 @@ def float64():
 @dataclass
 class Kept:
     """An executable; again() -> a newly compiled one, where this one came from the disk."""
+
     run: Callable
     again: Callable | None = None
 
     def __call__(self, *arguments) -> dict:
         """The results as numpy arrays. A program from the disk that does not run is compiled again, once."""
         import jax
+
         float64()
         try:
             return {name: np.asarray(v) for name, v in self.run(*arguments).items()}
         except jax.errors.JaxRuntimeError:
             if self.again is None:
                 raise
-        self.run, self.again = self.again(), None
+        self.run = self.again()
+        self.again = None
         return self(*arguments)
 
 
@@ -91,8 +96,11 @@ def _compile(lowered):
 def _watch_cache() -> list:
     """The hits of JAX's own cache in this process."""
     import jax
+
     hits = []
-    jax.monitoring.register_event_listener(lambda event, **_: hits.append(event) if event.endswith("/cache_hits") else None)
+    jax.monitoring.register_event_listener(
+        lambda event, **_: hits.append(event) if event.endswith("/cache_hits") else None
+    )
     return hits
 
 
@@ -100,8 +108,13 @@ def _platform() -> str:
     """All beside the program that makes an executable what it is."""
     jax = float64()
     settings = {k: v for k, v in jax.config.values.items() if "cache" not in k}
-    return digest(*(f"{n} {version(n)}" for n in TRACERS), package_digest(), repr(sorted(settings.items(), key=str)),
-                  os.environ.get("XLA_FLAGS", ""), kept.processor())
+    return digest(
+        *(f"{n} {version(n)}" for n in TRACERS),
+        package_digest(),
+        repr(sorted(settings.items(), key=str)),
+        os.environ.get("XLA_FLAGS", ""),
+        kept.processor(),
+    )
 
 
 def folder() -> Path | None:
@@ -115,7 +128,7 @@ def _load(name):
         return None
     try:
         return unpack(body)
-    except Exception:      # whatever is wrong with the file, or with this JAX's idea of it: the program is compiled again
+    except Exception:  # whatever is wrong with the file, or with this JAX's idea of it: the program is compiled again
         return None
 
 
@@ -125,6 +138,6 @@ def _save(name, compiled, lapack: bool) -> None:
         return
     try:
         body = pack(compiled, lapack)
-    except Exception:      # an executable that cannot be written
+    except Exception:  # an executable that cannot be written
         return
     kept.write(folder(), name, body)

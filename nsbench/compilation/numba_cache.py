@@ -1,5 +1,6 @@
 """numba keeps what it compiled on disk, by the content of the function's own file alone; an edit of a file that
 this one imports would go unnoticed, and old code would compute new rows. Here the files that it imports count too."""
+
 from __future__ import annotations
 
 import functools
@@ -26,7 +27,7 @@ def contents(path: str) -> str:
 def stamp_all() -> None:
     """From now on the stamp of what is kept holds the contents of all files."""
     locator = getattr(caching, "_SourceFileBackedLocatorMixin", None)
-    if locator is None:                                  # another numba: it keeps what it keeps
+    if locator is None:  # another numba: it keeps what it keeps
         return
     plain = getattr(locator.get_source_stamp, "plain", locator.get_source_stamp)
 
@@ -34,5 +35,6 @@ def stamp_all() -> None:
     def stamp(self):
         more = contents(self._py_file)
         return (plain(self), more) if more else plain(self)
+
     stamp.plain = plain
     locator.get_source_stamp = stamp

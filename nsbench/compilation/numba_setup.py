@@ -2,6 +2,7 @@
 
 So a folder that others can write to is no place for it: kernels are then kept in a folder of the user alone.
 """
+
 import os
 import stat
 from pathlib import Path
@@ -24,6 +25,7 @@ def keep_private(home: Path) -> None:
     if os.environ.get("NUMBA_CACHE_DIR") or private(home / "__pycache__"):
         return
     from numba import config
+
     own = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "nsbench" / "kernels"
     own.mkdir(parents=True, exist_ok=True, mode=0o700)
     if private(own):

@@ -1,4 +1,5 @@
 """Bisection of a function of time."""
+
 HALVINGS = 50
 
 

@@ -5,6 +5,7 @@ whose gradient vanishes throws the state far away. Whatever the method, such a r
 Nothing is looked at where it cannot happen: a start that was found feasible proves that constraints at rest leave a point.
 Steps round the state: where they are so many that their roundings can add up to a part of the motion, nothing is known.
 """
+
 from __future__ import annotations
 
 import functools
@@ -27,10 +28,12 @@ from nsbench.problem import LCS, Complementarity, Distance, Filippov, Smooth
 from nsbench.trajectory import Status, Trajectory
 
 EPS = float(np.finfo(float).eps)
-GREW = 10.0              # over the start's size, and over that of half of the samples
-ROUNDED = 1e-2           # part of the motion that roundings of all steps may add up to
-SLIDES = 4 * EPS         # of the state, as in nsbench.solvers.euler.kernels.loop
-FLAT = 1e-6              # gradient over its largest along the run: below it a constraint does not push but throws
+GREW = 10.0  # over the start's size, and over that of half of the samples
+ROUNDED = 1e-2  # part of the motion that roundings of all steps may add up to
+SLIDES = 4 * EPS  # of the state, as in nsbench.solvers.euler.kernels.loop
+FLAT = (
+    1e-6  # gradient over its largest along the run: below it a constraint does not push but throws
+)
 
 
 def doubted(case: Case, traj: Trajectory) -> Trajectory:
@@ -39,19 +42,35 @@ def doubted(case: Case, traj: Trajectory) -> Trajectory:
     if not traj.status.ok or not len(traj.t):
         return traj
     with np.errstate(all="ignore"):
-        known = case.exact is not None                       # then the error is seen, and the solution is there
-        status = (None if known else pole(case, traj)) or _overshot(case, traj) or _rounded(case, traj)
+        known = case.exact is not None  # then the error is seen, and the solution is there
+        status = (
+            (None if known else pole(case, traj)) or _overshot(case, traj) or _rounded(case, traj)
+        )
         if isinstance(p, Filippov) and not known:
             seen = fuller(traj)
-            status = status or parted(case) or repelled(case, seen) or turned(case, seen) or _overslid(case, seen)
+            status = (
+                status
+                or parted(case)
+                or repelled(case, seen)
+                or turned(case, seen)
+                or _overslid(case, seen)
+            )
         if isinstance(p, Complementarity) and p.constraints:
-            status = _tied(case) or nowhere(case, traj) or passed(case, traj) or _flat(case, traj) or status
+            status = (
+                _tied(case)
+                or nowhere(case, traj)
+                or passed(case, traj)
+                or _flat(case, traj)
+                or status
+            )
     return traj if status is None else replace(traj, status=status)
 
 
 def _overslid(case: Case, traj: Trajectory) -> Status | None:
     """Explicit steps over a surface that keep the state beside it when the slide has ended."""
-    where = late(case, traj, step=float(traj.stats.get("h") or 0.0)) if traj.lam_time == "start" else ""
+    where = (
+        late(case, traj, step=float(traj.stats.get("h") or 0.0)) if traj.lam_time == "start" else ""
+    )
     return Status("unverified", f"{where}: no error of size h is claimed there.") if where else None
 
 
@@ -61,16 +80,25 @@ def _overshot(case: Case, traj: Trajectory) -> Status | None:
     An explicit step multiplies what decays with rate r by 1 - r h, which grows beyond r h = 2 (Hairer & Wanner, Solving ODEs
     II, chapter IV.2). Looked at where the samples are largest: |drift| h of more than twice the state, and against it.
     """
-    h, p = float(traj.stats.get("h", 0.0) or 0.0), case.problem
+    h = float(traj.stats.get("h", 0.0) or 0.0)
+    p = case.problem
     sizes = np.abs(traj.x).max(axis=1, initial=0.0)
     k = int(np.argmax(sizes))
-    if not (isinstance(p, Complementarity) and h > 0.0 and sizes[k] > GREW * max(sizes[0], float(np.median(sizes)))):
+    if not (
+        isinstance(p, Complementarity)
+        and h > 0.0
+        and sizes[k] > GREW * max(sizes[0], float(np.median(sizes)))
+    ):
         return None
-    i, f = int(np.argmax(np.abs(traj.x[k]))), host(p.drift)(traj.t[k], traj.x[k].copy())
+    i = int(np.argmax(np.abs(traj.x[k])))
+    f = host(p.drift)(traj.t[k], traj.x[k].copy())
     if not -f[i] * h * np.sign(traj.x[k, i]) > 2.0 * sizes[k]:
         return None
-    return Status("diverged", f"The state grew to {sizes[k]:.3g} at t = {traj.t[k]:.6g} although the drift pulls it back: steps "
-                              f"of {h:.3g} overshoot; take them shorter than {2.0 * sizes[k] / abs(f[i]):.3g}.")
+    return Status(
+        "diverged",
+        f"The state grew to {sizes[k]:.3g} at t = {traj.t[k]:.6g} although the drift pulls it back: steps "
+        f"of {h:.3g} overshoot; take them shorter than {2.0 * sizes[k] / abs(f[i]):.3g}.",
+    )
 
 
 def _rounded(case: Case, traj: Trajectory) -> Status | None:
@@ -87,9 +115,12 @@ def _rounded(case: Case, traj: Trajectory) -> Status | None:
     if not 0.0 < ROUNDED * speed * float(traj.t[-1] - traj.t[0]) < lost:
         return None
     size = np.abs(traj.x).max()
-    return Status("unverified", f"The roundings of {int(traj.stats['steps'])} steps of a state of {size:.3g} may add up to "
-                                f"{lost:.2g}, which is more than a hundredth of the motion: take longer steps, or a "
-                                "frame in which the state is not so large.")
+    return Status(
+        "unverified",
+        f"The roundings of {int(traj.stats['steps'])} steps of a state of {size:.3g} may add up to "
+        f"{lost:.2g}, which is more than a hundredth of the motion: take longer steps, or a "
+        "frame in which the state is not so large.",
+    )
 
 
 def pace(problem, t: float, x: np.ndarray) -> float:
@@ -99,7 +130,8 @@ def pace(problem, t: float, x: np.ndarray) -> float:
     elif isinstance(problem, Complementarity):
         speeds = [host(problem.drift)(t, x.copy())]
     else:
-        field, d = host(problem.field), len(np.atleast_1d(host(problem.switch)(t, x)))
+        field = host(problem.field)
+        d = len(np.atleast_1d(host(problem.switch)(t, x)))
         speeds = [field(t, x.copy(), np.full(d, s)) for s in (1.0, -1.0)]
     return float(np.abs(speeds).max(initial=0.0))
 
@@ -109,31 +141,44 @@ def _tied(case: Case) -> Status | None:
     """Coincident centres at a start that is kept: which way they part is no property of the case."""
     if case.start != "keep" or not any(isinstance(c, Distance) for c in case.problem.constraints):
         return None
-    t, scene = float(case.t[0]), scene_of(case)
+    t = float(case.t[0])
+    scene = scene_of(case)
     near = scene.near(case.x0, 0.0, t)
     g = scene.gaps(t, case.x0, near)
     tie = np.flatnonzero(np.isin(near.kind, (PAIR, ANCHOR)) & (near.sign > 0) & (g == -near.d))
     if not tie.size:
         return None
-    return Status("degenerate", f"The start has coincident centres, {near.ids[int(tie[0])]}: their contact has no normal, and "
-                                "each method parts them in a direction of its own.")
+    return Status(
+        "degenerate",
+        f"The start has coincident centres, {near.ids[int(tie[0])]}: their contact has no normal, and "
+        "each method parts them in a direction of its own.",
+    )
 
 
 def _flat(case: Case, traj: Trajectory) -> Status | None:
     """A smooth constraint that pushes where its gradient vanishes."""
     if not any(isinstance(c, Smooth) for c in case.problem.constraints):
         return None
-    scene, acts = scene_of(case), np.abs(np.diff(traj.impulse, axis=0)) > 0.0
+    scene = scene_of(case)
+    acts = np.abs(np.diff(traj.impulse, axis=0)) > 0.0
     families = [k for k, c in enumerate(scene.families) if isinstance(c, Smooth)]
     for s, k in enumerate(families):
         mine = [(c, ident[1]) for c, ident in enumerate(traj.contacts) if ident[0] == k]
         if not mine:
             continue
-        grads = [np.asarray(scene.smooth(s).gradient(t, x)) for t, x in zip(traj.t, traj.x, strict=True)]
-        size = np.sqrt((np.array(grads) ** 2).sum(-1))                       # (samples, rows)
+        grads = [
+            np.asarray(scene.smooth(s).gradient(t, x)) for t, x in zip(traj.t, traj.x, strict=True)
+        ]
+        size = np.sqrt((np.array(grads) ** 2).sum(-1))  # (samples, rows)
         for c, row in mine:
-            pushing = np.flatnonzero(acts[:, c] & (np.minimum(size[:-1, row], size[1:, row]) <= FLAT * np.nanmax(size[:, row])))
+            pushing = np.flatnonzero(
+                acts[:, c]
+                & (np.minimum(size[:-1, row], size[1:, row]) <= FLAT * np.nanmax(size[:, row]))
+            )
             if pushing.size:
-                return Status("degenerate", f"Constraint {(k, row)} pushes at t = {traj.t[pushing[0] + 1]:.6g} where its "
-                                            "gradient vanishes: there is no direction to push in.")
+                return Status(
+                    "degenerate",
+                    f"Constraint {(k, row)} pushes at t = {traj.t[pushing[0] + 1]:.6g} where its "
+                    "gradient vanishes: there is no direction to push in.",
+                )
     return None

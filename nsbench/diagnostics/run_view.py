@@ -1,4 +1,5 @@
 """What is known of a run between its samples: states that methods keep there, for doubts that samples do not show."""
+
 from __future__ import annotations
 
 from dataclasses import replace
@@ -7,8 +8,8 @@ import numpy as np
 
 from nsbench.trajectory import Trajectory
 
-LOOKS = 100              # parts of a run with switches after which states are kept
-CLOSE = 1e-6             # of the run: nearer to one another weights between two states are rounding
+LOOKS = 100  # parts of a run with switches after which states are kept
+CLOSE = 1e-6  # of the run: nearer to one another weights between two states are rounding
 
 
 def fuller(traj: Trajectory) -> Trajectory:
@@ -20,7 +21,10 @@ def fuller(traj: Trajectory) -> Trajectory:
     later = np.minimum(np.searchsorted(traj.t, t), len(traj.t) - 1)
     away = np.minimum(np.abs(t - traj.t[later]), np.abs(t - traj.t[later - 1])) > span
     away[1:] &= np.diff(t) > span
-    t, x, impulse = (np.append(a, b[away], axis=0) for a, b in zip((traj.t, traj.x, traj.impulse), (t, x, impulse), strict=True))
+    t, x, impulse = (
+        np.append(a, b[away], axis=0)
+        for a, b in zip((traj.t, traj.x, traj.impulse), (t, x, impulse), strict=True)
+    )
     order = np.argsort(t)
     return replace(traj, t=t[order], x=x[order], impulse=impulse[order], between=None)
 

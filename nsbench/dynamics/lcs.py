@@ -1,4 +1,5 @@
 """What the methods for linear complementarity systems share: right-hand sides, consistent starts, uniqueness."""
+
 from __future__ import annotations
 
 from itertools import combinations
@@ -9,9 +10,9 @@ from nsbench.case import Case
 from nsbench.compilation.factories import host, plain
 from nsbench.problem import LCS
 
-MINORS = 10               # rows whose principal minors are all looked at
-FEW = 8                   # rows up to which one complementarity problem is solved without compiling the solver
-_drifts: dict = {}         # by id; the system is kept beside it, so that the id stays its own
+MINORS = 10  # rows whose principal minors are all looked at
+FEW = 8  # rows up to which one complementarity problem is solved without compiling the solver
+_drifts: dict = {}  # by id; the system is kept beside it, so that the id stays its own
 
 
 def drift_of(p: LCS):
@@ -26,21 +27,28 @@ def _make(p):
 
     def still(xp):
         a = A if xp.__name__ == "numpy" else xp.asarray(A)
+
         def f(t, x):
             return a @ x
+
         return f
 
     def driven(xp):
-        a, u = A if xp.__name__ == "numpy" else xp.asarray(A), p.u(xp)
+        a = A if xp.__name__ == "numpy" else xp.asarray(A)
+        u = p.u(xp)
+
         def f(t, x):
             return a @ x + u(t)
+
         return f
+
     return still if p.u is None else driven
 
 
 def inputs(p: LCS):
     """u and q as numpy functions of time, (n,) and (m,)."""
-    zero_u, zero_q = np.zeros(p.B.shape[0]), np.zeros(p.B.shape[1])
+    zero_u = np.zeros(p.B.shape[0])
+    zero_q = np.zeros(p.B.shape[1])
     return _floats(p.u) if p.u else lambda t: zero_u, _floats(p.q) if p.q else lambda t: zero_q
 
 
@@ -52,22 +60,30 @@ def _floats(factory):
 def inconsistent(case: Case) -> str | None:
     """Why no motion without a jump starts at x0, as a sentence; None if lambda(t0) exists."""
     from nsbench.lcp import lemke
-    p, t0 = case.problem, float(case.t[0])
+
+    p = case.problem
+    t0 = float(case.t[0])
     q = inputs(p)[1](t0)
     v = p.C @ case.x0 + q
     if not np.all(np.isfinite(v)):
         return f"w is not finite at the start of {case.key}: {v}."
     size = np.abs(p.C) @ np.abs(case.x0) + np.abs(q)
-    v = np.where(np.abs(v) <= 1e-9 * size, np.maximum(v, 0.0), v)         # the rounding of whoever made the start
+    v = np.where(
+        np.abs(v) <= 1e-9 * size, np.maximum(v, 0.0), v
+    )  # the rounding of whoever made the start
     solve, scales = (plain(f) if len(v) <= FEW else f for f in (lemke.solve, lemke.scales))
     D = np.array(p.D)
     with np.errstate(all="ignore"):
-        if solve(D, v, *scales(D), np.zeros(len(v), np.bool_), np.zeros(len(v)), np.zeros(len(v)))[0]:
+        if solve(D, v, *scales(D), np.zeros(len(v), np.bool_), np.zeros(len(v)), np.zeros(len(v)))[
+            0
+        ]:
             return None
     row = int(np.argmin(v))
-    return (f"The start of {case.key} is inconsistent: no lambda >= 0 makes w = C x0 + D lambda + q(t0) non-negative and "
-            f"complementary to it (C x0 + q(t0) is {v[row]:.6g} in row {row}); the state would have to jump, for which "
-            "a linear complementarity system states no law.")
+    return (
+        f"The start of {case.key} is inconsistent: no lambda >= 0 makes w = C x0 + D lambda + q(t0) non-negative and "
+        f"complementary to it (C x0 + q(t0) is {v[row]:.6g} in row {row}); the state would have to jump, for which "
+        "a linear complementarity system states no law."
+    )
 
 
 def certainly_unique(M: np.ndarray, G: np.ndarray) -> bool:
@@ -77,13 +93,17 @@ def certainly_unique(M: np.ndarray, G: np.ndarray) -> bool:
     its symmetric part does (Cottle, Pang & Stone 1992, theorems 3.3.7 and 3.1.7). Minors are looked at for up to 10 rows.
     """
     from nsbench.lcp import lemke
+
     m = len(M)
     if m == 0:
         return True
     a, b = lemke.scales(M)
     S = a[:, None] * M * b
-    if m <= MINORS and all(np.linalg.det(S[np.ix_(i, i)]) > 1e-10 for k in range(1, m + 1)
-                           for i in combinations(range(m), k)):
+    if m <= MINORS and all(
+        np.linalg.det(S[np.ix_(i, i)]) > 1e-10
+        for k in range(1, m + 1)
+        for i in combinations(range(m), k)
+    ):
         return True
     s = np.sqrt(np.where(np.diag(M) > 0.0, np.diag(M), 1.0))
     sym = 0.5 * (M + M.T) / s[:, None] / s
@@ -92,5 +112,9 @@ def certainly_unique(M: np.ndarray, G: np.ndarray) -> bool:
     if values[0] < -1e-12 * max(top, 1.0):
         return False
     null = vectors[:, values <= 1e-12 * top] / s[:, None]
-    return bool(np.abs(G @ null).max(initial=0.0) <= 1e-9 * max(np.abs(G).max(initial=0.0), 1e-300)
-                * max(np.abs(null).max(initial=0.0), 1e-300))
+    return bool(
+        np.abs(G @ null).max(initial=0.0)
+        <= 1e-9
+        * max(np.abs(G).max(initial=0.0), 1e-300)
+        * max(np.abs(null).max(initial=0.0), 1e-300)
+    )

@@ -1,4 +1,5 @@
 """The unit of a case: tolerances that are absolute are relative to it."""
+
 from __future__ import annotations
 
 import functools
@@ -10,11 +11,11 @@ from nsbench.compilation.factories import host
 from nsbench.dynamics.contacts.time_dependence import SmoothRows
 from nsbench.problem import Affine, Complementarity, Distance
 
-LOOKS = 5                 # times of a run
-KRYLOV = 8                # dimensions of a motion beside the start
-CLOSED = 1e-10            # of a vector: less of it outside a space is rounding
-DOUBLINGS = 40            # of the first of the times at which that motion is looked at, up to the run's
-SMALL = 1e-3              # size of a motion of which an absolute 1e-9 would be visible beside a rate
+LOOKS = 5  # times of a run
+KRYLOV = 8  # dimensions of a motion beside the start
+CLOSED = 1e-10  # of a vector: less of it outside a space is rounding
+DOUBLINGS = 40  # of the first of the times at which that motion is looked at, up to the run's
+SMALL = 1e-3  # size of a motion of which an absolute 1e-9 would be visible beside a rate
 
 
 @functools.lru_cache(maxsize=64)
@@ -32,7 +33,9 @@ def unit(case: Case, x0: np.ndarray) -> float:
     The size of the state at the start; of motion and constraints beside it at LOOKS times of the run. A drift that pulls back
     moves a state until it is where it pulls to, which may be long before the end.
     """
-    T, lengths, motions = float(case.t[-1] - case.t[0]), [float(np.abs(x0).max(initial=0.0))], []
+    T = float(case.t[-1] - case.t[0])
+    lengths = [float(np.abs(x0).max(initial=0.0))]
+    motions = []
     looks = np.linspace(case.t[0], case.t[-1], LOOKS).tolist()
     for t in looks:
         try:
@@ -50,8 +53,12 @@ def unit(case: Case, x0: np.ndarray) -> float:
                 continue
             away = size or speed * T
             change = np.abs(_tried(f, x0 + away * v / speed) - v)
-            lasts = np.where(change > 0.0, away / speed * np.abs(v) / change, T)        # of each coordinate
-            size = np.fmax(size, min(float((np.abs(v) * np.fmin(T, lasts)).max()), _way(f, x0, v, away, T)))
+            lasts = np.where(
+                change > 0.0, away / speed * np.abs(v) / change, T
+            )  # of each coordinate
+            size = np.fmax(
+                size, min(float((np.abs(v) * np.fmin(T, lasts)).max()), _way(f, x0, v, away, T))
+            )
     return float(size) if 0.0 < size < SMALL else 1.0
 
 
@@ -59,8 +66,11 @@ def _way(f, x0: np.ndarray, v: np.ndarray, away: float, T: float) -> float:
     """The farthest that a coordinate comes from x0 within T where x' = v + J (x - x0), J by differences of f over the length
     `away`, in the Krylov space of v (Arnoldi 1951); infinite where that is no number. What turns comes back."""
     from scipy.linalg import expm
+
     many = min(x0.size, KRYLOV)
-    V, H = np.zeros((many + 1, x0.size)), np.zeros((many + 1, many + 1))       # x - x0 = V y, y' = H y + |v| e_0
+    # x - x0 = V y, y' = H y + |v| e_0
+    V = np.zeros((many + 1, x0.size))
+    H = np.zeros((many + 1, many + 1))
     most = float(np.abs(v).max())
     V[0], H[0, many] = v / most / np.linalg.norm(v / most), most * np.linalg.norm(v / most)
     for j in range(many):
@@ -69,14 +79,16 @@ def _way(f, x0: np.ndarray, v: np.ndarray, away: float, T: float) -> float:
         if not np.isfinite(whole):
             return np.inf
         for _ in range(2):
-            part = V[:j + 1] @ w
-            H[:j + 1, j] += part
-            w = w - part @ V[:j + 1]
+            part = V[: j + 1] @ w
+            H[: j + 1, j] += part
+            w = w - part @ V[: j + 1]
         rest = float(np.linalg.norm(w))
         if rest <= CLOSED * whole or j + 1 == many:
             break
-        H[j + 1, j], V[j + 1] = rest, w / rest
-    E, ways = expm(2.0**-DOUBLINGS * T * H), []
+        H[j + 1, j] = rest
+        V[j + 1] = w / rest
+    E = expm(2.0**-DOUBLINGS * T * H)
+    ways = []
     for _ in range(DOUBLINGS + 1):
         ways.append(float(np.abs(E[:many, many] @ V[:many]).max()))
         E = E @ E
@@ -97,13 +109,20 @@ def _motions(case: Case, t: float, x0: np.ndarray) -> list:
     if isinstance(p, Complementarity):
         drift = host(p.drift)
         return [lambda x: np.asarray(drift(t, x.copy()), float)]
-    field, d = host(p.field), len(np.atleast_1d(host(p.switch)(t, x0.copy())))
-    return [lambda x, s=s: np.asarray(field(t, x.copy(), np.full(d, s)), float) for s in (1.0, -1.0)]
+    field = host(p.field)
+    d = len(np.atleast_1d(host(p.switch)(t, x0.copy())))
+    return [
+        lambda x, s=s: np.asarray(field(t, x.copy(), np.full(d, s)), float) for s in (1.0, -1.0)
+    ]
 
 
 def _lengths(case: Case, t: float, x0: np.ndarray) -> list[float]:
     """The sizes of the families of constraints at t."""
-    return [_length(c, t, x0) for c in case.problem.constraints] if isinstance(case.problem, Complementarity) else []
+    return (
+        [_length(c, t, x0) for c in case.problem.constraints]
+        if isinstance(case.problem, Complementarity)
+        else []
+    )
 
 
 def _length(c, t: float, x: np.ndarray) -> float:

@@ -3,6 +3,7 @@
 Reads a list of specs from its input as JSON and writes a line for each run that has ended. Who started it stops it when the
 time is up.
 """
+
 from __future__ import annotations
 
 import contextlib
@@ -27,17 +28,28 @@ def probe(specs: list[Spec], seconds: float) -> dict[Spec, dict]:
     found: dict[Spec, dict] = {}
     if not specs or seconds <= 0.0:
         return found
-    env = os.environ | dict.fromkeys(THREADS, "1") | {"PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
+    env = (
+        os.environ
+        | dict.fromkeys(THREADS, "1")
+        | {"PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
+    )
     with tempfile.TemporaryFile() as asked:
         asked.write(json.dumps([asdict(s) for s in specs]).encode())
         asked.seek(0)
-        process = subprocess.Popen([sys.executable, "-m", __name__], stdin=asked, stdout=subprocess.PIPE, env=env,
-                                   stderr=subprocess.DEVNULL)
+        process = subprocess.Popen(
+            [sys.executable, "-m", __name__],
+            stdin=asked,
+            stdout=subprocess.PIPE,
+            env=env,
+            stderr=subprocess.DEVNULL,
+        )
     stop = threading.Timer(seconds, process.kill)
     stop.start()
     try:
         for line in process.stdout:
-            with contextlib.suppress(ValueError, KeyError):      # a line that a run wrote itself, or half a one
+            with contextlib.suppress(
+                ValueError, KeyError
+            ):  # a line that a run wrote itself, or half a one
                 entry = json.loads(line)
                 found[specs[entry["probe"]]] = store.restore(entry["row"])
     finally:
@@ -62,7 +74,10 @@ def _peak() -> float:
         import resource
     except ImportError:
         return 0.0
-    return float(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024))
+    return float(
+        resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        * (1 if sys.platform == "darwin" else 1024)
+    )
 
 
 if __name__ == "__main__":

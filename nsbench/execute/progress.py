@@ -1,19 +1,23 @@
 """Progress of a long run: a bar with the time left on a terminal, plain lines elsewhere."""
+
 from __future__ import annotations
 
 import shutil
 import time
 from collections.abc import Callable
 
-LINE = 15.0               # seconds between plain lines
+LINE = 15.0  # seconds between plain lines
 
 
 class Progress:
     """Counts finished runs out of `total`; `say(text, end)` prints, `terminal` chooses the bar."""
 
     def __init__(self, total: int, say: Callable, terminal: bool):
-        self.total, self.done, self.failed = total, 0, 0
-        self.say, self.terminal = say, terminal
+        self.total = total
+        self.done = 0
+        self.failed = 0
+        self.say = say
+        self.terminal = terminal
         self.start = self.last = time.monotonic()
 
     def step(self, label: str, status: str) -> None:
@@ -37,7 +41,7 @@ class Progress:
         cells = max(0, min(30, width - len(head) - len(tail) - len(label) - 6))
         full = cells * self.done // max(1, self.total)
         bar = f"[{'#' * full}{'.' * (cells - full)}] " if cells > 4 else ""
-        return f"{head} {bar}{tail}  {label}"[:max(1, width)].ljust(max(1, width))
+        return f"{head} {bar}{tail}  {label}"[: max(1, width)].ljust(max(1, width))
 
     def end(self) -> None:
         if self.terminal and self.done:
@@ -46,4 +50,6 @@ class Progress:
 
 def clock(seconds: float) -> str:
     s = round(seconds)
-    return f"{s // 3600}:{s % 3600 // 60:02d}:{s % 60:02d}" if s >= 3600 else f"{s // 60}:{s % 60:02d}"
+    return (
+        f"{s // 3600}:{s % 3600 // 60:02d}:{s % 60:02d}" if s >= 3600 else f"{s // 60}:{s % 60:02d}"
+    )

@@ -1,4 +1,5 @@
 """Why a run is made again: what of it is not as it was when its row was written."""
+
 from __future__ import annotations
 
 from pathlib import Path
@@ -8,17 +9,26 @@ from nsbench.results.row_reuse import READ, TOUCHED, changed_data
 from nsbench.results.run_key import Part
 from nsbench.study import Spec
 
-NEW, SIZE, OTHER = "new", "new accuracy", "made by a version that did not say of what"
-MOST = 3                  # changes that are told; the others are counted
+NEW = "new"
+SIZE = "new accuracy"
+OTHER = "made by a version that did not say of what"
+MOST = 3  # changes that are told; the others are counted
 
 
-def reasons(specs: list[Spec], parts: dict[Spec, tuple[Part, ...]], keys: dict[Spec, str], known: dict, out: Path,
-            force: bool) -> dict[Spec, str]:
+def reasons(
+    specs: list[Spec],
+    parts: dict[Spec, tuple[Part, ...]],
+    keys: dict[Spec, str],
+    known: dict,
+    out: Path,
+    force: bool,
+) -> dict[Spec, str]:
     """For every run a few words why it is to be made, "" where its row is reused. known: rows by key that may be reused."""
     made, items = store.read_parts(out)
-    rows, data = store.read_journal(out), changed_data(out, specs, keys)
+    rows = store.read_journal(out)
+    data = changed_data(out, specs, keys)
     pairs = {key[:2] for key in made}
-    told: dict[tuple, str] = {}           # runs of one case and solver have changed alike
+    told: dict[tuple, str] = {}  # runs of one case and solver have changed alike
     answer = {}
     for s in specs:
         was = made.get((s.case, s.solver, s.accuracy, repr(float(s.asked))))
@@ -33,7 +43,9 @@ def reasons(specs: list[Spec], parts: dict[Spec, tuple[Part, ...]], keys: dict[S
         else:
             now = tuple(p.digest for p in parts[s])
             if (*was, *now) not in told:
-                told[*was, *now] = _changes([items.get(d) for d in was], [dict(p.items) for p in parts[s]])
+                told[*was, *now] = _changes(
+                    [items.get(d) for d in was], [dict(p.items) for p in parts[s]]
+                )
             answer[s] = told[*was, *now]
     return answer
 
@@ -50,8 +62,11 @@ def _changes(old: list[dict | None], new: list[dict]) -> str:
     if touched := next((part[TOUCHED] for part in old if TOUCHED in part), ""):
         return f"{touched} {TOUCHED}"
     before, after = ({k: v for part in parts for k, v in part.items()} for parts in (old, new))
-    words = [_change(k, before.get(k), after.get(k)) for k in sorted(before.keys() | after.keys())
-             if before.get(k) != after.get(k)]
+    words = [
+        _change(k, before.get(k), after.get(k))
+        for k in sorted(before.keys() | after.keys())
+        if before.get(k) != after.get(k)
+    ]
     if not words:
         return "asked for otherwise"
     return "; ".join(words[:MOST]) + (f"; {len(words) - MOST} more" if len(words) > MOST else "")

@@ -1,4 +1,5 @@
 """A suite from plan to folder: what is known is reused, the rest runs in workers, then tables and report."""
+
 from __future__ import annotations
 
 import contextlib
@@ -31,11 +32,14 @@ NO_ROW = "No worker gave a row of this run. The same command tries it again."
 
 def execute(specs, out: Path, args, say) -> int:
     """Run what is not known yet and write DIR/{journal.jsonl, runs.*, env.json, report.*, figures/}; the exit code."""
-    key.forget()                                         # this process may have made keys before somebody edited a file
+    key.forget()  # this process may have made keys before somebody edited a file
     cases = {(s.case, s.file): study.resolve(s.case, s.file) for s in specs}
-    made_of = {}                                         # many runs are made of the same
-    parts = {s: made_of.get(k) or made_of.setdefault(k, key.parts_of(s, cases[s.case, s.file]))
-             for s in specs for k in [(s.case, s.file, s.solver, s.solver_files)]}
+    made_of = {}  # many runs are made of the same
+    parts = {
+        s: made_of.get(k) or made_of.setdefault(k, key.parts_of(s, cases[s.case, s.file]))
+        for s in specs
+        for k in [(s.case, s.file, s.solver, s.solver_files)]
+    }
     keys = {s: key.key_of(s, parts[s]) for s in specs}
     _folder(out)
     for case in cases.values():
@@ -44,9 +48,10 @@ def execute(specs, out: Path, args, say) -> int:
     if args.plan:
         known = {} if args.force else _known(out, specs, keys, args, say)
         return plan.tell(specs, cases, parts, keys, known, out, args, say)
-    with contextlib.closing(store.Journal(out)) as journal:          # from here on nobody else writes there
+    with contextlib.closing(store.Journal(out)) as journal:  # from here on nobody else writes there
         known = {} if args.force else _known(out, specs, keys, args, say)
-        rows, todo = Kept(), [s for s in specs if keys[s] not in known]
+        rows = Kept()
+        todo = [s for s in specs if keys[s] not in known]
         for s in specs:
             if keys[s] in known:
                 rows[keys[s]] = known[keys[s]]
@@ -58,11 +63,15 @@ def execute(specs, out: Path, args, say) -> int:
             entries = filed.Filed(journal, keys, parts, cases, here=args.dask is None)
             drawn = _run(todo, keys, entries, rows, args, say, [*cases], out)
             entries.tell(say)
-        ordered = InOrder(rows, (keys[s] for s in specs), lambda i: study.lost(specs[i], "error", NO_ROW))
+        ordered = InOrder(
+            rows, (keys[s] for s in specs), lambda i: study.lost(specs[i], "error", NO_ROW)
+        )
         path = publish(out, ordered, cases, fresh=bool(todo), say=say, drawn=drawn)
     failed = Counter(r["status"] for r in ordered if r["status"] not in EXPECTED)
     if failed:
-        say(f"{failed.total()} of {len(ordered)} runs failed; the report lists each with its reason")
+        say(
+            f"{failed.total()} of {len(ordered)} runs failed; the report lists each with its reason"
+        )
     say(f"report: {path}")
     return 3 if failed["error"] or failed["crashed"] or failed.total() == len(ordered) else 0
 
@@ -70,9 +79,13 @@ def execute(specs, out: Path, args, say) -> int:
 def _folder(out: Path) -> None:
     """Raises ValueError if this can be no folder of results."""
     if out.exists() and not out.is_dir():
-        raise ValueError(f"{out} is a {'link to a ' if out.is_symlink() else ''}file; a folder is needed")
+        raise ValueError(
+            f"{out} is a {'link to a ' if out.is_symlink() else ''}file; a folder is needed"
+        )
     if out.is_symlink() and not out.exists():
-        raise ValueError(f"{out} is a link to {os.readlink(out)}, which does not exist; a folder is needed")
+        raise ValueError(
+            f"{out} is a link to {os.readlink(out)}, which does not exist; a folder is needed"
+        )
 
 
 def _known(out: Path, specs, keys, args, say) -> Kept:
@@ -81,13 +94,15 @@ def _known(out: Path, specs, keys, args, say) -> Kept:
     rows = filed.known(out, specs, keys, args.timeout, damaged)
     if damaged:
         few = ", ".join(map(str, damaged[:5])) + (", ..." if len(damaged) > 5 else "")
-        say(f"{out / 'journal.jsonl'}: {len(damaged)} damaged line(s) left out ({few}); their runs are made again")
+        say(
+            f"{out / 'journal.jsonl'}: {len(damaged)} damaged line(s) left out ({few}); their runs are made again"
+        )
     return rows
 
 
 def _run(todo, keys, entries, rows, args, say, cases, out):
     """The rows of `todo`; the pictures that were drawn on the way, as (case, file)."""
-    session = secrets.token_hex(6)                       # seconds of one session were measured side by side
+    session = secrets.token_hex(6)  # seconds of one session were measured side by side
     batches = [list(g) for _, g in groupby(todo, key=lambda s: (s.case, s.file))]
     batches = _in_order(batches)
     bar = Progress(len(todo), say, os.isatty(1) if _has_terminal() else False)
@@ -99,15 +114,36 @@ def _run(todo, keys, entries, rows, args, say, cases, out):
         if first:
             outputs.none(spec)
             bar.step(spec.label, row["status"])
+
     jobs = args.jobs or min(2, os.cpu_count() or 1)
     (out / "figures").mkdir(exist_ok=True)
     try:
         if args.dask is not None:
             from nsbench.execute.cluster import client as cluster
-            return {*cluster.run_all(batches, args.dask, args.timeout, on_row, args.memory, outputs.write,
-                                      entries.parts)}
-        return {c.args[:2] for c in run_all(batches, jobs, args.timeout, on_row, _chores(cases, out),
-                                            most=args.memory, on_output=outputs.write)}
+
+            return {
+                *cluster.run_all(
+                    batches,
+                    args.dask,
+                    args.timeout,
+                    on_row,
+                    args.memory,
+                    outputs.write,
+                    entries.parts,
+                )
+            }
+        return {
+            c.args[:2]
+            for c in run_all(
+                batches,
+                jobs,
+                args.timeout,
+                on_row,
+                _chores(cases, out),
+                most=args.memory,
+                on_output=outputs.write,
+            )
+        }
     finally:
         bar.end()
 
@@ -116,11 +152,16 @@ class Outputs:
     """DIR/output/LABEL-KEY.txt: what a run has printed, if anything; nothing is left of an earlier one."""
 
     def __init__(self, folder: Path, keys: dict):
-        self.folder, self.keys, self.written = folder, keys, set()
+        self.folder = folder
+        self.keys = keys
+        self.written = set()
         self.old = {p.name for p in folder.glob("*.txt")} if folder.is_dir() else set()
 
     def name(self, spec) -> str:
-        return re.sub(r"[^A-Za-z0-9=.,+-]+", "_", spec.label)[:80].lstrip(".") + f"-{self.keys[spec][:12]}.txt"
+        return (
+            re.sub(r"[^A-Za-z0-9=.,+-]+", "_", spec.label)[:80].lstrip(".")
+            + f"-{self.keys[spec][:12]}.txt"
+        )
 
     def write(self, spec, text: bytes) -> None:
         self.folder.mkdir(exist_ok=True)
@@ -141,11 +182,14 @@ def _chores(cases, out):
 
 def _picture(key: str, file: str, folder: str) -> None:
     from nsbench.report.scenes.files import write_scenes
+
     write_scenes([study.resolve(key, file)], Path(folder))
 
 
 def _talk(name: str, _: str, out: str) -> None:
-    store.write_atomically(Path(out) / "extra.json", _dump({f"{name}_figure": describe.talk_figure()}))
+    store.write_atomically(
+        Path(out) / "extra.json", _dump({f"{name}_figure": describe.talk_figure()})
+    )
 
 
 def _in_order(batches):
@@ -157,10 +201,13 @@ def _in_order(batches):
     problems = [study.resolve(b[0].case, b[0].file).problem for b in batches]
     first: dict[tuple, int] = {}
     for i in order:
-        first.setdefault((not getattr(problems[i], "constraints", ()), type(problems[i]).__name__), i)
+        first.setdefault(
+            (not getattr(problems[i], "constraints", ()), type(problems[i]).__name__), i
+        )
     head = [first[kind] for kind in sorted(first)]
     names = [parse_spec(b[0].case)[0] for b in batches]
-    out, rest = head, [i for i in order if i not in head]
+    out = head
+    rest = [i for i in order if i not in head]
     while rest:
         at = next((k for k, i in enumerate(rest) if names[i] != names[out[-1]]), 0)
         out.append(rest.pop(at))
@@ -176,14 +223,20 @@ def _has_terminal() -> bool:
 
 def publish(out: Path, rows, cases, fresh: bool, say, drawn=frozenset()) -> Path:
     """Tables, pictures and report; nothing is written again when nothing changed. drawn: pictures that are there."""
-    digest = store.digest_of(chain((json.dumps(store.clean(r), sort_keys=True).encode() for r in rows), [_report_digest()]))
+    digest = store.digest_of(
+        chain(
+            (json.dumps(store.clean(r), sort_keys=True).encode() for r in rows), [_report_digest()]
+        )
+    )
     path = out / "report.html"
     if not fresh and path.exists() and published.current(out, digest):
         return path
     tables = store.write_tables(out, rows)
     meta = {s: describe.describe_solver(s) for s in dict.fromkeys(r["solver"] for r in rows)}
     store.write_atomically(out / "solvers.json", _dump(meta))
-    store.write_atomically(out / "cases.json", _dump({k: describe.describe_case(c) for (k, _), c in cases.items()}))
+    store.write_atomically(
+        out / "cases.json", _dump({k: describe.describe_case(c) for (k, _), c in cases.items()})
+    )
     if fresh or not published.intact(out, "env.json"):
         store.write_atomically(out / "env.json", _dump(store.environment()))
     figures = out / "figures"
@@ -195,8 +248,10 @@ def publish(out: Path, rows, cases, fresh: bool, say, drawn=frozenset()) -> Path
     missing = [c for name, c in cases.items() if name not in drawn]
     if missing:
         from nsbench.report.scenes.files import write_scenes
+
         write_scenes(missing, figures)
     from nsbench.report import write_report
+
     path = Path(write_report(out, path))
     published.end(out, digest, tables)
     return path
@@ -204,7 +259,9 @@ def publish(out: Path, rows, cases, fresh: bool, say, drawn=frozenset()) -> Path
 
 def _report_digest() -> bytes:
     root = Path(nsbench.__file__).parent / "report"
-    return store._digest(*(p.read_bytes() for p in sorted(root.rglob("*")) if p.is_file() and p.suffix != ".pyc")).encode()
+    return store._digest(
+        *(p.read_bytes() for p in sorted(root.rglob("*")) if p.is_file() and p.suffix != ".pyc")
+    ).encode()
 
 
 def _dump(value) -> bytes:

@@ -1,4 +1,5 @@
 """The baseline: a CSV file with one reviewable number per line."""
+
 from __future__ import annotations
 
 import csv
@@ -9,17 +10,30 @@ from pathlib import Path
 
 from nsbench.gate.facts import KINDS, Fact
 
-COLUMNS = ("case", "solver", "parameters", "metric", "kind", "value", "rtol", "atol", "unit", "config", "why")
-ENOUGH = 10 << 20       # bytes: a larger file is no baseline
-LEAST = 1e-6            # relative tolerance of a number that does not spread: other libraries round otherwise
-WIDER = 10.0            # tolerance over spread: three perturbed runs see a part of what rounding can do
-GATEABLE = 1e-2         # spread beyond which a number says nothing
-ANY = "*"               # value of a word that is not held; a number that is not held has the relative tolerance inf
+COLUMNS = (
+    "case",
+    "solver",
+    "parameters",
+    "metric",
+    "kind",
+    "value",
+    "rtol",
+    "atol",
+    "unit",
+    "config",
+    "why",
+)
+ENOUGH = 10 << 20  # bytes: a larger file is no baseline
+LEAST = 1e-6  # relative tolerance of a number that does not spread: other libraries round otherwise
+WIDER = 10.0  # tolerance over spread: three perturbed runs see a part of what rounding can do
+GATEABLE = 1e-2  # spread beyond which a number says nothing
+ANY = "*"  # value of a word that is not held; a number that is not held has the relative tolerance inf
 
 
 @dataclass(frozen=True)
 class Line:
     """A fact with its tolerances |value - new| <= atol + rtol |value| and the reason why it stands as it does."""
+
     case: str
     solver: str
     parameters: str
@@ -46,7 +60,9 @@ def read(path) -> dict[tuple, Line]:
     if not path.is_file():
         raise FileNotFoundError(f"no baseline {path}")
     if path.stat().st_size > ENOUGH:
-        raise ValueError(f"{path} is {path.stat().st_size} bytes long; a baseline has at most {ENOUGH}")
+        raise ValueError(
+            f"{path} is {path.stat().st_size} bytes long; a baseline has at most {ENOUGH}"
+        )
     try:
         text = path.read_text(encoding="utf-8")
     except UnicodeDecodeError as e:
@@ -60,7 +76,9 @@ def read(path) -> dict[tuple, Line]:
         for row in rows:
             line = _line(row, f"{path}, line {rows.line_num}")
             if line.key in out:
-                raise ValueError(f"{path}, line {rows.line_num}: {' '.join(line.key)} stands there twice")
+                raise ValueError(
+                    f"{path}, line {rows.line_num}: {' '.join(line.key)} stands there twice"
+                )
             out[line.key] = line
     except csv.Error as e:
         raise ValueError(f"{path}, line {rows.line_num}: {e}") from None
@@ -77,8 +95,18 @@ def _line(row: list[str], where: str) -> Line:
     rtol = math.inf if field["rtol"] == "inf" else _number(field["rtol"], "rtol", where)
     atol = math.inf if field["atol"] == "inf" else _number(field["atol"], "atol", where)
     if rtol < 0 or atol < 0:
-        raise ValueError(f"{where}: tolerances are {rtol:g} and {atol:g}; they must not be negative")
-    return Line(*(field[n] for n in COLUMNS[:5]), value, rtol, atol, field["unit"], field["config"], field["why"])
+        raise ValueError(
+            f"{where}: tolerances are {rtol:g} and {atol:g}; they must not be negative"
+        )
+    return Line(
+        *(field[n] for n in COLUMNS[:5]),
+        value,
+        rtol,
+        atol,
+        field["unit"],
+        field["config"],
+        field["why"],
+    )
 
 
 def _number(text: str, name: str, where: str) -> float:
@@ -97,8 +125,21 @@ def text(lines) -> str:
     w = csv.writer(out, lineterminator="\n")
     w.writerow(COLUMNS)
     for x in lines:
-        w.writerow([x.case, x.solver, x.parameters, x.metric, x.kind, x.value if isinstance(x.value, str) else repr(x.value),
-                    f"{x.rtol:.2g}", f"{x.atol:.2g}", x.unit, x.config, x.why])
+        w.writerow(
+            [
+                x.case,
+                x.solver,
+                x.parameters,
+                x.metric,
+                x.kind,
+                x.value if isinstance(x.value, str) else repr(x.value),
+                f"{x.rtol:.2g}",
+                f"{x.atol:.2g}",
+                x.unit,
+                x.config,
+                x.why,
+            ]
+        )
     return out.getvalue()
 
 
@@ -112,7 +153,9 @@ def line(fact: Fact, spread: float, why: str) -> Line:
     if fact.kind == "class":
         return _made(fact, ANY if spread else fact.value, 0.0, 0.0, why)
     if fact.kind == "max":
-        return _made(fact, fact.value, 0.0, max(WIDER * (abs(fact.value) + spread), fact.floor), why)
+        return _made(
+            fact, fact.value, 0.0, max(WIDER * (abs(fact.value) + spread), fact.floor), why
+        )
     relative = spread / abs(fact.value) if fact.value else math.inf if spread else 0.0
     if relative > GATEABLE:
         return _made(fact, fact.value, math.inf, 0.0, why)
@@ -122,8 +165,19 @@ def line(fact: Fact, spread: float, why: str) -> Line:
 
 
 def _made(fact: Fact, value, rtol: float, atol: float, why: str) -> Line:
-    return Line(fact.case, fact.solver, fact.parameters, fact.metric, fact.kind, value, float(f"{rtol:.2g}"),
-                float(f"{atol:.2g}"), fact.unit, fact.config, why)
+    return Line(
+        fact.case,
+        fact.solver,
+        fact.parameters,
+        fact.metric,
+        fact.kind,
+        value,
+        float(f"{rtol:.2g}"),
+        float(f"{atol:.2g}"),
+        fact.unit,
+        fact.config,
+        why,
+    )
 
 
 def same(a: Line, b: Line) -> bool:

@@ -1,5 +1,6 @@
 """How far the numbers of a study move when nothing that matters does: the same runs again, from starts 1e-12 apart and
 with more threads. Their spread becomes the tolerances of the gate (nsbench.gate.baseline)."""
+
 from __future__ import annotations
 
 import os
@@ -16,9 +17,9 @@ from nsbench.results import run_key as keys
 from nsbench.results import tables as store
 from nsbench.results.row_reuse import Filed, known
 
-SEEDS = (1, 2)            # of the perturbed starts
-THREADS = 2               # of the pass from the unchanged start
-FOLDER = "calibration"    # of the journals within the results
+SEEDS = (1, 2)  # of the perturbed starts
+THREADS = 2  # of the pass from the unchanged start
+FOLDER = "calibration"  # of the journals within the results
 
 
 def calibrate(folder: Path, args, say) -> int:
@@ -27,7 +28,10 @@ def calibrate(folder: Path, args, say) -> int:
     specs = specs_of(data)
     if not specs:
         raise LookupError(f"{folder} holds no run of a registered case: nothing to calibrate")
-    passes = [([replace(s, nudge=seed) for s in specs], 1, f"starts 1e-12 apart, {seed}") for seed in SEEDS]
+    passes = [
+        ([replace(s, nudge=seed) for s in specs], 1, f"starts 1e-12 apart, {seed}")
+        for seed in SEEDS
+    ]
     passes.append((specs, THREADS, f"{THREADS} threads"))
     others = []
     for number, (these, threads, title) in enumerate(passes, 1):
@@ -39,7 +43,9 @@ def calibrate(folder: Path, args, say) -> int:
     loose = [key for key, fact in first.items() if not line(fact, found[key], "").held]
     for key in loose:
         say(f"not to be held: {' '.join(key)}")
-    say(f"{len(first)} numbers, {len(loose)} of them spread by more than {100 * GATEABLE:g} %: {folder / spreads.NAME}")
+    say(
+        f"{len(first)} numbers, {len(loose)} of them spread by more than {100 * GATEABLE:g} %: {folder / spreads.NAME}"
+    )
     return 0
 
 
@@ -51,7 +57,9 @@ def specs_of(data: Data) -> list[study.Spec]:
             study.resolve(runs.case)
         except LookupError:
             continue
-        out += [study.Spec(runs.case, runs.solver, runs.accuracy, float(a)) for a in runs.col["asked"]]
+        out += [
+            study.Spec(runs.case, runs.solver, runs.accuracy, float(a)) for a in runs.col["asked"]
+        ]
     return out
 
 
@@ -71,8 +79,11 @@ def _again(specs, folder: Path, threads: int, args, data: Data) -> Data:
 
     def on_row(spec, row):
         rows[found[spec]] = entries.row(spec, row)
+
     try:
-        jobs = args.jobs or max(1, min(2, (os.cpu_count() or 1) // threads))         # no more threads than cores
+        jobs = args.jobs or max(
+            1, min(2, (os.cpu_count() or 1) // threads)
+        )  # no more threads than cores
         run_all([*by_case.values()], jobs, args.timeout, on_row, threads=threads)
     finally:
         journal.close()

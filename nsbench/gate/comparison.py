@@ -1,4 +1,5 @@
 """Facts against a baseline: what is as before, what is not, and how."""
+
 from __future__ import annotations
 
 import math
@@ -8,14 +9,26 @@ from dataclasses import dataclass
 from nsbench.gate.baseline import Line
 from nsbench.gate.facts import Fact
 
-OUTCOMES = ("pass", "not held", "regressed", "improved", "status changed", "configuration differs", "missing", "new")
-FINE, REGRESSED, NOT_COMPARED = 0, 1, 4
-ORDERS = ("state order", "force order")      # neither direction is better
+OUTCOMES = (
+    "pass",
+    "not held",
+    "regressed",
+    "improved",
+    "status changed",
+    "configuration differs",
+    "missing",
+    "new",
+)
+FINE = 0
+REGRESSED = 1
+NOT_COMPARED = 4
+ORDERS = ("state order", "force order")  # neither direction is better
 
 
 @dataclass(frozen=True)
 class Finding:
     """One line of the comparison: outcome (one of OUTCOMES) and a sentence with both values."""
+
     outcome: str
     key: tuple[str, str, str, str]
     sentence: str = ""
@@ -24,18 +37,29 @@ class Finding:
 def judge(found: dict[tuple, Fact], baseline: dict[tuple, Line]) -> list[Finding]:
     """A finding for every line of the baseline, then one for every fact that has none."""
     out = [_one(found.get(key), line, found) for key, line in baseline.items()]
-    return out + [Finding("new", key, f"is {shown(f.value)}; the baseline says nothing of it")
-                  for key, f in found.items() if key not in baseline]
+    return out + [
+        Finding("new", key, f"is {shown(f.value)}; the baseline says nothing of it")
+        for key, f in found.items()
+        if key not in baseline
+    ]
 
 
 def _one(fact: Fact | None, line: Line, found) -> Finding:
     if fact is None:
         near = [f for k, f in found.items() if k[:2] == line.key[:2]]
-        why = "this method was not run on this case" if not near else "this run does not give it any more"
+        why = (
+            "this method was not run on this case"
+            if not near
+            else "this run does not give it any more"
+        )
         return Finding("missing", line.key, f"was {shown(line.value)}; {why}")
     differs = unlike(line.config, fact.config)
     if differs:
-        return Finding("configuration differs", line.key, f"{' and '.join(differs)} of another version: not comparable")
+        return Finding(
+            "configuration differs",
+            line.key,
+            f"{' and '.join(differs)} of another version: not comparable",
+        )
     if line.kind == "class" or isinstance(fact.value, str):
         if not line.held and isinstance(fact.value, str):
             return Finding("not held", line.key, f"is {fact.value!r}; it changes with the rounding")
@@ -45,7 +69,7 @@ def _one(fact: Fact | None, line: Line, found) -> Finding:
         return Finding(changed, line.key, f"was {line.value!r}, is {fact.value!r}")
     text = f"was {shown(line.value)}, is {shown(fact.value)} (tolerance {line.rtol:g} relative, {line.atol:g} absolute)"
     room = line.atol + line.rtol * abs(line.value)
-    if not math.isfinite(fact.value):                    # NaN compares false with everything: it must never pass
+    if not math.isfinite(fact.value):  # NaN compares false with everything: it must never pass
         return Finding("regressed", line.key, text)
     if not line.held:
         return Finding("not held", line.key, f"{text}: it changes with the rounding")

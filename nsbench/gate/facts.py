@@ -1,5 +1,6 @@
 """What of a study can be held: orders, constants and verdicts of every method on every case, errors and counted work of one
 step in the middle of its ladder, and how many of its runs ended in which way."""
+
 from __future__ import annotations
 
 import hashlib
@@ -17,10 +18,21 @@ from nsbench.report.summary import Order, Summary, spell, summarise
 KINDS = ("near", "max", "min", "class", "count")
 ERRORS = ("state_sup", "state_T", "impulse", "reaction", "l1", "settled", "lam_own", "event_time")
 RESIDUALS = ("feasibility", "complementarity", "residual")
-WORK = ("steps", "drift_calls", "projections", "qp_solves", "inner_iterations", "events", "restarts", "rebuilds",
-        "contacts_peak", "events_missed", "events_extra")
+WORK = (
+    "steps",
+    "drift_calls",
+    "projections",
+    "qp_solves",
+    "inner_iterations",
+    "events",
+    "restarts",
+    "rebuilds",
+    "contacts_peak",
+    "events_missed",
+    "events_extra",
+)
 UNITS = {"order": "1", "constant": "error/h^order"}
-SMALL = 1e-9        # residuals below it are rounding: they are held from above, not near a value
+SMALL = 1e-9  # residuals below it are rounding: they are held from above, not near a value
 
 
 @dataclass(frozen=True)
@@ -31,6 +43,7 @@ class Fact:
     is compared (near: within its tolerances of a value; max, min: not beyond it; class: the same word; count: the same
     number). floor: below it a value says nothing. config: words ``what=digest`` of all that may change it but is no code.
     """
+
     case: str
     solver: str
     parameters: str
@@ -51,17 +64,25 @@ def facts(data: Data) -> dict[tuple, Fact]:
     out = {}
     for s in summarise(data).values():
         config = configuration(data, s.runs)
-        for f in (*_ladder(s, config), *_middle(s.runs, config, data.cases.get(s.case, {}).get("T", 1.0))):
+        for f in (
+            *_ladder(s, config),
+            *_middle(s.runs, config, data.cases.get(s.case, {}).get("T", 1.0)),
+        ):
             out[f.key] = f
     return out
 
 
 def configuration(data: Data, runs: Runs) -> str:
     """Case, reference, solver and ladder as short digests: what a number depends on beside the code of the package."""
-    case, solver = data.cases.get(runs.case, {}), data.solvers.get(runs.solver, {})
+    case = data.cases.get(runs.case, {})
+    solver = data.solvers.get(runs.solver, {})
     asked = sorted(float(v) for v in runs.col["asked"] if math.isfinite(v))
-    parts = {"case": case.get("digest", ""), "reference": case.get("reference_digest", ""),
-             "solver": solver.get("digest", ""), "ladder": [f"{v:.12g}" for v in asked]}
+    parts = {
+        "case": case.get("digest", ""),
+        "reference": case.get("reference_digest", ""),
+        "solver": solver.get("digest", ""),
+        "ladder": [f"{v:.12g}" for v in asked],
+    }
     return " ".join(f"{name}={digest(value)}" for name, value in parts.items())
 
 
@@ -72,8 +93,10 @@ def digest(value) -> str:
 
 def _ladder(s: Summary, config: str):
     """What the whole ladder says: how its runs ended, verdict, order and constant of the state and of the force."""
+
     def fact(metric, kind, value, unit="", floor=0.0):
         return Fact(s.case, s.solver, "ladder", metric, kind, value, unit, config, floor)
+
     yield fact("statuses", "class", spell(_ended(s.statuses)))
     for name, order in (("state", s.state), ("force", s.force)):
         if s.outcome or order.kind == "none":
@@ -114,6 +137,7 @@ def _middle(runs: Runs, config: str, span: float):
 
     def fact(metric, kind, value, unit="", floor=0.0):
         return Fact(runs.case, runs.solver, parameters, metric, kind, value, unit, config, floor)
+
     yield fact("status", "class", "ok" if runs.good[at] else str(runs.col["status"][at]))
     if not runs.good[at]:
         return
@@ -127,7 +151,9 @@ def _middle(runs: Runs, config: str, span: float):
     for name in RESIDUALS:
         value = float(runs.col[name][at])
         if math.isfinite(value):
-            yield fact(name, "near" if value > SMALL else "max", value, floor=1e-12 * runs.scale(name))
+            yield fact(
+                name, "near" if value > SMALL else "max", value, floor=1e-12 * runs.scale(name)
+            )
     for name in WORK:
         value = float(runs.col[name][at])
         if math.isfinite(value):

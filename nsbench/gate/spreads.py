@@ -1,4 +1,5 @@
 """How far numbers move when nothing that matters does: calibration.csv beside the results."""
+
 from __future__ import annotations
 
 import csv
@@ -9,7 +10,7 @@ from pathlib import Path
 from nsbench.gate.facts import Fact
 
 NAME = "calibration.csv"
-ENOUGH = 10 << 20         # bytes
+ENOUGH = 10 << 20  # bytes
 COLUMNS = ("case", "solver", "parameters", "metric", "spread", "config")
 
 
@@ -44,17 +45,24 @@ def read(folder, facts: dict[tuple, Fact] | None = None) -> dict[tuple, float]:
     all). FileNotFoundError where nothing was calibrated; ValueError names what cannot be read."""
     path = Path(folder) / NAME
     if not path.is_file():
-        raise FileNotFoundError(f"no {path}: tolerances come from how far numbers spread; run nsbench calibrate {folder} first")
+        raise FileNotFoundError(
+            f"no {path}: tolerances come from how far numbers spread; run nsbench calibrate {folder} first"
+        )
     if path.stat().st_size > ENOUGH:
-        raise ValueError(f"{path} is {path.stat().st_size} bytes long; a calibration has at most {ENOUGH}")
+        raise ValueError(
+            f"{path} is {path.stat().st_size} bytes long; a calibration has at most {ENOUGH}"
+        )
     try:
         with open(path, newline="", encoding="utf-8") as file:
             rows = list(csv.reader(file, strict=True))
     except (csv.Error, UnicodeDecodeError) as e:
         raise ValueError(f"{path} cannot be read: {e}") from None
     if not rows or tuple(rows[0]) != COLUMNS:
-        raise ValueError(f"{path}: the first line is not {','.join(COLUMNS)}; run nsbench calibrate {folder} again")
-    out, all_of = {}, facts is None
+        raise ValueError(
+            f"{path}: the first line is not {','.join(COLUMNS)}; run nsbench calibrate {folder} again"
+        )
+    out = {}
+    all_of = facts is None
     for i, row in enumerate(rows[1:], 2):
         try:
             *key, value, config = row

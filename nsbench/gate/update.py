@@ -1,4 +1,5 @@
 """A baseline brought up to date: only lines whose facts changed are written anew, each with the reason given."""
+
 from __future__ import annotations
 
 from nsbench.gate.baseline import Line, line, same
@@ -6,7 +7,9 @@ from nsbench.gate.comparison import judge, shown, unlike
 from nsbench.gate.facts import Fact
 
 
-def updated(found: dict[tuple, Fact], old: dict[tuple, Line], spread: dict[tuple, float], reason: str):
+def updated(
+    found: dict[tuple, Fact], old: dict[tuple, Line], spread: dict[tuple, float], reason: str
+):
     """(lines, changes): the new baseline in the order of `found`, and a sentence for every line that is not as before.
 
     A line that passes stays as it is, to the byte: rounding on another machine is no change. So do, at the end, the lines of
@@ -14,7 +17,8 @@ def updated(found: dict[tuple, Fact], old: dict[tuple, Line], spread: dict[tuple
     not known.
     """
     passed = {f.key for f in judge(found, old) if f.outcome in ("pass", "not held")}
-    lines, changes = [], []
+    lines = []
+    changes = []
     for key, fact in found.items():
         before = old.get(key)
         if key in passed:
@@ -29,9 +33,13 @@ def updated(found: dict[tuple, Fact], old: dict[tuple, Line], spread: dict[tuple
             changes.append(f"{name}: new, {shown(after.value)}")
         elif not same(before, after):
             other = unlike(before.config, after.config)
-            changes.append(f"{name}: {shown(before.value)} -> {shown(after.value)}"
-                           + (f", {' and '.join(other)} of another version" if other else ""))
+            changes.append(
+                f"{name}: {shown(before.value)} -> {shown(after.value)}"
+                + (f", {' and '.join(other)} of another version" if other else "")
+            )
     run = {key[:2] for key in found}
     lines += [x for key, x in old.items() if key[:2] not in run]
     gone = [key for key in old if key not in found and key[:2] in run]
-    return lines, changes + [f"{' '.join(key)}: {shown(old[key].value)} -> no line: not given any more" for key in gone]
+    return lines, changes + [
+        f"{' '.join(key)}: {shown(old[key].value)} -> no line: not given any more" for key in gone
+    ]

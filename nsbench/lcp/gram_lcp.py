@@ -4,15 +4,20 @@ An active-set method in Gram form (Lawson & Hanson 1974, chapter 23; dependent r
 the rows with lam > 0 are kept linearly independent, so a basic solution comes back even where lam is not unique.
 Pivoting codes for general M fail on such rank-deficient contact sets.
 """
+
 import numpy as np
 from numba import njit
 
 from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
 from nsbench.compilation.decorators import inner
 
-OK, INFEASIBLE, UNFINISHED = 0, 1, 2
-NULL = 1e-6               # coefficients of a null direction below are rounding: eps over the smallest squared sine
-ROUNDING = 1e-9           # of a row that depends on others: eps over the smallest sine that counts as independent (1e-5)
+OK = 0
+INFEASIBLE = 1
+UNFINISHED = 2
+NULL = (
+    1e-6  # coefficients of a null direction below are rounding: eps over the smallest squared sine
+)
+ROUNDING = 1e-9  # of a row that depends on others: eps over the smallest sine that counts as independent (1e-5)
 
 
 @inner
@@ -83,13 +88,15 @@ def _settle(L, M, h, idx, p, lam, dep):
     """Move lam to the target of its support, dropping what becomes zero on the way; returns p."""
     while p > 0:
         s = _target(L, M, h, idx, p)
-        alpha, worst = 1.0, np.int64(-1)
+        alpha = 1.0
+        worst = np.int64(-1)
         for a in range(p):
             if s[a] <= 0.0:
                 old = lam[idx[a]]
                 step = old / (old - s[a]) if old > 0.0 else 0.0
                 if step < alpha or worst < 0:
-                    alpha, worst = step, a
+                    alpha = step
+                    worst = a
         for a in range(p):
             lam[idx[a]] += alpha * (s[a] - lam[idx[a]])
         if worst < 0:
@@ -110,11 +117,13 @@ def _exchange(L, M, idx, p, k, lam, dep):
     c = np.empty(p)
     for a in range(p):
         c[a] = L[p, a]
-    _backsolve(L, p, c)                                   # G_k = sum_a c_a G_a
-    block, alpha = np.int64(-1), np.inf
+    _backsolve(L, p, c)  # G_k = sum_a c_a G_a
+    block = np.int64(-1)
+    alpha = np.inf
     for a in range(p):
         if c[a] > NULL and lam[idx[a]] / c[a] < alpha:
-            block, alpha = a, lam[idx[a]] / c[a]
+            block = a
+            alpha = lam[idx[a]] / c[a]
     if block < 0:
         return -1
     for a in range(p):
@@ -152,12 +161,15 @@ def solve_lcp(M, h, warm, tol, dep):
     Returns lam (m,), w (m,), support (p,), code, row that cannot be satisfied or -1, iterations.
     """
     m = h.size
-    lam, skip = np.zeros(m), np.zeros(m, np.bool_)
-    L, idx, p = np.zeros((m + 1, m + 1)), np.empty(m + 1, np.int64), np.int64(0)
+    lam = np.zeros(m)
+    skip = np.zeros(m, np.bool_)
+    L = np.zeros((m + 1, m + 1))
+    idx = np.empty(m + 1, np.int64)
+    p = np.int64(0)
     for k in warm:
         if M[k, k] > 0.0 and _append(L, M, idx, p, k, dep):
             p += 1
-    while p > 0:                                          # the warm support without its negative members
+    while p > 0:  # the warm support without its negative members
         s = _target(L, M, h, idx, p)
         worst = np.int64(0)
         for a in range(1, p):
@@ -168,32 +180,39 @@ def solve_lcp(M, h, warm, tol, dep):
                 lam[idx[a]] = s[a]
             break
         p = _remove(L, M, idx, p, worst, dep)
-    code, bad, it = UNFINISHED, -1, 0
+    code = UNFINISHED
+    bad = -1
+    it = 0
     w = np.empty(m)
     _speeds(M, h, lam, w)
     while it < 50 + 20 * m:
         it += 1
-        k, worst = np.int64(-1), 0.0
+        k = np.int64(-1)
+        worst = 0.0
         for c in range(m):
             if lam[c] == 0.0 and not skip[c] and w[c] < -tol[c]:
                 size = w[c] / np.sqrt(M[c, c]) if M[c, c] > 0.0 else -np.inf
                 if size < worst:
-                    k, worst = c, size
+                    k = c
+                    worst = size
         if k < 0:
             code = OK
             break
         if M[k, k] == 0.0:
-            code, bad = INFEASIBLE, k
+            code = INFEASIBLE
+            bad = k
             break
         if _append(L, M, idx, p, k, dep):
             p += 1
         else:
             q = _exchange(L, M, idx, p, k, lam, dep)
             if q < 0 and w[k] > -ROUNDING * _size(M, h, lam, k):
-                skip[k] = True                            # w_k follows from the support, where w = 0: it is rounding
+                skip[k] = True  # w_k follows from the support, where w = 0: it is rounding
                 continue
             if q < 0:
-                code, bad, p = INFEASIBLE, k, 0
+                code = INFEASIBLE
+                bad = k
+                p = 0
                 break
             p = q
         p = _settle(L, M, h, idx, p, lam, dep)
@@ -201,12 +220,13 @@ def solve_lcp(M, h, warm, tol, dep):
         if lam[k] > 0.0:
             skip[:] = False
         else:
-            skip[k] = True                                # rounding: it is zero from either side
-    if code != INFEASIBLE:                                # what is left over must be rounding, and if so it is solved
+            skip[k] = True  # rounding: it is zero from either side
+    if code != INFEASIBLE:  # what is left over must be rounding, and if so it is solved
         code = OK
         for k in range(m):
             if w[k] < -max(tol[k], ROUNDING * _size(M, h, lam, k)):
-                code, bad = UNFINISHED, k
+                code = UNFINISHED
+                bad = k
     return lam, w, idx[:p].copy(), code, bad, it
 
 
@@ -214,7 +234,9 @@ def solve_lcp(M, h, warm, tol, dep):
 def in_span(M, support, dep):
     """(m,) whether each row lies in the span of the independent rows `support`."""
     m = M.shape[0]
-    L, idx, p = np.zeros((m + 1, m + 1)), np.empty(m + 1, np.int64), np.int64(0)
+    L = np.zeros((m + 1, m + 1))
+    idx = np.empty(m + 1, np.int64)
+    p = np.int64(0)
     for k in support:
         if _append(L, M, idx, p, k, 0.0):
             p += 1

@@ -5,6 +5,7 @@ First the support of the last solution, then Lemke's method with lexicographic p
 several solutions with the same w the smallest one can be had (Han, Tiwari, Camlibel & Pang 2009): see `least`.
 Loops stand where numpy would add rows: its broadcasting takes numba seconds to compile.
 """
+
 import numpy as np
 from numba import njit
 
@@ -13,17 +14,18 @@ from nsbench.lcp.gram_lcp import solve_lcp
 from nsbench.linalg.dense import gauss
 from nsbench.linalg.rank import near_singular, orthonormal
 
-FEW = 10                  # rows whose 2^m supports are tried when Lemke's method ends on a ray
-SIGN = 1e-12              # of the terms of a sum: below, its sign is rounding (a few hundred operations)
-PIVOT = 1e-11             # of scaled entries: below, they are no pivots
-RANK = 1e-10              # relative singular value of scaled rows below which they count as dependent
+FEW = 10  # rows whose 2^m supports are tried when Lemke's method ends on a ray
+SIGN = 1e-12  # of the terms of a sum: below, its sign is rounding (a few hundred operations)
+PIVOT = 1e-11  # of scaled entries: below, they are no pivots
+RANK = 1e-10  # relative singular value of scaled rows below which they count as dependent
 
 
 @njit(cache=True, error_model="numpy")
 def scales(M):
     """(m,), (m,): factors of rows and columns that bring the entries of M near one."""
     m = M.shape[0]
-    a, b = np.ones(m), np.ones(m)
+    a = np.ones(m)
+    b = np.ones(m)
     for _ in range(8):
         for i in range(m):
             s = 0.0
@@ -43,7 +45,9 @@ def scales(M):
 @njit(cache=True, error_model="numpy")
 def slack(M, r, lam, w):
     """w <- r + M lam; returns whether lam and w are non-negative and complementary up to rounding."""
-    m, top, good = r.size, 0.0, True
+    m = r.size
+    top = 0.0
+    good = True
     for i in range(m):
         top = max(top, abs(lam[i]))
     for i in range(m):
@@ -51,7 +55,11 @@ def slack(M, r, lam, w):
         for j in range(m):
             w[i] += M[i, j] * lam[j]
             size += abs(M[i, j] * lam[j])
-        if not w[i] >= -SIGN * size or not lam[i] >= -SIGN * top or (lam[i] != 0.0 and not w[i] <= SIGN * size):
+        if (
+            not w[i] >= -SIGN * size
+            or not lam[i] >= -SIGN * top
+            or (lam[i] != 0.0 and not w[i] <= SIGN * size)
+        ):
             good = False
     return good
 
@@ -65,7 +73,8 @@ def by_support(M, r, on, lam, w):
     for i in range(m):
         lam[i] = 0.0
     if p:
-        N, b = np.empty((p, p)), np.empty(p)
+        N = np.empty((p, p))
+        b = np.empty(p)
         for i in range(p):
             b[i] = -r[idx[i]]
             for j in range(p):
@@ -74,7 +83,7 @@ def by_support(M, r, on, lam, w):
             return False
         for i in range(p):
             lam[idx[i]] = b[i]
-        for i in range(p):                                   # one refinement
+        for i in range(p):  # one refinement
             b[i] = -r[idx[i]]
             for j in range(m):
                 b[i] -= M[idx[i], j] * lam[j]
@@ -99,9 +108,10 @@ def _leaving(T, col, basis, m, z0):
         if best < 0:
             best = i
             continue
-        for k in range(m + 1):                                # right-hand side first, then the columns of the inverse
+        for k in range(m + 1):  # right-hand side first, then the columns of the inverse
             c = last if k == 0 else k - 1
-            a, b = T[i, c] / T[i, col], T[best, c] / T[best, col]
+            a = T[i, c] / T[i, col]
+            b = T[best, c] / T[best, col]
             close = abs(a - b) <= 1e-13 * (abs(a) + abs(b))
             if close and k == 0 and (basis[i] == z0 or basis[best] == z0):
                 best = i if basis[i] == z0 else best
@@ -117,17 +127,21 @@ def _leaving(T, col, basis, m, z0):
 def lemke(M, r):
     """(support, found, pivots) of scaled data: by complementary pivots with the covering vector of ones."""
     m = r.size
-    T = np.zeros((m, 2 * m + 2))                              # w | lam | z0 | right-hand side
-    basis, z0 = np.arange(m), 2 * m
+    T = np.zeros((m, 2 * m + 2))  # w | lam | z0 | right-hand side
+    basis = np.arange(m)
+    z0 = 2 * m
     for i in range(m):
-        T[i, i], T[i, z0], T[i, z0 + 1] = 1.0, -1.0, r[i]
+        T[i, i] = 1.0
+        T[i, z0] = -1.0
+        T[i, z0 + 1] = r[i]
         for j in range(m):
             T[i, m + j] = -M[i, j]
     on = np.zeros(m, np.bool_)
     row = np.argmin(r)
     if r[row] >= 0.0:
         return on, True, 0
-    enter, limit = z0, 100 + 20 * m
+    enter = z0
+    limit = 100 + 20 * m
     for it in range(limit):
         p = T[row, enter]
         for j in range(2 * m + 2):
@@ -137,7 +151,8 @@ def lemke(M, r):
             if i != row and p != 0.0:
                 for j in range(2 * m + 2):
                     T[i, j] -= p * T[row, j]
-        out, basis[row] = basis[row], enter
+        out = basis[row]
+        basis[row] = enter
         if out == z0:
             for i in range(m):
                 if basis[i] >= m:
@@ -156,7 +171,9 @@ def solve(M, r, a, b, on, lam, w):
     m = r.size
     if by_support(M, r, on, lam, w):
         return True, 0
-    S, s, top = np.empty((m, m)), np.empty(m), 0.0
+    S = np.empty((m, m))
+    s = np.empty(m)
+    top = 0.0
     for i in range(m):
         s[i] = a[i] * r[i]
         top = max(top, abs(s[i]))
@@ -184,7 +201,9 @@ def solve(M, r, a, b, on, lam, w):
 def other_motion(M, r, G, lam, size):
     """Is there a solution mu with G mu apart from G lam by more than 1e-9 of `size`? All supports are tried."""
     m = r.size
-    on, mu, w = np.zeros(m, np.bool_), np.empty(m), np.empty(m)
+    on = np.zeros(m, np.bool_)
+    mu = np.empty(m)
+    w = np.empty(m)
     for code in range(2**m):
         for i in range(m):
             on[i] = (code >> i) & 1
@@ -236,12 +255,13 @@ def least(M, r, a, b, lam, w):
     start = np.empty(p)
     for i in range(p):
         start[i] = lam[idx[i]]
-    P = np.zeros((p, p))                                     # the projector on the null space
+    P = np.zeros((p, p))  # the projector on the null space
     for i in range(p):
         for j in range(p):
             for k in range(Q.shape[1]):
                 P[i, j] += Q[i, k] * Q[j, k]
-    along, top = np.zeros(p), 0.0
+    along = np.zeros(p)
+    top = 0.0
     for i in range(p):
         for j in range(p):
             along[i] += P[i, j] * start[j]
@@ -249,11 +269,13 @@ def least(M, r, a, b, lam, w):
         start[i] -= along[i]
         top = max(top, lam[idx[i]])
     mu = solve_lcp(P, start, np.empty(0, np.int64), np.full(p, SIGN * top), 1e-14)[0]
-    other, v = np.zeros(m), np.empty(m)
+    other = np.zeros(m)
+    v = np.empty(m)
     for i in range(p):
         for j in range(p):
             start[i] += P[i, j] * mu[j]
         other[idx[i]] = max(start[i], 0.0)
     if slack(M, r, other, v):
         for i in range(m):
-            lam[i], w[i] = other[i], v[i]
+            lam[i] = other[i]
+            w[i] = v[i]

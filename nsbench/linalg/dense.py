@@ -1,10 +1,13 @@
 """Small dense vectors and systems: what several time loops need."""
+
 import numpy as np
 from numba import njit
 
 from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
 
-OK, NAN, BLOWN = 0, 1, 2
+OK = 0
+NAN = 1
+BLOWN = 2
 
 
 @njit(cache=True)

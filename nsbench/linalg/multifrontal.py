@@ -4,12 +4,16 @@ K is never smaller than I, whatever rows depend on each other: no pivot can be s
 coordinates of a part and those behind it that it meets; what is left of it when its own are eliminated is handed
 up (Duff & Reid, ACM TOMS 9(3), 1983). Fronts and panels are stored by rows, upper triangle.
 """
+
 import numpy as np
 from numba import njit
 
 from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
 
-FAST = {"contract", "reassoc"}       # fused multiply-add and vector sums; a factor is corrected by refinement anyway
+FAST = {
+    "contract",
+    "reassoc",
+}  # fused multiply-add and vector sums; a factor is corrected by refinement anyway
 
 
 @njit(cache=True, error_model="numpy", fastmath=FAST)
@@ -22,12 +26,14 @@ def eliminate(F, own, nf, L, at):
     while k < own:
         wide = min(8, own - k)
         for a in range(wide):
-            r, g = (k + a) * nf, at + (k + a) * nf
+            r = (k + a) * nf
+            g = at + (k + a) * nf
             size = nf - k - a
-            row, out = F[r + k + a:r + nf], L[g + k + a:g + nf]
+            row = F[r + k + a : r + nf]
+            out = L[g + k + a : g + nf]
             for b in range(a):
                 t = at + (k + b) * nf
-                above = L[t + k + a:t + nf]
+                above = L[t + k + a : t + nf]
                 f = above[0]
                 for j in range(size):
                     row[j] -= f * above[j]
@@ -37,20 +43,39 @@ def eliminate(F, own, nf, L, at):
         t = at + k * nf
         if wide == 8:
             for i in range(k + 8, nf):
-                row = F[i * nf + i:i * nf + nf]
-                r0, r1 = L[t + i:t + nf], L[t + nf + i:t + 2 * nf]
-                r2, r3 = L[t + 2 * nf + i:t + 3 * nf], L[t + 3 * nf + i:t + 4 * nf]
-                r4, r5 = L[t + 4 * nf + i:t + 5 * nf], L[t + 5 * nf + i:t + 6 * nf]
-                r6, r7 = L[t + 6 * nf + i:t + 7 * nf], L[t + 7 * nf + i:t + 8 * nf]
-                a0, a1, a2, a3, a4, a5, a6, a7 = r0[0], r1[0], r2[0], r3[0], r4[0], r5[0], r6[0], r7[0]
+                row = F[i * nf + i : i * nf + nf]
+                r0 = L[t + i : t + nf]
+                r1 = L[t + nf + i : t + 2 * nf]
+                r2 = L[t + 2 * nf + i : t + 3 * nf]
+                r3 = L[t + 3 * nf + i : t + 4 * nf]
+                r4 = L[t + 4 * nf + i : t + 5 * nf]
+                r5 = L[t + 5 * nf + i : t + 6 * nf]
+                r6 = L[t + 6 * nf + i : t + 7 * nf]
+                r7 = L[t + 7 * nf + i : t + 8 * nf]
+                a0 = r0[0]
+                a1 = r1[0]
+                a2 = r2[0]
+                a3 = r3[0]
+                a4 = r4[0]
+                a5 = r5[0]
+                a6 = r6[0]
+                a7 = r7[0]
                 for j in range(nf - i):
-                    row[j] -= (a0 * r0[j] + a1 * r1[j] + a2 * r2[j] + a3 * r3[j]
-                               + a4 * r4[j] + a5 * r5[j] + a6 * r6[j] + a7 * r7[j])
+                    row[j] -= (
+                        a0 * r0[j]
+                        + a1 * r1[j]
+                        + a2 * r2[j]
+                        + a3 * r3[j]
+                        + a4 * r4[j]
+                        + a5 * r5[j]
+                        + a6 * r6[j]
+                        + a7 * r7[j]
+                    )
         else:
             for i in range(k + wide, nf):
-                row = F[i * nf + i:i * nf + nf]
+                row = F[i * nf + i : i * nf + nf]
                 for b in range(wide):
-                    above = L[t + b * nf + i:t + b * nf + nf]
+                    above = L[t + b * nf + i : t + b * nf + nf]
                     f = above[0]
                     for j in range(nf - i):
                         row[j] -= f * above[j]
@@ -78,7 +103,8 @@ def _add(F, nf, below, far, rel, ends):
         j = i
         for u in range(run, runs):
             at = rel[i] * nf + rel[j]
-            row, out = below[i * far + j:i * far + ends[u]], F[at:at + ends[u] - j]
+            row = below[i * far + j : i * far + ends[u]]
+            out = F[at : at + ends[u] - j]
             for b in range(row.size):
                 out[b] += row[b]
             j = ends[u]
@@ -87,14 +113,24 @@ def _add(F, nf, below, far, rel, ends):
 @njit(cache=True, error_model="numpy")
 def factor(T, ptr, vals, weight, L, F, stack):
     """Fill L with the factor of I + G^T diag(weight) G; F and stack: work space of the sizes T tells."""
-    first, up, bptr, rel, panel, optr, orow, loc = T[1], T[2], T[3], T[5], T[6], T[7], T[8], T[9]
-    parts, top = first.size - 1, 0
-    waiting, sizes, ends = np.empty(parts + 1, np.int64), 0, np.empty(T[10][0], np.int64)
+    first = T[1]
+    up = T[2]
+    bptr = T[3]
+    rel = T[5]
+    panel = T[6]
+    optr = T[7]
+    orow = T[8]
+    loc = T[9]
+    parts = first.size - 1
+    top = 0
+    waiting = np.empty(parts + 1, np.int64)
+    sizes = 0
+    ends = np.empty(T[10][0], np.int64)
     for s in range(parts):
         own = first[s + 1] - first[s]
         nf = own + bptr[s + 1] - bptr[s]
         for i in range(nf):
-            row = F[i * nf + i:i * nf + nf]
+            row = F[i * nf + i : i * nf + nf]
             for j in range(row.size):
                 row[j] = 0.0
             row[0] = 1.0 if i < own else 0.0
@@ -103,20 +139,23 @@ def factor(T, ptr, vals, weight, L, F, stack):
             if weight[k] == 0.0:
                 continue
             for a in range(ptr[k], ptr[k + 1]):
-                v, r = weight[k] * vals[a], loc[a]
+                v = weight[k] * vals[a]
+                r = loc[a]
                 for b in range(ptr[k], ptr[k + 1]):
                     if loc[b] >= r:
                         F[r * nf + loc[b]] += v * vals[b]
-        while sizes > 0 and up[waiting[sizes - 1]] == s:       # what the parts below have left
+        while sizes > 0 and up[waiting[sizes - 1]] == s:  # what the parts below have left
             sizes -= 1
             c = waiting[sizes]
-            lo, far = bptr[c], bptr[c + 1] - bptr[c]
+            lo = bptr[c]
+            far = bptr[c + 1] - bptr[c]
             top -= far * far
-            _add(F, nf, stack[top:top + far * far], far, rel[lo:lo + far], ends)
+            _add(F, nf, stack[top : top + far * far], far, rel[lo : lo + far], ends)
         eliminate(F, own, nf, L, panel[s])
         far = nf - own
         for i in range(far):
-            row, out = F[(own + i) * (nf + 1):(own + i + 1) * nf], stack[top + i * far + i:top + i * far + far]
+            row = F[(own + i) * (nf + 1) : (own + i + 1) * nf]
+            out = stack[top + i * far + i : top + i * far + far]
             for j in range(out.size):
                 out[j] = row[j]
         top += far * far
@@ -127,11 +166,17 @@ def factor(T, ptr, vals, weight, L, F, stack):
 @njit(cache=True, error_model="numpy", fastmath=FAST)
 def forward(T, L, s, y, z):
     """Eliminate the part s from a right-hand side: z holds the front's; y (n,) by places takes what comes out of it."""
-    first, bptr, border, panel = T[1], T[3], T[4], T[6]
-    lo, own, far = first[s], first[s + 1] - first[s], bptr[s + 1] - bptr[s]
+    first = T[1]
+    bptr = T[3]
+    border = T[4]
+    panel = T[6]
+    lo = first[s]
+    own = first[s + 1] - first[s]
+    far = bptr[s + 1] - bptr[s]
     for k in range(own):
         r = panel[s] + k * (own + far)
-        row, rest = L[r + k:r + own + far], z[k:]
+        row = L[r + k : r + own + far]
+        rest = z[k:]
         v = rest[0] * row[0]
         y[lo + k] = v
         for j in range(row.size):
@@ -143,14 +188,21 @@ def forward(T, L, s, y, z):
 @njit(cache=True, error_model="numpy", fastmath=FAST)
 def backward(T, L, y, z):
     """The second half of a solution, by places."""
-    first, bptr, border, panel = T[1], T[3], T[4], T[6]
+    first = T[1]
+    bptr = T[3]
+    border = T[4]
+    panel = T[6]
     for s in range(first.size - 2, -1, -1):
-        lo, own, far = first[s], first[s + 1] - first[s], bptr[s + 1] - bptr[s]
+        lo = first[s]
+        own = first[s + 1] - first[s]
+        far = bptr[s + 1] - bptr[s]
         for i in range(far):
             z[own + i] = y[border[bptr[s] + i]]
         for k in range(own - 1, -1, -1):
-            r, v = panel[s] + k * (own + far), 0.0
-            row, rest = L[r + k:r + own + far], z[k:]
+            r = panel[s] + k * (own + far)
+            v = 0.0
+            row = L[r + k : r + own + far]
+            rest = z[k:]
             rest[0] = 0.0
             for j in range(row.size):
                 v += row[j] * rest[j]
@@ -160,13 +212,18 @@ def backward(T, L, y, z):
 @njit(cache=True, error_model="numpy")
 def solve(T, L, b, x, w):
     """x = K^-1 b; w (n,) and more: work space. b and x may be the same array."""
-    order, first, bptr = T[0], T[1], T[3]
+    order = T[0]
+    first = T[1]
+    bptr = T[3]
     n = order.size
-    y, z = w[:n], w[n:]
+    y = w[:n]
+    z = w[n:]
     for c in range(n):
         y[c] = b[order[c]]
     for s in range(first.size - 1):
-        lo, own, far = first[s], first[s + 1] - first[s], bptr[s + 1] - bptr[s]
+        lo = first[s]
+        own = first[s + 1] - first[s]
+        far = bptr[s + 1] - bptr[s]
         for i in range(own):
             z[i] = y[lo + i]
         for i in range(far):
@@ -180,5 +237,11 @@ def solve(T, L, b, x, w):
 @njit(cache=True, error_model="numpy")
 def room(T):
     """L, F, stack and w for the fronts T."""
-    size, most = T[10][0], T[10][1]
-    return np.empty(T[6][T[6].size - 1]), np.empty(size * size), np.empty(most + 1), np.empty(T[0].size + size)
+    size = T[10][0]
+    most = T[10][1]
+    return (
+        np.empty(T[6][T[6].size - 1]),
+        np.empty(size * size),
+        np.empty(most + 1),
+        np.empty(T[0].size + size),
+    )

@@ -5,14 +5,17 @@ level comes last and is a part of its own, so nothing in front of it meets anyth
 the rows are: the tree depends on where G has entries only. Source: George & Liu, Computer Solution of Large Sparse
 Positive Definite Systems, 1981, section 8; fronts: Duff & Reid, ACM TOMS 9(3), 1983.
 """
+
 import numpy as np
 from numba import njit
 
 from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
 from nsbench.linalg.sparse_ldl import levels
 
-BALANCE = 0.6                # at most this part of the coordinates on one side of a cut; the smallest level is taken
-LEAF = 32                    # coordinates of a part that is not cut any more: dense loops are faster there
+BALANCE = (
+    0.6  # at most this part of the coordinates on one side of a cut; the smallest level is taken
+)
+LEAF = 32  # coordinates of a part that is not cut any more: dense loops are faster there
 
 
 @njit(cache=True, error_model="numpy")
@@ -28,15 +31,19 @@ def _reaches(v, up, level, ptr, cols, tptr, trow):
 @njit(cache=True, error_model="numpy")
 def _thinnest(queue, level, found):
     """The smallest level that leaves no more than BALANCE of the part on either side."""
-    at, best, least = int(found * (1.0 - BALANCE)), level[queue[found // 2]], found
+    at = int(found * (1.0 - BALANCE))
+    best = level[queue[found // 2]]
+    least = found
     while at < found * BALANCE:
-        here, end = level[queue[at]], at
+        here = level[queue[at]]
+        end = at
         while at > 0 and level[queue[at - 1]] == here:
             at -= 1
         while end < found and level[queue[end]] == here:
             end += 1
         if end - at < least:
-            best, least = here, end - at
+            best = here
+            least = end - at
         at = end
     return best
 
@@ -44,7 +51,9 @@ def _thinnest(queue, level, found):
 @njit(cache=True, error_model="numpy")
 def _pieces(ptr, cols, tptr, trow, order, label, queue, level, todo):
     """Coordinates that hang together side by side in `order`, small pieces in common parts; returns parts, last label."""
-    n, done, depth = order.size, 0, 0
+    n = order.size
+    done = 0
+    depth = 0
     for c in range(n):
         if label[c] != 1:
             continue
@@ -52,7 +61,9 @@ def _pieces(ptr, cols, tptr, trow, order, label, queue, level, todo):
         if depth > 0 and todo[depth - 1, 1] - todo[depth - 1, 0] + found <= LEAF:
             todo[depth - 1, 1] += found
         else:
-            todo[depth, 0], todo[depth, 1], todo[depth, 2] = done, done + found, -1
+            todo[depth, 0] = done
+            todo[depth, 1] = done + found
+            todo[depth, 2] = -1
             depth += 1
         for k in range(found):
             order[done] = queue[k]
@@ -66,21 +77,29 @@ def _pieces(ptr, cols, tptr, trow, order, label, queue, level, todo):
 def dissect(ptr, cols, tptr, trow):
     """Order of elimination (n,), and above (n,): -2 inside a part, else the place where the part above it begins (-1: none)."""
     n = tptr.size - 1
-    order, label, above = np.empty(n, np.int64), np.ones(n, np.int64), np.full(n, -2)
-    queue, level, todo = np.empty(n, np.int64), np.full(n, -1), np.empty((n + 1, 3), np.int64)
+    order = np.empty(n, np.int64)
+    label = np.ones(n, np.int64)
+    above = np.full(n, -2)
+    queue = np.empty(n, np.int64)
+    level = np.full(n, -1)
+    todo = np.empty((n + 1, 3), np.int64)
     depth, part = _pieces(ptr, cols, tptr, trow, order, label, queue, level, todo)
     while depth > 0:
         depth -= 1
-        lo, hi, up = todo[depth, 0], todo[depth, 1], todo[depth, 2]
+        lo = todo[depth, 0]
+        hi = todo[depth, 1]
+        up = todo[depth, 2]
         part += 1
         for k in range(lo, hi):
             label[order[k]] = part
         found = levels(order[lo], part, label, tptr, trow, ptr, cols, queue, level)
         if hi - lo > LEAF:
             found = levels(queue[found - 1], part, label, tptr, trow, ptr, cols, queue, level)
-        middle, last = _thinnest(queue, level, found), level[queue[found - 1]]
-        mid, end = lo + found, hi
-        if found < hi - lo and hi - lo > LEAF:                 # a part of its own, then the rest
+        middle = _thinnest(queue, level, found)
+        last = level[queue[found - 1]]
+        mid = lo + found
+        end = hi
+        if found < hi - lo and hi - lo > LEAF:  # a part of its own, then the rest
             for k in range(found):
                 label[queue[k]] = 0
             for k in range(lo, hi):
@@ -90,7 +109,7 @@ def dissect(ptr, cols, tptr, trow):
             for k in range(found):
                 order[lo + k] = queue[k]
         elif found == hi - lo and found > LEAF and 0 < middle < last:
-            mid = lo                                           # before the level, behind it, and the level last
+            mid = lo  # before the level, behind it, and the level last
             for k in range(found - 1, -1, -1):
                 v = queue[k]
                 if level[v] == middle and _reaches(v, middle + 1, level, ptr, cols, tptr, trow):
@@ -103,20 +122,27 @@ def dissect(ptr, cols, tptr, trow):
                     order[at] = queue[k]
             for k in range(found):
                 v = queue[k]
-                if level[v] < middle or (level[v] == middle and not _reaches(v, middle + 1, level, ptr, cols, tptr, trow)):
+                if level[v] < middle or (
+                    level[v] == middle and not _reaches(v, middle + 1, level, ptr, cols, tptr, trow)
+                ):
                     order[mid] = v
                     mid += 1
-            above[end], up = up, end
+            above[end] = up
+            up = end
         else:
             mid = end = lo
             above[lo] = up
         for k in range(found):
             level[queue[k]] = -1
         if mid > lo:
-            todo[depth, 0], todo[depth, 1], todo[depth, 2] = lo, mid, up
+            todo[depth, 0] = lo
+            todo[depth, 1] = mid
+            todo[depth, 2] = up
             depth += 1
         if end > mid:
-            todo[depth, 0], todo[depth, 1], todo[depth, 2] = mid, end, up
+            todo[depth, 0] = mid
+            todo[depth, 1] = end
+            todo[depth, 2] = up
             depth += 1
     return order, above
 
@@ -126,7 +152,8 @@ def _ascending(a, n):
     """Sort a[:n] in place (Shell 1959, gaps of Ciura 2001)."""
     for gap in (301, 132, 57, 23, 10, 4, 1):
         for k in range(gap, n):
-            v, at = a[k], k
+            v = a[k]
+            at = k
             while at >= gap and a[at - gap] > v:
                 a[at] = a[at - gap]
                 at -= gap
@@ -136,17 +163,24 @@ def _ascending(a, n):
 @njit(cache=True, error_model="numpy")
 def _borders(first, above, place, order, ptr, cols, tptr, trow):
     """For every part the places behind it that it or the parts below it meet, ascending (bptr, border); the parts above."""
-    parts, n = first.size - 1, order.size
-    up, of = np.full(parts, -1), np.empty(n, np.int64)
+    parts = first.size - 1
+    n = order.size
+    up = np.full(parts, -1)
+    of = np.empty(n, np.int64)
     for s in range(parts):
         for c in range(first[s], first[s + 1]):
             of[c] = s
-    bptr, border, mark = np.zeros(parts + 1, np.int64), np.empty(8 * n + 64, np.int64), np.full(n, -1)
-    below, sibling, found = np.full(parts, -1), np.full(parts, -1), np.empty(n, np.int64)
+    bptr = np.zeros(parts + 1, np.int64)
+    border = np.empty(8 * n + 64, np.int64)
+    mark = np.full(n, -1)
+    below = np.full(parts, -1)
+    sibling = np.full(parts, -1)
+    found = np.empty(n, np.int64)
     for s in range(parts):
         if above[first[s]] >= 0:
             up[s] = of[above[first[s]]]
-        m, end = 0, first[s + 1]
+        m = 0
+        end = first[s + 1]
         for c in range(first[s], end):
             v = order[c]
             for f in range(tptr[v], tptr[v + 1]):
@@ -191,22 +225,28 @@ def tree(ptr, cols, tptr, trow):
     """
     n = tptr.size - 1
     order, above = dissect(ptr, cols, tptr, trow)
-    place, parts = np.empty(n, np.int64), 0
+    place = np.empty(n, np.int64)
+    parts = 0
     for c in range(n):
         place[order[c]] = c
         parts += above[c] > -2
-    first, s = np.empty(parts + 1, np.int64), 0
+    first = np.empty(parts + 1, np.int64)
+    s = 0
     for c in range(n):
         if above[c] > -2:
             first[s] = c
             s += 1
     first[parts] = n
     up, of, bptr, border = _borders(first, above, place, order, ptr, cols, tptr, trow)
-    rel, panel = np.empty(bptr[parts], np.int64), np.zeros(parts + 1, np.int64)
-    size, room, most = 0, 0, 0
+    rel = np.empty(bptr[parts], np.int64)
+    panel = np.zeros(parts + 1, np.int64)
+    size = 0
+    room = 0
+    most = 0
     held = np.zeros(parts, np.int64)
     for s in range(parts):
-        own, far = first[s + 1] - first[s], bptr[s + 1] - bptr[s]
+        own = first[s + 1] - first[s]
+        far = bptr[s + 1] - bptr[s]
         panel[s + 1] = panel[s] + own * (own + far)
         size = max(size, own + far)
         room += far * far - held[s]
@@ -214,7 +254,8 @@ def tree(ptr, cols, tptr, trow):
         if up[s] >= 0:
             u = up[s]
             held[u] += far * far
-            at, wide = bptr[u], first[u + 1] - first[u]
+            at = bptr[u]
+            wide = first[u + 1] - first[u]
             for e in range(bptr[s], bptr[s + 1]):
                 if border[e] < first[u + 1]:
                     rel[e] = border[e] - first[u]
@@ -229,9 +270,12 @@ def tree(ptr, cols, tptr, trow):
 @njit(cache=True, error_model="numpy")
 def _owners(first, of, bptr, border, place, ptr, cols):
     """Each row belongs to the front of its first coordinate; where its entries lie there."""
-    m, parts = ptr.size - 1, first.size - 1
-    owner, optr = np.empty(m, np.int64), np.zeros(parts + 1, np.int64)
-    loc, orow = np.empty(cols.size, np.int64), np.empty(m, np.int64)
+    m = ptr.size - 1
+    parts = first.size - 1
+    owner = np.empty(m, np.int64)
+    optr = np.zeros(parts + 1, np.int64)
+    loc = np.empty(cols.size, np.int64)
+    orow = np.empty(m, np.int64)
     for k in range(m):
         low = place[cols[ptr[k]]]
         for e in range(ptr[k], ptr[k + 1]):
@@ -244,7 +288,9 @@ def _owners(first, of, bptr, border, place, ptr, cols):
             if u < first[s + 1]:
                 loc[e] = u - first[s]
                 continue
-            a, b = bptr[s], bptr[s + 1]                        # bisection in the border
+            # bisection in the border
+            a = bptr[s]
+            b = bptr[s + 1]
             while b - a > 1:
                 c = (a + b) // 2
                 if border[c] <= u:

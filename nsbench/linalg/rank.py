@@ -1,4 +1,5 @@
 """Which columns are independent: orthonormal ones, and pivots of elimination, in loops over small matrices."""
+
 import numpy as np
 from numba import njit
 
@@ -28,17 +29,20 @@ def orthonormal(Q):
 @njit(cache=True, error_model="numpy")
 def near_singular(A, rank):
     """Does elimination with full pivoting meet a pivot below `rank` of the first? A is overwritten."""
-    n, first = A.shape[0], 0.0
+    n = A.shape[0]
+    first = 0.0
     for k in range(n):
-        p, q = k, k
+        p = k
+        q = k
         for i in range(k, n):
             for j in range(k, n):
                 if abs(A[i, j]) > abs(A[p, q]):
-                    p, q = i, j
+                    p = i
+                    q = j
         top = abs(A[p, q])
         if k == 0:
             first = top
-        if not top > 1e2 * rank * first:                     # elimination overestimates the least singular value
+        if not top > 1e2 * rank * first:  # elimination overestimates the least singular value
             return True
         for j in range(n):
             A[k, j], A[p, j] = A[p, j], A[k, j]

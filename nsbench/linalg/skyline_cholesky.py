@@ -4,6 +4,7 @@ Rows are ordered by Cuthill & McKee (1969) on the graph of contacts that share a
 that a matrix of many small clusters, or of one flat cluster, has a short envelope; the factor fills only that envelope
 (George & Liu 1981, chapter 4). Row i of the ordered matrix is held from its first entry to its diagonal.
 """
+
 import numpy as np
 
 from nsbench.compilation.decorators import inner, summing
@@ -18,7 +19,8 @@ def columns(C, count, p, n):
             ptr[C[k, e] + 1] += 1
     for c in range(n):
         ptr[c + 1] += ptr[c]
-    fill, member = ptr[:n].copy(), np.empty(ptr[n], np.int64)
+    fill = ptr[:n].copy()
+    member = np.empty(ptr[n], np.int64)
     for k in range(p):
         for e in range(count[k]):
             member[fill[C[k, e]]] = k
@@ -29,7 +31,10 @@ def columns(C, count, p, n):
 @inner
 def _breadth(first, nptr, near, stamp, mark, queue, at):
     """Rows reached from `first` in breadth-first order, written to queue[at:]; returns the end."""
-    queue[at], stamp[first], head, end = first, mark, at, at + 1
+    queue[at] = first
+    stamp[first] = mark
+    head = at
+    end = at + 1
     while head < end:
         k = queue[head]
         head += 1
@@ -45,7 +50,9 @@ def _breadth(first, nptr, near, stamp, mark, queue, at):
 def _neighbours(C, count, p, n, stamp):
     """Rows that share a column with each row, itself included: pointers (p + 1,) and members."""
     ptr, member = columns(C, count, p, n)
-    nptr, most, m = np.zeros(p + 1, np.int64), 0, 0
+    nptr = np.zeros(p + 1, np.int64)
+    most = 0
+    m = 0
     for k in range(p):
         stamp[k] = -1
         for e in range(count[k]):
@@ -66,7 +73,10 @@ def _neighbours(C, count, p, n, stamp):
 @inner
 def arrange(C, count, p, n):
     """A plan: place (p,) of each row, start (p,) and ptr (p + 1,) of the envelope, and who meets each row (nptr, near)."""
-    queue, stamp, at, mark = np.empty(p, np.int64), np.empty(p, np.int64), np.int64(0), np.int64(p)
+    queue = np.empty(p, np.int64)
+    stamp = np.empty(p, np.int64)
+    at = np.int64(0)
+    mark = np.int64(p)
     nptr, near = _neighbours(C, count, p, n, stamp)
     done = np.zeros(p, np.bool_)
     for k in range(p):
@@ -77,7 +87,9 @@ def arrange(C, count, p, n):
             for u in range(at, end):
                 done[queue[u]] = True
             at = end
-    place, start, eptr = np.empty(p, np.int64), np.empty(p, np.int64), np.zeros(p + 1, np.int64)
+    place = np.empty(p, np.int64)
+    start = np.empty(p, np.int64)
+    eptr = np.zeros(p + 1, np.int64)
     for u in range(p):
         place[queue[u]] = p - 1 - u
     for k in range(p):
@@ -100,7 +112,8 @@ def fill(plan, C, V, count, p, work, E):
         for e in range(count[k]):
             work[C[k, e]] += V[k, e]
         for u in range(nptr[k], nptr[k + 1]):
-            j, s = near[u], 0.0
+            j = near[u]
+            s = 0.0
             if place[j] <= i:
                 for e in range(count[j]):
                     s += V[j, e] * work[C[j, e]]
@@ -122,7 +135,8 @@ def factor(plan, p, E, least):
     """E <- its Cholesky factor; False if a pivot is not above `least` times its diagonal."""
     _, start, eptr, _, _ = plan
     for i in range(p):
-        row, a = eptr[i], start[i]
+        row = eptr[i]
+        a = start[i]
         for j in range(a, i):
             b = max(a, start[j])
             s = E[row + j - a] - _dot(E, row + b - a, eptr[j] + b - start[j], j - b)
@@ -143,12 +157,15 @@ def solve(plan, p, E, v, out):
     for k in range(p):
         y[place[k]] = v[k]
     for i in range(p):
-        row, a, s = eptr[i], start[i], y[i]
+        row = eptr[i]
+        a = start[i]
+        s = y[i]
         for j in range(a, i):
             s -= E[row + j - a] * y[j]
         y[i] = s / E[row + i - a]
     for i in range(p - 1, -1, -1):
-        row, a = eptr[i], start[i]
+        row = eptr[i]
+        a = start[i]
         y[i] /= E[row + i - a]
         for j in range(a, i):
             y[j] -= E[row + j - a] * y[i]

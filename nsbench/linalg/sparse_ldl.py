@@ -3,12 +3,13 @@
 Rows are CSR: ptr (m + 1,), cols, vals. Their transpose is a table of visits: coordinate c is used by the entries
 tpos[tptr[c] : tptr[c + 1]] of the rows trow[...].
 """
+
 import numpy as np
 from numba import njit
 
 from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
 
-SMALL = 24                  # a part this small is dense enough: dissecting it further gains nothing
+SMALL = 24  # a part this small is dense enough: dissecting it further gains nothing
 
 
 @njit(cache=True, error_model="numpy")
@@ -22,7 +23,8 @@ def visits(ptr, cols, n):
     fill = np.empty(n, np.int64)
     for c in range(n):
         fill[c] = tptr[c]
-    trow, tpos = np.empty(cols.size, np.int64), np.empty(cols.size, np.int64)
+    trow = np.empty(cols.size, np.int64)
+    tpos = np.empty(cols.size, np.int64)
     for k in range(ptr.size - 1):
         for e in range(ptr[k], ptr[k + 1]):
             f = fill[cols[e]]
@@ -38,7 +40,8 @@ def levels(root, part, label, ptr, cols, tptr, trow, queue, level):
     queue[0] = root
     level[root] = 0
     label[root] = -part
-    done, found = 0, 1
+    done = 0
+    found = 1
     while done < found:
         v = queue[done]
         done += 1
@@ -62,16 +65,21 @@ def dissection(ptr, cols, tptr, trow):
     Source: George & Liu, Computer Solution of Large Sparse Positive Definite Systems, 1981, section 8.
     """
     m = ptr.size - 1
-    order, label = np.arange(m), np.ones(m, np.int64)
+    order = np.arange(m)
+    label = np.ones(m, np.int64)
     if m <= SMALL:
         return order
-    queue, level = np.empty(m, np.int64), np.empty(m, np.int64)
+    queue = np.empty(m, np.int64)
+    level = np.empty(m, np.int64)
     todo = np.empty((m + 1, 2), np.int64)
-    todo[0, 0], todo[0, 1] = 0, m
-    depth, part = 1, 1
+    todo[0, 0] = 0
+    todo[0, 1] = m
+    depth = 1
+    part = 1
     while depth > 0:
         depth -= 1
-        lo, hi = todo[depth, 0], todo[depth, 1]
+        lo = todo[depth, 0]
+        hi = todo[depth, 1]
         part += 1
         for k in range(lo, hi):
             label[order[k]] = part
@@ -82,18 +90,20 @@ def dissection(ptr, cols, tptr, trow):
             for k in range(found):
                 order[hi - 1 - k] = queue[k]
             continue
-        if found < hi - lo:                                    # a part of its own, then the rest
+        if found < hi - lo:  # a part of its own, then the rest
             for k in range(found):
                 label[queue[k]] = 0
-            end, mid = hi, lo + found
+            end = hi
+            mid = lo + found
             for k in range(lo, hi):
                 if label[order[k]] != 0:
                     queue[found] = order[k]
                     found += 1
             for k in range(found):
                 order[lo + k] = queue[k]
-        else:                                                  # before the cut, behind it, and the cut last
-            mid, end = lo, hi
+        else:  # before the cut, behind it, and the cut last
+            mid = lo
+            end = hi
             for k in range(found - 1, -1, -1):
                 if level[queue[k]] == cut:
                     end -= 1
@@ -108,10 +118,12 @@ def dissection(ptr, cols, tptr, trow):
                     order[mid] = queue[k]
                     mid += 1
         if mid > lo:
-            todo[depth, 0], todo[depth, 1] = lo, mid
+            todo[depth, 0] = lo
+            todo[depth, 1] = mid
             depth += 1
         if end > mid:
-            todo[depth, 0], todo[depth, 1] = mid, end
+            todo[depth, 0] = mid
+            todo[depth, 1] = end
             depth += 1
     return order
 
@@ -120,7 +132,8 @@ def dissection(ptr, cols, tptr, trow):
 def _symbolic(act, slot, ptr, cols, tptr, trow):
     """Elimination tree of the chosen rows and the start of each column of L."""
     na = act.size
-    parent, mark = np.full(na, -1), np.full(na, -1)
+    parent = np.full(na, -1)
+    mark = np.full(na, -1)
     start = np.zeros(na + 1, np.int64)
     for k in range(na):
         mark[k] = k
@@ -151,9 +164,14 @@ def factor(act, slot, ptr, cols, vals, tptr, trow, tpos, tol, shift):
     """
     na = act.size
     parent, start = _symbolic(act, slot, ptr, cols, tptr, trow)
-    row, value = np.empty(start[na], np.int64), np.empty(start[na])
-    count, D, y = np.zeros(na, np.int64), np.zeros(na), np.zeros(na)
-    mark, path, stack = np.full(na, -1), np.empty(na, np.int64), np.empty(na, np.int64)
+    row = np.empty(start[na], np.int64)
+    value = np.empty(start[na])
+    count = np.zeros(na, np.int64)
+    D = np.zeros(na)
+    y = np.zeros(na)
+    mark = np.full(na, -1)
+    path = np.empty(na, np.int64)
+    stack = np.empty(na, np.int64)
     for k in range(na):
         top = na
         mark[k] = k
@@ -174,7 +192,8 @@ def factor(act, slot, ptr, cols, vals, tptr, trow, tpos, tol, shift):
                     depth -= 1
                     top -= 1
                     stack[top] = path[depth]
-        whole, d = y[k], y[k] * (1.0 + shift)
+        whole = y[k]
+        d = y[k] * (1.0 + shift)
         y[k] = 0.0
         for s in range(top, na):
             i = stack[s]
@@ -216,7 +235,8 @@ def back(L, D, b):
 @njit(cache=True, error_model="numpy")
 def push(P, vals, mu, d):
     """d = G^T mu."""
-    ptr, cols = P[0], P[1]
+    ptr = P[0]
+    cols = P[1]
     for c in range(d.size):
         d[c] = 0.0
     for k in range(mu.size):
@@ -228,7 +248,8 @@ def push(P, vals, mu, d):
 @njit(cache=True, error_model="numpy")
 def slack(P, vals, q, d, w):
     """w = q + G d."""
-    ptr, cols = P[0], P[1]
+    ptr = P[0]
+    cols = P[1]
     for k in range(q.size):
         s = q[k]
         for e in range(ptr[k], ptr[k + 1]):
@@ -239,7 +260,8 @@ def slack(P, vals, q, d, w):
 @njit(cache=True, error_model="numpy")
 def lengths(P, vals):
     """|grad g_k| of every row."""
-    ptr, out = P[0], np.empty(P[0].size - 1)
+    ptr = P[0]
+    out = np.empty(P[0].size - 1)
     for k in range(out.size):
         s = 0.0
         for e in range(ptr[k], ptr[k + 1]):
@@ -251,7 +273,8 @@ def lengths(P, vals):
 @njit(cache=True, error_model="numpy")
 def choose(on, order, slot):
     """The rows switched on, in the order of elimination; slot: their places, -1 elsewhere."""
-    act, na = np.empty(on.size, np.int64), 0
+    act = np.empty(on.size, np.int64)
+    na = 0
     for k in order:
         slot[k] = -1
         if on[k]:

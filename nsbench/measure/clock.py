@@ -3,6 +3,7 @@
 Every round runs each of them once, beginning with another one each time; a disturbance meets all of them alike. A ratio
 is the median of the ratios within rounds (not the ratio of medians), and comes with its quartiles.
 """
+
 from __future__ import annotations
 
 import sys
@@ -13,13 +14,13 @@ from dataclasses import dataclass
 import numpy as np
 
 ROUNDS = 7
-FEWEST = 3              # of rounds: quartiles of less say nothing
-TURNS = 0.03            # seconds: what the turns of one row may take together, if they are not FEWEST
-LONG = 0.02             # seconds: a run that takes longer is timed once; several slices of a scheduler average out within
-AGAIN = 5e-3            # seconds: a preparation that is quicker hides no compilation
-LEAST = 0.02            # seconds: a run that is shorter is repeated within its turn until the turn lasts this long
+FEWEST = 3  # of rounds: quartiles of less say nothing
+TURNS = 0.03  # seconds: what the turns of one row may take together, if they are not FEWEST
+LONG = 0.02  # seconds: a run that takes longer is timed once; several slices of a scheduler average out within
+AGAIN = 5e-3  # seconds: a preparation that is quicker hides no compilation
+LEAST = 0.02  # seconds: a run that is shorter is repeated within its turn until the turn lasts this long
 
-_stood = 0.0            # seconds in which the clock of preparations and first calls stood still
+_stood = 0.0  # seconds in which the clock of preparations and first calls stood still
 
 
 def stand(seconds: float) -> None:
@@ -35,6 +36,7 @@ def _now() -> float:
 @dataclass(frozen=True)
 class Times:
     """seconds (rounds,) of one run, per round; repeats: how often it ran within a turn."""
+
     seconds: np.ndarray
     repeats: int
 
@@ -55,6 +57,7 @@ class Times:
 @dataclass(frozen=True)
 class Ratio:
     """median and quartiles of the ratio of two runs within rounds."""
+
     median: float
     low: float
     high: float
@@ -71,11 +74,18 @@ def rounds_of(seconds: float) -> int:
 def columns(seconds) -> dict:
     """The columns of a row that tell the clock of its rounds (in seconds, but for `rounds`)."""
     low, middle, high = (float(v) for v in np.percentile(seconds, (25, 50, 75)))
-    return {"seconds": middle, "seconds_low": low, "seconds_high": high, "seconds_max": float(np.max(seconds)),
-            "rounds": len(seconds)}
+    return {
+        "seconds": middle,
+        "seconds_low": low,
+        "seconds_high": high,
+        "seconds_max": float(np.max(seconds)),
+        "rounds": len(seconds),
+    }
 
 
-def in_rounds(runs: list[Callable[[], object]], rounds: list[int], announce: Callable[[int], None]) -> list:
+def in_rounds(
+    runs: list[Callable[[], object]], rounds: list[int], announce: Callable[[int], None]
+) -> list:
     """Seconds of every run in its number of rounds, or what it raised in the first one that it did not end; each round
     begins with another run. announce(i): run i is next."""
     out: list[list[float] | Exception] = [[] for _ in runs]
@@ -86,7 +96,9 @@ def in_rounds(runs: list[Callable[[], object]], rounds: list[int], announce: Cal
                 announce(i)
                 try:
                     out[i].append(_seconds(runs[i], 1))
-                except Exception as e:       # it ended once; who asked is told of it, and the others are timed
+                except (
+                    Exception
+                ) as e:  # it ended once; who asked is told of it, and the others are timed
                     out[i] = e
     return out
 
@@ -105,7 +117,9 @@ def prepared(prepare: Callable[[], Callable]) -> tuple[Callable, dict]:
     return run, {"setup_seconds": again, "compile_seconds": first - again}
 
 
-def first_call(run: Callable[[], object], again: Callable[[], None] = lambda: None) -> tuple[object, float, float]:
+def first_call(
+    run: Callable[[], object], again: Callable[[], None] = lambda: None
+) -> tuple[object, float, float]:
     """What `run()` returns, its seconds, and those that numba's compiler took within. A run that compiles is made again,
     after a call of `again`: its seconds are those of the second call."""
     out, seconds, spent = _watched(run)
@@ -121,11 +135,17 @@ def _watched(run):
         start = _now()
         out = run()
         seconds = _now() - start
-        return out, seconds, seconds if "numba" in sys.modules else 0.0      # what imports numba will have compiled too
+        return (
+            out,
+            seconds,
+            seconds if "numba" in sys.modules else 0.0,
+        )  # what imports numba will have compiled too
     from numba.core import event
 
     class Watch(event.Listener):
-        depth, since, total = 0, 0.0, 0.0
+        depth = 0
+        since = 0.0
+        total = 0.0
 
         def on_start(self, _):
             self.since = self.since if self.depth else _now()
@@ -134,6 +154,7 @@ def _watched(run):
         def on_end(self, _):
             self.depth -= 1
             self.total += 0.0 if self.depth else _now() - self.since
+
     watch = Watch()
     with event.install_listener("numba:compiler_lock", watch):
         start = _now()
@@ -142,7 +163,9 @@ def _watched(run):
     return out, seconds, watch.total
 
 
-def interleaved(runs: dict[str, Callable[[], object]], rounds: int = ROUNDS, least: float = LEAST) -> dict[str, Times]:
+def interleaved(
+    runs: dict[str, Callable[[], object]], rounds: int = ROUNDS, least: float = LEAST
+) -> dict[str, Times]:
     """Seconds of each run, by name, over `rounds` rounds. Each is run once before, untimed, and that call tells how
     often it must be repeated in its turn to last `least` seconds. Runs must be ready: prepared and compiled.
 
@@ -154,7 +177,7 @@ def interleaved(runs: dict[str, Callable[[], object]], rounds: int = ROUNDS, lea
     repeats = {n: max(1, int(np.ceil(least / max(_seconds(runs[n], 1), 1e-9)))) for n in names}
     seconds = {n: np.empty(rounds) for n in names}
     for r in range(rounds):
-        turn = names[r % len(names):] + names[:r % len(names)]
+        turn = names[r % len(names) :] + names[: r % len(names)]
         for n in turn:
             seconds[n][r] = _seconds(runs[n], repeats[n])
     return {n: Times(seconds[n], repeats[n]) for n in names}

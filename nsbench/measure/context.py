@@ -1,4 +1,5 @@
 """What all runs of one case are measured against: its reference, events, scene, uniqueness; made once per case."""
+
 from __future__ import annotations
 
 import weakref
@@ -13,8 +14,8 @@ from nsbench.dynamics.contacts.constraint_set import PAIR, Near, Scene
 from nsbench.problem import LCS, Complementarity, Filippov
 from nsbench.reference import Reference, canonical, files_of, reference, spread
 
-WINDOW = 2              # sample spacings on each side of an event that are not "settled"
-RANK = 1e-10            # relative singular value below which active gradients count as dependent
+WINDOW = 2  # sample spacings on each side of an event that are not "settled"
+RANK = 1e-10  # relative singular value below which active gradients count as dependent
 _frames: weakref.WeakKeyDictionary = weakref.WeakKeyDictionary()
 
 
@@ -22,6 +23,7 @@ _frames: weakref.WeakKeyDictionary = weakref.WeakKeyDictionary()
 class Frame:
     """ref or None; scene (complementarity only); quiet (k - 1,): intervals outside the windows around events;
     unique: are the multipliers (None without a reference); active: ids with a gap of zero at each sample."""
+
     case: Case
     ref: Reference | None
     scene: Scene | None
@@ -47,7 +49,9 @@ def _make(case: Case) -> Frame:
         return Frame(case, None, scene, np.zeros(len(case.t) - 1, bool), None)
     quiet = outside_windows(case.t, event_times(case, ref))
     active = _active(case, ref, scene)
-    tested = [k for k in range(len(case.t)) if quiet[max(k - 1, 0)] and quiet[min(k, len(quiet) - 1)]]
+    tested = [
+        k for k in range(len(case.t)) if quiet[max(k - 1, 0)] and quiet[min(k, len(quiet) - 1)]
+    ]
     # with events everywhere the samples themselves are as good: an event seldom falls on one
     unique = all(_independent(case, ref, scene, k, active[k]) for k in tested or range(len(case.t)))
     return Frame(case, ref, scene, quiet, unique, active)
@@ -81,9 +85,11 @@ def outside_windows(t: np.ndarray, events: np.ndarray) -> np.ndarray:
     quiet = np.ones(len(t) - 1, bool)
     slack = 1e-9 * np.diff(t).min()
     for e in events:
-        first = np.searchsorted(t, e - slack, side="right") - 1   # the interval that holds the event, or the two
-        last = np.searchsorted(t, e + slack, side="left") - 1     # that meet in it
-        quiet[max(last - WINDOW, 0):max(first + WINDOW + 1, 0)] = False
+        first = (
+            np.searchsorted(t, e - slack, side="right") - 1
+        )  # the interval that holds the event, or the two
+        last = np.searchsorted(t, e + slack, side="left") - 1  # that meet in it
+        quiet[max(last - WINDOW, 0) : max(first + WINDOW + 1, 0)] = False
     return quiet
 
 
@@ -96,8 +102,21 @@ def near_of(scene: Scene, contacts) -> Near:
     for c in contacts:
         if c[0] in hard:
             fam, r = hard[c[0]]
-            i, j = c[1], c[2]
-            rows.append((PAIR, c[0], i, j, fam.start + i * fam.dim, fam.start + j * fam.dim, r[i] + r[j], 1.0, fam.dim))
+            i = c[1]
+            j = c[2]
+            rows.append(
+                (
+                    PAIR,
+                    c[0],
+                    i,
+                    j,
+                    fam.start + i * fam.dim,
+                    fam.start + j * fam.dim,
+                    r[i] + r[j],
+                    1.0,
+                    fam.dim,
+                )
+            )
         else:
             k = at[c] if c in at else at[(c[0], c[2], c[1])]
             rows.append(tuple(a[k] for a in static.arrays()))
@@ -113,12 +132,21 @@ def tolerance(ref: Reference) -> float:
 
 def _active(case, ref, scene) -> tuple:
     """Per sample: canonical ids of closed contacts (complementarity), acting diodes (LCS), surfaces at zero."""
-    tol, out, p = tolerance(ref), [], case.problem
+    tol = tolerance(ref)
+    out = []
+    p = case.problem
     if isinstance(p, LCS):
         acts = np.zeros((len(case.t) + 1, p.B.shape[1]), bool)
         if ref.impulse is not None:
-            acts[1:-1] = spread(p, ref.contacts, pattern(p, case.t, ref.impulse),
-                                {(0, i): i for i in range(p.B.shape[1])}) > 0
+            acts[1:-1] = (
+                spread(
+                    p,
+                    ref.contacts,
+                    pattern(p, case.t, ref.impulse),
+                    {(0, i): i for i in range(p.B.shape[1])},
+                )
+                > 0
+            )
         return tuple(tuple((0, int(i)) for i in np.flatnonzero(a | b)) for a, b in pairwise(acts))
     switch = host(p.switch) if isinstance(p, Filippov) else None
     for t, x in zip(case.t, ref.x, strict=True):
@@ -139,24 +167,29 @@ def _independent(case, ref, scene, k, active) -> bool:
     if scene is not None:
         return full_rank(scene.gradients(float(case.t[k]), ref.x[k], near_of(scene, active)))
     from scipy.sparse import csr_array
+
     rows = [c[1] for c in active]
-    if isinstance(p, LCS):                    # B and, among what acts, D: what the motion and w = 0 say of lambda
+    if isinstance(p, LCS):  # B and, among what acts, D: what the motion and w = 0 say of lambda
         return full_rank(csr_array(np.vstack([p.B[:, rows], p.D[np.ix_(rows, rows)]]).T))
-    field_, s = host(p.field), np.ones(len(np.atleast_1d(host(p.switch)(float(case.t[k]), ref.x[k]))))
+    field_ = host(p.field)
+    s = np.ones(len(np.atleast_1d(host(p.switch)(float(case.t[k]), ref.x[k]))))
     if ref.impulse is not None:
         j = min(k, len(case.t) - 2)
         mean = (ref.impulse[j + 1] - ref.impulse[j]) / (case.t[j + 1] - case.t[j])
         s = 2 * spread(p, ref.contacts, mean[None], {(0, i): i for i in range(len(s))})[0] - 1
+
     def at(i, v):
         q = s.copy()
         q[i] = v
         return field_(float(case.t[k]), ref.x[k], q)
+
     return full_rank(csr_array(np.array([at(i, 1.0) - at(i, -1.0) for i in rows])))
 
 
 def full_rank(G) -> bool:
     """Are the rows of the sparse G independent (singular values, relative 1e-10, per connected group of rows)?"""
     from scipy.sparse.csgraph import connected_components
+
     size = abs(G)
     count, label = connected_components(size @ size.T, directed=False)
     for c in range(count):

@@ -1,4 +1,5 @@
 """Errors of a run against the reference of its case, with the residuals beside them."""
+
 from __future__ import annotations
 
 import numpy as np
@@ -15,10 +16,30 @@ from nsbench.problem import Complementarity
 from nsbench.reference import columns_of, spread
 from nsbench.trajectory import Trajectory
 
-NAMES = ("state_sup", "state_T", "set_distance", "impulse", "reaction", "l1", "settled", "sup", "event_time", "events_missed",
-         "events_extra", *LABELS, "lam_floor", "selection", "polyhedron", "state_floor", "impulse_floor", "reaction_floor",
-         "event_floor", "state_scale", "impulse_scale")
-MEASURED = ("ok", "unverified", "degenerate", "below_reference")       # statuses of runs that reached T
+NAMES = (
+    "state_sup",
+    "state_T",
+    "set_distance",
+    "impulse",
+    "reaction",
+    "l1",
+    "settled",
+    "sup",
+    "event_time",
+    "events_missed",
+    "events_extra",
+    *LABELS,
+    "lam_floor",
+    "selection",
+    "polyhedron",
+    "state_floor",
+    "impulse_floor",
+    "reaction_floor",
+    "event_floor",
+    "state_scale",
+    "impulse_scale",
+)
+MEASURED = ("ok", "unverified", "degenerate", "below_reference")  # statuses of runs that reached T
 
 
 def errors(case: Case, traj: Trajectory) -> dict:
@@ -48,20 +69,31 @@ def errors(case: Case, traj: Trajectory) -> dict:
     made = frame(case)
     ref = made.ref
     out = {k: float("nan") for k in NAMES}
-    out |= {"reference": "none" if ref is None else ref.kind, "multipliers_unique": made.unique, "below": ""}
+    out |= {
+        "reference": "none" if ref is None else ref.kind,
+        "multipliers_unique": made.unique,
+        "below": "",
+    }
     if not len(traj.t):
         return out | dict.fromkeys(RESIDUALS, float("nan"))
     if not np.array_equal(traj.t, case.t):
-        raise ValueError(f"the run has {len(traj.t)} samples at times of its own; {case.key} has {len(case.t)}")
+        raise ValueError(
+            f"the run has {len(traj.t)} samples at times of its own; {case.key} has {len(case.t)}"
+        )
     out |= residuals(made, traj)
     if ref is None:
         if case.distance is not None and _finished(traj):
             out["set_distance"] = float(case.distance(traj.t, traj.x))
         return out
     bound = ref.impulse_error if made.unique else ref.reaction_error
-    out |= {"state_floor": 10.0 * ref.state_error, "impulse_floor": 10.0 * bound,
-            "reaction_floor": 10.0 * ref.reaction_error, "event_floor": 10.0 * ref.event_error,
-            "state_scale": _size(ref.x), "impulse_scale": max(_size(ref.impulse), _size(ref.reaction))}
+    out |= {
+        "state_floor": 10.0 * ref.state_error,
+        "impulse_floor": 10.0 * bound,
+        "reaction_floor": 10.0 * ref.reaction_error,
+        "event_floor": 10.0 * ref.event_error,
+        "state_scale": _size(ref.x),
+        "impulse_scale": max(_size(ref.impulse), _size(ref.reaction)),
+    }
     if _finished(traj):
         out |= _against(made, traj)
         out["below"] = " ".join(below_reference(out, case.t))
@@ -70,17 +102,26 @@ def errors(case: Case, traj: Trajectory) -> dict:
 
 def below_reference(row: dict, t: np.ndarray) -> list[str]:
     """Names of the errors in `row` that lie below ten times what the reference's own error can make of them."""
-    k, gap = len(t) - 1, float(np.diff(t).min())
-    floors = {"state_sup": row["state_floor"], "state_T": row["state_floor"], "impulse": row["impulse_floor"],
-              "reaction": row["reaction_floor"], "event_time": row["event_floor"],
-              # differences of two cumulative impulses: summed over the intervals, or over the shortest of them
-              "l1": 2 * k * row["impulse_floor"], "settled": 2 * row["impulse_floor"] / gap,
-              "sup": 2 * row["impulse_floor"] / gap}
+    k = len(t) - 1
+    gap = float(np.diff(t).min())
+    floors = {
+        "state_sup": row["state_floor"],
+        "state_T": row["state_floor"],
+        "impulse": row["impulse_floor"],
+        "reaction": row["reaction_floor"],
+        "event_time": row["event_floor"],
+        # differences of two cumulative impulses: summed over the intervals, or over the shortest of them
+        "l1": 2 * k * row["impulse_floor"],
+        "settled": 2 * row["impulse_floor"] / gap,
+        "sup": 2 * row["impulse_floor"] / gap,
+    }
     return [name for name, floor in floors.items() if row[name] < floor]
 
 
 def _finished(traj: Trajectory) -> bool:
-    return traj.status.code in MEASURED and bool(np.all(np.isfinite(traj.x)) and np.all(np.isfinite(traj.impulse)))
+    return traj.status.code in MEASURED and bool(
+        np.all(np.isfinite(traj.x)) and np.all(np.isfinite(traj.impulse))
+    )
 
 
 def _size(values) -> float:
@@ -104,10 +145,18 @@ def _against(made: Frame, traj: Trajectory) -> dict:
 
 
 def _multipliers(made: Frame, traj: Trajectory) -> dict:
-    ref, p, t = made.ref, made.case.problem, made.case.t
+    ref = made.ref
+    p = made.case.problem
+    t = made.case.t
     columns = columns_of(p, traj.contacts, ref.contacts)
-    off = spread(p, traj.contacts, traj.impulse, columns) - spread(p, ref.contacts, ref.impulse, columns)
+    off = spread(p, traj.contacts, traj.impulse, columns) - spread(
+        p, ref.contacts, ref.impulse, columns
+    )
     step = np.abs(np.diff(off, axis=0))
     mean = (step / np.diff(t)[:, None]).max(axis=1, initial=0.0)
-    return {"impulse": float(np.abs(off).max(initial=0.0)), "l1": float(step.sum()), "sup": float(mean.max()),
-            "settled": float(mean[made.quiet].max()) if made.quiet.any() else float("nan")}
+    return {
+        "impulse": float(np.abs(off).max(initial=0.0)),
+        "l1": float(step.sum()),
+        "sup": float(mean.max()),
+        "settled": float(mean[made.quiet].max()) if made.quiet.any() else float("nan"),
+    }

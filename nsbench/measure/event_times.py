@@ -1,4 +1,5 @@
 """Event times of a run against those of the reference."""
+
 from __future__ import annotations
 
 import numpy as np
@@ -12,7 +13,8 @@ def match(found: np.ndarray, wanted: np.ndarray) -> np.ndarray:
     differences (dynamic programming): the differences."""
     if len(found) > len(wanted):
         found, wanted = wanted, found
-    m, n = len(found), len(wanted)
+    m = len(found)
+    n = len(wanted)
     if m == 0:
         return np.empty(0)
     cost = np.full((m + 1, n + 1), np.inf)
@@ -21,7 +23,8 @@ def match(found: np.ndarray, wanted: np.ndarray) -> np.ndarray:
     for i in range(m):
         for j in range(i, n - (m - 1 - i)):
             cost[i + 1, j + 1] = min(cost[i + 1, j], cost[i, j] + gap[i, j])
-    out, j = [], n
+    out = []
+    j = n
     for i in range(m, 0, -1):
         while cost[i, j] == cost[i, j - 1]:
             j -= 1
@@ -30,7 +33,9 @@ def match(found: np.ndarray, wanted: np.ndarray) -> np.ndarray:
     return np.array(out[::-1])
 
 
-def event_errors(problem, found: tuple[Event, ...], wanted: tuple[Event, ...]) -> tuple[float, int, int]:
+def event_errors(
+    problem, found: tuple[Event, ...], wanted: tuple[Event, ...]
+) -> tuple[float, int, int]:
     """Largest difference of matched times (NaN without any), reference events that were missed, events too many.
 
     Events are matched within one kind and contact; a pivot is none: it changes the basis among redundant contacts, which
@@ -44,12 +49,17 @@ def event_errors(problem, found: tuple[Event, ...], wanted: tuple[Event, ...]) -
         diffs = match(times, goals) if len(times) >= len(goals) else match(goals, times)
         return _largest(diffs), max(len(goals) - len(times), 0), 0
     keys = {(e.kind, canonical(problem, e.contact)) for e in (*found, *wanted)}
-    worst, missed, extra = np.nan, 0, 0
+    worst = np.nan
+    missed = 0
+    extra = 0
     for key in keys:
-        a, b = (np.sort([e.t for e in events if (e.kind, canonical(problem, e.contact)) == key])
-                for events in (found, wanted))
+        a, b = (
+            np.sort([e.t for e in events if (e.kind, canonical(problem, e.contact)) == key])
+            for events in (found, wanted)
+        )
         worst = np.fmax(worst, _largest(match(a, b)))
-        missed, extra = missed + max(len(b) - len(a), 0), extra + max(len(a) - len(b), 0)
+        missed = missed + max(len(b) - len(a), 0)
+        extra = extra + max(len(a) - len(b), 0)
     return float(worst), missed, extra
 
 

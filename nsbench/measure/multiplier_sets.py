@@ -1,4 +1,5 @@
 """Multipliers that are not unique: distance to the set {mu >= 0, G mu = r, supp mu in A}, and its smallest point."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -12,6 +13,7 @@ from nsbench.reference import canonical
 @dataclass(frozen=True, eq=False)
 class Polyhedron:
     """mu = base + Z y, mu >= -slack; base: the least-squares solution of G^T mu = r, Z (m, z): null space of G^T."""
+
     base: np.ndarray
     Z: np.ndarray
     slack: float
@@ -24,6 +26,7 @@ class Polyhedron:
         chapter 23).
         """
         from scipy.optimize import nnls
+
         y = self.Z.T @ (lam - self.base)
         need = -(self.base + self.Z @ y) - self.slack
         if np.all(need <= 0.0):
@@ -60,7 +63,9 @@ def resting(frame: Frame) -> list:
 
 
 def _resting(frame):
-    case, ref, scene = frame.case, frame.ref, frame.scene
+    case = frame.case
+    ref = frame.ref
+    scene = frame.scene
     tol = tolerance(ref)
     events = np.array([e.t for e in ref.events or ()])
     for k in range(len(case.t) - 1):
@@ -76,7 +81,9 @@ def _resting(frame):
         dt = case.t[k + 1] - case.t[k]
         r = (ref.reaction[k + 1] - ref.reaction[k]) / dt
         size = max(1.0, float(np.abs(r).max()))
-        found = polyhedron(G[:, used].toarray(), r[used], 1e-9 * size + 10 * ref.reaction_error / dt)
+        found = polyhedron(
+            G[:, used].toarray(), r[used], 1e-9 * size + 10 * ref.reaction_error / dt
+        )
         least = found.nearest(np.zeros(len(ids)))
         if least is not None:
             yield k, ids, found, least
@@ -91,7 +98,7 @@ def selection(frame: Frame, traj) -> tuple[float, float]:
         mean = (traj.impulse[k + 1] - traj.impulse[k]) / (frame.case.t[k + 1] - frame.case.t[k])
         at = [column.get(c) for c in ids]
         lam = np.array([0.0 if a is None else mean[a] for a in at])
-        other = np.delete(mean, [a for a in at if a is not None])              # must be zero
+        other = np.delete(mean, [a for a in at if a is not None])  # must be zero
         mu = found.nearest(lam)
         if mu is not None:
             for j, point in enumerate((least, mu)):

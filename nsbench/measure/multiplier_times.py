@@ -10,6 +10,7 @@ The exact multiplier at a time is the derivative of `exact_impulse`, by central 
 spacings; the two that agree best are taken, and what they differ by is the error. Samples count whose interval lies
 outside the windows around events, so that nothing jumps within the differences, which reach one sample spacing.
 """
+
 from __future__ import annotations
 
 import numpy as np
@@ -19,10 +20,10 @@ from nsbench.reference import columns_of, listed_contacts, spread
 from nsbench.trajectory import Trajectory
 
 NAMES = ("lam_own", "lam_at_start", "lam_at_mid", "lam_at_end", "lam_mean")
-PLACES = {"lam_at_start": 1.0, "lam_at_mid": 0.5, "lam_at_end": 0.0}         # steps before the sample
+PLACES = {"lam_at_start": 1.0, "lam_at_mid": 0.5, "lam_at_end": 0.0}  # steps before the sample
 OWN = {"start": "lam_at_start", "midpoint": "lam_at_mid", "end": "lam_at_end", "mean": "lam_mean"}
-WEIGHTS = np.array([4 / 5, -1 / 5, 4 / 105, -1 / 280])                       # central differences of order eight
-SPACINGS = (1 / 4, 1 / 8, 1 / 16, 1 / 32)                                    # of their nodes, in sample spacings
+WEIGHTS = np.array([4 / 5, -1 / 5, 4 / 105, -1 / 280])  # central differences of order eight
+SPACINGS = (1 / 4, 1 / 8, 1 / 16, 1 / 32)  # of their nodes, in sample spacings
 
 
 def nodal(case, t: np.ndarray, spacing: float) -> tuple[np.ndarray, np.ndarray]:
@@ -30,8 +31,12 @@ def nodal(case, t: np.ndarray, spacing: float) -> tuple[np.ndarray, np.ndarray]:
     guesses = []
     for part in SPACINGS:
         d = part * spacing
-        guesses.append(sum(w / d * (_impulse(case, t + j * d) - _impulse(case, t - j * d))
-                           for j, w in enumerate(WEIGHTS, 1)))
+        guesses.append(
+            sum(
+                w / d * (_impulse(case, t + j * d) - _impulse(case, t - j * d))
+                for j, w in enumerate(WEIGHTS, 1)
+            )
+        )
     guesses = np.array(guesses)
     apart = np.abs(np.diff(guesses, axis=0))
     best = apart.argmin(axis=0)[None]
@@ -45,23 +50,35 @@ def _impulse(case, t):
 def at_labels(made: Frame, traj: Trajectory) -> dict:
     """Largest differences at the labels, NaN where there is nothing to compare; lam_floor: ten times the error of the
     exact multiplier."""
-    case, t = made.case, made.case.t
+    case = made.case
+    t = made.case.t
     if case.exact_impulse is None or (traj.lam is None and traj.lam_time != "mean"):
         return {}
-    h, lam = traj.lam_h, traj.lam
+    h = traj.lam_h
+    lam = traj.lam
     if lam is None:
-        h, lam = np.append(np.nan, np.diff(t)), np.vstack([np.full(traj.impulse.shape[1], np.nan),
-                                                           np.diff(traj.impulse, axis=0) / np.diff(t)[:, None]])
+        h = np.append(np.nan, np.diff(t))
+        lam = np.vstack(
+            [
+                np.full(traj.impulse.shape[1], np.nan),
+                np.diff(traj.impulse, axis=0) / np.diff(t)[:, None],
+            ]
+        )
     spacing = float(np.diff(t).min())
     k = 1 + np.flatnonzero(made.quiet)
-    k = k[(t[k] - h[k] - spacing >= t[0]) & (t[k] + spacing <= t[-1]) & np.all(np.isfinite(lam[k]), axis=1)]
+    k = k[
+        (t[k] - h[k] - spacing >= t[0])
+        & (t[k] + spacing <= t[-1])
+        & np.all(np.isfinite(lam[k]), axis=1)
+    ]
     if not k.size:
         return {}
     ids = tuple(case.contacts) if case.contacts is not None else listed_contacts(case)
     columns = columns_of(case.problem, traj.contacts, ids)
     mine = spread(case.problem, traj.contacts, lam[k], columns)
     theirs = lambda values: spread(case.problem, ids, values, columns)
-    out, floor = {}, 0.0
+    out = {}
+    floor = 0.0
     for name, part in PLACES.items():
         exact, error = nodal(case, t[k] - part * h[k], spacing)
         out[name], floor = _largest(mine - theirs(exact)), max(floor, _largest(error))

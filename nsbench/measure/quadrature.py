@@ -1,4 +1,5 @@
 """Integrals over sample intervals of a function known at the samples, each with a bound of its own error."""
+
 from __future__ import annotations
 
 import numpy as np
@@ -31,7 +32,8 @@ def integrals(t: np.ndarray, F: np.ndarray, kinked: np.ndarray) -> tuple[np.ndar
     # rounding of t + dt leaves spacings that differ in their last digits; to the rule they are equal
     weights: dict = {}
     for k in np.flatnonzero(~kinked):
-        lo, hi = k, k + 1
+        lo = k
+        hi = k + 1
         while hi - lo + 1 < NODES:
             left = lo > 0 and not kinked[lo - 1]
             right = hi < len(t) - 1 and not kinked[hi]
@@ -44,14 +46,16 @@ def integrals(t: np.ndarray, F: np.ndarray, kinked: np.ndarray) -> tuple[np.ndar
         if hi - lo < 2:
             continue
         dt = t[k + 1] - t[k]
-        s = (t[lo:hi + 1] - t[k]) / dt
+        s = (t[lo : hi + 1] - t[k]) / dt
         key = tuple(np.round(s, 9))
         if key not in weights:
             weights[key] = _weights(s), _weights(s[:-1]), _weights(s[1:])
         w, left, right = weights[key]
-        G = F[lo:hi + 1]
+        G = F[lo : hi + 1]
         value[k] = dt * (w @ G)
-        smooth[k] = np.abs(value[k] - dt * (left @ G[:-1])) + np.abs(value[k] - dt * (right @ G[1:]))
+        smooth[k] = np.abs(value[k] - dt * (left @ G[:-1])) + np.abs(
+            value[k] - dt * (right @ G[1:])
+        )
         bound[k] = 0.0
     # the change passes through zero where a derivative does; its neighbours do not
     return value, np.where(bound == 0.0, around(smooth), bound)

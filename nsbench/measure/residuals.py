@@ -20,6 +20,7 @@ residual          largest over intervals of (|x_{k+1} - x_k - int f - (R_{k+1} -
 With two samples, how an integrand moves between them is not known: what needs a quadrature (the residual; feasibility and
 complementarity of an LCS) is NaN.
 """
+
 from __future__ import annotations
 
 from itertools import product
@@ -34,7 +35,7 @@ from nsbench.problem import LCS, Filippov
 from nsbench.reference import right_hand_side, spread
 from nsbench.trajectory import Trajectory
 
-OPEN = 1e-6               # of the largest w or multiplier: below, it may be none, and an error
+OPEN = 1e-6  # of the largest w or multiplier: below, it may be none, and an error
 NAMES = ("feasibility", "sign", "complementarity", "residual")
 
 
@@ -52,15 +53,23 @@ def _measured(frame: Frame, traj: Trajectory) -> tuple[dict, np.ndarray]:
     good = np.all(np.isfinite(traj.x), axis=1) & np.all(np.isfinite(traj.impulse), axis=1)
     good &= np.all(np.isfinite(traj.reaction), axis=1)
     k = int(np.argmin(good)) if not good.all() else len(good)
-    out, each = dict.fromkeys(NAMES, float("nan")), np.full(max(len(good) - 1, 0), np.nan)
+    out = dict.fromkeys(NAMES, float("nan"))
+    each = np.full(max(len(good) - 1, 0), np.nan)
     if k < 2:
         return out, each
-    t, x, impulse, reaction = traj.t[:k], traj.x[:k].copy(), traj.impulse[:k], traj.reaction[:k]
-    x.flags.writeable = False                # a drift that writes into the state it is given is found out here, if not before
+    t = traj.t[:k]
+    x = traj.x[:k].copy()
+    impulse = traj.impulse[:k]
+    reaction = traj.reaction[:k]
+    x.flags.writeable = (
+        False  # a drift that writes into the state it is given is found out here, if not before
+    )
     events = [e.t for e in traj.events]
     if frame.ref is not None:
         events += [e.t for e in frame.ref.events or ()]
-    kinked = kinked_intervals(t, changes(frame.case.problem, t, impulse) if k > 2 else np.zeros(k - 2, bool), events)
+    kinked = kinked_intervals(
+        t, changes(frame.case.problem, t, impulse) if k > 2 else np.zeros(k - 2, bool), events
+    )
     with np.errstate(all="ignore"):
         if isinstance(frame.case.problem, Filippov):
             *found, off = _inclusion(frame.case, traj.contacts, t, x, impulse, kinked)
@@ -73,15 +82,19 @@ def _measured(frame: Frame, traj: Trajectory) -> tuple[dict, np.ndarray]:
             else:
                 feasible, complementary, mismatch = _gaps(*args)
             equation = _equation(frame, t, x, impulse, reaction, kinked, traj.contacts)
-            found = (feasible, float(lam.min(initial=0.0)), complementary,
-                     max(float(equation.max(initial=0.0)), float(mismatch.max(initial=0.0))))
+            found = (
+                feasible,
+                float(lam.min(initial=0.0)),
+                complementary,
+                max(float(equation.max(initial=0.0)), float(mismatch.max(initial=0.0))),
+            )
             off = np.maximum(equation, mismatch)
     out = dict(zip(NAMES, map(float, found), strict=True))
     if k == 2:
         by_quadrature = NAMES if isinstance(frame.case.problem, LCS) else ("residual",)
         out |= {name: float("nan") for name in by_quadrature if name != "sign"}
     else:
-        each[:k - 1] = off
+        each[: k - 1] = off
     return out, each
 
 
@@ -106,7 +119,8 @@ def _gaps(frame, contacts, t, x, impulse, reaction, lam):
         return worst, 0.0, np.abs(np.diff(reaction, axis=0)).max(axis=1, initial=0.0)
     near = near_of(scene, contacts)
     places = scene.places(near)
-    complementary, mismatch = 0.0, np.zeros(len(t) - 1)
+    complementary = 0.0
+    mismatch = np.zeros(len(t) - 1)
     gaps = [scene.gaps(a, b, near, places) for a, b in zip(t, x, strict=True)]
     gradients = _Gradients(scene, near, places, t, x)
     for k, d in enumerate(np.diff(impulse, axis=0)):
@@ -124,19 +138,26 @@ class _Gradients:
     """
 
     def __init__(self, scene, near, places, t, x):
-        self.scene, self.near, self.places, self.t, self.x = scene, near, places, t, x
+        self.scene = scene
+        self.near = near
+        self.places = places
+        self.t = t
+        self.x = x
         self.values: dict = {}
         self.steps: dict = {}
         row, col, _ = scene.triplets(float(t[0]), x[0], near)
         places, self.place = np.unique(row * scene.n + col, return_inverse=True)
-        self.row, self.col = places // scene.n, places % scene.n
+        self.row = places // scene.n
+        self.col = places % scene.n
 
     def _around(self, k: int) -> range:
         """Samples of interval k and the two intervals on each side; what is older is dropped."""
         used = range(max(k - 2, 0), min(k + 4, len(self.t)))
         self.values = {j: self.values[j] if j in self.values else self._entries(j) for j in used}
-        self.steps = {j: self.steps[j] if j in self.steps else np.abs(self.values[j + 1] - self.values[j])
-                      for j in used[:-1]}
+        self.steps = {
+            j: self.steps[j] if j in self.steps else np.abs(self.values[j + 1] - self.values[j])
+            for j in used[:-1]
+        }
         return used
 
     def _entries(self, j: int) -> np.ndarray:
@@ -157,7 +178,10 @@ class _Gradients:
 
 def _lcs_push(problem, contacts, impulse):
     """(k, n) B times the impulse."""
-    return spread(problem, contacts, impulse, {(0, i): i for i in range(problem.B.shape[1])}) @ problem.B.T
+    return (
+        spread(problem, contacts, impulse, {(0, i): i for i in range(problem.B.shape[1])})
+        @ problem.B.T
+    )
 
 
 def _switched(p, v, lam):
@@ -179,7 +203,9 @@ def _lcs(frame, contacts, t, x, impulse, reaction, lam, kinked):
     w = value + lam @ p.D.T
     both = np.maximum(w - bound, 0.0) * np.maximum(lam, 0.0)
     complementary = float(both[~kinked].max(initial=0.0))
-    feasible = max(float((-w - bound).max(initial=0.0)), float(-v[:, ~p.D.any(axis=1)].min(initial=0.0)), 0.0)
+    feasible = max(
+        float((-w - bound).max(initial=0.0)), float(-v[:, ~p.D.any(axis=1)].min(initial=0.0)), 0.0
+    )
     mismatch = np.zeros(len(t) - 1)
     if reaction.shape[1]:
         off = np.diff(reaction - _lcs_push(p, contacts, impulse), axis=0)
@@ -189,14 +215,22 @@ def _lcs(frame, contacts, t, x, impulse, reaction, lam, kinked):
 
 def _inclusion(case, contacts, t, x, impulse, kinked):
     p = case.problem
-    switch, field = host(p.switch), host(p.field)
+    switch = host(p.switch)
+    field = host(p.field)
     c = np.array([switch(a, b) for a, b in zip(t, x, strict=True)])
     d = c.shape[1]
-    theta = np.diff(spread(p, contacts, impulse, {(0, i): i for i in range(d)}), axis=0) / np.diff(t)[:, None]
+    theta = (
+        np.diff(spread(p, contacts, impulse, {(0, i): i for i in range(d)}), axis=0)
+        / np.diff(t)[:, None]
+    )
     above = np.maximum(np.minimum(c[1:], c[:-1]), 0.0)
     below = np.maximum(np.minimum(-c[1:], -c[:-1]), 0.0)
-    complementary = max(float((above * (1 - theta)).max(initial=0.0)), float((below * theta).max(initial=0.0)))
-    means, bounds, F = {}, {}, {}
+    complementary = max(
+        float((above * (1 - theta)).max(initial=0.0)), float((below * theta).max(initial=0.0))
+    )
+    means = {}
+    bounds = {}
+    F = {}
     for mode in product((1.0, -1.0), repeat=d):
         F[mode] = np.array([field(a, b, np.array(mode)) for a, b in zip(t, x, strict=True)])
         value, bound = integrals(t, F[mode], kinked)
@@ -205,11 +239,20 @@ def _inclusion(case, contacts, t, x, impulse, kinked):
     off = np.zeros(len(t) - 1)
     for k, v in enumerate(np.diff(x, axis=0) / np.diff(t)[:, None]):
         # weights that miss 0 or 1 by rounding belong to one mode alone
-        sides = [((1.0,) if w > 1 - 1e-9 else (-1.0,) if w < 1e-9 else (1.0, -1.0)) for w in theta[k]]
+        sides = [
+            ((1.0,) if w > 1 - 1e-9 else (-1.0,) if w < 1e-9 else (1.0, -1.0)) for w in theta[k]
+        ]
         modes = [m for m in product(*sides) if np.all(np.isfinite(means[m][k]))]
         if not modes:
-            return float("nan"), float(np.minimum(theta, 1 - theta).min()), complementary, np.full(len(off), np.nan)
-        slack = max(float(np.linalg.norm(bounds[m][k])) for m in modes) + (mixed[k] if len(modes) > 1 else 0.0)
+            return (
+                float("nan"),
+                float(np.minimum(theta, 1 - theta).min()),
+                complementary,
+                np.full(len(off), np.nan),
+            )
+        slack = max(float(np.linalg.norm(bounds[m][k])) for m in modes) + (
+            mixed[k] if len(modes) > 1 else 0.0
+        )
         off[k] = max(0.0, distance_to_hull(v, np.array([means[m][k] for m in modes])) - slack)
     return float("nan"), float(np.minimum(theta, 1 - theta).min()), complementary, off
 
@@ -220,7 +263,7 @@ def _mixing(theta, F) -> np.ndarray:
     out = np.zeros(len(theta))
     swing = around(np.abs(np.diff(theta, axis=0, append=theta[-1:])))
     for i in range(theta.shape[1]):
-        apart = [F[m] - F[(*m[:i], -1.0, *m[i + 1:])] for m in F if m[i] > 0]
+        apart = [F[m] - F[(*m[:i], -1.0, *m[i + 1 :])] for m in F if m[i] > 0]
         moved = np.max([np.linalg.norm(np.diff(a, axis=0), axis=1) for a in apart], axis=0)
         out += 0.25 * swing[:, i] * around(moved)
     return out

@@ -1,7 +1,8 @@
 """The least-distance problem of a step or a start by active sets: its rows, its answer, and the projector of this package.
 
-    min 1/2 |d|^2  s.t.  q + G d >= 0        d = G^T mu,    0 <= mu  _|_  q + G d >= 0
+min 1/2 |d|^2  s.t.  q + G d >= 0        d = G^T mu,    0 <= mu  _|_  q + G d >= 0
 """
+
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -12,6 +13,7 @@ import numpy as np
 @dataclass(frozen=True)
 class Answer:
     """mu (m,), d (n,) as the solver gave them, code ("solved", "infeasible", "maxiter") and its iterations."""
+
     mu: np.ndarray
     d: np.ndarray
     code: str
@@ -26,10 +28,16 @@ class Rows:
 
     def __init__(self, row, cols, shape):
         self.order = np.lexsort((cols, row))
-        self.row, self.cols, self.shape = row[self.order], cols[self.order], shape
-        self.ptr = np.concatenate(([0], np.cumsum(np.bincount(row, minlength=shape[0])))).astype(np.int64)
-        self.down = np.lexsort((self.row, self.cols))          # entries by columns
-        self.down_ptr = np.concatenate(([0], np.cumsum(np.bincount(cols, minlength=shape[1])))).astype(np.int64)
+        self.row = row[self.order]
+        self.cols = cols[self.order]
+        self.shape = shape
+        self.ptr = np.concatenate(([0], np.cumsum(np.bincount(row, minlength=shape[0])))).astype(
+            np.int64
+        )
+        self.down = np.lexsort((self.row, self.cols))  # entries by columns
+        self.down_ptr = np.concatenate(
+            ([0], np.cumsum(np.bincount(cols, minlength=shape[1])))
+        ).astype(np.int64)
         self.vals = np.empty(row.size)
 
     @classmethod
@@ -57,34 +65,55 @@ class Rows:
     def csc(self):
         """As scipy's csc_matrix, for the libraries."""
         from scipy.sparse import csc_matrix
-        return csc_matrix((self.vals[self.down], self.row[self.down], self.down_ptr), shape=self.shape)
+
+        return csc_matrix(
+            (self.vals[self.down], self.row[self.down], self.down_ptr), shape=self.shape
+        )
 
 
 class ActiveSet:
     """nsbench.qp.kernels.dispatch, as in the compiled loop; rounds of factorisation are its iterations."""
 
     def __init__(self, eps=None, max_iter=None):
-        self._key, self._pattern, self.setups = None, None, 0
-        self._book, self._store = np.zeros(2, np.int64), np.empty(1)
+        self._key = None
+        self._pattern = None
+        self.setups = 0
+        self._book = np.zeros(2, np.int64)
+        self._store = np.empty(1)
 
     def __call__(self, G, q, h, key, mu):
         from nsbench.qp.kernels import active_set as qp
         from nsbench.qp.kernels import dispatch as least
         from nsbench.qp.kernels import exact_callback as few
+
         if key is not self._key:
-            self._key, self.setups = key, self.setups + 1
+            self._key = key
+            self.setups = self.setups + 1
             self._pattern = qp.outline(G.ptr, G.cols, G.shape[1])
             self._book[0] = 0
-        scale, work = max(1.0, float(np.abs(q).max(initial=0.0))), np.zeros(4, np.int64)
-        mu, d, self._book, self._store = least.least(few.exact, many_rows(G.shape[0]), self._pattern, self._book, self._store,
-                                                     G.vals, q, mu, scale, work)
+        scale = max(1.0, float(np.abs(q).max(initial=0.0)))
+        work = np.zeros(4, np.int64)
+        mu, d, self._book, self._store = least.least(
+            few.exact,
+            many_rows(G.shape[0]),
+            self._pattern,
+            self._book,
+            self._store,
+            G.vals,
+            q,
+            mu,
+            scale,
+            work,
+        )
         return Answer(mu, d, ("solved", "infeasible", "maxiter")[work[0]], int(work[1]))
 
 
 def many_rows(rows):
     """The projector for many rows, compiled where there are many."""
     from nsbench.qp.kernels import dispatch as least
+
     if rows <= least.FEW:
         return least.nobody
     from nsbench.qp.kernels import large_callback as many
+
     return many.many

@@ -1,11 +1,35 @@
 """References: a closed form where the case has one, else a stored one made by two methods that agree."""
+
 from __future__ import annotations
 
 from nsbench.reference.build import build, verify
 from nsbench.reference.comparison import bounded_by
 from nsbench.reference.lookup import reference
-from nsbench.reference.reference import Reference, canonical, closed_form, columns_of, listed_contacts, right_hand_side, spread
+from nsbench.reference.reference import (
+    Reference,
+    canonical,
+    closed_form,
+    columns_of,
+    listed_contacts,
+    right_hand_side,
+    spread,
+)
 from nsbench.reference.storage import BadReference, files_of, load, store
 
-__all__ = ["BadReference", "Reference", "bounded_by", "build", "canonical", "closed_form", "columns_of", "files_of",
-           "listed_contacts", "load", "reference", "right_hand_side", "spread", "store", "verify"]
+__all__ = [
+    "BadReference",
+    "Reference",
+    "bounded_by",
+    "build",
+    "canonical",
+    "closed_form",
+    "columns_of",
+    "files_of",
+    "listed_contacts",
+    "load",
+    "reference",
+    "right_hand_side",
+    "spread",
+    "store",
+    "verify",
+]

@@ -1,4 +1,5 @@
 """Make a stored reference: a certificate where the scene is small, else two integrators that agree and a witness."""
+
 from __future__ import annotations
 
 import dataclasses
@@ -16,17 +17,23 @@ from nsbench.reference.reference import Reference, closed_form
 from nsbench.reference.storage import load, store
 from nsbench.trajectory import Trajectory
 
-SAFETY = 2.0                        # on the difference of two runs: neither is the better one for certain
-LIMIT = 1e-8                        # relative; two good runs that differ by more did not follow the same path
+SAFETY = 2.0  # on the difference of two runs: neither is the better one for certain
+LIMIT = 1e-8  # relative; two good runs that differ by more did not follow the same path
 METHODS = (("event_driven", 1e-13), ("event_driven[method=rk45]", 1e-12))
-WITNESS = (4, 16)                   # steps of the witness, in units of the fewest per sample that the case asks for
-ROUNDING = 1e-13                    # relative; what sums of thousands of steps leave
-SPREAD = 10.0                       # a run may be this many times the difference of two of them off a proven solution
+WITNESS = (4, 16)  # steps of the witness, in units of the fewest per sample that the case asks for
+ROUNDING = 1e-13  # relative; what sums of thousands of steps leave
+SPREAD = 10.0  # a run may be this many times the difference of two of them off a proven solution
 KINDS = ("auto", "certified", "runs")
 
 
-def build(case: Case, folder=None, methods=METHODS, limit: float = LIMIT, witness: str | None = "auto",
-          kind: str = "auto") -> Reference:
+def build(
+    case: Case,
+    folder=None,
+    methods=METHODS,
+    limit: float = LIMIT,
+    witness: str | None = "auto",
+    kind: str = "auto",
+) -> Reference:
     """Compute a reference and store it. kind "certified": a proof (ValueError where it cannot be made); "runs": two runs
     that agree; "auto": the first, or the second with the reason why.
 
@@ -46,7 +53,12 @@ def build(case: Case, folder=None, methods=METHODS, limit: float = LIMIT, witnes
             ref = certified(case)
             store(case, ref, folder)
             return ref
-        except (ValueError, ArithmeticError, NotImplementedError, TypeError) as e:   # what a drift's own code may raise
+        except (
+            ValueError,
+            ArithmeticError,
+            NotImplementedError,
+            TypeError,
+        ) as e:  # what a drift's own code may raise
             if kind == "certified":
                 raise ValueError(f"{case.key} is not certified: {e}") from e
             why = f"; no certificate: {e}"
@@ -63,8 +75,12 @@ def certified(case: Case) -> Reference:
     state, reaction, _, _ = differences(case, ref, run)
     scale = max(1.0, float(np.abs(ref.x).max()))
     if max(state, reaction) > certificates.AGREE * scale:
-        raise ValueError(f"{case.key}: the certified solution and {METHODS[0][0]} differ by {max(state, reaction):.1e}")
-    return dataclasses.replace(ref, how=f"{ref.how}; {METHODS[0][0]} at {METHODS[0][1]:g} differs by {state:.1e}")
+        raise ValueError(
+            f"{case.key}: the certified solution and {METHODS[0][0]} differ by {max(state, reaction):.1e}"
+        )
+    return dataclasses.replace(
+        ref, how=f"{ref.how}; {METHODS[0][0]} at {METHODS[0][1]:g} differs by {state:.1e}"
+    )
 
 
 def _two_runs(case, methods, limit, witness) -> Reference:
@@ -72,16 +88,29 @@ def _two_runs(case, methods, limit, witness) -> Reference:
     scale = max(1.0, float(np.abs(a.x).max()))
     state, reaction, impulse, times = differences(case, a, b)
     if state > limit * scale or reaction > limit * scale:
-        raise ValueError(f"{case.key}: {methods[0][0]} and {methods[1][0]} differ by {state:.2e} in the state and "
-                         f"{reaction:.2e} in the reaction; at most {limit * scale:.0e} is allowed: nothing is stored")
+        raise ValueError(
+            f"{case.key}: {methods[0][0]} and {methods[1][0]} differ by {state:.2e} in the state and "
+            f"{reaction:.2e} in the reaction; at most {limit * scale:.0e} is allowed: nothing is stored"
+        )
     how = f"{methods[0][0]} at {methods[0][1]:g} against {methods[1][0]} at {methods[1][1]:g}"
     how += _witness(case, a, witness, scale)
     floor = 1e-15 * scale
     smooth = a.reaction.size == 0
-    return Reference(a.t, a.x, a.contacts, a.impulse, None if smooth else a.reaction, a.events,
-                     max(SAFETY * state, floor), max(SAFETY * impulse, floor),
-                     float("nan") if smooth else max(SAFETY * reaction, floor), "stored", how, versions(),
-                     max(SAFETY * times, 1e-15 * max(1.0, float(np.abs(case.t).max()))))
+    return Reference(
+        a.t,
+        a.x,
+        a.contacts,
+        a.impulse,
+        None if smooth else a.reaction,
+        a.events,
+        max(SAFETY * state, floor),
+        max(SAFETY * impulse, floor),
+        float("nan") if smooth else max(SAFETY * reaction, floor),
+        "stored",
+        how,
+        versions(),
+        max(SAFETY * times, 1e-15 * max(1.0, float(np.abs(case.t).max()))),
+    )
 
 
 def verify(case: Case, folder=None, methods=METHODS, certify: bool = False) -> str:
@@ -105,13 +134,20 @@ def verify(case: Case, folder=None, methods=METHODS, certify: bool = False) -> s
         s, r, _, time_slack = differences(case, _run(case, *methods[0]), again)
         slack = SPREAD * max(s, r)
         if not slack <= certificates.AGREE * scale:
-            raise ValueError(f"{case.key}: the two methods differ by {slack / SPREAD:.1e}: nothing can be confirmed")
+            raise ValueError(
+                f"{case.key}: the two methods differ by {slack / SPREAD:.1e}: nothing can be confirmed"
+            )
     # the difference is half the stored bound where nothing has changed
-    for name, got, bound in (("state", state, ref.state_error + slack), ("reaction", reaction, ref.reaction_error + slack),
-                             ("event times", times, ref.event_error + SPREAD * time_slack)):
+    for name, got, bound in (
+        ("state", state, ref.state_error + slack),
+        ("reaction", reaction, ref.reaction_error + slack),
+        ("event times", times, ref.event_error + SPREAD * time_slack),
+    ):
         if got > max(bound, ROUNDING * scale):
-            raise ValueError(f"{case.key}: the stored {name} and {methods[1][0]} differ by {got:.2e}; "
-                             f"the bound is {bound:.2e}")
+            raise ValueError(
+                f"{case.key}: the stored {name} and {methods[1][0]} differ by {got:.2e}; "
+                f"the bound is {bound:.2e}"
+            )
     return f"confirmed by {methods[1][0]}: state differs by {state:.1e} ({ref.kind}, bound {ref.state_error:.1e})"
 
 
@@ -121,11 +157,20 @@ def _verify_proof(case, ref) -> str:
     for name, got in (("state", state), ("impulse", impulse), ("reaction", reaction)):
         bound = getattr(ref, f"{name}_error") + getattr(again, f"{name}_error")
         if got > bound:
-            raise ValueError(f"{case.key}: the stored {name} and a new certificate differ by {got:.2e}; both are within "
-                             f"{bound:.1e}")
-    old, new = ref.shown.get("times"), again.shown["times"]
-    if old is None or len(old) != len(new) or any(a[:25] != b[:25] for a, b in zip(old, new, strict=True)):
-        raise ValueError(f"{case.key}: the stored event times and a new certificate differ: {old} and {new}")
+            raise ValueError(
+                f"{case.key}: the stored {name} and a new certificate differ by {got:.2e}; both are within "
+                f"{bound:.1e}"
+            )
+    old = ref.shown.get("times")
+    new = again.shown["times"]
+    if (
+        old is None
+        or len(old) != len(new)
+        or any(a[:25] != b[:25] for a, b in zip(old, new, strict=True))
+    ):
+        raise ValueError(
+            f"{case.key}: the stored event times and a new certificate differ: {old} and {new}"
+        )
     return f"proven again: state differs by {state:.1e} (bound {ref.state_error:.1e})"
 
 
@@ -133,25 +178,41 @@ def _run(case, spec, accuracy) -> Trajectory:
     traj = solvers.solve(case, spec, **{solvers.get(spec).accuracy: accuracy})
     if not traj.status.ok:
         raise ValueError(f"{case.key}: {spec} ended with {traj.status.code}: {traj.status}")
-    if not (np.array_equal(traj.t, case.t) and np.all(np.isfinite(traj.x)) and np.all(np.isfinite(traj.impulse))):
-        raise ValueError(f"{case.key}: {spec} says ok, but its samples are not finite or not at the case's times")
+    if not (
+        np.array_equal(traj.t, case.t)
+        and np.all(np.isfinite(traj.x))
+        and np.all(np.isfinite(traj.impulse))
+    ):
+        raise ValueError(
+            f"{case.key}: {spec} says ok, but its samples are not finite or not at the case's times"
+        )
     return traj
 
 
 def _witness(case, ref, spec, scale) -> str:
     if spec == "auto":
-        spec = "pbd" if isinstance(case.problem, Complementarity) and case.problem.constraints else "euler"
+        spec = (
+            "pbd"
+            if isinstance(case.problem, Complementarity) and case.problem.constraints
+            else "euler"
+        )
     if spec is None or solvers.get(spec).accuracy != "h" or solvers.get(spec).refuses(case):
         return ""
     spacing = float(np.diff(case.t).min())
     steps = [n * max(2, case.substeps) for n in WITNESS]
-    far, near = (float(np.abs(solvers.solve(case, spec, h=spacing / n).x - ref.x).max()) for n in steps)
+    far, near = (
+        float(np.abs(solvers.solve(case, spec, h=spacing / n).x - ref.x).max()) for n in steps
+    )
     # an exact witness has nothing to come closer with; else first order promises a quarter, half is asked
     if not (near <= 1e-9 * scale or near <= 0.5 * far):
-        raise ValueError(f"{case.key}: {spec} is {far:.2e} away with {steps[0]} steps per sample and {near:.2e} with "
-                         f"{steps[1]}: it does not come closer, nothing is stored")
+        raise ValueError(
+            f"{case.key}: {spec} is {far:.2e} away with {steps[0]} steps per sample and {near:.2e} with "
+            f"{steps[1]}: it does not come closer, nothing is stored"
+        )
     return f"; {spec} comes from {far:.1e} to {near:.1e} when its step is divided by four"
 
 
 def versions() -> dict:
-    return {"python": platform.python_version()} | {p: metadata.version(p) for p in ("nsbench", "numpy", "scipy")}
+    return {"python": platform.python_version()} | {
+        p: metadata.version(p) for p in ("nsbench", "numpy", "scipy")
+    }

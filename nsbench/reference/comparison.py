@@ -1,4 +1,5 @@
 """How far two tellings of one solution are apart, and what a certificate says of a closed form."""
+
 from __future__ import annotations
 
 import dataclasses
@@ -8,7 +9,9 @@ import numpy as np
 from nsbench.case import Case
 from nsbench.reference.reference import Reference, columns_of, spread
 
-FORMULA = 256 * float(np.finfo(float).eps)      # relative; closed forms are some dozen operations on rounded times
+FORMULA = 256 * float(
+    np.finfo(float).eps
+)  # relative; closed forms are some dozen operations on rounded times
 
 
 def bounded_by(case: Case, closed: Reference, proof: Reference) -> Reference:
@@ -16,27 +19,42 @@ def bounded_by(case: Case, closed: Reference, proof: Reference) -> Reference:
 
     Allowed is what rounding may do to formulas of a dozen operations on rounded times.
     """
-    state, reaction, impulse = float(np.abs(closed.x - proof.x).max()), 0.0, 0.0
-    selected = bool(proof.shown.get("shut"))             # multipliers that are not unique: each may choose its own
+    state = float(np.abs(closed.x - proof.x).max())
+    reaction = 0.0
+    impulse = 0.0
+    selected = bool(
+        proof.shown.get("shut")
+    )  # multipliers that are not unique: each may choose its own
     if closed.impulse is not None and not selected:
         state, reaction, impulse, _ = differences(case, closed, proof)
     scale = max(1.0, float(np.abs(closed.x).max()), float(np.abs(proof.impulse).max(initial=0.0)))
     quadrature = closed.reaction_error if closed.reaction is not None else 0.0
-    for name, off, more in (("exact(t)", state, 0.0), ("exact_impulse(t)", impulse, 0.0),
-                            ("the reaction that follows", reaction, quadrature)):
+    for name, off, more in (
+        ("exact(t)", state, 0.0),
+        ("exact_impulse(t)", impulse, 0.0),
+        ("the reaction that follows", reaction, quadrature),
+    ):
         if off > FORMULA * scale + more:
-            raise ValueError(f"{case.key}: the closed form and its certificate differ by {off:.2e} in {name}")
+            raise ValueError(
+                f"{case.key}: the closed form and its certificate differ by {off:.2e} in {name}"
+            )
     at = np.array([e.t for e in proof.events or ()])
     for e in closed.events or ():
         late = np.abs(at - e.t).min(initial=np.inf)
         if late > FORMULA * max(1.0, float(np.abs(case.t).max())):
-            raise ValueError(f"{case.key}: exact_events has t = {e.t:.12g}; the certificate's nearest event is {late:.1e} off")
-    changes = {"state_error": state + proof.state_error,
-               "how": f"{closed.how + '; ' if closed.how else ''}a certificate differs by {state:.1e}"}
+            raise ValueError(
+                f"{case.key}: exact_events has t = {e.t:.12g}; the certificate's nearest event is {late:.1e} off"
+            )
+    changes = {
+        "state_error": state + proof.state_error,
+        "how": f"{closed.how + '; ' if closed.how else ''}a certificate differs by {state:.1e}",
+    }
     if closed.impulse is not None and not selected:
         changes["impulse_error"] = impulse + proof.impulse_error
     if closed.reaction is not None and proof.reaction is not None:
-        changes["reaction_error"] = float(np.abs(closed.reaction - proof.reaction).max(initial=0.0)) + proof.reaction_error
+        changes["reaction_error"] = (
+            float(np.abs(closed.reaction - proof.reaction).max(initial=0.0)) + proof.reaction_error
+        )
     if closed.events is None:
         changes |= {"events": proof.events, "event_error": proof.event_error}
     return dataclasses.replace(closed, **changes)
@@ -52,6 +70,8 @@ def differences(case, a, b) -> tuple[float, float, float, float]:
     columns = columns_of(case.problem, a.contacts, b.contacts)
     da, db = (spread(case.problem, r.contacts, r.impulse, columns) for r in (a, b))
     times = float("nan")
-    if a.events is not None and [(e.kind, e.contact) for e in a.events] == [(e.kind, e.contact) for e in b.events]:
+    if a.events is not None and [(e.kind, e.contact) for e in a.events] == [
+        (e.kind, e.contact) for e in b.events
+    ]:
         times = max((abs(e.t - f.t) for e, f in zip(a.events, b.events, strict=True)), default=0.0)
     return state, reaction, float(np.abs(da - db).max(initial=0.0)), times

@@ -1,4 +1,5 @@
 """The reference of a case: its closed form, what is stored, or both together."""
+
 from __future__ import annotations
 
 import dataclasses
@@ -27,14 +28,19 @@ def reference(case: Case, folder=None) -> Reference | None:
     except OtherVersion:
         if ref.impulse is None:
             raise
-        return ref                          # of a case that was changed in Python: its closed form holds all the same
+        return ref  # of a case that was changed in Python: its closed form holds all the same
     if stored is None:
         return ref
     if stored.kind == "certified":
         ref = bounded_by(case, ref, stored)
     if ref.impulse is None:
-        ref = dataclasses.replace(ref, contacts=stored.contacts, impulse=stored.impulse,
-                                  impulse_error=stored.impulse_error, how=f"impulses: {stored.how}")
+        ref = dataclasses.replace(
+            ref,
+            contacts=stored.contacts,
+            impulse=stored.impulse,
+            impulse_error=stored.impulse_error,
+            how=f"impulses: {stored.how}",
+        )
     return ref
 
 
@@ -57,5 +63,6 @@ def _stored(case: Case, folder) -> Reference | None:
 def _registered(case: Case) -> bool:
     """Is it a case of the package's own folder?"""
     import nsbench.cases as package
+
     homes = [Path(p).resolve() for p in package.__path__]
     return bool(case.source) and Path(case.source).resolve().parent in homes

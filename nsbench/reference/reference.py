@@ -1,4 +1,5 @@
 """What is known of a solution, and how much of it a closed form gives: states, impulses, events, the reaction."""
+
 from __future__ import annotations
 
 import dataclasses
@@ -12,8 +13,10 @@ from nsbench.problem import LCS, Affine, Complementarity, Distance
 from nsbench.trajectory import Event
 
 EPS = float(np.finfo(float).eps)
-FINE = 1e-15            # relative; halves that agree with the whole to this add no more than rounding
-HALVINGS, TWICE = 24, 2 # of a piece, at most and at least
+FINE = 1e-15  # relative; halves that agree with the whole to this add no more than rounding
+# of a piece, at most and at least
+HALVINGS = 24
+TWICE = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,6 +30,7 @@ class Reference:
     libraries that did. event_error: bound of the event times, NaN where there are none to tell; shown: further digits of
     a certified one, {"times": [...], "final": [...]} as decimals.
     """
+
     t: np.ndarray
     x: np.ndarray
     contacts: tuple
@@ -43,8 +47,12 @@ class Reference:
     shown: dict = dataclasses.field(default_factory=dict)
 
     def __str__(self) -> str:
-        known = (("state", self.state_error), ("impulse", self.impulse_error), ("reaction", self.reaction_error),
-                 ("event times", self.event_error))
+        known = (
+            ("state", self.state_error),
+            ("impulse", self.impulse_error),
+            ("reaction", self.reaction_error),
+            ("event times", self.event_error),
+        )
         bounds = ", ".join(f"{name} to {v:.1e}" for name, v in known if not np.isnan(v))
         return f"{self.kind}, {bounds}{'; ' + self.how if self.how else ''}"
 
@@ -54,22 +62,38 @@ def closed_form(case: Case) -> Reference:
     t = case.t
     x = _checked(case, "exact", case.exact(t), (len(t), case.n))
     scale = max(1.0, float(np.abs(x).max(initial=0.0)))
-    impulse, ids = None, ()
+    impulse = None
+    ids = ()
     if case.exact_impulse is not None:
         ids = tuple(case.contacts) if case.contacts is not None else listed_contacts(case)
         impulse = _checked(case, "exact_impulse", case.exact_impulse(t), (len(t), len(ids)))
     times = case.exact_events
-    events = None if times is None else tuple(
-        e if isinstance(e, Event) else Event(float(e), "", ()) for e in times)
+    events = (
+        None
+        if times is None
+        else tuple(e if isinstance(e, Event) else Event(float(e), "", ()) for e in times)
+    )
     f = right_hand_side(case.problem)
     if impulse is not None and _constant_gradients(case.problem):
-        reaction, quadrature = _along_rows(case, impulse, ids), 0.0
+        reaction = _along_rows(case, impulse, ids)
+        quadrature = 0.0
     else:
-        reaction, quadrature = (None, float("nan")) if f is None else _reaction(case, f, x, events or ())
+        reaction, quadrature = (
+            (None, float("nan")) if f is None else _reaction(case, f, x, events or ())
+        )
     size = scale if impulse is None else max(scale, float(np.abs(impulse).max(initial=0.0)))
-    return Reference(t, x, ids, impulse, reaction, events, 4 * EPS * scale,
-                     float("nan") if impulse is None else 4 * EPS * size, quadrature + 4 * EPS * size,
-                     event_error=float("nan") if not events else 4 * EPS * max(1.0, float(np.abs(t).max())))
+    return Reference(
+        t,
+        x,
+        ids,
+        impulse,
+        reaction,
+        events,
+        4 * EPS * scale,
+        float("nan") if impulse is None else 4 * EPS * size,
+        quadrature + 4 * EPS * size,
+        event_error=float("nan") if not events else 4 * EPS * max(1.0, float(np.abs(t).max())),
+    )
 
 
 def _checked(case, name, value, shape):
@@ -78,7 +102,9 @@ def _checked(case, name, value, shape):
         raise TypeError(f"{name} of {case.key} returns {value.dtype}; float64 is needed")
     value = np.asarray(value, float)
     if value.shape != shape or not np.all(np.isfinite(value)):
-        raise ValueError(f"{name} of {case.key} returns shape {value.shape}; finite values of shape {shape} are needed")
+        raise ValueError(
+            f"{name} of {case.key} returns shape {value.shape}; finite values of shape {shape} are needed"
+        )
     return value
 
 
@@ -97,6 +123,7 @@ def listed_contacts(case: Case) -> tuple:
     p = case.problem
     if isinstance(p, Complementarity):
         from nsbench.dynamics.contacts.constraint_set import Scene
+
         return tuple(Scene(p, case.n).all_static().ids)
     if isinstance(p, LCS):
         return tuple((0, i) for i in range(p.B.shape[1]))
@@ -123,12 +150,17 @@ def spread(problem, contacts, values, columns: dict) -> np.ndarray:
 
 def columns_of(problem, *lists) -> dict:
     """One column for every contact of the lists of ids."""
-    return {c: k for k, c in enumerate(sorted({canonical(problem, c) for ids in lists for c in ids}))}
+    return {
+        c: k for k, c in enumerate(sorted({canonical(problem, c) for ids in lists for c in ids}))
+    }
 
 
 def _constant_gradients(problem) -> bool:
-    return isinstance(problem, Complementarity) and bool(problem.constraints) and all(
-        isinstance(c, Affine) for c in problem.constraints)
+    return (
+        isinstance(problem, Complementarity)
+        and bool(problem.constraints)
+        and all(isinstance(c, Affine) for c in problem.constraints)
+    )
 
 
 def _along_rows(case, impulse, ids):
@@ -149,21 +181,34 @@ def _reaction(case, f, x, events):
     """
     cuts = np.array([e.t for e in events if case.t[0] < e.t < case.t[-1]])
     knots = np.unique(np.concatenate((case.t, cuts)))
-    a, b, owner = knots[:-1], knots[1:], np.arange(len(knots) - 1)
-    total, error, whole = np.zeros((len(owner), case.n)), 0.0, _gauss(case, f, a, b)
+    a = knots[:-1]
+    b = knots[1:]
+    owner = np.arange(len(knots) - 1)
+    total = np.zeros((len(owner), case.n))
+    error = 0.0
+    whole = _gauss(case, f, a, b)
     size = 1.0 + np.abs(whole).sum(axis=0).max(initial=0.0)
     for depth in range(HALVINGS):
         mid = 0.5 * (a + b)
-        left, right = _gauss(case, f, a, mid), _gauss(case, f, mid, b)
+        left = _gauss(case, f, a, mid)
+        right = _gauss(case, f, mid, b)
         off = np.abs(left + right - whole).max(axis=1, initial=0.0)
-        open_ = (off > FINE * size) & (depth < HALVINGS - 1) if depth >= TWICE else np.ones(len(off), bool)
+        open_ = (
+            (off > FINE * size) & (depth < HALVINGS - 1)
+            if depth >= TWICE
+            else np.ones(len(off), bool)
+        )
         np.add.at(total, owner[~open_], (left + right)[~open_])
         error += float(off[~open_].sum())
-        a, b = np.concatenate((a[open_], mid[open_])), np.concatenate((mid[open_], b[open_]))
-        owner, whole = np.tile(owner[open_], 2), np.concatenate((left[open_], right[open_]))
+        a = np.concatenate((a[open_], mid[open_]))
+        b = np.concatenate((mid[open_], b[open_]))
+        owner = np.tile(owner[open_], 2)
+        whole = np.concatenate((left[open_], right[open_]))
         if not len(a):
             break
-    integral = np.concatenate((np.zeros((1, case.n)), np.cumsum(total, axis=0)))[np.searchsorted(knots, case.t)]
+    integral = np.concatenate((np.zeros((1, case.n)), np.cumsum(total, axis=0)))[
+        np.searchsorted(knots, case.t)
+    ]
     return x - x[0] - integral, error
 
 
@@ -173,5 +218,7 @@ def _gauss(case, f, a, b):
     half = 0.5 * (b - a)
     s = (a + half)[:, None] + half[:, None] * node
     states = np.asarray(case.exact(s.ravel()), float)
-    values = np.array([f(t, y) for t, y in zip(s.ravel(), states, strict=True)]).reshape(*s.shape, case.n)
+    values = np.array([f(t, y) for t, y in zip(s.ravel(), states, strict=True)]).reshape(
+        *s.shape, case.n
+    )
     return np.einsum("pgn,pg->pn", values, half[:, None] * weight)

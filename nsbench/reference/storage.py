@@ -3,6 +3,7 @@
 One belongs to one version of a case: start, sample times, parameters and the text of the case file (without comments
 and docstrings) are kept with it, and one made for another version is refused with a sentence.
 """
+
 from __future__ import annotations
 
 import ast
@@ -23,7 +24,7 @@ from nsbench.reference.reference import Reference
 from nsbench.trajectory import Event
 
 FORMAT = 1
-ENOUGH = 1 << 30          # bytes: a thousand samples of ten thousand discs are 160 MB
+ENOUGH = 1 << 30  # bytes: a thousand samples of ten thousand discs are 160 MB
 BOUNDS = ("state_error", "impulse_error", "reaction_error")
 KINDS = ("stored", "certified")
 
@@ -38,6 +39,7 @@ class OtherVersion(BadReference):
 
 def home() -> Path:
     import nsbench.reference_solutions as package
+
     return Path(next(iter(package.__path__)))
 
 
@@ -60,7 +62,10 @@ def source_hash(path: str) -> str:
     text = Path(path).read_text(encoding="utf-8").replace("\r\n", "\n")
     lines = text.split("\n")
     for node in ast.walk(ast.parse(text)):
-        if isinstance(node, ast.Module | ast.FunctionDef | ast.ClassDef) and ast.get_docstring(node) is not None:
+        if (
+            isinstance(node, ast.Module | ast.FunctionDef | ast.ClassDef)
+            and ast.get_docstring(node) is not None
+        ):
             for k in range(node.body[0].lineno - 1, node.body[0].end_lineno):
                 lines[k] = ""
     for token in tokenize.generate_tokens(io.StringIO(text).readline):
@@ -73,11 +78,18 @@ def source_hash(path: str) -> str:
 
 def fingerprint(case: Case) -> dict:
     """What a stored reference must agree with, besides x0 and t."""
-    return {"case": case.key, "n": case.n, "problem": type(case.problem).__name__, "source": source_hash(case.source)}
+    return {
+        "case": case.key,
+        "n": case.n,
+        "problem": type(case.problem).__name__,
+        "source": source_hash(case.source),
+    }
 
 
 def _checksum(arrays: dict, meta: dict) -> str:
-    digest = hashlib.sha256(json.dumps({k: v for k, v in meta.items() if k != "checksum"}, sort_keys=True).encode())
+    digest = hashlib.sha256(
+        json.dumps({k: v for k, v in meta.items() if k != "checksum"}, sort_keys=True).encode()
+    )
     for name in sorted(arrays):
         a = np.ascontiguousarray(arrays[name], "<f8")
         digest.update(f"{name}{a.shape}".encode())
@@ -88,13 +100,28 @@ def _checksum(arrays: dict, meta: dict) -> str:
 def store(case: Case, ref: Reference, folder=None) -> Path:
     """Write both files, each at once; returns the path of the arrays."""
     arrays = {"t": ref.t, "x0": case.x0, "x": ref.x}
-    arrays |= {k: v for k, v in (("impulse", ref.impulse), ("reaction", ref.reaction)) if v is not None}
+    arrays |= {
+        k: v for k, v in (("impulse", ref.impulse), ("reaction", ref.reaction)) if v is not None
+    }
     bounds = {k: float(getattr(ref, k)) for k in BOUNDS}
-    events = None if ref.events is None else [[float(e.t), e.kind, list(map(int, e.contact))] for e in ref.events]
-    meta = {"format": FORMAT, "fingerprint": fingerprint(case), "how": ref.how, "versions": ref.versions,
-            "contacts": [list(map(int, c)) for c in ref.contacts], "events": events,
-            **{k: None if np.isnan(v) else v for k, v in bounds.items()}}
-    meta |= {"kind": ref.kind, "event_error": None if np.isnan(ref.event_error) else float(ref.event_error)}
+    events = (
+        None
+        if ref.events is None
+        else [[float(e.t), e.kind, list(map(int, e.contact))] for e in ref.events]
+    )
+    meta = {
+        "format": FORMAT,
+        "fingerprint": fingerprint(case),
+        "how": ref.how,
+        "versions": ref.versions,
+        "contacts": [list(map(int, c)) for c in ref.contacts],
+        "events": events,
+        **{k: None if np.isnan(v) else v for k, v in bounds.items()},
+    }
+    meta |= {
+        "kind": ref.kind,
+        "event_error": None if np.isnan(ref.event_error) else float(ref.event_error),
+    }
     if ref.shown:
         meta["shown"] = ref.shown
     meta["checksum"] = _checksum(arrays, meta)
@@ -102,7 +129,10 @@ def store(case: Case, ref: Reference, folder=None) -> Path:
     npz.parent.mkdir(parents=True, exist_ok=True)
     buffer = io.BytesIO()
     np.savez_compressed(buffer, **arrays)
-    for path, data in ((npz, buffer.getvalue()), (js, (json.dumps(meta, indent=1) + "\n").encode())):
+    for path, data in (
+        (npz, buffer.getvalue()),
+        (js, (json.dumps(meta, indent=1) + "\n").encode()),
+    ):
         part = path.with_name(f".{path.name}.{os.getpid()}")
         part.write_bytes(data)
         os.replace(part, path)
@@ -113,7 +143,9 @@ def _small_enough(npz: Path, js: Path) -> None:
     """ValueError for files, or arrays packed in them, that are far larger than any reference."""
     for path in (npz, js):
         if path.stat().st_size > ENOUGH:
-            raise ValueError(f"{path.name} is {path.stat().st_size} bytes long; at most {ENOUGH} are read")
+            raise ValueError(
+                f"{path.name} is {path.stat().st_size} bytes long; at most {ENOUGH} are read"
+            )
     with zipfile.ZipFile(npz) as z:
         size = sum(i.file_size for i in z.infolist())
     if size > ENOUGH:
@@ -130,26 +162,65 @@ def load(case: Case, folder=None) -> Reference | None:
         meta = json.loads(js.read_bytes())
         with np.load(io.BytesIO(npz.read_bytes()), allow_pickle=False) as z:
             arrays = {k: z[k] for k in z.files}
-        kept, sums = dict(meta["fingerprint"]), (meta["checksum"], _checksum(arrays, meta))
-    except (OSError, ValueError, KeyError, TypeError, EOFError, RecursionError, MemoryError, NotImplementedError, zlib.error,
-            zipfile.BadZipFile) as e:
-        raise BadReference(f"the reference {npz} with {js.name} cannot be read: {type(e).__name__}: {e}") from None
+        kept = dict(meta["fingerprint"])
+        sums = (meta["checksum"], _checksum(arrays, meta))
+    except (
+        OSError,
+        ValueError,
+        KeyError,
+        TypeError,
+        EOFError,
+        RecursionError,
+        MemoryError,
+        NotImplementedError,
+        zlib.error,
+        zipfile.BadZipFile,
+    ) as e:
+        raise BadReference(
+            f"the reference {npz} with {js.name} cannot be read: {type(e).__name__}: {e}"
+        ) from None
     if sums[0] != sums[1]:
-        raise BadReference(f"the reference {npz} does not match the checksum in {js.name}: it was damaged or edited")
-    wrong = [k for k, v in fingerprint(case).items() if kept.get(k) != v] + ["format"] * (meta["format"] != FORMAT)
+        raise BadReference(
+            f"the reference {npz} does not match the checksum in {js.name}: it was damaged or edited"
+        )
+    wrong = [k for k, v in fingerprint(case).items() if kept.get(k) != v] + ["format"] * (
+        meta["format"] != FORMAT
+    )
     for name, mine in (("t", case.t), ("x0", case.x0)):
         a = arrays[name]
         # starts are computed by their case: another machine may round them differently
-        if a.shape != mine.shape or np.abs(a - mine).max(initial=0.0) > 1e-13 * max(1.0, np.abs(mine).max(initial=0.0)):
+        if a.shape != mine.shape or np.abs(a - mine).max(initial=0.0) > 1e-13 * max(
+            1.0, np.abs(mine).max(initial=0.0)
+        ):
             wrong.append(name)
     if wrong:
-        raise OtherVersion(f"the reference {npz} was made for another version of {case.key} "
-                           f"({', '.join(wrong)} differ): build it again with `nsbench reference build \"{case.key}\"`")
+        raise OtherVersion(
+            f"the reference {npz} was made for another version of {case.key} "
+            f'({", ".join(wrong)} differ): build it again with `nsbench reference build "{case.key}"`'
+        )
     bounds = {k: float("nan") if meta[k] is None else float(meta[k]) for k in BOUNDS}
-    kind, event_error = meta.get("kind", "stored"), meta.get("event_error")
+    kind = meta.get("kind", "stored")
+    event_error = meta.get("event_error")
     if kind not in KINDS:
-        raise BadReference(f"the reference {npz} is of the kind {kind!r}; one of {', '.join(KINDS)}")
-    events = None if meta["events"] is None else tuple(Event(t, k, tuple(c)) for t, k, c in meta["events"])
-    return Reference(case.t, arrays["x"], tuple(map(tuple, meta["contacts"])), arrays.get("impulse"),
-                     arrays.get("reaction"), events, **bounds, kind=kind, how=meta["how"], versions=meta["versions"],
-                     event_error=float("nan") if event_error is None else float(event_error), shown=meta.get("shown", {}))
+        raise BadReference(
+            f"the reference {npz} is of the kind {kind!r}; one of {', '.join(KINDS)}"
+        )
+    events = (
+        None
+        if meta["events"] is None
+        else tuple(Event(t, k, tuple(c)) for t, k, c in meta["events"])
+    )
+    return Reference(
+        case.t,
+        arrays["x"],
+        tuple(map(tuple, meta["contacts"])),
+        arrays.get("impulse"),
+        arrays.get("reaction"),
+        events,
+        **bounds,
+        kind=kind,
+        how=meta["how"],
+        versions=meta["versions"],
+        event_error=float("nan") if event_error is None else float(event_error),
+        shown=meta.get("shown", {}),
+    )

@@ -5,6 +5,7 @@
 reads results/runs.parquet (and cases.json, solvers.json, env.json, extra.json, figures/scene_*.svg where they
 exist) and writes the page, the same as Markdown beside it, and one SVG per case in ``figures/``.
 """
+
 from __future__ import annotations
 
 from pathlib import Path
@@ -25,7 +26,10 @@ def write_report(study, path=None) -> Path:
     from nsbench.report.html_page import page
     from nsbench.report.markdown import text
     from nsbench.results.journal import replace
-    folder = Path(study) if isinstance(study, (str, Path)) else Path(getattr(study, "dir", None) or ".")
+
+    folder = (
+        Path(study) if isinstance(study, (str, Path)) else Path(getattr(study, "dir", None) or ".")
+    )
     path = Path(path) if path is not None else folder / "report.html"
     path = path / "report.html" if path.is_dir() else path
     data = read(study)

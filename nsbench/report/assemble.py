@@ -1,4 +1,5 @@
 """Data -> everything the page shows: figures drawn, tables and sentences computed."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -29,13 +30,14 @@ from nsbench.report.svg_plots import draw, inline, sheet
 from nsbench.report.talk_figure import talk_figure, talk_sentence
 from nsbench.report.verdict import speeds, verdict
 
-DRAWN = 100         # cases with figures: a page of more could not be opened
+DRAWN = 100  # cases with figures: a page of more could not be opened
 
 
 @dataclass(frozen=True)
 class Figures:
     """panels: SVG elements for the page by case; files: standalone SVG by file name; talk: for the page; profiles,
     scaling: SVG elements of the section on speed."""
+
     summaries: dict[tuple, Summary]
     looks: dict
     ids: dict[str, str]
@@ -48,13 +50,27 @@ class Figures:
 
 def identify(names) -> dict[str, str]:
     """A distinct id, also a file name, per case."""
-    out, taken = {}, {"talk", "verdict", "orders", "cases", "trust", "speed", "failures", "environment", "q", "ref", "profiles",
-                  "scaling"}
+    out = {}
+    taken = {
+        "talk",
+        "verdict",
+        "orders",
+        "cases",
+        "trust",
+        "speed",
+        "failures",
+        "environment",
+        "q",
+        "ref",
+        "profiles",
+        "scaling",
+    }
     for name in names:
         base = new = slug(name)
         k = 2
         while new.lower() in taken or new.lower().startswith(("scene_", "cost_")):
-            new, k = f"case_{base}" if k == 2 else f"case_{base}_{k}", k + 1
+            new = f"case_{base}" if k == 2 else f"case_{base}_{k}"
+            k = k + 1
         taken.add(new.lower())
         out[name] = new
     return out
@@ -62,17 +78,26 @@ def identify(names) -> dict[str, str]:
 
 def figures(data: Data) -> Figures:
     """Draw every panel once; the page and the files share them."""
-    summaries, look, ids = summarise(data), looks(data.specs), identify(data.case_keys)
+    summaries = summarise(data)
+    look = looks(data.specs)
+    ids = identify(data.case_keys)
     names = {one.index: spec for spec, one in look.items()}
-    inlined, files = {}, {}
+    inlined = {}
+    files = {}
     for k, case in enumerate(data.case_keys):
         runs = [r for r in data.of_case(case) if summaries[case, r.solver].word != "refused"]
         legend = [(r.solver, look[r.solver], r.loop == "host") for r in runs]
         inlined[case] = []
-        for file, found in ((ids[case], case_panels(runs, look, summaries)), (f"cost_{ids[case]}", cost_panels(runs, look))):
+        for file, found in (
+            (ids[case], case_panels(runs, look, summaries)),
+            (f"cost_{ids[case]}", cost_panels(runs, look)),
+        ):
             if found and k < DRAWN:
                 drawn = [draw(p) for p in found]
-                inlined[case] += [inline(svg, names, f"{p.title}, {case}") for svg, p in zip(drawn, found, strict=True)]
+                inlined[case] += [
+                    inline(svg, names, f"{p.title}, {case}")
+                    for svg, p in zip(drawn, found, strict=True)
+                ]
                 files[file] = sheet(drawn, legend, case)
     talk = talk_figure(data)
     if talk:
@@ -80,28 +105,70 @@ def figures(data: Data) -> Figures:
     legend = [(spec, look[spec], False) for spec in data.specs]
     over = [svg for svg in (profiles.draw(data, t, look) for t in speed.TARGETS) if svg]
     sizes = [draw(p) for p in scaling.scaling_panels(data, look)]
-    files |= {name: sheet(group, legend, title) for name, group, title in (
-        ("profiles", over, "Time to error"), ("scaling", sizes, "Cost against size")) if group}
+    files |= {
+        name: sheet(group, legend, title)
+        for name, group, title in (
+            ("profiles", over, "Time to error"),
+            ("scaling", sizes, "Cost against size"),
+        )
+        if group
+    }
     page = lambda group, label: tuple(inline(svg, names, label) for svg in group)
-    return Figures(summaries, look, ids, inlined, files, inline(talk, names, "The talk's figure") if talk else "",
-                   page(over, "Time to error"), page(sizes, "Cost against size"))
+    return Figures(
+        summaries,
+        look,
+        ids,
+        inlined,
+        files,
+        inline(talk, names, "The talk's figure") if talk else "",
+        page(over, "Time to error"),
+        page(sizes, "Cost against size"),
+    )
 
 
 def compose(data: Data, drawn: Figures) -> Content:
     """Tables and sentences around the figures."""
     s = drawn.summaries
-    made = [tables.choice_table(data), tables.orders_table(s), tables.speed_table(data), tables.seeds_table(data),
-            tables.failures_table(data), tables.environment_table(data.env), tables.glossary_table(),
-            trust.expected_table(findings(data, s)), trust.bounds_table(data, s), trust.references_table(data),
-            trust.selection_table(data, s), trust.labels_table(data, s), scaling.scaling_table(data),
-            scaling.sizes_table(data), timing.clock_table(data)]
+    made = [
+        tables.choice_table(data),
+        tables.orders_table(s),
+        tables.speed_table(data),
+        tables.seeds_table(data),
+        tables.failures_table(data),
+        tables.environment_table(data.env),
+        tables.glossary_table(),
+        trust.expected_table(findings(data, s)),
+        trust.bounds_table(data, s),
+        trust.references_table(data),
+        trust.selection_table(data, s),
+        trust.labels_table(data, s),
+        scaling.scaling_table(data),
+        scaling.sizes_table(data),
+        timing.clock_table(data),
+    ]
     lede = ", ".join(filter(None, (tables.counts_line(s), *_where(data.env))))
-    factors = tuple(speeds(data)) or ("No two methods reached the same error with loops of one kind.",)
+    factors = tuple(speeds(data)) or (
+        "No two methods reached the same error with loops of one kind.",
+    )
     told = {case: notes(data, case, s) for case in data.case_keys}
-    return Content("nsbench report", f"{lede}.", tuple(verdict(data, s)), {t.key: t for t in made}, data, s,
-                   drawn.looks, drawn.ids, drawn.panels, told, factors, drawn.talk,
-                   talk_sentence(data), drawn.profiles, drawn.scaling,
-                   tuple([*scaling.wins(data), *profiles.sentences(data)]))
+    return Content(
+        "nsbench report",
+        f"{lede}.",
+        tuple(verdict(data, s)),
+        {t.key: t for t in made},
+        data,
+        s,
+        drawn.looks,
+        drawn.ids,
+        drawn.panels,
+        told,
+        factors,
+        drawn.talk,
+        talk_sentence(data),
+        drawn.profiles,
+        drawn.scaling,
+        tuple([*scaling.wins(data), *profiles.sentences(data)]),
+    )
 
 
 def _where(env: dict) -> list[str]:
@@ -109,8 +176,11 @@ def _where(env: dict) -> list[str]:
     versions = env.get("versions")
     version = versions.get("nsbench") if isinstance(versions, dict) else None
     cores = env.get("cores")
-    return [f"nsbench {clean(version, 20)}" if version else "", clean(env.get("machine") or "", 60),
-            f"{clean(cores, 8)} cores" if cores else ""]
+    return [
+        f"nsbench {clean(version, 20)}" if version else "",
+        clean(env.get("machine") or "", 60),
+        f"{clean(cores, 8)} cores" if cores else "",
+    ]
 
 
 def notes(data: Data, case: str, summaries: dict[tuple, Summary]) -> list[str]:
@@ -122,15 +192,18 @@ def notes(data: Data, case: str, summaries: dict[tuple, Summary]) -> list[str]:
     if data.case_keys.index(case) >= DRAWN:
         out.append(f"Figures are drawn for the first {DRAWN} cases of a study.")
     if any(s.force.metric == "reaction" for s in mine):
-        out.append("The multipliers are not unique here: the reaction is compared instead, and what a method picks "
-                   "among the multipliers is drawn apart, as its selection; it is not an error.")
+        out.append(
+            "The multipliers are not unique here: the reaction is compared instead, and what a method picks "
+            "among the multipliers is drawn apart, as its selection; it is not an error."
+        )
     for target in (1e-2, 1e-3):
         found = [speed.step_for_violation(s.runs, target) for s in mine if s.runs.violates]
         found = [c for c in found if c is not None]
         if found:
-            told = "; ".join(f"{c.solver} h = {num(c.h)}{', the largest tried' if c.at_most else ''} "
-                             f"({seconds(c.seconds)})" for c in found[:4])
+            told = "; ".join(
+                f"{c.solver} h = {num(c.h)}{', the largest tried' if c.at_most else ''} "
+                f"({seconds(c.seconds)})"
+                for c in found[:4]
+            )
             out.append(f"Violation below {power(target)}: {told}.")
     return out
-
-

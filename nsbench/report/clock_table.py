@@ -1,4 +1,5 @@
 """The clock of a study, by method: compilation, set-up and run apart, the spread over rounds and the worst of them."""
+
 from __future__ import annotations
 
 import numpy as np
@@ -13,29 +14,68 @@ def clock_table(data: Data) -> Table:
     """Method: seconds of compilation in all, of one set-up, of the runs in all; quartiles and worst round over the median."""
     rows = []
     for solver in data.specs:
-        runs = [r for (_, s), r in data.runs.items() if s == solver and np.isfinite(r.col["seconds"]).any()]
+        runs = [
+            r
+            for (_, s), r in data.runs.items()
+            if s == solver and np.isfinite(r.col["seconds"]).any()
+        ]
         if not runs:
             continue
-        col = {n: np.concatenate([r.col[n] for r in runs]) for n in ("compile_seconds", "setup_seconds", "seconds", "rounds",
-                                                                     "seconds_low", "seconds_high", "seconds_max")}
+        col = {
+            n: np.concatenate([r.col[n] for r in runs])
+            for n in (
+                "compile_seconds",
+                "setup_seconds",
+                "seconds",
+                "rounds",
+                "seconds_low",
+                "seconds_high",
+                "seconds_max",
+            )
+        }
         timed = col["rounds"] > 1
-        rows.append(Row((
-            Cell(solver, kind="method"), Cell(_total(col["compile_seconds"])), Cell(_middle(col["setup_seconds"])),
-            Cell(_total(col["seconds"])), Cell(f"{int(timed.sum())} of {int(np.isfinite(col['seconds']).sum())}"),
-            Cell(_spread(col, timed)), Cell(_worst(col, timed))), solver=solver))
-    return Table("clock", ("method", "compilation, all cases", "set-up, median", "runs, all cases", "timed in rounds",
-                           "quartiles over median", "worst round over median"), tuple(rows),
-                 "Compilation is what the first preparation in a process takes beyond a second one: compiling, loading from "
-                 "caches, imports; set-up is what each preparation takes; neither is part of the seconds compared. Runs of more "
-                 f"than {LONG:g} s are timed once; the others in 3 to 7 rounds with the methods interleaved, the first call "
-                 "left out. The spread is the median over all timed runs, the worst round the largest factor seen."
-                 + shared(data))
+        rows.append(
+            Row(
+                (
+                    Cell(solver, kind="method"),
+                    Cell(_total(col["compile_seconds"])),
+                    Cell(_middle(col["setup_seconds"])),
+                    Cell(_total(col["seconds"])),
+                    Cell(f"{int(timed.sum())} of {int(np.isfinite(col['seconds']).sum())}"),
+                    Cell(_spread(col, timed)),
+                    Cell(_worst(col, timed)),
+                ),
+                solver=solver,
+            )
+        )
+    return Table(
+        "clock",
+        (
+            "method",
+            "compilation, all cases",
+            "set-up, median",
+            "runs, all cases",
+            "timed in rounds",
+            "quartiles over median",
+            "worst round over median",
+        ),
+        tuple(rows),
+        "Compilation is what the first preparation in a process takes beyond a second one: compiling, loading from "
+        "caches, imports; set-up is what each preparation takes; neither is part of the seconds compared. Runs of more "
+        f"than {LONG:g} s are timed once; the others in 3 to 7 rounds with the methods interleaved, the first call "
+        "left out. The spread is the median over all timed runs, the worst round the largest factor seen."
+        + shared(data),
+    )
 
 
 def shared(data: Data) -> str:
-    """" N runs ..." if the seconds of some are left out because their workers were shared; otherwise ""."""
+    """ " N runs ..." if the seconds of some are left out because their workers were shared; otherwise ""."""
     count = sum(int((r.col["shared"] == 1.0).sum()) for r in data.runs.values())
-    return f" {count} runs were made by shared workers of a cluster: their seconds are stored, and used nowhere." if count else ""
+    return (
+        f" {count} runs were made by shared workers of a cluster: their seconds are stored, and used nowhere."
+        if count
+        else ""
+    )
 
 
 def _total(values) -> str:
@@ -52,10 +92,16 @@ def _spread(col, timed) -> str:
     use = timed & np.isfinite(col["seconds_low"]) & (col["seconds"] > 0)
     if not use.any():
         return "no rounds"
-    low, high = (float(np.median(col[n][use] / col["seconds"][use])) for n in ("seconds_low", "seconds_high"))
+    low, high = (
+        float(np.median(col[n][use] / col["seconds"][use])) for n in ("seconds_low", "seconds_high")
+    )
     return f"{low:.2f} to {high:.2f}"
 
 
 def _worst(col, timed) -> str:
     use = timed & np.isfinite(col["seconds_max"]) & (col["seconds"] > 0)
-    return f"{TIMES} {factor(float((col['seconds_max'][use] / col['seconds'][use]).max()))}" if use.any() else "no rounds"
+    return (
+        f"{TIMES} {factor(float((col['seconds_max'][use] / col['seconds'][use]).max()))}"
+        if use.any()
+        else "no rounds"
+    )

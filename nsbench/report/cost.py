@@ -1,4 +1,5 @@
 """Cost at equal error: what a method needs to get, and stay, below an error; ratios only between like loops."""
+
 from __future__ import annotations
 
 import math
@@ -21,6 +22,7 @@ class Cost:
     h: the step (1/k, tolerance: see `accuracy`) that does it. low, high: quartiles of the seconds; rounds: the fewest
     rounds they come from; session: the run of the bench they were measured in, "" if that is not stored.
     """
+
     solver: str
     loop: str
     seconds: float
@@ -37,7 +39,9 @@ class Cost:
 def work(runs: Runs) -> np.ndarray:
     """Counted work per run: drift calls + projections + inner iterations (QP solves where those are not counted)."""
     parts = {name: runs.col[name] for name in WORK}
-    inner = np.where(np.isfinite(parts["inner_iterations"]), parts["inner_iterations"], runs.col["qp_solves"])
+    inner = np.where(
+        np.isfinite(parts["inner_iterations"]), parts["inner_iterations"], runs.col["qp_solves"]
+    )
     stack = np.array([parts["drift_calls"], parts["projections"], inner])
     total = np.nansum(stack, axis=0)
     return np.where(np.isfinite(stack).any(axis=0) & (total > 0), total, np.nan)
@@ -45,15 +49,25 @@ def work(runs: Runs) -> np.ndarray:
 
 def inner(runs: Runs) -> np.ndarray:
     """Projections, or inner iterations (QP solves where those are not counted), per run."""
-    parts = np.array([runs.col["projections"], np.where(np.isfinite(runs.col["inner_iterations"]),
-                                                        runs.col["inner_iterations"], runs.col["qp_solves"])])
+    parts = np.array(
+        [
+            runs.col["projections"],
+            np.where(
+                np.isfinite(runs.col["inner_iterations"]),
+                runs.col["inner_iterations"],
+                runs.col["qp_solves"],
+            ),
+        ]
+    )
     total = np.nansum(parts, axis=0)
     return np.where(total > 0, total, np.nan)
 
 
-RULE = ("Seconds of two methods are compared only when both loops over steps are compiled, both were timed on one machine in "
-        f"one go, and both in interleaved rounds (runs of more than {LONG:g} s once); then compilation and set-up are apart. "
-        "Otherwise their counted work is compared, or nothing.")
+RULE = (
+    "Seconds of two methods are compared only when both loops over steps are compiled, both were timed on one machine in "
+    f"one go, and both in interleaved rounds (runs of more than {LONG:g} s once); then compilation and set-up are apart. "
+    "Otherwise their counted work is compared, or nothing."
+)
 
 
 def apart(one: Cost, other: Cost) -> str:
@@ -80,8 +94,9 @@ def cost(runs: Runs, target: float, metric: str = "state_sup") -> Cost | None:
     good = runs.good & np.isfinite(runs.col[metric]) & (runs.col["h"] > 0)
     if not good.any():
         return None
-    h, error = runs.col["h"][good], np.abs(runs.col[metric][good])
-    envelope = np.maximum.accumulate(error[::-1])[::-1]            # runs go from the coarsest to the finest
+    h = runs.col["h"][good]
+    error = np.abs(runs.col[metric][good])
+    envelope = np.maximum.accumulate(error[::-1])[::-1]  # runs go from the coarsest to the finest
     reached = np.flatnonzero(envelope <= target)
     if not reached.size:
         return None
@@ -91,14 +106,25 @@ def cost(runs: Runs, target: float, metric: str = "state_sup") -> Cost | None:
         share = math.log(envelope[i - 1] / target) / math.log(envelope[i - 1] / envelope[i])
     pick = lambda v: _between(v[i - 1] if i else v[i], v[i], share)
     used = slice(max(i - 1, 0), i + 1)
-    rounds, sessions = runs.col["rounds"][good][used], sorted({s for s in runs.col["session"][good][used] if s})
-    return Cost(runs.solver, runs.loop, pick(runs.col["seconds"][good]), pick(work(runs)[good]), pick(h),
-                runs.accuracy, i == 0, pick(runs.col["seconds_low"][good]), pick(runs.col["seconds_high"][good]),
-                float(np.min(rounds)), "+".join(sessions))
+    rounds = runs.col["rounds"][good][used]
+    sessions = sorted({s for s in runs.col["session"][good][used] if s})
+    return Cost(
+        runs.solver,
+        runs.loop,
+        pick(runs.col["seconds"][good]),
+        pick(work(runs)[good]),
+        pick(h),
+        runs.accuracy,
+        i == 0,
+        pick(runs.col["seconds_low"][good]),
+        pick(runs.col["seconds_high"][good]),
+        float(np.min(rounds)),
+        "+".join(sessions),
+    )
 
 
 def _between(a: float, b: float, share: float) -> float:
-    if math.isnan(a):                                    # seconds of a shared worker: the run beside it alone tells nothing
+    if math.isnan(a):  # seconds of a shared worker: the run beside it alone tells nothing
         return a
     if not (a > 0 and b > 0):
         return float(b)
@@ -109,8 +135,15 @@ def costs(data: Data, case: str, target: float) -> list[Cost]:
     """Methods that reach `target` on `case`: those with compiled loops first, the cheapest in seconds first."""
     found = [c for c in (cost(r, target) for r in data.of_case(case)) if c is not None]
     big = math.inf
-    return sorted(found, key=lambda c: (c.loop != "compiled", c.seconds if c.seconds > 0 else big,
-                                        c.work if c.work > 0 else big, c.solver))
+    return sorted(
+        found,
+        key=lambda c: (
+            c.loop != "compiled",
+            c.seconds if c.seconds > 0 else big,
+            c.work if c.work > 0 else big,
+            c.solver,
+        ),
+    )
 
 
 def baseline(found: list[Cost]) -> Cost | None:

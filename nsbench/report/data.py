@@ -1,4 +1,5 @@
 """What the report reads: the rows of a study with what is known of its cases, solvers and machine."""
+
 from __future__ import annotations
 
 import json
@@ -12,23 +13,76 @@ import numpy as np
 from nsbench.report.style import LEADS, clean, family, slug
 from nsbench.results.tables import SCHEMA, text_of
 
-LABELS = ("lam_at_start", "lam_at_mid", "lam_at_end", "lam_mean")     # of single steps, against lambda at that time
-CLOCKED = ("seconds", "seconds_low", "seconds_high", "seconds_max", "rounds", "setup_seconds", "compile_seconds")
-NUMBERS = ("asked", "h", *CLOCKED, "shared", "steps", "drift_calls", "projections", "inner_iterations",
-           "qp_solves", "events", "restarts", "contacts_peak", "state_sup", "state_T", "impulse", "reaction", "l1",
-           "settled", "event_time", "events_missed", "events_extra", "feasibility", "sign", "complementarity",
-           "residual", "selection", "polyhedron", "lam_own", "rebuilds", "state_floor", "impulse_floor", "reaction_floor",
-           "event_floor", "state_scale", "impulse_scale", "multipliers_unique", *LABELS, "lam_floor")
+LABELS = (
+    "lam_at_start",
+    "lam_at_mid",
+    "lam_at_end",
+    "lam_mean",
+)  # of single steps, against lambda at that time
+CLOCKED = (
+    "seconds",
+    "seconds_low",
+    "seconds_high",
+    "seconds_max",
+    "rounds",
+    "setup_seconds",
+    "compile_seconds",
+)
+NUMBERS = (
+    "asked",
+    "h",
+    *CLOCKED,
+    "shared",
+    "steps",
+    "drift_calls",
+    "projections",
+    "inner_iterations",
+    "qp_solves",
+    "events",
+    "restarts",
+    "contacts_peak",
+    "state_sup",
+    "state_T",
+    "impulse",
+    "reaction",
+    "l1",
+    "settled",
+    "event_time",
+    "events_missed",
+    "events_extra",
+    "feasibility",
+    "sign",
+    "complementarity",
+    "residual",
+    "selection",
+    "polyhedron",
+    "lam_own",
+    "rebuilds",
+    "state_floor",
+    "impulse_floor",
+    "reaction_floor",
+    "event_floor",
+    "state_scale",
+    "impulse_scale",
+    "multipliers_unique",
+    *LABELS,
+    "lam_floor",
+)
 WORDS = ("case", "solver", "accuracy", "status", "why", "loop", "reference", "lam_time", "session")
-FIELDS = {"cases": {"classes": list, "T": (int, float), "families": (list, str), "certificate": dict},
-          "solvers": {"claims": dict, "expects": list}}     # kinds of what the notes on cases and solvers hold
-LARGEST, NOTES = 4 << 30, 64 << 20      # bytes of a table, and of the notes beside it: more than a million rows take
-GOOD = ("ok", "below_reference")     # statuses whose errors are numbers
+FIELDS = {
+    "cases": {"classes": list, "T": (int, float), "families": (list, str), "certificate": dict},
+    "solvers": {"claims": dict, "expects": list},
+}  # kinds of what the notes on cases and solvers hold
+# bytes of a table, and of the notes beside it: more than a million rows take
+LARGEST = 4 << 30
+NOTES = 64 << 20
+GOOD = ("ok", "below_reference")  # statuses whose errors are numbers
 
 
 @dataclass(frozen=True)
 class Runs:
     """All runs of one solver on one case, from the coarsest to the finest; `col` holds one array per column."""
+
     case: str
     solver: str
     col: dict = field(repr=False)
@@ -62,7 +116,9 @@ class Runs:
 
     def scale(self, metric: str) -> float:
         """Size of the quantity that `metric` is the error of: what rounding is relative to; 1 if it is not stored."""
-        values = self.col["state_scale" if metric in ("state_sup", "state_T", "feasibility") else "impulse_scale"]
+        values = self.col[
+            "state_scale" if metric in ("state_sup", "state_T", "feasibility") else "impulse_scale"
+        ]
         values = values[np.isfinite(values)]
         return float(values.max()) if values.size else 1.0
 
@@ -73,7 +129,14 @@ class Runs:
             values = self.col[column][np.isfinite(self.col[column])]
             return float(values.max()) if values.size else 0.0
         column = {"state_sup": "state_floor", "state_T": "state_floor"}.get(metric, "impulse_floor")
-        if metric in ("feasibility", "sign", "complementarity", "residual", "selection", "polyhedron"):
+        if metric in (
+            "feasibility",
+            "sign",
+            "complementarity",
+            "residual",
+            "selection",
+            "polyhedron",
+        ):
             return 0.0
         values = self.col[column][np.isfinite(self.col[column])]
         return float(values.max()) if values.size else 0.0
@@ -82,6 +145,7 @@ class Runs:
 @dataclass(frozen=True)
 class Data:
     """Runs by (case, solver) in the order of the page; cases, solvers and env as stored; pictures: SVG by case."""
+
     runs: dict
     cases: dict
     solvers: dict
@@ -108,7 +172,11 @@ def read(study) -> Data:
     """
     if isinstance(study, (str, Path)):
         return _folder(Path(study))
-    if isinstance(study, (list, tuple)) and study and all(isinstance(s, (str, Path)) for s in study):
+    if (
+        isinstance(study, (list, tuple))
+        and study
+        and all(isinstance(s, (str, Path)) for s in study)
+    ):
         return merge([_folder(Path(s)) for s in study])
     rows = getattr(study, "rows", study)
     known = {name: getattr(study, name, None) for name in ("cases", "solvers", "env", "extra")}
@@ -117,8 +185,11 @@ def read(study) -> Data:
 
 
 def _folder(folder: Path) -> Data:
-    return build(_table(folder), *(_json(folder / f"{name}.json") for name in ("cases", "solvers", "env", "extra")),
-                 {p.stem: p for p in sorted((folder / "figures").glob("scene_*.svg"))})
+    return build(
+        _table(folder),
+        *(_json(folder / f"{name}.json") for name in ("cases", "solvers", "env", "extra")),
+        {p.stem: p for p in sorted((folder / "figures").glob("scene_*.svg"))},
+    )
 
 
 def merge(parts: list[Data]) -> Data:
@@ -137,22 +208,39 @@ def _table(folder: Path) -> dict:
     if path.is_file():
         import pyarrow
         import pyarrow.parquet
+
         _size(path, LARGEST)
         try:
-            with open(path, "rb") as file:               # a name that the locale cannot spell is no matter of the library's
+            with open(
+                path, "rb"
+            ) as file:  # a name that the locale cannot spell is no matter of the library's
                 table = pyarrow.parquet.read_table(file, page_checksum_verification=True)
         except (OSError, ValueError, pyarrow.ArrowException, MemoryError) as e:
             raise ValueError(f"{path} cannot be read: {e}") from e
-        _schema(path, (table.schema.metadata or {}).get(b"nsbench_schema", b"").decode("ascii", "replace"))
-        return columns_of({n: table[n].to_numpy() if n in NUMBERS and pyarrow.types.is_float64(table[n].type)
-                           else table[n].to_pylist() for n in table.column_names if n in NUMBERS or n in WORDS})
+        _schema(
+            path,
+            (table.schema.metadata or {}).get(b"nsbench_schema", b"").decode("ascii", "replace"),
+        )
+        return columns_of(
+            {
+                n: table[n].to_numpy()
+                if n in NUMBERS and pyarrow.types.is_float64(table[n].type)
+                else table[n].to_pylist()
+                for n in table.column_names
+                if n in NUMBERS or n in WORDS
+            }
+        )
     path = folder / "runs.csv"
     if path.is_file():
         import csv
+
         _size(path, LARGEST)
         try:
             with open(path, newline="", encoding="utf-8") as file:
-                rows = [{text_of(k): text_of(v) for k, v in r.items()} for r in csv.DictReader(file, strict=True)]
+                rows = [
+                    {text_of(k): text_of(v) for k, v in r.items()}
+                    for r in csv.DictReader(file, strict=True)
+                ]
         except (csv.Error, UnicodeDecodeError) as e:
             raise ValueError(f"{path} cannot be read: {e}") from e
         if rows and not {"case", "solver", "status"} <= set(rows[0]):
@@ -168,7 +256,9 @@ def _size(path: Path, most: int) -> None:
 
 def _schema(path: Path, found) -> None:
     if str(found) not in ("", str(SCHEMA)):
-        raise ValueError(f"{path} is of schema {clean(found, 40)}; this version of nsbench reads {SCHEMA}: run the study again")
+        raise ValueError(
+            f"{path} is of schema {clean(found, 40)}; this version of nsbench reads {SCHEMA}: run the study again"
+        )
 
 
 def _json(path: Path) -> dict:
@@ -186,9 +276,14 @@ def _json(path: Path) -> dict:
     for name, notes in value.items():
         for what, kinds in FIELDS.get(path.stem, {}).items():
             found = notes.get(what) if isinstance(notes, dict) else None
-            if found is not None and (not isinstance(found, kinds) or isinstance(found, bool) or (
-                    what == "expects" and not all(isinstance(e, dict) for e in found))):
-                raise ValueError(f"{path}: {what} of {clean(name, 80)} is {clean(found, 80)!r}; that is no such note")
+            if found is not None and (
+                not isinstance(found, kinds)
+                or isinstance(found, bool)
+                or (what == "expects" and not all(isinstance(e, dict) for e in found))
+            ):
+                raise ValueError(
+                    f"{path}: {what} of {clean(name, 80)} is {clean(found, 80)!r}; that is no such note"
+                )
     return value
 
 
@@ -220,14 +315,19 @@ def columns_of(rows) -> dict:
     for name in CLOCKED:
         out[name][out["shared"] == 1.0] = math.nan
     for name in WORDS:
-        known: dict = {}                                 # there are few different words in many rows
+        known: dict = {}  # there are few different words in many rows
         values = rows.get(name, ())
         for v in values:
             if isinstance(v, str) and v not in known:
-                known[v] = (_word(v).strip() or "(unnamed)") if name in ("case", "solver") else _word(v)
+                known[v] = (
+                    (_word(v).strip() or "(unnamed)") if name in ("case", "solver") else _word(v)
+                )
         nothing = "(unnamed)" if name in ("case", "solver") else ""
-        out[name] = np.array([known[v] if isinstance(v, str) else _word(v) or nothing for v in values] or [nothing] * size,
-                             dtype=object)
+        out[name] = np.array(
+            [known[v] if isinstance(v, str) else _word(v) or nothing for v in values]
+            or [nothing] * size,
+            dtype=object,
+        )
     return out
 
 
@@ -239,21 +339,34 @@ def _numbers(values) -> np.ndarray:
 
 def build(cols: dict, cases=None, solvers=None, env=None, extra=None, files=None) -> Data:
     """Columns -> Data: runs grouped by case and solver, cases in the order of `cases`, then by name."""
-    cases, solvers = ({clean(k): v if isinstance(v, dict) else {} for k, v in (d or {}).items()}
-                      for d in (cases, solvers))
+    cases, solvers = (
+        {clean(k): v if isinstance(v, dict) else {} for k, v in (d or {}).items()}
+        for d in (cases, solvers)
+    )
     place = {key: i for i, key in enumerate(cases)}
     groups: dict = {}
     for i, pair in enumerate(zip(cols["case"], cols["solver"], strict=True)):
         groups.setdefault(pair, []).append(i)
     runs = {}
-    for pair in sorted(groups, key=lambda p: (place.get(p[0], len(place)), p[0], family(p[1]) != LEADS, p[1])):
+    for pair in sorted(
+        groups, key=lambda p: (place.get(p[0], len(place)), p[0], family(p[1]) != LEADS, p[1])
+    ):
         rows = np.array(groups[pair])
         h = cols["h"][rows]
         h = np.where(np.isfinite(h), h, cols["asked"][rows])
         rows = rows[np.argsort(np.where(np.isfinite(h), -h, -np.inf), kind="stable")]
         col = {name: values[rows] for name, values in cols.items()}
-        runs[pair] = Runs(*pair, {**col, "h": np.where(np.isfinite(col["h"]), col["h"], col["asked"])})
-    return Data(runs, cases, solvers, dict(env or {}), dict(extra or {}), _pictures(runs, cases, files or {}))
+        runs[pair] = Runs(
+            *pair, {**col, "h": np.where(np.isfinite(col["h"]), col["h"], col["asked"])}
+        )
+    return Data(
+        runs,
+        cases,
+        solvers,
+        dict(env or {}),
+        dict(extra or {}),
+        _pictures(runs, cases, files or {}),
+    )
 
 
 def _pictures(runs: dict, cases: dict, files: dict) -> dict:
@@ -261,8 +374,14 @@ def _pictures(runs: dict, cases: dict, files: dict) -> dict:
     out = {}
     for case in dict.fromkeys(c for c, _ in runs):
         named = Path(str(cases.get(case, {}).get("picture") or "")).stem
-        stems = (named, f"scene_{slug(case)}", "scene_" + re.sub(r"[^A-Za-z0-9_.-]+", "_", case).strip("_"))
+        stems = (
+            named,
+            f"scene_{slug(case)}",
+            "scene_" + re.sub(r"[^A-Za-z0-9_.-]+", "_", case).strip("_"),
+        )
         path = next((files[s] for s in stems if s in files), None)
-        if path is not None and path.stat().st_size < 400_000:     # a page of 25 scenes stays below 10 MB
+        if (
+            path is not None and path.stat().st_size < 400_000
+        ):  # a page of 25 scenes stays below 10 MB
             out[case] = path.read_text(encoding="utf-8")
     return out

@@ -3,6 +3,7 @@
 Known deviations stand in deviations.csv beside this file, with their reason. One that is no longer seen is reported
 like a new one: either way the table and the methods disagree.
 """
+
 from __future__ import annotations
 
 import csv
@@ -23,6 +24,7 @@ class Finding:
     """One metric of one method on one case. expected: as declared; observed: what stands there; outcome: "kept",
     "open" (no verdict, where one was expected), else what it is instead: "above", "below", "exact", "plateau",
     "diverges", or a status; why: of the expectation; known: the reason of a known deviation, "" if it is new."""
+
     case: str
     solver: str
     metric: str
@@ -39,7 +41,9 @@ def known_deviations(path: Path = TABLE) -> dict[tuple[str, str, str], tuple[str
     with open(path, newline="", encoding="utf-8") as file:
         for k, row in enumerate(csv.DictReader(file), start=2):
             if None in row or not all(row.get(c) for c in COLUMNS) or row["metric"] not in METRICS:
-                raise ValueError(f"{path.name}, line {k}: {', '.join(COLUMNS)} are needed, metric one of {METRICS}")
+                raise ValueError(
+                    f"{path.name}, line {k}: {', '.join(COLUMNS)} are needed, metric one of {METRICS}"
+                )
             key = row["case"], row["solver"], row["metric"]
             if key in out:
                 raise ValueError(f"{path.name}, line {k}: {key} stands there twice")
@@ -61,7 +65,9 @@ def expectation(case: dict, solver: dict) -> dict:
     return {"state": claims.get("state"), "impulse": claims.get("impulse"), "why": why}
 
 
-def findings(data: Data, summaries: dict[tuple, Summary], known: dict | None = None) -> list[Finding]:
+def findings(
+    data: Data, summaries: dict[tuple, Summary], known: dict | None = None
+) -> list[Finding]:
     """Every case x method x metric of which something is expected; refusals are no deviation from a claim."""
     known = known_deviations() if known is None else known
     out = []
@@ -73,8 +79,18 @@ def findings(data: Data, summaries: dict[tuple, Summary], known: dict | None = N
                 continue
             outcome = compare(want, s, order)
             observed, reason = known.get((case, solver, metric), ("", ""))
-            out.append(Finding(case, solver, metric, spelled(want), told(s, order), outcome, hope["why"],
-                               reason if observed == outcome else ""))
+            out.append(
+                Finding(
+                    case,
+                    solver,
+                    metric,
+                    spelled(want),
+                    told(s, order),
+                    outcome,
+                    hope["why"],
+                    reason if observed == outcome else "",
+                )
+            )
     return out
 
 
@@ -88,8 +104,13 @@ def told(s: Summary, o: Order) -> str:
     """What is seen, in a few words."""
     if s.outcome:
         return s.outcome
-    return f"order {o.text}" if o.kind == "fit" and o.verdict == "order" else \
-        f"{o.verdict} ({o.text})" if o.kind == "fit" else o.text
+    return (
+        f"order {o.text}"
+        if o.kind == "fit" and o.verdict == "order"
+        else f"{o.verdict} ({o.text})"
+        if o.kind == "fit"
+        else o.text
+    )
 
 
 def compare(want, s: Summary, o: Order) -> str:
@@ -99,7 +120,7 @@ def compare(want, s: Summary, o: Order) -> str:
     if s.outcome:
         return "kept" if want == _status(s) else _status(s)
     if isinstance(want, str) and want not in ("exact", "plateau", "diverges"):
-        return "passes"                                    # a failure was expected, and runs gave numbers
+        return "passes"  # a failure was expected, and runs gave numbers
     if o.kind == "bound":
         return "kept" if not o.flag else "below"
     if o.kind in ("level", "none"):
@@ -136,4 +157,8 @@ def gone(found: list[Finding], known: dict | None = None) -> list[tuple[Finding,
 def fresh(found: list[Finding], known: dict | None = None) -> list[Finding]:
     """Deviations that the table does not know."""
     known = known_deviations() if known is None else known
-    return [f for f in found if f.outcome not in ("kept", "open") and (f.case, f.solver, f.metric) not in known]
+    return [
+        f
+        for f in found
+        if f.outcome not in ("kept", "open") and (f.case, f.solver, f.metric) not in known
+    ]

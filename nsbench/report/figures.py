@@ -1,4 +1,5 @@
 """Which panels a case gets, from its rows."""
+
 from __future__ import annotations
 
 import numpy as np
@@ -9,38 +10,94 @@ from nsbench.report.style import Look
 from nsbench.report.summary import Summary
 from nsbench.report.svg_plots import Line, Panel
 
-ROUNDING = 1e-11     # a line that never rises above it shows rounding, not a method
+ROUNDING = 1e-11  # a line that never rises above it shows rounding, not a method
 STEP = "step h (or 1/k)"
 
 
-def case_panels(runs: list[Runs], looks: dict[str, Look], summaries: dict[tuple, Summary]) -> list[Panel]:
+def case_panels(
+    runs: list[Runs], looks: dict[str, Look], summaries: dict[tuple, Summary]
+) -> list[Panel]:
     """The panels of one case that have something to show, in reading order."""
     mine = [summaries[r.case, r.solver] for r in runs]
     force = mine[0].force.metric if mine else "impulse"
-    named = {"impulse": "Impulse error", "reaction": "Reaction error (multipliers are not unique)"}[force]
+    named = {"impulse": "Impulse error", "reaction": "Reaction error (multipliers are not unique)"}[
+        force
+    ]
     out = [
-        Panel("state", "State error", STEP, _against_h(runs, looks, "state_sup"), _floor(runs, "state_sup"),
-              _claims(mine, "state")),
-        Panel("multiplier", named, STEP, _against_h(runs, looks, force), _floor(runs, force), _claims(mine, "force")),
-        Panel("violation", "Violation max(-g)", STEP, _against_h(runs, looks, "feasibility"), 0.0,
-              (1.0,) if any(s.violation.kind == "fit" for s in mine) else ()),
+        Panel(
+            "state",
+            "State error",
+            STEP,
+            _against_h(runs, looks, "state_sup"),
+            _floor(runs, "state_sup"),
+            _claims(mine, "state"),
+        ),
+        Panel(
+            "multiplier",
+            named,
+            STEP,
+            _against_h(runs, looks, force),
+            _floor(runs, force),
+            _claims(mine, "force"),
+        ),
+        Panel(
+            "violation",
+            "Violation max(-g)",
+            STEP,
+            _against_h(runs, looks, "feasibility"),
+            0.0,
+            (1.0,) if any(s.violation.kind == "fit" for s in mine) else (),
+        ),
     ]
     if force == "reaction":
-        out.append(Panel("selection", "Selection: not an error", STEP, _against_h(runs, looks, "selection", False)))
+        out.append(
+            Panel(
+                "selection",
+                "Selection: not an error",
+                STEP,
+                _against_h(runs, looks, "selection", False),
+            )
+        )
     else:
-        out.append(Panel("settled", "Multiplier away from events", STEP, _against_h(runs, looks, "settled"),
-                         0.0, _claims(mine, "force")))
+        out.append(
+            Panel(
+                "settled",
+                "Multiplier away from events",
+                STEP,
+                _against_h(runs, looks, "settled"),
+                0.0,
+                _claims(mine, "force"),
+            )
+        )
     return [p for p in out if any(line.y.size or line.level > 0 for line in p.lines)]
 
 
 def cost_panels(runs: list[Runs], looks: dict[str, Look]) -> list[Panel]:
     """The work-precision diagrams of one case: state error over seconds, right-hand sides, projections."""
     floor = _floor(runs, "state_sup")
-    out = [Panel("seconds", "State error against seconds", "seconds of the run (open markers: host loop)",
-                 _against(runs, looks, lambda r: r.col["seconds"]), floor),
-           Panel("rhs", "Against right-hand sides", "drift calls", _against(runs, looks, lambda r: r.col["drift_calls"]), floor),
-           Panel("inner", "Against projections or inner iterations", "projections + inner iterations (or QP solves)",
-                 _against(runs, looks, speed.inner), floor)]
+    out = [
+        Panel(
+            "seconds",
+            "State error against seconds",
+            "seconds of the run (open markers: host loop)",
+            _against(runs, looks, lambda r: r.col["seconds"]),
+            floor,
+        ),
+        Panel(
+            "rhs",
+            "Against right-hand sides",
+            "drift calls",
+            _against(runs, looks, lambda r: r.col["drift_calls"]),
+            floor,
+        ),
+        Panel(
+            "inner",
+            "Against projections or inner iterations",
+            "projections + inner iterations (or QP solves)",
+            _against(runs, looks, speed.inner),
+            floor,
+        ),
+    ]
     return [p for p in out if any(line.y.size for line in p.lines)]
 
 
@@ -55,16 +112,21 @@ def _claims(mine: list[Summary], which: str) -> tuple[float, ...]:
     return tuple(sorted(float(p) for p in orders if p))[:2]
 
 
-def _against_h(runs: list[Runs], looks: dict, metric: str, failures: bool = True) -> tuple[Line, ...]:
+def _against_h(
+    runs: list[Runs], looks: dict, metric: str, failures: bool = True
+) -> tuple[Line, ...]:
     """`metric` over the step taken; a method with a tolerance appears as the level of its best error."""
     out = []
     for r in runs:
-        values, h = np.abs(r.col[metric]), r.col["h"]
+        values = np.abs(r.col[metric])
+        h = r.col["h"]
         use = r.good & np.isfinite(values) & (h > 0)
         none = np.empty(0)
         if r.accuracy == "tol":
             if use.any():
-                out.append(Line(r.solver, looks[r.solver], none, none, none, float(values[use].min())))
+                out.append(
+                    Line(r.solver, looks[r.solver], none, none, none, float(values[use].min()))
+                )
             continue
         refused = np.isin(r.col["status"], ("refused",))
         failed = np.unique(h[~r.good & ~refused & (h > 0)]) if failures else none
@@ -78,9 +140,19 @@ def _against(runs: list[Runs], looks: dict, cost) -> tuple[Line, ...]:
     """State error over a cost; markers are open where the loop is not compiled."""
     out = []
     for r in runs:
-        x, y = cost(r), np.abs(r.col["state_sup"])
+        x = cost(r)
+        y = np.abs(r.col["state_sup"])
         use = r.good & np.isfinite(x) & (x > 0) & np.isfinite(y)
         if use.any():
-            out.append(Line(r.solver, looks[r.solver], x[use], y[use], np.empty(0), hollow=r.loop == "host",
-                            far=r.accuracy == "tol"))
+            out.append(
+                Line(
+                    r.solver,
+                    looks[r.solver],
+                    x[use],
+                    y[use],
+                    np.empty(0),
+                    hollow=r.loop == "host",
+                    far=r.accuracy == "tol",
+                )
+            )
     return tuple(out)

@@ -1,4 +1,5 @@
 """The page: one HTML file that needs nothing else. Every text goes through `html`; stored pictures are images."""
+
 from __future__ import annotations
 
 import base64
@@ -24,6 +25,7 @@ class Content:
     notes: sentences under a case; talk: SVG or "", told: its sentence; title and lede: of the header; profiles, scaling: SVG;
     wins: who is cheapest where.
     """
+
     title: str
     lede: str
     statements: tuple[Statement, ...]
@@ -42,15 +44,21 @@ class Content:
     wins: tuple[str, ...] = ()
 
 
-READING = ("An open marker on the bottom edge is an error of exactly 0, a figure there an error far below the others; a "
-           "cross on the top edge is a run that gave no number, a dotted line the best error of a method with a "
-           "tolerance. Triangles show the orders claimed; the shaded band is the reference's own error. Where cost is "
-           "shown, open markers are host loops.")
+READING = (
+    "An open marker on the bottom edge is an error of exactly 0, a figure there an error far below the others; a "
+    "cross on the top edge is a run that gave no number, a dotted line the best error of a method with a "
+    "tolerance. Triangles show the orders claimed; the shaded band is the reference's own error. Where cost is "
+    "shown, open markers are host loops."
+)
 
 
-TRUST = (("expected", "Expected against observed"), ("bounds", "Methods that claim a bound"),
-         ("selection", "Multipliers that are not unique"), ("labels", "Where in its step a multiplier belongs"),
-         ("references", "References and their own error"))
+TRUST = (
+    ("expected", "Expected against observed"),
+    ("bounds", "Methods that claim a bound"),
+    ("selection", "Multipliers that are not unique"),
+    ("labels", "Where in its step a multiplier belongs"),
+    ("references", "References and their own error"),
+)
 
 
 def page(c: Content) -> str:
@@ -58,58 +66,106 @@ def page(c: Content) -> str:
     sections = [
         ("verdict", "What the runs say", _verdict(c)),
         ("orders", "Orders", _tools() + table(c.tables["orders"], c.looks)),
-        ("cases", "Case by case", f'<p class="note">{html(READING)}</p>'
-         + "".join(_case(c, case) for case in c.data.case_keys)),
+        (
+            "cases",
+            "Case by case",
+            f'<p class="note">{html(READING)}</p>'
+            + "".join(_case(c, case) for case in c.data.case_keys),
+        ),
     ]
     if c.talk:
         shown = f'<p class="note">{html(c.told)}</p><div class="talk">{c.talk}</div>'
         sections.append(("talk", "The talk's figure", shown))
-    trust = "".join(f"<h3>{html(head)}</h3>{table(c.tables[key], c.looks, 'list text' if key == 'references' else '')}"
-                    for key, head in TRUST if c.tables[key].rows or c.tables[key].note)
+    trust = "".join(
+        f"<h3>{html(head)}</h3>{table(c.tables[key], c.looks, 'list text' if key == 'references' else '')}"
+        for key, head in TRUST
+        if c.tables[key].rows or c.tables[key].note
+    )
     sections.append(("trust", "What the numbers rest on", trust))
     sections.append(("speed", "Speed at equal error", _speed(c)))
-    seeds = "<h3>Over seeds</h3>" + table(c.tables["seeds"], c.looks) if c.tables["seeds"].rows else ""
-    sections += [("failures", "Failures and refusals", table(c.tables["failures"], c.looks, "list text") + seeds),
-                 ("environment", "Machine, versions, words", table(c.tables["environment"], c.looks, "list")
-                  + f'<p class="note">{html(MEASURED)}</p>' + table(c.tables["glossary"], c.looks, "list text"))]
-    body = "".join(f'<section id="{key}"><h2>{html(head)}</h2>{content}</section>\n' for key, head, content in sections)
+    seeds = (
+        "<h3>Over seeds</h3>" + table(c.tables["seeds"], c.looks) if c.tables["seeds"].rows else ""
+    )
+    sections += [
+        (
+            "failures",
+            "Failures and refusals",
+            table(c.tables["failures"], c.looks, "list text") + seeds,
+        ),
+        (
+            "environment",
+            "Machine, versions, words",
+            table(c.tables["environment"], c.looks, "list")
+            + f'<p class="note">{html(MEASURED)}</p>'
+            + table(c.tables["glossary"], c.looks, "list text"),
+        ),
+    ]
+    body = "".join(
+        f'<section id="{key}"><h2>{html(head)}</h2>{content}</section>\n'
+        for key, head, content in sections
+    )
     links = "".join(f'<a href="#{key}">{html(head)}</a>' for key, head, _ in sections)
     cases = " ".join(f'<a href="#{c.ids[k]}">{html(k)}</a>' for k in c.data.case_keys)
-    more = f"<details><summary>{len(c.data.case_keys)} cases</summary>{cases}</details>" if cases else ""
-    marks = inline(f'<svg width="0" height="0" style="position:absolute">{markers(c.looks.values())}</svg>', {}, "")
-    return (f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
-            f'<meta name="viewport" content="width=device-width,initial-scale=1"><title>{html(c.title)}</title>'
-            f'<style>{CSS}</style></head>\n<body><main><header><h1>{html(c.title)}</h1>'
-            f'<p class="lede">{html(c.lede)}</p><nav>{links}{more}</nav></header>\n{marks}{body}</main>'
-            f'<script>{SCRIPT}</script></body></html>\n')
+    more = (
+        f"<details><summary>{len(c.data.case_keys)} cases</summary>{cases}</details>"
+        if cases
+        else ""
+    )
+    marks = inline(
+        f'<svg width="0" height="0" style="position:absolute">{markers(c.looks.values())}</svg>',
+        {},
+        "",
+    )
+    return (
+        f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
+        f'<meta name="viewport" content="width=device-width,initial-scale=1"><title>{html(c.title)}</title>'
+        f"<style>{CSS}</style></head>\n<body><main><header><h1>{html(c.title)}</h1>"
+        f'<p class="lede">{html(c.lede)}</p><nav>{links}{more}</nav></header>\n{marks}{body}</main>'
+        f"<script>{SCRIPT}</script></body></html>\n"
+    )
 
 
 def _speed(c: Content) -> str:
     """Factors, profiles over all cases, cost against size; every table with its note."""
     parts = [_list(c.speeds, c.looks), f'<p class="note">{html(RULE)}</p>']
-    for head, drawn, told, key in (("Time to error over all cases", c.profiles, _list(c.wins, c.looks), "sizes"),
-                                   ("Cost against size", c.scaling, "", "scaling")):
+    for head, drawn, told, key in (
+        ("Time to error over all cases", c.profiles, _list(c.wins, c.looks), "sizes"),
+        ("Cost against size", c.scaling, "", "scaling"),
+    ):
         if drawn or c.tables[key].rows:
             legend = _items(c.looks.items())
             figures = f'{legend}<div class="panels">{"".join(drawn)}</div>' if drawn else ""
             told += f'<p class="note">{html(SHARES)}</p>' if key == "sizes" else ""
-            parts.append(f'<article class="case"><h3>{head}</h3>{told}{figures}{table(c.tables[key], c.looks)}</article>')
-    return ("".join(parts) + "<h3>Every case</h3>" + table(c.tables["speed"], c.looks)
-            + "<h3>The clock</h3>" + table(c.tables["clock"], c.looks))
+            parts.append(
+                f'<article class="case"><h3>{head}</h3>{told}{figures}{table(c.tables[key], c.looks)}</article>'
+            )
+    return (
+        "".join(parts)
+        + "<h3>Every case</h3>"
+        + table(c.tables["speed"], c.looks)
+        + "<h3>The clock</h3>"
+        + table(c.tables["clock"], c.looks)
+    )
 
 
-SHARES = ("Each curve tells on which share of the cases a method gets to the error within so many times the seconds of the "
-          "fastest (performance profiles of Dolan & More, 2002), compiled loops alone. A case that a method refuses, was not "
-          "run on, or does not solve to this error counts against it; where its coarsest run is already better, the seconds "
-          "of that run count.")
-MEASURED = ("Compilation, set-up and factorisation are timed apart from the run; only the run is shown. Compare "
-            "seconds within this study: they depend on the machine and its load. Errors and residuals are computed by "
-            "the bench from the trajectory, never taken from a solver's word.")
+SHARES = (
+    "Each curve tells on which share of the cases a method gets to the error within so many times the seconds of the "
+    "fastest (performance profiles of Dolan & More, 2002), compiled loops alone. A case that a method refuses, was not "
+    "run on, or does not solve to this error counts against it; where its coarsest run is already better, the seconds "
+    "of that run count."
+)
+MEASURED = (
+    "Compilation, set-up and factorisation are timed apart from the run; only the run is shown. Compare "
+    "seconds within this study: they depend on the machine and its load. Errors and residuals are computed by "
+    "the bench from the trajectory, never taken from a solver's word."
+)
 
 
 def _verdict(c: Content) -> str:
-    parts = "".join(f'<h3 class="{s.tone}">{html(s.head)}</h3>{_list(s.sentences, c.looks, s.tone)}'
-                    for s in c.statements)
+    parts = "".join(
+        f'<h3 class="{s.tone}">{html(s.head)}</h3>{_list(s.sentences, c.looks, s.tone)}'
+        for s in c.statements
+    )
     return f'<div class="say">{parts}</div>' + table(c.tables["choice"], c.looks)
 
 
@@ -125,44 +181,60 @@ def marked(sentence: str, looks: dict) -> str:
         return html(sentence)
     names = "|".join(re.escape(n) for n in sorted(looks, key=len, reverse=True))
     parts = re.split(rf"(?<![\w\[=,])({names})(?![\w\[=])", sentence)
-    return "".join(f'<span class="m">{chip(looks[p])}{html(p)}</span>' if i % 2 else
-                   re.sub(r"\d[\d.]*e-\d+", r'<span class="n">\g<0></span>', html(p)) for i, p in enumerate(parts))
+    return "".join(
+        f'<span class="m">{chip(looks[p])}{html(p)}</span>'
+        if i % 2
+        else re.sub(r"\d[\d.]*e-\d+", r'<span class="n">\g<0></span>', html(p))
+        for i, p in enumerate(parts)
+    )
 
 
 def _tools() -> str:
-    return ('<div class="tools"><input id="q" type="search" placeholder="case or method" aria-label="filter the table">'
-            '<label><input id="ref" type="checkbox" checked> refusals</label></div>')
+    return (
+        '<div class="tools"><input id="q" type="search" placeholder="case or method" aria-label="filter the table">'
+        '<label><input id="ref" type="checkbox" checked> refusals</label></div>'
+    )
 
 
 def chip(look: Look, hollow: bool = False) -> str:
     """A method's mark: its marker in its colour."""
     fill = "none" if hollow else f"var(--m{look.tone})"
-    return (f'<svg class="chip" viewBox="0 0 12 12" aria-hidden="true"><path d="{SHAPES[look.marker]}" fill="{fill}" '
-            f'stroke="var(--m{look.tone})"/></svg>')
+    return (
+        f'<svg class="chip" viewBox="0 0 12 12" aria-hidden="true"><path d="{SHAPES[look.marker]}" fill="{fill}" '
+        f'stroke="var(--m{look.tone})"/></svg>'
+    )
 
 
 def _key(look: Look) -> str:
     """A method's mark on a piece of its line, for legends."""
-    return (f'<svg class="chip key" viewBox="0 0 28 12" aria-hidden="true"><path d="M0 6h28" fill="none" stroke-width="1.4" '
-            f'stroke="var(--m{look.tone})" stroke-dasharray="{DASHES[look.line]}"/><path transform="translate(8 0)" '
-            f'd="{SHAPES[look.marker]}" fill="var(--m{look.tone})" stroke="var(--m{look.tone})"/></svg>')
+    return (
+        f'<svg class="chip key" viewBox="0 0 28 12" aria-hidden="true"><path d="M0 6h28" fill="none" stroke-width="1.4" '
+        f'stroke="var(--m{look.tone})" stroke-dasharray="{DASHES[look.line]}"/><path transform="translate(8 0)" '
+        f'd="{SHAPES[look.marker]}" fill="var(--m{look.tone})" stroke="var(--m{look.tone})"/></svg>'
+    )
 
 
 def table(t: Table, looks: dict[str, Look], kind: str = "") -> str:
     """`t` as HTML; a change of group opens with a heading row."""
     if not t.rows:
         return f'<p class="note">{html(t.note)}</p>' if t.note else ""
-    rows, group = [], ""
+    rows = []
+    group = ""
     for row in t.rows:
         if row.group != group:
             group = row.group
-            rows.append(f'<tr class="group"><th colspan="{len(t.columns)}" scope="rowgroup">{html(group)}</th></tr>')
+            rows.append(
+                f'<tr class="group"><th colspan="{len(t.columns)}" scope="rowgroup">{html(group)}</th></tr>'
+            )
         cells = "".join(_cell(c, looks) for c in row.cells)
         rows.append(f'<tr data-case="{html(row.group)}" data-kind="{row.kind}">{cells}</tr>')
     head = "".join(f'<th scope="col">{html(c)}</th>' for c in t.columns)
     note = f'<p class="note">{html(t.note)}</p>' if t.note else ""
-    return (f'<div class="wrap"><table id="t-{t.key}" class="{kind}"><thead><tr>{head}</tr></thead>\n<tbody>'
-            + "\n".join(rows) + f"</tbody></table></div>{note}")
+    return (
+        f'<div class="wrap"><table id="t-{t.key}" class="{kind}"><thead><tr>{head}</tr></thead>\n<tbody>'
+        + "\n".join(rows)
+        + f"</tbody></table></div>{note}"
+    )
 
 
 def _cell(c, looks: dict) -> str:
@@ -171,7 +243,7 @@ def _cell(c, looks: dict) -> str:
     if c.kind in ("flag", "bad"):
         text = f"<b>{text}</b>"
     elif c.kind in ("method", "best"):
-        text = re.sub(r"(?<=[_\[,])", "<wbr>", text)              # where a name may break on a narrow screen
+        text = re.sub(r"(?<=[_\[,])", "<wbr>", text)  # where a name may break on a narrow screen
     elif c.span > 1:
         text = f"<div>{text}</div>"
     small = f"<small>{html(c.small)}</small>" if c.small else ""
@@ -181,20 +253,26 @@ def _cell(c, looks: dict) -> str:
 
 
 def _case(c: Content, case: str) -> str:
-    runs, known = c.data.of_case(case), c.data.cases.get(case, {})
-    picture, wide = "", ""
+    runs = c.data.of_case(case)
+    known = c.data.cases.get(case, {})
+    picture = ""
+    wide = ""
     if case in c.data.pictures:
         code = base64.b64encode(c.data.pictures[case].encode()).decode()
         aspect = _aspect(c.data.pictures[case])
-        wide = " wide" if aspect > 2.5 else " broad" if aspect > 1.5 else ""      # frames side by side, a plane, a box
+        wide = (
+            " wide" if aspect > 2.5 else " broad" if aspect > 1.5 else ""
+        )  # frames side by side, a plane, a box
         picture = f'<img class="scene" alt="The scene of {html(case)}" src="data:image/svg+xml;base64,{code}">'
     drawn = c.panels[case]
     figures = f'{_legend(runs, c)}<div class="panels">{"".join(drawn)}</div>' if drawn else ""
     notes = "".join(f"<p>{marked(s, c.looks)}</p>" for s in c.notes[case])
-    return (f'<article class="case" id="{c.ids[case]}"><h3>{html(case)}</h3>'
-            f'<p class="meta">{html(meta(known, runs))}</p>'
-            f'<div class="about{wide}">{picture}<div>{_doc(known.get("doc"))}{notes}</div></div>'
-            f'{figures}{_fits(c, case)}</article>\n')
+    return (
+        f'<article class="case" id="{c.ids[case]}"><h3>{html(case)}</h3>'
+        f'<p class="meta">{html(meta(known, runs))}</p>'
+        f'<div class="about{wide}">{picture}<div>{_doc(known.get("doc"))}{notes}</div></div>'
+        f"{figures}{_fits(c, case)}</article>\n"
+    )
 
 
 def _aspect(svg: str) -> float:
@@ -213,9 +291,13 @@ def meta(known: dict, runs: list[Runs]) -> str:
     parts += [f"n = {clean(known['n'], 12)}"] if known.get("n") is not None else []
     families = known.get("families")
     if families:
-        parts.append(clean(", ".join(map(str, families)) if isinstance(families, list) else families, 200))
+        parts.append(
+            clean(", ".join(map(str, families)) if isinstance(families, list) else families, 200)
+        )
     parts += [f"T = {known['T']:g}"] if isinstance(known.get("T"), (int, float)) else []
-    kinds = sorted({str(s) for r in runs for s in r.col["reference"] if s}) or [known.get("reference") or "none"]
+    kinds = sorted({str(s) for r in runs for s in r.col["reference"] if s}) or [
+        known.get("reference") or "none"
+    ]
     return " · ".join([*parts, f"reference: {', '.join(clean(k, 200) for k in kinds)}"])
 
 
@@ -224,12 +306,16 @@ def paragraphs(doc) -> tuple[str, str]:
     blocks = re.split(r"\n\s*\n", str(doc or "").strip("\n"))
     first = " ".join(blocks[0].split())
     then = blocks[1] if len(blocks) > 1 and blocks[1].startswith(("  ", "\t")) else ""
-    return clean(first), "\n".join(clean(line, 200) for line in dedent(then.expandtabs()).rstrip().splitlines()[:12])
+    return clean(first), "\n".join(
+        clean(line, 200) for line in dedent(then.expandtabs()).rstrip().splitlines()[:12]
+    )
 
 
 def _doc(doc) -> str:
     first, equations = paragraphs(doc)
-    return (f"<p>{html(first)}</p>" if first else "") + (f"<pre>{html(equations)}</pre>" if equations else "")
+    return (f"<p>{html(first)}</p>" if first else "") + (
+        f"<pre>{html(equations)}</pre>" if equations else ""
+    )
 
 
 def _legend(runs: list[Runs], c: Content) -> str:
@@ -238,7 +324,9 @@ def _legend(runs: list[Runs], c: Content) -> str:
 
 
 def _items(shown) -> str:
-    items = "".join(f'<li data-s="{look.index}">{_key(look)}{html(name)}</li>' for name, look in shown)
+    items = "".join(
+        f'<li data-s="{look.index}">{_key(look)}{html(name)}</li>' for name, look in shown
+    )
     return f'<ul class="legend">{items}</ul>'
 
 
@@ -248,5 +336,7 @@ def _fits(c: Content, case: str) -> str:
         if key != case:
             continue
         told = [s.outcome] if s.outcome else [o.sentence for o in (s.state, s.force, s.violation)]
-        items.append(f'<li>{chip(c.looks[solver])}<span class="m">{html(solver)}</span> {html(" ".join(told))}</li>')
+        items.append(
+            f'<li>{chip(c.looks[solver])}<span class="m">{html(solver)}</span> {html(" ".join(told))}</li>'
+        )
     return f'<details class="fits"><summary>What was fitted, and why not</summary><ul>{"".join(items)}</ul></details>'

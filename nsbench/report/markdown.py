@@ -1,4 +1,5 @@
 """The report as Markdown: the same sentences and tables as the page."""
+
 from __future__ import annotations
 
 from nsbench.report.cost import RULE
@@ -11,7 +12,9 @@ def text(c: Content) -> str:
     """The whole report; figures are linked from ``figures/``."""
     out = [f"# {markdown(c.title)}", markdown(c.lede), "## What the runs say"]
     for s in c.statements:
-        out.append(f"**{markdown(s.head)}**\n\n" + "\n".join(f"- {markdown(x)}" for x in s.sentences))
+        out.append(
+            f"**{markdown(s.head)}**\n\n" + "\n".join(f"- {markdown(x)}" for x in s.sentences)
+        )
     out += [table(c.tables["choice"]), "## Orders", table(c.tables["orders"]), "## Case by case"]
     for case in c.data.case_keys:
         known = c.data.cases.get(case, {})
@@ -21,14 +24,20 @@ def text(c: Content) -> str:
         out += ["\n".join("    " + line for line in equations.splitlines())] if equations else []
         out += [markdown(n) for n in c.notes[case]]
         out += [f"![{markdown(case)}](figures/{c.ids[case]}.svg)"] if c.panels[case] else []
-        out += [f"![{markdown(case)}: cost](figures/cost_{c.ids[case]}.svg)"] if c.panels[case] else []
+        out += (
+            [f"![{markdown(case)}: cost](figures/cost_{c.ids[case]}.svg)"] if c.panels[case] else []
+        )
     if c.talk:
         out += ["## The talk's figure", markdown(c.told), "![The talk's figure](figures/talk.svg)"]
     out += ["## What the numbers rest on"]
     for key, head in TRUST:
         if c.tables[key].rows or c.tables[key].note:
             out += [f"### {head}", table(c.tables[key])]
-    out += ["## Speed at equal error", "\n".join(f"- {markdown(s)}" for s in (*c.speeds, *c.wins)), RULE]
+    out += [
+        "## Speed at equal error",
+        "\n".join(f"- {markdown(s)}" for s in (*c.speeds, *c.wins)),
+        RULE,
+    ]
     out += ["![Time to error over all cases](figures/profiles.svg)"] if c.profiles else []
     out += [table(c.tables["sizes"])] if c.tables["sizes"].rows else []
     out += ["![Cost against size](figures/scaling.svg)"] if c.scaling else []
@@ -36,7 +45,12 @@ def text(c: Content) -> str:
     out += [table(c.tables["speed"]), "### The clock", table(c.tables["clock"])]
     out += ["## Failures and refusals", table(c.tables["failures"])]
     out += ["### Over seeds", table(c.tables["seeds"])] if c.tables["seeds"].rows else []
-    out += ["## Machine, versions, words", table(c.tables["environment"]), MEASURED, table(c.tables["glossary"])]
+    out += [
+        "## Machine, versions, words",
+        table(c.tables["environment"]),
+        MEASURED,
+        table(c.tables["glossary"]),
+    ]
     return "\n\n".join(part for part in out if part) + "\n"
 
 

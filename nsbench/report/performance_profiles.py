@@ -5,6 +5,7 @@ share of the cases that method s solves within tau times the time of the best. H
 comes, and stays, below a target, and a time is the seconds interpolated on the work-precision curve (`speed.cost`); where
 the coarsest run tried is already better, its seconds count.
 """
+
 from __future__ import annotations
 
 import math
@@ -16,7 +17,7 @@ from nsbench.report.data import Data
 from nsbench.report.style import INK, MUTED, RULE, count, power
 from nsbench.report.svg_plots import BOTTOM, DASHES, LEFT, RIGHT, _marks, _Pen
 
-FAR = 3.0           # decades of tau shown
+FAR = 3.0  # decades of tau shown
 
 
 def ratios(data: Data, target: float) -> dict[str, np.ndarray]:
@@ -47,29 +48,46 @@ def draw(data: Data, target: float, looks: dict) -> str:
         return ""
     cases = len(next(iter(found.values())))
     pen = _Pen((0.0, FAR), (0.0, 1.0))
-    grid = [((k, 0.0), (k, 1.0)) for k in range(int(FAR) + 1)] + [((0.0, y), (FAR, y)) for y in (0.25, 0.5, 0.75, 1.0)]
-    parts = ['<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 252 198">', pen.segments(grid, stroke=RULE, stroke_width=0.5),
-             pen.path([(0.0, 1.0), (0.0, 0.0), (FAR, 0.0)], stroke=MUTED, stroke_width=0.7)]
+    grid = [((k, 0.0), (k, 1.0)) for k in range(int(FAR) + 1)] + [
+        ((0.0, y), (FAR, y)) for y in (0.25, 0.5, 0.75, 1.0)
+    ]
+    parts = [
+        '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 252 198">',
+        pen.segments(grid, stroke=RULE, stroke_width=0.5),
+        pen.path([(0.0, 1.0), (0.0, 0.0), (FAR, 0.0)], stroke=MUTED, stroke_width=0.7),
+    ]
     for solver, values in found.items():
         parts.append(_curve(pen, np.sort(np.log10(values)), cases, looks[solver]))
     parts += [pen.text(k, 0.0, f"{10**k}", 7, anchor="middle", down=9) for k in range(int(FAR) + 1)]
-    parts += [f'<text x="{LEFT - 3}" y="{pen.y(y) + 2.5:.1f}" font-size="7" fill="{MUTED}" text-anchor="end">{y:g}</text>'
-              for y in (0.0, 0.5, 1.0)]
-    parts += [f'<text x="{(LEFT + RIGHT) / 2}" y="{BOTTOM + 21}" font-size="7.5" fill="{MUTED}" text-anchor="middle">'
-              'seconds over those of the fastest method</text>',
-              pen.text(0.0, 1.0, f"Error {power(target)}: share of {count(cases, 'case')}", 8.5, INK, down=-6), "</svg>"]
+    parts += [
+        f'<text x="{LEFT - 3}" y="{pen.y(y) + 2.5:.1f}" font-size="7" fill="{MUTED}" text-anchor="end">{y:g}</text>'
+        for y in (0.0, 0.5, 1.0)
+    ]
+    parts += [
+        f'<text x="{(LEFT + RIGHT) / 2}" y="{BOTTOM + 21}" font-size="7.5" fill="{MUTED}" text-anchor="middle">'
+        "seconds over those of the fastest method</text>",
+        pen.text(
+            0.0, 1.0, f"Error {power(target)}: share of {count(cases, 'case')}", 8.5, INK, down=-6
+        ),
+        "</svg>",
+    ]
     return "\n".join(parts)
 
 
 def _curve(pen, steps, cases: int, look) -> str:
     """A staircase that rises by 1/cases at each ratio; its mark stands where it ends."""
-    points, share = [], 0.0
+    points = []
+    share = 0.0
     for k, a in enumerate(steps[steps <= FAR]):
         points += [(a, share), (a, (k + 1) / cases)]
         share = (k + 1) / cases
     points += [(FAR, share)]
-    return (f'<g id="s{look.index}">' + pen.path(points, stroke=look.colour, stroke_width=1.2, stroke_dasharray=DASHES[look.line])
-            + pen.path([points[-1]], style=_marks("m", look.index)) + "</g>")
+    return (
+        f'<g id="s{look.index}">'
+        + pen.path(points, stroke=look.colour, stroke_width=1.2, stroke_dasharray=DASHES[look.line])
+        + pen.path([points[-1]], style=_marks("m", look.index))
+        + "</g>"
+    )
 
 
 def sentences(data: Data) -> list[str]:
@@ -81,8 +99,12 @@ def sentences(data: Data) -> list[str]:
             continue
         cases = len(next(iter(found.values())))
         first = sorted(found, key=lambda s: (-np.sum(found[s] <= 1.0), s))[:3]
-        told = ", ".join(f"{s} on {int(np.sum(found[s] <= 1.0))}" for s in first if np.any(found[s] <= 1.0))
+        told = ", ".join(
+            f"{s} on {int(np.sum(found[s] <= 1.0))}" for s in first if np.any(found[s] <= 1.0)
+        )
         near = max(found, key=lambda s: (np.sum(found[s] <= 10.0), s))
-        out.append(f"Error {power(target)}, compiled loops alone: fastest is {told} of {count(cases, 'case')}; most often within "
-                   f"a factor of ten is {near} ({int(np.sum(found[near] <= 10.0))}).")
+        out.append(
+            f"Error {power(target)}, compiled loops alone: fastest is {told} of {count(cases, 'case')}; most often within "
+            f"a factor of ten is {near} ({int(np.sum(found[near] <= 10.0))})."
+        )
     return out

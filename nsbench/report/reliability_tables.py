@@ -1,4 +1,5 @@
 """Tables on what the figures rest on: references, bounds kept, multipliers that are not unique, expectations."""
+
 from __future__ import annotations
 
 import functools
@@ -12,8 +13,10 @@ from nsbench.report.style import clean, count, num
 from nsbench.report.summary import Summary, order
 from nsbench.report.tables import Cell, Row, Table, order_cell
 
-HOW = {"closed form": "a formula in the case's file, tested against its equation",
-       "none": "no reference: residuals only"}
+HOW = {
+    "closed form": "a formula in the case's file, tested against its equation",
+    "none": "no reference: residuals only",
+}
 
 
 def bounds_table(data: Data, summaries: dict[tuple, Summary]) -> Table:
@@ -23,28 +26,68 @@ def bounds_table(data: Data, summaries: dict[tuple, Summary]) -> Table:
         if s.state.kind != "bound" and s.runs.accuracy != "tol":
             continue
         if s.outcome:
-            rows.append(Row((Cell(case), Cell(solver, kind="method"), Cell(s.outcome, kind=s.word, span=6)), solver=solver,
-                            kind=s.word))
+            rows.append(
+                Row(
+                    (Cell(case), Cell(solver, kind="method"), Cell(s.outcome, kind=s.word, span=6)),
+                    solver=solver,
+                    kind=s.word,
+                )
+            )
             continue
         at = int(np.nanargmin(np.where(s.runs.good, s.runs.col["h"], np.inf)))
         col = {k: float(v[at]) for k, v in s.runs.col.items() if v.dtype.kind == "f"}
-        wrong = [f"{int(col[k])} {word}" for k, word in (("events_missed", "missed"), ("events_extra", "not in the "
-                 "reference")) if col[k] > 0]
+        wrong = [
+            f"{int(col[k])} {word}"
+            for k, word in (("events_missed", "missed"), ("events_extra", "not in the reference"))
+            if col[k] > 0
+        ]
         told = _known(col, "event_time", "event_floor") if col["events"] > 0 or wrong else "none"
         events = Cell(told, ", ".join(wrong), kind="bad" if wrong else "number")
-        force, push = (Cell(_known(col, name, f"{name}_floor"), kind="number") for name in ("impulse", "reaction"))
-        rows.append(Row((Cell(case), Cell(solver, kind="method"), _bounded(s, col), force, push, events,
-                         Cell(num(col["events"]) if col["events"] == col["events"] else "0", kind="number"),
-                         Cell(str(s.runs.col["reference"][at]) or "none", _bound(col["state_floor"]))), solver=solver))
-    return Table("bounds", ("case", "method", "state / max(1, |x|)", "impulse", "reaction", "event times", "events",
-                            "reference, its bound"), tuple(rows),
-                 "Largest errors over all samples at the tightest tolerance run. A figure after “<” is ten times the "
-                 "reference's own bound: the error lies below it.")
+        force, push = (
+            Cell(_known(col, name, f"{name}_floor"), kind="number")
+            for name in ("impulse", "reaction")
+        )
+        rows.append(
+            Row(
+                (
+                    Cell(case),
+                    Cell(solver, kind="method"),
+                    _bounded(s, col),
+                    force,
+                    push,
+                    events,
+                    Cell(
+                        num(col["events"]) if col["events"] == col["events"] else "0", kind="number"
+                    ),
+                    Cell(str(s.runs.col["reference"][at]) or "none", _bound(col["state_floor"])),
+                ),
+                solver=solver,
+            )
+        )
+    return Table(
+        "bounds",
+        (
+            "case",
+            "method",
+            "state / max(1, |x|)",
+            "impulse",
+            "reaction",
+            "event times",
+            "events",
+            "reference, its bound",
+        ),
+        tuple(rows),
+        "Largest errors over all samples at the tightest tolerance run. A figure after “<” is ten times the "
+        "reference's own bound: the error lies below it.",
+    )
 
 
 def _bounded(s: Summary, col: dict) -> Cell:
-    relative = col["state_sup"] / max(1.0, col["state_scale"]) if col["state_scale"] == col["state_scale"] \
+    relative = (
+        col["state_sup"] / max(1.0, col["state_scale"])
+        if col["state_scale"] == col["state_scale"]
         else col["state_sup"]
+    )
     floor = col["state_floor"] if col["state_floor"] == col["state_floor"] else 0.0
     text = f"< {num(floor)}" if col["state_sup"] < floor else _small(relative)
     return Cell(text, "", s.state.sentence, "flag" if s.state.flag else "number")
@@ -71,13 +114,28 @@ def references_table(data: Data) -> Table:
         known = data.cases.get(case, {})
         told = known.get("certificate") if isinstance(known.get("certificate"), dict) else {}
         kind = clean(known.get("reference") or "none", 200)
-        figures = [Cell(_small(_float(told.get(k))), kind="number") for k in ("state", "impulse", "reaction", "event")]
-        rows.append(Row((Cell(case, kind="method"), Cell(kind), *figures,
-                         Cell(clean(told.get("how") or HOW.get(kind, "not told"), 400)))))
-    return Table("references", ("case", "reference", "state", "impulse", "reaction", "event times", "how it was made"),
-                 tuple(rows), "Bounds of the reference's own error (largest absolute value). No error below ten times "
-                 "its bound is shown as a number. Certified: integrated once more in 30 digits with its inequalities "
-                 "proved along every arc.")
+        figures = [
+            Cell(_small(_float(told.get(k))), kind="number")
+            for k in ("state", "impulse", "reaction", "event")
+        ]
+        rows.append(
+            Row(
+                (
+                    Cell(case, kind="method"),
+                    Cell(kind),
+                    *figures,
+                    Cell(clean(told.get("how") or HOW.get(kind, "not told"), 400)),
+                )
+            )
+        )
+    return Table(
+        "references",
+        ("case", "reference", "state", "impulse", "reaction", "event times", "how it was made"),
+        tuple(rows),
+        "Bounds of the reference's own error (largest absolute value). No error below ten times "
+        "its bound is shown as a number. Certified: integrated once more in 30 digits with its inequalities "
+        "proved along every arc.",
+    )
 
 
 def _float(value) -> float:
@@ -90,23 +148,51 @@ def _float(value) -> float:
 def selection_table(data: Data, summaries: dict[tuple, Summary]) -> Table:
     """Cases whose multipliers are not unique: what converges, and the plateau that a naive comparison would show."""
     from nsbench.measure import fit_order
+
     rows = []
     for (case, solver), s in summaries.items():
-        if s.word != "ok" or s.runs.unique or not np.isfinite(s.runs.col["selection"][s.runs.good]).any():
+        if (
+            s.word != "ok"
+            or s.runs.unique
+            or not np.isfinite(s.runs.col["selection"][s.runs.good]).any()
+        ):
             continue
         span = _float(data.cases.get(case, {}).get("T"))
         fit = functools.partial(fit_order, span=span if span > 0 else 1.0)
-        naive, inside = order(s.runs, "selection", {}, fit), order(s.runs, "polyhedron", {}, fit)
+        naive = order(s.runs, "selection", {}, fit)
+        inside = order(s.runs, "polyhedron", {}, fit)
         finest = int(np.nanargmin(np.where(s.runs.good, s.runs.col["h"], np.inf)))
-        rows.append(Row((Cell(solver, kind="method"), order_cell(s.force), order_cell(inside),
-                         Cell(num(float(s.runs.col["selection"][finest])), "", naive.sentence, "number"),
-                         _naive(naive)), case, solver))
-    note = ("The multipliers of these cases are not unique. What is unique is the reaction; a multiplier is right when its "
-            "distance to the set of all that give the reaction goes to zero. WARNING, an example of how not to measure: the "
-            "last column is what a comparison with one multiplier of that set (the least-norm one) would make of "
-            "the same runs. A plateau there is the selection that the method makes, not an error of it.")
-    return Table("selection", ("method", "reaction", "distance to the set", "selection at the finest step",
-                               "a naive comparison would say"), tuple(rows), note if rows else "")
+        rows.append(
+            Row(
+                (
+                    Cell(solver, kind="method"),
+                    order_cell(s.force),
+                    order_cell(inside),
+                    Cell(num(float(s.runs.col["selection"][finest])), "", naive.sentence, "number"),
+                    _naive(naive),
+                ),
+                case,
+                solver,
+            )
+        )
+    note = (
+        "The multipliers of these cases are not unique. What is unique is the reaction; a multiplier is right when its "
+        "distance to the set of all that give the reaction goes to zero. WARNING, an example of how not to measure: the "
+        "last column is what a comparison with one multiplier of that set (the least-norm one) would make of "
+        "the same runs. A plateau there is the selection that the method makes, not an error of it."
+    )
+    return Table(
+        "selection",
+        (
+            "method",
+            "reaction",
+            "distance to the set",
+            "selection at the finest step",
+            "a naive comparison would say",
+        ),
+        tuple(rows),
+        note if rows else "",
+    )
 
 
 OWN = {"start": "lam_at_start", "midpoint": "lam_at_mid", "end": "lam_at_end", "mean": "lam_mean"}
@@ -115,21 +201,29 @@ OWN = {"start": "lam_at_start", "midpoint": "lam_at_mid", "end": "lam_at_end", "
 def labels_table(data: Data, summaries: dict[tuple, Summary]) -> Table:
     """The multiplier of single steps at each place in the step: what a wrong time label costs."""
     from nsbench.measure import fit_order
+
     rows = []
     for (case, solver), s in summaries.items():
-        good, own = s.runs.good, next((w for w in s.runs.col["lam_time"] if w in OWN), "")
+        good = s.runs.good
+        own = next((w for w in s.runs.col["lam_time"] if w in OWN), "")
         if s.word != "ok" or not own or s.runs.accuracy != "h" or not _labels_differ(s, good):
             continue
         span = _float(data.cases.get(case, {}).get("T"))
         fit = functools.partial(fit_order, span=span if span > 0 else 1.0)
         cells = [_label(s, k, order(s.runs, k, {}, fit), k == OWN[own]) for k in LABELS]
         rows.append(Row((Cell(solver, kind="method"), Cell(own), *cells), case, solver))
-    note = ("Largest error of the multiplier of single steps, away from events, against the exact one at four places in the "
-            "step, at the finest step, with its order. A method declares the place its multiplier belongs to (bold); at another "
-            "one the same numbers show another order: that is the error of the comparison, not of the method. Only methods and "
-            "cases are listed where the place matters: where the error at one is three times that at another.")
-    return Table("labels", ("method", "declared", "start of the step", "middle", "end", "mean over the step"), tuple(rows),
-                 note if rows else "")
+    note = (
+        "Largest error of the multiplier of single steps, away from events, against the exact one at four places in the "
+        "step, at the finest step, with its order. A method declares the place its multiplier belongs to (bold); at another "
+        "one the same numbers show another order: that is the error of the comparison, not of the method. Only methods and "
+        "cases are listed where the place matters: where the error at one is three times that at another."
+    )
+    return Table(
+        "labels",
+        ("method", "declared", "start of the step", "middle", "end", "mean over the step"),
+        tuple(rows),
+        note if rows else "",
+    )
 
 
 def _labels_differ(s: Summary, good) -> bool:
@@ -143,37 +237,81 @@ def _labels_differ(s: Summary, good) -> bool:
 
 
 def _label(s: Summary, name: str, o, own: bool) -> Cell:
-    col, good = s.runs.col, s.runs.good & np.isfinite(s.runs.col[name])
+    col = s.runs.col
+    good = s.runs.good & np.isfinite(s.runs.col[name])
     if not good.any():
         return Cell("not known", kind="quiet")
-    error, floor = float(col[name][good][np.argmin(col["h"][good])]), s.runs.floor(name)
+    error = float(col[name][good][np.argmin(col["h"][good])])
+    floor = s.runs.floor(name)
     text = f"< {num(floor)}" if error < floor else num(error)
-    small = f"order {o.order:.2f}" if o.kind == "fit" and o.verdict == "order" else o.verdict or o.text
+    small = (
+        f"order {o.order:.2f}" if o.kind == "fit" and o.verdict == "order" else o.verdict or o.text
+    )
     return Cell(text, small, o.sentence, "flag" if own else "number")
 
 
 def _naive(o) -> Cell:
     if o.kind == "fit":
-        text = f"plateau at {num(o.plateau)}" if o.verdict == "plateau" else f"{o.verdict}, slope {o.order:.2f}"
-        return Cell(text, "false" if o.verdict == "plateau" or abs(o.order) < 0.5 else "", o.sentence, "quiet")
+        text = (
+            f"plateau at {num(o.plateau)}"
+            if o.verdict == "plateau"
+            else f"{o.verdict}, slope {o.order:.2f}"
+        )
+        return Cell(
+            text,
+            "false" if o.verdict == "plateau" or abs(o.order) < 0.5 else "",
+            o.sentence,
+            "quiet",
+        )
     return Cell(o.text, "", o.sentence, "quiet")
 
 
 def expected_table(found: list[Finding], known: dict | None = None) -> Table:
     """Every deviation from what is expected, in either direction: new ones first, then those gone, then known ones."""
-    lost, new, old = gone(found, known), fresh(found, known), [f for f in found if f.known]
+    lost = gone(found, known)
+    new = fresh(found, known)
+    old = [f for f in found if f.known]
     rows = [_line("new", f, f.why, "flag") for f in new]
-    rows += [Row((Cell("no longer seen", kind="bad"), Cell(f.solver, kind="method"), Cell(f.case), Cell(f.metric),
-                  Cell(f.expected), Cell(f.observed), Cell(f"expected to be “{was}”: {reason}")), solver=f.solver)
-             for f, was, reason in lost]
+    rows += [
+        Row(
+            (
+                Cell("no longer seen", kind="bad"),
+                Cell(f.solver, kind="method"),
+                Cell(f.case),
+                Cell(f.metric),
+                Cell(f.expected),
+                Cell(f.observed),
+                Cell(f"expected to be “{was}”: {reason}"),
+            ),
+            solver=f.solver,
+        )
+        for f, was, reason in lost
+    ]
     rows += [_line("known", f, f.known, "quiet") for f in old]
     kept = sum(f.outcome == "kept" for f in found)
     open_ = sum(f.outcome == "open" and not f.known for f in found)
-    note = (f"{count(len(found), 'expectation')}: {kept} kept, {open_} without a verdict, {len(old)} known deviations, "
-            f"{len(new)} new ones, {len(lost)} known ones no longer seen as they were.")
-    return Table("expected", ("deviation", "method", "case", "metric", "expected", "observed", "why"), tuple(rows), note)
+    note = (
+        f"{count(len(found), 'expectation')}: {kept} kept, {open_} without a verdict, {len(old)} known deviations, "
+        f"{len(new)} new ones, {len(lost)} known ones no longer seen as they were."
+    )
+    return Table(
+        "expected",
+        ("deviation", "method", "case", "metric", "expected", "observed", "why"),
+        tuple(rows),
+        note,
+    )
 
 
 def _line(word: str, f: Finding, why: str, kind: str) -> Row:
-    return Row((Cell(word, f.outcome, kind=kind), Cell(f.solver, kind="method"), Cell(f.case), Cell(f.metric),
-                Cell(f.expected), Cell(f.observed), Cell(why)), solver=f.solver)
+    return Row(
+        (
+            Cell(word, f.outcome, kind=kind),
+            Cell(f.solver, kind="method"),
+            Cell(f.case),
+            Cell(f.metric),
+            Cell(f.expected),
+            Cell(f.observed),
+            Cell(why),
+        ),
+        solver=f.solver,
+    )

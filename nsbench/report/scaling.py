@@ -1,4 +1,5 @@
 """Cost against size: families of cases that differ in their number of particles, exponents with intervals."""
+
 from __future__ import annotations
 
 import math
@@ -12,13 +13,14 @@ from nsbench.report.style import LEADS, TIMES, factor, family, num, power, secon
 from nsbench.report.svg_plots import Line, Panel
 from nsbench.report.tables import Cell, Row, Table
 
-TARGET = 1e-3       # the equal error of the exponents: reached by most methods on most scenes
-FINEST = 5          # runs of the ladder's end whose seconds per step are averaged (median)
+TARGET = 1e-3  # the equal error of the exponents: reached by most methods on most scenes
+FINEST = 5  # runs of the ladder's end whose seconds per step are averaged (median)
 
 
 @dataclass(frozen=True)
 class Power:
     """seconds = C N^exponent; interval at 95 % (NaN for two sizes); sizes (m,), values (m,) in seconds."""
+
     exponent: float
     interval: tuple[float, float]
     sizes: np.ndarray
@@ -31,17 +33,24 @@ class Power:
 
 def fit_power(sizes, values) -> Power | None:
     """Least squares in the logarithms, with the t-based interval of the slope; None for fewer than two sizes."""
-    x, y = np.log(np.asarray(sizes, float)), np.log(np.asarray(values, float))
+    x = np.log(np.asarray(sizes, float))
+    y = np.log(np.asarray(values, float))
     if len(set(sizes)) < 2:
         return None
     dx = x - x.mean()
     slope = float(dx @ y / (dx @ dx))
-    rest, m = y - y.mean() - slope * dx, len(x)
+    rest = y - y.mean() - slope * dx
+    m = len(x)
     half = math.nan
     if m > 2:
         from scipy.special import stdtrit
-        half = float(stdtrit(m - 2, 0.975)) * math.sqrt(float(rest @ rest) / (m - 2) / float(dx @ dx))
-    return Power(slope, (slope - half, slope + half), np.asarray(sizes, float), np.asarray(values, float))
+
+        half = float(stdtrit(m - 2, 0.975)) * math.sqrt(
+            float(rest @ rest) / (m - 2) / float(dx @ dx)
+        )
+    return Power(
+        slope, (slope - half, slope + half), np.asarray(sizes, float), np.asarray(values, float)
+    )
 
 
 def families(data: Data) -> dict[str, list[str]]:
@@ -53,7 +62,9 @@ def families(data: Data) -> dict[str, list[str]]:
     for case in data.case_keys:
         if _size(data, case) > 0:
             name, _, inside = case.partition("[")
-            rest = [p for p in inside.rstrip("]").split(",") if p and not p.startswith(("n=", "box="))]
+            rest = [
+                p for p in inside.rstrip("]").split(",") if p and not p.startswith(("n=", "box="))
+            ]
             groups.setdefault(f"{name}[{','.join(rest)}]" if rest else name, []).append(case)
     out = {name: sorted(keys, key=lambda k: _size(data, k)) for name, keys in groups.items()}
     return {name: keys for name, keys in out.items() if len({_size(data, k) for k in keys}) > 1}
@@ -75,7 +86,9 @@ def powers(data: Data, keys: list[str], solver: str) -> tuple[Power | None, Powe
     """Cost of one step and cost of an error of TARGET against the size of the state."""
     out = []
     for cost in (lambda r: per_step(r) if r.accuracy == "h" else math.nan, _at_target):
-        found = [(_size(data, k), cost(data.runs[k, solver])) for k in keys if (k, solver) in data.runs]
+        found = [
+            (_size(data, k), cost(data.runs[k, solver])) for k in keys if (k, solver) in data.runs
+        ]
         found = [(n, v) for n, v in found if v > 0]
         out.append(fit_power(*zip(*found, strict=True)) if found else None)
     return out[0], out[1]
@@ -95,15 +108,29 @@ def scaling_table(data: Data) -> Table:
             step, error = powers(data, keys, solver)
             if step is None and error is None:
                 continue
-            rows.append(Row((Cell(solver, kind="method"), Cell(sizes), _power(step), _power(error)), name, solver))
-    return Table("scaling", ("method", "sizes of the state", "one step", f"to an error of {power(TARGET)}"), tuple(rows),
-                 "Exponent p of seconds = C N^p in the size N of the state, with its 95 % interval where there are three "
-                 "sizes or more; below, the seconds at the largest. An error is that of the whole state at the largest sample, "
-                 "and larger scenes are harder, not only larger.")
+            rows.append(
+                Row(
+                    (Cell(solver, kind="method"), Cell(sizes), _power(step), _power(error)),
+                    name,
+                    solver,
+                )
+            )
+    return Table(
+        "scaling",
+        ("method", "sizes of the state", "one step", f"to an error of {power(TARGET)}"),
+        tuple(rows),
+        "Exponent p of seconds = C N^p in the size N of the state, with its 95 % interval where there are three "
+        "sizes or more; below, the seconds at the largest. An error is that of the whole state at the largest sample, "
+        "and larger scenes are harder, not only larger.",
+    )
 
 
 def _power(p: Power | None) -> Cell:
-    return Cell("none", kind="quiet") if p is None else Cell(str(p), seconds(float(p.values[-1])), kind="number")
+    return (
+        Cell("none", kind="quiet")
+        if p is None
+        else Cell(str(p), seconds(float(p.values[-1])), kind="number")
+    )
 
 
 def scaling_panels(data: Data, looks: dict) -> list[Panel]:
@@ -114,11 +141,18 @@ def scaling_panels(data: Data, looks: dict) -> list[Panel]:
             continue
         lines: tuple[list, list] = ([], [])
         for solver in dict.fromkeys(s for k, s in data.runs if k in keys):
-            hollow = any(data.runs[k, solver].loop == "host" for k in keys if (k, solver) in data.runs)
+            hollow = any(
+                data.runs[k, solver].loop == "host" for k in keys if (k, solver) in data.runs
+            )
             for place, p in zip(lines, powers(data, keys, solver), strict=True):
                 if p is not None:
-                    place.append(Line(solver, looks[solver], p.sizes, p.values, np.empty(0), hollow=hollow))
-        for key, title, found in (("step", "seconds per step", lines[0]), ("error", f"seconds to {power(TARGET)}", lines[1])):
+                    place.append(
+                        Line(solver, looks[solver], p.sizes, p.values, np.empty(0), hollow=hollow)
+                    )
+        for key, title, found in (
+            ("step", "seconds per step", lines[0]),
+            ("error", f"seconds to {power(TARGET)}", lines[1]),
+        ):
             if found:
                 out.append(Panel(key, f"{name}: {title}", "size of the state", tuple(found)))
     return out
@@ -130,11 +164,18 @@ def sizes_table(data: Data) -> Table:
     for name, keys in families(data).items():
         for case in keys:
             cells = [Cell(case, kind="method")]
-            cells += [_cheapest([c for c in speed.costs(data, case, t) if c.loop == "compiled"]) for t in speed.TARGETS]
+            cells += [
+                _cheapest([c for c in speed.costs(data, case, t) if c.loop == "compiled"])
+                for t in speed.TARGETS
+            ]
             rows.append(Row(tuple(cells), name))
-    return Table("sizes", ("case", *(f"error {power(t)}" for t in speed.TARGETS)), tuple(rows),
-                 f"The cheapest compiled method, and by which factor the next one and {LEADS} are dearer. ≤: the coarsest "
-                 "run tried was already better, so that factors are bounds.")
+    return Table(
+        "sizes",
+        ("case", *(f"error {power(t)}" for t in speed.TARGETS)),
+        tuple(rows),
+        f"The cheapest compiled method, and by which factor the next one and {LEADS} are dearer. ≤: the coarsest "
+        "run tried was already better, so that factors are bounds.",
+    )
 
 
 def _cheapest(found: list[speed.Cost]) -> Cell:
@@ -144,7 +185,11 @@ def _cheapest(found: list[speed.Cost]) -> Cell:
     others = [c for c in others if not speed.apart(c, first)]
     pbd = next((c for c in (first, *others) if family(c.solver) == LEADS), None)
     told = [f"{'≤ ' if first.at_most else ''}{seconds(first.seconds)}"]
-    told += [f"next {TIMES} {factor(others[0].seconds / first.seconds)} ({others[0].solver})"] if others else []
+    told += (
+        [f"next {TIMES} {factor(others[0].seconds / first.seconds)} ({others[0].solver})"]
+        if others
+        else []
+    )
     if pbd is None:
         told.append(f"no {LEADS}")
     elif pbd is not first and pbd is not (others[0] if others else None):
@@ -157,7 +202,9 @@ def wins(data: Data) -> list[str]:
     """Whether PBD wins, and where: one sentence per error, over all cases."""
     out = []
     for target in speed.TARGETS:
-        own, lost, far = [], 0, 0
+        own = []
+        lost = 0
+        far = 0
         for case in data.case_keys:
             found = [c for c in speed.costs(data, case, target) if c.loop == "compiled"]
             if not found:
@@ -169,7 +216,9 @@ def wins(data: Data) -> list[str]:
             else:
                 far += 1
         if own or lost or far:
-            out.append(f"Error {power(target)}: {LEADS}, in whatever order, is the cheapest compiled method on {len(own)} of "
-                       f"{len(own) + lost + far} cases; another one is cheaper on {lost}, and on {far} it does not get there or "
-                       "does not apply.")
+            out.append(
+                f"Error {power(target)}: {LEADS}, in whatever order, is the cheapest compiled method on {len(own)} of "
+                f"{len(own) + lost + far} cases; another one is cheaper on {lost}, and on {far} it does not get there or "
+                "does not apply."
+            )
     return out

@@ -1,4 +1,5 @@
 """The page's style sheet and its few lines of script; nothing is fetched, and without the script nothing is lost."""
+
 from nsbench.report.style import DARK, MUTED, PALETTE, PAPER, RULE, SHADE
 
 _LIGHT = "".join(f"--m{i}:{c};" for i, c in enumerate(PALETTE))
@@ -13,7 +14,9 @@ _ROOT = f"""
 --flag:#f3c77c;--flagbg:#3a2d14;--bad:#ff9d92;--badbg:#3c1f1c;--link:#7cc0ee;{_NIGHT}}}}}
 """
 
-CSS = _ROOT + """
+CSS = (
+    _ROOT
+    + """
 *{box-sizing:border-box}
 html{scroll-behavior:smooth;scroll-padding-top:1rem;-webkit-text-size-adjust:100%}
 body{margin:0;background:var(--paper);color:var(--ink);font:17px/1.55 var(--text);overflow-wrap:anywhere}
@@ -104,6 +107,7 @@ thead{display:table-header-group}.panels{grid-template-columns:repeat(3,1fr)}
 td,td small{white-space:normal;min-width:0!important}td.method{min-width:10em!important}
 }
 """
+)
 
 SCRIPT = """
 (function(){

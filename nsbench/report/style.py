@@ -1,4 +1,5 @@
 """How things look and read in the report: colours and markers of methods, numbers, and text made harmless."""
+
 from __future__ import annotations
 
 import math
@@ -7,24 +8,54 @@ from dataclasses import dataclass
 
 # Okabe & Ito (2008): told apart by readers with any of the common colour blindnesses. Ink stands for their black; violet is a
 # ninth one, for as many methods.
-PALETTE = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#1c1b1a", "#b8a800", "#7b4fb0")
-DARK = ("#4aa8e0", "#ff8a4c", "#2fc79c", "#e39cc3", "#f0b429", "#8ccdf2", "#e6e3dc", "#ece14a", "#b99be6")
-INK, MUTED, RULE, SHADE, PAPER = "#1c1b1a", "#77736c", "#dcd7ce", "#efebe3", "#fdfcfa"
+PALETTE = (
+    "#0072b2",
+    "#d55e00",
+    "#009e73",
+    "#cc79a7",
+    "#e69f00",
+    "#56b4e9",
+    "#1c1b1a",
+    "#b8a800",
+    "#7b4fb0",
+)
+DARK = (
+    "#4aa8e0",
+    "#ff8a4c",
+    "#2fc79c",
+    "#e39cc3",
+    "#f0b429",
+    "#8ccdf2",
+    "#e6e3dc",
+    "#ece14a",
+    "#b99be6",
+)
+INK = "#1c1b1a"
+MUTED = "#77736c"
+RULE = "#dcd7ce"
+SHADE = "#efebe3"
+PAPER = "#fdfcfa"
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">")
 LINES = ("-", "--", "-.", ":")
 SHAPES = {
-    "o": "M6 2a4 4 0 1 0 .01 0z", "s": "M2.5 2.5h7v7h-7z", "^": "M6 1.5l4.5 8.5h-9z", "D": "M6 1l5 5-5 5-5-5z",
-    "v": "M6 10.5l4.5-8.5h-9z", "P": "M4.5 1.5h3v3h3v3h-3v3h-3v-3h-3v-3h3z",
+    "o": "M6 2a4 4 0 1 0 .01 0z",
+    "s": "M2.5 2.5h7v7h-7z",
+    "^": "M6 1.5l4.5 8.5h-9z",
+    "D": "M6 1l5 5-5 5-5-5z",
+    "v": "M6 10.5l4.5-8.5h-9z",
+    "P": "M4.5 1.5h3v3h3v3h-3v3h-3v-3h-3v-3h3z",
     "X": "M3.5 1.5L6 4l2.5-2.5 2 2L8 6l2.5 2.5-2 2L6 8l-2.5 2.5-2-2L4 6 1.5 3.5z",
-    "<": "M1.5 6l8.5-4.5v9z", ">": "M10.5 6L2 1.5v9z",
+    "<": "M1.5 6l8.5-4.5v9z",
+    ">": "M10.5 6L2 1.5v9z",
 }
 TIMES = "\u00d7"
-LEADS = "pbd"     # the talk's method: first in every list, and the one speeds are compared with
+LEADS = "pbd"  # the talk's method: first in every list, and the one speeds are compared with
 
 
 @dataclass(frozen=True)
 class Look:
     """Colour by method, marker and dashes by variant: ``pbd`` and ``pbd[order=reverse]`` share a colour."""
+
     index: int
     tone: int
     marker: str
@@ -47,10 +78,15 @@ def looks(specs) -> dict[str, Look]:
     variants = {f: sorted(s for s in specs if family(s) == f) for f in families}
     out = {}
     for index, spec in enumerate(specs):
-        place, turn = families.index(family(spec)), variants[family(spec)].index(spec)
-        lap = place // len(PALETTE)                    # more methods than colours: other markers tell them apart
-        out[spec] = Look(index, place % len(PALETTE), MARKERS[(turn + place + 4 * lap) % len(MARKERS)],
-                         LINES[(turn + lap) % len(LINES)])
+        place = families.index(family(spec))
+        turn = variants[family(spec)].index(spec)
+        lap = place // len(PALETTE)  # more methods than colours: other markers tell them apart
+        out[spec] = Look(
+            index,
+            place % len(PALETTE),
+            MARKERS[(turn + place + 4 * lap) % len(MARKERS)],
+            LINES[(turn + lap) % len(LINES)],
+        )
     return out
 
 
@@ -61,7 +97,9 @@ def num(value, digits: int = 2) -> str:
     """
     if value is None or not math.isfinite(value):
         return "not finite"
-    if math.isclose(value, float(f"{value:.0e}"), rel_tol=1e-9):      # interpolated values carry rounding
+    if math.isclose(
+        value, float(f"{value:.0e}"), rel_tol=1e-9
+    ):  # interpolated values carry rounding
         digits = 1
     mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
     k = int(exponent)
@@ -72,7 +110,9 @@ def num(value, digits: int = 2) -> str:
 
 def power(value: float) -> str:
     """A figure to be reached, always with its exponent: 1e-2."""
-    mantissa, exponent = f"{value:g}".split("e") if "e" in f"{value:g}" else f"{value:.0e}".split("e")
+    mantissa, exponent = (
+        f"{value:g}".split("e") if "e" in f"{value:g}" else f"{value:.0e}".split("e")
+    )
     return f"{mantissa}e{int(exponent)}"
 
 
@@ -95,14 +135,23 @@ def clean(text, limit: int = 600) -> str:
     Control characters (ANSI escapes, newlines) and bidirectional overrides become visible escapes; text beyond
     `limit` is cut with an ellipsis. Markup is escaped where it is written, by `html` and `markdown`.
     """
-    text = re.sub(r"[\x00-\x1f\x7f-\x9f\u200b-\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff\ufeff]",
-                  lambda m: f"\\x{ord(m[0]):02x}", str(text))
-    return text if len(text) <= limit else text[:limit - 1] + "…"
+    text = re.sub(
+        r"[\x00-\x1f\x7f-\x9f\u200b-\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff\ufeff]",
+        lambda m: f"\\x{ord(m[0]):02x}",
+        str(text),
+    )
+    return text if len(text) <= limit else text[: limit - 1] + "…"
 
 
 def html(text) -> str:
     """`text` for element content and for quoted attributes."""
-    for raw, safe in (("&", "&amp;"), ("<", "&lt;"), (">", "&gt;"), ('"', "&quot;"), ("'", "&#39;")):
+    for raw, safe in (
+        ("&", "&amp;"),
+        ("<", "&lt;"),
+        (">", "&gt;"),
+        ('"', "&quot;"),
+        ("'", "&#39;"),
+    ):
         text = str(text).replace(raw, safe)
     return text
 
@@ -122,10 +171,14 @@ def listed(items, limit: int = 6) -> str:
     """``a, b and c``; beyond `limit` names the rest is counted."""
     items = list(items)
     if len(items) > limit:
-        items = [*items[:limit - 1], f"{len(items) - limit + 1} more"]
+        items = [*items[: limit - 1], f"{len(items) - limit + 1} more"]
     return " and ".join(filter(None, (", ".join(items[:-1]), items[-1]))) if items else "none"
 
 
 def count(n: int, word: str) -> str:
     """``1 case``, ``3 cases``."""
-    return f"{n} {word}" if n == 1 else f"{n} {word[:-1] + 'ies' if word.endswith('y') else word + 's'}"
+    return (
+        f"{n} {word}"
+        if n == 1
+        else f"{n} {word[:-1] + 'ies' if word.endswith('y') else word + 's'}"
+    )

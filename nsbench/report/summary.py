@@ -1,4 +1,5 @@
 """Rows -> for every case and solver: the order of each error, the best error, and why there is none."""
+
 from __future__ import annotations
 
 import functools
@@ -12,14 +13,25 @@ from nsbench.report.data import GOOD, Data, Runs
 from nsbench.report.style import clean, count, num
 
 OPEN = ("undecided", "pre-asymptotic")
-FEWEST = 3            # distinct steps below which nobody can speak of an order
-MOST = 500            # runs in one fit; more are thinned evenly, and the sentence says so
-VAGUE = 2.0           # width of an interval from which on an order without a verdict is no number to show
-MARGIN = 0.1          # an order this close to the claim is not called a deviation, however narrow its interval
-NAMES = {"state_sup": "state", "impulse": "impulse", "reaction": "reaction", "feasibility": "violation",
-         "settled": "settled multiplier", "selection": "selection", "polyhedron": "distance to the set of multipliers",
-         "lam_at_start": "multiplier at the start of the step",
-         "lam_at_mid": "multiplier at its middle", "lam_at_end": "multiplier at its end", "lam_mean": "its mean"}
+FEWEST = 3  # distinct steps below which nobody can speak of an order
+MOST = 500  # runs in one fit; more are thinned evenly, and the sentence says so
+VAGUE = 2.0  # width of an interval from which on an order without a verdict is no number to show
+MARGIN = (
+    0.1  # an order this close to the claim is not called a deviation, however narrow its interval
+)
+NAMES = {
+    "state_sup": "state",
+    "impulse": "impulse",
+    "reaction": "reaction",
+    "feasibility": "violation",
+    "settled": "settled multiplier",
+    "selection": "selection",
+    "polyhedron": "distance to the set of multipliers",
+    "lam_at_start": "multiplier at the start of the step",
+    "lam_at_mid": "multiplier at its middle",
+    "lam_at_end": "multiplier at its end",
+    "lam_mean": "its mean",
+}
 
 
 @dataclass(frozen=True)
@@ -30,6 +42,7 @@ class Order:
     exact (rounding at every step), level (a best error without an order), none (no number).
     text is what the table shows, sentence the whole story. flag: "above", "below" (the claim) or "".
     """
+
     metric: str
     kind: str
     text: str
@@ -50,6 +63,7 @@ class Order:
 @dataclass(frozen=True)
 class Summary:
     """One case x solver. outcome: the sentence that stands for all numbers where no run gave one, else ""."""
+
     runs: Runs
     state: Order
     force: Order
@@ -76,23 +90,33 @@ class Summary:
 def summarise(data: Data) -> dict[tuple, Summary]:
     """Every case x solver of the study, in the order of the page; pairs never attempted are absent."""
     from nsbench.measure import fit_order
+
     nonunique = {case for (case, _), r in data.runs.items() if not r.unique}
     out = {}
     for (case, solver), runs in data.runs.items():
         claims = data.solvers.get(solver, {}).get("claims") or {}
         force = "reaction" if case in nonunique else "impulse"
         statuses = Counter(runs.col["status"].tolist())
-        fit = functools.partial(fit_order, span=_span(data.cases.get(case, {})) * claims.get("rounding", 1.0))
+        fit = functools.partial(
+            fit_order, span=_span(data.cases.get(case, {})) * claims.get("rounding", 1.0)
+        )
         out[case, solver] = Summary(
-            runs, order(runs, "state_sup", claims, fit), order(runs, force, claims, fit),
-            order(runs, "feasibility", {}, fit), statuses, _outcome(runs, statuses))
+            runs,
+            order(runs, "state_sup", claims, fit),
+            order(runs, force, claims, fit),
+            order(runs, "feasibility", {}, fit),
+            statuses,
+            _outcome(runs, statuses),
+        )
     return out
 
 
 def _span(known: dict) -> float:
     """The length of the run, which sets how much rounding can add up; 1 if it is not stored."""
     span = known.get("T")
-    return float(span) if isinstance(span, (int, float)) and math.isfinite(span) and span > 0 else 1.0
+    return (
+        float(span) if isinstance(span, (int, float)) and math.isfinite(span) and span > 0 else 1.0
+    )
 
 
 def _outcome(runs: Runs, statuses: Counter) -> str:
@@ -104,8 +128,12 @@ def _outcome(runs: Runs, statuses: Counter) -> str:
     why = whys[0] if whys else "no sentence was recorded"
     if code == "refused":
         return why
-    tried = "" if len(runs) == 1 else f" ({count(len(runs), 'run')}" + (f": {spell(statuses)})" if statuses[code]
-                                                                        < len(runs) else ")")
+    tried = (
+        ""
+        if len(runs) == 1
+        else f" ({count(len(runs), 'run')}"
+        + (f": {spell(statuses)})" if statuses[code] < len(runs) else ")")
+    )
     return f"{code}: {why}{tried}"
 
 
@@ -117,27 +145,38 @@ def spell(statuses: Counter) -> str:
 def order(runs: Runs, metric: str, claims: dict, fit) -> Order:
     """The order of `metric`, or the reason why there is none; `fit` is nsbench.fit_order."""
     name = NAMES[metric]
-    good = runs.good & np.isfinite(runs.col[metric]) & np.isfinite(runs.col["h"]) & (runs.col["h"] > 0)
-    h, error = runs.col["h"][good], np.abs(runs.col[metric][good])
+    good = (
+        runs.good & np.isfinite(runs.col[metric]) & np.isfinite(runs.col["h"]) & (runs.col["h"] > 0)
+    )
+    h = runs.col["h"][good]
+    error = np.abs(runs.col[metric][good])
     if not h.size:
         return Order(metric, "none", _absent(runs, metric), _absent(runs, metric, whole=True))
     at = int(np.argmin(error))
     best = {"best": float(error[at]), "best_h": float(h[at])}
-    claim = claims.get({"state_sup": "state", "impulse": "impulse", "reaction": "impulse"}.get(metric, ""))
+    claim = claims.get(
+        {"state_sup": "state", "impulse": "impulse", "reaction": "impulse"}.get(metric, "")
+    )
     bound = claims.get("exact") if metric == "state_sup" else None
     if bound is not None or (runs.accuracy == "tol" and claim is None):
         return _bound(metric, name, bound, error, h, best, runs.floor(metric))
     steps = np.unique(h).size
     if steps < FEWEST:
-        return Order(metric, "level", "too few steps",
-                     f"{name}: {count(steps, 'step size')} with a number; an order needs {FEWEST} at least. "
-                     f"Smallest error {shown(best['best'], runs.floor(metric))}.", **best)
+        return Order(
+            metric,
+            "level",
+            "too few steps",
+            f"{name}: {count(steps, 'step size')} with a number; an order needs {FEWEST} at least. "
+            f"Smallest error {shown(best['best'], runs.floor(metric))}.",
+            **best,
+        )
     if not error.any():
         sentence = f"{name}: the error is exactly 0 at every step: no order."
         return Order(metric, "exact", "0 at every step", sentence, **best)
     some = np.unique(np.linspace(0, h.size - 1, min(h.size, MOST)).astype(int))
     result = fit(h[some], error[some], floor=runs.floor(metric), scale=runs.scale(metric))
-    verdict, sentence = clean(result.verdict), f"{name}: {clean(result.sentence)}"
+    verdict = clean(result.verdict)
+    sentence = f"{name}: {clean(result.sentence)}"
     if some.size < h.size:
         sentence += f" ({some.size} of {h.size} runs were fitted.)"
     value = float(result.order)
@@ -148,15 +187,28 @@ def order(runs: Runs, metric: str, claims: dict, fit) -> Order:
     if flag:
         sentence += f" Claimed: {num(claim)}; measured {flag} it."
     lo, hi = (float(v) for v in result.interval)
-    if verdict in OPEN and not hi - lo <= VAGUE:           # neither the order nor the constant says anything
+    if verdict in OPEN and not hi - lo <= VAGUE:  # neither the order nor the constant says anything
         return Order(metric, "level", verdict, sentence, verdict=verdict, **best)
-    return Order(metric, "fit", f"{value:.2f} [{lo:.2f}, {hi:.2f}]", sentence, value, (lo, hi), float(result.constant),
-                 verdict, flag, claim, float(result.plateau), **best, window=tuple(map(float, result.window)),
-                 envelope=float(result.envelope))
+    return Order(
+        metric,
+        "fit",
+        f"{value:.2f} [{lo:.2f}, {hi:.2f}]",
+        sentence,
+        value,
+        (lo, hi),
+        float(result.constant),
+        verdict,
+        flag,
+        claim,
+        float(result.plateau),
+        **best,
+        window=tuple(map(float, result.window)),
+        envelope=float(result.envelope),
+    )
 
 
 def _deviation(value: float, interval, verdict: str, claim) -> str:
-    """"above" or "below" the claimed order; "" where it is kept, not claimed, or where the fit gives no verdict."""
+    """ "above" or "below" the claimed order; "" where it is kept, not claimed, or where the fit gives no verdict."""
     if claim is None:
         return ""
     if verdict in ("diverges", "plateau"):
@@ -175,31 +227,60 @@ def _bound(metric: str, name: str, bound, error, h, best, floor) -> Order:
     """A method that controls its own error: its tightest tolerance against the bound it claims."""
     last = float(error[np.argmin(h)])
     if bound is None:
-        return Order(metric, "level", "no order in tol", f"{name}: the accuracy is a tolerance, and no order in it is "
-                     f"claimed. Smallest error {shown(best['best'], floor)} at tol = {num(best['best_h'])}.", **best)
+        return Order(
+            metric,
+            "level",
+            "no order in tol",
+            f"{name}: the accuracy is a tolerance, and no order in it is "
+            f"claimed. Smallest error {shown(best['best'], floor)} at tol = {num(best['best_h'])}.",
+            **best,
+        )
     if last < floor and floor > bound:
-        return Order(metric, "bound", f"< {num(floor)}", f"{name}: the error is below {num(floor)}, ten times the bound of "
-                     f"the reference: it cannot tell whether the claimed {num(bound)} is kept.", verdict="below reference",
-                     claim=bound, **best)
-    kept, text = last <= bound, shown(last, floor)
-    return Order(metric, "bound", f"{text} ≤ {num(bound)}" if kept else f"{num(last)} > {num(bound)}",
-                 f"{name}: the method claims an error of at most {num(bound)}; at tol = {num(float(h.min()))} it is "
-                 f"{text}: {'kept' if kept else 'missed'}.", verdict="bound kept" if kept else "bound missed",
-                 flag="" if kept else "below", claim=bound, **best)
+        return Order(
+            metric,
+            "bound",
+            f"< {num(floor)}",
+            f"{name}: the error is below {num(floor)}, ten times the bound of "
+            f"the reference: it cannot tell whether the claimed {num(bound)} is kept.",
+            verdict="below reference",
+            claim=bound,
+            **best,
+        )
+    kept = last <= bound
+    text = shown(last, floor)
+    return Order(
+        metric,
+        "bound",
+        f"{text} ≤ {num(bound)}" if kept else f"{num(last)} > {num(bound)}",
+        f"{name}: the method claims an error of at most {num(bound)}; at tol = {num(float(h.min()))} it is "
+        f"{text}: {'kept' if kept else 'missed'}.",
+        verdict="bound kept" if kept else "bound missed",
+        flag="" if kept else "below",
+        claim=bound,
+        **best,
+    )
 
 
 def _absent(runs: Runs, metric: str, whole: bool = False) -> str:
     """Why no run holds a number for `metric`; `whole`: as a sentence."""
     if not runs.good.any():
-        short, why = "no finished run", "no run ended with a number."
-    elif np.isin(runs.col["status"][runs.good], ("below_reference",)).all() and metric != "feasibility":
-        short, why = "below reference", "every error lies below the reference's floor."
+        short = "no finished run"
+        why = "no run ended with a number."
+    elif (
+        np.isin(runs.col["status"][runs.good], ("below_reference",)).all()
+        and metric != "feasibility"
+    ):
+        short = "below reference"
+        why = "every error lies below the reference's floor."
     elif metric == "feasibility":
-        short, why = "no constraints", "no run reports one: the case has no inequality to violate."
+        short = "no constraints"
+        why = "no run reports one: the case has no inequality to violate."
     elif not any(runs.col["reference"]) or set(runs.col["reference"]) <= {"", "none"}:
-        short, why = "no reference", "nothing to compare with: neither an exact solution nor a stored reference."
+        short = "no reference"
+        why = "nothing to compare with: neither an exact solution nor a stored reference."
     else:
-        short, why = "not measured", "the runs hold no number for it."
+        short = "not measured"
+        why = "the runs hold no number for it."
     return f"{NAMES[metric]}: {why}" if whole else short
 
 
@@ -222,8 +303,12 @@ def silent_wrong(summaries: dict) -> list[Summary]:
         if s.state.kind == "bound" and s.state.claim is not None:
             col = s.runs.col
             tightest = col["h"] == np.nanmin(col["h"][s.runs.good])
-            if np.any((col["status"] == "ok") & tightest & (col["state_sup"] > s.state.claim)
-                      & ~(col["state_sup"] < s.runs.floor("state_sup"))):
+            if np.any(
+                (col["status"] == "ok")
+                & tightest
+                & (col["state_sup"] > s.state.claim)
+                & ~(col["state_sup"] < s.runs.floor("state_sup"))
+            ):
                 out.append(s)
     return out
 

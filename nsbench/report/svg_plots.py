@@ -3,6 +3,7 @@
 Errors of exactly 0 have a place of their own, the bottom edge. Markers are defined once for all panels of a page or of a
 sheet (`markers`) and only named by the lines.
 """
+
 from __future__ import annotations
 
 import math
@@ -13,13 +14,24 @@ import numpy as np
 
 from nsbench.report.style import INK, MUTED, PALETTE, PAPER, RULE, SHADE, SHAPES, Look, html, num
 
-WIDE, HIGH = 252, 198       # units of the viewBox: points of a figure 3.5 inches wide
-LEFT, RIGHT, TOP, BOTTOM = 34.0, 247.0, 21.0, 165.0
+# units of the viewBox: points of a figure 3.5 inches wide
+WIDE = 252
+HIGH = 198
+LEFT = 34.0
+RIGHT = 247.0
+TOP = 21.0
+BOTTOM = 165.0
 DASHES = {"-": "", "--": "4.4 1.9", "-.": "7.7 1.9 1.2 1.9", ":": "1.2 2"}
-FAR = 2.0                   # decades below the points from which a level is no longer drawn to scale
-POINTS = 48                 # markers per line: more of them are thinned, their line is not the worse for it
-_TONES = {**{c: f"var(--m{i})" for i, c in enumerate(PALETTE)}, INK: "currentColor", MUTED: "var(--muted)",
-          RULE: "var(--rule)", SHADE: "var(--shade)", PAPER: "var(--paper)"}
+FAR = 2.0  # decades below the points from which a level is no longer drawn to scale
+POINTS = 48  # markers per line: more of them are thinned, their line is not the worse for it
+_TONES = {
+    **{c: f"var(--m{i})" for i, c in enumerate(PALETTE)},
+    INK: "currentColor",
+    MUTED: "var(--muted)",
+    RULE: "var(--rule)",
+    SHADE: "var(--shade)",
+    PAPER: "var(--paper)",
+}
 
 
 @dataclass(frozen=True)
@@ -31,6 +43,7 @@ class Line:
     far: errors of another league (a tolerance, or rounding); they may stay at the bottom edge with their value, so as
     not to press the other lines flat.
     """
+
     name: str
     look: Look
     x: np.ndarray
@@ -44,6 +57,7 @@ class Line:
 @dataclass(frozen=True)
 class Panel:
     """What one picture shows. floor: shaded below; slopes: guides of these orders; key: part of its file name."""
+
     key: str
     title: str
     xlabel: str
@@ -57,7 +71,9 @@ class _Pen:
     """Decades to units, and SVG elements as text."""
 
     def __init__(self, xs, ys):
-        self.xs, self.ys, self.parts = xs, ys, []
+        self.xs = xs
+        self.ys = ys
+        self.parts = []
 
     def x(self, decade) -> float:
         return LEFT + (RIGHT - LEFT) * (decade - self.xs[0]) / (self.xs[1] - self.xs[0])
@@ -71,41 +87,61 @@ class _Pen:
         return f'<path d="{d}"{_attributes(how)}/>'
 
     def segments(self, pairs, **how) -> str:
-        d = "".join(f"M{self.x(a):.1f} {self.y(b):.1f}L{self.x(c):.1f} {self.y(e):.1f}" for (a, b), (c, e) in pairs)
+        d = "".join(
+            f"M{self.x(a):.1f} {self.y(b):.1f}L{self.x(c):.1f} {self.y(e):.1f}"
+            for (a, b), (c, e) in pairs
+        )
         return f'<path d="{d}"{_attributes(how)}/>'
 
     def text(self, x, y, words, size, colour=MUTED, anchor="start", down=0.0) -> str:
         """`words` at (x, y) in decades, `down` units lower."""
-        return (f'<text x="{self.x(x):.1f}" y="{self.y(y) + down:.1f}" font-size="{size}" fill="{colour}" '
-                f'text-anchor="{anchor}">{html(words)}</text>')
+        return (
+            f'<text x="{self.x(x):.1f}" y="{self.y(y) + down:.1f}" font-size="{size}" fill="{colour}" '
+            f'text-anchor="{anchor}">{html(words)}</text>'
+        )
 
 
 def _attributes(how: dict) -> str:
-    return "".join(f' {k.replace("_", "-")}="{v}"' for k, v in {"fill": "none", **how}.items() if v != "")
+    return "".join(
+        f' {k.replace("_", "-")}="{v}"' for k, v in {"fill": "none", **how}.items() if v != ""
+    )
 
 
 def draw(panel: Panel) -> str:
     """The panel as an SVG element in the colours of the light page; see `inline`, `sheet` and `markers`."""
     xs, ys = _limits(panel)
     pen = _Pen(xs, ys)
-    x, y = _ticks(*xs), _ticks(*ys)
+    x = _ticks(*xs)
+    y = _ticks(*ys)
     grid = [((k, ys[0]), (k, ys[1])) for k in x] + [((xs[0], k), (xs[1], k)) for k in y]
-    parts = [f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDE} {HIGH}">',
-             pen.segments(grid, stroke=RULE, stroke_width=0.5)]
+    parts = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDE} {HIGH}">',
+        pen.segments(grid, stroke=RULE, stroke_width=0.5),
+    ]
     if panel.floor > 0 and math.log10(panel.floor) > ys[0]:
         top = min(math.log10(panel.floor), ys[1])
-        parts += [pen.path([(xs[0], ys[0]), (xs[0], top), (xs[1], top), (xs[1], ys[0])], fill=SHADE),
-                  pen.text(xs[1], top, "reference floor", 6.5, anchor="end", down=7)]
-    parts.append(pen.path([(xs[0], ys[1]), (xs[0], ys[0]), (xs[1], ys[0])], stroke=MUTED, stroke_width=0.7))
+        parts += [
+            pen.path([(xs[0], ys[0]), (xs[0], top), (xs[1], top), (xs[1], ys[0])], fill=SHADE),
+            pen.text(xs[1], top, "reference floor", 6.5, anchor="end", down=7),
+        ]
+    parts.append(
+        pen.path([(xs[0], ys[1]), (xs[0], ys[0]), (xs[1], ys[0])], stroke=MUTED, stroke_width=0.7)
+    )
     for p in panel.slopes:
         parts += _guide(pen, p, panel)
     below = [line.far or (line.level >= 0 and line.level < 10.0 ** ys[0]) for line in panel.lines]
     parts += [_line(pen, line, sum(below[:i])) for i, line in enumerate(panel.lines)]
     parts += [pen.text(k, ys[0], _power(k), 7, anchor="middle", down=9) for k in x]
-    parts += [f'<text x="{LEFT - 3}" y="{pen.y(k) + 2.5:.1f}" font-size="7" fill="{MUTED}" text-anchor="end">'
-              f'{_power(k)}</text>' for k in y]
-    parts += [pen.text((xs[0] + xs[1]) / 2, ys[0], panel.xlabel, 7.5, anchor="middle", down=21),
-              pen.text(xs[0], ys[1], panel.title, 8.5, INK, down=-6), "</svg>"]
+    parts += [
+        f'<text x="{LEFT - 3}" y="{pen.y(k) + 2.5:.1f}" font-size="7" fill="{MUTED}" text-anchor="end">'
+        f"{_power(k)}</text>"
+        for k in y
+    ]
+    parts += [
+        pen.text((xs[0] + xs[1]) / 2, ys[0], panel.xlabel, 7.5, anchor="middle", down=21),
+        pen.text(xs[0], ys[1], panel.title, 8.5, INK, down=-6),
+        "</svg>",
+    ]
     return "\n".join(parts)
 
 
@@ -114,7 +150,9 @@ def _limits(panel: Panel):
 
     What lies far below the other lines, a level, a floor or errors of another league, stays at the bottom edge.
     """
-    x = np.concatenate([np.concatenate([line.x, line.failed]) for line in panel.lines] or [np.ones(1)])
+    x = np.concatenate(
+        [np.concatenate([line.x, line.failed]) for line in panel.lines] or [np.ones(1)]
+    )
     near = [line.y for line in panel.lines if not line.far and np.any(line.y > 0)]
     rest = [line.y for line in panel.lines if line.far] if near else []
     points = np.concatenate(near or [line.y for line in panel.lines])
@@ -122,7 +160,8 @@ def _limits(panel: Panel):
     x, points, levels = (np.log10(v[np.isfinite(v) & (v > 0)]) for v in (x, points, levels))
     x = x if x.size else np.zeros(1)
     y = points if points.size else levels if levels.size else np.zeros(1)
-    low, high = float(y.min()), float(y.max())
+    low = float(y.min())
+    high = float(y.max())
     for level in (*levels, math.log10(panel.floor) - 0.3 if panel.floor > 0 else low):
         low = min(low, level) if level > low - FAR else low
     high = max(high, *levels) if levels.size else high
@@ -131,8 +170,12 @@ def _limits(panel: Panel):
         low, high = (low + high) / 2 - 0.6, (low + high) / 2 + 0.6
     zero = any(np.any(line.y == 0) for line in panel.lines)
     below = zero or (levels.size and levels.min() < low)
-    pad, room = 0.05 * max(float(np.ptp(x)), 1.0), 0.06 * (high - low)
-    return (float(x.min()) - pad, float(x.max()) + pad), (low - room * (2.5 if below else 1), high + room * 1.5)
+    pad = 0.05 * max(float(np.ptp(x)), 1.0)
+    room = 0.06 * (high - low)
+    return (float(x.min()) - pad, float(x.max()) + pad), (
+        low - room * (2.5 if below else 1),
+        high + room * 1.5,
+    )
 
 
 def _line(pen: _Pen, line: Line, place: int) -> str:
@@ -141,25 +184,52 @@ def _line(pen: _Pen, line: Line, place: int) -> str:
     (x0, x1), (low, high), k = pen.xs, pen.ys, line.look.index
     stroke = {"stroke": line.look.colour, "stroke_width": 1.2}
     at = np.unique(np.linspace(0, len(line.x) - 1, min(len(line.x), POINTS)).astype(int))
-    x, y = line.x[at], line.y[at]
-    solid, out = (y > 0) & (x > 0), [f'<g id="s{k}">']
+    x = line.x[at]
+    y = line.y[at]
+    solid = (y > 0) & (x > 0)
+    out = [f'<g id="s{k}">']
     if solid.any():
         y10 = np.clip(np.log10(y[solid]), low, high)
-        out.append(pen.path(zip(np.log10(x[solid]), y10, strict=True), **stroke, style=_marks("o" if line.hollow else "m", k),
-                            stroke_dasharray=DASHES[line.look.line]))
+        out.append(
+            pen.path(
+                zip(np.log10(x[solid]), y10, strict=True),
+                **stroke,
+                style=_marks("o" if line.hollow else "m", k),
+                stroke_dasharray=DASHES[line.look.line],
+            )
+        )
         if line.far and np.log10(y[solid]).min() < low:
             i = int(np.argmin(y[solid]))
-            out.append(pen.text(np.log10(x[solid][i]), low, num(float(y[solid][i])), 6.5, line.look.colour, "middle",
-                                -6 - 7 * place))
+            out.append(
+                pen.text(
+                    np.log10(x[solid][i]),
+                    low,
+                    num(float(y[solid][i])),
+                    6.5,
+                    line.look.colour,
+                    "middle",
+                    -6 - 7 * place,
+                )
+            )
     if np.any(y == 0):
         out.append(pen.path([(a, low) for a in np.log10(x[y == 0])], style=_marks("o", k)))
     if line.failed.size:
-        out.append(pen.path([(a, high) for a in np.log10(line.failed[:POINTS])], style=_marks("x", k)))
+        out.append(
+            pen.path([(a, high) for a in np.log10(line.failed[:POINTS])], style=_marks("x", k))
+        )
     if line.level >= 0:
         level = math.log10(line.level) if line.level else -math.inf
-        out.append(pen.path([(x0, max(level, low)), (x1, max(level, low))], **stroke, stroke_dasharray=DASHES[":"]))
+        out.append(
+            pen.path(
+                [(x0, max(level, low)), (x1, max(level, low))],
+                **stroke,
+                stroke_dasharray=DASHES[":"],
+            )
+        )
         if level < low:
-            out.append(pen.text(x0, low, num(line.level), 6.5, line.look.colour, down=-3 - 7 * place))
+            out.append(
+                pen.text(x0, low, num(line.level), 6.5, line.look.colour, down=-3 - 7 * place)
+            )
     return "".join([*out, "</g>"])
 
 
@@ -171,12 +241,15 @@ def markers(looks) -> str:
     """Definitions of the markers that panels name: full (m), open (o) and cross (x) of every look."""
     out = []
     for look in looks:
-        shape, cross = SHAPES[look.marker], "M2 2l8 8M10 2l-8 8"
+        shape = SHAPES[look.marker]
+        cross = "M2 2l8 8M10 2l-8 8"
         for kind, d, fill in (("m", shape, look.colour), ("o", shape, PAPER), ("x", cross, "none")):
-            out.append(f'<marker id="{kind}:{look.index}" viewBox="0 0 12 12" refX="6" refY="6" markerWidth="5.4" '
-                       f'markerHeight="5.4" markerUnits="userSpaceOnUse" overflow="visible"><path d="{d}" fill="{fill}" '
-                       f'stroke="{look.colour}" stroke-width="{2.2 if kind == "x" else 1.8}"/></marker>')
-    return f'<defs>{"".join(out)}</defs>'
+            out.append(
+                f'<marker id="{kind}:{look.index}" viewBox="0 0 12 12" refX="6" refY="6" markerWidth="5.4" '
+                f'markerHeight="5.4" markerUnits="userSpaceOnUse" overflow="visible"><path d="{d}" fill="{fill}" '
+                f'stroke="{look.colour}" stroke-width="{2.2 if kind == "x" else 1.8}"/></marker>'
+            )
+    return f"<defs>{''.join(out)}</defs>"
 
 
 def _guide(pen: _Pen, p: float, panel: Panel) -> list[str]:
@@ -189,16 +262,27 @@ def _guide(pen: _Pen, p: float, panel: Panel) -> list[str]:
     bottom = y0 + 0.08 * (y1 - y0)
     if panel.floor > 0:
         bottom = max(bottom, math.log10(panel.floor) + 0.03 * (y1 - y0))
-    corners = [(right - width, bottom), (right, bottom), (right, bottom + height), (right - width, bottom)]
-    return [pen.path(corners, stroke=MUTED, stroke_width=0.7),
-            pen.text(right - width / 2, bottom, f"order {p:g}", 6.5, anchor="middle", down=7)]
+    corners = [
+        (right - width, bottom),
+        (right, bottom),
+        (right, bottom + height),
+        (right - width, bottom),
+    ]
+    return [
+        pen.path(corners, stroke=MUTED, stroke_width=0.7),
+        pen.text(right - width / 2, bottom, f"order {p:g}", 6.5, anchor="middle", down=7),
+    ]
 
 
 def _ticks(lo: float, hi: float) -> list[float]:
     """Whole decades, at most seven; halves where less than two whole ones fit."""
     every = max(1, math.ceil((hi - lo) / 6))
     ticks = [k for k in range(math.ceil(lo), math.floor(hi) + 1) if k % every == 0]
-    return ticks if len(ticks) > 1 else [k / 2 for k in range(math.ceil(2 * lo), math.floor(2 * hi) + 1)]
+    return (
+        ticks
+        if len(ticks) > 1
+        else [k / 2 for k in range(math.ceil(2 * lo), math.floor(2 * hi) + 1)]
+    )
 
 
 def _power(k: float) -> str:
@@ -216,24 +300,38 @@ def inline(svg: str, names: dict[int, str], label: str) -> str:
 
 def sheet(panels: list[str], legend: list[tuple[str, Look, bool]], title: str) -> str:
     """Panels side by side with their legend: one standalone SVG for a talk or a paper."""
-    wide, high = WIDE, HIGH
+    wide = WIDE
+    high = HIGH
     across = min(3, max(1, len(panels)))
     rows = -(-len(panels) // across)
     per = max(1, across * wide // 190)
     below = 14 * -(-len(legend) // per)
-    width, height = across * wide, 24 + rows * high + below + 8
-    parts = [f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" viewBox="0 0 {width} {height}" '
-             'font-family="system-ui, sans-serif">', markers([look for _, look, _ in legend]).replace(PAPER, "#ffffff"),
-             f'<rect width="{width}" height="{height}" fill="#ffffff"/>',
-             f'<text x="8" y="16" font-size="11" fill="{INK}">{html(title)}</text>']
+    width = across * wide
+    height = 24 + rows * high + below + 8
+    parts = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" viewBox="0 0 {width} {height}" '
+        'font-family="system-ui, sans-serif">',
+        markers([look for _, look, _ in legend]).replace(PAPER, "#ffffff"),
+        f'<rect width="{width}" height="{height}" fill="#ffffff"/>',
+        f'<text x="8" y="16" font-size="11" fill="{INK}">{html(title)}</text>',
+    ]
     for i, svg in enumerate(panels):
         svg = re.sub(r' id="s(\d+)"', "", svg).replace(PAPER, "#ffffff")
-        parts.append(svg.replace("<svg ", f'<svg x="{i % across * wide}" y="{24 + i // across * high}" width="{wide}" '
-                                          f'height="{high}" ', 1))
+        parts.append(
+            svg.replace(
+                "<svg ",
+                f'<svg x="{i % across * wide}" y="{24 + i // across * high}" width="{wide}" '
+                f'height="{high}" ',
+                1,
+            )
+        )
     for i, (name, look, hollow) in enumerate(legend):
-        x, y = 8 + i % per * 190, 24 + rows * high + 14 * (i // per)
-        parts.append(f'<g transform="translate({x} {y})"><path d="M0 6h28" fill="none" stroke="{look.colour}" '
-                     f'stroke-dasharray="{DASHES[look.line]}"/><path transform="translate(8 0)" d="{SHAPES[look.marker]}" '
-                     f'stroke="{look.colour}" fill="{PAPER if hollow else look.colour}"/>'
-                     f'<text x="34" y="9" font-size="8" fill="{INK}">{html(name)}</text></g>')
+        x = 8 + i % per * 190
+        y = 24 + rows * high + 14 * (i // per)
+        parts.append(
+            f'<g transform="translate({x} {y})"><path d="M0 6h28" fill="none" stroke="{look.colour}" '
+            f'stroke-dasharray="{DASHES[look.line]}"/><path transform="translate(8 0)" d="{SHAPES[look.marker]}" '
+            f'stroke="{look.colour}" fill="{PAPER if hollow else look.colour}"/>'
+            f'<text x="34" y="9" font-size="8" fill="{INK}">{html(name)}</text></g>'
+        )
     return "\n".join([*parts, "</svg>\n"])

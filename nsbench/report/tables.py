@@ -1,4 +1,5 @@
 """The tables of the report as plain data; `page` writes them as HTML and `text` as Markdown."""
+
 from __future__ import annotations
 
 import re
@@ -8,7 +9,18 @@ import numpy as np
 
 from nsbench.report import cost as speed
 from nsbench.report.data import Data
-from nsbench.report.style import LEADS, TIMES, clean, count, factor, family, listed, num, power, seconds
+from nsbench.report.style import (
+    LEADS,
+    TIMES,
+    clean,
+    count,
+    factor,
+    family,
+    listed,
+    num,
+    power,
+    seconds,
+)
 from nsbench.report.summary import Order, Summary, best_error, finished, spell
 
 
@@ -16,6 +28,7 @@ from nsbench.report.summary import Order, Summary, best_error, finished, spell
 class Cell:
     """text with a second, quieter line `small`; title: the sentence behind it; kind: a word that sets the tone
     (number, flag, bad, refused, failed, quiet, best, method); span: columns taken."""
+
     text: str
     small: str = ""
     title: str = ""
@@ -26,6 +39,7 @@ class Cell:
 @dataclass(frozen=True)
 class Row:
     """Cells of one line; group: the case it belongs to, shown once as a heading; solver: for filters."""
+
     cells: tuple[Cell, ...]
     group: str = ""
     solver: str = ""
@@ -35,6 +49,7 @@ class Row:
 @dataclass(frozen=True)
 class Table:
     """`note` stands below; `key` is an id within the page."""
+
     key: str
     columns: tuple[str, ...]
     rows: tuple[Row, ...]
@@ -43,29 +58,75 @@ class Table:
 
 def orders_table(summaries: dict[tuple, Summary]) -> Table:
     """Case x method: orders, constants, best errors, events, violation; a refusal or failure takes the whole line."""
-    columns = ("method", "state order", "constant", "multiplier order", "best state error", "best multiplier error",
-               "events", "violation order")
+    columns = (
+        "method",
+        "state order",
+        "constant",
+        "multiplier order",
+        "best state error",
+        "best multiplier error",
+        "events",
+        "violation order",
+    )
     rows = []
     for (case, solver), s in summaries.items():
         name = Cell(solver, kind="method")
         if s.outcome:
-            rows.append(Row((name, Cell(s.outcome, kind=s.word, span=len(columns) - 1)), case, solver, s.word))
+            rows.append(
+                Row(
+                    (name, Cell(s.outcome, kind=s.word, span=len(columns) - 1)),
+                    case,
+                    solver,
+                    s.word,
+                )
+            )
             continue
-        if s.state.kind == s.force.kind == "none" and np.isfinite(s.runs.col["residual"][s.runs.good]).any():
-            rows.append(Row((name, Cell(_blind(s), kind="quiet", title=s.state.sentence, span=len(columns) - 1)),
-                            case, solver))
+        if (
+            s.state.kind == s.force.kind == "none"
+            and np.isfinite(s.runs.col["residual"][s.runs.good]).any()
+        ):
+            rows.append(
+                Row(
+                    (
+                        name,
+                        Cell(
+                            _blind(s), kind="quiet", title=s.state.sentence, span=len(columns) - 1
+                        ),
+                    ),
+                    case,
+                    solver,
+                )
+            )
             continue
         force = order_cell(s.force)
         if s.force.metric == "reaction":
-            force = Cell(force.text, f"{force.small} · reaction".strip(" ·"), force.title, force.kind)
-        rows.append(Row((
-            name, order_cell(s.state), _constant(s.state), force,
-            _best(s, s.state), _best(s, s.force), _events(s),
-            order_cell(s.violation)), case, solver))
-    return Table("orders", columns, tuple(rows),
-                 "Order p with its 95 % interval in error = C h^p, over the fit window; h is the step taken, 1/k for a "
-                 "penalty. Where the multipliers are not unique the reaction, which is, stands in for the impulse. "
-                 "▲ or ▼: above or below the order the method claims.")
+            force = Cell(
+                force.text, f"{force.small} · reaction".strip(" ·"), force.title, force.kind
+            )
+        rows.append(
+            Row(
+                (
+                    name,
+                    order_cell(s.state),
+                    _constant(s.state),
+                    force,
+                    _best(s, s.state),
+                    _best(s, s.force),
+                    _events(s),
+                    order_cell(s.violation),
+                ),
+                case,
+                solver,
+            )
+        )
+    return Table(
+        "orders",
+        columns,
+        tuple(rows),
+        "Order p with its 95 % interval in error = C h^p, over the fit window; h is the step taken, 1/k for a "
+        "penalty. Where the multipliers are not unique the reaction, which is, stands in for the impulse. "
+        "▲ or ▼: above or below the order the method claims.",
+    )
 
 
 def order_cell(o: Order) -> Cell:
@@ -91,7 +152,9 @@ def order_cell(o: Order) -> Cell:
 
 def _constant(o: Order) -> Cell:
     if o.kind == "fit":
-        return Cell(num(o.constant), kind="number", title=f"error ≈ {num(o.constant)} h^{o.order:.2f}")
+        return Cell(
+            num(o.constant), kind="number", title=f"error ≈ {num(o.constant)} h^{o.order:.2f}"
+        )
     return Cell("none", kind="quiet", title="A constant belongs to an order.")
 
 
@@ -115,12 +178,21 @@ def _at(s: Summary, o: Order) -> str:
 
 
 def _events(s: Summary) -> Cell:
-    col, good = s.runs.col, s.runs.good
+    col = s.runs.col
+    good = s.runs.good
     located = col["events"][good & np.isfinite(col["events"])]
     if not located.size or not located.any():
-        return Cell("not located", kind="quiet", title="A method on a fixed grid does not look for event times.")
+        return Cell(
+            "not located",
+            kind="quiet",
+            title="A method on a fixed grid does not look for event times.",
+        )
     wrong = col["event_time"][good & np.isfinite(col["event_time"])]
-    return Cell(f"{int(located[-1])}", f"times to {num(float(wrong.min()))}" if wrong.size else "", kind="number")
+    return Cell(
+        f"{int(located[-1])}",
+        f"times to {num(float(wrong.min()))}" if wrong.size else "",
+        kind="number",
+    )
 
 
 def choice_table(data: Data) -> Table:
@@ -132,13 +204,19 @@ def choice_table(data: Data) -> Table:
         cells = [Cell(case, kind="method")]
         for target in speed.TARGETS:
             found = speed.costs(data, case, target)
-            blind = not any(np.isfinite(r.col["state_sup"][r.good]).any() for r in data.of_case(case))
+            blind = not any(
+                np.isfinite(r.col["state_sup"][r.good]).any() for r in data.of_case(case)
+            )
             cells.append(Cell("no error known", kind="quiet") if blind else _choice(found, target))
         rows.append(Row(tuple(cells)))
-    return Table("choice", ("case", *(f"error {power(t)}" for t in speed.TARGETS)), tuple(rows),
-                 "The cheapest method whose state error stays below the figure at all smaller steps, with the accuracy "
-                 "it needs. Seconds are compared between compiled loops; “host loop” marks a method that alone reaches "
-                 "the error, or whose seconds measure the interpreter.")
+    return Table(
+        "choice",
+        ("case", *(f"error {power(t)}" for t in speed.TARGETS)),
+        tuple(rows),
+        "The cheapest method whose state error stays below the figure at all smaller steps, with the accuracy "
+        "it needs. Seconds are compared between compiled loops; “host loop” marks a method that alone reaches "
+        "the error, or whose seconds measure the interpreter.",
+    )
 
 
 def _choice(found: list[speed.Cost], target: float) -> Cell:
@@ -149,7 +227,12 @@ def _choice(found: list[speed.Cost], target: float) -> Cell:
     others = ", ".join(f"{c.solver} {seconds(c.seconds)}" for c in found[1:])
     if first.loop != "compiled":
         small += f", {first.loop or 'unmarked'} loop"
-    return Cell(first.solver, small, f"Also reached by: {others}." if others else "No other method reached it.", "best")
+    return Cell(
+        first.solver,
+        small,
+        f"Also reached by: {others}." if others else "No other method reached it.",
+        "best",
+    )
 
 
 def speed_table(data: Data) -> Table:
@@ -159,17 +242,28 @@ def speed_table(data: Data) -> Table:
         by_target = {t: speed.costs(data, case, t) for t in speed.TARGETS}
         led = [r for r in data.of_case(case) if r.good.any()]
         for runs in data.of_case(case):
-            mine = {t: next((c for c in found if c.solver == runs.solver), None) for t, found in by_target.items()}
+            mine = {
+                t: next((c for c in found if c.solver == runs.solver), None)
+                for t, found in by_target.items()
+            }
             if not any(mine.values()):
                 continue
             cells = [Cell(runs.solver, f"{runs.loop or 'unmarked'} loop", kind="method")]
-            absent = f"{LEADS} does not reach it" if any(family(r.solver) == LEADS for r in led) else f"no {LEADS} here"
+            absent = (
+                f"{LEADS} does not reach it"
+                if any(family(r.solver) == LEADS for r in led)
+                else f"no {LEADS} here"
+            )
             cells += [_speed(mine[t], speed.baseline(by_target[t]), absent) for t in speed.TARGETS]
             rows.append(Row(tuple(cells), case, runs.solver))
-    return Table("speed", ("method", *(f"error {power(t)}" for t in speed.TARGETS)), tuple(rows),
-                 "Seconds to a state error, interpolated on the work-precision curve, and their factor over PBD. "
-                 "≤: the coarsest run tried was already better, so that no factor can be given; "
-                 "“work” is the factor in drift calls + projections + inner iterations, for loops of different kinds.")
+    return Table(
+        "speed",
+        ("method", *(f"error {power(t)}" for t in speed.TARGETS)),
+        tuple(rows),
+        "Seconds to a state error, interpolated on the work-precision curve, and their factor over PBD. "
+        "≤: the coarsest run tried was already better, so that no factor can be given; "
+        "“work” is the factor in drift calls + projections + inner iterations, for loops of different kinds.",
+    )
 
 
 def _speed(cost: speed.Cost | None, base: speed.Cost | None, absent: str) -> Cell:
@@ -181,11 +275,29 @@ def _speed(cost: speed.Cost | None, base: speed.Cost | None, absent: str) -> Cel
     if cost.solver == base.solver:
         return Cell(text, f"{TIMES} 1 (the measure)", kind="number")
     if cost.at_most or base.at_most:
-        return Cell(text, "bounds only", "A coarsest run was already better than this error.", "number")
-    ratio, work = speed.ratio(cost, base), speed.work_ratio(cost, base)
-    small = f"{TIMES} {factor(ratio)}" if ratio else f"work {TIMES} {factor(work)}" if work else "not comparable"
-    spread = f"quartiles {seconds(cost.low)} and {seconds(cost.high)}" if np.isfinite(cost.low + cost.high) else ""
-    return Cell(text, small, spread if ratio else f"Not compared in seconds: {speed.apart(cost, base)}.", "number")
+        return Cell(
+            text, "bounds only", "A coarsest run was already better than this error.", "number"
+        )
+    ratio = speed.ratio(cost, base)
+    work = speed.work_ratio(cost, base)
+    small = (
+        f"{TIMES} {factor(ratio)}"
+        if ratio
+        else f"work {TIMES} {factor(work)}"
+        if work
+        else "not comparable"
+    )
+    spread = (
+        f"quartiles {seconds(cost.low)} and {seconds(cost.high)}"
+        if np.isfinite(cost.low + cost.high)
+        else ""
+    )
+    return Cell(
+        text,
+        small,
+        spread if ratio else f"Not compared in seconds: {speed.apart(cost, base)}.",
+        "number",
+    )
 
 
 def failures_table(data: Data) -> Table:
@@ -201,14 +313,30 @@ def failures_table(data: Data) -> Table:
             entry["runs"] += 1
             entry["cases"][case] = None
     rows = []
-    for (refused, status, solver, _), entry in sorted(groups.items(), key=lambda g: (g[0][:2], -g[1]["runs"], g[0])):
+    for (refused, status, solver, _), entry in sorted(
+        groups.items(), key=lambda g: (g[0][:2], -g[1]["runs"], g[0])
+    ):
         why = entry["why"] or "No sentence was recorded."
-        rows.append(Row((Cell(status, kind="refused" if refused else "failed"), Cell(solver, kind="method"),
-                         Cell(str(entry["runs"]), kind="number"), Cell(why), Cell(listed(entry["cases"], 8))),
-                        solver=solver))
-    return Table("failures", ("status", "method", "runs", "sentence", "cases"), tuple(rows),
-                 "Sentences that differ only in their numbers are counted together; the first one is shown."
-                 if rows else "Every run attempted reached its end time with a number.")
+        rows.append(
+            Row(
+                (
+                    Cell(status, kind="refused" if refused else "failed"),
+                    Cell(solver, kind="method"),
+                    Cell(str(entry["runs"]), kind="number"),
+                    Cell(why),
+                    Cell(listed(entry["cases"], 8)),
+                ),
+                solver=solver,
+            )
+        )
+    return Table(
+        "failures",
+        ("status", "method", "runs", "sentence", "cases"),
+        tuple(rows),
+        "Sentences that differ only in their numbers are counted together; the first one is shown."
+        if rows
+        else "Every run attempted reached its end time with a number.",
+    )
 
 
 def seeds_table(data: Data) -> Table:
@@ -216,7 +344,9 @@ def seeds_table(data: Data) -> Table:
     groups: dict = {}
     for (case, solver), runs in data.runs.items():
         if re.search(r"[\[,]seed=", case):
-            base = re.sub(r"\[\]$", "", re.sub(r"(?<=\[),", "", re.sub(r",?seed=[^,\]]*", "", case)))
+            base = re.sub(
+                r"\[\]$", "", re.sub(r"(?<=\[),", "", re.sub(r",?seed=[^,\]]*", "", case))
+            )
             groups.setdefault((base, solver), []).append(runs)
     rows = []
     for (base, solver), group in groups.items():
@@ -224,14 +354,29 @@ def seeds_table(data: Data) -> Table:
             continue
         bad = [r for r in group if finished(r) < len(r)]
         codes = spell(sum_statuses(bad)) if bad else "none"
-        rows.append(Row((Cell(solver, kind="method"), Cell(str(len(group)), kind="number"),
-                         Cell(str(len(bad)), kind="number" if not bad else "bad"), Cell(codes)), base, solver))
-    return Table("seeds", ("method", "seeds", "with a failure", "statuses"), tuple(rows),
-                 "A seed counts as failed when any of its runs ended without a number.")
+        rows.append(
+            Row(
+                (
+                    Cell(solver, kind="method"),
+                    Cell(str(len(group)), kind="number"),
+                    Cell(str(len(bad)), kind="number" if not bad else "bad"),
+                    Cell(codes),
+                ),
+                base,
+                solver,
+            )
+        )
+    return Table(
+        "seeds",
+        ("method", "seeds", "with a failure", "statuses"),
+        tuple(rows),
+        "A seed counts as failed when any of its runs ended without a number.",
+    )
 
 
 def sum_statuses(group):
     from collections import Counter
+
     total = Counter(s for r in group for s in r.col["status"].tolist())
     for code in ("ok", "below_reference"):
         total.pop(code, None)
@@ -246,43 +391,55 @@ def _plain(value) -> str:
 
 def environment_table(env: dict) -> Table:
     """env.json, one line per entry."""
-    rows = [Row((Cell(clean(k, 80), kind="method"), Cell(clean(_plain(v)) or "empty"))) for k, v in env.items()]
-    return Table("environment", ("what", "value"), tuple(rows),
-                 "" if rows else "The study stored no environment: its figures cannot be tied to a machine.")
+    rows = [
+        Row((Cell(clean(k, 80), kind="method"), Cell(clean(_plain(v)) or "empty")))
+        for k, v in env.items()
+    ]
+    return Table(
+        "environment",
+        ("what", "value"),
+        tuple(rows),
+        "" if rows else "The study stored no environment: its figures cannot be tied to a machine.",
+    )
 
 
 GLOSSARY = {
     "state error": "sup over the sample times of |x - x*|, x* exact or a stored reference",
     "multiplier error": "impulse: max over the sample times of |integral of lambda - its reference|, meaningful even "
-                        "under chatter. Reaction: the same for sum lambda_k grad g_k, unique when lambda is not. "
-                        "For a Filippov system: the integral of the weight theta",
+    "under chatter. Reaction: the same for sum lambda_k grad g_k, unique when lambda is not. "
+    "For a Filippov system: the integral of the weight theta",
     "settled": "sup of the multiplier's error outside windows around events",
     "selection": "the part of non-unique multipliers that a method picks (self-stress); never an error",
     "violation": "largest max(0, -g) over constraints and sample times, computed by the bench",
     "order, interval": "p of error = C h^p (1 + r h^q)^s in the fit window, the slope of log error over log h that the "
-                       "error tends to, with its t-based 95 % interval; kept negative when a method diverges",
+    "error tends to, with its t-based 95 % interval; kept negative when a method diverges",
     "constant": "C in error = C h^p, of the finest steps",
     "exact at grid times": "the error is rounding at every step, so that no order can be fitted (Euler is exact for "
-                           "a constant drift)",
+    "a constant drift)",
     "plateau": "the error tends to C > 0: the method converges to a limit of its own",
     "pre-asymptotic, undecided": "too few points, or too erratic, for a verdict; an answer, not an omission",
     "reference floor": "an error below it says more of the reference than of the method and is not a number",
     "h": "the step taken (not the one asked for); 1/k for a penalty; a tolerance for methods that control their error",
     "counted work": "drift calls + projections + inner iterations (QP solves where those are not counted)",
     "compiled, host": "whether the loop over steps runs as machine code or in the Python interpreter; seconds are "
-                      "compared only within a kind",
+    "compared only within a kind",
     "claimed": f"the order a solver's file claims. A deviation is marked when the claim lies outside the interval and "
-               f"more than {0.1:g} away",
+    f"more than {0.1:g} away",
 }
 
 
 def glossary_table() -> Table:
-    return Table("glossary", ("word", "meaning"),
-                 tuple(Row((Cell(k, kind="method"), Cell(v))) for k, v in GLOSSARY.items()))
+    return Table(
+        "glossary",
+        ("word", "meaning"),
+        tuple(Row((Cell(k, kind="method"), Cell(v))) for k, v in GLOSSARY.items()),
+    )
 
 
 def counts_line(summaries: dict[tuple, Summary]) -> str:
     """``24 runs of 3 methods on 2 cases``."""
     runs = sum(len(s.runs) for s in summaries.values())
-    return (f"{count(runs, 'run')} of {count(len({k[1] for k in summaries}), 'method')} "
-            f"on {count(len({k[0] for k in summaries}), 'case')}")
+    return (
+        f"{count(runs, 'run')} of {count(len({k[1] for k in summaries}), 'method')} "
+        f"on {count(len({k[0] for k in summaries}), 'case')}"
+    )

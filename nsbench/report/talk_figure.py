@@ -1,4 +1,5 @@
 """The talk's figure: explicit Euler on its sliding example, drawn with matplotlib's Figure (no pyplot)."""
+
 from __future__ import annotations
 
 import io
@@ -41,6 +42,7 @@ def talk_figure(data: Data) -> str:
     coordinates.
     """
     from matplotlib.figure import Figure
+
     talk = data.extra.get("talk_figure")
     rows = talk_runs(talk) if isinstance(talk, dict) else []
     if not rows:
@@ -51,12 +53,24 @@ def talk_figure(data: Data) -> str:
     fig = Figure(figsize=(2.4 * across + 0.4, 1.9 * len(rows) + 0.3))
     fig.patch.set_visible(False)
     every = [c for _, group in rows for _, c in group] + ([exact] if exact is not None else [])
-    limits = [(min(c[:, k].min() for c in every), max(c[:, k].max() for c in every)) for k in (0, 1)]
+    limits = [
+        (min(c[:, k].min() for c in every), max(c[:, k].max() for c in every)) for k in (0, 1)
+    ]
     for i, (name, group) in enumerate(rows):
         for j, (dt, curve) in enumerate(group):
             ax = fig.add_subplot(len(rows), across, i * across + j + 1, facecolor="none")
-            _talk_axes(ax, limits, f"{name} Euler, dt = {num(dt) if isinstance(dt, (int, float)) else clean(dt, 12)}")
-            ax.plot(*curve.T, color=PALETTE[1] if name == "explicit" else PALETTE[0], lw=1.1, marker="o", ms=2.4)
+            _talk_axes(
+                ax,
+                limits,
+                f"{name} Euler, dt = {num(dt) if isinstance(dt, (int, float)) else clean(dt, 12)}",
+            )
+            ax.plot(
+                *curve.T,
+                color=PALETTE[1] if name == "explicit" else PALETTE[0],
+                lw=1.1,
+                marker="o",
+                ms=2.4,
+            )
             if exact is not None:
                 ax.plot(*exact.T, color=INK, lw=0.9, ls="--")
     fig.subplots_adjust(0.07, 0.11, 0.99, 0.92, 0.2, 0.45)
@@ -68,7 +82,8 @@ def talk_sentence(data: Data) -> str:
     talk = data.extra.get("talk_figure")
     if not isinstance(talk, dict):
         return ""
-    exact, parts = _curve(talk.get("exact")), []
+    exact = _curve(talk.get("exact"))
+    parts = []
     if exact is None or len(exact) < 2:
         return "Euler's method on the talk's sliding example, explicit and implicit."
     for name, group in talk_runs(talk):
@@ -79,7 +94,8 @@ def talk_sentence(data: Data) -> str:
 
 def strays(curve: np.ndarray, path: np.ndarray) -> float:
     """Largest distance of the points `curve` (k, 2) from the polygon through `path` (m, 2)."""
-    a, d = path[:-1], np.diff(path, axis=0)
+    a = path[:-1]
+    d = np.diff(path, axis=0)
     square = np.maximum((d * d).sum(axis=1), 1e-300)
     s = np.clip(((curve[:, None] - a) * d).sum(axis=2) / square, 0.0, 1.0)
     return float(np.linalg.norm(curve[:, None] - a - s[..., None] * d, axis=2).min(axis=1).max())
@@ -102,15 +118,23 @@ def _talk_axes(ax, limits, title: str):
 def _svg(fig, salt: str) -> str:
     from matplotlib import rc_context
     from matplotlib.backends.backend_svg import FigureCanvasSVG
-    settings = {"svg.hashsalt": salt, "svg.fonttype": "none", "font.family": "DejaVu Sans", "text.usetex": False}
+
+    settings = {
+        "svg.hashsalt": salt,
+        "svg.fonttype": "none",
+        "font.family": "DejaVu Sans",
+        "text.usetex": False,
+    }
     with rc_context(settings), io.StringIO() as out:
-        FigureCanvasSVG(fig).print_svg(out, metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
+        FigureCanvasSVG(fig).print_svg(
+            out, metadata={"Date": None, "Creator": None, "Format": None, "Type": None}
+        )
         text = out.getvalue()
-    text = text[text.index("<svg"):].strip()
+    text = text[text.index("<svg") :].strip()
     text = re.sub(r"<defs>\s*<style.*?</style>\s*</defs>", "", text, flags=re.S)
     text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.S)
     text = re.sub(r"<!--.*?-->\s*", "", text, flags=re.S)
-    text = re.sub(r"(\d\.\d{2})\d+", r"\1", text)                  # a hundredth of a point is not seen
+    text = re.sub(r"(\d\.\d{2})\d+", r"\1", text)  # a hundredth of a point is not seen
     text = re.sub(r'font: ([\d.]+)px [^;"]*', r"font: \1px system-ui, sans-serif", text)
     text = re.sub(r' (width|height)="[\d.]+pt"', "", text, count=2)
     return re.sub(r"\s*\n\s*", "\n", text).replace(' version="1.1"', "")

@@ -1,4 +1,5 @@
 """The opening sentences: which method, which multipliers, what failed; every figure is computed from the rows."""
+
 from __future__ import annotations
 
 from collections import Counter
@@ -12,12 +13,13 @@ from nsbench.report.expectations import findings, fresh, gone
 from nsbench.report.style import LEADS, count, factor, listed, num, power
 from nsbench.report.summary import OPEN, Order, Summary, silent_wrong, spell
 
-MOST = 12           # deviations told in the opening; the table has them all
+MOST = 12  # deviations told in the opening; the table has them all
 
 
 @dataclass(frozen=True)
 class Statement:
     """A short heading with its sentences; tone: plain or bad."""
+
     head: str
     sentences: tuple[str, ...]
     tone: str = "plain"
@@ -27,26 +29,38 @@ def verdict(data: Data, summaries: dict[tuple, Summary]) -> list[Statement]:
     """What a reader in a hurry should take away; at least one statement, also when nothing ran."""
     if not any(s.word == "ok" for s in summaries.values()):
         return [Statement("No run gave a number", (_runs(summaries), *_failed(summaries)), "bad")]
-    parts = [Statement("Which method", tuple(_choices(data))),
-             Statement("Which orders", tuple(_orders(summaries))),
-             Statement("Can the multipliers be trusted", tuple(_multipliers(summaries))),
-             Statement("Which step", tuple(_violations(data, summaries))),
-             Statement("At equal error", tuple(speeds(data)))]
+    parts = [
+        Statement("Which method", tuple(_choices(data))),
+        Statement("Which orders", tuple(_orders(summaries))),
+        Statement("Can the multipliers be trusted", tuple(_multipliers(summaries))),
+        Statement("Which step", tuple(_violations(data, summaries))),
+        Statement("At equal error", tuple(speeds(data))),
+    ]
     parts += _unexpected(findings(data, summaries))
     wrong = silent_wrong(summaries)
     if wrong:
-        parts.append(Statement("Wrong without a word", tuple(
-            f"{s.solver} on {s.case}, called ok: {s.state.sentence}" for s in wrong), "bad"))
+        parts.append(
+            Statement(
+                "Wrong without a word",
+                tuple(f"{s.solver} on {s.case}, called ok: {s.state.sentence}" for s in wrong),
+                "bad",
+            )
+        )
     parts.append(Statement("What failed", (_runs(summaries), *_failed(summaries))))
     return [p for p in parts if p.sentences]
 
 
 def _unexpected(found) -> list[Statement]:
     """New deviations from what the methods declare, and known ones that are gone: the same statement for both."""
-    told = [f"{f.solver} on {f.case}, {f.metric}: {f.expected} was expected, {f.observed} is seen."
-            for f in fresh(found)]
-    told += [f"{f.solver} on {f.case}, {f.metric}: known to be “{was}”, is seen as {f.observed}: the table of known "
-             "deviations is out of date." for f, was, _ in gone(found)]
+    told = [
+        f"{f.solver} on {f.case}, {f.metric}: {f.expected} was expected, {f.observed} is seen."
+        for f in fresh(found)
+    ]
+    told += [
+        f"{f.solver} on {f.case}, {f.metric}: known to be “{was}”, is seen as {f.observed}: the table of known "
+        "deviations is out of date."
+        for f, was, _ in gone(found)
+    ]
     rest = [f"{len(told) - MOST} more: see the table."] if len(told) > MOST else []
     return [Statement("Not as expected", (*told[:MOST], *rest), "bad")] if told else []
 
@@ -83,7 +97,8 @@ def _by_solver(summaries) -> dict[str, list[Summary]]:
 def _spread(orders: list[Order]) -> str:
     """``1.00`` or ``0.97 to 1.02`` with the number of cases."""
     values = [o.order for o in orders]
-    low, high = f"{min(values):.2f}", f"{max(values):.2f}"
+    low = f"{min(values):.2f}"
+    high = f"{max(values):.2f}"
     return f"{low if low == high else f'{low} to {high}'} ({count(len(values), 'case')})"
 
 
@@ -104,18 +119,31 @@ def _told(o: Order) -> str:
 
 
 def _orders(summaries):
-    solvers, pairs = _by_solver(summaries), [(s, s.state) for s in summaries.values() if s.word == "ok"]
-    fits = {name: [s.state for s in group if s.state.verdict == "order"] for name, group in solvers.items()}
-    kept = {name: f for name, f in fits.items() if f and f[0].claim is not None and not any(o.flag for o in f)}
+    solvers = _by_solver(summaries)
+    pairs = [(s, s.state) for s in summaries.values() if s.word == "ok"]
+    fits = {
+        name: [s.state for s in group if s.state.verdict == "order"]
+        for name, group in solvers.items()
+    }
+    kept = {
+        name: f
+        for name, f in fits.items()
+        if f and f[0].claim is not None and not any(o.flag for o in f)
+    }
     for claim in sorted({f[0].claim for f in kept.values()}):
         told = "; ".join(f"{name} {_spread(f)}" for name, f in kept.items() if f[0].claim == claim)
         yield f"State order {num(claim)}, as claimed, wherever it can be fitted: {told}."
     free = [f"{name} {_spread(f)}" for name, f in fits.items() if f and f[0].claim is None]
     if free:
         yield f"State order where none is claimed: {'; '.join(free)}."
-    for head, test in (("Below the claim", lambda o: o.kind == "fit" and o.flag == "below"),
-                       ("Above the claim", lambda o: o.kind == "fit" and o.flag == "above"),
-                       ("A limit of its own, or none", lambda o: o.verdict in ("plateau", "diverges") and not o.flag)):
+    for head, test in (
+        ("Below the claim", lambda o: o.kind == "fit" and o.flag == "below"),
+        ("Above the claim", lambda o: o.kind == "fit" and o.flag == "above"),
+        (
+            "A limit of its own, or none",
+            lambda o: o.verdict in ("plateau", "diverges") and not o.flag,
+        ),
+    ):
         found = [(s, o) for s, o in pairs if test(o)]
         if found:
             yield f"{head}: {_pairs(found, _told)}."
@@ -123,11 +151,23 @@ def _orders(summaries):
         bounds = [s.state for s in group if s.state.kind == "bound"]
         if bounds:
             missed = [(s, s.state) for s in group if s.state.kind == "bound" and s.state.flag]
-            blind = [s.case for s in group if s.state.kind == "bound" and s.state.verdict == "below reference"]
-            tail = f"; missed on {listed([f'{s.case} ({_told(o)})' for s, o in missed], 4)}" if missed else ""
-            tail += f"; the reference is not good enough to tell on {listed(blind, 4)}" if blind else ""
-            yield (f"{name}: the bound it claims, {num(bounds[0].claim)}, is kept on "
-                   f"{len(bounds) - len(missed) - len(blind)} of {count(len(bounds), 'case')}{tail}.")
+            blind = [
+                s.case
+                for s in group
+                if s.state.kind == "bound" and s.state.verdict == "below reference"
+            ]
+            tail = (
+                f"; missed on {listed([f'{s.case} ({_told(o)})' for s, o in missed], 4)}"
+                if missed
+                else ""
+            )
+            tail += (
+                f"; the reference is not good enough to tell on {listed(blind, 4)}" if blind else ""
+            )
+            yield (
+                f"{name}: the bound it claims, {num(bounds[0].claim)}, is kept on "
+                f"{len(bounds) - len(missed) - len(blind)} of {count(len(bounds), 'case')}{tail}."
+            )
     exact = list(dict.fromkeys(s.case for s, o in pairs if o.kind == "exact"))
     if exact:
         yield f"Exact at grid times for at least one method, hence no order there: {listed(exact)}."
@@ -141,8 +181,16 @@ def _multipliers(summaries):
     solvers = _by_solver(summaries)
     pairs = [(s, s.force) for s in summaries.values() if s.word == "ok"]
     for metric in ("impulse", "reaction"):
-        sure = {name: [s.force for s in group if s.force.metric == metric and s.force.verdict == "order"
-                       and s.force.interval[0] > 0] for name, group in solvers.items()}
+        sure = {
+            name: [
+                s.force
+                for s in group
+                if s.force.metric == metric
+                and s.force.verdict == "order"
+                and s.force.interval[0] > 0
+            ]
+            for name, group in solvers.items()
+        }
         told = [f"{name} {_spread(f)}" for name, f in sure.items() if f]
         if told:
             yield f"The {metric} converges, with order: {'; '.join(told)}."
@@ -160,16 +208,21 @@ def _multipliers(summaries):
         yield f"No verdict (undecided or pre-asymptotic): {len(open_)} of {count(len(pairs), 'pair')}, on {cases}."
     loose = sorted({s.case for s in summaries.values() if s.force.metric == "reaction"})
     if loose:
-        yield (f"Not unique, so that only the reaction can be compared: {listed(loose)}. Which multiplier a method "
-               "picks there is a selection, not an error.")
+        yield (
+            f"Not unique, so that only the reaction can be compared: {listed(loose)}. Which multiplier a method "
+            "picks there is a selection, not an error."
+        )
 
 
 def _violations(data: Data, summaries):
     """Which step keeps the constraints, and the case that asks for it: one sentence per figure."""
     for target in (1e-2, 1e-3):
-        told, missed = [], []
+        told = []
+        missed = []
         for solver, group in _by_solver(summaries).items():
-            found = {s.case: speed.step_for_violation(s.runs, target) for s in group if s.runs.violates}
+            found = {
+                s.case: speed.step_for_violation(s.runs, target) for s in group if s.runs.violates
+            }
             steps = [(c.h, case) for case, c in found.items() if c is not None and c.h > 0]
             if steps:
                 h, case = min(steps)
@@ -182,7 +235,9 @@ def _violations(data: Data, summaries):
 
 def speeds(data: Data):
     """Factors over PBD at equal error, between loops of one kind, and the talk's factor of 100."""
-    qp, ratios, apart = speed.with_qp(data), {}, set()
+    qp = speed.with_qp(data)
+    ratios = {}
+    apart = set()
     for case in data.case_keys:
         for target in speed.TARGETS:
             found = speed.costs(data, case, target)
@@ -197,35 +252,49 @@ def speeds(data: Data):
                     ratios.setdefault(c.solver, []).append((r, case, target))
     for solver, group in ratios.items():
         values = [r for r, _, _ in group]
-        yield (f"{solver} takes {factor(float(np.median(values)))} times the seconds of {LEADS} (median of "
-               f"{count(len(values), 'comparison')}; {factor(min(values))} to {factor(max(values))}).")
+        yield (
+            f"{solver} takes {factor(float(np.median(values)))} times the seconds of {LEADS} (median of "
+            f"{count(len(values), 'comparison')}; {factor(min(values))} to {factor(max(values))})."
+        )
     apart -= set(ratios)
     if apart:
-        yield (f"Seconds of {listed(sorted(apart))} are not compared with {LEADS}: their loops are of another kind, or "
-               "their coarsest run was already better.")
+        yield (
+            f"Seconds of {listed(sorted(apart))} are not compared with {LEADS}: their loops are of another kind, or "
+            "their coarsest run was already better."
+        )
     gains = [g for solver in qp for g in ratios.get(solver, [])]
     if gains:
         top, case, target = max(gains)
         seen = "was seen" if top >= 100 else "was not seen"
-        yield (f"The talk's factor of 100 over stepping with an inner QP {seen} at equal error: at most "
-               f"{factor(top)} times ({case} at {power(target)}), at least {factor(min(gains)[0])}.")
+        yield (
+            f"The talk's factor of 100 over stepping with an inner QP {seen} at equal error: at most "
+            f"{factor(top)} times ({case} at {power(target)}), at least {factor(min(gains)[0])}."
+        )
 
 
 def _runs(summaries) -> str:
     total = sum((s.statuses for s in summaries.values()), Counter())
     good = total.pop("ok", 0)
-    below, refused = total.pop("below_reference", 0), total.pop("refused", 0)
+    below = total.pop("below_reference", 0)
+    refused = total.pop("refused", 0)
     text = f"Of {count(good + below + refused + sum(total.values()), 'run')} {good} ended ok"
     text += f", {below} below the reference's own error" if below else ""
     text += f", {refused} refused by the method" if refused else ""
-    return text + (f", {sum(total.values())} failed: {spell(total)}." if total else ", none failed.")
+    return text + (
+        f", {sum(total.values())} failed: {spell(total)}." if total else ", none failed."
+    )
 
 
 def _failed(summaries):
     for solver in dict.fromkeys(s.solver for s in summaries.values()):
         never = [s.case for s in summaries.values() if s.solver == solver and s.word == "failed"]
-        some = [s.case for s in summaries.values() if s.solver == solver and s.word == "ok"
-                and set(s.statuses) - {"ok", "below_reference", "refused"}]
+        some = [
+            s.case
+            for s in summaries.values()
+            if s.solver == solver
+            and s.word == "ok"
+            and set(s.statuses) - {"ok", "below_reference", "refused"}
+        ]
         if never:
             yield f"{solver} gave no number on {listed(never)}."
         if some:

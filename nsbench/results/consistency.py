@@ -4,6 +4,7 @@ DIR/.report.key tells: of which rows tables and report were made, how long the j
 files. It is empty while a run is at work that will write other ones, and stays so if that does not end. Folders without
 a journal (copies of tables), without the key or with one of an older version are taken as they are.
 """
+
 from __future__ import annotations
 
 import hashlib
@@ -13,7 +14,8 @@ from pathlib import Path
 from nsbench.results import tables as store
 
 FILES = ("runs.parquet", "runs.csv", "cases.json", "solvers.json", "extra.json", "env.json")
-STAMP, JOURNAL = ".report.key", "journal.jsonl"
+STAMP = ".report.key"
+JOURNAL = "journal.jsonl"
 
 
 def begin(folder: Path) -> None:
@@ -32,8 +34,14 @@ def end(folder: Path, rows: str, tables: dict[str, str]) -> None:
     that were to be written; StoreError where another one lies there now."""
     for name, digest in tables.items():
         if _digest(folder / name) != digest:
-            raise store.StoreError(f"{folder / name} is not what was written a moment ago; is its disk sound?")
-    lines = [rows, f"{JOURNAL} {_length(folder)}", *(f"{n} {_digest(folder / n)}" for n in FILES if (folder / n).is_file())]
+            raise store.StoreError(
+                f"{folder / name} is not what was written a moment ago; is its disk sound?"
+            )
+    lines = [
+        rows,
+        f"{JOURNAL} {_length(folder)}",
+        *(f"{n} {_digest(folder / n)}" for n in FILES if (folder / n).is_file()),
+    ]
     store.write_atomically(folder / STAMP, "\n".join(lines).encode())
 
 
@@ -45,8 +53,11 @@ def current(folder: Path, rows: str) -> bool:
 
 def intact(folder: Path, name: str) -> bool:
     """Is the file there, and, as far as is known, as it was written?"""
-    return (folder / name).is_file() and all(line == f"{name} {_digest(folder / name)}" for line in _told(folder)
-                                             if line.startswith(f"{name} "))
+    return (folder / name).is_file() and all(
+        line == f"{name} {_digest(folder / name)}"
+        for line in _told(folder)
+        if line.startswith(f"{name} ")
+    )
 
 
 def check(folder) -> None:
@@ -56,8 +67,10 @@ def check(folder) -> None:
     if not (folder / JOURNAL).is_file() or not (folder / STAMP).is_file() or len(told) == 1:
         return
     if not told:
-        raise ValueError(f"the tables in {folder} are older than the last run there, which is going on or did not end: run the "
-                         "same command again")
+        raise ValueError(
+            f"the tables in {folder} are older than the last run there, which is going on or did not end: run the "
+            "same command again"
+        )
     if wrong := _wrong(folder, told):
         raise ValueError(f"{wrong}: run the same command again")
 

@@ -1,4 +1,5 @@
 """The journal of a study, line by line as its runs end, and how files are written so that no half of one is ever seen."""
+
 from __future__ import annotations
 
 import contextlib
@@ -16,8 +17,8 @@ from pathlib import Path
 from nsbench.trajectory import MACHINE, spelled
 
 SCHEMA = 1
-BLOCK = 1 << 20                # bytes that are read at a time
-LONGEST = 16 << 20             # bytes of a line: what one run is made of takes some ten thousand
+BLOCK = 1 << 20  # bytes that are read at a time
+LONGEST = 16 << 20  # bytes of a line: what one run is made of takes some ten thousand
 PIECES = re.compile(rb"[^\0\n]+|\0+|\n")
 WHOLE = 1 << 63
 FOLDERS = ("figures", "output")
@@ -26,7 +27,13 @@ FOLDERS = ("figures", "output")
 WRITTEN = r"runs\.csv|runs\.parquet|(?:cases|solvers|extra|env)\.json|report\.html|report\.md|\.report\.key|calibration\.csv"
 LEFT = re.compile(rf"\.(?:(?:{WRITTEN}|report\.key)\.(\d+)|report\.(?:html|md)\.[a-z0-9_]{{8}})")
 LEFT_BELOW = re.compile(r"\.(?:.+\.(?:svg|txt)|.{40})\.(?:(\d+)|[a-z0-9_]{8})")
-FULL = (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EMFILE, errno.ENFILE)     # the machine's fault, not the folder's
+FULL = (
+    errno.ENOSPC,
+    errno.EDQUOT,
+    errno.EIO,
+    errno.EMFILE,
+    errno.ENFILE,
+)  # the machine's fault, not the folder's
 
 
 class StoreError(Exception):
@@ -49,8 +56,14 @@ def clean(row: dict) -> dict:
 
 def restore(row: dict) -> dict:
     numbers = {"inf": math.inf, "-inf": -math.inf}
-    return {spelled(k): math.nan if v is None else numbers.get(v, spelled(v)) if isinstance(v, str) else v
-            for k, v in row.items()}
+    return {
+        spelled(k): math.nan
+        if v is None
+        else numbers.get(v, spelled(v))
+        if isinstance(v, str)
+        else v
+        for k, v in row.items()
+    }
 
 
 class Journal:
@@ -61,13 +74,21 @@ class Journal:
     """
 
     def __init__(self, folder: Path):
-        self.path, self._told = folder / "journal.jsonl", set()
+        self.path = folder / "journal.jsonl"
+        self._told = set()
         made = not folder.exists()
         try:
             folder.mkdir(parents=True, exist_ok=True)
             # not through a link, and without waiting for the other end of what is no file
-            self._file = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_APPEND | getattr(os, "O_NOFOLLOW", 0)
-                                 | getattr(os, "O_NONBLOCK", 0), 0o666)
+            self._file = os.open(
+                self.path,
+                os.O_RDWR
+                | os.O_CREAT
+                | os.O_APPEND
+                | getattr(os, "O_NOFOLLOW", 0)
+                | getattr(os, "O_NONBLOCK", 0),
+                0o666,
+            )
         except OSError as e:
             if e.errno in FULL:
                 raise StoreError(f"cannot write to {folder}: {e.strerror}") from None
@@ -88,6 +109,7 @@ class Journal:
     def _lock(self):
         with contextlib.suppress(ImportError):
             import fcntl
+
             try:
                 fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except OSError:
@@ -104,12 +126,12 @@ class Journal:
         whole += whole > 0 and ended
         if whole < size:
             os.ftruncate(self._file, whole)
-            if not ended:                                # zeros stand where the line ended: the next one is not part of it
+            if not ended:  # zeros stand where the line ended: the next one is not part of it
                 os.write(self._file, b"\n")
             os.fsync(self._file)
         folder = self.path.parent
         for place, names in ((folder, LEFT), *((folder / name, LEFT_BELOW) for name in FOLDERS)):
-            for left in place.glob(".*"):                # of a process that was killed while it wrote a file
+            for left in place.glob(".*"):  # of a process that was killed while it wrote a file
                 writer = names.fullmatch(left.name)
                 if writer and left.is_file() and not (writer[1] and _alive(int(writer[1]))):
                     left.unlink(missing_ok=True)
@@ -117,18 +139,26 @@ class Journal:
     def append(self, key: str, row: dict, parts=()) -> None:
         """The row of a run, written and synced, and, by their digests, the parts of its key; what is in a part is written
         once, before. Raises StoreError if that fails; the journal is then as it was."""
-        lines = [{"schema": SCHEMA, "part": p.digest, "items": dict(p.items)} for p in parts if p.digest not in self._told]
-        lines.append({"schema": SCHEMA, "key": key, "parts": [p.digest for p in parts], "row": clean(row)})
+        lines = [
+            {"schema": SCHEMA, "part": p.digest, "items": dict(p.items)}
+            for p in parts
+            if p.digest not in self._told
+        ]
+        lines.append(
+            {"schema": SCHEMA, "key": key, "parts": [p.digest for p in parts], "row": clean(row)}
+        )
         size = os.fstat(self._file).st_size
         try:
             left = memoryview(b"".join(map(_sealed, lines)))
             while left:
-                left = left[os.write(self._file, left):]
+                left = left[os.write(self._file, left) :]
             os.fsync(self._file)
         except OSError as e:
             with contextlib.suppress(OSError):
                 os.ftruncate(self._file, size)
-            raise StoreError(f"cannot write {self.path}: {e.strerror}; what was finished before is kept") from None
+            raise StoreError(
+                f"cannot write {self.path}: {e.strerror}; what was finished before is kept"
+            ) from None
         self._told |= {p.digest for p in parts}
 
     def close(self):
@@ -142,7 +172,7 @@ def _alive(pid: int) -> bool:
         os.kill(pid, 0)
     except ProcessLookupError:
         return False
-    except (OSError, OverflowError):                     # there, and of another user
+    except (OSError, OverflowError):  # there, and of another user
         pass
     return True
 
@@ -158,7 +188,7 @@ def _opened(line: bytes) -> dict:
     entry = json.loads(line)
     if not isinstance(entry, dict):
         raise ValueError("no entry")
-    if "sum" in entry:                                   # journals of older versions have none
+    if "sum" in entry:  # journals of older versions have none
         end = line.rfind(b', "sum": ')
         if entry["sum"] != f"{zlib.crc32(line[:end]):08x}":
             raise ValueError("the checksum differs")
@@ -179,18 +209,22 @@ def _backwards(file, end: int, find) -> int:
 def _lines(path: Path):
     """(number from 1, bytes) of the lines of a file, a block at a time; blocks of zeros, which a loss of power leaves, end the
     line that they are in. Raises ValueError for a line that is longer than any of a journal."""
-    number, line = 1, b""
+    number = 1
+    line = b""
     with open(path, "rb") as file:
         while block := file.read(BLOCK):
             for part in PIECES.findall(block):
                 if part[:1] not in b"\0\n":
                     line += part
                     if len(line) > LONGEST:
-                        raise ValueError(f"line {number} of {path} is longer than {LONGEST} bytes; no journal has such a line")
+                        raise ValueError(
+                            f"line {number} of {path} is longer than {LONGEST} bytes; no journal has such a line"
+                        )
                     continue
                 if line:
                     yield number, line
-                line, number = b"", number + (part == b"\n")
+                line = b""
+                number = number + (part == b"\n")
     if line:
         yield number, line
 
@@ -209,7 +243,9 @@ def _entries(path: Path):
             yield number, entry
 
 
-def read_journal(folder: Path, damaged: list[int] | None = None, into: MutableMapping | None = None) -> MutableMapping:
+def read_journal(
+    folder: Path, damaged: list[int] | None = None, into: MutableMapping | None = None
+) -> MutableMapping:
     """Rows by key (in `into`, a dict if None); the last one of a key counts. Lines that cannot be read are dropped, and their
     numbers added to `damaged`."""
     out: MutableMapping = {} if into is None else into
@@ -226,7 +262,8 @@ def read_journal(folder: Path, damaged: list[int] | None = None, into: MutableMa
 def read_parts(folder: Path) -> tuple[dict[tuple, list[str]], dict[str, dict]]:
     """What runs were made of: digests of parts by (case, solver, accuracy, asked), the last run counting; items of a part
     by its digest."""
-    made, parts = {}, {}
+    made = {}
+    parts = {}
     for _, entry in _entries(Path(folder) / "journal.jsonl"):
         with contextlib.suppress(ValueError, KeyError, TypeError):
             if entry["schema"] != SCHEMA:
@@ -235,7 +272,9 @@ def read_parts(folder: Path) -> tuple[dict[tuple, list[str]], dict[str, dict]]:
                 parts[str(entry["part"])] = dict(entry["items"])
             else:
                 row = restore(entry["row"])
-                made[row["case"], row["solver"], row["accuracy"], repr(float(row["asked"]))] = list(entry.get("parts", ()))
+                made[row["case"], row["solver"], row["accuracy"], repr(float(row["asked"]))] = list(
+                    entry.get("parts", ())
+                )
     return made, parts
 
 
@@ -249,7 +288,9 @@ def settled(row: dict, timeout: float | None) -> bool:
     missing file), or had less time than `timeout` seconds is tried again."""
     if row["status"] == "timeout":
         return timeout is not None and timeout <= row.get("limit", 0.0)
-    return row["status"] not in ("crashed", "oom") and not (row["status"] == "error" and MACHINE in str(row.get("why", "")))
+    return row["status"] not in ("crashed", "oom") and not (
+        row["status"] == "error" and MACHINE in str(row.get("why", ""))
+    )
 
 
 def write_atomically(path: Path, data: bytes) -> None:

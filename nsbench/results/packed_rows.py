@@ -1,4 +1,5 @@
 """Rows of a study in little room: a tenth of what a dict of each would take."""
+
 from __future__ import annotations
 
 from array import array
@@ -14,18 +15,25 @@ class Kept(MutableMapping):
 
     def __init__(self):
         self._packed: dict[str, tuple] = {}
-        self._layouts: dict[tuple, tuple] = {}           # (name, is it a float?) of every column, each itself
+        self._layouts: dict[
+            tuple, tuple
+        ] = {}  # (name, is it a float?) of every column, each itself
         self._words: dict[str, str] = {}
 
     def __setitem__(self, key: str, row: dict) -> None:
         layout = tuple((name, type(v) is float) for name, v in row.items())
         floats = array("d", [v for v in row.values() if type(v) is float])
-        others = tuple(self._words.setdefault(v, v) if type(v) is str else v for v in row.values() if type(v) is not float)
+        others = tuple(
+            self._words.setdefault(v, v) if type(v) is str else v
+            for v in row.values()
+            if type(v) is not float
+        )
         self._packed[key] = self._layouts.setdefault(layout, layout), floats.tobytes(), others
 
     def __getitem__(self, key: str) -> dict:
         layout, floats, others = self._packed[key]
-        numbers, rest = iter(array("d", floats)), iter(others)
+        numbers = iter(array("d", floats))
+        rest = iter(others)
         return {name: next(numbers if is_float else rest) for name, is_float in layout}
 
     def __delitem__(self, key: str) -> None:
@@ -45,7 +53,9 @@ class InOrder:
     """The rows of these keys, as often as they are asked for; instead(i) makes that of a key, the i-th, that has none."""
 
     def __init__(self, rows: Kept, keys: Iterable[str], instead):
-        self.rows, self.keys, self.instead = rows, list(keys), instead
+        self.rows = rows
+        self.keys = list(keys)
+        self.instead = instead
 
     def __len__(self) -> int:
         return len(self.keys)

@@ -4,6 +4,7 @@ Keys are made before the runs, workers load files later, and each that replaces 
 its key if nobody has touched a file that counts since the key was made, and if the data that the run has read are the same
 here and now; otherwise it is shown as unverified, and made again by the next call.
 """
+
 from __future__ import annotations
 
 from pathlib import Path
@@ -18,18 +19,22 @@ from nsbench.source_files import locations as places
 from nsbench.source_files import opened_files as opened
 from nsbench.study import Spec
 
-READ = "read "            # begins the names of items that runs have read; what follows is for `_place`
+READ = "read "  # begins the names of items that runs have read; what follows is for `_place`
 TOUCHED = "changed while it ran"
 CASE = "case"
 
 
-def known(out: Path, specs: list[Spec], found: dict[Spec, str], timeout: float | None, damaged: list[int]) -> Kept:
+def known(
+    out: Path, specs: list[Spec], found: dict[Spec, str], timeout: float | None, damaged: list[int]
+) -> Kept:
     """Rows by key that need not be made again: those of the journal, but for what was killed, had less time, or has read
     data that are others now. damaged: the numbers of lines that cannot be read are added."""
     rows = Kept()
     store.read_journal(out, damaged, rows)
     stale = {found[s] for s in changed_data(out, specs, found)}
-    for key in [key for key, row in rows.items() if key in stale or not store.settled(row, timeout)]:
+    for key in [
+        key for key, row in rows.items() if key in stale or not store.settled(row, timeout)
+    ]:
         del rows[key]
     return rows
 
@@ -50,23 +55,33 @@ def read_by(spec: Spec) -> dict[str, str]:
     spec; names as `others` takes them."""
     homes = {CASE: spec.file} if spec.file else {}
     homes |= {Path(f).name: f for f in spec.solver_files}
-    return {f"{who}: {name}": digest for who, file in homes.items()
-            for name, digest in opened.read_by(file, places.is_foreign).items()}
+    return {
+        f"{who}: {name}": digest
+        for who, file in homes.items()
+        for name, digest in opened.read_by(file, places.is_foreign).items()
+    }
 
 
 def _place(spec: Spec, name: str) -> Path:
     who, _, path = name.partition(": ")
-    home = spec.file if who == CASE else next((f for f in spec.solver_files if Path(f).name == who), "")
+    home = (
+        spec.file
+        if who == CASE
+        else next((f for f in spec.solver_files if Path(f).name == who), "")
+    )
     return Path(home).resolve().parent / path
 
 
 def _data(out: Path) -> dict[str, dict[str, str]]:
     """What runs have read, by key."""
-    parts, of_key = {}, {}
+    parts = {}
+    of_key = {}
     for _, entry in journal._entries(Path(out) / "journal.jsonl"):
         try:
             if "part" in entry:
-                parts[entry["part"]] = {k.removeprefix(READ): v for k, v in entry["items"].items() if k.startswith(READ)}
+                parts[entry["part"]] = {
+                    k.removeprefix(READ): v for k, v in entry["items"].items() if k.startswith(READ)
+                }
             else:
                 of_key[entry["key"]] = [d for d in entry["parts"] if parts.get(d)]
         except (KeyError, TypeError, AttributeError):
@@ -78,10 +93,20 @@ class Filed:
     """The rows of one study on their way into the journal. here: they are made by workers of this machine, which read what
     lies here (elsewhere a worker itself compares what it reads)."""
 
-    def __init__(self, journal: store.Journal, found: dict[Spec, str], parts: dict[Spec, tuple[Part, ...]], cases: dict,
-                 here: bool = True):
-        self.journal, self.keys, self.parts, self.cases, self.here = journal, found, parts, cases, here
-        self.uncertain: dict[Spec, list[str]] = {}       # and the files on account of which
+    def __init__(
+        self,
+        journal: store.Journal,
+        found: dict[Spec, str],
+        parts: dict[Spec, tuple[Part, ...]],
+        cases: dict,
+        here: bool = True,
+    ):
+        self.journal = journal
+        self.keys = found
+        self.parts = parts
+        self.cases = cases
+        self.here = here
+        self.uncertain: dict[Spec, list[str]] = {}  # and the files on account of which
 
     def row(self, spec: Spec, row: dict) -> dict:
         """The row as it is to be shown; written and synced."""
@@ -94,17 +119,28 @@ class Filed:
             return row
         self.uncertain[spec] = files
         if row["status"] in ("ok", "below_reference"):
-            row = row | {"status": "unverified", "why": f"{', '.join(files)} changed while runs were made: with which text this "
-                         "one was made cannot be told. The next call makes it again."}
-        self.journal.append(f"{TOUCHED}: {self.keys[spec]}", row, (Part.of({TOUCHED: ", ".join(files)}),))
+            row = row | {
+                "status": "unverified",
+                "why": f"{', '.join(files)} changed while runs were made: with which text this "
+                "one was made cannot be told. The next call makes it again.",
+            }
+        self.journal.append(
+            f"{TOUCHED}: {self.keys[spec]}", row, (Part.of({TOUCHED: ", ".join(files)}),)
+        )
         return row
 
     def _changed(self, spec: Spec, read: dict[str, str]) -> list[str]:
-        files = seen.touched(keys.watched(spec, self.cases[spec.case, spec.file])) if self.here else []
+        files = (
+            seen.touched(keys.watched(spec, self.cases[spec.case, spec.file])) if self.here else []
+        )
         return [*dict.fromkeys(Path(f).name for f in files), *others(spec, read)]
 
     def tell(self, say) -> None:
         if self.uncertain:
-            files = ", ".join(dict.fromkeys(f for several in self.uncertain.values() for f in several))
-            say(f"{files} changed while runs were made: {len(self.uncertain)} rows are unverified, the next call makes them "
-                "again")
+            files = ", ".join(
+                dict.fromkeys(f for several in self.uncertain.values() for f in several)
+            )
+            say(
+                f"{files} changed while runs were made: {len(self.uncertain)} rows are unverified, the next call makes them "
+                "again"
+            )

@@ -5,6 +5,7 @@ every run depends on (the files that run and measure, the machine), what its sol
 file with the digest of its content, a library with its version, a setting with its value. Which files count is read off
 the imports (nsbench.source_files.import_graph); editing one file makes those runs again that depend on it, and no other.
 """
+
 from __future__ import annotations
 
 import functools
@@ -25,19 +26,34 @@ from nsbench.source_files import opened_files as opened
 
 ROOT = places.ROOT
 # From here every row comes; the last begins each run with the same global random numbers and rounding
-COMMON = ("study/__init__.py", "measure/errors.py", "measure/clock.py", "execute/workers/process_state.py")
+COMMON = (
+    "study/__init__.py",
+    "measure/errors.py",
+    "measure/clock.py",
+    "execute/workers/process_state.py",
+)
 MACHINE = ("GLIBC_TUNABLES", "LD_PRELOAD", "LD_LIBRARY_PATH")
-SETTINGS = {"numpy": ("NPY_", "OPENBLAS_", "MKL_", "BLIS_", "VECLIB_", "OMP_", "KMP_"), "numba": ("NUMBA_",),
-            "jax": ("JAX_", "XLA_", "CUDA_", "HIP_", "ROCR_", "TF_XLA")}
-NAMES = {"flint": "python-flint", "sklearn": "scikit-learn", "yaml": "PyYAML"}       # where the import has another name
+SETTINGS = {
+    "numpy": ("NPY_", "OPENBLAS_", "MKL_", "BLIS_", "VECLIB_", "OMP_", "KMP_"),
+    "numba": ("NUMBA_",),
+    "jax": ("JAX_", "XLA_", "CUDA_", "HIP_", "ROCR_", "TF_XLA"),
+}
+NAMES = {
+    "flint": "python-flint",
+    "sklearn": "scikit-learn",
+    "yaml": "PyYAML",
+}  # where the import has another name
 # Where things are kept, what is printed, and what workers set themselves, all to one thread
-HARMLESS = re.compile(r".*(_CACHE_DIR|_NUM_THREADS|_TRACEBACK_FILTERING|_COLOR_SCHEME)$|JAX_PERSISTENT_CACHE_.*|NSBENCH_CACHE|"
-                      r"NUMBA_(DEBUG|DUMP|DEVELOPER|WARNINGS|TRACE|SHOW|FULL|HIGHLIGHT).*")
+HARMLESS = re.compile(
+    r".*(_CACHE_DIR|_NUM_THREADS|_TRACEBACK_FILTERING|_COLOR_SCHEME)$|JAX_PERSISTENT_CACHE_.*|NSBENCH_CACHE|"
+    r"NUMBA_(DEBUG|DUMP|DEVELOPER|WARNINGS|TRACE|SHOW|FULL|HIGHLIGHT).*"
+)
 
 
 @dataclass(frozen=True)
 class Part:
     """Items of one part by name; digest: sixteen hexadecimal digits of them all."""
+
     items: tuple[tuple[str, str], ...]
     digest: str
 
@@ -55,14 +71,21 @@ def key_of(spec, parts: tuple[Part, ...]) -> str:
 
 def parts_of(spec, case) -> tuple[Part, ...]:
     """What a run of the case depends on: the common part, that of its solver, that of its case."""
-    return _common(), _of_solver(spec.solver, spec.solver_files), _of_case(case.source, _references(case))
+    return (
+        _common(),
+        _of_solver(spec.solver, spec.solver_files),
+        _of_case(case.source, _references(case)),
+    )
 
 
 def watched(spec, case) -> frozenset[str]:
     """Paths of all files that a run depends on: those that are imported or opened, stored references, whether they are there
     or not, and what tells the versions of libraries."""
     from nsbench.reference.storage import files_of
-    return _watched(spec.solver, spec.solver_files, case.source, tuple(str(f) for f in files_of(case)))
+
+    return _watched(
+        spec.solver, spec.solver_files, case.source, tuple(str(f) for f in files_of(case))
+    )
 
 
 def foreign(*paths: str) -> list[str]:
@@ -71,7 +94,9 @@ def foreign(*paths: str) -> list[str]:
 
 
 @functools.cache
-def _watched(solver: str, solver_files: tuple[str, ...], source: str, references: tuple[str, ...]) -> frozenset[str]:
+def _watched(
+    solver: str, solver_files: tuple[str, ...], source: str, references: tuple[str, ...]
+) -> frozenset[str]:
     found = _common_needs(), _solver_needs(solver, solver_files), _case_needs(source)
     told = map(_told_by, _with_theirs({name for f in found for name in f.libraries}))
     return frozenset({*references, *filter(None, told)}.union(*(f.files for f in found)))
@@ -81,7 +106,16 @@ def forget() -> None:
     """Files are read again from now on: for a process that outlives an edit."""
     imports.forget()
     seen.forget()
-    for f in (_common, _common_needs, _of_solver, _solver_needs, _of_case, _case_needs, _content, _watched):
+    for f in (
+        _common,
+        _common_needs,
+        _of_solver,
+        _solver_needs,
+        _of_case,
+        _case_needs,
+        _content,
+        _watched,
+    ):
         f.cache_clear()
 
 
@@ -93,9 +127,16 @@ def _common_needs() -> imports.Needs:
 @functools.cache
 def _common() -> Part:
     found = _common_needs()
-    items = _files(found.files, ROOT) | _libraries(found.libraries) | {"python": platform.python_version()}
-    items |= {f"setting {k}": v for k, v in os.environ.items() if k in MACHINE or (k.startswith("NSBENCH_")
-              and not HARMLESS.match(k))}
+    items = (
+        _files(found.files, ROOT)
+        | _libraries(found.libraries)
+        | {"python": platform.python_version()}
+    )
+    items |= {
+        f"setting {k}": v
+        for k, v in os.environ.items()
+        if k in MACHINE or (k.startswith("NSBENCH_") and not HARMLESS.match(k))
+    }
     return Part.of(items | {"processor": processor()})
 
 
@@ -104,7 +145,9 @@ def _solver_needs(spec: str, solver_files: tuple[str, ...]) -> imports.Needs:
     """Of the solver's file, and of others that its options name."""
     name, options = parse_spec(spec)
     known = places.plugins("solvers") | {Path(f).stem: f for f in solver_files}
-    return _with_data(*dict.fromkeys(known[n] for n in (name, *map(str, options.values())) if n in known))
+    return _with_data(
+        *dict.fromkeys(known[n] for n in (name, *map(str, options.values())) if n in known)
+    )
 
 
 @functools.cache
@@ -132,11 +175,15 @@ def _with_data(*paths: str) -> imports.Needs:
 @functools.cache
 def _of_case(source: str, references: tuple[str, ...]) -> Part:
     found = _case_needs(source)
-    return Part.of(_files({*found.files, *references}, Path(source).resolve().parent) | _libraries(found.libraries))
+    return Part.of(
+        _files({*found.files, *references}, Path(source).resolve().parent)
+        | _libraries(found.libraries)
+    )
 
 
 def _references(case) -> tuple[str, ...]:
     from nsbench.reference.storage import files_of
+
     files = [str(f) for f in files_of(case)]
     for f in files:
         seen.note(f)
@@ -148,8 +195,14 @@ def _files(paths, home: Path) -> dict[str, str]:
     out = {}
     for path in paths:
         p = Path(path)
-        inside = next((f"{n.replace('.', '/')}/{p.relative_to(h).as_posix()}" for n, h in
-                       sorted(places.homes().items(), reverse=True) if p.is_relative_to(h)), "")
+        inside = next(
+            (
+                f"{n.replace('.', '/')}/{p.relative_to(h).as_posix()}"
+                for n, h in sorted(places.homes().items(), reverse=True)
+                if p.is_relative_to(h)
+            ),
+            "",
+        )
         out[inside or Path(os.path.relpath(p, home)).as_posix()] = _content(path)
     return out
 
@@ -167,8 +220,12 @@ def _libraries(names) -> dict[str, str]:
         out[name] = version(name)[0]
         if told := _told_by(name):
             seen.note(told)
-    settings = {f"setting {k}": v for k, v in os.environ.items() if not HARMLESS.match(k)
-                and any(k.startswith(p) for lib, starts in SETTINGS.items() if lib in out for p in starts)}
+    settings = {
+        f"setting {k}": v
+        for k, v in os.environ.items()
+        if not HARMLESS.match(k)
+        and any(k.startswith(p) for lib, starts in SETTINGS.items() if lib in out for p in starts)
+    }
     if "jax" in out:
         settings |= _accelerator()
     return out | settings
@@ -176,7 +233,8 @@ def _libraries(names) -> dict[str, str]:
 
 def _with_theirs(names) -> list[str]:
     """The libraries and all they depend on."""
-    todo, out = sorted(names), []
+    todo = sorted(names)
+    out = []
     while todo:
         name = todo.pop()
         if name not in out:
@@ -209,15 +267,25 @@ def _told_by(name: str) -> str:
 @functools.cache
 def _accelerator() -> dict[str, str]:
     """JAX runs on an accelerator where there is one, and then rounds as that does."""
-    plugins = sorted(f"{d.name} {d.version}" for d in metadata.distributions(path=_site()) if re.match(
-        r"jax[-_](cuda|rocm|metal|tpu)|libtpu", d.name or ""))
+    plugins = sorted(
+        f"{d.name} {d.version}"
+        for d in metadata.distributions(path=_site())
+        if re.match(r"jax[-_](cuda|rocm|metal|tpu)|libtpu", d.name or "")
+    )
     driver = Path("/proc/driver/nvidia/version")
-    return {"accelerator": "; ".join(plugins) + (f"; {driver.read_text().splitlines()[0]}" if driver.exists() else "")} \
-        if plugins else {}
+    return (
+        {
+            "accelerator": "; ".join(plugins)
+            + (f"; {driver.read_text().splitlines()[0]}" if driver.exists() else "")
+        }
+        if plugins
+        else {}
+    )
 
 
 def _site() -> list[str]:
     import sys
+
     return [p for p in sys.path if p.endswith("-packages")]
 
 
@@ -227,20 +295,31 @@ def processor() -> str:
     one may differ in the last digit, and its seconds are another machine's."""
     lines = set()
     try:
-        lines = {line for line in Path("/proc/cpuinfo").read_text().splitlines()
-                 if line.startswith(("flags", "Features", "model name", "CPU part"))}
+        lines = {
+            line
+            for line in Path("/proc/cpuinfo").read_text().splitlines()
+            if line.startswith(("flags", "Features", "model name", "CPU part"))
+        }
     except OSError:
         pass
-    model = next((line.partition(":")[2].strip() for line in sorted(lines) if line.startswith("model name")),
-                 platform.processor())
-    libc = os.confstr("CS_GNU_LIBC_VERSION") if "CS_GNU_LIBC_VERSION" in getattr(os, "confstr_names", {}) else ""
+    model = next(
+        (line.partition(":")[2].strip() for line in sorted(lines) if line.startswith("model name")),
+        platform.processor(),
+    )
+    libc = (
+        os.confstr("CS_GNU_LIBC_VERSION")
+        if "CS_GNU_LIBC_VERSION" in getattr(os, "confstr_names", {})
+        else ""
+    )
     return f"{platform.machine()} {model} {_digest(''.join(sorted(lines)).encode())[:8]} {libc}".strip()
 
 
 def _with_side_effects() -> list[str]:
     """Files that do more than define when they are imported. All solvers and cases are imported to be found, so such a file
     counts for every run, whatever its own name."""
-    found = imports.needs(*places.plugins("solvers").values(), *places.plugins("cases").values(), top=True)
+    found = imports.needs(
+        *places.plugins("solvers").values(), *places.plugins("cases").values(), top=True
+    )
     return sorted(p for p in found.files if imports.acts(Path(p)))
 
 

@@ -1,4 +1,5 @@
 """What a study leaves on disk: journal, tables, environment."""
+
 from __future__ import annotations
 
 import contextlib
@@ -29,20 +30,43 @@ from nsbench.results.journal import (  # noqa: F401
 )
 from nsbench.trajectory import spelled
 
-BLOCK = 10_000           # rows that are made a part of a table at a time
-FORMULA = ("=", "+", "-", "@", "\t", "\r")      # what begins a formula in a spreadsheet
-LIBRARIES = ("numpy", "scipy", "numba", "llvmlite", "jax", "jaxlib", "diffrax", "equinox", "osqp", "piqp", "nosnoc", "casadi")
+BLOCK = 10_000  # rows that are made a part of a table at a time
+FORMULA = ("=", "+", "-", "@", "\t", "\r")  # what begins a formula in a spreadsheet
+LIBRARIES = (
+    "numpy",
+    "scipy",
+    "numba",
+    "llvmlite",
+    "jax",
+    "jaxlib",
+    "diffrax",
+    "equinox",
+    "osqp",
+    "piqp",
+    "nosnoc",
+    "casadi",
+)
 
 
-CLOCK = {                # columns of the clock: unit and meaning; they stand with the columns of runs.parquet
+CLOCK = {  # columns of the clock: unit and meaning; they stand with the columns of runs.parquet
     "setup_seconds": ("s", "preparation, as every call of prepare pays it"),
-    "compile_seconds": ("s", "what the first preparation in a process takes beyond: compilation, loading, imports"),
+    "compile_seconds": (
+        "s",
+        "what the first preparation in a process takes beyond: compilation, loading, imports",
+    ),
     "seconds": ("s", "the run alone: median over its rounds"),
-    "seconds_low": ("s", "lower quartile over its rounds"), "seconds_high": ("s", "upper quartile over its rounds"),
+    "seconds_low": ("s", "lower quartile over its rounds"),
+    "seconds_high": ("s", "upper quartile over its rounds"),
     "seconds_max": ("s", "worst round"),
-    "rounds": ("1", "rounds it was timed in, interleaved with the other runs of its case; 1: a long run, timed once"),
+    "rounds": (
+        "1",
+        "rounds it was timed in, interleaved with the other runs of its case; 1: a long run, timed once",
+    ),
     "session": ("", "runs with the same word were timed on one machine in one go"),
-    "shared": ("", "true: made by a worker of a cluster, which may have had other work: its seconds are compared with none"),
+    "shared": (
+        "",
+        "true: made by a worker of a cluster, which may have had other work: its seconds are compared with none",
+    ),
     "step_max_seconds": ("s", "slowest step, of solvers that can tell"),
 }
 
@@ -62,7 +86,13 @@ def digest_of(chunks: Iterable[bytes]) -> str:
 def package_digest() -> str:
     """Content of every file of the package, cases apart; what a single run depends on, nsbench.results.run_key tells."""
     root = Path(__file__).parents[1]
-    return _digest(*(p.read_bytes() for p in sorted(root.rglob("*.py")) if "cases" not in p.relative_to(root).parts))
+    return _digest(
+        *(
+            p.read_bytes()
+            for p in sorted(root.rglob("*.py"))
+            if "cases" not in p.relative_to(root).parts
+        )
+    )
 
 
 @functools.cache
@@ -79,21 +109,35 @@ def write_tables(folder: Path, rows: Iterable[dict]) -> dict[str, str]:
     of them held."""
     import pyarrow as pa
     import pyarrow.parquet as pq
+
     columns = _kinds(pa, rows)
-    text, tables, plain = io.StringIO(), [], map(_spelled, rows)
+    text = io.StringIO()
+    tables = []
+    plain = map(_spelled, rows)
     w = csv.writer(text, lineterminator="\n")
     w.writerow([cell(c) for c in columns])
     while (block := list(islice(plain, BLOCK))) or not tables:
         w.writerows([cell(r.get(c)) for c in columns] for r in block)
-        tables.append(pa.table({c: _column(pa, [r.get(c) for r in block], kind) for c, kind in columns.items()}))
+        tables.append(
+            pa.table(
+                {c: _column(pa, [r.get(c) for r in block], kind) for c, kind in columns.items()}
+            )
+        )
     files = {"runs.csv": text.getvalue().encode()}
     table = pa.concat_tables(tables).combine_chunks()
     del tables, text
-    told = {c: dict(zip((b"unit", b"meaning"), CLOCK[c], strict=True)) if c in CLOCK else None for c in columns}
+    told = {
+        c: dict(zip((b"unit", b"meaning"), CLOCK[c], strict=True)) if c in CLOCK else None
+        for c in columns
+    }
     table = table.cast(pa.schema([table.field(c).with_metadata(told[c]) for c in columns]))
     sink = pa.BufferOutputStream()
     # with checksums: a page that was damaged on the disk is an error on reading, not another number
-    pq.write_table(table.replace_schema_metadata({"nsbench_schema": str(SCHEMA)}), sink, write_page_checksum=True)
+    pq.write_table(
+        table.replace_schema_metadata({"nsbench_schema": str(SCHEMA)}),
+        sink,
+        write_page_checksum=True,
+    )
     files["runs.parquet"] = sink.getvalue().to_pybytes()
     for name, data in files.items():
         write_atomically(folder / name, data)
@@ -107,7 +151,11 @@ def cell(value):
 
 def text_of(value: str) -> str:
     """The text of a cell, without the apostrophe that `cell` gave it."""
-    return value[1:] if isinstance(value, str) and value[:1] == "'" and value[1:].startswith(FORMULA) else value
+    return (
+        value[1:]
+        if isinstance(value, str) and value[:1] == "'" and value[1:].startswith(FORMULA)
+        else value
+    )
 
 
 def _spelled(row: dict) -> dict:
@@ -119,10 +167,12 @@ def _kinds(pa, rows: Iterable[dict]) -> dict:
     out: dict[str, int] = {}
     for row in rows:
         for k, v in row.items():
-            kind = 0 if v is None or isinstance(v, bool) else 1 if isinstance(v, (int, float)) else 2
+            kind = (
+                0 if v is None or isinstance(v, bool) else 1 if isinstance(v, (int, float)) else 2
+            )
             out[k] = max(out.get(k, 0), kind)
     types = {}
-    for k, kind in out.items():                          # names that are spelled alike are one column
+    for k, kind in out.items():  # names that are spelled alike are one column
         types[spelled(k)] = max(types.get(spelled(k), 0), kind)
     return {k: (pa.bool_(), pa.float64(), pa.string())[kind] for k, kind in types.items()}
 
@@ -131,17 +181,28 @@ def _column(pa, values, kind):
     """A column of this type (missing: null)."""
     if kind == pa.float64():
         return pa.array([None if v is None else float(v) for v in values], kind)
-    return pa.array(values if kind == pa.bool_() else [None if v is None else str(v) for v in values], kind)
+    return pa.array(
+        values if kind == pa.bool_() else [None if v is None else str(v) for v in values], kind
+    )
 
 
 def environment(**more) -> dict:
     """Versions and machine, for env.json."""
     load = os.getloadavg() if hasattr(os, "getloadavg") else ()
-    return {"schema": SCHEMA, "versions": versions() | {"nsbench": _own_version()}, "platform": platform.platform(),
-            "machine": platform.machine(), "cores": os.cpu_count(), "load": [round(v, 2) for v in load],
-            "argv": sys.argv[1:], "package": package_digest()[:16], **more}
+    return {
+        "schema": SCHEMA,
+        "versions": versions() | {"nsbench": _own_version()},
+        "platform": platform.platform(),
+        "machine": platform.machine(),
+        "cores": os.cpu_count(),
+        "load": [round(v, 2) for v in load],
+        "argv": sys.argv[1:],
+        "package": package_digest()[:16],
+        **more,
+    }
 
 
 def _own_version() -> str:
     import nsbench
+
     return nsbench.__version__

@@ -1,4 +1,5 @@
 """Solvers, found by scanning this folder: a module that defines SOLVER is a method."""
+
 from __future__ import annotations
 
 import dataclasses
@@ -11,19 +12,50 @@ from pathlib import Path
 
 from nsbench import user_code as guest
 from nsbench.case import Case, format_value, get_case, load_module, nearest, parse_spec
-from nsbench.solvers.base import Claims, Expect, Grid, Run, Solver, check_positive, grid, last_steps, sample
+from nsbench.solvers.base import (
+    Claims,
+    Expect,
+    Grid,
+    Run,
+    Solver,
+    check_positive,
+    grid,
+    last_steps,
+    sample,
+)
 from nsbench.trajectory import Event, Status, Trajectory
 
-__all__ = ["Case", "Claims", "Event", "Expect", "Grid", "Run", "Solver", "Status", "Trajectory", "all_names", "broken",
-           "check_positive", "get", "grid", "last_steps", "load", "sample", "solve", "spec_of", "standard"]
+__all__ = [
+    "Case",
+    "Claims",
+    "Event",
+    "Expect",
+    "Grid",
+    "Run",
+    "Solver",
+    "Status",
+    "Trajectory",
+    "all_names",
+    "broken",
+    "check_positive",
+    "get",
+    "grid",
+    "last_steps",
+    "load",
+    "sample",
+    "solve",
+    "spec_of",
+    "standard",
+]
 
 _loaded: dict[str, type] = {}
-NAME = re.compile(r"[A-Za-z0-9_.-]{1,80}")       # of a solver, as of a case
+NAME = re.compile(r"[A-Za-z0-9_.-]{1,80}")  # of a solver, as of a case
 
 
 @functools.cache
 def _scan() -> tuple[dict, dict]:
-    found, failed = {}, {}
+    found = {}
+    failed = {}
     for info in pkgutil.iter_modules(__path__):
         if info.name in ("base", "common") or info.name.startswith("_"):
             continue
@@ -31,7 +63,7 @@ def _scan() -> tuple[dict, dict]:
             with guest.asked(f"the file of the solver {info.name}"):
                 module = importlib.import_module(f"{__name__}.{info.name}")
             found[info.name] = _checked(module)
-        except (Exception, SystemExit) as e:         # a broken plugin must not take the others with it
+        except (Exception, SystemExit) as e:  # a broken plugin must not take the others with it
             failed[info.name] = f"{type(e).__name__}: {e}"
     return found, failed
 
@@ -43,12 +75,20 @@ def _checked(module) -> type:
         raise TypeError(f"{module.__file__} does not define SOLVER")
     if not (isinstance(made, type) and dataclasses.is_dataclass(made)):
         raise TypeError(f"SOLVER of {module.__file__} is {made!r}; a frozen dataclass is needed")
-    missing = [n for n in ("accuracy", "default", "claims", "refuses", "prepare") if not hasattr(made, n)]
+    missing = [
+        n for n in ("accuracy", "default", "claims", "refuses", "prepare") if not hasattr(made, n)
+    ]
     if missing:
         raise TypeError(f"SOLVER of {module.__file__} has no {', '.join(missing)}")
-    bare = [f.name for f in dataclasses.fields(made) if f.init and f.default is f.default_factory is dataclasses.MISSING]
+    bare = [
+        f.name
+        for f in dataclasses.fields(made)
+        if f.init and f.default is f.default_factory is dataclasses.MISSING
+    ]
     if bare:
-        raise TypeError(f"SOLVER of {module.__file__} has no default of {', '.join(bare)}; every option needs one")
+        raise TypeError(
+            f"SOLVER of {module.__file__} has no default of {', '.join(bare)}; every option needs one"
+        )
     return made
 
 
@@ -57,8 +97,14 @@ def load(path) -> str:
     path = Path(path).resolve()
     name = path.stem
     if not NAME.fullmatch(name):
-        raise ValueError(f"{str(path)!r}: a solver is named after its file, in letters, digits, '_', '.', '-', at most 80")
-    homes = {n: sys.modules[c.__module__].__file__ for n, c in {**_scan()[0], **_loaded}.items() if c.__module__ in sys.modules}
+        raise ValueError(
+            f"{str(path)!r}: a solver is named after its file, in letters, digits, '_', '.', '-', at most 80"
+        )
+    homes = {
+        n: sys.modules[c.__module__].__file__
+        for n, c in {**_scan()[0], **_loaded}.items()
+        if c.__module__ in sys.modules
+    }
     for other, file in homes.items():
         if other.casefold() == name.casefold() and not (other in _loaded and Path(file) == path):
             raise ValueError(f"{path}: a solver named {other!r} exists already, in {file}")
@@ -100,8 +146,11 @@ def get(spec: str) -> Solver:
 
 def spec_of(solver: Solver, name: str) -> str:
     """The spec with only the options that differ from the defaults."""
-    parts = [f"{f.name}={format_value(getattr(solver, f.name))}" for f in dataclasses.fields(solver)
-             if getattr(solver, f.name) != f.default]
+    parts = [
+        f"{f.name}={format_value(getattr(solver, f.name))}"
+        for f in dataclasses.fields(solver)
+        if getattr(solver, f.name) != f.default
+    ]
     return f"{name}[{','.join(parts)}]" if parts else name
 
 
@@ -117,6 +166,7 @@ def solve(case: Case | str, solver: str = "event_driven", **accuracy) -> Traject
         wrong = (set(accuracy) - {method.accuracy}).pop()
         raise LookupError(f"{solver} takes {method.accuracy!r}, not {wrong!r}")
     from nsbench.diagnostics.diagnose import doubted
+
     value = check_positive(method.accuracy, accuracy.get(method.accuracy, method.default))
     why = method.refuses(case)
     if why:
@@ -126,5 +176,8 @@ def solve(case: Case | str, solver: str = "event_driven", **accuracy) -> Traject
 
 def refused(case: Case, why: str) -> Trajectory:
     import numpy as np
+
     none = np.empty((0, 0))
-    return Trajectory(np.empty(0), np.empty((0, case.n)), (), none, np.empty((0, case.n)), Status("refused", why))
+    return Trajectory(
+        np.empty(0), np.empty((0, case.n)), (), none, np.empty((0, case.n)), Status("refused", why)
+    )

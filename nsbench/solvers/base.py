@@ -7,6 +7,7 @@ A solver is a frozen dataclass whose fields are its options, with
     refuses(case) -> sentence or None
     prepare(case, accuracy) -> Run    compile, allocate, factorise: untimed; only calling the Run is timed
 """
+
 from __future__ import annotations
 
 from collections.abc import Callable
@@ -29,6 +30,7 @@ class Claims:
     rounding: how many times the rounding of one addition per step h can stand in the result: errors below it are no
     errors of the method.
     """
+
     state: float | None = None
     impulse: float | None = None
     exact: float | None = None
@@ -44,6 +46,7 @@ class Expect:
     should end with; None: nothing is said. The impulse's expectation holds for the reaction where that stands for it.
     why: the reason, with its source.
     """
+
     when: tuple[str, ...]
     state: float | str | None
     impulse: float | str | None
@@ -52,6 +55,7 @@ class Expect:
 
 class Solver(Protocol):
     """Optional: `expects`, a tuple of `Expect`; the first one that applies to a case counts."""
+
     accuracy: str
     default: float
     claims: Claims
@@ -79,6 +83,7 @@ class Grid:
     t (K,): recorded times; substeps (K-1,): steps from one to the next; h: the largest step taken;
     aligned: the recorded times are the case's sample times (else the polygon is sampled, see `sample`).
     """
+
     t: np.ndarray
     substeps: np.ndarray
     h: float
@@ -98,8 +103,10 @@ def grid(t: np.ndarray, h: float, last: bool = False) -> Grid:
         if not float(n.sum()) <= 2e9:
             raise ValueError(f"h = {h:g} needs {float(n.sum()):.3g} steps; at most 2e9 are taken")
         if h < 4 * np.spacing(np.abs(t).max()):
-            raise ValueError(f"h = {h:g} is below the rounding of t = {np.abs(t).max():g}, where times are "
-                             f"{np.spacing(np.abs(t).max()):.2g} apart")
+            raise ValueError(
+                f"h = {h:g} is below the rounding of t = {np.abs(t).max():g}, where times are "
+                f"{np.spacing(np.abs(t).max()):.2g} apart"
+            )
         n = n.astype(np.int64)
         return (_with_last if last else Grid)(np.array(t), n, float((spacing / n).max()), not last)
     span = t[-1] - t[0]
@@ -113,15 +120,21 @@ def _with_last(t, n, h, aligned):
     several = n > 1
     before = (t[1:] - np.diff(t) / n)[several]
     place = np.flatnonzero(several) + 1
-    return Grid(np.insert(t, place, before),
-                np.insert(np.where(several, 1, n), np.flatnonzero(several), n[several] - 1), h, aligned)
+    return Grid(
+        np.insert(t, place, before),
+        np.insert(np.where(several, 1, n), np.flatnonzero(several), n[several] - 1),
+        h,
+        aligned,
+    )
 
 
 def last_steps(t: np.ndarray, g: Grid, impulse: np.ndarray) -> dict:
     """lam and lam_h of a Trajectory from the impulses (K, m) at the recorded times of `grid(t, h, last=True)`; {} where
     steps are longer than the sample spacing."""
     at = np.searchsorted(g.t, t)
-    if g.aligned or not (at[-1] < len(g.t) and np.array_equal(g.t[at], t) and np.all(g.substeps[at[1:] - 1] == 1)):
+    if g.aligned or not (
+        at[-1] < len(g.t) and np.array_equal(g.t[at], t) and np.all(g.substeps[at[1:] - 1] == 1)
+    ):
         return {}
     h = np.append(np.nan, g.t[at[1:]] - g.t[at[1:] - 1])
     lam = np.full((len(t), impulse.shape[1]), np.nan)
@@ -133,4 +146,8 @@ def sample(t: np.ndarray, nodes: np.ndarray, values: np.ndarray) -> np.ndarray:
     """The polygon through (nodes, values) at the times t; values (K, n)."""
     i = np.clip(np.searchsorted(nodes, t, side="right") - 1, 0, len(nodes) - 2)
     w = ((t - nodes[i]) / (nodes[i + 1] - nodes[i]))[:, None]
-    return np.where(w == 0.0, values[i], np.where(w == 1.0, values[i + 1], (1.0 - w) * values[i] + w * values[i + 1]))
+    return np.where(
+        w == 0.0,
+        values[i],
+        np.where(w == 1.0, values[i + 1], (1.0 - w) * values[i] + w * values[i + 1]),
+    )

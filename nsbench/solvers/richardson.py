@@ -1,4 +1,5 @@
 """Richardson extrapolation in the step of PBD or catching-up: runs with h, h/2 (and h/4), combined at the sample times."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -10,11 +11,26 @@ from nsbench.solvers.base import Claims, Expect, Run, grid
 from nsbench.solvers.common.extrapolation import combined, weights
 
 METHODS = ("pbd", "catching_up")
-SETTLING = Expect(("constant_force",), "open", "open", "steps along constant forces and gradients leave no error of size h "
-                  "but a sweep's that settles, which has no expansion in h")
+SETTLING = Expect(
+    ("constant_force",),
+    "open",
+    "open",
+    "steps along constant forces and gradients leave no error of size h "
+    "but a sweep's that settles, which has no expansion in h",
+)
 EXPECTS = (
-    Expect(("exact_at_grid",), "exact", "exact", "every step of Euler is exact for a drift that is constant in each mode"),
-    Expect(("infeasible_start",), None, None, "what a method makes of an infeasible start is its meaning, not its error"),
+    Expect(
+        ("exact_at_grid",),
+        "exact",
+        "exact",
+        "every step of Euler is exact for a drift that is constant in each mode",
+    ),
+    Expect(
+        ("infeasible_start",),
+        None,
+        None,
+        "what a method makes of an infeasible start is its meaning, not its error",
+    ),
 )
 STANDARD = ("richardson",)
 
@@ -31,6 +47,7 @@ class Richardson:
     run and not in the other, up to h. Steps must end at the samples.
     Source: Richardson 1911; expansion of one-step methods: Gragg 1965, Hairer, Norsett & Wanner I, II.8.
     """
+
     method: str = "pbd"
     levels: int = 2
 
@@ -40,8 +57,11 @@ class Richardson:
     @property
     def claims(self) -> Claims:
         """Rounding: a run with h/2^j makes 2^j additions per h, and its weight multiplies what they leave."""
-        return Claims(state=2.0, impulse=2.0,
-                      rounding=sum(abs(float(w)) * 2**j for j, w in enumerate(weights(self.levels - 1))))
+        return Claims(
+            state=2.0,
+            impulse=2.0,
+            rounding=sum(abs(float(w)) * 2**j for j, w in enumerate(weights(self.levels - 1))),
+        )
 
     @property
     def expects(self) -> tuple[Expect, ...]:
@@ -57,6 +77,7 @@ class Richardson:
     def base(self):
         """The method that is extrapolated."""
         from nsbench.solvers import get  # the folder of solvers imports this file
+
         return get(self.method)
 
     def refuses(self, case: Case) -> str | None:
@@ -64,6 +85,7 @@ class Richardson:
 
     def prepare(self, case: Case, h: float) -> Run:
         from nsbench.solvers import refused
+
         grids = [grid(case.t, h)]
         h = grids[0].h
         grids += [grid(case.t, h / 2**level) for level in range(1, self.levels)]
@@ -71,9 +93,14 @@ class Richardson:
         if not (first.aligned and np.array_equal(first.t, case.t)):
             why = f"Steps of {h:g} do not end at the samples, {np.diff(case.t).min():g} apart: there is nothing to extrapolate."
             return lambda: refused(case, why)
-        if any(not np.array_equal(g.substeps, first.substeps * 2**level) for level, g in enumerate(grids)):
-            why = ("The samples are not equally spaced, and steps that end at them cannot be halved everywhere: there is "
-                   "nothing to extrapolate.")
+        if any(
+            not np.array_equal(g.substeps, first.substeps * 2**level)
+            for level, g in enumerate(grids)
+        ):
+            why = (
+                "The samples are not equally spaced, and steps that end at them cannot be halved everywhere: there is "
+                "nothing to extrapolate."
+            )
             return lambda: refused(case, why)
         runs = [self.base.prepare(case, h / 2**level) for level in range(self.levels)]
         return lambda: combined([run() for run in runs], h)

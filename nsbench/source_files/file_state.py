@@ -3,6 +3,7 @@
 A process that loads a file later than its key was made may load another text than the key holds. That the text is the same
 again proves nothing (it may have been put back); that nobody has touched the file does.
 """
+
 from __future__ import annotations
 
 import functools
@@ -11,7 +12,7 @@ import os
 import time
 from collections.abc import Iterable
 
-YOUNG = 2.0               # seconds: of a file as young as this a clock of the disk may not show another change
+YOUNG = 2.0  # seconds: of a file as young as this a clock of the disk may not show another change
 CHANGED = "changed meanwhile"
 _seen: dict[str, tuple] = {}
 
@@ -20,14 +21,18 @@ def note(path: str) -> None:
     """The file is about to be read; the first time counts."""
     if path not in _seen:
         now = stamp(path)
-        _seen[path] = now, ""             # first: reading the file is noted as well
+        _seen[path] = now, ""  # first: reading the file is noted as well
         if now and _young(now):
             _seen[path] = now, digest(path)
 
 
 def touched(paths: Iterable[str]) -> list[str]:
     """Those of the files that are not, or may not be, what they were when they were noted; sorted."""
-    return sorted(p for p in paths if (was := _seen.get(p)) is None or was[0] != stamp(p) or (was[1] and was[1] != digest(p)))
+    return sorted(
+        p
+        for p in paths
+        if (was := _seen.get(p)) is None or was[0] != stamp(p) or (was[1] and was[1] != digest(p))
+    )
 
 
 def forget() -> None:

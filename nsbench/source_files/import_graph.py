@@ -5,6 +5,7 @@ but a list of names (imports and nothing else, or a table _HOME of a lazy packag
 asked for; any other one counts whole. A file outside the package is read with more suspicion: modules beside it, files that
 its strings name, and, where it imports by names that it makes itself, its whole folder.
 """
+
 from __future__ import annotations
 
 import ast
@@ -15,21 +16,56 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from nsbench.source_files import file_state as seen
-from nsbench.source_files.locations import PACKAGE, ROOT, beside, elsewhere, inside, named_file, place_of, plugins
+from nsbench.source_files.locations import (
+    PACKAGE,
+    ROOT,
+    beside,
+    elsewhere,
+    inside,
+    named_file,
+    place_of,
+    plugins,
+)
 
-LOOKUPS = {"solvers": ("get", "solve", "standard", "all_names", "load"),       # names that find others by a text
-           "cases": ("get_case", "case_module", "case_names", "load_case")}
+LOOKUPS = {
+    "solvers": (
+        "get",
+        "solve",
+        "standard",
+        "all_names",
+        "load",
+    ),  # names that find others by a text
+    "cases": ("get_case", "case_module", "case_names", "load_case"),
+}
 # What is said beside rows, and what tells files apart: no number comes from them
-NO_NUMBERS = {"study/__init__.py": ("describe.py", "pandas"), "compilation/numba_setup.py": ("numba_cache.py",)}
-BY_ITSELF = ("study/__init__.py", "case/__init__.py", "solvers/__init__.py")      # what these look up is the case and the solver of the run
-IMPORT = re.compile(r"^[ \t]*((?:from[ \t]+[\w.]+[ \t]+import|import)\b[ \t]*(?:\((?:[^)#]|#[^\n]*)*\)|(?:[^\n#;\\]|\\\n)*))",
-                    re.M)
-BY_NAME = ("import_module", "__import__", "spec_from_file_location", "run_path", "run_module", "exec", "eval")
+NO_NUMBERS = {
+    "study/__init__.py": ("describe.py", "pandas"),
+    "compilation/numba_setup.py": ("numba_cache.py",),
+}
+BY_ITSELF = (
+    "study/__init__.py",
+    "case/__init__.py",
+    "solvers/__init__.py",
+)  # what these look up is the case and the solver of the run
+IMPORT = re.compile(
+    r"^[ \t]*((?:from[ \t]+[\w.]+[ \t]+import|import)\b[ \t]*(?:\((?:[^)#]|#[^\n]*)*\)|(?:[^\n#;\\]|\\\n)*))",
+    re.M,
+)
+BY_NAME = (
+    "import_module",
+    "__import__",
+    "spec_from_file_location",
+    "run_path",
+    "run_module",
+    "exec",
+    "eval",
+)
 
 
 @dataclass(frozen=True)
 class Needs:
     """files: paths of all files, the first one included; libraries: top-level names of what is installed beside them."""
+
     files: frozenset[str]
     libraries: frozenset[str]
 
@@ -38,6 +74,7 @@ class Needs:
 class _Text:
     """One file: imports as (module, name), name "" for the module itself; strings: what it spells out; by_name: it imports
     by names that it makes itself."""
+
     imports: tuple[tuple[str, str], ...]
     strings: frozenset[str] = frozenset()
     by_name: bool = False
@@ -46,7 +83,9 @@ class _Text:
 def needs(*paths, top: bool = False) -> Needs:
     """Everything the files depend on, themselves included. top: only what importing them imports, and not what their
     functions do."""
-    todo, files, libraries = [str(Path(p).resolve()) for p in paths], set(), set()
+    todo = [str(Path(p).resolve()) for p in paths]
+    files = set()
+    libraries = set()
     while todo:
         path = todo.pop()
         if path in files:
@@ -76,7 +115,9 @@ def direct(path: str, top: bool = False) -> frozenset[tuple[str, str]]:
     for module, name in text.imports:
         out |= _target(module, name, here, ours)
     out |= _found_by_text(text, here, ours)
-    silent = NO_NUMBERS.get(here.relative_to(ROOT).as_posix() if here.is_relative_to(ROOT) else "", ())
+    silent = NO_NUMBERS.get(
+        here.relative_to(ROOT).as_posix() if here.is_relative_to(ROOT) else "", ()
+    )
     return frozenset((kind, what) for kind, what in out if Path(what).name not in silent)
 
 
@@ -99,7 +140,7 @@ def _quick(source: str, top: bool) -> _Text:
             continue
         try:
             tree = ast.parse(match[1].strip())
-        except SyntaxError:                              # a line of prose
+        except SyntaxError:  # a line of prose
             continue
         imports += _imports(tree)
     if _looks_up("solvers", imports) or _looks_up("cases", imports):
@@ -118,13 +159,19 @@ def _imports(tree):
 def _looks_up(kind: str, imports) -> bool:
     """Whether solvers or cases are found by a text that is not known from the imports."""
     home = f"{PACKAGE}.{'solvers' if kind == 'solvers' else 'case'}"
-    return any((m in (PACKAGE, home) and n in LOOKUPS[kind]) or (kind == "solvers" and (m, n) in (
-        (PACKAGE, "solvers"), (home, ""))) for m, n in imports)
+    return any(
+        (m in (PACKAGE, home) and n in LOOKUPS[kind])
+        or (kind == "solvers" and (m, n) in ((PACKAGE, "solvers"), (home, "")))
+        for m, n in imports
+    )
 
 
 def _strings(tree) -> frozenset[str]:
-    return frozenset(n.value for n in ast.walk(tree) if isinstance(n, ast.Constant) and isinstance(n.value, str)
-                     and len(n.value) < 300)
+    return frozenset(
+        n.value
+        for n in ast.walk(tree)
+        if isinstance(n, ast.Constant) and isinstance(n.value, str) and len(n.value) < 300
+    )
 
 
 @functools.cache
@@ -134,11 +181,17 @@ def _careful(source: str) -> _Text:
         tree = ast.parse(source)
     except (SyntaxError, ValueError):
         return _Text(())
-    imports, words = [*_imports(tree), *_chains(tree)], 0
+    imports = [*_imports(tree), *_chains(tree)]
+    words = 0
     for node in ast.walk(tree):
         words += getattr(node, "id", getattr(node, "attr", "")) in BY_NAME
-        if isinstance(node, ast.Call) and _called(node) in ("import_module", "__import__") and node.args and isinstance(
-                node.args[0], ast.Constant) and isinstance(node.args[0].value, str):
+        if (
+            isinstance(node, ast.Call)
+            and _called(node) in ("import_module", "__import__")
+            and node.args
+            and isinstance(node.args[0], ast.Constant)
+            and isinstance(node.args[0].value, str)
+        ):
             imports.append((node.args[0].value, ""))
             words -= 1
     return _Text(tuple(imports), _strings(tree), words > 0)
@@ -150,9 +203,13 @@ def _called(node: ast.Call) -> str:
 
 def _chains(tree):
     """Names taken from the package as a module: ``nsbench.measure.errors`` is (nsbench.measure, errors) and its parents."""
-    heads = {a.asname or a.name.partition(".")[0]: a.name if a.asname else a.name.partition(".")[0]
-             for node in ast.walk(tree) if isinstance(node, ast.Import) for a in node.names
-             if a.name.partition(".")[0] == PACKAGE}
+    heads = {
+        a.asname or a.name.partition(".")[0]: a.name if a.asname else a.name.partition(".")[0]
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Import)
+        for a in node.names
+        if a.name.partition(".")[0] == PACKAGE
+    }
     for node in ast.walk(tree):
         words = []
         while isinstance(node, ast.Attribute):
@@ -193,7 +250,9 @@ def _in_package(module: str, name: str) -> set[tuple[str, str]]:
         out.add(("text" if inner.name == "__init__.py" else "file", str(inner)))
     if _is_list(path):
         table = _names(path)
-        for home, its_name in ([table[name]] if name in table else [] if inner or not name else table.values()):
+        for home, its_name in (
+            [table[name]] if name in table else [] if inner or not name else table.values()
+        ):
             out |= _in_package(home, its_name)
     return out
 
@@ -207,7 +266,10 @@ def _is_list(path: str) -> bool:
     body = _body(_source(path))
     if _table(body):
         return True
-    return all(isinstance(n, (ast.Import, ast.ImportFrom)) or _is_docstring(n) or _assigns(n, "__all__") for n in body)
+    return all(
+        isinstance(n, (ast.Import, ast.ImportFrom)) or _is_docstring(n) or _assigns(n, "__all__")
+        for n in body
+    )
 
 
 @functools.cache
@@ -257,11 +319,16 @@ def _found_by_text(text: _Text, here: Path, ours: bool) -> set[tuple[str, str]]:
 def _named(found: dict[str, str], strings) -> set[tuple[str, str]]:
     """Those that the strings name; where they name none, all."""
     words = {s.partition("[")[0].strip() for s in strings}
-    return {("file", p) for n, p in found.items() if n in words} or {("file", p) for p in found.values()}
+    return {("file", p) for n, p in found.items() if n in words} or {
+        ("file", p) for p in found.values()
+    }
 
 
-ACTS = re.compile(r"^(?:if|for|while|with|try|del)\b|^[A-Za-z_][\w.]*(?:\[[^\]\n]*\])*(?:\(|\s*[-+*/|&@]=)|"
-                  r"^[A-Za-z_]\w*(?:\.\w+|\[[^\]\n]*\])+\s*=[^=]", re.M)
+ACTS = re.compile(
+    r"^(?:if|for|while|with|try|del)\b|^[A-Za-z_][\w.]*(?:\[[^\]\n]*\])*(?:\(|\s*[-+*/|&@]=)|"
+    r"^[A-Za-z_]\w*(?:\.\w+|\[[^\]\n]*\])+\s*=[^=]",
+    re.M,
+)
 
 
 def acts(path: Path) -> bool:
@@ -278,8 +345,11 @@ def _does_more(source: str) -> bool:
 def _acts(node) -> bool:
     if isinstance(node, ast.Assign):
         return not all(isinstance(t, (ast.Name, ast.Tuple)) for t in node.targets)
-    return not (isinstance(node, (ast.Import, ast.ImportFrom, ast.FunctionDef, ast.ClassDef))
-                or (isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name)) or _is_docstring(node))
+    return not (
+        isinstance(node, (ast.Import, ast.ImportFrom, ast.FunctionDef, ast.ClassDef))
+        or (isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name))
+        or _is_docstring(node)
+    )
 
 
 def forget() -> None:

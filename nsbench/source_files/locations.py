@@ -1,4 +1,5 @@
 """Where modules lie: in this package, in an installed library, or in somebody's own folder. Nothing is imported."""
+
 from __future__ import annotations
 
 import functools
@@ -26,15 +27,27 @@ def homes() -> dict[str, Path]:
 def place_of(module: str) -> Path | None:
     """File of a module of this package."""
     home = max((h for h in homes() if f"{module}.".startswith(f"{h}.")), key=len)
-    base = homes()[home].joinpath(*module[len(home):].strip(".").split(".")) if module != home else homes()[home]
+    base = (
+        homes()[home].joinpath(*module[len(home) :].strip(".").split("."))
+        if module != home
+        else homes()[home]
+    )
     return next((p for p in (base / "__init__.py", base.with_suffix(".py")) if p.is_file()), None)
 
 
 def plugins(kind: str) -> dict[str, str]:
     """Files of the package's own "solvers" or "cases" by name."""
     folder = ROOT / kind if kind == "solvers" else homes()[f"{PACKAGE}.cases"]
-    found = {p.stem: str(p) for p in sorted(folder.glob("*.py")) if not p.name.startswith("_") and p.stem != "base"}
-    return found | ({p.parent.name: str(p) for p in sorted(folder.glob("*/method.py"))} if kind == "solvers" else {})
+    found = {
+        p.stem: str(p)
+        for p in sorted(folder.glob("*.py"))
+        if not p.name.startswith("_") and p.stem != "base"
+    }
+    return found | (
+        {p.parent.name: str(p) for p in sorted(folder.glob("*/method.py"))}
+        if kind == "solvers"
+        else {}
+    )
 
 
 def inside(path: Path) -> bool:
@@ -47,7 +60,9 @@ def is_foreign(path) -> bool:
 
 
 def is_installed(path: Path) -> bool:
-    return bool({"site-packages", "dist-packages"} & {*path.parts}) or any(path.is_relative_to(p) for p in _standard())
+    return bool({"site-packages", "dist-packages"} & {*path.parts}) or any(
+        path.is_relative_to(p) for p in _standard()
+    )
 
 
 @functools.cache
@@ -57,14 +72,21 @@ def _standard() -> tuple[str, ...]:
 
 def beside(folder: Path, module: str, name: str) -> set[tuple[str, str]]:
     """The module as a file in the folder, with the __init__ of the packages on the way; {} where there is none."""
-    out, base = set(), folder
+    out = set()
+    base = folder
     for word in filter(None, module.split(".")):
         base = base / word
-        out |= {("file", str(p)) for p in (base / "__init__.py", base.with_suffix(".py")) if p.is_file()}
+        out |= {
+            ("file", str(p)) for p in (base / "__init__.py", base.with_suffix(".py")) if p.is_file()
+        }
     inner = base / name if name.isidentifier() else None
     if inner is not None and (out or not module):
-        out |= {("file", str(p)) for p in (inner / "__init__.py", inner.with_suffix(".py")) if p.is_file()}
-    if not out and base != folder and base.is_dir():     # a folder without __init__
+        out |= {
+            ("file", str(p))
+            for p in (inner / "__init__.py", inner.with_suffix(".py"))
+            if p.is_file()
+        }
+    if not out and base != folder and base.is_dir():  # a folder without __init__
         out = {("file", str(p)) for p in sorted(base.rglob("*.py"))}
     return out
 
@@ -78,12 +100,20 @@ def elsewhere(module: str, name: str) -> set[tuple[str, str]]:
         spec = importlib.util.find_spec(top)
     except (ImportError, ValueError, AttributeError):
         spec = None
-    places = [spec.origin] if spec is not None and spec.origin else list(getattr(spec, "submodule_search_locations", ()) or ())
+    places = (
+        [spec.origin]
+        if spec is not None and spec.origin
+        else list(getattr(spec, "submodule_search_locations", ()) or ())
+    )
     if not places:
         return set()
     if is_installed(Path(places[0])):
         return {("library", top)}
-    folder = Path(places[0]).parent.parent if Path(places[0]).name == "__init__.py" else Path(places[0]).parent
+    folder = (
+        Path(places[0]).parent.parent
+        if Path(places[0]).name == "__init__.py"
+        else Path(places[0]).parent
+    )
     return beside(folder, module, name)
 
 

@@ -1,4 +1,5 @@
 """Cases x solvers x accuracies -> rows, one per attempted run. No printing, no files."""
+
 from __future__ import annotations
 
 import dataclasses
@@ -20,10 +21,14 @@ from nsbench.study.ladders import ladder
 from nsbench.study.result_contract import OWN, misfit
 from nsbench.trajectory import Status, Trajectory, fault_of_machine, spelled
 
-NUDGE = 1e-12                 # relative to each coordinate, or to 1: far above rounding, far below any error that counts
-STARTS = {"error": "feasible", "project": "projected", "keep": "kept"}     # what the case makes of a start outside
+NUDGE = 1e-12  # relative to each coordinate, or to 1: far above rounding, far below any error that counts
+STARTS = {
+    "error": "feasible",
+    "project": "projected",
+    "keep": "kept",
+}  # what the case makes of a start outside
 REPEATED = "It ended once, and did not when it was repeated to be timed"
-LONGEST = 10_000              # characters of a text in a row
+LONGEST = 10_000  # characters of a text in a row
 SUITES = ("smoke", "standard", "hard", "full")
 
 
@@ -34,11 +39,12 @@ class Spec:
     nudge: not 0 starts it NUDGE away from the case's start, in a direction drawn with this seed; such a run is not timed.
     parts: digests of what it is made of (nsbench.results.run_key) where it was asked for, for who computes it elsewhere.
     """
+
     case: str
     solver: str
     accuracy: str
     asked: float
-    file: str = ""                 # case file outside the package
+    file: str = ""  # case file outside the package
     solver_files: tuple[str, ...] = ()
     nudge: int = 0
     parts: tuple[str, ...] = dataclasses.field(default=(), compare=False, repr=False)
@@ -51,6 +57,7 @@ class Spec:
 @dataclass(frozen=True)
 class Study:
     """rows: one dict per attempted run, whatever became of it; cases, solvers: what they are, by key and spec."""
+
     rows: list[dict]
     cases: dict = dataclasses.field(default_factory=dict)
     solvers: dict = dataclasses.field(default_factory=dict)
@@ -58,10 +65,13 @@ class Study:
     def frame(self):
         """The rows as a pandas DataFrame."""
         import pandas
+
         return pandas.DataFrame(self.rows)
 
 
-def suite_cases(suite: str, tag: str | None = None, left_out: dict[str, str] | None = None) -> list[str]:
+def suite_cases(
+    suite: str, tag: str | None = None, left_out: dict[str, str] | None = None
+) -> list[str]:
     """Keys of the cases of a suite; "full" holds everything, "smoke" the smallest. left_out: why those that cannot be made are
     not among them, by name, is added here (None: the first one raises)."""
     if suite not in SUITES:
@@ -74,7 +84,12 @@ def suite_cases(suite: str, tag: str | None = None, left_out: dict[str, str] | N
         if suite == "full":
             sets = suites.get("standard", []) + suites.get("hard", []) + sets
         if suite == "smoke":
-            sets = suites.get("smoke", suites.get("standard", [])[:1] if name in ("tide", "sliding", "three_discs") else [])
+            sets = suites.get(
+                "smoke",
+                suites.get("standard", [])[:1]
+                if name in ("tide", "sliding", "three_discs")
+                else [],
+            )
         for params in sets:
             try:
                 case = get_case(name, **params)
@@ -96,12 +111,17 @@ def resolve(case: str, file: str = "") -> Case:
         return _given[file]
     if file:
         from nsbench.case import parse_spec
+
         return load_case(file, **parse_spec(case)[1])
     return get_case(case)
 
 
-def plan(cases: Iterable[tuple[str, str]], specs: Iterable[str] | None, values: dict | None = None,
-         solver_files: tuple[str, ...] = ()) -> list[Spec]:
+def plan(
+    cases: Iterable[tuple[str, str]],
+    specs: Iterable[str] | None,
+    values: dict | None = None,
+    solver_files: tuple[str, ...] = (),
+) -> list[Spec]:
     """Every run to attempt. cases: (key, file); specs None: the standard ones and those a case adds;
     values: accuracies by name ("h", "tol", "k") that replace the standard ladders."""
     out = []
@@ -115,12 +135,14 @@ def plan(cases: Iterable[tuple[str, str]], specs: Iterable[str] | None, values: 
                 continue
             asked = (values or {}).get(method.accuracy) or ladder(case, method)
             for h in asked if values and method.accuracy == "h" else ():
-                solvers.grid(case.t, h)              # a step that cannot be taken is told before anything runs
+                solvers.grid(case.t, h)  # a step that cannot be taken is told before anything runs
             out += [Spec(key, spec, method.accuracy, float(a), file, solver_files) for a in asked]
     return out
 
 
-def run_batch(specs: list[Spec], announce: Callable[[str, int], None] = lambda what, i: None, order=None):
+def run_batch(
+    specs: list[Spec], announce: Callable[[str, int], None] = lambda what, i: None, order=None
+):
     """Rows of the specs of one case, as (index, row), each as soon as it is known.
 
     Each is prepared and run once; then all that were quick are timed in interleaved rounds, the first call left out,
@@ -129,6 +151,7 @@ def run_batch(specs: list[Spec], announce: Callable[[str, int], None] = lambda w
     "run", "measure", or, of a repetition, "again".
     """
     from nsbench.measure import clock
+
     kept = []
     for i, spec in order(specs) if order else enumerate(specs):
         row, run = attempt(spec, lambda what, i=i: announce(what, i))
@@ -136,16 +159,27 @@ def run_batch(specs: list[Spec], announce: Callable[[str, int], None] = lambda w
         if run is not None and timed_again(spec, row):
             kept.append((i, row, run))
     rounds = [clock.rounds_of(row["seconds"]) for _, row, _ in kept]
-    times = clock.in_rounds([run for _, _, run in kept], rounds, lambda k: announce("again", kept[k][0]))
+    times = clock.in_rounds(
+        [run for _, _, run in kept], rounds, lambda k: announce("again", kept[k][0])
+    )
     for (i, row, _), seconds in zip(kept, times, strict=True):
         failed = isinstance(seconds, Exception)
-        yield i, row | (_status(_raised(seconds, f"{REPEATED}: ")) if failed else clock.columns(seconds))
+        yield (
+            i,
+            row
+            | (_status(_raised(seconds, f"{REPEATED}: ")) if failed else clock.columns(seconds)),
+        )
 
 
 def timed_again(spec: Spec, row: dict) -> bool:
     """Is the run of this row repeated to be timed? Those that were quick and went well, from the case's own start."""
     from nsbench.measure import clock
-    return row["status"] in ("ok", "below_reference") and not spec.nudge and clock.rounds_of(row["seconds"]) > 1
+
+    return (
+        row["status"] in ("ok", "below_reference")
+        and not spec.nudge
+        and clock.rounds_of(row["seconds"]) > 1
+    )
 
 
 def attempt(spec: Spec, announce: Callable[[str], None] = lambda what: None):
@@ -162,21 +196,28 @@ def found(spec: Spec):
 
 def _attempt(spec, announce):
     from nsbench.measure import clock
-    row = {"case": spec.case, "solver": spec.solver, "accuracy": spec.accuracy, "asked": spec.asked, "h": spec.asked}
+
+    row = {
+        "case": spec.case,
+        "solver": spec.solver,
+        "accuracy": spec.accuracy,
+        "asked": spec.asked,
+        "h": spec.asked,
+    }
     announce("prepare")
     try:
         case, method = found(spec)
         why = method.refuses(case)
         if why:
             return row | _status(Status("refused", why)), None
-        start = nudged(case, spec.nudge)                 # measured against the solution from the case's own start
+        start = nudged(case, spec.nudge)  # measured against the solution from the case's own start
         run, spent = clock.prepared(lambda: method.prepare(start, spec.asked))
         row |= spent
         announce("run")
         traj, seconds, compiled = clock.first_call(run, lambda: announce("run"))
         row |= clock.columns([seconds])
         row["compile_seconds"] += compiled
-    except Exception as e:               # a plugin may raise anything; it becomes a row and the others go on
+    except Exception as e:  # a plugin may raise anything; it becomes a row and the others go on
         return row | _status(_raised(e)), None
     announce("measure")
     try:
@@ -185,18 +226,22 @@ def _attempt(spec, announce):
             return row | _status(Status("error", wrong)), None
         row |= _told(spec, case, traj)
         from nsbench.measure import errors
+
         traj = doubted(case, traj)
         row |= _status(traj.status) | errors(case, traj)
         row |= _below(row)
-    except Exception as e:               # what a solver returns can be anything as well
+    except Exception as e:  # what a solver returns can be anything as well
         return row | _status(_raised(e, "The run ended, measuring it did not: ")), None
     return row, run if traj.status.ok and not spec.nudge else None
 
 
 def _told(spec: Spec, case: Case, traj: Trajectory) -> dict:
     """The columns that are the solver's to tell: its counted work, and the steps it took."""
-    told = {spelled(k): spelled(v)[:LONGEST] if isinstance(v, str) else v for k, v in traj.stats.items()
-            if isinstance(k, str) and isinstance(v, (int, float, str, bool)) and k not in OWN}
+    told = {
+        spelled(k): spelled(v)[:LONGEST] if isinstance(v, str) else v
+        for k, v in traj.stats.items()
+        if isinstance(k, str) and isinstance(v, (int, float, str, bool)) and k not in OWN
+    }
     h = {"h": told.get("h", spec.asked), "k": 1.0 / spec.asked}.get(spec.accuracy, spec.asked)
     return told | {"start": STARTS[case.start], "h": h, "lam_time": traj.lam_time}
 
@@ -209,8 +254,15 @@ def run_one(spec: Spec, announce: Callable[[str], None] = lambda what: None) -> 
 def lost(spec: Spec, status: str, why: str) -> dict:
     """The row of a run whose process ended before it could tell one."""
     h = 1.0 / spec.asked if spec.accuracy == "k" else spec.asked
-    return dict(case=spec.case, solver=spec.solver, accuracy=spec.accuracy, asked=spec.asked, h=h, status=status,
-                why=spelled(why))
+    return dict(
+        case=spec.case,
+        solver=spec.solver,
+        accuracy=spec.accuracy,
+        asked=spec.asked,
+        h=h,
+        status=status,
+        why=spelled(why),
+    )
 
 
 def _raised(e: Exception, when: str = "") -> Status:
@@ -237,8 +289,13 @@ def _below(row: dict) -> dict:
     force = next((name for name in ("impulse", "reaction") if np.isfinite(row[name])), None)
     if row["status"] != "ok" or "state_sup" not in below or (force and force not in below):
         return {}
-    return _status(Status("below_reference", f"The error is below {row['state_floor']:.2g}, ten times the bound of the "
-                                             f"reference ({row['reference']})."))
+    return _status(
+        Status(
+            "below_reference",
+            f"The error is below {row['state_floor']:.2g}, ten times the bound of the "
+            f"reference ({row['reference']}).",
+        )
+    )
 
 
 _files_loaded: set[str] = set()
@@ -247,10 +304,15 @@ _files_loaded: set[str] = set()
 def _status(status: Status) -> dict:
     why = "" if status.ok else spelled(str(status))
     middle = " ... " if len(why) > LONGEST else ""
-    return {"status": status.code, "why": why[:LONGEST // 2] + middle + why[max(LONGEST // 2, len(why) - LONGEST // 2):]}
+    return {
+        "status": status.code,
+        "why": why[: LONGEST // 2] + middle + why[max(LONGEST // 2, len(why) - LONGEST // 2) :],
+    }
 
 
-_given: dict[str, Case] = {}          # objects that were handed to `run`, by what stands for a file in their specs
+_given: dict[
+    str, Case
+] = {}  # objects that were handed to `run`, by what stands for a file in their specs
 
 
 def _hand_over(case: Case) -> str:
@@ -270,11 +332,17 @@ def run(cases, solver_specs=None, *, h=None, tol=None, k=None) -> Study:
     if len({key for key, _ in these}) < len(these):
         raise ValueError(f"two cases are named alike: {', '.join(sorted(key for key, _ in these))}")
     names = [solver_specs] if isinstance(solver_specs, str) else solver_specs
-    values = {n: list(np.atleast_1d(v)) for n, v in (("h", h), ("tol", tol), ("k", k)) if v is not None}
-    rows, session = [], secrets.token_hex(6)
+    values = {
+        n: list(np.atleast_1d(v)) for n, v in (("h", h), ("tol", tol), ("k", k)) if v is not None
+    }
+    rows = []
+    session = secrets.token_hex(6)
     for key, file in these:
         specs = plan([(key, file)], names, values)
         done = dict(run_batch(specs))
         rows += [done[i] | {"session": session} for i in sorted(done)]
-    return Study(rows, {key: describe_case(resolve(key, file)) for key, file in these},
-                 {spec: describe_solver(spec) for spec in dict.fromkeys(r["solver"] for r in rows)})
+    return Study(
+        rows,
+        {key: describe_case(resolve(key, file)) for key, file in these},
+        {spec: describe_solver(spec) for spec in dict.fromkeys(r["solver"] for r in rows)},
+    )

@@ -1,4 +1,5 @@
 """What a report says of cases and methods beside their rows: what they are, and digests of what their numbers depend on."""
+
 from __future__ import annotations
 
 import dataclasses
@@ -14,23 +15,40 @@ from nsbench.case import Case, get_case
 def describe_case(case: Case) -> dict:
     """What a report says of a case: its docstring, size, families, where its reference comes from."""
     from nsbench.reference import reference
+
     p = case.problem
     try:
         ref = reference(case)
         kind = "none" if ref is None else ref.kind
     except ValueError as e:
-        ref, kind = None, f"unusable: {e}"
-    bounds = {k: getattr(ref, f"{k}_error", np.nan) for k in ("state", "impulse", "reaction", "event")}
-    told = {k: float(v) for k, v in bounds.items() if np.isfinite(v)} | {"how": getattr(ref, "how", "")}
-    return {"doc": case.doc, "n": case.n, "problem": type(p).__name__, "reference": kind, "certificate": told,
-            "tags": list(case.tags), "classes": list(case.classes),
-            "families": [type(c).__name__ for c in getattr(p, "constraints", ())], "T": float(case.t[-1] - case.t[0]),
-            "samples": len(case.t), "unique": case.unique, "digest": _digest(case.key.encode(), *_contents([case.source])),
-            "reference_digest": _digest(kind.encode(), *_contents(_stored(case)))}
+        ref = None
+        kind = f"unusable: {e}"
+    bounds = {
+        k: getattr(ref, f"{k}_error", np.nan) for k in ("state", "impulse", "reaction", "event")
+    }
+    told = {k: float(v) for k, v in bounds.items() if np.isfinite(v)} | {
+        "how": getattr(ref, "how", "")
+    }
+    return {
+        "doc": case.doc,
+        "n": case.n,
+        "problem": type(p).__name__,
+        "reference": kind,
+        "certificate": told,
+        "tags": list(case.tags),
+        "classes": list(case.classes),
+        "families": [type(c).__name__ for c in getattr(p, "constraints", ())],
+        "T": float(case.t[-1] - case.t[0]),
+        "samples": len(case.t),
+        "unique": case.unique,
+        "digest": _digest(case.key.encode(), *_contents([case.source])),
+        "reference_digest": _digest(kind.encode(), *_contents(_stored(case))),
+    }
 
 
 def _stored(case: Case) -> list:
     from nsbench.reference import files_of
+
     return [] if case.exact is not None else [f for f in files_of(case) if Path(f).exists()]
 
 
@@ -50,10 +68,13 @@ def _digest(*chunks: bytes) -> str:
 def describe_solver(spec: str) -> dict:
     """What a report says of a solver: its first line, its accuracy parameter and its claims."""
     m = solvers.get(spec)
-    return {"doc": next(iter((type(m).__doc__ or "").strip().splitlines()), ""), "accuracy": m.accuracy,
-            "claims": dataclasses.asdict(m.claims),
-            "expects": [dataclasses.asdict(e) for e in getattr(m, "expects", ())],
-            "digest": _digest(repr(sorted(dataclasses.asdict(m).items())).encode())}
+    return {
+        "doc": next(iter((type(m).__doc__ or "").strip().splitlines()), ""),
+        "accuracy": m.accuracy,
+        "claims": dataclasses.asdict(m.claims),
+        "expects": [dataclasses.asdict(e) for e in getattr(m, "expects", ())],
+        "digest": _digest(repr(sorted(dataclasses.asdict(m).items())).encode()),
+    }
 
 
 def talk_figure() -> dict:
@@ -64,5 +85,7 @@ def talk_figure() -> dict:
         for dt in (0.2, 0.09, 0.04):
             nodes = np.arange(0.0, case.t[-1] + 1e-12, dt)
             traj = solvers.solve(dataclasses.replace(case, t=nodes), spec, h=dt)
-            out["runs"].append({"solver": spec, "dt": dt, "t": nodes.tolist(), "x": traj.x.tolist()})
+            out["runs"].append(
+                {"solver": spec, "dt": dt, "t": nodes.tolist(), "x": traj.x.tolist()}
+            )
     return out

@@ -1,11 +1,13 @@
 """The accuracies of the standard suite: ladders of steps, tolerances and stiffnesses."""
+
 from __future__ import annotations
 
 import numpy as np
 
 from nsbench.case import Case
 
-POINTS, OCTAVES = 19, 6
+POINTS = 19
+OCTAVES = 6
 
 
 def substeps_ladder(first: int, octaves: float = OCTAVES, points: int = POINTS) -> list[int]:
@@ -26,7 +28,12 @@ def ladder(case: Case, method) -> list[float]:
         spacing = float(np.diff(case.t).min())
         # dyadic effects are avoided by the ratios; fewer steps than this per sample are not asymptotic anywhere
         octaves = getattr(method, "octaves", OCTAVES)
-        return [spacing / n for n in substeps_ladder(max(1, case.substeps), octaves, round(POINTS * octaves / OCTAVES))]
+        return [
+            spacing / n
+            for n in substeps_ladder(
+                max(1, case.substeps), octaves, round(POINTS * octaves / OCTAVES)
+            )
+        ]
     values = getattr(method, "ladder", (method.default,))
     if method.accuracy == "k" and len(values) == 2:
         return [float(v) for v in np.geomspace(*values, POINTS)]

@@ -1,4 +1,5 @@
 """A curved wall and no particles: the order by cells had nothing to number and raised."""
+
 import numpy as np
 
 from nsbench import Case, Complementarity, Smooth
@@ -7,12 +8,14 @@ from nsbench import Case, Complementarity, Smooth
 def g(xp):
     def f(t, x):
         return xp.array([1.0 - x[0] ** 2])
+
     return f
 
 
 def drift(xp):
     def f(t, x):
         return xp.array([1.0])
+
     return f
 
 

@@ -1,5 +1,6 @@
 """Two discs meet 1e8 from the origin: impulses were asked for digits that their states do not have, and steps grew too short
 to come to an end."""
+
 import numpy as np
 
 from nsbench import Case, Complementarity, Distance
@@ -9,6 +10,7 @@ def drift(xp):
     def f(t, x):
         x = x - 1e8
         return xp.array([1.0 - 0.4 * x[1], 0.3 * xp.sin(3.0 * t), -1.0, 0.4 * x[0]])
+
     return f
 
 

@@ -1,4 +1,5 @@
 """A drift that jumps between samples: no defect of the run, but one of the quadrature that judges it."""
+
 import numpy as np
 
 from nsbench import Case, Complementarity
@@ -7,6 +8,7 @@ from nsbench import Case, Complementarity
 def drift(xp):
     def f(t, x):
         return xp.array([xp.where(t < -0.193, 2.0, -1.5) - 0.5 * x[0] * x[0]])
+
     return f
 
 

@@ -1,4 +1,5 @@
 """One field ends on the surface: what is left of complementarity keeps nosnoc's state beside it, sqrt(1e-10) away."""
+
 import numpy as np
 
 from nsbench import Case, Filippov
@@ -7,18 +8,21 @@ from nsbench import Case, Filippov
 def mode_p(xp):
     def f(t, x):
         return xp.array([-0.492 * x[0] * x[0]])
+
     return f
 
 
 def mode_m(xp):
     def f(t, x):
         return xp.array([-30.0 * (x[0] - xp.cos(t)) - 0.5])
+
     return f
 
 
 def switch(xp):
     def f(t, x):
         return xp.array([1.5 * x[0]])
+
     return f
 
 

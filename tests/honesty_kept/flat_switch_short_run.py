@@ -1,4 +1,5 @@
 """A switch x^3 and a run of 1e-6: what implicit Euler took for rounding of the switch was the whole motion."""
+
 import numpy as np
 
 from nsbench import Case, Filippov
@@ -7,12 +8,14 @@ from nsbench import Case, Filippov
 def drift(xp):
     def f(t, x):
         return xp.array([-1.6])
+
     return f
 
 
 def switch(xp):
     def f(t, x):
         return xp.array([x[0] * x[0] * x[0]])
+
     return f
 
 

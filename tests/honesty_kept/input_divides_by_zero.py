@@ -1,4 +1,5 @@
 """An input that divides Python's zero by zero at one time: no number, as numpy's."""
+
 import numpy as np
 
 from nsbench import LCS, Case
@@ -7,12 +8,14 @@ from nsbench import LCS, Case
 def u(xp):
     def f(t):
         return xp.array([0.0 / t, 2.0 * (t + 1.0), 0.2 * (t + 1.0)])
+
     return f
 
 
 def q(xp):
     def f(t):
         return xp.array([1.9 - 0.3 * xp.sin(2.0 * t), 0.7, 1.8 - 0.3 * xp.sin(2.1 * t)])
+
     return f
 
 

@@ -1,4 +1,5 @@
 """An input with a logarithm that ends with the run: LSODA went on in steps of no length."""
+
 import numpy as np
 
 from nsbench import LCS, Case
@@ -7,6 +8,7 @@ from nsbench import LCS, Case
 def u(xp):
     def f(t):
         return xp.array([-0.5 * xp.log(1.0 - t)])
+
     return f
 
 

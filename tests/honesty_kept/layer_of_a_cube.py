@@ -1,4 +1,5 @@
 """A switch x^3: the layer of a penalty is as wide as the cube root of 1 / k, and so is its error."""
+
 import numpy as np
 
 from nsbench import Case, Filippov
@@ -7,12 +8,14 @@ from nsbench import Case, Filippov
 def drift(xp):
     def f(t, x):
         return xp.array([-xp.sin(3.765 * t + 2.988) + 1.584 * xp.tanh(x[0])])
+
     return f
 
 
 def switch(xp):
     def f(t, x):
         return xp.array([x[0] * x[0] * x[0]])
+
     return f
 
 

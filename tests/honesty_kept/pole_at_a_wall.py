@@ -1,4 +1,5 @@
 """The push against a wall has a pole in time: steps crept towards it, shorter and shorter, and did not come to an end."""
+
 import numpy as np
 
 from nsbench import Affine, Case, Complementarity
@@ -7,6 +8,7 @@ from nsbench import Affine, Case, Complementarity
 def drift(xp):
     def f(t, x):
         return xp.array([1e8 * (0.5 / (t - 0.967))])
+
     return f
 
 

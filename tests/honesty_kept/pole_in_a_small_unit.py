@@ -1,4 +1,5 @@
 """Fixed steps went over a pole of the drift and said ok."""
+
 import numpy as np
 
 from nsbench import Case, Complementarity
@@ -8,6 +9,7 @@ def drift(xp):
     def f(t, x):
         x = x / 1e-08
         return 1e-08 * xp.array([2.0 / (t - 0.715), -1.74 * xp.abs(x[1]) + 0.3 * x[1] * x[0] - 1.0])
+
     return f
 
 

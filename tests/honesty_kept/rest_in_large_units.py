@@ -1,4 +1,5 @@
 """At rest on a surface: what complementarity leaves was compared with the way of the run, which was nothing but that."""
+
 import numpy as np
 
 from nsbench import Case, Filippov
@@ -8,6 +9,7 @@ def mode_p(xp):
     def f(t, x):
         x = x / 1e8
         return 1e8 * xp.array([0.607 * xp.tanh(x[0]) + -0.903 * t])
+
     return f
 
 
@@ -15,12 +17,14 @@ def mode_m(xp):
     def f(t, x):
         x = x / 1e8
         return 1e8 * xp.array([-0.126 * xp.sin(2.728 * x[0])])
+
     return f
 
 
 def switch(xp):
     def f(t, x):
         return x / 1e8
+
     return f
 
 

@@ -1,4 +1,5 @@
 """A field with the square of a sign: between the modes it is 1, as in both, but a layer took it for less."""
+
 import numpy as np
 
 from nsbench import Case, Filippov
@@ -7,12 +8,14 @@ from nsbench import Case, Filippov
 def field(xp):
     def f(t, x, s):
         return xp.array([0.3 * s[0] * s[0] - s[0], s[0] * s[0] - 0.2 * s[0]])
+
     return f
 
 
 def switch(xp):
     def f(t, x):
         return xp.array([x[0]])
+
     return f
 
 

@@ -1,4 +1,5 @@
 """States of 1e-12: the layer of a penalty was never left, and held for the surface."""
+
 import numpy as np
 
 from nsbench import Case, Filippov
@@ -7,18 +8,27 @@ from nsbench import Case, Filippov
 def mode_p(xp):
     def f(t, x):
         return xp.array([-1.483 * x[0] / (1.0 + x[0] * x[0])])
+
     return f
 
 
 def mode_m(xp):
     def f(t, x):
-        return xp.array([-0.547 * xp.abs(x[0]) + 0.895 * x[0] / (1.0 + x[0] * x[0]) + -0.867 * x[0] * x[0] * x[0]])
+        return xp.array(
+            [
+                -0.547 * xp.abs(x[0])
+                + 0.895 * x[0] / (1.0 + x[0] * x[0])
+                + -0.867 * x[0] * x[0] * x[0]
+            ]
+        )
+
     return f
 
 
 def switch(xp):
     def f(t, x):
         return xp.array([x[0]])
+
     return f
 
 

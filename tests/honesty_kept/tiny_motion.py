@@ -1,4 +1,5 @@
 """Tolerances of implicit Euler were absolute: a motion by 1e-14 of a state of 1e-8 stayed on its surface."""
+
 import numpy as np
 
 from nsbench import Case, Filippov
@@ -8,6 +9,7 @@ def drift(xp):
     def f(t, x):
         x = x / 1e-08
         return 1e-08 * xp.array([0.0 * x[0], 0.274 * xp.sin(2.427 * x[0]) - 0.1, 0.0 * x[2]])
+
     return f
 
 
@@ -15,6 +17,7 @@ def switch(xp):
     def f(t, x):
         x = x / 1e-08
         return xp.array([x[1] * x[1] * x[1], t - 0.518, x[0] - 0.496])
+
     return f
 
 

@@ -1,4 +1,5 @@
 """Discs that blow up: SciPy's tree raised an error when the squares of their coordinates overflowed."""
+
 import numpy as np
 
 from nsbench import Case, Complementarity, Distance
@@ -7,6 +8,7 @@ from nsbench import Case, Complementarity, Distance
 def drift(xp):
     def f(t, x):
         return 1e3 * x * x
+
     return f
 
 

@@ -1,4 +1,5 @@
 """Two switches of one surface, on which the state slides until both fields leave it: looked for on single surfaces alone."""
+
 import numpy as np
 
 from nsbench import Case, Filippov
@@ -6,14 +7,26 @@ from nsbench import Case, Filippov
 
 def field(xp):
     def f(t, x, s):
-        return xp.array([0.5 * xp.tanh(x[0]) + s[0] * (-1.0 * x[0] / (1.0 + x[0] * x[0]) + 1.952 * (t - -1.0) +
-                                                 -1.495 * xp.sin(2.256 * (t - -1.0) + 1.051)) + 0.209 * s[0]])
+        return xp.array(
+            [
+                0.5 * xp.tanh(x[0])
+                + s[0]
+                * (
+                    -1.0 * x[0] / (1.0 + x[0] * x[0])
+                    + 1.952 * (t - -1.0)
+                    + -1.495 * xp.sin(2.256 * (t - -1.0) + 1.051)
+                )
+                + 0.209 * s[0]
+            ]
+        )
+
     return f
 
 
 def switch(xp):
     def f(t, x):
         return xp.array([x[0] * x[0] * x[0], 1000.0 * (x[0] * x[0] * x[0])])
+
     return f
 
 

@@ -3,6 +3,7 @@
 Nothing here is taken from the package: the truths of tests/independent are a second derivation. Times are `mpf`, states
 lists of `mpf`. A step is Gragg's midpoint rule, extrapolated (Hairer, Norsett, Wanner, Solving ODEs I, II.9).
 """
+
 from __future__ import annotations
 
 from dataclasses import dataclass, field
@@ -11,16 +12,17 @@ import numpy as np
 from mpmath import mp, mpf, nstr
 
 mp.dps = 45
-TOL = mpf(10) ** -34            # of one step: leaves eleven digits to rounding
-COLUMNS = 12                    # of the extrapolation table: order 24
-EPS = mpf(10) ** -30            # a guard may stand at its root: it counts as fallen below -EPS
-ZERO = mpf(10) ** -27           # a gap or a rate as small as this is zero: EPS with room for a short step
+TOL = mpf(10) ** -34  # of one step: leaves eleven digits to rounding
+COLUMNS = 12  # of the extrapolation table: order 24
+EPS = mpf(10) ** -30  # a guard may stand at its root: it counts as fallen below -EPS
+ZERO = mpf(10) ** -27  # a gap or a rate as small as this is zero: EPS with room for a short step
 SYSTEMS: dict[str, System] = {}
 
 
 @dataclass(frozen=True)
 class Path:
     """One trajectory: times, states, cumulative impulses (one column per id), events (time, kind, id), modes (time, mode)."""
+
     t: list
     x: list
     impulse: list
@@ -38,6 +40,7 @@ class System:
     combinations of the impulses are unique (None: each is; empty: none is). optional: times at which an event may or may
     not be told, as at the start.
     """
+
     path: object
     events: str = "all"
     weights: tuple | None = None
@@ -46,9 +49,11 @@ class System:
 
 def system(**flags):
     """Enters the function below, which returns a Path, under its own name."""
+
     def enter(path):
         SYSTEMS[path.__name__] = System(path, **flags)
         return path
+
     return enter
 
 
@@ -64,19 +69,23 @@ def linspace(a, b, k):
 
 def extrapolated(flow, t, y, H):
     """(y(t + H), estimated error) of y' = flow(t, y) by the extrapolated midpoint rule."""
-    slope, table = flow(t, y), []
+    slope = flow(t, y)
+    table = []
     for k in range(COLUMNS):
         N = 2 * (k + 1)
         h = H / N
-        a, b = y, [v + h * d for v, d in zip(y, slope, strict=True)]
+        a = y
+        b = [v + h * d for v, d in zip(y, slope, strict=True)]
         for s in range(1, N):
             a, b = b, [v + 2 * h * d for v, d in zip(a, flow(t + s * h, b), strict=True)]
         row = [[(u + v + h * d) / 2 for u, v, d in zip(a, b, flow(t + H, b), strict=True)]]
         for j in range(1, k + 1):
             ratio = (mpf(k + 1) / (k + 1 - j)) ** 2 - 1
-            row.append([u + (u - v) / ratio for u, v in zip(row[j - 1], table[k - 1][j - 1], strict=True)])
+            row.append(
+                [u + (u - v) / ratio for u, v in zip(row[j - 1], table[k - 1][j - 1], strict=True)]
+            )
         table.append(row)
-        if k >= 3:              # two entries that agree by chance are not four
+        if k >= 3:  # two entries that agree by chance are not four
             err = max(abs(u - v) / (1 + abs(u)) for u, v in zip(row[-1], row[-2], strict=True))
             if err < TOL:
                 break
@@ -86,7 +95,7 @@ def extrapolated(flow, t, y, H):
 def advance(flow, t, y, H):
     """y(t + H), halving the step until the estimate is met."""
     end, err = extrapolated(flow, t, y, H)
-    if err < TOL * 100:         # not met in all columns, but the next halving would gain nothing
+    if err < TOL * 100:  # not met in all columns, but the next halving would gain nothing
         return end
     if abs(H) < mpf(10) ** -9:
         raise RuntimeError(f"step too small at t = {nstr(t, 15)}: error {nstr(err, 5)}")
@@ -105,7 +114,8 @@ def root(phi, a, b, fa, fb):
         a, fa = (b, fb) if fc * fb < 0 else (a, fa / 2)
         if abs(c - b) < mpf(10) ** -36:
             return c
-        b, fb = c, fc
+        b = c
+        fb = fc
     return c
 
 
@@ -114,7 +124,7 @@ def fall(flow, guard, t, y, end, last):
     first = guard(t, y) + EPS
     if first <= 2 * EPS:
         d = (end - t) / 2
-        for _ in range(90):     # 2^-90 of a step is below EPS
+        for _ in range(90):  # 2^-90 of a step is below EPS
             later = advance(flow, t, y, d)
             first = guard(t + d, later) + EPS
             if first > 2 * EPS:
@@ -122,7 +132,8 @@ def fall(flow, guard, t, y, end, last):
             d /= 2
         else:
             raise RuntimeError(f"a guard falls at once after t = {nstr(t, 20)}")
-        t, y = t + d, later
+        t = t + d
+        y = later
     return root(lambda s: guard(s, advance(flow, t, y, s - t)) + EPS, t, end, first, last)
 
 
@@ -147,10 +158,15 @@ def march(modes, x0, ts, H, breaks=(), mode=None):
     guards [(tag, function of (t, x))] that stay >= 0 while the mode lasts, `modes.decide(t, x, mode, tags, era)` the next
     mode and its events [(kind, id)]; mode None asks for the first. The era grows by one at each of `breaks`.
     """
-    n, ts = len(x0), [mpf(t) for t in ts]
-    t, y = ts[0], [mpf(v) for v in x0] + [mpf(0)] * len(modes.ids)
+    n = len(x0)
+    ts = [mpf(t) for t in ts]
+    t = ts[0]
+    y = [mpf(v) for v in x0] + [mpf(0)] * len(modes.ids)
     mode = modes.decide(t, y[:n], None, [], 0)[0] if mode is None else mode
-    out, events, history, era = [y], [], [(t, mode)], 0
+    out = [y]
+    events = []
+    history = [(t, mode)]
+    era = 0
     breaks = [*map(mpf, breaks), ts[-1] + 1]
     while t < ts[-1]:
         rhs, lam, guards = modes.parts(mode, era, t, y[:n])
@@ -163,9 +179,11 @@ def march(modes, x0, ts, H, breaks=(), mode=None):
             while len(out) < len(ts) and ts[len(out)] <= end:
                 s = ts[len(out)]
                 out.append(advance(flow, t, y, s - t) if s < end else after)
-            t, y = end, after
+            t = end
+            y = after
             if not tags and t >= breaks[era]:
-                tags, era = ["break"], era + 1
+                tags = ["break"]
+                era = era + 1
         if tags:
             mode, told = modes.decide(t, y[:n], mode, tags, era)
             events += [(t, kind, c) for kind, c in told]

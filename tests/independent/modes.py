@@ -2,6 +2,7 @@
 
 Each class gives what `engine.march` asks for: `ids`, `parts` and `decide`. Functions of time and state return `mpf`.
 """
+
 from __future__ import annotations
 
 import itertools
@@ -31,6 +32,7 @@ def subsets(items):
 @dataclass(frozen=True)
 class Gap:
     """A gap g(t, x) >= 0 with its gradient (t, x) -> list and its partial derivative in time."""
+
     g: Callable
     grad: Callable
     rate: Callable = lambda t, x: mpf(0)
@@ -39,8 +41,11 @@ class Gap:
 def affine(a, b=0, db=None):
     """a x + b, b a number or a function of time with derivative db."""
     a = [mpf(v) for v in a]
-    return Gap(lambda t, x: dot(a, x) + (b(t) if callable(b) else mpf(b)), lambda t, x: a,
-               (lambda t, x: db(t)) if db else Gap.rate)
+    return Gap(
+        lambda t, x: dot(a, x) + (b(t) if callable(b) else mpf(b)),
+        lambda t, x: a,
+        (lambda t, x: db(t)) if db else Gap.rate,
+    )
 
 
 def eye(n):
@@ -57,11 +62,13 @@ def dist(i, j, d, n, dim=2, sign=1):
     diff = lambda x: [x[i * dim + k] - x[j * dim + k] for k in range(dim)]
 
     def grad(t, x):
-        v, out = diff(x), [mpf(0)] * n
+        v = diff(x)
+        out = [mpf(0)] * n
         for k in range(dim):
             out[i * dim + k] += sign * v[k] / length(v)
             out[j * dim + k] -= sign * v[k] / length(v)
         return out
+
     return Gap(lambda t, x: sign * (length(diff(x)) - mpf(d)), grad)
 
 
@@ -70,17 +77,23 @@ def anchor(i, a, da, d, n, dim=2, sign=1):
     diff = lambda t, x: [x[i * dim + k] - p for k, p in enumerate(a(t))]
 
     def grad(t, x):
-        v, out = diff(t, x), [mpf(0)] * n
-        out[i * dim:(i + 1) * dim] = [sign * c / length(v) for c in v]
+        v = diff(t, x)
+        out = [mpf(0)] * n
+        out[i * dim : (i + 1) * dim] = [sign * c / length(v) for c in v]
         return out
-    return Gap(lambda t, x: sign * (length(diff(t, x)) - mpf(d)), grad,
-               lambda t, x: -dot(grad(t, x)[i * dim:(i + 1) * dim], da(t)))
+
+    return Gap(
+        lambda t, x: sign * (length(diff(t, x)) - mpf(d)),
+        grad,
+        lambda t, x: -dot(grad(t, x)[i * dim : (i + 1) * dim], da(t)),
+    )
 
 
 # ---------------------------------------------------------------- complementarity
 @dataclass(frozen=True)
 class Contacts:
     """x' = f + sum lam_k d_k, 0 <= g_k _|_ lam_k >= 0, with d_k the gradient of g_k, or a given direction. f per era."""
+
     f: Sequence
     gaps: Sequence
     ids: Sequence
@@ -101,18 +114,29 @@ class Contacts:
             return [], v
         M = [[dot(self.gaps[k].grad(t, x), p) for p in push] for k in active]
         lam = solve(M, [-self.rate(k, t, x, v) for k in active])
-        return lam, [c + sum(q * p[i] for q, p in zip(lam, push, strict=True)) for i, c in enumerate(v)]
+        return lam, [
+            c + sum(q * p[i] for q, p in zip(lam, push, strict=True)) for i, c in enumerate(v)
+        ]
 
     def all_lam(self, active, era, t, x):
         found = dict(zip(active, self.lam(active, era, t, x)[0], strict=True))
         return [found.get(k, mpf(0)) for k in range(len(self.gaps))]
 
     def parts(self, active, era, t, x):
-        guards = [("release", lambda t, x, q=q: self.lam(active, era, t, x)[0][q]) for q in range(len(active))]
+        guards = [
+            ("release", lambda t, x, q=q: self.lam(active, era, t, x)[0][q])
+            for q in range(len(active))
+        ]
         for k in set(range(len(self.gaps))) - set(active):
-            slack = 100 * EPS if self.gaps[k].g(t, x) < ZERO else mpf(0)    # a redundant row of the active set stays at 0
+            slack = (
+                100 * EPS if self.gaps[k].g(t, x) < ZERO else mpf(0)
+            )  # a redundant row of the active set stays at 0
             guards.append(("contact", lambda t, x, k=k, slack=slack: self.gaps[k].g(t, x) + slack))
-        return lambda t, x: self.lam(active, era, t, x)[1], partial(self.all_lam, active, era), guards
+        return (
+            lambda t, x: self.lam(active, era, t, x)[1],
+            partial(self.all_lam, active, era),
+            guards,
+        )
 
     def decide(self, t, x, mode, tags, era):
         """The first set of closed gaps, the smallest first, that pulls at none and lets none open backwards."""
@@ -120,15 +144,19 @@ class Contacts:
         for active in subsets(closed):
             try:
                 lam, v = self.lam(active, era, t, x)
-            except ZeroDivisionError:           # dependent rows
+            except ZeroDivisionError:  # dependent rows
                 continue
-            if all(-ZERO <= q <= 10 ** 20 for q in lam) and all(self.rate(k, t, x, v) >= -ZERO for k in closed):
+            if all(-ZERO <= q <= 10**20 for q in lam) and all(
+                self.rate(k, t, x, v) >= -ZERO for k in closed
+            ):
                 return active, changes(self.ids, mode or (), active)
         raise RuntimeError(f"no active set at t = {m.nstr(t, 20)}")
 
 
 def changes(ids, old, new):
-    return [("contact", ids[k]) for k in new if k not in old] + [("release", ids[k]) for k in old if k not in new]
+    return [("contact", ids[k]) for k in new if k not in old] + [
+        ("release", ids[k]) for k in old if k not in new
+    ]
 
 
 def complementarity(f, gaps, x0, ts, H=0.05, ids=None, breaks=(), directions=None):
@@ -142,6 +170,7 @@ def complementarity(f, gaps, x0, ts, H=0.05, ids=None, breaks=(), directions=Non
 @dataclass(frozen=True)
 class Sides:
     """x' = f(t, x, s), multilinear in the signs s of d switching functions; a mode is a string of +, - and s (sliding)."""
+
     f: Callable
     switch: Callable
     dswitch: Callable
@@ -157,7 +186,10 @@ class Sides:
         residual = lambda s: [dot(grad[k], v) + rate[k] for v in [self.f(t, x, s)] for k in slide]
         for _ in range(60):
             r = residual(s)
-            columns = [[a - b for a, b in zip(residual([*s[:k], s[k] + 1, *s[k + 1:]]), r, strict=True)] for k in slide]
+            columns = [
+                [a - b for a, b in zip(residual([*s[:k], s[k] + 1, *s[k + 1 :]]), r, strict=True)]
+                for k in slide
+            ]
             ds = solve([list(row) for row in zip(*columns, strict=True)], [-v for v in r])
             for k, d in zip(slide, ds, strict=True):
                 s[k] += d
@@ -176,7 +208,11 @@ class Sides:
                 guards.append((("-", k), lambda t, x, k=k: self.weights(mode, t, x)[k]))
             else:
                 guards.append((None, lambda t, x, k=k, q=int(c + "1"): q * self.switch(t, x)[k]))
-        return lambda t, x: self.f(t, x, self.signs(mode, t, x)), partial(self.weights, mode), guards
+        return (
+            lambda t, x: self.f(t, x, self.signs(mode, t, x)),
+            partial(self.weights, mode),
+            guards,
+        )
 
     def consistent(self, mode, t, x, free):
         """Whether the surfaces met are left on the side of the mode, or slid along with weights in [0, 1]."""
@@ -187,7 +223,10 @@ class Sides:
         grad, rate = self.dswitch(t, x)
         v = self.f(t, x, s)
         speed = {k: dot(grad[k], v) + rate[k] for k in free}
-        return all(abs(s[k]) < 1 + ZERO if mode[k] == "s" else int(mode[k] + "1") * speed[k] >= ZERO for k in free)
+        return all(
+            abs(s[k]) < 1 + ZERO if mode[k] == "s" else int(mode[k] + "1") * speed[k] >= ZERO
+            for k in free
+        )
 
     def decide(self, t, x, mode, tags, era):
         """The one consistent mode; a surface whose weight has just reached its end is left on that side."""
@@ -205,7 +244,11 @@ class Sides:
             raise RuntimeError(f"modes {found} at t = {m.nstr(t, 20)} from {mode}")
         kind = lambda a, b: "enter" if b == "s" else "exit" if a == "s" else "cross"
         new = found[0]
-        return new, [(kind(a, b), self.ids[k]) for k, (a, b) in enumerate(zip(mode or new, new, strict=True)) if a != b]
+        return new, [
+            (kind(a, b), self.ids[k])
+            for k, (a, b) in enumerate(zip(mode or new, new, strict=True))
+            if a != b
+        ]
 
 
 def const(*rows):
@@ -222,6 +265,7 @@ def filippov(f, switch, dswitch, x0, ts, d=1, H=0.05):
 @dataclass(frozen=True)
 class Circuit:
     """x' = A x + B lam + u, 0 <= w = C x + D lam + q _|_ lam >= 0."""
+
     A: Sequence
     B: Sequence
     C: Sequence
@@ -232,24 +276,33 @@ class Circuit:
 
     def lam(self, active, t, x):
         """Of the active set: lam_a = -D_aa^-1 (C x + q)_a, else 0."""
-        out, q = [mpf(0)] * len(self.D), self.q(t)
+        out = [mpf(0)] * len(self.D)
+        q = self.q(t)
         if active:
-            found = solve([[self.D[a][b] for b in active] for a in active], [-dot(self.C[k], x) - q[k] for k in active])
+            found = solve(
+                [[self.D[a][b] for b in active] for a in active],
+                [-dot(self.C[k], x) - q[k] for k in active],
+            )
             for k, v in zip(active, found, strict=True):
                 out[k] = v
         return out
 
     def w(self, active, t, x):
-        lam, q = self.lam(active, t, x), self.q(t)
+        lam = self.lam(active, t, x)
+        q = self.q(t)
         return [dot(c, x) + dot(d, lam) + v for c, d, v in zip(self.C, self.D, q, strict=True)]
 
     def velocity(self, active, t, x):
         lam = self.lam(active, t, x)
-        return [dot(a, x) + dot(b, lam) + v for a, b, v in zip(self.A, self.B, self.u(t), strict=True)]
+        return [
+            dot(a, x) + dot(b, lam) + v for a, b, v in zip(self.A, self.B, self.u(t), strict=True)
+        ]
 
     def parts(self, active, era, t, x):
-        guards = [(k, lambda t, x, k=k, f=self.lam if k in active else self.w: f(active, t, x)[k])
-                  for k in range(len(self.D))]
+        guards = [
+            (k, lambda t, x, k=k, f=self.lam if k in active else self.w: f(active, t, x)[k])
+            for k in range(len(self.D))
+        ]
         return partial(self.velocity, active), partial(self.lam, active), guards
 
     def decide(self, t, x, mode, tags, era):

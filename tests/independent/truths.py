@@ -3,6 +3,7 @@
 truths.npz holds states, cumulative impulses and reactions at the sample times (float64), truths.json the event times (20
 digits), the names of the contacts and what of all this is unique. recompute.py makes them anew.
 """
+
 from __future__ import annotations
 
 import json
@@ -16,8 +17,8 @@ import numpy as np
 import nsbench
 
 HERE = Path(__file__).parent
-NEAR = 1e-5         # events further apart than this, of the unit of time, are not the same event told inexactly
-SAME = 1e-12        # times closer than this are one time, where only times are unique or an event is optional
+NEAR = 1e-5  # events further apart than this, of the unit of time, are not the same event told inexactly
+SAME = 1e-12  # times closer than this are one time, where only times are unique or an event is optional
 
 
 @dataclass(frozen=True)
@@ -27,6 +28,7 @@ class Truth:
     unique: "all", "times" or "none" of the events; weights (w, m): the unique combinations of impulses, None for each of
     them; optional: times at which an event may be told or not; reaction (k, n) where impulses are not unique, else None.
     """
+
     x: np.ndarray
     impulse: np.ndarray
     reaction: np.ndarray | None
@@ -44,6 +46,7 @@ class Errors:
     The unit is 1, or the largest state or impulse (of times: the end) if that is less: micrometres are not compared to 1.
     It is one for states and impulses, for an impulse is what two states of their size differ by.
     """
+
     state: float
     impulse: float
     event: float
@@ -64,10 +67,16 @@ def names() -> list[str]:
 def truth(name: str) -> Truth:
     rest, data = stored()
     d = rest[name]
-    return Truth(data[f"{name}.x"], data[f"{name}.impulse"], data.get(f"{name}.reaction"), tuple(map(tuple, d["ids"])),
-                 tuple((t, kind, tuple(c)) for t, kind, c in d["events"]), d["unique"],
-                 None if d["weights"] is None else np.array(d["weights"], float).reshape(-1, len(d["ids"])),
-                 tuple(d["optional"]))
+    return Truth(
+        data[f"{name}.x"],
+        data[f"{name}.impulse"],
+        data.get(f"{name}.reaction"),
+        tuple(map(tuple, d["ids"])),
+        tuple((t, kind, tuple(c)) for t, kind, c in d["events"]),
+        d["unique"],
+        None if d["weights"] is None else np.array(d["weights"], float).reshape(-1, len(d["ids"])),
+        tuple(d["optional"]),
+    )
 
 
 def case(name: str) -> nsbench.Case:
@@ -98,7 +107,9 @@ def grouped(events, unique):
 
 def paired(told, true, optional, near):
     """(error, missed, extra) of two sorted lists of times, each used once, paired if not further apart than `near`."""
-    worst, missed, rest = 0.0, [], list(told)
+    worst = 0.0
+    missed = []
+    rest = list(told)
     for t in true:
         s = min(rest, key=lambda s: abs(s - t), default=np.inf)
         if abs(s - t) > near:
@@ -121,11 +132,23 @@ def compare(traj, true: Truth) -> Errors:
     impulse += [distance(v, zero, one) for c, v in told.items() if c not in true.ids]
     if true.reaction is not None:
         impulse.append(distance(traj.reaction, true.reaction, one))
-    worst, missed, extra = 0.0, [], []
+    worst = 0.0
+    missed = []
+    extra = []
     if true.unique != "none":
-        a = grouped([(float(e.t), e.kind, tuple(map(int, e.contact))) for e in traj.events], true.unique)
+        a = grouped(
+            [(float(e.t), e.kind, tuple(map(int, e.contact))) for e in traj.events], true.unique
+        )
         b = grouped([(float(t), kind, c) for t, kind, c in true.events], true.unique)
         for key in a.keys() | b.keys():
             error, lost, more = paired(a[key], b[key], true.optional, NEAR * unit(traj.t[-1:]))
-            worst, missed, extra = max(worst, error / unit(traj.t[-1:])), missed + lost, extra + more
-    return Errors(distance(traj.x, true.x, one), max(impulse), worst, tuple(sorted(missed)), tuple(sorted(extra)))
+            worst = max(worst, error / unit(traj.t[-1:]))
+            missed = missed + lost
+            extra = extra + more
+    return Errors(
+        distance(traj.x, true.x, one),
+        max(impulse),
+        worst,
+        tuple(sorted(missed)),
+        tuple(sorted(extra)),
+    )

@@ -3,6 +3,7 @@
 CONDITION is how much more the samples move than a start that is moved by 1e-9 of the unit, which is 1, or the largest state or
 what the drift makes of the time if these are less (as in tests/independent).
 """
+
 from __future__ import annotations
 
 from functools import cached_property
@@ -14,15 +15,22 @@ from nsbench.problem import Complementarity
 from randomised.ladder import EPS
 from randomised.runs import Outcome, attempt, kept_feasible, relative
 
-BOUND = 1e-9                # of the condition: what event_driven is held to, claims.exact being 1e-10
-NUDGE = 1e-9                # of the unit: by which a start is moved for its condition, at least
-ABSOLUTE = 1e-11            # what absolute tolerances leave in states that are small themselves
-ROUNDINGS = 100.0           # spacings of the largest coordinate: of some 1500 steps, of random sign
-WILD = 1e5                  # a condition above which no answer can be judged: rounding alone moves it visibly
+BOUND = 1e-9  # of the condition: what event_driven is held to, claims.exact being 1e-10
+NUDGE = 1e-9  # of the unit: by which a start is moved for its condition, at least
+ABSOLUTE = 1e-11  # what absolute tolerances leave in states that are small themselves
+ROUNDINGS = 100.0  # spacings of the largest coordinate: of some 1500 steps, of random sign
+WILD = 1e5  # a condition above which no answer can be judged: rounding alone moves it visibly
 STEPS = "max_steps=1500"
 FIRST = f"event_driven[{STEPS}]"
-SECOND = tuple((f"event_driven[{option},{STEPS}]", tol) for option, tol in (
-    ("method=rk45", 1e-10), ("method=lsoda", 1e-11), ("method=radau", 1e-10), ("max_step=0.02", 1e-11)))
+SECOND = tuple(
+    (f"event_driven[{option},{STEPS}]", tol)
+    for option, tol in (
+        ("method=rk45", 1e-10),
+        ("method=lsoda", 1e-11),
+        ("method=radau", 1e-10),
+        ("max_step=0.02", 1e-11),
+    )
+)
 
 
 class Answer:
@@ -30,7 +38,9 @@ class Answer:
 
     def __init__(self, case, second: int = 0, answered: bool = True):
         """answered=False: the answer is known not to come to an end."""
-        self.case, self.second, self.answered = case, SECOND[second % len(SECOND)], answered
+        self.case = case
+        self.second = SECOND[second % len(SECOND)]
+        self.answered = answered
         self.solved = case.replace(start="error") if kept_feasible(case) else case
 
     @cached_property
@@ -50,10 +60,13 @@ class Answer:
     @cached_property
     def unit(self) -> float:
         """The largest state, or what the drift makes of the time if that is more; at most 1."""
-        x, t = (self.first.traj.x if self.first.ok else self.case.x0), self.case.t
+        x = self.first.traj.x if self.first.ok else self.case.x0
+        t = self.case.t
         with np.errstate(all="ignore"):
             way = float(t[-1] - t[0]) * pace(self.case.problem, float(t[0]), self.case.x0)
-        return min(1.0, max(float(np.max(np.abs(x), initial=0.0)), way if np.isfinite(way) else 0.0) or 1.0)
+        return min(
+            1.0, max(float(np.max(np.abs(x), initial=0.0)), way if np.isfinite(way) else 0.0) or 1.0
+        )
 
     def apart(self, a, b, absolute: float = 0.0) -> float:
         """Difference of two runs, less what tolerances allow: states, and reactions where both have them."""
@@ -76,12 +89,17 @@ class Answer:
         Far from the origin tolerances and roundings move the state at all times. The start alone does not show it: what the
         beginning forgets may be repelled later.
         """
-        worst, rng, case = 1.0, np.random.default_rng(1), self.solved
+        worst = 1.0
+        rng = np.random.default_rng(1)
+        case = self.solved
         if not self.first.ok or self.round_off <= NUDGE * self.unit:
             return worst
         for k in sorted({len(case.t) // 3, min(2 * len(case.t) // 3, len(case.t) - 2)}):
-            x, move = self.first.traj.x[k:], self.round_off * rng.uniform(-1.0, 1.0, case.n)
-            other = attempt(case.replace(t=case.t[k:], x0=x[0] + move, start=self._beside), FIRST, 1e-12)
+            x = self.first.traj.x[k:]
+            move = self.round_off * rng.uniform(-1.0, 1.0, case.n)
+            other = attempt(
+                case.replace(t=case.t[k:], x0=x[0] + move, start=self._beside), FIRST, 1e-12
+            )
             if other.ok:
                 worst = max(worst, float(np.abs(other.traj.x - x).max()) / self.round_off)
         return worst
@@ -95,17 +113,30 @@ class Answer:
     @cached_property
     def condition(self) -> float:
         """At least 1; infinite where a start beside this one does not run."""
-        rng, case, worst = np.random.default_rng(0), self.solved, 1.0
+        rng = np.random.default_rng(0)
+        case = self.solved
+        worst = 1.0
         nudge = max(NUDGE, self.round_off / self.unit)
         for _ in range(2):
             away = rng.uniform(-1.0, 1.0, case.n)
-            other = attempt(case.replace(x0=case.x0 + nudge * self.unit * away, start=self._beside), FIRST, 1e-12)
-            worst = max(worst, relative(other.traj.x, self.first.traj.x, self.unit) / nudge if other.ok else np.inf)
+            other = attempt(
+                case.replace(x0=case.x0 + nudge * self.unit * away, start=self._beside),
+                FIRST,
+                1e-12,
+            )
+            worst = max(
+                worst,
+                relative(other.traj.x, self.first.traj.x, self.unit) / nudge
+                if other.ok
+                else np.inf,
+            )
         return worst
 
     @cached_property
     def bound(self) -> float:
-        far = float(np.abs(self.first.traj.x).max(initial=0.0)) / self.unit if self.first.ok else 1.0
+        far = (
+            float(np.abs(self.first.traj.x).max(initial=0.0)) / self.unit if self.first.ok else 1.0
+        )
         return (BOUND + ROUNDINGS * EPS * far) * self.condition
 
     @cached_property
@@ -117,7 +148,11 @@ class Answer:
         if self.digits == 1e-12:
             return self.first.traj
         better = attempt(self.solved, FIRST, self.digits)
-        return better.traj if better.ok and self.apart(self.first.traj, better.traj, ABSOLUTE) <= self.bound else None
+        return (
+            better.traj
+            if better.ok and self.apart(self.first.traj, better.traj, ABSOLUTE) <= self.bound
+            else None
+        )
 
     @cached_property
     def digits(self) -> float:

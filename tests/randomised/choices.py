@@ -3,6 +3,7 @@
 Everything that is random is asked of `below`; what a list of numbers does not say is 0. So a scene is shrunk by making its
 numbers fewer and less, whatever they mean (as hypothesis does; MacIver & Donaldson, ECOOP 2020).
 """
+
 from __future__ import annotations
 
 import math
@@ -15,7 +16,8 @@ class Choices:
     """below(n): a whole number from 0 to n - 1, of `source`; `made` keeps them all."""
 
     def __init__(self, source: Callable[[int], int]):
-        self.source, self.made = source, []
+        self.source = source
+        self.made = []
 
     def below(self, n: int) -> int:
         if n < 2:
@@ -51,7 +53,8 @@ def replayed(made: list[int]) -> Choices:
 
 def shrunk(made: list[int], fails: Callable[[list[int]], bool], tries: int = 300) -> list[int]:
     """Choices, fewer and less, for which `fails` still holds; at most that many tries of it."""
-    best, left = list(made), tries
+    best = list(made)
+    left = tries
 
     def better(trial):
         nonlocal best, left
@@ -62,15 +65,16 @@ def shrunk(made: list[int], fails: Callable[[list[int]], bool], tries: int = 300
             return False
         best = trial
         return True
+
     size = len(best)
-    while size and left > 0:                    # drop runs of them, then make single ones less
+    while size and left > 0:  # drop runs of them, then make single ones less
         k = 0
         while k < len(best) and left > 0:
-            if not better(best[:k] + best[k + size:]):
+            if not better(best[:k] + best[k + size :]):
                 k += size
         size //= 2
     for k in range(len(best)):
         for less in (0, best[k] // 2 if k < len(best) else 0, best[k] - 1 if k < len(best) else 0):
-            if k < len(best) and 0 <= less < best[k] and better([*best[:k], less, *best[k + 1:]]):
+            if k < len(best) and 0 <= less < best[k] and better([*best[:k], less, *best[k + 1 :]]):
                 break
     return best

@@ -2,6 +2,7 @@
 
 It is drawn in units of its own and written in `scale` times them, around `offset`: 1e8, 1e-8, or shifted by 1e8.
 """
+
 from __future__ import annotations
 
 from dataclasses import dataclass, field
@@ -15,6 +16,7 @@ from randomised.grammar import expression
 @dataclass
 class Draft:
     """What a scene is written from. x0 in its own units; parts: definitions; problem: an expression; notes: what it is."""
+
     c: Choices
     what: str
     t0: float
@@ -26,9 +28,15 @@ class Draft:
 
     def function(self, name: str, args: str, rows: list[str], size: str = "") -> str:
         """A factory of an array of expressions; size: what to multiply the array by."""
-        shift = f"        x = (x - {self.offset!r}) / {self.scale!r}\n" if "x" in args and self.framed else ""
-        self.parts.append(f"def {name}(xp):\n    def f({args}):\n{shift}        return {size}xp.array([{', '.join(rows)}])\n"
-                          "    return f\n")
+        shift = (
+            f"        x = (x - {self.offset!r}) / {self.scale!r}\n"
+            if "x" in args and self.framed
+            else ""
+        )
+        self.parts.append(
+            f"def {name}(xp):\n    def f({args}):\n{shift}        return {size}xp.array([{', '.join(rows)}])\n"
+            "    return f\n"
+        )
         return name
 
     @property

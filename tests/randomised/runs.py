@@ -1,4 +1,5 @@
 """One run of a case by a method, measured: a trajectory, a sentence at the border, or a crash."""
+
 from __future__ import annotations
 
 import linecache
@@ -15,13 +16,14 @@ from nsbench import solvers
 from nsbench.measure.context import frame
 from nsbench.problem import LCS, Complementarity
 
-EVENTS = 400                # that a run of event_driven may meet: one costs up to 0.1 s
+EVENTS = 400  # that a run of event_driven may meet: one costs up to 0.1 s
 
 
 @dataclass(frozen=True)
 class Verdict:
     """word: fine, own (by its own residuals alone), told (a status that is not ok, or a sentence at the border), refused,
     slow, open (nothing to judge it by), wrong, crash; status: of the finest run."""
+
     word: str
     status: str = ""
     why: str = ""
@@ -30,6 +32,7 @@ class Verdict:
 @dataclass
 class Outcome:
     """A trajectory with what the bench measures of it, or a sentence at the border, or a crash."""
+
     traj: object = None
     measured: dict = field(default_factory=dict)
     told: str = ""
@@ -53,7 +56,11 @@ def attempt(case, spec: str, value: float) -> Outcome:
         try:
             traj = solvers.solve(case, spec, **{method.accuracy: value})
         except Exception as e:
-            return Outcome(told=str(e)) if on_purpose(e) else Outcome(crash=f"{type(e).__name__}: {e} at {_place(e)}")
+            return (
+                Outcome(told=str(e))
+                if on_purpose(e)
+                else Outcome(crash=f"{type(e).__name__}: {e} at {_place(e)}")
+            )
         try:
             return Outcome(traj, nsbench.errors(case, traj))
         except Exception as e:
@@ -65,7 +72,9 @@ def on_purpose(e: Exception) -> bool:
     if not isinstance(e, (ValueError, TypeError, LookupError)):
         return False
     last = traceback.extract_tb(e.__traceback__)[-1]
-    return "nsbench" in Path(last.filename).parts and "raise" in linecache.getline(last.filename, last.lineno)
+    return "nsbench" in Path(last.filename).parts and "raise" in linecache.getline(
+        last.filename, last.lineno
+    )
 
 
 def _place(e) -> str:
@@ -76,8 +85,11 @@ def _place(e) -> str:
 def relative(a, b, one, round_off=0.0) -> float:
     """Largest |a - b|, less what rounding is allowed, over the larger of `one` and how far b moves; infinite where something
     is not finite."""
-    d = np.maximum(np.abs(a - b) - round_off, 0.0) / max(one, float(np.abs(b - b[0]).max(initial=0.0)))
+    d = np.maximum(np.abs(a - b) - round_off, 0.0) / max(
+        one, float(np.abs(b - b[0]).max(initial=0.0))
+    )
     return float(np.max(np.where(np.isfinite(d), d, np.inf), initial=0.0))
+
 
 def kept_feasible(case) -> bool:
     """Whether a start that is kept is feasible: then it is the same as one that is projected, and can be followed."""

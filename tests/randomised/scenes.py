@@ -1,4 +1,5 @@
 """Random scenes as the text of case files: every family of problems, degenerate on purpose."""
+
 from __future__ import annotations
 
 import numpy as np
@@ -9,8 +10,17 @@ from randomised.draft import Draft, array
 from randomised.switches import circuit, modes, relay, signs, smooth_ode
 
 HEAD = '"""A random scene: {what}."""\nimport numpy as np\n\nfrom nsbench import {names}\n'
-FAMILIES = {"affine": affine, "discs": discs, "links": links, "smooth": smooth_gaps, "ode": smooth_ode, "modes": modes,
-            "signs": signs, "relay": relay, "circuit": circuit}
+FAMILIES = {
+    "affine": affine,
+    "discs": discs,
+    "links": links,
+    "smooth": smooth_gaps,
+    "ode": smooth_ode,
+    "modes": modes,
+    "signs": signs,
+    "relay": relay,
+    "circuit": circuit,
+}
 
 
 def scene(c: Choices, family: str) -> str:
@@ -26,8 +36,10 @@ def scene(c: Choices, family: str) -> str:
     text = HEAD.format(what=", ".join([family, *d.notes]), names=", ".join(sorted(d.names))) + "\n"
     text += "".join(f"\n{part}\n" for part in d.parts)
     more = f', start="{start}"' if start != "error" else ""
-    return text + (f'\nCASE = Case(\n    name="scene",\n    problem={problem},\n    x0={array(x)},\n'
-                   f"    t={_times(c, t0)}{more},\n)\n")
+    return text + (
+        f'\nCASE = Case(\n    name="scene",\n    problem={problem},\n    x0={array(x)},\n'
+        f"    t={_times(c, t0)}{more},\n)\n"
+    )
 
 
 def _times(c: Choices, t0: float) -> str:

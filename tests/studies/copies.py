@@ -1,4 +1,5 @@
 """Copies of the checkout for breaking them on purpose."""
+
 import contextlib
 import shutil
 import subprocess
@@ -10,7 +11,9 @@ ROOT = Path(__file__).resolve().parents[2]
 
 def copy(to: Path) -> None:
     """Every file of the checkout but the reports, into the folder `to`."""
-    names = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True).stdout.splitlines()
+    names = subprocess.run(
+        ["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True
+    ).stdout.splitlines()
     for name in names:
         if (ROOT / name).is_file() and not name.startswith("reports/"):
             (to / name).parent.mkdir(parents=True, exist_ok=True)
@@ -27,6 +30,8 @@ def broken(*replacements, copied=copy):
         for file, text, other in replacements:
             source = (folder / file).read_text(encoding="utf-8")
             if source.count(text) != 1:
-                raise LookupError(f"does not apply: {text!r} stands {source.count(text)} times in {file}")
+                raise LookupError(
+                    f"does not apply: {text!r} stands {source.count(text)} times in {file}"
+                )
             (folder / file).write_text(source.replace(text, other), encoding="utf-8")
         yield folder

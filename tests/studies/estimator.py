@@ -6,6 +6,7 @@ One line per family: how many, how often the verdict is "order", how often its i
 plateaus claimed (falsely, or rightly: power), and the other verdicts. "told wrong" counts what must not happen: a
 plateau or "diverges" for an error that converges, an order for one that does not, any verdict for what cannot be known.
 """
+
 from __future__ import annotations
 
 import argparse
@@ -24,15 +25,28 @@ from nsbench import fit_order
 
 # what may be said beside the truth itself; "undecided" and "pre-asymptotic" are never wrong
 HONEST = ("undecided", "pre-asymptotic")
-TRUE = {"order": ("order", "below reference"), "plateau": ("plateau",), "diverges": ("diverges",),
-        "exact": ("exact: no order",), "open": ()}
-SHORT = {"order": "order", "exact: no order": "exact", "plateau": "plateau", "pre-asymptotic": "pre-as.",
-         "undecided": "undec.", "diverges": "diverg.", "below reference": "below"}
+TRUE = {
+    "order": ("order", "below reference"),
+    "plateau": ("plateau",),
+    "diverges": ("diverges",),
+    "exact": ("exact: no order",),
+    "open": (),
+}
+SHORT = {
+    "order": "order",
+    "exact: no order": "exact",
+    "plateau": "plateau",
+    "pre-asymptotic": "pre-as.",
+    "undecided": "undec.",
+    "diverges": "diverg.",
+    "below reference": "below",
+}
 
 
 @dataclass
 class Count:
     """Outcomes of one family (or of several): verdicts, orders told and how many intervals held the truth."""
+
     n: int = 0
     orders: int = 0
     covered: int = 0
@@ -59,9 +73,12 @@ class Count:
         return Count(*(getattr(self, k) + getattr(other, k) for k in self.__dataclass_fields__))
 
 
-def study(n: int, seed: int, families=tuple(FAMILIES)) -> tuple[dict[str, Count], dict[tuple, Count]]:
+def study(
+    n: int, seed: int, families=tuple(FAMILIES)
+) -> tuple[dict[str, Count], dict[tuple, Count]]:
     """(by family, by family and note)."""
-    counts, notes = {}, {}
+    counts = {}
+    notes = {}
     for family, ladder in ladders(n, seed, families):
         fit = fit_order(ladder.h, ladder.err, **ladder.known)
         counts.setdefault(family, Count()).add(ladder, fit)
@@ -81,20 +98,30 @@ def line(name: str, c: Count) -> str:
     width = f"{np.median(c.widths):6.3f}" if c.widths else "     -"
     cover = f"{100 * c.coverage:5.1f} ±{100 * half:4.1f}" if c.orders else "      -     "
     rest = " ".join(f"{SHORT[v]} {k}" for v, k in c.verdicts.most_common())
-    return (f"{name:26s} {c.n:6d} {100 * c.verdicts['order'] / c.n:6.1f}  {cover} {width} "
-            f"{100 * c.verdicts['plateau'] / c.n:8.1f} {100 * c.wrong / c.n:8.2f}   {rest}")
+    return (
+        f"{name:26s} {c.n:6d} {100 * c.verdicts['order'] / c.n:6.1f}  {cover} {width} "
+        f"{100 * c.verdicts['plateau'] / c.n:8.1f} {100 * c.wrong / c.n:8.2f}   {rest}"
+    )
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--ladders", type=int, default=2000)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--notes", action="store_true", help="also by level of noise and size within a family")
-    parser.add_argument("--families", nargs="*", default=list(FAMILIES), choices=list(FAMILIES), metavar="NAME")
+    parser.add_argument(
+        "--notes", action="store_true", help="also by level of noise and size within a family"
+    )
+    parser.add_argument(
+        "--families", nargs="*", default=list(FAMILIES), choices=list(FAMILIES), metavar="NAME"
+    )
     args = parser.parse_args()
     counts, notes = study(args.ladders, args.seed, tuple(args.families))
-    print(f"{'family (* assumptions hold)':26s} {'n':>6s} {'order%':>6s}  {'coverage %':>12s} {'width':>6s} "
-          f"{'plateau%':>8s} {'wrong%':>8s}   verdicts")
+    print(
+        f"{'family (* assumptions hold)':26s} {'n':>6s} {'order%':>6s}  {'coverage %':>12s} {'width':>6s} "
+        f"{'plateau%':>8s} {'wrong%':>8s}   verdicts"
+    )
     for family, c in counts.items():
         print(line(f"{family} {'*' if FAMILIES[family][2] else ''}", c))
         if args.notes:

@@ -9,6 +9,7 @@ one's baseline by `nsbench gate`; a fault is caught where that exits with 1 or 4
 beside processes that keep every core busy (--busy: so many of them), and counts those that the gate does not let pass. Exit
 status 1 if a fault went unseen, no longer applies, or a clean run was stopped.
 """
+
 import argparse
 import os
 import subprocess
@@ -23,22 +24,60 @@ CASES = ("tide", "three_discs", "discs[n=10]", "two_discs[w=1]", "slide_exit", "
 METHODS = ("pbd", "catching_up", "event_driven", "euler[implicit=true]", "theta")
 FAULTS = {
     "a prox dropped": SWEEP,
-    "sign of lambda": ("nsbench/solvers/pbd/kernels/projection.py", "            mu[c] += m\n", "            mu[c] -= m\n"),
-    "half of every step": ("nsbench/solvers/base.py", '    check_positive("h", h)\n    spacing', '    h = 0.5 * h\n    spacing'),
-    "last step skipped": ("nsbench/solvers/pbd/kernels/listed_loop.py", "for s in range(substeps[k]):",
-                          "for s in range(substeps[k] - (k == K - 2)):"),
-    "order of the constraints": ("nsbench/dynamics/contacts/kernels/constraint_order.py", "    if order == REVERSE:", "    if order == SORTED:"),
-    "tolerance 100 times looser": ("nsbench/solvers/event_driven/method.py", 'tol = check_positive("tol", accuracy)',
-                                   'tol = 100.0 * check_positive("tol", accuracy)'),
-    "margin of neighbours too small": ("nsbench/solvers/pbd/kernels/cell_storage.py", "(2.0 * r[0] + skin) ** 2, dim == 2",
-                                       "(2.0 * r[0] - 0.01) ** 2, dim == 2"),
-    "single precision": ("nsbench/solvers/pbd/kernels/listed_loop.py", "x[c] += h * v[c]", "x[c] = np.float32(x[c] + h * v[c])"),
-    "wrong time of the multiplier": ("nsbench/solvers/pbd/method.py", 'lam_time="start"', 'lam_time="end"'),
-    "stale reference": (("cases/three_discs.py", "        return -x\n", "        return -1.001 * x\n"),
-                        ("nsbench/reference/storage.py", "    if wrong:\n", "    if False:\n")),
-    "fewer steps": ("nsbench/solvers/base.py", "np.ceil(spacing / h * (1 - 1e-9)))", "np.ceil(spacing / h * 0.5))"),
-    "a method that refuses everything": ("nsbench/solvers/catching_up/method.py", "    def refuses(self, case: Case) -> str | None:",
-                                         "    def refuses(self, case):\n        return 'No.'\n\n    def other(self, case):"),
+    "sign of lambda": (
+        "nsbench/solvers/pbd/kernels/projection.py",
+        "            mu[c] += m\n",
+        "            mu[c] -= m\n",
+    ),
+    "half of every step": (
+        "nsbench/solvers/base.py",
+        '    check_positive("h", h)\n    spacing',
+        "    h = 0.5 * h\n    spacing",
+    ),
+    "last step skipped": (
+        "nsbench/solvers/pbd/kernels/listed_loop.py",
+        "for s in range(substeps[k]):",
+        "for s in range(substeps[k] - (k == K - 2)):",
+    ),
+    "order of the constraints": (
+        "nsbench/dynamics/contacts/kernels/constraint_order.py",
+        "    if order == REVERSE:",
+        "    if order == SORTED:",
+    ),
+    "tolerance 100 times looser": (
+        "nsbench/solvers/event_driven/method.py",
+        'tol = check_positive("tol", accuracy)',
+        'tol = 100.0 * check_positive("tol", accuracy)',
+    ),
+    "margin of neighbours too small": (
+        "nsbench/solvers/pbd/kernels/cell_storage.py",
+        "(2.0 * r[0] + skin) ** 2, dim == 2",
+        "(2.0 * r[0] - 0.01) ** 2, dim == 2",
+    ),
+    "single precision": (
+        "nsbench/solvers/pbd/kernels/listed_loop.py",
+        "x[c] += h * v[c]",
+        "x[c] = np.float32(x[c] + h * v[c])",
+    ),
+    "wrong time of the multiplier": (
+        "nsbench/solvers/pbd/method.py",
+        'lam_time="start"',
+        'lam_time="end"',
+    ),
+    "stale reference": (
+        ("cases/three_discs.py", "        return -x\n", "        return -1.001 * x\n"),
+        ("nsbench/reference/storage.py", "    if wrong:\n", "    if False:\n"),
+    ),
+    "fewer steps": (
+        "nsbench/solvers/base.py",
+        "np.ceil(spacing / h * (1 - 1e-9)))",
+        "np.ceil(spacing / h * 0.5))",
+    ),
+    "a method that refuses everything": (
+        "nsbench/solvers/catching_up/method.py",
+        "    def refuses(self, case: Case) -> str | None:",
+        "    def refuses(self, case):\n        return 'No.'\n\n    def other(self, case):",
+    ),
 }
 
 
@@ -51,9 +90,18 @@ def whole_copy(folder):
 
 def nsbench(folder, *args):
     """Exit status and output of the command line of a copy, with caches of its own."""
-    env = os.environ | {"PYTHONPATH": str(folder), "NUMBA_CACHE_DIR": str(folder / ".kernels"),
-                        "XDG_CACHE_HOME": str(folder / ".cache")}
-    done = subprocess.run([sys.executable, "-m", "nsbench", *map(str, args)], cwd=folder, env=env, capture_output=True, text=True)
+    env = os.environ | {
+        "PYTHONPATH": str(folder),
+        "NUMBA_CACHE_DIR": str(folder / ".kernels"),
+        "XDG_CACHE_HOME": str(folder / ".cache"),
+    }
+    done = subprocess.run(
+        [sys.executable, "-m", "nsbench", *map(str, args)],
+        cwd=folder,
+        env=env,
+        capture_output=True,
+        text=True,
+    )
     return done.returncode, done.stdout + done.stderr
 
 
@@ -66,8 +114,10 @@ def suite(folder):
 def baseline(folder):
     """The baseline of an unbroken copy."""
     path = folder / "baseline.csv"
-    for args in (("calibrate", folder / "results"),
-                 ("gate", folder / "results", "--baseline", path, "--update", "--reason", "unbroken")):
+    for args in (
+        ("calibrate", folder / "results"),
+        ("gate", folder / "results", "--baseline", path, "--update", "--reason", "unbroken"),
+    ):
         status, said = nsbench(folder, *args)
         if status:
             raise SystemExit(f"{args[0]} on the unbroken bench: {said}")
@@ -81,14 +131,21 @@ def faults(chosen, path) -> int:
         if chosen and not any(c in name for c in chosen):
             continue
         try:
-            with broken(*(fault if isinstance(fault[0], tuple) else (fault,)), copied=whole_copy) as folder:
+            with broken(
+                *(fault if isinstance(fault[0], tuple) else (fault,)), copied=whole_copy
+            ) as folder:
                 ran, _ = suite(folder)
                 status, said = nsbench(folder, "gate", folder / "results", "--baseline", path)
         except LookupError as e:
-            ran, status, said = None, 0, str(e)
+            ran = None
+            status = 0
+            said = str(e)
         unseen += status not in (1, 4)
-        print(f"{name:34} {'caught' if status in (1, 4) else 'NOT SEEN'}: gate {status} (run {ran}); "
-              f"{said.strip().splitlines()[-1]}", flush=True)
+        print(
+            f"{name:34} {'caught' if status in (1, 4) else 'NOT SEEN'}: gate {status} (run {ran}); "
+            f"{said.strip().splitlines()[-1]}",
+            flush=True,
+        )
     return unseen
 
 
@@ -101,7 +158,10 @@ def clean(folder, path, times, others) -> int:
             suite(folder)
             status, said = nsbench(folder, "gate", folder / "results", "--baseline", path)
             alarms += status != 0
-            print(f"run {k + 1}, load {os.getloadavg()[0]:.1f}: gate {status}; {said.strip().splitlines()[-1]}", flush=True)
+            print(
+                f"run {k + 1}, load {os.getloadavg()[0]:.1f}: gate {status}; {said.strip().splitlines()[-1]}",
+                flush=True,
+            )
             if status:
                 print(said, flush=True)
     finally:

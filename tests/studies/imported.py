@@ -5,6 +5,7 @@
 Each solver runs four cases in a process that finds no other solver; what it has imported then is compared with what is read
 off the texts of its files. On a new machine this compiles everything.
 """
+
 import sys
 from pathlib import Path
 
@@ -17,10 +18,13 @@ from nsbench import solvers
 def main(names) -> int:
     missed = 0
     for name in names or solvers.all_names():
-        (statuses, files, n), = unknown((name,), PROBES).values()
+        ((statuses, files, n),) = unknown((name,), PROBES).values()
         missed += len(files)
-        print(f"{name}: {n} files imported, runs ended {', '.join(statuses)}; not known to the key: "
-              f"{', '.join(sorted(str(f) for f in files)) or 'none'}", flush=True)
+        print(
+            f"{name}: {n} files imported, runs ended {', '.join(statuses)}; not known to the key: "
+            f"{', '.join(sorted(str(f) for f in files)) or 'none'}",
+            flush=True,
+        )
     return 1 if missed else 0
 
 

@@ -6,6 +6,7 @@ One line per system: status, largest errors of states, impulses and event times 
 The truths are by an integrator of their own (extrapolated midpoint rule at 45 digits), written without using the bench.
 Exit status 1 if a status is not ok, an error is above its bound, or an event is missed or extra.
 """
+
 from __future__ import annotations
 
 import argparse
@@ -40,8 +41,13 @@ def solved(name: str, solver: str) -> dict:
 def in_process(name: str, solver: str, limit: float) -> dict:
     """The row of one run in a process of its own, which is ended after `limit` seconds."""
     try:
-        out = subprocess.run([sys.executable, __file__, name, "--solver", solver, "--row"], capture_output=True, text=True,
-                             timeout=limit, check=False)
+        out = subprocess.run(
+            [sys.executable, __file__, name, "--solver", solver, "--row"],
+            capture_output=True,
+            text=True,
+            timeout=limit,
+            check=False,
+        )
     except subprocess.TimeoutExpired:
         return {"status": "timeout", "why": f"not done after {limit:g} s"}
     if out.returncode:
@@ -54,7 +60,11 @@ def faults(row: dict) -> str:
     if row["status"] != "ok":
         return row["why"]
     above = [f"{key} above {bound:g}" for key, bound in BOUNDS.items() if not row[key] <= bound]
-    events = [f"{len(row[key])} {key}, the first at {row[key][0]:.8g}" for key in ("missed", "extra") if row[key]]
+    events = [
+        f"{len(row[key])} {key}, the first at {row[key][0]:.8g}"
+        for key in ("missed", "extra")
+        if row[key]
+    ]
     return "; ".join(above + events)
 
 
@@ -65,7 +75,9 @@ def line(name: str, row: dict) -> str:
 
 def main(argv=None) -> int:
     """Number of systems that fail."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("names", nargs="*", metavar="NAME", help="all of them unless given")
     parser.add_argument("--solver", default="event_driven")
     parser.add_argument("--limit", type=float, default=300.0, help="seconds for one system")
@@ -76,15 +88,24 @@ def main(argv=None) -> int:
     if o.row:
         print(json.dumps(solved(o.names[0], o.solver)))
         return 0
-    print(f"{'system':18s} {'status':10s}" + "".join(f"{key:>9s}" for key in BOUNDS) + f" {'seconds':>8s}")
+    print(
+        f"{'system':18s} {'status':10s}"
+        + "".join(f"{key:>9s}" for key in BOUNDS)
+        + f" {'seconds':>8s}"
+    )
     rows = {}
     for name in o.names or truths.names():
         rows[name] = in_process(name, o.solver, o.limit)
         print(line(name, rows[name]), flush=True)
     bad = [name for name, row in rows.items() if faults(row)]
-    worst = ", ".join("{} {:.1e} ({})".format(key, *max((row.get(key, 0.0), name) for name, row in rows.items()))
-                      for key in BOUNDS)
-    print(f"{len(rows) - len(bad)} of {len(rows)} good; worst {worst}" + (f"; not good: {', '.join(bad)}" if bad else ""))
+    worst = ", ".join(
+        "{} {:.1e} ({})".format(key, *max((row.get(key, 0.0), name) for name, row in rows.items()))
+        for key in BOUNDS
+    )
+    print(
+        f"{len(rows) - len(bad)} of {len(rows)} good; worst {worst}"
+        + (f"; not good: {', '.join(bad)}" if bad else "")
+    )
     return len(bad)
 
 

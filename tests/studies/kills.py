@@ -9,6 +9,7 @@ every row that was there before is there unchanged; then the same command is cal
 compared with those of a run that was never disturbed, but for the columns of time, and the next suite begins, until all
 kills are spent. A run whose worker was killed is "crashed" in its suite, and made again by the call that follows.
 """
+
 from __future__ import annotations
 
 import argparse
@@ -26,22 +27,32 @@ from pathlib import Path
 
 CASES = ("tide", "three_discs")
 SOLVERS = ("pbd", "pbd[order=reverse]", "pbd[order=random]", "catching_up")
-GONE = 5.0                # seconds in which whoever belongs to a killed parent must be gone
-START = 3.0               # seconds: imports and workers
-TIMES = {"seconds", "seconds_low", "seconds_high", "seconds_max", "setup_seconds", "compile_seconds", "rounds", "session",
-         "step_max_seconds"}
-MARK = "KILLS_MARK"       # no name that the bench knows: those are part of the keys of runs
+GONE = 5.0  # seconds in which whoever belongs to a killed parent must be gone
+START = 3.0  # seconds: imports and workers
+TIMES = {
+    "seconds",
+    "seconds_low",
+    "seconds_high",
+    "seconds_max",
+    "setup_seconds",
+    "compile_seconds",
+    "rounds",
+    "session",
+    "step_max_seconds",
+}
+MARK = "KILLS_MARK"  # no name that the bench knows: those are part of the keys of runs
 
 
 @dataclass
 class Tally:
     """What happened: kills of parents and workers, rows that stood at a kill, suites that were compared."""
+
     parents: int = 0
     workers: int = 0
-    late: int = 0             # the suite had ended before its kill was due
+    late: int = 0  # the suite had ended before its kill was due
     stood: list[int] = field(default_factory=list)
     torn: int = 0
-    slowest: float = 0.0      # seconds until the last worker of a killed parent was gone
+    slowest: float = 0.0  # seconds until the last worker of a killed parent was gone
     suites: int = 0
     faults: list[str] = field(default_factory=list)
 
@@ -51,27 +62,47 @@ class Tally:
 
     def __str__(self) -> str:
         stood = sorted(self.stood) or [0]
-        return (f"{self.kills} kills ({self.parents} of the parent, {self.workers} of a worker), {self.suites} suites; rows "
-                f"that stood at a kill: {stood[0]} to {stood[-1]}, {sum(0 < s for s in stood)} times more than 0; "
-                f"{self.torn} torn last lines; orphans gone within {self.slowest:.2f} s; faults: {len(self.faults)}")
+        return (
+            f"{self.kills} kills ({self.parents} of the parent, {self.workers} of a worker), {self.suites} suites; rows "
+            f"that stood at a kill: {stood[0]} to {stood[-1]}, {sum(0 < s for s in stood)} times more than 0; "
+            f"{self.torn} torn last lines; orphans gone within {self.slowest:.2f} s; faults: {len(self.faults)}"
+        )
 
 
 def command(out: Path, runs: int) -> list[str]:
     """The suite: `runs` runs of CASES with SOLVERS, two workers."""
     each = runs // (len(CASES) * len(SOLVERS))
     steps = ",".join(f"{0.05 / n:.17g}" for n in range(2, 2 + each))
-    return [sys.executable, "-m", "nsbench", "run", *CASES, *(w for s in SOLVERS for w in ("-s", s)), "--h", steps, "-j", "2",
-            "-o", str(out)]
+    return [
+        sys.executable,
+        "-m",
+        "nsbench",
+        "run",
+        *CASES,
+        *(w for s in SOLVERS for w in ("-s", s)),
+        "--h",
+        steps,
+        "-j",
+        "2",
+        "-o",
+        str(out),
+    ]
 
 
 def start(out: Path, runs: int, mark: str) -> subprocess.Popen:
     with open(out.with_suffix(".said"), "w") as said:
-        return subprocess.Popen(command(out, runs), env=os.environ | {MARK: mark}, stdout=subprocess.DEVNULL, stderr=said)
+        return subprocess.Popen(
+            command(out, runs),
+            env=os.environ | {MARK: mark},
+            stdout=subprocess.DEVNULL,
+            stderr=said,
+        )
 
 
 def marked(mark: str) -> list[int]:
     """Processes with this mark in their environment."""
-    found, wanted = [], f"{MARK}={mark}".encode()
+    found = []
+    wanted = f"{MARK}={mark}".encode()
     for entry in Path("/proc").iterdir():
         if entry.name.isdigit():
             try:
@@ -104,7 +135,8 @@ def whole(out: Path, tally: Tally) -> list[bytes]:
 def wait_for(moment: tuple[int, float], process: subprocess.Popen, out: Path) -> bool:
     """Wait until the moment of the kill, so many rows and seconds from now; False if the process ended before."""
     rows, seconds = moment
-    begun, before = time.monotonic(), len(lines(out))
+    begun = time.monotonic()
+    before = len(lines(out))
     while process.poll() is None:
         if len(lines(out)) - before < rows:
             begun = time.monotonic()
@@ -131,7 +163,9 @@ def kill_parent(process: subprocess.Popen, mark: str, tally: Tally) -> None:
 
 def kill_worker(process: subprocess.Popen, mark: str, rng: random.Random, tally: Tally) -> None:
     """Kill one of the parent's workers and let the suite end."""
-    workers = sorted(pid for pid in marked(mark) if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes())
+    workers = sorted(
+        pid for pid in marked(mark) if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()
+    )
     if workers:
         try:
             os.kill(rng.choice(workers), signal.SIGKILL)
@@ -149,19 +183,25 @@ def table(out: Path) -> list[dict]:
 
 def study(kills: int, seed: int, runs: int, folder: Path, say=print) -> Tally:
     """All kills, in as many suites as it takes. Figures and faults are in the tally."""
-    rng, tally = random.Random(seed), Tally()
+    rng = random.Random(seed)
+    tally = Tally()
     begun = time.monotonic()
     subprocess.run(command(folder / "undisturbed", runs), check=True, stdout=subprocess.DEVNULL)
-    length, want = time.monotonic() - begun, table(folder / "undisturbed")
+    length = time.monotonic() - begun
+    want = table(folder / "undisturbed")
     say(f"undisturbed: {len(want)} runs in {length:.1f} s, {sorted({r['status'] for r in want})}")
     while tally.kills < kills and not tally.faults:
-        out, standing = folder / f"suite{tally.suites}", []
+        out = folder / f"suite{tally.suites}"
+        standing = []
         while True:
             mark = f"{seed}-{rng.random()}"
             process = start(out, runs, mark)
             # among the rows, to a tenth of a second; or in the seconds of the start, before any row
-            moment = (rng.randint(1, max(1, runs // 6)), rng.uniform(0.0, 0.1)) if rng.random() < 0.8 else (
-                0, rng.uniform(0.0, START))
+            moment = (
+                (rng.randint(1, max(1, runs // 6)), rng.uniform(0.0, 0.1))
+                if rng.random() < 0.8
+                else (0, rng.uniform(0.0, START))
+            )
             if tally.kills >= kills or not wait_for(moment, process, out):
                 tally.late += tally.kills < kills
                 process.wait()
@@ -170,17 +210,23 @@ def study(kills: int, seed: int, runs: int, folder: Path, say=print) -> Tally:
             else:
                 kill_worker(process, mark, rng, tally)
             now = whole(out, tally)
-            if now[:len(standing)] != standing:
-                tally.faults.append(f"{len(standing)} rows stood before kill {tally.kills}, not all of them do now")
+            if now[: len(standing)] != standing:
+                tally.faults.append(
+                    f"{len(standing)} rows stood before kill {tally.kills}, not all of them do now"
+                )
             standing = now
             keys = {entry["key"] for entry in map(json.loads, now) if "key" in entry}
             tally.stood.append(len(keys))
             if len(keys) > runs:
-                tally.faults.append(f"{len(keys)} different runs in a suite of {runs}: the calls do not know each other's")
+                tally.faults.append(
+                    f"{len(keys)} different runs in a suite of {runs}: the calls do not know each other's"
+                )
             if process.returncode == 0:
                 break
             if process.returncode not in (3, -signal.SIGKILL):
-                tally.faults.append(f"the call ended with {process.returncode}: {out.with_suffix('.said').read_text()[-2000:]}")
+                tally.faults.append(
+                    f"the call ended with {process.returncode}: {out.with_suffix('.said').read_text()[-2000:]}"
+                )
                 break
         if process.returncode == 0 and table(out) != want:
             tally.faults.append(f"{out} differs from the undisturbed run")

@@ -5,6 +5,7 @@
 Every fault is a replacement of text in a copy of the checkout; the tests named with it must pass before and fail after.
 Prints one line per fault with the first test that failed; exit status 1 if one went unnoticed or no longer applies.
 """
+
 import os
 import re
 import subprocess
@@ -12,34 +13,68 @@ import sys
 
 from copies import broken
 
-SWEEP = ("nsbench/solvers/pbd/kernels/listed_loop.py", "sweep(0, m, 1,", "sweep(0, max(m - 1, 0), 1,")
+SWEEP = (
+    "nsbench/solvers/pbd/kernels/listed_loop.py",
+    "sweep(0, m, 1,",
+    "sweep(0, max(m - 1, 0), 1,",
+)
 # name: (file, text, its replacement, tests)
 FAULTS = {
-    "sign error in the multiplier (pbd)":
-        ("nsbench/solvers/pbd/kernels/projection.py", "            mu[c] += m\n", "            mu[c] -= m\n", "tests/test_contract.py"),
-    "sign error in the multiplier (event_driven)":
-        ("nsbench/solvers/event_driven/contacts/kernels/constraint_rows.py", "return f + push, lam, push", "return f + push, -lam, push", "tests/test_event_driven*.py"),
-    "one prox dropped":
-        (*SWEEP, "tests/test_pbd.py"),
-    "h halved inside the loop":
-        ("nsbench/solvers/pbd/kernels/listed_loop.py", "x[c] += h * v[c]", "x[c] += 0.5 * h * v[c]", "tests/test_contract.py"),
-    "last step skipped":
-        ("nsbench/solvers/pbd/kernels/listed_loop.py", "for s in range(substeps[k]):", "for s in range(substeps[k] - (k == K - 2)):",
-         "tests/test_pbd.py"),
-    "dg/dt forgotten (event_driven)":
-        ("nsbench/solvers/event_driven/contacts/evaluation.py", "return self.scene.rates(t, x, rows.near) if self.scene.moving else",
-         "return np.zeros(len(rows)) if self.scene.moving else", "tests/test_event_driven*.py"),
-    "walls taken at the start of the step (pbd)":
-        ("nsbench/solvers/pbd/kernels/listed_loop.py", "b_of(after, b)", "b_of(now, b)", "tests/test_pbd.py"),
-    "lambda compared at nodes":
-        ("nsbench/measure/multiplier_times.py",
-         'mean = (_impulse(case, t[k]) - _impulse(case, t[k] - h[k])) / h[k][:, None]',
-         'mean = nodal(case, t[k], spacing)[0]', "tests/test_time_labels.py"),
-    "reference truncated by one digit in 1e-8":
-        ("nsbench/reference/storage.py", '"x": ref.x}', '"x": np.trunc(ref.x * 1e8) / 1e8}',
-         "tests/test_reference.py tests/test_certificate.py"),
-    "order fitted on asked steps":
-        ("nsbench/study/__init__.py", '{"h": row.get("h", spec.asked), "k"', '{"h": spec.asked, "k"', "tests/test_steps_taken.py"),
+    "sign error in the multiplier (pbd)": (
+        "nsbench/solvers/pbd/kernels/projection.py",
+        "            mu[c] += m\n",
+        "            mu[c] -= m\n",
+        "tests/test_contract.py",
+    ),
+    "sign error in the multiplier (event_driven)": (
+        "nsbench/solvers/event_driven/contacts/kernels/constraint_rows.py",
+        "return f + push, lam, push",
+        "return f + push, -lam, push",
+        "tests/test_event_driven*.py",
+    ),
+    "one prox dropped": (*SWEEP, "tests/test_pbd.py"),
+    "h halved inside the loop": (
+        "nsbench/solvers/pbd/kernels/listed_loop.py",
+        "x[c] += h * v[c]",
+        "x[c] += 0.5 * h * v[c]",
+        "tests/test_contract.py",
+    ),
+    "last step skipped": (
+        "nsbench/solvers/pbd/kernels/listed_loop.py",
+        "for s in range(substeps[k]):",
+        "for s in range(substeps[k] - (k == K - 2)):",
+        "tests/test_pbd.py",
+    ),
+    "dg/dt forgotten (event_driven)": (
+        "nsbench/solvers/event_driven/contacts/evaluation.py",
+        "return self.scene.rates(t, x, rows.near) if self.scene.moving else",
+        "return np.zeros(len(rows)) if self.scene.moving else",
+        "tests/test_event_driven*.py",
+    ),
+    "walls taken at the start of the step (pbd)": (
+        "nsbench/solvers/pbd/kernels/listed_loop.py",
+        "b_of(after, b)",
+        "b_of(now, b)",
+        "tests/test_pbd.py",
+    ),
+    "lambda compared at nodes": (
+        "nsbench/measure/multiplier_times.py",
+        "mean = (_impulse(case, t[k]) - _impulse(case, t[k] - h[k])) / h[k][:, None]",
+        "mean = nodal(case, t[k], spacing)[0]",
+        "tests/test_time_labels.py",
+    ),
+    "reference truncated by one digit in 1e-8": (
+        "nsbench/reference/storage.py",
+        '"x": ref.x}',
+        '"x": np.trunc(ref.x * 1e8) / 1e8}',
+        "tests/test_reference.py tests/test_certificate.py",
+    ),
+    "order fitted on asked steps": (
+        "nsbench/study/__init__.py",
+        '{"h": row.get("h", spec.asked), "k"',
+        '{"h": spec.asked, "k"',
+        "tests/test_steps_taken.py",
+    ),
 }
 
 
@@ -55,8 +90,22 @@ def tests_of(pattern, folder):
 def pytest(folder, pattern):
     """(exit status, first failure) of the tests in a copy."""
     env = dict(os.environ, PYTHONPATH=str(folder), PYTHONDONTWRITEBYTECODE="1")
-    done = subprocess.run([sys.executable, "-m", "pytest", "-xqn0", "-p", "no:cacheprovider", *tests_of(pattern, folder)],
-                          cwd=folder, env=env, capture_output=True, text=True, timeout=1500)
+    done = subprocess.run(
+        [
+            sys.executable,
+            "-m",
+            "pytest",
+            "-xqn0",
+            "-p",
+            "no:cacheprovider",
+            *tests_of(pattern, folder),
+        ],
+        cwd=folder,
+        env=env,
+        capture_output=True,
+        text=True,
+        timeout=1500,
+    )
     failed = re.search(r"^FAILED (\S+)", done.stdout, re.M)
     return done.returncode, failed[1] if failed else done.stdout.strip().splitlines()[-1:]
 
@@ -70,10 +119,14 @@ def main(chosen):
             with broken((file, text, other)) as folder:
                 status, failed = pytest(folder, pattern)
         except LookupError as e:
-            status, failed = 0, e
+            status = 0
+            failed = e
         caught = status == 1
         bad += not caught
-        print(f"{name:45} {'caught by ' + str(failed) if caught else f'NOT CAUGHT (status {status}: {failed})'}", flush=True)
+        print(
+            f"{name:45} {'caught by ' + str(failed) if caught else f'NOT CAUGHT (status {status}: {failed})'}",
+            flush=True,
+        )
     return 1 if bad else 0
 
 

@@ -6,6 +6,7 @@ A scene is one of KINDS with 3 to 30 discs under a smooth random drift (attracti
 Both runs must agree to 1e-8 in state and reaction at every sample, relative to max(1, size), or one of them must have
 a status that is not ok. Multipliers are not compared: they need not be unique.
 """
+
 from __future__ import annotations
 
 import argparse
@@ -23,18 +24,26 @@ from nsbench.solvers import solve  # noqa: E402
 
 AGREE = 1e-8
 KINDS = ("free", "box", "closing_box", "links", "duplicate", "lattice", "mirror", "obstacles")
-ROW = 0.75 ** 0.5
+ROW = 0.75**0.5
 
 
 def waves(rng, n, mirror=False):
     """Factory of the drift: -a (x - c) + w J x + waves + a constant kick per disc; mirrored pairs stay mirrored."""
-    a, w, m = rng.uniform(0.3, 1.5), rng.uniform(-1.0, 1.0), 2
-    K, omega, phase = rng.uniform(-1.0, 1.0, (m, 2)), rng.uniform(-3.0, 3.0, m), rng.uniform(0.0, 6.0, m)
-    amp, kick = rng.uniform(-0.4, 0.4, (m, 2)), rng.uniform(-0.3, 0.3, (n, 2))
-    if mirror:                                  # f(S x) = S f(x) with S (u, v) = (-u, v)
-        w, K[:, 0], amp[:, 0] = 0.0, 0.0, 0.0
-        kick[n // 2:] = kick[:n // 2] * [-1.0, 1.0]
-    push, turn = kick.ravel(), w * np.tile([-1.0, 1.0], n)
+    a = rng.uniform(0.3, 1.5)
+    w = rng.uniform(-1.0, 1.0)
+    m = 2
+    K = rng.uniform(-1.0, 1.0, (m, 2))
+    omega = rng.uniform(-3.0, 3.0, m)
+    phase = rng.uniform(0.0, 6.0, m)
+    amp = rng.uniform(-0.4, 0.4, (m, 2))
+    kick = rng.uniform(-0.3, 0.3, (n, 2))
+    if mirror:  # f(S x) = S f(x) with S (u, v) = (-u, v)
+        w = 0.0
+        K[:, 0] = 0.0
+        amp[:, 0] = 0.0
+        kick[n // 2 :] = kick[: n // 2] * [-1.0, 1.0]
+    push = kick.ravel()
+    turn = w * np.tile([-1.0, 1.0], n)
 
     def drift(xp):
         def f(t, x):
@@ -44,7 +53,9 @@ def waves(rng, n, mirror=False):
                 s = xp.sin(p[:, 0] * K[k, 0] + p[:, 1] * K[k, 1] + omega[k] * t + phase[k])
                 out = out + xp.stack((amp[k, 0] * s, amp[k, 1] * s), axis=1).flatten()
             return out
+
         return f
+
     return drift
 
 
@@ -54,7 +65,9 @@ def scattered(rng, n, spacing):
     j, i = np.divmod(np.arange(side * side), side)
     sites = np.stack((i + 0.5 * (j % 2), ROW * j), axis=1)
     centre = sites.mean(axis=0) + rng.random(2)
-    p = spacing * (sites[np.argsort(np.sum((sites - centre) ** 2, axis=1), kind="stable")[:n]] - centre)
+    p = spacing * (
+        sites[np.argsort(np.sum((sites - centre) ** 2, axis=1), kind="stable")[:n]] - centre
+    )
     angle = rng.uniform(0.0, 2 * np.pi, n)
     reach = 0.49 * (spacing - 2.0) * np.sqrt(rng.random(n))
     return p + reach[:, None] * np.stack((np.cos(angle), np.sin(angle)), axis=1)
@@ -74,7 +87,8 @@ def scene(kind: str, n: int, seed: int) -> Case:
     hard = Distance(d=2.0)
     n = 2 * max(2, n // 2) if kind == "mirror" else n
     x = scattered(rng, n, rng.uniform(2.2, 3.2))
-    more, drift = (), waves(rng, n, kind == "mirror")
+    more = ()
+    drift = waves(rng, n, kind == "mirror")
     half = float(np.abs(x).max()) + rng.uniform(0.05, 0.5)
     if kind == "box":
         more = (walls(n, half),)
@@ -86,7 +100,7 @@ def scene(kind: str, n: int, seed: int) -> Case:
         more = (Distance(d=length, sign=-1, pairs=np.stack((i, i + 1), axis=1)),)
     elif kind == "duplicate":
         more = (Distance(d=2.0), walls(n, half), walls(n, half))
-    elif kind == "lattice":                     # starts closed and redundant
+    elif kind == "lattice":  # starts closed and redundant
         x = scattered(np.random.default_rng(0), n, 2.0)
         x -= x.mean(axis=0)
     elif kind == "mirror":
@@ -96,11 +110,24 @@ def scene(kind: str, n: int, seed: int) -> Case:
     elif kind == "obstacles":
         post = np.array([[0.0, half + 2.6], [-half - 2.1, 0.0]])
         c, s = rng.uniform(0.5, 1.5, 2)
-        still, moving = post[:1], post[1]
-        more = (Distance(d=2.5, anchors=still), Distance(
-            d=2.0, anchors=lambda xp: lambda t: xp.stack((moving[0] + c * t, s * xp.sin(t))).reshape((1, 2))))
-    return Case(name=f"scene_{kind}", problem=Complementarity(drift, (hard, *more)), x0=x.ravel(),
-                t=np.linspace(0.0, 2.0, 11), params={"n": n, "seed": seed})
+        still = post[:1]
+        moving = post[1]
+        more = (
+            Distance(d=2.5, anchors=still),
+            Distance(
+                d=2.0,
+                anchors=lambda xp: (
+                    lambda t: xp.stack((moving[0] + c * t, s * xp.sin(t))).reshape((1, 2))
+                ),
+            ),
+        )
+    return Case(
+        name=f"scene_{kind}",
+        problem=Complementarity(drift, (hard, *more)),
+        x0=x.ravel(),
+        t=np.linspace(0.0, 2.0, 11),
+        params={"n": n, "seed": seed},
+    )
 
 
 def pick(index: int, seed: int, most: int = 30):
@@ -117,7 +144,11 @@ def differ(a, b) -> float:
 
 def twice(case: Case):
     """The run at default settings and one by another integrator at another tolerance."""
-    other = ("event_driven[method=radau]", 3e-10) if case.n <= 10 else ("event_driven[method=rk45]", 1e-10)
+    other = (
+        ("event_driven[method=radau]", 3e-10)
+        if case.n <= 10
+        else ("event_driven[method=rk45]", 1e-10)
+    )
     return solve(case, "event_driven"), solve(case, other[0], tol=other[1])
 
 
@@ -127,7 +158,11 @@ def main(argv=None) -> int:
     for name, default in (("--scenes", 500), ("--seed", 0), ("--first", 0), ("--most", 30)):
         ap.add_argument(name, type=int, default=default)
     o = ap.parse_args(argv)
-    count, told, silent, worst, begin = Counter(), Counter(), 0, 0.0, time.perf_counter()
+    count = Counter()
+    told = Counter()
+    silent = 0
+    worst = 0.0
+    begin = time.perf_counter()
     for k in range(o.first, o.first + o.scenes):
         kind, n = pick(k, o.seed, o.most)
         start = time.perf_counter()
@@ -136,18 +171,28 @@ def main(argv=None) -> int:
         count[kind] += 1
         if not (a.status.ok and b.status.ok):
             told[kind] += 1
-            print(f"{k:4d} {kind} n={n}: {a.status.code} / {b.status.code} ({took:.1f} s): {a.status} | {b.status}", flush=True)
+            print(
+                f"{k:4d} {kind} n={n}: {a.status.code} / {b.status.code} ({took:.1f} s): {a.status} | {b.status}",
+                flush=True,
+            )
             continue
         d = differ(a, b)
         worst = max(worst, d) if d <= AGREE else worst
         if not d <= AGREE:
             silent += 1
-            print(f"{k:4d} {kind} n={n}: DISAGREE by {d:.2e}, {len(a.events)} / {len(b.events)} events ({took:.1f} s)",
-                  flush=True)
+            print(
+                f"{k:4d} {kind} n={n}: DISAGREE by {d:.2e}, {len(a.events)} / {len(b.events)} events ({took:.1f} s)",
+                flush=True,
+            )
         if (k + 1) % 50 == 0 or took > 60.0:
-            print(f"{k:4d} {kind} n={n}: {took:.0f} s; largest agreed difference so far {worst:.1e}", flush=True)
-    print(f"{o.scenes} scenes {dict(count)}; not ok: {sum(told.values())} {dict(told)}; silent disagreements: {silent}; "
-          f"largest agreed difference {worst:.1e}; {time.perf_counter() - begin:.0f} s")
+            print(
+                f"{k:4d} {kind} n={n}: {took:.0f} s; largest agreed difference so far {worst:.1e}",
+                flush=True,
+            )
+    print(
+        f"{o.scenes} scenes {dict(count)}; not ok: {sum(told.values())} {dict(told)}; silent disagreements: {silent}; "
+        f"largest agreed difference {worst:.1e}; {time.perf_counter() - begin:.0f} s"
+    )
     return silent
 
 

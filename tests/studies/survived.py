@@ -1,7 +1,8 @@
 """What must be survived, the tests that show it, and how they ended, as a table in Markdown.
 
-    python tests/studies/survived.py [words that pytest is to be given]
+python tests/studies/survived.py [words that pytest is to be given]
 """
+
 import sys
 from pathlib import Path
 
@@ -32,13 +33,20 @@ class Seen:
     def table(self) -> str:
         what = [ends for tests in self.tests.values() for ends in tests.values()]
         pairs = sum(len(set(tests)) for tests in marked().values())
-        out = [f"{len(ENTRIES)} entries, {len(what)} of {pairs} pairs of entry and test were run, "
-               f"{sum(bool(ends - {'passed'}) for ends in what)} did not pass", "",
-               "| what must be survived | expected | test | outcome |", "| --- | --- | --- | --- |"]
+        out = [
+            f"{len(ENTRIES)} entries, {len(what)} of {pairs} pairs of entry and test were run, "
+            f"{sum(bool(ends - {'passed'}) for ends in what)} did not pass",
+            "",
+            "| what must be survived | expected | test | outcome |",
+            "| --- | --- | --- | --- |",
+        ]
         for room in dict.fromkeys(e.room for e in ENTRIES):
             out.append(f"| **{room}** | | | |")
             for e in (e for e in ENTRIES if e.room == room):
-                tests = {t: self.tests.get(e.name, {}).get(t, {"not run"}) for t in marked().get(e.name, ())}
+                tests = {
+                    t: self.tests.get(e.name, {}).get(t, {"not run"})
+                    for t in marked().get(e.name, ())
+                }
                 ends = set().union(*tests.values()) if tests else {"NO TEST"}
                 named = "<br>".join(f"`{t}`" for t in sorted(tests)) or "none"
                 out.append(f"| {e.what} | {e.outcome} | {named} | {', '.join(sorted(ends))} |")
@@ -47,6 +55,9 @@ class Seen:
 
 if __name__ == "__main__":
     seen = Seen()
-    code = pytest.main(["-q", "-n0", "-m", "survives", "-p", "no:cacheprovider", *(sys.argv[1:] or [str(HERE)])], plugins=[seen])
+    code = pytest.main(
+        ["-q", "-n0", "-m", "survives", "-p", "no:cacheprovider", *(sys.argv[1:] or [str(HERE)])],
+        plugins=[seen],
+    )
     print(seen.table())
     sys.exit(int(code))

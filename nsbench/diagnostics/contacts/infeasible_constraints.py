@@ -4,6 +4,7 @@ A projection moves somewhere even where there is nowhere to go: contradicting wa
 between them comes out on another side. Rows are looked at by linear programs, links by shortest paths, the rest to first order.
 Nothing is looked at where it cannot happen: a state that meets constraints at rest, be it the start, proves that they leave one.
 """
+
 from __future__ import annotations
 
 import numpy as np
@@ -16,17 +17,23 @@ from nsbench.dynamics.contacts.tolerances import PRINTED, misses, scene_of, tole
 from nsbench.solvers.common.initial_state import DENSE, least_distance
 from nsbench.trajectory import Status, Trajectory
 
-HALF = 0.5               # of the largest depth: where the run begins to violate its constraints as much
-CURVED = 0.05            # part of a depth that the curvature of constraints may make of it, as long as it is small
-BEYOND = 1e3             # times what all constraints miss by: a state that meets them so far away is another one
-MANY = 3000              # constraints: beyond, the linear program takes seconds
-TIMES = 200              # of a run at which walls and links are looked at, samples too
-PARTS = 4                # of a run, in each of which the deepest sample is looked at: others may be deeper for other reasons
+HALF = 0.5  # of the largest depth: where the run begins to violate its constraints as much
+CURVED = (
+    0.05  # part of a depth that the curvature of constraints may make of it, as long as it is small
+)
+BEYOND = (
+    1e3  # times what all constraints miss by: a state that meets them so far away is another one
+)
+MANY = 3000  # constraints: beyond, the linear program takes seconds
+TIMES = 200  # of a run at which walls and links are looked at, samples too
+PARTS = 4  # of a run, in each of which the deepest sample is looked at: others may be deeper for other reasons
 
 
 def nowhere(case: Case, traj: Trajectory) -> Status | None:
     """Walls or links that contradict each other at any time, or constraints that do where the run violates them most."""
-    if case.exact is not None or not (case.start == "keep" or any(c.moving for c in case.problem.constraints)):
+    if case.exact is not None or not (
+        case.start == "keep" or any(c.moving for c in case.problem.constraints)
+    ):
         return None
     scene = scene_of(case)
     depth = np.array([scene.deepest(float(t), x) for t, x in zip(traj.t, traj.x, strict=True)])
@@ -41,7 +48,9 @@ def nowhere(case: Case, traj: Trajectory) -> Status | None:
         if why := _arrangement(case, scene, float(traj.t[k]), traj.x[k], float(depth[k])):
             return Status("infeasible", why)
     for k in _deepest(depth):
-        if k and (why := _beyond(case, scene, float(traj.t[k]), traj.x[k], float(depth[k]))):       # a start may be kept as it is
+        if k and (
+            why := _beyond(case, scene, float(traj.t[k]), traj.x[k], float(depth[k]))
+        ):  # a start may be kept as it is
             return Status("unverified", why)
     return None
 
@@ -52,9 +61,15 @@ def _moments(scene: Scene, traj: Trajectory):
     between = -(-TIMES // max(len(traj.t) - 1, 1))
     count = 1 + between * (len(traj.t) - 1) if scene.moving else 1
     for at in _coarse_first(count):
-        k, a = at // between, at % between / between
-        t, x = traj.t[k:k + 2], traj.x[k:k + 2]
-        yield (float((1.0 - a) * t[0] + a * t[1]), (1.0 - a) * x[0] + a * x[1]) if a else (float(t[0]), x[0])
+        k = at // between
+        a = at % between / between
+        t = traj.t[k : k + 2]
+        x = traj.x[k : k + 2]
+        yield (
+            (float((1.0 - a) * t[0] + a * t[1]), (1.0 - a) * x[0] + a * x[1])
+            if a
+            else (float(t[0]), x[0])
+        )
 
 
 def _coarse_first(count: int) -> list[int]:
@@ -67,7 +82,11 @@ def _deepest(depth: np.ndarray) -> list[int]:
     """Samples, the deepest first: of the run, of what follows the start, which may be left as it is, of every part, and where the
     run begins to violate its constraints by HALF of its most."""
     parts = np.array_split(np.arange(len(depth)), PARTS)
-    worst = {part[int(np.argmax(depth[part]))] for part in (*parts, np.arange(1, len(depth))) if len(part)}
+    worst = {
+        part[int(np.argmax(depth[part]))]
+        for part in (*parts, np.arange(1, len(depth)))
+        if len(part)
+    }
     worst.add(int(np.argmax(depth >= HALF * depth.max())))
     return sorted((int(k) for k in worst if depth[k] > 0.0), key=lambda k: -depth[k])
 
@@ -83,12 +102,18 @@ def _arrangement(case: Case, scene: Scene, t: float, x: np.ndarray, depth: float
         return None
     row, col, vals = scene.triplets(t, x, near)
     order = np.argsort(row, kind="stable")
-    ptr, col, vals = np.searchsorted(row[order], np.arange(len(near) + 1)), col[order], vals[order]
-    miss = least_miss(ptr, col, vals, scene.gaps(t, x, near), scene.n, tolerances(case, scene, t, x, near))
+    ptr = np.searchsorted(row[order], np.arange(len(near) + 1))
+    col = col[order]
+    vals = vals[order]
+    miss = least_miss(
+        ptr, col, vals, scene.gaps(t, x, near), scene.n, tolerances(case, scene, t, x, near)
+    )
     if not miss.least > CURVED * miss.deep:
         return None
-    return (f"The constraints contradict each other at t = {t:.6g} where the run violates them by {depth:.3g}: to first order, "
-            f"every way on misses one of them by {miss.least:.3g} or more.")
+    return (
+        f"The constraints contradict each other at t = {t:.6g} where the run violates them by {depth:.3g}: to first order, "
+        f"every way on misses one of them by {miss.least:.3g} or more."
+    )
 
 
 def _beyond(case: Case, scene: Scene, t: float, x: np.ndarray, depth: float) -> str | None:
@@ -101,16 +126,21 @@ def _beyond(case: Case, scene: Scene, t: float, x: np.ndarray, depth: float) -> 
     near = scene.near(x, depth, t)
     if not 0 < len(near) * scene.n <= DENSE:
         return None
-    g, (row, col, vals) = scene.gaps(t, x, near), scene.triplets(t, x, near)
+    g = scene.gaps(t, x, near)
+    (row, col, vals) = scene.triplets(t, x, near)
     norm = np.sqrt(np.bincount(row, vals * vals, len(g)))
-    if not (np.all((norm > 0.0) & (norm < np.inf)) and np.any(g < -tolerances(case, scene, t, x, near))):
+    if not (
+        np.all((norm > 0.0) & (norm < np.inf)) and np.any(g < -tolerances(case, scene, t, x, near))
+    ):
         return None
     way, _ = least_distance(row, col, vals, g, scene.n, np.zeros(len(g)))
     allowed = max(BEYOND * float((np.fmax(0.0, -g) / norm).sum()), PRINTED * float(np.abs(x).max()))
     if way is None or (far := float(np.abs(way).max())) <= allowed:
         return None
-    return (f"At t = {t:.6g} the run violates its constraints by {depth:.3g} where what meets them is much farther away: "
-            f"{far:.3g} to first order.")
+    return (
+        f"At t = {t:.6g} the run violates its constraints by {depth:.3g} where what meets them is much farther away: "
+        f"{far:.3g} to first order."
+    )
 
 
 def contradiction(case: Case, t: float, x: np.ndarray | None = None) -> str | None:

@@ -1,4 +1,5 @@
 """Anchors that are further apart than the links between them are long: shortest paths."""
+
 from __future__ import annotations
 
 import functools
@@ -9,23 +10,31 @@ from nsbench.case import Case
 from nsbench.dynamics.contacts.constraint_set import ANCHOR, PAIR
 from nsbench.dynamics.contacts.tolerances import HARMLESS, PRINTED, ROUNDED, scene_of
 
-MISSED = 1e-9            # of the length of a chain: what it may be too short by
-ENDS = 200               # anchored links of one chain between which the ways are looked at
+MISSED = 1e-9  # of the length of a chain: what it may be too short by
+ENDS = 200  # anchored links of one chain between which the ways are looked at
 
 
 def too_short(case: Case, t: float) -> str | None:
     """Which two anchors are further apart at t than the links between them let them be; None where none are."""
-    scene, anchors = scene_of(case), None
+    scene = scene_of(case)
+    anchors = None
     for i, j, reach in _chains(case):
         anchors = scene.anchors(t) if anchors is None else anchors
-        a, b = anchors[i], anchors[j]
+        a = anchors[i]
+        b = anchors[j]
         apart = np.sqrt(((a - b) ** 2).sum(-1))
         terms = np.abs(a).max(-1) + np.abs(b).max(-1)
-        short = apart - (1.0 + MISSED) * reach - np.maximum(ROUNDED * terms, np.minimum(PRINTED * terms, HARMLESS * reach))
+        short = (
+            apart
+            - (1.0 + MISSED) * reach
+            - np.maximum(ROUNDED * terms, np.minimum(PRINTED * terms, HARMLESS * reach))
+        )
         k = int(np.argmax(short))
         if short[k] > 0.0:
-            return (f"The links are too short at t = {t:.6g}: two anchors are {apart[k]:.6g} apart, and the links between them "
-                    f"{reach[k]:.6g} long.")
+            return (
+                f"The links are too short at t = {t:.6g}: two anchors are {apart[k]:.6g} apart, and the links between them "
+                f"{reach[k]:.6g} long."
+            )
     return None
 
 
@@ -34,14 +43,21 @@ def _chains(case: Case) -> list[tuple]:
     """By dimension of the links: coordinates of the two anchors (k, dim) and (k, dim) of every way there is from one to another,
     and its length (k,)."""
     scene = scene_of(case)
-    near, out = scene.all_static(), []
+    near = scene.all_static()
+    out = []
     links = near.take(np.isin(near.kind, (PAIR, ANCHOR)) & (near.sign < 0))
     for dim in np.unique(links.dim[links.kind == ANCHOR]):
         of = links.take(links.dim == dim)
         # nodes: particles by their first coordinate, then anchors by theirs
         i, j, reach = _ways(of.p, np.where(of.kind == ANCHOR, case.n + of.q, of.q), of.d, case.n)
         if len(i):
-            out.append(((i - case.n)[:, None] + np.arange(dim), (j - case.n)[:, None] + np.arange(dim), reach))
+            out.append(
+                (
+                    (i - case.n)[:, None] + np.arange(dim),
+                    (j - case.n)[:, None] + np.arange(dim),
+                    reach,
+                )
+            )
     return out
 
 
@@ -49,7 +65,10 @@ def _ways(p, q, d, n: int) -> tuple:
     """Two ends, nodes from n on, and the length of the shortest way along edges (p, q) of length d, for all that are joined."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components, shortest_path
-    order = np.lexsort((d, q, p))                        # of several links of one pair the shortest: a sparse array adds them
+
+    order = np.lexsort(
+        (d, q, p)
+    )  # of several links of one pair the shortest: a sparse array adds them
     order = order[np.append(True, (np.diff(p[order]) != 0) | (np.diff(q[order]) != 0))]
     size = int(max(p.max(), q.max())) + 1
     graph = coo_matrix((d[order], (p[order], q[order])), (size, size)).tocsr()

@@ -1,4 +1,5 @@
 """Rows that leave no point, by linear programs (Boyd & Vandenberghe, Convex Optimization, section 11.4.1: phase I)."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -9,18 +10,21 @@ from nsbench.case import Case
 from nsbench.dynamics.contacts.constraint_set import ROW
 from nsbench.dynamics.contacts.tolerances import scene_of, tolerances
 
-SOLVED = 1e-10           # of the farthest constraint looked at: what a linear program is solved to
-FAR = 1e4                # of the depth, or of what is violated next: constraints farther away are asked when in the way
-ROOM = 1e3               # of the depth: the margin that is looked for, for the point to serve at other times too
-KEPT = 16                # points that were found
-MOST, ENTRIES = 400, 2e6  # programs solved for one run, and their entries: without room between walls each sample asks for one
-WEIGHS = 1e-7            # of all weights: a constraint that takes part in a contradiction
+SOLVED = 1e-10  # of the farthest constraint looked at: what a linear program is solved to
+FAR = 1e4  # of the depth, or of what is violated next: constraints farther away are asked when in the way
+ROOM = 1e3  # of the depth: the margin that is looked for, for the point to serve at other times too
+KEPT = 16  # points that were found
+# programs solved for one run, and their entries: without room between walls each sample asks for one
+MOST = 400
+ENTRIES = 2e6
+WEIGHS = 1e-7  # of all weights: a constraint that takes part in a contradiction
 
 
 @dataclass(frozen=True)
 class Miss:
     """What every d misses A d + g >= 0 by, in lengths: `least`, 0.0 where none or not known; `deep`, the most that those which
     contradict each other are violated by at d = 0; way (n,), a d that misses none, where one was found."""
+
     least: float = 0.0
     deep: float = 0.0
     way: np.ndarray | None = None
@@ -41,9 +45,12 @@ class Walls:
             return None
         b = s.b(t)
         rows = lambda z: np.add.reduceat(s.vals * z[s.cols], s.ptr[:-1]) + b
-        if any((rows(x + z if moves else z) >= 0.0).all() for moves, z in ((True, 0.0), *self.found)):
+        if any(
+            (rows(x + z if moves else z) >= 0.0).all() for moves, z in ((True, 0.0), *self.found)
+        ):
             return None
-        g, allowed = rows(x), tolerances(self.case, s, t, x, self.near)
+        g = rows(x)
+        allowed = tolerances(self.case, s, t, x, self.near)
         if (g >= -allowed).all():
             return None
         self.programs += 1
@@ -64,13 +71,18 @@ def least_miss(ptr, cols, vals, g, n: int, allowed, room: float = 0.0) -> Miss:
     rows = np.repeat(np.arange(len(g)), np.diff(ptr))
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         norm = 1.0 / np.sqrt(np.bincount(rows, vals * vals, len(g)))
-        asks = np.isfinite(norm) & (norm > 0.0)                      # a row of zeros, or of no numbers, asks nothing of a state
-        g, allowed, norm = np.where(asks, g * norm, np.inf), np.where(asks, allowed * norm, 0.0), np.where(asks, norm, 0.0)
+        asks = np.isfinite(norm) & (
+            norm > 0.0
+        )  # a row of zeros, or of no numbers, asks nothing of a state
+        g = np.where(asks, g * norm, np.inf)
+        allowed = np.where(asks, allowed * norm, 0.0)
+        norm = np.where(asks, norm, 0.0)
     deep = float(-np.min(g, initial=0.0))
     if not 0.0 < deep < np.inf or np.isnan(g).any():
         return Miss()
     with np.errstate(invalid="ignore"):
-        use, vals = g <= FAR * deep, np.where(asks[rows], vals * norm[rows], 0.0)
+        use = g <= FAR * deep
+        vals = np.where(asks[rows], vals * norm[rows], 0.0)
     while True:
         s, d, weights = _program(ptr, cols, vals, g, n, use, room * deep)
         if d is None:
@@ -92,11 +104,17 @@ def _program(ptr, cols, vals, g, n, use, room) -> tuple:
     """s >= -room, d (n,) or None, and the weights (m,) of the rows that keep s from being less."""
     from scipy.optimize import linprog
     from scipy.sparse import csr_matrix, hstack
+
     at = np.flatnonzero(use)
-    A, unit = csr_matrix((vals, cols, ptr), (len(g), n))[at], float(np.abs(g[at]).max())
-    found = linprog(np.append(np.zeros(n), 1.0), A_ub=-hstack([A, np.ones((len(at), 1))]).tocsr(), b_ub=g[at] / unit,
-                    bounds=[(None, None)] * n + [(-room / unit, None)],
-                    options={"primal_feasibility_tolerance": SOLVED, "dual_feasibility_tolerance": SOLVED})
+    A = csr_matrix((vals, cols, ptr), (len(g), n))[at]
+    unit = float(np.abs(g[at]).max())
+    found = linprog(
+        np.append(np.zeros(n), 1.0),
+        A_ub=-hstack([A, np.ones((len(at), 1))]).tocsr(),
+        b_ub=g[at] / unit,
+        bounds=[(None, None)] * n + [(-room / unit, None)],
+        options={"primal_feasibility_tolerance": SOLVED, "dual_feasibility_tolerance": SOLVED},
+    )
     if found.status:
         return 0.0, None, None
     weights = np.zeros(len(g))

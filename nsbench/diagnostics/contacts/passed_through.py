@@ -1,4 +1,5 @@
 """Hard particles on a line that changed places: nothing leads around one another there."""
+
 from __future__ import annotations
 
 import numpy as np
@@ -12,19 +13,27 @@ from nsbench.trajectory import Status, Trajectory
 
 def passed(case: Case, traj: Trajectory) -> Status | None:
     """Hard particles on a line that changed places, or that an anchor went through: a step too long, or no room."""
-    if not any(isinstance(c, Distance) and c.sign > 0 and c.dim == 1 for c in case.problem.constraints):
+    if not any(
+        isinstance(c, Distance) and c.sign > 0 and c.dim == 1 for c in case.problem.constraints
+    ):
         return None
     scene = scene_of(case)
     near = scene.all_static()
     for _, c, m in (family for family in scene.hard if family[1].dim == 1):
-        line = traj.x[:, c.start:c.start + m]
+        line = traj.x[:, c.start : c.start + m]
         order = np.argsort(line[0])
         swapped = np.argwhere((np.diff(line[:, order]) < 0.0) & (np.diff(line[0, order]) > 0.0))
         if len(swapped):
             k, i = swapped[0]
-            return _through(traj.t[k], f"particles {order[i]} and {order[i + 1]} have changed places")
+            return _through(
+                traj.t[k], f"particles {order[i]} and {order[i + 1]} have changed places"
+            )
     for e in np.flatnonzero(np.isin(near.kind, (PAIR, ANCHOR)) & (near.sign > 0) & (near.dim == 1)):
-        other = traj.x[:, near.q[e]] if near.kind[e] == PAIR else np.array([scene.anchors(float(t))[near.q[e]] for t in traj.t])
+        other = (
+            traj.x[:, near.q[e]]
+            if near.kind[e] == PAIR
+            else np.array([scene.anchors(float(t))[near.q[e]] for t in traj.t])
+        )
         side = traj.x[:, near.p[e]] - other
         if side[0] != 0.0 and (side * side[0] < 0.0).any():
             k = int(np.argmax(side * side[0] < 0.0))
@@ -33,5 +42,8 @@ def passed(case: Case, traj: Trajectory) -> Status | None:
 
 
 def _through(t: float, what: str) -> Status:
-    return Status("unverified", f"By t = {t:.6g} {what}, on a line, where nothing leads around: steps are too long, or there was "
-                                "no room between them.")
+    return Status(
+        "unverified",
+        f"By t = {t:.6g} {what}, on a line, where nothing leads around: steps are too long, or there was "
+        "no room between them.",
+    )

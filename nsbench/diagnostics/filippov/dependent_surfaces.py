@@ -1,4 +1,5 @@
 """Layers around surfaces that are one, or meet in less than their number allows: they mix fields that nowhere meet."""
+
 from __future__ import annotations
 
 from itertools import product
@@ -9,9 +10,9 @@ from nsbench.case import Case
 from nsbench.dynamics.filippov.convex_hull import distance_to_hull
 from nsbench.dynamics.filippov.vector_field import Motion
 
-MOST = 4                # surfaces through one point whose sectors are all looked at
-SHARE = 10.0            # times the layer by which a velocity that is off may move a run in all
-MEET = 1e-9             # of the gradients, of length 1: so near to 0 a mixture of them is 0
+MOST = 4  # surfaces through one point whose sectors are all looked at
+SHARE = 10.0  # times the layer by which a velocity that is off may move a run in all
+MEET = 1e-9  # of the gradients, of length 1: so near to 0 a mixture of them is 0
 
 
 def beside(gradients: np.ndarray) -> np.ndarray:
@@ -32,14 +33,17 @@ def mixed(case: Case, width: float, t: np.ndarray, X: np.ndarray) -> str:
     Surfaces that are one have layers of different thickness if one switch is steeper, and the weights of both are then
     those of no point beside them; so if a field is not affine in its signs.
     """
-    motion, before = Motion(case.problem, float(case.t[0]), X[0].copy()), False
+    motion = Motion(case.problem, float(case.t[0]), X[0].copy())
+    before = False
     with np.errstate(all="ignore"):
         for at, x in zip(t, X, strict=True):
             rows, off = _off(motion, width, float(at), x)
             here = off * float(t[-1] - t[0]) > SHARE * width
-            if here and before:                             # what is only passed is not in them twice
-                return (f"At t = {at:.6g} the layers of surfaces {', '.join(map(str, rows))}, whose normals are dependent, mix "
-                        "fields that do not meet")
+            if here and before:  # what is only passed is not in them twice
+                return (
+                    f"At t = {at:.6g} the layers of surfaces {', '.join(map(str, rows))}, whose normals are dependent, mix "
+                    "fields that do not meet"
+                )
             before = here
     return ""
 

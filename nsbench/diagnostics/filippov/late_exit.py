@@ -1,4 +1,5 @@
 """Slides that end late: one field turns away from a surface to which the other hardly leads, and a method is still beside it."""
+
 from __future__ import annotations
 
 import numpy as np
@@ -11,10 +12,12 @@ from nsbench.diagnostics.filippov.repulsive_surface import STEP, rates_beside, r
 from nsbench.diagnostics.run_view import ways
 from nsbench.trajectory import Trajectory
 
-FAINT = 1e-2             # of the largest rate with which the field that turns led to the surface: the other leads by less
-SOME = 8                 # states from which the pace across a surface is taken
-BOTH = 1e-12             # of the run: less is no step, but what is left of their sum
-LAG = 10.0               # times r of width w (see late) may be sqrt(w s): the error still falls like w in the end
+FAINT = 1e-2  # of the largest rate with which the field that turns led to the surface: the other leads by less
+SOME = 8  # states from which the pace across a surface is taken
+BOTH = 1e-12  # of the run: less is no step, but what is left of their sum
+LAG = (
+    10.0  # times r of width w (see late) may be sqrt(w s): the error still falls like w in the end
+)
 
 
 def late(case: Case, traj: Trajectory, step: float = 0.0, width: float = 0.0) -> str:
@@ -30,33 +33,56 @@ def late(case: Case, traj: Trajectory, step: float = 0.0, width: float = 0.0) ->
     """
     if not case.unique or len(traj.t) < 2:
         return ""
-    switch, field, dt, t, X = (host(case.problem.switch), host(case.problem.field),
-                               STEP * (traj.t[-1] - traj.t[0]), traj.t, traj.x)
+    switch = host(case.problem.switch)
+    field = host(case.problem.field)
+    dt = STEP * (traj.t[-1] - traj.t[0])
+    t = traj.t
+    X = traj.x
     state = ways(t, X)
     c = np.array([switch(at, x.copy()) for at, x in zip(t, X, strict=True)])
     _, slid = sliding(traj, c.shape[1])
     noise = rounding(switch, t[-1], X[-1], np.abs(X).max(axis=0)) / dt
     for i, weight in zip((ident[1] for ident in traj.contacts), traj.impulse.T, strict=True):
         alone = np.flatnonzero(~np.delete(slid, i, axis=1).any(axis=1))
-        rates = lambda k, i=i: np.array(rates_beside(switch, field, t[k], X[k], i, dt)) * (-1.0, 1.0)
-        pace = max((np.fmax.reduce(np.abs(rates(k)), initial=0.0) for k in alone[::-(-len(alone) // SOME) or 1]), default=0.0)
+        rates = lambda k, i=i: (
+            np.array(rates_beside(switch, field, t[k], X[k], i, dt)) * (-1.0, 1.0)
+        )
+        pace = max(
+            (
+                np.fmax.reduce(np.abs(rates(k)), initial=0.0)
+                for k in alone[:: -(-len(alone) // SOME) or 1]
+            ),
+            default=0.0,
+        )
         near = alone[np.abs(c[alone, i]) <= max(2.0 * width, step * pace)]
         led = np.full((len(t) + 1, 2), np.nan)
         for k in np.unique(np.add.outer(near, (0, 1, 2)).clip(max=len(t) - 1)):
             led[k] = rates(k)
         beside = np.isin(np.arange(len(t)), near)[:, None]
         most = np.fmax.accumulate(np.where(beside, led[:-1], 0.0))
-        both = np.minimum(weight, t - t[0] - weight)[:, None] > BOTH * (t[-1] - t[0])          # sides have been made use of
+        both = np.minimum(weight, t - t[0] - weight)[:, None] > BOTH * (
+            t[-1] - t[0]
+        )  # sides have been made use of
         for k, side in np.argwhere(beside & both & (led[:-1] > noise[i])):
             end = next((j for j in (k + 1, min(k + 2, len(t))) if led[j, side] < -noise[i]), None)
-            if end is None:                                         # one may lie where it turns
+            if end is None:  # one may lie where it turns
                 continue
             here = lambda at, i=i: rates_beside(switch, field, at, state(at), i, dt)
-            turn, also = (zero_between(lambda at, side=s, here=here: here(at)[side], t[k], t[end]) for s in (side, 1 - side))
+            turn, also = (
+                zero_between(lambda at, side=s, here=here: here(at)[side], t[k], t[end])
+                for s in (side, 1 - side)
+            )
             if led[end, 1 - side] < -noise[i] and abs(also - turn) <= AT_ONCE * (t[end] - t[k]):
-                continue                                            # a two-fold
-            other, sharp = here(turn)[1 - side] * (-1.0, 1.0)[1 - side], (led[k, side] - led[end, side]) / (t[end] - t[k])
-            if noise[i] < other < min(FAINT * most[k, side], max(step * sharp, np.sqrt(width * sharp) / LAG)):
-                return (f"At t = {turn:.6g} one field turns away from surface {i}, to which the other leads at {other:.2g} "
-                        "alone: the state stays beside it for longer")
+                continue  # a two-fold
+            other = here(turn)[1 - side] * (-1.0, 1.0)[1 - side]
+            sharp = (led[k, side] - led[end, side]) / (t[end] - t[k])
+            if (
+                noise[i]
+                < other
+                < min(FAINT * most[k, side], max(step * sharp, np.sqrt(width * sharp) / LAG))
+            ):
+                return (
+                    f"At t = {turn:.6g} one field turns away from surface {i}, to which the other leads at {other:.2g} "
+                    "alone: the state stays beside it for longer"
+                )
     return ""

@@ -1,4 +1,5 @@
 """Runs that stay on a surface which both fields leave: they may leave it at any time, and no one says which is meant."""
+
 from __future__ import annotations
 
 from itertools import product
@@ -9,17 +10,19 @@ from nsbench.case import Case
 from nsbench.compilation.factories import host
 from nsbench.trajectory import Status, Trajectory
 
-POINTS = 40              # of a run that are looked at, at least its samples
-ON = 1e-9                # of the largest value of a switch: a state this near is on its surface
-STEP = 1e-6              # of the run: the differences that rates of switches are taken from
-ASIDE = 1e-9            # mean weight of a side below which a run was on the other alone
-ROUNDED = 16 * 2.0**-52  # of each coordinate: and so near that nothing of a motion beside it is left
-SIDE = 1e-3              # mean weight of a side from which a run slides rather than touches
-REST = 1e-9              # of the largest rate: what differences leave of one that is zero
+POINTS = 40  # of a run that are looked at, at least its samples
+ON = 1e-9  # of the largest value of a switch: a state this near is on its surface
+STEP = 1e-6  # of the run: the differences that rates of switches are taken from
+ASIDE = 1e-9  # mean weight of a side below which a run was on the other alone
+ROUNDED = (
+    16 * 2.0**-52
+)  # of each coordinate: and so near that nothing of a motion beside it is left
+SIDE = 1e-3  # mean weight of a side from which a run slides rather than touches
+REST = 1e-9  # of the largest rate: what differences leave of one that is zero
 BOTH = "both fields leave: it may leave to either side"
 RESTS = "one field leaves, while the other leaves it at rest there: it may leave"
-MEET = 4                 # surfaces through one point whose sectors are all looked at
-CLEAR = 1e-4             # of the largest rate: below it, nothing is said of its sign
+MEET = 4  # surfaces through one point whose sectors are all looked at
+CLEAR = 1e-4  # of the largest rate: below it, nothing is said of its sign
 
 
 def repelled(case: Case, traj: Trajectory) -> Status | None:
@@ -32,34 +35,61 @@ def repelled(case: Case, traj: Trajectory) -> Status | None:
     """
     if not case.unique or len(traj.t) < 2:
         return None
-    switch, field = host(case.problem.switch), host(case.problem.field)
+    switch = host(case.problem.switch)
+    field = host(case.problem.field)
     c = np.array([switch(t, x.copy()) for t, x in zip(traj.t, traj.x, strict=True)])
-    size, side = np.maximum(np.abs(c).max(axis=0), swing(switch, traj.t[-1], traj.x)), _side(traj, c.shape[1])
+    size = np.maximum(np.abs(c).max(axis=0), swing(switch, traj.t[-1], traj.x))
+    side = _side(traj, c.shape[1])
     on = np.abs(c) <= ON * size
     # what fell there is left with a rounding of its fall, and stands; what decays never is
-    exactly, fallen = (np.array([np.abs(row) <= rounding(switch, t, x, np.fmax(np.abs(x), least)) if near.any() else near
-                                 for row, near, t, x in zip(c, on, traj.t, traj.x, strict=True)])
-                       for least in (0.0, np.abs(traj.x).max(axis=0)))
+    exactly, fallen = (
+        np.array(
+            [
+                np.abs(row) <= rounding(switch, t, x, np.fmax(np.abs(x), least))
+                if near.any()
+                else near
+                for row, near, t, x in zip(c, on, traj.t, traj.x, strict=True)
+            ]
+        )
+        for least in (0.0, np.abs(traj.x).max(axis=0))
+    )
     stands = (exactly[1:] & exactly[:-1]) | (fallen[1:] & fallen[:-1] & (c[1:] == c[:-1]))
     stayed = np.where(side == 0.0, on[1:] & on[:-1], stands)
     came, (_, slid) = ~stayed & fallen[1:] & (side == 0.0), sliding(traj, c.shape[1])
     parts = -(-POINTS // (len(traj.t) - 1))
     last = np.arange(parts) == parts - 1
     for i in np.flatnonzero((stayed | came).any(axis=0)):
-        others = np.delete(slid, i, axis=1).any(axis=1)             # in layers, not on surfaces
+        others = np.delete(slid, i, axis=1).any(axis=1)  # in layers, not on surfaces
         spans = np.flatnonzero((stayed | came)[:, i] & (on[1:].sum(axis=1) == 1) & ~others)
-        times = [[(1.0 - a) * traj.t[k] + a * traj.t[k + 1] for a in np.arange(1, parts + 1) / parts] for k in spans]
-        rates = np.array([[rates_beside(switch, field, t, _at(traj, k, t), i, STEP * (traj.t[-1] - traj.t[0])) for t in row]
-                          for k, row in zip(spans, times, strict=True)]).reshape(len(spans), parts, 2)
+        times = [
+            [(1.0 - a) * traj.t[k] + a * traj.t[k + 1] for a in np.arange(1, parts + 1) / parts]
+            for k in spans
+        ]
+        rates = np.array(
+            [
+                [
+                    rates_beside(
+                        switch, field, t, _at(traj, k, t), i, STEP * (traj.t[-1] - traj.t[0])
+                    )
+                    for t in row
+                ]
+                for k, row in zip(spans, times, strict=True)
+            ]
+        ).reshape(len(spans), parts, 2)
         rates[~(stayed[spans, i][:, None] | last)] = np.nan
         rates /= max(1e-300, float(np.fmax.reduce(np.abs(rates), axis=None, initial=0.0)))
         (plus, minus), alone = (rates[..., 0], rates[..., 1]), side[spans, i][:, None]
-        for found, what in (((alone == 0.0) & (plus > CLEAR) & (minus < -CLEAR), BOTH),
-                            ((alone > 0.0) & (minus < -CLEAR) & _rests(plus), RESTS),
-                            ((alone < 0.0) & (plus > CLEAR) & _rests(minus), RESTS)):
+        for found, what in (
+            ((alone == 0.0) & (plus > CLEAR) & (minus < -CLEAR), BOTH),
+            ((alone > 0.0) & (minus < -CLEAR) & _rests(plus), RESTS),
+            ((alone < 0.0) & (plus > CLEAR) & _rests(minus), RESTS),
+        ):
             for row, part in np.argwhere(found)[:1]:
-                return Status("degenerate", f"At t = {times[row][part]:.6g} the state is on surface {i}, which {what} at any "
-                                            "time.")
+                return Status(
+                    "degenerate",
+                    f"At t = {times[row][part]:.6g} the state is on surface {i}, which {what} at any "
+                    "time.",
+                )
     return _left(traj, switch, field, stayed, stayed | came, on, parts)
 
 
@@ -67,16 +97,26 @@ def _left(traj, switch, field, stayed, held, on, parts) -> Status | None:
     """degenerate, if the state stays where surfaces meet, or are one, and the field of a sector leads into that sector."""
     for k in np.flatnonzero((held.sum(axis=1) > 1) & np.all(held == on[1:], axis=1)):
         rows = np.flatnonzero(held[k])
-        sectors = np.array(list(product((1.0, -1.0), repeat=rows.size))) if rows.size <= MEET else ()
+        sectors = (
+            np.array(list(product((1.0, -1.0), repeat=rows.size))) if rows.size <= MEET else ()
+        )
         times = [(1.0 - a) * traj.t[k] + a * traj.t[k + 1] for a in np.arange(1, parts + 1) / parts]
         dt = STEP * (traj.t[-1] - traj.t[0])
-        rates = np.array([[rates_of(switch, field, t, _at(traj, k, t), rows, s, dt) for s in sectors] for t in times])
+        rates = np.array(
+            [
+                [rates_of(switch, field, t, _at(traj, k, t), rows, s, dt) for s in sectors]
+                for t in times
+            ]
+        )
         rates = rates.reshape(parts, len(sectors), rows.size)
-        rates[:0 if stayed[k, rows].all() else -1] = np.nan
+        rates[: 0 if stayed[k, rows].all() else -1] = np.nan
         rates /= np.fmax(np.fmax.reduce(np.abs(rates), axis=(0, 1), initial=0.0), 1e-300)
         for part, _ in np.argwhere(np.all(rates * sectors > CLEAR, axis=2))[:1]:
-            return Status("degenerate", f"At t = {times[part]:.6g} the state is on surfaces {', '.join(map(str, rows))}, and the "
-                                        "field of a side leads to that side: it may leave at any time.")
+            return Status(
+                "degenerate",
+                f"At t = {times[part]:.6g} the state is on surfaces {', '.join(map(str, rows))}, and the "
+                "field of a side leads to that side: it may leave at any time.",
+            )
     return None
 
 
@@ -89,7 +129,10 @@ def _at(traj, k: int, t: float) -> np.ndarray:
 def rounding(switch, t, x, sizes) -> np.ndarray:
     """(d,) what rounding of coordinates of these sizes (n,), and of time, makes of the switches."""
     here = there(switch, t, x)
-    moved = [there(switch, t + ROUNDED * abs(t), x), *(there(switch, t, x + e) for e in np.diag(ROUNDED * sizes) if e.any())]
+    moved = [
+        there(switch, t + ROUNDED * abs(t), x),
+        *(there(switch, t, x + e) for e in np.diag(ROUNDED * sizes) if e.any()),
+    ]
     return np.fmax.reduce([np.abs(c - here) for c in moved])
 
 
@@ -129,7 +172,10 @@ def between(case: Case, width: float) -> str:
     """Whether the start is within `width` of a surface that both fields leave: a layer so thick decides for it; "" if not."""
     if not case.unique:
         return ""
-    switch, field, t, x = host(case.problem.switch), host(case.problem.field), case.t[0], case.x0
+    switch = host(case.problem.switch)
+    field = host(case.problem.field)
+    t = case.t[0]
+    x = case.x0
     with np.errstate(all="ignore"):
         c = there(switch, t, x)
         for i in np.flatnonzero(np.abs(c) < width):

@@ -1,11 +1,15 @@
 """Candidate constraints as arrays: those of a problem that are looked at in one state."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
 
-ROW, PAIR, ANCHOR, SMOOTH = 0, 1, 2, 3
+ROW = 0
+PAIR = 1
+ANCHOR = 2
+SMOOTH = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -15,6 +19,7 @@ class Near:
     kind (ROW, PAIR, ANCHOR, SMOOTH); family, i, j (j = -1 where an id has no second index); p, q: row number or
     first coordinate of particle i; first coordinate of particle j or of the anchor; d, sign, dim of a distance.
     """
+
     kind: np.ndarray
     family: np.ndarray
     i: np.ndarray
@@ -30,8 +35,10 @@ class Near:
 
     @property
     def ids(self) -> list[tuple]:
-        return [(f, i) if j < 0 else (f, i, j)
-                for f, i, j in zip(self.family.tolist(), self.i.tolist(), self.j.tolist(), strict=True)]
+        return [
+            (f, i) if j < 0 else (f, i, j)
+            for f, i, j in zip(self.family.tolist(), self.i.tolist(), self.j.tolist(), strict=True)
+        ]
 
     @property
     def key(self) -> np.ndarray:
@@ -52,6 +59,7 @@ class Near:
 class Places:
     """Where the entries of a Near stand. pairs: (kind, entries, coordinates of i, of j or of the anchor) by kind and
     dimension; rows: entries that are affine rows; smooth: entries of each Smooth family."""
+
     pairs: tuple
     rows: np.ndarray
     smooth: tuple
@@ -60,8 +68,17 @@ class Places:
 def listed(kind, family, i, j, p, q, d, sign, dim) -> Near:
     m = len(i)
     i, j, p, q = (np.asarray(a, np.int64) for a in (i, j, p, q))
-    return Near(np.full(m, kind, np.int64), np.full(m, family, np.int64), i, j, p, q,
-                np.broadcast_to(np.asarray(d, float), m).copy(), np.full(m, float(sign)), np.full(m, dim, np.int64))
+    return Near(
+        np.full(m, kind, np.int64),
+        np.full(m, family, np.int64),
+        i,
+        j,
+        p,
+        q,
+        np.broadcast_to(np.asarray(d, float), m).copy(),
+        np.full(m, float(sign)),
+        np.full(m, dim, np.int64),
+    )
 
 
 def pairs_of_few(x, r, reach):

@@ -3,6 +3,7 @@
 Listed constraints (affine rows, fixed pairs, anchors, smooth ones) are always candidates; of the pairs of hard
 particles only those near, found by cell lists. The order is the stated one: family, then i, then j.
 """
+
 from __future__ import annotations
 
 import functools
@@ -10,18 +11,30 @@ import functools
 import numpy as np
 
 from nsbench.compilation.factories import host
-from nsbench.dynamics.contacts.candidates import ANCHOR, PAIR, ROW, SMOOTH, Near, Places, join, listed, pairs_of_few
+from nsbench.dynamics.contacts.candidates import (
+    ANCHOR,
+    PAIR,
+    ROW,
+    SMOOTH,
+    Near,
+    Places,
+    join,
+    listed,
+    pairs_of_few,
+)
 from nsbench.dynamics.contacts.time_dependence import SmoothRows, chain, time_derivative
 from nsbench.problem import Affine, Complementarity, Distance, Smooth
 
-FEW = 64                # hard particles: all their pairs are looked at sooner than a kernel is compiled
+FEW = 64  # hard particles: all their pairs are looked at sooner than a kernel is compiled
 
 
 def _stacked(families: list[Affine]):
     """All affine rows as CSR: ptr, cols, vals. A single family's own arrays, not copies: a large scene has many rows."""
     if len(families) == 1:
         return families[0].indptr, families[0].indices, families[0].data
-    ptr, cols, vals = [np.zeros(1, np.int64)], [np.empty(0, np.int64)], [np.empty(0)]
+    ptr = [np.zeros(1, np.int64)]
+    cols = [np.empty(0, np.int64)]
+    vals = [np.empty(0)]
     for a in families:
         ptr.append(a.indptr[1:] + ptr[-1][-1])
         cols.append(a.indices)
@@ -36,32 +49,46 @@ class Scene:
     """
 
     def __init__(self, problem: Complementarity, n: int):
-        self.families, self.n = problem.constraints, n
+        self.families = problem.constraints
+        self.n = n
         self.affine = [c for c in self.families if isinstance(c, Affine)]
-        self.anchored = [c for c in self.families if isinstance(c, Distance) and c.anchors is not None]
+        self.anchored = [
+            c for c in self.families if isinstance(c, Distance) and c.anchors is not None
+        ]
         self.moving = any(c.moving for c in self.families)
         self.ptr, self.cols, self.vals = _stacked(self.affine)
         rows = len(self.ptr) - 1
         self.inv2 = 1.0 / np.add.reduceat(self.vals**2, self.ptr[:-1]) if rows else np.empty(0)
         self._b = [host(a.b) if a.moving else (lambda t, v=a.b: v) for a in self.affine]
-        self._anchors = [host(c.anchors) if c.moving else (lambda t, v=c.anchors: v) for c in self.anchored]
+        self._anchors = [
+            host(c.anchors) if c.moving else (lambda t, v=c.anchors: v) for c in self.anchored
+        ]
         self.b_factory = chain([a.b for a in self.affine])
         self.anchor_factory = chain([c.anchors for c in self.anchored])
         self._smooth = [SmoothRows(c, n) for c in self.families if isinstance(c, Smooth)]
         if any(isinstance(c, Distance) and not c.all_pairs for c in self.families):
-            _ = self._parts                              # bad indices are told at once
-        self.hard = [(k, c, c.particles(n)) for k, c in enumerate(self.families)
-                     if isinstance(c, Distance) and c.all_pairs]
-        self.radii = {k: np.broadcast_to(c.radii if c.radii is not None else c.d / 2, m).astype(float)
-                      for k, c, m in self.hard}
+            _ = self._parts  # bad indices are told at once
+        self.hard = [
+            (k, c, c.particles(n))
+            for k, c in enumerate(self.families)
+            if isinstance(c, Distance) and c.all_pairs
+        ]
+        self.radii = {
+            k: np.broadcast_to(c.radii if c.radii is not None else c.d / 2, m).astype(float)
+            for k, c, m in self.hard
+        }
 
     def b(self, t: float) -> np.ndarray:
         """(rows,) right-hand sides of all affine rows at time t."""
-        return np.concatenate([np.asarray(f(t), float) for f in self._b]) if self._b else np.empty(0)
+        return (
+            np.concatenate([np.asarray(f(t), float) for f in self._b]) if self._b else np.empty(0)
+        )
 
     def anchors(self, t: float) -> np.ndarray:
         """Coordinates of all anchors at time t, flat."""
-        return np.concatenate([np.empty(0), *(np.asarray(f(t), float).ravel() for f in self._anchors)])
+        return np.concatenate(
+            [np.empty(0), *(np.asarray(f(t), float).ravel() for f in self._anchors)]
+        )
 
     def smooth(self, s: int):
         """The s-th Smooth family: g(t, x), gradient(t, x), rate(t, x) in numpy."""
@@ -70,7 +97,10 @@ class Scene:
     @functools.cached_property
     def _parts(self) -> dict[int, Near]:
         """The listed constraints by family; made when asked for: rows take 72 bytes each."""
-        parts, row, anchor, smooth = {}, 0, 0, 0
+        parts = {}
+        row = 0
+        anchor = 0
+        smooth = 0
         for k, c in enumerate(self.families):
             if isinstance(c, Affine):
                 m = c.shape[0]
@@ -84,22 +114,41 @@ class Scene:
                 smooth += 1
             elif not c.all_pairs:
                 parts[k] = self._listed(k, c, anchor)
-                anchor += 0 if c.anchors is None else np.asarray(host(c.anchors)(0.0) if c.moving else c.anchors).size
+                anchor += (
+                    0
+                    if c.anchors is None
+                    else np.asarray(host(c.anchors)(0.0) if c.moving else c.anchors).size
+                )
         return parts
 
     def _listed(self, k: int, c: Distance, anchor: int) -> Near:
         count = c.particles(self.n)
-        pairs, targets = c.pairs, count
+        pairs = c.pairs
+        targets = count
         if c.anchors is not None:
             targets = len(np.asarray(host(c.anchors)(0.0) if c.moving else c.anchors))
             if pairs is None:
-                pairs = np.stack(np.meshgrid(np.arange(count), np.arange(targets), indexing="ij"), -1).reshape(-1, 2)
+                pairs = np.stack(
+                    np.meshgrid(np.arange(count), np.arange(targets), indexing="ij"), -1
+                ).reshape(-1, 2)
         if len(pairs) and (pairs[:, 0].max() >= count or pairs[:, 1].max() >= targets):
-            raise ValueError(f"family {k}: a pair names particle or anchor {pairs.max()}; "
-                             f"there are {count} and {targets}")
+            raise ValueError(
+                f"family {k}: a pair names particle or anchor {pairs.max()}; "
+                f"there are {count} and {targets}"
+            )
         i, j = pairs.T
         q = anchor + j * c.dim if c.anchors is not None else c.start + j * c.dim
-        return listed(PAIR if c.anchors is None else ANCHOR, k, i, j, c.start + i * c.dim, q, c.d, c.sign, c.dim)
+        return listed(
+            PAIR if c.anchors is None else ANCHOR,
+            k,
+            i,
+            j,
+            c.start + i * c.dim,
+            q,
+            c.d,
+            c.sign,
+            c.dim,
+        )
 
     def all_static(self) -> Near:
         """The listed constraints alone."""
@@ -111,11 +160,18 @@ class Scene:
         for k, c, m in self.hard:
             r = self.radii[k]
             if m <= FEW or reach == np.inf:
-                i, j = pairs_of_few(np.asarray(x, float)[c.start:c.start + m * c.dim].reshape(m, c.dim), r, float(reach))
+                i, j = pairs_of_few(
+                    np.asarray(x, float)[c.start : c.start + m * c.dim].reshape(m, c.dim),
+                    r,
+                    float(reach),
+                )
             else:
                 from nsbench.dynamics.contacts.kernels.cell_list import near_pairs
+
                 i, j = near_pairs(np.ascontiguousarray(x), c.start, m, c.dim, r, float(reach))
-            parts[k] = listed(PAIR, k, i, j, c.start + i * c.dim, c.start + j * c.dim, r[i] + r[j], 1, c.dim)
+            parts[k] = listed(
+                PAIR, k, i, j, c.start + i * c.dim, c.start + j * c.dim, r[i] + r[j], 1, c.dim
+            )
         return join([parts[k] for k in sorted(parts)])
 
     def deepest(self, t: float, x: np.ndarray) -> float:
@@ -123,11 +179,19 @@ class Scene:
         worst = max(0.0, float(-self.gaps(t, x, *self._static).min(initial=0.0)))
         for k, c, m in self.hard:
             from nsbench.dynamics.contacts.kernels.cell_list import near_pairs
-            i, j = near_pairs(np.ascontiguousarray(x), c.start, m, c.dim, self.radii[k], 0.0) if m > 1 else ((), ())
+
+            i, j = (
+                near_pairs(np.ascontiguousarray(x), c.start, m, c.dim, self.radii[k], 0.0)
+                if m > 1
+                else ((), ())
+            )
             if len(i):
-                p, r = x[c.start:c.start + m * c.dim].reshape(m, c.dim), self.radii[k]
+                p = x[c.start : c.start + m * c.dim].reshape(m, c.dim)
+                r = self.radii[k]
                 diff = p[i] - p[j]
-                worst = max(worst, float(-(np.sqrt((diff * diff).sum(1)) - (r[i] + r[j])).min(initial=0.0)))
+                worst = max(
+                    worst, float(-(np.sqrt((diff * diff).sum(1)) - (r[i] + r[j])).min(initial=0.0))
+                )
         return worst
 
     @functools.cached_property
@@ -144,12 +208,15 @@ class Scene:
                 if sel.size:
                     axes = np.arange(dim)
                     pairs.append((kind, sel, near.p[sel, None] + axes, near.q[sel, None] + axes))
-        smooth = [np.flatnonzero((near.kind == SMOOTH) & (near.q == s)) for s in range(len(self._smooth))]
+        smooth = [
+            np.flatnonzero((near.kind == SMOOTH) & (near.q == s)) for s in range(len(self._smooth))
+        ]
         return Places(tuple(pairs), np.flatnonzero(near.kind == ROW), tuple(smooth))
 
     def gaps(self, t: float, x: np.ndarray, near: Near, places: Places | None = None) -> np.ndarray:
         """(m,) values g_k(t, x)."""
-        g, places = np.empty(len(near)), places or self.places(near)
+        g = np.empty(len(near))
+        places = places or self.places(near)
         for sel, _, _, dist in self._distances(t, x, places):
             g[sel] = near.sign[sel] * (dist - near.d[sel])
         if places.rows.size:
@@ -176,13 +243,15 @@ class Scene:
     def gradients(self, t: float, x: np.ndarray, near: Near):
         """(m, n) scipy.sparse.csr_array of rows grad g_k. A distance of zero has the first axis as direction."""
         from scipy.sparse import csr_array
+
         r, c, v = self.triplets(t, x, near)
         return csr_array((v, (r, c)), shape=(len(near), self.n))
 
     def triplets(self, t: float, x: np.ndarray, near: Near):
         """Rows, columns and values of the gradients; rows and columns are the same for every t and x."""
         places = self.places(near)
-        r, c = [np.empty(0, np.int64)], [np.empty(0, np.int64)]
+        r = [np.empty(0, np.int64)]
+        c = [np.empty(0, np.int64)]
         for kind, sel, i, j in places.pairs:
             for coords in (i, j) if kind == PAIR else (i,):
                 r.append(np.repeat(sel, coords.shape[1]))
@@ -204,7 +273,7 @@ class Scene:
             unit[dist == 0, 0] = 1.0
             unit *= near.sign[sel, None]
             v += [unit.ravel()] if j is None else [unit.ravel(), (-unit).ravel()]
-        v += [self.vals[self.ptr[p]:self.ptr[p + 1]] for p in near.p[places.rows]]
+        v += [self.vals[self.ptr[p] : self.ptr[p + 1]] for p in near.p[places.rows]]
         for fam, sel in zip(self._smooth, places.smooth, strict=True):
             if sel.size:
                 v.append(fam.gradient(t, x)[near.p[sel]].ravel())
@@ -217,15 +286,22 @@ class Scene:
             return rate
         rows = np.flatnonzero(near.kind == ROW)
         if rows.size:
-            rate[rows] = np.concatenate([time_derivative(a.b)(t) if a.moving else np.zeros(a.shape[0])
-                                         for a in self.affine])[near.p[rows]]
+            rate[rows] = np.concatenate(
+                [time_derivative(a.b)(t) if a.moving else np.zeros(a.shape[0]) for a in self.affine]
+            )[near.p[rows]]
         if any(c.moving for c in self.anchored):
-            speed = np.concatenate([time_derivative(c.anchors)(t).ravel() if c.moving else np.zeros(c.anchors.size)
-                                    for c in self.anchored])
+            speed = np.concatenate(
+                [
+                    time_derivative(c.anchors)(t).ravel() if c.moving else np.zeros(c.anchors.size)
+                    for c in self.anchored
+                ]
+            )
             for sel, (_, j), diff, dist in self._distances(t, x, self.places(near)):
                 if j is None:
                     q = near.q[sel, None] + np.arange(diff.shape[1])
-                    rate[sel] = -near.sign[sel] * (diff * speed[q]).sum(1) / np.where(dist > 0, dist, 1.0)
+                    rate[sel] = (
+                        -near.sign[sel] * (diff * speed[q]).sum(1) / np.where(dist > 0, dist, 1.0)
+                    )
         for s, fam in enumerate(self._smooth):
             sel = np.flatnonzero((near.kind == SMOOTH) & (near.q == s))
             if sel.size:

@@ -1,4 +1,5 @@
 """What a family gives as functions of time: walls one after the other, their speeds, smooth gaps and derivatives."""
+
 from __future__ import annotations
 
 import functools
@@ -14,7 +15,7 @@ def chain(parts):
     if not any(callable(p) for p in parts):
         return None
     key = tuple(map(id, parts))
-    if key not in _chains:               # the same factory each time: what is compiled for it serves again
+    if key not in _chains:  # the same factory each time: what is compiled for it serves again
         _chains[key] = parts, _chain(parts)
     return _chains[key][1]
 
@@ -30,13 +31,17 @@ def _chain(parts):
                 return lambda t: inner(t).ravel()
             still = np.array(part).ravel()
             return lambda t: still
+
         return make
 
     def join(a, b):
         def make(xp):
-            fa, fb = a(xp), b(xp)
+            fa = a(xp)
+            fb = b(xp)
             return lambda t: xp.concatenate((fa(t), fb(t)))
+
         return make
+
     return functools.reduce(join, map(leaf, parts))
 
 
@@ -47,6 +52,7 @@ def time_derivative(factory):
     """d/dt of ``factory(xp) -> (t)`` by JAX, as a numpy function; compiled once."""
     if factory not in _derivatives:
         import jax
+
         f = jax_function(factory)
         d = jax.jit(lambda t: jax.jvp(f, (t,), (1.0,))[1])
         _derivatives[factory] = lambda t: np.asarray(d(float(t)))
@@ -57,7 +63,8 @@ class SmoothRows:
     """g, gradient and rate of a Smooth family as numpy functions."""
 
     def __init__(self, family: Smooth, n: int):
-        self._family, self._n = family, n
+        self._family = family
+        self._n = n
         self.g = lambda t, x, f=host(family.g): np.asarray(f(t, x), float)
         self.m = len(self.g(0.0, np.full(n, 0.37)))
         self._gradient = host(family.gradient) if family.gradient else None
@@ -65,6 +72,7 @@ class SmoothRows:
 
     def _jax(self, argnum):
         import jax
+
         f = jax_function(self._family.g)
         d = jax.jit(jax.jacfwd(f, argnums=argnum))
         return lambda t, x: np.asarray(d(float(t), x))
@@ -80,5 +88,3 @@ class SmoothRows:
         if self._rate is None:
             self._rate = self._jax(0)
         return np.asarray(self._rate(t, x), float)
-
-

@@ -1,4 +1,5 @@
 """What a violated constraint is held against: its own numbers, in any unit and anywhere."""
+
 from __future__ import annotations
 
 import functools
@@ -10,11 +11,17 @@ from nsbench.dynamics.contacts.candidates import Near
 from nsbench.dynamics.contacts.constraint_set import PAIR, Scene
 from nsbench.dynamics.length_scale import unit_of
 
-TOLERANCE = 1e-9          # of a length; a start that misses by less is what whoever made it left out
-LEAST = 1e-6              # unit: a start of 1e-16 may be a difference of numbers about 1
-ROUNDED = 1e-13           # of the numbers that a gap is made of: some hundred roundings, of whoever made them
-PRINTED, HARMLESS = 1e-9, 1e-6     # of those numbers: ten digits of them; as long as it is no more than this of the length
-FINE, EXACT = 1e-4, 4e-15          # of TOLERANCE, and of the numbers, sixteen roundings: what a projection may miss by
+TOLERANCE = 1e-9  # of a length; a start that misses by less is what whoever made it left out
+LEAST = 1e-6  # unit: a start of 1e-16 may be a difference of numbers about 1
+ROUNDED = (
+    1e-13  # of the numbers that a gap is made of: some hundred roundings, of whoever made them
+)
+# of those numbers: ten digits of them; as long as it is no more than this of the length
+PRINTED = 1e-9
+HARMLESS = 1e-6
+# of TOLERANCE, and of the numbers, sixteen roundings: what a projection may miss by
+FINE = 1e-4
+EXACT = 4e-15
 
 
 @functools.lru_cache(maxsize=64)
@@ -22,22 +29,28 @@ def scene_of(case: Case) -> Scene:
     return Scene(case.problem, case.n)
 
 
-def tolerances(case: Case, scene: Scene, t: float, x: np.ndarray, near: Near, projected: bool = False) -> np.ndarray:
+def tolerances(
+    case: Case, scene: Scene, t: float, x: np.ndarray, near: Near, projected: bool = False
+) -> np.ndarray:
     """(m,) what the gaps of `near` at (t, x) may be below zero, each in its own unit.
 
     TOLERANCE of a length: the distance itself, or the unit of the case for a row or a smooth constraint (of what the gap
     changes by along it); and ROUNDED or, where that is harmless, PRINTED of the numbers that the gap is the difference of.
     Much less of what was projected.
     """
-    length, terms = lengths(case, scene, t, x, near), numbers(scene, t, x, near)
+    length = lengths(case, scene, t, x, near)
+    terms = numbers(scene, t, x, near)
     if projected:
         return FINE * TOLERANCE * length + EXACT * terms
-    return TOLERANCE * length + np.maximum(ROUNDED * terms, np.minimum(PRINTED * terms, HARMLESS * length))
+    return TOLERANCE * length + np.maximum(
+        ROUNDED * terms, np.minimum(PRINTED * terms, HARMLESS * length)
+    )
 
 
 def lengths(case: Case, scene: Scene, t: float, x: np.ndarray, near: Near) -> np.ndarray:
     """(m,) what the gaps of `near` change by along a length of theirs."""
-    unit, places = max(unit_of(case), LEAST), scene.places(near)
+    unit = max(unit_of(case), LEAST)
+    places = scene.places(near)
     out = np.maximum(near.d, LEAST * unit)
     if places.rows.size:
         out[places.rows] = unit / np.sqrt(scene.inv2[near.p[places.rows]])
@@ -52,11 +65,16 @@ def lengths(case: Case, scene: Scene, t: float, x: np.ndarray, near: Near) -> np
 def numbers(scene: Scene, t: float, x: np.ndarray, near: Near) -> np.ndarray:
     """(m,) the sizes of what the gaps of `near` at (t, x) are differences of: coordinates of two ends, terms of a row; of a
     smooth constraint to first order, 0 where it has no gradient."""
-    out, places = np.zeros(len(near)), scene.places(near)
+    out = np.zeros(len(near))
+    places = scene.places(near)
     for kind, sel, i, j in places.pairs:
-        out[sel] = np.abs(x[i]).max(axis=1) + np.abs(x[j] if kind == PAIR else scene.anchors(t)[j]).max(axis=1)
+        out[sel] = np.abs(x[i]).max(axis=1) + np.abs(
+            x[j] if kind == PAIR else scene.anchors(t)[j]
+        ).max(axis=1)
     if places.rows.size:
-        terms = np.add.reduceat(np.abs(scene.vals * x[scene.cols]), scene.ptr[:-1]) + np.abs(scene.b(t))
+        terms = np.add.reduceat(np.abs(scene.vals * x[scene.cols]), scene.ptr[:-1]) + np.abs(
+            scene.b(t)
+        )
         out[places.rows] = terms[near.p[places.rows]]
     for family, sel in enumerate(places.smooth):
         if sel.size:
@@ -72,4 +90,6 @@ def misses(case: Case, scene: Scene, t: float, x: np.ndarray) -> bool:
     g = scene.gaps(t, x, near)
     if (g >= 0.0).all():
         return False
-    return bool(np.any(~(g >= 0.0) & ~(np.isfinite(g) & (g >= -tolerances(case, scene, t, x, near)))))
+    return bool(
+        np.any(~(g >= 0.0) & ~(np.isfinite(g) & (g >= -tolerances(case, scene, t, x, near))))
+    )

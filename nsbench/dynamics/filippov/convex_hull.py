@@ -1,4 +1,5 @@
 """The distance of a velocity to Filippov's set, the convex hull of the fields that meet."""
+
 from __future__ import annotations
 
 import numpy as np
@@ -13,12 +14,15 @@ def distance_to_hull(v: np.ndarray, points: np.ndarray) -> float:
         w = np.clip((v - points[0]) @ edge / max(edge @ edge, 1e-300), 0.0, 1.0)
         return float(np.linalg.norm(v - points[0] - w * edge))
     from scipy.optimize import nnls
+
     from_v = points - v
     size = float(np.abs(from_v).max())
     if size == 0.0:
         return 0.0
     # weights that sum to one by a heavy row; the sum is then made one exactly
-    w, _ = nnls(np.vstack([from_v.T / size, np.full(len(points), 1e4)]), np.append(np.zeros(len(v)), 1e4))
+    w, _ = nnls(
+        np.vstack([from_v.T / size, np.full(len(points), 1e4)]), np.append(np.zeros(len(v)), 1e4)
+    )
     return _refined(w / w.sum(), from_v)
 
 

@@ -1,4 +1,5 @@
 """The modes of a Filippov system as corners of a box of signs, and whether its field is multilinear between them."""
+
 from __future__ import annotations
 
 from itertools import product
@@ -10,10 +11,10 @@ from nsbench.compilation.factories import host
 from nsbench.diagnostics.filippov.repulsive_surface import there
 from nsbench.problem import Filippov
 
-STEPS = 4.0              # of a run: so near to a surface at both ends of an interval is on it
-LONG = 32.0             # steps that an interval has at least, so that its weights are means; samples between are left out
-MANY = 10               # surfaces of one corner; of more, the modes are too many to look at
-SIDE = 1e-9              # mean weight below which a run was on one side alone
+STEPS = 4.0  # of a run: so near to a surface at both ends of an interval is on it
+LONG = 32.0  # steps that an interval has at least, so that its weights are means; samples between are left out
+MANY = 10  # surfaces of one corner; of more, the modes are too many to look at
+SIDE = 1e-9  # mean weight below which a run was on one side alone
 
 
 def surfaces(problem: Filippov, n: int) -> int:
@@ -23,13 +24,19 @@ def surfaces(problem: Filippov, n: int) -> int:
 
 def multilinear(problem: Filippov, n: int) -> bool:
     """Whether the field is affine in each sign, at some points drawn once; False where it is not finite."""
-    rng, field, d = np.random.default_rng(0), host(problem.field), surfaces(problem, n)
+    rng = np.random.default_rng(0)
+    field = host(problem.field)
+    d = surfaces(problem, n)
     with np.errstate(all="ignore"):
         for _ in range(4):
-            t, x, s = rng.uniform(), rng.uniform(-1.0, 1.0, n), rng.uniform(-1.0, 1.0, d)
+            t = rng.uniform()
+            x = rng.uniform(-1.0, 1.0, n)
+            s = rng.uniform(-1.0, 1.0, d)
             f = there(field, t, x, s.copy())
             for i in range(d):
-                plus, minus = (there(field, t, x, np.where(np.arange(d) == i, e, s)) for e in (1.0, -1.0))
+                plus, minus = (
+                    there(field, t, x, np.where(np.arange(d) == i, e, s)) for e in (1.0, -1.0)
+                )
                 off = np.abs(0.5 * (1.0 + s[i]) * plus + 0.5 * (1.0 - s[i]) * minus - f)
                 if not np.all(off <= 1e-12 * (1.0 + np.maximum(np.abs(plus), np.abs(minus)))):
                     return False
@@ -51,14 +58,24 @@ def held(case: Case, X: np.ndarray, weights: np.ndarray, h: float) -> str:
     d = surfaces(case.problem, case.n)
     if d < 2:
         return ""
-    field, switch = host(case.problem.field), host(case.problem.switch)
+    field = host(case.problem.field)
+    switch = host(case.problem.switch)
     keep = apart(case.t, LONG * h)
-    t, spans = case.t[keep], np.diff(case.t)[:, None]
-    theta = np.diff(np.append(np.zeros((1, d)), np.cumsum(weights * spans, axis=0), axis=0)[keep], axis=0) / np.diff(t)[:, None]
+    t = case.t[keep]
+    spans = np.diff(case.t)[:, None]
+    theta = (
+        np.diff(
+            np.append(np.zeros((1, d)), np.cumsum(weights * spans, axis=0), axis=0)[keep], axis=0
+        )
+        / np.diff(t)[:, None]
+    )
     mixed = (theta > SIDE) & (theta < 1.0 - SIDE)
     with np.errstate(all="ignore"):
         for k in np.flatnonzero(mixed.sum(axis=1) > 1):
-            ends = [_modes(field, switch, float(t[j]), X[keep[j]], np.flatnonzero(mixed[k]), h) for j in (k, k + 1)]
+            ends = [
+                _modes(field, switch, float(t[j]), X[keep[j]], np.flatnonzero(mixed[k]), h)
+                for j in (k, k + 1)
+            ]
             rows = np.flatnonzero(mixed[k])
             rows = rows[np.all([near for near, _, _ in ends], axis=0)]
             if len(rows) < 2 or len(rows) > MANY:
@@ -69,8 +86,10 @@ def held(case: Case, X: np.ndarray, weights: np.ndarray, h: float) -> str:
             fit = np.column_stack((np.ones(len(f)), corners(len(rows))))
             off = np.abs(f - fit @ np.linalg.lstsq(fit, f, rcond=None)[0]).max()
             if off > 1e-9 * np.abs(f).max():
-                return (f"From t = {t[k]:.6g} to {t[k + 1]:.6g} the state stays in the corner of surfaces "
-                        f"{', '.join(map(str, rows))}")
+                return (
+                    f"From t = {t[k]:.6g} to {t[k + 1]:.6g} the state stays in the corner of surfaces "
+                    f"{', '.join(map(str, rows))}"
+                )
     return ""
 
 
@@ -87,7 +106,11 @@ def _modes(field, switch, t: float, x: np.ndarray, rows: np.ndarray, h: float):
     """Of the modes with all signs of these rows and the others as they are: which rows are some steps near; the fields
     (modes, n); by how much a step changes the rows (modes, rows). Of many rows only modes that differ in one."""
     c = there(switch, t, x)
-    some = corners(len(rows)) if len(rows) <= MANY else np.vstack([np.where(np.eye(len(rows)) > 0, e, -e) for e in (1.0, -1.0)])
+    some = (
+        corners(len(rows))
+        if len(rows) <= MANY
+        else np.vstack([np.where(np.eye(len(rows)) > 0, e, -e) for e in (1.0, -1.0)])
+    )
     signs = np.tile(np.where(c >= 0.0, 1.0, -1.0), (len(some), 1))
     signs[:, rows] = some
     f = np.array([np.broadcast_to(there(field, t, x, s), x.shape) for s in signs])

@@ -3,6 +3,7 @@
 A mode p (d,) holds +1 or -1 where the state is beside surface i, 0 where it slides on it, FREE where it lies on it and
 both sides have the same field: nothing holds it there, and its sign, which no motion determines, is taken as 0.
 """
+
 from __future__ import annotations
 
 from itertools import combinations, product
@@ -13,12 +14,14 @@ from nsbench.compilation.factories import host, jax_function
 from nsbench.solvers.event_driven.interval_taylor import SPACE
 from nsbench.trajectory import Status
 
-TINY = 1e-30          # imaginary step: its square vanishes against 1, so the derivative has no truncation error
+TINY = 1e-30  # imaginary step: its square vanishes against 1, so the derivative has no truncation error
 EPS = np.finfo(float).eps
 FREE = 2
-SAME = 1e-14          # fields that differ by less than this part of their size are the same, but for rounding
-LOST = 100.0          # tolerances of the run by which a state may miss the surface that it meets: what event_driven claims
-STARTS = (-0.8, 0.0, 0.8)      # of Newton's method in each sign, where all solutions are looked for
+SAME = (
+    1e-14  # fields that differ by less than this part of their size are the same, but for rounding
+)
+LOST = 100.0  # tolerances of the run by which a state may miss the surface that it meets: what event_driven claims
+STARTS = (-0.8, 0.0, 0.8)  # of Newton's method in each sign, where all solutions are looked for
 
 
 class Motion:
@@ -28,11 +31,18 @@ class Motion:
     switch functions in the direction (dt, dx), exact to rounding: by a complex step while that agrees with
     differences, else by JAX.
     """
+
     def __init__(self, problem, t0: float, x0: np.ndarray):
-        self.field, self.switch, self._factory = host(problem.field), host(problem.switch), problem.switch
+        self.field, self.switch, self._factory = (
+            host(problem.field),
+            host(problem.switch),
+            problem.switch,
+        )
         self._boxes = problem.field(SPACE), problem.switch(SPACE)
         self.n, self.d = x0.size, len(self.switch(t0, x0))
-        self.along, self.newton, self.calls = self._complex, 0, 0
+        self.along = self._complex
+        self.newton = 0
+        self.calls = 0
         self.trust(t0, x0)
 
     def _complex(self, t, x, dt, dx):
@@ -43,8 +53,10 @@ class Motion:
         if self.along != self._complex:
             return
         try:
-            good = all(self._agrees(t, x, dt, dx) for dt, dx in ((1.0, np.zeros(self.n)),
-                                                                 *((0.0, e) for e in np.eye(self.n))))
+            good = all(
+                self._agrees(t, x, dt, dx)
+                for dt, dx in ((1.0, np.zeros(self.n)), *((0.0, e) for e in np.eye(self.n)))
+            )
         except (TypeError, ValueError, np.exceptions.ComplexWarning):
             good = False
         if not good:
@@ -52,23 +64,29 @@ class Motion:
 
     def _agrees(self, t, x, dt, dx) -> bool:
         import warnings
+
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("error", np.exceptions.ComplexWarning)
             exact = self._complex(t, x, dt, dx)
             h = 1e-6 * (1.0 + np.abs(x).max())
-            rough = (self.switch(t + h * dt, x + h * dx) - self.switch(t - h * dt, x - h * dx)) / (2 * h)
+            rough = (self.switch(t + h * dt, x + h * dx) - self.switch(t - h * dt, x - h * dx)) / (
+                2 * h
+            )
         return bool(np.all(np.abs(exact - rough) <= 1e-4 * (1.0 + np.abs(rough))))
 
     def _by_jax(self, t, x):
         c = jax_function(self._factory)
         import jax
+
         slope = jax.jit(lambda t, x, dt, dx: jax.jvp(c, (t, x), (dt, dx))[1])
         try:
-            slope(float(t), x, 1.0, x)                          # compiles
+            slope(float(t), x, 1.0, x)  # compiles
         except (TypeError, ValueError, AttributeError, NotImplementedError) as e:
             reason = str(e).strip().splitlines()[0]
-            raise ValueError("the switch functions can be differentiated neither by complex steps nor by JAX: "
-                             f"{reason}") from None
+            raise ValueError(
+                "the switch functions can be differentiated neither by complex steps nor by JAX: "
+                f"{reason}"
+            ) from None
         return lambda t, x, dt, dx: np.asarray(slope(float(t), x, float(dt), dx))
 
     def gradients(self, t, x, rows) -> np.ndarray:
@@ -79,12 +97,17 @@ class Motion:
         """What is wrong if a surface of `rows` that was just met is not where the state is, to the digits of a run of tol."""
         rows = rows[np.abs(mode[rows]) == 1]
         slope = np.linalg.norm(self.gradients(t, x, rows), axis=1) if rows.size else np.empty(0)
-        slope = np.maximum(slope, np.abs(self.along(t, x, 1.0, np.zeros(self.n)))[rows])      # one may be met in time alone
+        slope = np.maximum(
+            slope, np.abs(self.along(t, x, 1.0, np.zeros(self.n)))[rows]
+        )  # one may be met in time alone
         far = np.abs(self.switch(t, x)[rows]) / np.maximum(slope, np.finfo(float).tiny)
         if np.all(far <= LOST * tol * (1.0 + np.abs(x).max())):
             return None
-        return Status("degenerate", f"At t = {t:.9g} the gradient of surface {rows[far.argmax()]} vanishes where it is met: that "
-                                    f"is told to within {far.max():.1g} only.")
+        return Status(
+            "degenerate",
+            f"At t = {t:.9g} the gradient of surface {rows[far.argmax()]} vanishes where it is met: that "
+            f"is told to within {far.max():.1g} only.",
+        )
 
     def velocity(self, t, x, p, guess):
         """(F, s): the velocity in mode p and its signs; s of a sliding surface solves c_i' = 0, NaN if nothing does.
@@ -123,12 +146,21 @@ class Motion:
         if on.size < 2:
             return [self.velocity(t, x, p, np.zeros(self.d))[1]]
         corners, rates = self._corners(t, x, s, on)
-        starts = [np.zeros(on.size)] if _affine(rates) else _pair(rates) if on.size == 2 else product(STARTS, repeat=on.size)
+        starts = (
+            [np.zeros(on.size)]
+            if _affine(rates)
+            else _pair(rates)
+            if on.size == 2
+            else product(STARTS, repeat=on.size)
+        )
         out = []
         for start in starts:
             found = s.copy()
             found[on] = self._newton(corners, rates, np.array(start))
-            if not any(np.array_equal(found, q, equal_nan=True) or np.abs(found - q).max() < 1e-9 for q in out):
+            if not any(
+                np.array_equal(found, q, equal_nan=True) or np.abs(found - q).max() < 1e-9
+                for q in out
+            ):
                 out.append(found)
         if any(np.all(np.isfinite(q)) for q in out):
             out = [q for q in out if np.all(np.isfinite(q))]
@@ -149,7 +181,8 @@ class Motion:
         best = -1.0
         for q in product((0, 1, -1), repeat=on.size):
             q = np.array(q)
-            off, kept = np.flatnonzero(q), np.flatnonzero(q == 0)
+            off = np.flatnonzero(q)
+            kept = np.flatnonzero(q == 0)
             if not off.size:
                 continue
             part = rates[tuple(slice(None) if v == 0 else (1 - v) // 2 for v in q)]
@@ -166,14 +199,15 @@ class Motion:
             return [np.empty(0)]
         if k == 1:
             return [_ratio(*rates[:, 0:1])]
-        if k == 2:                              # roots of the quadratic are good enough to look for a way
+        if k == 2:  # roots of the quadratic are good enough to look for a way
             return [np.array(q) for q in _pair(rates)[1:]]
         return [self._newton(rates, rates, np.zeros(k))]
 
     def data(self, t, x, p) -> list:
         """The switch functions and the fields that a mode is made of, for Jets (see solvers._pieces)."""
         field, switch = self._boxes
-        s, on = np.where(p == FREE, 0, p).astype(float), np.flatnonzero(p == 0)
+        s = np.where(p == FREE, 0, p).astype(float)
+        on = np.flatnonzero(p == 0)
         out = [switch(t, x)]
         for code in product((1.0, -1.0), repeat=on.size):
             s[on] = code
@@ -190,7 +224,7 @@ class Motion:
             corners[code] = self.field(t, x, s)
             rates[code] = self.along(t, x, 1.0, corners[code])[on]
         self.calls += 2**on.size
-        if on.size > 1:                         # each switch function in units of its own
+        if on.size > 1:  # each switch function in units of its own
             size = np.abs(rates).reshape(-1, on.size).max(axis=0)
             rates /= np.where(size > 0.0, size, 1.0)
         return corners, rates
@@ -211,9 +245,12 @@ class Motion:
 
     def same(self, t, x, s, i) -> bool:
         """Whether the fields on both sides of surface i are the same, for the other signs s."""
-        up, down = s.copy(), s.copy()
-        up[i], down[i] = 1.0, -1.0
-        a, b = self.field(t, x, up), self.field(t, x, down)
+        up = s.copy()
+        down = s.copy()
+        up[i] = 1.0
+        down[i] = -1.0
+        a = self.field(t, x, up)
+        b = self.field(t, x, down)
         self.calls += 2
         return bool(np.abs(a - b).max() <= SAME * np.abs(a).max())
 
@@ -242,7 +279,12 @@ def _ratio(plus, minus):
 
 def _slopes(corners, s):
     """(n, k) derivatives of the multilinear interpolation in each sign."""
-    return np.array([_blend(0.5 * np.subtract(*np.moveaxis(corners, j, 0)), np.delete(s, j)) for j in range(s.size)]).T
+    return np.array(
+        [
+            _blend(0.5 * np.subtract(*np.moveaxis(corners, j, 0)), np.delete(s, j))
+            for j in range(s.size)
+        ]
+    ).T
 
 
 def _mixed(rates):
@@ -263,15 +305,24 @@ def _affine(rates) -> bool:
 
 def _positive_minors(M) -> bool:
     k = len(M)
-    return all(np.linalg.det(M[np.ix_(rows, rows)]) > 1e-9 for size in range(1, k + 1)
-               for rows in combinations(range(k), size))
+    return all(
+        np.linalg.det(M[np.ix_(rows, rows)]) > 1e-9
+        for size in range(1, k + 1)
+        for rows in combinations(range(k), size)
+    )
 
 
 def _pair(rates):
     """Starts for two surfaces: (A + C b) + a (B + D b) = 0 has a solution a where the two vectors are parallel, a
     quadratic in b. The first start is no such root."""
-    pp, pm, mp, mm = rates[0, 0], rates[0, 1], rates[1, 0], rates[1, 1]
-    A, B, C, D = (pp + pm + mp + mm) / 4, (pp + pm - mp - mm) / 4, (pp - pm + mp - mm) / 4, (pp - pm - mp + mm) / 4
+    pp = rates[0, 0]
+    pm = rates[0, 1]
+    mp = rates[1, 0]
+    mm = rates[1, 1]
+    A = (pp + pm + mp + mm) / 4
+    B = (pp + pm - mp - mm) / 4
+    C = (pp - pm + mp - mm) / 4
+    D = (pp - pm - mp + mm) / 4
     det = lambda u, v: u[0] * v[1] - u[1] * v[0]
     terms = [det(C, D), det(A, D) + det(C, B), det(A, B)]
     roots = np.roots(terms) if np.all(np.isfinite(terms)) else np.empty(0)
@@ -288,10 +339,15 @@ def _smallest(corners, rates):
     For fields affine in the signs (dependent surfaces, or inputs that act alike); any others are left undecided.
     """
     k = rates.ndim - 1
-    none, zero = np.full(k, np.nan), np.zeros(k)
-    if not np.all(np.isfinite(rates)) or np.abs(_mixed(corners)).max() > 1e-12 * np.abs(corners).max():
+    none = np.full(k, np.nan)
+    zero = np.zeros(k)
+    if (
+        not np.all(np.isfinite(rates))
+        or np.abs(_mixed(corners)).max() > 1e-12 * np.abs(corners).max()
+    ):
         return none
-    slopes, F = _slopes(rates, zero), _slopes(corners, zero)
+    slopes = _slopes(rates, zero)
+    F = _slopes(corners, zero)
     s = -np.linalg.lstsq(slopes, _blend(rates, zero), rcond=1e-12)[0]
     if np.abs(_blend(rates, s)).max() > 1e-12:
         return none

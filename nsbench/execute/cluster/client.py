@@ -12,6 +12,7 @@ distributed.scheduler.allowed-failures says). A task that lost too many workers 
 once more, alone on the cluster, one after the other: the run that loses its workers again is the one to blame, and
 becomes a "crashed" row.
 """
+
 from __future__ import annotations
 
 import asyncio
@@ -25,18 +26,25 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import chain, islice
 from pathlib import Path
 
-from nsbench.execute.cluster.remote_worker import LARGE, OtherInstallation, dismiss, fingerprint, rows_of, unlike
+from nsbench.execute.cluster.remote_worker import (
+    LARGE,
+    OtherInstallation,
+    dismiss,
+    fingerprint,
+    rows_of,
+    unlike,
+)
 from nsbench.execute.workers import signals as stop
 from nsbench.results import run_key as keys
 from nsbench.source_files import file_state as seen
 from nsbench.study import Spec, lost
 
-CONNECT = 4.0             # seconds to answer in
-WORKERLESS = 60.0         # seconds without a single worker after which a cluster is given up (a nanny restarts in a few)
-HEAR = 0.5                # seconds until a signal is heard
-LOOK = 2.0                # seconds between two looks at how many workers there are
-AHEAD = 2                 # tasks per thread: one at work, one waiting for it to end
-MOST = 500                # runs per task: their rows are a few MB
+CONNECT = 4.0  # seconds to answer in
+WORKERLESS = 60.0  # seconds without a single worker after which a cluster is given up (a nanny restarts in a few)
+HEAR = 0.5  # seconds until a signal is heard
+LOOK = 2.0  # seconds between two looks at how many workers there are
+AHEAD = 2  # tasks per thread: one at work, one waiting for it to end
+MOST = 500  # runs per task: their rows are a few MB
 EXTRA = "--dask needs the package distributed: pip install 'nsbench[dask]'"
 
 
@@ -44,10 +52,15 @@ class ClusterError(Exception):
     """The cluster cannot be used, or not any more; the message says why."""
 
 
-def run_all(batches: Iterable[Iterable[Spec]], address: str, timeout: float | None,
-            on_row: Callable[[Spec, dict], None], most: int | None = None,
-            on_output: Callable[[Spec, bytes], None] = lambda spec, text: None,
-            parts: Mapping[Spec, tuple[keys.Part, ...]] | None = None) -> list:
+def run_all(
+    batches: Iterable[Iterable[Spec]],
+    address: str,
+    timeout: float | None,
+    on_row: Callable[[Spec, dict], None],
+    most: int | None = None,
+    on_output: Callable[[Spec, bytes], None] = lambda spec, text: None,
+    parts: Mapping[Spec, tuple[keys.Part, ...]] | None = None,
+) -> list:
     """Rows of all batches, handed to on_row(spec, row) as they come, marked as `shared`: seconds on workers that do who
     knows what else are no measurement. most: bytes that a run may hold (None: its processor's share of the worker's
     machine); on_output is told what a run has printed, if anything, before on_row; parts: what the runs are made of here: a
@@ -82,11 +95,14 @@ def connected(address: str):
 
     async def knock():
         await (await connect(address, timeout=CONNECT)).close()
+
     try:
-        asyncio.run(knock())                             # a client that found nobody would say so for a long time
+        asyncio.run(knock())  # a client that found nobody would say so for a long time
     except ValueError as e:
-        raise ValueError(f"--dask {address!r} is no address such as tcp://10.0.0.1:8786: {_first_line(e)}") from None
-    except Exception as e:                               # refused, no such host, too late, or not how a scheduler answers
+        raise ValueError(
+            f"--dask {address!r} is no address such as tcp://10.0.0.1:8786: {_first_line(e)}"
+        ) from None
+    except Exception as e:  # refused, no such host, too late, or not how a scheduler answers
         raise ClusterError(f"no scheduler answers at {address}: {_first_line(e)}") from None
     return Client(address, timeout=CONNECT, set_as_default=False, name="nsbench")
 
@@ -100,7 +116,9 @@ def _check(client, address: str, here: dict[str, str]) -> None:
         time.sleep(0.1)
     for worker, there in client.run(fingerprint, on_error="return").items():
         if isinstance(there, BaseException):
-            raise ClusterError(f"the worker {worker} cannot load nsbench: {_first_line(there)}; install the same version there")
+            raise ClusterError(
+                f"the worker {worker} cannot load nsbench: {_first_line(there)}; install the same version there"
+            )
         differs = unlike(there, here)
         if differs:
             raise ClusterError(_refusal(worker, differs))
@@ -117,20 +135,39 @@ def _first_line(error: BaseException) -> str:
 class _Work:
     """The runs that are still to do, and the tasks under way."""
 
-    def __init__(self, client, address: str, timeout: float | None, specs: Iterator[Spec], here: dict[str, str],
-                 most: int | None = None, parts: Mapping | None = None):
+    def __init__(
+        self,
+        client,
+        address: str,
+        timeout: float | None,
+        specs: Iterator[Spec],
+        here: dict[str, str],
+        most: int | None = None,
+        parts: Mapping | None = None,
+    ):
         self.parts = parts or {}
-        self.client, self.address, self.timeout, self.here, self.most = client, address, timeout, here, most
-        self.owner, self.units = secrets.token_hex(6), {}
-        self.specs, self.rest = specs, deque()           # not taken yet; given back by tasks that ran out of time
-        self.suspects = deque()                          # runs of tasks that lost their workers
-        self.flying: dict = {}                           # by future: its specs, and whether it is alone on the cluster
-        self.size, self.sent, self.room = 1, 0, 0
+        self.client = client
+        self.address = address
+        self.timeout = timeout
+        self.here = here
+        self.most = most
+        self.owner = secrets.token_hex(6)
+        self.units = {}
+        self.specs, self.rest = (
+            specs,
+            deque(),
+        )  # not taken yet; given back by tasks that ran out of time
+        self.suspects = deque()  # runs of tasks that lost their workers
+        self.flying: dict = {}  # by future: its specs, and whether it is alone on the cluster
+        self.size = 1
+        self.sent = 0
+        self.room = 0
         self.looked = self.peopled = -1e9
 
     def rows(self) -> Iterator[tuple[Spec, dict, bytes]]:
         """(spec, row, what it printed) of every run, as the rows come."""
         from distributed import wait
+
         while True:
             self._look()
             while len(self.flying) < self.room and (task := self._take()):
@@ -149,20 +186,31 @@ class _Work:
         """Runs for the next task and whether they are suspects; None: nothing to send now."""
         if self.rest:
             specs = self.rest.popleft()
-            if specs[self.size:]:
-                self.rest.appendleft(specs[self.size:])
-            return specs[:self.size], False
+            if specs[self.size :]:
+                self.rest.appendleft(specs[self.size :])
+            return specs[: self.size], False
         if fresh := list(islice(self.specs, self.size)):
             return fresh, False
         return ([self.suspects.popleft()], True) if self.suspects and not self.flying else None
 
     def _send(self, specs: list[Spec], alone: bool) -> None:
-        owners = dict.fromkeys(names for s in specs for names in ((s.file,), s.solver_files) if any(names))
+        owners = dict.fromkeys(
+            names for s in specs for names in ((s.file,), s.solver_files) if any(names)
+        )
         units = [self._unit(names) for names in owners]
         asked = [self._asked(s) for s in specs]
         self.sent += 1
-        future = self.client.submit(rows_of, asked, self.timeout, self.most, self.owner, self.here, units,
-                                    key=f"nsbench-{self.owner}-{self.sent}", pure=False)
+        future = self.client.submit(
+            rows_of,
+            asked,
+            self.timeout,
+            self.most,
+            self.owner,
+            self.here,
+            units,
+            key=f"nsbench-{self.owner}-{self.sent}",
+            pure=False,
+        )
         self.flying[future] = specs, alone
 
     def _asked(self, spec: Spec) -> Spec:
@@ -171,22 +219,31 @@ class _Work:
     def _unit(self, names: tuple[str, ...]) -> dict[str, bytes | str]:
         """Files of one case or of all solvers and all they need beside the package: contents, or digests of large ones."""
         if names not in self.units:
-            files = {os.path.realpath(n): n for n in names} | {f: f for f in keys.foreign(*names) if f not in
-                                                               map(os.path.realpath, names)}
-            self.units[names] = {f: seen.digest(f) if os.path.getsize(f) > LARGE else Path(f).read_bytes()
-                                 for f in files.values()}
+            files = {os.path.realpath(n): n for n in names} | {
+                f: f for f in keys.foreign(*names) if f not in map(os.path.realpath, names)
+            }
+            self.units[names] = {
+                f: seen.digest(f) if os.path.getsize(f) > LARGE else Path(f).read_bytes()
+                for f in files.values()
+            }
         return self.units[names]
 
-    def _received(self, future, specs: list[Spec], alone: bool) -> Iterator[tuple[Spec, dict, bytes]]:
+    def _received(
+        self, future, specs: list[Spec], alone: bool
+    ) -> Iterator[tuple[Spec, dict, bytes]]:
         from distributed import KilledWorker
+
         with self._scheduler():
-            error, rows = future.exception(), []
+            error = future.exception()
+            rows = []
             try:
                 rows = rows if error else future.result()
-            except KilledWorker as e:                    # the worker died that kept the rows, and then those that made them anew
+            except (
+                KilledWorker
+            ) as e:  # the worker died that kept the rows, and then those that made them anew
                 error = e
             future.release()
-        if isinstance(error, OtherInstallation):         # a worker that joined later
+        if isinstance(error, OtherInstallation):  # a worker that joined later
             raise ClusterError(_refusal("that joined", str(error)))
         if error is None:
             self._measured(len(rows), specs)
@@ -201,9 +258,11 @@ class _Work:
         for spec, (row, text) in zip(specs, rows, strict=False):
             if there := row.pop("unlike", None):
                 own = {k: v for p in self.parts[spec] for k, v in p.items}
-                raise ClusterError(f"a worker would make {spec.label} of something else: "
-                                   f"{there.get('why') or unlike(there, own)}; "
-                                   "what is there must be as here")
+                raise ClusterError(
+                    f"a worker would make {spec.label} of something else: "
+                    f"{there.get('why') or unlike(there, own)}; "
+                    "what is there must be as here"
+                )
             yield spec, row, text
 
     def _measured(self, done: int, specs: list[Spec]) -> None:
@@ -221,22 +280,28 @@ class _Work:
             return
         with self._scheduler():
             threads = sum(self.client.nthreads().values())
-        self.looked, self.room = now, AHEAD * threads
+        self.looked = now
+        self.room = AHEAD * threads
         self.peopled = now if threads or self.peopled < 0 else self.peopled
         if now - self.peopled > WORKERLESS:
-            raise ClusterError(f"the cluster at {self.address} has had no workers for {WORKERLESS:g} s")
+            raise ClusterError(
+                f"the cluster at {self.address} has had no workers for {WORKERLESS:g} s"
+            )
 
     @contextlib.contextmanager
     def _scheduler(self):
         """What is raised when the scheduler has gone is told as that."""
         from concurrent.futures import CancelledError
+
         try:
             yield
         except (CancelledError, OSError) as e:
-            raise ClusterError(f"the scheduler at {self.address} is gone: {_first_line(e)}") from None
+            raise ClusterError(
+                f"the scheduler at {self.address} is gone: {_first_line(e)}"
+            ) from None
 
     def end(self) -> None:
         """Take back what is under way and send the processes home."""
-        with contextlib.suppress(Exception):             # whatever it says: the client is closed next
+        with contextlib.suppress(Exception):  # whatever it says: the client is closed next
             self.client.cancel(list(self.flying), force=True)
             self.client.run(dismiss, self.owner, on_error="ignore")

@@ -5,6 +5,7 @@ of its threads has one process for runs, warm from task to task, under the super
 (nsbench.execute.workers.pool): the same limits, the same rows. The worker itself only waits, so that its scheduler hears of it all
 the time, with or without a nanny. Such a process goes with the worker, or when nothing came for a while.
 """
+
 from __future__ import annotations
 
 import dataclasses
@@ -33,10 +34,12 @@ from nsbench.results import tables as store
 from nsbench.source_files import file_state as seen
 from nsbench.study import Spec
 
-SLICE = 2.0               # seconds: a task ends with the run that passes them; what is left goes to whoever is free
+SLICE = (
+    2.0  # seconds: a task ends with the run that passes them; what is left goes to whoever is free
+)
 DIGEST = re.compile(r"[0-9a-f]{16}")
-LARGE = 10 << 20          # bytes: a file beyond is not sent, but must lie there
-IDLE = 120.0              # seconds without a task after which the processes for a study are ended
+LARGE = 10 << 20  # bytes: a file beyond is not sent, but must lie there
+IDLE = 120.0  # seconds without a task after which the processes for a study are ended
 
 
 class OtherInstallation(Exception):
@@ -51,18 +54,24 @@ def fingerprint() -> dict[str, str]:
     """
     import nsbench.cases
     import nsbench.reference_solutions
+
     out = {"nsbench": store.package_digest()[:16], "processor": keys.processor()}
     for package in (nsbench.cases, nsbench.reference_solutions):
         out[package.__name__] = _contents(package.__path__)
     starts = tuple(s for several in keys.SETTINGS.values() for s in several)
-    settings = {f"setting {k}": v for k, v in os.environ.items() if (k.startswith(starts) or k in keys.MACHINE)
-                and not keys.HARMLESS.match(k)}
+    settings = {
+        f"setting {k}": v
+        for k, v in os.environ.items()
+        if (k.startswith(starts) or k in keys.MACHINE) and not keys.HARMLESS.match(k)
+    }
     return out | settings | store.versions()
 
 
 def _contents(folders) -> str:
-    files = sorted((p for f in folders for p in Path(f).iterdir() if p.suffix in (".py", ".npz", ".json")),
-                   key=lambda p: p.name)
+    files = sorted(
+        (p for f in folders for p in Path(f).iterdir() if p.suffix in (".py", ".npz", ".json")),
+        key=lambda p: p.name,
+    )
     digest = hashlib.sha256()
     for p in files:
         digest.update(p.name.encode() + b"\0" + hashlib.sha256(p.read_bytes()).digest())
@@ -73,28 +82,35 @@ def unlike(there: dict[str, str], here: dict[str, str]) -> str:
     """How two fingerprints differ, as the end of a sentence; "" if they do not."""
     words = []
     for name in sorted({*there, *here}):
-        a, b = there.get(name, "missing"), here.get(name, "missing")
+        a = there.get(name, "missing")
+        b = here.get(name, "missing")
         if a != b:
             both = DIGEST.fullmatch(a) and DIGEST.fullmatch(b)
             b = "only there" if b == "missing" else "here" if DIGEST.fullmatch(b) else f"here {b}"
             a = "there" if DIGEST.fullmatch(a) else a
-            words.append(f"{name} has other contents" if both or name.startswith("nsbench.") or name == "nsbench"
-                         else f"{name} is {a} ({b})")
+            words.append(
+                f"{name} has other contents"
+                if both or name.startswith("nsbench.") or name == "nsbench"
+                else f"{name} is {a} ({b})"
+            )
     return ", ".join(words)
 
 
 @dataclass
 class _Crew:
     """The process that one thread of this worker has for the runs of one study, and who watches it."""
+
     team: _Team
-    placed: dict[str, str] = field(default_factory=dict)             # where the files of the client lie here
-    busy: bool = False                                   # its thread is at work with it
-    gone: bool = False                                   # nobody waits for its rows: its thread ends it, soon
+    placed: dict[str, str] = field(default_factory=dict)  # where the files of the client lie here
+    busy: bool = False  # its thread is at work with it
+    gone: bool = False  # nobody waits for its rows: its thread ends it, soon
     since: float = field(default_factory=time.monotonic)
 
     def rows(self, specs: list[Spec], timeout: float | None, most: int) -> list[tuple[dict, bytes]]:
         """Row of each of the first specs and what it printed, up to the end of the slice or of the process."""
-        team, out, printed = self.team, [], {}
+        team = self.team
+        out = []
+        printed = {}
         team.timeout, team.most, team.looked = timeout, most, time.monotonic()
         team.on_output = printed.__setitem__
         team.on_row = lambda spec, row: out.append((row, printed.pop(spec, b"")))
@@ -105,19 +121,27 @@ class _Crew:
         while (team.working or team.alone) and not self.gone:
             team.hear()
             team.look()
-            team.queue.clear()                           # what a lost process left undone: the client sends it again
+            team.queue.clear()  # what a lost process left undone: the client sends it again
             team.hire(1)
         self.since = time.monotonic()
         return out
 
 
-_crews: dict[tuple[str, int], _Crew] = {}                # by owner and thread
-_dismissed: deque[str] = deque(maxlen=1000)              # owners: a task of theirs may still be on its way to a thread
-_guard = threading.Lock()                                # of these two, and of who is busy
+_crews: dict[tuple[str, int], _Crew] = {}  # by owner and thread
+_dismissed: deque[str] = deque(
+    maxlen=1000
+)  # owners: a task of theirs may still be on its way to a thread
+_guard = threading.Lock()  # of these two, and of who is busy
 
 
-def rows_of(specs: list[Spec], timeout: float | None, most: int | None, owner: str, expected: dict[str, str],
-            units: list[dict[str, bytes | str]]) -> list[tuple[dict, bytes]]:
+def rows_of(
+    specs: list[Spec],
+    timeout: float | None,
+    most: int | None,
+    owner: str,
+    expected: dict[str, str],
+    units: list[dict[str, bytes | str]],
+) -> list[tuple[dict, bytes]]:
     """Row of each of the first of `specs` (of one at least, then of as many as end within SLICE) and what it has
     printed; [] if the owner was dismissed.
 
@@ -137,7 +161,9 @@ def rows_of(specs: list[Spec], timeout: float | None, most: int | None, owner: s
         crew.busy = True
     try:
         placed = _placed(units)
-        moved = [Path(f).name for f, place in placed.items() if crew.placed.setdefault(f, place) != place]
+        moved = [
+            Path(f).name for f, place in placed.items() if crew.placed.setdefault(f, place) != place
+        ]
         if moved:
             raise OtherInstallation(f"{', '.join(moved)} changed there while it was used")
         return crew.rows(_moved(specs, placed), timeout, most or memory.limit(os.cpu_count() or 1))
@@ -170,12 +196,16 @@ def _end(key: tuple[str, int]) -> None:
 @functools.cache
 def _reaper() -> threading.Thread:
     """Ends processes whose client has gone without a word."""
+
     def reap():
         while True:
             time.sleep(IDLE / 4)
             with _guard:
-                for key in [k for k, c in _crews.items() if not c.busy and time.monotonic() - c.since > IDLE]:
+                for key in [
+                    k for k, c in _crews.items() if not c.busy and time.monotonic() - c.since > IDLE
+                ]:
                     _end(key)
+
     thread = threading.Thread(target=reap, daemon=True, name="nsbench-reaper")
     thread.start()
     return thread
@@ -183,7 +213,7 @@ def _reaper() -> threading.Thread:
 
 def _team() -> _Team:
     folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "nsbench" / "locks"
-    try:                                                 # workers of one user share what is compiled, and so the locks
+    try:  # workers of one user share what is compiled, and so the locks
         folder.mkdir(parents=True, exist_ok=True)
     except OSError:
         folder = Path(_folder().name)
@@ -193,6 +223,7 @@ def _team() -> _Team:
 @dataclass(frozen=True)
 class _Process:
     """A process started by subprocess, as supervision sees those of multiprocessing."""
+
     started: subprocess.Popen
 
     @property
@@ -211,11 +242,25 @@ def _spawn(locks: str, threads: int) -> Worker:
     """A fresh process. Not by multiprocessing: a worker under a nanny is a daemon, which may not have children there."""
     (ours, theirs), (output, printed) = Pipe(), Pipe(duplex=False)
     env = os.environ | settings(threads) | {"PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
-    kills, ear = memory.kernel_kills(), Printed(output)
+    kills = memory.kernel_kills()
+    ear = Printed(output)
     with theirs, printed:
         ends = theirs.fileno(), printed.fileno()
-        process = subprocess.Popen([sys.executable, "-P", "-m", __name__, *map(str, ends), ear.word.hex(),
-                                    str(os.getpid()), locks], env=env, pass_fds=ends, stdin=subprocess.DEVNULL)
+        process = subprocess.Popen(
+            [
+                sys.executable,
+                "-P",
+                "-m",
+                __name__,
+                *map(str, ends),
+                ear.word.hex(),
+                str(os.getpid()),
+                locks,
+            ],
+            env=env,
+            pass_fds=ends,
+            stdin=subprocess.DEVNULL,
+        )
     return Worker(_Process(process), ours, ear, kills=kills)
 
 
@@ -226,8 +271,14 @@ def _folder() -> tempfile.TemporaryDirectory:
 
 def _moved(specs: list[Spec], places: dict[str, str]) -> list[Spec]:
     """The specs with the paths that their files have on this machine."""
-    return [dataclasses.replace(s, file=places.get(s.file, s.file), solver_files=tuple(places[f] for f in s.solver_files))
-            for s in specs]
+    return [
+        dataclasses.replace(
+            s,
+            file=places.get(s.file, s.file),
+            solver_files=tuple(places[f] for f in s.solver_files),
+        )
+        for s in specs
+    ]
 
 
 def _placed(units: list[dict[str, bytes | str]]) -> dict[str, str]:
@@ -241,11 +292,17 @@ def _placed(units: list[dict[str, bytes | str]]) -> dict[str, str]:
 def _place(unit):
     if all(map(_lies_there, unit, unit.values())):
         return {path: path for path in unit}
-    gone = [path for path, content in unit.items() if isinstance(content, str) and not _lies_there(path, content)]
+    gone = [
+        path
+        for path, content in unit.items()
+        if isinstance(content, str) and not _lies_there(path, content)
+    ]
     if gone:
         raise OtherInstallation(f"{', '.join(gone)}, too large to be sent, is not the same there")
     root = os.path.commonpath([os.path.dirname(path) for path in unit])
-    whole = hashlib.sha256(repr(sorted((os.path.relpath(p, root), c) for p, c in unit.items())).encode()).hexdigest()[:16]
+    whole = hashlib.sha256(
+        repr(sorted((os.path.relpath(p, root), c) for p, c in unit.items())).encode()
+    ).hexdigest()[:16]
     out = {path: Path(_folder().name) / whole / os.path.relpath(path, root) for path in unit}
     for path, copy in out.items():
         content = unit[path] if isinstance(unit[path], bytes) else Path(path).read_bytes()
@@ -257,7 +314,11 @@ def _place(unit):
 
 def _lies_there(path, content) -> bool:
     try:
-        return seen.digest(str(path)) == content if isinstance(content, str) else Path(path).read_bytes() == content
+        return (
+            seen.digest(str(path)) == content
+            if isinstance(content, str)
+            else Path(path).read_bytes() == content
+        )
     except OSError:
         return False
 

@@ -3,6 +3,7 @@
 The client sends with each run the digests of the parts of its key; the process that is to make the run makes these parts anew
 from what it finds in its own place, before it begins, and looks afterwards whether anybody touched a file on the way.
 """
+
 from __future__ import annotations
 
 from pathlib import Path
@@ -12,7 +13,7 @@ from nsbench.source_files import file_state as seen
 from nsbench.source_files import import_graph as imports
 from nsbench.study import Spec, found
 
-_same: set[tuple] = set()                # what was compared and found to be alike
+_same: set[tuple] = set()  # what was compared and found to be alike
 
 
 def unlike(spec: Spec) -> dict[str, str]:
@@ -20,10 +21,12 @@ def unlike(spec: Spec) -> dict[str, str]:
     which = spec.case, spec.file, spec.solver, spec.solver_files, spec.parts
     if not spec.parts or which in _same:
         return {}
-    imports.needs(*filter(None, [spec.file, *spec.solver_files]))    # notes the files before they are loaded
+    imports.needs(
+        *filter(None, [spec.file, *spec.solver_files])
+    )  # notes the files before they are loaded
     try:
         case, _ = found(spec)
-    except Exception as e:               # it was loaded where it was asked for
+    except Exception as e:  # it was loaded where it was asked for
         return {"why": f"{type(e).__name__}: {e}"}
     parts = keys.parts_of(spec, case)
     if tuple(p.digest for p in parts) != spec.parts:

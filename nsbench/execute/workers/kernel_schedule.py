@@ -6,6 +6,7 @@ the others take what they can meanwhile, come back, and load from the cache on d
 compiled twice, nsbench.compilation.compile_lock sees to). The lock is a file's: it goes with the process that holds it, whatever
 becomes of that.
 """
+
 from __future__ import annotations
 
 import contextlib
@@ -17,14 +18,15 @@ from pathlib import Path
 from nsbench.case import parse_spec
 from nsbench.study import Spec, resolve
 
-PAUSE = 0.05              # seconds between two looks at locks that are all taken
+PAUSE = 0.05  # seconds between two looks at locks that are all taken
 
 
 class Turns:
     """The order of specs in one process; folder: where the locks of all processes lie."""
 
     def __init__(self, folder: str):
-        self.folder, self.known = Path(folder), set()
+        self.folder = Path(folder)
+        self.known = set()
 
     def order(self, specs: list[Spec]) -> Iterator[tuple[int, Spec]]:
         """Every (index, spec) once; those that share kernels follow one another."""
@@ -53,8 +55,9 @@ class Turns:
 
     def _lock(self, key: str):
         file = open(self.folder / hashlib.sha256(key.encode()).hexdigest()[:16], "ab")
-        with contextlib.suppress(ImportError):           # where files cannot be locked both compile
+        with contextlib.suppress(ImportError):  # where files cannot be locked both compile
             import fcntl
+
             try:
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except OSError:
@@ -68,8 +71,10 @@ def kernels_of(spec: Spec) -> str:
     problem, families of constraints. Where the first two are the same, most kernels are."""
     try:
         problem = resolve(spec.case, spec.file).problem
-    except Exception:                                    # it is the run's row that tells why
+    except Exception:  # it is the run's row that tells why
         return spec.label
-    families = {f"{type(c).__name__}{'*' * bool(getattr(c, 'all_pairs', False))}"
-                for c in getattr(problem, "constraints", ())}
+    families = {
+        f"{type(c).__name__}{'*' * bool(getattr(c, 'all_pairs', False))}"
+        for c in getattr(problem, "constraints", ())
+    }
     return " ".join([parse_spec(spec.solver)[0], type(problem).__name__, *sorted(families)])

@@ -3,6 +3,7 @@
 The limit is on resident memory, looked at from outside: what JAX and numba reserve without touching it (address space)
 says nothing of what the machine has to give.
 """
+
 from __future__ import annotations
 
 import contextlib
@@ -11,16 +12,25 @@ import re
 from collections.abc import Iterable
 from pathlib import Path
 
-SHARE = 0.8               # of the machine's memory for all workers together: the rest is the parent's and the system's
-LEAST = 1 << 30           # bytes: libraries and kernels alone take half of it
-NEAR = 0.8                # of the limit: a worker that was killed above this share of it was killed for its memory
+SHARE = 0.8  # of the machine's memory for all workers together: the rest is the parent's and the system's
+LEAST = 1 << 30  # bytes: libraries and kernels alone take half of it
+NEAR = (
+    0.8  # of the limit: a worker that was killed above this share of it was killed for its memory
+)
 UNITS = {"": 1, "K": 1 << 10, "M": 1 << 20, "G": 1 << 30, "T": 1 << 40}
 CGROUPS = Path("/sys/fs/cgroup")
-WORDS = ("RESOURCE_EXHAUSTED", "bad_alloc", "out of memory", "Out of memory", "Cannot allocate memory", "MemoryError")
+WORDS = (
+    "RESOURCE_EXHAUSTED",
+    "bad_alloc",
+    "out of memory",
+    "Out of memory",
+    "Cannot allocate memory",
+    "MemoryError",
+)
 
 
 def bytes_of(text: str) -> int:
-    """"6G", "1.5 GiB" or "800M" in bytes. Raises ValueError for anything else."""
+    """ "6G", "1.5 GiB" or "800M" in bytes. Raises ValueError for anything else."""
     found = re.fullmatch(r"\s*(\d+(?:\.\d*)?)\s*([KMGT]?)(?:i?B)?\s*", text, re.IGNORECASE)
     size = int(float(found[1]) * UNITS[found[2].upper()]) if found else 0
     if size < 1 << 20:
@@ -43,7 +53,7 @@ def total() -> int:
     try:
         machine = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
     except (ValueError, OSError, AttributeError):
-        machine = 8 << 30                # nobody says: what a laptop has
+        machine = 8 << 30  # nobody says: what a laptop has
     return min([machine, *_limits()])
 
 
@@ -55,13 +65,15 @@ def _groups():
             if kinds in ("", "memory"):
                 top = CGROUPS / kinds
                 inner = top / path.strip("/")
-                yield from (p for p in (inner, *inner.parents) if p.is_relative_to(top) and p.is_dir())
+                yield from (
+                    p for p in (inner, *inner.parents) if p.is_relative_to(top) and p.is_dir()
+                )
 
 
 def _limits():
     for folder in _groups():
         for name in ("memory.max", "memory.limit_in_bytes"):
-            with contextlib.suppress(OSError, ValueError):       # "max" is no number: no limit
+            with contextlib.suppress(OSError, ValueError):  # "max" is no number: no limit
                 yield int((folder / name).read_text())
 
 
@@ -80,7 +92,9 @@ def held_by(pid: int, others: Iterable[int] = ()) -> int:
 def _share(pid: int) -> int:
     """Bytes of a process, with its part of what it shares (proc(5), smaps_rollup); 0 where it has ended."""
     with contextlib.suppress(OSError):
-        found = re.search(r"^Pss:\s+(\d+) kB", Path(f"/proc/{pid}/smaps_rollup").read_text(), re.MULTILINE)
+        found = re.search(
+            r"^Pss:\s+(\d+) kB", Path(f"/proc/{pid}/smaps_rollup").read_text(), re.MULTILINE
+        )
         return int(found[1]) << 10 if found else 0
     return 0
 
@@ -99,16 +113,21 @@ def started_by(leaders: Iterable[int]) -> dict[int, list[int]]:
 def kernel_kills() -> int:
     """How many processes the system has killed for want of memory so far: on the machine and in this container."""
     count = 0
-    for path in (Path("/proc/vmstat"), *(g / n for g in _groups() for n in ("memory.events", "memory.oom_control"))):
+    for path in (
+        Path("/proc/vmstat"),
+        *(g / n for g in _groups() for n in ("memory.events", "memory.oom_control")),
+    ):
         with contextlib.suppress(OSError):
-            count += sum(int(n) for n in re.findall(r"^oom_kill (\d+)$", path.read_text(), re.MULTILINE))
+            count += sum(
+                int(n) for n in re.findall(r"^oom_kill (\d+)$", path.read_text(), re.MULTILINE)
+            )
     return count
 
 
 def offer_first() -> None:
     """When memory runs out the system takes this process before its parent."""
     with contextlib.suppress(OSError):
-        Path("/proc/self/oom_score_adj").write_text("800")       # of 1000
+        Path("/proc/self/oom_score_adj").write_text("800")  # of 1000
 
 
 def ran_out(text: str) -> bool:

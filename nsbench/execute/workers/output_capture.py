@@ -1,4 +1,5 @@
 """What a worker's runs print, by Python or by C: taken up as it comes, a bounded part of it kept for each run."""
+
 from __future__ import annotations
 
 import contextlib
@@ -7,9 +8,11 @@ import secrets
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-PIPE = 1 << 20            # bytes: more than a pipe holds; who finds as much at once has met a run that does not stop
-KEPT = 32 << 10           # bytes of the beginning of what a run prints, and as many of its end
-NOBODY = -1               # what is printed outside the runs, or by one that is made again for its times
+PIPE = (
+    1 << 20
+)  # bytes: more than a pipe holds; who finds as much at once has met a run that does not stop
+KEPT = 32 << 10  # bytes of the beginning of what a run prints, and as many of its end
+NOBODY = -1  # what is printed outside the runs, or by one that is made again for its times
 
 
 def mark(word: bytes, i: int) -> bytes:
@@ -21,6 +24,7 @@ def mark(word: bytes, i: int) -> bytes:
 @dataclass
 class _Kept:
     """The beginning and the end of what one run has printed, and how long it was."""
+
     head: bytearray = field(default_factory=bytearray)
     tail: bytearray = field(default_factory=bytearray)
     size: int = 0
@@ -34,7 +38,11 @@ class _Kept:
 
     def __bytes__(self) -> bytes:
         left = self.size - len(self.head) - len(self.tail)
-        return bytes(self.head) + (b"\n[%d bytes left out]\n" % left if left else b"") + bytes(self.tail)
+        return (
+            bytes(self.head)
+            + (b"\n[%d bytes left out]\n" % left if left else b"")
+            + bytes(self.tail)
+        )
 
 
 class Printed:
@@ -42,10 +50,13 @@ class Printed:
     it is emptied with every look of the parent. word: what no run can print by chance, see `mark`."""
 
     def __init__(self, connection, word: bytes = b""):
-        self.connection, self.open = connection, True
+        self.connection = connection
+        self.open = True
         self.word = word or secrets.token_hex(8).encode()
         os.set_blocking(connection.fileno(), False)
-        self._rest, self._current, self._kept = b"", NOBODY, {}
+        self._rest = b""
+        self._current = NOBODY
+        self._kept = {}
 
     def fileno(self) -> int:
         return self.connection.fileno()
@@ -63,18 +74,25 @@ class Printed:
         with contextlib.suppress(BlockingIOError):
             while self.open:
                 data = os.read(self.connection.fileno(), 1 << 16)
-                self.open = bool(data)                   # nothing: nobody holds the other end any more
+                self.open = bool(data)  # nothing: nobody holds the other end any more
                 if data:
                     yield data
 
     def _sort(self, data: bytes) -> None:
         """To each run what is its own; half a mark waits for its other half."""
-        data, begin, length = self._rest + data, b"\0" + self.word, len(mark(self.word, 0))
+        data = self._rest + data
+        begin = b"\0" + self.word
+        length = len(mark(self.word, 0))
         while (k := data.find(begin)) >= 0 and len(data) >= k + length:
             self._add(data[:k])
-            self._current, data = int(data[k + len(begin):k + length - 1]), data[k + length:]
+            self._current = int(data[k + len(begin) : k + length - 1])
+            data = data[k + length :]
         k = data.rfind(b"\0")
-        k = k if k >= 0 and (data[k:].startswith(begin) or begin.startswith(data[k:])) else len(data)
+        k = (
+            k
+            if k >= 0 and (data[k:].startswith(begin) or begin.startswith(data[k:]))
+            else len(data)
+        )
         self._add(data[:k])
         self._rest = data[k:]
 

@@ -7,6 +7,7 @@ its preparation (compilation) has ended, and anew after a kernel that was compil
 have a limit of their own. Nothing that a worker or its run does (dying half way through a message, closing its
 descriptors, printing without end) stops the parent or the other workers.
 """
+
 from __future__ import annotations
 
 import contextlib
@@ -24,28 +25,45 @@ from nsbench.execute.workers.process import LEAVING, Worker, ended, last_line, s
 from nsbench.execute.workers.worker import Chore
 from nsbench.study import REPEATED, Spec, lost
 
-PREPARE = 300.0           # seconds: compiling and factorising, beside the limit of the run itself
-TICK = 0.1                # seconds between two looks at limits
-COUNT = 1.0               # seconds between two looks at what the workers have started
-JUMP = 2.0                # seconds without a look: this process was stopped, or waited for its disk, and heard nobody
-GONE = 1.0                # seconds for a worker to end whose pipe has closed
-BATCH = 1000              # specs: more of one case are several batches, which several workers can take
+PREPARE = 300.0  # seconds: compiling and factorising, beside the limit of the run itself
+TICK = 0.1  # seconds between two looks at limits
+COUNT = 1.0  # seconds between two looks at what the workers have started
+JUMP = 2.0  # seconds without a look: this process was stopped, or waited for its disk, and heard nobody
+GONE = 1.0  # seconds for a worker to end whose pipe has closed
+BATCH = 1000  # specs: more of one case are several batches, which several workers can take
 
 OnOutput = Callable[[Spec, bytes], None]
 
 
-def run_all(batches: list[list[Spec]], jobs: int, timeout: float | None, on_row: Callable[[Spec, dict], None],
-            chores: Iterable[Chore] = (), threads: int = 1, most: int | None = None,
-            on_output: OnOutput = lambda spec, text: None) -> list[Chore]:
+def run_all(
+    batches: list[list[Spec]],
+    jobs: int,
+    timeout: float | None,
+    on_row: Callable[[Spec, dict], None],
+    chores: Iterable[Chore] = (),
+    threads: int = 1,
+    most: int | None = None,
+    on_output: OnOutput = lambda spec, text: None,
+) -> list[Chore]:
     """Rows of all batches, handed to on_row as they come, then the chores; those that were done.
 
     timeout: seconds of one run (None: no limit); threads: of every library in each worker; most: bytes that a worker may
     hold (None: its share of the machine); on_output is told what a run has printed, if anything, before on_row. A signal
     that stops the program takes effect between two rows: the workers are stopped and KeyboardInterrupt passes on.
     """
-    batches = [b[k:k + BATCH] for b in batches for k in range(0, len(b), BATCH)]
-    team = _Team([*reversed([*chores]), *reversed(batches)], timeout, on_row, on_output, threads, most or memory.limit(jobs))
-    with stop.held(), tempfile.TemporaryDirectory(prefix="nsbench-", ignore_cleanup_errors=True) as team.locks:
+    batches = [b[k : k + BATCH] for b in batches for k in range(0, len(b), BATCH)]
+    team = _Team(
+        [*reversed([*chores]), *reversed(batches)],
+        timeout,
+        on_row,
+        on_output,
+        threads,
+        most or memory.limit(jobs),
+    )
+    with (
+        stop.held(),
+        tempfile.TemporaryDirectory(prefix="nsbench-", ignore_cleanup_errors=True) as team.locks,
+    ):
         try:
             while team.queue or team.alone or team.working:
                 stop.check()
@@ -60,6 +78,7 @@ def run_all(batches: list[list[Spec]], jobs: int, timeout: float | None, on_row:
 @dataclass
 class _Team:
     """The workers, and what is still to do: `queue` by anyone, last one first; `alone` by a fresh worker."""
+
     queue: list
     timeout: float | None
     on_row: Callable[[Spec, dict], None]
@@ -72,11 +91,13 @@ class _Team:
     leaving: list[tuple[float, Worker]] = field(default_factory=list)
     done: list[Chore] = field(default_factory=list)
     again: set[Spec] = field(default_factory=set)
-    timed: set[Spec] = field(default_factory=set)        # more than once, the worker of the first time being gone
+    timed: set[Spec] = field(
+        default_factory=set
+    )  # more than once, the worker of the first time being gone
     looked: float = field(default_factory=time.monotonic)
     counted: float = 0.0
     spawn: Callable[[str, int], Worker] = spawn
-    keep: bool = False                                   # a worker without work waits in `spare`
+    keep: bool = False  # a worker without work waits in `spare`
     spare: list[Worker] = field(default_factory=list)
 
     def hire(self, jobs: int) -> None:
@@ -85,17 +106,23 @@ class _Team:
 
     def assign(self, job: Worker, task) -> None:
         job.chore, job.specs = (task, []) if isinstance(task, Chore) else (None, task)
-        job.missing, job.what, job.index, job.peak = set(range(len(job.specs))), "start", -1, 0
-        job.since, job.untimed = time.monotonic(), set()
+        job.missing = set(range(len(job.specs)))
+        job.what = "start"
+        job.index = -1
+        job.peak = 0
+        job.since = time.monotonic()
+        job.untimed = set()
         self.working.append(job)
-        with contextlib.suppress(OSError):               # it died meanwhile: it will be seen that its pipe is closed
+        with contextlib.suppress(
+            OSError
+        ):  # it died meanwhile: it will be seen that its pipe is closed
             job.pipe.send(task)
 
     def hear(self) -> None:
         """Take what workers say; one message of each."""
         outputs = [j.printed for j in self.working if j.printed.open]
         ready = wait([*(j.pipe for j in self.working), *outputs], timeout=TICK)
-        stop.check()                                     # what stopped this process may have met the workers as well
+        stop.check()  # what stopped this process may have met the workers as well
         for job in [*self.working]:
             if job.printed in ready:
                 job.printed.drain()
@@ -105,7 +132,9 @@ class _Team:
     def listen(self, job: Worker) -> None:
         try:
             what, i, row = job.pipe.recv()
-        except Exception:                # closed, in the middle of a message, or a run has written into the pipe itself
+        except (
+            Exception
+        ):  # closed, in the middle of a message, or a run has written into the pipe itself
             self.died(job)
             return
         job.since = time.monotonic()
@@ -122,13 +151,15 @@ class _Team:
             self.row(job, i, row)
             (job.untimed.add if what == "first" else job.untimed.discard)(i)
         else:
-            job.what, job.index = what, i
+            job.what = what
+            job.index = i
             if what == "prepare":
-                job.begun, job.peak = job.begun + 1, 0
+                job.begun = job.begun + 1
+                job.peak = 0
 
     def row(self, job: Worker, i: int, row: dict) -> None:
         text = job.printed.take(i)
-        if i in job.missing:                             # else it is given again, with its times
+        if i in job.missing:  # else it is given again, with its times
             job.missing.discard(i)
             if text:
                 self.on_output(job.specs[i], text)
@@ -152,15 +183,23 @@ class _Team:
             if job.peak > self.most:
                 job.kill()
                 who = "The worker and what it has started" if others else "The worker"
-                self.too_large(job, f"{who} held {memory.told(job.peak)}, its limit is {memory.told(self.most)} (--memory); "
-                                    "it was stopped.")
+                self.too_large(
+                    job,
+                    f"{who} held {memory.told(job.peak)}, its limit is {memory.told(self.most)} (--memory); "
+                    "it was stopped.",
+                )
             elif job.pipe.poll():
-                continue                                 # it has said something that was not heard yet
-            elif job.process.exitcode is not None:       # what it has started holds its pipe open
+                continue  # it has said something that was not heard yet
+            elif job.process.exitcode is not None:  # what it has started holds its pipe open
                 self.died(job)
             elif (limit := _beyond(job, self.timeout, now)) is not None:
                 job.kill()
-                self.give_up(job, "timeout", f"No end within {limit:g} s ({job.what}); the worker was stopped.", limit=limit)
+                self.give_up(
+                    job,
+                    "timeout",
+                    f"No end within {limit:g} s ({job.what}); the worker was stopped.",
+                    limit=limit,
+                )
         for since, job in [*self.leaving]:
             if job.process.exitcode is not None or now - since > LEAVING:
                 self.leaving.remove((since, job))
@@ -172,17 +211,29 @@ class _Team:
     def died(self, job: Worker) -> None:
         job.wait(GONE)
         code = job.process.exitcode
-        job.kill()                                       # if it only closed its pipe; and what it has started
-        if code is not None and -code in stop.SIGNALS:   # sent to this process as well, by who stops all of us?
+        job.kill()  # if it only closed its pipe; and what it has started
+        if (
+            code is not None and -code in stop.SIGNALS
+        ):  # sent to this process as well, by who stops all of us?
             time.sleep(2 * TICK)
         stop.check()
         text = job.printed.take(job.index if job.index in job.missing else NOBODY)
         last = text.decode("utf-8", "replace")
-        if code == -signal.SIGKILL and (memory.kernel_kills() > job.kills or job.peak > memory.NEAR * self.most):
-            self.too_large(job, "The system stopped the worker for want of memory; it was last seen to hold "
-                                f"{memory.told(job.peak)}.", text)
+        if code == -signal.SIGKILL and (
+            memory.kernel_kills() > job.kills or job.peak > memory.NEAR * self.most
+        ):
+            self.too_large(
+                job,
+                "The system stopped the worker for want of memory; it was last seen to hold "
+                f"{memory.told(job.peak)}.",
+                text,
+            )
         elif code is not None and code != 0 and memory.ran_out(last):
-            self.too_large(job, f"The worker {ended(code)} for want of memory: {last_line(last, memory.WORDS)}", text)
+            self.too_large(
+                job,
+                f"The worker {ended(code)} for want of memory: {last_line(last, memory.WORDS)}",
+                text,
+            )
         else:
             said = f" The last it printed: {last_line(last)}" if last.strip() else ""
             self.give_up(job, "crashed", f"The worker {ended(code)} during this run.{said}", text)
@@ -201,7 +252,8 @@ class _Team:
         """Row for the run in flight, be it a repetition; what is still to do or to be timed goes to others. text: what it
         has printed."""
         self.working.remove(job)
-        text, i = text or job.printed.take(job.index), job.current
+        text = text or job.printed.take(job.index)
+        i = job.current
         job.close()
         repeated = i in job.untimed and (job.what != "measure" or len(job.specs) == 1)
         if i in job.missing or repeated:
@@ -233,7 +285,7 @@ class _Team:
             job.close()
         for since, job in self.leaving:
             while job.process.exitcode is None and time.monotonic() - since < LEAVING:
-                job.printed.drain()                      # it may have more to print than its pipe holds
+                job.printed.drain()  # it may have more to print than its pipe holds
                 job.wait(TICK)
             job.kill()
             job.printed.close()

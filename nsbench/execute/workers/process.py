@@ -1,4 +1,5 @@
 """The parent's side of one worker: its process, started with threads and caches of its own, what is known of it, its end."""
+
 from __future__ import annotations
 
 import contextlib
@@ -15,26 +16,35 @@ from nsbench.execute.workers.parent_watch import begin
 from nsbench.execute.workers.worker import Chore
 from nsbench.study import Spec
 
-THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS", "NPROC")   # the last: XLA
-LEAVING = 5.0             # seconds for a worker to end that was told to
+THREADS = (
+    "OMP_NUM_THREADS",
+    "OPENBLAS_NUM_THREADS",
+    "MKL_NUM_THREADS",
+    "NUMBA_NUM_THREADS",
+    "NPROC",
+)  # the last: XLA
+LEAVING = 5.0  # seconds for a worker to end that was told to
 
 
 @dataclass
 class Worker:
     """A worker at work on the specs of one case, of which `missing` have no row yet, or on a chore."""
+
     process: mp.Process
     pipe: object
     printed: Printed | None = None
     chore: Chore | None = None
     specs: list[Spec] = field(default_factory=list)
     missing: set[int] = field(default_factory=set)
-    untimed: set[int] = field(default_factory=set)       # their rows will be given again, with the times of repetitions
+    untimed: set[int] = field(
+        default_factory=set
+    )  # their rows will be given again, with the times of repetitions
     what: str = ""
     index: int = -1
     since: float = 0.0
-    begun: int = 0            # runs since the process started
-    peak: int = 0             # bytes it was seen to hold during the present run
-    kills: int = 0            # of the system for want of memory, before this process started
+    begun: int = 0  # runs since the process started
+    peak: int = 0  # bytes it was seen to hold during the present run
+    kills: int = 0  # of the system for want of memory, before this process started
 
     @property
     def current(self) -> int:
@@ -46,7 +56,7 @@ class Worker:
         self.printed.close()
 
     def kill(self) -> None:
-        with contextlib.suppress(OSError, AttributeError):           # what it has started is of its group
+        with contextlib.suppress(OSError, AttributeError):  # what it has started is of its group
             os.killpg(self.process.pid, signal.SIGKILL)
         self.process.kill()
         self.wait(LEAVING)
@@ -65,8 +75,11 @@ def jax_cache() -> dict[str, str]:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError:
         return {}
-    wanted = {"JAX_COMPILATION_CACHE_DIR": str(folder), "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0",
-              "JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES": "-1"}
+    wanted = {
+        "JAX_COMPILATION_CACHE_DIR": str(folder),
+        "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0",
+        "JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES": "-1",
+    }
     return {k: os.environ.get(k, v) for k, v in wanted.items()}
 
 
@@ -81,9 +94,12 @@ def spawn(locks: str, threads: int) -> Worker:
     ours_alone = settings(threads)
     keep = {k: os.environ.get(k) for k in ours_alone}
     os.environ.update(ours_alone)
-    kills, ear = memory.kernel_kills(), Printed(output)
+    kills = memory.kernel_kills()
+    ear = Printed(output)
     try:
-        process = context.Process(target=begin, args=(theirs, printed, ear.word, os.getpid(), locks), daemon=True)
+        process = context.Process(
+            target=begin, args=(theirs, printed, ear.word, os.getpid(), locks), daemon=True
+        )
         process.start()
     finally:
         for k, v in keep.items():

@@ -3,6 +3,7 @@
 Global random state, numpy's error state, working directory, environment, locale, rounding of the processor, settings of JAX,
 where output goes, filters of warnings, timers. A run begins as in a fresh process, and with the same random numbers in each.
 """
+
 from __future__ import annotations
 
 import contextlib
@@ -20,8 +21,13 @@ import numpy as np
 
 from nsbench.execute.workers.output_capture import mark
 
-SEED = 0                  # of global random numbers: a method that draws from them draws the same in each run
-QUIET = (DeprecationWarning, PendingDeprecationWarning, ImportWarning, ResourceWarning)     # for developers, not of a run
+SEED = 0  # of global random numbers: a method that draws from them draws the same in each run
+QUIET = (
+    DeprecationWarning,
+    PendingDeprecationWarning,
+    ImportWarning,
+    ResourceWarning,
+)  # for developers, not of a run
 
 
 class Surroundings:
@@ -29,10 +35,12 @@ class Surroundings:
     with marks of this word between them."""
 
     def __init__(self, output: int, word: bytes):
-        self.output, self.word = output, word
+        self.output = output
+        self.word = word
         self.environ, self.folder, self.path = dict(os.environ), os.getcwd(), [*sys.path]
         self.errors, self.locale = np.geterr(), locale.setlocale(locale.LC_ALL)
-        self.depth, self.print = sys.getrecursionlimit(), np.get_printoptions()
+        self.depth = sys.getrecursionlimit()
+        self.print = np.get_printoptions()
         self.jax: dict = {}
         self.streams: dict = {}
         self.warned: set[tuple] = set()
@@ -55,11 +63,11 @@ class Surroundings:
 
     def draw_anew(self) -> None:
         """Global random numbers from their beginning (imports during a preparation draw some, in the first process only)."""
-        np.random.seed(SEED)                             # noqa: NPY002 - it is the global state that plugins draw from
+        np.random.seed(SEED)  # noqa: NPY002 - it is the global state that plugins draw from
         random.seed(SEED)
 
     def _process(self):
-        with contextlib.suppress(OSError):               # the folder may be gone: then nobody can be there
+        with contextlib.suppress(OSError):  # the folder may be gone: then nobody can be there
             os.chdir(self.folder)
         for name in [n for n in os.environ if n not in self.environ]:
             del os.environ[name]
@@ -69,18 +77,24 @@ class Surroundings:
         sys.path[:] = self.path
         sys.setrecursionlimit(self.depth)
         locale.setlocale(locale.LC_ALL, self.locale)
-        signal.signal(signal.SIGINT, signal.SIG_IGN)     # the parent decides what Ctrl-C means
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides what Ctrl-C means
         if hasattr(signal, "setitimer"):
             signal.setitimer(signal.ITIMER_REAL, 0.0)
         if hasattr(self._lib, "fesetenv"):
-            self._lib.fesetenv(ctypes.c_void_p(-1))      # FE_DFL_ENV: to nearest, no flush to zero
+            self._lib.fesetenv(ctypes.c_void_p(-1))  # FE_DFL_ENV: to nearest, no flush to zero
 
     def _output(self):
         for number, name in ((1, "stdout"), (2, "stderr")):
             os.dup2(self.output, number)
             if name not in self.streams or self.streams[name].closed:
-                self.streams[name] = open(number, "w", buffering=1, closefd=False, encoding="utf-8",
-                                          errors="backslashreplace")
+                self.streams[name] = open(
+                    number,
+                    "w",
+                    buffering=1,
+                    closefd=False,
+                    encoding="utf-8",
+                    errors="backslashreplace",
+                )
             setattr(sys, name, self.streams[name])
             setattr(sys, f"__{name}__", self.streams[name])
 
@@ -88,11 +102,16 @@ class Surroundings:
         warned = self.warned
 
         def count(message, category, filename, lineno, file=None, line=None):
-            if not category.__name__.startswith("Numba"):            # of a compilation: not every process compiles
+            if not category.__name__.startswith(
+                "Numba"
+            ):  # of a compilation: not every process compiles
                 warned.add((category, filename, lineno))
                 with contextlib.suppress(OSError, ValueError):
-                    sys.stderr.write(warnings.formatwarning(message, category, filename, lineno, line))
-        warnings.resetwarnings()                         # places that have warned before will warn again
+                    sys.stderr.write(
+                        warnings.formatwarning(message, category, filename, lineno, line)
+                    )
+
+        warnings.resetwarnings()  # places that have warned before will warn again
         warnings.simplefilter("default")
         for category in QUIET:
             warnings.simplefilter("ignore", category)
@@ -101,6 +120,7 @@ class Surroundings:
     def _settings_of_jax(self):
         if self.jax:
             import jax
+
             for name, value in jax.config.values.items():
                 if name in self.jax and value != self.jax[name]:
                     jax.config.update(name, self.jax[name])
@@ -108,6 +128,7 @@ class Surroundings:
     def note_jax(self) -> None:
         """JAX was imported just now: in float64, as the package has it, whoever imported it."""
         import jax
+
         jax.config.update("jax_enable_x64", True)
         self.jax.update(jax.config.values)
 
@@ -125,7 +146,8 @@ class _AtImport:
     """A finder of modules that calls `then` when `name` has been imported, before anyone can have changed it."""
 
     def __init__(self, name: str, then: Callable[[], None]):
-        self.name, self.then = name, then
+        self.name = name
+        self.then = then
 
     def find_spec(self, name, path=None, target=None):
         if name != self.name:
@@ -138,5 +160,6 @@ class _AtImport:
             def load(module):
                 plain(module)
                 self.then()
+
             spec.loader.exec_module = load
         return spec

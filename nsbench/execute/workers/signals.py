@@ -4,6 +4,7 @@ The first signal stops the program in order (KeyboardInterrupt). Those that foll
 that a second Ctrl-C tears nothing either; after PATIENCE seconds one more ends the process where it stands, and its
 workers with it.
 """
+
 from __future__ import annotations
 
 import contextlib
@@ -14,15 +15,18 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
-INTERRUPTED = 130         # exit code
-_leave = os._exit         # as it is here: a file that is loaded is kept from it
-PATIENCE = 5.0            # seconds for cleaning up, before a signal is taken as "now"
+SIGNALS = tuple(
+    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
+)
+INTERRUPTED = 130  # exit code
+_leave = os._exit  # as it is here: a file that is loaded is kept from it
+PATIENCE = 5.0  # seconds for cleaning up, before a signal is taken as "now"
 
 
 @dataclass
 class _Ear:
     """What was heard: since when, by the monotonic clock; whether signals are listened to; how deep `held` is nested."""
+
     since: float | None = None
     listening: bool = False
     held: int = 0
@@ -50,7 +54,8 @@ def heard(last: bool = False) -> Iterator[None]:
         return
     before = {s: signal.getsignal(s) for s in SIGNALS}
     before = {s: h for s, h in before.items() if h not in (signal.SIG_IGN, None)}
-    _ear.since, _ear.listening = None, True
+    _ear.since = None
+    _ear.listening = True
     for s in before:
         signal.signal(s, _hear)
     try:
@@ -58,7 +63,8 @@ def heard(last: bool = False) -> Iterator[None]:
     finally:
         for s, handler in before.items():
             signal.signal(s, signal.SIG_IGN if last and _ear.since is not None else handler)
-        _ear.since, _ear.listening = None, False
+        _ear.since = None
+        _ear.listening = False
 
 
 @contextlib.contextmanager

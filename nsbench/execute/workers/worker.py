@@ -1,4 +1,5 @@
 """The child's side of a supervised worker: it computes what it is sent, tells what it does, and goes with its parent."""
+
 from __future__ import annotations
 
 import contextlib
@@ -23,6 +24,7 @@ from nsbench.study import lost, run_batch, run_one, timed_again
 @dataclass(frozen=True)
 class Chore:
     """Work without a row, done by whichever worker has nothing else to do: function(*args), both picklable."""
+
     function: Callable
     args: tuple = ()
 
@@ -38,27 +40,43 @@ def work(pipe, printed, word: bytes, parent: int, locks: str, seconds: float | N
     _stand_alone()
     around = Surroundings(printed.fileno(), word)
     around.restore()
-    turns, news = Turns(locks), News(pipe, around)
+    turns = Turns(locks)
+    news = News(pipe, around)
     share_compilation(locks, news.compiling, clock.stand)
-    with contextlib.suppress(EOFError, BrokenPipeError, ConnectionResetError):     # the parent is gone
+    with contextlib.suppress(EOFError, BrokenPipeError, ConnectionResetError):  # the parent is gone
         while (task := pipe.recv()) is not None:
-            news.specs, news.last = [], ("start", -1)
+            news.specs = []
+            news.last = ("start", -1)
             if isinstance(task, Chore):
                 around.restore()
                 pipe.send(("done", -1, _does(task)))
                 continue
             news.specs = task
-            around.restore()                             # files of cases and solvers are loaded next
-            warned, rounds = {}, set()
-            runs = run_batch(task, news.tell, turns.order) if seconds is None else _once(task, news.tell, seconds)
+            around.restore()  # files of cases and solvers are loaded next
+            warned = {}
+            rounds = set()
+            runs = (
+                run_batch(task, news.tell, turns.order)
+                if seconds is None
+                else _once(task, news.tell, seconds)
+            )
             for i, row in runs:
-                warned.setdefault(i, len(around.warned))             # a row that is given again was counted then
+                warned.setdefault(
+                    i, len(around.warned)
+                )  # a row that is given again was counted then
                 around.prints(NOBODY)
                 more = seconds is None and i not in rounds and timed_again(task[i], row)
                 rounds |= {i} if more else set()
                 read = read_by(task[i])
-                pipe.send(("first" if more else "row", i, {k: _plain(v) for k, v in row.items()} | {"warnings": warned[i]}
-                           | ({"read": read} if read else {})))
+                pipe.send(
+                    (
+                        "first" if more else "row",
+                        i,
+                        {k: _plain(v) for k, v in row.items()}
+                        | {"warnings": warned[i]}
+                        | ({"read": read} if read else {}),
+                    )
+                )
             pipe.send(("done", -1, None))
 
 
@@ -70,7 +88,11 @@ def _once(specs, tell, seconds: float):
         if i and time.monotonic() - start > seconds:
             return
         unlike = here.unlike(spec)
-        row = lost(spec, "error", "not made") if unlike else run_one(spec, lambda what, i=i: tell(what, i))
+        row = (
+            lost(spec, "error", "not made")
+            if unlike
+            else run_one(spec, lambda what, i=i: tell(what, i))
+        )
         unlike = unlike or here.touched(spec)
         yield i, row | ({"unlike": unlike} if unlike else {})
 
@@ -82,6 +104,7 @@ def _stand_alone() -> None:
         os.setpgid(0, 0)
     with contextlib.suppress(ImportError, ValueError, OSError):
         import resource
+
         resource.setrlimit(resource.RLIMIT_CORE, (0, resource.getrlimit(resource.RLIMIT_CORE)[1]))
     memory.offer_first()
     faulthandler.enable(file=2)
@@ -92,17 +115,24 @@ class News:
     the clock of the run stands still."""
 
     def __init__(self, pipe, around: Surroundings | None = None):
-        self.pipe, self.around, self.specs, self.last = pipe, around, [], ("start", -1)
+        self.pipe = pipe
+        self.around = around
+        self.specs = []
+        self.last = ("start", -1)
 
     def tell(self, what: str, i: int) -> None:
-        if what == "prepare" and self.around is not None:            # a run begins
+        if what == "prepare" and self.around is not None:  # a run begins
             self.around.restore()
             self.around.prints(i)
         elif what == "run" and self.around is not None:
             self.around.draw_anew()
-        elif what == "again" and self.around is not None:            # between runs of others: none sees what they left
+        elif (
+            what == "again" and self.around is not None
+        ):  # between runs of others: none sees what they left
             self.around.restore(begins=False)
-        elif what == "measure" and self.around is not None:          # what is found there is kept for the next runs
+        elif (
+            what == "measure" and self.around is not None
+        ):  # what is found there is kept for the next runs
             self.around.restore(begins=False)
         self.last = ("run" if what == "again" else what, i)
         self.pipe.send((*self.last, None))
@@ -126,6 +156,6 @@ def _plain(value):
 def _does(chore: Chore) -> bool:
     try:
         chore.function(*chore.args)
-    except Exception:                    # who set the chore looks after those that were not done
+    except Exception:  # who set the chore looks after those that were not done
         return False
     return True

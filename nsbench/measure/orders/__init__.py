@@ -1,4 +1,5 @@
 """Orders and constants: err ~ M h^p from a ladder of steps, with an interval, a window and a verdict in words."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
@@ -9,19 +10,29 @@ from nsbench.measure.orders.corrected_power_law import Headed, fit_headed
 from nsbench.measure.orders.plateau import cannot_exclude, claimed, power_law
 from nsbench.measure.orders.window import above, alone, binned, dyadic, now_and_then, rounding, tidy
 
-VERDICTS = ("order", "exact: no order", "plateau", "pre-asymptotic", "undecided", "diverges", "below reference")
-LADDER = 6.0            # octaves of steps for a verdict
-STEPS = 18              # for a verdict: 3 per octave of the shortest ladder (divisors of a spacing are few at first)
-WINDOW = 3.0            # octaves the fit window keeps at least
-FEWEST = 8              # points it keeps at least: 5 degrees of freedom for the interval
-CURVED = 0.01           # level of the test for a bend that the head does not explain
-DRIFT = 0.05            # a drift of the slope over the window that may stay: a tenth of the half between orders
-SMOOTH = 1e-6           # a drift that no interval shows
-CROWD = 3               # steps per half octave for the order of the largest errors
-WIDE = 1.0              # width of an interval that names no order any more: orders differ by halves
-FLAT = 0.1              # slopes below are no convergence one can see: 6 octaves gain a factor 1.5
-ENDS = 2.0              # octaves of the fine end
-SOME = 0.1              # share of the steps that may be exact by luck before one speaks of two behaviours
+VERDICTS = (
+    "order",
+    "exact: no order",
+    "plateau",
+    "pre-asymptotic",
+    "undecided",
+    "diverges",
+    "below reference",
+)
+LADDER = 6.0  # octaves of steps for a verdict
+STEPS = 18  # for a verdict: 3 per octave of the shortest ladder (divisors of a spacing are few at first)
+WINDOW = 3.0  # octaves the fit window keeps at least
+FEWEST = 8  # points it keeps at least: 5 degrees of freedom for the interval
+CURVED = 0.01  # level of the test for a bend that the head does not explain
+DRIFT = (
+    0.05  # a drift of the slope over the window that may stay: a tenth of the half between orders
+)
+SMOOTH = 1e-6  # a drift that no interval shows
+CROWD = 3  # steps per half octave for the order of the largest errors
+WIDE = 1.0  # width of an interval that names no order any more: orders differ by halves
+FLAT = 0.1  # slopes below are no convergence one can see: 6 octaves gain a factor 1.5
+ENDS = 2.0  # octaves of the fine end
+SOME = 0.1  # share of the steps that may be exact by luck before one speaks of two behaviours
 NAN2 = (np.nan, np.nan)
 
 
@@ -36,6 +47,7 @@ class Fit:
     plateau: C of C + M h^p where claimed; dropped: points left out, by reason; octaves: of the whole ladder;
     sentence: all this for a reader.
     """
+
     order: float = np.nan
     interval: tuple[float, float] = NAN2
     constant: float = np.nan
@@ -54,8 +66,17 @@ class Fit:
     head: float = np.nan
 
 
-def fit_order(h, err, floor: float = 0.0, reference_error: float = 0.0, *, scale: float = 1.0, span: float = 1.0,
-              multipliers_unique: bool = True, reaction: Fit | None = None) -> Fit:
+def fit_order(
+    h,
+    err,
+    floor: float = 0.0,
+    reference_error: float = 0.0,
+    *,
+    scale: float = 1.0,
+    span: float = 1.0,
+    multipliers_unique: bool = True,
+    reaction: Fit | None = None,
+) -> Fit:
     """The order of the errors `err` (k,) in the steps taken `h` (k,).
 
     floor: errors below say nothing (ten times the reference's error, when the caller has that already);
@@ -84,46 +105,87 @@ def fit_order(h, err, floor: float = 0.0, reference_error: float = 0.0, *, scale
         return replace(base, sentence=f"{len(h)} usable steps: no order from fewer than 3.")
     noise = rounding(h, scale, span)
     if np.all(err <= noise):
-        return replace(base, verdict="exact: no order",
-                       sentence=f"Exact at the samples: all errors are rounding (at most {err.max():.1e}); no order.")
+        return replace(
+            base,
+            verdict="exact: no order",
+            sentence=f"Exact at the samples: all errors are rounding (at most {err.max():.1e}); no order.",
+        )
     known = max(float(floor), 10.0 * float(reference_error))
-    lucky, steps = now_and_then(err, noise), len(h)
+    lucky = now_and_then(err, noise)
+    steps = len(h)
     keep = above(err, np.maximum(known, noise))
     dropped["floor"] = int((~keep).sum())
-    mixed = (f"exact to rounding at {lucky} of {steps} steps, off by up to {err.max():.1e} at others: "
-             "which of the two depends on the step") if lucky > max(1.0, SOME * steps) else ""
+    mixed = (
+        (
+            f"exact to rounding at {lucky} of {steps} steps, off by up to {err.max():.1e} at others: "
+            "which of the two depends on the step"
+        )
+        if lucky > max(1.0, SOME * steps)
+        else ""
+    )
     if keep.sum() < 3:
         below = np.count_nonzero(err <= known) > np.count_nonzero(err <= noise)
-        verdict, what = ("below reference", "ten times the reference's error") if below else ("undecided", "rounding")
+        verdict, what = (
+            ("below reference", "ten times the reference's error")
+            if below
+            else ("undecided", "rounding")
+        )
         said = f"Only {keep.sum()} errors lie above {what} ({max(known, noise[0]):.1e}): no order."
-        return replace(base, verdict=verdict, points=int(keep.sum()), sentence=f"No verdict ({mixed})." if mixed else said)
-    why = "the steps are dyadic: an error that turns with the phase of the step looks constant" if dyadic(h) else mixed
+        return replace(
+            base,
+            verdict=verdict,
+            points=int(keep.sum()),
+            sentence=f"No verdict ({mixed})." if mixed else said,
+        )
+    why = (
+        "the steps are dyadic: an error that turns with the phase of the step looks constant"
+        if dyadic(h)
+        else mixed
+    )
     phase = bool(why)
     if not why and (ladder < LADDER - 1e-9 or steps < STEPS):
         why = f"{ladder:.1f} octaves with {steps} steps; {LADDER:g} with {STEPS} are needed"
-    h, err = h[keep], err[keep]
+    h = h[keep]
+    err = err[keep]
     apart = alone(h, err)
     dropped["apart"] = int(apart.sum())
-    h, err = h[~apart], err[~apart]
+    h = h[~apart]
+    err = err[~apart]
     line = _straight(h, err, base)
-    fit = (_levels_off(h, err, line, known, why, multipliers_unique, reaction)
-           or (None if phase else _diverges(h, line)) or _power(h, err, line, known, why))
+    fit = (
+        _levels_off(h, err, line, known, why, multipliers_unique, reaction)
+        or (None if phase else _diverges(h, line))
+        or _power(h, err, line, known, why)
+    )
     return replace(fit, sentence=f"{fit.sentence}{_rates(fit)}")
 
 
 def _rates(fit: Fit) -> str:
     """The plain slopes per octave, and the points left out, as sentences."""
-    told = [f"{name} {p:.2f} [{lo:.2f}, {hi:.2f}]" for name, p, (lo, hi) in (
-        ("medians", fit.median, fit.median_interval), ("largest errors", fit.envelope, fit.envelope_interval))
-        if np.isfinite([p, lo, hi]).all()]
-    names = {"floor": "below the floor", "apart": "far off the others", "head": "at the coarse end", "not finite": "not finite"}
+    told = [
+        f"{name} {p:.2f} [{lo:.2f}, {hi:.2f}]"
+        for name, p, (lo, hi) in (
+            ("medians", fit.median, fit.median_interval),
+            ("largest errors", fit.envelope, fit.envelope_interval),
+        )
+        if np.isfinite([p, lo, hi]).all()
+    ]
+    names = {
+        "floor": "below the floor",
+        "apart": "far off the others",
+        "head": "at the coarse end",
+        "not finite": "not finite",
+    }
     out = [f"{fit.dropped[k]} {name}" for k, name in names.items() if fit.dropped[k]]
-    return (f" Plain slopes per octave: {', '.join(told)}." if told else "") + (f" Left out: {', '.join(out)}." if out else "")
+    return (f" Plain slopes per octave: {', '.join(told)}." if told else "") + (
+        f" Left out: {', '.join(out)}." if out else ""
+    )
 
 
 def _slope(h, err) -> tuple[float, tuple[float, float], float]:
     """Slope of the line through log err, its t-based 95 % interval, constant; NaN from fewer than three points."""
     from scipy.special import stdtrit
+
     n = len(h)
     if n < 3:
         return np.nan, NAN2, np.nan
@@ -136,10 +198,21 @@ def _slope(h, err) -> tuple[float, tuple[float, float], float]:
 def _straight(h, err, fit: Fit) -> Fit:
     """The plain line, with median and envelope: what stands where nothing better can be said."""
     p, interval, constant = _slope(h, err)
-    median, envelope = _slope(*binned(h, err, np.median)), _slope(*binned(h, err, np.max))
-    return replace(fit, order=p, line=p, interval=interval, constant=constant, points=len(h),
-                   window=(float(h[0]), float(h[-1])) if len(h) else NAN2, median=median[0], median_interval=median[1],
-                   envelope=envelope[0], envelope_interval=envelope[1])
+    median = _slope(*binned(h, err, np.median))
+    envelope = _slope(*binned(h, err, np.max))
+    return replace(
+        fit,
+        order=p,
+        line=p,
+        interval=interval,
+        constant=constant,
+        points=len(h),
+        window=(float(h[0]), float(h[-1])) if len(h) else NAN2,
+        median=median[0],
+        median_interval=median[1],
+        envelope=envelope[0],
+        envelope_interval=envelope[1],
+    )
 
 
 def _levels_off(h, err, line: Fit, known, why, unique, reaction) -> Fit | None:
@@ -147,27 +220,49 @@ def _levels_off(h, err, line: Fit, known, why, unique, reaction) -> Fit | None:
     # flat: hardly any slope fits as well, and nothing steeper than 0.2 does
     # (nor does the fine end fall: an error that saturates at coarse steps is flat there only)
     end = h <= h[0] * 2.0**ENDS
-    flat = (abs(line.order) <= FLAT and line.interval[0] <= FLAT / 2 and line.interval[1] < 2 * FLAT
-            and not _slope(h[end], err[end])[1][0] > FLAT)
+    flat = (
+        abs(line.order) <= FLAT
+        and line.interval[0] <= FLAT / 2
+        and line.interval[1] < 2 * FLAT
+        and not _slope(h[end], err[end])[1][0] > FLAT
+    )
     if flat:
-        C, order, constant = float(np.exp(np.log(err).mean())), 0.0, np.nan
+        C = float(np.exp(np.log(err).mean()))
+        order = 0.0
+        constant = np.nan
     else:
         full = claimed(h, err) if len(h) >= FEWEST else None
         if full is None:
             return None
-        C, order, constant = full.C, full.p, full.M
+        C = full.C
+        order = full.p
+        constant = full.M
     seen = f"The error levels off near {C:.1e}"
-    reasons = [text for bad, text in (
-        (bool(why), why),
-        (known >= C, "that is within ten times the reference's own error"),
-        (not unique, "the multipliers are not unique: a selection, not an error"),
-        (reaction is not None and reaction.verdict != "plateau", "the reaction does not level off"),
-    ) if bad]
+    reasons = [
+        text
+        for bad, text in (
+            (bool(why), why),
+            (known >= C, "that is within ten times the reference's own error"),
+            (not unique, "the multipliers are not unique: a selection, not an error"),
+            (
+                reaction is not None and reaction.verdict != "plateau",
+                "the reaction does not level off",
+            ),
+        )
+        if bad
+    ]
     if reasons:
         return replace(line, sentence=f"{seen}, but no plateau is claimed: {'; '.join(reasons)}.")
-    return replace(line, verdict="plateau", plateau=C, order=order, constant=constant,
-                   sentence=f"{seen}: a plateau, rejected as a power law at 1 %." if not flat else
-                            f"{seen} for all {len(h)} steps: it does not fall with the step.")
+    return replace(
+        line,
+        verdict="plateau",
+        plateau=C,
+        order=order,
+        constant=constant,
+        sentence=f"{seen}: a plateau, rejected as a power law at 1 %."
+        if not flat
+        else f"{seen} for all {len(h)} steps: it does not fall with the step.",
+    )
 
 
 def _settle(h, err, known) -> tuple[int, Headed | None, bool]:
@@ -177,21 +272,28 @@ def _settle(h, err, known) -> tuple[int, Headed | None, bool]:
     is less than half as wide. (From scatter alone a shorter window is wider, by the power 3/2 of its length and more.)
     """
     from scipy.special import stdtrit
+
     n = len(h)
     if n < FEWEST:
         return n, None, False
-    u, y, own = np.log(h), np.log(err), known / 10.0 / err
-    fit, strict = fit_headed(u, y, own), False
+    u = np.log(h)
+    y = np.log(err)
+    own = known / 10.0 / err
+    fit = fit_headed(u, y, own)
+    strict = False
     allowed = [k for k in range(FEWEST, n) if u[k - 1] - u[0] >= WINDOW * np.log(2.0) - 1e-9]
     if allowed and abs(fit.drift) > SMOOTH:
         some = sorted({allowed[round(k * (len(allowed) - 1))] for k in (0.0, 0.33, 0.67)})
         tried = [(k, fit_headed(u[:k], y[:k], own[:k])) for k in some]
         at = min(range(len(some)), key=lambda i: tried[i][1].half)
         # how far the order of the next window lies is what the misfit may still do to this one
-        beside = [abs(tried[at][1].p - tried[i][1].p) for i in (at - 1, at + 1) if 0 <= i < len(some)]
+        beside = [
+            abs(tried[at][1].p - tried[i][1].p) for i in (at - 1, at + 1) if 0 <= i < len(some)
+        ]
         half = tried[at][1].half + min(beside, default=0.0)
         if tried[at][1].half < fit.half / 2 and half < fit.half:
-            n, fit = some[at], replace(tried[at][1], half=half)
+            n = some[at]
+            fit = replace(tried[at][1], half=half)
     while True:
         strict = strict or fit.bend > stdtrit(n - 4, 1.0 - CURVED / 2)
         # one level to believe in a bend, another that it is gone: stopping at the first would leave a bias of its size
@@ -207,8 +309,12 @@ def _diverges(h, line: Fit) -> Fit | None:
     lo, hi = line.interval
     if hi >= 0.0 or line.order >= -FLAT or len(h) < 5:
         return None
-    return replace(line, verdict="diverges", sentence=f"The error grows as the step shrinks: slope {line.order:.3f} "
-                   f"[{lo:.3f}, {hi:.3f}] from {len(h)} steps in [{h[0]:.2e}, {h[-1]:.2e}].")
+    return replace(
+        line,
+        verdict="diverges",
+        sentence=f"The error grows as the step shrinks: slope {line.order:.3f} "
+        f"[{lo:.3f}, {hi:.3f}] from {len(h)} steps in [{h[0]:.2e}, {h[-1]:.2e}].",
+    )
 
 
 def _power(h, err, line: Fit, known: float, why: str) -> Fit:
@@ -219,10 +325,18 @@ def _power(h, err, line: Fit, known: float, why: str) -> Fit:
         widen = abs(headed.drift) / 2 if n < len(h) else 0.0
         half = headed.half + widen
         share = float(np.expm1(abs(headed.head[-1])))
-        fit = replace(_straight(h[:n], err[:n], line), order=headed.p, interval=(float(headed.p - half), float(headed.p + half)),
-                      constant=float(np.exp(headed.a) / h[n - 1] ** headed.p), head=share,
-                      dropped={**line.dropped, "head": len(h) - n}, median=line.median, envelope=line.envelope,
-                      median_interval=line.median_interval, envelope_interval=line.envelope_interval)
+        fit = replace(
+            _straight(h[:n], err[:n], line),
+            order=headed.p,
+            interval=(float(headed.p - half), float(headed.p + half)),
+            constant=float(np.exp(headed.a) / h[n - 1] ** headed.p),
+            head=share,
+            dropped={**line.dropped, "head": len(h) - n},
+            median=line.median,
+            envelope=line.envelope,
+            median_interval=line.median_interval,
+            envelope_interval=line.envelope_interval,
+        )
     lo, hi = fit.interval
     said = f"slope {fit.order:.3f} [{lo:.3f}, {hi:.3f}] from {fit.points} steps in [{h[0]:.2e}, {h[n - 1]:.2e}]"
     if not why and (headed is None or np.log2(h[n - 1] / h[0]) < WINDOW - 1e-9):
@@ -230,15 +344,21 @@ def _power(h, err, line: Fit, known: float, why: str) -> Fit:
     if why:
         return replace(fit, sentence=f"No verdict ({why}): {said}.")
     if not settled or headed.edge:
-        return replace(fit, verdict="pre-asymptotic", sentence=f"The local slope still drifts: {said}.")
+        return replace(
+            fit, verdict="pre-asymptotic", sentence=f"The local slope still drifts: {said}."
+        )
     if hi - lo > WIDE:
         doubt = f"the interval is wider than {WIDE:g}: more steps are needed"
     elif lo <= 2 * FLAT:
         doubt = "so slow that a logarithm, or no convergence, fits as well"
-    elif cannot_exclude(h[:n], err[:n]) and cannot_exclude(*binned(h[:n], err[:n], np.max, 2), head=False):
+    elif cannot_exclude(h[:n], err[:n]) and cannot_exclude(
+        *binned(h[:n], err[:n], np.max, 2), head=False
+    ):
         doubt = "a plateau fits as well: more or finer steps are needed"
     else:
-        return replace(fit, verdict="order", sentence=f"Order: {said}, constant {fit.constant:.3g}.")
+        return replace(
+            fit, verdict="order", sentence=f"Order: {said}, constant {fit.constant:.3g}."
+        )
     return _bounded(h, err, fit) or replace(fit, sentence=f"No verdict ({doubt}): {said}.")
 
 
@@ -252,14 +372,23 @@ def _bounded(h, err, fit: Fit) -> Fit | None:
     if len(top) < max(FEWEST, 2 * WINDOW) or len(h) < CROWD * len(top):
         return None
     found = fit_headed(np.log(top), np.log(most))
-    lo, hi = float(found.p - found.half), float(found.p + found.half)
+    lo = float(found.p - found.half)
+    hi = float(found.p + found.half)
     bent = found.edge or (abs(found.drift) > DRIFT and found.bend > 2.0)
     if bent or lo <= 2 * FLAT or hi - lo > WIDE / 2 or cannot_exclude(top, most):
         return None
     constant = float(np.exp(found.a) / top[-1] ** found.p)
-    return replace(fit, verdict="order", order=found.p, interval=(lo, hi), constant=constant, points=len(h),
-                   window=(float(h[0]), float(h[-1])), dropped={**fit.dropped, "head": 0},
-                   head=float(np.expm1(abs(found.head[-1]))),
-                   sentence=f"Order of the largest error per half octave: slope {found.p:.3f} [{lo:.3f}, {hi:.3f}] from "
-                            f"{len(h)} steps in [{h[0]:.2e}, {h[-1]:.2e}], constant {constant:.3g}; the errors turn with "
-                            "the phase of the step.")
+    return replace(
+        fit,
+        verdict="order",
+        order=found.p,
+        interval=(lo, hi),
+        constant=constant,
+        points=len(h),
+        window=(float(h[0]), float(h[-1])),
+        dropped={**fit.dropped, "head": 0},
+        head=float(np.expm1(abs(found.head[-1]))),
+        sentence=f"Order of the largest error per half octave: slope {found.p:.3f} [{lo:.3f}, {hi:.3f}] from "
+        f"{len(h)} steps in [{h[0]:.2e}, {h[-1]:.2e}], constant {constant:.3g}; the errors turn with "
+        "the phase of the step.",
+    )

@@ -9,6 +9,7 @@ The shapes of the head are equal to first order in r: a sum, of either sign (the
 (1 + r (h / h_max)^q)^-1 or ^(-1/2), for errors that saturate at coarse steps. Each is fitted to log err by least squares;
 the order is their mean, weighted by how well they fit (Buckland, Burnham & Augustin, Biometrics 53, 1997, eq. 9).
 """
+
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -17,14 +18,17 @@ import numpy as np
 
 # belief in each shape of the head, (q, power), before the data are seen. Smooth expansions have q = 1, symmetric ones
 # 2, grazes and corners 1/2; the head is (1 + r (h / h_max)^q)^power with r of either sign
-MODELS = {(q, power): of_q * of_power for q, of_q in ((1.0, 0.7), (0.5, 0.1), (2.0, 0.1), (3.0, 0.1))
-          for power, of_power in ((1.0, 0.5), (-1.0, 0.25), (-0.5, 0.25))}
+MODELS = {
+    (q, power): of_q * of_power
+    for q, of_q in ((1.0, 0.7), (0.5, 0.1), (2.0, 0.1), (3.0, 0.1))
+    for power, of_power in ((1.0, 0.5), (-1.0, 0.25), (-0.5, 0.25))
+}
 Q, POWER = (np.array(column)[:, None] for column in zip(*MODELS, strict=True))
 BELIEF = np.array(list(MODELS.values()))
-DECAYED = 0.3                             # the same where the alternative is a plateau, which is a head of order 0
-LIMIT = 1.0                               # largest share of the head at the finest step that is tried; more is no limit
-GAP = 0.1                                 # between p and the local slope at the finest step: more is a guess
-MOST = 9.0                                # variance of a slope under a correlation of 0.8 over that under none
+DECAYED = 0.3  # the same where the alternative is a plateau, which is a head of order 0
+LIMIT = 1.0  # largest share of the head at the finest step that is tried; more is no limit
+GAP = 0.1  # between p and the local slope at the finest step: more is a guess
+MOST = 9.0  # variance of a slope under a correlation of 0.8 over that under none
 EPS = float(np.finfo(float).eps)
 
 
@@ -34,6 +38,7 @@ class Headed:
     the correlation of neighbouring residuals); head (n,): the fitted head; rss; freedom: n - 3; q, r: of the head;
     edge: the slope at the finest step is not p yet, in models with most of the weight; bend, drift: |t| of a
     further square of u and the change of slope over the window it means; inflation: of the variance, by correlation."""
+
     a: float
     p: float
     half: float
@@ -55,13 +60,15 @@ def fit_headed(u: np.ndarray, y: np.ndarray, own: np.ndarray | float = 0.0) -> H
     """
     own = np.broadcast_to(own, u.shape)
     from scipy.special import stdtrit
+
     u, n = u - u.max(), len(u)
     rss, r, p, reader = _fits(u, y, LIMIT)
-    rss = np.maximum(rss, n * (8 * EPS) ** 2)                # rounding of the logarithms is no misfit
+    rss = np.maximum(rss, n * (8 * EPS) ** 2)  # rounding of the logarithms is no misfit
     best = int(np.argmin(rss))
     head, slope = _head(r, np.exp(Q * u))
     rest = y - head[best] - p[best] * u
-    a, resid = float(rest.mean()), rest - rest.mean()
+    a = float(rest.mean())
+    resid = rest - rest.mean()
     grow = _inflation(resid)
     s2 = rss[best] / max(n - 3, 1)
     worse = (rss - rss[best]) / s2
@@ -70,23 +77,39 @@ def fit_headed(u: np.ndarray, y: np.ndarray, own: np.ndarray | float = 0.0) -> H
     mean = float(weight @ p)
     # every order is linear in log err nearby, so the mean is too; to its variance comes that of the orders about it
     by = weight @ reader
-    half = float(stdtrit(n - 3, 0.975)) * np.sqrt(s2 * grow * (by @ by) + weight @ (p - mean) ** 2 + (by * by) @ own**2)
+    half = float(stdtrit(n - 3, 0.975)) * np.sqrt(
+        s2 * grow * (by @ by) + weight @ (p - mean) ** 2 + (by * by) @ own**2
+    )
     # residuals as smooth as the estimate can say are no noise but misfit, and a bend in them counts in full
     J = np.stack([np.ones(n), u, slope[best] / max(np.abs(slope[best]).max(), 1e-300)], 1)
     bend, drift = _bend(u, J, resid, s2 * (grow if grow < MOST else 1.0))
-    sharp = BELIEF * np.exp(-0.5 * worse)                    # a smooth misfit inflates the variance, but not the doubt
+    sharp = BELIEF * np.exp(
+        -0.5 * worse
+    )  # a smooth misfit inflates the variance, but not the doubt
     share = r * np.exp(Q[:, 0] * u[0])
     gap = np.abs(POWER[:, 0] * Q[:, 0] * share) / np.maximum(np.abs(1 + share), 1e-3)
     edge = bool(sharp @ (gap > GAP) > 0.5 * sharp.sum())
-    return Headed(a + (p[best] - mean) * float(u[0]), mean, float(half), head[best], float(rss[best]), n - 3,
-                  float(Q[best, 0]), float(r[best]), edge, float(bend), float(drift), grow)
+    return Headed(
+        a + (p[best] - mean) * float(u[0]),
+        mean,
+        float(half),
+        head[best],
+        float(rss[best]),
+        n - 3,
+        float(Q[best, 0]),
+        float(r[best]),
+        edge,
+        float(bend),
+        float(drift),
+        grow,
+    )
 
 
 def convergent(u: np.ndarray, y: np.ndarray, least: float) -> float:
     """The smallest sum of squares of a power law with a head whose order is at least `least`."""
     u, n = u - u.max(), len(u)
     rss, _, p, _ = _fits(u, y, DECAYED)
-    grid = _grid(np.exp(Q * u[0]), DECAYED)                  # on the edge: a grid over r with p = least
+    grid = _grid(np.exp(Q * u[0]), DECAYED)  # on the edge: a grid over r with p = least
     z = y - least * u - _head(grid, np.exp(Q * u))[0]
     edge = z.var(axis=-1).min(axis=-1) * n
     return max(float(np.where(p < least, edge, rss).min()), n * (8 * EPS) ** 2)
@@ -95,9 +118,10 @@ def convergent(u: np.ndarray, y: np.ndarray, least: float) -> float:
 def _head(r, e):
     """(head, its derivative in r) for r (models, ...) and e (models, n): (models, ..., n)."""
     shape = (len(e),) + (1,) * (r.ndim - 1) + (-1,)
-    e, power = e.reshape(shape), POWER.reshape(shape)
+    e = e.reshape(shape)
+    power = POWER.reshape(shape)
     z = 1 + r[..., None] * e
-    z = np.where(np.abs(z) < 1e-3, 1e-3, z)                  # a step at which both terms cancel says nothing finer
+    z = np.where(np.abs(z) < 1e-3, 1e-3, z)  # a step at which both terms cancel says nothing finer
     return power * np.log(np.abs(z)), power * e / z
 
 
@@ -120,23 +144,31 @@ def _fits(u, y, most):
     def off(z):
         z = z - z.mean(axis=-1, keepdims=True)
         return z - (z @ w)[..., None] * w
+
     grid = _grid(e[:, :1], most)
     z = off(y - _head(grid, e)[0])
     rss = np.einsum("...i,...i", z, z)
     rows = np.arange(len(e))
     at = rss.argmin(1)
-    r, best, low, high = grid[rows, at], rss[rows, at], grid[:, 0], grid[:, -1]
+    r = grid[rows, at]
+    best = rss[rows, at]
+    low = grid[:, 0]
+    high = grid[:, -1]
     for _ in range(15):
         head, slope = _head(r, e)
-        z, d = off(y - head), off(slope)
+        z = off(y - head)
+        d = off(slope)
         dd = np.einsum("ij,ij->i", d, d)
         step = np.where(dd > 1e-24, np.einsum("ij,ij->i", d, z) / np.maximum(dd, 1e-24), 0.0)
-        trial = np.clip(r[:, None] + step[:, None] * np.array([1.0, 0.5, 0.1]), low[:, None], high[:, None])
+        trial = np.clip(
+            r[:, None] + step[:, None] * np.array([1.0, 0.5, 0.1]), low[:, None], high[:, None]
+        )
         z = off(y - _head(trial, e)[0])
         rss = np.einsum("...i,...i", z, z)
         at = rss.argmin(1)
         better = rss[rows, at] < best * (1 - 1e-9)
-        r, best = np.where(better, trial[rows, at], r), np.where(better, rss[rows, at], best)
+        r = np.where(better, trial[rows, at], r)
+        best = np.where(better, rss[rows, at], best)
         if not better.any():
             break
     head, slope = _head(r, e)
@@ -144,7 +176,7 @@ def _fits(u, y, most):
     p = (y - head) @ c / (c @ c)
     d = slope - slope.mean(axis=1, keepdims=True)
     dd = np.maximum(np.einsum("ij,ij->i", d, d), 1e-300)
-    v = c - d * (d @ c / dd)[:, None]                        # the part of u that neither constant nor head can make
+    v = c - d * (d @ c / dd)[:, None]  # the part of u that neither constant nor head can make
     return best, r, p, v / np.maximum(np.einsum("ij,ij->i", v, v), 1e-300)[:, None]
 
 
@@ -154,7 +186,8 @@ def _inflation(resid: np.ndarray) -> float:
     rho is corrected for the bias of its estimate with three fitted parameters; never below 1 (negative correlation is
     not trusted to help), nor above MOST.
     """
-    n, norm = len(resid), float(resid @ resid)
+    n = len(resid)
+    norm = float(resid @ resid)
     if n < 8 or norm == 0.0:
         return 1.0
     rho = float(resid[1:] @ resid[:-1]) / norm

@@ -4,6 +4,7 @@ Both models are fitted to log err by least squares; the noise level is estimated
 is the F ratio (RSS0 - RSS1) / (RSS1 / (n - 3)), compared with F(1, n - 3) at 1 % (conservative: C >= 0 sits on the
 boundary of its range under C = 0).
 """
+
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -12,18 +13,19 @@ import numpy as np
 
 from nsbench.measure.orders.corrected_power_law import convergent, fit_headed
 
-LEVEL = 0.01                              # of the likelihood ratio
-FINER = 4.0                               # a plateau must persist when the smallest step is divided by this
-LARGE = 2.0                               # C over M h^p at the finest step: what an order must exclude at 5 %
-RISEN = 0.1                               # in log err: a rise of the finest errors over the smallest that is none
-SLOWEST = 0.3                             # the slowest convergence a plateau is weighed against (none known is below 1/2)
-CREEPING = 0.05                           # an order below which nobody could tell it from none
-END = 2.0**1.5                            # the fine end, where the error must have stopped to fall
+LEVEL = 0.01  # of the likelihood ratio
+FINER = 4.0  # a plateau must persist when the smallest step is divided by this
+LARGE = 2.0  # C over M h^p at the finest step: what an order must exclude at 5 %
+RISEN = 0.1  # in log err: a rise of the finest errors over the smallest that is none
+SLOWEST = 0.3  # the slowest convergence a plateau is weighed against (none known is below 1/2)
+CREEPING = 0.05  # an order below which nobody could tell it from none
+END = 2.0**1.5  # the fine end, where the error must have stopped to fall
 
 
 @dataclass(frozen=True)
 class Levelled:
     """The fit of err = C + M h^p to n points; rss, rss0: sums of squares in log err with C >= 0 and with C = 0."""
+
     C: float
     M: float
     p: float
@@ -43,6 +45,7 @@ class Levelled:
     @property
     def significant(self) -> bool:
         from scipy.special import fdtri
+
         return self.n > 3 and self.ratio > fdtri(1, self.n - 3, 1.0 - LEVEL)
 
 
@@ -57,11 +60,14 @@ def power_law(u: np.ndarray, y: np.ndarray) -> tuple[float, float, float]:
 def fit_levelled(h: np.ndarray, err: np.ndarray) -> Levelled:
     """Least squares of log(C + M h^p), C >= 0, over a grid of (p, C / M) refined by Gauss-Newton. h, err > 0."""
     ref = float(np.exp(np.log(h).mean()))
-    u, y = np.log(h / ref), np.log(err)
+    u = np.log(h / ref)
+    y = np.log(err)
     a, p0, rss0 = power_law(u, y)
     best = (rss0, p0, -np.inf, a)
     p = np.geomspace(0.1, 12.0, 30)[:, None, None]
-    v = np.linspace(-10.0, 10.0, 41)[None, :, None] + 0.5 * p * (u.min() + u.max())      # v = log(C / M)
+    v = np.linspace(-10.0, 10.0, 41)[None, :, None] + 0.5 * p * (
+        u.min() + u.max()
+    )  # v = log(C / M)
     resid = y - np.logaddexp(v, p * u)
     rss = resid.var(axis=-1) * len(u)
     # every local minimum of the grid could hold the best fit; the three lowest are enough in all trials
@@ -72,34 +78,43 @@ def fit_levelled(h: np.ndarray, err: np.ndarray) -> Levelled:
             best = found
     rss1, q, w, b = best
     M = np.exp(b) / ref**q
-    return Levelled(float(np.exp(b + w)) if np.isfinite(w) else 0.0, float(M), q, rss1, rss0, len(u))
+    return Levelled(
+        float(np.exp(b + w)) if np.isfinite(w) else 0.0, float(M), q, rss1, rss0, len(u)
+    )
 
 
 def _refine(u, y, p, v):
     """Levenberg-Marquardt on (p, v) for y = b + log(e^v + e^(p u)), b eliminated: (rss, p, v, b)."""
+
     def value(p, v):
         z = np.logaddexp(v, p * u)
         b = float((y - z).mean())
         r = y - z - b
         return float(r @ r), r, b, z
+
     rss, r, b, z = value(p, v)
     damp = 1e-3
     for _ in range(40):
         w = np.exp(v - z)
         J = np.stack([(1.0 - w) * u, w], 1)
         J -= J.mean(0)
-        A, g = J.T @ J, J.T @ r
+        A = J.T @ J
+        g = J.T @ r
         A[0, 0] += damp * A[0, 0] + 1e-300
         A[1, 1] += damp * A[1, 1] + 1e-300
         det = A[0, 0] * A[1, 1] - A[0, 1] ** 2
         if not det > 0.0:
             break
-        dp, dv = (A[1, 1] * g[0] - A[0, 1] * g[1]) / det, (A[0, 0] * g[1] - A[0, 1] * g[0]) / det
-        q, s = min(max(p + dp, 1e-3), 20.0), min(max(v + dv, v - 5.0), v + 5.0)
+        dp = (A[1, 1] * g[0] - A[0, 1] * g[1]) / det
+        dv = (A[0, 0] * g[1] - A[0, 1] * g[0]) / det
+        q = min(max(p + dp, 1e-3), 20.0)
+        s = min(max(v + dv, v - 5.0), v + 5.0)
         trial = value(q, s)
         if trial[0] < rss:
             gain = rss - trial[0]
-            p, v, damp = q, s, damp / 5
+            p = q
+            v = s
+            damp = damp / 5
             rss, r, b, z = trial
             if gain <= 1e-10 * rss:
                 break
@@ -119,18 +134,23 @@ def persists(h: np.ndarray, err: np.ndarray, full: Levelled) -> bool:
     M h^p.
     """
     from scipy.special import fdtri
+
     # a high order levels off sooner: the same share of h^p
     end = max(h.min() * END ** (1.0 / max(full.p, 1.0)), np.sort(h)[min(3, len(h) - 1)])
-    coarse, fine = h >= FINER * h.min() * (1 - 1e-9), h <= end * (1 + 1e-9)
+    coarse = h >= FINER * h.min() * (1 - 1e-9)
+    fine = h <= end * (1 + 1e-9)
     if coarse.sum() < 5 or fine.sum() < 3:
         return False
     before = fit_levelled(h[coarse], err[coarse])
     slope = power_law(np.log(h[fine]), np.log(err[fine]))[1]
-    if _rises(h, err):                                   # rounding or divergence, no level
+    if _rises(h, err):  # rounding or divergence, no level
         return False
     off = np.log(err[coarse]) - np.log(full.C + full.M * h[coarse] ** full.p)
     free = max(before.n - 3, 1)
-    foreseen = full.C > 0.5 * before.C or (off @ off - before.rss) / 3 < fdtri(3, free, 0.95) * before.rss / free
+    foreseen = (
+        full.C > 0.5 * before.C
+        or (off @ off - before.rss) / 3 < fdtri(3, free, 0.95) * before.rss / free
+    )
     return foreseen and slope < 0.5 * full.p
 
 
@@ -141,10 +161,13 @@ def claimed(h: np.ndarray, err: np.ndarray) -> Levelled | None:
     same way but at the coarse end; and not significantly worse than a very slow convergence, such as that of 1 / log h.
     """
     from scipy.special import fdtri
+
     level = fit_levelled(h, err)
     if not (level.C > 0.0 and level.significant and persists(h, err, level)):
         return None
-    u, y, free = np.log(h), np.log(err), level.n - 3
+    u = np.log(h)
+    y = np.log(err)
+    free = level.n - 3
     if level.rss - convergent(u, y, SLOWEST) > level.rss / free:
         return None
     creeping = convergent(u, y, CREEPING)
@@ -166,13 +189,20 @@ def cannot_exclude(h: np.ndarray, err: np.ndarray, head: bool = True) -> bool:
     exclude, better.
     """
     from scipy.special import fdtri
-    u, y, n = np.log(h / h.min()), np.log(err), len(h)
+
+    u = np.log(h / h.min())
+    y = np.log(err)
+    n = len(h)
     if n < 6:
         return True
-    rss, free, shapes = power_law(u, y)[2], n - 2, (y,)
+    rss = power_law(u, y)[2]
+    free = n - 2
+    shapes = (y,)
     if head:
         headed = fit_headed(u, y)
-        rss, free, shapes = headed.rss, headed.freedom / headed.inflation, (y, y - headed.head)
+        rss = headed.rss
+        free = headed.freedom / headed.inflation
+        shapes = (y, y - headed.head)
     least = [min(_with_level(u, z, LARGE * k) for z in shapes) for k in (0.25, 0.5, 1.0, 2.0, 4.0)]
     noise = max(rss / free, (8 * np.finfo(float).eps) ** 2)
     return (min(least[2:]) - rss) / noise < fdtri(1, free, 0.95) or min(least) <= rss

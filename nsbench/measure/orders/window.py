@@ -1,13 +1,14 @@
 """Which points of a ladder of errors say something: finite, above the floors, not alone far from their neighbours."""
+
 from __future__ import annotations
 
 import numpy as np
 
 EPS = float(np.finfo(float).eps)
-APART = 0.001           # level (for the whole ladder) at which one error is called apart from the others
-PHASE = 0.02            # of an octave: steps closer than this in log2 h, modulo one, are at the same phase
-DIP = 1 / 3             # of the floor: an error below says nothing, even among larger ones
-CLEAR = 100.0           # times rounding: an error that rounding cannot have made
+APART = 0.001  # level (for the whole ladder) at which one error is called apart from the others
+PHASE = 0.02  # of an octave: steps closer than this in log2 h, modulo one, are at the same phase
+DIP = 1 / 3  # of the floor: an error below says nothing, even among larger ones
+CLEAR = 100.0  # times rounding: an error that rounding cannot have made
 
 
 def rounding(h, scale: float = 1.0, span: float = 1.0) -> np.ndarray:
@@ -22,16 +23,24 @@ def rounding(h, scale: float = 1.0, span: float = 1.0) -> np.ndarray:
 
 def tidy(h, err):
     """Sorted, finite, one point per step: (h, err, counts of what was dropped)."""
-    h, err = np.asarray(h, float).ravel(), np.abs(np.asarray(err, float).ravel())
+    h = np.asarray(h, float).ravel()
+    err = np.abs(np.asarray(err, float).ravel())
     if h.shape != err.shape:
         raise ValueError(f"{h.size} steps and {err.size} errors")
     good = np.isfinite(h) & (h > 0) & np.isfinite(err)
-    h, err, bad = h[good], err[good], int((~good).sum())
+    h = h[good]
+    err = err[good]
+    bad = int((~good).sum())
     order = np.argsort(h, kind="stable")
-    h, err = h[order], err[order]
+    h = h[order]
+    err = err[order]
     new = np.ones(len(h), bool)
     new[1:] = np.diff(h) > 1e-12 * h[1:]
-    return h[new], err[new], {"not finite": bad, "same step": int((~new).sum()), "floor": 0, "apart": 0, "head": 0}
+    return (
+        h[new],
+        err[new],
+        {"not finite": bad, "same step": int((~new).sum()), "floor": 0, "apart": 0, "head": 0},
+    )
 
 
 def above(err, floor) -> np.ndarray:
@@ -39,29 +48,32 @@ def above(err, floor) -> np.ndarray:
 
     A single error somewhat below the floor stays: dropping low ones and keeping high ones would bend the fine end.
     """
-    ratio, n = err / floor, len(err)
+    ratio = err / floor
+    n = len(err)
     width = min(5, n | 1)
     lo = np.clip(np.arange(n) - width // 2, 0, max(n - width, 0))
-    middle = np.array([np.median(ratio[k:k + width]) for k in lo])
+    middle = np.array([np.median(ratio[k : k + width]) for k in lo])
     below = np.flatnonzero(middle <= 1.0)
     keep = ratio > DIP
     if below.size:
-        keep[:below[-1] + 1] = False
+        keep[: below[-1] + 1] = False
     return keep
 
 
 def now_and_then(err, noise) -> int:
     """How many steps are exact to rounding although a finer one is clearly not."""
     clear = np.flatnonzero(err > CLEAR * noise)
-    return int((err[clear[0]:] <= noise[clear[0]:]).sum()) if clear.size else 0
+    return int((err[clear[0] :] <= noise[clear[0] :]).sum()) if clear.size else 0
 
 
 def dyadic(h) -> bool:
     """True when the steps sit at fewer than 3 phases of log2 h: such a ladder can see the same phase at every step."""
-    phases, last = 0, -1.0
+    phases = 0
+    last = -1.0
     for phase in np.sort(np.log2(h) % 1.0):
         if phase > last + PHASE:
-            phases, last = phases + 1, phase
+            phases = phases + 1
+            last = phase
     return phases < 3
 
 
@@ -71,6 +83,7 @@ def alone(h, err) -> np.ndarray:
     A cubic follows a head, a plateau or a turn; what it cannot follow is one step, or some, that went otherwise.
     """
     from scipy.special import stdtrit
+
     out = np.zeros(len(h), bool)
     while out.sum() < len(h) // 10:
         rest = np.flatnonzero(~out)
@@ -80,8 +93,9 @@ def alone(h, err) -> np.ndarray:
         v = np.log(h[rest] / h[rest[0]])
         Q, _ = np.linalg.qr(np.vander(2 * v / v[-1] - 1, 4))
         y = np.log(err[rest])
-        r, free = y - Q @ (Q.T @ y), 1.0 - np.einsum("ij,ij->i", Q, Q)
-        without = (r @ r - r * r / free) / (n - 5)               # variance when the point is left out
+        r = y - Q @ (Q.T @ y)
+        free = 1.0 - np.einsum("ij,ij->i", Q, Q)
+        without = (r @ r - r * r / free) / (n - 5)  # variance when the point is left out
         t = np.abs(r) / np.sqrt(np.maximum(free * without, (8 * EPS) ** 2))
         k = int(np.argmax(t))
         # a factor below two is scatter, however small the scatter of the others is

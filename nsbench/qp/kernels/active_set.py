@@ -15,6 +15,7 @@ M_AA = G_A G_A^T made anew in each round: in a time loop G changes in every step
    one violated row at a time, the rows that block it leave. The dual value falls with each row taken in, so no set comes
    back; the active rows stay independent; a violated row that nothing blocks proves that there is no feasible point.
 """
+
 import numpy as np
 from numba import njit
 
@@ -34,10 +35,12 @@ from nsbench.qp.kernels.dual_active_set import (
 
 __all__ = ["INFEASIBLE", "MAXITER", "SOLVED", "pattern", "residual", "slack", "solve"]
 
-SHIFT = 0.1                  # of the diagonal in phase 2, times the residual: regularised Newton, fast at the end
-NEWTON, SHORTEST = 100, 1e-10  # rounds of phase 2; the least part of a step
-MANY = 50                    # wrong signs; phase 3 needs a round for each at least, phase 2 about as many for all
-CLOSE = 1e-3                 # the "epsilon" of projected Newton: any positive number will do
+SHIFT = 0.1  # of the diagonal in phase 2, times the residual: regularised Newton, fast at the end
+# rounds of phase 2; the least part of a step
+NEWTON = 100
+SHORTEST = 1e-10
+MANY = 50  # wrong signs; phase 3 needs a round for each at least, phase 2 about as many for all
+CLOSE = 1e-3  # the "epsilon" of projected Newton: any positive number will do
 
 
 @njit(cache=True, error_model="numpy")
@@ -68,14 +71,21 @@ def arrange(P):
 @njit(cache=True, error_model="numpy")
 def exchange(on, P, vals, q, norm, scale, mu, d, w, slot):
     """Phase 1. Returns whether all signs are right, how many were wrong at first, and the rounds taken."""
-    best, chances, rounds, first = on.size + 1, 3, 0, 0
+    best = on.size + 1
+    chances = 3
+    rounds = 0
+    first = 0
     while True:
         equality(on, P, vals, q, norm, DEPENDENT, EPS * scale, mu, d, w, slot)
         rounds += 1
-        tol, wrong, off = rounding(scale, mu, norm), 0, 0.0
+        tol = rounding(scale, mu, norm)
+        wrong = 0
+        off = 0.0
         for k in range(on.size):
             off = max(off, abs(w[k]) / norm[k]) if on[k] else off
-        if not max(tol, off) <= np.sqrt(EPS) * scale:      # almost dependent rows that contradict: all is rounding
+        if (
+            not max(tol, off) <= np.sqrt(EPS) * scale
+        ):  # almost dependent rows that contradict: all is rounding
             return False, first, rounds
         for k in range(on.size):
             if (on[k] and mu[k] * norm[k] < -tol) or (not on[k] and w[k] < -tol * norm[k]):
@@ -110,19 +120,25 @@ def dual(P, vals, q, mu, d):
 def newton(on, P, vals, q, norm, scale, mu, d, w, slot):
     """Phase 2. Projected Newton steps on the dual from mu >= 0; on return `on` is the support. Returns rounds."""
     ptr, cols, tptr, trow, tpos, order = P
-    m, trial, e, p = q.size, np.empty(q.size), np.empty(d.size), np.empty(q.size)
+    m = q.size
+    trial = np.empty(q.size)
+    e = np.empty(d.size)
+    p = np.empty(q.size)
     free = np.zeros(m, np.bool_)
-    value, rounds = dual(P, vals, q, mu, d), 0
+    value = dual(P, vals, q, mu, d)
+    rounds = 0
     while rounds < NEWTON:
         slack(P, vals, q, d, w)
-        tol, near, rounds = rounding(scale, mu, norm), 0.0, rounds + 1
-        if not tol <= np.sqrt(EPS) * scale:                # no bound below: the rows contradict each other
+        tol = rounding(scale, mu, norm)
+        near = 0.0
+        rounds = rounds + 1
+        if not tol <= np.sqrt(EPS) * scale:  # no bound below: the rows contradict each other
             break
-        for k in range(m):                                 # how far from the end, as a length
+        for k in range(m):  # how far from the end, as a length
             near = max(near, abs(min(mu[k] * norm[k], w[k] / norm[k])))
         if near <= tol:
             break
-        for k in range(m):                                 # almost zero and about to be: a step of its own
+        for k in range(m):  # almost zero and about to be: a step of its own
             free[k] = w[k] < 0.0 or mu[k] * norm[k] > min(near, CLOSE * scale)
             p[k] = -w[k] / (norm[k] * norm[k])
         act = choose(free, order, slot)
@@ -133,7 +149,8 @@ def newton(on, P, vals, q, norm, scale, mu, d, w, slot):
         back(L, D, b)
         for i in range(act.size):
             p[act[i]] = b[i]
-        t, new = 2.0, np.inf
+        t = 2.0
+        new = np.inf
         while t > SHORTEST:
             t *= 0.5
             slope = 0.0
@@ -164,10 +181,14 @@ def solve(P, vals, q, guess, scale):
     rounds = factorisations.
     """
     m = q.size
-    mu, d, w, on = np.zeros(m), np.zeros(P[2].size - 1), np.empty(m), np.empty(m, np.bool_)
+    mu = np.zeros(m)
+    d = np.zeros(P[2].size - 1)
+    w = np.empty(m)
+    on = np.empty(m, np.bool_)
     for k in range(m):
         on[k] = guess[k] > 0.0
-    norm, slot = lengths(P, vals), np.empty(m, np.int64)
+    norm = lengths(P, vals)
+    slot = np.empty(m, np.int64)
     done, wrong, rounds = exchange(on, P, vals, q, norm, scale, mu, d, w, slot)
     code = SOLVED
     if not done:
@@ -196,7 +217,10 @@ def residual(P, vals, q, mu, d):
     mu_k |G_k| is how far row k moves the point, w_k / |G_k| how far the point is from row k, so nothing changes when
     a gap is multiplied by a number. (The last three are |min(mu_k |G_k|, w_k / |G_k|)|.) NaN where data is not finite.
     """
-    worst, e, w, norm = 0.0, np.empty(d.size), np.empty(q.size), lengths(P, vals)
+    worst = 0.0
+    e = np.empty(d.size)
+    w = np.empty(q.size)
+    norm = lengths(P, vals)
     push(P, vals, mu, e)
     slack(P, vals, q, d, w)
     for c in range(d.size):

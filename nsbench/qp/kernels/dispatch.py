@@ -4,23 +4,39 @@
 it gives up. Both fill mu (m,), d = G^T mu (n,) and work (4,): code, rounds, and for `many` the sizes that book
 and store must have; it answers GROW when they are smaller, and nothing is solved.
 """
+
 import numpy as np
 from numba import cfunc, float64, int64, njit, void
 
 from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
 from nsbench.qp.kernels.active_set import arrange
 
-FEW = 128                    # rows at work; below, one round of the active set costs less than three rounds on fronts
-GROW, GIVEN_UP = 5, 6
-_I, _F = int64[::1], float64[::1]
-_PROBLEM = (_I, _I, _I, _I, _I, _I, _F, _F, _F, float64)          # the six of qp.pattern, vals, q, guess, scale
-EXACT, MANY = void(*_PROBLEM, _F, _F, _I), void(*_PROBLEM, _I, _F, _F, _F, _I)
+FEW = 128  # rows at work; below, one round of the active set costs less than three rounds on fronts
+GROW = 5
+GIVEN_UP = 6
+_I = int64[::1]
+_F = float64[::1]
+_PROBLEM = (
+    _I,
+    _I,
+    _I,
+    _I,
+    _I,
+    _I,
+    _F,
+    _F,
+    _F,
+    float64,
+)  # the six of qp.pattern, vals, q, guess, scale
+EXACT = void(*_PROBLEM, _F, _F, _I)
+MANY = void(*_PROBLEM, _I, _F, _F, _F, _I)
 
 
 @cfunc(MANY, cache=True)
 def nobody(ptr, cols, tptr, trow, tpos, order, vals, q, guess, scale, book, store, mu, d, work):
     """For scenes that never have many rows: gives up, and spares the compilation."""
-    work[0], work[1] = GIVEN_UP, 0
+    work[0] = GIVEN_UP
+    work[1] = 0
 
 
 @njit(cache=True, error_model="numpy")
@@ -36,15 +52,20 @@ def at_work(q, guess):
 def least(exact, many, P, book, store, vals, q, guess, scale, work):
     """mu (m,), d = G^T mu (n,), and book and store, perhaps larger ones; work (4,): code and rounds."""
     ptr, cols, tptr, trow, tpos, order = P
-    mu, d, done, start = np.zeros(q.size), np.zeros(tptr.size - 1), 0, guess
+    mu = np.zeros(q.size)
+    d = np.zeros(tptr.size - 1)
+    done = 0
+    start = guess
     if at_work(q, guess) > FEW:
         many(ptr, cols, tptr, trow, tpos, order, vals, q, guess, scale, book, store, mu, d, work)
-        while work[0] == GROW:                            # with room to spare: the next list will be as long
+        while work[0] == GROW:  # with room to spare: the next list will be as long
             if work[2] > book.size:
                 book = np.zeros(work[2] + work[2] // 4, np.int64)
             else:
                 store = np.empty(work[3] + work[3] // 4)
-            many(ptr, cols, tptr, trow, tpos, order, vals, q, guess, scale, book, store, mu, d, work)
+            many(
+                ptr, cols, tptr, trow, tpos, order, vals, q, guess, scale, book, store, mu, d, work
+            )
         if work[0] != GIVEN_UP:
             return mu, d, book, store
         done = work[1]

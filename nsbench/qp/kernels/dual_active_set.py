@@ -2,16 +2,21 @@
 
 The state is a set of independent rows that are on, their mu >= 0, and the factor (act, L, D) of M_AA.
 """
+
 import numpy as np
 from numba import njit
 
 from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
 from nsbench.linalg.sparse_ldl import back, choose, factor, push, slack
 
-SOLVED, INFEASIBLE, MAXITER = 0, 1, 2
+SOLVED = 0
+INFEASIBLE = 1
+MAXITER = 2
 EPS = 2.0**-52
-DEPENDENT = 1e-12            # squared sine to the span: below it 1/sine^2 eats more digits than refinement returns
-NO_FACTOR = 1e-15            # phase 3 decides on dependence itself; the factor refuses only what rounding makes of zero
+DEPENDENT = (
+    1e-12  # squared sine to the span: below it 1/sine^2 eats more digits than refinement returns
+)
+NO_FACTOR = 1e-15  # phase 3 decides on dependence itself; the factor refuses only what rounding makes of zero
 
 
 @njit(cache=True, error_model="numpy")
@@ -24,11 +29,13 @@ def equality(on, P, vals, q, norm, dependent, eps, mu, d, w, slot):
         if D[i] == 0.0:
             on[act[i]] = False
     for k in range(mu.size):
-        mu[k], w[k] = 0.0, q[k]
+        mu[k] = 0.0
+        w[k] = q[k]
     for c in range(d.size):
         d[c] = 0.0
-    b, before = np.empty(act.size), np.inf
-    for _ in range(6):                                # a solve and its refinement with the true residual
+    b = np.empty(act.size)
+    before = np.inf
+    for _ in range(6):  # a solve and its refinement with the true residual
         worst = 0.0
         for i in range(act.size):
             b[i] = -w[act[i]]
@@ -57,7 +64,8 @@ def rounding(scale, mu, norm):
 @njit(cache=True, error_model="numpy")
 def direction(p, act, L, D, P, vals, slot):
     """r with M_AA r = M_Ap, and |G_p - G_A^T r|^2: what moves when row p is pushed and the set A holds."""
-    ptr, cols = P[0], P[1]
+    ptr = P[0]
+    cols = P[1]
     r = np.zeros(act.size)
     v = np.zeros(P[2].size - 1)
     for e in range(ptr[p], ptr[p + 1]):
@@ -81,9 +89,11 @@ def direction(p, act, L, D, P, vals, slot):
 @njit(cache=True, error_model="numpy")
 def purify(on, P, vals, mu, norm, slot):
     """From mu >= 0 on any rows to independent ones with the same G^T mu (Caratheodory). Returns rounds."""
-    rounds, swapped = 0, True
+    rounds = 0
+    swapped = True
     while swapped:
-        act, swapped = choose(on, P[5], slot), False
+        act = choose(on, P[5], slot)
+        swapped = False
         L, D = factor(act, slot, P[0], P[1], vals, P[2], P[3], P[4], DEPENDENT, 0.0)
         rounds += 1
         for c in range(act.size):
@@ -91,14 +101,21 @@ def purify(on, P, vals, mu, norm, slot):
                 continue
             k = act[c]
             r, _ = direction(k, act, L, D, P, vals, slot)
-            t, leave = mu[k], k
+            t = mu[k]
+            leave = k
             for i in range(act.size):
-                if D[i] != 0.0 and r[i] < -1e-14 * norm[k] / norm[act[i]] and mu[act[i]] < -t * r[i]:
-                    t, leave = -mu[act[i]] / r[i], act[i]
+                if (
+                    D[i] != 0.0
+                    and r[i] < -1e-14 * norm[k] / norm[act[i]]
+                    and mu[act[i]] < -t * r[i]
+                ):
+                    t = -mu[act[i]] / r[i]
+                    leave = act[i]
             for i in range(act.size):
                 mu[act[i]] = max(mu[act[i]] + t * r[i], 0.0)
             mu[k] -= t
-            mu[leave], on[leave] = 0.0, False
+            mu[leave] = 0.0
+            on[leave] = False
             if leave != k:
                 swapped = True
                 break
@@ -111,11 +128,13 @@ def settle(on, P, vals, q, norm, scale, mu, d, w, slot):
 
     The dual value falls all the way (Lawson & Hanson 1974, chapter 23). Returns act, L, D, rounds.
     """
-    rounds, goal = 0, np.empty(mu.size)
+    rounds = 0
+    goal = np.empty(mu.size)
     while True:
         act, L, D = equality(on, P, vals, q, norm, NO_FACTOR, EPS * scale, goal, d, w, slot)
         rounds += 1
-        tol, t = rounding(scale, goal, norm), 1.0
+        tol = rounding(scale, goal, norm)
+        t = 1.0
         for k in act:
             if on[k] and goal[k] * norm[k] < -tol:
                 t = min(t, mu[k] / (mu[k] - goal[k]))
@@ -132,16 +151,20 @@ def settle(on, P, vals, q, norm, scale, mu, d, w, slot):
 @njit(cache=True, error_model="numpy")
 def take_in(p, on, P, vals, q, norm, scale, mu, d, w, slot, act, L, D, limit):
     """Raise mu_p until row p holds; blocking rows leave. Returns code, the new act, L, D, and rounds."""
-    rounds, mup, wp = 0, 0.0, w[p]
+    rounds = 0
+    mup = 0.0
+    wp = w[p]
     while rounds <= limit:
         r, gain = direction(p, act, L, D, P, vals, slot)
         full = -wp / gain if gain > DEPENDENT * norm[p] * norm[p] else np.inf
-        t, leave = full, np.int64(-1)
+        t = full
+        leave = np.int64(-1)
         for i in range(act.size):
-            if D[i] != 0.0 and r[i] > 1e-14 * norm[p] / norm[act[i]]:      # below: rounding of a zero
+            if D[i] != 0.0 and r[i] > 1e-14 * norm[p] / norm[act[i]]:  # below: rounding of a zero
                 s = max(mu[act[i]], 0.0) / r[i]
                 if s < t:
-                    t, leave = s, act[i]
+                    t = s
+                    leave = act[i]
         if t == np.inf:
             return INFEASIBLE, act, L, D, rounds
         for i in range(act.size):
@@ -149,7 +172,8 @@ def take_in(p, on, P, vals, q, norm, scale, mu, d, w, slot, act, L, D, limit):
         mup += t
         wp += t * gain
         if leave < 0:
-            on[p], mu[p] = True, mup
+            on[p] = True
+            mu[p] = mup
             act, L, D, more = settle(on, P, vals, q, norm, scale, mu, d, w, slot)
             return SOLVED, act, L, D, rounds + more
         on[leave] = False
@@ -167,18 +191,23 @@ def one_by_one(on, P, vals, q, norm, scale, mu, d, w, slot):
     limit = 100 + 20 * on.size
     spared = np.zeros(on.size, np.bool_)
     while rounds < limit:
-        tol, p, worst = rounding(scale, mu, norm), np.int64(-1), 0.0
+        tol = rounding(scale, mu, norm)
+        p = np.int64(-1)
+        worst = 0.0
         for k in range(on.size):
             if not on[k] and not spared[k] and w[k] / norm[k] < min(-tol, worst):
-                p, worst = k, w[k] / norm[k]
+                p = k
+                worst = w[k] / norm[k]
         if p < 0:
             return SOLVED, rounds
-        code, act, L, D, more = take_in(p, on, P, vals, q, norm, scale, mu, d, w, slot, act, L, D, limit)
+        code, act, L, D, more = take_in(
+            p, on, P, vals, q, norm, scale, mu, d, w, slot, act, L, D, limit
+        )
         rounds += more
         if code == INFEASIBLE:
             if worst < -np.sqrt(EPS) * scale:
                 return INFEASIBLE, rounds
-            spared[p] = True                           # contradicts the others by rounding only: the residual shows it
+            spared[p] = True  # contradicts the others by rounding only: the residual shows it
             act, L, D, more = settle(on, P, vals, q, norm, scale, mu, d, w, slot)
             rounds += more
         elif code == MAXITER:

@@ -1,4 +1,5 @@
 """kernels.qp as a C function: exact to rounding and basic, best for few rows."""
+
 from numba import cfunc
 
 from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
@@ -9,7 +10,9 @@ from nsbench.qp.kernels.dispatch import EXACT
 @cfunc(EXACT, cache=True, error_model="numpy")
 def exact(ptr, cols, tptr, trow, tpos, order, vals, q, guess, scale, mu, d, work):
     """Fills mu (m,), d (n,) and work: code, rounds."""
-    got, way, work[0], work[1] = qp.solve((ptr, cols, tptr, trow, tpos, order), vals, q, guess, scale)
+    got, way, work[0], work[1] = qp.solve(
+        (ptr, cols, tptr, trow, tpos, order), vals, q, guess, scale
+    )
     for k in range(mu.size):
         mu[k] = got[k]
     for c in range(d.size):

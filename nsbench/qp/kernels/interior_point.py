@@ -8,6 +8,7 @@ central path next to the multipliers of the step before: lam - s = guess - w and
 (the smoothing of Chen & Harker, Kanzow; SIAM J. Matrix Anal. Appl. 14(4), 1993). As soon as few rows are left of which it
 is not clear whether they act, kernels.revise finishes from the rows with lam > s. Rows of G have length 1.
 """
+
 import numpy as np
 from numba import njit
 
@@ -16,18 +17,26 @@ from nsbench.linalg.multifrontal import factor, solve
 from nsbench.linalg.sparse_ldl import push, slack
 from nsbench.qp.kernels.working_set_update import revise
 
-ROUNDS = 80                  # about 20 do from nothing
-CORRECTORS = 2               # more of them find nothing to correct
-BACK = 0.999                 # of the way to the border
-ENOUGH = 0.95                # a step this long needs no corrector
-NEAR, COLD = 0.01, 1.0        # of the squared residual of the guess: where on the central path to start, warm or cold
-CENTRAL = 0.01               # of mu: a product lam s below is lifted, by s
-CLEAR, OPEN = 1e3, 0.005     # lam / s of a row that is clear; SMALL and so few others among all are worth an attempt to finish
-SMALL = 100                  # an exchange costs a tenth of a round, whatever the size
-LATE = 1e-2                  # of tol, mean product lam s: nothing more becomes clear after that, many rows are neither
-SWAPS = 300                  # exchanges in that attempt; it is not begun with more signs wrong than rows may be unclear
-PROX = 1e-9                 # proximal term of the multipliers, of lengths: no weight is above its inverse
-FAR = 1e9                    # a point farther away than this many scales is no point
+ROUNDS = 80  # about 20 do from nothing
+CORRECTORS = 2  # more of them find nothing to correct
+BACK = 0.999  # of the way to the border
+ENOUGH = 0.95  # a step this long needs no corrector
+# of the squared residual of the guess: where on the central path to start, warm or cold
+NEAR = 0.01
+COLD = 1.0
+CENTRAL = 0.01  # of mu: a product lam s below is lifted, by s
+# lam / s of a row that is clear; SMALL and so few others among all are worth an attempt to finish
+CLEAR = 1e3
+OPEN = 0.005
+SMALL = 100  # an exchange costs a tenth of a round, whatever the size
+LATE = (
+    1e-2  # of tol, mean product lam s: nothing more becomes clear after that, many rows are neither
+)
+SWAPS = (
+    300  # exchanges in that attempt; it is not begun with more signs wrong than rows may be unclear
+)
+PROX = 1e-9  # proximal term of the multipliers, of lengths: no weight is above its inverse
+FAR = 1e9  # a point farther away than this many scales is no point
 
 
 @njit(cache=True, error_model="numpy")
@@ -48,7 +57,8 @@ def _start(guess, w, mu, lam, s):
         v = guess[k] - w[k]
         r = np.sqrt(v * v + 4.0 * mu)
         a = 0.5 * (v + r) if v > 0.0 else 2.0 * mu / (r - v)
-        lam[k], s[k] = a, mu / a
+        lam[k] = a
+        s[k] = mu / a
 
 
 @njit(cache=True, error_model="numpy")
@@ -94,7 +104,9 @@ def _open(lam, s):
 @njit(cache=True, error_model="numpy")
 def _parted(q, lam, d, scale):
     """Whether lam proves that there is no point within FAR scales: lam . (q + G d) < 0 for all of them."""
-    value, size, far = 0.0, 0.0, 0.0
+    value = 0.0
+    size = 0.0
+    far = 0.0
     for k in range(q.size):
         value += q[k] * lam[k]
         size = max(size, lam[k])
@@ -109,22 +121,37 @@ def interior(P, T, room, vals, q, guess, scale, tol, mu, d, w, near=NEAR):
 
     T, room: kernels.parts.tree of the pattern and kernels.fronts.room of it; guess (m,): multipliers to start near.
     """
-    m, n = q.size, d.size
+    m = q.size
+    n = d.size
     L, F, stack, work = room
-    lam, s, rp, rc, other = np.empty(m), np.empty(m), np.empty(m), np.empty(m), np.empty(m)
+    lam = np.empty(m)
+    s = np.empty(m)
+    rp = np.empty(m)
+    rc = np.empty(m)
+    other = np.empty(m)
     weight = np.empty(m)
-    ds, dl, es, el = np.empty(m), np.empty(m), np.empty(m), np.empty(m)
-    z, rd, dd, ed, g = np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n)
+    ds = np.empty(m)
+    dl = np.empty(m)
+    es = np.empty(m)
+    el = np.empty(m)
+    z = np.empty(n)
+    rd = np.empty(n)
+    dd = np.empty(n)
+    ed = np.empty(n)
+    g = np.empty(n)
     push(P, vals, guess, z)
     slack(P, vals, q, z, w)
     _start(guess, w, max(near * wrong(guess, w) ** 2, tol * tol), lam, s)
     push(P, vals, lam, z)
-    few, late, tries = SMALL + int(OPEN * m), 10.0 * LATE * m * tol, 0
+    few = SMALL + int(OPEN * m)
+    late = 10.0 * LATE * m * tol
+    tries = 0
     tried = 2 * few
     for rounds in range(ROUNDS):
         push(P, vals, lam, g)
         slack(P, vals, q, z, w)
-        gap, off = 0.0, 0.0
+        gap = 0.0
+        off = 0.0
         for c in range(n):
             rd[c] = z[c] - g[c]
         for k in range(m):
@@ -137,8 +164,11 @@ def interior(P, T, room, vals, q, guess, scale, tol, mu, d, w, near=NEAR):
         if _parted(q, lam, g, scale):
             return 1, rounds + tries
         doubt = _open(lam, s)
-        if 2 * doubt <= tried or gap < 0.1 * late:             # an attempt costs about a round: not in every one
-            tried, late = min(tried, doubt), min(gap, late)
+        if (
+            2 * doubt <= tried or gap < 0.1 * late
+        ):  # an attempt costs about a round: not in every one
+            tried = min(tried, doubt)
+            late = min(gap, late)
             for k in range(m):
                 mu[k] = lam[k] if lam[k] > s[k] else 0.0
             done, more, swaps = revise(P, T, room, vals, q, mu, tol, few, np.int64(SWAPS), d, w)
@@ -148,7 +178,8 @@ def interior(P, T, room, vals, q, guess, scale, tol, mu, d, w, near=NEAR):
         factor(T, P[0], vals, weight, L, F, stack)
         for k in range(m):
             rc[k] = lam[k] * s[k]
-        a, after = _direction(T, L, P, vals, lam, s, weight, rd, rp, rc, dd, ds, dl, work), 0.0
+        a = _direction(T, L, P, vals, lam, s, weight, rd, rp, rc, dd, ds, dl, work)
+        after = 0.0
         for k in range(m):
             after += (lam[k] + a * dl[k]) * (s[k] + a * ds[k])
         goal = gap / m * (after / gap) ** 3

@@ -1,4 +1,5 @@
 """Which sparse rows lie in the span of others (patterns of kernels.qp)."""
+
 import numpy as np
 from numba import njit
 
@@ -10,8 +11,10 @@ from nsbench.qp.kernels.dual_active_set import EPS, NO_FACTOR, direction, equali
 @njit(cache=True, error_model="numpy")
 def in_span(P, vals, support, dependent):
     """(m,) whether the squared sine of each row against the independent rows `support` is at most `dependent`."""
-    m, norm = P[0].size - 1, lengths(P, vals)
-    on, slot = np.zeros(m, np.bool_), np.empty(m, np.int64)
+    m = P[0].size - 1
+    norm = lengths(P, vals)
+    on = np.zeros(m, np.bool_)
+    slot = np.empty(m, np.int64)
     for k in support:
         on[k] = True
     act = choose(on, P[5], slot)
@@ -27,7 +30,11 @@ def in_span(P, vals, support, dependent):
 def hold(P, vals, q, n):
     """(m,) mu with q + G G^T mu = 0 in every row; NaN if the rows depend on each other."""
     m = q.size
-    on, slot, mu, d, w = np.ones(m, np.bool_), np.empty(m, np.int64), np.empty(m), np.empty(n), np.empty(m)
+    on = np.ones(m, np.bool_)
+    slot = np.empty(m, np.int64)
+    mu = np.empty(m)
+    d = np.empty(n)
+    w = np.empty(m)
     equality(on, P, vals, q, lengths(P, vals), NO_FACTOR, EPS, mu, d, w, slot)
     for k in range(m):
         if not on[k]:

@@ -10,6 +10,7 @@ value falls from full step to full step, so no set comes back. Then c = mu, unti
 is small; if that takes long, on a factor with a larger rho. Everything is computed as a change from c, so rounding
 shrinks with it.
 """
+
 import numpy as np
 from numba import njit
 
@@ -18,17 +19,26 @@ from nsbench.linalg.dense import gauss
 from nsbench.linalg.multifrontal import backward, factor, forward, solve
 from nsbench.linalg.sparse_ldl import push, slack
 
-RHO, MORE, MOST = 1e6, 100.0, 1e8     # the proximal term, what it is multiplied by when centres move slowly, its end
-CENTRES, SLOW = 12, 4        # centres in all; after so many the proximal term is made smaller
-EXTRA = 64                   # columns kept; a fresh factor costs about ten of them
-FINE = 1e-3                  # of the residual asked for: no need to go on
-ZERO = 1e-12                 # a multiplier, a length, this little below zero is rounding
+# the proximal term, what it is multiplied by when centres move slowly, its end
+RHO = 1e6
+MORE = 100.0
+MOST = 1e8
+# centres in all; after so many the proximal term is made smaller
+CENTRES = 12
+SLOW = 4
+EXTRA = 64  # columns kept; a fresh factor costs about ten of them
+FINE = 1e-3  # of the residual asked for: no need to go on
+ZERO = 1e-12  # a multiplier, a length, this little below zero is rounding
 
 
 @njit(cache=True, error_model="numpy")
 def _column(T, L, k, owner, ptr, vals, y, z, v):
     """v = K^-1 g_k: forwards only along the fronts above the row."""
-    order, first, up, bptr, loc = T[0], T[1], T[2], T[3], T[9]
+    order = T[0]
+    first = T[1]
+    up = T[2]
+    bptr = T[3]
+    loc = T[9]
     for c in range(y.size):
         y[c] = 0.0
     s = owner
@@ -63,18 +73,20 @@ def _dot(ptr, cols, vals, k, v):
 @njit(cache=True, error_model="numpy")
 def _point(P, vals, rho, on, extra, size, V, S, A, b, base, c, wc, move, t):
     """The solution on the set: move = d - d_c (n,), t = c - rho w (m,)."""
-    ptr, cols = P[0], P[1]
+    ptr = P[0]
+    cols = P[1]
     for i in range(size):
         for j in range(size):
             A[i, j] = S[i, j]
         A[i, i] += 1.0 / rho if on[extra[i]] else -1.0 / rho
         b[i] = -_dot(ptr, cols, vals, extra[i], base)
     if not gauss(A[:size, :size], b[:size]):
-        b[:size] = np.nan                                      # dependent rows: the residual will say so
+        b[:size] = np.nan  # dependent rows: the residual will say so
     for e in range(move.size):
         move[e] = base[e]
     for i in range(size):
-        f, v = b[i], V[i]
+        f = b[i]
+        v = V[i]
         for e in range(move.size):
             move[e] += f * v[e]
     for k in range(t.size):
@@ -100,10 +112,12 @@ def _factor(P, T, room, vals, rho, on, weight):
 @njit(cache=True, error_model="numpy")
 def _block(on, mu, t):
     """The row whose multiplier reaches zero first on the way from mu to t, or -1, and how far that is."""
-    part, at = 1.0, -1
+    part = 1.0
+    at = -1
     for k in range(mu.size):
         if on[k] and t[k] < -ZERO and mu[k] <= part * (mu[k] - t[k]):
-            part, at = mu[k] / (mu[k] - t[k]), k
+            part = mu[k] / (mu[k] - t[k])
+            at = k
     return part, at
 
 
@@ -128,7 +142,8 @@ def _move(on, mu, t, worst):
         return at
     for k in range(mu.size):
         if not on[k] and t[k] > worst:
-            worst, at = t[k], k
+            worst = t[k]
+            at = k
     return at
 
 
@@ -152,7 +167,8 @@ def _swap(P, T, room, vals, rho, owner, c, wc, on, at, extra, size, V, S, base):
         place += 1
     if place == EXTRA:
         return -1
-    n, v = base.size, V[place]
+    n = base.size
+    v = V[place]
     if place == size:
         _column(T, room[0], at, owner[at], P[0], vals, room[3][:n], room[3][n:], v)
     f = rho * wc[at] - c[at] if not on[at] else c[at] - rho * wc[at]
@@ -160,11 +176,12 @@ def _swap(P, T, room, vals, rho, owner, c, wc, on, at, extra, size, V, S, base):
         base[e] -= f * v[e]
     on[at] = not on[at]
     if place == size:
-        extra[size], size = at, size + 1
+        extra[size] = at
+        size = size + 1
         for i in range(size):
             S[i, size - 1] = S[size - 1, i] = _dot(P[0], P[1], vals, extra[i], v)
         return size
-    size -= 1                                                  # back where it was: the last column takes its place
+    size -= 1  # back where it was: the last column takes its place
     for e in range(n):
         v[e] = V[size, e]
     extra[place] = extra[size]
@@ -193,14 +210,31 @@ def revise(P, T, room, vals, q, mu, tol, most, limit, d, w):
     after `limit` exchanges; mu is then no worse than before. Returns whether it is solved to the residual tol, factorisations,
     exchanges.
     """
-    m, n = mu.size, d.size
-    on, c, wc, t, r, best = np.empty(m, np.bool_), mu.copy(), np.empty(m), np.empty(m), np.empty(m), np.empty(m)
+    m = mu.size
+    n = d.size
+    on = np.empty(m, np.bool_)
+    c = mu.copy()
+    wc = np.empty(m)
+    t = np.empty(m)
+    r = np.empty(m)
+    best = np.empty(m)
     for k in range(m):
         on[k] = mu[k] > 0.0
-    owner, extra = _owners(T, m), np.empty(EXTRA, np.int64)
-    V, S, A, b = np.empty((EXTRA, n)), np.empty((EXTRA, EXTRA)), np.empty((EXTRA, EXTRA)), np.empty(EXTRA)
-    base, move, size = np.empty(n), np.empty(n), np.int64(0)      # no literal: kernels are compiled for numbers
-    rho, factors, swaps, centres, found = RHO, 1, 0, 0, False
+    owner = _owners(T, m)
+    extra = np.empty(EXTRA, np.int64)
+    V = np.empty((EXTRA, n))
+    S = np.empty((EXTRA, EXTRA))
+    A = np.empty((EXTRA, EXTRA))
+    b = np.empty(EXTRA)
+    # no literal: kernels are compiled for numbers
+    base = np.empty(n)
+    move = np.empty(n)
+    size = np.int64(0)
+    rho = RHO
+    factors = 1
+    swaps = 0
+    centres = 0
+    found = False
     _factor(P, T, room, vals, rho, on, t)
     push(P, vals, c, base)
     slack(P, vals, q, base, wc)
@@ -210,21 +244,25 @@ def revise(P, T, room, vals, q, mu, tol, most, limit, d, w):
         if swaps + centres == 0 and factors == 1 and not _wrong(on, t) <= most:
             return False, factors, swaps
         at = _move(on, mu, t, 0.5 * tol * rho)
-        if at < 0:                                             # solved on this centre
+        if at < 0:  # solved on this centre
             off = _residual(P, vals, q, mu, d, w)
             if off <= FINE * tol or (off <= tol and found):
                 return True, factors, swaps
             centres += 1
             if not off < np.inf or centres > CENTRES:
                 break
-            if off <= tol:                                     # once more, for one solve: hundreds of times closer
+            if off <= tol:  # once more, for one solve: hundreds of times closer
                 found = True
                 for k in range(m):
                     best[k] = mu[k]
             for k in range(m):
-                c[k], wc[k] = mu[k], w[k]
+                c[k] = mu[k]
+                wc[k] = w[k]
             if centres >= SLOW and rho < MOST and not found:
-                rho, centres, size, factors = rho * MORE, 0, 0, factors + 1
+                rho = rho * MORE
+                centres = 0
+                size = 0
+                factors = factors + 1
                 _factor(P, T, room, vals, rho, on, t)
             _centre(P, T, room, vals, rho, on, c, wc, base, r)
             continue
@@ -232,9 +270,10 @@ def revise(P, T, room, vals, q, mu, tol, most, limit, d, w):
             break
         swaps += 1
         size = _swap(P, T, room, vals, rho, owner, c, wc, on, at, extra, size, V, S, base)
-        if size < 0:                                           # a factor of the set as it will be
+        if size < 0:  # a factor of the set as it will be
             on[at] = not on[at]
-            size, factors = 0, factors + 1
+            size = 0
+            factors = factors + 1
             _factor(P, T, room, vals, rho, on, t)
             _centre(P, T, room, vals, rho, on, c, wc, base, r)
     if found:

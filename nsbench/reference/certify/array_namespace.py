@@ -3,6 +3,7 @@
 Kinks of a drift (maximum, minimum, abs, clip, where) are decided once per step: `Branches` notes every comparison with
 the number that decides it, so that the integrator can end the step where that number changes its sign.
 """
+
 from __future__ import annotations
 
 import numpy as np
@@ -10,15 +11,28 @@ import numpy as np
 from nsbench.reference.certify.ball_series import ROUNDING, Jet, NotDecided, Number
 from nsbench.reference.certify.dual_numbers import Complex, JetArray, _each, array
 
-ELEMENTWISE = {"sin": "sin", "cos": "cos", "tan": "tan", "exp": "exp", "log": "log", "sqrt": "sqrt", "sinh": "sinh",
-               "cosh": "cosh", "tanh": "tanh", "arctan": "arctan", "arcsin": "arcsin", "arccos": "arccos"}
+ELEMENTWISE = {
+    "sin": "sin",
+    "cos": "cos",
+    "tan": "tan",
+    "exp": "exp",
+    "log": "log",
+    "sqrt": "sqrt",
+    "sinh": "sinh",
+    "cosh": "cosh",
+    "tanh": "tanh",
+    "arctan": "arctan",
+    "arcsin": "arcsin",
+    "arccos": "arccos",
+}
 
 
 class Branches:
     """The comparisons of one evaluation in order: choices (decided at the first one, kept later), deciders (jets)."""
 
     def __init__(self, choices=None):
-        self.choices, self.fixed = list(choices or ()), choices is not None
+        self.choices = list(choices or ())
+        self.fixed = choices is not None
         self.deciders: list[Number] = []
 
     def ask(self, number: Number, low: bool) -> bool:
@@ -39,7 +53,9 @@ def sign_after(jet: Jet, low: bool) -> bool:
         if c < 0 and float(c.mid()) < -ROUNDING:
             return False
         if not abs(c) < ROUNDING:
-            raise NotDecided("a kink of the drift cannot be decided: the state is not known well enough")
+            raise NotDecided(
+                "a kink of the drift cannot be decided: the state is not known well enough"
+            )
     return low
 
 
@@ -49,7 +65,8 @@ class _Current:
 
 def watching(branches: Branches | None):
     """Make `branches` the ones that comparisons are noted in; returns the former ones."""
-    old, _Current.branches = _Current.branches, branches
+    old = _Current.branches
+    _Current.branches = branches
     return old
 
 
@@ -90,31 +107,46 @@ def _pairwise(f):
         for k in np.ndindex(a.shape):
             out[k] = f(a[k], b[k])
         return out.view(JetArray) if out.ndim else out[()]
+
     return g
 
 
 def _one(f):
     def g(a):
-        return _each(a, f) if isinstance(a, np.ndarray) and a.ndim else f(a if not isinstance(a, np.ndarray) else a[()])
+        return (
+            _each(a, f)
+            if isinstance(a, np.ndarray) and a.ndim
+            else f(a if not isinstance(a, np.ndarray) else a[()])
+        )
+
     return g
 
 
 class Taylor:
     """Functions by numpy's names. Constants stay floats; whatever depends on state or time is an array of numbers."""
+
     __name__ = "taylor"
-    pi, e, inf, newaxis, float64, complex128 = np.pi, np.e, np.inf, np.newaxis, np.float64, np.complex128
-    maximum, minimum = staticmethod(_pairwise(_maximum)), staticmethod(_pairwise(_minimum))
+    pi = np.pi
+    e = np.e
+    inf = np.inf
+    newaxis = np.newaxis
+    float64 = np.float64
+    complex128 = np.complex128
+    maximum = staticmethod(_pairwise(_maximum))
+    minimum = staticmethod(_pairwise(_minimum))
     hypot = staticmethod(_pairwise(lambda a, b: elementary("sqrt", a * a + b * b)))
     abs = absolute = staticmethod(_one(abs))
     conj = conjugate = staticmethod(_one(lambda v: v.conjugate()))
-    real, imag = staticmethod(_one(lambda v: v.real)), staticmethod(_one(lambda v: v.imag))
+    real = staticmethod(_one(lambda v: v.real))
+    imag = staticmethod(_one(lambda v: v.imag))
     square = staticmethod(lambda a: a * a)
     sign = staticmethod(_one(lambda v: 1.0 if _is_ge(v, 0.0) else -1.0))
-    add, subtract, multiply = (staticmethod(lambda a, b: a + b), staticmethod(lambda a, b: a - b),
-                               staticmethod(lambda a, b: a * b))
+    add = staticmethod(lambda a, b: a + b)
+    subtract = staticmethod(lambda a, b: a - b)
+    multiply = staticmethod(lambda a, b: a * b)
     divide = true_divide = staticmethod(lambda a, b: a / b)
     negative = staticmethod(lambda a: -a)
-    power = staticmethod(lambda a, b: a ** b)
+    power = staticmethod(lambda a, b: a**b)
 
     @staticmethod
     def where(condition, a, b):
@@ -146,7 +178,8 @@ class Taylor:
     def zeros_like(a, dtype=None):
         return Taylor.zeros(np.shape(a))
 
-    empty, empty_like = zeros, zeros_like
+    empty = zeros
+    empty_like = zeros_like
 
     @staticmethod
     def ones_like(a, dtype=None):
@@ -165,19 +198,54 @@ class Taylor:
             return lambda *args, **kwargs: _view(getattr(np, name)(*map(_objects, args), **kwargs))
         if name.startswith("__"):
             raise AttributeError(name)
-        raise NotImplementedError(f"certificates know no array function {name!r}: the case cannot be certified")
+        raise NotImplementedError(
+            f"certificates know no array function {name!r}: the case cannot be certified"
+        )
 
 
-SHAPES = ("stack", "concatenate", "sum", "cumsum", "reshape", "ravel", "transpose", "tile", "repeat", "roll", "flip",
-          "diff", "outer", "eye", "arange", "einsum", "atleast_1d", "expand_dims", "squeeze", "hstack", "vstack",
-          "column_stack", "broadcast_to", "mean", "prod", "linspace", "take", "split", "diag", "triu_indices", "inner")
+SHAPES = (
+    "stack",
+    "concatenate",
+    "sum",
+    "cumsum",
+    "reshape",
+    "ravel",
+    "transpose",
+    "tile",
+    "repeat",
+    "roll",
+    "flip",
+    "diff",
+    "outer",
+    "eye",
+    "arange",
+    "einsum",
+    "atleast_1d",
+    "expand_dims",
+    "squeeze",
+    "hstack",
+    "vstack",
+    "column_stack",
+    "broadcast_to",
+    "mean",
+    "prod",
+    "linspace",
+    "take",
+    "split",
+    "diag",
+    "triu_indices",
+    "inner",
+)
 
 
 def _objects(a):
     if isinstance(a, np.ndarray) and a.dtype == object:
         return a
-    return type(a)(map(_objects, a)) if isinstance(a, (list, tuple)) and any(
-        isinstance(v, (np.ndarray, Number)) for v in a) else a
+    return (
+        type(a)(map(_objects, a))
+        if isinstance(a, (list, tuple)) and any(isinstance(v, (np.ndarray, Number)) for v in a)
+        else a
+    )
 
 
 def _view(a):
@@ -204,7 +272,9 @@ def vector(values, n: int) -> list:
     """What a factory's function returned, as a list of n numbers; ValueError if the shape is another."""
     out = np.asarray(values, object).reshape(-1)
     if out.size != n:
-        raise ValueError(f"a factory returned {out.size} entries in the certificate's namespace; {n} are needed")
+        raise ValueError(
+            f"a factory returned {out.size} entries in the certificate's namespace; {n} are needed"
+        )
     if any(isinstance(v, (Complex, complex)) and not isinstance(v, float) for v in out):
         raise ValueError("a factory returned complex numbers; real ones are needed")
     return [v if isinstance(v, Number) else Jet.lift(None, v) for v in out]

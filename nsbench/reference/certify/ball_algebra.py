@@ -1,4 +1,5 @@
 """Leading coefficients and small systems of equations in balls."""
+
 from __future__ import annotations
 
 from flint import arb, arb_mat
@@ -30,4 +31,6 @@ def solve(M: arb_mat, b: list) -> list:
     """M u = b for balls, by Gauss after multiplication with an approximate inverse."""
     if not b:
         return []
-    return [v for row in M.solve(arb_mat([[v] for v in b]), algorithm="precond").tolist() for v in row]
+    return [
+        v for row in M.solve(arb_mat([[v] for v in b]), algorithm="precond").tolist() for v in row
+    ]

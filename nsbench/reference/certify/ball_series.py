@@ -7,14 +7,15 @@ derivatives and complex numbers; all three nest: a Dual of Jets has Jets as valu
 Source: Johansson, "Arb: efficient arbitrary-precision midpoint-radius interval arithmetic", IEEE Trans. Comput. 66
 (2017); Griewank and Walther, "Evaluating Derivatives" (2008), chapters 3 and 13.
 """
+
 from __future__ import annotations
 
 import numbers
 
 from flint import arb, arb_series
 
-COMPLEX = 9             # level of complex numbers, above all nested derivatives
-ROUNDING = 1e-25        # a ball this close to zero counts as zero when the side of a kink must be told
+COMPLEX = 9  # level of complex numbers, above all nested derivatives
+ROUNDING = 1e-25  # a ball this close to zero counts as zero when the side of a kink must be told
 
 
 class NotDecided(ArithmeticError):
@@ -32,6 +33,7 @@ class Number:
     A kind gives level (numbers of a lower level are constants to it), lift(constant), add, mul, neg, inv, the
     elementary functions through `apply`, and `leading` (the number whose sign decides a comparison).
     """
+
     __slots__ = ()
 
     def _other(self, other):
@@ -139,6 +141,7 @@ class Number:
 
     def _compare(self, other, low):
         from nsbench.reference.certify.array_namespace import decide
+
         return decide(self - other, low)
 
     def __gt__(self, other):
@@ -157,7 +160,9 @@ class Number:
         return self if self._compare(0.0, True) else -self
 
     def __float__(self):
-        raise TypeError("a number of a certificate cannot become a float: the drift leaves the array namespace")
+        raise TypeError(
+            "a number of a certificate cannot become a float: the drift leaves the array namespace"
+        )
 
     __bool__ = __int__ = __index__ = __float__
 
@@ -168,6 +173,7 @@ def _promoted(self, other, name):
         return getattr(other.lift(self), name)(other)
     if isinstance(other, complex):
         from nsbench.reference.certify.dual_numbers import Complex
+
         return getattr(Complex(self, 0.0), name)(Complex(other.real, other.imag))
     return NotImplemented
 
@@ -183,6 +189,7 @@ def _whole_power(x, k):
 
 class Jet(Number):
     """A power series; s: arb_series."""
+
     __slots__ = ("s",)
     level = 0
 

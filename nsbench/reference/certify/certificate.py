@@ -5,6 +5,7 @@ division) follows the arcs; balls then bound its distance from the solution and 
 multipliers and the sliding weights keep their signs. The solution through a state is unique, so that is a proof that the
 path is the solution. Needs python-flint (the extra "certify"); what is stored needs nothing.
 """
+
 from __future__ import annotations
 
 import importlib.util
@@ -19,16 +20,19 @@ from nsbench.problem import LCS, Complementarity
 from nsbench.reference.reference import EPS, Reference
 from nsbench.trajectory import Event
 
-STATES, LISTED = 60, 600      # largest state and number of constraints: the work grows with their cubes and squares
+# largest state and number of constraints: the work grows with their cubes and squares
+STATES = 60
+LISTED = 600
 EVENTS = 200
-SHOWN = 30                    # digits of event times
-AGREE = 1e-9                  # the run that gave the arcs must be this close to what came out of them
+SHOWN = 30  # digits of event times
+AGREE = 1e-9  # the run that gave the arcs must be this close to what came out of them
 
 
 @dataclass(frozen=True, eq=False)
 class Certificate:
     """reference: rounded to double, its bounds with the rounding; times, final: 30 digits; proven: bounds without
     rounding; notes: what was taken without proof; arcs, steps: how many; seconds are the caller's."""
+
     reference: Reference
     proven: dict
     notes: tuple
@@ -52,6 +56,7 @@ def why_not(case: Case) -> str | None:
         return f"{case.n} states; at most {STATES} are certified"
     if isinstance(case.problem, Complementarity):
         from nsbench.dynamics.contacts.constraint_set import Scene
+
         scene = Scene(case.problem, case.n)
         count = len(scene.all_static()) + sum(m * (m - 1) // 2 for _, _, m in scene.hard)
         if count > LISTED:
@@ -61,7 +66,9 @@ def why_not(case: Case) -> str | None:
     return None
 
 
-def certify(case: Case, arcs=None, order: int = 40, digits: float = 36.0, bits: int = 200) -> Certificate:
+def certify(
+    case: Case, arcs=None, order: int = 40, digits: float = 36.0, bits: int = 200
+) -> Certificate:
     """Follow and prove the arcs (by default those of event_driven). ValueError (Refused) with the place and the reason
     where they are not the solution or that cannot be shown."""
     why = why_not(case)
@@ -71,39 +78,71 @@ def certify(case: Case, arcs=None, order: int = 40, digits: float = 36.0, bits: 
     from nsbench.reference.certify.error_bound import enclose
     from nsbench.reference.certify.high_precision_path import Digits, doubles, event_times, follow
     from nsbench.solvers.common.initial_state import start_state
+
     arcs = arcs_of(case) if arcs is None else arcs
     if len(arcs) > EVENTS:
         raise ValueError(f"{len(arcs) - 1} events; at most {EVENTS} are certified")
     start = case.x0
     if isinstance(case.problem, Complementarity):
         from nsbench.dynamics.contacts.constraint_set import Scene
+
         start = start_state(case, Scene(case.problem, case.n))
     work = Digits(order, digits, bits)
     path = follow(case, arcs, work, start)
     bounds = enclose(path, work)
-    x, impulse = doubles(path.x), doubles(path.impulse).reshape(len(case.t), len(path.contacts))
+    x = doubles(path.x)
+    impulse = doubles(path.impulse).reshape(len(case.t), len(path.contacts))
     reaction = doubles(path.reaction).reshape(len(case.t), -1)
     times = event_times(path)
-    events = tuple(Event(float(t), kind, contact) for arc, t in zip(arcs[:-1], times, strict=True)
-                   for kind, contact in arc.events)
+    events = tuple(
+        Event(float(t), kind, contact)
+        for arc, t in zip(arcs[:-1], times, strict=True)
+        for kind, contact in arc.events
+    )
     contact = isinstance(case.problem, Complementarity)
-    shown = {"times": [t.str(SHOWN, radius=False) for t in times],
-             "final": [v.str(SHOWN, radius=False) for v in path.x[-1]]}
+    shown = {
+        "times": [t.str(SHOWN, radius=False) for t in times],
+        "final": [v.str(SHOWN, radius=False) for v in path.x[-1]],
+    }
     shut = sorted({c for p in path.pieces for c in p.flow.shut})
-    if shut:                                             # closed without a multiplier of their own: others may share it
+    if shut:  # closed without a multiplier of their own: others may share it
         shown["shut"] = [list(c) for c in shut]
     event_error = max(bounds.times, default=0.0)
-    how = (f"Taylor series of order {order} in {bits} bits along {len(arcs)} arcs of event_driven, signs proven by balls; "
-           f"before rounding the state is known to {bounds.state:.0e}, event times to {event_error:.0e}")
+    how = (
+        f"Taylor series of order {order} in {bits} bits along {len(arcs)} arcs of event_driven, signs proven by balls; "
+        f"before rounding the state is known to {bounds.state:.0e}, event times to {event_error:.0e}"
+    )
     if path.moved:
         how += f"; the start was put on its constraints, {path.moved:.0e} away"
     how += "".join(f"; {n}" for n in bounds.notes)
-    ref = Reference(case.t, x, path.contacts, impulse, reaction if contact else None, events,
-                    bounds.state + path.moved + rounding(x), bounds.impulse + rounding(impulse),
-                    bounds.reaction + rounding(reaction) if contact else float("nan"), "certified", how, versions(),
-                    event_error + rounding(case.t), shown)
-    return Certificate(ref, {"state": bounds.state, "impulse": bounds.impulse, "reaction": bounds.reaction,
-                             "time": event_error}, bounds.notes, len(arcs), sum(len(p.steps) for p in path.pieces))
+    ref = Reference(
+        case.t,
+        x,
+        path.contacts,
+        impulse,
+        reaction if contact else None,
+        events,
+        bounds.state + path.moved + rounding(x),
+        bounds.impulse + rounding(impulse),
+        bounds.reaction + rounding(reaction) if contact else float("nan"),
+        "certified",
+        how,
+        versions(),
+        event_error + rounding(case.t),
+        shown,
+    )
+    return Certificate(
+        ref,
+        {
+            "state": bounds.state,
+            "impulse": bounds.impulse,
+            "reaction": bounds.reaction,
+            "time": event_error,
+        },
+        bounds.notes,
+        len(arcs),
+        sum(len(p.steps) for p in path.pieces),
+    )
 
 
 def rounding(values) -> float:
@@ -112,5 +151,6 @@ def rounding(values) -> float:
 
 
 def versions() -> dict:
-    return {"python": platform.python_version()} | {p: metadata.version(p) for p in ("nsbench", "numpy", "scipy",
-                                                                                  "python-flint")}
+    return {"python": platform.python_version()} | {
+        p: metadata.version(p) for p in ("nsbench", "numpy", "scipy", "python-flint")
+    }

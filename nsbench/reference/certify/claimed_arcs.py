@@ -3,6 +3,7 @@
 Only the public trajectory is read. The case is run once more with samples inside every arc, and what acts there is
 what has an impulse there. Nothing of it is believed: the certificate proves or refuses it.
 """
+
 from __future__ import annotations
 
 import dataclasses
@@ -17,9 +18,9 @@ from nsbench.compilation.factories import host
 from nsbench.problem import Complementarity, Filippov
 from nsbench.reference.reference import canonical
 
-TOGETHER = 1e-9         # events this close are taken for one instant; the certificate finds out
-CLOSED = 1e-9           # gap of a contact that is closed, relative to 1 + |x|
-ACTS = 1e-10            # multiplier that acts, relative to the largest of the arc
+TOGETHER = 1e-9  # events this close are taken for one instant; the certificate finds out
+CLOSED = 1e-9  # gap of a contact that is closed, relative to 1 + |x|
+ACTS = 1e-10  # multiplier that acts, relative to the largest of the arc
 
 
 @dataclass(frozen=True)
@@ -29,6 +30,7 @@ class Arc:
     held: contacts with a multiplier; shut: closed ones without; mode: signs of the surfaces (Filippov); events: (kind,
     contact) of all that the run reports for that instant.
     """
+
     end: float
     triggers: tuple
     held: tuple = ()
@@ -43,12 +45,16 @@ def arcs_of(case: Case, spec: str = "event_driven", tol: float = 1e-13) -> list[
     times = instants(case, first.events)
     cuts = np.concatenate(([case.t[0]], [t for t, _ in times], [case.t[-1]]))
     inner = np.concatenate([a + (b - a) * np.array([0.3, 0.5, 0.7]) for a, b in pairwise(cuts)])
-    fine = case.replace(t=np.unique(np.concatenate((case.t[[0, -1]], inner))), exact=None, exact_impulse=None,
-                        exact_events=None)
+    fine = case.replace(
+        t=np.unique(np.concatenate((case.t[[0, -1]], inner))),
+        exact=None,
+        exact_impulse=None,
+        exact_events=None,
+    )
     traj = _run(fine, spec, tol)
     out = []
     for k in range(len(cuts) - 1):
-        at = np.searchsorted(traj.t, inner[3 * k:3 * k + 3])
+        at = np.searchsorted(traj.t, inner[3 * k : 3 * k + 3])
         events = times[k][1] if k < len(times) else ()
         arc = _arc(case, traj, at, float(cuts[k + 1]), events)
         out.append(dataclasses.replace(arc, events=tuple((e.kind, e.contact) for e in events)))
@@ -62,9 +68,12 @@ def _switches(arc: Arc, after: Arc) -> tuple:
     """What vanishes where a mode changes to the next: the room of a sign on the side it leaves to, or the side itself."""
     out = []
     for _, contact in arc.events:
-        old, new = arc.mode[contact[1]], after.mode[contact[1]]
+        old = arc.mode[contact[1]]
+        new = after.mode[contact[1]]
         if old != new:
-            out.append(("upper" if new > 0 else "lower", contact) if old == 0 else ("side", contact))
+            out.append(
+                ("upper" if new > 0 else "lower", contact) if old == 0 else ("side", contact)
+            )
     return _causes(out, "side")
 
 
@@ -88,14 +97,17 @@ def instants(case: Case, events) -> list:
         if out and e.t - out[-1][0] < TOGETHER:
             out[-1][1].append(e)
         elif e.t > case.t[-1] - TOGETHER:
-            raise ValueError(f"an event at t = {e.t:.12g} falls on the last sample: what happens there is not decided")
+            raise ValueError(
+                f"an event at t = {e.t:.12g} falls on the last sample: what happens there is not decided"
+            )
         elif e.t > case.t[0] + TOGETHER:
             out.append((e.t, [e]))
     return out
 
 
 def _arc(case, traj, at, end, events) -> Arc:
-    t, x = traj.t[at], traj.x[at]
+    t = traj.t[at]
+    x = traj.x[at]
     mean = (traj.impulse[at[1:]] - traj.impulse[at[:-1]]) / np.diff(t)[:, None]
     if isinstance(case.problem, Complementarity):
         return _contacts(case, traj, t, x, mean, end, events)
@@ -109,6 +121,7 @@ def _arc(case, traj, at, end, events) -> Arc:
 
 def _contacts(case, traj, t, x, mean, end, events):
     from nsbench.dynamics.contacts.constraint_set import Scene
+
     scene = Scene(case.problem, case.n)
     big = CLOSED * (1.0 + np.abs(x).max())
     closed = None

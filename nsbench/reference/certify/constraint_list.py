@@ -1,4 +1,5 @@
 """The constraints of a small scene as a list, all pairs of hard particles included."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -14,6 +15,7 @@ from nsbench.problem import Affine, Distance
 @dataclass(frozen=True)
 class Row:
     """One constraint: its id, its family's number, kind, and what the kind needs (columns, values, sign, distance)."""
+
     id: tuple
     family: int
     kind: str
@@ -27,12 +29,22 @@ class Row:
 
 def rows_of(case: Case) -> list[Row]:
     """Every constraint of a small scene, all pairs listed, in the stated order."""
-    scene, out = Scene(case.problem, case.n), []
+    scene = Scene(case.problem, case.n)
+    out = []
     for k, c in enumerate(case.problem.constraints):
         if isinstance(c, Affine):
             for i in range(c.shape[0]):
                 e = slice(c.indptr[i], c.indptr[i + 1])
-                out.append(Row((k, i), k, "affine", i, tuple(c.indices[e].tolist()), tuple(c.data[e].tolist())))
+                out.append(
+                    Row(
+                        (k, i),
+                        k,
+                        "affine",
+                        i,
+                        tuple(c.indices[e].tolist()),
+                        tuple(c.data[e].tolist()),
+                    )
+                )
         elif isinstance(c, Distance):
             out += _distances(k, c, case.n, scene)
         else:
@@ -46,13 +58,36 @@ def _distances(k, c, n, scene):
     place = lambda i: tuple(range(c.start + i * c.dim, c.start + (i + 1) * c.dim))
     if c.all_pairs:
         r = scene.radii[k]
-        size = (lambda i, j: 2 * float(r[i])) if c.radii is None else (lambda i, j: (float(r[i]), float(r[j])))
-        return [Row((k, i, j), k, "pair", -1, place(i), (), place(j), size(i, j), 1)
-                for i in range(count) for j in range(i + 1, count)]
+        size = (
+            (lambda i, j: 2 * float(r[i]))
+            if c.radii is None
+            else (lambda i, j: (float(r[i]), float(r[j])))
+        )
+        return [
+            Row((k, i, j), k, "pair", -1, place(i), (), place(j), size(i, j), 1)
+            for i in range(count)
+            for j in range(i + 1, count)
+        ]
     pairs = c.pairs
     if pairs is None:
-        pairs = np.stack(np.indices((count, len(np.asarray(host(c.anchors)(0.0) if c.moving else c.anchors)))), -1)
+        pairs = np.stack(
+            np.indices((count, len(np.asarray(host(c.anchors)(0.0) if c.moving else c.anchors)))),
+            -1,
+        )
         pairs = pairs.reshape(-1, 2)
-    d, kind = np.broadcast_to(c.d, len(pairs)), "pair" if c.anchors is None else "anchor"
-    return [Row((k, int(i), int(j)), k, kind, int(j), place(int(i)), (), place(int(j)) if kind == "pair" else (),
-                float(d[m]), c.sign) for m, (i, j) in enumerate(pairs)]
+    d = np.broadcast_to(c.d, len(pairs))
+    kind = "pair" if c.anchors is None else "anchor"
+    return [
+        Row(
+            (k, int(i), int(j)),
+            k,
+            kind,
+            int(j),
+            place(int(i)),
+            (),
+            place(int(j)) if kind == "pair" else (),
+            float(d[m]),
+            c.sign,
+        )
+        for m, (i, j) in enumerate(pairs)
+    ]

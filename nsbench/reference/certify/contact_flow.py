@@ -5,6 +5,7 @@ x' = velocity(u). `watch` lists what the arc claims to be non-negative: gaps of 
 sides of the surfaces and the room that is left to the signs. The solution of the system through a state is unique, so
 a curve that solves the equations and keeps these signs is the solution.
 """
+
 from __future__ import annotations
 
 import numpy as np
@@ -23,7 +24,8 @@ class ContactFlow:
     """Complementarity system with the contacts `held` (independent) at zero; `shut` follow from them."""
 
     def __init__(self, case: Case, held=(), shut=(), rows=None):
-        self.case, self.n = case, case.n
+        self.case = case
+        self.n = case.n
         rows = rows_of(case) if rows is None else rows
         by_id = {r.id: r for r in rows}
         self.all_rows = rows
@@ -52,8 +54,11 @@ class ContactFlow:
 
 class ContactPoint:
     def __init__(self, flow, t, x):
-        self.flow, self.t, self.x = flow, t, x
-        self._curves, self._smooth = {}, {}
+        self.flow = flow
+        self.t = t
+        self.x = x
+        self._curves = {}
+        self._smooth = {}
         self.f = vector(flow.drift(t, array(x)), flow.n)
         self.grads = [self.gradient(r) for r in flow.held]
         self.rates = [self.rate(r) for r in flow.held]
@@ -68,7 +73,9 @@ class ContactPoint:
         if r.family not in self._smooth:
             one = Jet.lift(None, 1.0)
             x = array([Dual(v, {i: one}, INNER) for i, v in enumerate(self.x)])
-            value = np.asarray(self.flow._factories[r.family](Dual(self.t, {self.flow.n: one}, INNER), x), object)
+            value = np.asarray(
+                self.flow._factories[r.family](Dual(self.t, {self.flow.n: one}, INNER), x), object
+            )
             self._smooth[r.family] = value.reshape(-1)
         return self._smooth[r.family][r.index]
 
@@ -86,7 +93,10 @@ class ContactPoint:
         if r.kind == "affine":
             c = self.flow.case.problem.constraints[r.family]
             b = self._curve(r.family)[r.index] if c.moving else c.b[r.index]
-            return sum((v * self.x[j] for j, v in zip(r.cols, r.vals, strict=True)), start=Jet.lift(None, 0.0) + b)
+            return sum(
+                (v * self.x[j] for j, v in zip(r.cols, r.vals, strict=True)),
+                start=Jet.lift(None, 0.0) + b,
+            )
         size = sum(v * v for v in self._difference(r)).sqrt()
         d = arb(r.d[0]) + arb(r.d[1]) if isinstance(r.d, tuple) else r.d
         return r.sign * (size - d)
@@ -108,7 +118,9 @@ class ContactPoint:
         scale = r.sign / sum(v * v for v in diff).sqrt()
         unit = [v * scale for v in diff]
         out = dict(zip(r.cols, unit, strict=True))
-        return out | (dict(zip(r.other, [-u for u in unit], strict=True)) if r.kind == "pair" else {})
+        return out | (
+            dict(zip(r.other, [-u for u in unit], strict=True)) if r.kind == "pair" else {}
+        )
 
     def rate(self, r: Row):
         """dg/dt at fixed x."""
@@ -122,7 +134,10 @@ class ContactPoint:
         if r.kind == "affine":
             return _slope(value)
         grad = self.gradient(r)
-        return sum((-1.0 * grad[j] * _slope(v) for j, v in zip(r.cols, value, strict=True)), start=Jet.lift(None, 0.0))
+        return sum(
+            (-1.0 * grad[j] * _slope(v) for j, v in zip(r.cols, value, strict=True)),
+            start=Jet.lift(None, 0.0),
+        )
 
     def velocity(self, u) -> list:
         v = list(self.f)
@@ -134,13 +149,17 @@ class ContactPoint:
     def residual(self, u) -> list:
         """d g_k / dt along the motion, of the contacts held."""
         v = self.velocity(u)
-        return [sum((a * v[j] for j, a in grad.items()), start=Jet.lift(None, 0.0) + rate)
-                for grad, rate in zip(self.grads, self.rates, strict=True)]
+        return [
+            sum((a * v[j] for j, a in grad.items()), start=Jet.lift(None, 0.0) + rate)
+            for grad, rate in zip(self.grads, self.rates, strict=True)
+        ]
 
     def matrix(self, u) -> arb_mat:
         """d residual / d u in the leading coefficients: G G^T."""
         G = [{j: lead(a) for j, a in grad.items()} for grad in self.grads]
-        return arb_mat([[sum((a[j] * b[j] for j in a if j in b), start=arb(0)) for b in G] for a in G])
+        return arb_mat(
+            [[sum((a[j] * b[j] for j in a if j in b), start=arb(0)) for b in G] for a in G]
+        )
 
     def start(self) -> list:
         """Leading coefficients of the unknowns."""
@@ -169,5 +188,6 @@ def make_flow(case: Case, arc, rows=None):
         return ContactFlow(case, arc.held, arc.shut, rows)
     if isinstance(case.problem, Filippov):
         from nsbench.reference.certify.filippov_flow import SlidingFlow
+
         return SlidingFlow(case, arc.mode)
     raise ValueError(f"certificates know no {type(case.problem).__name__} systems")

@@ -1,24 +1,35 @@
 """Partial derivatives, complex numbers and arrays of numbers, on top of the series of nsbench.reference.certify.ball_series."""
+
 from __future__ import annotations
 
 import numpy as np
 
 from nsbench.reference.certify.ball_series import COMPLEX, Jet, Number
 
-INNER = 2               # level of the derivatives that make gradients; level 1 is left for those of the whole flow
-SLOPES = {          # derivative of f at v, given f(v)
-    "sqrt": lambda v, f: 0.5 / f, "exp": lambda v, f: f, "log": lambda v, f: v.inv(), "sin": lambda v, f: v.cos(),
-    "cos": lambda v, f: -v.sin(), "atan": lambda v, f: (v * v + 1.0).inv(), "asin": lambda v, f: 1.0 / (1.0 - v * v).sqrt(),
+INNER = (
+    2  # level of the derivatives that make gradients; level 1 is left for those of the whole flow
+)
+SLOPES = {  # derivative of f at v, given f(v)
+    "sqrt": lambda v, f: 0.5 / f,
+    "exp": lambda v, f: f,
+    "log": lambda v, f: v.inv(),
+    "sin": lambda v, f: v.cos(),
+    "cos": lambda v, f: -v.sin(),
+    "atan": lambda v, f: (v * v + 1.0).inv(),
+    "asin": lambda v, f: 1.0 / (1.0 - v * v).sqrt(),
     "acos": lambda v, f: -1.0 / (1.0 - v * v).sqrt(),
 }
 
 
 class Dual(Number):
     """v + sum_j d[j] eps_j, products of eps vanish; level tells nested ones apart (1, 2)."""
+
     __slots__ = ("d", "level", "v")
 
     def __init__(self, v, d, level=1):
-        self.v, self.d, self.level = v, d, level
+        self.v = v
+        self.d = d
+        self.level = level
 
     def lift(self, value):
         return Dual(value if isinstance(value, Number) else Jet.lift(None, value), {}, self.level)
@@ -59,14 +70,18 @@ class Dual(Number):
 
 class Complex(Number):
     """re + i im; both real numbers of any kind."""
+
     __slots__ = ("im", "re")
     level = COMPLEX
 
     def __init__(self, re, im):
-        self.re, self.im = re, im
+        self.re = re
+        self.im = im
 
     def lift(self, value):
-        return Complex(value.real, value.imag) if isinstance(value, complex) else Complex(value, 0.0)
+        return (
+            Complex(value.real, value.imag) if isinstance(value, complex) else Complex(value, 0.0)
+        )
 
     def add(self, o):
         return Complex(self.re + o.re, self.im + o.im)
@@ -88,7 +103,10 @@ class Complex(Number):
         if name != "exp":
             raise NotImplementedError(f"certificates know no complex {name}")
         from nsbench.reference.certify.array_namespace import elementary
-        size, c, s = elementary("exp", self.re), elementary("cos", self.im), elementary("sin", self.im)
+
+        size = elementary("exp", self.re)
+        c = elementary("cos", self.im)
+        s = elementary("sin", self.im)
         return Complex(size * c, size * s)
 
     def conjugate(self):
@@ -96,6 +114,7 @@ class Complex(Number):
 
     def __abs__(self):
         from nsbench.reference.certify.array_namespace import elementary
+
         return elementary("sqrt", self.re * self.re + self.im * self.im)
 
     @property

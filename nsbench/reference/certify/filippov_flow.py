@@ -1,4 +1,5 @@
 """The equations of one arc of a Filippov system; see nsbench.reference.certify.contact_flow."""
+
 from __future__ import annotations
 
 from itertools import product
@@ -17,9 +18,12 @@ class SlidingFlow:
     """Filippov system in the mode p (+1, -1 beside a surface, 0 on it); unknowns are the signs of the surfaces with 0."""
 
     def __init__(self, case: Case, mode):
-        self.case, self.n, self.mode = case, case.n, tuple(int(v) for v in mode)
+        self.case = case
+        self.n = case.n
+        self.mode = tuple(int(v) for v in mode)
         self.on = [i for i, v in enumerate(self.mode) if v == 0]
-        self.m, self.shut = len(self.on), ()
+        self.m = len(self.on)
+        self.shut = ()
         self.field, self.switch = case.problem.field(NAMESPACE), case.problem.switch(NAMESPACE)
 
     def at(self, t, x):
@@ -34,8 +38,10 @@ class SlidingFlow:
 
 class SlidingPoint:
     def __init__(self, flow, t, x):
-        self.flow, n = flow, flow.n
-        one, d = Jet.lift(None, 1.0), len(flow.mode)
+        self.flow = flow
+        n = flow.n
+        one = Jet.lift(None, 1.0)
+        d = len(flow.mode)
         duals = array([Dual(v, {i: one}, INNER) for i, v in enumerate(x)])
         c = vector(flow.switch(Dual(t, {n: one}, INNER), duals), d)
         c = [v if isinstance(v, Dual) and v.level == INNER else Dual(v, {}, INNER) for v in c]
@@ -71,17 +77,23 @@ class SlidingPoint:
         signs = [Dual(Jet.lift(None, lead(v)), {k: Jet.lift(None, 1.0)}) for k, v in enumerate(u)]
         rates = {k: [Jet.lift(None, lead(r)) for r in v[1]] for k, v in self.corners.items()}
         rows = self._blend(rates, signs)
-        return arb_mat([[r.d[k].at(0) if k in r.d else arb(0) for k in range(self.flow.m)] for r in rows])
+        return arb_mat(
+            [[r.d[k].at(0) if k in r.d else arb(0) for k in range(self.flow.m)] for r in rows]
+        )
 
     def start(self):
         if self.flow.m == 0:
             return []
         if self.flow.m == 1:
-            plus, minus = lead(self.corners[(1,)][1][0]), lead(self.corners[(-1,)][1][0])
+            plus = lead(self.corners[(1,)][1][0])
+            minus = lead(self.corners[(-1,)][1][0])
             return [(plus + minus) / (minus - plus)]
         rates = {k: [Jet.lift(None, lead(r)) for r in v[1]] for k, v in self.corners.items()}
-        return zero_of(lambda s: [v.at(0) for v in self._blend(rates, [Jet.lift(None, v) for v in s])],
-                       lambda s: self.matrix([Jet.lift(None, v) for v in s]), self.flow.m)
+        return zero_of(
+            lambda s: [v.at(0) for v in self._blend(rates, [Jet.lift(None, v) for v in s])],
+            lambda s: self.matrix([Jet.lift(None, v) for v in s]),
+            self.flow.m,
+        )
 
     def watch(self, u):
         out = {("side", (0, i)): p * self.c[i] for i, p in enumerate(self.flow.mode) if p}
@@ -91,7 +103,10 @@ class SlidingPoint:
 
     def rates_of_impulse(self, u):
         s = dict(zip(self.flow.on, u, strict=True))
-        return [0.5 * (1.0 + s[i]) if i in s else Jet.lift(None, 0.5 * (1 + p)) for i, p in enumerate(self.flow.mode)]
+        return [
+            0.5 * (1.0 + s[i]) if i in s else Jet.lift(None, 0.5 * (1 + p))
+            for i, p in enumerate(self.flow.mode)
+        ]
 
     def force(self, u):
         return []

@@ -3,6 +3,7 @@
 Nothing is chosen here: an arc whose claimed event is not where the run saw it, or which does not start on its
 constraints, is refused with a sentence.
 """
+
 from __future__ import annotations
 
 from dataclasses import dataclass, field
@@ -20,16 +21,17 @@ from nsbench.reference.certify.contact_flow import ContactFlow, make_flow
 from nsbench.reference.certify.dual_numbers import Dual
 from nsbench.reference.certify.taylor_step import Step, first_kink, root, step
 
-REACH = 1e-6            # an event may be this far from where the run saw it, relative to the run's length
-SAME = 1e-25            # events of one instant agree to this
-ON = 1e-7               # an arc may start this far from its constraints before its end is polished
-WRONG = 1e-12           # a watched number this far below zero at the end of a step is wrong beyond doubt
+REACH = 1e-6  # an event may be this far from where the run saw it, relative to the run's length
+SAME = 1e-25  # events of one instant agree to this
+ON = 1e-7  # an arc may start this far from its constraints before its end is polished
+WRONG = 1e-12  # a watched number this far below zero at the end of a step is wrong beyond doubt
 MOST_STEPS = 20_000
 
 
 @dataclass(frozen=True)
 class Digits:
     """Order of the series, truncation of a step (decimal digits), working precision (bits)."""
+
     order: int
     digits: float
     bits: int
@@ -39,6 +41,7 @@ class Digits:
 class Piece:
     """One arc as followed: where it started and ended (arb), its flow and steps; moved: how far its start was put on
     its constraints."""
+
     arc: Arc
     flow: object
     start: arb
@@ -50,22 +53,25 @@ class Piece:
 @dataclass(eq=False)
 class Path:
     """The pieces and what was read off: x (k, n), impulse (k, m) of `contacts`, reaction (k, n) as lists of arb."""
+
     pieces: list[Piece]
     contacts: tuple
     x: list
     impulse: list
     reaction: list
-    moved: float            # how far the start was put onto constraints it violates or holds by rounding
+    moved: float  # how far the start was put onto constraints it violates or holds by rounding
 
 
 class precision:
     """python-flint's working precision, set for a block and put back."""
+
     def __init__(self, digits: Digits):
         self.digits = digits
 
     def __enter__(self):
         self.old = ctx.prec, ctx.cap
-        ctx.prec, ctx.cap = self.digits.bits, self.digits.order + 8
+        ctx.prec = self.digits.bits
+        ctx.cap = self.digits.order + 8
 
     def __exit__(self, *_):
         ctx.prec, ctx.cap = self.old
@@ -79,12 +85,15 @@ def follow(case: Case, arcs: list[Arc], digits: Digits, x0) -> Path:
 
 class _Follower:
     def __init__(self, case, arcs, digits, x0):
-        self.case, self.arcs, self.digits = case, arcs, digits
+        self.case = case
+        self.arcs = arcs
+        self.digits = digits
         self.t, self.x = arb(float(case.t[0])), [arb(float(v)) for v in x0]
         self.rows = rows_of(case) if isinstance(case.problem, Complementarity) else None
         self.span = float(case.t[-1] - case.t[0])
         self.total, self.force = {}, [arb(0)] * (case.n if self.rows is not None else 0)
-        self.samples, self.taken = [], 0
+        self.samples = []
+        self.taken = 0
 
     def run(self) -> Path:
         pieces = []
@@ -93,57 +102,88 @@ class _Follower:
             flow = make_flow(self.case, arc, self.rows)
             piece = Piece(arc, flow, self.t, self._onto(flow, arc))
             if k and piece.moved > SAME:
-                raise Refused(f"after the event at t = {float(self.t):.12g} {_name(flow)} are said to be held; one of them "
-                              f"is {piece.moved:.1e} away then: the run does not tell events apart that fall so close")
+                raise Refused(
+                    f"after the event at t = {float(self.t):.12g} {_name(flow)} are said to be held; one of them "
+                    f"is {piece.moved:.1e} away then: the run does not tell events apart that fall so close"
+                )
             if k == 0:
                 self._sample(None, self.t, include=True)
             self._arc(piece, last=k == len(self.arcs) - 1)
             pieces.append(piece)
         names = tuple(self.total)
         x, impulse, force = zip(*self.samples, strict=True)
-        return Path(pieces, names, list(x), [[row.get(c, arb(0)) for c in names] for row in impulse], list(force),
-                    moved + pieces[0].moved)
+        return Path(
+            pieces,
+            names,
+            list(x),
+            [[row.get(c, arb(0)) for c in names] for row in impulse],
+            list(force),
+            moved + pieces[0].moved,
+        )
 
     def _feasible(self) -> float:
         """Put a start that violates constraints by rounding exactly on them: what lies below ON counts as rounding."""
         if self.rows is None:
             return 0.0
-        point = ContactFlow(self.case, (), (), self.rows).at(Jet.of([self.t, 1], 2), [Jet.of([v], 1) for v in self.x])
+        point = ContactFlow(self.case, (), (), self.rows).at(
+            Jet.of([self.t, 1], 2), [Jet.of([v], 1) for v in self.x]
+        )
         out = [r.id for r in self.rows if -1e-12 < float(lead(point.gap(r))) < 0.0]
-        return self._onto(ContactFlow(self.case, tuple(out), (), self.rows), self.arcs[0]) if out else 0.0
+        return (
+            self._onto(ContactFlow(self.case, tuple(out), (), self.rows), self.arcs[0])
+            if out
+            else 0.0
+        )
 
     def _onto(self, flow, arc) -> float:
         """Put the state on the invariants of the arc, along their gradients: how far that is; Refused if it is far."""
         start = list(self.x)
         for _ in range(8):
             one = Jet.lift(None, 1.0)
-            point = flow.at(Jet.of([self.t, 1], 2), [Dual(Jet.of([v], 1), {i: one}, 1) for i, v in enumerate(self.x)])
+            point = flow.at(
+                Jet.of([self.t, 1], 2),
+                [Dual(Jet.of([v], 1), {i: one}, 1) for i, v in enumerate(self.x)],
+            )
             g = [v if isinstance(v, Dual) else Dual(v, {}) for v in flow.invariants(point)]
             off = max((abs(float(lead(v))) for v in g), default=0.0)
             if off > ON:
-                raise Refused(f"the arc that ends at t = {arc.end:.9g} is said to hold {_name(flow)}, which is "
-                              f"{off:.2e} away at its start, t = {float(self.t):.9g}")
+                raise Refused(
+                    f"the arc that ends at t = {arc.end:.9g} is said to hold {_name(flow)}, which is "
+                    f"{off:.2e} away at its start, t = {float(self.t):.9g}"
+                )
             if off < 1e-40:
                 break
             G = [{j: d.leading.at(0).mid() for j, d in v.d.items()} for v in g]
-            M = arb_mat([[sum((a[j] * b[j] for j in a if j in b), start=arb(0)).mid() for b in G] for a in G])
+            M = arb_mat(
+                [
+                    [sum((a[j] * b[j] for j in a if j in b), start=arb(0)).mid() for b in G]
+                    for a in G
+                ]
+            )
             mu = solve(M, [-lead(v).mid() for v in g])
             for m, grad in zip(mu, G, strict=True):
                 for j, a in grad.items():
                     self.x[j] = (self.x[j] + m * a).mid()
         else:
             raise Refused(f"the state cannot be put on {_name(flow)} at t = {float(self.t):.9g}")
-        return float(sum(((a - b) ** 2 for a, b in zip(self.x, start, strict=True)), start=arb(0)).sqrt().upper())
+        return float(
+            sum(((a - b) ** 2 for a, b in zip(self.x, start, strict=True)), start=arb(0))
+            .sqrt()
+            .upper()
+        )
 
     def _arc(self, piece, last):
         end = arb(float(self.case.t[-1])) if last else None
-        goal, choices = arb(piece.arc.end), None
+        goal = arb(piece.arc.end)
+        choices = None
         while True:
             self.taken += 1
             if self.taken > MOST_STEPS:
                 raise Refused(f"{MOST_STEPS} steps were taken by t = {float(self.t):.9g}")
             left = (end - self.t if last else goal - self.t + REACH * self.span).mid()
-            st = step(piece.flow, self.t, self.x, self.digits.order, self.digits.digits, left, choices)
+            st = step(
+                piece.flow, self.t, self.x, self.digits.order, self.digits.digits, left, choices
+            )
             h = float(st.h)
             kink = first_kink(st, h)
             final = None
@@ -152,7 +192,8 @@ class _Follower:
             elif not last and self.t + h > goal - REACH * self.span:
                 final = self._event(piece, st, goal)
             if kink is not None and (final is None or kink < final):
-                st, final = _cut(st, kink), None
+                st = _cut(st, kink)
+                final = None
             elif final is not None:
                 st = _cut(st, final)
             self._advance(piece, st)
@@ -163,28 +204,41 @@ class _Follower:
     def _event(self, piece, st, goal):
         """Time into the step at which the triggers are zero; None if the step does not reach there."""
         if not piece.arc.triggers:
-            raise Refused(f"the run changes its mode at t = {piece.arc.end:.9g} without anything that vanishes there")
+            raise Refused(
+                f"the run changes its mode at t = {piece.arc.end:.9g} without anything that vanishes there"
+            )
         found = []
         for key in piece.arc.triggers:
             if key not in st.watch:
-                raise Refused(f"at t = {piece.arc.end:.9g} {key[0]} of {key[1]} is said to vanish; the arc before does "
-                              "not have it")
+                raise Refused(
+                    f"at t = {piece.arc.end:.9g} {key[0]} of {key[1]} is said to vanish; the arc before does "
+                    "not have it"
+                )
             s = root(st.watch[key], (goal - st.t).mid(), 2 * REACH * self.span)
             if s is None:
-                raise Refused(f"{key[0]} of {key[1]} is said to vanish at t = {piece.arc.end:.9g}; it does not: it is "
-                              f"{float(st.watch[key]((goal - st.t).mid()).mid()):.3e} there")
+                raise Refused(
+                    f"{key[0]} of {key[1]} is said to vanish at t = {piece.arc.end:.9g}; it does not: it is "
+                    f"{float(st.watch[key]((goal - st.t).mid()).mid()):.3e} there"
+                )
             found.append(s)
         if max(abs(float(s - found[0])) for s in found) > SAME:
-            raise Refused(f"the events at t = {piece.arc.end:.12g} are {max(abs(float(s - found[0])) for s in found):.1e} "
-                          "apart: their order is not told by the run")
+            raise Refused(
+                f"the events at t = {piece.arc.end:.12g} are {max(abs(float(s - found[0])) for s in found):.1e} "
+                "apart: their order is not told by the run"
+            )
         return found[0] if float(found[0]) <= float(st.h) else None
 
     def _advance(self, piece, st):
-        for key, p in st.watch.items():                  # the proof looks everywhere; no need to go on from a bad place
+        for (
+            key,
+            p,
+        ) in st.watch.items():  # the proof looks everywhere; no need to go on from a bad place
             value = float(p(st.h).mid())
             if value < -WRONG:
-                raise Refused(f"{key[0]} of {key[1]} does not stay positive: it is {value:.3e} at t = "
-                              f"{float(st.t + st.h):.12g}")
+                raise Refused(
+                    f"{key[0]} of {key[1]} does not stay positive: it is {value:.3e} at t = "
+                    f"{float(st.t + st.h):.12g}"
+                )
         for time in self._inside(st):
             self._sample((piece, st), arb(time))
         self._add(self.total, piece, st, st.h)
@@ -194,8 +248,12 @@ class _Follower:
         piece.steps.append(st)
 
     def _inside(self, st):
-        times = self.case.t[len(self.samples):]
-        return [float(v) for v in times if arb(float(v)) <= st.t + st.h or (v >= self.case.t[-1] and _last(self, st))]
+        times = self.case.t[len(self.samples) :]
+        return [
+            float(v)
+            for v in times
+            if arb(float(v)) <= st.t + st.h or (v >= self.case.t[-1] and _last(self, st))
+        ]
 
     @staticmethod
     def _add(total, piece, st, s):
@@ -207,10 +265,16 @@ class _Follower:
             self.samples.append((list(self.x), dict(self.total), list(self.force)))
             return
         piece, st = where
-        s, total = (time - st.t).mid(), dict(self.total)
+        s = (time - st.t).mid()
+        total = dict(self.total)
         self._add(total, piece, st, s)
-        self.samples.append(([p(s).mid() for p in st.x], total,
-                             [(a + p(s)).mid() for a, p in zip(self.force, st.reaction, strict=True)]))
+        self.samples.append(
+            (
+                [p(s).mid() for p in st.x],
+                total,
+                [(a + p(s)).mid() for a, p in zip(self.force, st.reaction, strict=True)],
+            )
+        )
 
 
 def _last(follower, st) -> bool:
@@ -233,13 +297,25 @@ def event_times(path: Path) -> list[arb]:
 
 def largest_difference(a: Path, b: Path) -> dict:
     """Largest differences of two paths in state, impulse, reaction and event times."""
+
     def gap(p, q):
-        return max((abs(float((u - v).mid())) for r, s in zip(p, q, strict=True) for u, v in zip(r, s, strict=True)),
-                   default=0.0)
+        return max(
+            (
+                abs(float((u - v).mid()))
+                for r, s in zip(p, q, strict=True)
+                for u, v in zip(r, s, strict=True)
+            ),
+            default=0.0,
+        )
+
     order = [b.contacts.index(c) for c in a.contacts]
     impulse = [[row[k] for k in order] for row in b.impulse]
-    return {"state": gap(a.x, b.x), "impulse": gap(a.impulse, impulse), "reaction": gap(a.reaction, b.reaction),
-            "time": gap([event_times(a)], [event_times(b)])}
+    return {
+        "state": gap(a.x, b.x),
+        "impulse": gap(a.impulse, impulse),
+        "reaction": gap(a.reaction, b.reaction),
+        "time": gap([event_times(a)], [event_times(b)]),
+    }
 
 
 def doubles(rows) -> np.ndarray:

@@ -1,4 +1,5 @@
 """Ranges of everything on one piece of a step, for every state in a tube about the path; see nsbench.reference.certify.error_bound."""
+
 from __future__ import annotations
 
 import numpy as np
@@ -11,8 +12,10 @@ from nsbench.reference.certify.dual_numbers import Dual
 from nsbench.reference.certify.positivity import MULTIPLE, ZERO, ball, order_of_zero, positive
 from nsbench.reference.certify.taylor_step import coefficients
 
-TUBE = 1e-18            # radius of the tube over which derivatives are bounded; the path must stay far inside
-ORDER = 30              # of the Taylor polynomials of defects on a piece: its length is a small part of a radius
+TUBE = 1e-18  # radius of the tube over which derivatives are bounded; the path must stay far inside
+ORDER = (
+    30  # of the Taylor polynomials of defects on a piece: its length is a small part of a radius
+)
 
 
 class Local:
@@ -23,8 +26,14 @@ class Local:
     """
 
     def __init__(self, flow, st, centre, low, high, r, series=ORDER):
-        self.flow, self.st, self.low, self.high, self.r, self.notes = flow, st, low, high, r, []
-        c, span = centre, ball(low, high)
+        self.flow = flow
+        self.st = st
+        self.low = low
+        self.high = high
+        self.r = r
+        self.notes = []
+        c = centre
+        span = ball(low, high)
         self.time, self.ball = (st.t + c).mid(), (st.t + c).mid() + span
         shift = lambda p, s: p(arb_poly([s, 1]))
         length = series + 1
@@ -41,52 +50,79 @@ class Local:
         finally:
             watching(old)
         width = max(-low, high)
-        self.watch = {k: (polynomial(v, series), remainder(wide["watch"][k], series, width))
-                      for k, v in exact["watch"].items()}
+        self.watch = {
+            k: (polynomial(v, series), remainder(wide["watch"][k], series, width))
+            for k, v in exact["watch"].items()
+        }
         self.rate = {k: v.leading.at(1) for k, v in wide["watch"].items()}
-        bound = lambda name: float(sum((size(v, wide[name][k], series, width) ** 2
-                                        for k, v in enumerate(exact[name])), start=arb(0)).sqrt().upper())
+        bound = lambda name: float(
+            sum(
+                (size(v, wide[name][k], series, width) ** 2 for k, v in enumerate(exact[name])),
+                start=arb(0),
+            )
+            .sqrt()
+            .upper()
+        )
         residual = bound("residual")
         self.dw = self.inverse * residual
         self.defect = bound("defect") + self.velocity_u * self.dw
 
     def _series(self, polynomials, time, length):
-        x, u = ([Jet.of([p[k] for k in range(length + 1)], length + 1) for p in part] for part in polynomials)
+        x, u = (
+            [Jet.of([p[k] for k in range(length + 1)], length + 1) for p in part]
+            for part in polynomials
+        )
         slope = [v.derivative() for v in x]
-        x, u = [Jet.of([v.at(k) for k in range(length)], length) for v in x], [
-            Jet.of([v.at(k) for k in range(length)], length) for v in u]
+        x = [Jet.of([v.at(k) for k in range(length)], length) for v in x]
+        u = [Jet.of([v.at(k) for k in range(length)], length) for v in u]
         point = self.flow.at(Jet.of([time, 1], length + 1), x)
         velocity = point.velocity(u)
-        return {"watch": self._watched(point, u),
-                "residual": point.residual(u), "defect": [a - b for a, b in zip(slope, velocity, strict=True)]}
+        return {
+            "watch": self._watched(point, u),
+            "residual": point.residual(u),
+            "defect": [a - b for a, b in zip(slope, velocity, strict=True)],
+        }
 
     def _watched(self, point, u):
         """What the flow watches, and the deciders of the kinks on the side that was chosen."""
         kinks = zip(noted(), self.st.choices, strict=True)
-        return point.watch(u) | {("kink", k): (v if side else -v) for k, (v, side) in enumerate(kinks)}
+        return point.watch(u) | {
+            ("kink", k): (v if side else -v) for k, (v, side) in enumerate(kinks)
+        }
 
     def slope_ranges(self, over):
         """Jacobians over the tube: mu of the reduced flow, du/dx, and slopes of what is watched."""
-        n, m = self.flow.n, self.flow.m
+        n = self.flow.n
+        m = self.flow.m
         tube = arb(0, TUBE)
-        x = [Dual(Jet.of([p[0] + tube], 1), {i: Jet.lift(None, 1.0)}) for i, p in enumerate(over[0])]
-        u = [Dual(Jet.of([p[0] + tube], 1), {n + k: Jet.lift(None, 1.0)}) for k, p in enumerate(over[1])]
+        x = [
+            Dual(Jet.of([p[0] + tube], 1), {i: Jet.lift(None, 1.0)}) for i, p in enumerate(over[0])
+        ]
+        u = [
+            Dual(Jet.of([p[0] + tube], 1), {n + k: Jet.lift(None, 1.0)})
+            for k, p in enumerate(over[1])
+        ]
         old = watching(Branches(self.st.choices))
         try:
             point = self.flow.at(Jet.of([self.ball, 1], 2), x)
-            velocity, residual, force = point.velocity(u), point.residual(u), point.force(u)
+            velocity = point.velocity(u)
+            residual = point.residual(u)
+            force = point.force(u)
             watch = self._watched(point, u)
         finally:
             watching(old)
         V, R, F = (matrix(rows, n + m) for rows in (velocity, residual, force))
         self.du = self.dforce = self.velocity_u = self.inverse = self.force_u = 0.0
-        J, D = V[:, :n], None
+        J = V[:, :n]
+        D = None
         try:
             if m:
                 one = arb_mat(m, m, [int(i == j) for i in range(m) for j in range(m)])
                 # preconditioned: plain elimination with wide balls makes them far wider
-                S = np.array(arb_mat(R[:, n:].tolist()).solve(one, algorithm="precond").tolist(), object)
-                D = -(S @ R[:, :n])                          # du/dx
+                S = np.array(
+                    arb_mat(R[:, n:].tolist()).solve(one, algorithm="precond").tolist(), object
+                )
+                D = -(S @ R[:, :n])  # du/dx
                 J = V[:, :n] + V[:, n:] @ D
                 self.du, self.inverse, self.velocity_u = norm(D), norm(S), norm(V[:, n:])
             if len(force):
@@ -97,17 +133,26 @@ class Local:
             self.mu = float("nan")
         self.speed, self.size_u = norm(matrix_of(velocity)), norm(matrix_of(u))
         self.size_force = norm(matrix_of(force))
-        self.slopes, self.by_u = {}, {}
+        self.slopes = {}
+        self.by_u = {}
         for key, v in watch.items():
             row = matrix([v], n + m)
             self.by_u[key] = norm(row[:, n:])
-            self.slopes[key] = norm(row[:, :n] + row[:, n:] @ D) if m and D is not None else norm(row[:, :n])
-        self.finite = bool(np.isfinite([self.mu, self.du, self.dforce, self.speed, *self.slopes.values()]).all())
+            self.slopes[key] = (
+                norm(row[:, :n] + row[:, n:] @ D) if m and D is not None else norm(row[:, :n])
+            )
+        self.finite = bool(
+            np.isfinite([self.mu, self.du, self.dforce, self.speed, *self.slopes.values()]).all()
+        )
 
     def wrong_sign(self, r, first, last):
         """None if everything watched is positive on the piece for all states within r, else a sentence."""
         for key, (p, rest) in self.watch.items():
-            allow = float((arb(self.slopes[key]) * arb(r) + arb(self.by_u[key]) * arb(self.dw) + arb(rest)).upper())
+            allow = float(
+                (
+                    arb(self.slopes[key]) * arb(r) + arb(self.by_u[key]) * arb(self.dw) + arb(rest)
+                ).upper()
+            )
             if positive(p, self.low, self.high, allow, depth=2) is None:
                 continue
             if self._vanishes(key, p, rest):
@@ -120,30 +165,39 @@ class Local:
             s = positive(p, self.low, self.high, allow)
             if s is not None and not self._touches(key, p, allow):
                 value = float(p(arb(s)).mid())
-                why = (f"{key[0]} of {key[1]} does not stay positive, or cannot be shown to: it is {value:.3e} at t = "
-                       f"{float(self.time) + s:.12g}")
+                why = (
+                    f"{key[0]} of {key[1]} does not stay positive, or cannot be shown to: it is {value:.3e} at t = "
+                    f"{float(self.time) + s:.12g}"
+                )
                 if value < -ZERO and p(arb(s)) < -allow:
-                    raise Refused(why)                  # it is negative: smaller pieces will not help
+                    raise Refused(why)  # it is negative: smaller pieces will not help
                 return why
         return None
 
     def _vanishes(self, key, p, rest) -> bool:
         """Is the number zero all over the piece, as far as can be told?"""
-        if not sum(abs(c) * arb(max(-self.low, self.high)) ** k for k, c in enumerate(p.coeffs())) + rest < ZERO:
+        if (
+            not sum(abs(c) * arb(max(-self.low, self.high)) ** k for k, c in enumerate(p.coeffs()))
+            + rest
+            < ZERO
+        ):
             return False
         self.notes.append(f"{key[0]} of {key[1]} is zero throughout")
         return True
 
     def _touches(self, key, p, allow) -> bool:
         """Does the number come down to zero and go up again, as far as can be told? Then nothing acts: a graze."""
-        s, bend = arb(0), p.derivative().derivative()
+        s = arb(0)
+        bend = p.derivative().derivative()
         for _ in range(20):
             s = (s - p.derivative()(s) / bend(s)).mid() if bend(s) != 0 else arb("nan")
         inside = s.is_finite() and self.low <= float(s) <= self.high
         if not (inside and abs(p(s)) + allow < ZERO and bend(ball(self.low, self.high)) > 0):
             return False
-        self.notes.append(f"{key[0]} of {key[1]} touches zero at t = {float(self.time + s):.9g} without contact, to "
-                          f"{ZERO:.0e},")
+        self.notes.append(
+            f"{key[0]} of {key[1]} touches zero at t = {float(self.time + s):.9g} without contact, to "
+            f"{ZERO:.0e},"
+        )
         return True
 
     def _leaves_zero(self, key, p, first):
@@ -155,7 +209,9 @@ class Local:
         x, u, _ = coefficients(self.flow, self.ball, x, m + 1, self.st.choices)
         old = watching(Branches(self.st.choices))
         try:
-            point = self.flow.at(Jet.of([self.ball, 1], m + 2), [Jet.of(c[:m + 1], m + 1) for c in x])
+            point = self.flow.at(
+                Jet.of([self.ball, 1], m + 2), [Jet.of(c[: m + 1], m + 1) for c in x]
+            )
             value = self._watched(point, [Jet.of(c, m + 1) for c in u])[key]
         finally:
             watching(old)
@@ -174,7 +230,9 @@ def remainder(number, k, width) -> float:
 
 def size(number, wide, k, width) -> arb:
     """Largest value on the piece of a Taylor polynomial with k terms and its remainder."""
-    terms = sum((number.leading.at(j).abs_upper() * arb(width) ** j for j in range(k)), start=arb(0))
+    terms = sum(
+        (number.leading.at(j).abs_upper() * arb(width) ** j for j in range(k)), start=arb(0)
+    )
     return terms + wide.leading.at(k).abs_upper() * arb(width) ** k
 
 
@@ -195,7 +253,11 @@ def matrix_of(values) -> np.ndarray:
 
 def norm(M) -> float:
     """The Frobenius norm, which bounds the 2-norm; upwards."""
-    return float(sum((v.abs_upper() ** 2 for v in np.asarray(M, object).reshape(-1)), start=arb(0)).sqrt().upper())
+    return float(
+        sum((v.abs_upper() ** 2 for v in np.asarray(M, object).reshape(-1)), start=arb(0))
+        .sqrt()
+        .upper()
+    )
 
 
 def logarithmic_norm(J) -> float:

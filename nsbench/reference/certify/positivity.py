@@ -1,11 +1,14 @@
 """Is a polynomial positive on an interval? A proof by balls, not by samples."""
+
 from __future__ import annotations
 
 from flint import arb, arb_poly
 
-DEPTH = 24              # bisections before an interval is given up
-ZERO = 1e-20            # a value at the end of an arc this small is the zero that the event there is defined by
-MULTIPLE = 4            # highest order of such a zero
+DEPTH = 24  # bisections before an interval is given up
+ZERO = (
+    1e-20  # a value at the end of an arc this small is the zero that the event there is defined by
+)
+MULTIPLE = 4  # highest order of such a zero
 
 
 def ball(low: float, high: float) -> arb:
@@ -19,7 +22,8 @@ def positive(p: arb_poly, low: float, high: float, allow: float, depth: int = DE
     todo = [(low, high, depth)]
     while todo:
         a, b, left = todo.pop()
-        s, mid = ball(a, b), arb(0.5 * (a + b))
+        s = ball(a, b)
+        mid = arb(0.5 * (a + b))
         if p(s) > allow or p(mid) + slope(s) * (s - mid) > allow:
             continue
         if left == 0 or p(mid) < -allow:
@@ -30,7 +34,7 @@ def positive(p: arb_poly, low: float, high: float, allow: float, depth: int = DE
 
 def order_of_zero(coefficients) -> int:
     """How many leading coefficients count as zero; MULTIPLE + 1 if all that are tested do."""
-    for m, c in enumerate(coefficients[:MULTIPLE + 1]):
+    for m, c in enumerate(coefficients[: MULTIPLE + 1]):
         if not abs(c) < ZERO:
             return m
     return MULTIPLE + 1

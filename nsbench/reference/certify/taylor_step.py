@@ -1,4 +1,5 @@
 """One Taylor step of a flow: coefficients of state, unknowns, impulses and reaction about the start of the step."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -9,7 +10,7 @@ from nsbench.reference.certify.array_namespace import Branches, NotDecided, watc
 from nsbench.reference.certify.ball_algebra import solve
 from nsbench.reference.certify.ball_series import Jet
 
-NEWTON = 60             # of a root: quadratic, from a guess good to 1e-9
+NEWTON = 60  # of a root: quadratic, from a guess good to 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,6 +20,7 @@ class Step:
     x (n), u (unknowns), impulse, reaction: arb_poly in s = time - t; impulse and reaction count from the step's start.
     choices: sides of the kinks of the drift; deciders: polynomials that keep their signs on the step.
     """
+
     t: arb
     h: arb
     x: list
@@ -42,7 +44,9 @@ def coefficients(flow, t: arb, x0: list, order: int, choices=None):
     branches = Branches(choices)
     old = watching(branches)
     try:
-        x, u, matrix = [[v] for v in x0], [], None
+        x = [[v] for v in x0]
+        u = []
+        matrix = None
         for L in range(1, order + 1):
             branches.deciders = []
             point = flow.at(Jet.of([t, 1], L + 1), [Jet.of(c, L) for c in x])
@@ -66,7 +70,8 @@ def step(flow, t: arb, x0: list, order: int, digits: float, most: arb, choices=N
     """The step from x0 with truncation below 10^-digits of the size of the state; at most `most` long."""
     x, u, choices = coefficients(flow, t, x0, order, choices)
     mid = lambda rows: [[v.mid() for v in c] for c in rows]
-    x, u = mid(x), mid(u)
+    x = mid(x)
+    u = mid(u)
     branches = Branches(choices)
     old = watching(branches)
     try:
@@ -79,9 +84,22 @@ def step(flow, t: arb, x0: list, order: int, digits: float, most: arb, choices=N
         watching(old)
     deciders = [polynomial(j) for j in branches.deciders]
     watched = [[p[k] for k in range(order)] for p in [*watch.values(), *deciders]]
-    h = min(float(most), length(x, order, digits), length(watched, order - 1, digits) if watched else float("inf"))
-    return Step(t, arb(h) if h < float(most) else most, [arb_poly(c) for c in x], [arb_poly(c) for c in u], impulse,
-                reaction, watch, choices, deciders)
+    h = min(
+        float(most),
+        length(x, order, digits),
+        length(watched, order - 1, digits) if watched else float("inf"),
+    )
+    return Step(
+        t,
+        arb(h) if h < float(most) else most,
+        [arb_poly(c) for c in x],
+        [arb_poly(c) for c in u],
+        impulse,
+        reaction,
+        watch,
+        choices,
+        deciders,
+    )
 
 
 def polynomial(number, integrate=False) -> arb_poly:
@@ -98,13 +116,14 @@ def length(x, order, digits) -> float:
     for k in (order - 1, order):
         worst = max(abs(float(c[k])) for c in x) / size
         if worst > 0.0:
-            out = min(out, (10.0 ** -digits / worst) ** (1.0 / k))
+            out = min(out, (10.0**-digits / worst) ** (1.0 / k))
     return out
 
 
 def root(p: arb_poly, guess: arb, reach: float) -> arb | None:
     """The zero of a polynomial near `guess` by Newton's method; None if it leaves the reach or does not settle."""
-    slope, s = p.derivative(), guess.mid()
+    slope = p.derivative()
+    s = guess.mid()
     for _ in range(NEWTON):
         d = slope(s).mid()
         if d == 0:
@@ -126,7 +145,8 @@ def first_kink(step: Step, h: float, pieces: int = 24):
         values = [sign * float(p(arb(h) * k / pieces).mid()) for k in range(pieces + 1)]
         for k in range(1, pieces + 1):
             if values[k] < 0.0:
-                low, high = arb(h) * (k - 1) / pieces, arb(h) * k / pieces
+                low = arb(h) * (k - 1) / pieces
+                high = arb(h) * k / pieces
                 for _ in range(40):
                     mid = ((low + high) / 2).mid()
                     low, high = (low, mid) if sign * float(p(mid).mid()) < 0 else (mid, high)
@@ -136,4 +156,13 @@ def first_kink(step: Step, h: float, pieces: int = 24):
     return found
 
 
-__all__ = ["NotDecided", "Step", "coefficients", "first_kink", "length", "polynomial", "root", "step"]
+__all__ = [
+    "NotDecided",
+    "Step",
+    "coefficients",
+    "first_kink",
+    "length",
+    "polynomial",
+    "root",
+    "step",
+]

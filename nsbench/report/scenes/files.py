@@ -1,4 +1,5 @@
 """Pictures of every scene: the start, the middle and the end of its reference, or the start alone."""
+
 from __future__ import annotations
 
 import re
@@ -20,11 +21,12 @@ def write_scenes(cases, folder: Path) -> None:
     from nsbench.reference import reference
     from nsbench.report.scenes.figure import frames_svg, scene_svg
     from nsbench.trajectory import Trajectory
+
     for case in cases:
         try:
             ref = reference(case)
         except ValueError:
-            ref = None                   # a stale reference draws nothing; the rows say why
+            ref = None  # a stale reference draws nothing; the rows say why
         try:
             if ref is None:
                 text = scene_svg(case, case.x0, case.key)
@@ -32,7 +34,7 @@ def write_scenes(cases, folder: Path) -> None:
                 none = np.empty((len(case.t), 0))
                 traj = Trajectory(case.t, np.asarray(ref.x), (), none, none)
                 text = frames_svg(case, traj, case.t[[0, len(case.t) // 2, -1]])
-        except Exception as e:           # a case may bring its own drawing: a picture never costs the report
+        except Exception as e:  # a case may bring its own drawing: a picture never costs the report
             warnings.warn(f"no picture of {case.key}: {type(e).__name__}: {e}", stacklevel=2)
             continue
         replace(Path(folder) / scene_file(case.key), text.encode())

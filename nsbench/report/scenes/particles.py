@@ -1,4 +1,5 @@
 """Particles of one state: discs, contacts, links, anchors, walls; and what every picture needs of a case."""
+
 from __future__ import annotations
 
 import numpy as np
@@ -7,12 +8,17 @@ from nsbench.compilation.factories import host
 from nsbench.problem import Affine, Distance
 
 # Okabe & Ito (2008), readable with the common colour blindnesses
-BLUE, SKY, RED, BLACK = "#0072B2", "#56B4E9", "#D55E00", "#1c1b1a"
-GREY, SOLID = "#9a968d", "#e4e0d8"    # thin lines; what is forbidden
-SHOWN = 1500                         # discs in one panel: more are neither seen at 320 px nor light to send
-WALLS = 40                           # more distinct rows are no walls
-GRID = 121                           # points each way for contours of the forbidden region
-TOUCH = 2e-3                         # a gap within this fraction of a disc or link is drawn as contact
+BLUE = "#0072B2"
+SKY = "#56B4E9"
+RED = "#D55E00"
+BLACK = "#1c1b1a"
+# thin lines; what is forbidden
+GREY = "#9a968d"
+SOLID = "#e4e0d8"
+SHOWN = 1500  # discs in one panel: more are neither seen at 320 px nor light to send
+WALLS = 40  # more distinct rows are no walls
+GRID = 121  # points each way for contours of the forbidden region
+TOUCH = 2e-3  # a gap within this fraction of a disc or link is drawn as contact
 
 
 def groups(case):
@@ -28,23 +34,28 @@ def groups(case):
 
 def centres(x, key):
     start, dim, count = key
-    return x[start:start + dim * count].reshape(count, dim)
+    return x[start : start + dim * count].reshape(count, dim)
 
 
 def anchor_points(c, t):
-    return np.asarray(host(c.anchors)(t) if callable(c.anchors) else c.anchors, dtype=float).reshape(-1, c.dim)
+    return np.asarray(
+        host(c.anchors)(t) if callable(c.anchors) else c.anchors, dtype=float
+    ).reshape(-1, c.dim)
 
 
 def extent(case, frames, what):
     """Lowest and highest corner (2,) of what the frames show, without margin."""
-    low, high = np.full(2, np.inf), np.full(2, -np.inf)
+    low = np.full(2, np.inf)
+    high = np.full(2, -np.inf)
 
     def take(p, r=0.0):
         nonlocal low, high
-        p, r = np.asarray(p)[:, :2], np.max(r)
+        p = np.asarray(p)[:, :2]
+        r = np.max(r)
         p = p[np.all(np.isfinite(p), axis=1)]
         if len(p):
-            low, high = np.minimum(low, p.min(0) - r), np.maximum(high, p.max(0) + r)
+            low = np.minimum(low, p.min(0) - r)
+            high = np.maximum(high, p.max(0) + r)
 
     for f in frames:
         if what == "curves":
@@ -60,7 +71,8 @@ def extent(case, frames, what):
             for key, r in groups(case).items():
                 p = centres(f.x, key)
                 if len(p) > SHOWN:
-                    p, r = _inside(p), 0.0
+                    p = _inside(p)
+                    r = 0.0
                 take(p, 0.0 if r is None else r)
         for c in getattr(case.problem, "constraints", ()):
             if isinstance(c, Distance) and c.anchors is not None and c.dim > 1:
@@ -71,8 +83,14 @@ def extent(case, frames, what):
 
 def rod(case):
     """Length of the rods of a case on a line, else 0."""
-    return next((float(c.d) for c in getattr(case.problem, "constraints", ())
-                 if isinstance(c, Distance) and c.dim == 1 and c.all_pairs and c.d is not None), 0.0)
+    return next(
+        (
+            float(c.d)
+            for c in getattr(case.problem, "constraints", ())
+            if isinstance(c, Distance) and c.dim == 1 and c.all_pairs and c.d is not None
+        ),
+        0.0,
+    )
 
 
 def _window(p):
@@ -85,7 +103,7 @@ def _inside(p):
     """Two opposite corners of a square that the window fills."""
     q = p[_window(p), :2]
     mid = np.median(p[:, :2], axis=0)
-    half = np.max(np.linalg.norm(q - mid, axis=1)) / 2 ** 0.5
+    half = np.max(np.linalg.norm(q - mid, axis=1)) / 2**0.5
     return np.stack((mid - half, mid + half))
 
 
@@ -110,13 +128,16 @@ def _walls(case, key, radius, t):
         b = np.asarray(host(c.b)(t) if callable(c.b) else c.b, dtype=float)
         owner = (c.indices - start) // dim
         first = c.indptr[:-1]
-        lowest, highest = np.minimum.reduceat(owner, first), np.maximum.reduceat(owner, first)
+        lowest = np.minimum.reduceat(owner, first)
+        highest = np.maximum.reduceat(owner, first)
         alone = (lowest == highest) & (lowest >= 0) & (highest < count)
         a = np.zeros((len(b), dim))
         row = np.repeat(np.arange(len(b)), np.diff(c.indptr))
         inside = alone[row]
         np.add.at(a, (row[inside], (c.indices[inside] - start) % dim), c.data[inside])
-        a, b, owner = a[alone, :2], b[alone], owner[first][alone]
+        a = a[alone, :2]
+        b = b[alone]
+        owner = owner[first][alone]
         size = np.linalg.norm(a, axis=1)
         keep = size > 0
         r = np.broadcast_to(0.0 if radius is None else radius, count)[owner[keep]]
@@ -138,6 +159,7 @@ def particles(ax, case, frame, scale):
 
 def _discs(ax, p, radius, scale):
     from scipy.spatial import cKDTree
+
     total = len(p)
     which = _window(p) if total > SHOWN else np.arange(total)
     order = which[np.argsort(p[which, 2], kind="stable")] if p.shape[1] == 3 else which
@@ -145,23 +167,46 @@ def _discs(ax, p, radius, scale):
         ax.scatter(*p[order, :2].T, s=14, color=BLUE, linewidths=0, zorder=4)
         return
     r = np.broadcast_to(radius, total)
-    size = (2 * scale * r[order]) ** 2            # area in points, for a diameter in data units
-    ax.scatter(*p[order, :2].T, s=size if np.ptp(r) else size[:1], facecolors=SKY + "66", edgecolors=BLUE,
-               linewidths=0.9 if total < 200 else 0.4, zorder=3)
+    size = (2 * scale * r[order]) ** 2  # area in points, for a diameter in data units
+    ax.scatter(
+        *p[order, :2].T,
+        s=size if np.ptp(r) else size[:1],
+        facecolors=SKY + "66",
+        edgecolors=BLUE,
+        linewidths=0.9 if total < 200 else 0.4,
+        zorder=3,
+    )
     if total > SHOWN:
-        ax.text(0.98, 0.02, f"{SHOWN} of {total} discs", transform=ax.transAxes, ha="right", fontsize=7, zorder=6,
-                bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.5})
-    q, rq = p[which], r[which]
+        ax.text(
+            0.98,
+            0.02,
+            f"{SHOWN} of {total} discs",
+            transform=ax.transAxes,
+            ha="right",
+            fontsize=7,
+            zorder=6,
+            bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.5},
+        )
+    q = p[which]
+    rq = r[which]
     pairs = cKDTree(q).query_pairs(2 * rq.max() * (1 + TOUCH), output_type="ndarray")
     pairs = pairs[np.lexsort(pairs.T[::-1])]
     gap = np.linalg.norm(q[pairs[:, 0]] - q[pairs[:, 1]], axis=1) - rq[pairs].sum(1)
     near = TOUCH * 2 * rq.max()
     for touching, colour, width in ((np.abs(gap) <= near, BLUE, 1.0), (gap < -near, RED, 1.8)):
-        _segments(ax, q[pairs[touching, 0]], q[pairs[touching, 1]], colors=colour, linewidths=width, zorder=4)
+        _segments(
+            ax,
+            q[pairs[touching, 0]],
+            q[pairs[touching, 1]],
+            colors=colour,
+            linewidths=width,
+            zorder=4,
+        )
 
 
 def _segments(ax, p, q, **look):
     from matplotlib.collections import LineCollection
+
     if len(p):
         ax.add_collection(LineCollection(np.stack((p[:, :2], q[:, :2]), 1), **look), autolim=False)
 
@@ -170,20 +215,32 @@ def _links(ax, case, key, frame, radius):
     """Links: taut ones black, slack ones grey and dashed; anchors as squares; discs to keep off filled."""
     x = centres(frame.x, key)
     for c in case.problem.constraints:
-        if not isinstance(c, Distance) or c.all_pairs or (c.start, c.dim, c.particles(case.n)) != key:
+        if (
+            not isinstance(c, Distance)
+            or c.all_pairs
+            or (c.start, c.dim, c.particles(case.n)) != key
+        ):
             continue
         other = x if c.anchors is None else anchor_points(c, frame.t)
         if c.anchors is not None and c.sign > 0:
             near = c.d - (0.0 if radius is None else np.min(radius))
-            forbid(ax, lambda p, o=other, d=near: (np.linalg.norm(p[:, None] - o[:, :2], axis=2) - d).min(1))
+            forbid(
+                ax,
+                lambda p, o=other, d=near: (np.linalg.norm(p[:, None] - o[:, :2], axis=2) - d).min(
+                    1
+                ),
+            )
             continue
         pairs = c.pairs
         if pairs is None:
             pairs = np.stack(np.meshgrid(range(len(x)), range(len(other))), -1).reshape(-1, 2)
-        p, q = x[pairs[:, 0]], other[pairs[:, 1]]
+        p = x[pairs[:, 0]]
+        q = other[pairs[:, 1]]
         if c.sign < 0:
             taut = np.linalg.norm(p - q, axis=1) >= c.d * (1 - TOUCH)
-            _segments(ax, p[~taut], q[~taut], colors=GREY, linewidths=0.8, linestyles="--", zorder=2)
+            _segments(
+                ax, p[~taut], q[~taut], colors=GREY, linewidths=0.8, linestyles="--", zorder=2
+            )
             _segments(ax, p[taut], q[taut], colors=BLACK, linewidths=1.5, zorder=2)
         if c.anchors is not None:
             ax.scatter(*other[:, :2].T, marker="s", s=22, color=BLACK, linewidths=0, zorder=5)

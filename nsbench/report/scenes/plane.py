@@ -1,4 +1,5 @@
 """Paths: a point in the plane before constraints or switching surfaces, components over time."""
+
 from __future__ import annotations
 
 from itertools import pairwise
@@ -7,9 +8,19 @@ import numpy as np
 
 from nsbench.compilation.factories import host
 from nsbench.problem import Affine, Distance, Filippov, Smooth
-from nsbench.report.scenes.particles import BLACK, BLUE, GREY, GRID, SKY, SOLID, anchor_points, forbid, rod
+from nsbench.report.scenes.particles import (
+    BLACK,
+    BLUE,
+    GREY,
+    GRID,
+    SKY,
+    SOLID,
+    anchor_points,
+    forbid,
+    rod,
+)
 
-LINES = (BLUE, "#E69F00", "#009E73", "#CC79A7", SKY, "#D55E00")    # Okabe & Ito (2008)
+LINES = (BLUE, "#E69F00", "#009E73", "#CC79A7", SKY, "#D55E00")  # Okabe & Ito (2008)
 
 
 def plane(ax, case, frame, scale):
@@ -23,7 +34,13 @@ def plane(ax, case, frame, scale):
         ax.plot(*frame.path[0], "o", ms=4, mfc="white", mec=BLUE, zorder=5)
     r = case.radius
     if r:
-        ax.scatter(*frame.path[-1], s=(2 * r * scale) ** 2, facecolors=SKY + "66", edgecolors=BLUE, zorder=3)
+        ax.scatter(
+            *frame.path[-1],
+            s=(2 * r * scale) ** 2,
+            facecolors=SKY + "66",
+            edgecolors=BLUE,
+            zorder=3,
+        )
     ax.plot(*frame.path[-1], "o", ms=4, color=BLUE, zorder=5)
     _axes(ax, "x₁", "x₂")
 
@@ -33,7 +50,14 @@ def _axes(ax, along, up):
     ax.locator_params(nbins=4)
     ax.ticklabel_format(useOffset=False)
     ax.set_xlabel(along, labelpad=1.0)
-    ax.annotate(up, (0.0, 1.0), xycoords="axes fraction", xytext=(-4, 3), textcoords="offset points", ha="right")
+    ax.annotate(
+        up,
+        (0.0, 1.0),
+        xycoords="axes fraction",
+        xytext=(-4, 3),
+        textcoords="offset points",
+        ha="right",
+    )
 
 
 def _least_gap(case, t, points):
@@ -46,7 +70,9 @@ def _least_gap(case, t, points):
             dense[np.repeat(np.arange(c.shape[0]), np.diff(c.indptr)), c.indices] = c.data
             g = np.minimum(g, (points @ dense.T + b).min(1))
         elif isinstance(c, Distance) and c.anchors is not None:
-            reach = np.linalg.norm(points[:, None, c.start:c.start + c.dim] - anchor_points(c, t), axis=2)
+            reach = np.linalg.norm(
+                points[:, None, c.start : c.start + c.dim] - anchor_points(c, t), axis=2
+            )
             if c.pairs is not None:
                 reach = reach[:, c.pairs[:, 1]]
             g = np.minimum(g, (c.sign * (reach - c.d)).min(1))
@@ -60,31 +86,64 @@ def _sides(ax, problem, t):
     """The switching surfaces in the plane, one side of the first tinted, and the field as arrows of one length."""
     (x0, x1), (y0, y1) = ax.get_xlim(), ax.get_ylim()
     X, Y = np.meshgrid(np.linspace(x0, x1, GRID), np.linspace(y0, y1, GRID))
-    switch, field = host(problem.switch), host(problem.field)
+    switch = host(problem.switch)
+    field = host(problem.field)
     c = np.array([switch(t, p) for p in np.stack((X.ravel(), Y.ravel()), 1)]).reshape(*X.shape, -1)
-    ax.contourf(X, Y, c[..., 0], levels=[-1e300, 0.0, 1e300], colors=["#fdf3df", "#e8f2f9"], zorder=0)
+    ax.contourf(
+        X, Y, c[..., 0], levels=[-1e300, 0.0, 1e300], colors=["#fdf3df", "#e8f2f9"], zorder=0
+    )
     for k in range(c.shape[2]):
         if c[..., k].min() < 0 < c[..., k].max():
             ax.contour(X, Y, c[..., k], levels=[0.0], colors=[BLACK], linewidths=1.1, zorder=2)
     U, V = (m[5:-5:10, 5:-5:10] for m in (X, Y))
-    arrows = np.array([field(t, p, np.sign(switch(t, p))) for p in np.stack((U.ravel(), V.ravel()), 1)])
+    arrows = np.array(
+        [field(t, p, np.sign(switch(t, p))) for p in np.stack((U.ravel(), V.ravel()), 1)]
+    )
     size = np.linalg.norm(arrows, axis=1, keepdims=True)
     arrows = arrows / np.where(size > 0, size, 1.0)
-    ax.quiver(U.ravel(), V.ravel(), *arrows.T, color=GREY, pivot="mid", units="width", width=0.005, scale=22,
-              headwidth=4, headlength=4, headaxislength=3.6, zorder=1)
+    ax.quiver(
+        U.ravel(),
+        V.ravel(),
+        *arrows.T,
+        color=GREY,
+        pivot="mid",
+        units="width",
+        width=0.005,
+        scale=22,
+        headwidth=4,
+        headlength=4,
+        headaxislength=3.6,
+        zorder=1,
+    )
 
 
 def curves(ax, case, frame, scale):
     """The components over time, with what is forbidden to a single one; rods as bands of their length."""
-    y, half = frame.path, rod(case) / 2
+    y = frame.path
+    half = rod(case) / 2
     if case.n == 1:
         _forbidden_times(ax, case)
     for k in range(case.n):
         colour = LINES[k % len(LINES)] if case.n <= len(LINES) else BLUE
         if half:
-            ax.fill_between(frame.times, y[:, k] - half, y[:, k] + half, color=colour, alpha=0.25, lw=0, zorder=3)
-        ax.plot(frame.times, y[:, k], "-", color=colour, lw=1.4 if case.n <= len(LINES) else 0.7, zorder=4,
-                clip_on=False)
+            ax.fill_between(
+                frame.times,
+                y[:, k] - half,
+                y[:, k] + half,
+                color=colour,
+                alpha=0.25,
+                lw=0,
+                zorder=3,
+            )
+        ax.plot(
+            frame.times,
+            y[:, k],
+            "-",
+            color=colour,
+            lw=1.4 if case.n <= len(LINES) else 0.7,
+            zorder=4,
+            clip_on=False,
+        )
         ax.plot(frame.times[0], y[0, k], "o", ms=3, color=colour, zorder=5, clip_on=False)
     if 1 < case.n <= len(LINES):
         _name_ends(ax, frame, case.n)
@@ -102,14 +161,22 @@ def _name_ends(ax, frame, n):
     for a, b in pairwise(order):
         place[b] = max(place[b], place[a] + 0.075)
     for k in range(n):
-        ax.annotate("x" + "₁₂₃₄₅₆"[k], (1.0, place[k]), xycoords="axes fraction", xytext=(2, -2),
-                    textcoords="offset points", color=LINES[k], annotation_clip=False)
+        ax.annotate(
+            "x" + "₁₂₃₄₅₆"[k],
+            (1.0, place[k]),
+            xycoords="axes fraction",
+            xytext=(2, -2),
+            textcoords="offset points",
+            color=LINES[k],
+            annotation_clip=False,
+        )
 
 
 def _forbidden_times(ax, case):
     """Shade what is forbidden to a single coordinate, or draw the zero of its switching function, over time."""
     (t0, t1), (low, high) = ax.get_xlim(), ax.get_ylim()
-    t, y = np.linspace(t0, t1, 2 * GRID), np.linspace(low, high, GRID)
+    t = np.linspace(t0, t1, 2 * GRID)
+    y = np.linspace(low, high, GRID)
     if isinstance(case.problem, Filippov):
         switch = host(case.problem.switch)
         g = np.array([[switch(s, np.array([v]))[0] for s in t] for v in y])

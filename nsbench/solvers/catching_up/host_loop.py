@@ -1,4 +1,5 @@
 """The catching-up loop in Python: for the library backends, smooth families, and the fully nonlinear projection."""
+
 from __future__ import annotations
 
 import numpy as np
@@ -6,9 +7,9 @@ import numpy as np
 from nsbench.qp.projection import Answer, Rows
 from nsbench.solvers.catching_up.qp_backends import BACKENDS, residual
 
-ENOUGH = 20                   # steps that did not settle: the run is unverified long before, and each takes ROUNDS programs
-ROUNDS = 300                  # successive linearisations; each gains a factor of about mu times the curvature
-SHORTEST = 1 / 64             # of their steps, shortened where they go to and fro
+ENOUGH = 20  # steps that did not settle: the run is unverified long before, and each takes ROUNDS programs
+ROUNDS = 300  # successive linearisations; each gains a factor of about mu times the curvature
+SHORTEST = 1 / 64  # of their steps, shortened where they go to and fro
 
 
 class _List:
@@ -17,10 +18,12 @@ class _List:
     def __init__(self, scene, x, skin, t, old=None, mu=None):
         self.near, self.base, self.skin = scene.near(x, skin, t), x.copy(), skin
         self.mu, self.places = np.zeros(len(self.near)), scene.places(self.near)
-        row, cols, _ = scene.triplets(t, x, self.near)      # where the entries are stays the same for all of a list
+        row, cols, _ = scene.triplets(
+            t, x, self.near
+        )  # where the entries are stays the same for all of a list
         self.rows = Rows(row, cols, (len(self.near), scene.n))
         self.touching = np.isin(self.near.kind, (1, 2))
-        self.coincident = -self.near.sign * self.near.d        # the gap of coincident centres
+        self.coincident = -self.near.sign * self.near.d  # the gap of coincident centres
         self._hard = [(c.start, m, c.dim) for _, c, m in scene.hard]
         if old is not None:
             kept = dict(zip(old.near.ids, mu, strict=True))
@@ -31,8 +34,11 @@ class _List:
         far = last = 0.0
         for start, m, dim in self._hard:
             part = slice(start, start + m * dim)
-            lengths = [np.sqrt((v[part].reshape(m, dim) ** 2).sum(1)) for v in (x - self.base, y - x)]
-            far, last = max(far, (lengths[0] + lengths[1]).max()), max(last, lengths[1].max())
+            lengths = [
+                np.sqrt((v[part].reshape(m, dim) ** 2).sum(1)) for v in (x - self.base, y - x)
+            ]
+            far = max(far, (lengths[0] + lengths[1]).max())
+            last = max(last, lengths[1].max())
         return far, last
 
 
@@ -41,8 +47,14 @@ class HostLoop:
 
     def __init__(self, case, scene, g, x0, backend, nonlinear, reach, eps, max_iter):
         from nsbench.compilation.factories import host
-        self.t0, self.scene, self.grid, self.x0, self.reach = float(case.t[0]), scene, g, x0, reach
-        self.f, self.nonlinear = host(case.problem.drift), nonlinear
+
+        self.t0 = float(case.t[0])
+        self.scene = scene
+        self.grid = g
+        self.x0 = x0
+        self.reach = reach
+        self.f = host(case.problem.drift)
+        self.nonlinear = nonlinear
         self.make = lambda: BACKENDS[backend](eps, max_iter)
 
     def run(self):
@@ -50,14 +62,22 @@ class HostLoop:
             return self._march()
 
     def _march(self):
-        t, substeps = self.grid.t, self.grid.substeps
-        self.backend, self.stats = self.make(), {"qp_solves": 0, "inner_iterations": 0, "rebuilds": 1, "limits": 0, "ties": 0}
-        x, reac = self.x0.copy(), np.zeros(self.x0.size)
+        t = self.grid.t
+        substeps = self.grid.substeps
+        self.backend = self.make()
+        self.stats = {"qp_solves": 0, "inner_iterations": 0, "rebuilds": 1, "limits": 0, "ties": 0}
+        x = self.x0.copy()
+        reac = np.zeros(self.x0.size)
         self.list = _List(self.scene, x, self.reach, self.t0)
         self.peak = len(self.list.near)
-        X, R = np.full((len(t), x.size), np.nan), np.full((len(t), x.size), np.nan)
-        X[0], R[0] = x, reac
-        self.records, self.unsettled, worst, when = [], 0, 0.0, self.t0
+        X = np.full((len(t), x.size), np.nan)
+        R = np.full((len(t), x.size), np.nan)
+        X[0] = x
+        R[0] = reac
+        self.records = []
+        self.unsettled = 0
+        worst = 0.0
+        when = self.t0
         for k in range(len(t) - 1):
             h = (t[k + 1] - t[k]) / substeps[k]
             for s in range(substeps[k]):
@@ -68,7 +88,8 @@ class HostLoop:
                     return self._result(X, R, worst, when, "nan", now)
                 code, mu, y, kkt = self._step(after, x, z, h)
                 if not kkt <= worst:
-                    worst, when = kkt, now
+                    worst = kkt
+                    when = now
                 if code == "infeasible":
                     return self._result(X, R, worst, when, code, now)
                 if self.unsettled >= ENOUGH:
@@ -78,13 +99,16 @@ class HostLoop:
                 reac += y - z
                 x = y
                 self._record(k + 1, mu)
-            X[k + 1], R[k + 1] = x, reac
+            X[k + 1] = x
+            R[k + 1] = reac
         return self._result(X, R, worst, when, "ok", t[-1])
 
     def _step(self, after, x, z, h):
         """Code, mu, y and the KKT residual of the step from x to after, once more over a longer list where needed."""
         while True:
-            code, mu, y, kkt, far, last = (self._nonlinear if self.nonlinear else self._linear)(after, x, z, h)
+            code, mu, y, kkt, far, last = (self._nonlinear if self.nonlinear else self._linear)(
+                after, x, z, h
+            )
             if code == "infeasible" or not 2.0 * far > self.list.skin:
                 self.list.mu = mu
                 return code, mu, y, kkt
@@ -96,21 +120,34 @@ class HostLoop:
         g, q, G = self._linearise(after, x, z)
         a = self._solve(G, q, h, self.list.mu)
         self._ties(g, a.mu)
-        return a.code, a.mu, z + a.d, residual(G, q + G @ a.d, a.mu, a.d), *self.list.travel(x, z + a.d)
+        return (
+            a.code,
+            a.mu,
+            z + a.d,
+            residual(G, q + G @ a.d, a.mu, a.d),
+            *self.list.travel(x, z + a.d),
+        )
 
     def _nonlinear(self, after, x, z, h):
         """The point of {g >= 0} nearest to z: linearise anew at each result until it stays.
 
         Under a strong pull a link overshoots, to and fro: the point of linearisation then goes a part of the way only.
         """
-        y, mu, far, last, part, before = x, self.list.mu, 0.0, 0.0, 1.0, np.inf
+        y = x
+        mu = self.list.mu
+        far = 0.0
+        last = 0.0
+        part = 1.0
+        before = np.inf
         scale = max(1.0, float(np.abs(z).max()))
         for _ in range(ROUNDS):
             g, q, G = self._linearise(after, y, z)
             a = self._solve(G, q, h, mu)
-            new, mu = z + a.d, a.mu
+            new = z + a.d
+            mu = a.mu
             reach = self.list.travel(y, new)
-            far, last = max(far, reach[0]), max(last, float(self.list.travel(x, new)[1]), reach[1])
+            far = max(far, reach[0])
+            last = max(last, float(self.list.travel(x, new)[1]), reach[1])
             change = float(np.abs(new - y).max())
             if a.code == "infeasible" or 2.0 * far > self.list.skin:
                 return a.code, mu, new, np.nan, far, last
@@ -118,7 +155,8 @@ class HostLoop:
                 y = new
                 break
             part = max(0.5 * part, SHORTEST) if change > 0.9 * before else part
-            before, y = change, y + part * (new - y)
+            before = change
+            y = y + part * (new - y)
         else:
             self.stats["limits"] += 1
             self.unsettled += 1
@@ -128,15 +166,19 @@ class HostLoop:
 
     def _ties(self, g, mu):
         """A push between coincident centres has no direction."""
-        self.stats["ties"] += int(np.count_nonzero(self.list.touching & (mu > 0.0) & (g == self.list.coincident)))
+        self.stats["ties"] += int(
+            np.count_nonzero(self.list.touching & (mu > 0.0) & (g == self.list.coincident))
+        )
 
     def _linearise(self, after, x, z):
-        near, places = self.list.near, self.list.places
-        g, G = self.scene.gaps(after, x, near, places), self.list.rows.fill(self.scene.slopes(after, x, near, places))
+        near = self.list.near
+        places = self.list.places
+        g = self.scene.gaps(after, x, near, places)
+        G = self.list.rows.fill(self.scene.slopes(after, x, near, places))
         return g, g + G @ (z - x), G
 
     def _solve(self, G, q, h, mu) -> Answer:
-        if np.all(q >= 0.0):                                # nothing in the way: d = 0 solves it
+        if np.all(q >= 0.0):  # nothing in the way: d = 0 solves it
             return Answer(np.zeros(q.size), np.zeros(G.shape[1]), "solved", 0)
         a = self.backend(G, q, h, self.list, mu)
         self.stats["qp_solves"] += 1

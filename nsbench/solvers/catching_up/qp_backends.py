@@ -7,6 +7,7 @@ key an object that stays the same as long as the constraints do, mu (m,) a first
 solve in units of velocity, (d / h, mu / h, q / h), so that their tolerances mean the same for every step; these are absolute,
 so where all speeds are below 1 they are in units of the largest that is asked for, to a power of two (see `unit`).
 """
+
 from __future__ import annotations
 
 import numpy as np
@@ -31,7 +32,7 @@ def residual(G, w: np.ndarray, mu: np.ndarray, d: np.ndarray) -> float:
     return float(np.maximum(stationarity, np.abs(np.minimum(mu * norm, w / norm)).max(initial=0.0)))
 
 
-FAR = 1e6                  # of the largest speed that is asked for
+FAR = 1e6  # of the largest speed that is asked for
 
 
 def unit(G: Rows, q: np.ndarray, h: float) -> float:
@@ -44,7 +45,7 @@ def unit(G: Rows, q: np.ndarray, h: float) -> float:
     return h * min(1.0, 2.0 ** np.ceil(np.log2(asked))) if 0.0 < asked < np.inf else h
 
 
-INFINITE = 1e30            # to OSQP
+INFINITE = 1e30  # to OSQP
 
 
 class OSQP:
@@ -54,28 +55,50 @@ class OSQP:
     """
 
     def __init__(self, eps=None, max_iter=None):
-        self._settings = {"eps_abs": eps or 1e-8, "eps_rel": eps or 1e-8, "max_iter": max_iter or 20000,
-                          "eps_prim_inf": 1e-10, "polishing": True, "verbose": False, "warm_starting": True}
-        self._key, self._solver, self.setups = None, None, 0
+        self._settings = {
+            "eps_abs": eps or 1e-8,
+            "eps_rel": eps or 1e-8,
+            "max_iter": max_iter or 20000,
+            "eps_prim_inf": 1e-10,
+            "polishing": True,
+            "verbose": False,
+            "warm_starting": True,
+        }
+        self._key = None
+        self._solver = None
+        self.setups = 0
 
     def __call__(self, G, q, h, key, mu):
         import osqp
+
         m, n = G.shape
         h = unit(G, q, h)
         low = -q / h
-        if not np.abs(low).max(initial=0.0) < INFINITE:  # it would print an error and solve with the bounds of before
+        if (
+            not np.abs(low).max(initial=0.0) < INFINITE
+        ):  # it would print an error and solve with the bounds of before
             return Answer(np.zeros(m), np.zeros(n), "maxiter", 0)
         if key is not self._key:
             from scipy.sparse import csc_matrix
+
             self._key, self.setups, self._solver = key, self.setups + 1, osqp.OSQP()
-            self._solver.setup(csc_matrix(np.eye(1)) if n == 1 else _identity(n), np.zeros(n), G.csc(), low,
-                               np.full(m, np.inf), **self._settings)
+            self._solver.setup(
+                csc_matrix(np.eye(1)) if n == 1 else _identity(n),
+                np.zeros(n),
+                G.csc(),
+                low,
+                np.full(m, np.inf),
+                **self._settings,
+            )
             self._solver.warm_start(x=G.back(mu) / h, y=-mu / h)
         else:
             self._solver.update(Ax=G.vals[G.down], l=low)
         r = self._solver.solve(raise_error=False)
         status = osqp.SolverStatus(r.info.status_val)
-        code = {osqp.SolverStatus.OSQP_SOLVED: "solved", osqp.SolverStatus.OSQP_PRIMAL_INFEASIBLE: "infeasible"}
+        code = {
+            osqp.SolverStatus.OSQP_SOLVED: "solved",
+            osqp.SolverStatus.OSQP_PRIMAL_INFEASIBLE: "infeasible",
+        }
         return Answer(-h * r.y, h * r.x, code.get(status, "maxiter"), int(r.info.iter))
 
 
@@ -83,18 +106,27 @@ class PIQP:
     """PIQP (Schwan et al. 2023), an interior point method: set up once for a list of constraints, then updated."""
 
     def __init__(self, eps=None, max_iter=None):
-        self._eps, self._max_iter = eps or 1e-11, max_iter or 250
-        self._key, self._solver, self._A, self.setups = None, None, None, 0
+        self._eps = eps or 1e-11
+        self._max_iter = max_iter or 250
+        self._key = None
+        self._solver = None
+        self._A = None
+        self.setups = 0
 
     def __call__(self, G, q, h, key, mu):
         import piqp
+
         n = G.shape[1]
         h = unit(G, q, h)
         if key is not self._key:
             self._key, self.setups, self._solver = key, self.setups + 1, piqp.SparseSolver()
             s = self._solver.settings
-            s.eps_abs, s.eps_rel, s.max_iter, s.verbose = self._eps, self._eps, self._max_iter, False
-            s.eps_duality_gap_abs, s.eps_duality_gap_rel = self._eps, self._eps
+            s.eps_abs = self._eps
+            s.eps_rel = self._eps
+            s.max_iter = self._max_iter
+            s.verbose = False
+            s.eps_duality_gap_abs = self._eps
+            s.eps_duality_gap_rel = self._eps
             self._A = G.csc()
             self._solver.setup(P=_identity(n), c=np.zeros(n), G=self._A, h_l=-q / h)
         else:
@@ -102,12 +134,15 @@ class PIQP:
             self._solver.update(G=self._A, h_l=-q / h)
         status = self._solver.solve()
         r = self._solver.result
-        code = {piqp.PIQP_SOLVED: "solved", piqp.PIQP_PRIMAL_INFEASIBLE: "infeasible"}.get(status, "maxiter")
+        code = {piqp.PIQP_SOLVED: "solved", piqp.PIQP_PRIMAL_INFEASIBLE: "infeasible"}.get(
+            status, "maxiter"
+        )
         return Answer(h * np.array(r.z_l), h * np.array(r.x), code, int(r.info.iter))
 
 
 def _identity(n):
     from scipy.sparse import csc_matrix, identity
+
     return csc_matrix(identity(n, format="csc"))
 
 

@@ -1,4 +1,5 @@
 """Linear combinations of runs at accuracies e, e/2, e/4, ... in which the first powers of e cancel (Richardson 1911)."""
+
 from __future__ import annotations
 
 import numpy as np
@@ -25,9 +26,10 @@ def combined(runs: list[Trajectory], h: float) -> Trajectory:
     it, with the first sentence; work is added up. stats["spread"]: the largest difference from the same extrapolation
     with one level less (from the last run, for two), an estimate of that one's error.
     """
-    w, last = weights(len(runs) - 1), weights(len(runs) - 2)
+    w = weights(len(runs) - 1)
+    last = weights(len(runs) - 2)
     for r in runs:
-        if len(r.t) == 0:                          # refused: there are no samples
+        if len(r.t) == 0:  # refused: there are no samples
             return r
     contacts = tuple(sorted({c for r in runs for c in r.contacts}))
     impulses = [_columns(r, contacts) for r in runs]
@@ -37,8 +39,18 @@ def combined(runs: list[Trajectory], h: float) -> Trajectory:
         spread = float(np.abs(x - before).max(initial=0.0))
     stats = _work([r.stats for r in runs]) | {"h": h, "spread": spread}
     bad = next((r.status for r in runs if not r.status.ok), Status())
-    return Trajectory(runs[0].t, x, contacts, _sum(w, impulses), _sum(w, [r.reaction for r in runs]), bad, (), stats,
-                      runs[0].lam_time, between=runs[-1].between if runs[-1].contacts == contacts else None)
+    return Trajectory(
+        runs[0].t,
+        x,
+        contacts,
+        _sum(w, impulses),
+        _sum(w, [r.reaction for r in runs]),
+        bad,
+        (),
+        stats,
+        runs[0].lam_time,
+        between=runs[-1].between if runs[-1].contacts == contacts else None,
+    )
 
 
 def _sum(w, arrays):

@@ -1,4 +1,5 @@
 """What an infeasible start means: an error, the nearest feasible point, or itself, as the case says."""
+
 from __future__ import annotations
 
 import functools
@@ -10,10 +11,12 @@ from nsbench.dynamics.contacts.constraint_set import ANCHOR, PAIR, Scene
 from nsbench.dynamics.contacts.tolerances import PRINTED, misses, numbers, scene_of, tolerances
 from nsbench.problem import Affine, Distance
 
-ITERATIONS = 1000         # linear convergence: a start that overlaps deeply needs a few hundred
-LISTED, FARTHER = 3000, 100.0      # constraints that are looked at, and times what is missed, of a start that misses by digits
-DENSE = 10_000           # entries of the gradients: below, SciPy solves before a kernel is compiled
-STILL = 1e-13            # of a coordinate, the longest way, or what pushes is made of: what moves by less has ended
+ITERATIONS = 1000  # linear convergence: a start that overlaps deeply needs a few hundred
+# constraints that are looked at, and times what is missed, of a start that misses by digits
+LISTED = 3000
+FARTHER = 100.0
+DENSE = 10_000  # entries of the gradients: below, SciPy solves before a kernel is compiled
+STILL = 1e-13  # of a coordinate, the longest way, or what pushes is made of: what moves by less has ended
 
 
 class NoStart(ValueError):
@@ -32,7 +35,8 @@ def start_state(case: Case, scene: Scene) -> np.ndarray:
     ValueError where none is nearest (coincident centres) or it is not found. A start that misses by no more than the last of
     its printed digits is no error, and is projected too, so that no method makes a push of it, if what is feasible is near.
     """
-    x, t = case.x0.copy(), float(case.t[0])
+    x = case.x0.copy()
+    t = float(case.t[0])
     if case.start == "keep" or not scene.families:
         return x
     near = scene.near(x, 0.0, t)
@@ -46,8 +50,10 @@ def start_state(case: Case, scene: Scene) -> np.ndarray:
     if case.start == "error" or not (g > -np.inf).all():
         worst = int(np.argmin(np.where(np.isnan(g), -np.inf, g)))
         beyond = "" if far else ", and what is feasible is much farther away"
-        raise ValueError(f"the start of {case.key} violates constraint {near.ids[worst]} by {-g[worst]:.3g}{beyond}; "
-                         'give a feasible x0, or start="project" or "keep"')
+        raise ValueError(
+            f"the start of {case.key} violates constraint {near.ids[worst]} by {-g[worst]:.3g}{beyond}; "
+            'give a feasible x0, or start="project" or "keep"'
+        )
     return _nearest(case, scene, x, t)
 
 
@@ -55,7 +61,9 @@ def start_state(case: Case, scene: Scene) -> np.ndarray:
 def _tidied(case: Case) -> np.ndarray | None:
     """The start, which misses by the last of its digits, projected; itself if it misses by rounding or by very many constraints,
     or no point is nearest: it is a start all the same; None if it were moved by much more than all that it misses by."""
-    scene, x, t = scene_of(case), case.x0.copy(), float(case.t[0])
+    scene = scene_of(case)
+    x = case.x0.copy()
+    t = float(case.t[0])
     near = scene.near(x, 0.0, t)
     g, (row, _, vals) = scene.gaps(t, x, near), scene.triplets(t, x, near)
     if (g >= -tolerances(case, scene, t, x, near, projected=True)).all() or len(near) > LISTED:
@@ -66,12 +74,19 @@ def _tidied(case: Case) -> np.ndarray | None:
         y = _nearest(case, scene, x, t)
     except ValueError:
         return x
-    return y if float(np.abs(y - x).max()) <= max(FARTHER * deep, PRINTED * float(np.abs(x).max())) else None
+    return (
+        y
+        if float(np.abs(y - x).max()) <= max(FARTHER * deep, PRINTED * float(np.abs(x).max()))
+        else None
+    )
 
 
 def _nearest(case, scene, x0, t):
     """The point where linearising the constraints gives the point itself; it stays feasible and nearest from there on."""
-    y, moved, reach, known = x0, np.full(x0.size, np.inf), 4.0 * scene.deepest(t, x0), {}
+    y = x0
+    moved = np.full(x0.size, np.inf)
+    reach = 4.0 * scene.deepest(t, x0)
+    known = {}
     for _ in range(ITERATIONS):
         lines = _Lines(case, scene, t, y, reach)
         still = STILL * np.maximum(np.abs(x0), max(float(np.abs(y - x0).max()), lines.size(known)))
@@ -79,31 +94,44 @@ def _nearest(case, scene, x0, t):
             return y
         tie = lines.coincident()
         if tie:
-            raise NoStart("degenerate", f"the start of {case.key} has coincident centres, {tie}: no feasible "
-                                        'point is the nearest; part them, or give start="keep"')
+            raise NoStart(
+                "degenerate",
+                f"the start of {case.key} has coincident centres, {tie}: no feasible "
+                'point is the nearest; part them, or give start="keep"',
+            )
         d = lines.nearest(y - x0, known)
         if d is None:
             raise _none(case, scene)
         z = x0 + d
         far = _farthest(scene, z - y)
-        if 2.0 * far <= reach:                 # else a pair that is not listed could be in the way
+        if 2.0 * far <= reach:  # else a pair that is not listed could be in the way
             y, moved = z, np.abs(z - y)
         reach = 4.0 * far
-    raise ValueError(f"the start of {case.key} could not be projected in {ITERATIONS} steps (violation {-lines.g.min():.3g}, "
-                     f"last step {moved.max():.3g}): the nearest feasible point is perhaps not unique")
+    raise ValueError(
+        f"the start of {case.key} could not be projected in {ITERATIONS} steps (violation {-lines.g.min():.3g}, "
+        f"last step {moved.max():.3g}): the nearest feasible point is perhaps not unique"
+    )
 
 
 def _none(case, scene) -> NoStart:
     """No point meets the linearised constraints: there is none at all where the set is convex."""
-    if all(isinstance(c, Affine) or (isinstance(c, Distance) and c.sign < 0) for c in scene.families):
-        return NoStart("infeasible", f"the constraints of {case.key} leave no point: the start cannot be projected")
-    return NoStart("infeasible", f"the constraints of {case.key} leave no point near the start, to first order: it cannot be "
-                                 'projected; give a feasible x0, or start="keep"')
+    if all(
+        isinstance(c, Affine) or (isinstance(c, Distance) and c.sign < 0) for c in scene.families
+    ):
+        return NoStart(
+            "infeasible",
+            f"the constraints of {case.key} leave no point: the start cannot be projected",
+        )
+    return NoStart(
+        "infeasible",
+        f"the constraints of {case.key} leave no point near the start, to first order: it cannot be "
+        'projected; give a feasible x0, or start="keep"',
+    )
 
 
 def _farthest(scene, way):
     """The longest way of a hard particle."""
-    parts = (way[c.start:c.start + m * c.dim].reshape(m, c.dim) for _, c, m in scene.hard)
+    parts = (way[c.start : c.start + m * c.dim].reshape(m, c.dim) for _, c, m in scene.hard)
     return max((float(np.sqrt((p * p).sum(1)).max(initial=0.0)) for p in parts), default=0.0)
 
 
@@ -111,8 +139,12 @@ class _Lines:
     """The constraints near y, linearised there: g (m,), their gradients, by entries, and what g may miss by."""
 
     def __init__(self, case, scene, t, y, reach):
-        self.near, self.n = scene.near(y, reach, t), scene.n
-        self.g, (self._row, self._cols, self._vals) = scene.gaps(t, y, self.near), scene.triplets(t, y, self.near)
+        self.near = scene.near(y, reach, t)
+        self.n = scene.n
+        self.g, (self._row, self._cols, self._vals) = (
+            scene.gaps(t, y, self.near),
+            scene.triplets(t, y, self.near),
+        )
         self.allowed = tolerances(case, scene, t, y, self.near, projected=True)
         self._sizes = lambda: numbers(scene, t, y, self.near)
 
@@ -125,7 +157,9 @@ class _Lines:
     def coincident(self):
         """A pair whose direction to part in is not known, or None."""
         near = self.near
-        tie = np.flatnonzero(np.isin(near.kind, (PAIR, ANCHOR)) & (self.g == -near.sign * near.d) & (near.sign > 0.0))
+        tie = np.flatnonzero(
+            np.isin(near.kind, (PAIR, ANCHOR)) & (self.g == -near.sign * near.d) & (near.sign > 0.0)
+        )
         return near.take(tie[:1]).ids[0] if tie.size else None
 
     def nearest(self, e, known):
@@ -139,15 +173,20 @@ class _Lines:
         on = (self.g <= 0.0) | (q <= 0.0) | np.isin(keys, list(known))
         while True:
             listed = np.flatnonzero(on)
-            keep, place = on[self._row], np.cumsum(on) - 1
-            row, cols, vals = place[self._row[keep]], self._cols[keep], self._vals[keep]
+            keep = on[self._row]
+            place = np.cumsum(on) - 1
+            row = place[self._row[keep]]
+            cols = self._cols[keep]
+            vals = self._vals[keep]
             guess = np.array([known.get(k, 0.0) for k in keys[listed].tolist()])
             d, mu = least_distance(row, cols, vals, q[listed], self.n, guess)
             if d is None:
                 return None
             w = q + np.bincount(self._row, self._vals * d[self._cols], len(q))
             known.clear()
-            known.update((k, m) for k, m in zip(keys[listed].tolist(), mu.tolist(), strict=True) if m > 0.0)
+            known.update(
+                (k, m) for k, m in zip(keys[listed].tolist(), mu.tolist(), strict=True) if m > 0.0
+            )
             new = (w < -0.1 * self.allowed) & ~on
             if not new.any():
                 return d
@@ -171,13 +210,14 @@ def _in_units(row, cols, vals, q, n, guess):
     if not len(q) * n <= DENSE:
         return _by_active_sets(row, cols, vals, q, n, guess)
     from scipy.optimize import nnls
+
     E = np.zeros((n + 1, len(q)))
     np.add.at(E, (cols, row), vals)
     E[n] = -q
     rhs = np.append(np.zeros(n), 1.0)
     try:
         mu, size = nnls(E, rhs)
-    except RuntimeError:                                 # its iterations ran out
+    except RuntimeError:  # its iterations ran out
         return _by_active_sets(row, cols, vals, q, n, guess)
     r = E @ mu - rhs
     if size < 1e-12 or not r[-1] < 0.0:
@@ -187,6 +227,7 @@ def _in_units(row, cols, vals, q, n, guess):
 
 def _by_active_sets(row, cols, vals, q, n, guess):
     from nsbench.qp.projection import ActiveSet, Rows
+
     G = Rows(row, cols, (len(q), n)).fill(vals)
     a = ActiveSet()(G, q, 1.0, G, guess)
     return (None, None) if a.code == "infeasible" else (a.d, a.mu)

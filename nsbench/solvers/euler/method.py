@@ -1,4 +1,5 @@
 """Euler's method on a Filippov field, or on a plain smooth system: explicit (chatters) and implicit (does not)."""
+
 from __future__ import annotations
 
 import functools
@@ -17,13 +18,33 @@ from nsbench.trajectory import Status, Trajectory
 STANDARD = ("euler", "euler[implicit=true]")
 EXPLICIT = (
     Expect(("smooth",), 1.0, None, "without constraints and surfaces there is no multiplier"),
-    Expect(("exact_at_grid",), "open", "open", "exact at some steps, O(h) chatter at others: no order describes both"),
-    Expect(("zeno", "weak"), 0.5, None, "the logarithm in h log(1 + a/h) / a, for steps near the contraction a; the limit is 1"),
+    Expect(
+        ("exact_at_grid",),
+        "open",
+        "open",
+        "exact at some steps, O(h) chatter at others: no order describes both",
+    ),
+    Expect(
+        ("zeno", "weak"),
+        0.5,
+        None,
+        "the logarithm in h log(1 + a/h) / a, for steps near the contraction a; the limit is 1",
+    ),
 )
 IMPLICIT = (
     Expect(("smooth",), 1.0, None, "without constraints and surfaces there is no multiplier"),
-    Expect(("exact_at_grid",), "exact", "exact", "every step is exact for fields that are constant in each mode"),
-    Expect(("zeno", "weak"), 0.5, None, "the logarithm in h log(1 + a/h) / a, for steps near the contraction a; the limit is 1"),
+    Expect(
+        ("exact_at_grid",),
+        "exact",
+        "exact",
+        "every step is exact for fields that are constant in each mode",
+    ),
+    Expect(
+        ("zeno", "weak"),
+        0.5,
+        None,
+        "the logarithm in h log(1 + a/h) / a, for steps near the contraction a; the limit is 1",
+    ),
 )
 
 
@@ -40,6 +61,7 @@ class Euler:
     Without switching surfaces both are the textbook methods.
     Source: Acary & Brogliato, Numerical Methods for Nonsmooth Dynamical Systems (2008), chapters 9 and 10.
     """
+
     implicit: bool = False
 
     accuracy = "h"
@@ -65,34 +87,48 @@ class Euler:
     def prepare(self, case: Case, h: float) -> Run:
         g = grid(case.t, h, last=case.exact_impulse is not None)
         from nsbench.solvers.euler.kernels import loop as relay
+
         loop, taken, field, switch, d = _forms(case)
         march = taken(relay.march_implicit if self.implicit else relay.march_explicit)
         own = (_blends(case), unit(case, case.x0)) if self.implicit else ()
         args = (field, switch, *own, g.t, g.substeps, case.x0.copy(), d, _parts(g, d))
         if loop == "compiled":
             from numba import typeof
+
             march.compile(tuple(typeof(a) for a in args))
 
         def run():
             with np.errstate(all="ignore"):
                 return self._trajectory(case, g, loop, march(*args))
+
         return run
 
     def _trajectory(self, case, g, loop, result):
         X, W, calls, inner, code, reached, looked = result
-        lam, between = last_steps(case.t, g, W), _between(case, g, X, W, looked) if W.shape[1] else None
+        lam = last_steps(case.t, g, W)
+        between = _between(case, g, X, W, looked) if W.shape[1] else None
         if not g.aligned:
-            X, W = sample(case.t, g.t, X), sample(case.t, g.t, W)
+            X = sample(case.t, g.t, X)
+            W = sample(case.t, g.t, W)
         stats = {"steps": int(g.substeps.sum()), "h": g.h, "drift_calls": int(calls), "loop": loop}
         if self.implicit:
             stats["inner_iterations"] = int(inner)
-        status, smooth = _status(code, reached), isinstance(case.problem, Complementarity)
+        status = _status(code, reached)
+        smooth = isinstance(case.problem, Complementarity)
         if status.ok and not (smooth or self.implicit) and case.unique:
             status = _in_a_corner(case, X, W, g.h)
-        return Trajectory(case.t, X, tuple((0, i) for i in range(W.shape[1])), W,
-                          np.where(np.isnan(X), np.nan, 0.0) if smooth else np.empty((len(X), 0)),
-                          status, stats=stats, lam_time="end" if self.implicit else "start", **lam,
-                          between=between)
+        return Trajectory(
+            case.t,
+            X,
+            tuple((0, i) for i in range(W.shape[1])),
+            W,
+            np.where(np.isnan(X), np.nan, 0.0) if smooth else np.empty((len(X), 0)),
+            status,
+            stats=stats,
+            lam_time="end" if self.implicit else "start",
+            **lam,
+            between=between,
+        )
 
 
 def _parts(g, d: int) -> int:
@@ -102,67 +138,100 @@ def _parts(g, d: int) -> int:
 
 def _between(case, g, X, W, looked):
     """Times, states and integrals that are known between samples: of other nodes of the grid, and those of the kernel."""
-    n, rows = X.shape[1], looked.reshape(-1, looked.shape[2])
+    n = X.shape[1]
+    rows = looked.reshape(-1, looked.shape[2])
     rows = np.vstack([np.column_stack([g.t, X, W])[~np.isin(g.t, case.t)], rows])
     rows = rows[np.isfinite(rows).all(axis=1)]
     rows = rows[np.argsort(rows[:, 0])]
-    return rows[:, 0], rows[:, 1:1 + n], rows[:, 1 + n:]
+    return rows[:, 0], rows[:, 1 : 1 + n], rows[:, 1 + n :]
 
 
 def _blends(case) -> bool:
     """Whether the field has to be made multilinear between its modes."""
     from nsbench.dynamics.filippov.modes import multilinear
+
     return isinstance(case.problem, Filippov) and not multilinear(case.problem, case.n)
 
 
 def _status(code, reached):
     from nsbench.solvers.euler.kernels import loop as relay
+
     if code == relay.OK:
         return Status()
     if code == relay.NAN:
         return Status("nan", f"The drift is not a number at t = {reached:.6g}.")
     if code == relay.BLOWN:
-        return Status("diverged", f"The state passed 1e150 at t = {reached:.6g}; a smaller step may help.")
-    return Status("maxiter", f"No solution of the implicit step from t = {reached:.6g} was found; try a smaller step.")
+        return Status(
+            "diverged", f"The state passed 1e150 at t = {reached:.6g}; a smaller step may help."
+        )
+    return Status(
+        "maxiter",
+        f"No solution of the implicit step from t = {reached:.6g} was found; try a smaller step.",
+    )
 
 
 def _in_a_corner(case, X, W, h):
     from nsbench.dynamics.filippov.modes import held
+
     where = held(case, X, np.diff(W, axis=0) / np.diff(case.t)[:, None], h)
-    return Status("unverified", f"{where}, where Filippov's velocities are many: which one an explicit step makes by "
-                                "alternating between modes is no claim of it.") if where else Status()
+    return (
+        Status(
+            "unverified",
+            f"{where}, where Filippov's velocities are many: which one an explicit step makes by "
+            "alternating between modes is no claim of it.",
+        )
+        if where
+        else Status()
+    )
 
 
 def _forms(case):
     """loop, how to take a kernel, field, switch, d: compiled, or the same source around functions in Python."""
     from nsbench.compilation import factories as form
-    p, n = case.problem, case.n
+
+    p = case.problem
+    n = case.n
     if isinstance(p, Complementarity):
-        field, switch, d = _no_signs(p.drift), p.drift, 0
+        field = _no_signs(p.drift)
+        switch = p.drift
+        d = 0
     else:
-        field, switch = p.field, p.switch
+        field = p.field
+        switch = p.switch
         d = len(host(p.switch)(float(case.t[0]), case.x0.copy()))
     try:
-        return "compiled", lambda kernel: kernel, form.rhs_signs(field, n, d), form.rhs(switch, n), d
+        return (
+            "compiled",
+            lambda kernel: kernel,
+            form.rhs_signs(field, n, d),
+            form.rhs(switch, n),
+            d,
+        )
     except form.CompileError:
-        f, c = form.host(field), form.host(switch)
+        f = form.host(field)
+        c = form.host(switch)
         return "host", form.plain, _filling(f), _filling(c), d
 
 
 @functools.lru_cache(maxsize=256)
 def _no_signs(drift):
     """The drift as a field without signs; the same object each time, so that what is compiled for it serves again."""
+
     def field(xp):
         f = drift(xp)
+
         def g(t, x, s):
             return f(t, x)
+
         return g
+
     return field
 
 
 def _filling(f):
     def fill(*args):
         args[-1][:] = f(*args[:-1])
+
     return fill
 
 

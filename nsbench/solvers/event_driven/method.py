@@ -4,6 +4,7 @@ Complementarity systems: a fixed set of active contacts on each arc (see _constr
 sliding included (see _switching). Linear complementarity systems: a fixed set of conducting rows (see _diodes). Errors are
 those of the integrator, at its tolerance: no order in a step is lost at kinks, and no step is asked for.
 """
+
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -15,9 +16,24 @@ from nsbench.solvers.base import Claims, Expect, Run, check_positive
 
 METHODS = ("dop853", "rk45", "radau", "lsoda")
 EXPECTS = (
-    Expect(("zeno",), "chatter", None, "no method that follows events can pass a time at which they accumulate"),
-    Expect(("not_unique", "corner"), None, None, "the multilinear convention picks one of the velocities in a corner"),
-    Expect(("not_unique",), "degenerate", None, "several motions continue: the method says so and stops"),
+    Expect(
+        ("zeno",),
+        "chatter",
+        None,
+        "no method that follows events can pass a time at which they accumulate",
+    ),
+    Expect(
+        ("not_unique", "corner"),
+        None,
+        None,
+        "the multilinear convention picks one of the velocities in a corner",
+    ),
+    Expect(
+        ("not_unique",),
+        "degenerate",
+        None,
+        "several motions continue: the method says so and stops",
+    ),
 )
 
 
@@ -30,6 +46,7 @@ class EventDriven:
     compiled, with `dop853` where those need help. tol: relative and absolute tolerance of the integrator; the
     absolute one in the unit of the case (see _units).
     """
+
     method: str = "dop853"
     max_events: int = 100_000
     max_steps: int = 1_000_000
@@ -53,8 +70,13 @@ class EventDriven:
     def refuses(self, case: Case) -> str | None:
         if isinstance(case.problem, LCS):
             from nsbench.dynamics.lcs import inconsistent
+
             return inconsistent(case)
-        if isinstance(case.problem, Complementarity) and case.problem.constraints and case.start == "keep":
+        if (
+            isinstance(case.problem, Complementarity)
+            and case.problem.constraints
+            and case.start == "keep"
+        ):
             return 'event_driven starts on the feasible set; this case keeps its start as it is (start="keep")'
         return None
 

@@ -1,4 +1,5 @@
 """kdtree: see method.py."""
+
 from nsbench.solvers.kdtree.method import SOLVER
 
 __all__ = ["SOLVER"]

@@ -1,4 +1,5 @@
 """Position-based dynamics as users write it: SciPy's cKDTree finds the pairs of a step, numba or numpy projects them."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -15,10 +16,20 @@ from nsbench.solvers.common.initial_state import start_state
 from nsbench.trajectory import Status, Trajectory
 
 SWEEPS = ("numba", "numpy")
-BLOWN = 1e150                                          # beyond, squares overflow, and SciPy's tree says that it cannot go on
+BLOWN = 1e150  # beyond, squares overflow, and SciPy's tree says that it cannot go on
 EXPECTS = (
-    Expect(("exact_at_grid",), "exact", "exact", "every step of Euler is exact for a drift that is constant in each mode"),
-    Expect(("infeasible_start",), None, None, "what a method makes of an infeasible start is its meaning, not its error"),
+    Expect(
+        ("exact_at_grid",),
+        "exact",
+        "exact",
+        "every step of Euler is exact for a drift that is constant in each mode",
+    ),
+    Expect(
+        ("infeasible_start",),
+        None,
+        None,
+        "what a method makes of an infeasible start is its meaning, not its error",
+    ),
 )
 
 
@@ -33,12 +44,13 @@ class KDTree:
     limit: pushes are then not opposite). margin: by how much of d the search goes beyond d. Without one, contacts that
     the sweep itself makes wait for the next step.
     """
+
     sweep: str = "numba"
     margin: float = 0.0
 
     accuracy: ClassVar[str] = "h"
     default: ClassVar[float] = 1e-2
-    octaves: ClassVar[float] = 3                        # of its ladder: a tenth of the time of six, for loops in Python
+    octaves: ClassVar[float] = 3  # of its ladder: a tenth of the time of six, for loops in Python
     claims: ClassVar[Claims] = Claims(state=1.0, impulse=1.0)
     expects: ClassVar[tuple[Expect, ...]] = EXPECTS
 
@@ -53,23 +65,33 @@ class KDTree:
         if not isinstance(p, Complementarity) or not p.constraints:
             return "kdtree projects on hard particles and walls; this case has none."
         hard = [c for c in p.constraints if isinstance(c, Distance)]
-        if len(hard) > 1 or any(not c.all_pairs or c.d is None or c.start or c.particles(case.n) * c.dim != case.n for c in hard):
+        if len(hard) > 1 or any(
+            not c.all_pairs or c.d is None or c.start or c.particles(case.n) * c.dim != case.n
+            for c in hard
+        ):
             return "kdtree takes one family of hard particles of one size that fill the state; use pbd for anything else."
-        if not all(isinstance(c, Distance) or _box(c) for c in p.constraints) or (hard and p.constraints[0] is not hard[0]):
+        if not all(isinstance(c, Distance) or _box(c) for c in p.constraints) or (
+            hard and p.constraints[0] is not hard[0]
+        ):
             return "kdtree takes particles, then walls at rest across single coordinates; use pbd for other constraints."
         return None
 
     def prepare(self, case: Case, h: float) -> Run:
         from nsbench.dynamics.contacts.constraint_set import Scene
+
         x0 = start_state(case, Scene(case.problem, case.n))
-        g, f = grid(case.t, h), host(case.problem.drift)
+        g = grid(case.t, h)
+        f = host(case.problem.drift)
         walls = _walls(case)
         hard = next((c for c in case.problem.constraints if isinstance(c, Distance)), None)
         project = _sweeper(self, hard)
 
         def run():
-            with np.errstate(all="ignore"):          # what overflows ends the run, and is told by its status
+            with np.errstate(
+                all="ignore"
+            ):  # what overflows ends the run, and is told by its status
                 return _march(case, x0, g, f, project, walls)
+
         return run
 
 
@@ -80,7 +102,8 @@ def _box(c) -> bool:
 def _walls(case):
     """low, high (n,) of every coordinate, and the (family, row, |a|) that each bound comes from (-1: none)."""
     bound = np.stack((np.full(case.n, -np.inf), np.full(case.n, np.inf)))
-    where, slope = np.full((2, case.n, 2), -1, np.int64), np.ones((2, case.n))
+    where = np.full((2, case.n, 2), -1, np.int64)
+    slope = np.ones((2, case.n))
     for k, c in enumerate(case.problem.constraints):
         if isinstance(c, Distance):
             continue
@@ -96,26 +119,33 @@ def _sweeper(method, hard):
     if hard is None:
         return None
     from scipy.spatial import cKDTree
-    d, dim = float(hard.d), hard.dim
+
+    d = float(hard.d)
+    dim = hard.dim
     reach = d * (1.0 + method.margin)
     if method.sweep == "numba":
         from nsbench.solvers.kdtree.kernels.pair_sweep import sweep
+
         sweep.compile("float64(float64[:, ::1], int64[:, ::1], float64, float64[::1])")
     else:
         sweep = _jacobi
 
     def project(x):
         points = x.reshape(-1, dim)
-        tree = cKDTree(points, compact_nodes=False, balanced_tree=False)         # quicker to build, as quick to ask
+        tree = cKDTree(
+            points, compact_nodes=False, balanced_tree=False
+        )  # quicker to build, as quick to ask
         pairs = tree.query_pairs(reach, output_type="ndarray")
         impulse = np.empty(len(pairs))
         sweep(points, pairs, d, impulse)
         return pairs, impulse
+
     return project
 
 
 def _jacobi(x, pairs, d, impulse):
-    i, j = pairs[:, 0], pairs[:, 1]
+    i = pairs[:, 0]
+    j = pairs[:, 1]
     u = x[i] - x[j]
     r = np.sqrt(np.einsum("ij,ij->i", u, u))
     near = r < d
@@ -129,17 +159,27 @@ def _jacobi(x, pairs, d, impulse):
 
 def _march(case, x0, g, f, project, walls):
     (low, high), where, slope = walls
-    x, n, K = x0.copy(), case.n, len(g.t)
-    X, R = np.full((K, n), np.nan), np.full((K, n), np.nan)
-    push, wall = np.zeros(n), np.zeros((2, n))
-    X[0], R[0] = x, push
-    book, projections, status = _Book(K), 0, Status()
+    x = x0.copy()
+    n = case.n
+    K = len(g.t)
+    X = np.full((K, n), np.nan)
+    R = np.full((K, n), np.nan)
+    push = np.zeros(n)
+    wall = np.zeros((2, n))
+    X[0] = x
+    R[0] = push
+    book = _Book(K)
+    projections = 0
+    status = Status()
     for k, steps in enumerate(g.substeps):
         h = (g.t[k + 1] - g.t[k]) / steps
         for s in range(steps):
-            last, x = x, x + h * f(g.t[k] + s * h, x)
+            last = x
+            x = x + h * f(g.t[k] + s * h, x)
             if not np.abs(x).max() <= BLOWN:
-                status = ended(x if np.isfinite(x).all() else last, x0, g.t[k] + (s + 1) * h, g.t[k] + s * h)
+                status = ended(
+                    x if np.isfinite(x).all() else last, x0, g.t[k] + (s + 1) * h, g.t[k] + s * h
+                )
                 break
             before = x.copy()
             if project is not None:
@@ -155,13 +195,20 @@ def _march(case, x0, g, f, project, walls):
             push += x - before
         if not status.ok:
             break
-        X[k + 1], R[k + 1] = x, push
+        X[k + 1] = x
+        R[k + 1] = push
         book.close(k + 1, wall / slope)
     contacts, W = book.table(where, np.isfinite(X[:, 0]))
     if not g.aligned:
         X, R, W = (sample(case.t, g.t, v) for v in (X, R, W))
     steps = int(g.substeps.sum())
-    stats = {"steps": steps, "h": g.h, "drift_calls": steps, "projections": int(projections), "loop": "host"}
+    stats = {
+        "steps": steps,
+        "h": g.h,
+        "drift_calls": steps,
+        "projections": int(projections),
+        "loop": "host",
+    }
     return Trajectory(case.t, X, contacts, W, R, status, stats=stats, lam_time="start")
 
 
@@ -169,7 +216,10 @@ class _Book:
     """Impulses by contact at the recorded times."""
 
     def __init__(self, K):
-        self.K, self.open, self.rows, self.walls = K, [], [], []
+        self.K = K
+        self.open = []
+        self.rows = []
+        self.walls = []
 
     def add(self, pairs, impulse):
         acting = impulse > 0.0
@@ -179,17 +229,22 @@ class _Book:
     def close(self, k, wall):
         if self.open:
             pairs = np.sort(np.concatenate([p for p, _ in self.open]), axis=1)
-            self.rows.append((np.full(len(pairs), k), pairs, np.concatenate([m for _, m in self.open])))
+            self.rows.append(
+                (np.full(len(pairs), k), pairs, np.concatenate([m for _, m in self.open]))
+            )
             self.open = []
         self.walls.append((k, wall))
 
     def table(self, where, good):
         """contacts, impulse (K, m) cumulative, NaN where not `good`."""
-        contacts, columns = [], []
+        contacts = []
+        columns = []
         if self.rows:
             at, pairs, m = (np.concatenate(v) for v in zip(*self.rows, strict=True))
             ids, column = np.unique(pairs, axis=0, return_inverse=True)
-            sums = np.bincount(at * len(ids) + column.ravel(), m, self.K * len(ids)).reshape(self.K, len(ids))
+            sums = np.bincount(at * len(ids) + column.ravel(), m, self.K * len(ids)).reshape(
+                self.K, len(ids)
+            )
             contacts += [(0, int(i), int(j)) for i, j in ids]
             columns.append(np.cumsum(sums, axis=0))
         total = np.zeros((self.K, *where.shape[:2]))

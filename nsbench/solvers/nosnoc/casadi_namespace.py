@@ -4,6 +4,7 @@ numpy arrays of Symbols do the indexing, stacking and products; what numpy would
 Symbol answers with an expression. Symbol itself is no sequence and leaves products with arrays to numpy, which casadi's
 own types do not.
 """
+
 from __future__ import annotations
 
 import numpy as np
@@ -14,6 +15,7 @@ INVERSE = {"arcsin": "asin", "arccos": "acos", "arctan": "atan"}
 
 class Symbol:
     """A scalar casadi expression e."""
+
     __slots__ = ("e",)
 
     def __init__(self, e):
@@ -24,10 +26,13 @@ class Symbol:
 
     def __abs__(self):
         import casadi
+
         return Symbol(casadi.fabs(self.e))
 
     def __bool__(self):
-        raise TypeError("an expression has no truth value: use the array namespace's where, maximum or minimum")
+        raise TypeError(
+            "an expression has no truth value: use the array namespace's where, maximum or minimum"
+        )
 
     def __float__(self):
         raise TypeError("an expression is no number: the function leaves the array namespace")
@@ -36,8 +41,9 @@ class Symbol:
 def _binary(name):
     def op(self, other):
         if isinstance(other, np.ndarray):
-            return NotImplemented                # numpy then does it entry by entry
+            return NotImplemented  # numpy then does it entry by entry
         return Symbol(getattr(self.e, name)(plain(other)))
+
     return op
 
 
@@ -53,6 +59,7 @@ for _name, _own in INVERSE.items():
 
 def _function(name, *args):
     import casadi
+
     return getattr(casadi, name)(*args)
 
 
@@ -68,11 +75,13 @@ def _entrywise(f):
         for k in np.ndindex(out.shape):
             out[k] = Symbol(f(*(plain(a[k]) for a in arrays)))
         return out if out.ndim else out[()]
+
     return g
 
 
 class Namespace:
     """numpy, with the functions that compare written as expressions."""
+
     __name__ = "casadi"
     maximum = staticmethod(_entrywise(lambda a, b: _function("fmax", a, b)))
     minimum = staticmethod(_entrywise(lambda a, b: _function("fmin", a, b)))
@@ -96,4 +105,5 @@ def vector(column) -> np.ndarray:
 def column(values):
     """casadi column of what a factory's function returned."""
     import casadi
+
     return casadi.vertcat(*(plain(v) for v in np.asarray(values, object).ravel()))

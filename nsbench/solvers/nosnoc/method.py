@@ -1,4 +1,5 @@
 """nosnoc: finite elements with switch detection (FESD), one nonlinear program per step, solved by IPOPT. An extra."""
+
 from __future__ import annotations
 
 import contextlib
@@ -17,8 +18,10 @@ from nsbench.solvers.nosnoc.diagnostics import SOLVED, coarse, leaks, sunk, unre
 from nsbench.solvers.nosnoc.model import dense, model, untold_contacts, untold_fields
 from nsbench.trajectory import Status, Trajectory
 
-STANDARD = ()                   # 0.1 s a step: asked for by name
-LABOUR, FIRST = 250, 5000       # iterations of IPOPT a step on average, from so many in all, that end a run: 85 a step are usual
+STANDARD = ()  # 0.1 s a step: asked for by name
+# iterations of IPOPT a step on average, from so many in all, that end a run: 85 a step are usual
+LABOUR = 250
+FIRST = 5000
 
 
 @dataclass(frozen=True)
@@ -32,6 +35,7 @@ class Nosnoc:
     is left of complementarity can have moved the state by more, the run is unverified.
     Source: Nurkanovic, Sperl, Albrecht, Diehl, arXiv 2205.05337; Nurkanovic & Diehl, IEEE Control Systems Letters 2022.
     """
+
     stages: int = 3
     elements: int = 2
     comp_tol: float = 1e-10
@@ -59,7 +63,9 @@ class Nosnoc:
         if np.ptp(np.diff(case.t)) > 1e-9 * (case.t[-1] - case.t[0]):
             return "nosnoc is given steps of one length here; the sample times of this case are not equally spaced."
         why = untold_fields(case) if isinstance(p, Filippov) else untold_contacts(case)
-        if why is None and not (importlib.util.find_spec("nosnoc") and importlib.util.find_spec("casadi")):
+        if why is None and not (
+            importlib.util.find_spec("nosnoc") and importlib.util.find_spec("casadi")
+        ):
             why = 'nosnoc is not installed; pip install "nsbench[nosnoc]" brings it and casadi.'
         return why or self._untold(case)
 
@@ -73,7 +79,7 @@ class Nosnoc:
 
     def _built(self, case):
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")              # casadi warns of how nosnoc calls numpy
+            warnings.simplefilter("ignore")  # casadi warns of how nosnoc calls numpy
             return model(case, self.push)
 
     def prepare(self, case: Case, h: float) -> Run:
@@ -89,19 +95,25 @@ class Nosnoc:
 
 def _solver(method, model, step):
     import nosnoc
+
     o = nosnoc.NosnocOpts()
     o.pss_mode = nosnoc.PssMode.STEWART if model.F is not None else nosnoc.PssMode.STEP
-    o.n_s, o.N_finite_elements, o.terminal_time, o.print_level = method.stages, method.elements, step, 0
+    o.n_s = method.stages
+    o.N_finite_elements = method.elements
+    o.terminal_time = step
+    o.print_level = 0
     o.comp_tol = o.sigma_N = method.comp_tol
     o.step_equilibration = nosnoc.StepEquilibrationMode.HEURISTIC_MEAN
-    shared = o.opts_casadi_nlp                           # by all that nosnoc solves in this process
+    shared = o.opts_casadi_nlp  # by all that nosnoc solves in this process
     o.opts_casadi_nlp = {**shared, "ipopt": dict(shared["ipopt"]), "show_eval_warnings": False}
     o.tol_ipopt = SOLVED * method.comp_tol
     return nosnoc.NosnocSolver(o, model)
 
 
 def _march(case, method, solver, contacts, turning, parts, step):
-    n, m, K = case.n, len(contacts), len(case.t)
+    n = case.n
+    m = len(contacts)
+    K = len(case.t)
     x = np.concatenate((case.x0, [float(case.t[0])], np.zeros(m + (n if turning else 0))))
     Y = np.full((K, len(x)), np.nan)
     Y[0], status, inner, steps, every = x, Status(), 0, 0, [x]
@@ -114,31 +126,47 @@ def _march(case, method, solver, contacts, turning, parts, step):
                 inner += int(np.nansum(np.array(found["nlp_iter"], dtype=float)))
                 x = np.asarray(found["x_list"][-1], float)
                 if "SUCCESS" not in str(found["status"]) or not np.all(np.isfinite(x)):
-                    status = Status("maxiter", f"IPOPT did not solve a step between t = {case.t[k - 1]:.6g} and {case.t[k]:.6g}; "
-                                               "other stages, elements or another h may help.")
+                    status = Status(
+                        "maxiter",
+                        f"IPOPT did not solve a step between t = {case.t[k - 1]:.6g} and {case.t[k]:.6g}; "
+                        "other stages, elements or another h may help.",
+                    )
                     break
                 steps += 1
                 every.append(x)
                 if inner > max(FIRST, LABOUR * steps):
-                    status = Status("maxiter", f"IPOPT took {inner} iterations for the {steps} steps up to t = {x[n]:.6g}, where "
-                                               "85 a step are usual; other stages, elements or another h may help.")
+                    status = Status(
+                        "maxiter",
+                        f"IPOPT took {inner} iterations for the {steps} steps up to t = {x[n]:.6g}, where "
+                        "85 a step are usual; other stages, elements or another h may help.",
+                    )
                     break
             if not status.ok:
                 break
             Y[k] = x
-    X, W = Y[:, :n].copy(), Y[:, n + 1:n + 1 + m].copy()
+    X = Y[:, :n].copy()
+    W = Y[:, n + 1 : n + 1 + m].copy()
     R = np.empty((K, 0))
     if isinstance(case.problem, Complementarity):
-        R = Y[:, n + 1 + m:].copy() if turning else W @ np.vstack([dense(c) for c in case.problem.constraints])
+        R = (
+            Y[:, n + 1 + m :].copy()
+            if turning
+            else W @ np.vstack([dense(c) for c in case.problem.constraints])
+        )
         checks = (coarse, sunk, leaks)
     else:
         checks = (coarse, unresolved)
     between = None
     if status.ok:
-        fine, every = case.replace(t=np.append(_times(case.t, parts), case.t[-1])), np.array(every)
+        fine = case.replace(t=np.append(_times(case.t, parts), case.t[-1]))
+        every = np.array(every)
         for check in checks:
-            status = check(fine, method, every[:, :n], every[:, n + 1:n + 1 + m]) if status.ok else status
-        between = fine.t, every[:, :n], every[:, n + 1:n + 1 + m]
+            status = (
+                check(fine, method, every[:, :n], every[:, n + 1 : n + 1 + m])
+                if status.ok
+                else status
+            )
+        between = fine.t, every[:, :n], every[:, n + 1 : n + 1 + m]
     stats = {"steps": (K - 1) * parts, "h": step, "inner_iterations": inner, "loop": "host"}
     return Trajectory(case.t, X, tuple(contacts), W, R, status, stats=stats, between=between)
 

@@ -1,4 +1,5 @@
 """Cases as nosnoc takes them: Filippov systems in Stewart's form, constraints in Heaviside's step form."""
+
 from __future__ import annotations
 
 from itertools import product
@@ -8,7 +9,7 @@ import numpy as np
 from nsbench.compilation.factories import host
 from nsbench.problem import Affine, Distance, Filippov
 
-MOST = 10                       # contacts: from six on (four discs), steps were seen to fail or to be wrong
+MOST = 10  # contacts: from six on (four discs), steps were seen to fail or to be wrong
 
 
 def untold_fields(case):
@@ -17,8 +18,14 @@ def untold_fields(case):
     if d > 2:
         return f"Stewart's form needs all 2^d fields; this case has {d} surfaces, at most two are taken."
     f = host(p.field)
-    twist = sum(a * b * f(float(case.t[0]), case.x0.copy(), np.array([a, b])) for a, b in product((1.0, -1.0), repeat=2)) \
-        if d == 2 else np.zeros(1)
+    twist = (
+        sum(
+            a * b * f(float(case.t[0]), case.x0.copy(), np.array([a, b]))
+            for a, b in product((1.0, -1.0), repeat=2)
+        )
+        if d == 2
+        else np.zeros(1)
+    )
     if np.abs(twist).max() > 1e-12:
         return "Stewart's form is another system where the field is not affine in the signs of two surfaces."
     return None
@@ -33,7 +40,11 @@ def untold_contacts(case):
     if not all(isinstance(c, (Affine, Distance)) for c in p.constraints):
         return "nosnoc is given affine constraints and distances here; this case has others."
     m = sum(count(c, case.n) for c in p.constraints)
-    return f"Every step would be a program with all {m} contacts; more than {MOST} are not taken." if m > MOST else None
+    return (
+        f"Every step would be a program with all {m} contacts; more than {MOST} are not taken."
+        if m > MOST
+        else None
+    )
 
 
 def count(c, n):
@@ -53,42 +64,68 @@ def model(case, push):
     import nosnoc
 
     from nsbench.solvers.nosnoc.casadi_namespace import Namespace, column, vector
-    p, n, xp, t0 = case.problem, case.n, Namespace(), float(case.t[0])
-    x, t = ca.SX.sym("x", n), ca.SX.sym("t")
-    X, T = vector(x), vector(t)[0]
+
+    p = case.problem
+    n = case.n
+    xp = Namespace()
+    t0 = float(case.t[0])
+    x = ca.SX.sym("x", n)
+    t = ca.SX.sym("t")
+    X = vector(x)
+    T = vector(t)[0]
     if isinstance(p, Filippov):
-        f, c = p.field(xp), column(p.switch(xp)(T, X))
+        f = p.field(xp)
+        c = column(p.switch(xp)(T, X))
         d = c.shape[0]
         modes = np.array(list(product((1.0, -1.0), repeat=d)))
         w = ca.SX.sym("w", d)
         F = ca.horzcat(*(ca.vertcat(column(f(T, X, s)), 1.0, *(0.5 * (1.0 + s))) for s in modes))
         x0 = np.concatenate((case.x0, [t0], np.zeros(d)))
-        return (nosnoc.NosnocModel(x=ca.vertcat(x, t, w), x0=x0, F=[F], c=[c], S=[modes]), tuple((0, i) for i in range(d)),
-                False)
+        return (
+            nosnoc.NosnocModel(x=ca.vertcat(x, t, w), x0=x0, F=[F], c=[c], S=[modes]),
+            tuple((0, i) for i in range(d)),
+            False,
+        )
     ids, values = zip(*gaps(p, X, T, xp, n), strict=True)
-    g, m = column(list(values)), len(ids)
+    g = column(list(values))
+    m = len(ids)
     turning = any(isinstance(c, Distance) for c in p.constraints)
-    alpha, w, r = ca.SX.sym("alpha", m), ca.SX.sym("w", m), ca.SX.sym("r", n if turning else 0)
+    alpha = ca.SX.sym("alpha", m)
+    w = ca.SX.sym("w", m)
+    r = ca.SX.sym("r", n if turning else 0)
     lam = push * (1.0 - alpha)
     force = ca.jacobian(g, x).T @ lam
     rhs = ca.vertcat(column(p.drift(xp)(T, X)) + force, 1.0, lam, force if turning else r)
     x0 = np.concatenate((case.x0, [t0], np.zeros(m + r.shape[0])))
-    return nosnoc.NosnocModel(x=ca.vertcat(x, t, w, r), x0=x0, f_x=[rhs], alpha=[alpha], c=[g]), ids, turning
+    return (
+        nosnoc.NosnocModel(x=ca.vertcat(x, t, w, r), x0=x0, f_x=[rhs], alpha=[alpha], c=[g]),
+        ids,
+        turning,
+    )
 
 
 def gaps(problem, x, t, xp, n):
     """(id, expression) of every constraint."""
     for k, c in enumerate(problem.constraints):
         if isinstance(c, Affine):
-            A, b = dense(c), c.b(xp)(t) if c.moving else c.b
+            A = dense(c)
+            b = c.b(xp)(t) if c.moving else c.b
             yield from (((k, i), A[i] @ x + b[i]) for i in range(len(A)))
             continue
         many = c.particles(n)
-        P = x[c.start:c.start + many * c.dim].reshape(many, c.dim)
+        P = x[c.start : c.start + many * c.dim].reshape(many, c.dim)
         anchors = None if c.anchors is None else (c.anchors(xp)(t) if c.moving else c.anchors)
-        pairs = c.pairs if c.pairs is not None else (
-            np.stack(np.triu_indices(many, 1), 1) if anchors is None else
-            np.stack(np.meshgrid(np.arange(many), np.arange(len(anchors)), indexing="ij"), -1).reshape(-1, 2))
+        pairs = (
+            c.pairs
+            if c.pairs is not None
+            else (
+                np.stack(np.triu_indices(many, 1), 1)
+                if anchors is None
+                else np.stack(
+                    np.meshgrid(np.arange(many), np.arange(len(anchors)), indexing="ij"), -1
+                ).reshape(-1, 2)
+            )
+        )
         for e, (i, j) in enumerate(pairs):
             u = P[i] - (P[j] if anchors is None else anchors[j])
             d = c.radii[i] + c.radii[j] if c.d is None else c.d[e] if c.d.ndim else float(c.d)

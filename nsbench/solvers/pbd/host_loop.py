@@ -3,6 +3,7 @@
 Smooth constraints are projected on by Newton's method for the nearest point of {g_k >= 0}; the others by the
 kernels of the compiled loop, run by run in the stated order. Hard particles are taken over all pairs.
 """
+
 from __future__ import annotations
 
 import itertools
@@ -11,30 +12,40 @@ import numpy as np
 
 from nsbench.dynamics.contacts.constraint_set import SMOOTH
 
-NEWTON = 30               # a projection that has not settled by then is reported
+NEWTON = 30  # a projection that has not settled by then is reported
 
 
 def prepare(method, case, scene, g, x0):
     """A zero-argument march that returns what kernels.pbd.march returns."""
     from nsbench.compilation.factories import host
     from nsbench.solvers.pbd.kernels import listed_loop as pbd
+
     near = scene.near(x0, np.inf, float(case.t[0]))
     near = near.take(np.argsort(_keys(scene, near, method, x0)))
     runs = _runs(near.kind)
     f = host(case.problem.drift)
 
     def march():
-        with np.errstate(all="ignore"):              # what overflows ends the run, and is told by its status
+        with np.errstate(all="ignore"):  # what overflows ends the run, and is told by its status
             return steps()
 
     def steps():
-        X, R = np.full((len(g.t), case.n), np.nan), np.full((len(g.t), case.n), np.nan)
-        x, reac, mu, work, code = x0.copy(), np.zeros(case.n), np.zeros(len(near)), 0, pbd.OK
-        X[0], R[0], ids, values = x, reac, [], []
+        X = np.full((len(g.t), case.n), np.nan)
+        R = np.full((len(g.t), case.n), np.nan)
+        x = x0.copy()
+        reac = np.zeros(case.n)
+        mu = np.zeros(len(near))
+        work = 0
+        code = pbd.OK
+        X[0] = x
+        R[0] = reac
+        ids = []
+        values = []
         for k in range(len(g.t) - 1):
             h = (g.t[k + 1] - g.t[k]) / g.substeps[k]
             for s in range(g.substeps[k]):
-                now, after = g.t[k] + s * h, g.t[k] + (s + 1) * h
+                now = g.t[k] + s * h
+                after = g.t[k] + (s + 1) * h
                 y = x + h * np.asarray(f(now, x), float)
                 if not pbd.finite(y):
                     return X, R, _ids(ids), np.array(values), work, pbd.NAN, now
@@ -43,12 +54,14 @@ def prepare(method, case, scene, g, x0):
                     done, code = _sweep(scene, near, runs, after, x, mu, code)
                     work += done
                 reac = reac + (x - y)
-            X[k + 1], R[k + 1] = x, reac
+            X[k + 1] = x
+            R[k + 1] = reac
             for c in np.flatnonzero(mu):
                 ids.append((k + 1, near.family[c], near.i[c], near.j[c]))
                 values.append(mu[c])
             mu[:] = 0.0
         return X, R, _ids(ids), np.array(values), work, code, g.t[-1]
+
     return march
 
 
@@ -56,12 +69,14 @@ def _keys(scene, near, method, x0):
     """Keys of all constraints; in the orders by pairs those of hard families count by their particles."""
     from nsbench.dynamics.contacts.kernels.constraint_order import order_key, static_keys
     from nsbench.solvers.pbd.sweep_order import hard_ranks
+
     keys = static_keys(near.family, method.rank, method.seed)
     if method.order not in ("cell", "coloured"):
         return keys
-    rank, at = hard_ranks(scene, method.order, x0), 0
+    rank = hard_ranks(scene, method.order, x0)
+    at = 0
     for k, _, m in scene.hard:
-        number = rank[at:at + m] if rank.size else np.arange(m)
+        number = rank[at : at + m] if rank.size else np.arange(m)
         at += m
         for c in np.flatnonzero(near.family == k):
             a, b = sorted((number[near.i[c]], number[near.j[c]]))
@@ -83,8 +98,11 @@ def _runs(kind):
 def _sweep(scene, near, runs, t, x, mu, code):
     from nsbench.solvers.pbd.kernels.listed_loop import TIED
     from nsbench.solvers.pbd.kernels.projection import sweep
+
     kind, _, _, _, p, q, d, sign, dim = near.arrays()
-    b, anchors, work = scene.b(t), scene.anchors(t), 0
+    b = scene.b(t)
+    anchors = scene.anchors(t)
+    work = 0
     for first, end, smooth in runs:
         if smooth:
             for c in range(first, end):
@@ -92,9 +110,27 @@ def _sweep(scene, near, runs, t, x, mu, code):
                 mu[c] += m
                 work += m > 0.0
         else:
-            done, tied = sweep(first, end, 1, kind, p, q, d, sign, dim, x, scene.ptr, scene.cols, scene.vals, scene.inv2,
-                               b, anchors, mu)
-            work, code = work + done, TIED if tied else code
+            done, tied = sweep(
+                first,
+                end,
+                1,
+                kind,
+                p,
+                q,
+                d,
+                sign,
+                dim,
+                x,
+                scene.ptr,
+                scene.cols,
+                scene.vals,
+                scene.inv2,
+                b,
+                anchors,
+                mu,
+            )
+            work = work + done
+            code = TIED if tied else code
     return work, code
 
 
@@ -103,7 +139,8 @@ def project_smooth(rows, k, t, x):
 
     Newton on m with the gradient taken at the newest point; the first step is the projection on the tangent.
     """
-    y, m = x.copy(), 0.0
+    y = x.copy()
+    m = 0.0
     for _ in range(NEWTON):
         g = rows.g(t, y)[k]
         if m == 0.0 and g >= 0.0:
@@ -111,7 +148,7 @@ def project_smooth(rows, k, t, x):
         grad = rows.gradient(t, y)[k]
         size = float(grad @ grad)
         if size == 0.0 or not np.isfinite(size):
-            break                        # no direction to go: the violation stays, and is measured
+            break  # no direction to go: the violation stays, and is measured
         step = -g / size
         m = max(0.0, m + step)
         new = x + m * grad

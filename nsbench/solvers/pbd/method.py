@@ -1,4 +1,5 @@
 """Position-based dynamics: explicit Euler, then one exact projection per constraint, in a stated order."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -14,11 +15,21 @@ from nsbench.solvers.pbd.sweep_order import hard_ranks
 from nsbench.trajectory import Status, Trajectory
 
 MANY_THREADS = 32
-THREADED = ("random", "coloured")                                 # orders in which few constraints wait for far ones
-ORDERS = ("sorted", "reverse", "random", "cell", "coloured")      # as kernels.keys numbers them
+THREADED = ("random", "coloured")  # orders in which few constraints wait for far ones
+ORDERS = ("sorted", "reverse", "random", "cell", "coloured")  # as kernels.keys numbers them
 EXPECTS = (
-    Expect(("exact_at_grid",), "exact", "exact", "every step of Euler is exact for a drift that is constant in each mode"),
-    Expect(("infeasible_start",), None, None, "what a method makes of an infeasible start is its meaning, not its error"),
+    Expect(
+        ("exact_at_grid",),
+        "exact",
+        "exact",
+        "every step of Euler is exact for a drift that is constant in each mode",
+    ),
+    Expect(
+        ("infeasible_start",),
+        None,
+        None,
+        "what a method makes of an infeasible start is its meaning, not its error",
+    ),
 )
 
 
@@ -39,6 +50,7 @@ class PBD:
     where processors are idle and particles many.
     Source: Mueller et al. 2007; as a method for complementarity systems Plunder & Merino-Aceituno, arXiv 2310.01215.
     """
+
     sweeps: int = 1
     order: str = "sorted"
     seed: int = 0
@@ -60,7 +72,9 @@ class PBD:
         if not self.reach > 0:
             raise ValueError(f"reach is {self.reach!r}; a positive number is needed")
         if not (isinstance(self.threads, int) and 1 <= self.threads <= MANY_THREADS):
-            raise ValueError(f"threads is {self.threads!r}; a whole number from 1 to {MANY_THREADS}")
+            raise ValueError(
+                f"threads is {self.threads!r}; a whole number from 1 to {MANY_THREADS}"
+            )
 
     @property
     def rank(self) -> int:
@@ -70,32 +84,45 @@ class PBD:
     def refuses(self, case: Case) -> str | None:
         if not isinstance(case.problem, Complementarity):
             return "PBD needs constraints to project on; this case is a " + (
-                "Filippov system." if type(case.problem).__name__ == "Filippov" else "linear complementarity system.")
+                "Filippov system."
+                if type(case.problem).__name__ == "Filippov"
+                else "linear complementarity system."
+            )
         if not case.problem.constraints:
             return "PBD needs constraints to project on; this case has none (it would be explicit Euler: use euler)."
         return self._refuses_threads(case) if self.threads > 1 else None
 
     def _refuses_threads(self, case: Case) -> str | None:
         from nsbench.dynamics.contacts.constraint_set import Scene
+
         if self.order not in THREADED:
-            return (f"Threads need an order in which few constraints wait for far ones: {' or '.join(THREADED)}, not "
-                    f"{self.order}; use one thread.")
+            return (
+                f"Threads need an order in which few constraints wait for far ones: {' or '.join(THREADED)}, not "
+                f"{self.order}; use one thread."
+            )
         scene = Scene(case.problem, case.n)
         if not packs(scene):
-            return ("Threads share hard particles of one family and rows on single ones; this case has other constraints: "
-                    "use one thread.")
+            return (
+                "Threads share hard particles of one family and rows on single ones; this case has other constraints: "
+                "use one thread."
+            )
         if _pointers(case, scene)[1] != "compiled":
-            return "Threads need a drift that numba compiles; this one runs in Python: use one thread."
+            return (
+                "Threads need a drift that numba compiles; this one runs in Python: use one thread."
+            )
         return None
 
     def prepare(self, case: Case, h: float) -> Run:
         from nsbench.dynamics.contacts.constraint_set import Scene
+
         g = grid(case.t, h, last=case.exact_impulse is not None)
         scene = Scene(case.problem, case.n)
         x0 = start_state(case, scene)
         if any(isinstance(c, Smooth) for c in scene.families):
             from nsbench.solvers.pbd.host_loop import prepare
-            march, loop = prepare(self, case, scene, g, x0), "host"
+
+            march = prepare(self, case, scene, g, x0)
+            loop = "host"
             again = lambda fine, x: prepare(self, case, scene, fine, x)()[0]
         else:
             march, loop = self._compiled(case, scene, g, x0)
@@ -111,14 +138,30 @@ class PBD:
     def _packed(self, case, scene, g, x0, record=True):
         """The fast loop for one family of hard particles; should its lists get too long, the one for all scenes."""
         from nsbench.solvers.pbd.kernels import cell_loop as kernel
+
         (f, b, _), loop = _pointers(case, scene)
-        (k, c, m), = scene.hard
+        ((k, c, m),) = scene.hard
         families = np.array([(k, 0), *zip(*_first_rows(scene), strict=True)], np.int64)
         radii = scene.radii[k]
-        args = (f, b, scene.moving, g.t, g.substeps, self.sweeps, x0, (scene.ptr, scene.cols, scene.vals, scene.inv2),
-                scene.b(float(case.t[0])), radii[:1].copy() if np.all(radii == radii[0]) else radii,
-                hard_ranks(scene, self.order, x0), families, c.dim, self.reach * _mean_radius(scene), self.rank, self.seed,
-                record)
+        args = (
+            f,
+            b,
+            scene.moving,
+            g.t,
+            g.substeps,
+            self.sweeps,
+            x0,
+            (scene.ptr, scene.cols, scene.vals, scene.inv2),
+            scene.b(float(case.t[0])),
+            radii[:1].copy() if np.all(radii == radii[0]) else radii,
+            hard_ranks(scene, self.order, x0),
+            families,
+            c.dim,
+            self.reach * _mean_radius(scene),
+            self.rank,
+            self.seed,
+            record,
+        )
         if self.threads > 1:
             march = _threaded(kernel, self.threads, args, case.n, len(g.t), m)
         else:
@@ -129,6 +172,7 @@ class PBD:
             if out[5] != kernel.TOO_MANY:
                 return (*out[:8], out[8] + scene.inv2.size)
             return self._listed(case, scene, g, x0)[0]()
+
         return run, loop
 
     def _listed(self, case, scene, g, x0):
@@ -144,8 +188,18 @@ class PBD:
         walls = (rows, scene.b(t0), scene.anchors(t0))
         if scene.hard:
             hard, radii, owner = _hard(scene)
-            args = (*head, scene.all_static().arrays(), *walls, hard, radii, hard_ranks(scene, self.order, x0), owner,
-                    self.reach * _mean_radius(scene), self.rank, self.seed)
+            args = (
+                *head,
+                scene.all_static().arrays(),
+                *walls,
+                hard,
+                radii,
+                hard_ranks(scene, self.order, x0),
+                owner,
+                self.reach * _mean_radius(scene),
+                self.rank,
+                self.seed,
+            )
         else:
             args = (*head, _ordered(scene.all_static(), self), *walls)
         march = kernel.march if loop == "compiled" else kernel.march.py_func
@@ -160,7 +214,8 @@ def _alone(kernel, loop, args, n, samples, m):
     state, *lists = kernel.room(m, n)
     if loop == "compiled":
         kernel.march.compile(_types((*args, None, np.empty((2, 1, 1)), state, *lists)))
-    march, shape = kernel.march if loop == "compiled" else kernel.march.py_func, state.shape
+    march = kernel.march if loop == "compiled" else kernel.march.py_func
+    shape = state.shape
     del state
     return lambda: march(*args, None, np.empty((2, samples, n)), np.empty(shape), *lists)
 
@@ -168,10 +223,12 @@ def _alone(kernel, loop, args, n, samples, m):
 def _threaded(kernel, threads, args, n, samples, m):
     """The same on several threads; where lists outgrow their arrays, begun anew with longer ones."""
     from nsbench.solvers.pbd.kernels import threaded_loop as pbd_threads
+
     room = [kernel.room(m, n)]
 
     def bound(X):
         return pbd_threads.crew(threads, args[12], args[2], args[16], X, room[0], *args[7:10])
+
     crew = bound(np.empty((2, 1, n)))
     kernel.march.compile(_types((*args, crew, crew[6], *room[0])))
     pbd_threads.serve.compile(_types((1, crew)))
@@ -183,29 +240,39 @@ def _threaded(kernel, threads, args, n, samples, m):
             if out[5] != kernel.TOO_SMALL:
                 return out
             room[0] = kernel.room(m, n, int(out[4]))
+
     return march
 
 
 def _types(args):
     from numba import typeof
+
     return tuple(typeof(a) for a in args)
 
 
 def _pointers(case, scene):
     """Drift, walls and anchors as pointers; where numba cannot compile them, the same in numpy."""
     from nsbench.compilation import factories as form
+
     try:
         f = form.rhs(case.problem.drift, case.n)
         b = form.curve(scene.b_factory, scene.inv2.size) if scene.b_factory else form.still()
-        a = form.curve(scene.anchor_factory, scene.anchors(0.0).size) if scene.anchor_factory else form.still()
+        a = (
+            form.curve(scene.anchor_factory, scene.anchors(0.0).size)
+            if scene.anchor_factory
+            else form.still()
+        )
         return (f, b, a), "compiled"
     except form.CompileError:
-        return tuple(_filler(g) for g in (form.host(case.problem.drift), scene.b, scene.anchors)), "host"
+        return tuple(
+            _filler(g) for g in (form.host(case.problem.drift), scene.b, scene.anchors)
+        ), "host"
 
 
 def _filler(function):
     def fill(*args):
         args[-1][:] = function(*args[:-1])
+
     return fill
 
 
@@ -214,6 +281,7 @@ def _ordered(near, method):
     if method.order == "sorted":
         return near.arrays()
     from nsbench.dynamics.contacts.kernels.constraint_order import static_keys
+
     return near.take(np.argsort(static_keys(near.family, method.rank, method.seed))).arrays()
 
 
@@ -223,19 +291,24 @@ def _hard(scene):
     owner = np.full((scene.n, 2), -1, np.int64)
     for _, start, m, dim in hard:
         first = start + dim * np.arange(m)
-        owner[start:start + m * dim, 0] = np.repeat(first, dim)
-        owner[start:start + m * dim, 1] = dim
+        owner[start : start + m * dim, 0] = np.repeat(first, dim)
+        owner[start : start + m * dim, 1] = dim
     return hard, np.concatenate([scene.radii[k] for k in hard[:, 0]]), owner
 
 
 def packs(scene) -> bool:
     """Whether kernels.pbd_packed takes the scene: hard particles of one family, each constraint besides on one of them."""
-    if len(scene.hard) != 1 or not all(isinstance(c, Affine) or c is scene.hard[0][1] for c in scene.families):
+    if len(scene.hard) != 1 or not all(
+        isinstance(c, Affine) or c is scene.hard[0][1] for c in scene.families
+    ):
         return False
     _, c, m = scene.hard[0]
     owner = scene.cols // c.dim
-    return c.start == 0 and m * c.dim == scene.n and bool(
-        np.all(owner == np.repeat(owner[scene.ptr[:-1]], np.diff(scene.ptr))))
+    return (
+        c.start == 0
+        and m * c.dim == scene.n
+        and bool(np.all(owner == np.repeat(owner[scene.ptr[:-1]], np.diff(scene.ptr))))
+    )
 
 
 def _first_rows(scene):
@@ -250,6 +323,7 @@ def _mean_radius(scene):
 
 def _trajectory(case, g, loop, out, again=None):
     from nsbench.dynamics.contacts.kernels.impulse_records import cumulate
+
     X, R, ids, values, work, code, reached, *lists = out
     contacts, impulse = cumulate(ids, values, len(g.t))
     steps = int(g.substeps.sum())
@@ -261,8 +335,10 @@ def _trajectory(case, g, loop, out, again=None):
         impulse[~np.isfinite(X[:, 0])] = np.nan
         status = not_finite(g, X, reached, again)
     elif code == 2:
-        status = Status("degenerate", "Coincident centres: the contact has no normal; they were parted along "
-                                      "the first axis.")
+        status = Status(
+            "degenerate",
+            "Coincident centres: the contact has no normal; they were parted along the first axis.",
+        )
     lam = last_steps(case.t, g, impulse)
     if not g.aligned:
         X, R, impulse = (sample(case.t, g.t, v) for v in (X, R, impulse))

@@ -1,4 +1,5 @@
 """Position-based dynamics in JAX: the coloured order of PBD, level after level, on a GPU when there is one."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -23,6 +24,7 @@ class PBDJax:
     when there is one. Its worth begins where a level holds thousands of pairs; below, the compiled loop of pbd is faster.
     `reach`: margin of the lists in mean radii; it grows where a step is longer. Sources as for pbd.
     """
+
     sweeps: int = 1
     seed: int = 0
     reach: float = 0.3
@@ -46,6 +48,7 @@ class PBDJax:
     def like(self):
         """The method on the CPU whose sweep this is."""
         from nsbench.solvers.pbd.method import PBD
+
         return PBD(sweeps=self.sweeps, order="coloured", seed=self.seed, reach=self.reach)
 
     def refuses(self, case: Case) -> str | None:
@@ -53,8 +56,14 @@ class PBDJax:
         if why:
             return why
         families = case.problem.constraints
-        other = next((c for c in families if not isinstance(c, (Affine, Distance)) or getattr(c, "anchors", None) is not None),
-                     None)
+        other = next(
+            (
+                c
+                for c in families
+                if not isinstance(c, (Affine, Distance)) or getattr(c, "anchors", None) is not None
+            ),
+            None,
+        )
         if other is not None:
             return "PBD in JAX projects on rows and on pairs of particles; this case has anchors or smooth constraints: use pbd."
         if len({c.dim for c in families if isinstance(c, Distance)}) > 1:
@@ -65,6 +74,7 @@ class PBDJax:
 
     def prepare(self, case: Case, h: float) -> Run:
         from nsbench.dynamics.contacts.constraint_set import Scene
+
         g = grid(case.t, h, last=case.exact_impulse is not None)
         scene = Scene(case.problem, case.n)
         x0 = start_state(case, scene)
@@ -76,6 +86,7 @@ class PBDJax:
 def _device(kind: str):
     """The first device of JAX of that kind, "auto": its default; None where there is none."""
     from nsbench.compilation.jax_cache import float64
+
     jax = float64()
     try:
         return jax.devices()[0] if kind == "auto" else jax.devices(kind)[0]
@@ -88,24 +99,42 @@ class _March:
 
     def __init__(self, method: PBDJax, case: Case, scene, g, x0):
         from nsbench.dynamics.contacts.kernels.constraint_order import static_keys
-        self.method, self.case, self.scene, self.g, self.x0 = method, case, scene, g, x0
+
+        self.method = method
+        self.case = case
+        self.scene = scene
+        self.g = g
+        self.x0 = x0
         self.device = _device(method.device)
         near = scene.all_static()
         self.static = near.arrays()
         self.static_keys = static_keys(near.family, method.like.rank, method.seed)
-        self.hard, self.radii, self.owner = _hard(scene)[:3] if scene.hard else (
-            np.empty((0, 4), np.int64), np.empty(0), np.full((scene.n, 2), -1, np.int64))
+        self.hard, self.radii, self.owner = (
+            _hard(scene)[:3]
+            if scene.hard
+            else (np.empty((0, 4), np.int64), np.empty(0), np.full((scene.n, 2), -1, np.int64))
+        )
         self.dim = next((c.dim for c in case.problem.constraints if isinstance(c, Distance)), 1)
         self.start = method.reach * _mean_radius(scene) if scene.hard else 1.0
-        self.sizes, self.programs = (0, 0, 0), {}
+        self.sizes = (0, 0, 0)
+        self.programs = {}
         self.program(self.lists(x0, self.start))
 
     def lists(self, x, reach):
         """(lists in the order of the sweep, their levels) at x."""
         from nsbench.solvers.pbd.kernels.neighbor_loop import build
         from nsbench.solvers.pbd_jax.program import arrange
-        made, _ = build(np.ascontiguousarray(x), reach, self.method.like.rank, self.method.seed, self.static,
-                        self.static_keys, self.hard, self.radii)
+
+        made, _ = build(
+            np.ascontiguousarray(x),
+            reach,
+            self.method.like.rank,
+            self.method.seed,
+            self.static,
+            self.static_keys,
+            self.hard,
+            self.radii,
+        )
         levels, self.sizes = arrange(made, self.scene, self.owner, self.sizes)
         return made, levels
 
@@ -114,46 +143,106 @@ class _March:
         from nsbench.compilation.factories import jax_function
         from nsbench.compilation.jax_cache import float64
         from nsbench.solvers.pbd_jax.program import advance
+
         jax = float64()
         made, levels = lists
         # as many places for impulses as levels have: the list's own length would mean a program for every list
         room = int(np.prod(levels.pairs[0].shape) + np.prod(levels.rows[2].shape)) + 1
-        pairs, rows = ((*part[:-1], np.where(part[-1] == len(made[0]), room - 1, part[-1])) for part in
-                       (levels.pairs, levels.rows))
+        pairs, rows = (
+            (*part[:-1], np.where(part[-1] == len(made[0]), room - 1, part[-1]))
+            for part in (levels.pairs, levels.rows)
+        )
         key = (self.sizes, room)
         with jax.default_device(self.device):
             if key not in self.programs:
-                run = advance(jax_function(self.case.problem.drift), _right_sides(self.scene), self.scene.inv2,
-                              self.owner[:, 0] >= 0, self.dim, self.method.sweeps)
+                run = advance(
+                    jax_function(self.case.problem.drift),
+                    _right_sides(self.scene),
+                    self.scene.inv2,
+                    self.owner[:, 0] >= 0,
+                    self.dim,
+                    self.method.sweeps,
+                )
                 self.programs[key] = jax.jit(run)
-            return self.programs[key], jax.device_put(pairs), jax.device_put(rows), levels.count, room
+            return (
+                self.programs[key],
+                jax.device_put(pairs),
+                jax.device_put(rows),
+                levels.count,
+                room,
+            )
 
     def __call__(self):
         """What kernels.pbd_near.march returns."""
         import jax
-        g, n = self.g, self.case.n
-        X, R = np.full((len(g.t), n), np.nan), np.full((len(g.t), n), np.nan)
-        X[0], R[0] = self.x0, 0.0
-        x, reaction, reach, base, work, tied = self.x0, np.zeros(n), self.start, self.x0, 0, False
-        lists, fresh, rebuilds, peak = self.lists(x, reach), True, 0, 0
+
+        g = self.g
+        n = self.case.n
+        X = np.full((len(g.t), n), np.nan)
+        R = np.full((len(g.t), n), np.nan)
+        X[0] = self.x0
+        R[0] = 0.0
+        x = self.x0
+        reaction = np.zeros(n)
+        reach = self.start
+        base = self.x0
+        work = 0
+        tied = False
+        lists = self.lists(x, reach)
+        fresh = True
+        rebuilds = 0
+        peak = 0
         run, pairs, rows, count, room = self.program(lists)
-        ids, values = [], []
+        ids = []
+        values = []
         with jax.default_device(self.device):
             for k in range(len(g.t) - 1):
-                h, s, mu = (g.t[k + 1] - g.t[k]) / g.substeps[k], 0, np.zeros(room)
+                h = (g.t[k + 1] - g.t[k]) / g.substeps[k]
+                s = 0
+                mu = np.zeros(room)
                 while s < g.substeps[k]:
                     limit = 0.999 * reach / (2.0 * np.sqrt(self.dim)) if len(self.hard) else np.inf
                     x, reaction, mu, after, state, done, ties = run(
-                        x, reaction, mu, g.t[k], g.t[k + 1], h, s, int(g.substeps[k]), pairs, rows, count, base, limit)
-                    fresh, s, state = fresh and int(after) == s, int(after), int(state)
-                    work, tied = work + int(done), tied or bool(ties)
+                        x,
+                        reaction,
+                        mu,
+                        g.t[k],
+                        g.t[k + 1],
+                        h,
+                        s,
+                        int(g.substeps[k]),
+                        pairs,
+                        rows,
+                        count,
+                        base,
+                        limit,
+                    )
+                    fresh = fresh and int(after) == s
+                    s = int(after)
+                    state = int(state)
+                    work = work + int(done)
+                    tied = tied or bool(ties)
                     if state == 2:
-                        return X, R, _ids(ids), _flat(values), work, 1, g.t[k] + s * h, rebuilds, peak
+                        return (
+                            X,
+                            R,
+                            _ids(ids),
+                            _flat(values),
+                            work,
+                            1,
+                            g.t[k] + s * h,
+                            rebuilds,
+                            peak,
+                        )
                     if state == 1:
                         peak = _flush(k + 1, np.asarray(mu), lists[0], ids, values, peak)
-                        reach = 2.0 * reach if fresh else reach          # no step fits into the lists as they are
+                        reach = (
+                            2.0 * reach if fresh else reach
+                        )  # no step fits into the lists as they are
                         base = np.asarray(x)
-                        lists, fresh, rebuilds = self.lists(base, reach), True, rebuilds + 1
+                        lists = self.lists(base, reach)
+                        fresh = True
+                        rebuilds = rebuilds + 1
                         run, pairs, rows, count, room = self.program(lists)
                         mu = np.zeros(room)
                 X[k + 1], R[k + 1] = np.asarray(x), np.asarray(reaction)
@@ -166,14 +255,23 @@ def _right_sides(scene):
     import jax.numpy as jnp
 
     from nsbench.compilation.factories import jax_function
+
     parts = [jax_function(c.b) if c.moving else (lambda t, v=c.b: v) for c in scene.affine]
-    return (lambda t: jnp.concatenate([jnp.asarray(p(t)) for p in parts])) if parts else (lambda t: jnp.zeros(0))
+    return (
+        (lambda t: jnp.concatenate([jnp.asarray(p(t)) for p in parts]))
+        if parts
+        else (lambda t: jnp.zeros(0))
+    )
 
 
 def _flush(sample, mu, lists, ids, values, peak):
     """Records of the constraints that pushed, as kernels.records keeps them; the largest number of them so far."""
-    acted = np.flatnonzero(mu[:len(lists[0])])
-    ids.append(np.stack([np.full(len(acted), sample), lists[1][acted], lists[2][acted], lists[3][acted]], axis=1))
+    acted = np.flatnonzero(mu[: len(lists[0])])
+    ids.append(
+        np.stack(
+            [np.full(len(acted), sample), lists[1][acted], lists[2][acted], lists[3][acted]], axis=1
+        )
+    )
     values.append(mu[acted])
     return max(peak, len(acted))
 

@@ -5,6 +5,7 @@ on the host; the program goes on with them as long as no particle is further fro
 allow, tested after Euler's step and after every level; a step that breaks this is taken back and done with new lists.
 Levels are filled up to one size, so that a program serves many lists; both sizes grow where a list needs it.
 """
+
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -14,14 +15,19 @@ from numba import njit
 
 from nsbench.dynamics.contacts.constraint_set import PAIR, Scene
 
-DONE, BROKEN, NAN = 0, 1, 2
-LEVELS, WIDTH = 8, 64           # levels and their capacities are multiples of these
+DONE = 0
+BROKEN = 1
+NAN = 2
+# levels and their capacities are multiples of these
+LEVELS = 8
+WIDTH = 64
 
 
 @dataclass(frozen=True)
 class Levels:
     """Constraints by level, as the program takes them: pairs (L, C): first coordinates p, q (n where there is none),
     distance, sign, number in the list; rows (L, R, W): columns (n where there is none) and values, (L, R): row, number."""
+
     pairs: tuple
     rows: tuple
     count: int
@@ -30,7 +36,8 @@ class Levels:
 @njit(cache=True)
 def _level(things, n):
     """Level of each constraint: one more than the last one before it on any of its things (m, k), -1: none."""
-    free, level = np.zeros(n, np.int64), np.empty(len(things), np.int64)
+    free = np.zeros(n, np.int64)
+    level = np.empty(len(things), np.int64)
     for c in range(len(things)):
         at = 0
         for e in things[c]:
@@ -56,34 +63,59 @@ def _up(value, step):
     return step * -(-int(value) // step)
 
 
-def arrange(lists, scene: Scene, owner: np.ndarray, sizes: tuple[int, int, int]) -> tuple[Levels, tuple[int, int, int]]:
+def arrange(
+    lists, scene: Scene, owner: np.ndarray, sizes: tuple[int, int, int]
+) -> tuple[Levels, tuple[int, int, int]]:
     """Levels of listed constraints in the order of their sweep; (levels, pairs, rows) capacities are kept or grow."""
     kind, p, q, d, sign = (lists[c] for c in (0, 4, 5, 6, 7))
-    m, n, width = len(kind), scene.n, int(np.diff(scene.ptr).max(initial=1))
+    m = len(kind)
+    n = scene.n
+    width = int(np.diff(scene.ptr).max(initial=1))
     particle = np.where(owner[:, 0] >= 0, owner[:, 0], np.arange(n))
     things = np.full((m, max(2, width)), -1, np.int64)
     pair = kind == PAIR
-    things[pair, 0], things[pair, 1] = particle[p[pair]], particle[q[pair]]
+    things[pair, 0] = particle[p[pair]]
+    things[pair, 1] = particle[q[pair]]
     entry, inside = _entries(scene, p[~pair], width)
-    things[~pair, :width] = np.where(inside, particle[scene.cols[entry]] if len(scene.cols) else -1, -1)
+    things[~pair, :width] = np.where(
+        inside, particle[scene.cols[entry]] if len(scene.cols) else -1, -1
+    )
     level = _level(things, n)
     L = max(sizes[0], _up(level.max(initial=0) + 1, LEVELS))
-    place, most = np.empty(m, np.int64), []
+    place = np.empty(m, np.int64)
+    most = []
     for chosen in (pair, ~pair):
         order = np.flatnonzero(chosen)[np.argsort(level[chosen], kind="stable")]
         place[order] = np.arange(len(order)) - np.searchsorted(level[order], level[order])
         most.append(place[order].max(initial=-1) + 1)
     C, R = (max(s, _up(v, WIDTH) if v else 0) for s, v in zip(sizes[1:], most, strict=True))
-    a, b = level[pair], place[pair]
+    a = level[pair]
+    b = place[pair]
     P, Q, D, S, N = (np.full((L, C), v) for v in (n, n, 0.0, 1.0, m))
-    P[a, b], Q[a, b], D[a, b], S[a, b], N[a, b] = p[pair], q[pair], d[pair], sign[pair], np.flatnonzero(pair)
-    a, b = level[~pair], place[~pair]
-    cols, vals = np.full((L, R, width), n), np.zeros((L, R, width))
-    row, number = np.zeros((L, R), np.int64), np.full((L, R), m)
+    P[a, b], Q[a, b], D[a, b], S[a, b], N[a, b] = (
+        p[pair],
+        q[pair],
+        d[pair],
+        sign[pair],
+        np.flatnonzero(pair),
+    )
+    a = level[~pair]
+    b = place[~pair]
+    cols = np.full((L, R, width), n)
+    vals = np.zeros((L, R, width))
+    row = np.zeros((L, R), np.int64)
+    number = np.full((L, R), m)
     row[a, b], number[a, b] = p[~pair], np.flatnonzero(~pair)
     if len(scene.cols):
-        cols[a, b], vals[a, b] = np.where(inside, scene.cols[entry], n), np.where(inside, scene.vals[entry], 0.0)
-    return Levels((P, Q, D, S, N), (cols, vals, row, number), int(level.max(initial=-1) + 1)), (L, C, R)
+        cols[a, b], vals[a, b] = (
+            np.where(inside, scene.cols[entry], n),
+            np.where(inside, scene.vals[entry], 0.0),
+        )
+    return Levels((P, Q, D, S, N), (cols, vals, row, number), int(level.max(initial=-1) + 1)), (
+        L,
+        C,
+        R,
+    )
 
 
 def advance(drift, b_of, inv2, owned, dim: int, sweeps: int):
@@ -92,12 +124,15 @@ def advance(drift, b_of, inv2, owned, dim: int, sweeps: int):
     counts; limit: how far a coordinate may be from `base`."""
     import jax.numpy as jnp
     from jax import lax
+
     axes = np.arange(dim)
 
     def project_pairs(x, mu, level):
         p, q, d, sign, number = level
-        i, j = p[:, None] + axes, q[:, None] + axes
-        xi, xj = x.at[i].get(mode="fill", fill_value=0.0), x.at[j].get(mode="fill", fill_value=0.0)
+        i = p[:, None] + axes
+        j = q[:, None] + axes
+        xi = x.at[i].get(mode="fill", fill_value=0.0)
+        xj = x.at[j].get(mode="fill", fill_value=0.0)
         diff = xi - xj
         s = (diff * diff).sum(1)
         r = jnp.sqrt(s)
@@ -105,10 +140,19 @@ def advance(drift, b_of, inv2, owned, dim: int, sweeps: int):
         hit = ((sign > 0.0) != (s >= d * d)) & (g < 0.0) & (p < x.size)
         push = jnp.where(hit, -0.5 * g, 0.0)
         tied = hit & (r == 0.0)
-        e = jnp.where(tied[:, None], push[:, None] * np.eye(dim)[0],
-                      (sign * push / jnp.where(r == 0.0, 1.0, r))[:, None] * diff)
-        xi, xj = xi + e, xj - e
-        x = x.at[i].set(xi, mode="drop", unique_indices=True).at[j].set(xj, mode="drop", unique_indices=True)
+        e = jnp.where(
+            tied[:, None],
+            push[:, None] * np.eye(dim)[0],
+            (sign * push / jnp.where(r == 0.0, 1.0, r))[:, None] * diff,
+        )
+        xi = xi + e
+        xj = xj - e
+        x = (
+            x.at[i]
+            .set(xi, mode="drop", unique_indices=True)
+            .at[j]
+            .set(xj, mode="drop", unique_indices=True)
+        )
         return x, mu.at[number].add(push), hit.sum(), tied.any(), ((i, xi), (j, xj))
 
     def project_rows(x, mu, b, level):
@@ -116,14 +160,29 @@ def advance(drift, b_of, inv2, owned, dim: int, sweeps: int):
         g = (vals * x.at[cols].get(mode="fill", fill_value=0.0)).sum(1) + b[row]
         push = jnp.where((g < 0.0) & (number < mu.size - 1), -g * jnp.asarray(inv2)[row], 0.0)
         x = x.at[cols].add(push[:, None] * vals, mode="drop")
-        return x, mu.at[number].add(push), (push > 0.0).sum(), ((cols, x.at[cols].get(mode="fill", fill_value=0.0)),)
+        return (
+            x,
+            mu.at[number].add(push),
+            (push > 0.0).sum(),
+            ((cols, x.at[cols].get(mode="fill", fill_value=0.0)),),
+        )
 
     def run(x, reaction, mu, t0, t1, h, first, substeps, pairs, rows, count, base, limit):
         counts = jnp.asarray(owned)
 
         def far(moved):
-            return sum((((jnp.abs(value - base.at[at].get(mode="fill", fill_value=0.0)) > limit)
-                         & counts.at[at].get(mode="fill", fill_value=False)).any()) for at, value in moved) > 0
+            return (
+                sum(
+                    (
+                        (
+                            (jnp.abs(value - base.at[at].get(mode="fill", fill_value=0.0)) > limit)
+                            & counts.at[at].get(mode="fill", fill_value=False)
+                        ).any()
+                    )
+                    for at, value in moved
+                )
+                > 0
+            )
 
         def level_of(arrays, lev):
             return tuple(lax.dynamic_index_in_dim(a, lev, keepdims=False) for a in arrays)
@@ -134,10 +193,13 @@ def advance(drift, b_of, inv2, owned, dim: int, sweeps: int):
             x, mu, work, tied, broken = c
             if pairs[0].shape[1]:
                 x, mu, done, ties, moved = project_pairs(x, mu, level_of(pairs, lev))
-                work, tied, broken = work + done, tied | ties, broken | far(moved)
+                work = work + done
+                tied = tied | ties
+                broken = broken | far(moved)
             if rows[2].shape[1]:
                 x, mu, done, moved = project_rows(x, mu, b, level_of(rows, lev))
-                work, broken = work + done, broken | far(moved)
+                work = work + done
+                broken = broken | far(moved)
             return x, mu, work, tied, broken
 
         def step(c):
@@ -149,14 +211,28 @@ def advance(drift, b_of, inv2, owned, dim: int, sweeps: int):
             broken = ((jnp.abs(y - base) > limit) & counts).any()
             b = b_of(after)
             z, mu1, work1, tied1, broken = lax.fori_loop(
-                0, jnp.where(broken | ~finite, 0, count * sweeps), lambda turn, c: sweep(turn, c, b),
-                (y, mu, work, tied, broken))
+                0,
+                jnp.where(broken | ~finite, 0, count * sweeps),
+                lambda turn, c: sweep(turn, c, b),
+                (y, mu, work, tied, broken),
+            )
             state = jnp.where(~finite, NAN, jnp.where(broken, BROKEN, DONE))
             good = state == DONE
             keep = lambda new, old: jnp.where(good, new, old)
-            return (keep(z, x), keep(reaction + (z - y), reaction), keep(mu1, mu), s + good, state, keep(work1, work),
-                    keep(tied1, tied))
+            return (
+                keep(z, x),
+                keep(reaction + (z - y), reaction),
+                keep(mu1, mu),
+                s + good,
+                state,
+                keep(work1, work),
+                keep(tied1, tied),
+            )
 
-        return lax.while_loop(lambda c: (c[3] < substeps) & (c[4] == DONE), step,
-                              (x, reaction, mu, first, jnp.array(DONE), jnp.array(0), jnp.array(False)))
+        return lax.while_loop(
+            lambda c: (c[3] < substeps) & (c[4] == DONE),
+            step,
+            (x, reaction, mu, first, jnp.array(DONE), jnp.array(0), jnp.array(False)),
+        )
+
     return run

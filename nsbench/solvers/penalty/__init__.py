@@ -1,4 +1,5 @@
 """penalty: see method.py."""
+
 from nsbench.solvers.penalty.method import SOLVER
 
 __all__ = ["SOLVER"]

@@ -4,6 +4,7 @@ A right-hand side here takes (t, z, k) where z is the state followed by its quad
 constraints, the reaction. Integrated by the same Runge-Kutta weights, x - x0 = integral of f + reaction and
 reaction = sum of impulse * grad g (constant gradients) hold to rounding, whatever the step.
 """
+
 from __future__ import annotations
 
 from collections.abc import Callable
@@ -15,7 +16,9 @@ from nsbench.compilation.factories import host, jax_function
 from nsbench.dynamics.filippov.modes import corners, multilinear, surfaces
 from nsbench.problem import Affine, Distance, Filippov, Smooth
 
-DENSE = 4096              # entries up to which rows are a dense matrix: its zeros cost less than a scatter's calls
+DENSE = (
+    4096  # entries up to which rows are a dense matrix: its zeros cost less than a scatter's calls
+)
 
 
 def constraint_ids(problem, n: int) -> list[tuple]:
@@ -43,17 +46,24 @@ def count(problem, n: int) -> int:
             total += len(c.pairs)
         else:
             particles = c.particles(n)
-            total += particles * (particles - 1) // 2 if c.anchors is None else particles * _anchors(c)
+            total += (
+                particles * (particles - 1) // 2 if c.anchors is None else particles * _anchors(c)
+            )
     return total
 
 
-def layout(problem, n: int, style: str, capacity: tuple[int, ...] = ()) -> tuple[list, np.ndarray, int, dict]:
+def layout(
+    problem, n: int, style: str, capacity: tuple[int, ...] = ()
+) -> tuple[list, np.ndarray, int, dict]:
     """(ids, columns, size, offsets): ids of the constraints that have a place of their own among the quadratures of
     `slopes`, their columns, the number of all quadratures, and {family: first column} of those that use near lists."""
     if isinstance(problem, Filippov):
         ids = constraint_ids(problem, n)
         return ids, np.arange(len(ids)), len(ids), {}
-    ids, columns, offsets, size = [], [], {}, 0
+    ids = []
+    columns = []
+    offsets = {}
+    size = 0
     for k, c in enumerate(problem.constraints):
         if _uses_lists(c, style):
             offsets[k] = size
@@ -73,6 +83,7 @@ def _uses_lists(c, style):
 @dataclass(frozen=True)
 class Slopes:
     """f: (t, x, k, lists) -> (x', quadratures'); size: how many quadratures."""
+
     f: Callable
     size: int
 
@@ -87,8 +98,10 @@ def slopes(problem, n: int, style: str = "pairs", capacity: tuple[int, ...] = ()
     if isinstance(problem, Filippov):
         return Slopes(_filippov(problem, n), size)
     import jax.numpy as jnp
+
     f = jax_function(problem.drift)
-    families, place = [], 0
+    families = []
+    place = 0
     for c in problem.constraints:
         if _uses_lists(c, style):
             families.append(_near(c, n, place))
@@ -100,12 +113,14 @@ def slopes(problem, n: int, style: str = "pairs", capacity: tuple[int, ...] = ()
         parts = [family(t, x, k, lists) for family in families]
         force = sum(p[1] for p in parts)
         return f(t, x) + force, jnp.concatenate([*(p[0] for p in parts), force])
+
     return Slopes(penalised, size)
 
 
 def right_hand_side(problem, n: int):
     """(t, z, k) -> dz/dt. Complementarity: z = (x, m impulses, n reactions); Filippov: z = (x, d weights)."""
     import jax.numpy as jnp
+
     f = slopes(problem, n).f
     return lambda t, z, k: jnp.concatenate(f(t, z[:n], k, ()))
 
@@ -118,13 +133,16 @@ def _filippov(problem: Filippov, n: int):
     Between the modes a Filippov system is multilinear in s: a field that is not is taken at the corners.
     """
     import jax.numpy as jnp
-    field, switch = jax_function(problem.field), jax_function(problem.switch)
+
+    field = jax_function(problem.field)
+    switch = jax_function(problem.switch)
     if not multilinear(problem, n):
         field = _blended(field, surfaces(problem, n))
 
     def smoothed(t, x, k, lists):
         s = jnp.clip(k * switch(t, x), -1.0, 1.0)
         return field(t, x, s), 0.5 * (1.0 + s)
+
     return smoothed
 
 
@@ -132,10 +150,12 @@ def _blended(field: Callable, d: int) -> Callable:
     """The field that is multilinear in s and has the same values at its corners."""
     import jax
     import jax.numpy as jnp
+
     signs = jnp.asarray(corners(d))
 
     def blended(t, x, s):
         return jnp.prod(0.5 * (1.0 + signs * s), axis=1) @ jax.vmap(lambda q: field(t, x, q))(signs)
+
     return blended
 
 
@@ -164,6 +184,7 @@ def _moving(value, moving: bool):
 
 def _affine(c: Affine, n: int):
     import jax.numpy as jnp
+
     m = c.shape[0]
     b = _moving(c.b, c.moving)
     rows = np.repeat(np.arange(m), np.diff(c.indptr))
@@ -174,18 +195,21 @@ def _affine(c: Affine, n: int):
         def push(t, x, k, lists):
             lam = k * jnp.maximum(-((A * x).sum(1) + b(t)), 0.0)
             return lam, (A * lam[:, None]).sum(0)
+
         return push
 
     def push(t, x, k, lists):
         g = jnp.zeros(m).at[rows].add(c.data * x[c.indices]) + b(t)
         lam = k * jnp.maximum(-g, 0.0)
         return lam, jnp.zeros(n).at[c.indices].add(c.data * lam[rows])
+
     return push
 
 
 def _distance(c: Distance, n: int):
     """Coincident points are parted along the first axis, as in nsbench.dynamics.contacts.constraint_set; the slope of the length is then 0."""
     import jax.numpy as jnp
+
     N = c.particles(n)
     if c.all_pairs and c.sign == 1 and N * N <= DENSE:
         return _square(c, n, N)
@@ -207,6 +231,7 @@ def _distance(c: Distance, n: int):
         if anchors is None:
             total = total.at[j].add(-force)
         return lam, _spread(c, n, total)
+
     return push
 
 
@@ -214,9 +239,12 @@ def _square(c: Distance, n: int, N: int):
     """All pairs of a few hard particles as a table (N, N): each is worked out twice, which takes less time than to gather
     and scatter it once."""
     import jax.numpy as jnp
+
     r = np.broadcast_to(c.radii if c.radii is not None else c.d / 2, N)
-    reach, number = r[:, None] + r, np.arange(N)
-    own, way = np.eye(N, dtype=bool), np.sign(number - number[:, None]).astype(float)
+    reach = r[:, None] + r
+    number = np.arange(N)
+    own = np.eye(N, dtype=bool)
+    way = np.sign(number - number[:, None]).astype(float)
     i, j = _pairs(c, n)
 
     def push(t, x, k, lists):
@@ -228,31 +256,41 @@ def _square(c: Distance, n: int, N: int):
         lam = jnp.where(own, 0.0, k * jnp.maximum(reach - jnp.where(apart, length, 0.0), 0.0))
         w = lam / length
         along = jnp.where(apart, parts[0] * w, way * lam)
-        return lam[i, j], _spread(c, n, jnp.stack([along.sum(1), *((q * w).sum(1) for q in parts[1:])], axis=1))
+        return lam[i, j], _spread(
+            c, n, jnp.stack([along.sum(1), *((q * w).sum(1) for q in parts[1:])], axis=1)
+        )
+
     return push
 
 
 def _positions(c, n, x):
     """(N, dim) coordinates of a family's particles."""
     N = c.particles(n)
-    return x[c.start:c.start + N * c.dim].reshape(N, c.dim)
+    return x[c.start : c.start + N * c.dim].reshape(N, c.dim)
 
 
 def _spread(c, n, total):
     """Forces (N, dim) on a family's particles as a vector (n,)."""
     import jax.numpy as jnp
-    return total.ravel() if total.size == n else jnp.zeros(n).at[c.start:c.start + total.size].set(total.ravel())
+
+    return (
+        total.ravel()
+        if total.size == n
+        else jnp.zeros(n).at[c.start : c.start + total.size].set(total.ravel())
+    )
 
 
 def _near(c: Distance, n: int, place: int):
     """Pairs of lists[place] (N, capacity): rows of partners, filled up with a particle's own number."""
     import jax.numpy as jnp
+
     N = c.particles(n)
     r = np.array(np.broadcast_to(c.radii if c.radii is not None else c.d / 2, N))
     number = np.arange(N)[:, None]
 
     def push(t, x, k, lists):
-        nb, p = lists[place], _positions(c, n, x)
+        nb = lists[place]
+        p = _positions(c, n, x)
         parts = [p[:, a][:, None] - p[:, a][nb] for a in range(c.dim)]
         square = sum(q * q for q in parts)
         apart = square > 0.0
@@ -260,8 +298,13 @@ def _near(c: Distance, n: int, place: int):
         depth = r[:, None] + jnp.asarray(r)[nb] - jnp.where(apart, length, 0.0)
         lam = jnp.where(nb == number, 0.0, k * jnp.maximum(depth, 0.0))
         w = lam / length
-        along = jnp.where(apart, parts[0] * w, jnp.where(nb > number, lam, -lam))      # coincident: as in _distance
-        return lam.ravel(), _spread(c, n, jnp.stack([along.sum(1), *((q * w).sum(1) for q in parts[1:])], axis=1))
+        along = jnp.where(
+            apart, parts[0] * w, jnp.where(nb > number, lam, -lam)
+        )  # coincident: as in _distance
+        return lam.ravel(), _spread(
+            c, n, jnp.stack([along.sum(1), *((q * w).sum(1) for q in parts[1:])], axis=1)
+        )
+
     return push
 
 
@@ -269,6 +312,7 @@ def _smooth(c: Smooth, n: int):
     """The gradient is only needed times lam: a reverse-mode product, unless the family brings its own."""
     import jax
     import jax.numpy as jnp
+
     g = jax_function(c.g)
     gradient = jax_function(c.gradient) if c.gradient else None
 
@@ -276,4 +320,5 @@ def _smooth(c: Smooth, n: int):
         value, back = jax.vjp(lambda y: g(t, y), x)
         lam = k * jnp.maximum(-value, 0.0)
         return lam, jnp.asarray(gradient(t, x)).T @ lam if gradient else back(lam)[0]
+
     return push

@@ -7,6 +7,7 @@ two sums. Stages written out one by one take 1.3 to 1.8 times as long to compile
 longer to run: the compiler computes stages again for each of their sums.
 Loaded only when a penalty program is traced, not when it is found in the cache.
 """
+
 from __future__ import annotations
 
 import diffrax
@@ -19,8 +20,8 @@ from nsbench.solvers.penalty.newton import Chord
 
 EXPLICIT = {"bosh3": diffrax.Bosh3, "tsit5": diffrax.Tsit5, "dopri8": diffrax.Dopri8}
 IMPLICIT = {"kvaerno3": diffrax.Kvaerno3, "kvaerno5": diffrax.Kvaerno5}
-NEVER, TOO_LARGE, NOT_FINITE, NEWTON = range(4)      # why the last step was refused, if it was
-REST = 0.6                # of the certified travel: an accepted step that ends beyond it ends the segment
+NEVER, TOO_LARGE, NOT_FINITE, NEWTON = range(4)  # why the last step was refused, if it was
+REST = 0.6  # of the certified travel: an accepted step that ends beyond it ends the segment
 
 
 def _largest(z):
@@ -37,6 +38,7 @@ def _stepper(slopes, method: str, n: int, rtol, atol):
     def step(t, end, z, args, stage):
         z1, error, _, stage, result = solver.step(term, t, end, z, args, stage, False)
         return z1, error, stage, result == diffrax.RESULTS.successful
+
     return step, lambda t, h, z, args: solver.init(term, t, t + h, z, args)
 
 
@@ -46,20 +48,28 @@ def _looped(f, tableau, n):
     m = len(tableau.c)
     lower = np.zeros((m, m + 1))
     for i, a in enumerate(tableau.a_lower):
-        lower[i, :len(a)] = a
-    lower, nodes, sol, err = (jnp.asarray(np.asarray(a, float)) for a in (lower, tableau.c, tableau.b_sol, tableau.b_error))
+        lower[i, : len(a)] = a
+    lower, nodes, sol, err = (
+        jnp.asarray(np.asarray(a, float))
+        for a in (lower, tableau.c, tableau.b_sol, tableau.b_error)
+    )
 
     def step(t, end, z, args, stage):
-        h, x = end - t, z[:n]
+        h = end - t
+        x = z[:n]
 
         def body(i, c):
             slopes, total, wrong, _ = c
             at = jnp.where(nodes[i] == 1.0, end, t + nodes[i] * h)
             k = jnp.concatenate(f(at, x + h * (lower[i][:, None] * slopes).sum(0), *args))
             return slopes.at[i + 1].set(k[:n]), total + sol[i + 1] * k, wrong + err[i + 1] * k, k
+
         first = jnp.zeros((m + 1, n)).at[0].set(stage[:n])
-        _, total, wrong, last = lax.fori_loop(0, m, body, (first, sol[0] * stage, err[0] * stage, stage))
+        _, total, wrong, last = lax.fori_loop(
+            0, m, body, (first, sol[0] * stage, err[0] * stage, stage)
+        )
         return z + h * total, h * wrong, last, jnp.array(True)
+
     return step, lambda t, h, z, args: jnp.concatenate(f(t, z[:n], *args))
 
 
@@ -80,37 +90,65 @@ def integrator(slopes, method: str, n: int, looks: int = 0):
     ends after a step beyond REST of it ("far"), or when such a step was refused ("cause" NOT_FINITE).
     way (looks, 1 + size): time and z after the last step in each of so many equal parts of ts, NaN where none ended.
     """
+
     def run(z0, i, t, h, ts, k, rtol, atol, max_steps, near):
         watched, args = _watch(slopes, n, k, near)
         step_of, first = _stepper(watched, method, n, rtol, atol)
         # proportional control where stability limits the step: a third of the refusals of the plain controller
         proportional, integral = (0.3, 0.4) if method in EXPLICIT else (0.0, 1.0)
-        controller = diffrax.PIDController(rtol=rtol, atol=atol, pcoeff=proportional, icoeff=integral, norm=_largest)
-        term = diffrax.ODETerm(lambda t, z, args: z)                   # no more than its type is looked at
+        controller = diffrax.PIDController(
+            rtol=rtol, atol=atol, pcoeff=proportional, icoeff=integral, norm=_largest
+        )
+        term = diffrax.ODETerm(lambda t, z, args: z)  # no more than its type is looked at
         named = EXPLICIT[method]() if method in EXPLICIT else IMPLICIT[method]()
         order = named.error_order(term)
         _, control = controller.init(term, t, t + h, z0, h, args, named.func, order)
         samples = jnp.full((ts.shape[0], z0.shape[0]), jnp.nan).at[i - 1].set(z0)
-        start = dict(i=i, t=t, h=h, z=z0, stage=first(t, h, z0, args), control=control, samples=samples, accepted=0,
-                     refused=0, cause=NEVER, longest=0.0, last=0.0, far=False, way=jnp.full((looks, 1 + z0.shape[0]), jnp.nan))
+        start = dict(
+            i=i,
+            t=t,
+            h=h,
+            z=z0,
+            stage=first(t, h, z0, args),
+            control=control,
+            samples=samples,
+            accepted=0,
+            refused=0,
+            cause=NEVER,
+            longest=0.0,
+            last=0.0,
+            far=False,
+            way=jnp.full((looks, 1 + z0.shape[0]), jnp.nan),
+        )
 
         def going(c):
-            seen = c["t"] + 0.06 * c["h"] > c["t"]         # 8 spacings of t; 0.9 of less than 5 rounds to no less
+            seen = (
+                c["t"] + 0.06 * c["h"] > c["t"]
+            )  # 8 spacings of t; 0.9 of less than 5 rounds to no less
             on = (c["i"] < ts.shape[0]) & (c["accepted"] + c["refused"] < max_steps) & seen
             return on & ~c["far"] if near else on
 
         def step(c):
-            t, h, z, target = c["t"], c["h"], c["z"], ts[c["i"]]
+            t = c["t"]
+            h = c["h"]
+            z = c["z"]
+            target = ts[c["i"]]
             cut = t + 1.001 * h >= target
             end = jnp.where(cut, target, t + h)
             z1, error, stage, solved = step_of(t, end, z, args, c["stage"])
             finite = jnp.isfinite(z1).all()
             error = jnp.where(solved & finite & jnp.isfinite(error).all(), error, jnp.inf)
-            keep, _, end1, _, control, _ = controller.adapt_step_size(t, end, z, z1, args, error, order, c["control"])
+            keep, _, end1, _, control, _ = controller.adapt_step_size(
+                t, end, z, z1, args, error, order, c["control"]
+            )
             t1 = jnp.where(keep, end, t)
             h1 = jnp.where(keep & cut, jnp.maximum(end1 - t1, h), end1 - t1)
-            cause = jnp.where(keep, NEVER, jnp.where(finite, jnp.where(solved, TOO_LARGE, NEWTON), NOT_FINITE))
-            choose = lambda new, old: jax.tree_util.tree_map(lambda a, b: jnp.where(keep, a, b), new, old)
+            cause = jnp.where(
+                keep, NEVER, jnp.where(finite, jnp.where(solved, TOO_LARGE, NEWTON), NOT_FINITE)
+            )
+            choose = lambda new, old: jax.tree_util.tree_map(
+                lambda a, b: jnp.where(keep, a, b), new, old
+            )
             arrived = keep & cut
             samples = c["samples"].at[c["i"]].set(jnp.where(arrived, z1, jnp.nan))
             way = c["way"]
@@ -118,14 +156,42 @@ def integrator(slopes, method: str, n: int, looks: int = 0):
                 part = jnp.clip((t1 - ts[0]) / (ts[-1] - ts[0]) * looks, 0, looks - 1).astype(int)
                 way = way.at[part].set(jnp.where(keep, jnp.append(t1, z1), way[part]))
             far = (_travel(z1[:n], near) > REST * near[2]) & keep if near else False
-            return dict(i=c["i"] + arrived, t=t1, h=h1, z=choose(z1, z), stage=choose(stage, c["stage"]),
-                        control=control, samples=samples, accepted=c["accepted"] + keep, refused=c["refused"] + ~keep,
-                        cause=cause, longest=jnp.maximum(c["longest"], t1 - t), far=far, way=way,
-                        last=jnp.where(keep, end - t, c["last"]))
+            return dict(
+                i=c["i"] + arrived,
+                t=t1,
+                h=h1,
+                z=choose(z1, z),
+                stage=choose(stage, c["stage"]),
+                control=control,
+                samples=samples,
+                accepted=c["accepted"] + keep,
+                refused=c["refused"] + ~keep,
+                cause=cause,
+                longest=jnp.maximum(c["longest"], t1 - t),
+                far=far,
+                way=way,
+                last=jnp.where(keep, end - t, c["last"]),
+            )
 
         out = lax.while_loop(going, step, start)
-        return {name: out[name] for name in
-                ("samples", "i", "t", "h", "z", "accepted", "refused", "cause", "longest", "last", "far", "way")}
+        return {
+            name: out[name]
+            for name in (
+                "samples",
+                "i",
+                "t",
+                "h",
+                "z",
+                "accepted",
+                "refused",
+                "cause",
+                "longest",
+                "last",
+                "far",
+                "way",
+            )
+        }
+
     return run
 
 
@@ -142,4 +208,5 @@ def _watch(slopes, n, k, near):
     def watched(t, x, k, near):
         dx, dq = slopes.f(t, x, k, near[0])
         return jnp.where(_travel(x, near) <= near[2], dx, jnp.nan), dq
+
     return type(slopes)(watched, slopes.size), (k, near)

@@ -1,4 +1,5 @@
 """Smoothed penalty: constraints as stiff springs, switches as thin layers, integrated by diffrax in float64."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
@@ -16,25 +17,42 @@ from nsbench.solvers.common.extrapolation import combined, weights
 from nsbench.solvers.common.initial_state import start_state
 from nsbench.trajectory import Status, Trajectory
 
-EXPLICIT = {"tsit5": 6, "dopri8": 13, "bosh3": 3}      # right-hand sides of a step
+EXPLICIT = {"tsit5": 6, "dopri8": 13, "bosh3": 3}  # right-hand sides of a step
 IMPLICIT = ("kvaerno3", "kvaerno5")
 # by extrapolations: k of an order study, which an explicit method takes in seconds, and where layers have died out; default k
 LADDERS = ((30.0, 3840.0), (60.0, 7680.0), (30.0, 1920.0))
-STIFF = 2e3               # k from which kvaerno5 takes less time than tsit5 for few states; 2e4 for 60, as factors cost n^3
-LEAST = 1e-13             # tolerance; rounding of 10^5 steps is a tenth of it
+STIFF = 2e3  # k from which kvaerno5 takes less time than tsit5 for few states; 2e4 for 60, as factors cost n^3
+LEAST = 1e-13  # tolerance; rounding of 10^5 steps is a tenth of it
 DEFAULTS = (1e4, 1e4, 1e3)
-LISTED = 6000             # listed constraints (all but hard pairs) whose impulses are integrated
-MEMORY = 1e9              # bytes of samples of one run
-MANY = 40                 # hard particles up to which all pairs are visited
+LISTED = 6000  # listed constraints (all but hard pairs) whose impulses are integrated
+MEMORY = 1e9  # bytes of samples of one run
+MANY = 40  # hard particles up to which all pairs are visited
 PAIRS = ("auto", "all", "near")
-NOT_FINITE, NEWTON = 2, 3     # as nsbench.solvers.penalty.integrator counts why a step was refused; that needs diffrax to be loaded
-HIDDEN = 0.0101           # k times tolerance, kept up to k = 1e7 at 1e-9: up to 190 tolerances of error were measured
+# as nsbench.solvers.penalty.integrator counts why a step was refused; that needs diffrax to be loaded
+NOT_FINITE = 2
+NEWTON = 3
+HIDDEN = 0.0101  # k times tolerance, kept up to k = 1e7 at 1e-9: up to 190 tolerances of error were measured
 EXPECTS = (
-    Expect(("zeno",), None, None, "no rate is known for a smoothed sign at an accumulation of events"),
-    Expect(("infeasible_start",), None, None, "what a method makes of an infeasible start is its meaning, not its error"),
+    Expect(
+        ("zeno",), None, None, "no rate is known for a smoothed sign at an accumulation of events"
+    ),
+    Expect(
+        ("infeasible_start",),
+        None,
+        None,
+        "what a method makes of an infeasible start is its meaning, not its error",
+    ),
 )
-LAYERS = tuple(Expect((word,), "open", "open", "its error in 1/k is a constant per mode, which extrapolation removes: what is "
-                      "left are layers that die out, and no power") for word in ("exact_at_grid", "constant_force"))
+LAYERS = tuple(
+    Expect(
+        (word,),
+        "open",
+        "open",
+        "its error in 1/k is a constant per mode, which extrapolation removes: what is "
+        "left are layers that die out, and no power",
+    )
+    for word in ("exact_at_grid", "constant_force")
+)
 
 
 @dataclass(frozen=True)
@@ -58,6 +76,7 @@ class Penalty:
     Source: Moreau-Yosida regularisation of a projected system; integrators by Kidger (2021), Tsitouras (2011), Prince &
     Dormand (1981), Bogacki & Shampine (1989), Kvaerno (2004).
     """
+
     method: str = "tsit5"
     rtol: float | None = None
     atol: float | None = None
@@ -95,12 +114,19 @@ class Penalty:
         given = getattr(self, name)
         if given is not None:
             return given
-        seen = 0.99 * HIDDEN * k ** -(1.0 + self.extrapolate) / float(np.abs(weights(self.extrapolate)).sum())
+        seen = (
+            0.99
+            * HIDDEN
+            * k ** -(1.0 + self.extrapolate)
+            / float(np.abs(weights(self.extrapolate)).sum())
+        )
         return float(np.clip(seen, LEAST, 1e-9)) if self.extrapolate else 1e-9
 
     def __post_init__(self):
         if self.method not in (*EXPLICIT, *IMPLICIT, "auto"):
-            raise ValueError(f"method is {self.method!r}; one of {', '.join((*EXPLICIT, *IMPLICIT, 'auto'))}")
+            raise ValueError(
+                f"method is {self.method!r}; one of {', '.join((*EXPLICIT, *IMPLICIT, 'auto'))}"
+            )
         for name in ("rtol", "atol"):
             if getattr(self, name) is not None:
                 check_positive(name, getattr(self, name))
@@ -122,14 +148,18 @@ class Penalty:
 
     def _too_many(self, case: Case) -> str | None:
         from nsbench.solvers.penalty.forces import count
-        listed, hard = count(p := case.problem, case.n), _hard(p, case.n)
+
+        listed = count(p := case.problem, case.n)
+        hard = _hard(p, case.n)
         pairs = sum(N * (N - 1) // 2 for N in hard)
         near = _near_lists(self, case)
         m = listed - pairs if near else listed
         if m > LISTED:
-            return (f"A penalty integrates an impulse for every listed constraint, here {m}, in every stage of every step "
-                    f"({m * len(case.t) * 8 / 1e6:.0f} MB of samples); at most {LISTED} are taken: use pbd or "
-                    "catching_up.")
+            return (
+                f"A penalty integrates an impulse for every listed constraint, here {m}, in every stage of every step "
+                f"({m * len(case.t) * 8 / 1e6:.0f} MB of samples); at most {LISTED} are taken: use pbd or "
+                "catching_up."
+            )
         size = (m + 2 * case.n + (16 * sum(hard) if near else 0)) * len(case.t) * 8
         if size > MEMORY:
             return f"A penalty would keep samples of {size / 1e9:.1f} GB here; at most {MEMORY / 1e9:.0f} GB are taken."
@@ -142,9 +172,14 @@ class Penalty:
             return replace(self, method="kvaerno5" if stiff else "tsit5").prepare(case, k)
         x0 = _start(case)
         if lost := _lost(case, x0, k * 2.0**self.extrapolate):
-            return lambda: _nothing(case, f"Rounding of the coordinates alone {lost} at k = {k:g}: lower k, or take a frame in "
-                                          "which the state is not so large.", "maxiter")
+            return lambda: _nothing(
+                case,
+                f"Rounding of the coordinates alone {lost} at k = {k:g}: lower k, or take a frame in "
+                "which the state is not so large.",
+                "maxiter",
+            )
         from nsbench.solvers.penalty.program import NotTraceable
+
         try:
             march = _march(self, case, x0, k)
         except NotTraceable as e:
@@ -155,24 +190,28 @@ class Penalty:
         def run():
             runs = [_trajectory(self, case, level, k, march(level)) for level in levels]
             return combined(runs, 1.0 / k) if self.extrapolate else runs[0]
+
         return run
 
 
 def _lost(case: Case, x0: np.ndarray, k: float) -> str:
     """What rounding of the start makes of springs or layers, if that is more than the drift or than a layer; else ""."""
-    rounded, p = np.spacing(np.abs(x0)), case.problem
+    rounded = np.spacing(np.abs(x0))
+    p = case.problem
     with np.errstate(all="ignore"):
         if isinstance(p, Complementarity):
             from nsbench.dynamics.contacts.constraint_set import Scene
+
             scene = Scene(p, case.n)
             held = np.zeros(case.n, bool)
             for _, c, m in scene.hard:
-                held[c.start:c.start + m * c.dim] = True
+                held[c.start : c.start + m * c.dim] = True
             held[scene.triplets(float(case.t[0]), x0, scene.all_static())[1]] = True
             force = k * float((rounded * held).max(initial=0.0))
             speed = float(np.abs(host(p.drift)(float(case.t[0]), x0.copy())).max(initial=0.0))
             return f"makes forces of {force:.2g}" if force > max(unit(case, x0), speed) else ""
-        switch, sides = host(p.switch), np.where(np.arange(case.n) % 2, 1.0, -1.0)
+        switch = host(p.switch)
+        sides = np.where(np.arange(case.n) % 2, 1.0, -1.0)
         c = lambda x: np.asarray(switch(float(case.t[0]), x), float)
         moved = np.max([np.abs(c(x0 + rounded * s) - c(x0.copy())) for s in (1.0, sides)])
         return f"changes a switch by {moved:.2g}, beyond its layer," if k * moved > 1.0 else ""
@@ -180,7 +219,11 @@ def _lost(case: Case, x0: np.ndarray, k: float) -> str:
 
 def _hard(problem, n: int) -> list[int]:
     """Numbers of particles of the families of hard ones."""
-    return [c.particles(n) for c in getattr(problem, "constraints", ()) if isinstance(c, Distance) and c.all_pairs]
+    return [
+        c.particles(n)
+        for c in getattr(problem, "constraints", ())
+        if isinstance(c, Distance) and c.all_pairs
+    ]
 
 
 def _near_lists(penalty: Penalty, case: Case) -> bool:
@@ -191,23 +234,42 @@ def _near_lists(penalty: Penalty, case: Case) -> bool:
 def _march(penalty: Penalty, case: Case, x0: np.ndarray, asked: float):
     """k -> samples and counts of a run, bound to the compiled program. Raises NotTraceable."""
     from nsbench.solvers.penalty.program import compiled
+
     size = unit(case, x0) if penalty.atol is None else 1.0
-    limits = (penalty.tolerance("rtol", asked), penalty.tolerance("atol", asked) * size, penalty.most)
+    limits = (
+        penalty.tolerance("rtol", asked),
+        penalty.tolerance("atol", asked) * size,
+        penalty.most,
+    )
     if _near_lists(penalty, case):
         from nsbench.solvers.penalty.neighbor_segments import Segments
+
         segments = Segments(case, x0, penalty.method, penalty.reach)
         return lambda k: segments.run(k, *limits)
-    program, n = compiled(case.problem, case.n, len(case.t), penalty.method, "pairs"), case.n
-    z0, forces = np.concatenate([x0, np.zeros(program.size)]), isinstance(case.problem, Complementarity)
+    program = compiled(case.problem, case.n, len(case.t), penalty.method, "pairs")
+    n = case.n
+    z0 = np.concatenate([x0, np.zeros(program.size)])
+    forces = isinstance(case.problem, Complementarity)
 
     def march(k):
-        first = 0.1 * min(case.t[1] - case.t[0], 1.0 / k)       # within the stiffness; the controller lets it grow
+        first = 0.1 * min(
+            case.t[1] - case.t[0], 1.0 / k
+        )  # within the stiffness; the controller lets it grow
         out = program(z0, 1, case.t[0], first, case.t, k, *limits, ())
-        z, way = out.pop("samples"), out.pop("way")
+        z = out.pop("samples")
+        way = out.pop("way")
         way = way[np.isfinite(way).all(axis=1)]
-        between = None if forces else (way[:, 0], way[:, 1:1 + n], way[:, 1 + n + program.columns])
-        return out | {"x": z[:, :n].copy(), "impulse": z[:, n + program.columns], "ids": program.ids, "between": between,
-                      "reaction": z[:, -n:].copy() if forces else np.empty((len(z), 0))}
+        between = (
+            None if forces else (way[:, 0], way[:, 1 : 1 + n], way[:, 1 + n + program.columns])
+        )
+        return out | {
+            "x": z[:, :n].copy(),
+            "impulse": z[:, n + program.columns],
+            "ids": program.ids,
+            "between": between,
+            "reaction": z[:, -n:].copy() if forces else np.empty((len(z), 0)),
+        }
+
     return march
 
 
@@ -215,51 +277,93 @@ def _start(case: Case) -> np.ndarray:
     if not isinstance(case.problem, Complementarity):
         return case.x0.copy()
     from nsbench.dynamics.contacts.constraint_set import Scene
+
     return start_state(case, Scene(case.problem, case.n))
 
 
 def _nothing(case: Case, why: str, code: str = "refused") -> Trajectory:
-    return Trajectory(np.empty(0), np.empty((0, case.n)), (), np.empty((0, 0)), np.empty((0, case.n)),
-                      Status(code, why))
+    return Trajectory(
+        np.empty(0),
+        np.empty((0, case.n)),
+        (),
+        np.empty((0, 0)),
+        np.empty((0, case.n)),
+        Status(code, why),
+    )
 
 
 def _trajectory(penalty: Penalty, case: Case, k: float, asked: float, out: dict) -> Trajectory:
-    impulse, ids = out["impulse"], out["ids"]
-    pushes = np.diff(impulse[:int(out["i"])], axis=0) > 0.0
+    impulse = out["impulse"]
+    ids = out["ids"]
+    pushes = np.diff(impulse[: int(out["i"])], axis=0) > 0.0
     acted = np.arange(len(ids))
     if isinstance(case.problem, Complementarity):
         acted = np.flatnonzero(pushes.any(axis=0))
-    steps, refused = int(out["accepted"]), int(out["refused"])
-    stats = {"steps": steps, "h": 1.0 / k, "refused_steps": refused, "longest_step": float(out["longest"]),
-             "contacts_peak": int(pushes.sum(axis=1).max(initial=0)), "loop": "compiled", "integrator": penalty.method}
+    steps = int(out["accepted"])
+    refused = int(out["refused"])
+    stats = {
+        "steps": steps,
+        "h": 1.0 / k,
+        "refused_steps": refused,
+        "longest_step": float(out["longest"]),
+        "contacts_peak": int(pushes.sum(axis=1).max(initial=0)),
+        "loop": "compiled",
+        "integrator": penalty.method,
+    }
     if "segments" in out:
         stats["segments"] = out["segments"]
     if penalty.method in EXPLICIT:
         stats["drift_calls"] = out.get("segments", 1) + (steps + refused) * EXPLICIT[penalty.method]
-    traj = Trajectory(case.t, out["x"], tuple(ids[a] for a in acted), impulse[:, acted], out["reaction"],
-                      _status(penalty, case, k, asked, out), (), stats, "mean", between=out.get("between"))
+    traj = Trajectory(
+        case.t,
+        out["x"],
+        tuple(ids[a] for a in acted),
+        impulse[:, acted],
+        out["reaction"],
+        _status(penalty, case, k, asked, out),
+        (),
+        stats,
+        "mean",
+        between=out.get("between"),
+    )
     return _thin(case, k, traj) if isinstance(case.problem, Filippov) and traj.status.ok else traj
 
 
 def _status(penalty: Penalty, case: Case, k: float, asked: float, out: dict) -> Status:
     """What became of the run, judged by the samples themselves."""
-    t, tried = float(out["t"]), int(out["accepted"]) + int(out["refused"])
+    t = float(out["t"])
+    tried = int(out["accepted"]) + int(out["refused"])
     at = f"at t = {t:.6g} of {case.t[-1]:g}"
-    if int(out["i"]) == len(case.t) and np.isfinite(out["x"]).all() and np.isfinite(out["impulse"]).all():
+    if (
+        int(out["i"]) == len(case.t)
+        and np.isfinite(out["x"]).all()
+        and np.isfinite(out["impulse"]).all()
+    ):
         # weights of an extrapolation amplify what the integrator leaves
-        worst = distance(case, out["x"]) * max(penalty.tolerance("rtol", asked), penalty.tolerance("atol", asked))
+        worst = distance(case, out["x"]) * max(
+            penalty.tolerance("rtol", asked), penalty.tolerance("atol", asked)
+        )
         claimed = asked ** -(1.0 + penalty.extrapolate)
         if worst * float(np.abs(weights(penalty.extrapolate)).sum()) > HIDDEN * claimed:
-            return Status("unverified", f"The error of the penalty, about {claimed:.1e}, may be hidden by the integrator's, up "
-                                        f"to 200 times its tolerance of {worst:.1e} of the motion: lower rtol and atol.")
+            return Status(
+                "unverified",
+                f"The error of the penalty, about {claimed:.1e}, may be hidden by the integrator's, up "
+                f"to 200 times its tolerance of {worst:.1e} of the motion: lower rtol and atol.",
+            )
         return Status()
     if tried < penalty.most:
         return _no_step(penalty, case, k, out, at)
     last = float(out["last"])
-    advice = ("an explicit method needs about k T / 3 of them: take method=kvaerno5 or a smaller k"
-              if penalty.method in EXPLICIT else "raise max_steps, rtol or atol")
-    return Status("maxiter", f"The penalty is too stiff for {penalty.most} steps: {at} their length was {last:.1e} "
-                             f"(k h = {k * last:.2g}); {advice}.")
+    advice = (
+        "an explicit method needs about k T / 3 of them: take method=kvaerno5 or a smaller k"
+        if penalty.method in EXPLICIT
+        else "raise max_steps, rtol or atol"
+    )
+    return Status(
+        "maxiter",
+        f"The penalty is too stiff for {penalty.most} steps: {at} their length was {last:.1e} "
+        f"(k h = {k * last:.2g}); {advice}.",
+    )
 
 
 def _thin(case: Case, k: float, traj: Trajectory) -> Trajectory:
@@ -268,23 +372,43 @@ def _thin(case: Case, k: float, traj: Trajectory) -> Trajectory:
     from nsbench.diagnostics.filippov.flat_switch import covered, flat_layer
     from nsbench.diagnostics.filippov.late_exit import late
     from nsbench.diagnostics.filippov.repulsive_surface import between
+
     seen = fuller(traj)
     with np.errstate(all="ignore"):
-        flat = (flat_layer(case, 1.0 / k, seen.t, seen.x) or between(case, 1.0 / k) or covered(case, 1.0 / k, seen.t, seen.x)
-                or late(case, seen, width=1.0 / k) or mixed(case, 1.0 / k, seen.t, seen.x))
-    return replace(traj, status=Status("unverified", f"{flat}: no error of size 1 / k is claimed there.")) if flat else traj
+        flat = (
+            flat_layer(case, 1.0 / k, seen.t, seen.x)
+            or between(case, 1.0 / k)
+            or covered(case, 1.0 / k, seen.t, seen.x)
+            or late(case, seen, width=1.0 / k)
+            or mixed(case, 1.0 / k, seen.t, seen.x)
+        )
+    return (
+        replace(
+            traj, status=Status("unverified", f"{flat}: no error of size 1 / k is claimed there.")
+        )
+        if flat
+        else traj
+    )
 
 
 def _no_step(penalty: Penalty, case: Case, k: float, out: dict, at: str) -> Status:
     """Why no step succeeds, however short."""
-    if np.abs(out["z"][:case.n]).max() > 1e6 * (1.0 + np.abs(case.x0).max()):
+    if np.abs(out["z"][: case.n]).max() > 1e6 * (1.0 + np.abs(case.x0).max()):
         return Status("diverged", f"The state grew beyond all bounds {at}.")
     if out["cause"] == NOT_FINITE:
-        return Status("nan", f"The right-hand side is not finite just after the point reached {at}.")
+        return Status(
+            "nan", f"The right-hand side is not finite just after the point reached {at}."
+        )
     if out["cause"] == NEWTON:
-        return Status("maxiter", f"Newton's iteration of {penalty.method} failed at every step size {at}; lower k.")
-    return Status("maxiter", f"The step size fell to {float(out['h']):.1e} {at}: the tolerances cannot be met at "
-                             f"k = {k:g} in double precision; raise rtol and atol or lower k.")
+        return Status(
+            "maxiter",
+            f"Newton's iteration of {penalty.method} failed at every step size {at}; lower k.",
+        )
+    return Status(
+        "maxiter",
+        f"The step size fell to {float(out['h']):.1e} {at}: the tolerances cannot be met at "
+        f"k = {k:g} in double precision; raise rtol and atol or lower k.",
+    )
 
 
 SOLVER = Penalty

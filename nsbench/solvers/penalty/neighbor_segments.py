@@ -4,6 +4,7 @@ The lists of a segment hold every pair with a gap of at most `margin` at its sta
 more than margin / (2 sqrt(dim)), no other pair can touch: its force is zero, as it would be if it were listed. The
 program sees to that itself: a right-hand side asked for beyond is NaN and its step refused (see _diffrax.integrator).
 """
+
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -14,12 +15,13 @@ from nsbench.case import Case
 from nsbench.dynamics.contacts.constraint_set import Scene
 from nsbench.solvers.penalty.program import compiled
 
-ROOM = 8                  # capacities are multiples of it, so that few programs are compiled: discs of one size have 6 or 7
+ROOM = 8  # capacities are multiples of it, so that few programs are compiled: discs of one size have 6 or 7
 
 
 @dataclass
 class _Totals:
     """Impulses so far of the pairs of one family, by key i N + j: sorted keys and values."""
+
     N: int
     keys: np.ndarray
     values: np.ndarray
@@ -27,7 +29,11 @@ class _Totals:
     def of(self, keys):
         """(len(keys),) values, 0 for pairs never met."""
         at = np.minimum(np.searchsorted(self.keys, keys), max(0, len(self.keys) - 1))
-        return np.where(self.keys[at] == keys, self.values[at], 0.0) if len(self.keys) else np.zeros(len(keys))
+        return (
+            np.where(self.keys[at] == keys, self.values[at], 0.0)
+            if len(self.keys)
+            else np.zeros(len(keys))
+        )
 
     def put(self, keys, values):
         """Take over the values of `keys`; the others stay."""
@@ -35,17 +41,22 @@ class _Totals:
         self.keys = np.concatenate([self.keys[old], keys])
         self.values = np.concatenate([self.values[old], values])
         order = np.argsort(self.keys)
-        self.keys, self.values = self.keys[order], self.values[order]
+        self.keys = self.keys[order]
+        self.values = self.values[order]
 
 
 class Segments:
     """Runs of one case with one method, bound to its programs."""
 
     def __init__(self, case: Case, x0: np.ndarray, method: str, reach: float):
-        self.case, self.x0, self.method = case, x0, method
+        self.case = case
+        self.x0 = x0
+        self.method = method
         self.scene = Scene(case.problem, case.n)
         hard = self.scene.hard
-        self.margin = reach * float(np.mean(np.concatenate([self.scene.radii[k] for k, _, _ in hard])))
+        self.margin = reach * float(
+            np.mean(np.concatenate([self.scene.radii[k] for k, _, _ in hard]))
+        )
         # rounding of positions and gaps is far below a thousandth of the margin
         self.travel = 0.999 * self.margin / (2.0 * np.sqrt(max(c.dim for _, c, _ in hard)))
         self.capacity = (0,) * len(hard)
@@ -53,45 +64,91 @@ class Segments:
         self._program()
 
     def _program(self):
-        return compiled(self.case.problem, self.case.n, len(self.case.t), self.method, "near", self.capacity)
+        return compiled(
+            self.case.problem, self.case.n, len(self.case.t), self.method, "near", self.capacity
+        )
 
     def _lists(self, x):
         """Neighbour tables (N, capacity) of the hard families at x; capacities grow where needed."""
         from nsbench.dynamics.contacts.kernels.cell_list import near_pairs
-        pairs = [near_pairs(np.ascontiguousarray(x), c.start, N, c.dim, self.scene.radii[k], self.margin) if N > 1
-                 else (np.empty(0, np.int64),) * 2 for k, c, N in self.scene.hard]
+
+        pairs = [
+            near_pairs(np.ascontiguousarray(x), c.start, N, c.dim, self.scene.radii[k], self.margin)
+            if N > 1
+            else (np.empty(0, np.int64),) * 2
+            for k, c, N in self.scene.hard
+        ]
         most = [int(np.bincount(np.concatenate(p), minlength=1).max()) for p in pairs]
-        self.capacity = tuple(max(c, ROOM * -(-max(m, 1) // ROOM)) for c, m in zip(self.capacity, most, strict=True))
-        return tuple(_table(*p, N, c) for p, (_, _, N), c in zip(pairs, self.scene.hard, self.capacity, strict=True))
+        self.capacity = tuple(
+            max(c, ROOM * -(-max(m, 1) // ROOM)) for c, m in zip(self.capacity, most, strict=True)
+        )
+        return tuple(
+            _table(*p, N, c)
+            for p, (_, _, N), c in zip(pairs, self.scene.hard, self.capacity, strict=True)
+        )
 
     def run(self, k: float, rtol: float, atol: float, max_steps: int) -> dict:
         """Samples and counts of one run, as nsbench.solvers.penalty.method takes them."""
-        n, t = self.case.n, self.case.t
+        n = self.case.n
+        t = self.case.t
         totals = [_Totals(N, np.empty(0, np.int64), np.empty(0)) for _, _, N in self.scene.hard]
-        z, listed, force = self.x0, None, np.zeros(n)
-        out = {"i": 1, "t": t[0], "h": 0.1 * min(t[1] - t[0], 1.0 / k), "accepted": 0, "refused": 0, "longest": 0.0}
-        X, R = np.full((len(t), n), np.nan), np.full((len(t), n), np.nan)
-        X[0], R[0], pieces, count = z, force, [], 0
+        z = self.x0
+        listed = None
+        force = np.zeros(n)
+        out = {
+            "i": 1,
+            "t": t[0],
+            "h": 0.1 * min(t[1] - t[0], 1.0 / k),
+            "accepted": 0,
+            "refused": 0,
+            "longest": 0.0,
+        }
+        X = np.full((len(t), n), np.nan)
+        R = np.full((len(t), n), np.nan)
+        X[0] = z
+        R[0] = force
+        pieces = []
+        count = 0
         while True:
             tables = self._lists(z[:n])
             program = self._program()
             own = [_own(table) for table in tables]
             listed = np.zeros(len(program.columns)) if listed is None else listed
             quad = np.zeros(program.size)
-            quad[program.columns], quad[-n:] = listed, force
+            quad[program.columns] = listed
+            quad[-n:] = force
             for total, table, first in zip(totals, tables, program.offsets.values(), strict=True):
-                quad[first:first + table.size] = total.of(_keys(table).ravel())
+                quad[first : first + table.size] = total.of(_keys(table).ravel())
             before = out
-            out = program(np.concatenate([z[:n], quad]), out["i"], out["t"], out["h"], t, k, rtol, atol,
-                          max_steps - out["accepted"] - out["refused"], (tables, z[:n], self.travel))
-            rows, samples, z = slice(int(before["i"]), int(out["i"])), out.pop("samples"), out["z"]
-            X[rows], R[rows] = samples[rows, :n], samples[rows, -n:]
+            out = program(
+                np.concatenate([z[:n], quad]),
+                out["i"],
+                out["t"],
+                out["h"],
+                t,
+                k,
+                rtol,
+                atol,
+                max_steps - out["accepted"] - out["refused"],
+                (tables, z[:n], self.travel),
+            )
+            rows = slice(int(before["i"]), int(out["i"]))
+            samples = out.pop("samples")
+            z = out["z"]
+            X[rows] = samples[rows, :n]
+            R[rows] = samples[rows, -n:]
             piece = {"rows": rows, "listed": samples[rows][:, n + program.columns], "pairs": []}
-            for total, table, (at, keys), first in zip(totals, tables, own, program.offsets.values(), strict=True):
-                total.put(keys, z[n + first:n + first + table.size][at])
-                piece["pairs"].append((keys, samples[rows, n + first:n + first + table.size][:, at], total.of(keys)))
+            for total, table, (at, keys), first in zip(
+                totals, tables, own, program.offsets.values(), strict=True
+            ):
+                total.put(keys, z[n + first : n + first + table.size][at])
+                piece["pairs"].append(
+                    (keys, samples[rows, n + first : n + first + table.size][:, at], total.of(keys))
+                )
             pieces.append(piece)
-            listed, force, count = z[n + program.columns], z[-n:], count + 1
+            listed = z[n + program.columns]
+            force = z[-n:]
+            count = count + 1
             for name in ("accepted", "refused"):
                 out[name] = int(out[name]) + before[name]
             out["longest"] = max(float(out["longest"]), before["longest"])
@@ -104,18 +161,24 @@ class Segments:
         """Contact ids in the stated order and (K, m) impulses: of the listed constraints and of all pairs ever met that
         pushed; NaN where no sample was reached."""
         K = len(self.case.t)
-        names, columns = list(listed), [np.full((K, len(listed)), np.nan)]
+        names = list(listed)
+        columns = [np.full((K, len(listed)), np.nan)]
         columns[0][0] = 0.0
         for p in pieces:
             columns[0][p["rows"]] = p["listed"]
         for f, (total, (family, _, N)) in enumerate(zip(totals, self.scene.hard, strict=True)):
             keys = total.keys[total.values > 0.0]
-            gained, now = np.full((K, len(keys)), np.nan), np.zeros(len(keys))
+            gained = np.full((K, len(keys)), np.nan)
+            now = np.zeros(len(keys))
             gained[0] = 0.0
             for p in pieces:
                 mine, values, last = p["pairs"][f]
                 at = np.searchsorted(keys, mine)
-                known = np.flatnonzero(keys[np.minimum(at, max(0, len(keys) - 1))] == mine) if len(keys) else at[:0]
+                known = (
+                    np.flatnonzero(keys[np.minimum(at, max(0, len(keys) - 1))] == mine)
+                    if len(keys)
+                    else at[:0]
+                )
                 block = np.broadcast_to(now, (values.shape[0], len(keys))).copy()
                 block[:, at[known]] = values[:, known]
                 gained[p["rows"]] = block
@@ -129,9 +192,11 @@ class Segments:
 def _table(i, j, N, capacity):
     """(N, capacity) partners of each particle in both directions, filled up with its own number."""
     table = np.repeat(np.arange(N)[:, None], capacity, axis=1)
-    a, b = np.concatenate([i, j]), np.concatenate([j, i])
+    a = np.concatenate([i, j])
+    b = np.concatenate([j, i])
     order = np.lexsort((b, a))
-    a, b = a[order], b[order]
+    a = a[order]
+    b = b[order]
     table[a, np.arange(len(a)) - np.searchsorted(a, a)] = b
     return table
 

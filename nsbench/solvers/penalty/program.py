@@ -1,4 +1,5 @@
 """The compiled program of a penalised problem: traced and compiled once for all k, starts, times and tolerances."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass, field
@@ -20,6 +21,7 @@ class NotTraceable(Exception):
 class Program:
     """run: the executable, as _diffrax.integrator describes; ids and columns of the listed constraints among the
     quadratures; size: number of quadratures; offsets: {family: first column} of families that use near lists."""
+
     run: object
     ids: tuple
     columns: np.ndarray
@@ -51,20 +53,25 @@ def _of_print(key, held, *how) -> Program:
 @dataclass(frozen=True)
 class _Held:
     """A problem that is equal to any other: what it is stands in the key beside it."""
+
     problem: object = field(compare=False)
 
     def __hash__(self):
         return 0
 
 
-def compiled(problem, n: int, samples: int, method: str, style: str, capacity: tuple[int, ...] = ()) -> Program:
+def compiled(
+    problem, n: int, samples: int, method: str, style: str, capacity: tuple[int, ...] = ()
+) -> Program:
     """The program for states of size n at so many sample times. Raises NotTraceable."""
-    key, how = _print_of(problem), (n, samples, method, style, capacity)
+    key = _print_of(problem)
+    how = (n, samples, method, style, capacity)
     return _of_object(problem, *how) if key is None else _of_print(key, _Held(problem), *how)
 
 
 def _build(problem, key, n, samples, method, style, capacity):
     from nsbench.solvers.penalty.forces import layout
+
     ids, columns, size, offsets = layout(problem, n, style, capacity)
     particles = [problem.constraints[k].particles(n) for k in offsets]
     trace = lambda: _traced(problem, n, samples, method, style, capacity, particles)
@@ -80,19 +87,36 @@ def _traced(problem, n, samples, method, style, capacity, particles):
 
     from nsbench.solvers.penalty.forces import slopes
     from nsbench.solvers.penalty.integrator import integrator
+
     real = lambda *shape: jax.ShapeDtypeStruct(shape, jnp.float64)
     whole = jax.ShapeDtypeStruct((), jnp.int64)
-    lists = tuple(jax.ShapeDtypeStruct((N, c), jnp.int64) for N, c in zip(particles, capacity, strict=True))
+    lists = tuple(
+        jax.ShapeDtypeStruct((N, c), jnp.int64) for N, c in zip(particles, capacity, strict=True)
+    )
     made = slopes(problem, n, style, capacity)
     try:
         out = jax.eval_shape(made.f, 0.0, real(n), 1.0, lists)
     except (TypeError, AttributeError, IndexError, ValueError, NotImplementedError) as e:
-        raise NotTraceable(f"{type(e).__name__}: {str(e).strip().splitlines()[0].rstrip('.')}") from None
+        raise NotTraceable(
+            f"{type(e).__name__}: {str(e).strip().splitlines()[0].rstrip('.')}"
+        ) from None
     wrong = next((o.dtype for o in out if o.dtype != jnp.float64), None)
     if wrong is not None:
         raise NotTraceable(f"they return {wrong}, float64 is needed")
     near = (lists, real(n), real()) if style == "near" else ()
-    with jax.default_device(jax.devices("cpu")[0]):      # a loop of tiny operations: an accelerator only adds latency
+    with jax.default_device(
+        jax.devices("cpu")[0]
+    ):  # a loop of tiny operations: an accelerator only adds latency
         run = integrator(made, method, n, LOOKS if isinstance(problem, Filippov) else 0)
-        return jax.jit(run).lower(real(n + made.size), whole, real(), real(), real(samples), real(), real(), real(),
-                                  whole, near)
+        return jax.jit(run).lower(
+            real(n + made.size),
+            whole,
+            real(),
+            real(),
+            real(samples),
+            real(),
+            real(),
+            real(),
+            whole,
+            near,
+        )

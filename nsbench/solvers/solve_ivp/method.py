@@ -1,4 +1,5 @@
 """SciPy's solve_ivp with modes and events written by hand: what a user does who knows what will happen."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -13,7 +14,7 @@ from nsbench.solvers.base import Claims, Run, check_positive
 from nsbench.trajectory import Event, Status, Trajectory
 
 METHODS = {"dop853": "DOP853", "lsoda": "LSODA", "radau": "Radau"}
-TIGHTEST = 1e-13                # SciPy warns below 100 times the machine's epsilon, 2.2e-14
+TIGHTEST = 1e-13  # SciPy warns below 100 times the machine's epsilon, 2.2e-14
 MOST_ARCS = 10_000
 
 
@@ -27,6 +28,7 @@ class SolveIvp:
     Nothing is done about the drift off a surface that tolerances allow, and dips between steps are missed as SciPy
     misses them. Impulses (weights) are integrated with the state.
     """
+
     method: str = "dop853"
 
     accuracy: ClassVar[str] = "tol"
@@ -44,21 +46,29 @@ class SolveIvp:
 
     def refuses(self, case: Case) -> str | None:
         from nsbench.solvers.solve_ivp.scripts_filippov import script
+
         if case.name not in case_names():
             return f"Nobody has written modes by hand for {case.name}; solve_ivp needs them (event_driven finds them itself)."
         twin = get_case(case.name, **case.params)
         if script(twin) is None:
             return f"Nobody has written modes by hand for {case.key}; solve_ivp needs them (event_driven finds them itself)."
         why = _differs(case, twin)
-        return f"The modes written by hand are those of the catalogue's {case.name}; this one has {why}." if why else None
+        return (
+            f"The modes written by hand are those of the catalogue's {case.name}; this one has {why}."
+            if why
+            else None
+        )
 
     def prepare(self, case: Case, accuracy: float) -> Run:
         from scipy.integrate import solve_ivp
 
         from nsbench.solvers.solve_ivp.scripts_filippov import script
+
         tol = check_positive("tol", accuracy)
         if not TIGHTEST <= tol < 0.1:
-            raise ValueError(f"tol is {tol!r}; at least {TIGHTEST:g}, below which SciPy's tolerances mean nothing, and below 0.1")
+            raise ValueError(
+                f"tol is {tol!r}; at least {TIGHTEST:g}, below which SciPy's tolerances mean nothing, and below 0.1"
+            )
         work = script(case)
         arcs = {name: (arc, [_event(e) for e in arc.exits]) for name, arc in work.arcs.items()}
         return lambda: _march(case, work, arcs, solve_ivp, METHODS[self.method], tol)
@@ -66,53 +76,93 @@ class SolveIvp:
 
 def _event(e):
     """A function of its own with SciPy's marks."""
+
     def crosses(t, y):
         return e.when(t, y)
-    crosses.terminal, crosses.direction = True, e.direction
+
+    crosses.terminal = True
+    crosses.direction = e.direction
     return crosses
 
 
 def _march(case, work, arcs, solve_ivp, method, tol):
-    n, m, times = case.n, len(work.contacts), case.t
+    n = case.n
+    m = len(work.contacts)
+    times = case.t
     size = n + m + (n if work.push is None else 0)
     Y = np.full((len(times), size), np.nan)
-    t, y, name = float(times[0]), np.concatenate((case.x0, np.zeros(size - n))), work.first
+    t = float(times[0])
+    y = np.concatenate((case.x0, np.zeros(size - n)))
+    name = work.first
     Y[0], done, events, calls, restarts, status = y, 1, [], 0, 0, Status()
     while t < times[-1]:
         arc, marks = arcs[name]
         rhs = arc.rhs
-        found = solve_ivp(lambda t, y, rhs=rhs: rhs(t, y.tolist()), (t, times[-1]), y, method, times[done:], False, marks,
-                          rtol=tol, atol=tol, max_step=work.max_step)
-        Y[done:done + len(found.t)] = found.y.T if len(found.t) else Y[:0]
-        done, calls, restarts = done + len(found.t), calls + found.nfev, restarts + 1
+        found = solve_ivp(
+            lambda t, y, rhs=rhs: rhs(t, y.tolist()),
+            (t, times[-1]),
+            y,
+            method,
+            times[done:],
+            False,
+            marks,
+            rtol=tol,
+            atol=tol,
+            max_step=work.max_step,
+        )
+        Y[done : done + len(found.t)] = found.y.T if len(found.t) else Y[:0]
+        done = done + len(found.t)
+        calls = calls + found.nfev
+        restarts = restarts + 1
         if found.status < 0:
-            status = Status("diverged", f"solve_ivp stopped in the arc {name!r} from t = {t:.6g}: {found.message}")
+            status = Status(
+                "diverged",
+                f"solve_ivp stopped in the arc {name!r} from t = {t:.6g}: {found.message}",
+            )
             break
         if found.status == 0:
             break
         i = next(i for i, hits in enumerate(found.t_events) if len(hits))
-        t, y, out = float(found.t_events[i][-1]), found.y_events[i][-1].copy(), arc.exits[i]
+        t = float(found.t_events[i][-1])
+        y = found.y_events[i][-1].copy()
+        out = arc.exits[i]
         after = out.then(t, y) if callable(out.then) else out.then
         if after != name:
             events.append(Event(t, out.kind(t, y) if callable(out.kind) else out.kind, out.contact))
         name = after
         arcs[name][0].enter(t, y)
         if restarts >= MOST_ARCS:
-            status = Status("chatter", f"{restarts} arcs have ended at t = {t:.6g}; the modes take turns.")
+            status = Status(
+                "chatter", f"{restarts} arcs have ended at t = {t:.6g}; the modes take turns."
+            )
             break
-    if status.ok and done < len(times):                # an event at the very end leaves the last sample to us
+    if status.ok and done < len(times):  # an event at the very end leaves the last sample to us
         Y[done:] = y
     if status.ok and not np.all(np.isfinite(Y)):
         status = Status("nan", "The state stopped being finite; solve_ivp did not notice.")
-    X, W = Y[:, :n].copy(), Y[:, n:n + m].copy()
-    R = Y[:, n + m:].copy() if work.push is None else W @ work.push if len(work.push) else np.empty((len(Y), 0))
-    stats = {"drift_calls": calls, "events": len(events), "restarts": restarts, "loop": "host", "roots": "sampled"}
+    X = Y[:, :n].copy()
+    W = Y[:, n : n + m].copy()
+    R = (
+        Y[:, n + m :].copy()
+        if work.push is None
+        else W @ work.push
+        if len(work.push)
+        else np.empty((len(Y), 0))
+    )
+    stats = {
+        "drift_calls": calls,
+        "events": len(events),
+        "restarts": restarts,
+        "loop": "host",
+        "roots": "sampled",
+    }
     return Trajectory(times, X, work.contacts, W, R, status, tuple(events), stats)
 
 
 def _differs(case, twin) -> str:
     """What two cases differ in, as far as start, drift and constraints at random places tell; "" for nothing."""
-    p, q = case.problem, twin.problem
+    p = case.problem
+    q = twin.problem
     if type(p) is not type(q):
         return f"a problem of the kind {type(p).__name__}"
     if case.t[0] != twin.t[0] or not np.array_equal(case.x0, twin.x0) or case.start != twin.start:
@@ -120,28 +170,43 @@ def _differs(case, twin) -> str:
     rng = np.random.default_rng(0)
     for t, x in zip(rng.uniform(0.0, 3.0, 4), case.x0 + rng.normal(size=(4, case.n)), strict=True):
         if isinstance(p, Filippov):
-            one, two = host(p.switch)(t, x), host(q.switch)(t, x)
+            one = host(p.switch)(t, x)
+            two = host(q.switch)(t, x)
             if not np.array_equal(one, two):
                 return "another switch"
             signs = rng.uniform(-1.0, 1.0, len(one))
-            one, two = host(p.field)(t, x, signs), host(q.field)(t, x, signs)
+            one = host(p.field)(t, x, signs)
+            two = host(q.field)(t, x, signs)
         else:
-            one, two = host(p.drift)(t, x), host(q.drift)(t, x)
+            one = host(p.drift)(t, x)
+            two = host(q.drift)(t, x)
         if not np.array_equal(one, two, equal_nan=True):
             return "another drift"
-    if not isinstance(p, Filippov) and [_data(c) for c in p.constraints] != [_data(c) for c in q.constraints]:
+    if not isinstance(p, Filippov) and [_data(c) for c in p.constraints] != [
+        _data(c) for c in q.constraints
+    ]:
         return "other constraints"
     return ""
 
 
 def _data(c):
     """A family of constraints as plain values; walls that move at three times."""
-    at = lambda v: [np.asarray(host(v)(t)).tolist() for t in (0.0, 0.7, 2.3)] if callable(v) else np.asarray(v).tolist()
+    at = lambda v: (
+        [np.asarray(host(v)(t)).tolist() for t in (0.0, 0.7, 2.3)]
+        if callable(v)
+        else np.asarray(v).tolist()
+    )
     if isinstance(c, Affine):
         return "affine", c.indptr.tolist(), c.indices.tolist(), c.data.tolist(), at(c.b)
     if isinstance(c, Distance):
-        return ("distance", c.sign, c.dim, c.start, c.count, *(None if v is None else at(v)
-                for v in (c.d, c.radii, c.pairs, c.anchors)))
+        return (
+            "distance",
+            c.sign,
+            c.dim,
+            c.start,
+            c.count,
+            *(None if v is None else at(v) for v in (c.d, c.radii, c.pairs, c.anchors)),
+        )
     return "smooth", id(c)
 
 

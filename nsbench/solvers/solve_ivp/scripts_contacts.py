@@ -1,4 +1,5 @@
 """Scripts of modes of complementarity systems, written by hand; see _hand_written."""
+
 from __future__ import annotations
 
 import math
@@ -11,66 +12,149 @@ UP = np.eye(1)
 
 
 def apple(case) -> Script:
-    return Script({"fall": Arc(lambda t, y: [-1.0, 0.0], (Exit(lambda t, y: y[0], -1, "rest", "contact"),)),
-                   "rest": Arc(lambda t, y: [0.0, 1.0])}, "fall", push=UP)
+    return Script(
+        {
+            "fall": Arc(
+                lambda t, y: [-1.0, 0.0], (Exit(lambda t, y: y[0], -1, "rest", "contact"),)
+            ),
+            "rest": Arc(lambda t, y: [0.0, 1.0]),
+        },
+        "fall",
+        push=UP,
+    )
 
 
 def tide(case) -> Script:
     cos = math.cos
-    return Script({"free": Arc(lambda t, y: [-cos(t), 0.0], (Exit(lambda t, y: y[0], -1, "held", "contact"),)),
-                   "held": Arc(lambda t, y: [0.0, cos(t)], (Exit(lambda t, y: cos(t), -1, "free", "release"),), _floor)},
-                  "free", push=UP)
+    return Script(
+        {
+            "free": Arc(
+                lambda t, y: [-cos(t), 0.0], (Exit(lambda t, y: y[0], -1, "held", "contact"),)
+            ),
+            "held": Arc(
+                lambda t, y: [0.0, cos(t)],
+                (Exit(lambda t, y: cos(t), -1, "free", "release"),),
+                _floor,
+            ),
+        },
+        "free",
+        push=UP,
+    )
 
 
 def moving_floor(case, a=1.5, b=1.0) -> Script:
-    sin, cos = math.sin, math.cos
+    sin = math.sin
+    cos = math.cos
 
     def land(t, y):
         y[0] = a * sin(t)
-    return Script({"air": Arc(lambda t, y: [-b, 0.0], (Exit(lambda t, y: y[0] - a * sin(t), -1, "floor", "contact"),)),
-                   "floor": Arc(lambda t, y: [a * cos(t), b + a * cos(t)],
-                                (Exit(lambda t, y: b + a * cos(t), -1, "air", "release"),), land)}, "air", push=UP)
+
+    return Script(
+        {
+            "air": Arc(
+                lambda t, y: [-b, 0.0],
+                (Exit(lambda t, y: y[0] - a * sin(t), -1, "floor", "contact"),),
+            ),
+            "floor": Arc(
+                lambda t, y: [a * cos(t), b + a * cos(t)],
+                (Exit(lambda t, y: b + a * cos(t), -1, "air", "release"),),
+                land,
+            ),
+        },
+        "air",
+        push=UP,
+    )
 
 
 def stiff_contact(case, K=100.0) -> Script:
-    sin, cos = math.sin, math.cos
+    sin = math.sin
+    cos = math.cos
     held = lambda t, y: sin(t) - K * cos(t)
-    return Script({"free": Arc(lambda t, y: [-K * (y[0] - cos(t)) - sin(t), 0.0],
-                               (Exit(lambda t, y: y[0], -1, "held", "contact"),)),
-                   "held": Arc(lambda t, y: [0.0, held(t, y)], (Exit(held, -1, "free", "release"),), _floor)},
-                  "free", push=UP)
+    return Script(
+        {
+            "free": Arc(
+                lambda t, y: [-K * (y[0] - cos(t)) - sin(t), 0.0],
+                (Exit(lambda t, y: y[0], -1, "held", "contact"),),
+            ),
+            "held": Arc(
+                lambda t, y: [0.0, held(t, y)], (Exit(held, -1, "free", "release"),), _floor
+            ),
+        },
+        "free",
+        push=UP,
+    )
 
 
 def play(case) -> Script:
-    r, w = 0.35, 2.0 ** 0.5
+    r = 0.35
+    w = 2.0**0.5
     u = lambda t: math.sin(t) + math.sin(w * t) / 3.0
     speed = lambda t, y=None: math.cos(t) + w / 3.0 * math.cos(w * t)
     low = Exit(lambda t, y: y[0] - (u(t) - r), -1, "low", "contact", (0, 0))
     high = Exit(lambda t, y: (u(t) + r) - y[0], -1, "high", "contact", (0, 1))
-    return Script({"rest": Arc(lambda t, y: [0.0, 0.0, 0.0], (low, high)),
-                   "low": Arc(lambda t, y: [speed(t), speed(t), 0.0], (Exit(speed, -1, "rest", "release", (0, 0)),)),
-                   "high": Arc(lambda t, y: [speed(t), 0.0, -speed(t)], (Exit(speed, 1, "rest", "release", (0, 1)),))},
-                  "rest", ((0, 0), (0, 1)), np.array([[1.0], [-1.0]]), max_step=0.1)       # a point at rest: no step is too long
+    return Script(
+        {
+            "rest": Arc(lambda t, y: [0.0, 0.0, 0.0], (low, high)),
+            "low": Arc(
+                lambda t, y: [speed(t), speed(t), 0.0],
+                (Exit(speed, -1, "rest", "release", (0, 0)),),
+            ),
+            "high": Arc(
+                lambda t, y: [speed(t), 0.0, -speed(t)],
+                (Exit(speed, 1, "rest", "release", (0, 1)),),
+            ),
+        },
+        "rest",
+        ((0, 0), (0, 1)),
+        np.array([[1.0], [-1.0]]),
+        max_step=0.1,
+    )  # a point at rest: no step is too long
 
 
 def graze(case, delta=0.0) -> Script:
     def land(t, y):
         y[1] = 0.0
+
     # a dip of length sqrt(-delta) hides between the ends of a step: who expects one bounds the step
     step = 0.25 * math.sqrt(-delta) if delta < 0.0 else math.inf
-    return Script({"free": Arc(lambda t, y: [1.0, 2.0 * y[0], 0.0],
-                               (Exit(lambda t, y: y[1], -1, lambda t, y: "held" if y[0] < 0.0 else "free", "contact"),)),
-                   "held": Arc(lambda t, y: [1.0, 0.0, -2.0 * y[0]], (Exit(lambda t, y: y[0], 1, "free", "release"),), land)},
-                  "free", push=np.array([[0.0, 1.0]]), max_step=step)
+    return Script(
+        {
+            "free": Arc(
+                lambda t, y: [1.0, 2.0 * y[0], 0.0],
+                (
+                    Exit(
+                        lambda t, y: y[1],
+                        -1,
+                        lambda t, y: "held" if y[0] < 0.0 else "free",
+                        "contact",
+                    ),
+                ),
+            ),
+            "held": Arc(
+                lambda t, y: [1.0, 0.0, -2.0 * y[0]],
+                (Exit(lambda t, y: y[0], 1, "free", "release"),),
+                land,
+            ),
+        },
+        "free",
+        push=np.array([[0.0, 1.0]]),
+        max_step=step,
+    )
 
 
 def wedge(case, psi=60.0, swell=0.0) -> Script:
-    c, half = math.cos(math.radians(psi)), math.radians(psi) / 2
-    nx, ny = math.cos(half), math.sin(half)                   # of the walls: (nx, ny) and (-nx, ny)
-    one, two = 1.0, 1.0 - 0.3 * (1.0 - c)
+    c = math.cos(math.radians(psi))
+    half = math.radians(psi) / 2
+    # of the walls: (nx, ny) and (-nx, ny)
+    nx = math.cos(half)
+    ny = math.sin(half)
+    one = 1.0
+    two = 1.0 - 0.3 * (1.0 - c)
     size = math.hypot((one - two) * nx, (one + two) * ny)
-    one, two = one / size, two / size
-    px, py = (two - one) * nx, -(one + two) * ny
+    one = one / size
+    two = two / size
+    px = (two - one) * nx
+    py = -(one + two) * ny
     lam = -(px * nx + py * ny)
 
     def free(t, y):
@@ -84,9 +168,19 @@ def wedge(case, psi=60.0, swell=0.0) -> Script:
     def corner(t, y):
         s = 1.0 + swell * math.sin(t)
         return [0.0, 0.0, one * s, two * s]
-    return Script({"free": Arc(free, (Exit(lambda t, y: nx * y[0] + ny * y[1], -1, "wall", "contact"),)),
-                   "wall": Arc(wall, (Exit(lambda t, y: ny * y[1] - nx * y[0], -1, "corner", "contact", (0, 1)),)),
-                   "corner": Arc(corner)}, "free", ((0, 0), (0, 1)), np.array([[nx, ny], [-nx, ny]]))
+
+    return Script(
+        {
+            "free": Arc(free, (Exit(lambda t, y: nx * y[0] + ny * y[1], -1, "wall", "contact"),)),
+            "wall": Arc(
+                wall, (Exit(lambda t, y: ny * y[1] - nx * y[0], -1, "corner", "contact", (0, 1)),)
+            ),
+            "corner": Arc(corner),
+        },
+        "free",
+        ((0, 0), (0, 1)),
+        np.array([[nx, ny], [-nx, ny]]),
+    )
 
 
 def box_turning(case, side=1.0) -> Script:
@@ -112,30 +206,66 @@ def box_turning(case, side=1.0) -> Script:
 
         def go(k, place):
             return " ".join(place if i == k else p for i, p in enumerate(places))
+
         exits = []
         for k, place in enumerate(places):
             if place == "free":
-                exits += [Exit(lambda t, y, k=k: y[k], -1, go(k, "low"), "contact", (0, 2 * k)),
-                          Exit(lambda t, y, k=k: side - y[k], -1, go(k, "high"), "contact", (0, 2 * k + 1))]
+                exits += [
+                    Exit(lambda t, y, k=k: y[k], -1, go(k, "low"), "contact", (0, 2 * k)),
+                    Exit(
+                        lambda t, y, k=k: side - y[k], -1, go(k, "high"), "contact", (0, 2 * k + 1)
+                    ),
+                ]
             else:
-                exits.append(Exit(lambda t, y, k=k: winds[k](t), 1 if place == "low" else -1, go(k, "free"), "release",
-                                  (0, 2 * k + (place == "high"))))
+                exits.append(
+                    Exit(
+                        lambda t, y, k=k: winds[k](t),
+                        1 if place == "low" else -1,
+                        go(k, "free"),
+                        "release",
+                        (0, 2 * k + (place == "high")),
+                    )
+                )
         return Arc(rhs, tuple(exits), enter)
+
     places = ("free", "low", "high")
     walls = np.repeat(np.eye(2), 2, axis=0) * np.array([[1.0], [-1.0], [1.0], [-1.0]])
-    return Script({f"{a} {b}": arc((a, b)) for a in places for b in places}, "free free",
-                  ((0, 0), (0, 1), (0, 2), (0, 3)), walls)
+    return Script(
+        {f"{a} {b}": arc((a, b)) for a in places for b in places},
+        "free free",
+        ((0, 0), (0, 1), (0, 2), (0, 3)),
+        walls,
+    )
 
 
 def obstacle(case, b=0.2) -> Script:
     def pillar(t, y):
         r = math.hypot(y[0], y[1])
-        c, s = y[0] / r, y[1] / r
+        c = y[0] / r
+        s = y[1] / r
         return [1.0 - c * c, -c * s, -c, -c * c, -c * s]
-    return Script({"free": Arc(lambda t, y: [1.0, 0.0, 0.0, 0.0, 0.0],
-                               (Exit(lambda t, y: math.hypot(y[0], y[1]) - 1.0, -1, "pillar", "contact", (0, 0, 0)),)),
-                   "pillar": Arc(pillar, (Exit(lambda t, y: y[0], 1, "free", "release", (0, 0, 0)),))},
-                  "free", ((0, 0, 0),), None, max_step=0.25)        # straight flight: a step would jump over the pillar
+
+    return Script(
+        {
+            "free": Arc(
+                lambda t, y: [1.0, 0.0, 0.0, 0.0, 0.0],
+                (
+                    Exit(
+                        lambda t, y: math.hypot(y[0], y[1]) - 1.0,
+                        -1,
+                        "pillar",
+                        "contact",
+                        (0, 0, 0),
+                    ),
+                ),
+            ),
+            "pillar": Arc(pillar, (Exit(lambda t, y: y[0], 1, "free", "release", (0, 0, 0)),)),
+        },
+        "free",
+        ((0, 0, 0),),
+        None,
+        max_step=0.25,
+    )  # straight flight: a step would jump over the pillar
 
 
 def two_discs(case, w=0.0) -> Script:
@@ -145,10 +275,31 @@ def two_discs(case, w=0.0) -> Script:
 
     def together(t, y):
         a, b, c, d, *_ = y
-        p, q = 0.5 * (a - c), 0.5 * (b - d)                    # lam n: half the distance along the normal
-        return [p - a - w * b, q - b + w * a, -p - c - w * d, -q - d + w * c, math.hypot(p, q), p, q, -p, -q]
-    meet = Exit(lambda t, y: math.hypot(y[0] - y[2], y[1] - y[3]) - 2.0, -1, "together", "contact", (0, 0, 1))
-    return Script({"free": Arc(free, (meet,)), "together": Arc(together)}, "free", ((0, 0, 1),), None)
+        # lam n: half the distance along the normal
+        p = 0.5 * (a - c)
+        q = 0.5 * (b - d)
+        return [
+            p - a - w * b,
+            q - b + w * a,
+            -p - c - w * d,
+            -q - d + w * c,
+            math.hypot(p, q),
+            p,
+            q,
+            -p,
+            -q,
+        ]
+
+    meet = Exit(
+        lambda t, y: math.hypot(y[0] - y[2], y[1] - y[3]) - 2.0,
+        -1,
+        "together",
+        "contact",
+        (0, 0, 1),
+    )
+    return Script(
+        {"free": Arc(free, (meet,)), "together": Arc(together)}, "free", ((0, 0, 1),), None
+    )
 
 
 def three_discs(case, overlap="none") -> Script | None:
@@ -158,7 +309,8 @@ def three_discs(case, overlap="none") -> Script | None:
     hypot = math.hypot
 
     def gap(i, j):
-        i, j = 2 * i, 2 * j
+        i = 2 * i
+        j = 2 * j
         return lambda t, y: hypot(y[i] - y[j], y[i + 1] - y[j + 1]) - 2.0
 
     def free(t, y):
@@ -167,36 +319,86 @@ def three_discs(case, overlap="none") -> Script | None:
 
     def pair(t, y):
         a, b, c, d, e, f = y[:6]
-        p, q = 0.5 * (a - c), 0.5 * (b - d)
+        p = 0.5 * (a - c)
+        q = 0.5 * (b - d)
         return [p - a, q - b, -p - c, -q - d, -e, -f, hypot(p, q), 0.0, 0.0, p, q, -p, -q, 0.0, 0.0]
 
     def hinge(t, y):
         a, b, c, d, e, f = y[:6]
-        p, q, u, v = a - c, b - d, c - e, d - f
-        r, s = hypot(p, q), hypot(u, v)
-        p, q, u, v = p / r, q / r, u / s, v / s
-        m = p * u + q * v                                      # [[2, -m], [-m, 2]] (lam, mu) = (r, s)
-        lam, mu = (2.0 * r + m * s) / (4.0 - m * m), (2.0 * s + m * r) / (4.0 - m * m)
-        p, q, u, v = lam * p, lam * q, mu * u, mu * v
-        return [p - a, q - b, u - p - c, v - q - d, -u - e, -v - f, lam, 0.0, mu, p, q, u - p, v - q, -u, -v]
+        p = a - c
+        q = b - d
+        u = c - e
+        v = d - f
+        r = hypot(p, q)
+        s = hypot(u, v)
+        p = p / r
+        q = q / r
+        u = u / s
+        v = v / s
+        m = p * u + q * v  # [[2, -m], [-m, 2]] (lam, mu) = (r, s)
+        lam = (2.0 * r + m * s) / (4.0 - m * m)
+        mu = (2.0 * s + m * r) / (4.0 - m * m)
+        p = lam * p
+        q = lam * q
+        u = mu * u
+        v = mu * v
+        return [
+            p - a,
+            q - b,
+            u - p - c,
+            v - q - d,
+            -u - e,
+            -v - f,
+            lam,
+            0.0,
+            mu,
+            p,
+            q,
+            u - p,
+            v - q,
+            -u,
+            -v,
+        ]
 
     def triangle(t, y):
         a, b, c, d, e, f = y[:6]
-        p, q = -(a + c + e) / 3.0, -(b + d + f) / 3.0           # the mean goes on to the origin, the rest stands still
+        # the mean goes on to the origin, the rest stands still
+        p = -(a + c + e) / 3.0
+        q = -(b + d + f) / 3.0
         return [p, q, p, q, p, q, THIRDS, THIRDS, THIRDS, p + a, q + b, p + c, q + d, p + e, q + f]
-    return Script({"free": Arc(free, (Exit(gap(0, 1), -1, "pair", "contact", (0, 0, 1)),)),
-                   "pair": Arc(pair, (Exit(gap(1, 2), -1, "hinge", "contact", (0, 1, 2)),)),
-                   "hinge": Arc(hinge, (Exit(gap(0, 2), -1, "triangle", "contact", (0, 0, 2)),)),
-                   "triangle": Arc(triangle)}, "free", ((0, 0, 1), (0, 0, 2), (0, 1, 2)), None)
+
+    return Script(
+        {
+            "free": Arc(free, (Exit(gap(0, 1), -1, "pair", "contact", (0, 0, 1)),)),
+            "pair": Arc(pair, (Exit(gap(1, 2), -1, "hinge", "contact", (0, 1, 2)),)),
+            "hinge": Arc(hinge, (Exit(gap(0, 2), -1, "triangle", "contact", (0, 0, 2)),)),
+            "triangle": Arc(triangle),
+        },
+        "free",
+        ((0, 0, 1), (0, 0, 2), (0, 1, 2)),
+        None,
+    )
 
 
-NONE, THIRDS = [0.0] * 9, 2.0 / 3.0
+NONE = [0.0] * 9
+THIRDS = 2.0 / 3.0
 
 
 def _floor(t, y):
     y[0] = 0.0
 
 
-SCRIPTS = {"apple": apple, "tide": tide, "tide_again": tide, "moving_floor": moving_floor, "stiff_contact": stiff_contact,
-           "play": play, "box_turning": box_turning, "graze": graze, "wedge": wedge, "obstacle": obstacle, "two_discs": two_discs,
-           "three_discs": three_discs}
+SCRIPTS = {
+    "apple": apple,
+    "tide": tide,
+    "tide_again": tide,
+    "moving_floor": moving_floor,
+    "stiff_contact": stiff_contact,
+    "play": play,
+    "box_turning": box_turning,
+    "graze": graze,
+    "wedge": wedge,
+    "obstacle": obstacle,
+    "two_discs": two_discs,
+    "three_discs": three_discs,
+}

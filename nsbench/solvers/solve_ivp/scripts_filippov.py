@@ -6,6 +6,7 @@ integrals of the multipliers (Filippov: of the weight of the positive side), one
 gradients turn, n entries of the reaction. The Filippov systems are here, the complementarity systems in
 _hand_written_contacts.
 """
+
 from __future__ import annotations
 
 import math
@@ -19,6 +20,7 @@ import numpy as np
 class Exit:
     """when(t, y) crosses zero, upwards (direction 1) or downwards (-1): the arc ends and `then` follows, the name of an
     arc or a function (t, y) -> name. kind, contact: how the event is recorded; kind "" records nothing."""
+
     when: Callable
     direction: int
     then: str | Callable
@@ -29,6 +31,7 @@ class Exit:
 @dataclass(frozen=True)
 class Arc:
     """rhs(t, y) -> list; exits; enter(t, y): puts the state onto its surface where the arc begins, in place."""
+
     rhs: Callable
     exits: tuple[Exit, ...] = ()
     enter: Callable = lambda t, y: None
@@ -41,6 +44,7 @@ class Script:
     push (m, n): the gradients, if they are constant; None: the reaction is integrated too; () for Filippov systems.
     max_step: of the integrator, where an excursion would be missed otherwise.
     """
+
     arcs: dict[str, Arc]
     first: str
     contacts: tuple = ((0, 0),)
@@ -57,19 +61,34 @@ def slide_exit(case) -> Script:
 
     def on(t, y):
         x = y[0]
-        w = (1.0 - x) / (2.0 - x + 0.5 * math.sin(x))         # makes w (-1 - sin(x)/2) + (1 - w) (1 - x) vanish
+        w = (1.0 - x) / (
+            2.0 - x + 0.5 * math.sin(x)
+        )  # makes w (-1 - sin(x)/2) + (1 - w) (1 - x) vanish
         return [w + (1.0 - w) * (2.0 + 0.25 * x * x), 0.0, w]
-    return Script({"above": Arc(above, (Exit(lambda t, y: y[1], -1, "on", "enter"),)),
-                   "on": Arc(on, (Exit(lambda t, y: 1.0 - y[0], -1, "below", "exit"),), _zero(1)),
-                   "below": Arc(below)}, "above")
+
+    return Script(
+        {
+            "above": Arc(above, (Exit(lambda t, y: y[1], -1, "on", "enter"),)),
+            "on": Arc(on, (Exit(lambda t, y: 1.0 - y[0], -1, "below", "exit"),), _zero(1)),
+            "below": Arc(below),
+        },
+        "above",
+    )
 
 
 def oscillator(case, swapped=False) -> Script:
     turn = 2.0 * math.pi * (-1.0 if swapped else 1.0)
     circle = lambda t, y: y[0] * y[0] + y[1] * y[1] - 1.0
-    return Script({"inside": Arc(lambda t, y: [y[0] - turn * y[1], y[1] + turn * y[0], 0.0],
-                                 (Exit(circle, 1, "outside", "cross"),)),
-                   "outside": Arc(lambda t, y: [y[0] + turn * y[1], y[1] - turn * y[0], 1.0])}, "inside")
+    return Script(
+        {
+            "inside": Arc(
+                lambda t, y: [y[0] - turn * y[1], y[1] + turn * y[0], 0.0],
+                (Exit(circle, 1, "outside", "cross"),),
+            ),
+            "outside": Arc(lambda t, y: [y[0] + turn * y[1], y[1] - turn * y[0], 1.0]),
+        },
+        "inside",
+    )
 
 
 def stick_slip(case, x0=0.5, T=20.0) -> Script:
@@ -81,21 +100,47 @@ def stick_slip(case, x0=0.5, T=20.0) -> Script:
 
     def match(t, y):
         y[1] = belt
-    return Script({"slow": Arc(lambda t, y: [y[1], -y[0] + 1.0 / (1.2 - y[1]), 0.0], (Exit(speed, 1, caught, "enter"),)),
-                   "fast": Arc(lambda t, y: [y[1], -y[0] - 1.0 / (0.8 + y[1]), 1.0], (Exit(speed, -1, caught, "enter"),)),
-                   "stick": Arc(lambda t, y: [belt, 0.0, 0.5 * (1.0 - y[0])],
-                                (Exit(lambda t, y: 1.0 - y[0], -1, "slow", "exit"),), match)}, "slow")
+
+    return Script(
+        {
+            "slow": Arc(
+                lambda t, y: [y[1], -y[0] + 1.0 / (1.2 - y[1]), 0.0],
+                (Exit(speed, 1, caught, "enter"),),
+            ),
+            "fast": Arc(
+                lambda t, y: [y[1], -y[0] - 1.0 / (0.8 + y[1]), 1.0],
+                (Exit(speed, -1, caught, "enter"),),
+            ),
+            "stick": Arc(
+                lambda t, y: [belt, 0.0, 0.5 * (1.0 - y[0])],
+                (Exit(lambda t, y: 1.0 - y[0], -1, "slow", "exit"),),
+                match,
+            ),
+        },
+        "slow",
+    )
 
 
 def friction(case, mu=0.3, x0=1.0) -> Script:
     def turned(other):
         return lambda t, y: "stuck" if abs(y[0]) <= mu else other
+
     v = lambda t, y: y[1]
-    left, right = turned("right"), turned("left")
+    left = turned("right")
+    right = turned("left")
     first = "stuck" if abs(x0) <= mu else "left" if x0 > 0.0 else "right"
-    return Script({"left": Arc(lambda t, y: [y[1], mu - y[0], 0.0], (Exit(v, 1, left, _stops(left)),), _zero(1)),
-                   "right": Arc(lambda t, y: [y[1], -mu - y[0], 1.0], (Exit(v, -1, right, _stops(right)),), _zero(1)),
-                   "stuck": Arc(lambda t, y: [0.0, 0.0, 0.5 * (1.0 - y[0] / mu)], (), _zero(1))}, first)
+    return Script(
+        {
+            "left": Arc(
+                lambda t, y: [y[1], mu - y[0], 0.0], (Exit(v, 1, left, _stops(left)),), _zero(1)
+            ),
+            "right": Arc(
+                lambda t, y: [y[1], -mu - y[0], 1.0], (Exit(v, -1, right, _stops(right)),), _zero(1)
+            ),
+            "stuck": Arc(lambda t, y: [0.0, 0.0, 0.5 * (1.0 - y[0] / mu)], (), _zero(1)),
+        },
+        first,
+    )
 
 
 def _stops(next_of):
@@ -103,62 +148,120 @@ def _stops(next_of):
 
 
 def circle_sliding(case, a=0.5, outside=1.5, inside=0.5, r0=1.5) -> Script:
-    u, v = 0.5 * (outside + inside), 0.5 * (outside - inside)
+    u = 0.5 * (outside + inside)
+    v = 0.5 * (outside - inside)
     circle = lambda t, y: y[0] * y[0] + y[1] * y[1] - 1.0
 
     def field(t, y, s):
-        grow, turn = a * math.sin(t) - s, u + v * s
+        grow = a * math.sin(t) - s
+        turn = u + v * s
         return [grow * y[0] - turn * y[1], grow * y[1] + turn * y[0], 0.5 * (1.0 + s)]
-    return Script({"outside": Arc(lambda t, y: field(t, y, 1.0), (Exit(circle, -1, "on", "enter"),)),
-                   "inside": Arc(lambda t, y: field(t, y, -1.0), (Exit(circle, 1, "on", "enter"),)),
-                   "on": Arc(lambda t, y: field(t, y, a * math.sin(t)))}, "outside" if r0 > 1.0 else "inside")
+
+    return Script(
+        {
+            "outside": Arc(lambda t, y: field(t, y, 1.0), (Exit(circle, -1, "on", "enter"),)),
+            "inside": Arc(lambda t, y: field(t, y, -1.0), (Exit(circle, 1, "on", "enter"),)),
+            "on": Arc(lambda t, y: field(t, y, a * math.sin(t))),
+        },
+        "outside" if r0 > 1.0 else "inside",
+    )
 
 
 def two_surfaces(case, kind="affine") -> Script | None:
     if kind != "affine":
         return None
-    k, a = 0.4, 0.3
+    k = 0.4
+    a = 0.3
 
     def field(t, s1, s2):
-        return [a * math.sin(t) - s1 + k * s2, a * math.cos(t) - k * s1 - s2, 1.0 + s1 - 0.5 * s2,
-                0.5 * (1.0 + s1), 0.5 * (1.0 + s2)]
+        return [
+            a * math.sin(t) - s1 + k * s2,
+            a * math.cos(t) - k * s1 - s2,
+            1.0 + s1 - 0.5 * s2,
+            0.5 * (1.0 + s1),
+            0.5 * (1.0 + s2),
+        ]
 
     def line(t, y):
         return field(t, 1.0, a * math.cos(t) - k)
 
     def corner(t, y):
-        p, q = a * math.sin(t), a * math.cos(t)
+        p = a * math.sin(t)
+        q = a * math.cos(t)
         return field(t, (p + k * q) / (1.0 + k * k), (q - k * p) / (1.0 + k * k))
-    return Script({"free": Arc(lambda t, y: field(t, 1.0, 1.0), (Exit(lambda t, y: y[1], -1, "line", "enter", (0, 1)),)),
-                   "line": Arc(line, (Exit(lambda t, y: y[0], -1, "corner", "enter"),), _zero(1)),
-                   "corner": Arc(corner, (), _zero(0))}, "free", ((0, 0), (0, 1)))
+
+    return Script(
+        {
+            "free": Arc(
+                lambda t, y: field(t, 1.0, 1.0),
+                (Exit(lambda t, y: y[1], -1, "line", "enter", (0, 1)),),
+            ),
+            "line": Arc(line, (Exit(lambda t, y: y[0], -1, "corner", "enter"),), _zero(1)),
+            "corner": Arc(corner, (), _zero(0)),
+        },
+        "free",
+        ((0, 0), (0, 1)),
+    )
 
 
 def sliding(case) -> Script:
-    return Script({"above": Arc(lambda t, y: [1.0, -1.0, 1.0], (Exit(lambda t, y: y[1], -1, "on", "enter"),)),
-                   "on": Arc(lambda t, y: [1.5, 0.0, 0.5], (), _zero(1))}, "above")
+    return Script(
+        {
+            "above": Arc(
+                lambda t, y: [1.0, -1.0, 1.0], (Exit(lambda t, y: y[1], -1, "on", "enter"),)
+            ),
+            "on": Arc(lambda t, y: [1.5, 0.0, 0.5], (), _zero(1)),
+        },
+        "above",
+    )
 
 
 def crossing(case) -> Script:
-    return Script({"above": Arc(lambda t, y: [1.0, -1.0, 1.0], (Exit(lambda t, y: y[1], -1, "below", "cross"),)),
-                   "below": Arc(lambda t, y: [2.0, -3.0, 0.0])}, "above")
+    return Script(
+        {
+            "above": Arc(
+                lambda t, y: [1.0, -1.0, 1.0], (Exit(lambda t, y: y[1], -1, "below", "cross"),)
+            ),
+            "below": Arc(lambda t, y: [2.0, -3.0, 0.0]),
+        },
+        "above",
+    )
 
 
 def apple_filippov(case, y0=1.0) -> Script:
-    return Script({"fall": Arc(lambda t, y: [-1.0, 1.0], (Exit(lambda t, y: y[0], -1, "rest", "enter"),)),
-                   "rest": Arc(lambda t, y: [0.0, 0.0])}, "fall" if y0 > 0.0 else "rest")
+    return Script(
+        {
+            "fall": Arc(lambda t, y: [-1.0, 1.0], (Exit(lambda t, y: y[0], -1, "rest", "enter"),)),
+            "rest": Arc(lambda t, y: [0.0, 0.0]),
+        },
+        "fall" if y0 > 0.0 else "rest",
+    )
 
 
 def _zero(i):
     def enter(t, y):
         y[i] = 0.0
+
     return enter
 
 
 def script(case) -> Script | None:
     """The script of a case of the catalogue; None where nobody has written one."""
     from nsbench.solvers.solve_ivp import scripts_contacts as contacts
-    own = {f.__name__: f for f in (slide_exit, oscillator, stick_slip, friction, circle_sliding, two_surfaces, sliding,
-                                   crossing, apple_filippov)} | contacts.SCRIPTS
+
+    own = {
+        f.__name__: f
+        for f in (
+            slide_exit,
+            oscillator,
+            stick_slip,
+            friction,
+            circle_sliding,
+            two_surfaces,
+            sliding,
+            crossing,
+            apple_filippov,
+        )
+    } | contacts.SCRIPTS
     made = own.get(case.name)
     return made(case, **case.params) if made else None

@@ -1,4 +1,5 @@
 """Implicit theta stepping for linear complementarity systems and linear constraints: one LCP per step."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -11,7 +12,7 @@ from nsbench.problem import LCS, Affine, Complementarity
 from nsbench.solvers.base import Claims, Expect, Run, grid, last_steps, sample
 from nsbench.trajectory import Status, Trajectory
 
-ALL = 8                   # rows whose 2^m supports are tried in each step where uniqueness is not certain
+ALL = 8  # rows whose 2^m supports are tried in each step where uniqueness is not certain
 
 
 @dataclass(frozen=True)
@@ -25,16 +26,33 @@ class Theta:
     Source: Han, Tiwari, Camlibel & Pang, SIAM J. Numer. Anal. 47(5), 2009 (least-norm steps of passive systems); Acary
     & Brogliato, Numerical Methods for Nonsmooth Dynamical Systems (2008), section 9.4.
     """
+
     theta: float = 1.0
 
     accuracy = "h"
     default = 1e-2
-    expects = (Expect(("exact_at_grid",), "exact", "exact", "the drift is constant in each mode: its steps are exact"),
-               Expect(("constant_force",), "exact", "exact", "drift and gradients are constant: steps are exact at grid "
-                      "times, whatever the number of contacts"),)
+    expects = (
+        Expect(
+            ("exact_at_grid",),
+            "exact",
+            "exact",
+            "the drift is constant in each mode: its steps are exact",
+        ),
+        Expect(
+            ("constant_force",),
+            "exact",
+            "exact",
+            "drift and gradients are constant: steps are exact at grid "
+            "times, whatever the number of contacts",
+        ),
+    )
 
     def __post_init__(self):
-        if isinstance(self.theta, bool) or not isinstance(self.theta, (int, float)) or not 0.5 <= self.theta <= 1.0:
+        if (
+            isinstance(self.theta, bool)
+            or not isinstance(self.theta, (int, float))
+            or not 0.5 <= self.theta <= 1.0
+        ):
             raise ValueError(f"theta is {self.theta!r}; a number from 0.5 to 1 is needed")
         object.__setattr__(self, "theta", float(self.theta))
 
@@ -47,38 +65,71 @@ class Theta:
         p = case.problem
         if isinstance(p, LCS):
             from nsbench.dynamics.lcs import inconsistent
+
             return inconsistent(case)
         if not isinstance(p, Complementarity):
             return "theta takes linear complementarity systems and linear constraints; this case is a Filippov system."
         if not p.constraints:
             return "theta needs constraints; this case has none (use euler[implicit=true])."
         if any(not isinstance(c, Affine) for c in p.constraints):
-            return ("theta solves linear complementarity problems; this case has constraints that are not linear in x "
-                    "(use catching_up).")
+            return (
+                "theta solves linear complementarity problems; this case has constraints that are not linear in x "
+                "(use catching_up)."
+            )
         return None
 
     def prepare(self, case: Case, h: float) -> Run:
         g = grid(case.t, h, last=case.exact_impulse is not None)
         data = _of_lcs(case) if isinstance(case.problem, LCS) else _of_gaps(case)
         march, loop, f, q_of = _compiled(case, data)
-        B, C, D = data["B"], data["C"], data["D"]
+        B = data["B"]
+        C = data["C"]
+        D = data["D"]
         fixed = ~D.any(axis=1)
         jumpy = fixed & ~np.array([row @ col for row, col in zip(C, B.T, strict=True)], bool)
         unique = data["J"] is None or _unique(data, g.h, self.theta, fixed)
         J = np.zeros((case.n, case.n)) if data["J"] is None else data["J"]
-        args = (f, q_of, data["q"] is not None, data["J"] is not None, J, g.t.copy(), g.substeps, data["x0"],
-                data["q0"], B, C, D, self.theta, fixed, jumpy, not unique and len(fixed) <= ALL)
+        args = (
+            f,
+            q_of,
+            data["q"] is not None,
+            data["J"] is not None,
+            J,
+            g.t.copy(),
+            g.substeps,
+            data["x0"],
+            data["q0"],
+            B,
+            C,
+            D,
+            self.theta,
+            fixed,
+            jumpy,
+            not unique and len(fixed) <= ALL,
+        )
         if loop == "compiled":
             from numba import typeof
+
             march.compile(tuple(typeof(a) for a in args))
-        return lambda: _trajectory(case, g, loop, self.theta, B, unique or len(fixed) <= ALL, march(*args))
+        return lambda: _trajectory(
+            case, g, loop, self.theta, B, unique or len(fixed) <= ALL, march(*args)
+        )
 
 
 def _of_lcs(case):
     from nsbench.dynamics.lcs import drift_of, inputs
+
     p = case.problem
-    return {"f": drift_of(p), "q": p.q, "q0": inputs(p)[1](float(case.t[0])).copy(), "x0": case.x0.copy(),
-            "J": np.array(p.A), "B": np.array(p.B), "C": np.array(p.C), "D": np.array(p.D)}
+    return {
+        "f": drift_of(p),
+        "q": p.q,
+        "q0": inputs(p)[1](float(case.t[0])).copy(),
+        "x0": case.x0.copy(),
+        "J": np.array(p.A),
+        "B": np.array(p.B),
+        "C": np.array(p.C),
+        "D": np.array(p.D),
+    }
 
 
 def _of_gaps(case):
@@ -86,40 +137,54 @@ def _of_gaps(case):
     from nsbench.dynamics.contacts.constraint_set import Scene
     from nsbench.dynamics.contacts.time_dependence import chain
     from nsbench.solvers.common.initial_state import start_state
+
     families = case.problem.constraints
     blocks = []
     for c in families:
         block = np.zeros(c.shape)
         block[np.repeat(np.arange(c.shape[0]), np.diff(c.indptr)), c.indices] = c.data
         blocks.append(block)
-    q, t0 = chain([c.b for c in families]), float(case.t[0])
+    q = chain([c.b for c in families])
+    t0 = float(case.t[0])
     C = np.vstack(blocks)
     q0 = np.concatenate([np.ravel(host(c.b)(t0) if c.moving else c.b) for c in families])
-    return {"f": case.problem.drift, "q": q, "q0": q0, "x0": start_state(case, Scene(case.problem, case.n)), "J": None,
-            "B": np.ascontiguousarray(C.T), "C": C, "D": np.zeros((len(C), len(C)))}
+    return {
+        "f": case.problem.drift,
+        "q": q,
+        "q0": q0,
+        "x0": start_state(case, Scene(case.problem, case.n)),
+        "J": None,
+        "B": np.ascontiguousarray(C.T),
+        "C": C,
+        "D": np.zeros((len(C), len(C))),
+    }
 
 
 def _compiled(case, data):
     """The loop, "compiled" or "host", and the functions it calls: the same source around functions in Python."""
     from nsbench.compilation import factories as form
     from nsbench.solvers.theta.kernels import loop as kernel
+
     try:
         q = form.still() if data["q"] is None else form.curve(data["q"], len(data["q0"]))
         return kernel.march, "compiled", form.rhs(data["f"], case.n), q
     except form.CompileError:
-        f, q = form.host(data["f"]), None if data["q"] is None else form.host(data["q"])
+        f = form.host(data["f"])
+        q = None if data["q"] is None else form.host(data["q"])
 
         def fill(t, x, out):
             out[:] = f(t, x)
 
         def fill_q(t, out):
             out[:] = np.ravel(q(t))
+
         return _in_python(kernel)["march"], "host", fill, fill_q
 
 
 def _in_python(module):
     """The functions of a kernel module without compilation, those it imports compiled: to call a drift in Python."""
     from types import FunctionType
+
     names = dict(vars(module))
     for name, value in vars(module).items():
         if hasattr(value, "py_func") and value.py_func.__module__ == module.__name__:
@@ -131,55 +196,93 @@ def _unique(data, h, theta, fixed):
     """Is the motion of every step certain to be the only one, whichever rows hold at the end?"""
     from nsbench.dynamics.lcs import certainly_unique
     from nsbench.solvers.theta.kernels.loop import matrices
+
     G = np.zeros(data["B"].shape)
     if not matrices(data["J"], h, theta, data["B"], np.zeros(data["J"].shape), G):
         return False
     ends = [np.diag(fixed.astype(float)), np.eye(len(fixed))]
     m = len(fixed)
-    return all(certainly_unique(data["D"] + (theta * np.eye(m) + (1.0 - theta) * E) @ (data["C"] @ G), G) for E in ends)
+    return all(
+        certainly_unique(data["D"] + (theta * np.eye(m) + (1.0 - theta) * E) @ (data["C"] @ G), G)
+        for E in ends
+    )
 
 
 def _trajectory(case, g, loop, theta, B, judged, out):
     from nsbench.solvers.theta.kernels.loop import CALLS, INNER, LCPS, PIVOTS, UNSETTLED
+
     X, P, count, code, reached, twice = out
     if isinstance(case.problem, LCS):
         contacts = tuple((0, i) for i in range(P.shape[1]))
     else:
-        contacts = tuple((k, i) for k, c in enumerate(case.problem.constraints) for i in range(c.shape[0]))
+        contacts = tuple(
+            (k, i) for k, c in enumerate(case.problem.constraints) for i in range(c.shape[0])
+        )
     acted = np.flatnonzero(np.any(P > 0.0, axis=0)) if contacts else np.empty(0, int)
     R = P @ B.T
     R[~np.isfinite(X[:, 0])] = np.nan
-    stats = {"steps": int(g.substeps.sum()), "h": g.h, "drift_calls": int(count[CALLS]), "loop": loop,
-             "qp_solves": int(count[LCPS]), "inner_iterations": int(count[INNER]), "pivots": int(count[PIVOTS]),
-             "limits": int(count[UNSETTLED])}
+    stats = {
+        "steps": int(g.substeps.sum()),
+        "h": g.h,
+        "drift_calls": int(count[CALLS]),
+        "loop": loop,
+        "qp_solves": int(count[LCPS]),
+        "inner_iterations": int(count[INNER]),
+        "pivots": int(count[PIVOTS]),
+        "limits": int(count[UNSETTLED]),
+    }
     lam = last_steps(case.t, g, P[:, acted])
     if not g.aligned:
         X, P, R = (sample(case.t, g.t, v) for v in (X, P, R))
     label = {1.0: "end", 0.5: "midpoint"}.get(theta, "mean")
-    return Trajectory(case.t, X, tuple(contacts[i] for i in acted), P[:, acted], R,
-                      _status(code, reached, twice, judged), stats=stats, lam_time=label, **lam)
+    return Trajectory(
+        case.t,
+        X,
+        tuple(contacts[i] for i in acted),
+        P[:, acted],
+        R,
+        _status(code, reached, twice, judged),
+        stats=stats,
+        lam_time=label,
+        **lam,
+    )
 
 
 def _status(code, reached, twice, judged):
     from nsbench.solvers.euler.kernels import loop as relay
     from nsbench.solvers.theta.kernels import loop as kernel
+
     at = f"t = {reached:.6g}"
     if code == relay.NAN:
         return Status("nan", f"The drift is not a number at {at}.")
     if code == relay.BLOWN:
         return Status("diverged", f"The state passed 1e150 at {at}; a smaller step may help.")
     if code == kernel.SLOW:
-        return Status("maxiter", f"Newton's method found no solution of the implicit step from {at}; try a smaller step.")
+        return Status(
+            "maxiter",
+            f"Newton's method found no solution of the implicit step from {at}; try a smaller step.",
+        )
     if code == kernel.NOTHING:
-        return Status("infeasible", f"The complementarity problem of the step from {at} has no solution.")
+        return Status(
+            "infeasible", f"The complementarity problem of the step from {at} has no solution."
+        )
     if code == kernel.JUMP:
-        return Status("infeasible", f"At {at} a row of w reached zero that its own lambda does not move at once: the "
-                                    "state would have to jump.")
+        return Status(
+            "infeasible",
+            f"At {at} a row of w reached zero that its own lambda does not move at once: the "
+            "state would have to jump.",
+        )
     if twice == twice:
-        return Status("degenerate", f"The step from t = {twice:.6g} has several solutions with different motions.")
+        return Status(
+            "degenerate",
+            f"The step from t = {twice:.6g} has several solutions with different motions.",
+        )
     if not judged:
-        return Status("unverified", f"Each step has a solution; for more than {ALL} rows of this kind it is not known "
-                                    "whether its motion is the only one.")
+        return Status(
+            "unverified",
+            f"Each step has a solution; for more than {ALL} rows of this kind it is not known "
+            "whether its motion is the only one.",
+        )
     return Status()
 
 

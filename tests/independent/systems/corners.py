@@ -1,4 +1,5 @@
 """Corners, redundant walls, contacts at one time or nearly so, starts on a wall."""
+
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +17,10 @@ def with_reaction(path, rows):
     """The path with the reaction of walls with these constant rows."""
     return replace(
         path,
-        reaction=[[sum(mpf(g[i]) * v for g, v in zip(rows, r, strict=True)) for i in range(len(rows[0]))] for r in path.impulse],
+        reaction=[
+            [sum(mpf(g[i]) * v for g, v in zip(rows, r, strict=True)) for i in range(len(rows[0]))]
+            for r in path.impulse
+        ],
     )
 
 
@@ -34,7 +38,10 @@ def corner_acute():
 @system()
 def corner_obtuse():
     return complementarity(
-        lambda t, x: [cos(mpf(0.9) * t + mpf(2.5)), mpf(1.2) * sin(mpf(0.9) * t + mpf(2.5)) - mpf(0.2)],
+        lambda t, x: [
+            cos(mpf(0.9) * t + mpf(2.5)),
+            mpf(1.2) * sin(mpf(0.9) * t + mpf(2.5)) - mpf(0.2),
+        ],
         wedge(2.3),
         [1.0, 0.3],
         linspace(0, 16, 65),
@@ -48,7 +55,11 @@ def corner_moving():
         lambda t, x: [cos(mpf(1.1) * t + 2), sin(mpf(1.1) * t + 2)],
         [
             affine([0, 1]),
-            affine([np.sin(1.1), -np.cos(1.1)], lambda t: mpf(0.2) * sin(2 * t), lambda t: mpf(0.4) * cos(2 * t)),
+            affine(
+                [np.sin(1.1), -np.cos(1.1)],
+                lambda t: mpf(0.2) * sin(2 * t),
+                lambda t: mpf(0.4) * cos(2 * t),
+            ),
             affine([-1, -1], lambda t: mpf(1.1) - mpf(0.1) * t, lambda t: -mpf(0.1)),
         ],
         [0.4, 0.1],
@@ -91,7 +102,10 @@ def four_walls():
 @system()
 def box_rot():
     return complementarity(
-        lambda t, x: [mpf(1.5) * cos(mpf(1.3) * t) - mpf(0.3) * x[1], mpf(1.5) * sin(mpf(1.3) * t) + mpf(0.3) * x[0] * x[1]],
+        lambda t, x: [
+            mpf(1.5) * cos(mpf(1.3) * t) - mpf(0.3) * x[1],
+            mpf(1.5) * sin(mpf(1.3) * t) + mpf(0.3) * x[0] * x[1],
+        ],
         [affine(a, mpf(0.7)) for a in ([1, 0], [-1, 0], [0, 1], [0, -1])],
         [0.1, 0],
         linspace(0, 12, 49),
@@ -139,16 +153,25 @@ def start_in():
 
 @system(optional=(0,))
 def start_out():
-    return complementarity(lambda t, x: [-cos(t), -1 + mpf(0.3) * x[0] + mpf(0.2) * t], eye(2), [0, 0], linspace(0, 8, 41), H=0.1)
+    return complementarity(
+        lambda t, x: [-cos(t), -1 + mpf(0.3) * x[0] + mpf(0.2) * t],
+        eye(2),
+        [0, 0],
+        linspace(0, 8, 41),
+        H=0.1,
+    )
 
 
 @system(optional=(0,))
 def start_tangent():
     """The first is back at 2 pi, the second, held to pi, too, and the third at 20/3: all after the end."""
+
     def x(t):
         return [1 - cos(t), mpf(0) if t <= pi else 1 + cos(t), t**3 / 3 - t**4 / 20]
+
     def i(t):
         return [0, 1 - cos(min(t, pi)), 0]
+
     return closed([(None, x, i)], linspace(0, 5, 41), columns(3), [(+pi, "release", (0, 1))])
 
 

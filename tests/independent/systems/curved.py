@@ -1,4 +1,5 @@
 """Inside and outside circles and ellipses, by gradients that are not of length one."""
+
 from engine import linspace, system
 from modes import Gap, complementarity, dist
 from mpmath import cos, mpf, sin, sqrt
@@ -59,12 +60,22 @@ def ellipse_moving():
 @system()
 def discs_in_circle():
     def f(t, x):
-        return [mpf(1.2) * cos(t), -mpf(0.8) + mpf(0.2) * x[0], mpf(0.9) * cos(mpf(1.4) * t), -mpf(0.7) - mpf(0.1) * x[3]]
+        return [
+            mpf(1.2) * cos(t),
+            -mpf(0.8) + mpf(0.2) * x[0],
+            mpf(0.9) * cos(mpf(1.4) * t),
+            -mpf(0.7) - mpf(0.1) * x[3],
+        ]
 
     z = mpf(0)
+
     def w(i, R):
         r = lambda x: sqrt(x[2 * i] ** 2 + x[2 * i + 1] ** 2)
-        return Gap(lambda t, x: R - r(x), lambda t, x: [-x[j] / r(x) if j // 2 == i else z for j in range(4)])
+        return Gap(
+            lambda t, x: R - r(x),
+            lambda t, x: [-x[j] / r(x) if j // 2 == i else z for j in range(4)],
+        )
+
     return complementarity(
         f,
         [w(0, mpf(1)), w(1, mpf(0.9)), dist(0, 1, 0.5, 4)],

@@ -1,4 +1,5 @@
 """Discs, rods, ropes and chains."""
+
 from engine import closed, linspace, system
 from modes import anchor, complementarity, dist
 from mpmath import cos, exp, log, mpf, pi, sin, sqrt
@@ -46,7 +47,16 @@ def rope_fixed():
 def rope_towed():
     return complementarity(
         lambda t, x: [-mpf(0.4) * x[0] + sin(3 * t) / 2, -mpf(0.4) * x[1] - mpf(0.2)],
-        [anchor(0, lambda t: [mpf(1.5) * cos(t), sin(t)], lambda t: [-mpf(1.5) * sin(t), cos(t)], mpf(0.7), 2, sign=-1)],
+        [
+            anchor(
+                0,
+                lambda t: [mpf(1.5) * cos(t), sin(t)],
+                lambda t: [-mpf(1.5) * sin(t), cos(t)],
+                mpf(0.7),
+                2,
+                sign=-1,
+            )
+        ],
         [1.2, -0.1],
         linspace(0, 12, 49),
         H=0.05,
@@ -65,7 +75,10 @@ def rope_3d():
             cos(mpf(1.2) * t),
             mpf(0.3) * cos(t) - mpf(0.1) * x[5],
         ],
-        [anchor(0, lambda t: [0, 0, 0], lambda t: [0, 0, 0], 1, 6, dim=3, sign=-1), dist(0, 1, 0.8, 6, 3, -1)],
+        [
+            anchor(0, lambda t: [0, 0, 0], lambda t: [0, 0, 0], 1, 6, dim=3, sign=-1),
+            dist(0, 1, 0.8, 6, 3, -1),
+        ],
         [0.1, 0.0, 0.1, 0.5, 0.1, 0.0],
         linspace(0, 10, 41),
         H=0.1,
@@ -92,7 +105,8 @@ def rods_1d():
 @system()
 def discs3_rot():
     def f(t, x):
-        c, s = cos(t), sin(2 * t)
+        c = cos(t)
+        s = sin(2 * t)
         h = mpf(0.5)
         return [
             -x[0] - h * x[1] + mpf(0.8) * c,
@@ -102,6 +116,7 @@ def discs3_rot():
             -x[4] - h * x[5] - mpf(0.7) * c,
             -x[5] + h * x[4] - mpf(0.6) * s,
         ]
+
     return complementarity(
         f,
         [dist(0, 1, 0.6, 6), dist(0, 2, 0.6, 6), dist(1, 2, 0.6, 6)],
@@ -115,7 +130,12 @@ def discs3_rot():
 @system()
 def discs2_spin():
     return complementarity(
-        lambda t, x: [mpf(0.8) * cos(mpf(0.8) * t), mpf(0.05), -mpf(0.8) * cos(mpf(0.8) * t), -mpf(0.05) * cos(t)],
+        lambda t, x: [
+            mpf(0.8) * cos(mpf(0.8) * t),
+            mpf(0.05),
+            -mpf(0.8) * cos(mpf(0.8) * t),
+            -mpf(0.05) * cos(t),
+        ],
         [dist(0, 1, 0.5, 4)],
         [-0.6, 0.05, 0.6, -0.05],
         linspace(0, 8, 41),
@@ -153,6 +173,7 @@ def three_symm():
     r1 = mpf(0.6) / sqrt(3)
     t1 = -log(r1)
     w = mpf(0.7)
+
     def x(t):
         r = exp(-min(t, t1))
         o = []
@@ -160,6 +181,7 @@ def three_symm():
             a = 2 * pi * k / 3 + w * t
             o += [r * cos(a), r * sin(a)]
         return o
+
     return closed(
         [(None, x, lambda t: [max(t - t1, 0) * r1 / sqrt(3)] * 3)],
         linspace(0, 4, 41),
@@ -171,7 +193,14 @@ def three_symm():
 @system()
 def cradle():
     return complementarity(
-        lambda t, x: [mpf(1), mpf(0), mpf(0.1) * cos(t), mpf(0.05), -mpf(0.6) + mpf(0.4) * t, -mpf(0.05) * t],
+        lambda t, x: [
+            mpf(1),
+            mpf(0),
+            mpf(0.1) * cos(t),
+            mpf(0.05),
+            -mpf(0.6) + mpf(0.4) * t,
+            -mpf(0.05) * t,
+        ],
         [dist(i, j, 0.4, 6) for _, i, j in TRIANGLE],
         [-1.5, 0.0, 0.0, 0.1, 0.9, 0.05],
         linspace(0, 6, 31),
@@ -183,12 +212,18 @@ def cradle():
 @system()
 def chain3():
     def f(t, x):
-        c, s = cos(mpf(0.8) * t), sin(mpf(0.8) * t)
+        c = cos(mpf(0.8) * t)
+        s = sin(mpf(0.8) * t)
         k = mpf(0.3)
         return [k * c, k * s, k * c - mpf(0.1), k * s, mpf(1.2) * c, mpf(1.2) * s]
+
     return complementarity(
         f,
-        [anchor(0, lambda t: [0, 0], lambda t: [0, 0], 1, 6, sign=-1), dist(0, 1, 1, 6, 2, -1), dist(1, 2, 1, 6, 2, -1)],
+        [
+            anchor(0, lambda t: [0, 0], lambda t: [0, 0], 1, 6, sign=-1),
+            dist(0, 1, 1, 6, 2, -1),
+            dist(1, 2, 1, 6, 2, -1),
+        ],
         [0.5, 0.1, 1.1, 0.3, 1.8, 0.2],
         linspace(0, 8, 41),
         H=0.1,
@@ -199,13 +234,27 @@ def chain3():
 @system()
 def chain_pulled():
     def f(t, x):
-        return [-x[0] / 2, -x[1] / 2 - mpf(0.2), -x[2] / 2, -x[3] / 2 - mpf(0.2), -x[4] / 2, -x[5] / 2 - mpf(0.2)]
+        return [
+            -x[0] / 2,
+            -x[1] / 2 - mpf(0.2),
+            -x[2] / 2,
+            -x[3] / 2 - mpf(0.2),
+            -x[4] / 2,
+            -x[5] / 2 - mpf(0.2),
+        ]
 
     k = mpf(0.7)
     return complementarity(
         f,
         [
-            anchor(0, lambda t: [2 * sin(t), cos(k * t)], lambda t: [2 * cos(t), -k * sin(k * t)], 0.5, 6, sign=-1),
+            anchor(
+                0,
+                lambda t: [2 * sin(t), cos(k * t)],
+                lambda t: [2 * cos(t), -k * sin(k * t)],
+                0.5,
+                6,
+                sign=-1,
+            ),
             dist(0, 1, 0.5, 6, 2, -1),
             dist(1, 2, 0.5, 6, 2, -1),
         ],

@@ -1,4 +1,5 @@
 """What is over in a blink: dips, spikes, bumps, near misses."""
+
 from engine import closed, columns, linspace, system
 from modes import affine, anchor, complementarity, const, filippov
 from mpmath import cos, exp, log, mpf, sqrt
@@ -41,12 +42,18 @@ def dip_1e10():
 
 @system()
 def near_miss():
-    return closed([(None, lambda t: [(t - 1) ** 2 + mpf(1.000000001) - 1], lambda t: [0])], linspace(0, 3, 32), columns(1), [])
+    return closed(
+        [(None, lambda t: [(t - 1) ** 2 + mpf(1.000000001) - 1], lambda t: [0])],
+        linspace(0, 3, 32),
+        columns(1),
+        [],
+    )
 
 
 @system()
 def spike_5e3():
-    t0, w = mpf(5.003), mpf(0.005)
+    t0 = mpf(5.003)
+    w = mpf(0.005)
     return complementarity(
         lambda t, x: [mpf(0.01) - 34 * exp(-(((t - t0) / w) ** 2))],
         [affine([1])],
@@ -58,7 +65,8 @@ def spike_5e3():
 
 @system()
 def spike_2d():
-    t0, w = mpf(6.2137), mpf(0.005)
+    t0 = mpf(6.2137)
+    w = mpf(0.005)
     return complementarity(
         lambda t, x: [x[1] * mpf(0.3), -x[1] / 2 - 100 * exp(-(((t - t0) / w) ** 2)) + mpf(0.2)],
         [affine([0.3, 1], mpf(0.1))],
@@ -70,7 +78,8 @@ def spike_2d():
 
 @system()
 def wall_bump():
-    t0, w = mpf(3.3), mpf(0.01)
+    t0 = mpf(3.3)
+    w = mpf(0.01)
     b = lambda t: 1 - mpf(1.2) * exp(-(((t - t0) / w) ** 2))
     t1 = t0 - w * sqrt(log(mpf(1.2)))
     return closed(

@@ -1,4 +1,5 @@
 """Stiff, slow, long, small, far off and steep."""
+
 from engine import closed, columns, linspace, system
 from modes import affine, complementarity, eye
 from mpmath import cos, exp, findroot, mpf, pi, sin
@@ -52,13 +53,19 @@ def tiny():
 
 @system()
 def offset_1e6():
-    return complementarity(lambda t, x: [-cos(t)], [affine([1], mpf(-1e6))], [1e6 + 0.5], linspace(0, 7, 36), H=0.1)
+    return complementarity(
+        lambda t, x: [-cos(t)], [affine([1], mpf(-1e6))], [1e6 + 0.5], linspace(0, 7, 36), H=0.1
+    )
 
 
 @system()
 def offset_scaled():
     return complementarity(
-        lambda t, x: [-cos(t), -sin(t)], [affine([1e3, 0]), affine([0, 1e-3], mpf(5e-4))], [0.5, 0.2], linspace(0, 8, 41), H=0.1
+        lambda t, x: [-cos(t), -sin(t)],
+        [affine([1e3, 0]), affine([0, 1e-3], mpf(5e-4))],
+        [0.5, 0.2],
+        linspace(0, 8, 41),
+        H=0.1,
     )
 
 

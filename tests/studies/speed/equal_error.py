@@ -12,6 +12,7 @@ below 1e-6 or its share of the seconds per size (--budget) is spent; then all ru
 Seconds of an error come from the work-precision curve as in the report (nsbench.report.cost), preparation and compilation
 apart. Compiled loops are ranked; a loop in Python stands below them, as its seconds measure an interpreter.
 """
+
 import argparse
 import os
 import platform
@@ -30,10 +31,17 @@ from nsbench.report import data as source  # noqa: E402
 from nsbench.report.style import LEADS, factor, family, power, seconds  # noqa: E402
 from nsbench.results.tables import versions  # noqa: E402
 
-EXTRA = ("pbd[order=reverse]", "pbd[order=cell]", "pbd[order=coloured]", "richardson[method=catching_up]")
-OUT = ("nosnoc", "solve_ivp")            # modes by hand: other cases; nosnoc: minutes
-LARGE, SHORT = 300, 0.25                 # discs beyond which the run ends at SHORT
-DEEP = 15                                # halvings of the sample spacing in the reference of a large scene
+EXTRA = (
+    "pbd[order=reverse]",
+    "pbd[order=cell]",
+    "pbd[order=coloured]",
+    "richardson[method=catching_up]",
+)
+OUT = ("nosnoc", "solve_ivp")  # modes by hand: other cases; nosnoc: minutes
+# discs beyond which the run ends at SHORT
+LARGE = 300
+SHORT = 0.25
+DEEP = 15  # halvings of the sample spacing in the reference of a large scene
 
 
 def methods(asked):
@@ -54,6 +62,7 @@ def scene(n: int, how: str):
     case = nsbench.get_case("discs", n=n)
     if n < LARGE:
         from nsbench.reference import reference
+
         return case, None, reference(case).state_error
     case = case.replace(t=np.linspace(0.0, SHORT, 4))
     if how == "event_driven":
@@ -64,7 +73,8 @@ def scene(n: int, how: str):
         return case, traj.x, float(np.abs(traj.x - looser.x).max())
     spacing = case.t[1]
     x = [nsbench.solve(case, LEADS, h=spacing / 2**k).x for k in (DEEP - 2, DEEP - 1, DEEP)]
-    fine, coarse = 2 * x[2] - x[1], 2 * x[1] - x[0]
+    fine = 2 * x[2] - x[1]
+    coarse = 2 * x[1] - x[0]
     return case, fine, float(np.abs(fine - coarse).max())
 
 
@@ -83,24 +93,38 @@ def accuracies(case, method):
 
 def ladder(case, spec, reference, bound, budget):
     """(row, run) of every accuracy tried."""
-    method, out, spent = solvers.get(spec), [], 0.0
+    method = solvers.get(spec)
+    out = []
+    spent = 0.0
     if method.refuses(case):
         return out
     for accuracy in accuracies(case, method):
         try:
             run, _ = clock.prepared(lambda: method.prepare(case, accuracy))  # noqa: B023
-            start = time.process_time()                  # a budget that other work on the machine does not eat
+            start = time.process_time()  # a budget that other work on the machine does not eat
             traj = run()
             took = time.process_time() - start
         except (ValueError, MemoryError):
             break
         spent += took
         if traj.status.code in ("ok", "unverified", "degenerate") and len(traj.t) == len(case.t):
-            error = (float(np.abs(traj.x - reference).max()) if reference is not None
-                     else nsbench.errors(case, traj)["state_sup"])
-            row = {"case": case.key, "solver": spec, "accuracy": method.accuracy, "asked": accuracy, "status": "ok",
-                   "h": 1.0 / accuracy if method.accuracy == "k" else accuracy, "seconds": took, "rounds": 1,
-                   "loop": traj.stats.get("loop", ""), "state_sup": max(error, 1e-300)}
+            error = (
+                float(np.abs(traj.x - reference).max())
+                if reference is not None
+                else nsbench.errors(case, traj)["state_sup"]
+            )
+            row = {
+                "case": case.key,
+                "solver": spec,
+                "accuracy": method.accuracy,
+                "asked": accuracy,
+                "status": "ok",
+                "h": 1.0 / accuracy if method.accuracy == "k" else accuracy,
+                "seconds": took,
+                "rounds": 1,
+                "loop": traj.stats.get("loop", ""),
+                "state_sup": max(error, 1e-300),
+            }
             out.append((row, run))
             if error < 1e-6:
                 break
@@ -111,7 +135,9 @@ def ladder(case, spec, reference, bound, budget):
 
 def measured(case, specs, reference, bound, budget):
     """Rows of all methods on one scene, timed in interleaved rounds."""
-    found = [pair for spec in specs for pair in ladder(case, spec, reference, bound, budget / len(specs))]
+    found = [
+        pair for spec in specs for pair in ladder(case, spec, reference, bound, budget / len(specs))
+    ]
     rounds = [clock.rounds_of(row["seconds"]) for row, _ in found]
     times = clock.in_rounds([run for _, run in found], rounds, lambda i: None)
     return [row | clock.columns(t) for (row, _), t in zip(found, times, strict=True)]
@@ -126,19 +152,28 @@ def told(data, key, target, bound):
     if not ranked:
         more = _beyond(data, key, target)
         return "not reached by a compiled loop within its share of the budget" + (
-            f"; {LEADS} would need about {seconds(more)}, going on with order 1" if more == more else "")
-    first, pbd = ranked[0], next((c for c in ranked if family(c.solver) == LEADS), None)
+            f"; {LEADS} would need about {seconds(more)}, going on with order 1"
+            if more == more
+            else ""
+        )
+    first = ranked[0]
+    pbd = next((c for c in ranked if family(c.solver) == LEADS), None)
     text = f"{first.solver} {'<= ' if first.at_most else ''}{seconds(first.seconds)} ({speed.setting(first)})"
     rivals = [c for c in ranked if family(c.solver) != family(first.solver)]
     if rivals:
         text += f"; next other method x {factor(rivals[0].seconds / first.seconds)} ({rivals[0].solver})"
     if pbd is None:
         more = _beyond(data, key, target) / first.seconds
-        text += (f"; {LEADS} would need about x {factor(more)}, going on with order 1" if more == more
-                 else f"; {LEADS} is not yet converging at the steps that its share of the budget allows")
+        text += (
+            f"; {LEADS} would need about x {factor(more)}, going on with order 1"
+            if more == more
+            else f"; {LEADS} is not yet converging at the steps that its share of the budget allows"
+        )
     elif pbd is not first:
         text += f"; {LEADS} x {factor(pbd.seconds / first.seconds)} ({pbd.solver})"
-    hosts = [f"{c.solver} x {factor(c.seconds / first.seconds)}" for c in found if c.loop != "compiled"]
+    hosts = [
+        f"{c.solver} x {factor(c.seconds / first.seconds)}" for c in found if c.loop != "compiled"
+    ]
     return text + (f"   [loops in Python: {', '.join(hosts[:3])}]" if hosts else "")
 
 
@@ -146,30 +181,56 @@ def _beyond(data, key, target):
     """Seconds of the best PBD at an error it was not run to: the cost of its finest run times what the error must lose.
     NaN where its last two halvings of the step did not halve the error (1.6 to 2.5)."""
     own = [r.col for r in data.of_case(key) if family(r.solver) == LEADS and len(r) > 2]
-    own = [c for c in own if all(1.6 < a / b < 2.5 for a, b in zip(c["state_sup"][-3:-1], c["state_sup"][-2:], strict=True))]
+    own = [
+        c
+        for c in own
+        if all(
+            1.6 < a / b < 2.5
+            for a, b in zip(c["state_sup"][-3:-1], c["state_sup"][-2:], strict=True)
+        )
+    ]
     return min((c["seconds"][-1] * c["state_sup"][-1] / target for c in own), default=float("nan"))
 
 
 def main():
     p = argparse.ArgumentParser()
     p.add_argument("--sizes", default="3,10,30,100,1000")
-    p.add_argument("--budget", type=float, help="seconds of runs per size, shared by the methods (16, for 100 discs 70)")
-    p.add_argument("--reference", choices=("richardson", "event_driven"), default="event_driven", help="of the large scene")
+    p.add_argument(
+        "--budget",
+        type=float,
+        help="seconds of runs per size, shared by the methods (16, for 100 discs 70)",
+    )
+    p.add_argument(
+        "--reference",
+        choices=("richardson", "event_driven"),
+        default="event_driven",
+        help="of the large scene",
+    )
     p.add_argument("-s", "--solver", action="append")
     args = p.parse_args()
-    specs, wins = methods(args.solver), []
-    print(f"Python {platform.python_version()}, numpy {versions()['numpy']}, numba {versions()['numba']}; load average "
-          f"{os.getloadavg()[0]:.1f} of {os.cpu_count()} cores\nmethods: {', '.join(specs)}\n{speed.RULE}\n")
+    specs = methods(args.solver)
+    wins = []
+    print(
+        f"Python {platform.python_version()}, numpy {versions()['numpy']}, numba {versions()['numba']}; load average "
+        f"{os.getloadavg()[0]:.1f} of {os.cpu_count()} cores\nmethods: {', '.join(specs)}\n{speed.RULE}\n"
+    )
     for n in map(int, args.sizes.split(",")):
         case, reference, bound = scene(n, args.reference)
-        data = source.read(measured(case, specs, reference, bound, args.budget or (70.0 if 30 < n < LARGE else 16.0)))
+        data = source.read(
+            measured(
+                case, specs, reference, bound, args.budget or (70.0 if 30 < n < LARGE else 16.0)
+            )
+        )
         print(f"{n} discs to T = {case.t[-1]:g}; the reference is known to {bound:.1e}")
         for target in speed.TARGETS:
             line = told(data, case.key, target, bound)
             print(f"  error {power(target)}  {line}", flush=True)
             wins += [(n, target)] if line.startswith(LEADS) else []
-    print(f"\n{LEADS} is the cheapest at " + (", ".join(f"N = {n}, {power(t)}" for n, t in wins) or "no size and error")
-          + "; nowhere else.")
+    print(
+        f"\n{LEADS} is the cheapest at "
+        + (", ".join(f"N = {n}, {power(t)}" for n, t in wins) or "no size and error")
+        + "; nowhere else."
+    )
 
 
 if __name__ == "__main__":

@@ -13,6 +13,7 @@ A step is drift, certificate, rebuilds of the list and one sweep; a run is what 
     impulses  with their records over without
     memory    growth of the process in prepare and run, per disc, in a process of its own
 """
+
 import argparse
 import ctypes
 import os
@@ -34,8 +35,14 @@ from nsbench.solvers import get  # noqa: E402
 from nsbench.solvers.base import grid  # noqa: E402
 
 TWO = "order=coloured,threads=2"
-WORK = 2_000_000          # discs times steps of a timed run; 60 steps at least, more than a list lives
-VARIANTS = (("sorted", "rows"), ("cell", "rows"), ("coloured", "rows"), ("sorted", "random"), ("cell", "random"))
+WORK = 2_000_000  # discs times steps of a timed run; 60 steps at least, more than a list lives
+VARIANTS = (
+    ("sorted", "rows"),
+    ("cell", "rows"),
+    ("coloured", "rows"),
+    ("sorted", "random"),
+    ("cell", "random"),
+)
 
 LOOP = """
 #include <math.h>
@@ -83,26 +90,42 @@ def growth(sizes, rounds):
     """Nanoseconds per disc and step of whole runs."""
     runs = {}
     for n in sizes:
-        scenes = {labels: drift_scene(n, steps_for(n), labels) for labels in ("rows", "random")[:2 if n < 10**6 else 1]}
+        scenes = {
+            labels: drift_scene(n, steps_for(n), labels)
+            for labels in ("rows", "random")[: 2 if n < 10**6 else 1]
+        }
         for order, labels in VARIANTS:
             if labels in scenes:
-                runs[order, labels, n] = get(f"pbd[order={order}]").prepare(scenes[labels].case, STEP)
+                runs[order, labels, n] = get(f"pbd[order={order}]").prepare(
+                    scenes[labels].case, STEP
+                )
         if n >= 10_000:
             runs[TWO, "rows", n] = get(f"pbd[{TWO}]").prepare(scenes["rows"].case, STEP)
     times = interleaved(runs, rounds)
     for order, labels in VARIANTS:
-        ns = {n: 1e9 * times[order, labels, n].median / n / steps_for(n) for n in sizes if (order, labels, n) in times}
-        print(f"growth   {order:>8}, {labels:>6} labels: " + "  ".join(f"{n}: {v:.1f} ns" for n, v in ns.items())
-              + f"   largest over smallest {max(ns.values()) / min(ns.values()):.2f}")
+        ns = {
+            n: 1e9 * times[order, labels, n].median / n / steps_for(n)
+            for n in sizes
+            if (order, labels, n) in times
+        }
+        print(
+            f"growth   {order:>8}, {labels:>6} labels: "
+            + "  ".join(f"{n}: {v:.1f} ns" for n, v in ns.items())
+            + f"   largest over smallest {max(ns.values()) / min(ns.values()):.2f}"
+        )
     for order in ("coloured", "cell"):
         for n in sizes:
-            print(f"growth   whole step, sorted over {order}, rows, {n}: "
-                  f"{ratio(times['sorted', 'rows', n], times[order, 'rows', n])}")
+            print(
+                f"growth   whole step, sorted over {order}, rows, {n}: "
+                f"{ratio(times['sorted', 'rows', n], times[order, 'rows', n])}"
+            )
     for n in sizes:
         if (TWO, "rows", n) in times:
-            print(f"growth   two threads, sorted on one over coloured on two, rows, {n}: "
-                  f"{ratio(times['sorted', 'rows', n], times[TWO, 'rows', n])}; coloured on one over coloured on two: "
-                  f"{ratio(times['coloured', 'rows', n], times[TWO, 'rows', n])}; load {os.getloadavg()[0]:.1f}")
+            print(
+                f"growth   two threads, sorted on one over coloured on two, rows, {n}: "
+                f"{ratio(times['sorted', 'rows', n], times[TWO, 'rows', n])}; coloured on one over coloured on two: "
+                f"{ratio(times['coloured', 'rows', n], times[TWO, 'rows', n])}; load {os.getloadavg()[0]:.1f}"
+            )
 
 
 def compiled_loop():
@@ -111,8 +134,21 @@ def compiled_loop():
         return None
     folder = Path(tempfile.mkdtemp())
     (folder / "sweep.c").write_text(LOOP)
-    subprocess.run(["gcc", "-O3", "-march=native", "-ffp-contract=off", "-shared", "-fPIC", "-o", folder / "sweep.so",
-                    folder / "sweep.c", "-lm"], check=True)
+    subprocess.run(
+        [
+            "gcc",
+            "-O3",
+            "-march=native",
+            "-ffp-contract=off",
+            "-shared",
+            "-fPIC",
+            "-o",
+            folder / "sweep.so",
+            folder / "sweep.c",
+            "-lm",
+        ],
+        check=True,
+    )
     loop = ctypes.CDLL(str(folder / "sweep.so")).sweep
     loop.restype = ctypes.c_long
     shutil.rmtree(folder)
@@ -124,16 +160,38 @@ def pair_lists(scene, order):
     from nsbench.dynamics.contacts.kernels.constraint_order import COLOURED, SORTED
     from nsbench.solvers.pbd.kernels import cell_loop as pbd_packed
     from nsbench.solvers.pbd.kernels import cell_storage as packed
+
     x = scene.x0.ravel()
-    n, rank, none = len(scene.x0), {"sorted": SORTED, "coloured": COLOURED}[order], np.empty(0, np.int32)
+    n = len(scene.x0)
+    rank = {"sorted": SORTED, "coloured": COLOURED}[order]
+    none = np.empty(0, np.int32)
     state, particles, candidates = pbd_packed.room(n, x.size)
     y, reac, base, spare = (state[k] for k in range(4))
     y[:] = x
     rows = (np.zeros(1, np.int64), np.empty(0, np.int64), np.empty(0), np.empty(0))
     families = np.zeros((1, 2), np.int64)
-    m, _, _, _, candidates = packed.renew(None, 0, (none, none, np.empty(0)), particles, candidates, y, reac, base, spare,
-                                          np.ones(1), 0.5, 2, rows, np.empty(0), none, families, none.astype(np.int64), rank, 0,
-                                          n * n)
+    m, _, _, _, candidates = packed.renew(
+        None,
+        0,
+        (none, none, np.empty(0)),
+        particles,
+        candidates,
+        y,
+        reac,
+        base,
+        spare,
+        np.ones(1),
+        0.5,
+        2,
+        rows,
+        np.empty(0),
+        none,
+        families,
+        none.astype(np.int64),
+        rank,
+        0,
+        n * n,
+    )
     i, j, label = *(v.copy() for v in packed.listed(candidates, m)[:2]), particles[0]
     keys = np.empty(m, np.uint64)
     packed.fill_keys(i, j, label, none.astype(np.int64), families, rank, 0, keys)
@@ -145,26 +203,34 @@ def pair_lists(scene, order):
 def ours(start, lists):
     """A run of our sweep over the list, certificate and records included; returns the positions."""
     from nsbench.solvers.pbd.kernels.cell_sweep import sweep
+
     rows = (np.zeros(1, np.int64), np.empty(0, np.int64), np.empty(0), np.empty(0))
-    m, y, base = lists[0].size, start.copy(), start.copy()
-    mu, log_at, log_mu = np.zeros(m), np.empty(m, np.int32), np.empty(m)
+    m = lists[0].size
+    y = start.copy()
+    base = start.copy()
+    mu = np.zeros(m)
+    log_at = np.empty(m, np.int32)
+    log_mu = np.empty(m)
 
     def run():
         y[:] = start
         sweep((*lists, mu), y, base, np.ones(1), 2, rows, rows[3], 0.0625, log_at, log_mu, True)
         return y
+
     return run
 
 
 def plain(loop, start, lists):
     """The same with the C loop."""
-    y, mu = start.copy(), np.zeros(lists[0].size)
+    y = start.copy()
+    mu = np.zeros(lists[0].size)
     pointers = [a.ctypes.data_as(ctypes.c_void_p) for a in (*lists, y, mu)]
 
     def run():
         y[:] = start
         loop(ctypes.c_long(mu.size), *pointers, ctypes.c_double(2.0))
         return y
+
     return run
 
 
@@ -175,66 +241,94 @@ def sweeps(sizes, rounds):
         print("sweep    gcc is not installed; left out.")
         return
     for n in sizes:
-        scene, runs = drift_scene(n, 1), {}
+        scene = drift_scene(n, 1)
+        runs = {}
         for order in ("sorted", "coloured"):
             y, executed, stated = pair_lists(scene, order)
-            runs |= {f"{order}, C": plain(loop, y, stated), f"{order}, one after another": ours(y, stated),
-                     f"{order}, by schedule": ours(y, executed)}
+            runs |= {
+                f"{order}, C": plain(loop, y, stated),
+                f"{order}, one after another": ours(y, stated),
+                f"{order}, by schedule": ours(y, executed),
+            }
         ends = {name: run().tobytes() for name, run in runs.items()}
         for order in ("sorted", "coloured"):
             same = len({v for name, v in ends.items() if name.startswith(order)}) == 1
-            print(f"sweep    {n} discs, {order}: the three ways {'agree in every bit' if same else 'DIFFER'}")
+            print(
+                f"sweep    {n} discs, {order}: the three ways {'agree in every bit' if same else 'DIFFER'}"
+            )
         times = interleaved(runs, max(rounds, 5), least=0.1)
         c = times["sorted, C"]
         for name, value in times.items():
-            print(f"sweep    {n} discs, {name:<29} {1e9 * value.median / n:6.1f} ns per disc; speed over the C loop, sorted: "
-                  f"{ratio(c, value)}")
+            print(
+                f"sweep    {n} discs, {name:<29} {1e9 * value.median / n:6.1f} ns per disc; speed over the C loop, sorted: "
+                f"{ratio(c, value)}"
+            )
 
 
 def against_peers(sizes, rounds):
     for labels in ("rows", "random"):
         for n in sizes:
-            steps = min(200, steps_for(n))               # more than a list lives: none is charged for a few steps alone
+            steps = min(
+                200, steps_for(n)
+            )  # more than a list lives: none is charged for a few steps alone
             scene = drift_scene(n, steps, labels)
             runs, skipped = peers(scene, steps)
             orders = ("sorted", "cell", "coloured")
-            runs |= {order: get(f"pbd[order={order}]").prepare(scene.case, STEP) for order in orders}
+            runs |= {
+                order: get(f"pbd[order={order}]").prepare(scene.case, STEP) for order in orders
+            }
             times = interleaved(runs, rounds)
             for name in set(times) - set(orders):
-                print(f"peers    {n} discs, {labels:>6} labels, {name:<21} {1e9 * times[name].median / n / steps:8.1f} ns; over "
-                      + "  ".join(f"{order} {ratio(times[name], times[order])}" for order in orders))
+                print(
+                    f"peers    {n} discs, {labels:>6} labels, {name:<21} {1e9 * times[name].median / n / steps:8.1f} ns; over "
+                    + "  ".join(f"{order} {ratio(times[name], times[order])}" for order in orders)
+                )
             for why in skipped:
                 print("peers    " + why)
 
 
 def impulses(sizes, rounds):
     from nsbench.dynamics.contacts.constraint_set import Scene
+
     for n in sizes:
         case = drift_scene(n, steps_for(n)).case
-        method, scene = get("pbd"), Scene(case.problem, case.n)
-        runs = {record: method._packed(case, scene, grid(case.t, STEP), case.x0, record)[0] for record in (True, False)}
+        method = get("pbd")
+        scene = Scene(case.problem, case.n)
+        runs = {
+            record: method._packed(case, scene, grid(case.t, STEP), case.x0, record)[0]
+            for record in (True, False)
+        }
         times = interleaved(runs, max(rounds, 5))
         print(f"impulses {n} discs: with records over without {ratio(times[True], times[False])}")
 
 
 def memory(n, steps):
     code = MEMORY.format(here=str(Path(__file__).parent), n=n, steps=steps)
-    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
+    out = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    ).stdout.split()
     ready, peak, held, contacts = map(float, out)
-    print(f"memory   {n} discs, {steps} steps: {ready:.0f} bytes per disc when prepared, {peak:.0f} at most, {held:.0f} with the "
-          f"trajectory of two samples and {contacts:.2f} contacts per disc")
+    print(
+        f"memory   {n} discs, {steps} steps: {ready:.0f} bytes per disc when prepared, {peak:.0f} at most, {held:.0f} with the "
+        f"trajectory of two samples and {contacts:.2f} contacts per disc"
+    )
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--n", type=int, nargs="+", default=[1000, 10_000, 100_000, 1_000_000])
     parser.add_argument("--rounds", type=int, default=3)
-    parser.add_argument("--only", nargs="+", default=["growth", "sweep", "peers", "impulses", "memory"])
+    parser.add_argument(
+        "--only", nargs="+", default=["growth", "sweep", "peers", "impulses", "memory"]
+    )
     args = parser.parse_args()
     import numba
     import scipy
-    print(f"{platform.processor() or platform.machine()}, {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}, numpy "
-          f"{np.__version__}, scipy {scipy.__version__}, numba {numba.__version__}")
+
+    print(
+        f"{platform.processor() or platform.machine()}, {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}, numpy "
+        f"{np.__version__}, scipy {scipy.__version__}, numba {numba.__version__}"
+    )
     if "sweep" in args.only:
         sweeps([n for n in args.n if n > 1000], args.rounds)
     if "impulses" in args.only:

@@ -15,6 +15,7 @@ exact projections over the pairs that a search finds, then the walls. The peers:
 The order of a sweep is the peer's own; none has a margin, so a contact made by the sweep itself may be missed (13 % of
 them in this scene), which is what users have. What is not installed is left out, with a sentence.
 """
+
 import argparse
 import os
 import platform
@@ -29,12 +30,14 @@ import numpy as np  # noqa: E402
 import nsbench  # noqa: E402
 from nsbench.measure.clock import interleaved, ratio  # noqa: E402
 
-DIAMETER, STEP = 2.0, 0.01
+DIAMETER = 2.0
+STEP = 0.01
 
 
 @dataclass(frozen=True)
 class Scene:
     """x0, v: places and velocities (n, 2); low, high (2,): the walls for centres; case: the same for nsbench."""
+
     x0: np.ndarray
     v: np.ndarray
     low: np.ndarray
@@ -42,7 +45,9 @@ class Scene:
     case: object
 
 
-def drift_scene(n: int, steps: int, labels: str = "rows", seed: int = 0, h: float = STEP, warm: int = 100) -> Scene:
+def drift_scene(
+    n: int, steps: int, labels: str = "rows", seed: int = 0, h: float = STEP, warm: int = 100
+) -> Scene:
     """n discs at area fraction 0.8 with random unit velocities, for `steps` steps of h; labels: "rows" (sorted by rows of
     the packing, which is about by cells) or "random". The start is what PBD makes of the packing in `warm` steps: before
     that most discs have not met a neighbour, and a step costs less."""
@@ -53,12 +58,15 @@ def drift_scene(n: int, steps: int, labels: str = "rows", seed: int = 0, h: floa
     case = case.replace(t=np.array([0.0, steps * h]))
     v = case.problem.drift(np)(0.0, case.x0.copy()).reshape(-1, 2)
     b = case.problem.constraints[1].b
-    return Scene(case.x0.reshape(-1, 2).copy(), v, -b[:2], b[2 * n:2 * n + 2].copy(), case)
+    return Scene(case.x0.reshape(-1, 2).copy(), v, -b[:2], b[2 * n : 2 * n + 2].copy(), case)
 
 
-def kdtree(scene: Scene, steps: int, h: float = STEP, sweep: str = "numba", tuned: bool = False) -> Callable[[], np.ndarray]:
+def kdtree(
+    scene: Scene, steps: int, h: float = STEP, sweep: str = "numba", tuned: bool = False
+) -> Callable[[], np.ndarray]:
     """A run with scipy's cKDTree, as it is or tuned: the places (n, 2) at the end."""
     from scipy.spatial import cKDTree
+
     options = {"compact_nodes": False, "balanced_tree": False} if tuned else {}
     project = _numba_sweep() if sweep == "numba" else _numpy_sweep
 
@@ -69,13 +77,15 @@ def kdtree(scene: Scene, steps: int, h: float = STEP, sweep: str = "numba", tune
             project(x, cKDTree(x, **options).query_pairs(DIAMETER, output_type="ndarray"))
             np.clip(x, scene.low, scene.high, out=x)
         return x
-    run()                                             # compiled before it is timed
+
+    run()  # compiled before it is timed
     return run
 
 
 def _numpy_sweep(x, pairs):
     """All projections from the same state, those of a disc averaged by its number of contacts."""
-    i, j = pairs[:, 0], pairs[:, 1]
+    i = pairs[:, 0]
+    j = pairs[:, 1]
     u = x[i] - x[j]
     r = np.sqrt(np.einsum("ij,ij->i", u, u))
     u *= (0.5 * (DIAMETER - r) / r)[:, None]
@@ -91,8 +101,10 @@ def _numba_sweep():
     @njit(error_model="numpy")
     def sweep(x, pairs):
         for k in range(pairs.shape[0]):
-            i, j = pairs[k, 0], pairs[k, 1]
-            u, v = x[i, 0] - x[j, 0], x[i, 1] - x[j, 1]
+            i = pairs[k, 0]
+            j = pairs[k, 1]
+            u = x[i, 0] - x[j, 0]
+            v = x[i, 1] - x[j, 1]
             r2 = u * u + v * v
             if r2 < DIAMETER * DIAMETER:
                 r = np.sqrt(r2)
@@ -101,6 +113,7 @@ def _numba_sweep():
                 x[i, 1] += m * v
                 x[j, 0] -= m * u
                 x[j, 1] -= m * v
+
     return sweep
 
 
@@ -111,15 +124,28 @@ def taichi(scene: Scene, steps: int, h: float = STEP) -> Callable[[], np.ndarray
     except ImportError:
         return "taichi is not installed (pip install taichi); left out."
     from taichi.lang import impl
-    if not impl.get_runtime().prog:                   # one runtime for all scenes: a second init would end the first
-        ti.init(arch=ti.cpu, default_fp=ti.f64, cpu_max_num_threads=1, offline_cache=False, log_level=ti.ERROR)
-    n, low, high = len(scene.x0), scene.low - 1.0, scene.high + 1.0
-    columns, rows = (max(1, int(s)) for s in (high - low) / DIAMETER)        # cells of at least one diameter
-    a, b = float(low[0]), float(low[1])
+
+    if not impl.get_runtime().prog:  # one runtime for all scenes: a second init would end the first
+        ti.init(
+            arch=ti.cpu,
+            default_fp=ti.f64,
+            cpu_max_num_threads=1,
+            offline_cache=False,
+            log_level=ti.ERROR,
+        )
+    n = len(scene.x0)
+    low = scene.low - 1.0
+    high = scene.high + 1.0
+    columns, rows = (
+        max(1, int(s)) for s in (high - low) / DIAMETER
+    )  # cells of at least one diameter
+    a = float(low[0])
+    b = float(low[1])
     per = ti.Vector([columns / (high[0] - low[0]), rows / (high[1] - low[1])])
     bounds = [float(v) for v in (*scene.low, *scene.high)]
     x, y, v = (ti.Vector.field(2, float, n) for _ in range(3))
-    cell, ids = ti.field(int, n), ti.field(int, n)
+    cell = ti.field(int, n)
+    ids = ti.field(int, n)
     first = ti.field(int, columns * rows + 1)
 
     @ti.func
@@ -148,10 +174,11 @@ def taichi(scene: Scene, steps: int, h: float = STEP) -> Callable[[], np.ndarray
                 first[c + 1] += first[c]
             for i in range(n):
                 k = n - 1 - i
-                first[cell[k] + 1] -= 1                # filled from the back: first[c + 1] ends as the start of c
+                first[cell[k] + 1] -= 1  # filled from the back: first[c + 1] ends as the start of c
                 ids[first[cell[k] + 1]] = k
             for c in range(columns * rows):
-                begin, end = first[c + 1], n
+                begin = first[c + 1]
+                end = n
                 if c + 2 <= columns * rows:
                     end = first[c + 2]
                 for p in range(begin, end):
@@ -166,7 +193,8 @@ def taichi(scene: Scene, steps: int, h: float = STEP) -> Callable[[], np.ndarray
                         for q in range(end, stop):
                             push(i, ids[q])
                     if c + columns < columns * rows:
-                        lo, up = c + columns - ti.min(c0, 1), c + columns + ti.min(columns - 1 - c0, 1)
+                        lo = c + columns - ti.min(c0, 1)
+                        up = c + columns + ti.min(columns - 1 - c0, 1)
                         stop = n
                         if up + 2 <= columns * rows:
                             stop = first[up + 2]
@@ -181,6 +209,7 @@ def taichi(scene: Scene, steps: int, h: float = STEP) -> Callable[[], np.ndarray
         ti.loop_config(serialize=True)
         for i in range(n):
             x[i] = y[i]
+
     y.from_numpy(scene.x0)
     v.from_numpy(scene.v)
 
@@ -189,20 +218,29 @@ def taichi(scene: Scene, steps: int, h: float = STEP) -> Callable[[], np.ndarray
         march(steps, h)
         ti.sync()
         return x
+
     run()
     return lambda: run()
 
 
 def peers(scene: Scene, steps: int, h: float = STEP) -> tuple[dict[str, Callable], list[str]]:
     """Runs by name, compiled and ready to be timed, and a sentence for each peer that is left out."""
-    found = {"kdtree + numba": kdtree(scene, steps, h), "kdtree + numba, tuned": kdtree(scene, steps, h, tuned=True),
-             "kdtree + numpy": kdtree(scene, steps, h, "numpy"), "taichi": taichi(scene, steps, h)}
-    return ({k: r for k, r in found.items() if callable(r)}, [r for r in found.values() if not callable(r)])
+    found = {
+        "kdtree + numba": kdtree(scene, steps, h),
+        "kdtree + numba, tuned": kdtree(scene, steps, h, tuned=True),
+        "kdtree + numpy": kdtree(scene, steps, h, "numpy"),
+        "taichi": taichi(scene, steps, h),
+    }
+    return (
+        {k: r for k, r in found.items() if callable(r)},
+        [r for r in found.values() if not callable(r)],
+    )
 
 
 def overlap(x: np.ndarray) -> tuple[float, float]:
     """Largest and mean overlap of discs at x (n, 2): whether two peers did the same work."""
     from scipy.spatial import cKDTree
+
     i, j = cKDTree(x).query_pairs(DIAMETER, output_type="ndarray").T
     depth = DIAMETER - np.linalg.norm(x[i] - x[j], axis=1)
     return (float(depth.max()), float(depth.sum() / len(x))) if len(depth) else (0.0, 0.0)
@@ -213,7 +251,9 @@ def main():
     parser.add_argument("--n", type=int, nargs="+", default=[1000, 10_000, 100_000])
     parser.add_argument("--rounds", type=int, default=5)
     args = parser.parse_args()
-    print(f"{platform.processor() or platform.machine()}, numpy {np.__version__}, load {os.getloadavg()[0]:.1f}")
+    print(
+        f"{platform.processor() or platform.machine()}, numpy {np.__version__}, load {os.getloadavg()[0]:.1f}"
+    )
     for labels in ("rows", "random"):
         for n in args.n:
             steps = max(20, min(200, 1_000_000 // n))
@@ -224,10 +264,18 @@ def main():
             times = interleaved({"pbd": ours, **runs}, args.rounds)
             for name, run in {"pbd": ours, **runs}.items():
                 end = run()
-                end = end.x[-1].reshape(-1, 2) if name == "pbd" else end.to_numpy() if name == "taichi" else end
+                end = (
+                    end.x[-1].reshape(-1, 2)
+                    if name == "pbd"
+                    else end.to_numpy()
+                    if name == "taichi"
+                    else end
+                )
                 worst, mean = overlap(end)
-                print(f"{labels:>7} {n:>7} discs {steps:>4} steps  {name:<21} {1e9 * times[name].median / n / steps:8.1f} ns "
-                      f"per disc and step, over pbd {ratio(times[name], times['pbd'])!s:<22} overlap {worst:.3f} mean {mean:.4f}")
+                print(
+                    f"{labels:>7} {n:>7} discs {steps:>4} steps  {name:<21} {1e9 * times[name].median / n / steps:8.1f} ns "
+                    f"per disc and step, over pbd {ratio(times[name], times['pbd'])!s:<22} overlap {worst:.3f} mean {mean:.4f}"
+                )
             for why in skipped:
                 print(why)
 

@@ -10,6 +10,7 @@
 3. The wall: error, steps, seconds and status for k = 1e2 ... 1e10 and each integrator: where it begins to fail, and that
    it says so. An error that is no longer 1/k with status ok would be a fault of this bench.
 """
+
 import argparse
 import json
 import os
@@ -44,14 +45,23 @@ print(json.dumps([library, first, later[0], later[3], later[-1], "diffrax" in sy
 
 
 def second_call(name: str, k: float):
-    print(f"\n{name}, k = {k:g}      import jax   first call   second (least, median, most of 7)   first / second")
+    print(
+        f"\n{name}, k = {k:g}      import jax   first call   second (least, median, most of 7)   first / second"
+    )
     with tempfile.TemporaryDirectory() as folder:
         for what in ("traced and compiled", "found on disk"):
-            out = subprocess.run([sys.executable, "-c", CALLS, name, str(k)], capture_output=True, text=True, check=True,
-                                 env=os.environ | {"XDG_CACHE_HOME": folder})
+            out = subprocess.run(
+                [sys.executable, "-c", CALLS, name, str(k)],
+                capture_output=True,
+                text=True,
+                check=True,
+                env=os.environ | {"XDG_CACHE_HOME": folder},
+            )
             library, first, least, middle, most, traced = json.loads(out.stdout)
-            print(f"  {what:<22s}{library:10.2f}{first:13.3f}     {least:9.4f} {middle:9.4f} {most:9.4f}"
-                  f"{first / middle:20.0f}   diffrax {'loaded' if traced else 'not loaded'}")
+            print(
+                f"  {what:<22s}{library:10.2f}{first:13.3f}     {least:9.4f} {middle:9.4f} {most:9.4f}"
+                f"{first / middle:20.0f}   diffrax {'loaded' if traced else 'not loaded'}"
+            )
 
 
 def ready(case, spec, k):
@@ -64,9 +74,11 @@ def ready(case, spec, k):
 def extrapolation(goal: float):
     case = nsbench.get_case("three_discs")
     found = {}
-    for spec, ks in (("penalty[extrapolate=1]", np.geomspace(2e3, 1.6e4, 7)),
-                     ("penalty[extrapolate=1,method=kvaerno5]", np.geomspace(2e3, 1.6e4, 7)),
-                     ("penalty[extrapolate=2]", np.geomspace(500.0, 1600.0, 9))):
+    for spec, ks in (
+        ("penalty[extrapolate=1]", np.geomspace(2e3, 1.6e4, 7)),
+        ("penalty[extrapolate=1,method=kvaerno5]", np.geomspace(2e3, 1.6e4, 7)),
+        ("penalty[extrapolate=2]", np.geomspace(500.0, 1600.0, 9)),
+    ):
         for k in ks:
             run, error, traj = ready(case, spec, k)
             if traj.status.ok and error <= goal:
@@ -77,7 +89,9 @@ def extrapolation(goal: float):
         found[f"penalty[method={method}], k = 1e6"] = (run, error)
     times = interleaved({n: r for n, (r, _) in found.items()}, rounds=3)
     plain = min((n for n in found if "k = 1e6" in n), key=lambda n: times[n].median)
-    print(f"\nthree_discs to {goal:g}                      error     seconds   over plain at k = 1e6 (the faster of two)")
+    print(
+        f"\nthree_discs to {goal:g}                      error     seconds   over plain at k = 1e6 (the faster of two)"
+    )
     for n, (_, error) in found.items():
         print(f"  {n:<50s}{error:10.1e}{times[n].median:10.3f}   {ratio(times[n], times[plain])}")
 
@@ -95,7 +109,9 @@ def wall(name: str):
             seconds = time.perf_counter() - start
             whole = np.isfinite(traj.x).all() and len(traj.t) == len(case.t)
             error = nsbench.errors(case, traj)["state_sup"] if whole else float("nan")
-            cells.append(f"{error:8.1e} ({error * k:7.2f}) {traj.stats['steps']:7d} {seconds:7.3f} {traj.status.code:<10s}")
+            cells.append(
+                f"{error:8.1e} ({error * k:7.2f}) {traj.stats['steps']:7d} {seconds:7.3f} {traj.status.code:<10s}"
+            )
         print(f"  {k:7.0e}  " + " | ".join(cells))
     print("           " + " | ".join(f"{m:<44s}" for m in methods))
 
@@ -108,15 +124,20 @@ def many():
         runs = {p: solvers.get(f"penalty[pairs={p}]").prepare(case, 300.0) for p in ("all", "near")}
         a, b = (r() for r in runs.values())
         times = interleaved(runs, rounds=3)
-        print(f"  n = {n:5d}: near over all {ratio(times['near'], times['all'])}, "
-              f"largest difference {np.abs(a.x - b.x).max():.1e}")
+        print(
+            f"  n = {n:5d}: near over all {ratio(times['near'], times['all'])}, "
+            f"largest difference {np.abs(a.x - b.x).max():.1e}"
+        )
     case = nsbench.get_case("discs", n=1000)
     run = solvers.get("penalty").prepare(case.replace(t=np.linspace(0.0, 0.3, 3)), 300.0)
     start = time.perf_counter()
     traj = run()
-    seconds, s = time.perf_counter() - start, traj.stats
-    print(f"  n =  1000, T = 0.3: {s['steps'] + s['refused_steps']} steps, {s['segments']} segments, {seconds:.2f} s, "
-          f"{traj.status.code}, {len(traj.contacts)} contacts of 499500 pairs")
+    seconds = time.perf_counter() - start
+    s = traj.stats
+    print(
+        f"  n =  1000, T = 0.3: {s['steps'] + s['refused_steps']} steps, {s['segments']} segments, {seconds:.2f} s, "
+        f"{traj.status.code}, {len(traj.contacts)} contacts of 499500 pairs"
+    )
 
 
 def main():
@@ -124,8 +145,11 @@ def main():
     args.add_argument("--wall", type=int, default=1)
     args = args.parse_args()
     names = ("jax", "jaxlib", "diffrax", "numpy")
-    print(f"python {platform.python_version()}, " + ", ".join(f"{n} {metadata.version(n)}" for n in names)
-          + f", {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}")
+    print(
+        f"python {platform.python_version()}, "
+        + ", ".join(f"{n} {metadata.version(n)}" for n in names)
+        + f", {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}"
+    )
     for name in ("tide", "three_discs", "discs[n=30]"):
         second_call(name, 100.0)
     extrapolation(1e-8)

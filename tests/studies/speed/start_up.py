@@ -6,6 +6,7 @@ The first two are medians of ratios within interleaved rounds of fresh processes
 and JAX's) in a new empty folder. Warm: the same folder, `--force`, so that every run is made again. Seconds on the wall and
 of processors; with other work on the machine only the latter mean anything.
 """
+
 import argparse
 import os
 import resource
@@ -24,32 +25,61 @@ ROUNDS = 9
 def process(*argv):
     def run():
         subprocess.run([sys.executable, *argv], check=True, stdout=subprocess.DEVNULL)
+
     return run
 
 
 def start_up():
     """Ratios of the commands' seconds to those of importing numpy."""
-    runs = {"import numpy": process("-c", "import numpy"), "list": process("-m", "nsbench", "list"),
-            "--help": process("-m", "nsbench", "--help")}
+    runs = {
+        "import numpy": process("-c", "import numpy"),
+        "list": process("-m", "nsbench", "list"),
+        "--help": process("-m", "nsbench", "--help"),
+    }
     times = interleaved(runs, rounds=ROUNDS, least=0.0)
     print(f"python -c 'import numpy': {times['import numpy'].median:.3f} s")
     for name in ("list", "--help"):
-        print(f"nsbench {name}: {times[name].median:.3f} s, {ratio(times[name], times['import numpy'])} times import numpy")
+        print(
+            f"nsbench {name}: {times[name].median:.3f} s, {ratio(times[name], times['import numpy'])} times import numpy"
+        )
 
 
 def suite(name: str, jobs: int):
     """Wall and processor seconds of the suite, first with empty caches, then with what that left."""
     with tempfile.TemporaryDirectory(prefix="nsbench-start-") as folder:
-        env = os.environ | {"XDG_CACHE_HOME": folder, "NUMBA_CACHE_DIR": str(Path(folder) / "numba")}
+        env = os.environ | {
+            "XDG_CACHE_HOME": folder,
+            "NUMBA_CACHE_DIR": str(Path(folder) / "numba"),
+        }
         for word, more in (("cold", ()), ("warm", ("--force",))):
-            before, start = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
-            done = subprocess.run([sys.executable, "-m", "nsbench", "run", "--suite", name, "-j", str(jobs), *more, "-o",
-                                   str(Path(folder) / "out")], env=env, capture_output=True, text=True)
-            wall, after = time.perf_counter() - start, resource.getrusage(resource.RUSAGE_CHILDREN)
+            before = resource.getrusage(resource.RUSAGE_CHILDREN)
+            start = time.perf_counter()
+            done = subprocess.run(
+                [
+                    sys.executable,
+                    "-m",
+                    "nsbench",
+                    "run",
+                    "--suite",
+                    name,
+                    "-j",
+                    str(jobs),
+                    *more,
+                    "-o",
+                    str(Path(folder) / "out"),
+                ],
+                env=env,
+                capture_output=True,
+                text=True,
+            )
+            wall = time.perf_counter() - start
+            after = resource.getrusage(resource.RUSAGE_CHILDREN)
             spent = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-            print(f"{name} suite, {word}, {jobs} workers: {wall:.0f} s on the wall, {spent:.0f} s of processors, "
-                  f"exit code {done.returncode}; {done.stdout.strip().splitlines()[0] if done.stdout else done.stderr}",
-                  flush=True)
+            print(
+                f"{name} suite, {word}, {jobs} workers: {wall:.0f} s on the wall, {spent:.0f} s of processors, "
+                f"exit code {done.returncode}; {done.stdout.strip().splitlines()[0] if done.stdout else done.stderr}",
+                flush=True,
+            )
 
 
 def main():
@@ -57,8 +87,10 @@ def main():
     p.add_argument("--suite", default="standard", help="none, smoke, standard, hard or full")
     p.add_argument("-j", "--jobs", type=int, default=2)
     args = p.parse_args()
-    print(f"python {versions()['python']}, numpy {versions()['numpy']}, numba {versions()['numba']}, jax {versions()['jax']}; "
-          f"load average {os.getloadavg()[0]:.1f} of {os.cpu_count()} cores")
+    print(
+        f"python {versions()['python']}, numpy {versions()['numpy']}, numba {versions()['numba']}, jax {versions()['jax']}; "
+        f"load average {os.getloadavg()[0]:.1f} of {os.cpu_count()} cores"
+    )
     start_up()
     if args.suite != "none":
         suite(args.suite, args.jobs)

@@ -1,4 +1,5 @@
 """Near pairs of particles by cell lists: all i < j with |x_i - x_j| <= r_i + r_j + reach, sorted."""
+
 import numpy as np
 from numba import njit
 

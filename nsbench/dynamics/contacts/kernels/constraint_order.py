@@ -14,15 +14,20 @@ at once, level after level, with the result of the sweep one after another, bit 
 each other in a random packing of 10^6 discs the orders "random" and "coloured" have about 24 levels; "sorted", numbered
 row by row, has thousands.
 """
+
 import numpy as np
 from numba import njit
 
 from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
 
-SORTED, REVERSE, RANDOM, CELL, COLOURED = 0, 1, 2, 3, 4
-SHIFT = 28                                   # bits of a particle's index in a key: 2.7e8 particles
-COLOUR_SHIFT = 26                            # the same beside a colour: 6.7e7 particles
-FAMILY_SHIFT = 2 * SHIFT                     # 256 families
+SORTED = 0
+REVERSE = 1
+RANDOM = 2
+CELL = 3
+COLOURED = 4
+SHIFT = 28  # bits of a particle's index in a key: 2.7e8 particles
+COLOUR_SHIFT = 26  # the same beside a colour: 6.7e7 particles
+FAMILY_SHIFT = 2 * SHIFT  # 256 families
 
 
 @njit(cache=True)
@@ -40,9 +45,17 @@ def order_key(order, seed, family, a, b):
     if order == COLOURED and b > 0:
         shift = np.uint64(seed + 1) * np.uint64(0x9E3779B97F4A7C15)
         colour = (mix(np.uint64(a) + shift) + mix(np.uint64(b) + shift)) >> np.uint64(60)
-        return ((np.uint64(family) << np.uint64(FAMILY_SHIFT)) | (colour << np.uint64(2 * COLOUR_SHIFT))
-                | (np.uint64(a) << np.uint64(COLOUR_SHIFT)) | np.uint64(b))
-    key = (np.uint64(family) << np.uint64(FAMILY_SHIFT)) | (np.uint64(a) << np.uint64(SHIFT)) | np.uint64(b)
+        return (
+            (np.uint64(family) << np.uint64(FAMILY_SHIFT))
+            | (colour << np.uint64(2 * COLOUR_SHIFT))
+            | (np.uint64(a) << np.uint64(COLOUR_SHIFT))
+            | np.uint64(b)
+        )
+    key = (
+        (np.uint64(family) << np.uint64(FAMILY_SHIFT))
+        | (np.uint64(a) << np.uint64(SHIFT))
+        | np.uint64(b)
+    )
     if order == REVERSE:
         return ~key
     if order == RANDOM:
@@ -62,7 +75,8 @@ def places(family):
 @njit(cache=True)
 def static_keys(family, order, seed):
     """Keys of listed constraints."""
-    place, keys = places(family), np.empty(family.size, np.uint64)
+    place = places(family)
+    keys = np.empty(family.size, np.uint64)
     for c in range(family.size):
         keys[c] = order_key(order, seed, family[c], place[c], 0)
     return keys
@@ -72,9 +86,11 @@ def static_keys(family, order, seed):
 def levels(i, j, n):
     """Levels (from 0) of constraints on particles i[c], j[c] < n (j[c] < 0: on i[c] alone), listed in the order of the
     sweep: one more than the last constraint before it that shares a particle."""
-    free, level = np.zeros(n, np.int32), np.empty(i.size, np.int32)
+    free = np.zeros(n, np.int32)
+    level = np.empty(i.size, np.int32)
     for c in range(i.size):
-        a, b = i[c], j[c] if j[c] >= 0 else i[c]
+        a = i[c]
+        b = j[c] if j[c] >= 0 else i[c]
         level[c] = max(free[a], free[b])
         free[a] = free[b] = level[c] + 1
     return level

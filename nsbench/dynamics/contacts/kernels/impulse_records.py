@@ -1,4 +1,5 @@
 """Impulses by contact as growing records (sample, family, i, j, impulse): what never acts takes no room."""
+
 from collections.abc import Sequence
 
 import numpy as np
@@ -6,7 +7,7 @@ from numba import njit
 
 from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
 
-MANY = 10_000             # contacts; a tuple takes some 130 bytes for each, and half a microsecond
+MANY = 10_000  # contacts; a tuple takes some 130 bytes for each, and half a microsecond
 
 
 @njit(cache=True)
@@ -17,12 +18,14 @@ def flush(k, mu, family, i, j, ids, values, count):
         if mu[c] != 0.0:
             need += 1
     if count + need > values.size:
-        more, large = np.empty((3 * values.size + need, 4), np.int64), np.empty(3 * values.size + need)
+        more = np.empty((3 * values.size + need, 4), np.int64)
+        large = np.empty(3 * values.size + need)
         for c in range(count):
             large[c] = values[c]
             for e in range(4):
                 more[c, e] = ids[c, e]
-        ids, values = more, large
+        ids = more
+        values = large
     for c in range(mu.size):
         if mu[c] != 0.0:
             ids[count, 0] = k
@@ -55,7 +58,11 @@ class Contacts(Sequence):
     def __eq__(self, other):
         if isinstance(other, Contacts):
             return np.array_equal(self.ids, other.ids)
-        return isinstance(other, tuple) and len(self) == len(other) and all(a == b for a, b in zip(self, other, strict=True))
+        return (
+            isinstance(other, tuple)
+            and len(self) == len(other)
+            and all(a == b for a, b in zip(self, other, strict=True))
+        )
 
     def __hash__(self):
         return hash(tuple(self))
@@ -74,12 +81,14 @@ def sorted_contacts(ids):
     families = 0
     for e in range(len(ids)):
         families = max(families, ids[e, 1] + 1)
-    size = np.zeros(families + 1, np.int64)                  # where a family begins
+    size = np.zeros(families + 1, np.int64)  # where a family begins
     for e in range(len(ids)):
         size[ids[e, 1] + 1] = max(size[ids[e, 1] + 1], ids[e, 2] + 1)
     for f in range(size.size - 1):
         size[f + 1] += size[f]
-    ends, order, column = np.zeros(size[-1] + 1, np.int32), np.empty(len(ids), np.int32), np.empty(len(ids), np.int32)
+    ends = np.zeros(size[-1] + 1, np.int32)
+    order = np.empty(len(ids), np.int32)
+    column = np.empty(len(ids), np.int32)
     for e in range(len(ids)):
         ends[size[ids[e, 1]] + ids[e, 2] + 1] += 1
     for s in range(ends.size - 1):
@@ -87,11 +96,13 @@ def sorted_contacts(ids):
     for e in range(len(ids)):
         at = size[ids[e, 1]] + ids[e, 2]
         order[ends[at]] = e
-        ends[at] += 1                                        # to its end, the start of the next
-    lo, m = 0, 0
+        ends[at] += 1  # to its end, the start of the next
+    lo = 0
+    m = 0
     for s in range(ends.size - 1):
         for e in range(lo, ends[s]):
-            c, f = order[e], e
+            c = order[e]
+            f = e
             while f > lo and ids[order[f - 1], 3] > ids[c, 3]:
                 order[f] = order[f - 1]
                 f -= 1
@@ -113,10 +124,18 @@ def cumulate(ids: np.ndarray, values: np.ndarray, samples: int) -> tuple[Sequenc
         return (), np.zeros((samples, 0))
     if len(values) > MANY and ids.dtype == np.int32:
         contacts, column = sorted_contacts(ids)
-    elif ids.max() < 2**27 and ids[:, 1].max() < 2**7:     # one word for each id: sorted much faster, in the same order
-        words = (ids[:, 1].astype(np.int64) << 56) | (ids[:, 2].astype(np.int64) << 28) | (ids[:, 3].astype(np.int64) + 1)
+    elif (
+        ids.max() < 2**27 and ids[:, 1].max() < 2**7
+    ):  # one word for each id: sorted much faster, in the same order
+        words = (
+            (ids[:, 1].astype(np.int64) << 56)
+            | (ids[:, 2].astype(np.int64) << 28)
+            | (ids[:, 3].astype(np.int64) + 1)
+        )
         words, column = np.unique(words, return_inverse=True)
-        contacts = np.stack((words >> 56, (words >> 28) & (2**28 - 1), (words & (2**28 - 1)) - 1), axis=1).astype(ids.dtype)
+        contacts = np.stack(
+            (words >> 56, (words >> 28) & (2**28 - 1), (words & (2**28 - 1)) - 1), axis=1
+        ).astype(ids.dtype)
         del words
     else:
         contacts, column = np.unique(ids[:, 1:], axis=0, return_inverse=True)

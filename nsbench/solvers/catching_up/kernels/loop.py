@@ -5,6 +5,7 @@ was built. Gaps of discs are convex, so a linearised gap falls by no more than t
 by at most skin / 2 since then, the step just solved included, no pair left out can be violated by it, and the step
 is the one over all pairs. Otherwise the list is built anew, longer if one step alone is the reason, and the step done again.
 """
+
 import numpy as np
 from numba import njit
 
@@ -16,15 +17,17 @@ from nsbench.solvers.catching_up.kernels.candidates import carry, columns, gathe
 from nsbench.solvers.pbd.kernels.listed_loop import NAN, OK, finite
 
 INFEASIBLE = 3
-QPS, ROUNDS, REBUILDS, PEAK, LIMITS, TIES, WORST, ACTING = range(8)      # places of the counters
-SKIN_OVER_STEP = 8.0                                      # a list should outlive its own step
+QPS, ROUNDS, REBUILDS, PEAK, LIMITS, TIES, WORST, ACTING = range(8)  # places of the counters
+SKIN_OVER_STEP = 8.0  # a list should outlive its own step
 
 
 @njit(cache=True, error_model="numpy")
 def linearise(lists, rows, b, anchors, x, ptr, vals, g):
     """Fill g (m,) and the entries of the gradients at x. A distance of zero has the first axis for a direction."""
     kind, _, _, _, p, q, d, sign, dim = lists
-    rptr, rcols, rvals = rows[0], rows[1], rows[2]
+    rptr = rows[0]
+    rcols = rows[1]
+    rvals = rows[2]
     for k in range(kind.size):
         at = ptr[k]
         if kind[k] == 0:
@@ -43,7 +46,8 @@ def linearise(lists, rows, b, anchors, x, ptr, vals, g):
         r = np.sqrt(s)
         g[k] = sign[k] * (r - d[k])
         if r == 0.0:
-            vals[at], r = 1.0, 1.0
+            vals[at] = 1.0
+            r = 1.0
         for c in range(dim[k]):
             vals[at + c] *= sign[k] / r
             if kind[k] == 1:
@@ -53,11 +57,15 @@ def linearise(lists, rows, b, anchors, x, ptr, vals, g):
 @njit(cache=True, error_model="numpy")
 def travel(base, x, z, d, hard):
     """The farthest way of a hard particle base -> x -> y = z + d, and of x -> y alone."""
-    far, last = 0.0, 0.0
+    far = 0.0
+    last = 0.0
     for u in range(hard.shape[0]):
-        start, n, dim = hard[u, 1], hard[u, 2], hard[u, 3]
+        start = hard[u, 1]
+        n = hard[u, 2]
+        dim = hard[u, 3]
         for i in range(n):
-            s, v = 0.0, 0.0
+            s = 0.0
+            v = 0.0
             for c in range(start + i * dim, start + (i + 1) * dim):
                 s += (x[c] - base[c]) ** 2
                 v += (z[c] + d[c] - x[c]) ** 2
@@ -73,9 +81,13 @@ def project(exact, many, lists, P, book, store, rows, b, anchors, x, z, guess, c
     exact, many, book, store: see kernels.least. Returns mu, d = y - z, code, residual, book, store.
     """
     m = guess.size
-    vals, w, q, scale = np.empty(P[1].size), np.empty(m), np.empty(m), 1.0
+    vals = np.empty(P[1].size)
+    w = np.empty(m)
+    q = np.empty(m)
+    scale = 1.0
     linearise(lists, rows, b, anchors, x, P[0], vals, w)
-    e, work = np.empty(x.size), np.zeros(4, np.int64)
+    e = np.empty(x.size)
+    work = np.zeros(4, np.int64)
     for c in range(x.size):
         scale = max(scale, abs(x[c]), abs(z[c]))
         e[c] = z[c] - x[c]
@@ -90,13 +102,15 @@ def project(exact, many, lists, P, book, store, rows, b, anchors, x, z, guess, c
     count[ROUNDS] += work[1]
     count[WORST] = max(count[WORST], work[1])
     count[LIMITS] += work[0] == qp.MAXITER
-    for k in range(m):                                    # a push between coincident centres has no direction
+    for k in range(m):  # a push between coincident centres has no direction
         count[TIES] += lists[0][k] != 0 and mu[k] > 0.0 and w[k] == -lists[7][k] * lists[6][k]
     return mu, d, work[0], qp.residual(P, vals, q, mu, d), book, store
 
 
 @njit(cache=True, error_model="numpy")
-def march(f, b_of, a_of, exact, many, moving, t, substeps, x, static, rows, b, anchors, hard, radii, reach):
+def march(
+    f, b_of, a_of, exact, many, moving, t, substeps, x, static, rows, b, anchors, hard, radii, reach
+):
     """Samples of one run. Arguments as kernels.pbd_near.march (static: arrays of the listed constraints, by family).
 
     exact, many: the functions of kernels.least.
@@ -104,22 +118,31 @@ def march(f, b_of, a_of, exact, many, moving, t, substeps, x, static, rows, b, a
     Returns X (K, n), reaction (K, n), ids, values (records of impulse), counters, the worst KKT residual with the time
     of its step, status, time reached.
     """
-    K, n = t.size, x.size
-    X, R = np.empty((K, n)), np.empty((K, n))
+    K = t.size
+    n = x.size
+    X = np.empty((K, n))
+    R = np.empty((K, n))
     for k in range(K):
         for c in range(n):
             X[k, c] = R[k, c] = np.nan
     x, reac, v, base, z = x.copy(), np.zeros(n), np.empty(n), x.copy(), np.empty(n)
-    ids, values, size = np.empty((64, 4), np.int64), np.empty(64), np.int64(0)
-    count, skin = np.zeros(8, np.int64), reach
+    ids = np.empty((64, 4), np.int64)
+    values = np.empty(64)
+    size = np.int64(0)
+    count = np.zeros(8, np.int64)
+    skin = reach
     lists, keys = gather(x, skin, static, hard, radii)
     P = qp.outline(*columns(lists, rows[0], rows[1]), n)
-    guess, total = np.zeros(keys.size), np.zeros(keys.size)
-    book, store = np.zeros(2, np.int64), np.empty(1)
+    guess = np.zeros(keys.size)
+    total = np.zeros(keys.size)
+    book = np.zeros(2, np.int64)
+    store = np.empty(1)
     count[REBUILDS], count[PEAK] = 1, keys.size
     for c in range(n):
-        X[0, c], R[0, c] = x[c], 0.0
-    worst, when = 0.0, t[0]
+        X[0, c] = x[c]
+        R[0, c] = 0.0
+    worst = 0.0
+    when = t[0]
     for k in range(K - 1):
         h = (t[k + 1] - t[k]) / substeps[k]
         for s in range(substeps[k]):
@@ -134,23 +157,29 @@ def march(f, b_of, a_of, exact, many, moving, t, substeps, x, static, rows, b, a
                 b_of(after, b)
                 a_of(after, anchors)
             while True:
-                mu, d, code, kkt, book, store = project(exact, many, lists, P, book, store, rows, b, anchors, x, z,
-                                                                guess, count)
+                mu, d, code, kkt, book, store = project(
+                    exact, many, lists, P, book, store, rows, b, anchors, x, z, guess, count
+                )
                 far, last = travel(base, x, z, d, hard)
                 if code == qp.INFEASIBLE or not 2.0 * far > skin:
                     break
-                ids, values, size = flush(k + 1, total, lists[1], lists[2], lists[3], ids, values, size)
+                ids, values, size = flush(
+                    k + 1, total, lists[1], lists[2], lists[3], ids, values, size
+                )
                 skin = max(reach, SKIN_OVER_STEP * last)
                 lists, new = gather(x, skin, static, hard, radii)
                 P = qp.outline(*columns(lists, rows[0], rows[1]), n)
-                guess, keys, total = carry(keys, mu, new), new, np.zeros(new.size)
+                guess = carry(keys, mu, new)
+                keys = new
+                total = np.zeros(new.size)
                 book[0] = 0
                 for c in range(n):
                     base[c] = x[c]
                 count[REBUILDS] += 1
                 count[PEAK] = max(count[PEAK], keys.size)
             if not kkt <= worst:
-                worst, when = kkt, now
+                worst = kkt
+                when = now
             if code == qp.INFEASIBLE:
                 return X, R, ids[:size], values[:size], count, worst, when, INFEASIBLE, now
             for c in range(n):
@@ -163,6 +192,7 @@ def march(f, b_of, a_of, exact, many, moving, t, substeps, x, static, rows, b, a
             if not finite(x):
                 return X, R, ids[:size], values[:size], count, worst, when, NAN, now
         for c in range(n):
-            X[k + 1, c], R[k + 1, c] = x[c], reac[c]
+            X[k + 1, c] = x[c]
+            R[k + 1, c] = reac[c]
         ids, values, size = flush(k + 1, total, lists[1], lists[2], lists[3], ids, values, size)
     return X, R, ids[:size], values[:size], count, worst, when, OK, t[K - 1]

@@ -3,14 +3,15 @@
 Fields and switch functions are pointers (t, x, s, out) and (t, x, out). `mode` holds +1, -1 or 0 per surface:
 on the positive side, on the negative side, on the surface itself.
 """
+
 import numpy as np
 from numba import njit
 
 from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
 from nsbench.linalg.dense import OK, gauss, health, largest
 
-NEWTON = 30                       # iterations; a fresh Jacobian needs about 5, a kept one three times that
-ROUNDING = 64 * 2.0**-52          # what a few operations may lose, relative to the numbers in them
+NEWTON = 30  # iterations; a fresh Jacobian needs about 5, a kept one three times that
+ROUNDING = 64 * 2.0**-52  # what a few operations may lose, relative to the numbers in them
 
 # only called by other kernels: without the wrappers for Python they compile faster, and crash if Python calls them
 inner = njit(cache=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)
@@ -40,7 +41,8 @@ def extended(field, blend, t, x, s, e, v, out):
     for c in range(out.size):
         out[c] = 0.0
     for code in range(2**k):
-        weight, rest = 1.0, code
+        weight = 1.0
+        rest = code
         for i in range(s.size):
             e[i] = s[i]
             if abs(s[i]) > 1.0 or (blend and abs(s[i]) < 1.0):
@@ -80,7 +82,8 @@ def difference(unit, size):
 @inner
 def jacobian(field, switch, blend, unit, t, h, x, y, s, slide, e, v, c, r, q, J):
     """Derivative of the residual r: one-sided differences in y; in s_i exact, as F is affine in each weight."""
-    n, calls = x.size, 0
+    n = x.size
+    calls = 0
     for j in range(n):
         keep = y[j]
         y[j] = keep + difference(unit, abs(keep))
@@ -111,22 +114,31 @@ def newton(field, switch, blend, unit, t, h, x, mode, y, s, jump):
     jump (d,): displacement per unit of s_i, the size of a step's freedom on surface i. Returns converged, calls,
     iterations. The Jacobian is kept while an iteration gains a factor of 20.
     """
-    n, d = x.size, s.size
+    n = x.size
+    d = s.size
     size = n
     for i in range(d):
         size += mode[i] == 0
-    slide, j = np.empty(size - n, np.int64), 0
+    slide = np.empty(size - n, np.int64)
+    j = 0
     for i in range(d):
         if mode[i] == 0:
-            slide[j], j = i, j + 1
-    e, v, c = np.empty(d), np.empty(n), np.empty(d)
-    r, q, J, K = np.empty(size), np.empty(size), np.zeros((size, size)), np.empty((size, size))
+            slide[j] = i
+            j = j + 1
+    e = np.empty(d)
+    v = np.empty(n)
+    c = np.empty(d)
+    r = np.empty(size)
+    q = np.empty(size)
+    J = np.zeros((size, size))
+    K = np.empty((size, size))
     for i in range(d):
         if mode[i] != 0:
             s[i] = mode[i]
         elif abs(s[i]) > 1.0:
             s[i] = 0.0
-    calls, last = 0, 0.0
+    calls = 0
+    last = 0.0
     for it in range(NEWTON):
         calls += residual(field, switch, blend, t, h, x, y, s, slide, e, v, c, r)
         if it == 0 or last > 0.05:
@@ -150,5 +162,7 @@ def newton(field, switch, blend, unit, t, h, x, mode, y, s, jump):
         # far from the origin no more than rounding is allowed: a step may be much shorter than 1e-12 of the coordinates
         if move <= 1e-12 * (unit + min(unit, largest(y))) + ROUNDING * largest(y):
             return True, calls, it + 1
-        last = move / before if it else 0.0                 # the next move is 20 times smaller or, fresh, its square
+        last = (
+            move / before if it else 0.0
+        )  # the next move is 20 times smaller or, fresh, its square
     return False, calls, NEWTON

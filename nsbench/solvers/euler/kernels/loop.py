@@ -3,6 +3,7 @@
 Fields and switch functions are pointers (t, x, s, out) and (t, x, out). `mode` holds +1, -1 or 0 per surface:
 on the positive side, on the negative side, on the surface itself.
 """
+
 import numpy as np
 from numba import njit
 
@@ -10,10 +11,16 @@ from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps a
 from nsbench.linalg.dense import BLOWN, NAN, OK, health, largest  # noqa: F401 (codes that solvers read here)
 from nsbench.solvers.euler.kernels.implicit_step import ROUNDING, copy, inner, newton
 
-STUCK = 3                         # beside OK, NAN, BLOWN
-SLIDES = 4 * 2.0**-52             # of the state: a slide may need so much more than a side gives; it adds up over steps
-SUDDEN, FEW = 10.0, 5             # a move so many times the last may be to a far solution: with few surfaces nearer ones count
-TRIALS = 100_000                  # modes and starts that one step may try: minutes, not for ever, with many surfaces
+STUCK = 3  # beside OK, NAN, BLOWN
+SLIDES = (
+    4 * 2.0**-52
+)  # of the state: a slide may need so much more than a side gives; it adds up over steps
+# a move so many times the last may be to a far solution: with few surfaces nearer ones count
+SUDDEN = 10.0
+FEW = 5
+TRIALS = (
+    100_000  # modes and starts that one step may try: minutes, not for ever, with many surfaces
+)
 
 
 @inner
@@ -22,11 +29,14 @@ def wrong(switch, t, y, mode, c, s, jump, new, e, noise):
 
     e, noise (d,): work.
     """
-    bad, unsure, size = False, False, largest(y)
+    bad = False
+    unsure = False
+    size = largest(y)
     for i in range(mode.size):
-        new[i], noise[i] = mode[i], 0.0
+        new[i] = mode[i]
+        noise[i] = 0.0
         unsure |= mode[i] != 0 and not c[i] * mode[i] >= 0.0
-    if unsure:                                              # what rounding of the state makes of c
+    if unsure:  # what rounding of the state makes of c
         for j in range(y.size):
             keep = y[j]
             y[j] = keep + ROUNDING * keep
@@ -37,9 +47,11 @@ def wrong(switch, t, y, mode, c, s, jump, new, e, noise):
     for i in range(mode.size):
         if mode[i] == 0:
             if not (abs(s[i]) - 1.0) * jump[i] <= SLIDES * (size + jump[i]):
-                new[i], bad = (1 if s[i] > 0.0 else -1), True
+                new[i] = 1 if s[i] > 0.0 else -1
+                bad = True
         elif not c[i] * mode[i] >= -noise[i]:
-            new[i], bad = 0, True
+            new[i] = 0
+            bad = True
     return bad
 
 
@@ -51,9 +63,15 @@ def implicit_step(field, switch, blend, unit, t, h, x, mode, y, s, last):
     Newton's method may need another start to find it, and all modes are tried from the 2^d points s_i = +-1/2 too.
     y, s, mode are overwritten by the solution; last: how far the step before went. Returns found, calls, iterations.
     """
-    d, calls, inner = s.size, 0, 0
-    new, c, jump, start = mode.copy(), np.empty(d), np.zeros(d), s.copy()
-    e, noise = np.empty(d), np.empty(d)
+    d = s.size
+    calls = 0
+    inner = 0
+    new = mode.copy()
+    c = np.empty(d)
+    jump = np.zeros(d)
+    start = s.copy()
+    e = np.empty(d)
+    noise = np.empty(d)
     for trial in range(min(2 * d + 2 + 3**d * (1 + 2**d), TRIALS)):
         if trial >= 2 * d + 2:
             code = trial - 2 * d - 2
@@ -68,7 +86,8 @@ def implicit_step(field, switch, blend, unit, t, h, x, mode, y, s, last):
             copy(x, y)
         copy(new, mode)
         solved, more, its = newton(field, switch, blend, unit, t, h, x, mode, y, s, jump)
-        calls, inner = calls + more, inner + its
+        calls = calls + more
+        inner = inner + its
         if solved:
             if d:
                 switch(t, y, c)
@@ -77,7 +96,9 @@ def implicit_step(field, switch, blend, unit, t, h, x, mode, y, s, last):
                     s[i] = min(1.0, max(-1.0, s[i]))
                 if d == 0 or d > FEW or distance(x, y) <= SUDDEN * last:
                     return True, calls, inner
-                more, its = nearest(field, switch, blend, unit, t, h, x, mode, y, s, start, c, jump, new, e, noise)
+                more, its = nearest(
+                    field, switch, blend, unit, t, h, x, mode, y, s, start, c, jump, new, e, noise
+                )
                 return True, calls + more, inner + its
         else:
             copy(x, y)
@@ -103,8 +124,13 @@ def nearest(field, switch, blend, unit, t, h, x, mode, y, s, start, c, jump, new
     Where fields are stiff beyond a surface a step has solutions there, however far it is, until h is below distance / speed.
     Returns calls, iterations.
     """
-    d, calls, inner = s.size, 0, 0
-    best, to, weights, at = distance(x, y), y.copy(), s.copy(), mode.copy()
+    d = s.size
+    calls = 0
+    inner = 0
+    best = distance(x, y)
+    to = y.copy()
+    weights = s.copy()
+    at = mode.copy()
     for code in range(3**d):
         for i in range(d):
             mode[i] = code % 3 - 1
@@ -112,7 +138,8 @@ def nearest(field, switch, blend, unit, t, h, x, mode, y, s, start, c, jump, new
         copy(x, y)
         copy(start, s)
         solved, more, its = newton(field, switch, blend, unit, t, h, x, mode, y, s, jump)
-        calls, inner = calls + more, inner + its
+        calls = calls + more
+        inner = inner + its
         if solved and distance(x, y) < best:
             switch(t, y, c)
             if not wrong(switch, t, y, mode, c, s, jump, new, e, noise):
@@ -146,10 +173,15 @@ def march_implicit(field, switch, blend, unit, t, substeps, x, d, parts):
 
     unit: size of the state that tolerances are relative to.
     """
-    K, x = t.size, x.copy()
+    K = t.size
+    x = x.copy()
     between = np.full((K - 1, parts, 1 + x.size + d), np.nan)
-    X, W = np.full((K, x.size), np.nan), np.full((K, d), np.nan)
-    y, s, c, w = x.copy(), np.zeros(d), np.zeros(d), np.zeros(d)
+    X = np.full((K, x.size), np.nan)
+    W = np.full((K, d), np.nan)
+    y = x.copy()
+    s = np.zeros(d)
+    c = np.zeros(d)
+    w = np.zeros(d)
     mode = np.zeros(d, np.int64)
     if d:
         switch(t[0], x, c)
@@ -157,15 +189,20 @@ def march_implicit(field, switch, blend, unit, t, substeps, x, d, parts):
             mode[i] = np.int64(np.sign(c[i]))
     copy(x, X[0])
     copy(w, W[0])
-    calls, inner, last = 0, 0, np.inf
+    calls = 0
+    inner = 0
+    last = np.inf
     for k in range(K - 1):
         h = (t[k + 1] - t[k]) / substeps[k]
         for j in range(substeps[k]):
             after = t[k + 1] if j + 1 == substeps[k] else t[k] + (j + 1) * h
-            found, more, its = implicit_step(field, switch, blend, unit, after, h, x, mode, y, s, last)
-            calls, inner = calls + more, inner + its
+            found, more, its = implicit_step(
+                field, switch, blend, unit, after, h, x, mode, y, s, last
+            )
+            calls = calls + more
+            inner = inner + its
             if not found or health(y) != OK:
-                if not found:                               # a field that is no number on the way explains it
+                if not found:  # a field that is no number on the way explains it
                     field(after - h, x, s, y)
                     for i in range(x.size):
                         x[i] += h * y[i]
@@ -185,9 +222,14 @@ def march_implicit(field, switch, blend, unit, t, substeps, x, d, parts):
 @njit(cache=True)
 def march_explicit(field, switch, t, substeps, x, d, parts):
     """Samples of one run of explicit Euler, with s_i = 1 where c_i >= 0, else -1; returns as march_implicit does."""
-    K, x = t.size, x.copy()
-    X, W = np.full((K, x.size), np.nan), np.full((K, d), np.nan)
-    v, s, c, w = np.empty(x.size), np.empty(d), np.zeros(d), np.zeros(d)
+    K = t.size
+    x = x.copy()
+    X = np.full((K, x.size), np.nan)
+    W = np.full((K, d), np.nan)
+    v = np.empty(x.size)
+    s = np.empty(d)
+    c = np.zeros(d)
+    w = np.zeros(d)
     between = np.full((K - 1, parts, 1 + x.size + d), np.nan)
     copy(x, X[0])
     copy(w, W[0])

@@ -4,6 +4,7 @@ A contact with neither multiplier nor opening speed is undecided; so is every co
 and one that touches tangentially. The velocity problem is then solved a little later along the flow, at times that
 grow until every decision is strict. Without that, releases chatter.
 """
+
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -13,12 +14,12 @@ import numpy as np
 from nsbench.solvers.event_driven.contacts.evaluation import ContactField, Rows
 from nsbench.solvers.event_driven.contacts.gram_matrix import gram_of
 
-DEPENDENT = 1e-10       # squared sine of the angle between a gradient and those held
-UNDECIDED = 1e-7        # speeds and multipliers this small, relative to the drift, are looked at ahead
-FLAT = 1e-8             # gradients this short, relative to their start, count as zero
-STRICT = 1e-12          # larger ones ahead count as decided: a thousand times rounding
-AHEAD = 10.0 ** np.arange(-5, 0)     # times looked ahead, in steps of the integrator
-AGREE = 1e-3            # a multiplier may start this negative relative to the drift if it is strict ahead
+DEPENDENT = 1e-10  # squared sine of the angle between a gradient and those held
+UNDECIDED = 1e-7  # speeds and multipliers this small, relative to the drift, are looked at ahead
+FLAT = 1e-8  # gradients this short, relative to their start, count as zero
+STRICT = 1e-12  # larger ones ahead count as decided: a thousand times rounding
+AHEAD = 10.0 ** np.arange(-5, 0)  # times looked ahead, in steps of the integrator
+AGREE = 1e-3  # a multiplier may start this negative relative to the drift if it is strict ahead
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,6 +28,7 @@ class Choice:
 
     stuck: index of a contact no velocity can satisfy, or -1. flat: its gradient vanishes or is not finite.
     """
+
     basis: np.ndarray
     kept: np.ndarray
     stuck: int = -1
@@ -37,7 +39,10 @@ class Selector:
     """Chooses bases; remembers the size of the drift, which sets what is small."""
 
     def __init__(self, field: ContactField):
-        self.field, self.size, self.solved, self.iterations = field, 0.0, 0, 0
+        self.field = field
+        self.size = 0.0
+        self.solved = 0
+        self.iterations = 0
         self.patterns: dict = {}
 
     def measure(self, t, x, rows: Rows, step):
@@ -52,8 +57,11 @@ class Selector:
     def velocity(self, t, x, rows: Rows, warm, strictly=True):
         """Solution of the velocity problem: (lam, w, support, code, bad), its Gram matrix, x'."""
         M, h, (C, V, count, v) = self._problem(t, x, rows)
-        tol = 1e-14 * (np.abs(h).max(initial=0.0) + self.size * M.norm) + (0.0 if strictly else 1e-12 * self.size * M.norm)
+        tol = 1e-14 * (np.abs(h).max(initial=0.0) + self.size * M.norm) + (
+            0.0 if strictly else 1e-12 * self.size * M.norm
+        )
         from nsbench.solvers.event_driven.contacts.kernels.constraint_rows import add_transposed
+
         *solution, its = M.solve(h, np.asarray(warm, np.int64), tol, DEPENDENT, self.size)
         self.solved += 1
         self.iterations += its
@@ -63,9 +71,14 @@ class Selector:
     def _problem(self, t, x, rows):
         """Gram matrix and right-hand side h = G f + dg/dt of the velocity problem; the gradients and f."""
         from nsbench.solvers.event_driven.contacts.kernels.constraint_rows import times
+
         C, V, count = self.field.gradients(t, x, rows)
         f = np.array(self.field.drift(t, x), float)
-        return gram_of(C, V, count, f.size, self.patterns), times(C, V, count, f) + self.field.rates(t, x, rows), (C, V, count, f)
+        return (
+            gram_of(C, V, count, f.size, self.patterns),
+            times(C, V, count, f) + self.field.rates(t, x, rows),
+            (C, V, count, f),
+        )
 
     def choose(self, t: float, x: np.ndarray, rows: Rows, warm, step: float) -> Choice:
         """rows: the closed contacts; warm: indices to prefer; step: a step of the integrator, the time scale."""
@@ -77,7 +90,7 @@ class Selector:
         flat = np.flatnonzero(~(norm >= FLAT * rows.norm))
         if flat.size:
             return Choice(support, none, int(flat[0]), True)
-        if code == 1:                                     # by rounding alone? Ask with a tolerance
+        if code == 1:  # by rounding alone? Ask with a tolerance
             (lam, w, support, code, bad), M, _ = self.velocity(t, x, rows, warm, strictly=False)
         if code == 1:
             return Choice(support, none, int(bad))
@@ -120,9 +133,12 @@ class Selector:
 
     def _ahead(self, t, x, part, warm, delta):
         """Where the flow is after delta, by one Runge-Kutta step with the velocity problem in every stage."""
-        k, total = np.zeros_like(x), np.zeros_like(x)
+        k = np.zeros_like(x)
+        total = np.zeros_like(x)
         for c, weight in ((0.0, 1 / 6), (0.5, 1 / 3), (0.5, 1 / 3), (1.0, 1 / 6)):
-            (lam, _, held, code, _), _, k = self.velocity(t + c * delta, x + c * delta * k, part, warm)
+            (lam, _, held, code, _), _, k = self.velocity(
+                t + c * delta, x + c * delta * k, part, warm
+            )
             if code == 1 or not np.all(np.isfinite(lam)):
                 return None
             warm = held

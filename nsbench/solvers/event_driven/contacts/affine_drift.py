@@ -1,4 +1,5 @@
 """Whether a drift is A x + c, proven for a box of states and the times of a run; and A, c."""
+
 from __future__ import annotations
 
 import numpy as np
@@ -7,8 +8,8 @@ from nsbench.case import Case
 from nsbench.compilation.factories import host
 from nsbench.solvers.event_driven.interval_taylor import ORDER, SPACE, Jet, as_jet
 
-MOST = 4000             # states: beyond, columns of A are not asked for one by one
-NOTHING = 1e-280        # what jets add to a product of zeros, against underflow, stays below
+MOST = 4000  # states: beyond, columns of A are not asked for one by one
+NOTHING = 1e-280  # what jets add to a product of zeros, against underflow, stays below
 
 
 def affine_drift(case: Case, box: float):
@@ -18,17 +19,22 @@ def affine_drift(case: Case, box: float):
     orders, along every line and at every time, it is affine in x; if time alone moves and nothing comes out, it is
     autonomous. Enclosures hold on the whole box, so no bend can hide in it.
     """
-    n, lo, hi = case.n, float(case.t[0]), float(case.t[-1])
+    n = case.n
+    lo = float(case.t[0])
+    hi = float(case.t[-1])
     if n > MOST:
         return None
-    time, state = _still(0.5 * (lo + hi), 0.5 * (hi - lo)), _still(np.zeros(n), np.full(n, box))
+    time = _still(0.5 * (lo + hi), 0.5 * (hi - lo))
+    state = _still(np.zeros(n), np.full(n, box))
     if not (_quiet(case, time, _moving(state), 2) and _quiet(case, _moving(time), state, 1)):
         return None
     f = host(case.problem.drift)
     c = np.array(f(lo, np.zeros(n)), float)
-    unit = 2.0 ** np.ceil(np.log2(1.0 + np.abs(c).max(initial=0.0)))      # differences round like c
+    unit = 2.0 ** np.ceil(np.log2(1.0 + np.abs(c).max(initial=0.0)))  # differences round like c
     unit = min(unit, box)
-    ptr, rows, vals = np.zeros(n + 1, np.int64), [], []
+    ptr = np.zeros(n + 1, np.int64)
+    rows = []
+    vals = []
     columns = []
     for k in range(n):
         e = np.zeros(n)
@@ -65,8 +71,8 @@ def _quiet(case, time, state, first) -> bool:
     try:
         q = as_jet(case.problem.drift(SPACE)(time, state), 1)
     except (TypeError, ValueError, AttributeError, IndexError, NotImplementedError):
-        return False            # not written in a way that Jets follow
+        return False  # not written in a way that Jets follow
     if q.shape != (case.n,):
         return False
-    high = np.abs(q.mid[..., first:ORDER + 1]) + q.rad[..., first:ORDER + 1]
+    high = np.abs(q.mid[..., first : ORDER + 1]) + q.rad[..., first : ORDER + 1]
     return bool(np.all(high <= NOTHING) and np.all(np.isfinite(q.rad)))

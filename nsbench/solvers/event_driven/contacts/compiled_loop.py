@@ -3,6 +3,7 @@
 kernels.walk follows arcs and takes the choices that are beyond doubt; the others are taken here, by _selection. Whatever
 does not end well is told by the loop in Python (see _constrained), which starts again from the beginning.
 """
+
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -19,18 +20,19 @@ from nsbench.solvers.event_driven.contacts.kernels import loop_state as slots
 from nsbench.solvers.event_driven.smooth.arc import SHARE
 from nsbench.trajectory import Event
 
-ROOM = 10.0             # times the size of the start: the box on which the drift is known to be affine
-SPARE = 0.01            # of the share of an arc's step: series cost little more to be this much better
-FLOOR = 1e-16           # below the spacing of numbers nothing is gained
-ORDERS = (8, 24)        # of the series: as few terms as an event is found with, as many as ever pay
+ROOM = 10.0  # times the size of the start: the box on which the drift is known to be affine
+SPARE = 0.01  # of the share of an arc's step: series cost little more to be this much better
+FLOOR = 1e-16  # below the spacing of numbers nothing is gained
+ORDERS = (8, 24)  # of the series: as few terms as an event is found with, as many as ever pay
 KINDS = ("contact", "release", "pivot")
-LOG = 1024              # events between two looks at whether they accumulate
+LOG = 1024  # events between two looks at whether they accumulate
 
 
 @dataclass(frozen=True, eq=False)
 class Plan:
     """What a run needs that does not change: the drift as CSR and constant, the part it gives each coordinate to (see
     _contact_choice), the box, hard particles, order and eps."""
+
     drift: tuple
     label: np.ndarray
     box: float
@@ -42,7 +44,11 @@ class Plan:
 def plan(case: Case, field, x, options, tol: float) -> Plan | None:
     """None where the loop in Python is meant: other integrators, moving or smooth constraints, drifts that bend."""
     scene = field.scene
-    if options.method != "dop853" or scene.moving or any(isinstance(c, Smooth) for c in scene.families):
+    if (
+        options.method != "dop853"
+        or scene.moving
+        or any(isinstance(c, Smooth) for c in scene.families)
+    ):
         return None
     box = ROOM * (1.0 + float(np.abs(x).max()))
     drift = affine_drift(case, box)
@@ -50,7 +56,9 @@ def plan(case: Case, field, x, options, tol: float) -> Plan | None:
         return None
     hard = np.array([(c.start, m, c.dim) for _, c, m in scene.hard], np.int64).reshape(-1, 3)
     eps = max(SPARE * SHARE * tol, FLOOR)
-    order = int(np.clip(np.ceil(1.0 - 0.5 * np.log(eps)), ORDERS[0] + 2, ORDERS[1]))       # Jorba & Zou 2005, eq. 10
+    order = int(
+        np.clip(np.ceil(1.0 - 0.5 * np.log(eps)), ORDERS[0] + 2, ORDERS[1])
+    )  # Jorba & Zou 2005, eq. 10
     return Plan(drift, parts(drift), box, hard, order, eps * field.unit)
 
 
@@ -65,6 +73,7 @@ def load(walk, p: Plan):
 def run(walk, p: Plan) -> bool:
     """Carry `walk` (see _constrained) to its end; False where it should start again in Python."""
     from nsbench.solvers.event_driven.contacts.kernels.loop import walk as kernel
+
     with np.errstate(all="ignore"):
         walk._record(walk.x[None], np.zeros((1, 0)), np.zeros((1, walk.case.n)))
         if not walk._start().ok:
@@ -76,20 +85,36 @@ class _Driver:
     """Moves data between `walk` and the kernel."""
 
     def __init__(self, walk, p, kernel):
-        self.walk, self.plan, self.kernel = walk, p, kernel
-        self.num, self.cnt = np.zeros(slots.FLOATS), np.zeros(slots.INTS, np.int64)
+        self.walk = walk
+        self.plan = p
+        self.kernel = kernel
+        self.num = np.zeros(slots.FLOATS)
+        self.cnt = np.zeros(slots.INTS, np.int64)
         self.num[[slots.END, slots.TOL, slots.EPS]] = walk.T, walk.tol, p.eps
         self.num[slots.UNIT] = walk.field.unit
-        self.num[[slots.MAX_STEP, slots.BOX, slots.REACH]] = walk.options.max_step, p.box, walk.field.reach
+        self.num[[slots.MAX_STEP, slots.BOX, slots.REACH]] = (
+            walk.options.max_step,
+            p.box,
+            walk.field.reach,
+        )
         self.num[[slots.DOUBT, slots.STRICT, slots.DEPENDENT]] = (
-            _selection.UNDECIDED, _selection.STRICT, _selection.DEPENDENT)
+            _selection.UNDECIDED,
+            _selection.STRICT,
+            _selection.DEPENDENT,
+        )
         self.cnt[slots.MAX_STEPS] = walk.options.max_steps
         self.paces = np.zeros(10)
-        self.paces[0], self.cnt[slots.PACES] = walk.paces[0], 1
+        self.paces[0] = walk.paces[0]
+        self.cnt[slots.PACES] = 1
         self.paths = np.full((2, len(walk.case.t), walk.case.n), np.nan)
-        self.paths[0, 0], self.paths[1, 0], self.cnt[slots.SAMPLE] = walk.X[0], 0.0, 1
-        self.impulse, self.total = np.zeros((len(walk.case.t), 0)), np.zeros(0)
-        self.listed, self.column, self.known = None, np.empty(0, np.int64), np.empty(0, np.int64)
+        self.paths[0, 0] = walk.X[0]
+        self.paths[1, 0] = 0.0
+        self.cnt[slots.SAMPLE] = 1
+        self.impulse = np.zeros((len(walk.case.t), 0))
+        self.total = np.zeros(0)
+        self.listed = None
+        self.column = np.empty(0, np.int64)
+        self.known = np.empty(0, np.int64)
         self.log = (np.empty(LOG), np.empty(LOG, np.int64), np.empty(LOG, np.int64))
 
     def run(self) -> bool:
@@ -101,7 +126,7 @@ class _Driver:
             if code == slots.FAIL:
                 return False
             if code == slots.RELIST:
-                self.cnt[slots.ARCS] += 1                 # as in Python, an arc ends here
+                self.cnt[slots.ARCS] += 1  # as in Python, an arc ends here
                 walk._relist()
                 continue
             if code == slots.CHOOSE:
@@ -109,13 +134,17 @@ class _Driver:
             if walk._budget() is not None:
                 return False
             if code == slots.CHOOSE:
-                walk.paces, walk.selector.size = self.paces.tolist(), float(self.num[slots.SIZE])
-                if not choose(walk, self.plan.label, int(self.cnt[slots.FIRED]), int(self.cnt[slots.ENTRY])):
+                walk.paces = self.paces.tolist()
+                walk.selector.size = float(self.num[slots.SIZE])
+                if not choose(
+                    walk, self.plan.label, int(self.cnt[slots.FIRED]), int(self.cnt[slots.ENTRY])
+                ):
                     return False
 
     def _go(self):
         """One stay in the kernel."""
-        walk, near = self.walk, self.walk.all.near
+        walk = self.walk
+        near = self.walk.all.near
         scene = walk.field.scene
         m = len(near)
         column = self._columns()
@@ -129,11 +158,35 @@ class _Driver:
         basis[walk.basis] = True
         x = np.array(walk.x)
         self.num[slots.T], self.num[slots.SIZE] = walk.t, walk.selector.size
-        self.cnt[slots.EVENTS], self.cnt[slots.COLUMNS], self.cnt[slots.PEAK] = 0, len(walk.column), walk.peak
-        code = self.kernel(listed, places, walk.all.norm, self.plan.drift, self.plan.hard, walk.all.width, self.plan.order, x,
-                      walk.anchor, basis, walk.kept, walk.case.t, (self.paths[0], self.paths[1], self.impulse),
-                      (column, self.total, walk.reaction), self.paces, self.log, self.num, self.cnt)
-        walk.t, walk.x, walk.basis, walk.peak = float(self.num[slots.T]), x, np.flatnonzero(basis), int(self.cnt[slots.PEAK])
+        self.cnt[slots.EVENTS], self.cnt[slots.COLUMNS], self.cnt[slots.PEAK] = (
+            0,
+            len(walk.column),
+            walk.peak,
+        )
+        code = self.kernel(
+            listed,
+            places,
+            walk.all.norm,
+            self.plan.drift,
+            self.plan.hard,
+            walk.all.width,
+            self.plan.order,
+            x,
+            walk.anchor,
+            basis,
+            walk.kept,
+            walk.case.t,
+            (self.paths[0], self.paths[1], self.impulse),
+            (column, self.total, walk.reaction),
+            self.paces,
+            self.log,
+            self.num,
+            self.cnt,
+        )
+        walk.t = float(self.num[slots.T])
+        walk.x = x
+        walk.basis = np.flatnonzero(basis)
+        walk.peak = int(self.cnt[slots.PEAK])
         walk.selector.size = float(self.num[slots.SIZE])
         self._names(near, column)
         return code
@@ -142,11 +195,14 @@ class _Driver:
         """(m,) column of each entry of the list in the impulses, or -1: kept while the list is the same."""
         walk = self.walk
         if self.listed is not walk.all:
-            key, self.listed = walk.all.near.key, walk.all
+            key = walk.all.near.key
+            self.listed = walk.all
             self.column = np.full(len(key), -1, np.int64)
             if len(self.known):
                 order = np.argsort(self.known)
-                at = order[np.minimum(np.searchsorted(self.known, key, sorter=order), len(order) - 1)]
+                at = order[
+                    np.minimum(np.searchsorted(self.known, key, sorter=order), len(order) - 1)
+                ]
                 self.column[self.known[at] == key] = at[self.known[at] == key]
         return self.column
 
@@ -161,7 +217,9 @@ class _Driver:
         count = int(self.cnt[slots.EVENTS])
         if count:
             times, kinds, entries = (a[:count] for a in self.log)
-            for t, kind, c in zip(times.tolist(), kinds.tolist(), near.take(entries).ids, strict=True):
+            for t, kind, c in zip(
+                times.tolist(), kinds.tolist(), near.take(entries).ids, strict=True
+            ):
                 walk.events.append(Event(t, KINDS[kind % slots.FIRST], c))
                 if kind >= slots.FIRST:
                     walk.meetings.append(t)
@@ -169,9 +227,13 @@ class _Driver:
     def _finish(self) -> bool:
         walk = self.walk
         c = len(walk.column)
-        walk.X, walk.R, walk.done = self.paths[0], self.paths[1], int(self.cnt[slots.SAMPLE])
+        walk.X = self.paths[0]
+        walk.R = self.paths[1]
+        walk.done = int(self.cnt[slots.SAMPLE])
         walk.impulses = list(self.impulse[:, :c])
-        walk.steps, walk.arcs, walk.h = int(self.cnt[slots.STEPS]), int(self.cnt[slots.ARCS]) + 1, float(self.num[slots.H])
+        walk.steps = int(self.cnt[slots.STEPS])
+        walk.arcs = int(self.cnt[slots.ARCS]) + 1
+        walk.h = float(self.num[slots.H])
         walk.proof["touches"] = int(self.cnt[slots.TOUCHES])
         walk.field.calls += int(self.cnt[slots.ORDERS])
         walk.selector.solved += int(self.cnt[slots.SOLVED])

@@ -5,6 +5,7 @@ from it, on it if the weights that hold it there lie in [0, 1]. Where the first 
 a short trial motion decides. No candidate, or several with different motions, is an answer: the run says so and stops.
 Where both sides of a surface have the same field nothing happens on it; a motion that stays on it is let go on.
 """
+
 from __future__ import annotations
 
 from itertools import product
@@ -20,12 +21,14 @@ from nsbench.solvers.event_driven.filippov.program import tape
 from nsbench.solvers.event_driven.smooth.arc import follow
 from nsbench.trajectory import Event, Status, Trajectory
 
-TRIALS = 10.0 ** np.arange(-7, -2)      # lengths of trial motions as parts of the run: the first sign shown decides
-FLAT = 1e-7                             # relative size below which a first derivative decides nothing
-WINDOW = 3                              # events per window of the test for accumulation
-AWAY = 1e-9                             # relative distance at which a surface is left that does not hold the motion
-TOUCH = 100.0                           # tolerances of the arcs: less weight than this cannot be told from a touch
-IDLE = 1000                             # events in a row that leave the mode as it is before the run is called stuck
+TRIALS = 10.0 ** np.arange(
+    -7, -2
+)  # lengths of trial motions as parts of the run: the first sign shown decides
+FLAT = 1e-7  # relative size below which a first derivative decides nothing
+WINDOW = 3  # events per window of the test for accumulation
+AWAY = 1e-9  # relative distance at which a surface is left that does not hold the motion
+TOUCH = 100.0  # tolerances of the arcs: less weight than this cannot be told from a touch
+IDLE = 1000  # events in a row that leave the mode as it is before the run is called stuck
 
 
 def prepare(case: Case, options, tol: float) -> Run:
@@ -33,7 +36,8 @@ def prepare(case: Case, options, tol: float) -> Run:
 
     Its trajectory has the integrals of theta and the events enter, exit and cross with contact (0, i).
     """
-    motion, series = Motion(case.problem, float(case.t[0]), case.x0), options.method == "dop853" and options.compiled
+    motion = Motion(case.problem, float(case.t[0]), case.x0)
+    series = options.method == "dop853" and options.compiled
     made = tape(case.problem, motion.d, float(case.t[0]), case.x0) if series else None
     fast = None if made is None else Compiled(made, case, options, tol)
     return lambda: _Walk(case, motion, options, tol, fast).run()
@@ -41,22 +45,40 @@ def prepare(case: Case, options, tol: float) -> Run:
 
 class _Walk:
     def __init__(self, case, motion, options, tol, fast=None):
-        self.fast, self.hosted = fast, 0        # the compiled walk, and how often it had to be helped
-        self.case, self.motion, self.options, self.tol = case, motion, options, tol
+        # the compiled walk, and how often it had to be helped
+        self.fast = fast
+        self.hosted = 0
+        self.case = case
+        self.motion = motion
+        self.options = options
+        self.tol = tol
         self.t, self.x, self.n, self.d = float(case.t[0]), case.x0.copy(), case.n, motion.d
         motion.calls = motion.newton = 0
         self.unit = unit = unit_of(case)
-        self.size = 1.0 if unit == 1.0 else np.append(np.full(self.n, unit), np.ones(self.d))      # of a state and of weights
-        self.theta, self.mode, self.signs = np.zeros(self.d), np.zeros(self.d, np.int64), np.zeros(self.d)
-        self.events, self.meetings, self.idle, self.ends = [], [], 0, None
+        self.size = (
+            1.0 if unit == 1.0 else np.append(np.full(self.n, unit), np.ones(self.d))
+        )  # of a state and of weights
+        self.theta = np.zeros(self.d)
+        self.mode = np.zeros(self.d, np.int64)
+        self.signs = np.zeros(self.d)
+        self.events = []
+        self.meetings = []
+        self.idle = 0
+        self.ends = None
         self.proof = {"unproven": 0, "refused": 0, "touches": 0}
-        self.entered = [None] * self.d          # (side it came from, time, theta) of the last entry of each surface
-        self.arcs, self.steps, self.h, self.done = 0, 0, 0.0, 1
+        self.entered = [
+            None
+        ] * self.d  # (side it came from, time, theta) of the last entry of each surface
+        self.arcs = 0
+        self.steps = 0
+        self.h = 0.0
+        self.done = 1
         self.X, self.W = (np.full((len(case.t), k), np.nan) for k in (self.n, self.d))
 
     def run(self) -> Trajectory:
         case = self.case
-        self.X[0], self.W[0] = self.x, 0.0
+        self.X[0] = self.x
+        self.W[0] = 0.0
         if self.fast is None:
             with np.errstate(all="ignore"):
                 status = self._start()
@@ -64,16 +86,34 @@ class _Walk:
                     status = self._arc()
         else:
             status = self.fast.go(self)
-        if status.ok and self.done < len(self.X):       # an event at the very end leaves the last sample to us
-            self.X[self.done:], self.W[self.done:] = self.x, self.theta
-        stats = {"steps": self.steps, "h": float(self.h), "drift_calls": self.motion.calls, "events": len(self.events),
-                 "restarts": self.arcs, "inner_iterations": self.motion.newton,
-                 "loop": "host" if self.fast is None or self.hosted else "compiled",
-                 "roots": "sampled" if self.proof["unproven"] else "verified", **self.proof}
+        if status.ok and self.done < len(
+            self.X
+        ):  # an event at the very end leaves the last sample to us
+            self.X[self.done :], self.W[self.done :] = self.x, self.theta
+        stats = {
+            "steps": self.steps,
+            "h": float(self.h),
+            "drift_calls": self.motion.calls,
+            "events": len(self.events),
+            "restarts": self.arcs,
+            "inner_iterations": self.motion.newton,
+            "loop": "host" if self.fast is None or self.hosted else "compiled",
+            "roots": "sampled" if self.proof["unproven"] else "verified",
+            **self.proof,
+        }
         if self.ends is not None:
             stats["accumulation"] = float(self.ends)
-        return Trajectory(case.t, self.X, tuple((0, i) for i in range(self.d)), self.W, np.empty((len(case.t), 0)),
-                          status, tuple(self.events), stats, "mean")
+        return Trajectory(
+            case.t,
+            self.X,
+            tuple((0, i) for i in range(self.d)),
+            self.W,
+            np.empty((len(case.t), 0)),
+            status,
+            tuple(self.events),
+            stats,
+            "mean",
+        )
 
     def _start(self) -> Status:
         c = self.motion.switch(self.t, self.x)
@@ -82,20 +122,30 @@ class _Walk:
         met = np.flatnonzero(np.abs(c) <= self._band(self.t, self.x))
         self.mode = np.sign(c).astype(np.int64)
         self.mode[met] = 0
-        status, mode, signs = self._choose(met) if met.size else (Status(), self.mode, self.mode.astype(float))
-        self.mode, self.signs = mode, signs
+        status, mode, signs = (
+            self._choose(met) if met.size else (Status(), self.mode, self.mode.astype(float))
+        )
+        self.mode = mode
+        self.signs = signs
         return status
 
     def _band(self, t, x, times=1e3):
         """(d,) what rounding and the location of events leave of c_i on its surface: 1000 eps of its terms."""
         G = self.motion.gradients(t, x, np.arange(self.d))
-        pace = np.abs(self.motion.along(t, x, 1.0, np.zeros(self.n)))       # a surface that only time moves rounds too
+        pace = np.abs(
+            self.motion.along(t, x, 1.0, np.zeros(self.n))
+        )  # a surface that only time moves rounds too
         return times * EPS * (np.abs(G) @ (1.0 + np.abs(x)) + pace * (1.0 + abs(t)))
 
     def _arc(self, armed=None) -> Status:
         """Follow the mode to its next event or the end, then choose the next mode. armed: of an arc that goes on."""
-        motion, mode, guess, n, T = self.motion, self.mode, self.signs.copy(), self.n, self.case.t[-1]
-        on, free = np.flatnonzero(mode == 0), np.flatnonzero(mode == FREE)
+        motion = self.motion
+        mode = self.mode
+        guess = self.signs.copy()
+        n = self.n
+        T = self.case.t[-1]
+        on = np.flatnonzero(mode == 0)
+        free = np.flatnonzero(mode == FREE)
         away = AWAY / EPS * self._band(self.t, self.x, 1.0)[free]
 
         def rhs(t, y):
@@ -105,10 +155,13 @@ class _Walk:
 
         def gaps(t, y):
             c = motion.switch(t, y[:n])
-            g, more = mode * c, []
+            g = mode * c
+            more = []
             if on.size:
                 # weights that are lost count as beyond their bounds: they are, or the arc ends there in a fold
-                g[on], below = np.nan_to_num(motion.room(t, y[:n], mode, guess), nan=-1.0, posinf=1e3, neginf=-1e3)
+                g[on], below = np.nan_to_num(
+                    motion.room(t, y[:n], mode, guess), nan=-1.0, posinf=1e3, neginf=-1e3
+                )
                 more.append(below)
                 if on.size > 1:
                     more.append([motion.held(t, y[:n], mode)])
@@ -124,35 +177,67 @@ class _Walk:
 
         if on.size:
             self.x = motion.project(self.t, self.x, on)
-        band = np.concatenate([self._band(self.t, self.x, 16.0), np.full(on.size + (on.size > 1), FLAT),
-                               np.zeros(2 * free.size)])
-        band[on], band[free] = FLAT, 0.0
-        later = self.case.t[self.done:]
-        arc = follow(rhs, self.t, np.concatenate([self.x, self.theta]), T, gaps, method=self.options.method,
-                     rtol=self.tol, atol=self.tol * self.size, max_step=self.options.max_step,
-                     max_steps=self.options.max_steps - self.steps, project=project if on.size else None, armed=armed,
-                     band=band, samples=later, data=lambda t, y: motion.data(t, y[:n], mode))
+        band = np.concatenate(
+            [
+                self._band(self.t, self.x, 16.0),
+                np.full(on.size + (on.size > 1), FLAT),
+                np.zeros(2 * free.size),
+            ]
+        )
+        band[on] = FLAT
+        band[free] = 0.0
+        later = self.case.t[self.done :]
+        arc = follow(
+            rhs,
+            self.t,
+            np.concatenate([self.x, self.theta]),
+            T,
+            gaps,
+            method=self.options.method,
+            rtol=self.tol,
+            atol=self.tol * self.size,
+            max_step=self.options.max_step,
+            max_steps=self.options.max_steps - self.steps,
+            project=project if on.size else None,
+            armed=armed,
+            band=band,
+            samples=later,
+            data=lambda t, y: motion.data(t, y[:n], mode),
+        )
         rows = slice(self.done, self.done + len(arc.samples))
         self.X[rows], self.W[rows] = arc.samples[:, :n], arc.samples[:, n:]
         for k in self.proof:
             self.proof[k] += getattr(arc, k)
         self.done, self.steps, self.h = rows.stop, self.steps + arc.steps, max(self.h, arc.h)
         self.arcs += armed is None
-        self.t, self.x, self.theta, self.signs = float(arc.t), arc.y[:n], arc.y[n:], guess
-        return self._meet(arc.fired) if arc.status.ok and arc.fired.size else self._explained(arc.status)
+        self.t = float(arc.t)
+        self.x = arc.y[:n]
+        self.theta = arc.y[n:]
+        self.signs = guess
+        return (
+            self._meet(arc.fired)
+            if arc.status.ok and arc.fired.size
+            else self._explained(arc.status)
+        )
 
     def _explained(self, status):
         """A failed arc in words: sliding may have lost its weights though the fields are finite."""
         if status.code in ("nan", "degenerate") and np.any(self.mode == 0):
-            s, mode = self.motion.velocity(self.t, self.x, self.mode, self.signs)[1], self.mode.copy()
+            s = self.motion.velocity(self.t, self.x, self.mode, self.signs)[1]
+            mode = self.mode.copy()
             on = np.flatnonzero(mode == 0)
             for q in product((1, -1), repeat=on.size):
                 mode[on] = q
-                if not np.all(np.isfinite(self.motion.velocity(self.t, self.x, mode, self.signs)[0])):
+                if not np.all(
+                    np.isfinite(self.motion.velocity(self.t, self.x, mode, self.signs)[0])
+                ):
                     return status
             if not np.all(np.isfinite(s)) or on.size > 1:
-                return Status("degenerate", f"At t = {self.t:.9g} no weights, or many, keep the state on "
-                                            f"{self._named()}: the fields do not determine the motion.")
+                return Status(
+                    "degenerate",
+                    f"At t = {self.t:.9g} no weights, or many, keep the state on "
+                    f"{self._named()}: the fields do not determine the motion.",
+                )
         return status
 
     def _named(self, rows=None):
@@ -164,9 +249,15 @@ class _Walk:
         self.meetings.append(self.t)
         self.ends = ends = accumulation(self.meetings, self.case.t[-1] - self.case.t[0])
         if ends is not None:
-            return Status("chatter", f"Events accumulate at t = {ends:.9g}: following events cannot pass that time.")
+            return Status(
+                "chatter",
+                f"Events accumulate at t = {ends:.9g}: following events cannot pass that time.",
+            )
         if len(self.meetings) > self.options.max_events:
-            return Status("chatter", f"{len(self.meetings)} events were met by t = {self.t:.9g}; raise max_events.")
+            return Status(
+                "chatter",
+                f"{len(self.meetings)} events were met by t = {self.t:.9g}; raise max_events.",
+            )
         c = self.motion.switch(self.t, self.x)
         near = (np.abs(c) <= self._band(self.t, self.x)) | (self.mode == 0) | (self.mode == FREE)
         near[fired[fired < self.d]] = True
@@ -180,10 +271,14 @@ class _Walk:
             if mode[i] != self.mode[i]:
                 self._record(int(i), self.mode[i], mode[i])
         self.idle = self.idle + 1 if np.array_equal(mode, self.mode) else 0
-        self.mode, self.signs = mode, signs
+        self.mode = mode
+        self.signs = signs
         if self.idle > IDLE:
-            return Status("chatter", f"{IDLE} events on {self._named(met)} up to t = {self.t:.9g} changed nothing: "
-                                     "the motion stays within rounding of the surface without being held by it.")
+            return Status(
+                "chatter",
+                f"{IDLE} events on {self._named(met)} up to t = {self.t:.9g} changed nothing: "
+                "the motion stays within rounding of the surface without being held by it.",
+            )
         return Status()
 
     def _record(self, i, old, new):
@@ -193,7 +288,9 @@ class _Walk:
         other weight in between: below the tolerance of the arcs nothing tells the two apart.
         """
         if FREE in (old, new):
-            self.events += [Event(self.t, "exit" if old == 0 else "enter", (0, i))] if 0 in (old, new) else []
+            self.events += (
+                [Event(self.t, "exit" if old == 0 else "enter", (0, i))] if 0 in (old, new) else []
+            )
             return
         if new == 0:
             self.entered[i] = old, self.t, self.theta[i]
@@ -210,13 +307,20 @@ class _Walk:
 
     def _choose(self, met):
         """(status, mode, signs) among the modes of the surfaces met; sliding first."""
-        good, mode, size, known, s = [], self.mode.copy(), np.zeros(self.d), True, self.signs
+        good = []
+        mode = self.mode.copy()
+        size = np.zeros(self.d)
+        known = True
+        s = self.signs
         for q in product((1, -1), repeat=met.size):
             mode[met] = q
             F, s = self.motion.velocity(self.t, self.x, mode, self.signs)
             known = known and bool(np.all(np.isfinite(F)))
             size = np.fmax(size, np.abs(self.motion.along(self.t, self.x, 1.0, F)))
-        ways = [(FREE, 1, -1) if known and self.motion.same(self.t, self.x, s, i) else (0, 1, -1) for i in met]
+        ways = [
+            (FREE, 1, -1) if known and self.motion.same(self.t, self.x, s, i) else (0, 1, -1)
+            for i in met
+        ]
         for q in product(*ways):
             mode = self.mode.copy()
             mode[met] = q
@@ -225,15 +329,37 @@ class _Walk:
                 if ahead is not None:
                     good.append((mode, s, ahead))
         if not good and not known:
-            return Status("nan", f"The drift is not finite on {self._named(met)} at t = {self.t:.9g}."), None, None
+            return (
+                Status(
+                    "nan", f"The drift is not finite on {self._named(met)} at t = {self.t:.9g}."
+                ),
+                None,
+                None,
+            )
         if not good:
-            return Status("degenerate", f"At t = {self.t:.9g} no motion continues from {self._named(met)}."), None, None
+            return (
+                Status(
+                    "degenerate",
+                    f"At t = {self.t:.9g} no motion continues from {self._named(met)}.",
+                ),
+                None,
+                None,
+            )
         mode, signs, ahead = good[0]
         for _, _, other in good[1:]:
             # trials that lead where weights are lost are not numbers; the shorter ones decide then
-            if not np.nanmax(np.abs(other - ahead)) <= 1e-12 * (self.unit + np.nanmax(np.abs(ahead))):
-                return Status("degenerate", f"At t = {self.t:.9g} several motions continue from {self._named(met)}: "
-                                            "the solution is not unique there."), None, None
+            if not np.nanmax(np.abs(other - ahead)) <= 1e-12 * (
+                self.unit + np.nanmax(np.abs(ahead))
+            ):
+                return (
+                    Status(
+                        "degenerate",
+                        f"At t = {self.t:.9g} several motions continue from {self._named(met)}: "
+                        "the solution is not unique there.",
+                    ),
+                    None,
+                    None,
+                )
         return Status(), mode, signs
 
     def _onto(self, mode):
@@ -242,31 +368,44 @@ class _Walk:
 
     def _holds(self, mode, s, met, size):
         """Trial states if the mode with signs s is a motion from here, else None; size (d,): largest |c_i'| beside it."""
-        t, x, motion = self.t, self._onto(mode), self.motion
+        t = self.t
+        x = self._onto(mode)
+        motion = self.motion
         F, s = motion.velocity(t, x, mode, s)
         if not (np.all(np.isfinite(s)) and np.all(np.isfinite(F))):
             return None
-        value, rate = np.zeros(self.d), motion.along(t, x, 1.0, F)
+        value = np.zeros(self.d)
+        rate = motion.along(t, x, 1.0, F)
         for i in met:
-            value[i] = (1.0 - abs(s[i]) if mode[i] == 0 else
-                        (-abs(rate[i]) if mode[i] == FREE else mode[i] * rate[i]) / (size[i] or 1.0))
+            value[i] = (
+                1.0 - abs(s[i])
+                if mode[i] == 0
+                else (-abs(rate[i]) if mode[i] == FREE else mode[i] * rate[i]) / (size[i] or 1.0)
+            )
         if np.any(value[met] < -FLAT):
             return None
         open_ = [i for i in met if value[i] <= FLAT]
-        signs, ahead = np.zeros(len(open_)), []
+        signs = np.zeros(len(open_))
+        ahead = []
         for part in TRIALS:
             h = part * (self.case.t[-1] - self.case.t[0])
             after, state, weights = self._trial(mode, t, x, s, h)
             ahead.append(state)
-            c, band = motion.switch(after, state), self._band(after, state)
+            c = motion.switch(after, state)
+            band = self._band(after, state)
             for k, i in enumerate(open_):
-                v, least = (1.0 - abs(weights[i]), 1e-2 * FLAT) if mode[i] == 0 else (mode[i] * c[i], band[i] / 10)
+                v, least = (
+                    (1.0 - abs(weights[i]), 1e-2 * FLAT)
+                    if mode[i] == 0
+                    else (mode[i] * c[i], band[i] / 10)
+                )
                 if mode[i] == FREE:
                     off = abs(c[i]) - band[i]
-                    if off > 0.0:       # what two half steps see otherwise is the error of the trial
+                    if off > 0.0:  # what two half steps see otherwise is the error of the trial
                         _, other, _ = self._trial(mode, *self._trial(mode, t, x, s, h / 2), h / 2)
                         off -= 4.0 * abs(c[i] - motion.switch(after, other)[i])
-                    v, least = (-1.0 if off > 0.0 or not motion.same(after, state, weights, i) else 0.0), 0.0
+                    v = -1.0 if off > 0.0 or not motion.same(after, state, weights, i) else 0.0
+                    least = 0.0
                 if signs[k] == 0.0 and abs(v) > least:
                     signs[k] = np.sign(v)
         return None if np.any(signs < 0.0) else np.array(ahead)
@@ -290,7 +429,8 @@ def accumulation(times, span):
     """
     if len(times) <= 2 * WINDOW:
         return None
-    last, before = times[-1] - times[-1 - WINDOW], times[-1 - WINDOW] - times[-1 - 2 * WINDOW]
+    last = times[-1] - times[-1 - WINDOW]
+    before = times[-1 - WINDOW] - times[-1 - 2 * WINDOW]
     if last + before <= 16 * np.spacing(abs(times[-1])):
         return times[-1]
     ratio = last / before if before > 0.0 else 1.0

@@ -4,6 +4,7 @@ A mode beside all surfaces has the field of its signs. A mode that slides on sur
 them, by operations of the tape too, Filippov's signs s = (c' + c'-) / (c'- - c'+) and the velocity. Modes that slide on several
 surfaces have no program: there, and wherever a case cannot be traced, solvers._switching goes on in numpy.
 """
+
 from __future__ import annotations
 
 from itertools import product
@@ -15,12 +16,14 @@ from nsbench.solvers.event_driven.filippov.tracing.graph import Graph
 from nsbench.solvers.event_driven.filippov.tracing.layout import lay_out
 from nsbench.solvers.event_driven.filippov.tracing.trace import SPACE, UNTRACEABLE, inputs, vector
 
-MOST = 4                # surfaces: 2^d fields are traced
-ROOM = 256              # events that one call of the walk can note
-PROBES = 5              # points at which the tape must agree with the case
-AGREES = 1e-12          # relative to the largest entry: both round, in another order
-LEAST, LARGEST = 18, 22 # orders of the series: below, more steps cost more than the terms they save
-SHARE = 0.03            # of the tolerance goes to one step (as in _arc)
+MOST = 4  # surfaces: 2^d fields are traced
+ROOM = 256  # events that one call of the walk can note
+PROBES = 5  # points at which the tape must agree with the case
+AGREES = 1e-12  # relative to the largest entry: both round, in another order
+# orders of the series: below, more steps cost more than the terms they save
+LEAST = 18
+LARGEST = 22
+SHARE = 0.03  # of the tolerance goes to one step (as in _arc)
 
 
 class Tape:
@@ -28,17 +31,36 @@ class Tape:
 
     def __init__(self, programs, table, slides, n, d):
         self.arrays = programs.ops, programs.nums, programs.first, programs.outs
-        self.table, self.slides, self.rows, self.n, self.d = table, slides, programs.rows, n, d
+        self.table = table
+        self.slides = slides
+        self.rows = programs.rows
+        self.n = n
+        self.d = d
 
     def scratch(self, p: int) -> tuple:
         """Work space of a walk of order p."""
         from nsbench.solvers.event_driven.filippov.kernels.enclosure import ORDER
         from nsbench.solvers.event_driven.filippov.kernels.polynomial_root import DEEP
-        rows, n, d = self.rows, self.n, self.d
-        return (np.zeros((rows, p + 1)), np.zeros((n + d + 1, p + 1)), np.zeros((rows, ORDER + 1)),
-                np.zeros((rows, ORDER + 1)), np.zeros((rows, ORDER)), np.zeros(d + 1), np.zeros(d + 1),
-                np.zeros((2 * DEEP + 4, 2)), np.zeros((1, p + 1)), np.zeros(d + 1), np.zeros((d, n + 2)), np.zeros((2, n)),
-                np.zeros(n), np.zeros((rows, p + 1)))
+
+        rows = self.rows
+        n = self.n
+        d = self.d
+        return (
+            np.zeros((rows, p + 1)),
+            np.zeros((n + d + 1, p + 1)),
+            np.zeros((rows, ORDER + 1)),
+            np.zeros((rows, ORDER + 1)),
+            np.zeros((rows, ORDER)),
+            np.zeros(d + 1),
+            np.zeros(d + 1),
+            np.zeros((2 * DEEP + 4, 2)),
+            np.zeros((1, p + 1)),
+            np.zeros(d + 1),
+            np.zeros((d, n + 2)),
+            np.zeros((2, n)),
+            np.zeros(n),
+            np.zeros((rows, p + 1)),
+        )
 
 
 def order(tol: float) -> int:
@@ -50,16 +72,24 @@ def tape(problem, d: int, t0: float, x0: np.ndarray) -> Tape | None:
     """The tape of a Filippov problem with d surfaces; None if it cannot be traced or is not what the case computes."""
     if d > MOST:
         return None
-    n, graph = x0.size, Graph(x0.size)
+    n = x0.size
+    graph = Graph(x0.size)
     t, x = inputs(graph)
     try:
         field = problem.field(SPACE)
-        fields = {q: vector(graph, field(t, x, np.array(q, float)), n) for q in product((1, -1), repeat=d)}
+        fields = {
+            q: vector(graph, field(t, x, np.array(q, float)), n) for q in product((1, -1), repeat=d)
+        }
         c = vector(graph, problem.switch(SPACE)(t, x), d)
         seen = [{} for _ in range(n + 1)]
         slopes = [[graph.derivative(k, j, seen[j]) for j in range(n + 1)] for k in c]
-        found = {q: _sliding(graph, fields, c, slopes, q, n, d) if 0 in q else _beside(graph, fields, c, q)
-                 for q in product((1, 0, -1), repeat=d) if q.count(0) <= 1}
+        found = {
+            q: _sliding(graph, fields, c, slopes, q, n, d)
+            if 0 in q
+            else _beside(graph, fields, c, q)
+            for q in product((1, 0, -1), repeat=d)
+            if q.count(0) <= 1
+        }
         modes, outputs = zip(*((q, out) for q, out in found.items() if out), strict=True)
         shape = [v for row, value in zip(slopes, c, strict=True) for v in (*row, value)]
         width = max(n + d + 2, len(shape))
@@ -75,14 +105,18 @@ def tape(problem, d: int, t0: float, x0: np.ndarray) -> Tape | None:
 
 
 def _beside(graph, fields, c, q):
-    return [*fields[q], *(graph.mul(graph.const(v), k) for v, k in zip(q, c, strict=True)), -1,
-            *([graph.const(0.5 * (1 + q[0]))] if q else [-1])]
+    return [
+        *fields[q],
+        *(graph.mul(graph.const(v), k) for v, k in zip(q, c, strict=True)),
+        -1,
+        *([graph.const(0.5 * (1 + q[0]))] if q else [-1]),
+    ]
 
 
 def _sliding(graph, fields, c, slopes, q, n, d):
     """Outputs of a mode that slides on the surface i with q_i = 0 (Filippov 1988, section 4); None: no sign does anything."""
     i = q.index(0)
-    plus, minus = (fields[(*q[:i], v, *q[i + 1:])] for v in (1, -1))
+    plus, minus = (fields[(*q[:i], v, *q[i + 1 :])] for v in (1, -1))
     rates = []
     for F in (plus, minus):
         rate = slopes[i][n]
@@ -92,29 +126,40 @@ def _sliding(graph, fields, c, slopes, q, n, d):
     gap = graph.sub(rates[1], rates[0])
     if graph.value(gap) == 0.0:
         return None
-    theta, rest = graph.div(rates[1], gap), graph.neg(graph.div(rates[0], gap))       # of the positive and negative side
-    F = [a if a == b else graph.add(graph.mul(theta, a), graph.mul(rest, b)) for a, b in zip(plus, minus, strict=True)]
+    # of the positive and negative side
+    theta = graph.div(rates[1], gap)
+    rest = graph.neg(graph.div(rates[0], gap))
+    F = [
+        a if a == b else graph.add(graph.mul(theta, a), graph.mul(rest, b))
+        for a, b in zip(plus, minus, strict=True)
+    ]
     two = graph.const(2.0)
     watch = [graph.mul(graph.const(v), k) for v, k in zip(q, c, strict=True)]
-    watch[i] = graph.mul(two, rest)                                                   # 1 - s
+    watch[i] = graph.mul(two, rest)  # 1 - s
     return [*F, *watch, graph.mul(two, theta), theta]
 
 
 def _agrees(made, problem, modes, t0, x0) -> bool:
     """Whether the programs beside the surfaces give what the case's own functions give, near the start."""
     from nsbench.solvers.event_driven.filippov.kernels.mode_choice import at
-    field, switch, V, rng = host(problem.field), host(problem.switch), np.zeros((made.rows, 1)), np.random.default_rng(0)
+
+    field = host(problem.field)
+    switch = host(problem.switch)
+    V = np.zeros((made.rows, 1))
+    rng = np.random.default_rng(0)
     for k in range(PROBES):
         scale = 0.3 * k * (1.0 + np.abs(x0).max(initial=0.0))
-        t, x = t0 + 0.7 * k, x0 + scale * rng.uniform(-1, 1, x0.size)
+        t = t0 + 0.7 * k
+        x = x0 + scale * rng.uniform(-1, 1, x0.size)
         for m, q in enumerate(modes):
             if 0 in q:
                 continue
             at(*made.arrays, m, made.n, float(t), x, V)
-            got = V[made.arrays[3][m, :made.n + made.d], 0]
+            got = V[made.arrays[3][m, : made.n + made.d], 0]
             with np.errstate(all="ignore"):
                 want = np.concatenate([field(t, x, np.array(q, float)), q * switch(t, x)])
-            off, same = np.abs(got - want), np.isfinite(want)
+            off = np.abs(got - want)
+            same = np.isfinite(want)
             if not np.array_equal(np.isfinite(got), same):
                 return False
             if np.any(off[same] > AGREES * (1.0 + np.abs(want[same]).max(initial=0.0))):

@@ -7,40 +7,53 @@ to the class. What a kink or a jump leaves undefined is an infinite radius. What
 turn into a float) is a TypeError: then nothing is proven.
 Source: Moore 1966, chapter 11 (interval Taylor series); rounding is enclosed by UNIT of kernels.jets.
 """
+
 from __future__ import annotations
 
 import numpy as np
 
-ORDER = 9                   # one more than the degree of the interpolants that the last coefficient bounds
-FOREIGN = 2**40             # numbers below it among those of entries are values of the caller's that came in with them
-LIMIT = 50_000              # entries of one Jet: beyond, a proof costs more than the step it is for
+ORDER = 9  # one more than the degree of the interpolants that the last coefficient bounds
+FOREIGN = (
+    2**40
+)  # numbers below it among those of entries are values of the caller's that came in with them
+LIMIT = 50_000  # entries of one Jet: beyond, a proof costs more than the step it is for
 
 
 class Jet:
     """mid, rad: (*shape, K, ORDER + 1). Looks like a float64 array of `shape`."""
+
     __slots__ = ("mid", "rad")
     dtype = np.dtype(np.float64)
 
     def __init__(self, mid, rad):
         if mid.size > LIMIT * (ORDER + 1):
             raise TypeError("a Jet this large is not worth its time")
-        self.mid, self.rad = mid, rad
+        self.mid = mid
+        self.rad = rad
 
     shape = property(lambda self: self.mid.shape[:-2])
     ndim = property(lambda self: self.mid.ndim - 2)
     size = property(lambda self: int(np.prod(self.shape)))
     T = property(lambda self: _arranged(np.transpose, self))
-    range = property(lambda self: (self.mid[..., 0] - self.rad[..., 0], self.mid[..., 0] + self.rad[..., 0]))
+    range = property(
+        lambda self: (self.mid[..., 0] - self.rad[..., 0], self.mid[..., 0] + self.rad[..., 0])
+    )
 
     def __array_ufunc__(self, ufunc, method, *inputs, **kwargs):
         from nsbench.solvers.event_driven.interval_taylor.numpy_functions import UFUNCS
-        if method == "__call__" and ufunc in UFUNCS and not any(v is not None for v in kwargs.values()):
-            with np.errstate(all="ignore"):            # what overflows is an infinite radius
+
+        if (
+            method == "__call__"
+            and ufunc in UFUNCS
+            and not any(v is not None for v in kwargs.values())
+        ):
+            with np.errstate(all="ignore"):  # what overflows is an infinite radius
                 return UFUNCS[ufunc](*inputs)
         raise TypeError(f"no Jet of {ufunc.__name__}")
 
     def __array_function__(self, func, types, args, kwargs):
         from nsbench.solvers.event_driven.interval_taylor.numpy_functions import ARRANGE, FUNCTIONS
+
         if func in FUNCTIONS:
             return FUNCTIONS[func](*args, **kwargs)
         if func in ARRANGE:
@@ -174,7 +187,8 @@ def as_jet(value, pieces: int) -> Jet:
 
 def _arranged(func, *args, **kwargs):
     """func, which only moves entries, on Jets: it is applied to their numbers instead."""
-    pool, first = [], [FOREIGN]
+    pool = []
+    first = [FOREIGN]
     pieces = next(j.mid.shape[-2] for j in _jets(args))
 
     def number(a):
@@ -206,6 +220,7 @@ def _jets(args):
 
 class _Space:
     """The namespace to hand to a factory: numpy, with constructors that take Jets."""
+
     __name__ = "numpy"
 
     def __getattr__(self, name):
@@ -231,7 +246,8 @@ SPACE = _Space()
 def clock(centre: np.ndarray, radius: np.ndarray) -> Jet:
     """Time itself on K pieces."""
     mid = np.zeros((len(centre), ORDER + 1))
-    mid[:, 0], mid[:, 1] = centre, radius
+    mid[:, 0] = centre
+    mid[:, 1] = radius
     rad = np.zeros_like(mid)
     rad[:, 0] = radius + 1e-15 * (np.abs(centre) + radius)
     rad[:, 1] = 1e-15 * radius
@@ -243,7 +259,8 @@ def path(c: np.ndarray) -> Jet:
 
     The Taylor coefficient j at s is  sum_k binomial(k, j) c_k s^(k-j).
     """
-    mid, rad = np.zeros((*c.shape[:2], ORDER + 1)), np.zeros((*c.shape[:2], ORDER + 1))
+    mid = np.zeros((*c.shape[:2], ORDER + 1))
+    rad = np.zeros((*c.shape[:2], ORDER + 1))
     mid[..., :ORDER] = c
     rad[..., :ORDER] = np.abs(c) @ _BINOMIAL + 4e-15 * np.abs(c)
     return Jet(mid, rad)
@@ -251,7 +268,10 @@ def path(c: np.ndarray) -> Jet:
 
 def _binomials():
     from math import comb
-    return np.array([[comb(k, j) if j < k else 0 for j in range(ORDER)] for k in range(ORDER)], float)
+
+    return np.array(
+        [[comb(k, j) if j < k else 0 for j in range(ORDER)] for k in range(ORDER)], float
+    )
 
 
 _BINOMIAL = _binomials()

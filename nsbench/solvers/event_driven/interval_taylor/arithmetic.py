@@ -1,4 +1,5 @@
 """Arithmetic, elementary functions and sums of Jets: what each does to Taylor coefficients with radii."""
+
 from __future__ import annotations
 
 import numpy as np
@@ -12,7 +13,8 @@ UNIT = kernel.UNIT
 def _pair(a, b):
     """Two Jets with the same shape, flat rows; and that shape."""
     pieces = next(_jets((a, b))).mid.shape[-2]
-    a, b = as_jet(a, pieces), as_jet(b, pieces)
+    a = as_jet(a, pieces)
+    b = as_jet(b, pieces)
     return (*(np.broadcast_arrays(a.mid, b.mid)), *(np.broadcast_arrays(a.rad, b.rad)))
 
 
@@ -21,7 +23,8 @@ def _flat(*arrays):
 
 
 def _new(shape):
-    m, r = np.empty(shape), np.empty(shape)
+    m = np.empty(shape)
+    r = np.empty(shape)
     return Jet(m, r), m.reshape(-1, ORDER + 1), r.reshape(-1, ORDER + 1)
 
 
@@ -81,7 +84,9 @@ def divide(a, b):
 
 def _head(mid, rad):
     """Rounding of a library function: a few units."""
-    return np.ascontiguousarray(mid).ravel(), np.ascontiguousarray(rad + 4 * UNIT * np.abs(mid)).ravel()
+    return np.ascontiguousarray(mid).ravel(), np.ascontiguousarray(
+        rad + 4 * UNIT * np.abs(mid)
+    ).ravel()
 
 
 def power(a, b):
@@ -110,15 +115,18 @@ def square(a):
     (out, m, r), (lo, hi) = _new(a.mid.shape), a.range
     am, ar = _flat(a.mid, a.rad)
     kernel.multiply(am, ar, am, ar, m, r)
-    u, v = np.where((lo < 0.0) & (hi > 0.0), 0.0, np.minimum(lo * lo, hi * hi)), np.maximum(lo * lo, hi * hi)
-    out.mid[..., 0], out.rad[..., 0] = 0.5 * (u + v), 0.5 * (v - u) * (1.0 + UNIT) + UNIT * (u + v)
+    u = np.where((lo < 0.0) & (hi > 0.0), 0.0, np.minimum(lo * lo, hi * hi))
+    v = np.maximum(lo * lo, hi * hi)
+    out.mid[..., 0] = 0.5 * (u + v)
+    out.rad[..., 0] = 0.5 * (v - u) * (1.0 + UNIT) + UNIT * (u + v)
     return out
 
 
 def _root(a, alpha):
     """a^alpha for a > 0."""
     lo, hi = (np.maximum(v, 0.0) for v in a.range)
-    u, v = np.minimum(lo**alpha, hi**alpha), np.maximum(lo**alpha, hi**alpha)
+    u = np.minimum(lo**alpha, hi**alpha)
+    v = np.maximum(lo**alpha, hi**alpha)
     out, m, r = _new(a.mid.shape)
     kernel.power(*_flat(a.mid, a.rad), *_head(0.5 * (u + v), 0.5 * (v - u)), alpha, m, r)
     return out
@@ -140,7 +148,8 @@ def _primitive(slope, a, mid, rad):
 
 def _between(f, lo, hi):
     """Middle and radius of a growing function's range."""
-    u, v = f(lo), f(hi)
+    u = f(lo)
+    v = f(hi)
     return 0.5 * (u + v), 0.5 * (v - u)
 
 
@@ -155,14 +164,19 @@ def arctan(a):
 def _circular(a, sign):
     out_s, sm, sr = _new(a.mid.shape)
     out_c, cm, cr = _new(a.mid.shape)
-    m, r = a.mid[..., 0], a.rad[..., 0]
+    m = a.mid[..., 0]
+    r = a.rad[..., 0]
     if sign < 0:
-        s, c = np.sin(m), np.cos(m)
-        rs, rc = np.minimum(np.abs(c) * r + r * r / 2, 2.0), np.minimum(np.abs(s) * r + r * r / 2, 2.0)
-        ease = UNIT * (1.0 + 0.1 * np.abs(m))           # of the reduced argument
-        rs, rc = rs + ease, rc + ease
+        s = np.sin(m)
+        c = np.cos(m)
+        rs = np.minimum(np.abs(c) * r + r * r / 2, 2.0)
+        rc = np.minimum(np.abs(s) * r + r * r / 2, 2.0)
+        ease = UNIT * (1.0 + 0.1 * np.abs(m))  # of the reduced argument
+        rs = rs + ease
+        rc = rc + ease
     else:
-        s, c = np.sinh(m), np.cosh(m)
+        s = np.sinh(m)
+        c = np.cosh(m)
         rs = rc = c * np.sinh(r) + np.abs(s) * (np.cosh(r) - 1.0) + np.abs(s) * np.sinh(r)
     for values, radii, vm, vr in ((s, rs, sm, sr), (c, rc, cm, cr)):
         vm[:, 0], vr[:, 0] = _head(values, radii)
@@ -186,19 +200,26 @@ def tanh(a):
 def arctan2(y, x):
     """Off the cut: the derivative is (x y' - y x') / (x^2 + y^2)."""
     ym, xm, yr, xr = _pair(y, x)
-    y, x = Jet(ym.copy(), yr.copy()), Jet(xm.copy(), xr.copy())
+    y = Jet(ym.copy(), yr.copy())
+    x = Jet(xm.copy(), xr.copy())
     over = divide(1.0, add(multiply(x, x), multiply(y, y)))
-    m, away = np.arctan2(ym[..., 0], xm[..., 0]), np.hypot(xm[..., 0], ym[..., 0])
+    m = np.arctan2(ym[..., 0], xm[..., 0])
+    away = np.hypot(xm[..., 0], ym[..., 0])
     reach = np.hypot(xr[..., 0], yr[..., 0])
     cut = (xm[..., 0] <= reach) & (np.abs(ym[..., 0]) <= yr[..., 0])
-    rad = np.where((reach < away) & ~cut, np.arcsin(np.minimum(reach / np.where(away > 0, away, 1.0), 1.0)), np.inf)
+    rad = np.where(
+        (reach < away) & ~cut,
+        np.arcsin(np.minimum(reach / np.where(away > 0, away, 1.0), 1.0)),
+        np.inf,
+    )
     first = _primitive(multiply(over, x), y, m, rad)
     return subtract(first, _primitive(multiply(over, y), x, np.zeros_like(m), np.zeros_like(m)))
 
 
 def total(a, axis=None, **_):
     if axis is None:
-        a, axis = a.reshape(-1), 0
+        a = a.reshape(-1)
+        axis = 0
     axes = tuple(np.sort(np.atleast_1d(axis) % a.ndim))
     n = float(np.prod([a.shape[k] for k in axes]))
     return Jet(a.mid.sum(axes), (a.rad + n * UNIT * np.abs(a.mid)).sum(axes))

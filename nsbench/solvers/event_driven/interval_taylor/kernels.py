@@ -4,13 +4,14 @@ Row e holds enclosures  mid[e, j] +- rad[e, j]  of the coefficients  q^(j)(s) / 
 piece. Every product is enclosed exactly as sets of numbers (Moore 1966; Jorba & Zou 2005 for the recurrences);
 rounding is added as UNIT per term, ten times what one operation loses.
 """
+
 import numpy as np
 from numba import njit
 
 from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
 
-UNIT = 2.5e-15              # ten roundings per term of a sum
-TINY = 1e-300               # what underflow may lose
+UNIT = 2.5e-15  # ten roundings per term of a sum
+TINY = 1e-300  # what underflow may lose
 
 
 @njit(cache=True, error_model="numpy", inline="always")
@@ -24,11 +25,13 @@ def multiply(am, ar, bm, br, cm, cr):
     """c = a b."""
     for e in range(am.shape[0]):
         for j in range(am.shape[1]):
-            s, r = 0.0, TINY
+            s = 0.0
+            r = TINY
             for i in range(j + 1):
                 s += am[e, i] * bm[e, j - i]
                 r += _term(am[e, i], ar[e, i], bm[e, j - i], br[e, j - i])
-            cm[e, j], cr[e, j] = s, r
+            cm[e, j] = s
+            cr[e, j] = r
 
 
 @njit(cache=True, error_model="numpy")
@@ -40,7 +43,8 @@ def divide(am, ar, bm, br, cm, cr):
             if not low > 0.0:
                 cm[e, j], cr[e, j] = 0.0, np.inf
                 continue
-            s, r = am[e, j], ar[e, j] + UNIT * abs(am[e, j])
+            s = am[e, j]
+            r = ar[e, j] + UNIT * abs(am[e, j])
             for i in range(j):
                 s -= cm[e, i] * bm[e, j - i]
                 r += _term(cm[e, i], cr[e, i], bm[e, j - i], br[e, j - i])
@@ -53,12 +57,14 @@ def power(am, ar, m0, r0, alpha, cm, cr):
     """c = a^alpha with a > 0, from an enclosure m0 +- r0 of a_0^alpha;  a c' = alpha a' c."""
     for e in range(am.shape[0]):
         low = am[e, 0] - ar[e, 0]
-        cm[e, 0], cr[e, 0] = m0[e], r0[e]
+        cm[e, 0] = m0[e]
+        cr[e, 0] = r0[e]
         for j in range(1, am.shape[1]):
             if not low > 0.0:
                 cm[e, j], cr[e, j] = 0.0, np.inf
                 continue
-            s, r = 0.0, TINY
+            s = 0.0
+            r = TINY
             for i in range(j):
                 w = (alpha * (j - i) - i) / j
                 s += w * am[e, j - i] * cm[e, i]
@@ -71,28 +77,34 @@ def power(am, ar, m0, r0, alpha, cm, cr):
 def exponential(am, ar, m0, r0, cm, cr):
     """c = exp a from an enclosure of exp a_0;  c' = a' c."""
     for e in range(am.shape[0]):
-        cm[e, 0], cr[e, 0] = m0[e], r0[e]
+        cm[e, 0] = m0[e]
+        cr[e, 0] = r0[e]
         for j in range(1, am.shape[1]):
-            s, r = 0.0, TINY
+            s = 0.0
+            r = TINY
             for i in range(j):
                 w = (j - i) / j
                 s += w * am[e, j - i] * cm[e, i]
                 r += w * _term(am[e, j - i], ar[e, j - i], cm[e, i], cr[e, i])
-            cm[e, j], cr[e, j] = s, r
+            cm[e, j] = s
+            cr[e, j] = r
 
 
 @njit(cache=True, error_model="numpy")
 def integrate(dm, dr, am, ar, m0, r0, cm, cr):
     """c with c' = d a' from an enclosure of c_0: log (d = 1/a), arctan (d = 1/(1 + a^2)), tanh and the like."""
     for e in range(am.shape[0]):
-        cm[e, 0], cr[e, 0] = m0[e], r0[e]
+        cm[e, 0] = m0[e]
+        cr[e, 0] = r0[e]
         for j in range(1, am.shape[1]):
-            s, r = 0.0, TINY
+            s = 0.0
+            r = TINY
             for i in range(j):
                 w = (j - i) / j
                 s += w * am[e, j - i] * dm[e, i]
                 r += w * _term(am[e, j - i], ar[e, j - i], dm[e, i], dr[e, i])
-            cm[e, j], cr[e, j] = s, r
+            cm[e, j] = s
+            cr[e, j] = r
 
 
 @njit(cache=True, error_model="numpy")
@@ -103,11 +115,19 @@ def circular(am, ar, sm, sr, cm, cr, sign):
     """
     for e in range(am.shape[0]):
         for j in range(1, am.shape[1]):
-            s, r, u, q = 0.0, TINY, 0.0, TINY
+            s = 0.0
+            r = TINY
+            u = 0.0
+            q = TINY
             for i in range(j):
-                w, m, d = (j - i) / j, am[e, j - i], ar[e, j - i]
+                w = (j - i) / j
+                m = am[e, j - i]
+                d = ar[e, j - i]
                 s += w * m * cm[e, i]
                 r += w * _term(m, d, cm[e, i], cr[e, i])
                 u += w * m * sm[e, i]
                 q += w * _term(m, d, sm[e, i], sr[e, i])
-            sm[e, j], sr[e, j], cm[e, j], cr[e, j] = s, r, sign * u, q
+            sm[e, j] = s
+            sr[e, j] = r
+            cm[e, j] = sign * u
+            cr[e, j] = q

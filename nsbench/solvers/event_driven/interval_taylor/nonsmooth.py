@@ -1,4 +1,5 @@
 """Functions of Jets with kinks and jumps: smooth where a side is proven, a hull without derivatives elsewhere."""
+
 from __future__ import annotations
 
 import numpy as np
@@ -17,7 +18,8 @@ def _either(a, b, first, second):
     if open_.any():
         lo = np.minimum(am[..., 0] - ar[..., 0], bm[..., 0] - br[..., 0])
         hi = np.maximum(am[..., 0] + ar[..., 0], bm[..., 0] + br[..., 0])
-        m, r = m.copy(), r.copy()
+        m = m.copy()
+        r = r.copy()
         m[open_], r[open_] = 0.0, np.inf
         m[..., 0] = np.where(open_, 0.5 * (lo + hi), m[..., 0])
         r[..., 0] = np.where(open_, 0.5 * (hi - lo), r[..., 0])
@@ -26,11 +28,13 @@ def _either(a, b, first, second):
 
 class Maybe:
     """The truth of a comparison on every piece: yes, no, or neither is proven. Masks (*shape, K)."""
+
     __slots__ = ("no", "yes")
     __array_ufunc__ = None
 
     def __init__(self, yes, no):
-        self.yes, self.no = yes, no
+        self.yes = yes
+        self.no = no
 
     def __and__(self, o):
         o = maybe(o, self)
@@ -40,7 +44,8 @@ class Maybe:
         o = maybe(o, self)
         return Maybe(self.yes | o.yes, self.no & o.no)
 
-    __rand__, __ror__ = __and__, __or__
+    __rand__ = __and__
+    __ror__ = __or__
 
     def __invert__(self):
         return Maybe(self.no, self.yes)
@@ -105,20 +110,24 @@ def sign(a):
 def floor(a):
     lo, hi = (np.floor(v) for v in a.range)
     flat = lo == hi
-    mid, rad = np.zeros_like(a.mid), np.where(flat[..., None], 0.0, np.inf) + 0.0 * a.mid
-    mid[..., 0], rad[..., 0] = 0.5 * (lo + hi), 0.5 * (hi - lo)
+    mid = np.zeros_like(a.mid)
+    rad = np.where(flat[..., None], 0.0, np.inf) + 0.0 * a.mid
+    mid[..., 0] = 0.5 * (lo + hi)
+    rad[..., 0] = 0.5 * (hi - lo)
     return Jet(mid, rad)
 
 
 def _fold(pick):
     def fold(a, axis=None, **_):
         if axis is None:
-            a, axis = a.reshape(-1), 0
+            a = a.reshape(-1)
+            axis = 0
         rows = np.moveaxis(a, axis, 0)
         out = rows[0]
         for k in range(1, len(rows)):
             out = pick(out, rows[k])
         return out
+
     return fold
 
 

@@ -1,4 +1,5 @@
 """Which functions of numpy a Jet takes; those of ARRANGE only move entries."""
+
 from __future__ import annotations
 
 import numpy as np
@@ -41,7 +42,9 @@ UFUNCS = {
     np.fmin: kinks.minimum,
     np.sign: kinks.sign,
     np.floor: kinks.floor,
-    np.mod: lambda a, b: algebra.subtract(a, algebra.multiply(kinks.floor(algebra.divide(a, b)), b)),
+    np.mod: lambda a, b: algebra.subtract(
+        a, algebra.multiply(kinks.floor(algebra.divide(a, b)), b)
+    ),
     np.hypot: lambda a, b: algebra._root(a * a + b * b, 0.5),
     np.heaviside: lambda a, h: algebra.multiply(algebra.add(kinks.sign(a), 1.0), 0.5),
     np.less: lambda a, b: kinks._compare(a, b, True),
@@ -59,7 +62,9 @@ FUNCTIONS = {
     np.zeros_like: lambda a, **_: as_jet(np.zeros(a.shape), a.mid.shape[-2]),
     np.ones_like: lambda a, **_: as_jet(np.ones(a.shape), a.mid.shape[-2]),
     np.full_like: lambda a, v, **_: algebra.multiply(as_jet(np.ones(a.shape), a.mid.shape[-2]), v),
-    np.mean: lambda a, axis=None, **_: algebra.divide(algebra.total(a, axis), float(a.size if axis is None else a.shape[axis])),
+    np.mean: lambda a, axis=None, **_: algebra.divide(
+        algebra.total(a, axis), float(a.size if axis is None else a.shape[axis])
+    ),
     np.max: kinks._fold(kinks.maximum),
     np.min: kinks._fold(kinks.minimum),
     np.prod: kinks._fold(algebra.multiply),
@@ -69,6 +74,28 @@ FUNCTIONS = {
     np.size: lambda a: a.size,
     np.outer: lambda a, b: algebra.multiply(a[:, None], b[None]),
 }
-ARRANGE = {np.stack, np.concatenate, np.hstack, np.vstack, np.column_stack, np.append, np.roll, np.flip, np.tile, np.repeat,
-           np.expand_dims, np.squeeze, np.broadcast_to, np.transpose, np.moveaxis, np.swapaxes, np.ravel, np.reshape, np.take,
-           np.atleast_1d, np.diag, np.fliplr, np.flipud}
+ARRANGE = {
+    np.stack,
+    np.concatenate,
+    np.hstack,
+    np.vstack,
+    np.column_stack,
+    np.append,
+    np.roll,
+    np.flip,
+    np.tile,
+    np.repeat,
+    np.expand_dims,
+    np.squeeze,
+    np.broadcast_to,
+    np.transpose,
+    np.moveaxis,
+    np.swapaxes,
+    np.ravel,
+    np.reshape,
+    np.take,
+    np.atleast_1d,
+    np.diag,
+    np.fliplr,
+    np.flipud,
+}

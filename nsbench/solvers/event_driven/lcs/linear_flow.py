@@ -5,22 +5,28 @@ step, whose matrix is kept for each step length. The polynomial of a step is its
 Chebyshev coefficients of state, inputs and functions are at the tolerance, else it is halved. Then sign changes are
 roots of polynomials that are known to be the functions.
 """
+
 from __future__ import annotations
 
 import numpy as np
 
 STAGES = 12
-FOLLOWED = 2000         # steps of another integrator from the first node to the last: what needs more is no step
+FOLLOWED = (
+    2000  # steps of another integrator from the first node to the last: what needs more is no step
+)
 EPS = np.finfo(float).eps
 
 
 def _radau(s):
     """Nodes on [0, 1] with 0 in front and 1 at the end: zeros of P_s - P_(s-1), shifted."""
     c = np.zeros(s + 1)
-    c[s], c[s - 1] = 1.0, -1.0
+    c[s] = 1.0
+    c[s - 1] = -1.0
     x = np.sort(np.polynomial.legendre.legroots(c).real)
-    for _ in range(3):                                      # Newton: the eigenvalues lose some digits
-        x -= np.polynomial.legendre.legval(x, c) / np.polynomial.legendre.legval(x, np.polynomial.legendre.legder(c))
+    for _ in range(3):  # Newton: the eigenvalues lose some digits
+        x -= np.polynomial.legendre.legval(x, c) / np.polynomial.legendre.legval(
+            x, np.polynomial.legendre.legder(c)
+        )
     x[-1] = 1.0
     return np.concatenate(([-1.0], x))
 
@@ -37,29 +43,43 @@ def _integrals(nodes):
     """(s, s) integrals from 0 to each node of the Lagrange polynomials of the nodes, for nodes on [-1, 1] and times on
     [0, 1]."""
     cheb = np.polynomial.chebyshev
-    A = np.array([cheb.chebval(nodes, cheb.chebint(e, lbnd=-1)) for e in np.eye(len(nodes))]).T.astype(np.longdouble)
+    A = np.array(
+        [cheb.chebval(nodes, cheb.chebint(e, lbnd=-1)) for e in np.eye(len(nodes))]
+    ).T.astype(np.longdouble)
     return (0.5 * A @ _inverse(cheb.chebvander(nodes, len(nodes) - 1))).astype(float)
 
 
-S = _radau(STAGES)                                          # on [-1, 1]
+S = _radau(STAGES)  # on [-1, 1]
 TO_CHEB = _inverse(np.polynomial.chebyshev.chebvander(S, STAGES)).astype(float)
-BUTCHER, SUM = _integrals(S[1:]), _integrals(S)
-FIT = _inverse(np.polynomial.chebyshev.chebvander(S[1:], STAGES - 1)).astype(float)       # of the nodes that are collocated at
-BACK = (np.polynomial.chebyshev.chebvander(S[:1], STAGES - 1)[0]
-        @ _inverse(np.polynomial.chebyshev.chebvander(S[1:], STAGES - 1))).astype(float)
-FASTEST = 7.0           # growths of a state in one step, beyond which a step is not taken
-NOISE = 64.0            # roundings in the last coefficients of a step, or in what is carried back to its first node: 13 values
+BUTCHER = _integrals(S[1:])
+SUM = _integrals(S)
+FIT = _inverse(np.polynomial.chebyshev.chebvander(S[1:], STAGES - 1)).astype(
+    float
+)  # of the nodes that are collocated at
+BACK = (
+    np.polynomial.chebyshev.chebvander(S[:1], STAGES - 1)[0]
+    @ _inverse(np.polynomial.chebyshev.chebvander(S[1:], STAGES - 1))
+).astype(float)
+FASTEST = 7.0  # growths of a state in one step, beyond which a step is not taken
+NOISE = 64.0  # roundings in the last coefficients of a step, or in what is carried back to its first node: 13 values
 
 
 class Flow:
     """The flow of one mode: steps with kept factors."""
 
     def __init__(self, mode, inputs, method: str = "dop853", tol: float = 1e-12):
-        self.mode, self.inputs, self._factors = mode, inputs, {}
-        self._method, self._tol, self.scale = method, tol, np.ones(len(mode.G))
-        self.steps = 1                                       # of the integrator, in the last step
+        self.mode = mode
+        self.inputs = inputs
+        self._factors = {}
+        self._method = method
+        self._tol = tol
+        self.scale = np.ones(len(mode.G))
+        self.steps = 1  # of the integrator, in the last step
         rates = np.linalg.eigvals(mode.G)
-        self.fastest, self.grows = float(np.abs(rates).max(initial=0.0)), max(0.0, float(rates.real.max(initial=0.0)))
+        self.fastest, self.grows = (
+            float(np.abs(rates).max(initial=0.0)),
+            max(0.0, float(rates.real.max(initial=0.0))),
+        )
 
     def step(self, t: float, x: np.ndarray, h: float):
         """Values at the nodes: x (13, n), inputs (13, order + 1, n + m). Methods other than the default integrate with
@@ -68,7 +88,9 @@ class Flow:
 
     def collocate(self, t, x, h):
         from scipy.linalg import lu_factor, lu_solve
-        m, n = self.mode, x.size
+
+        m = self.mode
+        n = x.size
         s = np.array([self.inputs(t + 0.5 * h * (1.0 + c), m.order) for c in S])
         g = np.einsum("kij,akj->ai", m.U, s)
         if h not in self._factors:
@@ -77,9 +99,13 @@ class Flow:
             M = np.eye(STAGES * n) - np.kron(BUTCHER, h * m.G)
             self._factors[h] = M, lu_factor(M, check_finite=False)
         M, factors = self._factors[h]
-        rhs = (h * BUTCHER @ (g[1:] + m.G @ x)).ravel()      # for the change of x: rounding is relative to it
+        rhs = (
+            h * BUTCHER @ (g[1:] + m.G @ x)
+        ).ravel()  # for the change of x: rounding is relative to it
         d = lu_solve(factors, rhs, check_finite=False)
-        d += lu_solve(factors, rhs - M @ d, check_finite=False)                 # states of very different size are mixed in M
+        d += lu_solve(
+            factors, rhs - M @ d, check_finite=False
+        )  # states of very different size are mixed in M
         return np.vstack([x, x + d.reshape(STAGES, n)]), s
 
     def missed(self, t, s, h, seen):
@@ -89,41 +115,69 @@ class Flow:
         back to is held against those at the first. Pulses between the nodes: seen, times within the step with the inputs
         there (K,), (K, order + 1, n + m). What a stiff mode forgets within a step is none of it.
         """
-        roundings, damped = NOISE * EPS, self._damped
+        roundings = NOISE * EPS
+        damped = self._damped
         if self._method != "dop853":
             return np.zeros(len(self.mode.G)), np.zeros(len(self.mode.signs))
         c = TO_CHEB @ s.reshape(len(s), -1)
-        slope = np.polynomial.chebyshev.chebder(FIT @ s[1:].reshape(STAGES, -1))       # without a jump behind the first node
+        slope = np.polynomial.chebyshev.chebder(
+            FIT @ s[1:].reshape(STAGES, -1)
+        )  # without a jump behind the first node
         pace = np.abs(slope).sum(axis=0).reshape(s.shape[1:]) * 2.0 / h
-        noise = roundings * (np.abs(s).max(axis=0) + (abs(t) + h) * pace)        # of the inputs, and of the time in them
+        noise = roundings * (
+            np.abs(s).max(axis=0) + (abs(t) + h) * pace
+        )  # of the inputs, and of the time in them
         beyond = lambda off: np.where(off > noise, off, 0.0)
         behind = beyond(np.abs(s[0] - np.einsum("a,akj->kj", BACK, s[1:])))
         times, inputs = seen
         at = 2.0 * (times - t) / h - 1.0
         between = np.polynomial.chebyshev.chebval(at, c).T.reshape(inputs.shape) - inputs
         between = beyond(np.abs(between).max(axis=0)) if len(times) else np.zeros_like(behind)
-        return (damped(0.5 * h * (S[1] - S[0]), np.einsum("kij,kj->i", np.abs(self.mode.U), behind))
-                + damped(h, np.einsum("kij,kj->i", np.abs(self.mode.U), between)),
-                np.einsum("ikl,kl->i", np.abs(self.mode.signs_s), between))
+        return (
+            damped(0.5 * h * (S[1] - S[0]), np.einsum("kij,kj->i", np.abs(self.mode.U), behind))
+            + damped(h, np.einsum("kij,kj->i", np.abs(self.mode.U), between)),
+            np.einsum("ikl,kl->i", np.abs(self.mode.signs_s), between),
+        )
 
     def _damped(self, h, speed):
         """(n,) what becomes of so much more speed for a time h: implicit Euler's change, and the growth of what grows."""
         if not speed.any():
             return np.zeros(len(speed))
-        short = h / (1.0 + 2.0 * h * self.grows)             # half of where the step of a mode that grows has no solution
-        return (np.exp(min(h * self.grows, FASTEST)) * h
-                * np.abs(np.linalg.inv(np.eye(len(speed)) - short * self.mode.G)) @ speed)
+        short = h / (
+            1.0 + 2.0 * h * self.grows
+        )  # half of where the step of a mode that grows has no solution
+        return (
+            np.exp(min(h * self.grows, FASTEST))
+            * h
+            * np.abs(np.linalg.inv(np.eye(len(speed)) - short * self.mode.G))
+            @ speed
+        )
 
     def _followed(self, t, x, h):
         from nsbench.solvers.event_driven.smooth.arc import follow
-        m, times, size, self.steps = self.mode, 0.5 * h * (1.0 + S), np.maximum(self.scale, np.abs(x)), 1
-        G = m.G * size / size[:, None]                       # tolerances are relative to each state, and
-        stiff = max(1.0, h * float(np.abs(G).sum(axis=1).max()))         # what a mode forgets of an error, its multipliers keep
+
+        m = self.mode
+        times = 0.5 * h * (1.0 + S)
+        size = np.maximum(self.scale, np.abs(x))
+        self.steps = 1
+        G = m.G * size / size[:, None]  # tolerances are relative to each state, and
+        stiff = max(
+            1.0, h * float(np.abs(G).sum(axis=1).max())
+        )  # what a mode forgets of an error, its multipliers keep
         rhs = lambda a, y: G @ y + np.einsum("kij,kj->i", m.U, self.inputs(t + a, m.order)) / size
-        X, s = np.full((len(S), x.size), np.nan), np.array([self.inputs(t + a, m.order) for a in times])
+        X = np.full((len(S), x.size), np.nan)
+        s = np.array([self.inputs(t + a, m.order) for a in times])
         if np.all(np.isfinite(s)):
-            arc = follow(rhs, 0.0, x / size, times[-1], method=self._method, rtol=0.1 * self._tol / stiff, samples=times[1:-1],
-                         max_steps=FOLLOWED)
+            arc = follow(
+                rhs,
+                0.0,
+                x / size,
+                times[-1],
+                method=self._method,
+                rtol=0.1 * self._tol / stiff,
+                samples=times[1:-1],
+                max_steps=FOLLOWED,
+            )
             X = size * np.vstack([x / size, arc.samples, arc.y]) if arc.status.ok else X
             self.steps = max(arc.steps, 1)
         return X, s
@@ -158,7 +212,8 @@ class Flow:
 def resolved(values: np.ndarray, limit: np.ndarray) -> tuple[bool, bool]:
     """(is the polynomial through values (13, k) the function up to limit (k,), would half the points do?)"""
     c = np.abs(TO_CHEB @ values)
-    tail, half = c[-2:].max(axis=0, initial=0.0), c[STAGES // 2:].max(axis=0, initial=0.0)
+    tail = c[-2:].max(axis=0, initial=0.0)
+    half = c[STAGES // 2 :].max(axis=0, initial=0.0)
     return bool(np.all(tail <= limit)), bool(np.all(half <= limit))
 
 
@@ -205,10 +260,18 @@ def _falls(c):
     roots = np.polynomial.chebyshev.chebroots(c)
     d = np.polynomial.chebyshev.chebder(c)
     real = roots.real[(np.abs(roots.imag) <= 1e-6) & (np.abs(roots.real) <= 1.0 + 1e-6)]
-    for _ in range(2):                                      # Newton: a double root loses half of the digits, no more
+    for _ in range(2):  # Newton: a double root loses half of the digits, no more
         slope = np.polynomial.chebyshev.chebval(real, d)
-        move = np.where(slope != 0.0, np.polynomial.chebyshev.chebval(real, c) / np.where(slope != 0.0, slope, 1.0), 0.0)
+        move = np.where(
+            slope != 0.0,
+            np.polynomial.chebyshev.chebval(real, c) / np.where(slope != 0.0, slope, 1.0),
+            0.0,
+        )
         real = np.where(np.abs(move) <= 1e-5, real - move, real)
     real = np.sort(np.clip(real, -1.0, 1.0))
     behind = 0.5 * (real + np.append(real[1:], 1.0))
-    return [(float(r), float(m)) for r, m in zip(real, behind, strict=True) if np.polynomial.chebyshev.chebval(m, c) < 0.0]
+    return [
+        (float(r), float(m))
+        for r, m in zip(real, behind, strict=True)
+        if np.polynomial.chebyshev.chebval(m, c) < 0.0
+    ]

@@ -4,6 +4,7 @@ w_I = 0 is D_II lam + C_I x + q_I = 0. Combinations of its rows without lam cons
 differentiated, Z (C_I (A x + B_I lam + u) + q_I') = 0, until the matrix before lam is regular (index reduction; Kunkel &
 Mehrmann 2006, chapter 3). Then lam_I = F x + phi(t) and x' = (A + B_I F) x + B_I phi + u.
 """
+
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -13,15 +14,16 @@ import numpy as np
 from nsbench.dynamics.lcs import inputs
 from nsbench.problem import LCS
 
-ZERO = 1e-12            # of the terms of a sum: below, a coefficient is rounding
-RANK = 1e-10            # relative singular value of scaled rows
+ZERO = 1e-12  # of the terms of a sum: below, a coefficient is rounding
+RANK = 1e-10  # relative singular value of scaled rows
 
 
 class Inputs:
     """u and q with their derivatives in time, by JAX where any are needed."""
 
     def __init__(self, p: LCS):
-        self._p, self.still = p, p.u is None and p.q is None
+        self._p = p
+        self.still = p.u is None and p.q is None
         u, q = inputs(p)
         self._known = [lambda t: np.concatenate((u(t), q(t)))]
 
@@ -31,14 +33,20 @@ class Inputs:
             return np.zeros((order + 1, sum(self._p.B.shape)))
         while len(self._known) <= order:
             self._known.append(self._derivative(len(self._known)))
-        return np.array([f(t) for f in self._known[:order + 1]])
+        return np.array([f(t) for f in self._known[: order + 1]])
 
     def _derivative(self, order):
         from nsbench.compilation.factories import jax_function
-        p, zero = self._p, np.zeros(self._p.B.shape)
-        u, q = (jax_function(f) if f else (lambda t, v=v: v + 0.0 * t) for f, v in ((p.u, zero[:, 0]), (p.q, zero[0])))
+
+        p = self._p
+        zero = np.zeros(self._p.B.shape)
+        u, q = (
+            jax_function(f) if f else (lambda t, v=v: v + 0.0 * t)
+            for f, v in ((p.u, zero[:, 0]), (p.q, zero[0]))
+        )
         import jax
         import jax.numpy as jnp
+
         f = lambda t: jnp.concatenate((u(t), q(t)))
         for _ in range(order):
             f = jax.jacfwd(f)
@@ -53,6 +61,7 @@ class Mode:
     held (c, n), held_s (c, order + 1, n + m): constraints held x + held_s s = 0 of the state, invariants of the flow.
     signs (m, n), signs_s: lam on I, w elsewhere; size (m, n): sums of the moduli of their terms, for rounding.
     """
+
     rows: tuple
     F: np.ndarray
     Phi: np.ndarray
@@ -67,22 +76,28 @@ class Mode:
 
 def mode(p: LCS, rows: tuple) -> Mode | None:
     """The mode with w = 0 on `rows`; None if these do not determine lam."""
-    on, n, m = list(rows), p.A.shape[0], p.B.shape[1]
-    B, N, K = p.B[:, on], p.D[np.ix_(on, on)], p.C[on]
+    on = list(rows)
+    n = p.A.shape[0]
+    m = p.B.shape[1]
+    B = p.B[:, on]
+    N = p.D[np.ix_(on, on)]
+    K = p.C[on]
     S = np.zeros((len(on), 1, n + m))
     S[np.arange(len(on)), 0, n + np.array(on, int)] = 1.0
-    held, held_s = [], []
+    held = []
+    held_s = []
     for _ in range(n + 1):
         split = _split(N)
         if split is None:
             break
-        R, Z = split                                     # combinations with lam, and those without
+        R, Z = split  # combinations with lam, and those without
         if not Z.shape[0]:
             return _mode(p, on, N, K, S, held, held_s)
-        Kz, Sz = Z @ K, np.einsum("ij,jkl->ikl", Z, S)
+        Kz = Z @ K
+        Sz = np.einsum("ij,jkl->ikl", Z, S)
         size = np.abs(Z) @ np.abs(K)
         if np.any(np.abs(Kz).max(axis=1) <= ZERO * size.max(axis=1)):
-            return None                                     # rows that say the same, or contradict each other
+            return None  # rows that say the same, or contradict each other
         held.append(Kz)
         held_s.append(Sz)
         Nz = Kz @ B
@@ -92,7 +107,9 @@ def mode(p: LCS, rows: tuple) -> Mode | None:
         S2[:, 0, :n] += Kz
         keep = np.zeros((len(R), S.shape[1] + 1, n + m))
         keep[:, :-1] = np.einsum("ij,jkl->ikl", R, S)
-        N, K, S = np.vstack([R @ N, Nz]), np.vstack([R @ K, Kz @ p.A]), np.concatenate([keep, S2])
+        N = np.vstack([R @ N, Nz])
+        K = np.vstack([R @ K, Kz @ p.A])
+        S = np.concatenate([keep, S2])
     return None
 
 
@@ -111,25 +128,47 @@ def _split(N):
 
 
 def _mode(p, on, N, K, S, held, held_s):
-    n, m = p.A.shape[0], p.B.shape[1]
+    n = p.A.shape[0]
+    m = p.B.shape[1]
     order = S.shape[1] - 1
     a, b = _equal(N)
-    solve = lambda v: b[:, None] * np.linalg.solve(a[:, None] * N * b, a[:, None] * v) if len(on) else np.zeros((0, v.shape[1]))
-    F, Phi = -solve(K), -solve(S.reshape(len(on), (order + 1) * (n + m))).reshape(len(on), order + 1, n + m)
+    solve = lambda v: (
+        b[:, None] * np.linalg.solve(a[:, None] * N * b, a[:, None] * v)
+        if len(on)
+        else np.zeros((0, v.shape[1]))
+    )
+    F = -solve(K)
+    Phi = -solve(S.reshape(len(on), (order + 1) * (n + m))).reshape(len(on), order + 1, n + m)
     G = p.A + p.B[:, on] @ F
     U = np.einsum("ij,jkl->kil", p.B[:, on], Phi)
     U[0, :, :n] += np.eye(n)
     J = [j for j in range(m) if j not in on]
-    signs, signs_s = np.zeros((m, n)), np.zeros((m, order + 1, n + m))
-    signs[on], signs_s[on] = F, Phi
+    signs = np.zeros((m, n))
+    signs_s = np.zeros((m, order + 1, n + m))
+    signs[on] = F
+    signs_s[on] = Phi
     signs[J] = p.C[J] + p.D[np.ix_(J, on)] @ F
     signs_s[J] = np.einsum("ij,jkl->ikl", p.D[np.ix_(J, on)], Phi)
     signs_s[J, 0, n + np.array(J, int)] += 1.0
-    pad = [np.concatenate((h, np.zeros((len(h), order + 1 - h.shape[1], n + m))), axis=1) for h in held_s]
-    return Mode(tuple(on), F, Phi, G, U, np.vstack(held) if held else np.zeros((0, n)),
-                np.concatenate(pad) if pad else np.zeros((0, order + 1, n + m)), signs, signs_s, order)
+    pad = [
+        np.concatenate((h, np.zeros((len(h), order + 1 - h.shape[1], n + m))), axis=1)
+        for h in held_s
+    ]
+    return Mode(
+        tuple(on),
+        F,
+        Phi,
+        G,
+        U,
+        np.vstack(held) if held else np.zeros((0, n)),
+        np.concatenate(pad) if pad else np.zeros((0, order + 1, n + m)),
+        signs,
+        signs_s,
+        order,
+    )
 
 
 def _equal(N):
     from nsbench.lcp.lemke import scales
+
     return scales(np.ascontiguousarray(N)) if len(N) else (np.ones(0), np.ones(0))

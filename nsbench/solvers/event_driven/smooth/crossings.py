@@ -4,6 +4,7 @@ Every function is interpolated by a Chebyshev series on every piece; pieces are 
 A dip below zero and back inside one piece is found as two roots of the series. A dip that stays within `touch` of
 zero is a touch, not an event: its depth is rounding, and what follows is the same to rounding with and without it.
 """
+
 from __future__ import annotations
 
 from collections.abc import Callable
@@ -13,11 +14,13 @@ from numpy.polynomial import chebyshev
 
 from nsbench.solvers.event_driven.smooth.pieces import DEGREE, NODES, TO_CHEBYSHEV, Piece, whole
 
-SPLITS = 12             # halvings of a piece before a function counts as not smooth
-TOUCH = 0.05            # part of the band that a dip must exceed to be a crossing
-STEEP = 100.0           # touches per piece: a function that leaves a piece below zero at this pace has crossed
+SPLITS = 12  # halvings of a piece before a function counts as not smooth
+TOUCH = 0.05  # part of the band that a dip must exceed to be a crossing
+STEEP = (
+    100.0  # touches per piece: a function that leaves a piece below zero at this pace has crossed
+)
 _SCAN = chebyshev.chebvander(np.linspace(-1.0, 1.0, 33), DEGREE)
-_END = np.arange(DEGREE + 1.0) ** 2         # slope of the Chebyshev polynomials at 1
+_END = np.arange(DEGREE + 1.0) ** 2  # slope of the Chebyshev polynomials at 1
 _MINIMAL = 16 * np.finfo(float).eps
 
 
@@ -30,7 +33,8 @@ class Crossings:
 
     def __init__(self, gaps: Callable, band, armed, t: float, y: np.ndarray):
         g = np.asarray(gaps(t, y), float)
-        self.gaps, self.touches = gaps, 0
+        self.gaps = gaps
+        self.touches = 0
         self.finite = bool(np.all(np.isfinite(g)))
         self.band = np.broadcast_to(np.asarray(band, float), g.shape)
         self.armed = g > self.band if armed is None else np.array(armed, bool)
@@ -44,26 +48,48 @@ class Crossings:
             piece, depth = todo.pop()
             values = np.array([self.gaps(s, y) for s, y in zip(piece.times, piece.y, strict=True)])
             c = TO_CHEBYSHEV @ values
-            tail, swing = np.abs(c[-2:]).sum(axis=0), np.abs(c[1:]).sum(axis=0)
+            tail = np.abs(c[-2:]).sum(axis=0)
+            swing = np.abs(c[1:]).sum(axis=0)
             near = ~(c[0] - swing - tail > np.where(self.armed, 0.0, self.level))
-            rough = near & (tail > 1e-4 * swing) & (tail > 1e-3 * self.band) & (swing > 1e-15 * np.abs(values).max(initial=0.0))
-            lowest = (_SCAN @ c).min(axis=0, initial=np.inf)                # a dip this near to zero needs the last digit
+            rough = (
+                near
+                & (tail > 1e-4 * swing)
+                & (tail > 1e-3 * self.band)
+                & (swing > 1e-15 * np.abs(values).max(initial=0.0))
+            )
+            lowest = (_SCAN @ c).min(
+                axis=0, initial=np.inf
+            )  # a dip this near to zero needs the last digit
             rough |= near & (tail > self.touch) & (np.abs(lowest) <= 100.0 * tail + 4e-3 * swing)
-            if rough.any() and depth < SPLITS and piece.hi - piece.lo > 64 * np.spacing(abs(piece.hi)):
+            if (
+                rough.any()
+                and depth < SPLITS
+                and piece.hi - piece.lo > 64 * np.spacing(abs(piece.hi))
+            ):
                 mid = 0.5 * (piece.lo + piece.hi)
-                todo += [(whole(dense, mid, piece.hi, piece.depth + 1, piece.proven), depth + 1),
-                         (whole(dense, piece.lo, mid, piece.depth + 1, piece.proven), depth + 1)]
+                todo += [
+                    (whole(dense, mid, piece.hi, piece.depth + 1, piece.proven), depth + 1),
+                    (whole(dense, piece.lo, mid, piece.depth + 1, piece.proven), depth + 1),
+                ]
                 continue
             base = np.where(self.armed, 0.0, self.level)
             dips = near & (rough | (lowest - base <= 100.0 * tail + 4e-3 * swing + self.touch))
-            hits = [(*hit, int(i)) for i in np.flatnonzero(dips) if (hit := self._crossing(i, c[:, i], values[:, i]))]
+            hits = [
+                (*hit, int(i))
+                for i in np.flatnonzero(dips)
+                if (hit := self._crossing(i, c[:, i], values[:, i]))
+            ]
             if hits:
                 s, lefts, right, target, i = min(hits)
-                to_time = lambda u: 0.5 * (piece.lo + piece.hi) + 0.5 * (piece.hi - piece.lo) * u     # noqa: B023
+                to_time = lambda u: 0.5 * (piece.lo + piece.hi) + 0.5 * (piece.hi - piece.lo) * u  # noqa: B023
                 slope = chebyshev.chebval(s, chebyshev.chebder(c[:, i])) * 2 / (piece.hi - piece.lo)
                 self.level[i] = target
                 lefts = [to_time(u) for u in lefts]
-                return self._root(dense, i, lefts, to_time(s), to_time(right), piece.hi), i, float(slope)
+                return (
+                    self._root(dense, i, lefts, to_time(s), to_time(right), piece.hi),
+                    i,
+                    float(slope),
+                )
             rose = ~self.armed & (values > self.band).any(axis=0)
             self.armed |= rose
             self.level[rose] = 0.0
@@ -84,29 +110,37 @@ class Crossings:
         """First crossing of `target` after `start` that goes `touch` below it."""
         dip = next(iter(_below(c - _lifted(target - touch), start)), None)
         if dip is None and chebyshev.chebval(1.0, c) < target and _END @ c < -STEEP * touch:
-            dip = 1.0, 1.0                      # it is on its way down when the piece ends
+            dip = 1.0, 1.0  # it is on its way down when the piece ends
         if dip is None:
-            k = np.flatnonzero((values < target - touch) & (start < NODES))      # the series may be unresolved
+            k = np.flatnonzero(
+                (values < target - touch) & (start < NODES)
+            )  # the series may be unresolved
             if k.size and start == -1.0:
                 return NODES[k[0]], (NODES[max(k[0] - 1, 0)],), NODES[k[0]], target
             if count and values.min() < target - 1e-3 * touch and start == -1.0:
                 self.touches += 1
             return None
         below = _below(c - _lifted(target), start)
-        s = next((a for a, b in below if a <= dip[0] <= b), dip[0])         # a root that rounding puts behind the dip is at it
-        turns = _roots(chebyshev.chebder(c))[::-1]                          # from the last one on it only falls to s
+        s = next(
+            (a for a, b in below if a <= dip[0] <= b), dip[0]
+        )  # a root that rounding puts behind the dip is at it
+        turns = _roots(chebyshev.chebder(c))[::-1]  # from the last one on it only falls to s
         lefts = tuple(0.5 * (s + u) for u in (*turns[(turns > start) & (turns < s)], start))
         return s, lefts, 0.5 * (dip[0] + dip[1]), target
 
     def _root(self, dense, i, lefts, guess, right, end):
         from scipy.optimize import brentq
+
         seen = {}
 
         def fun(s):
             seen[s] = float(self.gaps(s, dense(s))[i]) - self.level[i]
             return seen[s]
+
         if not lefts[-1] < right and fun(right) > self.band[i]:
-            lefts, right = [right], end         # it jumps between floats that are one to the polynomial
+            # it jumps between floats that are one to the polynomial
+            lefts = [right]
+            right = end
         left = next((u for u in lefts if u < right and fun(u) > 0.0), None)
         if left is None:
             return guess
@@ -115,7 +149,9 @@ class Crossings:
                 return guess
             right = end
         # a root of higher order takes more than the usual hundred iterations
-        root = brentq(fun, left, right, xtol=4 * np.spacing(abs(right)), rtol=_MINIMAL, maxiter=10_000)
+        root = brentq(
+            fun, left, right, xtol=4 * np.spacing(abs(right)), rtol=_MINIMAL, maxiter=10_000
+        )
         return root if seen[root] <= self.band[i] else _jump(fun, root, right)
 
 
@@ -135,7 +171,9 @@ def _roots(c) -> np.ndarray:
     """Real roots of the series on [-1, 1], sorted."""
     c = np.trim_zeros(c, "b")
     roots = chebyshev.chebroots(c) if len(c) > 1 else np.empty(0)
-    return np.sort(roots.real[(roots.imag == 0.0) & (np.abs(roots.real) <= 1.0 + 1e-12)]).clip(-1.0, 1.0)
+    return np.sort(roots.real[(roots.imag == 0.0) & (np.abs(roots.real) <= 1.0 + 1e-12)]).clip(
+        -1.0, 1.0
+    )
 
 
 def _below(c, start) -> list[tuple[float, float]]:

@@ -1,4 +1,5 @@
 """One sweep of exact projections over listed pairs of particles, as a user of numba writes it."""
+
 from __future__ import annotations
 
 import numpy as np
@@ -15,7 +16,8 @@ def sweep(x, pairs, d, impulse):
     """
     total = 0.0
     for k in range(pairs.shape[0]):
-        i, j = pairs[k, 0], pairs[k, 1]
+        i = pairs[k, 0]
+        j = pairs[k, 1]
         r2 = 0.0
         for c in range(x.shape[1]):
             r2 += (x[i, c] - x[j, c]) ** 2

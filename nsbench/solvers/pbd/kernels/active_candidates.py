@@ -4,12 +4,13 @@ A list of near pairs lives long and is dear to make, so it is long: in a dense p
 do nothing. Out of it those are chosen, in the same order, whose gap is at most a smaller skin; nothing else can become
 active while no particle is farther than half of that from where they were chosen. Choosing reads the list once.
 """
+
 import numpy as np
 from numba import njit
 
 from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
 
-FAVOUR = 2.4              # of reading a list once against a step of the sweep over what it grows by, per radius: estimated
+FAVOUR = 2.4  # of reading a list once against a step of the sweep over what it grows by, per radius: estimated
 
 
 @njit(cache=True, error_model="numpy")
@@ -30,18 +31,26 @@ def choose(lists, chosen, y, r, skin, dim, rows, b, moving):
     """
     i, j, mu = lists
     near_i, near_j, where, near_mu = chosen
-    d, k, alike = 2.0 * r[0] + skin, np.uint64(0), r.size == 1
-    one, two, plane = np.uint64(1), np.uint64(2), dim == 2 and r.size == 1
+    d = 2.0 * r[0] + skin
+    k = np.uint64(0)
+    alike = r.size == 1
+    one = np.uint64(1)
+    two = np.uint64(2)
+    plane = dim == 2 and r.size == 1
     d2 = d * d
     for c in range(i.size):
-        near_i[k], near_j[k], where[k] = i[c], j[c], c
+        near_i[k] = i[c]
+        near_j[k] = j[c]
+        where[k] = c
         if j[c] < 0:
             q = -1 - j[c]
             g = row_gap(y, i[c], q, rows, b, dim)
             k += np.uint64(moving or g * abs(g) * rows[3][q] <= 0.25 * skin * skin)
         elif plane:
-            p, q = two * np.uint64(i[c]), two * np.uint64(j[c])
-            u, v = y[p] - y[q], y[p + one] - y[q + one]
+            p = two * np.uint64(i[c])
+            q = two * np.uint64(j[c])
+            u = y[p] - y[q]
+            v = y[p + one] - y[q + one]
             k += np.uint64(u * u + v * v <= d2)
         else:
             if not alike:

@@ -1,4 +1,5 @@
 """The steps of kernels.pbd_packed besides its sweep, over the particles lo, ..., hi - 1 of the store."""
+
 import numpy as np
 from numba import njit
 
@@ -8,7 +9,8 @@ from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps a
 @njit(cache=True)
 def drift(x, y, spot, v, label, h, dim, lo, hi):
     """One step of Euler from x (by label) to y. Returns the largest squared distance from spot, NaN if not all is finite."""
-    far, good = 0.0, True
+    far = 0.0
+    good = True
     for s in range(lo, hi):
         g = 0.0
         for c in range(dim):

@@ -4,6 +4,7 @@ Storage: particle s of the store is the one with label `label[s]`; it is sorted 
 near in space is near in memory. The order of the sweep knows labels alone (kernels.keys), so the store changes no bit.
 Candidates: pairs (i, j) of the store and rows of A on one particle, (i, -1 - row).
 """
+
 import numpy as np
 from numba import njit
 
@@ -11,7 +12,9 @@ from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps a
 from nsbench.dynamics.contacts.kernels.constraint_order import CELL, order_key
 from nsbench.solvers.pbd.kernels.conflict_schedule import divide, schedule
 
-DEEP = 16.0               # rows are looked for in a list that reaches that many times as far, made anew less often
+DEEP = (
+    16.0  # rows are looked for in a list that reaches that many times as far, made anew less often
+)
 
 
 @njit(cache=True)
@@ -22,16 +25,28 @@ def room(n, m):
     are i and j, impulse, and the chosen i and j (kernels.close) when a list is made; places or what is logged, what is
     waited for; keys or impulses of the chosen, impulses logged, where the chosen are.
     """
-    return (np.arange(n).astype(np.int32), np.arange(n).astype(np.int32), np.empty(n, np.int32), np.empty(n + 1, np.int32)), \
-           (np.empty(2 * m, np.int32), np.empty(2 * m, np.int32), np.empty(2 * m, np.int32), np.empty(m, np.int32),
-            np.empty(m, np.int8), np.empty(m), np.empty(m), np.empty(m, np.int32))
+    return (
+        np.arange(n).astype(np.int32),
+        np.arange(n).astype(np.int32),
+        np.empty(n, np.int32),
+        np.empty(n + 1, np.int32),
+    ), (
+        np.empty(2 * m, np.int32),
+        np.empty(2 * m, np.int32),
+        np.empty(2 * m, np.int32),
+        np.empty(m, np.int32),
+        np.empty(m, np.int8),
+        np.empty(m),
+        np.empty(m),
+        np.empty(m, np.int32),
+    )
 
 
 @njit(cache=True)
 def listed(candidates, m):
     """i, j, impulse of the first m candidates."""
     half = candidates[3].size
-    return candidates[0][:m], candidates[0][half:half + m], candidates[1].view(np.float64)[:m]
+    return candidates[0][:m], candidates[0][half : half + m], candidates[1].view(np.float64)[:m]
 
 
 @njit(cache=True)
@@ -42,15 +57,20 @@ def by_cells(y, dim, size, cell, order, row):
     along the last. Cells are at least `size` wide; at most about 4 n are made, however far particles are spread.
     """
     n = order.size
-    num, width, lo = np.ones(3, np.int64), np.ones(3), np.zeros(3)
+    num = np.ones(3, np.int64)
+    width = np.ones(3)
+    lo = np.zeros(3)
     cap = max(1.0, np.ceil((4.0 * n) ** (1.0 / dim)))
     for c in range(dim):
-        a, z = y[c], y[c]
+        a = y[c]
+        z = y[c]
         for i in range(n):
-            a, z = min(a, y[i * dim + c]), max(z, y[i * dim + c])
+            a = min(a, y[i * dim + c])
+            z = max(z, y[i * dim + c])
         lo[c], width[c] = a, max(size, (z - a) / cap)
         num[c] = int((z - a) / width[c]) + 1
-    first, layer = np.zeros(num[0] * num[1] * num[2] + 1, np.int32), 1
+    first = np.zeros(num[0] * num[1] * num[2] + 1, np.int32)
+    layer = 1
     for c in range(dim - 1):
         layer *= num[c]
     for i in range(n):
@@ -66,7 +86,7 @@ def by_cells(y, dim, size, cell, order, row):
         order[first[k]] = i
         row[first[k]] = k // layer
         first[k] += 1
-    for k in range(first.size - 1, 0, -1):   # filling has moved each start to its end
+    for k in range(first.size - 1, 0, -1):  # filling has moved each start to its end
         first[k] = first[k - 1]
     first[0] = 0
     return first, num
@@ -85,12 +105,16 @@ def take(values, order, dim, spare):
 def discs_between(y, d2, s, lo, hi, i, j, m):
     """Append the pairs of s with lo, ..., hi - 1 in the plane whose squared distance is at most d2; there is room. Indices
     are unsigned: numba then does not ask whether they count from the end. Returns the new length."""
-    one, two = np.uint64(1), np.uint64(2)
-    a, b = y[two * s], y[two * s + one]
+    one = np.uint64(1)
+    two = np.uint64(2)
+    a = y[two * s]
+    b = y[two * s + one]
     q = lo
     while q < hi:
-        u, v = a - y[two * q], b - y[two * q + one]
-        i[m], j[m] = s, q
+        u = a - y[two * q]
+        v = b - y[two * q + one]
+        i[m] = s
+        j[m] = q
         m += np.uint64(u * u + v * v <= d2)
         q += one
     return m
@@ -107,7 +131,8 @@ def pairs_between(y, r, skin, dim, s, lo, hi, i, j, m):
         for c in range(dim):
             e = y[s * dim + c] - y[q * dim + c]
             g += e * e
-        i[m], j[m] = s, q
+        i[m] = s
+        j[m] = q
         m += g <= d * d
     return m
 
@@ -118,18 +143,30 @@ def near_pairs(y, r, skin, dim, first, num, i, j):
 
     r: radii (n,) in the order of the store, or (1,) if all are alike. Returns their number, -1 where room was lacking.
     """
-    m, n0, n1, n2 = 0, num[0], num[1], num[2]
-    lo, hi, d2, discs = np.empty(5, np.int64), np.empty(5, np.int64), (2.0 * r[0] + skin) ** 2, dim == 2 and r.size == 1
+    m = 0
+    n0 = num[0]
+    n1 = num[1]
+    n2 = num[2]
+    lo = np.empty(5, np.int64)
+    hi = np.empty(5, np.int64)
+    d2 = (2.0 * r[0] + skin) ** 2
+    discs = dim == 2 and r.size == 1
     for k in range(first.size - 1):
         if first[k] == first[k + 1]:
             continue
-        k0, k1, k2 = k % n0, (k // n0) % n1, k // (n0 * n1)
-        left, right = max(0, k0 - 1), min(n0, k0 + 2)
-        hi[0], count = first[k - k0 + right], 1              # the rest of its own row of cells, then
+        k0 = k % n0
+        k1 = (k // n0) % n1
+        k2 = k // (n0 * n1)
+        left = max(0, k0 - 1)
+        right = min(n0, k0 + 2)
+        # the rest of its own row of cells, then
+        hi[0] = first[k - k0 + right]
+        count = 1
         ahead = hi[0] - first[k]
-        for a2 in range(k2, min(n2, k2 + 2)):                # rows of cells ahead, each a stretch of the store
+        for a2 in range(k2, min(n2, k2 + 2)):  # rows of cells ahead, each a stretch of the store
             for a1 in range(k1 + 1 if a2 == k2 else max(0, k1 - 1), min(n1, k1 + 2)):
-                lo[count], hi[count] = first[(a2 * n1 + a1) * n0 + left], first[(a2 * n1 + a1) * n0 + right]
+                lo[count] = first[(a2 * n1 + a1) * n0 + left]
+                hi[count] = first[(a2 * n1 + a1) * n0 + right]
                 ahead += hi[count] - lo[count]
                 count += 1
         for s in range(first[k], first[k + 1]):
@@ -138,7 +175,18 @@ def near_pairs(y, r, skin, dim, first, num, i, j):
             lo[0] = s + 1
             for a in range(count):
                 if discs:
-                    m = np.int64(discs_between(y, d2, np.uint64(s), np.uint64(lo[a]), np.uint64(hi[a]), i, j, np.uint64(m)))
+                    m = np.int64(
+                        discs_between(
+                            y,
+                            d2,
+                            np.uint64(s),
+                            np.uint64(lo[a]),
+                            np.uint64(hi[a]),
+                            i,
+                            j,
+                            np.uint64(m),
+                        )
+                    )
                 else:
                     m = pairs_between(y, r, skin, dim, s, lo[a], hi[a], i, j, m)
     return m
@@ -148,7 +196,8 @@ def near_pairs(y, r, skin, dim, first, num, i, j):
 def near_rows(y, store, rows, b, reach, dim, among, everything):
     """Rows of A, of those given or of all, that a move of their particle by `reach` can violate."""
     ptr, cols, vals, inv2 = rows
-    which, m = np.empty(64, np.int32), 0
+    which = np.empty(64, np.int32)
+    m = 0
     for u in range(inv2.size if everything else among.size):
         q = u if everything else among[u]
         g = b[q]
@@ -167,14 +216,17 @@ def fill_keys(i, j, label, number, families, order, seed, keys):
     """Keys of candidates. families (k, 2): the hard family, then each family of rows with its first row."""
     for c in range(i.size):
         if j[c] < 0:
-            q, u = -1 - j[c], families.shape[0] - 1
+            q = -1 - j[c]
+            u = families.shape[0] - 1
             while families[u, 1] > q:
                 u -= 1
             keys[c] = order_key(order, seed, families[u, 0], q - families[u, 1], 0)
         else:
-            a, b = np.int64(label[i[c]]), np.int64(label[j[c]])
+            a = np.int64(label[i[c]])
+            b = np.int64(label[j[c]])
             if order == CELL:
-                a, b = number[a], number[b]
+                a = number[a]
+                b = number[b]
             keys[c] = order_key(order, seed, families[0, 0], min(a, b), max(a, b))
 
 
@@ -184,12 +236,16 @@ def carried(i, j, mu, label, kept):
     m = kept[2].size
     for c in range(mu.size):
         m += mu[c] != 0.0
-    oi, oj, omu = np.empty(m, np.int32), np.empty(m, np.int32), np.empty(m)
+    oi = np.empty(m, np.int32)
+    oj = np.empty(m, np.int32)
+    omu = np.empty(m)
     m = kept[2].size
     oi[:m], oj[:m], omu[:m] = kept
     for c in range(mu.size):
         if mu[c] != 0.0:
-            oi[m], oj[m], omu[m] = label[i[c]], label[j[c]] if j[c] >= 0 else j[c], mu[c]
+            oi[m] = label[i[c]]
+            oj[m] = label[j[c]] if j[c] >= 0 else j[c]
+            omu[m] = mu[c]
             m += 1
     return oi, oj, omu
 
@@ -199,25 +255,37 @@ def bring(i, j, old, store, head, mu):
     """Fill the impulses of the candidates; returns what is left of the old ones: pairs that are no longer listed."""
     oi, oj, omu = old
     head[:] = -1
-    after, left = np.empty(omu.size, np.int32), omu.size
+    after = np.empty(omu.size, np.int32)
+    left = omu.size
     for e in range(omu.size):
-        a, b = store[oi[e]], store[oj[e]] if oj[e] >= 0 else oj[e]
+        a = store[oi[e]]
+        b = store[oj[e]] if oj[e] >= 0 else oj[e]
         if b > a:
-            a, b = b, a                      # kept at the later particle of the store; a row at its only one
-        oi[e], oj[e], after[e], head[a] = a, b, head[a], e
+            a, b = b, a  # kept at the later particle of the store; a row at its only one
+        oi[e] = a
+        oj[e] = b
+        after[e] = head[a]
+        head[a] = e
     for c in range(i.size):
-        a, b = max(i[c], j[c]), min(i[c], j[c])
+        a = max(i[c], j[c])
+        b = min(i[c], j[c])
         e = head[a]
         while e >= 0 and oj[e] != b:
             e = after[e]
         mu[c] = 0.0
         if e >= 0:
-            mu[c], omu[e] = omu[e], 0.0
+            mu[c] = omu[e]
+            omu[e] = 0.0
             left -= 1
-    ki, kj, kmu, m = np.empty(left, np.int32), np.empty(left, np.int32), np.empty(left), 0
+    ki = np.empty(left, np.int32)
+    kj = np.empty(left, np.int32)
+    kmu = np.empty(left)
+    m = 0
     for e in range(omu.size):
         if omu[e] != 0.0:
-            ki[m], kj[m], kmu[m] = oi[e], oj[e], omu[e]
+            ki[m] = oi[e]
+            kj[m] = oj[e]
+            kmu[m] = omu[e]
             m += 1
     return ki, kj, kmu
 
@@ -227,12 +295,33 @@ def put(i, j, place, label, a, b):
     """The candidates in the order of execution, the lower label of a pair first."""
     for c in range(i.size):
         swap = j[c] >= 0 and label[i[c]] > label[j[c]]
-        a[place[c]], b[place[c]] = j[c] if swap else i[c], i[c] if swap else j[c]
+        a[place[c]] = j[c] if swap else i[c]
+        b[place[c]] = i[c] if swap else j[c]
 
 
 @njit(cache=True)
-def renew(crew, m, kept, particles, candidates, y, reac, base, spare, r, skin, dim, rows, b, which, families, number, order, seed,
-          most):
+def renew(
+    crew,
+    m,
+    kept,
+    particles,
+    candidates,
+    y,
+    reac,
+    base,
+    spare,
+    r,
+    skin,
+    dim,
+    rows,
+    b,
+    which,
+    families,
+    number,
+    order,
+    seed,
+    most,
+):
     """The store sorted anew at y, and the candidates there in their order of execution, with their impulses.
 
     m: candidates held before; kept: impulses of pairs that left; particles, candidates: as made by `room`; spare (n dim,):
@@ -240,8 +329,10 @@ def renew(crew, m, kept, particles, candidates, y, reac, base, spare, r, skin, d
     store, pairs, and the candidates' arrays (longer ones if need be); m = -1 where there are more than `most` pairs.
     """
     label, store, row, ends = particles
-    old, n = carried(*listed(candidates, m), label, kept), label.size
-    grid, cell = spare.view(np.int32)[:n], spare.view(np.int32)[n:2 * n]
+    old = carried(*listed(candidates, m), label, kept)
+    n = label.size
+    grid = spare.view(np.int32)[:n]
+    cell = spare.view(np.int32)[n : 2 * n]
     first, num = by_cells(y, dim, 2.0 * r.max() + skin, cell, grid, row)
     take(y, grid, dim, base)
     take(reac, grid, dim, base)
@@ -254,26 +345,34 @@ def renew(crew, m, kept, particles, candidates, y, reac, base, spare, r, skin, d
     radii = r if r.size == 1 else r[label]
     while True:
         half = candidates[3].size
-        a, c = candidates[2][:half], candidates[2][half:]
+        a = candidates[2][:half]
+        c = candidates[2][half:]
         pairs = near_pairs(y, radii, skin, dim, first, num, a, c)
         if 0 <= pairs <= most and pairs + which.size <= half:
             break
         if pairs > most or (pairs < 0 and half > most + n):
             return -1, kept, radii, pairs, candidates
-        if crew is not None:                 # its arrays are known to all threads: the run is begun anew with longer ones
+        if (
+            crew is not None
+        ):  # its arrays are known to all threads: the run is begun anew with longer ones
             return -2 * half - which.size, kept, radii, pairs, candidates
         candidates = room(0, 2 * half + which.size)[1]
     ids, after, _, place, need = candidates[:5]
-    keys, m = candidates[5].view(np.uint64), pairs + which.size
+    keys = candidates[5].view(np.uint64)
+    m = pairs + which.size
     for e in range(which.size):
-        a[pairs + e], c[pairs + e] = store[rows[1][rows[0][which[e]]] // dim], -1 - which[e]
+        a[pairs + e] = store[rows[1][rows[0][which[e]]] // dim]
+        c[pairs + e] = -1 - which[e]
     fill_keys(a[:m], c[:m], label, number, families, order, seed, keys[:m])
-    schedule(a[:m], c[:m], keys[:m], row, ends, ids[:2 * m], after[:2 * m], need[:m], place[:m])
+    schedule(a[:m], c[:m], keys[:m], row, ends, ids[: 2 * m], after[: 2 * m], need[:m], place[:m])
     if crew is not None:
-        divide(a[:m], c[:m], after[:2 * m], place[:m], ids[:m], need[:m], n, crew[4])
+        divide(a[:m], c[:m], after[: 2 * m], place[:m], ids[:m], need[:m], n, crew[4])
     i, j, mu = listed(candidates, m)
     put(a[:m], c[:m], place[:m], label, i, j)
     kept = bring(i, j, old, store, grid, mu)
     for e in range(kept[2].size):
-        kept[0][e], kept[1][e] = label[kept[0][e]], label[kept[1][e]] if kept[1][e] >= 0 else kept[1][e]
+        kept[0][e], kept[1][e] = (
+            label[kept[0][e]],
+            label[kept[1][e]] if kept[1][e] >= 0 else kept[1][e],
+        )
     return m, kept, radii, pairs, candidates

@@ -1,4 +1,5 @@
 """One sweep over hard particles stored by cells and rows on single ones, under a certificate (kernels.pbd_packed)."""
+
 import numpy as np
 from numba import njit
 
@@ -64,9 +65,11 @@ def sweep(lists, y, base, r, dim, rows, b, limit2, log_at, log_mu, record):
     if dim == 2 and r.size == 1:
         return sweep_discs(lists, y, base, 2.0 * r[0], rows, b, limit2, log_at, log_mu, record)
     i, j, mu = lists
-    k, tied = 0, False
+    k = 0
+    tied = False
     for c in range(i.size):
-        p, q = i[c], j[c]
+        p = i[c]
+        q = j[c]
         if q >= 0:
             m = project_pair(y, p, q, 2.0 * r[0] if r.size == 1 else r[p] + r[q], dim)
         else:
@@ -75,7 +78,8 @@ def sweep(lists, y, base, r, dim, rows, b, limit2, log_at, log_mu, record):
             continue
         tied = tied or m < 0.0
         if record:
-            log_at[k], log_mu[k] = c, mu[c]
+            log_at[k] = c
+            log_mu[k] = mu[c]
             mu[c] += abs(m)
         k += 1
         if strayed(y, base, p, dim, limit2) or (q >= 0 and strayed(y, base, q, dim, limit2)):
@@ -88,7 +92,11 @@ def sweep_discs(lists, y, base, d, rows, b, limit2, log_at, log_mu, record):
     """`sweep` in the plane for one diameter d. Indices are unsigned: numba then does not ask whether they count from the
     end, which would be a fourth of the time."""
     i, j, mu = lists
-    one, two, k, d2, tied = np.uint64(1), np.uint64(2), np.uint64(0), d * d, False
+    one = np.uint64(1)
+    two = np.uint64(2)
+    k = np.uint64(0)
+    d2 = d * d
+    tied = False
     for c in range(i.size):
         if j[c] < 0:
             m = project_row(y, i[c], -1 - j[c], rows, b, 2)
@@ -96,8 +104,10 @@ def sweep_discs(lists, y, base, d, rows, b, limit2, log_at, log_mu, record):
                 continue
             broken = strayed(y, base, i[c], 2, limit2)
         else:
-            p, q = two * np.uint64(i[c]), two * np.uint64(j[c])
-            ex, ey = y[p] - y[q], y[p + one] - y[q + one]
+            p = two * np.uint64(i[c])
+            q = two * np.uint64(j[c])
+            ex = y[p] - y[q]
+            ey = y[p + one] - y[q + one]
             s = ex * ex + ey * ey
             if s >= d2:
                 continue
@@ -106,16 +116,28 @@ def sweep_discs(lists, y, base, d, rows, b, limit2, log_at, log_mu, record):
             if m <= 0.0:
                 continue
             if length == 0.0:
-                ex, tied = m, True
+                ex = m
+                tied = True
             else:
                 w = m / length
-                ex, ey = w * ex, w * ey
-            px, py, qx, qy = y[p] + ex, y[p + one] + ey, y[q] - ex, y[q + one] - ey
-            y[p], y[p + one], y[q], y[q + one] = px, py, qx, qy
-            px, py, qx, qy = px - base[p], py - base[p + one], qx - base[q], qy - base[q + one]
+                ex = w * ex
+                ey = w * ey
+            px = y[p] + ex
+            py = y[p + one] + ey
+            qx = y[q] - ex
+            qy = y[q + one] - ey
+            y[p] = px
+            y[p + one] = py
+            y[q] = qx
+            y[q + one] = qy
+            px = px - base[p]
+            py = py - base[p + one]
+            qx = qx - base[q]
+            qy = qy - base[q + one]
             broken = max(px * px + py * py, qx * qx + qy * qy) > limit2
         if record:
-            log_at[k], log_mu[k] = c, mu[c]
+            log_at[k] = c
+            log_mu[k] = mu[c]
             mu[c] += m
         k += one
         if broken:

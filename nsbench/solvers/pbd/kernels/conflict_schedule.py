@@ -6,12 +6,13 @@ one taken here goes through the store band by band, a band being some rows of ce
 nothing any more, next is the one that has been so longest in the lowest band. What follows in the list then seldom waits
 for one another, as a band goes on at many places in turn, and yet is near in memory.
 """
+
 import numpy as np
 from numba import njit
 
 from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
 
-BAND = 8                  # rows of cells, as many as chains of projections that a processor has in hand at a time
+BAND = 8  # rows of cells, as many as chains of projections that a processor has in hand at a time
 
 
 @njit(cache=True)
@@ -23,7 +24,8 @@ def sort_by_key(ids, lo, hi, keys):
     while gap > 0:
         for e in range(lo + gap, hi):
             c = ids[e]
-            k, f = keys[c], e
+            k = keys[c]
+            f = e
             while f - gap >= lo and keys[ids[f - gap]] > k:
                 ids[f] = ids[f - gap]
                 f -= gap
@@ -53,7 +55,7 @@ def waits(i, j, keys, ends, ids, after, need):
     need[:] = 0
     lo = 0
     for s in range(n):
-        hi = ends[s]                         # filling has moved each start to its end
+        hi = ends[s]  # filling has moved each start to its end
         sort_by_key(ids, lo, hi, keys)
         for e in range(lo + 1, hi):
             p = ids[e - 1]
@@ -69,7 +71,8 @@ def _join(c, u, first, last, behind):
         first[u] = c
     else:
         behind[last[u]] = c
-    behind[c], last[u] = -1, c
+    behind[c] = -1
+    last[u] = c
 
 
 @njit(cache=True)
@@ -83,12 +86,14 @@ def schedule(i, j, keys, row, ends, ids, after, need, place):
     bands = 1
     for s in range(row.size):
         bands = max(bands, row[s] // BAND + 1)
-    first, last = np.full(bands, -1, np.int32), np.empty(bands, np.int32)
-    behind = ids                             # the queues of the bands as linked lists
+    first = np.full(bands, -1, np.int32)
+    last = np.empty(bands, np.int32)
+    behind = ids  # the queues of the bands as linked lists
     for c in range(i.size):
         if need[c] == 0:
             _join(c, row[i[c]] // BAND, first, last, behind)
-    done, at = 0, 0
+    done = 0
+    at = 0
     while at < bands:
         c = first[at]
         if c < 0:
@@ -116,7 +121,11 @@ def about(i, j, n, threads, first):
     if first == 0 and strip == ((j + 1) * threads - 1) // n:
         return strip
     border = (((i + 1) * 2 * threads - 1) // n + 1) // 2
-    return threads + border if border == (((j + 1) * 2 * threads - 1) // n + 1) // 2 else 2 * threads + 1
+    return (
+        threads + border
+        if border == (((j + 1) * 2 * threads - 1) // n + 1) // 2
+        else 2 * threads + 1
+    )
 
 
 @njit(cache=True)
@@ -148,6 +157,6 @@ def divide(i, j, after, place, order, kind, n, ends):
         c = order[e]
         place[c] = ends[kind[c]]
         ends[kind[c]] += 1
-    for k in range(ends.size - 1, 0, -1):    # filling has moved each start to its end
+    for k in range(ends.size - 1, 0, -1):  # filling has moved each start to its end
         ends[k] = ends[k - 1]
     ends[0] = 0

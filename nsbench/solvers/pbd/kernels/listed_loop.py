@@ -1,4 +1,5 @@
 """The time loop of position-based dynamics over listed constraints: Euler, then sweeps of projections."""
+
 import numpy as np
 from numba import njit
 
@@ -6,7 +7,9 @@ from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps a
 from nsbench.dynamics.contacts.kernels.impulse_records import flush
 from nsbench.solvers.pbd.kernels.projection import sweep
 
-OK, NAN, TIED = 0, 1, 2
+OK = 0
+NAN = 1
+TIED = 2
 
 
 @njit(cache=True)
@@ -27,12 +30,18 @@ def march(f, b_of, a_of, moving, t, substeps, sweeps, x, lists, rows, b, anchors
     """
     kind, family, ci, cj, p, q, d, sign, dim = lists
     ptr, cols, vals, inv2 = rows
-    K, m = t.size, kind.size
-    X, R = np.full((K, x.size), np.nan), np.full((K, x.size), np.nan)
+    K = t.size
+    m = kind.size
+    X = np.full((K, x.size), np.nan)
+    R = np.full((K, x.size), np.nan)
     x, reac, v, mu = x.copy(), np.zeros(x.size), np.empty(x.size), np.zeros(m)
-    ids, values, count = np.empty((4 * m + 16, 4), np.int64), np.empty(4 * m + 16), 0
-    X[0], R[0] = x, reac
-    work, status = 0, OK
+    ids = np.empty((4 * m + 16, 4), np.int64)
+    values = np.empty(4 * m + 16)
+    count = 0
+    X[0] = x
+    R[0] = reac
+    work = 0
+    status = OK
     for k in range(K - 1):
         h = (t[k + 1] - t[k]) / substeps[k]
         for s in range(substeps[k]):
@@ -48,12 +57,15 @@ def march(f, b_of, a_of, moving, t, substeps, sweeps, x, lists, rows, b, anchors
                 b_of(after, b)
                 a_of(after, anchors)
             for _ in range(sweeps):
-                done, tied = sweep(0, m, 1, kind, p, q, d, sign, dim, x, ptr, cols, vals, inv2, b, anchors, mu)
+                done, tied = sweep(
+                    0, m, 1, kind, p, q, d, sign, dim, x, ptr, cols, vals, inv2, b, anchors, mu
+                )
                 work += done
                 if tied:
                     status = TIED
             for c in range(x.size):
                 reac[c] += x[c] - v[c]
-        X[k + 1], R[k + 1] = x, reac
+        X[k + 1] = x
+        R[k + 1] = reac
         ids, values, count = flush(k + 1, mu, family, ci, cj, ids, values, count)
     return X, R, ids[:count], values[:count], work, status, t[K - 1]

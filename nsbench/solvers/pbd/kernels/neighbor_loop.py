@@ -6,6 +6,7 @@ is checked after the drift and after every single projection; when it is exceede
 is built anew at the present positions and the sweep goes on behind the constraint it had reached: nothing is undone,
 and no pair is missed. The order of the sweep is defined by the scene (keys), never by the list.
 """
+
 import numpy as np
 from numba import njit
 
@@ -34,16 +35,28 @@ def append(lists, keys, other, other_keys, chosen):
     a0, a1, a2, a3, a4, a5, a6, a7, a8 = lists
     b0, b1, b2, b3, b4, b5, b6, b7, b8 = other
     o = chosen
-    return (joined(a0, b0, o), joined(a1, b1, o), joined(a2, b2, o), joined(a3, b3, o), joined(a4, b4, o), joined(a5, b5, o),
-            joined(a6, b6, o), joined(a7, b7, o), joined(a8, b8, o)), joined(keys, other_keys, o)
+    return (
+        joined(a0, b0, o),
+        joined(a1, b1, o),
+        joined(a2, b2, o),
+        joined(a3, b3, o),
+        joined(a4, b4, o),
+        joined(a5, b5, o),
+        joined(a6, b6, o),
+        joined(a7, b7, o),
+        joined(a8, b8, o),
+    ), joined(keys, other_keys, o)
 
 
 @njit(cache=True)
 def ascending(keys):
     """The order (m,) in which keys ascend: runs that ascend already are merged, two by two."""
     m = keys.size
-    order, other, ends = np.arange(m), np.empty(m, np.int64), np.empty(m + 1, np.int64)
-    runs, ends[0] = 0, 0
+    order = np.arange(m)
+    other = np.empty(m, np.int64)
+    ends = np.empty(m + 1, np.int64)
+    runs = 0
+    ends[0] = 0
     for c in range(1, m + 1):
         if c == m or keys[c] < keys[c - 1]:
             runs += 1
@@ -51,8 +64,11 @@ def ascending(keys):
     while runs > 1:
         left = 0
         for u in range(0, runs, 2):
-            lo, mid, hi = ends[u], ends[u + 1], ends[min(u + 2, runs)]
-            a, b = lo, mid
+            lo = ends[u]
+            mid = ends[u + 1]
+            hi = ends[min(u + 2, runs)]
+            a = lo
+            b = mid
             for c in range(lo, hi):
                 if b == hi or (a < mid and keys[order[a]] <= keys[order[b]]):
                     other[c] = order[a]
@@ -69,9 +85,11 @@ def ascending(keys):
 @njit(cache=True)
 def in_order(lists, keys):
     """Lists and keys sorted by key."""
-    up, down = True, True
+    up = True
+    down = True
     for c in range(1, keys.size):
-        up, down = up and keys[c - 1] < keys[c], down and keys[c - 1] > keys[c]
+        up = up and keys[c - 1] < keys[c]
+        down = down and keys[c - 1] > keys[c]
     if up:
         return lists, keys
     if down:
@@ -81,16 +99,26 @@ def in_order(lists, keys):
     else:
         o = ascending(keys)
     a0, a1, a2, a3, a4, a5, a6, a7, a8 = lists
-    none, empty = np.empty(0, np.int64), np.empty(0)
-    return (joined(none, a0, o), joined(none, a1, o), joined(none, a2, o), joined(none, a3, o), joined(none, a4, o),
-            joined(none, a5, o), joined(empty, a6, o), joined(empty, a7, o), joined(none, a8, o)), \
-        joined(np.empty(0, np.uint64), keys, o)
+    none = np.empty(0, np.int64)
+    empty = np.empty(0)
+    return (
+        joined(none, a0, o),
+        joined(none, a1, o),
+        joined(none, a2, o),
+        joined(none, a3, o),
+        joined(none, a4, o),
+        joined(none, a5, o),
+        joined(empty, a6, o),
+        joined(empty, a7, o),
+        joined(none, a8, o),
+    ), joined(np.empty(0, np.uint64), keys, o)
 
 
 @njit(cache=True)
 def places(keys, wanted):
     """Where each of the wanted keys stands among the keys, or would; both ascend."""
-    at, place = np.empty(wanted.size, np.int64), 0
+    at = np.empty(wanted.size, np.int64)
+    place = 0
     for c in range(wanted.size):
         while place < keys.size and keys[place] < wanted[c]:
             place += 1
@@ -102,12 +130,21 @@ def places(keys, wanted):
 def pairs_of(family, i, j, start, dim, r):
     """The list of the pairs i, j of a family of hard particles."""
     m = i.size
-    one, fam, p, q, dims = (np.empty(m, np.int64), np.empty(m, np.int64), np.empty(m, np.int64), np.empty(m, np.int64),
-                            np.empty(m, np.int64))
-    d, sign = np.empty(m), np.empty(m)
+    one = np.empty(m, np.int64)
+    fam = np.empty(m, np.int64)
+    p = np.empty(m, np.int64)
+    q = np.empty(m, np.int64)
+    dims = np.empty(m, np.int64)
+    d = np.empty(m)
+    sign = np.empty(m)
     for c in range(m):
-        one[c], fam[c], dims[c], sign[c] = 1, family, dim, 1.0
-        p[c], q[c], d[c] = start + dim * i[c], start + dim * j[c], r[i[c]] + r[j[c]]
+        one[c] = 1
+        fam[c] = family
+        dims[c] = dim
+        sign[c] = 1.0
+        p[c] = start + dim * i[c]
+        q[c] = start + dim * j[c]
+        d[c] = r[i[c]] + r[j[c]]
     return one, fam, i, j, p, q, d, sign, dims
 
 
@@ -118,11 +155,13 @@ def near_list(x, reach, order, seed, static, static_keys, hard, radii, rank):
     hard (families, 4): family, start, particles, dim; radii and rank (by which pairs are ordered; empty: by label): those
     of all families one after the other.
     """
-    lists, keys = static, static_keys
+    lists = static
+    keys = static_keys
     at = 0
     for u in range(hard.shape[0]):
         fam, start, n, dm = hard[u]
-        r, number = radii[at:at + n], rank[at:at + n]
+        r = radii[at : at + n]
+        number = rank[at : at + n]
         at += n
         if n < 2:
             continue
@@ -133,7 +172,8 @@ def near_list(x, reach, order, seed, static, static_keys, hard, radii, rank):
             if rank.size == 0:
                 k[c] = order_key(order, seed, fam, i[c], j[c])
             else:
-                a, b = number[i[c]], number[j[c]]
+                a = number[i[c]]
+                b = number[j[c]]
                 k[c] = order_key(order, seed, fam, min(a, b), max(a, b))
         lists, keys = append(lists, keys, pairs_of(fam, i, j, start, dm, r), k, np.arange(m))
     return in_order(lists, keys)
@@ -189,7 +229,8 @@ def sweep_on(c, lists, rows, b, anchors, x, base, owner, limit2, mu):
     """
     kind, _, _, _, p, q, d, sign, dim = lists
     ptr, cols, vals, inv2 = rows
-    work, tied = 0, False
+    work = 0
+    tied = False
     while c < kind.size:
         m = 0.0
         if kind[c] == 1:
@@ -230,18 +271,47 @@ def any_moved(x, base, hard, limit2):
 
 
 @njit(cache=True)
-def march(f, b_of, a_of, moving, t, substeps, sweeps, x, static, rows, b, anchors, hard, radii, rank, owner, reach,
-          order, seed):
+def march(
+    f,
+    b_of,
+    a_of,
+    moving,
+    t,
+    substeps,
+    sweeps,
+    x,
+    static,
+    rows,
+    b,
+    anchors,
+    hard,
+    radii,
+    rank,
+    owner,
+    reach,
+    order,
+    seed,
+):
     """As kernels.pbd.march, with near lists; also returns rebuilds and the longest list held."""
     K = t.size
-    X, R = np.full((K, x.size), np.nan), np.full((K, x.size), np.nan)
+    X = np.full((K, x.size), np.nan)
+    R = np.full((K, x.size), np.nan)
     x, reac, v, base = x.copy(), np.zeros(x.size), np.empty(x.size), x.copy()
-    ids, values, count = np.empty((64, 4), np.int64), np.empty(64), 0
+    ids = np.empty((64, 4), np.int64)
+    values = np.empty(64)
+    count = 0
     static_key = static_keys(static[1], order, seed)
     lists, keys = near_list(x, reach, order, seed, static, static_key, hard, radii, rank)
-    mu, most = np.zeros(keys.size), 3 * hard[:, 2].sum() + static_key.size
-    X[0], R[0] = x, reac
-    work, status, rebuilds, peak, skin, calm = 0, OK, 1, keys.size, reach, 0
+    mu = np.zeros(keys.size)
+    most = 3 * hard[:, 2].sum() + static_key.size
+    X[0] = x
+    R[0] = reac
+    work = 0
+    status = OK
+    rebuilds = 1
+    peak = keys.size
+    skin = reach
+    calm = 0
     for k in range(K - 1):
         h = (t[k + 1] - t[k]) / substeps[k]
         for s in range(substeps[k]):
@@ -256,34 +326,55 @@ def march(f, b_of, a_of, moving, t, substeps, sweeps, x, static, rows, b, anchor
                 after = t[k + 1] if s + 1 == substeps[k] else t[k] + (s + 1) * h
                 b_of(after, b)
                 a_of(after, anchors)
-            broken, inside = any_moved(x, base, hard, 0.2499 * skin * skin), 0
+            broken = any_moved(x, base, hard, 0.2499 * skin * skin)
+            inside = 0
             for _ in range(sweeps):
-                c, last = 0, np.uint64(0)
+                c = 0
+                last = np.uint64(0)
                 while True:
                     if broken:
-                        if inside > 4 and keys.size < most:        # a violent sweep: longer lists, fewer of them
+                        if (
+                            inside > 4 and keys.size < most
+                        ):  # a violent sweep: longer lists, fewer of them
                             skin *= 1.5
-                        lists, keys, mu = rebuild(lists, keys, mu, x, skin, order, seed, static, static_key, hard, radii,
-                                                  rank)
+                        lists, keys, mu = rebuild(
+                            lists,
+                            keys,
+                            mu,
+                            x,
+                            skin,
+                            order,
+                            seed,
+                            static,
+                            static_key,
+                            hard,
+                            radii,
+                            rank,
+                        )
                         for e in range(x.size):
                             base[e] = x[e]
-                        rebuilds, peak, inside = rebuilds + 1, max(peak, keys.size), inside + 1
+                        rebuilds = rebuilds + 1
+                        peak = max(peak, keys.size)
+                        inside = inside + 1
                         if c > 0:
                             c = 0
                             while c < keys.size and keys[c] <= last:
                                 c += 1
-                    c, done, tied, broken = sweep_on(c, lists, rows, b, anchors, x, base, owner,
-                                                     0.2499 * skin * skin, mu)
+                    c, done, tied, broken = sweep_on(
+                        c, lists, rows, b, anchors, x, base, owner, 0.2499 * skin * skin, mu
+                    )
                     work += done
                     status = TIED if tied else status
                     if not broken:
                         break
                     last = keys[c - 1]
             calm = calm + 1 if inside <= 1 else 0
-            if calm > 8 and skin > reach:                # the storm is over: short lists again
-                skin, calm = max(reach, skin / 1.5), 0
+            if calm > 8 and skin > reach:  # the storm is over: short lists again
+                skin = max(reach, skin / 1.5)
+                calm = 0
             for c in range(x.size):
                 reac[c] += x[c] - v[c]
-        X[k + 1], R[k + 1] = x, reac
+        X[k + 1] = x
+        R[k + 1] = reac
         ids, values, count = flush(k + 1, mu, lists[1], lists[2], lists[3], ids, values, count)
     return X, R, ids[:count], values[:count], work, status, t[K - 1], rebuilds, peak

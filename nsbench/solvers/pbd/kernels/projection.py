@@ -6,6 +6,7 @@ of the anchor), d (distance), sign, dim. Rows are CSR: ptr, cols, vals and 1/|ro
 The projection on an affine row or a distance is exact, along the gradient; it returns the impulse
 h lambda = displacement / |grad g|^2 * |grad g| ... that is, the factor mu in  x += mu grad g.
 """
+
 import numpy as np
 from numba import njit
 

@@ -3,6 +3,7 @@
 Work is handed out many times in a step, so nobody sleeps in between: whoever waits looks at the word again, and gives
 its processor away after some looks. numba has no atomic access to arrays on a CPU; here it is, in three instructions.
 """
+
 import ctypes
 import os
 
@@ -15,46 +16,65 @@ from numba.np.arrayobj import make_array
 
 from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
 
-JOB, POSTED, DONE, REST, DIM, ROW = 0, 8, 16, 24, 25, 26      # places in `word`; those written by several lie 64 bytes apart
+# places in `word`; those written by several lie 64 bytes apart
+JOB = 0
+POSTED = 8
+DONE = 16
+REST = 24
+DIM = 25
+ROW = 26
 WORDS = 32
 STOP = -1
-LOOKS = 300               # before the processor is given away: about a microsecond
+LOOKS = 300  # before the processor is given away: about a microsecond
 
 
 def _place(context, builder, signature, args):
-    return cgutils.get_item_pointer(context, builder, signature.args[0], make_array(signature.args[0])(context, builder, args[0]),
-                                    [args[1]])
+    return cgutils.get_item_pointer(
+        context,
+        builder,
+        signature.args[0],
+        make_array(signature.args[0])(context, builder, args[0]),
+        [args[1]],
+    )
 
 
 @intrinsic
 def look(typing, word, k):
     """word[k], read after whatever the thread that wrote it had done before."""
+
     def code(context, builder, signature, args):
         return builder.load_atomic(_place(context, builder, signature, args), "acquire", 8)
+
     return types.int64(word, types.intp), code
 
 
 @intrinsic
 def raise_(typing, word, k):
     """word[k] += 1, seen by others after whatever this thread has done before."""
+
     def code(context, builder, signature, args):
         one = ir.Constant(ir.IntType(64), 1)
         return builder.atomic_rmw("add", _place(context, builder, signature, args), one, "acq_rel")
+
     return types.int64(word, types.intp), code
 
 
 @intrinsic
 def rest(typing, address):
     """Call the function without arguments at that address: `yielding()`."""
+
     def code(context, builder, signature, args):
         kind = ir.FunctionType(ir.IntType(32), [])
         return builder.call(builder.inttoptr(args[0], kind.as_pointer()), [])
+
     return types.int32(types.int64), code
 
 
 def yielding() -> int:
     """Address of the system's function that gives the processor to another thread."""
-    function = ctypes.windll.kernel32.SwitchToThread if os.name == "nt" else ctypes.CDLL(None).sched_yield
+    function = (
+        ctypes.windll.kernel32.SwitchToThread if os.name == "nt" else ctypes.CDLL(None).sched_yield
+    )
     return ctypes.cast(function, ctypes.c_void_p).value
 
 

@@ -10,6 +10,7 @@ undone and nothing of it is kept.
 A crew is None (one thread: none of this is compiled) or the tuple that `crew` makes: what is posted, what each reports,
 where the classes begin, and the arrays of the march.
 """
+
 import threading
 from collections.abc import Callable
 
@@ -21,10 +22,22 @@ from nsbench.solvers.pbd.kernels.active_candidates import choose, put_back
 from nsbench.solvers.pbd.kernels.cell_step import drift, settle
 from nsbench.solvers.pbd.kernels.cell_storage import listed
 from nsbench.solvers.pbd.kernels.cell_sweep import sweep
-from nsbench.solvers.pbd.kernels.thread_team import DIM, DONE, JOB, POSTED, ROW, STOP, finish, post, raise_, wait, words
+from nsbench.solvers.pbd.kernels.thread_team import (
+    DIM,
+    DONE,
+    JOB,
+    POSTED,
+    ROW,
+    STOP,
+    finish,
+    post,
+    raise_,
+    wait,
+    words,
+)
 
 DRIFT, SWEEP, BORDERS, SETTLE, CHOOSE, PUT_BACK = range(6)
-STEP, LIMIT2, WIDTH, MOVING, RECORD = range(5)                     # places in `number`
+STEP, LIMIT2, WIDTH, MOVING, RECORD = range(5)  # places in `number`
 
 
 @njit(cache=True, nogil=True)
@@ -37,37 +50,84 @@ def share(me, threads, n):
 def sweep_class(c, crew):
     """Sweep over the chosen constraints of class c, and report (done, tied, broken)."""
     word, number, tally, _, ends, chosen, _, state, _, candidates, rows, b, radii = crew
-    lo, m, half = ends[c], chosen[c], candidates[3].size
-    lists = candidates[2][lo:lo + m], candidates[2][half + lo:half + lo + m], candidates[5][lo:lo + m]
-    done, tied, broken = sweep(lists, state[0], state[3], radii, word[DIM], rows, b, number[LIMIT2], candidates[3][lo:lo + m],
-                               candidates[6][lo:lo + m], number[RECORD] != 0.0)
-    tally[c, 0], tally[c, 1], tally[c, 2] = done, tied, broken
+    lo = ends[c]
+    m = chosen[c]
+    half = candidates[3].size
+    lists = (
+        candidates[2][lo : lo + m],
+        candidates[2][half + lo : half + lo + m],
+        candidates[5][lo : lo + m],
+    )
+    done, tied, broken = sweep(
+        lists,
+        state[0],
+        state[3],
+        radii,
+        word[DIM],
+        rows,
+        b,
+        number[LIMIT2],
+        candidates[3][lo : lo + m],
+        candidates[6][lo : lo + m],
+        number[RECORD] != 0.0,
+    )
+    tally[c, 0] = done
+    tally[c, 1] = tied
+    tally[c, 2] = broken
 
 
 @njit(cache=True, nogil=True)
 def choose_class(c, crew):
     """Choose anew among the candidates of class c (kernels.close)."""
     word, number, _, _, ends, chosen, _, state, _, candidates, rows, b, radii = crew
-    lo, hi, half = ends[c], ends[c + 1], candidates[3].size
+    lo = ends[c]
+    hi = ends[c + 1]
+    half = candidates[3].size
     i, j, mu = listed(candidates, hi)
-    into = candidates[2][lo:hi], candidates[2][half + lo:half + hi], candidates[7][lo:hi], candidates[5][lo:hi]
-    chosen[c] = choose((i[lo:], j[lo:], mu[lo:]), into, state[0], radii, number[WIDTH], word[DIM], rows, b, number[MOVING] != 0.0)
+    into = (
+        candidates[2][lo:hi],
+        candidates[2][half + lo : half + hi],
+        candidates[7][lo:hi],
+        candidates[5][lo:hi],
+    )
+    chosen[c] = choose(
+        (i[lo:], j[lo:], mu[lo:]),
+        into,
+        state[0],
+        radii,
+        number[WIDTH],
+        word[DIM],
+        rows,
+        b,
+        number[MOVING] != 0.0,
+    )
 
 
 @njit(cache=True, nogil=True)
 def put_back_class(c, crew):
     """Impulses of the chosen of class c to the list."""
     _, _, _, _, ends, chosen, _, _, _, candidates, _, _, _ = crew
-    lo, m = ends[c], chosen[c]
-    put_back(listed(candidates, ends[c + 1])[2][lo:], candidates[7][lo:lo + m], candidates[5][lo:lo + m])
+    lo = ends[c]
+    m = chosen[c]
+    put_back(
+        listed(candidates, ends[c + 1])[2][lo:],
+        candidates[7][lo : lo + m],
+        candidates[5][lo : lo + m],
+    )
 
 
 @njit(cache=True, nogil=True)
 def part(me, crew):
     """One thread's part of the job posted."""
     word, number, _, far, _, _, samples, state, particles, _, _, _, _ = crew
-    threads, job, dim, label = far.shape[0], word[JOB], word[DIM], particles[0]
-    y, reac, spot, v = state[0], state[1], state[3], state[4]
+    threads = far.shape[0]
+    job = word[JOB]
+    dim = word[DIM]
+    label = particles[0]
+    y = state[0]
+    reac = state[1]
+    spot = state[3]
+    v = state[4]
     lo, hi = share(me, threads, label.size)
     if job == DRIFT:
         far[me, 0] = drift(samples[0, word[ROW]], y, spot, v, label, number[STEP], dim, lo, hi)
@@ -84,13 +144,14 @@ def part(me, crew):
             else:
                 put_back_class(c, crew)
         if job == CHOOSE:
-            spot[lo * dim:hi * dim] = y[lo * dim:hi * dim]
+            spot[lo * dim : hi * dim] = y[lo * dim : hi * dim]
 
 
 @njit(cache=True, nogil=True)
 def serve(me, crew):
     """Do a thread's parts until the crew is stopped."""
-    word, jobs = crew[0], 0
+    word = crew[0]
+    jobs = 0
     while True:
         jobs += 1
         wait(word, POSTED, jobs)
@@ -111,13 +172,14 @@ def together(crew, job):
 @njit(cache=True, nogil=True)
 def drift_all(crew, row, h):
     """kernels.pbd_step.drift of all particles from the sample of that number."""
-    crew[0][ROW], crew[1][STEP] = row, h
+    crew[0][ROW] = row
+    crew[1][STEP] = h
     together(crew, DRIFT)
     far = 0.0
     for c in range(crew[3].shape[0]):
         if not crew[3][c, 0] <= far:
             far = crew[3][c, 0]
-        if far != far:                       # no later one may hide it
+        if far != far:  # no later one may hide it
             break
     return far
 
@@ -125,7 +187,8 @@ def drift_all(crew, row, h):
 @njit(cache=True, nogil=True)
 def choose_all(crew, radii, skin):
     """Choose for the positions at hand among the candidates; returns how many. radii: in the order of the store."""
-    crew[12][:], crew[1][WIDTH] = radii, skin
+    crew[12][:] = radii
+    crew[1][WIDTH] = skin
     together(crew, CHOOSE)
     return crew[5].sum()
 
@@ -133,13 +196,14 @@ def choose_all(crew, radii, skin):
 @njit(cache=True, nogil=True)
 def sweep_all(crew, limit2):
     """The sweep: strips, borders, the rest. Returns as kernels.pbd_sweep.sweep."""
-    tally, threads = crew[2], crew[3].shape[0]
+    tally = crew[2]
+    threads = crew[3].shape[0]
     crew[1][LIMIT2] = limit2
     tally[:] = 0
     together(crew, SWEEP)
     if not np.any(tally[:, 2] != 0):
         sweep_class(threads, crew)
-        if threads > 2:                      # of two strips there is one border
+        if threads > 2:  # of two strips there is one border
             together(crew, BORDERS)
         else:
             for c in range(threads + 1, 2 * threads + 1):
@@ -158,29 +222,54 @@ def undo_all(crew):
             candidates[5][ends[c] + candidates[3][e]] = candidates[6][e]
 
 
-def crew(threads: int, dim: int, moving: bool, record: bool, samples: np.ndarray, space: tuple, rows: tuple, b: np.ndarray,
-         r: np.ndarray) -> tuple:
+def crew(
+    threads: int,
+    dim: int,
+    moving: bool,
+    record: bool,
+    samples: np.ndarray,
+    space: tuple,
+    rows: tuple,
+    b: np.ndarray,
+    r: np.ndarray,
+) -> tuple:
     """Words, numbers, reports by class and by thread, ends of the classes, chosen of each, then what the march works on.
 
     space: state, particles, candidates as kernels.pbd_packed.room makes them; the rest as in its march.
     """
-    word, number, classes = words(), np.zeros(8), 2 * threads + 2
-    word[DIM], number[MOVING], number[RECORD] = dim, moving, record
-    return (word, number, np.zeros((classes, 8), np.int64), np.zeros((threads, 8)), np.zeros(classes + 1, np.int64),
-            np.zeros(classes, np.int64), samples, *space, rows, b, r.copy())
+    word = words()
+    number = np.zeros(8)
+    classes = 2 * threads + 2
+    word[DIM] = dim
+    number[MOVING] = moving
+    number[RECORD] = record
+    return (
+        word,
+        number,
+        np.zeros((classes, 8), np.int64),
+        np.zeros((threads, 8)),
+        np.zeros(classes + 1, np.int64),
+        np.zeros(classes, np.int64),
+        samples,
+        *space,
+        rows,
+        b,
+        r.copy(),
+    )
 
 
 def run_with(crew: tuple, march: Callable, args: tuple):
     """What `march(*args)` returns; the other threads of the crew wait for its jobs meanwhile."""
-    word, others = crew[0], crew[3].shape[0] - 1
+    word = crew[0]
+    others = crew[3].shape[0] - 1
     helpers = []
     try:
         for k in range(others):
             helpers.append(threading.Thread(target=serve, args=(1 + k, crew), daemon=True))
             helpers[-1].start()
         return march(*args)
-    finally:                                 # also when memory runs out within: whoever is at a part ends it first
+    finally:  # also when memory runs out within: whoever is at a part ends it first
         post(word, STOP)
         for thread in helpers:
-            if thread.ident is not None:     # else it could not be started
+            if thread.ident is not None:  # else it could not be started
                 thread.join()

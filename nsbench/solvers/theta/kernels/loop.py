@@ -7,6 +7,7 @@ E picks the rows that constrain the state alone; these hold at the end of the st
 state swing about the constraint for ever (th = 1/2). The other rows say what lam is, so they belong where lam belongs.
 E is the projector on the left null space of D_II, I the rows with lam > 0: found by repeating the step at most 3 times.
 """
+
 import numpy as np
 from numba import njit
 
@@ -14,10 +15,12 @@ from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps a
 from nsbench.lcp.lemke import least, other_motion, scales, solve
 from nsbench.linalg.dense import BLOWN, NAN, OK, gauss, health, largest  # noqa: F401 (codes that solvers read here)
 
-NOTHING, JUMP, SLOW = 4, 5, 6
-NEWTON = 50               # iterations; the matrix is made anew when one gains less than a factor of ten
-AGAIN = 3                 # repetitions of a step whose rows changed their kind
-LARGE = 10.0              # times the way of the drift: pushes beyond are jumps of the state
+NOTHING = 4
+JUMP = 5
+SLOW = 6
+NEWTON = 50  # iterations; the matrix is made anew when one gains less than a factor of ten
+AGAIN = 3  # repetitions of a step whose rows changed their kind
+LARGE = 10.0  # times the way of the drift: pushes beyond are jumps of the state
 LCPS, PIVOTS, INNER, CALLS, UNSETTLED = range(5)
 
 
@@ -25,10 +28,14 @@ LCPS, PIVOTS, INNER, CALLS, UNSETTLED = range(5)
 def at_end(D, fixed, on):
     """E: rows without lam (fixed) and the left null space of D on the support."""
     m = fixed.size
-    E, idx, p, top = np.zeros((m, m)), np.empty(m, np.int64), 0, 0.0
+    E = np.zeros((m, m))
+    idx = np.empty(m, np.int64)
+    p = 0
+    top = 0.0
     for i in range(m):
         if on[i] and not fixed[i]:
-            idx[p], p = i, p + 1
+            idx[p] = i
+            p = p + 1
         for j in range(m):
             top = max(top, abs(D[i, j]))
     if p:
@@ -52,10 +59,14 @@ def at_end(D, fixed, on):
 def jacobian(f, t, x, J):
     """df/dx by one-sided differences into J; calls made."""
     n = x.size
-    a, b, y = np.empty(n), np.empty(n), x.copy()
+    a = np.empty(n)
+    b = np.empty(n)
+    y = x.copy()
     f(t, y, a)
     for j in range(n):
-        y[j] = x[j] + 1.5e-8 * max(1.0, abs(x[j]))           # sqrt(eps): half of the digits, enough for Newton
+        y[j] = x[j] + 1.5e-8 * max(
+            1.0, abs(x[j])
+        )  # sqrt(eps): half of the digits, enough for Newton
         f(t, y, b)
         for i in range(n):
             J[i, j] = (b[i] - a[i]) / (y[j] - x[j])
@@ -76,7 +87,8 @@ def times(A, x, out):
 def matrices(J, h, theta, B, W, G):
     """W <- (I - h th J)^-1, G <- h W B; False if singular."""
     n = J.shape[0]
-    K, e = np.empty((n, n)), np.empty(n)
+    K = np.empty((n, n))
+    e = np.empty(n)
     for c in range(n):
         for i in range(n):
             e[i] = 1.0 if i == c else 0.0
@@ -110,7 +122,8 @@ def rows(C, D, G, E, theta, M, a, b):
                 M[i, j] += (1.0 - theta) * E[i, k] * col[k]
     one, other = scales(M)
     for i in range(m):
-        a[i], b[i] = one[i], other[i]
+        a[i] = one[i]
+        b[i] = other[i]
 
 
 @njit(cache=True, error_model="numpy")
@@ -136,15 +149,23 @@ def advance(f, linear, now, after, h, theta, x, y, v, q0, q1, system, state, lam
     """
     B, C, D, fixed = system
     J, W, G, E, M, a, b = state
-    n, m = x.size, lam.size
-    w, r, p, s, mid, z = np.empty(m), np.empty(m), np.empty(m), np.empty(m), np.empty(n), np.empty(n)
+    n = x.size
+    m = lam.size
+    w = np.empty(m)
+    r = np.empty(m)
+    p = np.empty(m)
+    s = np.empty(m)
+    mid = np.empty(n)
+    z = np.empty(n)
     old = np.zeros(n)
     for c in range(n):
         y[c] = x[c]
     if theta < 1.0:
         f(now, x.copy(), old)
         count[CALLS] += 1
-    move, tries, fresh = np.inf, 0, False
+    move = np.inf
+    tries = 0
+    fresh = False
     for it in range(NEWTON):
         f(after, y.copy(), v)
         count[CALLS] += 1
@@ -158,7 +179,8 @@ def advance(f, linear, now, after, h, theta, x, y, v, q0, q1, system, state, lam
             if not matrices(J, h, theta, B, W, G):
                 return SLOW
             rows(C, D, G, E, theta, M, a, b)
-            stale, fresh = False, True
+            stale = False
+            fresh = True
         for c in range(n):
             mid[c] = x[c] + h * v[c] - y[c]
         times(W, mid, z)
@@ -175,14 +197,19 @@ def advance(f, linear, now, after, h, theta, x, y, v, q0, q1, system, state, lam
             times(G, lam, mid)
             for c in range(n):
                 z[c] += mid[c]
-        before, move = move, 0.0
+        before = move
+        move = 0.0
         for c in range(n):
             move = max(move, abs(z[c] - y[c]))
             y[c] = z[c]
         count[INNER] += 1
         if health(y) != OK:
             return health(y)
-        if linear or move <= 1e-13 * (1.0 + largest(y)) or (fresh and it > 5 and move <= 1e-11 * (1.0 + largest(y))):
+        if (
+            linear
+            or move <= 1e-13 * (1.0 + largest(y))
+            or (fresh and it > 5 and move <= 1e-11 * (1.0 + largest(y)))
+        ):
             if theta == 1.0 or m == 0 or not regroup(D, fixed, lam, E):
                 return OK
             rows(C, D, G, E, theta, M, a, b)
@@ -199,7 +226,8 @@ def advance(f, linear, now, after, h, theta, x, y, v, q0, q1, system, state, lam
 @njit(cache=True, error_model="numpy")
 def regroup(D, fixed, lam, E):
     """Bring E to the rows with lam > 0; was it another one?"""
-    m, far = lam.size, 0.0
+    m = lam.size
+    far = 0.0
     on = np.empty(m, np.bool_)
     for i in range(m):
         on[i] = lam[i] > 0.0
@@ -223,13 +251,27 @@ def march(f, q_of, moving, linear, J, t, substeps, x, q, B, C, D, theta, fixed, 
     without lam; jumpy (m,): rows their own multiplier does not move; check: are other solutions looked for?
     Returns X (K, n), impulse (K, m), counters, status, time reached, time of the first step with several motions or NaN.
     """
-    K, n, m = t.size, x.size, q.size
-    X, P = np.full((K, n), np.nan), np.full((K, m), np.nan)
+    K = t.size
+    n = x.size
+    m = q.size
+    X = np.full((K, n), np.nan)
+    P = np.full((K, m), np.nan)
     x, y, v, q0, q1 = x.copy(), x.copy(), np.empty(n), q.copy(), q.copy()
-    total, lam, on = np.zeros(m), np.zeros(m), np.zeros(m, np.bool_)
-    w, u, z, push, free = np.empty(m), np.empty(m), np.empty(m), np.empty(n), np.empty(n)
-    count, twice, old = np.zeros(5, np.int64), np.nan, -1.0
-    M, a, b, G = np.zeros((m, m)), np.ones(m), np.ones(m), np.zeros((n, m))
+    total = np.zeros(m)
+    lam = np.zeros(m)
+    on = np.zeros(m, np.bool_)
+    w = np.empty(m)
+    u = np.empty(m)
+    z = np.empty(m)
+    push = np.empty(n)
+    free = np.empty(n)
+    count = np.zeros(5, np.int64)
+    twice = np.nan
+    old = -1.0
+    M = np.zeros((m, m))
+    a = np.ones(m)
+    b = np.ones(m)
+    G = np.zeros((n, m))
     state = (J.copy(), np.eye(n), G, at_end(D, fixed, on), M, a, b)
     for c in range(n):
         X[0, c] = x[c]
@@ -243,9 +285,27 @@ def march(f, q_of, moving, linear, J, t, substeps, x, q, B, C, D, theta, fixed, 
             if moving:
                 q_of(now, q0)
                 q_of(after, q1)
-            stale = abs(h - old) > 1e-12 * h                  # sample times are rounded: the same step for all
+            stale = abs(h - old) > 1e-12 * h  # sample times are rounded: the same step for all
             old = h if stale else old
-            code = advance(f, linear, now, after, h, theta, x, y, v, q0, q1, (B, C, D, fixed), state, lam, on, stale, count)
+            code = advance(
+                f,
+                linear,
+                now,
+                after,
+                h,
+                theta,
+                x,
+                y,
+                v,
+                q0,
+                q1,
+                (B, C, D, fixed),
+                state,
+                lam,
+                on,
+                stale,
+                count,
+            )
             if code == NOTHING and health(q0) + health(q1) != OK:
                 code = NAN
             if code != OK:

@@ -6,17 +6,35 @@ is then positive; else both open. What still closes is taken in. The set found i
 positive and every other closed contact opens strictly or depends on the set: then it solves the complementarity problem
 of velocities, whose velocity is unique (Lawson & Hanson 1974, chapter 23), whatever the way it was found.
 """
+
 import numpy as np
 
 from nsbench.compilation.decorators import inner, once, one
 from nsbench.solvers.event_driven.contacts.kernels import loop_state as slots
-from nsbench.solvers.event_driven.contacts.kernels.held_set import column, outfit, sine, speed, switched
-from nsbench.solvers.event_driven.contacts.kernels.taylor_flow import copied, extend, gaps, place, size
+from nsbench.solvers.event_driven.contacts.kernels.held_set import (
+    column,
+    outfit,
+    sine,
+    speed,
+    switched,
+)
+from nsbench.solvers.event_driven.contacts.kernels.taylor_flow import (
+    copied,
+    extend,
+    gaps,
+    place,
+    size,
+)
 
-TURNS = 24              # changes of the set after one event: beyond, the full method takes over
-UNCLEAR = 1e2           # times the bound on dependence, up and down, in which nothing is decided
-AHEAD = 1e-5            # of a step of the integrator: the first look ahead, where slopes must show
-NOT, OUT, KEPT, HELD, NEW = 0, 1, 2, 3, 4       # what a contact is: open, leaving, closed and dependent, in the set; + NEW
+TURNS = 24  # changes of the set after one event: beyond, the full method takes over
+UNCLEAR = 1e2  # times the bound on dependence, up and down, in which nothing is decided
+AHEAD = 1e-5  # of a step of the integrator: the first look ahead, where slopes must show
+# what a contact is: open, leaving, closed and dependent, in the set; + NEW
+NOT = 0
+OUT = 1
+KEPT = 2
+HELD = 3
+NEW = 4
 
 
 @once
@@ -25,14 +43,17 @@ def _weakest(W, gear, listed, norm, small, spared):
 
     spared: a member whose multiplier is zero now and grows.
     """
-    kind, sign = listed[0], listed[4]
-    worst, which = small, -1
+    kind = listed[0]
+    sign = listed[4]
+    worst = small
+    which = -1
     for a in range(W.size):
         lam = (sign[W[a]] if kind[W[a]] > 0 else 1.0) * gear[4][a, 0] * norm[W[a]]
         if not np.isfinite(lam):
             return -2
         if lam <= worst and (W[a] != spared or lam < -small):
-            worst, which = lam, a
+            worst = lam
+            which = a
     return which
 
 
@@ -45,7 +66,8 @@ def _swap(a, W, gear, role, listed, places, x, dependent):
     """
     k = W[a]
     pull, top = column(k, W, gear, x.size)
-    best, which = 0.0, -1
+    best = 0.0
+    which = -1
     turn = listed[4][k] if listed[0][k] > 0 else 1.0
     for c in range(role.size):
         if role[c] == KEPT or role[c] == KEPT + NEW:
@@ -54,7 +76,8 @@ def _swap(a, W, gear, role, listed, places, x, dependent):
                 if y * y < dependent * UNCLEAR * length:
                     return False, -1, 0.0, top
                 if turn * y < best:
-                    best, which = turn * y, c
+                    best = turn * y
+                    which = c
     if which < 0:
         for c in range(role.size):
             if role[c] == KEPT or role[c] == KEPT + NEW:
@@ -70,7 +93,8 @@ def _closing(role, all_, entry, listed, places, norm, x, v, num):
 
     entry: one that opens from zero speed, which was looked at before.
     """
-    near, small = num[slots.TOL] * (num[slots.UNIT] + size(x)), num[slots.DOUBT] * num[slots.SIZE]
+    near = num[slots.TOL] * (num[slots.UNIT] + size(x))
+    small = num[slots.DOUBT] * num[slots.SIZE]
     g = np.empty(role.size)
     gaps(all_, listed, places, x, g)
     for k in range(role.size):
@@ -134,33 +158,60 @@ def _first(entry, closing, slope, W, gear, role, listed, places, norm, x, num, p
     if which >= 0:
         return clear and slope / c * norm[which] * AHEAD * pace > sight, W, which, -1
     for k in range(role.size):
-        if role[k] == OUT and k != entry:                 # opens from rest with it: too many to follow here
+        if role[k] == OUT and k != entry:  # opens from rest with it: too many to follow here
             clear = False
     return clear and -slope / top * AHEAD * pace > sight, W, -1, entry
 
 
 @once
-def choose(entry, closing, slope, W, gear, kept, listed, places, norm, drift, width, order, x, X, F, work, num, pace):
+def choose(
+    entry,
+    closing,
+    slope,
+    W,
+    gear,
+    kept,
+    listed,
+    places,
+    norm,
+    drift,
+    width,
+    order,
+    x,
+    X,
+    F,
+    work,
+    num,
+    pace,
+):
     """(sure, set, gear, role): the next set and all for its arc, with mu and X of order 0; x is put on it.
 
     entry: what closed, or vanished with that `slope` of its multiplier, of the set W with its gear; kept (m,): closed
     contacts that are held or depend on those; pace: a step of the integrator; role (m,): what every contact is then.
     """
-    role, start, small = _roles(W, kept), x.copy(), num[slots.DOUBT] * num[slots.SIZE]
-    sure, W2, spared, rising = _first(entry, closing, slope, W, gear, role, listed, places, norm, x, num, pace)
-    fresh, all_ = entry if closing else -1, np.empty(kept.size, np.int64)
+    role = _roles(W, kept)
+    start = x.copy()
+    small = num[slots.DOUBT] * num[slots.SIZE]
+    sure, W2, spared, rising = _first(
+        entry, closing, slope, W, gear, role, listed, places, norm, x, num, pace
+    )
+    fresh = entry if closing else -1
+    all_ = np.empty(kept.size, np.int64)
     for k in range(kept.size):
         all_[k] = k
     for _ in range(TURNS):
         if not sure:
             break
-        sure, gear2 = _velocity(W2, start, x, listed, places, norm, drift, width, order, X, F, work, num)
+        sure, gear2 = _velocity(
+            W2, start, x, listed, places, norm, drift, width, order, X, F, work, num
+        )
         if not sure:
             break
-        if fresh >= 0:                                    # what was taken in last must be independent of the others
+        if fresh >= 0:  # what was taken in last must be independent of the others
             _, top = column(fresh, W2, gear2, x.size)
             _, length = speed(fresh, listed, places, x, X[1])
-            sure, fresh = 1.0 > UNCLEAR * num[slots.DEPENDENT] * top * length, -1
+            sure = 1.0 > UNCLEAR * num[slots.DEPENDENT] * top * length
+            fresh = -1
         a = _weakest(W2, gear2, listed, norm, small, spared)
         if a >= 0 and sure:
             sure, which, _, _ = _swap(a, W2, gear2, role, listed, places, x, num[slots.DEPENDENT])
@@ -172,7 +223,10 @@ def choose(entry, closing, slope, W, gear, kept, listed, places, norm, drift, wi
             return True, W2, gear2, role
         sure &= a == -1 and k >= 0
         if sure and w < -small:
-            W2, role[k], fresh = switched(W2, k, one()), HELD + NEW, k
+            W2 = switched(W2, k, one())
+            role[k] = HELD + NEW
+            fresh = k
         elif sure:
-            sure, role[k] = sine(k, W2, gear2, listed, places, x) < num[slots.DEPENDENT] / UNCLEAR, KEPT + NEW
+            sure = sine(k, W2, gear2, listed, places, x) < num[slots.DEPENDENT] / UNCLEAR
+            role[k] = KEPT + NEW
     return False, W, gear, role

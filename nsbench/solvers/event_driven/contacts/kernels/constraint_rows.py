@@ -3,6 +3,7 @@
 The list is that of contacts.Near: kind 0 row of A, 1 pair, 2 particle and anchor, 3 smooth. Smooth rows come dense
 from the host: row `slot` of `dense`.
 """
+
 import numpy as np
 from numba import njit
 
@@ -30,18 +31,23 @@ def fill_gaps(kind, p, q, d, sign, dim, x, anchors, ptr, cols, vals, b, out):
 def fill_rows(kind, p, q, sign, dim, slot, x, anchors, ptr, cols, vals, dense, width):
     """Columns (m, width), values (m, width) and lengths (m,) of the gradients."""
     m = kind.size
-    C, V, count = np.zeros((m, width), np.int64), np.zeros((m, width)), np.zeros(m, np.int64)
+    C = np.zeros((m, width), np.int64)
+    V = np.zeros((m, width))
+    count = np.zeros(m, np.int64)
     for k in range(m):
         if kind[k] == 0:
             for e in range(ptr[p[k]], ptr[p[k] + 1]):
-                C[k, count[k]], V[k, count[k]] = cols[e], vals[e]
+                C[k, count[k]] = cols[e]
+                V[k, count[k]] = vals[e]
                 count[k] += 1
         elif kind[k] == 3:
             for c in range(x.size):
-                C[k, c], V[k, c] = c, dense[slot[k], c]
+                C[k, c] = c
+                V[k, c] = dense[slot[k], c]
             count[k] = x.size
         else:
-            s, pair = 0.0, kind[k] == 1
+            s = 0.0
+            pair = kind[k] == 1
             for c in range(dim[k]):
                 u = x[p[k] + c] - (x[q[k] + c] if pair else anchors[q[k] + c])
                 V[k, c] = u
@@ -51,7 +57,8 @@ def fill_rows(kind, p, q, sign, dim, slot, x, anchors, ptr, cols, vals, dense, w
                 C[k, c] = p[k] + c
                 V[k, c] *= sign[k] / r
                 if pair:
-                    C[k, dim[k] + c], V[k, dim[k] + c] = q[k] + c, -V[k, c]
+                    C[k, dim[k] + c] = q[k] + c
+                    V[k, dim[k] + c] = -V[k, c]
             count[k] = 2 * dim[k] if pair else dim[k]
     return C, V, count
 
@@ -60,7 +67,8 @@ def fill_rows(kind, p, q, sign, dim, slot, x, anchors, ptr, cols, vals, dense, w
 def gram(C, V, count, n):
     """(m, m) G G^T."""
     m = count.size
-    M, work = np.zeros((m, m)), np.zeros(n)
+    M = np.zeros((m, m))
+    work = np.zeros(n)
     for k in range(m):
         for e in range(count[k]):
             work[C[k, e]] += V[k, e]

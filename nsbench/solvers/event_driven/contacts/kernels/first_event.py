@@ -3,6 +3,7 @@
 Entries that the path cannot bring to zero within the step are left out by a bound on how far each coordinate travels;
 of the others the gap is developed into a series and its descents are isolated (see descents). Nothing is sampled.
 """
+
 import numpy as np
 
 from nsbench.compilation.decorators import inner, once, one
@@ -24,10 +25,12 @@ def travel(X, deg, h, first, out):
 @inner
 def strays(x, origin, reach, hard, limit):
     """(may, did): whether a hard particle may go farther than `limit` from its origin in this step; whether any moved."""
-    may, did = False, False
+    may = False
+    did = False
     for f in range(hard.shape[0]):
         for i in range(hard[f, 1]):
-            s, r = 0.0, 0.0
+            s = 0.0
+            r = 0.0
             for c in range(hard[f, 2]):
                 k = hard[f, 0] + i * hard[f, 2] + c
                 s += (x[k] - origin[k]) ** 2
@@ -45,27 +48,38 @@ def _doubtful(held, armed, listed, places, X, h, bend):
     """
     kind, p, q, d, sign, dim = listed
     anchors, ptr, cols, vals, b = places
-    out, m = np.empty(kind.size, np.int64), 0
+    out = np.empty(kind.size, np.int64)
+    m = 0
     for k in range(kind.size):
         if held[k]:
             continue
         if not armed[k]:
             far = False
         elif kind[k] == 0:
-            g, v, r = b[p[k]], 0.0, 0.0
+            g = b[p[k]]
+            v = 0.0
+            r = 0.0
             for e in range(ptr[p[k]], ptr[p[k] + 1]):
                 g += vals[e] * X[0, cols[e]]
                 v += vals[e] * X[1, cols[e]]
                 r += abs(vals[e]) * bend[cols[e]]
             far = min(g, g + v * h) > r
         else:
-            s, sv, vv, r = 0.0, 0.0, 0.0, 0.0
+            s = 0.0
+            sv = 0.0
+            vv = 0.0
+            r = 0.0
             for c in range(dim[k]):
-                i, j = p[k] + c, q[k] + c
+                i = p[k] + c
+                j = q[k] + c
                 if kind[k] == 1:
-                    u, v, w = X[0, i] - X[0, j], (X[1, i] - X[1, j]) * h, bend[i] + bend[j]
+                    u = X[0, i] - X[0, j]
+                    v = (X[1, i] - X[1, j]) * h
+                    w = bend[i] + bend[j]
                 else:
-                    u, v, w = X[0, i] - anchors[j], X[1, i] * h, bend[i]
+                    u = X[0, i] - anchors[j]
+                    v = X[1, i] * h
+                    w = bend[i]
                 s += u * u
                 sv += u * v
                 vv += v * v
@@ -75,7 +89,7 @@ def _doubtful(held, armed, listed, places, X, h, bend):
                 far = d[k] > r and max(s, s + 2.0 * sv + vv) < (d[k] - r) * (d[k] - r)
             else:
                 if sv + vv <= 0.0:
-                    s += 2.0 * sv + vv                    # nearest at the end
+                    s += 2.0 * sv + vv  # nearest at the end
                 elif sv < 0.0:
                     s -= sv * sv / vv * (1.0 + 1e-12)
                 far = s > (d[k] + r) * (d[k] + r)
@@ -113,25 +127,36 @@ def _gap_series(k, listed, places, X, deg, powers, diff, out):
 
 
 @once
-def first_event(W, held, listed, places, norm, X, mu, deg, h, band, level, armed, firm, low, small, bend):
+def first_event(
+    W, held, listed, places, norm, X, mu, deg, h, band, level, armed, firm, low, small, bend
+):
     """(s, entry, touches): the first event at s h, 0 <= s <= 1, its entry in the list; s = 2.0 if there is none.
 
     band, level, armed (m,) of gaps; firm, low (p,): armed and level of multipliers, whose band is `small` over norm; bend
     (n,): how far coordinates go by the terms of order two and higher. armed and firm become those at the end of the step.
     """
     kind, _, _, _, sign, _ = listed
-    powers, diff, b, c, e = np.empty(deg + 1), np.empty(deg + 1), np.empty(deg + 1), np.empty(deg + 1), np.empty(deg + 1)
+    powers = np.empty(deg + 1)
+    diff = np.empty(deg + 1)
+    b = np.empty(deg + 1)
+    c = np.empty(deg + 1)
+    e = np.empty(deg + 1)
     powers[0] = 1.0
     for j in range(deg):
         powers[j + 1] = powers[j] * h
-    best, which, touches, hi = 2.0, -one(), 0, 1.0
+    best = 2.0
+    which = -one()
+    touches = 0
+    hi = 1.0
     for k in _doubtful(held, armed, listed, places, X, h, bend):
         _gap_series(k, listed, places, X, deg, powers, diff, c)
         s, now, touched = passage(c, deg, armed[k], level[k], band[k], 0.05 * band[k], hi, b, e)
         armed[k] = now
         touches += touched
         if s >= 0.0 and s < best:
-            best, hi, which = s, s, k
+            best = s
+            hi = s
+            which = k
     for a in range(W.size):
         k = W[a]
         turn = sign[k] if kind[k] > 0 else 1.0
@@ -142,5 +167,7 @@ def first_event(W, held, listed, places, norm, X, mu, deg, h, band, level, armed
         firm[a] = now
         touches += touched
         if s >= 0.0 and s < best:
-            best, hi, which = s, s, k
+            best = s
+            hi = s
+            which = k
     return best, which, touches

@@ -1,22 +1,29 @@
 """What an arc with a set of held contacts needs: rows, plan, factor; and questions to that factor."""
+
 import numpy as np
 
 from nsbench.compilation.decorators import inner
 from nsbench.linalg.skyline_cholesky import arrange, solve
 from nsbench.solvers.event_driven.contacts.kernels.taylor_flow import hold, place
 
-LEAST = 1e-12           # pivots over their diagonal that count as zero: contacts that lock or depend on each other
+LEAST = 1e-12  # pivots over their diagonal that count as zero: contacts that lock or depend on each other
 
 
 @inner
 def outfit(W, listed, places, norm, x, width, order, work, unit):
     """Everything an arc with the held entries W needs, with x put on them; and whether that could be done."""
     p = W.size
-    C, V, count = np.empty((p, width), np.int64), np.empty((p, width)), np.zeros(p, np.int64)
-    U, mu = np.empty((p, 3, order + 2)), np.empty((p, order + 1))        # orders are written before they are read
+    C = np.empty((p, width), np.int64)
+    V = np.empty((p, width))
+    count = np.zeros(p, np.int64)
+    # orders are written before they are read
+    U = np.empty((p, 3, order + 2))
+    mu = np.empty((p, order + 1))
     kind, first, _, _, _, dim = listed
-    second, ptr, cols = listed[2], places[1], places[2]
-    for a in range(p):                                    # the pattern alone, for the plan
+    second = listed[2]
+    ptr = places[1]
+    cols = places[2]
+    for a in range(p):  # the pattern alone, for the plan
         k = W[a]
         if kind[k] == 0:
             for e in range(ptr[first[k]], ptr[first[k] + 1]):
@@ -38,7 +45,8 @@ def speed(k, listed, places, x, v):
     """(G_k v, |G_k|^2) of entry k."""
     kind, p, q, d, sign, dim = listed
     anchors, ptr, cols, vals, _ = places
-    s, size = 0.0, 0.0
+    s = 0.0
+    size = 0.0
     if kind[k] == 0:
         for e in range(ptr[p[k]], ptr[p[k] + 1]):
             s += vals[e] * v[cols[e]]
@@ -54,7 +62,9 @@ def speed(k, listed, places, x, v):
 @inner
 def _push(gear, W, z, n):
     """G^T z."""
-    C, V, count = gear[0], gear[1], gear[2]
+    C = gear[0]
+    V = gear[1]
+    count = gear[2]
     out = np.zeros(n)
     for a in range(W.size):
         for e in range(count[a]):
@@ -65,7 +75,8 @@ def _push(gear, W, z, n):
 @inner
 def column(entry, W, gear, n):
     """G^T z / sqrt(z_k) and z_k for the column z = M^-1 e_k of `entry`."""
-    z, k = np.zeros(W.size), place(W, entry)
+    z = np.zeros(W.size)
+    k = place(W, entry)
     z[k] = 1.0
     solve(gear[5], W.size, gear[6], z, z)
     top = z[k]
@@ -77,7 +88,8 @@ def column(entry, W, gear, n):
 @inner
 def switched(W, entry, change):
     """W with the entry put in (change 1) or taken out (-1); sorted."""
-    out, a = np.empty(W.size + change, np.int64), place(W, entry)
+    out = np.empty(W.size + change, np.int64)
+    a = place(W, entry)
     for i in range(a):
         out[i] = W[i]
     if change > 0:
@@ -90,12 +102,16 @@ def switched(W, entry, change):
 @inner
 def sine(c, W, gear, listed, places, x):
     """Squared sine of the angle between the gradient of entry c and the span of those held."""
-    C, V, count = gear[0], gear[1], gear[2]
+    C = gear[0]
+    V = gear[1]
+    count = gear[2]
     row = gradient(c, listed, places, x)
-    r, size, rest = np.empty(W.size), 0.0, 0.0
+    r = np.empty(W.size)
+    size = 0.0
+    rest = 0.0
     for i in range(row.size):
         size += row[i] * row[i]
-    for _ in range(2):                                    # once more on the rest: the difference of two lengths is no length
+    for _ in range(2):  # once more on the rest: the difference of two lengths is no length
         for a in range(W.size):
             r[a] = 0.0
             for e in range(count[a]):

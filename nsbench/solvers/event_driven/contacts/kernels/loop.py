@@ -4,6 +4,7 @@ Arcs are Taylor series (see series), events are isolated descents of polynomials
 contacts is chosen here if it is beyond doubt (see choice); if not, the caller solves the complementarity problem with
 look-ahead and comes back. What fails here is left to the caller too.
 """
+
 import numpy as np
 from numba import njit
 
@@ -25,10 +26,10 @@ from nsbench.solvers.event_driven.contacts.kernels.taylor_flow import (
     size,
 )
 
-SHORT = 10               # terms of a series where the next event is expected soon
-DEFECT = 1e3            # local errors, of the equation at the end of a step: the slope of a series has lost an order
-ROUNDED = 1e-10         # of the slope: what ill-conditioned contacts lose by rounding
-TOO_MANY = 50_000       # steps still to come: the equation is stiff, another method is meant for it
+SHORT = 10  # terms of a series where the next event is expected soon
+DEFECT = 1e3  # local errors, of the equation at the end of a step: the slope of a series has lost an order
+ROUNDED = 1e-10  # of the slope: what ill-conditioned contacts lose by rounding
+TOO_MANY = 50_000  # steps still to come: the equation is stiff, another method is meant for it
 
 
 @inner
@@ -65,8 +66,11 @@ def _advance(s, t, deg, W, gear, listed, X, F, x, samples, records, book, cnt):
     """Write the samples up to t, at s from the start of the step, and move x, reaction and impulses there."""
     XS, RS, ZS = records
     column, total, reaction = book
-    kind, sign, mu = listed[0], listed[4], gear[4]
-    push, t0 = np.empty(x.size), t - s
+    kind = listed[0]
+    sign = listed[4]
+    mu = gear[4]
+    push = np.empty(x.size)
+    t0 = t - s
     while cnt[slots.SAMPLE] < samples.size and samples[cnt[slots.SAMPLE]] <= t:
         r = cnt[slots.SAMPLE]
         u = min(samples[r] - t0, s)
@@ -90,8 +94,14 @@ def _advance(s, t, deg, W, gear, listed, X, F, x, samples, records, book, cnt):
 @once
 def _length(deg, W, gear, X, x, origin, reach, hard, num):
     """(h, code): the step that the series of this degree allows, and whether the list must be made anew first."""
-    h = min(min(longest(X, gear[4], deg, num[slots.EPS], W), num[slots.MAX_STEP]), num[slots.END] - num[slots.T])
-    if not h > 4e-16 * (abs(num[slots.T]) + abs(num[slots.END])) and h < num[slots.END] - num[slots.T]:
+    h = min(
+        min(longest(X, gear[4], deg, num[slots.EPS], W), num[slots.MAX_STEP]),
+        num[slots.END] - num[slots.T],
+    )
+    if (
+        not h > 4e-16 * (abs(num[slots.T]) + abs(num[slots.END]))
+        and h < num[slots.END] - num[slots.T]
+    ):
         return h, slots.FAIL
     for _ in range(60):
         travel(X, deg, h, one(), reach)
@@ -109,8 +119,13 @@ def _length(deg, W, gear, X, x, origin, reach, hard, num):
 @once
 def _watch(W, gear, basis, listed, places, norm, x, num):
     """Bands, levels and arms of gaps and multipliers at the start of an arc (see solvers._crossings)."""
-    m, near = norm.size, num[slots.TOL] * (num[slots.UNIT] + size(x))
-    band, level, armed, g, all_ = np.empty(m), np.empty(m), np.empty(m, np.bool_), np.empty(m), np.empty(m, np.int64)
+    m = norm.size
+    near = num[slots.TOL] * (num[slots.UNIT] + size(x))
+    band = np.empty(m)
+    level = np.empty(m)
+    armed = np.empty(m, np.bool_)
+    g = np.empty(m)
+    all_ = np.empty(m, np.int64)
     for k in range(m):
         all_[k] = k
     gaps(all_, listed, places, x, g)
@@ -118,7 +133,8 @@ def _watch(W, gear, basis, listed, places, norm, x, num):
         band[k] = near * norm[k]
         armed[k] = g[k] > band[k]
         level[k] = 0.0 if armed[k] else min(g[k], 0.0) - band[k]
-    firm, low = np.empty(W.size, np.bool_), np.empty(W.size)
+    firm = np.empty(W.size, np.bool_)
+    low = np.empty(W.size)
     for a in range(W.size):
         lam = gear[4][a, 0] * (listed[4][W[a]] if listed[0][W[a]] > 0 else 1.0)
         tight = num[slots.TOL] * num[slots.SIZE] / norm[W[a]]
@@ -131,10 +147,27 @@ def _watch(W, gear, basis, listed, places, norm, x, num):
 def _look(deg, h, W, gear, basis, listed, places, norm, X, watch, reach, num):
     """(s, entry, touches, watch): the first event within h, and the arms at the end of it."""
     band, level, armed, firm, low = watch
-    armed, firm = armed.copy(), firm.copy()
+    armed = armed.copy()
+    firm = firm.copy()
     travel(X, deg, h, 2 * one(), reach)
-    s, entry, touches = first_event(W, basis, listed, places, norm, X, gear[4], deg, h, band, level, armed, firm, low,
-                                    num[slots.TOL] * num[slots.SIZE], reach)
+    s, entry, touches = first_event(
+        W,
+        basis,
+        listed,
+        places,
+        norm,
+        X,
+        gear[4],
+        deg,
+        h,
+        band,
+        level,
+        armed,
+        firm,
+        low,
+        num[slots.TOL] * num[slots.SIZE],
+        reach,
+    )
     return s, entry, touches, (band, level, armed, firm, low)
 
 
@@ -152,17 +185,24 @@ def _note(role, basis, kept, log, num, cnt):
     first = slots.FIRST
     for kind in (slots.CLOSED, slots.OPENED, slots.PIVOT):
         for k in range(role.size):
-            what, new = role[k] % NEW, role[k] >= NEW
+            what = role[k] % NEW
+            new = role[k] >= NEW
             after = what >= KEPT
-            if (kind == slots.CLOSED and new and after) or (kind == slots.OPENED and kept[k] and not new and not after) or (
-                    kind == slots.PIVOT and not new and basis[k] and what == KEPT):
-                log[0][cnt[slots.EVENTS]], log[1][cnt[slots.EVENTS]], log[2][cnt[slots.EVENTS]] = num[slots.T], kind + first, k
+            if (
+                (kind == slots.CLOSED and new and after)
+                or (kind == slots.OPENED and kept[k] and not new and not after)
+                or (kind == slots.PIVOT and not new and basis[k] and what == KEPT)
+            ):
+                log[0][cnt[slots.EVENTS]] = num[slots.T]
+                log[1][cnt[slots.EVENTS]] = kind + first
+                log[2][cnt[slots.EVENTS]] = k
                 cnt[slots.EVENTS] += 1
                 first = 0
                 if cnt[slots.EVENTS] == log[0].size:
                     return False
     for k in range(role.size):
-        basis[k], kept[k] = role[k] % NEW == HELD, role[k] % NEW >= KEPT
+        basis[k] = role[k] % NEW == HELD
+        kept[k] = role[k] % NEW >= KEPT
     cnt[slots.SOLVED] += 1
     total = 0
     for k in range(role.size):
@@ -172,22 +212,47 @@ def _note(role, basis, kept, log, num, cnt):
 
 
 @njit(cache=True, error_model="numpy")
-def walk(listed, places, norm, drift, hard, width, order, x, origin, basis, kept, samples, records, book, paces, log, num, cnt):
+def walk(
+    listed,
+    places,
+    norm,
+    drift,
+    hard,
+    width,
+    order,
+    x,
+    origin,
+    basis,
+    kept,
+    samples,
+    records,
+    book,
+    paces,
+    log,
+    num,
+    cnt,
+):
     """Go on from num[slots.T] with the basis until something must be decided elsewhere; returns the code of what.
 
     listed, places, norm: the list of constraints; hard (f, 3): start, count, dim of hard particles, listed around
     `origin`; basis, kept (m,) masks; the rest is work in progress: x, records and book, paces, log, num, cnt.
     """
     n = x.size
-    X, F, V, reach, work = np.empty((order + 1, n)), np.empty((order, n)), np.empty(n), np.empty(n), np.zeros(n)
-    W, p = np.empty(basis.size, np.int64), 0
+    X = np.empty((order + 1, n))
+    F = np.empty((order, n))
+    V = np.empty(n)
+    reach = np.empty(n)
+    work = np.zeros(n)
+    W = np.empty(basis.size, np.int64)
+    p = 0
     for k in range(basis.size):
         if basis[k]:
             W[p] = k
             p += 1
     W = W[:p]
     good, gear = outfit(W, listed, places, norm, x, width, order, work, num[slots.UNIT])
-    ready, quick = 0, SHORT
+    ready = 0
+    quick = SHORT
     while good:
         arc_h = 0.0
         _columns(W, book[0], cnt)
@@ -195,7 +260,9 @@ def walk(listed, places, norm, drift, hard, width, order, x, origin, basis, kept
             copied(x, X[0])
             extend(one() - 1, one(), W, gear, listed, drift, X, F)
         watch = _watch(W, gear, basis, listed, places, norm, x, num)
-        ready, deg, entry = 1, one(), -one()
+        ready = 1
+        deg = one()
+        entry = -one()
         while entry < 0:
             if cnt[slots.STEPS] >= cnt[slots.MAX_STEPS] or not size(x) <= num[slots.BOX]:
                 return slots.FAIL
@@ -208,7 +275,9 @@ def walk(listed, places, norm, drift, hard, width, order, x, origin, basis, kept
                 h, code = _length(deg, W, gear, X, x, origin, reach, hard, num)
                 if code != slots.DONE:
                     return code
-                s, entry, touches, later = _look(deg, h, W, gear, basis, listed, places, norm, X, watch, reach, num)
+                s, entry, touches, later = _look(
+                    deg, h, W, gear, basis, listed, places, norm, X, watch, reach, num
+                )
                 if entry >= 0 or h >= num[slots.END] - num[slots.T]:
                     break
             cnt[slots.STEPS] += 1
@@ -233,12 +302,14 @@ def walk(listed, places, norm, drift, hard, width, order, x, origin, basis, kept
                 deg = one()
                 off = h * apart(V, X[1])
                 if not off <= num[slots.EPS] * DEFECT * (1.0 + size(x)) + ROUNDED * h * size(V):
-                    return slots.FAIL                     # the series did not see what the path does
+                    return slots.FAIL  # the series did not see what the path does
         paces[cnt[slots.PACES] % paces.size] = arc_h
         cnt[slots.PACES] += 1
         cnt[slots.ARCS] += 1
-        closing, slope = not basis[entry], 0.0
-        cnt[slots.FIRED], cnt[slots.ENTRY] = entry if closing else -1, entry
+        closing = not basis[entry]
+        slope = 0.0
+        cnt[slots.FIRED] = entry if closing else -1
+        cnt[slots.ENTRY] = entry
         if not closing:
             a = place(W, entry)
             for j in range(deg - 1, 0, -1):
@@ -247,8 +318,26 @@ def walk(listed, places, norm, drift, hard, width, order, x, origin, basis, kept
         copied(x, V)
         sure = not (closing and kept[entry])
         if sure:
-            sure, W, gear, role = choose(entry, closing, slope, W, gear, kept, listed, places, norm, drift, width, order, x,
-                                            X, F, work, num, size(paces))
+            sure, W, gear, role = choose(
+                entry,
+                closing,
+                slope,
+                W,
+                gear,
+                kept,
+                listed,
+                places,
+                norm,
+                drift,
+                width,
+                order,
+                x,
+                X,
+                F,
+                work,
+                num,
+                size(paces),
+            )
         if not sure:
             copied(V, x)
             return slots.CHOOSE

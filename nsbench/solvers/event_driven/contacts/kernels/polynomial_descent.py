@@ -3,14 +3,15 @@
 Coefficients c (deg + 1,) in s; on an interval the polynomial is developed about the middle, where the sum of the other
 terms' sizes bounds what it does. No passage is missed between nodes: there are none.
 """
+
 import numpy as np
 
 from nsbench.compilation.decorators import inner
 
-NARROW = 2.0**-44           # of [0, 1]: below, times cannot be told apart
-STEEP = 100.0           # touches per step: a function that reaches zero at this pace at the end of a step crosses there
-ENDS = 1e-2             # of a touch: zero, up to rounding
-MOST = 4000                 # intervals looked at: far beyond what a polynomial with distinct roots takes
+NARROW = 2.0**-44  # of [0, 1]: below, times cannot be told apart
+STEEP = 100.0  # touches per step: a function that reaches zero at this pace at the end of a step crosses there
+ENDS = 1e-2  # of a touch: zero, up to rounding
+MOST = 4000  # intervals looked at: far beyond what a polynomial with distinct roots takes
 
 
 @inner
@@ -54,25 +55,34 @@ def root(c, deg, level, lo, hi):
 @inner
 def first_below(c, deg, level, lo, hi, b):
     """The smallest s in [lo, hi] with c(s) < level, up to rounding; -1.0 if there is none. b (deg + 1,): scratch."""
-    spread, power = 0.0, 1.0
+    spread = 0.0
+    power = 1.0
     for j in range(1, deg + 1):
         power *= hi
         spread += abs(c[j]) * power
     if c[0] - spread >= level:
         return -1.0
-    left, right = np.empty(128), np.empty(128)
-    left[0], right[0], top, looked = lo, hi, 1, 0
+    left = np.empty(128)
+    right = np.empty(128)
+    left[0] = lo
+    right[0] = hi
+    top = 1
+    looked = 0
     while top > 0:
         top -= 1
-        a, z = left[top], right[top]
+        a = left[top]
+        z = right[top]
         looked += 1
-        mid, r = 0.5 * (a + z), 0.5 * (z - a)
+        mid = 0.5 * (a + z)
+        r = 0.5 * (z - a)
         for j in range(deg + 1):
             b[j] = c[j]
-        for i in range(deg):                              # Taylor shift by repeated synthetic division
+        for i in range(deg):  # Taylor shift by repeated synthetic division
             for j in range(deg - 1, i - 1, -1):
                 b[j] += mid * b[j + 1]
-        spread, bend, power = 0.0, 0.0, 1.0
+        spread = 0.0
+        bend = 0.0
+        power = 1.0
         for j in range(1, deg + 1):
             if j > 1:
                 bend += j * abs(b[j]) * power
@@ -88,8 +98,10 @@ def first_below(c, deg, level, lo, hi, b):
             if value(c, deg, z) < level:
                 return root(c, deg, level, a, z)
             continue
-        left[top], right[top] = mid, z
-        left[top + 1], right[top + 1] = a, mid
+        left[top] = mid
+        right[top] = z
+        left[top + 1] = a
+        right[top + 1] = mid
         top += 2
     return -1.0
 
@@ -111,11 +123,18 @@ def passage(c, deg, armed, level, band, touch, hi, b, d):
             return fall, False, False
         start = rise
     deep = first_below(c, deg, -touch, start, hi, b)
-    if deep < 0.0 and hi == 1.0 and value(c, deg, 1.0) < ENDS * touch and slope(c, deg, 1.0) < -STEEP * touch:
+    if (
+        deep < 0.0
+        and hi == 1.0
+        and value(c, deg, 1.0) < ENDS * touch
+        and slope(c, deg, 1.0) < -STEEP * touch
+    ):
         return (root(c, deg, 0.0, start, 1.0) if value(c, deg, 1.0) < 0.0 else 1.0), True, False
     if deep < 0.0:
         return -1.0, True, first_below(c, deg, -1e-3 * touch, start, hi, b) >= 0.0
-    if value(c, deg, start) <= 0.0:                       # by rounding, at the start of a step: it may rise before it falls
+    if (
+        value(c, deg, start) <= 0.0
+    ):  # by rounding, at the start of a step: it may rise before it falls
         for j in range(deg + 1):
             d[j] = -c[j]
         rise = first_below(d, deg, -touch, start, deep, b)

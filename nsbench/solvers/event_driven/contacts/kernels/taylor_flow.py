@@ -4,6 +4,7 @@ A held distance is d, so with  u = (x_i - x_j) / d  the flow is  x' = f + sum mu
 and every order of mu costs one solve with the same Gram matrix (Taylor series of differential-algebraic equations:
 Pryce 1998). lam = sign mu. Affine rows have their gradient in place of u, which stands still.
 """
+
 import numpy as np
 
 from nsbench.compilation.decorators import inner, summing
@@ -31,7 +32,8 @@ def copied(x, out):
 @inner
 def place(W, k):
     """Where k is, or belongs, in the ascending W."""
-    lo, hi = 0, W.size
+    lo = 0
+    hi = W.size
     while lo < hi:
         mid = (lo + hi) // 2
         if W[mid] < k:
@@ -86,15 +88,18 @@ def gradients(W, listed, places, x, C, V, count, U):
         count[a] = 0
         if kind[k] == 0:
             for e in range(ptr[p[k]], ptr[p[k] + 1]):
-                C[a, count[a]], V[a, count[a]] = cols[e], vals[e]
+                C[a, count[a]] = cols[e]
+                V[a, count[a]] = vals[e]
                 count[a] += 1
             continue
         m = dim[k]
         for c in range(m):
             U[a, c, 0] = (x[p[k] + c] - (x[q[k] + c] if kind[k] == 1 else anchors[q[k] + c])) / d[k]
-            C[a, c], V[a, c] = p[k] + c, U[a, c, 0]
+            C[a, c] = p[k] + c
+            V[a, c] = U[a, c, 0]
             if kind[k] == 1:
-                C[a, m + c], V[a, m + c] = q[k] + c, -U[a, c, 0]
+                C[a, m + c] = q[k] + c
+                V[a, m + c] = -U[a, c, 0]
         count[a] = 2 * m if kind[k] == 1 else m
 
 
@@ -105,7 +110,8 @@ def hold(W, gear, listed, places, norm, x, work, least, unit):
     unit: the size of a scene; to rounding of that and of x.
     """
     C, V, count, U, _, plan, E = gear
-    p, g = W.size, np.empty(W.size)
+    p = W.size
+    g = np.empty(W.size)
     fine = 2e-15 * (unit + size(x))
     for turn in range(4):
         gradients(W, listed, places, x, C, V, count, U)
@@ -113,7 +119,8 @@ def hold(W, gear, listed, places, norm, x, work, least, unit):
         if not factor(plan, p, E, least):
             return False
         gaps(W, listed, places, x, g)
-        far, sign = 0.0, listed[4]
+        far = 0.0
+        sign = listed[4]
         for a in range(p):
             g[a] *= -sign[W[a]]
             far = max(far, abs(g[a]) / norm[W[a]])
@@ -123,7 +130,7 @@ def hold(W, gear, listed, places, norm, x, work, least, unit):
         for a in range(p):
             for e in range(count[a]):
                 x[C[a, e]] += V[a, e] * g[a]
-        if far <= 16.0 * fine:                            # moved by rounding: the factor stays right to the last digits
+        if far <= 16.0 * fine:  # moved by rounding: the factor stays right to the last digits
             gradients(W, listed, places, x, C, V, count, U)
             return True
     return True
@@ -179,7 +186,8 @@ def extend(m0, m1, W, gear, listed, drift, X, F):
         if m > 0:
             _push(m, W, listed, mu, U, V)
         for a in range(W.size):
-            k, s = W[a], 0.0
+            k = W[a]
+            s = 0.0
             if kind[k] > 0 and m > 0:
                 for c in range(dim[k]):
                     s += _fold(U, a, c, m)
@@ -204,11 +212,12 @@ def extend(m0, m1, W, gear, listed, drift, X, F):
 @inner
 def longest(X, mu, deg, eps, W):
     """How far the terms of the two highest orders stay below eps (1 + |x|): Jorba & Zou 2005, section 3.2."""
-    fine, h = eps * (1.0 + size(X[0])), np.inf
+    fine = eps * (1.0 + size(X[0]))
+    h = np.inf
     for j in range(deg - 1, deg + 1):
         top = size(X[j])
         for a in range(W.size):
-            top = max(top, abs(mu[a, j - 1]) / j)         # of the impulse
+            top = max(top, abs(mu[a, j - 1]) / j)  # of the impulse
         if not np.isfinite(top):
             return 0.0
         if top > 0.0:

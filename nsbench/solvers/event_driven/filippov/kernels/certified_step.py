@@ -7,18 +7,33 @@ Certificate of a piece: the fields and the watched functions along the polynomia
 derivatives (kernels.enclosure), those of the polynomials that stand for them too; at NODES the two agree. So they agree in
 between, up to the bound on interpolation (Davis 1963, theorem 3.1.1), and nothing narrower than the piece hides in it.
 """
+
 import numpy as np
 
 from nsbench.solvers.event_driven.filippov.kernels.enclosure import ORDER, enclose, path
-from nsbench.solvers.event_driven.filippov.kernels.polynomial_root import CHOOSE, CLEAR, DEGREE, FOUND, first_fall, shifted
-from nsbench.solvers.event_driven.filippov.kernels.taylor_series import horner, inner, point, summing
+from nsbench.solvers.event_driven.filippov.kernels.polynomial_root import (
+    CHOOSE,
+    CLEAR,
+    DEGREE,
+    FOUND,
+    first_fall,
+    shifted,
+)
+from nsbench.solvers.event_driven.filippov.kernels.taylor_series import (
+    horner,
+    inner,
+    point,
+    summing,
+)
 
-NODES = -np.cos(np.pi * np.arange(ORDER) / (ORDER - 1))     # of the interpolation behind the certificate
+NODES = -np.cos(
+    np.pi * np.arange(ORDER) / (ORDER - 1)
+)  # of the interpolation behind the certificate
 POWERS = NODES ** np.arange(DEGREE + 1)[:, None]
-HALF = 1.0 / 2.0 ** (ORDER - 2)                             # its bound, from the coefficient of that order
-RESOLVED = 1e-10        # bound on interpolation that counts as smooth, relative (as in solvers._pieces)
-DEFECT = 100.0          # local errors by which the path may miss the equation at a node
-SHARP = 1e-9            # truncation of the watched functions, relative to what they reach on the step; roots are polished
+HALF = 1.0 / 2.0 ** (ORDER - 2)  # its bound, from the coefficient of that order
+RESOLVED = 1e-10  # bound on interpolation that counts as smooth, relative (as in solvers._pieces)
+DEFECT = 100.0  # local errors by which the path may miss the equation at a node
+SHARP = 1e-9  # truncation of the watched functions, relative to what they reach on the step; roots are polished
 
 
 @inner
@@ -44,7 +59,8 @@ def length(C, n, p, x, outs, watches, local, most):
         if row < 0:
             continue
         for _ in range(100):
-            size, power = abs(C[row, 0]), 1.0
+            size = abs(C[row, 0])
+            power = 1.0
             for k in range(1, p - 1):
                 power *= h
                 size = max(size, abs(C[row, k]) * power)
@@ -81,7 +97,9 @@ def _at_nodes(Q, i, p, derivative, out, to):
 
 
 @inner
-def certified(ops, nums, lo, hi, outs, n, p, watches, t, start, width, whole, local, C, Q, M, R, V, error):
+def certified(
+    ops, nums, lo, hi, outs, n, p, watches, t, start, width, whole, local, C, Q, M, R, V, error
+):
     """The piece [t + start, t + start + width] of a step `whole` long is certified if this is >= 1.
 
     It is the least quotient of a bound that counts as smooth and the bound found; 0 if it fails otherwise.
@@ -90,7 +108,8 @@ def certified(ops, nums, lo, hi, outs, n, p, watches, t, start, width, whole, lo
     """
     radius = 0.5 * width
     middle = start + radius
-    biggest, room = 1.0, np.inf
+    biggest = 1.0
+    room = np.inf
     for i in range(n):
         shifted(C, i, p, middle, radius, Q, i)
         biggest = max(biggest, 1.0 + abs(Q[i, 0]))
@@ -99,7 +118,8 @@ def certified(ops, nums, lo, hi, outs, n, p, watches, t, start, width, whole, lo
             shifted(C, outs[n + w], p, middle, radius, Q, n + w)
     path(Q, n, p, t + middle, radius, M, R)
     enclose(ops, nums, lo, hi, n, M, R)
-    least, pace = biggest / max(whole, 1.0), 0.0
+    least = biggest / max(whole, 1.0)
+    pace = 0.0
     for i in range(n):
         pace = max(pace, abs(M[outs[i], 0]) - R[outs[i], 0])
     for i in range(n):
@@ -136,8 +156,11 @@ def certified(ops, nums, lo, hi, outs, n, p, watches, t, start, width, whole, lo
             for k in range(ORDER):
                 off = abs(M[0, k] - V[row, k])
                 error[w] += 0.5 * off + 2e-16 * abs(V[row, k])
-                if w == watches - 1 and not 0.5 * off * whole <= DEFECT * local + 1e-14 * whole * abs(V[row, k]):
-                    return 0.0                      # twice the weight, which is integrated
+                if (
+                    w == watches - 1
+                    and not 0.5 * off * whole <= DEFECT * local + 1e-14 * whole * abs(V[row, k])
+                ):
+                    return 0.0  # twice the weight, which is integrated
     return room
 
 
@@ -158,10 +181,12 @@ def lifted(C, row, p, h, band):
     """
     w = h
     for _ in range(50):
-        below, power = 0.0, 1.0
+        below = 0.0
+        power = 1.0
         for lead in range(1, min(7, p)):
             power *= w
-            rest, q = 0.0, 1.0
+            rest = 0.0
+            q = 1.0
             for k in range(lead + 1, p + 1):
                 q *= w
                 rest += abs(C[row, k]) * q
@@ -171,7 +196,8 @@ def lifted(C, row, p, h, band):
                 break
             below += max(-C[row, lead], 0.0) * power
         w *= 0.5
-    swing, q = 0.0, 1.0
+    swing = 0.0
+    q = 1.0
     for k in range(1, p + 1):
         q *= h
         swing += abs(C[row, k]) * q
@@ -181,14 +207,17 @@ def lifted(C, row, p, h, band):
 @inner
 def hunted(outs, n, p, watches, start, width, C, Q, error, lift, stack, work):
     """(CLEAR, FOUND or UNCLEAR, which function, time from the step's start) of the first event on a certified piece."""
-    first, which = np.inf, -1
+    first = np.inf
+    which = -1
     for w in range(watches):
         row = outs[n + w]
         if row < 0 or lift[w] < 0.0 or lift[w] >= start + width:
             continue
-        lo, radius = start, 0.5 * width
+        lo = start
+        radius = 0.5 * width
         if lift[w] > start:
-            lo, radius = lift[w], 0.5 * (start + width - lift[w])
+            lo = lift[w]
+            radius = 0.5 * (start + width - lift[w])
             shifted(C, row, p, lo + radius, radius, Q, n + w)
         size = 0.0
         for k in range(p + 1):
@@ -197,11 +226,13 @@ def hunted(outs, n, p, watches, start, width, C, Q, error, lift, stack, work):
         if code == FOUND:
             time = lo + radius * (1.0 + s)
             if time < first:
-                first, which = time, w
+                first = time
+                which = w
         elif code != CLEAR:
             time = lo + radius * (1.0 + s)
             if time < first:
-                first, which = time, -2
+                first = time
+                which = -2
     if which == -2:
         return 2, -1, first
     return (FOUND, which, first) if which >= 0 else (CLEAR, -1, np.inf)

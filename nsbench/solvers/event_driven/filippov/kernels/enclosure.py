@@ -4,6 +4,7 @@ The path is a polynomial in s, |s| <= 1, over the piece. Row by row, M +- R encl
 units of the piece's radius) of every operation, j = 0 .. ORDER, for all s of the piece. What may be undefined somewhere on
 the piece has infinite radii. Source: Moore 1966, chapter 11.
 """
+
 from math import atan, cosh, exp, log, sinh, tanh
 
 import numpy as np
@@ -35,7 +36,7 @@ from nsbench.solvers.event_driven.interval_taylor.kernels import TINY, UNIT
 
 # of derivatives: with 9 the cases of tests/studies/speed/filippov.py took 17 to 37 % longer; with 15 some more, some less
 ORDER = 12
-PATH = 4e-14            # rounding of the coefficients of a path, relative: a shift of a polynomial adds up its terms
+PATH = 4e-14  # rounding of the coefficients of a path, relative: a shift of a polynomial adds up its terms
 
 
 @inner
@@ -48,9 +49,12 @@ def _range(M, R, y, u, v):
 def _multiply(M, R, a, b, y):
     """Row y = row a times row b."""
     for k in range(ORDER + 1):
-        s, r = 0.0, TINY
+        s = 0.0
+        r = TINY
         for i in range(k + 1):
-            u, v, dv = M[a, i], M[b, k - i], R[b, k - i]
+            u = M[a, i]
+            v = M[b, k - i]
+            dv = R[b, k - i]
             s += u * v
             r += abs(u) * (dv + UNIT * abs(v)) + R[a, i] * (abs(v) + dv)
         M[y, k] = s
@@ -62,12 +66,16 @@ def _divide(M, R, a, c, b, y):
     """Row y = row a, or the constant c if a < 0, over row b."""
     low = abs(M[b, 0]) - R[b, 0]
     for k in range(ORDER + 1):
-        s, r = c if k == 0 else 0.0, TINY
+        s = c if k == 0 else 0.0
+        r = TINY
         if a >= 0:
-            s, r = M[a, k], R[a, k]
+            s = M[a, k]
+            r = R[a, k]
         r += UNIT * abs(s)
         for i in range(1, k + 1):
-            u, v, dv = M[b, i], M[y, k - i], R[y, k - i]
+            u = M[b, i]
+            v = M[y, k - i]
+            dv = R[y, k - i]
             s -= u * v
             r += abs(u) * (dv + UNIT * abs(v)) + R[b, i] * (abs(v) + dv)
         _over(M, R, y, k, s, r, b, low)
@@ -76,12 +84,19 @@ def _divide(M, R, a, c, b, y):
 @inner
 def _weighted(M, R, a, b, k, flat, slope):
     """Sum over i = 1 .. k of (flat + slope i) a_i b_(k-i), for rows a, b, and its radius."""
-    s, r = 0.0, TINY
+    s = 0.0
+    r = TINY
     for i in range(1, k + 1):
-        w, u, du, v, dv = flat + slope * i, M[a, i], R[a, i], M[b, k - i], R[b, k - i]
+        w = flat + slope * i
+        u = M[a, i]
+        du = R[a, i]
+        v = M[b, k - i]
+        dv = R[b, k - i]
         s += w * u * v
         r += abs(w) * (abs(u) * dv + du * (abs(v) + dv))
-        r += UNIT * (abs(flat) + abs(slope) * i) * (abs(u) + du) * (abs(v) + dv)       # w is rounded too, and may cancel
+        r += (
+            UNIT * (abs(flat) + abs(slope) * i) * (abs(u) + du) * (abs(v) + dv)
+        )  # w is rounded too, and may cancel
     return s, r
 
 
@@ -98,30 +113,41 @@ def _over(M, R, y, k, s, r, w, low):
 @inner
 def _first(o, c, M, R, a, y):
     """First entries of row y = o(a), a function, and of its partner's, the next row; NaN where it may be undefined."""
-    m, r = M[a, 0], R[a, 0]
-    lo, hi = m - r, m + r
+    m = M[a, 0]
+    r = R[a, 0]
+    lo = m - r
+    hi = m + r
     if o == SIN:
-        s, c, ease = np.sin(m), np.cos(m), UNIT * (1.0 + 0.1 * abs(m))      # ease: of the reduced argument
+        # ease: of the reduced argument
+        s = np.sin(m)
+        c = np.cos(m)
+        ease = UNIT * (1.0 + 0.1 * abs(m))
         M[y, 0], R[y, 0] = s, min(abs(c) * r + r * r / 2, 2.0) + ease + 4.0 * UNIT
         M[y + 1, 0], R[y + 1, 0] = c, min(abs(s) * r + r * r / 2, 2.0) + ease + 4.0 * UNIT
         return
     below = above = 1.0
     if o == EXP:
-        u, v = exp(lo), exp(hi)
+        u = exp(lo)
+        v = exp(hi)
     elif o == POW:
         u, v = (lo**c, hi**c) if lo > 0.0 else (-np.inf, np.inf)
         u, v = min(u, v), max(u, v)
     elif o == LOG:
         u, v = (log(lo), log(hi)) if lo > 0.0 else (-np.inf, np.inf)
     elif o == ATAN:
-        u, v = atan(lo), atan(hi)
+        u = atan(lo)
+        v = atan(hi)
     elif o == SINH:
-        u, v = sinh(lo), sinh(hi)
-        below, above = cosh(lo), cosh(hi)
+        u = sinh(lo)
+        v = sinh(hi)
+        below = cosh(lo)
+        above = cosh(hi)
         below, above = (1.0 if lo < 0.0 < hi else min(below, above)), max(below, above)
-    else:                                           # TANH
-        u, v = tanh(lo), tanh(hi)
-        below, above = 1.0 - max(u * u, v * v), (1.0 if lo < 0.0 < hi else 1.0 - min(u * u, v * v))
+    else:  # TANH
+        u = tanh(lo)
+        v = tanh(hi)
+        below = 1.0 - max(u * u, v * v)
+        above = 1.0 if lo < 0.0 < hi else 1.0 - min(u * u, v * v)
     _range(M, R, y, u, v)
     if o >= SINH:
         _range(M, R, y + 1, below, above)
@@ -134,23 +160,32 @@ def _further(o, c, M, R, a, b, y, k):
         s, r = _weighted(M, R, a, y, k, -1.0, (c + 1.0) / k)
         _over(M, R, y, k, s, r, a, M[a, 0] - R[a, 0])
     elif o == LOG or o == ATAN:
-        s, r = _weighted(M, R, b, y, k, -1.0, 1.0 / k)          # nothing of y_0
+        s, r = _weighted(M, R, b, y, k, -1.0, 1.0 / k)  # nothing of y_0
         _over(M, R, y, k, s + M[a, k], r + R[a, k] + UNIT * abs(M[a, k]), b, abs(M[b, 0]) - R[b, 0])
     else:
         pair = o != EXP
         M[y, k], R[y, k] = _weighted(M, R, a, y + pair, k, 0.0, 1.0 / k)
         if o == SIN or o == SINH:
-            M[y + 1, k], R[y + 1, k] = _weighted(M, R, a, y, k, 0.0, (-1.0 if o == SIN else 1.0) / k)
-        elif pair:                                              # TANH
+            M[y + 1, k], R[y + 1, k] = _weighted(
+                M, R, a, y, k, 0.0, (-1.0 if o == SIN else 1.0) / k
+            )
+        elif pair:  # TANH
             s, r = _weighted(M, R, y, y, k, -1.0, 0.0)
-            M[y + 1, k], R[y + 1, k] = s - M[y, 0] * M[y, k], r + abs(M[y, 0]) * R[y, k] + R[y, 0] * (abs(M[y, k]) + R[y, k])
+            M[y + 1, k], R[y + 1, k] = (
+                s - M[y, 0] * M[y, k],
+                r + abs(M[y, 0]) * R[y, k] + R[y, 0] * (abs(M[y, k]) + R[y, k]),
+            )
 
 
 @njit(cache=True, error_model="numpy")
 def enclose(ops, nums, lo, hi, n, M, R):
     """Rows n + 1 .. of M, R (rows, ORDER + 1), from those of the state and the time."""
     for e in range(lo, hi):
-        o, row, i, j, c = ops[e, 0], n + 1 + e - lo, ops[e, 1], ops[e, 2], nums[e, 0]
+        o = ops[e, 0]
+        row = n + 1 + e - lo
+        i = ops[e, 1]
+        j = ops[e, 2]
+        c = nums[e, 0]
         if o == COS or o == COSH or o == SECH2:
             continue
         if o == ADD or o == SUB or o == AFFINE:
@@ -164,15 +199,17 @@ def enclose(ops, nums, lo, hi, n, M, R):
             continue
         if o == CONST:
             for k in range(ORDER + 1):
-                M[row, k], R[row, k] = 0.0, 0.0
+                M[row, k] = 0.0
+                R[row, k] = 0.0
             M[row, 0] = c
             continue
         if o == MUL:
             _multiply(M, R, i, j, row)
         elif o == SQR:
             _multiply(M, R, i, i, row)
-            u, v = max(abs(M[i, 0]) - R[i, 0], 0.0), abs(M[i, 0]) + R[i, 0]
-            M[row, 0] = 0.5 * (u * u + v * v)       # it is not negative
+            u = max(abs(M[i, 0]) - R[i, 0], 0.0)
+            v = abs(M[i, 0]) + R[i, 0]
+            M[row, 0] = 0.5 * (u * u + v * v)  # it is not negative
             R[row, 0] = 0.5 * (v * v - u * u) * (1.0 + UNIT) + UNIT * (u * u + v * v)
         elif o == DIV or o == RDIV:
             _divide(M, R, i if o == DIV else -1, c, j if o == DIV else i, row)
@@ -197,6 +234,9 @@ def path(Q, n, p, centre, radius, M, R):
             for j in range(min(k, ORDER + 1)):
                 R[i, j] += CHOOSE[k, j] * size
     for j in range(ORDER + 1):
-        M[n, j], R[n, j] = 0.0, 0.0
-    M[n, 0], M[n, 1] = centre, radius
-    R[n, 0], R[n, 1] = radius + 1e-15 * (abs(centre) + radius), 1e-15 * radius
+        M[n, j] = 0.0
+        R[n, j] = 0.0
+    M[n, 0] = centre
+    M[n, 1] = radius
+    R[n, 0] = radius + 1e-15 * (abs(centre) + radius)
+    R[n, 1] = 1e-15 * radius

@@ -3,11 +3,18 @@
 What is not plain goes back to the caller, with the state at that time: surfaces met together, tangential meetings that a trial
 does not settle, fields that are the same on both sides, motions that are not unique, steps that cannot be certified.
 """
+
 import numpy as np
 from numba import njit
 
 from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
-from nsbench.solvers.event_driven.filippov.kernels.certified_step import certified, hunted, length, lifted, shorter
+from nsbench.solvers.event_driven.filippov.kernels.certified_step import (
+    certified,
+    hunted,
+    length,
+    lifted,
+    shorter,
+)
 from nsbench.solvers.event_driven.filippov.kernels.mode_choice import (
     EPS,
     FLAT,
@@ -23,13 +30,21 @@ from nsbench.solvers.event_driven.filippov.kernels.mode_choice import (
 from nsbench.solvers.event_driven.filippov.kernels.polynomial_root import CLEAR, FOUND
 from nsbench.solvers.event_driven.filippov.kernels.taylor_series import horner, inner, point, series
 
-END, MEET, HARD, STEPS, FULL, START = 0, 1, 2, 3, 4, 5      # why `walk` returns
-TINY = -3                                                   # FIRED, with HARD: steps vanish
-ARC_BAND = 16.0                                             # as in solvers._switching
-SPLIT = 1.5                                                 # pieces: a step little longer than one is shortened instead
-PIECES = 16                                                 # of a step: a shorter step is cheaper than more of them
-WINDOW = 3                                                  # as in solvers._switching
-MANY, AHEAD = 4000, 1e6                                     # steps of one arc, and those to come: the equation is stiff
+# why `walk` returns
+END = 0
+MEET = 1
+HARD = 2
+STEPS = 3
+FULL = 4
+START = 5
+TINY = -3  # FIRED, with HARD: steps vanish
+ARC_BAND = 16.0  # as in solvers._switching
+SPLIT = 1.5  # pieces: a step little longer than one is shortened instead
+PIECES = 16  # of a step: a shorter step is cheaper than more of them
+WINDOW = 3  # as in solvers._switching
+# steps of one arc, and those to come: the equation is stiff
+MANY = 4000
+AHEAD = 1e6
 # indices of the integers and floats of a walk
 CODE, DONE, COUNT, ARCS, CALLS, EVENTS, MEETINGS, FIRED, CARRY = range(9)
 TIME, LONGEST = range(2)
@@ -40,7 +55,8 @@ def accumulate(ring, count, span):
     """Whether the meetings (the last seven in ring, latest last) accumulate (see solvers._switching)."""
     if count <= 2 * WINDOW:
         return False
-    last, before = ring[6] - ring[3], ring[3] - ring[0]
+    last = ring[6] - ring[3]
+    before = ring[3] - ring[0]
     if last + before <= 16 * EPS * abs(ring[6]):
         return True
     ratio = last / before if before > 0.0 else 1.0
@@ -69,7 +85,32 @@ def landed(ops, nums, first, outs, m, n, p, w, t, s, h, C, V):
 
 
 @inner
-def step(ops, nums, first, outs, m, n, d, p, t, x, most, held, local, armed, edge, C, Q, M, R, V, error, lift, stack, work):
+def step(
+    ops,
+    nums,
+    first,
+    outs,
+    m,
+    n,
+    d,
+    p,
+    t,
+    x,
+    most,
+    held,
+    local,
+    armed,
+    edge,
+    C,
+    Q,
+    M,
+    R,
+    V,
+    error,
+    lift,
+    stack,
+    work,
+):
     """One step in program m: (code, length, fired, held). CLEAR: go on after `length`; FOUND: event; HARD: not certain.
 
     held: a width for which the certificate should hold; handed on from step to step, so that it seldom fails.
@@ -78,7 +119,8 @@ def step(ops, nums, first, outs, m, n, d, p, t, x, most, held, local, armed, edg
         C[j, 0] = x[j]
     C[n, 0] = t
     series(ops, nums, first[m, 0], first[m, 1], first[m, 2], outs[m], n, p, C)
-    h, watches = length(C, n, p, x, outs[m], d + 1, local, most), d + 1
+    h = length(C, n, p, x, outs[m], d + 1, local, most)
+    watches = d + 1
     tiny = 64.0 * EPS * abs(t)
     if not h > min(tiny, 0.5 * most):
         return HARD, 0.0, TINY, held
@@ -93,14 +135,38 @@ def step(ops, nums, first, outs, m, n, d, p, t, x, most, held, local, armed, edg
                 lift[w] = np.inf
     if held < h < SPLIT * held:
         h = held
-    start, width, pieces, whole = 0.0, h / np.ceil(h / held), 0, h
+    start = 0.0
+    width = h / np.ceil(h / held)
+    pieces = 0
+    whole = h
     while start < h:
         if width > 0.999 * (h - start):
             width = h - start
-        room = certified(ops, nums, first[m, 0], first[m, 2], outs[m], n, p, watches, t, start, width, whole, local, C, Q, M,
-                         R, V, error)
+        room = certified(
+            ops,
+            nums,
+            first[m, 0],
+            first[m, 2],
+            outs[m],
+            n,
+            p,
+            watches,
+            t,
+            start,
+            width,
+            whole,
+            local,
+            C,
+            Q,
+            M,
+            R,
+            V,
+            error,
+        )
         fits = shorter(room) * width
-        held = max(held, fits) if room >= 1.0 and width < 0.7 * held else fits      # short pieces tell little of longer ones
+        held = (
+            max(held, fits) if room >= 1.0 and width < 0.7 * held else fits
+        )  # short pieces tell little of longer ones
         if not room >= 1.0:
             width = fits
             if start == 0.0 and h < SPLIT * width:
@@ -145,7 +211,29 @@ def begin(ops, nums, first, outs, m, n, d, i, t, x, V, G, armed, edge):
 
 
 @inner
-def record(ops, nums, first, outs, n, d, p, i, t, reach, last, times, done, mode, weights, C, X, W, theta, V, G):
+def record(
+    ops,
+    nums,
+    first,
+    outs,
+    n,
+    d,
+    p,
+    i,
+    t,
+    reach,
+    last,
+    times,
+    done,
+    mode,
+    weights,
+    C,
+    X,
+    W,
+    theta,
+    V,
+    G,
+):
     """Write the samples up to t + reach (all that are left if `last`); returns how many are done by then."""
     while done < times.size and (times[done] <= t + reach or last):
         s = min(times[done] - t, reach)
@@ -175,25 +263,56 @@ def integrals(d, p, i, s, mode, row, C, theta, out):
 def noted(i, old, new, t, theta, numbers, ring, log, logged):
     """Write down an event and the meeting that it was."""
     e = numbers[EVENTS]
-    log[e, 0], log[e, 1] = t, theta[i]
-    logged[e, 0], logged[e, 1], logged[e, 2] = i, old, new
+    log[e, 0] = t
+    log[e, 1] = theta[i]
+    logged[e, 0] = i
+    logged[e, 1] = old
+    logged[e, 2] = new
     numbers[EVENTS] += 1
     numbers[MEETINGS] += 1
 
 
 @njit(cache=True, error_model="numpy")
-def walk(ops, nums, first, outs, table, slides, p, limits, begun, numbers, floats, x, theta, mode, armed, ring, times, X, W,
-         log, logged, scratch):
+def walk(
+    ops,
+    nums,
+    first,
+    outs,
+    table,
+    slides,
+    p,
+    limits,
+    begun,
+    numbers,
+    floats,
+    x,
+    theta,
+    mode,
+    armed,
+    ring,
+    times,
+    X,
+    W,
+    log,
+    logged,
+    scratch,
+):
     """Follow the motion until the end or until something is not plain; numbers[CODE] tells which.
 
     limits: span, local error, longest step, most steps, most meetings. begun: 0 the mode is to be chosen, 1 an arc begins,
     2 it goes on (armed is given). ring (7,): last meetings. log (cap, 2): time and weight integral of events, logged
     (cap, 3): surface, mode before, after. scratch: C, Q, M, R, V, error, lift, stack, work, edge, G, F, y, D.
     """
-    n, d = x.size, mode.size
+    n = x.size
+    d = mode.size
     C, Q, M, R, V, error, lift, stack, work, edge, G, F, y, D = scratch
-    span, local, T = limits[0], limits[1], times[-1]
-    t, in_arc, who, held = floats[TIME], 0, -1, np.inf
+    span = limits[0]
+    local = limits[1]
+    T = times[-1]
+    t = floats[TIME]
+    in_arc = 0
+    who = -1
+    held = np.inf
     if begun == 0:
         who = met(ops, nums, first, outs, n, d, t, x, mode, -1, V, G)
     while True:
@@ -202,7 +321,9 @@ def walk(ops, nums, first, outs, table, slides, p, limits, begun, numbers, float
             break
         if who >= 0:
             old = mode[who]
-            q = decide(ops, nums, first, outs, table, n, d, p, who, mode, t, x, span, local, V, G, F, D, y)
+            q = decide(
+                ops, nums, first, outs, table, n, d, p, who, mode, t, x, span, local, V, G, F, D, y
+            )
             mode[who] = old
             if q == UNKNOWN or (begun > 0 and q == old):
                 numbers[CODE] = START if begun == 0 else MEET
@@ -213,13 +334,16 @@ def walk(ops, nums, first, outs, table, slides, p, limits, begun, numbers, float
                 if t >= T:
                     numbers[CODE] = END
                     break
-            begun, who = 1, -1
+            begun = 1
+            who = -1
             if numbers[EVENTS] == log.shape[0]:
-                numbers[CODE], numbers[CARRY] = FULL, 0
+                numbers[CODE] = FULL
+                numbers[CARRY] = 0
                 break
         m = program(table, mode)
         if m < 0:
-            numbers[CODE], numbers[CARRY] = HARD, 0
+            numbers[CODE] = HARD
+            numbers[CARRY] = 0
             break
         i = slides[m]
         if begun < 2:
@@ -230,15 +354,41 @@ def walk(ops, nums, first, outs, table, slides, p, limits, begun, numbers, float
                 numbers[CODE] = HARD
                 break
             numbers[ARCS] += 1
-            in_arc, begun = 0, 2
+            in_arc = 0
+            begun = 2
         if numbers[COUNT] >= limits[3]:
             numbers[CODE] = STEPS
             break
         numbers[CARRY] = 1
-        code, h, fired, held = step(ops, nums, first, outs, m, n, d, p, t, x, min(limits[2], T - t), held, local, armed, edge,
-                                    C, Q, M, R, V, error, lift, stack, work)
+        code, h, fired, held = step(
+            ops,
+            nums,
+            first,
+            outs,
+            m,
+            n,
+            d,
+            p,
+            t,
+            x,
+            min(limits[2], T - t),
+            held,
+            local,
+            armed,
+            edge,
+            C,
+            Q,
+            M,
+            R,
+            V,
+            error,
+            lift,
+            stack,
+            work,
+        )
         if code == HARD or (in_arc > MANY and T - t > AHEAD * h):
-            numbers[CODE], numbers[FIRED] = HARD, fired
+            numbers[CODE] = HARD
+            numbers[FIRED] = fired
             break
         numbers[COUNT] += 1
         numbers[CALLS] += (p + 1) * (2 if i >= 0 else 1)
@@ -246,8 +396,29 @@ def walk(ops, nums, first, outs, table, slides, p, limits, begun, numbers, float
         floats[LONGEST] = max(floats[LONGEST], h)
         last = code == CLEAR and h >= T - t
         weights = outs[m, n + d + 1]
-        numbers[DONE] = record(ops, nums, first, outs, n, d, p, i, t, h, last, times, numbers[DONE], mode, weights, C, X, W,
-                               theta, V, G)
+        numbers[DONE] = record(
+            ops,
+            nums,
+            first,
+            outs,
+            n,
+            d,
+            p,
+            i,
+            t,
+            h,
+            last,
+            times,
+            numbers[DONE],
+            mode,
+            weights,
+            C,
+            X,
+            W,
+            theta,
+            V,
+            G,
+        )
         integrals(d, p, i, h, mode, weights, C, theta, theta)
         for j in range(n):
             x[j] = horner(C, j, h, p)
@@ -267,5 +438,7 @@ def walk(ops, nums, first, outs, table, slides, p, limits, begun, numbers, float
             ring[6] = t
             who = -2
             if numbers[MEETINGS] < limits[4] and not accumulate(ring, numbers[MEETINGS] + 1, span):
-                who = met(ops, nums, first, outs, n, d, t, x, mode, i if fired == d else fired, V, G)
+                who = met(
+                    ops, nums, first, outs, n, d, t, x, mode, i if fired == d else fired, V, G
+                )
     floats[TIME] = t

@@ -2,6 +2,7 @@
 
 ops, nums, first, outs: the programs of the modes (nsbench.solvers.event_driven.filippov.tracing.layout); the last program is the geometry of the surfaces.
 """
+
 import numpy as np
 from numba import njit
 
@@ -9,17 +10,20 @@ from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps a
 from nsbench.solvers.event_driven.filippov.kernels.certified_step import length
 from nsbench.solvers.event_driven.filippov.kernels.taylor_series import horner, inner, point, series
 
-EPS = 2.0 ** -52
-UNKNOWN = 9                                 # `decide`: not plain
-FLAT, AWAY_BAND = 1e-7, 1e3                 # as in solvers._switching
-SHORT = 12                                  # largest order of a trial: it goes no further than a thousandth of the run
-SAME = 1e-14                                # as in solvers._sliding
+EPS = 2.0**-52
+UNKNOWN = 9  # `decide`: not plain
+# as in solvers._switching
+FLAT = 1e-7
+AWAY_BAND = 1e3
+SHORT = 12  # largest order of a trial: it goes no further than a thousandth of the run
+SAME = 1e-14  # as in solvers._sliding
 
 
 @inner
 def program(table, mode):
     """Number of the program of a mode; -1: none."""
-    k, base = 0, 1
+    k = 0
+    base = 1
     for i in range(mode.size):
         if mode[i] < -1 or mode[i] > 1:
             return -1
@@ -50,7 +54,8 @@ def geometry(ops, nums, first, outs, n, d, t, x, V, G):
 @inner
 def band(G, i, t, x, times):
     """What rounding leaves of c_i on its surface (see solvers._switching)."""
-    n, s = x.size, 0.0
+    n = x.size
+    s = 0.0
     for j in range(n):
         s += abs(G[i, j]) * (1.0 + abs(x[j]))
     return times * EPS * (s + abs(G[i, n]) * (1.0 + abs(t)))
@@ -61,7 +66,8 @@ def project(ops, nums, first, outs, n, d, i, t, x, V, G):
     """Move x to c_i = 0 along the gradient (see solvers._sliding)."""
     for _ in range(3):
         geometry(ops, nums, first, outs, n, d, t, x, V, G)
-        size, square = 0.0, 0.0
+        size = 0.0
+        square = 0.0
         for j in range(n):
             size += abs(G[i, j] * x[j])
             square += G[i, j] * G[i, j]
@@ -118,9 +124,12 @@ def decide(ops, nums, first, outs, table, n, d, p, i, mode, t, x, span, local, V
         for j in range(n):
             F[k, j] = V[outs[m, j], 0]
             rate[k] += G[i, j] * F[k, j]
-    size, apart, most = max(abs(rate[0]), abs(rate[1])), 0.0, 0.0
+    size = max(abs(rate[0]), abs(rate[1]))
+    apart = 0.0
+    most = 0.0
     for j in range(n):
-        apart, most = max(apart, abs(F[0, j] - F[1, j])), max(most, abs(F[0, j]), abs(F[1, j]))
+        apart = max(apart, abs(F[0, j] - F[1, j]))
+        most = max(most, abs(F[0, j]), abs(F[1, j]))
     if not (np.isfinite(size) and np.isfinite(most)) or size == 0.0 or apart <= 2.0 * SAME * most:
         return UNKNOWN
     good = UNKNOWN

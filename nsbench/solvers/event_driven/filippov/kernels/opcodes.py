@@ -2,19 +2,26 @@
 
 An operation makes row e of a table from rows a and b and constants c, d. PAIRS are made with their partner, the next row.
 """
-CONST = 0           # c
-ADD = 1             # a + b
-SUB = 2             # a - b
-MUL = 3             # a b
-DIV = 4             # a / b
-AFFINE = 5          # c a + d
-RDIV = 7            # c / a
-SQR = 8             # a a
-POW = 9             # a ** c, a > 0
+
+CONST = 0  # c
+ADD = 1  # a + b
+SUB = 2  # a - b
+MUL = 3  # a b
+DIV = 4  # a / b
+AFFINE = 5  # c a + d
+RDIV = 7  # c / a
+SQR = 8  # a a
+POW = 9  # a ** c, a > 0
 EXP = 10
-LOG = 11            # b is a
-ATAN = 12           # b is 1 + a a
-SIN, COS = 13, 14   # a pair
-SINH, COSH = 15, 16     # a pair
-TANH, SECH2 = 17, 18    # a pair: tanh a and its slope 1 - tanh(a)^2
+LOG = 11  # b is a
+ATAN = 12  # b is 1 + a a
+# a pair
+SIN = 13
+COS = 14
+# a pair
+SINH = 15
+COSH = 16
+# a pair: tanh a and its slope 1 - tanh(a)^2
+TANH = 17
+SECH2 = 18
 PAIRS = {SIN: COS, SINH: COSH, TANH: SECH2}

@@ -1,13 +1,16 @@
 """Polynomials on [-1, 1]: shifts, and the first place where one falls through zero, decided by bounds."""
+
 from math import comb
 
 import numpy as np
 
 from nsbench.solvers.event_driven.filippov.kernels.taylor_series import inner
 
-CLEAR, FOUND, UNCLEAR = 0, 1, 2
-DEEP = 60               # halvings of [-1, 1] before a place counts as unclear
-DEGREE = 40             # largest degree
+CLEAR = 0
+FOUND = 1
+UNCLEAR = 2
+DEEP = 60  # halvings of [-1, 1] before a place counts as unclear
+DEGREE = 40  # largest degree
 CHOOSE = np.array([[float(comb(k, j)) for j in range(DEGREE + 1)] for k in range(DEGREE + 1)])
 
 
@@ -39,7 +42,8 @@ def _zero(C, row, p, lo, hi):
     """The zero of the series C[row] in [lo, hi], where it falls monotonically: Newton's method within a bracket."""
     s = 0.5 * (lo + hi)
     for _ in range(200):
-        y, d = C[row, p], 0.0
+        y = C[row, p]
+        d = 0.0
         for k in range(p - 1, -1, -1):
             d = d * s + y
             y = y * s + C[row, k]
@@ -63,13 +67,17 @@ def first_fall(C, row, p, error, stack, work):
     UNCLEAR: a minimum near zero that cannot be told from a touch. stack (>= 2 DEEP + 4, 2), work (1, p + 1): scratch.
     """
     top = 1
-    stack[0, 0], stack[0, 1] = -1.0, 1.0
+    stack[0, 0] = -1.0
+    stack[0, 1] = 1.0
     while top > 0:
         top -= 1
-        lo, hi = stack[top, 0], stack[top, 1]
-        middle, radius = 0.5 * (lo + hi), 0.5 * (hi - lo)
+        lo = stack[top, 0]
+        hi = stack[top, 1]
+        middle = 0.5 * (lo + hi)
+        radius = 0.5 * (hi - lo)
         shifted(C, row, p, middle, radius, work, 0)
-        swing, bend = 0.0, 0.0
+        swing = 0.0
+        bend = 0.0
         for k in range(1, p + 1):
             swing += abs(work[0, k])
             if k > 1:
@@ -77,8 +85,9 @@ def first_fall(C, row, p, error, stack, work):
         if work[0, 0] - swing > error:
             continue
         steep = abs(work[0, 1]) - bend
-        if steep > 2.0 * error:                     # monotone, known to be: the ends tell
-            left, right = 0.0, 0.0
+        if steep > 2.0 * error:  # monotone, known to be: the ends tell
+            left = 0.0
+            right = 0.0
             for k in range(p + 1):
                 left += -work[0, k] if k % 2 else work[0, k]
                 right += work[0, k]
@@ -92,16 +101,18 @@ def first_fall(C, row, p, error, stack, work):
                 return FOUND, _zero(C, row, p, lo, hi) if left > 0.0 else lo
             if right <= 0.0 and steep > 1e3 * error:
                 return FOUND, _zero(C, row, p, lo, hi) if left > 0.0 else lo
-            if hi == 1.0:                           # the next step sees it, or the next function
+            if hi == 1.0:  # the next step sees it, or the next function
                 if right > 0.0 and steep > 1e3 * error:
                     continue
                 return UNCLEAR, hi
             if steep > 1e3 * error:
-                continue                            # falls on, through zero, in the next part
+                continue  # falls on, through zero, in the next part
             return UNCLEAR, hi
-        if radius < 2.0 ** -DEEP * 4.0 or swing <= error or top + 2 > stack.shape[0]:
+        if radius < 2.0**-DEEP * 4.0 or swing <= error or top + 2 > stack.shape[0]:
             return UNCLEAR, lo
-        stack[top, 0], stack[top, 1] = middle, hi
-        stack[top + 1, 0], stack[top + 1, 1] = lo, middle
+        stack[top, 0] = middle
+        stack[top, 1] = hi
+        stack[top + 1, 0] = lo
+        stack[top + 1, 1] = middle
         top += 2
     return CLEAR, np.nan

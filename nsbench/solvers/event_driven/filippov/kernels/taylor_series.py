@@ -5,6 +5,7 @@ of a table whose rows 0 .. n - 1 are the state and whose row n is the time. `ser
 Taylor coefficients of the solution of x_i' = (row F[i]); `point` fills one column, the values at one point.
 Source of the recurrences: Jorba & Zou, Experimental Mathematics 14 (2005), proposition 2.1.
 """
+
 from math import atan, cos, cosh, exp, log, sin, sinh, tanh
 
 import numpy as np
@@ -73,7 +74,7 @@ def head(op, u, v, c, d):
         return tanh(u)
     if op == SINH:
         return sinh(u)
-    return c                # CONST
+    return c  # CONST
 
 
 @inner
@@ -90,7 +91,10 @@ def partner(op, u, y):
 def point(ops, nums, lo, hi, n, V, many):
     """Values V[n + 1 :, :many] at the states V[:n, :many] and the times V[n, :many], for `many` points."""
     for e in range(lo, hi):
-        o, u, v, row = ops[e, 0], ops[e, 1], ops[e, 2], n + 1 + e - lo
+        o = ops[e, 0]
+        u = ops[e, 1]
+        v = ops[e, 2]
+        row = n + 1 + e - lo
         if o == COS or o == COSH or o == SECH2:
             continue
         for k in range(many):
@@ -100,7 +104,13 @@ def point(ops, nums, lo, hi, n, V, many):
 
 
 # sums of products in any order: so the compiler may add four at a time
-summing = njit(cache=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True, fastmath={"reassoc", "contract"})
+summing = njit(
+    cache=True,
+    error_model="numpy",
+    no_cpython_wrapper=True,
+    no_cfunc_wrapper=True,
+    fastmath={"reassoc", "contract"},
+)
 
 
 @summing
@@ -160,7 +170,7 @@ def _coefficient(o, C, u, v, y, w, k):
         C[y, k] = _weighted(C, u, y + 1, k, k) / k
         C[y + 1, k] = -_product(C, y, y, 0, k)
     elif o == CONST:
-        C[y, k] = 0.0           # a second of a pair is made with the first
+        C[y, k] = 0.0  # a second of a pair is made with the first
 
 
 @njit(cache=True, error_model="numpy")
@@ -173,19 +183,26 @@ def series(ops, nums, lo, mid, hi, F, n, p, C):
         C[n, k] = 0.0
     C[n, 1] = 1.0
     for e in range(lo, hi):
-        o, row = ops[e, 0], n + 1 + e - lo
+        o = ops[e, 0]
+        row = n + 1 + e - lo
         if o == COS or o == COSH or o == SECH2:
             continue
         C[row, 0] = head(o, C[ops[e, 1], 0], C[ops[e, 2], 0], nums[e, 0], nums[e, 1])
         if o == SIN or o == SINH or o == TANH:
             C[row + 1, 0] = partner(o, C[ops[e, 1], 0], C[row, 0])
-    for part in range(p + hi - mid):                # one loop for both, so that the branches below are there once
-        begin, end, least, most = lo, mid, part + 1, part + 1
+    for part in range(p + hi - mid):  # one loop for both, so that the branches below are there once
+        begin = lo
+        end = mid
+        least = part + 1
+        most = part + 1
         if part < p:
             for i in range(n):
                 C[i, most] = C[F[i], part] / most
         else:
-            begin, end, least, most = mid + part - p, mid + part - p + 1, 1, p
+            begin = mid + part - p
+            end = mid + part - p + 1
+            least = 1
+            most = p
         for e in range(begin, end):
             for k in range(least, most + 1):
                 _coefficient(ops[e, 0], C, ops[e, 1], ops[e, 2], n + 1 + e - lo, nums[e, 0], k)
@@ -194,7 +211,9 @@ def series(ops, nums, lo, mid, hi, F, n, p, C):
 @inner
 def horner(C, row, s, p):
     """Value at s of a row of coefficients up to order p >= 1: even and odd powers apart, as one chain would wait for itself."""
-    y, w, z = C[row, p], C[row, p - 1], s * s
+    y = C[row, p]
+    w = C[row, p - 1]
+    z = s * s
     for k in range(p - 2, 0, -2):
         y = y * z + C[row, k]
         w = w * z + C[row, k - 1]

@@ -3,6 +3,7 @@
 Nodes are (op, a, b, c, d) of kernels.tapecodes with a, b nodes; the first n + 1 are the state and the time. Equal operations are
 one node; operations on constants are carried out.
 """
+
 from __future__ import annotations
 
 import math
@@ -30,15 +31,31 @@ from nsbench.solvers.event_driven.filippov.kernels.opcodes import (
 )
 
 INPUT = -1
-TOTAL = {INPUT, CONST, ADD, SUB, MUL, AFFINE, SQR, ATAN, SIN, COS, TANH, SECH2}    # finite wherever their rows are
-MOST = 20_000           # nodes: beyond, the interpreter's table leaves the cache and tracing takes seconds
+TOTAL = {
+    INPUT,
+    CONST,
+    ADD,
+    SUB,
+    MUL,
+    AFFINE,
+    SQR,
+    ATAN,
+    SIN,
+    COS,
+    TANH,
+    SECH2,
+}  # finite wherever their rows are
+MOST = 20_000  # nodes: beyond, the interpreter's table leaves the cache and tracing takes seconds
 
 
 class Graph:
     """Operations on n states and the time (node n)."""
 
     def __init__(self, n: int):
-        self.n, self.nodes, self.known, self.total = n, [], {}, []
+        self.n = n
+        self.nodes = []
+        self.known = {}
+        self.total = []
         for i in range(n + 1):
             self._new(INPUT, i, -1, 0.0)
 
@@ -49,7 +66,10 @@ class Graph:
                 raise TypeError(f"more than {MOST} operations")
             self.known[key] = len(self.nodes)
             self.nodes.append(key)
-            self.total.append(op in TOTAL and (op in (INPUT, CONST) or all(self.total[r] for r in (a, b) if r >= 0)))
+            self.total.append(
+                op in TOTAL
+                and (op in (INPUT, CONST) or all(self.total[r] for r in (a, b) if r >= 0))
+            )
         return self.known[key]
 
     def const(self, value: float) -> int:
@@ -64,7 +84,8 @@ class Graph:
         return c if op == CONST else None
 
     def add(self, a: int, b: int) -> int:
-        u, v = self.value(a), self.value(b)
+        u = self.value(a)
+        v = self.value(b)
         if u is not None and v is not None:
             return self.const(u + v)
         if u is not None:
@@ -83,7 +104,8 @@ class Graph:
         return a if (c, d) == (1.0, 0.0) else self._new(AFFINE, a, -1, c, d + 0.0)
 
     def sub(self, a: int, b: int) -> int:
-        u, v = self.value(a), self.value(b)
+        u = self.value(a)
+        v = self.value(b)
         if v is not None:
             return self.add(a, self.const(-v))
         if u is not None:
@@ -94,7 +116,8 @@ class Graph:
         return self.mul(a, self.const(-1.0))
 
     def mul(self, a: int, b: int) -> int:
-        u, v = self.value(a), self.value(b)
+        u = self.value(a)
+        v = self.value(b)
         if u is not None and v is not None:
             return self.const(u * v)
         if u is not None:
@@ -106,13 +129,18 @@ class Graph:
         return self.square(a) if a == b else self._new(MUL, min(a, b), max(a, b), 0.0)
 
     def div(self, a: int, b: int) -> int:
-        u, v = self.value(a), self.value(b)
+        u = self.value(a)
+        v = self.value(b)
         if v is not None:
             if v == 0.0:
                 raise TypeError("a division by the constant 0")
             if u is not None:
                 return self.const(u / v)
-            return self.mul(a, self.const(1.0 / v)) if math.frexp(v)[0] in (0.5, -0.5) else self._new(DIV, a, b, 0.0)
+            return (
+                self.mul(a, self.const(1.0 / v))
+                if math.frexp(v)[0] in (0.5, -0.5)
+                else self._new(DIV, a, b, 0.0)
+            )
         return self._new(DIV, a, b, 0.0) if u is None else self._new(RDIV, b, -1, u)
 
     def square(self, a: int) -> int:
@@ -120,7 +148,8 @@ class Graph:
         return self._new(SQR, a, -1, 0.0) if u is None else self.const(u * u)
 
     def power(self, a: int, b: int) -> int:
-        v, u = self.value(b), self.value(a)
+        v = self.value(b)
+        u = self.value(a)
         if v is None:
             return self.exp(self.mul(b, self.log(a)))
         if u is not None:
@@ -147,7 +176,7 @@ class Graph:
         if u is not None:
             return self.const(f(u))
         out = self._new(op, a, a if op == LOG else -1, 0.0)
-        if op in PAIRS:                                                         # the partner is the next node
+        if op in PAIRS:  # the partner is the next node
             self._new(PAIRS[op], a, -1, 0.0)
         return out
 
@@ -176,7 +205,11 @@ class Graph:
 
     def arctan(self, a):
         u = self.value(a)
-        return self.const(math.atan(u)) if u is not None else self._new(ATAN, a, self.add(self.square(a), self.const(1.0)), 0.0)
+        return (
+            self.const(math.atan(u))
+            if u is not None
+            else self._new(ATAN, a, self.add(self.square(a), self.const(1.0)), 0.0)
+        )
 
     def derivative(self, i: int, var: int, done: dict) -> int:
         """The node of d(node i)/d(input var); `done` remembers those of one variable."""
@@ -211,8 +244,16 @@ class Graph:
             return self.mul(self.const(c), da)
         if op in (LOG, ATAN):
             return self.div(da, b)
-        factor = {RDIV: lambda: self.neg(self.div(y, a)), SQR: lambda: self.mul(self.const(2.0), a),
-                  POW: lambda: self.mul(self.const(c), self.power(a, self.const(c - 1.0))), EXP: lambda: y,
-                  SIN: lambda: y + 1, COS: lambda: self.neg(y - 1), SINH: lambda: y + 1, COSH: lambda: y - 1,
-                  TANH: lambda: y + 1, SECH2: lambda: self.mul(self.const(-2.0), self.mul(y - 1, y))}[op]()
+        factor = {
+            RDIV: lambda: self.neg(self.div(y, a)),
+            SQR: lambda: self.mul(self.const(2.0), a),
+            POW: lambda: self.mul(self.const(c), self.power(a, self.const(c - 1.0))),
+            EXP: lambda: y,
+            SIN: lambda: y + 1,
+            COS: lambda: self.neg(y - 1),
+            SINH: lambda: y + 1,
+            COSH: lambda: y - 1,
+            TANH: lambda: y + 1,
+            SECH2: lambda: self.mul(self.const(-2.0), self.mul(y - 1, y)),
+        }[op]()
         return self.mul(factor, da)

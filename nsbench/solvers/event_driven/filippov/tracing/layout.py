@@ -1,4 +1,5 @@
 """Tapes in arrays: for each of several lists of outputs, the operations that make them, in order."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -17,6 +18,7 @@ class Programs:
     Operation e of program m makes row n + 1 + e - first[m, 0]; outs[m, j] is the row of its output j, -1 for none.
     rows: the largest number of rows.
     """
+
     ops: np.ndarray
     nums: np.ndarray
     first: np.ndarray
@@ -26,24 +28,36 @@ class Programs:
 
 def lay_out(graph: Graph, outputs: list[list[int]]) -> Programs:
     """One program for each list of nodes (-1: no output there; all of one length), of which the first n lead."""
-    ops, outs, first = [], [], []
+    ops = []
+    outs = []
+    first = []
     for wanted in outputs:
-        lead = _needed(graph, wanted[:graph.n])
+        lead = _needed(graph, wanted[: graph.n])
         order = lead + sorted(set(_needed(graph, wanted)).difference(lead))
-        rows = {i: i for i in range(graph.n + 1)} | {i: graph.n + 1 + k for k, i in enumerate(order)}
+        rows = {i: i for i in range(graph.n + 1)} | {
+            i: graph.n + 1 + k for k, i in enumerate(order)
+        }
         first.append([len(ops), len(ops) + len(lead), len(ops) + len(order)])
-        ops += [(op, rows.get(a, 0), rows.get(b, 0), c, d) for op, a, b, c, d in (graph.nodes[i] for i in order)]
+        ops += [
+            (op, rows.get(a, 0), rows.get(b, 0), c, d)
+            for op, a, b, c, d in (graph.nodes[i] for i in order)
+        ]
         outs.append([rows[i] if i >= 0 else -1 for i in wanted])
     first = np.array(first, np.int64)
-    return Programs(np.array([o[:3] for o in ops], np.int64).reshape(-1, 3),
-                    np.array([o[3:] for o in ops], float).reshape(-1, 2), first, np.array(outs, np.int64),
-                    graph.n + 1 + int((first[:, 2] - first[:, 0]).max(initial=0)))
+    return Programs(
+        np.array([o[:3] for o in ops], np.int64).reshape(-1, 3),
+        np.array([o[3:] for o in ops], float).reshape(-1, 2),
+        first,
+        np.array(outs, np.int64),
+        graph.n + 1 + int((first[:, 2] - first[:, 0]).max(initial=0)),
+    )
 
 
 def _needed(graph, wanted):
     """The operations that these nodes need, in order."""
     seconds = set(PAIRS.values())
-    keep, stack = set(), [i for i in wanted if i >= 0]
+    keep = set()
+    stack = [i for i in wanted if i >= 0]
     while stack:
         i = stack.pop()
         if i in keep or i <= graph.n:

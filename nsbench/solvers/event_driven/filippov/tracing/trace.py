@@ -3,17 +3,21 @@
 A `Traced` looks like a float64 array. What cannot be traced (a branch on a value, kinks, a function without recurrence) is a
 TypeError: such a case stays with numpy. Reductions, products of matrices and indexing are carried out while tracing.
 """
+
 from __future__ import annotations
 
 import numpy as np
 
 from nsbench.solvers.event_driven.filippov.tracing.graph import Graph
 
-BASE = 1 << 40          # nodes are numbered from here in arrays: a plain integer that gets among them is seen
+BASE = (
+    1 << 40
+)  # nodes are numbered from here in arrays: a plain integer that gets among them is seen
 
 
 class Traced:
     """ids: integer array of BASE + node."""
+
     __slots__ = ("graph", "ids")
     dtype = np.dtype(np.float64)
 
@@ -21,7 +25,8 @@ class Traced:
         ids = np.asarray(ids)
         if ids.dtype.kind != "i" or (ids.size and int(ids.min()) < BASE):
             raise TypeError("numbers got among the nodes of a trace")
-        self.graph, self.ids = graph, ids
+        self.graph = graph
+        self.ids = ids
 
     shape = property(lambda self: self.ids.shape)
     ndim = property(lambda self: self.ids.ndim)
@@ -29,7 +34,11 @@ class Traced:
     T = property(lambda self: Traced(self.graph, self.ids.T))
 
     def __array_ufunc__(self, ufunc, method, *inputs, **kwargs):
-        if method == "__call__" and ufunc in UFUNCS and not any(v is not None for v in kwargs.values()):
+        if (
+            method == "__call__"
+            and ufunc in UFUNCS
+            and not any(v is not None for v in kwargs.values())
+        ):
             return UFUNCS[ufunc](self.graph, *inputs)
         raise TypeError(f"{ufunc.__name__} cannot be traced")
 
@@ -130,7 +139,9 @@ def nodes(graph: Graph, value) -> np.ndarray:
     """Integer array of BASE + node for a Traced, numbers, or nested lists of both."""
     if isinstance(value, Traced):
         return value.ids
-    if isinstance(value, (list, tuple)) and any(isinstance(v, (Traced, list, tuple)) for v in value):
+    if isinstance(value, (list, tuple)) and any(
+        isinstance(v, (Traced, list, tuple)) for v in value
+    ):
         return np.stack([nodes(graph, v) for v in value])
     a = np.asarray(value)
     if a.dtype == object:
@@ -154,8 +165,12 @@ def _elementwise(method):
     def f(graph, *args):
         rows = np.broadcast_arrays(*[nodes(graph, a) for a in args])
         out = np.empty(rows[0].shape, np.int64)
-        out.flat = [BASE + method(graph, *(int(v) - BASE for v in r)) for r in zip(*(r.ravel() for r in rows), strict=True)]
+        out.flat = [
+            BASE + method(graph, *(int(v) - BASE for v in r))
+            for r in zip(*(r.ravel() for r in rows), strict=True)
+        ]
         return Traced(graph, out)
+
     return f
 
 
@@ -172,7 +187,8 @@ def _sum(a, axis=None, **_):
 def _product(a, b):
     """a @ b for vectors and matrices."""
     graph = a.graph if isinstance(a, Traced) else b.graph
-    a, b = Traced(graph, nodes(graph, a)), Traced(graph, nodes(graph, b))
+    a = Traced(graph, nodes(graph, a))
+    b = Traced(graph, nodes(graph, b))
     if a.ndim == 1:
         return _sum(a * b if b.ndim == 1 else a[:, None] * b, 0)
     if a.ndim == 2 and b.ndim in (1, 2):
@@ -194,25 +210,72 @@ def _filled(a, value):
     return Traced(a.graph, nodes(a.graph, np.full(a.shape, value)))
 
 
-_one, _half = (lambda g: g.const(1.0)), (lambda g: g.const(0.5))
-UFUNCS = {name: _elementwise(f) for name, f in {
-    np.add: Graph.add, np.subtract: Graph.sub, np.multiply: Graph.mul, np.true_divide: Graph.div, np.power: Graph.power,
-    np.float_power: Graph.power, np.negative: Graph.neg, np.positive: lambda g, a: a, np.square: Graph.square,
-    np.sqrt: lambda g, a: g.power(a, _half(g)), np.reciprocal: lambda g, a: g.div(_one(g), a),
-    np.exp: Graph.exp, np.log: Graph.log, np.sin: Graph.sin, np.cos: Graph.cos,
-    np.tan: lambda g, a: g.div(g.sin(a), g.cos(a)), np.sinh: Graph.sinh, np.cosh: Graph.cosh, np.tanh: Graph.tanh,
-    np.arctan: Graph.arctan, np.hypot: lambda g, a, b: g.power(g.add(g.square(a), g.square(b)), _half(g)),
-}.items()} | {np.matmul: lambda g, a, b: _product(a, b)}
+_one = lambda g: g.const(1.0)
+_half = lambda g: g.const(0.5)
+UFUNCS = {
+    name: _elementwise(f)
+    for name, f in {
+        np.add: Graph.add,
+        np.subtract: Graph.sub,
+        np.multiply: Graph.mul,
+        np.true_divide: Graph.div,
+        np.power: Graph.power,
+        np.float_power: Graph.power,
+        np.negative: Graph.neg,
+        np.positive: lambda g, a: a,
+        np.square: Graph.square,
+        np.sqrt: lambda g, a: g.power(a, _half(g)),
+        np.reciprocal: lambda g, a: g.div(_one(g), a),
+        np.exp: Graph.exp,
+        np.log: Graph.log,
+        np.sin: Graph.sin,
+        np.cos: Graph.cos,
+        np.tan: lambda g, a: g.div(g.sin(a), g.cos(a)),
+        np.sinh: Graph.sinh,
+        np.cosh: Graph.cosh,
+        np.tanh: Graph.tanh,
+        np.arctan: Graph.arctan,
+        np.hypot: lambda g, a, b: g.power(g.add(g.square(a), g.square(b)), _half(g)),
+    }.items()
+} | {np.matmul: lambda g, a, b: _product(a, b)}
 FUNCTIONS = {
-    np.sum: _sum, np.dot: _product, np.linalg.norm: _norm, np.mean: _mean, np.copy: lambda a, **_: a.copy(),
-    np.zeros_like: lambda a, **_: _filled(a, 0.0), np.ones_like: lambda a, **_: _filled(a, 1.0),
-    np.full_like: lambda a, v, **_: _filled(a, float(v)), np.diff: lambda a: a[1:] - a[:-1],
-    np.shape: lambda a: a.shape, np.ndim: lambda a: a.ndim, np.size: lambda a: a.size,
+    np.sum: _sum,
+    np.dot: _product,
+    np.linalg.norm: _norm,
+    np.mean: _mean,
+    np.copy: lambda a, **_: a.copy(),
+    np.zeros_like: lambda a, **_: _filled(a, 0.0),
+    np.ones_like: lambda a, **_: _filled(a, 1.0),
+    np.full_like: lambda a, v, **_: _filled(a, float(v)),
+    np.diff: lambda a: a[1:] - a[:-1],
+    np.shape: lambda a: a.shape,
+    np.ndim: lambda a: a.ndim,
+    np.size: lambda a: a.size,
     np.outer: lambda a, b: Traced(*_column(a, b)) * b,
 }
-ARRANGE = {np.stack, np.concatenate, np.hstack, np.vstack, np.column_stack, np.roll, np.flip, np.tile, np.repeat, np.take,
-           np.expand_dims, np.squeeze, np.broadcast_to, np.transpose, np.moveaxis, np.swapaxes, np.ravel, np.reshape,
-           np.atleast_1d, np.fliplr, np.flipud}
+ARRANGE = {
+    np.stack,
+    np.concatenate,
+    np.hstack,
+    np.vstack,
+    np.column_stack,
+    np.roll,
+    np.flip,
+    np.tile,
+    np.repeat,
+    np.take,
+    np.expand_dims,
+    np.squeeze,
+    np.broadcast_to,
+    np.transpose,
+    np.moveaxis,
+    np.swapaxes,
+    np.ravel,
+    np.reshape,
+    np.atleast_1d,
+    np.fliplr,
+    np.flipud,
+}
 
 
 def _column(a, b):
@@ -222,6 +285,7 @@ def _column(a, b):
 
 class _Space:
     """The namespace to hand to a factory: numpy, with constructors that take traced numbers."""
+
     __name__ = "numpy"
 
     def __getattr__(self, name):
@@ -250,7 +314,15 @@ def _first(value):
 
 
 SPACE = _Space()
-UNTRACEABLE = (TypeError, ValueError, AttributeError, IndexError, NotImplementedError, OverflowError, ZeroDivisionError)
+UNTRACEABLE = (
+    TypeError,
+    ValueError,
+    AttributeError,
+    IndexError,
+    NotImplementedError,
+    OverflowError,
+    ZeroDivisionError,
+)
 
 
 def inputs(graph: Graph) -> tuple[Traced, Traced]:
@@ -264,5 +336,3 @@ def vector(graph: Graph, value, size: int) -> list[int]:
     if ids.shape != (size,):
         raise TypeError(f"shape {ids.shape} where ({size},) is needed")
     return [int(v) - BASE for v in ids]
-
-
