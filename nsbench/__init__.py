@@ -1,4 +1,5 @@
-"""nsbench: which method, which step, what error, at what cost, for Filippov and complementarity systems."""
+"""nsbench: which method, which step, what error, at what cost, for Filippov and complementarity
+systems."""
 
 from importlib import import_module
 

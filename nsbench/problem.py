@@ -103,11 +103,12 @@ class Affine:
 class Distance:
     """g = sign (|x_i - x_j| - d) between particles of dimension `dim`.
 
-    pairs None: hard particles, all N(N-1)/2 pairs without ever listing them (sign +1; d a number, or
-    `radii` (N,) for d_ij = r_i + r_j). pairs (m, 2): fixed pairs, sign -1 for links of maximal length,
-    d a number or (m,). anchors (a, dim), or a factory ``anchors(xp) -> (t) -> (a, dim)``: pairs are then
-    (particle, anchor); without pairs every particle meets every anchor.
-    The particles are ``x[start : start + count * dim].reshape(count, dim)``; count None means up to the end.
+    pairs None: hard particles, all N(N-1)/2 pairs without ever listing them (sign +1; d a number,
+    or `radii` (N,) for d_ij = r_i + r_j). pairs (m, 2): fixed pairs, sign -1 for links of maximal
+    length, d a number or (m,). anchors (a, dim), or a factory ``anchors(xp) -> (t) -> (a, dim)``:
+    pairs are then (particle, anchor); without pairs every particle meets every anchor.
+    The particles are ``x[start : start + count * dim].reshape(count, dim)``; count None means up to
+    the end.
     """
 
     d: Any = None
@@ -170,7 +171,8 @@ class Distance:
         return self.pairs is None and self.anchors is None
 
     def particles(self, n: int) -> int:
-        """How many particles the state of size n holds for this family; ValueError if it does not divide."""
+        """How many particles the state of size n holds for this family; ValueError if it does not
+        divide."""
         count = (n - self.start) // self.dim if self.count is None else self.count
         if self.start + count * self.dim > n or (
             self.count is None and (n - self.start) % self.dim
@@ -203,7 +205,8 @@ class Smooth:
 
 @dataclass(frozen=True, eq=False)
 class Complementarity:
-    """x' = f + sum lambda_k grad g_k, 0 <= g_k _|_ lambda_k >= 0; no constraints: a plain smooth ODE."""
+    """x' = f + sum lambda_k grad g_k, 0 <= g_k _|_ lambda_k >= 0; no constraints: a plain smooth
+    ODE."""
 
     drift: Factory
     constraints: tuple = ()
@@ -217,7 +220,8 @@ class Complementarity:
 
 
 def _blend(plus, minus, axis):
-    """Factory of  w f_plus + (1 - w) f_minus,  w = (1 + s_axis) / 2; at w = 0 or 1 one side alone counts."""
+    """Factory of  w f_plus + (1 - w) f_minus,  w = (1 + s_axis) / 2; at w = 0 or 1 one side alone
+    counts."""
 
     def make(xp):
         fp = plus(xp)
@@ -261,12 +265,13 @@ class Filippov:
     """x' in co{f_i(x)} over the regions that meet at x; d surfaces c(t, x) = 0.
 
     modes: maps sign tuples to drifts, 2^d of them. switch: factory ``-> (t, x) -> (d,)``.
-    Everything is reduced to one `field(xp) -> (t, x, s)` with signs s in [-1, 1]^d: between the modes
-    it is multilinear in the weights theta = (1 + s) / 2 (Alexander & Seidman 1998), which for one
-    surface is Filippov's convexification. theta_i in [0, 1] is the weight of the positive side.
-    Where d > 1 surfaces meet this is a convention: of all convex combinations of the 2^d fields that stay on them it
-    takes one of product weights. They all move alike if the field is affine in the signs; else a case that wants all
-    of Filippov's solutions says so with ``unique=False`` and gives their `distance`.
+    Everything is reduced to one `field(xp) -> (t, x, s)` with signs s in [-1, 1]^d: between the
+    modes it is multilinear in the weights theta = (1 + s) / 2 (Alexander & Seidman 1998), which for
+    one surface is Filippov's convexification. theta_i in [0, 1] is the weight of the positive side.
+    Where d > 1 surfaces meet this is a convention: of all convex combinations of the 2^d fields
+    that stay on them it takes one of product weights. They all move alike if the field is affine in
+    the signs; else a case that wants all of Filippov's solutions says so with ``unique=False`` and
+    gives their `distance`.
     """
 
     modes: Mapping | None
@@ -322,7 +327,8 @@ class Filippov:
 
 @dataclass(frozen=True, eq=False)
 class LCS:
-    """x' = A x + B lambda + u(t), w = C x + D lambda + q(t), 0 <= w _|_ lambda >= 0; u, q are factories."""
+    """x' = A x + B lambda + u(t), w = C x + D lambda + q(t), 0 <= w _|_ lambda >= 0; u, q are
+    factories."""
 
     A: Any
     B: Any

@@ -38,7 +38,8 @@ SHORT = (
 
 
 def spelled(text: str) -> str:
-    """The text as UTF-8 can spell it: of half characters, as a name of a file may hold them, their numbers are told."""
+    """The text as UTF-8 can spell it: of half characters, as a name of a file may hold them, their
+    numbers are told."""
     return text.encode("utf-8", "backslashreplace").decode()
 
 
@@ -65,7 +66,8 @@ class Status:
 
 @dataclass(frozen=True)
 class Event:
-    """A located event: its time, kind (contact, release, enter, exit, cross, pivot) and the contact's id."""
+    """A located event: its time, kind (contact, release, enter, exit, cross, pivot) and the
+    contact's id."""
 
     t: float
     kind: str
@@ -76,15 +78,19 @@ class Event:
 class Trajectory:
     """Samples of one run.
 
-    t (k,), x (k, n); contacts: ids of the m contacts that ever acted, (family, i) or (family, i, j);
-    impulse (k, m): cumulative integral of lambda dt (Filippov: of the weight theta of the positive side, contact
-    (0, i) for surface i); reaction (k, n): cumulative integral of sum lambda_k grad g_k dt, unique even where
-    lambda is not (Filippov: empty, (k, 0)). After a failure the remaining samples are NaN.
-    lam_time: where in its step the method's multiplier belongs: "end", "start", "midpoint" or "mean".
-    lam (k, m), lam_h (k,): multiplier and length of the last step before each sample, of fixed-step methods, in cases
-    whose multiplier is known at any time; NaN where it is not known (the first sample has no step). See measure.labels.
-    between: times (j,), states (j, n) and impulses (j, m) after some steps between samples, of Filippov systems and as far as a
-    method keeps them: what a run may have gone through unseen.
+    t (k,), x (k, n); contacts: ids of the m contacts that ever acted, (family, i) or (family, i,
+    j);
+    impulse (k, m): cumulative integral of lambda dt (Filippov: of the weight theta of the positive
+    side, contact (0, i) for surface i); reaction (k, n): cumulative integral of sum lambda_k grad
+    g_k dt, unique even where lambda is not (Filippov: empty, (k, 0)). After a failure the remaining
+    samples are NaN.
+    lam_time: where in its step the method's multiplier belongs: "end", "start", "midpoint" or
+    "mean".
+    lam (k, m), lam_h (k,): multiplier and length of the last step before each sample, of fixed-step
+    methods, in cases whose multiplier is known at any time; NaN where it is not known (the first
+    sample has no step). See measure.labels.
+    between: times (j,), states (j, n) and impulses (j, m) after some steps between samples, of
+    Filippov systems and as far as a method keeps them: what a run may have gone through unseen.
     """
 
     t: np.ndarray
@@ -102,7 +108,8 @@ class Trajectory:
 
 
 def fault_of_machine(e: BaseException) -> str:
-    """The end of a sentence if files, disk or threads of the machine are behind what was raised, however a library tells it;
+    """The end of a sentence if files, disk or threads of the machine are behind what was raised,
+    however a library tells it;
     "" if not."""
     words = [*map(os.strerror, SHORT), "can't start new thread"]
     told = set()

@@ -1,5 +1,6 @@
-"""Code of a user's file that runs in the command itself (its import, what a method refuses): it can neither end the command
-unheard, nor hold it up unheard. Where it crashes in C, the command ends, and the traceback names the file."""
+"""Code of a user's file that runs in the command itself (its import, what a method refuses): it can
+neither end the command unheard, nor hold it up unheard. Where it crashes in C, the command ends,
+and the traceback names the file."""
 
 from __future__ import annotations
 
@@ -19,8 +20,8 @@ class EndsProcess(RuntimeError):
 
 @contextlib.contextmanager
 def asked(what: str) -> Iterator[None]:
-    """Within, os._exit of this thread raises EndsProcess, what takes longer than SLOW says so on standard error, and a crash
-    in C leaves its traceback there."""
+    """Within, os._exit of this thread raises EndsProcess, what takes longer than SLOW says so on
+    standard error, and a crash in C leaves its traceback there."""
     here = (os.getpid(), threading.get_ident())
     leave = os._exit
 
@@ -56,8 +57,8 @@ def asked(what: str) -> Iterator[None]:
 
 
 def refuses(method, case, spec: str) -> bool:
-    """Does the method refuse the case? Also where the question fails: the run puts it again, in a worker, and its row says what
-    becomes of it."""
+    """Does the method refuse the case? Also where the question fails: the run puts it again, in a
+    worker, and its row says what becomes of it."""
     try:
         with asked(f"refuses of {spec}"):
             return bool(method.refuses(case))

@@ -1,5 +1,5 @@
-"""One thread for every library, set before any of them is imported; Ctrl-C is heard even where a shell started the tests in
-the background."""
+"""One thread for every library, set before any of them is imported; Ctrl-C is heard even where a
+shell started the tests in the background."""
 
 import os
 import signal
@@ -16,7 +16,8 @@ if (
 
 @pytest.fixture(autouse=True)
 def solver_files_forgotten(monkeypatch):
-    """What a test registers is not there in the next one, in whatever order and process they come."""
+    """What a test registers is not there in the next one, in whatever order and process they
+    come."""
     from nsbench import solvers, study
 
     monkeypatch.setattr(solvers, "_loaded", {})

@@ -1,4 +1,5 @@
-"""Filippov systems with several surfaces and closed forms; the same returns as in filippov_systems."""
+"""Filippov systems with several surfaces and closed forms; the same returns as in
+filippov_systems."""
 
 import numpy as np
 from filippov_systems import constant, drift, stack, states, still, swing
@@ -150,7 +151,8 @@ def three_mixed():
 
 
 def same_surface_twice():
-    """Two relays on one surface share a load that a third of their strength holds; only their sum counts."""
+    """Two relays on one surface share a load that a third of their strength holds; only their sum
+    counts."""
     problem = Filippov.relay(
         drift(lambda xp, t, x: 0.5 * xp.sin(t) + 0 * x),
         np.array([[-1.0, -0.5]]),

@@ -1,6 +1,8 @@
-"""Filippov systems with closed forms, made to be hard on event location; written without any code of the package's.
+"""Filippov systems with closed forms, made to be hard on event location; written without any code
+of the package's.
 
-Each function returns (problem, x0, T, x(t) -> (k, n), integrals of theta (k, d), events as (time, kind, surface)).
+Each function returns (problem, x0, T, x(t) -> (k, n), integrals of theta (k, d), events as (time,
+kind, surface)).
 """
 
 import numpy as np
@@ -36,7 +38,8 @@ still = drift(lambda xp, t, x: 0.0 * x)
 
 
 def belt_that_is_touched():
-    """Dry friction on a belt: sticks up to x = mu, then swings about mu and touches the belt's speed in each turn."""
+    """Dry friction on a belt: sticks up to x = mu, then swings about mu and touches the belt's
+    speed in each turn."""
     mu = 0.3
     v = 0.5
     problem = Filippov.signs(
@@ -269,7 +272,8 @@ def graze():
 
 
 def left_and_met_again():
-    """Slides, is let down, comes back, slides and is let go: x1' = 1, lower field cos t + 0.2, upper -1."""
+    """Slides, is let down, comes back, slides and is let go: x1' = 1, lower field cos t + 0.2,
+    upper -1."""
     problem = Filippov(
         {
             (1,): constant(1.0, -1.0),
@@ -319,7 +323,8 @@ def bouncing_relay():
 
 
 def talk(scale=1.0, switch=1.0, lift=0.0):
-    """The talk's two fields, with lengths or the switch function in other units, or the line at height `lift`."""
+    """The talk's two fields, with lengths or the switch function in other units, or the line at
+    height `lift`."""
     problem = Filippov(
         {(1,): constant(scale, -scale), (-1,): constant(2 * scale, scale)},
         drift(lambda xp, t, x: switch * (x[1:2] - lift)),

@@ -1,6 +1,8 @@
-"""A Dask cluster of worker processes on this machine, each with a nanny that restarts it, in a process of its own.
+"""A Dask cluster of worker processes on this machine, each with a nanny that restarts it, in a
+process of its own.
 
-python tests/local_cluster.py WORKERS       prints the address of the scheduler, ends with its standard input
+python tests/local_cluster.py WORKERS       prints the address of the scheduler, ends with its
+standard input
 """
 
 import contextlib

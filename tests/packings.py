@@ -1,4 +1,5 @@
-"""Steps of near-jammed discs for the tests of what solves them: rows G, right-hand side q, and their fronts."""
+"""Steps of near-jammed discs for the tests of what solves them: rows G, right-hand side q, and
+their fronts."""
 
 import numpy as np
 from scipy.sparse import csr_array, vstack
@@ -8,7 +9,8 @@ from nsbench.qp.kernels import active_set as qp
 
 
 def packing(rng, n, crystal):
-    """Centres of n unit discs that nearly all touch: a triangular lattice, or one shaken apart and drawn together."""
+    """Centres of n unit discs that nearly all touch: a triangular lattice, or one shaken apart and
+    drawn together."""
     side = int(np.ceil(np.sqrt(n)))
     j, i = np.divmod(np.arange(side * side), side)
     x = 2.0 * np.stack((i + 0.5 * (j % 2), 0.75**0.5 * j), 1)[:n]

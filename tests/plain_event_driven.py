@@ -1,9 +1,11 @@
-"""The event-driven method for hard discs as one would write it: SciPy's DOP853 with two events, all pairs, NNLS.
+"""The event-driven method for hard discs as one would write it: SciPy's DOP853 with two events, all
+pairs, NNLS.
 
-A second method beside nsbench.solvers.event_driven.method, on discs and walls of `Complementarity` cases that stand still. It
-shares nothing with it: gaps and gradients are numpy expressions over all pairs, the velocity problem is a non-negative
-least-squares problem (min |f + G^T lam|, lam >= 0, has the complementarity conditions as its own), solved a little
-ahead of the event, dense output finds the events, and there is no list of neighbours.
+A second method beside nsbench.solvers.event_driven.method, on discs and walls of `Complementarity`
+cases that stand still. It shares nothing with it: gaps and gradients are numpy expressions over all
+pairs, the velocity problem is a non-negative least-squares problem (min |f + G^T lam|, lam >= 0,
+has the complementarity conditions as its own), solved a little ahead of the event, dense output
+finds the events, and there is no list of neighbours.
 """
 
 import numpy as np

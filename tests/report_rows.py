@@ -77,7 +77,8 @@ def row(case, solver, h, accuracy="h", **more):
 
 
 def ladder(case, solver, rng, plateau=0.0, unique=True, exact=False, steps=STEPS):
-    """Rows of one fixed-step method: a clean power law with 2 % of noise, or a plateau, or zeros and rounding."""
+    """Rows of one fixed-step method: a clean power law with 2 % of noise, or a plateau, or zeros
+    and rounding."""
     p, c, cost, _ = METHODS[solver]
     out = []
     for h in steps:
@@ -112,7 +113,8 @@ def ladder(case, solver, rng, plateau=0.0, unique=True, exact=False, steps=STEPS
 
 
 def made(seed=0):
-    """Rows of several cases: orders, exactness, a plateau, redundant contacts, refusals, failures, NaN and zeros."""
+    """Rows of several cases: orders, exactness, a plateau, redundant contacts, refusals, failures,
+    NaN and zeros."""
     rng = np.random.default_rng(seed)
     rows = []
     for case in CASES:

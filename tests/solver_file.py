@@ -1,4 +1,5 @@
-"""The text of a solver file whose runs stay where the case starts, after doing what a test wants."""
+"""The text of a solver file whose runs stay where the case starts, after doing what a test
+wants."""
 
 import textwrap
 
@@ -29,8 +30,8 @@ SOLVER = Made
 
 
 def solver(run: str, how: str = "fine", before: str = "", stats: str = "{}") -> str:
-    """run: statements that a run begins with (they see self.how, case and h); how: its default; before: statements of the
-    module; stats: an expression."""
+    """run: statements that a run begins with (they see self.how, case and h); how: its default;
+    before: statements of the module; stats: an expression."""
     return TEXT.format(
         run=textwrap.indent(textwrap.dedent(run), 12 * " "), how=how, before=before, stats=stats
     )

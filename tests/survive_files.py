@@ -30,7 +30,8 @@ def case_file(
 
 
 def rows(path, methods=METHODS, **accuracy):
-    """Rows by method, those that refuse the case left out. accuracy: of all methods with that parameter."""
+    """Rows by method, those that refuse the case left out. accuracy: of all methods with that
+    parameter."""
     out = {}
     for spec in methods:
         method = get(spec)
@@ -43,7 +44,8 @@ def rows(path, methods=METHODS, **accuracy):
 
 
 def refused_before(path, folder, capsys, *args):
-    """What the command line says of a case file that it does not run; nothing may have been written."""
+    """What the command line says of a case file that it does not run; nothing may have been
+    written."""
     out = folder / "never"
     assert main(["run", "--cases", str(path), "-s", "pbd", "-o", str(out), *args]) == 2
     assert not out.exists()

@@ -1,10 +1,12 @@
-"""What the bench must survive, in one list; each entry has at least one test that is marked with its name.
+"""What the bench must survive, in one list; each entry has at least one test that is marked with
+its name.
 
     @pytest.mark.survives("nan at the start")
 
-An outcome is E, an error before anything runs (exit code 2, with the offending value), R, a row with a status and a
-sentence while the other runs go on, or a word of its own. `tests/studies/survived.py` runs the marked tests and prints
-the table; `tests/test_survived.py` fails where an entry has no test.
+An outcome is E, an error before anything runs (exit code 2, with the offending value), R, a row
+with a status and a sentence while the other runs go on, or a word of its own.
+`tests/studies/survived.py` runs the marked tests and prints the table; `tests/test_survived.py`
+fails where an entry has no test.
 """
 
 import ast
@@ -16,7 +18,8 @@ HERE = Path(__file__).parent
 
 @dataclass(frozen=True)
 class Entry:
-    """name: as in the mark; room: numerics, harness or promises; what: the sentence of the table; outcome: what is expected."""
+    """name: as in the mark; room: numerics, harness or promises; what: the sentence of the table;
+    outcome: what is expected."""
 
     name: str
     room: str

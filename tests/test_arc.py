@@ -59,7 +59,8 @@ def test_the_first_crossing_of_a_wavy_wall_is_found_in_one_long_step():
     "method, tol, bound", [("dop853", 1e-6, 1e-6), ("rk45", 1e-8, 3e-8), ("radau", 1e-8, 3e-8)]
 )
 def test_events_carry_the_accuracy_of_the_step_not_of_the_dense_output(method, tol, bound):
-    """A pendulum of period 2 pi: the dense output of these is 10 to 1000 times coarser than the step."""
+    """A pendulum of period 2 pi: the dense output of these is 10 to 1000 times coarser than the
+    step."""
     arc = follow(
         lambda t, y: np.array([y[1], -y[0]]),
         0.0,

@@ -1,4 +1,5 @@
-"""A spike of a drift or a wall, narrower than any step, is found; where nothing can be proven the run says so."""
+"""A spike of a drift or a wall, narrower than any step, is found; where nothing can be proven the
+run says so."""
 
 import numpy as np
 import pytest
@@ -22,7 +23,8 @@ def run(drift, *constraints, x0=(1.0,), T=10.0, k=3, **options):
 
 @pytest.mark.parametrize("width", [0.3, 5e-3, 1e-3, 3e-4, 1e-4])
 def test_a_spike_of_the_drift_moves_the_state_by_its_area(width):
-    """x' = cos t + exp(-((t - c) / w)^2), c off every sample: one step is a thousand widths and more."""
+    """x' = cos t + exp(-((t - c) / w)^2), c off every sample: one step is a thousand widths and
+    more."""
     c = 3.21
     traj = run(
         lambda xp: lambda t, x: (xp.cos(t) + xp.exp(-(((t - c) / width) ** 2))) * xp.ones_like(x)
@@ -97,7 +99,8 @@ def test_kinks_are_followed_and_counted():
 
 
 def test_jumps_of_the_drift_are_followed():
-    """x' = -1 to t = 1, then +1: the floor is left at once; the multiplier jumps from 1 to nothing."""
+    """x' = -1 to t = 1, then +1: the floor is left at once; the multiplier jumps from 1 to
+    nothing."""
     traj = run(
         lambda xp: lambda t, x: xp.where(t < 1.0, -1.0, 1.0) * xp.ones_like(x),
         Affine([[1.0]], [0.0]),

@@ -1,4 +1,5 @@
-"""What users would write themselves gives the right answers: as accurate as it claims, and told apart from the bench."""
+"""What users would write themselves gives the right answers: as accurate as it claims, and told
+apart from the bench."""
 
 import dataclasses
 from pathlib import Path
@@ -50,7 +51,8 @@ def test_modes_written_by_hand_reach_their_bound_and_the_same_events(key):
     traj = nsbench.solve(case, "solve_ivp")
     e = nsbench.errors(case, traj)
     assert traj.status.ok and e["state_sup"] <= solvers.get("solve_ivp").claims.exact
-    # at rest under dry friction the weight is x / (2 mu): its integral magnifies an error of the state by up to 100
+    # at rest under dry friction the weight is x / (2 mu): its integral magnifies an error of the
+    # state by up to 100
     assert e["impulse"] <= 1e-9 and not e["events_missed"] and not e["events_extra"]
     assert np.isnan(e["event_time"]) or e["event_time"] <= 1e-10
     assert e["residual"] <= 1e-9, "the reaction balances the equation"
@@ -68,7 +70,8 @@ def test_other_integrators_reach_their_bounds(key, method):
 
 
 def test_an_event_that_leaves_the_arc_as_it_is_is_not_recorded():
-    """The parabola that touches the floor in one point: nothing happens there, whether the step sees it or not."""
+    """The parabola that touches the floor in one point: nothing happens there, whether the step
+    sees it or not."""
     case = get_case("graze")
     floor = script(get_case("graze"))
     for step in (np.inf, 1e-2):
@@ -166,14 +169,16 @@ def test_kdtree_has_the_order_it_claims(key, spec):
         )
     h, state, force = np.log(np.array(found).T)
     claims = solvers.get(spec).claims
-    # ten discs under Jacobi steps are 0.06 off at the last step: their first steps are not asymptotic
+    # ten discs under Jacobi steps are 0.06 off at the last step: their first steps are not
+    # asymptotic
     room = 0.15 if key.startswith("discs") and "numpy" in spec else 0.05
     assert abs(np.polyfit(h, state, 1)[0] - claims.state) < room
     assert abs(np.polyfit(h, force, 1)[0] - claims.impulse) < room
 
 
 def test_kdtree_without_a_second_contact_is_pbd():
-    """Two discs and a box leave nothing to the order of the sweep or to the search: equal to rounding, impulses too."""
+    """Two discs and a box leave nothing to the order of the sweep or to the search: equal to
+    rounding, impulses too."""
     for key in ("two_discs[w=1]", "box_turning[side=0.8]"):
         a, b = (nsbench.solve(get_case(key), s, h=0.01) for s in ("kdtree", "pbd"))
         assert np.abs(a.x - b.x).max() < 1e-12 and np.abs(a.reaction - b.reaction).max() < 1e-12
@@ -185,7 +190,8 @@ def test_kdtree_without_a_second_contact_is_pbd():
 
 
 def test_a_jacobi_step_divides_a_pair_by_its_larger_number_of_contacts():
-    """Three discs of diameter 2 in a row, 1.9 apart: each pair would part by 0.1, each gets half of it."""
+    """Three discs of diameter 2 in a row, 1.9 apart: each pair would part by 0.1, each gets half of
+    it."""
     x = np.array([[0.0, 0.0], [1.9, 0.0], [3.8, 0.0]])
     impulse = np.empty(2)
     _jacobi(x, np.array([[0, 1], [1, 2]]), 2.0, impulse)
@@ -296,7 +302,8 @@ def test_nosnoc_says_how_to_get_it(monkeypatch):
     ],
 )
 def test_nosnoc_is_as_accurate_as_its_order_and_tolerance_allow(spec, key, bound):
-    """Stewart's form and the step form, weights, impulses and reactions; the bounds are three times what was seen."""
+    """Stewart's form and the step form, weights, impulses and reactions; the bounds are three times
+    what was seen."""
     needs_nosnoc()
     case = get_case(key)
     traj = nsbench.solve(case, spec)

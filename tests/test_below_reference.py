@@ -13,7 +13,8 @@ from nsbench.study import Spec, attempt
 
 @pytest.fixture
 def slack(monkeypatch):
-    """slide_exit with a stored reference whose bounds are 1e-6, and the runs measured against it."""
+    """slide_exit with a stored reference whose bounds are 1e-6, and the runs measured against
+    it."""
     case = get_case("slide_exit")
     ref = dataclasses.replace(
         refs.load(case), state_error=1e-6, impulse_error=1e-6, event_error=1e-6, kind="stored"

@@ -1,4 +1,5 @@
-"""What lies between the samples of a run: states that methods keep there, and two-folds that samples do not show."""
+"""What lies between the samples of a run: states that methods keep there, and two-folds that
+samples do not show."""
 
 import dataclasses
 
@@ -18,7 +19,8 @@ METHODS = {
 
 
 def folds(plus, minus, samples=2, end=1.0, x0=(0.0, 0.0)):
-    """x0 slides on x0 = 0 while plus < 0 < minus, both (t, y) -> the speed across it; y grows with time."""
+    """x0 slides on x0 = 0 while plus < 0 < minus, both (t, y) -> the speed across it; y grows with
+    time."""
     side = lambda speed: lambda xp: lambda t, x: xp.array([speed(t, x[1]), 1.0 + 0.0 * x[0]])
     return Case(
         "folds",
@@ -56,7 +58,8 @@ def test_a_state_that_leaves_where_one_field_turns_first_is_right(spec, first, s
 
 @pytest.mark.parametrize("spec", ["euler", "euler[implicit=true]", "penalty"])
 def test_what_is_kept_between_samples_is_the_run(spec):
-    """The same states as samples there; no more than asked for, in order, and none so near that weights are rounding."""
+    """The same states as samples there; no more than asked for, in order, and none so near that
+    weights are rounding."""
     case = folds(lambda t, y: -1.0 - y, lambda t, y: 1.0, x0=(0.3, 0.0))
     run = solvers.solve(case, spec, **METHODS[spec])
     t, x, impulse = run.between
@@ -130,7 +133,8 @@ def test_weights_of_long_explicit_steps_are_of_some(second, code):
 
 @pytest.mark.parametrize("spec", ["euler[implicit=true]", "penalty"])
 def test_fields_beside_another_surface_that_is_slid_on_tell_nothing(spec):
-    """On the negative side of surface 1 both fields lead away from surface 0; on surface 1 they lead to it at all times."""
+    """On the negative side of surface 1 both fields lead away from surface 0; on surface 1 they
+    lead to it at all times."""
     field = lambda xp: (
         lambda t, x, s: xp.array([-(0.6 + s[1]) * s[0], 0.5 * xp.sin(20.0 * t) - s[1], 1.0])
     )
@@ -160,7 +164,8 @@ def test_a_slide_that_crosses_another_surface_beyond_which_both_fields_lead_away
 
 @pytest.mark.parametrize("spec", ["euler", "euler[implicit=true]"])
 def test_rounding_of_fields_along_a_surface_leads_nowhere(spec):
-    """Along a circle both fields make of its switch, which is of order 1e-16 then, what rounding makes of it."""
+    """Along a circle both fields make of its switch, which is of order 1e-16 then, what rounding
+    makes of it."""
     turn = lambda way: lambda xp: lambda t, x: way * xp.array([-x[1], x[0]])
     circle = Filippov(
         {(1,): turn(1.0), (-1,): turn(2.0)},
@@ -181,8 +186,10 @@ def test_rounding_of_fields_along_a_surface_leads_nowhere(spec):
 @pytest.mark.parametrize("mirrored", [1.0, -1.0])
 @pytest.mark.parametrize("spec", METHODS)
 def test_a_slide_that_a_method_leaves_late_is_told(spec, mirrored, samples, least):
-    """The field that leads back to the surface does so by `least` alone; the other turns away at 0.5, and there the state leaves:
-    explicit steps that went over the surface once are still beside it at the end, weights in a layer lag behind."""
+    """The field that leads back to the surface does so by `least` alone; the other turns away at
+    0.5, and there the state leaves:
+    explicit steps that went over the surface once are still beside it at the end, weights in a
+    layer lag behind."""
     weak = lambda t, y: -mirrored * least
     turns = lambda t, y: mirrored * (0.5 - t)
     case = folds(*((weak, turns) if mirrored > 0.0 else (turns, weak)), samples)

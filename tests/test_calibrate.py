@@ -1,4 +1,5 @@
-"""Tolerances come from runs that differ in nothing that matters, and a calibrated study is held by its own baseline."""
+"""Tolerances come from runs that differ in nothing that matters, and a calibrated study is held by
+its own baseline."""
 
 import argparse
 import contextlib

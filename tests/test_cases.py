@@ -1,4 +1,5 @@
-"""Every case builds, starts where it says it may, and its physics is the same in numpy, numba and JAX."""
+"""Every case builds, starts where it says it may, and its physics is the same in numpy, numba and
+JAX."""
 
 import functools
 import time
@@ -64,7 +65,8 @@ def test_the_start_is_feasible_unless_the_case_says_otherwise(name, params):
 
 
 def functions(case):
-    """(name, factory, its compiled form or None, sizes of its arguments after t) of all physics in the case."""
+    """(name, factory, its compiled form or None, sizes of its arguments after t) of all physics in
+    the case."""
     from nsbench.compilation.factories import rhs, rhs_signs
 
     p = case.problem
@@ -95,7 +97,8 @@ def caller(count):
 
 
 def kinds():
-    """One of the parameter sets for each set of parameter names: compiling is slow, and a number is only a number."""
+    """One of the parameter sets for each set of parameter names: compiling is slow, and a number is
+    only a number."""
     return {(p.values[0], *sorted(p.values[1])): p for p in reversed(SPECS)}.values()
 
 

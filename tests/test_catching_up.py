@@ -1,4 +1,5 @@
-"""Catching up solves the QP of every step to rounding, whoever solves it, and says so when it does not."""
+"""Catching up solves the QP of every step to rounding, whoever solves it, and says so when it does
+not."""
 
 import numpy as np
 import pytest
@@ -197,7 +198,8 @@ def test_refusals_and_options():
 
 
 def test_nonlinear_steps_that_do_not_settle_end_the_run(monkeypatch):
-    """A disc dragged round another: one linearisation a step is not enough, and twenty such steps are."""
+    """A disc dragged round another: one linearisation a step is not enough, and twenty such steps
+    are."""
     from nsbench.solvers.catching_up import host_loop as host
 
     case = nsbench.get_case("two_discs")

@@ -1,4 +1,5 @@
-"""Catching up is one method, whoever solves its QPs and whichever loop it runs in; false answers are noticed."""
+"""Catching up is one method, whoever solves its QPs and whichever loop it runs in; false answers
+are noticed."""
 
 import dataclasses
 

@@ -1,4 +1,5 @@
-"""A row is kept under its key only if it is certain what made it: nobody edited a file, or data that it read, meanwhile."""
+"""A row is kept under its key only if it is certain what made it: nobody edited a file, or data
+that it read, meanwhile."""
 
 import os
 import threading

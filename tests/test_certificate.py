@@ -1,4 +1,5 @@
-"""A certificate proves the solution, and refuses whatever is not: wrong arcs, dips between samples, kinks it cannot see."""
+"""A certificate proves the solution, and refuses whatever is not: wrong arcs, dips between samples,
+kinks it cannot see."""
 
 import dataclasses
 
@@ -38,7 +39,8 @@ def test_the_tide_is_proven_to_thirty_digits(tide):
 
 
 def test_a_bound_holds_against_a_computation_with_more_digits():
-    """slide_exit once more in 60 digits: the difference is within the bound, and the bound is no more than sharp."""
+    """slide_exit once more in 60 digits: the difference is within the bound, and the bound is no
+    more than sharp."""
     from nsbench.reference.certify.error_bound import enclose
     from nsbench.reference.certify.high_precision_path import Digits, event_times, follow, precision
 
@@ -101,7 +103,8 @@ def test_sliding_that_should_have_ended_is_refused():
 
 
 def spike(depth, width=1e-3):
-    """A floor with a spike of `width` at t = 0.5 that reaches 1 + depth; the point waits at height 1."""
+    """A floor with a spike of `width` at t = 0.5 that reaches 1 + depth; the point waits at height
+    1."""
 
     def floor(xp):
         def b(t):
@@ -119,7 +122,8 @@ def spike(depth, width=1e-3):
 
 
 def test_a_spike_between_samples_is_seen():
-    """A run that misses it claims one free arc: refused. A spike that stays below is no obstacle to the proof."""
+    """A run that misses it claims one free arc: refused. A spike that stays below is no obstacle to
+    the proof."""
     from nsbench.reference.certify.claimed_arcs import Arc
 
     with pytest.raises(Refused, match=r"gap of \(0, 0\) does not stay positive.*: it is -"):
@@ -136,7 +140,8 @@ def test_a_dip_of_a_polynomial_is_found_by_balls():
 
 
 def test_kinks_of_the_drift_end_steps():
-    """x' = -max(x - 1, -t) + |t - 1|: solved by hand up to the first kink at x - 1 = -t, compared with fine steps after."""
+    """x' = -max(x - 1, -t) + |t - 1|: solved by hand up to the first kink at x - 1 = -t, compared
+    with fine steps after."""
 
     def drift(xp):
         def f(t, x):
@@ -157,7 +162,8 @@ def test_kinks_of_the_drift_end_steps():
 
 
 def test_every_family_and_the_namespace():
-    """A smooth wall, a moving one, an anchored disc and complex arithmetic in the drift, against event_driven."""
+    """A smooth wall, a moving one, an anchored disc and complex arithmetic in the drift, against
+    event_driven."""
 
     def drift(xp):
         def f(t, x):
@@ -199,7 +205,8 @@ def test_what_the_namespace_does_not_know_is_said():
 
 
 def test_two_surfaces_slide_together():
-    """x' = B s on both axes with a strong diagonal: rest in the corner, and drift along the third coordinate."""
+    """x' = B s on both axes with a strong diagonal: rest in the corner, and drift along the third
+    coordinate."""
     B = np.array([[-1.0, 0.2], [0.3, -1.0], [0.5, -0.25]])
     f = np.array([0.3, -0.2, 1.0])
     case = Case(

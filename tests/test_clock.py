@@ -1,4 +1,5 @@
-"""The clock compares runs within rounds: what slows a round slows all of it, and a short run is repeated."""
+"""The clock compares runs within rounds: what slows a round slows all of it, and a short run is
+repeated."""
 
 import numpy as np
 import pytest

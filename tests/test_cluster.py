@@ -1,4 +1,5 @@
-"""A cluster gives the rows that this machine gives, whatever becomes of its workers, and keeps little of them here."""
+"""A cluster gives the rows that this machine gives, whatever becomes of its workers, and keeps
+little of them here."""
 
 import dataclasses
 import os
@@ -275,7 +276,8 @@ def plugin(tmp_path, monkeypatch):
 
 
 def sent(monkeypatch, tmp_path, change=lambda path, content: content):
-    """As if the client's folder were one that workers do not have. change(path, content): what arrives there instead."""
+    """As if the client's folder were one that workers do not have. change(path, content): what
+    arrives there instead."""
     unit = far._Work._unit
     asked = far._Work._asked
     away = lambda f: f.replace(str(tmp_path), "/not/there")
@@ -317,7 +319,8 @@ def test_a_row_of_other_files_than_the_client_has_is_refused(
 def test_a_worker_with_another_library_or_package_on_its_disk_is_refused(
     address, plugin, tmp_path, monkeypatch, capsys
 ):
-    """Of a library that only a plugin needs, and of files that the worker has loaded long before."""
+    """Of a library that only a plugin needs, and of files that the worker has loaded long
+    before."""
     version = keys.version
     content = keys._content
     with monkeypatch.context() as m:

@@ -1,4 +1,5 @@
-"""A kernel that two processes come to together is compiled by one of them, and loaded by the other."""
+"""A kernel that two processes come to together is compiled by one of them, and loaded by the
+other."""
 
 import multiprocessing as mp
 import sys

@@ -1,4 +1,5 @@
-"""The machine code for contacts does what the loop in Python does; and takes only drifts that are proven affine."""
+"""The machine code for contacts does what the loop in Python does; and takes only drifts that are
+proven affine."""
 
 import itertools
 
@@ -26,7 +27,8 @@ def host(monkeypatch, case, tol=1e-12):
 
 
 def happened(traj):
-    """Contacts and releases in order. Pivots are left out: which of dependent contacts carries is a choice."""
+    """Contacts and releases in order. Pivots are left out: which of dependent contacts carries is a
+    choice."""
     return sorted((round(e.t, 8), e.kind, e.contact) for e in traj.events if e.kind != "pivot")
 
 
@@ -134,7 +136,8 @@ def two_clusters():
     ids=lambda case: f"{case.name}-{case.n}",
 )
 def test_parts_and_sparse_factors_change_nothing(case, monkeypatch):
-    """Choices by dense factors for all contacts together; or part by part, by sparse factors from three rows on."""
+    """Choices by dense factors for all contacts together; or part by part, by sparse factors from
+    three rows on."""
     from nsbench.solvers.event_driven.contacts import compiled_choice as _contact_choice
     from nsbench.solvers.event_driven.contacts import gram_matrix as _gram
 
@@ -217,7 +220,8 @@ def _below(c, level, lo, hi):
 
 
 def test_descents_are_those_of_the_roots():
-    """Against all roots of 2000 random polynomials, and dips between two near roots down to a width of 1e-5."""
+    """Against all roots of 2000 random polynomials, and dips between two near roots down to a width
+    of 1e-5."""
     rng = np.random.default_rng(3)
     for k in range(2000):
         c = rng.normal(size=rng.integers(2, 20))

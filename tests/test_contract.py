@@ -42,7 +42,8 @@ def test_reaches_the_order_it_claims(spec):
             if claimed is None or (what == "impulse" and np.isnan(err[what]).all()):
                 continue
             slope = np.polyfit(np.log(h), np.log(err[what]), 1)[0]
-            # what is left of an extrapolated run, c h^2, has a c that depends on where in its step an event lies
+            # what is left of an extrapolated run, c h^2, has a c that depends on where in its step
+            # an event lies
             slack = 0.1 if name == "k" else 0.08 if claimed == 1.0 else 0.25
             assert abs(slope - claimed) < slack, f"{key} {what}: {slope:.3f} instead of {claimed}"
 

@@ -1,4 +1,5 @@
-"""Walls and links that leave no point, in any unit and anywhere, are told; what only looks like it is not."""
+"""Walls and links that leave no point, in any unit and anywhere, are told; what only looks like it
+is not."""
 
 import numpy as np
 import pytest
@@ -18,7 +19,8 @@ def _still(xp):
 @pytest.mark.survives("empty set")
 @pytest.mark.parametrize("gap, code", ((1e-8, "infeasible"), (1e-12, "ok")))
 def test_walls_that_miss_each_other_by_little(gap, code):
-    """x <= 0.5 and x >= 0.5 + gap, in rows of very different size: rounding aside, no state meets both."""
+    """x <= 0.5 and x >= 0.5 + gap, in rows of very different size: rounding aside, no state meets
+    both."""
     walls = Affine(np.array([[-1.0], [1e6]]), np.array([0.5, -1e6 * (0.5 + gap)]))
     case = Case(
         name="gap",
@@ -33,7 +35,8 @@ def test_walls_that_miss_each_other_by_little(gap, code):
 @pytest.mark.survives("empty set")
 @pytest.mark.parametrize("size", (1e-6, 1.0, 1e6))
 def test_the_unit_of_a_scene_is_not_that_of_its_rows(size):
-    """x >= 1.05e-8 and x <= 1e-8, and a start within the first by a twentieth, in rows of any size."""
+    """x >= 1.05e-8 and x <= 1e-8, and a start within the first by a twentieth, in rows of any
+    size."""
     walls = Affine(size * np.array([[1.0], [-1.0]]), size * np.array([-1.05e-8, 1e-8]))
     case = Case(
         name="rows",
@@ -51,7 +54,8 @@ def test_the_unit_of_a_scene_is_not_that_of_its_rows(size):
 @pytest.mark.survives("empty set")
 @pytest.mark.parametrize("length, origin", ((1.0, 0.0), (1e-8, 0.0), (1.0, 1e8)))
 def test_walls_cross_in_any_unit_and_anywhere(length, origin):
-    """x >= t / 10 and x <= -t / 20 in lengths, seen from an origin; apart again, they leave room."""
+    """x >= t / 10 and x <= -t / 20 in lengths, seen from an origin; apart again, they leave
+    room."""
 
     def case(rate):
         def b(xp):
@@ -71,7 +75,8 @@ def test_walls_cross_in_any_unit_and_anywhere(length, origin):
 
 @pytest.mark.survives("empty set")
 def test_several_links_of_one_pair_hold_as_the_shortest():
-    """Links of 3 and 1 between two particles that are held 2.5 apart: together they do not let go of 4."""
+    """Links of 3 and 1 between two particles that are held 2.5 apart: together they do not let go
+    of 4."""
 
     def made(apart):
         links = (
@@ -116,7 +121,8 @@ def test_a_wall_far_away_hides_no_contradiction(third, samples):
 
 @pytest.mark.survives("empty set")
 def test_links_of_several_dimensions_are_chains_of_their_own():
-    """Two particles in the plane on links to moving anchors, 5 apart, and a link between their abscissas alone: no chain."""
+    """Two particles in the plane on links to moving anchors, 5 apart, and a link between their
+    abscissas alone: no chain."""
 
     def ends(xp):
         return lambda t: xp.array([[0.1 * t, 0.0], [0.0, 5.0]])
@@ -166,7 +172,8 @@ def test_a_deeper_violation_elsewhere_hides_no_contradiction(samples):
 
 @pytest.mark.survives("empty set")
 def test_discs_without_room_beside_a_deeper_overlap():
-    """A disc squeezed between moving walls by 0.05 at the end, while an earlier push drives another through its floor by 0.2."""
+    """A disc squeezed between moving walls by 0.05 at the end, while an earlier push drives another
+    through its floor by 0.2."""
 
     def b(xp):
         return lambda t: xp.array([0.5 + 0.0 * t, 1.05 - 0.1 * t, 0.0 * t])
@@ -231,7 +238,8 @@ def test_a_flat_wedge_is_closed_by_a_wall_far_away(slope):
 
 @pytest.mark.survives("empty set")
 def test_every_chain_is_looked_at_between_samples():
-    """Two links of 1 between anchors that part to 2.3 and meet again; 201 particles on links of their own."""
+    """Two links of 1 between anchors that part to 2.3 and meet again; 201 particles on links of
+    their own."""
     ends = np.append(5.0 * np.arange(201), [-50.0, 0.0])[:, None]
     last = np.eye(1, 203, 202).T
 
@@ -270,7 +278,8 @@ def test_a_heap_that_comes_apart_had_room():
 
 @pytest.mark.survives("empty set")
 def test_two_roundings_of_one_wall_are_no_contradiction():
-    """x = 2/3 + sin t, one side of it printed; a circle through the start, from both sides; PBD behind a prescribed motion."""
+    """x = 2/3 + sin t, one side of it printed; a circle through the start, from both sides; PBD
+    behind a prescribed motion."""
 
     def b(xp):
         return lambda t: xp.array([-0.6666666667 - xp.sin(t), 2.0 / 3.0 + xp.sin(t)])
@@ -304,7 +313,8 @@ def test_two_roundings_of_one_wall_are_no_contradiction():
 
 @pytest.mark.survives("empty set")
 def test_the_programs_of_a_run_are_counted(monkeypatch):
-    """Walls without room ask for one at every sample, and still tell of the time at which they cross."""
+    """Walls without room ask for one at every sample, and still tell of the time at which they
+    cross."""
     from nsbench.diagnostics.contacts import infeasible_rows as _walls
 
     asked = []
@@ -329,7 +339,8 @@ def test_the_programs_of_a_run_are_counted(monkeypatch):
 
 @pytest.mark.parametrize("aside, code", ((1e-6, "unverified"), (0.3, "ok")))
 def test_a_squeezed_row_that_hardly_yields_is_told(aside, code):
-    """Three discs between a wall and one that comes by 1e-6: from a straight row the middle one has to leave by about 1e-3."""
+    """Three discs between a wall and one that comes by 1e-6: from a straight row the middle one has
+    to leave by about 1e-3."""
     c = np.sqrt(1.0 - aside**2)
 
     def b(xp):

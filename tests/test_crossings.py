@@ -1,4 +1,5 @@
-"""The event found is the first dip of the function that counts, wherever rounding puts the roots of its series."""
+"""The event found is the first dip of the function that counts, wherever rounding puts the roots of
+its series."""
 
 import numpy as np
 
@@ -17,9 +18,11 @@ def product(roots):
 
 
 def functions(rng):
-    """(roots, touch, first crossing): beyond doubt is which dips are deeper than the touch, and that crossings are apart.
+    """(roots, touch, first crossing): beyond doubt is which dips are deeper than the touch, and
+    that crossings are apart.
 
-    The touch is from a tenth of the function down to 1e-16 of it: there the roots at zero and a touch below it are one.
+    The touch is from a tenth of the function down to 1e-16 of it: there the roots at zero and a
+    touch below it are one.
     Every second function has grazed zero before, some 1e-9 to 1e-7 wide and less deep than a touch.
     """
     while True:

@@ -1,4 +1,5 @@
-"""Linear complementarity systems whose inputs jump: the jump is found wherever it lies in a step."""
+"""Linear complementarity systems whose inputs jump: the jump is found wherever it lies in a
+step."""
 
 import numpy as np
 import pytest
@@ -143,7 +144,8 @@ def test_a_jump_is_as_well_known_as_the_clock_however_late():
 
 
 def test_a_step_is_no_shorter_than_the_clock_knows():
-    """At 1e5 a part of 1e-13 of the run is half of what the clock ticks: such a step ends where it began."""
+    """At 1e5 a part of 1e-13 of the run is half of what the clock ticks: such a step ends where it
+    began."""
     begin = 1e5
     jump = 0.3
     u = lambda xp: lambda t: xp.array([xp.where(t < begin + jump, 1.0, -1.0)])

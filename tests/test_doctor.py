@@ -1,4 +1,5 @@
-"""The doctor finds what is wrong with an installation, says it in a sentence, and its exit code tells."""
+"""The doctor finds what is wrong with an installation, says it in a sentence, and its exit code
+tells."""
 
 from importlib import metadata
 

@@ -1,4 +1,5 @@
-"""What no solution does is not called ok, whatever passed over it: poles of the drift, walls without room between two samples."""
+"""What no solution does is not called ok, whatever passed over it: poles of the drift, walls
+without room between two samples."""
 
 import math
 from pathlib import Path
@@ -70,7 +71,8 @@ def test_a_pole_is_found_with_few_samples_and_many(samples):
 
 
 def test_a_pole_of_the_state():
-    """x' = 1 + 1e-3 / (x - 1.5001)^2 has a solution that passes; steps beside the pole know nothing of it."""
+    """x' = 1 + 1e-3 / (x - 1.5001)^2 has a solution that passes; steps beside the pole know nothing
+    of it."""
     case = _case(lambda xp, t, x: 1.0 + 1e-3 / (x[0] - 1.5001) ** 2)
     assert solvers.solve(case, "euler", h=3.7e-4).status.code == "unverified"
 
@@ -117,7 +119,8 @@ def _still(xp):
 @pytest.mark.survives("empty set")
 @pytest.mark.parametrize("spec, h", (("pbd", 1e-3), ("pbd[sweeps=3]", 1e-3), ("penalty", None)))
 def test_walls_that_cross_and_part_between_two_samples(spec, h):
-    """low = -1 + 3 t (1 - t) is above high = 1 - 3 t (1 - t) from t = 0.39 to 0.61; the samples are 0 and 1."""
+    """low = -1 + 3 t (1 - t) is above high = 1 - 3 t (1 - t) from t = 0.39 to 0.61; the samples are
+    0 and 1."""
 
     def walls(xp):
         return lambda t: xp.array(
@@ -184,7 +187,8 @@ def test_a_narrow_peak_of_a_long_run_is_no_pole():
 
 @pytest.mark.parametrize("times", ([0.0, np.pi], np.linspace(0.0, 2.0 * np.pi, 3)))
 def test_a_vortex_has_no_pole_on_its_way(times):
-    """Half a turn around the vortex: the straight way between the samples leads through its centre, the state does not."""
+    """Half a turn around the vortex: the straight way between the samples leads through its centre,
+    the state does not."""
 
     def drift(xp):
         return lambda t, x: xp.array(
@@ -213,7 +217,8 @@ def test_poles_of_inputs_do_not_cancel_each_other():
 
 @pytest.mark.parametrize("sign, code", ((1.0, "ok"), (-1.0, "diverged")))
 def test_an_open_row_may_open_without_bound(sign, code):
-    """w = x + lam + q: a q that goes to + infinity leaves lam = 0, one that goes to - infinity takes lam along."""
+    """w = x + lam + q: a q that goes to + infinity leaves lam = 0, one that goes to - infinity
+    takes lam along."""
 
     def q(xp):
         return lambda t: xp.array([sign * 1e-6 / (t - 0.3001) ** 2])
@@ -229,7 +234,8 @@ def test_an_open_row_may_open_without_bound(sign, code):
 
 
 def test_a_way_back_to_a_surface_is_no_stay():
-    """x' = y + s / 2, y' = -3 from (0, 1): the arc ends on x = 0 again, and between its ends both fields leave the surface."""
+    """x' = y + s / 2, y' = -3 from (0, 1): the arc ends on x = 0 again, and between its ends both
+    fields leave the surface."""
     case = relays(
         lambda xp: lambda t, x, s: xp.array([x[1] + 0.5 * s[0], -3.0 + 0.0 * x[0]]),
         lambda xp: lambda t, x: xp.array([x[0]]),
@@ -268,7 +274,8 @@ def test_a_corner_is_passed_however_many_samples_and_held_however_many():
 
 
 def test_doubts_evaluate_a_field_about_as_often_as_a_run():
-    """Twelve relays with hundreds of modes, thirty removable singularities: neither all modes at all times nor all corners."""
+    """Twelve relays with hundreds of modes, thirty removable singularities: neither all modes at
+    all times nor all corners."""
     calls = [0]
 
     def counted(f):

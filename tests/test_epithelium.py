@@ -1,4 +1,5 @@
-"""The cells feel the forces of their stated energies, start feasible, and compute the same in numpy, numba and JAX."""
+"""The cells feel the forces of their stated energies, start feasible, and compute the same in
+numpy, numba and JAX."""
 
 import numpy as np
 import pytest
@@ -38,7 +39,8 @@ def generic(case):
 
 
 def split(case, x):
-    """A, X, B (n, 2), the rest lengths (2n + 1,) and where they start, written out a second time."""
+    """A, X, B (n, 2), the rest lengths (2n + 1,) and where they start, written out a second
+    time."""
     free = full(case).get("free_basal", False)
     n = (case.n - 1) // (8 if free else 7)
     A = x[: 2 * n].reshape(n, 2)
@@ -55,7 +57,8 @@ def split(case, x):
 
 
 def energy(case, x, rest):
-    """The sum of the four energies with the rest lengths frozen; loops and angles instead of slices and products."""
+    """The sum of the four energies with the rest lengths frozen; loops and angles instead of slices
+    and products."""
     A, X, B, _, _ = split(case, x)
     n = len(A)
     e = 0.0

@@ -1,4 +1,5 @@
-"""Errors and residuals are what their definitions say, vanish on exact runs, and notice every kind of wrong run."""
+"""Errors and residuals are what their definitions say, vanish on exact runs, and notice every kind
+of wrong run."""
 
 import itertools
 
@@ -72,7 +73,8 @@ def test_a_closed_form_has_neither_errors_nor_residuals(name):
         assert np.isnan(e[key]) or e[key] == 0.0, key
     assert e["events_missed"] == e["events_extra"] == 0
     assert not e["feasibility"] > 1e-12 * scale and e["sign"] > -1e-12
-    # switches that accumulate lie between two samples, where complementarity has an error of the spacing squared
+    # switches that accumulate lie between two samples, where complementarity has an error of the
+    # spacing squared
     assert e["complementarity"] < 1e-12 * scale or name == "spiral"
     assert e["residual"] < 1e-6 * scale, "the quadrature promises more than it keeps"
 
@@ -333,7 +335,8 @@ def test_two_weights_that_move_alike_are_not_unique():
 @pytest.mark.parametrize("samples", [3, 101])
 @pytest.mark.parametrize("D", [0.0, 1.0])
 def test_a_push_of_an_open_diode_is_no_complementarity(samples, D):
-    """x' = lam, w = x + D lam, pushed by lam = 1 from x = 1 on: the product is at least 1 wherever it is looked at."""
+    """x' = lam, w = x + D lam, pushed by lam = 1 from x = 1 on: the product is at least 1 wherever
+    it is looked at."""
     t = np.linspace(0.0, 1.0, samples)
     case = Case("pushed", LCS(*(np.array([[v]]) for v in (0.0, 1.0, 1.0, D))), np.array([1.0]), t)
     traj = Trajectory(

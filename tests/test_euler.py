@@ -1,4 +1,5 @@
-"""Euler has order one on fields with signs, implicitly without chatter, in compiled and in plain Python alike."""
+"""Euler has order one on fields with signs, implicitly without chatter, in compiled and in plain
+Python alike."""
 
 import numpy as np
 import pytest
@@ -136,7 +137,8 @@ def test_implicit_is_stable_where_explicit_is_not():
 
 
 def test_implicit_rests_where_four_relays_meet():
-    # x' = b - G s with G diagonally dominant: the origin is reached from anywhere, with s = G^-1 b there
+    # x' = b - G s with G diagonally dominant: the origin is reached from anywhere, with s = G^-1 b
+    # there
     G = np.eye(4) + 0.2 * np.ones((4, 4))
     b = np.array([0.5, -0.3, 0.2, 0.0])
     field = lambda xp: lambda t, x, s: b - xp.einsum("ij,j", G, s)
@@ -214,7 +216,8 @@ def test_a_state_that_is_held_is_not_rounding():
 
 @pytest.mark.parametrize("far", (0.0, 1e4, 1e8, -1e8))
 def test_implicit_takes_its_differences_in_the_length_of_a_switch_however_far(far):
-    """x' = 1/4 - sign(sin 9 x), seen from far: a difference of 1e-8 of the coordinate would be ten lengths of the switch."""
+    """x' = 1/4 - sign(sin 9 x), seen from far: a difference of 1e-8 of the coordinate would be ten
+    lengths of the switch."""
     relay = Filippov.signs(
         lambda xp: lambda t, x, s: 0.25 - s + 0.0 * x,
         lambda xp: lambda t, x: xp.sin(9.0 * (x - far)),
@@ -227,8 +230,8 @@ def test_implicit_takes_its_differences_in_the_length_of_a_switch_however_far(fa
 
 @pytest.mark.parametrize("h", [1e-3, 1e-5, 2e-6])
 def test_implicit_steps_far_away_do_not_slide_on_what_rounding_leaves(h):
-    """A step of 2e-6 is 130 spacings of a state of 1e8, and all steps may lose some: both fields leave the surface, which moves
-    the other way."""
+    """A step of 2e-6 is 130 spacings of a state of 1e8, and all steps may lose some: both fields
+    leave the surface, which moves the other way."""
     field = lambda xp: lambda t, x, s: xp.array([-0.7 - 0.7 * s[0] * (-1.0)])
     case = Case(
         "far",

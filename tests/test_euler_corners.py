@@ -33,7 +33,8 @@ RANDOM = Filippov.signs(eight_fields, corner)
 
 
 def defect(t, traj):
-    """Largest violation of x+ = x + h F(x+, s), s_i in Sgn(c_i(x+)), put together from samples and weights."""
+    """Largest violation of x+ = x + h F(x+, s), s_i in Sgn(c_i(x+)), put together from samples and
+    weights."""
     F = RANDOM.field(np)
     worst = 0.0
     s = 2.0 * np.diff(traj.impulse, axis=0) / np.diff(t)[:, None] - 1.0
@@ -52,7 +53,8 @@ def defect(t, traj):
 # 95 and 115: Newton's method misses the only solution from the weights of the last step
 @pytest.mark.parametrize("seed", [*range(30), 95, 115])
 def test_random_fields_in_eight_octants(seed):
-    """Each step is solved; the motion need not be the only one (seed 23: from t = 0.73 both fields leave surface 2)."""
+    """Each step is solved; the motion need not be the only one (seed 23: from t = 0.73 both fields
+    leave surface 2)."""
     rng = np.random.default_rng(seed)
     x0 = np.concatenate((0.3 * rng.normal(size=3), rng.normal(size=24)))
     t = np.arange(0.0, 1.0001, H)
@@ -88,7 +90,8 @@ def test_a_step_without_a_solution_is_a_status():
 
 @pytest.mark.parametrize("shift, size", [(0.0, 1.0), (0.0, 1e-6), (1e8, 1.0), (-3e5, 1e-3)])
 def test_which_side_a_step_ends_on_is_told_by_what_rounds_there(shift, size):
-    """x' = -2 + s crosses x = shift, where c = (x - shift)^3 is flat, at once, and goes on at -3."""
+    """x' = -2 + s crosses x = shift, where c = (x - shift)^3 is flat, at once, and goes on at
+    -3."""
     field = lambda xp: lambda t, x, s: xp.stack((-2.0 * size + size * s[0],))
     switch = lambda xp: lambda t, x: xp.stack(((x[0] - shift) ** 3,))
     case = Case(

@@ -1,4 +1,5 @@
-"""Event-driven runs of constrained systems agree with closed forms and with themselves, or say why they ended."""
+"""Event-driven runs of constrained systems agree with closed forms and with themselves, or say why
+they ended."""
 
 import dataclasses
 
@@ -31,7 +32,8 @@ KNOWN = [
 
 
 def columns(case, traj):
-    """Impulses in the order of the case's contacts; contacts that never acted are zero, others are a failure."""
+    """Impulses in the order of the case's contacts; contacts that never acted are zero, others are
+    a failure."""
     ids = case.contacts or [
         (k, i) for k, c in enumerate(case.problem.constraints) for i in range(c.shape[0])
     ]
@@ -124,7 +126,8 @@ def fine(case, k):
     "spec", ["discs[n=10,seed=2]", "hex[n=7]", "chain[hanging=fall,n=5]", "discs[n=6,box=true]"]
 )
 def test_the_run_satisfies_its_inclusion(spec):
-    """Feasible, multipliers not negative, loads on closed contacts only, x' = f + reaction: checked from samples."""
+    """Feasible, multipliers not negative, loads on closed contacts only, x' = f + reaction: checked
+    from samples."""
     from nsbench.dynamics.contacts.constraint_set import Scene
 
     case = fine(get_case(spec), 1201)

@@ -75,7 +75,8 @@ def test_bad_options_are_named():
 @pytest.mark.parametrize("at", [1.373, 2 / 3, 1.37, 2.1, 2.6])
 @pytest.mark.parametrize("tol", [1e-6, 1e-10])
 def test_what_is_held_is_let_go_where_the_drift_jumps(at, tol):
-    """A multiplier, or the weight of a field, that jumps has no root: what it ends begins with the first time behind."""
+    """A multiplier, or the weight of a field, that jumps has no root: what it ends begins with the
+    first time behind."""
 
     def jumps(xp):
         return lambda t, x: xp.where(t < at, -1.0, 2.0) + 0.0 * x

@@ -41,7 +41,8 @@ def down(xp):
 
 
 def roll(constraint):
-    """Falls on the unit disc at angle A0 and slides off: a' = sin a, lam = cos a, leaves at the side."""
+    """Falls on the unit disc at angle A0 and slides off: a' = sin a, lam = cos a, leaves at the
+    side."""
     t1 = 1.5 - np.cos(A0)
     t2 = t1 - np.log(np.tan(A0 / 2))
 
@@ -60,7 +61,8 @@ def roll(constraint):
 
 
 def ellipse():
-    """Over x^2/4 + y^2 = 1 at (2 sin a, cos a): a' = sin a / (4 - 3 sin^2 a), so t = 4 log tan(a/2) + 3 cos a;
+    """Over x^2/4 + y^2 = 1 at (2 sin a, cos a): a' = sin a / (4 - 3 sin^2 a), so t = 4 log tan(a/2)
+    + 3 cos a;
     lam dt = 2 cot a da."""
     clock = lambda a: 4 * mpmath.log(mpmath.tan(a / 2)) + 3 * mpmath.cos(a)
     t1 = 1.5 - np.cos(A0)
@@ -99,7 +101,8 @@ def ellipse():
 
 
 def turning():
-    """A leash of length 1 under a force that turns: the angle it lags behind is 2 arctan(1 + t) - pi/2."""
+    """A leash of length 1 under a force that turns: the angle it lags behind is 2 arctan(1 + t) -
+    pi/2."""
     lag = lambda t: 2 * np.arctan(1 + t) - np.pi / 2
     x = lambda t: [np.sin(t - lag(t)), -np.cos(t - lag(t))]
     impulse = lambda t: [
@@ -112,9 +115,11 @@ def turning():
 
 
 def wedge():
-    """Two walls y >= s + x and y >= s - x, s = t + sin(2 t) / 4, lift a point that is pressed down: one, then both."""
+    """Two walls y >= s + x and y >= s - x, s = t + sin(2 t) / 4, lift a point that is pressed down:
+    one, then both."""
     s = lambda t: t + np.sin(2 * t) / 4
-    # falls from (1/4, 2): meets y = s + x where 2 - t = s + 1/4, then slides with x' = -(1 + s') / 2 to x = 0
+    # falls from (1/4, 2): meets y = s + x where 2 - t = s + 1/4, then slides with x' = -(1 + s') /
+    # 2 to x = 0
     t1 = float(mpmath.findroot(lambda t: 2 * t + mpmath.sin(2 * t) / 4 - mpmath.mpf(7) / 4, 0.7))
     t2 = float(mpmath.findroot(lambda t: t + s_mp(t) - t1 - s_mp(t1) - mpmath.mpf(1) / 2, 1.0))
 
@@ -137,7 +142,8 @@ def s_mp(t):
 
 
 def train():
-    """On a line: one pulls another by a link, taut at t = 1/2, to a wall at t = 5/2; the link stays taut without load."""
+    """On a line: one pulls another by a link, taut at t = 1/2, to a wall at t = 5/2; the link stays
+    taut without load."""
     drift = lambda xp: lambda t, x: xp.stack((0.0 * x[0], 1.0 + 0.0 * x[1]))
     m = lambda t: np.clip(t, 0.5, 2.5) - 0.5
     x = lambda t: [m(t) / 2, 1.5 + min(t, 0.5) + m(t) / 2]
@@ -156,7 +162,8 @@ def train():
 
 
 def ball():
-    """In space, pushed head on by a moving ball that then returns: x = 1 + 2 sin t up to t = pi/2."""
+    """In space, pushed head on by a moving ball that then returns: x = 1 + 2 sin t up to t =
+    pi/2."""
     anchor = lambda xp: lambda t: xp.stack((2 * xp.sin(t), 0.0 * t, 0.0 * t)).reshape((1, 3))
     top = lambda t: max(1.0, 2 * np.sin(min(t, np.pi / 2)))
     return known(
@@ -172,7 +179,8 @@ def ball():
 
 
 def forced():
-    """Pressed to the floor and lifted in turns by -cos 5t + 1/5: contact again in each period, by Skorokhod's formula."""
+    """Pressed to the floor and lifted in turns by -cos 5t + 1/5: contact again in each period, by
+    Skorokhod's formula."""
     z = lambda t: 0.1 - np.sin(5 * t) / 5 + t / 5
     lows = [(np.arccos(0.2) + 2 * np.pi * k) / 5 for k in range(9)]  # z' = 0 upward: deepest points
     x_free = lambda t: min([z(s) for s in lows if s <= t] + [z(t), 0.0])

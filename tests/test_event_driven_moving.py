@@ -24,7 +24,8 @@ def test_a_moving_floor_pushes_with_its_speed():
 
 
 def test_a_fast_floor_throws_and_catches():
-    """a > b: released where a cos t = -b, flies with slope -b, caught where a sin t meets the line."""
+    """a > b: released where a cos t = -b, flies with slope -b, caught where a sin t meets the
+    line."""
     from scipy.optimize import brentq
 
     a = 2.0

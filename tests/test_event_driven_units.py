@@ -48,7 +48,8 @@ def test_a_scene_is_followed_in_any_unit(unit, spec, tol, miss):
 @pytest.mark.parametrize("unit", (1e-8, 1.0))
 @pytest.mark.parametrize("second", (0.0, 0.01))
 def test_surfaces_that_are_one_leave_many_motions_in_any_unit(unit, second):
-    """Their switches differ by more than a factor; the motion is one where the second changes nothing."""
+    """Their switches differ by more than a factor; the motion is one where the second changes
+    nothing."""
 
     def drift(xp):
         return lambda t, x: 0.0 * x
@@ -115,7 +116,8 @@ def test_sliding_weights_are_the_same_in_any_unit(unit, spec, tol, miss):
     "spec, asked", (("event_driven", {"tol": 1e-8}), ("penalty[method=kvaerno5]", {"k": 1e3}))
 )
 def test_a_spring_makes_no_unit_of_how_fast_it_would_pull(rate, spec, asked):
-    """x' = -rate (x - L (1 + t^2)), L = 1e-8: the target moves by L; a start left standing would be pulled there fast."""
+    """x' = -rate (x - L (1 + t^2)), L = 1e-8: the target moves by L; a start left standing would be
+    pulled there fast."""
     length = 1e-8
     drift = lambda xp: lambda t, x: xp.array([-rate * (x[0] - length * (1.0 + t * t))])
     case = Case(
@@ -134,7 +136,8 @@ def test_a_spring_makes_no_unit_of_how_fast_it_would_pull(rate, spec, asked):
     "later", (lambda xp, t, x: 2.0 + xp.sqrt(x[0] - t), lambda xp, t, x: 2.0 + 0.0 / (t - 0.5))
 )
 def test_a_drift_that_is_no_number_later_leaves_the_unit_as_it_is(later):
-    """The root of a negative number is none; a division of floats by zero raises, in the middle of the run."""
+    """The root of a negative number is none; a division of floats by zero raises, in the middle of
+    the run."""
     problem = Complementarity(
         lambda xp: lambda t, x: xp.array([later(xp, t, x)]), (Affine(np.eye(1), np.array([1e-5])),)
     )
@@ -143,7 +146,8 @@ def test_a_drift_that_is_no_number_later_leaves_the_unit_as_it_is(later):
 
 
 def test_the_unit_is_not_that_of_a_small_coordinate_that_decays_fast():
-    """x' = -1e6 x from 3e-6 beside y' = 1/2 from 1e-10 below a wall: y moves by 1/2, of which that is a rounding."""
+    """x' = -1e6 x from 3e-6 beside y' = 1/2 from 1e-10 below a wall: y moves by 1/2, of which that
+    is a rounding."""
     drift = lambda xp: lambda t, x: xp.array([-1e6 * x[0], 0.5 + 0.0 * t])
     problem = Complementarity(drift, (Affine(np.array([[0.0, 1.0]]), np.zeros(1)),))
     case = Case(
@@ -155,7 +159,8 @@ def test_the_unit_is_not_that_of_a_small_coordinate_that_decays_fast():
 @pytest.mark.parametrize("tol", (1e-4, 1e-6, 1e-8))
 @pytest.mark.parametrize("size", (1e-5, 1e-10))
 def test_what_turns_comes_back_and_is_no_larger_than_its_circle(size, tol):
-    """x' = 1000 y, y' = -1000 x from (0, size), stopped at x = size / 2 until y = 0: then on the circle of half the size."""
+    """x' = 1000 y, y' = -1000 x from (0, size), stopped at x = size / 2 until y = 0: then on the
+    circle of half the size."""
     w = 1000.0
     t = np.linspace(0.0, 1.0, 11)
     wall = Affine(np.array([[-1.0, 0.0]]), np.array([0.5 * size]))

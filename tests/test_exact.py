@@ -1,8 +1,9 @@
-"""Every exact solution satisfies its own equation, its constraints and complementarity, and the check would notice.
+"""Every exact solution satisfies its own equation, its constraints and complementarity, and the
+check would notice.
 
-The check shares no code with solvers: it takes the closed form between the stated events at Chebyshev points,
-differentiates the interpolating polynomial (error about 1e-13 here) and puts state, velocity and multiplier into the
-equation. Gaps and gradients are written out anew.
+The check shares no code with solvers: it takes the closed form between the stated events at
+Chebyshev points, differentiates the interpolating polynomial (error about 1e-13 here) and puts
+state, velocity and multiplier into the equation. Gaps and gradients are written out anew.
 """
 
 from itertools import pairwise
@@ -21,7 +22,8 @@ TOL = 1e-9  # state error that one panel may add; rounding is about 1e-12
 
 
 def differentiation(nodes):
-    """Matrix that maps values at the nodes to the derivative of the polynomial through them (barycentric form)."""
+    """Matrix that maps values at the nodes to the derivative of the polynomial through them
+    (barycentric form)."""
     gaps = nodes[:, None] - nodes[None, :] + np.eye(len(nodes))
     weights = 1.0 / gaps.prod(axis=1)
     D = weights[None, :] / weights[:, None] / gaps
@@ -34,7 +36,8 @@ SLOPE = differentiation(NODES)
 
 
 def panels(case):
-    """Intervals without events inside, at most a twentieth of the whole long; shorter in the layers of stiff cases."""
+    """Intervals without events inside, at most a twentieth of the whole long; shorter in the layers
+    of stiff cases."""
     t0 = case.t[0]
     T = case.t[-1]
     inside = [e for e in case.exact_events if t0 < e < T]
@@ -119,7 +122,8 @@ def constraints(problem, t, x):
 
 
 def columns(case, ids):
-    """Where the columns of exact_impulse stand among all constraints; by default all but pairs of all discs."""
+    """Where the columns of exact_impulse stand among all constraints; by default all but pairs of
+    all discs."""
     free = [
         k for k, c in enumerate(case.problem.constraints) if isinstance(c, Distance) and c.all_pairs
     ]
@@ -129,7 +133,8 @@ def columns(case, ids):
 
 
 def judge_complementarity(case, t, x, v, lam):
-    """(size of the error, what is wrong) at one time; lam None: any multiplier of the active constraints will do."""
+    """(size of the error, what is wrong) at one time; lam None: any multiplier of the active
+    constraints will do."""
     ids, g, G = constraints(case.problem, t, x)
     yield -g.min(initial=0.0), "a gap is negative"
     missing = v - case.problem.drift(np)(t, x)
@@ -181,7 +186,8 @@ JUDGES = {Complementarity: judge_complementarity, Filippov: judge_filippov, LCS:
 
 
 def complaint(case, exact=None, impulse=None):
-    """What is wrong with the exact solution of the case (or with the one given), in a sentence; None if nothing."""
+    """What is wrong with the exact solution of the case (or with the one given), in a sentence;
+    None if nothing."""
     exact = exact or case.exact
     impulse = impulse or case.exact_impulse
     start = case.t[:1]

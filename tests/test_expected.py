@@ -1,4 +1,5 @@
-"""What methods declare to expect is compared with what is seen; deviations in either direction are told."""
+"""What methods declare to expect is compared with what is seen; deviations in either direction are
+told."""
 
 import numpy as np
 import pytest

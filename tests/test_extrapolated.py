@@ -1,4 +1,5 @@
-"""Extrapolated variants reach the order that they claim, say when their error cannot be told, and fail as their runs do."""
+"""Extrapolated variants reach the order that they claim, say when their error cannot be told, and
+fail as their runs do."""
 
 import numpy as np
 import pytest
@@ -74,7 +75,8 @@ def slope(name, spec, ks, quantity="state_sup"):
 
 @pytest.mark.parametrize("name", ["tide", "three_discs", "slide_exit"])
 def test_penalty_once_extrapolated_has_order_two(name):
-    """From where the layer behind the impact has died out at the next sample: sup over all samples, impulses too."""
+    """From where the layer behind the impact has died out at the next sample: sup over all samples,
+    impulses too."""
     ks = np.geomspace(900.0, 7200.0, 7)
     for quantity in ("state_sup", "impulse"):
         order, rows = slope(name, "penalty[extrapolate=1]", ks, quantity)
@@ -123,7 +125,8 @@ STEPS = 0.05 / np.array([8, 11, 15, 21, 29, 40, 55])
     ],
 )
 def test_steps_extrapolated_once_have_order_two(spec, name):
-    """Through impacts and releases: what depends on where in its step an event lies is of size h^2."""
+    """Through impacts and releases: what depends on where in its step an event lies is of size
+    h^2."""
     case = get_case(name)
     method = get(spec)
     h = STEPS * np.diff(case.t).min() / 0.05

@@ -1,4 +1,5 @@
-"""What the cases say of themselves is so: their constants, orders and degeneracies, measured with the methods."""
+"""What the cases say of themselves is so: their constants, orders and degeneracies, measured with
+the methods."""
 
 from itertools import combinations
 
@@ -10,7 +11,8 @@ from nsbench.dynamics.contacts.constraint_set import Scene
 
 
 def stepwise(case, spec, n):
-    """A run of n equal steps, all of them recorded: the trajectory and the multipliers of each step, (n, m)."""
+    """A run of n equal steps, all of them recorded: the trajectory and the multipliers of each
+    step, (n, m)."""
     t = np.linspace(case.t[0], case.t[-1], n + 1)
     traj = nsbench.solve(case.replace(t=t), spec, h=t[1] - t[0])
     assert traj.status.ok, str(traj.status)
@@ -185,7 +187,8 @@ def still(xp):
 
 
 def sweep(x, order="sorted"):
-    """One sweep of exact projections of unit discs, alone: the point, and the contacts that acted."""
+    """One sweep of exact projections of unit discs, alone: the point, and the contacts that
+    acted."""
     problem = nsbench.Complementarity(still, (nsbench.Distance(d=2.0),))
     case = nsbench.Case("sweep", problem, x, np.array([0.0, 1.0]), start="keep")
     traj = nsbench.solve(case, f"pbd[order={order}]", h=1.0)
@@ -210,7 +213,8 @@ def test_a_chain_reaction_goes_as_far_as_the_order_of_the_sweep_follows_it():
 
 
 def test_one_sweep_moves_and_leaves_no_more_than_a_constant_times_the_violation():
-    """The two lemmas on P: |P y - y| <= C1 max violation, and what is left is at most C2 times it, whatever its size."""
+    """The two lemmas on P: |P y - y| <= C1 max violation, and what is left is at most C2 times it,
+    whatever its size."""
     for seed in range(3):
         case = nsbench.get_case("kissing", seed=seed)
         constants = {}
@@ -262,7 +266,8 @@ def test_an_overlapping_start_means_what_the_case_says():
 
 
 def test_the_projected_start_is_the_nearest_feasible_point():
-    """Against a general optimiser from the same place; linearised once, discs end up too far apart."""
+    """Against a general optimiser from the same place; linearised once, discs end up too far
+    apart."""
     from scipy.optimize import minimize
 
     from nsbench.solvers.common.initial_state import start_state

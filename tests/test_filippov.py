@@ -1,4 +1,5 @@
-"""Event-driven runs of Filippov systems reach closed forms to 1e-10, and say so where there is no single motion."""
+"""Event-driven runs of Filippov systems reach closed forms to 1e-10, and say so where there is no
+single motion."""
 
 import numpy as np
 import pytest
@@ -72,7 +73,8 @@ def test_a_case_with_a_closed_form_is_met(name):
 
 
 def test_the_numbers_of_slide_exit_hold_and_are_met():
-    # an independent computation: a Runge-Kutta code for the free arcs, quadrature of dx1 / v(x1) for the sliding one
+    # an independent computation: a Runge-Kutta code for the free arcs, quadrature of dx1 / v(x1)
+    # for the sliding one
     above = slide_exit.above(np)
     below = slide_exit.below(np)
     hit = lambda t, x: x[1]

@@ -1,4 +1,5 @@
-"""Event-driven runs of Filippov systems nobody tuned for reach their closed forms to rounding, events included."""
+"""Event-driven runs of Filippov systems nobody tuned for reach their closed forms to rounding,
+events included."""
 
 import numpy as np
 import pytest
@@ -91,8 +92,8 @@ def test_a_touch_is_told_from_an_entry_by_the_weight_in_between():
 
 
 def test_two_motions_in_one_corner_are_not_chosen_between():
-    # rates bilinear in the signs with two solutions inside the square, (1/2, 1/2) and (-1/2, -1/2): x' = s0 - s1,
-    # y' = 1/4 - s0 s1; the third coordinate tells which
+    # rates bilinear in the signs with two solutions inside the square, (1/2, 1/2) and (-1/2, -1/2):
+    # x' = s0 - s1, y' = 1/4 - s0 s1; the third coordinate tells which
     field = drift(lambda xp, t, x, s: xp.array([s[0] - s[1], 0.25 - s[0] * s[1], s[0]]))
     problem = Filippov.signs(field, drift(lambda xp, t, x: x[:2]))
     _, traj = run((problem, (0.0, 0.0, 0.0), 1.0))
@@ -104,7 +105,8 @@ def test_two_motions_in_one_corner_are_not_chosen_between():
 
 
 def test_dependent_surfaces_that_leave_the_velocity_open_are_told():
-    # two relays on one surface, of which the second drags x2 along: how they share the load decides its speed
+    # two relays on one surface, of which the second drags x2 along: how they share the load decides
+    # its speed
     field = drift(lambda xp, t, x, s: xp.array([0.5 - s[0] - s[1], s[1]]))
     _, traj = run(
         (Filippov.signs(field, drift(lambda xp, t, x: xp.stack((x[0], x[0])))), (0.0, 0.0), 1.0)

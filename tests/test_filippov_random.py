@@ -1,4 +1,5 @@
-"""Random Filippov systems: two integrators agree, or neither gives an answer; none disagrees in silence."""
+"""Random Filippov systems: two integrators agree, or neither gives an answer; none disagrees in
+silence."""
 
 from itertools import product
 
@@ -9,8 +10,8 @@ from nsbench import Case, Filippov, solve
 
 
 def random_case(seed):
-    """One to three surfaces, oblique, moving or curved, in up to two dimensions more; linear fields with forcing, in
-    most cases drawn to the surfaces."""
+    """One to three surfaces, oblique, moving or curved, in up to two dimensions more; linear fields
+    with forcing, in most cases drawn to the surfaces."""
     rng = np.random.default_rng(seed)
     d = int(rng.integers(1, 4))
     n = d + int(rng.integers(1, 3))
@@ -68,7 +69,8 @@ def test_two_integrators_agree_on_random_systems(seed):
 
 
 def test_a_way_off_that_opens_while_sliding_in_a_corner_is_told():
-    # weights hold the state on two surfaces up to t = 2.8013; from 2.8007 on another motion leaves one of them
+    # weights hold the state on two surfaces up to t = 2.8013; from 2.8007 on another motion leaves
+    # one of them
     traj = solve(random_case(26))
     assert (
         traj.status.code == "degenerate"
@@ -98,7 +100,8 @@ def test_where_minors_forbid_a_way_off_a_search_finds_none(monkeypatch):
         with monkeypatch.context() as m:
             m.setattr(_sliding, "_positive_minors", lambda M: False)
             searched = motion.held(*at)
-        # on the box the problem s_i in Sgn(c_i') has one solution then, be it on all surfaces or off some
+        # on the box the problem s_i in Sgn(c_i') has one solution then, be it on all surfaces or
+        # off some
         s = np.linalg.solve(B, -f)
         if quick == 1.0 and np.abs(s).max() < 1.0:
             seen += 1

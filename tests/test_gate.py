@@ -1,4 +1,5 @@
-"""Every way in which a number can differ from the baseline is told, and nothing that is not a number passes."""
+"""Every way in which a number can differ from the baseline is told, and nothing that is not a
+number passes."""
 
 from dataclasses import replace
 

@@ -1,4 +1,5 @@
-"""What of a user's file runs in the command itself can neither end it unheard nor hold it up unheard."""
+"""What of a user's file runs in the command itself can neither end it unheard nor hold it up
+unheard."""
 
 import subprocess
 import sys

@@ -1,4 +1,5 @@
-"""Nothing wrong is called ok: neither a drift that raises, nor a solver that lies, nor a closed form that is false."""
+"""Nothing wrong is called ok: neither a drift that raises, nor a solver that lies, nor a closed
+form that is false."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,5 @@
-"""Minimal case files of what random scenes have found: none is wrong, crashes or has no end any more."""
+"""Minimal case files of what random scenes have found: none is wrong, crashes or has no end any
+more."""
 
 import importlib.util
 from pathlib import Path

@@ -1,4 +1,5 @@
-"""Random scenes of every family: what says ok is true and nothing crashes; a scene that fails is shrunk to a case file.
+"""Random scenes of every family: what says ok is true and nothing crashes; a scene that fails is
+shrunk to a case file.
 
 The long run is tests/studies/honesty.py; what is found is kept in tests/honesty_kept.
 """
@@ -34,7 +35,8 @@ FIXED = {
 
 
 def held(text, family, specs):
-    """Judges the scene of a case file; where it fails the file is kept, and the last one that hypothesis tries is the least."""
+    """Judges the scene of a case file; where it fails the file is kept, and the last one that
+    hypothesis tries is the least."""
     FOUND.mkdir(exist_ok=True)
     path = FOUND / f"{family}.py"
     path.write_text(text, encoding="utf-8")

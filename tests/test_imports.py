@@ -59,7 +59,8 @@ def test_imports_found_by_their_looks_are_those_of_the_syntax_tree(path):
     } or path.stem in ("cli", "case", "__init__"), "imports by a name that it makes"
 
 
-# what lists of names and the finding of cases load beside what is asked for; none of it is called by a run
+# what lists of names and the finding of cases load beside what is asked for; none of it is called
+# by a run
 BESIDE = (
     "study/describe.py",
     "measure/orders/__init__.py",
@@ -77,7 +78,8 @@ BESIDE = (
 
 
 def unknown(names, probes):
-    """Of runs of the probes: how they ended, and the files they imported that their keys do not know, by solver."""
+    """Of runs of the probes: how they ended, and the files they imported that their keys do not
+    know, by solver."""
     done = subprocess.run(
         [sys.executable, "-c", SCRIPT, json.dumps([names, probes])], capture_output=True, text=True
     )

@@ -1,7 +1,8 @@
-"""Systems derived a second time, by an integrator of their own, come out to ten digits with no event missed or invented.
+"""Systems derived a second time, by an integrator of their own, come out to ten digits with no
+event missed or invented.
 
-The truths are by the extrapolated midpoint rule at 45 digits, written without using the bench (tests/independent). This is
-a quick part of them; tests/studies/independent.py runs all.
+The truths are by the extrapolated midpoint rule at 45 digits, written without using the bench
+(tests/independent). This is a quick part of them; tests/studies/independent.py runs all.
 """
 
 import sys

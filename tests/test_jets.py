@@ -1,4 +1,5 @@
-"""A Jet encloses the Taylor coefficients of a function at every point of its pieces; what it cannot do it says."""
+"""A Jet encloses the Taylor coefficients of a function at every point of its pieces; what it cannot
+do it says."""
 
 import jax
 import numpy as np

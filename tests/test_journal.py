@@ -1,4 +1,5 @@
-"""What a kill, a full disk or a loss of power leaves of a journal is dropped and mended; nothing whole is lost."""
+"""What a kill, a full disk or a loss of power leaves of a journal is dropped and mended; nothing
+whole is lost."""
 
 import errno
 import json
@@ -165,7 +166,8 @@ def test_what_a_kill_left_of_reports_and_figures_is_cleared_by_the_next_run(tmp_
 
 @pytest.mark.survives("disk full", "kill")
 def test_every_file_of_a_results_folder_is_written_beside_and_renamed(tmp_path, monkeypatch):
-    """No file but the journal and the key's mark is ever opened for writing under the name that it is read by."""
+    """No file but the journal and the key's mark is ever opened for writing under the name that it
+    is read by."""
     import builtins
     import io
 

@@ -1,4 +1,5 @@
-"""Kinks and jumps inside a step deceive its estimate by chance; none costs more than a few tolerances."""
+"""Kinks and jumps inside a step deceive its estimate by chance; none costs more than a few
+tolerances."""
 
 import numpy as np
 import pytest

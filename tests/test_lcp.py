@@ -1,4 +1,5 @@
-"""Small complementarity problems are solved to rounding whatever their rank, and unsolvable ones are told apart."""
+"""Small complementarity problems are solved to rounding whatever their rank, and unsolvable ones
+are told apart."""
 
 import numpy as np
 import pytest
@@ -83,7 +84,8 @@ def test_a_warm_start_changes_the_way_not_the_velocity(p, bits):
 @settings(max_examples=100, deadline=None, derandomize=True, database=None)
 @given(problems)
 def test_moving_walls_are_kept_apart_or_called_infeasible(p):
-    """h outside the range of G: feasible exactly if a velocity exists; linear programming is the judge."""
+    """h outside the range of G: feasible exactly if a velocity exists; linear programming is the
+    judge."""
     from scipy.optimize import linprog
 
     seed, m, n, rank = p

@@ -1,4 +1,5 @@
-"""Event-driven on linear complementarity systems: closed forms to rounding, no double switch missed, honest endings."""
+"""Event-driven on linear complementarity systems: closed forms to rounding, no double switch
+missed, honest endings."""
 
 import mpmath as mp
 import numpy as np
@@ -53,7 +54,8 @@ def test_other_integrators_agree():
 
 
 def test_impulses_of_a_stiff_mode_are_as_near_as_its_states():
-    """lam = -1000 (x + q): an error of x that the mode forgets at once is a thousand times as much of lam."""
+    """lam = -1000 (x + q): an error of x that the mode forgets at once is a thousand times as much
+    of lam."""
     case = system(
         [[-1.0]],
         ONE,
@@ -100,14 +102,16 @@ def test_switches_of_the_diode_in_thirty_digits():
 
 
 def rectifier(R=2.0, r=0.0, T=6.0):
-    """Capacitor of 1 behind a diode with resistance r, fed by sin 3t: w = r lam + x - sin 3t, x' = -x/R + lam."""
+    """Capacitor of 1 behind a diode with resistance r, fed by sin 3t: w = r lam + x - sin 3t, x' =
+    -x/R + lam."""
     return system(
         [[-1 / R]], ONE, ONE, [[r]], [0.0], T, q=lambda xp: lambda t: -xp.sin(3.0 * t) * xp.ones(1)
     )
 
 
 def test_ideal_rectifier():
-    """D = 0: while it conducts x = sin 3t, lam = 3 cos 3t + x/R needs q'; it lets go at tan 3t = -3R."""
+    """D = 0: while it conducts x = sin 3t, lam = 3 cos 3t + x/R needs q'; it lets go at tan 3t =
+    -3R."""
     mp.mp.dps = 30
     R = mp.mpf(2)
     traj = solve(rectifier(), "event_driven")
@@ -196,7 +200,8 @@ def test_diodes_in_parallel_share_one_reaction():
 
 
 def passive(seed, n=3, m=2):
-    """B = C^T, D positive semidefinite of rank one, A stable, inputs that vary: unique motions, events of all kinds."""
+    """B = C^T, D positive semidefinite of rank one, A stable, inputs that vary: unique motions,
+    events of all kinds."""
     rng = np.random.default_rng(seed)
     A = rng.standard_normal((n, n))
     C = rng.standard_normal((m, n))
@@ -269,7 +274,8 @@ def test_no_solution_and_several_are_told():
 
 
 def spiral():
-    """x' = B s, s in Sgn(x) with relays as in relay_lcs: a spiral into the corner whose turns shrink by a third."""
+    """x' = B s, s in Sgn(x) with relays as in relay_lcs: a spiral into the corner whose turns
+    shrink by a third."""
     B = -np.array([[1.0, -2.0], [2.0, 1.0]]) / 5**0.5
     zero = np.zeros((2, 2))
     one = np.eye(2)

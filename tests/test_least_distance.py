@@ -1,4 +1,5 @@
-"""The least-distance problem of a step is solved to rounding by every phase of the active set, whatever the rank of its rows."""
+"""The least-distance problem of a step is solved to rounding by every phase of the active set,
+whatever the rank of its rows."""
 
 import numpy as np
 import pytest
@@ -14,7 +15,8 @@ def csr(G):
 
 
 def least_distance(G, q):
-    """min |d|, q + G d >= 0 by non-negative least squares (Lawson & Hanson 1974, chapter 23); None if infeasible."""
+    """min |d|, q + G d >= 0 by non-negative least squares (Lawson & Hanson 1974, chapter 23); None
+    if infeasible."""
     from scipy.optimize import nnls
 
     E = np.vstack([G.T, -q])
@@ -24,7 +26,8 @@ def least_distance(G, q):
 
 
 def random_problem(rng):
-    """Degenerate on purpose: duplicates, integer rows, more rows than dimensions, contradictions."""
+    """Degenerate on purpose: duplicates, integer rows, more rows than dimensions,
+    contradictions."""
     n = rng.integers(1, 8)
     m = rng.integers(1, 24)
     kind = rng.integers(3)

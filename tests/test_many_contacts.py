@@ -1,4 +1,5 @@
-"""With many contacts at work the step is solved on fronts: the same point as by the exact active set, warm or cold."""
+"""With many contacts at work the step is solved on fronts: the same point as by the exact active
+set, warm or cold."""
 
 import numpy as np
 import pytest
@@ -98,7 +99,8 @@ def test_walls_that_contradict_each_other_are_infeasible():
 
 
 def test_a_run_through_both_solvers_is_one_run(monkeypatch):
-    """The same run with every step by the active set: state and reaction agree, and the impulses balance."""
+    """The same run with every step by the active set: state and reaction agree, and the impulses
+    balance."""
     import nsbench
     from nsbench.qp import projection as _least
     from nsbench.solvers.catching_up import method as catching_up

@@ -11,7 +11,8 @@ import numpy as np, nsbench
 from nsbench.solvers import get
 def peak():
     return 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-get("pbd").prepare(nsbench.get_case("discs", n=50, box=True), 0.01)()        # what is loaded once is not of a disc
+# what is loaded once is not of a disc
+get("pbd").prepare(nsbench.get_case("discs", n=50, box=True), 0.01)()
 out = []
 for n in (100, 1000, 10000, 100000):
     case = nsbench.get_case("discs", n=n, box=True)

@@ -143,7 +143,8 @@ def test_a_step_longer_than_the_run_is_as_long_as_the_run(tmp_path):
 @pytest.mark.survives("infeasible start", "another start", "another step")
 @pytest.mark.parametrize("start", ["feasible", "keep", "project"])
 def test_every_method_of_the_package_begins_where_its_case_starts(tmp_path, start):
-    """Two discs, apart, overlapping and kept or projected; steps that fit between samples and one that does not."""
+    """Two discs, apart, overlapping and kept or projected; steps that fit between samples and one
+    that does not."""
     more = {} if start == "feasible" else {"more": f"start={start!r}"}
     path = case_file(
         tmp_path,

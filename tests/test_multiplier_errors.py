@@ -1,5 +1,5 @@
-"""Multiplier errors: contacts matched by id, redundant ones measured from the set of solutions, ranks and candidates as by dense
-algebra."""
+"""Multiplier errors: contacts matched by id, redundant ones measured from the set of solutions,
+ranks and candidates as by dense algebra."""
 
 import itertools
 

@@ -1,4 +1,5 @@
-"""No passage through a surface is missed because it is narrow: in space, in time, or of a sliding weight."""
+"""No passage through a surface is missed because it is narrow: in space, in time, or of a sliding
+weight."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,5 @@
-"""The order estimator tells orders, plateaus, exactness and divergence apart on synthetic errors, at stated rates."""
+"""The order estimator tells orders, plateaus, exactness and divergence apart on synthetic errors,
+at stated rates."""
 
 import subprocess
 import sys
@@ -127,7 +128,8 @@ def test_a_plateau_is_not_claimed_without_its_other_conditions():
 
 
 def apple(h):
-    """Explicit Euler on y' = -1 above the floor and 0 below, from y = 1: how deep the last step goes."""
+    """Explicit Euler on y' = -1 above the floor and 0 below, from y = 1: how deep the last step
+    goes."""
     return h * np.ceil(1 / h) - 1
 
 

@@ -1,4 +1,5 @@
-"""An error that turns with the phase of the step is no plateau: the falling apple under explicit Euler, really run."""
+"""An error that turns with the phase of the step is no plateau: the falling apple under explicit
+Euler, really run."""
 
 import numpy as np
 import pytest
@@ -9,7 +10,8 @@ T = 1.94  # one spacing, so that T / n is the step taken, whatever n
 
 
 def fallen(counts):
-    """(steps taken, errors at T) of explicit Euler on the apple in its Filippov form, from height 1."""
+    """(steps taken, errors at T) of explicit Euler on the apple in its Filippov form, from height
+    1."""
     case = nsbench.get_case("apple_filippov").replace(t=np.array([0.0, T]))
     out = []
     for n in counts:

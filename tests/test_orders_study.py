@@ -1,4 +1,5 @@
-"""On synthetic ladders with known truth the intervals hold it, plateaus are seen and not invented, divergence is told."""
+"""On synthetic ladders with known truth the intervals hold it, plateaus are seen and not invented,
+divergence is told."""
 
 from collections import Counter
 

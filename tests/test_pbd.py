@@ -1,4 +1,5 @@
-"""Position-based dynamics is what it says: the stated sweep, bit for bit, however the pairs are found."""
+"""Position-based dynamics is what it says: the stated sweep, bit for bit, however the pairs are
+found."""
 
 import itertools
 
@@ -40,7 +41,8 @@ def crowd(n, size, seed, walls=False):
 
 
 def plain(case, h, sweeps, keys):
-    """The method written down as in the paper: Euler, then projections over all constraints in the order of `keys`."""
+    """The method written down as in the paper: Euler, then projections over all constraints in the
+    order of `keys`."""
     x = case.x0.copy()
     X = [case.x0.copy()]
     n = case.n // 2
@@ -122,7 +124,8 @@ def test_two_thousand_discs_in_a_box_bit_for_bit_with_few_contacts_each():
 
 
 def box_of_discs(n, packing, start):
-    """Drift scene: random unit velocities in a box; a jittered lattice, or points thrown at random (they overlap)."""
+    """Drift scene: random unit velocities in a box; a jittered lattice, or points thrown at random
+    (they overlap)."""
     rng = np.random.default_rng(7)
     size = np.sqrt(n * np.pi / packing)
     if start == "apart":
@@ -230,7 +233,8 @@ def test_moving_walls_are_taken_at_the_end_of_the_step():
 
 @pytest.mark.parametrize("name", ["wedge", "rods", "hex"])
 def test_violation_after_one_sweep_at_rest_is_the_identity(name):
-    """g_k after the sweep = h sum over l processed after k of lambda_l <grad g_k, grad g_l>, to 1 %."""
+    """g_k after the sweep = h sum over l processed after k of lambda_l <grad g_k, grad g_l>, to 1
+    %."""
     from nsbench.dynamics.contacts.constraint_set import Scene
 
     case = nsbench.get_case(name)
@@ -303,7 +307,8 @@ def test_infeasible_start_follows_the_policy():
 
 
 def test_order_of_the_sweep_selects_the_multiplier_and_not_the_reaction():
-    """Hexagon: 12 contacts of rank 11. Sorted, reversed: the smallest multiplier; other orders: others, for ever."""
+    """Hexagon: 12 contacts of rank 11. Sorted, reversed: the smallest multiplier; other orders:
+    others, for ever."""
     case = nsbench.get_case("hex")
     spacing = np.diff(case.t)[-1]
     found = {}

@@ -39,7 +39,8 @@ def test_options_are_those_of_the_compiled_loop(options):
 
 
 def test_links_rows_and_families():
-    """Discs of several sizes between a link and a slanted moving wall over two particles and a coordinate of its own."""
+    """Discs of several sizes between a link and a slanted moving wall over two particles and a
+    coordinate of its own."""
     rng = np.random.default_rng(4)
     x0 = np.concatenate(
         [3.0 * np.stack(np.divmod(np.arange(9), 3), 1).ravel() + 0.3 * rng.random(18), [0.0]]

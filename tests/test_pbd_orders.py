@@ -1,4 +1,5 @@
-"""The orders of PBD by cells and by colours are what they say, and whatever may run at once gives the same bits."""
+"""The orders of PBD by cells and by colours are what they say, and whatever may run at once gives
+the same bits."""
 
 import itertools
 

@@ -1,4 +1,5 @@
-"""The loop that stores particles by cells gives the bits of the loop that lists all constraints, whatever the scene."""
+"""The loop that stores particles by cells gives the bits of the loop that lists all constraints,
+whatever the scene."""
 
 import numpy as np
 import pytest
@@ -21,7 +22,8 @@ def whirl(xp):
 
 
 def scene(dim, seed, radii=False, moving=False):
-    """Balls that overlap at the start, between walls across single coordinates and one that cuts the corner."""
+    """Balls that overlap at the start, between walls across single coordinates and one that cuts
+    the corner."""
     rng = np.random.default_rng(seed)
     n = 100
     size = {1: 150.0, 2: 18.0, 3: 8.0}[dim]
@@ -139,7 +141,8 @@ def test_many_contacts_are_kept_as_an_array_that_reads_like_the_tuple():
 
 
 def test_walls_far_away_at_the_start_are_met():
-    """Rows of A are looked for in a list that reaches far, made anew when particles have gone that far together."""
+    """Rows of A are looked for in a list that reaches far, made anew when particles have gone that
+    far together."""
 
     def fly(xp):
         def f(t, x):

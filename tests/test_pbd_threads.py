@@ -51,7 +51,8 @@ def test_lists_that_outgrow_their_arrays_give_the_same_bytes():
 
 
 def test_a_strip_waits_for_nobody_and_a_border_for_strips_alone():
-    """Over random constraints, those of a class depend on earlier ones of that class and, on borders, of strips."""
+    """Over random constraints, those of a class depend on earlier ones of that class and, on
+    borders, of strips."""
     rng = np.random.default_rng(5)
     n = 400
     m = 900

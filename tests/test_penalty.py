@@ -1,4 +1,5 @@
-"""The penalty method solves the penalised problem to its tolerance, is of order one in 1/k, and says when it cannot."""
+"""The penalty method solves the penalised problem to its tolerance, is of order one in 1/k, and
+says when it cannot."""
 
 import numpy as np
 import pytest
@@ -14,7 +15,8 @@ TIDE = get_case("tide")
 
 
 def penalised_tide(t, k):
-    """y' = -cos t - k min(y, 0): falls until t1, y = particular + C e^(-k (t - t1)) below 0, then 1 - sin t shifted."""
+    """y' = -cos t - k min(y, 0): falls until t1, y = particular + C e^(-k (t - t1)) below 0, then 1
+    - sin t shifted."""
     # e^(-k pi/3) < 1e-13 is left out
     t1 = np.pi / 6
     t2 = np.pi / 2 + np.arctan(1 / k)
@@ -141,7 +143,8 @@ def test_sliding_has_its_weight_in_the_mean(up, weight):
 
 
 def plane(dim):
-    """All families at once: discs with radii, one disc size, links, fixed and moving anchors, moving wall, curved ones."""
+    """All families at once: discs with radii, one disc size, links, fixed and moving anchors,
+    moving wall, curved ones."""
     n = 5 * dim + 1
     curved = lambda xp: (
         lambda t, x: xp.stack([0.3 - x[0] ** 2 - xp.sin(t) * x[1], x[0] * x[n - 1] - 1.0])
@@ -180,7 +183,8 @@ def plane(dim):
 
 @pytest.mark.parametrize("dim", [1, 2, 3])
 def test_forces_are_minus_the_gradient_of_the_energy(dim):
-    """Against central differences of k/2 sum max(-g, 0)^2, with the gaps of nsbench.dynamics.contacts.constraint_set."""
+    """Against central differences of k/2 sum max(-g, 0)^2, with the gaps of
+    nsbench.dynamics.contacts.constraint_set."""
     import jax
 
     problem, n = plane(dim)
@@ -365,7 +369,8 @@ def test_a_motion_in_a_small_unit_has_the_digits_of_one_in_a_large(spec):
 
 
 def test_forces_of_rounding_are_told():
-    """1e8 from the origin a coordinate is known to 1.5e-8: springs of 1e8 make a force of 1.5 of that."""
+    """1e8 from the origin a coordinate is known to 1.5e-8: springs of 1e8 make a force of 1.5 of
+    that."""
 
     def still(xp):
         return lambda t, x: 0.0 * x - 1.0
@@ -425,7 +430,8 @@ def test_a_switch_that_comes_back_after_the_run_has_changed():
 def test_a_motion_far_away_that_grows_has_grown_from_the_errors_of_its_beginning(
     spec, offset, samples
 ):
-    """At its end it is 10^6 and the origin no more than 30 of it away; at its beginning it is 1, and tolerances are 0.1."""
+    """At its end it is 10^6 and the origin no more than 30 of it away; at its beginning it is 1,
+    and tolerances are 0.1."""
 
     def field(xp):
         return lambda t, x, s: xp.array([x[0] - offset, -s[0]])

@@ -1,4 +1,5 @@
-"""A penalty over near pairs is the penalty over all pairs, and makes scenes possible that have too many."""
+"""A penalty over near pairs is the penalty over all pairs, and makes scenes possible that have too
+many."""
 
 import numpy as np
 import pytest
@@ -27,7 +28,8 @@ def test_near_pairs_give_the_result_of_all_pairs(reach):
 
 
 def mixed():
-    """Discs of several sizes that close up, a second family on a line among other coordinates, walls, a link."""
+    """Discs of several sizes that close up, a second family on a line among other coordinates,
+    walls, a link."""
     rng = np.random.default_rng(4)
     n = 9
     m = 6
@@ -79,7 +81,8 @@ def test_several_families_and_listed_constraints():
 
 @pytest.mark.parametrize("method", ["tsit5", "kvaerno3"])
 def test_a_right_hand_side_beyond_the_lists_is_refused(method):
-    """Two discs meet head on, far from where they were listed: with lists for ever they would pass through each other."""
+    """Two discs meet head on, far from where they were listed: with lists for ever they would pass
+    through each other."""
     problem = Complementarity(
         lambda xp: lambda t, x: xp.array([1.0, 0.0, -1.0, 0.0]) + 0.0 * x, (Distance(2.0),)
     )

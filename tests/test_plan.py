@@ -1,4 +1,5 @@
-"""A plan says what would run and why, foresees time and memory, and what is too large is refused before it is made."""
+"""A plan says what would run and why, foresees time and memory, and what is too large is refused
+before it is made."""
 
 import argparse
 import dataclasses

@@ -1,4 +1,5 @@
-"""A drift that one process has compiled is found by the next one, bit for bit, and never in the place of another."""
+"""A drift that one process has compiled is found by the next one, bit for bit, and never in the
+place of another."""
 
 import ctypes
 import json

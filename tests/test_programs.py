@@ -1,4 +1,5 @@
-"""A compiled program is found again by what it was made from, in another process too, and never for something else."""
+"""A compiled program is found again by what it was made from, in another process too, and never for
+something else."""
 
 import functools
 import json
@@ -164,8 +165,8 @@ def spoil(file):
     "spec, harm", [("penalty", spoil), ("penalty[method=kvaerno3]", lambda file: file.unlink())]
 )
 def test_another_process_neither_traces_nor_compiles(tmp_path, monkeypatch, spec, harm):
-    """The first one traces, the second finds the program (and LAPACK, which an implicit one calls); a spoilt file or none is
-    made again; each gives the same bits."""
+    """The first one traces, the second finds the program (and LAPACK, which an implicit one calls);
+    a spoilt file or none is made again; each gives the same bits."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
 
     def run():
@@ -185,7 +186,8 @@ def test_another_process_neither_traces_nor_compiles(tmp_path, monkeypatch, spec
 
 
 def test_what_another_cache_gave_is_not_kept(tmp_path, monkeypatch):
-    """JAX's own cache, where the user has one, is used but not copied: a copy would lack its functions."""
+    """JAX's own cache, where the user has one, is used but not copied: a copy would lack its
+    functions."""
     for name, value in (
         ("JAX_COMPILATION_CACHE_DIR", str(tmp_path / "jax")),
         ("XDG_CACHE_HOME", str(tmp_path)),
@@ -286,7 +288,8 @@ def test_what_calls_back_into_this_process_is_not_kept(tmp_path, monkeypatch):
 
 @pytest.mark.survives("no pickle")
 def test_a_kept_program_is_no_pickle(tmp_path, monkeypatch):
-    """A line of JSON and XLA's machine code; reading it never comes near pickle, and a pickle in its place is not read."""
+    """A line of JSON and XLA's machine code; reading it never comes near pickle, and a pickle in
+    its place is not read."""
     import hashlib
     import pickle
     from pathlib import Path

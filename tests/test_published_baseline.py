@@ -1,4 +1,5 @@
-"""The published baseline is one of the present cases, references, methods and ladders: the gate can compare it."""
+"""The published baseline is one of the present cases, references, methods and ladders: the gate can
+compare it."""
 
 from pathlib import Path
 

@@ -1,4 +1,5 @@
-"""Two integrators at two tolerances agree on random scenes of every kind: a part of the study of 500."""
+"""Two integrators at two tolerances agree on random scenes of every kind: a part of the study of
+500."""
 
 import pytest
 from studies.random_scenes import AGREE, KINDS, differ, scene, twice

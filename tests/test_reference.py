@@ -1,4 +1,5 @@
-"""A stored reference is what was computed, knows its own error, and is refused when damaged or of another version."""
+"""A stored reference is what was computed, knows its own error, and is refused when damaged or of
+another version."""
 
 import dataclasses
 import json
@@ -309,7 +310,8 @@ def test_floors_are_ten_times_the_references_error(made, monkeypatch):
 
 @pytest.mark.parametrize("key", ["stiff_contact", "stiff_contact[K=10000]"])
 def test_the_reaction_of_a_stiff_closed_form_is_within_its_bound(key):
-    """One wall of slope 1: the reaction is the impulse. A layer of width 1/K follows the release."""
+    """One wall of slope 1: the reaction is the impulse. A layer of width 1/K follows the
+    release."""
     case = get_case(key)
     ref = refs.closed_form(case)
     off = np.abs(ref.reaction - case.exact_impulse(case.t)).max()

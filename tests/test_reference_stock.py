@@ -1,4 +1,5 @@
-"""What is stored belongs to the cases as they are, is bounded, and agrees with every closed form."""
+"""What is stored belongs to the cases as they are, is bounded, and agrees with every closed
+form."""
 
 import json
 from decimal import Decimal
@@ -56,7 +57,8 @@ def test_small_scenes_are_certified(key):
 
 
 def test_slide_exit_carries_the_digits_that_were_computed_otherwise():
-    """40 digits by other means (Taylor series of the free arcs, quadrature of dx1/v(x1) along the line)."""
+    """40 digits by other means (Taylor series of the free arcs, quadrature of dx1/v(x1) along the
+    line)."""
     ref = refs.load(get_case("slide_exit"))
     known = (
         "0.53625460434312500",
@@ -69,7 +71,8 @@ def test_slide_exit_carries_the_digits_that_were_computed_otherwise():
 
 
 def test_the_digits_of_three_discs_are_those_of_the_free_motion():
-    """The first contact from the closed form of free motion: |d0| e^-t = 2; the mean is m0 e^-t for ever."""
+    """The first contact from the closed form of free motion: |d0| e^-t = 2; the mean is m0 e^-t for
+    ever."""
     flint = pytest.importorskip("flint", reason="more digits than a float needs python-flint")
     case = get_case("three_discs")
     old = flint.ctx.prec
@@ -85,7 +88,8 @@ def test_the_digits_of_three_discs_are_those_of_the_free_motion():
 
 
 def test_a_case_of_somebody_else_may_bear_a_stored_name(tmp_path):
-    """three_discs in a user's file is another case: it has no reference, and running it is no error."""
+    """three_discs in a user's file is another case: it has no reference, and running it is no
+    error."""
     import nsbench
 
     path = tmp_path / "three_discs.py"

@@ -1,4 +1,5 @@
-"""The relay's events and states are those of its matrix exponentials, evaluated in 40 digits arc by arc."""
+"""The relay's events and states are those of its matrix exponentials, evaluated in 40 digits arc by
+arc."""
 
 import numpy as np
 import pytest
@@ -9,7 +10,8 @@ mp = pytest.importorskip("mpmath").mp
 
 
 def digits(case, kinds, times):
-    """Events polished by Newton's method and states at the samples; kinds and first guesses of the times are given."""
+    """Events polished by Newton's method and states at the samples; kinds and first guesses of the
+    times are given."""
     mp.dps = 40
     w = mp.mpf(25)
     xi = mp.mpf(1) / 20

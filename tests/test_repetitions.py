@@ -1,4 +1,5 @@
-"""A run that went well once and not when it was repeated to be timed is told as that, and nobody else loses a number."""
+"""A run that went well once and not when it was repeated to be timed is told as that, and nobody
+else loses a number."""
 
 import pytest
 from solver_file import solver
@@ -54,7 +55,8 @@ def specs_of(tmp_path, *hows):
 
 
 def last_rows(specs, **more):
-    """The row of each run that counts, the last one, by what the run does; how many it was given."""
+    """The row of each run that counts, the last one, by what the run does; how many it was
+    given."""
     rows = {}
     given = {}
 

@@ -1,4 +1,5 @@
-"""The report tells the rows as they are: no empty cell, no lost failure, no markup from names, the same bytes twice."""
+"""The report tells the rows as they are: no empty cell, no lost failure, no markup from names, the
+same bytes twice."""
 
 import json
 import re

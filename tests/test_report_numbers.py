@@ -1,4 +1,5 @@
-"""What the report says of orders and costs follows from the rows: claims, bounds, floors, factors at equal error."""
+"""What the report says of orders and costs follows from the rows: claims, bounds, floors, factors
+at equal error."""
 
 import numpy as np
 import pytest
@@ -39,7 +40,8 @@ def test_a_deviation_from_the_claim_is_marked_in_either_direction(p, flag):
 
 
 def test_rounding_that_an_extrapolation_enlarges_is_no_plateau():
-    """2 x(h/2) - x(h) carries five times the rounding of one addition per step: errors that level off there are none."""
+    """2 x(h/2) - x(h) carries five times the rounding of one addition per step: errors that level
+    off there are none."""
     h = 0.1 / np.unique(np.round(300 * 2 ** np.arange(0, 8, 0.3)))
     noise = 2.5 * (1e-12 + np.finfo(float).eps / h)
     rows = [
@@ -193,7 +195,8 @@ def test_the_distance_from_the_exact_path_is_that_of_the_polygon():
 
 
 def test_a_slope_of_scatter_is_no_number_to_show():
-    """Errors thrown over 16 decades: a line goes through them, but neither its slope nor its constant is one of a method."""
+    """Errors thrown over 16 decades: a line goes through them, but neither its slope nor its
+    constant is one of a method."""
     rng = np.random.default_rng(1)
     rows = [
         row("a", "pbd", float(h), state_sup=float(10.0 ** rng.uniform(-16.0, 0.0))) for h in STEPS

@@ -1,4 +1,5 @@
-"""Seconds are compared where the rule allows it; profiles, exponents and winners are those of the rows."""
+"""Seconds are compared where the rule allows it; profiles, exponents and winners are those of the
+rows."""
 
 import re
 

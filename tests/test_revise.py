@@ -1,4 +1,5 @@
-"""The active set revised row by row ends where the exact one ends, whatever rows it starts from, and says when it gives up."""
+"""The active set revised row by row ends where the exact one ends, whatever rows it starts from,
+and says when it gives up."""
 
 import numpy as np
 import pytest
@@ -11,7 +12,8 @@ from nsbench.qp.kernels.working_set_update import EXTRA, revise
 
 
 def problem(seed, n=70, crystal=False):
-    """A step with rows of length 1: pattern, fronts, rows, q, the matrix, and the exact displacement and multipliers."""
+    """A step with rows of length 1: pattern, fronts, rows, q, the matrix, and the exact
+    displacement and multipliers."""
     G, q = step(np.random.default_rng(seed), n, crystal=crystal, walls=seed % 2 == 0)
     P, T, vals = ready(G)
     norm = lengths(P, vals)
@@ -23,7 +25,8 @@ def problem(seed, n=70, crystal=False):
 
 
 def run(P, T, vals, q, mu, most=10**6, limit=10**6, tol=1e-12):
-    """What revise makes of mu: done, factorisations, exchanges, mu, d and the residual by the formula of kernels.qp."""
+    """What revise makes of mu: done, factorisations, exchanges, mu, d and the residual by the
+    formula of kernels.qp."""
     mu = mu.copy()
     d = np.zeros(P[2].size - 1)
     w = np.zeros(len(q))

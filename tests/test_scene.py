@@ -1,4 +1,5 @@
-"""Every case has a picture true to scale, of valid XML with harmless text, and of the same bytes on every machine."""
+"""Every case has a picture true to scale, of valid XML with harmless text, and of the same bytes on
+every machine."""
 
 import os
 import subprocess

@@ -1,4 +1,5 @@
-"""Surfaces that are one, or whose normals are dependent: which sectors there are, and penalties whose layers mix others."""
+"""Surfaces that are one, or whose normals are dependent: which sectors there are, and penalties
+whose layers mix others."""
 
 import numpy as np
 import pytest
@@ -30,7 +31,8 @@ def test_sectors_around_a_point(normals, sectors):
 
 
 def twice(steep, unit=1.0, both=0.5):
-    """x slides on 0, where two switches vanish, of slopes 1 and `steep`; y goes with the sign of either."""
+    """x slides on 0, where two switches vanish, of slopes 1 and `steep`; y goes with the sign of
+    either."""
 
     def drift(xp):
         return lambda t, x: unit * xp.array([0.4 + 0.0 * t, 1.0])
@@ -48,7 +50,8 @@ def twice(steep, unit=1.0, both=0.5):
 
 @pytest.mark.parametrize("unit", (1.0, 1e-8))
 def test_layers_of_different_thickness_around_one_surface_are_told(unit):
-    """Both signs have the mean 0.4 at the sides of x = 0: y' = 0.8. In layers the second has 0.4 x steep, or 1."""
+    """Both signs have the mean 0.4 at the sides of x = 0: y' = 0.8. In layers the second has 0.4 x
+    steep, or 1."""
     right = solve(twice(3.0, unit), "euler", h=1e-4)
     assert right.status.ok and right.x[-1, 1] == pytest.approx(0.8 * unit, rel=1e-3)
     run = solve(twice(3.0, unit), "penalty", k=1e4)

@@ -1,4 +1,5 @@
-"""Ctrl-C, once or twice, SIGTERM and kill -9: nobody is left, the journal is whole, and the next call goes on from it."""
+"""Ctrl-C, once or twice, SIGTERM and kill -9: nobody is left, the journal is whole, and the next
+call goes on from it."""
 
 import json
 import os

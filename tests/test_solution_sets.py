@@ -1,4 +1,5 @@
-"""Where the solution is not unique, runs are measured by their distance to the set of all solutions."""
+"""Where the solution is not unique, runs are measured by their distance to the set of all
+solutions."""
 
 import itertools
 

@@ -1,4 +1,5 @@
-"""A start that overlaps is put to the nearest feasible point, of few particles and of many, by two solvers of one problem."""
+"""A start that overlaps is put to the nearest feasible point, of few particles and of many, by two
+solvers of one problem."""
 
 from dataclasses import replace
 
@@ -27,7 +28,8 @@ def heap(m, share):
 
 
 def test_many_discs_are_projected_over_those_near(monkeypatch):
-    """800 discs have 319 600 pairs; the way is a combination of pushes of the contacts, none of which pulls."""
+    """800 discs have 319 600 pairs; the way is a combination of pushes of the contacts, none of
+    which pulls."""
     case, scene = heap(800, 0.5)
     asked = []
 
@@ -55,7 +57,8 @@ def test_pairs_left_out_change_nothing(entries, monkeypatch):
 
 
 def test_lines_left_out_at_first_are_obeyed():
-    """One problem of all the lines against SciPy's answer; of 4005 lines a few dozen are violated at first."""
+    """One problem of all the lines against SciPy's answer; of 4005 lines a few dozen are violated
+    at first."""
     case, scene = heap(90, 1.1)
     lines = start._Lines(case, scene, 0.0, case.x0, np.inf)
     d = lines.nearest(np.zeros(180), {})
@@ -139,7 +142,8 @@ def test_an_overlap_is_held_against_the_particles(d, at):
 @pytest.mark.parametrize("radius", [1e-5, 1.0, 1e4])
 @pytest.mark.parametrize("far", [0.0, 1e9])
 def test_a_smooth_constraint_is_held_against_what_it_sees(radius, far):
-    """x^2 + y^2 >= R^2 from 4/5 of R; a third coordinate that it knows nothing of. Projected, the start lies on the circle."""
+    """x^2 + y^2 >= R^2 from 4/5 of R; a third coordinate that it knows nothing of. Projected, the
+    start lies on the circle."""
     disc = Smooth(lambda xp: lambda t, x: xp.array([x[0] ** 2 + x[1] ** 2 - radius**2]))
     problem = Complementarity(still, (disc,))
     case = Case(
@@ -153,7 +157,8 @@ def test_a_smooth_constraint_is_held_against_what_it_sees(radius, far):
 
 @pytest.mark.parametrize("radius", [1e2, 1e4, 1e6])
 def test_a_projection_ends_at_the_rounding_of_its_constraints(radius):
-    """On circles from within, on links of the same length that are held far away: the gaps round, near the origin."""
+    """On circles from within, on links of the same length that are held far away: the gaps round,
+    near the origin."""
     rng = np.random.default_rng(2)
     link = Distance(radius, -1, pairs=[[0, 0]], anchors=np.array([[0.6 * radius, 0.8 * radius]]))
     disc = Smooth(lambda xp: lambda t, x: xp.array([x[0] ** 2 + x[1] ** 2 - radius**2]))
@@ -170,7 +175,8 @@ def test_a_projection_ends_at_the_rounding_of_its_constraints(radius):
 
 
 def test_a_start_printed_with_ten_digits_is_a_start():
-    """Touching discs of 0.1 in a box of 10, a particle on a wall at some hundreds: what they miss by is taken away."""
+    """Touching discs of 0.1 in a box of 10, a particle on a wall at some hundreds: what they miss
+    by is taken away."""
     rng = np.random.default_rng(0)
     for _ in range(20):
         angle = rng.uniform(0.0, 2.0 * np.pi)
@@ -191,7 +197,8 @@ def test_a_start_printed_with_ten_digits_is_a_start():
 
 @pytest.mark.parametrize("policy", ("error", "project"))
 def test_no_method_makes_a_push_of_the_digits_that_a_start_was_not_printed_with(policy):
-    """A particle that rests on a wall at 1000 1/3, from 1000.333333, under a force: impulses of PBD are of first order."""
+    """A particle that rests on a wall at 1000 1/3, from 1000.333333, under a force: impulses of PBD
+    are of first order."""
     problem = Complementarity(
         lambda xp: lambda t, x: xp.array([-1.0 - xp.sin(3.0 * t)]),
         (Affine(np.array([[1.0]]), np.array([-(1000.0 + 1.0 / 3.0)])),),
@@ -220,8 +227,8 @@ def test_a_run_may_begin_at_a_start_that_misses_by_little_or_where_it_is_project
 
 @pytest.mark.parametrize("angle", (1e-4, 1e-5))
 def test_a_start_is_not_moved_much_farther_than_it_misses(angle):
-    """In a narrow wedge, 9e-10 within a wall: the nearest point that misses nothing is 1 / angle times as far, and meant only
-    where it is asked for."""
+    """In a narrow wedge, 9e-10 within a wall: the nearest point that misses nothing is 1 / angle
+    times as far, and meant only where it is asked for."""
     walls = Affine(np.array([[1.0, 0.0], [-1.0, angle]]), np.array([0.0, -angle - 9e-10]))
     problem = Complementarity(lambda xp: lambda t, x: xp.array([0.0 * t, 1.0 + 0.0 * t]), (walls,))
     case = Case("wedge", problem, np.array([0.0, 1.0]), np.linspace(0.0, 1.0, 3))
@@ -232,7 +239,8 @@ def test_a_start_is_not_moved_much_farther_than_it_misses(angle):
 
 
 def test_a_start_printed_beside_the_end_of_a_wedge_is_moved_by_no_more_than_its_digits():
-    """Half a degree wide, from x = 1/3 on: the start lies 3.3e-11 before it, and 2.9e-13 within a wall."""
+    """Half a degree wide, from x = 1/3 on: the start lies 3.3e-11 before it, and 2.9e-13 within a
+    wall."""
     a = np.radians(0.5)
     walls = Affine(
         np.array([[0.0, 1.0], [np.sin(a), -np.cos(a)]]), np.array([0.0, -np.sin(a) / 3.0])
@@ -247,7 +255,8 @@ def test_a_start_printed_beside_the_end_of_a_wedge_is_moved_by_no_more_than_its_
     (("catching_up", {"h": 0.01}), ("theta", {"h": 0.01}), ("event_driven", {"tol": 1e-10})),
 )
 def test_a_long_row_that_misses_everywhere_is_pulled_apart_to_its_end(spec, asked):
-    """250 rods, each 5e-10 too near to the one before: all are pushed by a tenth, and the wall carries 25."""
+    """250 rods, each 5e-10 too near to the one before: all are pushed by a tenth, and the wall
+    carries 25."""
     many = 250
     rows = Affine(np.eye(many) - np.eye(many, k=-1), np.concatenate([[0.0], -np.ones(many - 1)]))
     problem = Complementarity(lambda xp: lambda t, x: -0.1 * xp.ones_like(x), (rows,))

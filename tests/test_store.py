@@ -1,4 +1,5 @@
-"""Nothing finished is lost, half a line is dropped, and a changed input is never served from the journal."""
+"""Nothing finished is lost, half a line is dropped, and a changed input is never served from the
+journal."""
 
 import json
 import os

@@ -38,10 +38,12 @@ SOLVER = solver(
         kept = []
         while True:
             kept.append(np.ones(1 << 23))
-    if self.how == "child":                                  # what it has started grows, itself it does not
+    # what it has started grows, itself it does not
+    if self.how == "child":
         import subprocess
         subprocess.run([sys.executable, "-c", "import time; kept = bytearray(3 << 29); time.sleep(20)"])
-    if self.how == "shared":                                 # children that hold what it holds hold nothing more
+    # children that hold what it holds hold nothing more
+    if self.how == "shared":
         kept = np.ones(1 << 26)
         for _ in range(3):
             if os.fork() == 0:

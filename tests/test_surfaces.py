@@ -38,7 +38,8 @@ def test_a_surface_that_turns_repulsive(samples):
 @pytest.mark.parametrize("side", (1.0, -1.0))
 @pytest.mark.parametrize("samples", (3, 102))
 def test_a_rest_on_a_surface_that_the_other_side_begins_to_leave(side, samples):
-    """x' = -x on one side, which is at rest on x = 0, and (b - t) towards it on the other: from t = b on the state may leave."""
+    """x' = -x on one side, which is at rest on x = 0, and (b - t) towards it on the other: from t =
+    b on the state may leave."""
 
     def made(b, rest=-1.0):
         def field(xp):
@@ -60,7 +61,8 @@ def test_a_rest_on_a_surface_that_the_other_side_begins_to_leave(side, samples):
 
 
 def test_what_comes_to_rest_beside_a_surface_has_not_met_it():
-    """x' = -x from 1 to exp(-20), with a side below that leads away from x = 0, which the state never sees."""
+    """x' = -x from 1 to exp(-20), with a side below that leads away from x = 0, which the state
+    never sees."""
     case = relays(
         lambda xp: lambda t, x, s: xp.array([xp.where(s[0] > 0.0, -x[0], -1.0)]),
         lambda xp: lambda t, x: xp.array([x[0]]),
@@ -74,7 +76,8 @@ def test_what_comes_to_rest_beside_a_surface_has_not_met_it():
 @pytest.mark.parametrize("spec", ("event_driven", "euler[implicit=true]"))
 @pytest.mark.parametrize("beside, code", ((1e-11, "ok"), (0.0, "degenerate")))
 def test_a_surface_is_no_thicker_for_a_large_coordinate(spec, beside, code):
-    """(x, y)' = (1, 0) where y > 0, (1, -1) below, from (1e4, y): beside the surface y = 0, along it; on it, it may leave."""
+    """(x, y)' = (1, 0) where y > 0, (1, -1) below, from (1e4, y): beside the surface y = 0, along
+    it; on it, it may leave."""
     case = relays(
         lambda xp: lambda t, x, s: xp.array([1.0, 0.5 * (s[0] - 1.0)]),
         lambda xp: lambda t, x: xp.array([x[1]]),
@@ -91,8 +94,9 @@ def test_a_surface_is_no_thicker_for_a_large_coordinate(spec, beside, code):
 
 @pytest.mark.parametrize("power, code", ((1, "ok"), (3, "unverified")))
 def test_a_layer_is_flat_where_its_slope_changes_within(power, code):
-    """Onto the circle r = 1 from r = 20: the slope of r^2 - 1 falls from 40 to 2, which is a length like another; that of its
-    third power vanishes there, and the layer of a penalty is k^(-1/3) wide."""
+    """Onto the circle r = 1 from r = 20: the slope of r^2 - 1 falls from 40 to 2, which is a length
+    like another; that of its third power vanishes there, and the layer of a penalty is k^(-1/3)
+    wide."""
 
     def field(xp):
         return lambda t, x, s: (
@@ -113,7 +117,8 @@ def test_a_layer_is_flat_where_its_slope_changes_within(power, code):
 
 @pytest.mark.parametrize("power, code", ((1, "ok"), (3, "unverified")))
 def test_a_flat_layer_between_two_samples_is_seen(power, code):
-    """On the surface from t = 0.2 to 0.75 (where 3 t^2 - 0.5 = 1.2), and away from it at both samples."""
+    """On the surface from t = 0.2 to 0.75 (where 3 t^2 - 0.5 = 1.2), and away from it at both
+    samples."""
     case = relays(
         lambda xp: lambda t, x, s: xp.array([3.0 * t * t - 0.5 - 1.2 * s[0]]),
         lambda xp: lambda t, x: xp.array([x[0] ** power]),
@@ -215,7 +220,8 @@ def test_a_layer_is_one_where_a_field_asks_its_switch_between_samples(field, exa
 @pytest.mark.parametrize("height", (0.0, 1.0, 3.0))
 @pytest.mark.parametrize("fall", (1.0, 0.7))
 def test_a_fall_onto_a_surface_ends_on_it_wherever_it_lies(height, fall):
-    """y' = -2 fall (1 - t) above the surface until t = 1, then 0; -1 below: from t = 1 on the state may leave."""
+    """y' = -2 fall (1 - t) above the surface until t = 1, then 0; -1 below: from t = 1 on the state
+    may leave."""
     case = relays(
         lambda xp: (
             lambda t, x, s: xp.array(
@@ -256,7 +262,8 @@ def test_a_switch_that_raises_beside_the_state_is_no_crash(spec, code):
 
 
 def test_a_corner_beside_which_a_field_is_no_number_is_told():
-    """Along y = 0 to x = 0 at t = 1/2, behind which one of the fields is the root of a negative number."""
+    """Along y = 0 to x = 0 at t = 1/2, behind which one of the fields is the root of a negative
+    number."""
 
     def mode(x, y):
         return lambda xp: lambda t, z: xp.array([x + 0.0 * t, y + 0.0 * t])
@@ -279,7 +286,8 @@ def test_a_corner_beside_which_a_field_is_no_number_is_told():
 
 @pytest.mark.parametrize("spec", ("event_driven", "euler", "euler[implicit=true]"))
 def test_what_decays_never_meets_the_surface(spec):
-    """x' = -10 x from 1 to exp(-50), with a side below x = 0 that leads away: every digit of x is known all the time."""
+    """x' = -10 x from 1 to exp(-50), with a side below x = 0 that leads away: every digit of x is
+    known all the time."""
     case = relays(
         lambda xp: lambda t, x, s: xp.array([xp.where(s[0] > 0.0, -10.0 * x[0], -1.0)]),
         lambda xp: lambda t, x: xp.array([x[0]]),
@@ -291,7 +299,8 @@ def test_what_decays_never_meets_the_surface(spec):
 
 
 def test_a_field_that_is_no_number_on_the_straight_ways_asks_no_switch():
-    """Along a circle in quarters, inside of which a root is of a negative number; the second switch is in its layer."""
+    """Along a circle in quarters, inside of which a root is of a negative number; the second switch
+    is in its layer."""
 
     def field(xp):
         def f(t, x, s):

@@ -20,7 +20,8 @@ SOLVER = solver(
         sys.stdout.close()
         sys.path.insert(0, "/nowhere")
         warnings.simplefilter("error")
-        ctypes.CDLL(None).fesetround(0x400 if os.uname().machine == "x86_64" else 0x800000)     # downward, or so
+        # downward, or so
+        ctypes.CDLL(None).fesetround(0x400 if os.uname().machine == "x86_64" else 0x800000)
     elif self.how == "look":
         third = float(np.float64(1.0) / np.float64(3.0) - 0.1)
         print(np.random.random(), random.random(), np.geterr()["over"], np.get_printoptions()["precision"],

@@ -1,4 +1,5 @@
-"""A baseline that is not that of the results is never passed: exit code 4, 2 or 1, and NaN never 0."""
+"""A baseline that is not that of the results is never passed: exit code 4, 2 or 1, and NaN never
+0."""
 
 import math
 
@@ -29,7 +30,8 @@ def results(folder, change=lambda r: r):
 
 @pytest.fixture
 def gate(tmp_path, capsys):
-    """(folder, edit of the baseline's lines) -> exit code and what was said; the baseline is that of sound results."""
+    """(folder, edit of the baseline's lines) -> exit code and what was said; the baseline is that
+    of sound results."""
     sound = results(tmp_path / "sound")
     path = tmp_path / "b.csv"
     lines = baseline.text(

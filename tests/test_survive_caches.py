@@ -1,4 +1,5 @@
-"""Machine code that others could have written is not run: kernels are kept where nobody else writes."""
+"""Machine code that others could have written is not run: kernels are kept where nobody else
+writes."""
 
 import os
 import shutil

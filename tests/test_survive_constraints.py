@@ -106,8 +106,9 @@ def test_a_wall_that_stands_there_three_times_pushes_once(tmp_path):
     "spec", [m for m in METHODS if m != "kdtree"]
 )  # which takes walls across coordinates only
 def test_a_corner_of_three_walls_in_the_plane_holds_with_one_reaction(tmp_path, spec):
-    """x >= 0, y >= 0, x + y >= 0, met in the corner at t = 1/2: three rows of rank 2. Exact: the drift (-1, -2) moves
-    (1/2, 1) to the corner on a straight line, and there the walls bear all of it."""
+    """x >= 0, y >= 0, x + y >= 0, met in the corner at t = 1/2: three rows of rank 2. Exact: the
+    drift (-1, -2) moves (1/2, 1) to the corner on a straight line, and there the walls bear all of
+    it."""
     path = case_file(
         tmp_path,
         drift="xp.array([-1.0, -2.0]) + 0 * x",
@@ -167,7 +168,8 @@ def test_a_chain_that_cannot_span_its_anchors_is_infeasible(tmp_path, policy):
 
 
 def test_sets_that_have_a_point_are_not_called_empty():
-    """Walls that touch, links that are just long enough, many rows of which none contradicts another."""
+    """Walls that touch, links that are just long enough, many rows of which none contradicts
+    another."""
     rng = np.random.default_rng(0)
     A = rng.standard_normal((40, 7))
     rest = lambda xp: lambda t, x: 0 * x
@@ -233,7 +235,8 @@ def test_a_smooth_wall_with_a_gradient_is_not_degenerate():
     "closing, dim, fits", [(0.3, 1, True), (0.9, 1, False), (0.58, 2, True), (1.4, 2, False)]
 )
 def test_walls_that_close_in_on_discs_leave_no_room_at_some_time(spec, closing, dim, fits):
-    """Three discs in a row of length 2, or in a box as high as one: centres between -L and L, L = 1.6 - closing t."""
+    """Three discs in a row of length 2, or in a box as high as one: centres between -L and L, L =
+    1.6 - closing t."""
     walls = Affine(
         np.kron(np.eye(3), np.eye(dim)[:1]), lambda xp: lambda t: (1.6 - closing * t) * xp.ones(3)
     )

@@ -1,4 +1,5 @@
-"""A copy of the package with files that are broken: what they are needed for is refused by name, everything else runs."""
+"""A copy of the package with files that are broken: what they are needed for is refused by name,
+everything else runs."""
 
 import os
 import shutil

@@ -1,4 +1,5 @@
-"""A suite that is killed, or that has no room left on the disk, leaves whole lines and goes on from them."""
+"""A suite that is killed, or that has no room left on the disk, leaves whole lines and goes on from
+them."""
 
 import csv
 import errno
@@ -77,7 +78,8 @@ def test_a_suite_that_is_killed_goes_on_and_ends_with_the_same_numbers(tmp_path)
 
 
 class Full:
-    """A disk that takes `calls` more writes to the results and then no byte; half of one is taken before."""
+    """A disk that takes `calls` more writes to the results and then no byte; half of one is taken
+    before."""
 
     def __init__(self, folder, calls, monkeypatch):
         self.folder = str(folder)

@@ -1,4 +1,5 @@
-"""Numbers that make no sense are an error before anything runs, and the message holds the number."""
+"""Numbers that make no sense are an error before anything runs, and the message holds the
+number."""
 
 import numpy as np
 import pytest
@@ -147,7 +148,8 @@ def test_explicit_steps_beyond_the_limit_of_stability_diverge(tmp_path):
 @pytest.mark.survives("stiff and explicit")
 @pytest.mark.parametrize("rate", [210.0, 250.0, 400.0, 900.0])
 def test_what_overshoots_is_not_ok_because_the_end_comes_before_infinity(tmp_path, rate):
-    """x' = -rate (x - cos t) from 0.5 with h = 0.01 up to t = 2: grows by (rate h - 1)^200, from 1e8 to beyond 1e150."""
+    """x' = -rate (x - cos t) from 0.5 with h = 0.01 up to t = 2: grows by (rate h - 1)^200, from
+    1e8 to beyond 1e150."""
     case = nsbench.load_case(
         case_file(tmp_path, f"-{rate} * (x - xp.cos(t))", "Affine(np.eye(1), 1e300 * np.ones(1)),")
     )

@@ -1,4 +1,5 @@
-"""Whatever a drift returns, a run ends with a row that says what became of it, or is refused before it starts."""
+"""Whatever a drift returns, a run ends with a row that says what became of it, or is refused before
+it starts."""
 
 import numpy as np
 import pytest

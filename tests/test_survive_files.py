@@ -1,4 +1,5 @@
-"""Files that are damaged, foreign, far too large or no data at all are an error that names them, and nothing in them runs."""
+"""Files that are damaged, foreign, far too large or no data at all are an error that names them,
+and nothing in them runs."""
 
 import csv
 import io
@@ -73,7 +74,8 @@ def test_a_table_that_is_cut_short_is_named_by_every_command(tmp_path, capsys, k
 
 @pytest.mark.survives("spoilt results")
 def test_a_damaged_byte_of_a_table_is_an_error_or_changes_nothing(tmp_path):
-    """Every page has a checksum. Names, types and statistics at the end of the file have none; errors of numbers are in pages."""
+    """Every page has a checksum. Names, types and statistics at the end of the file have none;
+    errors of numbers are in pages."""
     folder = results(tmp_path / "r")
     path = folder / "runs.parquet"
     data = (folder / "runs.parquet").read_bytes()
@@ -234,7 +236,8 @@ def test_a_pickle_in_the_place_of_data_is_not_read(tmp_path, capsys):
 
 @pytest.mark.survives("no pickle")
 def test_nothing_that_reads_could_run_what_it_reads():
-    """No module of the package imports a reader that runs code, allows pickles, or evaluates text."""
+    """No module of the package imports a reader that runs code, allows pickles, or evaluates
+    text."""
     words = re.compile(
         r"\b(import (pickle|marshal|shelve|dill|cloudpickle|joblib|yaml)|from (pickle|marshal|shelve|dill|joblib)|"
         r"allow_pickle=True|read_pickle|eval\(|exec\()"
@@ -269,7 +272,8 @@ def test_only_files_that_are_named_are_run(tmp_path, capsys):
 
 @pytest.mark.survives("million rows")
 def test_a_million_rows_make_a_report(tmp_path):
-    """The table is written, read and told; memory and time grow like the rows, the page does not."""
+    """The table is written, read and told; memory and time grow like the rows, the page does
+    not."""
     import resource
     import time
 

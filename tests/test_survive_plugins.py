@@ -1,4 +1,5 @@
-"""A plugin that is broken, named like another, or strange takes nothing with it: it is told by name."""
+"""A plugin that is broken, named like another, or strange takes nothing with it: it is told by
+name."""
 
 import re
 import sys

@@ -1,4 +1,5 @@
-"""The same suite gives the same numbers, by one worker or two, in fresh processes; a scene that chatters takes no other along."""
+"""The same suite gives the same numbers, by one worker or two, in fresh processes; a scene that
+chatters takes no other along."""
 
 import os
 import subprocess
@@ -25,7 +26,8 @@ def standard():
 
 
 def numbers(folder, jobs, standard):
-    """Rows without their times, as text: what every method of the standard suite gives on three small cases."""
+    """Rows without their times, as text: what every method of the standard suite gives on three
+    small cases."""
     specs = [word for s in standard for word in ("-s", s)]
     args = [
         "run",
@@ -66,7 +68,8 @@ def test_one_worker_and_two_give_the_same_numbers(tmp_path, standard):
 
 @pytest.mark.survives("zeno")
 def test_a_scene_whose_events_accumulate_is_a_row_and_the_others_go_on(tmp_path, capsys):
-    """x' = B sgn(x), a spiral that shrinks by a third in every turn; from (1, 0.3) it reaches the corner in finite time."""
+    """x' = B sgn(x), a spiral that shrinks by a third in every turn; from (1, 0.3) it reaches the
+    corner in finite time."""
     path = case_file(
         tmp_path,
         name="spiral",

@@ -12,7 +12,8 @@ DISCS = {"constraints": "Distance(2.0),", "drift": "xp.array([1.0, 0, -1, 0]) + 
 
 @pytest.mark.survives("far away")
 def test_coordinates_of_1e8_cost_only_their_rounding(tmp_path):
-    """Two discs that meet at t = 1, and the same 1e8 away: one ulp there is 1.5e-8, and the 200 steps round as often."""
+    """Two discs that meet at t = 1, and the same 1e8 away: one ulp there is 1.5e-8, and the 200
+    steps round as often."""
     near = nsbench.load_case(case_file(tmp_path, **DISCS, x0="[0.0, 0, 4, 0]", name="near"))
     far = nsbench.load_case(case_file(tmp_path, **DISCS, x0="[1e8, 1e8, 1e8 + 4, 1e8]", name="far"))
     for spec in ("pbd", "catching_up", "event_driven", "kdtree"):

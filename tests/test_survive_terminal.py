@@ -1,4 +1,5 @@
-"""Neither language, line ends, letters nor the terminal change what is computed or break what is said."""
+"""Neither language, line ends, letters nor the terminal change what is computed or break what is
+said."""
 
 import csv
 import locale
@@ -20,7 +21,8 @@ TIMES = {*store.CLOCK, "session"}
 
 
 def command(*args, folder, **env):
-    """The command in a process of its own, without a terminal; numbers of its rows where it ran any."""
+    """The command in a process of its own, without a terminal; numbers of its rows where it ran
+    any."""
     keep = {
         k: os.environ[k]
         for k in ("PATH", "HOME", "NUMBA_CACHE_DIR", "XDG_CACHE_HOME", "PYTHONPATH")
@@ -44,7 +46,8 @@ def numbers(folder):
 
 @pytest.fixture(scope="module")
 def comma(tmp_path_factory):
-    """A locale with decimal commas, made here where the machine has the means and none is installed."""
+    """A locale with decimal commas, made here where the machine has the means and none is
+    installed."""
     folder = tmp_path_factory.mktemp("locale")
     for name in ("de_DE.UTF-8", "de_DE.utf8", "fr_FR.UTF-8"):
         try:

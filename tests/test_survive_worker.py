@@ -1,4 +1,5 @@
-"""What one run does to its process, the next one in the same process does not see; what it warns of is counted."""
+"""What one run does to its process, the next one in the same process does not see; what it warns of
+is counted."""
 
 from pathlib import Path
 

@@ -1,4 +1,5 @@
-"""Every entry of the list of what must be survived has a test, and no test is marked with what is not on the list."""
+"""Every entry of the list of what must be survived has a test, and no test is marked with what is
+not on the list."""
 
 from survived import ENTRIES, marked
 

@@ -1,4 +1,5 @@
-"""A tape's series are Taylor series, its enclosures hold them, and what cannot be put on a tape is refused."""
+"""A tape's series are Taylor series, its enclosures hold them, and what cannot be put on a tape is
+refused."""
 
 import mpmath
 import numpy as np

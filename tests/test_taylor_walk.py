@@ -1,4 +1,5 @@
-"""The compiled walk of Filippov systems is the host's walk: the same motions and events, and nothing hidden in a step."""
+"""The compiled walk of Filippov systems is the host's walk: the same motions and events, and
+nothing hidden in a step."""
 
 import numpy as np
 import pytest

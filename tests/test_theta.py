@@ -1,4 +1,5 @@
-"""Theta stepping has the order it claims on diodes and walls, finds the least multiplier, and says what it cannot do."""
+"""Theta stepping has the order it claims on diodes and walls, finds the least multiplier, and says
+what it cannot do."""
 
 import numpy as np
 import pytest
@@ -11,7 +12,8 @@ COUNTS = (2, 3, 5, 7, 11, 17, 26, 41, 63)  # steps per sample; no dyadic ratio
 
 
 def envelope_slope(h, err):
-    """Slope of the upper envelope: where an event falls in its step changes the error from step to step."""
+    """Slope of the upper envelope: where an event falls in its step changes the error from step to
+    step."""
     h = np.array(h)
     err = np.array(err)
     top = np.array([(err / h**2)[h <= v * 1.01][-3:].max() * v**2 for v in h])
@@ -131,7 +133,8 @@ def test_compiled_and_python_loops_agree():
 
 
 def parallel():
-    """Two diodes that do the same beside each other: lam1 + lam2 = cos t while the point is held."""
+    """Two diodes that do the same beside each other: lam1 + lam2 = cos t while the point is
+    held."""
     push = lambda xp: lambda t: -xp.cos(t) * xp.ones(1)
     return Case(
         "parallel",

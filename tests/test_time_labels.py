@@ -1,4 +1,5 @@
-"""A multiplier is compared at its own time in the step; the columns beside it show what another time would have cost."""
+"""A multiplier is compared at its own time in the step; the columns beside it show what another
+time would have cost."""
 
 import numpy as np
 import pytest
@@ -32,7 +33,8 @@ def test_the_trapezoid_has_order_two_at_its_own_label_and_one_at_the_others(key)
 
 
 def test_what_half_a_step_costs_is_the_slope_of_the_multiplier():
-    """lam = cos t between its events: the wrong end costs h/2 sin t at the latest of the samples that count."""
+    """lam = cos t between its events: the wrong end costs h/2 sin t at the latest of the samples
+    that count."""
     h = 0.005
     case = get_case("tide")
     e = nsbench.errors(case, solve(case, HALF, h=h))
@@ -51,7 +53,8 @@ def test_what_half_a_step_costs_is_the_slope_of_the_multiplier():
     ],
 )
 def test_first_order_methods_on_tide(spec, right, wrong):
-    """Implicit Euler takes the force at the end of the step, projections after explicit Euler take it at the start:
+    """Implicit Euler takes the force at the end of the step, projections after explicit Euler take
+    it at the start:
     there lam is exact, and at the other end a whole step is between."""
     e = nsbench.errors(get_case("tide"), solve("tide", spec, h=0.005))
     assert e[right] < 1e-11 and e["lam_at_mid"] > 1e-3 and e[wrong] > 2e-3

@@ -1,4 +1,5 @@
-"""A Zeno point ends an event-driven run with its time, and costs implicit Euler half an order for a while."""
+"""A Zeno point ends an event-driven run with its time, and costs implicit Euler half an order for a
+while."""
 
 import numpy as np
 import pytest

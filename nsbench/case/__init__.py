@@ -32,14 +32,17 @@ class Case:
     """A problem with its data; frozen.
 
     name; problem; x0 (n,); t (k,) sample times, t[0] the start and t[-1] = T.
-    exact(t) -> (k, n) and exact_impulse(t) -> (k, m) where a closed form exists, the columns of the impulse being
-    `contacts` (by default the rows of the families in order, all pairs excepted); exact_events: known event times.
+    exact(t) -> (k, n) and exact_impulse(t) -> (k, m) where a closed form exists, the columns of the
+    impulse being `contacts` (by default the rows of the families in order, all pairs excepted);
+    exact_events: known event times.
     start: what an infeasible x0 means: "error", "project" (the nearest feasible point) or "keep".
-    unique: False where the solution itself is not unique (repulsive sliding): no reference is allowed.
-    distance(t, x) -> float, only there: how far the samples x (k, n) at t (k,) are from the set of all solutions, the
-    least, over all of them, of the largest difference at any sample.
+    unique: False where the solution itself is not unique (repulsive sliding): no reference is
+    allowed.
+    distance(t, x) -> float, only there: how far the samples x (k, n) at t (k,) are from the set of
+    all solutions, the least, over all of them, of the largest difference at any sample.
     substeps: fewest steps between two samples in the ladder of fixed-step methods.
-    also: further solvers of the standard suite, such as "pbd[order=reverse]"; params: how the case was made.
+    also: further solvers of the standard suite, such as "pbd[order=reverse]"; params: how the case
+    was made.
     tags: free words for filters; radius: for pictures of particles.
     """
 
@@ -103,7 +106,8 @@ class Case:
 
     @property
     def classes(self) -> tuple[str, ...]:
-        """Words by which methods say what they expect: the kind of problem, what follows from the data, the tags."""
+        """Words by which methods say what they expect: the kind of problem, what follows from the
+        data, the tags."""
         kind = type(self.problem).__name__.lower()
         words = [kind, *self.tags]
         if kind == "complementarity" and not self.problem.constraints:
@@ -191,7 +195,8 @@ def _scan() -> tuple[dict, dict]:
 
 
 def alike(names) -> list[tuple[str, str]]:
-    """Pairs of different names that are equal but for case: on some machines their files are one."""
+    """Pairs of different names that are equal but for case: on some machines their files are
+    one."""
     seen: dict[str, str] = {}
     return [(seen[n.casefold()], n) for n in sorted(names) if seen.setdefault(n.casefold(), n) != n]
 

@@ -1,6 +1,8 @@
-"""How large a case is, and how large one would be that has not been made: states, contacts, memory of one run.
+"""How large a case is, and how large one would be that has not been made: states, contacts, memory
+of one run.
 
-A case with a giant parameter is foreseen from two small ones of its kind: every size grows like a power of the parameter.
+A case with a giant parameter is foreseen from two small ones of its kind: every size grows like a
+power of the parameter.
 """
 
 from __future__ import annotations
@@ -28,8 +30,8 @@ TOUCHING = {
     2: 3,
     3: 6,
 }  # contacts per particle at most, of equal ones: half of how many can touch one
-# Arrays of (samples, states) and (samples, contacts) that a run and its measuring hold, fitted to peaks of resident memory
-# of hard discs in a full box, 6 000 to 60 000 states: within 1.3 of each
+# Arrays of (samples, states) and (samples, contacts) that a run and its measuring hold, fitted to
+# peaks of resident memory of hard discs in a full box, 6 000 to 60 000 states: within 1.3 of each
 STATES = 12
 CONTACTS = 12
 LIBRARIES = 190 << 20  # bytes: Python with numpy, scipy and compiled kernels
@@ -37,8 +39,8 @@ LIBRARIES = 190 << 20  # bytes: Python with numpy, scipy and compiled kernels
 
 @dataclass(frozen=True)
 class Size:
-    """states n, sample times, contacts that can act at once (at most), hard particles; making: bytes at the peak of making
-    the case and calling its drift once (0: not measured)."""
+    """states n, sample times, contacts that can act at once (at most), hard particles; making:
+    bytes at the peak of making the case and calling its drift once (0: not measured)."""
 
     states: float
     samples: float
@@ -82,7 +84,8 @@ def size_of(case: Case) -> Size:
 
 
 def foreseen(text: str) -> Size | None:
-    """Of the case that ``discs[n=1000000000]`` would make; None where no parameter is large, or nothing can be said."""
+    """Of the case that ``discs[n=1000000000]`` would make; None where no parameter is large, or
+    nothing can be said."""
     name, params = parse_spec(text)
     make = getattr(case_module(name), "make", None)
     if make is None:
@@ -112,7 +115,8 @@ def foreseen(text: str) -> Size | None:
 
 
 def _two(name, params, k):
-    """Sizes for two small values of the parameter, the second one twice the first, and that value."""
+    """Sizes for two small values of the parameter, the second one twice the first, and that
+    value."""
     for small in SMALL:
         try:
             low, high = (_made(name, params | {k: v}) for v in small)

@@ -48,7 +48,8 @@ def check_shapes(case) -> None:
 
 
 def _check_exact(case, name: str, solution) -> None:
-    """A closed form is in double precision. What it raises, its shape and its values are told when it is used."""
+    """A closed form is in double precision. What it raises, its shape and its values are told when
+    it is used."""
     if solution is None:
         return
     with np.errstate(all="ignore"):
@@ -61,12 +62,14 @@ def _check_exact(case, name: str, solution) -> None:
 
 
 def _sides(d: int) -> list[tuple]:
-    """Signs of the modes to look at: all where they are few, else the two where all signs are alike."""
+    """Signs of the modes to look at: all where they are few, else the two where all signs are
+    alike."""
     return list(product((1.0, -1.0), repeat=d)) if d <= 3 else [(1.0,) * d, (-1.0,) * d]
 
 
 def _check_curves(case, c, t0: float, x) -> None:
-    """What a constraint's factories return at the start: real numbers in double precision, of the shape that is needed."""
+    """What a constraint's factories return at the start: real numbers in double precision, of the
+    shape that is needed."""
     if isinstance(c, Smooth):
         made = {"g": (host(c.g)(t0, x), None)}
     else:

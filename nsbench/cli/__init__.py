@@ -1,7 +1,7 @@
 """The command line: the only module that prints or exits.
 
-Exit codes: 0 fine, 1 a number is not as in the baseline, 2 usage, 3 some runs failed unexpectedly, 4 nothing or too little
-compared, 5 infrastructure, 130 interrupted.
+Exit codes: 0 fine, 1 a number is not as in the baseline, 2 usage, 3 some runs failed unexpectedly,
+4 nothing or too little compared, 5 infrastructure, 130 interrupted.
 """
 
 from __future__ import annotations
@@ -68,7 +68,8 @@ def _guarded(args) -> int:
 
 
 def _harmless(text: str) -> str:
-    """What names and files say, without what would command a terminal; lines, and the start of one, stay what they are."""
+    """What names and files say, without what would command a terminal; lines, and the start of one,
+    stay what they are."""
     from nsbench.report.style import clean
 
     start = "\r" * text.startswith("\r")
@@ -221,7 +222,8 @@ def parser() -> argparse.ArgumentParser:
 
 
 def _show(name, args, module="commands") -> int:
-    """Run a command of that module and print what it says; loaded on use, so that --help stays quick."""
+    """Run a command of that module and print what it says; loaded on use, so that --help stays
+    quick."""
     from importlib import import_module
 
     module = import_module(f"nsbench.cli.{module}")

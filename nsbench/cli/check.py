@@ -1,4 +1,5 @@
-"""`nsbench check`: does a case file or a solver file keep the contract? Each thing not met is a sentence."""
+"""`nsbench check`: does a case file or a solver file keep the contract? Each thing not met is a
+sentence."""
 
 from __future__ import annotations
 
@@ -15,7 +16,8 @@ PROBES = ("tide", "sliding", "three_discs")
 
 
 def check_file(path: Path, say) -> list[str]:
-    """What is not met, as sentences; `say` tells what was looked at. Whatever the file raises is a sentence too."""
+    """What is not met, as sentences; `say` tells what was looked at. Whatever the file raises is a
+    sentence too."""
     try:
         return _check_file(path, say)
     except (FileNotFoundError, KeyboardInterrupt):
@@ -34,7 +36,8 @@ def _check_file(path: Path, say) -> list[str]:
 
 
 def check_case(case: Case, say) -> list[str]:
-    """Start, drift in all namespaces, exact solution against its own equation, and that a method accepts it."""
+    """Start, drift in all namespaces, exact solution against its own equation, and that a method
+    accepts it."""
     out = []
     if not case.doc:
         out.append("the file has no docstring: state the equations")
@@ -109,7 +112,8 @@ def _namespaces(case):
 
 
 def _second_opinion(case):
-    """The exact solution, impulse and events against the event-driven method, which knows nothing of them."""
+    """The exact solution, impulse and events against the event-driven method, which knows nothing
+    of them."""
     from nsbench.measure import errors
 
     method = solvers.get("event_driven")
@@ -175,7 +179,8 @@ def _exact(case):
 
 
 def check_solver(path: Path, say) -> list[str]:
-    """Protocol, refusals as sentences, and a run of the probes with what it claims for the state."""
+    """Protocol, refusals as sentences, and a run of the probes with what it claims for the
+    state."""
     name = Path(path).stem
     if name not in solvers.all_names():
         name = solvers.load(path)

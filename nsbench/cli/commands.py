@@ -123,7 +123,8 @@ def run(args, say) -> int:
 
 
 def _told_apart(cases) -> None:
-    """ValueError with both files where two cases of one run have the same name, or names that are equal but for case."""
+    """ValueError with both files where two cases of one run have the same name, or names that are
+    equal but for case."""
     seen: dict[str, tuple] = {}
     for key, file in dict.fromkeys(cases):
         one = seen.setdefault(key.casefold(), (key, file))
@@ -285,7 +286,8 @@ def reference(args, say) -> int:
 
 
 def _has_stored(case, action, folder) -> bool:
-    """Cases of the suite to work on: those with a stored reference and, to build, those that need one."""
+    """Cases of the suite to work on: those with a stored reference and, to build, those that need
+    one."""
     from nsbench.reference import files_of
 
     return files_of(case, folder)[1].exists() or (

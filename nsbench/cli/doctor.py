@@ -1,4 +1,5 @@
-"""Is this installation fit to measure with? Each check is a sentence and whether it is fine, a warning or a fault."""
+"""Is this installation fit to measure with? Each check is a sentence and whether it is fine, a
+warning or a fault."""
 
 from __future__ import annotations
 
@@ -87,7 +88,8 @@ def _plugins():
 
 
 def _arithmetic():
-    """A library built with unsafe options makes the processor flush small numbers to zero, for everybody in the process."""
+    """A library built with unsafe options makes the processor flush small numbers to zero, for
+    everybody in the process."""
     import nsbench.compilation.numba_setup  # noqa: F401
 
     tiny = np.float64(5e-324)

@@ -1,11 +1,13 @@
-"""Machine code of drifts in the user's cache folder: a second process takes it from there instead of compiling.
+"""Machine code of drifts in the user's cache folder: a second process takes it from there instead
+of compiling.
 
-numba's own cache knows functions by the file and the line they stand in, and not closures, which drifts are. Here one is
-found by its fingerprint, by this package, the libraries that compile, their settings and the processor. A file is a line
-of JSON, which names the function, then the object file that LLVM wrote; it is linked in an engine of its own, so that no
-two drifts meet each other's names. A drift without a fingerprint, or whose code holds addresses of this process, is
-compiled in each. Nothing is unpickled to load one (what a drift raises is, by numba, when it is raised: it is a part of
-its machine code).
+numba's own cache knows functions by the file and the line they stand in, and not closures, which
+drifts are. Here one is found by its fingerprint, by this package, the libraries that compile, their
+settings and the processor. A file is a line of JSON, which names the function, then the object file
+that LLVM wrote; it is linked in an engine of its own, so that no two drifts meet each other's
+names. A drift without a fingerprint, or whose code holds addresses of this process, is compiled in
+each. Nothing is unpickled to load one (what a drift raises is, by numba, when it is raised: it is a
+part of its machine code).
 """
 
 from __future__ import annotations
@@ -33,7 +35,8 @@ HERE = (
 
 
 class Pointer(types.WrapperAddressProtocol):
-    """Machine code from the disk as a first-class function of numba's: its address, its signature, and what it lies in."""
+    """Machine code from the disk as a first-class function of numba's: its address, its signature,
+    and what it lies in."""
 
     def __init__(self, address: int, signature, engine):
         self.address = address
@@ -63,7 +66,8 @@ class _Found:
 def name_of(signature, what: str, function) -> str | None:
     """The name under which a function's machine code is kept; None: it cannot be told from others.
 
-    what: how the pointer is made of the function. Two functions of one name have the same code on this machine.
+    what: how the pointer is made of the function. Two functions of one name have the same code on
+    this machine.
     """
     try:
         made_of = fingerprint(function)
@@ -116,7 +120,8 @@ def load(name: str | None, signature) -> Pointer | None:
 
 
 def compiled(name: str | None, signature, function) -> CFunc:
-    """The callback, compiled here, and kept under the name if its code can run elsewhere. Raises what numba raises."""
+    """The callback, compiled here, and kept under the name if its code can run elsewhere. Raises
+    what numba raises."""
     callback = CFunc(function, (signature.args, signature.return_type), {}, {})
     found = _Found()
     callback._cache = found

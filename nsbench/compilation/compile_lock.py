@@ -1,9 +1,10 @@
 """A kernel is compiled by one process alone: the others wait until it is on the disk, and load it.
 
-numba looks into its cache, compiles what is not there, and writes it when it has done so: two processes that come to one
-kernel together both compile it, and the second one to write the kernel's index drops what the first one wrote. Here a
-file's lock is held from the look to the writing. A kernel asks for the locks of those that it calls while it holds its
-own, and no two kernels call each other, so that nobody waits in a circle. A lock goes with the process that holds it.
+numba looks into its cache, compiles what is not there, and writes it when it has done so: two
+processes that come to one kernel together both compile it, and the second one to write the kernel's
+index drops what the first one wrote. Here a file's lock is held from the look to the writing. A
+kernel asks for the locks of those that it calls while it holds its own, and no two kernels call
+each other, so that nobody waits in a circle. A lock goes with the process that holds it.
 """
 
 from __future__ import annotations
@@ -20,11 +21,12 @@ from pathlib import Path
 def share_compilation(
     folder: str, around: Callable[[], AbstractContextManager], waited: Callable[[float], None]
 ) -> None:
-    """From now on every kernel with a cache is compiled under a lock that all processes with this folder share.
+    """From now on every kernel with a cache is compiled under a lock that all processes with this
+    folder share.
 
-    around() is entered while a kernel is loaded, waited for or compiled, once for a kernel and those it calls; waited(s)
-    is told the seconds for which another process held the lock. Where files cannot be locked nothing changes, and both
-    compile.
+    around() is entered while a kernel is loaded, waited for or compiled, once for a kernel and
+    those it calls; waited(s) is told the seconds for which another process held the lock. Where
+    files cannot be locked nothing changes, and both compile.
     """
     try:
         import fcntl

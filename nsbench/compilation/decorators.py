@@ -1,8 +1,10 @@
-"""How functions are compiled that only compiled functions call: without entries from Python and C, in less time.
+"""How functions are compiled that only compiled functions call: without entries from Python and C,
+in less time.
 
-They are not kept on disk: who calls them is, with their code in it. Beside that, what costs time to compile: arrays
-assigned to arrays (their message on shapes is put together by 25 functions on strings), literals as arguments (a version
-of the function for each), functions of numpy on arrays. Hence `one`, and loops.
+They are not kept on disk: who calls them is, with their code in it. Beside that, what costs time to
+compile: arrays assigned to arrays (their message on shapes is put together by 25 functions on
+strings), literals as arguments (a version of the function for each), functions of numpy on arrays.
+Hence `one`, and loops.
 """
 
 import numba

@@ -1,7 +1,8 @@
-"""Machine code in files of the user's cache folder: who may write there, and whether a file is whole.
+"""Machine code in files of the user's cache folder: who may write there, and whether a file is
+whole.
 
-NSBENCH_CACHE=off keeps everything off the disk. A file that cannot be read or written is no error: what it would hold is
-compiled again.
+NSBENCH_CACHE=off keeps everything off the disk. A file that cannot be read or written is no error:
+what it would hold is compiled again.
 """
 
 from __future__ import annotations
@@ -74,7 +75,8 @@ def read(home: Path | None, name: str | None) -> bytes | None:
 
 
 def write(home: Path | None, name: str | None, body: bytes) -> None:
-    """Keep it, in one piece or not at all; where that fails (a full disk, a folder that is gone) only time is lost."""
+    """Keep it, in one piece or not at all; where that fails (a full disk, a folder that is gone)
+    only time is lost."""
     if home is None or name is None:
         return
     with contextlib.suppress(OSError):

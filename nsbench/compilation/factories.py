@@ -1,8 +1,9 @@
-"""One physics, three forms: a factory as a numpy function, as a numba function pointer, as a JAX function.
+"""One physics, three forms: a factory as a numpy function, as a numba function pointer, as a JAX
+function.
 
-A compiled drift is a C callback ``(t, x, out)``. Passed to a cached kernel it is a first-class function
-pointer: the kernel is compiled once for every drift and kept on disk; the drift itself is compiled once per case, and
-kept too (nsbench.compilation.cfunc_cache).
+A compiled drift is a C callback ``(t, x, out)``. Passed to a cached kernel it is a first-class
+function pointer: the kernel is compiled once for every drift and kept on disk; the drift itself is
+compiled once per case, and kept too (nsbench.compilation.cfunc_cache).
 """
 
 from __future__ import annotations
@@ -19,7 +20,8 @@ class CompileError(Exception):
 
 
 def host(factory: Callable) -> Callable:
-    """The factory in numpy, at times that are numpy's too: a Python float divided by zero, as at a pole in time, raises."""
+    """The factory in numpy, at times that are numpy's too: a Python float divided by zero, as at a
+    pole in time, raises."""
     f = factory(np)
 
     def at(t, *args):
@@ -29,10 +31,12 @@ def host(factory: Callable) -> Callable:
 
 
 def _pointer(factory, signature, make):
-    """A pointer of `signature` to make(function): a cfunc, or what an earlier process kept of one on disk.
+    """A pointer of `signature` to make(function): a cfunc, or what an earlier process kept of one
+    on disk.
 
-    make: a function of this module, known by its name. CompileError with numba's reason. The pointer is an address of
-    machine code, so it is kept alive by the caller (numba keeps a reference).
+    make: a function of this module, known by its name. CompileError with numba's reason. The
+    pointer is an address of machine code, so it is kept alive by the caller (numba keeps a
+    reference).
     """
     from numba.core.errors import NumbaError
 
@@ -50,10 +54,12 @@ def _pointer(factory, signature, make):
 
 
 def _compiled(f, callers=()):
-    """The function for compiled callers alone, with the closures that it calls: numba calls compiled functions only.
+    """The function for compiled callers alone, with the closures that it calls: numba calls
+    compiled functions only.
 
-    A field made of modes is a tree of closures; each closure cell that holds a Python function is compiled first, but for
-    `callers`, which it would call in a circle: numba says what it thinks of those.
+    A field made of modes is a tree of closures; each closure cell that holds a Python function is
+    compiled first, but for `callers`, which it would call in a circle: numba says what it thinks of
+    those.
     """
     import numba
 
@@ -155,7 +161,8 @@ def _still():
 
 
 def plain(function, made: dict | None = None):
-    """A kernel as Python functions, those it calls included: for one small call compilation would take seconds."""
+    """A kernel as Python functions, those it calls included: for one small call compilation would
+    take seconds."""
     made = {} if made is None else made
     if function not in made:
         source = function.py_func

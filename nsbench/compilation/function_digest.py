@@ -1,8 +1,10 @@
-"""What a function is, as bytes: its code, what it closes over, the globals it names, and so on down.
+"""What a function is, as bytes: its code, what it closes over, the globals it names, and so on
+down.
 
-Two functions with one fingerprint compute the same, in this process or another: the key of compiled programs kept on
-disk. Whatever cannot be told apart for certain (an object of a foreign class, a module that is no known library, random
-numbers) has no fingerprint: `Unknown` is raised and the program is then found by what was traced, at the price of tracing.
+Two functions with one fingerprint compute the same, in this process or another: the key of compiled
+programs kept on disk. Whatever cannot be told apart for certain (an object of a foreign class, a
+module that is no known library, random numbers) has no fingerprint: `Unknown` is raised and the
+program is then found by what was traced, at the price of tracing.
 """
 
 from __future__ import annotations

@@ -1,9 +1,12 @@
-"""Compiled JAX programs, kept in the process and in the user's cache folder: a second process need not even trace.
+"""Compiled JAX programs, kept in the process and in the user's cache folder: a second process need
+not even trace.
 
-A program is found by the fingerprint of what it was made from (nsbench.compilation.function_digest), of this package, of the
-libraries that trace and compile, of JAX's settings and of the processor. Where there is no fingerprint it is traced and
-found by the text of what was traced. JAX's own settings, its cache among them, are left as the user has them.
-A file that cannot be read is no error: the program is compiled again. NSBENCH_CACHE=off keeps programs off the disk.
+A program is found by the fingerprint of what it was made from
+(nsbench.compilation.function_digest), of this package, of the libraries that trace and compile, of
+JAX's settings and of the processor. Where there is no fingerprint it is traced and found by the
+text of what was traced. JAX's own settings, its cache among them, are left as the user has them.
+A file that cannot be read is no error: the program is compiled again. NSBENCH_CACHE=off keeps
+programs off the disk.
 """
 
 from __future__ import annotations
@@ -22,8 +25,8 @@ from nsbench.compilation.disk_cache import digest
 from nsbench.compilation.function_digest import package_digest, version
 from nsbench.compilation.jax_serialization import pack, unpack
 
-# functions outside the program: LAPACK's must be looked up before it runs, any other (a callback into this process, say)
-# would be gone in the next one, so such a program is not kept
+# functions outside the program: LAPACK's must be looked up before it runs, any other (a callback
+# into this process, say) would be gone in the next one, so such a program is not kept
 CALLS = re.compile(r"custom_call @?\"?([A-Za-z0-9_.$]+)")
 TRACERS = ("jax", "jaxlib", "diffrax", "equinox", "optimistix", "lineax", "numpy")
 
@@ -45,7 +48,8 @@ class Kept:
     again: Callable | None = None
 
     def __call__(self, *arguments) -> dict:
-        """The results as numpy arrays. A program from the disk that does not run is compiled again, once."""
+        """The results as numpy arrays. A program from the disk that does not run is compiled again,
+        once."""
         import jax
 
         float64()
@@ -60,7 +64,8 @@ class Kept:
 
 
 def program(key: str | None, trace: Callable) -> Kept:
-    """The executable for `key`; trace() -> jax.stages.Lowered is called where it is not known yet, or key is None."""
+    """The executable for `key`; trace() -> jax.stages.Lowered is called where it is not known yet,
+    or key is None."""
     name = None if key is None else digest("made from", key, _platform())
     found = _load(name)
     if found is not None:
@@ -86,8 +91,8 @@ def _compiled(lowered, name: str, fresh: bool = False):
 
 
 def _compile(lowered):
-    """(executable, whether it was compiled here). What JAX's own cache gives, where the user has one, cannot be written
-    again: it would lack its functions when it is read."""
+    """(executable, whether it was compiled here). What JAX's own cache gives, where the user has
+    one, cannot be written again: it would lack its functions when it is read."""
     before = len(_watch_cache())
     return lowered.compile(), len(_watch_cache()) == before
 

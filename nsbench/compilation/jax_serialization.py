@@ -1,11 +1,13 @@
-"""A compiled JAX program as bytes and back, without pickle: a line of JSON, then what XLA itself writes of its machine code.
+"""A compiled JAX program as bytes and back, without pickle: a line of JSON, then what XLA itself
+writes of its machine code.
 
-JAX's own way (jax.experimental.serialize_executable) is a pickle, and reading one runs whatever it holds. Here the line
-says what goes in and out; XLA refuses code that it did not write. That machine code is run is what a cache of programs is
-for: nsbench.compilation.jax_cache looks after who can write there.
+JAX's own way (jax.experimental.serialize_executable) is a pickle, and reading one runs whatever it
+holds. Here the line says what goes in and out; XLA refuses code that it did not write. That machine
+code is run is what a cache of programs is for: nsbench.compilation.jax_cache looks after who can
+write there.
 
-The classes that hold a program are no public part of JAX. Who reads or writes must expect any exception from another
-version of it, and compile.
+The classes that hold a program are no public part of JAX. Who reads or writes must expect any
+exception from another version of it, and compile.
 """
 
 from __future__ import annotations
@@ -19,9 +21,11 @@ FORMAT = 1
 
 
 def pack(compiled, lapack: bool) -> bytes:
-    """An executable (jax.stages.Compiled) for one processor, of positional arguments, with a dict of results.
+    """An executable (jax.stages.Compiled) for one processor, of positional arguments, with a dict
+    of results.
 
-    lapack: whether it calls LAPACK's functions. Raises ValueError for a program that needs more than its code.
+    lapack: whether it calls LAPACK's functions. Raises ValueError for a program that needs more
+    than its code.
     """
     shell = compiled._executable._unloaded_executable
     arguments, named = compiled.args_info
@@ -50,7 +54,8 @@ def pack(compiled, lapack: bool) -> bytes:
 
 
 def unpack(data: bytes) -> Callable:
-    """The executable on the first processor. Raises whatever JAX or XLA says of bytes that are of no use to it."""
+    """The executable on the first processor. Raises whatever JAX or XLA says of bytes that are of
+    no use to it."""
     import jax
     from jax._src.interpreters.pxla import UnloadedMeshExecutable
     from jax._src.lib import xla_client

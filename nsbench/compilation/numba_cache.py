@@ -1,5 +1,6 @@
-"""numba keeps what it compiled on disk, by the content of the function's own file alone; an edit of a file that
-this one imports would go unnoticed, and old code would compute new rows. Here the files that it imports count too."""
+"""numba keeps what it compiled on disk, by the content of the function's own file alone; an edit of
+a file that this one imports would go unnoticed, and old code would compute new rows. Here the files
+that it imports count too."""
 
 from __future__ import annotations
 

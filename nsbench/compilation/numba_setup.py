@@ -1,6 +1,8 @@
-"""Kernels for numba. What it compiles it keeps on the disk as machine code, with an index in pickle: reading one runs it.
+"""Kernels for numba. What it compiles it keeps on the disk as machine code, with an index in
+pickle: reading one runs it.
 
-So a folder that others can write to is no place for it: kernels are then kept in a folder of the user alone.
+So a folder that others can write to is no place for it: kernels are then kept in a folder of the
+user alone.
 """
 
 import os
@@ -11,7 +13,8 @@ from nsbench.compilation.numba_cache import stamp_all
 
 
 def private(folder: Path) -> bool:
-    """Whether nobody but this user and the system's owner can write to the folder, or make it; True where nobody can tell."""
+    """Whether nobody but this user and the system's owner can write to the folder, or make it; True
+    where nobody can tell."""
     if not hasattr(os, "getuid"):
         return True
     while not folder.exists():
@@ -21,7 +24,8 @@ def private(folder: Path) -> bool:
 
 
 def keep_private(home: Path) -> None:
-    """Have numba keep kernels elsewhere where others could put theirs in their place. What the user has set stays."""
+    """Have numba keep kernels elsewhere where others could put theirs in their place. What the user
+    has set stays."""
     if os.environ.get("NUMBA_CACHE_DIR") or private(home / "__pycache__"):
         return
     from numba import config

@@ -1,9 +1,13 @@
-"""What a run that says ok may not know: that its constraints leave no point or no direction to push in, that it is rounding.
+"""What a run that says ok may not know: that its constraints leave no point or no direction to push
+in, that it is rounding.
 
-A projection moves somewhere even where there is nowhere to go: contradicting walls are met half-way, and a constraint
-whose gradient vanishes throws the state far away. Whatever the method, such a run is no solution, and is not called ok.
-Nothing is looked at where it cannot happen: a start that was found feasible proves that constraints at rest leave a point.
-Steps round the state: where they are so many that their roundings can add up to a part of the motion, nothing is known.
+A projection moves somewhere even where there is nowhere to go: contradicting walls are met
+half-way, and a constraint whose gradient vanishes throws the state far away. Whatever the method,
+such a run is no solution, and is not called ok.
+Nothing is looked at where it cannot happen: a start that was found feasible proves that constraints
+at rest leave a point.
+Steps round the state: where they are so many that their roundings can add up to a part of the
+motion, nothing is known.
 """
 
 from __future__ import annotations
@@ -37,7 +41,8 @@ FLAT = (
 
 
 def doubted(case: Case, traj: Trajectory) -> Trajectory:
-    """The run with the status infeasible, degenerate or unverified where it says ok and cannot be; itself everywhere else."""
+    """The run with the status infeasible, degenerate or unverified where it says ok and cannot be;
+    itself everywhere else."""
     p = case.problem
     if not traj.status.ok or not len(traj.t):
         return traj
@@ -75,10 +80,12 @@ def _overslid(case: Case, traj: Trajectory) -> Status | None:
 
 
 def _overshot(case: Case, traj: Trajectory) -> Status | None:
-    """A state that grew although the drift pulls back: steps h of it lead over to the other side, further away each time.
+    """A state that grew although the drift pulls back: steps h of it lead over to the other side,
+    further away each time.
 
-    An explicit step multiplies what decays with rate r by 1 - r h, which grows beyond r h = 2 (Hairer & Wanner, Solving ODEs
-    II, chapter IV.2). Looked at where the samples are largest: |drift| h of more than twice the state, and against it.
+    An explicit step multiplies what decays with rate r by 1 - r h, which grows beyond r h = 2
+    (Hairer & Wanner, Solving ODEs II, chapter IV.2). Looked at where the samples are largest:
+    |drift| h of more than twice the state, and against it.
     """
     h = float(traj.stats.get("h", 0.0) or 0.0)
     p = case.problem
@@ -102,10 +109,12 @@ def _overshot(case: Case, traj: Trajectory) -> Status | None:
 
 
 def _rounded(case: Case, traj: Trajectory) -> Status | None:
-    """Steps so many that their roundings, each half a spacing of the state, may add up to a part of the motion; those of implicit
-    steps on a surface too, each as much as they leave of its equation.
+    """Steps so many that their roundings, each half a spacing of the state, may add up to a part of
+    the motion; those of implicit steps on a surface too, each as much as they leave of its
+    equation.
 
-    The motion is that of the samples, or what the drift would make of the time, if that is more: a state may be held.
+    The motion is that of the samples, or what the drift would make of the time, if that is more: a
+    state may be held.
     """
     each = SLIDES if isinstance(case.problem, Filippov) and traj.lam_time == "end" else 0.5 * EPS
     lost = float(traj.stats.get("steps", 0)) * each * float(np.abs(traj.x).max(initial=0.0))
@@ -124,7 +133,8 @@ def _rounded(case: Case, traj: Trajectory) -> Status | None:
 
 
 def pace(problem, t: float, x: np.ndarray) -> float:
-    """Largest speed that the drift, or a field beside all surfaces, gives to a coordinate; infinite at a pole."""
+    """Largest speed that the drift, or a field beside all surfaces, gives to a coordinate; infinite
+    at a pole."""
     if isinstance(problem, LCS):
         speeds = [problem.A @ x + (host(problem.u)(t) if problem.u else 0.0)]
     elif isinstance(problem, Complementarity):
@@ -138,7 +148,8 @@ def pace(problem, t: float, x: np.ndarray) -> float:
 
 @functools.lru_cache(maxsize=512)
 def _tied(case: Case) -> Status | None:
-    """Coincident centres at a start that is kept: which way they part is no property of the case."""
+    """Coincident centres at a start that is kept: which way they part is no property of the
+    case."""
     if case.start != "keep" or not any(isinstance(c, Distance) for c in case.problem.constraints):
         return None
     t = float(case.t[0])

@@ -1,4 +1,5 @@
-"""Runs far from the origin, where a relative tolerance is one of coordinates and not of what moves."""
+"""Runs far from the origin, where a relative tolerance is one of coordinates and not of what
+moves."""
 
 from __future__ import annotations
 
@@ -12,8 +13,9 @@ HALF = 0.5  # of a run: what grows later has grown from errors of the time befor
 
 
 def distance(case: Case, X: np.ndarray) -> float:
-    """How many sizes of its motion, or of 1 if that is more, a run of samples X (K, n) is from the origin, in its first half or
-    the whole of it; 1 if no more than FAR. Coordinates at rest are known as well as at the start and do not count."""
+    """How many sizes of its motion, or of 1 if that is more, a run of samples X (K, n) is from the
+    origin, in its first half or the whole of it; 1 if no more than FAR. Coordinates at rest are
+    known as well as at the start and do not count."""
     moved = np.abs(X - X[0])
     size = np.abs(X)[:, np.any(X != X[0], axis=0)]
     half = HALF * (case.t[-1] - case.t[0])

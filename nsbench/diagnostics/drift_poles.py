@@ -1,9 +1,10 @@
 """Poles of the drift between two samples: a fixed step passes over them, and no solution does.
 
-The drift is evaluated on arrays that note what they are divided by. Where such a denominator changes its sign, or touches
-zero, on the way from sample to sample, and |drift| times the distance in time does not vanish there, the way to go is
-not finite: the integral of 1 / s diverges, that of 1 / sqrt(s) does not. A drift that divides floats, or by
-other things at other times, is looked at where it is largest.
+The drift is evaluated on arrays that note what they are divided by. Where such a denominator
+changes its sign, or touches zero, on the way from sample to sample, and |drift| times the distance
+in time does not vanish there, the way to go is not finite: the integral of 1 / s diverges, that of
+1 / sqrt(s) does not. A drift that divides floats, or by other things at other times, is looked at
+where it is largest.
 """
 
 from __future__ import annotations
@@ -18,7 +19,8 @@ from nsbench.problem import LCS, Complementarity
 from nsbench.trajectory import Status, Trajectory
 
 POINTS = 200  # of a run at which denominators are compared, at least its samples
-SMALL = 0.1  # of its largest value: a denominator without a change of sign that gets so small may touch zero
+# of its largest value: a denominator without a change of sign that gets so small may touch zero
+SMALL = 0.1
 HALVINGS = 100
 MOST = (
     100  # denominators that are followed to their zeros; of more, those where the drift is largest
@@ -90,8 +92,9 @@ def _kept(value):
 
 
 def pole(case: Case, traj: Trajectory) -> Status | None:
-    """diverged, if the drift has a pole in time on the straight way between two samples of the run; unverified, if it has one
-    in the state, over which some solutions go (x' = 1 / x^2); None otherwise."""
+    """diverged, if the drift has a pole in time on the straight way between two samples of the run;
+    unverified, if it has one in the state, over which some solutions go (x' = 1 / x^2); None
+    otherwise."""
     parts = max(1, -(-POINTS // max(1, len(traj.t) - 1)))
     times = np.append(
         (traj.t[:-1, None] + np.diff(traj.t)[:, None] * np.arange(parts) / parts).ravel(),
@@ -129,7 +132,8 @@ def _way(traj):
 
 
 def _met(drift, divisors, use, values, traj, times, state) -> Status | None:
-    """A pole of one drift on the way through `times`, by the values (U, m) of its divisors at those of `use` (U,)."""
+    """A pole of one drift on the way through `times`, by the values (U, m) of its divisors at those
+    of `use` (U,)."""
     last = len(times) - 1
     columns = np.flatnonzero(
         (values.min(axis=0) * values.max(axis=0) <= 0.0)
@@ -166,7 +170,8 @@ def _met(drift, divisors, use, values, traj, times, state) -> Status | None:
 
 
 def _pole_at(drift, divisors, column, state, ends, times) -> float | None:
-    """Where a denominator vanishes between two times and the drift grows as at a pole; None where not, or not to be told."""
+    """Where a denominator vanishes between two times and the drift grows as at a pole; None where
+    not, or not to be told."""
     try:
         at = _zero(lambda t: divisors(t, state(t))[column], *ends)
     except IndexError:  # other operations there
@@ -175,8 +180,9 @@ def _pole_at(drift, divisors, column, state, ends, times) -> float | None:
 
 
 def _missed(drift, divisors, column, state, ends, times) -> bool:
-    """Whether ways beside the straight one miss a pole where a denominator only touches zero: then it is one of the straight way,
-    which leads through the inside of a curved one, as from one side of a vortex to the other."""
+    """Whether ways beside the straight one miss a pole where a denominator only touches zero: then
+    it is one of the straight way, which leads through the inside of a curved one, as from one side
+    of a vortex to the other."""
     moved = state(ends[1]) - state(ends[0])
     beside = BESIDE * np.abs(moved).max() * np.cos(1.0 + np.arange(moved.size))
     ways = [lambda t, s=s: state(t) + s * beside for s in (1.0, -1.0)]
@@ -192,8 +198,8 @@ def _speed(drift, t, x) -> np.ndarray:
 
 
 def _drifts(case: Case, traj: Trajectory):
-    """(xp -> (t, x) -> the velocity without reactions, (K - 1,) where it may be met): of a Filippov system the field of each
-    mode that has samples, in the intervals beside these."""
+    """(xp -> (t, x) -> the velocity without reactions, (K - 1,) where it may be met): of a Filippov
+    system the field of each mode that has samples, in the intervals beside these."""
     p = case.problem
     everywhere = np.ones(len(traj.t) - 1, bool)
     if isinstance(p, Complementarity):
@@ -234,7 +240,8 @@ def _denominators(drift, t: float, x: np.ndarray) -> np.ndarray:
 
 
 def _reciprocals(drift, times, state):
-    """(t, x) -> 1 / |drift|, no larger than at an ordinary time: for drifts that divide what does not note it, as floats."""
+    """(t, x) -> 1 / |drift|, no larger than at an ordinary time: for drifts that divide what does
+    not note it, as floats."""
     speeds = np.nan_to_num(np.array([_speed(drift, t, state(t)) for t in times]), posinf=0.0)
     usual = np.median(speeds, axis=0)
     most = speeds.max(axis=0)
@@ -243,7 +250,8 @@ def _reciprocals(drift, times, state):
 
 
 def _suspects(v):
-    """Where a denominator changes its sign (the point behind), or has a least absolute value (True)."""
+    """Where a denominator changes its sign (the point behind), or has a least absolute value
+    (True)."""
     a = np.abs(v)
     turns = np.flatnonzero((a[1:-1] <= a[:-2]) & (a[1:-1] <= a[2:])) + 1
     changes = np.flatnonzero(v[1:] * v[:-1] <= 0.0) + 1

@@ -1,4 +1,5 @@
-"""What is known of a run between its samples: states that methods keep there, for doubts that samples do not show."""
+"""What is known of a run between its samples: states that methods keep there, for doubts that
+samples do not show."""
 
 from __future__ import annotations
 
@@ -13,7 +14,8 @@ CLOSE = 1e-6  # of the run: nearer to one another weights between two states are
 
 
 def fuller(traj: Trajectory) -> Trajectory:
-    """The run with what is known between its samples as samples; but for the reaction, which Filippov systems have not."""
+    """The run with what is known between its samples as samples; but for the reaction, which
+    Filippov systems have not."""
     if traj.between is None or not len(traj.between[0]):
         return traj
     t, x, impulse = traj.between
@@ -30,5 +32,6 @@ def fuller(traj: Trajectory) -> Trajectory:
 
 
 def ways(t: np.ndarray, X: np.ndarray):
-    """Time, or times (k,), -> the state (n,), or (n, k), on the straight ways between those that are known."""
+    """Time, or times (k,), -> the state (n,), or (n, k), on the straight ways between those that
+    are known."""
     return lambda at: np.array([np.interp(at, t, column) for column in X.T])

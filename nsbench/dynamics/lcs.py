@@ -1,4 +1,5 @@
-"""What the methods for linear complementarity systems share: right-hand sides, consistent starts, uniqueness."""
+"""What the methods for linear complementarity systems share: right-hand sides, consistent starts,
+uniqueness."""
 
 from __future__ import annotations
 
@@ -16,7 +17,8 @@ _drifts: dict = {}  # by id; the system is kept beside it, so that the id stays 
 
 
 def drift_of(p: LCS):
-    """The factory of A x + u(t); one object per system, so that what is compiled for it serves again."""
+    """The factory of A x + u(t); one object per system, so that what is compiled for it serves
+    again."""
     if id(p) not in _drifts:
         _drifts[id(p)] = p, _make(p)
     return _drifts[id(p)][1]
@@ -89,8 +91,9 @@ def inconsistent(case: Case) -> str | None:
 def certainly_unique(M: np.ndarray, G: np.ndarray) -> bool:
     """Is G lam the same for all solutions of every complementarity problem of the matrix M?
 
-    Yes if all principal minors are positive (then lam itself is), or if M is positive semidefinite and G vanishes where
-    its symmetric part does (Cottle, Pang & Stone 1992, theorems 3.3.7 and 3.1.7). Minors are looked at for up to 10 rows.
+    Yes if all principal minors are positive (then lam itself is), or if M is positive semidefinite
+    and G vanishes where its symmetric part does (Cottle, Pang & Stone 1992, theorems 3.3.7 and
+    3.1.7). Minors are looked at for up to 10 rows.
     """
     from nsbench.lcp import lemke
 

@@ -20,7 +20,8 @@ SMALL = 1e-3  # size of a motion of which an absolute 1e-9 would be visible besi
 
 @functools.lru_cache(maxsize=64)
 def unit_of(case: Case) -> float:
-    """unit(case, case.x0); 1 where the case's own functions raise, which is told where they are called for."""
+    """unit(case, case.x0); 1 where the case's own functions raise, which is told where they are
+    called for."""
     try:
         return unit(case, case.x0)
     except Exception:
@@ -28,10 +29,12 @@ def unit_of(case: Case) -> float:
 
 
 def unit(case: Case, x0: np.ndarray) -> float:
-    """1, or the size of states, motion and constraints (of a Complementarity or Filippov problem) where that is much smaller.
+    """1, or the size of states, motion and constraints (of a Complementarity or Filippov problem)
+    where that is much smaller.
 
-    The size of the state at the start; of motion and constraints beside it at LOOKS times of the run. A drift that pulls back
-    moves a state until it is where it pulls to, which may be long before the end.
+    The size of the state at the start; of motion and constraints beside it at LOOKS times of the
+    run. A drift that pulls back moves a state until it is where it pulls to, which may be long
+    before the end.
     """
     T = float(case.t[-1] - case.t[0])
     lengths = [float(np.abs(x0).max(initial=0.0))]
@@ -63,8 +66,9 @@ def unit(case: Case, x0: np.ndarray) -> float:
 
 
 def _way(f, x0: np.ndarray, v: np.ndarray, away: float, T: float) -> float:
-    """The farthest that a coordinate comes from x0 within T where x' = v + J (x - x0), J by differences of f over the length
-    `away`, in the Krylov space of v (Arnoldi 1951); infinite where that is no number. What turns comes back."""
+    """The farthest that a coordinate comes from x0 within T where x' = v + J (x - x0), J by
+    differences of f over the length `away`, in the Krylov space of v (Arnoldi 1951); infinite where
+    that is no number. What turns comes back."""
     from scipy.linalg import expm
 
     many = min(x0.size, KRYLOV)
@@ -126,7 +130,8 @@ def _lengths(case: Case, t: float, x0: np.ndarray) -> list[float]:
 
 
 def _length(c, t: float, x: np.ndarray) -> float:
-    """Size of a family of constraints: of rows how far from the origin, of smooth ones how far from the start, to first order."""
+    """Size of a family of constraints: of rows how far from the origin, of smooth ones how far from
+    the start, to first order."""
     if isinstance(c, Distance):
         return float(np.max(2.0 * c.radii if c.d is None else c.d))
     if isinstance(c, Affine):

@@ -1,4 +1,5 @@
-"""What `nsbench run --plan` says: which runs would be made and why, what is reused, and what it will take."""
+"""What `nsbench run --plan` says: which runs would be made and why, what is reused, and what it
+will take."""
 
 from __future__ import annotations
 
@@ -25,7 +26,8 @@ def jobs_of(args) -> int:
 
 
 def admit(sizes: dict[str, size.Size | None], args) -> None:
-    """Raises ValueError for a case one run of which is foreseen to need more memory than one worker may hold."""
+    """Raises ValueError for a case one run of which is foreseen to need more memory than one worker
+    may hold."""
     limit = args.memory or memory.limit(jobs_of(args))
     for name, s in sizes.items():
         if s is not None and s.memory > limit:

@@ -1,7 +1,9 @@
-"""What runs will take, from what such runs took: seconds like a power of the accuracy, fitted to rows of the journal.
+"""What runs will take, from what such runs took: seconds like a power of the accuracy, fitted to
+rows of the journal.
 
-Where a case and a solver have no rows, a few small runs are made (nsbench.execute.probe) within a limit; where these do not
-reach, the solver's seconds per step and coordinate elsewhere are taken; where it has none, those of all solvers.
+Where a case and a solver have no rows, a few small runs are made (nsbench.execute.probe) within a
+limit; where these do not reach, the solver's seconds per step and coordinate elsewhere are taken;
+where it has none, those of all solvers.
 """
 
 from __future__ import annotations
@@ -22,7 +24,8 @@ NOTHING = "refused"
 PER_WORK = 1e-7  # seconds per step of one coordinate, where nothing at all is known
 MEASURE = 0.02  # seconds of measuring a run, where no probe has told
 SETTLED = 0.05  # seconds of compiling; a probe with more of it says nothing of what measuring takes
-STEEPEST = 2.0  # power of the accuracy: a solver whose steps get dearer as they get shorter does not reach it
+# power of the accuracy: a solver whose steps get dearer as they get shorter does not reach it
+STEEPEST = 2.0
 TYPICAL = {
     "h": 1.0,
     "tol": 0.2,
@@ -44,7 +47,8 @@ class Cost:
 
 
 class Forecast:
-    """rows: of any runs with their seconds, old ones too; probed: of small runs, with their `wall` beside."""
+    """rows: of any runs with their seconds, old ones too; probed: of small runs, with their `wall`
+    beside."""
 
     def __init__(self, rows: Iterable[dict], probed: Iterable[dict] = ()):
         self.known: dict[tuple[str, str], dict[str, list]] = defaultdict(lambda: defaultdict(list))
@@ -98,7 +102,8 @@ class Forecast:
         )
 
     def compiling(self, solvers: Iterable[str]) -> float:
-        """Seconds of compiling and loading, as long as they have been at most for each solver: its cases share kernels."""
+        """Seconds of compiling and loading, as long as they have been at most for each solver: its
+        cases share kernels."""
         longest: dict[str, float] = defaultdict(float)
         for (_, solver), found in self.known.items():
             longest[solver] = max(
@@ -107,7 +112,8 @@ class Forecast:
         return sum(longest[s] for s in {*solvers})
 
     def _total(self, seconds, setup):
-        """Preparation, which is made twice where it is not quick; the first run; the rounds in which it is timed; measuring."""
+        """Preparation, which is made twice where it is not quick; the first run; the rounds in
+        which it is timed; measuring."""
         again = setup if setup > clock.AGAIN else 0.0
         rounds = clock.rounds_of(seconds)
         return (
@@ -137,8 +143,9 @@ class Forecast:
 
 
 def power_law(asked, spent, at: float, accuracy: str) -> float:
-    """Seconds at another accuracy: between known ones along the line through their logarithms, beyond with the power fitted
-    to the nearest few. Steps ask for 1 / h, tolerances for less, stiffnesses for more the larger they are."""
+    """Seconds at another accuracy: between known ones along the line through their logarithms,
+    beyond with the power fitted to the nearest few. Steps ask for 1 / h, tolerances for less,
+    stiffnesses for more the larger they are."""
     order = np.argsort(asked)
     x = np.log(asked[order])
     y = np.log(np.maximum(spent[order], 1e-9))
@@ -160,7 +167,8 @@ def work(spec: Spec) -> float:
 
 
 def weight(batch) -> float:
-    """A guess of how long a batch takes, in steps of one coordinate: what every run needs, and what its steps do."""
+    """A guess of how long a batch takes, in steps of one coordinate: what every run needs, and what
+    its steps do."""
     total = 0.0
     for s in batch:
         case = resolve(s.case, s.file)
@@ -178,8 +186,9 @@ def _accuracy_of(solver: str) -> str:
 
 
 def small(specs: Iterable[Spec]) -> list[Spec]:
-    """The runs to probe among those of which nothing is known: for every case and solver the coarsest accuracy and one some
-    way on; one pair of each solver first, those of little work before the others."""
+    """The runs to probe among those of which nothing is known: for every case and solver the
+    coarsest accuracy and one some way on; one pair of each solver first, those of little work
+    before the others."""
     pairs: dict[tuple, list[Spec]] = {}
     for s in specs:
         if np.isfinite(s.asked):

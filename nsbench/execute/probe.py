@@ -1,7 +1,8 @@
-"""A few runs in a process of their own, to learn what such runs take: ``python -m nsbench.execute.probe``.
+"""A few runs in a process of their own, to learn what such runs take: ``python -m
+nsbench.execute.probe``.
 
-Reads a list of specs from its input as JSON and writes a line for each run that has ended. Who started it stops it when the
-time is up.
+Reads a list of specs from its input as JSON and writes a line for each run that has ended. Who
+started it stops it when the time is up.
 """
 
 from __future__ import annotations
@@ -23,8 +24,9 @@ THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_
 
 
 def probe(specs: list[Spec], seconds: float) -> dict[Spec, dict]:
-    """Rows of the specs whose runs have ended within so many seconds in all, with `wall`, the seconds from the beginning of
-    the run to the end of its measuring, and `memory`, the peak of the process so far in bytes."""
+    """Rows of the specs whose runs have ended within so many seconds in all, with `wall`, the
+    seconds from the beginning of the run to the end of its measuring, and `memory`, the peak of the
+    process so far in bytes."""
     found: dict[Spec, dict] = {}
     if not specs or seconds <= 0.0:
         return found

@@ -23,7 +23,8 @@ def reasons(
     out: Path,
     force: bool,
 ) -> dict[Spec, str]:
-    """For every run a few words why it is to be made, "" where its row is reused. known: rows by key that may be reused."""
+    """For every run a few words why it is to be made, "" where its row is reused. known: rows by
+    key that may be reused."""
     made, items = store.read_parts(out)
     rows = store.read_journal(out)
     data = changed_data(out, specs, keys)
@@ -51,7 +52,8 @@ def reasons(
 
 
 def _touched(was: list[str], items: dict[str, dict]) -> str:
-    """The files that changed while the last row was made, of which it is therefore not certain what made it."""
+    """The files that changed while the last row was made, of which it is therefore not certain what
+    made it."""
     return next((items[d][TOUCHED] for d in was if TOUCHED in items.get(d, ())), "")
 
 

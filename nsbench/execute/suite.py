@@ -1,4 +1,5 @@
-"""A suite from plan to folder: what is known is reused, the rest runs in workers, then tables and report."""
+"""A suite from plan to folder: what is known is reused, the rest runs in workers, then tables and
+report."""
 
 from __future__ import annotations
 
@@ -31,7 +32,8 @@ NO_ROW = "No worker gave a row of this run. The same command tries it again."
 
 
 def execute(specs, out: Path, args, say) -> int:
-    """Run what is not known yet and write DIR/{journal.jsonl, runs.*, env.json, report.*, figures/}; the exit code."""
+    """Run what is not known yet and write DIR/{journal.jsonl, runs.*, env.json, report.*,
+    figures/}; the exit code."""
     key.forget()  # this process may have made keys before somebody edited a file
     cases = {(s.case, s.file): study.resolve(s.case, s.file) for s in specs}
     made_of = {}  # many runs are made of the same
@@ -149,7 +151,8 @@ def _run(todo, keys, entries, rows, args, say, cases, out):
 
 
 class Outputs:
-    """DIR/output/LABEL-KEY.txt: what a run has printed, if anything; nothing is left of an earlier one."""
+    """DIR/output/LABEL-KEY.txt: what a run has printed, if anything; nothing is left of an earlier
+    one."""
 
     def __init__(self, folder: Path, keys: dict):
         self.folder = folder
@@ -175,7 +178,8 @@ class Outputs:
 
 
 def _chores(cases, out):
-    """What a report needs beside rows, several pictures at a time: workers that have nothing else to do draw them."""
+    """What a report needs beside rows, several pictures at a time: workers that have nothing else
+    to do draw them."""
     talk = [Chore(_talk, ("talk", "", str(out)))] if "sliding" in {key for key, _ in cases} else []
     return [*talk, *(Chore(_picture, (key, file, str(out / "figures"))) for key, file in cases)]
 
@@ -193,9 +197,10 @@ def _talk(name: str, _: str, out: str) -> None:
 
 
 def _in_order(batches):
-    """The long ones first, so that no tail is left at the end; but before all others the longest one of each kind of
-    problem, those with constraints at the head: on a new machine the workers then begin with different kernels. Variants of
-    one case need the same ones, and do not follow one another where something else can.
+    """The long ones first, so that no tail is left at the end; but before all others the longest
+    one of each kind of problem, those with constraints at the head: on a new machine the workers
+    then begin with different kernels. Variants of one case need the same ones, and do not follow
+    one another where something else can.
     """
     order = sorted(range(len(batches)), key=lambda i: -weight(batches[i]))
     problems = [study.resolve(b[0].case, b[0].file).problem for b in batches]
@@ -222,7 +227,8 @@ def _has_terminal() -> bool:
 
 
 def publish(out: Path, rows, cases, fresh: bool, say, drawn=frozenset()) -> Path:
-    """Tables, pictures and report; nothing is written again when nothing changed. drawn: pictures that are there."""
+    """Tables, pictures and report; nothing is written again when nothing changed. drawn: pictures
+    that are there."""
     digest = store.digest_of(
         chain(
             (json.dumps(store.clean(r), sort_keys=True).encode() for r in rows), [_report_digest()]

@@ -27,12 +27,14 @@ ENOUGH = 10 << 20  # bytes: a larger file is no baseline
 LEAST = 1e-6  # relative tolerance of a number that does not spread: other libraries round otherwise
 WIDER = 10.0  # tolerance over spread: three perturbed runs see a part of what rounding can do
 GATEABLE = 1e-2  # spread beyond which a number says nothing
-ANY = "*"  # value of a word that is not held; a number that is not held has the relative tolerance inf
+# value of a word that is not held; a number that is not held has the relative tolerance inf
+ANY = "*"
 
 
 @dataclass(frozen=True)
 class Line:
-    """A fact with its tolerances |value - new| <= atol + rtol |value| and the reason why it stands as it does."""
+    """A fact with its tolerances |value - new| <= atol + rtol |value| and the reason why it stands
+    as it does."""
 
     case: str
     solver: str
@@ -55,7 +57,8 @@ class Line:
 
 
 def read(path) -> dict[tuple, Line]:
-    """Lines by key. ValueError names the file, the line and the value that cannot be used; NaN is refused."""
+    """Lines by key. ValueError names the file, the line and the value that cannot be used; NaN is
+    refused."""
     path = Path(path)
     if not path.is_file():
         raise FileNotFoundError(f"no baseline {path}")
@@ -144,11 +147,13 @@ def text(lines) -> str:
 
 
 def line(fact: Fact, spread: float, why: str) -> Line:
-    """The line of a fact whose runs from starts 1e-12 apart differ by `spread` (inf: one of them failed or said another word).
+    """The line of a fact whose runs from starts 1e-12 apart differ by `spread` (inf: one of them
+    failed or said another word).
 
-    near: ten times the spread, relative to the value. max: ten times the value, at least the floor: what lies below a floor
-    is held below it. count: exact where nothing was seen to change. What spreads by more than a hundredth is not held: it
-    is only reported, and it must still be there and be finite.
+    near: ten times the spread, relative to the value. max: ten times the value, at least the floor:
+    what lies below a floor is held below it. count: exact where nothing was seen to change. What
+    spreads by more than a hundredth is not held: it is only reported, and it must still be there
+    and be finite.
     """
     if fact.kind == "class":
         return _made(fact, ANY if spread else fact.value, 0.0, 0.0, why)

@@ -1,5 +1,6 @@
-"""How far the numbers of a study move when nothing that matters does: the same runs again, from starts 1e-12 apart and
-with more threads. Their spread becomes the tolerances of the gate (nsbench.gate.baseline)."""
+"""How far the numbers of a study move when nothing that matters does: the same runs again, from
+starts 1e-12 apart and with more threads. Their spread becomes the tolerances of the gate
+(nsbench.gate.baseline)."""
 
 from __future__ import annotations
 
@@ -64,7 +65,8 @@ def specs_of(data: Data) -> list[study.Spec]:
 
 
 def _again(specs, folder: Path, threads: int, args, data: Data) -> Data:
-    """The rows of one pass, journalled like those of a study, so that a pass that was stopped goes on."""
+    """The rows of one pass, journalled like those of a study, so that a pass that was stopped goes
+    on."""
     cases = {s.case: study.resolve(s.case) for s in specs}
     keys.forget()
     parts = {s: keys.parts_of(s, cases[s.case]) for s in specs}

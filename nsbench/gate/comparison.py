@@ -87,8 +87,9 @@ def unlike(a: str, b: str) -> list[str]:
 
 
 def exit_code(findings: list[Finding]) -> int:
-    """1: something is not as it was (also when it is better: a stale baseline hides the way back); 4: too little could be
-    compared (less is held than is not), or one side has what the other lacks; 0: all is as it was."""
+    """1: something is not as it was (also when it is better: a stale baseline hides the way back);
+    4: too little could be compared (less is held than is not), or one side has what the other
+    lacks; 0: all is as it was."""
     seen = Counter(f.outcome for f in findings)
     if seen.keys() & {"regressed", "status changed", "improved"}:
         return REGRESSED

@@ -1,5 +1,6 @@
-"""What of a study can be held: orders, constants and verdicts of every method on every case, errors and counted work of one
-step in the middle of its ladder, and how many of its runs ended in which way."""
+"""What of a study can be held: orders, constants and verdicts of every method on every case, errors
+and counted work of one step in the middle of its ladder, and how many of its runs ended in which
+way."""
 
 from __future__ import annotations
 
@@ -39,9 +40,10 @@ SMALL = 1e-9  # residuals below it are rounding: they are held from above, not n
 class Fact:
     """One number, or word, of one method on one case.
 
-    parameters: the accuracy of one run such as ``h=0.00125``, or ``ladder`` for what the whole ladder says. kind: how it
-    is compared (near: within its tolerances of a value; max, min: not beyond it; class: the same word; count: the same
-    number). floor: below it a value says nothing. config: words ``what=digest`` of all that may change it but is no code.
+    parameters: the accuracy of one run such as ``h=0.00125``, or ``ladder`` for what the whole
+    ladder says. kind: how it is compared (near: within its tolerances of a value; max, min: not
+    beyond it; class: the same word; count: the same number). floor: below it a value says nothing.
+    config: words ``what=digest`` of all that may change it but is no code.
     """
 
     case: str
@@ -73,7 +75,8 @@ def facts(data: Data) -> dict[tuple, Fact]:
 
 
 def configuration(data: Data, runs: Runs) -> str:
-    """Case, reference, solver and ladder as short digests: what a number depends on beside the code of the package."""
+    """Case, reference, solver and ladder as short digests: what a number depends on beside the code
+    of the package."""
     case = data.cases.get(runs.case, {})
     solver = data.solvers.get(runs.solver, {})
     asked = sorted(float(v) for v in runs.col["asked"] if math.isfinite(v))
@@ -92,7 +95,8 @@ def digest(value) -> str:
 
 
 def _ladder(s: Summary, config: str):
-    """What the whole ladder says: how its runs ended, verdict, order and constant of the state and of the force."""
+    """What the whole ladder says: how its runs ended, verdict, order and constant of the state and
+    of the force."""
 
     def fact(metric, kind, value, unit="", floor=0.0):
         return Fact(s.case, s.solver, "ladder", metric, kind, value, unit, config, floor)
@@ -127,7 +131,8 @@ def _verdict(order: Order) -> str:
 def _middle(runs: Runs, config: str, span: float):
     """Errors, residuals and work of the run in the middle of the ladder, by what was asked for.
 
-    Errors that the reference cannot tell, or that rounding over `span` can make, are held from above alone.
+    Errors that the reference cannot tell, or that rounding over `span` can make, are held from
+    above alone.
     """
     asked = np.where(np.isfinite(runs.col["asked"]), runs.col["asked"], np.inf)
     if not np.isfinite(asked).any():

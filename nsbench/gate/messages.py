@@ -1,4 +1,5 @@
-"""What the gate says: lines for a terminal, and a summary in Markdown for a page of continuous integration."""
+"""What the gate says: lines for a terminal, and a summary in Markdown for a page of continuous
+integration."""
 
 from __future__ import annotations
 

@@ -15,8 +15,8 @@ COLUMNS = ("case", "solver", "parameters", "metric", "spread", "config")
 
 
 def spreads(first: dict[tuple, Fact], others: list[dict[tuple, Fact]]) -> dict[tuple, float]:
-    """The largest distance of each fact from those of the same key in other studies; inf where one of them lacks it, or
-    says another word."""
+    """The largest distance of each fact from those of the same key in other studies; inf where one
+    of them lacks it, or says another word."""
     out = {}
     for key, fact in first.items():
         out[key] = max((_apart(fact, other.get(key)) for other in others), default=0.0)
@@ -41,7 +41,8 @@ def text(found: dict[tuple, float], facts: dict[tuple, Fact]) -> str:
 
 
 def read(folder, facts: dict[tuple, Fact] | None = None) -> dict[tuple, float]:
-    """Spreads by key, of these facts: what was found for another case, solver or ladder of that name is none of theirs (None:
+    """Spreads by key, of these facts: what was found for another case, solver or ladder of that
+    name is none of theirs (None:
     all). FileNotFoundError where nothing was calibrated; ValueError names what cannot be read."""
     path = Path(folder) / NAME
     if not path.is_file():

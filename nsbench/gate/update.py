@@ -1,4 +1,5 @@
-"""A baseline brought up to date: only lines whose facts changed are written anew, each with the reason given."""
+"""A baseline brought up to date: only lines whose facts changed are written anew, each with the
+reason given."""
 
 from __future__ import annotations
 
@@ -10,11 +11,12 @@ from nsbench.gate.facts import Fact
 def updated(
     found: dict[tuple, Fact], old: dict[tuple, Line], spread: dict[tuple, float], reason: str
 ):
-    """(lines, changes): the new baseline in the order of `found`, and a sentence for every line that is not as before.
+    """(lines, changes): the new baseline in the order of `found`, and a sentence for every line
+    that is not as before.
 
-    A line that passes stays as it is, to the byte: rounding on another machine is no change. So do, at the end, the lines of
-    what these results do not hold at all: a part of a study takes nothing from the rest. ValueError for a fact whose spread is
-    not known.
+    A line that passes stays as it is, to the byte: rounding on another machine is no change. So do,
+    at the end, the lines of what these results do not hold at all: a part of a study takes nothing
+    from the rest. ValueError for a fact whose spread is not known.
     """
     passed = {f.key for f in judge(found, old) if f.outcome in ("pass", "not held")}
     lines = []

@@ -1,7 +1,9 @@
 """Small complementarity problems  0 <= lam _|_ w = h + M lam >= 0  with M = G G^T, G of any rank.
 
-An active-set method in Gram form (Lawson & Hanson 1974, chapter 23; dependent rows as in Goldfarb & Idnani 1983):
-the rows with lam > 0 are kept linearly independent, so a basic solution comes back even where lam is not unique.
+An active-set method in Gram form (Lawson & Hanson 1974, chapter 23; dependent rows as in Goldfarb &
+Idnani 1983):
+the rows with lam > 0 are kept linearly independent, so a basic solution comes back even where lam
+is not unique.
 Pivoting codes for general M fail on such rank-deficient contact sets.
 """
 
@@ -17,12 +19,14 @@ UNFINISHED = 2
 NULL = (
     1e-6  # coefficients of a null direction below are rounding: eps over the smallest squared sine
 )
-ROUNDING = 1e-9  # of a row that depends on others: eps over the smallest sine that counts as independent (1e-5)
+# of a row that depends on others: eps over the smallest sine that counts as independent (1e-5)
+ROUNDING = 1e-9
 
 
 @inner
 def _append(L, M, idx, p, k, dep):
-    """Factor row p for the new index k; False if its row depends on those of idx[:p]. Fills L[p, :p] in any case."""
+    """Factor row p for the new index k; False if its row depends on those of idx[:p]. Fills L[p,
+    :p] in any case."""
     pivot = M[k, k]
     for a in range(p):
         s = M[k, idx[a]]
@@ -110,9 +114,11 @@ def _settle(L, M, h, idx, p, lam, dep):
 
 @inner
 def _exchange(L, M, idx, p, k, lam, dep):
-    """k depends on the support: move along the null direction with lam_k growing until a member vanishes.
+    """k depends on the support: move along the null direction with lam_k growing until a member
+    vanishes.
 
-    Returns the new p with k in the support, or -1 if nothing blocks: no velocity satisfies row k and these rows.
+    Returns the new p with k in the support, or -1 if nothing blocks: no velocity satisfies row k
+    and these rows.
     """
     c = np.empty(p)
     for a in range(p):
@@ -156,7 +162,8 @@ def _size(M, h, lam, k):
 def solve_lcp(M, h, warm, tol, dep):
     """Basic solution of 0 <= lam _|_ h + M lam >= 0.
 
-    M (m, m) = G G^T; h (m,); warm: indices to try as the support first; tol (m,): how negative w may stay;
+    M (m, m) = G G^T; h (m,); warm: indices to try as the support first; tol (m,): how negative w
+    may stay;
     dep: rows whose squared sine against the support is at most this count as dependent.
     Returns lam (m,), w (m,), support (p,), code, row that cannot be satisfied or -1, iterations.
     """

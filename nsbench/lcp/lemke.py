@@ -1,8 +1,10 @@
-"""Complementarity problems  0 <= lam _|_ w = r + M lam >= 0  for a general square M, regular or not.
+"""Complementarity problems  0 <= lam _|_ w = r + M lam >= 0  for a general square M, regular or
+not.
 
-First the support of the last solution, then Lemke's method with lexicographic pivots (Cottle, Pang & Stone 1992, section
-4.4), then all supports if there are few. Rows and columns are scaled first: circuits mix ohms with 1e-6 farads. Of
-several solutions with the same w the smallest one can be had (Han, Tiwari, Camlibel & Pang 2009): see `least`.
+First the support of the last solution, then Lemke's method with lexicographic pivots (Cottle, Pang
+& Stone 1992, section 4.4), then all supports if there are few. Rows and columns are scaled first:
+circuits mix ohms with 1e-6 farads. Of several solutions with the same w the smallest one can be had
+(Han, Tiwari, Camlibel & Pang 2009): see `least`.
 Loops stand where numpy would add rows: its broadcasting takes numba seconds to compile.
 """
 
@@ -44,7 +46,8 @@ def scales(M):
 
 @njit(cache=True, error_model="numpy")
 def slack(M, r, lam, w):
-    """w <- r + M lam; returns whether lam and w are non-negative and complementary up to rounding."""
+    """w <- r + M lam; returns whether lam and w are non-negative and complementary up to
+    rounding."""
     m = r.size
     top = 0.0
     good = True
@@ -66,7 +69,8 @@ def slack(M, r, lam, w):
 
 @njit(cache=True, error_model="numpy")
 def by_support(M, r, on, lam, w):
-    """lam with w = 0 on the support, zero elsewhere; False if there is none or it is no solution."""
+    """lam with w = 0 on the support, zero elsewhere; False if there is none or it is no
+    solution."""
     m = r.size
     idx = np.flatnonzero(on)
     p = idx.size
@@ -99,7 +103,8 @@ def by_support(M, r, on, lam, w):
 
 @njit(cache=True, error_model="numpy")
 def _leaving(T, col, basis, m, z0):
-    """Row that leaves for column `col` by the lexicographic ratio test, -1 on a ray; the artificial one goes first."""
+    """Row that leaves for column `col` by the lexicographic ratio test, -1 on a ray; the artificial
+    one goes first."""
     best = -1
     last = T.shape[1] - 1
     for i in range(m):
@@ -125,7 +130,8 @@ def _leaving(T, col, basis, m, z0):
 
 @njit(cache=True, error_model="numpy")
 def lemke(M, r):
-    """(support, found, pivots) of scaled data: by complementary pivots with the covering vector of ones."""
+    """(support, found, pivots) of scaled data: by complementary pivots with the covering vector of
+    ones."""
     m = r.size
     T = np.zeros((m, 2 * m + 2))  # w | lam | z0 | right-hand side
     basis = np.arange(m)
@@ -167,7 +173,8 @@ def lemke(M, r):
 
 @njit(cache=True, error_model="numpy")
 def solve(M, r, a, b, on, lam, w):
-    """Solution in lam, w and its support in `on` (a guess before). a, b: `scales` of M. Returns found, pivots."""
+    """Solution in lam, w and its support in `on` (a guess before). a, b: `scales` of M. Returns
+    found, pivots."""
     m = r.size
     if by_support(M, r, on, lam, w):
         return True, 0
@@ -199,7 +206,8 @@ def solve(M, r, a, b, on, lam, w):
 
 @njit(cache=True, error_model="numpy")
 def other_motion(M, r, G, lam, size):
-    """Is there a solution mu with G mu apart from G lam by more than 1e-9 of `size`? All supports are tried."""
+    """Is there a solution mu with G mu apart from G lam by more than 1e-9 of `size`? All supports
+    are tried."""
     m = r.size
     on = np.zeros(m, np.bool_)
     mu = np.empty(m)
@@ -219,10 +227,11 @@ def other_motion(M, r, G, lam, size):
 
 @njit(cache=True, error_model="numpy")
 def least(M, r, a, b, lam, w):
-    """Replace lam by the smallest (Euclidean) solution with the same w = 0 rows, if these leave a choice.
+    """Replace lam by the smallest (Euclidean) solution with the same w = 0 rows, if these leave a
+    choice.
 
-    On the rows with w = 0 the solutions are an affine set cut by lam >= 0: a least-distance problem in its
-    coordinates, whose dual is a Gram problem for kernels.lcp.
+    On the rows with w = 0 the solutions are an affine set cut by lam >= 0: a least-distance problem
+    in its coordinates, whose dual is a Gram problem for kernels.lcp.
     """
     m = r.size
     zero = np.zeros(m, np.bool_)

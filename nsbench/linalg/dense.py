@@ -33,7 +33,8 @@ def largest(x):
 
 @njit(cache=True)
 def gauss(A, b):
-    """Solve A z = b in place (z in b) with partial pivoting; False if A is singular or not finite."""
+    """Solve A z = b in place (z in b) with partial pivoting; False if A is singular or not
+    finite."""
     n = b.size
     for j in range(n):
         p = j

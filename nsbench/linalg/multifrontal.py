@@ -1,8 +1,9 @@
 """K = I + G^T W G by dense fronts: factor for any weights W >= 0 of the rows, then solve.
 
-K is never smaller than I, whatever rows depend on each other: no pivot can be smaller than one. A front holds the
-coordinates of a part and those behind it that it meets; what is left of it when its own are eliminated is handed
-up (Duff & Reid, ACM TOMS 9(3), 1983). Fronts and panels are stored by rows, upper triangle.
+K is never smaller than I, whatever rows depend on each other: no pivot can be smaller than one. A
+front holds the coordinates of a part and those behind it that it meets; what is left of it when its
+own are eliminated is handed up (Duff & Reid, ACM TOMS 9(3), 1983). Fronts and panels are stored by
+rows, upper triangle.
 """
 
 import numpy as np
@@ -18,9 +19,11 @@ FAST = {
 
 @njit(cache=True, error_model="numpy", fastmath=FAST)
 def eliminate(F, own, nf, L, at):
-    """Eliminate the first `own` rows of the front F (nf x nf, flat); they go to L[at:], their diagonal inverted.
+    """Eliminate the first `own` rows of the front F (nf x nf, flat); they go to L[at:], their
+    diagonal inverted.
 
-    Eight rows at a time. (Rows as slices, read from 0 on: an index that might be negative keeps numba from vectorising.)
+    Eight rows at a time. (Rows as slices, read from 0 on: an index that might be negative keeps
+    numba from vectorising.)
     """
     k = 0
     while k < own:
@@ -87,9 +90,11 @@ def eliminate(F, own, nf, L, at):
 
 @njit(cache=True, error_model="numpy")
 def _add(F, nf, below, far, rel, ends):
-    """Add what a part below has left (far x far, upper triangle) at the places rel (far,) of the front, run by run.
+    """Add what a part below has left (far x far, upper triangle) at the places rel (far,) of the
+    front, run by run.
 
-    Places that follow each other are added as slices: they are read and written several times as fast as one by one.
+    Places that follow each other are added as slices: they are read and written several times as
+    fast as one by one.
     """
     runs = 0
     for j in range(far):
@@ -112,7 +117,8 @@ def _add(F, nf, below, far, rel, ends):
 
 @njit(cache=True, error_model="numpy")
 def factor(T, ptr, vals, weight, L, F, stack):
-    """Fill L with the factor of I + G^T diag(weight) G; F and stack: work space of the sizes T tells."""
+    """Fill L with the factor of I + G^T diag(weight) G; F and stack: work space of the sizes T
+    tells."""
     first = T[1]
     up = T[2]
     bptr = T[3]
@@ -165,7 +171,8 @@ def factor(T, ptr, vals, weight, L, F, stack):
 
 @njit(cache=True, error_model="numpy", fastmath=FAST)
 def forward(T, L, s, y, z):
-    """Eliminate the part s from a right-hand side: z holds the front's; y (n,) by places takes what comes out of it."""
+    """Eliminate the part s from a right-hand side: z holds the front's; y (n,) by places takes what
+    comes out of it."""
     first = T[1]
     bptr = T[3]
     border = T[4]

@@ -1,9 +1,11 @@
-"""Coordinates cut into parts by nested dissection: the tree of fronts on which kernels.fronts factors I + G^T W G.
+"""Coordinates cut into parts by nested dissection: the tree of fronts on which kernels.fronts
+factors I + G^T W G.
 
-Two coordinates are neighbours if a row of G uses both. A part is split by the middle level of a breadth-first search; the
-level comes last and is a part of its own, so nothing in front of it meets anything behind it, whatever the weights of
-the rows are: the tree depends on where G has entries only. Source: George & Liu, Computer Solution of Large Sparse
-Positive Definite Systems, 1981, section 8; fronts: Duff & Reid, ACM TOMS 9(3), 1983.
+Two coordinates are neighbours if a row of G uses both. A part is split by the middle level of a
+breadth-first search; the level comes last and is a part of its own, so nothing in front of it meets
+anything behind it, whatever the weights of the rows are: the tree depends on where G has entries
+only. Source: George & Liu, Computer Solution of Large Sparse Positive Definite Systems, 1981,
+section 8; fronts: Duff & Reid, ACM TOMS 9(3), 1983.
 """
 
 import numpy as np
@@ -50,7 +52,8 @@ def _thinnest(queue, level, found):
 
 @njit(cache=True, error_model="numpy")
 def _pieces(ptr, cols, tptr, trow, order, label, queue, level, todo):
-    """Coordinates that hang together side by side in `order`, small pieces in common parts; returns parts, last label."""
+    """Coordinates that hang together side by side in `order`, small pieces in common parts; returns
+    parts, last label."""
     n = order.size
     done = 0
     depth = 0
@@ -75,7 +78,8 @@ def _pieces(ptr, cols, tptr, trow, order, label, queue, level, todo):
 
 @njit(cache=True, error_model="numpy")
 def dissect(ptr, cols, tptr, trow):
-    """Order of elimination (n,), and above (n,): -2 inside a part, else the place where the part above it begins (-1: none)."""
+    """Order of elimination (n,), and above (n,): -2 inside a part, else the place where the part
+    above it begins (-1: none)."""
     n = tptr.size - 1
     order = np.empty(n, np.int64)
     label = np.ones(n, np.int64)
@@ -162,7 +166,8 @@ def _ascending(a, n):
 
 @njit(cache=True, error_model="numpy")
 def _borders(first, above, place, order, ptr, cols, tptr, trow):
-    """For every part the places behind it that it or the parts below it meet, ascending (bptr, border); the parts above."""
+    """For every part the places behind it that it or the parts below it meet, ascending (bptr,
+    border); the parts above."""
     parts = first.size - 1
     n = order.size
     up = np.full(parts, -1)
@@ -218,9 +223,10 @@ def _borders(first, above, place, order, ptr, cols, tptr, trow):
 def tree(ptr, cols, tptr, trow):
     """The fronts of a pattern: a tuple of arrays that kernels.fronts reads.
 
-    order (n,): coordinate at each place; first (parts + 1,): places of a part; up: the part above; bptr, border: places
-    behind a part that its front holds too; rel: where those lie in the front above; panel (parts + 1,): where
-    its rows of the factor begin; owner rows: optr (parts + 1,), orow; loc: place of each entry of G in the owner's front;
+    order (n,): coordinate at each place; first (parts + 1,): places of a part; up: the part above;
+    bptr, border: places behind a part that its front holds too; rel: where those lie in the front
+    above; panel (parts + 1,): where its rows of the factor begin; owner rows: optr (parts + 1,),
+    orow; loc: place of each entry of G in the owner's front;
     size: largest front, and room for the stack of what children hand up.
     """
     n = tptr.size - 1

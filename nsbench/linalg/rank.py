@@ -1,4 +1,5 @@
-"""Which columns are independent: orthonormal ones, and pivots of elimination, in loops over small matrices."""
+"""Which columns are independent: orthonormal ones, and pivots of elimination, in loops over small
+matrices."""
 
 import numpy as np
 from numba import njit
@@ -8,7 +9,8 @@ from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps a
 
 @njit(cache=True, error_model="numpy")
 def orthonormal(Q):
-    """Columns of Q made orthonormal in place, by Gram and Schmidt's method done twice (Giraud et al. 2005)."""
+    """Columns of Q made orthonormal in place, by Gram and Schmidt's method done twice (Giraud et
+    al. 2005)."""
     p, n = Q.shape
     for k in range(n):
         for _ in range(2):
@@ -28,7 +30,8 @@ def orthonormal(Q):
 
 @njit(cache=True, error_model="numpy")
 def near_singular(A, rank):
-    """Does elimination with full pivoting meet a pivot below `rank` of the first? A is overwritten."""
+    """Does elimination with full pivoting meet a pivot below `rank` of the first? A is
+    overwritten."""
     n = A.shape[0]
     first = 0.0
     for k in range(n):

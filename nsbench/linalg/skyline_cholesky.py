@@ -1,8 +1,9 @@
 """Gram matrices of held contacts in skyline form: ordering, Cholesky factor, solves.
 
-Rows are ordered by Cuthill & McKee (1969) on the graph of contacts that share a coordinate, component by component, so
-that a matrix of many small clusters, or of one flat cluster, has a short envelope; the factor fills only that envelope
-(George & Liu 1981, chapter 4). Row i of the ordered matrix is held from its first entry to its diagonal.
+Rows are ordered by Cuthill & McKee (1969) on the graph of contacts that share a coordinate,
+component by component, so that a matrix of many small clusters, or of one flat cluster, has a short
+envelope; the factor fills only that envelope (George & Liu 1981, chapter 4). Row i of the ordered
+matrix is held from its first entry to its diagonal.
 """
 
 import numpy as np
@@ -72,7 +73,8 @@ def _neighbours(C, count, p, n, stamp):
 
 @inner
 def arrange(C, count, p, n):
-    """A plan: place (p,) of each row, start (p,) and ptr (p + 1,) of the envelope, and who meets each row (nptr, near)."""
+    """A plan: place (p,) of each row, start (p,) and ptr (p + 1,) of the envelope, and who meets
+    each row (nptr, near)."""
     queue = np.empty(p, np.int64)
     stamp = np.empty(p, np.int64)
     at = np.int64(0)
@@ -104,7 +106,8 @@ def arrange(C, count, p, n):
 
 @inner
 def fill(plan, C, V, count, p, work, E):
-    """E: the Gram matrix G G^T of rows (C, V, count) in the envelope of the plan; work (n,) zeros."""
+    """E: the Gram matrix G G^T of rows (C, V, count) in the envelope of the plan; work (n,)
+    zeros."""
     place, start, eptr, nptr, near = plan
     E[:] = 0.0
     for k in range(p):

@@ -1,7 +1,8 @@
-"""Sparse rows G and the matrix M = G G^T: who shares a coordinate, an order of elimination, L D L^T, products.
+"""Sparse rows G and the matrix M = G G^T: who shares a coordinate, an order of elimination, L D
+L^T, products.
 
-Rows are CSR: ptr (m + 1,), cols, vals. Their transpose is a table of visits: coordinate c is used by the entries
-tpos[tptr[c] : tptr[c + 1]] of the rows trow[...].
+Rows are CSR: ptr (m + 1,), cols, vals. Their transpose is a table of visits: coordinate c is used
+by the entries tpos[tptr[c] : tptr[c + 1]] of the rows trow[...].
 """
 
 import numpy as np
@@ -60,9 +61,11 @@ def levels(root, part, label, ptr, cols, tptr, trow, queue, level):
 
 @njit(cache=True, error_model="numpy")
 def dissection(ptr, cols, tptr, trow):
-    """Rows in an order of elimination: nested dissection by the middle level of a breadth-first search.
+    """Rows in an order of elimination: nested dissection by the middle level of a breadth-first
+    search.
 
-    Source: George & Liu, Computer Solution of Large Sparse Positive Definite Systems, 1981, section 8.
+    Source: George & Liu, Computer Solution of Large Sparse Positive Definite Systems, 1981, section
+    8.
     """
     m = ptr.size - 1
     order = np.arange(m)
@@ -156,11 +159,12 @@ def _symbolic(act, slot, ptr, cols, tptr, trow):
 
 @njit(cache=True, error_model="numpy")
 def factor(act, slot, ptr, cols, vals, tptr, trow, tpos, tol, shift):
-    """M_AA = L D L^T for the rows act (na,), slot (m,) their places in act or -1; the diagonal times 1 + shift.
+    """M_AA = L D L^T for the rows act (na,), slot (m,) their places in act or -1; the diagonal
+    times 1 + shift.
 
-    A row whose squared sine to the rows before it is at most `tol` depends on them: D = 0 there, and `back` gives it
-    the multiplier 0. Returns (L by columns: start, count, row, value), D. Up-looking, after T. Davis, Algorithm 849
-    (ACM TOMS 31(4), 2005).
+    A row whose squared sine to the rows before it is at most `tol` depends on them: D = 0 there,
+    and `back` gives it the multiplier 0. Returns (L by columns: start, count, row, value), D.
+    Up-looking, after T. Davis, Algorithm 849 (ACM TOMS 31(4), 2005).
     """
     na = act.size
     parent, start = _symbolic(act, slot, ptr, cols, tptr, trow)

@@ -1,7 +1,9 @@
-"""Seconds of several runs, measured in one interleaved series: ratios that a noisy machine can be asked for.
+"""Seconds of several runs, measured in one interleaved series: ratios that a noisy machine can be
+asked for.
 
-Every round runs each of them once, beginning with another one each time; a disturbance meets all of them alike. A ratio
-is the median of the ratios within rounds (not the ratio of medians), and comes with its quartiles.
+Every round runs each of them once, beginning with another one each time; a disturbance meets all of
+them alike. A ratio is the median of the ratios within rounds (not the ratio of medians), and comes
+with its quartiles.
 """
 
 from __future__ import annotations
@@ -16,15 +18,18 @@ import numpy as np
 ROUNDS = 7
 FEWEST = 3  # of rounds: quartiles of less say nothing
 TURNS = 0.03  # seconds: what the turns of one row may take together, if they are not FEWEST
-LONG = 0.02  # seconds: a run that takes longer is timed once; several slices of a scheduler average out within
+# seconds: a run that takes longer is timed once; several slices of a scheduler average out within
+LONG = 0.02
 AGAIN = 5e-3  # seconds: a preparation that is quicker hides no compilation
-LEAST = 0.02  # seconds: a run that is shorter is repeated within its turn until the turn lasts this long
+# seconds: a run that is shorter is repeated within its turn until the turn lasts this long
+LEAST = 0.02
 
 _stood = 0.0  # seconds in which the clock of preparations and first calls stood still
 
 
 def stand(seconds: float) -> None:
-    """So long this process has just waited for what another one compiles: that is no time of the run it waited in."""
+    """So long this process has just waited for what another one compiles: that is no time of the
+    run it waited in."""
     global _stood
     _stood += seconds
 
@@ -67,7 +72,8 @@ class Ratio:
 
 
 def rounds_of(seconds: float) -> int:
-    """In how many rounds a run of this length is timed for its row: 1 (beyond LONG), or FEWEST to ROUNDS."""
+    """In how many rounds a run of this length is timed for its row: 1 (beyond LONG), or FEWEST to
+    ROUNDS."""
     return 1 if seconds >= LONG else int(np.clip(TURNS / max(seconds, 1e-9), FEWEST, ROUNDS))
 
 
@@ -86,8 +92,8 @@ def columns(seconds) -> dict:
 def in_rounds(
     runs: list[Callable[[], object]], rounds: list[int], announce: Callable[[int], None]
 ) -> list:
-    """Seconds of every run in its number of rounds, or what it raised in the first one that it did not end; each round
-    begins with another run. announce(i): run i is next."""
+    """Seconds of every run in its number of rounds, or what it raised in the first one that it did
+    not end; each round begins with another run. announce(i): run i is next."""
     out: list[list[float] | Exception] = [[] for _ in runs]
     for r in range(max(rounds, default=0)):
         first = r * len(runs) // max(rounds)
@@ -104,9 +110,9 @@ def in_rounds(
 
 
 def prepared(prepare: Callable[[], Callable]) -> tuple[Callable, dict]:
-    """The run that `prepare()` returns, and what it took: setup_seconds, what every preparation pays, and
-    compile_seconds, what the first one in a process paid beyond it: compilation, loading from caches, imports. They are
-    told apart by preparing twice."""
+    """The run that `prepare()` returns, and what it took: setup_seconds, what every preparation
+    pays, and compile_seconds, what the first one in a process paid beyond it: compilation, loading
+    from caches, imports. They are told apart by preparing twice."""
     start = _now()
     run = prepare()
     first = again = _now() - start
@@ -120,8 +126,8 @@ def prepared(prepare: Callable[[], Callable]) -> tuple[Callable, dict]:
 def first_call(
     run: Callable[[], object], again: Callable[[], None] = lambda: None
 ) -> tuple[object, float, float]:
-    """What `run()` returns, its seconds, and those that numba's compiler took within. A run that compiles is made again,
-    after a call of `again`: its seconds are those of the second call."""
+    """What `run()` returns, its seconds, and those that numba's compiler took within. A run that
+    compiles is made again, after a call of `again`: its seconds are those of the second call."""
     out, seconds, spent = _watched(run)
     if spent > 0.0:
         again()
@@ -166,8 +172,9 @@ def _watched(run):
 def interleaved(
     runs: dict[str, Callable[[], object]], rounds: int = ROUNDS, least: float = LEAST
 ) -> dict[str, Times]:
-    """Seconds of each run, by name, over `rounds` rounds. Each is run once before, untimed, and that call tells how
-    often it must be repeated in its turn to last `least` seconds. Runs must be ready: prepared and compiled.
+    """Seconds of each run, by name, over `rounds` rounds. Each is run once before, untimed, and
+    that call tells how often it must be repeated in its turn to last `least` seconds. Runs must be
+    ready: prepared and compiled.
 
     Raises ValueError for no runs or fewer than one round.
     """
@@ -191,6 +198,7 @@ def _seconds(run, repeats):
 
 
 def ratio(one: Times, other: Times) -> Ratio:
-    """Seconds of `one` over seconds of `other`, round by round; both from the same interleaved series."""
+    """Seconds of `one` over seconds of `other`, round by round; both from the same interleaved
+    series."""
     low, middle, high = np.percentile(one.seconds / other.seconds, (25, 50, 75))
     return Ratio(float(middle), float(low), float(high))

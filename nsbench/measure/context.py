@@ -1,4 +1,5 @@
-"""What all runs of one case are measured against: its reference, events, scene, uniqueness; made once per case."""
+"""What all runs of one case are measured against: its reference, events, scene, uniqueness; made
+once per case."""
 
 from __future__ import annotations
 
@@ -21,8 +22,10 @@ _frames: weakref.WeakKeyDictionary = weakref.WeakKeyDictionary()
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """ref or None; scene (complementarity only); quiet (k - 1,): intervals outside the windows around events;
-    unique: are the multipliers (None without a reference); active: ids with a gap of zero at each sample."""
+    """ref or None; scene (complementarity only); quiet (k - 1,): intervals outside the windows
+    around events;
+    unique: are the multipliers (None without a reference); active: ids with a gap of zero at each
+    sample."""
 
     case: Case
     ref: Reference | None
@@ -58,7 +61,8 @@ def _make(case: Case) -> Frame:
 
 
 def event_times(case: Case, ref: Reference) -> np.ndarray:
-    """Times of the reference's events; where it has none to tell, the samples at which a contact starts or stops."""
+    """Times of the reference's events; where it has none to tell, the samples at which a contact
+    starts or stops."""
     if ref.events is not None:
         return np.array([e.t for e in ref.events])
     if ref.impulse is None:
@@ -67,7 +71,8 @@ def event_times(case: Case, ref: Reference) -> np.ndarray:
 
 
 def pattern(problem, t, impulse) -> np.ndarray:
-    """(k - 1, m): which multipliers act in each interval (Filippov: 0, 2 or, for a weight in between, 1)."""
+    """(k - 1, m): which multipliers act in each interval (Filippov: 0, 2 or, for a weight in
+    between, 1)."""
     mean = np.diff(impulse, axis=0) / np.diff(t)[:, None]
     if isinstance(problem, Filippov):
         return (mean > 1e-9).astype(int) + (mean > 1 - 1e-9)
@@ -126,12 +131,14 @@ def near_of(scene: Scene, contacts) -> Near:
 
 
 def tolerance(ref: Reference) -> float:
-    """A gap below this is closed: ten times the reference's own error, and 1e-10 of the largest coordinate."""
+    """A gap below this is closed: ten times the reference's own error, and 1e-10 of the largest
+    coordinate."""
     return 10.0 * ref.state_error + 1e-10 * max(1.0, float(np.abs(ref.x).max(initial=0.0)))
 
 
 def _active(case, ref, scene) -> tuple:
-    """Per sample: canonical ids of closed contacts (complementarity), acting diodes (LCS), surfaces at zero."""
+    """Per sample: canonical ids of closed contacts (complementarity), acting diodes (LCS), surfaces
+    at zero."""
     tol = tolerance(ref)
     out = []
     p = case.problem
@@ -160,7 +167,8 @@ def _active(case, ref, scene) -> tuple:
 
 
 def _independent(case, ref, scene, k, active) -> bool:
-    """Do the multipliers of the active contacts follow from the motion at sample k? Full column rank, by SVD."""
+    """Do the multipliers of the active contacts follow from the motion at sample k? Full column
+    rank, by SVD."""
     p = case.problem
     if not active:
         return True
@@ -187,7 +195,8 @@ def _independent(case, ref, scene, k, active) -> bool:
 
 
 def full_rank(G) -> bool:
-    """Are the rows of the sparse G independent (singular values, relative 1e-10, per connected group of rows)?"""
+    """Are the rows of the sparse G independent (singular values, relative 1e-10, per connected
+    group of rows)?"""
     from scipy.sparse.csgraph import connected_components
 
     size = abs(G)

@@ -45,26 +45,32 @@ MEASURED = ("ok", "unverified", "degenerate", "below_reference")  # statuses of 
 def errors(case: Case, traj: Trajectory) -> dict:
     """Errors and residuals of one run, NaN where one has no meaning.
 
-    state_sup, state_T: max norm, over all samples and at the last; impulse, reaction: largest difference of the
-    cumulative impulse of any contact, of the cumulative reaction in any coordinate, at any sample (contacts are
-    matched by id, one that is absent has none); l1: sum over sample intervals and contacts of |difference of the
-    impulse in the interval|, which is the L1 distance of interval means; settled: largest difference of interval
-    means of a multiplier outside windows of 2 sample spacings around the reference's events; sup: the same
-    everywhere, a diagnostic (no order at jumps); event_time, events_missed, events_extra: see `event_errors`.
+    state_sup, state_T: max norm, over all samples and at the last; impulse, reaction: largest
+    difference of the cumulative impulse of any contact, of the cumulative reaction in any
+    coordinate, at any sample (contacts are matched by id, one that is absent has none); l1: sum
+    over sample intervals and contacts of |difference of the impulse in the interval|, which is the
+    L1 distance of interval means; settled: largest difference of interval means of a multiplier
+    outside windows of 2 sample spacings around the reference's events; sup: the same everywhere, a
+    diagnostic (no order at jumps); event_time, events_missed, events_extra: see `event_errors`.
 
-    lam_own, lam_at_start, lam_at_mid, lam_at_end, lam_mean, lam_floor: the multiplier of single steps against the exact
-    one at the method's own time label and at the others, see `measure.labels`.
-    set_distance: of the samples from the set of all solutions, in the place of state_sup where there are many (the
-    case's `distance`, see Case).
+    lam_own, lam_at_start, lam_at_mid, lam_at_end, lam_mean, lam_floor: the multiplier of single
+    steps against the exact one at the method's own time label and at the others, see
+    `measure.labels`.
+    set_distance: of the samples from the set of all solutions, in the place of state_sup where
+    there are many (the case's `distance`, see Case).
 
-    multipliers_unique: rank of the active gradients along the reference (None without one). Where False, impulse, l1,
-    settled and sup are NaN: the reaction's error stands in their place, polyhedron is the distance of the multipliers
-    to the set of all, selection the one to its smallest element, no error.
-    state_floor, impulse_floor, reaction_floor, event_floor: ten times the reference's own error; errors below say
-    nothing, and `below` names those that are (see `below_reference`); whoever prints one prints the floor. state_scale,
-    impulse_scale: at least 1, and the largest value of the reference, which rounding is relative to.
-    reference: "closed form", "stored" or "none". feasibility, sign, complementarity, residual: see `residuals`.
-    A run that did not reach T has residuals only. BadReference (a ValueError) if the stored reference is unusable.
+    multipliers_unique: rank of the active gradients along the reference (None without one). Where
+    False, impulse, l1, settled and sup are NaN: the reaction's error stands in their place,
+    polyhedron is the distance of the multipliers to the set of all, selection the one to its
+    smallest element, no error.
+    state_floor, impulse_floor, reaction_floor, event_floor: ten times the reference's own error;
+    errors below say nothing, and `below` names those that are (see `below_reference`); whoever
+    prints one prints the floor. state_scale, impulse_scale: at least 1, and the largest value of
+    the reference, which rounding is relative to.
+    reference: "closed form", "stored" or "none". feasibility, sign, complementarity, residual: see
+    `residuals`.
+    A run that did not reach T has residuals only. BadReference (a ValueError) if the stored
+    reference is unusable.
     """
     made = frame(case)
     ref = made.ref
@@ -101,7 +107,8 @@ def errors(case: Case, traj: Trajectory) -> dict:
 
 
 def below_reference(row: dict, t: np.ndarray) -> list[str]:
-    """Names of the errors in `row` that lie below ten times what the reference's own error can make of them."""
+    """Names of the errors in `row` that lie below ten times what the reference's own error can make
+    of them."""
     k = len(t) - 1
     gap = float(np.diff(t).min())
     floors = {
@@ -110,7 +117,8 @@ def below_reference(row: dict, t: np.ndarray) -> list[str]:
         "impulse": row["impulse_floor"],
         "reaction": row["reaction_floor"],
         "event_time": row["event_floor"],
-        # differences of two cumulative impulses: summed over the intervals, or over the shortest of them
+        # differences of two cumulative impulses: summed over the intervals, or over the shortest of
+        # them
         "l1": 2 * k * row["impulse_floor"],
         "settled": 2 * row["impulse_floor"] / gap,
         "sup": 2 * row["impulse_floor"] / gap,

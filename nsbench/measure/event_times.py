@@ -9,8 +9,8 @@ from nsbench.trajectory import Event
 
 
 def match(found: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-    """Pairs of two increasing sequences of times, as many as the shorter one has, in order and with the least sum of
-    differences (dynamic programming): the differences."""
+    """Pairs of two increasing sequences of times, as many as the shorter one has, in order and with
+    the least sum of differences (dynamic programming): the differences."""
     if len(found) > len(wanted):
         found, wanted = wanted, found
     m = len(found)
@@ -36,11 +36,12 @@ def match(found: np.ndarray, wanted: np.ndarray) -> np.ndarray:
 def event_errors(
     problem, found: tuple[Event, ...], wanted: tuple[Event, ...]
 ) -> tuple[float, int, int]:
-    """Largest difference of matched times (NaN without any), reference events that were missed, events too many.
+    """Largest difference of matched times (NaN without any), reference events that were missed,
+    events too many.
 
-    Events are matched within one kind and contact; a pivot is none: it changes the basis among redundant contacts, which
-    is a selection; reference times of unknown kind with any event, and then no event
-    counts as one too many (several contacts may close at one such time).
+    Events are matched within one kind and contact; a pivot is none: it changes the basis among
+    redundant contacts, which is a selection; reference times of unknown kind with any event, and
+    then no event counts as one too many (several contacts may close at one such time).
     """
     found, wanted = ([e for e in events if e.kind != "pivot"] for events in (found, wanted))
     if any(not e.kind for e in wanted):

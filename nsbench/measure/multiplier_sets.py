@@ -1,4 +1,5 @@
-"""Multipliers that are not unique: distance to the set {mu >= 0, G mu = r, supp mu in A}, and its smallest point."""
+"""Multipliers that are not unique: distance to the set {mu >= 0, G mu = r, supp mu in A}, and its
+smallest point."""
 
 from __future__ import annotations
 
@@ -12,7 +13,8 @@ from nsbench.reference import canonical
 
 @dataclass(frozen=True, eq=False)
 class Polyhedron:
-    """mu = base + Z y, mu >= -slack; base: the least-squares solution of G^T mu = r, Z (m, z): null space of G^T."""
+    """mu = base + Z y, mu >= -slack; base: the least-squares solution of G^T mu = r, Z (m, z): null
+    space of G^T."""
 
     base: np.ndarray
     Z: np.ndarray
@@ -21,9 +23,9 @@ class Polyhedron:
     def nearest(self, lam: np.ndarray) -> np.ndarray | None:
         """The point of the set nearest to lam (m,), None if the set is empty.
 
-        Within the affine hull the free optimum is y0 = Z^T (lam - base); what is left is a least-distance problem
-        min |z|, Z z >= -(base + Z y0) - slack, solved as a non-negative least-squares problem (Lawson & Hanson 1974,
-        chapter 23).
+        Within the affine hull the free optimum is y0 = Z^T (lam - base); what is left is a
+        least-distance problem min |z|, Z z >= -(base + Z y0) - slack, solved as a non-negative
+        least-squares problem (Lawson & Hanson 1974, chapter 23).
         """
         from scipy.optimize import nnls
 
@@ -33,7 +35,8 @@ class Polyhedron:
             return self.base + self.Z @ y
         if not self.Z.shape[1]:
             return None
-        # scaled so that the right-hand side is of the size of Z: the distance is the scale times the solution's
+        # scaled so that the right-hand side is of the size of Z: the distance is the scale times
+        # the solution's
         size = float(np.abs(need).max())
         E = np.vstack([self.Z.T, need[None] / size])
         rhs = np.append(np.zeros(self.Z.shape[1]), 1.0)
@@ -53,9 +56,11 @@ def polyhedron(G: np.ndarray, r: np.ndarray, slack: float, rank: float = 1e-10) 
 
 
 def resting(frame: Frame) -> list:
-    """Intervals where the reference has one set of contacts and constant gradients: (interval, ids, polyhedron, least).
+    """Intervals where the reference has one set of contacts and constant gradients: (interval, ids,
+    polyhedron, least).
 
-    Constant: the gradients at both ends differ by no more than the gap tolerance. least: the least-norm multiplier.
+    Constant: the gradients at both ends differ by no more than the gap tolerance. least: the
+    least-norm multiplier.
     """
     if "resting" not in frame.cache:
         frame.cache["resting"] = list(_resting(frame))
@@ -90,8 +95,8 @@ def _resting(frame):
 
 
 def selection(frame: Frame, traj) -> tuple[float, float]:
-    """Largest Euclidean distance of the interval means of lambda to the least-norm multiplier (the selection, never an
-    error) and to the set of multipliers; NaN where no interval rests."""
+    """Largest Euclidean distance of the interval means of lambda to the least-norm multiplier (the
+    selection, never an error) and to the set of multipliers; NaN where no interval rests."""
     worst = [np.nan, np.nan]
     column = {canonical(frame.case.problem, c): k for k, c in enumerate(traj.contacts)}
     for k, ids, found, least in resting(frame):

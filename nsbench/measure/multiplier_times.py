@@ -1,14 +1,17 @@
-"""The multiplier of single steps against the exact one at its own time in the step, and what other times would cost.
+"""The multiplier of single steps against the exact one at its own time in the step, and what other
+times would cost.
 
-A step of length h that ends at a sample has one multiplier: its impulse divided by h (Trajectory.lam). It is compared
-with the exact multiplier at the start, the middle and the end of that step and with its mean over the step; which of
-the four is right belongs to the method (Trajectory.lam_time). A method may be of order two at its own label and of
-order one at all others: |lambda'| h / 2 is what half a step costs. Methods without steps (label "mean") have their
-mean over the sample interval taken for the step.
+A step of length h that ends at a sample has one multiplier: its impulse divided by h
+(Trajectory.lam). It is compared with the exact multiplier at the start, the middle and the end of
+that step and with its mean over the step; which of the four is right belongs to the method
+(Trajectory.lam_time). A method may be of order two at its own label and of order one at all others:
+|lambda'| h / 2 is what half a step costs. Methods without steps (label "mean") have their mean over
+the sample interval taken for the step.
 
-The exact multiplier at a time is the derivative of `exact_impulse`, by central differences of order eight at four
-spacings; the two that agree best are taken, and what they differ by is the error. Samples count whose interval lies
-outside the windows around events, so that nothing jumps within the differences, which reach one sample spacing.
+The exact multiplier at a time is the derivative of `exact_impulse`, by central differences of order
+eight at four spacings; the two that agree best are taken, and what they differ by is the error.
+Samples count whose interval lies outside the windows around events, so that nothing jumps within
+the differences, which reach one sample spacing.
 """
 
 from __future__ import annotations
@@ -27,7 +30,8 @@ SPACINGS = (1 / 4, 1 / 8, 1 / 16, 1 / 32)  # of their nodes, in sample spacings
 
 
 def nodal(case, t: np.ndarray, spacing: float) -> tuple[np.ndarray, np.ndarray]:
-    """(k, m) exact multipliers at the times t and estimates of their error, from exact_impulse within one spacing."""
+    """(k, m) exact multipliers at the times t and estimates of their error, from exact_impulse
+    within one spacing."""
     guesses = []
     for part in SPACINGS:
         d = part * spacing
@@ -48,8 +52,8 @@ def _impulse(case, t):
 
 
 def at_labels(made: Frame, traj: Trajectory) -> dict:
-    """Largest differences at the labels, NaN where there is nothing to compare; lam_floor: ten times the error of the
-    exact multiplier."""
+    """Largest differences at the labels, NaN where there is nothing to compare; lam_floor: ten
+    times the error of the exact multiplier."""
     case = made.case
     t = made.case.t
     if case.exact_impulse is None or (traj.lam is None and traj.lam_time != "mean"):

@@ -1,4 +1,5 @@
-"""Integrals over sample intervals of a function known at the samples, each with a bound of its own error."""
+"""Integrals over sample intervals of a function known at the samples, each with a bound of its own
+error."""
 
 from __future__ import annotations
 
@@ -8,7 +9,8 @@ NODES = 6
 
 
 def kinked_intervals(t: np.ndarray, changed: np.ndarray, events) -> np.ndarray:
-    """(k - 1,): intervals inside which x' may jump: on both sides of a change of pattern, and those with an event."""
+    """(k - 1,): intervals inside which x' may jump: on both sides of a change of pattern, and those
+    with an event."""
     kinked = np.zeros(len(t) - 1, bool)
     kinked[:-1] |= changed
     kinked[1:] |= changed
@@ -20,16 +22,19 @@ def kinked_intervals(t: np.ndarray, changed: np.ndarray, events) -> np.ndarray:
 def integrals(t: np.ndarray, F: np.ndarray, kinked: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Integrals of F (k, n) over the intervals, and bounds (k - 1, n) of their error.
 
-    In a smooth stretch: the polynomial through up to six samples around the interval, which reaches no kinked one;
-    bound: the largest change around when an end node is left out (order six, judged as if five). Else the trapezoid;
-    bound: L D^2 / 4, which holds for every F with |F'| <= L, with the largest slope over this interval and the two on
-    each side for L (before and after a kink F moves as it does there).
+    In a smooth stretch: the polynomial through up to six samples around the interval, which reaches
+    no kinked one;
+    bound: the largest change around when an end node is left out (order six, judged as if five).
+    Else the trapezoid;
+    bound: L D^2 / 4, which holds for every F with |F'| <= L, with the largest slope over this
+    interval and the two on each side for L (before and after a kink F moves as it does there).
     """
     D = np.diff(t)[:, None]
     value = 0.5 * D * (F[1:] + F[:-1])
     bound = 0.25 * D**2 * around(np.abs(np.diff(F, axis=0)) / D)
     smooth = np.zeros_like(bound)
-    # rounding of t + dt leaves spacings that differ in their last digits; to the rule they are equal
+    # rounding of t + dt leaves spacings that differ in their last digits; to the rule they are
+    # equal
     weights: dict = {}
     for k in np.flatnonzero(~kinked):
         lo = k
@@ -68,6 +73,7 @@ def around(values: np.ndarray) -> np.ndarray:
 
 
 def _weights(s: np.ndarray) -> np.ndarray:
-    """Weights of the rule on nodes s that is exact for polynomials, for the integral from 0 to 1."""
+    """Weights of the rule on nodes s that is exact for polynomials, for the integral from 0 to
+    1."""
     powers = np.arange(len(s))
     return np.linalg.solve(s[None, :] ** powers[:, None], 1.0 / (powers + 1.0))

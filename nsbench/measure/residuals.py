@@ -1,24 +1,29 @@
 """Residuals that need no reference: feasibility, sign, complementarity, and the equation itself.
 
-All are in the units of the case and computed from samples and impulses alone. Interval means of the multipliers are
-impulse increments over the sample spacing D.
+All are in the units of the case and computed from samples and impulses alone. Interval means of the
+multipliers are impulse increments over the sample spacing D.
 
-feasibility       max over samples of max_k (-g_k)^+; LCS: of the interval means of -w, and at samples in rows without
+feasibility       max over samples of max_k (-g_k)^+; LCS: of the interval means of -w, and at
+samples in rows without
                   lam; Filippov: none (NaN)
 sign              least interval mean of a multiplier; Filippov: least of theta and 1 - theta
-complementarity   largest over intervals of (gap at both ends)^+ x mean multiplier; Filippov: c^+ (1 - theta) and
-                  (-c)^+ theta; LCS: mean w x mean lam where nothing switches. A contact that acts and lets go between
-                  two samples is seen with an error of O(D^2)
-residual          largest over intervals of (|x_{k+1} - x_k - int f - (R_{k+1} - R_k)| - q)^+ / D, a velocity, and of
-                  the same for R_{k+1} - R_k = sum of impulse x gradient; int f by quadrature over the samples, whose
-                  error is at most q (see quadrature; order six, and two at kinks). Of the order of the method, down
-                  to O(D^2) in intervals that hold several events, which samples D apart cannot tell from a defect.
-                  Filippov: distance of (x_{k+1} - x_k) / D to the convex hull of the fields' means, over the modes
-                  that the weights theta allow (between 0 and 1: both sides); a mean of products is not the product
-                  of means, which is allowed for by a quarter of the product of both ranges, O(D^2) for smooth theta
+complementarity   largest over intervals of (gap at both ends)^+ x mean multiplier; Filippov: c^+ (1
+- theta) and
+                  (-c)^+ theta; LCS: mean w x mean lam where nothing switches. A contact that acts
+                  and lets go between two samples is seen with an error of O(D^2)
+residual          largest over intervals of (|x_{k+1} - x_k - int f - (R_{k+1} - R_k)| - q)^+ / D, a
+velocity, and of
+                  the same for R_{k+1} - R_k = sum of impulse x gradient; int f by quadrature over
+                  the samples, whose error is at most q (see quadrature; order six, and two at
+                  kinks). Of the order of the method, down to O(D^2) in intervals that hold several
+                  events, which samples D apart cannot tell from a defect.
+                  Filippov: distance of (x_{k+1} - x_k) / D to the convex hull of the fields' means,
+                  over the modes that the weights theta allow (between 0 and 1: both sides); a mean
+                  of products is not the product of means, which is allowed for by a quarter of the
+                  product of both ranges, O(D^2) for smooth theta
 
-With two samples, how an integrand moves between them is not known: what needs a quadrature (the residual; feasibility and
-complementarity of an LCS) is NaN.
+With two samples, how an integrand moves between them is not known: what needs a quadrature (the
+residual; feasibility and complementarity of an LCS) is NaN.
 """
 
 from __future__ import annotations
@@ -40,12 +45,14 @@ NAMES = ("feasibility", "sign", "complementarity", "residual")
 
 
 def residuals(frame: Frame, traj: Trajectory) -> dict:
-    """The four residuals over the samples before the first that is not finite; NaN where there are fewer than two."""
+    """The four residuals over the samples before the first that is not finite; NaN where there are
+    fewer than two."""
     return _measured(frame, traj)[0]
 
 
 def interval_residuals(frame: Frame, traj: Trajectory) -> np.ndarray:
-    """(k - 1,) the residual of each interval, a velocity, of which `residual` is the largest; NaN where it has none."""
+    """(k - 1,) the residual of each interval, a velocity, of which `residual` is the largest; NaN
+    where it has none."""
     return _measured(frame, traj)[1]
 
 
@@ -108,10 +115,12 @@ def _equation(frame, t, x, impulse, reaction, kinked, contacts) -> np.ndarray:
 
 
 def _gaps(frame, contacts, t, x, impulse, reaction, lam):
-    """Feasibility, complementarity, and how far the reaction is from impulse x gradient (per unit of time).
+    """Feasibility, complementarity, and how far the reaction is from impulse x gradient (per unit
+    of time).
 
-    The gradient of an interval is the mean of both ends. What that may be wrong by is bounded by half the largest
-    change of the gradient over this interval and the two on each side, times the impulse.
+    The gradient of an interval is the mean of both ends. What that may be wrong by is bounded by
+    half the largest change of the gradient over this interval and the two on each side, times the
+    impulse.
     """
     scene = frame.scene
     worst = max(scene.deepest(a, b) for a, b in zip(t, x, strict=True))
@@ -132,7 +141,8 @@ def _gaps(frame, contacts, t, x, impulse, reaction, lam):
 
 
 class _Gradients:
-    """Gradients of the contacts of `near` at the samples, as the entries of one sparse pattern that all samples share.
+    """Gradients of the contacts of `near` at the samples, as the entries of one sparse pattern that
+    all samples share.
 
     Only the samples around the interval asked for last are kept: these are the largest arrays here.
     """
@@ -185,14 +195,16 @@ def _lcs_push(problem, contacts, impulse):
 
 
 def _switched(p, v, lam):
-    """(k - 1,) intervals in which a lam acts that is 0 at one of both ends: there w > 0, whatever lam >= 0 is."""
+    """(k - 1,) intervals in which a lam acts that is 0 at one of both ends: there w > 0, whatever
+    lam >= 0 is."""
     apart = (v > OPEN * np.abs(v).max(axis=0, initial=0.0)) & (p.D >= 0.0).all(axis=1)
     acts = lam > OPEN * np.abs(lam).max(initial=0.0)
     return ((apart[1:] ^ apart[:-1]) & acts).any(axis=1)
 
 
 def _lcs(frame, contacts, t, x, impulse, reaction, lam, kinked):
-    """As _gaps. w has interval means by the quadrature of C x + q, less its bound; rows without lam count at samples.
+    """As _gaps. w has interval means by the quadrature of C x + q, less its bound; rows without lam
+    count at samples.
     Complementarity is a product of means, so it is looked at where nothing switches."""
     p = frame.case.problem
     q = host(p.q) if p.q else lambda s: 0.0
@@ -258,8 +270,9 @@ def _inclusion(case, contacts, t, x, impulse, kinked):
 
 
 def _mixing(theta, F) -> np.ndarray:
-    """(k - 1,) bound of |mean of theta x field - mean theta x mean field|: a quarter of the product of both ranges
-    (Gruess), the range of theta taken from the neighbouring means, that of the fields' difference from the samples."""
+    """(k - 1,) bound of |mean of theta x field - mean theta x mean field|: a quarter of the product
+    of both ranges (Gruess), the range of theta taken from the neighbouring means, that of the
+    fields' difference from the samples."""
     out = np.zeros(len(theta))
     swing = around(np.abs(np.diff(theta, axis=0, append=theta[-1:])))
     for i in range(theta.shape[1]):

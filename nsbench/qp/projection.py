@@ -1,4 +1,5 @@
-"""The least-distance problem of a step or a start by active sets: its rows, its answer, and the projector of this package.
+"""The least-distance problem of a step or a start by active sets: its rows, its answer, and the
+projector of this package.
 
 min 1/2 |d|^2  s.t.  q + G d >= 0        d = G^T mu,    0 <= mu  _|_  q + G d >= 0
 """
@@ -12,7 +13,8 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Answer:
-    """mu (m,), d (n,) as the solver gave them, code ("solved", "infeasible", "maxiter") and its iterations."""
+    """mu (m,), d (n,) as the solver gave them, code ("solved", "infeasible", "maxiter") and its
+    iterations."""
 
     mu: np.ndarray
     d: np.ndarray
@@ -21,9 +23,11 @@ class Answer:
 
 
 class Rows:
-    """G by entries: row (e,), cols (e,) and vals (e,), rows in order, columns in order in every row, ptr (m + 1,).
+    """G by entries: row (e,), cols (e,) and vals (e,), rows in order, columns in order in every
+    row, ptr (m + 1,).
 
-    A product costs two numpy calls: a csr_array checks itself at every step of its life, for longer than a small QP takes.
+    A product costs two numpy calls: a csr_array checks itself at every step of its life, for longer
+    than a small QP takes.
     """
 
     def __init__(self, row, cols, shape):
@@ -72,7 +76,8 @@ class Rows:
 
 
 class ActiveSet:
-    """nsbench.qp.kernels.dispatch, as in the compiled loop; rounds of factorisation are its iterations."""
+    """nsbench.qp.kernels.dispatch, as in the compiled loop; rounds of factorisation are its
+    iterations."""
 
     def __init__(self, eps=None, max_iter=None):
         self._key = None

@@ -1,4 +1,5 @@
-"""References: a closed form where the case has one, else a stored one made by two methods that agree."""
+"""References: a closed form where the case has one, else a stored one made by two methods that
+agree."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Make a stored reference: a certificate where the scene is small, else two integrators that agree and a witness."""
+"""Make a stored reference: a certificate where the scene is small, else two integrators that agree
+and a witness."""
 
 from __future__ import annotations
 
@@ -34,14 +35,16 @@ def build(
     witness: str | None = "auto",
     kind: str = "auto",
 ) -> Reference:
-    """Compute a reference and store it. kind "certified": a proof (ValueError where it cannot be made); "runs": two runs
-    that agree; "auto": the first, or the second with the reason why.
+    """Compute a reference and store it. kind "certified": a proof (ValueError where it cannot be
+    made); "runs": two runs that agree; "auto": the first, or the second with the reason why.
 
-    Two runs: the first one is kept; its own error is SAFETY times the largest difference of the two in state, impulse,
-    reaction and event times. Impulses may differ (multipliers that are not unique); their bound says so. witness: a
-    method of another kind, which shares no code with the event-driven core ("auto": pbd with constraints, else euler);
-    its distance must shrink when its step is divided by four. ValueError where a run is not ok, the two differ by more
-    than `limit` relative to the largest state, or the witness does not come closer.
+    Two runs: the first one is kept; its own error is SAFETY times the largest difference of the two
+    in state, impulse, reaction and event times. Impulses may differ (multipliers that are not
+    unique); their bound says so. witness: a method of another kind, which shares no code with the
+    event-driven core ("auto": pbd with constraints, else euler);
+    its distance must shrink when its step is divided by four. ValueError where a run is not ok, the
+    two differ by more than `limit` relative to the largest state, or the witness does not come
+    closer.
     """
     if not case.unique:
         raise ValueError(f"{case.key} has no unique solution: no reference is allowed")
@@ -69,7 +72,8 @@ def build(
 
 
 def certified(case: Case) -> Reference:
-    """The certified reference, compared with a run of the fast method; ValueError if that is elsewhere."""
+    """The certified reference, compared with a run of the fast method; ValueError if that is
+    elsewhere."""
     ref = certificates.certify(case).reference
     run = _run(case, *METHODS[0])
     state, reaction, _, _ = differences(case, ref, run)
@@ -116,8 +120,9 @@ def _two_runs(case, methods, limit, witness) -> Reference:
 def verify(case: Case, folder=None, methods=METHODS, certify: bool = False) -> str:
     """Compute what is stored again: a sentence, or ValueError if it disagrees.
 
-    By default runs: the second method must be within the bound of two runs, and of a certified reference within the
-    bound and SPREAD times the difference of both methods. certify=True makes a certified reference anew, proof and all.
+    By default runs: the second method must be within the bound of two runs, and of a certified
+    reference within the bound and SPREAD times the difference of both methods. certify=True makes a
+    certified reference anew, proof and all.
     """
     ref = load(case, folder)
     if ref is None:
@@ -203,7 +208,8 @@ def _witness(case, ref, spec, scale) -> str:
     far, near = (
         float(np.abs(solvers.solve(case, spec, h=spacing / n).x - ref.x).max()) for n in steps
     )
-    # an exact witness has nothing to come closer with; else first order promises a quarter, half is asked
+    # an exact witness has nothing to come closer with; else first order promises a quarter, half is
+    # asked
     if not (near <= 1e-9 * scale or near <= 0.5 * far):
         raise ValueError(
             f"{case.key}: {spec} is {far:.2e} away with {steps[0]} steps per sample and {near:.2e} with "

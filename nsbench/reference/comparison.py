@@ -15,7 +15,8 @@ FORMULA = 256 * float(
 
 
 def bounded_by(case: Case, closed: Reference, proof: Reference) -> Reference:
-    """A closed form with the bounds that a certificate of the same case gives; ValueError if the two disagree.
+    """A closed form with the bounds that a certificate of the same case gives; ValueError if the
+    two disagree.
 
     Allowed is what rounding may do to formulas of a dozen operations on rounded times.
     """
@@ -61,8 +62,8 @@ def bounded_by(case: Case, closed: Reference, proof: Reference) -> Reference:
 
 
 def differences(case, a, b) -> tuple[float, float, float, float]:
-    """Largest differences in state, reaction (0 for a Filippov system), impulse and event times (NaN where the two do
-    not have the same events in the same order)."""
+    """Largest differences in state, reaction (0 for a Filippov system), impulse and event times
+    (NaN where the two do not have the same events in the same order)."""
     state = float(np.abs(a.x - b.x).max())
     reaction = 0.0
     if a.reaction is not None and b.reaction is not None and a.reaction.size:

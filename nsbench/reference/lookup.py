@@ -12,11 +12,13 @@ from nsbench.reference.storage import BadReference, OtherVersion, load
 
 
 def reference(case: Case, folder=None) -> Reference | None:
-    """The closed form, else the stored reference, else None (always None where the solution is not unique).
+    """The closed form, else the stored reference, else None (always None where the solution is not
+    unique).
 
-    BadReference (a ValueError) if the stored one is broken or of another version. What a closed form does not tell
-    (impulses, events) comes from the stored reference, if there is one; where that is a certificate, the bound of the
-    closed form is the distance to it and the certificate's own bound: proven, and not only a count of roundings.
+    BadReference (a ValueError) if the stored one is broken or of another version. What a closed
+    form does not tell (impulses, events) comes from the stored reference, if there is one; where
+    that is a certificate, the bound of the closed form is the distance to it and the certificate's
+    own bound: proven, and not only a count of roundings.
     """
     if not case.unique:
         return None
@@ -51,7 +53,8 @@ def check(case: Case) -> None:
 
 
 def _stored(case: Case, folder) -> Reference | None:
-    """The stored reference; none, and not a broken one, where a case of somebody else bears the name of a stored one."""
+    """The stored reference; none, and not a broken one, where a case of somebody else bears the
+    name of a stored one."""
     try:
         return load(case, folder)
     except BadReference:

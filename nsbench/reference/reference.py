@@ -1,4 +1,5 @@
-"""What is known of a solution, and how much of it a closed form gives: states, impulses, events, the reaction."""
+"""What is known of a solution, and how much of it a closed form gives: states, impulses, events,
+the reaction."""
 
 from __future__ import annotations
 
@@ -23,12 +24,16 @@ TWICE = 2
 class Reference:
     """What is known of a solution at the sample times.
 
-    t (k,), x (k, n); contacts: ids of the m columns of impulse (k, m), or impulse None where it is not known;
-    reaction (k, n) or None (Filippov); events: Event with kind "" where only the time is known, or None (unknown).
-    state_error, impulse_error, reaction_error: bounds of its own error (max norm), NaN for what is None.
-    kind: "closed form", "stored" (two runs that agree) or "certified" (proven); how: who made it; versions: of the
-    libraries that did. event_error: bound of the event times, NaN where there are none to tell; shown: further digits of
-    a certified one, {"times": [...], "final": [...]} as decimals.
+    t (k,), x (k, n); contacts: ids of the m columns of impulse (k, m), or impulse None where it is
+    not known;
+    reaction (k, n) or None (Filippov); events: Event with kind "" where only the time is known, or
+    None (unknown).
+    state_error, impulse_error, reaction_error: bounds of its own error (max norm), NaN for what is
+    None.
+    kind: "closed form", "stored" (two runs that agree) or "certified" (proven); how: who made it;
+    versions: of the libraries that did. event_error: bound of the event times, NaN where there are
+    none to tell; shown: further digits of a certified one, {"times": [...], "final": [...]} as
+    decimals.
     """
 
     t: np.ndarray
@@ -58,7 +63,8 @@ class Reference:
 
 
 def closed_form(case: Case) -> Reference:
-    """From case.exact, exact_impulse, exact_events; its own error is the rounding of the formulas."""
+    """From case.exact, exact_impulse, exact_events; its own error is the rounding of the
+    formulas."""
     t = case.t
     x = _checked(case, "exact", case.exact(t), (len(t), case.n))
     scale = max(1.0, float(np.abs(x).max(initial=0.0)))
@@ -119,7 +125,8 @@ def right_hand_side(problem):
 
 
 def listed_contacts(case: Case) -> tuple:
-    """Ids of the rows of the families in order, all pairs excepted; of the surfaces of the other classes."""
+    """Ids of the rows of the families in order, all pairs excepted; of the surfaces of the other
+    classes."""
     p = case.problem
     if isinstance(p, Complementarity):
         from nsbench.dynamics.contacts.constraint_set import Scene
@@ -164,7 +171,8 @@ def _constant_gradients(problem) -> bool:
 
 
 def _along_rows(case, impulse, ids):
-    """The reaction where gradients are rows of A: no quadrature of the drift, which a stiff layer would spoil."""
+    """The reaction where gradients are rows of A: no quadrature of the drift, which a stiff layer
+    would spoil."""
     out = np.zeros((len(impulse), case.n))
     for column, (family, row) in zip(impulse.T, ids, strict=True):
         c = case.problem.constraints[family]
@@ -174,10 +182,11 @@ def _along_rows(case, impulse, ids):
 
 
 def _reaction(case, f, x, events):
-    """R(t) = x(t) - x(t0) - integral of f(s, x(s)) ds on pieces split at the events: (k, n) and a bound of its error.
+    """R(t) = x(t) - x(t0) - integral of f(s, x(s)) ds on pieces split at the events: (k, n) and a
+    bound of its error.
 
-    Gauss rules of 12 nodes; a piece is halved until it agrees with its halves to rounding, at least TWICE: a layer of a
-    stiff drift is thinner than the distance of the nodes.
+    Gauss rules of 12 nodes; a piece is halved until it agrees with its halves to rounding, at least
+    TWICE: a layer of a stiff drift is thinner than the distance of the nodes.
     """
     cuts = np.array([e.t for e in events if case.t[0] < e.t < case.t[-1]])
     knots = np.unique(np.concatenate((case.t, cuts)))

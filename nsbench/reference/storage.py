@@ -1,7 +1,9 @@
-"""Stored references: NAME.npz holds the arrays, NAME.json who made them, how, their own error and a checksum.
+"""Stored references: NAME.npz holds the arrays, NAME.json who made them, how, their own error and a
+checksum.
 
-One belongs to one version of a case: start, sample times, parameters and the text of the case file (without comments
-and docstrings) are kept with it, and one made for another version is refused with a sentence.
+One belongs to one version of a case: start, sample times, parameters and the text of the case file
+(without comments and docstrings) are kept with it, and one made for another version is refused with
+a sentence.
 """
 
 from __future__ import annotations
@@ -30,7 +32,8 @@ KINDS = ("stored", "certified")
 
 
 class BadReference(ValueError):
-    """A stored reference that is broken or belongs to another version of its case; the message names the file."""
+    """A stored reference that is broken or belongs to another version of its case; the message
+    names the file."""
 
 
 class OtherVersion(BadReference):
@@ -153,7 +156,8 @@ def _small_enough(npz: Path, js: Path) -> None:
 
 
 def load(case: Case, folder=None) -> Reference | None:
-    """The stored reference; None if there is none, BadReference if it is broken or of another version of the case."""
+    """The stored reference; None if there is none, BadReference if it is broken or of another
+    version of the case."""
     npz, js = files_of(case, folder)
     if not npz.exists() and not js.exists():
         return None

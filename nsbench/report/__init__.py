@@ -2,8 +2,9 @@
 
     write_report("results", "results/report.html")
 
-reads results/runs.parquet (and cases.json, solvers.json, env.json, extra.json, figures/scene_*.svg where they
-exist) and writes the page, the same as Markdown beside it, and one SVG per case in ``figures/``.
+reads results/runs.parquet (and cases.json, solvers.json, env.json, extra.json, figures/scene_*.svg
+where they exist) and writes the page, the same as Markdown beside it, and one SVG per case in
+``figures/``.
 """
 
 from __future__ import annotations
@@ -14,11 +15,14 @@ __all__ = ["write_report"]
 
 
 def write_report(study, path=None) -> Path:
-    """Write the report of `study` to `path` (HTML) and beside it the Markdown and the figures; the path written.
+    """Write the report of `study` to `path` (HTML) and beside it the Markdown and the figures; the
+    path written.
 
-    study: a folder of results, a list of folders, a study with ``.rows``, a DataFrame or a list of dict rows.
+    study: a folder of results, a list of folders, a study with ``.rows``, a DataFrame or a list of
+    dict rows.
     path: a file or an existing folder; by default ``report.html`` in the study's folder, or here.
-    Raises FileNotFoundError for a folder without rows and ValueError, naming the file, for one that cannot be read.
+    Raises FileNotFoundError for a folder without rows and ValueError, naming the file, for one that
+    cannot be read.
     A study in which every run failed has a report like any other.
     """
     from nsbench.report.assemble import compose, figures

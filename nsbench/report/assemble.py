@@ -35,8 +35,8 @@ DRAWN = 100  # cases with figures: a page of more could not be opened
 
 @dataclass(frozen=True)
 class Figures:
-    """panels: SVG elements for the page by case; files: standalone SVG by file name; talk: for the page; profiles,
-    scaling: SVG elements of the section on speed."""
+    """panels: SVG elements for the page by case; files: standalone SVG by file name; talk: for the
+    page; profiles, scaling: SVG elements of the section on speed."""
 
     summaries: dict[tuple, Summary]
     looks: dict

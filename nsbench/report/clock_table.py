@@ -1,4 +1,5 @@
-"""The clock of a study, by method: compilation, set-up and run apart, the spread over rounds and the worst of them."""
+"""The clock of a study, by method: compilation, set-up and run apart, the spread over rounds and
+the worst of them."""
 
 from __future__ import annotations
 
@@ -11,7 +12,8 @@ from nsbench.report.tables import Cell, Row, Table
 
 
 def clock_table(data: Data) -> Table:
-    """Method: seconds of compilation in all, of one set-up, of the runs in all; quartiles and worst round over the median."""
+    """Method: seconds of compilation in all, of one set-up, of the runs in all; quartiles and worst
+    round over the median."""
     rows = []
     for solver in data.specs:
         runs = [
@@ -69,7 +71,8 @@ def clock_table(data: Data) -> Table:
 
 
 def shared(data: Data) -> str:
-    """ " N runs ..." if the seconds of some are left out because their workers were shared; otherwise ""."""
+    """ " N runs ..." if the seconds of some are left out because their workers were shared;
+    otherwise ""."""
     count = sum(int((r.col["shared"] == 1.0).sum()) for r in data.runs.values())
     return (
         f" {count} runs were made by shared workers of a cluster: their seconds are stored, and used nowhere."

@@ -1,4 +1,5 @@
-"""Cost at equal error: what a method needs to get, and stay, below an error; ratios only between like loops."""
+"""Cost at equal error: what a method needs to get, and stay, below an error; ratios only between
+like loops."""
 
 from __future__ import annotations
 
@@ -19,8 +20,9 @@ WORK = ("drift_calls", "projections", "inner_iterations")
 class Cost:
     """What `solver` needs for one error. at_most: its coarsest run was already better.
 
-    h: the step (1/k, tolerance: see `accuracy`) that does it. low, high: quartiles of the seconds; rounds: the fewest
-    rounds they come from; session: the run of the bench they were measured in, "" if that is not stored.
+    h: the step (1/k, tolerance: see `accuracy`) that does it. low, high: quartiles of the seconds;
+    rounds: the fewest rounds they come from; session: the run of the bench they were measured in,
+    "" if that is not stored.
     """
 
     solver: str
@@ -37,7 +39,8 @@ class Cost:
 
 
 def work(runs: Runs) -> np.ndarray:
-    """Counted work per run: drift calls + projections + inner iterations (QP solves where those are not counted)."""
+    """Counted work per run: drift calls + projections + inner iterations (QP solves where those are
+    not counted)."""
     parts = {name: runs.col[name] for name in WORK}
     inner = np.where(
         np.isfinite(parts["inner_iterations"]), parts["inner_iterations"], runs.col["qp_solves"]
@@ -88,8 +91,9 @@ def apart(one: Cost, other: Cost) -> str:
 def cost(runs: Runs, target: float, metric: str = "state_sup") -> Cost | None:
     """Cost of an error of `target`, or None if it is not reached.
 
-    The error curve is replaced by its envelope, the largest error over all steps at most h, so that a lucky dip is
-    not a bargain; between two runs cost and step are interpolated in their logarithms.
+    The error curve is replaced by its envelope, the largest error over all steps at most h, so that
+    a lucky dip is not a bargain; between two runs cost and step are interpolated in their
+    logarithms.
     """
     good = runs.good & np.isfinite(runs.col[metric]) & (runs.col["h"] > 0)
     if not good.any():
@@ -132,7 +136,8 @@ def _between(a: float, b: float, share: float) -> float:
 
 
 def costs(data: Data, case: str, target: float) -> list[Cost]:
-    """Methods that reach `target` on `case`: those with compiled loops first, the cheapest in seconds first."""
+    """Methods that reach `target` on `case`: those with compiled loops first, the cheapest in
+    seconds first."""
     found = [c for c in (cost(r, target) for r in data.of_case(case)) if c is not None]
     big = math.inf
     return sorted(
@@ -158,7 +163,8 @@ def setting(c: Cost) -> str:
 
 
 def ratio(one: Cost, other: Cost) -> float | None:
-    """Seconds of `one` over seconds of `other`; None unless both are known and may be compared (`apart`).
+    """Seconds of `one` over seconds of `other`; None unless both are known and may be compared
+    (`apart`).
 
     A method whose coarsest run was already better has no cost at this error, only a bound.
     """
@@ -177,5 +183,6 @@ def step_for_violation(runs: Runs, target: float) -> Cost | None:
 
 
 def with_qp(data: Data) -> set[str]:
-    """Solvers that solve a QP in their steps: the talk's "time-stepping with an internal QP solver"."""
+    """Solvers that solve a QP in their steps: the talk's "time-stepping with an internal QP
+    solver"."""
     return {s for (_, s), r in data.runs.items() if np.any(r.col["qp_solves"] > 0)}

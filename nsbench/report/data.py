@@ -1,4 +1,5 @@
-"""What the report reads: the rows of a study with what is known of its cases, solvers and machine."""
+"""What the report reads: the rows of a study with what is known of its cases, solvers and
+machine."""
 
 from __future__ import annotations
 
@@ -81,7 +82,8 @@ GOOD = ("ok", "below_reference")  # statuses whose errors are numbers
 
 @dataclass(frozen=True)
 class Runs:
-    """All runs of one solver on one case, from the coarsest to the finest; `col` holds one array per column."""
+    """All runs of one solver on one case, from the coarsest to the finest; `col` holds one array
+    per column."""
 
     case: str
     solver: str
@@ -111,11 +113,13 @@ class Runs:
 
     @property
     def violates(self) -> bool:
-        """Does a step size decide how far constraints are violated? 1e-9 is far above rounding, far below use."""
+        """Does a step size decide how far constraints are violated? 1e-9 is far above rounding, far
+        below use."""
         return self.accuracy == "h" and bool(np.any(self.col["feasibility"][self.good] > 1e-9))
 
     def scale(self, metric: str) -> float:
-        """Size of the quantity that `metric` is the error of: what rounding is relative to; 1 if it is not stored."""
+        """Size of the quantity that `metric` is the error of: what rounding is relative to; 1 if it
+        is not stored."""
         values = self.col[
             "state_scale" if metric in ("state_sup", "state_T", "feasibility") else "impulse_scale"
         ]
@@ -123,7 +127,8 @@ class Runs:
         return float(values.max()) if values.size else 1.0
 
     def floor(self, metric: str) -> float:
-        """Below it an error of `metric` says nothing (the reference's own error); 0: exact or no reference."""
+        """Below it an error of `metric` says nothing (the reference's own error); 0: exact or no
+        reference."""
         if metric in LABELS:
             column = "lam_floor"
             values = self.col[column][np.isfinite(self.col[column])]
@@ -144,7 +149,8 @@ class Runs:
 
 @dataclass(frozen=True)
 class Data:
-    """Runs by (case, solver) in the order of the page; cases, solvers and env as stored; pictures: SVG by case."""
+    """Runs by (case, solver) in the order of the page; cases, solvers and env as stored; pictures:
+    SVG by case."""
 
     runs: dict
     cases: dict
@@ -301,9 +307,11 @@ def _word(value) -> str:
 
 
 def columns_of(rows) -> dict:
-    """Dict rows, a DataFrame or a dict of columns -> arrays of all columns; what is missing is NaN or empty.
+    """Dict rows, a DataFrame or a dict of columns -> arrays of all columns; what is missing is NaN
+    or empty.
 
-    Seconds of runs on shared workers are missing, too: nothing that compares seconds gets to see them.
+    Seconds of runs on shared workers are missing, too: nothing that compares seconds gets to see
+    them.
     """
     if hasattr(rows, "columns"):
         rows = {name: rows[name].tolist() for name in rows.columns}
@@ -338,7 +346,8 @@ def _numbers(values) -> np.ndarray:
 
 
 def build(cols: dict, cases=None, solvers=None, env=None, extra=None, files=None) -> Data:
-    """Columns -> Data: runs grouped by case and solver, cases in the order of `cases`, then by name."""
+    """Columns -> Data: runs grouped by case and solver, cases in the order of `cases`, then by
+    name."""
     cases, solvers = (
         {clean(k): v if isinstance(v, dict) else {} for k, v in (d or {}).items()}
         for d in (cases, solvers)

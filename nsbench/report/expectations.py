@@ -1,7 +1,8 @@
-"""Expected against observed: what each method should show on each case, what it shows, and which deviations are known.
+"""Expected against observed: what each method should show on each case, what it shows, and which
+deviations are known.
 
-Known deviations stand in deviations.csv beside this file, with their reason. One that is no longer seen is reported
-like a new one: either way the table and the methods disagree.
+Known deviations stand in deviations.csv beside this file, with their reason. One that is no longer
+seen is reported like a new one: either way the table and the methods disagree.
 """
 
 from __future__ import annotations
@@ -21,9 +22,10 @@ METRICS = ("state", "impulse")
 
 @dataclass(frozen=True)
 class Finding:
-    """One metric of one method on one case. expected: as declared; observed: what stands there; outcome: "kept",
-    "open" (no verdict, where one was expected), else what it is instead: "above", "below", "exact", "plateau",
-    "diverges", or a status; why: of the expectation; known: the reason of a known deviation, "" if it is new."""
+    """One metric of one method on one case. expected: as declared; observed: what stands there;
+    outcome: "kept", "open" (no verdict, where one was expected), else what it is instead: "above",
+    "below", "exact", "plateau", "diverges", or a status; why: of the expectation; known: the reason
+    of a known deviation, "" if it is new."""
 
     case: str
     solver: str
@@ -36,7 +38,8 @@ class Finding:
 
 
 def known_deviations(path: Path = TABLE) -> dict[tuple[str, str, str], tuple[str, str]]:
-    """(case, solver, metric) -> (observed, why). ValueError names a line that is not complete, or a repeated one."""
+    """(case, solver, metric) -> (observed, why). ValueError names a line that is not complete, or a
+    repeated one."""
     out: dict = {}
     with open(path, newline="", encoding="utf-8") as file:
         for k, row in enumerate(csv.DictReader(file), start=2):
@@ -52,7 +55,8 @@ def known_deviations(path: Path = TABLE) -> dict[tuple[str, str, str], tuple[str
 
 
 def expectation(case: dict, solver: dict) -> dict:
-    """What is expected, from the stored descriptions of a case and a solver: state, impulse, why."""
+    """What is expected, from the stored descriptions of a case and a solver: state, impulse,
+    why."""
     classes = set(case.get("classes") or ())
     for e in solver.get("expects") or ():
         if set(e["when"]) <= classes:
@@ -68,7 +72,8 @@ def expectation(case: dict, solver: dict) -> dict:
 def findings(
     data: Data, summaries: dict[tuple, Summary], known: dict | None = None
 ) -> list[Finding]:
-    """Every case x method x metric of which something is expected; refusals are no deviation from a claim."""
+    """Every case x method x metric of which something is expected; refusals are no deviation from a
+    claim."""
     known = known_deviations() if known is None else known
     out = []
     for (case, solver), s in summaries.items():
@@ -144,7 +149,8 @@ def _status(s: Summary) -> str:
 
 
 def gone(found: list[Finding], known: dict | None = None) -> list[tuple[Finding, str, str]]:
-    """Known deviations of this study's pairs that are not seen any more: (finding, observed then, its reason)."""
+    """Known deviations of this study's pairs that are not seen any more: (finding, observed then,
+    its reason)."""
     known = known_deviations() if known is None else known
     out = []
     for f in found:

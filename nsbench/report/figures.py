@@ -73,7 +73,8 @@ def case_panels(
 
 
 def cost_panels(runs: list[Runs], looks: dict[str, Look]) -> list[Panel]:
-    """The work-precision diagrams of one case: state error over seconds, right-hand sides, projections."""
+    """The work-precision diagrams of one case: state error over seconds, right-hand sides,
+    projections."""
     floor = _floor(runs, "state_sup")
     out = [
         Panel(
@@ -115,7 +116,8 @@ def _claims(mine: list[Summary], which: str) -> tuple[float, ...]:
 def _against_h(
     runs: list[Runs], looks: dict, metric: str, failures: bool = True
 ) -> tuple[Line, ...]:
-    """`metric` over the step taken; a method with a tolerance appears as the level of its best error."""
+    """`metric` over the step taken; a method with a tolerance appears as the level of its best
+    error."""
     out = []
     for r in runs:
         values = np.abs(r.col[metric])

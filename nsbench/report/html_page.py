@@ -1,4 +1,5 @@
-"""The page: one HTML file that needs nothing else. Every text goes through `html`; stored pictures are images."""
+"""The page: one HTML file that needs nothing else. Every text goes through `html`; stored pictures
+are images."""
 
 from __future__ import annotations
 
@@ -21,8 +22,10 @@ from nsbench.report.verdict import Statement
 class Content:
     """Everything the page shows, in order; `text` writes the same as Markdown.
 
-    tables: by key (choice, orders, speed, seeds, failures, environment, glossary, those of TRUST); panels: inlined SVG by case;
-    notes: sentences under a case; talk: SVG or "", told: its sentence; title and lede: of the header; profiles, scaling: SVG;
+    tables: by key (choice, orders, speed, seeds, failures, environment, glossary, those of TRUST);
+    panels: inlined SVG by case;
+    notes: sentences under a case; talk: SVG or "", told: its sentence; title and lede: of the
+    header; profiles, scaling: SVG;
     wins: who is cheapest where.
     """
 
@@ -286,7 +289,8 @@ def _aspect(svg: str) -> float:
 
 
 def meta(known: dict, runs: list[Runs]) -> str:
-    """``Complementarity · n = 6 · Affine, Distance · T = 3 · reference: exact``, from what is stored; never empty."""
+    """``Complementarity · n = 6 · Affine, Distance · T = 3 · reference: exact``, from what is
+    stored; never empty."""
     parts = [clean(known[k], 60) for k in ("problem",) if known.get(k)]
     parts += [f"n = {clean(known['n'], 12)}"] if known.get("n") is not None else []
     families = known.get("families")

@@ -55,7 +55,8 @@ def text(c: Content) -> str:
 
 
 def table(t: Table) -> str:
-    """`t` in Markdown; the group becomes a first column, and a cell that spans is followed by dots."""
+    """`t` in Markdown; the group becomes a first column, and a cell that spans is followed by
+    dots."""
     if not t.rows:
         return markdown(t.note)
     grouped = any(r.group for r in t.rows)

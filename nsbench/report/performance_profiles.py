@@ -1,9 +1,11 @@
-"""Time-to-error profiles: how often a method is within a factor of the fastest, over all cases of a study.
+"""Time-to-error profiles: how often a method is within a factor of the fastest, over all cases of a
+study.
 
-Dolan & More, Benchmarking optimization software with performance profiles, Math. Program. 91 (2002): rho_s(tau) is the
-share of the cases that method s solves within tau times the time of the best. Here "solves" means that the state error
-comes, and stays, below a target, and a time is the seconds interpolated on the work-precision curve (`speed.cost`); where
-the coarsest run tried is already better, its seconds count.
+Dolan & More, Benchmarking optimization software with performance profiles, Math. Program. 91
+(2002): rho_s(tau) is the share of the cases that method s solves within tau times the time of the
+best. Here "solves" means that the state error comes, and stays, below a target, and a time is the
+seconds interpolated on the work-precision curve (`speed.cost`); where the coarsest run tried is
+already better, its seconds count.
 """
 
 from __future__ import annotations
@@ -21,9 +23,11 @@ FAR = 3.0  # decades of tau shown
 
 
 def ratios(data: Data, target: float) -> dict[str, np.ndarray]:
-    """Solver -> (cases,) its seconds over the best ones on every case that some compiled method solves; inf: not solved.
+    """Solver -> (cases,) its seconds over the best ones on every case that some compiled method
+    solves; inf: not solved.
 
-    Methods whose loop is not compiled, or that were not timed with the others, are left out (`speed.apart`).
+    Methods whose loop is not compiled, or that were not timed with the others, are left out
+    (`speed.apart`).
     """
     table: dict[str, list[float]] = {}
     columns = 0

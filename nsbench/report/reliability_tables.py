@@ -1,4 +1,5 @@
-"""Tables on what the figures rest on: references, bounds kept, multipliers that are not unique, expectations."""
+"""Tables on what the figures rest on: references, bounds kept, multipliers that are not unique,
+expectations."""
 
 from __future__ import annotations
 
@@ -20,7 +21,8 @@ HOW = {
 
 
 def bounds_table(data: Data, summaries: dict[tuple, Summary]) -> Table:
-    """Methods that claim a bound: state relative to max(1, |x|), impulse and event times at the tightest tolerance."""
+    """Methods that claim a bound: state relative to max(1, |x|), impulse and event times at the
+    tightest tolerance."""
     rows = []
     for (case, solver), s in summaries.items():
         if s.state.kind != "bound" and s.runs.accuracy != "tol":
@@ -146,7 +148,8 @@ def _float(value) -> float:
 
 
 def selection_table(data: Data, summaries: dict[tuple, Summary]) -> Table:
-    """Cases whose multipliers are not unique: what converges, and the plateau that a naive comparison would show."""
+    """Cases whose multipliers are not unique: what converges, and the plateau that a naive
+    comparison would show."""
     from nsbench.measure import fit_order
 
     rows = []
@@ -227,7 +230,8 @@ def labels_table(data: Data, summaries: dict[tuple, Summary]) -> Table:
 
 
 def _labels_differ(s: Summary, good) -> bool:
-    """Is the error at one place in the step more than three times that at another, at the finest step?"""
+    """Is the error at one place in the step more than three times that at another, at the finest
+    step?"""
     known = good & np.all([np.isfinite(s.runs.col[k]) for k in LABELS], axis=0)
     if not known.any():
         return False
@@ -267,7 +271,8 @@ def _naive(o) -> Cell:
 
 
 def expected_table(found: list[Finding], known: dict | None = None) -> Table:
-    """Every deviation from what is expected, in either direction: new ones first, then those gone, then known ones."""
+    """Every deviation from what is expected, in either direction: new ones first, then those gone,
+    then known ones."""
     lost = gone(found, known)
     new = fresh(found, known)
     old = [f for f in found if f.known]

@@ -1,4 +1,5 @@
-"""Cost against size: families of cases that differ in their number of particles, exponents with intervals."""
+"""Cost against size: families of cases that differ in their number of particles, exponents with
+intervals."""
 
 from __future__ import annotations
 
@@ -19,7 +20,8 @@ FINEST = 5  # runs of the ladder's end whose seconds per step are averaged (medi
 
 @dataclass(frozen=True)
 class Power:
-    """seconds = C N^exponent; interval at 95 % (NaN for two sizes); sizes (m,), values (m,) in seconds."""
+    """seconds = C N^exponent; interval at 95 % (NaN for two sizes); sizes (m,), values (m,) in
+    seconds."""
 
     exponent: float
     interval: tuple[float, float]
@@ -32,7 +34,8 @@ class Power:
 
 
 def fit_power(sizes, values) -> Power | None:
-    """Least squares in the logarithms, with the t-based interval of the slope; None for fewer than two sizes."""
+    """Least squares in the logarithms, with the t-based interval of the slope; None for fewer than
+    two sizes."""
     x = np.log(np.asarray(sizes, float))
     y = np.log(np.asarray(values, float))
     if len(set(sizes)) < 2:
@@ -54,7 +57,8 @@ def fit_power(sizes, values) -> Power | None:
 
 
 def families(data: Data) -> dict[str, list[str]]:
-    """Cases that share their name and all parameters but `n` and those that follow it, by growing size of the state.
+    """Cases that share their name and all parameters but `n` and those that follow it, by growing
+    size of the state.
 
     A family has at least two sizes.
     """
@@ -134,7 +138,8 @@ def _power(p: Power | None) -> Cell:
 
 
 def scaling_panels(data: Data, looks: dict) -> list[Panel]:
-    """Seconds per step, and to the target, against the size; one pair of panels for each family of three sizes or more."""
+    """Seconds per step, and to the target, against the size; one pair of panels for each family of
+    three sizes or more."""
     out = []
     for name, keys in families(data).items():
         if len(keys) < 3:
@@ -159,7 +164,8 @@ def scaling_panels(data: Data, looks: dict) -> list[Panel]:
 
 
 def sizes_table(data: Data) -> Table:
-    """Families by size: the cheapest compiled method at each error, with factors over the next one and over PBD."""
+    """Families by size: the cheapest compiled method at each error, with factors over the next one
+    and over PBD."""
     rows = []
     for name, keys in families(data).items():
         for case in keys:

@@ -1,4 +1,5 @@
-"""The page's style sheet and its few lines of script; nothing is fetched, and without the script nothing is lost."""
+"""The page's style sheet and its few lines of script; nothing is fetched, and without the script
+nothing is lost."""
 
 from nsbench.report.style import DARK, MUTED, PALETTE, PAPER, RULE, SHADE
 

@@ -1,4 +1,5 @@
-"""How things look and read in the report: colours and markers of methods, numbers, and text made harmless."""
+"""How things look and read in the report: colours and markers of methods, numbers, and text made
+harmless."""
 
 from __future__ import annotations
 
@@ -6,8 +7,8 @@ import math
 import re
 from dataclasses import dataclass
 
-# Okabe & Ito (2008): told apart by readers with any of the common colour blindnesses. Ink stands for their black; violet is a
-# ninth one, for as many methods.
+# Okabe & Ito (2008): told apart by readers with any of the common colour blindnesses. Ink stands
+# for their black; violet is a ninth one, for as many methods.
 PALETTE = (
     "#0072b2",
     "#d55e00",
@@ -54,7 +55,8 @@ LEADS = "pbd"  # the talk's method: first in every list, and the one speeds are 
 
 @dataclass(frozen=True)
 class Look:
-    """Colour by method, marker and dashes by variant: ``pbd`` and ``pbd[order=reverse]`` share a colour."""
+    """Colour by method, marker and dashes by variant: ``pbd`` and ``pbd[order=reverse]`` share a
+    colour."""
 
     index: int
     tone: int
@@ -72,7 +74,8 @@ def family(spec: str) -> str:
 
 
 def looks(specs) -> dict[str, Look]:
-    """One look per spec, the same on every page made of the same specs; the order of `specs` is kept as index."""
+    """One look per spec, the same on every page made of the same specs; the order of `specs` is
+    kept as index."""
     specs = list(specs)
     families = sorted({family(s) for s in specs}, key=lambda f: (f != LEADS, f))
     variants = {f: sorted(s for s in specs if family(s) == f) for f in families}
@@ -132,8 +135,9 @@ def factor(value: float) -> str:
 def clean(text, limit: int = 600) -> str:
     """Text from names and sentences made harmless for any terminal, table or page.
 
-    Control characters (ANSI escapes, newlines) and bidirectional overrides become visible escapes; text beyond
-    `limit` is cut with an ellipsis. Markup is escaped where it is written, by `html` and `markdown`.
+    Control characters (ANSI escapes, newlines) and bidirectional overrides become visible escapes;
+    text beyond `limit` is cut with an ellipsis. Markup is escaped where it is written, by `html`
+    and `markdown`.
     """
     text = re.sub(
         r"[\x00-\x1f\x7f-\x9f\u200b-\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff\ufeff]",
@@ -163,7 +167,8 @@ def markdown(text) -> str:
 
 
 def slug(text: str) -> str:
-    """`text` as a file name and as an id: letters, digits, ``.``, ``_`` and ``-``; at most 100 characters."""
+    """`text` as a file name and as an id: letters, digits, ``.``, ``_`` and ``-``; at most 100
+    characters."""
     return re.sub(r"[^A-Za-z0-9._-]+", "_", text).strip("_.")[:100] or "case"
 
 

@@ -1,4 +1,5 @@
-"""Rows -> for every case and solver: the order of each error, the best error, and why there is none."""
+"""Rows -> for every case and solver: the order of each error, the best error, and why there is
+none."""
 
 from __future__ import annotations
 
@@ -38,9 +39,10 @@ NAMES = {
 class Order:
     """What one metric of one method on one case does as the accuracy parameter goes to zero.
 
-    kind: fit (order, interval and constant are numbers), bound (a claimed bound instead of an order),
-    exact (rounding at every step), level (a best error without an order), none (no number).
-    text is what the table shows, sentence the whole story. flag: "above", "below" (the claim) or "".
+    kind: fit (order, interval and constant are numbers), bound (a claimed bound instead of an
+    order), exact (rounding at every step), level (a best error without an order), none (no number).
+    text is what the table shows, sentence the whole story. flag: "above", "below" (the claim) or
+    "".
     """
 
     metric: str
@@ -62,7 +64,8 @@ class Order:
 
 @dataclass(frozen=True)
 class Summary:
-    """One case x solver. outcome: the sentence that stands for all numbers where no run gave one, else ""."""
+    """One case x solver. outcome: the sentence that stands for all numbers where no run gave one,
+    else ""."""
 
     runs: Runs
     state: Order
@@ -88,7 +91,8 @@ class Summary:
 
 
 def summarise(data: Data) -> dict[tuple, Summary]:
-    """Every case x solver of the study, in the order of the page; pairs never attempted are absent."""
+    """Every case x solver of the study, in the order of the page; pairs never attempted are
+    absent."""
     from nsbench.measure import fit_order
 
     nonunique = {case for (case, _), r in data.runs.items() if not r.unique}
@@ -208,7 +212,8 @@ def order(runs: Runs, metric: str, claims: dict, fit) -> Order:
 
 
 def _deviation(value: float, interval, verdict: str, claim) -> str:
-    """ "above" or "below" the claimed order; "" where it is kept, not claimed, or where the fit gives no verdict."""
+    """ "above" or "below" the claimed order; "" where it is kept, not claimed, or where the fit
+    gives no verdict."""
     if claim is None:
         return ""
     if verdict in ("diverges", "plateau"):

@@ -1,7 +1,8 @@
-"""One log-log panel as SVG, written by hand: a few kilobytes and a millisecond each, the same bytes for the same data.
+"""One log-log panel as SVG, written by hand: a few kilobytes and a millisecond each, the same bytes
+for the same data.
 
-Errors of exactly 0 have a place of their own, the bottom edge. Markers are defined once for all panels of a page or of a
-sheet (`markers`) and only named by the lines.
+Errors of exactly 0 have a place of their own, the bottom edge. Markers are defined once for all
+panels of a page or of a sheet (`markers`) and only named by the lines.
 """
 
 from __future__ import annotations
@@ -38,10 +39,10 @@ _TONES = {
 class Line:
     """Points of one method. x, y (k,): positive or 0 (a y of 0 is drawn open at the bottom edge).
 
-    failed: the x of runs that gave no number, crossed at the top edge. level: y of a method without an x of this
-    kind, drawn across. hollow: open markers (the loop is not compiled).
-    far: errors of another league (a tolerance, or rounding); they may stay at the bottom edge with their value, so as
-    not to press the other lines flat.
+    failed: the x of runs that gave no number, crossed at the top edge. level: y of a method without
+    an x of this kind, drawn across. hollow: open markers (the loop is not compiled).
+    far: errors of another league (a tolerance, or rounding); they may stay at the bottom edge with
+    their value, so as not to press the other lines flat.
     """
 
     name: str
@@ -56,7 +57,8 @@ class Line:
 
 @dataclass(frozen=True)
 class Panel:
-    """What one picture shows. floor: shaded below; slopes: guides of these orders; key: part of its file name."""
+    """What one picture shows. floor: shaded below; slopes: guides of these orders; key: part of its
+    file name."""
 
     key: str
     title: str
@@ -108,7 +110,8 @@ def _attributes(how: dict) -> str:
 
 
 def draw(panel: Panel) -> str:
-    """The panel as an SVG element in the colours of the light page; see `inline`, `sheet` and `markers`."""
+    """The panel as an SVG element in the colours of the light page; see `inline`, `sheet` and
+    `markers`."""
     xs, ys = _limits(panel)
     pen = _Pen(xs, ys)
     x = _ticks(*xs)
@@ -146,9 +149,11 @@ def draw(panel: Panel) -> str:
 
 
 def _limits(panel: Panel):
-    """Limits in decades, (x0, x1) and (y0, y1), a little beyond the data; zeros and failures get their edges.
+    """Limits in decades, (x0, x1) and (y0, y1), a little beyond the data; zeros and failures get
+    their edges.
 
-    What lies far below the other lines, a level, a floor or errors of another league, stays at the bottom edge.
+    What lies far below the other lines, a level, a floor or errors of another league, stays at the
+    bottom edge.
     """
     x = np.concatenate(
         [np.concatenate([line.x, line.failed]) for line in panel.lines] or [np.ones(1)]
@@ -179,8 +184,8 @@ def _limits(panel: Panel):
 
 
 def _line(pen: _Pen, line: Line, place: int) -> str:
-    """One method: its polygon with markers, zeros at the bottom, failures at the top, its level across. place: how many
-    numbers already stand where one that lies below the panel is written."""
+    """One method: its polygon with markers, zeros at the bottom, failures at the top, its level
+    across. place: how many numbers already stand where one that lies below the panel is written."""
     (x0, x1), (low, high), k = pen.xs, pen.ys, line.look.index
     stroke = {"stroke": line.look.colour, "stroke_width": 1.2}
     at = np.unique(np.linspace(0, len(line.x) - 1, min(len(line.x), POINTS)).astype(int))
@@ -238,7 +243,8 @@ def _marks(kind: str, index: int) -> str:
 
 
 def markers(looks) -> str:
-    """Definitions of the markers that panels name: full (m), open (o) and cross (x) of every look."""
+    """Definitions of the markers that panels name: full (m), open (o) and cross (x) of every
+    look."""
     out = []
     for look in looks:
         shape = SHAPES[look.marker]
@@ -253,7 +259,8 @@ def markers(looks) -> str:
 
 
 def _guide(pen: _Pen, p: float, panel: Panel) -> list[str]:
-    """A triangle of slope p in a lower corner: one decade across, or less where the panel has less."""
+    """A triangle of slope p in a lower corner: one decade across, or less where the panel has
+    less."""
     (x0, x1), (y0, y1), k = pen.xs, pen.ys, panel.slopes.index(p)
     width = min(1.0, 0.18 * (x1 - x0))
     height = min(p * width, 0.35 * (y1 - y0))
@@ -290,7 +297,8 @@ def _power(k: float) -> str:
 
 
 def inline(svg: str, names: dict[int, str], label: str) -> str:
-    """`svg` for the page: colours become the page's variables, lines carry their method's name and class."""
+    """`svg` for the page: colours become the page's variables, lines carry their method's name and
+    class."""
     for colour, variable in _TONES.items():
         svg = svg.replace(colour, variable)
     named = lambda m: f'<g class="s s{m[1]}"><title>{html(names[int(m[1])])}</title>'

@@ -26,8 +26,8 @@ from nsbench.report.summary import Order, Summary, best_error, finished, spell
 
 @dataclass(frozen=True)
 class Cell:
-    """text with a second, quieter line `small`; title: the sentence behind it; kind: a word that sets the tone
-    (number, flag, bad, refused, failed, quiet, best, method); span: columns taken."""
+    """text with a second, quieter line `small`; title: the sentence behind it; kind: a word that
+    sets the tone (number, flag, bad, refused, failed, quiet, best, method); span: columns taken."""
 
     text: str
     small: str = ""
@@ -38,7 +38,8 @@ class Cell:
 
 @dataclass(frozen=True)
 class Row:
-    """Cells of one line; group: the case it belongs to, shown once as a heading; solver: for filters."""
+    """Cells of one line; group: the case it belongs to, shown once as a heading; solver: for
+    filters."""
 
     cells: tuple[Cell, ...]
     group: str = ""
@@ -57,7 +58,8 @@ class Table:
 
 
 def orders_table(summaries: dict[tuple, Summary]) -> Table:
-    """Case x method: orders, constants, best errors, events, violation; a refusal or failure takes the whole line."""
+    """Case x method: orders, constants, best errors, events, violation; a refusal or failure takes
+    the whole line."""
     columns = (
         "method",
         "state order",
@@ -196,7 +198,8 @@ def _events(s: Summary) -> Cell:
 
 
 def choice_table(data: Data) -> Table:
-    """Case x error: the cheapest method, by seconds among compiled loops, by counted work where there is none."""
+    """Case x error: the cheapest method, by seconds among compiled loops, by counted work where
+    there is none."""
     rows = []
     if not any(np.isfinite(r.col["state_sup"][r.good]).any() for r in data.runs.values()):
         return Table("choice", (), ())
@@ -340,7 +343,8 @@ def failures_table(data: Data) -> Table:
 
 
 def seeds_table(data: Data) -> Table:
-    """Methods on families of cases that differ only in their seed: how often they fail, and whether they say so."""
+    """Methods on families of cases that differ only in their seed: how often they fail, and whether
+    they say so."""
     groups: dict = {}
     for (case, solver), runs in data.runs.items():
         if re.search(r"[\[,]seed=", case):

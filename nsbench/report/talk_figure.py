@@ -1,4 +1,5 @@
-"""The talk's figure: explicit Euler on its sliding example, drawn with matplotlib's Figure (no pyplot)."""
+"""The talk's figure: explicit Euler on its sliding example, drawn with matplotlib's Figure (no
+pyplot)."""
 
 from __future__ import annotations
 
@@ -36,10 +37,11 @@ def talk_runs(talk) -> list[tuple[str, list]]:
 
 
 def talk_figure(data: Data) -> str:
-    """Explicit Euler on the talk's sliding example beside the exact solution, implicit Euler below; "" without it.
+    """Explicit Euler on the talk's sliding example beside the exact solution, implicit Euler below;
+    "" without it.
 
-    extra.json: ``{"talk_figure": {"runs": [{"solver", "dt", "x"}, ...], "exact": x}}``, x being points or two lists of
-    coordinates.
+    extra.json: ``{"talk_figure": {"runs": [{"solver", "dt", "x"}, ...], "exact": x}}``, x being
+    points or two lists of coordinates.
     """
     from matplotlib.figure import Figure
 

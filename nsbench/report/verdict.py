@@ -1,4 +1,5 @@
-"""The opening sentences: which method, which multipliers, what failed; every figure is computed from the rows."""
+"""The opening sentences: which method, which multipliers, what failed; every figure is computed
+from the rows."""
 
 from __future__ import annotations
 
@@ -51,7 +52,8 @@ def verdict(data: Data, summaries: dict[tuple, Summary]) -> list[Statement]:
 
 
 def _unexpected(found) -> list[Statement]:
-    """New deviations from what the methods declare, and known ones that are gone: the same statement for both."""
+    """New deviations from what the methods declare, and known ones that are gone: the same
+    statement for both."""
     told = [
         f"{f.solver} on {f.case}, {f.metric}: {f.expected} was expected, {f.observed} is seen."
         for f in fresh(found)
@@ -103,7 +105,8 @@ def _spread(orders: list[Order]) -> str:
 
 
 def _pairs(group: list[tuple[Summary, Order]], tell) -> str:
-    """``pbd on tide (0.52) and hex (plateau at 2e-3)``, every method once; beyond a dozen only counted."""
+    """``pbd on tide (0.52) and hex (plateau at 2e-3)``, every method once; beyond a dozen only
+    counted."""
     by: dict = {}
     for s, o in group:
         by.setdefault(s.solver, []).append(f"{s.case} ({tell(o)})" if tell(o) else s.case)

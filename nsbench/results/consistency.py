@@ -1,8 +1,9 @@
 """Do the tables of a results folder belong to its journal, and are they as they were written?
 
-DIR/.report.key tells: of which rows tables and report were made, how long the journal was then, and the digests of the
-files. It is empty while a run is at work that will write other ones, and stays so if that does not end. Folders without
-a journal (copies of tables), without the key or with one of an older version are taken as they are.
+DIR/.report.key tells: of which rows tables and report were made, how long the journal was then, and
+the digests of the files. It is empty while a run is at work that will write other ones, and stays
+so if that does not end. Folders without a journal (copies of tables), without the key or with one
+of an older version are taken as they are.
 """
 
 from __future__ import annotations
@@ -19,7 +20,8 @@ JOURNAL = "journal.jsonl"
 
 
 def begin(folder: Path) -> None:
-    """From now on until `end` the tables in the folder, if any, are not those of its journal. Works on a full disk."""
+    """From now on until `end` the tables in the folder, if any, are not those of its journal. Works
+    on a full disk."""
     stamp = folder / STAMP
     if stamp.exists() or any((folder / name).exists() for name in FILES[:2]):
         try:
@@ -30,8 +32,9 @@ def begin(folder: Path) -> None:
 
 
 def end(folder: Path, rows: str, tables: dict[str, str]) -> None:
-    """The files are those of these rows (a digest of them and of what the report is made by). tables: digests of the tables
-    that were to be written; StoreError where another one lies there now."""
+    """The files are those of these rows (a digest of them and of what the report is made by).
+    tables: digests of the tables that were to be written; StoreError where another one lies there
+    now."""
     for name, digest in tables.items():
         if _digest(folder / name) != digest:
             raise store.StoreError(
@@ -61,7 +64,8 @@ def intact(folder: Path, name: str) -> bool:
 
 
 def check(folder) -> None:
-    """Raises ValueError, naming the file, for tables that are not those of the journal beside them."""
+    """Raises ValueError, naming the file, for tables that are not those of the journal beside
+    them."""
     folder = Path(folder)
     told = _told(folder)
     if not (folder / JOURNAL).is_file() or not (folder / STAMP).is_file() or len(told) == 1:

@@ -1,4 +1,5 @@
-"""The journal of a study, line by line as its runs end, and how files are written so that no half of one is ever seen."""
+"""The journal of a study, line by line as its runs end, and how files are written so that no half
+of one is ever seen."""
 
 from __future__ import annotations
 
@@ -22,8 +23,9 @@ LONGEST = 16 << 20  # bytes of a line: what one run is made of takes some ten th
 PIECES = re.compile(rb"[^\0\n]+|\0+|\n")
 WHOLE = 1 << 63
 FOLDERS = ("figures", "output")
-# what a kill leaves of `replace`, by the number of its process; of older versions, of reports and figures: of names that a study
-# writes, in its folder and in those below, and of nothing else, be it named as strangely
+# what a kill leaves of `replace`, by the number of its process; of older versions, of reports and
+# figures: of names that a study writes, in its folder and in those below, and of nothing else, be
+# it named as strangely
 WRITTEN = r"runs\.csv|runs\.parquet|(?:cases|solvers|extra|env)\.json|report\.html|report\.md|\.report\.key|calibration\.csv"
 LEFT = re.compile(rf"\.(?:(?:{WRITTEN}|report\.key)\.(\d+)|report\.(?:html|md)\.[a-z0-9_]{{8}})")
 LEFT_BELOW = re.compile(r"\.(?:.+\.(?:svg|txt)|.{40})\.(?:(\d+)|[a-z0-9_]{8})")
@@ -41,8 +43,8 @@ class StoreError(Exception):
 
 
 def clean(row: dict) -> dict:
-    """The row with plain Python values, text that UTF-8 can spell and whole numbers that 64 bits hold; JSON has no NaN and
-    no infinity: they become None and text."""
+    """The row with plain Python values, text that UTF-8 can spell and whole numbers that 64 bits
+    hold; JSON has no NaN and no infinity: they become None and text."""
     out = {}
     for k, v in row.items():
         v = v.item() if hasattr(v, "item") else v
@@ -67,10 +69,12 @@ def restore(row: dict) -> dict:
 
 
 class Journal:
-    """DIR/journal.jsonl: one line per run, written and synced as the run ends; locked while it is open.
+    """DIR/journal.jsonl: one line per run, written and synced as the run ends; locked while it is
+    open.
 
-    Each line carries a checksum of itself. What a kill, a full disk or a loss of power left of a line is dropped on
-    reading and cut off here. Raises ValueError for a folder that cannot be one, StoreError for one that is in use.
+    Each line carries a checksum of itself. What a kill, a full disk or a loss of power left of a
+    line is dropped on reading and cut off here. Raises ValueError for a folder that cannot be one,
+    StoreError for one that is in use.
     """
 
     def __init__(self, folder: Path):
@@ -137,8 +141,9 @@ class Journal:
                     left.unlink(missing_ok=True)
 
     def append(self, key: str, row: dict, parts=()) -> None:
-        """The row of a run, written and synced, and, by their digests, the parts of its key; what is in a part is written
-        once, before. Raises StoreError if that fails; the journal is then as it was."""
+        """The row of a run, written and synced, and, by their digests, the parts of its key; what
+        is in a part is written once, before. Raises StoreError if that fails; the journal is then
+        as it was."""
         lines = [
             {"schema": SCHEMA, "part": p.digest, "items": dict(p.items)}
             for p in parts
@@ -196,7 +201,8 @@ def _opened(line: bytes) -> dict:
 
 
 def _backwards(file, end: int, find) -> int:
-    """The place before `end` that find(block) tells of, counted from the block's begin; 0 if it tells 0 of all blocks."""
+    """The place before `end` that find(block) tells of, counted from the block's begin; 0 if it
+    tells 0 of all blocks."""
     while end > 0:
         begin = max(0, end - BLOCK)
         file.seek(begin)
@@ -207,8 +213,9 @@ def _backwards(file, end: int, find) -> int:
 
 
 def _lines(path: Path):
-    """(number from 1, bytes) of the lines of a file, a block at a time; blocks of zeros, which a loss of power leaves, end the
-    line that they are in. Raises ValueError for a line that is longer than any of a journal."""
+    """(number from 1, bytes) of the lines of a file, a block at a time; blocks of zeros, which a
+    loss of power leaves, end the line that they are in. Raises ValueError for a line that is longer
+    than any of a journal."""
     number = 1
     line = b""
     with open(path, "rb") as file:
@@ -246,8 +253,8 @@ def _entries(path: Path):
 def read_journal(
     folder: Path, damaged: list[int] | None = None, into: MutableMapping | None = None
 ) -> MutableMapping:
-    """Rows by key (in `into`, a dict if None); the last one of a key counts. Lines that cannot be read are dropped, and their
-    numbers added to `damaged`."""
+    """Rows by key (in `into`, a dict if None); the last one of a key counts. Lines that cannot be
+    read are dropped, and their numbers added to `damaged`."""
     out: MutableMapping = {} if into is None else into
     lost = [] if damaged is None else damaged
     for number, entry in _entries(Path(folder) / "journal.jsonl"):
@@ -260,8 +267,8 @@ def read_journal(
 
 
 def read_parts(folder: Path) -> tuple[dict[tuple, list[str]], dict[str, dict]]:
-    """What runs were made of: digests of parts by (case, solver, accuracy, asked), the last run counting; items of a part
-    by its digest."""
+    """What runs were made of: digests of parts by (case, solver, accuracy, asked), the last run
+    counting; items of a part by its digest."""
     made = {}
     parts = {}
     for _, entry in _entries(Path(folder) / "journal.jsonl"):
@@ -279,13 +286,15 @@ def read_parts(folder: Path) -> tuple[dict[tuple, list[str]], dict[str, dict]]:
 
 
 def as_read(row: dict) -> dict:
-    """The row as a journal gives it back: what is written from it is the same before and after a resume."""
+    """The row as a journal gives it back: what is written from it is the same before and after a
+    resume."""
     return restore(json.loads(json.dumps(clean(row), allow_nan=False)))
 
 
 def settled(row: dict, timeout: float | None) -> bool:
-    """Is this row final? A run that was killed (by whomever), ran out of memory, met a fault of the machine (a full disk, a
-    missing file), or had less time than `timeout` seconds is tried again."""
+    """Is this row final? A run that was killed (by whomever), ran out of memory, met a fault of the
+    machine (a full disk, a missing file), or had less time than `timeout` seconds is tried
+    again."""
     if row["status"] == "timeout":
         return timeout is not None and timeout <= row.get("limit", 0.0)
     return row["status"] not in ("crashed", "oom") and not (
@@ -318,7 +327,8 @@ def replace(path: Path, data: bytes) -> None:
 
 
 def _sync_folder(folder: Path) -> None:
-    """A new name in a folder outlasts a loss of power; where folders cannot be synced nothing is promised."""
+    """A new name in a folder outlasts a loss of power; where folders cannot be synced nothing is
+    promised."""
     with contextlib.suppress(OSError):
         number = os.open(folder, os.O_RDONLY)
         try:

@@ -9,8 +9,8 @@ from collections.abc import Iterable, Iterator, MutableMapping
 class Kept(MutableMapping):
     """Rows by key, given back equal to what was put in, each time as a dict of its own.
 
-    The names of a row's columns are kept once for all rows that have the same, its floats side by side (8 bytes each), and
-    each word once.
+    The names of a row's columns are kept once for all rows that have the same, its floats side by
+    side (8 bytes each), and each word once.
     """
 
     def __init__(self):
@@ -50,7 +50,8 @@ class Kept(MutableMapping):
 
 
 class InOrder:
-    """The rows of these keys, as often as they are asked for; instead(i) makes that of a key, the i-th, that has none."""
+    """The rows of these keys, as often as they are asked for; instead(i) makes that of a key, the
+    i-th, that has none."""
 
     def __init__(self, rows: Kept, keys: Iterable[str], instead):
         self.rows = rows

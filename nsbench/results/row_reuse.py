@@ -1,8 +1,9 @@
 """Under which key the row of a run is kept: its own only if what made it is certain.
 
-Keys are made before the runs, workers load files later, and each that replaces another loads them again. A row is kept under
-its key if nobody has touched a file that counts since the key was made, and if the data that the run has read are the same
-here and now; otherwise it is shown as unverified, and made again by the next call.
+Keys are made before the runs, workers load files later, and each that replaces another loads them
+again. A row is kept under its key if nobody has touched a file that counts since the key was made,
+and if the data that the run has read are the same here and now; otherwise it is shown as
+unverified, and made again by the next call.
 """
 
 from __future__ import annotations
@@ -27,8 +28,9 @@ CASE = "case"
 def known(
     out: Path, specs: list[Spec], found: dict[Spec, str], timeout: float | None, damaged: list[int]
 ) -> Kept:
-    """Rows by key that need not be made again: those of the journal, but for what was killed, had less time, or has read
-    data that are others now. damaged: the numbers of lines that cannot be read are added."""
+    """Rows by key that need not be made again: those of the journal, but for what was killed, had
+    less time, or has read data that are others now. damaged: the numbers of lines that cannot be
+    read are added."""
     rows = Kept()
     store.read_journal(out, damaged, rows)
     stale = {found[s] for s in changed_data(out, specs, found)}
@@ -51,8 +53,8 @@ def others(spec: Spec, read: dict[str, str]) -> list[str]:
 
 
 def read_by(spec: Spec) -> dict[str, str]:
-    """Digests of what runs of this process have read from below the folders of the case file and the solver files of the
-    spec; names as `others` takes them."""
+    """Digests of what runs of this process have read from below the folders of the case file and
+    the solver files of the spec; names as `others` takes them."""
     homes = {CASE: spec.file} if spec.file else {}
     homes |= {Path(f).name: f for f in spec.solver_files}
     return {
@@ -90,8 +92,8 @@ def _data(out: Path) -> dict[str, dict[str, str]]:
 
 
 class Filed:
-    """The rows of one study on their way into the journal. here: they are made by workers of this machine, which read what
-    lies here (elsewhere a worker itself compares what it reads)."""
+    """The rows of one study on their way into the journal. here: they are made by workers of this
+    machine, which read what lies here (elsewhere a worker itself compares what it reads)."""
 
     def __init__(
         self,

@@ -1,9 +1,12 @@
-"""By which a run is found again: everything that can change its numbers, in parts that can be told apart.
+"""By which a run is found again: everything that can change its numbers, in parts that can be told
+apart.
 
-A key is the digest of what was asked for (case, solver, accuracy, nudge) and of three parts, each a list of items: what
-every run depends on (the files that run and measure, the machine), what its solver does, what its case does. An item is a
-file with the digest of its content, a library with its version, a setting with its value. Which files count is read off
-the imports (nsbench.source_files.import_graph); editing one file makes those runs again that depend on it, and no other.
+A key is the digest of what was asked for (case, solver, accuracy, nudge) and of three parts, each a
+list of items: what every run depends on (the files that run and measure, the machine), what its
+solver does, what its case does. An item is a file with the digest of its content, a library with
+its version, a setting with its value. Which files count is read off the imports
+(nsbench.source_files.import_graph); editing one file makes those runs again that depend on it, and
+no other.
 """
 
 from __future__ import annotations
@@ -25,7 +28,8 @@ from nsbench.source_files import locations as places
 from nsbench.source_files import opened_files as opened
 
 ROOT = places.ROOT
-# From here every row comes; the last begins each run with the same global random numbers and rounding
+# From here every row comes; the last begins each run with the same global random numbers and
+# rounding
 COMMON = (
     "study/__init__.py",
     "measure/errors.py",
@@ -79,8 +83,8 @@ def parts_of(spec, case) -> tuple[Part, ...]:
 
 
 def watched(spec, case) -> frozenset[str]:
-    """Paths of all files that a run depends on: those that are imported or opened, stored references, whether they are there
-    or not, and what tells the versions of libraries."""
+    """Paths of all files that a run depends on: those that are imported or opened, stored
+    references, whether they are there or not, and what tells the versions of libraries."""
     from nsbench.reference.storage import files_of
 
     return _watched(
@@ -89,7 +93,8 @@ def watched(spec, case) -> frozenset[str]:
 
 
 def foreign(*paths: str) -> list[str]:
-    """All files that case or solver files depend on and that neither this package nor a library brings, themselves included."""
+    """All files that case or solver files depend on and that neither this package nor a library
+    brings, themselves included."""
     return sorted(p for p in _with_data(*paths).files if places.is_foreign(p))
 
 
@@ -245,7 +250,8 @@ def _with_theirs(names) -> list[str]:
 
 @functools.cache
 def version(name: str) -> tuple[str, tuple[str, ...]]:
-    """Version of a library by the name of its import, and what it depends on itself (extras apart)."""
+    """Version of a library by the name of its import, and what it depends on itself (extras
+    apart)."""
     try:
         found = metadata.distribution(NAMES.get(name, name))
     except (metadata.PackageNotFoundError, ValueError):
@@ -291,8 +297,9 @@ def _site() -> list[str]:
 
 @functools.cache
 def processor() -> str:
-    """What decides which instructions numpy, BLAS and compilers choose, and so how they round: model and features. Another
-    one may differ in the last digit, and its seconds are another machine's."""
+    """What decides which instructions numpy, BLAS and compilers choose, and so how they round:
+    model and features. Another one may differ in the last digit, and its seconds are another
+    machine's."""
     lines = set()
     try:
         lines = {
@@ -315,8 +322,8 @@ def processor() -> str:
 
 
 def _with_side_effects() -> list[str]:
-    """Files that do more than define when they are imported. All solvers and cases are imported to be found, so such a file
-    counts for every run, whatever its own name."""
+    """Files that do more than define when they are imported. All solvers and cases are imported to
+    be found, so such a file counts for every run, whatever its own name."""
     found = imports.needs(
         *places.plugins("solvers").values(), *places.plugins("cases").values(), top=True
     )

@@ -84,7 +84,8 @@ def digest_of(chunks: Iterable[bytes]) -> str:
 
 @functools.cache
 def package_digest() -> str:
-    """Content of every file of the package, cases apart; what a single run depends on, nsbench.results.run_key tells."""
+    """Content of every file of the package, cases apart; what a single run depends on,
+    nsbench.results.run_key tells."""
     root = Path(__file__).parents[1]
     return _digest(
         *(
@@ -105,8 +106,8 @@ def versions() -> dict[str, str]:
 
 
 def write_tables(folder: Path, rows: Iterable[dict]) -> dict[str, str]:
-    """runs.csv and runs.parquet; the digests of their contents, by name. rows: are gone through several times, and never all
-    of them held."""
+    """runs.csv and runs.parquet; the digests of their contents, by name. rows: are gone through
+    several times, and never all of them held."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -145,7 +146,8 @@ def write_tables(folder: Path, rows: Iterable[dict]) -> dict[str, str]:
 
 
 def cell(value):
-    """A cell of runs.csv: text that a spreadsheet would take for a formula begins with an apostrophe."""
+    """A cell of runs.csv: text that a spreadsheet would take for a formula begins with an
+    apostrophe."""
     return f"'{value}" if isinstance(value, str) and value.startswith(FORMULA) else value
 
 
@@ -163,7 +165,8 @@ def _spelled(row: dict) -> dict:
 
 
 def _kinds(pa, rows: Iterable[dict]) -> dict:
-    """The type of every column, by name: truth values, numbers as float64, everything else as text."""
+    """The type of every column, by name: truth values, numbers as float64, everything else as
+    text."""
     out: dict[str, int] = {}
     for row in rows:
         for k, v in row.items():

@@ -121,7 +121,8 @@ def broken() -> dict[str, str]:
 
 
 def standard() -> list[str]:
-    """Specs of the standard suite: what a solver's file lists in STANDARD, else the solver with its defaults."""
+    """Specs of the standard suite: what a solver's file lists in STANDARD, else the solver with its
+    defaults."""
     out = []
     for name in all_names():
         home = sys.modules.get({**_scan()[0], **_loaded}[name].__module__)
@@ -130,7 +131,8 @@ def standard() -> list[str]:
 
 
 def get(spec: str) -> Solver:
-    """The solver of ``"pbd[order=reverse]"``. LookupError for an unknown name or option, ValueError for a bad value."""
+    """The solver of ``"pbd[order=reverse]"``. LookupError for an unknown name or option, ValueError
+    for a bad value."""
     name, options = parse_spec(spec)
     classes = {**_scan()[0], **_loaded}
     if name in _scan()[1]:
@@ -157,7 +159,8 @@ def spec_of(solver: Solver, name: str) -> str:
 def solve(case: Case | str, solver: str = "event_driven", **accuracy) -> Trajectory:
     """One run: ``solve(case, "pbd[order=reverse]", h=1e-3)``.
 
-    The accuracy parameter is the solver's own (h, tol, k); without it the solver's default is taken.
+    The accuracy parameter is the solver's own (h, tol, k); without it the solver's default is
+    taken.
     A refusal is a Trajectory of no samples with the status "refused". Bad input raises.
     """
     case = get_case(case) if isinstance(case, str) else case

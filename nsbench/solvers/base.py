@@ -5,7 +5,8 @@ A solver is a frozen dataclass whose fields are its options, with
     default    its default value
     claims     the orders it claims
     refuses(case) -> sentence or None
-    prepare(case, accuracy) -> Run    compile, allocate, factorise: untimed; only calling the Run is timed
+    prepare(case, accuracy) -> Run    compile, allocate, factorise: untimed; only calling the Run is
+    timed
 """
 
 from __future__ import annotations
@@ -24,11 +25,13 @@ Run = Callable[[], Trajectory]
 
 @dataclass(frozen=True)
 class Claims:
-    """Orders in the accuracy parameter: h of fixed steps, 1/k of a penalty. None: no order is claimed.
+    """Orders in the accuracy parameter: h of fixed steps, 1/k of a penalty. None: no order is
+    claimed.
 
-    exact: the method claims the bound `exact` on the state error instead of an order (event-driven).
-    rounding: how many times the rounding of one addition per step h can stand in the result: errors below it are no
-    errors of the method.
+    exact: the method claims the bound `exact` on the state error instead of an order
+    (event-driven).
+    rounding: how many times the rounding of one addition per step h can stand in the result: errors
+    below it are no errors of the method.
     """
 
     state: float | None = None
@@ -39,11 +42,13 @@ class Claims:
 
 @dataclass(frozen=True)
 class Expect:
-    """What a method should show on a class of cases, and why; where no class applies its claims are expected.
+    """What a method should show on a class of cases, and why; where no class applies its claims are
+    expected.
 
-    when: words of `Case.classes`, all of which the case has. state, impulse: an order, or a word: "exact" (rounding
-    at every step, no order), "plateau", "diverges", "open" (no verdict can be expected), or the status that its runs
-    should end with; None: nothing is said. The impulse's expectation holds for the reaction where that stands for it.
+    when: words of `Case.classes`, all of which the case has. state, impulse: an order, or a word:
+    "exact" (rounding at every step, no order), "plateau", "diverges", "open" (no verdict can be
+    expected), or the status that its runs should end with; None: nothing is said. The impulse's
+    expectation holds for the reaction where that stands for it.
     why: the reason, with its source.
     """
 
@@ -81,7 +86,8 @@ class Grid:
     """Recorded times and equal steps between them.
 
     t (K,): recorded times; substeps (K-1,): steps from one to the next; h: the largest step taken;
-    aligned: the recorded times are the case's sample times (else the polygon is sampled, see `sample`).
+    aligned: the recorded times are the case's sample times (else the polygon is sampled, see
+    `sample`).
     """
 
     t: np.ndarray
@@ -91,10 +97,11 @@ class Grid:
 
 
 def grid(t: np.ndarray, h: float, last: bool = False) -> Grid:
-    """Steps of at most h for the sample times t. last: record the state before the last step to each sample too.
+    """Steps of at most h for the sample times t. last: record the state before the last step to
+    each sample too.
 
-    A step that fits between samples divides every spacing; a longer one walks over them in steps of exactly h,
-    the last one shortened, and samples are read off the polygon.
+    A step that fits between samples divides every spacing; a longer one walks over them in steps of
+    exactly h, the last one shortened, and samples are read off the polygon.
     """
     check_positive("h", h)
     spacing = np.diff(t)
@@ -116,7 +123,8 @@ def grid(t: np.ndarray, h: float, last: bool = False) -> Grid:
 
 
 def _with_last(t, n, h, aligned):
-    """The same steps with the time before the last one of each interval among the recorded times."""
+    """The same steps with the time before the last one of each interval among the recorded
+    times."""
     several = n > 1
     before = (t[1:] - np.diff(t) / n)[several]
     place = np.flatnonzero(several) + 1
@@ -129,8 +137,8 @@ def _with_last(t, n, h, aligned):
 
 
 def last_steps(t: np.ndarray, g: Grid, impulse: np.ndarray) -> dict:
-    """lam and lam_h of a Trajectory from the impulses (K, m) at the recorded times of `grid(t, h, last=True)`; {} where
-    steps are longer than the sample spacing."""
+    """lam and lam_h of a Trajectory from the impulses (K, m) at the recorded times of `grid(t, h,
+    last=True)`; {} where steps are longer than the sample spacing."""
     at = np.searchsorted(g.t, t)
     if g.aligned or not (
         at[-1] < len(g.t) and np.array_equal(g.t[at], t) and np.all(g.substeps[at[1:] - 1] == 1)

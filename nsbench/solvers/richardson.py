@@ -1,4 +1,5 @@
-"""Richardson extrapolation in the step of PBD or catching-up: runs with h, h/2 (and h/4), combined at the sample times."""
+"""Richardson extrapolation in the step of PBD or catching-up: runs with h, h/2 (and h/4), combined
+at the sample times."""
 
 from __future__ import annotations
 
@@ -37,15 +38,18 @@ STANDARD = ("richardson",)
 
 @dataclass(frozen=True)
 class Richardson:
-    """2 x(h/2) - x(h) of "pbd" or "catching_up" at every sample, for states, impulses by contact and reaction alike;
+    """2 x(h/2) - x(h) of "pbd" or "catching_up" at every sample, for states, impulses by contact
+    and reaction alike;
     levels = 3: (x(h) - 6 x(h/2) + 8 x(h/4)) / 3.
 
-    Between events both methods have an error C(t) h + O(h^2). A step in which a contact closes or opens adds an error of
-    size h^2 that depends on where in the step the event lies: so two levels claim order 2, and three do too, with a
-    smaller constant; order 3 is left to runs without events. Within some steps of an event, while a sweep still settles,
-    errors of size h depend on it too. The result is feasible only up to its error; where a state passed an event in one
-    run and not in the other, up to h. Steps must end at the samples.
-    Source: Richardson 1911; expansion of one-step methods: Gragg 1965, Hairer, Norsett & Wanner I, II.8.
+    Between events both methods have an error C(t) h + O(h^2). A step in which a contact closes or
+    opens adds an error of size h^2 that depends on where in the step the event lies: so two levels
+    claim order 2, and three do too, with a smaller constant; order 3 is left to runs without
+    events. Within some steps of an event, while a sweep still settles, errors of size h depend on
+    it too. The result is feasible only up to its error; where a state passed an event in one run
+    and not in the other, up to h. Steps must end at the samples.
+    Source: Richardson 1911; expansion of one-step methods: Gragg 1965, Hairer, Norsett & Wanner I,
+    II.8.
     """
 
     method: str = "pbd"
@@ -56,7 +60,8 @@ class Richardson:
 
     @property
     def claims(self) -> Claims:
-        """Rounding: a run with h/2^j makes 2^j additions per h, and its weight multiplies what they leave."""
+        """Rounding: a run with h/2^j makes 2^j additions per h, and its weight multiplies what they
+        leave."""
         return Claims(
             state=2.0,
             impulse=2.0,

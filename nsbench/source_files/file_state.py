@@ -1,7 +1,8 @@
 """Files that were read to know what a run is made of, and whether they have been touched since.
 
-A process that loads a file later than its key was made may load another text than the key holds. That the text is the same
-again proves nothing (it may have been put back); that nobody has touched the file does.
+A process that loads a file later than its key was made may load another text than the key holds.
+That the text is the same again proves nothing (it may have been put back); that nobody has touched
+the file does.
 """
 
 from __future__ import annotations
@@ -27,7 +28,8 @@ def note(path: str) -> None:
 
 
 def touched(paths: Iterable[str]) -> list[str]:
-    """Those of the files that are not, or may not be, what they were when they were noted; sorted."""
+    """Those of the files that are not, or may not be, what they were when they were noted;
+    sorted."""
     return sorted(
         p
         for p in paths
@@ -40,8 +42,8 @@ def forget() -> None:
 
 
 def stamp(path: str) -> tuple[int, ...] | None:
-    """What every change of a file changes, putting an old one back included: times of its text and of its entry (ns), size,
-    place on the disk; None where there is none."""
+    """What every change of a file changes, putting an old one back included: times of its text and
+    of its entry (ns), size, place on the disk; None where there is none."""
     try:
         s = os.stat(path)
     except (OSError, ValueError):

@@ -1,9 +1,11 @@
-"""What a file of Python depends on, read off its text: every import in it, at the top or inside functions, and so on down.
+"""What a file of Python depends on, read off its text: every import in it, at the top or inside
+functions, and so on down.
 
-Nothing is imported. Files of this package are told apart from libraries, which are left as names. An ``__init__`` that is
-but a list of names (imports and nothing else, or a table _HOME of a lazy package) counts with the home of the name that is
-asked for; any other one counts whole. A file outside the package is read with more suspicion: modules beside it, files that
-its strings name, and, where it imports by names that it makes itself, its whole folder.
+Nothing is imported. Files of this package are told apart from libraries, which are left as names.
+An ``__init__`` that is but a list of names (imports and nothing else, or a table _HOME of a lazy
+package) counts with the home of the name that is asked for; any other one counts whole. A file
+outside the package is read with more suspicion: modules beside it, files that its strings name,
+and, where it imports by names that it makes itself, its whole folder.
 """
 
 from __future__ import annotations
@@ -64,7 +66,8 @@ BY_NAME = (
 
 @dataclass(frozen=True)
 class Needs:
-    """files: paths of all files, the first one included; libraries: top-level names of what is installed beside them."""
+    """files: paths of all files, the first one included; libraries: top-level names of what is
+    installed beside them."""
 
     files: frozenset[str]
     libraries: frozenset[str]
@@ -72,8 +75,8 @@ class Needs:
 
 @dataclass(frozen=True)
 class _Text:
-    """One file: imports as (module, name), name "" for the module itself; strings: what it spells out; by_name: it imports
-    by names that it makes itself."""
+    """One file: imports as (module, name), name "" for the module itself; strings: what it spells
+    out; by_name: it imports by names that it makes itself."""
 
     imports: tuple[tuple[str, str], ...]
     strings: frozenset[str] = frozenset()
@@ -81,8 +84,8 @@ class _Text:
 
 
 def needs(*paths, top: bool = False) -> Needs:
-    """Everything the files depend on, themselves included. top: only what importing them imports, and not what their
-    functions do."""
+    """Everything the files depend on, themselves included. top: only what importing them imports,
+    and not what their functions do."""
     todo = [str(Path(p).resolve()) for p in paths]
     files = set()
     libraries = set()
@@ -103,7 +106,8 @@ def needs(*paths, top: bool = False) -> Needs:
 
 @functools.cache
 def direct(path: str, top: bool = False) -> frozenset[tuple[str, str]]:
-    """What one file needs itself: ("file", path), ("text", path of an __init__), ("library", name)."""
+    """What one file needs itself: ("file", path), ("text", path of an __init__), ("library",
+    name)."""
     here = Path(path)
     if here.suffix != ".py":
         return frozenset()
@@ -132,8 +136,8 @@ def _source(path: str) -> str:
 
 @functools.cache
 def _quick(source: str, top: bool) -> _Text:
-    """Of a file of the package: statements of import by the look of their lines, which takes a fiftieth of parsing it. A
-    line of a docstring that looks like one counts too."""
+    """Of a file of the package: statements of import by the look of their lines, which takes a
+    fiftieth of parsing it. A line of a docstring that looks like one counts too."""
     imports: list[tuple[str, str]] = []
     for match in IMPORT.finditer(source):
         if top and match[0][0] in " \t":
@@ -202,7 +206,8 @@ def _called(node: ast.Call) -> str:
 
 
 def _chains(tree):
-    """Names taken from the package as a module: ``nsbench.measure.errors`` is (nsbench.measure, errors) and its parents."""
+    """Names taken from the package as a module: ``nsbench.measure.errors`` is (nsbench.measure,
+    errors) and its parents."""
     heads = {
         a.asname or a.name.partition(".")[0]: a.name if a.asname else a.name.partition(".")[0]
         for node in ast.walk(tree)
@@ -301,7 +306,8 @@ def _names(path: str) -> dict[str, tuple[str, str]]:
 
 
 def _found_by_text(text: _Text, here: Path, ours: bool) -> set[tuple[str, str]]:
-    """What a file finds by a text: solvers and cases that it looks up, and for a foreign file those it names or may name."""
+    """What a file finds by a text: solvers and cases that it looks up, and for a foreign file those
+    it names or may name."""
     out: set[tuple[str, str]] = set()
     if not (here.is_relative_to(ROOT) and here.relative_to(ROOT).as_posix() in BY_ITSELF):
         for kind in LOOKUPS:
@@ -332,8 +338,9 @@ ACTS = re.compile(
 
 
 def acts(path: Path) -> bool:
-    """Whether importing the file does more than define names: a call that stands alone, a loop, an assignment to what is
-    another's. What an assignment calls for its value is taken to do no more than make it."""
+    """Whether importing the file does more than define names: a call that stands alone, a loop, an
+    assignment to what is another's. What an assignment calls for its value is taken to do no more
+    than make it."""
     return _does_more(_source(str(path)))
 
 

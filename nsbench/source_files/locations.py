@@ -1,4 +1,5 @@
-"""Where modules lie: in this package, in an installed library, or in somebody's own folder. Nothing is imported."""
+"""Where modules lie: in this package, in an installed library, or in somebody's own folder. Nothing
+is imported."""
 
 from __future__ import annotations
 
@@ -71,7 +72,8 @@ def _standard() -> tuple[str, ...]:
 
 
 def beside(folder: Path, module: str, name: str) -> set[tuple[str, str]]:
-    """The module as a file in the folder, with the __init__ of the packages on the way; {} where there is none."""
+    """The module as a file in the folder, with the __init__ of the packages on the way; {} where
+    there is none."""
     out = set()
     base = folder
     for word in filter(None, module.split(".")):

@@ -1,7 +1,9 @@
-"""Which files a case or solver file opens: data that no import tells of, but that change its numbers.
+"""Which files a case or solver file opens: data that no import tells of, but that change its
+numbers.
 
-What is opened while the file is loaded is known before anything runs; what its runs open is known after them, and goes
-with their rows. Seen is what Python opens; a library that opens files in C code (HDF5, Arrow) is not seen.
+What is opened while the file is loaded is known before anything runs; what its runs open is known
+after them, and goes with their rows. Seen is what Python opens; a library that opens files in C
+code (HDF5, Arrow) is not seen.
 """
 
 from __future__ import annotations
@@ -38,7 +40,8 @@ def during(path) -> Iterator[None]:
 
 @contextlib.contextmanager
 def by_run(*paths: str) -> Iterator[None]:
-    """Whatever is opened for reading within was read by a run of the case and solver files at `paths`."""
+    """Whatever is opened for reading within was read by a run of the case and solver files at
+    `paths`."""
     if paths:
         _install()
     before = [*_runs]
@@ -61,9 +64,11 @@ def by(path) -> frozenset[str]:
 
 
 def read_by(path, counts: Callable[[str], bool]) -> dict[str, str]:
-    """Digests of what runs of a case or solver file have read from below its folder, by the path from there: all runs of this
-    process, since a later one may use what an earlier one keeps. A file that somebody else touched since has none.
-    The file itself, and what it opens as it is loaded, are in its key, whether a run was the first to load it or not.
+    """Digests of what runs of a case or solver file have read from below its folder, by the path
+    from there: all runs of this process, since a later one may use what an earlier one keeps. A
+    file that somebody else touched since has none.
+    The file itself, and what it opens as it is loaded, are in its key, whether a run was the first
+    to load it or not.
     counts(path): is it data, and nothing that is installed?"""
     file = os.path.realpath(path)
     out = {}
@@ -83,7 +88,8 @@ def read_by(path, counts: Callable[[str], bool]) -> dict[str, str]:
 
 @functools.cache
 def _install() -> None:
-    """An audit hook stays for as long as the process lives, and sees everything that Python opens."""
+    """An audit hook stays for as long as the process lives, and sees everything that Python
+    opens."""
 
     def hook(event, args):
         if not (_open or _runs) or event not in ("open", "os.rename"):

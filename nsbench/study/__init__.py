@@ -21,7 +21,8 @@ from nsbench.study.ladders import ladder
 from nsbench.study.result_contract import OWN, misfit
 from nsbench.trajectory import Status, Trajectory, fault_of_machine, spelled
 
-NUDGE = 1e-12  # relative to each coordinate, or to 1: far above rounding, far below any error that counts
+# relative to each coordinate, or to 1: far above rounding, far below any error that counts
+NUDGE = 1e-12
 STARTS = {
     "error": "feasible",
     "project": "projected",
@@ -34,10 +35,13 @@ SUITES = ("smoke", "standard", "hard", "full")
 
 @dataclass(frozen=True)
 class Spec:
-    """One run to attempt: a case by key (or by file), a solver by spec, its accuracy (NaN: refused).
+    """One run to attempt: a case by key (or by file), a solver by spec, its accuracy (NaN:
+    refused).
 
-    nudge: not 0 starts it NUDGE away from the case's start, in a direction drawn with this seed; such a run is not timed.
-    parts: digests of what it is made of (nsbench.results.run_key) where it was asked for, for who computes it elsewhere.
+    nudge: not 0 starts it NUDGE away from the case's start, in a direction drawn with this seed;
+    such a run is not timed.
+    parts: digests of what it is made of (nsbench.results.run_key) where it was asked for, for who
+    computes it elsewhere.
     """
 
     case: str
@@ -56,7 +60,8 @@ class Spec:
 
 @dataclass(frozen=True)
 class Study:
-    """rows: one dict per attempted run, whatever became of it; cases, solvers: what they are, by key and spec."""
+    """rows: one dict per attempted run, whatever became of it; cases, solvers: what they are, by
+    key and spec."""
 
     rows: list[dict]
     cases: dict = dataclasses.field(default_factory=dict)
@@ -72,8 +77,9 @@ class Study:
 def suite_cases(
     suite: str, tag: str | None = None, left_out: dict[str, str] | None = None
 ) -> list[str]:
-    """Keys of the cases of a suite; "full" holds everything, "smoke" the smallest. left_out: why those that cannot be made are
-    not among them, by name, is added here (None: the first one raises)."""
+    """Keys of the cases of a suite; "full" holds everything, "smoke" the smallest. left_out: why
+    those that cannot be made are not among them, by name, is added here (None: the first one
+    raises)."""
     if suite not in SUITES:
         raise LookupError(f"no suite {suite!r}; there are: {', '.join(SUITES)}")
     out = []
@@ -105,8 +111,8 @@ def suite_cases(
 
 @functools.lru_cache(maxsize=512)
 def resolve(case: str, file: str = "") -> Case:
-    """The case of a key, from the registry or from a file; the same object each time, so that what was compiled for
-    it serves again."""
+    """The case of a key, from the registry or from a file; the same object each time, so that what
+    was compiled for it serves again."""
     if file in _given:
         return _given[file]
     if file:
@@ -122,7 +128,8 @@ def plan(
     values: dict | None = None,
     solver_files: tuple[str, ...] = (),
 ) -> list[Spec]:
-    """Every run to attempt. cases: (key, file); specs None: the standard ones and those a case adds;
+    """Every run to attempt. cases: (key, file); specs None: the standard ones and those a case
+    adds;
     values: accuracies by name ("h", "tol", "k") that replace the standard ladders."""
     out = []
     for key, file in cases:
@@ -145,10 +152,11 @@ def run_batch(
 ):
     """Rows of the specs of one case, as (index, row), each as soon as it is known.
 
-    Each is prepared and run once; then all that were quick are timed in interleaved rounds, the first call left out,
-    and their rows given out once more with median, quartiles and worst, or as an error where a repetition raised.
-    order(specs) yields (index, spec) in the order to take them (by default as they come). announce(what, i): "prepare",
-    "run", "measure", or, of a repetition, "again".
+    Each is prepared and run once; then all that were quick are timed in interleaved rounds, the
+    first call left out, and their rows given out once more with median, quartiles and worst, or as
+    an error where a repetition raised.
+    order(specs) yields (index, spec) in the order to take them (by default as they come).
+    announce(what, i): "prepare", "run", "measure", or, of a repetition, "again".
     """
     from nsbench.measure import clock
 
@@ -172,7 +180,8 @@ def run_batch(
 
 
 def timed_again(spec: Spec, row: dict) -> bool:
-    """Is the run of this row repeated to be timed? Those that were quick and went well, from the case's own start."""
+    """Is the run of this row repeated to be timed? Those that were quick and went well, from the
+    case's own start."""
     from nsbench.measure import clock
 
     return (
@@ -183,7 +192,8 @@ def timed_again(spec: Spec, row: dict) -> bool:
 
 
 def attempt(spec: Spec, announce: Callable[[str], None] = lambda what: None):
-    """One run: its row and, if it can be timed again, the zero-argument run. Failures are rows, whatever raised."""
+    """One run: its row and, if it can be timed again, the zero-argument run. Failures are rows,
+    whatever raised."""
     with opened.by_run(*filter(None, [spec.file, *spec.solver_files])):
         return _attempt(spec, announce)
 
@@ -247,7 +257,8 @@ def _told(spec: Spec, case: Case, traj: Trajectory) -> dict:
 
 
 def run_one(spec: Spec, announce: Callable[[str], None] = lambda what: None) -> dict:
-    """The row of one run, which depends on nothing but the spec and what it names (but for the columns of the clock)."""
+    """The row of one run, which depends on nothing but the spec and what it names (but for the
+    columns of the clock)."""
     return attempt(spec, announce)[0]
 
 
@@ -266,7 +277,8 @@ def lost(spec: Spec, status: str, why: str) -> dict:
 
 
 def _raised(e: Exception, when: str = "") -> Status:
-    """The status of a run that raised: memory that was not to be had, from Python or from XLA, or an error."""
+    """The status of a run that raised: memory that was not to be had, from Python or from XLA, or
+    an error."""
     if isinstance(e, NoStart):
         return Status(e.code, f"No start: {e}.")
     if isinstance(e, MemoryError) or "RESOURCE_EXHAUSTED" in str(e):
@@ -275,7 +287,8 @@ def _raised(e: Exception, when: str = "") -> Status:
 
 
 def nudged(case: Case, seed: int) -> Case:
-    """The case from a start NUDGE away, relative to the larger of 1 and each coordinate; itself for the seed 0."""
+    """The case from a start NUDGE away, relative to the larger of 1 and each coordinate; itself for
+    the seed 0."""
     if not seed:
         return case
     away = np.random.default_rng(seed).uniform(-1.0, 1.0, case.n)
@@ -283,8 +296,9 @@ def nudged(case: Case, seed: int) -> Case:
 
 
 def _below(row: dict) -> dict:
-    """The status of a run that is right as far as its reference can tell: state and impulses (or, where these are not
-    unique or not known, the reaction) are below ten times its bound. Otherwise nothing changes."""
+    """The status of a run that is right as far as its reference can tell: state and impulses (or,
+    where these are not unique or not known, the reaction) are below ten times its bound. Otherwise
+    nothing changes."""
     below = row.get("below", "").split()
     force = next((name for name in ("impulse", "reaction") if np.isfinite(row[name])), None)
     if row["status"] != "ok" or "state_sup" not in below or (force and force not in below):
@@ -322,10 +336,11 @@ def _hand_over(case: Case) -> str:
 
 
 def run(cases, solver_specs=None, *, h=None, tol=None, k=None) -> Study:
-    """Run cases (keys, or Case objects, as they are) with solvers (specs; None: the standard ones), in this process.
+    """Run cases (keys, or Case objects, as they are) with solvers (specs; None: the standard ones),
+    in this process.
 
-    h, tol, k: accuracies that replace the standard ladders. The command line runs the same rows in supervised
-    workers with a journal.
+    h, tol, k: accuracies that replace the standard ladders. The command line runs the same rows in
+    supervised workers with a journal.
     """
     given = dict.fromkeys([cases] if isinstance(cases, (str, Case)) else cases)
     these = [(c.key, _hand_over(c)) if isinstance(c, Case) else (c, "") for c in given]

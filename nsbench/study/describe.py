@@ -1,4 +1,5 @@
-"""What a report says of cases and methods beside their rows: what they are, and digests of what their numbers depend on."""
+"""What a report says of cases and methods beside their rows: what they are, and digests of what
+their numbers depend on."""
 
 from __future__ import annotations
 
@@ -13,7 +14,8 @@ from nsbench.case import Case, get_case
 
 
 def describe_case(case: Case) -> dict:
-    """What a report says of a case: its docstring, size, families, where its reference comes from."""
+    """What a report says of a case: its docstring, size, families, where its reference comes
+    from."""
     from nsbench.reference import reference
 
     p = case.problem
@@ -78,7 +80,8 @@ def describe_solver(spec: str) -> dict:
 
 
 def talk_figure() -> dict:
-    """Data of the talk's figure: explicit Euler on `sliding` with dt = 0.2, 0.09, 0.04, and implicit beside it."""
+    """Data of the talk's figure: explicit Euler on `sliding` with dt = 0.2, 0.09, 0.04, and
+    implicit beside it."""
     case = get_case("sliding")
     out = {"case": case.key, "t": case.t.tolist(), "exact": case.exact(case.t).tolist(), "runs": []}
     for spec in ("euler", "euler[implicit=true]"):

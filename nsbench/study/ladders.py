@@ -11,7 +11,8 @@ OCTAVES = 6
 
 
 def substeps_ladder(first: int, octaves: float = OCTAVES, points: int = POINTS) -> list[int]:
-    """At least `points` step counts from `first` to 2^octaves times as many, at ratios that are not dyadic."""
+    """At least `points` step counts from `first` to 2^octaves times as many, at ratios that are not
+    dyadic."""
     ratio = 2.0 ** (octaves / (points - 1)) * 1.003
     while True:
         out = [first]
@@ -26,7 +27,8 @@ def ladder(case: Case, method) -> list[float]:
     """The accuracies of the standard suite for a case and a method."""
     if method.accuracy == "h":
         spacing = float(np.diff(case.t).min())
-        # dyadic effects are avoided by the ratios; fewer steps than this per sample are not asymptotic anywhere
+        # dyadic effects are avoided by the ratios; fewer steps than this per sample are not
+        # asymptotic anywhere
         octaves = getattr(method, "octaves", OCTAVES)
         return [
             spacing / n

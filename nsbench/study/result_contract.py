@@ -15,7 +15,8 @@ from nsbench.solvers.common.initial_state import start_state
 from nsbench.trajectory import LAM_TIMES, Status, Trajectory
 
 ROUNDED = 1e-12  # of the start's size: what linear combinations of runs may leave of it
-SHORTEST = 0.49  # of the step asked for: steps that divide the spacing of samples evenly are at least half as long
+# of the step asked for: steps that divide the spacing of samples evenly are at least half as long
+SHORTEST = 0.49
 NEAREST = (
     10.0  # times the way to the start that is projected: one of the points that may be the nearest
 )
@@ -48,7 +49,8 @@ OWN = {
 def misfit(case: Case, traj, accuracy: str = "", asked: float = np.nan) -> str:
     """What is wrong with what a solver returned, as a sentence; "" if it keeps the contract.
 
-    case: with the start that the run was given; accuracy, asked: what the solver was asked for ("": not looked at).
+    case: with the start that the run was given; accuracy, asked: what the solver was asked for ("":
+    not looked at).
     """
     if not isinstance(traj, Trajectory) or not isinstance(traj.status, Status):
         what = (
@@ -95,8 +97,9 @@ def _arrays(case: Case, traj: Trajectory) -> str:
 
 
 def _start(case: Case, x: np.ndarray) -> str:
-    """Is x (n,) the start of the case? Where that is to be projected, any feasible point is: several may be the nearest. Where
-    it misses by no more than it may, any feasible point is that is about as far away as the one that it is projected to."""
+    """Is x (n,) the start of the case? Where that is to be projected, any feasible point is:
+    several may be the nearest. Where it misses by no more than it may, any feasible point is that
+    is about as far away as the one that it is projected to."""
     away = float(np.abs(x - case.x0).max(initial=0.0))
     rounded = ROUNDED * float(np.abs(case.x0).max(initial=0.0))
     if case.start != "keep" and isinstance(case.problem, Complementarity):
@@ -127,7 +130,8 @@ def _start(case: Case, x: np.ndarray) -> str:
 
 
 def _steps(case: Case, stats: dict, asked: float) -> str:
-    """Can the steps that the solver says it took be those it was asked for? Orders are fitted on them."""
+    """Can the steps that the solver says it took be those it was asked for? Orders are fitted on
+    them."""
     h = stats.get("h", asked)
     steps = stats.get("steps")
     span = float(case.t[-1] - case.t[0])

@@ -1,5 +1,5 @@
-"""Two discs meet 1e8 from the origin: impulses were asked for digits that their states do not have, and steps grew too short
-to come to an end."""
+"""Two discs meet 1e8 from the origin: impulses were asked for digits that their states do not have,
+and steps grew too short to come to an end."""
 
 import numpy as np
 

@@ -1,4 +1,5 @@
-"""A diode that begins to act in the first interval: means over samples were wrong by its kink, and passed for a depth."""
+"""A diode that begins to act in the first interval: means over samples were wrong by its kink, and
+passed for a depth."""
 
 import numpy as np
 

@@ -1,4 +1,5 @@
-"""A drift that jumps between samples: no defect of the run, but one of the quadrature that judges it."""
+"""A drift that jumps between samples: no defect of the run, but one of the quadrature that judges
+it."""
 
 import numpy as np
 

@@ -1,4 +1,5 @@
-"""One field ends on the surface: what is left of complementarity keeps nosnoc's state beside it, sqrt(1e-10) away."""
+"""One field ends on the surface: what is left of complementarity keeps nosnoc's state beside it,
+sqrt(1e-10) away."""
 
 import numpy as np
 

@@ -1,4 +1,5 @@
-"""A state that slides on a surface whose switch is flat, between the only two samples: a penalty did not see it, and said ok."""
+"""A state that slides on a surface whose switch is flat, between the only two samples: a penalty
+did not see it, and said ok."""
 
 import numpy as np
 

@@ -1,4 +1,5 @@
-"""A switch x^3, and a sample where the state is 1e-13 from its surface: the surface was met 4e-6 late, and said ok."""
+"""A switch x^3, and a sample where the state is 1e-13 from its surface: the surface was met 4e-6
+late, and said ok."""
 
 import numpy as np
 

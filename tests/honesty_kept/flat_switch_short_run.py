@@ -1,4 +1,5 @@
-"""A switch x^3 and a run of 1e-6: what implicit Euler took for rounding of the switch was the whole motion."""
+"""A switch x^3 and a run of 1e-6: what implicit Euler took for rounding of the switch was the whole
+motion."""
 
 import numpy as np
 

@@ -1,4 +1,5 @@
-"""Some units are made 1e8 from the origin before a coordinate grows to a million: tolerances were held against that alone."""
+"""Some units are made 1e8 from the origin before a coordinate grows to a million: tolerances were
+held against that alone."""
 
 import numpy as np
 

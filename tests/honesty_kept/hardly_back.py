@@ -1,4 +1,5 @@
-"""A slide that ends while the other field leads back at 1e-8: explicit steps and layers stayed beside the surface."""
+"""A slide that ends while the other field leads back at 1e-8: explicit steps and layers stayed
+beside the surface."""
 
 import numpy as np
 

@@ -1,4 +1,5 @@
-"""Fields of 5e7 that keep a state at rest: the distance to their hull was known to 1e-12 of them, a velocity of 1e-4."""
+"""Fields of 5e7 that keep a state at rest: the distance to their hull was known to 1e-12 of them, a
+velocity of 1e-4."""
 
 import numpy as np
 

@@ -1,4 +1,5 @@
-"""A jump of the drift inside an interval stayed in the residual of a penalty, whose samples were not refined."""
+"""A jump of the drift inside an interval stayed in the residual of a penalty, whose samples were
+not refined."""
 
 import numpy as np
 

@@ -1,4 +1,5 @@
-"""A switch x^3: the layer of a penalty is as wide as the cube root of 1 / k, and so is its error."""
+"""A switch x^3: the layer of a penalty is as wide as the cube root of 1 / k, and so is its
+error."""
 
 import numpy as np
 

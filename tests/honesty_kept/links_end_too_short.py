@@ -1,4 +1,5 @@
-"""A start that is not feasible hid that the links cannot reach both anchors at the end: it is violated more."""
+"""A start that is not feasible hid that the links cannot reach both anchors at the end: it is
+violated more."""
 
 import numpy as np
 

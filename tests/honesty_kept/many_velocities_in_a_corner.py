@@ -1,4 +1,5 @@
-"""Explicit steps alternate between four modes in a corner, where velocities are many, and said ok."""
+"""Explicit steps alternate between four modes in a corner, where velocities are many, and said
+ok."""
 
 import numpy as np
 

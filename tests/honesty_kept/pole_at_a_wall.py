@@ -1,4 +1,5 @@
-"""The push against a wall has a pole in time: steps crept towards it, shorter and shorter, and did not come to an end."""
+"""The push against a wall has a pole in time: steps crept towards it, shorter and shorter, and did
+not come to an end."""
 
 import numpy as np
 

@@ -1,4 +1,5 @@
-"""At rest on a surface: what complementarity leaves was compared with the way of the run, which was nothing but that."""
+"""At rest on a surface: what complementarity leaves was compared with the way of the run, which was
+nothing but that."""
 
 import numpy as np
 

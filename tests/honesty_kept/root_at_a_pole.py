@@ -1,4 +1,5 @@
-"""A root of an event function was looked for across a pole in time, and hit it: the division by zero ended the run."""
+"""A root of an event function was looked for across a pole in time, and hit it: the division by
+zero ended the run."""
 
 import numpy as np
 

@@ -1,4 +1,5 @@
-"""A switch of 0.5 and a motion of 1e-8: the rounding of its weight was taken for a missing complementarity."""
+"""A switch of 0.5 and a motion of 1e-8: the rounding of its weight was taken for a missing
+complementarity."""
 
 import numpy as np
 

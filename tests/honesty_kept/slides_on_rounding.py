@@ -1,4 +1,5 @@
-"""At 1e8 from the origin steps of 2e-6 are some spacings: implicit ones slid on what rounding leaves of their equation."""
+"""At 1e8 from the origin steps of 2e-6 are some spacings: implicit ones slid on what rounding
+leaves of their equation."""
 
 import numpy as np
 

@@ -1,4 +1,5 @@
-"""A field with the square of a sign: between the modes it is 1, as in both, but a layer took it for less."""
+"""A field with the square of a sign: between the modes it is 1, as in both, but a layer took it for
+less."""
 
 import numpy as np
 

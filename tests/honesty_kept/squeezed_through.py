@@ -1,4 +1,5 @@
-"""A particle squeezed between a link and an anchor on a line came out behind the anchor, and said ok."""
+"""A particle squeezed between a link and an anchor on a line came out behind the anchor, and said
+ok."""
 
 import numpy as np
 

@@ -1,4 +1,5 @@
-"""A start 1e-12 beside a surface that both fields leave: the layer of a penalty took it to the other side, and it said ok."""
+"""A start 1e-12 beside a surface that both fields leave: the layer of a penalty took it to the
+other side, and it said ok."""
 
 import numpy as np
 

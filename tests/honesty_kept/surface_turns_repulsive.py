@@ -1,4 +1,5 @@
-"""A surface on which the state slides is left by both fields from t = -0.146 on: event_driven stayed, and said ok."""
+"""A surface on which the state slides is left by both fields from t = -0.146 on: event_driven
+stayed, and said ok."""
 
 import numpy as np
 

@@ -1,4 +1,5 @@
-"""Tolerances of implicit Euler were absolute: a motion by 1e-14 of a state of 1e-8 stayed on its surface."""
+"""Tolerances of implicit Euler were absolute: a motion by 1e-14 of a state of 1e-8 stayed on its
+surface."""
 
 import numpy as np
 

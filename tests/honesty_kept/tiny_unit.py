@@ -1,4 +1,5 @@
-"""Discs in units of 1e-8: the absolute tolerances of a library for quadratic programs were a tenth of their speeds."""
+"""Discs in units of 1e-8: the absolute tolerances of a library for quadratic programs were a tenth
+of their speeds."""
 
 import numpy as np
 

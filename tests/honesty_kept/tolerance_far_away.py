@@ -1,4 +1,5 @@
-"""A motion of 14 000 at 1e8 from the origin: the relative tolerance of the integrator was of the coordinates."""
+"""A motion of 14 000 at 1e8 from the origin: the relative tolerance of the integrator was of the
+coordinates."""
 
 import numpy as np
 

@@ -1,4 +1,5 @@
-"""Discs that blow up: SciPy's tree raised an error when the squares of their coordinates overflowed."""
+"""Discs that blow up: SciPy's tree raised an error when the squares of their coordinates
+overflowed."""
 
 import numpy as np
 

@@ -1,5 +1,5 @@
-"""Two surfaces met in one long step: where rounding put the root at zero behind that at zero less what is a touch, the second one
-was taken for met at the step's start, and so before the first."""
+"""Two surfaces met in one long step: where rounding put the root at zero behind that at zero less
+what is a touch, the second one was taken for met at the step's start, and so before the first."""
 
 import numpy as np
 

@@ -1,4 +1,5 @@
-"""Two switches of one surface, on which the state slides until both fields leave it: looked for on single surfaces alone."""
+"""Two switches of one surface, on which the state slides until both fields leave it: looked for on
+single surfaces alone."""
 
 import numpy as np
 

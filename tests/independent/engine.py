@@ -1,7 +1,9 @@
-"""Trajectories of piecewise smooth systems at 45 digits: extrapolated midpoint rule, roots of guards, a march of modes.
+"""Trajectories of piecewise smooth systems at 45 digits: extrapolated midpoint rule, roots of
+guards, a march of modes.
 
-Nothing here is taken from the package: the truths of tests/independent are a second derivation. Times are `mpf`, states
-lists of `mpf`. A step is Gragg's midpoint rule, extrapolated (Hairer, Norsett, Wanner, Solving ODEs I, II.9).
+Nothing here is taken from the package: the truths of tests/independent are a second derivation.
+Times are `mpf`, states lists of `mpf`. A step is Gragg's midpoint rule, extrapolated (Hairer,
+Norsett, Wanner, Solving ODEs I, II.9).
 """
 
 from __future__ import annotations
@@ -21,7 +23,8 @@ SYSTEMS: dict[str, System] = {}
 
 @dataclass(frozen=True)
 class Path:
-    """One trajectory: times, states, cumulative impulses (one column per id), events (time, kind, id), modes (time, mode)."""
+    """One trajectory: times, states, cumulative impulses (one column per id), events (time, kind,
+    id), modes (time, mode)."""
 
     t: list
     x: list
@@ -36,9 +39,9 @@ class Path:
 class System:
     """How a truth is computed and what of it is unique.
 
-    events: "all", "times" (which contact acts is not unique, when the contacts act is) or "none". weights: only these
-    combinations of the impulses are unique (None: each is; empty: none is). optional: times at which an event may or may
-    not be told, as at the start.
+    events: "all", "times" (which contact acts is not unique, when the contacts act is) or "none".
+    weights: only these combinations of the impulses are unique (None: each is; empty: none is).
+    optional: times at which an event may or may not be told, as at the start.
     """
 
     path: object
@@ -103,7 +106,8 @@ def advance(flow, t, y, H):
 
 
 def root(phi, a, b, fa, fb):
-    """The root of phi between a and b, of which the values fa and fb have different signs (Illinois)."""
+    """The root of phi between a and b, of which the values fa and fb have different signs
+    (Illinois)."""
     for _ in range(200):
         c = b - fb * (b - a) / (fb - fa)
         if not min(a, b) <= c <= max(a, b):
@@ -120,7 +124,8 @@ def root(phi, a, b, fa, fb):
 
 
 def fall(flow, guard, t, y, end, last):
-    """Time in (t, end] at which `guard` falls below -EPS; it may stand at its root at t, and is `last` + EPS at the end."""
+    """Time in (t, end] at which `guard` falls below -EPS; it may stand at its root at t, and is
+    `last` + EPS at the end."""
     first = guard(t, y) + EPS
     if first <= 2 * EPS:
         d = (end - t) / 2
@@ -138,7 +143,8 @@ def fall(flow, guard, t, y, end, last):
 
 
 def next_event(flow, guards, t, y, end):
-    """(time, state, tags) at `end`, or where a guard falls first, with the tags of all that fall there."""
+    """(time, state, tags) at `end`, or where a guard falls first, with the tags of all that fall
+    there."""
     after = advance(flow, t, y, end - t)
     hits = []
     for tag, guard in guards:
@@ -152,11 +158,13 @@ def next_event(flow, guards, t, y, end):
 
 
 def march(modes, x0, ts, H, breaks=(), mode=None):
-    """The Path of the system `modes` from x0 through the times ts, by steps of H (a number or a function of t).
+    """The Path of the system `modes` from x0 through the times ts, by steps of H (a number or a
+    function of t).
 
-    `modes.ids` names the impulses. `modes.parts(mode, era, t, x)` gives the right-hand side, the multipliers and the
-    guards [(tag, function of (t, x))] that stay >= 0 while the mode lasts, `modes.decide(t, x, mode, tags, era)` the next
-    mode and its events [(kind, id)]; mode None asks for the first. The era grows by one at each of `breaks`.
+    `modes.ids` names the impulses. `modes.parts(mode, era, t, x)` gives the right-hand side, the
+    multipliers and the guards [(tag, function of (t, x))] that stay >= 0 while the mode lasts,
+    `modes.decide(t, x, mode, tags, era)` the next mode and its events [(kind, id)]; mode None asks
+    for the first. The era grows by one at each of `breaks`.
     """
     n = len(x0)
     ts = [mpf(t) for t in ts]
@@ -192,7 +200,8 @@ def march(modes, x0, ts, H, breaks=(), mode=None):
 
 
 def closed(pieces, ts, ids, events):
-    """The Path of closed forms: pieces (end or None, state(t), impulse(t)) in order of their ends."""
+    """The Path of closed forms: pieces (end or None, state(t), impulse(t)) in order of their
+    ends."""
     at = [next(p for p in pieces if p[0] is None or t <= p[0]) for t in ts]
     rows = lambda k: [[mpf(v) for v in p[k](t)] for p, t in zip(at, ts, strict=True)]
     return Path(ts, rows(1), rows(2), events, ids)

@@ -1,6 +1,8 @@
-"""The modes of the three classes of systems, by enumeration: active sets, sides and sliding, circuits of diodes.
+"""The modes of the three classes of systems, by enumeration: active sets, sides and sliding,
+circuits of diodes.
 
-Each class gives what `engine.march` asks for: `ids`, `parts` and `decide`. Functions of time and state return `mpf`.
+Each class gives what `engine.march` asks for: `ids`, `parts` and `decide`. Functions of time and
+state return `mpf`.
 """
 
 from __future__ import annotations
@@ -92,7 +94,8 @@ def anchor(i, a, da, d, n, dim=2, sign=1):
 # ---------------------------------------------------------------- complementarity
 @dataclass(frozen=True)
 class Contacts:
-    """x' = f + sum lam_k d_k, 0 <= g_k _|_ lam_k >= 0, with d_k the gradient of g_k, or a given direction. f per era."""
+    """x' = f + sum lam_k d_k, 0 <= g_k _|_ lam_k >= 0, with d_k the gradient of g_k, or a given
+    direction. f per era."""
 
     f: Sequence
     gaps: Sequence
@@ -139,7 +142,8 @@ class Contacts:
         )
 
     def decide(self, t, x, mode, tags, era):
-        """The first set of closed gaps, the smallest first, that pulls at none and lets none open backwards."""
+        """The first set of closed gaps, the smallest first, that pulls at none and lets none open
+        backwards."""
         closed = [k for k, c in enumerate(self.gaps) if c.g(t, x) < ZERO]
         for active in subsets(closed):
             try:
@@ -169,7 +173,8 @@ def complementarity(f, gaps, x0, ts, H=0.05, ids=None, breaks=(), directions=Non
 # ---------------------------------------------------------------- Filippov
 @dataclass(frozen=True)
 class Sides:
-    """x' = f(t, x, s), multilinear in the signs s of d switching functions; a mode is a string of +, - and s (sliding)."""
+    """x' = f(t, x, s), multilinear in the signs s of d switching functions; a mode is a string of
+    +, - and s (sliding)."""
 
     f: Callable
     switch: Callable
@@ -177,7 +182,8 @@ class Sides:
     ids: Sequence
 
     def signs(self, mode, t, x):
-        """The signs that hold the sliding surfaces, by Newton; a coordinate of a multilinear map has exact differences."""
+        """The signs that hold the sliding surfaces, by Newton; a coordinate of a multilinear map
+        has exact differences."""
         s = [mpf({"+": 1, "-": -1, "s": 0}[c]) for c in mode]
         slide = [k for k, c in enumerate(mode) if c == "s"]
         if not slide:
@@ -215,7 +221,8 @@ class Sides:
         )
 
     def consistent(self, mode, t, x, free):
-        """Whether the surfaces met are left on the side of the mode, or slid along with weights in [0, 1]."""
+        """Whether the surfaces met are left on the side of the mode, or slid along with weights in
+        [0, 1]."""
         try:
             s = self.signs(mode, t, x)
         except ZeroDivisionError:
@@ -229,7 +236,8 @@ class Sides:
         )
 
     def decide(self, t, x, mode, tags, era):
-        """The one consistent mode; a surface whose weight has just reached its end is left on that side."""
+        """The one consistent mode; a surface whose weight has just reached its end is left on that
+        side."""
         c = self.switch(t, x)
         left = {tag[1]: tag[0] for tag in tags if tag}
         free = [k for k, v in enumerate(c) if abs(v) < ZERO and k not in left]
@@ -261,7 +269,8 @@ def filippov(f, switch, dswitch, x0, ts, d=1, H=0.05):
     return march(Sides(f, switch, dswitch, columns(d)), x0, ts, H)
 
 
-# ---------------------------------------------------------------- circuits with D of full rank on the sets met
+# ---------------------------------------------------------------- circuits with D of full rank on
+# the sets met
 @dataclass(frozen=True)
 class Circuit:
     """x' = A x + B lam + u, 0 <= w = C x + D lam + q _|_ lam >= 0."""

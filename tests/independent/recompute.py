@@ -1,8 +1,10 @@
-"""Truths computed anew, by an integrator of their own (extrapolated midpoint rule at 45 digits), against the stored ones.
+"""Truths computed anew, by an integrator of their own (extrapolated midpoint rule at 45 digits),
+against the stored ones.
 
     python tests/independent/recompute.py NAME ...     (or --all; needs mpmath)
 
-One line each: seconds, largest differences of states, impulses and reactions relative to max(1, size), and of event times.
+One line each: seconds, largest differences of states, impulses and reactions relative to max(1,
+size), and of event times.
 Exit status 1 if one differs by more than the stored digits.
 """
 
@@ -42,7 +44,8 @@ def apart(exact, stored) -> float:
 
 
 def differences(name: str) -> tuple[float, float]:
-    """(of values, of event times) between the truth computed now and the stored one; infinite if events differ in kind."""
+    """(of values, of event times) between the truth computed now and the stored one; infinite if
+    events differ in kind."""
     new = SYSTEMS[name].path()
     old = truth(name)
     system = SYSTEMS[name]

@@ -1,7 +1,8 @@
 """The stored truths of the systems in cases/, and how far a trajectory is from one.
 
-truths.npz holds states, cumulative impulses and reactions at the sample times (float64), truths.json the event times (20
-digits), the names of the contacts and what of all this is unique. recompute.py makes them anew.
+truths.npz holds states, cumulative impulses and reactions at the sample times (float64),
+truths.json the event times (20 digits), the names of the contacts and what of all this is unique.
+recompute.py makes them anew.
 """
 
 from __future__ import annotations
@@ -17,16 +18,19 @@ import numpy as np
 import nsbench
 
 HERE = Path(__file__).parent
-NEAR = 1e-5  # events further apart than this, of the unit of time, are not the same event told inexactly
-SAME = 1e-12  # times closer than this are one time, where only times are unique or an event is optional
+# events further apart than this, of the unit of time, are not the same event told inexactly
+NEAR = 1e-5
+# times closer than this are one time, where only times are unique or an event is optional
+SAME = 1e-12
 
 
 @dataclass(frozen=True)
 class Truth:
     """States (k, n), impulses (k, m) of the contacts `ids`, events (time, kind, id).
 
-    unique: "all", "times" or "none" of the events; weights (w, m): the unique combinations of impulses, None for each of
-    them; optional: times at which an event may be told or not; reaction (k, n) where impulses are not unique, else None.
+    unique: "all", "times" or "none" of the events; weights (w, m): the unique combinations of
+    impulses, None for each of them; optional: times at which an event may be told or not; reaction
+    (k, n) where impulses are not unique, else None.
     """
 
     x: np.ndarray
@@ -41,9 +45,11 @@ class Truth:
 
 @dataclass(frozen=True)
 class Errors:
-    """Largest errors of states, impulses and event times, each relative to max(unit, size); what was missed or is extra.
+    """Largest errors of states, impulses and event times, each relative to max(unit, size); what
+    was missed or is extra.
 
-    The unit is 1, or the largest state or impulse (of times: the end) if that is less: micrometres are not compared to 1.
+    The unit is 1, or the largest state or impulse (of times: the end) if that is less: micrometres
+    are not compared to 1.
     It is one for states and impulses, for an impulse is what two states of their size differ by.
     """
 
@@ -106,7 +112,8 @@ def grouped(events, unique):
 
 
 def paired(told, true, optional, near):
-    """(error, missed, extra) of two sorted lists of times, each used once, paired if not further apart than `near`."""
+    """(error, missed, extra) of two sorted lists of times, each used once, paired if not further
+    apart than `near`."""
     worst = 0.0
     missed = []
     rest = list(told)
@@ -122,7 +129,8 @@ def paired(told, true, optional, near):
 
 
 def compare(traj, true: Truth) -> Errors:
-    """Errors of a trajectory; a contact that acts and that the truth does not know counts into the impulse."""
+    """Errors of a trajectory; a contact that acts and that the truth does not know counts into the
+    impulse."""
     one = unit(true.x, true.impulse)
     told = {tuple(map(int, c)): traj.impulse[:, k] for k, c in enumerate(traj.contacts)}
     zero = np.zeros(len(true.x))

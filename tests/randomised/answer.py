@@ -1,7 +1,9 @@
-"""The answer of a scene: event_driven at default settings, if another integrator at another tolerance agrees with it.
+"""The answer of a scene: event_driven at default settings, if another integrator at another
+tolerance agrees with it.
 
-CONDITION is how much more the samples move than a start that is moved by 1e-9 of the unit, which is 1, or the largest state or
-what the drift makes of the time if these are less (as in tests/independent).
+CONDITION is how much more the samples move than a start that is moved by 1e-9 of the unit, which is
+1, or the largest state or what the drift makes of the time if these are less (as in
+tests/independent).
 """
 
 from __future__ import annotations
@@ -52,7 +54,8 @@ class Answer:
         return attempt(self.solved, self.second[0], self.tol(self.second[1]))
 
     def tol(self, tol: float) -> float:
-        """tol for a scene of this unit, or this far from the origin: it is absolute, and relative to the largest coordinate."""
+        """tol for a scene of this unit, or this far from the origin: it is absolute, and relative
+        to the largest coordinate."""
         x = self.first.traj.x if self.first.ok else self.case.x0[None]
         far = max(1.0, float(np.abs(x).max()) / max(self.unit, float(np.abs(x - x[0]).max())))
         return max(tol * self.unit / far, min(tol, 1e-13))
@@ -69,7 +72,8 @@ class Answer:
         )
 
     def apart(self, a, b, absolute: float = 0.0) -> float:
-        """Difference of two runs, less what tolerances allow: states, and reactions where both have them."""
+        """Difference of two runs, less what tolerances allow: states, and reactions where both have
+        them."""
         allowed = max(self.round_off * self.growth, absolute)
         out = relative(a.x, b.x, self.unit, allowed)
         if a.reaction.shape == b.reaction.shape and np.isfinite(b.reaction).all():
@@ -78,16 +82,18 @@ class Answer:
 
     @cached_property
     def round_off(self) -> float:
-        """1e-11 of the largest coordinate: tolerances are relative, and rounding adds up over steps and events."""
+        """1e-11 of the largest coordinate: tolerances are relative, and rounding adds up over steps
+        and events."""
         x = self.first.traj.x if self.first.ok else self.case.x0
         return 1e-11 * float(np.abs(x).max(initial=0.0))
 
     @cached_property
     def growth(self) -> float:
-        """What a later part of the run makes of a move by round_off, where that is more than the starts are moved by: at least 1.
+        """What a later part of the run makes of a move by round_off, where that is more than the
+        starts are moved by: at least 1.
 
-        Far from the origin tolerances and roundings move the state at all times. The start alone does not show it: what the
-        beginning forgets may be repelled later.
+        Far from the origin tolerances and roundings move the state at all times. The start alone
+        does not show it: what the beginning forgets may be repelled later.
         """
         worst = 1.0
         rng = np.random.default_rng(1)

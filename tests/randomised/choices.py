@@ -1,7 +1,9 @@
-"""A scene is a list of small whole numbers: drawn at random, replayed, or drawn by hypothesis. Less is simpler.
+"""A scene is a list of small whole numbers: drawn at random, replayed, or drawn by hypothesis. Less
+is simpler.
 
-Everything that is random is asked of `below`; what a list of numbers does not say is 0. So a scene is shrunk by making its
-numbers fewer and less, whatever they mean (as hypothesis does; MacIver & Donaldson, ECOOP 2020).
+Everything that is random is asked of `below`; what a list of numbers does not say is 0. So a scene
+is shrunk by making its numbers fewer and less, whatever they mean (as hypothesis does; MacIver &
+Donaldson, ECOOP 2020).
 """
 
 from __future__ import annotations
@@ -33,7 +35,8 @@ class Choices:
         return self.below(n) == n - 1
 
     def number(self, low: float, high: float) -> float:
-        """A number of three digits between low and high, or a round one: both happen to be degenerate."""
+        """A number of three digits between low and high, or a round one: both happen to be
+        degenerate."""
         if self.below(4) == 0:
             return self.pick([v for v in NICE if low <= v <= high] or [low])
         digits = 3 - math.floor(math.log10(high - low))
@@ -46,7 +49,8 @@ def drawn(rng) -> Choices:
 
 
 def replayed(made: list[int]) -> Choices:
-    """The same choices again; 0 where there are no more, the largest where there are fewer to choose from."""
+    """The same choices again; 0 where there are no more, the largest where there are fewer to
+    choose from."""
     rest = iter(made)
     return Choices(lambda n: min(next(rest, 0), n - 1))
 

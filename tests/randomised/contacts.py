@@ -91,7 +91,8 @@ def affine(d: Draft, wild: bool):
 
 # ---------------------------------------------------------------- particles
 def discs(d: Draft, wild: bool):
-    """Hard particles in 1 to 3 dimensions, touching, overlapping or coincident, with walls and a second family."""
+    """Hard particles in 1 to 3 dimensions, touching, overlapping or coincident, with walls and a
+    second family."""
     c = d.c
     dim = d.c.pick((2, 1, 3))
     N = 1 + d.c.below(6)
@@ -123,7 +124,8 @@ def discs(d: Draft, wild: bool):
 
 
 def _places(c: Choices, N: int, dim: int):
-    """(N, dim) centres of particles of diameter 1 on a lattice around 0, some of them touching exactly."""
+    """(N, dim) centres of particles of diameter 1 on a lattice around 0, some of them touching
+    exactly."""
     gap = c.pick((0.3, 0.0, 0.05, 1e-9))
     side = N if c.rarely(2) else int(np.ceil(N ** (1 / dim)))
     at = np.array([np.unravel_index(k, (side,) * dim) for k in range(N)], float)

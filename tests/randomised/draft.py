@@ -1,6 +1,7 @@
 """A scene on its way to a case file.
 
-It is drawn in units of its own and written in `scale` times them, around `offset`: 1e8, 1e-8, or shifted by 1e8.
+It is drawn in units of its own and written in `scale` times them, around `offset`: 1e8, 1e-8, or
+shifted by 1e8.
 """
 
 from __future__ import annotations
@@ -15,7 +16,8 @@ from randomised.grammar import expression
 
 @dataclass
 class Draft:
-    """What a scene is written from. x0 in its own units; parts: definitions; problem: an expression; notes: what it is."""
+    """What a scene is written from. x0 in its own units; parts: definitions; problem: an
+    expression; notes: what it is."""
 
     c: Choices
     what: str

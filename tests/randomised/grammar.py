@@ -1,7 +1,8 @@
-"""Drifts from a grammar: sums of terms, written as expressions over `xp`, of the time t and the entries of x.
+"""Drifts from a grammar: sums of terms, written as expressions over `xp`, of the time t and the
+entries of x.
 
-Mild terms are smooth and bounded on bounded sets; wild ones are stiff, kinked, jump in time, blow up in finite time, or stop
-being finite. What is written runs as it is in numpy, numba and JAX.
+Mild terms are smooth and bounded on bounded sets; wild ones are stiff, kinked, jump in time, blow
+up in finite time, or stop being finite. What is written runs as it is in numpy, numba and JAX.
 """
 
 from __future__ import annotations
@@ -10,7 +11,8 @@ from randomised.choices import Choices
 
 
 def term(c: Choices, n: int, t0: float, wild: bool) -> str:
-    """One term; n: number of entries of x, 0 for a function of time alone; t0: where time starts."""
+    """One term; n: number of entries of x, 0 for a function of time alone; t0: where time
+    starts."""
     x = f"x[{c.below(n)}]" if n else "t"
     a = c.number(-2.0, 2.0)
     if wild and c.rarely(5):

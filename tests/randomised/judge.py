@@ -1,29 +1,38 @@
-"""What a run that says ok is held to: what its method claims, against an event-driven answer, a second one, or itself.
+"""What a run that says ok is held to: what its method claims, against an event-driven answer, a
+second one, or itself.
 
-The answer of a scene, its unit and its condition stand in `answer`. Errors are the largest of states at samples and of
-cumulative reactions, less 1e-11 of the largest coordinate (and, of methods that claim a bound, 1e-11: tolerances are relative
-and absolute), over the larger of the unit and what the state moves. Then, for a run that says ok, SILENT WRONG is
+The answer of a scene, its unit and its condition stand in `answer`. Errors are the largest of
+states at samples and of cumulative reactions, less 1e-11 of the largest coordinate (and, of methods
+that claim a bound, 1e-11: tolerances are relative and absolute), over the larger of the unit and
+what the state moves. Then, for a run that says ok, SILENT WRONG is
 
-claimed bound   (event_driven) a difference above BOUND x condition, claims.exact being 1e-10, beside rounding of the state;
-claimed order p (steps h, 1/k of a penalty) at the finest of the LADDER an error above M = 4 times the largest constant
-                e / h^p seen at those 8 times coarser or more, that stays where it is when the ladder is continued: still,
-                64 times finer, more than a quarter of what it was. (An order is a promise for small h, in which the drift
-                goes less than 0.005 of the unit, and than a tenth of a diameter or link; what comes down late is counted as
-                "slow", not as wrong.) So for the depth of violated constraints. p is the claim without events, 1 with them,
-                as the methods say of themselves;
-own residuals   (event_driven, with samples at its events too) a residual of the equation above 1e-5 of the largest velocity
-                with up to 64 times the samples, if what it lacks (see own) stays with ever more where it is large;
-                (methods that claim a bound) a depth above 1e-8; (all but extrapolated ones, which say that theirs are of no
-                sign) a multiplier below -1e-8 of its size; a state or impulse that is not finite.
+claimed bound   (event_driven) a difference above BOUND x condition, claims.exact being 1e-10,
+beside rounding of the state;
+claimed order p (steps h, 1/k of a penalty) at the finest of the LADDER an error above M = 4 times
+the largest constant
+                e / h^p seen at those 8 times coarser or more, that stays where it is when the
+                ladder is continued: still, 64 times finer, more than a quarter of what it was. (An
+                order is a promise for small h, in which the drift goes less than 0.005 of the unit,
+                and than a tenth of a diameter or link; what comes down late is counted as "slow",
+                not as wrong.) So for the depth of violated constraints. p is the claim without
+                events, 1 with them, as the methods say of themselves;
+own residuals   (event_driven, with samples at its events too) a residual of the equation above 1e-5
+of the largest velocity
+                with up to 64 times the samples, if what it lacks (see own) stays with ever more
+                where it is large;
+                (methods that claim a bound) a depth above 1e-8; (all but extrapolated ones, which
+                say that theirs are of no sign) a multiplier below -1e-8 of its size; a state or
+                impulse that is not finite.
 
-Where there is no answer (event_driven says why), the finest runs of all methods of a scene are held against each other: both
-ok, and further apart than four times the last changes of both. Not so where it says that several motions continue, or where
-the condition is beyond WILD, or an infeasible start is kept, or two surfaces are one and the same, on which their signs may
-differ: then methods may differ. And each is held against its equation alone: see own. The answer has a budget of 1500 steps
-(of some 10 ms), which bounds the time of a stiff scene.
+Where there is no answer (event_driven says why), the finest runs of all methods of a scene are held
+against each other: both ok, and further apart than four times the last changes of both. Not so
+where it says that several motions continue, or where the condition is beyond WILD, or an infeasible
+start is kept, or two surfaces are one and the same, on which their signs may differ: then methods
+may differ. And each is held against its equation alone: see own. The answer has a budget of 1500
+steps (of some 10 ms), which bounds the time of a stiff scene.
 
-Crashes are exceptions that are not raised on purpose at the border (a ValueError, TypeError or LookupError that a `raise` of
-the package tells) and failures of measuring.
+Crashes are exceptions that are not raised on purpose at the border (a ValueError, TypeError or
+LookupError that a `raise` of the package tells) and failures of measuring.
 """
 
 from __future__ import annotations
@@ -46,7 +55,8 @@ DEPTH = 1e-8
 SIGN = 1e-8
 RESIDUAL = 1e-5
 AT_LAST = 0.5  # the order that the last two refinements show where the fall begins late
-FALLS = 0.3  # with 64 times finer steps; the layer of a switch as flat as x^3 is k^(-1/3) wide, and falls to 1/4
+# with 64 times finer steps; the layer of a switch as flat as x^3 is k^(-1/3) wide, and falls to 1/4
+FALLS = 0.3
 MANY = 1000  # samples that are not taken everywhere: some methods take 10 ms for each
 LEFT = 1e-8  # ten tolerances of a penalty's integrator, in one step
 
@@ -114,7 +124,8 @@ class Scene(Answer):
         return self._filled(spec, tol, at, more, size, good)
 
     def _filled(self, spec, tol, t, run, size, good) -> Verdict:
-        """A run with samples t whose residual stays with more everywhere: a kink of the drift, or something that is missing?"""
+        """A run with samples t whose residual stays with more everywhere: a kink of the drift, or
+        something that is missing?"""
         allowed = MISSING * size * float(t[-1] - t[0]) + 2.0 * self.round_off * len(t) + ABSOLUTE
         again = lambda at: run if at is t else self._at(spec, tol, at)
         found, traj = filled(
@@ -126,7 +137,8 @@ class Scene(Answer):
         return good if found[-1] <= allowed else Verdict("wrong", "ok", "missing " + text)
 
     def _times(self, traj, parts: int):
-        """Samples at the events of a run too, and `parts` times as many of all: then no interval holds an event inside."""
+        """Samples at the events of a run too, and `parts` times as many of all: then no interval
+        holds an event inside."""
         t = self.case.t
         events = []
         for e in sorted(e.t for e in traj.events):
@@ -180,7 +192,8 @@ class Scene(Answer):
         lam = np.diff(run.traj.impulse, axis=0) / np.diff(case.t)[:, None]
         signed = "richardson" not in spec and "extrapolate" not in spec
         noise = SIGN * max(1.0, float(np.abs(lam).max(initial=0.0)))
-        # means of what has an absolute tolerance, and of what changes at events, which are found to the rounding of a state
+        # means of what has an absolute tolerance, and of what changes at events, which are found to
+        # the rounding of a state
         left = (
             max(ABSOLUTE, self.round_off) if exact else LEFT if spec.startswith("penalty") else 0.0
         )
@@ -248,7 +261,8 @@ class Scene(Answer):
         return Verdict("fine", "ok")
 
     def _depth(self, run) -> float:
-        """Over the size of the state; of an LCS, whose w is known to a quadrature, what it is beyond that of the answer."""
+        """Over the size of the state; of an LCS, whose w is known to a quadrature, what it is
+        beyond that of the answer."""
         v = run.measured["feasibility"]
         if isinstance(self.case.problem, LCS):
             v = max(0.0, v - self.first.measured["feasibility"])
@@ -284,7 +298,8 @@ class Scene(Answer):
             found[-1],
             [err for g, err in found if g > 60.0 * found[-1][0]] or [found[0][1]],
         )
-        # or it begins to fall late, from a peak: steps that a stiff drift makes large errors of are not all the coarsest
+        # or it begins to fall late, from a peak: steps that a stiff drift makes large errors of are
+        # not all the coarsest
         late = all(
             e <= b * (s / g) ** AT_LAST
             for (g, b), (s, e) in zip(found[-3:], found[-2:], strict=False)
@@ -295,7 +310,8 @@ class Scene(Answer):
             or (late and err <= FALLS * max(e for _, e in found))
         ):
             return Verdict("slow", "ok", text)
-        # it throws particles over one another, or a state far from a narrow set, before they are put back
+        # it throws particles over one another, or a state far from a narrow set, before they are
+        # put back
         if h * self.pace > min(NARROW * shortest(self.case), FAST * self.unit):
             return Verdict("open", "ok", text)
         return Verdict("wrong", "ok", text)
@@ -314,8 +330,9 @@ class Scene(Answer):
         )
 
     def _against_others(self, spec) -> Verdict | None:
-        """wrong, if others that say ok are elsewhere; not where motions part (several continue, or a huge condition), or where
-        what an infeasible start becomes is each method's own meaning."""
+        """wrong, if others that say ok are elsewhere; not where motions part (several continue, or
+        a huge condition), or where what an infeasible start becomes is each method's own
+        meaning."""
         mine, change = self.finest[spec]
         degenerate = self.first.traj is not None and self.first.traj.status.code == "degenerate"
         if self.first.ok or degenerate or self.solved.start == "keep" or coincide(self.case):

@@ -1,4 +1,5 @@
-"""The steps that methods of a claimed order are run with, and what else than the method stands in their errors."""
+"""The steps that methods of a claimed order are run with, and what else than the method stands in
+their errors."""
 
 from __future__ import annotations
 
@@ -31,7 +32,8 @@ SLOW_LOOPS = (
 M = 4.0
 COARSER = 8.0
 EPS = 2.3e-16
-# steps of a run, and of implicit loops, which take 20 us for one: uneven samples may be 1e4 to the smallest spacing
+# steps of a run, and of implicit loops, which take 20 us for one: uneven samples may be 1e4 to the
+# smallest spacing
 MOST = 4e6
 MOST_IMPLICIT = 1e6
 MOST_SLOW = 1e4
@@ -40,7 +42,8 @@ ANSWER = 10.0  # tolerances of the answer
 # times of a run between which jumps of the drift are looked for; what is one, of its largest speed
 LOOKS = 400
 JUMP = 1e-3
-INTEGRATOR = 200.0  # tolerances of its integrator that a penalty says to hide (see penalty: 190 were measured)
+# tolerances of its integrator that a penalty says to hide (see penalty: 190 were measured)
+INTEGRATOR = 200.0
 
 
 def is_slow(case, spec: str) -> bool:
@@ -82,9 +85,10 @@ def stiffness(case) -> float:
 def floors(
     case, method, answer, digits: float, bound: float, condition: float, unit: float, jump: float
 ):
-    """h (or 1 / k) -> errors below it are none of the method: of the answer (whose tolerance `digits` is absolute too), of
-    rounding in every step (a spacing of the largest coordinate each), of the integrator of a penalty; and those of which no
-    ladder tells a constant: the part of a step in which the drift jumps, from nothing to all of it, is chance."""
+    """h (or 1 / k) -> errors below it are none of the method: of the answer (whose tolerance
+    `digits` is absolute too), of rounding in every step (a spacing of the largest coordinate each),
+    of the integrator of a penalty; and those of which no ladder tells a constant: the part of a
+    step in which the drift jumps, from nothing to all of it, is chance."""
     T = float(case.t[-1] - case.t[0])
     moved = max(unit, float(np.abs(answer.x - answer.x[0]).max()))
     least = 10.0 * bound + ANSWER * digits / moved * condition
@@ -114,7 +118,8 @@ def floors(
 
 
 def jumps(case, answer) -> float:
-    """What all jumps in time add up to of the drift along the answer, or of that field of a Filippov system that has most."""
+    """What all jumps in time add up to of the drift along the answer, or of that field of a
+    Filippov system that has most."""
     with np.errstate(all="ignore"):
         return max((_jumps(f, answer) for f in _drifts(case)), default=0.0)
 

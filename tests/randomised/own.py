@@ -1,8 +1,9 @@
 """Own residuals: a run held against its equation alone, with as many samples as that takes.
 
-What a run lacks over an interval is its residual there times the length, a way; `missing` is what all intervals lack. A kink
-or a jump of the drift inside an interval deceives the quadrature by a way that shrinks with the interval, by its length or
-faster; a velocity that is wrong for a while, a jump or a push that is not the equation's lack the same whatever the samples.
+What a run lacks over an interval is its residual there times the length, a way; `missing` is what
+all intervals lack. A kink or a jump of the drift inside an interval deceives the quadrature by a
+way that shrinks with the interval, by its length or faster; a velocity that is wrong for a while, a
+jump or a push that is not the equation's lack the same whatever the samples.
 """
 
 from __future__ import annotations
@@ -21,7 +22,8 @@ ROUNDS = (
     12  # of finer samples where something is missing: 4^12 times finer than the finest even ones
 )
 WORST = 40  # intervals that a round divides at most
-MISSING = 1e-7  # of the way that the largest velocity makes in a run: may be missing of one that claims a bound
+# of the way that the largest velocity makes in a run: may be missing of one that claims a bound
+MISSING = 1e-7
 OWN = 1e-5  # the same for steps
 STEPS = (
     8,
@@ -66,9 +68,11 @@ def finer(t: np.ndarray, lacks: np.ndarray) -> np.ndarray:
 
 
 def filled(run, case, t, allowed: float):
-    """What is missing, round by round, until it is at most `allowed` (a way) or divided samples do not help.
+    """What is missing, round by round, until it is at most `allowed` (a way) or divided samples do
+    not help.
 
-    run(t) -> a trajectory that says ok with samples t, or None (told otherwise). The list, and the last trajectory or None.
+    run(t) -> a trajectory that says ok with samples t, or None (told otherwise). The list, and the
+    last trajectory or None.
     """
     found = []
     for _ in range(ROUNDS):
@@ -85,10 +89,11 @@ def filled(run, case, t, allowed: float):
 
 
 def settled(case, spec: str, method, unit: float, why: str) -> Verdict:
-    """A method of a claimed order where there is no answer: do its defects fall with finer steps, or stay?
+    """A method of a claimed order where there is no answer: do its defects fall with finer steps,
+    or stay?
 
-    Defects are what is missing in all intervals, the greatest depth, and the integral of gap x multiplier,
-    with each step a sample.
+    Defects are what is missing in all intervals, the greatest depth, and the integral of gap x
+    multiplier, with each step a sample.
     """
     found = []
     bad = None
@@ -135,7 +140,8 @@ def _relative(found, sizes):
 
 
 def coincide(case) -> bool:
-    """Whether two surfaces of a Filippov system are one: their switches agree in sign, or never do, at 200 points."""
+    """Whether two surfaces of a Filippov system are one: their switches agree in sign, or never do,
+    at 200 points."""
     if not isinstance(case.problem, Filippov):
         return False
     rng = np.random.default_rng(0)
@@ -161,14 +167,15 @@ def slope(case) -> float:
 
 
 def shortest(case) -> float:
-    """The shortest length of links and the least diameter of particles; infinite where there is none."""
+    """The shortest length of links and the least diameter of particles; infinite where there is
+    none."""
     hard = [c for c in getattr(case.problem, "constraints", ()) if isinstance(c, Distance)]
     return min([float(np.min(2.0 * c.radii if c.d is None else c.d)) for c in hard], default=np.inf)
 
 
 def _rate(case, traj) -> float:
-    """The largest rate of the drift, or of the field beside the surfaces, row sums of its Jacobian by differences, at some
-    samples; 0 of an LCS."""
+    """The largest rate of the drift, or of the field beside the surfaces, row sums of its Jacobian
+    by differences, at some samples; 0 of an LCS."""
     p = case.problem
     if not isinstance(p, (Complementarity, Filippov)):
         return 0.0
@@ -238,8 +245,9 @@ def _defects(case, run, unit):
 
 
 def _apart(case, run, first: int) -> float:
-    """The integral of gap x multiplier, gaps being the lesser one of both ends; of a Filippov system the greatest product of a
-    switch function and the weight of its other side, times the run; 0 of an LCS."""
+    """The integral of gap x multiplier, gaps being the lesser one of both ends; of a Filippov
+    system the greatest product of a switch function and the weight of its other side, times the
+    run; 0 of an LCS."""
     traj = run.traj
     p = case.problem
     if isinstance(p, Filippov):

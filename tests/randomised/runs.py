@@ -21,8 +21,9 @@ EVENTS = 400  # that a run of event_driven may meet: one costs up to 0.1 s
 
 @dataclass(frozen=True)
 class Verdict:
-    """word: fine, own (by its own residuals alone), told (a status that is not ok, or a sentence at the border), refused,
-    slow, open (nothing to judge it by), wrong, crash; status: of the finest run."""
+    """word: fine, own (by its own residuals alone), told (a status that is not ok, or a sentence at
+    the border), refused, slow, open (nothing to judge it by), wrong, crash; status: of the finest
+    run."""
 
     word: str
     status: str = ""
@@ -44,8 +45,8 @@ class Outcome:
 
 
 def attempt(case, spec: str, value: float) -> Outcome:
-    """One run, measured. Budgets of event_driven are of EVENTS too. Circuits have larger ones: integrators other than the own one
-    take many steps for each of it."""
+    """One run, measured. Budgets of event_driven are of EVENTS too. Circuits have larger ones:
+    integrators other than the own one take many steps for each of it."""
     if spec.startswith("event_driven[") and "max_events" not in spec:
         spec = f"{spec[:-1]},max_events={EVENTS}]"
     if isinstance(case.problem, LCS):
@@ -83,8 +84,8 @@ def _place(e) -> str:
 
 
 def relative(a, b, one, round_off=0.0) -> float:
-    """Largest |a - b|, less what rounding is allowed, over the larger of `one` and how far b moves; infinite where something
-    is not finite."""
+    """Largest |a - b|, less what rounding is allowed, over the larger of `one` and how far b moves;
+    infinite where something is not finite."""
     d = np.maximum(np.abs(a - b) - round_off, 0.0) / max(
         one, float(np.abs(b - b[0]).max(initial=0.0))
     )
@@ -92,7 +93,8 @@ def relative(a, b, one, round_off=0.0) -> float:
 
 
 def kept_feasible(case) -> bool:
-    """Whether a start that is kept is feasible: then it is the same as one that is projected, and can be followed."""
+    """Whether a start that is kept is feasible: then it is the same as one that is projected, and
+    can be followed."""
     p = case.problem
     if case.start != "keep" or not (isinstance(p, Complementarity) and p.constraints):
         return False

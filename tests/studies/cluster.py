@@ -1,15 +1,21 @@
-"""A cluster against this machine: the same rows, bounded memory here, and what it costs; five parts that run alone.
+"""A cluster against this machine: the same rows, bounded memory here, and what it costs; five parts
+that run alone.
 
-    python tests/studies/cluster.py rows [CASE ...] [--suite standard]     here and on 2 workers, one of them killed midway
-    python tests/studies/cluster.py memory [--runs 100000]       the client's memory while so many tiny runs come in
-    python tests/studies/cluster.py whole [--runs 100000]        the same of all that `nsbench run --dask` does, tables and report
-    python tests/studies/cluster.py overhead [--runs 10000]      processor time and seconds per run beyond the run itself
+    python tests/studies/cluster.py rows [CASE ...] [--suite standard]     here and on 2 workers,
+    one of them killed midway
+    python tests/studies/cluster.py memory [--runs 100000]       the client's memory while so many
+    tiny runs come in
+    python tests/studies/cluster.py whole [--runs 100000]        the same of all that `nsbench run
+    --dask` does, tables and report
+    python tests/studies/cluster.py overhead [--runs 10000]      processor time and seconds per run
+    beyond the run itself
     python tests/studies/cluster.py efficiency [--runs 10000]    2 workers against 1, in turns
 
-Tiny runs are PBD on DROP, a case file whose three samples are soon measured, with as many different steps; long ones (a
-twentieth as many) PBD on the tide with steps of 2e-5 to 4e-5. The journal is written and synced as in `nsbench run`. Exit
-status 1 if a row differs, or if the client's memory grows with the number of runs (by more than GROWTH from a tenth of them
-to all of them; of the whole command, by more than A_RUN per run). Seconds are told with the load of the machine: beside other
+Tiny runs are PBD on DROP, a case file whose three samples are soon measured, with as many different
+steps; long ones (a twentieth as many) PBD on the tide with steps of 2e-5 to 4e-5. The journal is
+written and synced as in `nsbench run`. Exit status 1 if a row differs, or if the client's memory
+grows with the number of runs (by more than GROWTH from a tenth of them to all of them; of the whole
+command, by more than A_RUN per run). Seconds are told with the load of the machine: beside other
 work they say little, processor time and ratios in turns somewhat more.
 """
 
@@ -76,7 +82,8 @@ def resident():
 
 
 def spent(top):
-    """Seconds of processor time of a process and all below it, the ended ones that were waited for included."""
+    """Seconds of processor time of a process and all below it, the ended ones that were waited for
+    included."""
     used = {}
     below = {}
     for stat in Path("/proc").glob("[0-9]*/stat"):
@@ -209,7 +216,8 @@ def client(args):
 
 
 def whole(args):
-    """The command's own process: rows are kept until tables are written, and all of them are reported."""
+    """The command's own process: rows are kept until tables are written, and all of them are
+    reported."""
     with tempfile.TemporaryDirectory() as folder, cluster(2) as (address, _):
         return subprocess.run(
             [
@@ -260,7 +268,8 @@ def command(args):
 
 
 def overhead(args):
-    """Processor time of client, scheduler, workers and their children, per run, beyond that of the runs themselves."""
+    """Processor time of client, scheduler, workers and their children, per run, beyond that of the
+    runs themselves."""
     for name, make, runs in (("tiny", tiny, args.runs), ("long", long, args.runs // 20)):
         with tempfile.TemporaryDirectory() as folder, cluster(1) as (address, process):
             some = [*make(runs, folder)][:: max(1, runs // 500)]

@@ -22,7 +22,8 @@ def copy(to: Path) -> None:
 
 @contextlib.contextmanager
 def broken(*replacements, copied=copy):
-    """A copy in which, for the time of a with-block, of each (file, text, other) the other stands for the text in its file;
+    """A copy in which, for the time of a with-block, of each (file, text, other) the other stands
+    for the text in its file;
     LookupError if a text does not stand there exactly once."""
     with tempfile.TemporaryDirectory() as folder:
         folder = Path(folder)

@@ -2,9 +2,10 @@
 
     python tests/studies/estimator.py --ladders 2000 --seed 0
 
-One line per family: how many, how often the verdict is "order", how often its interval then holds the true order,
-plateaus claimed (falsely, or rightly: power), and the other verdicts. "told wrong" counts what must not happen: a
-plateau or "diverges" for an error that converges, an order for one that does not, any verdict for what cannot be known.
+One line per family: how many, how often the verdict is "order", how often its interval then holds
+the true order, plateaus claimed (falsely, or rightly: power), and the other verdicts. "told wrong"
+counts what must not happen: a plateau or "diverges" for an error that converges, an order for one
+that does not, any verdict for what cannot be known.
 """
 
 from __future__ import annotations
@@ -45,7 +46,8 @@ SHORT = {
 
 @dataclass
 class Count:
-    """Outcomes of one family (or of several): verdicts, orders told and how many intervals held the truth."""
+    """Outcomes of one family (or of several): verdicts, orders told and how many intervals held the
+    truth."""
 
     n: int = 0
     orders: int = 0
@@ -87,7 +89,8 @@ def study(
 
 
 def totals(counts: dict[str, Count]) -> dict[str, Count]:
-    """All orders told; those of families whose assumptions hold; all that converges; the plateaus of 4 times the rest."""
+    """All orders told; those of families whose assumptions hold; all that converges; the plateaus
+    of 4 times the rest."""
     order = [f for f in counts if counts[f].converging]
     groups = {"all that converge": order, "of them fair": [f for f in order if FAMILIES[f][2]]}
     return {name: sum((counts[f] for f in group), Count()) for name, group in groups.items()}

@@ -1,10 +1,11 @@
-"""How far a forecast of seconds is off: for every case and solver of a study the runs of the finer half of the ladder are
-foreseen from those of the coarser half, and whole pairs from the solver's other cases.
+"""How far a forecast of seconds is off: for every case and solver of a study the runs of the finer
+half of the ladder are foreseen from those of the coarser half, and whole pairs from the solver's
+other cases.
 
     python tests/studies/forecasts.py [DIR]        (default: reports/sample)
 
-Prints, by source, how many runs were foreseen, the quartiles of forecast over measured, the share within a factor of two,
-and the ratio of the sums, which is what a plan adds up.
+Prints, by source, how many runs were foreseen, the quartiles of forecast over measured, the share
+within a factor of two, and the ratio of the sums, which is what a plan adds up.
 """
 
 import csv

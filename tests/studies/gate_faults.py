@@ -1,13 +1,15 @@
-"""Twelve faults, one at a time, that the gate must see; and runs of the unbroken bench under load, which it must let pass.
+"""Twelve faults, one at a time, that the gate must see; and runs of the unbroken bench under load,
+which it must let pass.
 
     python tests/studies/gate_faults.py [NAME ...]
     python tests/studies/gate_faults.py --clean 100 [--busy N]
 
-Every fault is a replacement of text (one is two) in a copy of the checkout. A small suite (CASES x METHODS) is run and
-calibrated on an unbroken copy, then run on every broken one, each with kernels of its own, and held against the unbroken
-one's baseline by `nsbench gate`; a fault is caught where that exits with 1 or 4. --clean N runs the unbroken suite N times
-beside processes that keep every core busy (--busy: so many of them), and counts those that the gate does not let pass. Exit
-status 1 if a fault went unseen, no longer applies, or a clean run was stopped.
+Every fault is a replacement of text (one is two) in a copy of the checkout. A small suite (CASES x
+METHODS) is run and calibrated on an unbroken copy, then run on every broken one, each with kernels
+of its own, and held against the unbroken one's baseline by `nsbench gate`; a fault is caught where
+that exits with 1 or 4. --clean N runs the unbroken suite N times beside processes that keep every
+core busy (--busy: so many of them), and counts those that the gate does not let pass. Exit status 1
+if a fault went unseen, no longer applies, or a clean run was stopped.
 """
 
 import argparse
@@ -82,7 +84,8 @@ FAULTS = {
 
 
 def whole_copy(folder):
-    """A copy of the checkout whose cases and references are its own, not those of the installed package."""
+    """A copy of the checkout whose cases and references are its own, not those of the installed
+    package."""
     copy(folder)
     for name in ("cases", "reference_solutions"):
         (folder / "nsbench" / name).symlink_to(folder / name)

@@ -1,10 +1,11 @@
-"""Tangential and near-tangential passages with closed forms: how many contacts does the event-driven method miss?
+"""Tangential and near-tangential passages with closed forms: how many contacts does the
+event-driven method miss?
 
     python tests/studies/grazes.py --passages 1000 --seed 0
 
-Each passage goes by a wall, a moving wall, a disc, a leash or a narrow bump of a wall at a random time and touches for
-a contact interval between 1e-3 and 0.3 (half of them), misses by a clearance between 1e-12 and 1e-2, or touches in
-one point. In between are few samples, so that steps are long.
+Each passage goes by a wall, a moving wall, a disc, a leash or a narrow bump of a wall at a random
+time and touches for a contact interval between 1e-3 and 0.3 (half of them), misses by a clearance
+between 1e-12 and 1e-2, or touches in one point. In between are few samples, so that steps are long.
 """
 
 from __future__ import annotations
@@ -27,7 +28,8 @@ KINDS = ("wall", "moving_wall", "disc", "leash", "bump")
 
 @dataclass(frozen=True)
 class Passage:
-    """case; times: contact and release, empty if it stays clear; end: the state at T; touch: one point of contact."""
+    """case; times: contact and release, empty if it stays clear; end: the state at T; touch: one
+    point of contact."""
 
     case: Case
     times: tuple
@@ -36,7 +38,8 @@ class Passage:
 
 
 def passage(kind: str, length: float, clear: float, rng) -> Passage:
-    """A passage with that contact interval, or (length 0) that clearance; clear = 0 touches in one point."""
+    """A passage with that contact interval, or (length 0) that clearance; clear = 0 touches in one
+    point."""
     T = rng.uniform(3.0, 6.0)
     c = rng.uniform(1.3, 2.2)
     contact = length > 0.0
@@ -78,7 +81,8 @@ def _moving_wall(length, clear, c, T, rng):
 
 
 def _disc(length, clear, c, T, rng):
-    """Past the unit disc with f = (1, 0); in contact the angle obeys a' = -cos a, so length = artanh(sin a)."""
+    """Past the unit disc with f = (1, 0); in contact the angle obeys a' = -cos a, so length =
+    artanh(sin a)."""
     sine = np.tanh(length)
     y = np.sqrt(1.0 - sine**2) if length else 1.0 + clear
     start = c - length
@@ -97,7 +101,8 @@ def _disc(length, clear, c, T, rng):
 
 
 def _leash(length, clear, c, T, rng):
-    """Pulled out radially to the end of a leash of length 1, and back again: y' = -a sin(w (t - c))."""
+    """Pulled out radially to the end of a leash of length 1, and back again: y' = -a sin(w (t -
+    c))."""
     w = rng.uniform(0.5, 1.0)
     a = w * rng.uniform(0.3, 0.7)  # it does not come out on the other side
     reach = (
@@ -140,7 +145,8 @@ def pick(index: int, seed: int) -> Passage:
 
 
 def judge(p: Passage) -> tuple[str, float, float]:
-    """(verdict, error of event times, error of the end state): good, missed, invented, wrong or a status."""
+    """(verdict, error of event times, error of the end state): good, missed, invented, wrong or a
+    status."""
     traj = solve(p.case, "event_driven")
     if not traj.status.ok:
         return traj.status.code, 0.0, 0.0

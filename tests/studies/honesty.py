@@ -1,14 +1,17 @@
-"""Thousands of random scenes by every method that takes them: is what says ok true, does nothing crash, does all come to an end?
+"""Thousands of random scenes by every method that takes them: is what says ok true, does nothing
+crash, does all come to an end?
 
-    python tests/studies/honesty.py --runs 10000 --seed 0 [-j 2] [-o FOLDER] [--family F ...] [--solver S ...]
-    python tests/studies/honesty.py --show 17 [--shrink SPEC]
+    python tests/studies/honesty.py --runs 10000 --seed 0 [-j 2] [-o FOLDER] [--family F ...]
+    [--solver S ...] python tests/studies/honesty.py --show 17 [--shrink SPEC]
 
-Scene number i of a seed is a case file drawn from the families of tests/randomised (degenerate on purpose); each is run by
-event_driven, a second integrator of it, and some of the methods that accept it, and judged as tests/randomised/judge.py says.
-Each (scene, method) is one run. Workers are killed when a run takes more than --limit seconds of CPU time (a hang), and
-replaced when they die (a crash). With -o, lines are kept in FOLDER/rows.jsonl, scenes that have one are not run again, and
-the case file of whatever was wrong, crashed or hung lies beside it. Prints counts by family, method and status; the exit status
-is 1 if anything was silently wrong, crashed or hung.
+Scene number i of a seed is a case file drawn from the families of tests/randomised (degenerate on
+purpose); each is run by event_driven, a second integrator of it, and some of the methods that
+accept it, and judged as tests/randomised/judge.py says.
+Each (scene, method) is one run. Workers are killed when a run takes more than --limit seconds of
+CPU time (a hang), and replaced when they die (a crash). With -o, lines are kept in
+FOLDER/rows.jsonl, scenes that have one are not run again, and the case file of whatever was wrong,
+crashed or hung lies beside it. Prints counts by family, method and status; the exit status is 1 if
+anything was silently wrong, crashed or hung.
 """
 
 from __future__ import annotations
@@ -36,7 +39,8 @@ from randomised.scenes import FAMILIES, scene  # noqa: E402
 
 BAD = ("wrong", "crash", "hang")
 LIVES = 80  # scenes of a worker: what it compiled stays in its memory
-# methods beside event_driven, and how often each is drawn: those that compile for seconds are drawn less
+# methods beside event_driven, and how often each is drawn: those that compile for seconds are drawn
+# less
 METHODS = {
     "pbd": 3,
     "pbd[order=reverse]": 2,
@@ -175,7 +179,8 @@ class Worker:
 
 
 def run(o, families, done: set[int], keep) -> None:
-    """Scenes one after the other until there are as many runs as asked for; keep(index, rows) each."""
+    """Scenes one after the other until there are as many runs as asked for; keep(index, rows)
+    each."""
     mp.set_start_method("spawn", force=True)
     args = (o.seed, families, o.solver)
     count = o.count

@@ -1,9 +1,10 @@
-"""For every solver: whether its runs import a file of the package that their keys do not know. Ends with 1 if one does.
+"""For every solver: whether its runs import a file of the package that their keys do not know. Ends
+with 1 if one does.
 
     python tests/studies/imported.py [SOLVER ...]
 
-Each solver runs four cases in a process that finds no other solver; what it has imported then is compared with what is read
-off the texts of its files. On a new machine this compiles everything.
+Each solver runs four cases in a process that finds no other solver; what it has imported then is
+compared with what is read off the texts of its files. On a new machine this compiles everything.
 """
 
 import sys

@@ -2,8 +2,10 @@
 
     python tests/studies/independent.py [NAME ...] [--solver event_driven] [--limit 300]
 
-One line per system: status, largest errors of states, impulses and event times relative to max(1, size), seconds.
-The truths are by an integrator of their own (extrapolated midpoint rule at 45 digits), written without using the bench.
+One line per system: status, largest errors of states, impulses and event times relative to max(1,
+size), seconds.
+The truths are by an integrator of their own (extrapolated midpoint rule at 45 digits), written
+without using the bench.
 Exit status 1 if a status is not ok, an error is above its bound, or an event is missed or extra.
 """
 

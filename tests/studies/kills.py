@@ -1,13 +1,16 @@
-"""Kill -9 at random moments: is anything lost, does anyone survive, and does the next call end as if nothing had been?
+"""Kill -9 at random moments: is anything lost, does anyone survive, and does the next call end as
+if nothing had been?
 
     python tests/studies/kills.py [--kills 50] [--seed 0] [--runs 200]
 
-A suite of quick runs (two workers) is killed again and again, the parent in four rounds of five, one of its workers in the
-fifth, at a moment drawn from the seed: some time after the start, or soon after the journal has grown by so many lines. After
-each kill of the parent no process of it may be left after GONE seconds, every line of the journal but the last one is whole, and
-every row that was there before is there unchanged; then the same command is called again. When it ends, its tables are
-compared with those of a run that was never disturbed, but for the columns of time, and the next suite begins, until all
-kills are spent. A run whose worker was killed is "crashed" in its suite, and made again by the call that follows.
+A suite of quick runs (two workers) is killed again and again, the parent in four rounds of five,
+one of its workers in the fifth, at a moment drawn from the seed: some time after the start, or soon
+after the journal has grown by so many lines. After each kill of the parent no process of it may be
+left after GONE seconds, every line of the journal but the last one is whole, and every row that was
+there before is there unchanged; then the same command is called again. When it ends, its tables are
+compared with those of a run that was never disturbed, but for the columns of time, and the next
+suite begins, until all kills are spent. A run whose worker was killed is "crashed" in its suite,
+and made again by the call that follows.
 """
 
 from __future__ import annotations
@@ -45,7 +48,8 @@ MARK = "KILLS_MARK"  # no name that the bench knows: those are part of the keys 
 
 @dataclass
 class Tally:
-    """What happened: kills of parents and workers, rows that stood at a kill, suites that were compared."""
+    """What happened: kills of parents and workers, rows that stood at a kill, suites that were
+    compared."""
 
     parents: int = 0
     workers: int = 0
@@ -119,7 +123,8 @@ def lines(out: Path) -> list[bytes]:
 
 
 def whole(out: Path, tally: Tally) -> list[bytes]:
-    """The lines of the journal; a fault for one that cannot be read, unless it is the last one and has no end."""
+    """The lines of the journal; a fault for one that cannot be read, unless it is the last one and
+    has no end."""
     found = lines(out)
     if found and not found[-1].endswith(b"\n"):
         tally.torn += 1
@@ -133,7 +138,8 @@ def whole(out: Path, tally: Tally) -> list[bytes]:
 
 
 def wait_for(moment: tuple[int, float], process: subprocess.Popen, out: Path) -> bool:
-    """Wait until the moment of the kill, so many rows and seconds from now; False if the process ended before."""
+    """Wait until the moment of the kill, so many rows and seconds from now; False if the process
+    ended before."""
     rows, seconds = moment
     begun = time.monotonic()
     before = len(lines(out))

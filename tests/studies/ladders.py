@@ -1,8 +1,10 @@
-"""Synthetic ladders of errors with known truth, for the estimator of orders. No estimator is imported here.
+"""Synthetic ladders of errors with known truth, for the estimator of orders. No estimator is
+imported here.
 
-A family makes one `Ladder` from a random generator: steps, errors, what the caller would know (keyword arguments of
-`fit_order`), and the truth. Orders p are drawn from 0.5 to 5, levels of noise from 1 to 30 %; steps either at
-irrational ratios (4 per octave and more) or as a study takes them: whole divisors of a spacing, 19 per 6 octaves.
+A family makes one `Ladder` from a random generator: steps, errors, what the caller would know
+(keyword arguments of `fit_order`), and the truth. Orders p are drawn from 0.5 to 5, levels of noise
+from 1 to 30 %; steps either at irrational ratios (4 per octave and more) or as a study takes them:
+whole divisors of a spacing, 19 per 6 octaves.
 """
 
 from __future__ import annotations
@@ -18,8 +20,9 @@ NOISE = (0.01, 0.03, 0.1, 0.2, 0.3)  # standard deviation of log err
 
 @dataclass(frozen=True)
 class Ladder:
-    """h, err (k,); kind: order (p is the limit of the slope), plateau (C the limit), diverges, exact or open (nothing
-    can be known from these points); known: keyword arguments for the estimator; note: the level within the family."""
+    """h, err (k,); kind: order (p is the limit of the slope), plateau (C the limit), diverges,
+    exact or open (nothing can be known from these points); known: keyword arguments for the
+    estimator; note: the level within the family."""
 
     h: np.ndarray
     err: np.ndarray
@@ -83,7 +86,8 @@ def outlier(rng) -> Ladder:
 
 
 def swell(rng) -> Ladder:
-    """1 + a sin(w log h): a phase that turns with the logarithm of the step, 0.4 to 2 octaves a turn."""
+    """1 + a sin(w log h): a phase that turns with the logarithm of the step, 0.4 to 2 octaves a
+    turn."""
     base = power(rng, sigma=rng.choice(NOISE[:3]))
     w = 2 * np.pi / (rng.uniform(0.4, 2.0) * np.log(2.0))
     a = rng.uniform(0.1, 0.7)
@@ -120,7 +124,8 @@ def head(rng, gaps=(1.0,), sign=1.0) -> Ladder:
 
 
 def saturated(rng) -> Ladder:
-    """h^p / (1 + h / c)^q: flatter at coarse steps, as where no event is resolved yet or h^(1/2) comes before h."""
+    """h^p / (1 + h / c)^q: flatter at coarse steps, as where no event is resolved yet or h^(1/2)
+    comes before h."""
     h = steps(rng)
     p = rng.choice([1.0, 2.0])
     q = p * rng.choice([0.5, 1.0])
@@ -182,7 +187,8 @@ def flat(rng) -> Ladder:
 
 
 def hidden(rng) -> Ladder:
-    """A floor that nobody told: an iterative solver's tolerance, random from step to step, 3 to 100 times the rest."""
+    """A floor that nobody told: an iterative solver's tolerance, random from step to step, 3 to 100
+    times the rest."""
     h = steps(rng)
     p = rng.choice([1.0, 2.0])
     C = h.min() ** p * 10.0 ** rng.uniform(0.5, 2.0)
@@ -204,7 +210,8 @@ def diverging(rng) -> Ladder:
 
 
 def dyadic(rng) -> Ladder:
-    """How deep explicit Euler falls past a floor, seen at h = c 2^-k alone: the same phase at every step, or nearly."""
+    """How deep explicit Euler falls past a floor, seen at h = c 2^-k alone: the same phase at every
+    step, or nearly."""
     h = rng.uniform(0.5, 1.0) * 2.0 ** -np.arange(int(rng.integers(7, 20)))
     fall = rng.choice([1.0, rng.uniform(0.5, 2.0)])
     return Ladder(h, h * np.ceil(fall / h) - fall, "open", 1.0)
@@ -232,7 +239,8 @@ def exact(rng) -> Ladder:
 
 
 def sometimes(rng) -> Ladder:
-    """Exact at some steps, of order one at the others (explicit Euler on a sliding mode); a fifth to four fifths exact."""
+    """Exact at some steps, of order one at the others (explicit Euler on a sliding mode); a fifth
+    to four fifths exact."""
     h = steps(rng)
     err = h * rng.uniform(0.3, 1.0, len(h))
     lucky = rng.random(len(h)) < rng.uniform(0.2, 0.8)
@@ -251,8 +259,9 @@ def torn(rng) -> Ladder:
     return Ladder(np.append(h, h[twin]), np.append(err, err[twin]), "order", base.p, note=base.note)
 
 
-# share: of the ladders of a study. fair: the interval's assumptions hold (independent scatter about a power law with
-# at most one further power), so that the coverage itself is promised and not only that no wrong order is told.
+# share: of the ladders of a study. fair: the interval's assumptions hold (independent scatter about
+# a power law with at most one further power), so that the coverage itself is promised and not only
+# that no wrong order is told.
 FAMILIES: dict[str, tuple[Callable, int, bool]] = {
     "power": (power, 14, True),
     "head q=1": (head, 8, True),
@@ -282,7 +291,8 @@ FAMILIES: dict[str, tuple[Callable, int, bool]] = {
 
 
 def ladders(n: int, seed: int, families=tuple(FAMILIES)):
-    """(family, Ladder) n times in all, in the shares of FAMILIES; each family has a stream of its own."""
+    """(family, Ladder) n times in all, in the shares of FAMILIES; each family has a stream of its
+    own."""
     total = sum(FAMILIES[f][1] for f in families)
     for k, name in enumerate(FAMILIES):
         if name in families:

@@ -2,8 +2,10 @@
 
     python tests/studies/mutations.py [NAME ...]
 
-Every fault is a replacement of text in a copy of the checkout; the tests named with it must pass before and fail after.
-Prints one line per fault with the first test that failed; exit status 1 if one went unnoticed or no longer applies.
+Every fault is a replacement of text in a copy of the checkout; the tests named with it must pass
+before and fail after.
+Prints one line per fault with the first test that failed; exit status 1 if one went unnoticed or no
+longer applies.
 """
 
 import os

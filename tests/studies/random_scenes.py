@@ -1,10 +1,12 @@
-"""Random scenes of hard discs, each run twice: other integrator, other tolerance. Silent disagreements must be none.
+"""Random scenes of hard discs, each run twice: other integrator, other tolerance. Silent
+disagreements must be none.
 
     python tests/studies/random_scenes.py --scenes 500 --seed 0 [--first K] [--most 30]
 
-A scene is one of KINDS with 3 to 30 discs under a smooth random drift (attraction, rotation, waves in space and time).
-Both runs must agree to 1e-8 in state and reaction at every sample, relative to max(1, size), or one of them must have
-a status that is not ok. Multipliers are not compared: they need not be unique.
+A scene is one of KINDS with 3 to 30 discs under a smooth random drift (attraction, rotation, waves
+in space and time).
+Both runs must agree to 1e-8 in state and reaction at every sample, relative to max(1, size), or one
+of them must have a status that is not ok. Multipliers are not compared: they need not be unique.
 """
 
 from __future__ import annotations
@@ -28,7 +30,8 @@ ROW = 0.75**0.5
 
 
 def waves(rng, n, mirror=False):
-    """Factory of the drift: -a (x - c) + w J x + waves + a constant kick per disc; mirrored pairs stay mirrored."""
+    """Factory of the drift: -a (x - c) + w J x + waves + a constant kick per disc; mirrored pairs
+    stay mirrored."""
     a = rng.uniform(0.3, 1.5)
     w = rng.uniform(-1.0, 1.0)
     m = 2
@@ -60,7 +63,8 @@ def waves(rng, n, mirror=False):
 
 
 def scattered(rng, n, spacing):
-    """n sites of a triangular lattice near a random point, jittered so that all stay 2 apart: (n, 2)."""
+    """n sites of a triangular lattice near a random point, jittered so that all stay 2 apart: (n,
+    2)."""
     side = int(np.ceil(np.sqrt(n))) + 4
     j, i = np.divmod(np.arange(side * side), side)
     sites = np.stack((i + 0.5 * (j % 2), ROW * j), axis=1)

@@ -1,8 +1,10 @@
 """Constraints that leave no point: where a run violates them, or between two of its samples.
 
-A projection moves somewhere even where there is nowhere to go: contradicting walls are met half-way, and what is squeezed
-between them comes out on another side. Rows are looked at by linear programs, links by shortest paths, the rest to first order.
-Nothing is looked at where it cannot happen: a state that meets constraints at rest, be it the start, proves that they leave one.
+A projection moves somewhere even where there is nowhere to go: contradicting walls are met
+half-way, and what is squeezed between them comes out on another side. Rows are looked at by linear
+programs, links by shortest paths, the rest to first order.
+Nothing is looked at where it cannot happen: a state that meets constraints at rest, be it the
+start, proves that they leave one.
 """
 
 from __future__ import annotations
@@ -26,11 +28,13 @@ BEYOND = (
 )
 MANY = 3000  # constraints: beyond, the linear program takes seconds
 TIMES = 200  # of a run at which walls and links are looked at, samples too
-PARTS = 4  # of a run, in each of which the deepest sample is looked at: others may be deeper for other reasons
+# of a run, in each of which the deepest sample is looked at: others may be deeper for other reasons
+PARTS = 4
 
 
 def nowhere(case: Case, traj: Trajectory) -> Status | None:
-    """Walls or links that contradict each other at any time, or constraints that do where the run violates them most."""
+    """Walls or links that contradict each other at any time, or constraints that do where the run
+    violates them most."""
     if case.exact is not None or not (
         case.start == "keep" or any(c.moving for c in case.problem.constraints)
     ):
@@ -56,8 +60,8 @@ def nowhere(case: Case, traj: Trajectory) -> Status | None:
 
 
 def _moments(scene: Scene, traj: Trajectory):
-    """Times at which walls and links are looked at, and states around: all samples and, of few, the straight ways between, the
-    coarsest grid of them first; of constraints at rest the start."""
+    """Times at which walls and links are looked at, and states around: all samples and, of few, the
+    straight ways between, the coarsest grid of them first; of constraints at rest the start."""
     between = -(-TIMES // max(len(traj.t) - 1, 1))
     count = 1 + between * (len(traj.t) - 1) if scene.moving else 1
     for at in _coarse_first(count):
@@ -79,8 +83,8 @@ def _coarse_first(count: int) -> list[int]:
 
 
 def _deepest(depth: np.ndarray) -> list[int]:
-    """Samples, the deepest first: of the run, of what follows the start, which may be left as it is, of every part, and where the
-    run begins to violate its constraints by HALF of its most."""
+    """Samples, the deepest first: of the run, of what follows the start, which may be left as it
+    is, of every part, and where the run begins to violate its constraints by HALF of its most."""
     parts = np.array_split(np.arange(len(depth)), PARTS)
     worst = {
         part[int(np.argmax(depth[part]))]
@@ -92,10 +96,12 @@ def _deepest(depth: np.ndarray) -> list[int]:
 
 
 def _arrangement(case: Case, scene: Scene, t: float, x: np.ndarray, depth: float) -> str | None:
-    """Why no small move from x meets all constraints that touch there; None where one does, or where they are too many.
+    """Why no small move from x meets all constraints that touch there; None where one does, or
+    where they are too many.
 
-    A linear program of the linearised constraints. For links and rods it is no more than what they ask; hard particles may
-    not change places, as they could by a long move. The curvature of what is deep is why a part of the depth is allowed.
+    A linear program of the linearised constraints. For links and rods it is no more than what they
+    ask; hard particles may not change places, as they could by a long move. The curvature of what
+    is deep is why a part of the depth is allowed.
     """
     near = scene.near(x, 0.0, t)
     if not 1 < len(near) <= MANY:
@@ -117,11 +123,12 @@ def _arrangement(case: Case, scene: Scene, t: float, x: np.ndarray, depth: float
 
 
 def _beyond(case: Case, scene: Scene, t: float, x: np.ndarray, depth: float) -> str | None:
-    """Why what meets the constraints is not about as far from x as x violates them; None where it is, where none does to first
-    order, or where they are many.
+    """Why what meets the constraints is not about as far from x as x violates them; None where it
+    is, where none does to first order, or where they are many.
 
-    Projections one by one hardly move what is squeezed in a straight row, for it yields to the side only: a violation that no
-    step mends, however small it is, hides a way as long as a part of its square root.
+    Projections one by one hardly move what is squeezed in a straight row, for it yields to the side
+    only: a violation that no step mends, however small it is, hides a way as long as a part of its
+    square root.
     """
     near = scene.near(x, depth, t)
     if not 0 < len(near) * scene.n <= DENSE:
@@ -144,9 +151,11 @@ def _beyond(case: Case, scene: Scene, t: float, x: np.ndarray, depth: float) -> 
 
 
 def contradiction(case: Case, t: float, x: np.ndarray | None = None) -> str | None:
-    """Why no state meets all rows, or all links, at time t; None where they do not contradict each other.
+    """Why no state meets all rows, or all links, at time t; None where they do not contradict each
+    other.
 
-    Rows by a linear program around x (n,), the start where none is given; links by shortest paths: anchors further apart than
-    the links between them are long. Other contradictions are not looked for.
+    Rows by a linear program around x (n,), the start where none is given; links by shortest paths:
+    anchors further apart than the links between them are long. Other contradictions are not looked
+    for.
     """
     return Walls(case).contradiction(t, case.x0 if x is None else x) or too_short(case, t)

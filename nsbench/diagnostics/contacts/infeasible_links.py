@@ -15,7 +15,8 @@ ENDS = 200  # anchored links of one chain between which the ways are looked at
 
 
 def too_short(case: Case, t: float) -> str | None:
-    """Which two anchors are further apart at t than the links between them let them be; None where none are."""
+    """Which two anchors are further apart at t than the links between them let them be; None where
+    none are."""
     scene = scene_of(case)
     anchors = None
     for i, j, reach in _chains(case):
@@ -40,8 +41,8 @@ def too_short(case: Case, t: float) -> str | None:
 
 @functools.lru_cache(maxsize=64)
 def _chains(case: Case) -> list[tuple]:
-    """By dimension of the links: coordinates of the two anchors (k, dim) and (k, dim) of every way there is from one to another,
-    and its length (k,)."""
+    """By dimension of the links: coordinates of the two anchors (k, dim) and (k, dim) of every way
+    there is from one to another, and its length (k,)."""
     scene = scene_of(case)
     near = scene.all_static()
     out = []
@@ -62,7 +63,8 @@ def _chains(case: Case) -> list[tuple]:
 
 
 def _ways(p, q, d, n: int) -> tuple:
-    """Two ends, nodes from n on, and the length of the shortest way along edges (p, q) of length d, for all that are joined."""
+    """Two ends, nodes from n on, and the length of the shortest way along edges (p, q) of length d,
+    for all that are joined."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components, shortest_path
 

@@ -1,4 +1,5 @@
-"""Rows that leave no point, by linear programs (Boyd & Vandenberghe, Convex Optimization, section 11.4.1: phase I)."""
+"""Rows that leave no point, by linear programs (Boyd & Vandenberghe, Convex Optimization, section
+11.4.1: phase I)."""
 
 from __future__ import annotations
 
@@ -11,10 +12,12 @@ from nsbench.dynamics.contacts.constraint_set import ROW
 from nsbench.dynamics.contacts.tolerances import scene_of, tolerances
 
 SOLVED = 1e-10  # of the farthest constraint looked at: what a linear program is solved to
-FAR = 1e4  # of the depth, or of what is violated next: constraints farther away are asked when in the way
+# of the depth, or of what is violated next: constraints farther away are asked when in the way
+FAR = 1e4
 ROOM = 1e3  # of the depth: the margin that is looked for, for the point to serve at other times too
 KEPT = 16  # points that were found
-# programs solved for one run, and their entries: without room between walls each sample asks for one
+# programs solved for one run, and their entries: without room between walls each sample asks for
+# one
 MOST = 400
 ENTRIES = 2e6
 WEIGHS = 1e-7  # of all weights: a constraint that takes part in a contradiction
@@ -22,8 +25,9 @@ WEIGHS = 1e-7  # of all weights: a constraint that takes part in a contradiction
 
 @dataclass(frozen=True)
 class Miss:
-    """What every d misses A d + g >= 0 by, in lengths: `least`, 0.0 where none or not known; `deep`, the most that those which
-    contradict each other are violated by at d = 0; way (n,), a d that misses none, where one was found."""
+    """What every d misses A d + g >= 0 by, in lengths: `least`, 0.0 where none or not known;
+    `deep`, the most that those which contradict each other are violated by at d = 0; way (n,), a d
+    that misses none, where one was found."""
 
     least: float = 0.0
     deep: float = 0.0
@@ -31,7 +35,8 @@ class Miss:
 
 
 class Walls:
-    """The affine rows of a case, asked at many times: a point that was found serves as long as it misses none."""
+    """The affine rows of a case, asked at many times: a point that was found serves as long as it
+    misses none."""
 
     def __init__(self, case: Case):
         self.case, self.scene, self.found, self.programs = case, scene_of(case), [], 0
@@ -63,10 +68,11 @@ class Walls:
 
 
 def least_miss(ptr, cols, vals, g, n: int, allowed, room: float = 0.0) -> Miss:
-    """The least s with A d + g + s >= 0 for some d, by rows made as long as one: A as CSR; g (m,), which may miss by `allowed`.
+    """The least s with A d + g + s >= 0 for some d, by rows made as long as one: A as CSR; g (m,),
+    which may miss by `allowed`.
 
-    Of rows beyond FAR times the largest -g nothing is asked until the way found misses them. With `room` a d is looked for
-    that keeps so many times the largest -g clear of every row.
+    Of rows beyond FAR times the largest -g nothing is asked until the way found misses them. With
+    `room` a d is looked for that keeps so many times the largest -g clear of every row.
     """
     rows = np.repeat(np.arange(len(g)), np.diff(ptr))
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):

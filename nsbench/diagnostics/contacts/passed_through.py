@@ -12,7 +12,8 @@ from nsbench.trajectory import Status, Trajectory
 
 
 def passed(case: Case, traj: Trajectory) -> Status | None:
-    """Hard particles on a line that changed places, or that an anchor went through: a step too long, or no room."""
+    """Hard particles on a line that changed places, or that an anchor went through: a step too
+    long, or no room."""
     if not any(
         isinstance(c, Distance) and c.sign > 0 and c.dim == 1 for c in case.problem.constraints
     ):

@@ -1,4 +1,5 @@
-"""Layers around surfaces that are one, or meet in less than their number allows: they mix fields that nowhere meet."""
+"""Layers around surfaces that are one, or meet in less than their number allows: they mix fields
+that nowhere meet."""
 
 from __future__ import annotations
 
@@ -16,7 +17,8 @@ MEET = 1e-9  # of the gradients, of length 1: so near to 0 a mixture of them is 
 
 
 def beside(gradients: np.ndarray) -> np.ndarray:
-    """(s, m) the signs that m switches with these gradients (m, n) have in the sectors around a zero of them all.
+    """(s, m) the signs that m switches with these gradients (m, n) have in the sectors around a
+    zero of them all.
 
     By Gordan's theorem there is none with signs s if a mixture of the s_i x gradient i vanishes.
     """
@@ -27,11 +29,13 @@ def beside(gradients: np.ndarray) -> np.ndarray:
 
 
 def mixed(case: Case, width: float, t: np.ndarray, X: np.ndarray) -> str:
-    """Where a run with states X (K, n) at times t is in the layers c = clip(switch / width) of surfaces with dependent gradients,
-    and its field there is none of those that Filippov's set has: x' in the hull of the fields of sectors; "" if nowhere.
+    """Where a run with states X (K, n) at times t is in the layers c = clip(switch / width) of
+    surfaces with dependent gradients, and its field there is none of those that Filippov's set has:
+    x' in the hull of the fields of sectors; "" if nowhere.
 
-    Surfaces that are one have layers of different thickness if one switch is steeper, and the weights of both are then
-    those of no point beside them; so if a field is not affine in its signs.
+    Surfaces that are one have layers of different thickness if one switch is steeper, and the
+    weights of both are then those of no point beside them; so if a field is not affine in its
+    signs.
     """
     motion = Motion(case.problem, float(case.t[0]), X[0].copy())
     before = False
@@ -49,8 +53,9 @@ def mixed(case: Case, width: float, t: np.ndarray, X: np.ndarray) -> str:
 
 
 def _off(motion, width, t, x) -> tuple:
-    """The surfaces as near as the thickest of the layers that x is in, and how far its velocity is from the hull of their
-    sectors' fields, in the unit of the flattest switch; 0 if all sectors are there."""
+    """The surfaces as near as the thickest of the layers that x is in, and how far its velocity is
+    from the hull of their sectors' fields, in the unit of the flattest switch; 0 if all sectors are
+    there."""
     c = motion.switch(t, x)
     if not (np.abs(c) < width).any():
         return (), 0.0

@@ -1,4 +1,5 @@
-"""Layers around surfaces, of penalties and of tolerances, where a switch is flat: there they are thicker than they say."""
+"""Layers around surfaces, of penalties and of tolerances, where a switch is flat: there they are
+thicker than they say."""
 
 from __future__ import annotations
 
@@ -13,15 +14,16 @@ from nsbench.diagnostics.filippov.repulsive_surface import swing, there
 from nsbench.diagnostics.run_view import ways
 from nsbench.dynamics.filippov.vector_field import Motion
 
-CHANGES = 0.5  # of a slope within the layer that it gives: there the layer is of another thickness than it says
+# of a slope within the layer that it gives: there the layer is of another thickness than it says
+CHANGES = 0.5
 POINTS = 100  # of a run that are looked at, at least its samples
 UNKNOWN = 4  # other switches in their layers of which both signs are tried
 
 
 def flat_layer(case: Case, width: float, t: np.ndarray, X: np.ndarray) -> str:
-    """Where a run of a Filippov system, on the straight ways between its states X at times t, is within `width` of a surface
-    or passes it where its switch is so flat that what is hidden below `width` is no length of `width` / slope; "" if it is
-    nowhere."""
+    """Where a run of a Filippov system, on the straight ways between its states X at times t, is
+    within `width` of a surface or passes it where its switch is so flat that what is hidden below
+    `width` is no length of `width` / slope; "" if it is nowhere."""
     motion = Motion(case.problem, float(case.t[0]), X[0].copy())
     rows = np.arange(motion.d)
     times = _looks(t)
@@ -73,8 +75,8 @@ def _looks(t: np.ndarray) -> np.ndarray:
 
 
 def covered(case: Case, width: float, t: np.ndarray, X: np.ndarray) -> str:
-    """Which switch that a field depends on, at one of POINTS times or more, is in its layer at all of them, and would be wherever
-    the states' own size could take it; "" if none is."""
+    """Which switch that a field depends on, at one of POINTS times or more, is in its layer at all
+    of them, and would be wherever the states' own size could take it; "" if none is."""
     with np.errstate(all="ignore"):
         switch = host(case.problem.switch)
         field = host(case.problem.field)

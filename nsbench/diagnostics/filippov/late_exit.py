@@ -1,4 +1,5 @@
-"""Slides that end late: one field turns away from a surface to which the other hardly leads, and a method is still beside it."""
+"""Slides that end late: one field turns away from a surface to which the other hardly leads, and a
+method is still beside it."""
 
 from __future__ import annotations
 
@@ -12,7 +13,8 @@ from nsbench.diagnostics.filippov.repulsive_surface import STEP, rates_beside, r
 from nsbench.diagnostics.run_view import ways
 from nsbench.trajectory import Trajectory
 
-FAINT = 1e-2  # of the largest rate with which the field that turns led to the surface: the other leads by less
+# of the largest rate with which the field that turns led to the surface: the other leads by less
+FAINT = 1e-2
 SOME = 8  # states from which the pace across a surface is taken
 BOTH = 1e-12  # of the run: less is no step, but what is left of their sum
 LAG = (
@@ -23,13 +25,15 @@ LAG = (
 def late(case: Case, traj: Trajectory, step: float = 0.0, width: float = 0.0) -> str:
     """Where a run leaves a surface later than its claim says; "" if nowhere.
 
-    Let the rate of a switch in the field of one side pass through 0 with slope s, from leading to the surface to leading away,
-    while that of the other side leads to it with a rate r: the state leaves then. An explicit step h that it made over the
-    surface before takes the other field h |rate| / r to lead back from, and rates are s times the time that is left: with
-    h s > r it does not come back in time, however little h is missing. In a layer of width w the weights follow in the time
-    w / r, while the rate changes by r within r / s: with w s > r^2 they lag behind, by about sqrt(w / s), and
-    where that is many times more the error falls like this alone.
-    traj has the states that are known between samples too. Not looked at where it slides on another surface.
+    Let the rate of a switch in the field of one side pass through 0 with slope s, from leading to
+    the surface to leading away, while that of the other side leads to it with a rate r: the state
+    leaves then. An explicit step h that it made over the surface before takes the other field h
+    |rate| / r to lead back from, and rates are s times the time that is left: with h s > r it does
+    not come back in time, however little h is missing. In a layer of width w the weights follow in
+    the time w / r, while the rate changes by r within r / s: with w s > r^2 they lag behind, by
+    about sqrt(w / s), and where that is many times more the error falls like this alone.
+    traj has the states that are known between samples too. Not looked at where it slides on another
+    surface.
     """
     if not case.unique or len(traj.t) < 2:
         return ""

@@ -1,4 +1,5 @@
-"""Starts, and slides, from which more than one motion goes on: fields of more than one side lead away to that side."""
+"""Starts, and slides, from which more than one motion goes on: fields of more than one side lead
+away to that side."""
 
 from __future__ import annotations
 
@@ -28,7 +29,8 @@ AT_ONCE = 1e-2  # of the time between two known states: as near both fields turn
 
 
 def parted(case: Case) -> Status | None:
-    """degenerate, if the start is where surfaces are, up to MEET, and the fields of two sectors or more lead each into its own:
+    """degenerate, if the start is where surfaces are, up to MEET, and the fields of two sectors or
+    more lead each into its own:
     each of them is the beginning of a solution. None for cases that say so of themselves."""
     if not case.unique:
         return None
@@ -59,10 +61,11 @@ def parted(case: Case) -> Status | None:
 
 
 def turned(case: Case, traj: Trajectory) -> Status | None:
-    """degenerate, if a run slides on a surface to which both fields lead, and both turn away at one time: a two-fold, from
-    which many solutions go on (Filippov 1988, section 10; Jeffrey, SIAM J. Applied Dynamical Systems 10, 2011). Where one
-    turns first, the run leaves to its side, and that is the solution. None for cases that say so of themselves. Not looked at
-    where it slides on another surface too: the fields beside that one are not those it moves in.
+    """degenerate, if a run slides on a surface to which both fields lead, and both turn away at one
+    time: a two-fold, from which many solutions go on (Filippov 1988, section 10; Jeffrey, SIAM J.
+    Applied Dynamical Systems 10, 2011). Where one turns first, the run leaves to its side, and that
+    is the solution. None for cases that say so of themselves. Not looked at where it slides on
+    another surface too: the fields beside that one are not those it moves in.
     """
     if not case.unique or len(traj.t) < 3:
         return None

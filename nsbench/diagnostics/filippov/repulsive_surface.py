@@ -1,4 +1,5 @@
-"""Runs that stay on a surface which both fields leave: they may leave it at any time, and no one says which is meant."""
+"""Runs that stay on a surface which both fields leave: they may leave it at any time, and no one
+says which is meant."""
 
 from __future__ import annotations
 
@@ -26,12 +27,13 @@ CLEAR = 1e-4  # of the largest rate: below it, nothing is said of its sign
 
 
 def repelled(case: Case, traj: Trajectory) -> Status | None:
-    """degenerate, if the state is on one surface at two samples in a row, and both fields lead away from it there or between,
-    or one does and the other is at rest (Filippov 1988, section 10: the solution to the right is not unique); None for cases
-    that say so of themselves.
+    """degenerate, if the state is on one surface at two samples in a row, and both fields lead away
+    from it there or between, or one does and the other is at rest (Filippov 1988, section 10: the
+    solution to the right is not unique); None for cases that say so of themselves.
 
-    A run that was on one side alone meanwhile has not stayed, unless that side is at rest: it left and came back. A surface
-    that it came to between two samples, and by mixed fields is on at the second, is looked at there.
+    A run that was on one side alone meanwhile has not stayed, unless that side is at rest: it left
+    and came back. A surface that it came to between two samples, and by mixed fields is on at the
+    second, is looked at there.
     """
     if not case.unique or len(traj.t) < 2:
         return None
@@ -94,7 +96,8 @@ def repelled(case: Case, traj: Trajectory) -> Status | None:
 
 
 def _left(traj, switch, field, stayed, held, on, parts) -> Status | None:
-    """degenerate, if the state stays where surfaces meet, or are one, and the field of a sector leads into that sector."""
+    """degenerate, if the state stays where surfaces meet, or are one, and the field of a sector
+    leads into that sector."""
     for k in np.flatnonzero((held.sum(axis=1) > 1) & np.all(held == on[1:], axis=1)):
         rows = np.flatnonzero(held[k])
         sectors = (
@@ -137,12 +140,14 @@ def rounding(switch, t, x, sizes) -> np.ndarray:
 
 
 def _rests(rate) -> np.ndarray:
-    """(spans, 1) whether the rates (spans, parts) of a side vanish all the time between two samples."""
+    """(spans, 1) whether the rates (spans, parts) of a side vanish all the time between two
+    samples."""
     return np.all(np.abs(rate) <= REST, axis=1, keepdims=True)
 
 
 def _side(traj, d: int) -> np.ndarray:
-    """(K - 1, d) 1 or -1 where that side of a surface alone made the motion between two samples, else (or not known) 0."""
+    """(K - 1, d) 1 or -1 where that side of a surface alone made the motion between two samples,
+    else (or not known) 0."""
     out = np.zeros((len(traj.t) - 1, d))
     for column, ident in enumerate(traj.contacts):
         weight = np.diff(traj.impulse[:, column]) / np.diff(traj.t)
@@ -151,8 +156,9 @@ def _side(traj, d: int) -> np.ndarray:
 
 
 def sliding(traj, d: int) -> tuple[np.ndarray, np.ndarray]:
-    """(K - 1, d) whether the fields of both sides of a surface made the motion between two states; and whether they did so in
-    the next interval or the last one too: then the surface was not crossed alone."""
+    """(K - 1, d) whether the fields of both sides of a surface made the motion between two states;
+    and whether they did so in the next interval or the last one too: then the surface was not
+    crossed alone."""
     mixed = np.zeros((len(traj.t) + 1, d), bool)
     for column, ident in enumerate(traj.contacts):
         weight = np.diff(traj.impulse[:, column]) / np.diff(traj.t)
@@ -169,7 +175,8 @@ def there(f, t, x, *signs) -> np.ndarray:
 
 
 def between(case: Case, width: float) -> str:
-    """Whether the start is within `width` of a surface that both fields leave: a layer so thick decides for it; "" if not."""
+    """Whether the start is within `width` of a surface that both fields leave: a layer so thick
+    decides for it; "" if not."""
     if not case.unique:
         return ""
     switch = host(case.problem.switch)
@@ -186,8 +193,8 @@ def between(case: Case, width: float) -> str:
 
 
 def swing(switch, t: float, X: np.ndarray, least: float = 0.0) -> np.ndarray:
-    """(d,) by how much each switch changes at the end (t, X[-1]) of a run where a coordinate changes by as much as any does in
-    it, or by `least`."""
+    """(d,) by how much each switch changes at the end (t, X[-1]) of a run where a coordinate
+    changes by as much as any does in it, or by `least`."""
     x = X[-1]
     ways = max(float(np.abs(X - X[0]).max()), float(np.abs(X).max()), least) * np.eye(x.size)
     here = there(switch, t, x)
@@ -199,13 +206,15 @@ def swing(switch, t: float, X: np.ndarray, least: float = 0.0) -> np.ndarray:
 
 
 def rates_beside(switch, field, t, x, i, dt) -> tuple[float, float]:
-    """Rates of switch i in the fields of its positive and its negative side, other signs as they are."""
+    """Rates of switch i in the fields of its positive and its negative side, other signs as they
+    are."""
     plus, minus = (rates_of(switch, field, t, x, [i], [side], dt)[0] for side in (1.0, -1.0))
     return plus, minus
 
 
 def rates_of(switch, field, t, x, rows, sides, dt) -> np.ndarray:
-    """Rates of the switches `rows` in the field of these sides of theirs, other signs as they are."""
+    """Rates of the switches `rows` in the field of these sides of theirs, other signs as they
+    are."""
     signs = np.where(there(switch, t, x) >= 0.0, 1.0, -1.0)
     signs[rows] = sides
     f = there(field, t, x, signs)

@@ -16,8 +16,9 @@ SMOOTH = 3
 class Near:
     """m candidate constraints: arrays of length m.
 
-    kind (ROW, PAIR, ANCHOR, SMOOTH); family, i, j (j = -1 where an id has no second index); p, q: row number or
-    first coordinate of particle i; first coordinate of particle j or of the anchor; d, sign, dim of a distance.
+    kind (ROW, PAIR, ANCHOR, SMOOTH); family, i, j (j = -1 where an id has no second index); p, q:
+    row number or first coordinate of particle i; first coordinate of particle j or of the anchor;
+    d, sign, dim of a distance.
     """
 
     kind: np.ndarray
@@ -57,8 +58,9 @@ class Near:
 
 @dataclass(frozen=True)
 class Places:
-    """Where the entries of a Near stand. pairs: (kind, entries, coordinates of i, of j or of the anchor) by kind and
-    dimension; rows: entries that are affine rows; smooth: entries of each Smooth family."""
+    """Where the entries of a Near stand. pairs: (kind, entries, coordinates of i, of j or of the
+    anchor) by kind and dimension; rows: entries that are affine rows; smooth: entries of each
+    Smooth family."""
 
     pairs: tuple
     rows: np.ndarray
@@ -82,7 +84,8 @@ def listed(kind, family, i, j, p, q, d, sign, dim) -> Near:
 
 
 def pairs_of_few(x, r, reach):
-    """Pairs (i, j), i < j, in order, of particles x (m, dim) with radii r whose gap is at most `reach`: kernels.near, for few."""
+    """Pairs (i, j), i < j, in order, of particles x (m, dim) with radii r whose gap is at most
+    `reach`: kernels.near, for few."""
     i, j = np.triu_indices(len(x), 1)
     if reach == np.inf:
         return i, j

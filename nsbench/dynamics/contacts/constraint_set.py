@@ -1,7 +1,8 @@
 """All families of one problem seen at a state: candidates, gaps, gradients as sparse rows, rates.
 
-Listed constraints (affine rows, fixed pairs, anchors, smooth ones) are always candidates; of the pairs of hard
-particles only those near, found by cell lists. The order is the stated one: family, then i, then j.
+Listed constraints (affine rows, fixed pairs, anchors, smooth ones) are always candidates; of the
+pairs of hard particles only those near, found by cell lists. The order is the stated one: family,
+then i, then j.
 """
 
 from __future__ import annotations
@@ -29,7 +30,8 @@ FEW = 64  # hard particles: all their pairs are looked at sooner than a kernel i
 
 
 def _stacked(families: list[Affine]):
-    """All affine rows as CSR: ptr, cols, vals. A single family's own arrays, not copies: a large scene has many rows."""
+    """All affine rows as CSR: ptr, cols, vals. A single family's own arrays, not copies: a large
+    scene has many rows."""
     if len(families) == 1:
         return families[0].indptr, families[0].indices, families[0].data
     ptr = [np.zeros(1, np.int64)]
@@ -45,7 +47,8 @@ def _stacked(families: list[Affine]):
 class Scene:
     """The constraints of a Complementarity problem with a state of size n, ready for evaluation.
 
-    Attributes used by kernels: ptr, cols, vals, inv2 (all affine rows as CSR), and b(t), anchors(t) as flat arrays.
+    Attributes used by kernels: ptr, cols, vals, inv2 (all affine rows as CSR), and b(t), anchors(t)
+    as flat arrays.
     """
 
     def __init__(self, problem: Complementarity, n: int):
@@ -155,7 +158,8 @@ class Scene:
         return join([self._parts[k] for k in sorted(self._parts)])
 
     def near(self, x: np.ndarray, reach: float, t: float = 0.0) -> Near:
-        """Every listed constraint and the hard pairs with gap at most `reach` (inf: all), in the stated order. x finite."""
+        """Every listed constraint and the hard pairs with gap at most `reach` (inf: all), in the
+        stated order. x finite."""
         parts = dict(self._parts)
         for k, c, m in self.hard:
             r = self.radii[k]
@@ -175,7 +179,8 @@ class Scene:
         return join([parts[k] for k in sorted(parts)])
 
     def deepest(self, t: float, x: np.ndarray) -> float:
-        """The most that a constraint is violated by at (t, x), 0.0 where none is: of near(x, 0.0, t), without listing it."""
+        """The most that a constraint is violated by at (t, x), 0.0 where none is: of near(x, 0.0,
+        t), without listing it."""
         worst = max(0.0, float(-self.gaps(t, x, *self._static).min(initial=0.0)))
         for k, c, m in self.hard:
             from nsbench.dynamics.contacts.kernels.cell_list import near_pairs
@@ -228,7 +233,8 @@ class Scene:
         return g
 
     def _distances(self, t, x, places):
-        """Per kind and dimension: which entries, coordinates of i, differences (m, dim), lengths (m,)."""
+        """Per kind and dimension: which entries, coordinates of i, differences (m, dim), lengths
+        (m,)."""
         for kind, sel, i, j in places.pairs:
             diff = x[i] - (x[j] if kind == PAIR else self.anchors(t)[j])
             yield sel, (i, j if kind == PAIR else None), diff, np.sqrt((diff * diff).sum(1))
@@ -241,14 +247,16 @@ class Scene:
         return G
 
     def gradients(self, t: float, x: np.ndarray, near: Near):
-        """(m, n) scipy.sparse.csr_array of rows grad g_k. A distance of zero has the first axis as direction."""
+        """(m, n) scipy.sparse.csr_array of rows grad g_k. A distance of zero has the first axis as
+        direction."""
         from scipy.sparse import csr_array
 
         r, c, v = self.triplets(t, x, near)
         return csr_array((v, (r, c)), shape=(len(near), self.n))
 
     def triplets(self, t: float, x: np.ndarray, near: Near):
-        """Rows, columns and values of the gradients; rows and columns are the same for every t and x."""
+        """Rows, columns and values of the gradients; rows and columns are the same for every t and
+        x."""
         places = self.places(near)
         r = [np.empty(0, np.int64)]
         c = [np.empty(0, np.int64)]

@@ -1,4 +1,5 @@
-"""What a family gives as functions of time: walls one after the other, their speeds, smooth gaps and derivatives."""
+"""What a family gives as functions of time: walls one after the other, their speeds, smooth gaps
+and derivatives."""
 
 from __future__ import annotations
 
@@ -11,7 +12,8 @@ from nsbench.problem import Smooth
 
 
 def chain(parts):
-    """One factory ``(xp) -> (t) -> flat array`` for arrays and factories one after the other; None if nothing moves."""
+    """One factory ``(xp) -> (t) -> flat array`` for arrays and factories one after the other; None
+    if nothing moves."""
     if not any(callable(p) for p in parts):
         return None
     key = tuple(map(id, parts))

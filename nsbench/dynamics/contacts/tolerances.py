@@ -34,8 +34,9 @@ def tolerances(
 ) -> np.ndarray:
     """(m,) what the gaps of `near` at (t, x) may be below zero, each in its own unit.
 
-    TOLERANCE of a length: the distance itself, or the unit of the case for a row or a smooth constraint (of what the gap
-    changes by along it); and ROUNDED or, where that is harmless, PRINTED of the numbers that the gap is the difference of.
+    TOLERANCE of a length: the distance itself, or the unit of the case for a row or a smooth
+    constraint (of what the gap changes by along it); and ROUNDED or, where that is harmless,
+    PRINTED of the numbers that the gap is the difference of.
     Much less of what was projected.
     """
     length = lengths(case, scene, t, x, near)
@@ -63,8 +64,8 @@ def lengths(case: Case, scene: Scene, t: float, x: np.ndarray, near: Near) -> np
 
 
 def numbers(scene: Scene, t: float, x: np.ndarray, near: Near) -> np.ndarray:
-    """(m,) the sizes of what the gaps of `near` at (t, x) are differences of: coordinates of two ends, terms of a row; of a
-    smooth constraint to first order, 0 where it has no gradient."""
+    """(m,) the sizes of what the gaps of `near` at (t, x) are differences of: coordinates of two
+    ends, terms of a row; of a smooth constraint to first order, 0 where it has no gradient."""
     out = np.zeros(len(near))
     places = scene.places(near)
     for kind, sel, i, j in places.pairs:

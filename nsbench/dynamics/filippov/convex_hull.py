@@ -27,7 +27,8 @@ def distance_to_hull(v: np.ndarray, points: np.ndarray) -> float:
 
 
 def _refined(w: np.ndarray, from_v: np.ndarray) -> float:
-    """Distance that weights of points leave, after refinement of what the heavy row left of rounding."""
+    """Distance that weights of points leave, after refinement of what the heavy row left of
+    rounding."""
     least = np.inf
     while w.any():
         w, from_v = w[w > 0.0] / w.sum(), from_v[w > 0.0]

@@ -1,4 +1,5 @@
-"""The modes of a Filippov system as corners of a box of signs, and whether its field is multilinear between them."""
+"""The modes of a Filippov system as corners of a box of signs, and whether its field is multilinear
+between them."""
 
 from __future__ import annotations
 
@@ -12,7 +13,8 @@ from nsbench.diagnostics.filippov.repulsive_surface import there
 from nsbench.problem import Filippov
 
 STEPS = 4.0  # of a run: so near to a surface at both ends of an interval is on it
-LONG = 32.0  # steps that an interval has at least, so that its weights are means; samples between are left out
+# steps that an interval has at least, so that its weights are means; samples between are left out
+LONG = 32.0
 MANY = 10  # surfaces of one corner; of more, the modes are too many to look at
 SIDE = 1e-9  # mean weight below which a run was on one side alone
 
@@ -23,7 +25,8 @@ def surfaces(problem: Filippov, n: int) -> int:
 
 
 def multilinear(problem: Filippov, n: int) -> bool:
-    """Whether the field is affine in each sign, at some points drawn once; False where it is not finite."""
+    """Whether the field is affine in each sign, at some points drawn once; False where it is not
+    finite."""
     rng = np.random.default_rng(0)
     field = host(problem.field)
     d = surfaces(problem, n)
@@ -49,11 +52,13 @@ def corners(d: int) -> np.ndarray:
 
 
 def held(case: Case, X: np.ndarray, weights: np.ndarray, h: float) -> str:
-    """Where a run in steps of h, with these mean weights (K - 1, d) of the positive sides between samples, stays in the corner
-    of two or more surfaces whose modes are not affine in their signs; "" if nowhere.
+    """Where a run in steps of h, with these mean weights (K - 1, d) of the positive sides between
+    samples, stays in the corner of two or more surfaces whose modes are not affine in their signs;
+    "" if nowhere.
 
-    There the velocities of Filippov's set are many, and alternating between modes picks one that is not that of
-    multilinear weights. A corner is passed, not held, if all its modes cross a surface of it in the same direction.
+    There the velocities of Filippov's set are many, and alternating between modes picks one that is
+    not that of multilinear weights. A corner is passed, not held, if all its modes cross a surface
+    of it in the same direction.
     """
     d = surfaces(case.problem, case.n)
     if d < 2:
@@ -94,7 +99,8 @@ def held(case: Case, X: np.ndarray, weights: np.ndarray, h: float) -> str:
 
 
 def apart(t: np.ndarray, span: float) -> np.ndarray:
-    """Samples, the first and the last among them, that are at least `span` apart as far as the run is that long."""
+    """Samples, the first and the last among them, that are at least `span` apart as far as the run
+    is that long."""
     keep = [0]
     for k in range(1, len(t) - 1):
         if t[k] - t[keep[-1]] >= span and t[-1] - t[k] >= span:
@@ -103,8 +109,9 @@ def apart(t: np.ndarray, span: float) -> np.ndarray:
 
 
 def _modes(field, switch, t: float, x: np.ndarray, rows: np.ndarray, h: float):
-    """Of the modes with all signs of these rows and the others as they are: which rows are some steps near; the fields
-    (modes, n); by how much a step changes the rows (modes, rows). Of many rows only modes that differ in one."""
+    """Of the modes with all signs of these rows and the others as they are: which rows are some
+    steps near; the fields (modes, n); by how much a step changes the rows (modes, rows). Of many
+    rows only modes that differ in one."""
     c = there(switch, t, x)
     some = (
         corners(len(rows))

@@ -1,7 +1,9 @@
-"""The motion of a Filippov system in one mode: weights that keep it on its surfaces, and the projection onto them.
+"""The motion of a Filippov system in one mode: weights that keep it on its surfaces, and the
+projection onto them.
 
-A mode p (d,) holds +1 or -1 where the state is beside surface i, 0 where it slides on it, FREE where it lies on it and
-both sides have the same field: nothing holds it there, and its sign, which no motion determines, is taken as 0.
+A mode p (d,) holds +1 or -1 where the state is beside surface i, 0 where it slides on it, FREE
+where it lies on it and both sides have the same field: nothing holds it there, and its sign, which
+no motion determines, is taken as 0.
 """
 
 from __future__ import annotations
@@ -14,22 +16,25 @@ from nsbench.compilation.factories import host, jax_function
 from nsbench.solvers.event_driven.interval_taylor import SPACE
 from nsbench.trajectory import Status
 
-TINY = 1e-30  # imaginary step: its square vanishes against 1, so the derivative has no truncation error
+# imaginary step: its square vanishes against 1, so the derivative has no truncation error
+TINY = 1e-30
 EPS = np.finfo(float).eps
 FREE = 2
 SAME = (
     1e-14  # fields that differ by less than this part of their size are the same, but for rounding
 )
-LOST = 100.0  # tolerances of the run by which a state may miss the surface that it meets: what event_driven claims
+# tolerances of the run by which a state may miss the surface that it meets: what event_driven
+# claims
+LOST = 100.0
 STARTS = (-0.8, 0.0, 0.8)  # of Newton's method in each sign, where all solutions are looked for
 
 
 class Motion:
     """x' = F(t, x, s) with the signs s of a mode; the work of one run, no state but counters.
 
-    field(t, x, s) -> (n,), switch(t, x) -> (d,): numpy. `along(t, x, dt, dx)` -> (d,) is the derivative of the
-    switch functions in the direction (dt, dx), exact to rounding: by a complex step while that agrees with
-    differences, else by JAX.
+    field(t, x, s) -> (n,), switch(t, x) -> (d,): numpy. `along(t, x, dt, dx)` -> (d,) is the
+    derivative of the switch functions in the direction (dt, dx), exact to rounding: by a complex
+    step while that agrees with differences, else by JAX.
     """
 
     def __init__(self, problem, t0: float, x0: np.ndarray):
@@ -49,7 +54,8 @@ class Motion:
         return np.imag(self.switch(t + TINY * 1j * dt, x + TINY * 1j * dx)) / TINY
 
     def trust(self, t: float, x: np.ndarray) -> None:
-        """Turn from complex steps to JAX if the switch does not continue to complex numbers (abs, sorting) near x."""
+        """Turn from complex steps to JAX if the switch does not continue to complex numbers (abs,
+        sorting) near x."""
         if self.along != self._complex:
             return
         try:
@@ -94,7 +100,8 @@ class Motion:
         return np.array([self.along(t, x, 0.0, e)[rows] for e in np.eye(self.n)]).T
 
     def lost(self, t, x, rows, mode, tol) -> Status | None:
-        """What is wrong if a surface of `rows` that was just met is not where the state is, to the digits of a run of tol."""
+        """What is wrong if a surface of `rows` that was just met is not where the state is, to the
+        digits of a run of tol."""
         rows = rows[np.abs(mode[rows]) == 1]
         slope = np.linalg.norm(self.gradients(t, x, rows), axis=1) if rows.size else np.empty(0)
         slope = np.maximum(
@@ -110,10 +117,13 @@ class Motion:
         )
 
     def velocity(self, t, x, p, guess):
-        """(F, s): the velocity in mode p and its signs; s of a sliding surface solves c_i' = 0, NaN if nothing does.
+        """(F, s): the velocity in mode p and its signs; s of a sliding surface solves c_i' = 0, NaN
+        if nothing does.
 
-        F is multilinear in s; continued beyond |s_i| = 1, so that the exit of a sliding arc is a smooth event.
-        guess (d,): where Newton's method starts (several surfaces). Source: Filippov 1988; Alexander & Seidman 1998.
+        F is multilinear in s; continued beyond |s_i| = 1, so that the exit of a sliding arc is a
+        smooth event.
+        guess (d,): where Newton's method starts (several surfaces). Source: Filippov 1988;
+        Alexander & Seidman 1998.
         """
         s = np.where(p == FREE, 0, p).astype(float)
         on = np.flatnonzero(p == 0)
@@ -125,7 +135,8 @@ class Motion:
         return _blend(corners, s[on]), s
 
     def room(self, t, x, p, guess):
-        """(1 - s, 1 + s) of the sliding surfaces, each vanishing as the speed it is made of does: no digits cancel."""
+        """(1 - s, 1 + s) of the sliding surfaces, each vanishing as the speed it is made of does:
+        no digits cancel."""
         s = np.where(p == FREE, 0, p).astype(float)
         on = np.flatnonzero(p == 0)
         if on.size > 1:
@@ -136,10 +147,11 @@ class Motion:
             return -2.0 * plus / (minus - plus), 2.0 * minus / (minus - plus)
 
     def branches(self, t, x, p) -> list:
-        """All signs s (d,) that keep the state on its sliding surfaces, with |s_i| <= 1 or little more; NaN: unclear.
+        """All signs s (d,) that keep the state on its sliding surfaces, with |s_i| <= 1 or little
+        more; NaN: unclear.
 
-        One surface: one. Two: roots of a quadratic. More: one if F is affine in the signs, else what Newton's method
-        finds from 3^k starts.
+        One surface: one. Two: roots of a quadratic. More: one if F is affine in the signs, else
+        what Newton's method finds from 3^k starts.
         """
         s = np.where(p == FREE, 0, p).astype(float)
         on = np.flatnonzero(p == 0)
@@ -167,12 +179,14 @@ class Motion:
         return out
 
     def held(self, t, x, p) -> float:
-        """How far the best way off the sliding surfaces of a mode is from being one; negative: a motion leads away.
+        """How far the best way off the sliding surfaces of a mode is from being one; negative: a
+        motion leads away.
 
-        A way off keeps some of the surfaces, with |s_i| <= 1, and gains distance from the others. Where surfaces meet,
-        it may exist beside a motion that stays: then the solution is not unique. In relative units, between -1 and 1.
-        None exists where the rates are affine in the signs and the negative of their matrix has positive principal
-        minors (Cottle, Pang & Stone 1992, theorem 3.3.7, for the box).
+        A way off keeps some of the surfaces, with |s_i| <= 1, and gains distance from the others.
+        Where surfaces meet, it may exist beside a motion that stays: then the solution is not
+        unique. In relative units, between -1 and 1.
+        None exists where the rates are affine in the signs and the negative of their matrix has
+        positive principal minors (Cottle, Pang & Stone 1992, theorem 3.3.7, for the box).
         """
         on = np.flatnonzero(p == 0)
         _, rates = self._corners(t, x, np.where(p == FREE, 0, p).astype(float), on)
@@ -204,7 +218,8 @@ class Motion:
         return [self._newton(rates, rates, np.zeros(k))]
 
     def data(self, t, x, p) -> list:
-        """The switch functions and the fields that a mode is made of, for Jets (see solvers._pieces)."""
+        """The switch functions and the fields that a mode is made of, for Jets (see
+        solvers._pieces)."""
         field, switch = self._boxes
         s = np.where(p == FREE, 0, p).astype(float)
         on = np.flatnonzero(p == 0)
@@ -215,7 +230,8 @@ class Motion:
         return out
 
     def _corners(self, t, x, s, on):
-        """Fields (2, ..., 2, n) and rates of the sliding surfaces (2, ..., 2, k); index 0 is the positive side."""
+        """Fields (2, ..., 2, n) and rates of the sliding surfaces (2, ..., 2, k); index 0 is the
+        positive side."""
         corners = np.empty((2,) * on.size + (self.n,))
         rates = np.empty((2,) * on.size + (on.size,))
         s = s.copy()
@@ -255,7 +271,8 @@ class Motion:
         return bool(np.abs(a - b).max() <= SAME * np.abs(a).max())
 
     def project(self, t, x, on):
-        """The nearest point with c_i = 0 for i in `on`, to first order of the distance; x itself if it is there."""
+        """The nearest point with c_i = 0 for i in `on`, to first order of the distance; x itself if
+        it is there."""
         for _ in range(3):
             c = self.switch(t, x)[on]
             G = self.gradients(t, x, on)
@@ -288,7 +305,8 @@ def _slopes(corners, s):
 
 
 def _mixed(rates):
-    """What of the corners is not affine in the signs: the largest second differences, by pairs of signs."""
+    """What of the corners is not affine in the signs: the largest second differences, by pairs of
+    signs."""
     k = rates.ndim - 1
     out = [np.zeros(1)]
     for i in range(k):
@@ -313,8 +331,8 @@ def _positive_minors(M) -> bool:
 
 
 def _pair(rates):
-    """Starts for two surfaces: (A + C b) + a (B + D b) = 0 has a solution a where the two vectors are parallel, a
-    quadratic in b. The first start is no such root."""
+    """Starts for two surfaces: (A + C b) + a (B + D b) = 0 has a solution a where the two vectors
+    are parallel, a quadratic in b. The first start is no such root."""
     pp = rates[0, 0]
     pm = rates[0, 1]
     mp = rates[1, 0]
@@ -334,9 +352,11 @@ def _pair(rates):
 
 
 def _smallest(corners, rates):
-    """The least signs that hold dependent surfaces, if F is the same for all that do; NaN otherwise.
+    """The least signs that hold dependent surfaces, if F is the same for all that do; NaN
+    otherwise.
 
-    For fields affine in the signs (dependent surfaces, or inputs that act alike); any others are left undecided.
+    For fields affine in the signs (dependent surfaces, or inputs that act alike); any others are
+    left undecided.
     """
     k = rates.ndim - 1
     none = np.full(k, np.nan)

@@ -1,16 +1,19 @@
-"""Rows computed by the workers of an existing Dask cluster, as `nsbench.execute.workers.pool` computes them here.
+"""Rows computed by the workers of an existing Dask cluster, as `nsbench.execute.workers.pool`
+computes them here.
 
-Runs are sent as data (specifications; case and solver files, with modules and data beside them), never as code, to workers that
-have the same package. What a run is made of is looked at again where it is made (nsbench.execute.cluster.same_sources).
-A task is a list of runs of which a worker does what it can within a slice of time; what is left goes back to the queue, so
-that rows come soon, however long runs are, and no task holds more than MOST rows. Only a few tasks per thread are under
-way, each is forgotten as soon as its rows were handed on, and specifications are taken from their iterator as they are
-needed: the client's memory does not grow with their number.
+Runs are sent as data (specifications; case and solver files, with modules and data beside them),
+never as code, to workers that have the same package. What a run is made of is looked at again where
+it is made (nsbench.execute.cluster.same_sources).
+A task is a list of runs of which a worker does what it can within a slice of time; what is left
+goes back to the queue, so that rows come soon, however long runs are, and no task holds more than
+MOST rows. Only a few tasks per thread are under way, each is forgotten as soon as its rows were
+handed on, and specifications are taken from their iterator as they are needed: the client's memory
+does not grow with their number.
 
-A worker that dies is the scheduler's to replace: it sends its tasks elsewhere (as often as the cluster's setting
-distributed.scheduler.allowed-failures says). A task that lost too many workers is taken apart, and its runs are tried
-once more, alone on the cluster, one after the other: the run that loses its workers again is the one to blame, and
-becomes a "crashed" row.
+A worker that dies is the scheduler's to replace: it sends its tasks elsewhere (as often as the
+cluster's setting distributed.scheduler.allowed-failures says). A task that lost too many workers is
+taken apart, and its runs are tried once more, alone on the cluster, one after the other: the run
+that loses its workers again is the one to blame, and becomes a "crashed" row.
 """
 
 from __future__ import annotations
@@ -40,7 +43,8 @@ from nsbench.source_files import file_state as seen
 from nsbench.study import Spec, lost
 
 CONNECT = 4.0  # seconds to answer in
-WORKERLESS = 60.0  # seconds without a single worker after which a cluster is given up (a nanny restarts in a few)
+# seconds without a single worker after which a cluster is given up (a nanny restarts in a few)
+WORKERLESS = 60.0
 HEAR = 0.5  # seconds until a signal is heard
 LOOK = 2.0  # seconds between two looks at how many workers there are
 AHEAD = 2  # tasks per thread: one at work, one waiting for it to end
@@ -61,14 +65,16 @@ def run_all(
     on_output: Callable[[Spec, bytes], None] = lambda spec, text: None,
     parts: Mapping[Spec, tuple[keys.Part, ...]] | None = None,
 ) -> list:
-    """Rows of all batches, handed to on_row(spec, row) as they come, marked as `shared`: seconds on workers that do who
-    knows what else are no measurement. most: bytes that a run may hold (None: its processor's share of the worker's
-    machine); on_output is told what a run has printed, if anything, before on_row; parts: what the runs are made of here: a
-    worker that finds anything else in its place is refused. Returns [], the chores done; the cluster
-    is left as it was. A signal that stops the program takes effect between two rows.
+    """Rows of all batches, handed to on_row(spec, row) as they come, marked as `shared`: seconds on
+    workers that do who knows what else are no measurement. most: bytes that a run may hold (None:
+    its processor's share of the worker's machine); on_output is told what a run has printed, if
+    anything, before on_row; parts: what the runs are made of here: a worker that finds anything
+    else in its place is refused. Returns [], the chores done; the cluster is left as it was. A
+    signal that stops the program takes effect between two rows.
 
-    Raises ClusterError (no answer, no workers, workers that are not like this installation), ValueError (no such address,
-    distributed is not installed). KeyboardInterrupt stops the runs under way and passes on.
+    Raises ClusterError (no answer, no workers, workers that are not like this installation),
+    ValueError (no such address, distributed is not installed). KeyboardInterrupt stops the runs
+    under way and passes on.
     """
     with connected(address) as client, stop.held():
         here = fingerprint()
@@ -217,7 +223,8 @@ class _Work:
         return dataclasses.replace(spec, parts=tuple(p.digest for p in self.parts.get(spec, ())))
 
     def _unit(self, names: tuple[str, ...]) -> dict[str, bytes | str]:
-        """Files of one case or of all solvers and all they need beside the package: contents, or digests of large ones."""
+        """Files of one case or of all solvers and all they need beside the package: contents, or
+        digests of large ones."""
         if names not in self.units:
             files = {os.path.realpath(n): n for n in names} | {
                 f: f for f in keys.foreign(*names) if f not in map(os.path.realpath, names)
@@ -266,7 +273,8 @@ class _Work:
             yield spec, row, text
 
     def _measured(self, done: int, specs: list[Spec]) -> None:
-        """`done` of the specs of a task have their rows: the others once more, and tasks of a size that fits the slice."""
+        """`done` of the specs of a task have their rows: the others once more, and tasks of a size
+        that fits the slice."""
         if done < len(specs):
             self.rest.append(specs[done:])
             self.size = done

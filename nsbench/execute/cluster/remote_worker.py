@@ -1,9 +1,11 @@
-"""What a worker of a cluster does with the runs it is sent: a process of their own computes them and is watched.
+"""What a worker of a cluster does with the runs it is sent: a process of their own computes them
+and is watched.
 
-A worker cannot stop a thread of its own that hangs in C code, and a run that dies would take the worker with it. Here each
-of its threads has one process for runs, warm from task to task, under the supervision of local workers
-(nsbench.execute.workers.pool): the same limits, the same rows. The worker itself only waits, so that its scheduler hears of it all
-the time, with or without a nanny. Such a process goes with the worker, or when nothing came for a while.
+A worker cannot stop a thread of its own that hangs in C code, and a run that dies would take the
+worker with it. Here each of its threads has one process for runs, warm from task to task, under the
+supervision of local workers (nsbench.execute.workers.pool): the same limits, the same rows. The
+worker itself only waits, so that its scheduler hears of it all the time, with or without a nanny.
+Such a process goes with the worker, or when nothing came for a while.
 """
 
 from __future__ import annotations
@@ -48,9 +50,11 @@ class OtherInstallation(Exception):
 
 @functools.cache
 def fingerprint() -> dict[str, str]:
-    """What must be the same wherever rows of one study are computed: contents of the package, versions, processor, settings.
+    """What must be the same wherever rows of one study are computed: contents of the package,
+    versions, processor, settings.
 
-    A row is found again by a key that holds all of these (nsbench.results.run_key): the client's must be the worker's.
+    A row is found again by a key that holds all of these (nsbench.results.run_key): the client's
+    must be the worker's.
     """
     import nsbench.cases
     import nsbench.reference_solutions
@@ -98,7 +102,8 @@ def unlike(there: dict[str, str], here: dict[str, str]) -> str:
 
 @dataclass
 class _Crew:
-    """The process that one thread of this worker has for the runs of one study, and who watches it."""
+    """The process that one thread of this worker has for the runs of one study, and who watches
+    it."""
 
     team: _Team
     placed: dict[str, str] = field(default_factory=dict)  # where the files of the client lie here
@@ -107,7 +112,8 @@ class _Crew:
     since: float = field(default_factory=time.monotonic)
 
     def rows(self, specs: list[Spec], timeout: float | None, most: int) -> list[tuple[dict, bytes]]:
-        """Row of each of the first specs and what it printed, up to the end of the slice or of the process."""
+        """Row of each of the first specs and what it printed, up to the end of the slice or of the
+        process."""
         team = self.team
         out = []
         printed = {}
@@ -142,12 +148,13 @@ def rows_of(
     expected: dict[str, str],
     units: list[dict[str, bytes | str]],
 ) -> list[tuple[dict, bytes]]:
-    """Row of each of the first of `specs` (of one at least, then of as many as end within SLICE) and what it has
-    printed; [] if the owner was dismissed.
+    """Row of each of the first of `specs` (of one at least, then of as many as end within SLICE)
+    and what it has printed; [] if the owner was dismissed.
 
-    timeout: seconds of one run (None: no limit); most: bytes that it may hold (None: what each processor of this machine
-    can have); owner: a word for the study, see `dismiss`; expected: the client's fingerprint; units: see `_placed`. A row
-    that was not made of what the client has says so as "unlike" (nsbench.execute.cluster.same_sources). Raises OtherInstallation.
+    timeout: seconds of one run (None: no limit); most: bytes that it may hold (None: what each
+    processor of this machine can have); owner: a word for the study, see `dismiss`; expected: the
+    client's fingerprint; units: see `_placed`. A row that was not made of what the client has says
+    so as "unlike" (nsbench.execute.cluster.same_sources). Raises OtherInstallation.
     """
     differs = unlike(fingerprint(), expected)
     if differs:
@@ -239,7 +246,8 @@ class _Process:
 
 
 def _spawn(locks: str, threads: int) -> Worker:
-    """A fresh process. Not by multiprocessing: a worker under a nanny is a daemon, which may not have children there."""
+    """A fresh process. Not by multiprocessing: a worker under a nanny is a daemon, which may not
+    have children there."""
     (ours, theirs), (output, printed) = Pipe(), Pipe(duplex=False)
     env = os.environ | settings(threads) | {"PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
     kills = memory.kernel_kills()
@@ -282,10 +290,11 @@ def _moved(specs: list[Spec], places: dict[str, str]) -> list[Spec]:
 
 
 def _placed(units: list[dict[str, bytes | str]]) -> dict[str, str]:
-    """Where files of the client lie on this machine, by their paths there. A unit are files that need one another (a case
-    file with modules and data), with their contents, or the digest of what is too large to be sent. They are used where they
-    lie if all of a unit are the same there, otherwise as copies that lie to one another as the files do. Raises
-    OtherInstallation for a large one that is not there."""
+    """Where files of the client lie on this machine, by their paths there. A unit are files that
+    need one another (a case file with modules and data), with their contents, or the digest of what
+    is too large to be sent. They are used where they lie if all of a unit are the same there,
+    otherwise as copies that lie to one another as the files do. Raises OtherInstallation for a
+    large one that is not there."""
     return {path: place for unit in units for path, place in _place(unit).items()}
 
 

@@ -1,7 +1,8 @@
 """Is what a process far from who asked computes made of the same files, libraries and settings?
 
-The client sends with each run the digests of the parts of its key; the process that is to make the run makes these parts anew
-from what it finds in its own place, before it begins, and looks afterwards whether anybody touched a file on the way.
+The client sends with each run the digests of the parts of its key; the process that is to make the
+run makes these parts anew from what it finds in its own place, before it begins, and looks
+afterwards whether anybody touched a file on the way.
 """
 
 from __future__ import annotations
@@ -17,7 +18,8 @@ _same: set[tuple] = set()  # what was compared and found to be alike
 
 
 def unlike(spec: Spec) -> dict[str, str]:
-    """{} if a run would be made of what the client has; else the items it is made of here, or under "why" what to say."""
+    """{} if a run would be made of what the client has; else the items it is made of here, or under
+    "why" what to say."""
     which = spec.case, spec.file, spec.solver, spec.solver_files, spec.parts
     if not spec.parts or which in _same:
         return {}

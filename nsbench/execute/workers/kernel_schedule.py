@@ -1,10 +1,12 @@
-"""Which specs a worker takes next: on a new machine no worker waits for kernels that another one compiles.
+"""Which specs a worker takes next: on a new machine no worker waits for kernels that another one
+compiles.
 
-Runs of one solver on one kind of problem share kernels; which families of constraints a case has decides which of them
-it needs. A worker that comes to families it has not met with this solver holds the solver's lock during the first run;
-the others take what they can meanwhile, come back, and load from the cache on disk what was compiled (that no kernel is
-compiled twice, nsbench.compilation.compile_lock sees to). The lock is a file's: it goes with the process that holds it, whatever
-becomes of that.
+Runs of one solver on one kind of problem share kernels; which families of constraints a case has
+decides which of them it needs. A worker that comes to families it has not met with this solver
+holds the solver's lock during the first run;
+the others take what they can meanwhile, come back, and load from the cache on disk what was
+compiled (that no kernel is compiled twice, nsbench.compilation.compile_lock sees to). The lock is a
+file's: it goes with the process that holds it, whatever becomes of that.
 """
 
 from __future__ import annotations
@@ -45,7 +47,8 @@ class Turns:
             yield from rest
 
     def _next(self, groups):
-        """A group whose solver nobody else is compiling for, with the open lock (None: its kernels are known here)."""
+        """A group whose solver nobody else is compiling for, with the open lock (None: its kernels
+        are known here)."""
         while True:
             for key in groups:
                 lock = None if key in self.known else self._lock(" ".join(key.split()[:2]))
@@ -67,8 +70,9 @@ class Turns:
 
 
 def kernels_of(spec: Spec) -> str:
-    """Runs with the same words need the same kernels, as far as can be told before they are prepared: solver, kind of
-    problem, families of constraints. Where the first two are the same, most kernels are."""
+    """Runs with the same words need the same kernels, as far as can be told before they are
+    prepared: solver, kind of problem, families of constraints. Where the first two are the same,
+    most kernels are."""
     try:
         problem = resolve(spec.case, spec.file).problem
     except Exception:  # it is the run's row that tells why

@@ -1,7 +1,7 @@
 """How much memory a worker may hold, how much it holds, and whether it was memory that ended it.
 
-The limit is on resident memory, looked at from outside: what JAX and numba reserve without touching it (address space)
-says nothing of what the machine has to give.
+The limit is on resident memory, looked at from outside: what JAX and numba reserve without touching
+it (address space) says nothing of what the machine has to give.
 """
 
 from __future__ import annotations
@@ -44,12 +44,14 @@ def told(size: float) -> str:
 
 
 def limit(jobs: int) -> int:
-    """Bytes that each of `jobs` workers may hold: its part of SHARE of what this process can use, at least LEAST."""
+    """Bytes that each of `jobs` workers may hold: its part of SHARE of what this process can use,
+    at least LEAST."""
     return max(LEAST, int(SHARE * total() / jobs))
 
 
 def total() -> int:
-    """Bytes of memory that this process and its children can use: the machine's, or less where a container's limit says."""
+    """Bytes of memory that this process and its children can use: the machine's, or less where a
+    container's limit says."""
     try:
         machine = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
     except (ValueError, OSError, AttributeError):
@@ -78,8 +80,8 @@ def _limits():
 
 
 def held_by(pid: int, others: Iterable[int] = ()) -> int:
-    """Bytes of resident memory of a process and of these others; 0 where the system does not tell. What several of them share
-    counts once."""
+    """Bytes of resident memory of a process and of these others; 0 where the system does not tell.
+    What several of them share counts once."""
     shares = [_share(p) for p in (pid, *others)] if others else []
     if any(shares[1:]):
         return sum(shares)
@@ -90,7 +92,8 @@ def held_by(pid: int, others: Iterable[int] = ()) -> int:
 
 
 def _share(pid: int) -> int:
-    """Bytes of a process, with its part of what it shares (proc(5), smaps_rollup); 0 where it has ended."""
+    """Bytes of a process, with its part of what it shares (proc(5), smaps_rollup); 0 where it has
+    ended."""
     with contextlib.suppress(OSError):
         found = re.search(
             r"^Pss:\s+(\d+) kB", Path(f"/proc/{pid}/smaps_rollup").read_text(), re.MULTILINE
@@ -100,7 +103,8 @@ def _share(pid: int) -> int:
 
 
 def started_by(leaders: Iterable[int]) -> dict[int, list[int]]:
-    """The other processes of the groups that these lead: what a worker has started, unless it has left the group."""
+    """The other processes of the groups that these lead: what a worker has started, unless it has
+    left the group."""
     out: dict[int, list[int]] = {pid: [] for pid in leaders}
     with contextlib.suppress(OSError):
         for pid in [int(name) for name in os.listdir("/proc") if name.isdigit()]:
@@ -111,7 +115,8 @@ def started_by(leaders: Iterable[int]) -> dict[int, list[int]]:
 
 
 def kernel_kills() -> int:
-    """How many processes the system has killed for want of memory so far: on the machine and in this container."""
+    """How many processes the system has killed for want of memory so far: on the machine and in
+    this container."""
     count = 0
     for path in (
         Path("/proc/vmstat"),

@@ -1,4 +1,5 @@
-"""What a worker's runs print, by Python or by C: taken up as it comes, a bounded part of it kept for each run."""
+"""What a worker's runs print, by Python or by C: taken up as it comes, a bounded part of it kept
+for each run."""
 
 from __future__ import annotations
 
@@ -16,8 +17,8 @@ NOBODY = -1  # what is printed outside the runs, or by one that is made again fo
 
 
 def mark(word: bytes, i: int) -> bytes:
-    """Written between what two runs print: from here on it is run i that prints. (The worker is ahead of what its parent
-    has heard: when a row comes the next run may have printed already.)"""
+    """Written between what two runs print: from here on it is run i that prints. (The worker is
+    ahead of what its parent has heard: when a row comes the next run may have printed already.)"""
     return b"\0%s%9d\0" % (word, i)
 
 
@@ -46,8 +47,9 @@ class _Kept:
 
 
 class Printed:
-    """The parent's end of a pipe into which a worker's descriptors 1 and 2 lead; the worker never waits for long, since
-    it is emptied with every look of the parent. word: what no run can print by chance, see `mark`."""
+    """The parent's end of a pipe into which a worker's descriptors 1 and 2 lead; the worker never
+    waits for long, since it is emptied with every look of the parent. word: what no run can print
+    by chance, see `mark`."""
 
     def __init__(self, connection, word: bytes = b""):
         self.connection = connection
@@ -101,7 +103,8 @@ class Printed:
             self._kept.setdefault(self._current, _Kept()).add(data)
 
     def take(self, i: int) -> bytes:
-        """What run i has printed so far; in the middle of much, a line says how much was left out."""
+        """What run i has printed so far; in the middle of much, a line says how much was left
+        out."""
         self.drain()
         return bytes(self._kept.pop(i, b""))
 

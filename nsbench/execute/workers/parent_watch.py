@@ -1,4 +1,5 @@
-"""A worker goes with its parent: this is said before anything heavy is imported, so that it holds from the first moment."""
+"""A worker goes with its parent: this is said before anything heavy is imported, so that it holds
+from the first moment."""
 
 from __future__ import annotations
 
@@ -21,7 +22,8 @@ def begin(pipe, printed, word: bytes, parent: int, locks: str) -> None:
 
 
 def go_with(parent: int) -> None:
-    """End this process when `parent` does, even in the middle of a run that never comes back to Python (on Linux;
+    """End this process when `parent` does, even in the middle of a run that never comes back to
+    Python (on Linux;
     elsewhere as soon as a thread gets its turn)."""
     if sys.platform == "linux":
         import ctypes

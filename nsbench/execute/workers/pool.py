@@ -1,10 +1,12 @@
-"""Supervised local workers: spawned, warm, one case at a time each; killed and replaced on their limits.
+"""Supervised local workers: spawned, warm, one case at a time each; killed and replaced on their
+limits.
 
-The parent never computes. A worker says what it is about to do with which run; when nothing new is heard within the
-limit it is killed, the run becomes a timeout row, and the rest of its case goes to a fresh worker. A worker that holds
-more memory than it may makes its run an "oom" row, one that dies by itself a "crashed" one. The clock of a run starts when
-its preparation (compilation) has ended, and anew after a kernel that was compiled within it; preparation and compilation
-have a limit of their own. Nothing that a worker or its run does (dying half way through a message, closing its
+The parent never computes. A worker says what it is about to do with which run; when nothing new is
+heard within the limit it is killed, the run becomes a timeout row, and the rest of its case goes to
+a fresh worker. A worker that holds more memory than it may makes its run an "oom" row, one that
+dies by itself a "crashed" one. The clock of a run starts when its preparation (compilation) has
+ended, and anew after a kernel that was compiled within it; preparation and compilation have a limit
+of their own. Nothing that a worker or its run does (dying half way through a message, closing its
 descriptors, printing without end) stops the parent or the other workers.
 """
 
@@ -28,7 +30,8 @@ from nsbench.study import REPEATED, Spec, lost
 PREPARE = 300.0  # seconds: compiling and factorising, beside the limit of the run itself
 TICK = 0.1  # seconds between two looks at limits
 COUNT = 1.0  # seconds between two looks at what the workers have started
-JUMP = 2.0  # seconds without a look: this process was stopped, or waited for its disk, and heard nobody
+# seconds without a look: this process was stopped, or waited for its disk, and heard nobody
+JUMP = 2.0
 GONE = 1.0  # seconds for a worker to end whose pipe has closed
 BATCH = 1000  # specs: more of one case are several batches, which several workers can take
 
@@ -47,9 +50,10 @@ def run_all(
 ) -> list[Chore]:
     """Rows of all batches, handed to on_row as they come, then the chores; those that were done.
 
-    timeout: seconds of one run (None: no limit); threads: of every library in each worker; most: bytes that a worker may
-    hold (None: its share of the machine); on_output is told what a run has printed, if anything, before on_row. A signal
-    that stops the program takes effect between two rows: the workers are stopped and KeyboardInterrupt passes on.
+    timeout: seconds of one run (None: no limit); threads: of every library in each worker; most:
+    bytes that a worker may hold (None: its share of the machine); on_output is told what a run has
+    printed, if anything, before on_row. A signal that stops the program takes effect between two
+    rows: the workers are stopped and KeyboardInterrupt passes on.
     """
     batches = [b[k : k + BATCH] for b in batches for k in range(0, len(b), BATCH)]
     team = _Team(
@@ -77,7 +81,8 @@ def run_all(
 
 @dataclass
 class _Team:
-    """The workers, and what is still to do: `queue` by anyone, last one first; `alone` by a fresh worker."""
+    """The workers, and what is still to do: `queue` by anyone, last one first; `alone` by a fresh
+    worker."""
 
     queue: list
     timeout: float | None
@@ -239,7 +244,8 @@ class _Team:
             self.give_up(job, "crashed", f"The worker {ended(code)} during this run.{said}", text)
 
     def too_large(self, job: Worker, why: str, text: bytes = b"") -> None:
-        """A run that followed others in its process is tried once more in a process of its own: they may have left much."""
+        """A run that followed others in its process is tried once more in a process of its own:
+        they may have left much."""
         i = job.current
         if i in job.missing | job.untimed and job.begun > 1 and job.specs[i] not in self.again:
             self.again.add(job.specs[i])
@@ -249,8 +255,8 @@ class _Team:
         self.give_up(job, "oom", why, text)
 
     def give_up(self, job: Worker, status: str, why: str, text: bytes = b"", **more) -> None:
-        """Row for the run in flight, be it a repetition; what is still to do or to be timed goes to others. text: what it
-        has printed."""
+        """Row for the run in flight, be it a repetition; what is still to do or to be timed goes to
+        others. text: what it has printed."""
         self.working.remove(job)
         text = text or job.printed.take(job.index)
         i = job.current
@@ -268,7 +274,8 @@ class _Team:
             self.queue.append([job.specs[k] for k in sorted(job.missing)])
 
     def time_again(self, specs: list[Spec]) -> None:
-        """Their worker is gone, and with it the times of their repetitions: once more side by side, then each by itself."""
+        """Their worker is gone, and with it the times of their repetitions: once more side by side,
+        then each by itself."""
         together = [s for s in specs if s not in self.timed]
         self.queue += [[s] for s in specs if s in self.timed] + ([together] if together else [])
         self.timed |= {*together}

@@ -1,4 +1,5 @@
-"""The parent's side of one worker: its process, started with threads and caches of its own, what is known of it, its end."""
+"""The parent's side of one worker: its process, started with threads and caches of its own, what is
+known of it, its end."""
 
 from __future__ import annotations
 
@@ -28,7 +29,8 @@ LEAVING = 5.0  # seconds for a worker to end that was told to
 
 @dataclass
 class Worker:
-    """A worker at work on the specs of one case, of which `missing` have no row yet, or on a chore."""
+    """A worker at work on the specs of one case, of which `missing` have no row yet, or on a
+    chore."""
 
     process: mp.Process
     pipe: object
@@ -48,7 +50,8 @@ class Worker:
 
     @property
     def current(self) -> int:
-        """The run that pays for the worker's death: one that died before its first word has not told which."""
+        """The run that pays for the worker's death: one that died before its first word has not
+        told which."""
         return self.index if self.index >= 0 else min(self.missing, default=-1)
 
     def close(self) -> None:
@@ -62,14 +65,16 @@ class Worker:
         self.wait(LEAVING)
 
     def wait(self, seconds: float) -> None:
-        """Until the process has ended, or so long. (Process.join waits for ever for one that has closed its descriptors.)"""
+        """Until the process has ended, or so long. (Process.join waits for ever for one that has
+        closed its descriptors.)"""
         end = time.monotonic() + seconds
         while self.process.exitcode is None and time.monotonic() < end:
             time.sleep(0.005)
 
 
 def jax_cache() -> dict[str, str]:
-    """Settings that keep what JAX compiles in the user's cache folder, unless the user has settings of his own."""
+    """Settings that keep what JAX compiles in the user's cache folder, unless the user has settings
+    of his own."""
     folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "nsbench" / "jax"
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -123,8 +128,8 @@ def ended(code: int | None) -> str:
 
 
 def last_line(text: str, words: tuple[str, ...] = ("Fatal Python error",)) -> str:
-    """Of what a run wrote last the first line with one of the words, else the last line that says something; without what
-    would move a cursor, at most 200 characters."""
+    """Of what a run wrote last the first line with one of the words, else the last line that says
+    something; without what would move a cursor, at most 200 characters."""
     lines = [t for t in text.splitlines() if t.strip()]
     line = next((t for t in lines if any(w in t for w in words)), lines[-1])
     return "".join(c if c.isprintable() else "?" for c in line.strip())[:200]

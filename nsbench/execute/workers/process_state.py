@@ -1,7 +1,9 @@
-"""What one run could leave behind in a process, and the next one would find: put back before each run.
+"""What one run could leave behind in a process, and the next one would find: put back before each
+run.
 
-Global random state, numpy's error state, working directory, environment, locale, rounding of the processor, settings of JAX,
-where output goes, filters of warnings, timers. A run begins as in a fresh process, and with the same random numbers in each.
+Global random state, numpy's error state, working directory, environment, locale, rounding of the
+processor, settings of JAX, where output goes, filters of warnings, timers. A run begins as in a
+fresh process, and with the same random numbers in each.
 """
 
 from __future__ import annotations
@@ -31,8 +33,8 @@ QUIET = (
 
 
 class Surroundings:
-    """Taken when a worker starts; output: a descriptor to which everything is written that runs print,
-    with marks of this word between them."""
+    """Taken when a worker starts; output: a descriptor to which everything is written that runs
+    print, with marks of this word between them."""
 
     def __init__(self, output: int, word: bytes):
         self.output = output
@@ -51,7 +53,8 @@ class Surroundings:
             sys.meta_path.insert(0, _AtImport("jax", self.note_jax))
 
     def restore(self, begins: bool = True) -> None:
-        """Put back everything. begins: a run does, nothing has warned yet; else the same one goes on."""
+        """Put back everything. begins: a run does, nothing has warned yet; else the same one goes
+        on."""
         self._process()
         self._output()
         self.draw_anew()
@@ -62,7 +65,8 @@ class Surroundings:
         self._settings_of_jax()
 
     def draw_anew(self) -> None:
-        """Global random numbers from their beginning (imports during a preparation draw some, in the first process only)."""
+        """Global random numbers from their beginning (imports during a preparation draw some, in
+        the first process only)."""
         np.random.seed(SEED)  # noqa: NPY002 - it is the global state that plugins draw from
         random.seed(SEED)
 
@@ -133,7 +137,8 @@ class Surroundings:
         self.jax.update(jax.config.values)
 
     def prints(self, i: int) -> None:
-        """From here on it is run i that prints; what was printed before, by Python or by C, is in the descriptor."""
+        """From here on it is run i that prints; what was printed before, by Python or by C, is in
+        the descriptor."""
         for stream in (sys.stdout, sys.stderr):
             with contextlib.suppress(OSError, ValueError, AttributeError):
                 stream.flush()
@@ -143,7 +148,8 @@ class Surroundings:
 
 
 class _AtImport:
-    """A finder of modules that calls `then` when `name` has been imported, before anyone can have changed it."""
+    """A finder of modules that calls `then` when `name` has been imported, before anyone can have
+    changed it."""
 
     def __init__(self, name: str, then: Callable[[], None]):
         self.name = name

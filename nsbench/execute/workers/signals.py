@@ -1,8 +1,9 @@
-"""Ctrl-C, SIGTERM and a terminal that closes: heard at once where nothing can be torn, else when the piece in hand is done.
+"""Ctrl-C, SIGTERM and a terminal that closes: heard at once where nothing can be torn, else when
+the piece in hand is done.
 
-The first signal stops the program in order (KeyboardInterrupt). Those that follow while it cleans up change nothing, so
-that a second Ctrl-C tears nothing either; after PATIENCE seconds one more ends the process where it stands, and its
-workers with it.
+The first signal stops the program in order (KeyboardInterrupt). Those that follow while it cleans
+up change nothing, so that a second Ctrl-C tears nothing either; after PATIENCE seconds one more
+ends the process where it stands, and its workers with it.
 """
 
 from __future__ import annotations
@@ -25,7 +26,8 @@ PATIENCE = 5.0  # seconds for cleaning up, before a signal is taken as "now"
 
 @dataclass
 class _Ear:
-    """What was heard: since when, by the monotonic clock; whether signals are listened to; how deep `held` is nested."""
+    """What was heard: since when, by the monotonic clock; whether signals are listened to; how deep
+    `held` is nested."""
 
     since: float | None = None
     listening: bool = False
@@ -47,8 +49,9 @@ def _hear(number, frame) -> None:
 
 @contextlib.contextmanager
 def heard(last: bool = False) -> Iterator[None]:
-    """Signals that stop a program raise KeyboardInterrupt within, once. Those that are ignored (nohup, a job in the
-    background) stay so. last: the process ends after this; when it was interrupted it hears nothing from here on."""
+    """Signals that stop a program raise KeyboardInterrupt within, once. Those that are ignored
+    (nohup, a job in the background) stay so. last: the process ends after this; when it was
+    interrupted it hears nothing from here on."""
     if _ear.listening or threading.current_thread() is not threading.main_thread():
         yield
         return

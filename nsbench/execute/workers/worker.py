@@ -1,4 +1,5 @@
-"""The child's side of a supervised worker: it computes what it is sent, tells what it does, and goes with its parent."""
+"""The child's side of a supervised worker: it computes what it is sent, tells what it does, and
+goes with its parent."""
 
 from __future__ import annotations
 
@@ -23,18 +24,21 @@ from nsbench.study import lost, run_batch, run_one, timed_again
 
 @dataclass(frozen=True)
 class Chore:
-    """Work without a row, done by whichever worker has nothing else to do: function(*args), both picklable."""
+    """Work without a row, done by whichever worker has nothing else to do: function(*args), both
+    picklable."""
 
     function: Callable
     args: tuple = ()
 
 
 def work(pipe, printed, word: bytes, parent: int, locks: str, seconds: float | None = None) -> None:
-    """Body of a worker: batches and chores in by `pipe`, (what, index, row) out; what runs print goes to `printed`,
-    with marks of this word between the runs.
+    """Body of a worker: batches and chores in by `pipe`, (what, index, row) out; what runs print
+    goes to `printed`, with marks of this word between the runs.
 
-    parent: the process whose child this is; locks: folder of the locks by which workers take turns at compiling; seconds:
-    a batch ends with the run that passes them, and each run is made once (None: all are made, and timed in rounds).
+    parent: the process whose child this is; locks: folder of the locks by which workers take turns
+    at compiling; seconds:
+    a batch ends with the run that passes them, and each run is made once (None: all are made, and
+    timed in rounds).
     """
     go_with(parent)
     _stand_alone()
@@ -81,8 +85,8 @@ def work(pipe, printed, word: bytes, parent: int, locks: str, seconds: float | N
 
 
 def _once(specs, tell, seconds: float):
-    """(index, row) of the first specs, as many as end within so many seconds. A row with items by their names as "unlike" was
-    not, or not for certain, made of what was asked for."""
+    """(index, row) of the first specs, as many as end within so many seconds. A row with items by
+    their names as "unlike" was not, or not for certain, made of what was asked for."""
     start = time.monotonic()
     for i, spec in enumerate(specs):
         if i and time.monotonic() - start > seconds:
@@ -98,7 +102,8 @@ def _once(specs, tell, seconds: float):
 
 
 def _stand_alone() -> None:
-    """A group of its own, so that signals of the terminal are for the parent and what runs start ends with the worker;
+    """A group of its own, so that signals of the terminal are for the parent and what runs start
+    ends with the worker;
     no core files; the traceback of a run that crashes in C."""
     with contextlib.suppress(OSError, AttributeError):
         os.setpgid(0, 0)
@@ -111,8 +116,8 @@ def _stand_alone() -> None:
 
 
 class News:
-    """What a worker tells of itself: what it does with which run, and when a kernel is compiled on the way, for which
-    the clock of the run stands still."""
+    """What a worker tells of itself: what it does with which run, and when a kernel is compiled on
+    the way, for which the clock of the run stands still."""
 
     def __init__(self, pipe, around: Surroundings | None = None):
         self.pipe = pipe

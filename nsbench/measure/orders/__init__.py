@@ -1,4 +1,5 @@
-"""Orders and constants: err ~ M h^p from a ladder of steps, with an interval, a window and a verdict in words."""
+"""Orders and constants: err ~ M h^p from a ladder of steps, with an interval, a window and a
+verdict in words."""
 
 from __future__ import annotations
 
@@ -20,7 +21,8 @@ VERDICTS = (
     "below reference",
 )
 LADDER = 6.0  # octaves of steps for a verdict
-STEPS = 18  # for a verdict: 3 per octave of the shortest ladder (divisors of a spacing are few at first)
+# for a verdict: 3 per octave of the shortest ladder (divisors of a spacing are few at first)
+STEPS = 18
 WINDOW = 3.0  # octaves the fit window keeps at least
 FEWEST = 8  # points it keeps at least: 5 degrees of freedom for the interval
 CURVED = 0.01  # level of the test for a bend that the head does not explain
@@ -40,11 +42,15 @@ NAN2 = (np.nan, np.nan)
 class Fit:
     """The outcome of `fit_order`.
 
-    order: the slope of log err over log h that the window tends to (negative: diverges; NaN: none); interval: its 95 %
-    interval; constant: M of err = M h^order; verdict: one of VERDICTS; window: (smallest, largest) step used; points:
-    how many; median, envelope: plain slopes of the medians and of the maxima per octave, with their intervals; line:
-    the plain slope of all points of the window; head: share of the further power at the coarsest step of the window;
-    plateau: C of C + M h^p where claimed; dropped: points left out, by reason; octaves: of the whole ladder;
+    order: the slope of log err over log h that the window tends to (negative: diverges; NaN: none);
+    interval: its 95 % interval; constant: M of err = M h^order; verdict: one of VERDICTS; window:
+    (smallest, largest) step used; points:
+    how many; median, envelope: plain slopes of the medians and of the maxima per octave, with their
+    intervals; line:
+    the plain slope of all points of the window; head: share of the further power at the coarsest
+    step of the window;
+    plateau: C of C + M h^p where claimed; dropped: points left out, by reason; octaves: of the
+    whole ladder;
     sentence: all this for a reader.
     """
 
@@ -79,17 +85,22 @@ def fit_order(
 ) -> Fit:
     """The order of the errors `err` (k,) in the steps taken `h` (k,).
 
-    floor: errors below say nothing (ten times the reference's error, when the caller has that already);
-    reference_error: the reference's own error; scale, span: size of the solution and length of time, for `rounding`.
-    multipliers_unique: False forbids a plateau (the error compares a selection). reaction: the fit of the reaction's
-    error, which must level off too; None where `err` is itself of the state, the reaction or the impulse.
+    floor: errors below say nothing (ten times the reference's error, when the caller has that
+    already);
+    reference_error: the reference's own error; scale, span: size of the solution and length of
+    time, for `rounding`.
+    multipliers_unique: False forbids a plateau (the error compares a selection). reaction: the fit
+    of the reaction's error, which must level off too; None where `err` is itself of the state, the
+    reaction or the impulse.
 
-    Rules. Non-finite errors are counted out, equal steps kept once. Steps where the running median of five errors is
-    below the floor, and deep dips below it, are dropped; so are single errors far from all others (at most one in ten).
-    The order is the p of M h^p (1 + r h^q)^s (asymptote.py): a line through all points holds its order only if there is
-    no head. Points are dropped from the coarse end while a bend is left over (t-test at 1 %) or where that makes the
-    interval half as wide. "order" needs 6 octaves and 18 steps, not all of a dyadic ladder, a window of 3 octaves and 8
-    points, a head that has decayed at the finest step, an interval no wider than 1, and that a plateau fits worse.
+    Rules. Non-finite errors are counted out, equal steps kept once. Steps where the running median
+    of five errors is below the floor, and deep dips below it, are dropped; so are single errors far
+    from all others (at most one in ten).
+    The order is the p of M h^p (1 + r h^q)^s (asymptote.py): a line through all points holds its
+    order only if there is no head. Points are dropped from the coarse end while a bend is left over
+    (t-test at 1 %) or where that makes the interval half as wide. "order" needs 6 octaves and 18
+    steps, not all of a dyadic ladder, a window of 3 octaves and 8 points, a head that has decayed
+    at the finest step, an interval no wider than 1, and that a plateau fits worse.
     Where all errors scatter too much, the largest per half octave are tried.
 
     >>> import numpy as np
@@ -183,7 +194,8 @@ def _rates(fit: Fit) -> str:
 
 
 def _slope(h, err) -> tuple[float, tuple[float, float], float]:
-    """Slope of the line through log err, its t-based 95 % interval, constant; NaN from fewer than three points."""
+    """Slope of the line through log err, its t-based 95 % interval, constant; NaN from fewer than
+    three points."""
     from scipy.special import stdtrit
 
     n = len(h)
@@ -216,7 +228,8 @@ def _straight(h, err, fit: Fit) -> Fit:
 
 
 def _levels_off(h, err, line: Fit, known, why, unique, reaction) -> Fit | None:
-    """A verdict where the error levels off (or the reason why a plateau is not claimed); None where it does not."""
+    """A verdict where the error levels off (or the reason why a plateau is not claimed); None where
+    it does not."""
     # flat: hardly any slope fits as well, and nothing steeper than 0.2 does
     # (nor does the fine end fall: an error that saturates at coarse steps is flat there only)
     end = h <= h[0] * 2.0**ENDS
@@ -266,10 +279,12 @@ def _levels_off(h, err, line: Fit, known, why, unique, reaction) -> Fit | None:
 
 
 def _settle(h, err, known) -> tuple[int, Headed | None, bool]:
-    """Drop points from the coarse end while a bend is left over: (points kept, their fit, whether it is gone).
+    """Drop points from the coarse end while a bend is left over: (points kept, their fit, whether
+    it is gone).
 
-    A head of another shape is no scatter, and less of it is better: a shorter window is taken at once if its interval
-    is less than half as wide. (From scatter alone a shorter window is wider, by the power 3/2 of its length and more.)
+    A head of another shape is no scatter, and less of it is better: a shorter window is taken at
+    once if its interval is less than half as wide. (From scatter alone a shorter window is wider,
+    by the power 3/2 of its length and more.)
     """
     from scipy.special import stdtrit
 
@@ -296,7 +311,8 @@ def _settle(h, err, known) -> tuple[int, Headed | None, bool]:
             fit = replace(tried[at][1], half=half)
     while True:
         strict = strict or fit.bend > stdtrit(n - 4, 1.0 - CURVED / 2)
-        # one level to believe in a bend, another that it is gone: stopping at the first would leave a bias of its size
+        # one level to believe in a bend, another that it is gone: stopping at the first would leave
+        # a bias of its size
         gone = not strict or fit.bend < 1.0 or abs(fit.drift) <= DRIFT
         if gone or n - 1 not in allowed:
             return n, fit, gone
@@ -305,7 +321,8 @@ def _settle(h, err, known) -> tuple[int, Headed | None, bool]:
 
 
 def _diverges(h, line: Fit) -> Fit | None:
-    """The verdict where the plain slope of at least five errors is negative; divergence needs no long ladder."""
+    """The verdict where the plain slope of at least five errors is negative; divergence needs no
+    long ladder."""
     lo, hi = line.interval
     if hi >= 0.0 or line.order >= -FLAT or len(h) < 5:
         return None
@@ -363,10 +380,11 @@ def _power(h, err, line: Fit, known: float, why: str) -> Fit:
 
 
 def _bounded(h, err, fit: Fit) -> Fit | None:
-    """The order of the largest errors per half octave, where all errors together scatter too much for one.
+    """The order of the largest errors per half octave, where all errors together scatter too much
+    for one.
 
-    Errors that turn with the phase of the step fall to zero between; what converges is their bound. Needs several steps
-    in each half octave, or the largest is as much a matter of luck.
+    Errors that turn with the phase of the step fall to zero between; what converges is their bound.
+    Needs several steps in each half octave, or the largest is as much a matter of luck.
     """
     top, most = binned(h, err, np.max, 2)
     if len(top) < max(FEWEST, 2 * WINDOW) or len(h) < CROWD * len(top):

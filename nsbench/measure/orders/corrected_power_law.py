@@ -1,13 +1,17 @@
-"""The order an error tends to: err = M h^p (1 + r (h / h_max)^q), a power law with one further power.
+"""The order an error tends to: err = M h^p (1 + r (h / h_max)^q), a power law with one further
+power.
 
-The further power matters even where nobody can see it. A line through log err is off by half the drift of its local
-slope, and a drift of one standard error (never detected) is four half-widths of the line's own interval: an interval
-without the further power holds h + 3 h^2 with 10 % scatter in half of all trials. So it is always in the model, at
-the price of an interval about twice as wide; where scatter is small the price is too.
+The further power matters even where nobody can see it. A line through log err is off by half the
+drift of its local slope, and a drift of one standard error (never detected) is four half-widths of
+the line's own interval: an interval without the further power holds h + 3 h^2 with 10 % scatter in
+half of all trials. So it is always in the model, at the price of an interval about twice as wide;
+where scatter is small the price is too.
 
-The shapes of the head are equal to first order in r: a sum, of either sign (the error may pass zero), and
-(1 + r (h / h_max)^q)^-1 or ^(-1/2), for errors that saturate at coarse steps. Each is fitted to log err by least squares;
-the order is their mean, weighted by how well they fit (Buckland, Burnham & Augustin, Biometrics 53, 1997, eq. 9).
+The shapes of the head are equal to first order in r: a sum, of either sign (the error may pass
+zero), and (1 + r (h / h_max)^q)^-1 or ^(-1/2), for errors that saturate at coarse steps. Each is
+fitted to log err by least squares;
+the order is their mean, weighted by how well they fit (Buckland, Burnham & Augustin, Biometrics 53,
+1997, eq. 9).
 """
 
 from __future__ import annotations
@@ -16,8 +20,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-# belief in each shape of the head, (q, power), before the data are seen. Smooth expansions have q = 1, symmetric ones
-# 2, grazes and corners 1/2; the head is (1 + r (h / h_max)^q)^power with r of either sign
+# belief in each shape of the head, (q, power), before the data are seen. Smooth expansions have q =
+# 1, symmetric ones 2, grazes and corners 1/2; the head is (1 + r (h / h_max)^q)^power with r of
+# either sign
 MODELS = {
     (q, power): of_q * of_power
     for q, of_q in ((1.0, 0.7), (0.5, 0.1), (2.0, 0.1), (3.0, 0.1))
@@ -34,10 +39,12 @@ EPS = float(np.finfo(float).eps)
 
 @dataclass(frozen=True)
 class Headed:
-    """log err = a + p u + head(u), u = log(h / h_max). half: half-width of the 95 % interval of p (t-based, widened by
-    the correlation of neighbouring residuals); head (n,): the fitted head; rss; freedom: n - 3; q, r: of the head;
-    edge: the slope at the finest step is not p yet, in models with most of the weight; bend, drift: |t| of a
-    further square of u and the change of slope over the window it means; inflation: of the variance, by correlation."""
+    """log err = a + p u + head(u), u = log(h / h_max). half: half-width of the 95 % interval of p
+    (t-based, widened by the correlation of neighbouring residuals); head (n,): the fitted head;
+    rss; freedom: n - 3; q, r: of the head;
+    edge: the slope at the finest step is not p yet, in models with most of the weight; bend, drift:
+    |t| of a further square of u and the change of slope over the window it means; inflation: of the
+    variance, by correlation."""
 
     a: float
     p: float
@@ -54,9 +61,11 @@ class Headed:
 
 
 def fit_headed(u: np.ndarray, y: np.ndarray, own: np.ndarray | float = 0.0) -> Headed:
-    """Least squares over r for each shape of the head (grid, then Gauss-Newton). u (n,) ascending, n >= 5.
+    """Least squares over r for each shape of the head (grid, then Gauss-Newton). u (n,) ascending,
+    n >= 5.
 
-    own (n,): how far the reference's own error, relative to err, may have moved each y: it widens the interval.
+    own (n,): how far the reference's own error, relative to err, may have moved each y: it widens
+    the interval.
     """
     own = np.broadcast_to(own, u.shape)
     from scipy.special import stdtrit
@@ -75,12 +84,14 @@ def fit_headed(u: np.ndarray, y: np.ndarray, own: np.ndarray | float = 0.0) -> H
     weight = BELIEF * np.exp(-0.5 * worse / grow)
     weight /= weight.sum()
     mean = float(weight @ p)
-    # every order is linear in log err nearby, so the mean is too; to its variance comes that of the orders about it
+    # every order is linear in log err nearby, so the mean is too; to its variance comes that of the
+    # orders about it
     by = weight @ reader
     half = float(stdtrit(n - 3, 0.975)) * np.sqrt(
         s2 * grow * (by @ by) + weight @ (p - mean) ** 2 + (by * by) @ own**2
     )
-    # residuals as smooth as the estimate can say are no noise but misfit, and a bend in them counts in full
+    # residuals as smooth as the estimate can say are no noise but misfit, and a bend in them counts
+    # in full
     J = np.stack([np.ones(n), u, slope[best] / max(np.abs(slope[best]).max(), 1e-300)], 1)
     bend, drift = _bend(u, J, resid, s2 * (grow if grow < MOST else 1.0))
     sharp = BELIEF * np.exp(
@@ -126,7 +137,8 @@ def _head(r, e):
 
 
 def _grid(finest, most):
-    """(models, 61) values of r whose share at the finest step, where (h / h_max)^q = finest (models, 1), is at most `most`;
+    """(models, 61) values of r whose share at the finest step, where (h / h_max)^q = finest
+    (models, 1), is at most `most`;
     below -0.9 only for a sum, whose error may pass zero."""
     top = np.maximum(most / finest, 2e-3)
     unit = np.linspace(0.0, 1.0, 30)
@@ -181,10 +193,11 @@ def _fits(u, y, most):
 
 
 def _inflation(resid: np.ndarray) -> float:
-    """How much the variance of a slope grows with the correlation rho of neighbouring residuals: (1 + rho) / (1 - rho).
+    """How much the variance of a slope grows with the correlation rho of neighbouring residuals: (1
+    + rho) / (1 - rho).
 
-    rho is corrected for the bias of its estimate with three fitted parameters; never below 1 (negative correlation is
-    not trusted to help), nor above MOST.
+    rho is corrected for the bias of its estimate with three fitted parameters; never below 1
+    (negative correlation is not trusted to help), nor above MOST.
     """
     n = len(resid)
     norm = float(resid @ resid)
@@ -196,7 +209,8 @@ def _inflation(resid: np.ndarray) -> float:
 
 
 def _bend(u, J, resid, s2):
-    """|t| of a square of u that the model leaves over, and the change of the local slope over the window it means."""
+    """|t| of a square of u that the model leaves over, and the change of the local slope over the
+    window it means."""
     if len(u) < 6:
         return 0.0, 0.0
     v = (u - u.mean()) / (u[-1] - u[0])

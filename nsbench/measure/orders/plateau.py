@@ -1,8 +1,8 @@
 """Does an error level off? err = C + M h^p with C > 0 against the plain power law C = 0.
 
-Both models are fitted to log err by least squares; the noise level is estimated, so the likelihood ratio of the two
-is the F ratio (RSS0 - RSS1) / (RSS1 / (n - 3)), compared with F(1, n - 3) at 1 % (conservative: C >= 0 sits on the
-boundary of its range under C = 0).
+Both models are fitted to log err by least squares; the noise level is estimated, so the likelihood
+ratio of the two is the F ratio (RSS0 - RSS1) / (RSS1 / (n - 3)), compared with F(1, n - 3) at 1 %
+(conservative: C >= 0 sits on the boundary of its range under C = 0).
 """
 
 from __future__ import annotations
@@ -24,7 +24,8 @@ END = 2.0**1.5  # the fine end, where the error must have stopped to fall
 
 @dataclass(frozen=True)
 class Levelled:
-    """The fit of err = C + M h^p to n points; rss, rss0: sums of squares in log err with C >= 0 and with C = 0."""
+    """The fit of err = C + M h^p to n points; rss, rss0: sums of squares in log err with C >= 0 and
+    with C = 0."""
 
     C: float
     M: float
@@ -58,7 +59,8 @@ def power_law(u: np.ndarray, y: np.ndarray) -> tuple[float, float, float]:
 
 
 def fit_levelled(h: np.ndarray, err: np.ndarray) -> Levelled:
-    """Least squares of log(C + M h^p), C >= 0, over a grid of (p, C / M) refined by Gauss-Newton. h, err > 0."""
+    """Least squares of log(C + M h^p), C >= 0, over a grid of (p, C / M) refined by Gauss-Newton.
+    h, err > 0."""
     ref = float(np.exp(np.log(h).mean()))
     u = np.log(h / ref)
     y = np.log(err)
@@ -70,7 +72,8 @@ def fit_levelled(h: np.ndarray, err: np.ndarray) -> Levelled:
     )  # v = log(C / M)
     resid = y - np.logaddexp(v, p * u)
     rss = resid.var(axis=-1) * len(u)
-    # every local minimum of the grid could hold the best fit; the three lowest are enough in all trials
+    # every local minimum of the grid could hold the best fit; the three lowest are enough in all
+    # trials
     for k in np.argsort(rss, axis=None)[:3]:
         i, j = np.unravel_index(k, rss.shape)
         found = _refine(u, y, float(p[i, 0, 0]), float(v[i, j, 0]))
@@ -84,7 +87,8 @@ def fit_levelled(h: np.ndarray, err: np.ndarray) -> Levelled:
 
 
 def _refine(u, y, p, v):
-    """Levenberg-Marquardt on (p, v) for y = b + log(e^v + e^(p u)), b eliminated: (rss, p, v, b)."""
+    """Levenberg-Marquardt on (p, v) for y = b + log(e^v + e^(p u)), b eliminated: (rss, p, v,
+    b)."""
 
     def value(p, v):
         z = np.logaddexp(v, p * u)
@@ -128,10 +132,10 @@ def _refine(u, y, p, v):
 def persists(h: np.ndarray, err: np.ndarray, full: Levelled) -> bool:
     """Does the plateau survive a smallest step four times finer?
 
-    The fit without the finest two octaves must foresee the level: a convex but converging error (h + 100 h^3) shows
-    a C that falls with the smallest step, like the error itself. And at the fine end (one and a half octaves: with
-    C = 4 M h^p there the local slope is a fifth to two fifths of p) the error must fall less than half as fast as
-    M h^p.
+    The fit without the finest two octaves must foresee the level: a convex but converging error (h
+    + 100 h^3) shows a C that falls with the smallest step, like the error itself. And at the fine
+    end (one and a half octaves: with C = 4 M h^p there the local slope is a fifth to two fifths of
+    p) the error must fall less than half as fast as M h^p.
     """
     from scipy.special import fdtri
 
@@ -157,8 +161,9 @@ def persists(h: np.ndarray, err: np.ndarray, full: Levelled) -> bool:
 def claimed(h: np.ndarray, err: np.ndarray) -> Levelled | None:
     """The plateau that the errors show, or None.
 
-    Significant against a power law; persistent; no worse (within one s^2) than a power law with a head, which bends the
-    same way but at the coarse end; and not significantly worse than a very slow convergence, such as that of 1 / log h.
+    Significant against a power law; persistent; no worse (within one s^2) than a power law with a
+    head, which bends the same way but at the coarse end; and not significantly worse than a very
+    slow convergence, such as that of 1 / log h.
     """
     from scipy.special import fdtri
 
@@ -175,7 +180,8 @@ def claimed(h: np.ndarray, err: np.ndarray) -> Levelled | None:
 
 
 def _rises(h: np.ndarray, err: np.ndarray) -> bool:
-    """Do the finest errors lie above the smallest by more than noise? Medians of three; noise from second differences."""
+    """Do the finest errors lie above the smallest by more than noise? Medians of three; noise from
+    second differences."""
     y = np.log(err[np.argsort(h)])
     middle = np.median(np.lib.stride_tricks.sliding_window_view(y, 3), axis=1)
     noise = float(np.std(np.diff(y, 2))) / np.sqrt(6.0)
@@ -183,10 +189,11 @@ def _rises(h: np.ndarray, err: np.ndarray) -> bool:
 
 
 def cannot_exclude(h: np.ndarray, err: np.ndarray, head: bool = True) -> bool:
-    """Does M (C h_min^p + h^p), with or without a head, fit as well as the power law with its head (or without)?
+    """Does M (C h_min^p + h^p), with or without a head, fit as well as the power law with its head
+    (or without)?
 
-    As well: for C of LARGE to 4 LARGE not worse at 5 % (F); for a quarter or half of LARGE, which takes more points to
-    exclude, better.
+    As well: for C of LARGE to 4 LARGE not worse at 5 % (F); for a quarter or half of LARGE, which
+    takes more points to exclude, better.
     """
     from scipy.special import fdtri
 

@@ -1,4 +1,5 @@
-"""Which points of a ladder of errors say something: finite, above the floors, not alone far from their neighbours."""
+"""Which points of a ladder of errors say something: finite, above the floors, not alone far from
+their neighbours."""
 
 from __future__ import annotations
 
@@ -14,9 +15,10 @@ CLEAR = 100.0  # times rounding: an error that rounding cannot have made
 def rounding(h, scale: float = 1.0, span: float = 1.0) -> np.ndarray:
     """Errors that rounding alone can make: scale (1e-12 + eps span / h).
 
-    The second part is the worst case of span / h additions, each half a unit off in the same direction (it happens:
-    with a constant drift every step is rounded alike). The first covers roots and small linear solves, which leave
-    thousands of eps.
+    The second part is the worst case of span / h additions, each half a unit off in the same
+    direction (it happens:
+    with a constant drift every step is rounded alike). The first covers roots and small linear
+    solves, which leave thousands of eps.
     """
     return scale * (1e-12 + EPS * span / np.asarray(h, float))
 
@@ -44,9 +46,11 @@ def tidy(h, err):
 
 
 def above(err, floor) -> np.ndarray:
-    """Points above the floor: all finer steps are dropped once the running median of five is below, and deep dips.
+    """Points above the floor: all finer steps are dropped once the running median of five is below,
+    and deep dips.
 
-    A single error somewhat below the floor stays: dropping low ones and keeping high ones would bend the fine end.
+    A single error somewhat below the floor stays: dropping low ones and keeping high ones would
+    bend the fine end.
     """
     ratio = err / floor
     n = len(err)
@@ -67,7 +71,8 @@ def now_and_then(err, noise) -> int:
 
 
 def dyadic(h) -> bool:
-    """True when the steps sit at fewer than 3 phases of log2 h: such a ladder can see the same phase at every step."""
+    """True when the steps sit at fewer than 3 phases of log2 h: such a ladder can see the same
+    phase at every step."""
     phases = 0
     last = -1.0
     for phase in np.sort(np.log2(h) % 1.0):
@@ -78,9 +83,11 @@ def dyadic(h) -> bool:
 
 
 def alone(h, err) -> np.ndarray:
-    """Mask of errors far off a cubic through the others (log-log, studentised residual, Bonferroni), one in ten at most.
+    """Mask of errors far off a cubic through the others (log-log, studentised residual,
+    Bonferroni), one in ten at most.
 
-    A cubic follows a head, a plateau or a turn; what it cannot follow is one step, or some, that went otherwise.
+    A cubic follows a head, a plateau or a turn; what it cannot follow is one step, or some, that
+    went otherwise.
     """
     from scipy.special import stdtrit
 

@@ -2,18 +2,24 @@
 
     min 1/2 |d|^2  s.t.  q + G d >= 0        d = G^T mu,    0 <= mu  _|_  w = q + G G^T mu >= 0
 
-G (m, n) sparse, m constraints of any rank: duplicates, hexagonal packings. Three phases, all on sparse factors of
-M_AA = G_A G_A^T made anew in each round: in a time loop G changes in every step, so there is nothing to update.
+G (m, n) sparse, m constraints of any rank: duplicates, hexagonal packings. Three phases, all on
+sparse factors of M_AA = G_A G_A^T made anew in each round: in a time loop G changes in every step,
+so there is nothing to update.
 
-1. Exchange: solve w = 0 on the set A, then put out all mu < 0 and take in all w < 0 at once. From the active set of
-   the step before this is usually done in one or two rounds. It may cycle, so it ends when the number of wrong signs
-   has not fallen for three rounds (Judice & Pires, Computers & Operations Research 21(5), 1994).
+1. Exchange: solve w = 0 on the set A, then put out all mu < 0 and take in all w < 0 at once. From
+the active set of
+   the step before this is usually done in one or two rounds. It may cycle, so it ends when the
+   number of wrong signs has not fallen for three rounds (Judice & Pires, Computers & Operations
+   Research 21(5), 1994).
 2. If many signs are wrong: projected Newton on the dual (Bertsekas, SIAM J. Control Optim.
-   20(2), 1982). Free are the rows with mu > 0 or w < 0, the step is cut back along max(mu + t p, 0) until the dual
-   value falls enough, so no set can cycle. A shift of the diagonal keeps p finite where rows depend.
-3. The dual method of Goldfarb & Idnani (Mathematical Programming 27, 1983) from the best mu >= 0 at hand, made basic:
-   one violated row at a time, the rows that block it leave. The dual value falls with each row taken in, so no set comes
-   back; the active rows stay independent; a violated row that nothing blocks proves that there is no feasible point.
+   20(2), 1982). Free are the rows with mu > 0 or w < 0, the step is cut back along max(mu + t p, 0)
+   until the dual value falls enough, so no set can cycle. A shift of the diagonal keeps p finite
+   where rows depend.
+3. The dual method of Goldfarb & Idnani (Mathematical Programming 27, 1983) from the best mu >= 0 at
+hand, made basic:
+   one violated row at a time, the rows that block it leave. The dual value falls with each row
+   taken in, so no set comes back; the active rows stay independent; a violated row that nothing
+   blocks proves that there is no feasible point.
 """
 
 import numpy as np
@@ -45,7 +51,8 @@ CLOSE = 1e-3  # the "epsilon" of projected Newton: any positive number will do
 
 @njit(cache=True, error_model="numpy")
 def pattern(ptr, cols, n):
-    """All that depends only on where G has entries: ptr, cols, their transpose, and an order of elimination."""
+    """All that depends only on where G has entries: ptr, cols, their transpose, and an order of
+    elimination."""
     P = outline(ptr, cols, n)
     arrange(P)
     return P
@@ -53,7 +60,8 @@ def pattern(ptr, cols, n):
 
 @njit(cache=True, error_model="numpy")
 def outline(ptr, cols, n):
-    """A pattern whose order of elimination is yet to be made: the fronts of kernels.many do without."""
+    """A pattern whose order of elimination is yet to be made: the fronts of kernels.many do
+    without."""
     tptr, trow, tpos = visits(ptr, cols, n)
     return ptr, cols, tptr, trow, tpos, np.full(ptr.size - 1, -1)
 
@@ -70,7 +78,8 @@ def arrange(P):
 
 @njit(cache=True, error_model="numpy")
 def exchange(on, P, vals, q, norm, scale, mu, d, w, slot):
-    """Phase 1. Returns whether all signs are right, how many were wrong at first, and the rounds taken."""
+    """Phase 1. Returns whether all signs are right, how many were wrong at first, and the rounds
+    taken."""
     best = on.size + 1
     chances = 3
     rounds = 0
@@ -118,7 +127,8 @@ def dual(P, vals, q, mu, d):
 
 @njit(cache=True, error_model="numpy")
 def newton(on, P, vals, q, norm, scale, mu, d, w, slot):
-    """Phase 2. Projected Newton steps on the dual from mu >= 0; on return `on` is the support. Returns rounds."""
+    """Phase 2. Projected Newton steps on the dual from mu >= 0; on return `on` is the support.
+    Returns rounds."""
     ptr, cols, tptr, trow, tpos, order = P
     m = q.size
     trial = np.empty(q.size)
@@ -177,8 +187,8 @@ def solve(P, vals, q, guess, scale):
     """Solve the problem for the pattern P, entries vals and right-hand side q (m,).
 
     guess (m,): multipliers to start from, such as those of the step before (those > 0 count).
-    scale: size of the numbers the gaps are made of. Returns mu (m,), d = G^T mu (n,), code (SOLVED, INFEASIBLE, MAXITER),
-    rounds = factorisations.
+    scale: size of the numbers the gaps are made of. Returns mu (m,), d = G^T mu (n,), code (SOLVED,
+    INFEASIBLE, MAXITER), rounds = factorisations.
     """
     m = q.size
     mu = np.zeros(m)
@@ -214,8 +224,9 @@ def residual(P, vals, q, mu, d):
         sign             -mu_k |G_k|
         complementarity  min(mu_k |G_k|, w_k / |G_k|)
 
-    mu_k |G_k| is how far row k moves the point, w_k / |G_k| how far the point is from row k, so nothing changes when
-    a gap is multiplied by a number. (The last three are |min(mu_k |G_k|, w_k / |G_k|)|.) NaN where data is not finite.
+    mu_k |G_k| is how far row k moves the point, w_k / |G_k| how far the point is from row k, so
+    nothing changes when a gap is multiplied by a number. (The last three are |min(mu_k |G_k|, w_k /
+    |G_k|)|.) NaN where data is not finite.
     """
     worst = 0.0
     e = np.empty(d.size)

@@ -1,8 +1,10 @@
-"""A step's least-distance problem by one of two C functions, so that a time loop is compiled without them.
+"""A step's least-distance problem by one of two C functions, so that a time loop is compiled
+without them.
 
-`exact` (kernels.few) where few rows are at work, `many` (kernels.many) beyond, and `exact` from where it has come if
-it gives up. Both fill mu (m,), d = G^T mu (n,) and work (4,): code, rounds, and for `many` the sizes that book
-and store must have; it answers GROW when they are smaller, and nothing is solved.
+`exact` (kernels.few) where few rows are at work, `many` (kernels.many) beyond, and `exact` from
+where it has come if it gives up. Both fill mu (m,), d = G^T mu (n,) and work (4,): code, rounds,
+and for `many` the sizes that book and store must have; it answers GROW when they are smaller, and
+nothing is solved.
 """
 
 import numpy as np
@@ -50,7 +52,8 @@ def at_work(q, guess):
 
 @njit(cache=True, error_model="numpy")
 def least(exact, many, P, book, store, vals, q, guess, scale, work):
-    """mu (m,), d = G^T mu (n,), and book and store, perhaps larger ones; work (4,): code and rounds."""
+    """mu (m,), d = G^T mu (n,), and book and store, perhaps larger ones; work (4,): code and
+    rounds."""
     ptr, cols, tptr, trow, tpos, order = P
     mu = np.zeros(q.size)
     d = np.zeros(tptr.size - 1)

@@ -1,6 +1,8 @@
-"""Phase 3 of kernels.qp: one row at a time, by the dual method of Goldfarb & Idnani on sparse factors.
+"""Phase 3 of kernels.qp: one row at a time, by the dual method of Goldfarb & Idnani on sparse
+factors.
 
-The state is a set of independent rows that are on, their mu >= 0, and the factor (act, L, D) of M_AA.
+The state is a set of independent rows that are on, their mu >= 0, and the factor (act, L, D) of
+M_AA.
 """
 
 import numpy as np
@@ -16,12 +18,14 @@ EPS = 2.0**-52
 DEPENDENT = (
     1e-12  # squared sine to the span: below it 1/sine^2 eats more digits than refinement returns
 )
-NO_FACTOR = 1e-15  # phase 3 decides on dependence itself; the factor refuses only what rounding makes of zero
+# phase 3 decides on dependence itself; the factor refuses only what rounding makes of zero
+NO_FACTOR = 1e-15
 
 
 @njit(cache=True, error_model="numpy")
 def equality(on, P, vals, q, norm, dependent, eps, mu, d, w, slot):
-    """mu with w = 0 on the rows switched on; rows that depend on others are switched off. Returns act, L, D."""
+    """mu with w = 0 on the rows switched on; rows that depend on others are switched off. Returns
+    act, L, D."""
     ptr, cols, tptr, trow, tpos, order = P
     act = choose(on, order, slot)
     L, D = factor(act, slot, ptr, cols, vals, tptr, trow, tpos, dependent, 0.0)
@@ -54,7 +58,8 @@ def equality(on, P, vals, q, norm, dependent, eps, mu, d, w, slot):
 
 @njit(cache=True, error_model="numpy")
 def rounding(scale, mu, norm):
-    """Length below which a sign is rounding: gaps come from numbers of size `scale`, slacks from mu too."""
+    """Length below which a sign is rounding: gaps come from numbers of size `scale`, slacks from mu
+    too."""
     top = 0.0
     for k in range(mu.size):
         top = max(top, abs(mu[k]) * norm[k])
@@ -63,7 +68,8 @@ def rounding(scale, mu, norm):
 
 @njit(cache=True, error_model="numpy")
 def direction(p, act, L, D, P, vals, slot):
-    """r with M_AA r = M_Ap, and |G_p - G_A^T r|^2: what moves when row p is pushed and the set A holds."""
+    """r with M_AA r = M_Ap, and |G_p - G_A^T r|^2: what moves when row p is pushed and the set A
+    holds."""
     ptr = P[0]
     cols = P[1]
     r = np.zeros(act.size)
@@ -88,7 +94,8 @@ def direction(p, act, L, D, P, vals, slot):
 
 @njit(cache=True, error_model="numpy")
 def purify(on, P, vals, mu, norm, slot):
-    """From mu >= 0 on any rows to independent ones with the same G^T mu (Caratheodory). Returns rounds."""
+    """From mu >= 0 on any rows to independent ones with the same G^T mu (Caratheodory). Returns
+    rounds."""
     rounds = 0
     swapped = True
     while swapped:
@@ -124,7 +131,8 @@ def purify(on, P, vals, mu, norm, slot):
 
 @njit(cache=True, error_model="numpy")
 def settle(on, P, vals, q, norm, scale, mu, d, w, slot):
-    """From mu >= 0 on the rows switched on to the solution of w = 0 there; rows whose mu vanishes on the way leave.
+    """From mu >= 0 on the rows switched on to the solution of w = 0 there; rows whose mu vanishes
+    on the way leave.
 
     The dual value falls all the way (Lawson & Hanson 1974, chapter 23). Returns act, L, D, rounds.
     """
@@ -150,7 +158,8 @@ def settle(on, P, vals, q, norm, scale, mu, d, w, slot):
 
 @njit(cache=True, error_model="numpy")
 def take_in(p, on, P, vals, q, norm, scale, mu, d, w, slot, act, L, D, limit):
-    """Raise mu_p until row p holds; blocking rows leave. Returns code, the new act, L, D, and rounds."""
+    """Raise mu_p until row p holds; blocking rows leave. Returns code, the new act, L, D, and
+    rounds."""
     rounds = 0
     mup = 0.0
     wp = w[p]

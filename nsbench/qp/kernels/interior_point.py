@@ -1,12 +1,14 @@
-"""The least-distance problem of one step for many contacts: an interior-point method on fronts, finished by an active set.
+"""The least-distance problem of one step for many contacts: an interior-point method on fronts,
+finished by an active set.
 
     min 1/2 |d|^2  s.t.  s = q + G d >= 0        d = G^T lam,    lam >= 0,    lam_k s_k -> 0
 
-Every round factors I + G^T diag(weight) G, which redundant contacts cannot make singular, and takes Mehrotra's predictor and
-corrector and Gondzio's further correctors from it (SIAM J. Optim. 2(4), 1992; Comput. Optim. Appl. 6, 1996). It starts on the
-central path next to the multipliers of the step before: lam - s = guess - w and lam s = mu, for any guess
-(the smoothing of Chen & Harker, Kanzow; SIAM J. Matrix Anal. Appl. 14(4), 1993). As soon as few rows are left of which it
-is not clear whether they act, kernels.revise finishes from the rows with lam > s. Rows of G have length 1.
+Every round factors I + G^T diag(weight) G, which redundant contacts cannot make singular, and takes
+Mehrotra's predictor and corrector and Gondzio's further correctors from it (SIAM J. Optim. 2(4),
+1992; Comput. Optim. Appl. 6, 1996). It starts on the central path next to the multipliers of the
+step before: lam - s = guess - w and lam s = mu, for any guess (the smoothing of Chen & Harker,
+Kanzow; SIAM J. Matrix Anal. Appl. 14(4), 1993). As soon as few rows are left of which it is not
+clear whether they act, kernels.revise finishes from the rows with lam > s. Rows of G have length 1.
 """
 
 import numpy as np
@@ -63,7 +65,8 @@ def _start(guess, w, mu, lam, s):
 
 @njit(cache=True, error_model="numpy")
 def _direction(T, L, P, vals, lam, s, weight, rd, rp, rc, dd, ds, dl, work):
-    """Newton's step for the residuals rd, rp, rc; returns how much of it keeps lam and s positive."""
+    """Newton's step for the residuals rd, rp, rc; returns how much of it keeps lam and s
+    positive."""
     for k in range(lam.size):
         dl[k] = weight[k] * (rp[k] + rc[k] / lam[k])
     push(P, vals, dl, dd)
@@ -81,7 +84,8 @@ def _direction(T, L, P, vals, lam, s, weight, rd, rp, rc, dd, ds, dl, work):
 
 @njit(cache=True, error_model="numpy")
 def _further(lam, s, ds, dl, a, mu, rc, other):
-    """Gondzio: products that a longer step would leave outside [mu / 10, 10 mu] are drawn towards it."""
+    """Gondzio: products that a longer step would leave outside [mu / 10, 10 mu] are drawn towards
+    it."""
     t = min(1.0, max(a + 0.2, 1.5 * a))
     for k in range(lam.size):
         v = (lam[k] + t * dl[k]) * (s[k] + t * ds[k])
@@ -103,7 +107,8 @@ def _open(lam, s):
 
 @njit(cache=True, error_model="numpy")
 def _parted(q, lam, d, scale):
-    """Whether lam proves that there is no point within FAR scales: lam . (q + G d) < 0 for all of them."""
+    """Whether lam proves that there is no point within FAR scales: lam . (q + G d) < 0 for all of
+    them."""
     value = 0.0
     size = 0.0
     far = 0.0
@@ -117,9 +122,11 @@ def _parted(q, lam, d, scale):
 
 @njit(cache=True, error_model="numpy")
 def interior(P, T, room, vals, q, guess, scale, tol, mu, d, w, near=NEAR):
-    """Fill mu (m,), d = G^T mu (n,), w = q + G d. Returns code (0 solved, 1 infeasible, 2 neither) and rounds.
+    """Fill mu (m,), d = G^T mu (n,), w = q + G d. Returns code (0 solved, 1 infeasible, 2 neither)
+    and rounds.
 
-    T, room: kernels.parts.tree of the pattern and kernels.fronts.room of it; guess (m,): multipliers to start near.
+    T, room: kernels.parts.tree of the pattern and kernels.fronts.room of it; guess (m,):
+    multipliers to start near.
     """
     m = q.size
     n = d.size

@@ -1,4 +1,5 @@
-"""Many rows as a C function: the active set of the step before revised, or else the interior point, on the fronts of a list."""
+"""Many rows as a C function: the active set of the step before revised, or else the interior point,
+on the fronts of a list."""
 
 import numpy as np
 from numba import cfunc, njit
@@ -20,7 +21,8 @@ HEAD = 16  # of the book: whether it is filled, then where its arrays begin
 
 @njit(cache=True, error_model="numpy")
 def _shelve(T, book):
-    """The arrays of a tree one after the other in the book, if they fit; returns the size they need."""
+    """The arrays of a tree one after the other in the book, if they fit; returns the size they
+    need."""
     size = HEAD
     for a in T:
         size += a.size
@@ -59,7 +61,8 @@ def _opened(book):
 
 @cfunc(MANY, cache=True, error_model="numpy")
 def many(ptr, cols, tptr, trow, tpos, order, vals, q, guess, scale, book, store, mu, d, work):
-    """Solve on the tree in the book, made first if book[0] is 0; the caller empties it for a new list."""
+    """Solve on the tree in the book, made first if book[0] is 0; the caller empties it for a new
+    list."""
     if book[0] == 0:
         work[2] = _shelve(tree(ptr, cols, tptr, trow), book)
         if work[2] > book.size:

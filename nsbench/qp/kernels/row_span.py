@@ -10,7 +10,8 @@ from nsbench.qp.kernels.dual_active_set import EPS, NO_FACTOR, direction, equali
 
 @njit(cache=True, error_model="numpy")
 def in_span(P, vals, support, dependent):
-    """(m,) whether the squared sine of each row against the independent rows `support` is at most `dependent`."""
+    """(m,) whether the squared sine of each row against the independent rows `support` is at most
+    `dependent`."""
     m = P[0].size - 1
     norm = lengths(P, vals)
     on = np.zeros(m, np.bool_)

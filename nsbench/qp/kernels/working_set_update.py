@@ -1,14 +1,16 @@
 """The active set of a step, revised row by row on one sparse factor.
 
-    min 1/2 |G^T mu|^2 + q mu + |mu - c|^2 / (2 rho)    s.t.  mu >= 0            rows of G of length 1
+    min 1/2 |G^T mu|^2 + q mu + |mu - c|^2 / (2 rho)    s.t.  mu >= 0            rows of G of length
+    1
 
-is the dual of the step's problem with a proximal term, which keeps the solution on every set of rows unique, redundant rows
-or not (Rockafellar, SIAM J. Control Optim. 14(5), 1976). A primal active set solves it: K = I + rho G_A^T G_A is factored
-for the rows A of the start; each row that leaves (its multiplier reaches zero) or comes (it is violated most) costs one column
-K^-1 g and a line of a small dense system (Gill, Murray & Saunders, SIAM J. Sci. Comput. 5(3), 1984: Schur complements). The
-value falls from full step to full step, so no set comes back. Then c = mu, until the residual of the step's own problem
-is small; if that takes long, on a factor with a larger rho. Everything is computed as a change from c, so rounding
-shrinks with it.
+is the dual of the step's problem with a proximal term, which keeps the solution on every set of
+rows unique, redundant rows or not (Rockafellar, SIAM J. Control Optim. 14(5), 1976). A primal
+active set solves it: K = I + rho G_A^T G_A is factored for the rows A of the start; each row that
+leaves (its multiplier reaches zero) or comes (it is violated most) costs one column K^-1 g and a
+line of a small dense system (Gill, Murray & Saunders, SIAM J. Sci. Comput. 5(3), 1984: Schur
+complements). The value falls from full step to full step, so no set comes back. Then c = mu, until
+the residual of the step's own problem is small; if that takes long, on a factor with a larger rho.
+Everything is computed as a change from c, so rounding shrinks with it.
 """
 
 import numpy as np
@@ -95,7 +97,8 @@ def _point(P, vals, rho, on, extra, size, V, S, A, b, base, c, wc, move, t):
 
 @njit(cache=True, error_model="numpy")
 def _centre(P, T, room, vals, rho, on, c, wc, base, r):
-    """base: the way from the centre c, where w is wc, to the solution on the set if nothing was exchanged since."""
+    """base: the way from the centre c, where w is wc, to the solution on the set if nothing was
+    exchanged since."""
     for k in range(c.size):
         r[k] = -rho * wc[k] if on[k] else -c[k]
     push(P, vals, r, base)
@@ -111,7 +114,8 @@ def _factor(P, T, room, vals, rho, on, weight):
 
 @njit(cache=True, error_model="numpy")
 def _block(on, mu, t):
-    """The row whose multiplier reaches zero first on the way from mu to t, or -1, and how far that is."""
+    """The row whose multiplier reaches zero first on the way from mu to t, or -1, and how far that
+    is."""
     part = 1.0
     at = -1
     for k in range(mu.size):
@@ -131,8 +135,8 @@ def _wrong(on, t):
 
 @njit(cache=True, error_model="numpy")
 def _move(on, mu, t, worst):
-    """mu goes towards t until a row leaves: that row, or, where all of the way is gone, the row violated by most, beyond
-    `worst`; -1 if there is none."""
+    """mu goes towards t until a row leaves: that row, or, where all of the way is gone, the row
+    violated by most, beyond `worst`; -1 if there is none."""
     part, at = _block(on, mu, t)
     for k in range(mu.size):
         if on[k]:
@@ -160,8 +164,8 @@ def _residual(P, vals, q, mu, d, w):
 
 @njit(cache=True, error_model="numpy")
 def _swap(P, T, room, vals, rho, owner, c, wc, on, at, extra, size, V, S, base):
-    """Row `at` joins or leaves the set: a column and a line more, or, where it only comes back, less. The new size; -1
-    without room for it, and then nothing has changed."""
+    """Row `at` joins or leaves the set: a column and a line more, or, where it only comes back,
+    less. The new size; -1 without room for it, and then nothing has changed."""
     place = 0
     while place < size and extra[place] != at:
         place += 1
@@ -206,9 +210,9 @@ def _owners(T, m):
 def revise(P, T, room, vals, q, mu, tol, most, limit, d, w):
     """From mu >= 0 (m,) to the solution: fills mu, d = G^T mu (n,), w = q + G d (m,).
 
-    vals, q: rows of length 1; T, room: see kernels.interior. Gives up if more than `most` signs are wrong at first or
-    after `limit` exchanges; mu is then no worse than before. Returns whether it is solved to the residual tol, factorisations,
-    exchanges.
+    vals, q: rows of length 1; T, room: see kernels.interior. Gives up if more than `most` signs are
+    wrong at first or after `limit` exchanges; mu is then no worse than before. Returns whether it
+    is solved to the residual tol, factorisations, exchanges.
     """
     m = mu.size
     n = d.size

@@ -1,7 +1,9 @@
-"""The array namespace of certificates: what a factory is given in place of numpy, for arrays of jets.
+"""The array namespace of certificates: what a factory is given in place of numpy, for arrays of
+jets.
 
-Kinks of a drift (maximum, minimum, abs, clip, where) are decided once per step: `Branches` notes every comparison with
-the number that decides it, so that the integrator can end the step where that number changes its sign.
+Kinks of a drift (maximum, minimum, abs, clip, where) are decided once per step: `Branches` notes
+every comparison with the number that decides it, so that the integrator can end the step where that
+number changes its sign.
 """
 
 from __future__ import annotations
@@ -28,7 +30,8 @@ ELEMENTWISE = {
 
 
 class Branches:
-    """The comparisons of one evaluation in order: choices (decided at the first one, kept later), deciders (jets)."""
+    """The comparisons of one evaluation in order: choices (decided at the first one, kept later),
+    deciders (jets)."""
 
     def __init__(self, choices=None):
         self.choices = list(choices or ())
@@ -71,7 +74,8 @@ def watching(branches: Branches | None):
 
 
 def decide(difference, low: bool) -> bool:
-    """The sign of a number of any kind, through the current branches; balls alone decide without them."""
+    """The sign of a number of any kind, through the current branches; balls alone decide without
+    them."""
     number = difference if isinstance(difference, Number) else Jet.lift(None, difference)
     if _Current.branches is not None:
         return _Current.branches.ask(number, low)
@@ -123,7 +127,8 @@ def _one(f):
 
 
 class Taylor:
-    """Functions by numpy's names. Constants stay floats; whatever depends on state or time is an array of numbers."""
+    """Functions by numpy's names. Constants stay floats; whatever depends on state or time is an
+    array of numbers."""
 
     __name__ = "taylor"
     pi = np.pi
@@ -269,7 +274,8 @@ NAMESPACE = Taylor()
 
 
 def vector(values, n: int) -> list:
-    """What a factory's function returned, as a list of n numbers; ValueError if the shape is another."""
+    """What a factory's function returned, as a list of n numbers; ValueError if the shape is
+    another."""
     out = np.asarray(values, object).reshape(-1)
     if out.size != n:
         raise ValueError(

@@ -8,11 +8,13 @@ from nsbench.reference.certify.ball_series import Number
 
 
 class Refused(ValueError):
-    """The claimed arcs are not the solution, or cannot be shown to be; the message says where and why."""
+    """The claimed arcs are not the solution, or cannot be shown to be; the message says where and
+    why."""
 
 
 def zero_of(function, slopes, m: int) -> list:
-    """The zero of m equations from the origin by Newton's method; ArithmeticError if it does not settle."""
+    """The zero of m equations from the origin by Newton's method; ArithmeticError if it does not
+    settle."""
     s = [arb(0)] * m
     for _ in range(60):
         value = function(s)

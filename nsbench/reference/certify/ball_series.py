@@ -1,11 +1,13 @@
-"""Numbers a drift can be evaluated in: power series in time with ball coefficients, with partial derivatives, complex.
+"""Numbers a drift can be evaluated in: power series in time with ball coefficients, with partial
+derivatives, complex.
 
-Jet is a truncated series a_0 + a_1 s + ... + O(s^L) whose coefficients are balls (python-flint's arb_series): every
-operation rounds outwards, so what is true of a ball is true of every number in it. nsbench.reference.certify.dual_numbers adds partial
-derivatives and complex numbers; all three nest: a Dual of Jets has Jets as value and derivatives.
+Jet is a truncated series a_0 + a_1 s + ... + O(s^L) whose coefficients are balls (python-flint's
+arb_series): every operation rounds outwards, so what is true of a ball is true of every number in
+it. nsbench.reference.certify.dual_numbers adds partial derivatives and complex numbers; all three
+nest: a Dual of Jets has Jets as value and derivatives.
 
-Source: Johansson, "Arb: efficient arbitrary-precision midpoint-radius interval arithmetic", IEEE Trans. Comput. 66
-(2017); Griewank and Walther, "Evaluating Derivatives" (2008), chapters 3 and 13.
+Source: Johansson, "Arb: efficient arbitrary-precision midpoint-radius interval arithmetic", IEEE
+Trans. Comput. 66 (2017); Griewank and Walther, "Evaluating Derivatives" (2008), chapters 3 and 13.
 """
 
 from __future__ import annotations
@@ -30,14 +32,16 @@ def exact(value) -> arb:
 class Number:
     """What the kinds of numbers share: operators with arrays and plain numbers on either side.
 
-    A kind gives level (numbers of a lower level are constants to it), lift(constant), add, mul, neg, inv, the
-    elementary functions through `apply`, and `leading` (the number whose sign decides a comparison).
+    A kind gives level (numbers of a lower level are constants to it), lift(constant), add, mul,
+    neg, inv, the elementary functions through `apply`, and `leading` (the number whose sign decides
+    a comparison).
     """
 
     __slots__ = ()
 
     def _other(self, other):
-        """`other` as a number of this kind; NotImplemented for arrays and numbers of a higher level."""
+        """`other` as a number of this kind; NotImplemented for arrays and numbers of a higher
+        level."""
         if isinstance(other, Number):
             if other.level > self.level:
                 return NotImplemented
@@ -168,7 +172,8 @@ class Number:
 
 
 def _promoted(self, other, name):
-    """The operation with self lifted to the level of `other`; NotImplemented for arrays, which know what to do."""
+    """The operation with self lifted to the level of `other`; NotImplemented for arrays, which know
+    what to do."""
     if isinstance(other, Number):
         return getattr(other.lift(self), name)(other)
     if isinstance(other, complex):

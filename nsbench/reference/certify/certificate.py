@@ -1,9 +1,11 @@
-"""Certified references of small scenes: the arcs of an event-driven run, followed in 30 digits and proven.
+"""Certified references of small scenes: the arcs of an event-driven run, followed in 30 digits and
+proven.
 
-An independent computation (Taylor series with high-precision coefficients, events by Newton, multipliers by series
-division) follows the arcs; balls then bound its distance from the solution and show that on every arc the gaps, the
-multipliers and the sliding weights keep their signs. The solution through a state is unique, so that is a proof that the
-path is the solution. Needs python-flint (the extra "certify"); what is stored needs nothing.
+An independent computation (Taylor series with high-precision coefficients, events by Newton,
+multipliers by series division) follows the arcs; balls then bound its distance from the solution
+and show that on every arc the gaps, the multipliers and the sliding weights keep their signs. The
+solution through a state is unique, so that is a proof that the path is the solution. Needs
+python-flint (the extra "certify"); what is stored needs nothing.
 """
 
 from __future__ import annotations
@@ -30,8 +32,9 @@ AGREE = 1e-9  # the run that gave the arcs must be this close to what came out o
 
 @dataclass(frozen=True, eq=False)
 class Certificate:
-    """reference: rounded to double, its bounds with the rounding; times, final: 30 digits; proven: bounds without
-    rounding; notes: what was taken without proof; arcs, steps: how many; seconds are the caller's."""
+    """reference: rounded to double, its bounds with the rounding; times, final: 30 digits; proven:
+    bounds without rounding; notes: what was taken without proof; arcs, steps: how many; seconds are
+    the caller's."""
 
     reference: Reference
     proven: dict
@@ -69,8 +72,8 @@ def why_not(case: Case) -> str | None:
 def certify(
     case: Case, arcs=None, order: int = 40, digits: float = 36.0, bits: int = 200
 ) -> Certificate:
-    """Follow and prove the arcs (by default those of event_driven). ValueError (Refused) with the place and the reason
-    where they are not the solution or that cannot be shown."""
+    """Follow and prove the arcs (by default those of event_driven). ValueError (Refused) with the
+    place and the reason where they are not the solution or that cannot be shown."""
     why = why_not(case)
     if why:
         raise ValueError(why)

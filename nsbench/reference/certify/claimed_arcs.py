@@ -1,7 +1,9 @@
-"""What an event-driven run claims: its arcs, each with the contacts held or the mode, and how it ends.
+"""What an event-driven run claims: its arcs, each with the contacts held or the mode, and how it
+ends.
 
-Only the public trajectory is read. The case is run once more with samples inside every arc, and what acts there is
-what has an impulse there. Nothing of it is believed: the certificate proves or refuses it.
+Only the public trajectory is read. The case is run once more with samples inside every arc, and
+what acts there is what has an impulse there. Nothing of it is believed: the certificate proves or
+refuses it.
 """
 
 from __future__ import annotations
@@ -25,10 +27,11 @@ ACTS = 1e-10  # multiplier that acts, relative to the largest of the arc
 
 @dataclass(frozen=True)
 class Arc:
-    """From where the last arc ended up to time `end`, where the `triggers` (what, contact) reach zero.
+    """From where the last arc ended up to time `end`, where the `triggers` (what, contact) reach
+    zero.
 
-    held: contacts with a multiplier; shut: closed ones without; mode: signs of the surfaces (Filippov); events: (kind,
-    contact) of all that the run reports for that instant.
+    held: contacts with a multiplier; shut: closed ones without; mode: signs of the surfaces
+    (Filippov); events: (kind, contact) of all that the run reports for that instant.
     """
 
     end: float
@@ -65,7 +68,8 @@ def arcs_of(case: Case, spec: str = "event_driven", tol: float = 1e-13) -> list[
 
 
 def _switches(arc: Arc, after: Arc) -> tuple:
-    """What vanishes where a mode changes to the next: the room of a sign on the side it leaves to, or the side itself."""
+    """What vanishes where a mode changes to the next: the room of a sign on the side it leaves to,
+    or the side itself."""
     out = []
     for _, contact in arc.events:
         old = arc.mode[contact[1]]
@@ -78,7 +82,8 @@ def _switches(arc: Arc, after: Arc) -> tuple:
 
 
 def _causes(triggers, kind) -> tuple:
-    """Where something is met, whatever lets go at the same instant may do so by a jump: the meeting is the cause."""
+    """Where something is met, whatever lets go at the same instant may do so by a jump: the meeting
+    is the cause."""
     met = [t for t in triggers if t[0] == kind]
     return tuple(dict.fromkeys(met or triggers))
 

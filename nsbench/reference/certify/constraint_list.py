@@ -14,7 +14,8 @@ from nsbench.problem import Affine, Distance
 
 @dataclass(frozen=True)
 class Row:
-    """One constraint: its id, its family's number, kind, and what the kind needs (columns, values, sign, distance)."""
+    """One constraint: its id, its family's number, kind, and what the kind needs (columns, values,
+    sign, distance)."""
 
     id: tuple
     family: int

@@ -1,9 +1,12 @@
-"""The equations of one arc, for numbers of any kind: velocity, algebraic unknowns, and what must stay positive.
+"""The equations of one arc, for numbers of any kind: velocity, algebraic unknowns, and what must
+stay positive.
 
-A flow has unknowns u (multipliers of the contacts held, or signs of the surfaces slid on) given by residual(u) = 0;
-x' = velocity(u). `watch` lists what the arc claims to be non-negative: gaps of the other contacts, the multipliers, the
-sides of the surfaces and the room that is left to the signs. The solution of the system through a state is unique, so
-a curve that solves the equations and keeps these signs is the solution.
+A flow has unknowns u (multipliers of the contacts held, or signs of the surfaces slid on) given by
+residual(u) = 0;
+x' = velocity(u). `watch` lists what the arc claims to be non-negative: gaps of the other contacts,
+the multipliers, the sides of the surfaces and the room that is left to the signs. The solution of
+the system through a state is unique, so a curve that solves the equations and keeps these signs is
+the solution.
 """
 
 from __future__ import annotations
@@ -21,7 +24,8 @@ from nsbench.reference.certify.dual_numbers import INNER, Dual, array
 
 
 class ContactFlow:
-    """Complementarity system with the contacts `held` (independent) at zero; `shut` follow from them."""
+    """Complementarity system with the contacts `held` (independent) at zero; `shut` follow from
+    them."""
 
     def __init__(self, case: Case, held=(), shut=(), rows=None):
         self.case = case
@@ -102,7 +106,8 @@ class ContactPoint:
         return r.sign * (size - d)
 
     def side(self, r: Row):
-        """A smooth number with the sign of the gap: of distances the squares, which have no kink at coincidence."""
+        """A smooth number with the sign of the gap: of distances the squares, which have no kink at
+        coincidence."""
         if r.kind in ("smooth", "affine"):
             return self.gap(r)
         d = arb(r.d[0]) + arb(r.d[1]) if isinstance(r.d, tuple) else arb(r.d)

@@ -1,4 +1,5 @@
-"""Partial derivatives, complex numbers and arrays of numbers, on top of the series of nsbench.reference.certify.ball_series."""
+"""Partial derivatives, complex numbers and arrays of numbers, on top of the series of
+nsbench.reference.certify.ball_series."""
 
 from __future__ import annotations
 

@@ -1,14 +1,16 @@
 """A bound on the distance of a followed path from the solution, and the proof that its signs hold.
 
-On a piece S of a step with the polynomials p (state) and w (unknowns) let R be the residual of w and delta = p' -
-velocity(p, w). The reduced flow F(t, x) = velocity(x, u(x)) has in p the defect delta + V_u R_u^-1 R, so with the
-logarithmic norm mu of F's Jacobian over a tube about p the distance r in the 2-norm grows at most as
+On a piece S of a step with the polynomials p (state) and w (unknowns) let R be the residual of w
+and delta = p' - velocity(p, w). The reduced flow F(t, x) = velocity(x, u(x)) has in p the defect
+delta + V_u R_u^-1 R, so with the logarithmic norm mu of F's Jacobian over a tube about p the
+distance r in the 2-norm grows at most as
 
     r' <= mu r + |delta| + |V_u R_u^-1 R|        (Hairer, Norsett and Wanner I, theorem I.10.6).
 
-Values of delta, R and of all watched numbers are Taylor polynomials about a point of S with the remainder taken from
-the series over all of S in balls. At an event the distance is joined by the error of the event's time times the
-speeds on both sides. What is watched is then shown to be positive for every state in the tube.
+Values of delta, R and of all watched numbers are Taylor polynomials about a point of S with the
+remainder taken from the series over all of S in balls. At an event the distance is joined by the
+error of the event's time times the speeds on both sides. What is watched is then shown to be
+positive for every state in the tube.
 """
 
 from __future__ import annotations
@@ -32,8 +34,8 @@ SMALLEST = 2.0**-22  # part of a step below which the proof is given up
 
 @dataclass
 class Bounds:
-    """Proven bounds in exact arithmetic: state (2-norm), impulse, reaction (max norm), event times; `notes` says what
-    was taken and not proven."""
+    """Proven bounds in exact arithmetic: state (2-norm), impulse, reaction (max norm), event times;
+    `notes` says what was taken and not proven."""
 
     state: float = 0.0
     impulse: float = 0.0
@@ -43,7 +45,8 @@ class Bounds:
 
 
 def enclose(path: Path, digits: Digits) -> Bounds:
-    """Bounds of a path as a solution from where it starts. Refused where a sign does not hold or cannot be shown."""
+    """Bounds of a path as a solution from where it starts. Refused where a sign does not hold or
+    cannot be shown."""
     with precision(digits):
         return _Tube(path, 10.0 ** (2.0 - digits.digits)).run()
 
@@ -81,7 +84,8 @@ class _Tube:
         )
 
     def _shut(self, piece) -> float:
-        """Largest gap of the contacts that are closed without being held, at the ends and middles of the steps."""
+        """Largest gap of the contacts that are closed without being held, at the ends and middles
+        of the steps."""
         rows = {r.id: r for r in piece.flow.all_rows}
         worst = 0.0
         for st in piece.steps:
@@ -113,7 +117,8 @@ class _Tube:
 
     def _piece(self, piece, st, a, b, first, last):
         """Advance the bound over [a, b] of a step; a sentence if a proof fails there."""
-        # the ends of a step are not floats: a last piece is seen from the end itself, and a little longer than it is
+        # the ends of a step are not floats: a last piece is seen from the end itself, and a little
+        # longer than it is
         centre = arb(a) if first else st.h if last else arb(0.5 * (a + b))
         low, high = (
             (0.0, b - a)
@@ -172,7 +177,8 @@ class _Tube:
         self._pass(piece.flow, old, piece.flow, new, turned)
 
     def _pass(self, flow, old, next_flow, new, keys) -> float:
-        """Bound of the time at which the numbers `keys` vanish at the end of the step `old`; the state takes its share."""
+        """Bound of the time at which the numbers `keys` vanish at the end of the step `old`; the
+        state takes its share."""
         end = Local(flow, old, old.h, -1e-12 * float(old.h), 0.0, self.r, series=2)
         begin = Local(next_flow, new, arb(0), 0.0, 1e-12 * float(new.h), self.r, series=2)
         miss = 0.0

@@ -15,7 +15,8 @@ from nsbench.reference.certify.dual_numbers import INNER, Dual, array
 
 
 class SlidingFlow:
-    """Filippov system in the mode p (+1, -1 beside a surface, 0 on it); unknowns are the signs of the surfaces with 0."""
+    """Filippov system in the mode p (+1, -1 beside a surface, 0 on it); unknowns are the signs of
+    the surfaces with 0."""
 
     def __init__(self, case: Case, mode):
         self.case = case
@@ -54,7 +55,8 @@ class SlidingPoint:
             self.corners[code] = F, [_along(c[i].d, F, n) for i in flow.on]
 
     def _blend(self, values, u):
-        """Multilinear in the signs u: the corners weighted by products of (1 + s)/2 and (1 - s)/2."""
+        """Multilinear in the signs u: the corners weighted by products of (1 + s)/2 and (1 -
+        s)/2."""
         if not u:
             return values[()]
         weights = [{1: 0.5 * (1.0 + s), -1: 0.5 * (1.0 - s)} for s in u]

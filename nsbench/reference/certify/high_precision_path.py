@@ -1,7 +1,8 @@
-"""Follow the arcs that a run claims in many digits: Taylor steps, events by Newton, the next arc from there.
+"""Follow the arcs that a run claims in many digits: Taylor steps, events by Newton, the next arc
+from there.
 
-Nothing is chosen here: an arc whose claimed event is not where the run saw it, or which does not start on its
-constraints, is refused with a sentence.
+Nothing is chosen here: an arc whose claimed event is not where the run saw it, or which does not
+start on its constraints, is refused with a sentence.
 """
 
 from __future__ import annotations
@@ -39,8 +40,8 @@ class Digits:
 
 @dataclass(eq=False)
 class Piece:
-    """One arc as followed: where it started and ended (arb), its flow and steps; moved: how far its start was put on
-    its constraints."""
+    """One arc as followed: where it started and ended (arb), its flow and steps; moved: how far its
+    start was put on its constraints."""
 
     arc: Arc
     flow: object
@@ -52,7 +53,8 @@ class Piece:
 
 @dataclass(eq=False)
 class Path:
-    """The pieces and what was read off: x (k, n), impulse (k, m) of `contacts`, reaction (k, n) as lists of arb."""
+    """The pieces and what was read off: x (k, n), impulse (k, m) of `contacts`, reaction (k, n) as
+    lists of arb."""
 
     pieces: list[Piece]
     contacts: tuple
@@ -122,7 +124,8 @@ class _Follower:
         )
 
     def _feasible(self) -> float:
-        """Put a start that violates constraints by rounding exactly on them: what lies below ON counts as rounding."""
+        """Put a start that violates constraints by rounding exactly on them: what lies below ON
+        counts as rounding."""
         if self.rows is None:
             return 0.0
         point = ContactFlow(self.case, (), (), self.rows).at(
@@ -136,7 +139,8 @@ class _Follower:
         )
 
     def _onto(self, flow, arc) -> float:
-        """Put the state on the invariants of the arc, along their gradients: how far that is; Refused if it is far."""
+        """Put the state on the invariants of the arc, along their gradients: how far that is;
+        Refused if it is far."""
         start = list(self.x)
         for _ in range(8):
             one = Jet.lift(None, 1.0)
@@ -202,7 +206,8 @@ class _Follower:
                 return
 
     def _event(self, piece, st, goal):
-        """Time into the step at which the triggers are zero; None if the step does not reach there."""
+        """Time into the step at which the triggers are zero; None if the step does not reach
+        there."""
         if not piece.arc.triggers:
             raise Refused(
                 f"the run changes its mode at t = {piece.arc.end:.9g} without anything that vanishes there"

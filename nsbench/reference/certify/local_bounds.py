@@ -1,4 +1,5 @@
-"""Ranges of everything on one piece of a step, for every state in a tube about the path; see nsbench.reference.certify.error_bound."""
+"""Ranges of everything on one piece of a step, for every state in a tube about the path; see
+nsbench.reference.certify.error_bound."""
 
 from __future__ import annotations
 
@@ -19,10 +20,12 @@ ORDER = (
 
 
 class Local:
-    """Ranges of everything on one piece: Taylor polynomials about its centre with remainders, and slopes in a tube.
+    """Ranges of everything on one piece: Taylor polynomials about its centre with remainders, and
+    slopes in a tube.
 
-    low, high: the piece relative to the centre. r: error bound at its start. mu, defect, du (bound of |du/dx|), dw (error
-    of w), and for every watched key a polynomial, a bound of its remainder, and the bound of its slope.
+    low, high: the piece relative to the centre. r: error bound at its start. mu, defect, du (bound
+    of |du/dx|), dw (error of w), and for every watched key a polynomial, a bound of its remainder,
+    and the bound of its slope.
     """
 
     def __init__(self, flow, st, centre, low, high, r, series=ORDER):
@@ -146,7 +149,8 @@ class Local:
         )
 
     def wrong_sign(self, r, first, last):
-        """None if everything watched is positive on the piece for all states within r, else a sentence."""
+        """None if everything watched is positive on the piece for all states within r, else a
+        sentence."""
         for key, (p, rest) in self.watch.items():
             allow = float(
                 (
@@ -186,7 +190,8 @@ class Local:
         return True
 
     def _touches(self, key, p, allow) -> bool:
-        """Does the number come down to zero and go up again, as far as can be told? Then nothing acts: a graze."""
+        """Does the number come down to zero and go up again, as far as can be told? Then nothing
+        acts: a graze."""
         s = arb(0)
         bend = p.derivative().derivative()
         for _ in range(20):
@@ -201,7 +206,8 @@ class Local:
         return True
 
     def _leaves_zero(self, key, p, first):
-        """A zero at the end of an arc: the first derivative that does not vanish there keeps its sign on the piece."""
+        """A zero at the end of an arc: the first derivative that does not vanish there keeps its
+        sign on the piece."""
         m = order_of_zero([p[k] for k in range(MULTIPLE + 1)])
         if m > MULTIPLE:
             return f"{key[0]} of {key[1]} vanishes to high order near t = {float(self.time):.12g}"
@@ -267,6 +273,7 @@ def logarithmic_norm(J) -> float:
     rad = np.array([[float(v.rad()) for v in row] for row in S]).reshape(len(J), len(J))
     if not (np.isfinite(mid).all() and np.isfinite(rad).all()):
         return float("nan")
-    # rounding of the eigenvalues and of the matrix as floats: 1e-13 of its norm is a hundred times what LAPACK needs
+    # rounding of the eigenvalues and of the matrix as floats: 1e-13 of its norm is a hundred times
+    # what LAPACK needs
     slack = 1e-13 * np.abs(mid).sum() + rad.sum(axis=1).max(initial=0.0)
     return float(np.linalg.eigvalsh(mid)[-1] + slack)

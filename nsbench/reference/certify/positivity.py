@@ -17,7 +17,8 @@ def ball(low: float, high: float) -> arb:
 
 
 def positive(p: arb_poly, low: float, high: float, allow: float, depth: int = DEPTH):
-    """None if p > allow on [low, high], else a point of the interval on which that could not be shown."""
+    """None if p > allow on [low, high], else a point of the interval on which that could not be
+    shown."""
     slope = p.derivative()
     todo = [(low, high, depth)]
     while todo:

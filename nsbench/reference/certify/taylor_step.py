@@ -1,4 +1,5 @@
-"""One Taylor step of a flow: coefficients of state, unknowns, impulses and reaction about the start of the step."""
+"""One Taylor step of a flow: coefficients of state, unknowns, impulses and reaction about the start
+of the step."""
 
 from __future__ import annotations
 
@@ -17,8 +18,10 @@ NEWTON = 60  # of a root: quadratic, from a guess good to 1e-9
 class Step:
     """A piece of the solution: series about time t (arb), used on [t, t + h].
 
-    x (n), u (unknowns), impulse, reaction: arb_poly in s = time - t; impulse and reaction count from the step's start.
-    choices: sides of the kinks of the drift; deciders: polynomials that keep their signs on the step.
+    x (n), u (unknowns), impulse, reaction: arb_poly in s = time - t; impulse and reaction count
+    from the step's start.
+    choices: sides of the kinks of the drift; deciders: polynomials that keep their signs on the
+    step.
     """
 
     t: arb
@@ -36,10 +39,11 @@ class Step:
 
 
 def coefficients(flow, t: arb, x0: list, order: int, choices=None):
-    """Series of state (order + 1 coefficients) and unknowns (order), and the choices at the kinks of the drift.
+    """Series of state (order + 1 coefficients) and unknowns (order), and the choices at the kinks
+    of the drift.
 
-    Coefficient k of the unknowns makes coefficient k of the residual vanish; the residual is affine in it with the
-    matrix of its leading coefficients. One evaluation of the flow per order.
+    Coefficient k of the unknowns makes coefficient k of the residual vanish; the residual is affine
+    in it with the matrix of its leading coefficients. One evaluation of the flow per order.
     """
     branches = Branches(choices)
     old = watching(branches)
@@ -67,7 +71,8 @@ def coefficients(flow, t: arb, x0: list, order: int, choices=None):
 
 
 def step(flow, t: arb, x0: list, order: int, digits: float, most: arb, choices=None) -> Step:
-    """The step from x0 with truncation below 10^-digits of the size of the state; at most `most` long."""
+    """The step from x0 with truncation below 10^-digits of the size of the state; at most `most`
+    long."""
     x, u, choices = coefficients(flow, t, x0, order, choices)
     mid = lambda rows: [[v.mid() for v in c] for c in rows]
     x = mid(x)
@@ -109,8 +114,8 @@ def polynomial(number, integrate=False) -> arb_poly:
 
 
 def length(x, order, digits) -> float:
-    """Step whose last two terms are below 10^-digits of 1 + the largest coordinate (Jorba and Zou, Experimental
-    Mathematics 14 (2005), section 3.2)."""
+    """Step whose last two terms are below 10^-digits of 1 + the largest coordinate (Jorba and Zou,
+    Experimental Mathematics 14 (2005), section 3.2)."""
     size = 1.0 + max(abs(float(c[0])) for c in x)
     out = float("inf")
     for k in (order - 1, order):
@@ -121,7 +126,8 @@ def length(x, order, digits) -> float:
 
 
 def root(p: arb_poly, guess: arb, reach: float) -> arb | None:
-    """The zero of a polynomial near `guess` by Newton's method; None if it leaves the reach or does not settle."""
+    """The zero of a polynomial near `guess` by Newton's method; None if it leaves the reach or does
+    not settle."""
     slope = p.derivative()
     s = guess.mid()
     for _ in range(NEWTON):
@@ -138,7 +144,8 @@ def root(p: arb_poly, guess: arb, reach: float) -> arb | None:
 
 
 def first_kink(step: Step, h: float, pieces: int = 24):
-    """The earliest time in (0, h] at which a decider changes its sign against its choice; None if none does."""
+    """The earliest time in (0, h] at which a decider changes its sign against its choice; None if
+    none does."""
     found = None
     for choice, p in zip(step.choices, step.deciders, strict=True):
         sign = 1 if choice else -1

@@ -1,8 +1,9 @@
 """Pictures of a case and of a trajectory as SVG text: the same input gives the same bytes.
 
-What is drawn follows from the problem: particles with their links and walls; a point in the plane before its
-constraints or its switching surface; anything else as curves over time. A case file with ``draw(ax, case, x)`` draws
-one state itself (it updates the data limits of `ax`; a figure of equal scale is fitted around them).
+What is drawn follows from the problem: particles with their links and walls; a point in the plane
+before its constraints or its switching surface; anything else as curves over time. A case file with
+``draw(ax, case, x)`` draws one state itself (it updates the data limits of `ax`; a figure of equal
+scale is fitted around them).
 """
 
 from __future__ import annotations
@@ -62,7 +63,8 @@ STYLE = {
 
 @dataclass(frozen=True)
 class Frame:
-    """What one panel shows: the state x (n,) at time t, the way there (times (k,), states (k, n)), its label."""
+    """What one panel shows: the state x (n,) at time t, the way there (times (k,), states (k, n)),
+    its label."""
 
     t: float
     x: np.ndarray
@@ -72,13 +74,15 @@ class Frame:
 
 
 def scene_svg(case: Case, x=None, title: str = "", t: float | None = None) -> str:
-    """SVG text of the state x (n,), by default the start, at time t; x may be a whole path (len(case.t), n)."""
+    """SVG text of the state x (n,), by default the start, at time t; x may be a whole path
+    (len(case.t), n)."""
     return svg(scene_figure(case, x, title, t))
 
 
 def frames_svg(case: Case, traj, times=None) -> str:
-    """SVG text of a trajectory: small multiples at `times` (default: start, middle, end), or one picture of its path
-    where the surroundings do not move. Samples that a failed run lacks are left out and said to be missing."""
+    """SVG text of a trajectory: small multiples at `times` (default: start, middle, end), or one
+    picture of its path where the surroundings do not move. Samples that a failed run lacks are left
+    out and said to be missing."""
     return svg(frames_figure(case, traj, times))
 
 
@@ -100,7 +104,8 @@ def scene_figure(case: Case, x=None, title: str = "", t: float | None = None):
 
 
 def _fine(case, t, x):
-    """The path as times and states; finely and with its kinks where x follows the exact solution (or is None)."""
+    """The path as times and states; finely and with its kinks where x follows the exact solution
+    (or is None)."""
     if case.exact is None or (
         x is not None and not np.allclose(case.exact(t), x, rtol=0.0, atol=1e-6)
     ):
@@ -141,7 +146,8 @@ def frames_figure(case: Case, traj, times=None, title: str = ""):
 
 
 def _many(case: Case) -> bool:
-    """Whether the surroundings or the shape change in time, so that one picture of the path does not do."""
+    """Whether the surroundings or the shape change in time, so that one picture of the path does
+    not do."""
     what = kind(case)
     if what == "plane" and isinstance(case.problem, Complementarity):
         return any(c.moving for c in case.problem.constraints if isinstance(c, (Affine, Distance)))
@@ -167,7 +173,8 @@ def _rods(p) -> bool:
 
 @cache
 def own_drawing(name: str, source: str):
-    """The ``draw`` of the case's file `source`, or None; never that of another case of the same name."""
+    """The ``draw`` of the case's file `source`, or None; never that of another case of the same
+    name."""
     if not source or not Path(source).is_file():
         return None
     try:
@@ -213,7 +220,8 @@ def _figure(case, frames, width):
 
 
 def _panel(ax, case, frame, what, box, scale):
-    """One state or path in the axes `ax` with the limits `box`; `scale` points per unit of length."""
+    """One state or path in the axes `ax` with the limits `box`; `scale` points per unit of
+    length."""
     from nsbench.report.scenes import particles as sketch
     from nsbench.report.scenes import plane as paths
 
@@ -270,7 +278,8 @@ def _limits(case, frames, what):
 
 
 def equal(box, ratio):
-    """The box widened about its middle to height / width = ratio: equal scales without any later adjustment."""
+    """The box widened about its middle to height / width = ratio: equal scales without any later
+    adjustment."""
     mid = np.array([box[0] + box[1], box[2] + box[3]]) / 2
     size = np.array([box[1] - box[0], box[3] - box[2]])
     width = max(size[0], size[1] / ratio)

@@ -1,4 +1,5 @@
-"""Pictures of every scene: the start, the middle and the end of its reference, or the start alone."""
+"""Pictures of every scene: the start, the middle and the end of its reference, or the start
+alone."""
 
 from __future__ import annotations
 
@@ -17,7 +18,8 @@ def scene_file(key: str) -> str:
 
 
 def write_scenes(cases, folder: Path) -> None:
-    """DIR/figures/scene_*.svg, one for each case; written anew each time, the same bytes for the same reference."""
+    """DIR/figures/scene_*.svg, one for each case; written anew each time, the same bytes for the
+    same reference."""
     from nsbench.reference import reference
     from nsbench.report.scenes.figure import frames_svg, scene_svg
     from nsbench.trajectory import Trajectory

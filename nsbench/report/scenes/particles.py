@@ -1,4 +1,5 @@
-"""Particles of one state: discs, contacts, links, anchors, walls; and what every picture needs of a case."""
+"""Particles of one state: discs, contacts, links, anchors, walls; and what every picture needs of a
+case."""
 
 from __future__ import annotations
 
@@ -22,7 +23,8 @@ TOUCH = 2e-3  # a gap within this fraction of a disc or link is drawn as contact
 
 
 def groups(case):
-    """The particle groups (start, dim, count) -> radius (None, number or (count,)) of all Distance families."""
+    """The particle groups (start, dim, count) -> radius (None, number or (count,)) of all Distance
+    families."""
     out = {}
     for c in case.problem.constraints:
         if isinstance(c, Distance):
@@ -119,7 +121,8 @@ def forbid(ax, gap):
 
 
 def _walls(case, key, radius, t):
-    """Half-planes a . p + b >= 0 (m, 3) that bound the surfaces of the particles of one group; few distinct rows."""
+    """Half-planes a . p + b >= 0 (m, 3) that bound the surfaces of the particles of one group; few
+    distinct rows."""
     start, dim, count = key
     rows = []
     for c in case.problem.constraints:
@@ -212,7 +215,8 @@ def _segments(ax, p, q, **look):
 
 
 def _links(ax, case, key, frame, radius):
-    """Links: taut ones black, slack ones grey and dashed; anchors as squares; discs to keep off filled."""
+    """Links: taut ones black, slack ones grey and dashed; anchors as squares; discs to keep off
+    filled."""
     x = centres(frame.x, key)
     for c in case.problem.constraints:
         if (

@@ -24,7 +24,8 @@ LINES = (BLUE, "#E69F00", "#009E73", "#CC79A7", SKY, "#D55E00")  # Okabe & Ito (
 
 
 def plane(ax, case, frame, scale):
-    """A point in the plane: what is forbidden, or the sides of the switching surfaces with their fields; its path."""
+    """A point in the plane: what is forbidden, or the sides of the switching surfaces with their
+    fields; its path."""
     if isinstance(case.problem, Filippov):
         _sides(ax, case.problem, frame.t)
     else:
@@ -46,7 +47,8 @@ def plane(ax, case, frame, scale):
 
 
 def _axes(ax, along, up):
-    """Few ticks, and the names of the axes where tick labels cannot push them out of the picture."""
+    """Few ticks, and the names of the axes where tick labels cannot push them out of the
+    picture."""
     ax.locator_params(nbins=4)
     ax.ticklabel_format(useOffset=False)
     ax.set_xlabel(along, labelpad=1.0)
@@ -83,7 +85,8 @@ def _least_gap(case, t, points):
 
 
 def _sides(ax, problem, t):
-    """The switching surfaces in the plane, one side of the first tinted, and the field as arrows of one length."""
+    """The switching surfaces in the plane, one side of the first tinted, and the field as arrows of
+    one length."""
     (x0, x1), (y0, y1) = ax.get_xlim(), ax.get_ylim()
     X, Y = np.meshgrid(np.linspace(x0, x1, GRID), np.linspace(y0, y1, GRID))
     switch = host(problem.switch)
@@ -118,7 +121,8 @@ def _sides(ax, problem, t):
 
 
 def curves(ax, case, frame, scale):
-    """The components over time, with what is forbidden to a single one; rods as bands of their length."""
+    """The components over time, with what is forbidden to a single one; rods as bands of their
+    length."""
     y = frame.path
     half = rod(case) / 2
     if case.n == 1:
@@ -151,7 +155,8 @@ def curves(ax, case, frame, scale):
 
 
 def _name_ends(ax, frame, n):
-    """x1, x2, .. at the right ends of the curves, moved apart where they would lie on each other."""
+    """x1, x2, .. at the right ends of the curves, moved apart where they would lie on each
+    other."""
     good = frame.path[np.all(np.isfinite(frame.path), axis=1)]
     if len(good) < 2:
         return
@@ -173,7 +178,8 @@ def _name_ends(ax, frame, n):
 
 
 def _forbidden_times(ax, case):
-    """Shade what is forbidden to a single coordinate, or draw the zero of its switching function, over time."""
+    """Shade what is forbidden to a single coordinate, or draw the zero of its switching function,
+    over time."""
     (t0, t1), (low, high) = ax.get_xlim(), ax.get_ylim()
     t = np.linspace(t0, t1, 2 * GRID)
     y = np.linspace(low, high, GRID)

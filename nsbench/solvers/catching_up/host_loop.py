@@ -1,4 +1,5 @@
-"""The catching-up loop in Python: for the library backends, smooth families, and the fully nonlinear projection."""
+"""The catching-up loop in Python: for the library backends, smooth families, and the fully
+nonlinear projection."""
 
 from __future__ import annotations
 
@@ -7,13 +8,15 @@ import numpy as np
 from nsbench.qp.projection import Answer, Rows
 from nsbench.solvers.catching_up.qp_backends import BACKENDS, residual
 
-ENOUGH = 20  # steps that did not settle: the run is unverified long before, and each takes ROUNDS programs
+# steps that did not settle: the run is unverified long before, and each takes ROUNDS programs
+ENOUGH = 20
 ROUNDS = 300  # successive linearisations; each gains a factor of about mu times the curvature
 SHORTEST = 1 / 64  # of their steps, shortened where they go to and fro
 
 
 class _List:
-    """Candidates of a scene near a point, and the certificate that the pairs left out do not matter."""
+    """Candidates of a scene near a point, and the certificate that the pairs left out do not
+    matter."""
 
     def __init__(self, scene, x, skin, t, old=None, mu=None):
         self.near, self.base, self.skin = scene.near(x, skin, t), x.copy(), skin
@@ -43,7 +46,8 @@ class _List:
 
 
 class HostLoop:
-    """One run; `run()` returns what kernels.catching_up.march returns, as far as `_trajectory` reads it."""
+    """One run; `run()` returns what kernels.catching_up.march returns, as far as `_trajectory`
+    reads it."""
 
     def __init__(self, case, scene, g, x0, backend, nonlinear, reach, eps, max_iter):
         from nsbench.compilation.factories import host
@@ -104,7 +108,8 @@ class HostLoop:
         return self._result(X, R, worst, when, "ok", t[-1])
 
     def _step(self, after, x, z, h):
-        """Code, mu, y and the KKT residual of the step from x to after, once more over a longer list where needed."""
+        """Code, mu, y and the KKT residual of the step from x to after, once more over a longer
+        list where needed."""
         while True:
             code, mu, y, kkt, far, last = (self._nonlinear if self.nonlinear else self._linear)(
                 after, x, z, h
@@ -131,7 +136,8 @@ class HostLoop:
     def _nonlinear(self, after, x, z, h):
         """The point of {g >= 0} nearest to z: linearise anew at each result until it stays.
 
-        Under a strong pull a link overshoots, to and fro: the point of linearisation then goes a part of the way only.
+        Under a strong pull a link overshoots, to and fro: the point of linearisation then goes a
+        part of the way only.
         """
         y = x
         mu = self.list.mu

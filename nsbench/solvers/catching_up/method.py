@@ -1,4 +1,5 @@
-"""Catching up (Maury-Venel): explicit Euler, then the nearest point where the linearised gaps are not negative."""
+"""Catching up (Maury-Venel): explicit Euler, then the nearest point where the linearised gaps are
+not negative."""
 
 from __future__ import annotations
 
@@ -15,7 +16,8 @@ from nsbench.solvers.common.divergence import not_finite
 from nsbench.solvers.common.initial_state import start_state
 from nsbench.trajectory import Status, Trajectory
 
-KKT = 1e-6  # a length (of the largest one, if that is below 1); a step with more did not solve its problem
+# a length (of the largest one, if that is below 1); a step with more did not solve its problem
+KKT = 1e-6
 CODES = {0: "ok", 1: "nan", 3: "infeasible"}
 EXPECTS = (
     Expect(
@@ -42,14 +44,19 @@ EXPECTS = (
 
 @dataclass(frozen=True)
 class CatchingUp:
-    """z = x + h f(t, x); y nearest to z with g_k(t + h, x) + grad g_k(t + h, x) . (y - x) >= 0; impulses: the duals.
+    """z = x + h f(t, x); y nearest to z with g_k(t + h, x) + grad g_k(t + h, x) . (y - x) >= 0;
+    impulses: the duals.
 
-    backend: "active_set" (own, exact, the whole time loop compiled where the drift compiles), "osqp", "piqp".
-    nonlinear: project on {g >= 0} itself, y - z = sum mu_k grad g_k(t + h, y), by successive linearisation to 1e-12.
-    eps, max_iter: tolerance and iteration limit of a library backend. reach: margin of the near lists in mean radii; the
-    step does not depend on it. Every solution is checked by its KKT residual, formula in kernels.qp.residual; the worst
-    is in stats["kkt"]; above 1e-6 the run is "unverified". Steps that hit a limit are counted in stats["limits"].
-    Source: Maury & Venel, ESAIM: M2AN 45(1), 2011; order 1/2 proved by Bernicot & Venel, SIAM J. Control Optim. 51(4), 2013.
+    backend: "active_set" (own, exact, the whole time loop compiled where the drift compiles),
+    "osqp", "piqp".
+    nonlinear: project on {g >= 0} itself, y - z = sum mu_k grad g_k(t + h, y), by successive
+    linearisation to 1e-12.
+    eps, max_iter: tolerance and iteration limit of a library backend. reach: margin of the near
+    lists in mean radii; the step does not depend on it. Every solution is checked by its KKT
+    residual, formula in kernels.qp.residual; the worst is in stats["kkt"]; above 1e-6 the run is
+    "unverified". Steps that hit a limit are counted in stats["limits"].
+    Source: Maury & Venel, ESAIM: M2AN 45(1), 2011; order 1/2 proved by Bernicot & Venel, SIAM J.
+    Control Optim. 51(4), 2013.
     """
 
     backend: str = "active_set"
@@ -127,7 +134,8 @@ def _projectors(scene):
 
 
 def _compiled(case, scene, g, x0, reach):
-    """The compiled loop bound to its data, and "compiled" or "host": the same loop around a drift in Python."""
+    """The compiled loop bound to its data, and "compiled" or "host": the same loop around a drift
+    in Python."""
     from nsbench.solvers.catching_up.kernels import loop as kernel
     from nsbench.solvers.pbd.method import _hard, _pointers, _types
 

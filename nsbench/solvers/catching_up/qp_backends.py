@@ -1,11 +1,13 @@
-"""Three ways to solve the least-distance problem of one step, behind one call, and the residual that judges them.
+"""Three ways to solve the least-distance problem of one step, behind one call, and the residual
+that judges them.
 
     min 1/2 |d|^2  s.t.  q + G d >= 0        d = G^T mu,    0 <= mu  _|_  q + G d >= 0
 
-A backend is made once per run and called as ``backend(G, q, h, key, mu)``: G (m, n) Rows, q (m,), h the step,
-key an object that stays the same as long as the constraints do, mu (m,) a first guess. It returns an Answer. The libraries
-solve in units of velocity, (d / h, mu / h, q / h), so that their tolerances mean the same for every step; these are absolute,
-so where all speeds are below 1 they are in units of the largest that is asked for, to a power of two (see `unit`).
+A backend is made once per run and called as ``backend(G, q, h, key, mu)``: G (m, n) Rows, q (m,), h
+the step, key an object that stays the same as long as the constraints do, mu (m,) a first guess. It
+returns an Answer. The libraries solve in units of velocity, (d / h, mu / h, q / h), so that their
+tolerances mean the same for every step; these are absolute, so where all speeds are below 1 they
+are in units of the largest that is asked for, to a power of two (see `unit`).
 """
 
 from __future__ import annotations
@@ -23,8 +25,8 @@ def residual(G, w: np.ndarray, mu: np.ndarray, d: np.ndarray) -> float:
         sign             -mu_k |G_k|
         complementarity  min(mu_k |G_k|, w_k / |G_k|)
 
-    the last three being |min(mu_k |G_k|, w_k / |G_k|)|. G: Rows or a scipy sparse array. Not computed from anything the
-    solver says about itself.
+    the last three being |min(mu_k |G_k|, w_k / |G_k|)|. G: Rows or a scipy sparse array. Not
+    computed from anything the solver says about itself.
     """
     G = G if isinstance(G, Rows) else Rows.of(G)
     norm = G.lengths()
@@ -38,7 +40,8 @@ FAR = 1e6  # of the largest speed that is asked for
 def unit(G: Rows, q: np.ndarray, h: float) -> float:
     """The length that lengths are divided by: h, or less where no constraint asks for the speed 1.
 
-    Not so little that bounds of what is far grow beyond FAR, where the libraries lose the digits of what is near.
+    Not so little that bounds of what is far grow beyond FAR, where the libraries lose the digits of
+    what is near.
     """
     speeds = -q / (h * G.lengths())
     asked = max(float(speeds.max(initial=0.0)), float(np.abs(speeds).max(initial=0.0)) / FAR)
@@ -49,7 +52,8 @@ INFINITE = 1e30  # to OSQP
 
 
 class OSQP:
-    """OSQP (Stellato et al. 2020): set up once for a list of constraints, then updated; polished; warm-started.
+    """OSQP (Stellato et al. 2020): set up once for a list of constraints, then updated; polished;
+    warm-started.
 
     Its dual of a lower bound is negative: mu = -h y.
     """
@@ -103,7 +107,8 @@ class OSQP:
 
 
 class PIQP:
-    """PIQP (Schwan et al. 2023), an interior point method: set up once for a list of constraints, then updated."""
+    """PIQP (Schwan et al. 2023), an interior point method: set up once for a list of constraints,
+    then updated."""
 
     def __init__(self, eps=None, max_iter=None):
         self._eps = eps or 1e-11

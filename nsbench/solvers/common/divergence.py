@@ -18,9 +18,11 @@ ROOM = 10**7  # numbers: what is kept of the steps that are taken again
 def not_finite(
     g: Grid, X: np.ndarray, reached: float, again: Callable[[Grid, np.ndarray], np.ndarray] | None
 ) -> Status:
-    """diverged, where the state had grown beyond GROWN before it was lost, else nan; X (K, n) samples, NaN where there is none.
+    """diverged, where the state had grown beyond GROWN before it was lost, else nan; X (K, n)
+    samples, NaN where there is none.
 
-    The steps between the last sample and the end are taken once more, each of them a sample: again(grid, x) -> X. None:
+    The steps between the last sample and the end are taken once more, each of them a sample:
+    again(grid, x) -> X. None:
     the samples alone decide.
     """
     k = int(np.isfinite(X).all(axis=1).sum()) - 1
@@ -37,7 +39,8 @@ def not_finite(
 
 
 def ended(seen: np.ndarray, start: np.ndarray, reached: float, when: float) -> Status:
-    """The status of a march whose states `seen`, the last at `when`, were followed by one that is not finite."""
+    """The status of a march whose states `seen`, the last at `when`, were followed by one that is
+    not finite."""
     size = float(np.abs(seen).max(initial=0.0))
     if size > GROWN * max(1.0, float(np.abs(start).max(initial=0.0))):
         return Status(

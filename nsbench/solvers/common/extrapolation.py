@@ -1,4 +1,5 @@
-"""Linear combinations of runs at accuracies e, e/2, e/4, ... in which the first powers of e cancel (Richardson 1911)."""
+"""Linear combinations of runs at accuracies e, e/2, e/4, ... in which the first powers of e cancel
+(Richardson 1911)."""
 
 from __future__ import annotations
 
@@ -8,9 +9,11 @@ from nsbench.trajectory import Status, Trajectory
 
 
 def weights(times: int) -> np.ndarray:
-    """(times + 1,) weights of the runs with e, e/2, ..., e/2^times: their sum is 1 and e, ..., e^times cancel.
+    """(times + 1,) weights of the runs with e, e/2, ..., e/2^times: their sum is 1 and e, ...,
+    e^times cancel.
 
-    Once: 2 x(e/2) - x(e); twice: (x(e) - 6 x(e/2) + 8 x(e/4)) / 3. Source: Hairer, Norsett & Wanner I, II.9.
+    Once: 2 x(e/2) - x(e); twice: (x(e) - 6 x(e/2) + 8 x(e/4)) / 3. Source: Hairer, Norsett & Wanner
+    I, II.9.
     """
     w = np.array([1.0])
     for power in range(1, times + 1):
@@ -20,11 +23,13 @@ def weights(times: int) -> np.ndarray:
 
 
 def combined(runs: list[Trajectory], h: float) -> Trajectory:
-    """The extrapolated trajectory of runs at halved accuracies; impulses by the contacts that acted in any of them.
+    """The extrapolated trajectory of runs at halved accuracies; impulses by the contacts that acted
+    in any of them.
 
-    Its states are not feasible, nor its multipliers of one sign, to better than their error. A run that failed fails
-    it, with the first sentence; work is added up. stats["spread"]: the largest difference from the same extrapolation
-    with one level less (from the last run, for two), an estimate of that one's error.
+    Its states are not feasible, nor its multipliers of one sign, to better than their error. A run
+    that failed fails it, with the first sentence; work is added up. stats["spread"]: the largest
+    difference from the same extrapolation with one level less (from the last run, for two), an
+    estimate of that one's error.
     """
     w = weights(len(runs) - 1)
     last = weights(len(runs) - 2)

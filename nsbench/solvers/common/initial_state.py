@@ -1,4 +1,5 @@
-"""What an infeasible start means: an error, the nearest feasible point, or itself, as the case says."""
+"""What an infeasible start means: an error, the nearest feasible point, or itself, as the case
+says."""
 
 from __future__ import annotations
 
@@ -16,7 +17,8 @@ ITERATIONS = 1000  # linear convergence: a start that overlaps deeply needs a fe
 LISTED = 3000
 FARTHER = 100.0
 DENSE = 10_000  # entries of the gradients: below, SciPy solves before a kernel is compiled
-STILL = 1e-13  # of a coordinate, the longest way, or what pushes is made of: what moves by less has ended
+# of a coordinate, the longest way, or what pushes is made of: what moves by less has ended
+STILL = 1e-13
 
 
 class NoStart(ValueError):
@@ -30,10 +32,12 @@ class NoStart(ValueError):
 def start_state(case: Case, scene: Scene) -> np.ndarray:
     """(n,) the start under the case's policy.
 
-    "error": ValueError with the worst constraint and by how much; "keep": x0 as it is; "project": the nearest
-    feasible point around, by sequential least-distance problems (linearised constraints, until nothing moves any more);
-    ValueError where none is nearest (coincident centres) or it is not found. A start that misses by no more than the last of
-    its printed digits is no error, and is projected too, so that no method makes a push of it, if what is feasible is near.
+    "error": ValueError with the worst constraint and by how much; "keep": x0 as it is; "project":
+    the nearest feasible point around, by sequential least-distance problems (linearised
+    constraints, until nothing moves any more);
+    ValueError where none is nearest (coincident centres) or it is not found. A start that misses by
+    no more than the last of its printed digits is no error, and is projected too, so that no method
+    makes a push of it, if what is feasible is near.
     """
     x = case.x0.copy()
     t = float(case.t[0])
@@ -59,8 +63,9 @@ def start_state(case: Case, scene: Scene) -> np.ndarray:
 
 @functools.lru_cache(maxsize=64)
 def _tidied(case: Case) -> np.ndarray | None:
-    """The start, which misses by the last of its digits, projected; itself if it misses by rounding or by very many constraints,
-    or no point is nearest: it is a start all the same; None if it were moved by much more than all that it misses by."""
+    """The start, which misses by the last of its digits, projected; itself if it misses by rounding
+    or by very many constraints, or no point is nearest: it is a start all the same; None if it were
+    moved by much more than all that it misses by."""
     scene = scene_of(case)
     x = case.x0.copy()
     t = float(case.t[0])
@@ -82,7 +87,8 @@ def _tidied(case: Case) -> np.ndarray | None:
 
 
 def _nearest(case, scene, x0, t):
-    """The point where linearising the constraints gives the point itself; it stays feasible and nearest from there on."""
+    """The point where linearising the constraints gives the point itself; it stays feasible and
+    nearest from there on."""
     y = x0
     moved = np.full(x0.size, np.inf)
     reach = 4.0 * scene.deepest(t, x0)
@@ -136,7 +142,8 @@ def _farthest(scene, way):
 
 
 class _Lines:
-    """The constraints near y, linearised there: g (m,), their gradients, by entries, and what g may miss by."""
+    """The constraints near y, linearised there: g (m,), their gradients, by entries, and what g may
+    miss by."""
 
     def __init__(self, case, scene, t, y, reach):
         self.near = scene.near(y, reach, t)
@@ -149,7 +156,8 @@ class _Lines:
         self._sizes = lambda: numbers(scene, t, y, self.near)
 
     def size(self, known) -> float:
-        """The largest length that a gap is the difference of, of those that push: `known`, by id."""
+        """The largest length that a gap is the difference of, of those that push: `known`, by
+        id."""
         norm = np.sqrt(np.bincount(self._row, self._vals**2, len(self.g)))
         push = np.isin(self.near.key, list(known)) & (norm > 0.0)
         return float((self._sizes()[push] / norm[push]).max(initial=0.0)) if push.any() else 0.0
@@ -163,9 +171,11 @@ class _Lines:
         return near.take(tie[:1]).ids[0] if tie.size else None
 
     def nearest(self, e, known):
-        """The shortest d (n,) with g + G (d - e) >= 0, or None; known: multipliers by id, a guess that is renewed.
+        """The shortest d (n,) with g + G (d - e) >= 0, or None; known: multipliers by id, a guess
+        that is renewed.
 
-        Solved over some of the lines, to which those that are violated there are added, until none is.
+        Solved over some of the lines, to which those that are violated there are added, until none
+        is.
         """
         along = np.bincount(self._row, self._vals * e[self._cols], len(self.g))
         q = self.g - along
@@ -194,9 +204,10 @@ class _Lines:
 
 
 def least_distance(row, cols, vals, q, n, guess):
-    """The shortest d (n,) with q + G d >= 0, and mu; None and None where there is none. By non-negative least squares (Lawson
-    & Hanson 1974, chapter 23) where G is small, else by the active sets that `catching_up` steps with. Both with rows of length
-    one and in units of what is missing most."""
+    """The shortest d (n,) with q + G d >= 0, and mu; None and None where there is none. By
+    non-negative least squares (Lawson & Hanson 1974, chapter 23) where G is small, else by the
+    active sets that `catching_up` steps with. Both with rows of length one and in units of what is
+    missing most."""
     norm = np.sqrt(np.bincount(row, vals * vals, len(q)))
     norm[norm == 0.0] = 1.0
     unit = float((-q / norm).max(initial=0.0))

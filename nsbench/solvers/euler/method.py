@@ -1,4 +1,5 @@
-"""Euler's method on a Filippov field, or on a plain smooth system: explicit (chatters) and implicit (does not)."""
+"""Euler's method on a Filippov field, or on a plain smooth system: explicit (chatters) and implicit
+(does not)."""
 
 from __future__ import annotations
 
@@ -50,16 +51,21 @@ IMPLICIT = (
 
 @dataclass(frozen=True)
 class Euler:
-    """x+ = x + h F(t, x, s): explicit with s at the old state, implicit with F and s at the new one.
+    """x+ = x + h F(t, x, s): explicit with s at the old state, implicit with F and s at the new
+    one.
 
-    Explicit: s_i is the sign of c_i(t, x), and +1 on the surface itself (c_i = 0 counts as the positive side).
-    Implicit: s_i in Sgn(c_i(t + h, x+)), one small complementarity problem in each step: Newton's method for a sign
-    pattern, pivots from the pattern of the last step, all 3^d patterns if they cycle. The impulse of surface i is the
-    sum of h theta_i, theta = (1 + s) / 2. Between the modes the field is multilinear in s, made so where it is not. Where
-    several solutions of the step exist (repulsive surfaces) the pattern of the last step wins; if that leads suddenly far,
-    the nearest one (with at most five surfaces): fields that are stiff beyond a surface have solutions there too.
+    Explicit: s_i is the sign of c_i(t, x), and +1 on the surface itself (c_i = 0 counts as the
+    positive side).
+    Implicit: s_i in Sgn(c_i(t + h, x+)), one small complementarity problem in each step: Newton's
+    method for a sign pattern, pivots from the pattern of the last step, all 3^d patterns if they
+    cycle. The impulse of surface i is the sum of h theta_i, theta = (1 + s) / 2. Between the modes
+    the field is multilinear in s, made so where it is not. Where several solutions of the step
+    exist (repulsive surfaces) the pattern of the last step wins; if that leads suddenly far, the
+    nearest one (with at most five surfaces): fields that are stiff beyond a surface have solutions
+    there too.
     Without switching surfaces both are the textbook methods.
-    Source: Acary & Brogliato, Numerical Methods for Nonsmooth Dynamical Systems (2008), chapters 9 and 10.
+    Source: Acary & Brogliato, Numerical Methods for Nonsmooth Dynamical Systems (2008), chapters 9
+    and 10.
     """
 
     implicit: bool = False
@@ -132,12 +138,14 @@ class Euler:
 
 
 def _parts(g, d: int) -> int:
-    """Of each interval of the grid, after which the state is kept, where surfaces are: LOOKS in all, about."""
+    """Of each interval of the grid, after which the state is kept, where surfaces are: LOOKS in
+    all, about."""
     return -(-LOOKS // (len(g.t) - 1)) if d else 0
 
 
 def _between(case, g, X, W, looked):
-    """Times, states and integrals that are known between samples: of other nodes of the grid, and those of the kernel."""
+    """Times, states and integrals that are known between samples: of other nodes of the grid, and
+    those of the kernel."""
     n = X.shape[1]
     rows = looked.reshape(-1, looked.shape[2])
     rows = np.vstack([np.column_stack([g.t, X, W])[~np.isin(g.t, case.t)], rows])
@@ -186,7 +194,8 @@ def _in_a_corner(case, X, W, h):
 
 
 def _forms(case):
-    """loop, how to take a kernel, field, switch, d: compiled, or the same source around functions in Python."""
+    """loop, how to take a kernel, field, switch, d: compiled, or the same source around functions
+    in Python."""
     from nsbench.compilation import factories as form
 
     p = case.problem
@@ -215,7 +224,8 @@ def _forms(case):
 
 @functools.lru_cache(maxsize=256)
 def _no_signs(drift):
-    """The drift as a field without signs; the same object each time, so that what is compiled for it serves again."""
+    """The drift as a field without signs; the same object each time, so that what is compiled for
+    it serves again."""
 
     def field(xp):
         f = drift(xp)

@@ -1,8 +1,9 @@
 """The event-driven method: integrate between events, locate each one, choose the next mode.
 
-Complementarity systems: a fixed set of active contacts on each arc (see _constrained). Filippov systems: a fixed mode,
-sliding included (see _switching). Linear complementarity systems: a fixed set of conducting rows (see _diodes). Errors are
-those of the integrator, at its tolerance: no order in a step is lost at kinks, and no step is asked for.
+Complementarity systems: a fixed set of active contacts on each arc (see _constrained). Filippov
+systems: a fixed mode, sliding included (see _switching). Linear complementarity systems: a fixed
+set of conducting rows (see _diodes). Errors are those of the integrator, at its tolerance: no order
+in a step is lost at kinks, and no step is asked for.
 """
 
 from __future__ import annotations
@@ -41,10 +42,11 @@ EXPECTS = (
 class EventDriven:
     """Smooth arcs between located events.
 
-    method: the integrator (dop853, rk45, radau, lsoda). max_events, max_steps: budgets of one run. max_step: bound on
-    a step (samples always end steps of the host). compiled: follow Filippov systems that can be traced by Taylor series,
-    compiled, with `dop853` where those need help. tol: relative and absolute tolerance of the integrator; the
-    absolute one in the unit of the case (see _units).
+    method: the integrator (dop853, rk45, radau, lsoda). max_events, max_steps: budgets of one run.
+    max_step: bound on a step (samples always end steps of the host). compiled: follow Filippov
+    systems that can be traced by Taylor series, compiled, with `dop853` where those need help. tol:
+    relative and absolute tolerance of the integrator; the absolute one in the unit of the case (see
+    _units).
     """
 
     method: str = "dop853"

@@ -1,4 +1,5 @@
-"""Position-based dynamics as users write it: SciPy's cKDTree finds the pairs of a step, numba or numpy projects them."""
+"""Position-based dynamics as users write it: SciPy's cKDTree finds the pairs of a step, numba or
+numpy projects them."""
 
 from __future__ import annotations
 
@@ -37,12 +38,14 @@ EXPECTS = (
 class KDTree:
     """Explicit Euler, the pairs nearer than d from a k-d tree, one sweep over them, then the box.
 
-    The baseline of pbd for hard discs and balls of one size, with or without walls across coordinates. sweep "numba":
-    exact projections one after the other, in the order in which the tree lists the pairs. sweep "numpy": all
-    projections from the same state, each scaled by 1 / c with c the larger number of contacts of its two particles
-    (a Jacobi step; to divide each particle's motion by its own number is common too, but is another system in the
-    limit: pushes are then not opposite). margin: by how much of d the search goes beyond d. Without one, contacts that
-    the sweep itself makes wait for the next step.
+    The baseline of pbd for hard discs and balls of one size, with or without walls across
+    coordinates. sweep "numba":
+    exact projections one after the other, in the order in which the tree lists the pairs. sweep
+    "numpy": all projections from the same state, each scaled by 1 / c with c the larger number of
+    contacts of its two particles (a Jacobi step; to divide each particle's motion by its own number
+    is common too, but is another system in the limit: pushes are then not opposite). margin: by how
+    much of d the search goes beyond d. Without one, contacts that the sweep itself makes wait for
+    the next step.
     """
 
     sweep: str = "numba"
@@ -100,7 +103,8 @@ def _box(c) -> bool:
 
 
 def _walls(case):
-    """low, high (n,) of every coordinate, and the (family, row, |a|) that each bound comes from (-1: none)."""
+    """low, high (n,) of every coordinate, and the (family, row, |a|) that each bound comes from
+    (-1: none)."""
     bound = np.stack((np.full(case.n, -np.inf), np.full(case.n, np.inf)))
     where = np.full((2, case.n, 2), -1, np.int64)
     slope = np.ones((2, case.n))
@@ -115,7 +119,8 @@ def _walls(case):
 
 
 def _sweeper(method, hard):
-    """(x flat) -> pairs (p, 2) and their impulses (p,); x is changed in place. None without particles."""
+    """(x flat) -> pairs (p, 2) and their impulses (p,); x is changed in place. None without
+    particles."""
     if hard is None:
         return None
     from scipy.spatial import cKDTree

@@ -1,8 +1,9 @@
-"""Factories in casadi: numbers that build expressions, and the array namespace to hand to a factory.
+"""Factories in casadi: numbers that build expressions, and the array namespace to hand to a
+factory.
 
-numpy arrays of Symbols do the indexing, stacking and products; what numpy would ask a number for (sin, sqrt, ...) the
-Symbol answers with an expression. Symbol itself is no sequence and leaves products with arrays to numpy, which casadi's
-own types do not.
+numpy arrays of Symbols do the indexing, stacking and products; what numpy would ask a number for
+(sin, sqrt, ...) the Symbol answers with an expression. Symbol itself is no sequence and leaves
+products with arrays to numpy, which casadi's own types do not.
 """
 
 from __future__ import annotations

@@ -1,6 +1,8 @@
-"""What nosnoc's tolerances hide: each is absolute, and complementarity is left to a product that is not zero.
+"""What nosnoc's tolerances hide: each is absolute, and complementarity is left to a product that is
+not zero.
 
-The checks take the case with every step a sample, its states X (K, n) and the integrals W (K, m) of multipliers or weights.
+The checks take the case with every step a sample, its states X (K, n) and the integrals W (K, m) of
+multipliers or weights.
 """
 
 from __future__ import annotations
@@ -41,7 +43,8 @@ def coarse(case, method, X, W) -> Status:
 
 
 def unresolved(case, method, X, W) -> Status:
-    """Can each switch change by more than the tolerance of complementarity, over all that the run moves?"""
+    """Can each switch change by more than the tolerance of complementarity, over all that the run
+    moves?"""
     from nsbench.diagnostics.diagnose import pace
     from nsbench.diagnostics.filippov.flat_switch import flat_layer
     from nsbench.dynamics.filippov.vector_field import Motion
@@ -84,8 +87,9 @@ def unresolved(case, method, X, W) -> Status:
 
 
 def _lingers(case, c, tol, slope) -> str:
-    """Where a state is kept off a surface by what is left of complementarity, weight x distance = tol: where one field ends on
-    the surface, that pushes it away by sqrt(2 tol x pace of the other), no small length; "" if nowhere."""
+    """Where a state is kept off a surface by what is left of complementarity, weight x distance =
+    tol: where one field ends on the surface, that pushes it away by sqrt(2 tol x pace of the
+    other), no small length; "" if nowhere."""
     beside = (np.abs(c) > BESIDE * tol) & (np.abs(c) < np.sqrt(2.0 * tol * slope))
     found = np.argwhere(beside[1:] & (beside[:-1] | (np.arange(1, len(c)) == len(c) - 1)[:, None]))
     if not len(found):
@@ -98,8 +102,9 @@ def _lingers(case, c, tol, slope) -> str:
 
 
 def _leans(case, method, c, X, W) -> str:
-    """Has the field beyond a surface that is not reached been mixed in? Its weight is tol over the distance, not zero: while a
-    state passes near, or where a switch is flat, that adds up; "" if it has not."""
+    """Has the field beyond a surface that is not reached been mixed in? Its weight is tol over the
+    distance, not zero: while a state passes near, or where a switch is flat, that adds up; "" if it
+    has not."""
     from nsbench.diagnostics.diagnose import pace
 
     tol = method.comp_tol
@@ -135,8 +140,8 @@ def sunk(case, method, X, W) -> Status:
 
 
 def leaks(case, method, X, W) -> Status:
-    """Have constraints pushed where they do not touch? gap x multiplier is comp_tol x push, not zero: while a gap opens slowly,
-    or many are open for long, that adds up."""
+    """Have constraints pushed where they do not touch? gap x multiplier is comp_tol x push, not
+    zero: while a gap opens slowly, or many are open for long, that adds up."""
     floor = method.comp_tol * method.push
     depth = np.array(
         [

@@ -1,4 +1,5 @@
-"""nosnoc: finite elements with switch detection (FESD), one nonlinear program per step, solved by IPOPT. An extra."""
+"""nosnoc: finite elements with switch detection (FESD), one nonlinear program per step, solved by
+IPOPT. An extra."""
 
 from __future__ import annotations
 
@@ -26,14 +27,19 @@ FIRST = 5000
 
 @dataclass(frozen=True)
 class Nosnoc:
-    """FESD of nosnoc (pip install "nsbench[nosnoc]") in steps of h, each of `elements` elements with `stages` Radau stages.
+    """FESD of nosnoc (pip install "nsbench[nosnoc]") in steps of h, each of `elements` elements
+    with `stages` Radau stages.
 
-    Filippov systems in Stewart's form; complementarity systems, for which nosnoc has no class, in Heaviside's step form:
-    x' = f + push sum_k (1 - alpha_k) grad g_k, alpha_k the step of g_k, which has the same solution as long as every
-    multiplier is below `push`. comp_tol: tolerance of complementarity. Integrals of weights or multipliers are states.
-    Claimed is the order of the Radau method, 2 stages - 1, which holds through switches until 1000 comp_tol; where what
-    is left of complementarity can have moved the state by more, the run is unverified.
-    Source: Nurkanovic, Sperl, Albrecht, Diehl, arXiv 2205.05337; Nurkanovic & Diehl, IEEE Control Systems Letters 2022.
+    Filippov systems in Stewart's form; complementarity systems, for which nosnoc has no class, in
+    Heaviside's step form:
+    x' = f + push sum_k (1 - alpha_k) grad g_k, alpha_k the step of g_k, which has the same solution
+    as long as every multiplier is below `push`. comp_tol: tolerance of complementarity. Integrals
+    of weights or multipliers are states.
+    Claimed is the order of the Radau method, 2 stages - 1, which holds through switches until 1000
+    comp_tol; where what is left of complementarity can have moved the state by more, the run is
+    unverified.
+    Source: Nurkanovic, Sperl, Albrecht, Diehl, arXiv 2205.05337; Nurkanovic & Diehl, IEEE Control
+    Systems Letters 2022.
     """
 
     stages: int = 3

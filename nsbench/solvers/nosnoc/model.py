@@ -1,4 +1,5 @@
-"""Cases as nosnoc takes them: Filippov systems in Stewart's form, constraints in Heaviside's step form."""
+"""Cases as nosnoc takes them: Filippov systems in Stewart's form, constraints in Heaviside's step
+form."""
 
 from __future__ import annotations
 
@@ -59,7 +60,8 @@ def count(c, n):
 
 
 def model(case, push):
-    """The nosnoc model, contact ids, and whether the reaction is integrated. States: x, time, integrals (, reaction)."""
+    """The nosnoc model, contact ids, and whether the reaction is integrated. States: x, time,
+    integrals (, reaction)."""
     import casadi as ca
     import nosnoc
 

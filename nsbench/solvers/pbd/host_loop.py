@@ -1,7 +1,8 @@
 """Position-based dynamics for scenes with Smooth constraints: the same sweep, driven from Python.
 
-Smooth constraints are projected on by Newton's method for the nearest point of {g_k >= 0}; the others by the
-kernels of the compiled loop, run by run in the stated order. Hard particles are taken over all pairs.
+Smooth constraints are projected on by Newton's method for the nearest point of {g_k >= 0}; the
+others by the kernels of the compiled loop, run by run in the stated order. Hard particles are taken
+over all pairs.
 """
 
 from __future__ import annotations
@@ -66,7 +67,8 @@ def prepare(method, case, scene, g, x0):
 
 
 def _keys(scene, near, method, x0):
-    """Keys of all constraints; in the orders by pairs those of hard families count by their particles."""
+    """Keys of all constraints; in the orders by pairs those of hard families count by their
+    particles."""
     from nsbench.dynamics.contacts.kernels.constraint_order import order_key, static_keys
     from nsbench.solvers.pbd.sweep_order import hard_ranks
 
@@ -137,7 +139,8 @@ def _sweep(scene, near, runs, t, x, mu, code):
 def project_smooth(rows, k, t, x):
     """Move x to the nearest point of {g_k >= 0}: y - x = m grad g(y), g(y) = 0; returns m >= 0.
 
-    Newton on m with the gradient taken at the newest point; the first step is the projection on the tangent.
+    Newton on m with the gradient taken at the newest point; the first step is the projection on the
+    tangent.
     """
     y = x.copy()
     m = 0.0

@@ -1,4 +1,5 @@
-"""Position-based dynamics: explicit Euler, then one exact projection per constraint, in a stated order."""
+"""Position-based dynamics: explicit Euler, then one exact projection per constraint, in a stated
+order."""
 
 from __future__ import annotations
 
@@ -37,18 +38,22 @@ EXPECTS = (
 class PBD:
     """Explicit Euler, then `sweeps` sweeps of exact projections prox_{g_m} o ... o prox_{g_1}.
 
-    The order of the sweep is part of the method: "sorted" (families as the case lists them, indices ascending),
-    "reverse", "random": one permutation of all constraints, the same in every step, drawn from `seed`; "cell": sorted,
-    with hard particles renumbered once by cells of the start, as large as the largest of them; "coloured": sorted, with
-    the pairs of a hard family by colours of their labels (kernels.keys), few of which follow on one another, so that
-    many can be done at once. No order depends on the list, the step or the number of threads.
-    The multiplier estimate of constraint k in a step is displacement along grad g_k / (h |grad g_k|), kept as
-    impulse. `reach`: margin of the neighbour list in mean radii; the result does not depend on it. Coincident
-    centres are parted along the first axis and the run is marked "degenerate".
-    `threads`: for random and coloured orders over one family of hard particles; the result is that of one, bit for bit.
-    They are this run's own (beside those of other workers, whatever NUMBA_NUM_THREADS says), and wait by looking: they pay
-    where processors are idle and particles many.
-    Source: Mueller et al. 2007; as a method for complementarity systems Plunder & Merino-Aceituno, arXiv 2310.01215.
+    The order of the sweep is part of the method: "sorted" (families as the case lists them, indices
+    ascending), "reverse", "random": one permutation of all constraints, the same in every step,
+    drawn from `seed`; "cell": sorted, with hard particles renumbered once by cells of the start, as
+    large as the largest of them; "coloured": sorted, with the pairs of a hard family by colours of
+    their labels (kernels.keys), few of which follow on one another, so that many can be done at
+    once. No order depends on the list, the step or the number of threads.
+    The multiplier estimate of constraint k in a step is displacement along grad g_k / (h |grad
+    g_k|), kept as impulse. `reach`: margin of the neighbour list in mean radii; the result does not
+    depend on it. Coincident centres are parted along the first axis and the run is marked
+    "degenerate".
+    `threads`: for random and coloured orders over one family of hard particles; the result is that
+    of one, bit for bit.
+    They are this run's own (beside those of other workers, whatever NUMBA_NUM_THREADS says), and
+    wait by looking: they pay where processors are idle and particles many.
+    Source: Mueller et al. 2007; as a method for complementarity systems Plunder & Merino-Aceituno,
+    arXiv 2310.01215.
     """
 
     sweeps: int = 1
@@ -130,13 +135,15 @@ class PBD:
         return lambda: _trajectory(case, g, loop, march(), again)
 
     def _compiled(self, case, scene, g, x0):
-        """The compiled loop bound to its data, and "compiled" or "host": the same loop around a drift in Python."""
+        """The compiled loop bound to its data, and "compiled" or "host": the same loop around a
+        drift in Python."""
         if packs(scene):
             return self._packed(case, scene, g, x0)
         return self._listed(case, scene, g, x0)
 
     def _packed(self, case, scene, g, x0, record=True):
-        """The fast loop for one family of hard particles; should its lists get too long, the one for all scenes."""
+        """The fast loop for one family of hard particles; should its lists get too long, the one
+        for all scenes."""
         from nsbench.solvers.pbd.kernels import cell_loop as kernel
 
         (f, b, _), loop = _pointers(case, scene)
@@ -209,8 +216,8 @@ class PBD:
 
 
 def _alone(kernel, loop, args, n, samples, m):
-    """The march of kernels.pbd_packed on one thread: without arguments, and its lists are made once. (Its state is not: the
-    trajectory has that room when it is made.)"""
+    """The march of kernels.pbd_packed on one thread: without arguments, and its lists are made
+    once. (Its state is not: the trajectory has that room when it is made.)"""
     state, *lists = kernel.room(m, n)
     if loop == "compiled":
         kernel.march.compile(_types((*args, None, np.empty((2, 1, 1)), state, *lists)))
@@ -221,7 +228,8 @@ def _alone(kernel, loop, args, n, samples, m):
 
 
 def _threaded(kernel, threads, args, n, samples, m):
-    """The same on several threads; where lists outgrow their arrays, begun anew with longer ones."""
+    """The same on several threads; where lists outgrow their arrays, begun anew with longer
+    ones."""
     from nsbench.solvers.pbd.kernels import threaded_loop as pbd_threads
 
     room = [kernel.room(m, n)]
@@ -286,7 +294,8 @@ def _ordered(near, method):
 
 
 def _hard(scene):
-    """Kernel arrays of the hard families: (family, start, particles, dim), radii, and who owns a coordinate."""
+    """Kernel arrays of the hard families: (family, start, particles, dim), radii, and who owns a
+    coordinate."""
     hard = np.array([(k, c.start, m, c.dim) for k, c, m in scene.hard], np.int64)
     owner = np.full((scene.n, 2), -1, np.int64)
     for _, start, m, dim in hard:
@@ -297,7 +306,8 @@ def _hard(scene):
 
 
 def packs(scene) -> bool:
-    """Whether kernels.pbd_packed takes the scene: hard particles of one family, each constraint besides on one of them."""
+    """Whether kernels.pbd_packed takes the scene: hard particles of one family, each constraint
+    besides on one of them."""
     if len(scene.hard) != 1 or not all(
         isinstance(c, Affine) or c is scene.hard[0][1] for c in scene.families
     ):

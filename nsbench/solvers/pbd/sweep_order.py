@@ -6,7 +6,8 @@ import numpy as np
 
 
 def hard_ranks(scene, order, x0):
-    """Numbers by which the pairs of hard particles are ordered, family after family; empty: their labels."""
+    """Numbers by which the pairs of hard particles are ordered, family after family; empty: their
+    labels."""
     from nsbench.dynamics.contacts.kernels.constraint_order import ranks
 
     if order != "cell" or not scene.hard:

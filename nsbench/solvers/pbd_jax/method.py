@@ -1,4 +1,5 @@
-"""Position-based dynamics in JAX: the coloured order of PBD, level after level, on a GPU when there is one."""
+"""Position-based dynamics in JAX: the coloured order of PBD, level after level, on a GPU when there
+is one."""
 
 from __future__ import annotations
 
@@ -18,10 +19,12 @@ STANDARD = ()
 
 @dataclass(frozen=True)
 class PBDJax:
-    """`pbd[order=coloured]` as one program of array operations, a level of constraints that share no particle at once.
+    """`pbd[order=coloured]` as one program of array operations, a level of constraints that share
+    no particle at once.
 
-    The same sweep in the same order: the result agrees with the CPU's to rounding. device: "gpu", "cpu", or "auto": a GPU
-    when there is one. Its worth begins where a level holds thousands of pairs; below, the compiled loop of pbd is faster.
+    The same sweep in the same order: the result agrees with the CPU's to rounding. device: "gpu",
+    "cpu", or "auto": a GPU when there is one. Its worth begins where a level holds thousands of
+    pairs; below, the compiled loop of pbd is faster.
     `reach`: margin of the lists in mean radii; it grows where a step is longer. Sources as for pbd.
     """
 
@@ -146,7 +149,8 @@ class _March:
 
         jax = float64()
         made, levels = lists
-        # as many places for impulses as levels have: the list's own length would mean a program for every list
+        # as many places for impulses as levels have: the list's own length would mean a program for
+        # every list
         room = int(np.prod(levels.pairs[0].shape) + np.prod(levels.rows[2].shape)) + 1
         pairs, rows = (
             (*part[:-1], np.where(part[-1] == len(made[0]), room - 1, part[-1]))
@@ -265,7 +269,8 @@ def _right_sides(scene):
 
 
 def _flush(sample, mu, lists, ids, values, peak):
-    """Records of the constraints that pushed, as kernels.records keeps them; the largest number of them so far."""
+    """Records of the constraints that pushed, as kernels.records keeps them; the largest number of
+    them so far."""
     acted = np.flatnonzero(mu[: len(lists[0])])
     ids.append(
         np.stack(

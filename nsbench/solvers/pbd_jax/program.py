@@ -1,9 +1,11 @@
 """The time loop of PBD as one JAX program: level after level of constraints that share no particle.
 
-The lists, their order and their levels come from the kernels of the compiled loop (kernels.pbd_near, kernels.keys), made
-on the host; the program goes on with them as long as no particle is further from where it was listed than the lists
-allow, tested after Euler's step and after every level; a step that breaks this is taken back and done with new lists.
-Levels are filled up to one size, so that a program serves many lists; both sizes grow where a list needs it.
+The lists, their order and their levels come from the kernels of the compiled loop
+(kernels.pbd_near, kernels.keys), made on the host; the program goes on with them as long as no
+particle is further from where it was listed than the lists allow, tested after Euler's step and
+after every level; a step that breaks this is taken back and done with new lists.
+Levels are filled up to one size, so that a program serves many lists; both sizes grow where a list
+needs it.
 """
 
 from __future__ import annotations
@@ -25,8 +27,9 @@ WIDTH = 64
 
 @dataclass(frozen=True)
 class Levels:
-    """Constraints by level, as the program takes them: pairs (L, C): first coordinates p, q (n where there is none),
-    distance, sign, number in the list; rows (L, R, W): columns (n where there is none) and values, (L, R): row, number."""
+    """Constraints by level, as the program takes them: pairs (L, C): first coordinates p, q (n
+    where there is none), distance, sign, number in the list; rows (L, R, W): columns (n where there
+    is none) and values, (L, R): row, number."""
 
     pairs: tuple
     rows: tuple
@@ -35,7 +38,8 @@ class Levels:
 
 @njit(cache=True)
 def _level(things, n):
-    """Level of each constraint: one more than the last one before it on any of its things (m, k), -1: none."""
+    """Level of each constraint: one more than the last one before it on any of its things (m, k),
+    -1: none."""
     free = np.zeros(n, np.int64)
     level = np.empty(len(things), np.int64)
     for c in range(len(things)):
@@ -66,7 +70,8 @@ def _up(value, step):
 def arrange(
     lists, scene: Scene, owner: np.ndarray, sizes: tuple[int, int, int]
 ) -> tuple[Levels, tuple[int, int, int]]:
-    """Levels of listed constraints in the order of their sweep; (levels, pairs, rows) capacities are kept or grow."""
+    """Levels of listed constraints in the order of their sweep; (levels, pairs, rows) capacities
+    are kept or grow."""
     kind, p, q, d, sign = (lists[c] for c in (0, 4, 5, 6, 7))
     m = len(kind)
     n = scene.n
@@ -119,9 +124,10 @@ def arrange(
 
 
 def advance(drift, b_of, inv2, owned, dim: int, sweeps: int):
-    """(x, reaction, mu, t0, t1, h, first, substeps, levels, count, base, limit) -> the same after the steps from `first` on, and
-    (step reached, state, projections, tied). mu has one entry more than there are constraints; owned (n,): whose travel
-    counts; limit: how far a coordinate may be from `base`."""
+    """(x, reaction, mu, t0, t1, h, first, substeps, levels, count, base, limit) -> the same after
+    the steps from `first` on, and (step reached, state, projections, tied). mu has one entry more
+    than there are constraints; owned (n,): whose travel counts; limit: how far a coordinate may be
+    from `base`."""
     import jax.numpy as jnp
     from jax import lax
 

@@ -1,8 +1,9 @@
 """Penalty forces of the constraint families, and the smoothed Filippov field, as JAX functions.
 
-A right-hand side here takes (t, z, k) where z is the state followed by its quadratures: the impulses and, for
-constraints, the reaction. Integrated by the same Runge-Kutta weights, x - x0 = integral of f + reaction and
-reaction = sum of impulse * grad g (constant gradients) hold to rounding, whatever the step.
+A right-hand side here takes (t, z, k) where z is the state followed by its quadratures: the
+impulses and, for constraints, the reaction. Integrated by the same Runge-Kutta weights, x - x0 =
+integral of f + reaction and reaction = sum of impulse * grad g (constant gradients) hold to
+rounding, whatever the step.
 """
 
 from __future__ import annotations
@@ -22,7 +23,8 @@ DENSE = (
 
 
 def constraint_ids(problem, n: int) -> list[tuple]:
-    """Contact ids in the stated order, all pairs i < j listed; surfaces (0, i) for a Filippov system."""
+    """Contact ids in the stated order, all pairs i < j listed; surfaces (0, i) for a Filippov
+    system."""
     if isinstance(problem, Filippov):
         return [(0, i) for i in range(surfaces(problem, n))]
     return [name for k, c in enumerate(problem.constraints) for name in _ids(k, c, n)]
@@ -55,8 +57,9 @@ def count(problem, n: int) -> int:
 def layout(
     problem, n: int, style: str, capacity: tuple[int, ...] = ()
 ) -> tuple[list, np.ndarray, int, dict]:
-    """(ids, columns, size, offsets): ids of the constraints that have a place of their own among the quadratures of
-    `slopes`, their columns, the number of all quadratures, and {family: first column} of those that use near lists."""
+    """(ids, columns, size, offsets): ids of the constraints that have a place of their own among
+    the quadratures of `slopes`, their columns, the number of all quadratures, and {family: first
+    column} of those that use near lists."""
     if isinstance(problem, Filippov):
         ids = constraint_ids(problem, n)
         return ids, np.arange(len(ids)), len(ids), {}
@@ -91,8 +94,9 @@ class Slopes:
 def slopes(problem, n: int, style: str = "pairs", capacity: tuple[int, ...] = ()) -> Slopes:
     """What is to be integrated. Constraints: m impulses, then n reactions; Filippov: d weights.
 
-    style says how the pairs of hard particles are visited: "pairs": each once; "near": each twice, those in
-    lists = (neighbours (N, capacity) of each such family), where a particle's own number fills up its row.
+    style says how the pairs of hard particles are visited: "pairs": each once; "near": each twice,
+    those in lists = (neighbours (N, capacity) of each such family), where a particle's own number
+    fills up its row.
     """
     size = layout(problem, n, style, capacity)[2]
     if isinstance(problem, Filippov):
@@ -118,7 +122,8 @@ def slopes(problem, n: int, style: str = "pairs", capacity: tuple[int, ...] = ()
 
 
 def right_hand_side(problem, n: int):
-    """(t, z, k) -> dz/dt. Complementarity: z = (x, m impulses, n reactions); Filippov: z = (x, d weights)."""
+    """(t, z, k) -> dz/dt. Complementarity: z = (x, m impulses, n reactions); Filippov: z = (x, d
+    weights)."""
     import jax.numpy as jnp
 
     f = slopes(problem, n).f
@@ -126,11 +131,14 @@ def right_hand_side(problem, n: int):
 
 
 def _filippov(problem: Filippov, n: int):
-    """x' = field(t, x, s), weight' = (1 + s) / 2, s = clip(k c, -1, 1): a boundary layer of half-width 1/k.
+    """x' = field(t, x, s), weight' = (1 + s) / 2, s = clip(k c, -1, 1): a boundary layer of
+    half-width 1/k.
 
-    The clipped sign, and not tanh: outside the layer it is exact, and at an exit from sliding the layer is left at
-    c = 1/k, where tanh (s -> 1 only as c -> infinity) lags by log(k)/k and spoils the order in 1/k.
-    Between the modes a Filippov system is multilinear in s: a field that is not is taken at the corners.
+    The clipped sign, and not tanh: outside the layer it is exact, and at an exit from sliding the
+    layer is left at c = 1/k, where tanh (s -> 1 only as c -> infinity) lags by log(k)/k and spoils
+    the order in 1/k.
+    Between the modes a Filippov system is multilinear in s: a field that is not is taken at the
+    corners.
     """
     import jax.numpy as jnp
 
@@ -207,7 +215,8 @@ def _affine(c: Affine, n: int):
 
 
 def _distance(c: Distance, n: int):
-    """Coincident points are parted along the first axis, as in nsbench.dynamics.contacts.constraint_set; the slope of the length is then 0."""
+    """Coincident points are parted along the first axis, as in
+    nsbench.dynamics.contacts.constraint_set; the slope of the length is then 0."""
     import jax.numpy as jnp
 
     N = c.particles(n)
@@ -236,8 +245,8 @@ def _distance(c: Distance, n: int):
 
 
 def _square(c: Distance, n: int, N: int):
-    """All pairs of a few hard particles as a table (N, N): each is worked out twice, which takes less time than to gather
-    and scatter it once."""
+    """All pairs of a few hard particles as a table (N, N): each is worked out twice, which takes
+    less time than to gather and scatter it once."""
     import jax.numpy as jnp
 
     r = np.broadcast_to(c.radii if c.radii is not None else c.d / 2, N)
@@ -281,7 +290,8 @@ def _spread(c, n, total):
 
 
 def _near(c: Distance, n: int, place: int):
-    """Pairs of lists[place] (N, capacity): rows of partners, filled up with a particle's own number."""
+    """Pairs of lists[place] (N, capacity): rows of partners, filled up with a particle's own
+    number."""
     import jax.numpy as jnp
 
     N = c.particles(n)
@@ -309,7 +319,8 @@ def _near(c: Distance, n: int, place: int):
 
 
 def _smooth(c: Smooth, n: int):
-    """The gradient is only needed times lam: a reverse-mode product, unless the family brings its own."""
+    """The gradient is only needed times lam: a reverse-mode product, unless the family brings its
+    own."""
     import jax
     import jax.numpy as jnp
 

@@ -1,10 +1,13 @@
-"""Adaptive integration to given sample times with the Runge-Kutta methods and step controller of diffrax.
+"""Adaptive integration to given sample times with the Runge-Kutta methods and step controller of
+diffrax.
 
-diffrax.diffeqsolve is not used: its loop costs 3 times as long to compile as the one here (8 times to trace), reads
-samples off an interpolant, and reports neither why a step was refused nor when no step can succeed any more.
-Explicit methods take their coefficients from diffrax and run through a loop over the stages that keeps, of the quadratures,
-two sums. Stages written out one by one take 1.3 to 1.8 times as long to compile and, on all but chains of links, as long or
-longer to run: the compiler computes stages again for each of their sums.
+diffrax.diffeqsolve is not used: its loop costs 3 times as long to compile as the one here (8 times
+to trace), reads samples off an interpolant, and reports neither why a step was refused nor when no
+step can succeed any more.
+Explicit methods take their coefficients from diffrax and run through a loop over the stages that
+keeps, of the quadratures, two sums. Stages written out one by one take 1.3 to 1.8 times as long to
+compile and, on all but chains of links, as long or longer to run: the compiler computes stages
+again for each of their sums.
 Loaded only when a penalty program is traced, not when it is found in the cache.
 """
 
@@ -29,7 +32,8 @@ def _largest(z):
 
 
 def _stepper(slopes, method: str, n: int, rtol, atol):
-    """step(t, end, z, args, stage) -> (z1, error, stage, solved), and the first stage (t, z, args) -> stage."""
+    """step(t, end, z, args, stage) -> (z1, error, stage, solved), and the first stage (t, z, args)
+    -> stage."""
     if method in EXPLICIT:
         return _looped(slopes.f, EXPLICIT[method].tableau, n)
     term = diffrax.ODETerm(lambda t, z, args: jnp.concatenate(slopes.f(t, z[:n], *args)))
@@ -43,8 +47,8 @@ def _stepper(slopes, method: str, n: int, rtol, atol):
 
 
 def _looped(f, tableau, n):
-    """An explicit method whose last stage is the first of the next step. Quadratures drive nothing: the stages need
-    the state alone, and of the quadratures no more than two sums are kept."""
+    """An explicit method whose last stage is the first of the next step. Quadratures drive nothing:
+    the stages need the state alone, and of the quadratures no more than two sums are kept."""
     m = len(tableau.c)
     lower = np.zeros((m, m + 1))
     for i, a in enumerate(tableau.a_lower):
@@ -74,27 +78,33 @@ def _looped(f, tableau, n):
 
 
 def stages(method: str) -> int:
-    """Right-hand sides per accepted or refused step of an explicit method (first same as last counted once)."""
+    """Right-hand sides per accepted or refused step of an explicit method (first same as last
+    counted once)."""
     tableau = EXPLICIT[method].tableau
     return tableau.num_stages - (1 if tableau.fsal else 0)
 
 
 def integrator(slopes, method: str, n: int, looks: int = 0):
-    """run(z0, i, t, h, ts, k, rtol, atol, max_steps, near) -> dict with samples z (K, size), the time t reached, counts.
+    """run(z0, i, t, h, ts, k, rtol, atol, max_steps, near) -> dict with samples z (K, size), the
+    time t reached, counts.
 
-    It goes from z0 at time t to ts[i] and on, with a first step h. Errors are controlled in the maximum norm, so that
-    many idle quadratures do not dilute one active. Steps are cut to end at samples (the uncut size is kept). Steps too
-    short for floating point and max_steps end the loop early: "i" is then less than K, later samples are NaN.
-    near: () or (lists, base, reach) where lists hold all that can touch while no coordinate is further than
-    `reach` from base (n,). Right-hand sides beyond that are NaN, so that a step that asks for one is refused; the loop
-    ends after a step beyond REST of it ("far"), or when such a step was refused ("cause" NOT_FINITE).
-    way (looks, 1 + size): time and z after the last step in each of so many equal parts of ts, NaN where none ended.
+    It goes from z0 at time t to ts[i] and on, with a first step h. Errors are controlled in the
+    maximum norm, so that many idle quadratures do not dilute one active. Steps are cut to end at
+    samples (the uncut size is kept). Steps too short for floating point and max_steps end the loop
+    early: "i" is then less than K, later samples are NaN.
+    near: () or (lists, base, reach) where lists hold all that can touch while no coordinate is
+    further than `reach` from base (n,). Right-hand sides beyond that are NaN, so that a step that
+    asks for one is refused; the loop ends after a step beyond REST of it ("far"), or when such a
+    step was refused ("cause" NOT_FINITE).
+    way (looks, 1 + size): time and z after the last step in each of so many equal parts of ts, NaN
+    where none ended.
     """
 
     def run(z0, i, t, h, ts, k, rtol, atol, max_steps, near):
         watched, args = _watch(slopes, n, k, near)
         step_of, first = _stepper(watched, method, n, rtol, atol)
-        # proportional control where stability limits the step: a third of the refusals of the plain controller
+        # proportional control where stability limits the step: a third of the refusals of the plain
+        # controller
         proportional, integral = (0.3, 0.4) if method in EXPLICIT else (0.0, 1.0)
         controller = diffrax.PIDController(
             rtol=rtol, atol=atol, pcoeff=proportional, icoeff=integral, norm=_largest

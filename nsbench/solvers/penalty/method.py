@@ -1,4 +1,5 @@
-"""Smoothed penalty: constraints as stiff springs, switches as thin layers, integrated by diffrax in float64."""
+"""Smoothed penalty: constraints as stiff springs, switches as thin layers, integrated by diffrax in
+float64."""
 
 from __future__ import annotations
 
@@ -19,19 +20,23 @@ from nsbench.trajectory import Status, Trajectory
 
 EXPLICIT = {"tsit5": 6, "dopri8": 13, "bosh3": 3}  # right-hand sides of a step
 IMPLICIT = ("kvaerno3", "kvaerno5")
-# by extrapolations: k of an order study, which an explicit method takes in seconds, and where layers have died out; default k
+# by extrapolations: k of an order study, which an explicit method takes in seconds, and where
+# layers have died out; default k
 LADDERS = ((30.0, 3840.0), (60.0, 7680.0), (30.0, 1920.0))
-STIFF = 2e3  # k from which kvaerno5 takes less time than tsit5 for few states; 2e4 for 60, as factors cost n^3
+# k from which kvaerno5 takes less time than tsit5 for few states; 2e4 for 60, as factors cost n^3
+STIFF = 2e3
 LEAST = 1e-13  # tolerance; rounding of 10^5 steps is a tenth of it
 DEFAULTS = (1e4, 1e4, 1e3)
 LISTED = 6000  # listed constraints (all but hard pairs) whose impulses are integrated
 MEMORY = 1e9  # bytes of samples of one run
 MANY = 40  # hard particles up to which all pairs are visited
 PAIRS = ("auto", "all", "near")
-# as nsbench.solvers.penalty.integrator counts why a step was refused; that needs diffrax to be loaded
+# as nsbench.solvers.penalty.integrator counts why a step was refused; that needs diffrax to be
+# loaded
 NOT_FINITE = 2
 NEWTON = 3
-HIDDEN = 0.0101  # k times tolerance, kept up to k = 1e7 at 1e-9: up to 190 tolerances of error were measured
+# k times tolerance, kept up to k = 1e7 at 1e-9: up to 190 tolerances of error were measured
+HIDDEN = 0.0101
 EXPECTS = (
     Expect(
         ("zeno",), None, None, "no rate is known for a smoothed sign at an accumulation of events"
@@ -57,24 +62,29 @@ LAYERS = tuple(
 
 @dataclass(frozen=True)
 class Penalty:
-    """x' = f + sum_k lam_k grad g_k with lam_k = k max(-g_k, 0); the error is O(1/k), the stiffness O(k).
+    """x' = f + sum_k lam_k grad g_k with lam_k = k max(-g_k, 0); the error is O(1/k), the stiffness
+    O(k).
 
-    Filippov systems: the sign of a surface c becomes clip(k c, -1, 1), a layer of half-width eps = 1/k. Impulses and
-    reaction are integrated as further states. method: explicit "tsit5", "dopri8", "bosh3" (about k T / 3 steps), or
-    implicit "kvaerno3", "kvaerno5" (dearer steps and 4 times the compile time, but their number grows little with k), or
-    "auto": tsit5 or kvaerno5 by k and the number of states, named in stats["integrator"].
-    rtol and atol are those of the step control (1e-9, less where extrapolated; atol times the size of motions far below 1),
-    max_steps counts refused steps; of an implicit method, whose steps cost ten times as much, a tenth of it is taken.
+    Filippov systems: the sign of a surface c becomes clip(k c, -1, 1), a layer of half-width eps =
+    1/k. Impulses and reaction are integrated as further states. method: explicit "tsit5", "dopri8",
+    "bosh3" (about k T / 3 steps), or implicit "kvaerno3", "kvaerno5" (dearer steps and 4 times the
+    compile time, but their number grows little with k), or "auto": tsit5 or kvaerno5 by k and the
+    number of states, named in stats["integrator"].
+    rtol and atol are those of the step control (1e-9, less where extrapolated; atol times the size
+    of motions far below 1), max_steps counts refused steps; of an implicit method, whose steps cost
+    ten times as much, a tenth of it is taken.
 
-    extrapolate: 1 gives 2 x(2k) - x(k), 2 also x(4k): powers 1/k and 1/k^2 of the error cancel, in states, impulses and
-    reaction alike. Between events the error has an expansion in powers of 1/k, because an impact is forgotten like
-    exp(-k t) and an event that is crossed at an angle moves smoothly with 1/k. So the claim is for samples away from
-    events, many 1/k after each impact; where events are dense or grazed it does not hold.
+    extrapolate: 1 gives 2 x(2k) - x(k), 2 also x(4k): powers 1/k and 1/k^2 of the error cancel, in
+    states, impulses and reaction alike. Between events the error has an expansion in powers of 1/k,
+    because an impact is forgotten like exp(-k t) and an event that is crossed at an angle moves
+    smoothly with 1/k. So the claim is for samples away from events, many 1/k after each impact;
+    where events are dense or grazed it does not hold.
 
-    pairs: "all" pairs of hard particles in every right-hand side, "near" ones (lists with a margin of `reach` mean radii,
-    made again when a particle has travelled as far as they allow: same forces, other order of sums), or "auto".
-    Source: Moreau-Yosida regularisation of a projected system; integrators by Kidger (2021), Tsitouras (2011), Prince &
-    Dormand (1981), Bogacki & Shampine (1989), Kvaerno (2004).
+    pairs: "all" pairs of hard particles in every right-hand side, "near" ones (lists with a margin
+    of `reach` mean radii, made again when a particle has travelled as far as they allow: same
+    forces, other order of sums), or "auto".
+    Source: Moreau-Yosida regularisation of a projected system; integrators by Kidger (2021),
+    Tsitouras (2011), Prince & Dormand (1981), Bogacki & Shampine (1989), Kvaerno (2004).
     """
 
     method: str = "tsit5"
@@ -110,7 +120,8 @@ class Penalty:
         return LADDERS[self.extrapolate]
 
     def tolerance(self, name: str, k: float) -> float:
-        """rtol or atol: as given, or 1e-9; where extrapolated, what leaves the claimed error k^-2 or k^-3 to be seen."""
+        """rtol or atol: as given, or 1e-9; where extrapolated, what leaves the claimed error k^-2
+        or k^-3 to be seen."""
         given = getattr(self, name)
         if given is not None:
             return given
@@ -195,7 +206,8 @@ class Penalty:
 
 
 def _lost(case: Case, x0: np.ndarray, k: float) -> str:
-    """What rounding of the start makes of springs or layers, if that is more than the drift or than a layer; else ""."""
+    """What rounding of the start makes of springs or layers, if that is more than the drift or than
+    a layer; else ""."""
     rounded = np.spacing(np.abs(x0))
     p = case.problem
     with np.errstate(all="ignore"):
@@ -367,7 +379,8 @@ def _status(penalty: Penalty, case: Case, k: float, asked: float, out: dict) -> 
 
 
 def _thin(case: Case, k: float, traj: Trajectory) -> Trajectory:
-    """The run, unverified where a layer of 1 / k is thicker than that, or decides what the start does not."""
+    """The run, unverified where a layer of 1 / k is thicker than that, or decides what the start
+    does not."""
     from nsbench.diagnostics.filippov.dependent_surfaces import mixed
     from nsbench.diagnostics.filippov.flat_switch import covered, flat_layer
     from nsbench.diagnostics.filippov.late_exit import late

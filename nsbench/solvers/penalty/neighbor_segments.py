@@ -1,8 +1,10 @@
-"""A penalty over near pairs: integrate while no particle has travelled further than the lists allow, list again, go on.
+"""A penalty over near pairs: integrate while no particle has travelled further than the lists
+allow, list again, go on.
 
-The lists of a segment hold every pair with a gap of at most `margin` at its start. While no coordinate has changed by
-more than margin / (2 sqrt(dim)), no other pair can touch: its force is zero, as it would be if it were listed. The
-program sees to that itself: a right-hand side asked for beyond is NaN and its step refused (see _diffrax.integrator).
+The lists of a segment hold every pair with a gap of at most `margin` at its start. While no
+coordinate has changed by more than margin / (2 sqrt(dim)), no other pair can touch: its force is
+zero, as it would be if it were listed. The program sees to that itself: a right-hand side asked for
+beyond is NaN and its step refused (see _diffrax.integrator).
 """
 
 from __future__ import annotations
@@ -15,7 +17,8 @@ from nsbench.case import Case
 from nsbench.dynamics.contacts.constraint_set import Scene
 from nsbench.solvers.penalty.program import compiled
 
-ROOM = 8  # capacities are multiples of it, so that few programs are compiled: discs of one size have 6 or 7
+# capacities are multiples of it, so that few programs are compiled: discs of one size have 6 or 7
+ROOM = 8
 
 
 @dataclass
@@ -69,7 +72,8 @@ class Segments:
         )
 
     def _lists(self, x):
-        """Neighbour tables (N, capacity) of the hard families at x; capacities grow where needed."""
+        """Neighbour tables (N, capacity) of the hard families at x; capacities grow where
+        needed."""
         from nsbench.dynamics.contacts.kernels.cell_list import near_pairs
 
         pairs = [
@@ -158,8 +162,8 @@ class Segments:
         return out | {"x": X, "impulse": impulse, "reaction": R, "ids": ids, "segments": count}
 
     def _impulses(self, listed, pieces, totals):
-        """Contact ids in the stated order and (K, m) impulses: of the listed constraints and of all pairs ever met that
-        pushed; NaN where no sample was reached."""
+        """Contact ids in the stated order and (K, m) impulses: of the listed constraints and of all
+        pairs ever met that pushed; NaN where no sample was reached."""
         K = len(self.case.t)
         names = list(listed)
         columns = [np.full((K, len(listed)), np.nan)]

@@ -1,8 +1,10 @@
-"""Newton's iteration with one Jacobian per step, for the stages of diffrax's implicit Runge-Kutta methods.
+"""Newton's iteration with one Jacobian per step, for the stages of diffrax's implicit Runge-Kutta
+methods.
 
-diffrax.VeryChord is not used: it factorises the quadratures too, measures increments of slopes (size k) instead of what
-they change in the state (19 times the steps on three_discs at k = 3840), and takes rounding in them for divergence (hex
-at k = 1631 failed at every step size). Loaded only with nsbench.solvers.penalty.integrator.
+diffrax.VeryChord is not used: it factorises the quadratures too, measures increments of slopes
+(size k) instead of what they change in the state (19 times the steps on three_discs at k = 3840),
+and takes rounding in them for divergence (hex at k = 1631 failed at every step size). Loaded only
+with nsbench.solvers.penalty.integrator.
 """
 
 from __future__ import annotations
@@ -18,10 +20,12 @@ KAPPA = 1e-2  # error left in a stage, in units of the step's tolerance (Hairer 
 
 
 class Chord(optimistix.AbstractRootFinder):
-    """Solves F(y) = y - f(t, z + d h y) = 0 for the slope y of a stage; z holds n states, then quadratures.
+    """Solves F(y) = y - f(t, z + d h y) = 0 for the slope y of a stage; z holds n states, then
+    quadratures.
 
-    Quadratures drive nothing: the matrix is [[A, 0], [C, I]] and only A (n, n) is factorised: with the 435 pairs of
-    30 discs 60 columns, not 555. Increments are measured as what they change in z, in units of the tolerance.
+    Quadratures drive nothing: the matrix is [[A, 0], [C, I]] and only A (n, n) is factorised: with
+    the 435 pairs of 30 discs 60 columns, not 555. Increments are measured as what they change in z,
+    in units of the tolerance.
     """
 
     n: int = eqx.field(static=True)
@@ -53,7 +57,8 @@ class Chord(optimistix.AbstractRootFinder):
         return y - d, (lu, pivots, C, new, size, count + 1), aux
 
     def terminate(self, fn, y, args, options, state, tags):
-        """Done when the increments still to come are below KAPPA; failed when they grow and are not rounding."""
+        """Done when the increments still to come are below KAPPA; failed when they grow and are not
+        rounding."""
         *_, size, before, count = state  # both infinite until there are increments
         rate = size / before
         done = (size < 0.1 * KAPPA) | (

@@ -1,4 +1,5 @@
-"""The compiled program of a penalised problem: traced and compiled once for all k, starts, times and tolerances."""
+"""The compiled program of a penalised problem: traced and compiled once for all k, starts, times
+and tolerances."""
 
 from __future__ import annotations
 
@@ -19,8 +20,9 @@ class NotTraceable(Exception):
 
 @dataclass(frozen=True)
 class Program:
-    """run: the executable, as _diffrax.integrator describes; ids and columns of the listed constraints among the
-    quadratures; size: number of quadratures; offsets: {family: first column} of families that use near lists."""
+    """run: the executable, as _diffrax.integrator describes; ids and columns of the listed
+    constraints among the quadratures; size: number of quadratures; offsets: {family: first column}
+    of families that use near lists."""
 
     run: object
     ids: tuple

@@ -1,4 +1,5 @@
-"""SciPy's solve_ivp with modes and events written by hand: what a user does who knows what will happen."""
+"""SciPy's solve_ivp with modes and events written by hand: what a user does who knows what will
+happen."""
 
 from __future__ import annotations
 
@@ -20,13 +21,15 @@ MOST_ARCS = 10_000
 
 @dataclass(frozen=True)
 class SolveIvp:
-    """scipy.integrate.solve_ivp with terminal events and modes written by hand, for cases that somebody did it for.
+    """scipy.integrate.solve_ivp with terminal events and modes written by hand, for cases that
+    somebody did it for.
 
-    The baseline of the event-driven method: right-hand sides of each mode in plain Python, the order of modes known
-    from pencil and paper (see _hand_written). It is not told the problem; a case that is not the catalogue's own, to
-    the bit at the start and at random places, is refused. method: dop853, lsoda or radau; tol: rtol and atol.
-    Nothing is done about the drift off a surface that tolerances allow, and dips between steps are missed as SciPy
-    misses them. Impulses (weights) are integrated with the state.
+    The baseline of the event-driven method: right-hand sides of each mode in plain Python, the
+    order of modes known from pencil and paper (see _hand_written). It is not told the problem; a
+    case that is not the catalogue's own, to the bit at the start and at random places, is refused.
+    method: dop853, lsoda or radau; tol: rtol and atol.
+    Nothing is done about the drift off a surface that tolerances allow, and dips between steps are
+    missed as SciPy misses them. Impulses (weights) are integrated with the state.
     """
 
     method: str = "dop853"
@@ -41,7 +44,8 @@ class SolveIvp:
 
     @property
     def claims(self) -> Claims:
-        """Bounds at the default tolerance, twice or more of what the catalogue shows: 4.8e-11, 1.8e-11 and 8.6e-11."""
+        """Bounds at the default tolerance, twice or more of what the catalogue shows: 4.8e-11,
+        1.8e-11 and 8.6e-11."""
         return Claims(exact={"dop853": 1e-10, "radau": 1e-10, "lsoda": 1e-9}[self.method])
 
     def refuses(self, case: Case) -> str | None:
@@ -160,7 +164,8 @@ def _march(case, work, arcs, solve_ivp, method, tol):
 
 
 def _differs(case, twin) -> str:
-    """What two cases differ in, as far as start, drift and constraints at random places tell; "" for nothing."""
+    """What two cases differ in, as far as start, drift and constraints at random places tell; ""
+    for nothing."""
     p = case.problem
     q = twin.problem
     if type(p) is not type(q):

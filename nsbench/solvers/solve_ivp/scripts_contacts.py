@@ -184,8 +184,9 @@ def wedge(case, psi=60.0, swell=0.0) -> Script:
 
 
 def box_turning(case, side=1.0) -> Script:
-    """Each coordinate is free, at its low or at its high stop, whatever the other one does: nine arcs. In the unit box
-    one coordinate reaches a stop as the other leaves one: two events, one after the other at the same time."""
+    """Each coordinate is free, at its low or at its high stop, whatever the other one does: nine
+    arcs. In the unit box one coordinate reaches a stop as the other leaves one: two events, one
+    after the other at the same time."""
     winds = (math.cos, math.sin)
 
     def arc(places):
@@ -303,7 +304,8 @@ def two_discs(case, w=0.0) -> Script:
 
 
 def three_discs(case, overlap="none") -> Script | None:
-    """Discs 0 and 1 meet, then 1 and 2; the hinge folds until 0 and 2 meet; from there on every lam is 2/3."""
+    """Discs 0 and 1 meet, then 1 and 2; the hinge folds until 0 and 2 meet; from there on every lam
+    is 2/3."""
     if overlap != "none":
         return None
     hypot = math.hypot

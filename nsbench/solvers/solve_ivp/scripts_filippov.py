@@ -1,10 +1,11 @@
-"""Scripts of modes: what a user of solve_ivp writes by hand for one problem, and finds out with pencil and paper.
+"""Scripts of modes: what a user of solve_ivp writes by hand for one problem, and finds out with
+pencil and paper.
 
-A script is a set of arcs. Each has its right-hand side, in plain Python numbers (for so few unknowns they are quicker
-than arrays), and the events that end it, each with the arc that follows. Behind the n entries of the state come the
-integrals of the multipliers (Filippov: of the weight of the positive side), one for each contact, and then, where
-gradients turn, n entries of the reaction. The Filippov systems are here, the complementarity systems in
-_hand_written_contacts.
+A script is a set of arcs. Each has its right-hand side, in plain Python numbers (for so few
+unknowns they are quicker than arrays), and the events that end it, each with the arc that follows.
+Behind the n entries of the state come the integrals of the multipliers (Filippov: of the weight of
+the positive side), one for each contact, and then, where gradients turn, n entries of the reaction.
+The Filippov systems are here, the complementarity systems in _hand_written_contacts.
 """
 
 from __future__ import annotations
@@ -18,8 +19,9 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Exit:
-    """when(t, y) crosses zero, upwards (direction 1) or downwards (-1): the arc ends and `then` follows, the name of an
-    arc or a function (t, y) -> name. kind, contact: how the event is recorded; kind "" records nothing."""
+    """when(t, y) crosses zero, upwards (direction 1) or downwards (-1): the arc ends and `then`
+    follows, the name of an arc or a function (t, y) -> name. kind, contact: how the event is
+    recorded; kind "" records nothing."""
 
     when: Callable
     direction: int
@@ -30,7 +32,8 @@ class Exit:
 
 @dataclass(frozen=True)
 class Arc:
-    """rhs(t, y) -> list; exits; enter(t, y): puts the state onto its surface where the arc begins, in place."""
+    """rhs(t, y) -> list; exits; enter(t, y): puts the state onto its surface where the arc begins,
+    in place."""
 
     rhs: Callable
     exits: tuple[Exit, ...] = ()
@@ -41,7 +44,8 @@ class Arc:
 class Script:
     """arcs by name and the first one; contacts: ids of the integrals behind the state.
 
-    push (m, n): the gradients, if they are constant; None: the reaction is integrated too; () for Filippov systems.
+    push (m, n): the gradients, if they are constant; None: the reaction is integrated too; () for
+    Filippov systems.
     max_step: of the integrator, where an excursion would be missed otherwise.
     """
 

@@ -1,4 +1,5 @@
-"""Implicit theta stepping for linear complementarity systems and linear constraints: one LCP per step."""
+"""Implicit theta stepping for linear complementarity systems and linear constraints: one LCP per
+step."""
 
 from __future__ import annotations
 
@@ -17,14 +18,18 @@ ALL = 8  # rows whose 2^m supports are tried in each step where uniqueness is no
 
 @dataclass(frozen=True)
 class Theta:
-    """x+ = x + h ((1 - theta) f(t, x) + theta f(t + h, x+) + B lam): one complementarity problem for lam per step.
+    """x+ = x + h ((1 - theta) f(t, x) + theta f(t + h, x+) + B lam): one complementarity problem
+    for lam per step.
 
-    theta 1: implicit Euler, order 1, lam belongs to the end of the step. theta 0.5: the trapezoid, order 2, lam belongs
-    to the middle; steps in which lam jumps (relays) cost O(h) for any theta. Rows that constrain the state alone (D = 0;
-    gaps) hold at the end of the step, rows that say what lam is hold in the mean: kernels.theta says how they are told
-    apart. Of several lam with the same motion the smallest is taken. Newton's method solves a drift that is not affine.
-    Source: Han, Tiwari, Camlibel & Pang, SIAM J. Numer. Anal. 47(5), 2009 (least-norm steps of passive systems); Acary
-    & Brogliato, Numerical Methods for Nonsmooth Dynamical Systems (2008), section 9.4.
+    theta 1: implicit Euler, order 1, lam belongs to the end of the step. theta 0.5: the trapezoid,
+    order 2, lam belongs to the middle; steps in which lam jumps (relays) cost O(h) for any theta.
+    Rows that constrain the state alone (D = 0;
+    gaps) hold at the end of the step, rows that say what lam is hold in the mean: kernels.theta
+    says how they are told apart. Of several lam with the same motion the smallest is taken.
+    Newton's method solves a drift that is not affine.
+    Source: Han, Tiwari, Camlibel & Pang, SIAM J. Numer. Anal. 47(5), 2009 (least-norm steps of
+    passive systems); Acary & Brogliato, Numerical Methods for Nonsmooth Dynamical Systems (2008),
+    section 9.4.
     """
 
     theta: float = 1.0
@@ -161,7 +166,8 @@ def _of_gaps(case):
 
 
 def _compiled(case, data):
-    """The loop, "compiled" or "host", and the functions it calls: the same source around functions in Python."""
+    """The loop, "compiled" or "host", and the functions it calls: the same source around functions
+    in Python."""
     from nsbench.compilation import factories as form
     from nsbench.solvers.theta.kernels import loop as kernel
 
@@ -182,7 +188,8 @@ def _compiled(case, data):
 
 
 def _in_python(module):
-    """The functions of a kernel module without compilation, those it imports compiled: to call a drift in Python."""
+    """The functions of a kernel module without compilation, those it imports compiled: to call a
+    drift in Python."""
     from types import FunctionType
 
     names = dict(vars(module))

@@ -164,7 +164,8 @@ def start_out():
 
 @system(optional=(0,))
 def start_tangent():
-    """The first is back at 2 pi, the second, held to pi, too, and the third at 20/3: all after the end."""
+    """The first is back at 2 pi, the second, held to pi, too, and the third at 20/3: all after the
+    end."""
 
     def x(t):
         return [1 - cos(t), mpf(0) if t <= pi else 1 + cos(t), t**3 / 3 - t**4 / 20]

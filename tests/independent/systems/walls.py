@@ -104,9 +104,11 @@ def walls_two():
 
 
 def tide(w, p, a, y, ts, k):
-    """(states, impulses, events) of y' = cos(w t + p) - a above a floor: F is the integral of the force.
+    """(states, impulses, events) of y' = cos(w t + p) - a above a floor: F is the integral of the
+    force.
 
-    A contact is bracketed on a grid of 1e-3, a thousandth of the fastest period; a release is where the force turns up.
+    A contact is bracketed on a grid of 1e-3, a thousandth of the fastest period; a release is where
+    the force turns up.
     """
     F = lambda t: sin(w * t + p) / w - a * t
     start = mpf(0)

@@ -1,13 +1,15 @@
-"""Catching up in near-jammed packings: what a step costs over one step of PBD in the same scene, and what other solvers take.
+"""Catching up in near-jammed packings: what a step costs over one step of PBD in the same scene,
+and what other solvers take.
 
     python tests/studies/speed/catching_up.py [--n 30 100 1000 10000]
 
-Scene: n unit discs on a shaken lattice, drawn together until nearly all touch, then driven for 100 steps (10 if there are
-ten thousand) of h = 0.01: a pull to the middle that reaches speed 1 at the rim, a turn half as fast, and a velocity of
-length 1 of its own for every disc. Runs are whole: drift, lists, linearisation, solves, records. They are interleaved; a
-ratio is the median of ratios within rounds with its quartiles. The other solvers get the QPs of five states of the same run
-as matrices that are ready, cold, at the tolerance named; their residual is judged by the formula of kernels.qp.residual,
-not by their word.
+Scene: n unit discs on a shaken lattice, drawn together until nearly all touch, then driven for 100
+steps (10 if there are ten thousand) of h = 0.01: a pull to the middle that reaches speed 1 at the
+rim, a turn half as fast, and a velocity of length 1 of its own for every disc. Runs are whole:
+drift, lists, linearisation, solves, records. They are interleaved; a ratio is the median of ratios
+within rounds with its quartiles. The other solvers get the QPs of five states of the same run as
+matrices that are ready, cold, at the tolerance named; their residual is judged by the formula of
+kernels.qp.residual, not by their word.
 """
 
 import argparse
@@ -58,8 +60,8 @@ def scene(x, pull, turn, own, steps, seed=1, h=STEP):
 def jammed(n, seed=0):
     """Places (2 n,) of discs that nearly all touch, in random order.
 
-    A shaken square lattice is drawn together by PBD under a pull that dies away, since PBD overlaps by about a step; then
-    what overlaps is taken apart, and ten steps of catching up fit the rest.
+    A shaken square lattice is drawn together by PBD under a pull that dies away, since PBD overlaps
+    by about a step; then what overlaps is taken apart, and ten steps of catching up fit the rest.
     """
     rng = np.random.default_rng(seed)
     side = int(1.2 * np.sqrt(n)) + 3
@@ -167,7 +169,8 @@ def osqp(G, q, eps=1e-6):
 
 
 def others(case, x, pbd):
-    """One line for each solver that is installed: multiples of a PBD step, and the worst residual."""
+    """One line for each solver that is installed: multiples of a PBD step, and the worst
+    residual."""
     for solver in (daqp, piqp, clarabel, osqp):
         name = solver.__name__
         if util.find_spec(name) is None:

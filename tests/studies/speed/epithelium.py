@@ -1,17 +1,23 @@
-"""Thirty cells of an epithelium over 48 hours at the published substep: PBD, and the same written by hand.
+"""Thirty cells of an epithelium over 48 hours at the published substep: PBD, and the same written
+by hand.
 
-    python tests/studies/speed/epithelium.py                 (--r-hard 0.7 for the packed one, --whole 0 to skip T = 48)
+    python tests/studies/speed/epithelium.py                 (--r-hard 0.7 for the packed one,
+    --whole 0 to skip T = 48)
 
-One run of PBD to T = 48 at h = 1.25e-3 (38 400 steps) gives the seconds. What users write themselves is measured on a
-piece of that run, per step, in interleaved rounds with ours on the same piece, and checked to compute the same thing:
+One run of PBD to T = 48 at h = 1.25e-3 (38 400 steps) gives the seconds. What users write
+themselves is measured on a piece of that run, per step, in interleaved rounds with ours on the same
+piece, and checked to compute the same thing:
 
-    numpy loops   PBD: drift in numpy, then a loop over all 435 pairs and the 58 rows with numpy's vectors of two
+    numpy loops   PBD: drift in numpy, then a loop over all 435 pairs and the 58 rows with numpy's
+    vectors of two
     plain lists   the same loops on lists of Python floats, which are quicker than small arrays
-    cvxpy         the step min |y - (x + h f)|^2, g + grad g (y - x) >= 0 over all constraints, written anew in each step
+    cvxpy         the step min |y - (x + h f)|^2, g + grad g (y - x) >= 0 over all constraints,
+    written anew in each step
     cvxpy, once   the same written once with parameters, which cvxpy compiles once
 
-The first two must agree with PBD to 1e-10 at the end of the piece, the others with catching_up to 1e-7 when their solver
-(Clarabel) is given tight tolerances; what its defaults leave is printed. They are timed with the defaults.
+The first two must agree with PBD to 1e-10 at the end of the piece, the others with catching_up to
+1e-7 when their solver (Clarabel) is given tight tolerances; what its defaults leave is printed.
+They are timed with the defaults.
 """
 
 import argparse
@@ -47,7 +53,8 @@ def piece(r_hard: float, steps: int, start: float):
 
 
 def data(case):
-    """Particles n, their first coordinate, distance, and the affine rows (i, j, a_i, a_j, b) of order and links."""
+    """Particles n, their first coordinate, distance, and the affine rows (i, j, a_i, a_j, b) of
+    order and links."""
     nuclei, *rows = case.problem.constraints
     listed = [
         (

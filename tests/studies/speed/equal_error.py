@@ -1,16 +1,21 @@
-"""The cheapest method at equal error, for 3 to 1000 discs: who wins at 1e-2, 1e-3, 1e-4 and 1e-6, and by which factor.
+"""The cheapest method at equal error, for 3 to 1000 discs: who wins at 1e-2, 1e-3, 1e-4 and 1e-6,
+and by which factor.
 
-    python tests/studies/speed/equal_error.py                       (--sizes 3,10,30,100,1000 --budget 16 -s SOLVER ...)
+    python tests/studies/speed/equal_error.py                       (--sizes 3,10,30,100,1000
+    --budget 16 -s SOLVER ...)
 
-Scenes: discs[n=N], seed 0, drawn together and turned, to T = 3 (21 samples; the references stored with the bench). For
-N = 1000 the same scene to T = 0.25 (3 samples, 631 events), whose reference is made here: the event-driven method at its
-tightest tolerance, its bound the change from a looser one. --reference richardson is an independent one: the extrapolation
-of PBD at its two finest steps, with the change from one level coarser. Errors below ten times a bound are not numbers.
+Scenes: discs[n=N], seed 0, drawn together and turned, to T = 3 (21 samples; the references stored
+with the bench). For N = 1000 the same scene to T = 0.25 (3 samples, 631 events), whose reference is
+made here: the event-driven method at its tightest tolerance, its bound the change from a looser
+one. --reference richardson is an independent one: the extrapolation of PBD at its two finest steps,
+with the change from one level coarser. Errors below ten times a bound are not numbers.
 
-Every method runs at finer and finer steps (ratio 2), tolerances (ratio 100) or stiffnesses (ratio 4) until its error is
-below 1e-6 or its share of the seconds per size (--budget) is spent; then all runs of a size are timed in interleaved rounds.
-Seconds of an error come from the work-precision curve as in the report (nsbench.report.cost), preparation and compilation
-apart. Compiled loops are ranked; a loop in Python stands below them, as its seconds measure an interpreter.
+Every method runs at finer and finer steps (ratio 2), tolerances (ratio 100) or stiffnesses (ratio
+4) until its error is below 1e-6 or its share of the seconds per size (--budget) is spent; then all
+runs of a size are timed in interleaved rounds.
+Seconds of an error come from the work-precision curve as in the report (nsbench.report.cost),
+preparation and compilation apart. Compiled loops are ranked; a loop in Python stands below them, as
+its seconds measure an interpreter.
 """
 
 import argparse
@@ -45,7 +50,8 @@ DEEP = 15  # halvings of the sample spacing in the reference of a large scene
 
 
 def methods(asked):
-    """Specs to try: those asked for, or the standard ones with the other orders of PBD, as far as they exist."""
+    """Specs to try: those asked for, or the standard ones with the other orders of PBD, as far as
+    they exist."""
     out = []
     for spec in asked or (*solvers.standard(), *EXTRA):
         try:
@@ -58,7 +64,8 @@ def methods(asked):
 
 
 def scene(n: int, how: str):
-    """The case, its reference states (None: the stored one is used) and the bound of the state error."""
+    """The case, its reference states (None: the stored one is used) and the bound of the state
+    error."""
     case = nsbench.get_case("discs", n=n)
     if n < LARGE:
         from nsbench.reference import reference
@@ -178,7 +185,8 @@ def told(data, key, target, bound):
 
 
 def _beyond(data, key, target):
-    """Seconds of the best PBD at an error it was not run to: the cost of its finest run times what the error must lose.
+    """Seconds of the best PBD at an error it was not run to: the cost of its finest run times what
+    the error must lose.
     NaN where its last two halvings of the step did not halve the error (1.6 to 2.5)."""
     own = [r.col for r in data.of_case(key) if family(r.solver) == LEADS and len(r) > 2]
     own = [

@@ -1,9 +1,11 @@
-"""How fast the event-driven method follows contacts: against SciPy with modes written by hand, and the plain method.
+"""How fast the event-driven method follows contacts: against SciPy with modes written by hand, and
+the plain method.
 
     python tests/studies/speed/event_driven.py [--rounds 5] [--most 100]
 
-Ratios within interleaved rounds, compilation apart and stated first. "by hand": three_discs with DOP853, a terminal
-event for every gap and load of a mode, and the order of the modes known to its author. "plain": tests/plain_event_driven.
+Ratios within interleaved rounds, compilation apart and stated first. "by hand": three_discs with
+DOP853, a terminal event for every gap and load of a mode, and the order of the modes known to its
+author. "plain": tests/plain_event_driven.
 Errors are against a run at tol 1e-13.
 """
 
@@ -30,7 +32,8 @@ from nsbench.solvers import get  # noqa: E402
 
 
 def by_hand(case, rtol):
-    """three_discs with its modes: held sets in the order in which contacts come, in scipy.integrate.solve_ivp."""
+    """three_discs with its modes: held sets in the order in which contacts come, in
+    scipy.integrate.solve_ivp."""
     from scipy.integrate import solve_ivp
 
     s = Plain(case)

@@ -1,15 +1,18 @@
-"""Filippov systems with few modes: event_driven against SciPy and heyoka with the modes written by hand.
+"""Filippov systems with few modes: event_driven against SciPy and heyoka with the modes written by
+hand.
 
     python tests/studies/speed/filippov.py                   (--rounds 7)
 
-Each method runs at the loosest tolerance of a ladder with which it reaches the error asked for (against the exact solution
-or the stored reference, at all samples). event_driven is told the fields and the surface and finds the modes itself; it
-certifies its steps and records 31 to 51 samples, integrals of the weights and events. solve_ivp (DOP853) and heyoka are told
-the modes, and record the same; "end" is heyoka with the state at the end time alone, no weights and no samples. Its
-integrators are built before the clock starts. Ratios are medians over interleaved rounds, with quartiles. CPU seconds of
-compilation are apart: of event_driven's kernels in a process of its own with an empty cache (once for all cases), of
-heyoka's integrators here (for each case). heyoka misses a terminal event silently when its function is exactly zero at the
-start of the step in which it vanishes again; none of these arcs is that short, and the end states are compared.
+Each method runs at the loosest tolerance of a ladder with which it reaches the error asked for
+(against the exact solution or the stored reference, at all samples). event_driven is told the
+fields and the surface and finds the modes itself; it certifies its steps and records 31 to 51
+samples, integrals of the weights and events. solve_ivp (DOP853) and heyoka are told the modes, and
+record the same; "end" is heyoka with the state at the end time alone, no weights and no samples.
+Its integrators are built before the clock starts. Ratios are medians over interleaved rounds, with
+quartiles. CPU seconds of compilation are apart: of event_driven's kernels in a process of its own
+with an empty cache (once for all cases), of heyoka's integrators here (for each case). heyoka
+misses a terminal event silently when its function is exactly zero at the start of the step in which
+it vanishes again; none of these arcs is that short, and the end states are compared.
 """
 
 import argparse
@@ -47,7 +50,8 @@ def truth(case) -> np.ndarray:
 
 
 def reaching(asked, attempt):
-    """(run, error, tolerance) at the loosest tolerance of the ladder for which attempt(tol) -> (run, error) reaches it."""
+    """(run, error, tolerance) at the loosest tolerance of the ladder for which attempt(tol) ->
+    (run, error) reaches it."""
     for tol in LADDER:
         run, error = attempt(float(tol))
         if error <= asked:
@@ -67,8 +71,8 @@ def ours(case, name, exact):
 
 
 def scripts(hy, tol, weigh):
-    """Modes by hand for heyoka: arcs by name (integrator, what follows its event) and the first one. weigh: with the integral
-    of the weight as a third unknown."""
+    """Modes by hand for heyoka: arcs by name (integrator, what follows its event) and the first
+    one. weigh: with the integral of the weight as a third unknown."""
     x, y, w = hy.make_vars("x", "y", "w")
     turn = 2.0 * np.pi
     belt = 0.2
@@ -127,8 +131,9 @@ SURFACE = {
 
 
 def by_hand(hy, case, exact, all_of_it):
-    """An attempt with heyoka; building the integrators is not part of the run. all_of_it: the samples, the integral of the
-    weight and the events, as the others give them; else the end state alone."""
+    """An attempt with heyoka; building the integrators is not part of the run. all_of_it: the
+    samples, the integral of the weight and the events, as the others give them; else the end state
+    alone."""
 
     def attempt(tol):
         arcs, first = scripts(hy, max(tol * 1e-2, np.finfo(float).eps), all_of_it)[case.name]()

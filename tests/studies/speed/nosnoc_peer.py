@@ -1,11 +1,13 @@
-"""nosnoc (finite elements with switch detection and IPOPT) against the event-driven method at equal error.
+"""nosnoc (finite elements with switch detection and IPOPT) against the event-driven method at equal
+error.
 
     python tests/studies/speed/nosnoc_peer.py                (needs pip install "nsbench[nosnoc]")
 
-For each case nosnoc runs with the settings below, which were the quickest found that solve every step: few long steps
-of high order. Errors, at those steps, are against the bench's reference, a closed form or a certificate. Then
-event_driven runs at the loosest tolerance of a ladder whose error is not larger. Both are prepared before; what that
-takes is printed. SciPy's solve_ivp with modes written by hand, at the same rule, stands beside them.
+For each case nosnoc runs with the settings below, which were the quickest found that solve every
+step: few long steps of high order. Errors, at those steps, are against the bench's reference, a
+closed form or a certificate. Then event_driven runs at the loosest tolerance of a ladder whose
+error is not larger. Both are prepared before; what that takes is printed. SciPy's solve_ivp with
+modes written by hand, at the same rule, stands beside them.
 """
 
 import argparse
@@ -39,7 +41,8 @@ def error(traj, ref):
 
 
 def equal(case, spec, ref, wanted):
-    """The run of `spec` at the loosest tolerance of the ladder with an error of at most `wanted`: run, tol, error."""
+    """The run of `spec` at the loosest tolerance of the ladder with an error of at most `wanted`:
+    run, tol, error."""
     for tol in TOLERANCES:
         run = solvers.get(spec).prepare(case, float(tol))
         found = error(run(), ref)

@@ -1,13 +1,19 @@
-"""Position-based dynamics on the drift scene: how its seconds grow, and how near they are to what the machine can do.
+"""Position-based dynamics on the drift scene: how its seconds grow, and how near they are to what
+the machine can do.
 
     python tests/studies/speed/pbd.py [--n 1000 10000 100000 1000000] [--rounds 3]
 
-The scene is `peers_discs.drift_scene`: unit discs, area fraction 0.8, random unit velocities, h = 0.01, four walls.
-A step is drift, certificate, rebuilds of the list and one sweep; a run is what `prepare` returns, with its trajectory.
+The scene is `peers_discs.drift_scene`: unit discs, area fraction 0.8, random unit velocities, h =
+0.01, four walls.
+A step is drift, certificate, rebuilds of the list and one sweep; a run is what `prepare` returns,
+with its trajectory.
 
-    growth    nanoseconds per disc and step, by order and labels; largest over smallest over the sizes; the coloured order on
-              two threads against the strict one on one (worth nothing unless two processors are idle: see the load)
-    sweep     one sweep of one list, in ways that differ in nothing else: a C loop over the pairs in the stated order (gcc -O3,
+    growth    nanoseconds per disc and step, by order and labels; largest over smallest over the
+    sizes; the coloured order on
+              two threads against the strict one on one (worth nothing unless two processors are
+              idle: see the load)
+    sweep     one sweep of one list, in ways that differ in nothing else: a C loop over the pairs in
+    the stated order (gcc -O3,
               contraction off: equal bits are checked), our sweep one after another, and by schedule
     peers     libraries that users have (peers_discs.py), sorted and random labels
     impulses  with their records over without
@@ -156,7 +162,8 @@ def compiled_loop():
 
 
 def pair_lists(scene, order):
-    """Positions by cells after a drift, and the near pairs there: as executed, and one after another as stated."""
+    """Positions by cells after a drift, and the near pairs there: as executed, and one after
+    another as stated."""
     from nsbench.dynamics.contacts.kernels.constraint_order import COLOURED, SORTED
     from nsbench.solvers.pbd.kernels import cell_loop as pbd_packed
     from nsbench.solvers.pbd.kernels import cell_storage as packed

@@ -1,19 +1,26 @@
-"""Hard discs in a box, one step = drift, neighbour search, one sweep: the same work by libraries that users have.
+"""Hard discs in a box, one step = drift, neighbour search, one sweep: the same work by libraries
+that users have.
 
     python tests/studies/speed/peers_discs.py --n 1000 10000
 
-Functions that give zero-argument runs for other scripts, and a table of their own. The scene is `drift_scene`: discs of
-radius 1, random velocities of length 1, area fraction 0.8, four walls. Every step is explicit Euler, then one sweep of
-exact projections over the pairs that a search finds, then the walls. The peers:
+Functions that give zero-argument runs for other scripts, and a table of their own. The scene is
+`drift_scene`: discs of radius 1, random velocities of length 1, area fraction 0.8, four walls.
+Every step is explicit Euler, then one sweep of exact projections over the pairs that a search
+finds, then the walls. The peers:
 
-    kdtree + numba   scipy's cKDTree lists the pairs within 2 R (it allocates them anew in each step), numba sweeps
-    tuned            the same with a tree that is neither balanced nor compact: quicker to build, about as quick to ask
-    kdtree + numpy   the same pairs, all projections at once from the same state, averaged by contacts (Jacobi)
-    taichi           counting sort into cells, then a sequential sweep over cells and half of their neighbours; the
+    kdtree + numba   scipy's cKDTree lists the pairs within 2 R (it allocates them anew in each
+    step), numba sweeps
+    tuned            the same with a tree that is neither balanced nor compact: quicker to build,
+    about as quick to ask
+    kdtree + numpy   the same pairs, all projections at once from the same state, averaged by
+    contacts (Jacobi)
+    taichi           counting sort into cells, then a sequential sweep over cells and half of their
+    neighbours; the
                      whole march is one compiled kernel on one thread in float64
 
-The order of a sweep is the peer's own; none has a margin, so a contact made by the sweep itself may be missed (13 % of
-them in this scene), which is what users have. What is not installed is left out, with a sentence.
+The order of a sweep is the peer's own; none has a margin, so a contact made by the sweep itself may
+be missed (13 % of them in this scene), which is what users have. What is not installed is left out,
+with a sentence.
 """
 
 import argparse
@@ -36,7 +43,8 @@ STEP = 0.01
 
 @dataclass(frozen=True)
 class Scene:
-    """x0, v: places and velocities (n, 2); low, high (2,): the walls for centres; case: the same for nsbench."""
+    """x0, v: places and velocities (n, 2); low, high (2,): the walls for centres; case: the same
+    for nsbench."""
 
     x0: np.ndarray
     v: np.ndarray
@@ -48,9 +56,10 @@ class Scene:
 def drift_scene(
     n: int, steps: int, labels: str = "rows", seed: int = 0, h: float = STEP, warm: int = 100
 ) -> Scene:
-    """n discs at area fraction 0.8 with random unit velocities, for `steps` steps of h; labels: "rows" (sorted by rows of
-    the packing, which is about by cells) or "random". The start is what PBD makes of the packing in `warm` steps: before
-    that most discs have not met a neighbour, and a step costs less."""
+    """n discs at area fraction 0.8 with random unit velocities, for `steps` steps of h; labels:
+    "rows" (sorted by rows of the packing, which is about by cells) or "random". The start is what
+    PBD makes of the packing in `warm` steps: before that most discs have not met a neighbour, and a
+    step costs less."""
     case = nsbench.get_case("discs", n=n, seed=seed, box=True, packing=0.8, labels=labels)
     if warm:
         x0 = nsbench.solve(case.replace(t=np.array([0.0, warm * h])), "pbd", h=h).x[-1]
@@ -224,7 +233,8 @@ def taichi(scene: Scene, steps: int, h: float = STEP) -> Callable[[], np.ndarray
 
 
 def peers(scene: Scene, steps: int, h: float = STEP) -> tuple[dict[str, Callable], list[str]]:
-    """Runs by name, compiled and ready to be timed, and a sentence for each peer that is left out."""
+    """Runs by name, compiled and ready to be timed, and a sentence for each peer that is left
+    out."""
     found = {
         "kdtree + numba": kdtree(scene, steps, h),
         "kdtree + numba, tuned": kdtree(scene, steps, h, tuned=True),

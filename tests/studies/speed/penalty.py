@@ -1,13 +1,19 @@
-"""The penalty's seconds: what the second call saves, what extrapolation in k is worth, and the stiffness wall.
+"""The penalty's seconds: what the second call saves, what extrapolation in k is worth, and the
+stiffness wall.
 
     python tests/studies/speed/penalty.py            (--wall 0 to skip the wall)
 
-1. Second call: nsbench.solve twice on one scene, each pair in a fresh process: with an empty folder of programs (traced
-   and compiled), then with the folder the first process left (found by fingerprint). Seconds of the first call include the
-   import of JAX; "traced" is the same less that import. At least 20 is wanted of first over second.
-2. Extrapolation: seconds to an error of 1e-8 on three_discs, (x(k) - 6 x(2k) + 8 x(4k)) / 3 and 2 x(2k) - x(k), against
-   the plain penalty at k = 1e6 (error about 1e-6), by whichever integrator is faster there; one interleaved series.
-3. The wall: error, steps, seconds and status for k = 1e2 ... 1e10 and each integrator: where it begins to fail, and that
+1. Second call: nsbench.solve twice on one scene, each pair in a fresh process: with an empty folder
+of programs (traced
+   and compiled), then with the folder the first process left (found by fingerprint). Seconds of the
+   first call include the import of JAX; "traced" is the same less that import. At least 20 is
+   wanted of first over second.
+2. Extrapolation: seconds to an error of 1e-8 on three_discs, (x(k) - 6 x(2k) + 8 x(4k)) / 3 and 2
+x(2k) - x(k), against
+   the plain penalty at k = 1e6 (error about 1e-6), by whichever integrator is faster there; one
+   interleaved series.
+3. The wall: error, steps, seconds and status for k = 1e2 ... 1e10 and each integrator: where it
+begins to fail, and that
    it says so. An error that is no longer 1/k with status ok would be a fault of this bench.
 """
 

@@ -1,10 +1,13 @@
-"""Start-up: `nsbench list` and `--help` over `python -c "import numpy"`, and the standard suite, cold and warm.
+"""Start-up: `nsbench list` and `--help` over `python -c "import numpy"`, and the standard suite,
+cold and warm.
 
-    python tests/studies/speed/start_up.py                    (--suite none to skip the suite, --suite smoke, -j 2)
+    python tests/studies/speed/start_up.py                    (--suite none to skip the suite,
+    --suite smoke, -j 2)
 
-The first two are medians of ratios within interleaved rounds of fresh processes. Cold: every cache of compiled code (numba's
-and JAX's) in a new empty folder. Warm: the same folder, `--force`, so that every run is made again. Seconds on the wall and
-of processors; with other work on the machine only the latter mean anything.
+The first two are medians of ratios within interleaved rounds of fresh processes. Cold: every cache
+of compiled code (numba's and JAX's) in a new empty folder. Warm: the same folder, `--force`, so
+that every run is made again. Seconds on the wall and of processors; with other work on the machine
+only the latter mean anything.
 """
 
 import argparse
@@ -45,7 +48,8 @@ def start_up():
 
 
 def suite(name: str, jobs: int):
-    """Wall and processor seconds of the suite, first with empty caches, then with what that left."""
+    """Wall and processor seconds of the suite, first with empty caches, then with what that
+    left."""
     with tempfile.TemporaryDirectory(prefix="nsbench-start-") as folder:
         env = os.environ | {
             "XDG_CACHE_HOME": folder,

@@ -1,4 +1,5 @@
-"""Near pairs of particles by cell lists: all i < j with |x_i - x_j| <= r_i + r_j + reach, sorted."""
+"""Near pairs of particles by cell lists: all i < j with |x_i - x_j| <= r_i + r_j + reach,
+sorted."""
 
 import numpy as np
 from numba import njit
@@ -10,7 +11,8 @@ from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps a
 def _cells(x, start, n, dim, size):
     """Cell of each particle, members sorted by cell (CSR), and the grid's shape.
 
-    Cells are at least `size` wide and at most about 4 n of them are made, however far particles are spread.
+    Cells are at least `size` wide and at most about 4 n of them are made, however far particles are
+    spread.
     """
     lo = np.empty(3)
     num = np.ones(3, np.int64)
@@ -48,7 +50,8 @@ def _cells(x, start, n, dim, size):
 
 @njit(cache=True)
 def near_pairs(x, start, n, dim, r, reach):
-    """Pairs (i, j), i < j, sorted by i then j, whose gap |x_i - x_j| - r_i - r_j is at most `reach`.
+    """Pairs (i, j), i < j, sorted by i then j, whose gap |x_i - x_j| - r_i - r_j is at most
+    `reach`.
 
     x (N,), particles at x[start + i dim]; r (n,) radii; x must be finite. Returns two int64 arrays.
     """

@@ -1,18 +1,22 @@
 """The order of a sweep, defined by the scene: a key for every constraint, whoever lists it.
 
-    sorted     families as the case lists them; within a family as listed, pairs of hard particles by (i, j)
+    sorted     families as the case lists them; within a family as listed, pairs of hard particles
+    by (i, j)
     reverse    the same backwards
     random     one permutation of all constraints, drawn from the seed
-    cell       sorted, with the particles of a hard family renumbered by `ranks`: row by row of cells of the start
+    cell       sorted, with the particles of a hard family renumbered by `ranks`: row by row of
+    cells of the start
     coloured   sorted, but pairs of a hard family by (colour, i, j), where
-               colour(i, j) = (mix(i) + mix(j) mod 2^64) div 2^60, one of 16, mix(i) = splitmix64 of label and seed
+               colour(i, j) = (mix(i) + mix(j) mod 2^64) div 2^60, one of 16, mix(i) = splitmix64 of
+               label and seed
 
-Colours depend on the labels alone: not on positions, time, lists or threads, and they never change. Two pairs of one
-colour may share a particle (seldom, as mix is random); then (i, j) decides. What may run at the same time follows from
-any of these orders by `levels`: constraints of one level share no particle, so they can be done in any order or all
-at once, level after level, with the result of the sweep one after another, bit for bit. Of the pairs near
-each other in a random packing of 10^6 discs the orders "random" and "coloured" have about 24 levels; "sorted", numbered
-row by row, has thousands.
+Colours depend on the labels alone: not on positions, time, lists or threads, and they never change.
+Two pairs of one colour may share a particle (seldom, as mix is random); then (i, j) decides. What
+may run at the same time follows from any of these orders by `levels`: constraints of one level
+share no particle, so they can be done in any order or all at once, level after level, with the
+result of the sweep one after another, bit for bit. Of the pairs near each other in a random packing
+of 10^6 discs the orders "random" and "coloured" have about 24 levels; "sorted", numbered row by
+row, has thousands.
 """
 
 import numpy as np
@@ -40,8 +44,8 @@ def mix(z):
 
 @njit(cache=True)
 def order_key(order, seed, family, a, b):
-    """Place of a constraint in the sweep; a, b: particles i, j of a hard pair (their ranks, a < b, where the order is
-    CELL), or the place in its family and 0."""
+    """Place of a constraint in the sweep; a, b: particles i, j of a hard pair (their ranks, a < b,
+    where the order is CELL), or the place in its family and 0."""
     if order == COLOURED and b > 0:
         shift = np.uint64(seed + 1) * np.uint64(0x9E3779B97F4A7C15)
         colour = (mix(np.uint64(a) + shift) + mix(np.uint64(b) + shift)) >> np.uint64(60)
@@ -84,8 +88,9 @@ def static_keys(family, order, seed):
 
 @njit(cache=True)
 def levels(i, j, n):
-    """Levels (from 0) of constraints on particles i[c], j[c] < n (j[c] < 0: on i[c] alone), listed in the order of the
-    sweep: one more than the last constraint before it that shares a particle."""
+    """Levels (from 0) of constraints on particles i[c], j[c] < n (j[c] < 0: on i[c] alone), listed
+    in the order of the sweep: one more than the last constraint before it that shares a
+    particle."""
     free = np.zeros(n, np.int32)
     level = np.empty(i.size, np.int32)
     for c in range(i.size):
@@ -97,8 +102,8 @@ def levels(i, j, n):
 
 
 def ranks(x: np.ndarray, dim: int, size: float) -> np.ndarray:
-    """New numbers (n,) of the particles at x (n dim,): row by row of cells of the given size, the last axis slowest, from
-    the lowest corner; within a cell by label."""
+    """New numbers (n,) of the particles at x (n dim,): row by row of cells of the given size, the
+    last axis slowest, from the lowest corner; within a cell by label."""
     cell = np.floor((x.reshape(-1, dim) - x.reshape(-1, dim).min(axis=0, initial=np.inf)) / size)
     rank = np.empty(len(cell), np.int64)
     rank[np.lexsort(cell.T)] = np.arange(len(cell))

@@ -1,4 +1,5 @@
-"""Impulses by contact as growing records (sample, family, i, j, impulse): what never acts takes no room."""
+"""Impulses by contact as growing records (sample, family, i, j, impulse): what never acts takes no
+room."""
 
 from collections.abc import Sequence
 
@@ -12,7 +13,8 @@ MANY = 10_000  # contacts; a tuple takes some 130 bytes for each, and half a mic
 
 @njit(cache=True)
 def flush(k, mu, family, i, j, ids, values, count):
-    """Move the impulses mu of a list to the records of sample k and clear them; returns grown records."""
+    """Move the impulses mu of a list to the records of sample k and clear them; returns grown
+    records."""
     need = 0
     for c in range(mu.size):
         if mu[c] != 0.0:
@@ -39,7 +41,8 @@ def flush(k, mu, family, i, j, ids, values, count):
 
 
 class Contacts(Sequence):
-    """Contact ids as a tuple of tuples would hold them, kept as an array (m, 3) of family, i, j (-1: no second index)."""
+    """Contact ids as a tuple of tuples would hold them, kept as an array (m, 3) of family, i, j
+    (-1: no second index)."""
 
     def __init__(self, ids: np.ndarray):
         self.ids = ids
@@ -76,7 +79,8 @@ def _name(id_):
 def sorted_contacts(ids):
     """Contacts (m, 3) of records ids (k, 4), sorted, and the number of its contact for each record.
 
-    What numpy.unique finds by sorting, by counting: places by family and i, then each short stretch by j.
+    What numpy.unique finds by sorting, by counting: places by family and i, then each short stretch
+    by j.
     """
     families = 0
     for e in range(len(ids)):
@@ -119,7 +123,8 @@ def sorted_contacts(ids):
 
 
 def cumulate(ids: np.ndarray, values: np.ndarray, samples: int) -> tuple[Sequence, np.ndarray]:
-    """Contact ids that ever acted, sorted, and their cumulative impulse (samples, m); a `Contacts` if there are many."""
+    """Contact ids that ever acted, sorted, and their cumulative impulse (samples, m); a `Contacts`
+    if there are many."""
     if not len(values):
         return (), np.zeros((samples, 0))
     if len(values) > MANY and ids.dtype == np.int32:

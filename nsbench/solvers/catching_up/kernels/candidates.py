@@ -1,6 +1,8 @@
-"""The list of a step: listed constraints and near pairs of hard particles, in the stated order, with their pattern.
+"""The list of a step: listed constraints and near pairs of hard particles, in the stated order,
+with their pattern.
 
-Written in plain loops: numba spends seconds on every slice that is assigned to another and on every sort.
+Written in plain loops: numba spends seconds on every slice that is assigned to another and on every
+sort.
 """
 
 import numpy as np
@@ -13,7 +15,8 @@ from nsbench.dynamics.contacts.kernels.constraint_order import SORTED, order_key
 
 @njit(cache=True, error_model="numpy")
 def _pairs(x, skin, hard, radii):
-    """Near pairs of all hard families, one after the other: family, i, j, first coordinates, distance, dim."""
+    """Near pairs of all hard families, one after the other: family, i, j, first coordinates,
+    distance, dim."""
     room = 64
     m = 0
     at = 0
@@ -53,10 +56,12 @@ def _pairs(x, skin, hard, radii):
 
 @njit(cache=True, error_model="numpy")
 def gather(x, skin, static, hard, radii):
-    """Candidates at x, sorted: arrays of kernels.project with family, i, j, and their keys (ascending).
+    """Candidates at x, sorted: arrays of kernels.project with family, i, j, and their keys
+    (ascending).
 
-    static: the listed constraints, by family; hard (families, 4): family, start, particles, dim, by family; radii of
-    all hard families one after the other. Every pair with a gap of at most `skin` is a candidate.
+    static: the listed constraints, by family; hard (families, 4): family, start, particles, dim, by
+    family; radii of all hard families one after the other. Every pair with a gap of at most `skin`
+    is a candidate.
     """
     ints, far, m = _pairs(x, skin, hard, radii)
     skind, sfamily, si, sj, sp, sq, sd, ssign, sdim = static

@@ -1,9 +1,11 @@
-"""The time loop of the catching-up scheme: linearise the gaps, solve the least-distance problem, go on.
+"""The time loop of the catching-up scheme: linearise the gaps, solve the least-distance problem, go
+on.
 
-Hard particles come from near lists under a certificate. A list holds every pair whose gap was at most `skin` when it
-was built. Gaps of discs are convex, so a linearised gap falls by no more than the two particles move; if each has moved
-by at most skin / 2 since then, the step just solved included, no pair left out can be violated by it, and the step
-is the one over all pairs. Otherwise the list is built anew, longer if one step alone is the reason, and the step done again.
+Hard particles come from near lists under a certificate. A list holds every pair whose gap was at
+most `skin` when it was built. Gaps of discs are convex, so a linearised gap falls by no more than
+the two particles move; if each has moved by at most skin / 2 since then, the step just solved
+included, no pair left out can be violated by it, and the step is the one over all pairs. Otherwise
+the list is built anew, longer if one step alone is the reason, and the step done again.
 """
 
 import numpy as np
@@ -23,7 +25,8 @@ SKIN_OVER_STEP = 8.0  # a list should outlive its own step
 
 @njit(cache=True, error_model="numpy")
 def linearise(lists, rows, b, anchors, x, ptr, vals, g):
-    """Fill g (m,) and the entries of the gradients at x. A distance of zero has the first axis for a direction."""
+    """Fill g (m,) and the entries of the gradients at x. A distance of zero has the first axis for
+    a direction."""
     kind, _, _, _, p, q, d, sign, dim = lists
     rptr = rows[0]
     rcols = rows[1]
@@ -111,12 +114,13 @@ def project(exact, many, lists, P, book, store, rows, b, anchors, x, z, guess, c
 def march(
     f, b_of, a_of, exact, many, moving, t, substeps, x, static, rows, b, anchors, hard, radii, reach
 ):
-    """Samples of one run. Arguments as kernels.pbd_near.march (static: arrays of the listed constraints, by family).
+    """Samples of one run. Arguments as kernels.pbd_near.march (static: arrays of the listed
+    constraints, by family).
 
     exact, many: the functions of kernels.least.
 
-    Returns X (K, n), reaction (K, n), ids, values (records of impulse), counters, the worst KKT residual with the time
-    of its step, status, time reached.
+    Returns X (K, n), reaction (K, n), ids, values (records of impulse), counters, the worst KKT
+    residual with the time of its step, status, time reached.
     """
     K = t.size
     n = x.size

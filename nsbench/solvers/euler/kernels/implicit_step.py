@@ -1,6 +1,8 @@
-"""One implicit Euler step in a given mode: Newton's method for the state and the signs of the surfaces it slides on.
+"""One implicit Euler step in a given mode: Newton's method for the state and the signs of the
+surfaces it slides on.
 
-Fields and switch functions are pointers (t, x, s, out) and (t, x, out). `mode` holds +1, -1 or 0 per surface:
+Fields and switch functions are pointers (t, x, s, out) and (t, x, out). `mode` holds +1, -1 or 0
+per surface:
 on the positive side, on the negative side, on the surface itself.
 """
 
@@ -13,23 +15,27 @@ from nsbench.linalg.dense import OK, gauss, health, largest
 NEWTON = 30  # iterations; a fresh Jacobian needs about 5, a kept one three times that
 ROUNDING = 64 * 2.0**-52  # what a few operations may lose, relative to the numbers in them
 
-# only called by other kernels: without the wrappers for Python they compile faster, and crash if Python calls them
+# only called by other kernels: without the wrappers for Python they compile faster, and crash if
+# Python calls them
 inner = njit(cache=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)
 
 
 @inner
 def copy(source, target):
-    """target <- source; a loop, as the checks of an assignment of arrays take numba seconds to compile."""
+    """target <- source; a loop, as the checks of an assignment of arrays take numba seconds to
+    compile."""
     for i in range(target.size):
         target[i] = source[i]
 
 
 @inner
 def extended(field, blend, t, x, s, e, v, out):
-    """F(t, x, s) in `out`, continued multilinearly to |s_i| > 1 through the values at s_i = -1 and 1; calls made.
+    """F(t, x, s) in `out`, continued multilinearly to |s_i| > 1 through the values at s_i = -1 and
+    1; calls made.
 
-    Iterates of Newton's method leave the box, where a field need not mean anything. Nor need it between the modes: with
-    `blend` it is multilinear there too, as Filippov's is. e (d,), v (n,): work.
+    Iterates of Newton's method leave the box, where a field need not mean anything. Nor need it
+    between the modes: with `blend` it is multilinear there too, as Filippov's is. e (d,), v (n,):
+    work.
     """
     k = 0
     for i in range(s.size):
@@ -71,17 +77,20 @@ def residual(field, switch, blend, t, h, x, y, s, slide, e, v, c, r):
 
 @inner
 def difference(unit, size):
-    """Step of a one-sided difference in a coordinate of this size, for functions that bend over the length `unit` or more.
+    """Step of a one-sided difference in a coordinate of this size, for functions that bend over the
+    length `unit` or more.
 
-    Rounding is eps size / step of a derivative, curvature step / unit: both are at most sqrt(eps size / unit) where their
-    product is least. Beyond 1e8 units the first decides: four digits of a derivative are enough for Newton's method.
+    Rounding is eps size / step of a derivative, curvature step / unit: both are at most sqrt(eps
+    size / unit) where their product is least. Beyond 1e8 units the first decides: four digits of a
+    derivative are enough for Newton's method.
     """
     return max(1.5e-8 * np.sqrt(unit * max(unit, size)), 1e-12 * size)
 
 
 @inner
 def jacobian(field, switch, blend, unit, t, h, x, y, s, slide, e, v, c, r, q, J):
-    """Derivative of the residual r: one-sided differences in y; in s_i exact, as F is affine in each weight."""
+    """Derivative of the residual r: one-sided differences in y; in s_i exact, as F is affine in
+    each weight."""
     n = x.size
     calls = 0
     for j in range(n):
@@ -111,8 +120,8 @@ def jacobian(field, switch, blend, unit, t, h, x, y, s, slide, e, v, c, r, q, J)
 def newton(field, switch, blend, unit, t, h, x, mode, y, s, jump):
     """Solve one implicit step for a given mode, from (y, s), which are overwritten.
 
-    jump (d,): displacement per unit of s_i, the size of a step's freedom on surface i. Returns converged, calls,
-    iterations. The Jacobian is kept while an iteration gains a factor of 20.
+    jump (d,): displacement per unit of s_i, the size of a step's freedom on surface i. Returns
+    converged, calls, iterations. The Jacobian is kept while an iteration gains a factor of 20.
     """
     n = x.size
     d = s.size
@@ -159,7 +168,8 @@ def newton(field, switch, blend, unit, t, h, x, mode, y, s, jump):
             s[slide[j]] -= q[n + j]
             q[n + j] *= jump[slide[j]]
         move = largest(q)
-        # far from the origin no more than rounding is allowed: a step may be much shorter than 1e-12 of the coordinates
+        # far from the origin no more than rounding is allowed: a step may be much shorter than
+        # 1e-12 of the coordinates
         if move <= 1e-12 * (unit + min(unit, largest(y))) + ROUNDING * largest(y):
             return True, calls, it + 1
         last = (

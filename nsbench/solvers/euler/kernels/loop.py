@@ -1,6 +1,8 @@
-"""Explicit and implicit Euler on a field with signs, x' = F(t, x, s), s_i in Sgn(c_i(t, x)): the time loops.
+"""Explicit and implicit Euler on a field with signs, x' = F(t, x, s), s_i in Sgn(c_i(t, x)): the
+time loops.
 
-Fields and switch functions are pointers (t, x, s, out) and (t, x, out). `mode` holds +1, -1 or 0 per surface:
+Fields and switch functions are pointers (t, x, s, out) and (t, x, out). `mode` holds +1, -1 or 0
+per surface:
 on the positive side, on the negative side, on the surface itself.
 """
 
@@ -25,7 +27,8 @@ TRIALS = (
 
 @inner
 def wrong(switch, t, y, mode, c, s, jump, new, e, noise):
-    """Whether the solved step contradicts its mode; `new` gets the mode with every contradiction turned over.
+    """Whether the solved step contradicts its mode; `new` gets the mode with every contradiction
+    turned over.
 
     e, noise (d,): work.
     """
@@ -57,11 +60,14 @@ def wrong(switch, t, y, mode, c, s, jump, new, e, noise):
 
 @inner
 def implicit_step(field, switch, blend, unit, t, h, x, mode, y, s, last):
-    """x+ = x + h F(t, x+, s), s_i in Sgn(c_i(t, x+)): from the last mode by block pivots, else by trying all 3^d.
+    """x+ = x + h F(t, x+, s), s_i in Sgn(c_i(t, x+)): from the last mode by block pivots, else by
+    trying all 3^d.
 
-    A solution exists for small h (Kakutani: s -> Sgn(c(y(s))) on the box); where fields are not affine in the signs
-    Newton's method may need another start to find it, and all modes are tried from the 2^d points s_i = +-1/2 too.
-    y, s, mode are overwritten by the solution; last: how far the step before went. Returns found, calls, iterations.
+    A solution exists for small h (Kakutani: s -> Sgn(c(y(s))) on the box); where fields are not
+    affine in the signs Newton's method may need another start to find it, and all modes are tried
+    from the 2^d points s_i = +-1/2 too.
+    y, s, mode are overwritten by the solution; last: how far the step before went. Returns found,
+    calls, iterations.
     """
     d = s.size
     calls = 0
@@ -119,9 +125,11 @@ def distance(x, y):
 
 @inner
 def nearest(field, switch, blend, unit, t, h, x, mode, y, s, start, c, jump, new, e, noise):
-    """Of the solutions of a step in all 3^d modes the one nearest to x: (mode, y, s), one of them, become that one.
+    """Of the solutions of a step in all 3^d modes the one nearest to x: (mode, y, s), one of them,
+    become that one.
 
-    Where fields are stiff beyond a surface a step has solutions there, however far it is, until h is below distance / speed.
+    Where fields are stiff beyond a surface a step has solutions there, however far it is, until h
+    is below distance / speed.
     Returns calls, iterations.
     """
     d = s.size
@@ -156,7 +164,8 @@ def nearest(field, switch, blend, unit, t, h, x, mode, y, s, start, c, jump, new
 
 @inner
 def look(rows, j, steps, t, x, w):
-    """Keeps time, state and integrals where step j of so many ends a part of its interval, but for the last."""
+    """Keeps time, state and integrals where step j of so many ends a part of its interval, but for
+    the last."""
     part = (j + 1) * rows.shape[0] // steps
     if j * rows.shape[0] // steps < part < rows.shape[0]:
         rows[part, 0] = t
@@ -168,8 +177,9 @@ def look(rows, j, steps, t, x, w):
 
 @njit(cache=True)
 def march_implicit(field, switch, blend, unit, t, substeps, x, d, parts):
-    """Samples of one run of implicit Euler: X (K, n), integrals of theta (K, d), calls, iterations, status, time, and what lies
-    between: (K - 1, parts, 1 + n + d), time, state and integrals at the end of parts of the intervals; NaN where none ends.
+    """Samples of one run of implicit Euler: X (K, n), integrals of theta (K, d), calls, iterations,
+    status, time, and what lies between: (K - 1, parts, 1 + n + d), time, state and integrals at the
+    end of parts of the intervals; NaN where none ends.
 
     unit: size of the state that tolerances are relative to.
     """
@@ -221,7 +231,8 @@ def march_implicit(field, switch, blend, unit, t, substeps, x, d, parts):
 
 @njit(cache=True)
 def march_explicit(field, switch, t, substeps, x, d, parts):
-    """Samples of one run of explicit Euler, with s_i = 1 where c_i >= 0, else -1; returns as march_implicit does."""
+    """Samples of one run of explicit Euler, with s_i = 1 where c_i >= 0, else -1; returns as
+    march_implicit does."""
     K = t.size
     x = x.copy()
     X = np.full((K, x.size), np.nan)

@@ -1,8 +1,10 @@
-"""Which of the closed contacts act from now on: the complementarity problem of velocities, with look-ahead.
+"""Which of the closed contacts act from now on: the complementarity problem of velocities, with
+look-ahead.
 
-A contact with neither multiplier nor opening speed is undecided; so is every contact at the instant of its release,
-and one that touches tangentially. The velocity problem is then solved a little later along the flow, at times that
-grow until every decision is strict. Without that, releases chatter.
+A contact with neither multiplier nor opening speed is undecided; so is every contact at the instant
+of its release, and one that touches tangentially. The velocity problem is then solved a little
+later along the flow, at times that grow until every decision is strict. Without that, releases
+chatter.
 """
 
 from __future__ import annotations
@@ -24,9 +26,11 @@ AGREE = 1e-3  # a multiplier may start this negative relative to the drift if it
 
 @dataclass(frozen=True, eq=False)
 class Choice:
-    """basis: indices of independent contacts to hold; kept: mask of those that stay closed with them.
+    """basis: indices of independent contacts to hold; kept: mask of those that stay closed with
+    them.
 
-    stuck: index of a contact no velocity can satisfy, or -1. flat: its gradient vanishes or is not finite.
+    stuck: index of a contact no velocity can satisfy, or -1. flat: its gradient vanishes or is not
+    finite.
     """
 
     basis: np.ndarray
@@ -69,7 +73,8 @@ class Selector:
         return solution, M, v
 
     def _problem(self, t, x, rows):
-        """Gram matrix and right-hand side h = G f + dg/dt of the velocity problem; the gradients and f."""
+        """Gram matrix and right-hand side h = G f + dg/dt of the velocity problem; the gradients
+        and f."""
         from nsbench.solvers.event_driven.contacts.kernels.constraint_rows import times
 
         C, V, count = self.field.gradients(t, x, rows)
@@ -81,7 +86,8 @@ class Selector:
         )
 
     def choose(self, t: float, x: np.ndarray, rows: Rows, warm, step: float) -> Choice:
-        """rows: the closed contacts; warm: indices to prefer; step: a step of the integrator, the time scale."""
+        """rows: the closed contacts; warm: indices to prefer; step: a step of the integrator, the
+        time scale."""
         m = len(rows)
         none = np.zeros(m, bool)
         self.measure(t, x, rows, step)
@@ -124,7 +130,8 @@ class Selector:
         return Choice(best, kept)
 
     def _holds(self, t, x, part, held) -> bool:
-        """Whether the multipliers of this basis are not negative now, beyond what the look-ahead may miss."""
+        """Whether the multipliers of this basis are not negative now, beyond what the look-ahead
+        may miss."""
         if not held.size:
             return True
         rows = self.field.take(part, held)
@@ -132,7 +139,8 @@ class Selector:
         return bool(np.all(M.hold(h) * rows.norm >= -AGREE * self.size))
 
     def _ahead(self, t, x, part, warm, delta):
-        """Where the flow is after delta, by one Runge-Kutta step with the velocity problem in every stage."""
+        """Where the flow is after delta, by one Runge-Kutta step with the velocity problem in every
+        stage."""
         k = np.zeros_like(x)
         total = np.zeros_like(x)
         for c, weight in ((0.0, 1 / 6), (0.5, 1 / 3), (0.5, 1 / 3), (1.0, 1 / 6)):

@@ -13,11 +13,13 @@ NOTHING = 1e-280  # what jets add to a product of zeros, against underflow, stay
 
 
 def affine_drift(case: Case, box: float):
-    """(ptr, cols, vals, c) of x' = A x + c as CSR, valid while no |x_i| exceeds `box`; None if that is not proven.
+    """(ptr, cols, vals, c) of x' = A x + c as CSR, valid while no |x_i| exceeds `box`; None if that
+    is not proven.
 
-    Jets with any first and no further derivative go through the drift: if nothing comes out in the second and higher
-    orders, along every line and at every time, it is affine in x; if time alone moves and nothing comes out, it is
-    autonomous. Enclosures hold on the whole box, so no bend can hide in it.
+    Jets with any first and no further derivative go through the drift: if nothing comes out in the
+    second and higher orders, along every line and at every time, it is affine in x; if time alone
+    moves and nothing comes out, it is autonomous. Enclosures hold on the whole box, so no bend can
+    hide in it.
     """
     n = case.n
     lo = float(case.t[0])

@@ -1,8 +1,9 @@
-"""The choice of the next basis for the compiled walk, where it is left to the method with look-ahead (see _selection).
+"""The choice of the next basis for the compiled walk, where it is left to the method with
+look-ahead (see _selection).
 
-With a drift f = A x + c at hand, discs that no closed contact and no entry of A joins go their ways without each
-other: the velocity problem, its look-ahead too, falls into parts, and only those in which something closed, opened or
-lost its load are solved. The others keep what they hold.
+With a drift f = A x + c at hand, discs that no closed contact and no entry of A joins go their ways
+without each other: the velocity problem, its look-ahead too, falls into parts, and only those in
+which something closed, opened or lost its load are solved. The others keep what they hold.
 """
 
 from __future__ import annotations
@@ -26,9 +27,11 @@ def parts(drift) -> np.ndarray:
 
 
 def choose(walk, label: np.ndarray, fired: int, entry: int) -> bool:
-    """Choose basis and kept contacts of `walk` and write down what changed; False if the walk cannot go on like this.
+    """Choose basis and kept contacts of `walk` and write down what changed; False if the walk
+    cannot go on like this.
 
-    fired: entry of the list that just closed, or -1; entry: that, or the one whose multiplier vanished.
+    fired: entry of the list that just closed, or -1; entry: that, or the one whose multiplier
+    vanished.
     """
     field = walk.field
     rows = walk.all
@@ -66,7 +69,8 @@ def choose(walk, label: np.ndarray, fired: int, entry: int) -> bool:
 
 
 def _touched(walk, label, active, changed) -> np.ndarray:
-    """(m,) which entries belong to parts, joined by the active contacts and the drift, in which one has changed."""
+    """(m,) which entries belong to parts, joined by the active contacts and the drift, in which one
+    has changed."""
     k = np.flatnonzero(active)
     if len(k) <= FEW:
         return np.ones(len(active), bool)

@@ -1,7 +1,9 @@
-"""The event-driven method on Complementarity systems as machine code, where drift and constraints allow it.
+"""The event-driven method on Complementarity systems as machine code, where drift and constraints
+allow it.
 
-kernels.walk follows arcs and takes the choices that are beyond doubt; the others are taken here, by _selection. Whatever
-does not end well is told by the loop in Python (see _constrained), which starts again from the beginning.
+kernels.walk follows arcs and takes the choices that are beyond doubt; the others are taken here, by
+_selection. Whatever does not end well is told by the loop in Python (see _constrained), which
+starts again from the beginning.
 """
 
 from __future__ import annotations
@@ -30,8 +32,8 @@ LOG = 1024  # events between two looks at whether they accumulate
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """What a run needs that does not change: the drift as CSR and constant, the part it gives each coordinate to (see
-    _contact_choice), the box, hard particles, order and eps."""
+    """What a run needs that does not change: the drift as CSR and constant, the part it gives each
+    coordinate to (see _contact_choice), the box, hard particles, order and eps."""
 
     drift: tuple
     label: np.ndarray
@@ -42,7 +44,8 @@ class Plan:
 
 
 def plan(case: Case, field, x, options, tol: float) -> Plan | None:
-    """None where the loop in Python is meant: other integrators, moving or smooth constraints, drifts that bend."""
+    """None where the loop in Python is meant: other integrators, moving or smooth constraints,
+    drifts that bend."""
     scene = field.scene
     if (
         options.method != "dop853"
@@ -192,7 +195,8 @@ class _Driver:
         return code
 
     def _columns(self):
-        """(m,) column of each entry of the list in the impulses, or -1: kept while the list is the same."""
+        """(m,) column of each entry of the list in the impulses, or -1: kept while the list is the
+        same."""
         walk = self.walk
         if self.listed is not walk.all:
             key = walk.all.near.key

@@ -1,4 +1,5 @@
-"""Drift, gaps, gradients and multipliers of a Complementarity case, for lists of its constraints."""
+"""Drift, gaps, gradients and multipliers of a Complementarity case, for lists of its
+constraints."""
 
 from __future__ import annotations
 
@@ -12,12 +13,14 @@ from nsbench.dynamics.length_scale import unit_of
 from nsbench.problem import Affine, Distance, Smooth
 from nsbench.solvers.event_driven.interval_taylor import SPACE
 
-LISTED = 2000  # so many pairs of hard particles are all listed, without a certificate on the distance travelled
+# so many pairs of hard particles are all listed, without a certificate on the distance travelled
+LISTED = 2000
 
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """A list of constraints made ready for the kernels: its arrays, the smooth ones, the longest row."""
+    """A list of constraints made ready for the kernels: its arrays, the smooth ones, the longest
+    row."""
 
     near: Near
     slot: np.ndarray
@@ -68,7 +71,8 @@ class ContactField:
         self._hard = [c.start + np.arange(m * c.dim).reshape(m, c.dim) for _, c, m in scene.hard]
 
     def compile(self, t: float, x: np.ndarray, arcs: bool = True):
-        """Load or compile every kernel once, on an empty list. arcs: those for arcs followed in Python too."""
+        """Load or compile every kernel once, on an empty list. arcs: those for arcs followed in
+        Python too."""
         from nsbench.lcp.gram_lcp import in_span, solve_lcp
         from nsbench.solvers.event_driven.contacts.kernels.constraint_rows import (
             add_transposed,
@@ -96,7 +100,8 @@ class ContactField:
         return self._drift(t, x)
 
     def data(self, t, x) -> list:
-        """What the case gives as functions of (t, x), for Jets: drift, smooth constraints, moving walls and anchors."""
+        """What the case gives as functions of (t, x), for Jets: drift, smooth constraints, moving
+        walls and anchors."""
         return [q(SPACE)(t, x) for q in self._boxes] + [q(SPACE)(t) for q in self._clocks]
 
     def candidates(self, t: float, x: np.ndarray) -> Rows:
@@ -121,7 +126,8 @@ class ContactField:
         )
 
     def _typical(self, t, x):
-        """Length of the gradient of every smooth constraint at the start: what makes its values large or small."""
+        """Length of the gradient of every smooth constraint at the start: what makes its values
+        large or small."""
         listed = self.scene.all_static()
         smooth = listed.take(listed.kind == SMOOTH)
         norm = np.linalg.norm(self.scene.dense_gradients(t, x, smooth), axis=1)
@@ -194,7 +200,8 @@ class ContactField:
         return held(*self.gradients(t, x, rows), np.ascontiguousarray(f), self.rates(t, x, rows))
 
     def project(self, t: float, x: np.ndarray, rows: Rows) -> np.ndarray | None:
-        """The point with all of `rows` at zero, along their gradients; None if x is it, up to rounding."""
+        """The point with all of `rows` at zero, along their gradients; None if x is it, up to
+        rounding."""
         from nsbench.solvers.event_driven.contacts.kernels.constraint_rows import (
             add_transposed,
             gram,
@@ -215,7 +222,8 @@ class ContactField:
         return None if y is x or not np.all(np.isfinite(y)) else y
 
     def travelled(self, x: np.ndarray, x0: np.ndarray) -> np.ndarray:
-        """One value per hard particle, positive while it is less than reach / 2 from where it was at x0."""
+        """One value per hard particle, positive while it is less than reach / 2 from where it was
+        at x0."""
         if not self.certified:
             return np.empty(0)
         moved = x - x0

@@ -1,7 +1,9 @@
-"""The Gram matrix M = G G^T of a list of closed contacts, dense or by its sparse rows: velocity problems and spans.
+"""The Gram matrix M = G G^T of a list of closed contacts, dense or by its sparse rows: velocity
+problems and spans.
 
-Both solve  0 <= lam _|_ w = h + M lam >= 0  with lam > 0 on independent rows alone: small lists by kernels.lcp, long
-ones by the active set of kernels.qp, whose factors are sparse. What that does not solve to rounding is solved densely.
+Both solve  0 <= lam _|_ w = h + M lam >= 0  with lam > 0 on independent rows alone: small lists by
+kernels.lcp, long ones by the active set of kernels.qp, whose factors are sparse. What that does not
+solve to rounding is solved densely.
 """
 
 from __future__ import annotations
@@ -10,7 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-LONG = 120  # rows: dense factors of as many take longer than sparse ones with their search for an order
+# rows: dense factors of as many take longer than sparse ones with their search for an order
+LONG = 120
 SOLVED = 1e-10  # of the size of speeds: the residual of a solution by sparse factors
 
 
@@ -22,7 +25,8 @@ class Dense:
     norm: np.ndarray
 
     def solve(self, h, warm, tol, dependent, size):
-        """lam, w, support, code, row that cannot be satisfied or -1, iterations (see lcp.solve_lcp)."""
+        """lam, w, support, code, row that cannot be satisfied or -1, iterations (see
+        lcp.solve_lcp)."""
         from nsbench.lcp.gram_lcp import solve_lcp
 
         return solve_lcp(self.M, h, warm, tol, dependent)
@@ -42,7 +46,8 @@ class Dense:
 
 @dataclass(frozen=True, eq=False)
 class Sparse:
-    """rows: columns, values, lengths; P: their pattern for kernels.qp; vals: their entries in its order."""
+    """rows: columns, values, lengths; P: their pattern for kernels.qp; vals: their entries in its
+    order."""
 
     rows: tuple
     n: int
@@ -80,7 +85,8 @@ class Sparse:
 
 
 def gram_of(C, V, count, n, patterns: dict):
-    """The matrix of the rows (C, V, count) in n coordinates. patterns: the last sparse pattern, to be used again."""
+    """The matrix of the rows (C, V, count) in n coordinates. patterns: the last sparse pattern, to
+    be used again."""
     from nsbench.solvers.event_driven.contacts.kernels.constraint_rows import gram
 
     if len(count) <= LONG:

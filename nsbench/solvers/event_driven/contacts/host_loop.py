@@ -1,9 +1,11 @@
-"""The event-driven method on Complementarity systems: smooth arcs with a fixed set of active contacts.
+"""The event-driven method on Complementarity systems: smooth arcs with a fixed set of active
+contacts.
 
-On an arc  x' = f + G_W^T lam,  (G_W G_W^T) lam = -(G_W f + dg_W/dt),  for a basis W of the closed contacts; impulses
-and reaction are further states, and after every step x is put back on g_W = 0 (index reduction drifts). An arc ends
-where a gap closes or a multiplier vanishes; then _selection chooses the next basis. Closed contacts that depend on W
-carry nothing: their gaps are watched for true violation, not for rounding.
+On an arc  x' = f + G_W^T lam,  (G_W G_W^T) lam = -(G_W f + dg_W/dt),  for a basis W of the closed
+contacts; impulses and reaction are further states, and after every step x is put back on g_W = 0
+(index reduction drifts). An arc ends where a gap closes or a multiplier vanishes; then _selection
+chooses the next basis. Closed contacts that depend on W carry nothing: their gaps are watched for
+true violation, not for rounding.
 """
 
 from __future__ import annotations
@@ -21,12 +23,14 @@ from nsbench.solvers.event_driven.smooth.arc import follow
 from nsbench.trajectory import Event, Status, Trajectory
 
 MEMORY = 10  # arcs whose largest step is the time scale of the look-ahead
-CROWD = 100  # events, and twice the contacts held, that may fall together before they count as accumulation
+# events, and twice the contacts held, that may fall together before they count as accumulation
+CROWD = 100
 TOGETHER = 1e-10  # part of the run that counts as one instant
 
 
 def prepare(case: Case, options, tol: float) -> Run:
-    """A Run; options has method, max_step, max_steps and max_events. ValueError for an infeasible start."""
+    """A Run; options has method, max_step, max_steps and max_events. ValueError for an infeasible
+    start."""
     import scipy.integrate  # noqa: F401  (loaded here, not in the timed run)
 
     scene = Scene(case.problem, case.n)
@@ -95,11 +99,13 @@ class _Walk:
         return self._select(first=True)
 
     def _band(self, rows):
-        """(m,) gaps this small count as closed, and closed gaps are watched for this much violation."""
+        """(m,) gaps this small count as closed, and closed gaps are watched for this much
+        violation."""
         return self.tol * (self.field.unit + np.abs(self.x).max()) * rows.norm
 
     def _select(self, first=False, fired=None) -> Status:
-        """List the candidates here, choose the basis, write down what changed. fired: the contact that just closed."""
+        """List the candidates here, choose the basis, write down what changed. fired: the contact
+        that just closed."""
         before = (
             {}
             if first

@@ -1,8 +1,10 @@
-"""The compiled walk of a Filippov system, and what is handed over between it and solvers._switching.
+"""The compiled walk of a Filippov system, and what is handed over between it and
+solvers._switching.
 
-Taylor series of all operations of the case (solvers._tape, kernels.filippov) replace the Runge-Kutta steps of the host; the
-functions of the case are proven to hide nothing on every step. Wherever a choice is not plain, or a step not proven, the
-host goes on from the state the kernel stopped in, and the kernel takes over again after the next event.
+Taylor series of all operations of the case (solvers._tape, kernels.filippov) replace the
+Runge-Kutta steps of the host; the functions of the case are proven to hide nothing on every step.
+Wherever a choice is not plain, or a step not proven, the host goes on from the state the kernel
+stopped in, and the kernel takes over again after the next event.
 """
 
 from __future__ import annotations
@@ -45,7 +47,8 @@ class Compiled:
         self.floats = np.zeros(2)
 
     def go(self, walk) -> Status:
-        """Follow `walk` from its start to the end or a failure, with the host's help where a choice is not plain."""
+        """Follow `walk` from its start to the end or a failure, with the host's help where a choice
+        is not plain."""
         code, fired, going = self._walk(walk, 0)
         if code == END:  # most runs: nothing of the host is set up for them
             return OK
@@ -57,7 +60,8 @@ class Compiled:
         return status
 
     def _walk(self, walk, begun: int) -> tuple[int, int, int]:
-        """Walk on, compiled, and write down where to: code, the function that fired, and whether the arc goes on."""
+        """Walk on, compiled, and write down where to: code, the function that fired, and whether
+        the arc goes on."""
         tape = self.tape
         kernel = self.kernel
         ring = self.ring

@@ -1,9 +1,12 @@
-"""The event-driven method on Filippov systems: smooth arcs in one mode, joined where the mode changes.
+"""The event-driven method on Filippov systems: smooth arcs in one mode, joined where the mode
+changes.
 
-At a meeting with surfaces every mode of the surfaces met is a candidate: beside a surface if the motion leads away
-from it, on it if the weights that hold it there lie in [0, 1]. Where the first derivative vanishes (tangential exits)
-a short trial motion decides. No candidate, or several with different motions, is an answer: the run says so and stops.
-Where both sides of a surface have the same field nothing happens on it; a motion that stays on it is let go on.
+At a meeting with surfaces every mode of the surfaces met is a candidate: beside a surface if the
+motion leads away from it, on it if the weights that hold it there lie in [0, 1]. Where the first
+derivative vanishes (tangential exits) a short trial motion decides. No candidate, or several with
+different motions, is an answer: the run says so and stops.
+Where both sides of a surface have the same field nothing happens on it; a motion that stays on it
+is let go on.
 """
 
 from __future__ import annotations
@@ -34,7 +37,8 @@ IDLE = 1000  # events in a row that leave the mode as it is before the run is ca
 def prepare(case: Case, options, tol: float) -> Run:
     """A Run of a Filippov case; options are EventDriven's, tol is the tolerance of the arcs.
 
-    Its trajectory has the integrals of theta and the events enter, exit and cross with contact (0, i).
+    Its trajectory has the integrals of theta and the events enter, exit and cross with contact (0,
+    i).
     """
     motion = Motion(case.problem, float(case.t[0]), case.x0)
     series = options.method == "dop853" and options.compiled
@@ -130,7 +134,8 @@ class _Walk:
         return status
 
     def _band(self, t, x, times=1e3):
-        """(d,) what rounding and the location of events leave of c_i on its surface: 1000 eps of its terms."""
+        """(d,) what rounding and the location of events leave of c_i on its surface: 1000 eps of
+        its terms."""
         G = self.motion.gradients(t, x, np.arange(self.d))
         pace = np.abs(
             self.motion.along(t, x, 1.0, np.zeros(self.n))
@@ -138,7 +143,8 @@ class _Walk:
         return times * EPS * (np.abs(G) @ (1.0 + np.abs(x)) + pace * (1.0 + abs(t)))
 
     def _arc(self, armed=None) -> Status:
-        """Follow the mode to its next event or the end, then choose the next mode. armed: of an arc that goes on."""
+        """Follow the mode to its next event or the end, then choose the next mode. armed: of an arc
+        that goes on."""
         motion = self.motion
         mode = self.mode
         guess = self.signs.copy()
@@ -158,7 +164,8 @@ class _Walk:
             g = mode * c
             more = []
             if on.size:
-                # weights that are lost count as beyond their bounds: they are, or the arc ends there in a fold
+                # weights that are lost count as beyond their bounds: they are, or the arc ends
+                # there in a fold
                 g[on], below = np.nan_to_num(
                     motion.room(t, y[:n], mode, guess), nan=-1.0, posinf=1e3, neginf=-1e3
                 )
@@ -284,8 +291,9 @@ class _Walk:
     def _record(self, i, old, new):
         """Add the event of surface i at self.t, from one mode to another; a touch is none.
 
-        The motion touches a surface where it would have entered and left to the side it came from with all but no
-        other weight in between: below the tolerance of the arcs nothing tells the two apart.
+        The motion touches a surface where it would have entered and left to the side it came from
+        with all but no other weight in between: below the tolerance of the arcs nothing tells the
+        two apart.
         """
         if FREE in (old, new):
             self.events += (
@@ -367,7 +375,8 @@ class _Walk:
         return self.motion.project(self.t, self.x, on) if on.size else self.x
 
     def _holds(self, mode, s, met, size):
-        """Trial states if the mode with signs s is a motion from here, else None; size (d,): largest |c_i'| beside it."""
+        """Trial states if the mode with signs s is a motion from here, else None; size (d,):
+        largest |c_i'| beside it."""
         t = self.t
         x = self._onto(mode)
         motion = self.motion
@@ -411,7 +420,8 @@ class _Walk:
         return None if np.any(signs < 0.0) else np.array(ahead)
 
     def _trial(self, mode, t, x, s, h):
-        """(time, state, signs) after one classical Runge-Kutta step of length h from (t, x, s) in the mode."""
+        """(time, state, signs) after one classical Runge-Kutta step of length h from (t, x, s) in
+        the mode."""
         v = self.motion.velocity
         k1 = v(t, x, mode, s)[0]
         k2 = v(t + h / 2, x + h / 2 * k1, mode, s)[0]
@@ -424,8 +434,8 @@ class _Walk:
 def accumulation(times, span):
     """The time at which the events at `times` accumulate once it is all but reached, else None.
 
-    Intervals that shrink like a geometric series end at a known time; the run stops when what is left of the series
-    is below 1e-10 of its span, or when the clock itself stands still.
+    Intervals that shrink like a geometric series end at a known time; the run stops when what is
+    left of the series is below 1e-10 of its span, or when the clock itself stands still.
     """
     if len(times) <= 2 * WINDOW:
         return None

@@ -1,8 +1,10 @@
-"""The tapes of a Filippov system: programs of its modes, traced once, and the compiled walk on them.
+"""The tapes of a Filippov system: programs of its modes, traced once, and the compiled walk on
+them.
 
-A mode beside all surfaces has the field of its signs. A mode that slides on surface i has the two fields beside it, and from
-them, by operations of the tape too, Filippov's signs s = (c' + c'-) / (c'- - c'+) and the velocity. Modes that slide on several
-surfaces have no program: there, and wherever a case cannot be traced, solvers._switching goes on in numpy.
+A mode beside all surfaces has the field of its signs. A mode that slides on surface i has the two
+fields beside it, and from them, by operations of the tape too, Filippov's signs s = (c' + c'-) /
+(c'- - c'+) and the velocity. Modes that slide on several surfaces have no program: there, and
+wherever a case cannot be traced, solvers._switching goes on in numpy.
 """
 
 from __future__ import annotations
@@ -69,7 +71,8 @@ def order(tol: float) -> int:
 
 
 def tape(problem, d: int, t0: float, x0: np.ndarray) -> Tape | None:
-    """The tape of a Filippov problem with d surfaces; None if it cannot be traced or is not what the case computes."""
+    """The tape of a Filippov problem with d surfaces; None if it cannot be traced or is not what
+    the case computes."""
     if d > MOST:
         return None
     n = x0.size
@@ -114,7 +117,8 @@ def _beside(graph, fields, c, q):
 
 
 def _sliding(graph, fields, c, slopes, q, n, d):
-    """Outputs of a mode that slides on the surface i with q_i = 0 (Filippov 1988, section 4); None: no sign does anything."""
+    """Outputs of a mode that slides on the surface i with q_i = 0 (Filippov 1988, section 4); None:
+    no sign does anything."""
     i = q.index(0)
     plus, minus = (fields[(*q[:i], v, *q[i + 1 :])] for v in (1, -1))
     rates = []
@@ -140,7 +144,8 @@ def _sliding(graph, fields, c, slopes, q, n, d):
 
 
 def _agrees(made, problem, modes, t0, x0) -> bool:
-    """Whether the programs beside the surfaces give what the case's own functions give, near the start."""
+    """Whether the programs beside the surfaces give what the case's own functions give, near the
+    start."""
     from nsbench.solvers.event_driven.filippov.kernels.mode_choice import at
 
     field = host(problem.field)

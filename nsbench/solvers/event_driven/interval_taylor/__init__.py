@@ -1,11 +1,14 @@
-"""Numbers that know their Taylor series: proven bounds on a function of time over pieces of an interval.
+"""Numbers that know their Taylor series: proven bounds on a function of time over pieces of an
+interval.
 
-A `Jet` stands for K functions at once (the pieces), for each the coefficients  q^(j)(s) r^j / j!,  j = 0 .. ORDER,
-enclosed for every s of its piece (radius r). A factory written over an array namespace takes Jets as it takes arrays:
-`drift(SPACE)(t, x)` encloses f(t, x(t)) and its derivatives along a polynomial x(t), because numpy hands its functions
-to the class. What a kink or a jump leaves undefined is an infinite radius. What a Jet cannot do (branch on a value,
-turn into a float) is a TypeError: then nothing is proven.
-Source: Moore 1966, chapter 11 (interval Taylor series); rounding is enclosed by UNIT of kernels.jets.
+A `Jet` stands for K functions at once (the pieces), for each the coefficients  q^(j)(s) r^j / j!,
+j = 0 .. ORDER, enclosed for every s of its piece (radius r). A factory written over an array
+namespace takes Jets as it takes arrays:
+`drift(SPACE)(t, x)` encloses f(t, x(t)) and its derivatives along a polynomial x(t), because numpy
+hands its functions to the class. What a kink or a jump leaves undefined is an infinite radius. What
+a Jet cannot do (branch on a value, turn into a float) is a TypeError: then nothing is proven.
+Source: Moore 1966, chapter 11 (interval Taylor series); rounding is enclosed by UNIT of
+kernels.jets.
 """
 
 from __future__ import annotations
@@ -255,7 +258,8 @@ def clock(centre: np.ndarray, radius: np.ndarray) -> Jet:
 
 
 def path(c: np.ndarray) -> Jet:
-    """Polynomials over pieces: c (n, K, ORDER) coefficients in s, |s| <= 1, of the piece. Shape (n,).
+    """Polynomials over pieces: c (n, K, ORDER) coefficients in s, |s| <= 1, of the piece. Shape
+    (n,).
 
     The Taylor coefficient j at s is  sum_k binomial(k, j) c_k s^(k-j).
     """

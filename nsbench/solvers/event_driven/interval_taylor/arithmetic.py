@@ -1,4 +1,5 @@
-"""Arithmetic, elementary functions and sums of Jets: what each does to Taylor coefficients with radii."""
+"""Arithmetic, elementary functions and sums of Jets: what each does to Taylor coefficients with
+radii."""
 
 from __future__ import annotations
 

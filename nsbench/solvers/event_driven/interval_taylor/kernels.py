@@ -1,7 +1,9 @@
-"""Taylor coefficients with error radii: the arithmetic behind nsbench.solvers.event_driven.interval_taylor, on arrays (M, ORDER + 1).
+"""Taylor coefficients with error radii: the arithmetic behind
+nsbench.solvers.event_driven.interval_taylor, on arrays (M, ORDER + 1).
 
-Row e holds enclosures  mid[e, j] +- rad[e, j]  of the coefficients  q^(j)(s) / j!  of one function for all s of a
-piece. Every product is enclosed exactly as sets of numbers (Moore 1966; Jorba & Zou 2005 for the recurrences);
+Row e holds enclosures  mid[e, j] +- rad[e, j]  of the coefficients  q^(j)(s) / j!  of one function
+for all s of a piece. Every product is enclosed exactly as sets of numbers (Moore 1966; Jorba & Zou
+2005 for the recurrences);
 rounding is added as UNIT per term, ten times what one operation loses.
 """
 
@@ -92,7 +94,8 @@ def exponential(am, ar, m0, r0, cm, cr):
 
 @njit(cache=True, error_model="numpy")
 def integrate(dm, dr, am, ar, m0, r0, cm, cr):
-    """c with c' = d a' from an enclosure of c_0: log (d = 1/a), arctan (d = 1/(1 + a^2)), tanh and the like."""
+    """c with c' = d a' from an enclosure of c_0: log (d = 1/a), arctan (d = 1/(1 + a^2)), tanh and
+    the like."""
     for e in range(am.shape[0]):
         cm[e, 0] = m0[e]
         cr[e, 0] = r0[e]

@@ -1,4 +1,5 @@
-"""Functions of Jets with kinks and jumps: smooth where a side is proven, a hull without derivatives elsewhere."""
+"""Functions of Jets with kinks and jumps: smooth where a side is proven, a hull without derivatives
+elsewhere."""
 
 from __future__ import annotations
 
@@ -9,7 +10,8 @@ from nsbench.solvers.event_driven.interval_taylor.arithmetic import _pair, subtr
 
 
 def _either(a, b, first, second):
-    """a where `first` is proven, b where `second` is, else their hull, without derivatives. Masks (*shape, K)."""
+    """a where `first` is proven, b where `second` is, else their hull, without derivatives. Masks
+    (*shape, K)."""
     am, bm, ar, br = _pair(a, b)
     first, second = np.broadcast_arrays(first, second)
     m = np.where(first[..., None], am, bm)
@@ -27,7 +29,8 @@ def _either(a, b, first, second):
 
 
 class Maybe:
-    """The truth of a comparison on every piece: yes, no, or neither is proven. Masks (*shape, K)."""
+    """The truth of a comparison on every piece: yes, no, or neither is proven. Masks (*shape,
+    K)."""
 
     __slots__ = ("no", "yes")
     __array_ufunc__ = None

@@ -1,9 +1,11 @@
-"""Arcs of linear flows x' = G x + g(t) to rounding, with every sign change of linear functions on the way.
+"""Arcs of linear flows x' = G x + g(t) to rounding, with every sign change of linear functions on
+the way.
 
-Collocation at the 12 Radau points (Radau IIA of order 23, L-stable: Hairer & Wanner II, IV.5): one linear system per
-step, whose matrix is kept for each step length. The polynomial of a step is its dense output; a step counts if the last
-Chebyshev coefficients of state, inputs and functions are at the tolerance, else it is halved. Then sign changes are
-roots of polynomials that are known to be the functions.
+Collocation at the 12 Radau points (Radau IIA of order 23, L-stable: Hairer & Wanner II, IV.5): one
+linear system per step, whose matrix is kept for each step length. The polynomial of a step is its
+dense output; a step counts if the last Chebyshev coefficients of state, inputs and functions are at
+the tolerance, else it is halved. Then sign changes are roots of polynomials that are known to be
+the functions.
 """
 
 from __future__ import annotations
@@ -32,7 +34,8 @@ def _radau(s):
 
 
 def _inverse(A):
-    """The inverse, its last digits corrected in long double: the rules below are used thousands of times."""
+    """The inverse, its last digits corrected in long double: the rules below are used thousands of
+    times."""
     X = np.linalg.inv(A).astype(np.longdouble)
     for _ in range(2):
         X += X @ (np.eye(len(A)) - A.astype(np.longdouble) @ X)
@@ -40,8 +43,8 @@ def _inverse(A):
 
 
 def _integrals(nodes):
-    """(s, s) integrals from 0 to each node of the Lagrange polynomials of the nodes, for nodes on [-1, 1] and times on
-    [0, 1]."""
+    """(s, s) integrals from 0 to each node of the Lagrange polynomials of the nodes, for nodes on
+    [-1, 1] and times on [0, 1]."""
     cheb = np.polynomial.chebyshev
     A = np.array(
         [cheb.chebval(nodes, cheb.chebint(e, lbnd=-1)) for e in np.eye(len(nodes))]
@@ -61,7 +64,9 @@ BACK = (
     @ _inverse(np.polynomial.chebyshev.chebvander(S[1:], STAGES - 1))
 ).astype(float)
 FASTEST = 7.0  # growths of a state in one step, beyond which a step is not taken
-NOISE = 64.0  # roundings in the last coefficients of a step, or in what is carried back to its first node: 13 values
+# roundings in the last coefficients of a step, or in what is carried back to its first node: 13
+# values
+NOISE = 64.0
 
 
 class Flow:
@@ -82,8 +87,9 @@ class Flow:
         )
 
     def step(self, t: float, x: np.ndarray, h: float):
-        """Values at the nodes: x (13, n), inputs (13, order + 1, n + m). Methods other than the default integrate with
-        `_arc.follow` from node to node: slower, and a check of the collocation."""
+        """Values at the nodes: x (13, n), inputs (13, order + 1, n + m). Methods other than the
+        default integrate with `_arc.follow` from node to node: slower, and a check of the
+        collocation."""
         return (self.collocate if self._method == "dop853" else self._followed)(t, x, h)
 
     def collocate(self, t, x, h):
@@ -109,11 +115,13 @@ class Flow:
         return np.vstack([x, x + d.reshape(STAGES, n)]), s
 
     def missed(self, t, s, h, seen):
-        """What collocation does not see of the inputs: (n,) of the state, (m,) of the functions, as far as it is told.
+        """What collocation does not see of the inputs: (n,) of the state, (m,) of the functions, as
+        far as it is told.
 
-        Jumps right behind the first node of the step: it takes inputs from the other nodes alone, and what these are carried
-        back to is held against those at the first. Pulses between the nodes: seen, times within the step with the inputs
-        there (K,), (K, order + 1, n + m). What a stiff mode forgets within a step is none of it.
+        Jumps right behind the first node of the step: it takes inputs from the other nodes alone,
+        and what these are carried back to is held against those at the first. Pulses between the
+        nodes: seen, times within the step with the inputs there (K,), (K, order + 1, n + m). What a
+        stiff mode forgets within a step is none of it.
         """
         roundings = NOISE * EPS
         damped = self._damped
@@ -140,7 +148,8 @@ class Flow:
         )
 
     def _damped(self, h, speed):
-        """(n,) what becomes of so much more speed for a time h: implicit Euler's change, and the growth of what grows."""
+        """(n,) what becomes of so much more speed for a time h: implicit Euler's change, and the
+        growth of what grows."""
         if not speed.any():
             return np.zeros(len(speed))
         short = h / (
@@ -187,11 +196,13 @@ class Flow:
         return X @ self.mode.signs.T + np.einsum("ikl,akl->ai", self.mode.signs_s, s)
 
     def at(self, t, x, scale):
-        """(m,) the functions at one time, and the sizes of their terms; scale: sizes of the states (n,), inputs (n + m,)."""
+        """(m,) the functions at one time, and the sizes of their terms; scale: sizes of the states
+        (n,), inputs (n + m,)."""
         return self._linear(self.mode.signs, self.mode.signs_s, t, x, scale)
 
     def off(self, t, x, scale):
-        """(c,) how far the state is from the constraints of the mode, and the sizes of their terms."""
+        """(c,) how far the state is from the constraints of the mode, and the sizes of their
+        terms."""
         return self._linear(self.mode.held, self.mode.held_s, t, x, scale)
 
     def _linear(self, row, row_s, t, x, scale):
@@ -210,7 +221,8 @@ class Flow:
 
 
 def resolved(values: np.ndarray, limit: np.ndarray) -> tuple[bool, bool]:
-    """(is the polynomial through values (13, k) the function up to limit (k,), would half the points do?)"""
+    """(is the polynomial through values (13, k) the function up to limit (k,), would half the
+    points do?)"""
     c = np.abs(TO_CHEB @ values)
     tail = c[-2:].max(axis=0, initial=0.0)
     half = c[STAGES // 2 :].max(axis=0, initial=0.0)
@@ -223,9 +235,11 @@ def value(nodes: np.ndarray, s: float) -> np.ndarray:
 
 
 def crossing(f: np.ndarray, level: np.ndarray):
-    """(s, index) of the first downward crossing of one of the polynomials f (13, k) through its level, or None.
+    """(s, index) of the first downward crossing of one of the polynomials f (13, k) through its
+    level, or None.
 
-    A level below zero only keeps rounding from being a crossing: what falls through it has crossed at its zero before.
+    A level below zero only keeps rounding from being a crossing: what falls through it has crossed
+    at its zero before.
     """
     zero = TO_CHEB @ f
     c = zero - np.eye(STAGES + 1, 1) * level

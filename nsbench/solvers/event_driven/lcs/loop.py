@@ -1,9 +1,12 @@
-"""The event-driven method on linear complementarity systems: linear arcs with a fixed set of conducting rows.
+"""The event-driven method on linear complementarity systems: linear arcs with a fixed set of
+conducting rows.
 
-On an arc w = 0 on a set I and lam = 0 elsewhere (see _modes); it ends where w outside or lam inside falls through zero.
-At an event every set is a candidate whose constraints the state satisfies; a lam or w that vanishes there is
-decided by short trial motions: the first sign shown counts, which is the lexicographic order of the derivatives. No
-candidate, or several with different motions, is an answer: the run says so and stops.
+On an arc w = 0 on a set I and lam = 0 elsewhere (see _modes); it ends where w outside or lam inside
+falls through zero.
+At an event every set is a candidate whose constraints the state satisfies; a lam or w that vanishes
+there is decided by short trial motions: the first sign shown counts, which is the lexicographic
+order of the derivatives. No candidate, or several with different motions, is an answer: the run
+says so and stops.
 """
 
 from __future__ import annotations
@@ -42,7 +45,8 @@ IDLE = 1000  # events in a row that leave the set as it is
 
 
 def prepare(case: Case, options, tol: float) -> Run:
-    """A Run of an LCS; options are EventDriven's. Events: contact (lam_i begins to act) and release, contact (0, i)."""
+    """A Run of an LCS; options are EventDriven's. Events: contact (lam_i begins to act) and
+    release, contact (0, i)."""
     import scipy.linalg  # noqa: F401  (loaded here, not in the timed run)
 
     return lambda: _Walk(case, options, tol).run()
@@ -125,7 +129,8 @@ class _Walk:
         return self.flows[rows]
 
     def _sizes(self):
-        """Sizes of the states (n,), above zero, from the start and from what the inputs ask for; of the inputs (n + m,)."""
+        """Sizes of the states (n,), above zero, from the start and from what the inputs ask for; of
+        the inputs (n + m,)."""
         s = np.abs([self.inputs(t, 0)[0] for t in self.case.t])
         top = np.where(np.isfinite(s), s, 0.0).max(axis=0)
         asked = np.where(
@@ -191,7 +196,8 @@ class _Walk:
         return Status()
 
     def _seen(self, flow, s, h, most, more) -> bool:
-        """Whether the polynomials of a step are the inputs behind its first node, and at the samples that lie in it."""
+        """Whether the polynomials of a step are the inputs behind its first node, and at the
+        samples that lie in it."""
         inside = slice(*np.searchsorted(self.case.t, (self.t, self.t + h), side="right"))
         order = flow.mode.order
         if order not in self.sampled:
@@ -207,7 +213,8 @@ class _Walk:
         )
 
     def _advance(self, flow, X, F, h, armed, size):
-        """Record samples up to the first event on the step, or to its end; (status, did something fire)."""
+        """Record samples up to the first event on the step, or to its end; (status, did something
+        fire)."""
         level = np.where(armed, 0.0, -BAND * size)
         found = crossing(F, level)
         reach = 1.0 if found is None else found[0]
@@ -294,7 +301,8 @@ class _Walk:
         return Status()
 
     def _candidates(self):
-        """Sets of rows to look at: all of them, or what implicit steps of decreasing length choose, and their like."""
+        """Sets of rows to look at: all of them, or what implicit steps of decreasing length choose,
+        and their like."""
         if self.m <= ALL:
             return [tuple(i for i in range(self.m) if (code >> i) & 1) for code in range(2**self.m)]
         from nsbench.lcp import lemke
@@ -327,7 +335,8 @@ class _Walk:
         return bool(np.all(f >= -band * size))  # False where not finite
 
     def _undecided(self, flow, band, times) -> int | None:
-        """How many of lam and w vanish on the trial motions too; None if one turns negative first."""
+        """How many of lam and w vanish on the trial motions too; None if one turns negative
+        first."""
         x = flow.project(self.t, self.x, self.scale)
         f, size = flow.at(self.t, x, (self.scale, self.top))
         signs = np.where(f > band * size, 1, 0)
@@ -345,7 +354,8 @@ class _Walk:
         return int(np.count_nonzero(signs == 0))
 
     def _after(self, flow, x, h):
-        """lam and w after the time h in this set, which of them are beyond rounding, and the state."""
+        """lam and w after the time h in this set, which of them are beyond rounding, and the
+        state."""
         X, _ = flow.collocate(self.t, x, h)
         f, size = flow.at(self.t + h, X[-1], (np.maximum(self.scale, np.abs(X[-1])), self.top))
         return f, np.abs(f) > BAND * size, X[-1]

@@ -1,8 +1,10 @@
-"""Modes of a linear complementarity system: on a set I of rows w_I = 0, elsewhere lam = 0, and the flow is linear.
+"""Modes of a linear complementarity system: on a set I of rows w_I = 0, elsewhere lam = 0, and the
+flow is linear.
 
-w_I = 0 is D_II lam + C_I x + q_I = 0. Combinations of its rows without lam constrain the state alone; they are
-differentiated, Z (C_I (A x + B_I lam + u) + q_I') = 0, until the matrix before lam is regular (index reduction; Kunkel &
-Mehrmann 2006, chapter 3). Then lam_I = F x + phi(t) and x' = (A + B_I F) x + B_I phi + u.
+w_I = 0 is D_II lam + C_I x + q_I = 0. Combinations of its rows without lam constrain the state
+alone; they are differentiated, Z (C_I (A x + B_I lam + u) + q_I') = 0, until the matrix before lam
+is regular (index reduction; Kunkel & Mehrmann 2006, chapter 3). Then lam_I = F x + phi(t) and x' =
+(A + B_I F) x + B_I phi + u.
 """
 
 from __future__ import annotations
@@ -56,10 +58,13 @@ class Inputs:
 
 @dataclass(frozen=True, eq=False)
 class Mode:
-    """rows: I, p of them. lam_I = F x + sum_k Phi[k] s^(k), s = (u, q); x' = G x + sum_k U[k] s^(k).
+    """rows: I, p of them. lam_I = F x + sum_k Phi[k] s^(k), s = (u, q); x' = G x + sum_k U[k]
+    s^(k).
 
-    held (c, n), held_s (c, order + 1, n + m): constraints held x + held_s s = 0 of the state, invariants of the flow.
-    signs (m, n), signs_s: lam on I, w elsewhere; size (m, n): sums of the moduli of their terms, for rounding.
+    held (c, n), held_s (c, order + 1, n + m): constraints held x + held_s s = 0 of the state,
+    invariants of the flow.
+    signs (m, n), signs_s: lam on I, w elsewhere; size (m, n): sums of the moduli of their terms,
+    for rounding.
     """
 
     rows: tuple

@@ -1,12 +1,13 @@
 """Follow a smooth differential equation up to the first of several events.
 
-SciPy's steppers do the steps. Every accepted step is cut into pieces on which the functions of the case are proven to
-be smooth (see _pieces), and events are roots of interpolants on the pieces (see _crossings). Where a proof fails for
-the way a function is written, the equation is tested at more points and steps are bounded. A step that did not see
-what the drift does is refused: on the pieces that needed halving the path must satisfy the equation.
+SciPy's steppers do the steps. Every accepted step is cut into pieces on which the functions of the
+case are proven to be smooth (see _pieces), and events are roots of interpolants on the pieces (see
+_crossings). Where a proof fails for the way a function is written, the equation is tested at more
+points and steps are bounded. A step that did not see what the drift does is refused: on the pieces
+that needed halving the path must satisfy the equation.
 
-The stepper repeats a step with its end at the event, because the dense output is of lower order than the step. Steps
-also end at the sample times, for the same reason.
+The stepper repeats a step with its end at the event, because the dense output is of lower order
+than the step. Steps also end at the sample times, for the same reason.
 """
 
 from __future__ import annotations
@@ -22,18 +23,21 @@ from nsbench.solvers.event_driven.smooth.pieces import cut, whole
 from nsbench.trajectory import Status
 
 METHODS = {"dop853": "DOP853", "rk45": "RK45", "radau": "Radau", "lsoda": "LSODA"}
-SHARE = 0.03  # of the tolerance goes to one step: a run takes tens, and kinks of a drift deceive estimates
+# of the tolerance goes to one step: a run takes tens, and kinks of a drift deceive estimates
+SHARE = 0.03
 REFUSALS = 40  # steps refused in a row, each shorter than the one before
 PARTS = 64  # of the run: longest step where nothing is proven
 # the equation is so much faster than the solution, in so many steps in a row, and
 STIFF = 20.0
 ROW = 15
 LONG = 2000
-#                         so many are still to come: an implicit method is faster (Hairer & Wanner 1996, section IV.2)
-# so many steps that lead no further than this part of the arc: as many again as a run may take would
+#                         so many are still to come: an implicit method is faster (Hairer & Wanner
+# 1996, section IV.2) so many steps that lead no further than this part of the arc: as many again as
+# a run may take would
 CREEP = 200
 SPAN = 1e-9
-#                         not end it (steps towards a kink or a dip 1e-10 wide shrink and grow by factors: 30 do)
+#                         not end it (steps towards a kink or a dip 1e-10 wide shrink and grow by
+# factors: 30 do)
 CREEPS = (
     f"{CREEP} steps led from t = {{:.9g}} no further than {SPAN:g} of the run: a pole, contacts that lock, or a layer too "
     "thin for doubles."
@@ -45,9 +49,11 @@ _MINIMAL = 16 * np.finfo(float).eps  # tolerances below SciPy's own floor are ra
 class Arc:
     """What `follow` returns.
 
-    t, y: where it ended. fired: indices of the functions whose event that is, empty at t_end. samples (s, n) for the
-    sample times it reached. status: ok, or why it stopped early. steps, calls (of rhs), h: the largest step.
-    unproven: steps with a part on which nothing is proven; refused: steps taken again; touches: dips that were none.
+    t, y: where it ended. fired: indices of the functions whose event that is, empty at t_end.
+    samples (s, n) for the sample times it reached. status: ok, or why it stopped early. steps,
+    calls (of rhs), h: the largest step.
+    unproven: steps with a part on which nothing is proven; refused: steps taken again; touches:
+    dips that were none.
     """
 
     t: float
@@ -96,14 +102,16 @@ def follow(
 ) -> Arc:
     """Integrate y' = rhs(t, y) from t0 to t_end or to the first event.
 
-    gaps(t, y) -> (m,): positive before their event. An armed function fires when it crosses zero downward. One that
-    is not armed (by default: at most `band` at the start) fires when it falls `band` below min(its start, 0), and is
-    armed once it exceeds `band`: a function that starts at zero must not fire on rounding.
+    gaps(t, y) -> (m,): positive before their event. An armed function fires when it crosses zero
+    downward. One that is not armed (by default: at most `band` at the start) fires when it falls
+    `band` below min(its start, 0), and is armed once it exceeds `band`: a function that starts at
+    zero must not fire on rounding.
     project(t, y) -> y or None (nothing to do) removes the drift off an invariant after every step.
-    samples: sorted times in (t0, t_end] to land on. max_step bounds the step. rtol, atol: error of the run that is
-    aimed at; a step gets SHARE of it.
-    data(t, y) -> sequence: the functions of the case that rhs and gaps are made of, written over arrays. They are called
-    with Jets (see nsbench.solvers.event_driven.interval_taylor) to prove that nothing is missed between steps; None: nothing is proven.
+    samples: sorted times in (t0, t_end] to land on. max_step bounds the step. rtol, atol: error of
+    the run that is aimed at; a step gets SHARE of it.
+    data(t, y) -> sequence: the functions of the case that rhs and gaps are made of, written over
+    arrays. They are called with Jets (see nsbench.solvers.event_driven.interval_taylor) to prove
+    that nothing is missed between steps; None: nothing is proven.
     """
     with np.errstate(all="ignore"):
         return _Follower(
@@ -125,7 +133,8 @@ def follow(
 
 
 class Creeping:
-    """Whether the last CREEP steps hardly moved, and as far as those before, or not at all: shrinking ones end by themselves."""
+    """Whether the last CREEP steps hardly moved, and as far as those before, or not at all:
+    shrinking ones end by themselves."""
 
     def __init__(self, t0: float, length: float):
         self.mark = (0, t0, 0.0)
@@ -172,7 +181,8 @@ class _Follower:
         self.max_step = max_step
         self.data = data
         eps = np.finfo(float).eps
-        # an impulse is what two states differ by: it cannot be asked for more digits than the largest of them has
+        # an impulse is what two states differ by: it cannot be asked for more digits than the
+        # largest of them has
         least = np.maximum(
             _MINIMAL * np.minimum(1.0, atol / rtol), eps * np.abs(y0).max(initial=0.0)
         )
@@ -309,7 +319,8 @@ class _Follower:
         return self._solver(t, y, stop, h)
 
     def _stiff(self, solver, t, y) -> bool:
-        """Whether the equation bounds the steps and not the solution: from the two stages at the end of the step."""
+        """Whether the equation bounds the steps and not the solution: from the two stages at the
+        end of the step."""
         h = solver.t - t
         stage = y + h * (solver.A[11, :11] @ solver.K[:11])
         fast = np.linalg.norm(solver.K[12] - solver.K[11]) / np.linalg.norm(solver.y - stage)
@@ -349,7 +360,8 @@ class _Follower:
         )
 
     def _land(self, t_old, y_old, t, i, slope):
-        """Repeat the step with its end at the event; two Newton corrections of its time on the repeated step."""
+        """Repeat the step with its end at the event; two Newton corrections of its time on the
+        repeated step."""
         width = t - t_old
         y = self._repeat(t_old, y_old, t)
         for _ in range(2):
@@ -390,7 +402,8 @@ class _Follower:
 
 
 def _advance(solver) -> str | None:
-    """One step of a SciPy stepper; None, or why it failed. Its linear algebra raises on values that are not finite."""
+    """One step of a SciPy stepper; None, or why it failed. Its linear algebra raises on values that
+    are not finite."""
     try:
         why = solver.step()
     except (ValueError, np.linalg.LinAlgError) as e:

@@ -1,8 +1,10 @@
 """The first event on a step: downward crossings of functions known at the nodes of its pieces.
 
-Every function is interpolated by a Chebyshev series on every piece; pieces are halved until the series is resolved.
-A dip below zero and back inside one piece is found as two roots of the series. A dip that stays within `touch` of
-zero is a touch, not an event: its depth is rounding, and what follows is the same to rounding with and without it.
+Every function is interpolated by a Chebyshev series on every piece; pieces are halved until the
+series is resolved.
+A dip below zero and back inside one piece is found as two roots of the series. A dip that stays
+within `touch` of zero is a touch, not an event: its depth is rounding, and what follows is the same
+to rounding with and without it.
 """
 
 from __future__ import annotations
@@ -27,8 +29,8 @@ _MINIMAL = 16 * np.finfo(float).eps
 class Crossings:
     """The event functions of one arc: gaps(t, y) -> (m,), their levels, and which are armed.
 
-    An armed function fires where it crosses zero downward; one that is not fires where it falls below its level, and
-    is armed once it exceeds its band. touches counts dips that were none.
+    An armed function fires where it crosses zero downward; one that is not fires where it falls
+    below its level, and is armed once it exceeds its band. touches counts dips that were none.
     """
 
     def __init__(self, gaps: Callable, band, armed, t: float, y: np.ndarray):
@@ -96,8 +98,8 @@ class Crossings:
         return None
 
     def _crossing(self, i, c, values):
-        """(s, lefts, right, target) of the first event of function i on [-1, 1], or None: its place, and its bracket with
-        the ends that may be above, the nearest first."""
+        """(s, lefts, right, target) of the first event of function i on [-1, 1], or None: its
+        place, and its bracket with the ends that may be above, the nearest first."""
         if self.armed[i]:
             return self._downward(c, values, -1.0, 0.0, self.touch[i], True)
         fall = self._downward(c, values, -1.0, self.level[i], 0.0)

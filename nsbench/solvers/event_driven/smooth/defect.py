@@ -1,9 +1,11 @@
-"""Steps held against their equation, where no proof took them whole: point by point, and on the whole.
+"""Steps held against their equation, where no proof took them whole: point by point, and on the
+whole.
 
-The estimate of a step compares two formulas that a kink or a jump inside it can make wrong by the same: then it is small by
-chance. What the path of the step lacks, the integral of f(t, u) - u', is its error to first order whatever is inside, as
-the dense outputs of explicit methods are one order below the step (Hairer, Norsett & Wanner 1993, section II.6), and the
-difference counts once more times the step.
+The estimate of a step compares two formulas that a kink or a jump inside it can make wrong by the
+same: then it is small by chance. What the path of the step lacks, the integral of f(t, u) - u', is
+its error to first order whatever is inside, as the dense outputs of explicit methods are one order
+below the step (Hairer, Norsett & Wanner 1993, section II.6), and the difference counts once more
+times the step.
 """
 
 from __future__ import annotations
@@ -20,7 +22,8 @@ UNSEEN = {
     "radau": 1e8,
     "lsoda": 1e8,
 }  # local errors by which a step may miss the
-#                         equation: dense outputs are of lower order, those of implicit methods of much lower
+#                         equation: dense outputs are of lower order, those of implicit methods of
+# much lower
 ALONE = 10.0  # local errors that a piece may add to its share of that
 EXPLICIT = ("dop853", "rk45")
 _EVEN = np.arange(0, DEGREE + 1, 2)
@@ -32,9 +35,11 @@ WEIGHTS = (1.0 / (1.0 - _EVEN**2.0)) @ TO_CHEBYSHEV[
 def shorter(
     fun: Callable, pieces: list[Piece], method: str, atol, rtol: float, share: float
 ) -> float | None:
-    """A length that this step should not exceed, or None: it satisfies y' = fun(t, y) as far as `method` can.
+    """A length that this step should not exceed, or None: it satisfies y' = fun(t, y) as far as
+    `method` can.
 
-    pieces: of the whole step, in order. atol (n,) or scalar, rtol: of one step, `share` of those of the run.
+    pieces: of the whole step, in order. atol (n,) or scalar, rtol: of one step, `share` of those of
+    the run.
     """
     a = pieces[0].lo
     b = pieces[-1].hi

@@ -1,9 +1,11 @@
 """Cut a step into pieces on which everything is known to be smooth, by proof where that can be had.
 
-The black boxes of a case (drift, moving walls, smooth constraints) are enclosed along the polynomial that the
-integrator gives for the step, with all derivatives up to the ninth (see nsbench.solvers.event_driven.interval_taylor). Interpolation at NODES of a
-piece of radius r is then off by at most  |q^(9)| r^9 / 9! / 2^7  (Davis 1963, theorem 3.1.1, with the Chebyshev
-extrema as nodes), and nothing narrower than the piece hides in it. Pieces are halved until that bound is small.
+The black boxes of a case (drift, moving walls, smooth constraints) are enclosed along the
+polynomial that the integrator gives for the step, with all derivatives up to the ninth (see
+nsbench.solvers.event_driven.interval_taylor). Interpolation at NODES of a piece of radius r is then
+off by at most  |q^(9)| r^9 / 9! / 2^7  (Davis 1963, theorem 3.1.1, with the Chebyshev extrema as
+nodes), and nothing narrower than the piece hides in it. Pieces are halved until that bound is
+small.
 """
 
 from __future__ import annotations
@@ -43,7 +45,8 @@ HALF = 1.0 / 2.0 ** (DEGREE - 1)
 
 @dataclass(frozen=True)
 class Piece:
-    """[lo, hi] with the path at its NODES, y (9, n). depth: halvings. proven: nothing narrower hides in it."""
+    """[lo, hi] with the path at its NODES, y (9, n). depth: halvings. proven: nothing narrower
+    hides in it."""
 
     lo: float
     hi: float
@@ -72,7 +75,8 @@ def whole(dense: Callable, lo: float, hi: float, depth: int = 0, proven: bool = 
 
 
 def cut(dense: Callable, lo: float, hi: float, data: Callable | None) -> list[Piece] | None:
-    """Pieces from lo to hi in order; data(t, y) gives the black boxes for Jets. None: nothing can be proven."""
+    """Pieces from lo to hi in order; data(t, y) gives the black boxes for Jets. None: nothing can
+    be proven."""
     if data is None:
         return None
     done = []
@@ -106,7 +110,8 @@ def cut(dense: Callable, lo: float, hi: float, data: Callable | None) -> list[Pi
 
 
 def _smooth(pieces, data, least):
-    """(K,) whether the bound is below RESOLVED of the data, or `least`, on each piece; None if data take no Jets."""
+    """(K,) whether the bound is below RESOLVED of the data, or `least`, on each piece; None if data
+    take no Jets."""
     ends = np.array([(p.lo, p.hi) for p in pieces])
     c = np.stack([TO_POWERS @ p.y for p in pieces], axis=1)  # (9, K, n)
     try:

@@ -10,9 +10,11 @@ from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps a
 
 @njit(cache=True, error_model="numpy")
 def sweep(x, pairs, d, impulse):
-    """Move the pairs (p, 2) of particles x (n, dim) that are nearer than d apart to d, one after the other, in place.
+    """Move the pairs (p, 2) of particles x (n, dim) that are nearer than d apart to d, one after
+    the other, in place.
 
-    impulse (p,): how far each particle of the pair is moved along the normal. Returns the sum of all.
+    impulse (p,): how far each particle of the pair is moved along the normal. Returns the sum of
+    all.
     """
     total = 0.0
     for k in range(pairs.shape[0]):

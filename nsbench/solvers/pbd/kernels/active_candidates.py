@@ -1,8 +1,10 @@
-"""The few candidates of a list that can become active soon: swept over in its place, for some steps.
+"""The few candidates of a list that can become active soon: swept over in its place, for some
+steps.
 
-A list of near pairs lives long and is dear to make, so it is long: in a dense packing three of four of its candidates
-do nothing. Out of it those are chosen, in the same order, whose gap is at most a smaller skin; nothing else can become
-active while no particle is farther than half of that from where they were chosen. Choosing reads the list once.
+A list of near pairs lives long and is dear to make, so it is long: in a dense packing three of four
+of its candidates do nothing. Out of it those are chosen, in the same order, whose gap is at most a
+smaller skin; nothing else can become active while no particle is farther than half of that from
+where they were chosen. Choosing reads the list once.
 """
 
 import numpy as np
@@ -10,7 +12,8 @@ from numba import njit
 
 from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
 
-FAVOUR = 2.4  # of reading a list once against a step of the sweep over what it grows by, per radius: estimated
+# of reading a list once against a step of the sweep over what it grows by, per radius: estimated
+FAVOUR = 2.4
 
 
 @njit(cache=True, error_model="numpy")
@@ -25,7 +28,8 @@ def row_gap(y, s, q, rows, b, dim):
 
 @njit(cache=True, error_model="numpy")
 def choose(lists, chosen, y, r, skin, dim, rows, b, moving):
-    """Fill `chosen` (i, j, where, mu) with the candidates whose gap is at most skin, rows of moving walls all of them.
+    """Fill `chosen` (i, j, where, mu) with the candidates whose gap is at most skin, rows of moving
+    walls all of them.
 
     lists: i, j, mu of all candidates. Returns the number chosen.
     """
@@ -74,5 +78,6 @@ def put_back(mu, where, near_mu):
 
 @njit(cache=True)
 def width(pace, radius, skin):
-    """The skin of a choice: what costs least if particles go `pace` in a step, at most 0.6 of that of the list."""
+    """The skin of a choice: what costs least if particles go `pace` in a step, at most 0.6 of that
+    of the list."""
     return min(0.6 * skin, max(0.1 * skin, np.sqrt(FAVOUR * pace * radius)))

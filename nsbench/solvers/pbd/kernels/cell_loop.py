@@ -1,12 +1,15 @@
-"""The time loop for one family of hard particles and rows of A on single ones: stored by cells, swept by schedule.
+"""The time loop for one family of hard particles and rows of A on single ones: stored by cells,
+swept by schedule.
 
-It is the sweep of kernels.pbd_near, bit for bit and faster. Candidates (kernels.packed) are what can become active
-while no particle is farther than skin / 2 from where the list was made; swept over are those of them (kernels.close) that
-can while none is farther than a smaller skin / 2 from where they were chosen. That is checked after the drift for all and
-after every projection for those it moved. Where it fails within a sweep, the sweep is undone (positions made anew,
-impulses from a log), the choice or the list made anew at the start of the sweep, wider if new already, and the sweep done again;
-so nothing is ever done that the sweep over all constraints would not have done. Where lists would get too long, the run
-is handed back (TOO_MANY) to be done by pbd_near.
+It is the sweep of kernels.pbd_near, bit for bit and faster. Candidates (kernels.packed) are what
+can become active while no particle is farther than skin / 2 from where the list was made; swept
+over are those of them (kernels.close) that can while none is farther than a smaller skin / 2 from
+where they were chosen. That is checked after the drift for all and after every projection for those
+it moved. Where it fails within a sweep, the sweep is undone (positions made anew, impulses from a
+log), the choice or the list made anew at the start of the sweep, wider if new already, and the
+sweep done again;
+so nothing is ever done that the sweep over all constraints would not have done. Where lists would
+get too long, the run is handed back (TOO_MANY) to be done by pbd_near.
 """
 
 import numpy as np
@@ -44,7 +47,8 @@ def unpack(values, label, dim, out):
 
 @njit(cache=True)
 def flush(k, lists, kept, label, families, ids, values, count):
-    """Move all impulses to the records (sample, family, i, j) and clear them; returns grown records."""
+    """Move all impulses to the records (sample, family, i, j) and clear them; returns grown
+    records."""
     i, j, mu = lists
     ki, kj, kmu = kept
     need = kmu.size
@@ -105,11 +109,13 @@ def renewed(
     seed,
     record,
 ):
-    """Candidates chosen for the positions at hand (kernels.close), from a new list if the one there is used up.
+    """Candidates chosen for the positions at hand (kernels.close), from a new list if the one there
+    is used up.
 
-    sizes: candidates, chosen ones, lists made, pairs at most, whether all constraints are listed, pairs allowed; widths:
-    skin of the list, of the choice, how far the rows looked at are valid, what of the skin is left. Returns kept, radii, near
-    and the candidates' arrays; sizes[0] = -1 where lists get too long.
+    sizes: candidates, chosen ones, lists made, pairs at most, whether all constraints are listed,
+    pairs allowed; widths:
+    skin of the list, of the choice, how far the rows looked at are valid, what of the skin is left.
+    Returns kept, radii, near and the candidates' arrays; sizes[0] = -1 where lists get too long.
     """
     y = state[0]
     reac = state[1]
@@ -207,10 +213,11 @@ def march(
     particles,
     candidates,
 ):
-    """As kernels.pbd_near.march. r: radii by label, or one for all; number: ranks (order CELL) or empty; families as in
-    kernels.packed.fill_keys; record: whether impulses are kept (a run without is for measuring what that costs);
-    crew: None, or that of kernels.pbd_threads; samples (2, K, N): places to fill with states and reactions; state (6, N),
-    particles, candidates: arrays to work in, as `room` makes them.
+    """As kernels.pbd_near.march. r: radii by label, or one for all; number: ranks (order CELL) or
+    empty; families as in kernels.packed.fill_keys; record: whether impulses are kept (a run without
+    is for measuring what that costs);
+    crew: None, or that of kernels.pbd_threads; samples (2, K, N): places to fill with states and
+    reactions; state (6, N), particles, candidates: arrays to work in, as `room` makes them.
     """
     K = t.size
     n = x.size // dim
@@ -386,6 +393,6 @@ def march(
 
 
 def room(n: int, N: int, m: int = 0) -> tuple:
-    """State and arrays to work in for n particles with N coordinates and m candidates, 0: some for each. Made by numpy: on
-    large pages."""
+    """State and arrays to work in for n particles with N coordinates and m candidates, 0: some for
+    each. Made by numpy: on large pages."""
     return np.empty((6, N)), *packed.room.py_func(n, m or 8 * n + 64)

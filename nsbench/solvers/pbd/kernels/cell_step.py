@@ -1,4 +1,5 @@
-"""The steps of kernels.pbd_packed besides its sweep, over the particles lo, ..., hi - 1 of the store."""
+"""The steps of kernels.pbd_packed besides its sweep, over the particles lo, ..., hi - 1 of the
+store."""
 
 import numpy as np
 from numba import njit
@@ -8,7 +9,8 @@ from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps a
 
 @njit(cache=True)
 def drift(x, y, spot, v, label, h, dim, lo, hi):
-    """One step of Euler from x (by label) to y. Returns the largest squared distance from spot, NaN if not all is finite."""
+    """One step of Euler from x (by label) to y. Returns the largest squared distance from spot, NaN
+    if not all is finite."""
     far = 0.0
     good = True
     for s in range(lo, hi):
@@ -36,7 +38,8 @@ def farthest(y, base, dim, lo, hi):
 
 @njit(cache=True)
 def settle(x, y, v, reac, label, h, dim, lo, hi):
-    """What the sweep moved since the drift is reaction; x: positions by label, before the step and now."""
+    """What the sweep moved since the drift is reaction; x: positions by label, before the step and
+    now."""
     for s in range(lo, hi):
         for c in range(dim):
             e = label[s] * dim + c

@@ -1,7 +1,8 @@
 """Hard particles of one family stored cell by cell, and the candidates of a sweep among them.
 
-Storage: particle s of the store is the one with label `label[s]`; it is sorted by cells at every rebuild, so what is
-near in space is near in memory. The order of the sweep knows labels alone (kernels.keys), so the store changes no bit.
+Storage: particle s of the store is the one with label `label[s]`; it is sorted by cells at every
+rebuild, so what is near in space is near in memory. The order of the sweep knows labels alone
+(kernels.keys), so the store changes no bit.
 Candidates: pairs (i, j) of the store and rows of A on one particle, (i, -1 - row).
 """
 
@@ -19,11 +20,13 @@ DEEP = (
 
 @njit(cache=True)
 def room(n, m):
-    """Arrays to work in, for n particles and m candidates; made by numpy (room.py_func) they lie on large pages.
+    """Arrays to work in, for n particles and m candidates; made by numpy (room.py_func) they lie on
+    large pages.
 
-    Of particles: label, store by label, row of cells, one to work in. Of candidates: three of two whole numbers each, that
-    are i and j, impulse, and the chosen i and j (kernels.close) when a list is made; places or what is logged, what is
-    waited for; keys or impulses of the chosen, impulses logged, where the chosen are.
+    Of particles: label, store by label, row of cells, one to work in. Of candidates: three of two
+    whole numbers each, that are i and j, impulse, and the chosen i and j (kernels.close) when a
+    list is made; places or what is logged, what is waited for; keys or impulses of the chosen,
+    impulses logged, where the chosen are.
     """
     return (
         np.arange(n).astype(np.int32),
@@ -51,10 +54,12 @@ def listed(candidates, m):
 
 @njit(cache=True)
 def by_cells(y, dim, size, cell, order, row):
-    """Fill `order` (n,) with the particles sorted by cells and `row` with the row of each (sorted) one.
+    """Fill `order` (n,) with the particles sorted by cells and `row` with the row of each (sorted)
+    one.
 
-    Returns the first of each cell and the number of cells along each axis. The first axis runs fastest; a row counts
-    along the last. Cells are at least `size` wide; at most about 4 n are made, however far particles are spread.
+    Returns the first of each cell and the number of cells along each axis. The first axis runs
+    fastest; a row counts along the last. Cells are at least `size` wide; at most about 4 n are
+    made, however far particles are spread.
     """
     n = order.size
     num = np.ones(3, np.int64)
@@ -103,8 +108,9 @@ def take(values, order, dim, spare):
 
 @njit(cache=True, error_model="numpy")
 def discs_between(y, d2, s, lo, hi, i, j, m):
-    """Append the pairs of s with lo, ..., hi - 1 in the plane whose squared distance is at most d2; there is room. Indices
-    are unsigned: numba then does not ask whether they count from the end. Returns the new length."""
+    """Append the pairs of s with lo, ..., hi - 1 in the plane whose squared distance is at most d2;
+    there is room. Indices are unsigned: numba then does not ask whether they count from the end.
+    Returns the new length."""
     one = np.uint64(1)
     two = np.uint64(2)
     a = y[two * s]
@@ -139,9 +145,11 @@ def pairs_between(y, r, skin, dim, s, lo, hi, i, j, m):
 
 @njit(cache=True, error_model="numpy")
 def near_pairs(y, r, skin, dim, first, num, i, j):
-    """Pairs i < j of the store (sorted by cells) with gap at most skin, written into i, j as long as there is room.
+    """Pairs i < j of the store (sorted by cells) with gap at most skin, written into i, j as long
+    as there is room.
 
-    r: radii (n,) in the order of the store, or (1,) if all are alike. Returns their number, -1 where room was lacking.
+    r: radii (n,) in the order of the store, or (1,) if all are alike. Returns their number, -1
+    where room was lacking.
     """
     m = 0
     n0 = num[0]
@@ -213,7 +221,8 @@ def near_rows(y, store, rows, b, reach, dim, among, everything):
 
 @njit(cache=True)
 def fill_keys(i, j, label, number, families, order, seed, keys):
-    """Keys of candidates. families (k, 2): the hard family, then each family of rows with its first row."""
+    """Keys of candidates. families (k, 2): the hard family, then each family of rows with its first
+    row."""
     for c in range(i.size):
         if j[c] < 0:
             q = -1 - j[c]
@@ -232,7 +241,8 @@ def fill_keys(i, j, label, number, families, order, seed, keys):
 
 @njit(cache=True)
 def carried(i, j, mu, label, kept):
-    """Impulses that are not zero as (first label, second label or row, impulse), those `kept` before among them."""
+    """Impulses that are not zero as (first label, second label or row, impulse), those `kept`
+    before among them."""
     m = kept[2].size
     for c in range(mu.size):
         m += mu[c] != 0.0
@@ -252,7 +262,8 @@ def carried(i, j, mu, label, kept):
 
 @njit(cache=True)
 def bring(i, j, old, store, head, mu):
-    """Fill the impulses of the candidates; returns what is left of the old ones: pairs that are no longer listed."""
+    """Fill the impulses of the candidates; returns what is left of the old ones: pairs that are no
+    longer listed."""
     oi, oj, omu = old
     head[:] = -1
     after = np.empty(omu.size, np.int32)
@@ -322,11 +333,14 @@ def renew(
     seed,
     most,
 ):
-    """The store sorted anew at y, and the candidates there in their order of execution, with their impulses.
+    """The store sorted anew at y, and the candidates there in their order of execution, with their
+    impulses.
 
-    m: candidates held before; kept: impulses of pairs that left; particles, candidates: as made by `room`; spare (n dim,):
-    to work in; which: the rows listed. Changes y, reac (sorted), base (= y). Returns m, kept, radii in the order of the
-    store, pairs, and the candidates' arrays (longer ones if need be); m = -1 where there are more than `most` pairs.
+    m: candidates held before; kept: impulses of pairs that left; particles, candidates: as made by
+    `room`; spare (n dim,):
+    to work in; which: the rows listed. Changes y, reac (sorted), base (= y). Returns m, kept, radii
+    in the order of the store, pairs, and the candidates' arrays (longer ones if need be); m = -1
+    where there are more than `most` pairs.
     """
     label, store, row, ends = particles
     old = carried(*listed(candidates, m), label, kept)

@@ -1,4 +1,5 @@
-"""One sweep over hard particles stored by cells and rows on single ones, under a certificate (kernels.pbd_packed)."""
+"""One sweep over hard particles stored by cells and rows on single ones, under a certificate
+(kernels.pbd_packed)."""
 
 import numpy as np
 from numba import njit
@@ -33,7 +34,8 @@ def strayed(y, base, s, dim, limit2):
 
 @njit(cache=True, error_model="numpy")
 def project_pair(y, p, q, d, dim):
-    """kernels.project.project_pair in any dimension, for sign + 1; returns mu, negative where centres coincide."""
+    """kernels.project.project_pair in any dimension, for sign + 1; returns mu, negative where
+    centres coincide."""
     s = 0.0
     for c in range(dim):
         e = y[p * dim + c] - y[q * dim + c]
@@ -60,7 +62,8 @@ def project_pair(y, p, q, d, dim):
 def sweep(lists, y, base, r, dim, rows, b, limit2, log_at, log_mu, record):
     """Project on all candidates in the order given; impulses before each are logged.
 
-    Returns the projections done, whether centres coincided, and whether a particle strayed (the sweep then ends).
+    Returns the projections done, whether centres coincided, and whether a particle strayed (the
+    sweep then ends).
     """
     if dim == 2 and r.size == 1:
         return sweep_discs(lists, y, base, 2.0 * r[0], rows, b, limit2, log_at, log_mu, record)
@@ -89,8 +92,8 @@ def sweep(lists, y, base, r, dim, rows, b, limit2, log_at, log_mu, record):
 
 @njit(cache=True, error_model="numpy")
 def sweep_discs(lists, y, base, d, rows, b, limit2, log_at, log_mu, record):
-    """`sweep` in the plane for one diameter d. Indices are unsigned: numba then does not ask whether they count from the
-    end, which would be a fourth of the time."""
+    """`sweep` in the plane for one diameter d. Indices are unsigned: numba then does not ask
+    whether they count from the end, which would be a fourth of the time."""
     i, j, mu = lists
     one = np.uint64(1)
     two = np.uint64(2)

@@ -1,10 +1,12 @@
-"""What of a sweep may run at once: constraints put in an order of execution that gives the bits of the stated order.
+"""What of a sweep may run at once: constraints put in an order of execution that gives the bits of
+the stated order.
 
-Two constraints that share no particle may change places. So each particle sorts its own constraints by key, and each
-constraint waits for its neighbours in those short lists. Any order in which nobody overtakes whom it waits for does. The
-one taken here goes through the store band by band, a band being some rows of cells: of all constraints that wait for
-nothing any more, next is the one that has been so longest in the lowest band. What follows in the list then seldom waits
-for one another, as a band goes on at many places in turn, and yet is near in memory.
+Two constraints that share no particle may change places. So each particle sorts its own constraints
+by key, and each constraint waits for its neighbours in those short lists. Any order in which nobody
+overtakes whom it waits for does. The one taken here goes through the store band by band, a band
+being some rows of cells: of all constraints that wait for nothing any more, next is the one that
+has been so longest in the lowest band. What follows in the list then seldom waits for one another,
+as a band goes on at many places in turn, and yet is near in memory.
 """
 
 import numpy as np
@@ -35,8 +37,8 @@ def sort_by_key(ids, lo, hi, keys):
 
 @njit(cache=True)
 def waits(i, j, keys, ends, ids, after, need):
-    """Fill `after` (2 m,) with the next constraint at either particle (-1: none), `need` (m,) with how many a constraint
-    waits for. ends (n + 1,), ids (2 m,): room to work in."""
+    """Fill `after` (2 m,) with the next constraint at either particle (-1: none), `need` (m,) with
+    how many a constraint waits for. ends (n + 1,), ids (2 m,): room to work in."""
     n = ends.size - 1
     ends[:] = 0
     for c in range(i.size):
@@ -79,8 +81,8 @@ def _join(c, u, first, last, behind):
 def schedule(i, j, keys, row, ends, ids, after, need, place):
     """Fill `place` (m,) with the places of the constraints in the order of execution.
 
-    i, j (m,): particles (j < 0: on i alone); keys (m,) of the stated order; row (n,) of the particles' cells; the
-    rest is room.
+    i, j (m,): particles (j < 0: on i alone); keys (m,) of the stated order; row (n,) of the
+    particles' cells; the rest is room.
     """
     waits(i, j, keys, ends, ids, after, need)
     bands = 1
@@ -114,8 +116,9 @@ def schedule(i, j, keys, row, ends, ids, after, need, place):
 
 @njit(cache=True)
 def about(i, j, n, threads, first):
-    """Class of a constraint on particles i, j by place: its strip, else its border (behind the `threads` strips), else the
-    rest. first: the earliest that may be said (0: strips; else borders)."""
+    """Class of a constraint on particles i, j by place: its strip, else its border (behind the
+    `threads` strips), else the rest. first: the earliest that may be said (0: strips; else
+    borders)."""
     j = i if j < 0 else j
     strip = ((i + 1) * threads - 1) // n
     if first == 0 and strip == ((j + 1) * threads - 1) // n:
@@ -130,11 +133,13 @@ def about(i, j, n, threads, first):
 
 @njit(cache=True)
 def divide(i, j, after, place, order, kind, n, ends):
-    """Sort the order of execution by classes that threads may take: changes `place`, fills `ends` with where each begins.
+    """Sort the order of execution by classes that threads may take: changes `place`, fills `ends`
+    with where each begins.
 
-    Of n particles of the store those of a strip lie together; ends (2 threads + 3,): of the strips, of the borders from
-    the lowest half strip on to the highest, of the rest. A class waits for nothing but earlier ones of its own kind: a
-    strip for none, a border for strips alone. after: as `waits` fills it; order, kind: room (m,).
+    Of n particles of the store those of a strip lie together; ends (2 threads + 3,): of the strips,
+    of the borders from the lowest half strip on to the highest, of the rest. A class waits for
+    nothing but earlier ones of its own kind: a strip for none, a border for strips alone. after: as
+    `waits` fills it; order, kind: room (m,).
     """
     threads = ends.size // 2 - 1
     last = 2 * threads + 1

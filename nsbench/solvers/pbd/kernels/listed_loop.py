@@ -1,4 +1,5 @@
-"""The time loop of position-based dynamics over listed constraints: Euler, then sweeps of projections."""
+"""The time loop of position-based dynamics over listed constraints: Euler, then sweeps of
+projections."""
 
 import numpy as np
 from numba import njit
@@ -25,8 +26,9 @@ def finite(x):
 def march(f, b_of, a_of, moving, t, substeps, sweeps, x, lists, rows, b, anchors):
     """Samples of one run; the constraints are projected on in the order of `lists`.
 
-    f, b_of, a_of: pointers (t, x, out), (t, out), (t, out); x (n,) start; lists: arrays of kernels.project with family,
-    i, j; rows: ptr, cols, vals, inv2. Returns X (K, n), reaction (K, n), records, projections, status, time reached.
+    f, b_of, a_of: pointers (t, x, out), (t, out), (t, out); x (n,) start; lists: arrays of
+    kernels.project with family, i, j; rows: ptr, cols, vals, inv2. Returns X (K, n), reaction (K,
+    n), records, projections, status, time reached.
     """
     kind, family, ci, cj, p, q, d, sign, dim = lists
     ptr, cols, vals, inv2 = rows

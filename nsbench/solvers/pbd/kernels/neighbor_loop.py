@@ -1,10 +1,12 @@
-"""The same loop with hard particles: near pairs under a certificate, bit for bit the sweep over all pairs.
+"""The same loop with hard particles: near pairs under a certificate, bit for bit the sweep over all
+pairs.
 
-A list holds every pair whose gap was at most `reach` when it was built. As long as no particle has moved by more
-than reach / 2 since, a pair outside the list cannot overlap, and leaving it out changes nothing. The distance moved
-is checked after the drift and after every single projection; when it is exceeded in the middle of a sweep, the list
-is built anew at the present positions and the sweep goes on behind the constraint it had reached: nothing is undone,
-and no pair is missed. The order of the sweep is defined by the scene (keys), never by the list.
+A list holds every pair whose gap was at most `reach` when it was built. As long as no particle has
+moved by more than reach / 2 since, a pair outside the list cannot overlap, and leaving it out
+changes nothing. The distance moved is checked after the drift and after every single projection;
+when it is exceeded in the middle of a sweep, the list is built anew at the present positions and
+the sweep goes on behind the constraint it had reached: nothing is undone, and no pair is missed.
+The order of the sweep is defined by the scene (keys), never by the list.
 """
 
 import numpy as np
@@ -152,8 +154,8 @@ def pairs_of(family, i, j, start, dim, r):
 def near_list(x, reach, order, seed, static, static_keys, hard, radii, rank):
     """Listed constraints and near pairs in the order of the sweep, with their keys.
 
-    hard (families, 4): family, start, particles, dim; radii and rank (by which pairs are ordered; empty: by label): those
-    of all families one after the other.
+    hard (families, 4): family, start, particles, dim; radii and rank (by which pairs are ordered;
+    empty: by label): those of all families one after the other.
     """
     lists = static
     keys = static_keys
@@ -187,9 +189,11 @@ def build(x, reach, order, seed, static, static_keys, hard, radii):
 
 @njit(cache=True)
 def rebuild(old, old_keys, mu, x, reach, order, seed, static, static_keys, hard, radii, rank):
-    """A new list that carries the impulses of the old one; pairs that have acted since the last sample stay in it.
+    """A new list that carries the impulses of the old one; pairs that have acted since the last
+    sample stay in it.
 
-    (So an impulse is summed in the same order as over all pairs, and agrees with that to the last bit.)
+    (So an impulse is summed in the same order as over all pairs, and agrees with that to the last
+    bit.)
     """
     lists, keys = near_list(x, reach, order, seed, static, static_keys, hard, radii, rank)
     at = places(keys, old_keys)
@@ -212,7 +216,8 @@ def rebuild(old, old_keys, mu, x, reach, order, seed, static, static_keys, hard,
 
 @njit(cache=True, error_model="numpy")
 def moved(x, base, first, dim, limit2):
-    """Whether the particle at coordinate `first` is farther than sqrt(limit2) from where the list was built."""
+    """Whether the particle at coordinate `first` is farther than sqrt(limit2) from where the list
+    was built."""
     s = 0.0
     for c in range(first, first + dim):
         e = x[c] - base[c]
@@ -222,9 +227,11 @@ def moved(x, base, first, dim, limit2):
 
 @njit(cache=True)
 def sweep_on(c, lists, rows, b, anchors, x, base, owner, limit2, mu):
-    """Project on the constraints from c on, until the end or until a particle has left its certificate.
+    """Project on the constraints from c on, until the end or until a particle has left its
+    certificate.
 
-    owner (n, 2): first coordinate and dimension of the hard particle that a coordinate belongs to, -1 if none.
+    owner (n, 2): first coordinate and dimension of the hard particle that a coordinate belongs to,
+    -1 if none.
     Returns the next constraint, projections done, tied, and whether the certificate is broken.
     """
     kind, _, _, _, p, q, d, sign, dim = lists

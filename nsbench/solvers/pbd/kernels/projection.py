@@ -1,8 +1,9 @@
 """Projection on one constraint, and the sweep over a list of them.
 
 A list of constraints is a tuple of arrays, one entry each, in the order of the sweep:
-kind (0 row of A, 1 pair, 2 particle and anchor), p, q (row number; first coordinate of particle i, of particle j or
-of the anchor), d (distance), sign, dim. Rows are CSR: ptr, cols, vals and 1/|row|^2.
+kind (0 row of A, 1 pair, 2 particle and anchor), p, q (row number; first coordinate of particle i,
+of particle j or of the anchor), d (distance), sign, dim. Rows are CSR: ptr, cols, vals and
+1/|row|^2.
 The projection on an affine row or a distance is exact, along the gradient; it returns the impulse
 h lambda = displacement / |grad g|^2 * |grad g| ... that is, the factor mu in  x += mu grad g.
 """
@@ -31,7 +32,8 @@ def project_row(r, x, ptr, cols, vals, inv2, b):
 def project_pair(p, q, d, sign, dim, x):
     """Exact projection on sign (|x_i - x_j| - d) >= 0, both particles moved alike; mu = -g / 2.
 
-    Coincident centres have no gradient: they are parted along the first axis (mu is then negative to mark it).
+    Coincident centres have no gradient: they are parted along the first axis (mu is then negative
+    to mark it).
     """
     s = 0.0
     for c in range(dim):
@@ -78,7 +80,8 @@ def project_anchor(p, q, d, sign, dim, x, anchors):
 
 @njit(cache=True, error_model="numpy")
 def sweep(lo, hi, step, kind, p, q, d, sign, dim, x, ptr, cols, vals, inv2, b, anchors, mu):
-    """Project once on the constraints lo, lo + step, ... before hi; mu[c] grows by the impulse of c.
+    """Project once on the constraints lo, lo + step, ... before hi; mu[c] grows by the impulse of
+    c.
 
     Returns the number of projections done and whether coincident centres were met.
     """

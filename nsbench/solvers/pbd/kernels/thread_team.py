@@ -1,7 +1,9 @@
-"""Threads that wait for jobs: one word in memory says which job is at hand, another how many are done with it.
+"""Threads that wait for jobs: one word in memory says which job is at hand, another how many are
+done with it.
 
-Work is handed out many times in a step, so nobody sleeps in between: whoever waits looks at the word again, and gives
-its processor away after some looks. numba has no atomic access to arrays on a CPU; here it is, in three instructions.
+Work is handed out many times in a step, so nobody sleeps in between: whoever waits looks at the
+word again, and gives its processor away after some looks. numba has no atomic access to arrays on a
+CPU; here it is, in three instructions.
 """
 
 import ctypes

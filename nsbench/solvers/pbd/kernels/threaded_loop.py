@@ -1,14 +1,16 @@
-"""The steps of kernels.pbd_packed by several threads, with the bits of one: the store in strips, a strip a thread.
+"""The steps of kernels.pbd_packed by several threads, with the bits of one: the store in strips, a
+strip a thread.
 
-Constraints are put into classes (schedule.divide): of each strip those that wait for nothing outside it; then those
-about each border between strips that wait for nothing else; the rest. The strips are swept over at once, then the
-borders, then the rest, each class in the order of one thread; so nobody overtakes whom it waits for, and every particle
-goes through the same positions whatever the threads. The largest distance, the projections counted and whether a sweep
-broke its certificate do not depend on who finds them. Where that does not hold by itself (a sweep that ends early), it is
-undone and nothing of it is kept.
+Constraints are put into classes (schedule.divide): of each strip those that wait for nothing
+outside it; then those about each border between strips that wait for nothing else; the rest. The
+strips are swept over at once, then the borders, then the rest, each class in the order of one
+thread; so nobody overtakes whom it waits for, and every particle goes through the same positions
+whatever the threads. The largest distance, the projections counted and whether a sweep broke its
+certificate do not depend on who finds them. Where that does not hold by itself (a sweep that ends
+early), it is undone and nothing of it is kept.
 
-A crew is None (one thread: none of this is compiled) or the tuple that `crew` makes: what is posted, what each reports,
-where the classes begin, and the arrays of the march.
+A crew is None (one thread: none of this is compiled) or the tuple that `crew` makes: what is
+posted, what each reports, where the classes begin, and the arrays of the march.
 """
 
 import threading
@@ -186,7 +188,8 @@ def drift_all(crew, row, h):
 
 @njit(cache=True, nogil=True)
 def choose_all(crew, radii, skin):
-    """Choose for the positions at hand among the candidates; returns how many. radii: in the order of the store."""
+    """Choose for the positions at hand among the candidates; returns how many. radii: in the order
+    of the store."""
     crew[12][:] = radii
     crew[1][WIDTH] = skin
     together(crew, CHOOSE)
@@ -233,9 +236,11 @@ def crew(
     b: np.ndarray,
     r: np.ndarray,
 ) -> tuple:
-    """Words, numbers, reports by class and by thread, ends of the classes, chosen of each, then what the march works on.
+    """Words, numbers, reports by class and by thread, ends of the classes, chosen of each, then
+    what the march works on.
 
-    space: state, particles, candidates as kernels.pbd_packed.room makes them; the rest as in its march.
+    space: state, particles, candidates as kernels.pbd_packed.room makes them; the rest as in its
+    march.
     """
     word = words()
     number = np.zeros(8)

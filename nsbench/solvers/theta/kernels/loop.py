@@ -1,11 +1,15 @@
-"""The time loop of implicit theta stepping for systems with linear constraints: one complementarity problem per step.
+"""The time loop of implicit theta stepping for systems with linear constraints: one complementarity
+problem per step.
 
     x+ = x + h ((1 - th) f(t, x) + th f(t + h, x+) + B lam)
-    0 <= lam _|_ D lam + (1 - th) v + th v+ + E (1 - th) (v+ - v) >= 0,   v = C x + q(t),   v+ = C x+ + q(t + h)
+    0 <= lam _|_ D lam + (1 - th) v + th v+ + E (1 - th) (v+ - v) >= 0,   v = C x + q(t),   v+ = C
+    x+ + q(t + h)
 
-E picks the rows that constrain the state alone; these hold at the end of the step. Held at the mean they would let the
-state swing about the constraint for ever (th = 1/2). The other rows say what lam is, so they belong where lam belongs.
-E is the projector on the left null space of D_II, I the rows with lam > 0: found by repeating the step at most 3 times.
+E picks the rows that constrain the state alone; these hold at the end of the step. Held at the mean
+they would let the state swing about the constraint for ever (th = 1/2). The other rows say what lam
+is, so they belong where lam belongs.
+E is the projector on the left null space of D_II, I the rows with lam > 0: found by repeating the
+step at most 3 times.
 """
 
 import numpy as np
@@ -128,7 +132,8 @@ def rows(C, D, G, E, theta, M, a, b):
 
 @njit(cache=True, error_model="numpy")
 def offset(C, E, theta, x, z, q0, q1, u, v, r):
-    """r <- (1 - th) (C x + q0) + th (C z + q1) + E (1 - th) (C (z - x) + q1 - q0); u, v (m,): work."""
+    """r <- (1 - th) (C x + q0) + th (C z + q1) + E (1 - th) (C (z - x) + q1 - q0); u, v (m,):
+    work."""
     times(C, x, u)
     times(C, z, v)
     for i in range(r.size):
@@ -143,9 +148,11 @@ def offset(C, E, theta, x, z, q0, q1, u, v, r):
 
 @njit(cache=True, error_model="numpy")
 def advance(f, linear, now, after, h, theta, x, y, v, q0, q1, system, state, lam, on, stale, count):
-    """One step from x to y: Newton's method on (y, lam), exact at once where f is linear. Returns a status.
+    """One step from x to y: Newton's method on (y, lam), exact at once where f is linear. Returns a
+    status.
 
-    system: B, C, D, fixed; state: J, W, G, E, M, a, b, made anew when `stale` and kept between steps.
+    system: B, C, D, fixed; state: J, W, G, E, M, a, b, made anew when `stale` and kept between
+    steps.
     """
     B, C, D, fixed = system
     J, W, G, E, M, a, b = state
@@ -247,9 +254,10 @@ def regroup(D, fixed, lam, E):
 def march(f, q_of, moving, linear, J, t, substeps, x, q, B, C, D, theta, fixed, jumpy, check):
     """Samples of one run.
 
-    f(t, x, out), q_of(t, out): pointers; linear: f = J x + u(t). q (m,): its value if nothing moves. fixed (m,): rows
-    without lam; jumpy (m,): rows their own multiplier does not move; check: are other solutions looked for?
-    Returns X (K, n), impulse (K, m), counters, status, time reached, time of the first step with several motions or NaN.
+    f(t, x, out), q_of(t, out): pointers; linear: f = J x + u(t). q (m,): its value if nothing
+    moves. fixed (m,): rows without lam; jumpy (m,): rows their own multiplier does not move; check:
+    are other solutions looked for? Returns X (K, n), impulse (K, m), counters, status, time
+    reached, time of the first step with several motions or NaN.
     """
     K = t.size
     n = x.size

@@ -1,10 +1,13 @@
-"""The next set of held contacts after one event, where it is beyond doubt: else nothing is decided here.
+"""The next set of held contacts after one event, where it is beyond doubt: else nothing is decided
+here.
 
-It starts from the set before with the contact that closed, or without the one whose multiplier vanished. A member whose
-multiplier is negative leaves: a closed contact that depends on the set through it takes its place if its own multiplier
-is then positive; else both open. What still closes is taken in. The set found is taken if every multiplier is strictly
-positive and every other closed contact opens strictly or depends on the set: then it solves the complementarity problem
-of velocities, whose velocity is unique (Lawson & Hanson 1974, chapter 23), whatever the way it was found.
+It starts from the set before with the contact that closed, or without the one whose multiplier
+vanished. A member whose multiplier is negative leaves: a closed contact that depends on the set
+through it takes its place if its own multiplier is then positive; else both open. What still closes
+is taken in. The set found is taken if every multiplier is strictly positive and every other closed
+contact opens strictly or depends on the set: then it solves the complementarity problem of
+velocities, whose velocity is unique (Lawson & Hanson 1974, chapter 23), whatever the way it was
+found.
 """
 
 import numpy as np
@@ -39,7 +42,8 @@ NEW = 4
 
 @once
 def _weakest(W, gear, listed, norm, small, spared):
-    """Index of the member whose multiplier is smallest, if that is not above `small`; -1 if all are; -2 if one is no number.
+    """Index of the member whose multiplier is smallest, if that is not above `small`; -1 if all
+    are; -2 if one is no number.
 
     spared: a member whose multiplier is zero now and grows.
     """
@@ -59,10 +63,12 @@ def _weakest(W, gear, listed, norm, small, spared):
 
 @inner
 def _swap(a, W, gear, role, listed, places, x, dependent):
-    """Member a leaves: (clear, the dependent contact that takes its place or -1, their coefficient, inverse Gram entry).
+    """Member a leaves: (clear, the dependent contact that takes its place or -1, their coefficient,
+    inverse Gram entry).
 
-    With z the column of the inverse Gram matrix, G_c G^T z is the coefficient of the member in row c. If it is negative,
-    c carries what the member would have to pull; if all are positive they open with the member and are marked OUT.
+    With z the column of the inverse Gram matrix, G_c G^T z is the coefficient of the member in row
+    c. If it is negative, c carries what the member would have to pull; if all are positive they
+    open with the member and are marked OUT.
     """
     k = W[a]
     pull, top = column(k, W, gear, x.size)
@@ -89,7 +95,8 @@ def _swap(a, W, gear, role, listed, places, x, dependent):
 
 @once
 def _closing(role, all_, entry, listed, places, norm, x, v, num):
-    """The closed contact outside the set that does not open strictly, and its speed; -1 if there is none, -2: unclear.
+    """The closed contact outside the set that does not open strictly, and its speed; -1 if there is
+    none, -2: unclear.
 
     entry: one that opens from zero speed, which was looked at before.
     """
@@ -135,7 +142,8 @@ def _leave(a, W, which, role):
 
 @once
 def _velocity(W, start, x, listed, places, norm, drift, width, order, X, F, work, num):
-    """Gear and velocity (X[1], mu of order 0) with the set W; False if its rows depend on each other."""
+    """Gear and velocity (X[1], mu of order 0) with the set W; False if its rows depend on each
+    other."""
     copied(start, x)
     good, gear = outfit(W, listed, places, norm, x, width, order, work, num[slots.UNIT])
     if good:
@@ -147,7 +155,8 @@ def _velocity(W, start, x, listed, places, norm, drift, width, order, X, F, work
 
 @once
 def _first(entry, closing, slope, W, gear, role, listed, places, norm, x, num, pace):
-    """The first set to try: (clear, set, member whose multiplier grows from zero, contact that opens from rest)."""
+    """The first set to try: (clear, set, member whose multiplier grows from zero, contact that
+    opens from rest)."""
     if closing:
         role[entry] = HELD + NEW
         return True, switched(W, entry, one()), -1, -1
@@ -184,10 +193,12 @@ def choose(
     num,
     pace,
 ):
-    """(sure, set, gear, role): the next set and all for its arc, with mu and X of order 0; x is put on it.
+    """(sure, set, gear, role): the next set and all for its arc, with mu and X of order 0; x is put
+    on it.
 
-    entry: what closed, or vanished with that `slope` of its multiplier, of the set W with its gear; kept (m,): closed
-    contacts that are held or depend on those; pace: a step of the integrator; role (m,): what every contact is then.
+    entry: what closed, or vanished with that `slope` of its multiplier, of the set W with its gear;
+    kept (m,): closed contacts that are held or depend on those; pace: a step of the integrator;
+    role (m,): what every contact is then.
     """
     role = _roles(W, kept)
     start = x.copy()

@@ -1,7 +1,8 @@
-"""Gaps and gradients of a list of constraints as short rows, and the flow on a set of them held at zero.
+"""Gaps and gradients of a list of constraints as short rows, and the flow on a set of them held at
+zero.
 
-The list is that of contacts.Near: kind 0 row of A, 1 pair, 2 particle and anchor, 3 smooth. Smooth rows come dense
-from the host: row `slot` of `dense`.
+The list is that of contacts.Near: kind 0 row of A, 1 pair, 2 particle and anchor, 3 smooth. Smooth
+rows come dense from the host: row `slot` of `dense`.
 """
 
 import numpy as np
@@ -128,7 +129,8 @@ def gram_solve(M, v):
 
 @njit(cache=True, error_model="numpy")
 def held(C, V, count, f, rate):
-    """Velocity with all these constraints held at zero: (x', lam, G^T lam),  (G G^T) lam = -(G f + rate)."""
+    """Velocity with all these constraints held at zero: (x', lam, G^T lam),  (G G^T) lam = -(G f +
+    rate)."""
     lam = gram_solve(gram(C, V, count, f.size), -(times(C, V, count, f) + rate))
     push = np.zeros(f.size)
     add_transposed(C, V, count, lam, push)

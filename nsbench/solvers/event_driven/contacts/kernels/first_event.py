@@ -1,7 +1,10 @@
-"""The first event on a step of which the path is known as Taylor series: gaps that close, multipliers that vanish.
+"""The first event on a step of which the path is known as Taylor series: gaps that close,
+multipliers that vanish.
 
-Entries that the path cannot bring to zero within the step are left out by a bound on how far each coordinate travels;
-of the others the gap is developed into a series and its descents are isolated (see descents). Nothing is sampled.
+Entries that the path cannot bring to zero within the step are left out by a bound on how far each
+coordinate travels;
+of the others the gap is developed into a series and its descents are isolated (see descents).
+Nothing is sampled.
 """
 
 import numpy as np
@@ -12,7 +15,8 @@ from nsbench.solvers.event_driven.contacts.kernels.polynomial_descent import pas
 
 @inner
 def travel(X, deg, h, first, out):
-    """out (n,): a bound on how far each coordinate goes within h by the terms of order `first` and higher."""
+    """out (n,): a bound on how far each coordinate goes within h by the terms of order `first` and
+    higher."""
     for i in range(out.size):
         out[i] = 0.0
     for j in range(deg, first - 1, -1):
@@ -24,7 +28,8 @@ def travel(X, deg, h, first, out):
 
 @inner
 def strays(x, origin, reach, hard, limit):
-    """(may, did): whether a hard particle may go farther than `limit` from its origin in this step; whether any moved."""
+    """(may, did): whether a hard particle may go farther than `limit` from its origin in this step;
+    whether any moved."""
     may = False
     did = False
     for f in range(hard.shape[0]):
@@ -130,10 +135,12 @@ def _gap_series(k, listed, places, X, deg, powers, diff, out):
 def first_event(
     W, held, listed, places, norm, X, mu, deg, h, band, level, armed, firm, low, small, bend
 ):
-    """(s, entry, touches): the first event at s h, 0 <= s <= 1, its entry in the list; s = 2.0 if there is none.
+    """(s, entry, touches): the first event at s h, 0 <= s <= 1, its entry in the list; s = 2.0 if
+    there is none.
 
-    band, level, armed (m,) of gaps; firm, low (p,): armed and level of multipliers, whose band is `small` over norm; bend
-    (n,): how far coordinates go by the terms of order two and higher. armed and firm become those at the end of the step.
+    band, level, armed (m,) of gaps; firm, low (p,): armed and level of multipliers, whose band is
+    `small` over norm; bend (n,): how far coordinates go by the terms of order two and higher. armed
+    and firm become those at the end of the step.
     """
     kind, _, _, _, sign, _ = listed
     powers = np.empty(deg + 1)

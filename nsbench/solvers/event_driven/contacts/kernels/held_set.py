@@ -1,4 +1,5 @@
-"""What an arc with a set of held contacts needs: rows, plan, factor; and questions to that factor."""
+"""What an arc with a set of held contacts needs: rows, plan, factor; and questions to that
+factor."""
 
 import numpy as np
 
@@ -6,12 +7,14 @@ from nsbench.compilation.decorators import inner
 from nsbench.linalg.skyline_cholesky import arrange, solve
 from nsbench.solvers.event_driven.contacts.kernels.taylor_flow import hold, place
 
-LEAST = 1e-12  # pivots over their diagonal that count as zero: contacts that lock or depend on each other
+# pivots over their diagonal that count as zero: contacts that lock or depend on each other
+LEAST = 1e-12
 
 
 @inner
 def outfit(W, listed, places, norm, x, width, order, work, unit):
-    """Everything an arc with the held entries W needs, with x put on them; and whether that could be done."""
+    """Everything an arc with the held entries W needs, with x put on them; and whether that could
+    be done."""
     p = W.size
     C = np.empty((p, width), np.int64)
     V = np.empty((p, width))

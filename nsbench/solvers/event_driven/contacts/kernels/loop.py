@@ -1,8 +1,9 @@
 """The event-driven loop for drifts f = A x + c and constraints that stand still, as machine code.
 
-Arcs are Taylor series (see series), events are isolated descents of polynomials (see sightings). The next set of held
-contacts is chosen here if it is beyond doubt (see choice); if not, the caller solves the complementarity problem with
-look-ahead and comes back. What fails here is left to the caller too.
+Arcs are Taylor series (see series), events are isolated descents of polynomials (see sightings).
+The next set of held contacts is chosen here if it is beyond doubt (see choice); if not, the caller
+solves the complementarity problem with look-ahead and comes back. What fails here is left to the
+caller too.
 """
 
 import numpy as np
@@ -27,7 +28,8 @@ from nsbench.solvers.event_driven.contacts.kernels.taylor_flow import (
 )
 
 SHORT = 10  # terms of a series where the next event is expected soon
-DEFECT = 1e3  # local errors, of the equation at the end of a step: the slope of a series has lost an order
+# local errors, of the equation at the end of a step: the slope of a series has lost an order
+DEFECT = 1e3
 ROUNDED = 1e-10  # of the slope: what ill-conditioned contacts lose by rounding
 TOO_MANY = 50_000  # steps still to come: the equation is stiff, another method is meant for it
 
@@ -63,7 +65,8 @@ def _impulse(a, s, deg, mu):
 
 @once
 def _advance(s, t, deg, W, gear, listed, X, F, x, samples, records, book, cnt):
-    """Write the samples up to t, at s from the start of the step, and move x, reaction and impulses there."""
+    """Write the samples up to t, at s from the start of the step, and move x, reaction and impulses
+    there."""
     XS, RS, ZS = records
     column, total, reaction = book
     kind = listed[0]
@@ -93,7 +96,8 @@ def _advance(s, t, deg, W, gear, listed, X, F, x, samples, records, book, cnt):
 
 @once
 def _length(deg, W, gear, X, x, origin, reach, hard, num):
-    """(h, code): the step that the series of this degree allows, and whether the list must be made anew first."""
+    """(h, code): the step that the series of this degree allows, and whether the list must be made
+    anew first."""
     h = min(
         min(longest(X, gear[4], deg, num[slots.EPS], W), num[slots.MAX_STEP]),
         num[slots.END] - num[slots.T],
@@ -118,7 +122,8 @@ def _length(deg, W, gear, X, x, origin, reach, hard, num):
 
 @once
 def _watch(W, gear, basis, listed, places, norm, x, num):
-    """Bands, levels and arms of gaps and multipliers at the start of an arc (see solvers._crossings)."""
+    """Bands, levels and arms of gaps and multipliers at the start of an arc (see
+    solvers._crossings)."""
     m = norm.size
     near = num[slots.TOL] * (num[slots.UNIT] + size(x))
     band = np.empty(m)
@@ -181,7 +186,8 @@ def _columns(W, column, cnt):
 
 @once
 def _note(role, basis, kept, log, num, cnt):
-    """Write down what closed, what opened, what handed its load to others; and take it over into the masks."""
+    """Write down what closed, what opened, what handed its load to others; and take it over into
+    the masks."""
     first = slots.FIRST
     for kind in (slots.CLOSED, slots.OPENED, slots.PIVOT):
         for k in range(role.size):
@@ -232,10 +238,12 @@ def walk(
     num,
     cnt,
 ):
-    """Go on from num[slots.T] with the basis until something must be decided elsewhere; returns the code of what.
+    """Go on from num[slots.T] with the basis until something must be decided elsewhere; returns the
+    code of what.
 
-    listed, places, norm: the list of constraints; hard (f, 3): start, count, dim of hard particles, listed around
-    `origin`; basis, kept (m,) masks; the rest is work in progress: x, records and book, paces, log, num, cnt.
+    listed, places, norm: the list of constraints; hard (f, 3): start, count, dim of hard particles,
+    listed around `origin`; basis, kept (m,) masks; the rest is work in progress: x, records and
+    book, paces, log, num, cnt.
     """
     n = x.size
     X = np.empty((order + 1, n))

@@ -1,4 +1,5 @@
-"""Places in the arrays that kernels.walk and its caller share; codes of what it returns and writes down."""
+"""Places in the arrays that kernels.walk and its caller share; codes of what it returns and writes
+down."""
 
 (T, END, TOL, EPS, SIZE, MAX_STEP, BOX, REACH, H, DOUBT, STRICT, DEPENDENT, UNIT, FLOATS) = range(
     14

@@ -1,7 +1,9 @@
-"""Where a polynomial first falls below a level: enclosures on intervals that are halved until they decide.
+"""Where a polynomial first falls below a level: enclosures on intervals that are halved until they
+decide.
 
-Coefficients c (deg + 1,) in s; on an interval the polynomial is developed about the middle, where the sum of the other
-terms' sizes bounds what it does. No passage is missed between nodes: there are none.
+Coefficients c (deg + 1,) in s; on an interval the polynomial is developed about the middle, where
+the sum of the other terms' sizes bounds what it does. No passage is missed between nodes: there are
+none.
 """
 
 import numpy as np
@@ -9,7 +11,8 @@ import numpy as np
 from nsbench.compilation.decorators import inner
 
 NARROW = 2.0**-44  # of [0, 1]: below, times cannot be told apart
-STEEP = 100.0  # touches per step: a function that reaches zero at this pace at the end of a step crosses there
+# touches per step: a function that reaches zero at this pace at the end of a step crosses there
+STEEP = 100.0
 ENDS = 1e-2  # of a touch: zero, up to rounding
 MOST = 4000  # intervals looked at: far beyond what a polynomial with distinct roots takes
 
@@ -32,7 +35,8 @@ def slope(c, deg, s):
 
 @inner
 def root(c, deg, level, lo, hi):
-    """A root of c - level in [lo, hi], where it is above at lo and below at hi: Newton's steps, kept in the bracket."""
+    """A root of c - level in [lo, hi], where it is above at lo and below at hi: Newton's steps,
+    kept in the bracket."""
     s = hi
     for _ in range(200):
         v = value(c, deg, s) - level
@@ -54,7 +58,8 @@ def root(c, deg, level, lo, hi):
 
 @inner
 def first_below(c, deg, level, lo, hi, b):
-    """The smallest s in [lo, hi] with c(s) < level, up to rounding; -1.0 if there is none. b (deg + 1,): scratch."""
+    """The smallest s in [lo, hi] with c(s) < level, up to rounding; -1.0 if there is none. b (deg +
+    1,): scratch."""
     spread = 0.0
     power = 1.0
     for j in range(1, deg + 1):
@@ -110,8 +115,9 @@ def first_below(c, deg, level, lo, hi, b):
 def passage(c, deg, armed, level, band, touch, hi, b, d):
     """First event of one function on [0, hi]: (s or -1.0, armed afterwards, touched).
 
-    An armed function fires where it crosses zero on the way to -touch; another fires where it falls below `level`, and
-    is armed once it exceeds `band`. touched: it went below zero, and less than `touch` below.
+    An armed function fires where it crosses zero on the way to -touch; another fires where it falls
+    below `level`, and is armed once it exceeds `band`. touched: it went below zero, and less than
+    `touch` below.
     """
     start = 0.0
     if not armed:

@@ -1,7 +1,9 @@
-"""Taylor series of the flow on a set of contacts held at zero, for drifts f = A x + c; contacts as in contacts.Near.
+"""Taylor series of the flow on a set of contacts held at zero, for drifts f = A x + c; contacts as
+in contacts.Near.
 
-A held distance is d, so with  u = (x_i - x_j) / d  the flow is  x' = f + sum mu_k u_k (e_i - e_j),  u_k . (x_i' - x_j') = 0,
-and every order of mu costs one solve with the same Gram matrix (Taylor series of differential-algebraic equations:
+A held distance is d, so with  u = (x_i - x_j) / d  the flow is  x' = f + sum mu_k u_k (e_i - e_j),
+u_k . (x_i' - x_j') = 0, and every order of mu costs one solve with the same Gram matrix (Taylor
+series of differential-algebraic equations:
 Pryce 1998). lam = sign mu. Affine rows have their gradient in place of u, which stands still.
 """
 
@@ -57,9 +59,11 @@ def apart(x, y):
 
 @inner
 def gaps(index, listed, places, x, out):
-    """out (m,): g of the entries `index` of the list; distances as sign (|u|^2 - d^2) / (2 d), which has g's zero and slope.
+    """out (m,): g of the entries `index` of the list; distances as sign (|u|^2 - d^2) / (2 d),
+    which has g's zero and slope.
 
-    Loops over entries stay in one function with the arrays unpacked: to unpack them per entry counts their references.
+    Loops over entries stay in one function with the arrays unpacked: to unpack them per entry
+    counts their references.
     """
     kind, p, q, d, sign, dim = listed
     anchors, ptr, cols, vals, b = places
@@ -105,7 +109,8 @@ def gradients(W, listed, places, x, C, V, count, U):
 
 @inner
 def hold(W, gear, listed, places, norm, x, work, least, unit):
-    """x is put on g = 0 along the gradients there, and the Gram matrix factored; False if that cannot be done.
+    """x is put on g = 0 along the gradients there, and the Gram matrix factored; False if that
+    cannot be done.
 
     unit: the size of a scene; to rounding of that and of x.
     """
@@ -170,7 +175,8 @@ def _push(m, W, listed, mu, U, V):
 
 @inner
 def extend(m0, m1, W, gear, listed, drift, X, F):
-    """Orders m0 to m1 - 1 of mu (p, .) and of the drift F (., n); so X (., n) and U up to order m1."""
+    """Orders m0 to m1 - 1 of mu (p, .) and of the drift F (., n); so X (., n) and U up to order
+    m1."""
     kind, p, q, d, _, dim = listed
     aptr, acols, avals, const = drift
     C, G, count, U, mu, plan, E = gear
@@ -211,7 +217,8 @@ def extend(m0, m1, W, gear, listed, drift, X, F):
 
 @inner
 def longest(X, mu, deg, eps, W):
-    """How far the terms of the two highest orders stay below eps (1 + |x|): Jorba & Zou 2005, section 3.2."""
+    """How far the terms of the two highest orders stay below eps (1 + |x|): Jorba & Zou 2005,
+    section 3.2."""
     fine = eps * (1.0 + size(X[0]))
     h = np.inf
     for j in range(deg - 1, deg + 1):

@@ -1,11 +1,14 @@
-"""One Taylor step of a Filippov mode: its length, the proof that nothing is hidden in it, the first event on it.
+"""One Taylor step of a Filippov mode: its length, the proof that nothing is hidden in it, the first
+event on it.
 
-A program of a mode (see nsbench.solvers.event_driven.filippov.tracing) has the outputs F (n), watch (d + 1), theta. watch[k] > 0 until surface k is met, or,
-for the surface it slides on, until its weight is used up: 1 - s there and 1 + s as the last one.
+A program of a mode (see nsbench.solvers.event_driven.filippov.tracing) has the outputs F (n), watch
+(d + 1), theta. watch[k] > 0 until surface k is met, or, for the surface it slides on, until its
+weight is used up: 1 - s there and 1 + s as the last one.
 
-Certificate of a piece: the fields and the watched functions along the polynomial path are enclosed with their first ORDER
-derivatives (kernels.enclosure), those of the polynomials that stand for them too; at NODES the two agree. So they agree in
-between, up to the bound on interpolation (Davis 1963, theorem 3.1.1), and nothing narrower than the piece hides in it.
+Certificate of a piece: the fields and the watched functions along the polynomial path are enclosed
+with their first ORDER derivatives (kernels.enclosure), those of the polynomials that stand for them
+too; at NODES the two agree. So they agree in between, up to the bound on interpolation (Davis 1963,
+theorem 3.1.1), and nothing narrower than the piece hides in it.
 """
 
 import numpy as np
@@ -33,13 +36,15 @@ POWERS = NODES ** np.arange(DEGREE + 1)[:, None]
 HALF = 1.0 / 2.0 ** (ORDER - 2)  # its bound, from the coefficient of that order
 RESOLVED = 1e-10  # bound on interpolation that counts as smooth, relative (as in solvers._pieces)
 DEFECT = 100.0  # local errors by which the path may miss the equation at a node
-SHARP = 1e-9  # truncation of the watched functions, relative to what they reach on the step; roots are polished
+# truncation of the watched functions, relative to what they reach on the step; roots are polished
+SHARP = 1e-9
 
 
 @inner
 def length(C, n, p, x, outs, watches, local, most):
-    """A step on which the last terms of the state are below local (1 + |x|), those of the integral of the weight below
-    local, those of the watched functions below SHARP of their size (Jorba & Zou 2005, section 3.2).
+    """A step on which the last terms of the state are below local (1 + |x|), those of the integral
+    of the weight below local, those of the watched functions below SHARP of their size (Jorba & Zou
+    2005, section 3.2).
 
     C: table of kernels.taylor; 0 if it is not finite."""
     h = most
@@ -78,7 +83,8 @@ def length(C, n, p, x, outs, watches, local, most):
 
 @summing
 def _tail(Q, i, p, derivative):
-    """Bound on coefficient ORDER, anywhere on the piece, of the polynomial Q[i], or of its derivative in s."""
+    """Bound on coefficient ORDER, anywhere on the piece, of the polynomial Q[i], or of its
+    derivative in s."""
     s = 0.0
     for k in range(ORDER, p + 1 - derivative):
         s += CHOOSE[k, ORDER] * abs(Q[i, k + derivative]) * (1.0 + derivative * k)
@@ -102,9 +108,11 @@ def certified(
 ):
     """The piece [t + start, t + start + width] of a step `whole` long is certified if this is >= 1.
 
-    It is the least quotient of a bound that counts as smooth and the bound found; 0 if it fails otherwise.
-    Q (n + watches, p + 1): the polynomials of state and watched functions in s on the piece; error (watches,): bounds on what
-    the latter miss of the functions. C: table of the step; M, R, V: scratch.
+    It is the least quotient of a bound that counts as smooth and the bound found; 0 if it fails
+    otherwise.
+    Q (n + watches, p + 1): the polynomials of state and watched functions in s on the piece; error
+    (watches,): bounds on what the latter miss of the functions. C: table of the step; M, R, V:
+    scratch.
     """
     radius = 0.5 * width
     middle = start + radius
@@ -166,7 +174,8 @@ def certified(
 
 @inner
 def shorter(room):
-    """Part of a piece with this `room` that the certificate should hold for: bounds go with the power ORDER of the width.
+    """Part of a piece with this `room` that the certificate should hold for: bounds go with the
+    power ORDER of the width.
 
     Those of pieces far too long explode instead: they tell nothing, and a quarter is tried.
     """
@@ -175,7 +184,8 @@ def shorter(room):
 
 @inner
 def lifted(C, row, p, h, band):
-    """w in (0, h] such that the series u = C[row], at most `band` at 0, exceeds it at w without falling below by more before.
+    """w in (0, h] such that the series u = C[row], at most `band` at 0, exceeds it at w without
+    falling below by more before.
 
     0: it stays within the band on [0, h]; -1: neither is certain.
     """
@@ -206,7 +216,8 @@ def lifted(C, row, p, h, band):
 
 @inner
 def hunted(outs, n, p, watches, start, width, C, Q, error, lift, stack, work):
-    """(CLEAR, FOUND or UNCLEAR, which function, time from the step's start) of the first event on a certified piece."""
+    """(CLEAR, FOUND or UNCLEAR, which function, time from the step's start) of the first event on a
+    certified piece."""
     first = np.inf
     which = -1
     for w in range(watches):

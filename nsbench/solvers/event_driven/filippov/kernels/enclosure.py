@@ -1,8 +1,10 @@
-"""Enclosures of everything on a tape over a piece of time, with derivatives: the arithmetic of nsbench.solvers.event_driven.interval_taylor, for tapes.
+"""Enclosures of everything on a tape over a piece of time, with derivatives: the arithmetic of
+nsbench.solvers.event_driven.interval_taylor, for tapes.
 
-The path is a polynomial in s, |s| <= 1, over the piece. Row by row, M +- R encloses the coefficients q^(j)(s) / j! (time in
-units of the piece's radius) of every operation, j = 0 .. ORDER, for all s of the piece. What may be undefined somewhere on
-the piece has infinite radii. Source: Moore 1966, chapter 11.
+The path is a polynomial in s, |s| <= 1, over the piece. Row by row, M +- R encloses the
+coefficients q^(j)(s) / j! (time in units of the piece's radius) of every operation, j = 0 .. ORDER,
+for all s of the piece. What may be undefined somewhere on the piece has infinite radii. Source:
+Moore 1966, chapter 11.
 """
 
 from math import atan, cosh, exp, log, sinh, tanh
@@ -34,9 +36,11 @@ from nsbench.solvers.event_driven.filippov.kernels.polynomial_root import CHOOSE
 from nsbench.solvers.event_driven.filippov.kernels.taylor_series import inner
 from nsbench.solvers.event_driven.interval_taylor.kernels import TINY, UNIT
 
-# of derivatives: with 9 the cases of tests/studies/speed/filippov.py took 17 to 37 % longer; with 15 some more, some less
+# of derivatives: with 9 the cases of tests/studies/speed/filippov.py took 17 to 37 % longer; with
+# 15 some more, some less
 ORDER = 12
-PATH = 4e-14  # rounding of the coefficients of a path, relative: a shift of a polynomial adds up its terms
+# rounding of the coefficients of a path, relative: a shift of a polynomial adds up its terms
+PATH = 4e-14
 
 
 @inner
@@ -102,7 +106,8 @@ def _weighted(M, R, a, b, k, flat, slope):
 
 @inner
 def _over(M, R, y, k, s, r, w, low):
-    """Coefficient k of row y: s +- r over the first entry of row w, which is at least low; nothing is known if it may vanish."""
+    """Coefficient k of row y: s +- r over the first entry of row w, which is at least low; nothing
+    is known if it may vanish."""
     if low > 0.0:
         M[y, k] = s / M[w, 0]
         R[y, k] = (r + abs(M[y, k]) * R[w, 0]) / low + UNIT * abs(M[y, k]) + TINY
@@ -112,7 +117,8 @@ def _over(M, R, y, k, s, r, w, low):
 
 @inner
 def _first(o, c, M, R, a, y):
-    """First entries of row y = o(a), a function, and of its partner's, the next row; NaN where it may be undefined."""
+    """First entries of row y = o(a), a function, and of its partner's, the next row; NaN where it
+    may be undefined."""
     m = M[a, 0]
     r = R[a, 0]
     lo = m - r
@@ -155,7 +161,8 @@ def _first(o, c, M, R, a, y):
 
 @inner
 def _further(o, c, M, R, a, b, y, k):
-    """Coefficient k >= 1 of row y = o(a, b), and of its partner's; the recurrences of kernels.taylor."""
+    """Coefficient k >= 1 of row y = o(a, b), and of its partner's; the recurrences of
+    kernels.taylor."""
     if o == POW:
         s, r = _weighted(M, R, a, y, k, -1.0, (c + 1.0) / k)
         _over(M, R, y, k, s, r, a, M[a, 0] - R[a, 0])

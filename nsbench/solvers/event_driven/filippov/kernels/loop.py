@@ -1,7 +1,9 @@
-"""The walk of a Filippov system from mode to mode, compiled: Taylor steps, events, and the choices that are plain.
+"""The walk of a Filippov system from mode to mode, compiled: Taylor steps, events, and the choices
+that are plain.
 
-What is not plain goes back to the caller, with the state at that time: surfaces met together, tangential meetings that a trial
-does not settle, fields that are the same on both sides, motions that are not unique, steps that cannot be certified.
+What is not plain goes back to the caller, with the state at that time: surfaces met together,
+tangential meetings that a trial does not settle, fields that are the same on both sides, motions
+that are not unique, steps that cannot be certified.
 """
 
 import numpy as np
@@ -52,7 +54,8 @@ TIME, LONGEST = range(2)
 
 @inner
 def accumulate(ring, count, span):
-    """Whether the meetings (the last seven in ring, latest last) accumulate (see solvers._switching)."""
+    """Whether the meetings (the last seven in ring, latest last) accumulate (see
+    solvers._switching)."""
     if count <= 2 * WINDOW:
         return False
     last = ring[6] - ring[3]
@@ -65,7 +68,8 @@ def accumulate(ring, count, span):
 
 @inner
 def landed(ops, nums, first, outs, m, n, p, w, t, s, h, C, V):
-    """Time from the step's start at which watched function w vanishes, near s: Newton's method on the function itself."""
+    """Time from the step's start at which watched function w vanishes, near s: Newton's method on
+    the function itself."""
     row = outs[m, n + w]
     for _ in range(4):
         for j in range(n):
@@ -111,9 +115,11 @@ def step(
     stack,
     work,
 ):
-    """One step in program m: (code, length, fired, held). CLEAR: go on after `length`; FOUND: event; HARD: not certain.
+    """One step in program m: (code, length, fired, held). CLEAR: go on after `length`; FOUND:
+    event; HARD: not certain.
 
-    held: a width for which the certificate should hold; handed on from step to step, so that it seldom fails.
+    held: a width for which the certificate should hold; handed on from step to step, so that it
+    seldom fails.
     """
     for j in range(n):
         C[j, 0] = x[j]
@@ -234,7 +240,8 @@ def record(
     V,
     G,
 ):
-    """Write the samples up to t + reach (all that are left if `last`); returns how many are done by then."""
+    """Write the samples up to t + reach (all that are left if `last`); returns how many are done by
+    then."""
     while done < times.size and (times[done] <= t + reach or last):
         s = min(times[done] - t, reach)
         for j in range(n):
@@ -248,7 +255,8 @@ def record(
 
 @inner
 def integrals(d, p, i, s, mode, row, C, theta, out):
-    """Integrals of the weights after time s of a step; row: of the weight of the surface slid on."""
+    """Integrals of the weights after time s of a step; row: of the weight of the surface slid
+    on."""
     for k in range(d):
         if k == i:
             y = 0.0
@@ -299,9 +307,10 @@ def walk(
 ):
     """Follow the motion until the end or until something is not plain; numbers[CODE] tells which.
 
-    limits: span, local error, longest step, most steps, most meetings. begun: 0 the mode is to be chosen, 1 an arc begins,
-    2 it goes on (armed is given). ring (7,): last meetings. log (cap, 2): time and weight integral of events, logged
-    (cap, 3): surface, mode before, after. scratch: C, Q, M, R, V, error, lift, stack, work, edge, G, F, y, D.
+    limits: span, local error, longest step, most steps, most meetings. begun: 0 the mode is to be
+    chosen, 1 an arc begins, 2 it goes on (armed is given). ring (7,): last meetings. log (cap, 2):
+    time and weight integral of events, logged (cap, 3): surface, mode before, after. scratch: C, Q,
+    M, R, V, error, lift, stack, work, edge, G, F, y, D.
     """
     n = x.size
     d = mode.size

@@ -1,6 +1,9 @@
-"""Where a Filippov motion meets a surface: the geometry there, and which mode continues, decided where that is plain.
+"""Where a Filippov motion meets a surface: the geometry there, and which mode continues, decided
+where that is plain.
 
-ops, nums, first, outs: the programs of the modes (nsbench.solvers.event_driven.filippov.tracing.layout); the last program is the geometry of the surfaces.
+ops, nums, first, outs: the programs of the modes
+(nsbench.solvers.event_driven.filippov.tracing.layout); the last program is the geometry of the
+surfaces.
 """
 
 import numpy as np
@@ -43,7 +46,8 @@ def at(ops, nums, first, outs, m, n, t, x, V):
 
 @inner
 def geometry(ops, nums, first, outs, n, d, t, x, V, G):
-    """G (d, n + 2): gradient, time derivative and value of each switch function (the last program)."""
+    """G (d, n + 2): gradient, time derivative and value of each switch function (the last
+    program)."""
     m = outs.shape[0] - 1
     at(ops, nums, first, outs, m, n, t, x, V)
     for i in range(d):
@@ -79,7 +83,8 @@ def project(ops, nums, first, outs, n, d, i, t, x, V, G):
 
 @inner
 def trial(ops, nums, first, outs, n, d, p, m, i, slides, t, x, span, local, least, C):
-    """Sign that the watched function of surface i shows first on a trial in program m; 0: none, or not the same later on."""
+    """Sign that the watched function of surface i shows first on a trial in program m; 0: none, or
+    not the same later on."""
     p = min(p, SHORT)
     for j in range(n):
         C[j, 0] = x[j]
@@ -107,7 +112,8 @@ def trial(ops, nums, first, outs, n, d, p, m, i, slides, t, x, span, local, leas
 
 @inner
 def decide(ops, nums, first, outs, table, n, d, p, i, mode, t, x, span, local, V, G, F, C, y):
-    """The mode of surface i that continues from (t, x), if it is the only one and that is plain; else UNKNOWN.
+    """The mode of surface i that continues from (t, x), if it is the only one and that is plain;
+    else UNKNOWN.
 
     F (2, n), y (n,), mode (d,): scratch; the other entries of mode are +-1.
     """
@@ -164,8 +170,8 @@ def decide(ops, nums, first, outs, table, n, d, p, i, mode, t, x, span, local, V
 
 @inner
 def met(ops, nums, first, outs, n, d, t, x, mode, before, V, G):
-    """Which surface is met, the only one near: -1 for none, -2 for several. before: surface of an event, -1 at the start,
-    where the mode is set to the signs of the switch functions."""
+    """Which surface is met, the only one near: -1 for none, -2 for several. before: surface of an
+    event, -1 at the start, where the mode is set to the signs of the switch functions."""
     geometry(ops, nums, first, outs, n, d, t, x, V, G)
     which = before
     for k in range(d):

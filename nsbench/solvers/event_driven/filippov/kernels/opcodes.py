@@ -1,6 +1,7 @@
 """Operations of a tape, as numbers that kernels and the tracer share.
 
-An operation makes row e of a table from rows a and b and constants c, d. PAIRS are made with their partner, the next row.
+An operation makes row e of a table from rows a and b and constants c, d. PAIRS are made with their
+partner, the next row.
 """
 
 CONST = 0  # c

@@ -1,4 +1,5 @@
-"""Polynomials on [-1, 1]: shifts, and the first place where one falls through zero, decided by bounds."""
+"""Polynomials on [-1, 1]: shifts, and the first place where one falls through zero, decided by
+bounds."""
 
 from math import comb
 
@@ -16,7 +17,8 @@ CHOOSE = np.array([[float(comb(k, j)) for j in range(DEGREE + 1)] for k in range
 
 @inner
 def shifted(C, row, p, middle, radius, out, to):
-    """out[to, k], k = 0 .. p: coefficients in s of u(middle + radius s), u = C[row], by the binomial theorem."""
+    """out[to, k], k = 0 .. p: coefficients in s of u(middle + radius s), u = C[row], by the
+    binomial theorem."""
     if middle == 0.0:
         scale = 1.0
         for k in range(p + 1):
@@ -39,7 +41,8 @@ def shifted(C, row, p, middle, radius, out, to):
 
 @inner
 def _zero(C, row, p, lo, hi):
-    """The zero of the series C[row] in [lo, hi], where it falls monotonically: Newton's method within a bracket."""
+    """The zero of the series C[row] in [lo, hi], where it falls monotonically: Newton's method
+    within a bracket."""
     s = 0.5 * (lo + hi)
     for _ in range(200):
         y = C[row, p]
@@ -61,10 +64,13 @@ def _zero(C, row, p, lo, hi):
 
 @inner
 def first_fall(C, row, p, error, stack, work):
-    """(CLEAR, FOUND or UNCLEAR, place) of the first zero on [-1, 1] of u = C[row]; u(-1) > 0 up to `error`.
+    """(CLEAR, FOUND or UNCLEAR, place) of the first zero on [-1, 1] of u = C[row]; u(-1) > 0 up to
+    `error`.
 
-    u is known up to `error`. CLEAR: it stays above it. FOUND: it falls monotonically from above to below zero there.
-    UNCLEAR: a minimum near zero that cannot be told from a touch. stack (>= 2 DEEP + 4, 2), work (1, p + 1): scratch.
+    u is known up to `error`. CLEAR: it stays above it. FOUND: it falls monotonically from above to
+    below zero there.
+    UNCLEAR: a minimum near zero that cannot be told from a touch. stack (>= 2 DEEP + 4, 2), work
+    (1, p + 1): scratch.
     """
     top = 1
     stack[0, 0] = -1.0

@@ -1,8 +1,9 @@
 """Taylor coefficients of everything on a tape: an interpreter, compiled once for all of them.
 
-A tape is a list of operations ops[e] = (op, a, b), nums[e] = (c, d) (see tapecodes); operation e makes row n + 1 + e - lo
-of a table whose rows 0 .. n - 1 are the state and whose row n is the time. `series` fills a table (rows, p + 1) of normalised
-Taylor coefficients of the solution of x_i' = (row F[i]); `point` fills one column, the values at one point.
+A tape is a list of operations ops[e] = (op, a, b), nums[e] = (c, d) (see tapecodes); operation e
+makes row n + 1 + e - lo of a table whose rows 0 .. n - 1 are the state and whose row n is the time.
+`series` fills a table (rows, p + 1) of normalised Taylor coefficients of the solution of x_i' =
+(row F[i]); `point` fills one column, the values at one point.
 Source of the recurrences: Jorba & Zou, Experimental Mathematics 14 (2005), proposition 2.1.
 """
 
@@ -45,7 +46,8 @@ def power(a, alpha):
 
 @inner
 def head(op, u, v, c, d):
-    """Value of an operation without partner, and of the first of a pair, at the values u, v of its rows."""
+    """Value of an operation without partner, and of the first of a pair, at the values u, v of its
+    rows."""
     if op == ADD:
         return u + v
     if op == SUB:
@@ -89,7 +91,8 @@ def partner(op, u, y):
 
 @njit(cache=True, error_model="numpy")
 def point(ops, nums, lo, hi, n, V, many):
-    """Values V[n + 1 :, :many] at the states V[:n, :many] and the times V[n, :many], for `many` points."""
+    """Values V[n + 1 :, :many] at the states V[:n, :many] and the times V[n, :many], for `many`
+    points."""
     for e in range(lo, hi):
         o = ops[e, 0]
         u = ops[e, 1]
@@ -124,7 +127,8 @@ def _product(C, u, v, first, k):
 
 @summing
 def _weighted(C, u, v, last, k):
-    """Sum over i = 1 .. last of i u_i v_(k-i), for rows u, v: of u' v, at last = k coefficient k - 1."""
+    """Sum over i = 1 .. last of i u_i v_(k-i), for rows u, v: of u' v, at last = k coefficient k -
+    1."""
     s = 0.0
     for i in range(1, last + 1):
         s += i * C[u, i] * C[v, k - i]
@@ -133,7 +137,8 @@ def _weighted(C, u, v, last, k):
 
 @inner
 def _coefficient(o, C, u, v, y, w, k):
-    """Set coefficient k >= 1 of row y = op(u, v) with constant w; of a pair, that of the next row too."""
+    """Set coefficient k >= 1 of row y = op(u, v) with constant w; of a pair, that of the next row
+    too."""
     if o == ADD:
         C[y, k] = C[u, k] + C[v, k]
     elif o == SUB:
@@ -175,9 +180,11 @@ def _coefficient(o, C, u, v, y, w, k):
 
 @njit(cache=True, error_model="numpy")
 def series(ops, nums, lo, mid, hi, F, n, p, C):
-    """Table C (rows, >= p + 1): coefficients 0 .. p of state and operations, from C[:n, 0] and the time C[n, 0].
+    """Table C (rows, >= p + 1): coefficients 0 .. p of state and operations, from C[:n, 0] and the
+    time C[n, 0].
 
-    Operations lo .. mid - 1 make the derivatives, order by order; the others follow one by one when the state is known.
+    Operations lo .. mid - 1 make the derivatives, order by order; the others follow one by one when
+    the state is known.
     """
     for k in range(1, p + 1):
         C[n, k] = 0.0
@@ -210,7 +217,8 @@ def series(ops, nums, lo, mid, hi, F, n, p, C):
 
 @inner
 def horner(C, row, s, p):
-    """Value at s of a row of coefficients up to order p >= 1: even and odd powers apart, as one chain would wait for itself."""
+    """Value at s of a row of coefficients up to order p >= 1: even and odd powers apart, as one
+    chain would wait for itself."""
     y = C[row, p]
     w = C[row, p - 1]
     z = s * s

@@ -1,7 +1,7 @@
 """A graph of scalar operations without duplicates, and derivatives on it.
 
-Nodes are (op, a, b, c, d) of kernels.tapecodes with a, b nodes; the first n + 1 are the state and the time. Equal operations are
-one node; operations on constants are carried out.
+Nodes are (op, a, b, c, d) of kernels.tapecodes with a, b nodes; the first n + 1 are the state and
+the time. Equal operations are one node; operations on constants are carried out.
 """
 
 from __future__ import annotations

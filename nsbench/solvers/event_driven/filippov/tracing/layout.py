@@ -1,4 +1,5 @@
-"""Tapes in arrays: for each of several lists of outputs, the operations that make them, in order."""
+"""Tapes in arrays: for each of several lists of outputs, the operations that make them, in
+order."""
 
 from __future__ import annotations
 
@@ -14,8 +15,10 @@ from nsbench.solvers.event_driven.filippov.tracing.graph import Graph
 class Programs:
     """ops (e, 3): op, a, b and nums (e, 2): c, d of the operations of all programs in a row.
 
-    Program m has those of first[m, 0] : first[m, 2]; those up to first[m, 1] make its leading outputs, the others the rest.
-    Operation e of program m makes row n + 1 + e - first[m, 0]; outs[m, j] is the row of its output j, -1 for none.
+    Program m has those of first[m, 0] : first[m, 2]; those up to first[m, 1] make its leading
+    outputs, the others the rest.
+    Operation e of program m makes row n + 1 + e - first[m, 0]; outs[m, j] is the row of its output
+    j, -1 for none.
     rows: the largest number of rows.
     """
 
@@ -27,7 +30,8 @@ class Programs:
 
 
 def lay_out(graph: Graph, outputs: list[list[int]]) -> Programs:
-    """One program for each list of nodes (-1: no output there; all of one length), of which the first n lead."""
+    """One program for each list of nodes (-1: no output there; all of one length), of which the
+    first n lead."""
     ops = []
     outs = []
     first = []

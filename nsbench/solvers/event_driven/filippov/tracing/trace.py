@@ -1,7 +1,9 @@
-"""Run a factory once on arrays of nodes: what it does to arrays of numbers becomes a graph of scalar operations.
+"""Run a factory once on arrays of nodes: what it does to arrays of numbers becomes a graph of
+scalar operations.
 
-A `Traced` looks like a float64 array. What cannot be traced (a branch on a value, kinks, a function without recurrence) is a
-TypeError: such a case stays with numpy. Reductions, products of matrices and indexing are carried out while tracing.
+A `Traced` looks like a float64 array. What cannot be traced (a branch on a value, kinks, a function
+without recurrence) is a TypeError: such a case stays with numpy. Reductions, products of matrices
+and indexing are carried out while tracing.
 """
 
 from __future__ import annotations
