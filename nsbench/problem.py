@@ -29,7 +29,8 @@ def _floats(name: str, value, ndim: int | None = None) -> np.ndarray:
     a = np.asarray(value)
     if a.dtype == np.float32 or a.dtype == np.float16:
         raise TypeError(
-            f"{name} is {a.dtype}; arrays must be float64 (rounding at 1e-7 would be read as method error)"
+            f"{name} is {a.dtype}; arrays must be float64 (rounding at 1e-7 would be read as "
+            f"method error)"
         )
     if a.dtype.kind not in "fiub":
         raise TypeError(f"{name} has dtype {a.dtype}; real numbers are needed")
@@ -178,7 +179,8 @@ class Distance:
             self.count is None and (n - self.start) % self.dim
         ):
             raise ValueError(
-                f"the state has {n} entries; particles of dimension {self.dim} from {self.start} do not fit"
+                f"the state has {n} entries; particles of dimension {self.dim} from {self.start} "
+                f"do not fit"
             )
         if self.radii is not None and self.radii.ndim and len(self.radii) != count:
             raise ValueError(f"{len(self.radii)} radii for {count} particles")
@@ -343,7 +345,8 @@ class LCS:
         (n, n2), (nb, m), (mc, nc) = self.A.shape, self.B.shape, self.C.shape
         if not (n == n2 == nb == nc and m == mc and self.D.shape == (m, m)):
             raise ValueError(
-                f"shapes do not fit: A {self.A.shape} B {self.B.shape} C {self.C.shape} D {self.D.shape}"
+                f"shapes do not fit: A {self.A.shape} B {self.B.shape} C {self.C.shape} D "
+                f"{self.D.shape}"
             )
         for name in "uq":
             if getattr(self, name) is not None:

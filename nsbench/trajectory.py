@@ -25,7 +25,8 @@ STATUSES = (
     "error",
 )
 LAM_TIMES = ("start", "midpoint", "end", "mean")
-MACHINE = "a fault of the machine"  # in the sentence of an "error" that may be gone when the run is made again
+# in the sentence of an "error" that may be gone when the run is made again
+MACHINE = "a fault of the machine"
 SHORT = (
     errno.ENOSPC,
     errno.EDQUOT,

@@ -22,7 +22,8 @@ SOLVERS["event_driven"] = {"doc": "Events.", "accuracy": "tol", "claims": {"exac
 SOLVERS["penalty"]["accuracy"] = "k"
 CASES = {
     "tide": {
-        "doc": "Tide: a point pushed against the floor, held, and released.\n\n    y' = -cos t + lam\n\nMore.",
+        "doc": "Tide: a point pushed against the floor, held, and released.\n\n    y' = -cos t + "
+        "lam\n\nMore.",
         "n": 1,
         "families": "1 affine row",
         "reference": "exact",
@@ -171,7 +172,8 @@ def made(seed=0):
                         status="refused",
                         loop="",
                         seconds=None,
-                        why=f"{solver} needs constraints to project on; this case is a Filippov system.",
+                        why=f"{solver} needs constraints to project on; this case is a Filippov "
+                        f"system.",
                     )
                 )
             else:

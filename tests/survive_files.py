@@ -5,7 +5,10 @@ from nsbench.solvers import get
 from nsbench.study import Spec, attempt, resolve
 
 METHODS = ("pbd", "catching_up", "kdtree", "event_driven", "theta", "penalty")
-HEAD = '"""A scene that was made for a test."""\nimport numpy as np\nfrom nsbench import *\nfrom nsbench import Case\n\n'
+HEAD = (
+    '"""A scene that was made for a test."""\nimport numpy as np\nfrom nsbench import *\nfrom '
+    "nsbench import Case\n\n"
+)
 FLOOR = "Affine(np.eye(1), np.zeros(1)),"
 
 
@@ -24,7 +27,8 @@ def case_file(
     problem = problem or f"Complementarity(drift, ({constraints}))"
     path.write_text(
         f"{HEAD}\ndef drift(xp):\n    return lambda t, x: {drift}\n\n\n"
-        f"CASE = Case(name={name!r}, problem={problem}, x0={x0}, t={t}{', ' if more else ''}{more})\n"
+        f"CASE = Case(name={name!r}, problem={problem}, x0={x0}, "
+        f"t={t}{', ' if more else ''}{more})\n"
     )
     return path
 

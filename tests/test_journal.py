@@ -250,7 +250,8 @@ def test_a_run_that_meets_a_full_disk_ends_with_5_and_is_taken_up_again(tmp_path
     out = tmp_path / "out"
     code = (
         "import resource, sys; from nsbench.cli import main\n"
-        "if __name__ == '__main__':\n    resource.setrlimit(resource.RLIMIT_FSIZE, (12_000, resource.RLIM_INFINITY))\n"
+        "if __name__ == '__main__':\n    resource.setrlimit(resource.RLIMIT_FSIZE, (12_000, "
+        "resource.RLIM_INFINITY))\n"
         "    sys.exit(main(sys.argv[1:]))"
     )
     (tmp_path / "limited.py").write_text(code)

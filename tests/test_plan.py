@@ -154,8 +154,10 @@ def test_a_plan_groups_runs_and_writes_nothing(tmp_path, capsys):
 
 def test_a_plan_loads_neither_jax_nor_numba(tmp_path):
     code = (
-        "from nsbench.cli import main; import sys; main(['run', 'tide', 'discs[n=3]', '--plan', '--probe', '0', '-o', "
-        f"{str(tmp_path)!r}]); print({{'jax', 'numba', 'pandas', 'pyarrow', 'distributed'}} & {{*sys.modules}})"
+        "from nsbench.cli import main; import sys; main(['run', 'tide', 'discs[n=3]', '--plan', "
+        "'--probe', '0', '-o', "
+        f"{str(tmp_path)!r}]); print({{'jax', 'numba', 'pandas', 'pyarrow', 'distributed'}} & "
+        f"{{*sys.modules}})"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.splitlines()[-1] == "set()"

@@ -95,7 +95,8 @@ def test_a_case_of_somebody_else_may_bear_a_stored_name(tmp_path):
     path = tmp_path / "three_discs.py"
     path.write_text(
         "import numpy as np\nfrom nsbench import Case, Complementarity\n"
-        "CASE = Case('three_discs', Complementarity(lambda xp: lambda t, x: -x), np.ones(1), np.linspace(0, 1, 3))\n"
+        "CASE = Case('three_discs', Complementarity(lambda xp: lambda t, x: -x), np.ones(1), "
+        "np.linspace(0, 1, 3))\n"
     )
     case = nsbench.load_case(path)
     assert refs.reference(case) is None

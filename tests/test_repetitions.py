@@ -34,7 +34,8 @@ SECOND = solver(
     if self.how == "hang" and CALLS > 1:
         time.sleep(1000)
 """,
-    before="from nsbench.measure import clock\nclock.LONG = 5.0      # runs are quick, however busy the machine is\nCALLS = 0\n",
+    before="from nsbench.measure import clock\nclock.LONG = 5.0      # runs are quick, however "
+    "busy the machine is\nCALLS = 0\n",
 )
 
 

@@ -54,8 +54,10 @@ def test_every_case_is_drawn_the_same_each_time(name):
 @pytest.mark.survives("terminal")
 def test_the_bytes_do_not_depend_on_the_process_and_no_display_is_needed():
     code = (
-        "import sys, nsbench; from nsbench.report import scene; assert 'matplotlib' not in sys.modules\n"
-        "for n in ('tide', 'hex', 'sliding', 'epithelium'): print(scene.scene_svg(nsbench.get_case(n)))\n"
+        "import sys, nsbench; from nsbench.report import scene; assert 'matplotlib' not in "
+        "sys.modules\n"
+        "for n in ('tide', 'hex', 'sliding', 'epithelium'): "
+        "print(scene.scene_svg(nsbench.get_case(n)))\n"
         "assert 'matplotlib.pyplot' not in sys.modules"
     )
     here = "".join(
@@ -212,7 +214,8 @@ def test_a_file_of_ones_own_may_draw_itself(tmp_path, n, starts):
     file = tmp_path / "epithelium.py"  # the name of a registered case, whose drawing would not fit
     file.write_text(
         "import numpy as np\nfrom nsbench import Affine, Case, Complementarity\n"
-        f"CASE = Case('epithelium', Complementarity(lambda xp: lambda t, x: 0.0 * x, (Affine(np.eye({n}), "
+        f"CASE = Case('epithelium', Complementarity(lambda xp: lambda t, x: 0.0 * x, "
+        f"(Affine(np.eye({n}), "
         f"np.zeros({n})),)), np.ones({n}), np.array([0.0, 1.0]))\n"
         + "def draw(ax, case, x):\n    ax.text(0, 0, 'my own')\n    ax.plot([0, 1], [0, 2])\n"
         * starts

@@ -106,17 +106,21 @@ def test_a_drift_that_writes_into_the_state_later_on_is_an_error_row(tmp_path):
         {"constraints": "Affine(np.eye(1), lambda xp: lambda t: np.zeros(1, np.float32)),"},
         {"constraints": "Smooth(lambda xp: lambda t, x: x.astype(np.float32)),"},
         {
-            "constraints": "Distance(1.0, anchors=lambda xp: lambda t: np.zeros((1, 1), np.float32), dim=1),"
+            "constraints": "Distance(1.0, anchors=lambda xp: lambda t: np.zeros((1, 1), "
+            "np.float32), dim=1),"
         },
         {
-            "problem": "Filippov({(1,): drift, (-1,): lambda xp: lambda t, x: np.float32(1) * x.astype(np.float32)}, "
+            "problem": "Filippov({(1,): drift, (-1,): lambda xp: lambda t, x: np.float32(1) * "
+            "x.astype(np.float32)}, "
             "lambda xp: lambda t, x: x - 9.0)"
         },
         {
-            "problem": "Filippov({(1,): drift, (-1,): drift}, lambda xp: lambda t, x: x.astype(np.float32))"
+            "problem": "Filippov({(1,): drift, (-1,): drift}, lambda xp: lambda t, x: "
+            "x.astype(np.float32))"
         },
         {
-            "problem": "Filippov.relay(drift, np.ones((1, 1), np.float32), lambda xp: lambda t, x: x + 0.0)"
+            "problem": "Filippov.relay(drift, np.ones((1, 1), np.float32), lambda xp: lambda t, "
+            "x: x + 0.0)"
         },
         {"constraints": "Distance(radii=np.ones(2, np.float32), dim=1),", "x0": "[0.0, 4.0]"},
         {"constraints": "Distance(np.float32(1.0), dim=1),", "x0": "[0.0, 4.0]"},

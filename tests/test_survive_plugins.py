@@ -317,7 +317,8 @@ def test_what_cannot_be_pickled_runs_because_it_travels_by_name(tmp_path):
     text = (
         f"{HEAD}import threading\nLOCK = threading.Lock()\n\n\ndef drift(xp):\n    if xp is np:\n"
         "        with LOCK:\n            pass\n    return lambda t, x: -1.0 + 0 * x\n\n\n"
-        "CASE = Case(name='{}', problem=Complementarity(drift, (Affine(np.eye(1), np.zeros(1)),)), x0=[1.0],\n"
+        "CASE = Case(name='{}', problem=Complementarity(drift, (Affine(np.eye(1), "
+        "np.zeros(1)),)), x0=[1.0],\n"
         "            t=[0.0, 1, 2], params={{'lock': LOCK}})\n"
     )
     for name in ("one", "two"):

@@ -77,7 +77,8 @@ def test_a_scene_whose_events_accumulate_is_a_row_and_the_others_go_on(tmp_path,
         t="np.linspace(0, 3, 31)",
         drift="0.0 * x",
         problem=(
-            "Filippov.relay(drift, -np.array([[1.0, -2.0], [2.0, 1.0]]) / 5**0.5, lambda xp: lambda t, x: x + 0.0)"
+            "Filippov.relay(drift, -np.array([[1.0, -2.0], [2.0, 1.0]]) / 5**0.5, lambda xp: "
+            "lambda t, x: x + 0.0)"
         ),
     )
     out = tmp_path / "r"

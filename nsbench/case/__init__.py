@@ -90,7 +90,8 @@ class Case:
             raise ValueError(f"start is {self.start!r}; one of {STARTS}")
         if self.unique and self.distance is not None:
             raise ValueError(
-                f"{self.name} gives the distance to a set of solutions, but says that there is one: unique=False?"
+                f"{self.name} gives the distance to a set of solutions, but says that there is "
+                f"one: unique=False?"
             )
         check_shapes(self)
 
@@ -189,7 +190,8 @@ def _scan() -> tuple[dict, dict]:
     for one, other in alike({name: str(m.__file__) for name, m in found.items()}):
         for name in (one, other):
             failed[name] = (
-                f"names that are equal but for case: {found[one].__file__} and {found[other].__file__}"
+                f"names that are equal but for case: {found[one].__file__} and "
+                f"{found[other].__file__}"
             )
     return {name: m for name, m in found.items() if name not in failed}, failed
 
@@ -284,7 +286,8 @@ def load_module(path):
         raise FileNotFoundError(f"no file {path}")
     if path.stat().st_size > ENOUGH:
         raise ValueError(
-            f"{path} is {path.stat().st_size} bytes long; a case or solver file has at most {ENOUGH}"
+            f"{path} is {path.stat().st_size} bytes long; a case or solver file has at most "
+            f"{ENOUGH}"
         )
     spec = importlib.util.spec_from_file_location(f"nsbench_file_{path.stem}", path)
     module = sys.modules[spec.name] = importlib.util.module_from_spec(

@@ -62,7 +62,8 @@ class Size:
     def __str__(self) -> str:
         hard = f"{number(self.pairs)} pairs of particles, " if self.pairs else ""
         return (
-            f"{number(self.states)} states, {hard}at most {number(self.contacts)} contacts at once, "
+            f"{number(self.states)} states, {hard}at most {number(self.contacts)} contacts at "
+            f"once, "
             f"{memory(self.memory)} of memory for one run"
         )
 

@@ -25,7 +25,8 @@ def check_shapes(case) -> None:
             c = np.asarray(host(p.switch)(t0, x))
             if c.ndim != 1 or c.dtype != np.float64:
                 raise ValueError(
-                    f"switch of {case.name} returns {c.dtype} of shape {c.shape}; float64 (d,) is needed"
+                    f"switch of {case.name} returns {c.dtype} of shape {c.shape}; float64 (d,) is "
+                    f"needed"
                 )
             found = [np.asarray(host(p.field)(t0, x, np.array(s))) for s in _sides(len(c))]
         else:
@@ -41,7 +42,8 @@ def check_shapes(case) -> None:
     for f in found:
         if f.shape != x.shape or f.dtype != np.float64:
             raise ValueError(
-                f"drift of {case.name} returns {f.dtype} of shape {f.shape}; float64 {x.shape} is needed"
+                f"drift of {case.name} returns {f.dtype} of shape {f.shape}; float64 {x.shape} is "
+                f"needed"
             )
     if not np.array_equal(x, case.x0):
         raise ValueError(f"drift of {case.name} changes x in place")
@@ -104,5 +106,6 @@ def _check_inputs(case) -> None:
             value = np.asarray(host(factory)(t0))
         if value.shape != (size,) or value.dtype != np.float64:
             raise ValueError(
-                f"{name} of {case.name} returns {value.dtype} of shape {value.shape}; float64 ({size},) is needed"
+                f"{name} of {case.name} returns {value.dtype} of shape {value.shape}; float64 "
+                f"({size},) is needed"
             )

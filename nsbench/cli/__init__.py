@@ -150,7 +150,8 @@ def parser() -> argparse.ArgumentParser:
         type=float,
         default=10.0,
         metavar="S",
-        help="for --plan: limit of all small runs that tell what is not known yet (default: 10 s; 0: none)",
+        help="for --plan: limit of all small runs that tell what is not known yet (default: 10 s; "
+        "0: none)",
     )
     c.add_argument("-v", "--verbose", action="store_true", help="for --plan: a line for each run")
     c.add_argument("--force", action="store_true", help="run again what is already known")

@@ -49,7 +49,8 @@ def check_case(case: Case, say) -> list[str]:
     if not takers:
         out.append("every method of the standard suite refuses it")
     say(
-        f"{case.key}: n = {case.n}, {len(case.t)} samples, exact solution: {'yes' if case.exact else 'no'}, "
+        f"{case.key}: n = {case.n}, {len(case.t)} samples, exact solution: "
+        f"{'yes' if case.exact else 'no'}, "
         f"methods: {', '.join(takers)}"
     )
     return out
@@ -106,7 +107,8 @@ def _namespaces(case):
             out.append(f"the drift in JAX differs from numpy by {np.abs(got - want).max():.3g}")
     except Exception as e:  # whatever JAX raises on a drift that is not written for it
         out.append(
-            f"JAX cannot run the drift, so penalty cannot: {type(e).__name__}: {str(e).splitlines()[0]}"
+            f"JAX cannot run the drift, so penalty cannot: {type(e).__name__}: "
+            f"{str(e).splitlines()[0]}"
         )
     return out
 
@@ -206,7 +208,8 @@ def check_solver(path: Path, say) -> list[str]:
             out.append(f"{probe}: status ok, but x has the shape {traj.x.shape} or is not finite")
         if traj.status.ok and traj.impulse.shape != (len(case.t), len(traj.contacts)):
             out.append(
-                f"{probe}: impulse has the shape {traj.impulse.shape} for {len(traj.contacts)} contacts"
+                f"{probe}: impulse has the shape {traj.impulse.shape} for {len(traj.contacts)} "
+                f"contacts"
             )
         if (
             traj.status.ok
@@ -237,5 +240,6 @@ def _order(case, method, name):
     ):
         return []
     return [
-        f"{case.key}: claims order {method.claims.state:g} in the state, shows {fit.order:.2f} ({fit.verdict})"
+        f"{case.key}: claims order {method.claims.state:g} in the state, shows {fit.order:.2f} "
+        f"({fit.verdict})"
     ]

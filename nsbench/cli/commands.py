@@ -21,7 +21,8 @@ METRICS = {
     "reaction": "the same of the cumulative reaction, unique even where multipliers are not",
     "l1": "sum over sample intervals of the error of the interval's impulse",
     "settled": "largest error of an interval-mean multiplier away from events",
-    "lam_own": "largest error of single steps' multipliers away from events, at the method's own time in the step",
+    "lam_own": "largest error of single steps' multipliers away from events, at the method's own "
+    "time in the step",
     "lam_at_start": "the same against the exact multiplier at the start of the step",
     "lam_at_mid": "the same at its middle",
     "lam_at_end": "the same at its end",
@@ -208,7 +209,8 @@ def show(args, say) -> int:
     """nsbench show"""
     case = load_case(args.case) if args.case.endswith(".py") else _admitted(args.case)
     say(
-        f"{case.key}: {type(case.problem).__name__}, n = {case.n}, t = {case.t[0]:g} .. {case.t[-1]:g}, "
+        f"{case.key}: {type(case.problem).__name__}, n = {case.n}, t = {case.t[0]:g} .. "
+        f"{case.t[-1]:g}, "
         f"{len(case.t)} samples"
     )
     if args.solver is None:
@@ -228,7 +230,8 @@ def show(args, say) -> int:
         for name, value in found.items():
             text = f"{value:.6g}" if isinstance(value, float) else str(value)
             say(
-                f"  {name:<20} {'below ten times the bound of the reference' if name in found['below'].split() else text}"
+                f"  {name:<20} "
+                f"{'below ten times the bound of the reference' if name in found['below'].split() else text}"
             )
     for e in traj.events[:40]:
         say(f"  t = {e.t:.12g}  {e.kind}  {e.contact}")

@@ -99,7 +99,8 @@ def _arithmetic():
         "numbers below 1e-308 are kept"
         if kept
         else (
-            "numbers below 1e-308 become zero: a library was built with -ffast-math; results will differ"
+            "numbers below 1e-308 become zero: a library was built with -ffast-math; results will "
+            "differ"
         ),
     )
 
@@ -116,7 +117,8 @@ def _folders():
         else:
             yield (
                 WARNING,
-                f"{folder} cannot be written: {use} are kept elsewhere, or made anew by every process",
+                f"{folder} cannot be written: {use} are kept elsewhere, or made anew by every "
+                f"process",
             )
     free = shutil.disk_usage(tempfile.gettempdir()).free
     yield FINE if free > ROOM else WARNING, f"{free >> 20} MiB free for temporary files"

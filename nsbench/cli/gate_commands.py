@@ -98,7 +98,8 @@ def _update(found, path, args, say) -> int:
         {f"{x.case} {x.solver}" for x in lines} - {f"{f.case} {f.solver}" for f in found.values()}
     ):
         say(
-            f"of {len(apart)} that these results do not hold, such as {apart[0]}, every line stays; a line that is to go is "
+            f"of {len(apart)} that these results do not hold, such as {apart[0]}, every line "
+            f"stays; a line that is to go is "
             "deleted by hand"
         )
     return FINE

@@ -104,7 +104,8 @@ def load(name: str | None, signature) -> Pointer | None:
         part = llvm.ObjectFileRef.from_data(code)
         if symbol is None or not part._ptr:
             return None
-        cpu_target.target_context.refresh()  # the functions of numba's that such code calls have a name now
+        # the functions of numba's that such code calls have a name now
+        cpu_target.target_context.refresh()
         engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _machine())
         engine.add_object_file(part)
         engine.finalize_object()

@@ -60,7 +60,10 @@ def processor() -> str:
                 )
             )
         )
-    return f"{platform.machine()} {platform.processor()} {platform.python_version()} {os.cpu_count()} {lines}"
+    return (
+        f"{platform.machine()} {platform.processor()} {platform.python_version()} "
+        f"{os.cpu_count()} {lines}"
+    )
 
 
 def read(home: Path | None, name: str | None) -> bytes | None:

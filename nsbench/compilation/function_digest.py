@@ -22,7 +22,8 @@ import numpy as np
 
 LIBRARIES = ("numpy", "jax", "math", "scipy", "cmath", "operator", "functools", "itertools")
 PURE = frozenset(
-    "abs all any bool dict divmod enumerate float int isinstance len list map max min pow range reversed "
+    "abs all any bool dict divmod enumerate float int isinstance len list map max min pow range "
+    "reversed "
     "round set slice sorted sum tuple zip str frozenset complex".split()
 )
 PLAIN = (type(None), bool, int, float, complex, str, bytes, type(Ellipsis))

@@ -133,7 +133,8 @@ def _load(name):
         return None
     try:
         return unpack(body)
-    except Exception:  # whatever is wrong with the file, or with this JAX's idea of it: the program is compiled again
+    # whatever is wrong with the file, or with this JAX's idea of it: the program is compiled again
+    except Exception:
         return None
 
 

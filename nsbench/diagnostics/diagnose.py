@@ -103,7 +103,8 @@ def _overshot(case: Case, traj: Trajectory) -> Status | None:
         return None
     return Status(
         "diverged",
-        f"The state grew to {sizes[k]:.3g} at t = {traj.t[k]:.6g} although the drift pulls it back: steps "
+        f"The state grew to {sizes[k]:.3g} at t = {traj.t[k]:.6g} although the drift pulls it "
+        f"back: steps "
         f"of {h:.3g} overshoot; take them shorter than {2.0 * sizes[k] / abs(f[i]):.3g}.",
     )
 
@@ -161,7 +162,8 @@ def _tied(case: Case) -> Status | None:
         return None
     return Status(
         "degenerate",
-        f"The start has coincident centres, {near.ids[int(tie[0])]}: their contact has no normal, and "
+        f"The start has coincident centres, {near.ids[int(tie[0])]}: their contact has no normal, "
+        f"and "
         "each method parts them in a direction of its own.",
     )
 

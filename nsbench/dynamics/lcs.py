@@ -82,8 +82,10 @@ def inconsistent(case: Case) -> str | None:
             return None
     row = int(np.argmin(v))
     return (
-        f"The start of {case.key} is inconsistent: no lambda >= 0 makes w = C x0 + D lambda + q(t0) non-negative and "
-        f"complementary to it (C x0 + q(t0) is {v[row]:.6g} in row {row}); the state would have to jump, for which "
+        f"The start of {case.key} is inconsistent: no lambda >= 0 makes w = C x0 + D lambda + "
+        f"q(t0) non-negative and "
+        f"complementary to it (C x0 + q(t0) is {v[row]:.6g} in row {row}); the state would have "
+        f"to jump, for which "
         "a linear complementarity system states no law."
     )
 

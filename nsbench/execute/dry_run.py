@@ -32,7 +32,8 @@ def admit(sizes: dict[str, size.Size | None], args) -> None:
     for name, s in sizes.items():
         if s is not None and s.memory > limit:
             raise ValueError(
-                f"{name}: {s}, foreseen before anything is made; a worker may hold {size.memory(limit)} "
+                f"{name}: {s}, foreseen before anything is made; a worker may hold "
+                f"{size.memory(limit)} "
                 "(--memory of nsbench run gives it another limit)"
             )
 
@@ -68,7 +69,8 @@ def _forecast(todo, cases, out, args, say):
         fitting = [s for s in small(unknown) if size.size_of(cases[s.case, s.file]).memory <= limit]
         found = probe(fitting, args.probe)
         say(
-            f"{len(found)} small runs were made in a process of their own (at most {args.probe:g} s in all; --probe)"
+            f"{len(found)} small runs were made in a process of their own (at most {args.probe:g} "
+            f"s in all; --probe)"
         )
     return Forecast(rows, found.values()), found
 
@@ -88,7 +90,8 @@ def _table(specs, why, cases, forecast, probed, args, say):
     refused = [p for p, source in sources.items() if source == NOTHING]
     if refused:
         say(
-            f"{len(refused)} of them {'are refusals' if len(refused) > 1 else 'is a refusal'}, which take no time"
+            f"{len(refused)} of them {'are refusals' if len(refused) > 1 else 'is a refusal'}, "
+            f"which take no time"
         )
     ranked = sorted((p for p in sources if sources[p] != NOTHING), key=lambda p: -pairs[p][2])
     if not ranked:
@@ -96,17 +99,20 @@ def _table(specs, why, cases, forecast, probed, args, say):
     shown = ranked if args.verbose else ranked[:PAIRS]
     wide = [max(len(p[i]) for p in (*shown, ("case", "", "solver"))) for i in (0, 2)]
     say(
-        f"{'case':<{wide[0]}}  {'solver':<{wide[1]}}  {'run':>5} {'reuse':>5} {'seconds':>9} {'memory':>9}  from"
+        f"{'case':<{wide[0]}}  {'solver':<{wide[1]}}  {'run':>5} {'reuse':>5} {'seconds':>9} "
+        f"{'memory':>9}  from"
     )
     for p in shown:
         run, reuse, seconds, held = pairs[p]
         say(
-            f"{p[0]:<{wide[0]}}  {p[2]:<{wide[1]}}  {run:>5} {reuse:>5} {seconds:>9.3g} {size.memory(held):>9}  {sources[p]}"
+            f"{p[0]:<{wide[0]}}  {p[2]:<{wide[1]}}  {run:>5} {reuse:>5} {seconds:>9.3g} "
+            f"{size.memory(held):>9}  {sources[p]}"
         )
     if len(ranked) > len(shown):
         rest = ranked[len(shown) :]
         say(
-            f"and {len(rest)} more of case and solver, {sum(pairs[p][2] for p in rest):.3g} s together (-v lists them)"
+            f"and {len(rest)} more of case and solver, {sum(pairs[p][2] for p in rest):.3g} s "
+            f"together (-v lists them)"
         )
     _total(ranked, pairs, sources, cases, probed, args, say)
     compiling = forecast.compiling(p[2] for p in ranked)
@@ -130,7 +136,8 @@ def _total(ranked, pairs, sources, cases, probed, args, say):
         f"{v:.3g} s {'from small runs' if k == PROBE else 'guessed'}" for k, v in parts.items() if v
     ]
     say(
-        f"forecast: {total:.3g} s of computing, about {clock:.3g} s with {jobs} worker{'s' if jobs > 1 else ''}, the report not "
+        f"forecast: {total:.3g} s of computing, about {clock:.3g} s with {jobs} "
+        f"worker{'s' if jobs > 1 else ''}, the report not "
         f"counted{' (' + ', '.join(told) + ')' if told else ''}"
     )
     largest = max(ranked, key=lambda p: pairs[p][3])

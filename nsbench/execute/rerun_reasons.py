@@ -77,5 +77,8 @@ def _changes(old: list[dict | None], new: list[dict]) -> str:
 def _change(name: str, old: str | None, new: str | None) -> str:
     """One item in words: a file has changed, a version is another one."""
     if name.endswith(tuple(".py .npz .json .csv .txt".split())) or "/" in name:
-        return f"{name} {'is used now' if old is None else 'is used no more' if new is None else 'changed'}"
+        return (
+            f"{name} "
+            f"{'is used now' if old is None else 'is used no more' if new is None else 'changed'}"
+        )
     return f"{name} {old or 'none'} -> {new or 'none'}"

@@ -97,7 +97,8 @@ def _known(out: Path, specs, keys, args, say) -> Kept:
     if damaged:
         few = ", ".join(map(str, damaged[:5])) + (", ..." if len(damaged) > 5 else "")
         say(
-            f"{out / 'journal.jsonl'}: {len(damaged)} damaged line(s) left out ({few}); their runs are made again"
+            f"{out / 'journal.jsonl'}: {len(damaged)} damaged line(s) left out ({few}); their "
+            f"runs are made again"
         )
     return rows
 

@@ -45,7 +45,8 @@ def calibrate(folder: Path, args, say) -> int:
     for key in loose:
         say(f"not to be held: {' '.join(key)}")
     say(
-        f"{len(first)} numbers, {len(loose)} of them spread by more than {100 * GATEABLE:g} %: {folder / spreads.NAME}"
+        f"{len(first)} numbers, {len(loose)} of them spread by more than {100 * GATEABLE:g} %: "
+        f"{folder / spreads.NAME}"
     )
     return 0
 

@@ -67,7 +67,10 @@ def _one(fact: Fact | None, line: Line, found) -> Finding:
             return Finding("pass", line.key)
         changed = "status changed" if line.metric in ("status", "statuses") else "regressed"
         return Finding(changed, line.key, f"was {line.value!r}, is {fact.value!r}")
-    text = f"was {shown(line.value)}, is {shown(fact.value)} (tolerance {line.rtol:g} relative, {line.atol:g} absolute)"
+    text = (
+        f"was {shown(line.value)}, is {shown(fact.value)} (tolerance {line.rtol:g} relative, "
+        f"{line.atol:g} absolute)"
+    )
     room = line.atol + line.rtol * abs(line.value)
     if not math.isfinite(fact.value):  # NaN compares false with everything: it must never pass
         return Finding("regressed", line.key, text)

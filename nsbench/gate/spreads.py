@@ -47,7 +47,8 @@ def read(folder, facts: dict[tuple, Fact] | None = None) -> dict[tuple, float]:
     path = Path(folder) / NAME
     if not path.is_file():
         raise FileNotFoundError(
-            f"no {path}: tolerances come from how far numbers spread; run nsbench calibrate {folder} first"
+            f"no {path}: tolerances come from how far numbers spread; run nsbench calibrate "
+            f"{folder} first"
         )
     if path.stat().st_size > ENOUGH:
         raise ValueError(
@@ -60,7 +61,8 @@ def read(folder, facts: dict[tuple, Fact] | None = None) -> dict[tuple, float]:
         raise ValueError(f"{path} cannot be read: {e}") from None
     if not rows or tuple(rows[0]) != COLUMNS:
         raise ValueError(
-            f"{path}: the first line is not {','.join(COLUMNS)}; run nsbench calibrate {folder} again"
+            f"{path}: the first line is not {','.join(COLUMNS)}; run nsbench calibrate {folder} "
+            f"again"
         )
     out = {}
     all_of = facts is None

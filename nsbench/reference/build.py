@@ -80,7 +80,8 @@ def certified(case: Case) -> Reference:
     scale = max(1.0, float(np.abs(ref.x).max()))
     if max(state, reaction) > certificates.AGREE * scale:
         raise ValueError(
-            f"{case.key}: the certified solution and {METHODS[0][0]} differ by {max(state, reaction):.1e}"
+            f"{case.key}: the certified solution and {METHODS[0][0]} differ by "
+            f"{max(state, reaction):.1e}"
         )
     return dataclasses.replace(
         ref, how=f"{ref.how}; {METHODS[0][0]} at {METHODS[0][1]:g} differs by {state:.1e}"
@@ -93,8 +94,10 @@ def _two_runs(case, methods, limit, witness) -> Reference:
     state, reaction, impulse, times = differences(case, a, b)
     if state > limit * scale or reaction > limit * scale:
         raise ValueError(
-            f"{case.key}: {methods[0][0]} and {methods[1][0]} differ by {state:.2e} in the state and "
-            f"{reaction:.2e} in the reaction; at most {limit * scale:.0e} is allowed: nothing is stored"
+            f"{case.key}: {methods[0][0]} and {methods[1][0]} differ by {state:.2e} in the state "
+            f"and "
+            f"{reaction:.2e} in the reaction; at most {limit * scale:.0e} is allowed: nothing is "
+            f"stored"
         )
     how = f"{methods[0][0]} at {methods[0][1]:g} against {methods[1][0]} at {methods[1][1]:g}"
     how += _witness(case, a, witness, scale)
@@ -140,7 +143,8 @@ def verify(case: Case, folder=None, methods=METHODS, certify: bool = False) -> s
         slack = SPREAD * max(s, r)
         if not slack <= certificates.AGREE * scale:
             raise ValueError(
-                f"{case.key}: the two methods differ by {slack / SPREAD:.1e}: nothing can be confirmed"
+                f"{case.key}: the two methods differ by {slack / SPREAD:.1e}: nothing can be "
+                f"confirmed"
             )
     # the difference is half the stored bound where nothing has changed
     for name, got, bound in (
@@ -153,7 +157,10 @@ def verify(case: Case, folder=None, methods=METHODS, certify: bool = False) -> s
                 f"{case.key}: the stored {name} and {methods[1][0]} differ by {got:.2e}; "
                 f"the bound is {bound:.2e}"
             )
-    return f"confirmed by {methods[1][0]}: state differs by {state:.1e} ({ref.kind}, bound {ref.state_error:.1e})"
+    return (
+        f"confirmed by {methods[1][0]}: state differs by {state:.1e} ({ref.kind}, bound "
+        f"{ref.state_error:.1e})"
+    )
 
 
 def _verify_proof(case, ref) -> str:
@@ -163,7 +170,8 @@ def _verify_proof(case, ref) -> str:
         bound = getattr(ref, f"{name}_error") + getattr(again, f"{name}_error")
         if got > bound:
             raise ValueError(
-                f"{case.key}: the stored {name} and a new certificate differ by {got:.2e}; both are within "
+                f"{case.key}: the stored {name} and a new certificate differ by {got:.2e}; both "
+                f"are within "
                 f"{bound:.1e}"
             )
     old = ref.shown.get("times")
@@ -212,7 +220,8 @@ def _witness(case, ref, spec, scale) -> str:
     # asked
     if not (near <= 1e-9 * scale or near <= 0.5 * far):
         raise ValueError(
-            f"{case.key}: {spec} is {far:.2e} away with {steps[0]} steps per sample and {near:.2e} with "
+            f"{case.key}: {spec} is {far:.2e} away with {steps[0]} steps per sample and "
+            f"{near:.2e} with "
             f"{steps[1]}: it does not come closer, nothing is stored"
         )
     return f"; {spec} comes from {far:.1e} to {near:.1e} when its step is divided by four"

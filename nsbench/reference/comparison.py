@@ -44,7 +44,8 @@ def bounded_by(case: Case, closed: Reference, proof: Reference) -> Reference:
         late = np.abs(at - e.t).min(initial=np.inf)
         if late > FORMULA * max(1.0, float(np.abs(case.t).max())):
             raise ValueError(
-                f"{case.key}: exact_events has t = {e.t:.12g}; the certificate's nearest event is {late:.1e} off"
+                f"{case.key}: exact_events has t = {e.t:.12g}; the certificate's nearest event is "
+                f"{late:.1e} off"
             )
     changes = {
         "state_error": state + proof.state_error,

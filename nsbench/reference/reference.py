@@ -109,7 +109,8 @@ def _checked(case, name, value, shape):
     value = np.asarray(value, float)
     if value.shape != shape or not np.all(np.isfinite(value)):
         raise ValueError(
-            f"{name} of {case.key} returns shape {value.shape}; finite values of shape {shape} are needed"
+            f"{name} of {case.key} returns shape {value.shape}; finite values of shape {shape} "
+            f"are needed"
         )
     return value
 

@@ -185,7 +185,8 @@ def load(case: Case, folder=None) -> Reference | None:
         ) from None
     if sums[0] != sums[1]:
         raise BadReference(
-            f"the reference {npz} does not match the checksum in {js.name}: it was damaged or edited"
+            f"the reference {npz} does not match the checksum in {js.name}: it was damaged or "
+            f"edited"
         )
     wrong = [k for k, v in fingerprint(case).items() if kept.get(k) != v] + ["format"] * (
         meta["format"] != FORMAT
@@ -200,7 +201,8 @@ def load(case: Case, folder=None) -> Reference | None:
     if wrong:
         raise OtherVersion(
             f"the reference {npz} was made for another version of {case.key} "
-            f'({", ".join(wrong)} differ): build it again with `nsbench reference build "{case.key}"`'
+            f"({', '.join(wrong)} differ): build it again with `nsbench reference build "
+            f'"{case.key}"`'
         )
     bounds = {k: float("nan") if meta[k] is None else float(meta[k]) for k in BOUNDS}
     kind = meta.get("kind", "stored")

@@ -193,7 +193,8 @@ def notes(data: Data, case: str, summaries: dict[tuple, Summary]) -> list[str]:
         out.append(f"Figures are drawn for the first {DRAWN} cases of a study.")
     if any(s.force.metric == "reaction" for s in mine):
         out.append(
-            "The multipliers are not unique here: the reaction is compared instead, and what a method picks "
+            "The multipliers are not unique here: the reaction is compared instead, and what a "
+            "method picks "
             "among the multipliers is drawn apart, as its selection; it is not an error."
         )
     for target in (1e-2, 1e-3):

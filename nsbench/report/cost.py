@@ -67,8 +67,10 @@ def inner(runs: Runs) -> np.ndarray:
 
 
 RULE = (
-    "Seconds of two methods are compared only when both loops over steps are compiled, both were timed on one machine in "
-    f"one go, and both in interleaved rounds (runs of more than {LONG:g} s once); then compilation and set-up are apart. "
+    "Seconds of two methods are compared only when both loops over steps are compiled, both were "
+    "timed on one machine in "
+    f"one go, and both in interleaved rounds (runs of more than {LONG:g} s once); then "
+    f"compilation and set-up are apart. "
     "Otherwise their counted work is compared, or nothing."
 )
 
@@ -77,7 +79,10 @@ def apart(one: Cost, other: Cost) -> str:
     """Why the seconds of two methods may not be compared; "" if they may. See RULE."""
     if not (one.loop == "compiled" and other.loop == "compiled"):
         host = one if one.loop != "compiled" else other
-        return f"the loop of {host.solver} is not compiled ({host.loop or 'unmarked'}): its seconds measure an interpreter"
+        return (
+            f"the loop of {host.solver} is not compiled ({host.loop or 'unmarked'}): its "
+            f"seconds measure an interpreter"
+        )
     if one.session != other.session:
         return "their seconds were not measured in one go"
     for c in (one, other):

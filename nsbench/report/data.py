@@ -263,7 +263,8 @@ def _size(path: Path, most: int) -> None:
 def _schema(path: Path, found) -> None:
     if str(found) not in ("", str(SCHEMA)):
         raise ValueError(
-            f"{path} is of schema {clean(found, 40)}; this version of nsbench reads {SCHEMA}: run the study again"
+            f"{path} is of schema {clean(found, 40)}; this version of nsbench reads {SCHEMA}: run "
+            f"the study again"
         )
 
 
@@ -288,7 +289,8 @@ def _json(path: Path) -> dict:
                 or (what == "expects" and not all(isinstance(e, dict) for e in found))
             ):
                 raise ValueError(
-                    f"{path}: {what} of {clean(name, 80)} is {clean(found, 80)!r}; that is no such note"
+                    f"{path}: {what} of {clean(name, 80)} is {clean(found, 80)!r}; that is no "
+                    f"such note"
                 )
     return value
 

@@ -45,7 +45,8 @@ def known_deviations(path: Path = TABLE) -> dict[tuple[str, str, str], tuple[str
         for k, row in enumerate(csv.DictReader(file), start=2):
             if None in row or not all(row.get(c) for c in COLUMNS) or row["metric"] not in METRICS:
                 raise ValueError(
-                    f"{path.name}, line {k}: {', '.join(COLUMNS)} are needed, metric one of {METRICS}"
+                    f"{path.name}, line {k}: {', '.join(COLUMNS)} are needed, metric one of "
+                    f"{METRICS}"
                 )
             key = row["case"], row["solver"], row["metric"]
             if key in out:

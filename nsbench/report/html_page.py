@@ -48,9 +48,12 @@ class Content:
 
 
 READING = (
-    "An open marker on the bottom edge is an error of exactly 0, a figure there an error far below the others; a "
-    "cross on the top edge is a run that gave no number, a dotted line the best error of a method with a "
-    "tolerance. Triangles show the orders claimed; the shaded band is the reference's own error. Where cost is "
+    "An open marker on the bottom edge is an error of exactly 0, a figure there an error far "
+    "below the others; a "
+    "cross on the top edge is a run that gave no number, a dotted line the best error of a method "
+    "with a "
+    "tolerance. Triangles show the orders claimed; the shaded band is the reference's own error. "
+    "Where cost is "
     "shown, open markers are host loops."
 )
 
@@ -121,7 +124,8 @@ def page(c: Content) -> str:
     )
     return (
         f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
-        f'<meta name="viewport" content="width=device-width,initial-scale=1"><title>{html(c.title)}</title>'
+        f'<meta name="viewport" '
+        f'content="width=device-width,initial-scale=1"><title>{html(c.title)}</title>'
         f"<style>{CSS}</style></head>\n<body><main><header><h1>{html(c.title)}</h1>"
         f'<p class="lede">{html(c.lede)}</p><nav>{links}{more}</nav></header>\n{marks}{body}</main>'
         f"<script>{SCRIPT}</script></body></html>\n"
@@ -140,7 +144,8 @@ def _speed(c: Content) -> str:
             figures = f'{legend}<div class="panels">{"".join(drawn)}</div>' if drawn else ""
             told += f'<p class="note">{html(SHARES)}</p>' if key == "sizes" else ""
             parts.append(
-                f'<article class="case"><h3>{head}</h3>{told}{figures}{table(c.tables[key], c.looks)}</article>'
+                f"<article "
+                f'class="case"><h3>{head}</h3>{told}{figures}{table(c.tables[key], c.looks)}</article>'
             )
     return (
         "".join(parts)
@@ -152,14 +157,19 @@ def _speed(c: Content) -> str:
 
 
 SHARES = (
-    "Each curve tells on which share of the cases a method gets to the error within so many times the seconds of the "
-    "fastest (performance profiles of Dolan & More, 2002), compiled loops alone. A case that a method refuses, was not "
-    "run on, or does not solve to this error counts against it; where its coarsest run is already better, the seconds "
+    "Each curve tells on which share of the cases a method gets to the error within so many times "
+    "the seconds of the "
+    "fastest (performance profiles of Dolan & More, 2002), compiled loops alone. A case that a "
+    "method refuses, was not "
+    "run on, or does not solve to this error counts against it; where its coarsest run is already "
+    "better, the seconds "
     "of that run count."
 )
 MEASURED = (
-    "Compilation, set-up and factorisation are timed apart from the run; only the run is shown. Compare "
-    "seconds within this study: they depend on the machine and its load. Errors and residuals are computed by "
+    "Compilation, set-up and factorisation are timed apart from the run; only the run is shown. "
+    "Compare "
+    "seconds within this study: they depend on the machine and its load. Errors and residuals are "
+    "computed by "
     "the bench from the trajectory, never taken from a solver's word."
 )
 
@@ -194,7 +204,8 @@ def marked(sentence: str, looks: dict) -> str:
 
 def _tools() -> str:
     return (
-        '<div class="tools"><input id="q" type="search" placeholder="case or method" aria-label="filter the table">'
+        '<div class="tools"><input id="q" type="search" placeholder="case or method" '
+        'aria-label="filter the table">'
         '<label><input id="ref" type="checkbox" checked> refusals</label></div>'
     )
 
@@ -203,7 +214,8 @@ def chip(look: Look, hollow: bool = False) -> str:
     """A method's mark: its marker in its colour."""
     fill = "none" if hollow else f"var(--m{look.tone})"
     return (
-        f'<svg class="chip" viewBox="0 0 12 12" aria-hidden="true"><path d="{SHAPES[look.marker]}" fill="{fill}" '
+        f'<svg class="chip" viewBox="0 0 12 12" aria-hidden="true"><path '
+        f'd="{SHAPES[look.marker]}" fill="{fill}" '
         f'stroke="var(--m{look.tone})"/></svg>'
     )
 
@@ -211,8 +223,10 @@ def chip(look: Look, hollow: bool = False) -> str:
 def _key(look: Look) -> str:
     """A method's mark on a piece of its line, for legends."""
     return (
-        f'<svg class="chip key" viewBox="0 0 28 12" aria-hidden="true"><path d="M0 6h28" fill="none" stroke-width="1.4" '
-        f'stroke="var(--m{look.tone})" stroke-dasharray="{DASHES[look.line]}"/><path transform="translate(8 0)" '
+        f'<svg class="chip key" viewBox="0 0 28 12" aria-hidden="true"><path d="M0 6h28" '
+        f'fill="none" stroke-width="1.4" '
+        f'stroke="var(--m{look.tone})" stroke-dasharray="{DASHES[look.line]}"/><path '
+        f'transform="translate(8 0)" '
         f'd="{SHAPES[look.marker]}" fill="var(--m{look.tone})" stroke="var(--m{look.tone})"/></svg>'
     )
 
@@ -227,14 +241,16 @@ def table(t: Table, looks: dict[str, Look], kind: str = "") -> str:
         if row.group != group:
             group = row.group
             rows.append(
-                f'<tr class="group"><th colspan="{len(t.columns)}" scope="rowgroup">{html(group)}</th></tr>'
+                f'<tr class="group"><th colspan="{len(t.columns)}" '
+                f'scope="rowgroup">{html(group)}</th></tr>'
             )
         cells = "".join(_cell(c, looks) for c in row.cells)
         rows.append(f'<tr data-case="{html(row.group)}" data-kind="{row.kind}">{cells}</tr>')
     head = "".join(f'<th scope="col">{html(c)}</th>' for c in t.columns)
     note = f'<p class="note">{html(t.note)}</p>' if t.note else ""
     return (
-        f'<div class="wrap"><table id="t-{t.key}" class="{kind}"><thead><tr>{head}</tr></thead>\n<tbody>'
+        f'<div class="wrap"><table id="t-{t.key}" '
+        f'class="{kind}"><thead><tr>{head}</tr></thead>\n<tbody>'
         + "\n".join(rows)
         + f"</tbody></table></div>{note}"
     )
@@ -266,7 +282,10 @@ def _case(c: Content, case: str) -> str:
         wide = (
             " wide" if aspect > 2.5 else " broad" if aspect > 1.5 else ""
         )  # frames side by side, a plane, a box
-        picture = f'<img class="scene" alt="The scene of {html(case)}" src="data:image/svg+xml;base64,{code}">'
+        picture = (
+            f'<img class="scene" alt="The scene of {html(case)}" '
+            f'src="data:image/svg+xml;base64,{code}">'
+        )
     drawn = c.panels[case]
     figures = f'{_legend(runs, c)}<div class="panels">{"".join(drawn)}</div>' if drawn else ""
     notes = "".join(f"<p>{marked(s, c.looks)}</p>" for s in c.notes[case])
@@ -341,6 +360,10 @@ def _fits(c: Content, case: str) -> str:
             continue
         told = [s.outcome] if s.outcome else [o.sentence for o in (s.state, s.force, s.violation)]
         items.append(
-            f'<li>{chip(c.looks[solver])}<span class="m">{html(solver)}</span> {html(" ".join(told))}</li>'
+            f'<li>{chip(c.looks[solver])}<span class="m">{html(solver)}</span> '
+            f"{html(' '.join(told))}</li>"
         )
-    return f'<details class="fits"><summary>What was fitted, and why not</summary><ul>{"".join(items)}</ul></details>'
+    return (
+        f'<details class="fits"><summary>What was fitted, and why '
+        f"not</summary><ul>{''.join(items)}</ul></details>"
+    )

@@ -64,11 +64,13 @@ def draw(data: Data, target: float, looks: dict) -> str:
         parts.append(_curve(pen, np.sort(np.log10(values)), cases, looks[solver]))
     parts += [pen.text(k, 0.0, f"{10**k}", 7, anchor="middle", down=9) for k in range(int(FAR) + 1)]
     parts += [
-        f'<text x="{LEFT - 3}" y="{pen.y(y) + 2.5:.1f}" font-size="7" fill="{MUTED}" text-anchor="end">{y:g}</text>'
+        f'<text x="{LEFT - 3}" y="{pen.y(y) + 2.5:.1f}" font-size="7" fill="{MUTED}" '
+        f'text-anchor="end">{y:g}</text>'
         for y in (0.0, 0.5, 1.0)
     ]
     parts += [
-        f'<text x="{(LEFT + RIGHT) / 2}" y="{BOTTOM + 21}" font-size="7.5" fill="{MUTED}" text-anchor="middle">'
+        f'<text x="{(LEFT + RIGHT) / 2}" y="{BOTTOM + 21}" font-size="7.5" fill="{MUTED}" '
+        f'text-anchor="middle">'
         "seconds over those of the fastest method</text>",
         pen.text(
             0.0, 1.0, f"Error {power(target)}: share of {count(cases, 'case')}", 8.5, INK, down=-6
@@ -108,7 +110,8 @@ def sentences(data: Data) -> list[str]:
         )
         near = max(found, key=lambda s: (np.sum(found[s] <= 10.0), s))
         out.append(
-            f"Error {power(target)}, compiled loops alone: fastest is {told} of {count(cases, 'case')}; most often within "
+            f"Error {power(target)}, compiled loops alone: fastest is {told} of "
+            f"{count(cases, 'case')}; most often within "
             f"a factor of ten is {near} ({int(np.sum(found[near] <= 10.0))})."
         )
     return out

@@ -79,7 +79,8 @@ def bounds_table(data: Data, summaries: dict[tuple, Summary]) -> Table:
             "reference, its bound",
         ),
         tuple(rows),
-        "Largest errors over all samples at the tightest tolerance run. A figure after “<” is ten times the "
+        "Largest errors over all samples at the tightest tolerance run. A figure after “<” is ten "
+        "times the "
         "reference's own bound: the error lies below it.",
     )
 
@@ -135,7 +136,8 @@ def references_table(data: Data) -> Table:
         ("case", "reference", "state", "impulse", "reaction", "event times", "how it was made"),
         tuple(rows),
         "Bounds of the reference's own error (largest absolute value). No error below ten times "
-        "its bound is shown as a number. Certified: integrated once more in 30 digits with its inequalities "
+        "its bound is shown as a number. Certified: integrated once more in 30 digits with its "
+        "inequalities "
         "proved along every arc.",
     )
 
@@ -179,9 +181,12 @@ def selection_table(data: Data, summaries: dict[tuple, Summary]) -> Table:
             )
         )
     note = (
-        "The multipliers of these cases are not unique. What is unique is the reaction; a multiplier is right when its "
-        "distance to the set of all that give the reaction goes to zero. WARNING, an example of how not to measure: the "
-        "last column is what a comparison with one multiplier of that set (the least-norm one) would make of "
+        "The multipliers of these cases are not unique. What is unique is the reaction; a "
+        "multiplier is right when its "
+        "distance to the set of all that give the reaction goes to zero. WARNING, an example of "
+        "how not to measure: the "
+        "last column is what a comparison with one multiplier of that set (the least-norm one) "
+        "would make of "
         "the same runs. A plateau there is the selection that the method makes, not an error of it."
     )
     return Table(
@@ -216,10 +221,14 @@ def labels_table(data: Data, summaries: dict[tuple, Summary]) -> Table:
         cells = [_label(s, k, order(s.runs, k, {}, fit), k == OWN[own]) for k in LABELS]
         rows.append(Row((Cell(solver, kind="method"), Cell(own), *cells), case, solver))
     note = (
-        "Largest error of the multiplier of single steps, away from events, against the exact one at four places in the "
-        "step, at the finest step, with its order. A method declares the place its multiplier belongs to (bold); at another "
-        "one the same numbers show another order: that is the error of the comparison, not of the method. Only methods and "
-        "cases are listed where the place matters: where the error at one is three times that at another."
+        "Largest error of the multiplier of single steps, away from events, against the exact one "
+        "at four places in the "
+        "step, at the finest step, with its order. A method declares the place its multiplier "
+        "belongs to (bold); at another "
+        "one the same numbers show another order: that is the error of the comparison, not of the "
+        "method. Only methods and "
+        "cases are listed where the place matters: where the error at one is three times that at "
+        "another."
     )
     return Table(
         "labels",
@@ -296,7 +305,8 @@ def expected_table(found: list[Finding], known: dict | None = None) -> Table:
     kept = sum(f.outcome == "kept" for f in found)
     open_ = sum(f.outcome == "open" and not f.known for f in found)
     note = (
-        f"{count(len(found), 'expectation')}: {kept} kept, {open_} without a verdict, {len(old)} known deviations, "
+        f"{count(len(found), 'expectation')}: {kept} kept, {open_} without a verdict, {len(old)} "
+        f"known deviations, "
         f"{len(new)} new ones, {len(lost)} known ones no longer seen as they were."
     )
     return Table(

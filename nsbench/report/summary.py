@@ -257,7 +257,8 @@ def _bound(metric: str, name: str, bound, error, h, best, floor) -> Order:
         metric,
         "bound",
         f"{text} ≤ {num(bound)}" if kept else f"{num(last)} > {num(bound)}",
-        f"{name}: the method claims an error of at most {num(bound)}; at tol = {num(float(h.min()))} it is "
+        f"{name}: the method claims an error of at most {num(bound)}; at tol = "
+        f"{num(float(h.min()))} it is "
         f"{text}: {'kept' if kept else 'missed'}.",
         verdict="bound kept" if kept else "bound missed",
         flag="" if kept else "below",

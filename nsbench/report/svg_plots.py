@@ -98,7 +98,8 @@ class _Pen:
     def text(self, x, y, words, size, colour=MUTED, anchor="start", down=0.0) -> str:
         """`words` at (x, y) in decades, `down` units lower."""
         return (
-            f'<text x="{self.x(x):.1f}" y="{self.y(y) + down:.1f}" font-size="{size}" fill="{colour}" '
+            f'<text x="{self.x(x):.1f}" y="{self.y(y) + down:.1f}" font-size="{size}" '
+            f'fill="{colour}" '
             f'text-anchor="{anchor}">{html(words)}</text>'
         )
 
@@ -136,7 +137,8 @@ def draw(panel: Panel) -> str:
     parts += [_line(pen, line, sum(below[:i])) for i, line in enumerate(panel.lines)]
     parts += [pen.text(k, ys[0], _power(k), 7, anchor="middle", down=9) for k in x]
     parts += [
-        f'<text x="{LEFT - 3}" y="{pen.y(k) + 2.5:.1f}" font-size="7" fill="{MUTED}" text-anchor="end">'
+        f'<text x="{LEFT - 3}" y="{pen.y(k) + 2.5:.1f}" font-size="7" fill="{MUTED}" '
+        f'text-anchor="end">'
         f"{_power(k)}</text>"
         for k in y
     ]
@@ -251,8 +253,10 @@ def markers(looks) -> str:
         cross = "M2 2l8 8M10 2l-8 8"
         for kind, d, fill in (("m", shape, look.colour), ("o", shape, PAPER), ("x", cross, "none")):
             out.append(
-                f'<marker id="{kind}:{look.index}" viewBox="0 0 12 12" refX="6" refY="6" markerWidth="5.4" '
-                f'markerHeight="5.4" markerUnits="userSpaceOnUse" overflow="visible"><path d="{d}" fill="{fill}" '
+                f'<marker id="{kind}:{look.index}" viewBox="0 0 12 12" refX="6" refY="6" '
+                f'markerWidth="5.4" '
+                f'markerHeight="5.4" markerUnits="userSpaceOnUse" overflow="visible"><path '
+                f'd="{d}" fill="{fill}" '
                 f'stroke="{look.colour}" stroke-width="{2.2 if kind == "x" else 1.8}"/></marker>'
             )
     return f"<defs>{''.join(out)}</defs>"
@@ -317,7 +321,8 @@ def sheet(panels: list[str], legend: list[tuple[str, Look, bool]], title: str) -
     width = across * wide
     height = 24 + rows * high + below + 8
     parts = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" viewBox="0 0 {width} {height}" '
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" viewBox="0 0 '
+        f'{width} {height}" '
         'font-family="system-ui, sans-serif">',
         markers([look for _, look, _ in legend]).replace(PAPER, "#ffffff"),
         f'<rect width="{width}" height="{height}" fill="#ffffff"/>',
@@ -337,8 +342,10 @@ def sheet(panels: list[str], legend: list[tuple[str, Look, bool]], title: str) -
         x = 8 + i % per * 190
         y = 24 + rows * high + 14 * (i // per)
         parts.append(
-            f'<g transform="translate({x} {y})"><path d="M0 6h28" fill="none" stroke="{look.colour}" '
-            f'stroke-dasharray="{DASHES[look.line]}"/><path transform="translate(8 0)" d="{SHAPES[look.marker]}" '
+            f'<g transform="translate({x} {y})"><path d="M0 6h28" fill="none" '
+            f'stroke="{look.colour}" '
+            f'stroke-dasharray="{DASHES[look.line]}"/><path transform="translate(8 0)" '
+            f'd="{SHAPES[look.marker]}" '
             f'stroke="{look.colour}" fill="{PAPER if hollow else look.colour}"/>'
             f'<text x="34" y="9" font-size="8" fill="{INK}">{html(name)}</text></g>'
         )

@@ -125,8 +125,10 @@ def orders_table(summaries: dict[tuple, Summary]) -> Table:
         "orders",
         columns,
         tuple(rows),
-        "Order p with its 95 % interval in error = C h^p, over the fit window; h is the step taken, 1/k for a "
-        "penalty. Where the multipliers are not unique the reaction, which is, stands in for the impulse. "
+        "Order p with its 95 % interval in error = C h^p, over the fit window; h is the step "
+        "taken, 1/k for a "
+        "penalty. Where the multipliers are not unique the reaction, which is, stands in for the "
+        "impulse. "
         "▲ or ▼: above or below the order the method claims.",
     )
 
@@ -216,8 +218,10 @@ def choice_table(data: Data) -> Table:
         "choice",
         ("case", *(f"error {power(t)}" for t in speed.TARGETS)),
         tuple(rows),
-        "The cheapest method whose state error stays below the figure at all smaller steps, with the accuracy "
-        "it needs. Seconds are compared between compiled loops; “host loop” marks a method that alone reaches "
+        "The cheapest method whose state error stays below the figure at all smaller steps, with "
+        "the accuracy "
+        "it needs. Seconds are compared between compiled loops; “host loop” marks a method that "
+        "alone reaches "
         "the error, or whose seconds measure the interpreter.",
     )
 
@@ -263,9 +267,11 @@ def speed_table(data: Data) -> Table:
         "speed",
         ("method", *(f"error {power(t)}" for t in speed.TARGETS)),
         tuple(rows),
-        "Seconds to a state error, interpolated on the work-precision curve, and their factor over PBD. "
+        "Seconds to a state error, interpolated on the work-precision curve, and their factor "
+        "over PBD. "
         "≤: the coarsest run tried was already better, so that no factor can be given; "
-        "“work” is the factor in drift calls + projections + inner iterations, for loops of different kinds.",
+        "“work” is the factor in drift calls + projections + inner iterations, for loops of "
+        "different kinds.",
     )
 
 
@@ -409,25 +415,35 @@ def environment_table(env: dict) -> Table:
 
 GLOSSARY = {
     "state error": "sup over the sample times of |x - x*|, x* exact or a stored reference",
-    "multiplier error": "impulse: max over the sample times of |integral of lambda - its reference|, meaningful even "
+    "multiplier error": "impulse: max over the sample times of |integral of lambda - its "
+    "reference|, meaningful even "
     "under chatter. Reaction: the same for sum lambda_k grad g_k, unique when lambda is not. "
     "For a Filippov system: the integral of the weight theta",
     "settled": "sup of the multiplier's error outside windows around events",
-    "selection": "the part of non-unique multipliers that a method picks (self-stress); never an error",
+    "selection": "the part of non-unique multipliers that a method picks (self-stress); never an "
+    "error",
     "violation": "largest max(0, -g) over constraints and sample times, computed by the bench",
-    "order, interval": "p of error = C h^p (1 + r h^q)^s in the fit window, the slope of log error over log h that the "
+    "order, interval": "p of error = C h^p (1 + r h^q)^s in the fit window, the slope of log "
+    "error over log h that the "
     "error tends to, with its t-based 95 % interval; kept negative when a method diverges",
     "constant": "C in error = C h^p, of the finest steps",
-    "exact at grid times": "the error is rounding at every step, so that no order can be fitted (Euler is exact for "
+    "exact at grid times": "the error is rounding at every step, so that no order can be fitted "
+    "(Euler is exact for "
     "a constant drift)",
     "plateau": "the error tends to C > 0: the method converges to a limit of its own",
-    "pre-asymptotic, undecided": "too few points, or too erratic, for a verdict; an answer, not an omission",
-    "reference floor": "an error below it says more of the reference than of the method and is not a number",
-    "h": "the step taken (not the one asked for); 1/k for a penalty; a tolerance for methods that control their error",
-    "counted work": "drift calls + projections + inner iterations (QP solves where those are not counted)",
-    "compiled, host": "whether the loop over steps runs as machine code or in the Python interpreter; seconds are "
+    "pre-asymptotic, undecided": "too few points, or too erratic, for a verdict; an answer, not "
+    "an omission",
+    "reference floor": "an error below it says more of the reference than of the method and is "
+    "not a number",
+    "h": "the step taken (not the one asked for); 1/k for a penalty; a tolerance for methods that "
+    "control their error",
+    "counted work": "drift calls + projections + inner iterations (QP solves where those are not "
+    "counted)",
+    "compiled, host": "whether the loop over steps runs as machine code or in the Python "
+    "interpreter; seconds are "
     "compared only within a kind",
-    "claimed": f"the order a solver's file claims. A deviation is marked when the claim lies outside the interval and "
+    "claimed": f"the order a solver's file claims. A deviation is marked when the claim lies "
+    f"outside the interval and "
     f"more than {0.1:g} away",
 }
 

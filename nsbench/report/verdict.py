@@ -59,7 +59,8 @@ def _unexpected(found) -> list[Statement]:
         for f in fresh(found)
     ]
     told += [
-        f"{f.solver} on {f.case}, {f.metric}: known to be “{was}”, is seen as {f.observed}: the table of known "
+        f"{f.solver} on {f.case}, {f.metric}: known to be “{was}”, is seen as {f.observed}: the "
+        f"table of known "
         "deviations is out of date."
         for f, was, _ in gone(found)
     ]
@@ -81,7 +82,10 @@ def _choices(data: Data):
         yield f"Error {power(target)}: cheapest is {best} of {count(len(cases), 'case')}{tail}."
     blind = [case for case in data.case_keys if case not in cases]
     if blind:
-        yield f"Nothing to compare with, for want of a reference or of a finished run: {listed(blind)}."
+        yield (
+            f"Nothing to compare with, for want of a reference or of a finished run: "
+            f"{listed(blind)}."
+        )
 
 
 def _has_error(data: Data, case: str) -> bool:
@@ -177,7 +181,10 @@ def _orders(summaries):
     open_ = [s for s, o in pairs if o.verdict in OPEN]
     if open_:
         cases = listed(dict.fromkeys(s.case for s in open_), 4)
-        yield f"No verdict (undecided or pre-asymptotic): {len(open_)} of {count(len(pairs), 'pair')}, on {cases}."
+        yield (
+            f"No verdict (undecided or pre-asymptotic): {len(open_)} of "
+            f"{count(len(pairs), 'pair')}, on {cases}."
+        )
 
 
 def _multipliers(summaries):
@@ -208,11 +215,15 @@ def _multipliers(summaries):
     open_ = [s for s, o in pairs if o.verdict in OPEN]
     if open_:
         cases = listed(dict.fromkeys(s.case for s in open_), 4)
-        yield f"No verdict (undecided or pre-asymptotic): {len(open_)} of {count(len(pairs), 'pair')}, on {cases}."
+        yield (
+            f"No verdict (undecided or pre-asymptotic): {len(open_)} of "
+            f"{count(len(pairs), 'pair')}, on {cases}."
+        )
     loose = sorted({s.case for s in summaries.values() if s.force.metric == "reaction"})
     if loose:
         yield (
-            f"Not unique, so that only the reaction can be compared: {listed(loose)}. Which multiplier a method "
+            f"Not unique, so that only the reaction can be compared: {listed(loose)}. Which "
+            f"multiplier a method "
             "picks there is a selection, not an error."
         )
 
@@ -233,7 +244,10 @@ def _violations(data: Data, summaries):
             missed += [f"{solver} on {case}" for case, c in found.items() if c is None]
         if told:
             tail = f"; not reached by {listed(missed, 4)}" if missed else ""
-            yield f"Violation below {power(target)} on every case that reaches it: {', '.join(told)}{tail}."
+            yield (
+                f"Violation below {power(target)} on every case that reaches it: "
+                f"{', '.join(told)}{tail}."
+            )
 
 
 def speeds(data: Data):
@@ -256,13 +270,15 @@ def speeds(data: Data):
     for solver, group in ratios.items():
         values = [r for r, _, _ in group]
         yield (
-            f"{solver} takes {factor(float(np.median(values)))} times the seconds of {LEADS} (median of "
+            f"{solver} takes {factor(float(np.median(values)))} times the seconds of {LEADS} "
+            f"(median of "
             f"{count(len(values), 'comparison')}; {factor(min(values))} to {factor(max(values))})."
         )
     apart -= set(ratios)
     if apart:
         yield (
-            f"Seconds of {listed(sorted(apart))} are not compared with {LEADS}: their loops are of another kind, or "
+            f"Seconds of {listed(sorted(apart))} are not compared with {LEADS}: their loops are "
+            f"of another kind, or "
             "their coarsest run was already better."
         )
     gains = [g for solver in qp for g in ratios.get(solver, [])]
@@ -270,7 +286,8 @@ def speeds(data: Data):
         top, case, target = max(gains)
         seen = "was seen" if top >= 100 else "was not seen"
         yield (
-            f"The talk's factor of 100 over stepping with an inner QP {seen} at equal error: at most "
+            f"The talk's factor of 100 over stepping with an inner QP {seen} at equal error: at "
+            f"most "
             f"{factor(top)} times ({case} at {power(target)}), at least {factor(min(gains)[0])}."
         )
 

@@ -72,7 +72,8 @@ def check(folder) -> None:
         return
     if not told:
         raise ValueError(
-            f"the tables in {folder} are older than the last run there, which is going on or did not end: run the "
+            f"the tables in {folder} are older than the last run there, which is going on or did "
+            f"not end: run the "
             "same command again"
         )
     if wrong := _wrong(folder, told):
@@ -82,7 +83,10 @@ def check(folder) -> None:
 def _wrong(folder: Path, told: list[str]) -> str:
     for name, what in (line.rsplit(" ", 1) for line in told[1:]):
         if name == JOURNAL and what != str(_length(folder)):
-            return f"the tables in {folder} are not those of its journal, to which a later run has written"
+            return (
+                f"the tables in {folder} are not those of its journal, to which a later run "
+                f"has written"
+            )
         if name != JOURNAL and what != _digest(folder / name):
             return f"{folder / name} is not as it was written"
     return ""

@@ -225,7 +225,8 @@ def _lines(path: Path):
                     line += part
                     if len(line) > LONGEST:
                         raise ValueError(
-                            f"line {number} of {path} is longer than {LONGEST} bytes; no journal has such a line"
+                            f"line {number} of {path} is longer than {LONGEST} bytes; no journal "
+                            f"has such a line"
                         )
                     continue
                 if line:

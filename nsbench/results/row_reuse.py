@@ -143,6 +143,7 @@ class Filed:
                 dict.fromkeys(f for several in self.uncertain.values() for f in several)
             )
             say(
-                f"{files} changed while runs were made: {len(self.uncertain)} rows are unverified, the next call makes them "
+                f"{files} changed while runs were made: {len(self.uncertain)} rows are "
+                f"unverified, the next call makes them "
                 "again"
             )

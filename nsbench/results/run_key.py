@@ -318,7 +318,9 @@ def processor() -> str:
         if "CS_GNU_LIBC_VERSION" in getattr(os, "confstr_names", {})
         else ""
     )
-    return f"{platform.machine()} {model} {_digest(''.join(sorted(lines)).encode())[:8]} {libc}".strip()
+    return (
+        f"{platform.machine()} {model} {_digest(''.join(sorted(lines)).encode())[:8]} {libc}"
+    ).strip()
 
 
 def _with_side_effects() -> list[str]:

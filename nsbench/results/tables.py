@@ -60,12 +60,14 @@ CLOCK = {  # columns of the clock: unit and meaning; they stand with the columns
     "seconds_max": ("s", "worst round"),
     "rounds": (
         "1",
-        "rounds it was timed in, interleaved with the other runs of its case; 1: a long run, timed once",
+        "rounds it was timed in, interleaved with the other runs of its case; 1: a long run, "
+        "timed once",
     ),
     "session": ("", "runs with the same word were timed on one machine in one go"),
     "shared": (
         "",
-        "true: made by a worker of a cluster, which may have had other work: its seconds are compared with none",
+        "true: made by a worker of a cluster, which may have had other work: its seconds are "
+        "compared with none",
     ),
     "step_max_seconds": ("s", "slowest step, of solvers that can tell"),
 }

@@ -87,7 +87,8 @@ def _checked(module) -> type:
     ]
     if bare:
         raise TypeError(
-            f"SOLVER of {module.__file__} has no default of {', '.join(bare)}; every option needs one"
+            f"SOLVER of {module.__file__} has no default of {', '.join(bare)}; every option needs "
+            f"one"
         )
     return made
 
@@ -98,7 +99,8 @@ def load(path) -> str:
     name = path.stem
     if not NAME.fullmatch(name):
         raise ValueError(
-            f"{str(path)!r}: a solver is named after its file, in letters, digits, '_', '.', '-', at most 80"
+            f"{str(path)!r}: a solver is named after its file, in letters, digits, '_', '.', '-', "
+            f"at most 80"
         )
     homes = {
         n: sys.modules[c.__module__].__file__

@@ -96,14 +96,18 @@ class Richardson:
         grids += [grid(case.t, h / 2**level) for level in range(1, self.levels)]
         first = grids[0]
         if not (first.aligned and np.array_equal(first.t, case.t)):
-            why = f"Steps of {h:g} do not end at the samples, {np.diff(case.t).min():g} apart: there is nothing to extrapolate."
+            why = (
+                f"Steps of {h:g} do not end at the samples, {np.diff(case.t).min():g} apart: "
+                f"there is nothing to extrapolate."
+            )
             return lambda: refused(case, why)
         if any(
             not np.array_equal(g.substeps, first.substeps * 2**level)
             for level, g in enumerate(grids)
         ):
             why = (
-                "The samples are not equally spaced, and steps that end at them cannot be halved everywhere: there is "
+                "The samples are not equally spaced, and steps that end at them cannot be halved "
+                "everywhere: there is "
                 "nothing to extrapolate."
             )
             return lambda: refused(case, why)

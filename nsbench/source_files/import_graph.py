@@ -50,7 +50,8 @@ BY_ITSELF = (
     "solvers/__init__.py",
 )  # what these look up is the case and the solver of the run
 IMPORT = re.compile(
-    r"^[ \t]*((?:from[ \t]+[\w.]+[ \t]+import|import)\b[ \t]*(?:\((?:[^)#]|#[^\n]*)*\)|(?:[^\n#;\\]|\\\n)*))",
+    r"^[ \t]*((?:from[ \t]+[\w.]+[ \t]+import|import)\b[ "
+    r"\t]*(?:\((?:[^)#]|#[^\n]*)*\)|(?:[^\n#;\\]|\\\n)*))",
     re.M,
 )
 BY_NAME = (

@@ -62,16 +62,26 @@ def misfit(case: Case, traj, accuracy: str = "", asked: float = np.nan) -> str:
     for name, kind in (("contacts", tuple), ("stats", dict)):
         found = getattr(traj, name)
         if not isinstance(found, kind):
-            return f"The solver returned {name} of type {type(found).__name__}; a {kind.__name__} is needed."
+            return (
+                f"The solver returned {name} of type {type(found).__name__}; a {kind.__name__} "
+                f"is needed."
+            )
     if traj.lam_time not in LAM_TIMES:
-        return f"The solver returned lam_time = {traj.lam_time!r:.40}; one of {', '.join(LAM_TIMES)} is needed."
+        return (
+            f"The solver returned lam_time = {traj.lam_time!r:.40}; one of "
+            f"{', '.join(LAM_TIMES)} is needed."
+        )
     if len(traj.stats) > COUNTS:
-        return f"The solver returned stats with {len(traj.stats)} entries; at most {COUNTS} become columns."
+        return (
+            f"The solver returned stats with {len(traj.stats)} entries; at most {COUNTS} "
+            f"become columns."
+        )
     if not traj.status.ok:
         return ""
     if not np.array_equal(traj.t, case.t):
         return (
-            f"The solver says ok, but its {np.size(traj.t)} times are not those of the case, {len(case.t)} up to "
+            f"The solver says ok, but its {np.size(traj.t)} times are not those of the case, "
+            f"{len(case.t)} up to "
             f"{case.t[-1]:g}."
         )
     return (
@@ -90,7 +100,10 @@ def _arrays(case: Case, traj: Trajectory) -> str:
     for name, shape in shapes:
         a = np.asarray(getattr(traj, name))
         if a.shape != shape or a.dtype != np.float64:
-            return f"The solver says ok, but {name} is {a.dtype} of shape {a.shape}; float64 {shape} is needed."
+            return (
+                f"The solver says ok, but {name} is {a.dtype} of shape {a.shape}; float64 "
+                f"{shape} is needed."
+            )
         if not np.all(np.isfinite(a)):
             return f"The solver says ok, but {name} is not finite."
     return ""
@@ -111,7 +124,8 @@ def _start(case: Case, x: np.ndarray) -> str:
                 ""
                 if not misses(case, scene, t, x)
                 else (
-                    f"The solver says ok, but its first state violates a constraint by {scene.deepest(t, x):.3g}; the start is to be "
+                    f"The solver says ok, but its first state violates a constraint by "
+                    f"{scene.deepest(t, x):.3g}; the start is to be "
                     "projected."
                 )
             )
@@ -124,7 +138,8 @@ def _start(case: Case, x: np.ndarray) -> str:
         return ""
     i = int(np.argmax(np.abs(x - case.x0)))
     return (
-        f"The solver says ok, but it begins with {x[i]:.6g} in coordinate {i}, where the start of the case is "
+        f"The solver says ok, but it begins with {x[i]:.6g} in coordinate {i}, where the start of "
+        f"the case is "
         f"{case.x0[i]:.6g}."
     )
 
@@ -139,14 +154,16 @@ def _steps(case: Case, stats: dict, asked: float) -> str:
     least = SHORTEST * min(asked, float(np.diff(case.t).max()))
     if not isinstance(h, numbers.Real) or not least < h <= asked * (1.0 + SLACK):
         return (
-            f"The solver says ok, but its steps of {_told(h)} are none that h = {asked:.6g} allows over a time of {span:g}: "
+            f"The solver says ok, but its steps of {_told(h)} are none that h = {asked:.6g} "
+            f"allows over a time of {span:g}: "
             "stats['h'] is the longest step it took."
         )
     if steps is not None and not (
         isinstance(steps, numbers.Real) and steps * min(h, span) >= span * (1.0 - SLACK)
     ):
         return (
-            f"The solver says ok, but {_told(steps)} steps of {h:.6g} do not cover a time of {span:g}: stats['steps'] "
+            f"The solver says ok, but {_told(steps)} steps of {h:.6g} do not cover a time of "
+            f"{span:g}: stats['steps'] "
             "counts all of them."
         )
     return ""

@@ -66,7 +66,8 @@ def _affine(d: Draft, rows, slacks, x0, name="b", may_move=True) -> str:
         )[kind]
         moves.append(f"{float(v)!r} + {d.times}({move})")
     d.parts.append(
-        f"def {name}(xp):\n    def f(t):\n        return xp.array([{', '.join(moves)}])\n    return f\n"
+        f"def {name}(xp):\n    def f(t):\n        return xp.array([{', '.join(moves)}])\n    "
+        f"return f\n"
     )
     return f"Affine(np.array({A.tolist()!r}), {name})"
 
@@ -192,13 +193,15 @@ def _anchor(d: Draft, name, x0, dim, families) -> float:
         w = c.number(0.5, 3.0)
         place[0] += f" + {d.times}{c.number(-1.0, 1.0)} * xp.sin({w} * (t - {d.t0}))"
         d.parts.append(
-            f"def {name}(xp):\n    def f(t):\n        return xp.array([[{', '.join(place)}]])\n    return f\n"
+            f"def {name}(xp):\n    def f(t):\n        return xp.array([[{', '.join(place)}]])\n   "
+            f" return f\n"
         )
         where = name
     else:
         where = f"np.array([[{', '.join(place)}]])"
     families.append(
-        f"Distance(d={float(d.scale * length)!r}, sign={sign}, pairs={pairs}, anchors={where}, dim={dim})"
+        f"Distance(d={float(d.scale * length)!r}, sign={sign}, pairs={pairs}, anchors={where}, "
+        f"dim={dim})"
     )
     return slack
 

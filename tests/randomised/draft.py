@@ -36,7 +36,8 @@ class Draft:
             else ""
         )
         self.parts.append(
-            f"def {name}(xp):\n    def f({args}):\n{shift}        return {size}xp.array([{', '.join(rows)}])\n"
+            f"def {name}(xp):\n    def f({args}):\n{shift}        return "
+            f"{size}xp.array([{', '.join(rows)}])\n"
             "    return f\n"
         )
         return name

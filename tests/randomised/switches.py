@@ -71,7 +71,8 @@ def signs(d: Draft, wild: bool):
             f"0.5 * {s} * s[{c.below(m)}]",
         )
         rows.append(
-            f"{expression(c, n, d.t0, wild)} + {c.pick(push)} + {c.number(-1.0, 1.0)} * s[{c.below(m)}]"
+            f"{expression(c, n, d.t0, wild)} + {c.pick(push)} + {c.number(-1.0, 1.0)} * "
+            f"s[{c.below(m)}]"
         )
     field_ = d.function("field", "t, x, s", rows, d.times)
     return _x0(d, n), f"Filippov.signs({field_}, {_switch(d, n, m)})", "error"

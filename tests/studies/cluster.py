@@ -157,7 +157,8 @@ def rows(args):
             *(f"{n}: {a.get(n)} {b.get(n)}" for n in a if a[n] != b.get(n)),
         )
     print(
-        f"worker {victim} killed after {at} rows, {'replaced' if replaced else 'not replaced'}; {len(found)} rows, "
+        f"worker {victim} killed after {at} rows, {'replaced' if replaced else 'not replaced'}; "
+        f"{len(found)} rows, "
         f"{len(differ)} differ, {len(found.keys() - expected.keys())} too many; {load()}"
     )
     return bool(differ) or found.keys() != expected.keys()
@@ -199,7 +200,8 @@ def client(args):
         if n in marks:
             marks[n] = resident()
             print(
-                f"{n:>8} runs: {marks[n] / 1e6:.1f} MB resident, {time.perf_counter() - start:.0f} s",
+                f"{n:>8} runs: {marks[n] / 1e6:.1f} MB resident, "
+                f"{time.perf_counter() - start:.0f} s",
                 flush=True,
             )
 
@@ -209,7 +211,8 @@ def client(args):
     grown = marks[args.runs] - marks[args.runs // 10]
     size = (Path(args.folder) / "journal.jsonl").stat().st_size
     print(
-        f"{seconds:.0f} s, {1e3 * seconds / args.runs:.2f} ms a run; the last nine tenths added {grown / 1e6:.1f} MB; the "
+        f"{seconds:.0f} s, {1e3 * seconds / args.runs:.2f} ms a run; the last nine tenths added "
+        f"{grown / 1e6:.1f} MB; the "
         f"journal is {size / 1e6:.0f} MB; {load()}"
     )
     return grown > GROWTH
@@ -244,7 +247,8 @@ def command(args):
         if count[0] in marks:
             marks[count[0]] = resident()
             print(
-                f"{count[0]:>8} runs: {resident() / 1e6:.1f} MB resident, {time.perf_counter() - start:.0f} s",
+                f"{count[0]:>8} runs: {resident() / 1e6:.1f} MB resident, "
+                f"{time.perf_counter() - start:.0f} s",
                 flush=True,
             )
         return plain(entries, spec, found)
@@ -261,7 +265,8 @@ def command(args):
     grown = (marks[args.runs] - marks[args.runs // 10]) / (0.9 * args.runs)
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
     print(
-        f"exit {status} after {time.perf_counter() - start:.0f} s; {grown:.0f} bytes more for each run; {peak / 1e6:.0f} MB at "
+        f"exit {status} after {time.perf_counter() - start:.0f} s; {grown:.0f} bytes more for "
+        f"each run; {peak / 1e6:.0f} MB at "
         f"the most, tables and report included; {load()}"
     )
     return status or grown > A_RUN
@@ -287,8 +292,10 @@ def overhead(args):
             seconds = send(make(runs, folder), address, folder) / runs
             cpu = (spent(process.pid) + time.process_time() - cpu) / runs
         print(
-            f"{name}: {1e3 * cpu_alone:.3f} ms of processor time alone, {1e3 * cpu:.3f} by a cluster of 1: "
-            f"{1e3 * (cpu - cpu_alone):.3f} ms more a run; by the clock {1e3 * alone:.3f} and {1e3 * seconds:.3f}; {load()}",
+            f"{name}: {1e3 * cpu_alone:.3f} ms of processor time alone, {1e3 * cpu:.3f} by a "
+            f"cluster of 1: "
+            f"{1e3 * (cpu - cpu_alone):.3f} ms more a run; by the clock {1e3 * alone:.3f} and "
+            f"{1e3 * seconds:.3f}; {load()}",
             flush=True,
         )
     return 0
@@ -310,7 +317,8 @@ def efficiency(args):
                     for address in ((one, two) if turn % 2 else (two, one))
                 }
                 print(
-                    f"{name}: {runs} runs by 1 worker {took[one]:.1f} s, by 2 workers {took[two]:.1f} s: efficiency "
+                    f"{name}: {runs} runs by 1 worker {took[one]:.1f} s, by 2 workers "
+                    f"{took[two]:.1f} s: efficiency "
                     f"{took[one] / took[two] / 2:.2f}; {load()}",
                     flush=True,
                 )

@@ -122,7 +122,8 @@ def main() -> None:
     args = parser.parse_args()
     counts, notes = study(args.ladders, args.seed, tuple(args.families))
     print(
-        f"{'family (* assumptions hold)':26s} {'n':>6s} {'order%':>6s}  {'coverage %':>12s} {'width':>6s} "
+        f"{'family (* assumptions hold)':26s} {'n':>6s} {'order%':>6s}  {'coverage %':>12s} "
+        f"{'width':>6s} "
         f"{'plateau%':>8s} {'wrong%':>8s}   verdicts"
     )
     for family, c in counts.items():

@@ -37,8 +37,10 @@ def tell(name: str, pairs: list[tuple[float, float]]) -> None:
     ratio = ahead / real
     low, middle, high = np.percentile(ratio, (25, 50, 75))
     print(
-        f"{name}: {len(pairs)} runs, forecast over measured {middle:.2f} [{low:.2f}, {high:.2f}], worst {ratio.min():.2g} and "
-        f"{ratio.max():.2g}, {np.mean(np.abs(np.log(ratio)) < np.log(2.0)):.0%} within a factor of 2; sums {ahead.sum():.3g} s "
+        f"{name}: {len(pairs)} runs, forecast over measured {middle:.2f} [{low:.2f}, {high:.2f}], "
+        f"worst {ratio.min():.2g} and "
+        f"{ratio.max():.2g}, {np.mean(np.abs(np.log(ratio)) < np.log(2.0)):.0%} within a factor "
+        f"of 2; sums {ahead.sum():.3g} s "
         f"and {real.sum():.3g} s, ratio {ahead.sum() / real.sum():.2f}"
     )
 

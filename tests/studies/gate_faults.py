@@ -162,7 +162,8 @@ def clean(folder, path, times, others) -> int:
             status, said = nsbench(folder, "gate", folder / "results", "--baseline", path)
             alarms += status != 0
             print(
-                f"run {k + 1}, load {os.getloadavg()[0]:.1f}: gate {status}; {said.strip().splitlines()[-1]}",
+                f"run {k + 1}, load {os.getloadavg()[0]:.1f}: gate {status}; "
+                f"{said.strip().splitlines()[-1]}",
                 flush=True,
             )
             if status:

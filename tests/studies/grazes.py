@@ -178,11 +178,13 @@ def main(argv=None) -> int:
         off = max(off, b)
         if verdict != "good":
             print(
-                f"{k:4d} {p.case.name} {p.times} touch={p.touch}: {verdict}, times {a:.1e}, end {b:.1e}",
+                f"{k:4d} {p.case.name} {p.times} touch={p.touch}: {verdict}, times {a:.1e}, end "
+                f"{b:.1e}",
                 flush=True,
             )
     print(
-        f"{o.passages} passages: {dict(count)}; largest error of event times {late:.1e}, of the end state {off:.1e}"
+        f"{o.passages} passages: {dict(count)}; largest error of event times {late:.1e}, of the "
+        f"end state {off:.1e}"
     )
     return o.passages - count["good"]
 

@@ -351,7 +351,8 @@ def main(argv=None) -> int:
     print(table(sorted(lines.items()), families))
     words = Counter(row[0] for rows in lines.values() for row in rows.values())
     print(
-        f"{len(lines)} scenes, {sum(words.values())} runs: {dict(words)}; silent wrong {words['wrong']}, "
+        f"{len(lines)} scenes, {sum(words.values())} runs: {dict(words)}; silent wrong "
+        f"{words['wrong']}, "
         f"crashes {words['crash']}, hangs {words['hang']}; {time.perf_counter() - begin:.0f} s"
     )
     return 1 if any(words[w] for w in BAD) else 0

@@ -72,7 +72,10 @@ def faults(row: dict) -> str:
 
 def line(name: str, row: dict) -> str:
     figures = "".join(f"{row[key]:9.1e}" if key in row else f"{'-':>9s}" for key in BOUNDS)
-    return f"{name:18s} {row['status']:10s}{figures} {row.get('seconds', float('nan')):8.2f} {faults(row)}".rstrip()
+    return (
+        f"{name:18s} {row['status']:10s}{figures} {row.get('seconds', float('nan')):8.2f} "
+        f"{faults(row)}"
+    ).rstrip()
 
 
 def main(argv=None) -> int:

@@ -67,9 +67,12 @@ class Tally:
     def __str__(self) -> str:
         stood = sorted(self.stood) or [0]
         return (
-            f"{self.kills} kills ({self.parents} of the parent, {self.workers} of a worker), {self.suites} suites; rows "
-            f"that stood at a kill: {stood[0]} to {stood[-1]}, {sum(0 < s for s in stood)} times more than 0; "
-            f"{self.torn} torn last lines; orphans gone within {self.slowest:.2f} s; faults: {len(self.faults)}"
+            f"{self.kills} kills ({self.parents} of the parent, {self.workers} of a worker), "
+            f"{self.suites} suites; rows "
+            f"that stood at a kill: {stood[0]} to {stood[-1]}, {sum(0 < s for s in stood)} times "
+            f"more than 0; "
+            f"{self.torn} torn last lines; orphans gone within {self.slowest:.2f} s; faults: "
+            f"{len(self.faults)}"
         )
 
 
@@ -225,13 +228,15 @@ def study(kills: int, seed: int, runs: int, folder: Path, say=print) -> Tally:
             tally.stood.append(len(keys))
             if len(keys) > runs:
                 tally.faults.append(
-                    f"{len(keys)} different runs in a suite of {runs}: the calls do not know each other's"
+                    f"{len(keys)} different runs in a suite of {runs}: the calls do not know each "
+                    f"other's"
                 )
             if process.returncode == 0:
                 break
             if process.returncode not in (3, -signal.SIGKILL):
                 tally.faults.append(
-                    f"the call ended with {process.returncode}: {out.with_suffix('.said').read_text()[-2000:]}"
+                    f"the call ended with {process.returncode}: "
+                    f"{out.with_suffix('.said').read_text()[-2000:]}"
                 )
                 break
         if process.returncode == 0 and table(out) != want:

@@ -126,7 +126,8 @@ def main(chosen):
         caught = status == 1
         bad += not caught
         print(
-            f"{name:45} {'caught by ' + str(failed) if caught else f'NOT CAUGHT (status {status}: {failed})'}",
+            f"{name:45} "
+            f"{'caught by ' + str(failed) if caught else f'NOT CAUGHT (status {status}: {failed})'}",
             flush=True,
         )
     return 1 if bad else 0

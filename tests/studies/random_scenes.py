@@ -176,7 +176,8 @@ def main(argv=None) -> int:
         if not (a.status.ok and b.status.ok):
             told[kind] += 1
             print(
-                f"{k:4d} {kind} n={n}: {a.status.code} / {b.status.code} ({took:.1f} s): {a.status} | {b.status}",
+                f"{k:4d} {kind} n={n}: {a.status.code} / {b.status.code} ({took:.1f} s): "
+                f"{a.status} | {b.status}",
                 flush=True,
             )
             continue
@@ -185,7 +186,8 @@ def main(argv=None) -> int:
         if not d <= AGREE:
             silent += 1
             print(
-                f"{k:4d} {kind} n={n}: DISAGREE by {d:.2e}, {len(a.events)} / {len(b.events)} events ({took:.1f} s)",
+                f"{k:4d} {kind} n={n}: DISAGREE by {d:.2e}, {len(a.events)} / {len(b.events)} "
+                f"events ({took:.1f} s)",
                 flush=True,
             )
         if (k + 1) % 50 == 0 or took > 60.0:
@@ -194,7 +196,8 @@ def main(argv=None) -> int:
                 flush=True,
             )
     print(
-        f"{o.scenes} scenes {dict(count)}; not ok: {sum(told.values())} {dict(told)}; silent disagreements: {silent}; "
+        f"{o.scenes} scenes {dict(count)}; not ok: {sum(told.values())} {dict(told)}; silent "
+        f"disagreements: {silent}; "
         f"largest agreed difference {worst:.1e}; {time.perf_counter() - begin:.0f} s"
     )
     return silent

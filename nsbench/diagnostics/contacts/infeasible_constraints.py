@@ -117,7 +117,8 @@ def _arrangement(case: Case, scene: Scene, t: float, x: np.ndarray, depth: float
     if not miss.least > CURVED * miss.deep:
         return None
     return (
-        f"The constraints contradict each other at t = {t:.6g} where the run violates them by {depth:.3g}: to first order, "
+        f"The constraints contradict each other at t = {t:.6g} where the run violates them by "
+        f"{depth:.3g}: to first order, "
         f"every way on misses one of them by {miss.least:.3g} or more."
     )
 
@@ -145,7 +146,8 @@ def _beyond(case: Case, scene: Scene, t: float, x: np.ndarray, depth: float) -> 
     if way is None or (far := float(np.abs(way).max())) <= allowed:
         return None
     return (
-        f"At t = {t:.6g} the run violates its constraints by {depth:.3g} where what meets them is much farther away: "
+        f"At t = {t:.6g} the run violates its constraints by {depth:.3g} where what meets them is "
+        f"much farther away: "
         f"{far:.3g} to first order."
     )
 

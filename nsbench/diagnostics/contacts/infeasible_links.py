@@ -33,7 +33,8 @@ def too_short(case: Case, t: float) -> str | None:
         k = int(np.argmax(short))
         if short[k] > 0.0:
             return (
-                f"The links are too short at t = {t:.6g}: two anchors are {apart[k]:.6g} apart, and the links between them "
+                f"The links are too short at t = {t:.6g}: two anchors are {apart[k]:.6g} apart, "
+                f"and the links between them "
                 f"{reach[k]:.6g} long."
             )
     return None

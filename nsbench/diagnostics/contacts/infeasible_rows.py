@@ -64,7 +64,10 @@ class Walls:
             self.found = [(True, miss.way), (False, x + miss.way), *self.found][:KEPT]
         if not miss.least > 0.0:
             return None
-        return f"The walls contradict each other at t = {t:.6g}: every state misses one of them by {miss.least:.3g} or more."
+        return (
+            f"The walls contradict each other at t = {t:.6g}: every state misses one of them "
+            f"by {miss.least:.3g} or more."
+        )
 
 
 def least_miss(ptr, cols, vals, g, n: int, allowed, room: float = 0.0) -> Miss:

@@ -45,6 +45,7 @@ def passed(case: Case, traj: Trajectory) -> Status | None:
 def _through(t: float, what: str) -> Status:
     return Status(
         "unverified",
-        f"By t = {t:.6g} {what}, on a line, where nothing leads around: steps are too long, or there was "
+        f"By t = {t:.6g} {what}, on a line, where nothing leads around: steps are too long, or "
+        f"there was "
         "no room between them.",
     )

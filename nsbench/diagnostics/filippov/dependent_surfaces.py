@@ -45,7 +45,8 @@ def mixed(case: Case, width: float, t: np.ndarray, X: np.ndarray) -> str:
             here = off * float(t[-1] - t[0]) > SHARE * width
             if here and before:  # what is only passed is not in them twice
                 return (
-                    f"At t = {at:.6g} the layers of surfaces {', '.join(map(str, rows))}, whose normals are dependent, mix "
+                    f"At t = {at:.6g} the layers of surfaces {', '.join(map(str, rows))}, whose "
+                    f"normals are dependent, mix "
                     "fields that do not meet"
                 )
             before = here

@@ -62,7 +62,8 @@ def flat_layer(case: Case, width: float, t: np.ndarray, X: np.ndarray) -> str:
                 continue  # a surface in time, which does not wait for the state
             if max(abs(b - slope) for b in beside) > CHANGES * slope:
                 return (
-                    f"At t = {at:.6g} the state is in the layer of surface {row} where its switch is flat (a slope of "
+                    f"At t = {at:.6g} the state is in the layer of surface {row} where its switch "
+                    f"is flat (a slope of "
                     f"{slope:.2g})"
                 )
     return ""
@@ -95,7 +96,10 @@ def covered(case: Case, width: float, t: np.ndarray, X: np.ndarray) -> str:
                     )
                     for s in _sides(row, (np.abs(row) < width) & ~one)
                 ):
-                    return f"Switch {i} does not leave its layer: it changes by no more than {over[i]:.2g}"
+                    return (
+                        f"Switch {i} does not leave its layer: it changes by no more than "
+                        f"{over[i]:.2g}"
+                    )
     return ""
 
 

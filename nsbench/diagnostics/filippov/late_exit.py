@@ -86,7 +86,8 @@ def late(case: Case, traj: Trajectory, step: float = 0.0, width: float = 0.0) ->
                 < min(FAINT * most[k, side], max(step * sharp, np.sqrt(width * sharp) / LAG))
             ):
                 return (
-                    f"At t = {turn:.6g} one field turns away from surface {i}, to which the other leads at {other:.2g} "
+                    f"At t = {turn:.6g} one field turns away from surface {i}, to which the other "
+                    f"leads at {other:.2g} "
                     "alone: the state stays beside it for longer"
                 )
     return ""

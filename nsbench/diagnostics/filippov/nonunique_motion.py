@@ -55,7 +55,8 @@ def parted(case: Case) -> Status | None:
         return None
     return Status(
         "degenerate",
-        f"The start is on surface {', '.join(map(str, rows))}, from which the fields of more than one "
+        f"The start is on surface {', '.join(map(str, rows))}, from which the fields of more than "
+        f"one "
         "side lead away: more than one motion begins there.",
     )
 

@@ -89,7 +89,8 @@ def repelled(case: Case, traj: Trajectory) -> Status | None:
             for row, part in np.argwhere(found)[:1]:
                 return Status(
                     "degenerate",
-                    f"At t = {times[row][part]:.6g} the state is on surface {i}, which {what} at any "
+                    f"At t = {times[row][part]:.6g} the state is on surface {i}, which {what} at "
+                    f"any "
                     "time.",
                 )
     return _left(traj, switch, field, stayed, stayed | came, on, parts)
@@ -117,7 +118,8 @@ def _left(traj, switch, field, stayed, held, on, parts) -> Status | None:
         for part, _ in np.argwhere(np.all(rates * sectors > CLEAR, axis=2))[:1]:
             return Status(
                 "degenerate",
-                f"At t = {times[part]:.6g} the state is on surfaces {', '.join(map(str, rows))}, and the "
+                f"At t = {times[part]:.6g} the state is on surfaces {', '.join(map(str, rows))}, "
+                f"and the "
                 "field of a side leads to that side: it may leave at any time.",
             )
     return None
@@ -188,7 +190,10 @@ def between(case: Case, width: float) -> str:
         for i in np.flatnonzero(np.abs(c) < width):
             plus, minus = rates_beside(switch, field, t, x, i, STEP * (case.t[-1] - t))
             if plus > 0.0 > minus:
-                return f"The start is {abs(c[i]):.2g} from surface {i}, which both fields leave, and in its layer"
+                return (
+                    f"The start is {abs(c[i]):.2g} from surface {i}, which both fields leave, "
+                    f"and in its layer"
+                )
     return ""
 
 

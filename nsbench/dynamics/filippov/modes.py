@@ -92,7 +92,8 @@ def held(case: Case, X: np.ndarray, weights: np.ndarray, h: float) -> str:
             off = np.abs(f - fit @ np.linalg.lstsq(fit, f, rcond=None)[0]).max()
             if off > 1e-9 * np.abs(f).max():
                 return (
-                    f"From t = {t[k]:.6g} to {t[k + 1]:.6g} the state stays in the corner of surfaces "
+                    f"From t = {t[k]:.6g} to {t[k + 1]:.6g} the state stays in the corner of "
+                    f"surfaces "
                     f"{', '.join(map(str, rows))}"
                 )
     return ""

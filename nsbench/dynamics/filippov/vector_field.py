@@ -112,7 +112,8 @@ class Motion:
             return None
         return Status(
             "degenerate",
-            f"At t = {t:.9g} the gradient of surface {rows[far.argmax()]} vanishes where it is met: that "
+            f"At t = {t:.9g} the gradient of surface {rows[far.argmax()]} vanishes where it is "
+            f"met: that "
             f"is told to within {far.max():.1g} only.",
         )
 

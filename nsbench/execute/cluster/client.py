@@ -123,7 +123,8 @@ def _check(client, address: str, here: dict[str, str]) -> None:
     for worker, there in client.run(fingerprint, on_error="return").items():
         if isinstance(there, BaseException):
             raise ClusterError(
-                f"the worker {worker} cannot load nsbench: {_first_line(there)}; install the same version there"
+                f"the worker {worker} cannot load nsbench: {_first_line(there)}; install the same "
+                f"version there"
             )
         differs = unlike(there, here)
         if differs:
@@ -131,7 +132,10 @@ def _check(client, address: str, here: dict[str, str]) -> None:
 
 
 def _refusal(worker: str, differs: str) -> str:
-    return f"the worker {worker} is not like this installation: {differs}; its numbers might be others: install the same there"
+    return (
+        f"the worker {worker} is not like this installation: {differs}; its numbers might be "
+        f"others: install the same there"
+    )
 
 
 def _first_line(error: BaseException) -> str:

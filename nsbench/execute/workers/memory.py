@@ -12,7 +12,8 @@ import re
 from collections.abc import Iterable
 from pathlib import Path
 
-SHARE = 0.8  # of the machine's memory for all workers together: the rest is the parent's and the system's
+# of the machine's memory for all workers together: the rest is the parent's and the system's
+SHARE = 0.8
 LEAST = 1 << 30  # bytes: libraries and kernels alone take half of it
 NEAR = (
     0.8  # of the limit: a worker that was killed above this share of it was killed for its memory

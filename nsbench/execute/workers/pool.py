@@ -190,7 +190,8 @@ class _Team:
                 who = "The worker and what it has started" if others else "The worker"
                 self.too_large(
                     job,
-                    f"{who} held {memory.told(job.peak)}, its limit is {memory.told(self.most)} (--memory); "
+                    f"{who} held {memory.told(job.peak)}, its limit is {memory.told(self.most)} "
+                    f"(--memory); "
                     "it was stopped.",
                 )
             elif job.pipe.poll():

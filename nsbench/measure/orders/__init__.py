@@ -119,7 +119,8 @@ def fit_order(
         return replace(
             base,
             verdict="exact: no order",
-            sentence=f"Exact at the samples: all errors are rounding (at most {err.max():.1e}); no order.",
+            sentence=f"Exact at the samples: all errors are rounding (at most {err.max():.1e}); "
+            f"no order.",
         )
     known = max(float(floor), 10.0 * float(reference_error))
     lucky = now_and_then(err, noise)
@@ -128,7 +129,8 @@ def fit_order(
     dropped["floor"] = int((~keep).sum())
     mixed = (
         (
-            f"exact to rounding at {lucky} of {steps} steps, off by up to {err.max():.1e} at others: "
+            f"exact to rounding at {lucky} of {steps} steps, off by up to {err.max():.1e} at "
+            f"others: "
             "which of the two depends on the step"
         )
         if lucky > max(1.0, SOME * steps)
@@ -355,9 +357,15 @@ def _power(h, err, line: Fit, known: float, why: str) -> Fit:
             envelope_interval=line.envelope_interval,
         )
     lo, hi = fit.interval
-    said = f"slope {fit.order:.3f} [{lo:.3f}, {hi:.3f}] from {fit.points} steps in [{h[0]:.2e}, {h[n - 1]:.2e}]"
+    said = (
+        f"slope {fit.order:.3f} [{lo:.3f}, {hi:.3f}] from {fit.points} steps in [{h[0]:.2e}, "
+        f"{h[n - 1]:.2e}]"
+    )
     if not why and (headed is None or np.log2(h[n - 1] / h[0]) < WINDOW - 1e-9):
-        why = f"{np.log2(h[n - 1] / h[0]):.1f} octaves with {n} steps above the floor; {WINDOW:g} with {FEWEST} are needed"
+        why = (
+            f"{np.log2(h[n - 1] / h[0]):.1f} octaves with {n} steps above the floor; {WINDOW:g} "
+            f"with {FEWEST} are needed"
+        )
     if why:
         return replace(fit, sentence=f"No verdict ({why}): {said}.")
     if not settled or headed.edge:
@@ -406,7 +414,9 @@ def _bounded(h, err, fit: Fit) -> Fit | None:
         window=(float(h[0]), float(h[-1])),
         dropped={**fit.dropped, "head": 0},
         head=float(np.expm1(abs(found.head[-1]))),
-        sentence=f"Order of the largest error per half octave: slope {found.p:.3f} [{lo:.3f}, {hi:.3f}] from "
-        f"{len(h)} steps in [{h[0]:.2e}, {h[-1]:.2e}], constant {constant:.3g}; the errors turn with "
+        sentence=f"Order of the largest error per half octave: slope {found.p:.3f} [{lo:.3f}, "
+        f"{hi:.3f}] from "
+        f"{len(h)} steps in [{h[0]:.2e}, {h[-1]:.2e}], constant {constant:.3g}; the errors turn "
+        f"with "
         "the phase of the step.",
     )

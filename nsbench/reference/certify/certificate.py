@@ -112,8 +112,10 @@ def certify(
         shown["shut"] = [list(c) for c in shut]
     event_error = max(bounds.times, default=0.0)
     how = (
-        f"Taylor series of order {order} in {bits} bits along {len(arcs)} arcs of event_driven, signs proven by balls; "
-        f"before rounding the state is known to {bounds.state:.0e}, event times to {event_error:.0e}"
+        f"Taylor series of order {order} in {bits} bits along {len(arcs)} arcs of event_driven, "
+        f"signs proven by balls; "
+        f"before rounding the state is known to {bounds.state:.0e}, event times to "
+        f"{event_error:.0e}"
     )
     if path.moved:
         how += f"; the start was put on its constraints, {path.moved:.0e} away"

@@ -103,7 +103,8 @@ def instants(case: Case, events) -> list:
             out[-1][1].append(e)
         elif e.t > case.t[-1] - TOGETHER:
             raise ValueError(
-                f"an event at t = {e.t:.12g} falls on the last sample: what happens there is not decided"
+                f"an event at t = {e.t:.12g} falls on the last sample: what happens there is not "
+                f"decided"
             )
         elif e.t > case.t[0] + TOGETHER:
             out.append((e.t, [e]))

@@ -68,7 +68,8 @@ class _Tube:
                 self._join(self.path.pieces[k - 1], piece)
             if piece.flow.shut:
                 self.notes.append(
-                    f"{', '.join(map(str, piece.flow.shut))} stay closed with the others on the arc up to "
+                    f"{', '.join(map(str, piece.flow.shut))} stay closed with the others on the "
+                    f"arc up to "
                     f"t = {float(piece.end):.6g} (shown to {self._shut(piece):.0e}, not proven)"
                 )
             for j, st in enumerate(piece.steps):
@@ -99,7 +100,8 @@ class _Tube:
                 )
         if worst > 1e-12:
             raise Refused(
-                f"contacts {piece.flow.shut} are said to stay closed up to t = {float(piece.end):.9g}; they are "
+                f"contacts {piece.flow.shut} are said to stay closed up to t = "
+                f"{float(piece.end):.9g}; they are "
                 f"off by {worst:.1e}"
             )
         return max(worst, 1e-40)
@@ -193,7 +195,8 @@ class _Tube:
             ) / rate
             if not error.is_finite() or not error < TUBE:
                 raise Refused(
-                    f"the event of {key[1]} at t = {where:.9g} is not transversal: its time cannot be bounded"
+                    f"the event of {key[1]} at t = {where:.9g} is not transversal: its time "
+                    f"cannot be bounded"
                 )
             miss = max(miss, float(error.upper()))
         self.impulse += miss * (end.size_u + begin.size_u)

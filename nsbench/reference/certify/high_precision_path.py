@@ -105,8 +105,10 @@ class _Follower:
             piece = Piece(arc, flow, self.t, self._onto(flow, arc))
             if k and piece.moved > SAME:
                 raise Refused(
-                    f"after the event at t = {float(self.t):.12g} {_name(flow)} are said to be held; one of them "
-                    f"is {piece.moved:.1e} away then: the run does not tell events apart that fall so close"
+                    f"after the event at t = {float(self.t):.12g} {_name(flow)} are said to be "
+                    f"held; one of them "
+                    f"is {piece.moved:.1e} away then: the run does not tell events apart that "
+                    f"fall so close"
                 )
             if k == 0:
                 self._sample(None, self.t, include=True)
@@ -152,7 +154,8 @@ class _Follower:
             off = max((abs(float(lead(v))) for v in g), default=0.0)
             if off > ON:
                 raise Refused(
-                    f"the arc that ends at t = {arc.end:.9g} is said to hold {_name(flow)}, which is "
+                    f"the arc that ends at t = {arc.end:.9g} is said to hold {_name(flow)}, which "
+                    f"is "
                     f"{off:.2e} away at its start, t = {float(self.t):.9g}"
                 )
             if off < 1e-40:
@@ -210,25 +213,29 @@ class _Follower:
         there."""
         if not piece.arc.triggers:
             raise Refused(
-                f"the run changes its mode at t = {piece.arc.end:.9g} without anything that vanishes there"
+                f"the run changes its mode at t = {piece.arc.end:.9g} without anything that "
+                f"vanishes there"
             )
         found = []
         for key in piece.arc.triggers:
             if key not in st.watch:
                 raise Refused(
-                    f"at t = {piece.arc.end:.9g} {key[0]} of {key[1]} is said to vanish; the arc before does "
+                    f"at t = {piece.arc.end:.9g} {key[0]} of {key[1]} is said to vanish; the arc "
+                    f"before does "
                     "not have it"
                 )
             s = root(st.watch[key], (goal - st.t).mid(), 2 * REACH * self.span)
             if s is None:
                 raise Refused(
-                    f"{key[0]} of {key[1]} is said to vanish at t = {piece.arc.end:.9g}; it does not: it is "
+                    f"{key[0]} of {key[1]} is said to vanish at t = {piece.arc.end:.9g}; it does "
+                    f"not: it is "
                     f"{float(st.watch[key]((goal - st.t).mid()).mid()):.3e} there"
                 )
             found.append(s)
         if max(abs(float(s - found[0])) for s in found) > SAME:
             raise Refused(
-                f"the events at t = {piece.arc.end:.12g} are {max(abs(float(s - found[0])) for s in found):.1e} "
+                f"the events at t = {piece.arc.end:.12g} are "
+                f"{max(abs(float(s - found[0])) for s in found):.1e} "
                 "apart: their order is not told by the run"
             )
         return found[0] if float(found[0]) <= float(st.h) else None

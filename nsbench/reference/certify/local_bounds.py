@@ -170,7 +170,8 @@ class Local:
             if s is not None and not self._touches(key, p, allow):
                 value = float(p(arb(s)).mid())
                 why = (
-                    f"{key[0]} of {key[1]} does not stay positive, or cannot be shown to: it is {value:.3e} at t = "
+                    f"{key[0]} of {key[1]} does not stay positive, or cannot be shown to: it is "
+                    f"{value:.3e} at t = "
                     f"{float(self.time) + s:.12g}"
                 )
                 if value < -ZERO and p(arb(s)) < -allow:
@@ -200,7 +201,8 @@ class Local:
         if not (inside and abs(p(s)) + allow < ZERO and bend(ball(self.low, self.high)) > 0):
             return False
         self.notes.append(
-            f"{key[0]} of {key[1]} touches zero at t = {float(self.time + s):.9g} without contact, to "
+            f"{key[0]} of {key[1]} touches zero at t = {float(self.time + s):.9g} without "
+            f"contact, to "
             f"{ZERO:.0e},"
         )
         return True
@@ -223,7 +225,10 @@ class Local:
             watching(old)
         if value.leading.at(m) * (1 if first or m % 2 == 0 else -1) > 0:
             return None
-        return f"{key[0]} of {key[1]} leaves zero in the wrong direction near t = {float(self.time):.12g}"
+        return (
+            f"{key[0]} of {key[1]} leaves zero in the wrong direction near t = "
+            f"{float(self.time):.12g}"
+        )
 
 
 def polynomial(number, count) -> arb_poly:

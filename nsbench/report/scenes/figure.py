@@ -91,7 +91,8 @@ def scene_figure(case: Case, x=None, title: str = "", t: float | None = None):
     x = case.x0 if x is None else np.asarray(x, dtype=float)
     if x.shape[-1:] != (case.n,) or x.ndim > 2 or (x.ndim == 2 and len(x) != len(case.t)):
         raise ValueError(
-            f"x has shape {x.shape}; ({case.n},) or ({len(case.t)}, {case.n}) is needed for {case.name}"
+            f"x has shape {x.shape}; ({case.n},) or ({len(case.t)}, {case.n}) is needed for "
+            f"{case.name}"
         )
     t = float(case.t[0] if t is None else t)
     if x.ndim == 2:

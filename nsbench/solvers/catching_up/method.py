@@ -96,7 +96,10 @@ class CatchingUp:
                 else "linear complementarity system."
             )
         if not case.problem.constraints:
-            return "Catching up needs constraints to project on; this case has none (it would be explicit Euler: use euler)."
+            return (
+                "Catching up needs constraints to project on; this case has none (it would be "
+                "explicit Euler: use euler)."
+            )
         return None
 
     def prepare(self, case: Case, h: float) -> Run:
@@ -218,7 +221,8 @@ def _status(code, stats, when, reached, size):
     if code == "unsettled":
         return Status(
             "maxiter",
-            f"{stats['limits']} nonlinear steps up to t = {reached:.6g} did not settle: shorter steps, or "
+            f"{stats['limits']} nonlinear steps up to t = {reached:.6g} did not settle: shorter "
+            f"steps, or "
             "linearised ones (without nonlinear=true), may.",
         )
     if code == "infeasible":

@@ -45,7 +45,8 @@ def ended(seen: np.ndarray, start: np.ndarray, reached: float, when: float) -> S
     if size > GROWN * max(1.0, float(np.abs(start).max(initial=0.0))):
         return Status(
             "diverged",
-            f"The state grew to {size:.3g} at t = {when:.6g}, and then beyond all bounds; a smaller step "
+            f"The state grew to {size:.3g} at t = {when:.6g}, and then beyond all bounds; a "
+            f"smaller step "
             "may help.",
         )
     return Status(

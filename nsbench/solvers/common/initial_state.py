@@ -55,7 +55,8 @@ def start_state(case: Case, scene: Scene) -> np.ndarray:
         worst = int(np.argmin(np.where(np.isnan(g), -np.inf, g)))
         beyond = "" if far else ", and what is feasible is much farther away"
         raise ValueError(
-            f"the start of {case.key} violates constraint {near.ids[worst]} by {-g[worst]:.3g}{beyond}; "
+            f"the start of {case.key} violates constraint {near.ids[worst]} by "
+            f"{-g[worst]:.3g}{beyond}; "
             'give a feasible x0, or start="project" or "keep"'
         )
     return _nearest(case, scene, x, t)
@@ -114,7 +115,8 @@ def _nearest(case, scene, x0, t):
             y, moved = z, np.abs(z - y)
         reach = 4.0 * far
     raise ValueError(
-        f"the start of {case.key} could not be projected in {ITERATIONS} steps (violation {-lines.g.min():.3g}, "
+        f"the start of {case.key} could not be projected in {ITERATIONS} steps (violation "
+        f"{-lines.g.min():.3g}, "
         f"last step {moved.max():.3g}): the nearest feasible point is perhaps not unique"
     )
 
@@ -130,7 +132,8 @@ def _none(case, scene) -> NoStart:
         )
     return NoStart(
         "infeasible",
-        f"the constraints of {case.key} leave no point near the start, to first order: it cannot be "
+        f"the constraints of {case.key} leave no point near the start, to first order: it cannot "
+        f"be "
         'projected; give a feasible x0, or start="keep"',
     )
 

@@ -87,7 +87,10 @@ class Euler:
         if isinstance(p, Complementarity) and p.constraints:
             return "Euler has no way to keep g >= 0; use pbd or catching_up."
         if not isinstance(p, (Complementarity, Filippov)):
-            return "Euler takes Filippov systems and plain smooth ones; this case is a linear complementarity system."
+            return (
+                "Euler takes Filippov systems and plain smooth ones; this case is a linear "
+                "complementarity system."
+            )
         return None
 
     def prepare(self, case: Case, h: float) -> Run:

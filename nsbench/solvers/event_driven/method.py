@@ -79,7 +79,10 @@ class EventDriven:
             and case.problem.constraints
             and case.start == "keep"
         ):
-            return 'event_driven starts on the feasible set; this case keeps its start as it is (start="keep")'
+            return (
+                "event_driven starts on the feasible set; this case keeps its start as it is "
+                '(start="keep")'
+            )
         return None
 
     def prepare(self, case: Case, accuracy: float) -> Run:

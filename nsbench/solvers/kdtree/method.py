@@ -72,11 +72,17 @@ class KDTree:
             not c.all_pairs or c.d is None or c.start or c.particles(case.n) * c.dim != case.n
             for c in hard
         ):
-            return "kdtree takes one family of hard particles of one size that fill the state; use pbd for anything else."
+            return (
+                "kdtree takes one family of hard particles of one size that fill the state; "
+                "use pbd for anything else."
+            )
         if not all(isinstance(c, Distance) or _box(c) for c in p.constraints) or (
             hard and p.constraints[0] is not hard[0]
         ):
-            return "kdtree takes particles, then walls at rest across single coordinates; use pbd for other constraints."
+            return (
+                "kdtree takes particles, then walls at rest across single coordinates; use pbd "
+                "for other constraints."
+            )
         return None
 
     def prepare(self, case: Case, h: float) -> Run:

@@ -37,7 +37,8 @@ def coarse(case, method, X, W) -> Status:
         return Status()
     return Status(
         "unverified",
-        f"The steps are solved to {SOLVED * method.comp_tol:.2g}, in all to {left:.2g}, which is much "
+        f"The steps are solved to {SOLVED * method.comp_tol:.2g}, in all to {left:.2g}, which is "
+        f"much "
         f"for a motion by {way:.2g}: take units in which that is about 1.",
     )
 
@@ -81,7 +82,8 @@ def unresolved(case, method, X, W) -> Status:
         )
     return Status(
         "unverified",
-        f"Switch {row} changes by {slope[row]:.2g} in the run, which the tolerance of complementarity, "
+        f"Switch {row} changes by {slope[row]:.2g} in the run, which the tolerance of "
+        f"complementarity, "
         f"{tol:.2g}, cannot tell from zero: scale it, or lower comp_tol.",
     )
 
@@ -96,7 +98,8 @@ def _lingers(case, c, tol, slope) -> str:
         return ""
     at, row = found[0]
     return (
-        f"At t = {case.t[at + 1]:.6g} the state is {abs(c[at + 1, row]):.2g} from surface {row}, as what is left of "
+        f"At t = {case.t[at + 1]:.6g} the state is {abs(c[at + 1, row]):.2g} from surface {row}, "
+        f"as what is left of "
         f"complementarity ({tol:.2g}) may keep it"
     )
 
@@ -122,7 +125,10 @@ def _leans(case, method, c, X, W) -> str:
         )
     if pushed <= LEAK * tol * min(1.0, _way(case, X)):
         return ""
-    return f"Fields beyond surfaces that are not reached have pushed by {pushed:.2g} in all, their weights not being zero"
+    return (
+        f"Fields beyond surfaces that are not reached have pushed by {pushed:.2g} in all, "
+        f"their weights not being zero"
+    )
 
 
 def sunk(case, method, X, W) -> Status:
@@ -165,6 +171,7 @@ def leaks(case, method, X, W) -> Status:
         return Status()
     return Status(
         "unverified",
-        f"Constraints that do not touch have pushed by {leaked:.2g} in all, for gap x multiplier is "
+        f"Constraints that do not touch have pushed by {leaked:.2g} in all, for gap x multiplier "
+        f"is "
         f"{floor:.2g}, not zero: no smaller error is claimed; lower comp_tol.",
     )

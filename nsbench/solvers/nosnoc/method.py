@@ -65,9 +65,15 @@ class Nosnoc:
     def refuses(self, case: Case) -> str | None:
         p = case.problem
         if isinstance(p, LCS):
-            return "nosnoc takes Filippov and complementarity systems; this case is a linear complementarity system."
+            return (
+                "nosnoc takes Filippov and complementarity systems; this case is a linear "
+                "complementarity system."
+            )
         if np.ptp(np.diff(case.t)) > 1e-9 * (case.t[-1] - case.t[0]):
-            return "nosnoc is given steps of one length here; the sample times of this case are not equally spaced."
+            return (
+                "nosnoc is given steps of one length here; the sample times of this case are "
+                "not equally spaced."
+            )
         why = untold_fields(case) if isinstance(p, Filippov) else untold_contacts(case)
         if why is None and not (
             importlib.util.find_spec("nosnoc") and importlib.util.find_spec("casadi")
@@ -80,7 +86,10 @@ class Nosnoc:
         try:
             self._built(case)
         except (TypeError, ValueError, AttributeError, NotImplementedError) as e:
-            return f"casadi cannot build the functions of {case.key} (do they use the array namespace they are given?): {e}."
+            return (
+                f"casadi cannot build the functions of {case.key} (do they use the array "
+                f"namespace they are given?): {e}."
+            )
         return None
 
     def _built(self, case):
@@ -134,7 +143,8 @@ def _march(case, method, solver, contacts, turning, parts, step):
                 if "SUCCESS" not in str(found["status"]) or not np.all(np.isfinite(x)):
                     status = Status(
                         "maxiter",
-                        f"IPOPT did not solve a step between t = {case.t[k - 1]:.6g} and {case.t[k]:.6g}; "
+                        f"IPOPT did not solve a step between t = {case.t[k - 1]:.6g} and "
+                        f"{case.t[k]:.6g}; "
                         "other stages, elements or another h may help.",
                     )
                     break
@@ -143,7 +153,8 @@ def _march(case, method, solver, contacts, turning, parts, step):
                 if inner > max(FIRST, LABOUR * steps):
                     status = Status(
                         "maxiter",
-                        f"IPOPT took {inner} iterations for the {steps} steps up to t = {x[n]:.6g}, where "
+                        f"IPOPT took {inner} iterations for the {steps} steps up to t = "
+                        f"{x[n]:.6g}, where "
                         "85 a step are usual; other stages, elements or another h may help.",
                     )
                     break

@@ -17,7 +17,10 @@ def untold_fields(case):
     p = case.problem
     d = len(host(p.switch)(float(case.t[0]), case.x0.copy()))
     if d > 2:
-        return f"Stewart's form needs all 2^d fields; this case has {d} surfaces, at most two are taken."
+        return (
+            f"Stewart's form needs all 2^d fields; this case has {d} surfaces, at most two are "
+            f"taken."
+        )
     f = host(p.field)
     twist = (
         sum(
@@ -28,7 +31,10 @@ def untold_fields(case):
         else np.zeros(1)
     )
     if np.abs(twist).max() > 1e-12:
-        return "Stewart's form is another system where the field is not affine in the signs of two surfaces."
+        return (
+            "Stewart's form is another system where the field is not affine in the signs of "
+            "two surfaces."
+        )
     return None
 
 

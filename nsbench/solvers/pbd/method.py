@@ -94,7 +94,10 @@ class PBD:
                 else "linear complementarity system."
             )
         if not case.problem.constraints:
-            return "PBD needs constraints to project on; this case has none (it would be explicit Euler: use euler)."
+            return (
+                "PBD needs constraints to project on; this case has none (it would be explicit "
+                "Euler: use euler)."
+            )
         return self._refuses_threads(case) if self.threads > 1 else None
 
     def _refuses_threads(self, case: Case) -> str | None:
@@ -102,13 +105,15 @@ class PBD:
 
         if self.order not in THREADED:
             return (
-                f"Threads need an order in which few constraints wait for far ones: {' or '.join(THREADED)}, not "
+                f"Threads need an order in which few constraints wait for far ones: "
+                f"{' or '.join(THREADED)}, not "
                 f"{self.order}; use one thread."
             )
         scene = Scene(case.problem, case.n)
         if not packs(scene):
             return (
-                "Threads share hard particles of one family and rows on single ones; this case has other constraints: "
+                "Threads share hard particles of one family and rows on single ones; this case "
+                "has other constraints: "
                 "use one thread."
             )
         if _pointers(case, scene)[1] != "compiled":

@@ -68,11 +68,17 @@ class PBDJax:
             None,
         )
         if other is not None:
-            return "PBD in JAX projects on rows and on pairs of particles; this case has anchors or smooth constraints: use pbd."
+            return (
+                "PBD in JAX projects on rows and on pairs of particles; this case has anchors "
+                "or smooth constraints: use pbd."
+            )
         if len({c.dim for c in families if isinstance(c, Distance)}) > 1:
             return "PBD in JAX takes particles of one dimension; this case has several: use pbd."
         if self.device == "gpu" and _device("gpu") is None:
-            return "A GPU was asked for and JAX finds none here: use device=cpu, or pbd[order=coloured], which is faster there."
+            return (
+                "A GPU was asked for and JAX finds none here: use device=cpu, or "
+                "pbd[order=coloured], which is faster there."
+            )
         return None
 
     def prepare(self, case: Case, h: float) -> Run:

@@ -152,9 +152,15 @@ class Penalty:
     def refuses(self, case: Case) -> str | None:
         p = case.problem
         if isinstance(p, LCS):
-            return "A penalty needs constraints with gradients or switches; this one is a linear complementarity system."
+            return (
+                "A penalty needs constraints with gradients or switches; this one is a linear "
+                "complementarity system."
+            )
         if isinstance(p, Complementarity) and not p.constraints:
-            return "A penalty needs constraints; this case has none (only its integrator would remain)."
+            return (
+                "A penalty needs constraints; this case has none (only its integrator would "
+                "remain)."
+            )
         return self._too_many(case)
 
     def _too_many(self, case: Case) -> str | None:
@@ -167,13 +173,18 @@ class Penalty:
         m = listed - pairs if near else listed
         if m > LISTED:
             return (
-                f"A penalty integrates an impulse for every listed constraint, here {m}, in every stage of every step "
-                f"({m * len(case.t) * 8 / 1e6:.0f} MB of samples); at most {LISTED} are taken: use pbd or "
+                f"A penalty integrates an impulse for every listed constraint, here {m}, in every "
+                f"stage of every step "
+                f"({m * len(case.t) * 8 / 1e6:.0f} MB of samples); at most {LISTED} are taken: "
+                f"use pbd or "
                 "catching_up."
             )
         size = (m + 2 * case.n + (16 * sum(hard) if near else 0)) * len(case.t) * 8
         if size > MEMORY:
-            return f"A penalty would keep samples of {size / 1e9:.1f} GB here; at most {MEMORY / 1e9:.0f} GB are taken."
+            return (
+                f"A penalty would keep samples of {size / 1e9:.1f} GB here; at most "
+                f"{MEMORY / 1e9:.0f} GB are taken."
+            )
         return None
 
     def prepare(self, case: Case, k: float) -> Run:
@@ -185,7 +196,8 @@ class Penalty:
         if lost := _lost(case, x0, k * 2.0**self.extrapolate):
             return lambda: _nothing(
                 case,
-                f"Rounding of the coordinates alone {lost} at k = {k:g}: lower k, or take a frame in "
+                f"Rounding of the coordinates alone {lost} at k = {k:g}: lower k, or take a frame "
+                f"in "
                 "which the state is not so large.",
                 "maxiter",
             )
@@ -194,7 +206,10 @@ class Penalty:
         try:
             march = _march(self, case, x0, k)
         except NotTraceable as e:
-            why = f"JAX cannot trace the functions of {case.key} (do they use the array namespace they are given?): {e}."
+            why = (
+                f"JAX cannot trace the functions of {case.key} (do they use the array namespace "
+                f"they are given?): {e}."
+            )
             return lambda: _nothing(case, why)
         levels = [k * 2.0**level for level in range(self.extrapolate + 1)]
 
@@ -359,7 +374,8 @@ def _status(penalty: Penalty, case: Case, k: float, asked: float, out: dict) -> 
         if worst * float(np.abs(weights(penalty.extrapolate)).sum()) > HIDDEN * claimed:
             return Status(
                 "unverified",
-                f"The error of the penalty, about {claimed:.1e}, may be hidden by the integrator's, up "
+                f"The error of the penalty, about {claimed:.1e}, may be hidden by the "
+                f"integrator's, up "
                 f"to 200 times its tolerance of {worst:.1e} of the motion: lower rtol and atol.",
             )
         return Status()

@@ -16,7 +16,8 @@ import jax
 import jax.numpy as jnp
 import optimistix
 
-KAPPA = 1e-2  # error left in a stage, in units of the step's tolerance (Hairer & Wanner II, IV.8: 1e-1 to 1e-2)
+# error left in a stage, in units of the step's tolerance (Hairer & Wanner II, IV.8: 1e-1 to 1e-2)
+KAPPA = 1e-2
 
 
 class Chord(optimistix.AbstractRootFinder):

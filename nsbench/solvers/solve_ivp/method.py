@@ -52,13 +52,20 @@ class SolveIvp:
         from nsbench.solvers.solve_ivp.scripts_filippov import script
 
         if case.name not in case_names():
-            return f"Nobody has written modes by hand for {case.name}; solve_ivp needs them (event_driven finds them itself)."
+            return (
+                f"Nobody has written modes by hand for {case.name}; solve_ivp needs them "
+                f"(event_driven finds them itself)."
+            )
         twin = get_case(case.name, **case.params)
         if script(twin) is None:
-            return f"Nobody has written modes by hand for {case.key}; solve_ivp needs them (event_driven finds them itself)."
+            return (
+                f"Nobody has written modes by hand for {case.key}; solve_ivp needs them "
+                f"(event_driven finds them itself)."
+            )
         why = _differs(case, twin)
         return (
-            f"The modes written by hand are those of the catalogue's {case.name}; this one has {why}."
+            f"The modes written by hand are those of the catalogue's {case.name}; this one has "
+            f"{why}."
             if why
             else None
         )
@@ -71,7 +78,8 @@ class SolveIvp:
         tol = check_positive("tol", accuracy)
         if not TIGHTEST <= tol < 0.1:
             raise ValueError(
-                f"tol is {tol!r}; at least {TIGHTEST:g}, below which SciPy's tolerances mean nothing, and below 0.1"
+                f"tol is {tol!r}; at least {TIGHTEST:g}, below which SciPy's tolerances mean "
+                f"nothing, and below 0.1"
             )
         work = script(case)
         arcs = {name: (arc, [_event(e) for e in arc.exits]) for name, arc in work.arcs.items()}

@@ -73,12 +73,16 @@ class Theta:
 
             return inconsistent(case)
         if not isinstance(p, Complementarity):
-            return "theta takes linear complementarity systems and linear constraints; this case is a Filippov system."
+            return (
+                "theta takes linear complementarity systems and linear constraints; this case "
+                "is a Filippov system."
+            )
         if not p.constraints:
             return "theta needs constraints; this case has none (use euler[implicit=true])."
         if any(not isinstance(c, Affine) for c in p.constraints):
             return (
-                "theta solves linear complementarity problems; this case has constraints that are not linear in x "
+                "theta solves linear complementarity problems; this case has constraints that are "
+                "not linear in x "
                 "(use catching_up)."
             )
         return None
@@ -267,7 +271,8 @@ def _status(code, reached, twice, judged):
     if code == kernel.SLOW:
         return Status(
             "maxiter",
-            f"Newton's method found no solution of the implicit step from {at}; try a smaller step.",
+            f"Newton's method found no solution of the implicit step from {at}; try a smaller "
+            f"step.",
         )
     if code == kernel.NOTHING:
         return Status(

@@ -188,7 +188,8 @@ def others(case, x, pbd):
             residual(G, q + G @ d, mu, d) for (G, q), (_, d, mu) in zip(rows, got, strict=True)
         )
         print(
-            f"    {name} {metadata.version(name)}: {np.median([s for s, *_ in got]) / pbd:.0f} PBD steps, residual {left:.1e}"
+            f"    {name} {metadata.version(name)}: {np.median([s for s, *_ in got]) / pbd:.0f} "
+            f"PBD steps, residual {left:.1e}"
         )
 
 
@@ -203,9 +204,12 @@ def measure(n):
     stats = done["catching_up"].stats
     pbd = times["pbd"].median / steps
     print(
-        f"{n:6d} discs, {steps} steps, {stats['contacts_peak']} rows, {stats['contacts']} acting on average: "
-        f"{ratio(times['catching_up'], times['pbd'])} PBD steps of {1e9 * pbd / n:.0f} ns per disc, "
-        f"worst residual {stats['kkt']:.1e}, {stats['inner_iterations'] / steps:.1f} factors and exchanges a step, "
+        f"{n:6d} discs, {steps} steps, {stats['contacts_peak']} rows, {stats['contacts']} acting "
+        f"on average: "
+        f"{ratio(times['catching_up'], times['pbd'])} PBD steps of {1e9 * pbd / n:.0f} ns per "
+        f"disc, "
+        f"worst residual {stats['kkt']:.1e}, {stats['inner_iterations'] / steps:.1f} factors and "
+        f"exchanges a step, "
         f"worst step {stats['rounds_worst']}, {done['catching_up'].status.code}",
         flush=True,
     )
@@ -223,7 +227,8 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--n", type=int, nargs="+", default=[30, 100, 1000, 10000])
     print(
-        f"python {platform.python_version()}, numba {metadata.version('numba')}, load {os.getloadavg()[0]:.1f}"
+        f"python {platform.python_version()}, numba {metadata.version('numba')}, load "
+        f"{os.getloadavg()[0]:.1f}"
     )
     for n in parser.parse_args().n:
         measure(n)

@@ -231,7 +231,8 @@ def main():
     parser.add_argument("--rounds", type=int, default=5)
     args = parser.parse_args()
     print(
-        f"{platform.machine()}, {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}, numpy {np.__version__}, "
+        f"{platform.machine()}, {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}, numpy "
+        f"{np.__version__}, "
         f"r_hard = {args.r_hard:g}, h = {H:g}"
     )
     if args.whole:
@@ -242,8 +243,10 @@ def main():
         traj = run()
         took = time.perf_counter() - ready
         print(
-            f"pbd to T = {args.whole:g}: {took:.2f} s, {traj.stats['steps']} steps, {1e6 * took / traj.stats['steps']:.1f} "
-            f"microseconds each, prepared in {ready - start:.1f} s, {traj.status.code}, loop {traj.stats['loop']}"
+            f"pbd to T = {args.whole:g}: {took:.2f} s, {traj.stats['steps']} steps, "
+            f"{1e6 * took / traj.stats['steps']:.1f} "
+            f"microseconds each, prepared in {ready - start:.1f} s, {traj.status.code}, loop "
+            f"{traj.stats['loop']}"
         )
     steps = {"pbd": 400, "numpy loops": 20, "plain lists": 40, "catching_up": 40}
     made = {"numpy loops": numpy_loops, "plain lists": plain_lists}
@@ -268,7 +271,8 @@ def main():
         scale = steps["pbd"] / steps[name]
         r = ratio(t, times["pbd"])
         print(
-            f"{name:<14}{1e6 * t.median / steps[name]:>12.1f}  {48.0 / H * t.median / steps[name]:>12.4g}  "
+            f"{name:<14}{1e6 * t.median / steps[name]:>12.1f}  "
+            f"{48.0 / H * t.median / steps[name]:>12.4g}  "
             f"{scale * r.median:.4g} [{scale * r.low:.4g}, {scale * r.high:.4g}]"
         )
 

@@ -165,10 +165,16 @@ def told(data, key, target, bound):
         )
     first = ranked[0]
     pbd = next((c for c in ranked if family(c.solver) == LEADS), None)
-    text = f"{first.solver} {'<= ' if first.at_most else ''}{seconds(first.seconds)} ({speed.setting(first)})"
+    text = (
+        f"{first.solver} {'<= ' if first.at_most else ''}{seconds(first.seconds)} "
+        f"({speed.setting(first)})"
+    )
     rivals = [c for c in ranked if family(c.solver) != family(first.solver)]
     if rivals:
-        text += f"; next other method x {factor(rivals[0].seconds / first.seconds)} ({rivals[0].solver})"
+        text += (
+            f"; next other method x {factor(rivals[0].seconds / first.seconds)} "
+            f"({rivals[0].solver})"
+        )
     if pbd is None:
         more = _beyond(data, key, target) / first.seconds
         text += (
@@ -219,8 +225,10 @@ def main():
     specs = methods(args.solver)
     wins = []
     print(
-        f"Python {platform.python_version()}, numpy {versions()['numpy']}, numba {versions()['numba']}; load average "
-        f"{os.getloadavg()[0]:.1f} of {os.cpu_count()} cores\nmethods: {', '.join(specs)}\n{speed.RULE}\n"
+        f"Python {platform.python_version()}, numpy {versions()['numpy']}, numba "
+        f"{versions()['numba']}; load average "
+        f"{os.getloadavg()[0]:.1f} of {os.cpu_count()} cores\nmethods: "
+        f"{', '.join(specs)}\n{speed.RULE}\n"
     )
     for n in map(int, args.sizes.split(",")):
         case, reference, bound = scene(n, args.reference)

@@ -97,7 +97,8 @@ def compare(label, case, tol, other, rounds):
     r = ratio(made["other"], made["nsbench"])
     off = [np.abs(x - truth).max() for x in (mine.x, theirs)]
     print(
-        f"{label:34s} {made['nsbench'].median * 1e3:9.2f} ms {made['other'].median * 1e3:10.1f} ms   x{r}"
+        f"{label:34s} {made['nsbench'].median * 1e3:9.2f} ms {made['other'].median * 1e3:10.1f} "
+        f"ms   x{r}"
         f"   errors {off[0]:.0e} {off[1]:.0e}   {len(mine.events)} events, {mine.stats['loop']}",
         flush=True,
     )
@@ -127,7 +128,8 @@ def main(argv=None) -> int:
     import scipy
 
     print(
-        f"numpy {np.__version__}, scipy {scipy.__version__}, numba {numba.__version__}, load {os.getloadavg()[0]:.1f}"
+        f"numpy {np.__version__}, scipy {scipy.__version__}, numba {numba.__version__}, load "
+        f"{os.getloadavg()[0]:.1f}"
     )
     start = time.process_time()
     get("event_driven").prepare(get_case("three_discs"), 1e-12)
@@ -153,7 +155,8 @@ def main(argv=None) -> int:
     start = time.process_time()
     traj = run()
     print(
-        f"discs[n=1000] to t = {o.reach}: {time.process_time() - start:.2f} s, {len(traj.events)} events, {traj.status.code}, "
+        f"discs[n=1000] to t = {o.reach}: {time.process_time() - start:.2f} s, {len(traj.events)} "
+        f"events, {traj.status.code}, "
         f"{traj.stats['loop']}; largest overlap at samples {overlap(traj.x):.0e}"
     )
     return 0

@@ -35,7 +35,8 @@ from nsbench.measure.clock import interleaved, ratio  # noqa: E402
 ASKED = {"oscillator": 1e-11, "slide_exit": 1e-11, "stick_slip": 1e-9, "friction": 1e-9}
 LADDER = 10.0 ** -np.arange(7, 14)
 COLD = (
-    "import time, nsbench; from nsbench import solvers; case = nsbench.get_case('slide_exit'); a = time.process_time(); "
+    "import time, nsbench; from nsbench import solvers; case = nsbench.get_case('slide_exit'); a "
+    "= time.process_time(); "
     "s = solvers.get('event_driven'); s.prepare(case, 1e-12)(); print(time.process_time() - a)"
 )
 
@@ -204,13 +205,15 @@ def main():
         print("heyoka is not installed: left out")
     versions = [f"{m.__name__} {m.__version__}" for m in (np, *([hy] if hy else []))]
     print(
-        f"{platform.machine()}, {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}; Python {platform.python_version()}, "
-        + ", ".join(versions)
+        f"{platform.machine()}, {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}; Python "
+        f"{platform.python_version()}, " + ", ".join(versions)
     )
     print(f"event_driven: {cold():.1f} CPU s of compilation without a cache, once for all cases")
     print(
-        f"{'case':11s} {'asked':>5s} | error, tol: {'ours':>15s} {'SciPy':>14s} {'heyoka':>14s} {'end':>14s} | {'us':>5s} | "
-        f"ours / {'SciPy':>24s} {'heyoka':>18s} {'end':>18s} | heyoka / {'SciPy':>24s} | built, CPU s"
+        f"{'case':11s} {'asked':>5s} | error, tol: {'ours':>15s} {'SciPy':>14s} {'heyoka':>14s} "
+        f"{'end':>14s} | {'us':>5s} | "
+        f"ours / {'SciPy':>24s} {'heyoka':>18s} {'end':>18s} | heyoka / {'SciPy':>24s} | built, "
+        f"CPU s"
     )
     for name, asked in ASKED.items():
         case = nsbench.get_case(name)
@@ -235,8 +238,10 @@ def main():
         pairs = [("ours", "scipy"), ("ours", "heyoka"), ("ours", "end"), ("heyoka", "scipy")]
         r = [str(ratio(times[a], times[b])) if a in times and b in times else "-" for a, b in pairs]
         print(
-            f"{name:11s} {asked:5.0e} | {cells[0]:>27s} {cells[1]:>14s} {cells[2]:>14s} {cells[3]:>14s} | "
-            f"{times['ours'].median * 1e6:5.0f} | {r[0]:>31s} {r[1]:>18s} {r[2]:>18s} | {r[3]:>33s} | {built:.2f}"
+            f"{name:11s} {asked:5.0e} | {cells[0]:>27s} {cells[1]:>14s} {cells[2]:>14s} "
+            f"{cells[3]:>14s} | "
+            f"{times['ours'].median * 1e6:5.0f} | {r[0]:>31s} {r[1]:>18s} {r[2]:>18s} | "
+            f"{r[3]:>33s} | {built:.2f}"
         )
 
 

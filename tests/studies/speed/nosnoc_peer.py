@@ -57,13 +57,15 @@ def main():
     args = parser.parse_args()
     if not (find_spec("nosnoc") and find_spec("casadi")):
         print(
-            'nosnoc is not installed; pip install "nsbench[nosnoc]" brings it and casadi. Nothing to compare.'
+            'nosnoc is not installed; pip install "nsbench[nosnoc]" brings it and casadi. Nothing '
+            "to compare."
         )
         return
     import casadi
 
     print(
-        f"{platform.machine()}, load {os.getloadavg()[0]:.1f}, numpy {np.__version__}, casadi {casadi.__version__}"
+        f"{platform.machine()}, load {os.getloadavg()[0]:.1f}, numpy {np.__version__}, casadi "
+        f"{casadi.__version__}"
     )
     for name, stride, stages, comp_tol in SETTINGS:
         whole = nsbench.get_case(name)
@@ -86,10 +88,13 @@ def main():
         )
         print(
             f"{name}, {len(case.t) - 1} steps of {stages} stages\n"
-            f"  nosnoc        error {got:.1e}  {times['nosnoc'].median:9.3g} s   (prepared in {made:.2g} s)\n"
-            f"  event_driven  error {mine:.1e}  {times['event_driven'].median:9.3g} s   tol {tol:.1e}: "
+            f"  nosnoc        error {got:.1e}  {times['nosnoc'].median:9.3g} s   (prepared in "
+            f"{made:.2g} s)\n"
+            f"  event_driven  error {mine:.1e}  {times['event_driven'].median:9.3g} s   tol "
+            f"{tol:.1e}: "
             f"nosnoc takes {ratio(times['nosnoc'], times['event_driven'])} times as long\n"
-            f"  solve_ivp     error {hands:.1e}  {times['solve_ivp'].median:9.3g} s   tol {hand_tol:.1e}: "
+            f"  solve_ivp     error {hands:.1e}  {times['solve_ivp'].median:9.3g} s   tol "
+            f"{hand_tol:.1e}: "
             f"nosnoc takes {ratio(times['nosnoc'], times['solve_ivp'])} times as long"
         )
 

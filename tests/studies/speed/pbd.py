@@ -129,8 +129,10 @@ def growth(sizes, rounds):
         if (TWO, "rows", n) in times:
             print(
                 f"growth   two threads, sorted on one over coloured on two, rows, {n}: "
-                f"{ratio(times['sorted', 'rows', n], times[TWO, 'rows', n])}; coloured on one over coloured on two: "
-                f"{ratio(times['coloured', 'rows', n], times[TWO, 'rows', n])}; load {os.getloadavg()[0]:.1f}"
+                f"{ratio(times['sorted', 'rows', n], times[TWO, 'rows', n])}; coloured on one "
+                f"over coloured on two: "
+                f"{ratio(times['coloured', 'rows', n], times[TWO, 'rows', n])}; load "
+                f"{os.getloadavg()[0]:.1f}"
             )
 
 
@@ -261,13 +263,15 @@ def sweeps(sizes, rounds):
         for order in ("sorted", "coloured"):
             same = len({v for name, v in ends.items() if name.startswith(order)}) == 1
             print(
-                f"sweep    {n} discs, {order}: the three ways {'agree in every bit' if same else 'DIFFER'}"
+                f"sweep    {n} discs, {order}: the three ways "
+                f"{'agree in every bit' if same else 'DIFFER'}"
             )
         times = interleaved(runs, max(rounds, 5), least=0.1)
         c = times["sorted, C"]
         for name, value in times.items():
             print(
-                f"sweep    {n} discs, {name:<29} {1e9 * value.median / n:6.1f} ns per disc; speed over the C loop, sorted: "
+                f"sweep    {n} discs, {name:<29} {1e9 * value.median / n:6.1f} ns per disc; speed "
+                f"over the C loop, sorted: "
                 f"{ratio(c, value)}"
             )
 
@@ -287,7 +291,8 @@ def against_peers(sizes, rounds):
             times = interleaved(runs, rounds)
             for name in set(times) - set(orders):
                 print(
-                    f"peers    {n} discs, {labels:>6} labels, {name:<21} {1e9 * times[name].median / n / steps:8.1f} ns; over "
+                    f"peers    {n} discs, {labels:>6} labels, {name:<21} "
+                    f"{1e9 * times[name].median / n / steps:8.1f} ns; over "
                     + "  ".join(f"{order} {ratio(times[name], times[order])}" for order in orders)
                 )
             for why in skipped:
@@ -316,7 +321,8 @@ def memory(n, steps):
     ).stdout.split()
     ready, peak, held, contacts = map(float, out)
     print(
-        f"memory   {n} discs, {steps} steps: {ready:.0f} bytes per disc when prepared, {peak:.0f} at most, {held:.0f} with the "
+        f"memory   {n} discs, {steps} steps: {ready:.0f} bytes per disc when prepared, {peak:.0f} "
+        f"at most, {held:.0f} with the "
         f"trajectory of two samples and {contacts:.2f} contacts per disc"
     )
 
@@ -333,7 +339,8 @@ def main():
     import scipy
 
     print(
-        f"{platform.processor() or platform.machine()}, {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}, numpy "
+        f"{platform.processor() or platform.machine()}, {os.cpu_count()} cores, load "
+        f"{os.getloadavg()[0]:.1f}, numpy "
         f"{np.__version__}, scipy {scipy.__version__}, numba {numba.__version__}"
     )
     if "sweep" in args.only:

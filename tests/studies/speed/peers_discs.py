@@ -262,7 +262,8 @@ def main():
     parser.add_argument("--rounds", type=int, default=5)
     args = parser.parse_args()
     print(
-        f"{platform.processor() or platform.machine()}, numpy {np.__version__}, load {os.getloadavg()[0]:.1f}"
+        f"{platform.processor() or platform.machine()}, numpy {np.__version__}, load "
+        f"{os.getloadavg()[0]:.1f}"
     )
     for labels in ("rows", "random"):
         for n in args.n:
@@ -283,8 +284,10 @@ def main():
                 )
                 worst, mean = overlap(end)
                 print(
-                    f"{labels:>7} {n:>7} discs {steps:>4} steps  {name:<21} {1e9 * times[name].median / n / steps:8.1f} ns "
-                    f"per disc and step, over pbd {ratio(times[name], times['pbd'])!s:<22} overlap {worst:.3f} mean {mean:.4f}"
+                    f"{labels:>7} {n:>7} discs {steps:>4} steps  {name:<21} "
+                    f"{1e9 * times[name].median / n / steps:8.1f} ns "
+                    f"per disc and step, over pbd {ratio(times[name], times['pbd'])!s:<22} "
+                    f"overlap {worst:.3f} mean {mean:.4f}"
                 )
             for why in skipped:
                 print(why)

@@ -52,7 +52,8 @@ print(json.dumps([library, first, later[0], later[3], later[-1], "diffrax" in sy
 
 def second_call(name: str, k: float):
     print(
-        f"\n{name}, k = {k:g}      import jax   first call   second (least, median, most of 7)   first / second"
+        f"\n{name}, k = {k:g}      import jax   first call   second (least, median, most of 7)   "
+        f"first / second"
     )
     with tempfile.TemporaryDirectory() as folder:
         for what in ("traced and compiled", "found on disk"):
@@ -65,7 +66,8 @@ def second_call(name: str, k: float):
             )
             library, first, least, middle, most, traced = json.loads(out.stdout)
             print(
-                f"  {what:<22s}{library:10.2f}{first:13.3f}     {least:9.4f} {middle:9.4f} {most:9.4f}"
+                f"  {what:<22s}{library:10.2f}{first:13.3f}     {least:9.4f} {middle:9.4f} "
+                f"{most:9.4f}"
                 f"{first / middle:20.0f}   diffrax {'loaded' if traced else 'not loaded'}"
             )
 
@@ -96,7 +98,8 @@ def extrapolation(goal: float):
     times = interleaved({n: r for n, (r, _) in found.items()}, rounds=3)
     plain = min((n for n in found if "k = 1e6" in n), key=lambda n: times[n].median)
     print(
-        f"\nthree_discs to {goal:g}                      error     seconds   over plain at k = 1e6 (the faster of two)"
+        f"\nthree_discs to {goal:g}                      error     seconds   over plain at k = "
+        f"1e6 (the faster of two)"
     )
     for n, (_, error) in found.items():
         print(f"  {n:<50s}{error:10.1e}{times[n].median:10.3f}   {ratio(times[n], times[plain])}")
@@ -116,7 +119,8 @@ def wall(name: str):
             whole = np.isfinite(traj.x).all() and len(traj.t) == len(case.t)
             error = nsbench.errors(case, traj)["state_sup"] if whole else float("nan")
             cells.append(
-                f"{error:8.1e} ({error * k:7.2f}) {traj.stats['steps']:7d} {seconds:7.3f} {traj.status.code:<10s}"
+                f"{error:8.1e} ({error * k:7.2f}) {traj.stats['steps']:7d} {seconds:7.3f} "
+                f"{traj.status.code:<10s}"
             )
         print(f"  {k:7.0e}  " + " | ".join(cells))
     print("           " + " | ".join(f"{m:<44s}" for m in methods))
@@ -141,7 +145,8 @@ def many():
     seconds = time.perf_counter() - start
     s = traj.stats
     print(
-        f"  n =  1000, T = 0.3: {s['steps'] + s['refused_steps']} steps, {s['segments']} segments, {seconds:.2f} s, "
+        f"  n =  1000, T = 0.3: {s['steps'] + s['refused_steps']} steps, {s['segments']} "
+        f"segments, {seconds:.2f} s, "
         f"{traj.status.code}, {len(traj.contacts)} contacts of 499500 pairs"
     )
 

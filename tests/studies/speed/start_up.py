@@ -43,7 +43,8 @@ def start_up():
     print(f"python -c 'import numpy': {times['import numpy'].median:.3f} s")
     for name in ("list", "--help"):
         print(
-            f"nsbench {name}: {times[name].median:.3f} s, {ratio(times[name], times['import numpy'])} times import numpy"
+            f"nsbench {name}: {times[name].median:.3f} s, "
+            f"{ratio(times[name], times['import numpy'])} times import numpy"
         )
 
 
@@ -80,8 +81,10 @@ def suite(name: str, jobs: int):
             after = resource.getrusage(resource.RUSAGE_CHILDREN)
             spent = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
             print(
-                f"{name} suite, {word}, {jobs} workers: {wall:.0f} s on the wall, {spent:.0f} s of processors, "
-                f"exit code {done.returncode}; {done.stdout.strip().splitlines()[0] if done.stdout else done.stderr}",
+                f"{name} suite, {word}, {jobs} workers: {wall:.0f} s on the wall, {spent:.0f} s "
+                f"of processors, "
+                f"exit code {done.returncode}; "
+                f"{done.stdout.strip().splitlines()[0] if done.stdout else done.stderr}",
                 flush=True,
             )
 
@@ -92,7 +95,8 @@ def main():
     p.add_argument("-j", "--jobs", type=int, default=2)
     args = p.parse_args()
     print(
-        f"python {versions()['python']}, numpy {versions()['numpy']}, numba {versions()['numba']}, jax {versions()['jax']}; "
+        f"python {versions()['python']}, numpy {versions()['numpy']}, numba "
+        f"{versions()['numba']}, jax {versions()['jax']}; "
         f"load average {os.getloadavg()[0]:.1f} of {os.cpu_count()} cores"
     )
     start_up()

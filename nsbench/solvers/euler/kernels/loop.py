@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 
 from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
-from nsbench.linalg.dense import BLOWN, NAN, OK, health, largest  # noqa: F401 (codes that solvers read here)
+from nsbench.linalg.dense import BLOWN, NAN, OK, health, largest  # noqa: F401
 from nsbench.solvers.euler.kernels.implicit_step import ROUNDING, copy, inner, newton
 
 STUCK = 3  # beside OK, NAN, BLOWN

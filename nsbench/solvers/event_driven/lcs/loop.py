@@ -37,7 +37,8 @@ LONGEST = 1e-2  # to this part of the run: what vanishes so long counts as zero
 BAND = 1e-12  # of the terms of a sum: below, it is zero (4500 roundings)
 START = 1e-9  # the same for the start, which may have been typed
 SHARE = 1e-2  # of the tolerance for the last coefficients of one step: a run takes tens
-GROWS = 100.0  # most of a state's size in one step, so that SHARE of the tolerance is relative to its start
+# most of a state's size in one step, so that SHARE of the tolerance is relative to its start
+GROWS = 100.0
 LEAST = (
     1e-13  # part of the run below which a step is not halved, if the clock knows it: an input jumps
 )
@@ -265,7 +266,8 @@ class _Walk:
         if self.idle > IDLE:
             return Status(
                 "chatter",
-                f"{IDLE} events up to t = {self.t:.9g} changed nothing: lam or w stays within rounding "
+                f"{IDLE} events up to t = {self.t:.9g} changed nothing: lam or w stays within "
+                f"rounding "
                 "of zero.",
             )
         return Status()
@@ -294,7 +296,8 @@ class _Walk:
             if self._apart(first, other, times):
                 return Status(
                     "degenerate",
-                    f"At t = {self.t:.9g} several motions continue (rows {list(first.mode.rows)} or "
+                    f"At t = {self.t:.9g} several motions continue (rows {list(first.mode.rows)} "
+                    f"or "
                     f"{list(other.mode.rows)} act): the solution is not unique there.",
                 )
         self.flow = first

@@ -39,7 +39,8 @@ SPAN = 1e-9
 #                         not end it (steps towards a kink or a dip 1e-10 wide shrink and grow by
 # factors: 30 do)
 CREEPS = (
-    f"{CREEP} steps led from t = {{:.9g}} no further than {SPAN:g} of the run: a pole, contacts that lock, or a layer too "
+    f"{CREEP} steps led from t = {{:.9g}} no further than {SPAN:g} of the run: a pole, contacts "
+    f"that lock, or a layer too "
     "thin for doubles."
 )
 _MINIMAL = 16 * np.finfo(float).eps  # tolerances below SciPy's own floor are raised to it

@@ -17,7 +17,7 @@ from numba import njit
 
 from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
 from nsbench.lcp.lemke import least, other_motion, scales, solve
-from nsbench.linalg.dense import BLOWN, NAN, OK, gauss, health, largest  # noqa: F401 (codes that solvers read here)
+from nsbench.linalg.dense import BLOWN, NAN, OK, gauss, health, largest  # noqa: F401
 
 NOTHING = 4
 JUMP = 5
