@@ -18,10 +18,10 @@ from typing import Any
 
 import numpy as np
 
-from nsbench import user_code as guest
+from nsbench import user_code
 from nsbench.case.validation import check_shapes
 from nsbench.problem import LCS, Complementarity, Filippov, _floats
-from nsbench.source_files import opened_files as opened
+from nsbench.source_files import opened_files
 
 STARTS = ("error", "project", "keep")
 ENOUGH = 4 << 20  # bytes: a longer file was not written by hand
@@ -178,7 +178,7 @@ def _scan() -> tuple[dict, dict]:
     failed = {}
     for info in pkgutil.iter_modules(package.__path__):
         try:
-            with guest.asked(f"the file of the case {info.name}"):
+            with user_code.asked(f"the file of the case {info.name}"):
                 module = importlib.import_module(f"nsbench.cases.{info.name}")
         except (Exception, SystemExit) as e:  # a broken plugin must not take the others with it
             failed[info.name] = f"{type(e).__name__}: {e}"
@@ -270,7 +270,7 @@ def get_case(name: str, **params) -> Case:
     LookupError for an unknown name or parameter (with the nearest match); ValueError for bad data.
     """
     base, inner = parse_spec(name)
-    with guest.asked(f"make of the case {base}"):
+    with user_code.asked(f"make of the case {base}"):
         case = _build(case_module(base), base, {**inner, **params})
     if case.name != base:  # its runs could not be told from those of another case
         raise ValueError(
@@ -294,7 +294,7 @@ def load_module(path):
         spec
     )  # dataclasses look themselves up there
     try:
-        with opened.during(path), guest.asked(str(path)):
+        with opened_files.during(path), user_code.asked(str(path)):
             spec.loader.exec_module(module)
     except (
         Exception,
@@ -309,5 +309,5 @@ def load_case(path, **params) -> Case:
     module = load_module(path)
     if not (hasattr(module, "CASE") or hasattr(module, "make")):
         raise ValueError(f"{path} defines neither CASE nor make(**params)")
-    with opened.during(path), guest.asked(f"make of {path}"):
+    with opened_files.during(path), user_code.asked(f"make of {path}"):
         return _build(module, Path(path).stem, params)

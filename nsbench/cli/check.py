@@ -71,7 +71,7 @@ def _start(case):
 
 def _namespaces(case):
     """The drift in numba and JAX against numpy at the start."""
-    from nsbench.compilation import factories as form
+    from nsbench.compilation import factories
 
     if isinstance(case.problem, LCS):
         return []
@@ -85,10 +85,10 @@ def _namespaces(case):
     else:
         factory = case.problem.drift
         args = (t, x)
-    want = form.host(factory)(*args)
+    want = factories.host(factory)(*args)
     try:
         pointer = (
-            form.rhs(factory, case.n) if len(args) == 2 else form.rhs_signs(factory, case.n, len(s))
+            factories.rhs(factory, case.n) if len(args) == 2 else factories.rhs_signs(factory, case.n, len(s))
         )
         got = np.empty(case.n)
         import numba
@@ -99,10 +99,10 @@ def _namespaces(case):
             out.append(
                 f"the drift compiled by numba differs from numpy by {np.abs(got - want).max():.3g}"
             )
-    except form.CompileError as e:
+    except factories.CompileError as e:
         out.append(f"numba cannot compile the drift, runs will be slow: {e}")
     try:
-        got = np.asarray(form.jax_function(factory)(*args))
+        got = np.asarray(factories.jax_function(factory)(*args))
         if not np.allclose(got, want, rtol=1e-13, atol=1e-13, equal_nan=True):
             out.append(f"the drift in JAX differs from numpy by {np.abs(got - want).max():.3g}")
     except Exception as e:  # whatever JAX raises on a drift that is not written for it

@@ -12,7 +12,7 @@ NOTHING = 4
 def gate(args, say) -> int:
     """nsbench gate"""
     from nsbench.gate import baseline
-    from nsbench.gate import messages as told
+    from nsbench.gate import messages
     from nsbench.gate.comparison import exit_code, judge
     from nsbench.gate.facts import facts
     from nsbench.report.data import read
@@ -34,11 +34,11 @@ def gate(args, say) -> int:
         return _update(found, path, args, say)
     findings = judge(found, baseline.read(path))
     code = exit_code(findings)
-    for line in told.lines(findings):
+    for line in messages.lines(findings):
         say(line)
     if args.summary:
         with open(args.summary, "a", encoding="utf-8") as file:
-            file.write(told.summary(findings, code))
+            file.write(messages.summary(findings, code))
     return code
 
 
@@ -57,7 +57,7 @@ def compare(args, say) -> int:
     from dataclasses import replace
 
     from nsbench.gate import baseline
-    from nsbench.gate import messages as told
+    from nsbench.gate import messages
     from nsbench.gate.comparison import judge
     from nsbench.gate.facts import facts
     from nsbench.report.data import read
@@ -77,7 +77,7 @@ def compare(args, say) -> int:
         for key, line in lines.items()
     }
     findings = judge(new, lines)
-    for text in told.lines(findings):
+    for text in messages.lines(findings):
         say(text)
     return FINE if any(f.outcome not in ("missing", "new") for f in findings) else NOTHING
 

@@ -19,7 +19,7 @@ from numba.core import config, types
 from numba.core.ccallback import CFunc
 from numba.core.registry import cpu_target
 
-from nsbench.compilation import disk_cache as kept
+from nsbench.compilation import disk_cache
 from nsbench.compilation.function_digest import Unknown, fingerprint, package_digest, version
 
 FORMAT = 1
@@ -78,7 +78,7 @@ def name_of(signature, what: str, function) -> str | None:
         for k, v in sorted(vars(config).items())
         if k.isupper() and isinstance(v, (int, str, float)) and k not in ELSEWHERE
     )
-    return kept.digest(
+    return disk_cache.digest(
         "pointer",
         str(FORMAT),
         what,
@@ -88,13 +88,13 @@ def name_of(signature, what: str, function) -> str | None:
         *settings,
         *(f"{n} {version(n)}" for n in ("numba", "llvmlite", "numpy", "scipy")),
         *map(str, cpu_target.target_context.codegen().magic_tuple()),
-        kept.processor(),
+        disk_cache.processor(),
     )
 
 
 def load(name: str | None, signature) -> Pointer | None:
     """The pointer whose code was kept under the name; None if there is none, or none of use."""
-    body = kept.read(kept.folder("pointers"), name)
+    body = disk_cache.read(disk_cache.folder("pointers"), name)
     if body is None:
         return None
     head, _, code = body.partition(b"\n")
@@ -127,11 +127,11 @@ def compiled(name: str | None, signature, function) -> CFunc:
     found = _Found()
     callback._cache = found
     callback.compile()
-    if name is not None and kept.folder("pointers") is not None and _stands_alone(found.result):
+    if name is not None and disk_cache.folder("pointers") is not None and _stands_alone(found.result):
         code = found.result.library.serialize_using_object_code()[2][0]
         if not any(word in code for word in HERE):
             head = {"format": FORMAT, "name": callback.native_name}
-            kept.write(kept.folder("pointers"), name, json.dumps(head).encode() + b"\n" + code)
+            disk_cache.write(disk_cache.folder("pointers"), name, json.dumps(head).encode() + b"\n" + code)
     return callback
 
 

@@ -40,15 +40,15 @@ def _pointer(factory, signature, make):
     """
     from numba.core.errors import NumbaError
 
-    from nsbench.compilation import cfunc_cache as pointers
+    from nsbench.compilation import cfunc_cache
 
     try:
         function = factory(np)
-        name = pointers.name_of(signature, make.__qualname__, function)
-        found = pointers.load(name, signature)
+        name = cfunc_cache.name_of(signature, make.__qualname__, function)
+        found = cfunc_cache.load(name, signature)
         if found is not None:
             return found
-        return pointers.compiled(name, signature, make(_compiled(function)))
+        return cfunc_cache.compiled(name, signature, make(_compiled(function)))
     except (NumbaError, NotImplementedError) as e:
         raise CompileError(str(e).strip().splitlines()[0]) from None
 

@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-from nsbench.compilation import disk_cache as kept
+from nsbench.compilation import disk_cache
 from nsbench.compilation.disk_cache import digest
 from nsbench.compilation.function_digest import package_digest, version
 from nsbench.compilation.jax_serialization import pack, unpack
@@ -82,7 +82,7 @@ def program(key: str | None, trace: Callable) -> Kept:
 def _compiled(lowered, name: str, fresh: bool = False):
     """The executable, kept under `name` if it can be. fresh: what is there now is of no use."""
     if fresh:
-        kept.drop(folder(), name)
+        disk_cache.drop(folder(), name)
     calls = set(CALLS.findall(lowered.as_text()))
     found, ours = _compile(lowered)
     if ours and all(c.startswith("lapack_") for c in calls):
@@ -118,17 +118,17 @@ def _platform() -> str:
         package_digest(),
         repr(sorted(settings.items(), key=str)),
         os.environ.get("XLA_FLAGS", ""),
-        kept.processor(),
+        disk_cache.processor(),
     )
 
 
 def folder() -> Path | None:
     """Where programs are kept, or None."""
-    return kept.folder("programs")
+    return disk_cache.folder("programs")
 
 
 def _load(name):
-    body = kept.read(folder(), name)
+    body = disk_cache.read(folder(), name)
     if body is None:
         return None
     try:
@@ -146,4 +146,4 @@ def _save(name, compiled, lapack: bool) -> None:
         body = pack(compiled, lapack)
     except Exception:  # an executable that cannot be written
         return
-    kept.write(folder(), name, body)
+    disk_cache.write(folder(), name, body)

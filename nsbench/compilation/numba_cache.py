@@ -10,17 +10,17 @@ from pathlib import Path
 
 from numba.core import caching
 
-from nsbench.source_files import import_graph as imports
-from nsbench.source_files import locations as places
+from nsbench.source_files import import_graph
+from nsbench.source_files import locations
 
 
 @functools.cache
 def contents(path: str) -> str:
     """Digest of a file of this package and of all it imports; "" for any other file."""
-    if not places.inside(Path(path).resolve()):
+    if not locations.inside(Path(path).resolve()):
         return ""
     digest = hashlib.sha256()
-    for file in sorted(imports.needs(path).files):
+    for file in sorted(import_graph.needs(path).files):
         digest.update(hashlib.sha256(Path(file).read_bytes()).digest())
     return digest.hexdigest()
 

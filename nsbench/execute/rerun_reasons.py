@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from nsbench.results import tables as store
+from nsbench.results import tables
 from nsbench.results.row_reuse import READ, TOUCHED, changed_data
 from nsbench.results.run_key import Part
 from nsbench.study import Spec
@@ -25,8 +25,8 @@ def reasons(
 ) -> dict[Spec, str]:
     """For every run a few words why it is to be made, "" where its row is reused. known: rows by
     key that may be reused."""
-    made, items = store.read_parts(out)
-    rows = store.read_journal(out)
+    made, items = tables.read_parts(out)
+    rows = tables.read_journal(out)
     data = changed_data(out, specs, keys)
     pairs = {key[:2] for key in made}
     told: dict[tuple, str] = {}  # runs of one case and solver have changed alike

@@ -15,13 +15,13 @@ from pathlib import Path
 import nsbench
 from nsbench import study
 from nsbench.case import parse_spec, size
-from nsbench.execute import dry_run as plan
+from nsbench.execute import dry_run
 from nsbench.execute.forecast import weight
 from nsbench.execute.progress import Progress
 from nsbench.execute.workers.pool import Chore, run_all
-from nsbench.reference import lookup as find
-from nsbench.results import consistency as published
-from nsbench.results import row_reuse as filed
+from nsbench.reference import lookup
+from nsbench.results import consistency
+from nsbench.results import row_reuse
 from nsbench.results import run_key as key
 from nsbench.results import tables as store
 from nsbench.results.packed_rows import InOrder, Kept
@@ -45,11 +45,11 @@ def execute(specs, out: Path, args, say) -> int:
     keys = {s: key.key_of(s, parts[s]) for s in specs}
     _folder(out)
     for case in cases.values():
-        find.check(case)
-    plan.admit({c.key: size.size_of(c) for c in cases.values()}, args)
+        lookup.check(case)
+    dry_run.admit({c.key: size.size_of(c) for c in cases.values()}, args)
     if args.plan:
         known = {} if args.force else _known(out, specs, keys, args, say)
-        return plan.tell(specs, cases, parts, keys, known, out, args, say)
+        return dry_run.tell(specs, cases, parts, keys, known, out, args, say)
     with contextlib.closing(store.Journal(out)) as journal:  # from here on nobody else writes there
         known = {} if args.force else _known(out, specs, keys, args, say)
         rows = Kept()
@@ -61,8 +61,8 @@ def execute(specs, out: Path, args, say) -> int:
         drawn = set()
         if todo:
             say(f"{len(todo)} runs ({len(specs) - len(todo)} known already), results in {out}")
-            published.begin(out)
-            entries = filed.Filed(journal, keys, parts, cases, here=args.dask is None)
+            consistency.begin(out)
+            entries = row_reuse.Filed(journal, keys, parts, cases, here=args.dask is None)
             drawn = _run(todo, keys, entries, rows, args, say, [*cases], out)
             entries.tell(say)
         ordered = InOrder(
@@ -93,7 +93,7 @@ def _folder(out: Path) -> None:
 def _known(out: Path, specs, keys, args, say) -> Kept:
     """Rows by key that need not be made again (nsbench.results.row_reuse)."""
     damaged: list[int] = []
-    rows = filed.known(out, specs, keys, args.timeout, damaged)
+    rows = row_reuse.known(out, specs, keys, args.timeout, damaged)
     if damaged:
         few = ", ".join(map(str, damaged[:5])) + (", ..." if len(damaged) > 5 else "")
         say(
@@ -122,10 +122,10 @@ def _run(todo, keys, entries, rows, args, say, cases, out):
     (out / "figures").mkdir(exist_ok=True)
     try:
         if args.dask is not None:
-            from nsbench.execute.cluster import client as cluster
+            from nsbench.execute.cluster import client
 
             return {
-                *cluster.run_all(
+                *client.run_all(
                     batches,
                     args.dask,
                     args.timeout,
@@ -236,7 +236,7 @@ def publish(out: Path, rows, cases, fresh: bool, say, drawn=frozenset()) -> Path
         )
     )
     path = out / "report.html"
-    if not fresh and path.exists() and published.current(out, digest):
+    if not fresh and path.exists() and consistency.current(out, digest):
         return path
     tables = store.write_tables(out, rows)
     meta = {s: describe.describe_solver(s) for s in dict.fromkeys(r["solver"] for r in rows)}
@@ -244,7 +244,7 @@ def publish(out: Path, rows, cases, fresh: bool, say, drawn=frozenset()) -> Path
     store.write_atomically(
         out / "cases.json", _dump({k: describe.describe_case(c) for (k, _), c in cases.items()})
     )
-    if fresh or not published.intact(out, "env.json"):
+    if fresh or not consistency.intact(out, "env.json"):
         store.write_atomically(out / "env.json", _dump(store.environment()))
     figures = out / "figures"
     figures.mkdir(exist_ok=True)
@@ -260,7 +260,7 @@ def publish(out: Path, rows, cases, fresh: bool, say, drawn=frozenset()) -> Path
     from nsbench.report import write_report
 
     path = Path(write_report(out, path))
-    published.end(out, digest, tables)
+    consistency.end(out, digest, tables)
     return path
 
 

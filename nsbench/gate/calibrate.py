@@ -14,8 +14,8 @@ from nsbench.gate import spreads
 from nsbench.gate.baseline import GATEABLE, line
 from nsbench.gate.facts import facts
 from nsbench.report.data import Data, build, columns_of, read
-from nsbench.results import run_key as keys
-from nsbench.results import tables as store
+from nsbench.results import run_key
+from nsbench.results import tables
 from nsbench.results.row_reuse import Filed, known
 
 SEEDS = (1, 2)  # of the perturbed starts
@@ -40,7 +40,7 @@ def calibrate(folder: Path, args, say) -> int:
         others.append(facts(_again(these, folder / FOLDER / str(number), threads, args, data)))
     first = facts(data)
     found = spreads.spreads(first, others)
-    store.write_atomically(folder / spreads.NAME, spreads.text(found, first).encode())
+    tables.write_atomically(folder / spreads.NAME, spreads.text(found, first).encode())
     loose = [key for key, fact in first.items() if not line(fact, found[key], "").held]
     for key in loose:
         say(f"not to be held: {' '.join(key)}")
@@ -69,10 +69,10 @@ def _again(specs, folder: Path, threads: int, args, data: Data) -> Data:
     """The rows of one pass, journalled like those of a study, so that a pass that was stopped goes
     on."""
     cases = {s.case: study.resolve(s.case) for s in specs}
-    keys.forget()
-    parts = {s: keys.parts_of(s, cases[s.case]) for s in specs}
-    found = {s: keys.key_of(s, parts[s]) for s in specs}
-    journal = store.Journal(folder)
+    run_key.forget()
+    parts = {s: run_key.parts_of(s, cases[s.case]) for s in specs}
+    found = {s: run_key.key_of(s, parts[s]) for s in specs}
+    journal = tables.Journal(folder)
     entries = Filed(journal, found, parts, {(s.case, s.file): cases[s.case] for s in specs})
     rows = known(folder, specs, found, args.timeout, [])
     todo = [s for s in specs if found[s] not in rows]

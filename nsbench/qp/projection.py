@@ -87,19 +87,19 @@ class ActiveSet:
         self._store = np.empty(1)
 
     def __call__(self, G, q, h, key, mu):
-        from nsbench.qp.kernels import active_set as qp
-        from nsbench.qp.kernels import dispatch as least
-        from nsbench.qp.kernels import exact_callback as few
+        from nsbench.qp.kernels import active_set
+        from nsbench.qp.kernels import dispatch
+        from nsbench.qp.kernels import exact_callback
 
         if key is not self._key:
             self._key = key
             self.setups = self.setups + 1
-            self._pattern = qp.outline(G.ptr, G.cols, G.shape[1])
+            self._pattern = active_set.outline(G.ptr, G.cols, G.shape[1])
             self._book[0] = 0
         scale = max(1.0, float(np.abs(q).max(initial=0.0)))
         work = np.zeros(4, np.int64)
-        mu, d, self._book, self._store = least.least(
-            few.exact,
+        mu, d, self._book, self._store = dispatch.least(
+            exact_callback.exact,
             many_rows(G.shape[0]),
             self._pattern,
             self._book,
@@ -115,10 +115,10 @@ class ActiveSet:
 
 def many_rows(rows):
     """The projector for many rows, compiled where there are many."""
-    from nsbench.qp.kernels import dispatch as least
+    from nsbench.qp.kernels import dispatch
 
-    if rows <= least.FEW:
-        return least.nobody
-    from nsbench.qp.kernels import large_callback as many
+    if rows <= dispatch.FEW:
+        return dispatch.nobody
+    from nsbench.qp.kernels import large_callback
 
-    return many.many
+    return large_callback.many

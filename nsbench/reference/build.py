@@ -12,7 +12,7 @@ import numpy as np
 from nsbench import solvers
 from nsbench.case import Case
 from nsbench.problem import Complementarity
-from nsbench.reference.certify import certificate as certificates
+from nsbench.reference.certify import certificate
 from nsbench.reference.comparison import bounded_by, differences
 from nsbench.reference.reference import Reference, closed_form
 from nsbench.reference.storage import load, store
@@ -74,11 +74,11 @@ def build(
 def certified(case: Case) -> Reference:
     """The certified reference, compared with a run of the fast method; ValueError if that is
     elsewhere."""
-    ref = certificates.certify(case).reference
+    ref = certificate.certify(case).reference
     run = _run(case, *METHODS[0])
     state, reaction, _, _ = differences(case, ref, run)
     scale = max(1.0, float(np.abs(ref.x).max()))
-    if max(state, reaction) > certificates.AGREE * scale:
+    if max(state, reaction) > certificate.AGREE * scale:
         raise ValueError(
             f"{case.key}: the certified solution and {METHODS[0][0]} differ by "
             f"{max(state, reaction):.1e}"
@@ -141,7 +141,7 @@ def verify(case: Case, folder=None, methods=METHODS, certify: bool = False) -> s
     if ref.kind == "certified":
         s, r, _, time_slack = differences(case, _run(case, *methods[0]), again)
         slack = SPREAD * max(s, r)
-        if not slack <= certificates.AGREE * scale:
+        if not slack <= certificate.AGREE * scale:
             raise ValueError(
                 f"{case.key}: the two methods differ by {slack / SPREAD:.1e}: nothing can be "
                 f"confirmed"
@@ -164,7 +164,7 @@ def verify(case: Case, folder=None, methods=METHODS, certify: bool = False) -> s
 
 
 def _verify_proof(case, ref) -> str:
-    again = certificates.certify(case).reference
+    again = certificate.certify(case).reference
     state, reaction, impulse, _ = differences(case, ref, again)
     for name, got in (("state", state), ("impulse", impulse), ("reaction", reaction)):
         bound = getattr(ref, f"{name}_error") + getattr(again, f"{name}_error")

@@ -5,16 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from nsbench.report import (
-    clock_table as timing,
+    clock_table,
 )
 from nsbench.report import (
-    cost as speed,
+    cost,
 )
 from nsbench.report import (
     performance_profiles as profiles,
 )
 from nsbench.report import (
-    reliability_tables as trust,
+    reliability_tables,
 )
 from nsbench.report import (
     scaling,
@@ -103,7 +103,7 @@ def figures(data: Data) -> Figures:
     if talk:
         files["talk"] = talk.replace("<svg ", '<svg style="background:#fff" ', 1)
     legend = [(spec, look[spec], False) for spec in data.specs]
-    over = [svg for svg in (profiles.draw(data, t, look) for t in speed.TARGETS) if svg]
+    over = [svg for svg in (profiles.draw(data, t, look) for t in cost.TARGETS) if svg]
     sizes = [draw(p) for p in scaling.scaling_panels(data, look)]
     files |= {
         name: sheet(group, legend, title)
@@ -137,14 +137,14 @@ def compose(data: Data, drawn: Figures) -> Content:
         tables.failures_table(data),
         tables.environment_table(data.env),
         tables.glossary_table(),
-        trust.expected_table(findings(data, s)),
-        trust.bounds_table(data, s),
-        trust.references_table(data),
-        trust.selection_table(data, s),
-        trust.labels_table(data, s),
+        reliability_tables.expected_table(findings(data, s)),
+        reliability_tables.bounds_table(data, s),
+        reliability_tables.references_table(data),
+        reliability_tables.selection_table(data, s),
+        reliability_tables.labels_table(data, s),
         scaling.scaling_table(data),
         scaling.sizes_table(data),
-        timing.clock_table(data),
+        clock_table.clock_table(data),
     ]
     lede = ", ".join(filter(None, (tables.counts_line(s), *_where(data.env))))
     factors = tuple(speeds(data)) or (
@@ -198,7 +198,7 @@ def notes(data: Data, case: str, summaries: dict[tuple, Summary]) -> list[str]:
             "among the multipliers is drawn apart, as its selection; it is not an error."
         )
     for target in (1e-2, 1e-3):
-        found = [speed.step_for_violation(s.runs, target) for s in mine if s.runs.violates]
+        found = [cost.step_for_violation(s.runs, target) for s in mine if s.runs.violates]
         found = [c for c in found if c is not None]
         if found:
             told = "; ".join(

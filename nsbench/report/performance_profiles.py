@@ -14,7 +14,7 @@ import math
 
 import numpy as np
 
-from nsbench.report import cost as speed
+from nsbench.report import cost
 from nsbench.report.data import Data
 from nsbench.report.style import INK, MUTED, RULE, count, power
 from nsbench.report.svg_plots import BOTTOM, DASHES, LEFT, RIGHT, _marks, _Pen
@@ -32,8 +32,8 @@ def ratios(data: Data, target: float) -> dict[str, np.ndarray]:
     table: dict[str, list[float]] = {}
     columns = 0
     for case in data.case_keys:
-        found = [c for c in speed.costs(data, case, target) if c.seconds > 0]
-        found = [c for c in found if not speed.apart(c, found[0])]
+        found = [c for c in cost.costs(data, case, target) if c.seconds > 0]
+        found = [c for c in found if not cost.apart(c, found[0])]
         if not found:
             continue
         best = min(c.seconds for c in found)
@@ -99,7 +99,7 @@ def _curve(pen, steps, cases: int, look) -> str:
 def sentences(data: Data) -> list[str]:
     """Who is fastest how often, and within a factor of ten, by target."""
     out = []
-    for target in speed.TARGETS:
+    for target in cost.TARGETS:
         found = ratios(data, target)
         if not found:
             continue

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from nsbench.report import cost as speed
+from nsbench.report import cost
 from nsbench.report.data import Data
 from nsbench.report.expectations import findings, fresh, gone
 from nsbench.report.style import LEADS, count, factor, listed, num, power
@@ -70,8 +70,8 @@ def _unexpected(found) -> list[Statement]:
 
 def _choices(data: Data):
     cases = [case for case in data.case_keys if _has_error(data, case)]
-    for target in speed.TARGETS:
-        found = {case: speed.costs(data, case, target) for case in cases}
+    for target in cost.TARGETS:
+        found = {case: cost.costs(data, case, target) for case in cases}
         if not any(found.values()):
             yield f"Error {power(target)}: reached by no method on any case."
             continue
@@ -235,7 +235,7 @@ def _violations(data: Data, summaries):
         missed = []
         for solver, group in _by_solver(summaries).items():
             found = {
-                s.case: speed.step_for_violation(s.runs, target) for s in group if s.runs.violates
+                s.case: cost.step_for_violation(s.runs, target) for s in group if s.runs.violates
             }
             steps = [(c.h, case) for case, c in found.items() if c is not None and c.h > 0]
             if steps:
@@ -252,17 +252,17 @@ def _violations(data: Data, summaries):
 
 def speeds(data: Data):
     """Factors over PBD at equal error, between loops of one kind, and the talk's factor of 100."""
-    qp = speed.with_qp(data)
+    qp = cost.with_qp(data)
     ratios = {}
     apart = set()
     for case in data.case_keys:
-        for target in speed.TARGETS:
-            found = speed.costs(data, case, target)
-            base = speed.baseline(found)
+        for target in cost.TARGETS:
+            found = cost.costs(data, case, target)
+            base = cost.baseline(found)
             for c in found:
                 if base is None or c.solver == base.solver:
                     continue
-                r = speed.ratio(c, base)
+                r = cost.ratio(c, base)
                 if r is None and c.loop != base.loop:
                     apart.add(c.solver)
                 elif r is not None:

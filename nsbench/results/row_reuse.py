@@ -11,13 +11,13 @@ from __future__ import annotations
 from pathlib import Path
 
 from nsbench.results import journal
-from nsbench.results import run_key as keys
-from nsbench.results import tables as store
+from nsbench.results import run_key
+from nsbench.results import tables
 from nsbench.results.packed_rows import Kept
 from nsbench.results.run_key import Part
-from nsbench.source_files import file_state as seen
-from nsbench.source_files import locations as places
-from nsbench.source_files import opened_files as opened
+from nsbench.source_files import file_state
+from nsbench.source_files import locations
+from nsbench.source_files import opened_files
 from nsbench.study import Spec
 
 READ = "read "  # begins the names of items that runs have read; what follows is for `_place`
@@ -32,10 +32,10 @@ def known(
     less time, or has read data that are others now. damaged: the numbers of lines that cannot be
     read are added."""
     rows = Kept()
-    store.read_journal(out, damaged, rows)
+    tables.read_journal(out, damaged, rows)
     stale = {found[s] for s in changed_data(out, specs, found)}
     for key in [
-        key for key, row in rows.items() if key in stale or not store.settled(row, timeout)
+        key for key, row in rows.items() if key in stale or not tables.settled(row, timeout)
     ]:
         del rows[key]
     return rows
@@ -49,7 +49,7 @@ def changed_data(out: Path, specs: list[Spec], found: dict[Spec, str]) -> dict[S
 
 def others(spec: Spec, read: dict[str, str]) -> list[str]:
     """Names of the files that a run has read and that have other contents here and now."""
-    return [name for name, digest in read.items() if seen.digest(str(_place(spec, name))) != digest]
+    return [name for name, digest in read.items() if file_state.digest(str(_place(spec, name))) != digest]
 
 
 def read_by(spec: Spec) -> dict[str, str]:
@@ -60,7 +60,7 @@ def read_by(spec: Spec) -> dict[str, str]:
     return {
         f"{who}: {name}": digest
         for who, file in homes.items()
-        for name, digest in opened.read_by(file, places.is_foreign).items()
+        for name, digest in opened_files.read_by(file, locations.is_foreign).items()
     }
 
 
@@ -97,7 +97,7 @@ class Filed:
 
     def __init__(
         self,
-        journal: store.Journal,
+        journal: tables.Journal,
         found: dict[Spec, str],
         parts: dict[Spec, tuple[Part, ...]],
         cases: dict,
@@ -133,7 +133,7 @@ class Filed:
 
     def _changed(self, spec: Spec, read: dict[str, str]) -> list[str]:
         files = (
-            seen.touched(keys.watched(spec, self.cases[spec.case, spec.file])) if self.here else []
+            file_state.touched(run_key.watched(spec, self.cases[spec.case, spec.file])) if self.here else []
         )
         return [*dict.fromkeys(Path(f).name for f in files), *others(spec, read)]
 

@@ -22,12 +22,12 @@ from importlib import metadata
 from pathlib import Path
 
 from nsbench.case import parse_spec
-from nsbench.source_files import file_state as seen
-from nsbench.source_files import import_graph as imports
-from nsbench.source_files import locations as places
-from nsbench.source_files import opened_files as opened
+from nsbench.source_files import file_state
+from nsbench.source_files import import_graph
+from nsbench.source_files import locations
+from nsbench.source_files import opened_files
 
-ROOT = places.ROOT
+ROOT = locations.ROOT
 # From here every row comes; the last begins each run with the same global random numbers and
 # rounding
 COMMON = (
@@ -95,7 +95,7 @@ def watched(spec, case) -> frozenset[str]:
 def foreign(*paths: str) -> list[str]:
     """All files that case or solver files depend on and that neither this package nor a library
     brings, themselves included."""
-    return sorted(p for p in _with_data(*paths).files if places.is_foreign(p))
+    return sorted(p for p in _with_data(*paths).files if locations.is_foreign(p))
 
 
 @functools.cache
@@ -109,8 +109,8 @@ def _watched(
 
 def forget() -> None:
     """Files are read again from now on: for a process that outlives an edit."""
-    imports.forget()
-    seen.forget()
+    import_graph.forget()
+    file_state.forget()
     for f in (
         _common,
         _common_needs,
@@ -125,8 +125,8 @@ def forget() -> None:
 
 
 @functools.cache
-def _common_needs() -> imports.Needs:
-    return imports.needs(*(ROOT / p for p in COMMON), *_with_side_effects())
+def _common_needs() -> import_graph.Needs:
+    return import_graph.needs(*(ROOT / p for p in COMMON), *_with_side_effects())
 
 
 @functools.cache
@@ -146,10 +146,10 @@ def _common() -> Part:
 
 
 @functools.cache
-def _solver_needs(spec: str, solver_files: tuple[str, ...]) -> imports.Needs:
+def _solver_needs(spec: str, solver_files: tuple[str, ...]) -> import_graph.Needs:
     """Of the solver's file, and of others that its options name."""
     name, options = parse_spec(spec)
-    known = places.plugins("solvers") | {Path(f).stem: f for f in solver_files}
+    known = locations.plugins("solvers") | {Path(f).stem: f for f in solver_files}
     return _with_data(
         *dict.fromkeys(known[n] for n in (name, *map(str, options.values())) if n in known)
     )
@@ -167,14 +167,14 @@ def _home(spec, solver_files) -> Path:
 
 
 @functools.cache
-def _case_needs(source: str) -> imports.Needs:
+def _case_needs(source: str) -> import_graph.Needs:
     return _with_data(*filter(None, [source]))
 
 
-def _with_data(*paths: str) -> imports.Needs:
+def _with_data(*paths: str) -> import_graph.Needs:
     """What files depend on, data included that they opened while they were loaded."""
-    data = {p for path in paths for p in opened.by(path) if places.is_foreign(p)}
-    return imports.needs(*paths, *sorted(data))
+    data = {p for path in paths for p in opened_files.by(path) if locations.is_foreign(p)}
+    return import_graph.needs(*paths, *sorted(data))
 
 
 @functools.cache
@@ -191,7 +191,7 @@ def _references(case) -> tuple[str, ...]:
 
     files = [str(f) for f in files_of(case)]
     for f in files:
-        seen.note(f)
+        file_state.note(f)
     return tuple(f for f in files if os.path.exists(f))
 
 
@@ -203,7 +203,7 @@ def _files(paths, home: Path) -> dict[str, str]:
         inside = next(
             (
                 f"{n.replace('.', '/')}/{p.relative_to(h).as_posix()}"
-                for n, h in sorted(places.homes().items(), reverse=True)
+                for n, h in sorted(locations.homes().items(), reverse=True)
                 if p.is_relative_to(h)
             ),
             "",
@@ -214,8 +214,8 @@ def _files(paths, home: Path) -> dict[str, str]:
 
 @functools.cache
 def _content(path: str) -> str:
-    seen.note(path)
-    return seen.digest(path)
+    file_state.note(path)
+    return file_state.digest(path)
 
 
 def _libraries(names) -> dict[str, str]:
@@ -224,7 +224,7 @@ def _libraries(names) -> dict[str, str]:
     for name in _with_theirs(names):
         out[name] = version(name)[0]
         if told := _told_by(name):
-            seen.note(told)
+            file_state.note(told)
     settings = {
         f"setting {k}": v
         for k, v in os.environ.items()
@@ -326,10 +326,10 @@ def processor() -> str:
 def _with_side_effects() -> list[str]:
     """Files that do more than define when they are imported. All solvers and cases are imported to
     be found, so such a file counts for every run, whatever its own name."""
-    found = imports.needs(
-        *places.plugins("solvers").values(), *places.plugins("cases").values(), top=True
+    found = import_graph.needs(
+        *locations.plugins("solvers").values(), *locations.plugins("cases").values(), top=True
     )
-    return sorted(p for p in found.files if imports.acts(Path(p)))
+    return sorted(p for p in found.files if import_graph.acts(Path(p)))
 
 
 def _digest(*chunks: bytes) -> str:

@@ -10,7 +10,7 @@ import re
 import sys
 from pathlib import Path
 
-from nsbench import user_code as guest
+from nsbench import user_code
 from nsbench.case import Case, format_value, get_case, load_module, nearest, parse_spec
 from nsbench.solvers.base import (
     Claims,
@@ -60,7 +60,7 @@ def _scan() -> tuple[dict, dict]:
         if info.name in ("base", "common") or info.name.startswith("_"):
             continue
         try:
-            with guest.asked(f"the file of the solver {info.name}"):
+            with user_code.asked(f"the file of the solver {info.name}"):
                 module = importlib.import_module(f"{__name__}.{info.name}")
             found[info.name] = _checked(module)
         except (Exception, SystemExit) as e:  # a broken plugin must not take the others with it

@@ -17,7 +17,7 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from nsbench.source_files import file_state as seen
+from nsbench.source_files import file_state
 from nsbench.source_files.locations import (
     PACKAGE,
     ROOT,
@@ -128,7 +128,7 @@ def direct(path: str, top: bool = False) -> frozenset[tuple[str, str]]:
 
 @functools.cache
 def _source(path: str) -> str:
-    seen.note(path)
+    file_state.note(path)
     try:
         return Path(path).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError):

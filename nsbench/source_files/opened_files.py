@@ -15,7 +15,7 @@ import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from nsbench.source_files import file_state as seen
+from nsbench.source_files import file_state
 
 _found: dict[str, set[str]] = {}
 _open: list[set[str]] = []  # of the files that are being loaded now
@@ -81,7 +81,7 @@ def read_by(path, counts: Callable[[str], bool]) -> dict[str, str]:
             continue
         if not p.endswith(COMPILED) and not os.path.isdir(p) and counts(p):
             out[Path(p).relative_to(home).as_posix()] = (
-                seen.digest(p) if stamp == seen.stamp(p) else seen.CHANGED
+                file_state.digest(p) if stamp == file_state.stamp(p) else file_state.CHANGED
             )
     return out
 
@@ -103,10 +103,10 @@ def _install() -> None:
                 found[path] = WRITTEN
             return
         if _open:
-            seen.note(path)
+            file_state.note(path)
             _open[-1].add(path)
         for found in _runs:
-            found.setdefault(path, seen.stamp(path))
+            found.setdefault(path, file_state.stamp(path))
 
     sys.addaudithook(hook)
 

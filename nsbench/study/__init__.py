@@ -11,11 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from nsbench import solvers
-from nsbench import user_code as guest
+from nsbench import user_code
 from nsbench.case import Case, case_module, case_names, get_case, load_case
 from nsbench.diagnostics.diagnose import doubted
 from nsbench.solvers.common.initial_state import NoStart
-from nsbench.source_files import opened_files as opened
+from nsbench.source_files import opened_files
 from nsbench.study.describe import describe_case, describe_solver
 from nsbench.study.ladders import ladder
 from nsbench.study.result_contract import OWN, misfit
@@ -137,7 +137,7 @@ def plan(
         chosen = list(specs) if specs else [*solvers.standard(), *case.also]
         for spec in dict.fromkeys(chosen):
             method = solvers.get(spec)
-            if guest.refuses(method, case, spec):
+            if user_code.refuses(method, case, spec):
                 out.append(Spec(key, spec, method.accuracy, float("nan"), file, solver_files))
                 continue
             asked = (values or {}).get(method.accuracy) or ladder(case, method)
@@ -194,7 +194,7 @@ def timed_again(spec: Spec, row: dict) -> bool:
 def attempt(spec: Spec, announce: Callable[[str], None] = lambda what: None):
     """One run: its row and, if it can be timed again, the zero-argument run. Failures are rows,
     whatever raised."""
-    with opened.by_run(*filter(None, [spec.file, *spec.solver_files])):
+    with opened_files.by_run(*filter(None, [spec.file, *spec.solver_files])):
         return _attempt(spec, announce)
 
 

@@ -34,8 +34,8 @@ from local_cluster import cluster
 
 from nsbench.execute import suite
 from nsbench.execute.cluster import client as far
-from nsbench.results import row_reuse as filed
-from nsbench.results import tables as store
+from nsbench.results import row_reuse
+from nsbench.results import tables
 from nsbench.study import Spec, run_one
 
 GROWTH = 16e6  # bytes: a few tasks of MOST rows
@@ -106,7 +106,7 @@ def spent(top):
 
 def send(specs, address, folder, on_count=lambda n: None):
     """Seconds for all rows to be in the journal."""
-    journal = store.Journal(Path(folder))
+    journal = tables.Journal(Path(folder))
     count = [0]
     start = time.perf_counter()
 
@@ -132,18 +132,18 @@ def rows(args):
         command = [sys.executable, "-m", "nsbench", "run", "--suite", args.suite, *args.cases]
         print(f"{load()}; here")
         subprocess.run([*command, "-o", str(here)], stdout=subprocess.DEVNULL)
-        expected = store.read_journal(here)
+        expected = tables.read_journal(here)
         print(f"{len(expected)} rows here; {load()}; on the cluster")
         victim = worker_pids(address)[0]
         run = subprocess.Popen(
             [*command, "--dask", address, "-o", str(there)], stdout=subprocess.DEVNULL
         )
-        while run.poll() is None and len(store.read_journal(there)) < len(expected) // 2:
+        while run.poll() is None and len(tables.read_journal(there)) < len(expected) // 2:
             time.sleep(1.0)
         os.kill(victim, signal.SIGKILL)
-        at = len(store.read_journal(there))
+        at = len(tables.read_journal(there))
         run.wait()
-        found = store.read_journal(there)
+        found = tables.read_journal(there)
         replaced = victim not in worker_pids(address)
     differ = [k for k in expected if plain(found.get(k, {})) != plain(expected[k])]
     for k in differ[:20]:
@@ -165,7 +165,7 @@ def rows(args):
 
 
 def plain(row):
-    return {k: repr(v) for k, v in row.items() if k not in store.CLOCK}
+    return {k: repr(v) for k, v in row.items() if k not in tables.CLOCK}
 
 
 def worker_pids(address):
@@ -240,7 +240,7 @@ def whole(args):
 def command(args):
     marks = {args.runs // 10: 0, args.runs: 0}
     count = [0]
-    plain = filed.Filed.row
+    plain = row_reuse.Filed.row
 
     def row(entries, spec, found):
         count[0] += 1
@@ -253,7 +253,7 @@ def command(args):
             )
         return plain(entries, spec, found)
 
-    filed.Filed.row = row
+    row_reuse.Filed.row = row
     print(f"       0 runs: {resident() / 1e6:.1f} MB resident; {load()}", flush=True)
     start = time.perf_counter()
     given = argparse.Namespace(

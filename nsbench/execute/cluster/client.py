@@ -37,9 +37,9 @@ from nsbench.execute.cluster.remote_worker import (
     rows_of,
     unlike,
 )
-from nsbench.execute.workers import signals as stop
-from nsbench.results import run_key as keys
-from nsbench.source_files import file_state as seen
+from nsbench.execute.workers import signals
+from nsbench.results import run_key
+from nsbench.source_files import file_state
 from nsbench.study import Spec, lost
 
 CONNECT = 4.0  # seconds to answer in
@@ -63,7 +63,7 @@ def run_all(
     on_row: Callable[[Spec, dict], None],
     most: int | None = None,
     on_output: Callable[[Spec, bytes], None] = lambda spec, text: None,
-    parts: Mapping[Spec, tuple[keys.Part, ...]] | None = None,
+    parts: Mapping[Spec, tuple[run_key.Part, ...]] | None = None,
 ) -> list:
     """Rows of all batches, handed to on_row(spec, row) as they come, marked as `shared`: seconds on
     workers that do who knows what else are no measurement. most: bytes that a run may hold (None:
@@ -76,7 +76,7 @@ def run_all(
     ValueError (no such address, distributed is not installed). KeyboardInterrupt stops the runs
     under way and passes on.
     """
-    with connected(address) as client, stop.held():
+    with connected(address) as client, signals.held():
         here = fingerprint()
         _check(client, address, here)
         work = _Work(client, address, timeout, chain.from_iterable(batches), here, most, parts)
@@ -85,7 +85,7 @@ def run_all(
                 if text:
                     on_output(spec, text)
                 on_row(spec, row | {"shared": True})
-                stop.check()
+                signals.check()
         finally:
             work.end()
     return []
@@ -188,7 +188,7 @@ class _Work:
                 done = ()
                 with contextlib.suppress(TimeoutError), self.client.as_current():
                     done = wait(list(self.flying), timeout=HEAR, return_when="FIRST_COMPLETED").done
-            stop.check()
+            signals.check()
             for future in done:
                 yield from self._received(future, *self.flying.pop(future))
 
@@ -231,10 +231,10 @@ class _Work:
         digests of large ones."""
         if names not in self.units:
             files = {os.path.realpath(n): n for n in names} | {
-                f: f for f in keys.foreign(*names) if f not in map(os.path.realpath, names)
+                f: f for f in run_key.foreign(*names) if f not in map(os.path.realpath, names)
             }
             self.units[names] = {
-                f: seen.digest(f) if os.path.getsize(f) > LARGE else Path(f).read_bytes()
+                f: file_state.digest(f) if os.path.getsize(f) > LARGE else Path(f).read_bytes()
                 for f in files.values()
             }
         return self.units[names]

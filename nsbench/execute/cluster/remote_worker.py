@@ -31,9 +31,9 @@ from nsbench.execute.workers.output_capture import Printed
 from nsbench.execute.workers.pool import _Team
 from nsbench.execute.workers.process import Worker, settings
 from nsbench.execute.workers.worker import work
-from nsbench.results import run_key as keys
-from nsbench.results import tables as store
-from nsbench.source_files import file_state as seen
+from nsbench.results import run_key
+from nsbench.results import tables
+from nsbench.source_files import file_state
 from nsbench.study import Spec
 
 SLICE = (
@@ -59,16 +59,16 @@ def fingerprint() -> dict[str, str]:
     import nsbench.cases
     import nsbench.reference_solutions
 
-    out = {"nsbench": store.package_digest()[:16], "processor": keys.processor()}
+    out = {"nsbench": tables.package_digest()[:16], "processor": run_key.processor()}
     for package in (nsbench.cases, nsbench.reference_solutions):
         out[package.__name__] = _contents(package.__path__)
-    starts = tuple(s for several in keys.SETTINGS.values() for s in several)
+    starts = tuple(s for several in run_key.SETTINGS.values() for s in several)
     settings = {
         f"setting {k}": v
         for k, v in os.environ.items()
-        if (k.startswith(starts) or k in keys.MACHINE) and not keys.HARMLESS.match(k)
+        if (k.startswith(starts) or k in run_key.MACHINE) and not run_key.HARMLESS.match(k)
     }
-    return out | settings | store.versions()
+    return out | settings | tables.versions()
 
 
 def _contents(folders) -> str:
@@ -324,7 +324,7 @@ def _place(unit):
 def _lies_there(path, content) -> bool:
     try:
         return (
-            seen.digest(str(path)) == content
+            file_state.digest(str(path)) == content
             if isinstance(content, str)
             else Path(path).read_bytes() == content
         )

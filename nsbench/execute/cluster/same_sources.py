@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from nsbench.results import run_key as keys
-from nsbench.source_files import file_state as seen
-from nsbench.source_files import import_graph as imports
+from nsbench.results import run_key
+from nsbench.source_files import file_state
+from nsbench.source_files import import_graph
 from nsbench.study import Spec, found
 
 _same: set[tuple] = set()  # what was compared and found to be alike
@@ -23,14 +23,14 @@ def unlike(spec: Spec) -> dict[str, str]:
     which = spec.case, spec.file, spec.solver, spec.solver_files, spec.parts
     if not spec.parts or which in _same:
         return {}
-    imports.needs(
+    import_graph.needs(
         *filter(None, [spec.file, *spec.solver_files])
     )  # notes the files before they are loaded
     try:
         case, _ = found(spec)
     except Exception as e:  # it was loaded where it was asked for
         return {"why": f"{type(e).__name__}: {e}"}
-    parts = keys.parts_of(spec, case)
+    parts = run_key.parts_of(spec, case)
     if tuple(p.digest for p in parts) != spec.parts:
         return dict(item for p in parts for item in p.items)
     _same.add(which)
@@ -41,5 +41,5 @@ def touched(spec: Spec) -> dict[str, str]:
     """Says under "why" which files are not, or may not be, what they were when the run began."""
     if not spec.parts:
         return {}
-    files = [Path(f).name for f in seen.touched(keys.watched(spec, found(spec)[0]))]
+    files = [Path(f).name for f in file_state.touched(run_key.watched(spec, found(spec)[0]))]
     return {"why": f"{', '.join(files)} changed there while it was used"} if files else {}

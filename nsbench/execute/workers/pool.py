@@ -21,7 +21,7 @@ from dataclasses import dataclass, field
 from multiprocessing.connection import wait
 
 from nsbench.execute.workers import memory
-from nsbench.execute.workers import signals as stop
+from nsbench.execute.workers import signals
 from nsbench.execute.workers.output_capture import NOBODY
 from nsbench.execute.workers.process import LEAVING, Worker, ended, last_line, spawn
 from nsbench.execute.workers.worker import Chore
@@ -65,12 +65,12 @@ def run_all(
         most or memory.limit(jobs),
     )
     with (
-        stop.held(),
+        signals.held(),
         tempfile.TemporaryDirectory(prefix="nsbench-", ignore_cleanup_errors=True) as team.locks,
     ):
         try:
             while team.queue or team.alone or team.working:
-                stop.check()
+                signals.check()
                 team.hire(jobs)
                 team.hear()
                 team.look()
@@ -127,7 +127,7 @@ class _Team:
         """Take what workers say; one message of each."""
         outputs = [j.printed for j in self.working if j.printed.open]
         ready = wait([*(j.pipe for j in self.working), *outputs], timeout=TICK)
-        stop.check()  # what stopped this process may have met the workers as well
+        signals.check()  # what stopped this process may have met the workers as well
         for job in [*self.working]:
             if job.printed in ready:
                 job.printed.drain()
@@ -219,10 +219,10 @@ class _Team:
         code = job.process.exitcode
         job.kill()  # if it only closed its pipe; and what it has started
         if (
-            code is not None and -code in stop.SIGNALS
+            code is not None and -code in signals.SIGNALS
         ):  # sent to this process as well, by who stops all of us?
             time.sleep(2 * TICK)
-        stop.check()
+        signals.check()
         text = job.printed.take(job.index if job.index in job.missing else NOBODY)
         last = text.decode("utf-8", "replace")
         if code == -signal.SIGKILL and (

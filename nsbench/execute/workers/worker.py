@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from nsbench.compilation.compile_lock import share_compilation
-from nsbench.execute.cluster import same_sources as here
+from nsbench.execute.cluster import same_sources
 from nsbench.execute.workers import memory
 from nsbench.execute.workers.kernel_schedule import Turns
 from nsbench.execute.workers.output_capture import NOBODY
@@ -91,13 +91,13 @@ def _once(specs, tell, seconds: float):
     for i, spec in enumerate(specs):
         if i and time.monotonic() - start > seconds:
             return
-        unlike = here.unlike(spec)
+        unlike = same_sources.unlike(spec)
         row = (
             lost(spec, "error", "not made")
             if unlike
             else run_one(spec, lambda what, i=i: tell(what, i))
         )
-        unlike = unlike or here.touched(spec)
+        unlike = unlike or same_sources.touched(spec)
         yield i, row | ({"unlike": unlike} if unlike else {})
 
 

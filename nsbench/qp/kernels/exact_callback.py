@@ -3,14 +3,14 @@
 from numba import cfunc
 
 from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
-from nsbench.qp.kernels import active_set as qp
+from nsbench.qp.kernels import active_set
 from nsbench.qp.kernels.dispatch import EXACT
 
 
 @cfunc(EXACT, cache=True, error_model="numpy")
 def exact(ptr, cols, tptr, trow, tpos, order, vals, q, guess, scale, mu, d, work):
     """Fills mu (m,), d (n,) and work: code, rounds."""
-    got, way, work[0], work[1] = qp.solve(
+    got, way, work[0], work[1] = active_set.solve(
         (ptr, cols, tptr, trow, tpos, order), vals, q, guess, scale
     )
     for k in range(mu.size):

@@ -7,7 +7,7 @@ from numba import cfunc, njit
 from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
 from nsbench.linalg.nested_dissection import tree
 from nsbench.linalg.sparse_ldl import lengths
-from nsbench.qp.kernels import active_set as qp
+from nsbench.qp.kernels import active_set
 from nsbench.qp.kernels.dispatch import GIVEN_UP, GROW, MANY
 from nsbench.qp.kernels.interior_point import COLD, NEAR, interior
 from nsbench.qp.kernels.working_set_update import revise
@@ -127,5 +127,5 @@ def many(ptr, cols, tptr, trow, tpos, order, vals, q, guess, scale, book, store,
         rounds += more
     for k in range(q.size):
         mu[k] /= norm[k]
-    work[0] = qp.SOLVED if code == 0 else (qp.INFEASIBLE if code == 1 else GIVEN_UP)
+    work[0] = active_set.SOLVED if code == 0 else (active_set.INFEASIBLE if code == 1 else GIVEN_UP)
     work[1] = rounds

@@ -223,8 +223,8 @@ def _figure(case, frames, width):
 def _panel(ax, case, frame, what, box, scale):
     """One state or path in the axes `ax` with the limits `box`; `scale` points per unit of
     length."""
-    from nsbench.report.scenes import particles as sketch
-    from nsbench.report.scenes import plane as paths
+    from nsbench.report.scenes import particles
+    from nsbench.report.scenes import plane
 
     ax.set(xlim=box[:2], ylim=box[2:])
     if what in ("own", "particles"):
@@ -242,7 +242,7 @@ def _panel(ax, case, frame, what, box, scale):
         own_drawing(case.name, case.source)(ax, case, frame.x)
         ax.set(xlim=box[:2], ylim=box[2:])
     else:
-        {"particles": sketch.particles, "plane": paths.plane, "curves": paths.curves}[what](
+        {"particles": particles.particles, "plane": plane.plane, "curves": plane.curves}[what](
             ax, case, frame, scale
         )
     ax.set_title(clean(frame.label, 60), loc="left", fontsize=8.0, pad=4.0, x=0.0)
@@ -250,7 +250,7 @@ def _panel(ax, case, frame, what, box, scale):
 
 def _limits(case, frames, what):
     """x0, x1, y0, y1 around everything the frames show."""
-    from nsbench.report.scenes import particles as sketch
+    from nsbench.report.scenes import particles
 
     if what == "own":
         from matplotlib.figure import Figure
@@ -262,7 +262,7 @@ def _limits(case, frames, what):
         low = ax.dataLim.min
         high = ax.dataLim.max
     else:
-        low, high = sketch.extent(case, frames, what)
+        low, high = particles.extent(case, frames, what)
     if not np.all(np.isfinite([*low, *high])) or np.any(low > high):
         low = np.zeros(2)
         high = np.ones(2)

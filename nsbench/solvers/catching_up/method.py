@@ -129,9 +129,9 @@ def _mean_radius(scene) -> float:
 
 def _projectors(scene):
     """The functions of kernels.least; the one for many rows is compiled where there can be many."""
-    from nsbench.qp.kernels import exact_callback as few
+    from nsbench.qp.kernels import exact_callback
 
-    return few.exact, many_rows(
+    return exact_callback.exact, many_rows(
         len(scene.all_static()) + 3 * sum(m for _, _, m in scene.hard)
     )  # discs: 3 contacts each
 

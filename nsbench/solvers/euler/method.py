@@ -199,7 +199,7 @@ def _in_a_corner(case, X, W, h):
 def _forms(case):
     """loop, how to take a kernel, field, switch, d: compiled, or the same source around functions
     in Python."""
-    from nsbench.compilation import factories as form
+    from nsbench.compilation import factories
 
     p = case.problem
     n = case.n
@@ -215,14 +215,14 @@ def _forms(case):
         return (
             "compiled",
             lambda kernel: kernel,
-            form.rhs_signs(field, n, d),
-            form.rhs(switch, n),
+            factories.rhs_signs(field, n, d),
+            factories.rhs(switch, n),
             d,
         )
-    except form.CompileError:
-        f = form.host(field)
-        c = form.host(switch)
-        return "host", form.plain, _filling(f), _filling(c), d
+    except factories.CompileError:
+        f = factories.host(field)
+        c = factories.host(switch)
+        return "host", factories.plain, _filling(f), _filling(c), d
 
 
 @functools.lru_cache(maxsize=256)

@@ -19,7 +19,7 @@ NEWTON = 30  # a projection that has not settled by then is reported
 def prepare(method, case, scene, g, x0):
     """A zero-argument march that returns what kernels.pbd.march returns."""
     from nsbench.compilation.factories import host
-    from nsbench.solvers.pbd.kernels import listed_loop as pbd
+    from nsbench.solvers.pbd.kernels import listed_loop
 
     near = scene.near(x0, np.inf, float(case.t[0]))
     near = near.take(np.argsort(_keys(scene, near, method, x0)))
@@ -37,7 +37,7 @@ def prepare(method, case, scene, g, x0):
         reac = np.zeros(case.n)
         mu = np.zeros(len(near))
         work = 0
-        code = pbd.OK
+        code = listed_loop.OK
         X[0] = x
         R[0] = reac
         ids = []
@@ -48,8 +48,8 @@ def prepare(method, case, scene, g, x0):
                 now = g.t[k] + s * h
                 after = g.t[k] + (s + 1) * h
                 y = x + h * np.asarray(f(now, x), float)
-                if not pbd.finite(y):
-                    return X, R, _ids(ids), np.array(values), work, pbd.NAN, now
+                if not listed_loop.finite(y):
+                    return X, R, _ids(ids), np.array(values), work, listed_loop.NAN, now
                 x = y.copy()
                 for _ in range(method.sweeps):
                     done, code = _sweep(scene, near, runs, after, x, mu, code)

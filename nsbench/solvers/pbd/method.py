@@ -235,21 +235,21 @@ def _alone(kernel, loop, args, n, samples, m):
 def _threaded(kernel, threads, args, n, samples, m):
     """The same on several threads; where lists outgrow their arrays, begun anew with longer
     ones."""
-    from nsbench.solvers.pbd.kernels import threaded_loop as pbd_threads
+    from nsbench.solvers.pbd.kernels import threaded_loop
 
     room = [kernel.room(m, n)]
 
     def bound(X):
-        return pbd_threads.crew(threads, args[12], args[2], args[16], X, room[0], *args[7:10])
+        return threaded_loop.crew(threads, args[12], args[2], args[16], X, room[0], *args[7:10])
 
     crew = bound(np.empty((2, 1, n)))
     kernel.march.compile(_types((*args, crew, crew[6], *room[0])))
-    pbd_threads.serve.compile(_types((1, crew)))
+    threaded_loop.serve.compile(_types((1, crew)))
 
     def march():
         while True:
             crew = bound(np.empty((2, samples, n)))
-            out = pbd_threads.run_with(crew, kernel.march, (*args, crew, crew[6], *room[0]))
+            out = threaded_loop.run_with(crew, kernel.march, (*args, crew, crew[6], *room[0]))
             if out[5] != kernel.TOO_SMALL:
                 return out
             room[0] = kernel.room(m, n, int(out[4]))
@@ -265,20 +265,20 @@ def _types(args):
 
 def _pointers(case, scene):
     """Drift, walls and anchors as pointers; where numba cannot compile them, the same in numpy."""
-    from nsbench.compilation import factories as form
+    from nsbench.compilation import factories
 
     try:
-        f = form.rhs(case.problem.drift, case.n)
-        b = form.curve(scene.b_factory, scene.inv2.size) if scene.b_factory else form.still()
+        f = factories.rhs(case.problem.drift, case.n)
+        b = factories.curve(scene.b_factory, scene.inv2.size) if scene.b_factory else factories.still()
         a = (
-            form.curve(scene.anchor_factory, scene.anchors(0.0).size)
+            factories.curve(scene.anchor_factory, scene.anchors(0.0).size)
             if scene.anchor_factory
-            else form.still()
+            else factories.still()
         )
         return (f, b, a), "compiled"
-    except form.CompileError:
+    except factories.CompileError:
         return tuple(
-            _filler(g) for g in (form.host(case.problem.drift), scene.b, scene.anchors)
+            _filler(g) for g in (factories.host(case.problem.drift), scene.b, scene.anchors)
         ), "host"
 
 

@@ -172,15 +172,15 @@ def _of_gaps(case):
 def _compiled(case, data):
     """The loop, "compiled" or "host", and the functions it calls: the same source around functions
     in Python."""
-    from nsbench.compilation import factories as form
+    from nsbench.compilation import factories
     from nsbench.solvers.theta.kernels import loop as kernel
 
     try:
-        q = form.still() if data["q"] is None else form.curve(data["q"], len(data["q0"]))
-        return kernel.march, "compiled", form.rhs(data["f"], case.n), q
-    except form.CompileError:
-        f = form.host(data["f"])
-        q = None if data["q"] is None else form.host(data["q"])
+        q = factories.still() if data["q"] is None else factories.curve(data["q"], len(data["q0"]))
+        return kernel.march, "compiled", factories.rhs(data["f"], case.n), q
+    except factories.CompileError:
+        f = factories.host(data["f"])
+        q = None if data["q"] is None else factories.host(data["q"])
 
         def fill(t, x, out):
             out[:] = f(t, x)

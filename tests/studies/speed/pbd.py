@@ -167,19 +167,19 @@ def pair_lists(scene, order):
     """Positions by cells after a drift, and the near pairs there: as executed, and one after
     another as stated."""
     from nsbench.dynamics.contacts.kernels.constraint_order import COLOURED, SORTED
-    from nsbench.solvers.pbd.kernels import cell_loop as pbd_packed
-    from nsbench.solvers.pbd.kernels import cell_storage as packed
+    from nsbench.solvers.pbd.kernels import cell_loop
+    from nsbench.solvers.pbd.kernels import cell_storage
 
     x = scene.x0.ravel()
     n = len(scene.x0)
     rank = {"sorted": SORTED, "coloured": COLOURED}[order]
     none = np.empty(0, np.int32)
-    state, particles, candidates = pbd_packed.room(n, x.size)
+    state, particles, candidates = cell_loop.room(n, x.size)
     y, reac, base, spare = (state[k] for k in range(4))
     y[:] = x
     rows = (np.zeros(1, np.int64), np.empty(0, np.int64), np.empty(0), np.empty(0))
     families = np.zeros((1, 2), np.int64)
-    m, _, _, _, candidates = packed.renew(
+    m, _, _, _, candidates = cell_storage.renew(
         None,
         0,
         (none, none, np.empty(0)),
@@ -201,9 +201,9 @@ def pair_lists(scene, order):
         0,
         n * n,
     )
-    i, j, label = *(v.copy() for v in packed.listed(candidates, m)[:2]), particles[0]
+    i, j, label = *(v.copy() for v in cell_storage.listed(candidates, m)[:2]), particles[0]
     keys = np.empty(m, np.uint64)
-    packed.fill_keys(i, j, label, none.astype(np.int64), families, rank, 0, keys)
+    cell_storage.fill_keys(i, j, label, none.astype(np.int64), families, rank, 0, keys)
     o = np.argsort(keys)
     y += STEP * scene.v[label].ravel()
     return y, (i, j), (i[o], j[o])

@@ -13,7 +13,7 @@ from numba import njit
 
 from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
 from nsbench.dynamics.contacts.kernels.impulse_records import flush
-from nsbench.qp.kernels import active_set as qp
+from nsbench.qp.kernels import active_set
 from nsbench.qp.kernels.dispatch import least
 from nsbench.solvers.catching_up.kernels.candidates import carry, columns, gather
 from nsbench.solvers.pbd.kernels.listed_loop import NAN, OK, finite
@@ -94,20 +94,20 @@ def project(exact, many, lists, P, book, store, rows, b, anchors, x, z, guess, c
     for c in range(x.size):
         scale = max(scale, abs(x[c]), abs(z[c]))
         e[c] = z[c] - x[c]
-    qp.slack(P, vals, w, e, q)
+    active_set.slack(P, vals, w, e, q)
     clear = True
     for k in range(m):
         clear = clear and q[k] >= 0.0
     if clear:
-        return np.zeros(m), np.zeros(x.size), np.int64(qp.SOLVED), 0.0, book, store
+        return np.zeros(m), np.zeros(x.size), np.int64(active_set.SOLVED), 0.0, book, store
     mu, d, book, store = least(exact, many, P, book, store, vals, q, guess, scale, work)
     count[QPS] += 1
     count[ROUNDS] += work[1]
     count[WORST] = max(count[WORST], work[1])
-    count[LIMITS] += work[0] == qp.MAXITER
+    count[LIMITS] += work[0] == active_set.MAXITER
     for k in range(m):  # a push between coincident centres has no direction
         count[TIES] += lists[0][k] != 0 and mu[k] > 0.0 and w[k] == -lists[7][k] * lists[6][k]
-    return mu, d, work[0], qp.residual(P, vals, q, mu, d), book, store
+    return mu, d, work[0], active_set.residual(P, vals, q, mu, d), book, store
 
 
 @njit(cache=True, error_model="numpy")
@@ -136,7 +136,7 @@ def march(
     count = np.zeros(8, np.int64)
     skin = reach
     lists, keys = gather(x, skin, static, hard, radii)
-    P = qp.outline(*columns(lists, rows[0], rows[1]), n)
+    P = active_set.outline(*columns(lists, rows[0], rows[1]), n)
     guess = np.zeros(keys.size)
     total = np.zeros(keys.size)
     book = np.zeros(2, np.int64)
@@ -165,14 +165,14 @@ def march(
                     exact, many, lists, P, book, store, rows, b, anchors, x, z, guess, count
                 )
                 far, last = travel(base, x, z, d, hard)
-                if code == qp.INFEASIBLE or not 2.0 * far > skin:
+                if code == active_set.INFEASIBLE or not 2.0 * far > skin:
                     break
                 ids, values, size = flush(
                     k + 1, total, lists[1], lists[2], lists[3], ids, values, size
                 )
                 skin = max(reach, SKIN_OVER_STEP * last)
                 lists, new = gather(x, skin, static, hard, radii)
-                P = qp.outline(*columns(lists, rows[0], rows[1]), n)
+                P = active_set.outline(*columns(lists, rows[0], rows[1]), n)
                 guess = carry(keys, mu, new)
                 keys = new
                 total = np.zeros(new.size)
@@ -184,7 +184,7 @@ def march(
             if not kkt <= worst:
                 worst = kkt
                 when = now
-            if code == qp.INFEASIBLE:
+            if code == active_set.INFEASIBLE:
                 return X, R, ids[:size], values[:size], count, worst, when, INFEASIBLE, now
             for c in range(n):
                 x[c] = z[c] + d[c]

@@ -14,11 +14,11 @@ import numpy as np
 
 from nsbench.case import Case
 from nsbench.problem import Smooth
-from nsbench.solvers.event_driven.contacts import active_set as _selection
+from nsbench.solvers.event_driven.contacts import active_set
 from nsbench.solvers.event_driven.contacts.affine_drift import affine_drift
 from nsbench.solvers.event_driven.contacts.compiled_choice import choose, parts
 from nsbench.solvers.event_driven.contacts.gram_matrix import LONG, compile_sparse
-from nsbench.solvers.event_driven.contacts.kernels import loop_state as slots
+from nsbench.solvers.event_driven.contacts.kernels import loop_state
 from nsbench.solvers.event_driven.smooth.arc import SHARE
 from nsbench.trajectory import Event
 
@@ -91,28 +91,28 @@ class _Driver:
         self.walk = walk
         self.plan = p
         self.kernel = kernel
-        self.num = np.zeros(slots.FLOATS)
-        self.cnt = np.zeros(slots.INTS, np.int64)
-        self.num[[slots.END, slots.TOL, slots.EPS]] = walk.T, walk.tol, p.eps
-        self.num[slots.UNIT] = walk.field.unit
-        self.num[[slots.MAX_STEP, slots.BOX, slots.REACH]] = (
+        self.num = np.zeros(loop_state.FLOATS)
+        self.cnt = np.zeros(loop_state.INTS, np.int64)
+        self.num[[loop_state.END, loop_state.TOL, loop_state.EPS]] = walk.T, walk.tol, p.eps
+        self.num[loop_state.UNIT] = walk.field.unit
+        self.num[[loop_state.MAX_STEP, loop_state.BOX, loop_state.REACH]] = (
             walk.options.max_step,
             p.box,
             walk.field.reach,
         )
-        self.num[[slots.DOUBT, slots.STRICT, slots.DEPENDENT]] = (
-            _selection.UNDECIDED,
-            _selection.STRICT,
-            _selection.DEPENDENT,
+        self.num[[loop_state.DOUBT, loop_state.STRICT, loop_state.DEPENDENT]] = (
+            active_set.UNDECIDED,
+            active_set.STRICT,
+            active_set.DEPENDENT,
         )
-        self.cnt[slots.MAX_STEPS] = walk.options.max_steps
+        self.cnt[loop_state.MAX_STEPS] = walk.options.max_steps
         self.paces = np.zeros(10)
         self.paces[0] = walk.paces[0]
-        self.cnt[slots.PACES] = 1
+        self.cnt[loop_state.PACES] = 1
         self.paths = np.full((2, len(walk.case.t), walk.case.n), np.nan)
         self.paths[0, 0] = walk.X[0]
         self.paths[1, 0] = 0.0
-        self.cnt[slots.SAMPLE] = 1
+        self.cnt[loop_state.SAMPLE] = 1
         self.impulse = np.zeros((len(walk.case.t), 0))
         self.total = np.zeros(0)
         self.listed = None
@@ -124,23 +124,23 @@ class _Driver:
         walk = self.walk
         while True:
             code = self._go()
-            if code == slots.DONE:
+            if code == loop_state.DONE:
                 return self._finish()
-            if code == slots.FAIL:
+            if code == loop_state.FAIL:
                 return False
-            if code == slots.RELIST:
-                self.cnt[slots.ARCS] += 1  # as in Python, an arc ends here
+            if code == loop_state.RELIST:
+                self.cnt[loop_state.ARCS] += 1  # as in Python, an arc ends here
                 walk._relist()
                 continue
-            if code == slots.CHOOSE:
+            if code == loop_state.CHOOSE:
                 walk.meetings.append(walk.t)
             if walk._budget() is not None:
                 return False
-            if code == slots.CHOOSE:
+            if code == loop_state.CHOOSE:
                 walk.paces = self.paces.tolist()
-                walk.selector.size = float(self.num[slots.SIZE])
+                walk.selector.size = float(self.num[loop_state.SIZE])
                 if not choose(
-                    walk, self.plan.label, int(self.cnt[slots.FIRED]), int(self.cnt[slots.ENTRY])
+                    walk, self.plan.label, int(self.cnt[loop_state.FIRED]), int(self.cnt[loop_state.ENTRY])
                 ):
                     return False
 
@@ -160,8 +160,8 @@ class _Driver:
         basis = np.zeros(m, bool)
         basis[walk.basis] = True
         x = np.array(walk.x)
-        self.num[slots.T], self.num[slots.SIZE] = walk.t, walk.selector.size
-        self.cnt[slots.EVENTS], self.cnt[slots.COLUMNS], self.cnt[slots.PEAK] = (
+        self.num[loop_state.T], self.num[loop_state.SIZE] = walk.t, walk.selector.size
+        self.cnt[loop_state.EVENTS], self.cnt[loop_state.COLUMNS], self.cnt[loop_state.PEAK] = (
             0,
             len(walk.column),
             walk.peak,
@@ -186,11 +186,11 @@ class _Driver:
             self.num,
             self.cnt,
         )
-        walk.t = float(self.num[slots.T])
+        walk.t = float(self.num[loop_state.T])
         walk.x = x
         walk.basis = np.flatnonzero(basis)
-        walk.peak = int(self.cnt[slots.PEAK])
-        walk.selector.size = float(self.num[slots.SIZE])
+        walk.peak = int(self.cnt[loop_state.PEAK])
+        walk.selector.size = float(self.num[loop_state.SIZE])
         self._names(near, column)
         return code
 
@@ -218,14 +218,14 @@ class _Driver:
         self.known = np.append(self.known, near.take(new).key)
         for e, c in zip(new, near.take(new).ids, strict=True):
             walk.column[c] = int(column[e])
-        count = int(self.cnt[slots.EVENTS])
+        count = int(self.cnt[loop_state.EVENTS])
         if count:
             times, kinds, entries = (a[:count] for a in self.log)
             for t, kind, c in zip(
                 times.tolist(), kinds.tolist(), near.take(entries).ids, strict=True
             ):
-                walk.events.append(Event(t, KINDS[kind % slots.FIRST], c))
-                if kind >= slots.FIRST:
+                walk.events.append(Event(t, KINDS[kind % loop_state.FIRST], c))
+                if kind >= loop_state.FIRST:
                     walk.meetings.append(t)
 
     def _finish(self) -> bool:
@@ -233,13 +233,13 @@ class _Driver:
         c = len(walk.column)
         walk.X = self.paths[0]
         walk.R = self.paths[1]
-        walk.done = int(self.cnt[slots.SAMPLE])
+        walk.done = int(self.cnt[loop_state.SAMPLE])
         walk.impulses = list(self.impulse[:, :c])
-        walk.steps = int(self.cnt[slots.STEPS])
-        walk.arcs = int(self.cnt[slots.ARCS]) + 1
-        walk.h = float(self.num[slots.H])
-        walk.proof["touches"] = int(self.cnt[slots.TOUCHES])
-        walk.field.calls += int(self.cnt[slots.ORDERS])
-        walk.selector.solved += int(self.cnt[slots.SOLVED])
+        walk.steps = int(self.cnt[loop_state.STEPS])
+        walk.arcs = int(self.cnt[loop_state.ARCS]) + 1
+        walk.h = float(self.num[loop_state.H])
+        walk.proof["touches"] = int(self.cnt[loop_state.TOUCHES])
+        walk.field.calls += int(self.cnt[loop_state.ORDERS])
+        walk.selector.solved += int(self.cnt[loop_state.SOLVED])
         walk.loop = "compiled"
         return True

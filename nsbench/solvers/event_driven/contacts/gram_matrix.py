@@ -57,14 +57,14 @@ class Sparse:
 
     def solve(self, h, warm, tol, dependent, size):
         """As Dense.solve."""
-        from nsbench.qp.kernels import active_set as qp
+        from nsbench.qp.kernels import active_set
 
         guess = np.zeros(len(h))
         guess[warm] = size
-        lam, d, code, its = qp.solve(self.P, self.vals, h, guess, size)
-        if code == qp.SOLVED and qp.residual(self.P, self.vals, h, lam, d) <= SOLVED * size:
+        lam, d, code, its = active_set.solve(self.P, self.vals, h, guess, size)
+        if code == active_set.SOLVED and active_set.residual(self.P, self.vals, h, lam, d) <= SOLVED * size:
             w = np.empty(len(h))
-            qp.slack(self.P, self.vals, h, d, w)
+            active_set.slack(self.P, self.vals, h, d, w)
             return lam, w, np.flatnonzero(lam > 0.0), 0, -1, its
         return self.dense().solve(h, warm, tol, dependent, size)
 
@@ -92,7 +92,7 @@ def gram_of(C, V, count, n, patterns: dict):
     if len(count) <= LONG:
         M = gram(C, V, count, n)
         return Dense(M, np.sqrt(np.diag(M)))
-    from nsbench.qp.kernels import active_set as qp
+    from nsbench.qp.kernels import active_set
 
     there = np.arange(C.shape[1]) < count[:, None]
     ptr = np.append(0, np.cumsum(count))
@@ -100,16 +100,16 @@ def gram_of(C, V, count, n, patterns: dict):
     key = cols.tobytes()
     if key not in patterns:
         patterns.clear()
-        patterns[key] = qp.pattern(ptr, cols, n)
+        patterns[key] = active_set.pattern(ptr, cols, n)
     return Sparse((C, V, count), n, patterns[key], V[there], np.sqrt((V * V).sum(1)))
 
 
 def compile_sparse():
     """Load or compile what Sparse calls, on two rows."""
-    from nsbench.qp.kernels import active_set as qp
+    from nsbench.qp.kernels import active_set
 
     two = np.arange(2)
-    P = qp.pattern(np.arange(3), two, 2)
+    P = active_set.pattern(np.arange(3), two, 2)
     h = np.array([-1.0, 1.0])
     rows = Sparse(
         (two[:, None], np.ones((2, 1)), np.ones(2, np.int64)), 2, P, np.ones(2), np.ones(2)

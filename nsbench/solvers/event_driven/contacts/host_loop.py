@@ -16,7 +16,7 @@ from nsbench.case import Case
 from nsbench.dynamics.contacts.constraint_set import Scene
 from nsbench.solvers.base import Run
 from nsbench.solvers.common.initial_state import start_state
-from nsbench.solvers.event_driven.contacts import compiled_loop as _contact_walk
+from nsbench.solvers.event_driven.contacts import compiled_loop
 from nsbench.solvers.event_driven.contacts.active_set import Selector
 from nsbench.solvers.event_driven.contacts.evaluation import ContactField
 from nsbench.solvers.event_driven.smooth.arc import follow
@@ -36,15 +36,15 @@ def prepare(case: Case, options, tol: float) -> Run:
     scene = Scene(case.problem, case.n)
     x = start_state(case, scene)
     field = ContactField(case, scene)
-    plan = _contact_walk.plan(case, field, x, options, tol)
+    plan = compiled_loop.plan(case, field, x, options, tol)
     field.compile(float(case.t[0]), x, arcs=plan is None)
     if plan is not None:
-        _contact_walk.load(_Walk(case, scene, x.copy(), options, tol), plan)
+        compiled_loop.load(_Walk(case, scene, x.copy(), options, tol), plan)
 
     def run():
         if plan is not None:
             walk = _Walk(case, scene, x.copy(), options, tol)
-            if _contact_walk.run(walk, plan):
+            if compiled_loop.run(walk, plan):
                 return walk._trajectory(Status())
         return _Walk(case, scene, x.copy(), options, tol).run()
 

@@ -6,9 +6,9 @@ from __future__ import annotations
 import numpy as np
 
 from nsbench.solvers.event_driven.interval_taylor import ORDER, Jet, _jets, as_jet
-from nsbench.solvers.event_driven.interval_taylor import kernels as kernel
+from nsbench.solvers.event_driven.interval_taylor import kernels
 
-UNIT = kernel.UNIT
+UNIT = kernels.UNIT
 
 
 def _pair(a, b):
@@ -68,7 +68,7 @@ def multiply(a, b):
     am, bm, ar, br = _pair(a, b)
     out, m, r = _new(am.shape)
     am, bm, ar, br = _flat(am, bm, ar, br)
-    kernel.multiply(am, ar, bm, br, m, r)
+    kernels.multiply(am, ar, bm, br, m, r)
     return out
 
 
@@ -79,7 +79,7 @@ def divide(a, b):
     am, bm, ar, br = _pair(a, b)
     out, m, r = _new(am.shape)
     am, bm, ar, br = _flat(am, bm, ar, br)
-    kernel.divide(am, ar, bm, br, m, r)
+    kernels.divide(am, ar, bm, br, m, r)
     return out
 
 
@@ -115,7 +115,7 @@ def square(a):
     """a a, knowing that it is not negative."""
     (out, m, r), (lo, hi) = _new(a.mid.shape), a.range
     am, ar = _flat(a.mid, a.rad)
-    kernel.multiply(am, ar, am, ar, m, r)
+    kernels.multiply(am, ar, am, ar, m, r)
     u = np.where((lo < 0.0) & (hi > 0.0), 0.0, np.minimum(lo * lo, hi * hi))
     v = np.maximum(lo * lo, hi * hi)
     out.mid[..., 0] = 0.5 * (u + v)
@@ -129,13 +129,13 @@ def _root(a, alpha):
     u = np.minimum(lo**alpha, hi**alpha)
     v = np.maximum(lo**alpha, hi**alpha)
     out, m, r = _new(a.mid.shape)
-    kernel.power(*_flat(a.mid, a.rad), *_head(0.5 * (u + v), 0.5 * (v - u)), alpha, m, r)
+    kernels.power(*_flat(a.mid, a.rad), *_head(0.5 * (u + v), 0.5 * (v - u)), alpha, m, r)
     return out
 
 
 def exp(a):
     out, m, d = _new(a.mid.shape)
-    kernel.exponential(*_flat(a.mid, a.rad), *_head(*_between(np.exp, *a.range)), m, d)
+    kernels.exponential(*_flat(a.mid, a.rad), *_head(*_between(np.exp, *a.range)), m, d)
     return out
 
 
@@ -143,7 +143,7 @@ def _primitive(slope, a, mid, rad):
     """The Jet with derivative slope * a' and first row mid +- rad."""
     sm, am, sr, ar = _pair(slope, a)
     out, m, r = _new(am.shape)
-    kernel.integrate(*_flat(sm, sr, am, ar), *_head(mid, rad), m, r)
+    kernels.integrate(*_flat(sm, sr, am, ar), *_head(mid, rad), m, r)
     return out
 
 
@@ -181,7 +181,7 @@ def _circular(a, sign):
         rs = rc = c * np.sinh(r) + np.abs(s) * (np.cosh(r) - 1.0) + np.abs(s) * np.sinh(r)
     for values, radii, vm, vr in ((s, rs, sm, sr), (c, rc, cm, cr)):
         vm[:, 0], vr[:, 0] = _head(values, radii)
-    kernel.circular(*_flat(a.mid, a.rad), sm, sr, cm, cr, float(sign))
+    kernels.circular(*_flat(a.mid, a.rad), sm, sr, cm, cr, float(sign))
     return out_s, out_c
 
 

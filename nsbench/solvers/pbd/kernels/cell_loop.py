@@ -16,8 +16,8 @@ import numpy as np
 from numba import njit
 
 from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
-from nsbench.solvers.pbd.kernels import cell_storage as packed
-from nsbench.solvers.pbd.kernels import threaded_loop as threads
+from nsbench.solvers.pbd.kernels import cell_storage
+from nsbench.solvers.pbd.kernels import threaded_loop
 from nsbench.solvers.pbd.kernels.active_candidates import choose, put_back, width
 from nsbench.solvers.pbd.kernels.cell_step import drift, farthest, settle
 from nsbench.solvers.pbd.kernels.cell_storage import DEEP, listed, near_rows, renew
@@ -130,7 +130,7 @@ def renewed(
                 candidates[5][: sizes[1]],
             )
         else:
-            threads.together(crew, threads.PUT_BACK)
+            threaded_loop.together(crew, threaded_loop.PUT_BACK)
     gone = np.sqrt(farthest(y, base, dim, 0, n))
     left = widths[0] - 2.0002 * gone  # 2e-4 of the skin is for rounding
     wide = (
@@ -184,7 +184,7 @@ def renewed(
         )
         spot[:] = y
     else:
-        sizes[1] = threads.choose_all(crew, radii, widths[3])
+        sizes[1] = threaded_loop.choose_all(crew, radii, widths[3])
     return kept, radii, near, candidates
 
 
@@ -266,7 +266,7 @@ def march(
             if crew is None:
                 far = drift(z, y, spot, v, label, h, dim, 0, label.size)
             else:
-                far = threads.drift_all(crew, k + 1, h)
+                far = threaded_loop.drift_all(crew, k + 1, h)
             if not far >= 0.0:
                 X[k + 1 :], R[k + 1 :] = np.nan, np.nan
                 return X, R, ids[:count], values[:count], work, NAN, now, sizes[2], sizes[3]
@@ -345,7 +345,7 @@ def march(
                             record,
                         )
                     else:
-                        done, tied, broken = threads.sweep_all(crew, limit2)
+                        done, tied, broken = threaded_loop.sweep_all(crew, limit2)
                     if not broken:
                         break
                     if u == 0:
@@ -356,7 +356,7 @@ def march(
                         if crew is None:
                             undo(candidates[5], candidates[3], candidates[6], done)
                         else:
-                            threads.undo_all(crew)
+                            threaded_loop.undo_all(crew)
                     if age == 0:  # a new choice and yet too narrow
                         storm = 1.5 * max(least, widths[1])
                     else:
@@ -372,7 +372,7 @@ def march(
             if crew is None:
                 settle(z, y, v, reac, label, h, dim, 0, label.size)
             else:
-                threads.together(crew, threads.SETTLE)
+                threaded_loop.together(crew, threaded_loop.SETTLE)
         unpack(reac, label, dim, R[k + 1])
         if record:
             if crew is None:
@@ -383,7 +383,7 @@ def march(
                 )
                 candidates[5][: sizes[1]] = 0.0
             else:
-                threads.together(crew, threads.PUT_BACK)
+                threaded_loop.together(crew, threaded_loop.PUT_BACK)
                 candidates[5][: sizes[0]] = 0.0
             ids, values, count = flush(
                 k + 1, listed(candidates, sizes[0]), kept, label, families, ids, values, count
@@ -395,4 +395,4 @@ def march(
 def room(n: int, N: int, m: int = 0) -> tuple:
     """State and arrays to work in for n particles with N coordinates and m candidates, 0: some for
     each. Made by numpy: on large pages."""
-    return np.empty((6, N)), *packed.room.py_func(n, m or 8 * n + 64)
+    return np.empty((6, N)), *cell_storage.room.py_func(n, m or 8 * n + 64)

@@ -13,7 +13,7 @@ found.
 import numpy as np
 
 from nsbench.compilation.decorators import inner, once, one
-from nsbench.solvers.event_driven.contacts.kernels import loop_state as slots
+from nsbench.solvers.event_driven.contacts.kernels import loop_state
 from nsbench.solvers.event_driven.contacts.kernels.held_set import (
     column,
     outfit,
@@ -100,8 +100,8 @@ def _closing(role, all_, entry, listed, places, norm, x, v, num):
 
     entry: one that opens from zero speed, which was looked at before.
     """
-    near = num[slots.TOL] * (num[slots.UNIT] + size(x))
-    small = num[slots.DOUBT] * num[slots.SIZE]
+    near = num[loop_state.TOL] * (num[loop_state.UNIT] + size(x))
+    small = num[loop_state.DOUBT] * num[loop_state.SIZE]
     g = np.empty(role.size)
     gaps(all_, listed, places, x, g)
     for k in range(role.size):
@@ -145,11 +145,11 @@ def _velocity(W, start, x, listed, places, norm, drift, width, order, X, F, work
     """Gear and velocity (X[1], mu of order 0) with the set W; False if its rows depend on each
     other."""
     copied(start, x)
-    good, gear = outfit(W, listed, places, norm, x, width, order, work, num[slots.UNIT])
+    good, gear = outfit(W, listed, places, norm, x, width, order, work, num[loop_state.UNIT])
     if good:
         copied(x, X[0])
         extend(one() - 1, one(), W, gear, listed, drift, X, F)
-        num[slots.SIZE] = max(num[slots.SIZE], size(F[0]))
+        num[loop_state.SIZE] = max(num[loop_state.SIZE], size(F[0]))
     return good, gear
 
 
@@ -161,8 +161,8 @@ def _first(entry, closing, slope, W, gear, role, listed, places, norm, x, num, p
         role[entry] = HELD + NEW
         return True, switched(W, entry, one()), -1, -1
     a = place(W, entry)
-    clear, which, c, top = _swap(a, W, gear, role, listed, places, x, num[slots.DEPENDENT])
-    sight = UNCLEAR * num[slots.STRICT] * num[slots.SIZE]
+    clear, which, c, top = _swap(a, W, gear, role, listed, places, x, num[loop_state.DEPENDENT])
+    sight = UNCLEAR * num[loop_state.STRICT] * num[loop_state.SIZE]
     W = _leave(a, W, which, role)
     if which >= 0:
         return clear and slope / c * norm[which] * AHEAD * pace > sight, W, which, -1
@@ -202,7 +202,7 @@ def choose(
     """
     role = _roles(W, kept)
     start = x.copy()
-    small = num[slots.DOUBT] * num[slots.SIZE]
+    small = num[loop_state.DOUBT] * num[loop_state.SIZE]
     sure, W2, spared, rising = _first(
         entry, closing, slope, W, gear, role, listed, places, norm, x, num, pace
     )
@@ -221,11 +221,11 @@ def choose(
         if fresh >= 0:  # what was taken in last must be independent of the others
             _, top = column(fresh, W2, gear2, x.size)
             _, length = speed(fresh, listed, places, x, X[1])
-            sure = 1.0 > UNCLEAR * num[slots.DEPENDENT] * top * length
+            sure = 1.0 > UNCLEAR * num[loop_state.DEPENDENT] * top * length
             fresh = -1
         a = _weakest(W2, gear2, listed, norm, small, spared)
         if a >= 0 and sure:
-            sure, which, _, _ = _swap(a, W2, gear2, role, listed, places, x, num[slots.DEPENDENT])
+            sure, which, _, _ = _swap(a, W2, gear2, role, listed, places, x, num[loop_state.DEPENDENT])
             sure &= not (closing and W2[a] == entry)
             W2 = _leave(a, W2, which, role)
             continue
@@ -238,6 +238,6 @@ def choose(
             role[k] = HELD + NEW
             fresh = k
         elif sure:
-            sure = sine(k, W2, gear2, listed, places, x) < num[slots.DEPENDENT] / UNCLEAR
+            sure = sine(k, W2, gear2, listed, places, x) < num[loop_state.DEPENDENT] / UNCLEAR
             role[k] = KEPT + NEW
     return False, W, gear, role

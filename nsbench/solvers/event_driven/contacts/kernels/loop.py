@@ -11,7 +11,7 @@ from numba import njit
 
 from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
 from nsbench.compilation.decorators import inner, once, one
-from nsbench.solvers.event_driven.contacts.kernels import loop_state as slots
+from nsbench.solvers.event_driven.contacts.kernels import loop_state
 from nsbench.solvers.event_driven.contacts.kernels.active_set_change import HELD, KEPT, NEW, choose
 from nsbench.solvers.event_driven.contacts.kernels.first_event import first_event, strays, travel
 from nsbench.solvers.event_driven.contacts.kernels.held_set import LEAST, outfit
@@ -74,18 +74,18 @@ def _advance(s, t, deg, W, gear, listed, X, F, x, samples, records, book, cnt):
     mu = gear[4]
     push = np.empty(x.size)
     t0 = t - s
-    while cnt[slots.SAMPLE] < samples.size and samples[cnt[slots.SAMPLE]] <= t:
-        r = cnt[slots.SAMPLE]
+    while cnt[loop_state.SAMPLE] < samples.size and samples[cnt[loop_state.SAMPLE]] <= t:
+        r = cnt[loop_state.SAMPLE]
         u = min(samples[r] - t0, s)
         _path(u, deg, X, F, XS[r], push)
         for i in range(x.size):
             RS[r, i] = reaction[i] + push[i]
-        for c in range(cnt[slots.COLUMNS]):
+        for c in range(cnt[loop_state.COLUMNS]):
             ZS[r, c] = total[c]
         for a in range(W.size):
             k = W[a]
             ZS[r, column[k]] += (sign[k] if kind[k] > 0 else 1.0) * _impulse(a, u, deg, mu)
-        cnt[slots.SAMPLE] += 1
+        cnt[loop_state.SAMPLE] += 1
     _path(s, deg, X, F, x, push)
     for i in range(x.size):
         reaction[i] += push[i]
@@ -99,25 +99,25 @@ def _length(deg, W, gear, X, x, origin, reach, hard, num):
     """(h, code): the step that the series of this degree allows, and whether the list must be made
     anew first."""
     h = min(
-        min(longest(X, gear[4], deg, num[slots.EPS], W), num[slots.MAX_STEP]),
-        num[slots.END] - num[slots.T],
+        min(longest(X, gear[4], deg, num[loop_state.EPS], W), num[loop_state.MAX_STEP]),
+        num[loop_state.END] - num[loop_state.T],
     )
     if (
-        not h > 4e-16 * (abs(num[slots.T]) + abs(num[slots.END]))
-        and h < num[slots.END] - num[slots.T]
+        not h > 4e-16 * (abs(num[loop_state.T]) + abs(num[loop_state.END]))
+        and h < num[loop_state.END] - num[loop_state.T]
     ):
-        return h, slots.FAIL
+        return h, loop_state.FAIL
     for _ in range(60):
         travel(X, deg, h, one(), reach)
-        if num[slots.REACH] == np.inf:
-            return h, slots.DONE
-        may, did = strays(x, origin, reach, hard, 0.5 * num[slots.REACH])
+        if num[loop_state.REACH] == np.inf:
+            return h, loop_state.DONE
+        may, did = strays(x, origin, reach, hard, 0.5 * num[loop_state.REACH])
         if not may:
-            return h, slots.DONE
+            return h, loop_state.DONE
         if did:
-            return h, slots.RELIST
+            return h, loop_state.RELIST
         h *= 0.5
-    return h, slots.FAIL
+    return h, loop_state.FAIL
 
 
 @once
@@ -125,7 +125,7 @@ def _watch(W, gear, basis, listed, places, norm, x, num):
     """Bands, levels and arms of gaps and multipliers at the start of an arc (see
     solvers._crossings)."""
     m = norm.size
-    near = num[slots.TOL] * (num[slots.UNIT] + size(x))
+    near = num[loop_state.TOL] * (num[loop_state.UNIT] + size(x))
     band = np.empty(m)
     level = np.empty(m)
     armed = np.empty(m, np.bool_)
@@ -142,7 +142,7 @@ def _watch(W, gear, basis, listed, places, norm, x, num):
     low = np.empty(W.size)
     for a in range(W.size):
         lam = gear[4][a, 0] * (listed[4][W[a]] if listed[0][W[a]] > 0 else 1.0)
-        tight = num[slots.TOL] * num[slots.SIZE] / norm[W[a]]
+        tight = num[loop_state.TOL] * num[loop_state.SIZE] / norm[W[a]]
         firm[a] = lam > tight
         low[a] = min(lam, 0.0) - tight
     return band, level, armed, firm, low
@@ -170,7 +170,7 @@ def _look(deg, h, W, gear, basis, listed, places, norm, X, watch, reach, num):
         armed,
         firm,
         low,
-        num[slots.TOL] * num[slots.SIZE],
+        num[loop_state.TOL] * num[loop_state.SIZE],
         reach,
     )
     return s, entry, touches, (band, level, armed, firm, low)
@@ -180,40 +180,40 @@ def _look(deg, h, W, gear, basis, listed, places, norm, X, watch, reach, num):
 def _columns(W, column, cnt):
     for k in W:
         if column[k] < 0:
-            column[k] = cnt[slots.COLUMNS]
-            cnt[slots.COLUMNS] += 1
+            column[k] = cnt[loop_state.COLUMNS]
+            cnt[loop_state.COLUMNS] += 1
 
 
 @once
 def _note(role, basis, kept, log, num, cnt):
     """Write down what closed, what opened, what handed its load to others; and take it over into
     the masks."""
-    first = slots.FIRST
-    for kind in (slots.CLOSED, slots.OPENED, slots.PIVOT):
+    first = loop_state.FIRST
+    for kind in (loop_state.CLOSED, loop_state.OPENED, loop_state.PIVOT):
         for k in range(role.size):
             what = role[k] % NEW
             new = role[k] >= NEW
             after = what >= KEPT
             if (
-                (kind == slots.CLOSED and new and after)
-                or (kind == slots.OPENED and kept[k] and not new and not after)
-                or (kind == slots.PIVOT and not new and basis[k] and what == KEPT)
+                (kind == loop_state.CLOSED and new and after)
+                or (kind == loop_state.OPENED and kept[k] and not new and not after)
+                or (kind == loop_state.PIVOT and not new and basis[k] and what == KEPT)
             ):
-                log[0][cnt[slots.EVENTS]] = num[slots.T]
-                log[1][cnt[slots.EVENTS]] = kind + first
-                log[2][cnt[slots.EVENTS]] = k
-                cnt[slots.EVENTS] += 1
+                log[0][cnt[loop_state.EVENTS]] = num[loop_state.T]
+                log[1][cnt[loop_state.EVENTS]] = kind + first
+                log[2][cnt[loop_state.EVENTS]] = k
+                cnt[loop_state.EVENTS] += 1
                 first = 0
-                if cnt[slots.EVENTS] == log[0].size:
+                if cnt[loop_state.EVENTS] == log[0].size:
                     return False
     for k in range(role.size):
         basis[k] = role[k] % NEW == HELD
         kept[k] = role[k] % NEW >= KEPT
-    cnt[slots.SOLVED] += 1
+    cnt[loop_state.SOLVED] += 1
     total = 0
     for k in range(role.size):
         total += kept[k]
-    cnt[slots.PEAK] = max(cnt[slots.PEAK], total)
+    cnt[loop_state.PEAK] = max(cnt[loop_state.PEAK], total)
     return True
 
 
@@ -258,7 +258,7 @@ def walk(
             W[p] = k
             p += 1
     W = W[:p]
-    good, gear = outfit(W, listed, places, norm, x, width, order, work, num[slots.UNIT])
+    good, gear = outfit(W, listed, places, norm, x, width, order, work, num[loop_state.UNIT])
     ready = 0
     quick = SHORT
     while good:
@@ -272,52 +272,52 @@ def walk(
         deg = one()
         entry = -one()
         while entry < 0:
-            if cnt[slots.STEPS] >= cnt[slots.MAX_STEPS] or not size(x) <= num[slots.BOX]:
-                return slots.FAIL
+            if cnt[loop_state.STEPS] >= cnt[loop_state.MAX_STEPS] or not size(x) <= num[loop_state.BOX]:
+                return loop_state.FAIL
             for goal in (quick, order):
                 if goal <= deg:
                     continue
                 extend(deg, goal, W, gear, listed, drift, X, F)
-                cnt[slots.ORDERS] += goal - deg
+                cnt[loop_state.ORDERS] += goal - deg
                 deg = goal
                 h, code = _length(deg, W, gear, X, x, origin, reach, hard, num)
-                if code != slots.DONE:
+                if code != loop_state.DONE:
                     return code
                 s, entry, touches, later = _look(
                     deg, h, W, gear, basis, listed, places, norm, X, watch, reach, num
                 )
-                if entry >= 0 or h >= num[slots.END] - num[slots.T]:
+                if entry >= 0 or h >= num[loop_state.END] - num[loop_state.T]:
                     break
-            cnt[slots.STEPS] += 1
+            cnt[loop_state.STEPS] += 1
             watch = later
-            cnt[slots.TOUCHES] += touches if entry < 0 else 0
-            num[slots.H], arc_h = max(num[slots.H], h), max(arc_h, h)
-            if entry < 0 and (num[slots.END] - num[slots.T]) > TOO_MANY * h:
-                return slots.FAIL
+            cnt[loop_state.TOUCHES] += touches if entry < 0 else 0
+            num[loop_state.H], arc_h = max(num[loop_state.H], h), max(arc_h, h)
+            if entry < 0 and (num[loop_state.END] - num[loop_state.T]) > TOO_MANY * h:
+                return loop_state.FAIL
             quick = order if entry < 0 else SHORT
-            last = entry < 0 and h >= num[slots.END] - num[slots.T]
+            last = entry < 0 and h >= num[loop_state.END] - num[loop_state.T]
             s = h if entry < 0 else s * h
-            num[slots.T] = num[slots.END] if last else num[slots.T] + s
-            _advance(s, num[slots.T], deg, W, gear, listed, X, F, x, samples, records, book, cnt)
+            num[loop_state.T] = num[loop_state.END] if last else num[loop_state.T] + s
+            _advance(s, num[loop_state.T], deg, W, gear, listed, X, F, x, samples, records, book, cnt)
             if last:
-                return slots.DONE
+                return loop_state.DONE
             if entry < 0:
                 _rate(s, deg, X, V)
-                if not hold(W, gear, listed, places, norm, x, work, LEAST, num[slots.UNIT]):
-                    return slots.FAIL
+                if not hold(W, gear, listed, places, norm, x, work, LEAST, num[loop_state.UNIT]):
+                    return loop_state.FAIL
                 copied(x, X[0])
                 extend(one() - 1, one(), W, gear, listed, drift, X, F)
                 deg = one()
                 off = h * apart(V, X[1])
-                if not off <= num[slots.EPS] * DEFECT * (1.0 + size(x)) + ROUNDED * h * size(V):
-                    return slots.FAIL  # the series did not see what the path does
-        paces[cnt[slots.PACES] % paces.size] = arc_h
-        cnt[slots.PACES] += 1
-        cnt[slots.ARCS] += 1
+                if not off <= num[loop_state.EPS] * DEFECT * (1.0 + size(x)) + ROUNDED * h * size(V):
+                    return loop_state.FAIL  # the series did not see what the path does
+        paces[cnt[loop_state.PACES] % paces.size] = arc_h
+        cnt[loop_state.PACES] += 1
+        cnt[loop_state.ARCS] += 1
         closing = not basis[entry]
         slope = 0.0
-        cnt[slots.FIRED] = entry if closing else -1
-        cnt[slots.ENTRY] = entry
+        cnt[loop_state.FIRED] = entry if closing else -1
+        cnt[loop_state.ENTRY] = entry
         if not closing:
             a = place(W, entry)
             for j in range(deg - 1, 0, -1):
@@ -348,9 +348,9 @@ def walk(
             )
         if not sure:
             copied(V, x)
-            return slots.CHOOSE
+            return loop_state.CHOOSE
         if not _note(role, basis, kept, log, num, cnt):
-            return slots.FAIL
-        if cnt[slots.EVENTS] > log[0].size // 2:
-            return slots.PAUSE
-    return slots.FAIL
+            return loop_state.FAIL
+        if cnt[loop_state.EVENTS] > log[0].size // 2:
+            return loop_state.PAUSE
+    return loop_state.FAIL

@@ -1,0 +1,83 @@
+"""Tolerances come from runs that differ in nothing that matters, and a calibrated study is held by
+its own baseline."""
+
+import argparse
+import contextlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import nsbench
+from nsbench import study
+from nsbench.cli import main
+from nsbench.gate import baseline, spreads
+from nsbench.gate.calibrate import specs_of
+from nsbench.report.data import read
+from nsbench.results import tables
+
+
+def test_a_nudged_start_is_near_and_the_same_for_the_same_seed():
+    case = nsbench.get_case("three_discs")
+    a, b, c = (study.nudged(case, seed).x0 for seed in (1, 1, 2))
+    size = np.maximum(1.0, np.abs(case.x0))
+    assert study.nudged(case, 0) is case and np.array_equal(a, b) and not np.array_equal(a, c)
+    assert 0.0 < np.max(np.abs(a - case.x0) / size) <= study.NUDGE
+
+
+def test_nudged_runs_are_measured_against_the_solution_from_the_own_start():
+    plain, away = (
+        study.attempt(study.Spec("three_discs", "pbd", "h", 0.01, nudge=seed)) for seed in (0, 1)
+    )
+    assert away[1] is None, "a nudged run is not timed"
+    assert (
+        away[0]["status"] == "ok" and 0.0 < abs(plain[0]["state_sup"] - away[0]["state_sup"]) < 1e-9
+    )
+
+
+def test_a_calibrated_study_is_held_by_its_own_baseline(tmp_path, capsys):
+    out = tmp_path / "r"
+    base = tmp_path / "base.csv"
+    assert (
+        main(["run", "tide", "-s", "pbd", "--h", "0.05,0.03,0.02", "-o", str(out), "-j", "1"]) == 0
+    )
+    assert main(["calibrate", str(out), "-j", "1"]) == 0
+    found = spreads.read(out)
+    assert 0.0 < max(found.values()) < 1e-10 and found["tide", "pbd", "h=0.03", "steps"] == 0.0
+    assert main(["gate", str(out), "--baseline", str(base), "--update", "--reason", "first"]) == 0
+    assert main(["gate", str(out), "--baseline", str(base)]) == 0
+    lines = baseline.read(base)
+    assert {x.config.split()[0] for x in lines.values()} == {
+        next(iter(lines.values())).config.split()[0]
+    }
+    assert "case=" in next(iter(lines.values())).config and all(x.held for x in lines.values())
+    capsys.readouterr()
+    assert (
+        main(["calibrate", str(out), "-j", "1"]) == 0 and "pass 3 of 3" in capsys.readouterr().out
+    )
+    again = Path(out, "calibration", "1")
+    key, row = next(iter(tables.read_journal(again).items()))
+    with contextlib.closing(
+        tables.Journal(again)
+    ) as journal:  # a machine that was short of memory is not so for ever
+        journal.append(
+            key,
+            {k: row[k] for k in ("case", "solver", "accuracy", "asked")}
+            | {"status": "oom", "why": "Once."},
+        )
+    assert (
+        main(["calibrate", str(out), "-j", "1"]) == 0
+        and tables.read_journal(again)[key]["status"] == row["status"]
+    )
+    assert spreads.read(out) == found
+
+
+def test_a_study_of_cases_that_are_not_registered_cannot_be_calibrated(tmp_path):
+    from report_rows import row
+
+    from nsbench.gate.calibrate import calibrate
+
+    tables.write_tables(tmp_path, [row("nowhere", "pbd", 0.1)])
+    assert specs_of(read(tmp_path)) == []
+    with pytest.raises(LookupError, match="no run of a registered case"):
+        calibrate(tmp_path, argparse.Namespace(jobs=1, timeout=10.0), print)

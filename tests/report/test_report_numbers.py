@@ -1,0 +1,210 @@
+"""What the report says of orders and costs follows from the rows: claims, bounds, floors, factors
+at equal error."""
+
+import numpy as np
+import pytest
+from report_rows import SOLVERS, STEPS, row, summaries
+
+from nsbench.report import cost as speed
+from nsbench.report import data
+from nsbench.report import style, summary, tables, verdict
+from nsbench.report import talk_figure
+from nsbench.solvers import get
+
+
+@pytest.mark.survives("two steps", "error zero")
+def test_two_steps_are_no_order_and_zeros_are_exact():
+    few = summaries([row("a", "pbd", h, state_sup=h, impulse=0.0) for h in (0.1, 0.05)])["a", "pbd"]
+    assert (
+        few.state.kind == "level"
+        and "order needs 3" in few.state.sentence
+        and few.state.best == 0.05
+    )
+    zero = summaries([row("a", "pbd", float(h), state_sup=0.0, impulse=1e-15) for h in STEPS])[
+        "a", "pbd"
+    ]
+    assert zero.state.kind == zero.force.kind == "exact"
+    assert tables.order_cell(zero.force).small == "exact at grid times"
+
+
+@pytest.mark.parametrize("p, flag", [(0.5, "below"), (1.0, ""), (2.0, "above"), (-1.0, "below")])
+def test_a_deviation_from_the_claim_is_marked_in_either_direction(p, flag):
+    rng = np.random.default_rng(3)
+    rows = [
+        row("a", "pbd", float(h), state_sup=float(h**p * np.exp(0.02 * rng.standard_normal())))
+        for h in STEPS
+    ]
+    state = summaries(rows)["a", "pbd"].state
+    assert state.flag == flag and abs(state.order - p) < 0.02
+    assert summaries(rows, {})["a", "pbd"].state.flag == ""
+
+
+def test_rounding_that_an_extrapolation_enlarges_is_no_plateau():
+    """2 x(h/2) - x(h) carries five times the rounding of one addition per step: errors that level
+    off there are none."""
+    h = 0.1 / np.unique(np.round(300 * 2 ** np.arange(0, 8, 0.3)))
+    noise = 2.5 * (1e-12 + np.finfo(float).eps / h)
+    rows = [
+        row("a", "pbd", float(v), state_sup=float(max(1e3 * v**3, e)))
+        for v, e in zip(h, noise, strict=True)
+    ]
+    plain, known = (
+        summaries(rows, {"pbd": {"accuracy": "h", "claims": {"state": 2.0} | more}})[
+            "a", "pbd"
+        ].state
+        for more in ({}, {"rounding": 5.0})
+    )
+    assert (
+        plain.best_h
+        and known.window[0] > 3 * plain.window[0]
+        and known.order == pytest.approx(3.0, abs=0.05)
+    )
+    assert get("richardson").claims.rounding == 5.0 and get(
+        "richardson[levels=3]"
+    ).claims.rounding == pytest.approx(15.0)
+
+
+@pytest.mark.survives("coarse reference")
+def test_errors_below_the_reference_are_not_numbers():
+    rows = [
+        row(
+            "a",
+            "pbd",
+            float(h),
+            state_sup=float(1e-9 * h),
+            state_floor=1e-9,
+            status="below_reference",
+        )
+        for h in STEPS
+    ]
+    s = summaries(rows)["a", "pbd"]
+    assert s.state.kind == "level" and summary.best_error(s, s.state) == "< 1e-9 (reference)"
+
+
+def test_a_claimed_bound_that_is_missed_in_silence_is_called_so():
+    solvers = {"event_driven": SOLVERS["event_driven"]}
+    good, bad = (
+        summaries([row("a", "event_driven", 1e-10, "tol", state_sup=e)], solvers)
+        for e in (1e-11, 1e-7)
+    )
+    assert not summary.silent_wrong(good) and len(summary.silent_wrong(bad)) == 1
+    assert (
+        good["a", "event_driven"].state.flag == ""
+        and bad["a", "event_driven"].state.flag == "below"
+    )
+    said = verdict.verdict(
+        data.read([row("a", "event_driven", 1e-10, "tol", state_sup=1e-7)]), bad
+    )
+    assert any(s.head == "Wrong without a word" for s in said)
+
+
+def runs(errors, h=(0.1, 0.05, 0.025, 0.0125), seconds=None, **more):
+    seconds = [1 / v for v in h] if seconds is None else seconds
+    rows = [
+        row("a", "pbd", v, state_sup=e, seconds=s, drift_calls=1 / v, **more)
+        for v, e, s in zip(h, errors, seconds, strict=True)
+    ]
+    return data.read(rows).runs["a", "pbd"]
+
+
+def test_cost_at_equal_error_interpolates_and_takes_no_lucky_dip():
+    h = (0.1, 0.05, 0.025, 0.0125)
+    c = speed.cost(runs(h), 0.03)
+    assert (
+        c.h == pytest.approx(0.03)
+        and c.seconds == pytest.approx(1 / 0.03)
+        and c.work == pytest.approx(1 / 0.03)
+    )
+    assert speed.cost(runs((0.1, 1e-9, 0.025, 0.0125)), 0.02).h == pytest.approx(0.02)
+    assert speed.cost(runs(h), 1e-3) is None and speed.cost(runs(h), 0.5).at_most
+    assert speed.cost(runs((0.1, 0.0, 0.0, 0.0)), 1e-6).h == pytest.approx(0.05)
+
+
+def test_seconds_are_compared_between_loops_of_one_kind_only():
+    base, host = (
+        speed.cost(runs((0.1, 0.05, 0.02, 0.01), loop=loop), 0.03) for loop in ("compiled", "host")
+    )
+    assert (
+        speed.ratio(base, base) == 1.0
+        and speed.ratio(host, base) is None
+        and speed.work_ratio(host, base) == 1.0
+    )
+    coarse = speed.cost(runs((0.1, 0.05, 0.02, 0.01)), 0.5)
+    assert speed.ratio(coarse, base) is None
+
+
+@pytest.mark.parametrize("times, said", [(6.0, "was not seen"), (300.0, "was seen")])
+def test_the_factor_of_100_is_computed_from_the_rows(times, said):
+    rows = []
+    for solver, cost in (("pbd", 1e-6), ("catching_up", 1e-6 * times)):
+        rows += [
+            row(
+                "a",
+                solver,
+                float(h),
+                state_sup=float(h),
+                seconds=cost / h,
+                qp_solves=float(solver != "pbd"),
+            )
+            for h in STEPS
+        ]
+    told = " ".join(verdict.speeds(data.read(rows)))
+    assert f"{said} at equal error" in told and f"takes {style.factor(times)} times" in told
+
+
+def test_the_cheapest_method_depends_on_the_rows():
+    rows = [
+        row("a", s, float(h), state_sup=float(h), seconds=c / h)
+        for s, c in (("pbd", 2.0), ("catching_up", 1.0))
+        for h in STEPS
+    ]
+    cell = tables.choice_table(data.read(rows)).rows[0].cells[1]
+    assert cell.text == "catching_up" and "pbd" in cell.title
+
+
+@pytest.mark.parametrize(
+    "value, said",
+    [
+        (0.0, "0"),
+        (3e-4, "3e-4"),
+        (2.98e-4, "3.0e-4"),
+        (0.012, "0.012"),
+        (0.198, "0.20"),
+        (9999.0, "1.0e4"),
+        (1234.0, "1200"),
+        (-0.5, "-0.5"),
+        (np.nan, "not finite"),
+        (9.96e-3, "0.010"),
+        (1e-12, "1e-12"),
+    ],
+)
+def test_numbers_read_as_people_type_them(value, said):
+    assert style.num(value) == said
+
+
+def test_methods_keep_their_look_and_variants_share_a_colour():
+    look = style.looks(["pbd", "catching_up", "pbd[order=reverse]", *[f"m{i}" for i in range(12)]])
+    assert look["pbd"].colour == look["pbd[order=reverse]"].colour != look["catching_up"].colour
+    assert len({(v.tone, v.marker, v.line) for v in look.values()}) == len(look)
+
+
+def test_the_distance_from_the_exact_path_is_that_of_the_polygon():
+    path = np.array([[0.0, 1.0], [0.0, 0.0], [2.0, 0.0]])
+    assert talk_figure.strays(np.array([[1.0, 0.3], [0.1, 0.5], [1.5, -0.2]]), path) == pytest.approx(0.3)
+    assert talk_figure.strays(np.array([[3.0, 0.0]]), path) == pytest.approx(1.0)
+
+
+def test_a_slope_of_scatter_is_no_number_to_show():
+    """Errors thrown over 16 decades: a line goes through them, but neither its slope nor its
+    constant is one of a method."""
+    rng = np.random.default_rng(1)
+    rows = [
+        row("a", "pbd", float(h), state_sup=float(10.0 ** rng.uniform(-16.0, 0.0))) for h in STEPS
+    ]
+    state = summaries(rows)["a", "pbd"].state
+    assert (
+        state.kind == "level"
+        and state.verdict in summary.OPEN
+        and not np.isfinite([state.order, state.constant]).any()
+    )
+    assert tables.order_cell(state).text == state.verdict

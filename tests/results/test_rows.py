@@ -1,0 +1,90 @@
+"""Rows that are kept in little room come back as they were."""
+
+import math
+import sys
+
+from nsbench.results import tables
+from nsbench.results.packed_rows import InOrder, Kept
+from nsbench.results.row_reuse import known
+
+ROWS = {
+    "a": {
+        "case": "tide",
+        "h": 0.1,
+        "steps": 3,
+        "ok": True,
+        "none": None,
+        "bad": math.nan,
+        "far": -math.inf,
+        "zero": -0.0,
+    },
+    "b": {"case": "tide", "h": 2, "steps": 0.5, "ok": 1.0, "why": "because"},
+    "c": {},
+}
+
+
+def test_rows_come_back_equal_in_their_order_and_each_as_its_own():
+    kept = Kept()
+    kept.update(ROWS)
+    assert [*kept] == [*ROWS] and len(kept) == 3 and "a" in kept and "d" not in kept
+    for key, row in ROWS.items():
+        assert repr(kept[key]) == repr(row) and [type(v) for v in kept[key].values()] == [
+            type(v) for v in row.values()
+        ]
+    kept["a"]["h"] = 7.0
+    assert kept["a"]["h"] == 0.1
+    kept["a"] = ROWS["c"]
+    del kept["b"]
+    assert dict(kept) == {"a": {}, "c": {}}
+    assert [*InOrder(kept, ("c", "x", "a"), lambda i: {"i": i})] == [{}, {"i": 1}, {}]
+
+
+def test_a_row_takes_a_tenth_of_the_room_of_a_dict():
+    kept = Kept()
+    rows = [
+        {f"column {k}": k + 0.5 * i if k % 4 else f"word {k}" for k in range(50)}
+        for i in range(100)
+    ]
+    for i, row in enumerate(rows):
+        kept[i] = row
+    size = sum(sys.getsizeof(p) + sum(map(sys.getsizeof, p[1:])) for p in kept._packed.values())
+    plain = sum(sys.getsizeof(r) + sum(map(sys.getsizeof, r.values())) for r in rows)
+    assert len(kept._layouts) == 1 and len(kept._words) == 13 and size < 0.25 * plain, (size, plain)
+
+
+def test_tables_are_the_same_in_blocks_of_any_size(tmp_path, monkeypatch):
+    rows = [
+        {
+            "case": "tide",
+            "n": i,
+            "x": i / 7,
+            "ok": bool(i % 2),
+            "late": "word" if i > 7 else None,
+            "mixed": i if i < 9 else "x",
+            "true": i < 9 or 0.5,
+            "never": None,
+        }
+        | ({"new": 1.0} if i > 6 else {})
+        for i in range(10)
+    ]
+    found = []
+    for size in (1, 3, 10, 10_000):
+        monkeypatch.setattr(tables, "BLOCK", size)
+        found.append((tables.write_tables(tmp_path, rows), (tmp_path / "runs.csv").read_bytes()))
+    assert all(f == found[0] for f in found)
+    assert found[0][1].splitlines()[0] == b"case,n,x,ok,late,mixed,true,never,new"
+
+
+def test_what_is_known_leaves_out_what_is_to_be_made_again(tmp_path):
+    journal = tables.Journal(tmp_path)
+    for key, status in (
+        ("a", "ok"),
+        ("b", "crashed"),
+        ("c", "ok"),
+        ("c", "oom"),
+        ("d", "oom"),
+        ("d", "ok"),
+    ):
+        journal.append(key, {"status": status})
+    journal.close()
+    assert dict(known(tmp_path, [], {}, 1.0, [])) == {"a": {"status": "ok"}, "d": {"status": "ok"}}

@@ -1,0 +1,276 @@
+"""Nothing finished is lost, half a line is dropped, and a changed input is never served from the
+journal."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+from solver_file import solver
+
+from nsbench.cli import main
+from nsbench.results import tables
+
+
+def test_rows_come_back_as_they_were_written(tmp_path):
+    row = {
+        "case": "tide",
+        "state_sup": 0.1 + 0.2,
+        "impulse": np.float64("nan"),
+        "l1": float("inf"),
+        "steps": np.int64(3),
+        "why": 'a, "b"\n=cmd()',
+        "flag": True,
+    }
+    j = tables.Journal(tmp_path)
+    j.append("k", row)
+    j.close()
+    back = tables.read_journal(tmp_path)["k"]
+    assert back["state_sup"] == 0.1 + 0.2 and np.isnan(back["impulse"]) and back["l1"] == np.inf
+    assert back["why"] == row["why"] and back["flag"] is True and back["steps"] == 3
+
+
+@pytest.mark.survives("half a line")
+def test_half_a_line_is_dropped_and_mended(tmp_path):
+    j = tables.Journal(tmp_path)
+    j.append("a", {"x": 1.0})
+    j.append("b", {"x": 2.0})
+    j.close()
+    path = tmp_path / "journal.jsonl"
+    path.write_bytes(path.read_bytes()[:-7])
+    assert list(tables.read_journal(tmp_path)) == ["a"]
+    j = tables.Journal(tmp_path)
+    j.append("c", {"x": 3.0})
+    j.close()
+    assert list(tables.read_journal(tmp_path)) == ["a", "c"]
+    path.write_bytes(b"garbage\n\x00\xff\n" + path.read_bytes())
+    assert list(tables.read_journal(tmp_path)) == ["a", "c"]
+
+
+@pytest.mark.survives("one folder")
+def test_two_runs_in_one_folder_are_refused(tmp_path):
+    j = tables.Journal(tmp_path)
+    with pytest.raises(tables.StoreError, match="another run"):
+        tables.Journal(tmp_path)
+    j.close()
+    tables.Journal(tmp_path).close()
+
+
+@pytest.mark.survives("one folder")
+def test_a_second_suite_in_the_folder_of_one_that_goes_on_is_refused_and_changes_nothing(
+    tmp_path, capsys
+):
+    file = tmp_path / "slow.py"
+    out = tmp_path / "r"
+    file.write_text(solver("ctypes.PyDLL(None).sleep(1000 if h < 0.05 else 0)"))
+    args = [
+        "run",
+        "tide",
+        "--solvers",
+        str(file),
+        "-s",
+        "slow",
+        "--h",
+        "0.1,0.01",
+        "-j",
+        "1",
+        "-o",
+        str(out),
+    ]
+    first = subprocess.Popen(
+        [sys.executable, "-m", "nsbench", *args], stdout=subprocess.DEVNULL, start_new_session=True
+    )
+    try:
+        until = time.monotonic() + 60
+        while (
+            not ((out / "journal.jsonl").exists() and tables.read_journal(out))
+            and time.monotonic() < until
+        ):
+            time.sleep(0.05)
+        before = (out / "journal.jsonl").read_bytes()
+        assert len(tables.read_journal(out)) == 1 and first.poll() is None
+        assert main(["run", "tide", "-s", "pbd", "--h", "0.1", "-o", str(out)]) == 5
+        assert "another run is writing" in capsys.readouterr().err
+        assert (out / "journal.jsonl").read_bytes() == before and not (out / "report.html").exists()
+        assert first.poll() is None
+    finally:
+        os.killpg(first.pid, signal.SIGINT)
+        assert first.wait(30) == 130
+
+
+def test_what_a_run_was_made_of_is_told_once_and_comes_back(tmp_path):
+    from nsbench.results.run_key import Part
+
+    old = Part.of({"a.py": "1"})
+    new = Part.of({"a.py": "2"})
+    row = {"case": "tide", "solver": "pbd", "accuracy": "h", "asked": 0.1}
+    j = tables.Journal(tmp_path)
+    for part in (old, old, new):
+        j.append("k", row, (part,))
+    j.append("l", row | {"asked": float("nan")})
+    j.close()
+    made, parts = tables.read_parts(tmp_path)
+    assert made == {("tide", "pbd", "h", "0.1"): [new.digest], ("tide", "pbd", "h", "nan"): []}
+    assert parts == {old.digest: {"a.py": "1"}, new.digest: {"a.py": "2"}}
+    assert len((tmp_path / "journal.jsonl").read_text().splitlines()) == 6
+    assert [*tables.read_journal(tmp_path)] == ["k", "l"]
+
+
+def test_tables_keep_every_column_and_row(tmp_path):
+    import pandas
+
+    rows = [
+        {"case": "a", "x": 1.0, "why": ""},
+        {"case": "b", "why": "=1+1", "n": 3},
+        {"case": "c", "x": float("nan")},
+    ]
+    tables.write_tables(tmp_path, rows)
+    for frame in (
+        pandas.read_parquet(tmp_path / "runs.parquet"),
+        pandas.read_csv(tmp_path / "runs.csv"),
+    ):
+        assert list(frame.columns) == ["case", "x", "why", "n"] and len(frame) == 3
+        assert frame.x[0] == 1.0 and np.isnan(frame.x[2])
+
+
+def test_every_column_of_the_clock_carries_its_unit(tmp_path):
+    import pyarrow.parquet
+
+    from nsbench.measure import clock
+
+    row = (
+        clock.columns([0.1, 0.2, 0.4])
+        | clock.prepared(lambda: None)[1]
+        | {"session": "a", "h": 0.1}
+    )
+    tables.write_tables(tmp_path, [row])
+    schema = pyarrow.parquet.read_schema(tmp_path / "runs.parquet")
+    units = {f.name: (f.metadata or {}).get(b"unit") for f in schema}
+    assert units.pop("h") is None and set(units) <= set(tables.CLOCK) and None not in units.values()
+    assert (
+        units["seconds"] == b"s"
+        and units["rounds"] == b"1"
+        and schema.metadata[b"nsbench_schema"] == b"1"
+    )
+
+
+def test_no_half_file_is_left(tmp_path):
+    with pytest.raises(tables.StoreError):
+        tables.write_atomically(tmp_path / "missing" / "f", b"x")
+    tables.write_atomically(tmp_path / "f", b"one")
+    tables.write_atomically(tmp_path / "f", b"two")
+    assert (tmp_path / "f").read_bytes() == b"two" and len(list(tmp_path.iterdir())) == 1
+
+
+def test_environment_is_plain_json():
+    env = json.loads(json.dumps(tables.environment()))
+    assert env["versions"]["numpy"] == np.__version__
+
+
+HALF = "no file t\udcff.csv"
+
+
+@pytest.mark.survives("half a character")
+def test_text_that_utf8_cannot_spell_is_told_by_its_numbers(tmp_path):
+    """In new rows, in those of a journal that was written before, and in tables."""
+    assert tables.clean({"why": HALF, HALF: 1.0}) == {
+        "why": r"no file t\udcff.csv",
+        r"no file t\udcff.csv": 1.0,
+    }
+    j = tables.Journal(tmp_path)
+    j.append("new", {"why": HALF, HALF: 1.0})
+    j.close()
+    path = tmp_path / "journal.jsonl"
+    path.write_text(
+        path.read_text()
+        + json.dumps({"schema": 1, "key": "old", "row": {"why": HALF, "n": 2}})
+        + "\n"
+    )
+    rows = [*tables.read_journal(tmp_path).values(), {"why": HALF, HALF: "\udc00"}]
+    assert rows[0] == {"why": r"no file t\udcff.csv", r"no file t\udcff.csv": 1.0}
+    assert rows[1]["why"] == r"no file t\udcff.csv"
+    tables.write_tables(tmp_path, rows)
+    import pandas
+
+    for frame in (
+        pandas.read_parquet(tmp_path / "runs.parquet"),
+        pandas.read_csv(tmp_path / "runs.csv"),
+    ):
+        assert (
+            set(frame.why) == {r"no file t\udcff.csv"} and r"no file t\udcff.csv" in frame.columns
+        )
+
+
+def test_whole_numbers_beyond_64_bits_are_numbers_like_others(tmp_path):
+    row = {"a": 2**63 - 1, "b": -(2**70), "c": 10**400, "d": -(10**5000)}
+    j = tables.Journal(tmp_path)
+    j.append("k", row)
+    j.close()
+    back = tables.read_journal(tmp_path)["k"]
+    assert (
+        back == tables.as_read(row) == {"a": 2**63 - 1, "b": -(2.0**70), "c": np.inf, "d": -np.inf}
+    )
+    tables.write_tables(tmp_path, [back])
+
+
+@pytest.mark.survives("half a character")
+def test_a_run_that_raises_such_text_leaves_tables_and_a_report(tmp_path, capsys):
+    from solver_file import solver
+
+    from nsbench.cli import main
+
+    (tmp_path / "mine.py").write_text(
+        solver('raise ValueError("no file " + os.fsdecode(b"t\\xff.csv"))')
+    )
+    args = [
+        "run",
+        "tide",
+        "--solvers",
+        str(tmp_path / "mine.py"),
+        "-s",
+        "mine",
+        "-s",
+        "kdtree",
+        "--h",
+        "0.1",
+        "-j",
+        "1",
+        "-o",
+        str(tmp_path / "r"),
+    ]
+    assert [main(args), main(args)] == [3, 3]
+    assert r"no file t\udcff.csv" in (tmp_path / "r" / "runs.csv").read_text(encoding="utf-8")
+    assert "udcff" in (tmp_path / "r" / "report.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    "stats, status",
+    [({"n": 10**400, "t": "x" * 10**6}, "ok"), ({f"s{k}": k for k in range(300)}, "error")],
+)
+def test_what_a_solver_counts_has_a_sane_size(tmp_path, stats, status):
+    from solver_file import solver
+
+    from nsbench.study import Spec, attempt
+
+    (tmp_path / "mine.py").write_text(solver("pass", stats=repr(stats)))
+    row = attempt(Spec("tide", "mine", "h", 0.1, "", (str(tmp_path / "mine.py"),)))[0]
+    assert row["status"] == status, row["why"]
+    assert len(json.dumps(tables.clean(row))) < 30_000
+
+
+def test_the_middle_of_a_long_sentence_is_left_out():
+    from nsbench.study import LONGEST, _status
+    from nsbench.trajectory import Status
+
+    for size in (1, LONGEST // 2, LONGEST // 2 + 1, LONGEST, LONGEST + 1, 10**7):
+        why = _status(Status("error", "a" + "b" * (size - 2) + "c" * (size > 1)))["why"]
+        assert (
+            len(why) == (size if size <= LONGEST else LONGEST + 5)
+            and why[0] == "a"
+            and (" ... " in why) == (size > LONGEST)
+        )
+        assert size == 1 or why[-1] == "c"

@@ -1,0 +1,287 @@
+"""The machine code for contacts does what the loop in Python does; and takes only drifts that are
+proven affine."""
+
+import itertools
+
+import numba
+import numpy as np
+import pytest
+from plain_event_driven import run as plain
+from studies import random_scenes as scenes
+
+from nsbench import Affine, Case, Complementarity, Distance, get_case
+from nsbench.linalg import skyline_cholesky
+from nsbench.solvers import get, solve
+from nsbench.solvers.event_driven.contacts import compiled_loop
+from nsbench.solvers.event_driven.contacts.affine_drift import affine_drift
+from nsbench.solvers.event_driven.contacts.kernels import polynomial_descent
+
+
+def host(monkeypatch, case, tol=1e-12):
+    """The run of the loop in Python."""
+    with monkeypatch.context() as m:
+        m.setattr(compiled_loop, "plan", lambda *args: None)
+        traj = get("event_driven").prepare(case, tol)()
+    assert traj.stats["loop"] == "host"
+    return traj
+
+
+def happened(traj):
+    """Contacts and releases in order. Pivots are left out: which of dependent contacts carries is a
+    choice."""
+    return sorted((round(e.t, 8), e.kind, e.contact) for e in traj.events if e.kind != "pivot")
+
+
+def agree(a, b, bound):
+    off = [
+        np.abs(u - v).max() / max(1.0, np.abs(v).max())
+        for u, v in ((a.x, b.x), (a.reaction, b.reaction))
+    ]
+    assert a.status.ok and b.status.ok and max(off) <= bound, off
+    first = happened(a)
+    second = happened(b)
+    assert [e[1:] for e in first] == [e[1:] for e in second]
+    assert all(abs(e[0] - f[0]) < 1e-7 for e, f in zip(first, second, strict=True))
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "three_discs",
+        "discs[n=10]",
+        "discs[n=30]",
+        "hex",
+        "stack",
+        "rods",
+        "rods_wall",
+        "chain",
+        "wheel",
+        "wedge",
+        "obstacle",
+        "bean",
+        "two_discs",
+        "kissing",
+        "graze",
+    ],
+)
+def test_cases_of_the_catalogue(name, monkeypatch):
+    case = get_case(name)
+    traj = solve(case, "event_driven")
+    assert traj.stats["loop"] == "compiled" and traj.stats["roots"] == "verified"
+    agree(traj, host(monkeypatch, case), 1e-12)
+
+
+def affine(rng, n, mirror=False):
+    """Factory of -a (x - c) + w J x + a constant kick per disc."""
+    a = rng.uniform(0.3, 1.5)
+    w = rng.uniform(-1.0, 1.0)
+    kick = rng.uniform(-0.3, 0.3, (n, 2))
+    if mirror:
+        w = 0.0
+        kick[n // 2 :] = kick[: n // 2] * [-1.0, 1.0]
+    push = kick.ravel()
+    turn = w * np.tile([-1.0, 1.0], n)
+    return lambda xp: lambda t, x: push - a * x + turn * x.reshape((-1, 2))[:, ::-1].flatten()
+
+
+def still(case):
+    """The scene with its anchors where they are at the start."""
+    stand = lambda c: (
+        Distance(d=c.d, anchors=c.anchors(np)(0.0))
+        if getattr(c, "anchors", None) is not None and c.moving
+        else c
+    )
+    return case.replace(
+        problem=Complementarity(
+            case.problem.drift, tuple(stand(c) for c in case.problem.constraints)
+        )
+    )
+
+
+@pytest.mark.parametrize("kind", [k for k in scenes.KINDS if k != "closing_box"])
+def test_random_scenes(kind, monkeypatch):
+    monkeypatch.setattr(scenes, "waves", affine)
+    for n, seed in ((3, 1), (7, 2), (12, 3)):
+        case = still(scenes.scene(kind, n, seed))
+        traj = solve(case, "event_driven")
+        assert traj.stats["loop"] == "compiled"
+        agree(traj, host(monkeypatch, case), 1e-11)
+
+
+def test_a_list_of_neighbours_changes_nothing(monkeypatch):
+    from nsbench.solvers.event_driven.contacts import evaluation
+
+    case = get_case("discs[n=30]")
+    whole = solve(case, "event_driven")
+    monkeypatch.setattr(evaluation, "LISTED", 0)
+    agree(solve(case, "event_driven"), whole, 1e-12)
+
+
+def two_clusters():
+    """Ten discs drawn together here and ten there."""
+    shift = np.repeat([0.0, 60.0], 20)
+    pull = affine(np.random.default_rng(5), 20)
+    starts = [get_case("discs", n=10, seed=k).x0 for k in (0, 1)]
+    return Case(
+        "two_clusters",
+        Complementarity(lambda xp: lambda t, x: pull(xp)(t, x - shift), (Distance(d=2.0),)),
+        np.concatenate(starts) + shift,
+        np.linspace(0.0, 3.0, 7),
+    )
+
+
+@pytest.mark.parametrize(
+    "case",
+    [get_case("discs[n=30]"), get_case("discs[n=60,seed=3]"), two_clusters()],
+    ids=lambda case: f"{case.name}-{case.n}",
+)
+def test_parts_and_sparse_factors_change_nothing(case, monkeypatch):
+    """Choices by dense factors for all contacts together; or part by part, by sparse factors from
+    three rows on."""
+    from nsbench.solvers.event_driven.contacts import compiled_choice
+    from nsbench.solvers.event_driven.contacts import gram_matrix
+
+    whole = solve(case, "event_driven")
+    shares = []
+    touched = compiled_choice._touched
+
+    def watched(walk, label, active, changed):
+        among = touched(walk, label, active, changed)
+        shares.append(among[active].mean())
+        return among
+
+    monkeypatch.setattr(compiled_choice, "FEW", 0)
+    monkeypatch.setattr(compiled_choice, "_touched", watched)
+    monkeypatch.setattr(gram_matrix, "LONG", 2)
+    agree(solve(case, "event_driven"), whole, 1e-11)
+    assert (min(shares) < 1.0) == (case.name == "two_clusters"), shares
+
+
+@pytest.mark.parametrize("name", ["three_discs", "discs[n=10]"])
+def test_the_plain_method_agrees(name):
+    case = get_case(name)
+    X, times = plain(case, 1e-12)
+    traj = solve(case, "event_driven")
+    found = np.unique([e.t for e in traj.events if e.kind != "pivot"])
+    assert np.abs(X - traj.x).max() < 1e-9 and len(found) >= 3
+    assert max(np.abs(times - t).min() for t in found) < 1e-8 and len(times) <= len(
+        {e.t for e in traj.events}
+    )
+
+
+def drifts():
+    """(factory, whether it is affine on |x| <= 3 for t in [0, 2])."""
+    M = np.array([[0.0, 1.0], [-2.0, 0.5]])
+    return [
+        (lambda xp: lambda t, x: M @ x + 1.0, True),
+        (lambda xp: lambda t, x: 0.0 * x, True),
+        (lambda xp: lambda t, x: xp.stack((x[1] / 2.0 - 1.0, 3.0 * (x[0] + x[1]))), True),
+        (lambda xp: lambda t, x: -x + xp.maximum(x - 3.5, 0.0), True),  # bends outside
+        (lambda xp: lambda t, x: -x + xp.maximum(x - 2.9, 0.0), False),
+        (lambda xp: lambda t, x: -x + xp.exp(-(((x - 2.0) / 1e-3) ** 2)), False),
+        (lambda xp: lambda t, x: -x + 1e-9 * x * x, False),
+        (lambda xp: lambda t, x: -x + 1e-3 * t, False),
+        (lambda xp: lambda t, x: -x * (1.0 + xp.exp(-(((t - 1.3) / 1e-4) ** 2))), False),
+        (lambda xp: lambda t, x: xp.where(t < 1.99, -x, x), False),
+        (lambda xp: lambda t, x: -x / xp.abs(x), False),
+        (lambda xp: lambda t, x: np.array([-float(x[0]), 0.0]), False),
+    ]
+
+
+@pytest.mark.parametrize("k", range(len(drifts())))
+def test_only_affine_drifts_are_taken_for_that(k):
+    drift, yes = drifts()[k]
+    case = Case("drift", Complementarity(drift), np.array([0.1, 0.2]), np.linspace(0.0, 2.0, 3))
+    found = affine_drift(case, 3.0)
+    assert (found is not None) == yes
+    if yes:
+        ptr, cols, vals, c = found
+        A = np.zeros((2, 2))
+        A[np.repeat([0, 1], np.diff(ptr)), cols] = vals
+        x = np.array([0.7, -1.9])
+        np.testing.assert_allclose(A @ x + c, drift(np)(0.5, x), rtol=0, atol=1e-15)
+
+
+def test_a_run_that_leaves_the_proven_box_starts_again_in_python():
+    """x' = x grows out of any."""
+    case = Case(
+        "grows",
+        Complementarity(lambda xp: lambda t, x: x, (Affine([[1.0]], [1.0]),)),
+        np.ones(1),
+        np.linspace(0, 6, 4),
+    )
+    traj = solve(case, "event_driven")
+    assert traj.stats["loop"] == "host" and abs(traj.x[-1, 0] / np.exp(6.0) - 1.0) < 1e-11
+
+
+@numba.njit
+def _below(c, level, lo, hi):
+    return polynomial_descent.first_below(c, c.size - 1, level, lo, hi, np.empty(c.size))
+
+
+def test_descents_are_those_of_the_roots():
+    """Against all roots of 2000 random polynomials, and dips between two near roots down to a width
+    of 1e-5."""
+    rng = np.random.default_rng(3)
+    for k in range(2000):
+        c = rng.normal(size=rng.integers(2, 20))
+        if k % 2:
+            a = rng.uniform(0.1, 0.9)
+            w = 10.0 ** rng.uniform(-5, -1)
+            c = np.polynomial.polynomial.polymul(
+                [a * a - w * w / 4, -2 * a, 1.0], np.abs(c)
+            )  # a dip of width w
+        roots = np.roots(c[::-1])
+        real = np.sort(roots.real[np.abs(roots.imag) < 1e-12])
+        edges = np.concatenate(([0.0], real[(real > 0.0) & (real < 1.0)], [1.0]))
+        below = [
+            a
+            for a, b in itertools.pairwise(edges)
+            if np.polynomial.polynomial.polyval(0.5 * (a + b), c) < -1e-13
+        ]
+        s = _below(c, 0.0, 0.0, 1.0)
+        assert (s >= 0.0) == bool(below) or abs(np.polynomial.polynomial.polyval(s, c)) < 1e-13
+        if below:
+            assert abs(s - below[0]) < 1e-9 + 1e-13 / max(
+                1e-9, abs(np.polynomial.polynomial.polyval(s + 1e-7, c)) / 1e-7
+            )
+
+
+@numba.njit
+def _solved(C, V, count, n, v):
+    p = count.size
+    plan = skyline_cholesky.arrange(C, count, p, n)
+    out = np.empty(p)
+    E = np.empty(plan[2][p])
+    skyline_cholesky.fill(plan, C, V, count, p, np.zeros(n), E)
+    good = skyline_cholesky.factor(plan, p, E, 1e-14)
+    skyline_cholesky.solve(plan, p, E, v, out)
+    return good, out, E.size
+
+
+def test_skyline_solves_as_dense_matrices_do():
+    rng = np.random.default_rng(5)
+    for n, p in ((6, 1), (20, 9), (60, 40), (200, 120)):
+        pairs = np.sort(rng.choice(n // 2, (p, 2)), axis=1)
+        pairs[:, 1] = np.minimum(pairs[:, 0] + 1 + pairs[:, 1] % 3, n // 2 - 1)
+        pairs[:, 0] -= pairs[:, 0] == pairs[:, 1]
+        C = np.stack(
+            [2 * pairs[:, 0], 2 * pairs[:, 0] + 1, 2 * pairs[:, 1], 2 * pairs[:, 1] + 1], axis=1
+        )
+        V = rng.normal(size=(p, 4))
+        G = np.zeros((p, n))
+        np.put_along_axis(G, C, V, axis=1)
+        v = rng.normal(size=p)
+        good, x, size = _solved(C, V, np.full(p, 4), n, v)
+        assert good == (np.linalg.matrix_rank(G) == p)
+        if good:
+            assert (
+                np.abs(G @ (G.T @ x) - v).max() < 1e-8 * max(1.0, np.abs(x).max())
+                and size <= p * (p + 1) // 2
+            )
+
+
+@pytest.mark.parametrize("budget, code", [("max_steps=5", "maxiter"), ("max_events=4", "chatter")])
+def test_the_loop_in_python_tells_what_ends_early(budget, code):
+    traj = solve(get_case("discs[n=10]"), f"event_driven[{budget}]")
+    assert traj.status.code == code and traj.stats["loop"] == "host"

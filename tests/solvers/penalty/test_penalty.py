@@ -1,0 +1,447 @@
+"""The penalty method solves the penalised problem to its tolerance, is of order one in 1/k, and
+says when it cannot."""
+
+import numpy as np
+import pytest
+
+import nsbench
+from nsbench import Affine, Case, Complementarity, Distance, Filippov, Smooth, get_case, solve
+from nsbench.compilation import jax_cache
+from nsbench.dynamics.contacts.constraint_set import Scene
+from nsbench.solvers import get
+from nsbench.solvers.penalty.forces import constraint_ids, count, right_hand_side
+
+TIDE = get_case("tide")
+
+
+def penalised_tide(t, k):
+    """y' = -cos t - k min(y, 0): falls until t1, y = particular + C e^(-k (t - t1)) below 0, then 1
+    - sin t shifted."""
+    # e^(-k pi/3) < 1e-13 is left out
+    t1 = np.pi / 6
+    t2 = np.pi / 2 + np.arctan(1 / k)
+    y = lambda t: -(k * np.cos(t) + np.sin(t)) / (1 + k * k)
+    below = y(t) - y(t1) * np.exp(-k * np.clip(t - t1, 0.0, 700.0 / k))
+    return np.where(t < t1, 0.5 - np.sin(t), np.where(t < t2, below, np.sin(t2) - np.sin(t)))
+
+
+def test_order_one_in_state_and_impulse():
+    ks = np.geomspace(*get("penalty").ladder, 9)
+    state = []
+    impulse = []
+    for k in ks:
+        traj = solve(TIDE, "penalty", k=k)
+        assert traj.status.ok and traj.stats["h"] == 1 / k
+        assert np.abs(traj.x[:, 0] - penalised_tide(traj.t, k)).max() < 1e-7
+        state.append(np.abs(traj.x - TIDE.exact(traj.t)).max())
+        impulse.append(np.abs(traj.impulse - TIDE.exact_impulse(traj.t)).max())
+    for err in (state, impulse):
+        assert abs(np.polyfit(np.log(1 / ks), np.log(err), 1)[0] - 1.0) < 0.03
+    assert (
+        abs(state[-1] * ks[-1] - np.cos(np.pi / 6)) < 0.03
+    )  # y - y_k -> cos(t1) / k just after the impact
+
+
+@pytest.mark.parametrize(
+    "method, case",
+    [
+        ("dopri8", "tide"),
+        ("kvaerno3", "dragged_disc"),
+        ("kvaerno5", "slide_exit"),
+        ("kvaerno5", "three_discs"),
+        ("bosh3", "slide_exit"),
+    ],
+)
+def test_explicit_and_implicit_agree(method, case):
+    a = solve(case, "penalty", k=1e3)
+    b = solve(case, f"penalty[method={method}]", k=1e3)
+    assert a.status.ok and b.status.ok and a.contacts == b.contacts
+    for u, v in ((a.x, b.x), (a.impulse, b.impulse), (a.reaction, b.reaction)):
+        assert u.size == 0 or np.abs(u - v).max() < 3e-7
+
+
+def test_implicit_goes_on_where_explicit_meets_the_wall():
+    for k in (1e6, 1e7):
+        traj = solve(TIDE, "penalty[method=kvaerno3]", k=k)
+        assert traj.status.ok and traj.stats["steps"] < 2000
+        assert abs(np.abs(traj.x - TIDE.exact(traj.t)).max() * k - np.cos(np.pi / 6)) < 0.03
+    wall = solve(TIDE, "penalty[max_steps=20000]", k=1e10)
+    assert (
+        wall.status.code == "maxiter"
+        and "too stiff" in str(wall.status)
+        and "kvaerno5" in str(wall.status)
+    )
+    known = np.isfinite(wall.x[:, 0])
+    assert known[0] and not known[-1] and np.all(np.diff(known.astype(int)) <= 0)
+    assert (
+        np.isnan(wall.reaction[~known]).all()
+        and wall.stats["steps"] + wall.stats["refused_steps"] == 20000
+    )
+    hidden = solve(TIDE, "penalty[method=kvaerno3]", k=1e9)
+    assert hidden.status.code == "unverified" and "tolerance" in str(hidden.status)
+    better = solve(TIDE, "penalty[method=kvaerno3,rtol=1e-12,atol=1e-12]", k=1e9)
+    assert (
+        better.status.ok
+        and abs(np.abs(better.x - TIDE.exact(better.t)).max() * 1e9 - np.cos(np.pi / 6)) < 0.03
+    )
+
+
+def test_the_integrator_is_chosen_by_k():
+    low, high = (solve("three_discs", "penalty[method=auto]", k=k) for k in (1e3, 1e5))
+    assert low.stats["integrator"] == "tsit5" and high.stats["integrator"] == "kvaerno5"
+    assert (
+        np.array_equal(low.x, solve("three_discs", "penalty", k=1e3).x)
+        and high.stats["steps"] < 1000
+    )
+    assert (
+        solve("three_discs", "penalty[method=auto,extrapolate=1]", k=1500.0).stats["integrator"]
+        == "kvaerno5"
+    )
+
+
+def test_newton_does_not_take_rounding_for_divergence():
+    traj = solve("hex", "penalty[method=kvaerno5]", k=1631.0626448979872)
+    assert traj.status.ok and traj.stats["steps"] + traj.stats["refused_steps"] < 300
+
+
+def test_float64_whoever_imported_jax_before():
+    import jax
+
+    before = solve(TIDE, "penalty", k=1e3)
+    jax.config.update("jax_enable_x64", False)
+    cached = solve(TIDE, "penalty", k=1e3)
+    jax.config.update("jax_enable_x64", False)
+    fresh = solve(
+        TIDE.replace(problem=Complementarity(TIDE.problem.drift, TIDE.problem.constraints)),
+        "penalty",
+        k=1e3,
+    )
+    for traj in (cached, fresh):
+        assert traj.x.dtype == np.float64 and np.array_equal(traj.x, before.x)
+
+
+@pytest.mark.parametrize("up, weight", [(1.0, 1 / 2), (2.0, 2 / 3)])
+def test_sliding_has_its_weight_in_the_mean(up, weight):
+    """f+ = (1, -1), f- = (2, up): weight 1 until x2 = 0 at t = 1/2, then up / (1 + up)."""
+    case = Case(
+        "slide",
+        Filippov(
+            {
+                (1,): lambda xp: lambda t, x: xp.stack([1.0 + 0 * t, -1.0 + 0 * t]),
+                (-1,): lambda xp: lambda t, x: xp.stack([2.0 + 0 * t, up + 0 * t]),
+            },
+            lambda xp: lambda t, x: x[1:],
+        ),
+        np.array([0.0, 0.5]),
+        np.linspace(0.0, 2.0, 9),
+    )
+    traj = solve(case, "penalty", k=1e4)
+    assert traj.contacts == ((0, 0),) and traj.reaction.shape == (9, 0)
+    assert np.allclose(np.diff(traj.impulse[:, 0]) / 0.25, [1, 1] + 6 * [weight], atol=1e-3)
+    assert np.allclose(np.diff(traj.impulse[3:, 0]) / 0.25, weight, atol=1e-7)
+    assert np.allclose(np.diff(traj.x[3:], axis=0) / 0.25, [2.0 - weight, 0.0], atol=1e-7)
+
+
+def plane(dim):
+    """All families at once: discs with radii, one disc size, links, fixed and moving anchors,
+    moving wall, curved ones."""
+    n = 5 * dim + 1
+    curved = lambda xp: (
+        lambda t, x: xp.stack([0.3 - x[0] ** 2 - xp.sin(t) * x[1], x[0] * x[n - 1] - 1.0])
+    )
+    slope = lambda xp: (
+        lambda t, x: xp.stack(
+            [
+                xp.concatenate([xp.stack([-2.0 * x[0], -xp.sin(t)]), xp.zeros(n - 2)]),
+                xp.concatenate([xp.stack([x[n - 1]]), xp.zeros(n - 2), xp.stack([x[0]])]),
+            ]
+        )
+    )
+    rows = np.random.default_rng(5).normal(size=(3, n))
+    return Complementarity(
+        lambda xp: lambda t, x: -x,
+        (
+            Distance(radii=np.linspace(0.5, 0.9, 5), dim=dim, count=5),
+            Distance(1.4, dim=dim, start=1, count=5),
+            Distance(np.array([0.2, 0.3]), sign=-1, pairs=[[0, 1], [4, 2]], dim=dim, count=5),
+            Distance(1.5, anchors=np.ones((2, dim)), dim=dim, count=5),
+            Distance(
+                0.4,
+                sign=-1,
+                pairs=[[3, 0]],
+                dim=dim,
+                count=5,
+                anchors=lambda xp: lambda t: xp.stack([xp.cos(t) * xp.ones(dim)]),
+            ),
+            Affine(rows, lambda xp: lambda t: xp.sin(t) * xp.ones(3)),
+            Affine(-rows[:1], np.zeros(1)),
+            Smooth(curved),
+            Smooth(curved, slope),
+        ),
+    ), n
+
+
+@pytest.mark.parametrize("dim", [1, 2, 3])
+def test_forces_are_minus_the_gradient_of_the_energy(dim):
+    """Against central differences of k/2 sum max(-g, 0)^2, with the gaps of
+    nsbench.dynamics.contacts.constraint_set."""
+    import jax
+
+    problem, n = plane(dim)
+    scene = Scene(problem, n)
+    rhs = jax.jit(right_hand_side(problem, n))
+    k = 7.0
+    t = 0.6
+    near = scene.near(np.zeros(n), 1e3)
+    m = len(near)
+    assert constraint_ids(problem, n) == near.ids and count(problem, n) == m
+    depth = lambda x: np.maximum(-scene.gaps(t, x, near), 0.0)
+    for seed in range(3):
+        x = np.random.default_rng(seed).normal(size=n) * 0.8
+        out = np.asarray(rhs(t, np.concatenate([x, np.zeros(m + n)]), k))
+        assert (
+            np.allclose(out[n : n + m], k * depth(x), atol=1e-12) and (out[n : n + m] > 0).sum() > 4
+        )
+        e = 1e-6
+        force = [
+            -(0.5 * k * (depth(x + e * u) ** 2).sum() - 0.5 * k * (depth(x - e * u) ** 2).sum())
+            / (2 * e)
+            for u in np.eye(n)
+        ]
+        assert np.allclose(out[n + m :], force, atol=1e-6) and np.allclose(
+            out[:n], -x + out[n + m :], atol=1e-12
+        )
+
+
+@pytest.mark.survives("coincident centres")
+def test_coincident_centres_are_parted_along_the_first_axis():
+    problem = Complementarity(lambda xp: lambda t, x: -x, (Distance(2.0),))
+    case = Case("same", problem, np.zeros(4), np.linspace(0, 1, 5), start="keep")
+    traj = solve(case, "penalty", k=1e3)
+    assert traj.status.code == "degenerate" and np.allclose(
+        traj.x[-1], [1.0, 0.0, -1.0, 0.0], atol=2e-3
+    )
+
+
+def test_moving_wall_pushes_a_point_along():
+    """x' = k max(v t - x, 0): x = v t - v/k (1 - e^(-k t)), and the impulse is the way gone."""
+    v = 0.7
+    k = 300.0
+    wall = Affine(np.eye(1), lambda xp: lambda t: -v * t * xp.ones(1))
+    case = Case(
+        "plough",
+        Complementarity(lambda xp: lambda t, x: 0.0 * x, (wall,)),
+        np.zeros(1),
+        np.linspace(0, 2, 9),
+    )
+    traj = solve(case, "penalty", k=k)
+    assert np.allclose(traj.x[:, 0], v * traj.t - v / k * -np.expm1(-k * traj.t), atol=1e-8)
+    assert (
+        np.abs(traj.impulse - traj.x).max() < 1e-13 and np.abs(traj.reaction - traj.x).max() < 1e-13
+    )
+
+
+def test_reaction_and_impulse_belong_together():
+    """Linear invariants survive the integration: x - x0 - integral f = reaction = impulse @ A."""
+    A = np.array([[1.0, 0.2], [0.0, 1.0], [1.0, 1.0]])
+    problem = Complementarity(
+        lambda xp: lambda t, x: xp.zeros(2) - xp.ones(2), (Affine(A, np.array([0.0, 0.3, 5.0])),)
+    )
+    case = Case("corner", problem, np.array([0.4, 0.5]), np.linspace(0, 2, 9))
+    traj = solve(case, "penalty", k=1e3)
+    assert traj.contacts == ((0, 0), (0, 1)) and traj.stats["contacts_peak"] == 2
+    assert np.abs(traj.impulse @ A[:2] - traj.reaction).max() < 1e-12
+    assert np.abs(traj.x - case.x0 + traj.t[:, None] - traj.reaction).max() < 1e-12
+
+
+def test_one_compilation_serves_every_k_start_and_tolerance(monkeypatch):
+    monkeypatch.setattr(
+        jax_cache, "folder", lambda: None
+    )  # what an earlier run left on disk is not asked
+    traced = []
+
+    def drift(xp):
+        def f(t, x):
+            if xp.__name__ != "numpy":
+                traced.append(1)
+            return -xp.cos(t) * xp.ones_like(x)
+
+        return f
+
+    case = TIDE.replace(problem=Complementarity(drift, TIDE.problem.constraints))
+    method = get("penalty")
+    method.prepare(case, 10.0)
+    first = len(traced)
+    runs = [method.prepare(case, k)() for k in (30.0, 100.0, 300.0)]
+    moved = get("penalty[rtol=1e-6,max_steps=500]").prepare(
+        case.replace(x0=np.array([0.6]), t=case.t / 2), 50.0
+    )()
+    assert first > 0 and len(traced) == first
+    assert (
+        all(r.status.ok for r in runs)
+        and moved.status.ok
+        and moved.x[0, 0] == 0.6
+        and moved.t[-1] == 1.5
+    )
+    assert np.array_equal(runs[1].x, solve(TIDE, "penalty", k=100.0).x)
+
+
+def growing(xp):
+    return lambda t, x: x * x
+
+
+def undefined_later(xp):
+    return lambda t, x: xp.sqrt(1.0 - t) * xp.ones_like(x) - 2.0
+
+
+def branching(xp):
+    return lambda t, x: x if x[0] > 0 else -x
+
+
+@pytest.mark.parametrize(
+    "drift, code, word",
+    [
+        (growing, "diverged", "bounds"),
+        (undefined_later, "nan", "t = 1 of 2"),
+        (branching, "refused", "JAX"),
+    ],
+)
+@pytest.mark.parametrize("method", ["tsit5", "kvaerno5"])
+def test_failures_are_values_with_a_sentence(drift, code, word, method):
+    case = Case(
+        "fails",
+        Complementarity(drift, (Affine(np.eye(1), np.zeros(1)),)),
+        np.ones(1),
+        np.linspace(0, 2, 11),
+    )
+    with np.errstate(all="ignore"):
+        traj = solve(case, f"penalty[method={method}]")
+    assert traj.status.code == code and word in str(traj.status) and str(traj.status).endswith(".")
+    if code != "refused":
+        assert np.isnan(traj.x[-1]).all() and np.isfinite(traj.x[0]).all()
+
+
+def test_what_is_refused():
+    many = Case(
+        "many",
+        Complementarity(
+            lambda xp: lambda t, x: -x, (Distance(2.0, anchors=np.full((100, 2), 1e4)),)
+        ),
+        5.0 * np.arange(398.0),
+        np.linspace(0, 1, 3),
+    )
+    assert (
+        "19900" in solve(many, "penalty").status.why and "MB" in solve(many, "penalty").status.why
+    )
+    empty = TIDE.replace(problem=Complementarity(TIDE.problem.drift, ()))
+    assert solve(empty, "penalty").status.code == "refused"
+    one = np.ones((1, 1))
+    lcs = Case("lcs", nsbench.LCS(-one, one, one, one), np.ones(1), np.linspace(0, 1, 3))
+    assert solve(lcs, "penalty").status.code == "refused"
+    for option, text in (
+        ("method=euler", "euler"),
+        ("rtol=0", "rtol"),
+        ("extrapolate=3", "extrapolate"),
+        ("pairs=some", "pairs"),
+        ("reach=0", "reach"),
+        ("atol=-1", "atol"),
+        ("max_steps=0", "max_steps"),
+    ):
+        with pytest.raises(ValueError, match=text):
+            get(f"penalty[{option}]")
+    with pytest.raises(ValueError, match="k is"):
+        solve(TIDE, "penalty", k=float("nan"))
+
+
+@pytest.mark.parametrize("spec", ["penalty", "penalty[method=kvaerno5]"])
+def test_a_motion_in_a_small_unit_has_the_digits_of_one_in_a_large(spec):
+    def case(unit):
+        field = lambda xp: lambda t, x, s: unit * xp.array([1.3 * xp.tanh(x[0] / unit) - s[0]])
+        return Case(
+            "unit",
+            Filippov.signs(field, lambda xp: lambda t, x: xp.array([t - 0.7])),
+            unit * np.array([0.1]),
+            np.linspace(0.0, 1.0, 6),
+        )
+
+    large, small = (solve(case(unit), spec, k=1e3) for unit in (1.0, 1e-8))
+    assert large.status.ok and small.status.ok and np.abs(small.x / 1e-8 - large.x).max() < 1e-6
+
+
+def test_forces_of_rounding_are_told():
+    """1e8 from the origin a coordinate is known to 1.5e-8: springs of 1e8 make a force of 1.5 of
+    that."""
+
+    def still(xp):
+        return lambda t, x: 0.0 * x - 1.0
+
+    case = Case(
+        "far",
+        Complementarity(still, (Affine(np.array([[1.0]]), np.array([-1e8])),)),
+        np.array([1e8 + 0.1]),
+        np.linspace(0.0, 1.0, 3),
+    )
+    found = nsbench.solve(case, "penalty", k=1e8)
+    assert found.status.code == "maxiter" and "Rounding of the coordinates" in str(found.status)
+    assert nsbench.solve(case, "penalty", k=1e2).status.code != "maxiter"
+
+
+def _walled(speed, x0, column):
+    row = np.zeros((1, len(x0)))
+    row[0, column] = 1.0
+
+    def drift(xp):
+        return lambda t, x: xp.array(speed) + 0.0 * x
+
+    return Case(
+        "walled",
+        Complementarity(drift, (Affine(row, np.array([-float(np.floor(x0[column]))])),)),
+        np.array(x0),
+        np.linspace(0.0, 1.0, 3),
+    )
+
+
+def test_coordinates_far_away_that_nothing_holds_are_no_doubt():
+    """Nor forces of rounding that are small beside those of the drift."""
+    assert nsbench.solve(_walled([0.0, -1.0], [5000.0, 0.5], 1), "penalty", k=1e4).status.ok
+    assert (
+        nsbench.solve(_walled([0.0, -1.0], [1e12, 0.5], 1), "penalty", k=1e4).status.code
+        != "maxiter"
+    )
+    assert nsbench.solve(_walled([-1e6], [1e12], 0), "penalty", k=1e4).status.code != "maxiter"
+
+
+def test_a_switch_that_comes_back_after_the_run_has_changed():
+    def field(xp):
+        return lambda t, x, s: xp.array([-0.3 + 0.05 * s[0]])
+
+    def switch(xp):
+        return lambda t, x: xp.sin(2.0 * np.pi * x)
+
+    case = Case(
+        "periodic", Filippov.signs(field, switch), np.array([1.0]), np.linspace(0.0, 1.0, 5)
+    )
+    assert nsbench.solve(case, "penalty", k=1e4).status.ok
+
+
+@pytest.mark.parametrize("samples", [2, 3, 11])
+@pytest.mark.parametrize("offset", [0.0, 1e8])
+@pytest.mark.parametrize("spec", ["penalty", "penalty[method=kvaerno5]"])
+def test_a_motion_far_away_that_grows_has_grown_from_the_errors_of_its_beginning(
+    spec, offset, samples
+):
+    """At its end it is 10^6 and the origin no more than 30 of it away; at its beginning it is 1,
+    and tolerances are 0.1."""
+
+    def field(xp):
+        return lambda t, x, s: xp.array([x[0] - offset, -s[0]])
+
+    case = Case(
+        "far",
+        Filippov.signs(field, lambda xp: lambda t, x: x[1:] - offset),
+        np.array([offset + 1.0, offset + 1.0]),
+        np.linspace(0.0, 15.0, samples),
+    )
+    run = nsbench.solve(case, spec, k=1e3)
+    assert run.status.code == ("unverified" if offset else "ok")
+    assert offset or abs(run.x[-1, 0] / np.exp(15.0) - 1.0) < 1e-3
