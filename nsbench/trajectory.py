@@ -38,7 +38,7 @@ SHORT = (
 )
 
 
-def spelled(text: str) -> str:
+def utf8_safe(text: str) -> str:
     """The text as UTF-8 can spell it: of half characters, as a name of a file may hold them, their
     numbers are told."""
     return text.encode("utf-8", "backslashreplace").decode()
@@ -108,7 +108,7 @@ class Trajectory:
     between: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
 
 
-def fault_of_machine(e: BaseException) -> str:
+def machine_fault(e: BaseException) -> str:
     """The end of a sentence if files, disk or threads of the machine are behind what was raised,
     however a library tells it;
     "" if not."""

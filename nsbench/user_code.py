@@ -14,12 +14,12 @@ from collections.abc import Iterator
 SLOW = 20.0  # seconds after which a line says who is at work
 
 
-class EndsProcess(RuntimeError):
+class UserCodeExit(RuntimeError):
     """A file called os._exit where the command asked it for something."""
 
 
 @contextlib.contextmanager
-def asked(what: str) -> Iterator[None]:
+def guarded(what: str) -> Iterator[None]:
     """Within, os._exit of this thread raises EndsProcess, what takes longer than SLOW says so on
     standard error, and a crash in C leaves its traceback there."""
     here = (os.getpid(), threading.get_ident())
@@ -31,7 +31,7 @@ def asked(what: str) -> Iterator[None]:
             threading.get_ident(),
         ) != here:  # a child of the file's own, or another thread
             leave(status)
-        raise EndsProcess(f"{what} calls os._exit({status}), which would end the command")
+        raise UserCodeExit(f"{what} calls os._exit({status}), which would end the command")
 
     notice = threading.Timer(
         SLOW,
@@ -56,11 +56,11 @@ def asked(what: str) -> Iterator[None]:
             faulthandler.disable()
 
 
-def refuses(method, case, spec: str) -> bool:
+def solver_refuses(method, case, spec: str) -> bool:
     """Does the method refuse the case? Also where the question fails: the run puts it again, in a
     worker, and its row says what becomes of it."""
     try:
-        with asked(f"refuses of {spec}"):
+        with guarded(f"refuses of {spec}"):
             return bool(method.refuses(case))
     except (Exception, SystemExit):
         return True

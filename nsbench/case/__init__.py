@@ -178,7 +178,7 @@ def _scan() -> tuple[dict, dict]:
     failed = {}
     for info in pkgutil.iter_modules(package.__path__):
         try:
-            with user_code.asked(f"the file of the case {info.name}"):
+            with user_code.guarded(f"the file of the case {info.name}"):
                 module = importlib.import_module(f"nsbench.cases.{info.name}")
         except (Exception, SystemExit) as e:  # a broken plugin must not take the others with it
             failed[info.name] = f"{type(e).__name__}: {e}"
@@ -270,7 +270,7 @@ def get_case(name: str, **params) -> Case:
     LookupError for an unknown name or parameter (with the nearest match); ValueError for bad data.
     """
     base, inner = parse_spec(name)
-    with user_code.asked(f"make of the case {base}"):
+    with user_code.guarded(f"make of the case {base}"):
         case = _build(case_module(base), base, {**inner, **params})
     if case.name != base:  # its runs could not be told from those of another case
         raise ValueError(
@@ -294,7 +294,7 @@ def load_module(path):
         spec
     )  # dataclasses look themselves up there
     try:
-        with opened_files.during(path), user_code.asked(str(path)):
+        with opened_files.record_opens_while_loading(path), user_code.guarded(str(path)):
             spec.loader.exec_module(module)
     except (
         Exception,
@@ -309,5 +309,5 @@ def load_case(path, **params) -> Case:
     module = load_module(path)
     if not (hasattr(module, "CASE") or hasattr(module, "make")):
         raise ValueError(f"{path} defines neither CASE nor make(**params)")
-    with opened_files.during(path), user_code.asked(f"make of {path}"):
+    with opened_files.record_opens_while_loading(path), user_code.guarded(f"make of {path}"):
         return _build(module, Path(path).stem, params)

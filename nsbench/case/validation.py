@@ -6,7 +6,7 @@ from itertools import product
 
 import numpy as np
 
-from nsbench.compilation.factories import host
+from nsbench.compilation.factories import as_numpy
 from nsbench.problem import LCS, Affine, Distance, Filippov, Smooth
 
 
@@ -22,13 +22,13 @@ def check_shapes(case) -> None:
         return
     with np.errstate(all="ignore"):
         if isinstance(p, Filippov):
-            c = np.asarray(host(p.switch)(t0, x))
+            c = np.asarray(as_numpy(p.switch)(t0, x))
             if c.ndim != 1 or c.dtype != np.float64:
                 raise ValueError(
                     f"switch of {case.name} returns {c.dtype} of shape {c.shape}; float64 (d,) is "
                     f"needed"
                 )
-            found = [np.asarray(host(p.field)(t0, x, np.array(s))) for s in _sides(len(c))]
+            found = [np.asarray(as_numpy(p.field)(t0, x, np.array(s))) for s in _sides(len(c))]
         else:
             for c in p.constraints:
                 if isinstance(c, Distance):
@@ -38,7 +38,7 @@ def check_shapes(case) -> None:
                         f"A of {case.name} has {c.shape[1]} columns, the state {case.n} entries"
                     )
                 _check_curves(case, c, t0, x)
-            found = [np.asarray(host(p.drift)(t0, x))]
+            found = [np.asarray(as_numpy(p.drift)(t0, x))]
     for f in found:
         if f.shape != x.shape or f.dtype != np.float64:
             raise ValueError(
@@ -73,11 +73,13 @@ def _check_curves(case, c, t0: float, x) -> None:
     """What a constraint's factories return at the start: real numbers in double precision, of the
     shape that is needed."""
     if isinstance(c, Smooth):
-        made = {"g": (host(c.g)(t0, x), None)}
+        made = {"g": (as_numpy(c.g)(t0, x), None)}
     else:
-        made = {"b": (host(c.b)(t0), (c.shape[0],))} if isinstance(c, Affine) and c.moving else {}
+        made = (
+            {"b": (as_numpy(c.b)(t0), (c.shape[0],))} if isinstance(c, Affine) and c.moving else {}
+        )
         if isinstance(c, Distance) and c.moving:
-            made["anchors"] = (host(c.anchors)(t0), None)
+            made["anchors"] = (as_numpy(c.anchors)(t0), None)
     for name, (value, shape) in made.items():
         a = np.asarray(value)
         if a.dtype in (np.float32, np.float16) or a.dtype.kind not in "fiu":
@@ -103,7 +105,7 @@ def _check_inputs(case) -> None:
         if factory is None:
             continue
         with np.errstate(all="ignore"):
-            value = np.asarray(host(factory)(t0))
+            value = np.asarray(as_numpy(factory)(t0))
         if value.shape != (size,) or value.dtype != np.float64:
             raise ValueError(
                 f"{name} of {case.name} returns {value.dtype} of shape {value.shape}; float64 "

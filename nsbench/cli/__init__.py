@@ -26,9 +26,9 @@ def main(argv: list[str] | None = None) -> int:
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="backslashreplace")
     args = parser().parse_args(argv)
-    from nsbench.execute.workers.signals import heard
+    from nsbench.execute.workers.signals import stop_signals
 
-    with heard(last=argv is None):
+    with stop_signals(last=argv is None):
         return _guarded(args)
 
 
@@ -70,11 +70,11 @@ def _guarded(args) -> int:
 def _harmless(text: str) -> str:
     """What names and files say, without what would command a terminal; lines, and the start of one,
     stay what they are."""
-    from nsbench.report.style import clean
+    from nsbench.report.style import sanitise
 
     start = "\r" * text.startswith("\r")
     return start + "\n".join(
-        clean(line, len(line) * 8 + 8) for line in text.removeprefix("\r").split("\n")
+        sanitise(line, len(line) * 8 + 8) for line in text.removeprefix("\r").split("\n")
     )
 
 

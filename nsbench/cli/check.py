@@ -9,7 +9,7 @@ import numpy as np
 
 from nsbench import solvers
 from nsbench.case import Case, get_case, load_case, load_module
-from nsbench.compilation.factories import host
+from nsbench.compilation.factories import as_numpy
 from nsbench.problem import LCS, Complementarity, Filippov
 
 PROBES = ("tide", "sliding", "three_discs")
@@ -57,13 +57,13 @@ def check_case(case: Case, say) -> list[str]:
 
 
 def _start(case):
-    from nsbench.dynamics.contacts.constraint_set import Scene
-    from nsbench.solvers.common.initial_state import start_state
+    from nsbench.dynamics.contacts.constraint_set import ConstraintSet
+    from nsbench.solvers.common.initial_state import initial_state
 
     if not isinstance(case.problem, Complementarity):
         return []
     try:
-        start_state(case, Scene(case.problem, case.n))
+        initial_state(case, ConstraintSet(case.problem, case.n))
     except ValueError as e:
         return [str(e)]
     return []
@@ -79,16 +79,18 @@ def _namespaces(case):
     x = np.array(case.x0)
     out = []
     if isinstance(case.problem, Filippov):
-        s = np.ones(len(np.asarray(host(case.problem.switch)(t, x))))
+        s = np.ones(len(np.asarray(as_numpy(case.problem.switch)(t, x))))
         factory = case.problem.field
         args = (t, x, s)
     else:
         factory = case.problem.drift
         args = (t, x)
-    want = factories.host(factory)(*args)
+    want = factories.as_numpy(factory)(*args)
     try:
         pointer = (
-            factories.rhs(factory, case.n) if len(args) == 2 else factories.rhs_signs(factory, case.n, len(s))
+            factories.rhs_cfunc(factory, case.n)
+            if len(args) == 2
+            else factories.signed_rhs_cfunc(factory, case.n, len(s))
         )
         got = np.empty(case.n)
         import numba
@@ -102,7 +104,7 @@ def _namespaces(case):
     except factories.CompileError as e:
         out.append(f"numba cannot compile the drift, runs will be slow: {e}")
     try:
-        got = np.asarray(factories.jax_function(factory)(*args))
+        got = np.asarray(factories.as_jax(factory)(*args))
         if not np.allclose(got, want, rtol=1e-13, atol=1e-13, equal_nan=True):
             out.append(f"the drift in JAX differs from numpy by {np.abs(got - want).max():.3g}")
     except Exception as e:  # whatever JAX raises on a drift that is not written for it
@@ -159,9 +161,9 @@ def _exact(case):
     if np.abs(x[0] - case.x0).max() > 1e-12 and case.start != "project":
         out.append(f"exact(t0) is {x[0]}, x0 is {case.x0}")
     if isinstance(case.problem, Complementarity) and case.problem.constraints:
-        from nsbench.dynamics.contacts.constraint_set import Scene
+        from nsbench.dynamics.contacts.constraint_set import ConstraintSet
 
-        scene = Scene(case.problem, case.n)
+        scene = ConstraintSet(case.problem, case.n)
         worst = min(
             scene.gaps(t, y, scene.near(y, 0.1, t)).min(initial=0.0)
             for t, y in zip(case.t, x, strict=True)

@@ -11,9 +11,8 @@ NOTHING = 4
 
 def gate(args, say) -> int:
     """nsbench gate"""
-    from nsbench.gate import baseline
-    from nsbench.gate import messages
-    from nsbench.gate.comparison import exit_code, judge
+    from nsbench.gate import baseline, messages
+    from nsbench.gate.comparison import compare, exit_code
     from nsbench.gate.facts import facts
     from nsbench.report.data import read
     from nsbench.results.consistency import check
@@ -32,7 +31,7 @@ def gate(args, say) -> int:
     path = Path(args.baseline)
     if args.update:
         return _update(found, path, args, say)
-    findings = judge(found, baseline.read(path))
+    findings = compare(found, baseline.read(path))
     code = exit_code(findings)
     for line in messages.lines(findings):
         say(line)
@@ -56,9 +55,8 @@ def compare(args, say) -> int:
     """nsbench compare"""
     from dataclasses import replace
 
-    from nsbench.gate import baseline
-    from nsbench.gate import messages
-    from nsbench.gate.comparison import judge
+    from nsbench.gate import baseline, messages
+    from nsbench.gate.comparison import compare
     from nsbench.gate.facts import facts
     from nsbench.report.data import read
     from nsbench.results.consistency import check
@@ -76,7 +74,7 @@ def compare(args, say) -> int:
         key: line if line.kind in ("class", "max") else replace(line, rtol=args.rtol)
         for key, line in lines.items()
     }
-    findings = judge(new, lines)
+    findings = compare(new, lines)
     for text in messages.lines(findings):
         say(text)
     return FINE if any(f.outcome not in ("missing", "new") for f in findings) else NOTHING

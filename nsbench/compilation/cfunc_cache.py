@@ -94,7 +94,7 @@ def name_of(signature, what: str, function) -> str | None:
 
 def load(name: str | None, signature) -> Pointer | None:
     """The pointer whose code was kept under the name; None if there is none, or none of use."""
-    body = disk_cache.read(disk_cache.folder("pointers"), name)
+    body = disk_cache.read(disk_cache.cache_folder("pointers"), name)
     if body is None:
         return None
     head, _, code = body.partition(b"\n")
@@ -127,11 +127,17 @@ def compiled(name: str | None, signature, function) -> CFunc:
     found = _Found()
     callback._cache = found
     callback.compile()
-    if name is not None and disk_cache.folder("pointers") is not None and _stands_alone(found.result):
+    if (
+        name is not None
+        and disk_cache.cache_folder("pointers") is not None
+        and _stands_alone(found.result)
+    ):
         code = found.result.library.serialize_using_object_code()[2][0]
         if not any(word in code for word in HERE):
             head = {"format": FORMAT, "name": callback.native_name}
-            disk_cache.write(disk_cache.folder("pointers"), name, json.dumps(head).encode() + b"\n" + code)
+            disk_cache.write(
+                disk_cache.cache_folder("pointers"), name, json.dumps(head).encode() + b"\n" + code
+            )
     return callback
 
 

@@ -18,7 +18,7 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 
 
-def share_compilation(
+def lock_compilation(
     folder: str, around: Callable[[], AbstractContextManager], waited: Callable[[float], None]
 ) -> None:
     """From now on every kernel with a cache is compiled under a lock that all processes with this

@@ -12,8 +12,8 @@ import numpy as np
 
 from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
 
-inner = numba.njit(error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
-summing = numba.njit(
+inner_kernel = numba.njit(error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
+summing_kernel = numba.njit(
     error_model="numpy",
     no_cpython_wrapper=True,
     no_cfunc_wrapper=True,
@@ -21,10 +21,10 @@ summing = numba.njit(
 )  # dot products may be summed in lanes
 
 
-@inner
+@inner_kernel
 def one():
     """1 that is no literal."""
     return np.int64(1)
 
 
-once = numba.njit(error_model="numpy", inline="always")
+inlined = numba.njit(error_model="numpy", inline="always")

@@ -18,7 +18,7 @@ FILES = 2000  # kept in one folder, about 300 MB of JAX programs; the oldest giv
 
 
 @functools.cache
-def folder(kind: str) -> Path | None:
+def cache_folder(kind: str) -> Path | None:
     """Where machine code of a kind is kept, or None: not wanted, or nowhere to write."""
     if os.environ.get("NSBENCH_CACHE", "").lower() == "off":
         return None
@@ -91,7 +91,7 @@ def write(home: Path | None, name: str | None, body: bytes) -> None:
             old.unlink(missing_ok=True)
 
 
-def drop(home: Path | None, name: str) -> None:
+def remove(home: Path | None, name: str) -> None:
     """The file is of no use."""
     if home is not None:
         with contextlib.suppress(OSError):

@@ -19,7 +19,7 @@ class CompileError(Exception):
     """numba cannot compile a factory; the message says why."""
 
 
-def host(factory: Callable) -> Callable:
+def as_numpy(factory: Callable) -> Callable:
     """The factory in numpy, at times that are numpy's too: a Python float divided by zero, as at a
     pole in time, raises."""
     f = factory(np)
@@ -89,7 +89,7 @@ def _types():
 
 
 @functools.lru_cache(maxsize=256)
-def rhs(factory: Callable, n: int):
+def rhs_cfunc(factory: Callable, n: int):
     """``drift(xp) -> (t, x)`` as a cfunc (t, x, out), x and out (n,)."""
     void, f8, vec = _types()
 
@@ -109,7 +109,7 @@ def rhs(factory: Callable, n: int):
 
 
 @functools.lru_cache(maxsize=256)
-def rhs_signs(factory: Callable, n: int, d: int):
+def signed_rhs_cfunc(factory: Callable, n: int, d: int):
     """``field(xp) -> (t, x, s)`` as a cfunc (t, x, s, out)."""
     void, f8, vec = _types()
 
@@ -127,7 +127,7 @@ def rhs_signs(factory: Callable, n: int, d: int):
 
 
 @functools.lru_cache(maxsize=256)
-def curve(factory: Callable, size: int):
+def curve_cfunc(factory: Callable, size: int):
     """``b(xp) -> (t) -> array`` as a cfunc (t, out), out flat of the given size."""
     void, f8, vec = _types()
 
@@ -143,7 +143,7 @@ def curve(factory: Callable, size: int):
     return _pointer(factory, void(f8, vec), make)
 
 
-def still():
+def constant_curve():
     """A curve that does nothing: the walls stand still."""
     return _still()
 
@@ -160,7 +160,7 @@ def _still():
     return numba.cfunc(void(f8, vec), cache=False)(nothing)
 
 
-def plain(function, made: dict | None = None):
+def without_compilation(function, made: dict | None = None):
     """A kernel as Python functions, those it calls included: for one small call compilation would
     take seconds."""
     made = {} if made is None else made
@@ -172,11 +172,11 @@ def plain(function, made: dict | None = None):
         )
         for name in source.__code__.co_names:
             if hasattr(names.get(name), "py_func"):
-                names[name] = plain(names[name], made)
+                names[name] = without_compilation(names[name], made)
     return made[function]
 
 
-def jax_function(factory: Callable) -> Callable:
+def as_jax(factory: Callable) -> Callable:
     """The factory in jax.numpy, in float64."""
     import jax
 

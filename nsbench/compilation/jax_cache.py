@@ -41,7 +41,7 @@ def float64():
 
 
 @dataclass
-class Kept:
+class CachedProgram:
     """An executable; again() -> a newly compiled one, where this one came from the disk."""
 
     run: Callable
@@ -63,26 +63,26 @@ class Kept:
         return self(*arguments)
 
 
-def program(key: str | None, trace: Callable) -> Kept:
+def program(key: str | None, trace: Callable) -> CachedProgram:
     """The executable for `key`; trace() -> jax.stages.Lowered is called where it is not known yet,
     or key is None."""
     name = None if key is None else digest("made from", key, _platform())
     found = _load(name)
     if found is not None:
-        return Kept(found, lambda: _compiled(trace(), name, fresh=True))
+        return CachedProgram(found, lambda: _compiled(trace(), name, fresh=True))
     lowered = trace()
     if name is None:
         name = digest("traced", lowered.as_text(), _platform())
         found = _load(name)
         if found is not None:
-            return Kept(found, lambda: _compiled(trace(), name, fresh=True))
-    return Kept(_compiled(lowered, name))
+            return CachedProgram(found, lambda: _compiled(trace(), name, fresh=True))
+    return CachedProgram(_compiled(lowered, name))
 
 
 def _compiled(lowered, name: str, fresh: bool = False):
     """The executable, kept under `name` if it can be. fresh: what is there now is of no use."""
     if fresh:
-        disk_cache.drop(folder(), name)
+        disk_cache.remove(folder(), name)
     calls = set(CALLS.findall(lowered.as_text()))
     found, ours = _compile(lowered)
     if ours and all(c.startswith("lapack_") for c in calls):
@@ -124,7 +124,7 @@ def _platform() -> str:
 
 def folder() -> Path | None:
     """Where programs are kept, or None."""
-    return disk_cache.folder("programs")
+    return disk_cache.cache_folder("programs")
 
 
 def _load(name):

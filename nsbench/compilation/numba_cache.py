@@ -10,8 +10,7 @@ from pathlib import Path
 
 from numba.core import caching
 
-from nsbench.source_files import import_graph
-from nsbench.source_files import locations
+from nsbench.source_files import import_graph, locations
 
 
 @functools.cache
@@ -20,7 +19,7 @@ def contents(path: str) -> str:
     if not locations.inside(Path(path).resolve()):
         return ""
     digest = hashlib.sha256()
-    for file in sorted(import_graph.needs(path).files):
+    for file in sorted(import_graph.dependencies(path).files):
         digest.update(hashlib.sha256(Path(file).read_bytes()).digest())
     return digest.hexdigest()
 

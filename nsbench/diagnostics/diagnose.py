@@ -18,13 +18,13 @@ from dataclasses import replace
 import numpy as np
 
 from nsbench.case import Case
-from nsbench.compilation.factories import host
-from nsbench.diagnostics.contacts.infeasible_constraints import nowhere
-from nsbench.diagnostics.contacts.passed_through import passed
-from nsbench.diagnostics.drift_poles import pole
-from nsbench.diagnostics.filippov.late_exit import late
-from nsbench.diagnostics.filippov.nonunique_motion import parted, turned
-from nsbench.diagnostics.filippov.repulsive_surface import repelled
+from nsbench.compilation.factories import as_numpy
+from nsbench.diagnostics.contacts.infeasible_constraints import check_infeasible_constraints
+from nsbench.diagnostics.contacts.passed_through import check_passed_through
+from nsbench.diagnostics.drift_poles import check_drift_pole
+from nsbench.diagnostics.filippov.late_exit import check_late_exit
+from nsbench.diagnostics.filippov.nonunique_motion import check_nonunique_start, check_two_fold
+from nsbench.diagnostics.filippov.repulsive_surface import check_repulsive_sliding
 from nsbench.diagnostics.run_view import fuller
 from nsbench.dynamics.contacts.constraint_set import ANCHOR, PAIR
 from nsbench.dynamics.contacts.tolerances import scene_of
@@ -40,7 +40,7 @@ FLAT = (
 )
 
 
-def doubted(case: Case, traj: Trajectory) -> Trajectory:
+def diagnose(case: Case, traj: Trajectory) -> Trajectory:
     """The run with the status infeasible, degenerate or unverified where it says ok and cannot be;
     itself everywhere else."""
     p = case.problem
@@ -49,23 +49,25 @@ def doubted(case: Case, traj: Trajectory) -> Trajectory:
     with np.errstate(all="ignore"):
         known = case.exact is not None  # then the error is seen, and the solution is there
         status = (
-            (None if known else pole(case, traj)) or _overshot(case, traj) or _rounded(case, traj)
+            (None if known else check_drift_pole(case, traj))
+            or check_step_instability(case, traj)
+            or check_rounding(case, traj)
         )
         if isinstance(p, Filippov) and not known:
             seen = fuller(traj)
             status = (
                 status
-                or parted(case)
-                or repelled(case, seen)
-                or turned(case, seen)
+                or check_nonunique_start(case)
+                or check_repulsive_sliding(case, seen)
+                or check_two_fold(case, seen)
                 or _overslid(case, seen)
             )
         if isinstance(p, Complementarity) and p.constraints:
             status = (
-                _tied(case)
-                or nowhere(case, traj)
-                or passed(case, traj)
-                or _flat(case, traj)
+                check_coincident_centres(case)
+                or check_infeasible_constraints(case, traj)
+                or check_passed_through(case, traj)
+                or check_vanishing_gradient(case, traj)
                 or status
             )
     return traj if status is None else replace(traj, status=status)
@@ -74,12 +76,14 @@ def doubted(case: Case, traj: Trajectory) -> Trajectory:
 def _overslid(case: Case, traj: Trajectory) -> Status | None:
     """Explicit steps over a surface that keep the state beside it when the slide has ended."""
     where = (
-        late(case, traj, step=float(traj.stats.get("h") or 0.0)) if traj.lam_time == "start" else ""
+        check_late_exit(case, traj, step=float(traj.stats.get("h") or 0.0))
+        if traj.lam_time == "start"
+        else ""
     )
     return Status("unverified", f"{where}: no error of size h is claimed there.") if where else None
 
 
-def _overshot(case: Case, traj: Trajectory) -> Status | None:
+def check_step_instability(case: Case, traj: Trajectory) -> Status | None:
     """A state that grew although the drift pulls back: steps h of it lead over to the other side,
     further away each time.
 
@@ -98,7 +102,7 @@ def _overshot(case: Case, traj: Trajectory) -> Status | None:
     ):
         return None
     i = int(np.argmax(np.abs(traj.x[k])))
-    f = host(p.drift)(traj.t[k], traj.x[k].copy())
+    f = as_numpy(p.drift)(traj.t[k], traj.x[k].copy())
     if not -f[i] * h * np.sign(traj.x[k, i]) > 2.0 * sizes[k]:
         return None
     return Status(
@@ -109,7 +113,7 @@ def _overshot(case: Case, traj: Trajectory) -> Status | None:
     )
 
 
-def _rounded(case: Case, traj: Trajectory) -> Status | None:
+def check_rounding(case: Case, traj: Trajectory) -> Status | None:
     """Steps so many that their roundings, each half a spacing of the state, may add up to a part of
     the motion; those of implicit steps on a surface too, each as much as they leave of its
     equation.
@@ -121,7 +125,9 @@ def _rounded(case: Case, traj: Trajectory) -> Status | None:
     lost = float(traj.stats.get("steps", 0)) * each * float(np.abs(traj.x).max(initial=0.0))
     if not lost > ROUNDED * float(np.abs(traj.x - traj.x[0]).max(initial=0.0)):
         return None
-    speed = max(pace(case.problem, float(t), x) for t, x in zip(traj.t, traj.x, strict=True))
+    speed = max(
+        largest_speed(case.problem, float(t), x) for t, x in zip(traj.t, traj.x, strict=True)
+    )
     if not 0.0 < ROUNDED * speed * float(traj.t[-1] - traj.t[0]) < lost:
         return None
     size = np.abs(traj.x).max()
@@ -133,22 +139,22 @@ def _rounded(case: Case, traj: Trajectory) -> Status | None:
     )
 
 
-def pace(problem, t: float, x: np.ndarray) -> float:
+def largest_speed(problem, t: float, x: np.ndarray) -> float:
     """Largest speed that the drift, or a field beside all surfaces, gives to a coordinate; infinite
     at a pole."""
     if isinstance(problem, LCS):
-        speeds = [problem.A @ x + (host(problem.u)(t) if problem.u else 0.0)]
+        speeds = [problem.A @ x + (as_numpy(problem.u)(t) if problem.u else 0.0)]
     elif isinstance(problem, Complementarity):
-        speeds = [host(problem.drift)(t, x.copy())]
+        speeds = [as_numpy(problem.drift)(t, x.copy())]
     else:
-        field = host(problem.field)
-        d = len(np.atleast_1d(host(problem.switch)(t, x)))
+        field = as_numpy(problem.field)
+        d = len(np.atleast_1d(as_numpy(problem.switch)(t, x)))
         speeds = [field(t, x.copy(), np.full(d, s)) for s in (1.0, -1.0)]
     return float(np.abs(speeds).max(initial=0.0))
 
 
 @functools.lru_cache(maxsize=512)
-def _tied(case: Case) -> Status | None:
+def check_coincident_centres(case: Case) -> Status | None:
     """Coincident centres at a start that is kept: which way they part is no property of the
     case."""
     if case.start != "keep" or not any(isinstance(c, Distance) for c in case.problem.constraints):
@@ -168,7 +174,7 @@ def _tied(case: Case) -> Status | None:
     )
 
 
-def _flat(case: Case, traj: Trajectory) -> Status | None:
+def check_vanishing_gradient(case: Case, traj: Trajectory) -> Status | None:
     """A smooth constraint that pushes where its gradient vanishes."""
     if not any(isinstance(c, Smooth) for c in case.problem.constraints):
         return None

@@ -6,13 +6,13 @@ from __future__ import annotations
 import numpy as np
 
 from nsbench.case import Case
-from nsbench.diagnostics.diagnose import pace
+from nsbench.diagnostics.diagnose import largest_speed
 
 FAR = 1e3  # sizes of the motion from the origin: as near, tolerances are said to be of the motion
 HALF = 0.5  # of a run: what grows later has grown from errors of the time before
 
 
-def distance(case: Case, X: np.ndarray) -> float:
+def distance_over_motion(case: Case, X: np.ndarray) -> float:
     """How many sizes of its motion, or of 1 if that is more, a run of samples X (K, n) is from the
     origin, in its first half or the whole of it; 1 if no more than FAR. Coordinates at rest are
     known as well as at the start and do not count."""
@@ -24,7 +24,7 @@ def distance(case: Case, X: np.ndarray) -> float:
     way = (
         moved[early].max()
         if early.sum() > 1
-        else min(moved.max(), half * pace(case.problem, float(case.t[0]), case.x0))
+        else min(moved.max(), half * largest_speed(case.problem, float(case.t[0]), case.x0))
     )
     far = max(
         size[k].max(initial=1.0) / max(1.0, float(w))

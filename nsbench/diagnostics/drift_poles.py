@@ -14,7 +14,7 @@ import functools
 import numpy as np
 
 from nsbench.case import Case
-from nsbench.compilation.factories import host
+from nsbench.compilation.factories import as_numpy
 from nsbench.problem import LCS, Complementarity
 from nsbench.trajectory import Status, Trajectory
 
@@ -35,7 +35,7 @@ IN_TIME = 1e-6  # of its largest value: a denominator that is as small there at 
 OVER = {np.true_divide: 1, np.floor_divide: 1, np.remainder: 1, np.reciprocal: 0}
 
 
-class Noting(np.ndarray):
+class DivisionRecorder(np.ndarray):
     """An array that appends what it divides by to `seen`."""
 
     seen: list = []
@@ -53,16 +53,16 @@ class Noting(np.ndarray):
     @staticmethod
     def _note(ufunc, inputs, plain):
         k = OVER.get(ufunc)
-        if k is not None and isinstance(inputs[k], Noting):
-            Noting.seen.append(plain[k].ravel().astype(float))
+        if k is not None and isinstance(inputs[k], DivisionRecorder):
+            DivisionRecorder.seen.append(plain[k].ravel().astype(float))
         elif ufunc is np.tan:
-            Noting.seen.append(np.cos(plain[0]).ravel())
+            DivisionRecorder.seen.append(np.cos(plain[0]).ravel())
         elif (
             ufunc in (np.power, np.float_power)
-            and isinstance(inputs[0], Noting)
+            and isinstance(inputs[0], DivisionRecorder)
             and np.any(plain[1] < 0)
         ):
-            Noting.seen.append(plain[0].ravel().astype(float))
+            DivisionRecorder.seen.append(plain[0].ravel().astype(float))
 
     def __getitem__(self, index):
         return _noting(super().__getitem__(index))
@@ -73,7 +73,9 @@ class Noting(np.ndarray):
 
 def _noting(value):
     return (
-        np.asarray(value).view(Noting) if np.asarray(value).dtype.kind == "f" else np.asarray(value)
+        np.asarray(value).view(DivisionRecorder)
+        if np.asarray(value).dtype.kind == "f"
+        else np.asarray(value)
     )
 
 
@@ -91,7 +93,7 @@ def _kept(value):
     return _noting(value) if isinstance(value, (np.ndarray, np.floating)) else value
 
 
-def pole(case: Case, traj: Trajectory) -> Status | None:
+def check_drift_pole(case: Case, traj: Trajectory) -> Status | None:
     """diverged, if the drift has a pole in time on the straight way between two samples of the run;
     unverified, if it has one in the state, over which some solutions go (x' = 1 / x^2); None
     otherwise."""
@@ -192,7 +194,7 @@ def _missed(drift, divisors, column, state, ends, times) -> bool:
 def _speed(drift, t, x) -> np.ndarray:
     """|drift|; no numbers where it raises."""
     try:
-        return np.abs(np.asarray(host(drift)(t, x), float))
+        return np.abs(np.asarray(as_numpy(drift)(t, x), float))
     except Exception:
         return np.full(x.size, np.nan)
 
@@ -215,7 +217,7 @@ def _drifts(case: Case, traj: Trajectory):
             if parts
             else []
         )
-    switch = host(p.switch)
+    switch = as_numpy(p.switch)
     values = np.array([switch(t, x.copy()) for t, x in zip(traj.t, traj.x, strict=True)])
     signs, which = np.unique(np.where(values >= 0.0, 1.0, -1.0), axis=0, return_inverse=True)
     which = which.ravel()
@@ -230,13 +232,13 @@ def _drifts(case: Case, traj: Trajectory):
 
 def _denominators(drift, t: float, x: np.ndarray) -> np.ndarray:
     """All that the drift divides by at (t, x), in the order of its operations."""
-    Noting.seen = []
+    DivisionRecorder.seen = []
     with np.errstate(all="ignore"):
         try:
             drift(_Space())(_noting(t), _noting(x.copy()))
         except Exception:
             return np.empty(0)
-    return np.concatenate(Noting.seen) if Noting.seen else np.empty(0)
+    return np.concatenate(DivisionRecorder.seen) if DivisionRecorder.seen else np.empty(0)
 
 
 def _reciprocals(drift, times, state):

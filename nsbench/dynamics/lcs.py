@@ -8,7 +8,7 @@ from itertools import combinations
 import numpy as np
 
 from nsbench.case import Case
-from nsbench.compilation.factories import host, plain
+from nsbench.compilation.factories import as_numpy, without_compilation
 from nsbench.problem import LCS
 
 MINORS = 10  # rows whose principal minors are all looked at
@@ -55,7 +55,7 @@ def inputs(p: LCS):
 
 
 def _floats(factory):
-    f = host(factory)
+    f = as_numpy(factory)
     return lambda t: np.asarray(f(t), float)
 
 
@@ -73,7 +73,9 @@ def inconsistent(case: Case) -> str | None:
     v = np.where(
         np.abs(v) <= 1e-9 * size, np.maximum(v, 0.0), v
     )  # the rounding of whoever made the start
-    solve, scales = (plain(f) if len(v) <= FEW else f for f in (lemke.solve, lemke.scales))
+    solve, scales = (
+        without_compilation(f) if len(v) <= FEW else f for f in (lemke.solve, lemke.scales)
+    )
     D = np.array(p.D)
     with np.errstate(all="ignore"):
         if solve(D, v, *scales(D), np.zeros(len(v), np.bool_), np.zeros(len(v)), np.zeros(len(v)))[

@@ -7,7 +7,7 @@ import functools
 import numpy as np
 
 from nsbench.case import Case
-from nsbench.compilation.factories import host
+from nsbench.compilation.factories import as_numpy
 from nsbench.dynamics.contacts.time_dependence import SmoothRows
 from nsbench.problem import Affine, Complementarity, Distance
 
@@ -19,16 +19,16 @@ SMALL = 1e-3  # size of a motion of which an absolute 1e-9 would be visible besi
 
 
 @functools.lru_cache(maxsize=64)
-def unit_of(case: Case) -> float:
+def case_length_scale(case: Case) -> float:
     """unit(case, case.x0); 1 where the case's own functions raise, which is told where they are
     called for."""
     try:
-        return unit(case, case.x0)
+        return length_scale(case, case.x0)
     except Exception:
         return 1.0
 
 
-def unit(case: Case, x0: np.ndarray) -> float:
+def length_scale(case: Case, x0: np.ndarray) -> float:
     """1, or the size of states, motion and constraints (of a Complementarity or Filippov problem)
     where that is much smaller.
 
@@ -111,10 +111,10 @@ def _motions(case: Case, t: float, x0: np.ndarray) -> list:
     """x -> drift at t, or the fields on both sides of all surfaces."""
     p = case.problem
     if isinstance(p, Complementarity):
-        drift = host(p.drift)
+        drift = as_numpy(p.drift)
         return [lambda x: np.asarray(drift(t, x.copy()), float)]
-    field = host(p.field)
-    d = len(np.atleast_1d(host(p.switch)(t, x0.copy())))
+    field = as_numpy(p.field)
+    d = len(np.atleast_1d(as_numpy(p.switch)(t, x0.copy())))
     return [
         lambda x, s=s: np.asarray(field(t, x.copy(), np.full(d, s)), float) for s in (1.0, -1.0)
     ]
@@ -136,7 +136,7 @@ def _length(c, t: float, x: np.ndarray) -> float:
         return float(np.max(2.0 * c.radii if c.d is None else c.d))
     if isinstance(c, Affine):
         slope = np.sqrt(np.add.reduceat(c.data**2, c.indptr[:-1])) if c.shape[0] else np.empty(0)
-        return float((np.abs(host(c.b)(t) if c.moving else c.b) / slope).max(initial=0.0))
+        return float((np.abs(as_numpy(c.b)(t) if c.moving else c.b) / slope).max(initial=0.0))
     rows = SmoothRows(c, x.size)
     away = np.abs(rows.g(t, x)) / np.sqrt((rows.gradient(t, x) ** 2).sum(-1))
     return float(away.max(initial=0.0)) if np.all(np.isfinite(away)) else 1.0

@@ -12,7 +12,7 @@ import numpy as np
 from nsbench.case import size
 from nsbench.execute.forecast import GUESS, NOTHING, PROBE, Forecast, small
 from nsbench.execute.probe import probe
-from nsbench.execute.rerun_reasons import reasons
+from nsbench.execute.rerun_reasons import rerun_reasons
 from nsbench.execute.workers import memory
 from nsbench.results import tables
 
@@ -40,7 +40,7 @@ def admit(sizes: dict[str, size.Size | None], args) -> None:
 
 def tell(specs, cases, parts, keys, known: dict, out: Path, args, say) -> int:
     """Say the plan; nothing is written."""
-    why = reasons(specs, parts, keys, known, out, args.force)
+    why = rerun_reasons(specs, parts, keys, known, out, args.force)
     todo = [s for s in specs if why[s]]
     say(f"{len(todo)} to run, {len(specs) - len(todo)} known")
     if args.verbose:

@@ -15,7 +15,7 @@ OTHER = "made by a version that did not say of what"
 MOST = 3  # changes that are told; the others are counted
 
 
-def reasons(
+def rerun_reasons(
     specs: list[Spec],
     parts: dict[Spec, tuple[Part, ...]],
     keys: dict[Spec, str],

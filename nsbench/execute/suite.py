@@ -20,11 +20,10 @@ from nsbench.execute.forecast import weight
 from nsbench.execute.progress import Progress
 from nsbench.execute.workers.pool import Chore, run_all
 from nsbench.reference import lookup
-from nsbench.results import consistency
-from nsbench.results import row_reuse
+from nsbench.results import consistency, row_reuse
 from nsbench.results import run_key as key
 from nsbench.results import tables as store
-from nsbench.results.packed_rows import InOrder, Kept
+from nsbench.results.packed_rows import OrderedRows, PackedRows
 from nsbench.study import describe
 
 EXPECTED = ("ok", "refused", "below_reference")
@@ -52,7 +51,7 @@ def execute(specs, out: Path, args, say) -> int:
         return dry_run.tell(specs, cases, parts, keys, known, out, args, say)
     with contextlib.closing(store.Journal(out)) as journal:  # from here on nobody else writes there
         known = {} if args.force else _known(out, specs, keys, args, say)
-        rows = Kept()
+        rows = PackedRows()
         todo = [s for s in specs if keys[s] not in known]
         for s in specs:
             if keys[s] in known:
@@ -61,12 +60,12 @@ def execute(specs, out: Path, args, say) -> int:
         drawn = set()
         if todo:
             say(f"{len(todo)} runs ({len(specs) - len(todo)} known already), results in {out}")
-            consistency.begin(out)
-            entries = row_reuse.Filed(journal, keys, parts, cases, here=args.dask is None)
+            consistency.mark_stale(out)
+            entries = row_reuse.RowRecorder(journal, keys, parts, cases, here=args.dask is None)
             drawn = _run(todo, keys, entries, rows, args, say, [*cases], out)
             entries.tell(say)
-        ordered = InOrder(
-            rows, (keys[s] for s in specs), lambda i: study.lost(specs[i], "error", NO_ROW)
+        ordered = OrderedRows(
+            rows, (keys[s] for s in specs), lambda i: study.lost_run_row(specs[i], "error", NO_ROW)
         )
         path = publish(out, ordered, cases, fresh=bool(todo), say=say, drawn=drawn)
     failed = Counter(r["status"] for r in ordered if r["status"] not in EXPECTED)
@@ -90,10 +89,10 @@ def _folder(out: Path) -> None:
         )
 
 
-def _known(out: Path, specs, keys, args, say) -> Kept:
+def _known(out: Path, specs, keys, args, say) -> PackedRows:
     """Rows by key that need not be made again (nsbench.results.row_reuse)."""
     damaged: list[int] = []
-    rows = row_reuse.known(out, specs, keys, args.timeout, damaged)
+    rows = row_reuse.reusable_rows(out, specs, keys, args.timeout, damaged)
     if damaged:
         few = ", ".join(map(str, damaged[:5])) + (", ..." if len(damaged) > 5 else "")
         say(
@@ -236,7 +235,7 @@ def publish(out: Path, rows, cases, fresh: bool, say, drawn=frozenset()) -> Path
         )
     )
     path = out / "report.html"
-    if not fresh and path.exists() and consistency.current(out, digest):
+    if not fresh and path.exists() and consistency.is_consistent(out, digest):
         return path
     tables = store.write_tables(out, rows)
     meta = {s: describe.describe_solver(s) for s in dict.fromkeys(r["solver"] for r in rows)}
@@ -244,7 +243,7 @@ def publish(out: Path, rows, cases, fresh: bool, say, drawn=frozenset()) -> Path
     store.write_atomically(
         out / "cases.json", _dump({k: describe.describe_case(c) for (k, _), c in cases.items()})
     )
-    if fresh or not consistency.intact(out, "env.json"):
+    if fresh or not consistency.is_unmodified(out, "env.json"):
         store.write_atomically(out / "env.json", _dump(store.environment()))
     figures = out / "figures"
     figures.mkdir(exist_ok=True)
@@ -260,7 +259,7 @@ def publish(out: Path, rows, cases, fresh: bool, say, drawn=frozenset()) -> Path
     from nsbench.report import write_report
 
     path = Path(write_report(out, path))
-    consistency.end(out, digest, tables)
+    consistency.mark_consistent(out, digest, tables)
     return path
 
 

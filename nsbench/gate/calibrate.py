@@ -14,9 +14,8 @@ from nsbench.gate import spreads
 from nsbench.gate.baseline import GATEABLE, line
 from nsbench.gate.facts import facts
 from nsbench.report.data import Data, build, columns_of, read
-from nsbench.results import run_key
-from nsbench.results import tables
-from nsbench.results.row_reuse import Filed, known
+from nsbench.results import run_key, tables
+from nsbench.results.row_reuse import RowRecorder, reusable_rows
 
 SEEDS = (1, 2)  # of the perturbed starts
 THREADS = 2  # of the pass from the unchanged start
@@ -73,8 +72,8 @@ def _again(specs, folder: Path, threads: int, args, data: Data) -> Data:
     parts = {s: run_key.parts_of(s, cases[s.case]) for s in specs}
     found = {s: run_key.key_of(s, parts[s]) for s in specs}
     journal = tables.Journal(folder)
-    entries = Filed(journal, found, parts, {(s.case, s.file): cases[s.case] for s in specs})
-    rows = known(folder, specs, found, args.timeout, [])
+    entries = RowRecorder(journal, found, parts, {(s.case, s.file): cases[s.case] for s in specs})
+    rows = reusable_rows(folder, specs, found, args.timeout, [])
     todo = [s for s in specs if found[s] not in rows]
     by_case: dict[str, list] = {}
     for s in todo:

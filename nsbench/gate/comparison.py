@@ -34,11 +34,11 @@ class Finding:
     sentence: str = ""
 
 
-def judge(found: dict[tuple, Fact], baseline: dict[tuple, Line]) -> list[Finding]:
+def compare(found: dict[tuple, Fact], baseline: dict[tuple, Line]) -> list[Finding]:
     """A finding for every line of the baseline, then one for every fact that has none."""
     out = [_one(found.get(key), line, found) for key, line in baseline.items()]
     return out + [
-        Finding("new", key, f"is {shown(f.value)}; the baseline says nothing of it")
+        Finding("new", key, f"is {format_value(f.value)}; the baseline says nothing of it")
         for key, f in found.items()
         if key not in baseline
     ]
@@ -52,8 +52,8 @@ def _one(fact: Fact | None, line: Line, found) -> Finding:
             if not near
             else "this run does not give it any more"
         )
-        return Finding("missing", line.key, f"was {shown(line.value)}; {why}")
-    differs = unlike(line.config, fact.config)
+        return Finding("missing", line.key, f"was {format_value(line.value)}; {why}")
+    differs = differing_parts(line.config, fact.config)
     if differs:
         return Finding(
             "configuration differs",
@@ -68,7 +68,8 @@ def _one(fact: Fact | None, line: Line, found) -> Finding:
         changed = "status changed" if line.metric in ("status", "statuses") else "regressed"
         return Finding(changed, line.key, f"was {line.value!r}, is {fact.value!r}")
     text = (
-        f"was {shown(line.value)}, is {shown(fact.value)} (tolerance {line.rtol:g} relative, "
+        f"was {format_value(line.value)}, is {format_value(fact.value)} (tolerance {line.rtol:g} "
+        f"relative, "
         f"{line.atol:g} absolute)"
     )
     room = line.atol + line.rtol * abs(line.value)
@@ -83,7 +84,7 @@ def _one(fact: Fact | None, line: Line, found) -> Finding:
     return Finding("improved" if better else "regressed", line.key, text)
 
 
-def unlike(a: str, b: str) -> list[str]:
+def differing_parts(a: str, b: str) -> list[str]:
     """Names of the parts in which two configurations differ."""
     one, two = (dict(p.partition("=")[::2] for p in c.split()) for c in (a, b))
     return [name for name in dict.fromkeys((*one, *two)) if one.get(name) != two.get(name)]
@@ -100,5 +101,5 @@ def exit_code(findings: list[Finding]) -> int:
     return FINE if held and seen.keys() <= {"pass", "not held"} else NOT_COMPARED
 
 
-def shown(value) -> str:
+def format_value(value) -> str:
     return f"{value:.6g}" if isinstance(value, float) else repr(value)

@@ -4,7 +4,7 @@ reason given."""
 from __future__ import annotations
 
 from nsbench.gate.baseline import Line, line, same
-from nsbench.gate.comparison import judge, shown, unlike
+from nsbench.gate.comparison import compare, differing_parts, format_value
 from nsbench.gate.facts import Fact
 
 
@@ -18,7 +18,7 @@ def updated(
     at the end, the lines of what these results do not hold at all: a part of a study takes nothing
     from the rest. ValueError for a fact whose spread is not known.
     """
-    passed = {f.key for f in judge(found, old) if f.outcome in ("pass", "not held")}
+    passed = {f.key for f in compare(found, old) if f.outcome in ("pass", "not held")}
     lines = []
     changes = []
     for key, fact in found.items():
@@ -32,16 +32,17 @@ def updated(
         after = line(fact, spread[key], reason)
         lines.append(after)
         if before is None:
-            changes.append(f"{name}: new, {shown(after.value)}")
+            changes.append(f"{name}: new, {format_value(after.value)}")
         elif not same(before, after):
-            other = unlike(before.config, after.config)
+            other = differing_parts(before.config, after.config)
             changes.append(
-                f"{name}: {shown(before.value)} -> {shown(after.value)}"
+                f"{name}: {format_value(before.value)} -> {format_value(after.value)}"
                 + (f", {' and '.join(other)} of another version" if other else "")
             )
     run = {key[:2] for key in found}
     lines += [x for key, x in old.items() if key[:2] not in run]
     gone = [key for key in old if key not in found and key[:2] in run]
     return lines, changes + [
-        f"{' '.join(key)}: {shown(old[key].value)} -> no line: not given any more" for key in gone
+        f"{' '.join(key)}: {format_value(old[key].value)} -> no line: not given any more"
+        for key in gone
     ]

@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 
 from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
-from nsbench.compilation.decorators import inner
+from nsbench.compilation.decorators import inner_kernel
 
 OK = 0
 INFEASIBLE = 1
@@ -23,7 +23,7 @@ NULL = (
 ROUNDING = 1e-9
 
 
-@inner
+@inner_kernel
 def _append(L, M, idx, p, k, dep):
     """Factor row p for the new index k; False if its row depends on those of idx[:p]. Fills L[p,
     :p] in any case."""
@@ -41,7 +41,7 @@ def _append(L, M, idx, p, k, dep):
     return True
 
 
-@inner
+@inner_kernel
 def _remove(L, M, idx, p, place, dep):
     """Take idx[place] out and factor the later rows again; returns the new p."""
     q = place
@@ -51,7 +51,7 @@ def _remove(L, M, idx, p, place, dep):
     return q
 
 
-@inner
+@inner_kernel
 def _backsolve(L, p, v):
     for a in range(p - 1, -1, -1):
         for b in range(a + 1, p):
@@ -59,7 +59,7 @@ def _backsolve(L, p, v):
         v[a] /= L[a, a]
 
 
-@inner
+@inner_kernel
 def _solve(L, p, v):
     """v <- (L L^T)^-1 v for the leading p rows."""
     for a in range(p):
@@ -69,7 +69,7 @@ def _solve(L, p, v):
     _backsolve(L, p, v)
 
 
-@inner
+@inner_kernel
 def _target(L, M, h, idx, p):
     """lam on idx[:p] with w = 0 there, refined once."""
     s = np.empty(p)
@@ -87,7 +87,7 @@ def _target(L, M, h, idx, p):
     return s
 
 
-@inner
+@inner_kernel
 def _settle(L, M, h, idx, p, lam, dep):
     """Move lam to the target of its support, dropping what becomes zero on the way; returns p."""
     while p > 0:
@@ -112,7 +112,7 @@ def _settle(L, M, h, idx, p, lam, dep):
     return p
 
 
-@inner
+@inner_kernel
 def _exchange(L, M, idx, p, k, lam, dep):
     """k depends on the support: move along the null direction with lam_k growing until a member
     vanishes.
@@ -140,7 +140,7 @@ def _exchange(L, M, idx, p, k, lam, dep):
     return p + 1 if _append(L, M, idx, p, k, dep) else p
 
 
-@inner
+@inner_kernel
 def _speeds(M, h, lam, w):
     """w <- h + M lam."""
     for k in range(h.size):
@@ -149,7 +149,7 @@ def _speeds(M, h, lam, w):
             w[k] += M[k, a] * lam[a]
 
 
-@inner
+@inner_kernel
 def _size(M, h, lam, k):
     """Size of the terms that w_k is the sum of."""
     s = abs(h[k])

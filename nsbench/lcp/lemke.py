@@ -13,7 +13,7 @@ from numba import njit
 
 from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
 from nsbench.lcp.gram_lcp import solve_lcp
-from nsbench.linalg.dense import gauss
+from nsbench.linalg.dense import solve_gauss
 from nsbench.linalg.rank import near_singular, orthonormal
 
 FEW = 10  # rows whose 2^m supports are tried when Lemke's method ends on a ray
@@ -83,7 +83,7 @@ def by_support(M, r, on, lam, w):
             b[i] = -r[idx[i]]
             for j in range(p):
                 N[i, j] = M[idx[i], idx[j]]
-        if not gauss(N.copy(), b):
+        if not solve_gauss(N.copy(), b):
             return False
         for i in range(p):
             lam[idx[i]] = b[i]
@@ -91,7 +91,7 @@ def by_support(M, r, on, lam, w):
             b[i] = -r[idx[i]]
             for j in range(m):
                 b[i] -= M[idx[i], j] * lam[j]
-        if gauss(N, b):
+        if solve_gauss(N, b):
             for i in range(p):
                 lam[idx[i]] += b[i]
     if not slack(M, r, lam, w):
@@ -205,7 +205,7 @@ def solve(M, r, a, b, on, lam, w):
 
 
 @njit(cache=True, error_model="numpy")
-def other_motion(M, r, G, lam, size):
+def has_other_motion(M, r, G, lam, size):
     """Is there a solution mu with G mu apart from G lam by more than 1e-9 of `size`? All supports
     are tried."""
     m = r.size
@@ -226,7 +226,7 @@ def other_motion(M, r, G, lam, size):
 
 
 @njit(cache=True, error_model="numpy")
-def least(M, r, a, b, lam, w):
+def least_norm_solution(M, r, a, b, lam, w):
     """Replace lam by the smallest (Euclidean) solution with the same w = 0 rows, if these leave a
     choice.
 

@@ -11,7 +11,7 @@ BLOWN = 2
 
 
 @njit(cache=True)
-def health(x):
+def state_code(x):
     """OK, NAN, or BLOWN beyond 1e150, where squares overflow."""
     for v in x:
         if v != v:
@@ -32,7 +32,7 @@ def largest(x):
 
 
 @njit(cache=True)
-def gauss(A, b):
+def solve_gauss(A, b):
     """Solve A z = b in place (z in b) with partial pivoting; False if A is singular or not
     finite."""
     n = b.size

@@ -242,7 +242,7 @@ def solve(T, L, b, x, w):
 
 
 @njit(cache=True, error_model="numpy")
-def room(T):
+def workspace(T):
     """L, F, stack and w for the fronts T."""
     size = T[10][0]
     most = T[10][1]

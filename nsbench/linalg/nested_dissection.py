@@ -77,7 +77,7 @@ def _pieces(ptr, cols, tptr, trow, order, label, queue, level, todo):
 
 
 @njit(cache=True, error_model="numpy")
-def dissect(ptr, cols, tptr, trow):
+def nested_dissection(ptr, cols, tptr, trow):
     """Order of elimination (n,), and above (n,): -2 inside a part, else the place where the part
     above it begins (-1: none)."""
     n = tptr.size - 1
@@ -220,7 +220,7 @@ def _borders(first, above, place, order, ptr, cols, tptr, trow):
 
 
 @njit(cache=True, error_model="numpy")
-def tree(ptr, cols, tptr, trow):
+def assembly_tree(ptr, cols, tptr, trow):
     """The fronts of a pattern: a tuple of arrays that kernels.fronts reads.
 
     order (n,): coordinate at each place; first (parts + 1,): places of a part; up: the part above;
@@ -230,7 +230,7 @@ def tree(ptr, cols, tptr, trow):
     size: largest front, and room for the stack of what children hand up.
     """
     n = tptr.size - 1
-    order, above = dissect(ptr, cols, tptr, trow)
+    order, above = nested_dissection(ptr, cols, tptr, trow)
     place = np.empty(n, np.int64)
     parts = 0
     for c in range(n):

@@ -8,10 +8,10 @@ matrix is held from its first entry to its diagonal.
 
 import numpy as np
 
-from nsbench.compilation.decorators import inner, summing
+from nsbench.compilation.decorators import inner_kernel, summing_kernel
 
 
-@inner
+@inner_kernel
 def columns(C, count, p, n):
     """Rows of each column: pointers (n + 1,) and members."""
     ptr = np.zeros(n + 1, np.int64)
@@ -29,7 +29,7 @@ def columns(C, count, p, n):
     return ptr, member
 
 
-@inner
+@inner_kernel
 def _breadth(first, nptr, near, stamp, mark, queue, at):
     """Rows reached from `first` in breadth-first order, written to queue[at:]; returns the end."""
     queue[at] = first
@@ -47,7 +47,7 @@ def _breadth(first, nptr, near, stamp, mark, queue, at):
     return end
 
 
-@inner
+@inner_kernel
 def _neighbours(C, count, p, n, stamp):
     """Rows that share a column with each row, itself included: pointers (p + 1,) and members."""
     ptr, member = columns(C, count, p, n)
@@ -71,7 +71,7 @@ def _neighbours(C, count, p, n, stamp):
     return nptr, near
 
 
-@inner
+@inner_kernel
 def arrange(C, count, p, n):
     """A plan: place (p,) of each row, start (p,) and ptr (p + 1,) of the envelope, and who meets
     each row (nptr, near)."""
@@ -104,7 +104,7 @@ def arrange(C, count, p, n):
     return place, start, eptr, nptr, near
 
 
-@inner
+@inner_kernel
 def fill(plan, C, V, count, p, work, E):
     """E: the Gram matrix G G^T of rows (C, V, count) in the envelope of the plan; work (n,)
     zeros."""
@@ -125,7 +125,7 @@ def fill(plan, C, V, count, p, work, E):
             work[C[k, e]] = 0.0
 
 
-@summing
+@summing_kernel
 def _dot(E, a, b, m):
     s = 0.0
     for k in range(m):
@@ -133,7 +133,7 @@ def _dot(E, a, b, m):
     return s
 
 
-@inner
+@inner_kernel
 def factor(plan, p, E, least):
     """E <- its Cholesky factor; False if a pivot is not above `least` times its diagonal."""
     _, start, eptr, _, _ = plan
@@ -152,7 +152,7 @@ def factor(plan, p, E, least):
     return True
 
 
-@summing
+@summing_kernel
 def solve(plan, p, E, v, out):
     """out <- (L L^T)^-1 v, both in the order of the rows."""
     place, start, eptr, _, _ = plan

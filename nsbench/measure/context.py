@@ -10,8 +10,8 @@ from itertools import pairwise
 import numpy as np
 
 from nsbench.case import Case
-from nsbench.compilation.factories import host
-from nsbench.dynamics.contacts.constraint_set import PAIR, Near, Scene
+from nsbench.compilation.factories import as_numpy
+from nsbench.dynamics.contacts.constraint_set import PAIR, CandidateContacts, ConstraintSet
 from nsbench.problem import LCS, Complementarity, Filippov
 from nsbench.reference import Reference, canonical, files_of, reference, spread
 
@@ -21,7 +21,7 @@ _frames: weakref.WeakKeyDictionary = weakref.WeakKeyDictionary()
 
 
 @dataclass(frozen=True, eq=False)
-class Frame:
+class MeasureContext:
     """ref or None; scene (complementarity only); quiet (k - 1,): intervals outside the windows
     around events;
     unique: are the multipliers (None without a reference); active: ids with a gap of zero at each
@@ -29,14 +29,14 @@ class Frame:
 
     case: Case
     ref: Reference | None
-    scene: Scene | None
+    scene: ConstraintSet | None
     quiet: np.ndarray
     unique: bool | None
     active: tuple = ()
     cache: dict = field(default_factory=dict)
 
 
-def frame(case: Case) -> Frame:
+def context_of(case: Case) -> MeasureContext:
     """The frame of a case; made anew when its stored reference changes on disk."""
     stamp = tuple(p.stat().st_mtime_ns if p.exists() else 0 for p in files_of(case))
     known = _frames.get(case)
@@ -45,11 +45,13 @@ def frame(case: Case) -> Frame:
     return known[1]
 
 
-def _make(case: Case) -> Frame:
+def _make(case: Case) -> MeasureContext:
     ref = reference(case)
-    scene = Scene(case.problem, case.n) if isinstance(case.problem, Complementarity) else None
+    scene = (
+        ConstraintSet(case.problem, case.n) if isinstance(case.problem, Complementarity) else None
+    )
     if ref is None:
-        return Frame(case, None, scene, np.zeros(len(case.t) - 1, bool), None)
+        return MeasureContext(case, None, scene, np.zeros(len(case.t) - 1, bool), None)
     quiet = outside_windows(case.t, event_times(case, ref))
     active = _active(case, ref, scene)
     tested = [
@@ -57,7 +59,7 @@ def _make(case: Case) -> Frame:
     ]
     # with events everywhere the samples themselves are as good: an event seldom falls on one
     unique = all(_independent(case, ref, scene, k, active[k]) for k in tested or range(len(case.t)))
-    return Frame(case, ref, scene, quiet, unique, active)
+    return MeasureContext(case, ref, scene, quiet, unique, active)
 
 
 def event_times(case: Case, ref: Reference) -> np.ndarray:
@@ -98,7 +100,7 @@ def outside_windows(t: np.ndarray, events: np.ndarray) -> np.ndarray:
     return quiet
 
 
-def near_of(scene: Scene, contacts) -> Near:
+def near_of(scene: ConstraintSet, contacts) -> CandidateContacts:
     """The candidates with the given ids, in their order."""
     static = scene.all_static()
     at = {c: k for k, c in enumerate(static.ids)}
@@ -127,7 +129,7 @@ def near_of(scene: Scene, contacts) -> Near:
             rows.append(tuple(a[k] for a in static.arrays()))
     like = static.arrays()
     columns = zip(*rows, strict=True) if rows else [()] * len(like)
-    return Near(*(np.array(v, a.dtype) for v, a in zip(columns, like, strict=True)))
+    return CandidateContacts(*(np.array(v, a.dtype) for v, a in zip(columns, like, strict=True)))
 
 
 def tolerance(ref: Reference) -> float:
@@ -155,7 +157,7 @@ def _active(case, ref, scene) -> tuple:
                 > 0
             )
         return tuple(tuple((0, int(i)) for i in np.flatnonzero(a | b)) for a, b in pairwise(acts))
-    switch = host(p.switch) if isinstance(p, Filippov) else None
+    switch = as_numpy(p.switch) if isinstance(p, Filippov) else None
     for t, x in zip(case.t, ref.x, strict=True):
         if switch is not None:
             out.append(tuple((0, int(i)) for i in np.flatnonzero(np.abs(switch(t, x)) <= tol)))
@@ -179,8 +181,8 @@ def _independent(case, ref, scene, k, active) -> bool:
     rows = [c[1] for c in active]
     if isinstance(p, LCS):  # B and, among what acts, D: what the motion and w = 0 say of lambda
         return full_rank(csr_array(np.vstack([p.B[:, rows], p.D[np.ix_(rows, rows)]]).T))
-    field_ = host(p.field)
-    s = np.ones(len(np.atleast_1d(host(p.switch)(float(case.t[k]), ref.x[k]))))
+    field_ = as_numpy(p.field)
+    s = np.ones(len(np.atleast_1d(as_numpy(p.switch)(float(case.t[k]), ref.x[k]))))
     if ref.impulse is not None:
         j = min(k, len(case.t) - 2)
         mean = (ref.impulse[j + 1] - ref.impulse[j]) / (case.t[j + 1] - case.t[j])

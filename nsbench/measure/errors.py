@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from nsbench.case import Case
-from nsbench.measure.context import Frame, frame
+from nsbench.measure.context import MeasureContext, context_of
 from nsbench.measure.event_times import event_errors
 from nsbench.measure.multiplier_sets import selection
 from nsbench.measure.multiplier_times import NAMES as LABELS
-from nsbench.measure.multiplier_times import at_labels
+from nsbench.measure.multiplier_times import errors_at_times
 from nsbench.measure.residuals import NAMES as RESIDUALS
 from nsbench.measure.residuals import residuals
 from nsbench.problem import Complementarity
@@ -72,7 +72,7 @@ def errors(case: Case, traj: Trajectory) -> dict:
     A run that did not reach T has residuals only. BadReference (a ValueError) if the stored
     reference is unusable.
     """
-    made = frame(case)
+    made = context_of(case)
     ref = made.ref
     out = {k: float("nan") for k in NAMES}
     out |= {
@@ -136,14 +136,14 @@ def _size(values) -> float:
     return 1.0 if values is None else max(1.0, float(np.abs(values).max(initial=0.0)))
 
 
-def _against(made: Frame, traj: Trajectory) -> dict:
+def _against(made: MeasureContext, traj: Trajectory) -> dict:
     ref = made.ref
     off = np.abs(traj.x - ref.x).max(axis=1)
     out = {"state_sup": float(off.max()), "state_T": float(off[-1])}
     if ref.reaction is not None and traj.reaction.shape == ref.reaction.shape:
         out["reaction"] = float(np.abs(traj.reaction - ref.reaction).max())
     if made.unique and ref.impulse is not None:
-        out |= _multipliers(made, traj) | at_labels(made, traj)
+        out |= _multipliers(made, traj) | errors_at_times(made, traj)
     if not made.unique and isinstance(made.case.problem, Complementarity):
         out["selection"], out["polyhedron"] = selection(made, traj)
     if ref.events is not None and (traj.events or "events" in traj.stats):
@@ -152,7 +152,7 @@ def _against(made: Frame, traj: Trajectory) -> dict:
     return out
 
 
-def _multipliers(made: Frame, traj: Trajectory) -> dict:
+def _multipliers(made: MeasureContext, traj: Trajectory) -> dict:
     ref = made.ref
     p = made.case.problem
     t = made.case.t

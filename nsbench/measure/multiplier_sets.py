@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from nsbench.measure.context import Frame, near_of, tolerance
+from nsbench.measure.context import MeasureContext, near_of, tolerance
 from nsbench.reference import canonical
 
 
@@ -55,7 +55,7 @@ def polyhedron(G: np.ndarray, r: np.ndarray, slack: float, rank: float = 1e-10) 
     return Polyhedron(base, Vt[k:].T, slack)
 
 
-def resting(frame: Frame) -> list:
+def resting(frame: MeasureContext) -> list:
     """Intervals where the reference has one set of contacts and constant gradients: (interval, ids,
     polyhedron, least).
 
@@ -94,7 +94,7 @@ def _resting(frame):
             yield k, ids, found, least
 
 
-def selection(frame: Frame, traj) -> tuple[float, float]:
+def selection(frame: MeasureContext, traj) -> tuple[float, float]:
     """Largest Euclidean distance of the interval means of lambda to the least-norm multiplier (the
     selection, never an error) and to the set of multipliers; NaN where no interval rests."""
     worst = [np.nan, np.nan]

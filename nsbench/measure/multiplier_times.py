@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from nsbench.measure.context import Frame
+from nsbench.measure.context import MeasureContext
 from nsbench.reference import columns_of, listed_contacts, spread
 from nsbench.trajectory import Trajectory
 
@@ -29,7 +29,7 @@ WEIGHTS = np.array([4 / 5, -1 / 5, 4 / 105, -1 / 280])  # central differences of
 SPACINGS = (1 / 4, 1 / 8, 1 / 16, 1 / 32)  # of their nodes, in sample spacings
 
 
-def nodal(case, t: np.ndarray, spacing: float) -> tuple[np.ndarray, np.ndarray]:
+def exact_multiplier(case, t: np.ndarray, spacing: float) -> tuple[np.ndarray, np.ndarray]:
     """(k, m) exact multipliers at the times t and estimates of their error, from exact_impulse
     within one spacing."""
     guesses = []
@@ -51,7 +51,7 @@ def _impulse(case, t):
     return np.asarray(case.exact_impulse(t), float)
 
 
-def at_labels(made: Frame, traj: Trajectory) -> dict:
+def errors_at_times(made: MeasureContext, traj: Trajectory) -> dict:
     """Largest differences at the labels, NaN where there is nothing to compare; lam_floor: ten
     times the error of the exact multiplier."""
     case = made.case
@@ -84,7 +84,7 @@ def at_labels(made: Frame, traj: Trajectory) -> dict:
     out = {}
     floor = 0.0
     for name, part in PLACES.items():
-        exact, error = nodal(case, t[k] - part * h[k], spacing)
+        exact, error = exact_multiplier(case, t[k] - part * h[k], spacing)
         out[name], floor = _largest(mine - theirs(exact)), max(floor, _largest(error))
     mean = (_impulse(case, t[k]) - _impulse(case, t[k] - h[k])) / h[k][:, None]
     out["lam_mean"] = _largest(mine - theirs(mean))

@@ -32,9 +32,9 @@ from itertools import product
 
 import numpy as np
 
-from nsbench.compilation.factories import host
+from nsbench.compilation.factories import as_numpy
 from nsbench.dynamics.filippov.convex_hull import distance_to_hull
-from nsbench.measure.context import Frame, changes, near_of
+from nsbench.measure.context import MeasureContext, changes, near_of
 from nsbench.measure.quadrature import around, integrals, kinked_intervals
 from nsbench.problem import LCS, Filippov
 from nsbench.reference import right_hand_side, spread
@@ -44,19 +44,19 @@ OPEN = 1e-6  # of the largest w or multiplier: below, it may be none, and an err
 NAMES = ("feasibility", "sign", "complementarity", "residual")
 
 
-def residuals(frame: Frame, traj: Trajectory) -> dict:
+def residuals(frame: MeasureContext, traj: Trajectory) -> dict:
     """The four residuals over the samples before the first that is not finite; NaN where there are
     fewer than two."""
     return _measured(frame, traj)[0]
 
 
-def interval_residuals(frame: Frame, traj: Trajectory) -> np.ndarray:
+def interval_residuals(frame: MeasureContext, traj: Trajectory) -> np.ndarray:
     """(k - 1,) the residual of each interval, a velocity, of which `residual` is the largest; NaN
     where it has none."""
     return _measured(frame, traj)[1]
 
 
-def _measured(frame: Frame, traj: Trajectory) -> tuple[dict, np.ndarray]:
+def _measured(frame: MeasureContext, traj: Trajectory) -> tuple[dict, np.ndarray]:
     good = np.all(np.isfinite(traj.x), axis=1) & np.all(np.isfinite(traj.impulse), axis=1)
     good &= np.all(np.isfinite(traj.reaction), axis=1)
     k = int(np.argmin(good)) if not good.all() else len(good)
@@ -207,7 +207,7 @@ def _lcs(frame, contacts, t, x, impulse, reaction, lam, kinked):
     count at samples.
     Complementarity is a product of means, so it is looked at where nothing switches."""
     p = frame.case.problem
-    q = host(p.q) if p.q else lambda s: 0.0
+    q = as_numpy(p.q) if p.q else lambda s: 0.0
     v = np.array([p.C @ b + q(a) for a, b in zip(t, x, strict=True)])
     lam = spread(p, contacts, lam, {(0, i): i for i in range(p.B.shape[1])})
     kinked = kinked | _switched(p, v, lam)
@@ -227,8 +227,8 @@ def _lcs(frame, contacts, t, x, impulse, reaction, lam, kinked):
 
 def _inclusion(case, contacts, t, x, impulse, kinked):
     p = case.problem
-    switch = host(p.switch)
-    field = host(p.field)
+    switch = as_numpy(p.switch)
+    field = as_numpy(p.field)
     c = np.array([switch(a, b) for a, b in zip(t, x, strict=True)])
     d = c.shape[1]
     theta = (

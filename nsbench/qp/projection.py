@@ -22,7 +22,7 @@ class Answer:
     iterations: int
 
 
-class Rows:
+class SparseRows:
     """G by entries: row (e,), cols (e,) and vals (e,), rows in order, columns in order in every
     row, ptr (m + 1,).
 
@@ -87,9 +87,7 @@ class ActiveSet:
         self._store = np.empty(1)
 
     def __call__(self, G, q, h, key, mu):
-        from nsbench.qp.kernels import active_set
-        from nsbench.qp.kernels import dispatch
-        from nsbench.qp.kernels import exact_callback
+        from nsbench.qp.kernels import active_set, dispatch, exact_callback
 
         if key is not self._key:
             self._key = key
@@ -98,9 +96,9 @@ class ActiveSet:
             self._book[0] = 0
         scale = max(1.0, float(np.abs(q).max(initial=0.0)))
         work = np.zeros(4, np.int64)
-        mu, d, self._book, self._store = dispatch.least(
-            exact_callback.exact,
-            many_rows(G.shape[0]),
+        mu, d, self._book, self._store = dispatch.solve_projection(
+            exact_callback.solve_exact,
+            large_problem_callback(G.shape[0]),
             self._pattern,
             self._book,
             self._store,
@@ -113,12 +111,12 @@ class ActiveSet:
         return Answer(mu, d, ("solved", "infeasible", "maxiter")[work[0]], int(work[1]))
 
 
-def many_rows(rows):
+def large_problem_callback(rows):
     """The projector for many rows, compiled where there are many."""
     from nsbench.qp.kernels import dispatch
 
     if rows <= dispatch.FEW:
-        return dispatch.nobody
+        return dispatch.no_large_solver
     from nsbench.qp.kernels import large_callback
 
-    return large_callback.many
+    return large_callback.solve_large

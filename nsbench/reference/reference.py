@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from nsbench.case import Case
-from nsbench.compilation.factories import host
+from nsbench.compilation.factories import as_numpy
 from nsbench.problem import LCS, Affine, Complementarity, Distance
 from nsbench.trajectory import Event
 
@@ -118,9 +118,9 @@ def _checked(case, name, value, shape):
 def right_hand_side(problem):
     """f(t, x) without the multipliers' part, in numpy; None for a Filippov system."""
     if isinstance(problem, Complementarity):
-        return host(problem.drift)
+        return as_numpy(problem.drift)
     if isinstance(problem, LCS):
-        u = host(problem.u) if problem.u else lambda t: 0.0
+        u = as_numpy(problem.u) if problem.u else lambda t: 0.0
         return lambda t, x: problem.A @ x + u(t)
     return None
 
@@ -130,12 +130,14 @@ def listed_contacts(case: Case) -> tuple:
     classes."""
     p = case.problem
     if isinstance(p, Complementarity):
-        from nsbench.dynamics.contacts.constraint_set import Scene
+        from nsbench.dynamics.contacts.constraint_set import ConstraintSet
 
-        return tuple(Scene(p, case.n).all_static().ids)
+        return tuple(ConstraintSet(p, case.n).all_static().ids)
     if isinstance(p, LCS):
         return tuple((0, i) for i in range(p.B.shape[1]))
-    return tuple((0, i) for i in range(len(np.asarray(host(p.switch)(float(case.t[0]), case.x0)))))
+    return tuple(
+        (0, i) for i in range(len(np.asarray(as_numpy(p.switch)(float(case.t[0]), case.x0))))
+    )
 
 
 def canonical(problem, contact) -> tuple:

@@ -6,25 +6,19 @@ from dataclasses import dataclass
 
 from nsbench.report import (
     clock_table,
-)
-from nsbench.report import (
     cost,
+    reliability_tables,
+    scaling,
+    tables,
 )
 from nsbench.report import (
     performance_profiles as profiles,
-)
-from nsbench.report import (
-    reliability_tables,
-)
-from nsbench.report import (
-    scaling,
-    tables,
 )
 from nsbench.report.data import Data
 from nsbench.report.expectations import findings
 from nsbench.report.figures import case_panels, cost_panels
 from nsbench.report.html_page import Content
-from nsbench.report.style import clean, looks, num, power, seconds, slug
+from nsbench.report.style import looks, num, power, sanitise, seconds, slug
 from nsbench.report.summary import Summary, summarise
 from nsbench.report.svg_plots import draw, inline, sheet
 from nsbench.report.talk_figure import talk_figure, talk_sentence
@@ -177,9 +171,9 @@ def _where(env: dict) -> list[str]:
     version = versions.get("nsbench") if isinstance(versions, dict) else None
     cores = env.get("cores")
     return [
-        f"nsbench {clean(version, 20)}" if version else "",
-        clean(env.get("machine") or "", 60),
-        f"{clean(cores, 8)} cores" if cores else "",
+        f"nsbench {sanitise(version, 20)}" if version else "",
+        sanitise(env.get("machine") or "", 60),
+        f"{sanitise(cores, 8)} cores" if cores else "",
     ]
 
 

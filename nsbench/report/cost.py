@@ -75,7 +75,7 @@ RULE = (
 )
 
 
-def apart(one: Cost, other: Cost) -> str:
+def why_not_comparable(one: Cost, other: Cost) -> str:
     """Why the seconds of two methods may not be compared; "" if they may. See RULE."""
     if not (one.loop == "compiled" and other.loop == "compiled"):
         host = one if one.loop != "compiled" else other
@@ -174,7 +174,7 @@ def ratio(one: Cost, other: Cost) -> float | None:
     A method whose coarsest run was already better has no cost at this error, only a bound.
     """
     known = one.seconds > 0 and other.seconds > 0 and not (one.at_most or other.at_most)
-    return one.seconds / other.seconds if known and not apart(one, other) else None
+    return one.seconds / other.seconds if known and not why_not_comparable(one, other) else None
 
 
 def work_ratio(one: Cost, other: Cost) -> float | None:

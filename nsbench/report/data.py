@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from nsbench.report.style import LEADS, clean, family, slug
+from nsbench.report.style import LEADS, family, sanitise, slug
 from nsbench.results.tables import SCHEMA, text_of
 
 LABELS = (
@@ -263,7 +263,8 @@ def _size(path: Path, most: int) -> None:
 def _schema(path: Path, found) -> None:
     if str(found) not in ("", str(SCHEMA)):
         raise ValueError(
-            f"{path} is of schema {clean(found, 40)}; this version of nsbench reads {SCHEMA}: run "
+            f"{path} is of schema {sanitise(found, 40)}; this version of nsbench reads {SCHEMA}: "
+            f"run "
             f"the study again"
         )
 
@@ -289,7 +290,8 @@ def _json(path: Path) -> dict:
                 or (what == "expects" and not all(isinstance(e, dict) for e in found))
             ):
                 raise ValueError(
-                    f"{path}: {what} of {clean(name, 80)} is {clean(found, 80)!r}; that is no "
+                    f"{path}: {what} of {sanitise(name, 80)} is {sanitise(found, 80)!r}; that is "
+                    f"no "
                     f"such note"
                 )
     return value
@@ -305,7 +307,7 @@ def _number(value) -> float:
 
 
 def _word(value) -> str:
-    return "" if value is None or value != value else clean(value)
+    return "" if value is None or value != value else sanitise(value)
 
 
 def columns_of(rows) -> dict:
@@ -351,7 +353,7 @@ def build(cols: dict, cases=None, solvers=None, env=None, extra=None, files=None
     """Columns -> Data: runs grouped by case and solver, cases in the order of `cases`, then by
     name."""
     cases, solvers = (
-        {clean(k): v if isinstance(v, dict) else {} for k, v in (d or {}).items()}
+        {sanitise(k): v if isinstance(v, dict) else {} for k, v in (d or {}).items()}
         for d in (cases, solvers)
     )
     place = {key: i for i, key in enumerate(cases)}

@@ -149,7 +149,9 @@ def _status(s: Summary) -> str:
     return s.statuses.most_common(1)[0][0]
 
 
-def gone(found: list[Finding], known: dict | None = None) -> list[tuple[Finding, str, str]]:
+def resolved_deviations(
+    found: list[Finding], known: dict | None = None
+) -> list[tuple[Finding, str, str]]:
     """Known deviations of this study's pairs that are not seen any more: (finding, observed then,
     its reason)."""
     known = known_deviations() if known is None else known
@@ -161,7 +163,7 @@ def gone(found: list[Finding], known: dict | None = None) -> list[tuple[Finding,
     return out
 
 
-def fresh(found: list[Finding], known: dict | None = None) -> list[Finding]:
+def new_deviations(found: list[Finding], known: dict | None = None) -> list[Finding]:
     """Deviations that the table does not know."""
     known = known_deviations() if known is None else known
     return [

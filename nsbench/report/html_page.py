@@ -11,7 +11,7 @@ from textwrap import dedent
 from nsbench.report.cost import RULE
 from nsbench.report.data import Data, Runs
 from nsbench.report.sheet import CSS, SCRIPT
-from nsbench.report.style import SHAPES, Look, clean, html
+from nsbench.report.style import SHAPES, Look, escape, sanitise
 from nsbench.report.summary import Summary
 from nsbench.report.svg_plots import DASHES, inline, markers
 from nsbench.report.tables import Table
@@ -75,15 +75,15 @@ def page(c: Content) -> str:
         (
             "cases",
             "Case by case",
-            f'<p class="note">{html(READING)}</p>'
+            f'<p class="note">{escape(READING)}</p>'
             + "".join(_case(c, case) for case in c.data.case_keys),
         ),
     ]
     if c.talk:
-        shown = f'<p class="note">{html(c.told)}</p><div class="talk">{c.talk}</div>'
+        shown = f'<p class="note">{escape(c.told)}</p><div class="talk">{c.talk}</div>'
         sections.append(("talk", "The talk's figure", shown))
     trust = "".join(
-        f"<h3>{html(head)}</h3>{table(c.tables[key], c.looks, 'list text' if key == 'references' else '')}"
+        f"<h3>{escape(head)}</h3>{table(c.tables[key], c.looks, 'list text' if key == 'references' else '')}"
         for key, head in TRUST
         if c.tables[key].rows or c.tables[key].note
     )
@@ -102,16 +102,16 @@ def page(c: Content) -> str:
             "environment",
             "Machine, versions, words",
             table(c.tables["environment"], c.looks, "list")
-            + f'<p class="note">{html(MEASURED)}</p>'
+            + f'<p class="note">{escape(MEASURED)}</p>'
             + table(c.tables["glossary"], c.looks, "list text"),
         ),
     ]
     body = "".join(
-        f'<section id="{key}"><h2>{html(head)}</h2>{content}</section>\n'
+        f'<section id="{key}"><h2>{escape(head)}</h2>{content}</section>\n'
         for key, head, content in sections
     )
-    links = "".join(f'<a href="#{key}">{html(head)}</a>' for key, head, _ in sections)
-    cases = " ".join(f'<a href="#{c.ids[k]}">{html(k)}</a>' for k in c.data.case_keys)
+    links = "".join(f'<a href="#{key}">{escape(head)}</a>' for key, head, _ in sections)
+    cases = " ".join(f'<a href="#{c.ids[k]}">{escape(k)}</a>' for k in c.data.case_keys)
     more = (
         f"<details><summary>{len(c.data.case_keys)} cases</summary>{cases}</details>"
         if cases
@@ -125,16 +125,17 @@ def page(c: Content) -> str:
     return (
         f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
         f'<meta name="viewport" '
-        f'content="width=device-width,initial-scale=1"><title>{html(c.title)}</title>'
-        f"<style>{CSS}</style></head>\n<body><main><header><h1>{html(c.title)}</h1>"
-        f'<p class="lede">{html(c.lede)}</p><nav>{links}{more}</nav></header>\n{marks}{body}</main>'
+        f'content="width=device-width,initial-scale=1"><title>{escape(c.title)}</title>'
+        f"<style>{CSS}</style></head>\n<body><main><header><h1>{escape(c.title)}</h1>"
+        f"<p "
+        f'class="lede">{escape(c.lede)}</p><nav>{links}{more}</nav></header>\n{marks}{body}</main>'
         f"<script>{SCRIPT}</script></body></html>\n"
     )
 
 
 def _speed(c: Content) -> str:
     """Factors, profiles over all cases, cost against size; every table with its note."""
-    parts = [_list(c.speeds, c.looks), f'<p class="note">{html(RULE)}</p>']
+    parts = [_list(c.speeds, c.looks), f'<p class="note">{escape(RULE)}</p>']
     for head, drawn, told, key in (
         ("Time to error over all cases", c.profiles, _list(c.wins, c.looks), "sizes"),
         ("Cost against size", c.scaling, "", "scaling"),
@@ -142,7 +143,7 @@ def _speed(c: Content) -> str:
         if drawn or c.tables[key].rows:
             legend = _items(c.looks.items())
             figures = f'{legend}<div class="panels">{"".join(drawn)}</div>' if drawn else ""
-            told += f'<p class="note">{html(SHARES)}</p>' if key == "sizes" else ""
+            told += f'<p class="note">{escape(SHARES)}</p>' if key == "sizes" else ""
             parts.append(
                 f"<article "
                 f'class="case"><h3>{head}</h3>{told}{figures}{table(c.tables[key], c.looks)}</article>'
@@ -176,7 +177,7 @@ MEASURED = (
 
 def _verdict(c: Content) -> str:
     parts = "".join(
-        f'<h3 class="{s.tone}">{html(s.head)}</h3>{_list(s.sentences, c.looks, s.tone)}'
+        f'<h3 class="{s.tone}">{escape(s.head)}</h3>{_list(s.sentences, c.looks, s.tone)}'
         for s in c.statements
     )
     return f'<div class="say">{parts}</div>' + table(c.tables["choice"], c.looks)
@@ -191,13 +192,13 @@ def _list(sentences, looks: dict, tone: str = "plain") -> str:
 def marked(sentence: str, looks: dict) -> str:
     """`sentence` as HTML, every method's name in it with its chip."""
     if not looks:
-        return html(sentence)
+        return escape(sentence)
     names = "|".join(re.escape(n) for n in sorted(looks, key=len, reverse=True))
     parts = re.split(rf"(?<![\w\[=,])({names})(?![\w\[=])", sentence)
     return "".join(
-        f'<span class="m">{chip(looks[p])}{html(p)}</span>'
+        f'<span class="m">{chip(looks[p])}{escape(p)}</span>'
         if i % 2
-        else re.sub(r"\d[\d.]*e-\d+", r'<span class="n">\g<0></span>', html(p))
+        else re.sub(r"\d[\d.]*e-\d+", r'<span class="n">\g<0></span>', escape(p))
         for i, p in enumerate(parts)
     )
 
@@ -234,7 +235,7 @@ def _key(look: Look) -> str:
 def table(t: Table, looks: dict[str, Look], kind: str = "") -> str:
     """`t` as HTML; a change of group opens with a heading row."""
     if not t.rows:
-        return f'<p class="note">{html(t.note)}</p>' if t.note else ""
+        return f'<p class="note">{escape(t.note)}</p>' if t.note else ""
     rows = []
     group = ""
     for row in t.rows:
@@ -242,12 +243,12 @@ def table(t: Table, looks: dict[str, Look], kind: str = "") -> str:
             group = row.group
             rows.append(
                 f'<tr class="group"><th colspan="{len(t.columns)}" '
-                f'scope="rowgroup">{html(group)}</th></tr>'
+                f'scope="rowgroup">{escape(group)}</th></tr>'
             )
         cells = "".join(_cell(c, looks) for c in row.cells)
-        rows.append(f'<tr data-case="{html(row.group)}" data-kind="{row.kind}">{cells}</tr>')
-    head = "".join(f'<th scope="col">{html(c)}</th>' for c in t.columns)
-    note = f'<p class="note">{html(t.note)}</p>' if t.note else ""
+        rows.append(f'<tr data-case="{escape(row.group)}" data-kind="{row.kind}">{cells}</tr>')
+    head = "".join(f'<th scope="col">{escape(c)}</th>' for c in t.columns)
+    note = f'<p class="note">{escape(t.note)}</p>' if t.note else ""
     return (
         f'<div class="wrap"><table id="t-{t.key}" '
         f'class="{kind}"><thead><tr>{head}</tr></thead>\n<tbody>'
@@ -258,16 +259,16 @@ def table(t: Table, looks: dict[str, Look], kind: str = "") -> str:
 
 def _cell(c, looks: dict) -> str:
     mark = chip(looks[c.text]) if c.kind in ("method", "best") and c.text in looks else ""
-    text = html(c.text)
+    text = escape(c.text)
     if c.kind in ("flag", "bad"):
         text = f"<b>{text}</b>"
     elif c.kind in ("method", "best"):
         text = re.sub(r"(?<=[_\[,])", "<wbr>", text)  # where a name may break on a narrow screen
     elif c.span > 1:
         text = f"<div>{text}</div>"
-    small = f"<small>{html(c.small)}</small>" if c.small else ""
+    small = f"<small>{escape(c.small)}</small>" if c.small else ""
     span = f' colspan="{c.span}"' if c.span > 1 else ""
-    title = f' title="{html(c.title)}"' if c.title else ""
+    title = f' title="{escape(c.title)}"' if c.title else ""
     return f'<td class="{c.kind}"{span}{title}>{mark}{text}{small}</td>'
 
 
@@ -283,15 +284,15 @@ def _case(c: Content, case: str) -> str:
             " wide" if aspect > 2.5 else " broad" if aspect > 1.5 else ""
         )  # frames side by side, a plane, a box
         picture = (
-            f'<img class="scene" alt="The scene of {html(case)}" '
+            f'<img class="scene" alt="The scene of {escape(case)}" '
             f'src="data:image/svg+xml;base64,{code}">'
         )
     drawn = c.panels[case]
     figures = f'{_legend(runs, c)}<div class="panels">{"".join(drawn)}</div>' if drawn else ""
     notes = "".join(f"<p>{marked(s, c.looks)}</p>" for s in c.notes[case])
     return (
-        f'<article class="case" id="{c.ids[case]}"><h3>{html(case)}</h3>'
-        f'<p class="meta">{html(meta(known, runs))}</p>'
+        f'<article class="case" id="{c.ids[case]}"><h3>{escape(case)}</h3>'
+        f'<p class="meta">{escape(meta(known, runs))}</p>'
         f'<div class="about{wide}">{picture}<div>{_doc(known.get("doc"))}{notes}</div></div>'
         f"{figures}{_fits(c, case)}</article>\n"
     )
@@ -310,18 +311,18 @@ def _aspect(svg: str) -> float:
 def meta(known: dict, runs: list[Runs]) -> str:
     """``Complementarity · n = 6 · Affine, Distance · T = 3 · reference: exact``, from what is
     stored; never empty."""
-    parts = [clean(known[k], 60) for k in ("problem",) if known.get(k)]
-    parts += [f"n = {clean(known['n'], 12)}"] if known.get("n") is not None else []
+    parts = [sanitise(known[k], 60) for k in ("problem",) if known.get(k)]
+    parts += [f"n = {sanitise(known['n'], 12)}"] if known.get("n") is not None else []
     families = known.get("families")
     if families:
         parts.append(
-            clean(", ".join(map(str, families)) if isinstance(families, list) else families, 200)
+            sanitise(", ".join(map(str, families)) if isinstance(families, list) else families, 200)
         )
     parts += [f"T = {known['T']:g}"] if isinstance(known.get("T"), (int, float)) else []
     kinds = sorted({str(s) for r in runs for s in r.col["reference"] if s}) or [
         known.get("reference") or "none"
     ]
-    return " · ".join([*parts, f"reference: {', '.join(clean(k, 200) for k in kinds)}"])
+    return " · ".join([*parts, f"reference: {', '.join(sanitise(k, 200) for k in kinds)}"])
 
 
 def paragraphs(doc) -> tuple[str, str]:
@@ -329,15 +330,15 @@ def paragraphs(doc) -> tuple[str, str]:
     blocks = re.split(r"\n\s*\n", str(doc or "").strip("\n"))
     first = " ".join(blocks[0].split())
     then = blocks[1] if len(blocks) > 1 and blocks[1].startswith(("  ", "\t")) else ""
-    return clean(first), "\n".join(
-        clean(line, 200) for line in dedent(then.expandtabs()).rstrip().splitlines()[:12]
+    return sanitise(first), "\n".join(
+        sanitise(line, 200) for line in dedent(then.expandtabs()).rstrip().splitlines()[:12]
     )
 
 
 def _doc(doc) -> str:
     first, equations = paragraphs(doc)
-    return (f"<p>{html(first)}</p>" if first else "") + (
-        f"<pre>{html(equations)}</pre>" if equations else ""
+    return (f"<p>{escape(first)}</p>" if first else "") + (
+        f"<pre>{escape(equations)}</pre>" if equations else ""
     )
 
 
@@ -348,7 +349,7 @@ def _legend(runs: list[Runs], c: Content) -> str:
 
 def _items(shown) -> str:
     items = "".join(
-        f'<li data-s="{look.index}">{_key(look)}{html(name)}</li>' for name, look in shown
+        f'<li data-s="{look.index}">{_key(look)}{escape(name)}</li>' for name, look in shown
     )
     return f'<ul class="legend">{items}</ul>'
 
@@ -360,8 +361,8 @@ def _fits(c: Content, case: str) -> str:
             continue
         told = [s.outcome] if s.outcome else [o.sentence for o in (s.state, s.force, s.violation)]
         items.append(
-            f'<li>{chip(c.looks[solver])}<span class="m">{html(solver)}</span> '
-            f"{html(' '.join(told))}</li>"
+            f'<li>{chip(c.looks[solver])}<span class="m">{escape(solver)}</span> '
+            f"{escape(' '.join(told))}</li>"
         )
     return (
         f'<details class="fits"><summary>What was fitted, and why '

@@ -33,7 +33,7 @@ def ratios(data: Data, target: float) -> dict[str, np.ndarray]:
     columns = 0
     for case in data.case_keys:
         found = [c for c in cost.costs(data, case, target) if c.seconds > 0]
-        found = [c for c in found if not cost.apart(c, found[0])]
+        found = [c for c in found if not cost.why_not_comparable(c, found[0])]
         if not found:
             continue
         best = min(c.seconds for c in found)

@@ -9,8 +9,8 @@ import math
 import numpy as np
 
 from nsbench.report.data import LABELS, Data
-from nsbench.report.expectations import Finding, fresh, gone
-from nsbench.report.style import clean, count, num
+from nsbench.report.expectations import Finding, new_deviations, resolved_deviations
+from nsbench.report.style import count, num, sanitise
 from nsbench.report.summary import Summary, order
 from nsbench.report.tables import Cell, Row, Table, order_cell
 
@@ -116,7 +116,7 @@ def references_table(data: Data) -> Table:
     for case in data.case_keys:
         known = data.cases.get(case, {})
         told = known.get("certificate") if isinstance(known.get("certificate"), dict) else {}
-        kind = clean(known.get("reference") or "none", 200)
+        kind = sanitise(known.get("reference") or "none", 200)
         figures = [
             Cell(_small(_float(told.get(k))), kind="number")
             for k in ("state", "impulse", "reaction", "event")
@@ -127,7 +127,7 @@ def references_table(data: Data) -> Table:
                     Cell(case, kind="method"),
                     Cell(kind),
                     *figures,
-                    Cell(clean(told.get("how") or HOW.get(kind, "not told"), 400)),
+                    Cell(sanitise(told.get("how") or HOW.get(kind, "not told"), 400)),
                 )
             )
         )
@@ -282,8 +282,8 @@ def _naive(o) -> Cell:
 def expected_table(found: list[Finding], known: dict | None = None) -> Table:
     """Every deviation from what is expected, in either direction: new ones first, then those gone,
     then known ones."""
-    lost = gone(found, known)
-    new = fresh(found, known)
+    lost = resolved_deviations(found, known)
+    new = new_deviations(found, known)
     old = [f for f in found if f.known]
     rows = [_line("new", f, f.why, "flag") for f in new]
     rows += [

@@ -191,7 +191,7 @@ def _cheapest(found: list[speed.Cost]) -> Cell:
     if not found:
         return Cell("not reached", kind="quiet")
     first, *others = found
-    others = [c for c in others if not speed.apart(c, first)]
+    others = [c for c in others if not speed.why_not_comparable(c, first)]
     pbd = next((c for c in (first, *others) if family(c.solver) == LEADS), None)
     told = [f"{'≤ ' if first.at_most else ''}{seconds(first.seconds)}"]
     told += (

@@ -132,7 +132,7 @@ def factor(value: float) -> str:
     return num(value) if value < 100 else f"{float(f'{value:.2g}'):.0f}"
 
 
-def clean(text, limit: int = 600) -> str:
+def sanitise(text, limit: int = 600) -> str:
     """Text from names and sentences made harmless for any terminal, table or page.
 
     Control characters (ANSI escapes, newlines) and bidirectional overrides become visible escapes;
@@ -147,7 +147,7 @@ def clean(text, limit: int = 600) -> str:
     return text if len(text) <= limit else text[: limit - 1] + "…"
 
 
-def html(text) -> str:
+def escape(text) -> str:
     """`text` for element content and for quoted attributes."""
     for raw, safe in (
         ("&", "&amp;"),
@@ -162,7 +162,7 @@ def html(text) -> str:
 
 def markdown(text) -> str:
     """`text` for a Markdown table cell: no markup, no column break."""
-    text = re.sub(r"\s+", " ", html(text).replace("&#39;", "'").replace("&quot;", '"'))
+    text = re.sub(r"\s+", " ", escape(text).replace("&#39;", "'").replace("&quot;", '"'))
     return re.sub(r"([\\`*_\[\]|~])", r"\\\1", text)
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from nsbench.report.data import GOOD, Data, Runs
-from nsbench.report.style import clean, count, num
+from nsbench.report.style import count, num, sanitise
 
 OPEN = ("undecided", "pre-asymptotic")
 FEWEST = 3  # distinct steps below which nobody can speak of an order
@@ -179,8 +179,8 @@ def order(runs: Runs, metric: str, claims: dict, fit) -> Order:
         return Order(metric, "exact", "0 at every step", sentence, **best)
     some = np.unique(np.linspace(0, h.size - 1, min(h.size, MOST)).astype(int))
     result = fit(h[some], error[some], floor=runs.floor(metric), scale=runs.scale(metric))
-    verdict = clean(result.verdict)
-    sentence = f"{name}: {clean(result.sentence)}"
+    verdict = sanitise(result.verdict)
+    sentence = f"{name}: {sanitise(result.sentence)}"
     if some.size < h.size:
         sentence += f" ({some.size} of {h.size} runs were fitted.)"
     value = float(result.order)
@@ -302,7 +302,7 @@ def best_error(summary: Summary, which: Order) -> str:
     return which.text
 
 
-def silent_wrong(summaries: dict) -> list[Summary]:
+def silent_failures(summaries: dict) -> list[Summary]:
     """Methods that claim a bound and called a run ok that breaks it."""
     out = []
     for s in summaries.values():

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from nsbench.report.style import INK, MUTED, PALETTE, PAPER, RULE, SHADE, SHAPES, Look, html, num
+from nsbench.report.style import INK, MUTED, PALETTE, PAPER, RULE, SHADE, SHAPES, Look, escape, num
 
 # units of the viewBox: points of a figure 3.5 inches wide
 WIDE = 252
@@ -100,7 +100,7 @@ class _Pen:
         return (
             f'<text x="{self.x(x):.1f}" y="{self.y(y) + down:.1f}" font-size="{size}" '
             f'fill="{colour}" '
-            f'text-anchor="{anchor}">{html(words)}</text>'
+            f'text-anchor="{anchor}">{escape(words)}</text>'
         )
 
 
@@ -305,9 +305,9 @@ def inline(svg: str, names: dict[int, str], label: str) -> str:
     class."""
     for colour, variable in _TONES.items():
         svg = svg.replace(colour, variable)
-    named = lambda m: f'<g class="s s{m[1]}"><title>{html(names[int(m[1])])}</title>'
+    named = lambda m: f'<g class="s s{m[1]}"><title>{escape(names[int(m[1])])}</title>'
     svg = re.sub(r'<g id="s(\d+)">', named, svg)
-    return svg.replace("<svg ", f'<svg role="img" aria-label="{html(label)}" ', 1)
+    return svg.replace("<svg ", f'<svg role="img" aria-label="{escape(label)}" ', 1)
 
 
 def sheet(panels: list[str], legend: list[tuple[str, Look, bool]], title: str) -> str:
@@ -326,7 +326,7 @@ def sheet(panels: list[str], legend: list[tuple[str, Look, bool]], title: str) -
         'font-family="system-ui, sans-serif">',
         markers([look for _, look, _ in legend]).replace(PAPER, "#ffffff"),
         f'<rect width="{width}" height="{height}" fill="#ffffff"/>',
-        f'<text x="8" y="16" font-size="11" fill="{INK}">{html(title)}</text>',
+        f'<text x="8" y="16" font-size="11" fill="{INK}">{escape(title)}</text>',
     ]
     for i, svg in enumerate(panels):
         svg = re.sub(r' id="s(\d+)"', "", svg).replace(PAPER, "#ffffff")
@@ -347,6 +347,6 @@ def sheet(panels: list[str], legend: list[tuple[str, Look, bool]], title: str) -
             f'stroke-dasharray="{DASHES[look.line]}"/><path transform="translate(8 0)" '
             f'd="{SHAPES[look.marker]}" '
             f'stroke="{look.colour}" fill="{PAPER if hollow else look.colour}"/>'
-            f'<text x="34" y="9" font-size="8" fill="{INK}">{html(name)}</text></g>'
+            f'<text x="34" y="9" font-size="8" fill="{INK}">{escape(name)}</text></g>'
         )
     return "\n".join([*parts, "</svg>\n"])

@@ -12,13 +12,13 @@ from nsbench.report.data import Data
 from nsbench.report.style import (
     LEADS,
     TIMES,
-    clean,
     count,
     factor,
     family,
     listed,
     num,
     power,
+    sanitise,
     seconds,
 )
 from nsbench.report.summary import Order, Summary, best_error, finished, spell
@@ -304,7 +304,7 @@ def _speed(cost: speed.Cost | None, base: speed.Cost | None, absent: str) -> Cel
     return Cell(
         text,
         small,
-        spread if ratio else f"Not compared in seconds: {speed.apart(cost, base)}.",
+        spread if ratio else f"Not compared in seconds: {speed.why_not_comparable(cost, base)}.",
         "number",
     )
 
@@ -402,7 +402,7 @@ def _plain(value) -> str:
 def environment_table(env: dict) -> Table:
     """env.json, one line per entry."""
     rows = [
-        Row((Cell(clean(k, 80), kind="method"), Cell(clean(_plain(v)) or "empty")))
+        Row((Cell(sanitise(k, 80), kind="method"), Cell(sanitise(_plain(v)) or "empty")))
         for k, v in env.items()
     ]
     return Table(

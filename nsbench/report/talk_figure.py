@@ -9,7 +9,7 @@ import re
 import numpy as np
 
 from nsbench.report.data import Data
-from nsbench.report.style import INK, MUTED, PALETTE, RULE, clean, num
+from nsbench.report.style import INK, MUTED, PALETTE, RULE, num, sanitise
 
 
 def _curve(value) -> np.ndarray | None:
@@ -64,7 +64,8 @@ def talk_figure(data: Data) -> str:
             _talk_axes(
                 ax,
                 limits,
-                f"{name} Euler, dt = {num(dt) if isinstance(dt, (int, float)) else clean(dt, 12)}",
+                f"{name} Euler, dt = "
+                f"{num(dt) if isinstance(dt, (int, float)) else sanitise(dt, 12)}",
             )
             ax.plot(
                 *curve.T,

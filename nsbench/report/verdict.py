@@ -10,9 +10,9 @@ import numpy as np
 
 from nsbench.report import cost
 from nsbench.report.data import Data
-from nsbench.report.expectations import findings, fresh, gone
+from nsbench.report.expectations import findings, new_deviations, resolved_deviations
 from nsbench.report.style import LEADS, count, factor, listed, num, power
-from nsbench.report.summary import OPEN, Order, Summary, silent_wrong, spell
+from nsbench.report.summary import OPEN, Order, Summary, silent_failures, spell
 
 MOST = 12  # deviations told in the opening; the table has them all
 
@@ -38,7 +38,7 @@ def verdict(data: Data, summaries: dict[tuple, Summary]) -> list[Statement]:
         Statement("At equal error", tuple(speeds(data))),
     ]
     parts += _unexpected(findings(data, summaries))
-    wrong = silent_wrong(summaries)
+    wrong = silent_failures(summaries)
     if wrong:
         parts.append(
             Statement(
@@ -56,13 +56,13 @@ def _unexpected(found) -> list[Statement]:
     statement for both."""
     told = [
         f"{f.solver} on {f.case}, {f.metric}: {f.expected} was expected, {f.observed} is seen."
-        for f in fresh(found)
+        for f in new_deviations(found)
     ]
     told += [
         f"{f.solver} on {f.case}, {f.metric}: known to be “{was}”, is seen as {f.observed}: the "
         f"table of known "
         "deviations is out of date."
-        for f, was, _ in gone(found)
+        for f, was, _ in resolved_deviations(found)
     ]
     rest = [f"{len(told) - MOST} more: see the table."] if len(told) > MOST else []
     return [Statement("Not as expected", (*told[:MOST], *rest), "bad")] if told else []

@@ -19,7 +19,7 @@ STAMP = ".report.key"
 JOURNAL = "journal.jsonl"
 
 
-def begin(folder: Path) -> None:
+def mark_stale(folder: Path) -> None:
     """From now on until `end` the tables in the folder, if any, are not those of its journal. Works
     on a full disk."""
     stamp = folder / STAMP
@@ -31,7 +31,7 @@ def begin(folder: Path) -> None:
             raise store.StoreError(f"cannot write {stamp}: {e.strerror}") from None
 
 
-def end(folder: Path, rows: str, tables: dict[str, str]) -> None:
+def mark_consistent(folder: Path, rows: str, tables: dict[str, str]) -> None:
     """The files are those of these rows (a digest of them and of what the report is made by).
     tables: digests of the tables that were to be written; StoreError where another one lies there
     now."""
@@ -48,13 +48,13 @@ def end(folder: Path, rows: str, tables: dict[str, str]) -> None:
     store.write_atomically(folder / STAMP, "\n".join(lines).encode())
 
 
-def current(folder: Path, rows: str) -> bool:
+def is_consistent(folder: Path, rows: str) -> bool:
     """Are the files there, whole, and of these rows?"""
     told = _told(folder)
     return told[:1] == [rows] and len(told) > 1 and not _wrong(folder, told)
 
 
-def intact(folder: Path, name: str) -> bool:
+def is_unmodified(folder: Path, name: str) -> bool:
     """Is the file there, and, as far as is known, as it was written?"""
     return (folder / name).is_file() and all(
         line == f"{name} {_digest(folder / name)}"

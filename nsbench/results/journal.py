@@ -15,7 +15,7 @@ import zlib
 from collections.abc import MutableMapping
 from pathlib import Path
 
-from nsbench.trajectory import MACHINE, spelled
+from nsbench.trajectory import MACHINE, utf8_safe
 
 SCHEMA = 1
 BLOCK = 1 << 20  # bytes that are read at a time
@@ -52,16 +52,16 @@ def clean(row: dict) -> dict:
             v = float(v) if abs(v) <= sys.float_info.max else math.inf if v > 0 else -math.inf
         if isinstance(v, float) and not math.isfinite(v):
             v = None if math.isnan(v) else ("inf" if v > 0 else "-inf")
-        out[spelled(k)] = spelled(v) if isinstance(v, str) else v
+        out[utf8_safe(k)] = utf8_safe(v) if isinstance(v, str) else v
     return out
 
 
 def restore(row: dict) -> dict:
     numbers = {"inf": math.inf, "-inf": -math.inf}
     return {
-        spelled(k): math.nan
+        utf8_safe(k): math.nan
         if v is None
-        else numbers.get(v, spelled(v))
+        else numbers.get(v, utf8_safe(v))
         if isinstance(v, str)
         else v
         for k, v in row.items()

@@ -6,7 +6,7 @@ from array import array
 from collections.abc import Iterable, Iterator, MutableMapping
 
 
-class Kept(MutableMapping):
+class PackedRows(MutableMapping):
     """Rows by key, given back equal to what was put in, each time as a dict of its own.
 
     The names of a row's columns are kept once for all rows that have the same, its floats side by
@@ -49,11 +49,11 @@ class Kept(MutableMapping):
         return len(self._packed)
 
 
-class InOrder:
+class OrderedRows:
     """The rows of these keys, as often as they are asked for; instead(i) makes that of a key, the
     i-th, that has none."""
 
-    def __init__(self, rows: Kept, keys: Iterable[str], instead):
+    def __init__(self, rows: PackedRows, keys: Iterable[str], instead):
         self.rows = rows
         self.keys = list(keys)
         self.instead = instead

@@ -10,14 +10,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from nsbench.results import journal
-from nsbench.results import run_key
-from nsbench.results import tables
-from nsbench.results.packed_rows import Kept
+from nsbench.results import journal, run_key, tables
+from nsbench.results.packed_rows import PackedRows
 from nsbench.results.run_key import Part
-from nsbench.source_files import file_state
-from nsbench.source_files import locations
-from nsbench.source_files import opened_files
+from nsbench.source_files import file_state, locations, opened_files
 from nsbench.study import Spec
 
 READ = "read "  # begins the names of items that runs have read; what follows is for `_place`
@@ -25,13 +21,13 @@ TOUCHED = "changed while it ran"
 CASE = "case"
 
 
-def known(
+def reusable_rows(
     out: Path, specs: list[Spec], found: dict[Spec, str], timeout: float | None, damaged: list[int]
-) -> Kept:
+) -> PackedRows:
     """Rows by key that need not be made again: those of the journal, but for what was killed, had
     less time, or has read data that are others now. damaged: the numbers of lines that cannot be
     read are added."""
-    rows = Kept()
+    rows = PackedRows()
     tables.read_journal(out, damaged, rows)
     stale = {found[s] for s in changed_data(out, specs, found)}
     for key in [
@@ -44,12 +40,16 @@ def known(
 def changed_data(out: Path, specs: list[Spec], found: dict[Spec, str]) -> dict[Spec, list[str]]:
     """What runs have read that is not the same any more, for those whose row is in the journal."""
     data = _data(out)
-    return {s: files for s in specs if (files := others(s, data.get(found[s], {})))}
+    return {s: files for s in specs if (files := changed_inputs(s, data.get(found[s], {})))}
 
 
-def others(spec: Spec, read: dict[str, str]) -> list[str]:
+def changed_inputs(spec: Spec, read: dict[str, str]) -> list[str]:
     """Names of the files that a run has read and that have other contents here and now."""
-    return [name for name, digest in read.items() if file_state.digest(str(_place(spec, name))) != digest]
+    return [
+        name
+        for name, digest in read.items()
+        if file_state.digest(str(_place(spec, name))) != digest
+    ]
 
 
 def read_by(spec: Spec) -> dict[str, str]:
@@ -60,7 +60,7 @@ def read_by(spec: Spec) -> dict[str, str]:
     return {
         f"{who}: {name}": digest
         for who, file in homes.items()
-        for name, digest in opened_files.read_by(file, locations.is_foreign).items()
+        for name, digest in opened_files.digests_of_data_read(file, locations.is_user_file).items()
     }
 
 
@@ -91,7 +91,7 @@ def _data(out: Path) -> dict[str, dict[str, str]]:
     return {key: parts[digests[-1]] for key, digests in of_key.items() if digests}
 
 
-class Filed:
+class RowRecorder:
     """The rows of one study on their way into the journal. here: they are made by workers of this
     machine, which read what lies here (elsewhere a worker itself compares what it reads)."""
 
@@ -133,9 +133,13 @@ class Filed:
 
     def _changed(self, spec: Spec, read: dict[str, str]) -> list[str]:
         files = (
-            file_state.touched(run_key.watched(spec, self.cases[spec.case, spec.file])) if self.here else []
+            file_state.changed_files(
+                run_key.dependency_files(spec, self.cases[spec.case, spec.file])
+            )
+            if self.here
+            else []
         )
-        return [*dict.fromkeys(Path(f).name for f in files), *others(spec, read)]
+        return [*dict.fromkeys(Path(f).name for f in files), *changed_inputs(spec, read)]
 
     def tell(self, say) -> None:
         if self.uncertain:

@@ -22,10 +22,7 @@ from importlib import metadata
 from pathlib import Path
 
 from nsbench.case import parse_spec
-from nsbench.source_files import file_state
-from nsbench.source_files import import_graph
-from nsbench.source_files import locations
-from nsbench.source_files import opened_files
+from nsbench.source_files import file_state, import_graph, locations, opened_files
 
 ROOT = locations.ROOT
 # From here every row comes; the last begins each run with the same global random numbers and
@@ -82,7 +79,7 @@ def parts_of(spec, case) -> tuple[Part, ...]:
     )
 
 
-def watched(spec, case) -> frozenset[str]:
+def dependency_files(spec, case) -> frozenset[str]:
     """Paths of all files that a run depends on: those that are imported or opened, stored
     references, whether they are there or not, and what tells the versions of libraries."""
     from nsbench.reference.storage import files_of
@@ -92,10 +89,10 @@ def watched(spec, case) -> frozenset[str]:
     )
 
 
-def foreign(*paths: str) -> list[str]:
+def user_files(*paths: str) -> list[str]:
     """All files that case or solver files depend on and that neither this package nor a library
     brings, themselves included."""
-    return sorted(p for p in _with_data(*paths).files if locations.is_foreign(p))
+    return sorted(p for p in _with_data(*paths).files if locations.is_user_file(p))
 
 
 @functools.cache
@@ -103,7 +100,7 @@ def _watched(
     solver: str, solver_files: tuple[str, ...], source: str, references: tuple[str, ...]
 ) -> frozenset[str]:
     found = _common_needs(), _solver_needs(solver, solver_files), _case_needs(source)
-    told = map(_told_by, _with_theirs({name for f in found for name in f.libraries}))
+    told = map(_told_by, _with_transitive({name for f in found for name in f.libraries}))
     return frozenset({*references, *filter(None, told)}.union(*(f.files for f in found)))
 
 
@@ -125,8 +122,8 @@ def forget() -> None:
 
 
 @functools.cache
-def _common_needs() -> import_graph.Needs:
-    return import_graph.needs(*(ROOT / p for p in COMMON), *_with_side_effects())
+def _common_needs() -> import_graph.Dependencies:
+    return import_graph.dependencies(*(ROOT / p for p in COMMON), *_with_side_effects())
 
 
 @functools.cache
@@ -146,10 +143,10 @@ def _common() -> Part:
 
 
 @functools.cache
-def _solver_needs(spec: str, solver_files: tuple[str, ...]) -> import_graph.Needs:
+def _solver_needs(spec: str, solver_files: tuple[str, ...]) -> import_graph.Dependencies:
     """Of the solver's file, and of others that its options name."""
     name, options = parse_spec(spec)
-    known = locations.plugins("solvers") | {Path(f).stem: f for f in solver_files}
+    known = locations.plugin_files("solvers") | {Path(f).stem: f for f in solver_files}
     return _with_data(
         *dict.fromkeys(known[n] for n in (name, *map(str, options.values())) if n in known)
     )
@@ -167,14 +164,19 @@ def _home(spec, solver_files) -> Path:
 
 
 @functools.cache
-def _case_needs(source: str) -> import_graph.Needs:
+def _case_needs(source: str) -> import_graph.Dependencies:
     return _with_data(*filter(None, [source]))
 
 
-def _with_data(*paths: str) -> import_graph.Needs:
+def _with_data(*paths: str) -> import_graph.Dependencies:
     """What files depend on, data included that they opened while they were loaded."""
-    data = {p for path in paths for p in opened_files.by(path) if locations.is_foreign(p)}
-    return import_graph.needs(*paths, *sorted(data))
+    data = {
+        p
+        for path in paths
+        for p in opened_files.opened_while_loading(path)
+        if locations.is_user_file(p)
+    }
+    return import_graph.dependencies(*paths, *sorted(data))
 
 
 @functools.cache
@@ -191,7 +193,7 @@ def _references(case) -> tuple[str, ...]:
 
     files = [str(f) for f in files_of(case)]
     for f in files:
-        file_state.note(f)
+        file_state.record_state(f)
     return tuple(f for f in files if os.path.exists(f))
 
 
@@ -203,7 +205,7 @@ def _files(paths, home: Path) -> dict[str, str]:
         inside = next(
             (
                 f"{n.replace('.', '/')}/{p.relative_to(h).as_posix()}"
-                for n, h in sorted(locations.homes().items(), reverse=True)
+                for n, h in sorted(locations.package_folders().items(), reverse=True)
                 if p.is_relative_to(h)
             ),
             "",
@@ -214,17 +216,17 @@ def _files(paths, home: Path) -> dict[str, str]:
 
 @functools.cache
 def _content(path: str) -> str:
-    file_state.note(path)
+    file_state.record_state(path)
     return file_state.digest(path)
 
 
 def _libraries(names) -> dict[str, str]:
     """Versions of libraries and of all they depend on, and the settings they look at."""
     out = {}
-    for name in _with_theirs(names):
+    for name in _with_transitive(names):
         out[name] = version(name)[0]
         if told := _told_by(name):
-            file_state.note(told)
+            file_state.record_state(told)
     settings = {
         f"setting {k}": v
         for k, v in os.environ.items()
@@ -236,7 +238,7 @@ def _libraries(names) -> dict[str, str]:
     return out | settings
 
 
-def _with_theirs(names) -> list[str]:
+def _with_transitive(names) -> list[str]:
     """The libraries and all they depend on."""
     todo = sorted(names)
     out = []
@@ -326,10 +328,12 @@ def processor() -> str:
 def _with_side_effects() -> list[str]:
     """Files that do more than define when they are imported. All solvers and cases are imported to
     be found, so such a file counts for every run, whatever its own name."""
-    found = import_graph.needs(
-        *locations.plugins("solvers").values(), *locations.plugins("cases").values(), top=True
+    found = import_graph.dependencies(
+        *locations.plugin_files("solvers").values(),
+        *locations.plugin_files("cases").values(),
+        top=True,
     )
-    return sorted(p for p in found.files if import_graph.acts(Path(p)))
+    return sorted(p for p in found.files if import_graph.has_import_side_effects(Path(p)))
 
 
 def _digest(*chunks: bytes) -> str:

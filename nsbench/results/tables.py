@@ -28,7 +28,7 @@ from nsbench.results.journal import (  # noqa: F401
     settled,
     write_atomically,
 )
-from nsbench.trajectory import spelled
+from nsbench.trajectory import utf8_safe
 
 BLOCK = 10_000  # rows that are made a part of a table at a time
 FORMULA = ("=", "+", "-", "@", "\t", "\r")  # what begins a formula in a spreadsheet
@@ -163,7 +163,7 @@ def text_of(value: str) -> str:
 
 
 def _spelled(row: dict) -> dict:
-    return {spelled(k): spelled(v) if isinstance(v, str) else v for k, v in row.items()}
+    return {utf8_safe(k): utf8_safe(v) if isinstance(v, str) else v for k, v in row.items()}
 
 
 def _kinds(pa, rows: Iterable[dict]) -> dict:
@@ -178,7 +178,7 @@ def _kinds(pa, rows: Iterable[dict]) -> dict:
             out[k] = max(out.get(k, 0), kind)
     types = {}
     for k, kind in out.items():  # names that are spelled alike are one column
-        types[spelled(k)] = max(types.get(spelled(k), 0), kind)
+        types[utf8_safe(k)] = max(types.get(utf8_safe(k), 0), kind)
     return {k: (pa.bool_(), pa.float64(), pa.string())[kind] for k, kind in types.items()}
 
 

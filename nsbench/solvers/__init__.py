@@ -60,7 +60,7 @@ def _scan() -> tuple[dict, dict]:
         if info.name in ("base", "common") or info.name.startswith("_"):
             continue
         try:
-            with user_code.asked(f"the file of the solver {info.name}"):
+            with user_code.guarded(f"the file of the solver {info.name}"):
                 module = importlib.import_module(f"{__name__}.{info.name}")
             found[info.name] = _checked(module)
         except (Exception, SystemExit) as e:  # a broken plugin must not take the others with it
@@ -170,13 +170,13 @@ def solve(case: Case | str, solver: str = "event_driven", **accuracy) -> Traject
     if set(accuracy) - {method.accuracy}:
         wrong = (set(accuracy) - {method.accuracy}).pop()
         raise LookupError(f"{solver} takes {method.accuracy!r}, not {wrong!r}")
-    from nsbench.diagnostics.diagnose import doubted
+    from nsbench.diagnostics.diagnose import diagnose
 
     value = check_positive(method.accuracy, accuracy.get(method.accuracy, method.default))
     why = method.refuses(case)
     if why:
         return refused(case, why)
-    return doubted(case, method.prepare(case, value)())
+    return diagnose(case, method.prepare(case, value)())
 
 
 def refused(case: Case, why: str) -> Trajectory:

@@ -18,22 +18,24 @@ CHANGED = "changed meanwhile"
 _seen: dict[str, tuple] = {}
 
 
-def note(path: str) -> None:
+def record_state(path: str) -> None:
     """The file is about to be read; the first time counts."""
     if path not in _seen:
-        now = stamp(path)
+        now = stat_signature(path)
         _seen[path] = now, ""  # first: reading the file is noted as well
-        if now and _young(now):
+        if now and _recently_modified(now):
             _seen[path] = now, digest(path)
 
 
-def touched(paths: Iterable[str]) -> list[str]:
+def changed_files(paths: Iterable[str]) -> list[str]:
     """Those of the files that are not, or may not be, what they were when they were noted;
     sorted."""
     return sorted(
         p
         for p in paths
-        if (was := _seen.get(p)) is None or was[0] != stamp(p) or (was[1] and was[1] != digest(p))
+        if (was := _seen.get(p)) is None
+        or was[0] != stat_signature(p)
+        or (was[1] and was[1] != digest(p))
     )
 
 
@@ -41,7 +43,7 @@ def forget() -> None:
     _seen.clear()
 
 
-def stamp(path: str) -> tuple[int, ...] | None:
+def stat_signature(path: str) -> tuple[int, ...] | None:
     """What every change of a file changes, putting an old one back included: times of its text and
     of its entry (ns), size, place on the disk; None where there is none."""
     try:
@@ -53,8 +55,8 @@ def stamp(path: str) -> tuple[int, ...] | None:
 
 def digest(path: str) -> str:
     """Sixteen hexadecimal digits of the content of a file, or why there are none."""
-    now = stamp(path)
-    return _digest(path) if now is None or _young(now) else _kept(path, now)
+    now = stat_signature(path)
+    return _digest(path) if now is None or _recently_modified(now) else _kept(path, now)
 
 
 @functools.lru_cache(maxsize=4096)
@@ -70,5 +72,5 @@ def _digest(path):
         return f"cannot be read: {getattr(e, 'strerror', None) or e}"
 
 
-def _young(now) -> bool:
+def _recently_modified(now) -> bool:
     return time.time() - max(now[:2]) / 1e9 < YOUNG

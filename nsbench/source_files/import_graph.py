@@ -21,12 +21,12 @@ from nsbench.source_files import file_state
 from nsbench.source_files.locations import (
     PACKAGE,
     ROOT,
-    beside,
-    elsewhere,
     inside,
+    installed_or_local,
+    local_module_files,
+    module_file,
     named_file,
-    place_of,
-    plugins,
+    plugin_files,
 )
 
 LOOKUPS = {
@@ -66,7 +66,7 @@ BY_NAME = (
 
 
 @dataclass(frozen=True)
-class Needs:
+class Dependencies:
     """files: paths of all files, the first one included; libraries: top-level names of what is
     installed beside them."""
 
@@ -84,7 +84,7 @@ class _Text:
     by_name: bool = False
 
 
-def needs(*paths, top: bool = False) -> Needs:
+def dependencies(*paths, top: bool = False) -> Dependencies:
     """Everything the files depend on, themselves included. top: only what importing them imports,
     and not what their functions do."""
     todo = [str(Path(p).resolve()) for p in paths]
@@ -102,7 +102,7 @@ def needs(*paths, top: bool = False) -> Needs:
                 files.add(what) if _is_list(what) else todo.append(what)
             else:
                 todo.append(what)
-    return Needs(frozenset(files), frozenset(libraries))
+    return Dependencies(frozenset(files), frozenset(libraries))
 
 
 @functools.cache
@@ -128,7 +128,7 @@ def direct(path: str, top: bool = False) -> frozenset[tuple[str, str]]:
 
 @functools.cache
 def _source(path: str) -> str:
-    file_state.note(path)
+    file_state.record_state(path)
     try:
         return Path(path).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError):
@@ -232,26 +232,28 @@ def _target(module: str, name: str, here: Path, ours: bool) -> set[tuple[str, st
     """Where an import leads."""
     if module.startswith("."):
         base = here.parents[len(module) - len(module.lstrip(".")) - 1]
-        return beside(base, module.lstrip("."), name)
+        return local_module_files(base, module.lstrip("."), name)
     top = module.partition(".")[0]
     if top == PACKAGE:
         return _in_package(module, name)
     if ours:
         return set() if top in sys.stdlib_module_names else {("library", top)}
-    return beside(here.parent, module, name) or elsewhere(module, name)
+    return local_module_files(here.parent, module, name) or installed_or_local(module, name)
 
 
 def _in_package(module: str, name: str) -> set[tuple[str, str]]:
     parts = module.split(".")
-    out = {("text", str(p)) for k in range(1, len(parts)) if (p := place_of(".".join(parts[:k])))}
-    place = place_of(module)
+    out = {
+        ("text", str(p)) for k in range(1, len(parts)) if (p := module_file(".".join(parts[:k])))
+    }
+    place = module_file(module)
     if place is None:
         return out
     path = str(place)
     if place.name != "__init__.py":
         return out | {("file", path)}
     out.add(("text", path))
-    inner = place_of(f"{module}.{name}") if name else None
+    inner = module_file(f"{module}.{name}") if name else None
     if inner is not None:
         out.add(("text" if inner.name == "__init__.py" else "file", str(inner)))
     if _is_list(path):
@@ -313,7 +315,7 @@ def _found_by_text(text: _Text, here: Path, ours: bool) -> set[tuple[str, str]]:
     if not (here.is_relative_to(ROOT) and here.relative_to(ROOT).as_posix() in BY_ITSELF):
         for kind in LOOKUPS:
             if _looks_up(kind, text.imports):
-                out |= _named(plugins(kind), text.strings)
+                out |= _named(plugin_files(kind), text.strings)
     if ours:
         return out
     for word in text.strings:
@@ -338,7 +340,7 @@ ACTS = re.compile(
 )
 
 
-def acts(path: Path) -> bool:
+def has_import_side_effects(path: Path) -> bool:
     """Whether importing the file does more than define names: a call that stands alone, a loop, an
     assignment to what is another's. What an assignment calls for its value is taken to do no more
     than make it."""
@@ -362,5 +364,5 @@ def _acts(node) -> bool:
 
 def forget() -> None:
     """Files are read again."""
-    for f in (direct, _source, _is_list, _names, place_of):
+    for f in (direct, _source, _is_list, _names, module_file):
         f.cache_clear()

@@ -14,7 +14,7 @@ PACKAGE = ROOT.name
 
 
 @functools.cache
-def homes() -> dict[str, Path]:
+def package_folders() -> dict[str, Path]:
     """Folders of the package, by dotted name; cases and references may lie beside it."""
     out = {PACKAGE: ROOT}
     for name in ("cases", "reference_solutions"):
@@ -25,20 +25,20 @@ def homes() -> dict[str, Path]:
 
 
 @functools.cache
-def place_of(module: str) -> Path | None:
+def module_file(module: str) -> Path | None:
     """File of a module of this package."""
-    home = max((h for h in homes() if f"{module}.".startswith(f"{h}.")), key=len)
+    home = max((h for h in package_folders() if f"{module}.".startswith(f"{h}.")), key=len)
     base = (
-        homes()[home].joinpath(*module[len(home) :].strip(".").split("."))
+        package_folders()[home].joinpath(*module[len(home) :].strip(".").split("."))
         if module != home
-        else homes()[home]
+        else package_folders()[home]
     )
     return next((p for p in (base / "__init__.py", base.with_suffix(".py")) if p.is_file()), None)
 
 
-def plugins(kind: str) -> dict[str, str]:
+def plugin_files(kind: str) -> dict[str, str]:
     """Files of the package's own "solvers" or "cases" by name."""
-    folder = ROOT / kind if kind == "solvers" else homes()[f"{PACKAGE}.cases"]
+    folder = ROOT / kind if kind == "solvers" else package_folders()[f"{PACKAGE}.cases"]
     found = {
         p.stem: str(p)
         for p in sorted(folder.glob("*.py"))
@@ -52,10 +52,10 @@ def plugins(kind: str) -> dict[str, str]:
 
 
 def inside(path: Path) -> bool:
-    return any(path.is_relative_to(home) for home in homes().values())
+    return any(path.is_relative_to(home) for home in package_folders().values())
 
 
-def is_foreign(path) -> bool:
+def is_user_file(path) -> bool:
     """Is the file neither of this package nor of an installed library?"""
     return not inside(Path(path)) and not is_installed(Path(path))
 
@@ -71,7 +71,7 @@ def _standard() -> tuple[str, ...]:
     return tuple({sysconfig.get_path("stdlib"), sysconfig.get_path("platstdlib")})
 
 
-def beside(folder: Path, module: str, name: str) -> set[tuple[str, str]]:
+def local_module_files(folder: Path, module: str, name: str) -> set[tuple[str, str]]:
     """The module as a file in the folder, with the __init__ of the packages on the way; {} where
     there is none."""
     out = set()
@@ -93,7 +93,7 @@ def beside(folder: Path, module: str, name: str) -> set[tuple[str, str]]:
     return out
 
 
-def elsewhere(module: str, name: str) -> set[tuple[str, str]]:
+def installed_or_local(module: str, name: str) -> set[tuple[str, str]]:
     """A module that Python would find: a library where it is installed, else files."""
     top = module.partition(".")[0]
     if top in sys.stdlib_module_names:
@@ -116,7 +116,7 @@ def elsewhere(module: str, name: str) -> set[tuple[str, str]]:
         if Path(places[0]).name == "__init__.py"
         else Path(places[0]).parent
     )
-    return beside(folder, module, name)
+    return local_module_files(folder, module, name)
 
 
 def named_file(word: str, folder: Path) -> set[tuple[str, str]]:

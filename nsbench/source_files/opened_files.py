@@ -28,7 +28,7 @@ WRITTEN = ()  # instead of a stamp: runs have written it themselves, it is no da
 
 
 @contextlib.contextmanager
-def during(path) -> Iterator[None]:
+def record_opens_while_loading(path) -> Iterator[None]:
     """Whatever is opened for reading within belongs to the file at `path`."""
     _install()
     _open.append(_found.setdefault(os.path.realpath(path), set()))
@@ -39,7 +39,7 @@ def during(path) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def by_run(*paths: str) -> Iterator[None]:
+def record_opens_of_run(*paths: str) -> Iterator[None]:
     """Whatever is opened for reading within was read by a run of the case and solver files at
     `paths`."""
     if paths:
@@ -52,7 +52,7 @@ def by_run(*paths: str) -> Iterator[None]:
         _runs[:] = before
 
 
-def by(path) -> frozenset[str]:
+def opened_while_loading(path) -> frozenset[str]:
     """Real paths of the files that were opened, compiled modules and devices left out."""
     return frozenset(
         p
@@ -63,7 +63,7 @@ def by(path) -> frozenset[str]:
     )
 
 
-def read_by(path, counts: Callable[[str], bool]) -> dict[str, str]:
+def digests_of_data_read(path, counts: Callable[[str], bool]) -> dict[str, str]:
     """Digests of what runs of a case or solver file have read from below its folder, by the path
     from there: all runs of this process, since a later one may use what an earlier one keeps. A
     file that somebody else touched since has none.
@@ -81,7 +81,9 @@ def read_by(path, counts: Callable[[str], bool]) -> dict[str, str]:
             continue
         if not p.endswith(COMPILED) and not os.path.isdir(p) and counts(p):
             out[Path(p).relative_to(home).as_posix()] = (
-                file_state.digest(p) if stamp == file_state.stamp(p) else file_state.CHANGED
+                file_state.digest(p)
+                if stamp == file_state.stat_signature(p)
+                else file_state.CHANGED
             )
     return out
 
@@ -103,10 +105,10 @@ def _install() -> None:
                 found[path] = WRITTEN
             return
         if _open:
-            file_state.note(path)
+            file_state.record_state(path)
             _open[-1].add(path)
         for found in _runs:
-            found.setdefault(path, file_state.stamp(path))
+            found.setdefault(path, file_state.stat_signature(path))
 
     sys.addaudithook(hook)
 

@@ -10,19 +10,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from nsbench import solvers
-from nsbench import user_code
+from nsbench import solvers, user_code
 from nsbench.case import Case, case_module, case_names, get_case, load_case
-from nsbench.diagnostics.diagnose import doubted
-from nsbench.solvers.common.initial_state import NoStart
+from nsbench.diagnostics.diagnose import diagnose
+from nsbench.solvers.common.initial_state import InfeasibleStart
 from nsbench.source_files import opened_files
 from nsbench.study.describe import describe_case, describe_solver
 from nsbench.study.ladders import ladder
-from nsbench.study.result_contract import OWN, misfit
-from nsbench.trajectory import Status, Trajectory, fault_of_machine, spelled
+from nsbench.study.result_contract import RESERVED_COLUMNS, contract_violation
+from nsbench.trajectory import Status, Trajectory, machine_fault, utf8_safe
 
 # relative to each coordinate, or to 1: far above rounding, far below any error that counts
-NUDGE = 1e-12
+START_PERTURBATION = 1e-12
 STARTS = {
     "error": "feasible",
     "project": "projected",
@@ -137,7 +136,7 @@ def plan(
         chosen = list(specs) if specs else [*solvers.standard(), *case.also]
         for spec in dict.fromkeys(chosen):
             method = solvers.get(spec)
-            if user_code.refuses(method, case, spec):
+            if user_code.solver_refuses(method, case, spec):
                 out.append(Spec(key, spec, method.accuracy, float("nan"), file, solver_files))
                 continue
             asked = (values or {}).get(method.accuracy) or ladder(case, method)
@@ -194,11 +193,11 @@ def timed_again(spec: Spec, row: dict) -> bool:
 def attempt(spec: Spec, announce: Callable[[str], None] = lambda what: None):
     """One run: its row and, if it can be timed again, the zero-argument run. Failures are rows,
     whatever raised."""
-    with opened_files.by_run(*filter(None, [spec.file, *spec.solver_files])):
+    with opened_files.record_opens_of_run(*filter(None, [spec.file, *spec.solver_files])):
         return _attempt(spec, announce)
 
 
-def found(spec: Spec):
+def load_case_and_solver(spec: Spec):
     """The case of the spec and its method; raises what their files raise."""
     _files_loaded.update(f for f in spec.solver_files if f not in _files_loaded and solvers.load(f))
     return resolve(spec.case, spec.file), solvers.get(spec.solver)
@@ -216,11 +215,13 @@ def _attempt(spec, announce):
     }
     announce("prepare")
     try:
-        case, method = found(spec)
+        case, method = load_case_and_solver(spec)
         why = method.refuses(case)
         if why:
             return row | _status(Status("refused", why)), None
-        start = nudged(case, spec.nudge)  # measured against the solution from the case's own start
+        start = perturbed_start(
+            case, spec.nudge
+        )  # measured against the solution from the case's own start
         run, spent = clock.prepared(lambda: method.prepare(start, spec.asked))
         row |= spent
         announce("run")
@@ -231,13 +232,13 @@ def _attempt(spec, announce):
         return row | _status(_raised(e)), None
     announce("measure")
     try:
-        wrong = misfit(start, traj, spec.accuracy, spec.asked)
+        wrong = contract_violation(start, traj, spec.accuracy, spec.asked)
         if wrong:
             return row | _status(Status("error", wrong)), None
-        row |= _told(spec, case, traj)
+        row |= _solver_columns(spec, case, traj)
         from nsbench.measure import errors
 
-        traj = doubted(case, traj)
+        traj = diagnose(case, traj)
         row |= _status(traj.status) | errors(case, traj)
         row |= _below(row)
     except Exception as e:  # what a solver returns can be anything as well
@@ -245,12 +246,14 @@ def _attempt(spec, announce):
     return row, run if traj.status.ok and not spec.nudge else None
 
 
-def _told(spec: Spec, case: Case, traj: Trajectory) -> dict:
+def _solver_columns(spec: Spec, case: Case, traj: Trajectory) -> dict:
     """The columns that are the solver's to tell: its counted work, and the steps it took."""
     told = {
-        spelled(k): spelled(v)[:LONGEST] if isinstance(v, str) else v
+        utf8_safe(k): utf8_safe(v)[:LONGEST] if isinstance(v, str) else v
         for k, v in traj.stats.items()
-        if isinstance(k, str) and isinstance(v, (int, float, str, bool)) and k not in OWN
+        if isinstance(k, str)
+        and isinstance(v, (int, float, str, bool))
+        and k not in RESERVED_COLUMNS
     }
     h = {"h": told.get("h", spec.asked), "k": 1.0 / spec.asked}.get(spec.accuracy, spec.asked)
     return told | {"start": STARTS[case.start], "h": h, "lam_time": traj.lam_time}
@@ -262,7 +265,7 @@ def run_one(spec: Spec, announce: Callable[[str], None] = lambda what: None) -> 
     return attempt(spec, announce)[0]
 
 
-def lost(spec: Spec, status: str, why: str) -> dict:
+def lost_run_row(spec: Spec, status: str, why: str) -> dict:
     """The row of a run whose process ended before it could tell one."""
     h = 1.0 / spec.asked if spec.accuracy == "k" else spec.asked
     return dict(
@@ -272,27 +275,27 @@ def lost(spec: Spec, status: str, why: str) -> dict:
         asked=spec.asked,
         h=h,
         status=status,
-        why=spelled(why),
+        why=utf8_safe(why),
     )
 
 
 def _raised(e: Exception, when: str = "") -> Status:
     """The status of a run that raised: memory that was not to be had, from Python or from XLA, or
     an error."""
-    if isinstance(e, NoStart):
+    if isinstance(e, InfeasibleStart):
         return Status(e.code, f"No start: {e}.")
     if isinstance(e, MemoryError) or "RESOURCE_EXHAUSTED" in str(e):
         return Status("oom", f"{when}Out of memory: {e}")
-    return Status("error", f"{when}{type(e).__name__}: {e}{fault_of_machine(e)}")
+    return Status("error", f"{when}{type(e).__name__}: {e}{machine_fault(e)}")
 
 
-def nudged(case: Case, seed: int) -> Case:
+def perturbed_start(case: Case, seed: int) -> Case:
     """The case from a start NUDGE away, relative to the larger of 1 and each coordinate; itself for
     the seed 0."""
     if not seed:
         return case
     away = np.random.default_rng(seed).uniform(-1.0, 1.0, case.n)
-    return case.replace(x0=case.x0 + NUDGE * np.maximum(1.0, np.abs(case.x0)) * away)
+    return case.replace(x0=case.x0 + START_PERTURBATION * np.maximum(1.0, np.abs(case.x0)) * away)
 
 
 def _below(row: dict) -> dict:
@@ -316,7 +319,7 @@ _files_loaded: set[str] = set()
 
 
 def _status(status: Status) -> dict:
-    why = "" if status.ok else spelled(str(status))
+    why = "" if status.ok else utf8_safe(str(status))
     middle = " ... " if len(why) > LONGEST else ""
     return {
         "status": status.code,

@@ -8,10 +8,10 @@ import numbers
 import numpy as np
 
 from nsbench.case import Case
-from nsbench.dynamics.contacts.constraint_set import Scene
-from nsbench.dynamics.contacts.tolerances import misses
+from nsbench.dynamics.contacts.constraint_set import ConstraintSet
+from nsbench.dynamics.contacts.tolerances import violates
 from nsbench.problem import Complementarity
-from nsbench.solvers.common.initial_state import start_state
+from nsbench.solvers.common.initial_state import initial_state
 from nsbench.trajectory import LAM_TIMES, Status, Trajectory
 
 ROUNDED = 1e-12  # of the start's size: what linear combinations of runs may leave of it
@@ -23,7 +23,7 @@ NEAREST = (
 COUNTS = 200  # entries of stats
 SLACK = 1e-9  # relative, of steps: what dividing and adding them up rounds
 # columns that are the bench's to write, whatever a solver counts under such a name
-OWN = {
+RESERVED_COLUMNS = {
     "case",
     "solver",
     "accuracy",
@@ -46,7 +46,7 @@ OWN = {
 }
 
 
-def misfit(case: Case, traj, accuracy: str = "", asked: float = np.nan) -> str:
+def contract_violation(case: Case, traj, accuracy: str = "", asked: float = np.nan) -> str:
     """What is wrong with what a solver returned, as a sentence; "" if it keeps the contract.
 
     case: with the start that the run was given; accuracy, asked: what the solver was asked for ("":
@@ -116,23 +116,23 @@ def _start(case: Case, x: np.ndarray) -> str:
     away = float(np.abs(x - case.x0).max(initial=0.0))
     rounded = ROUNDED * float(np.abs(case.x0).max(initial=0.0))
     if case.start != "keep" and isinstance(case.problem, Complementarity):
-        scene = Scene(case.problem, case.n)
+        scene = ConstraintSet(case.problem, case.n)
         t = float(case.t[0])
-        far = misses(case, scene, t, case.x0)
+        far = violates(case, scene, t, case.x0)
         if far and case.start == "project":
             return (
                 ""
-                if not misses(case, scene, t, x)
+                if not violates(case, scene, t, x)
                 else (
                     f"The solver says ok, but its first state violates a constraint by "
                     f"{scene.deepest(t, x):.3g}; the start is to be "
                     "projected."
                 )
             )
-        if away > rounded and not far and not misses(case, scene, t, x):
+        if away > rounded and not far and not violates(case, scene, t, x):
             with contextlib.suppress(ValueError):  # no start is near
                 rounded += NEAREST * float(
-                    np.abs(start_state(case, scene) - case.x0).max(initial=0.0)
+                    np.abs(initial_state(case, scene) - case.x0).max(initial=0.0)
                 )
     if away <= rounded:
         return ""

@@ -10,7 +10,7 @@ import pytest
 
 from nsbench import LCS, Complementarity, Filippov, get_case
 from nsbench.case import broken_cases, case_module, case_names
-from nsbench.dynamics.contacts.constraint_set import Scene
+from nsbench.dynamics.contacts.constraint_set import ConstraintSet
 from nsbench.solvers import get, grid
 
 SETS = {name: getattr(case_module(name), "SUITES", {"standard": [{}]}) for name in case_names()}
@@ -57,7 +57,7 @@ def test_the_start_is_feasible_unless_the_case_says_otherwise(name, params):
     case = get_case(name, **params)
     if not isinstance(case.problem, Complementarity):
         return
-    scene = Scene(case.problem, case.n)
+    scene = ConstraintSet(case.problem, case.n)
     t = float(case.t[0])
     near = scene.near(case.x0, 1e-3, t)
     least = scene.gaps(t, case.x0, near).min(initial=np.inf)
@@ -67,21 +67,21 @@ def test_the_start_is_feasible_unless_the_case_says_otherwise(name, params):
 def functions(case):
     """(name, factory, its compiled form or None, sizes of its arguments after t) of all physics in
     the case."""
-    from nsbench.compilation.factories import rhs, rhs_signs
+    from nsbench.compilation.factories import rhs_cfunc, signed_rhs_cfunc
 
     p = case.problem
     if isinstance(p, Complementarity):
-        return [("drift", p.drift, rhs(p.drift, case.n), (case.n,))]
+        return [("drift", p.drift, rhs_cfunc(p.drift, case.n), (case.n,))]
     if isinstance(p, Filippov):
         d = len(p.switch(np)(0.0, case.x0.copy()))
         return [
-            ("field", p.field, rhs_signs(p.field, case.n, d), (case.n, d)),
+            ("field", p.field, signed_rhs_cfunc(p.field, case.n, d), (case.n, d)),
             ("switch", p.switch, None, (case.n,)),
         ]
     assert isinstance(p, LCS)
     from nsbench.dynamics.lcs import drift_of
 
-    return [("A x + u", drift_of(p), rhs(drift_of(p), case.n), (case.n,))]
+    return [("A x + u", drift_of(p), rhs_cfunc(drift_of(p), case.n), (case.n,))]
 
 
 @functools.cache
@@ -104,13 +104,13 @@ def kinds():
 
 @pytest.mark.parametrize("name, params", kinds())
 def test_numpy_numba_and_jax_agree(name, params):
-    from nsbench.compilation.factories import jax_function
+    from nsbench.compilation.factories import as_jax
 
     case = get_case(name, **params)
     rng = np.random.default_rng(1)
     for what, factory, compiled, sizes in functions(case):
         host = factory(np)
-        jaxed = jax_function(factory)
+        jaxed = as_jax(factory)
         for t in (0.0, 0.7):
             x = case.x0 + 0.01 * rng.standard_normal(case.n)
             args = [x, *(rng.uniform(-1, 1, k) for k in sizes[1:])]
@@ -161,7 +161,7 @@ def test_many_discs_are_built_quickly_and_without_a_list_of_pairs():
 @pytest.mark.parametrize("n, contacts, rank", [(7, 12, 11), (19, 42, 35), (37, 90, 71)])
 def test_closed_hexagons_have_redundant_contacts(n, contacts, rank):
     case = get_case("hex", n=n)
-    scene = Scene(case.problem, case.n)
+    scene = ConstraintSet(case.problem, case.n)
     x = case.exact(case.t[-1:])[0]
     near = scene.near(x, 1e-9, 0.0)
     assert len(near) == contacts

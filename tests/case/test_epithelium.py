@@ -7,7 +7,7 @@ import pytest
 import nsbench
 from nsbench.case import case_module
 from nsbench.compilation import factories
-from nsbench.dynamics.contacts.constraint_set import Scene
+from nsbench.dynamics.contacts.constraint_set import ConstraintSet
 
 KINDS = (
     {},
@@ -146,7 +146,7 @@ def test_jax_computes_and_differentiates_the_same(kind):
     x = generic(case)
     v = np.random.default_rng(0).standard_normal(case.n)
     f = case.problem.drift(np)
-    g = factories.jax_function(case.problem.drift)
+    g = factories.as_jax(case.problem.drift)
     value, slope = jax.jit(lambda x: jax.jvp(lambda y: g(0.0, y), (x,), (v,)))(x)
     assert np.asarray(value) == pytest.approx(f(0.0, x), abs=1e-12)
     assert np.asarray(slope) == pytest.approx(
@@ -158,7 +158,7 @@ def test_jax_computes_and_differentiates_the_same(kind):
 @pytest.mark.parametrize("kind", [*KINDS, {"n": 100, "r_hard": 0.7}], ids=str)
 def test_starts_feasible(kind, seed):
     case = nsbench.get_case("epithelium", seed=seed, **kind)
-    scene = Scene(case.problem, case.n)
+    scene = ConstraintSet(case.problem, case.n)
     near = scene.near(case.x0, 0.5)
     gaps = scene.gaps(0.0, case.x0, near)
     assert gaps.min() >= -1e-12
@@ -171,7 +171,7 @@ def test_starts_feasible(kind, seed):
 def test_links_mean_the_same_distance_on_a_line_a_circle_and_in_the_plane():
     for kind in ({}, {"curvature": 0.3}, {"free_basal": True}):
         case = nsbench.get_case("epithelium", n=4, **kind)
-        scene = Scene(case.problem, case.n)
+        scene = ConstraintSet(case.problem, case.n)
         x = case.x0.copy()
         for by, sign in ((0.01, 1), (-0.01, -1)):  # squeeze, then stretch the basal line
             y = x.copy()

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import nsbench
-from nsbench.dynamics.contacts.constraint_set import Scene
+from nsbench.dynamics.contacts.constraint_set import ConstraintSet
 
 
 def stepwise(case, spec, n):
@@ -24,7 +24,7 @@ def slope(h, e):
 
 
 def gaps(case, t, x, reach=0.5):
-    scene = Scene(case.problem, case.n)
+    scene = ConstraintSet(case.problem, case.n)
     near = scene.near(x, reach, t)
     return dict(zip(near.ids, scene.gaps(t, x, near), strict=True))
 
@@ -159,7 +159,7 @@ def test_pulled_beads_stop_in_arithmetic_progression():
 
 def angles(case):
     """Normalised products of the gradients of contacts that share a disc."""
-    scene = Scene(case.problem, case.n)
+    scene = ConstraintSet(case.problem, case.n)
     near = scene.near(case.x0, 1e-9, 0.0)
     G = scene.dense_gradients(0.0, case.x0, near)
     unit = G / np.linalg.norm(G, axis=1)[:, None]
@@ -270,11 +270,11 @@ def test_the_projected_start_is_the_nearest_feasible_point():
     apart."""
     from scipy.optimize import minimize
 
-    from nsbench.solvers.common.initial_state import start_state
+    from nsbench.solvers.common.initial_state import initial_state
 
     for seed in range(4):
         case = nsbench.get_case("overlap_start", meaning="project", seed=seed)
-        y = start_state(case, Scene(case.problem, case.n))
+        y = initial_state(case, ConstraintSet(case.problem, case.n))
         i, j = np.triu_indices(case.n // 2, 1)
 
         def apart(x, i=i, j=j):

@@ -5,7 +5,7 @@ import multiprocessing as mp
 import sys
 import time
 
-from nsbench.compilation.compile_lock import share_compilation
+from nsbench.compilation.compile_lock import lock_compilation
 
 KERNELS = """
 from numba import njit
@@ -42,7 +42,7 @@ def _use(folder, locks, ready, told):
             pass
 
     if locks:
-        share_compilation(locks, around, waits.append)
+        lock_compilation(locks, around, waits.append)
     sys.path.insert(0, folder)
     import kernels_of_two
 

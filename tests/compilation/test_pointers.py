@@ -13,9 +13,7 @@ import numpy as np
 import pytest
 from numba import njit
 
-from nsbench.compilation import cfunc_cache
-from nsbench.compilation import disk_cache
-from nsbench.compilation import factories
+from nsbench.compilation import cfunc_cache, disk_cache, factories
 
 X = np.array([0.3, -0.7, 1.9])
 
@@ -50,7 +48,7 @@ def call(f, t, x, out):
     f(t, x, out)
 
 
-def value(factory, form_of=factories.rhs.__wrapped__):
+def value(factory, form_of=factories.rhs_cfunc.__wrapped__):
     """(kind of pointer, value) without the memory of this process."""
     pointer = form_of(factory, X.size)
     out = np.full(X.size, 7.0)
@@ -62,10 +60,10 @@ def value(factory, form_of=factories.rhs.__wrapped__):
 def home(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     monkeypatch.delenv("NSBENCH_CACHE", raising=False)
-    disk_cache.folder.cache_clear()
+    disk_cache.cache_folder.cache_clear()
     yield tmp_path / "nsbench" / "pointers"
     monkeypatch.undo()
-    disk_cache.folder.cache_clear()
+    disk_cache.cache_folder.cache_clear()
 
 
 def test_what_is_found_has_the_bits_of_what_was_compiled(home):
@@ -161,7 +159,7 @@ class Harm:
 def test_what_others_could_write_is_not_run(home):
     value(plain(2.0))
     home.chmod(0o777)
-    disk_cache.folder.cache_clear()
+    disk_cache.cache_folder.cache_clear()
     assert value(plain(2.0))[0] == "CFunc"
 
 
@@ -189,7 +187,7 @@ def test_an_address_of_this_process_is_not_kept(home):
         return lambda t, x: there(t) * x
 
     assert value(drift)[0] == "CFunc" and np.array_equal(value(drift)[1], math.cos(0.4) * X)
-    signature = factories.rhs.__wrapped__(plain(2.0), 3)._sig
+    signature = factories.rhs_cfunc.__wrapped__(plain(2.0), 3)._sig
     before = set(home.iterdir())
 
     def fill(t, x, out):
@@ -203,7 +201,7 @@ def test_another_setting_of_numba_is_another_name(home, monkeypatch):
     from numba import config
 
     f = plain(2.0)(np)
-    signature = factories.rhs.__wrapped__(plain(2.0), 3)._sig
+    signature = factories.rhs_cfunc.__wrapped__(plain(2.0), 3)._sig
     name = cfunc_cache.name_of(signature, "what", f)
     assert (
         name

@@ -12,7 +12,7 @@ import pytest
 
 from nsbench import Affine, Complementarity, Distance, get_case, solve
 from nsbench.compilation import jax_cache
-from nsbench.compilation.disk_cache import folder as kept_folder
+from nsbench.compilation.disk_cache import cache_folder as kept_folder
 from nsbench.compilation.function_digest import Unknown, fingerprint
 from nsbench.solvers.penalty import program
 
@@ -144,9 +144,7 @@ def test_a_case_made_again_is_no_other_case():
     how = (a.n, len(a.t), "tsit5", "pairs")
     assert program.compiled(a.problem, *how) is program.compiled(b.problem, *how)
     c = get_case("discs", n=3, seed=1)
-    assert program.compiled(c.problem, *how) is not program.compiled(
-        a.problem, *how
-    )
+    assert program.compiled(c.problem, *how) is not program.compiled(a.problem, *how)
 
 
 SCRIPT = """
@@ -221,10 +219,10 @@ def test_a_kept_program_that_does_not_run_is_compiled_again():
         raise jax.errors.JaxRuntimeError("NOT_FOUND: Function fusion not found")
 
     made = []
-    kept = jax_cache.Kept(broken, lambda: made.append(1) or (lambda x: {"y": x}))
+    kept = jax_cache.CachedProgram(broken, lambda: made.append(1) or (lambda x: {"y": x}))
     assert kept(3.0) == {"y": 3.0} == kept(3.0) and made == [1]
     with pytest.raises(jax.errors.JaxRuntimeError):
-        jax_cache.Kept(broken)(3.0)
+        jax_cache.CachedProgram(broken)(3.0)
 
 
 def test_what_others_could_write_is_not_run(tmp_path, monkeypatch):

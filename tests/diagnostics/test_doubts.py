@@ -9,7 +9,7 @@ import pytest
 from event_scenes import relays
 
 from nsbench import LCS, Affine, Case, Complementarity, Distance, Filippov, solvers
-from nsbench.diagnostics.drift_poles import pole
+from nsbench.diagnostics.drift_poles import check_drift_pole
 
 POLES = {  # of (xp, t, x), x starting at 1, over [0, 1]
     "simple": lambda xp, t, x: 1.0 / (t - 0.3001),
@@ -109,7 +109,7 @@ def test_poles_of_fields_and_inputs():
         x0=np.array([1.0]),
         t=np.linspace(0, 1, 4),
     )
-    assert pole(circuit, solvers.solve(circuit, "theta", h=3.7e-4)) is not None
+    assert check_drift_pole(circuit, solvers.solve(circuit, "theta", h=3.7e-4)) is not None
 
 
 def _still(xp):
@@ -170,7 +170,7 @@ def test_hard_particles_on_a_line_keep_their_order():
 def test_a_corner_is_told_where_it_is_held_and_not_where_it_is_passed():
     from nsbench import load_case
 
-    kept = Path(__file__).parent / "honesty_kept"
+    kept = Path(__file__).parents[1] / "regressions"
     status = solvers.solve(
         load_case(kept / "many_velocities_in_a_corner.py"), "euler", h=1e-3
     ).status
@@ -266,7 +266,7 @@ def test_a_corner_is_passed_however_many_samples_and_held_however_many():
         np.linspace(0.0, 1.0, 251),
     )
     assert solvers.solve(passing, "euler", h=1e-3).status.ok
-    held = load_case(Path(__file__).parent / "honesty_kept" / "many_velocities_in_a_corner.py")
+    held = load_case(Path(__file__).parents[1] / "regressions" / "many_velocities_in_a_corner.py")
     every = held.replace(t=np.linspace(held.t[0], held.t[-1], 1001), exact=None, exact_impulse=None)
     assert (
         solvers.solve(every, "euler", h=(held.t[-1] - held.t[0]) / 1000).status.code == "unverified"

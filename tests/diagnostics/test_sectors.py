@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from nsbench import Case, Filippov, solve
-from nsbench.diagnostics.filippov.dependent_surfaces import beside
+from nsbench.diagnostics.filippov.dependent_surfaces import sector_signs
 
 
 @pytest.mark.parametrize(
@@ -20,7 +20,7 @@ from nsbench.diagnostics.filippov.dependent_surfaces import beside
     ],
 )
 def test_sectors_around_a_point(normals, sectors):
-    found = beside(np.array(normals))
+    found = sector_signs(np.array(normals))
     drawn = np.unique(
         np.sign(
             np.random.default_rng(0).normal(size=(2000, len(normals[0]))) @ np.array(normals).T

@@ -164,7 +164,7 @@ def test_a_surface_that_is_come_to_between_two_samples_is_looked_at(rows, power,
 def test_a_layer_that_holds_a_repelled_start_is_told():
     from nsbench import load_case
 
-    case = load_case(Path(__file__).parent / "honesty_kept" / "start_in_a_repulsive_layer.py")
+    case = load_case(Path(__file__).parents[1] / "regressions" / "start_in_a_repulsive_layer.py")
     status = solvers.solve(case, "penalty", k=1e3).status
     assert status.code == "unverified" and "both fields leave" in str(status)
     assert solvers.solve(case.replace(x0=np.array([0.1])), "penalty", k=1e3).status.ok

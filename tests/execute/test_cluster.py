@@ -18,8 +18,7 @@ from nsbench.cli import main
 from nsbench.execute.cluster import client as far
 from nsbench.execute.cluster import remote_worker
 from nsbench.execute.workers import pool
-from nsbench.results import run_key
-from nsbench.results import tables
+from nsbench.results import run_key, tables
 from nsbench.study import Spec, run_one
 
 LIMIT = 5.0  # seconds, of runs that take some milliseconds where nothing else is at work
@@ -162,7 +161,9 @@ def test_a_task_that_comes_after_its_study_was_stopped_is_not_begun(tmp_path):
     )
     arguments = 600.0, None, "study", remote_worker.fingerprint(), [{str(file): SOLVER.encode()}]
     rows = []
-    thread = threading.Thread(target=lambda: rows.append(remote_worker.rows_of([hang, fine], *arguments)))
+    thread = threading.Thread(
+        target=lambda: rows.append(remote_worker.rows_of([hang, fine], *arguments))
+    )
     thread.start()
     until = time.monotonic() + 60
     while (
@@ -170,7 +171,9 @@ def test_a_task_that_comes_after_its_study_was_stopped_is_not_begun(tmp_path):
         and time.monotonic() < until
     ):
         time.sleep(0.05)
-    (process,) = (job.process for crew in remote_worker._crews.values() for job in crew.team.working)
+    (process,) = (
+        job.process for crew in remote_worker._crews.values() for job in crew.team.working
+    )
     remote_worker.dismiss("study")
     thread.join(30)
     assert (
@@ -229,7 +232,8 @@ def test_files_are_used_where_they_lie_or_as_copies_that_lie_alike(tmp_path, mon
     )
     assert copy.solver_files[0] != gone and run_one(copy)["status"] == "ok"
     with pytest.raises(
-        remote_worker.OtherInstallation, match=r"x\.txt, too large to be sent, is not the same there"
+        remote_worker.OtherInstallation,
+        match=r"x\.txt, too large to be sent, is not the same there",
     ):
         remote_worker._placed([{str(file): SOLVER.encode(), str(data): "0" * 16}])
 
@@ -324,7 +328,9 @@ def test_a_worker_with_another_library_or_package_on_its_disk_is_refused(
     version = run_key.version
     content = run_key._content
     with monkeypatch.context() as m:
-        m.setattr(run_key, "version", lambda name: ("0.0", ()) if name == "pluggy" else version(name))
+        m.setattr(
+            run_key, "version", lambda name: ("0.0", ()) if name == "pluggy" else version(name)
+        )
         assert study(plugin, tmp_path / "r", address) == 5
     assert "pluggy is " in (said := capsys.readouterr().err) and "(here 0.0)" in said
     with monkeypatch.context() as m:

@@ -7,7 +7,7 @@ import os
 import pytest
 from solver_file import solver
 
-from nsbench.execute.workers.kernel_schedule import Turns, kernels_of
+from nsbench.execute.workers.kernel_schedule import KernelSchedule, kernels_of
 from nsbench.execute.workers.pool import Chore, run_all
 from nsbench.measure import clock
 from nsbench.study import Spec, attempt, run_batch
@@ -152,12 +152,12 @@ def test_no_two_workers_compile_the_same_kernels_at_once(tmp_path):
         Spec("tide", "euler", "h", 0.1),
         Spec("tide", "pbd[sweeps=2]", "h", 0.1),
     ]
-    one = Turns(str(tmp_path)).order(specs)
-    other = Turns(str(tmp_path)).order(specs)
+    one = KernelSchedule(str(tmp_path)).order(specs)
+    other = KernelSchedule(str(tmp_path)).order(specs)
     assert next(one)[0] == 0 and next(other)[0] == 1  # the second leaves pbd to the first
     assert next(one)[0] == 2  # which has let it go with its next run
     assert [i for i, _ in other] == [0, 2] and [i for i, _ in one] == [1]
-    assert sorted(i for i, _ in Turns(str(tmp_path)).order(specs)) == [0, 1, 2]
+    assert sorted(i for i, _ in KernelSchedule(str(tmp_path)).order(specs)) == [0, 1, 2]
 
 
 def test_specs_with_other_families_need_other_kernels():
@@ -218,8 +218,8 @@ def test_the_longest_batches_come_first_and_the_second_needs_other_kernels():
 
 def test_what_shares_a_solver_waits_its_turn_and_is_taken_after(tmp_path):
     """Other families need more kernels of the same solver: they are not compiled beside it."""
-    one = Turns(str(tmp_path)).order([Spec("tide", "pbd", "h", 0.1)])
-    other = Turns(str(tmp_path)).order(
+    one = KernelSchedule(str(tmp_path)).order([Spec("tide", "pbd", "h", 0.1)])
+    other = KernelSchedule(str(tmp_path)).order(
         [Spec("three_discs", "pbd", "h", 0.1), Spec("three_discs", "penalty", "k", 9.0)]
     )
     assert next(one)[0] == 0 and next(other)[0] == 1

@@ -16,9 +16,8 @@ from nsbench.cli import main
 from nsbench.execute import dry_run
 from nsbench.execute.forecast import GUESS, JOURNAL, NOTHING, Forecast, small
 from nsbench.execute.probe import probe
-from nsbench.execute.rerun_reasons import NEW, SIZE, reasons
-from nsbench.results import run_key
-from nsbench.results import tables
+from nsbench.execute.rerun_reasons import NEW, SIZE, rerun_reasons
+from nsbench.results import run_key, tables
 from nsbench.results.run_key import Part
 from nsbench.study import Spec
 
@@ -102,7 +101,7 @@ def journal(folder, spec, parts, **row):
 def why(folder, spec, parts, force=False):
     key = run_key.key_of(spec, parts)
     known = {k: r for k, r in tables.read_journal(folder).items() if tables.settled(r, 120.0)}
-    return reasons([spec], {spec: parts}, {spec: key}, known, folder, force)[spec]
+    return rerun_reasons([spec], {spec: parts}, {spec: key}, known, folder, force)[spec]
 
 
 @pytest.mark.survives("stale")

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from solver_file import solver
 
-sys.path.insert(0, str(Path(__file__).parent / "studies"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "studies"))
 import kills
 
 pytestmark = pytest.mark.skipif(
@@ -93,14 +93,14 @@ def test_a_signal_between_two_rows_waits_for_the_second(tmp_path):
     from nsbench.execute.workers import signals as stop
 
     done = []
-    with pytest.raises(KeyboardInterrupt), stop.heard():
-        with stop.held():
+    with pytest.raises(KeyboardInterrupt), stop.stop_signals():
+        with stop.defer_signals():
             os.kill(os.getpid(), signal.SIGINT)
             done.append("row")
             stop.check()
             done.append("next")
     assert done == ["row"]
-    with stop.heard():
+    with stop.stop_signals():
         with pytest.raises(KeyboardInterrupt):
             os.kill(os.getpid(), signal.SIGTERM)
             time.sleep(1)
@@ -116,7 +116,7 @@ def test_signals_that_are_ignored_stay_so():
 
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
     try:
-        with stop.heard():
+        with stop.stop_signals():
             assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
             os.kill(os.getpid(), signal.SIGHUP)
     finally:

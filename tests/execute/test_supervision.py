@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 from solver_file import solver
 
-from nsbench.execute.workers import memory
-from nsbench.execute.workers import pool
+from nsbench.execute.workers import memory, pool
 from nsbench.execute.workers.pool import run_all
 from nsbench.execute.workers.process import THREADS
 from nsbench.study import Spec
@@ -203,7 +202,7 @@ def test_what_a_run_prints_is_kept_with_it_and_bounded(tmp_path, capfd):
 
 
 def test_a_worker_killed_by_the_system_for_memory_is_told_from_one_that_was_killed(monkeypatch):
-    from nsbench.execute.workers.pool import _Team
+    from nsbench.execute.workers.pool import WorkerPool
     from nsbench.execute.workers.process import Worker
 
     class Gone:
@@ -236,7 +235,7 @@ def test_a_worker_killed_by_the_system_for_memory_is_told_from_one_that_was_kill
             begun=1,
         )
         monkeypatch.setattr(memory, "kernel_kills", lambda: kills)
-        team = _Team(
+        team = WorkerPool(
             [], None, lambda s, r: rows.append(r), lambda s, t: None, 1, 1000, working=[job]
         )
         team.died(job)
@@ -250,7 +249,7 @@ def test_a_worker_killed_by_the_system_for_memory_is_told_from_one_that_was_kill
 
 
 def test_a_run_that_followed_others_is_tried_alone_before_its_memory_is_blamed():
-    from nsbench.execute.workers.pool import _Team
+    from nsbench.execute.workers.pool import WorkerPool
     from nsbench.execute.workers.process import Worker
 
     spec = Spec("tide", "pbd", "h", 0.1)
@@ -263,7 +262,7 @@ def test_a_run_that_followed_others_is_tried_alone_before_its_memory_is_blamed()
         def take(self, i):
             return b""
 
-    team = _Team([], None, lambda s, r: rows.append(r), lambda s, t: None, 1, 1000)
+    team = WorkerPool([], None, lambda s, r: rows.append(r), lambda s, t: None, 1, 1000)
     for _ in range(2):
         job = Worker(None, Pipe(), Pipe(), specs=[spec], missing={0}, index=0, begun=5)
         team.working = [job]
@@ -320,7 +319,7 @@ def test_every_library_of_a_worker_has_the_threads_it_is_given(tmp_path, threads
 
 
 def test_each_run_gets_what_it_printed_however_the_pipe_cuts_it():
-    from nsbench.execute.workers.output_capture import Printed, mark
+    from nsbench.execute.workers.output_capture import OutputCapture, mark
 
     ours, theirs = os.pipe()
     text = (
@@ -338,7 +337,7 @@ def test_each_run_gets_what_it_printed_however_the_pipe_cuts_it():
             return ours
 
     for size in (1, 2, 7, 1000):
-        printed = Printed(End(), b"word")
+        printed = OutputCapture(End(), b"word")
         for k in range(0, len(text), size):
             os.write(theirs, text[k : k + size])
             printed.drain()

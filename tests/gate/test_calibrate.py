@@ -19,10 +19,12 @@ from nsbench.results import tables
 
 def test_a_nudged_start_is_near_and_the_same_for_the_same_seed():
     case = nsbench.get_case("three_discs")
-    a, b, c = (study.nudged(case, seed).x0 for seed in (1, 1, 2))
+    a, b, c = (study.perturbed_start(case, seed).x0 for seed in (1, 1, 2))
     size = np.maximum(1.0, np.abs(case.x0))
-    assert study.nudged(case, 0) is case and np.array_equal(a, b) and not np.array_equal(a, c)
-    assert 0.0 < np.max(np.abs(a - case.x0) / size) <= study.NUDGE
+    assert (
+        study.perturbed_start(case, 0) is case and np.array_equal(a, b) and not np.array_equal(a, c)
+    )
+    assert 0.0 < np.max(np.abs(a - case.x0) / size) <= study.START_PERTURBATION
 
 
 def test_nudged_runs_are_measured_against_the_solution_from_the_own_start():

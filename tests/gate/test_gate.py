@@ -8,10 +8,9 @@ import pytest
 from report_rows import row
 
 from nsbench.cli import main
-from nsbench.gate import baseline, spreads, update
-from nsbench.gate import messages
+from nsbench.gate import baseline, messages, spreads, update
 from nsbench.gate.baseline import Line
-from nsbench.gate.comparison import OUTCOMES, exit_code, judge
+from nsbench.gate.comparison import OUTCOMES, compare, exit_code
 from nsbench.gate.facts import Fact, facts
 from nsbench.report.data import read
 from nsbench.results import tables
@@ -27,7 +26,7 @@ def book(*facts, spread=0.0):
 
 
 def outcome(fact, line):
-    return judge({fact.key: fact}, {line.key: line})[0].outcome
+    return compare({fact.key: fact}, {line.key: line})[0].outcome
 
 
 @pytest.mark.survives("another baseline")
@@ -86,7 +85,7 @@ def test_words_and_statuses():
 
 @pytest.mark.survives("another baseline")
 def test_another_configuration_is_named_and_not_compared():
-    found = judge({FACT.key: replace(FACT, config="case=aa reference=cc")}, book(FACT))
+    found = compare({FACT.key: replace(FACT, config="case=aa reference=cc")}, book(FACT))
     assert (
         found[0].outcome == "configuration differs"
         and "reference" in found[0].sentence
@@ -96,11 +95,11 @@ def test_another_configuration_is_named_and_not_compared():
 
 @pytest.mark.survives("another baseline")
 def test_what_one_side_lacks_is_not_fine():
-    missing = judge({}, book(FACT))
-    new = judge({FACT.key: FACT}, {})
+    missing = compare({}, book(FACT))
+    new = compare({FACT.key: FACT}, {})
     assert (missing[0].outcome, new[0].outcome) == ("missing", "new")
     assert exit_code(missing) == exit_code(new) == exit_code([]) == 4
-    both = judge(
+    both = compare(
         {FACT.key: FACT, WORD.key: replace(WORD, value="19 failed")}, book(FACT, COUNT, WORD)
     )
     assert exit_code(both) == 1 and {f.outcome for f in both} == {
@@ -111,7 +110,7 @@ def test_what_one_side_lacks_is_not_fine():
 
 
 def test_a_better_number_is_no_pass():
-    assert exit_code(judge({FACT.key: replace(FACT, value=0.1)}, book(FACT))) == 1
+    assert exit_code(compare({FACT.key: replace(FACT, value=0.1)}, book(FACT))) == 1
 
 
 @pytest.mark.parametrize(
@@ -142,8 +141,8 @@ def test_what_spreads_too_far_must_still_be_there_and_be_a_number():
     assert outcome(replace(FACT, value=float("nan")), line) == "regressed"
     assert outcome(replace(WORD, value="many"), word) == "not held"
     assert (
-        exit_code(judge({}, {line.key: line}))
-        == exit_code(judge({FACT.key: FACT}, {line.key: line}))
+        exit_code(compare({}, {line.key: line}))
+        == exit_code(compare({FACT.key: FACT}, {line.key: line}))
         == 4
     )
 
@@ -239,15 +238,15 @@ def test_where_less_is_held_than_is_not_too_little_was_compared():
     loose = [replace(FACT, parameters=f"h={k}") for k in range(2)]
     lines = book(FACT) | {f.key: baseline.line(f, INF, "") for f in loose}
     found = {f.key: f for f in (FACT, *loose)}
-    assert exit_code(judge(found, lines)) == 4
+    assert exit_code(compare(found, lines)) == 4
     found.pop(loose[0].key)
     lines.pop(loose[0].key)
-    assert exit_code(judge(found, lines)) == 0
+    assert exit_code(compare(found, lines)) == 0
 
 
 def test_the_summary_is_harmless_and_counts_everything():
     wild = replace(FACT, case="<script>|x")
-    findings = judge({wild.key: wild}, book(FACT, COUNT))
+    findings = compare({wild.key: wild}, book(FACT, COUNT))
     page = messages.summary(findings, exit_code(findings))
     assert (
         "<script>" not in page

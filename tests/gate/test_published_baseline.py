@@ -9,7 +9,7 @@ from nsbench.gate.facts import digest
 from nsbench.study import plan, suite_cases
 from nsbench.study.describe import describe_case, describe_solver
 
-LINES = baseline.read(Path(__file__).resolve().parents[1] / "reports" / "baseline.csv")
+LINES = baseline.read(Path(__file__).resolve().parents[2] / "reports" / "baseline.csv")
 
 
 def test_it_has_the_runs_of_the_standard_suite_under_their_present_configuration():

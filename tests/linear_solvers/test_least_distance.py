@@ -71,8 +71,7 @@ def test_the_active_set_solves_degenerate_problems_from_any_start():
 
 def test_every_phase_alone_finds_the_same_point():
     from nsbench.linalg.sparse_ldl import lengths
-    from nsbench.qp.kernels import active_set
-    from nsbench.qp.kernels import dual_active_set
+    from nsbench.qp.kernels import active_set, dual_active_set
 
     rng = np.random.default_rng(6)
     solved = 0
@@ -99,12 +98,15 @@ def test_every_phase_alone_finds_the_same_point():
                 assert (
                     mu.min() >= 0 and q @ mu + 0.5 * before @ before <= 0.0
                 )  # the dual value has fallen
-                dual_active_set.purify(on, P, vals, mu, common[3], slot)
+                dual_active_set.reduce_to_independent_rows(on, P, vals, mu, common[3], slot)
                 assert mu.min() >= 0 and G.T @ mu == pytest.approx(
                     before, abs=1e-9 * (1 + np.abs(d0).max())
                 )
                 assert np.linalg.matrix_rank(G[mu > 0]) == (mu > 0).sum()
-            assert dual_active_set.one_by_one(on, *common, mu, d, w, slot)[0] == dual_active_set.SOLVED
+            assert (
+                dual_active_set.dual_active_set(on, *common, mu, d, w, slot)[0]
+                == dual_active_set.SOLVED
+            )
             assert d == pytest.approx(d0, abs=1e-9 * (1 + np.abs(d0).max()))
     assert solved > 100 and reached > 0.9 * solved  # it has 100 rounds
 

@@ -21,7 +21,7 @@ def by_fronts(G, q, guess, tol=1e-12):
     code, rounds = interior(
         P,
         T,
-        multifrontal.room(T),
+        multifrontal.workspace(T),
         vals / np.repeat(norm, np.diff(P[0])),
         q / norm,
         guess * norm,
@@ -41,7 +41,7 @@ def test_the_fronts_factor_the_dense_matrix_whatever_the_weights(n):
     G, _ = step(rng, n)
     P, T, vals = ready(G)
     assert np.array_equal(np.sort(T[0]), np.arange(2 * n))
-    L, F, stack, work = multifrontal.room(T)
+    L, F, stack, work = multifrontal.workspace(T)
     weight = 10.0 ** rng.uniform(-8, 6, G.shape[0]) * (rng.random(G.shape[0]) < 0.7)
     multifrontal.factor(T, P[0], vals, weight, L, F, stack)
     b = rng.normal(size=2 * n)
@@ -107,10 +107,10 @@ def test_a_run_through_both_solvers_is_one_run(monkeypatch):
 
     case = nsbench.get_case("discs", n=60, seed=3)
     own = nsbench.solve(case, "catching_up", h=0.02)
-    from nsbench.qp.kernels.dispatch import nobody
+    from nsbench.qp.kernels.dispatch import no_large_solver
 
-    monkeypatch.setattr(method, "many_rows", lambda rows: nobody)
-    monkeypatch.setattr(projection, "many_rows", lambda rows: nobody)
+    monkeypatch.setattr(method, "many_rows", lambda rows: no_large_solver)
+    monkeypatch.setattr(projection, "many_rows", lambda rows: no_large_solver)
     exact = nsbench.solve(case, "catching_up", h=0.02)
     assert own.status.ok and exact.status.ok and own.stats["kkt"] <= 1e-9
     assert own.stats["inner_iterations"] != exact.stats["inner_iterations"]

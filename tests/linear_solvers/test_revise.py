@@ -8,7 +8,7 @@ from packings import ready, step
 from nsbench.linalg import multifrontal
 from nsbench.linalg.sparse_ldl import lengths
 from nsbench.qp.kernels import active_set
-from nsbench.qp.kernels.working_set_update import EXTRA, revise
+from nsbench.qp.kernels.working_set_update import EXTRA, update_working_set
 
 
 def problem(seed, n=70, crystal=False):
@@ -30,7 +30,9 @@ def run(P, T, vals, q, mu, most=10**6, limit=10**6, tol=1e-12):
     mu = mu.copy()
     d = np.zeros(P[2].size - 1)
     w = np.zeros(len(q))
-    done, factors, swaps = revise(P, T, multifrontal.room(T), vals, q, mu, tol, most, limit, d, w)
+    done, factors, swaps = update_working_set(
+        P, T, multifrontal.workspace(T), vals, q, mu, tol, most, limit, d, w
+    )
     return done, factors, swaps, mu, d, active_set.residual(P, vals, q, mu, d)
 
 

@@ -10,8 +10,8 @@ from scipy.optimize import linprog
 
 import nsbench
 from nsbench import Affine, Complementarity, Distance, get_case
-from nsbench.dynamics.contacts.constraint_set import Scene
-from nsbench.measure.context import frame, full_rank, near_of
+from nsbench.dynamics.contacts.constraint_set import ConstraintSet
+from nsbench.measure.context import context_of, full_rank, near_of
 from nsbench.measure.multiplier_sets import polyhedron
 
 TIDE = get_case("tide")
@@ -82,9 +82,9 @@ def test_redundant_multipliers_have_a_selection_and_no_error():
 
 def test_hexagonal_contacts_are_redundant_and_distances_to_the_set_are_right():
     case = get_case("hex")
-    made = frame(case)
-    assert made.unique is False and frame(TIDE).unique is True
-    scene = Scene(case.problem, case.n)
+    made = context_of(case)
+    assert made.unique is False and context_of(TIDE).unique is True
+    scene = ConstraintSet(case.problem, case.n)
     x = case.exact(case.t[-1:])[0]
     G = scene.dense_gradients(0.0, x, near_of(scene, made.active[-1]))
     assert G.shape[0] == 12 and np.linalg.matrix_rank(G) == 11
@@ -145,7 +145,7 @@ def test_candidates_by_id_are_those_of_the_scene():
         Distance(2.0, anchors=np.ones((2, 2)), sign=-1),
         Distance(np.array([1.0, 2.0]), sign=-1, pairs=[[0, 1], [2, 1]]),
     )
-    scene = Scene(Complementarity(lambda xp: lambda t, x: -x, families), 6)
+    scene = ConstraintSet(Complementarity(lambda xp: lambda t, x: -x, families), 6)
     x = np.random.default_rng(1).normal(size=6)
     near = scene.near(x, np.inf)
     pick = [11, 3, 0, 7, 5]

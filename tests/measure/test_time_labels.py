@@ -6,7 +6,7 @@ import pytest
 
 import nsbench
 from nsbench import Case, get_case, solve
-from nsbench.measure.multiplier_times import OWN, PLACES, nodal
+from nsbench.measure.multiplier_times import OWN, PLACES, exact_multiplier
 from nsbench.solvers import grid
 from nsbench.solvers.base import last_steps
 from nsbench.trajectory import Trajectory
@@ -99,7 +99,7 @@ def test_each_label_is_told_from_the_others(label):
 def test_nodal_multipliers_are_exact_to_what_they_say():
     case = get_case("rlc_diode")
     t = np.array([3e-5, 7e-4, 1.9e-3])
-    lam, error = nodal(case, t, 2.5e-5)
+    lam, error = exact_multiplier(case, t, 2.5e-5)
     want = np.maximum(case.exact(t)[:, :1], 0.0) / 1e3
     assert np.abs(lam - want).max() < 1e-13 and error.max() < 1e-13
 

@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from nsbench.diagnostics.diagnose import pace
+from nsbench.diagnostics.diagnose import largest_speed
 from nsbench.problem import Complementarity
 from randomised.ladder import EPS
 from randomised.runs import Outcome, attempt, kept_feasible, relative
@@ -66,7 +66,7 @@ class Answer:
         x = self.first.traj.x if self.first.ok else self.case.x0
         t = self.case.t
         with np.errstate(all="ignore"):
-            way = float(t[-1] - t[0]) * pace(self.case.problem, float(t[0]), self.case.x0)
+            way = float(t[-1] - t[0]) * largest_speed(self.case.problem, float(t[0]), self.case.x0)
         return min(
             1.0, max(float(np.max(np.abs(x), initial=0.0)), way if np.isfinite(way) else 0.0) or 1.0
         )

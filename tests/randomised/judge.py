@@ -42,9 +42,9 @@ from functools import cached_property
 import numpy as np
 
 from nsbench import solvers
-from nsbench.diagnostics.diagnose import pace
+from nsbench.diagnostics.diagnose import largest_speed
 from nsbench.problem import LCS
-from nsbench.study import misfit
+from nsbench.study import contract_violation
 from randomised.answer import ABSOLUTE, FIRST, STEPS, WILD, Answer
 from randomised.ladder import LADDER, LATER, LATER_SLOW, floors, is_slow, jumps, slower, values
 from randomised.own import FAST, MISSING, NARROW, coincide, filled, settled, shortest, slope
@@ -187,7 +187,7 @@ class Scene(Answer):
             return Verdict("told", "border", run.told)
         if not run.ok:
             return Verdict("told", run.traj.status.code, str(run.traj.status))
-        if wrong := misfit(case, run.traj):
+        if wrong := contract_violation(case, run.traj):
             return Verdict("wrong", "ok", wrong)
         lam = np.diff(run.traj.impulse, axis=0) / np.diff(case.t)[:, None]
         signed = "richardson" not in spec and "extrapolate" not in spec
@@ -325,7 +325,7 @@ class Scene(Answer):
     def pace(self) -> float:
         """Largest speed of the drift along the answer."""
         return max(
-            pace(self.case.problem, float(t), x)
+            largest_speed(self.case.problem, float(t), x)
             for t, x in zip(self.answer.t, self.answer.x, strict=True)
         )
 

@@ -7,8 +7,8 @@ from itertools import pairwise, product
 
 import numpy as np
 
-from nsbench.compilation.factories import host
-from nsbench.diagnostics.diagnose import pace
+from nsbench.compilation.factories import as_numpy
+from nsbench.diagnostics.diagnose import largest_speed
 from nsbench.problem import LCS, Complementarity, Filippov, Smooth
 from nsbench.solvers.common.extrapolation import weights
 from nsbench.solvers.nosnoc.diagnostics import LEAK
@@ -103,7 +103,7 @@ def floors(
         if chatters:  # by the motion of a step, which some samples happen not to show
             return (
                 least
-                + h * pace(case.problem, float(case.t[0]), case.x0) / moved
+                + h * largest_speed(case.problem, float(case.t[0]), case.x0) / moved
                 + EPS * T / h * condition * large
                 + jump * h
             )
@@ -128,11 +128,11 @@ def _drifts(case) -> list:
     """(t, x) -> (n,): what may jump in time; the inputs of a circuit."""
     p = case.problem
     if isinstance(p, LCS):
-        return [lambda t, x, f=host(f): np.asarray(f(t), float) for f in (p.u, p.q) if f]
+        return [lambda t, x, f=as_numpy(f): np.asarray(f(t), float) for f in (p.u, p.q) if f]
     if isinstance(p, Complementarity):
-        return [host(p.drift)]
-    field = host(p.field)
-    d = len(np.atleast_1d(host(p.switch)(float(case.t[0]), case.x0.copy())))
+        return [as_numpy(p.drift)]
+    field = as_numpy(p.field)
+    d = len(np.atleast_1d(as_numpy(p.switch)(float(case.t[0]), case.x0.copy())))
     return [
         lambda t, x, s=s: field(t, x.copy(), np.array(s)) for s in product((1.0, -1.0), repeat=d)
     ]

@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from nsbench.compilation.factories import host
-from nsbench.diagnostics.filippov.repulsive_surface import swing
-from nsbench.measure.context import frame, near_of
+from nsbench.compilation.factories import as_numpy
+from nsbench.diagnostics.filippov.repulsive_surface import switch_range
+from nsbench.measure.context import context_of, near_of
 from nsbench.measure.residuals import interval_residuals
 from nsbench.problem import Complementarity, Distance, Filippov
 from randomised.ladder import EPS, is_slow, stiffness
@@ -53,7 +53,7 @@ NAMES = "missing", "depth", "complementarity"
 def missing(case, traj) -> np.ndarray:
     """(k - 1,) the way that each interval lacks."""
     with np.errstate(all="ignore"):
-        return interval_residuals(frame(case), traj) * np.diff(traj.t)
+        return interval_residuals(context_of(case), traj) * np.diff(traj.t)
 
 
 def finer(t: np.ndarray, lacks: np.ndarray) -> np.ndarray:
@@ -231,7 +231,7 @@ def _defects(case, run, unit):
         len(traj.t) // 2 if case.start == "keep" else 0
     )  # that may be infeasible, and is mended in some steps
     lacks = float(np.nan_to_num(missing(case, traj), nan=np.inf)[first:].sum())
-    scene = frame(case).scene
+    scene = context_of(case).scene
     depth = (
         max(scene.deepest(a, b) for a, b in zip(traj.t[first:], traj.x[first:], strict=True))
         / slope(case)
@@ -240,7 +240,7 @@ def _defects(case, run, unit):
     )
     across = size * moved
     if isinstance(case.problem, Filippov):
-        across = float(swing(case.problem.switch(np), float(traj.t[-1]), traj.x, unit).max())
+        across = float(switch_range(case.problem.switch(np), float(traj.t[-1]), traj.x, unit).max())
     return (lacks, depth, _apart(case, run, first)), (size * T, moved, across * T)
 
 
@@ -255,13 +255,13 @@ def _apart(case, run, first: int) -> float:
             max(np.abs(traj.t[[0, -1]]).max(), np.ptp(traj.t)) / np.diff(traj.t).min()
         )  # of a mean weight
         looks = zip(traj.t[::LOOK], traj.x[::LOOK], strict=True)
-        across = max(float(np.abs(host(p.switch)(t, x.copy())).max()) for t, x in looks)
+        across = max(float(np.abs(as_numpy(p.switch)(t, x.copy())).max()) for t, x in looks)
         return max(0.0, run.measured["complementarity"] - rounded * across) * float(
             traj.t[-1] - traj.t[0]
         )
     if not isinstance(p, Complementarity) or not traj.contacts:
         return 0.0
-    scene = frame(case).scene
+    scene = context_of(case).scene
     near = near_of(scene, traj.contacts)
     places = scene.places(near)
     gaps = np.maximum(

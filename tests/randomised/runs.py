@@ -13,7 +13,7 @@ import numpy as np
 
 import nsbench
 from nsbench import solvers
-from nsbench.measure.context import frame
+from nsbench.measure.context import context_of
 from nsbench.problem import LCS, Complementarity
 
 EVENTS = 400  # that a run of event_driven may meet: one costs up to 0.1 s
@@ -99,4 +99,4 @@ def kept_feasible(case) -> bool:
     if case.start != "keep" or not (isinstance(p, Complementarity) and p.constraints):
         return False
     with np.errstate(all="ignore"):
-        return frame(case).scene.deepest(float(case.t[0]), case.x0) <= 0.0
+        return context_of(case).scene.deepest(float(case.t[0]), case.x0) <= 0.0

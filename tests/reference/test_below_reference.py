@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import nsbench
-from nsbench import get_case
-from nsbench import reference
+from nsbench import get_case, reference
 from nsbench.study import Spec, attempt
 
 

@@ -10,8 +10,16 @@ flint = pytest.importorskip(
     "flint", reason="certificates need python-flint (pip install nsbench[certify])"
 )
 
-from nsbench import Affine, Case, Complementarity, Distance, Filippov, Smooth, get_case  # noqa: E402
-from nsbench import reference  # noqa: E402
+from nsbench import (  # noqa: E402
+    Affine,
+    Case,
+    Complementarity,
+    Distance,
+    Filippov,
+    Smooth,
+    get_case,
+    reference,  # noqa: E402
+)
 from nsbench.reference.certify.ball_algebra import Refused  # noqa: E402
 from nsbench.reference.certify.certificate import certify  # noqa: E402
 from nsbench.reference.certify.claimed_arcs import arcs_of  # noqa: E402

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 import nsbench
-from nsbench import Case, Complementarity, Filippov, get_case, load_case
-from nsbench import reference
+from nsbench import Case, Complementarity, Filippov, get_case, load_case, reference
 from nsbench.reference.storage import source_hash, stem
 from nsbench.solvers import Status, Trajectory
 
@@ -34,10 +33,10 @@ def made(tmp_path_factory):
 def test_the_reaction_of_a_closed_form_is_its_impulse_times_gradients(name):
     case = get_case(name)
     ref = reference.closed_form(case)
-    from nsbench.dynamics.contacts.constraint_set import Scene
+    from nsbench.dynamics.contacts.constraint_set import ConstraintSet
     from nsbench.measure.context import near_of
 
-    scene = Scene(case.problem, case.n)
+    scene = ConstraintSet(case.problem, case.n)
     near = near_of(scene, ref.contacts)
     fine = np.linspace(*case.t[[0, -1]], 4001)
     mid = (fine[1:] + fine[:-1]) / 2
@@ -80,7 +79,9 @@ def test_a_built_reference_is_right_within_its_own_bound(made):
 def test_storing_again_gives_the_same_bytes(made, tmp_path):
     folder, (case, _), (ref, _) = made
     reference.store(case, ref, tmp_path)
-    for a, b in zip(reference.files_of(case, folder), reference.files_of(case, tmp_path), strict=True):
+    for a, b in zip(
+        reference.files_of(case, folder), reference.files_of(case, tmp_path), strict=True
+    ):
         assert a.read_bytes() == b.read_bytes()
     assert sorted(p.name for p in tmp_path.iterdir()) == ["tide.json", "tide.npz"]
 

@@ -7,8 +7,7 @@ from decimal import Decimal
 import numpy as np
 import pytest
 
-from nsbench import get_case
-from nsbench import reference
+from nsbench import get_case, reference
 from nsbench.reference.storage import home
 
 KEYS = sorted(json.loads(p.read_text())["fingerprint"]["case"] for p in home().glob("*.json"))

@@ -8,9 +8,7 @@ from report_rows import STEPS, row
 import nsbench
 from nsbench import solvers
 from nsbench.report import data as source
-from nsbench.report import expectations
-from nsbench.report import reliability_tables
-from nsbench.report import summary, verdict
+from nsbench.report import expectations, reliability_tables, summary, verdict
 from nsbench.report.assemble import compose, figures
 from nsbench.report.html_page import page
 from nsbench.report.markdown import text
@@ -75,16 +73,22 @@ def test_a_failure_that_is_expected_is_kept_and_one_that_passes_is_told():
 def test_known_deviations_are_told_apart_from_new_ones_and_from_those_gone():
     known = {("a", "pbd", "state"): ("above", "a symmetric layer")}
     same = list(found(lambda h: h**2, known=known).values())
-    assert same[0].known and not expectations.fresh(same, known) and not expectations.gone(same, known)
+    assert (
+        same[0].known
+        and not expectations.new_deviations(same, known)
+        and not expectations.resolved_deviations(same, known)
+    )
     passes = list(found(lambda h: h, known=known).values())
     assert (
         not passes[0].known
-        and len(expectations.gone(passes, known)) == 1
-        and not expectations.fresh(passes, known)
+        and len(expectations.resolved_deviations(passes, known)) == 1
+        and not expectations.new_deviations(passes, known)
     )
     words = [r.cells[0].text for r in reliability_tables.expected_table(passes, known).rows]
     assert words == ["no longer seen"]
-    assert [r.cells[0].text for r in reliability_tables.expected_table(same, known).rows] == ["known"]
+    assert [r.cells[0].text for r in reliability_tables.expected_table(same, known).rows] == [
+        "known"
+    ]
 
 
 def test_new_deviations_open_the_report():
@@ -158,4 +162,7 @@ def test_errors_below_ten_times_the_bound_are_not_printed():
         {},
         {"event_driven": {"accuracy": "tol", "claims": {"exact": 1e-9}}},
     )
-    assert reliability_tables.bounds_table(data, summary.summarise(data)).rows[0].cells[2].text == "< 1e-11"
+    assert (
+        reliability_tables.bounds_table(data, summary.summarise(data)).rows[0].cells[2].text
+        == "< 1e-11"
+    )

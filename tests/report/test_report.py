@@ -10,11 +10,8 @@ import pytest
 from report_rows import CASES, ENV, METHODS, SOLVERS, STEPS, made, row, summaries
 
 from nsbench import write_report
-from nsbench.report import assemble
+from nsbench.report import assemble, markdown, style, svg_plots, tables
 from nsbench.report import data as source
-from nsbench.report import markdown
-from nsbench.report import style, tables
-from nsbench.report import svg_plots
 
 
 class Reader(HTMLParser):
@@ -102,7 +99,7 @@ def test_no_cell_is_empty_and_every_pair_is_there(page):
 def test_every_refusal_and_failure_shows_its_sentence(page):
     for r in made():
         if r["why"]:
-            told = re.sub(r"t = [\d.]+", "t = ", style.html(r["why"]))
+            told = re.sub(r"t = [\d.]+", "t = ", style.escape(r["why"]))
             assert told.split("t = ")[0] in page
     assert "More than 1e4 events at t = 0.4." in page
 

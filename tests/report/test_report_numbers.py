@@ -6,9 +6,7 @@ import pytest
 from report_rows import SOLVERS, STEPS, row, summaries
 
 from nsbench.report import cost as speed
-from nsbench.report import data
-from nsbench.report import style, summary, tables, verdict
-from nsbench.report import talk_figure
+from nsbench.report import data, style, summary, tables, talk_figure, verdict
 from nsbench.solvers import get
 
 
@@ -87,14 +85,12 @@ def test_a_claimed_bound_that_is_missed_in_silence_is_called_so():
         summaries([row("a", "event_driven", 1e-10, "tol", state_sup=e)], solvers)
         for e in (1e-11, 1e-7)
     )
-    assert not summary.silent_wrong(good) and len(summary.silent_wrong(bad)) == 1
+    assert not summary.silent_failures(good) and len(summary.silent_failures(bad)) == 1
     assert (
         good["a", "event_driven"].state.flag == ""
         and bad["a", "event_driven"].state.flag == "below"
     )
-    said = verdict.verdict(
-        data.read([row("a", "event_driven", 1e-10, "tol", state_sup=1e-7)]), bad
-    )
+    said = verdict.verdict(data.read([row("a", "event_driven", 1e-10, "tol", state_sup=1e-7)]), bad)
     assert any(s.head == "Wrong without a word" for s in said)
 
 
@@ -190,7 +186,9 @@ def test_methods_keep_their_look_and_variants_share_a_colour():
 
 def test_the_distance_from_the_exact_path_is_that_of_the_polygon():
     path = np.array([[0.0, 1.0], [0.0, 0.0], [2.0, 0.0]])
-    assert talk_figure.strays(np.array([[1.0, 0.3], [0.1, 0.5], [1.5, -0.2]]), path) == pytest.approx(0.3)
+    assert talk_figure.strays(
+        np.array([[1.0, 0.3], [0.1, 0.5], [1.5, -0.2]]), path
+    ) == pytest.approx(0.3)
     assert talk_figure.strays(np.array([[3.0, 0.0]]), path) == pytest.approx(1.0)
 
 

@@ -12,10 +12,9 @@ import pytest
 import nsbench
 from nsbench import Affine, Case, Complementarity, Distance, Smooth
 from nsbench.case import case_names
-from nsbench.dynamics.contacts.constraint_set import Scene
+from nsbench.dynamics.contacts.constraint_set import ConstraintSet
 from nsbench.report.scenes import figure as scene
-from nsbench.report.scenes import particles
-from nsbench.report.scenes import plane
+from nsbench.report.scenes import particles, plane
 from nsbench.trajectory import Status, Trajectory
 
 ALL = case_names()
@@ -151,7 +150,7 @@ def test_forbidden_regions_are_those_of_the_constraints():
     ] + [own]
     for case in cases:
         points = np.random.default_rng(0).uniform(-2, 2, (50, case.n))
-        view = Scene(case.problem, case.n)
+        view = ConstraintSet(case.problem, case.n)
         near = view.all_static()
         want = [view.gaps(0.7, p, near).min() for p in points]
         assert plane._least_gap(case, 0.7, points) == pytest.approx(want, abs=1e-13), case.name
@@ -242,7 +241,7 @@ def test_states_of_another_size_are_refused():
 @pytest.mark.parametrize("dim", [1, 2, 3])
 def test_near_pairs_of_few_particles_are_those_of_the_kernel(dim):
     """At grid points too, where gaps are exactly the reach."""
-    from nsbench.dynamics.contacts.candidates import pairs_of_few
+    from nsbench.dynamics.contacts.candidates import pairs_brute_force
     from nsbench.dynamics.contacts.kernels.cell_list import near_pairs
 
     rng = np.random.default_rng(dim)
@@ -255,7 +254,7 @@ def test_near_pairs_of_few_particles_are_those_of_the_kernel(dim):
     ):
         x = rng.integers(0, 9, (n, dim)).astype(float) if grid else rng.normal(size=(n, dim))
         r = np.full(n, 0.5) if grid else rng.uniform(0.0, 0.2, n)
-        few = pairs_of_few(x, r, reach)
+        few = pairs_brute_force(x, r, reach)
         many = near_pairs(x.ravel(), 0, n, dim, r, min(reach, 1e3))
         assert all(np.array_equal(a, b) for a, b in zip(few, many, strict=True)) and (
             n < 40 or few[0].size > 2

@@ -10,8 +10,7 @@ from solver_file import solver
 
 from nsbench.cli import main
 from nsbench.results import tables
-from nsbench.source_files import file_state
-from nsbench.source_files import opened_files
+from nsbench.source_files import file_state, opened_files
 
 DATA = 'c = float(open(os.path.join(os.path.dirname(__file__), "data", "table.txt")).read())'
 
@@ -204,11 +203,13 @@ def test_a_touch_is_seen_though_text_size_and_times_are_as_before(tmp_path):
     path = str(file)
     before = os.stat(file)
     try:
-        file_state.note(path)
-        assert file_state.touched([path]) == []
+        file_state.record_state(path)
+        assert file_state.changed_files([path]) == []
         file.write_text("2")
         os.utime(file, ns=(before.st_atime_ns, before.st_mtime_ns))
-        assert file_state.touched([path]) == [path] and file_state.touched([str(other)]) == [str(other)]
+        assert file_state.changed_files([path]) == [path] and file_state.changed_files(
+            [str(other)]
+        ) == [str(other)]
     finally:
         file_state.forget()
 
@@ -216,13 +217,13 @@ def test_a_touch_is_seen_though_text_size_and_times_are_as_before(tmp_path):
 def test_files_that_are_opened_for_writing_are_not_read(tmp_path):
     file = tmp_path / "own.py"
     place = str(tmp_path / "x")
-    with opened_files.by_run(str(file)):
+    with opened_files.record_opens_of_run(str(file)):
         os.close(os.open(place, os.O_WRONLY | os.O_CREAT))
-    assert opened_files.read_by(file, lambda p: True) == {}
+    assert opened_files.digests_of_data_read(file, lambda p: True) == {}
     (tmp_path / "y").write_text("1")
-    with opened_files.by_run(str(file)):
+    with opened_files.record_opens_of_run(str(file)):
         os.close(os.open(tmp_path / "y", os.O_RDONLY))
-    assert [*opened_files.read_by(file, lambda p: True)] == ["y"]
+    assert [*opened_files.digests_of_data_read(file, lambda p: True)] == ["y"]
 
 
 def test_what_loading_opens_is_not_read_by_the_run_that_loads_first(tmp_path):
@@ -230,11 +231,11 @@ def test_what_loading_opens_is_not_read_by_the_run_that_loads_first(tmp_path):
     file, table, later = (tmp_path / name for name in ("case.py", "table.txt", "later.txt"))
     for f in (file, table, later):
         f.write_text("1")
-    with opened_files.by_run(str(file)):
-        with opened_files.during(file):
+    with opened_files.record_opens_of_run(str(file)):
+        with opened_files.record_opens_while_loading(file):
             file.read_text(), table.read_text()
         later.read_text()
-    assert [*opened_files.read_by(file, lambda p: True)] == ["later.txt"]
+    assert [*opened_files.digests_of_data_read(file, lambda p: True)] == ["later.txt"]
 
 
 def test_data_of_a_folder_whose_name_begins_alike_are_not_of_this_one(tmp_path):
@@ -242,7 +243,7 @@ def test_data_of_a_folder_whose_name_begins_alike_are_not_of_this_one(tmp_path):
         (tmp_path / name).mkdir()
         (tmp_path / name / "data.txt").write_text(name)
     case = tmp_path / "mine" / "case.py"
-    with opened_files.by_run(str(case)):
+    with opened_files.record_opens_of_run(str(case)):
         for name in ("mine", "mine2"):
             (tmp_path / name / "data.txt").read_text()
-    assert [*opened_files.read_by(case, lambda path: True)] == ["data.txt"]
+    assert [*opened_files.digests_of_data_read(case, lambda path: True)] == ["data.txt"]

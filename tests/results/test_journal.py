@@ -11,9 +11,7 @@ import pytest
 
 from nsbench.cli import main
 from nsbench.gate import spreads
-from nsbench.results import consistency
-from nsbench.results import journal
-from nsbench.results import tables
+from nsbench.results import consistency, journal, tables
 
 
 def write(folder, **rows):

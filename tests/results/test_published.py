@@ -14,8 +14,7 @@ from nsbench.execute import suite
 from nsbench.gate import baseline
 from nsbench.gate.facts import facts
 from nsbench.report.data import read
-from nsbench.results import consistency
-from nsbench.results import tables
+from nsbench.results import consistency, tables
 
 RUN = ["run", "tide", "-s", "pbd", "-s", "kdtree", "-j", "1"]
 

@@ -4,8 +4,8 @@ import math
 import sys
 
 from nsbench.results import tables
-from nsbench.results.packed_rows import InOrder, Kept
-from nsbench.results.row_reuse import known
+from nsbench.results.packed_rows import OrderedRows, PackedRows
+from nsbench.results.row_reuse import reusable_rows
 
 ROWS = {
     "a": {
@@ -24,7 +24,7 @@ ROWS = {
 
 
 def test_rows_come_back_equal_in_their_order_and_each_as_its_own():
-    kept = Kept()
+    kept = PackedRows()
     kept.update(ROWS)
     assert [*kept] == [*ROWS] and len(kept) == 3 and "a" in kept and "d" not in kept
     for key, row in ROWS.items():
@@ -36,11 +36,11 @@ def test_rows_come_back_equal_in_their_order_and_each_as_its_own():
     kept["a"] = ROWS["c"]
     del kept["b"]
     assert dict(kept) == {"a": {}, "c": {}}
-    assert [*InOrder(kept, ("c", "x", "a"), lambda i: {"i": i})] == [{}, {"i": 1}, {}]
+    assert [*OrderedRows(kept, ("c", "x", "a"), lambda i: {"i": i})] == [{}, {"i": 1}, {}]
 
 
 def test_a_row_takes_a_tenth_of_the_room_of_a_dict():
-    kept = Kept()
+    kept = PackedRows()
     rows = [
         {f"column {k}": k + 0.5 * i if k % 4 else f"word {k}" for k in range(50)}
         for i in range(100)
@@ -87,4 +87,7 @@ def test_what_is_known_leaves_out_what_is_to_be_made_again(tmp_path):
     ):
         journal.append(key, {"status": status})
     journal.close()
-    assert dict(known(tmp_path, [], {}, 1.0, [])) == {"a": {"status": "ok"}, "d": {"status": "ok"}}
+    assert dict(reusable_rows(tmp_path, [], {}, 1.0, [])) == {
+        "a": {"status": "ok"},
+        "d": {"status": "ok"},
+    }

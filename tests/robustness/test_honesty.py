@@ -7,7 +7,7 @@ import pytest
 import nsbench
 from nsbench.cli import main
 from nsbench.cli.check import check_case
-from nsbench.study import misfit
+from nsbench.study import contract_violation
 from nsbench.trajectory import Status, Trajectory
 
 
@@ -40,9 +40,11 @@ def test_what_a_solver_says_is_not_taken_for_granted():
     none = np.zeros((k, 0))
     x = case.exact(case.t)
     good = Trajectory(case.t, x, (), none, none)
-    assert misfit(case, good) == ""
+    assert contract_violation(case, good) == ""
     assert (
-        misfit(case, Trajectory(case.t, x * np.nan, (), none, none, Status("nan", "A sentence.")))
+        contract_violation(
+            case, Trajectory(case.t, x * np.nan, (), none, none, Status("nan", "A sentence."))
+        )
         == ""
     )
     for bad, word in (
@@ -55,7 +57,7 @@ def test_what_a_solver_says_is_not_taken_for_granted():
         (Trajectory(case.t, x, (), none, none, lam_time="=cmd()"), "lam_time"),
         (Trajectory(case.t, x, (), none, none, lam_time=[]), "lam_time"),
     ):
-        assert word in misfit(case, bad)
+        assert word in contract_violation(case, bad)
 
 
 @pytest.mark.parametrize(

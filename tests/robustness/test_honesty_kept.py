@@ -9,7 +9,7 @@ from randomised.judge import Scene
 
 import nsbench
 
-FILES = sorted((Path(__file__).parent / "honesty_kept").glob("*.py"))
+FILES = sorted((Path(__file__).parents[1] / "regressions").glob("*.py"))
 
 
 def methods(path):

@@ -1,7 +1,7 @@
 """Random scenes of every family: what says ok is true and nothing crashes; a scene that fails is
 shrunk to a case file.
 
-The long run is tests/studies/honesty.py; what is found is kept in tests/honesty_kept.
+The long run is tests/studies/honesty.py; what is found is kept in tests/regressions.
 """
 
 import dataclasses

@@ -14,7 +14,7 @@ import pytest
 
 import nsbench
 
-sys.path.append(str(Path(__file__).parent / "independent"))
+sys.path.append(str(Path(__file__).parents[1] / "independent"))
 
 import truths
 

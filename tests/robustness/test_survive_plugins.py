@@ -13,7 +13,7 @@ import nsbench
 from nsbench import case as cases
 from nsbench import solvers
 from nsbench.cli import main
-from nsbench.study import misfit
+from nsbench.study import contract_violation
 from nsbench.trajectory import STATUSES, Status, Trajectory
 
 SOLVER = '''"""A solver that was made for a test."""
@@ -422,7 +422,9 @@ def test_a_row_that_says_ok_and_has_not_reached_its_end_is_an_error(change, word
         n: change.get(n, lambda v: v)(getattr(good, n))
         for n in ("t", "x", "contacts", "impulse", "reaction")
     }
-    assert misfit(case, good) == "" and word in misfit(case, Trajectory(**parts))
+    assert contract_violation(case, good) == "" and word in contract_violation(
+        case, Trajectory(**parts)
+    )
 
 
 @pytest.mark.survives("closed list")

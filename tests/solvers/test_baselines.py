@@ -344,7 +344,7 @@ def test_nosnoc_says_when_its_push_is_too_weak():
 
 
 def test_readme_tells_of_every_script_that_measures_speed():
-    root = Path(__file__).parent.parent
+    root = Path(__file__).parents[2]
     told = (root / "README.md").read_text(encoding="utf-8")
     scripts = sorted(p.name for p in (root / "tests" / "studies" / "speed").glob("*.py"))
     assert scripts and not [s for s in scripts if f"`{s}`" not in told]

@@ -8,9 +8,9 @@ import pytest
 from scipy.optimize import lsq_linear
 
 from nsbench import Affine, Case, Complementarity, Distance, Smooth, solvers
-from nsbench.dynamics.contacts.constraint_set import Scene
+from nsbench.dynamics.contacts.constraint_set import ConstraintSet
 from nsbench.solvers.common import initial_state
-from nsbench.study.result_contract import misfit
+from nsbench.study.result_contract import contract_violation
 
 
 def still(xp):
@@ -22,7 +22,7 @@ def heap(m, share):
     side = np.sqrt(m * np.pi / 4.0 / share)
     x0 = np.random.default_rng(m).uniform(0.0, side, 2 * m)
     problem = Complementarity(still, (Distance(1.0),))
-    return Case("heap", problem, x0, np.linspace(0.0, 1.0, 2), start="project"), Scene(
+    return Case("heap", problem, x0, np.linspace(0.0, 1.0, 2), start="project"), ConstraintSet(
         problem, 2 * m
     )
 
@@ -38,7 +38,7 @@ def test_many_discs_are_projected_over_those_near(monkeypatch):
         return plain(row, cols, vals, q, n, guess)
 
     monkeypatch.setattr(initial_state, "least_distance", solve)
-    x = initial_state.start_state(case, scene)
+    x = initial_state.initial_state(case, scene)
     assert scene.deepest(0.0, x) < 1e-12 and max(asked) < 4000
     on = scene.near(x, 1e-11)
     G = scene.gradients(0.0, x, on)
@@ -50,17 +50,19 @@ def test_many_discs_are_projected_over_those_near(monkeypatch):
 def test_pairs_left_out_change_nothing(entries, monkeypatch):
     monkeypatch.setattr(initial_state, "DENSE", entries)
     case, scene = heap(90, 2.0)
-    found = initial_state.start_state(case, scene)
+    found = initial_state.initial_state(case, scene)
     monkeypatch.setattr(initial_state, "DENSE", 10**9)
-    monkeypatch.setattr(scene, "near", lambda x, reach, t=0.0: Scene.near(scene, x, np.inf, t))
-    assert initial_state.start_state(case, scene) == pytest.approx(found, abs=1e-10)
+    monkeypatch.setattr(
+        scene, "near", lambda x, reach, t=0.0: ConstraintSet.near(scene, x, np.inf, t)
+    )
+    assert initial_state.initial_state(case, scene) == pytest.approx(found, abs=1e-10)
 
 
 def test_lines_left_out_at_first_are_obeyed():
     """One problem of all the lines against SciPy's answer; of 4005 lines a few dozen are violated
     at first."""
     case, scene = heap(90, 1.1)
-    lines = initial_state._Lines(case, scene, 0.0, case.x0, np.inf)
+    lines = initial_state.LinearisedConstraints(case, scene, 0.0, case.x0, np.inf)
     d = lines.nearest(np.zeros(180), {})
     G = scene.dense_gradients(0.0, case.x0, lines.near)
     exact = initial_state.least_distance(
@@ -74,9 +76,11 @@ def test_lines_left_out_at_first_are_obeyed():
 def test_the_point_is_the_same_in_any_unit(unit, entries, monkeypatch):
     monkeypatch.setattr(initial_state, "DENSE", entries)
     case, scene = heap(20, 0.9)
-    x = initial_state.start_state(case, scene)
+    x = initial_state.initial_state(case, scene)
     problem = Complementarity(still, (Distance(unit),))
-    scaled = initial_state.start_state(case.replace(problem=problem, x0=unit * case.x0), Scene(problem, 40))
+    scaled = initial_state.initial_state(
+        case.replace(problem=problem, x0=unit * case.x0), ConstraintSet(problem, 40)
+    )
     assert scaled == pytest.approx(unit * x, abs=1e-11 * unit)
 
 
@@ -85,31 +89,31 @@ def test_walls_without_room_are_told_by_both(monkeypatch, entries):
     monkeypatch.setattr(initial_state, "DENSE", entries)
     problem = Complementarity(still, (Affine(np.array([[1.0], [-1.0]]), np.array([0.0, -1.0])),))
     case = Case("shut", problem, np.zeros(1), np.linspace(0.0, 1.0, 2), start="project")
-    with pytest.raises(initial_state.NoStart, match="leave no point"):
-        initial_state.start_state(case, Scene(problem, 1))
+    with pytest.raises(initial_state.InfeasibleStart, match="leave no point"):
+        initial_state.initial_state(case, ConstraintSet(problem, 1))
 
 
 def test_a_wall_far_away_excuses_nothing_near():
     problem = Complementarity(still, (Affine(np.array([[1.0], [-1.0]]), np.array([0.0, 1e9])),))
     case = Case("far", problem, np.array([-0.5]), np.linspace(0.0, 1.0, 2))
     with pytest.raises(ValueError, match="violates constraint"):
-        initial_state.start_state(case, Scene(problem, 1))
-    assert initial_state.start_state(case.replace(start="project"), Scene(problem, 1)) == pytest.approx(
-        [0.0], abs=1e-12
-    )
+        initial_state.initial_state(case, ConstraintSet(problem, 1))
+    assert initial_state.initial_state(
+        case.replace(start="project"), ConstraintSet(problem, 1)
+    ) == pytest.approx([0.0], abs=1e-12)
 
 
 def test_a_long_link_excuses_no_overlap():
     problem = Complementarity(still, (Distance(1.0), Distance(1e9, -1, pairs=[[0, 1]])))
     case = Case("linked", problem, np.array([0.0, 0.0, 0.5, 0.0]), np.linspace(0.0, 1.0, 2))
     with pytest.raises(ValueError, match=r"violates constraint \(0, 0, 1\) by 0.5"):
-        initial_state.start_state(case, Scene(problem, 4))
+        initial_state.initial_state(case, ConstraintSet(problem, 4))
 
 
 def test_rounding_at_a_wall_through_the_origin_is_none():
     problem = Complementarity(still, (Affine(np.array([[1.0]]), np.array([0.0])),))
     case = Case("rounded", problem, np.array([0.3 - (0.1 + 0.2)]), np.linspace(0.0, 1.0, 2))
-    assert case.x0 <= initial_state.start_state(case, Scene(problem, 1)) <= 0.0
+    assert case.x0 <= initial_state.initial_state(case, ConstraintSet(problem, 1)) <= 0.0
 
 
 @pytest.mark.parametrize("factor", [1e-6, 1.0, 1e6])
@@ -121,7 +125,9 @@ def test_the_length_of_rows_is_nothing_to_a_projection(factor):
         x0 = rng.standard_normal(4)
         problem = Complementarity(still, (Affine(factor * A, factor * -(A @ inside)),))
         case = Case("rows", problem, x0, np.linspace(0.0, 1.0, 2), start="project")
-        assert (A @ (initial_state.start_state(case, Scene(problem, 4)) - inside)).min() > -1e-10
+        assert (
+            A @ (initial_state.initial_state(case, ConstraintSet(problem, 4)) - inside)
+        ).min() > -1e-10
 
 
 @pytest.mark.parametrize("d", [1e-9, 1e-8, 1.0])
@@ -132,10 +138,10 @@ def test_an_overlap_is_held_against_the_particles(d, at):
     problem = Complementarity(still, (Distance(d), wall))
     case = Case("small", problem, np.array([at, 0.0, at + 0.91 * d, 0.0]), np.linspace(0.0, 1.0, 2))
     with pytest.raises(ValueError, match=r"violates constraint \(0, 0, 1\)"):
-        initial_state.start_state(case, Scene(problem, 4))
+        initial_state.initial_state(case, ConstraintSet(problem, 4))
     rounded = case.replace(x0=np.array([at, 0.0, at + d * (1.0 - 1e-10), 0.0]) + np.spacing(at))
     assert np.abs(
-        initial_state.start_state(rounded, Scene(problem, 4)) - rounded.x0
+        initial_state.initial_state(rounded, ConstraintSet(problem, 4)) - rounded.x0
     ).max() <= 1.01e-10 * d + np.spacing(at)
 
 
@@ -150,8 +156,8 @@ def test_a_smooth_constraint_is_held_against_what_it_sees(radius, far):
         "inside", problem, np.array([0.64 * radius, 0.48 * radius, far]), np.linspace(0.0, 1.0, 2)
     )
     with pytest.raises(ValueError, match="violates constraint"):
-        initial_state.start_state(case, Scene(problem, 3))
-    x = initial_state.start_state(case.replace(start="project"), Scene(problem, 3))
+        initial_state.initial_state(case, ConstraintSet(problem, 3))
+    x = initial_state.initial_state(case.replace(start="project"), ConstraintSet(problem, 3))
     assert x[:2] == pytest.approx([0.8 * radius, 0.6 * radius], rel=1e-7)
 
 
@@ -169,7 +175,7 @@ def test_a_projection_ends_at_the_rounding_of_its_constraints(radius):
         ):
             problem = Complementarity(still, (held,))
             case = Case("on", problem, x0, np.linspace(0.0, 1.0, 2), start="project")
-            x = initial_state.start_state(case, Scene(problem, 2))
+            x = initial_state.initial_state(case, ConstraintSet(problem, 2))
             away = np.hypot(*x) if held is disc else np.hypot(*(x - [0.6 * radius, 0.8 * radius]))
             assert away == pytest.approx(radius, rel=1e-14)
 
@@ -189,8 +195,8 @@ def test_a_start_printed_with_ten_digits_is_a_start():
         ):
             x0 = np.array([float(f"{v:.10g}") for v in x])
             case = Case("printed", problem, x0, np.linspace(0.0, 1.0, 2))
-            scene = Scene(problem, x0.size)
-            found = initial_state.start_state(case, scene)
+            scene = ConstraintSet(problem, x0.size)
+            found = initial_state.initial_state(case, scene)
             assert np.abs(found - x0).max() <= scene.deepest(0.0, x0) < 1e-7
             assert scene.deepest(0.0, found) <= 1e-14 * np.abs(x0).max() + 1e-13
 
@@ -221,8 +227,12 @@ def test_a_run_may_begin_at_a_start_that_misses_by_little_or_where_it_is_project
     )
     run = solvers.solve(case, "pbd", h=0.01)
     begins = lambda x: replace(run, x=np.concatenate([[[x]], run.x[1:]]))
-    assert not misfit(case, begins(1000.0)) and not misfit(case, begins(1000.0 - miss))
-    assert "begins with" in misfit(case, begins(1000.0 + 1e-4 if miss else 1000.0 + 1e-8))
+    assert not contract_violation(case, begins(1000.0)) and not contract_violation(
+        case, begins(1000.0 - miss)
+    )
+    assert "begins with" in contract_violation(
+        case, begins(1000.0 + 1e-4 if miss else 1000.0 + 1e-8)
+    )
 
 
 @pytest.mark.parametrize("angle", (1e-4, 1e-5))
@@ -233,8 +243,8 @@ def test_a_start_is_not_moved_much_farther_than_it_misses(angle):
     problem = Complementarity(lambda xp: lambda t, x: xp.array([0.0 * t, 1.0 + 0.0 * t]), (walls,))
     case = Case("wedge", problem, np.array([0.0, 1.0]), np.linspace(0.0, 1.0, 3))
     with pytest.raises(ValueError, match="much farther away"):
-        initial_state.start_state(case, Scene(problem, 2))
-    meant = initial_state.start_state(case.replace(start="project"), Scene(problem, 2))
+        initial_state.initial_state(case, ConstraintSet(problem, 2))
+    meant = initial_state.initial_state(case.replace(start="project"), ConstraintSet(problem, 2))
     assert meant == pytest.approx([0.0, 1.0 + 9e-10 / angle], abs=1e-9)
 
 
@@ -247,7 +257,9 @@ def test_a_start_printed_beside_the_end_of_a_wedge_is_moved_by_no_more_than_its_
     )
     problem = Complementarity(lambda xp: lambda t, x: xp.array([1.0 + 0.0 * t, 0.0 * t]), (walls,))
     case = Case("printed", problem, np.array([0.3333333333, 0.0]), np.linspace(0.0, 1.0, 3))
-    assert initial_state.start_state(case, Scene(problem, 2)) == pytest.approx([1.0 / 3.0, 0.0], abs=1e-12)
+    assert initial_state.initial_state(case, ConstraintSet(problem, 2)) == pytest.approx(
+        [1.0 / 3.0, 0.0], abs=1e-12
+    )
 
 
 @pytest.mark.parametrize(

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 import nsbench
-from nsbench.report import data
-from nsbench.report import summary
+from nsbench.report import data, summary
 
 STEPS = (
     0.05 / 6.3 * 2.0 ** -np.arange(0.0, 6.4, 0.27)

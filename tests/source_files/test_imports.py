@@ -8,8 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from nsbench.source_files import import_graph
-from nsbench.source_files import locations
+from nsbench.source_files import import_graph, locations
 
 ROOT = locations.ROOT
 FILES = sorted(p for p in (*ROOT.rglob("*.py"), *(ROOT.parent / "cases").glob("*.py")))

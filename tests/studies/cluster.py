@@ -29,13 +29,12 @@ import tempfile
 import time
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "support"))
 from local_cluster import cluster
 
 from nsbench.execute import suite
 from nsbench.execute.cluster import client as far
-from nsbench.results import row_reuse
-from nsbench.results import tables
+from nsbench.results import row_reuse, tables
 from nsbench.study import Spec, run_one
 
 GROWTH = 16e6  # bytes: a few tasks of MOST rows
@@ -240,7 +239,7 @@ def whole(args):
 def command(args):
     marks = {args.runs // 10: 0, args.runs: 0}
     count = [0]
-    plain = row_reuse.Filed.row
+    plain = row_reuse.RowRecorder.row
 
     def row(entries, spec, found):
         count[0] += 1
@@ -253,7 +252,7 @@ def command(args):
             )
         return plain(entries, spec, found)
 
-    row_reuse.Filed.row = row
+    row_reuse.RowRecorder.row = row
     print(f"       0 runs: {resident() / 1e6:.1f} MB resident; {load()}", flush=True)
     start = time.perf_counter()
     given = argparse.Namespace(

@@ -10,7 +10,7 @@ compared with what is read off the texts of its files. On a new machine this com
 import sys
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "source_files"))
 from test_imports import PROBES, unknown
 
 from nsbench import solvers

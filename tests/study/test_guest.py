@@ -120,10 +120,10 @@ def test_only_the_thread_that_asks_is_kept_from_leaving(does, status, said):
 
 def test_what_takes_long_says_who_is_at_work(capfd, monkeypatch):
     monkeypatch.setattr(user_code, "SLOW", 0.05)
-    with user_code.asked("slow.py"):
+    with user_code.guarded("slow.py"):
         time.sleep(0.4)
     assert "slow.py is still at work after 0.05 s" in capfd.readouterr().err
-    with user_code.asked("quick.py"):
+    with user_code.guarded("quick.py"):
         pass
     time.sleep(0.2)
     assert "quick.py" not in capfd.readouterr().err and not [

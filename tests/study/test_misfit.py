@@ -7,7 +7,7 @@ from survive_files import case_file, rows
 
 import nsbench
 from nsbench.study import Spec, attempt
-from nsbench.study.result_contract import misfit
+from nsbench.study.result_contract import contract_violation
 from nsbench.trajectory import Status, Trajectory
 
 METHODS = (
@@ -57,10 +57,10 @@ def test_a_run_that_begins_elsewhere_is_an_error(tmp_path, start):
         ([1.0 + 1e-10, -3.0], False),
         ([5.0, -3.0], False),
     ):
-        assert (misfit(case, stays(case, x)) == "") == fits, x
-    assert "begins with 5 in coordinate 0" in misfit(case, stays(case, [5.0, -3.0]))
+        assert (contract_violation(case, stays(case, x)) == "") == fits, x
+    assert "begins with 5 in coordinate 0" in contract_violation(case, stays(case, [5.0, -3.0]))
     assert (
-        misfit(
+        contract_violation(
             case,
             Trajectory(
                 case.t,
@@ -79,9 +79,11 @@ def test_a_run_that_begins_elsewhere_is_an_error(tmp_path, start):
 def test_a_projected_start_is_feasible(tmp_path):
     path = case_file(tmp_path, **DISCS, x0="[0.0, 0, 1, 0]", more='start="project"')
     case = nsbench.load_case(path)
-    assert misfit(case, stays(case, [-0.5, 0, 1.5, 0])) == ""
-    assert "violates a constraint by 1" in misfit(case, stays(case, case.x0))
-    assert "violates a constraint by 0.0" in misfit(case, stays(case, [-0.5, 0, 1.49, 0]))
+    assert contract_violation(case, stays(case, [-0.5, 0, 1.5, 0])) == ""
+    assert "violates a constraint by 1" in contract_violation(case, stays(case, case.x0))
+    assert "violates a constraint by 0.0" in contract_violation(
+        case, stays(case, [-0.5, 0, 1.49, 0])
+    )
 
 
 @pytest.mark.survives("another start")
@@ -126,18 +128,20 @@ def test_a_row_of_a_run_that_begins_elsewhere_has_no_numbers(tmp_path):
 )
 def test_steps_are_those_that_were_asked_for(tmp_path, stats, fits):
     case = nsbench.load_case(case_file(tmp_path, "0.0 * x"))
-    found = misfit(case, stays(case, case.x0, **stats), "h", 0.1)
+    found = contract_violation(case, stays(case, case.x0, **stats), "h", 0.1)
     assert (found == "") == fits, found
     assert (
-        misfit(case, stays(case, case.x0, **stats), "k", 0.1) == ""
+        contract_violation(case, stays(case, case.x0, **stats), "k", 0.1) == ""
     )  # of a stiffness it is the bench that tells
 
 
 @pytest.mark.survives("another step", "step beyond the end")
 def test_a_step_longer_than_the_run_is_as_long_as_the_run(tmp_path):
     case = nsbench.load_case(case_file(tmp_path, "0.0 * x"))
-    assert misfit(case, stays(case, case.x0, h=2.0, steps=1), "h", 100.0) == ""
-    assert "do not cover" in misfit(case, stays(case, case.x0, h=1.9, steps=1), "h", 100.0)
+    assert contract_violation(case, stays(case, case.x0, h=2.0, steps=1), "h", 100.0) == ""
+    assert "do not cover" in contract_violation(
+        case, stays(case, case.x0, h=1.9, steps=1), "h", 100.0
+    )
 
 
 @pytest.mark.survives("infeasible start", "another start", "another step")
@@ -167,4 +171,6 @@ def test_what_is_no_trajectory_inside_is_told(name, value):
     traj = Trajectory(
         case.t, case.exact(case.t), impulse=np.zeros((61, 0)), reaction=np.zeros((61, 1)), **parts
     )
-    assert name in misfit(case, traj) and type(value).__name__ in misfit(case, traj)
+    assert name in contract_violation(case, traj) and type(value).__name__ in contract_violation(
+        case, traj
+    )

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from nsbench.report import data
-from nsbench.report import summary
+from nsbench.report import data, summary
 
 STEPS = 0.05 / np.unique(np.round(2 ** np.arange(0, 7.5, 0.27)))
 METHODS = {  # order, constant of the state error, cost per step, loop

@@ -5,7 +5,7 @@ its name.
 
 An outcome is E, an error before anything runs (exit code 2, with the offending value), R, a row
 with a status and a sentence while the other runs go on, or a word of its own.
-`tests/studies/survived.py` runs the marked tests and prints the table; `tests/test_survived.py`
+`tests/studies/survived.py` runs the marked tests and prints the table; `tests/robustness/test_survived.py`
 fails where an entry has no test.
 """
 
@@ -13,7 +13,7 @@ import ast
 from dataclasses import dataclass
 from pathlib import Path
 
-HERE = Path(__file__).parent
+HERE = Path(__file__).parents[1]
 
 
 @dataclass(frozen=True)

@@ -12,10 +12,10 @@ from __future__ import annotations
 import numpy as np
 
 from nsbench.case import Case
-from nsbench.diagnostics.contacts.infeasible_links import too_short
-from nsbench.diagnostics.contacts.infeasible_rows import Walls, least_miss
-from nsbench.dynamics.contacts.constraint_set import Scene
-from nsbench.dynamics.contacts.tolerances import PRINTED, misses, scene_of, tolerances
+from nsbench.diagnostics.contacts.infeasible_links import links_too_short
+from nsbench.diagnostics.contacts.infeasible_rows import RowFeasibility, phase_one
+from nsbench.dynamics.contacts.constraint_set import ConstraintSet
+from nsbench.dynamics.contacts.tolerances import PRINTED, scene_of, tolerances, violates
 from nsbench.solvers.common.initial_state import DENSE, least_distance
 from nsbench.trajectory import Status, Trajectory
 
@@ -32,7 +32,7 @@ TIMES = 200  # of a run at which walls and links are looked at, samples too
 PARTS = 4
 
 
-def nowhere(case: Case, traj: Trajectory) -> Status | None:
+def check_infeasible_constraints(case: Case, traj: Trajectory) -> Status | None:
     """Walls or links that contradict each other at any time, or constraints that do where the run
     violates them most."""
     if case.exact is not None or not (
@@ -42,11 +42,11 @@ def nowhere(case: Case, traj: Trajectory) -> Status | None:
     scene = scene_of(case)
     depth = np.array([scene.deepest(float(t), x) for t, x in zip(traj.t, traj.x, strict=True)])
     best = int(np.argmin(depth))
-    if not scene.moving and not misses(case, scene, float(traj.t[best]), traj.x[best]):
+    if not scene.moving and not violates(case, scene, float(traj.t[best]), traj.x[best]):
         return None
-    walls = Walls(case)
+    walls = RowFeasibility(case)
     for t, x in _moments(scene, traj):
-        if why := walls.contradiction(t, x) or too_short(case, t):
+        if why := walls.contradiction(t, x) or links_too_short(case, t):
             return Status("infeasible", why)
     for k in _deepest(depth):
         if why := _arrangement(case, scene, float(traj.t[k]), traj.x[k], float(depth[k])):
@@ -59,7 +59,7 @@ def nowhere(case: Case, traj: Trajectory) -> Status | None:
     return None
 
 
-def _moments(scene: Scene, traj: Trajectory):
+def _moments(scene: ConstraintSet, traj: Trajectory):
     """Times at which walls and links are looked at, and states around: all samples and, of few, the
     straight ways between, the coarsest grid of them first; of constraints at rest the start."""
     between = -(-TIMES // max(len(traj.t) - 1, 1))
@@ -95,7 +95,9 @@ def _deepest(depth: np.ndarray) -> list[int]:
     return sorted((int(k) for k in worst if depth[k] > 0.0), key=lambda k: -depth[k])
 
 
-def _arrangement(case: Case, scene: Scene, t: float, x: np.ndarray, depth: float) -> str | None:
+def _arrangement(
+    case: Case, scene: ConstraintSet, t: float, x: np.ndarray, depth: float
+) -> str | None:
     """Why no small move from x meets all constraints that touch there; None where one does, or
     where they are too many.
 
@@ -111,7 +113,7 @@ def _arrangement(case: Case, scene: Scene, t: float, x: np.ndarray, depth: float
     ptr = np.searchsorted(row[order], np.arange(len(near) + 1))
     col = col[order]
     vals = vals[order]
-    miss = least_miss(
+    miss = phase_one(
         ptr, col, vals, scene.gaps(t, x, near), scene.n, tolerances(case, scene, t, x, near)
     )
     if not miss.least > CURVED * miss.deep:
@@ -123,7 +125,7 @@ def _arrangement(case: Case, scene: Scene, t: float, x: np.ndarray, depth: float
     )
 
 
-def _beyond(case: Case, scene: Scene, t: float, x: np.ndarray, depth: float) -> str | None:
+def _beyond(case: Case, scene: ConstraintSet, t: float, x: np.ndarray, depth: float) -> str | None:
     """Why what meets the constraints is not about as far from x as x violates them; None where it
     is, where none does to first order, or where they are many.
 
@@ -160,4 +162,6 @@ def contradiction(case: Case, t: float, x: np.ndarray | None = None) -> str | No
     anchors further apart than the links between them are long. Other contradictions are not looked
     for.
     """
-    return Walls(case).contradiction(t, case.x0 if x is None else x) or too_short(case, t)
+    return RowFeasibility(case).contradiction(t, case.x0 if x is None else x) or links_too_short(
+        case, t
+    )

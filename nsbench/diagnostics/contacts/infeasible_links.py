@@ -14,7 +14,7 @@ MISSED = 1e-9  # of the length of a chain: what it may be too short by
 ENDS = 200  # anchored links of one chain between which the ways are looked at
 
 
-def too_short(case: Case, t: float) -> str | None:
+def links_too_short(case: Case, t: float) -> str | None:
     """Which two anchors are further apart at t than the links between them let them be; None where
     none are."""
     scene = scene_of(case)

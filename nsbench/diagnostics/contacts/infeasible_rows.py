@@ -24,7 +24,7 @@ WEIGHS = 1e-7  # of all weights: a constraint that takes part in a contradiction
 
 
 @dataclass(frozen=True)
-class Miss:
+class Infeasibility:
     """What every d misses A d + g >= 0 by, in lengths: `least`, 0.0 where none or not known;
     `deep`, the most that those which contradict each other are violated by at d = 0; way (n,), a d
     that misses none, where one was found."""
@@ -34,7 +34,7 @@ class Miss:
     way: np.ndarray | None = None
 
 
-class Walls:
+class RowFeasibility:
     """The affine rows of a case, asked at many times: a point that was found serves as long as it
     misses none."""
 
@@ -59,7 +59,7 @@ class Walls:
         if (g >= -allowed).all():
             return None
         self.programs += 1
-        miss = least_miss(s.ptr, s.cols, s.vals, g, s.n, allowed, ROOM)
+        miss = phase_one(s.ptr, s.cols, s.vals, g, s.n, allowed, ROOM)
         if miss.way is not None:
             self.found = [(True, miss.way), (False, x + miss.way), *self.found][:KEPT]
         if not miss.least > 0.0:
@@ -70,7 +70,7 @@ class Walls:
         )
 
 
-def least_miss(ptr, cols, vals, g, n: int, allowed, room: float = 0.0) -> Miss:
+def phase_one(ptr, cols, vals, g, n: int, allowed, room: float = 0.0) -> Infeasibility:
     """The least s with A d + g + s >= 0 for some d, by rows made as long as one: A as CSR; g (m,),
     which may miss by `allowed`.
 
@@ -88,24 +88,24 @@ def least_miss(ptr, cols, vals, g, n: int, allowed, room: float = 0.0) -> Miss:
         norm = np.where(asks, norm, 0.0)
     deep = float(-np.min(g, initial=0.0))
     if not 0.0 < deep < np.inf or np.isnan(g).any():
-        return Miss()
+        return Infeasibility()
     with np.errstate(invalid="ignore"):
         use = g <= FAR * deep
         vals = np.where(asks[rows], vals * norm[rows], 0.0)
     while True:
         s, d, weights = _program(ptr, cols, vals, g, n, use, room * deep)
         if d is None:
-            return Miss()
+            return Infeasibility()
         part = weights > WEIGHS
         least = 10.0 * SOLVED * float(np.abs(g[use]).max()) + float(weights[part] @ allowed[part])
         if s > least:
-            return Miss(s, float(-np.min(g[part], initial=0.0)))
+            return Infeasibility(s, float(-np.min(g[part], initial=0.0)))
         after = np.bincount(rows, vals * d[cols], len(g)) + g
         if (after >= 0.0).all():
-            return Miss(way=d)
+            return Infeasibility(way=d)
         new = (after < 0.0) & ~use
         if not new.any():
-            return Miss()
+            return Infeasibility()
         use |= new & (g <= FAR * float(g[new].min()))
 
 

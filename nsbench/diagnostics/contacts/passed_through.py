@@ -11,7 +11,7 @@ from nsbench.problem import Distance
 from nsbench.trajectory import Status, Trajectory
 
 
-def passed(case: Case, traj: Trajectory) -> Status | None:
+def check_passed_through(case: Case, traj: Trajectory) -> Status | None:
     """Hard particles on a line that changed places, or that an anchor went through: a step too
     long, or no room."""
     if not any(

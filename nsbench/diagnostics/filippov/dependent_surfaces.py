@@ -9,14 +9,14 @@ import numpy as np
 
 from nsbench.case import Case
 from nsbench.dynamics.filippov.convex_hull import distance_to_hull
-from nsbench.dynamics.filippov.vector_field import Motion
+from nsbench.dynamics.filippov.vector_field import FilippovVectorField
 
 MOST = 4  # surfaces through one point whose sectors are all looked at
 SHARE = 10.0  # times the layer by which a velocity that is off may move a run in all
 MEET = 1e-9  # of the gradients, of length 1: so near to 0 a mixture of them is 0
 
 
-def beside(gradients: np.ndarray) -> np.ndarray:
+def sector_signs(gradients: np.ndarray) -> np.ndarray:
     """(s, m) the signs that m switches with these gradients (m, n) have in the sectors around a
     zero of them all.
 
@@ -28,7 +28,7 @@ def beside(gradients: np.ndarray) -> np.ndarray:
     return signs[[distance_to_hull(origin, s[:, None] * unit) > MEET for s in signs]]
 
 
-def mixed(case: Case, width: float, t: np.ndarray, X: np.ndarray) -> str:
+def check_dependent_surfaces(case: Case, width: float, t: np.ndarray, X: np.ndarray) -> str:
     """Where a run with states X (K, n) at times t is in the layers c = clip(switch / width) of
     surfaces with dependent gradients, and its field there is none of those that Filippov's set has:
     x' in the hull of the fields of sectors; "" if nowhere.
@@ -37,7 +37,7 @@ def mixed(case: Case, width: float, t: np.ndarray, X: np.ndarray) -> str:
     weights of both are then those of no point beside them; so if a field is not affine in its
     signs.
     """
-    motion = Motion(case.problem, float(case.t[0]), X[0].copy())
+    motion = FilippovVectorField(case.problem, float(case.t[0]), X[0].copy())
     before = False
     with np.errstate(all="ignore"):
         for at, x in zip(t, X, strict=True):
@@ -65,7 +65,7 @@ def _off(motion, width, t, x) -> tuple:
     rows = np.flatnonzero(np.abs(c) < slopes * thick)
     if not (2 <= rows.size <= MOST and np.isfinite(thick)):
         return (), 0.0
-    there = beside(motion.gradients(t, x, rows))
+    there = sector_signs(motion.gradients(t, x, rows))
     if len(there) in (0, 2**rows.size):
         return (), 0.0
     signs = np.clip(c / width, -1.0, 1.0)

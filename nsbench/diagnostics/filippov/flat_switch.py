@@ -8,11 +8,11 @@ from itertools import product
 import numpy as np
 
 from nsbench.case import Case
-from nsbench.compilation.factories import host
+from nsbench.compilation.factories import as_numpy
 from nsbench.diagnostics.bisection import zero_between
-from nsbench.diagnostics.filippov.repulsive_surface import swing, there
+from nsbench.diagnostics.filippov.repulsive_surface import evaluate_or_nan, switch_range
 from nsbench.diagnostics.run_view import ways
-from nsbench.dynamics.filippov.vector_field import Motion
+from nsbench.dynamics.filippov.vector_field import FilippovVectorField
 
 # of a slope within the layer that it gives: there the layer is of another thickness than it says
 CHANGES = 0.5
@@ -20,11 +20,11 @@ POINTS = 100  # of a run that are looked at, at least its samples
 UNKNOWN = 4  # other switches in their layers of which both signs are tried
 
 
-def flat_layer(case: Case, width: float, t: np.ndarray, X: np.ndarray) -> str:
+def check_flat_switch(case: Case, width: float, t: np.ndarray, X: np.ndarray) -> str:
     """Where a run of a Filippov system, on the straight ways between its states X at times t, is
     within `width` of a surface or passes it where its switch is so flat that what is hidden below
     `width` is no length of `width` / slope; "" if it is nowhere."""
-    motion = Motion(case.problem, float(case.t[0]), X[0].copy())
+    motion = FilippovVectorField(case.problem, float(case.t[0]), X[0].copy())
     rows = np.arange(motion.d)
     times = _looks(t)
     state = ways(t, X)
@@ -75,23 +75,23 @@ def _looks(t: np.ndarray) -> np.ndarray:
     return np.append((t[:-1, None] + np.diff(t)[:, None] * np.arange(parts) / parts).ravel(), t[-1])
 
 
-def covered(case: Case, width: float, t: np.ndarray, X: np.ndarray) -> str:
+def check_never_leaves_layer(case: Case, width: float, t: np.ndarray, X: np.ndarray) -> str:
     """Which switch that a field depends on, at one of POINTS times or more, is in its layer at all
     of them, and would be wherever the states' own size could take it; "" if none is."""
     with np.errstate(all="ignore"):
-        switch = host(case.problem.switch)
-        field = host(case.problem.field)
+        switch = as_numpy(case.problem.switch)
+        field = as_numpy(case.problem.field)
         times = _looks(t)
         states = ways(t, X)(times).T
         c = np.array([switch(float(at), x.copy()) for at, x in zip(times, states, strict=True)])
-        over = np.fmax(swing(switch, float(t[-1]), X), np.ptp(c, axis=0))
+        over = np.fmax(switch_range(switch, float(t[-1]), X), np.ptp(c, axis=0))
         for i in np.flatnonzero((np.abs(c).max(axis=0) < width) & (0.0 < over) & (over < width)):
             one = np.arange(c.shape[1]) == i
             for at, x, row in zip(times, states, c, strict=True):
                 if any(
                     not np.array_equal(
-                        there(field, at, x, np.where(one, 1.0, s)),
-                        there(field, at, x, np.where(one, -1.0, s)),
+                        evaluate_or_nan(field, at, x, np.where(one, 1.0, s)),
+                        evaluate_or_nan(field, at, x, np.where(one, -1.0, s)),
                         equal_nan=True,
                     )
                     for s in _sides(row, (np.abs(row) < width) & ~one)

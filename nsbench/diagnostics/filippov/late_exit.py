@@ -6,10 +6,15 @@ from __future__ import annotations
 import numpy as np
 
 from nsbench.case import Case
-from nsbench.compilation.factories import host
+from nsbench.compilation.factories import as_numpy
 from nsbench.diagnostics.bisection import zero_between
 from nsbench.diagnostics.filippov.nonunique_motion import AT_ONCE
-from nsbench.diagnostics.filippov.repulsive_surface import STEP, rates_beside, rounding, sliding
+from nsbench.diagnostics.filippov.repulsive_surface import (
+    STEP,
+    one_sided_rates,
+    rounding,
+    sliding_intervals,
+)
 from nsbench.diagnostics.run_view import ways
 from nsbench.trajectory import Trajectory
 
@@ -22,7 +27,7 @@ LAG = (
 )
 
 
-def late(case: Case, traj: Trajectory, step: float = 0.0, width: float = 0.0) -> str:
+def check_late_exit(case: Case, traj: Trajectory, step: float = 0.0, width: float = 0.0) -> str:
     """Where a run leaves a surface later than its claim says; "" if nowhere.
 
     Let the rate of a switch in the field of one side pass through 0 with slope s, from leading to
@@ -37,19 +42,19 @@ def late(case: Case, traj: Trajectory, step: float = 0.0, width: float = 0.0) ->
     """
     if not case.unique or len(traj.t) < 2:
         return ""
-    switch = host(case.problem.switch)
-    field = host(case.problem.field)
+    switch = as_numpy(case.problem.switch)
+    field = as_numpy(case.problem.field)
     dt = STEP * (traj.t[-1] - traj.t[0])
     t = traj.t
     X = traj.x
     state = ways(t, X)
     c = np.array([switch(at, x.copy()) for at, x in zip(t, X, strict=True)])
-    _, slid = sliding(traj, c.shape[1])
+    _, slid = sliding_intervals(traj, c.shape[1])
     noise = rounding(switch, t[-1], X[-1], np.abs(X).max(axis=0)) / dt
     for i, weight in zip((ident[1] for ident in traj.contacts), traj.impulse.T, strict=True):
         alone = np.flatnonzero(~np.delete(slid, i, axis=1).any(axis=1))
         rates = lambda k, i=i: (
-            np.array(rates_beside(switch, field, t[k], X[k], i, dt)) * (-1.0, 1.0)
+            np.array(one_sided_rates(switch, field, t[k], X[k], i, dt)) * (-1.0, 1.0)
         )
         pace = max(
             (
@@ -71,7 +76,7 @@ def late(case: Case, traj: Trajectory, step: float = 0.0, width: float = 0.0) ->
             end = next((j for j in (k + 1, min(k + 2, len(t))) if led[j, side] < -noise[i]), None)
             if end is None:  # one may lie where it turns
                 continue
-            here = lambda at, i=i: rates_beside(switch, field, at, state(at), i, dt)
+            here = lambda at, i=i: one_sided_rates(switch, field, at, state(at), i, dt)
             turn, also = (
                 zero_between(lambda at, side=s, here=here: here(at)[side], t[k], t[end])
                 for s in (side, 1 - side)

@@ -9,42 +9,42 @@ from itertools import product
 import numpy as np
 
 from nsbench.case import Case
-from nsbench.compilation.factories import host
+from nsbench.compilation.factories import as_numpy
 from nsbench.diagnostics.bisection import zero_between
 from nsbench.diagnostics.filippov.repulsive_surface import (
     CLEAR,
     MEET,
     STEP,
-    rates_beside,
-    rates_of,
+    evaluate_or_nan,
+    one_sided_rates,
+    rates_in_sector,
     rounding,
-    sliding,
-    there,
+    sliding_intervals,
 )
 from nsbench.diagnostics.run_view import ways
-from nsbench.dynamics.filippov.modes import LONG, apart
+from nsbench.dynamics.filippov.modes import LONG, thin_samples
 from nsbench.trajectory import Status, Trajectory
 
 AT_ONCE = 1e-2  # of the time between two known states: as near both fields turn at once
 
 
-def parted(case: Case) -> Status | None:
+def check_nonunique_start(case: Case) -> Status | None:
     """degenerate, if the start is where surfaces are, up to MEET, and the fields of two sectors or
     more lead each into its own:
     each of them is the beginning of a solution. None for cases that say so of themselves."""
     if not case.unique:
         return None
-    switch = host(case.problem.switch)
-    field = host(case.problem.field)
+    switch = as_numpy(case.problem.switch)
+    field = as_numpy(case.problem.field)
     t = case.t[0]
     x = case.x0
     noise = rounding(switch, t, x, np.abs(x))
-    rows = np.flatnonzero(np.abs(there(switch, t, x)) <= noise)
+    rows = np.flatnonzero(np.abs(evaluate_or_nan(switch, t, x)) <= noise)
     dt = STEP * (case.t[-1] - t)
     if not 0 < rows.size <= MEET:
         return None
     sectors = np.array(list(product((1.0, -1.0), repeat=rows.size)))
-    led = np.array([rates_of(switch, field, t, x, rows, s, dt) for s in sectors])
+    led = np.array([rates_in_sector(switch, field, t, x, rows, s, dt) for s in sectors])
     if (
         np.all(
             led * sectors > np.fmax(CLEAR * np.fmax.reduce(np.abs(led), axis=0), noise[rows] / dt),
@@ -61,7 +61,7 @@ def parted(case: Case) -> Status | None:
     )
 
 
-def turned(case: Case, traj: Trajectory) -> Status | None:
+def check_two_fold(case: Case, traj: Trajectory) -> Status | None:
     """degenerate, if a run slides on a surface to which both fields lead, and both turn away at one
     time: a two-fold, from which many solutions go on (Filippov 1988, section 10; Jeffrey, SIAM J.
     Applied Dynamical Systems 10, 2011). Where one turns first, the run leaves to its side, and that
@@ -70,17 +70,17 @@ def turned(case: Case, traj: Trajectory) -> Status | None:
     """
     if not case.unique or len(traj.t) < 3:
         return None
-    switch = host(case.problem.switch)
-    field = host(case.problem.field)
+    switch = as_numpy(case.problem.switch)
+    field = as_numpy(case.problem.field)
     dt = STEP * (traj.t[-1] - traj.t[0])
     # the sides of explicit steps alternate: their weights are of some
-    keep = apart(
+    keep = thin_samples(
         traj.t, LONG * float(traj.stats.get("h") or 0.0) if traj.lam_time == "start" else 0.0
     )
     t = traj.t[keep]
     X = traj.x[keep]
     state = ways(t, X)
-    mixed, slid = sliding(
+    mixed, slid = sliding_intervals(
         replace(traj, t=t, x=X, impulse=traj.impulse[keep]), len(switch(t[0], X[0].copy()))
     )
     noise = rounding(switch, t[-1], X[-1], np.abs(X).max(axis=0)) / dt
@@ -89,7 +89,7 @@ def turned(case: Case, traj: Trajectory) -> Status | None:
         if not slides.any():
             continue
         led = np.array(
-            [rates_beside(switch, field, at, x, row, dt) for at, x in zip(t, X, strict=True)]
+            [one_sided_rates(switch, field, at, x, row, dt) for at, x in zip(t, X, strict=True)]
         )
         clear = max(CLEAR * float(np.fmax.reduce(np.abs(led), axis=None, initial=0.0)), noise[row])
         to = (led[:, 0] < -clear) & (led[:, 1] > clear)
@@ -98,7 +98,7 @@ def turned(case: Case, traj: Trajectory) -> Status | None:
             for end in (
                 j for j in (k + 1, k + 2) if j < len(t) and off[j]
             ):  # a state may lie where they turn
-                here = lambda at, row=row: rates_beside(switch, field, at, state(at), row, dt)
+                here = lambda at, row=row: one_sided_rates(switch, field, at, state(at), row, dt)
                 plus, minus = (
                     zero_between(lambda at, side=side, here=here: here(at)[side], t[k], t[end])
                     for side in (0, 1)

@@ -8,7 +8,7 @@ from itertools import product
 import numpy as np
 
 from nsbench.case import Case
-from nsbench.compilation.factories import host
+from nsbench.compilation.factories import as_numpy
 from nsbench.trajectory import Status, Trajectory
 
 POINTS = 40  # of a run that are looked at, at least its samples
@@ -26,7 +26,7 @@ MEET = 4  # surfaces through one point whose sectors are all looked at
 CLEAR = 1e-4  # of the largest rate: below it, nothing is said of its sign
 
 
-def repelled(case: Case, traj: Trajectory) -> Status | None:
+def check_repulsive_sliding(case: Case, traj: Trajectory) -> Status | None:
     """degenerate, if the state is on one surface at two samples in a row, and both fields lead away
     from it there or between, or one does and the other is at rest (Filippov 1988, section 10: the
     solution to the right is not unique); None for cases that say so of themselves.
@@ -37,10 +37,10 @@ def repelled(case: Case, traj: Trajectory) -> Status | None:
     """
     if not case.unique or len(traj.t) < 2:
         return None
-    switch = host(case.problem.switch)
-    field = host(case.problem.field)
+    switch = as_numpy(case.problem.switch)
+    field = as_numpy(case.problem.field)
     c = np.array([switch(t, x.copy()) for t, x in zip(traj.t, traj.x, strict=True)])
-    size = np.maximum(np.abs(c).max(axis=0), swing(switch, traj.t[-1], traj.x))
+    size = np.maximum(np.abs(c).max(axis=0), switch_range(switch, traj.t[-1], traj.x))
     side = _side(traj, c.shape[1])
     on = np.abs(c) <= ON * size
     # what fell there is left with a rounding of its fall, and stands; what decays never is
@@ -57,7 +57,7 @@ def repelled(case: Case, traj: Trajectory) -> Status | None:
     )
     stands = (exactly[1:] & exactly[:-1]) | (fallen[1:] & fallen[:-1] & (c[1:] == c[:-1]))
     stayed = np.where(side == 0.0, on[1:] & on[:-1], stands)
-    came, (_, slid) = ~stayed & fallen[1:] & (side == 0.0), sliding(traj, c.shape[1])
+    came, (_, slid) = ~stayed & fallen[1:] & (side == 0.0), sliding_intervals(traj, c.shape[1])
     parts = -(-POINTS // (len(traj.t) - 1))
     last = np.arange(parts) == parts - 1
     for i in np.flatnonzero((stayed | came).any(axis=0)):
@@ -70,7 +70,7 @@ def repelled(case: Case, traj: Trajectory) -> Status | None:
         rates = np.array(
             [
                 [
-                    rates_beside(
+                    one_sided_rates(
                         switch, field, t, _at(traj, k, t), i, STEP * (traj.t[-1] - traj.t[0])
                     )
                     for t in row
@@ -108,7 +108,7 @@ def _left(traj, switch, field, stayed, held, on, parts) -> Status | None:
         dt = STEP * (traj.t[-1] - traj.t[0])
         rates = np.array(
             [
-                [rates_of(switch, field, t, _at(traj, k, t), rows, s, dt) for s in sectors]
+                [rates_in_sector(switch, field, t, _at(traj, k, t), rows, s, dt) for s in sectors]
                 for t in times
             ]
         )
@@ -133,10 +133,10 @@ def _at(traj, k: int, t: float) -> np.ndarray:
 
 def rounding(switch, t, x, sizes) -> np.ndarray:
     """(d,) what rounding of coordinates of these sizes (n,), and of time, makes of the switches."""
-    here = there(switch, t, x)
+    here = evaluate_or_nan(switch, t, x)
     moved = [
-        there(switch, t + ROUNDED * abs(t), x),
-        *(there(switch, t, x + e) for e in np.diag(ROUNDED * sizes) if e.any()),
+        evaluate_or_nan(switch, t + ROUNDED * abs(t), x),
+        *(evaluate_or_nan(switch, t, x + e) for e in np.diag(ROUNDED * sizes) if e.any()),
     ]
     return np.fmax.reduce([np.abs(c - here) for c in moved])
 
@@ -157,7 +157,7 @@ def _side(traj, d: int) -> np.ndarray:
     return out
 
 
-def sliding(traj, d: int) -> tuple[np.ndarray, np.ndarray]:
+def sliding_intervals(traj, d: int) -> tuple[np.ndarray, np.ndarray]:
     """(K - 1, d) whether the fields of both sides of a surface made the motion between two states;
     and whether they did so in the next interval or the last one too: then the surface was not
     crossed alone."""
@@ -168,7 +168,7 @@ def sliding(traj, d: int) -> tuple[np.ndarray, np.ndarray]:
     return mixed[1:-1], mixed[1:-1] & (mixed[2:] | mixed[:-2])
 
 
-def there(f, t, x, *signs) -> np.ndarray:
+def evaluate_or_nan(f, t, x, *signs) -> np.ndarray:
     """A switch or field at a point where the run need not have been; no number where it raises."""
     try:
         return np.asarray(f(t, x.copy(), *signs), float)
@@ -176,19 +176,19 @@ def there(f, t, x, *signs) -> np.ndarray:
         return np.array(np.nan)
 
 
-def between(case: Case, width: float) -> str:
+def check_start_in_layer(case: Case, width: float) -> str:
     """Whether the start is within `width` of a surface that both fields leave: a layer so thick
     decides for it; "" if not."""
     if not case.unique:
         return ""
-    switch = host(case.problem.switch)
-    field = host(case.problem.field)
+    switch = as_numpy(case.problem.switch)
+    field = as_numpy(case.problem.field)
     t = case.t[0]
     x = case.x0
     with np.errstate(all="ignore"):
-        c = there(switch, t, x)
+        c = evaluate_or_nan(switch, t, x)
         for i in np.flatnonzero(np.abs(c) < width):
-            plus, minus = rates_beside(switch, field, t, x, i, STEP * (case.t[-1] - t))
+            plus, minus = one_sided_rates(switch, field, t, x, i, STEP * (case.t[-1] - t))
             if plus > 0.0 > minus:
                 return (
                     f"The start is {abs(c[i]):.2g} from surface {i}, which both fields leave, "
@@ -197,31 +197,33 @@ def between(case: Case, width: float) -> str:
     return ""
 
 
-def swing(switch, t: float, X: np.ndarray, least: float = 0.0) -> np.ndarray:
+def switch_range(switch, t: float, X: np.ndarray, least: float = 0.0) -> np.ndarray:
     """(d,) by how much each switch changes at the end (t, X[-1]) of a run where a coordinate
     changes by as much as any does in it, or by `least`."""
     x = X[-1]
     ways = max(float(np.abs(X - X[0]).max()), float(np.abs(X).max()), least) * np.eye(x.size)
-    here = there(switch, t, x)
+    here = evaluate_or_nan(switch, t, x)
     largest = np.zeros_like(here)
     for e in ways:
         for s in (1.0, -1.0):
-            largest = np.fmax(largest, np.abs(there(switch, t, x + s * e) - here))
+            largest = np.fmax(largest, np.abs(evaluate_or_nan(switch, t, x + s * e) - here))
     return largest
 
 
-def rates_beside(switch, field, t, x, i, dt) -> tuple[float, float]:
+def one_sided_rates(switch, field, t, x, i, dt) -> tuple[float, float]:
     """Rates of switch i in the fields of its positive and its negative side, other signs as they
     are."""
-    plus, minus = (rates_of(switch, field, t, x, [i], [side], dt)[0] for side in (1.0, -1.0))
+    plus, minus = (rates_in_sector(switch, field, t, x, [i], [side], dt)[0] for side in (1.0, -1.0))
     return plus, minus
 
 
-def rates_of(switch, field, t, x, rows, sides, dt) -> np.ndarray:
+def rates_in_sector(switch, field, t, x, rows, sides, dt) -> np.ndarray:
     """Rates of the switches `rows` in the field of these sides of theirs, other signs as they
     are."""
-    signs = np.where(there(switch, t, x) >= 0.0, 1.0, -1.0)
+    signs = np.where(evaluate_or_nan(switch, t, x) >= 0.0, 1.0, -1.0)
     signs[rows] = sides
-    f = there(field, t, x, signs)
-    change = there(switch, t + dt, x + dt * f) - there(switch, t - dt, x - dt * f)
+    f = evaluate_or_nan(field, t, x, signs)
+    change = evaluate_or_nan(switch, t + dt, x + dt * f) - evaluate_or_nan(
+        switch, t - dt, x - dt * f
+    )
     return change.ravel()[rows] / (2.0 * dt) if change.ndim else np.full(len(rows), np.nan)

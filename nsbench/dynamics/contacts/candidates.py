@@ -13,7 +13,7 @@ SMOOTH = 3
 
 
 @dataclass(frozen=True, eq=False)
-class Near:
+class CandidateContacts:
     """m candidate constraints: arrays of length m.
 
     kind (ROW, PAIR, ANCHOR, SMOOTH); family, i, j (j = -1 where an id has no second index); p, q:
@@ -46,18 +46,18 @@ class Near:
         """(m,) one number per id; ids have at most 2^21 members in each index."""
         return (self.family << 42) + (self.i << 21) + self.j + 1
 
-    def take(self, index) -> Near:
-        return Near(*(a[index] for a in self.arrays()))
+    def take(self, index) -> CandidateContacts:
+        return CandidateContacts(*(a[index] for a in self.arrays()))
 
-    def copy(self) -> Near:
-        return Near(*(a.copy() for a in self.arrays()))
+    def copy(self) -> CandidateContacts:
+        return CandidateContacts(*(a.copy() for a in self.arrays()))
 
     def arrays(self) -> tuple:
         return (self.kind, self.family, self.i, self.j, self.p, self.q, self.d, self.sign, self.dim)
 
 
 @dataclass(frozen=True)
-class Places:
+class ContactLayout:
     """Where the entries of a Near stand. pairs: (kind, entries, coordinates of i, of j or of the
     anchor) by kind and dimension; rows: entries that are affine rows; smooth: entries of each
     Smooth family."""
@@ -67,10 +67,10 @@ class Places:
     smooth: tuple
 
 
-def listed(kind, family, i, j, p, q, d, sign, dim) -> Near:
+def make_candidates(kind, family, i, j, p, q, d, sign, dim) -> CandidateContacts:
     m = len(i)
     i, j, p, q = (np.asarray(a, np.int64) for a in (i, j, p, q))
-    return Near(
+    return CandidateContacts(
         np.full(m, kind, np.int64),
         np.full(m, family, np.int64),
         i,
@@ -83,7 +83,7 @@ def listed(kind, family, i, j, p, q, d, sign, dim) -> Near:
     )
 
 
-def pairs_of_few(x, r, reach):
+def pairs_brute_force(x, r, reach):
     """Pairs (i, j), i < j, in order, of particles x (m, dim) with radii r whose gap is at most
     `reach`: kernels.near, for few."""
     i, j = np.triu_indices(len(x), 1)
@@ -96,7 +96,9 @@ def pairs_of_few(x, r, reach):
     return i[close], j[close]
 
 
-def join(parts: list[Near]) -> Near:
+def join(parts: list[CandidateContacts]) -> CandidateContacts:
     if not parts:
-        return listed(ROW, 0, [], [], [], [], 0.0, 1, 1)
-    return Near(*(np.concatenate(a) for a in zip(*(n.arrays() for n in parts), strict=True)))
+        return make_candidates(ROW, 0, [], [], [], [], 0.0, 1, 1)
+    return CandidateContacts(
+        *(np.concatenate(a) for a in zip(*(n.arrays() for n in parts), strict=True))
+    )

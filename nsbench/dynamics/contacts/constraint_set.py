@@ -11,19 +11,23 @@ import functools
 
 import numpy as np
 
-from nsbench.compilation.factories import host
+from nsbench.compilation.factories import as_numpy
 from nsbench.dynamics.contacts.candidates import (
     ANCHOR,
     PAIR,
     ROW,
     SMOOTH,
-    Near,
-    Places,
+    CandidateContacts,
+    ContactLayout,
     join,
-    listed,
-    pairs_of_few,
+    make_candidates,
+    pairs_brute_force,
 )
-from nsbench.dynamics.contacts.time_dependence import SmoothRows, chain, time_derivative
+from nsbench.dynamics.contacts.time_dependence import (
+    SmoothRows,
+    concatenate_curves,
+    time_derivative,
+)
 from nsbench.problem import Affine, Complementarity, Distance, Smooth
 
 FEW = 64  # hard particles: all their pairs are looked at sooner than a kernel is compiled
@@ -44,7 +48,7 @@ def _stacked(families: list[Affine]):
     return np.concatenate(ptr), np.concatenate(cols), np.concatenate(vals)
 
 
-class Scene:
+class ConstraintSet:
     """The constraints of a Complementarity problem with a state of size n, ready for evaluation.
 
     Attributes used by kernels: ptr, cols, vals, inv2 (all affine rows as CSR), and b(t), anchors(t)
@@ -62,12 +66,12 @@ class Scene:
         self.ptr, self.cols, self.vals = _stacked(self.affine)
         rows = len(self.ptr) - 1
         self.inv2 = 1.0 / np.add.reduceat(self.vals**2, self.ptr[:-1]) if rows else np.empty(0)
-        self._b = [host(a.b) if a.moving else (lambda t, v=a.b: v) for a in self.affine]
+        self._b = [as_numpy(a.b) if a.moving else (lambda t, v=a.b: v) for a in self.affine]
         self._anchors = [
-            host(c.anchors) if c.moving else (lambda t, v=c.anchors: v) for c in self.anchored
+            as_numpy(c.anchors) if c.moving else (lambda t, v=c.anchors: v) for c in self.anchored
         ]
-        self.b_factory = chain([a.b for a in self.affine])
-        self.anchor_factory = chain([c.anchors for c in self.anchored])
+        self.b_factory = concatenate_curves([a.b for a in self.affine])
+        self.anchor_factory = concatenate_curves([c.anchors for c in self.anchored])
         self._smooth = [SmoothRows(c, n) for c in self.families if isinstance(c, Smooth)]
         if any(isinstance(c, Distance) and not c.all_pairs for c in self.families):
             _ = self._parts  # bad indices are told at once
@@ -98,7 +102,7 @@ class Scene:
         return self._smooth[s]
 
     @functools.cached_property
-    def _parts(self) -> dict[int, Near]:
+    def _parts(self) -> dict[int, CandidateContacts]:
         """The listed constraints by family; made when asked for: rows take 72 bytes each."""
         parts = {}
         row = 0
@@ -108,28 +112,32 @@ class Scene:
             if isinstance(c, Affine):
                 m = c.shape[0]
                 i = np.arange(m)
-                parts[k] = listed(ROW, k, i, np.full(m, -1), row + i, np.zeros(m), 0.0, 1, 1)
+                parts[k] = make_candidates(
+                    ROW, k, i, np.full(m, -1), row + i, np.zeros(m), 0.0, 1, 1
+                )
                 row += m
             elif isinstance(c, Smooth):
                 m = self._smooth[smooth].m
                 i = np.arange(m)
-                parts[k] = listed(SMOOTH, k, i, np.full(m, -1), i, np.full(m, smooth), 0.0, 1, 1)
+                parts[k] = make_candidates(
+                    SMOOTH, k, i, np.full(m, -1), i, np.full(m, smooth), 0.0, 1, 1
+                )
                 smooth += 1
             elif not c.all_pairs:
                 parts[k] = self._listed(k, c, anchor)
                 anchor += (
                     0
                     if c.anchors is None
-                    else np.asarray(host(c.anchors)(0.0) if c.moving else c.anchors).size
+                    else np.asarray(as_numpy(c.anchors)(0.0) if c.moving else c.anchors).size
                 )
         return parts
 
-    def _listed(self, k: int, c: Distance, anchor: int) -> Near:
+    def _listed(self, k: int, c: Distance, anchor: int) -> CandidateContacts:
         count = c.particles(self.n)
         pairs = c.pairs
         targets = count
         if c.anchors is not None:
-            targets = len(np.asarray(host(c.anchors)(0.0) if c.moving else c.anchors))
+            targets = len(np.asarray(as_numpy(c.anchors)(0.0) if c.moving else c.anchors))
             if pairs is None:
                 pairs = np.stack(
                     np.meshgrid(np.arange(count), np.arange(targets), indexing="ij"), -1
@@ -141,7 +149,7 @@ class Scene:
             )
         i, j = pairs.T
         q = anchor + j * c.dim if c.anchors is not None else c.start + j * c.dim
-        return listed(
+        return make_candidates(
             PAIR if c.anchors is None else ANCHOR,
             k,
             i,
@@ -153,18 +161,18 @@ class Scene:
             c.dim,
         )
 
-    def all_static(self) -> Near:
+    def all_static(self) -> CandidateContacts:
         """The listed constraints alone."""
         return join([self._parts[k] for k in sorted(self._parts)])
 
-    def near(self, x: np.ndarray, reach: float, t: float = 0.0) -> Near:
+    def near(self, x: np.ndarray, reach: float, t: float = 0.0) -> CandidateContacts:
         """Every listed constraint and the hard pairs with gap at most `reach` (inf: all), in the
         stated order. x finite."""
         parts = dict(self._parts)
         for k, c, m in self.hard:
             r = self.radii[k]
             if m <= FEW or reach == np.inf:
-                i, j = pairs_of_few(
+                i, j = pairs_brute_force(
                     np.asarray(x, float)[c.start : c.start + m * c.dim].reshape(m, c.dim),
                     r,
                     float(reach),
@@ -173,7 +181,7 @@ class Scene:
                 from nsbench.dynamics.contacts.kernels.cell_list import near_pairs
 
                 i, j = near_pairs(np.ascontiguousarray(x), c.start, m, c.dim, r, float(reach))
-            parts[k] = listed(
+            parts[k] = make_candidates(
                 PAIR, k, i, j, c.start + i * c.dim, c.start + j * c.dim, r[i] + r[j], 1, c.dim
             )
         return join([parts[k] for k in sorted(parts)])
@@ -203,7 +211,7 @@ class Scene:
     def _static(self):
         return (near := self.all_static()), self.places(near)
 
-    def places(self, near: Near) -> Places:
+    def places(self, near: CandidateContacts) -> ContactLayout:
         """For many evaluations of the same contacts."""
         pairs = []
         for kind in (PAIR, ANCHOR):
@@ -216,9 +224,11 @@ class Scene:
         smooth = [
             np.flatnonzero((near.kind == SMOOTH) & (near.q == s)) for s in range(len(self._smooth))
         ]
-        return Places(tuple(pairs), np.flatnonzero(near.kind == ROW), tuple(smooth))
+        return ContactLayout(tuple(pairs), np.flatnonzero(near.kind == ROW), tuple(smooth))
 
-    def gaps(self, t: float, x: np.ndarray, near: Near, places: Places | None = None) -> np.ndarray:
+    def gaps(
+        self, t: float, x: np.ndarray, near: CandidateContacts, places: ContactLayout | None = None
+    ) -> np.ndarray:
         """(m,) values g_k(t, x)."""
         g = np.empty(len(near))
         places = places or self.places(near)
@@ -239,14 +249,14 @@ class Scene:
             diff = x[i] - (x[j] if kind == PAIR else self.anchors(t)[j])
             yield sel, (i, j if kind == PAIR else None), diff, np.sqrt((diff * diff).sum(1))
 
-    def dense_gradients(self, t: float, x: np.ndarray, near: Near) -> np.ndarray:
+    def dense_gradients(self, t: float, x: np.ndarray, near: CandidateContacts) -> np.ndarray:
         """(m, n) rows grad g_k."""
         G = np.zeros((len(near), self.n))
         r, c, v = self.triplets(t, x, near)
         np.add.at(G, (r, c), v)
         return G
 
-    def gradients(self, t: float, x: np.ndarray, near: Near):
+    def gradients(self, t: float, x: np.ndarray, near: CandidateContacts):
         """(m, n) scipy.sparse.csr_array of rows grad g_k. A distance of zero has the first axis as
         direction."""
         from scipy.sparse import csr_array
@@ -254,7 +264,7 @@ class Scene:
         r, c, v = self.triplets(t, x, near)
         return csr_array((v, (r, c)), shape=(len(near), self.n))
 
-    def triplets(self, t: float, x: np.ndarray, near: Near):
+    def triplets(self, t: float, x: np.ndarray, near: CandidateContacts):
         """Rows, columns and values of the gradients; rows and columns are the same for every t and
         x."""
         places = self.places(near)
@@ -273,7 +283,9 @@ class Scene:
             c.append(np.tile(np.arange(self.n), sel.size))
         return np.concatenate(r), np.concatenate(c), self.slopes(t, x, near, places)
 
-    def slopes(self, t: float, x: np.ndarray, near: Near, places: Places) -> np.ndarray:
+    def slopes(
+        self, t: float, x: np.ndarray, near: CandidateContacts, places: ContactLayout
+    ) -> np.ndarray:
         """The values of `triplets` alone."""
         v = [np.empty(0)]
         for sel, (_, j), diff, dist in self._distances(t, x, places):
@@ -287,7 +299,7 @@ class Scene:
                 v.append(fam.gradient(t, x)[near.p[sel]].ravel())
         return np.concatenate(v)
 
-    def rates(self, t: float, x: np.ndarray, near: Near) -> np.ndarray:
+    def rates(self, t: float, x: np.ndarray, near: CandidateContacts) -> np.ndarray:
         """(m,) partial derivatives dg/dt."""
         rate = np.zeros(len(near))
         if not self.moving:

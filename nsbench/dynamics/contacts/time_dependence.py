@@ -7,11 +7,11 @@ import functools
 
 import numpy as np
 
-from nsbench.compilation.factories import host, jax_function
+from nsbench.compilation.factories import as_jax, as_numpy
 from nsbench.problem import Smooth
 
 
-def chain(parts):
+def concatenate_curves(parts):
     """One factory ``(xp) -> (t) -> flat array`` for arrays and factories one after the other; None
     if nothing moves."""
     if not any(callable(p) for p in parts):
@@ -55,7 +55,7 @@ def time_derivative(factory):
     if factory not in _derivatives:
         import jax
 
-        f = jax_function(factory)
+        f = as_jax(factory)
         d = jax.jit(lambda t: jax.jvp(f, (t,), (1.0,))[1])
         _derivatives[factory] = lambda t: np.asarray(d(float(t)))
     return _derivatives[factory]
@@ -67,15 +67,15 @@ class SmoothRows:
     def __init__(self, family: Smooth, n: int):
         self._family = family
         self._n = n
-        self.g = lambda t, x, f=host(family.g): np.asarray(f(t, x), float)
+        self.g = lambda t, x, f=as_numpy(family.g): np.asarray(f(t, x), float)
         self.m = len(self.g(0.0, np.full(n, 0.37)))
-        self._gradient = host(family.gradient) if family.gradient else None
-        self._rate = host(family.rate) if family.rate else None
+        self._gradient = as_numpy(family.gradient) if family.gradient else None
+        self._rate = as_numpy(family.rate) if family.rate else None
 
     def _jax(self, argnum):
         import jax
 
-        f = jax_function(self._family.g)
+        f = as_jax(self._family.g)
         d = jax.jit(jax.jacfwd(f, argnums=argnum))
         return lambda t, x: np.asarray(d(float(t), x))
 

@@ -7,9 +7,9 @@ import functools
 import numpy as np
 
 from nsbench.case import Case
-from nsbench.dynamics.contacts.candidates import Near
-from nsbench.dynamics.contacts.constraint_set import PAIR, Scene
-from nsbench.dynamics.length_scale import unit_of
+from nsbench.dynamics.contacts.candidates import CandidateContacts
+from nsbench.dynamics.contacts.constraint_set import PAIR, ConstraintSet
+from nsbench.dynamics.length_scale import case_length_scale
 
 TOLERANCE = 1e-9  # of a length; a start that misses by less is what whoever made it left out
 LEAST = 1e-6  # unit: a start of 1e-16 may be a difference of numbers about 1
@@ -25,12 +25,17 @@ EXACT = 4e-15
 
 
 @functools.lru_cache(maxsize=64)
-def scene_of(case: Case) -> Scene:
-    return Scene(case.problem, case.n)
+def scene_of(case: Case) -> ConstraintSet:
+    return ConstraintSet(case.problem, case.n)
 
 
 def tolerances(
-    case: Case, scene: Scene, t: float, x: np.ndarray, near: Near, projected: bool = False
+    case: Case,
+    scene: ConstraintSet,
+    t: float,
+    x: np.ndarray,
+    near: CandidateContacts,
+    projected: bool = False,
 ) -> np.ndarray:
     """(m,) what the gaps of `near` at (t, x) may be below zero, each in its own unit.
 
@@ -39,8 +44,8 @@ def tolerances(
     PRINTED of the numbers that the gap is the difference of.
     Much less of what was projected.
     """
-    length = lengths(case, scene, t, x, near)
-    terms = numbers(scene, t, x, near)
+    length = gap_lengths(case, scene, t, x, near)
+    terms = term_sizes(scene, t, x, near)
     if projected:
         return FINE * TOLERANCE * length + EXACT * terms
     return TOLERANCE * length + np.maximum(
@@ -48,9 +53,11 @@ def tolerances(
     )
 
 
-def lengths(case: Case, scene: Scene, t: float, x: np.ndarray, near: Near) -> np.ndarray:
+def gap_lengths(
+    case: Case, scene: ConstraintSet, t: float, x: np.ndarray, near: CandidateContacts
+) -> np.ndarray:
     """(m,) what the gaps of `near` change by along a length of theirs."""
-    unit = max(unit_of(case), LEAST)
+    unit = max(case_length_scale(case), LEAST)
     places = scene.places(near)
     out = np.maximum(near.d, LEAST * unit)
     if places.rows.size:
@@ -63,7 +70,9 @@ def lengths(case: Case, scene: Scene, t: float, x: np.ndarray, near: Near) -> np
     return out
 
 
-def numbers(scene: Scene, t: float, x: np.ndarray, near: Near) -> np.ndarray:
+def term_sizes(
+    scene: ConstraintSet, t: float, x: np.ndarray, near: CandidateContacts
+) -> np.ndarray:
     """(m,) the sizes of what the gaps of `near` at (t, x) are differences of: coordinates of two
     ends, terms of a row; of a smooth constraint to first order, 0 where it has no gradient."""
     out = np.zeros(len(near))
@@ -85,7 +94,7 @@ def numbers(scene: Scene, t: float, x: np.ndarray, near: Near) -> np.ndarray:
     return out
 
 
-def misses(case: Case, scene: Scene, t: float, x: np.ndarray) -> bool:
+def violates(case: Case, scene: ConstraintSet, t: float, x: np.ndarray) -> bool:
     """Whether x (n,) violates a constraint at t by more than it may; what is no number does."""
     near = scene.near(x, 0.0, t)
     g = scene.gaps(t, x, near)

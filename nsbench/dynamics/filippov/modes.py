@@ -8,8 +8,8 @@ from itertools import product
 import numpy as np
 
 from nsbench.case import Case
-from nsbench.compilation.factories import host
-from nsbench.diagnostics.filippov.repulsive_surface import there
+from nsbench.compilation.factories import as_numpy
+from nsbench.diagnostics.filippov.repulsive_surface import evaluate_or_nan
 from nsbench.problem import Filippov
 
 STEPS = 4.0  # of a run: so near to a surface at both ends of an interval is on it
@@ -21,24 +21,27 @@ SIDE = 1e-9  # mean weight below which a run was on one side alone
 
 def surfaces(problem: Filippov, n: int) -> int:
     """Their number."""
-    return problem.d if problem.d is not None else len(host(problem.switch)(0.0, np.full(n, 0.37)))
+    return (
+        problem.d if problem.d is not None else len(as_numpy(problem.switch)(0.0, np.full(n, 0.37)))
+    )
 
 
 def multilinear(problem: Filippov, n: int) -> bool:
     """Whether the field is affine in each sign, at some points drawn once; False where it is not
     finite."""
     rng = np.random.default_rng(0)
-    field = host(problem.field)
+    field = as_numpy(problem.field)
     d = surfaces(problem, n)
     with np.errstate(all="ignore"):
         for _ in range(4):
             t = rng.uniform()
             x = rng.uniform(-1.0, 1.0, n)
             s = rng.uniform(-1.0, 1.0, d)
-            f = there(field, t, x, s.copy())
+            f = evaluate_or_nan(field, t, x, s.copy())
             for i in range(d):
                 plus, minus = (
-                    there(field, t, x, np.where(np.arange(d) == i, e, s)) for e in (1.0, -1.0)
+                    evaluate_or_nan(field, t, x, np.where(np.arange(d) == i, e, s))
+                    for e in (1.0, -1.0)
                 )
                 off = np.abs(0.5 * (1.0 + s[i]) * plus + 0.5 * (1.0 - s[i]) * minus - f)
                 if not np.all(off <= 1e-12 * (1.0 + np.maximum(np.abs(plus), np.abs(minus)))):
@@ -46,12 +49,12 @@ def multilinear(problem: Filippov, n: int) -> bool:
     return True
 
 
-def corners(d: int) -> np.ndarray:
+def sign_patterns(d: int) -> np.ndarray:
     """(2^d, d) signs."""
     return np.array(list(product((1.0, -1.0), repeat=d)))
 
 
-def held(case: Case, X: np.ndarray, weights: np.ndarray, h: float) -> str:
+def check_corner_velocity(case: Case, X: np.ndarray, weights: np.ndarray, h: float) -> str:
     """Where a run in steps of h, with these mean weights (K - 1, d) of the positive sides between
     samples, stays in the corner of two or more surfaces whose modes are not affine in their signs;
     "" if nowhere.
@@ -63,9 +66,9 @@ def held(case: Case, X: np.ndarray, weights: np.ndarray, h: float) -> str:
     d = surfaces(case.problem, case.n)
     if d < 2:
         return ""
-    field = host(case.problem.field)
-    switch = host(case.problem.switch)
-    keep = apart(case.t, LONG * h)
+    field = as_numpy(case.problem.field)
+    switch = as_numpy(case.problem.switch)
+    keep = thin_samples(case.t, LONG * h)
     t = case.t[keep]
     spans = np.diff(case.t)[:, None]
     theta = (
@@ -88,7 +91,7 @@ def held(case: Case, X: np.ndarray, weights: np.ndarray, h: float) -> str:
             _, f, rates = _modes(field, switch, float(t[k + 1]), X[keep[k + 1]], rows, h)
             if np.any((rates.min(axis=0) > 0.0) | (rates.max(axis=0) < 0.0)):
                 continue
-            fit = np.column_stack((np.ones(len(f)), corners(len(rows))))
+            fit = np.column_stack((np.ones(len(f)), sign_patterns(len(rows))))
             off = np.abs(f - fit @ np.linalg.lstsq(fit, f, rcond=None)[0]).max()
             if off > 1e-9 * np.abs(f).max():
                 return (
@@ -99,7 +102,7 @@ def held(case: Case, X: np.ndarray, weights: np.ndarray, h: float) -> str:
     return ""
 
 
-def apart(t: np.ndarray, span: float) -> np.ndarray:
+def thin_samples(t: np.ndarray, span: float) -> np.ndarray:
     """Samples, the first and the last among them, that are at least `span` apart as far as the run
     is that long."""
     keep = [0]
@@ -113,14 +116,14 @@ def _modes(field, switch, t: float, x: np.ndarray, rows: np.ndarray, h: float):
     """Of the modes with all signs of these rows and the others as they are: which rows are some
     steps near; the fields (modes, n); by how much a step changes the rows (modes, rows). Of many
     rows only modes that differ in one."""
-    c = there(switch, t, x)
+    c = evaluate_or_nan(switch, t, x)
     some = (
-        corners(len(rows))
+        sign_patterns(len(rows))
         if len(rows) <= MANY
         else np.vstack([np.where(np.eye(len(rows)) > 0, e, -e) for e in (1.0, -1.0)])
     )
     signs = np.tile(np.where(c >= 0.0, 1.0, -1.0), (len(some), 1))
     signs[:, rows] = some
-    f = np.array([np.broadcast_to(there(field, t, x, s), x.shape) for s in signs])
-    rates = np.array([(there(switch, t + h, x + h * v) - c)[rows] for v in f])
+    f = np.array([np.broadcast_to(evaluate_or_nan(field, t, x, s), x.shape) for s in signs])
+    rates = np.array([(evaluate_or_nan(switch, t + h, x + h * v) - c)[rows] for v in f])
     return np.abs(c[rows]) <= STEPS * np.abs(rates).max(axis=0), f, rates

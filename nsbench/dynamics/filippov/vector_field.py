@@ -12,7 +12,7 @@ from itertools import combinations, product
 
 import numpy as np
 
-from nsbench.compilation.factories import host, jax_function
+from nsbench.compilation.factories import as_jax, as_numpy
 from nsbench.solvers.event_driven.interval_taylor import SPACE
 from nsbench.trajectory import Status
 
@@ -29,7 +29,7 @@ LOST = 100.0
 STARTS = (-0.8, 0.0, 0.8)  # of Newton's method in each sign, where all solutions are looked for
 
 
-class Motion:
+class FilippovVectorField:
     """x' = F(t, x, s) with the signs s of a mode; the work of one run, no state but counters.
 
     field(t, x, s) -> (n,), switch(t, x) -> (d,): numpy. `along(t, x, dt, dx)` -> (d,) is the
@@ -39,8 +39,8 @@ class Motion:
 
     def __init__(self, problem, t0: float, x0: np.ndarray):
         self.field, self.switch, self._factory = (
-            host(problem.field),
-            host(problem.switch),
+            as_numpy(problem.field),
+            as_numpy(problem.switch),
             problem.switch,
         )
         self._boxes = problem.field(SPACE), problem.switch(SPACE)
@@ -81,7 +81,7 @@ class Motion:
         return bool(np.all(np.abs(exact - rough) <= 1e-4 * (1.0 + np.abs(rough))))
 
     def _by_jax(self, t, x):
-        c = jax_function(self._factory)
+        c = as_jax(self._factory)
         import jax
 
         slope = jax.jit(lambda t, x, dt, dx: jax.jvp(c, (t, x), (dt, dx))[1])

@@ -34,13 +34,13 @@ from nsbench.execute.cluster.remote_worker import (
     OtherInstallation,
     dismiss,
     fingerprint,
+    installation_mismatch,
     rows_of,
-    unlike,
 )
 from nsbench.execute.workers import signals
 from nsbench.results import run_key
 from nsbench.source_files import file_state
-from nsbench.study import Spec, lost
+from nsbench.study import Spec, lost_run_row
 
 CONNECT = 4.0  # seconds to answer in
 # seconds without a single worker after which a cluster is given up (a nanny restarts in a few)
@@ -76,7 +76,7 @@ def run_all(
     ValueError (no such address, distributed is not installed). KeyboardInterrupt stops the runs
     under way and passes on.
     """
-    with connected(address) as client, signals.held():
+    with connected(address) as client, signals.defer_signals():
         here = fingerprint()
         _check(client, address, here)
         work = _Work(client, address, timeout, chain.from_iterable(batches), here, most, parts)
@@ -126,7 +126,7 @@ def _check(client, address: str, here: dict[str, str]) -> None:
                 f"the worker {worker} cannot load nsbench: {_first_line(there)}; install the same "
                 f"version there"
             )
-        differs = unlike(there, here)
+        differs = installation_mismatch(there, here)
         if differs:
             raise ClusterError(_refusal(worker, differs))
 
@@ -231,7 +231,7 @@ class _Work:
         digests of large ones."""
         if names not in self.units:
             files = {os.path.realpath(n): n for n in names} | {
-                f: f for f in run_key.foreign(*names) if f not in map(os.path.realpath, names)
+                f: f for f in run_key.user_files(*names) if f not in map(os.path.realpath, names)
             }
             self.units[names] = {
                 f: file_state.digest(f) if os.path.getsize(f) > LARGE else Path(f).read_bytes()
@@ -262,16 +262,16 @@ class _Work:
             self.suspects += specs
         elif isinstance(error, KilledWorker):
             why = f"The cluster lost every worker that was given this run: {_first_line(error)}"
-            rows = [(lost(specs[0], "crashed", why), b"")]
+            rows = [(lost_run_row(specs[0], "crashed", why), b"")]
         else:
             why = f"The worker could not begin: {type(error).__name__}: {_first_line(error)}"
-            rows = [(lost(specs[0], "crashed", why), b"")]
+            rows = [(lost_run_row(specs[0], "crashed", why), b"")]
         for spec, (row, text) in zip(specs, rows, strict=False):
             if there := row.pop("unlike", None):
                 own = {k: v for p in self.parts[spec] for k, v in p.items}
                 raise ClusterError(
                     f"a worker would make {spec.label} of something else: "
-                    f"{there.get('why') or unlike(there, own)}; "
+                    f"{there.get('why') or installation_mismatch(there, own)}; "
                     "what is there must be as here"
                 )
             yield spec, row, text

@@ -27,12 +27,11 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 
 from nsbench.execute.workers import memory
-from nsbench.execute.workers.output_capture import Printed
-from nsbench.execute.workers.pool import _Team
+from nsbench.execute.workers.output_capture import OutputCapture
+from nsbench.execute.workers.pool import WorkerPool
 from nsbench.execute.workers.process import Worker, settings
 from nsbench.execute.workers.worker import work
-from nsbench.results import run_key
-from nsbench.results import tables
+from nsbench.results import run_key, tables
 from nsbench.source_files import file_state
 from nsbench.study import Spec
 
@@ -82,7 +81,7 @@ def _contents(folders) -> str:
     return digest.hexdigest()[:16]
 
 
-def unlike(there: dict[str, str], here: dict[str, str]) -> str:
+def installation_mismatch(there: dict[str, str], here: dict[str, str]) -> str:
     """How two fingerprints differ, as the end of a sentence; "" if they do not."""
     words = []
     for name in sorted({*there, *here}):
@@ -105,7 +104,7 @@ class _Crew:
     """The process that one thread of this worker has for the runs of one study, and who watches
     it."""
 
-    team: _Team
+    team: WorkerPool
     placed: dict[str, str] = field(default_factory=dict)  # where the files of the client lie here
     busy: bool = False  # its thread is at work with it
     gone: bool = False  # nobody waits for its rows: its thread ends it, soon
@@ -156,7 +155,7 @@ def rows_of(
     client's fingerprint; units: see `_placed`. A row that was not made of what the client has says
     so as "unlike" (nsbench.execute.cluster.same_sources). Raises OtherInstallation.
     """
-    differs = unlike(fingerprint(), expected)
+    differs = installation_mismatch(fingerprint(), expected)
     if differs:
         raise OtherInstallation(differs)
     key = owner, threading.get_ident()
@@ -218,13 +217,13 @@ def _reaper() -> threading.Thread:
     return thread
 
 
-def _team() -> _Team:
+def _team() -> WorkerPool:
     folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "nsbench" / "locks"
     try:  # workers of one user share what is compiled, and so the locks
         folder.mkdir(parents=True, exist_ok=True)
     except OSError:
         folder = Path(_folder().name)
-    return _Team([], None, None, None, 1, 0, str(folder), spawn=_spawn, keep=True)
+    return WorkerPool([], None, None, None, 1, 0, str(folder), spawn=_spawn, keep=True)
 
 
 @dataclass(frozen=True)
@@ -251,7 +250,7 @@ def _spawn(locks: str, threads: int) -> Worker:
     (ours, theirs), (output, printed) = Pipe(), Pipe(duplex=False)
     env = os.environ | settings(threads) | {"PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
     kills = memory.kernel_kills()
-    ear = Printed(output)
+    ear = OutputCapture(output)
     with theirs, printed:
         ends = theirs.fileno(), printed.fileno()
         process = subprocess.Popen(

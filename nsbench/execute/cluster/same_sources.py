@@ -10,24 +10,23 @@ from __future__ import annotations
 from pathlib import Path
 
 from nsbench.results import run_key
-from nsbench.source_files import file_state
-from nsbench.source_files import import_graph
-from nsbench.study import Spec, found
+from nsbench.source_files import file_state, import_graph
+from nsbench.study import Spec, load_case_and_solver
 
 _same: set[tuple] = set()  # what was compared and found to be alike
 
 
-def unlike(spec: Spec) -> dict[str, str]:
+def source_mismatch(spec: Spec) -> dict[str, str]:
     """{} if a run would be made of what the client has; else the items it is made of here, or under
     "why" what to say."""
     which = spec.case, spec.file, spec.solver, spec.solver_files, spec.parts
     if not spec.parts or which in _same:
         return {}
-    import_graph.needs(
+    import_graph.dependencies(
         *filter(None, [spec.file, *spec.solver_files])
     )  # notes the files before they are loaded
     try:
-        case, _ = found(spec)
+        case, _ = load_case_and_solver(spec)
     except Exception as e:  # it was loaded where it was asked for
         return {"why": f"{type(e).__name__}: {e}"}
     parts = run_key.parts_of(spec, case)
@@ -41,5 +40,10 @@ def touched(spec: Spec) -> dict[str, str]:
     """Says under "why" which files are not, or may not be, what they were when the run began."""
     if not spec.parts:
         return {}
-    files = [Path(f).name for f in file_state.touched(run_key.watched(spec, found(spec)[0]))]
+    files = [
+        Path(f).name
+        for f in file_state.changed_files(
+            run_key.dependency_files(spec, load_case_and_solver(spec)[0])
+        )
+    ]
     return {"why": f"{', '.join(files)} changed there while it was used"} if files else {}

@@ -23,7 +23,7 @@ from nsbench.study import Spec, resolve
 PAUSE = 0.05  # seconds between two looks at locks that are all taken
 
 
-class Turns:
+class KernelSchedule:
     """The order of specs in one process; folder: where the locks of all processes lie."""
 
     def __init__(self, folder: str):

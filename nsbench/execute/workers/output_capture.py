@@ -46,7 +46,7 @@ class _Kept:
         )
 
 
-class Printed:
+class OutputCapture:
     """The parent's end of a pipe into which a worker's descriptors 1 and 2 lead; the worker never
     waits for long, since it is emptied with every look of the parent. word: what no run can print
     by chance, see `mark`."""

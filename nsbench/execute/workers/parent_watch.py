@@ -15,13 +15,13 @@ ORPHAN = 0.5  # seconds between two looks at the parent, where the kernel does n
 
 def begin(pipe, printed, word: bytes, parent: int, locks: str) -> None:
     """Body of a worker's process: see nsbench.execute.workers.worker.work."""
-    go_with(parent)
+    exit_with_parent(parent)
     from nsbench.execute.workers.worker import work
 
     work(pipe, printed, word, parent, locks)
 
 
-def go_with(parent: int) -> None:
+def exit_with_parent(parent: int) -> None:
     """End this process when `parent` does, even in the middle of a run that never comes back to
     Python (on Linux;
     elsewhere as soon as a thread gets its turn)."""

@@ -20,12 +20,11 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from multiprocessing.connection import wait
 
-from nsbench.execute.workers import memory
-from nsbench.execute.workers import signals
+from nsbench.execute.workers import memory, signals
 from nsbench.execute.workers.output_capture import NOBODY
 from nsbench.execute.workers.process import LEAVING, Worker, ended, last_line, spawn
 from nsbench.execute.workers.worker import Chore
-from nsbench.study import REPEATED, Spec, lost
+from nsbench.study import REPEATED, Spec, lost_run_row
 
 PREPARE = 300.0  # seconds: compiling and factorising, beside the limit of the run itself
 TICK = 0.1  # seconds between two looks at limits
@@ -56,7 +55,7 @@ def run_all(
     rows: the workers are stopped and KeyboardInterrupt passes on.
     """
     batches = [b[k : k + BATCH] for b in batches for k in range(0, len(b), BATCH)]
-    team = _Team(
+    team = WorkerPool(
         [*reversed([*chores]), *reversed(batches)],
         timeout,
         on_row,
@@ -65,7 +64,7 @@ def run_all(
         most or memory.limit(jobs),
     )
     with (
-        signals.held(),
+        signals.defer_signals(),
         tempfile.TemporaryDirectory(prefix="nsbench-", ignore_cleanup_errors=True) as team.locks,
     ):
         try:
@@ -80,7 +79,7 @@ def run_all(
 
 
 @dataclass
-class _Team:
+class WorkerPool:
     """The workers, and what is still to do: `queue` by anyone, last one first; `alone` by a fresh
     worker."""
 
@@ -269,7 +268,9 @@ class _Team:
             job.untimed.discard(i)
             if text:
                 self.on_output(spec, text)
-            self.on_row(spec, lost(spec, status, f"{REPEATED}. {why}" if repeated else why) | more)
+            self.on_row(
+                spec, lost_run_row(spec, status, f"{REPEATED}. {why}" if repeated else why) | more
+            )
         self.time_again([job.specs[k] for k in sorted(job.untimed)])
         if job.missing:
             self.queue.append([job.specs[k] for k in sorted(job.missing)])

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from nsbench.execute.workers import memory
-from nsbench.execute.workers.output_capture import Printed
+from nsbench.execute.workers.output_capture import OutputCapture
 from nsbench.execute.workers.parent_watch import begin
 from nsbench.execute.workers.worker import Chore
 from nsbench.study import Spec
@@ -34,7 +34,7 @@ class Worker:
 
     process: mp.Process
     pipe: object
-    printed: Printed | None = None
+    printed: OutputCapture | None = None
     chore: Chore | None = None
     specs: list[Spec] = field(default_factory=list)
     missing: set[int] = field(default_factory=set)
@@ -100,7 +100,7 @@ def spawn(locks: str, threads: int) -> Worker:
     keep = {k: os.environ.get(k) for k in ours_alone}
     os.environ.update(ours_alone)
     kills = memory.kernel_kills()
-    ear = Printed(output)
+    ear = OutputCapture(output)
     try:
         process = context.Process(
             target=begin, args=(theirs, printed, ear.word, os.getpid(), locks), daemon=True

@@ -32,7 +32,7 @@ QUIET = (
 )  # for developers, not of a run
 
 
-class Surroundings:
+class ProcessState:
     """Taken when a worker starts; output: a descriptor to which everything is written that runs
     print, with marks of this word between them."""
 

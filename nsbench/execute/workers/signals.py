@@ -25,7 +25,7 @@ PATIENCE = 5.0  # seconds for cleaning up, before a signal is taken as "now"
 
 
 @dataclass
-class _Ear:
+class _SignalState:
     """What was heard: since when, by the monotonic clock; whether signals are listened to; how deep
     `held` is nested."""
 
@@ -34,7 +34,7 @@ class _Ear:
     held: int = 0
 
 
-_ear = _Ear()
+_ear = _SignalState()
 
 
 def _hear(number, frame) -> None:
@@ -48,7 +48,7 @@ def _hear(number, frame) -> None:
 
 
 @contextlib.contextmanager
-def heard(last: bool = False) -> Iterator[None]:
+def stop_signals(last: bool = False) -> Iterator[None]:
     """Signals that stop a program raise KeyboardInterrupt within, once. Those that are ignored
     (nohup, a job in the background) stay so. last: the process ends after this; when it was
     interrupted it hears nothing from here on."""
@@ -71,9 +71,9 @@ def heard(last: bool = False) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def held() -> Iterator[None]:
+def defer_signals() -> Iterator[None]:
     """Signals are only noted within; `check` is where they stop the program."""
-    with heard():
+    with stop_signals():
         _ear.held += 1
         try:
             yield

@@ -10,16 +10,16 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from nsbench.compilation.compile_lock import share_compilation
+from nsbench.compilation.compile_lock import lock_compilation
 from nsbench.execute.cluster import same_sources
 from nsbench.execute.workers import memory
-from nsbench.execute.workers.kernel_schedule import Turns
+from nsbench.execute.workers.kernel_schedule import KernelSchedule
 from nsbench.execute.workers.output_capture import NOBODY
-from nsbench.execute.workers.parent_watch import go_with
-from nsbench.execute.workers.process_state import Surroundings
+from nsbench.execute.workers.parent_watch import exit_with_parent
+from nsbench.execute.workers.process_state import ProcessState
 from nsbench.measure import clock
 from nsbench.results.row_reuse import read_by
-from nsbench.study import lost, run_batch, run_one, timed_again
+from nsbench.study import lost_run_row, run_batch, run_one, timed_again
 
 
 @dataclass(frozen=True)
@@ -40,13 +40,13 @@ def work(pipe, printed, word: bytes, parent: int, locks: str, seconds: float | N
     a batch ends with the run that passes them, and each run is made once (None: all are made, and
     timed in rounds).
     """
-    go_with(parent)
+    exit_with_parent(parent)
     _stand_alone()
-    around = Surroundings(printed.fileno(), word)
+    around = ProcessState(printed.fileno(), word)
     around.restore()
-    turns = Turns(locks)
+    turns = KernelSchedule(locks)
     news = News(pipe, around)
-    share_compilation(locks, news.compiling, clock.stand)
+    lock_compilation(locks, news.compiling, clock.stand)
     with contextlib.suppress(EOFError, BrokenPipeError, ConnectionResetError):  # the parent is gone
         while (task := pipe.recv()) is not None:
             news.specs = []
@@ -91,9 +91,9 @@ def _once(specs, tell, seconds: float):
     for i, spec in enumerate(specs):
         if i and time.monotonic() - start > seconds:
             return
-        unlike = same_sources.unlike(spec)
+        unlike = same_sources.source_mismatch(spec)
         row = (
-            lost(spec, "error", "not made")
+            lost_run_row(spec, "error", "not made")
             if unlike
             else run_one(spec, lambda what, i=i: tell(what, i))
         )
@@ -119,7 +119,7 @@ class News:
     """What a worker tells of itself: what it does with which run, and when a kernel is compiled on
     the way, for which the clock of the run stands still."""
 
-    def __init__(self, pipe, around: Surroundings | None = None):
+    def __init__(self, pipe, around: ProcessState | None = None):
         self.pipe = pipe
         self.around = around
         self.specs = []

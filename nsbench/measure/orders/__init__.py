@@ -7,9 +7,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from nsbench.measure.orders.corrected_power_law import Headed, fit_headed
+from nsbench.measure.orders.corrected_power_law import CorrectedPowerLaw, fit_corrected
 from nsbench.measure.orders.plateau import cannot_exclude, claimed, power_law
-from nsbench.measure.orders.window import above, alone, binned, dyadic, now_and_then, rounding, tidy
+from nsbench.measure.orders.window import (
+    above_floor,
+    binned,
+    clean_points,
+    dyadic,
+    now_and_then,
+    outliers,
+    rounding,
+)
 
 VERDICTS = (
     "order",
@@ -109,7 +117,7 @@ def fit_order(
     >>> fit.verdict, round(fit.order, 6), round(fit.constant, 6)
     ('order', 2.0, 3.0)
     """
-    h, err, dropped = tidy(h, err)
+    h, err, dropped = clean_points(h, err)
     ladder = float(np.log2(h[-1] / h[0])) if len(h) > 1 else 0.0
     base = Fit(octaves=ladder, dropped=dropped)
     if len(h) < 3:
@@ -125,7 +133,7 @@ def fit_order(
     known = max(float(floor), 10.0 * float(reference_error))
     lucky = now_and_then(err, noise)
     steps = len(h)
-    keep = above(err, np.maximum(known, noise))
+    keep = above_floor(err, np.maximum(known, noise))
     dropped["floor"] = int((~keep).sum())
     mixed = (
         (
@@ -160,7 +168,7 @@ def fit_order(
         why = f"{ladder:.1f} octaves with {steps} steps; {LADDER:g} with {STEPS} are needed"
     h = h[keep]
     err = err[keep]
-    apart = alone(h, err)
+    apart = outliers(h, err)
     dropped["apart"] = int(apart.sum())
     h = h[~apart]
     err = err[~apart]
@@ -280,7 +288,7 @@ def _levels_off(h, err, line: Fit, known, why, unique, reaction) -> Fit | None:
     )
 
 
-def _settle(h, err, known) -> tuple[int, Headed | None, bool]:
+def _settle(h, err, known) -> tuple[int, CorrectedPowerLaw | None, bool]:
     """Drop points from the coarse end while a bend is left over: (points kept, their fit, whether
     it is gone).
 
@@ -296,12 +304,12 @@ def _settle(h, err, known) -> tuple[int, Headed | None, bool]:
     u = np.log(h)
     y = np.log(err)
     own = known / 10.0 / err
-    fit = fit_headed(u, y, own)
+    fit = fit_corrected(u, y, own)
     strict = False
     allowed = [k for k in range(FEWEST, n) if u[k - 1] - u[0] >= WINDOW * np.log(2.0) - 1e-9]
     if allowed and abs(fit.drift) > SMOOTH:
         some = sorted({allowed[round(k * (len(allowed) - 1))] for k in (0.0, 0.33, 0.67)})
-        tried = [(k, fit_headed(u[:k], y[:k], own[:k])) for k in some]
+        tried = [(k, fit_corrected(u[:k], y[:k], own[:k])) for k in some]
         at = min(range(len(some)), key=lambda i: tried[i][1].half)
         # how far the order of the next window lies is what the misfit may still do to this one
         beside = [
@@ -319,7 +327,7 @@ def _settle(h, err, known) -> tuple[int, Headed | None, bool]:
         if gone or n - 1 not in allowed:
             return n, fit, gone
         n -= 1
-        fit = fit_headed(u[:n], y[:n], own[:n])
+        fit = fit_corrected(u[:n], y[:n], own[:n])
 
 
 def _diverges(h, line: Fit) -> Fit | None:
@@ -397,7 +405,7 @@ def _bounded(h, err, fit: Fit) -> Fit | None:
     top, most = binned(h, err, np.max, 2)
     if len(top) < max(FEWEST, 2 * WINDOW) or len(h) < CROWD * len(top):
         return None
-    found = fit_headed(np.log(top), np.log(most))
+    found = fit_corrected(np.log(top), np.log(most))
     lo = float(found.p - found.half)
     hi = float(found.p + found.half)
     bent = found.edge or (abs(found.drift) > DRIFT and found.bend > 2.0)

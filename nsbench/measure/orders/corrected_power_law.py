@@ -38,7 +38,7 @@ EPS = float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True)
-class Headed:
+class CorrectedPowerLaw:
     """log err = a + p u + head(u), u = log(h / h_max). half: half-width of the 95 % interval of p
     (t-based, widened by the correlation of neighbouring residuals); head (n,): the fitted head;
     rss; freedom: n - 3; q, r: of the head;
@@ -60,7 +60,7 @@ class Headed:
     inflation: float
 
 
-def fit_headed(u: np.ndarray, y: np.ndarray, own: np.ndarray | float = 0.0) -> Headed:
+def fit_corrected(u: np.ndarray, y: np.ndarray, own: np.ndarray | float = 0.0) -> CorrectedPowerLaw:
     """Least squares over r for each shape of the head (grid, then Gauss-Newton). u (n,) ascending,
     n >= 5.
 
@@ -100,7 +100,7 @@ def fit_headed(u: np.ndarray, y: np.ndarray, own: np.ndarray | float = 0.0) -> H
     share = r * np.exp(Q[:, 0] * u[0])
     gap = np.abs(POWER[:, 0] * Q[:, 0] * share) / np.maximum(np.abs(1 + share), 1e-3)
     edge = bool(sharp @ (gap > GAP) > 0.5 * sharp.sum())
-    return Headed(
+    return CorrectedPowerLaw(
         a + (p[best] - mean) * float(u[0]),
         mean,
         float(half),

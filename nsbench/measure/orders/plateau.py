@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from nsbench.measure.orders.corrected_power_law import convergent, fit_headed
+from nsbench.measure.orders.corrected_power_law import convergent, fit_corrected
 
 LEVEL = 0.01  # of the likelihood ratio
 FINER = 4.0  # a plateau must persist when the smallest step is divided by this
@@ -23,7 +23,7 @@ END = 2.0**1.5  # the fine end, where the error must have stopped to fall
 
 
 @dataclass(frozen=True)
-class Levelled:
+class PlateauFit:
     """The fit of err = C + M h^p to n points; rss, rss0: sums of squares in log err with C >= 0 and
     with C = 0."""
 
@@ -58,7 +58,7 @@ def power_law(u: np.ndarray, y: np.ndarray) -> tuple[float, float, float]:
     return float(y.mean() - p * u.mean()), p, float(r @ r)
 
 
-def fit_levelled(h: np.ndarray, err: np.ndarray) -> Levelled:
+def fit_plateau(h: np.ndarray, err: np.ndarray) -> PlateauFit:
     """Least squares of log(C + M h^p), C >= 0, over a grid of (p, C / M) refined by Gauss-Newton.
     h, err > 0."""
     ref = float(np.exp(np.log(h).mean()))
@@ -81,7 +81,7 @@ def fit_levelled(h: np.ndarray, err: np.ndarray) -> Levelled:
             best = found
     rss1, q, w, b = best
     M = np.exp(b) / ref**q
-    return Levelled(
+    return PlateauFit(
         float(np.exp(b + w)) if np.isfinite(w) else 0.0, float(M), q, rss1, rss0, len(u)
     )
 
@@ -129,7 +129,7 @@ def _refine(u, y, p, v):
     return rss, p, v, b
 
 
-def persists(h: np.ndarray, err: np.ndarray, full: Levelled) -> bool:
+def persists(h: np.ndarray, err: np.ndarray, full: PlateauFit) -> bool:
     """Does the plateau survive a smallest step four times finer?
 
     The fit without the finest two octaves must foresee the level: a convex but converging error (h
@@ -145,7 +145,7 @@ def persists(h: np.ndarray, err: np.ndarray, full: Levelled) -> bool:
     fine = h <= end * (1 + 1e-9)
     if coarse.sum() < 5 or fine.sum() < 3:
         return False
-    before = fit_levelled(h[coarse], err[coarse])
+    before = fit_plateau(h[coarse], err[coarse])
     slope = power_law(np.log(h[fine]), np.log(err[fine]))[1]
     if _rises(h, err):  # rounding or divergence, no level
         return False
@@ -158,7 +158,7 @@ def persists(h: np.ndarray, err: np.ndarray, full: Levelled) -> bool:
     return foreseen and slope < 0.5 * full.p
 
 
-def claimed(h: np.ndarray, err: np.ndarray) -> Levelled | None:
+def claimed(h: np.ndarray, err: np.ndarray) -> PlateauFit | None:
     """The plateau that the errors show, or None.
 
     Significant against a power law; persistent; no worse (within one s^2) than a power law with a
@@ -167,7 +167,7 @@ def claimed(h: np.ndarray, err: np.ndarray) -> Levelled | None:
     """
     from scipy.special import fdtri
 
-    level = fit_levelled(h, err)
+    level = fit_plateau(h, err)
     if not (level.C > 0.0 and level.significant and persists(h, err, level)):
         return None
     u = np.log(h)
@@ -206,7 +206,7 @@ def cannot_exclude(h: np.ndarray, err: np.ndarray, head: bool = True) -> bool:
     free = n - 2
     shapes = (y,)
     if head:
-        headed = fit_headed(u, y)
+        headed = fit_corrected(u, y)
         rss = headed.rss
         free = headed.freedom / headed.inflation
         shapes = (y, y - headed.head)

@@ -23,7 +23,7 @@ def rounding(h, scale: float = 1.0, span: float = 1.0) -> np.ndarray:
     return scale * (1e-12 + EPS * span / np.asarray(h, float))
 
 
-def tidy(h, err):
+def clean_points(h, err):
     """Sorted, finite, one point per step: (h, err, counts of what was dropped)."""
     h = np.asarray(h, float).ravel()
     err = np.abs(np.asarray(err, float).ravel())
@@ -45,7 +45,7 @@ def tidy(h, err):
     )
 
 
-def above(err, floor) -> np.ndarray:
+def above_floor(err, floor) -> np.ndarray:
     """Points above the floor: all finer steps are dropped once the running median of five is below,
     and deep dips.
 
@@ -82,7 +82,7 @@ def dyadic(h) -> bool:
     return phases < 3
 
 
-def alone(h, err) -> np.ndarray:
+def outliers(h, err) -> np.ndarray:
     """Mask of errors far off a cubic through the others (log-log, studentised residual,
     Bonferroni), one in ten at most.
 

@@ -33,9 +33,9 @@ from nsbench.qp.kernels.dual_active_set import (
     INFEASIBLE,
     MAXITER,
     SOLVED,
+    dual_active_set,
     equality,
-    one_by_one,
-    purify,
+    reduce_to_independent_rows,
     rounding,
 )
 
@@ -206,8 +206,8 @@ def solve(P, vals, q, guess, scale):
             on[k], mu[k] = guess[k] > 0.0, max(guess[k], 0.0)
         if wrong > MANY:
             rounds += newton(on, P, vals, q, norm, scale, mu, d, w, slot)
-        rounds += purify(on, P, vals, mu, norm, slot)
-        code, more = one_by_one(on, P, vals, q, norm, scale, mu, d, w, slot)
+        rounds += reduce_to_independent_rows(on, P, vals, mu, norm, slot)
+        code, more = dual_active_set(on, P, vals, q, norm, scale, mu, d, w, slot)
         rounds += more
     for k in range(m):
         mu[k] = max(mu[k], 0.0) if on[k] else 0.0

@@ -35,14 +35,16 @@ MANY = void(*_PROBLEM, _I, _F, _F, _F, _I)
 
 
 @cfunc(MANY, cache=True)
-def nobody(ptr, cols, tptr, trow, tpos, order, vals, q, guess, scale, book, store, mu, d, work):
+def no_large_solver(
+    ptr, cols, tptr, trow, tpos, order, vals, q, guess, scale, book, store, mu, d, work
+):
     """For scenes that never have many rows: gives up, and spares the compilation."""
     work[0] = GIVEN_UP
     work[1] = 0
 
 
 @njit(cache=True, error_model="numpy")
-def at_work(q, guess):
+def rows_at_work(q, guess):
     """Rows that are violated or have a multiplier to begin with."""
     count = 0
     for k in range(q.size):
@@ -51,7 +53,7 @@ def at_work(q, guess):
 
 
 @njit(cache=True, error_model="numpy")
-def least(exact, many, P, book, store, vals, q, guess, scale, work):
+def solve_projection(exact, many, P, book, store, vals, q, guess, scale, work):
     """mu (m,), d = G^T mu (n,), and book and store, perhaps larger ones; work (4,): code and
     rounds."""
     ptr, cols, tptr, trow, tpos, order = P
@@ -59,7 +61,7 @@ def least(exact, many, P, book, store, vals, q, guess, scale, work):
     d = np.zeros(tptr.size - 1)
     done = 0
     start = guess
-    if at_work(q, guess) > FEW:
+    if rows_at_work(q, guess) > FEW:
         many(ptr, cols, tptr, trow, tpos, order, vals, q, guess, scale, book, store, mu, d, work)
         while work[0] == GROW:  # with room to spare: the next list will be as long
             if work[2] > book.size:

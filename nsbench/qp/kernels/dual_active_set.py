@@ -93,7 +93,7 @@ def direction(p, act, L, D, P, vals, slot):
 
 
 @njit(cache=True, error_model="numpy")
-def purify(on, P, vals, mu, norm, slot):
+def reduce_to_independent_rows(on, P, vals, mu, norm, slot):
     """From mu >= 0 on any rows to independent ones with the same G^T mu (Caratheodory). Returns
     rounds."""
     rounds = 0
@@ -194,7 +194,7 @@ def take_in(p, on, P, vals, q, norm, scale, mu, d, w, slot, act, L, D, limit):
 
 
 @njit(cache=True, error_model="numpy")
-def one_by_one(on, P, vals, q, norm, scale, mu, d, w, slot):
+def dual_active_set(on, P, vals, q, norm, scale, mu, d, w, slot):
     """Phase 3. Returns code and rounds."""
     act, L, D, rounds = settle(on, P, vals, q, norm, scale, mu, d, w, slot)
     limit = 100 + 20 * on.size

@@ -8,7 +8,7 @@ from nsbench.qp.kernels.dispatch import EXACT
 
 
 @cfunc(EXACT, cache=True, error_model="numpy")
-def exact(ptr, cols, tptr, trow, tpos, order, vals, q, guess, scale, mu, d, work):
+def solve_exact(ptr, cols, tptr, trow, tpos, order, vals, q, guess, scale, mu, d, work):
     """Fills mu (m,), d (n,) and work: code, rounds."""
     got, way, work[0], work[1] = active_set.solve(
         (ptr, cols, tptr, trow, tpos, order), vals, q, guess, scale

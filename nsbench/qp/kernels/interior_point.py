@@ -17,7 +17,7 @@ from numba import njit
 from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
 from nsbench.linalg.multifrontal import factor, solve
 from nsbench.linalg.sparse_ldl import push, slack
-from nsbench.qp.kernels.working_set_update import revise
+from nsbench.qp.kernels.working_set_update import update_working_set
 
 ROUNDS = 80  # about 20 do from nothing
 CORRECTORS = 2  # more of them find nothing to correct
@@ -178,7 +178,9 @@ def interior(P, T, room, vals, q, guess, scale, tol, mu, d, w, near=NEAR):
             late = min(gap, late)
             for k in range(m):
                 mu[k] = lam[k] if lam[k] > s[k] else 0.0
-            done, more, swaps = revise(P, T, room, vals, q, mu, tol, few, np.int64(SWAPS), d, w)
+            done, more, swaps = update_working_set(
+                P, T, room, vals, q, mu, tol, few, np.int64(SWAPS), d, w
+            )
             tries += more + swaps
             if done:
                 return 0, rounds + tries

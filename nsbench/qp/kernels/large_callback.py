@@ -5,12 +5,12 @@ import numpy as np
 from numba import cfunc, njit
 
 from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
-from nsbench.linalg.nested_dissection import tree
+from nsbench.linalg.nested_dissection import assembly_tree
 from nsbench.linalg.sparse_ldl import lengths
 from nsbench.qp.kernels import active_set
 from nsbench.qp.kernels.dispatch import GIVEN_UP, GROW, MANY
 from nsbench.qp.kernels.interior_point import COLD, NEAR, interior
-from nsbench.qp.kernels.working_set_update import revise
+from nsbench.qp.kernels.working_set_update import update_working_set
 
 TOL = 1e-10  # of the residual, a length
 # signs wrong at first, and exchanges: more of them cost more than the interior point
@@ -60,11 +60,13 @@ def _opened(book):
 
 
 @cfunc(MANY, cache=True, error_model="numpy")
-def many(ptr, cols, tptr, trow, tpos, order, vals, q, guess, scale, book, store, mu, d, work):
+def solve_large(
+    ptr, cols, tptr, trow, tpos, order, vals, q, guess, scale, book, store, mu, d, work
+):
     """Solve on the tree in the book, made first if book[0] is 0; the caller empties it for a new
     list."""
     if book[0] == 0:
-        work[2] = _shelve(tree(ptr, cols, tptr, trow), book)
+        work[2] = _shelve(assembly_tree(ptr, cols, tptr, trow), book)
         if work[2] > book.size:
             work[0] = GROW
             return
@@ -107,7 +109,7 @@ def many(ptr, cols, tptr, trow, tpos, order, vals, q, guess, scale, book, store,
     code = 2
     rounds = 0
     if not fresh:
-        done, rounds, swaps = revise(
+        done, rounds, swaps = update_working_set(
             P, T, room, unit, least, mu, TOL, np.int64(WRONG), np.int64(SWAPS), d, w
         )
         code = 0 if done else 2

@@ -17,7 +17,7 @@ import numpy as np
 from numba import njit
 
 from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
-from nsbench.linalg.dense import gauss
+from nsbench.linalg.dense import solve_gauss
 from nsbench.linalg.multifrontal import backward, factor, forward, solve
 from nsbench.linalg.sparse_ldl import push, slack
 
@@ -82,7 +82,7 @@ def _point(P, vals, rho, on, extra, size, V, S, A, b, base, c, wc, move, t):
             A[i, j] = S[i, j]
         A[i, i] += 1.0 / rho if on[extra[i]] else -1.0 / rho
         b[i] = -_dot(ptr, cols, vals, extra[i], base)
-    if not gauss(A[:size, :size], b[:size]):
+    if not solve_gauss(A[:size, :size], b[:size]):
         b[:size] = np.nan  # dependent rows: the residual will say so
     for e in range(move.size):
         move[e] = base[e]
@@ -207,7 +207,7 @@ def _owners(T, m):
 
 
 @njit(cache=True, error_model="numpy")
-def revise(P, T, room, vals, q, mu, tol, most, limit, d, w):
+def update_working_set(P, T, room, vals, q, mu, tol, most, limit, d, w):
     """From mu >= 0 (m,) to the solution: fills mu, d = G^T mu (n,), w = q + G d (m,).
 
     vals, q: rows of length 1; T, room: see kernels.interior. Gives up if more than `most` signs are

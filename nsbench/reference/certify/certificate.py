@@ -58,9 +58,9 @@ def why_not(case: Case) -> str | None:
     if case.n > STATES:
         return f"{case.n} states; at most {STATES} are certified"
     if isinstance(case.problem, Complementarity):
-        from nsbench.dynamics.contacts.constraint_set import Scene
+        from nsbench.dynamics.contacts.constraint_set import ConstraintSet
 
-        scene = Scene(case.problem, case.n)
+        scene = ConstraintSet(case.problem, case.n)
         count = len(scene.all_static()) + sum(m * (m - 1) // 2 for _, _, m in scene.hard)
         if count > LISTED:
             return f"{count} constraints; at most {LISTED} are certified"
@@ -80,16 +80,16 @@ def certify(
     from nsbench.reference.certify.claimed_arcs import arcs_of
     from nsbench.reference.certify.error_bound import enclose
     from nsbench.reference.certify.high_precision_path import Digits, doubles, event_times, follow
-    from nsbench.solvers.common.initial_state import start_state
+    from nsbench.solvers.common.initial_state import initial_state
 
     arcs = arcs_of(case) if arcs is None else arcs
     if len(arcs) > EVENTS:
         raise ValueError(f"{len(arcs) - 1} events; at most {EVENTS} are certified")
     start = case.x0
     if isinstance(case.problem, Complementarity):
-        from nsbench.dynamics.contacts.constraint_set import Scene
+        from nsbench.dynamics.contacts.constraint_set import ConstraintSet
 
-        start = start_state(case, Scene(case.problem, case.n))
+        start = initial_state(case, ConstraintSet(case.problem, case.n))
     work = Digits(order, digits, bits)
     path = follow(case, arcs, work, start)
     bounds = enclose(path, work)

@@ -16,7 +16,7 @@ import numpy as np
 
 from nsbench import solvers
 from nsbench.case import Case
-from nsbench.compilation.factories import host
+from nsbench.compilation.factories import as_numpy
 from nsbench.problem import Complementarity, Filippov
 from nsbench.reference.reference import canonical
 
@@ -118,7 +118,7 @@ def _arc(case, traj, at, end, events) -> Arc:
     if isinstance(case.problem, Complementarity):
         return _contacts(case, traj, t, x, mean, end, events)
     if isinstance(case.problem, Filippov):
-        c = np.array([host(case.problem.switch)(s, y) for s, y in zip(t, x, strict=True)])
+        c = np.array([as_numpy(case.problem.switch)(s, y) for s, y in zip(t, x, strict=True)])
         slides = np.all(np.abs(c) <= CLOSED * (1.0 + np.abs(x).max()), axis=0)
         mode = tuple(0 if s else int(np.sign(v)) for s, v in zip(slides, c[1], strict=True))
         return Arc(end, (), mode=mode)
@@ -126,9 +126,9 @@ def _arc(case, traj, at, end, events) -> Arc:
 
 
 def _contacts(case, traj, t, x, mean, end, events):
-    from nsbench.dynamics.contacts.constraint_set import Scene
+    from nsbench.dynamics.contacts.constraint_set import ConstraintSet
 
-    scene = Scene(case.problem, case.n)
+    scene = ConstraintSet(case.problem, case.n)
     big = CLOSED * (1.0 + np.abs(x).max())
     closed = None
     for s, y in zip(t, x, strict=True):

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from nsbench.case import Case
-from nsbench.compilation.factories import host
-from nsbench.dynamics.contacts.constraint_set import Scene
+from nsbench.compilation.factories import as_numpy
+from nsbench.dynamics.contacts.constraint_set import ConstraintSet
 from nsbench.problem import Affine, Distance
 
 
@@ -30,7 +30,7 @@ class Row:
 
 def rows_of(case: Case) -> list[Row]:
     """Every constraint of a small scene, all pairs listed, in the stated order."""
-    scene = Scene(case.problem, case.n)
+    scene = ConstraintSet(case.problem, case.n)
     out = []
     for k, c in enumerate(case.problem.constraints):
         if isinstance(c, Affine):
@@ -49,7 +49,7 @@ def rows_of(case: Case) -> list[Row]:
         elif isinstance(c, Distance):
             out += _distances(k, c, case.n, scene)
         else:
-            count = len(np.atleast_1d(host(c.g)(float(case.t[0]), case.x0)))
+            count = len(np.atleast_1d(as_numpy(c.g)(float(case.t[0]), case.x0)))
             out += [Row((k, i), k, "smooth", i) for i in range(count)]
     return out
 
@@ -72,7 +72,9 @@ def _distances(k, c, n, scene):
     pairs = c.pairs
     if pairs is None:
         pairs = np.stack(
-            np.indices((count, len(np.asarray(host(c.anchors)(0.0) if c.moving else c.anchors)))),
+            np.indices(
+                (count, len(np.asarray(as_numpy(c.anchors)(0.0) if c.moving else c.anchors)))
+            ),
             -1,
         )
         pairs = pairs.reshape(-1, 2)

@@ -22,7 +22,7 @@ from flint import arb
 from nsbench.reference.certify.ball_algebra import Refused, lead
 from nsbench.reference.certify.ball_series import Jet
 from nsbench.reference.certify.high_precision_path import Digits, Path, precision
-from nsbench.reference.certify.local_bounds import TUBE, Local
+from nsbench.reference.certify.local_bounds import TUBE, PieceBounds
 
 PIECES = 4  # of a step, to begin with
 COARSE = (
@@ -48,10 +48,10 @@ def enclose(path: Path, digits: Digits) -> Bounds:
     """Bounds of a path as a solution from where it starts. Refused where a sign does not hold or
     cannot be shown."""
     with precision(digits):
-        return _Tube(path, 10.0 ** (2.0 - digits.digits)).run()
+        return ErrorTube(path, 10.0 ** (2.0 - digits.digits)).run()
 
 
-class _Tube:
+class ErrorTube:
     def __init__(self, path, fine):
         self.path = path
         self.fine = fine
@@ -131,7 +131,7 @@ class _Tube:
         )
         where = f"between t = {float(st.t) + a:.9g} and {float(st.t) + b:.9g}"
         try:
-            local = Local(piece.flow, st, centre, low, high, self.r)
+            local = PieceBounds(piece.flow, st, centre, low, high, self.r)
         except (ArithmeticError, ValueError) as e:  # balls that hold zero where they are divided by
             return f"{where}: {e}"
         if not local.finite:
@@ -181,8 +181,8 @@ class _Tube:
     def _pass(self, flow, old, next_flow, new, keys) -> float:
         """Bound of the time at which the numbers `keys` vanish at the end of the step `old`; the
         state takes its share."""
-        end = Local(flow, old, old.h, -1e-12 * float(old.h), 0.0, self.r, series=2)
-        begin = Local(next_flow, new, arb(0), 0.0, 1e-12 * float(new.h), self.r, series=2)
+        end = PieceBounds(flow, old, old.h, -1e-12 * float(old.h), 0.0, self.r, series=2)
+        begin = PieceBounds(next_flow, new, arb(0), 0.0, 1e-12 * float(new.h), self.r, series=2)
         miss = 0.0
         where = float(new.t)
         if not (end.finite and begin.finite):

@@ -82,10 +82,10 @@ class precision:
 def follow(case: Case, arcs: list[Arc], digits: Digits, x0) -> Path:
     """The path along the arcs. Refused where it does not go on as claimed."""
     with precision(digits):
-        return _Follower(case, arcs, digits, x0).run()
+        return ArcFollower(case, arcs, digits, x0).run()
 
 
-class _Follower:
+class ArcFollower:
     def __init__(self, case, arcs, digits, x0):
         self.case = case
         self.arcs = arcs

@@ -19,7 +19,7 @@ ORDER = (
 )
 
 
-class Local:
+class PieceBounds:
     """Ranges of everything on one piece: Taylor polynomials about its centre with remainders, and
     slopes in a tube.
 

@@ -19,7 +19,7 @@ import numpy as np
 
 from nsbench.case import Case, case_module, load_module
 from nsbench.problem import Affine, Complementarity, Distance, Filippov
-from nsbench.report.style import INK, clean
+from nsbench.report.style import INK, sanitise
 
 # widths in inches: 280 px in the page; three panels on 840 px
 SINGLE = 3.2
@@ -223,8 +223,7 @@ def _figure(case, frames, width):
 def _panel(ax, case, frame, what, box, scale):
     """One state or path in the axes `ax` with the limits `box`; `scale` points per unit of
     length."""
-    from nsbench.report.scenes import particles
-    from nsbench.report.scenes import plane
+    from nsbench.report.scenes import particles, plane
 
     ax.set(xlim=box[:2], ylim=box[2:])
     if what in ("own", "particles"):
@@ -245,7 +244,7 @@ def _panel(ax, case, frame, what, box, scale):
         {"particles": particles.particles, "plane": plane.plane, "curves": plane.curves}[what](
             ax, case, frame, scale
         )
-    ax.set_title(clean(frame.label, 60), loc="left", fontsize=8.0, pad=4.0, x=0.0)
+    ax.set_title(sanitise(frame.label, 60), loc="left", fontsize=8.0, pad=4.0, x=0.0)
 
 
 def _limits(case, frames, what):

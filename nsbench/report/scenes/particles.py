@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from nsbench.compilation.factories import host
+from nsbench.compilation.factories import as_numpy
 from nsbench.problem import Affine, Distance
 
 # Okabe & Ito (2008), readable with the common colour blindnesses
@@ -41,7 +41,7 @@ def centres(x, key):
 
 def anchor_points(c, t):
     return np.asarray(
-        host(c.anchors)(t) if callable(c.anchors) else c.anchors, dtype=float
+        as_numpy(c.anchors)(t) if callable(c.anchors) else c.anchors, dtype=float
     ).reshape(-1, c.dim)
 
 
@@ -128,7 +128,7 @@ def _walls(case, key, radius, t):
     for c in case.problem.constraints:
         if not isinstance(c, Affine):
             continue
-        b = np.asarray(host(c.b)(t) if callable(c.b) else c.b, dtype=float)
+        b = np.asarray(as_numpy(c.b)(t) if callable(c.b) else c.b, dtype=float)
         owner = (c.indices - start) // dim
         first = c.indptr[:-1]
         lowest = np.minimum.reduceat(owner, first)

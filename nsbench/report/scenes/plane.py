@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from nsbench.compilation.factories import host
+from nsbench.compilation.factories import as_numpy
 from nsbench.problem import Affine, Distance, Filippov, Smooth
 from nsbench.report.scenes.particles import (
     BLACK,
@@ -67,7 +67,7 @@ def _least_gap(case, t, points):
     g = np.full(len(points), np.inf)
     for c in case.problem.constraints:
         if isinstance(c, Affine):
-            b = np.asarray(host(c.b)(t) if callable(c.b) else c.b, dtype=float)
+            b = np.asarray(as_numpy(c.b)(t) if callable(c.b) else c.b, dtype=float)
             dense = np.zeros(c.shape)
             dense[np.repeat(np.arange(c.shape[0]), np.diff(c.indptr)), c.indices] = c.data
             g = np.minimum(g, (points @ dense.T + b).min(1))
@@ -79,7 +79,7 @@ def _least_gap(case, t, points):
                 reach = reach[:, c.pairs[:, 1]]
             g = np.minimum(g, (c.sign * (reach - c.d)).min(1))
         elif isinstance(c, Smooth):
-            f = host(c.g)
+            f = as_numpy(c.g)
             g = np.minimum(g, [np.min(f(t, p)) for p in points])
     return g
 
@@ -89,8 +89,8 @@ def _sides(ax, problem, t):
     one length."""
     (x0, x1), (y0, y1) = ax.get_xlim(), ax.get_ylim()
     X, Y = np.meshgrid(np.linspace(x0, x1, GRID), np.linspace(y0, y1, GRID))
-    switch = host(problem.switch)
-    field = host(problem.field)
+    switch = as_numpy(problem.switch)
+    field = as_numpy(problem.field)
     c = np.array([switch(t, p) for p in np.stack((X.ravel(), Y.ravel()), 1)]).reshape(*X.shape, -1)
     ax.contourf(
         X, Y, c[..., 0], levels=[-1e300, 0.0, 1e300], colors=["#fdf3df", "#e8f2f9"], zorder=0
@@ -184,7 +184,7 @@ def _forbidden_times(ax, case):
     t = np.linspace(t0, t1, 2 * GRID)
     y = np.linspace(low, high, GRID)
     if isinstance(case.problem, Filippov):
-        switch = host(case.problem.switch)
+        switch = as_numpy(case.problem.switch)
         g = np.array([[switch(s, np.array([v]))[0] for s in t] for v in y])
         if g.min() < 0 < g.max():
             ax.contour(t, y, g, levels=[0.0], colors=[BLACK], linewidths=1.0, zorder=1)

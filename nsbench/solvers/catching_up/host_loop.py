@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from nsbench.qp.projection import Answer, Rows
+from nsbench.qp.projection import Answer, SparseRows
 from nsbench.solvers.catching_up.qp_backends import BACKENDS, residual
 
 # steps that did not settle: the run is unverified long before, and each takes ROUNDS programs
@@ -24,7 +24,7 @@ class _List:
         row, cols, _ = scene.triplets(
             t, x, self.near
         )  # where the entries are stays the same for all of a list
-        self.rows = Rows(row, cols, (len(self.near), scene.n))
+        self.rows = SparseRows(row, cols, (len(self.near), scene.n))
         self.touching = np.isin(self.near.kind, (1, 2))
         self.coincident = -self.near.sign * self.near.d  # the gap of coincident centres
         self._hard = [(c.start, m, c.dim) for _, c, m in scene.hard]
@@ -50,14 +50,14 @@ class HostLoop:
     reads it."""
 
     def __init__(self, case, scene, g, x0, backend, nonlinear, reach, eps, max_iter):
-        from nsbench.compilation.factories import host
+        from nsbench.compilation.factories import as_numpy
 
         self.t0 = float(case.t[0])
         self.scene = scene
         self.grid = g
         self.x0 = x0
         self.reach = reach
-        self.f = host(case.problem.drift)
+        self.f = as_numpy(case.problem.drift)
         self.nonlinear = nonlinear
         self.make = lambda: BACKENDS[backend](eps, max_iter)
 

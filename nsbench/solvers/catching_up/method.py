@@ -9,11 +9,11 @@ import numpy as np
 
 from nsbench.case import Case, nearest
 from nsbench.problem import Complementarity, Smooth
-from nsbench.qp.projection import many_rows
+from nsbench.qp.projection import large_problem_callback
 from nsbench.solvers.base import Claims, Expect, Run, grid, last_steps, sample
 from nsbench.solvers.catching_up.qp_backends import BACKENDS
-from nsbench.solvers.common.divergence import not_finite
-from nsbench.solvers.common.initial_state import start_state
+from nsbench.solvers.common.divergence import classify_divergence
+from nsbench.solvers.common.initial_state import initial_state
 from nsbench.trajectory import Status, Trajectory
 
 # a length (of the largest one, if that is below 1); a step with more did not solve its problem
@@ -103,11 +103,11 @@ class CatchingUp:
         return None
 
     def prepare(self, case: Case, h: float) -> Run:
-        from nsbench.dynamics.contacts.constraint_set import Scene
+        from nsbench.dynamics.contacts.constraint_set import ConstraintSet
 
         g = grid(case.t, h, last=case.exact_impulse is not None)
-        scene = Scene(case.problem, case.n)
-        x0 = start_state(case, scene)
+        scene = ConstraintSet(case.problem, case.n)
+        x0 = initial_state(case, scene)
         reach = self.reach * _mean_radius(scene)
         smooth = any(isinstance(c, Smooth) for c in scene.families)
         if self.backend == "active_set" and not smooth and not self.nonlinear:
@@ -131,7 +131,7 @@ def _projectors(scene):
     """The functions of kernels.least; the one for many rows is compiled where there can be many."""
     from nsbench.qp.kernels import exact_callback
 
-    return exact_callback.exact, many_rows(
+    return exact_callback.solve_exact, large_problem_callback(
         len(scene.all_static()) + 3 * sum(m for _, _, m in scene.hard)
     )  # discs: 3 contacts each
 
@@ -204,7 +204,7 @@ def _trajectory(case, g, loop, out, again):
         **work,
     }
     status = (
-        not_finite(g, X, reached, again)
+        classify_divergence(g, X, reached, again)
         if code == "nan"
         else _status(
             code, stats, when, reached, max(np.nanmax(np.abs(a), initial=0.0) for a in (X, R))

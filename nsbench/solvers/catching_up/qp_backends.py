@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from nsbench.qp.projection import ActiveSet, Answer, Rows
+from nsbench.qp.projection import ActiveSet, Answer, SparseRows
 
 
 def residual(G, w: np.ndarray, mu: np.ndarray, d: np.ndarray) -> float:
@@ -28,7 +28,7 @@ def residual(G, w: np.ndarray, mu: np.ndarray, d: np.ndarray) -> float:
     the last three being |min(mu_k |G_k|, w_k / |G_k|)|. G: Rows or a scipy sparse array. Not
     computed from anything the solver says about itself.
     """
-    G = G if isinstance(G, Rows) else Rows.of(G)
+    G = G if isinstance(G, SparseRows) else SparseRows.of(G)
     norm = G.lengths()
     stationarity = np.abs(d - G.back(mu)).max(initial=0.0)
     return float(np.maximum(stationarity, np.abs(np.minimum(mu * norm, w / norm)).max(initial=0.0)))
@@ -37,7 +37,7 @@ def residual(G, w: np.ndarray, mu: np.ndarray, d: np.ndarray) -> float:
 FAR = 1e6  # of the largest speed that is asked for
 
 
-def unit(G: Rows, q: np.ndarray, h: float) -> float:
+def unit(G: SparseRows, q: np.ndarray, h: float) -> float:
     """The length that lengths are divided by: h, or less where no constraint asks for the speed 1.
 
     Not so little that bounds of what is far grow beyond FAR, where the libraries lose the digits of

@@ -15,7 +15,7 @@ GROWN = (
 ROOM = 10**7  # numbers: what is kept of the steps that are taken again
 
 
-def not_finite(
+def classify_divergence(
     g: Grid, X: np.ndarray, reached: float, again: Callable[[Grid, np.ndarray], np.ndarray] | None
 ) -> Status:
     """diverged, where the state had grown beyond GROWN before it was lost, else nan; X (K, n)

@@ -8,8 +8,8 @@ import functools
 import numpy as np
 
 from nsbench.case import Case
-from nsbench.dynamics.contacts.constraint_set import ANCHOR, PAIR, Scene
-from nsbench.dynamics.contacts.tolerances import PRINTED, misses, numbers, scene_of, tolerances
+from nsbench.dynamics.contacts.constraint_set import ANCHOR, PAIR, ConstraintSet
+from nsbench.dynamics.contacts.tolerances import PRINTED, scene_of, term_sizes, tolerances, violates
 from nsbench.problem import Affine, Distance
 
 ITERATIONS = 1000  # linear convergence: a start that overlaps deeply needs a few hundred
@@ -21,7 +21,7 @@ DENSE = 10_000  # entries of the gradients: below, SciPy solves before a kernel 
 STILL = 1e-13
 
 
-class NoStart(ValueError):
+class InfeasibleStart(ValueError):
     """There is no start; code: the status of the runs that would begin there."""
 
     def __init__(self, code: str, sentence: str):
@@ -29,7 +29,7 @@ class NoStart(ValueError):
         self.code = code
 
 
-def start_state(case: Case, scene: Scene) -> np.ndarray:
+def initial_state(case: Case, scene: ConstraintSet) -> np.ndarray:
     """(n,) the start under the case's policy.
 
     "error": ValueError with the worst constraint and by how much; "keep": x0 as it is; "project":
@@ -47,8 +47,8 @@ def start_state(case: Case, scene: Scene) -> np.ndarray:
     g = scene.gaps(t, x, near)
     if (g >= 0.0).all():
         return x
-    far = misses(case, scene, t, x)
-    tidied = None if far else _tidied(case)
+    far = violates(case, scene, t, x)
+    tidied = None if far else _project_small_violation(case)
     if tidied is not None:
         return tidied.copy()
     if case.start == "error" or not (g > -np.inf).all():
@@ -59,11 +59,11 @@ def start_state(case: Case, scene: Scene) -> np.ndarray:
             f"{-g[worst]:.3g}{beyond}; "
             'give a feasible x0, or start="project" or "keep"'
         )
-    return _nearest(case, scene, x, t)
+    return _project_start(case, scene, x, t)
 
 
 @functools.lru_cache(maxsize=64)
-def _tidied(case: Case) -> np.ndarray | None:
+def _project_small_violation(case: Case) -> np.ndarray | None:
     """The start, which misses by the last of its digits, projected; itself if it misses by rounding
     or by very many constraints, or no point is nearest: it is a start all the same; None if it were
     moved by much more than all that it misses by."""
@@ -77,7 +77,7 @@ def _tidied(case: Case) -> np.ndarray | None:
     with np.errstate(all="ignore"):
         deep = float(np.nansum(np.fmax(0.0, -g) / np.sqrt(np.bincount(row, vals**2, len(g)))))
     try:
-        y = _nearest(case, scene, x, t)
+        y = _project_start(case, scene, x, t)
     except ValueError:
         return x
     return (
@@ -87,7 +87,7 @@ def _tidied(case: Case) -> np.ndarray | None:
     )
 
 
-def _nearest(case, scene, x0, t):
+def _project_start(case, scene, x0, t):
     """The point where linearising the constraints gives the point itself; it stays feasible and
     nearest from there on."""
     y = x0
@@ -95,13 +95,13 @@ def _nearest(case, scene, x0, t):
     reach = 4.0 * scene.deepest(t, x0)
     known = {}
     for _ in range(ITERATIONS):
-        lines = _Lines(case, scene, t, y, reach)
+        lines = LinearisedConstraints(case, scene, t, y, reach)
         still = STILL * np.maximum(np.abs(x0), max(float(np.abs(y - x0).max()), lines.size(known)))
         if (lines.g >= -lines.allowed).all() and (moved <= still).all():
             return y
         tie = lines.coincident()
         if tie:
-            raise NoStart(
+            raise InfeasibleStart(
                 "degenerate",
                 f"the start of {case.key} has coincident centres, {tie}: no feasible "
                 'point is the nearest; part them, or give start="keep"',
@@ -121,16 +121,16 @@ def _nearest(case, scene, x0, t):
     )
 
 
-def _none(case, scene) -> NoStart:
+def _none(case, scene) -> InfeasibleStart:
     """No point meets the linearised constraints: there is none at all where the set is convex."""
     if all(
         isinstance(c, Affine) or (isinstance(c, Distance) and c.sign < 0) for c in scene.families
     ):
-        return NoStart(
+        return InfeasibleStart(
             "infeasible",
             f"the constraints of {case.key} leave no point: the start cannot be projected",
         )
-    return NoStart(
+    return InfeasibleStart(
         "infeasible",
         f"the constraints of {case.key} leave no point near the start, to first order: it cannot "
         f"be "
@@ -144,7 +144,7 @@ def _farthest(scene, way):
     return max((float(np.sqrt((p * p).sum(1)).max(initial=0.0)) for p in parts), default=0.0)
 
 
-class _Lines:
+class LinearisedConstraints:
     """The constraints near y, linearised there: g (m,), their gradients, by entries, and what g may
     miss by."""
 
@@ -156,7 +156,7 @@ class _Lines:
             scene.triplets(t, y, self.near),
         )
         self.allowed = tolerances(case, scene, t, y, self.near, projected=True)
-        self._sizes = lambda: numbers(scene, t, y, self.near)
+        self._sizes = lambda: term_sizes(scene, t, y, self.near)
 
     def size(self, known) -> float:
         """The largest length that a gap is the difference of, of those that push: `known`, by
@@ -240,8 +240,8 @@ def _in_units(row, cols, vals, q, n, guess):
 
 
 def _by_active_sets(row, cols, vals, q, n, guess):
-    from nsbench.qp.projection import ActiveSet, Rows
+    from nsbench.qp.projection import ActiveSet, SparseRows
 
-    G = Rows(row, cols, (len(q), n)).fill(vals)
+    G = SparseRows(row, cols, (len(q), n)).fill(vals)
     a = ActiveSet()(G, q, 1.0, G, guess)
     return (None, None) if a.code == "infeasible" else (a.d, a.mu)

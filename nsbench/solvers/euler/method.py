@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from nsbench.case import Case
-from nsbench.compilation.factories import host
+from nsbench.compilation.factories import as_numpy
 from nsbench.diagnostics.run_view import LOOKS
-from nsbench.dynamics.length_scale import unit
+from nsbench.dynamics.length_scale import length_scale
 from nsbench.problem import Complementarity, Filippov
 from nsbench.solvers.base import Claims, Expect, Run, grid, last_steps, sample
 from nsbench.trajectory import Status, Trajectory
@@ -98,8 +98,8 @@ class Euler:
         from nsbench.solvers.euler.kernels import loop as relay
 
         loop, taken, field, switch, d = _forms(case)
-        march = taken(relay.march_implicit if self.implicit else relay.march_explicit)
-        own = (_blends(case), unit(case, case.x0)) if self.implicit else ()
+        march = taken(relay.implicit_euler if self.implicit else relay.explicit_euler)
+        own = (_blends(case), length_scale(case, case.x0)) if self.implicit else ()
         args = (field, switch, *own, g.t, g.substeps, case.x0.copy(), d, _parts(g, d))
         if loop == "compiled":
             from numba import typeof
@@ -182,9 +182,9 @@ def _status(code, reached):
 
 
 def _in_a_corner(case, X, W, h):
-    from nsbench.dynamics.filippov.modes import held
+    from nsbench.dynamics.filippov.modes import check_corner_velocity
 
-    where = held(case, X, np.diff(W, axis=0) / np.diff(case.t)[:, None], h)
+    where = check_corner_velocity(case, X, np.diff(W, axis=0) / np.diff(case.t)[:, None], h)
     return (
         Status(
             "unverified",
@@ -210,19 +210,19 @@ def _forms(case):
     else:
         field = p.field
         switch = p.switch
-        d = len(host(p.switch)(float(case.t[0]), case.x0.copy()))
+        d = len(as_numpy(p.switch)(float(case.t[0]), case.x0.copy()))
     try:
         return (
             "compiled",
             lambda kernel: kernel,
-            factories.rhs_signs(field, n, d),
-            factories.rhs(switch, n),
+            factories.signed_rhs_cfunc(field, n, d),
+            factories.rhs_cfunc(switch, n),
             d,
         )
     except factories.CompileError:
-        f = factories.host(field)
-        c = factories.host(switch)
-        return "host", factories.plain, _filling(f), _filling(c), d
+        f = factories.as_numpy(field)
+        c = factories.as_numpy(switch)
+        return "host", factories.without_compilation, _filling(f), _filling(c), d
 
 
 @functools.lru_cache(maxsize=256)

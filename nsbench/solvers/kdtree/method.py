@@ -9,11 +9,11 @@ from typing import ClassVar
 import numpy as np
 
 from nsbench.case import Case
-from nsbench.compilation.factories import host
+from nsbench.compilation.factories import as_numpy
 from nsbench.problem import Affine, Complementarity, Distance
 from nsbench.solvers.base import Claims, Expect, Run, grid, sample
 from nsbench.solvers.common.divergence import ended
-from nsbench.solvers.common.initial_state import start_state
+from nsbench.solvers.common.initial_state import initial_state
 from nsbench.trajectory import Status, Trajectory
 
 SWEEPS = ("numba", "numpy")
@@ -86,11 +86,11 @@ class KDTree:
         return None
 
     def prepare(self, case: Case, h: float) -> Run:
-        from nsbench.dynamics.contacts.constraint_set import Scene
+        from nsbench.dynamics.contacts.constraint_set import ConstraintSet
 
-        x0 = start_state(case, Scene(case.problem, case.n))
+        x0 = initial_state(case, ConstraintSet(case.problem, case.n))
         g = grid(case.t, h)
-        f = host(case.problem.drift)
+        f = as_numpy(case.problem.drift)
         walls = _walls(case)
         hard = next((c for c in case.problem.constraints if isinstance(c, Distance)), None)
         project = _sweeper(self, hard)
@@ -179,7 +179,7 @@ def _march(case, x0, g, f, project, walls):
     wall = np.zeros((2, n))
     X[0] = x
     R[0] = push
-    book = _Book(K)
+    book = _ImpulseTable(K)
     projections = 0
     status = Status()
     for k, steps in enumerate(g.substeps):
@@ -223,7 +223,7 @@ def _march(case, x0, g, f, project, walls):
     return Trajectory(case.t, X, contacts, W, R, status, stats=stats, lam_time="start")
 
 
-class _Book:
+class _ImpulseTable:
     """Impulses by contact at the recorded times."""
 
     def __init__(self, K):

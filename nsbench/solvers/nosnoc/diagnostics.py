@@ -22,11 +22,13 @@ SUNK = 1e-3  # depth below a constraint at which the push was too weak to hold
 
 def _way(case, X) -> float:
     """How far the run moves, or would in its time at the pace of the start."""
-    from nsbench.diagnostics.diagnose import pace
+    from nsbench.diagnostics.diagnose import largest_speed
 
     with np.errstate(all="ignore"):
         T = float(case.t[-1] - case.t[0])
-        return max(float(np.abs(X - X[0]).max()), T * pace(case.problem, float(case.t[0]), X[0]))
+        return max(
+            float(np.abs(X - X[0]).max()), T * largest_speed(case.problem, float(case.t[0]), X[0])
+        )
 
 
 def coarse(case, method, X, W) -> Status:
@@ -46,18 +48,19 @@ def coarse(case, method, X, W) -> Status:
 def unresolved(case, method, X, W) -> Status:
     """Can each switch change by more than the tolerance of complementarity, over all that the run
     moves?"""
-    from nsbench.diagnostics.diagnose import pace
-    from nsbench.diagnostics.filippov.flat_switch import flat_layer
-    from nsbench.dynamics.filippov.vector_field import Motion
+    from nsbench.diagnostics.diagnose import largest_speed
+    from nsbench.diagnostics.filippov.flat_switch import check_flat_switch
+    from nsbench.dynamics.filippov.vector_field import FilippovVectorField
 
     tol = method.comp_tol
-    motion = Motion(case.problem, float(case.t[0]), X[0].copy())
+    motion = FilippovVectorField(case.problem, float(case.t[0]), X[0].copy())
     T = float(case.t[-1] - case.t[0])
     with np.errstate(all="ignore"):
         # what is held at rest on a surface is pushed there: its own way tells nothing
         way = max(
             _way(case, X),
-            T * max(pace(case.problem, float(t), x) for t, x in zip(case.t, X, strict=True)),
+            T
+            * max(largest_speed(case.problem, float(t), x) for t, x in zip(case.t, X, strict=True)),
         )
         slope = np.max(
             [
@@ -71,7 +74,7 @@ def unresolved(case, method, X, W) -> Status:
     if slope[row] > UNSEEN * tol:
         c = np.array([motion.switch(float(t), x) for t, x in zip(case.t, X, strict=True)])
         flat = (
-            flat_layer(case, tol, case.t, X)
+            check_flat_switch(case, tol, case.t, X)
             or _lingers(case, c, tol, slope)
             or _leans(case, method, c, X, W)
         )
@@ -108,7 +111,7 @@ def _leans(case, method, c, X, W) -> str:
     """Has the field beyond a surface that is not reached been mixed in? Its weight is tol over the
     distance, not zero: while a state passes near, or where a switch is flat, that adds up; "" if it
     has not."""
-    from nsbench.diagnostics.diagnose import pace
+    from nsbench.diagnostics.diagnose import largest_speed
 
     tol = method.comp_tol
     T = np.diff(case.t)[:, None]
@@ -120,7 +123,7 @@ def _leans(case, method, c, X, W) -> str:
     with np.errstate(all="ignore"):
         pushed = (
             2.0
-            * pace(case.problem, float(case.t[0]), X[0])
+            * largest_speed(case.problem, float(case.t[0]), X[0])
             * float((np.where(mixed, strange, 0.0) * T).sum())
         )
     if pushed <= LEAK * tol * min(1.0, _way(case, X)):

@@ -7,7 +7,7 @@ from itertools import product
 
 import numpy as np
 
-from nsbench.compilation.factories import host
+from nsbench.compilation.factories import as_numpy
 from nsbench.problem import Affine, Distance, Filippov
 
 MOST = 10  # contacts: from six on (four discs), steps were seen to fail or to be wrong
@@ -15,13 +15,13 @@ MOST = 10  # contacts: from six on (four discs), steps were seen to fail or to b
 
 def untold_fields(case):
     p = case.problem
-    d = len(host(p.switch)(float(case.t[0]), case.x0.copy()))
+    d = len(as_numpy(p.switch)(float(case.t[0]), case.x0.copy()))
     if d > 2:
         return (
             f"Stewart's form needs all 2^d fields; this case has {d} surfaces, at most two are "
             f"taken."
         )
-    f = host(p.field)
+    f = as_numpy(p.field)
     twist = (
         sum(
             a * b * f(float(case.t[0]), case.x0.copy(), np.array([a, b]))
@@ -62,7 +62,7 @@ def count(c, n):
         return len(c.pairs)
     if c.anchors is None:
         return many * (many - 1) // 2
-    return many * np.shape(host(c.anchors)(0.0) if c.moving else c.anchors)[0]
+    return many * np.shape(as_numpy(c.anchors)(0.0) if c.moving else c.anchors)[0]
 
 
 def model(case, push):

@@ -18,13 +18,13 @@ NEWTON = 30  # a projection that has not settled by then is reported
 
 def prepare(method, case, scene, g, x0):
     """A zero-argument march that returns what kernels.pbd.march returns."""
-    from nsbench.compilation.factories import host
+    from nsbench.compilation.factories import as_numpy
     from nsbench.solvers.pbd.kernels import listed_loop
 
     near = scene.near(x0, np.inf, float(case.t[0]))
     near = near.take(np.argsort(_keys(scene, near, method, x0)))
     runs = _runs(near.kind)
-    f = host(case.problem.drift)
+    f = as_numpy(case.problem.drift)
 
     def march():
         with np.errstate(all="ignore"):  # what overflows ends the run, and is told by its status
@@ -69,7 +69,7 @@ def prepare(method, case, scene, g, x0):
 def _keys(scene, near, method, x0):
     """Keys of all constraints; in the orders by pairs those of hard families count by their
     particles."""
-    from nsbench.dynamics.contacts.kernels.constraint_order import order_key, static_keys
+    from nsbench.dynamics.contacts.kernels.constraint_order import static_keys, sweep_key
     from nsbench.solvers.pbd.sweep_order import hard_ranks
 
     keys = static_keys(near.family, method.rank, method.seed)
@@ -82,7 +82,7 @@ def _keys(scene, near, method, x0):
         at += m
         for c in np.flatnonzero(near.family == k):
             a, b = sorted((number[near.i[c]], number[near.j[c]]))
-            keys[c] = order_key(method.rank, method.seed, k, a, b)
+            keys[c] = sweep_key(method.rank, method.seed, k, a, b)
     return keys
 
 

@@ -10,8 +10,8 @@ import numpy as np
 from nsbench.case import Case
 from nsbench.problem import Affine, Complementarity, Smooth
 from nsbench.solvers.base import Claims, Expect, Run, grid, last_steps, sample
-from nsbench.solvers.common.divergence import not_finite
-from nsbench.solvers.common.initial_state import start_state
+from nsbench.solvers.common.divergence import classify_divergence
+from nsbench.solvers.common.initial_state import initial_state
 from nsbench.solvers.pbd.sweep_order import hard_ranks
 from nsbench.trajectory import Status, Trajectory
 
@@ -101,7 +101,7 @@ class PBD:
         return self._refuses_threads(case) if self.threads > 1 else None
 
     def _refuses_threads(self, case: Case) -> str | None:
-        from nsbench.dynamics.contacts.constraint_set import Scene
+        from nsbench.dynamics.contacts.constraint_set import ConstraintSet
 
         if self.order not in THREADED:
             return (
@@ -109,7 +109,7 @@ class PBD:
                 f"{' or '.join(THREADED)}, not "
                 f"{self.order}; use one thread."
             )
-        scene = Scene(case.problem, case.n)
+        scene = ConstraintSet(case.problem, case.n)
         if not packs(scene):
             return (
                 "Threads share hard particles of one family and rows on single ones; this case "
@@ -123,11 +123,11 @@ class PBD:
         return None
 
     def prepare(self, case: Case, h: float) -> Run:
-        from nsbench.dynamics.contacts.constraint_set import Scene
+        from nsbench.dynamics.contacts.constraint_set import ConstraintSet
 
         g = grid(case.t, h, last=case.exact_impulse is not None)
-        scene = Scene(case.problem, case.n)
-        x0 = start_state(case, scene)
+        scene = ConstraintSet(case.problem, case.n)
+        x0 = initial_state(case, scene)
         if any(isinstance(c, Smooth) for c in scene.families):
             from nsbench.solvers.pbd.host_loop import prepare
 
@@ -268,17 +268,21 @@ def _pointers(case, scene):
     from nsbench.compilation import factories
 
     try:
-        f = factories.rhs(case.problem.drift, case.n)
-        b = factories.curve(scene.b_factory, scene.inv2.size) if scene.b_factory else factories.still()
+        f = factories.rhs_cfunc(case.problem.drift, case.n)
+        b = (
+            factories.curve_cfunc(scene.b_factory, scene.inv2.size)
+            if scene.b_factory
+            else factories.constant_curve()
+        )
         a = (
-            factories.curve(scene.anchor_factory, scene.anchors(0.0).size)
+            factories.curve_cfunc(scene.anchor_factory, scene.anchors(0.0).size)
             if scene.anchor_factory
-            else factories.still()
+            else factories.constant_curve()
         )
         return (f, b, a), "compiled"
     except factories.CompileError:
         return tuple(
-            _filler(g) for g in (factories.host(case.problem.drift), scene.b, scene.anchors)
+            _filler(g) for g in (factories.as_numpy(case.problem.drift), scene.b, scene.anchors)
         ), "host"
 
 
@@ -348,7 +352,7 @@ def _trajectory(case, g, loop, out, again=None):
     status = Status()
     if code == 1:
         impulse[~np.isfinite(X[:, 0])] = np.nan
-        status = not_finite(g, X, reached, again)
+        status = classify_divergence(g, X, reached, again)
     elif code == 2:
         status = Status(
             "degenerate",

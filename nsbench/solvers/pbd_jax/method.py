@@ -10,7 +10,7 @@ import numpy as np
 from nsbench.case import Case
 from nsbench.problem import Affine, Distance
 from nsbench.solvers.base import Claims, Run, check_positive, grid
-from nsbench.solvers.common.initial_state import start_state
+from nsbench.solvers.common.initial_state import initial_state
 from nsbench.solvers.pbd.method import EXPECTS, _hard, _mean_radius, _trajectory
 
 DEVICES = ("auto", "cpu", "gpu")
@@ -82,11 +82,11 @@ class PBDJax:
         return None
 
     def prepare(self, case: Case, h: float) -> Run:
-        from nsbench.dynamics.contacts.constraint_set import Scene
+        from nsbench.dynamics.contacts.constraint_set import ConstraintSet
 
         g = grid(case.t, h, last=case.exact_impulse is not None)
-        scene = Scene(case.problem, case.n)
-        x0 = start_state(case, scene)
+        scene = ConstraintSet(case.problem, case.n)
+        x0 = initial_state(case, scene)
         march = _March(self, case, scene, g, x0)
         again = lambda fine, x: _March(self, case, scene, fine, x)()[0]
         return lambda: _trajectory(case, g, "compiled", march(), again)
@@ -149,7 +149,7 @@ class _March:
 
     def program(self, lists):
         """The executable for levels of these sizes, and its arguments on the device."""
-        from nsbench.compilation.factories import jax_function
+        from nsbench.compilation.factories import as_jax
         from nsbench.compilation.jax_cache import float64
         from nsbench.solvers.pbd_jax.program import advance
 
@@ -166,7 +166,7 @@ class _March:
         with jax.default_device(self.device):
             if key not in self.programs:
                 run = advance(
-                    jax_function(self.case.problem.drift),
+                    as_jax(self.case.problem.drift),
                     _right_sides(self.scene),
                     self.scene.inv2,
                     self.owner[:, 0] >= 0,
@@ -264,9 +264,9 @@ def _right_sides(scene):
     """t -> right-hand sides of all rows, in JAX."""
     import jax.numpy as jnp
 
-    from nsbench.compilation.factories import jax_function
+    from nsbench.compilation.factories import as_jax
 
-    parts = [jax_function(c.b) if c.moving else (lambda t, v=c.b: v) for c in scene.affine]
+    parts = [as_jax(c.b) if c.moving else (lambda t, v=c.b: v) for c in scene.affine]
     return (
         (lambda t: jnp.concatenate([jnp.asarray(p(t)) for p in parts]))
         if parts

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from nsbench.dynamics.contacts.constraint_set import PAIR, Scene
+from nsbench.dynamics.contacts.constraint_set import PAIR, ConstraintSet
 
 DONE = 0
 BROKEN = 1
@@ -68,7 +68,7 @@ def _up(value, step):
 
 
 def arrange(
-    lists, scene: Scene, owner: np.ndarray, sizes: tuple[int, int, int]
+    lists, scene: ConstraintSet, owner: np.ndarray, sizes: tuple[int, int, int]
 ) -> tuple[Levels, tuple[int, int, int]]:
     """Levels of listed constraints in the order of their sweep; (levels, pairs, rows) capacities
     are kept or grow."""

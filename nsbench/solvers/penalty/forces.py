@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from nsbench.compilation.factories import host, jax_function
-from nsbench.dynamics.filippov.modes import corners, multilinear, surfaces
+from nsbench.compilation.factories import as_jax, as_numpy
+from nsbench.dynamics.filippov.modes import multilinear, sign_patterns, surfaces
 from nsbench.problem import Affine, Distance, Filippov, Smooth
 
 DENSE = (
@@ -103,7 +103,7 @@ def slopes(problem, n: int, style: str = "pairs", capacity: tuple[int, ...] = ()
         return Slopes(_filippov(problem, n), size)
     import jax.numpy as jnp
 
-    f = jax_function(problem.drift)
+    f = as_jax(problem.drift)
     families = []
     place = 0
     for c in problem.constraints:
@@ -142,8 +142,8 @@ def _filippov(problem: Filippov, n: int):
     """
     import jax.numpy as jnp
 
-    field = jax_function(problem.field)
-    switch = jax_function(problem.switch)
+    field = as_jax(problem.field)
+    switch = as_jax(problem.switch)
     if not multilinear(problem, n):
         field = _blended(field, surfaces(problem, n))
 
@@ -159,7 +159,7 @@ def _blended(field: Callable, d: int) -> Callable:
     import jax
     import jax.numpy as jnp
 
-    signs = jnp.asarray(corners(d))
+    signs = jnp.asarray(sign_patterns(d))
 
     def blended(t, x, s):
         return jnp.prod(0.5 * (1.0 + signs * s), axis=1) @ jax.vmap(lambda q: field(t, x, q))(signs)
@@ -168,11 +168,11 @@ def _blended(field: Callable, d: int) -> Callable:
 
 
 def _rows(c, n: int) -> int:
-    return c.shape[0] if isinstance(c, Affine) else len(host(c.g)(0.0, np.full(n, 0.37)))
+    return c.shape[0] if isinstance(c, Affine) else len(as_numpy(c.g)(0.0, np.full(n, 0.37)))
 
 
 def _anchors(c: Distance) -> int:
-    return len(np.asarray(host(c.anchors)(0.0) if c.moving else c.anchors))
+    return len(np.asarray(as_numpy(c.anchors)(0.0) if c.moving else c.anchors))
 
 
 def _pairs(c: Distance, n: int):
@@ -187,7 +187,7 @@ def _pairs(c: Distance, n: int):
 
 def _moving(value, moving: bool):
     """A curve t -> array in JAX."""
-    return jax_function(value) if moving else lambda t: value
+    return as_jax(value) if moving else lambda t: value
 
 
 def _affine(c: Affine, n: int):
@@ -324,8 +324,8 @@ def _smooth(c: Smooth, n: int):
     import jax
     import jax.numpy as jnp
 
-    g = jax_function(c.g)
-    gradient = jax_function(c.gradient) if c.gradient else None
+    g = as_jax(c.g)
+    gradient = as_jax(c.gradient) if c.gradient else None
 
     def push(t, x, k, lists):
         value, back = jax.vjp(lambda y: g(t, y), x)

@@ -8,14 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from nsbench.case import Case
-from nsbench.compilation.factories import host
-from nsbench.diagnostics.distance_from_origin import distance
+from nsbench.compilation.factories import as_numpy
+from nsbench.diagnostics.distance_from_origin import distance_over_motion
 from nsbench.diagnostics.run_view import fuller
-from nsbench.dynamics.length_scale import unit
+from nsbench.dynamics.length_scale import length_scale
 from nsbench.problem import LCS, Complementarity, Distance, Filippov
 from nsbench.solvers.base import Claims, Expect, Run, check_positive
 from nsbench.solvers.common.extrapolation import combined, weights
-from nsbench.solvers.common.initial_state import start_state
+from nsbench.solvers.common.initial_state import initial_state
 from nsbench.trajectory import Status, Trajectory
 
 EXPLICIT = {"tsit5": 6, "dopri8": 13, "bosh3": 3}  # right-hand sides of a step
@@ -227,17 +227,19 @@ def _lost(case: Case, x0: np.ndarray, k: float) -> str:
     p = case.problem
     with np.errstate(all="ignore"):
         if isinstance(p, Complementarity):
-            from nsbench.dynamics.contacts.constraint_set import Scene
+            from nsbench.dynamics.contacts.constraint_set import ConstraintSet
 
-            scene = Scene(p, case.n)
+            scene = ConstraintSet(p, case.n)
             held = np.zeros(case.n, bool)
             for _, c, m in scene.hard:
                 held[c.start : c.start + m * c.dim] = True
             held[scene.triplets(float(case.t[0]), x0, scene.all_static())[1]] = True
             force = k * float((rounded * held).max(initial=0.0))
-            speed = float(np.abs(host(p.drift)(float(case.t[0]), x0.copy())).max(initial=0.0))
-            return f"makes forces of {force:.2g}" if force > max(unit(case, x0), speed) else ""
-        switch = host(p.switch)
+            speed = float(np.abs(as_numpy(p.drift)(float(case.t[0]), x0.copy())).max(initial=0.0))
+            return (
+                f"makes forces of {force:.2g}" if force > max(length_scale(case, x0), speed) else ""
+            )
+        switch = as_numpy(p.switch)
         sides = np.where(np.arange(case.n) % 2, 1.0, -1.0)
         c = lambda x: np.asarray(switch(float(case.t[0]), x), float)
         moved = np.max([np.abs(c(x0 + rounded * s) - c(x0.copy())) for s in (1.0, sides)])
@@ -262,16 +264,16 @@ def _march(penalty: Penalty, case: Case, x0: np.ndarray, asked: float):
     """k -> samples and counts of a run, bound to the compiled program. Raises NotTraceable."""
     from nsbench.solvers.penalty.program import compiled
 
-    size = unit(case, x0) if penalty.atol is None else 1.0
+    size = length_scale(case, x0) if penalty.atol is None else 1.0
     limits = (
         penalty.tolerance("rtol", asked),
         penalty.tolerance("atol", asked) * size,
         penalty.most,
     )
     if _near_lists(penalty, case):
-        from nsbench.solvers.penalty.neighbor_segments import Segments
+        from nsbench.solvers.penalty.neighbor_segments import NeighborSegments
 
-        segments = Segments(case, x0, penalty.method, penalty.reach)
+        segments = NeighborSegments(case, x0, penalty.method, penalty.reach)
         return lambda k: segments.run(k, *limits)
     program = compiled(case.problem, case.n, len(case.t), penalty.method, "pairs")
     n = case.n
@@ -303,9 +305,9 @@ def _march(penalty: Penalty, case: Case, x0: np.ndarray, asked: float):
 def _start(case: Case) -> np.ndarray:
     if not isinstance(case.problem, Complementarity):
         return case.x0.copy()
-    from nsbench.dynamics.contacts.constraint_set import Scene
+    from nsbench.dynamics.contacts.constraint_set import ConstraintSet
 
-    return start_state(case, Scene(case.problem, case.n))
+    return initial_state(case, ConstraintSet(case.problem, case.n))
 
 
 def _nothing(case: Case, why: str, code: str = "refused") -> Trajectory:
@@ -367,7 +369,7 @@ def _status(penalty: Penalty, case: Case, k: float, asked: float, out: dict) -> 
         and np.isfinite(out["impulse"]).all()
     ):
         # weights of an extrapolation amplify what the integrator leaves
-        worst = distance(case, out["x"]) * max(
+        worst = distance_over_motion(case, out["x"]) * max(
             penalty.tolerance("rtol", asked), penalty.tolerance("atol", asked)
         )
         claimed = asked ** -(1.0 + penalty.extrapolate)
@@ -397,19 +399,19 @@ def _status(penalty: Penalty, case: Case, k: float, asked: float, out: dict) -> 
 def _thin(case: Case, k: float, traj: Trajectory) -> Trajectory:
     """The run, unverified where a layer of 1 / k is thicker than that, or decides what the start
     does not."""
-    from nsbench.diagnostics.filippov.dependent_surfaces import mixed
-    from nsbench.diagnostics.filippov.flat_switch import covered, flat_layer
-    from nsbench.diagnostics.filippov.late_exit import late
-    from nsbench.diagnostics.filippov.repulsive_surface import between
+    from nsbench.diagnostics.filippov.dependent_surfaces import check_dependent_surfaces
+    from nsbench.diagnostics.filippov.flat_switch import check_flat_switch, check_never_leaves_layer
+    from nsbench.diagnostics.filippov.late_exit import check_late_exit
+    from nsbench.diagnostics.filippov.repulsive_surface import check_start_in_layer
 
     seen = fuller(traj)
     with np.errstate(all="ignore"):
         flat = (
-            flat_layer(case, 1.0 / k, seen.t, seen.x)
-            or between(case, 1.0 / k)
-            or covered(case, 1.0 / k, seen.t, seen.x)
-            or late(case, seen, width=1.0 / k)
-            or mixed(case, 1.0 / k, seen.t, seen.x)
+            check_flat_switch(case, 1.0 / k, seen.t, seen.x)
+            or check_start_in_layer(case, 1.0 / k)
+            or check_never_leaves_layer(case, 1.0 / k, seen.t, seen.x)
+            or check_late_exit(case, seen, width=1.0 / k)
+            or check_dependent_surfaces(case, 1.0 / k, seen.t, seen.x)
         )
     return (
         replace(

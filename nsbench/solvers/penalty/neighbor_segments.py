@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from nsbench.case import Case
-from nsbench.dynamics.contacts.constraint_set import Scene
+from nsbench.dynamics.contacts.constraint_set import ConstraintSet
 from nsbench.solvers.penalty.program import compiled
 
 # capacities are multiples of it, so that few programs are compiled: discs of one size have 6 or 7
@@ -48,14 +48,14 @@ class _Totals:
         self.values = self.values[order]
 
 
-class Segments:
+class NeighborSegments:
     """Runs of one case with one method, bound to its programs."""
 
     def __init__(self, case: Case, x0: np.ndarray, method: str, reach: float):
         self.case = case
         self.x0 = x0
         self.method = method
-        self.scene = Scene(case.problem, case.n)
+        self.scene = ConstraintSet(case.problem, case.n)
         hard = self.scene.hard
         self.margin = reach * float(
             np.mean(np.concatenate([self.scene.radii[k] for k, _, _ in hard]))

@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from nsbench.case import Case, case_names, get_case
-from nsbench.compilation.factories import host
+from nsbench.compilation.factories import as_numpy
 from nsbench.problem import Affine, Distance, Filippov
 from nsbench.solvers.base import Claims, Run, check_positive
 from nsbench.trajectory import Event, Status, Trajectory
@@ -183,16 +183,16 @@ def _differs(case, twin) -> str:
     rng = np.random.default_rng(0)
     for t, x in zip(rng.uniform(0.0, 3.0, 4), case.x0 + rng.normal(size=(4, case.n)), strict=True):
         if isinstance(p, Filippov):
-            one = host(p.switch)(t, x)
-            two = host(q.switch)(t, x)
+            one = as_numpy(p.switch)(t, x)
+            two = as_numpy(q.switch)(t, x)
             if not np.array_equal(one, two):
                 return "another switch"
             signs = rng.uniform(-1.0, 1.0, len(one))
-            one = host(p.field)(t, x, signs)
-            two = host(q.field)(t, x, signs)
+            one = as_numpy(p.field)(t, x, signs)
+            two = as_numpy(q.field)(t, x, signs)
         else:
-            one = host(p.drift)(t, x)
-            two = host(q.drift)(t, x)
+            one = as_numpy(p.drift)(t, x)
+            two = as_numpy(q.drift)(t, x)
         if not np.array_equal(one, two, equal_nan=True):
             return "another drift"
     if not isinstance(p, Filippov) and [_data(c) for c in p.constraints] != [
@@ -205,7 +205,7 @@ def _differs(case, twin) -> str:
 def _data(c):
     """A family of constraints as plain values; walls that move at three times."""
     at = lambda v: (
-        [np.asarray(host(v)(t)).tolist() for t in (0.0, 0.7, 2.3)]
+        [np.asarray(as_numpy(v)(t)).tolist() for t in (0.0, 0.7, 2.3)]
         if callable(v)
         else np.asarray(v).tolist()
     )

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from nsbench.case import Case
-from nsbench.compilation.factories import host
+from nsbench.compilation.factories import as_numpy
 from nsbench.problem import LCS, Affine, Complementarity
 from nsbench.solvers.base import Claims, Expect, Run, grid, last_steps, sample
 from nsbench.trajectory import Status, Trajectory
@@ -143,9 +143,9 @@ def _of_lcs(case):
 
 def _of_gaps(case):
     """The families as w = C x + q(t) with B = C^T, D = 0."""
-    from nsbench.dynamics.contacts.constraint_set import Scene
-    from nsbench.dynamics.contacts.time_dependence import chain
-    from nsbench.solvers.common.initial_state import start_state
+    from nsbench.dynamics.contacts.constraint_set import ConstraintSet
+    from nsbench.dynamics.contacts.time_dependence import concatenate_curves
+    from nsbench.solvers.common.initial_state import initial_state
 
     families = case.problem.constraints
     blocks = []
@@ -153,15 +153,15 @@ def _of_gaps(case):
         block = np.zeros(c.shape)
         block[np.repeat(np.arange(c.shape[0]), np.diff(c.indptr)), c.indices] = c.data
         blocks.append(block)
-    q = chain([c.b for c in families])
+    q = concatenate_curves([c.b for c in families])
     t0 = float(case.t[0])
     C = np.vstack(blocks)
-    q0 = np.concatenate([np.ravel(host(c.b)(t0) if c.moving else c.b) for c in families])
+    q0 = np.concatenate([np.ravel(as_numpy(c.b)(t0) if c.moving else c.b) for c in families])
     return {
         "f": case.problem.drift,
         "q": q,
         "q0": q0,
-        "x0": start_state(case, Scene(case.problem, case.n)),
+        "x0": initial_state(case, ConstraintSet(case.problem, case.n)),
         "J": None,
         "B": np.ascontiguousarray(C.T),
         "C": C,
@@ -176,11 +176,15 @@ def _compiled(case, data):
     from nsbench.solvers.theta.kernels import loop as kernel
 
     try:
-        q = factories.still() if data["q"] is None else factories.curve(data["q"], len(data["q0"]))
-        return kernel.march, "compiled", factories.rhs(data["f"], case.n), q
+        q = (
+            factories.constant_curve()
+            if data["q"] is None
+            else factories.curve_cfunc(data["q"], len(data["q0"]))
+        )
+        return kernel.march, "compiled", factories.rhs_cfunc(data["f"], case.n), q
     except factories.CompileError:
-        f = factories.host(data["f"])
-        q = None if data["q"] is None else factories.host(data["q"])
+        f = factories.as_numpy(data["f"])
+        q = None if data["q"] is None else factories.as_numpy(data["q"])
 
         def fill(t, x, out):
             out[:] = f(t, x)

@@ -24,13 +24,21 @@ def still(xp):
 
 def host_twin(case, h, reach=0.3):
     """The run of the active set in the Python loop."""
-    from nsbench.dynamics.contacts.constraint_set import Scene
+    from nsbench.dynamics.contacts.constraint_set import ConstraintSet
     from nsbench.solvers.catching_up.host_loop import HostLoop
     from nsbench.solvers.catching_up.method import _trajectory
 
     g = grid(case.t, h)
     loop = HostLoop(
-        case, Scene(case.problem, case.n), g, case.x0.copy(), "active_set", False, reach, None, None
+        case,
+        ConstraintSet(case.problem, case.n),
+        g,
+        case.x0.copy(),
+        "active_set",
+        False,
+        reach,
+        None,
+        None,
     )
     return _trajectory(case, g, "host", loop.run(), None)
 
@@ -172,7 +180,7 @@ def test_contradicting_walls_are_infeasible_from_then_on(spec):
 
 def test_bounds_that_osqp_takes_for_infinite_are_no_answer(capfd):
     backend = qp_backends.OSQP()
-    G = qp_backends.Rows.of(eye_array(2).tocsr())
+    G = qp_backends.SparseRows.of(eye_array(2).tocsr())
     key = object()
     start = np.zeros(2)
     assert backend(G, np.array([-1.0, 1.0]), 0.1, key, start).code == "solved"

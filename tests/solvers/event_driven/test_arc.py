@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from nsbench.solvers.event_driven.smooth.arc import CREEP, Creeping, follow
+from nsbench.solvers.event_driven.smooth.arc import CREEP, StallDetector, integrate_to_event
 
 
 def test_no_narrow_dip_is_missed():
@@ -12,7 +12,7 @@ def test_no_narrow_dip_is_missed():
     for depth, where in zip(
         10.0 ** rng.uniform(-12, -3, 200), rng.uniform(0.2, 1.8, 200), strict=True
     ):
-        arc = follow(
+        arc = integrate_to_event(
             lambda t, y, w=where: np.array([2 * (t - w)]),
             0.0,
             np.array([where**2 - depth]),
@@ -26,7 +26,7 @@ def test_no_narrow_dip_is_missed():
 
 def test_bumps_of_a_wall_are_seen_though_the_drift_is_constant():
     for width in (0.1, 0.01, 0.003):
-        arc = follow(
+        arc = integrate_to_event(
             lambda t, y: np.ones(1),
             0.0,
             np.zeros(1),
@@ -42,7 +42,7 @@ def test_bumps_of_a_wall_are_seen_though_the_drift_is_constant():
 def test_the_first_crossing_of_a_wavy_wall_is_found_in_one_long_step():
     for waves in (7.0, 23.0, 61.0):
         wall = lambda y, w=waves: 1.0 - 0.3 * y - 0.5 * np.sin(w * y)
-        arc = follow(
+        arc = integrate_to_event(
             lambda t, y: np.ones(1),
             0.0,
             np.zeros(1),
@@ -61,7 +61,7 @@ def test_the_first_crossing_of_a_wavy_wall_is_found_in_one_long_step():
 def test_events_carry_the_accuracy_of_the_step_not_of_the_dense_output(method, tol, bound):
     """A pendulum of period 2 pi: the dense output of these is 10 to 1000 times coarser than the
     step."""
-    arc = follow(
+    arc = integrate_to_event(
         lambda t, y: np.array([y[1], -y[0]]),
         0.0,
         np.array([0.0, 1.0]),
@@ -79,7 +79,7 @@ def test_events_carry_the_accuracy_of_the_step_not_of_the_dense_output(method, t
 
 def test_steps_that_lead_nowhere_end_a_run():
     """LSODA goes on with steps below rounding: hundreds of thousands at one time, before a pole."""
-    creeps = Creeping(0.0, 1.0)
+    creeps = StallDetector(0.0, 1.0)
     assert not any(creeps(k, 1e-3 * k) for k in range(500))
     assert not any(
         creeps(500 + k, 0.6 - 2.0**-k / 10.0) for k in range(300)

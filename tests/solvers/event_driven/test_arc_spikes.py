@@ -6,7 +6,7 @@ import pytest
 
 from nsbench import Affine, Case, Complementarity, Smooth
 from nsbench.solvers import solve
-from nsbench.solvers.event_driven.smooth.arc import follow
+from nsbench.solvers.event_driven.smooth.arc import integrate_to_event
 
 SQRT_PI = np.pi**0.5
 
@@ -117,7 +117,7 @@ def test_without_data_nothing_is_proven_but_much_is_seen():
     """Spikes down to 1/500 of the run, by the equation at interior points alone."""
     rng = np.random.default_rng(1)
     for c in rng.uniform(1.0, 9.0, 20):
-        arc = follow(
+        arc = integrate_to_event(
             lambda t, y, c=c: np.array([1.0 + np.exp(-(((t - c) / 2e-2) ** 2))]),
             0.0,
             np.zeros(1),

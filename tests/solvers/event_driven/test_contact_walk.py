@@ -138,8 +138,7 @@ def two_clusters():
 def test_parts_and_sparse_factors_change_nothing(case, monkeypatch):
     """Choices by dense factors for all contacts together; or part by part, by sparse factors from
     three rows on."""
-    from nsbench.solvers.event_driven.contacts import compiled_choice
-    from nsbench.solvers.event_driven.contacts import gram_matrix
+    from nsbench.solvers.event_driven.contacts import compiled_choice, gram_matrix
 
     whole = solve(case, "event_driven")
     shares = []
@@ -216,7 +215,7 @@ def test_a_run_that_leaves_the_proven_box_starts_again_in_python():
 
 @numba.njit
 def _below(c, level, lo, hi):
-    return polynomial_descent.first_below(c, c.size - 1, level, lo, hi, np.empty(c.size))
+    return polynomial_descent.first_descent(c, c.size - 1, level, lo, hi, np.empty(c.size))
 
 
 def test_descents_are_those_of_the_roots():

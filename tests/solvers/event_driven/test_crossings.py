@@ -3,8 +3,8 @@ its series."""
 
 import numpy as np
 
-from nsbench.solvers.event_driven.smooth.crossings import TOUCH, Crossings
-from nsbench.solvers.event_driven.smooth.pieces import whole
+from nsbench.solvers.event_driven.smooth.crossings import TOUCH, EventFunctions
+from nsbench.solvers.event_driven.smooth.pieces import single_piece
 
 
 def dense(t):
@@ -60,14 +60,14 @@ def test_the_first_dip_that_is_deep_enough_is_the_event():
         scale = 10.0 ** rng.uniform(-3.0, 6.0, 2)
         f = product(roots)
         g = product(others)
-        crossings = Crossings(
+        crossings = EventFunctions(
             lambda t, y, f=f, g=g, scale=scale: scale * [f(t), g(t)],
             scale * [touch, less] / TOUCH,
             [True, True],
             0.0,
             dense(0.0),
         )
-        found = crossings.first(dense, [whole(dense, 0.0, 1.0)])
+        found = crossings.first(dense, [single_piece(dense, 0.0, 1.0)])
         seen.add((min(crossed, later) < np.inf, crossed > roots[0], later > others[0]))
         assert (found is not None) == (min(crossed, later) < np.inf), (
             roots,
@@ -95,11 +95,11 @@ def test_a_crossing_of_third_order_is_found_to_the_last_digits():
     for _ in range(300):
         root = rng.uniform(0.2, 0.8)
         f = product(np.array([root] * 3 + [root + 0.3, 1.7][: rng.integers(0, 3)]))
-        found = Crossings(
+        found = EventFunctions(
             lambda t, y, f=f: np.array([f(t)]),
             10.0 ** rng.uniform(-12.0, -4.0),
             [True],
             0.0,
             dense(0.0),
-        ).first(dense, [whole(dense, 0.0, 1.0)])
+        ).first(dense, [single_piece(dense, 0.0, 1.0)])
         assert found is not None and abs(found[0] - root) < 1e-15, (root, found)

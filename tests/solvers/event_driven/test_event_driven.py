@@ -128,12 +128,12 @@ def fine(case, k):
 def test_the_run_satisfies_its_inclusion(spec):
     """Feasible, multipliers not negative, loads on closed contacts only, x' = f + reaction: checked
     from samples."""
-    from nsbench.dynamics.contacts.constraint_set import Scene
+    from nsbench.dynamics.contacts.constraint_set import ConstraintSet
 
     case = fine(get_case(spec), 1201)
     traj = solve(case)
     assert traj.status.ok
-    view = Scene(case.problem, case.n)
+    view = ConstraintSet(case.problem, case.n)
     f = case.problem.drift(np)
     h = case.t[1] - case.t[0]
     gaps = []

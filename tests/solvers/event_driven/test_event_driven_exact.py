@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from nsbench import Affine, Case, Complementarity, Distance, Smooth
-from nsbench.dynamics.contacts.constraint_set import Scene
+from nsbench.dynamics.contacts.constraint_set import ConstraintSet
 from nsbench.solvers import solve
 
 A0 = 0.3  # angle off the top where the falling point lands
@@ -240,7 +240,7 @@ SCENES = {
 @pytest.mark.parametrize("name", SCENES)
 def test_the_closed_form_satisfies_its_equation(name):
     k = SCENES[name]()
-    view = Scene(k.case.problem, k.case.n)
+    view = ConstraintSet(k.case.problem, k.case.n)
     f = k.case.problem.drift(np)
     h = 1e-5
     for t in np.linspace(0.05, k.case.t[-1] - 0.05, 23):

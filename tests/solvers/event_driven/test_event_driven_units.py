@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from nsbench import Affine, Case, Complementarity, Distance, Filippov, Smooth, solvers
-from nsbench.dynamics.length_scale import _way, unit, unit_of
+from nsbench.dynamics.length_scale import _way, case_length_scale, length_scale
 
 
 def pushed(unit):
@@ -142,7 +142,7 @@ def test_a_drift_that_is_no_number_later_leaves_the_unit_as_it_is(later):
         lambda xp: lambda t, x: xp.array([later(xp, t, x)]), (Affine(np.eye(1), np.array([1e-5])),)
     )
     case = Case(name="later", problem=problem, x0=np.array([1e-5]), t=np.linspace(0.0, 1.0, 5))
-    assert unit_of(case) == unit(case, case.x0) == 1.0
+    assert case_length_scale(case) == length_scale(case, case.x0) == 1.0
 
 
 def test_the_unit_is_not_that_of_a_small_coordinate_that_decays_fast():
@@ -153,7 +153,9 @@ def test_the_unit_is_not_that_of_a_small_coordinate_that_decays_fast():
     case = Case(
         name="fast", problem=problem, x0=np.array([3e-6, -1e-10]), t=np.linspace(0.0, 1.0, 5)
     )
-    assert unit_of(case) == 1.0 and solvers.solve(case, "event_driven", tol=1e-10).status.ok
+    assert (
+        case_length_scale(case) == 1.0 and solvers.solve(case, "event_driven", tol=1e-10).status.ok
+    )
 
 
 @pytest.mark.parametrize("tol", (1e-4, 1e-6, 1e-8))
@@ -182,7 +184,7 @@ def test_a_small_coordinate_that_turns_is_no_unit_for_one_that_goes_on():
         x0=np.array([0.0, 1e-6, 0.0]),
         t=np.linspace(0.0, 1.0, 5),
     )
-    assert unit_of(case) == 1.0
+    assert case_length_scale(case) == 1.0
 
 
 @pytest.mark.parametrize(

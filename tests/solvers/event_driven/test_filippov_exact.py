@@ -7,7 +7,7 @@ from filippov_corners import SEVERAL
 from filippov_systems import ONE, constant, drift, entry
 
 from nsbench import Case, Filippov, solve
-from nsbench.dynamics.filippov.vector_field import Motion
+from nsbench.dynamics.filippov.vector_field import FilippovVectorField
 
 
 def run(made, k=41):
@@ -98,7 +98,9 @@ def test_two_motions_in_one_corner_are_not_chosen_between():
     problem = Filippov.signs(field, drift(lambda xp, t, x: x[:2]))
     _, traj = run((problem, (0.0, 0.0, 0.0), 1.0))
     assert traj.status.code == "degenerate" and "not unique" in str(traj.status)
-    found = Motion(problem, 0.0, np.zeros(3)).branches(0.0, np.zeros(3), np.zeros(2, np.int64))
+    found = FilippovVectorField(problem, 0.0, np.zeros(3)).branches(
+        0.0, np.zeros(3), np.zeros(2, np.int64)
+    )
     np.testing.assert_allclose(
         sorted(s.tolist() for s in found), [[-0.5, -0.5], [0.5, 0.5]], atol=1e-14
     )

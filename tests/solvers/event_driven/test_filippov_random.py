@@ -88,7 +88,7 @@ def test_where_minors_forbid_a_way_off_a_search_finds_none(monkeypatch):
         k = int(rng.integers(2, 4))
         B = rng.normal(size=(k, k)) - 1.5 * np.eye(k)
         f = rng.normal(size=k)
-        motion = vector_field.Motion(
+        motion = vector_field.FilippovVectorField(
             Filippov.relay(
                 lambda xp, f=f: lambda t, x: f + 0 * x, B, lambda xp: lambda t, x: x + 0.0
             ),

@@ -235,12 +235,12 @@ def test_moving_walls_are_taken_at_the_end_of_the_step():
 def test_violation_after_one_sweep_at_rest_is_the_identity(name):
     """g_k after the sweep = h sum over l processed after k of lambda_l <grad g_k, grad g_l>, to 1
     %."""
-    from nsbench.dynamics.contacts.constraint_set import Scene
+    from nsbench.dynamics.contacts.constraint_set import ConstraintSet
 
     case = nsbench.get_case(name)
     for h in (1e-3, 1e-4):
         traj = nsbench.solve(case.replace(t=np.append(case.t, case.t[-1] + h)), "pbd", h=h)
-        scene = Scene(case.problem, case.n)
+        scene = ConstraintSet(case.problem, case.n)
         x = traj.x[-1]
         t = case.t[-1]
         near = scene.near(x, 0.05, t)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from nsbench import Affine, Case, Complementarity, Distance, Smooth, get_case, solve
-from nsbench.dynamics.contacts.constraint_set import PAIR, Scene
+from nsbench.dynamics.contacts.constraint_set import PAIR, ConstraintSet
 from nsbench.solvers import get
 from nsbench.solvers.pbd.method import _hard
 from nsbench.solvers.pbd_jax.program import arrange
@@ -65,7 +65,7 @@ def test_links_rows_and_families():
 
 def test_levels_keep_the_order_and_share_no_particle():
     case = get_case("discs", n=300, box=True)
-    scene = Scene(case.problem, case.n)
+    scene = ConstraintSet(case.problem, case.n)
     near = scene.near(case.x0, 0.3)
     rng = np.random.default_rng(2)
     near = near.take(rng.permutation(len(near)))

@@ -8,7 +8,7 @@ import pytest
 from test_pbd import box_of_discs, crowd, plain
 
 import nsbench
-from nsbench.dynamics.contacts.kernels.constraint_order import levels, ranks
+from nsbench.dynamics.contacts.kernels.constraint_order import cell_ranks, colour_levels
 
 WORD = 2**64 - 1
 
@@ -80,7 +80,7 @@ def test_levels_share_no_particle_and_any_order_within_them_gives_the_bits_of_th
     near = np.hypot(*(case.x0.reshape(-1, 2)[i] - case.x0.reshape(-1, 2)[j]).T) < 4.0
     i = i[near]
     j = j[near]
-    level = levels(i, j, n)
+    level = colour_levels(i, j, n)
 
     def sweep(order):
         x = case.x0.reshape(-1, 2).copy()
@@ -104,7 +104,7 @@ def test_levels_share_no_particle_and_any_order_within_them_gives_the_bits_of_th
 
 def test_ranks_number_every_particle_once_row_by_row():
     x = np.array([[5.0, 0.1], [0.0, 0.0], [0.5, 2.5], [1.5, 0.3], [4.9, 2.1]])
-    assert ranks(x.ravel(), 2, 2.0).tolist() == [2, 0, 3, 1, 4]
+    assert cell_ranks(x.ravel(), 2, 2.0).tolist() == [2, 0, 3, 1, 4]
 
 
 @pytest.mark.parametrize("order", ["cell", "coloured"])

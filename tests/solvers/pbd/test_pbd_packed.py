@@ -7,7 +7,7 @@ from test_pbd import box_of_discs, crowd
 
 import nsbench
 from nsbench import Affine, Case, Complementarity, Distance
-from nsbench.dynamics.contacts.constraint_set import Scene
+from nsbench.dynamics.contacts.constraint_set import ConstraintSet
 from nsbench.dynamics.contacts.kernels.impulse_records import Contacts, cumulate
 from nsbench.solvers.pbd import method
 
@@ -61,7 +61,7 @@ def both(case, spec, h, monkeypatch):
 @pytest.mark.parametrize("kind", ["plane", "line", "space", "radii", "moving"])
 def test_same_bits_as_over_all_constraints(order, kind, monkeypatch):
     case = scene({"line": 1, "space": 3}.get(kind, 2), 1, kind == "radii", kind == "moving")
-    assert method.packs(Scene(case.problem, case.n))
+    assert method.packs(ConstraintSet(case.problem, case.n))
     for sweeps, reach in ((1, 0.5), (2, 0.05)):
         a, b = both(case, f"pbd[order={order},sweeps={sweeps},reach={reach}]", 0.02, monkeypatch)
         assert np.array_equal(a.x, b.x) and np.array_equal(a.reaction, b.reaction)

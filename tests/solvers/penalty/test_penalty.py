@@ -7,7 +7,7 @@ import pytest
 import nsbench
 from nsbench import Affine, Case, Complementarity, Distance, Filippov, Smooth, get_case, solve
 from nsbench.compilation import jax_cache
-from nsbench.dynamics.contacts.constraint_set import Scene
+from nsbench.dynamics.contacts.constraint_set import ConstraintSet
 from nsbench.solvers import get
 from nsbench.solvers.penalty.forces import constraint_ids, count, right_hand_side
 
@@ -188,7 +188,7 @@ def test_forces_are_minus_the_gradient_of_the_energy(dim):
     import jax
 
     problem, n = plane(dim)
-    scene = Scene(problem, n)
+    scene = ConstraintSet(problem, n)
     rhs = jax.jit(right_hand_side(problem, n))
     k = 7.0
     t = 0.6

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from nsbench import Affine, Case, Complementarity, Distance, get_case, solve
-from nsbench.dynamics.contacts.constraint_set import Scene
+from nsbench.dynamics.contacts.constraint_set import ConstraintSet
 from nsbench.solvers import get
-from nsbench.solvers.penalty.neighbor_segments import Segments, _table
+from nsbench.solvers.penalty.neighbor_segments import NeighborSegments, _table
 
 
 @pytest.mark.parametrize("reach", [0.05, 0.3])
@@ -97,9 +97,9 @@ def test_a_right_hand_side_beyond_the_lists_is_refused(method):
 
 def test_tables_list_each_pair_twice_and_nothing_else():
     case = get_case("discs", n=30)
-    seg = Segments(case, case.x0, "tsit5", 0.3)
+    seg = NeighborSegments(case, case.x0, "tsit5", 0.3)
     (table,) = seg._lists(case.x0)
-    near = Scene(case.problem, case.n).near(case.x0, seg.margin)
+    near = ConstraintSet(case.problem, case.n).near(case.x0, seg.margin)
     found = {(i, int(j)) for i in range(30) for j in table[i] if j != i}
     assert found == {
         (a, b)
@@ -118,7 +118,7 @@ def test_many_discs_and_what_is_still_refused():
         traj.status.ok and len(traj.contacts) > 50 and traj.impulse.shape == (5, len(traj.contacts))
     )
     assert np.abs(traj.x[-1] - case.x0).max() > 0.1
-    forces = Scene(case.problem, case.n)
+    forces = ConstraintSet(case.problem, case.n)
     near = forces.near(traj.x[-1], 0.0)
     assert set(near.ids) <= set(traj.contacts)  # whoever overlaps at the end pushes
     assert "44850" in get("penalty[pairs=all]").refuses(case)

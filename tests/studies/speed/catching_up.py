@@ -25,7 +25,7 @@ import numpy as np  # noqa: E402
 
 import nsbench  # noqa: E402
 from nsbench import Case, Complementarity, Distance  # noqa: E402
-from nsbench.dynamics.contacts.constraint_set import Scene  # noqa: E402
+from nsbench.dynamics.contacts.constraint_set import ConstraintSet  # noqa: E402
 from nsbench.measure.clock import interleaved, ratio  # noqa: E402
 from nsbench.solvers import get  # noqa: E402
 from nsbench.solvers.catching_up.qp_backends import residual  # noqa: E402
@@ -90,7 +90,7 @@ def jammed(n, seed=0):
 
 def problems(case, x):
     """The QPs G, q of the steps from the states x (k, 2 n)."""
-    s = Scene(case.problem, case.n)
+    s = ConstraintSet(case.problem, case.n)
     f = case.problem.drift(np)
     for y in x:
         near = s.near(y, 0.1)

@@ -24,7 +24,7 @@ import numpy as np  # noqa: E402
 import nsbench  # noqa: E402
 from nsbench import solvers  # noqa: E402
 from nsbench.measure.clock import interleaved, ratio  # noqa: E402
-from nsbench.measure.context import frame  # noqa: E402
+from nsbench.measure.context import context_of  # noqa: E402
 
 SETTINGS = (
     ("oscillator", 3, 4, 1e-10),
@@ -69,7 +69,7 @@ def main():
     )
     for name, stride, stages, comp_tol in SETTINGS:
         whole = nsbench.get_case(name)
-        ref = frame(whole).ref.x[::stride]
+        ref = context_of(whole).ref.x[::stride]
         case = whole.replace(t=whole.t[::stride])
         start = time.perf_counter()
         theirs = solvers.get(f"nosnoc[stages={stages},comp_tol={comp_tol:g}]").prepare(

@@ -167,8 +167,7 @@ def pair_lists(scene, order):
     """Positions by cells after a drift, and the near pairs there: as executed, and one after
     another as stated."""
     from nsbench.dynamics.contacts.kernels.constraint_order import COLOURED, SORTED
-    from nsbench.solvers.pbd.kernels import cell_loop
-    from nsbench.solvers.pbd.kernels import cell_storage
+    from nsbench.solvers.pbd.kernels import cell_loop, cell_storage
 
     x = scene.x0.ravel()
     n = len(scene.x0)
@@ -179,7 +178,7 @@ def pair_lists(scene, order):
     y[:] = x
     rows = (np.zeros(1, np.int64), np.empty(0, np.int64), np.empty(0), np.empty(0))
     families = np.zeros((1, 2), np.int64)
-    m, _, _, _, candidates = cell_storage.renew(
+    m, _, _, _, candidates = cell_storage.rebuild(
         None,
         0,
         (none, none, np.empty(0)),
@@ -300,12 +299,12 @@ def against_peers(sizes, rounds):
 
 
 def impulses(sizes, rounds):
-    from nsbench.dynamics.contacts.constraint_set import Scene
+    from nsbench.dynamics.contacts.constraint_set import ConstraintSet
 
     for n in sizes:
         case = drift_scene(n, steps_for(n)).case
         method = get("pbd")
-        scene = Scene(case.problem, case.n)
+        scene = ConstraintSet(case.problem, case.n)
         runs = {
             record: method._packed(case, scene, grid(case.t, STEP), case.x0, record)[0]
             for record in (True, False)

@@ -43,7 +43,7 @@ def mix(z):
 
 
 @njit(cache=True)
-def order_key(order, seed, family, a, b):
+def sweep_key(order, seed, family, a, b):
     """Place of a constraint in the sweep; a, b: particles i, j of a hard pair (their ranks, a < b,
     where the order is CELL), or the place in its family and 0."""
     if order == COLOURED and b > 0:
@@ -82,12 +82,12 @@ def static_keys(family, order, seed):
     place = places(family)
     keys = np.empty(family.size, np.uint64)
     for c in range(family.size):
-        keys[c] = order_key(order, seed, family[c], place[c], 0)
+        keys[c] = sweep_key(order, seed, family[c], place[c], 0)
     return keys
 
 
 @njit(cache=True)
-def levels(i, j, n):
+def colour_levels(i, j, n):
     """Levels (from 0) of constraints on particles i[c], j[c] < n (j[c] < 0: on i[c] alone), listed
     in the order of the sweep: one more than the last constraint before it that shares a
     particle."""
@@ -101,7 +101,7 @@ def levels(i, j, n):
     return level
 
 
-def ranks(x: np.ndarray, dim: int, size: float) -> np.ndarray:
+def cell_ranks(x: np.ndarray, dim: int, size: float) -> np.ndarray:
     """New numbers (n,) of the particles at x (n dim,): row by row of cells of the given size, the
     last axis slowest, from the lowest corner; within a cell by label."""
     cell = np.floor((x.reshape(-1, dim) - x.reshape(-1, dim).min(axis=0, initial=np.inf)) / size)

@@ -10,7 +10,7 @@ from numba import njit
 
 from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
 from nsbench.dynamics.contacts.kernels.cell_list import near_pairs
-from nsbench.dynamics.contacts.kernels.constraint_order import SORTED, order_key
+from nsbench.dynamics.contacts.kernels.constraint_order import SORTED, sweep_key
 
 
 @njit(cache=True, error_model="numpy")
@@ -91,7 +91,7 @@ def gather(x, skin, static, hard, radii):
             d[k] = sd[a]
             sign[k] = ssign[a]
             dim[k] = sdim[a]
-            keys[k] = order_key(SORTED, 0, family[k], place, 0)
+            keys[k] = sweep_key(SORTED, 0, family[k], place, 0)
             a += 1
         else:
             kind[k] = 1
@@ -103,7 +103,7 @@ def gather(x, skin, static, hard, radii):
             d[k] = far[b]
             sign[k] = 1.0
             dim[k] = ints[b, 5]
-            keys[k] = order_key(SORTED, 0, family[k], i[k], j[k])
+            keys[k] = sweep_key(SORTED, 0, family[k], i[k], j[k])
             b += 1
     return (kind, family, i, j, p, q, d, sign, dim), keys
 

@@ -14,7 +14,7 @@ from numba import njit
 from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
 from nsbench.dynamics.contacts.kernels.impulse_records import flush
 from nsbench.qp.kernels import active_set
-from nsbench.qp.kernels.dispatch import least
+from nsbench.qp.kernels.dispatch import solve_projection
 from nsbench.solvers.catching_up.kernels.candidates import carry, columns, gather
 from nsbench.solvers.pbd.kernels.listed_loop import NAN, OK, finite
 
@@ -100,7 +100,7 @@ def project(exact, many, lists, P, book, store, rows, b, anchors, x, z, guess, c
         clear = clear and q[k] >= 0.0
     if clear:
         return np.zeros(m), np.zeros(x.size), np.int64(active_set.SOLVED), 0.0, book, store
-    mu, d, book, store = least(exact, many, P, book, store, vals, q, guess, scale, work)
+    mu, d, book, store = solve_projection(exact, many, P, book, store, vals, q, guess, scale, work)
     count[QPS] += 1
     count[ROUNDS] += work[1]
     count[WORST] = max(count[WORST], work[1])

@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 
 from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
-from nsbench.linalg.dense import BLOWN, NAN, OK, health, largest  # noqa: F401
+from nsbench.linalg.dense import BLOWN, NAN, OK, largest, state_code  # noqa: F401
 from nsbench.solvers.euler.kernels.implicit_step import ROUNDING, copy, inner, newton
 
 STUCK = 3  # beside OK, NAN, BLOWN
@@ -26,7 +26,7 @@ TRIALS = (
 
 
 @inner
-def wrong(switch, t, y, mode, c, s, jump, new, e, noise):
+def contradictions(switch, t, y, mode, c, s, jump, new, e, noise):
     """Whether the solved step contradicts its mode; `new` gets the mode with every contradiction
     turned over.
 
@@ -97,12 +97,12 @@ def implicit_step(field, switch, blend, unit, t, h, x, mode, y, s, last):
         if solved:
             if d:
                 switch(t, y, c)
-            if not wrong(switch, t, y, mode, c, s, jump, new, e, noise):
+            if not contradictions(switch, t, y, mode, c, s, jump, new, e, noise):
                 for i in range(d):
                     s[i] = min(1.0, max(-1.0, s[i]))
                 if d == 0 or d > FEW or distance(x, y) <= SUDDEN * last:
                     return True, calls, inner
-                more, its = nearest(
+                more, its = nearest_solution(
                     field, switch, blend, unit, t, h, x, mode, y, s, start, c, jump, new, e, noise
                 )
                 return True, calls + more, inner + its
@@ -124,7 +124,9 @@ def distance(x, y):
 
 
 @inner
-def nearest(field, switch, blend, unit, t, h, x, mode, y, s, start, c, jump, new, e, noise):
+def nearest_solution(
+    field, switch, blend, unit, t, h, x, mode, y, s, start, c, jump, new, e, noise
+):
     """Of the solutions of a step in all 3^d modes the one nearest to x: (mode, y, s), one of them,
     become that one.
 
@@ -150,7 +152,7 @@ def nearest(field, switch, blend, unit, t, h, x, mode, y, s, start, c, jump, new
         inner = inner + its
         if solved and distance(x, y) < best:
             switch(t, y, c)
-            if not wrong(switch, t, y, mode, c, s, jump, new, e, noise):
+            if not contradictions(switch, t, y, mode, c, s, jump, new, e, noise):
                 best = distance(x, y)
                 copy(y, to)
                 copy(mode, at)
@@ -163,7 +165,7 @@ def nearest(field, switch, blend, unit, t, h, x, mode, y, s, start, c, jump, new
 
 
 @inner
-def look(rows, j, steps, t, x, w):
+def keep_intermediate(rows, j, steps, t, x, w):
     """Keeps time, state and integrals where step j of so many ends a part of its interval, but for
     the last."""
     part = (j + 1) * rows.shape[0] // steps
@@ -176,7 +178,7 @@ def look(rows, j, steps, t, x, w):
 
 
 @njit(cache=True)
-def march_implicit(field, switch, blend, unit, t, substeps, x, d, parts):
+def implicit_euler(field, switch, blend, unit, t, substeps, x, d, parts):
     """Samples of one run of implicit Euler: X (K, n), integrals of theta (K, d), calls, iterations,
     status, time, and what lies between: (K - 1, parts, 1 + n + d), time, state and integrals at the
     end of parts of the intervals; NaN where none ends.
@@ -211,26 +213,26 @@ def march_implicit(field, switch, blend, unit, t, substeps, x, d, parts):
             )
             calls = calls + more
             inner = inner + its
-            if not found or health(y) != OK:
+            if not found or state_code(y) != OK:
                 if not found:  # a field that is no number on the way explains it
                     field(after - h, x, s, y)
                     for i in range(x.size):
                         x[i] += h * y[i]
                     field(after, x, s, y)
-                bad = health(y)
+                bad = state_code(y)
                 return X, W, calls, inner, (STUCK if bad == OK else bad), after - h, between
             last = distance(x, y)
             copy(y, x)
             for i in range(d):
                 w[i] += h * 0.5 * (1.0 + s[i])
-            look(between[k], j, substeps[k], after, x, w)
+            keep_intermediate(between[k], j, substeps[k], after, x, w)
         copy(x, X[k + 1])
         copy(w, W[k + 1])
     return X, W, calls, inner, OK, t[K - 1], between
 
 
 @njit(cache=True)
-def march_explicit(field, switch, t, substeps, x, d, parts):
+def explicit_euler(field, switch, t, substeps, x, d, parts):
     """Samples of one run of explicit Euler, with s_i = 1 where c_i >= 0, else -1; returns as
     march_implicit does."""
     K = t.size
@@ -258,12 +260,12 @@ def march_explicit(field, switch, t, substeps, x, d, parts):
             calls += 1
             for i in range(x.size):
                 x[i] += h * v[i]
-            bad = health(x)
+            bad = state_code(x)
             if bad == OK:
-                bad = health(c)
+                bad = state_code(c)
             if bad != OK:
                 return X, W, calls, 0, bad, now, between
-            look(between[k], j, substeps[k], now + h, x, w)
+            keep_intermediate(between[k], j, substeps[k], now + h, x, w)
         copy(x, X[k + 1])
         copy(w, W[k + 1])
     return X, W, calls, 0, OK, t[K - 1], between

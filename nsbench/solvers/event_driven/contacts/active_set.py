@@ -25,7 +25,7 @@ AGREE = 1e-3  # a multiplier may start this negative relative to the drift if it
 
 
 @dataclass(frozen=True, eq=False)
-class Choice:
+class ActiveSet:
     """basis: indices of independent contacts to hold; kept: mask of those that stay closed with
     them.
 
@@ -39,7 +39,7 @@ class Choice:
     flat: bool = False
 
 
-class Selector:
+class ActiveSetSelector:
     """Chooses bases; remembers the size of the drift, which sets what is small."""
 
     def __init__(self, field: ContactField):
@@ -85,7 +85,7 @@ class Selector:
             (C, V, count, f),
         )
 
-    def choose(self, t: float, x: np.ndarray, rows: Rows, warm, step: float) -> Choice:
+    def choose(self, t: float, x: np.ndarray, rows: Rows, warm, step: float) -> ActiveSet:
         """rows: the closed contacts; warm: indices to prefer; step: a step of the integrator, the
         time scale."""
         m = len(rows)
@@ -95,16 +95,16 @@ class Selector:
         norm = M.norm
         flat = np.flatnonzero(~(norm >= FLAT * rows.norm))
         if flat.size:
-            return Choice(support, none, int(flat[0]), True)
+            return ActiveSet(support, none, int(flat[0]), True)
         if code == 1:  # by rounding alone? Ask with a tolerance
             (lam, w, support, code, bad), M, _ = self.velocity(t, x, rows, warm, strictly=False)
         if code == 1:
-            return Choice(support, none, int(bad))
+            return ActiveSet(support, none, int(bad))
         small = UNDECIDED * self.size
         shut = np.flatnonzero(w <= small * norm)
         strong = support[lam[support] * norm[support] > small]
         if len(strong) == len(shut):
-            return Choice(strong, _mask(m, strong))
+            return ActiveSet(strong, _mask(m, strong))
         return self._look_ahead(t, x, rows, shut, support, step, lam * norm, M)
 
     def _look_ahead(self, t, x, rows, shut, support, step, strength, M):
@@ -127,7 +127,7 @@ class Selector:
             if np.all((w > STRICT * self.size * norm) | M2.span(held, DEPENDENT)):
                 break
         kept = _mask(len(rows), shut) & M.span(best, DEPENDENT)
-        return Choice(best, kept)
+        return ActiveSet(best, kept)
 
     def _holds(self, t, x, part, held) -> bool:
         """Whether the multipliers of this basis are not negative now, beyond what the look-ahead

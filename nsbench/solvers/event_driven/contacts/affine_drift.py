@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from nsbench.case import Case
-from nsbench.compilation.factories import host
+from nsbench.compilation.factories import as_numpy
 from nsbench.solvers.event_driven.interval_taylor import ORDER, SPACE, Jet, as_jet
 
 MOST = 4000  # states: beyond, columns of A are not asked for one by one
@@ -30,7 +30,7 @@ def affine_drift(case: Case, box: float):
     state = _still(np.zeros(n), np.full(n, box))
     if not (_quiet(case, time, _moving(state), 2) and _quiet(case, _moving(time), state, 1)):
         return None
-    f = host(case.problem.drift)
+    f = as_numpy(case.problem.drift)
     c = np.array(f(lo, np.zeros(n)), float)
     unit = 2.0 ** np.ceil(np.log2(1.0 + np.abs(c).max(initial=0.0)))  # differences round like c
     unit = min(unit, box)

@@ -31,7 +31,7 @@ LOG = 1024  # events between two looks at whether they accumulate
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
+class CompiledSetup:
     """What a run needs that does not change: the drift as CSR and constant, the part it gives each
     coordinate to (see _contact_choice), the box, hard particles, order and eps."""
 
@@ -43,7 +43,7 @@ class Plan:
     eps: float
 
 
-def plan(case: Case, field, x, options, tol: float) -> Plan | None:
+def plan(case: Case, field, x, options, tol: float) -> CompiledSetup | None:
     """None where the loop in Python is meant: other integrators, moving or smooth constraints,
     drifts that bend."""
     scene = field.scene
@@ -62,10 +62,10 @@ def plan(case: Case, field, x, options, tol: float) -> Plan | None:
     order = int(
         np.clip(np.ceil(1.0 - 0.5 * np.log(eps)), ORDERS[0] + 2, ORDERS[1])
     )  # Jorba & Zou 2005, eq. 10
-    return Plan(drift, parts(drift), box, hard, order, eps * field.unit)
+    return CompiledSetup(drift, parts(drift), box, hard, order, eps * field.unit)
 
 
-def load(walk, p: Plan):
+def load(walk, p: CompiledSetup):
     """Load or compile the kernels: a run of no length."""
     walk.T = walk.t
     run(walk, p)
@@ -73,18 +73,18 @@ def load(walk, p: Plan):
         compile_sparse()
 
 
-def run(walk, p: Plan) -> bool:
+def run(walk, p: CompiledSetup) -> bool:
     """Carry `walk` (see _constrained) to its end; False where it should start again in Python."""
-    from nsbench.solvers.event_driven.contacts.kernels.loop import walk as kernel
+    from nsbench.solvers.event_driven.contacts.kernels.loop import integrate_contacts as kernel
 
     with np.errstate(all="ignore"):
         walk._record(walk.x[None], np.zeros((1, 0)), np.zeros((1, walk.case.n)))
         if not walk._start().ok:
             return False
-        return _Driver(walk, p, kernel).run()
+        return KernelDriver(walk, p, kernel).run()
 
 
-class _Driver:
+class KernelDriver:
     """Moves data between `walk` and the kernel."""
 
     def __init__(self, walk, p, kernel):
@@ -140,7 +140,10 @@ class _Driver:
                 walk.paces = self.paces.tolist()
                 walk.selector.size = float(self.num[loop_state.SIZE])
                 if not choose(
-                    walk, self.plan.label, int(self.cnt[loop_state.FIRED]), int(self.cnt[loop_state.ENTRY])
+                    walk,
+                    self.plan.label,
+                    int(self.cnt[loop_state.FIRED]),
+                    int(self.cnt[loop_state.ENTRY]),
                 ):
                     return False
 

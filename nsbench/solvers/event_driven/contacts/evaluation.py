@@ -8,8 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from nsbench.case import Case
-from nsbench.dynamics.contacts.constraint_set import PAIR, ROW, SMOOTH, Near, Scene
-from nsbench.dynamics.length_scale import unit_of
+from nsbench.dynamics.contacts.constraint_set import (
+    PAIR,
+    ROW,
+    SMOOTH,
+    CandidateContacts,
+    ConstraintSet,
+)
+from nsbench.dynamics.length_scale import case_length_scale
 from nsbench.problem import Affine, Distance, Smooth
 from nsbench.solvers.event_driven.interval_taylor import SPACE
 
@@ -22,9 +28,9 @@ class Rows:
     """A list of constraints made ready for the kernels: its arrays, the smooth ones, the longest
     row."""
 
-    near: Near
+    near: CandidateContacts
     slot: np.ndarray
-    smooth: Near | None
+    smooth: CandidateContacts | None
     width: int
     norm: np.ndarray  # (m,) lengths of the gradients; of smooth constraints that at the start
 
@@ -35,11 +41,11 @@ class Rows:
 class ContactField:
     """Evaluations at (t, x) of the constraints of a case; counts drift calls."""
 
-    def __init__(self, case: Case, scene: Scene):
-        from nsbench.compilation.factories import host
+    def __init__(self, case: Case, scene: ConstraintSet):
+        from nsbench.compilation.factories import as_numpy
 
-        self.scene, self.n, self.calls, self.unit = scene, case.n, 0, unit_of(case)
-        self._drift = host(case.problem.drift)
+        self.scene, self.n, self.calls, self.unit = scene, case.n, 0, case_length_scale(case)
+        self._drift = as_numpy(case.problem.drift)
         families = scene.families
         self._boxes = [
             case.problem.drift,
@@ -108,7 +114,7 @@ class ContactField:
         """Every constraint that can become active before a particle has travelled reach / 2."""
         return self.rows(self.scene.near(np.ascontiguousarray(x), self.reach, t))
 
-    def rows(self, near: Near) -> Rows:
+    def rows(self, near: CandidateContacts) -> Rows:
         smooth = near.kind == SMOOTH
         of_row = near.p[near.kind == ROW]
         width = max(

@@ -62,7 +62,10 @@ class Sparse:
         guess = np.zeros(len(h))
         guess[warm] = size
         lam, d, code, its = active_set.solve(self.P, self.vals, h, guess, size)
-        if code == active_set.SOLVED and active_set.residual(self.P, self.vals, h, lam, d) <= SOLVED * size:
+        if (
+            code == active_set.SOLVED
+            and active_set.residual(self.P, self.vals, h, lam, d) <= SOLVED * size
+        ):
             w = np.empty(len(h))
             active_set.slack(self.P, self.vals, h, d, w)
             return lam, w, np.flatnonzero(lam > 0.0), 0, -1, its

@@ -13,13 +13,13 @@ from __future__ import annotations
 import numpy as np
 
 from nsbench.case import Case
-from nsbench.dynamics.contacts.constraint_set import Scene
+from nsbench.dynamics.contacts.constraint_set import ConstraintSet
 from nsbench.solvers.base import Run
-from nsbench.solvers.common.initial_state import start_state
+from nsbench.solvers.common.initial_state import initial_state
 from nsbench.solvers.event_driven.contacts import compiled_loop
-from nsbench.solvers.event_driven.contacts.active_set import Selector
+from nsbench.solvers.event_driven.contacts.active_set import ActiveSetSelector
 from nsbench.solvers.event_driven.contacts.evaluation import ContactField
-from nsbench.solvers.event_driven.smooth.arc import follow
+from nsbench.solvers.event_driven.smooth.arc import integrate_to_event
 from nsbench.trajectory import Event, Status, Trajectory
 
 MEMORY = 10  # arcs whose largest step is the time scale of the look-ahead
@@ -33,25 +33,25 @@ def prepare(case: Case, options, tol: float) -> Run:
     start."""
     import scipy.integrate  # noqa: F401  (loaded here, not in the timed run)
 
-    scene = Scene(case.problem, case.n)
-    x = start_state(case, scene)
+    scene = ConstraintSet(case.problem, case.n)
+    x = initial_state(case, scene)
     field = ContactField(case, scene)
     plan = compiled_loop.plan(case, field, x, options, tol)
     field.compile(float(case.t[0]), x, arcs=plan is None)
     if plan is not None:
-        compiled_loop.load(_Walk(case, scene, x.copy(), options, tol), plan)
+        compiled_loop.load(ContactIntegrator(case, scene, x.copy(), options, tol), plan)
 
     def run():
         if plan is not None:
-            walk = _Walk(case, scene, x.copy(), options, tol)
+            walk = ContactIntegrator(case, scene, x.copy(), options, tol)
             if compiled_loop.run(walk, plan):
                 return walk._trajectory(Status())
-        return _Walk(case, scene, x.copy(), options, tol).run()
+        return ContactIntegrator(case, scene, x.copy(), options, tol).run()
 
     return run
 
 
-class _Walk:
+class ContactIntegrator:
     """One run: where it is, what is held, what was recorded."""
 
     def __init__(self, case, scene, x, options, tol):
@@ -59,7 +59,7 @@ class _Walk:
         self.options = options
         self.tol = tol
         self.field = ContactField(case, scene)
-        self.selector = Selector(self.field)
+        self.selector = ActiveSetSelector(self.field)
         self.t, self.x, self.T = float(case.t[0]), x, float(case.t[-1])
         self.all = self.field.candidates(self.t, x)
         self.basis = np.empty(0, np.int64)
@@ -215,7 +215,7 @@ class _Walk:
         band = np.concatenate(
             (self._band(others), self.tol * self.selector.size / held.norm, np.zeros(still))
         )
-        arc = follow(
+        arc = integrate_to_event(
             rhs,
             self.t,
             np.concatenate((self.x, np.zeros(p + n))),

@@ -16,12 +16,12 @@ from itertools import product
 import numpy as np
 
 from nsbench.case import Case
-from nsbench.dynamics.filippov.vector_field import EPS, FREE, Motion
-from nsbench.dynamics.length_scale import unit_of
+from nsbench.dynamics.filippov.vector_field import EPS, FREE, FilippovVectorField
+from nsbench.dynamics.length_scale import case_length_scale
 from nsbench.solvers.base import Run
 from nsbench.solvers.event_driven.filippov.compiled_loop import Compiled
 from nsbench.solvers.event_driven.filippov.program import tape
-from nsbench.solvers.event_driven.smooth.arc import follow
+from nsbench.solvers.event_driven.smooth.arc import integrate_to_event
 from nsbench.trajectory import Event, Status, Trajectory
 
 TRIALS = 10.0 ** np.arange(
@@ -40,14 +40,14 @@ def prepare(case: Case, options, tol: float) -> Run:
     Its trajectory has the integrals of theta and the events enter, exit and cross with contact (0,
     i).
     """
-    motion = Motion(case.problem, float(case.t[0]), case.x0)
+    motion = FilippovVectorField(case.problem, float(case.t[0]), case.x0)
     series = options.method == "dop853" and options.compiled
     made = tape(case.problem, motion.d, float(case.t[0]), case.x0) if series else None
     fast = None if made is None else Compiled(made, case, options, tol)
-    return lambda: _Walk(case, motion, options, tol, fast).run()
+    return lambda: FilippovIntegrator(case, motion, options, tol, fast).run()
 
 
-class _Walk:
+class FilippovIntegrator:
     def __init__(self, case, motion, options, tol, fast=None):
         # the compiled walk, and how often it had to be helped
         self.fast = fast
@@ -58,7 +58,7 @@ class _Walk:
         self.tol = tol
         self.t, self.x, self.n, self.d = float(case.t[0]), case.x0.copy(), case.n, motion.d
         motion.calls = motion.newton = 0
-        self.unit = unit = unit_of(case)
+        self.unit = unit = case_length_scale(case)
         self.size = (
             1.0 if unit == 1.0 else np.append(np.full(self.n, unit), np.ones(self.d))
         )  # of a state and of weights
@@ -194,7 +194,7 @@ class _Walk:
         band[on] = FLAT
         band[free] = 0.0
         later = self.case.t[self.done :]
-        arc = follow(
+        arc = integrate_to_event(
             rhs,
             self.t,
             np.concatenate([self.x, self.theta]),

@@ -13,7 +13,7 @@ from itertools import product
 
 import numpy as np
 
-from nsbench.compilation.factories import host
+from nsbench.compilation.factories import as_numpy
 from nsbench.solvers.event_driven.filippov.tracing.graph import Graph
 from nsbench.solvers.event_driven.filippov.tracing.layout import lay_out
 from nsbench.solvers.event_driven.filippov.tracing.trace import SPACE, UNTRACEABLE, inputs, vector
@@ -148,8 +148,8 @@ def _agrees(made, problem, modes, t0, x0) -> bool:
     start."""
     from nsbench.solvers.event_driven.filippov.kernels.mode_choice import at
 
-    field = host(problem.field)
-    switch = host(problem.switch)
+    field = as_numpy(problem.field)
+    switch = as_numpy(problem.switch)
     V = np.zeros((made.rows, 1))
     rng = np.random.default_rng(0)
     for k in range(PROBES):

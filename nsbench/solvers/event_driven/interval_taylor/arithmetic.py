@@ -5,8 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from nsbench.solvers.event_driven.interval_taylor import ORDER, Jet, _jets, as_jet
-from nsbench.solvers.event_driven.interval_taylor import kernels
+from nsbench.solvers.event_driven.interval_taylor import ORDER, Jet, _jets, as_jet, kernels
 
 UNIT = kernels.UNIT
 

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from nsbench.solvers.event_driven.interval_taylor import arithmetic
-from nsbench.solvers.event_driven.interval_taylor import as_jet
-from nsbench.solvers.event_driven.interval_taylor import nonsmooth
+from nsbench.solvers.event_driven.interval_taylor import arithmetic, as_jet, nonsmooth
 
 UFUNCS = {
     np.add: arithmetic.add,
@@ -61,7 +59,9 @@ FUNCTIONS = {
     np.diff: arithmetic.diff,
     np.zeros_like: lambda a, **_: as_jet(np.zeros(a.shape), a.mid.shape[-2]),
     np.ones_like: lambda a, **_: as_jet(np.ones(a.shape), a.mid.shape[-2]),
-    np.full_like: lambda a, v, **_: arithmetic.multiply(as_jet(np.ones(a.shape), a.mid.shape[-2]), v),
+    np.full_like: lambda a, v, **_: arithmetic.multiply(
+        as_jet(np.ones(a.shape), a.mid.shape[-2]), v
+    ),
     np.mean: lambda a, axis=None, **_: arithmetic.divide(
         arithmetic.total(a, axis), float(a.size if axis is None else a.shape[axis])
     ),

@@ -69,7 +69,7 @@ FASTEST = 7.0  # growths of a state in one step, beyond which a step is not take
 NOISE = 64.0
 
 
-class Flow:
+class LinearFlow:
     """The flow of one mode: steps with kept factors."""
 
     def __init__(self, mode, inputs, method: str = "dop853", tol: float = 1e-12):
@@ -163,7 +163,7 @@ class Flow:
         )
 
     def _followed(self, t, x, h):
-        from nsbench.solvers.event_driven.smooth.arc import follow
+        from nsbench.solvers.event_driven.smooth.arc import integrate_to_event
 
         m = self.mode
         times = 0.5 * h * (1.0 + S)
@@ -177,7 +177,7 @@ class Flow:
         X = np.full((len(S), x.size), np.nan)
         s = np.array([self.inputs(t + a, m.order) for a in times])
         if np.all(np.isfinite(s)):
-            arc = follow(
+            arc = integrate_to_event(
                 rhs,
                 0.0,
                 x / size,

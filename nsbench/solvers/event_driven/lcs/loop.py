@@ -21,14 +21,14 @@ from nsbench.solvers.event_driven.lcs.linear_flow import (
     EPS,
     NOISE,
     SUM,
-    Flow,
+    LinearFlow,
     S,
     crossing,
     resolved,
     value,
 )
 from nsbench.solvers.event_driven.lcs.modes import Inputs, mode
-from nsbench.solvers.event_driven.smooth.arc import CREEPS, Creeping
+from nsbench.solvers.event_driven.smooth.arc import CREEPS, StallDetector
 from nsbench.trajectory import Event, Status, Trajectory
 
 ALL = 6  # rows whose 2^m sets are all candidates; with more, those of short implicit steps
@@ -50,10 +50,10 @@ def prepare(case: Case, options, tol: float) -> Run:
     release, contact (0, i)."""
     import scipy.linalg  # noqa: F401  (loaded here, not in the timed run)
 
-    return lambda: _Walk(case, options, tol).run()
+    return lambda: LcsIntegrator(case, options, tol).run()
 
 
-class _Walk:
+class LcsIntegrator:
     def __init__(self, case, options, tol):
         self.case = case
         self.p = case.problem
@@ -64,7 +64,7 @@ class _Walk:
         self.inputs = Inputs(self.p)
         self.flows = {}
         self.flow = None
-        self.creeps = Creeping(self.t, self.T - self.t)
+        self.creeps = StallDetector(self.t, self.T - self.t)
         self.least = max(LEAST * (self.T - self.t), 4.0 * np.spacing(max(abs(self.t), abs(self.T))))
         self.total = np.zeros(self.m)
         self.X = np.full((len(case.t), self.n), np.nan)
@@ -125,7 +125,9 @@ class _Walk:
         if rows not in self.flows:
             found = mode(self.p, rows)
             self.flows[rows] = (
-                None if found is None else Flow(found, self.inputs, self.options.method, self.tol)
+                None
+                if found is None
+                else LinearFlow(found, self.inputs, self.options.method, self.tol)
             )
         return self.flows[rows]
 

@@ -38,12 +38,12 @@ class Inputs:
         return np.array([f(t) for f in self._known[: order + 1]])
 
     def _derivative(self, order):
-        from nsbench.compilation.factories import jax_function
+        from nsbench.compilation.factories import as_jax
 
         p = self._p
         zero = np.zeros(self._p.B.shape)
         u, q = (
-            jax_function(f) if f else (lambda t, v=v: v + 0.0 * t)
+            as_jax(f) if f else (lambda t, v=v: v + 0.0 * t)
             for f, v in ((p.u, zero[:, 0]), (p.q, zero[0]))
         )
         import jax
@@ -57,7 +57,7 @@ class Inputs:
 
 
 @dataclass(frozen=True, eq=False)
-class Mode:
+class LcsMode:
     """rows: I, p of them. lam_I = F x + sum_k Phi[k] s^(k), s = (u, q); x' = G x + sum_k U[k]
     s^(k).
 
@@ -79,7 +79,7 @@ class Mode:
     order: int
 
 
-def mode(p: LCS, rows: tuple) -> Mode | None:
+def mode(p: LCS, rows: tuple) -> LcsMode | None:
     """The mode with w = 0 on `rows`; None if these do not determine lam."""
     on = list(rows)
     n = p.A.shape[0]
@@ -159,7 +159,7 @@ def _mode(p, on, N, K, S, held, held_s):
         np.concatenate((h, np.zeros((len(h), order + 1 - h.shape[1], n + m))), axis=1)
         for h in held_s
     ]
-    return Mode(
+    return LcsMode(
         tuple(on),
         F,
         Phi,

@@ -17,9 +17,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from nsbench.solvers.event_driven.smooth.crossings import Crossings
+from nsbench.solvers.event_driven.smooth.crossings import EventFunctions
 from nsbench.solvers.event_driven.smooth.defect import shorter
-from nsbench.solvers.event_driven.smooth.pieces import cut, whole
+from nsbench.solvers.event_driven.smooth.pieces import single_piece, split_where_smooth
 from nsbench.trajectory import Status
 
 METHODS = {"dop853": "DOP853", "rk45": "RK45", "radau": "Radau", "lsoda": "LSODA"}
@@ -82,7 +82,7 @@ class _Counted:
         return self.rhs(t, y)
 
 
-def follow(
+def integrate_to_event(
     rhs: Callable,
     t0: float,
     y0: np.ndarray,
@@ -133,7 +133,7 @@ def follow(
         ).run(max_steps, first_step)
 
 
-class Creeping:
+class StallDetector:
     """Whether the last CREEP steps hardly moved, and as far as those before, or not at all:
     shrinking ones end by themselves."""
 
@@ -196,9 +196,9 @@ class _Follower:
         self.steps = 0
         self.rows = []
         self.row = 0
-        self.creeps = Creeping(t0, t_end - t0)
+        self.creeps = StallDetector(t0, t_end - t0)
         self.unproven = self.refused = 0
-        self.watch = None if gaps is None else Crossings(gaps, band, armed, t0, y0)
+        self.watch = None if gaps is None else EventFunctions(gaps, band, armed, t0, y0)
 
     def run(self, max_steps, first_step) -> Arc:
         if not np.all(np.isfinite(self.fun(self.t, self.y))):
@@ -268,7 +268,7 @@ class _Follower:
         if why is not None or not np.all(np.isfinite(solver.y)):
             return self._failed(t_old, y_old), (), solver
         dense = solver.dense_output()
-        pieces = cut(dense, t_old, solver.t, self.data)
+        pieces = split_where_smooth(dense, t_old, solver.t, self.data)
         shorter = self._unseen(dense, pieces, t_old, solver.t)
         if shorter is not None:
             return Status(), np.empty(0), self._again(solver, t_old, y_old, shorter)
@@ -276,7 +276,7 @@ class _Follower:
         self.h = max(self.h, solver.t - t_old)
         self.unproven += pieces is None or not all(p.proven for p in pieces)
         if self.watch is not None:
-            found = self.watch.first(dense, pieces or [whole(dense, t_old, solver.t)])
+            found = self.watch.first(dense, pieces or [single_piece(dense, t_old, solver.t)])
             if found is not None:
                 return *self._land(t_old, y_old, *found), solver
         self.t = solver.t
@@ -303,7 +303,7 @@ class _Follower:
             self.max_step = min(self.max_step, self.bound)
             if b - a > 1.001 * self.bound:
                 return self.bound
-            pieces = [whole(dense, a, b)]
+            pieces = [single_piece(dense, a, b)]
         elif len(pieces) == 1:
             return None  # proven smooth over the whole step: its estimate can be trusted
         return shorter(self.fun, pieces, self.method, self.atol, self.rtol, SHARE)

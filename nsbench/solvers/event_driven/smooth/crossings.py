@@ -14,7 +14,13 @@ from collections.abc import Callable
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from nsbench.solvers.event_driven.smooth.pieces import DEGREE, NODES, TO_CHEBYSHEV, Piece, whole
+from nsbench.solvers.event_driven.smooth.pieces import (
+    DEGREE,
+    NODES,
+    TO_CHEBYSHEV,
+    Piece,
+    single_piece,
+)
 
 SPLITS = 12  # halvings of a piece before a function counts as not smooth
 TOUCH = 0.05  # part of the band that a dip must exceed to be a crossing
@@ -26,7 +32,7 @@ _END = np.arange(DEGREE + 1.0) ** 2  # slope of the Chebyshev polynomials at 1
 _MINIMAL = 16 * np.finfo(float).eps
 
 
-class Crossings:
+class EventFunctions:
     """The event functions of one arc: gaps(t, y) -> (m,), their levels, and which are armed.
 
     An armed function fires where it crosses zero downward; one that is not fires where it falls
@@ -70,8 +76,8 @@ class Crossings:
             ):
                 mid = 0.5 * (piece.lo + piece.hi)
                 todo += [
-                    (whole(dense, mid, piece.hi, piece.depth + 1, piece.proven), depth + 1),
-                    (whole(dense, piece.lo, mid, piece.depth + 1, piece.proven), depth + 1),
+                    (single_piece(dense, mid, piece.hi, piece.depth + 1, piece.proven), depth + 1),
+                    (single_piece(dense, piece.lo, mid, piece.depth + 1, piece.proven), depth + 1),
                 ]
                 continue
             base = np.where(self.armed, 0.0, self.level)

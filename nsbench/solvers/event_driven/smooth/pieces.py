@@ -70,17 +70,21 @@ def nodes(lo: float, hi: float) -> np.ndarray:
     return times
 
 
-def whole(dense: Callable, lo: float, hi: float, depth: int = 0, proven: bool = False) -> Piece:
+def single_piece(
+    dense: Callable, lo: float, hi: float, depth: int = 0, proven: bool = False
+) -> Piece:
     return Piece(lo, hi, dense(nodes(lo, hi)).T, depth, proven)
 
 
-def cut(dense: Callable, lo: float, hi: float, data: Callable | None) -> list[Piece] | None:
+def split_where_smooth(
+    dense: Callable, lo: float, hi: float, data: Callable | None
+) -> list[Piece] | None:
     """Pieces from lo to hi in order; data(t, y) gives the black boxes for Jets. None: nothing can
     be proven."""
     if data is None:
         return None
     done = []
-    open_ = [whole(dense, lo, hi)]
+    open_ = [single_piece(dense, lo, hi)]
     size = (1.0 + np.abs(open_[0].y).max(initial=0.0)) / max(
         hi - lo, 1.0
     )  # as a length, and as a speed over the step
@@ -102,7 +106,7 @@ def cut(dense: Callable, lo: float, hi: float, data: Callable | None) -> list[Pi
         if len(rest) > CROWDED:
             return None
         open_ = [
-            whole(dense, *ends, depth + 1)
+            single_piece(dense, *ends, depth + 1)
             for p in rest
             for ends in ((p.lo, 0.5 * (p.lo + p.hi)), (0.5 * (p.lo + p.hi), p.hi))
         ]

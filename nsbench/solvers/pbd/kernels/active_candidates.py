@@ -27,7 +27,7 @@ def row_gap(y, s, q, rows, b, dim):
 
 
 @njit(cache=True, error_model="numpy")
-def choose(lists, chosen, y, r, skin, dim, rows, b, moving):
+def select_active(lists, chosen, y, r, skin, dim, rows, b, moving):
     """Fill `chosen` (i, j, where, mu) with the candidates whose gap is at most skin, rows of moving
     walls all of them.
 
@@ -70,14 +70,14 @@ def choose(lists, chosen, y, r, skin, dim, rows, b, moving):
 
 
 @njit(cache=True)
-def put_back(mu, where, near_mu):
+def restore_impulses(mu, where, near_mu):
     """Impulses of the chosen to the list."""
     for c in range(where.size):
         mu[where[c]] = near_mu[c]
 
 
 @njit(cache=True)
-def width(pace, radius, skin):
+def inner_skin(pace, radius, skin):
     """The skin of a choice: what costs least if particles go `pace` in a step, at most 0.6 of that
     of the list."""
     return min(0.6 * skin, max(0.1 * skin, np.sqrt(FAVOUR * pace * radius)))

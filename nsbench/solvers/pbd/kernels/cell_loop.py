@@ -16,11 +16,14 @@ import numpy as np
 from numba import njit
 
 from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
-from nsbench.solvers.pbd.kernels import cell_storage
-from nsbench.solvers.pbd.kernels import threaded_loop
-from nsbench.solvers.pbd.kernels.active_candidates import choose, put_back, width
+from nsbench.solvers.pbd.kernels import cell_storage, threaded_loop
+from nsbench.solvers.pbd.kernels.active_candidates import (
+    inner_skin,
+    restore_impulses,
+    select_active,
+)
 from nsbench.solvers.pbd.kernels.cell_step import drift, farthest, settle
-from nsbench.solvers.pbd.kernels.cell_storage import DEEP, listed, near_rows, renew
+from nsbench.solvers.pbd.kernels.cell_storage import DEEP, listed, near_rows, rebuild
 from nsbench.solvers.pbd.kernels.cell_sweep import sweep
 from nsbench.solvers.pbd.kernels.listed_loop import NAN, OK, TIED
 
@@ -87,7 +90,7 @@ def flush(k, lists, kept, label, families, ids, values, count):
 
 
 @njit(cache=True, error_model="numpy")
-def renewed(
+def refresh_candidates(
     crew,
     sizes,
     widths,
@@ -124,7 +127,7 @@ def renewed(
     n = state[0].size // dim
     if record:
         if crew is None:
-            put_back(
+            restore_impulses(
                 listed(candidates, sizes[0])[2],
                 candidates[7][: sizes[1]],
                 candidates[5][: sizes[1]],
@@ -145,7 +148,7 @@ def renewed(
                 widths[2] = 0.5 * DEEP * widths[0]
                 near = near_rows(y, particles[1], rows, b, widths[2], dim, near, True)
             which = near_rows(y, particles[1], rows, b, 0.5 * widths[0], dim, near, False)
-        sizes[0], kept, radii, pairs, candidates = renew(
+        sizes[0], kept, radii, pairs, candidates = rebuild(
             crew,
             sizes[0],
             kept,
@@ -179,7 +182,7 @@ def renewed(
     if crew is None:
         half = candidates[3].size
         chosen = candidates[2][:half], candidates[2][half:], candidates[7], candidates[5]
-        sizes[1] = choose(
+        sizes[1] = select_active(
             listed(candidates, sizes[0]), chosen, y, radii, widths[3], dim, rows, b, moving
         )
         spot[:] = y
@@ -287,8 +290,8 @@ def march(
                         if again == 0:
                             pace = np.sqrt(far) / max(age, 1)
                             reserve = max(0.05, 0.97 * reserve) if sizes[2] > 0 else reserve
-                        widths[1] = max(storm, width(pace, radius, least))
-                        kept, radii, near, candidates = renewed(
+                        widths[1] = max(storm, inner_skin(pace, radius, least))
+                        kept, radii, near, candidates = refresh_candidates(
                             crew,
                             sizes,
                             widths,
@@ -376,7 +379,7 @@ def march(
         unpack(reac, label, dim, R[k + 1])
         if record:
             if crew is None:
-                put_back(
+                restore_impulses(
                     listed(candidates, sizes[0])[2],
                     candidates[7][: sizes[1]],
                     candidates[5][: sizes[1]],
@@ -395,4 +398,4 @@ def march(
 def room(n: int, N: int, m: int = 0) -> tuple:
     """State and arrays to work in for n particles with N coordinates and m candidates, 0: some for
     each. Made by numpy: on large pages."""
-    return np.empty((6, N)), *cell_storage.room.py_func(n, m or 8 * n + 64)
+    return np.empty((6, N)), *cell_storage.workspace.py_func(n, m or 8 * n + 64)

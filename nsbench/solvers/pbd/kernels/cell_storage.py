@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 
 from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
-from nsbench.dynamics.contacts.kernels.constraint_order import CELL, order_key
+from nsbench.dynamics.contacts.kernels.constraint_order import CELL, sweep_key
 from nsbench.solvers.pbd.kernels.conflict_schedule import divide, schedule
 
 DEEP = (
@@ -19,7 +19,7 @@ DEEP = (
 
 
 @njit(cache=True)
-def room(n, m):
+def workspace(n, m):
     """Arrays to work in, for n particles and m candidates; made by numpy (room.py_func) they lie on
     large pages.
 
@@ -98,7 +98,7 @@ def by_cells(y, dim, size, cell, order, row):
 
 
 @njit(cache=True)
-def take(values, order, dim, spare):
+def permute(values, order, dim, spare):
     """Move the entries (n, dim) of `values` to the new order."""
     for s in range(order.size):
         for c in range(dim):
@@ -229,14 +229,14 @@ def fill_keys(i, j, label, number, families, order, seed, keys):
             u = families.shape[0] - 1
             while families[u, 1] > q:
                 u -= 1
-            keys[c] = order_key(order, seed, families[u, 0], q - families[u, 1], 0)
+            keys[c] = sweep_key(order, seed, families[u, 0], q - families[u, 1], 0)
         else:
             a = np.int64(label[i[c]])
             b = np.int64(label[j[c]])
             if order == CELL:
                 a = number[a]
                 b = number[b]
-            keys[c] = order_key(order, seed, families[0, 0], min(a, b), max(a, b))
+            keys[c] = sweep_key(order, seed, families[0, 0], min(a, b), max(a, b))
 
 
 @njit(cache=True)
@@ -261,7 +261,7 @@ def carried(i, j, mu, label, kept):
 
 
 @njit(cache=True)
-def bring(i, j, old, store, head, mu):
+def transfer_impulses(i, j, old, store, head, mu):
     """Fill the impulses of the candidates; returns what is left of the old ones: pairs that are no
     longer listed."""
     oi, oj, omu = old
@@ -311,7 +311,7 @@ def put(i, j, place, label, a, b):
 
 
 @njit(cache=True)
-def renew(
+def rebuild(
     crew,
     m,
     kept,
@@ -348,8 +348,8 @@ def renew(
     grid = spare.view(np.int32)[:n]
     cell = spare.view(np.int32)[n : 2 * n]
     first, num = by_cells(y, dim, 2.0 * r.max() + skin, cell, grid, row)
-    take(y, grid, dim, base)
-    take(reac, grid, dim, base)
+    permute(y, grid, dim, base)
+    permute(reac, grid, dim, base)
     base[:] = y
     for s in range(n):
         cell[s] = label[grid[s]]
@@ -370,7 +370,7 @@ def renew(
             crew is not None
         ):  # its arrays are known to all threads: the run is begun anew with longer ones
             return -2 * half - which.size, kept, radii, pairs, candidates
-        candidates = room(0, 2 * half + which.size)[1]
+        candidates = workspace(0, 2 * half + which.size)[1]
     ids, after, _, place, need = candidates[:5]
     keys = candidates[5].view(np.uint64)
     m = pairs + which.size
@@ -383,7 +383,7 @@ def renew(
         divide(a[:m], c[:m], after[: 2 * m], place[:m], ids[:m], need[:m], n, crew[4])
     i, j, mu = listed(candidates, m)
     put(a[:m], c[:m], place[:m], label, i, j)
-    kept = bring(i, j, old, store, grid, mu)
+    kept = transfer_impulses(i, j, old, store, grid, mu)
     for e in range(kept[2].size):
         kept[0][e], kept[1][e] = (
             label[kept[0][e]],

@@ -14,7 +14,7 @@ from numba import njit
 
 from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
 from nsbench.dynamics.contacts.kernels.cell_list import near_pairs
-from nsbench.dynamics.contacts.kernels.constraint_order import order_key, static_keys
+from nsbench.dynamics.contacts.kernels.constraint_order import static_keys, sweep_key
 from nsbench.dynamics.contacts.kernels.impulse_records import flush
 from nsbench.solvers.pbd.kernels.listed_loop import NAN, OK, TIED, finite
 from nsbench.solvers.pbd.kernels.projection import project_anchor, project_pair, project_row
@@ -172,11 +172,11 @@ def near_list(x, reach, order, seed, static, static_keys, hard, radii, rank):
         k = np.empty(m, np.uint64)
         for c in range(m):
             if rank.size == 0:
-                k[c] = order_key(order, seed, fam, i[c], j[c])
+                k[c] = sweep_key(order, seed, fam, i[c], j[c])
             else:
                 a = number[i[c]]
                 b = number[j[c]]
-                k[c] = order_key(order, seed, fam, min(a, b), max(a, b))
+                k[c] = sweep_key(order, seed, fam, min(a, b), max(a, b))
         lists, keys = append(lists, keys, pairs_of(fam, i, j, start, dm, r), k, np.arange(m))
     return in_order(lists, keys)
 

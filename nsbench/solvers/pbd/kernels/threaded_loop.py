@@ -20,7 +20,7 @@ import numpy as np
 from numba import njit
 
 from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
-from nsbench.solvers.pbd.kernels.active_candidates import choose, put_back
+from nsbench.solvers.pbd.kernels.active_candidates import restore_impulses, select_active
 from nsbench.solvers.pbd.kernels.cell_step import drift, settle
 from nsbench.solvers.pbd.kernels.cell_storage import listed
 from nsbench.solvers.pbd.kernels.cell_sweep import sweep
@@ -92,7 +92,7 @@ def choose_class(c, crew):
         candidates[7][lo:hi],
         candidates[5][lo:hi],
     )
-    chosen[c] = choose(
+    chosen[c] = select_active(
         (i[lo:], j[lo:], mu[lo:]),
         into,
         state[0],
@@ -111,7 +111,7 @@ def put_back_class(c, crew):
     _, _, _, _, ends, chosen, _, _, _, candidates, _, _, _ = crew
     lo = ends[c]
     m = chosen[c]
-    put_back(
+    restore_impulses(
         listed(candidates, ends[c + 1])[2][lo:],
         candidates[7][lo : lo + m],
         candidates[5][lo : lo + m],

@@ -16,8 +16,8 @@ import numpy as np
 from numba import njit
 
 from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
-from nsbench.lcp.lemke import least, other_motion, scales, solve
-from nsbench.linalg.dense import BLOWN, NAN, OK, gauss, health, largest  # noqa: F401
+from nsbench.lcp.lemke import has_other_motion, least_norm_solution, scales, solve
+from nsbench.linalg.dense import BLOWN, NAN, OK, largest, solve_gauss, state_code  # noqa: F401
 
 NOTHING = 4
 JUMP = 5
@@ -98,7 +98,7 @@ def matrices(J, h, theta, B, W, G):
             e[i] = 1.0 if i == c else 0.0
             for j in range(n):
                 K[i, j] = (1.0 if i == j else 0.0) - h * theta * J[i, j]
-        if not gauss(K, e):
+        if not solve_gauss(K, e):
             return False
         for i in range(n):
             W[i, c] = e[i]
@@ -178,8 +178,8 @@ def advance(f, linear, now, after, h, theta, x, y, v, q0, q1, system, state, lam
         count[CALLS] += 1
         for c in range(n):
             v[c] = (1.0 - theta) * old[c] + theta * v[c] if theta < 1.0 else v[c]
-        if health(v) != OK:
-            return health(v)
+        if state_code(v) != OK:
+            return state_code(v)
         if stale:
             if not linear:
                 count[CALLS] += jacobian(f, after, y, J)
@@ -200,7 +200,7 @@ def advance(f, linear, now, after, h, theta, x, y, v, q0, q1, system, state, lam
             count[PIVOTS] += pivots
             if not found:
                 return NOTHING
-            least(M, r, a, b, lam, w)
+            least_norm_solution(M, r, a, b, lam, w)
             times(G, lam, mid)
             for c in range(n):
                 z[c] += mid[c]
@@ -210,8 +210,8 @@ def advance(f, linear, now, after, h, theta, x, y, v, q0, q1, system, state, lam
             move = max(move, abs(z[c] - y[c]))
             y[c] = z[c]
         count[INNER] += 1
-        if health(y) != OK:
-            return health(y)
+        if state_code(y) != OK:
+            return state_code(y)
         if (
             linear
             or move <= 1e-13 * (1.0 + largest(y))
@@ -314,7 +314,7 @@ def march(f, q_of, moving, linear, J, t, substeps, x, q, B, C, D, theta, fixed, 
                 stale,
                 count,
             )
-            if code == NOTHING and health(q0) + health(q1) != OK:
+            if code == NOTHING and state_code(q0) + state_code(q1) != OK:
                 code = NAN
             if code != OK:
                 return X, P, count, code, now, twice
@@ -323,7 +323,7 @@ def march(f, q_of, moving, linear, J, t, substeps, x, q, B, C, D, theta, fixed, 
                 for c in range(n):
                     free[c] = y[c] - push[c]
                 offset(C, state[3], theta, x, free, q0, q1, u, z, w)
-                if other_motion(M, w, G, lam, h * largest(v) + largest(push)):
+                if has_other_motion(M, w, G, lam, h * largest(v) + largest(push)):
                     twice = now
             for i in range(m):
                 if jumpy[i] and lam[i] * largest(G[:, i].copy()) > LARGE * h * largest(v):

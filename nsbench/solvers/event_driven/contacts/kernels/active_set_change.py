@@ -12,21 +12,21 @@ found.
 
 import numpy as np
 
-from nsbench.compilation.decorators import inner, once, one
+from nsbench.compilation.decorators import inlined, inner_kernel, one
 from nsbench.solvers.event_driven.contacts.kernels import loop_state
 from nsbench.solvers.event_driven.contacts.kernels.held_set import (
+    build_held_set,
     column,
-    outfit,
-    sine,
-    speed,
-    switched,
+    gap_rate,
+    squared_sine_to_span,
+    toggled,
 )
 from nsbench.solvers.event_driven.contacts.kernels.taylor_flow import (
     copied,
-    extend,
+    extend_series,
     gaps,
-    place,
     size,
+    sorted_index,
 )
 
 TURNS = 24  # changes of the set after one event: beyond, the full method takes over
@@ -40,7 +40,7 @@ HELD = 3
 NEW = 4
 
 
-@once
+@inlined
 def _weakest(W, gear, listed, norm, small, spared):
     """Index of the member whose multiplier is smallest, if that is not above `small`; -1 if all
     are; -2 if one is no number.
@@ -61,7 +61,7 @@ def _weakest(W, gear, listed, norm, small, spared):
     return which
 
 
-@inner
+@inner_kernel
 def _swap(a, W, gear, role, listed, places, x, dependent):
     """Member a leaves: (clear, the dependent contact that takes its place or -1, their coefficient,
     inverse Gram entry).
@@ -77,7 +77,7 @@ def _swap(a, W, gear, role, listed, places, x, dependent):
     turn = listed[4][k] if listed[0][k] > 0 else 1.0
     for c in range(role.size):
         if role[c] == KEPT or role[c] == KEPT + NEW:
-            y, length = speed(c, listed, places, x, pull)
+            y, length = gap_rate(c, listed, places, x, pull)
             if y * y > dependent / UNCLEAR * length:
                 if y * y < dependent * UNCLEAR * length:
                     return False, -1, 0.0, top
@@ -87,13 +87,13 @@ def _swap(a, W, gear, role, listed, places, x, dependent):
     if which < 0:
         for c in range(role.size):
             if role[c] == KEPT or role[c] == KEPT + NEW:
-                y, length = speed(c, listed, places, x, pull)
+                y, length = gap_rate(c, listed, places, x, pull)
                 if y * y > dependent * UNCLEAR * length:
                     role[c] += OUT - KEPT
     return True, which, best * np.sqrt(top), top
 
 
-@once
+@inlined
 def _closing(role, all_, entry, listed, places, norm, x, v, num):
     """The closed contact outside the set that does not open strictly, and its speed; -1 if there is
     none, -2: unclear.
@@ -112,13 +112,13 @@ def _closing(role, all_, entry, listed, places, norm, x, v, num):
             if g[k] > near * norm[k]:
                 return -2, 0.0
         elif what == OUT or g[k] <= near * norm[k]:
-            w, _ = speed(k, listed, places, x, v)
+            w, _ = gap_rate(k, listed, places, x, v)
             if not w > small * norm[k]:
                 return (-2 if what == OUT else k), w / norm[k]
     return -1, 0.0
 
 
-@once
+@inlined
 def _roles(W, kept):
     role = np.zeros(kept.size, np.int64)
     for k in range(kept.size):
@@ -128,39 +128,41 @@ def _roles(W, kept):
     return role
 
 
-@inner
+@inner_kernel
 def _leave(a, W, which, role):
     """The set without member a, with the dependent contact `which` in its place if that is one."""
     k = W[a]
-    W = switched(W, k, -one())
+    W = toggled(W, k, -one())
     role[k] += (OUT if which < 0 else KEPT) - HELD
     if which >= 0:
-        W = switched(W, which, one())
+        W = toggled(W, which, one())
         role[which] += HELD - KEPT
     return W
 
 
-@once
+@inlined
 def _velocity(W, start, x, listed, places, norm, drift, width, order, X, F, work, num):
     """Gear and velocity (X[1], mu of order 0) with the set W; False if its rows depend on each
     other."""
     copied(start, x)
-    good, gear = outfit(W, listed, places, norm, x, width, order, work, num[loop_state.UNIT])
+    good, gear = build_held_set(
+        W, listed, places, norm, x, width, order, work, num[loop_state.UNIT]
+    )
     if good:
         copied(x, X[0])
-        extend(one() - 1, one(), W, gear, listed, drift, X, F)
+        extend_series(one() - 1, one(), W, gear, listed, drift, X, F)
         num[loop_state.SIZE] = max(num[loop_state.SIZE], size(F[0]))
     return good, gear
 
 
-@once
+@inlined
 def _first(entry, closing, slope, W, gear, role, listed, places, norm, x, num, pace):
     """The first set to try: (clear, set, member whose multiplier grows from zero, contact that
     opens from rest)."""
     if closing:
         role[entry] = HELD + NEW
-        return True, switched(W, entry, one()), -1, -1
-    a = place(W, entry)
+        return True, toggled(W, entry, one()), -1, -1
+    a = sorted_index(W, entry)
     clear, which, c, top = _swap(a, W, gear, role, listed, places, x, num[loop_state.DEPENDENT])
     sight = UNCLEAR * num[loop_state.STRICT] * num[loop_state.SIZE]
     W = _leave(a, W, which, role)
@@ -172,8 +174,8 @@ def _first(entry, closing, slope, W, gear, role, listed, places, norm, x, num, p
     return clear and -slope / top * AHEAD * pace > sight, W, -1, entry
 
 
-@once
-def choose(
+@inlined
+def next_active_set(
     entry,
     closing,
     slope,
@@ -220,12 +222,14 @@ def choose(
             break
         if fresh >= 0:  # what was taken in last must be independent of the others
             _, top = column(fresh, W2, gear2, x.size)
-            _, length = speed(fresh, listed, places, x, X[1])
+            _, length = gap_rate(fresh, listed, places, x, X[1])
             sure = 1.0 > UNCLEAR * num[loop_state.DEPENDENT] * top * length
             fresh = -1
         a = _weakest(W2, gear2, listed, norm, small, spared)
         if a >= 0 and sure:
-            sure, which, _, _ = _swap(a, W2, gear2, role, listed, places, x, num[loop_state.DEPENDENT])
+            sure, which, _, _ = _swap(
+                a, W2, gear2, role, listed, places, x, num[loop_state.DEPENDENT]
+            )
             sure &= not (closing and W2[a] == entry)
             W2 = _leave(a, W2, which, role)
             continue
@@ -234,10 +238,13 @@ def choose(
             return True, W2, gear2, role
         sure &= a == -1 and k >= 0
         if sure and w < -small:
-            W2 = switched(W2, k, one())
+            W2 = toggled(W2, k, one())
             role[k] = HELD + NEW
             fresh = k
         elif sure:
-            sure = sine(k, W2, gear2, listed, places, x) < num[loop_state.DEPENDENT] / UNCLEAR
+            sure = (
+                squared_sine_to_span(k, W2, gear2, listed, places, x)
+                < num[loop_state.DEPENDENT] / UNCLEAR
+            )
             role[k] = KEPT + NEW
     return False, W, gear, role

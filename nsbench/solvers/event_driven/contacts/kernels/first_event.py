@@ -9,12 +9,12 @@ Nothing is sampled.
 
 import numpy as np
 
-from nsbench.compilation.decorators import inner, once, one
-from nsbench.solvers.event_driven.contacts.kernels.polynomial_descent import passage
+from nsbench.compilation.decorators import inlined, inner_kernel, one
+from nsbench.solvers.event_driven.contacts.kernels.polynomial_descent import next_crossing
 
 
-@inner
-def travel(X, deg, h, first, out):
+@inner_kernel
+def displacement_bound(X, deg, h, first, out):
     """out (n,): a bound on how far each coordinate goes within h by the terms of order `first` and
     higher."""
     for i in range(out.size):
@@ -26,8 +26,8 @@ def travel(X, deg, h, first, out):
         out[i] *= h**first
 
 
-@inner
-def strays(x, origin, reach, hard, limit):
+@inner_kernel
+def leaves_list_certificate(x, origin, reach, hard, limit):
     """(may, did): whether a hard particle may go farther than `limit` from its origin in this step;
     whether any moved."""
     may = False
@@ -45,8 +45,8 @@ def strays(x, origin, reach, hard, limit):
     return may, did
 
 
-@inner
-def _doubtful(held, armed, listed, places, X, h, bend):
+@inner_kernel
+def _possible_events(held, armed, listed, places, X, h, bend):
     """Entries not held that may reach zero within h, and those not armed.
 
     The others stay above zero along the straight line, by more than both ends may bend off it.
@@ -104,7 +104,7 @@ def _doubtful(held, armed, listed, places, X, h, bend):
     return out[:m]
 
 
-@inner
+@inner_kernel
 def _gap_series(k, listed, places, X, deg, powers, diff, out):
     """out (deg + 1,): series of the gap (see series.gap) in the time over h."""
     kind, p, q, d, sign, dim = listed
@@ -131,7 +131,7 @@ def _gap_series(k, listed, places, X, deg, powers, diff, out):
         out[j] *= 0.5 * sign[k] / d[k]
 
 
-@once
+@inlined
 def first_event(
     W, held, listed, places, norm, X, mu, deg, h, band, level, armed, firm, low, small, bend
 ):
@@ -155,9 +155,11 @@ def first_event(
     which = -one()
     touches = 0
     hi = 1.0
-    for k in _doubtful(held, armed, listed, places, X, h, bend):
+    for k in _possible_events(held, armed, listed, places, X, h, bend):
         _gap_series(k, listed, places, X, deg, powers, diff, c)
-        s, now, touched = passage(c, deg, armed[k], level[k], band[k], 0.05 * band[k], hi, b, e)
+        s, now, touched = next_crossing(
+            c, deg, armed[k], level[k], band[k], 0.05 * band[k], hi, b, e
+        )
         armed[k] = now
         touches += touched
         if s >= 0.0 and s < best:
@@ -170,7 +172,7 @@ def first_event(
         for j in range(deg):
             c[j] = turn * mu[a, j] * powers[j]
         tight = small / norm[k]
-        s, now, touched = passage(c, deg - 1, firm[a], low[a], tight, 0.05 * tight, hi, b, e)
+        s, now, touched = next_crossing(c, deg - 1, firm[a], low[a], tight, 0.05 * tight, hi, b, e)
         firm[a] = now
         touches += touched
         if s >= 0.0 and s < best:

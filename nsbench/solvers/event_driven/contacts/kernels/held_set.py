@@ -3,16 +3,19 @@ factor."""
 
 import numpy as np
 
-from nsbench.compilation.decorators import inner
+from nsbench.compilation.decorators import inner_kernel
 from nsbench.linalg.skyline_cholesky import arrange, solve
-from nsbench.solvers.event_driven.contacts.kernels.taylor_flow import hold, place
+from nsbench.solvers.event_driven.contacts.kernels.taylor_flow import (
+    project_and_factor,
+    sorted_index,
+)
 
 # pivots over their diagonal that count as zero: contacts that lock or depend on each other
 LEAST = 1e-12
 
 
-@inner
-def outfit(W, listed, places, norm, x, width, order, work, unit):
+@inner_kernel
+def build_held_set(W, listed, places, norm, x, width, order, work, unit):
     """Everything an arc with the held entries W needs, with x put on them; and whether that could
     be done."""
     p = W.size
@@ -40,11 +43,11 @@ def outfit(W, listed, places, norm, x, width, order, work, unit):
             count[a] = 2 * dim[k] if kind[k] == 1 else dim[k]
     plan = arrange(C, count, p, x.size)
     gear = (C, V, count, U, mu, plan, np.empty(plan[2][p]))
-    return hold(W, gear, listed, places, norm, x, work, LEAST, unit), gear
+    return project_and_factor(W, gear, listed, places, norm, x, work, LEAST, unit), gear
 
 
-@inner
-def speed(k, listed, places, x, v):
+@inner_kernel
+def gap_rate(k, listed, places, x, v):
     """(G_k v, |G_k|^2) of entry k."""
     kind, p, q, d, sign, dim = listed
     anchors, ptr, cols, vals, _ = places
@@ -62,7 +65,7 @@ def speed(k, listed, places, x, v):
     return sign[k] * s, size * (2.0 if kind[k] == 1 else 1.0)
 
 
-@inner
+@inner_kernel
 def _push(gear, W, z, n):
     """G^T z."""
     C = gear[0]
@@ -75,11 +78,11 @@ def _push(gear, W, z, n):
     return out
 
 
-@inner
+@inner_kernel
 def column(entry, W, gear, n):
     """G^T z / sqrt(z_k) and z_k for the column z = M^-1 e_k of `entry`."""
     z = np.zeros(W.size)
-    k = place(W, entry)
+    k = sorted_index(W, entry)
     z[k] = 1.0
     solve(gear[5], W.size, gear[6], z, z)
     top = z[k]
@@ -88,11 +91,11 @@ def column(entry, W, gear, n):
     return _push(gear, W, z, n), top
 
 
-@inner
-def switched(W, entry, change):
+@inner_kernel
+def toggled(W, entry, change):
     """W with the entry put in (change 1) or taken out (-1); sorted."""
     out = np.empty(W.size + change, np.int64)
-    a = place(W, entry)
+    a = sorted_index(W, entry)
     for i in range(a):
         out[i] = W[i]
     if change > 0:
@@ -102,8 +105,8 @@ def switched(W, entry, change):
     return out
 
 
-@inner
-def sine(c, W, gear, listed, places, x):
+@inner_kernel
+def squared_sine_to_span(c, W, gear, listed, places, x):
     """Squared sine of the angle between the gradient of entry c and the span of those held."""
     C = gear[0]
     V = gear[1]
@@ -128,7 +131,7 @@ def sine(c, W, gear, listed, places, x):
     return rest / size
 
 
-@inner
+@inner_kernel
 def gradient(k, listed, places, x):
     """(n,) the gradient of entry k, dense; distances up to their sign."""
     kind, p, q, d, _, dim = listed

@@ -10,21 +10,30 @@ import numpy as np
 from numba import njit
 
 from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
-from nsbench.compilation.decorators import inner, once, one
+from nsbench.compilation.decorators import inlined, inner_kernel, one
 from nsbench.solvers.event_driven.contacts.kernels import loop_state
-from nsbench.solvers.event_driven.contacts.kernels.active_set_change import HELD, KEPT, NEW, choose
-from nsbench.solvers.event_driven.contacts.kernels.first_event import first_event, strays, travel
-from nsbench.solvers.event_driven.contacts.kernels.held_set import LEAST, outfit
+from nsbench.solvers.event_driven.contacts.kernels.active_set_change import (
+    HELD,
+    KEPT,
+    NEW,
+    next_active_set,
+)
+from nsbench.solvers.event_driven.contacts.kernels.first_event import (
+    displacement_bound,
+    first_event,
+    leaves_list_certificate,
+)
+from nsbench.solvers.event_driven.contacts.kernels.held_set import LEAST, build_held_set
 from nsbench.solvers.event_driven.contacts.kernels.taylor_flow import (
     apart,
     at,
     copied,
-    extend,
+    extend_series,
     gaps,
-    hold,
-    longest,
-    place,
+    project_and_factor,
     size,
+    sorted_index,
+    step_length,
 )
 
 SHORT = 10  # terms of a series where the next event is expected soon
@@ -34,7 +43,7 @@ ROUNDED = 1e-10  # of the slope: what ill-conditioned contacts lose by rounding
 TOO_MANY = 50_000  # steps still to come: the equation is stiff, another method is meant for it
 
 
-@inner
+@inner_kernel
 def _path(s, deg, X, F, out, push):
     """The state and the reaction since the start of the step at s."""
     at(X, deg, s, out)
@@ -45,7 +54,7 @@ def _path(s, deg, X, F, out, push):
         push[i] = out[i] - X[0, i] - total * s
 
 
-@inner
+@inner_kernel
 def _rate(s, deg, X, out):
     """out: the slope of the series at s."""
     for i in range(out.size):
@@ -55,7 +64,7 @@ def _rate(s, deg, X, out):
             out[i] = out[i] * s + j * X[j, i]
 
 
-@inner
+@inner_kernel
 def _impulse(a, s, deg, mu):
     total = 0.0
     for j in range(deg - 1, -1, -1):
@@ -63,7 +72,7 @@ def _impulse(a, s, deg, mu):
     return total * s
 
 
-@once
+@inlined
 def _advance(s, t, deg, W, gear, listed, X, F, x, samples, records, book, cnt):
     """Write the samples up to t, at s from the start of the step, and move x, reaction and impulses
     there."""
@@ -94,12 +103,12 @@ def _advance(s, t, deg, W, gear, listed, X, F, x, samples, records, book, cnt):
         total[column[k]] += (sign[k] if kind[k] > 0 else 1.0) * _impulse(a, s, deg, mu)
 
 
-@once
+@inlined
 def _length(deg, W, gear, X, x, origin, reach, hard, num):
     """(h, code): the step that the series of this degree allows, and whether the list must be made
     anew first."""
     h = min(
-        min(longest(X, gear[4], deg, num[loop_state.EPS], W), num[loop_state.MAX_STEP]),
+        min(step_length(X, gear[4], deg, num[loop_state.EPS], W), num[loop_state.MAX_STEP]),
         num[loop_state.END] - num[loop_state.T],
     )
     if (
@@ -108,10 +117,10 @@ def _length(deg, W, gear, X, x, origin, reach, hard, num):
     ):
         return h, loop_state.FAIL
     for _ in range(60):
-        travel(X, deg, h, one(), reach)
+        displacement_bound(X, deg, h, one(), reach)
         if num[loop_state.REACH] == np.inf:
             return h, loop_state.DONE
-        may, did = strays(x, origin, reach, hard, 0.5 * num[loop_state.REACH])
+        may, did = leaves_list_certificate(x, origin, reach, hard, 0.5 * num[loop_state.REACH])
         if not may:
             return h, loop_state.DONE
         if did:
@@ -120,7 +129,7 @@ def _length(deg, W, gear, X, x, origin, reach, hard, num):
     return h, loop_state.FAIL
 
 
-@once
+@inlined
 def _watch(W, gear, basis, listed, places, norm, x, num):
     """Bands, levels and arms of gaps and multipliers at the start of an arc (see
     solvers._crossings)."""
@@ -148,13 +157,13 @@ def _watch(W, gear, basis, listed, places, norm, x, num):
     return band, level, armed, firm, low
 
 
-@once
+@inlined
 def _look(deg, h, W, gear, basis, listed, places, norm, X, watch, reach, num):
     """(s, entry, touches, watch): the first event within h, and the arms at the end of it."""
     band, level, armed, firm, low = watch
     armed = armed.copy()
     firm = firm.copy()
-    travel(X, deg, h, 2 * one(), reach)
+    displacement_bound(X, deg, h, 2 * one(), reach)
     s, entry, touches = first_event(
         W,
         basis,
@@ -176,7 +185,7 @@ def _look(deg, h, W, gear, basis, listed, places, norm, X, watch, reach, num):
     return s, entry, touches, (band, level, armed, firm, low)
 
 
-@once
+@inlined
 def _columns(W, column, cnt):
     for k in W:
         if column[k] < 0:
@@ -184,7 +193,7 @@ def _columns(W, column, cnt):
             cnt[loop_state.COLUMNS] += 1
 
 
-@once
+@inlined
 def _note(role, basis, kept, log, num, cnt):
     """Write down what closed, what opened, what handed its load to others; and take it over into
     the masks."""
@@ -218,7 +227,7 @@ def _note(role, basis, kept, log, num, cnt):
 
 
 @njit(cache=True, error_model="numpy")
-def walk(
+def integrate_contacts(
     listed,
     places,
     norm,
@@ -258,7 +267,9 @@ def walk(
             W[p] = k
             p += 1
     W = W[:p]
-    good, gear = outfit(W, listed, places, norm, x, width, order, work, num[loop_state.UNIT])
+    good, gear = build_held_set(
+        W, listed, places, norm, x, width, order, work, num[loop_state.UNIT]
+    )
     ready = 0
     quick = SHORT
     while good:
@@ -266,18 +277,21 @@ def walk(
         _columns(W, book[0], cnt)
         if ready == 0:
             copied(x, X[0])
-            extend(one() - 1, one(), W, gear, listed, drift, X, F)
+            extend_series(one() - 1, one(), W, gear, listed, drift, X, F)
         watch = _watch(W, gear, basis, listed, places, norm, x, num)
         ready = 1
         deg = one()
         entry = -one()
         while entry < 0:
-            if cnt[loop_state.STEPS] >= cnt[loop_state.MAX_STEPS] or not size(x) <= num[loop_state.BOX]:
+            if (
+                cnt[loop_state.STEPS] >= cnt[loop_state.MAX_STEPS]
+                or not size(x) <= num[loop_state.BOX]
+            ):
                 return loop_state.FAIL
             for goal in (quick, order):
                 if goal <= deg:
                     continue
-                extend(deg, goal, W, gear, listed, drift, X, F)
+                extend_series(deg, goal, W, gear, listed, drift, X, F)
                 cnt[loop_state.ORDERS] += goal - deg
                 deg = goal
                 h, code = _length(deg, W, gear, X, x, origin, reach, hard, num)
@@ -298,18 +312,24 @@ def walk(
             last = entry < 0 and h >= num[loop_state.END] - num[loop_state.T]
             s = h if entry < 0 else s * h
             num[loop_state.T] = num[loop_state.END] if last else num[loop_state.T] + s
-            _advance(s, num[loop_state.T], deg, W, gear, listed, X, F, x, samples, records, book, cnt)
+            _advance(
+                s, num[loop_state.T], deg, W, gear, listed, X, F, x, samples, records, book, cnt
+            )
             if last:
                 return loop_state.DONE
             if entry < 0:
                 _rate(s, deg, X, V)
-                if not hold(W, gear, listed, places, norm, x, work, LEAST, num[loop_state.UNIT]):
+                if not project_and_factor(
+                    W, gear, listed, places, norm, x, work, LEAST, num[loop_state.UNIT]
+                ):
                     return loop_state.FAIL
                 copied(x, X[0])
-                extend(one() - 1, one(), W, gear, listed, drift, X, F)
+                extend_series(one() - 1, one(), W, gear, listed, drift, X, F)
                 deg = one()
                 off = h * apart(V, X[1])
-                if not off <= num[loop_state.EPS] * DEFECT * (1.0 + size(x)) + ROUNDED * h * size(V):
+                if not off <= num[loop_state.EPS] * DEFECT * (1.0 + size(x)) + ROUNDED * h * size(
+                    V
+                ):
                     return loop_state.FAIL  # the series did not see what the path does
         paces[cnt[loop_state.PACES] % paces.size] = arc_h
         cnt[loop_state.PACES] += 1
@@ -319,14 +339,14 @@ def walk(
         cnt[loop_state.FIRED] = entry if closing else -1
         cnt[loop_state.ENTRY] = entry
         if not closing:
-            a = place(W, entry)
+            a = sorted_index(W, entry)
             for j in range(deg - 1, 0, -1):
                 slope = slope * s + j * gear[4][a, j]
             slope *= listed[4][entry] if listed[0][entry] > 0 else 1.0
         copied(x, V)
         sure = not (closing and kept[entry])
         if sure:
-            sure, W, gear, role = choose(
+            sure, W, gear, role = next_active_set(
                 entry,
                 closing,
                 slope,

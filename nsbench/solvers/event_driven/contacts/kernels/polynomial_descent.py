@@ -8,7 +8,7 @@ none.
 
 import numpy as np
 
-from nsbench.compilation.decorators import inner
+from nsbench.compilation.decorators import inner_kernel
 
 NARROW = 2.0**-44  # of [0, 1]: below, times cannot be told apart
 # touches per step: a function that reaches zero at this pace at the end of a step crosses there
@@ -17,7 +17,7 @@ ENDS = 1e-2  # of a touch: zero, up to rounding
 MOST = 4000  # intervals looked at: far beyond what a polynomial with distinct roots takes
 
 
-@inner
+@inner_kernel
 def value(c, deg, s):
     v = c[deg]
     for j in range(deg - 1, -1, -1):
@@ -25,7 +25,7 @@ def value(c, deg, s):
     return v
 
 
-@inner
+@inner_kernel
 def slope(c, deg, s):
     v = deg * c[deg]
     for j in range(deg - 1, 0, -1):
@@ -33,7 +33,7 @@ def slope(c, deg, s):
     return v
 
 
-@inner
+@inner_kernel
 def root(c, deg, level, lo, hi):
     """A root of c - level in [lo, hi], where it is above at lo and below at hi: Newton's steps,
     kept in the bracket."""
@@ -56,8 +56,8 @@ def root(c, deg, level, lo, hi):
     return s
 
 
-@inner
-def first_below(c, deg, level, lo, hi, b):
+@inner_kernel
+def first_descent(c, deg, level, lo, hi, b):
     """The smallest s in [lo, hi] with c(s) < level, up to rounding; -1.0 if there is none. b (deg +
     1,): scratch."""
     spread = 0.0
@@ -111,8 +111,8 @@ def first_below(c, deg, level, lo, hi, b):
     return -1.0
 
 
-@inner
-def passage(c, deg, armed, level, band, touch, hi, b, d):
+@inner_kernel
+def next_crossing(c, deg, armed, level, band, touch, hi, b, d):
     """First event of one function on [0, hi]: (s or -1.0, armed afterwards, touched).
 
     An armed function fires where it crosses zero on the way to -touch; another fires where it falls
@@ -121,14 +121,14 @@ def passage(c, deg, armed, level, band, touch, hi, b, d):
     """
     start = 0.0
     if not armed:
-        fall = first_below(c, deg, level, 0.0, hi, b)
+        fall = first_descent(c, deg, level, 0.0, hi, b)
         for j in range(deg + 1):
             d[j] = -c[j]
-        rise = first_below(d, deg, -band, 0.0, hi, b)
+        rise = first_descent(d, deg, -band, 0.0, hi, b)
         if rise < 0.0 or 0.0 <= fall <= rise:
             return fall, False, False
         start = rise
-    deep = first_below(c, deg, -touch, start, hi, b)
+    deep = first_descent(c, deg, -touch, start, hi, b)
     if (
         deep < 0.0
         and hi == 1.0
@@ -137,13 +137,13 @@ def passage(c, deg, armed, level, band, touch, hi, b, d):
     ):
         return (root(c, deg, 0.0, start, 1.0) if value(c, deg, 1.0) < 0.0 else 1.0), True, False
     if deep < 0.0:
-        return -1.0, True, first_below(c, deg, -1e-3 * touch, start, hi, b) >= 0.0
+        return -1.0, True, first_descent(c, deg, -1e-3 * touch, start, hi, b) >= 0.0
     if (
         value(c, deg, start) <= 0.0
     ):  # by rounding, at the start of a step: it may rise before it falls
         for j in range(deg + 1):
             d[j] = -c[j]
-        rise = first_below(d, deg, -touch, start, deep, b)
+        rise = first_descent(d, deg, -touch, start, deep, b)
         if rise < 0.0:
             return start, True, False
         start = rise

@@ -9,11 +9,11 @@ Pryce 1998). lam = sign mu. Affine rows have their gradient in place of u, which
 
 import numpy as np
 
-from nsbench.compilation.decorators import inner, summing
+from nsbench.compilation.decorators import inner_kernel, summing_kernel
 from nsbench.linalg.skyline_cholesky import factor, fill, solve
 
 
-@inner
+@inner_kernel
 def size(x):
     """Largest |x_i|; NaN if one is."""
     top = 0.0
@@ -24,15 +24,15 @@ def size(x):
     return top
 
 
-@inner
+@inner_kernel
 def copied(x, out):
     """out <- x."""
     for i in range(out.size):
         out[i] = x[i]
 
 
-@inner
-def place(W, k):
+@inner_kernel
+def sorted_index(W, k):
     """Where k is, or belongs, in the ascending W."""
     lo = 0
     hi = W.size
@@ -45,7 +45,7 @@ def place(W, k):
     return lo
 
 
-@inner
+@inner_kernel
 def apart(x, y):
     """Largest |x_i - y_i|; NaN if one is."""
     top = 0.0
@@ -57,7 +57,7 @@ def apart(x, y):
     return top
 
 
-@inner
+@inner_kernel
 def gaps(index, listed, places, x, out):
     """out (m,): g of the entries `index` of the list; distances as sign (|u|^2 - d^2) / (2 d),
     which has g's zero and slope.
@@ -82,7 +82,7 @@ def gaps(index, listed, places, x, out):
             out[a] = sign[k] * (s - d[k] * d[k]) / (2.0 * d[k])
 
 
-@inner
+@inner_kernel
 def gradients(W, listed, places, x, C, V, count, U):
     """Rows of the held entries W: columns, values, lengths; u in U[:, :, 0]."""
     kind, p, q, d, _, dim = listed
@@ -107,8 +107,8 @@ def gradients(W, listed, places, x, C, V, count, U):
         count[a] = 2 * m if kind[k] == 1 else m
 
 
-@inner
-def hold(W, gear, listed, places, norm, x, work, least, unit):
+@inner_kernel
+def project_and_factor(W, gear, listed, places, norm, x, work, least, unit):
     """x is put on g = 0 along the gradients there, and the Gram matrix factored; False if that
     cannot be done.
 
@@ -141,7 +141,7 @@ def hold(W, gear, listed, places, norm, x, work, least, unit):
     return True
 
 
-@summing
+@summing_kernel
 def _fold(U, k, c, m):
     """sum_{a=1}^m u[a] u[m+1-a]."""
     s = 0.0
@@ -150,7 +150,7 @@ def _fold(U, k, c, m):
     return s
 
 
-@summing
+@summing_kernel
 def _mixed(mu, U, k, c, m):
     """sum_{a=1}^m mu[m-a] u[a]."""
     s = 0.0
@@ -159,7 +159,7 @@ def _mixed(mu, U, k, c, m):
     return s
 
 
-@inner
+@inner_kernel
 def _push(m, W, listed, mu, U, V):
     """V += the part of order m of the forces that is known before mu[m]."""
     kind, p, q, _, _, dim = listed
@@ -173,8 +173,8 @@ def _push(m, W, listed, mu, U, V):
                     V[q[k] + c] -= s
 
 
-@inner
-def extend(m0, m1, W, gear, listed, drift, X, F):
+@inner_kernel
+def extend_series(m0, m1, W, gear, listed, drift, X, F):
     """Orders m0 to m1 - 1 of mu (p, .) and of the drift F (., n); so X (., n) and U up to order
     m1."""
     kind, p, q, d, _, dim = listed
@@ -215,8 +215,8 @@ def extend(m0, m1, W, gear, listed, drift, X, F):
                     U[a, c, m + 1] = (V[p[k] + c] - (V[q[k] + c] if kind[k] == 1 else 0.0)) / d[k]
 
 
-@inner
-def longest(X, mu, deg, eps, W):
+@inner_kernel
+def step_length(X, mu, deg, eps, W):
     """How far the terms of the two highest orders stay below eps (1 + |x|): Jorba & Zou 2005,
     section 3.2."""
     fine = eps * (1.0 + size(X[0]))
@@ -232,7 +232,7 @@ def longest(X, mu, deg, eps, W):
     return 0.9 * h
 
 
-@inner
+@inner_kernel
 def at(X, deg, s, out):
     """out (n,): the series at s."""
     for i in range(out.size):

@@ -215,7 +215,7 @@ def lifted(C, row, p, h, band):
 
 
 @inner
-def hunted(outs, n, p, watches, start, width, C, Q, error, lift, stack, work):
+def first_event(outs, n, p, watches, start, width, C, Q, error, lift, stack, work):
     """(CLEAR, FOUND or UNCLEAR, which function, time from the step's start) of the first event on a
     certified piece."""
     first = np.inf

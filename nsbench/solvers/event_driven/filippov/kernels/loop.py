@@ -12,7 +12,7 @@ from numba import njit
 from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
 from nsbench.solvers.event_driven.filippov.kernels.certified_step import (
     certified,
-    hunted,
+    first_event,
     length,
     lifted,
     shorter,
@@ -23,11 +23,11 @@ from nsbench.solvers.event_driven.filippov.kernels.mode_choice import (
     UNKNOWN,
     at,
     band,
-    decide,
+    choose_mode,
     geometry,
-    met,
     program,
     project,
+    surface_met,
 )
 from nsbench.solvers.event_driven.filippov.kernels.polynomial_root import CLEAR, FOUND
 from nsbench.solvers.event_driven.filippov.kernels.taylor_series import horner, inner, point, series
@@ -184,7 +184,9 @@ def step(
             if start == 0.0 and width < whole / PIECES:
                 whole = h = min(h, width * PIECES)
             continue
-        code, w, s = hunted(outs[m], n, p, watches, start, width, C, Q, error, lift, stack, work)
+        code, w, s = first_event(
+            outs[m], n, p, watches, start, width, C, Q, error, lift, stack, work
+        )
         if code == FOUND:
             s = landed(ops, nums, first, outs, m, n, p, w, t, s, h, C, V)
             return (FOUND, s, w, held) if s >= 0.0 else (HARD, 0.0, -1, held)
@@ -268,7 +270,7 @@ def integrals(d, p, i, s, mode, row, C, theta, out):
 
 
 @inner
-def noted(i, old, new, t, theta, numbers, ring, log, logged):
+def log_event(i, old, new, t, theta, numbers, ring, log, logged):
     """Write down an event and the meeting that it was."""
     e = numbers[EVENTS]
     log[e, 0] = t
@@ -281,7 +283,7 @@ def noted(i, old, new, t, theta, numbers, ring, log, logged):
 
 
 @njit(cache=True, error_model="numpy")
-def walk(
+def integrate_modes(
     ops,
     nums,
     first,
@@ -323,14 +325,14 @@ def walk(
     who = -1
     held = np.inf
     if begun == 0:
-        who = met(ops, nums, first, outs, n, d, t, x, mode, -1, V, G)
+        who = surface_met(ops, nums, first, outs, n, d, t, x, mode, -1, V, G)
     while True:
         if who == -2:
             numbers[CODE] = START if begun == 0 else MEET
             break
         if who >= 0:
             old = mode[who]
-            q = decide(
+            q = choose_mode(
                 ops, nums, first, outs, table, n, d, p, who, mode, t, x, span, local, V, G, F, D, y
             )
             mode[who] = old
@@ -339,7 +341,7 @@ def walk(
                 break
             mode[who] = q
             if begun > 0:
-                noted(who, old, q, t, theta, numbers, ring, log, logged)
+                log_event(who, old, q, t, theta, numbers, ring, log, logged)
                 if t >= T:
                     numbers[CODE] = END
                     break
@@ -447,7 +449,7 @@ def walk(
             ring[6] = t
             who = -2
             if numbers[MEETINGS] < limits[4] and not accumulate(ring, numbers[MEETINGS] + 1, span):
-                who = met(
+                who = surface_met(
                     ops, nums, first, outs, n, d, t, x, mode, i if fired == d else fired, V, G
                 )
     floats[TIME] = t

@@ -111,7 +111,7 @@ def trial(ops, nums, first, outs, n, d, p, m, i, slides, t, x, span, local, leas
 
 
 @inner
-def decide(ops, nums, first, outs, table, n, d, p, i, mode, t, x, span, local, V, G, F, C, y):
+def choose_mode(ops, nums, first, outs, table, n, d, p, i, mode, t, x, span, local, V, G, F, C, y):
     """The mode of surface i that continues from (t, x), if it is the only one and that is plain;
     else UNKNOWN.
 
@@ -169,7 +169,7 @@ def decide(ops, nums, first, outs, table, n, d, p, i, mode, t, x, span, local, V
 
 
 @inner
-def met(ops, nums, first, outs, n, d, t, x, mode, before, V, G):
+def surface_met(ops, nums, first, outs, n, d, t, x, mode, before, V, G):
     """Which surface is met, the only one near: -1 for none, -2 for several. before: surface of an
     event, -1 at the start, where the mode is set to the signs of the switch functions."""
     geometry(ops, nums, first, outs, n, d, t, x, V, G)
