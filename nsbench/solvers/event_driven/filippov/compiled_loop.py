@@ -83,7 +83,7 @@ class Compiled:
         )
         floats[:] = walk.t, walk.h
         while True:
-            kernel.walk(
+            kernel.integrate_modes(
                 *tape.arrays,
                 tape.table,
                 tape.slides,
