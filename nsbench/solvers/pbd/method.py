@@ -223,7 +223,7 @@ class PBD:
 def _alone(kernel, loop, args, n, samples, m):
     """The march of kernels.pbd_packed on one thread: without arguments, and its lists are made
     once. (Its state is not: the trajectory has that room when it is made.)"""
-    state, *lists = kernel.workspace(m, n)
+    state, *lists = kernel.room(m, n)
     if loop == "compiled":
         kernel.march.compile(_types((*args, None, np.empty((2, 1, 1)), state, *lists)))
     march = kernel.march if loop == "compiled" else kernel.march.py_func
@@ -237,7 +237,7 @@ def _threaded(kernel, threads, args, n, samples, m):
     ones."""
     from nsbench.solvers.pbd.kernels import threaded_loop
 
-    room = [kernel.workspace(m, n)]
+    room = [kernel.room(m, n)]
 
     def bound(X):
         return threaded_loop.crew(threads, args[12], args[2], args[16], X, room[0], *args[7:10])
@@ -252,7 +252,7 @@ def _threaded(kernel, threads, args, n, samples, m):
             out = threaded_loop.run_with(crew, kernel.march, (*args, crew, crew[6], *room[0]))
             if out[5] != kernel.TOO_SMALL:
                 return out
-            room[0] = kernel.workspace(m, n, int(out[4]))
+            room[0] = kernel.room(m, n, int(out[4]))
 
     return march
 
