@@ -6,10 +6,26 @@ from dataclasses import dataclass
 
 import numpy as np
 
-ROW = 0
-PAIR = 1
-ANCHOR = 2
-SMOOTH = 3
+from nsbench.dynamics.contacts.kernels.contact_arrays import (
+    ANCHOR,
+    PAIR,
+    ROW,
+    SMOOTH,
+    Contacts,
+)
+
+__all__ = [
+    "ANCHOR",
+    "PAIR",
+    "ROW",
+    "SMOOTH",
+    "CandidateContacts",
+    "ContactLayout",
+    "Contacts",
+    "join",
+    "make_candidates",
+    "pairs_brute_force",
+]
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +61,11 @@ class CandidateContacts:
     def key(self) -> np.ndarray:
         """(m,) one number per id; ids have at most 2^21 members in each index."""
         return (self.family << 42) + (self.i << 21) + self.j + 1
+
+    @property
+    def contacts(self) -> Contacts:
+        """The arrays that the kernels need."""
+        return Contacts(self.kind, self.p, self.q, self.d, self.sign, self.dim)
 
     def take(self, index) -> CandidateContacts:
         return CandidateContacts(*(a[index] for a in self.arrays()))
