@@ -27,8 +27,8 @@ def write_report(study, path=None) -> Path:
     """
     from nsbench.report.assemble import compose, figures
     from nsbench.report.data import read
-    from nsbench.report.html_page import page
-    from nsbench.report.markdown import text
+    from nsbench.report.html_page import render_page
+    from nsbench.report.markdown import render_markdown
     from nsbench.results.journal import replace
 
     folder = (
@@ -43,6 +43,6 @@ def write_report(study, path=None) -> Path:
     (path.parent / "figures").mkdir(exist_ok=True)
     for name, svg in drawn.files.items():
         replace(path.parent / "figures" / f"{name}.svg", svg.encode())
-    replace(path.with_suffix(".md"), text(content).encode())
-    replace(path, page(content).encode())
+    replace(path.with_suffix(".md"), render_markdown(content).encode())
+    replace(path, render_page(content).encode())
     return path

@@ -14,10 +14,10 @@ from nsbench.report import (
 from nsbench.report import (
     performance_profiles as profiles,
 )
+from nsbench.report.content import Content
 from nsbench.report.data import Data
 from nsbench.report.expectations import findings
 from nsbench.report.figures import case_panels, cost_panels
-from nsbench.report.html_page import Content
 from nsbench.report.style import looks, num, power, sanitise, seconds, slug
 from nsbench.report.summary import Summary, summarise
 from nsbench.report.svg_plots import draw, inline, sheet
@@ -146,22 +146,22 @@ def compose(data: Data, drawn: Figures) -> Content:
     )
     told = {case: notes(data, case, s) for case in data.case_keys}
     return Content(
-        "nsbench report",
-        f"{lede}.",
-        tuple(verdict(data, s)),
-        {t.key: t for t in made},
-        data,
-        s,
-        drawn.looks,
-        drawn.ids,
-        drawn.panels,
-        told,
-        factors,
-        drawn.talk,
-        talk_sentence(data),
-        drawn.profiles,
-        drawn.scaling,
-        tuple([*scaling.wins(data), *profiles.sentences(data)]),
+        title="nsbench report",
+        lede=f"{lede}.",
+        statements=tuple(verdict(data, s)),
+        tables={t.key: t for t in made},
+        data=data,
+        summaries=s,
+        looks=drawn.looks,
+        ids=drawn.ids,
+        panels=drawn.panels,
+        notes=told,
+        speeds=factors,
+        talk=drawn.talk,
+        talk_sentence=talk_sentence(data),
+        profiles=drawn.profiles,
+        scaling=drawn.scaling,
+        cheapest=tuple([*scaling.wins(data), *profiles.sentences(data)]),
     )
 
 

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from nsbench.report.content import (
+    MEASURED,
+    TRUST_TABLES,
+    Content,
+    describe_problem,
+    split_docstring,
+)
 from nsbench.report.cost import RULE
-from nsbench.report.html_page import MEASURED, TRUST, Content, meta, paragraphs
 from nsbench.report.style import markdown
 from nsbench.report.tables import Table
 
 
-def text(c: Content) -> str:
+def render_markdown(c: Content) -> str:
     """The whole report; figures are linked from ``figures/``."""
     out = [f"# {markdown(c.title)}", markdown(c.lede), "## What the runs say"]
     for s in c.statements:
@@ -18,8 +24,8 @@ def text(c: Content) -> str:
     out += [table(c.tables["choice"]), "## Orders", table(c.tables["orders"]), "## Case by case"]
     for case in c.data.case_keys:
         known = c.data.cases.get(case, {})
-        first, equations = paragraphs(known.get("doc"))
-        out += [f"### {markdown(case)}", markdown(meta(known, c.data.of_case(case)))]
+        first, equations = split_docstring(known.get("doc"))
+        out += [f"### {markdown(case)}", markdown(describe_problem(known, c.data.of_case(case)))]
         out += [markdown(first)] if first else []
         out += ["\n".join("    " + line for line in equations.splitlines())] if equations else []
         out += [markdown(n) for n in c.notes[case]]
@@ -28,14 +34,18 @@ def text(c: Content) -> str:
             [f"![{markdown(case)}: cost](figures/cost_{c.ids[case]}.svg)"] if c.panels[case] else []
         )
     if c.talk:
-        out += ["## The talk's figure", markdown(c.told), "![The talk's figure](figures/talk.svg)"]
+        out += [
+            "## The talk's figure",
+            markdown(c.talk_sentence),
+            "![The talk's figure](figures/talk.svg)",
+        ]
     out += ["## What the numbers rest on"]
-    for key, head in TRUST:
+    for key, head in TRUST_TABLES:
         if c.tables[key].rows or c.tables[key].note:
             out += [f"### {head}", table(c.tables[key])]
     out += [
         "## Speed at equal error",
-        "\n".join(f"- {markdown(s)}" for s in (*c.speeds, *c.wins)),
+        "\n".join(f"- {markdown(s)}" for s in (*c.speeds, *c.cheapest)),
         RULE,
     ]
     out += ["![Time to error over all cases](figures/profiles.svg)"] if c.profiles else []

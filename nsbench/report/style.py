@@ -36,6 +36,31 @@ MUTED = "#77736c"
 RULE = "#dcd7ce"
 SHADE = "#efebe3"
 PAPER = "#fdfcfa"
+# Colours of the page, by the names of the CSS custom properties
+LIGHT_THEME = {
+    "paper": PAPER,
+    "ink": INK,
+    "muted": MUTED,
+    "rule": RULE,
+    "shade": SHADE,
+    "flag": "#8a4b00",
+    "flagbg": "#fdf0d9",
+    "bad": "#a3241b",
+    "badbg": "#fbe9e6",
+    "link": "#0b5c91",
+}
+DARK_THEME = {
+    "paper": "#16171a",
+    "ink": "#e6e3dc",
+    "muted": "#9a968d",
+    "rule": "#34353a",
+    "shade": "#222429",
+    "flag": "#f3c77c",
+    "flagbg": "#3a2d14",
+    "bad": "#ff9d92",
+    "badbg": "#3c1f1c",
+    "link": "#7cc0ee",
+}
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">")
 LINES = ("-", "--", "-.", ":")
 SHAPES = {

@@ -10,8 +10,8 @@ from nsbench import solvers
 from nsbench.report import data as source
 from nsbench.report import expectations, reliability_tables, summary, verdict
 from nsbench.report.assemble import compose, figures
-from nsbench.report.html_page import page
-from nsbench.report.markdown import text
+from nsbench.report.html_page import render_page
+from nsbench.report.markdown import render_markdown
 
 SOLVERS = {
     "pbd": {
@@ -96,7 +96,8 @@ def test_new_deviations_open_the_report():
     said = [x for x in verdict.verdict(data, s) if x.head == "Not as expected"]
     assert len(said) == 1 and "order 1 was expected" in said[0].sentences[0]
     c = compose(data, figures(data))
-    assert "Expected against observed" in page(c) and "Expected against observed" in text(c)
+    assert "Expected against observed" in render_page(c)
+    assert "Expected against observed" in render_markdown(c)
 
 
 def test_the_table_in_the_repository_is_complete_and_names_what_exists():

@@ -48,6 +48,7 @@ HEAVY = (
     "flint",
     "distributed",
     "dask",
+    "jinja2",
 )
 
 

@@ -1,0 +1,64 @@
+// Behaviour of the report: filter of the table of orders, highlighting of one method, printing.
+// Without it the page shows everything.
+(function () {
+  document.documentElement.classList.add("js");
+
+  const table = document.getElementById("t-orders");
+  const query = document.getElementById("q");
+  const refusals = document.getElementById("ref");
+
+  // Show the rows that hold every word of the query, and the headings of cases with such a row.
+  function filterRows() {
+    if (!table) {
+      return;
+    }
+    const words = query.value.toLowerCase().split(/\s+/).filter(Boolean);
+    let heading = null;
+    let anyShown = false;
+
+    function closeGroup() {
+      if (heading) {
+        heading.hidden = !anyShown;
+      }
+    }
+
+    for (const row of table.tBodies[0].rows) {
+      if (row.className === "group") {
+        closeGroup();
+        heading = row;
+        anyShown = false;
+        continue;
+      }
+      const text = (row.dataset.case + " " + row.textContent).toLowerCase();
+      const matches = words.every((word) => text.includes(word));
+      row.hidden = !matches || (!refusals.checked && row.dataset.kind === "refused");
+      anyShown = anyShown || !row.hidden;
+    }
+    closeGroup();
+  }
+
+  if (query) {
+    query.addEventListener("input", filterRows);
+    refusals.addEventListener("change", filterRows);
+  }
+
+  // Pointing at a method in a legend dims the lines of all others in its article.
+  for (const item of document.querySelectorAll(".legend li")) {
+    const article = item.closest(".case");
+    const highlight = function (on) {
+      article.classList.toggle("dim", on);
+      for (const line of article.querySelectorAll(".s" + item.dataset.s)) {
+        line.classList.toggle("on", on);
+      }
+    };
+    item.addEventListener("mouseenter", () => highlight(true));
+    item.addEventListener("mouseleave", () => highlight(false));
+  }
+
+  // On paper nothing can be unfolded.
+  addEventListener("beforeprint", function () {
+    for (const details of document.querySelectorAll("details")) {
+      details.open = true;
+    }
+  });
+})();
