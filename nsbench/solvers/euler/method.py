@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from nsbench.case import Case
-from nsbench.compilation.factories import as_numpy
+from nsbench.compilation.factories import as_numpy, without_compilation
 from nsbench.diagnostics.run_view import LOOKS
 from nsbench.dynamics.length_scale import length_scale
 from nsbench.problem import Complementarity, Filippov
@@ -95,20 +95,22 @@ class Euler:
 
     def prepare(self, case: Case, h: float) -> Run:
         g = grid(case.t, h, last=case.exact_impulse is not None)
-        from nsbench.solvers.euler.kernels import loop as relay
+        from nsbench.solvers.common.compiled_loop import bind_loop
+        from nsbench.solvers.euler.kernels import loop as kernel
 
-        loop, taken, field, switch, d = _forms(case)
-        march = taken(relay.implicit_euler if self.implicit else relay.explicit_euler)
+        functions, d = _loop_functions(case)
         own = (_blends(case), length_scale(case, case.x0)) if self.implicit else ()
-        args = (field, switch, *own, g.t, g.substeps, case.x0.copy(), d, _parts(g, d))
-        if loop == "compiled":
-            from numba import typeof
-
-            march.compile(tuple(typeof(a) for a in args))
+        args = (*functions.functions, *own, g.t, g.substeps, case.x0.copy(), d, _parts(g, d))
+        march = bind_loop(
+            kernel.implicit_euler if self.implicit else kernel.explicit_euler,
+            functions.loop,
+            args,
+            without_compilation,
+        )
 
         def run():
             with np.errstate(all="ignore"):
-                return self._trajectory(case, g, loop, march(*args))
+                return self._trajectory(case, g, functions.loop, march(*args))
 
         return run
 
@@ -165,20 +167,14 @@ def _blends(case) -> bool:
 
 
 def _status(code, reached):
-    from nsbench.solvers.euler.kernels import loop as relay
+    from nsbench.linalg.dense import StepCode
+    from nsbench.solvers.common.compiled_loop import status_of
 
-    if code == relay.OK:
-        return Status()
-    if code == relay.NAN:
-        return Status("nan", f"The drift is not a number at t = {reached:.6g}.")
-    if code == relay.BLOWN:
-        return Status(
-            "diverged", f"The state passed 1e150 at t = {reached:.6g}; a smaller step may help."
-        )
-    return Status(
+    no_solution = Status(
         "maxiter",
         f"No solution of the implicit step from t = {reached:.6g} was found; try a smaller step.",
     )
+    return status_of(code, reached, {StepCode.UNSOLVED: no_solution})
 
 
 def _in_a_corner(case, X, W, h):
@@ -196,13 +192,15 @@ def _in_a_corner(case, X, W, h):
     )
 
 
-def _forms(case):
-    """loop, how to take a kernel, field, switch, d: compiled, or the same source around functions
-    in Python."""
-    from nsbench.compilation import factories
+def _loop_functions(case):
+    """Field and switch functions of the case for the time loop, and the number of surfaces."""
+    from nsbench.solvers.common.compiled_loop import (
+        compile_functions,
+        drift_function,
+        signed_field,
+    )
 
     p = case.problem
-    n = case.n
     if isinstance(p, Complementarity):
         field = _no_signs(p.drift)
         switch = p.drift
@@ -211,18 +209,7 @@ def _forms(case):
         field = p.field
         switch = p.switch
         d = len(as_numpy(p.switch)(float(case.t[0]), case.x0.copy()))
-    try:
-        return (
-            "compiled",
-            lambda kernel: kernel,
-            factories.signed_rhs_cfunc(field, n, d),
-            factories.rhs_cfunc(switch, n),
-            d,
-        )
-    except factories.CompileError:
-        f = factories.as_numpy(field)
-        c = factories.as_numpy(switch)
-        return "host", factories.without_compilation, _filling(f), _filling(c), d
+    return compile_functions(signed_field(field, case.n, d), drift_function(switch, case.n)), d
 
 
 @functools.lru_cache(maxsize=256)
@@ -239,13 +226,6 @@ def _no_signs(drift):
         return g
 
     return field
-
-
-def _filling(f):
-    def fill(*args):
-        args[-1][:] = f(*args[:-1])
-
-    return fill
 
 
 SOLVER = Euler

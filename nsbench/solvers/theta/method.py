@@ -88,9 +88,12 @@ class Theta:
         return None
 
     def prepare(self, case: Case, h: float) -> Run:
+        from nsbench.solvers.common.compiled_loop import bind_loop, module_in_python
+        from nsbench.solvers.theta.kernels import loop as kernel
+
         g = grid(case.t, h, last=case.exact_impulse is not None)
         data = _of_lcs(case) if isinstance(case.problem, LCS) else _of_gaps(case)
-        march, loop, f, q_of = _compiled(case, data)
+        functions = _loop_functions(case, data)
         B = data["B"]
         C = data["C"]
         D = data["D"]
@@ -99,8 +102,7 @@ class Theta:
         unique = data["J"] is None or _unique(data, g.h, self.theta, fixed)
         J = np.zeros((case.n, case.n)) if data["J"] is None else data["J"]
         args = (
-            f,
-            q_of,
+            *functions.functions,
             data["q"] is not None,
             data["J"] is not None,
             J,
@@ -116,12 +118,9 @@ class Theta:
             jumpy,
             not unique and len(fixed) <= ALL,
         )
-        if loop == "compiled":
-            from numba import typeof
-
-            march.compile(tuple(typeof(a) for a in args))
+        march = bind_loop(kernel.march, functions.loop, args, module_in_python)
         return lambda: _trajectory(
-            case, g, loop, self.theta, B, unique or len(fixed) <= ALL, march(*args)
+            case, g, functions.loop, self.theta, B, unique or len(fixed) <= ALL, march(*args)
         )
 
 
@@ -169,42 +168,17 @@ def _of_gaps(case):
     }
 
 
-def _compiled(case, data):
-    """The loop, "compiled" or "host", and the functions it calls: the same source around functions
-    in Python."""
-    from nsbench.compilation import factories
-    from nsbench.solvers.theta.kernels import loop as kernel
+def _loop_functions(case, data):
+    """The drift and the curve q(t) of the case for the time loop."""
+    from nsbench.solvers.common.compiled_loop import (
+        compile_functions,
+        curve_function,
+        drift_function,
+    )
 
-    try:
-        q = (
-            factories.constant_curve()
-            if data["q"] is None
-            else factories.curve_cfunc(data["q"], len(data["q0"]))
-        )
-        return kernel.march, "compiled", factories.rhs_cfunc(data["f"], case.n), q
-    except factories.CompileError:
-        f = factories.as_numpy(data["f"])
-        q = None if data["q"] is None else factories.as_numpy(data["q"])
-
-        def fill(t, x, out):
-            out[:] = f(t, x)
-
-        def fill_q(t, out):
-            out[:] = np.ravel(q(t))
-
-        return _in_python(kernel)["march"], "host", fill, fill_q
-
-
-def _in_python(module):
-    """The functions of a kernel module without compilation, those it imports compiled: to call a
-    drift in Python."""
-    from types import FunctionType
-
-    names = dict(vars(module))
-    for name, value in vars(module).items():
-        if hasattr(value, "py_func") and value.py_func.__module__ == module.__name__:
-            names[name] = FunctionType(value.py_func.__code__, names, name)
-    return names
+    return compile_functions(
+        drift_function(data["f"], case.n), curve_function(data["q"], len(data["q0"]))
+    )
 
 
 def _unique(data, h, theta, fixed):
@@ -264,30 +238,28 @@ def _trajectory(case, g, loop, theta, B, judged, out):
 
 
 def _status(code, reached, twice, judged):
-    from nsbench.solvers.euler.kernels import loop as relay
-    from nsbench.solvers.theta.kernels import loop as kernel
+    from nsbench.linalg.dense import StepCode
+    from nsbench.solvers.common.compiled_loop import status_of
 
     at = f"t = {reached:.6g}"
-    if code == relay.NAN:
-        return Status("nan", f"The drift is not a number at {at}.")
-    if code == relay.BLOWN:
-        return Status("diverged", f"The state passed 1e150 at {at}; a smaller step may help.")
-    if code == kernel.SLOW:
-        return Status(
+    own = {
+        StepCode.NEWTON_LIMIT: Status(
             "maxiter",
             f"Newton's method found no solution of the implicit step from {at}; try a smaller "
             f"step.",
-        )
-    if code == kernel.NOTHING:
-        return Status(
+        ),
+        StepCode.INFEASIBLE: Status(
             "infeasible", f"The complementarity problem of the step from {at} has no solution."
-        )
-    if code == kernel.JUMP:
-        return Status(
+        ),
+        StepCode.JUMP: Status(
             "infeasible",
             f"At {at} a row of w reached zero that its own lambda does not move at once: the "
             "state would have to jump.",
-        )
+        ),
+    }
+    status = status_of(code, reached, own)
+    if not status.ok:
+        return status
     if twice == twice:
         return Status(
             "degenerate",

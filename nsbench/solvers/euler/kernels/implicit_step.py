@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 
 from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
-from nsbench.linalg.dense import OK, largest, solve_gauss, state_code
+from nsbench.linalg.dense import StepCode, largest, solve_gauss, state_code
 
 NEWTON = 30  # iterations; a fresh Jacobian needs about 5, a kept one three times that
 ROUNDING = 64 * 2.0**-52  # what a few operations may lose, relative to the numbers in them
@@ -160,7 +160,7 @@ def newton(field, switch, blend, unit, t, h, x, mode, y, s, jump):
         copy(r, q)
         for i in range(size):
             copy(J[i], K[i])
-        if not solve_gauss(K, q) or state_code(q) != OK:
+        if not solve_gauss(K, q) or state_code(q) != StepCode.OK:
             return False, calls, it + 1
         for i in range(n):
             y[i] -= q[i]

@@ -10,10 +10,9 @@ import numpy as np
 from numba import njit
 
 from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
-from nsbench.linalg.dense import BLOWN, NAN, OK, largest, state_code  # noqa: F401
+from nsbench.linalg.dense import StepCode, largest, state_code
 from nsbench.solvers.euler.kernels.implicit_step import ROUNDING, copy, inner, newton
 
-STUCK = 3  # beside OK, NAN, BLOWN
 SLIDES = (
     4 * 2.0**-52
 )  # of the state: a slide may need so much more than a side gives; it adds up over steps
@@ -213,14 +212,22 @@ def implicit_euler(field, switch, blend, unit, t, substeps, x, d, parts):
             )
             calls = calls + more
             inner = inner + its
-            if not found or state_code(y) != OK:
+            if not found or state_code(y) != StepCode.OK:
                 if not found:  # a field that is no number on the way explains it
                     field(after - h, x, s, y)
                     for i in range(x.size):
                         x[i] += h * y[i]
                     field(after, x, s, y)
                 bad = state_code(y)
-                return X, W, calls, inner, (STUCK if bad == OK else bad), after - h, between
+                return (
+                    X,
+                    W,
+                    calls,
+                    inner,
+                    (StepCode.UNSOLVED if bad == StepCode.OK else bad),
+                    after - h,
+                    between,
+                )
             last = distance(x, y)
             copy(y, x)
             for i in range(d):
@@ -228,7 +235,7 @@ def implicit_euler(field, switch, blend, unit, t, substeps, x, d, parts):
             keep_intermediate(between[k], j, substeps[k], after, x, w)
         copy(x, X[k + 1])
         copy(w, W[k + 1])
-    return X, W, calls, inner, OK, t[K - 1], between
+    return X, W, calls, inner, StepCode.OK, t[K - 1], between
 
 
 @njit(cache=True)
@@ -261,11 +268,11 @@ def explicit_euler(field, switch, t, substeps, x, d, parts):
             for i in range(x.size):
                 x[i] += h * v[i]
             bad = state_code(x)
-            if bad == OK:
+            if bad == StepCode.OK:
                 bad = state_code(c)
-            if bad != OK:
+            if bad != StepCode.OK:
                 return X, W, calls, 0, bad, now, between
             keep_intermediate(between[k], j, substeps[k], now + h, x, w)
         copy(x, X[k + 1])
         copy(w, W[k + 1])
-    return X, W, calls, 0, OK, t[K - 1], between
+    return X, W, calls, 0, StepCode.OK, t[K - 1], between

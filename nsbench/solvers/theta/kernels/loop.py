@@ -17,11 +17,8 @@ from numba import njit
 
 from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
 from nsbench.lcp.lemke import has_other_motion, least_norm_solution, scales, solve
-from nsbench.linalg.dense import BLOWN, NAN, OK, largest, solve_gauss, state_code  # noqa: F401
+from nsbench.linalg.dense import StepCode, largest, solve_gauss, state_code
 
-NOTHING = 4
-JUMP = 5
-SLOW = 6
 NEWTON = 50  # iterations; the matrix is made anew when one gains less than a factor of ten
 AGAIN = 3  # repetitions of a step whose rows changed their kind
 LARGE = 10.0  # times the way of the drift: pushes beyond are jumps of the state
@@ -178,13 +175,13 @@ def advance(f, linear, now, after, h, theta, x, y, v, q0, q1, system, state, lam
         count[CALLS] += 1
         for c in range(n):
             v[c] = (1.0 - theta) * old[c] + theta * v[c] if theta < 1.0 else v[c]
-        if state_code(v) != OK:
+        if state_code(v) != StepCode.OK:
             return state_code(v)
         if stale:
             if not linear:
                 count[CALLS] += jacobian(f, after, y, J)
             if not matrices(J, h, theta, B, W, G):
-                return SLOW
+                return StepCode.NEWTON_LIMIT
             rows(C, D, G, E, theta, M, a, b)
             stale = False
             fresh = True
@@ -199,7 +196,7 @@ def advance(f, linear, now, after, h, theta, x, y, v, q0, q1, system, state, lam
             count[LCPS] += 1
             count[PIVOTS] += pivots
             if not found:
-                return NOTHING
+                return StepCode.INFEASIBLE
             least_norm_solution(M, r, a, b, lam, w)
             times(G, lam, mid)
             for c in range(n):
@@ -210,7 +207,7 @@ def advance(f, linear, now, after, h, theta, x, y, v, q0, q1, system, state, lam
             move = max(move, abs(z[c] - y[c]))
             y[c] = z[c]
         count[INNER] += 1
-        if state_code(y) != OK:
+        if state_code(y) != StepCode.OK:
             return state_code(y)
         if (
             linear
@@ -218,16 +215,16 @@ def advance(f, linear, now, after, h, theta, x, y, v, q0, q1, system, state, lam
             or (fresh and it > 5 and move <= 1e-11 * (1.0 + largest(y)))
         ):
             if theta == 1.0 or m == 0 or not regroup(D, fixed, lam, E):
-                return OK
+                return StepCode.OK
             rows(C, D, G, E, theta, M, a, b)
             tries += 1
             if tries > AGAIN:
                 count[UNSETTLED] += 1
-                return OK
+                return StepCode.OK
         elif move > 0.1 * before:
             stale = True
         fresh = False
-    return SLOW
+    return StepCode.NEWTON_LIMIT
 
 
 @njit(cache=True, error_model="numpy")
@@ -314,9 +311,9 @@ def march(f, q_of, moving, linear, J, t, substeps, x, q, B, C, D, theta, fixed, 
                 stale,
                 count,
             )
-            if code == NOTHING and state_code(q0) + state_code(q1) != OK:
-                code = NAN
-            if code != OK:
+            if code == StepCode.INFEASIBLE and state_code(q0) + state_code(q1) != StepCode.OK:
+                code = StepCode.NAN
+            if code != StepCode.OK:
                 return X, P, count, code, now, twice
             if check and np.isnan(twice):
                 times(G, lam, push)
@@ -327,7 +324,7 @@ def march(f, q_of, moving, linear, J, t, substeps, x, q, B, C, D, theta, fixed, 
                     twice = now
             for i in range(m):
                 if jumpy[i] and lam[i] * largest(G[:, i].copy()) > LARGE * h * largest(v):
-                    return X, P, count, JUMP, after, twice
+                    return X, P, count, StepCode.JUMP, after, twice
                 total[i] += h * lam[i]
             for c in range(n):
                 x[c] = y[c]
@@ -335,4 +332,4 @@ def march(f, q_of, moving, linear, J, t, substeps, x, q, B, C, D, theta, fixed, 
             X[k + 1, c] = x[c]
         for i in range(m):
             P[k + 1, i] = total[i]
-    return X, P, count, OK, t[K - 1], twice
+    return X, P, count, StepCode.OK, t[K - 1], twice

@@ -1,0 +1,143 @@
+"""Bind a time loop with fixed steps to its data: compile it, or run the same source in Python.
+
+A time loop is a numba kernel whose first arguments are functions of the case: the drift
+(t, x, out), the field (t, x, s, out), curves (t, out). Where numba compiles all of them, they are
+first-class function pointers, and the kernel, compiled once for every case, calls them. Where it
+cannot compile one, the same source runs in Python around functions that fill `out` from numpy. Both
+give the same bits; stats["loop"] says which it was ("compiled" or "host").
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import FunctionType
+
+import numpy as np
+
+from nsbench.compilation import factories
+from nsbench.linalg.dense import StepCode
+from nsbench.trajectory import Status
+
+
+@dataclass(frozen=True)
+class CaseFunction:
+    """A function of a case in two forms, neither of them built yet.
+
+    pointer() -> a first-class function pointer, or factories.CompileError; in_python() -> a Python
+    function with the same arguments.
+    """
+
+    pointer: Callable[[], object]
+    in_python: Callable[[], Callable]
+
+
+@dataclass(frozen=True)
+class LoopFunctions:
+    """The functions that a time loop calls, in the order of its first arguments.
+
+    loop: "compiled" where they are pointers, "host" where they are Python functions.
+    """
+
+    functions: tuple
+    loop: str
+
+
+def drift_function(drift: Callable, n: int) -> CaseFunction:
+    """Describe ``drift(xp) -> (t, x)`` as a function (t, x, out), x and out (n,)."""
+    return CaseFunction(
+        lambda: factories.rhs_cfunc(drift, n), lambda: _filling(factories.as_numpy(drift))
+    )
+
+
+def signed_field(field: Callable, n: int, d: int) -> CaseFunction:
+    """Describe ``field(xp) -> (t, x, s)`` as a function (t, x, s, out), x and out (n,), s (d,)."""
+    return CaseFunction(
+        lambda: factories.signed_rhs_cfunc(field, n, d), lambda: _filling(factories.as_numpy(field))
+    )
+
+
+def curve_function(
+    curve: Callable | None, size: int, in_numpy: Callable | None = None
+) -> CaseFunction:
+    """Describe ``curve(xp) -> (t)`` as a function (t, out), out flat of the given size.
+
+    curve None: constant in time, a function that leaves `out` as it is. in_numpy: (t) -> the values
+    where the curve is not compiled, if that is not curve(numpy).
+    """
+    if curve is None:
+        return CaseFunction(factories.constant_curve, lambda: _leave)
+    return CaseFunction(
+        lambda: factories.curve_cfunc(curve, size),
+        lambda: _filling(in_numpy or factories.as_numpy(curve)),
+    )
+
+
+def compile_functions(*functions: CaseFunction) -> LoopFunctions:
+    """Compile the functions, or build all of them in Python where numba cannot compile one."""
+    try:
+        return LoopFunctions(tuple(f.pointer() for f in functions), "compiled")
+    except factories.CompileError:
+        return LoopFunctions(tuple(f.in_python() for f in functions), "host")
+
+
+def _filling(function: Callable) -> Callable:
+    """Write the values of (*args) -> array into the last argument, as a compiled callback does."""
+
+    def fill(*args):
+        args[-1][:] = np.ravel(function(*args[:-1]))
+
+    return fill
+
+
+def _leave(t, out):
+    """Leave `out` as it is: the curve is constant."""
+
+
+def loop_in_python(kernel: Callable) -> Callable:
+    """Return the loop in Python; the kernels that it calls stay compiled."""
+    return kernel.py_func
+
+
+def module_in_python(kernel: Callable) -> Callable:
+    """Return the loop and the kernels of its own file in Python; those imported stay compiled."""
+    names = dict(vars(sys.modules[kernel.py_func.__module__]))
+    for name, value in list(names.items()):
+        if hasattr(value, "py_func") and value.py_func.__module__ == kernel.py_func.__module__:
+            names[name] = FunctionType(value.py_func.__code__, names, name)
+    return names[kernel.py_func.__name__]
+
+
+def bind_loop(
+    kernel: Callable, loop: str, args: tuple, interpret: Callable = loop_in_python
+) -> Callable:
+    """Return the time loop, compiled for the types of `args` or, where loop is "host", in Python.
+
+    args: all arguments of a call, or arguments of the same types. interpret: which of the kernels
+    below the loop run in Python as well: those that call the functions of the case.
+    """
+    if loop != "compiled":
+        return interpret(kernel)
+    from numba import typeof
+
+    kernel.compile(tuple(typeof(a) for a in args))
+    return kernel
+
+
+def status_of(code: int, reached: float, own: Mapping[StepCode, Status] | None = None) -> Status:
+    """Return the status of a run whose time loop returned `code` at the time `reached`.
+
+    own: the statuses of a method for codes whose sentence is its own; they come first.
+    """
+    if own and code in own:
+        return own[code]
+    if code == StepCode.NAN:
+        return Status("nan", f"The drift is not a number at t = {reached:.6g}.")
+    if code == StepCode.BLOWN:
+        return Status(
+            "diverged", f"The state passed 1e150 at t = {reached:.6g}; a smaller step may help."
+        )
+    if code != StepCode.OK:
+        raise ValueError(f"a time loop ended with {code!r}, which has no sentence here")
+    return Status()
