@@ -1,32 +1,59 @@
-"""`nsbench check`: does a case file or a solver file keep the contract? Each thing not met is a
-sentence."""
+"""`nsbench check`: does a case file or a solver file keep the contract?
+
+Each violation is a sentence. A case is checked for its start, its drift in all array namespaces, and
+its exact solution against constraints, signs and the event-driven method, which does not use it. A
+solver is checked for the protocol, its refusals, and the order that it claims on three small cases.
+"""
 
 from __future__ import annotations
 
+import argparse
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
 from nsbench import solvers
 from nsbench.case import Case, get_case, load_case, load_module
+from nsbench.cli.exit_codes import FAILED, FINE
 from nsbench.compilation.factories import as_numpy
 from nsbench.problem import LCS, Complementarity, Filippov
 
-PROBES = ("tide", "sliding", "three_discs")
+Say = Callable[[str], None]
+PROBES = ("tide", "sliding", "three_discs")  # one of each kind of problem that solvers accept
+DRIFT_RTOL = 1e-13  # of a drift in two namespaces: some roundings
+SUBSTEPS = (2, 3, 5, 7, 11, 17, 27, 41, 64, 101, 160)  # steps between two samples, not dyadic
+ORDER_TOLERANCE = 0.15  # between the claimed order and a fitted one
+WIDEST_INTERVAL = 1.0  # of a fitted order: a wider one holds any claim
+FEASIBILITY = 1e-9  # violation of a constraint, or decrease of an impulse, that is rounding
+START_TOLERANCE = 1e-12  # between exact(t0) and x0
 
 
-def check_file(path: Path, say) -> list[str]:
-    """What is not met, as sentences; `say` tells what was looked at. Whatever the file raises is a
-    sentence too."""
+def command(args: argparse.Namespace, say) -> int:
+    """Check a file and print each violation; 3 if there are any."""
+    violations = check_file(Path(args.file), say)
+    for sentence in violations:
+        say(f"  not met: {sentence}")
+    count = f"{len(violations)} thing(s) to mend"
+    say(f"{args.file}: {count if violations else 'fine'}")
+    return FAILED if violations else FINE
+
+
+def check_file(path: Path, say: Say) -> list[str]:
+    """Check a case file or a solver file; returns the violations as sentences.
+
+    Whatever the file raises is a violation too, but for FileNotFoundError and KeyboardInterrupt.
+    `say` describes what was checked.
+    """
     try:
-        return _check_file(path, say)
+        return _check_module(path, say)
     except (FileNotFoundError, KeyboardInterrupt):
         raise
     except (Exception, SystemExit) as e:
         return [f"{type(e).__name__}: {e}"]
 
 
-def _check_file(path: Path, say) -> list[str]:
+def _check_module(path: Path, say: Say) -> list[str]:
     module = load_module(path)
     if hasattr(module, "SOLVER"):
         return check_solver(path, say)
@@ -35,28 +62,30 @@ def _check_file(path: Path, say) -> list[str]:
     return [f"{path} defines none of CASE, make, SOLVER"]
 
 
-def check_case(case: Case, say) -> list[str]:
-    """Start, drift in all namespaces, exact solution against its own equation, and that a method
-    accepts it."""
-    out = []
+def check_case(case: Case, say: Say) -> list[str]:
+    """Check start, drift, exact solution, and that a standard method accepts the case.
+
+    Returns the violations as sentences.
+    """
+    violations = []
     if not case.doc:
-        out.append("the file has no docstring: state the equations")
-    out += _start(case)
-    out += _namespaces(case)
+        violations.append("the file has no docstring: state the equations")
+    violations += _check_start(case)
+    violations += _check_namespaces(case)
     if case.exact is not None:
-        out += _exact(case) or _second_opinion(case)
-    takers = [s for s in solvers.standard() if solvers.get(s).refuses(case) is None]
-    if not takers:
-        out.append("every method of the standard suite refuses it")
+        violations += _check_exact(case) or _compare_with_event_driven(case)
+    accepting = [s for s in solvers.standard() if solvers.get(s).refuses(case) is None]
+    if not accepting:
+        violations.append("every method of the standard suite refuses it")
     say(
         f"{case.key}: n = {case.n}, {len(case.t)} samples, exact solution: "
-        f"{'yes' if case.exact else 'no'}, "
-        f"methods: {', '.join(takers)}"
+        f"{'yes' if case.exact else 'no'}, methods: {', '.join(accepting)}"
     )
-    return out
+    return violations
 
 
-def _start(case):
+def _check_start(case: Case) -> list[str]:
+    """Check that the start satisfies the constraints, as far as the case wants it to."""
     from nsbench.dynamics.contacts.constraint_set import ConstraintSet
     from nsbench.solvers.common.initial_state import initial_state
 
@@ -69,55 +98,64 @@ def _start(case):
     return []
 
 
-def _namespaces(case):
-    """The drift in numba and JAX against numpy at the start."""
-    from nsbench.compilation import factories
-
+def _check_namespaces(case: Case) -> list[str]:
+    """Compare the drift in numba and in JAX with numpy at the start."""
     if isinstance(case.problem, LCS):
         return []
     t = float(case.t[0])
     x = np.array(case.x0)
-    out = []
     if isinstance(case.problem, Filippov):
-        s = np.ones(len(np.asarray(as_numpy(case.problem.switch)(t, x))))
         factory = case.problem.field
-        args = (t, x, s)
+        arguments = (t, x, np.ones(len(np.asarray(as_numpy(case.problem.switch)(t, x)))))
     else:
         factory = case.problem.drift
-        args = (t, x)
-    want = factories.as_numpy(factory)(*args)
-    try:
-        pointer = (
-            factories.rhs_cfunc(factory, case.n)
-            if len(args) == 2
-            else factories.signed_rhs_cfunc(factory, case.n, len(s))
-        )
-        got = np.empty(case.n)
-        import numba
+        arguments = (t, x)
+    expected = as_numpy(factory)(*arguments)
+    return [
+        *_check_numba(factory, arguments, expected),
+        *_check_jax(factory, arguments, expected),
+    ]
 
-        call = numba.njit(lambda f, *a: f(*a))
-        call(pointer, *args, got)
-        if not np.allclose(got, want, rtol=1e-13, atol=1e-13, equal_nan=True):
-            out.append(
-                f"the drift compiled by numba differs from numpy by {np.abs(got - want).max():.3g}"
-            )
-    except factories.CompileError as e:
-        out.append(f"numba cannot compile the drift, runs will be slow: {e}")
+
+def _check_numba(factory, arguments: tuple, expected: np.ndarray) -> list[str]:
+    import numba
+
+    from nsbench.compilation import factories
+
+    n = len(arguments[1])
     try:
-        got = np.asarray(factories.as_jax(factory)(*args))
-        if not np.allclose(got, want, rtol=1e-13, atol=1e-13, equal_nan=True):
-            out.append(f"the drift in JAX differs from numpy by {np.abs(got - want).max():.3g}")
+        if len(arguments) == 2:
+            pointer = factories.rhs_cfunc(factory, n)
+        else:
+            pointer = factories.signed_rhs_cfunc(factory, n, len(arguments[2]))
+        value = np.empty(n)
+        numba.njit(lambda f, *a: f(*a))(pointer, *arguments, value)
+    except factories.CompileError as e:
+        return [f"numba cannot compile the drift, runs will be slow: {e}"]
+    if np.allclose(value, expected, rtol=DRIFT_RTOL, atol=DRIFT_RTOL, equal_nan=True):
+        return []
+    difference = np.abs(value - expected).max()
+    return [f"the drift compiled by numba differs from numpy by {difference:.3g}"]
+
+
+def _check_jax(factory, arguments: tuple, expected: np.ndarray) -> list[str]:
+    from nsbench.compilation import factories
+
+    try:
+        value = np.asarray(factories.as_jax(factory)(*arguments))
+        if np.allclose(value, expected, rtol=DRIFT_RTOL, atol=DRIFT_RTOL, equal_nan=True):
+            return []
+        difference = np.abs(value - expected).max()
+        return [f"the drift in JAX differs from numpy by {difference:.3g}"]
     except Exception as e:  # whatever JAX raises on a drift that is not written for it
-        out.append(
+        return [
             f"JAX cannot run the drift, so penalty cannot: {type(e).__name__}: "
             f"{str(e).splitlines()[0]}"
-        )
-    return out
+        ]
 
 
-def _second_opinion(case):
-    """The exact solution, impulse and events against the event-driven method, which knows nothing
-    of them."""
+def _compare_with_event_driven(case: Case) -> list[str]:
+    """Compare exact solution, impulse and events with the event-driven method, which knows none."""
     from nsbench.measure import errors
 
     method = solvers.get("event_driven")
@@ -128,120 +166,125 @@ def _second_opinion(case):
         return [f"event_driven cannot confirm the exact solution: {traj.status}"]
     try:
         found = errors(case, traj)
-        out = []
-    except ValueError as e:  # a certificate of this case says otherwise
+    except ValueError as e:  # a certificate of this case contradicts it
         return [str(e)]
-    for name, what, limit in (
-        ("state_sup", "exact(t)", 1e-8),
-        ("impulse", "exact_impulse(t)", 1e-7),
-        ("event_time", "exact_events", 1e-7),
+    violations = []
+    for error, what, limit, scale in (
+        (found["state_sup"], "exact(t)", 1e-8, found["state_scale"]),
+        (found["impulse"], "exact_impulse(t)", 1e-7, found["impulse_scale"]),
+        (found["event_time"], "exact_events", 1e-7, 1.0),
     ):
-        size = (
-            found["state_scale" if name == "state_sup" else "impulse_scale"]
-            if name != "event_time"
-            else 1.0
-        )
-        if found[name] > limit * size:
-            out.append(
-                f"event_driven differs from {what} by {found[name]:.3g}; one of the two is wrong"
+        if error > limit * scale:
+            violations.append(
+                f"event_driven differs from {what} by {error:.3g}; one of the two is wrong"
             )
     if found["events_missed"] > 0:
-        out.append(f"event_driven has no event at {found['events_missed']:g} of the exact_events")
-    return out
+        violations.append(
+            f"event_driven has no event at {found['events_missed']:g} of the exact_events"
+        )
+    return violations
 
 
-def _exact(case):
-    """The exact solution: shape, start, gaps, signs."""
-    from nsbench.reference import listed_contacts
-
+def _check_exact(case: Case) -> list[str]:
+    """Check shape, start, gaps and signs of the exact solution."""
     x = np.asarray(case.exact(case.t))
-    out = []
     if x.shape != (len(case.t), case.n):
         return [f"exact(t) returns the shape {x.shape}; {(len(case.t), case.n)} is needed"]
-    if np.abs(x[0] - case.x0).max() > 1e-12 and case.start != "project":
-        out.append(f"exact(t0) is {x[0]}, x0 is {case.x0}")
+    violations = []
+    if np.abs(x[0] - case.x0).max() > START_TOLERANCE and case.start != "project":
+        violations.append(f"exact(t0) is {x[0]}, x0 is {case.x0}")
     if isinstance(case.problem, Complementarity) and case.problem.constraints:
         from nsbench.dynamics.contacts.constraint_set import ConstraintSet
 
         scene = ConstraintSet(case.problem, case.n)
-        worst = min(
+        smallest_gap = min(
             scene.gaps(t, y, scene.near(y, 0.1, t)).min(initial=0.0)
             for t, y in zip(case.t, x, strict=True)
         )
-        if worst < -1e-9 and case.start == "error":
-            out.append(f"the exact solution violates a constraint by {-worst:.3g}")
+        if smallest_gap < -FEASIBILITY and case.start == "error":
+            violations.append(f"the exact solution violates a constraint by {-smallest_gap:.3g}")
     if case.exact_impulse is not None:
-        impulse = np.asarray(case.exact_impulse(case.t))
-        m = len(case.contacts if case.contacts is not None else listed_contacts(case))
-        if impulse.shape != (len(case.t), m):
-            out.append(
-                f"exact_impulse(t) returns the shape {impulse.shape}; {(len(case.t), m)} is needed"
-            )
-        elif np.diff(impulse, axis=0).min(initial=0.0) < -1e-9:
-            out.append("an exact impulse decreases: multipliers are not negative")
-    return out
+        violations += _check_exact_impulse(case)
+    return violations
 
 
-def check_solver(path: Path, say) -> list[str]:
-    """Protocol, refusals as sentences, and a run of the probes with what it claims for the
-    state."""
+def _check_exact_impulse(case: Case) -> list[str]:
+    from nsbench.reference import listed_contacts
+
+    impulse = np.asarray(case.exact_impulse(case.t))
+    contacts = case.contacts if case.contacts is not None else listed_contacts(case)
+    shape = (len(case.t), len(contacts))
+    if impulse.shape != shape:
+        return [f"exact_impulse(t) returns the shape {impulse.shape}; {shape} is needed"]
+    if np.diff(impulse, axis=0).min(initial=0.0) < -FEASIBILITY:
+        return ["an exact impulse decreases: multipliers are not negative"]
+    return []
+
+
+def check_solver(path: Path, say: Say) -> list[str]:
+    """Check the protocol, the refusals, and runs of the probe cases with the order claimed.
+
+    Returns the violations as sentences.
+    """
     name = Path(path).stem
     if name not in solvers.all_names():
         name = solvers.load(path)
     method = solvers.get(name)
-    out = []
-    for attr in ("accuracy", "default", "claims", "refuses", "prepare"):
-        if not hasattr(method, attr):
-            out.append(f"SOLVER has no {attr}")
-    if out:
-        return out
+    needed = ("accuracy", "default", "claims", "refuses", "prepare")
+    violations = [f"SOLVER has no {attr}" for attr in needed if not hasattr(method, attr)]
+    if violations:
+        return violations
     for probe in PROBES:
         case = get_case(probe)
         why = method.refuses(case)
         say(f"{probe}: {why or 'runs'}")
-        if why is not None:
-            if not (isinstance(why, str) and len(why.split()) > 2):
-                out.append(f"refuses({probe}) returns {why!r}; a sentence or None is needed")
-            continue
-        traj = solvers.solve(case, name)
-        if traj.status.ok and (
-            traj.x.shape != (len(case.t), case.n) or not np.all(np.isfinite(traj.x))
-        ):
-            out.append(f"{probe}: status ok, but x has the shape {traj.x.shape} or is not finite")
-        if traj.status.ok and traj.impulse.shape != (len(case.t), len(traj.contacts)):
-            out.append(
-                f"{probe}: impulse has the shape {traj.impulse.shape} for {len(traj.contacts)} "
-                f"contacts"
-            )
-        if (
-            traj.status.ok
-            and method.accuracy == "h"
-            and method.claims.state
-            and case.exact is not None
-        ):
-            out += _order(case, method, name)
-    return out
+        if why is None:
+            violations += _check_run(case, method, name)
+        elif not (isinstance(why, str) and len(why.split()) > 2):
+            violations.append(f"refuses({probe}) returns {why!r}; a sentence or None is needed")
+    return violations
 
 
-def _order(case, method, name):
+def _check_run(case: Case, method, name: str) -> list[str]:
+    """Check shapes and finiteness of one run, and the order where there is an exact solution."""
+    traj = solvers.solve(case, name)
+    if not traj.status.ok:
+        return []
+    violations = []
+    if traj.x.shape != (len(case.t), case.n) or not np.all(np.isfinite(traj.x)):
+        violations.append(
+            f"{case.key}: status ok, but x has the shape {traj.x.shape} or is not finite"
+        )
+    if traj.impulse.shape != (len(case.t), len(traj.contacts)):
+        violations.append(
+            f"{case.key}: impulse has the shape {traj.impulse.shape} for {len(traj.contacts)} "
+            f"contacts"
+        )
+    if method.accuracy == "h" and method.claims.state and case.exact is not None:
+        violations += _check_order(case, method, name)
+    return violations
+
+
+def _check_order(case: Case, method, name: str) -> list[str]:
+    """Fit the order of the state error over eleven steps and compare it with the claim."""
     from nsbench.measure import errors, fit_order
 
     spacing = float(np.diff(case.t).min())
-    hs = []
-    es = []
-    for n in (2, 3, 5, 7, 11, 17, 27, 41, 64, 101, 160):
+    steps = []
+    state_errors = []
+    for n in SUBSTEPS:
         traj = solvers.solve(case, name, h=spacing / n)
-        hs.append(traj.stats.get("h", spacing / n))
-        es.append(errors(case, traj)["state_sup"])
-    fit = fit_order(np.array(hs), np.array(es))
-    near = min(abs(slope - method.claims.state) for slope in (fit.order, fit.line))
+        steps.append(traj.stats.get("h", spacing / n))
+        state_errors.append(errors(case, traj)["state_sup"])
+    fit = fit_order(np.array(steps), np.array(state_errors))
+    claim = method.claims.state
+    low, high = fit.interval
     if (
         fit.verdict == "exact: no order"
-        or near < 0.15
-        or (fit.interval[0] <= method.claims.state <= fit.interval[1] <= fit.interval[0] + 1.0)
+        or min(abs(order - claim) for order in (fit.order, fit.line)) < ORDER_TOLERANCE
+        or low <= claim <= high <= low + WIDEST_INTERVAL
     ):
         return []
     return [
-        f"{case.key}: claims order {method.claims.state:g} in the state, shows {fit.order:.2f} "
-        f"({fit.verdict})"
+        f"{case.key}: claims order {claim:g} in the state, shows {fit.order:.2f} ({fit.verdict})"
     ]

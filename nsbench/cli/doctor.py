@@ -1,8 +1,13 @@
-"""Is this installation fit to measure with? Each check is a sentence and whether it is fine, a
-warning or a fault."""
+"""`nsbench doctor`: is this installation fit to measure with?
+
+Each check yields a verdict (fine, warning or fault) and a sentence: Python, libraries, cases and
+solvers, floating-point arithmetic, cache folders, machine, stored references, and two small runs
+against a known solution.
+"""
 
 from __future__ import annotations
 
+import argparse
 import os
 import sys
 import tempfile
@@ -12,6 +17,8 @@ from pathlib import Path
 
 import numpy as np
 
+from nsbench.cli import exit_codes
+
 FINE = "fine"
 WARNING = "warning"
 FAULT = "fault"
@@ -20,36 +27,51 @@ EXTRAS = {
     "nosnoc": "the nosnoc baseline",
     "casadi": "the nosnoc baseline",
 }
-ROOM = 500 << 20  # bytes: what kernels, programs and the results of a standard suite take together
+# bytes: kernels, programs and the results of a standard suite take that together
+DISK_SPACE_NEEDED = 500 << 20
+MAX_LOAD_PER_CORE = 0.5  # above it the seconds of runs are noisy
 Finding = tuple[str, str]
 
 
+def command(args: argparse.Namespace, say) -> int:
+    """Print the finding of every check; 5 if one of them is a fault."""
+    faults = 0
+    for verdict, sentence in examine():
+        say(f"{verdict:<8} {sentence}")
+        faults += verdict == FAULT
+    if not faults:
+        say("nothing stands in the way")
+        return exit_codes.FINE
+    say(f"{faults} fault(s): numbers of this installation are not to be trusted")
+    return exit_codes.BROKEN
+
+
 def examine() -> Iterator[Finding]:
-    """(fine, warning or fault; a sentence) of every check, one by one."""
+    """Examine the installation; yields (verdict, sentence) of every check, one by one."""
     for check in (
-        _python,
-        _libraries,
-        _plugins,
-        _arithmetic,
-        _folders,
-        _machine,
-        _references,
-        _solution,
+        _check_python,
+        _check_libraries,
+        _check_plugins,
+        _check_arithmetic,
+        _check_folders,
+        _check_machine,
+        _check_references,
+        _check_solutions,
     ):
         yield from check()
 
 
-def _python():
+def _check_python():
     bits = 64 if sys.maxsize > 2**32 else 32
-    good = sys.version_info >= (3, 11) and bits == 64
+    suitable = sys.version_info >= (3, 11) and bits == 64
     yield (
-        FINE if good else FAULT,
+        FINE if suitable else FAULT,
         f"Python {sys.version.split()[0]}, {bits} bits"
-        + ("" if good else "; 3.11 with 64 is needed"),
+        + ("" if suitable else "; 3.11 with 64 is needed"),
     )
 
 
-def _libraries():
+def _check_libraries():
     from packaging.requirements import Requirement
 
     for text in metadata.requires("nsbench") or ():
@@ -73,7 +95,7 @@ def _libraries():
             yield FINE, f"{name} is not installed: {use} will be refused"
 
 
-def _plugins():
+def _check_plugins():
     from nsbench import solvers
     from nsbench.case import broken_cases, case_names
 
@@ -87,32 +109,33 @@ def _plugins():
         yield FINE, f"{len(case_names())} cases and {len(solvers.all_names())} solvers load"
 
 
-def _arithmetic():
-    """A library built with unsafe options makes the processor flush small numbers to zero, for
-    everybody in the process."""
+def _check_arithmetic():
+    """Check that subnormal numbers are not flushed to zero.
+
+    A library built with unsafe options sets the processor so, for everything in the process.
+    """
     import nsbench.compilation.numba_setup  # noqa: F401
 
     tiny = np.float64(5e-324)
-    kept = tiny * np.float64(1.0) > 0.0 and np.float64(2.3e-308) / np.float64(4.0) > 0.0
-    yield (
-        FINE if kept else FAULT,
-        "numbers below 1e-308 are kept"
-        if kept
-        else (
+    subnormal = tiny * np.float64(1.0) > 0.0 and np.float64(2.3e-308) / np.float64(4.0) > 0.0
+    if subnormal:
+        yield FINE, "numbers below 1e-308 are kept"
+    else:
+        yield (
+            FAULT,
             "numbers below 1e-308 become zero: a library was built with -ffast-math; results will "
-            "differ"
-        ),
-    )
+            "differ",
+        )
 
 
-def _folders():
+def _check_folders():
     import shutil
 
     named = os.environ.get("NUMBA_CACHE_DIR")
     kernels = Path(named) if named else Path(__file__).resolve().parents[1]
     user = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "nsbench"
     for folder, use in ((kernels, "compiled kernels"), (user, "compiled programs")):
-        if _writable(folder):
+        if _is_writable(folder):
             yield FINE, f"{use} are kept in {folder}"
         else:
             yield (
@@ -121,10 +144,13 @@ def _folders():
                 f"process",
             )
     free = shutil.disk_usage(tempfile.gettempdir()).free
-    yield FINE if free > ROOM else WARNING, f"{free >> 20} MiB free for temporary files"
+    yield (
+        FINE if free > DISK_SPACE_NEEDED else WARNING,
+        f"{free >> 20} MiB free for temporary files",
+    )
 
 
-def _writable(folder: Path) -> bool:
+def _is_writable(folder: Path) -> bool:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
@@ -133,20 +159,22 @@ def _writable(folder: Path) -> bool:
         return False
 
 
-def _machine():
+def _check_machine():
+    import psutil
+
     cores = os.cpu_count() or 1
-    load = os.getloadavg()[0] if hasattr(os, "getloadavg") else 0.0
+    load = psutil.getloadavg()[0]
     yield (
-        FINE if load < 0.5 * cores else WARNING,
+        FINE if load < MAX_LOAD_PER_CORE * cores else WARNING,
         f"{cores} cores, load {load:.1f}"
-        + ("" if load < 0.5 * cores else ": seconds will be noisy, errors will not"),
+        + ("" if load < MAX_LOAD_PER_CORE * cores else ": seconds will be noisy, errors will not"),
     )
     import jax
 
     yield FINE, f"JAX computes on {', '.join(sorted({d.platform for d in jax.devices()}))}"
 
 
-def _references():
+def _check_references():
     from nsbench.case import get_case
     from nsbench.reference import files_of, load
     from nsbench.study import suite_cases
@@ -164,8 +192,8 @@ def _references():
     yield FINE, f"{good} stored references are whole and belong to their cases"
 
 
-def _solution():
-    """The whole way once: a known case, solved by two methods of different kinds."""
+def _check_solutions():
+    """Solve a case with a known solution by two methods of different kinds."""
     from nsbench.case import get_case
     from nsbench.measure import errors
     from nsbench.solvers import solve

@@ -25,7 +25,7 @@ def jobs_of(args) -> int:
     return args.jobs or min(2, os.cpu_count() or 1)
 
 
-def admit(sizes: dict[str, size.Size | None], args) -> None:
+def check_memory(sizes: dict[str, size.Size | None], args) -> None:
     """Raises ValueError for a case one run of which is foreseen to need more memory than one worker
     may hold."""
     limit = args.memory or memory.limit(jobs_of(args))

@@ -6,6 +6,7 @@ import shutil
 import time
 from collections.abc import Callable
 
+EXPECTED_STATUSES = ("ok", "refused", "below_reference")  # all others count as failures
 LINE = 15.0  # seconds between plain lines
 
 
@@ -22,7 +23,7 @@ class Progress:
 
     def step(self, label: str, status: str) -> None:
         self.done += 1
-        self.failed += status not in ("ok", "refused", "below_reference")
+        self.failed += status not in EXPECTED_STATUSES
         now = time.monotonic()
         if self.terminal:
             if now - self.last > 0.1 or self.done == self.total:

@@ -17,7 +17,7 @@ from nsbench import study
 from nsbench.case import parse_spec, size
 from nsbench.execute import dry_run
 from nsbench.execute.forecast import weight
-from nsbench.execute.progress import Progress
+from nsbench.execute.progress import EXPECTED_STATUSES, Progress
 from nsbench.execute.workers.pool import Chore, run_all
 from nsbench.reference import lookup
 from nsbench.results import consistency, row_reuse
@@ -26,7 +26,6 @@ from nsbench.results import tables as store
 from nsbench.results.packed_rows import OrderedRows, PackedRows
 from nsbench.study import describe
 
-EXPECTED = ("ok", "refused", "below_reference")
 NO_ROW = "No worker gave a row of this run. The same command tries it again."
 
 
@@ -45,7 +44,7 @@ def execute(specs, out: Path, args, say) -> int:
     _folder(out)
     for case in cases.values():
         lookup.check(case)
-    dry_run.admit({c.key: size.size_of(c) for c in cases.values()}, args)
+    dry_run.check_memory({c.key: size.size_of(c) for c in cases.values()}, args)
     if args.plan:
         known = {} if args.force else _known(out, specs, keys, args, say)
         return dry_run.tell(specs, cases, parts, keys, known, out, args, say)
@@ -68,7 +67,7 @@ def execute(specs, out: Path, args, say) -> int:
             rows, (keys[s] for s in specs), lambda i: study.lost_run_row(specs[i], "error", NO_ROW)
         )
         path = publish(out, ordered, cases, fresh=bool(todo), say=say, drawn=drawn)
-    failed = Counter(r["status"] for r in ordered if r["status"] not in EXPECTED)
+    failed = Counter(r["status"] for r in ordered if r["status"] not in EXPECTED_STATUSES)
     if failed:
         say(
             f"{failed.total()} of {len(ordered)} runs failed; the report lists each with its reason"

@@ -10,7 +10,7 @@ import time
 import pytest
 
 from nsbench.cli import main
-from nsbench.cli.commands import read_values
+from nsbench.cli.option_values import read_values
 
 
 def nsbench(*args, **kw):
@@ -84,6 +84,19 @@ def test_values_are_read_as_lists_and_ranges():
     assert read_values("1e-2") == [1e-2] and read_values("0.1,0.05") == [0.1, 0.05]
     v = read_values("1e-2..1e-4")
     assert len(v) == 21 and v[0] == pytest.approx(1e-2) and v[-1] == pytest.approx(1e-4)
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh"])
+def test_completion_scripts_know_the_verbs_and_their_options(shell, capsys):
+    with pytest.raises(SystemExit) as stopped:
+        main(["--print-completion", shell])
+    script = capsys.readouterr().out
+    assert stopped.value.code == 0
+    for word in ("calibrate", "--baseline", "--print-completion", "smoke"):
+        assert word in script, word
+    if shell == "bash":
+        checked = subprocess.run(["bash", "-n"], input=script, text=True, capture_output=True)
+        assert checked.returncode == 0, checked.stderr
 
 
 @pytest.mark.survives("ctrl-c")

@@ -24,7 +24,7 @@ def test_a_sound_installation_has_no_fault(capsys):
 )
 def test_a_library_that_is_missing_or_too_old_is_a_fault(monkeypatch, wanted, said):
     monkeypatch.setattr(metadata, "requires", lambda name: [wanted, 'other>=1; extra == "test"'])
-    verdict, sentence = next(doctor._libraries())
+    verdict, sentence = next(doctor._check_libraries())
     assert verdict == doctor.FAULT and said in sentence
 
 
@@ -36,7 +36,7 @@ def test_a_plugin_that_does_not_load_and_a_wrong_solution_are_faults(monkeypatch
         "solve",
         lambda case, spec, **kw: solve(case, spec, **({"h": 0.05} if "h" in kw else kw)),
     )
-    found = [*doctor._plugins(), *doctor._solution()]
+    found = [*doctor._check_plugins(), *doctor._check_solutions()]
     assert [v for v, _ in found] == [doctor.FAULT, doctor.FAULT, doctor.FINE]
     monkeypatch.setattr(doctor, "examine", lambda: found)
     assert main(["doctor"]) == 5 and "2 fault(s)" in capsys.readouterr().out
@@ -45,5 +45,5 @@ def test_a_plugin_that_does_not_load_and_a_wrong_solution_are_faults(monkeypatch
 def test_a_folder_that_cannot_be_written_is_a_warning(monkeypatch, tmp_path):
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "file" / "below"))
-    verdict, sentence = next(doctor._folders())
+    verdict, sentence = next(doctor._check_folders())
     assert verdict == doctor.WARNING and "compiled kernels" in sentence

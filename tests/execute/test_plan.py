@@ -69,7 +69,7 @@ def test_the_limit_can_be_given_and_holds_for_cases_of_any_size(capsys, tmp_path
     assert main(["run", "discs[n=10]", "-s", "pbd", "-o", str(tmp_path), "--memory", "100M"]) == 2
     assert "45 pairs" in capsys.readouterr().err
     args = argparse.Namespace(memory=1 << 60, jobs=1)
-    dry_run.admit({"discs[n=1e9]": size.foreseen("discs[n=1e9]")}, args)
+    dry_run.check_memory({"discs[n=1e9]": size.foreseen("discs[n=1e9]")}, args)
     assert size.foreseen("discs[n=30]") is None and size.foreseen("tide") is None
 
 

@@ -277,10 +277,10 @@ def test_the_limit_of_memory_is_a_share_of_what_there_is(tmp_path, monkeypatch):
     assert memory.limit(4) == int(0.8 * (64 << 30) / 4)
     monkeypatch.setattr(memory, "total", lambda: 1 << 30)
     assert memory.limit(4) == memory.LEAST
-    assert memory.bytes_of("1.5 GiB") == 3 << 29 and memory.bytes_of("800M") == 800 << 20
+    assert memory.parse_size("1.5 GiB") == 3 << 29 and memory.parse_size("800M") == 800 << 20
     for text in ("4 parsecs", "-1G", "", "nan", "3"):
         with pytest.raises(ValueError, match="--memory"):
-            memory.bytes_of(text)
+            memory.parse_size(text)
 
 
 def test_the_limit_of_a_container_is_heeded(tmp_path, monkeypatch):

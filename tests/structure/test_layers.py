@@ -49,6 +49,9 @@ HEAVY = (
     "distributed",
     "dask",
     "jinja2",
+    "shtab",
+    "tqdm",
+    "psutil",
 )
 
 

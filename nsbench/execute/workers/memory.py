@@ -30,7 +30,7 @@ WORDS = (
 )
 
 
-def bytes_of(text: str) -> int:
+def parse_size(text: str) -> int:
     """ "6G", "1.5 GiB" or "800M" in bytes. Raises ValueError for anything else."""
     found = re.fullmatch(r"\s*(\d+(?:\.\d*)?)\s*([KMGT]?)(?:i?B)?\s*", text, re.IGNORECASE)
     size = int(float(found[1]) * UNITS[found[2].upper()]) if found else 0

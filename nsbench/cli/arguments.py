@@ -1,0 +1,213 @@
+"""Argument parser of the command line: one function per verb.
+
+A verb is added by `_add_verb`, which records the module of nsbench.cli that executes it. Nothing
+but argparse is imported here, so that --help is quick; shtab is imported by --print-completion
+alone.
+"""
+
+from __future__ import annotations
+
+import argparse
+
+LIMIT = "limit of one run (default: 120 s); its preparation has 5 minutes more"
+ACCURACIES = {"h": "steps", "tol": "tolerances", "k": "stiffnesses"}
+SHELLS = ("bash", "zsh")
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Build the parser of all verbs; its results carry `verb_module`, a module of nsbench.cli."""
+    parser = argparse.ArgumentParser(
+        "nsbench",
+        description="Test bench for Filippov and complementarity systems: "
+        "which method, which step, what error, at what cost.",
+    )
+    parser.add_argument(
+        "--print-completion",
+        action=_PrintCompletion,
+        choices=SHELLS,
+        help="print a script that completes commands and options in this shell, and stop",
+    )
+    verbs = parser.add_subparsers(required=True, metavar="COMMAND")
+    for add in (
+        _add_list,
+        _add_run,
+        _add_report,
+        _add_show,
+        _add_check,
+        _add_reference,
+        _add_gate,
+        _add_calibrate,
+        _add_compare,
+        _add_doctor,
+    ):
+        add(verbs)
+    return parser
+
+
+class _PrintCompletion(argparse.Action):
+    """Print the completion script of a shell and exit."""
+
+    def __call__(self, parser, namespace, values, option_string=None):
+        import shtab
+
+        kinds = {"FILE": shtab.FILE, "PATH": shtab.FILE, "DIR": shtab.DIRECTORY}
+        for verb in parser._subparsers._group_actions[0].choices.values():
+            for argument in verb._actions:
+                if argument.metavar in kinds:
+                    argument.complete = kinds[argument.metavar]
+        print(shtab.complete(parser, shell=values))
+        parser.exit(0)
+
+
+def _add_verb(verbs, name: str, text: str, module: str = "") -> argparse.ArgumentParser:
+    verb = verbs.add_parser(name, help=text, description=text)
+    verb.set_defaults(verb_module=module or name)
+    return verb
+
+
+def _add_list(verbs) -> None:
+    verb = _add_verb(verbs, "list", "what exists: cases, solvers, metrics", module="list_")
+    verb.add_argument("what", nargs="?", choices=("cases", "solvers", "metrics"))
+
+
+def _add_run(verbs) -> None:
+    verb = _add_verb(verbs, "run", "run cases with solvers and write the report")
+    _add_selection(verb)
+    _add_workers(verb)
+    verb.add_argument(
+        "--dask",
+        metavar="ADDRESS",
+        help="the workers of this Dask cluster instead, such as tcp://10.0.0.1:8786",
+    )
+    verb.add_argument(
+        "--memory",
+        metavar="SIZE",
+        help="limit of one worker, such as 4G (default: its share of the machine)",
+    )
+    verb.add_argument(
+        "--plan",
+        action="store_true",
+        help="say what would run and why, with a forecast of time and memory, and stop",
+    )
+    verb.add_argument(
+        "--probe",
+        type=float,
+        default=10.0,
+        metavar="S",
+        help="for --plan: limit of all small runs that tell what is not known yet (default: 10 s; "
+        "0: none)",
+    )
+    verb.add_argument(
+        "-v", "--verbose", action="store_true", help="for --plan: a line for each run"
+    )
+    verb.add_argument("--force", action="store_true", help="run again what is already known")
+    verb.add_argument("-o", "--out", default="results", metavar="DIR")
+
+
+def _add_selection(verb: argparse.ArgumentParser) -> None:
+    """Add the arguments that select cases, solvers and accuracies."""
+    verb.add_argument(
+        "cases", nargs="*", metavar="CASE", help="such as tide or discs[n=30]; none: the suite"
+    )
+    verb.add_argument(
+        "-s", "--solver", action="append", metavar="SOLVER", help="such as pbd[order=reverse]"
+    )
+    for name, text in ACCURACIES.items():
+        verb.add_argument(
+            f"--{name}", metavar="A..B", help=f"{text}: one, a list A,B,C or a range A..B"
+        )
+    verb.add_argument("--suite", default="standard", choices=("smoke", "standard", "hard", "full"))
+    verb.add_argument("--tag", help="only cases with this tag")
+    for option, kind in (("--cases", "case"), ("--solvers", "solver")):
+        verb.add_argument(
+            option,
+            dest=f"{kind}_files",
+            action="append",
+            default=[],
+            metavar="PATH",
+            help=f"{kind} file, or folder of {kind} files, outside the package",
+        )
+
+
+def _add_workers(verb: argparse.ArgumentParser) -> None:
+    """Add the number of workers and the limit of a run."""
+    verb.add_argument(
+        "-j",
+        "--jobs",
+        type=int,
+        metavar="N",
+        help="workers (default: the number of cores, at most 2)",
+    )
+    verb.add_argument("--timeout", type=float, default=120.0, metavar="S", help=LIMIT)
+
+
+def _add_report(verbs) -> None:
+    verb = _add_verb(verbs, "report", "write the report of results again")
+    verb.add_argument("dirs", nargs="+", metavar="DIR")
+
+
+def _add_show(verbs) -> None:
+    verb = _add_verb(verbs, "show", "one case, or one run of it")
+    verb.add_argument("case", metavar="CASE")
+    verb.add_argument("-s", "--solver", metavar="SOLVER")
+    for name in ACCURACIES:
+        verb.add_argument(f"--{name}", type=float)
+
+
+def _add_check(verbs) -> None:
+    verb = _add_verb(verbs, "check", "check a case file or a solver file")
+    verb.add_argument("file")
+
+
+def _add_reference(verbs) -> None:
+    verb = _add_verb(verbs, "reference", "build or verify stored references")
+    verb.add_argument("action", choices=("build", "verify", "list"))
+    verb.add_argument("cases", nargs="*", metavar="CASE")
+    verb.add_argument("--into", metavar="DIR", help="folder to use (default: reference_solutions)")
+    verb.add_argument(
+        "--kind",
+        choices=("auto", "certified", "runs"),
+        default="auto",
+        help="build: a proof, two runs that agree, or the first with the second as a fallback",
+    )
+    verb.add_argument(
+        "--certify", action="store_true", help="verify: make every proof again (minutes)"
+    )
+
+
+def _add_gate(verbs) -> None:
+    text = "compare results with a baseline: 0 as before, 1 not, 4 too little compared"
+    verb = _add_verb(verbs, "gate", text)
+    verb.add_argument("dir", metavar="DIR", help="folder of results")
+    verb.add_argument("--baseline", required=True, metavar="FILE")
+    verb.add_argument(
+        "--update",
+        action="store_true",
+        help="write what changed into the baseline (needs --reason)",
+    )
+    verb.add_argument("--reason", metavar="TEXT", default="")
+    verb.add_argument("--summary", metavar="FILE", help="append a summary in Markdown to this file")
+
+
+def _add_calibrate(verbs) -> None:
+    text = "how far the numbers of a study spread from starts 1e-12 apart"
+    verb = _add_verb(verbs, "calibrate", text)
+    verb.add_argument("dir", nargs="?", default="results", metavar="DIR")
+    _add_workers(verb)
+
+
+def _add_compare(verbs) -> None:
+    verb = _add_verb(verbs, "compare", "what differs between two folders of results")
+    verb.add_argument("old", metavar="A")
+    verb.add_argument("new", metavar="B")
+    verb.add_argument(
+        "--rtol",
+        type=float,
+        default=1e-6,
+        metavar="R",
+        help="relative difference that is none (default: 1e-6)",
+    )
+
+
+def _add_doctor(verbs) -> None:
+    _add_verb(verbs, "doctor", "is this installation fit to measure with?")

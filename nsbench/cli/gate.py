@@ -1,0 +1,64 @@
+"""`nsbench gate`: compare results with a baseline, or bring the baseline up to date."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from nsbench.cli.exit_codes import FINE
+
+
+def command(args: argparse.Namespace, say) -> int:
+    """Compare a folder of results with a baseline: 0 as before, 1 not, 4 too little compared."""
+    from nsbench.gate import baseline, messages
+    from nsbench.gate.comparison import compare, exit_code
+    from nsbench.gate.facts import facts
+    from nsbench.report.data import read
+    from nsbench.results.consistency import check
+    from nsbench.results.tables import FORMULA
+
+    if args.update and not args.reason.strip():
+        raise ValueError(
+            "--update needs --reason: a sentence that says why the numbers are others now"
+        )
+    if args.reason.strip().startswith(FORMULA):
+        raise ValueError(
+            f"--reason is {args.reason.strip()[:40]!r}; a spreadsheet would take it for a formula"
+        )
+    check(args.dir)
+    measured = facts(read(args.dir))
+    path = Path(args.baseline)
+    if args.update:
+        return _update_baseline(measured, path, args, say)
+    findings = compare(measured, baseline.read(path))
+    code = exit_code(findings)
+    for line in messages.lines(findings):
+        say(line)
+    if args.summary:
+        with open(args.summary, "a", encoding="utf-8") as file:
+            file.write(messages.summary(findings, code))
+    return code
+
+
+def _update_baseline(measured, path: Path, args, say) -> int:
+    """Write the lines that changed into the baseline and say which they are."""
+    from nsbench.gate import baseline, spreads
+    from nsbench.gate.update import updated
+    from nsbench.results.tables import write_atomically
+
+    old = baseline.read(path) if path.exists() else {}
+    reason = args.reason.strip()
+    lines, changes = updated(measured, old, spreads.read(args.dir, measured), reason)
+    if changes or not path.exists():
+        write_atomically(path, baseline.text(lines).encode())
+    for change in changes:
+        say(change)
+    say(f"{path}: {len(lines)} lines, {len(changes)} changed")
+    in_baseline = {f"{line.case} {line.solver}" for line in lines}
+    not_measured = sorted(in_baseline - {f"{f.case} {f.solver}" for f in measured.values()})
+    if not_measured:
+        say(
+            f"of {len(not_measured)} that these results do not hold, such as {not_measured[0]}, "
+            "every line stays; a line that is to go is deleted by hand"
+        )
+    return FINE

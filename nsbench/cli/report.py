@@ -1,0 +1,21 @@
+"""`nsbench report`: write the report of results again."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from nsbench.cli.exit_codes import FINE
+
+
+def command(args: argparse.Namespace, say) -> int:
+    """Write report.html of each folder. Raises FileNotFoundError where there are no results."""
+    from nsbench.report import write_report
+    from nsbench.results.consistency import check
+
+    for folder in map(Path, args.dirs):
+        if not (folder / "runs.parquet").is_file():
+            raise FileNotFoundError(f"no results in {folder}")
+        check(folder)
+        say(str(write_report(folder, folder / "report.html")))
+    return FINE

@@ -1,0 +1,102 @@
+"""`nsbench run`: plan the runs of cases, solvers and accuracies, and execute them.
+
+Cases are named, or come from files, or are those of a suite; without -s each case gets the standard
+solvers and those of the solver files given.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from nsbench import solvers, study
+from nsbench.case import broken_cases, get_case, load_case
+from nsbench.cli.exit_codes import FAILED, FINE
+from nsbench.cli.option_values import (
+    check_worker_options,
+    find_python_files,
+    read_accuracies,
+    read_values,
+)
+
+CaseSource = tuple[str, str]  # key, and the file ("": a registered case)
+
+
+def command(args: argparse.Namespace, say) -> int:
+    """Execute the runs, or with --plan say which they are; 3 if some failed unexpectedly."""
+    from nsbench.execute.suite import execute
+
+    check_worker_options(args)
+    _check_cluster_options(args)
+    solver_files = tuple(str(p) for f in args.solver_files for p in find_python_files(f))
+    added_solvers = [solvers.load(f) for f in solver_files]
+    values = {name: read_values(text) for name, text in read_accuracies(args).items()}
+    cases, left_out = _select_cases(args)
+    _check_distinct_names(cases)
+    specs = _plan(args, cases, values, solver_files, added_solvers)
+    if not (args.case_files or args.cases or args.solver):
+        left_out |= {f"solver {name}": why for name, why in solvers.broken().items()}
+    for name, why in left_out.items():
+        say(f"left out: {name}: {why}")
+    return execute(specs, Path(args.out), args, say) or (FAILED if left_out else FINE)
+
+
+def _select_cases(args) -> tuple[list[CaseSource], dict[str, str]]:
+    """Cases of the arguments; and why cases of the suite that do not load are not among them."""
+    from nsbench.case.size import foreseen
+    from nsbench.execute.dry_run import check_memory
+
+    files = [(load_case(p).key, str(p)) for f in args.case_files for p in find_python_files(f)]
+    keys = []
+    left_out = {}
+    if args.cases:
+        check_memory({c: foreseen(c) for c in args.cases}, args)
+        named = [get_case(c) for c in args.cases]
+        keys = [(c.key, "") for c in named if args.tag is None or args.tag in c.tags]
+    elif not files:
+        left_out = broken_cases()
+        keys = [(k, "") for k in study.suite_cases(args.suite, args.tag, left_out)]
+    return [*keys, *files], left_out
+
+
+def _plan(args, cases, values, solver_files, added_solvers) -> list[study.Spec]:
+    """Plan all runs. Raises LookupError if there are none."""
+    chosen = args.solver
+    if not chosen and args.case_files and not args.cases:
+        chosen = [*solvers.standard()]
+    specs = study.plan(cases, chosen, values, solver_files)
+    if not specs:
+        raise LookupError("nothing to run: no case matches")
+    if added_solvers and args.solver is None:
+        more = study.plan(cases, added_solvers, values, solver_files)
+        specs += [s for s in more if s not in specs]
+    return specs
+
+
+def _check_distinct_names(cases: list[CaseSource]) -> None:
+    """Raise ValueError, with both files, if the names of two cases differ by at most their case.
+
+    Files of results are named after cases, and some file systems do not distinguish these.
+    """
+    first_of: dict[str, CaseSource] = {}
+    for key, file in dict.fromkeys(cases):
+        first = first_of.setdefault(key.casefold(), (key, file))
+        if first != (key, file):
+            where = [f or study.resolve(k).source for k, f in (first, (key, file))]
+            raise ValueError(
+                f"two cases are named alike: {first[0]} in {where[0]} and {key} in {where[1]}"
+            )
+
+
+def _check_cluster_options(args) -> None:
+    """Raise ValueError if --dask cannot be used, or not together with the other options."""
+    from importlib.util import find_spec
+
+    if args.dask is None:
+        return
+    if args.jobs is not None:
+        raise ValueError(
+            "-j is for workers on this machine, --dask for those of a cluster; give one of them"
+        )
+    if find_spec("distributed") is None:
+        raise ValueError("--dask needs the package distributed: pip install 'nsbench[dask]'")

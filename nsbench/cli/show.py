@@ -1,0 +1,49 @@
+"""`nsbench show`: describe a case, or run one solver on it and print status, work and errors."""
+
+from __future__ import annotations
+
+import argparse
+
+from nsbench import solvers
+from nsbench.case import Case, load_case
+from nsbench.cli.exit_codes import FAILED, FINE
+from nsbench.cli.option_values import get_case_that_fits, read_accuracies
+from nsbench.execute.progress import EXPECTED_STATUSES
+
+MOST_EVENTS = 40  # printed, the first ones
+
+
+def command(args: argparse.Namespace, say) -> int:
+    """Show a case, or one run of it; 3 if the run ended with a status that is a failure."""
+    case = load_case(args.case) if args.case.endswith(".py") else get_case_that_fits(args.case)
+    say(
+        f"{case.key}: {type(case.problem).__name__}, n = {case.n}, t = {case.t[0]:g} .. "
+        f"{case.t[-1]:g}, {len(case.t)} samples"
+    )
+    if args.solver is None:
+        say(case.doc)
+        for name in solvers.standard():
+            say(f"  {name:<32} {solvers.get(name).refuses(case) or 'runs'}")
+        return FINE
+    return _show_run(case, args, say)
+
+
+def _show_run(case: Case, args, say) -> int:
+    """Print status, counted work, errors and events of one run in this process."""
+    traj = solvers.solve(case, args.solver, **read_accuracies(args))
+    say(f"{args.solver}: {traj.status.code}. {traj.status}")
+    for name, value in {**traj.stats}.items():
+        say(f"  {name:<20} {value}")
+    if len(traj.t):
+        from nsbench.measure import errors
+
+        measures = errors(case, traj)
+        below_bound = measures["below"].split()
+        for name, value in measures.items():
+            text = f"{value:.6g}" if isinstance(value, float) else str(value)
+            if name in below_bound:
+                text = "below ten times the bound of the reference"
+            say(f"  {name:<20} {text}")
+    for event in traj.events[:MOST_EVENTS]:
+        say(f"  t = {event.t:.12g}  {event.kind}  {event.contact}")
+    return FINE if traj.status.code in EXPECTED_STATUSES else FAILED
