@@ -1,4 +1,4 @@
-"""What a case's own functions return at its start, looked at once before anything runs."""
+"""Validation of a case: evaluate its functions once at the start; check shapes and dtypes."""
 
 from __future__ import annotations
 
@@ -11,7 +11,11 @@ from nsbench.problem import LCS, Affine, Distance, Filippov, Smooth
 
 
 def check_shapes(case) -> None:
-    """Evaluate the data once at the start; ValueError or TypeError names what is wrong."""
+    """Evaluate the functions of a case once at (t[0], x0).
+
+    Raises ValueError or TypeError with the function, what it returned and what is needed: float64
+    of the right shape; a drift must not change x in place.
+    """
     p = case.problem
     x = case.x0.copy()
     t0 = float(case.t[0])
@@ -28,7 +32,9 @@ def check_shapes(case) -> None:
                     f"switch of {case.name} returns {c.dtype} of shape {c.shape}; float64 (d,) is "
                     f"needed"
                 )
-            found = [np.asarray(as_numpy(p.field)(t0, x, np.array(s))) for s in _sides(len(c))]
+            found = [
+                np.asarray(as_numpy(p.field)(t0, x, np.array(s))) for s in _sign_samples(len(c))
+            ]
         else:
             for c in p.constraints:
                 if isinstance(c, Distance):
@@ -50,28 +56,28 @@ def check_shapes(case) -> None:
 
 
 def _check_exact(case, name: str, solution) -> None:
-    """A closed form is in double precision. What it raises, its shape and its values are told when
-    it is used."""
+    """Check that a closed form is in double precision.
+
+    Its exceptions, shape and values are reported when it is used.
+    """
     if solution is None:
         return
     with np.errstate(all="ignore"):
         try:
             a = np.asarray(solution(case.t))
-        except Exception:  # of the case's author: whatever is raised is told where it is needed
+        except Exception:  # user code: reported where the closed form is needed
             return
     if a.dtype in (np.float32, np.float16, np.complex64):
         raise TypeError(f"{name} of {case.name} returns {a.dtype}; float64 is needed")
 
 
-def _sides(d: int) -> list[tuple]:
-    """Signs of the modes to look at: all where they are few, else the two where all signs are
-    alike."""
+def _sign_samples(d: int) -> list[tuple]:
+    """List the sign patterns to evaluate: all 2^d up to d = 3, else the two uniform ones."""
     return list(product((1.0, -1.0), repeat=d)) if d <= 3 else [(1.0,) * d, (-1.0,) * d]
 
 
 def _check_curves(case, c, t0: float, x) -> None:
-    """What a constraint's factories return at the start: real numbers in double precision, of the
-    shape that is needed."""
+    """Check what the factories of a constraint family return at the start: float64, right shape."""
     if isinstance(c, Smooth):
         made = {"g": (as_numpy(c.g)(t0, x), None)}
     else:
@@ -96,7 +102,7 @@ def _check_curves(case, c, t0: float, x) -> None:
 
 
 def _check_inputs(case) -> None:
-    """The inputs of a linear complementarity system at the start."""
+    """Check the inputs u (n,) and q (m,) of a linear complementarity system at the start."""
     p = case.problem
     t0 = float(case.t[0])
     if p.A.shape[0] != case.n:

@@ -79,8 +79,8 @@ def get_case_that_fits(key: str) -> Case:
 
     Raises ValueError with the foreseen size in that case, LookupError for an unknown name.
     """
-    from nsbench.case.size import foreseen
+    from nsbench.case.size import predicted_size
     from nsbench.execute.dry_run import check_memory
 
-    check_memory({key: foreseen(key)}, SimpleNamespace(memory=None, jobs=1))
+    check_memory({key: predicted_size(key)}, SimpleNamespace(memory=None, jobs=1))
     return get_case(key)

@@ -43,14 +43,14 @@ def command(args: argparse.Namespace, say) -> int:
 
 def _select_cases(args) -> tuple[list[CaseSource], dict[str, str]]:
     """Cases of the arguments; and why cases of the suite that do not load are not among them."""
-    from nsbench.case.size import foreseen
+    from nsbench.case.size import predicted_size
     from nsbench.execute.dry_run import check_memory
 
     files = [(load_case(p).key, str(p)) for f in args.case_files for p in find_python_files(f)]
     keys = []
     left_out = {}
     if args.cases:
-        check_memory({c: foreseen(c) for c in args.cases}, args)
+        check_memory({c: predicted_size(c) for c in args.cases}, args)
         named = [get_case(c) for c in args.cases]
         keys = [(c.key, "") for c in named if args.tag is None or args.tag in c.tags]
     elif not files:

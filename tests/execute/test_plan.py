@@ -69,13 +69,13 @@ def test_the_limit_can_be_given_and_holds_for_cases_of_any_size(capsys, tmp_path
     assert main(["run", "discs[n=10]", "-s", "pbd", "-o", str(tmp_path), "--memory", "100M"]) == 2
     assert "45 pairs" in capsys.readouterr().err
     args = argparse.Namespace(memory=1 << 60, jobs=1)
-    dry_run.check_memory({"discs[n=1e9]": size.foreseen("discs[n=1e9]")}, args)
-    assert size.foreseen("discs[n=30]") is None and size.foreseen("tide") is None
+    dry_run.check_memory({"discs[n=1e9]": size.predicted_size("discs[n=1e9]")}, args)
+    assert size.predicted_size("discs[n=30]") is None and size.predicted_size("tide") is None
 
 
 @pytest.mark.parametrize("case", ["discs[n=40000]", "discs[n=30000,box=true]", "stack[n=20000]"])
 def test_a_size_is_foreseen_as_it_comes_out(case):
-    ahead = size.foreseen(case)
+    ahead = size.predicted_size(case)
     made = size.size_of(get_case(case))
     for name in ("states", "samples", "contacts", "particles"):
         assert getattr(ahead, name) == pytest.approx(getattr(made, name), rel=0.15)

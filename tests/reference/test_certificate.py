@@ -18,7 +18,7 @@ from nsbench import (  # noqa: E402
     Filippov,
     Smooth,
     get_case,
-    reference,  # noqa: E402
+    reference,
 )
 from nsbench.reference.certify.ball_algebra import Refused  # noqa: E402
 from nsbench.reference.certify.certificate import certify  # noqa: E402

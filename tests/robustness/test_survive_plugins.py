@@ -10,8 +10,8 @@ import pytest
 from survive_files import HEAD, METHODS, case_file
 
 import nsbench
-from nsbench import case as cases
 from nsbench import solvers
+from nsbench.case import registry as cases
 from nsbench.cli import main
 from nsbench.study import contract_violation
 from nsbench.trajectory import STATUSES, Status, Trajectory
@@ -232,7 +232,7 @@ def test_two_solver_files_of_one_name_are_an_error_with_both_files(tmp_path, cap
     args = [a for f in files for a in ("--solvers", str(f))]
     assert main(["run", "tide", *args, "-o", str(tmp_path / "r")]) == 2
     said = capsys.readouterr().err
-    assert str(files[-1]) in said and (str(files[0]) if first else "solvers/pbd.py") in said
+    assert str(files[-1]) in said and (str(files[0]) if first else "solvers/pbd/method.py") in said
 
 
 NASTY = [

@@ -1,7 +1,7 @@
 """Every entry of the list of what must be survived has a test, and no test is marked with what is
 not on the list."""
 
-from survived import ENTRIES, marked
+from survival_table import ENTRIES, marked
 
 
 def test_every_entry_has_a_test_and_every_mark_an_entry():

@@ -10,7 +10,7 @@ import pytest
 
 HERE = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(HERE / "support"))
-from survived import ENTRIES, marked  # noqa: E402
+from survival_table import ENTRIES, marked  # noqa: E402
 
 
 class Seen:

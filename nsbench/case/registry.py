@@ -1,0 +1,181 @@
+"""Registry of cases: find, import and build the registered ones; load a case from any file."""
+
+from __future__ import annotations
+
+import functools
+import importlib
+import importlib.util
+import inspect
+import pkgutil
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+from types import ModuleType
+
+from nsbench import user_code
+from nsbench.case.definition import Case
+from nsbench.case.spec import nearest, parse_spec
+from nsbench.source_files import opened_files
+
+MAX_FILE_BYTES = 4 << 20  # a longer file was not written by hand
+
+
+@functools.cache
+def _scan() -> tuple[dict, dict]:
+    """Import all modules of nsbench.cases: those found by name, and the reason for each failure."""
+    import nsbench.cases as package
+
+    found = {}
+    failed = {}
+    for info in pkgutil.iter_modules(package.__path__):
+        try:
+            with user_code.guarded(f"the file of the case {info.name}"):
+                module = importlib.import_module(f"nsbench.cases.{info.name}")
+        except (Exception, SystemExit) as e:  # a broken plugin must not take the others with it
+            failed[info.name] = f"{type(e).__name__}: {e}"
+            continue
+        if hasattr(module, "CASE") or hasattr(module, "make"):
+            found[info.name] = module
+        else:
+            failed[info.name] = f"{module.__file__} defines neither CASE nor make(**params)"
+    for one, other in equal_but_for_case({name: str(m.__file__) for name, m in found.items()}):
+        for name in (one, other):
+            failed[name] = (
+                f"names that are equal but for case: {found[one].__file__} and "
+                f"{found[other].__file__}"
+            )
+    return {name: m for name, m in found.items() if name not in failed}, failed
+
+
+def equal_but_for_case(names: Iterable[str]) -> list[tuple[str, str]]:
+    """List pairs of different names that differ in upper and lower case only.
+
+    On case-insensitive file systems their files would be one.
+    """
+    first: dict[str, str] = {}
+    return [
+        (first[n.casefold()], n) for n in sorted(names) if first.setdefault(n.casefold(), n) != n
+    ]
+
+
+def case_names() -> list[str]:
+    """List the names of all registered cases, sorted."""
+    return sorted(_scan()[0])
+
+
+def broken_cases() -> dict[str, str]:
+    """Return why each case file that could not be loaded failed, by name."""
+    return dict(_scan()[1])
+
+
+def case_module(name: str) -> ModuleType:
+    """Return the module of a registered case.
+
+    Raises LookupError for an unknown name (with the nearest one), ValueError if its file failed to
+    load.
+    """
+    found, failed = _scan()
+    if name in failed:
+        raise ValueError(f"case {name!r} failed to load: {failed[name]}")
+    if name not in found:
+        raise LookupError(f"no case {name[:80]!r}; {nearest(name, found)}")
+    return found[name]
+
+
+def _build(module: ModuleType, name: str, params: dict) -> Case:
+    """Build the case of a module from ``make(**params)`` or ``CASE``.
+
+    Its `params` are those that differ from their defaults, or that the module lists in SHOWN.
+    """
+    if hasattr(module, "make"):
+        known = inspect.signature(module.make).parameters
+        for p in params:
+            if p not in known:
+                raise LookupError(f"case {name} has no parameter {p!r}; {nearest(p, known)}")
+        try:
+            case = module.make(**params)
+        except (Exception, SystemExit) as e:  # user code: any failure is reported with its name
+            raise ValueError(f"case {name} cannot be made with {params}: {_describe(e)}") from e
+        if not isinstance(case, Case):
+            raise ValueError(
+                f"make(**params) of {name} returns {type(case).__name__}; a Case is needed"
+            )
+        defaults = {
+            k: v.default for k, v in known.items() if v.default is not inspect.Parameter.empty
+        }
+        params = {
+            k: v
+            for k, v in {**defaults, **params}.items()
+            if params.get(k, defaults.get(k)) != defaults.get(k)
+            or k in getattr(module, "SHOWN", ())
+        }
+    elif params:
+        raise LookupError(f"case {name} takes no parameters, got {sorted(params)}")
+    else:
+        case = module.CASE
+        if not isinstance(case, Case):
+            raise ValueError(f"CASE of {name} is {type(case).__name__}; a Case is needed")
+    return case.replace(
+        params=params,
+        doc=case.doc or inspect.getdoc(module) or "",
+        source=getattr(module, "__file__", ""),
+    )
+
+
+def _describe(e: BaseException) -> str:
+    """Return the message of an exception, with its class unless that is a usual one."""
+    usual = isinstance(e, (ValueError, TypeError, ArithmeticError, LookupError))
+    return str(e) if usual else f"{type(e).__name__}: {e}"
+
+
+def get_case(name: str, **params) -> Case:
+    """Build a registered case: ``get_case("discs", n=30)`` or ``get_case("discs[n=30]")``.
+
+    Raises LookupError for an unknown name or parameter, with the nearest match; ValueError for bad
+    data.
+    """
+    base, inner = parse_spec(name)
+    with user_code.guarded(f"make of the case {base}"):
+        case = _build(case_module(base), base, {**inner, **params})
+    if case.name != base:  # its runs could not be told from those of another case
+        raise ValueError(
+            f"{case.source} makes a case named {case.name!r}; the file's name is {base!r}"
+        )
+    return case
+
+
+def load_module(path) -> ModuleType:
+    """Execute the case or solver file at `path` as a module of its own.
+
+    Files that it opens meanwhile are recorded as data it depends on. Raises FileNotFoundError;
+    ValueError if the file is too long or whatever it raised, with its path.
+    """
+    path = Path(path).resolve()
+    if not path.is_file():
+        raise FileNotFoundError(f"no file {path}")
+    if path.stat().st_size > MAX_FILE_BYTES:
+        raise ValueError(
+            f"{path} is {path.stat().st_size} bytes long; a case or solver file has at most "
+            f"{MAX_FILE_BYTES}"
+        )
+    spec = importlib.util.spec_from_file_location(f"nsbench_file_{path.stem}", path)
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module  # dataclasses look themselves up there
+    try:
+        with opened_files.record_opens_while_loading(path), user_code.guarded(str(path)):
+            spec.loader.exec_module(module)
+    except (Exception, SystemExit) as e:  # user code: any failure is reported with its path
+        raise ValueError(f"{path} failed to load: {type(e).__name__}: {e}") from e
+    return module
+
+
+def load_case(path, **params) -> Case:
+    """Build the case of any file that defines ``CASE`` or ``make(**params)``.
+
+    Raises FileNotFoundError, LookupError for an unknown parameter, ValueError for bad data.
+    """
+    module = load_module(path)
+    if not (hasattr(module, "CASE") or hasattr(module, "make")):
+        raise ValueError(f"{path} defines neither CASE nor make(**params)")
+    with opened_files.record_opens_while_loading(path), user_code.guarded(f"make of {path}"):
+        return _build(module, Path(path).stem, params)
