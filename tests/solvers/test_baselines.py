@@ -343,12 +343,13 @@ def test_nosnoc_says_when_its_push_is_too_weak():
     assert nsbench.solve(case, "nosnoc[stages=1]", h=0.5).status.code == "infeasible"
 
 
-def test_readme_tells_of_every_script_that_measures_speed():
+def test_documentation_names_every_script_that_measures_speed():
     root = Path(__file__).parents[2]
-    told = (root / "README.md").read_text(encoding="utf-8")
+    speed = (root / "docs" / "speed.md").read_text(encoding="utf-8")
+    methods = (root / "docs" / "methods.md").read_text(encoding="utf-8")
     scripts = sorted(p.name for p in (root / "tests" / "studies" / "speed").glob("*.py"))
-    assert scripts and not [s for s in scripts if f"`{s}`" not in told]
-    assert f"the modes of {len(MODES)} cases" in told
+    assert scripts and not [s for s in scripts if f"`{s}`" not in speed]
+    assert f"the modes of {len(MODES)} cases" in methods
 
 
 def test_nosnoc_does_not_go_on_for_ever(monkeypatch):
