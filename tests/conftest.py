@@ -18,7 +18,7 @@ if (
 def solver_files_forgotten(monkeypatch):
     """What a test registers is not there in the next one, in whatever order and process they
     come."""
-    from nsbench import solvers, study
+    from nsbench import solvers
 
     monkeypatch.setattr(solvers, "_loaded", {})
-    monkeypatch.setattr(study, "_files_loaded", set())
+    monkeypatch.setattr("nsbench.study.attempt._files_loaded", set())

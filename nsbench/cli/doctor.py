@@ -114,7 +114,7 @@ def _check_arithmetic():
 
     A library built with unsafe options sets the processor so, for everything in the process.
     """
-    import nsbench.compilation.numba_setup  # noqa: F401
+    import nsbench.compilation.numba_cache  # noqa: F401
 
     tiny = np.float64(5e-324)
     subnormal = tiny * np.float64(1.0) > 0.0 and np.float64(2.3e-308) / np.float64(4.0) > 0.0
@@ -131,9 +131,11 @@ def _check_arithmetic():
 def _check_folders():
     import shutil
 
+    from nsbench.compilation.disk_cache import user_cache_folder
+
     named = os.environ.get("NUMBA_CACHE_DIR")
     kernels = Path(named) if named else Path(__file__).resolve().parents[1]
-    user = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "nsbench"
+    user = user_cache_folder()
     for folder, use in ((kernels, "compiled kernels"), (user, "compiled programs")):
         if _is_writable(folder):
             yield FINE, f"{use} are kept in {folder}"
@@ -177,7 +179,7 @@ def _check_machine():
 def _check_references():
     from nsbench.case import get_case
     from nsbench.reference import files_of, load
-    from nsbench.study import suite_cases
+    from nsbench.study.plan import suite_cases
 
     good = 0
     for key in suite_cases("full"):

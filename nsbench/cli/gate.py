@@ -44,7 +44,7 @@ def _update_baseline(measured, path: Path, args, say) -> int:
     """Write the lines that changed into the baseline and say which they are."""
     from nsbench.gate import baseline, spreads
     from nsbench.gate.update import updated
-    from nsbench.results.tables import write_atomically
+    from nsbench.results.atomic_write import write_atomically
 
     old = baseline.read(path) if path.exists() else {}
     reason = args.reason.strip()

@@ -5,10 +5,11 @@ from __future__ import annotations
 import argparse
 import time
 
-from nsbench import reference, study
+from nsbench import reference
 from nsbench.case import Case, get_case
 from nsbench.cli.exit_codes import FAILED, FINE
 from nsbench.cli.option_values import get_case_that_fits
+from nsbench.study.plan import suite_cases
 
 
 def command(args: argparse.Namespace, say) -> int:
@@ -20,7 +21,7 @@ def command(args: argparse.Namespace, say) -> int:
         "list": (reference.load, {}),
     }[args.action]
     keys = [get_case_that_fits(k).key for k in args.cases] or [
-        k for k in study.suite_cases("full") if _concerns(get_case(k), args.action, folder)
+        k for k in suite_cases("full") if _concerns(get_case(k), args.action, folder)
     ]
     failures = 0
     for key in keys:

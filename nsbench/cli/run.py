@@ -9,7 +9,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from nsbench import solvers, study
+from nsbench import solvers
 from nsbench.case import broken_cases, get_case, load_case
 from nsbench.cli.exit_codes import FAILED, FINE
 from nsbench.cli.option_values import (
@@ -18,6 +18,7 @@ from nsbench.cli.option_values import (
     read_accuracies,
     read_values,
 )
+from nsbench.study.plan import Spec, plan_runs, resolve, suite_cases
 
 CaseSource = tuple[str, str]  # key, and the file ("": a registered case)
 
@@ -55,20 +56,20 @@ def _select_cases(args) -> tuple[list[CaseSource], dict[str, str]]:
         keys = [(c.key, "") for c in named if args.tag is None or args.tag in c.tags]
     elif not files:
         left_out = broken_cases()
-        keys = [(k, "") for k in study.suite_cases(args.suite, args.tag, left_out)]
+        keys = [(k, "") for k in suite_cases(args.suite, args.tag, left_out)]
     return [*keys, *files], left_out
 
 
-def _plan(args, cases, values, solver_files, added_solvers) -> list[study.Spec]:
+def _plan(args, cases, values, solver_files, added_solvers) -> list[Spec]:
     """Plan all runs. Raises LookupError if there are none."""
     chosen = args.solver
     if not chosen and args.case_files and not args.cases:
         chosen = [*solvers.standard()]
-    specs = study.plan(cases, chosen, values, solver_files)
+    specs = plan_runs(cases, chosen, values, solver_files)
     if not specs:
         raise LookupError("nothing to run: no case matches")
     if added_solvers and args.solver is None:
-        more = study.plan(cases, added_solvers, values, solver_files)
+        more = plan_runs(cases, added_solvers, values, solver_files)
         specs += [s for s in more if s not in specs]
     return specs
 
@@ -82,7 +83,7 @@ def _check_distinct_names(cases: list[CaseSource]) -> None:
     for key, file in dict.fromkeys(cases):
         first = first_of.setdefault(key.casefold(), (key, file))
         if first != (key, file):
-            where = [f or study.resolve(k).source for k, f in (first, (key, file))]
+            where = [f or resolve(k).source for k, f in (first, (key, file))]
             raise ValueError(
                 f"two cases are named alike: {first[0]} in {where[0]} and {key} in {where[1]}"
             )

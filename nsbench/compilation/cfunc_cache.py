@@ -20,7 +20,9 @@ from numba.core.ccallback import CFunc
 from numba.core.registry import cpu_target
 
 from nsbench.compilation import disk_cache
-from nsbench.compilation.function_digest import Unknown, fingerprint, package_digest, version
+from nsbench.compilation.function_digest import Unknown, fingerprint
+from nsbench.compilation.installation import machine, version
+from nsbench.source_files.package import package_digest
 
 FORMAT = 1
 ELSEWHERE = (
@@ -88,7 +90,7 @@ def name_of(signature, what: str, function) -> str | None:
         *settings,
         *(f"{n} {version(n)}" for n in ("numba", "llvmlite", "numpy", "scipy")),
         *map(str, cpu_target.target_context.codegen().magic_tuple()),
-        disk_cache.processor(),
+        machine(),
     )
 
 

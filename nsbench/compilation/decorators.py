@@ -1,30 +1,36 @@
-"""How functions are compiled that only compiled functions call: without entries from Python and C,
-in less time.
+"""The numba decorators of this package: importing them configures numba's cache.
 
-They are not kept on disk: who calls them is, with their code in it. Beside that, what costs time to
-compile: arrays assigned to arrays (their message on shapes is put together by 25 functions on
-strings), literals as arguments (a version of the function for each), functions of numpy on arrays.
-Hence `one`, and loops.
+`njit` and `cfunc` are numba's own. Every kernel takes them from here, so that numba knows where to
+store kernels, and when they are current, before it compiles one (nsbench.compilation.numba_cache).
+
+Functions that only compiled functions call take `inner_kernel`, `summing_kernel` or `inlined`:
+without entries from Python and C they compile in less time. They are not stored on disk
+themselves: their callers are, with their code in them. Other things cost time to compile: arrays
+assigned to arrays (the message on shapes alone is put together by 25 functions on strings),
+literals as arguments (one version of the function for each), functions of numpy on arrays. Hence
+`one`, and loops.
 """
 
 import numba
 import numpy as np
+from numba import cfunc, njit
 
-from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
+from nsbench.compilation import numba_cache  # noqa: F401  (configures numba)
+
+__all__ = ["cfunc", "inlined", "inner_kernel", "njit", "one", "summing_kernel"]
 
 inner_kernel = numba.njit(error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
+# dot products may be summed in lanes
 summing_kernel = numba.njit(
     error_model="numpy",
     no_cpython_wrapper=True,
     no_cfunc_wrapper=True,
     fastmath={"reassoc", "contract"},
-)  # dot products may be summed in lanes
+)
+inlined = numba.njit(error_model="numpy", inline="always")
 
 
 @inner_kernel
 def one():
-    """1 that is no literal."""
+    """Return 1 that is no literal."""
     return np.int64(1)
-
-
-inlined = numba.njit(error_model="numpy", inline="always")

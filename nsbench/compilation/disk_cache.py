@@ -1,8 +1,7 @@
-"""Machine code in files of the user's cache folder: who may write there, and whether a file is
-whole.
+"""Checksummed files in the user's cache folder, and the SHA-256 helper of the package.
 
 NSBENCH_CACHE=off keeps everything off the disk. A file that cannot be read or written is no error:
-what it would hold is compiled again.
+what it would hold is computed again.
 """
 
 from __future__ import annotations
@@ -12,87 +11,97 @@ import functools
 import hashlib
 import os
 import tempfile
+from collections.abc import Iterable
 from pathlib import Path
 
-FILES = 2000  # kept in one folder, about 300 MB of JAX programs; the oldest give way
+FILES = 2000  # in one folder, about 300 MB of JAX programs; the oldest are deleted beyond
+CHECKSUM = 32  # bytes before the content of a file
+OTHERS_WRITE = 0o022  # permission bits: the group or everybody may write
+
+
+def user_cache_folder() -> Path:
+    """Return the folder below which everything that nsbench caches for this user lies.
+
+    XDG_CACHE_HOME counts on all systems, as documented; without it the folder is the system's.
+    """
+    if home := os.environ.get("XDG_CACHE_HOME"):
+        return Path(home) / "nsbench"
+    import platformdirs
+
+    return platformdirs.user_cache_path("nsbench", appauthor=False)
 
 
 @functools.cache
 def cache_folder(kind: str) -> Path | None:
-    """Where machine code of a kind is kept, or None: not wanted, or nowhere to write."""
+    """Return the folder for machine code of a kind, or None: not wanted, or nowhere to write."""
     if os.environ.get("NSBENCH_CACHE", "").lower() == "off":
         return None
-    path = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "nsbench" / kind
+    folder = private_folder(kind)
+    # machine code is run as it is: a folder that others can write to is not read
+    return folder if folder is not None and is_private(folder) else None
+
+
+def private_folder(kind: str) -> Path | None:
+    """Create the user's folder for a kind of files, for this user alone; None where that fails."""
+    folder = user_cache_folder() / kind
     try:
-        path.mkdir(parents=True, exist_ok=True, mode=0o700)
+        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
     except OSError:
         return None
-    # it is run as it stands: a folder that others can write to is not read
-    return (
-        path
-        if not hasattr(os, "getuid")
-        or (path.stat().st_uid == os.getuid() and not path.stat().st_mode & 0o022)
-        else None
-    )
+    return folder
 
 
-def digest(*words: str) -> str:
-    """The name of a file, from all that makes its content what it is."""
-    h = hashlib.sha256()
-    for w in words:
-        h.update(len(w).to_bytes(8, "little") + w.encode())
-    return h.hexdigest()
+def is_private(folder: Path) -> bool:
+    """Can nobody but this user write to the folder? True where owners are not known."""
+    if not hasattr(os, "getuid"):
+        return True
+    state = folder.stat()
+    return state.st_uid == os.getuid() and not state.st_mode & OTHERS_WRITE
 
 
-@functools.cache
-def processor() -> str:
-    """The machine that the code is for, and this Python."""
-    import platform
-
-    lines = ""
-    with contextlib.suppress(OSError):
-        lines = "".join(
-            sorted(
-                set(
-                    line
-                    for line in Path("/proc/cpuinfo").read_text().splitlines()
-                    if line.startswith(("flags", "Features", "model name"))
-                )
-            )
-        )
-    return (
-        f"{platform.machine()} {platform.processor()} {platform.python_version()} "
-        f"{os.cpu_count()} {lines}"
-    )
+def digest(*chunks: str | bytes) -> str:
+    """Return the SHA-256 digest of texts and bytes, each with its length: 64 hexadecimal
+    digits."""
+    return digest_of(chunks)
 
 
-def read(home: Path | None, name: str | None) -> bytes | None:
-    """What was written under the name; None where that is nothing, or half a file."""
-    if home is None or name is None:
+def digest_of(chunks: Iterable[str | bytes]) -> str:
+    """Return the digest of chunks that are taken one by one, never all at once."""
+    total = hashlib.sha256()
+    for chunk in chunks:
+        data = chunk.encode() if isinstance(chunk, str) else chunk
+        total.update(len(data).to_bytes(8, "little") + data)
+    return total.hexdigest()
+
+
+def read(folder: Path | None, name: str | None) -> bytes | None:
+    """Return what was written under the name; None where that is nothing, or damaged."""
+    if folder is None or name is None:
         return None
     try:
-        data = (home / f"{name}.bin").read_bytes()
+        data = (folder / f"{name}.bin").read_bytes()
     except OSError:
         return None
-    return data[32:] if hashlib.sha256(data[32:]).digest() == data[:32] else None
+    body = data[CHECKSUM:]
+    return body if hashlib.sha256(body).digest() == data[:CHECKSUM] else None
 
 
-def write(home: Path | None, name: str | None, body: bytes) -> None:
-    """Keep it, in one piece or not at all; where that fails (a full disk, a folder that is gone)
-    only time is lost."""
-    if home is None or name is None:
+def write(folder: Path | None, name: str | None, body: bytes) -> None:
+    """Write the body in one piece or not at all; where that fails (a full disk, a folder that is
+    gone) only time is lost."""
+    if folder is None or name is None:
         return
     with contextlib.suppress(OSError):
-        with tempfile.NamedTemporaryFile(dir=home, delete=False) as f:
+        with tempfile.NamedTemporaryFile(dir=folder, delete=False) as f:
             f.write(hashlib.sha256(body).digest() + body)
-        os.replace(f.name, home / f"{name}.bin")
-        files = sorted(home.glob("*.bin"), key=lambda p: p.stat().st_mtime)
+        os.replace(f.name, folder / f"{name}.bin")
+        files = sorted(folder.glob("*.bin"), key=lambda p: p.stat().st_mtime)
         for old in files[:-FILES]:
             old.unlink(missing_ok=True)
 
 
-def remove(home: Path | None, name: str) -> None:
-    """The file is of no use."""
-    if home is not None:
+def remove(folder: Path | None, name: str) -> None:
+    """Delete a file that is of no use."""
+    if folder is not None:
         with contextlib.suppress(OSError):
-            (home / f"{name}.bin").unlink()
+            (folder / f"{name}.bin").unlink()

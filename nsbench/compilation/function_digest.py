@@ -14,11 +14,13 @@ import dataclasses
 import dis
 import functools
 import hashlib
+import platform
 import types
-from importlib import metadata
-from pathlib import Path
 
 import numpy as np
+
+from nsbench.compilation.installation import version
+from nsbench.source_files.package import package_digest
 
 LIBRARIES = ("numpy", "jax", "math", "scipy", "cmath", "operator", "functools", "itertools")
 PURE = frozenset(
@@ -104,7 +106,7 @@ def _library(tag, name):
     if top == "nsbench" and not name.startswith("nsbench.cases"):
         tag("module", name, package_digest())
     elif top in LIBRARIES:
-        tag("module", name, version(top))
+        tag("module", name, version(top), platform.python_version())
     else:
         raise Unknown(f"the module {name}")
 
@@ -165,24 +167,3 @@ def _code(h, tag, code, space, seen):
 def _is_exception(name):
     v = getattr(builtins, name, None)
     return isinstance(v, type) and issubclass(v, BaseException)
-
-
-@functools.cache
-def version(name: str) -> str:
-    """Version of an installed library; that of Python for its own."""
-    try:
-        return metadata.version(name)
-    except metadata.PackageNotFoundError:
-        import platform
-
-        return platform.python_version()
-
-
-@functools.cache
-def package_digest() -> str:
-    """Content of every file of this package."""
-    h = hashlib.sha256()
-    root = Path(__file__).parents[1]
-    for p in sorted(root.rglob("*.py")):
-        h.update(str(p.relative_to(root)).encode() + p.read_bytes())
-    return h.hexdigest()

@@ -22,8 +22,9 @@ import numpy as np
 
 from nsbench.compilation import disk_cache
 from nsbench.compilation.disk_cache import digest
-from nsbench.compilation.function_digest import package_digest, version
+from nsbench.compilation.installation import machine, version
 from nsbench.compilation.jax_serialization import pack, unpack
+from nsbench.source_files.package import package_digest
 
 # functions outside the program: LAPACK's must be looked up before it runs, any other (a callback
 # into this process, say) would be gone in the next one, so such a program is not kept
@@ -118,7 +119,7 @@ def _platform() -> str:
         package_digest(),
         repr(sorted(settings.items(), key=str)),
         os.environ.get("XLA_FLAGS", ""),
-        disk_cache.processor(),
+        machine(),
     )
 
 

@@ -1,40 +1,108 @@
-"""numba keeps what it compiled on disk, by the content of the function's own file alone; an edit of
-a file that this one imports would go unnoticed, and old code would compute new rows. Here the files
-that it imports count too."""
+"""Where numba stores compiled kernels, and which edits make it compile them again.
+
+numba stores machine code on the disk with an index that is a pickle: loading one runs it. So a
+folder to which others can write is no place for it; kernels are then stored in a folder of the user
+alone.
+
+It takes a stored kernel to be current by the signature of the kernel's own file. A kernel holds the
+code of those it calls and the values of global constants, so that an edit of another file would go
+unnoticed, and old code would compute new rows. Here the stamp of every kernel holds one digest of
+all kernel files: an edit of any of them compiles all kernels anew.
+
+Both take effect when this module is imported (by nsbench.compilation.decorators, from which every
+kernel takes its decorator): before numba compiles anything.
+"""
 
 from __future__ import annotations
 
 import functools
-import hashlib
+import os
+import re
+import stat
 from pathlib import Path
 
-from numba.core import caching
+from nsbench.compilation import disk_cache
+from nsbench.source_files import file_state
+from nsbench.source_files.locations import ROOT, is_in_package
 
-from nsbench.source_files import import_graph, locations
+KERNEL_FOLDERS = ("kernels", "linalg", "lcp")  # whatever lies below these is a kernel file
+DECORATORS = Path("compilation") / "decorators.py"
+COMPILES = re.compile(rb"^from nsbench\.compilation\.decorators import", re.M)
+
+
+def kernel_files() -> list[Path]:
+    """Return the files whose content may be part of a compiled kernel, sorted.
+
+    These are all files in a folder of kernels, constants included, and every other file that
+    compiles. Such files import from one another alone; tests/compilation/test_callees.py shows it.
+    """
+    return [p for p in sorted(ROOT.rglob("*.py")) if _is_kernel_file(p)]
+
+
+def _is_kernel_file(path: Path) -> bool:
+    place = path.relative_to(ROOT)
+    return (
+        bool({*KERNEL_FOLDERS} & {*place.parts[:-1]})
+        or place == DECORATORS
+        or COMPILES.search(path.read_bytes()) is not None
+    )
 
 
 @functools.cache
-def contents(path: str) -> str:
-    """Digest of a file of this package and of all it imports; "" for any other file."""
-    if not locations.inside(Path(path).resolve()):
-        return ""
-    digest = hashlib.sha256()
-    for file in sorted(import_graph.dependencies(path).files):
-        digest.update(hashlib.sha256(Path(file).read_bytes()).digest())
-    return digest.hexdigest()
+def kernel_digest() -> str:
+    """Return the digest of the names and contents of all kernel files."""
+    return disk_cache.digest_of(f"{p} {file_state.content_digest(p)}" for p in kernel_files())
 
 
-def stamp_all() -> None:
-    """From now on the stamp of what is kept holds the contents of all files."""
+def has_private_files(folder: Path) -> bool:
+    """Can nobody but this user and the system's owner write to the folder, or create it?
+
+    True where owners are not known.
+    """
+    if not hasattr(os, "getuid"):
+        return True
+    while not folder.exists():
+        folder = folder.parent
+    state = folder.stat()
+    return state.st_uid in (0, os.getuid()) and not (
+        stat.S_IMODE(state.st_mode) & disk_cache.OTHERS_WRITE
+    )
+
+
+def store_privately() -> None:
+    """Have numba store kernels in the user's own folder where others could replace them.
+
+    A folder that the user has set is left as it is.
+    """
+    folders = {p.parent for p in kernel_files()}
+    if os.environ.get("NUMBA_CACHE_DIR") or all(
+        has_private_files(f / "__pycache__") for f in folders
+    ):
+        return
+    from numba import config
+
+    own = disk_cache.private_folder("kernels")
+    if own is not None and has_private_files(own):
+        config.CACHE_DIR = str(own)
+
+
+def install_cache_stamps() -> None:
+    """Add the digest of all kernel files to numba's stamp of every kernel of this package."""
+    from numba.core import caching
+
     locator = getattr(caching, "_SourceFileBackedLocatorMixin", None)
-    if locator is None:  # another numba: it keeps what it keeps
+    if locator is None:  # another numba: it stores what it stores
         return
     plain = getattr(locator.get_source_stamp, "plain", locator.get_source_stamp)
 
     @functools.wraps(plain)
     def stamp(self):
-        more = contents(self._py_file)
-        return (plain(self), more) if more else plain(self)
+        ours = is_in_package(Path(self._py_file).resolve())
+        return (plain(self), kernel_digest()) if ours else plain(self)
 
     stamp.plain = plain
     locator.get_source_stamp = stamp
+
+
+store_privately()
+install_cache_stamps()

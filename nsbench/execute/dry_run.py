@@ -14,7 +14,7 @@ from nsbench.execute.forecast import GUESS, NOTHING, PROBE, Forecast, small
 from nsbench.execute.probe import probe
 from nsbench.execute.rerun_reasons import rerun_reasons
 from nsbench.execute.workers import memory
-from nsbench.results import tables
+from nsbench.results.journal import read_journal
 
 PAIRS = 30  # of case and solver that are told, the longest first; the others are counted
 REASONS = 20
@@ -60,7 +60,7 @@ def tell(specs, cases, parts, keys, known: dict, out: Path, args, say) -> int:
 
 
 def _forecast(todo, cases, out, args, say):
-    rows = [r for r in tables.read_journal(out).values() if r.get("seconds")]
+    rows = [r for r in read_journal(out).values() if r.get("seconds")]
     seen = {(r["case"], r["solver"]) for r in rows}
     unknown = [s for s in todo if (s.case, s.solver) not in seen]
     found: dict = {}

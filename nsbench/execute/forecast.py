@@ -15,7 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from nsbench.measure import clock
-from nsbench.study import Spec, resolve
+from nsbench.study import Spec
+from nsbench.study.plan import resolve
 
 JOURNAL = "journal"
 PROBE = "probe"

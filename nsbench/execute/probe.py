@@ -17,8 +17,9 @@ import threading
 import time
 from dataclasses import asdict
 
-from nsbench.results import tables
-from nsbench.study import Spec, attempt
+from nsbench.results.journal import clean, restore
+from nsbench.study import Spec
+from nsbench.study.attempt import attempt
 
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
@@ -53,7 +54,7 @@ def probe(specs: list[Spec], seconds: float) -> dict[Spec, dict]:
                 ValueError, KeyError
             ):  # a line that a run wrote itself, or half a one
                 entry = json.loads(line)
-                found[specs[entry["probe"]]] = tables.restore(entry["row"])
+                found[specs[entry["probe"]]] = restore(entry["row"])
     finally:
         stop.cancel()
         process.kill()
@@ -68,7 +69,7 @@ def main() -> None:
         start = time.perf_counter()
         row = attempt(spec)[0]
         row |= {"wall": time.perf_counter() - start, "memory": _peak()}
-        print(json.dumps({"probe": i, "row": tables.clean(row)}), flush=True)
+        print(json.dumps({"probe": i, "row": clean(row)}), flush=True)
 
 
 def _peak() -> float:

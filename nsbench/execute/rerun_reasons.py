@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from nsbench.results import tables
-from nsbench.results.row_reuse import READ, TOUCHED, changed_data
-from nsbench.results.run_key import Part
+from nsbench.results.journal import read_journal, read_parts
+from nsbench.results.row_reuse import CHANGED_DURING_RUN, READ, changed_data
+from nsbench.results.run_key import PACKAGE, VARIABLE, Part
 from nsbench.study import Spec
 
 NEW = "new"
@@ -25,8 +25,8 @@ def rerun_reasons(
 ) -> dict[Spec, str]:
     """For every run a few words why it is to be made, "" where its row is reused. known: rows by
     key that may be reused."""
-    made, items = tables.read_parts(out)
-    rows = tables.read_journal(out)
+    made, items = read_parts(out)
+    rows = read_journal(out)
     data = changed_data(out, specs, keys)
     pairs = {key[:2] for key in made}
     told: dict[tuple, str] = {}  # runs of one case and solver have changed alike
@@ -54,15 +54,19 @@ def rerun_reasons(
 def _touched(was: list[str], items: dict[str, dict]) -> str:
     """The files that changed while the last row was made, of which it is therefore not certain what
     made it."""
-    return next((items[d][TOUCHED] for d in was if TOUCHED in items.get(d, ())), "")
+    return next(
+        (items[d][CHANGED_DURING_RUN] for d in was if CHANGED_DURING_RUN in items.get(d, ())), ""
+    )
 
 
 def _changes(old: list[dict | None], new: list[dict]) -> str:
     if not old or any(o is None for o in old):
         return OTHER
     old = [{k: v for k, v in part.items() if not k.startswith(READ)} for part in old]
-    if touched := next((part[TOUCHED] for part in old if TOUCHED in part), ""):
-        return f"{touched} {TOUCHED}"
+    if touched := next(
+        (part[CHANGED_DURING_RUN] for part in old if CHANGED_DURING_RUN in part), ""
+    ):
+        return f"{touched} {CHANGED_DURING_RUN}"
     before, after = ({k: v for part in parts for k, v in part.items()} for parts in (old, new))
     words = [
         _change(k, before.get(k), after.get(k))
@@ -76,7 +80,8 @@ def _changes(old: list[dict | None], new: list[dict]) -> str:
 
 def _change(name: str, old: str | None, new: str | None) -> str:
     """One item in words: a file has changed, a version is another one."""
-    if name.endswith(tuple(".py .npz .json .csv .txt".split())) or "/" in name:
+    of_content = name == PACKAGE or name.startswith(VARIABLE) or "/" in name
+    if of_content or name.endswith((".py", ".npz", ".json", ".csv", ".txt")):
         return (
             f"{name} "
             f"{'is used now' if old is None else 'is used no more' if new is None else 'changed'}"

@@ -13,8 +13,8 @@ from itertools import chain, groupby
 from pathlib import Path
 
 import nsbench
-from nsbench import study
 from nsbench.case import parse_spec, size
+from nsbench.compilation.disk_cache import digest, digest_of
 from nsbench.execute import dry_run
 from nsbench.execute.forecast import weight
 from nsbench.execute.progress import EXPECTED_STATUSES, Progress
@@ -23,8 +23,13 @@ from nsbench.reference import lookup
 from nsbench.results import consistency, row_reuse
 from nsbench.results import run_key as key
 from nsbench.results import tables as store
+from nsbench.results.atomic_write import write_atomically
+from nsbench.results.environment import environment
+from nsbench.results.journal import Journal, as_read, clean
 from nsbench.results.packed_rows import OrderedRows, PackedRows
 from nsbench.study import describe
+from nsbench.study.attempt import lost_run_row
+from nsbench.study.plan import resolve
 
 NO_ROW = "No worker gave a row of this run. The same command tries it again."
 
@@ -33,7 +38,7 @@ def execute(specs, out: Path, args, say) -> int:
     """Run what is not known yet and write DIR/{journal.jsonl, runs.*, env.json, report.*,
     figures/}; the exit code."""
     key.forget()  # this process may have made keys before somebody edited a file
-    cases = {(s.case, s.file): study.resolve(s.case, s.file) for s in specs}
+    cases = {(s.case, s.file): resolve(s.case, s.file) for s in specs}
     made_of = {}  # many runs are made of the same
     parts = {
         s: made_of.get(k) or made_of.setdefault(k, key.parts_of(s, cases[s.case, s.file]))
@@ -48,7 +53,7 @@ def execute(specs, out: Path, args, say) -> int:
     if args.plan:
         known = {} if args.force else _known(out, specs, keys, args, say)
         return dry_run.tell(specs, cases, parts, keys, known, out, args, say)
-    with contextlib.closing(store.Journal(out)) as journal:  # from here on nobody else writes there
+    with contextlib.closing(Journal(out)) as journal:  # from here on nobody else writes there
         known = {} if args.force else _known(out, specs, keys, args, say)
         rows = PackedRows()
         todo = [s for s in specs if keys[s] not in known]
@@ -60,11 +65,13 @@ def execute(specs, out: Path, args, say) -> int:
         if todo:
             say(f"{len(todo)} runs ({len(specs) - len(todo)} known already), results in {out}")
             consistency.mark_stale(out)
-            entries = row_reuse.RowRecorder(journal, keys, parts, cases, here=args.dask is None)
+            entries = row_reuse.RowRecorder(
+                journal, keys, parts, cases, on_this_machine=args.dask is None
+            )
             drawn = _run(todo, keys, entries, rows, args, say, [*cases], out)
-            entries.tell(say)
+            entries.report(say)
         ordered = OrderedRows(
-            rows, (keys[s] for s in specs), lambda i: study.lost_run_row(specs[i], "error", NO_ROW)
+            rows, (keys[s] for s in specs), lambda i: lost_run_row(specs[i], "error", NO_ROW)
         )
         path = publish(out, ordered, cases, fresh=bool(todo), say=say, drawn=drawn)
     failed = Counter(r["status"] for r in ordered if r["status"] not in EXPECTED_STATUSES)
@@ -111,7 +118,7 @@ def _run(todo, keys, entries, rows, args, say, cases, out):
 
     def on_row(spec, row):
         first = keys[spec] not in rows
-        rows[keys[spec]] = row = entries.row(spec, store.as_read(row | {"session": session}))
+        rows[keys[spec]] = row = entries.row(spec, as_read(row | {"session": session}))
         if first:
             outputs.none(spec)
             bar.step(spec.label, row["status"])
@@ -167,7 +174,7 @@ class Outputs:
 
     def write(self, spec, text: bytes) -> None:
         self.folder.mkdir(exist_ok=True)
-        store.write_atomically(self.folder / self.name(spec), text)
+        write_atomically(self.folder / self.name(spec), text)
         self.written.add(spec)
 
     def none(self, spec) -> None:
@@ -186,13 +193,11 @@ def _chores(cases, out):
 def _picture(key: str, file: str, folder: str) -> None:
     from nsbench.report.scenes.files import write_scenes
 
-    write_scenes([study.resolve(key, file)], Path(folder))
+    write_scenes([resolve(key, file)], Path(folder))
 
 
 def _talk(name: str, _: str, out: str) -> None:
-    store.write_atomically(
-        Path(out) / "extra.json", _dump({f"{name}_figure": describe.talk_figure()})
-    )
+    write_atomically(Path(out) / "extra.json", _dump({f"{name}_figure": describe.talk_figure()}))
 
 
 def _in_order(batches):
@@ -202,7 +207,7 @@ def _in_order(batches):
     one another where something else can.
     """
     order = sorted(range(len(batches)), key=lambda i: -weight(batches[i]))
-    problems = [study.resolve(b[0].case, b[0].file).problem for b in batches]
+    problems = [resolve(b[0].case, b[0].file).problem for b in batches]
     first: dict[tuple, int] = {}
     for i in order:
         first.setdefault(
@@ -228,26 +233,24 @@ def _has_terminal() -> bool:
 def publish(out: Path, rows, cases, fresh: bool, say, drawn=frozenset()) -> Path:
     """Tables, pictures and report; nothing is written again when nothing changed. drawn: pictures
     that are there."""
-    digest = store.digest_of(
-        chain(
-            (json.dumps(store.clean(r), sort_keys=True).encode() for r in rows), [_report_digest()]
-        )
+    digest = digest_of(
+        chain((json.dumps(clean(r), sort_keys=True).encode() for r in rows), [_report_digest()])
     )
     path = out / "report.html"
     if not fresh and path.exists() and consistency.is_consistent(out, digest):
         return path
     tables = store.write_tables(out, rows)
     meta = {s: describe.describe_solver(s) for s in dict.fromkeys(r["solver"] for r in rows)}
-    store.write_atomically(out / "solvers.json", _dump(meta))
-    store.write_atomically(
+    write_atomically(out / "solvers.json", _dump(meta))
+    write_atomically(
         out / "cases.json", _dump({k: describe.describe_case(c) for (k, _), c in cases.items()})
     )
     if fresh or not consistency.is_unmodified(out, "env.json"):
-        store.write_atomically(out / "env.json", _dump(store.environment()))
+        write_atomically(out / "env.json", _dump(environment()))
     figures = out / "figures"
     figures.mkdir(exist_ok=True)
     if "sliding" not in {k for k, _ in cases}:
-        store.write_atomically(out / "extra.json", _dump({}))
+        write_atomically(out / "extra.json", _dump({}))
     elif ("talk", "") not in drawn:
         _talk("talk", "", out)
     missing = [c for name, c in cases.items() if name not in drawn]
@@ -264,7 +267,7 @@ def publish(out: Path, rows, cases, fresh: bool, say, drawn=frozenset()) -> Path
 
 def _report_digest() -> bytes:
     root = Path(nsbench.__file__).parent / "report"
-    return store._digest(
+    return digest(
         *(p.read_bytes() for p in sorted(root.rglob("*")) if p.is_file() and p.suffix != ".pyc")
     ).encode()
 

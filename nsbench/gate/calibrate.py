@@ -14,8 +14,11 @@ from nsbench.gate import spreads
 from nsbench.gate.baseline import GATEABLE, line
 from nsbench.gate.facts import facts
 from nsbench.report.data import Data, build, columns_of, read
-from nsbench.results import run_key, tables
+from nsbench.results import run_key
+from nsbench.results.atomic_write import write_atomically
+from nsbench.results.journal import Journal
 from nsbench.results.row_reuse import RowRecorder, reusable_rows
+from nsbench.study.plan import resolve
 
 SEEDS = (1, 2)  # of the perturbed starts
 THREADS = 2  # of the pass from the unchanged start
@@ -39,7 +42,7 @@ def calibrate(folder: Path, args, say) -> int:
         others.append(facts(_again(these, folder / FOLDER / str(number), threads, args, data)))
     first = facts(data)
     found = spreads.spreads(first, others)
-    tables.write_atomically(folder / spreads.NAME, spreads.text(found, first).encode())
+    write_atomically(folder / spreads.NAME, spreads.text(found, first).encode())
     loose = [key for key, fact in first.items() if not line(fact, found[key], "").held]
     for key in loose:
         say(f"not to be held: {' '.join(key)}")
@@ -55,7 +58,7 @@ def specs_of(data: Data) -> list[study.Spec]:
     out = []
     for runs in data.runs.values():
         try:
-            study.resolve(runs.case)
+            resolve(runs.case)
         except LookupError:
             continue
         out += [
@@ -67,11 +70,11 @@ def specs_of(data: Data) -> list[study.Spec]:
 def _again(specs, folder: Path, threads: int, args, data: Data) -> Data:
     """The rows of one pass, journalled like those of a study, so that a pass that was stopped goes
     on."""
-    cases = {s.case: study.resolve(s.case) for s in specs}
+    cases = {s.case: resolve(s.case) for s in specs}
     run_key.forget()
     parts = {s: run_key.parts_of(s, cases[s.case]) for s in specs}
     found = {s: run_key.key_of(s, parts[s]) for s in specs}
-    journal = tables.Journal(folder)
+    journal = Journal(folder)
     entries = RowRecorder(journal, found, parts, {(s.case, s.file): cases[s.case] for s in specs})
     rows = reusable_rows(folder, specs, found, args.timeout, [])
     todo = [s for s in specs if found[s] not in rows]

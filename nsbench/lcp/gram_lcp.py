@@ -8,10 +8,8 @@ Pivoting codes for general M fail on such rank-deficient contact sets.
 """
 
 import numpy as np
-from numba import njit
 
-from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
-from nsbench.compilation.decorators import inner_kernel
+from nsbench.compilation.decorators import inner_kernel, njit
 
 OK = 0
 INFEASIBLE = 1

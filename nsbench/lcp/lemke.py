@@ -9,9 +9,8 @@ Loops stand where numpy would add rows: its broadcasting takes numba seconds to 
 """
 
 import numpy as np
-from numba import njit
 
-from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
+from nsbench.compilation.decorators import njit
 from nsbench.lcp.gram_lcp import solve_lcp
 from nsbench.linalg.dense import solve_gauss
 from nsbench.linalg.rank import near_singular, orthonormal

@@ -7,9 +7,8 @@ unknowns are solved by Gaussian elimination with partial pivoting.
 import enum
 
 import numpy as np
-from numba import njit
 
-from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
+from nsbench.compilation.decorators import njit
 
 LARGEST_STATE = 1e150  # |x_i| beyond which squares may overflow
 

@@ -7,9 +7,8 @@ rows, upper triangle.
 """
 
 import numpy as np
-from numba import njit
 
-from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
+from nsbench.compilation.decorators import njit
 
 FAST = {
     "contract",

@@ -9,9 +9,8 @@ section 8; fronts: Duff & Reid, ACM TOMS 9(3), 1983.
 """
 
 import numpy as np
-from numba import njit
 
-from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
+from nsbench.compilation.decorators import njit
 from nsbench.linalg.sparse_ldl import levels
 
 BALANCE = (

@@ -6,9 +6,8 @@ by the entries tpos[tptr[c] : tptr[c + 1]] of the rows trow[...].
 """
 
 import numpy as np
-from numba import njit
 
-from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
+from nsbench.compilation.decorators import njit
 
 SMALL = 24  # a part this small is dense enough: dissecting it further gains nothing
 

@@ -29,7 +29,7 @@ def write_report(study, path=None) -> Path:
     from nsbench.report.data import read
     from nsbench.report.html_page import render_page
     from nsbench.report.markdown import render_markdown
-    from nsbench.results.journal import replace
+    from nsbench.results.atomic_write import replace
 
     folder = (
         Path(study) if isinstance(study, (str, Path)) else Path(getattr(study, "dir", None) or ".")

@@ -12,7 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from nsbench.report.style import LEADS, family, sanitise, slug
-from nsbench.results.tables import SCHEMA, text_of
+from nsbench.results.journal import SCHEMA
+from nsbench.results.tables import text_of
 
 LABELS = (
     "lam_at_start",

@@ -12,7 +12,7 @@ import hashlib
 import os
 from pathlib import Path
 
-from nsbench.results import tables as store
+from nsbench.results.atomic_write import StoreError, write_atomically
 
 FILES = ("runs.parquet", "runs.csv", "cases.json", "solvers.json", "extra.json", "env.json")
 STAMP = ".report.key"
@@ -28,7 +28,7 @@ def mark_stale(folder: Path) -> None:
             with open(stamp, "wb") as file:
                 os.fsync(file.fileno())
         except OSError as e:
-            raise store.StoreError(f"cannot write {stamp}: {e.strerror}") from None
+            raise StoreError(f"cannot write {stamp}: {e.strerror}") from None
 
 
 def mark_consistent(folder: Path, rows: str, tables: dict[str, str]) -> None:
@@ -37,7 +37,7 @@ def mark_consistent(folder: Path, rows: str, tables: dict[str, str]) -> None:
     now."""
     for name, digest in tables.items():
         if _digest(folder / name) != digest:
-            raise store.StoreError(
+            raise StoreError(
                 f"{folder / name} is not what was written a moment ago; is its disk sound?"
             )
     lines = [
@@ -45,7 +45,7 @@ def mark_consistent(folder: Path, rows: str, tables: dict[str, str]) -> None:
         f"{JOURNAL} {_length(folder)}",
         *(f"{n} {_digest(folder / n)}" for n in FILES if (folder / n).is_file()),
     ]
-    store.write_atomically(folder / STAMP, "\n".join(lines).encode())
+    write_atomically(folder / STAMP, "\n".join(lines).encode())
 
 
 def is_consistent(folder: Path, rows: str) -> bool:

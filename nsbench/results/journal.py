@@ -15,6 +15,7 @@ import zlib
 from collections.abc import MutableMapping
 from pathlib import Path
 
+from nsbench.results.atomic_write import StoreError, sync_folder
 from nsbench.trajectory import MACHINE, utf8_safe
 
 SCHEMA = 1
@@ -36,10 +37,6 @@ FULL = (
     errno.EMFILE,
     errno.ENFILE,
 )  # the machine's fault, not the folder's
-
-
-class StoreError(Exception):
-    """The results folder cannot be used; the message says which file and why."""
 
 
 def clean(row: dict) -> dict:
@@ -105,7 +102,7 @@ class Journal:
             self._lock()
             self._mend()
             for place in (folder, *([folder.parent] if made else [])):
-                _sync_folder(place)
+                sync_folder(place)
         except BaseException:
             os.close(self._file)
             raise
@@ -237,7 +234,7 @@ def _lines(path: Path):
         yield number, line
 
 
-def _entries(path: Path):
+def entries(path: Path):
     """(number of its line from 1, entry or None for what cannot be read)."""
     if not path.exists():
         return
@@ -258,7 +255,7 @@ def read_journal(
     read are dropped, and their numbers added to `damaged`."""
     out: MutableMapping = {} if into is None else into
     lost = [] if damaged is None else damaged
-    for number, entry in _entries(Path(folder) / "journal.jsonl"):
+    for number, entry in entries(Path(folder) / "journal.jsonl"):
         try:
             if entry["schema"] == SCHEMA and "part" not in entry:
                 out[entry["key"]] = restore(entry["row"])
@@ -272,7 +269,7 @@ def read_parts(folder: Path) -> tuple[dict[tuple, list[str]], dict[str, dict]]:
     counting; items of a part by its digest."""
     made = {}
     parts = {}
-    for _, entry in _entries(Path(folder) / "journal.jsonl"):
+    for _, entry in entries(Path(folder) / "journal.jsonl"):
         with contextlib.suppress(ValueError, KeyError, TypeError):
             if entry["schema"] != SCHEMA:
                 continue
@@ -301,38 +298,3 @@ def settled(row: dict, timeout: float | None) -> bool:
     return row["status"] not in ("crashed", "oom") and not (
         row["status"] == "error" and MACHINE in str(row.get("why", ""))
     )
-
-
-def write_atomically(path: Path, data: bytes) -> None:
-    """`replace`, with a StoreError that names the file where it cannot be written."""
-    try:
-        replace(path, data)
-    except OSError as e:
-        raise StoreError(f"cannot write {path}: {e.strerror}") from None
-
-
-def replace(path: Path, data: bytes) -> None:
-    """Beside, synced, then renamed: no half file is ever seen, not even after a loss of power."""
-    tmp = path.with_name(f".{path.name[:40]}.{os.getpid()}")
-    try:
-        with open(tmp, "wb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(tmp, path)
-        _sync_folder(path.parent)
-    except BaseException:
-        with contextlib.suppress(OSError):
-            tmp.unlink(missing_ok=True)
-        raise
-
-
-def _sync_folder(folder: Path) -> None:
-    """A new name in a folder outlasts a loss of power; where folders cannot be synced nothing is
-    promised."""
-    with contextlib.suppress(OSError):
-        number = os.open(folder, os.O_RDONLY)
-        try:
-            os.fsync(number)
-        finally:
-            os.close(number)

@@ -1,88 +1,121 @@
-"""Under which key the row of a run is kept: its own only if what made it is certain.
+"""Which stored rows may be reused, and under which key a new row is stored.
 
-Keys are made before the runs, workers load files later, and each that replaces another loads them
-again. A row is kept under its key if nobody has touched a file that counts since the key was made,
-and if the data that the run has read are the same here and now; otherwise it is shown as
-unverified, and made again by the next call.
+Keys are computed before the runs, workers load files later, and each worker that replaces another
+loads them again. A row is stored under its key only if it is certain what made it: nobody has
+changed a file that counts since the key was computed, and the data and environment variables that
+the run has read are the same here and now. Otherwise it is shown as unverified, and made again by
+the next call.
+
+A row also says of which run it is. One that says of another run than it is stored or sent for is
+not kept, whatever its key: a process that a run has forked, say, can answer in the worker's place.
 """
 
 from __future__ import annotations
 
+import os
+from collections.abc import Iterable
 from pathlib import Path
 
-from nsbench.results import journal, run_key, tables
+from nsbench.results import journal, run_key
+from nsbench.results.journal import Journal, read_journal, settled
 from nsbench.results.packed_rows import PackedRows
-from nsbench.results.run_key import Part
-from nsbench.source_files import file_state, locations, opened_files
+from nsbench.results.run_key import VARIABLE, Part
+from nsbench.source_files import environment_reads, file_state, locations, opened_files
 from nsbench.study import Spec
+from nsbench.study.attempt import lost_run_row
+from nsbench.trajectory import utf8_safe
 
-READ = "read "  # begins the names of items that runs have read; what follows is for `_place`
-TOUCHED = "changed while it ran"
+READ = "read "  # begins the names of items that runs have read; what follows is for `_current`
+CHANGED_DURING_RUN = "changed while it ran"
 CASE = "case"
+ANOTHER_RUN = "The worker sent the row of another run"
 
 
 def reusable_rows(
-    out: Path, specs: list[Spec], found: dict[Spec, str], timeout: float | None, damaged: list[int]
+    out: Path, specs: list[Spec], keys: dict[Spec, str], timeout: float | None, damaged: list[int]
 ) -> PackedRows:
-    """Rows by key that need not be made again: those of the journal, but for what was killed, had
-    less time, or has read data that are others now. damaged: the numbers of lines that cannot be
-    read are added."""
+    """Return the rows of the journal that need not be made again, by key.
+
+    Left out are rows of another run than their key's, of runs that were killed or had less time
+    than `timeout` (s), and of runs that have read what has other contents now. The numbers of
+    lines that cannot be read are added to `damaged`.
+    """
     rows = PackedRows()
-    tables.read_journal(out, damaged, rows)
-    stale = {found[s] for s in changed_data(out, specs, found)}
+    read_journal(out, damaged, rows)
+    spec_of = {keys[s]: s for s in specs}
+    stale = {keys[s] for s in changed_data(out, specs, keys)}
     for key in [
-        key for key, row in rows.items() if key in stale or not tables.settled(row, timeout)
+        key
+        for key, row in rows.items()
+        if key in stale
+        or not settled(row, timeout)
+        or (key in spec_of and row_mismatch(spec_of[key], row))
     ]:
         del rows[key]
     return rows
 
 
-def changed_data(out: Path, specs: list[Spec], found: dict[Spec, str]) -> dict[Spec, list[str]]:
-    """What runs have read that is not the same any more, for those whose row is in the journal."""
-    data = _data(out)
-    return {s: files for s in specs if (files := changed_inputs(s, data.get(found[s], {})))}
+def row_mismatch(spec: Spec, row: dict) -> str:
+    """Return how a row says that it is of another run than the spec; "" if it is of this one."""
+    for name in ("case", "solver", "accuracy"):
+        expected = utf8_safe(getattr(spec, name))
+        if row.get(name) != expected:
+            return f"{name} is {str(row.get(name))[:80]}, not {expected[:80]}"
+    value = row.get("asked")
+    # not by ==: a refused run has no accuracy, NaN
+    if not isinstance(value, (int, float)) or repr(float(value)) != repr(float(spec.asked)):
+        return f"{spec.accuracy} is {str(value)[:80]}, not {spec.asked!r}"
+    return ""
+
+
+def changed_data(out: Path, specs: list[Spec], keys: dict[Spec, str]) -> dict[Spec, list[str]]:
+    """Return what runs have read that is not the same any more, for rows of the journal."""
+    data = _data_read(out)
+    return {s: names for s in specs if (names := changed_inputs(s, data.get(keys[s], {})))}
 
 
 def changed_inputs(spec: Spec, read: dict[str, str]) -> list[str]:
-    """Names of the files that a run has read and that have other contents here and now."""
-    return [
-        name
-        for name, digest in read.items()
-        if file_state.digest(str(_place(spec, name))) != digest
-    ]
+    """Return the names of what a run has read and what has other contents here and now."""
+    return [name for name, digest in read.items() if _current(spec, name) != digest]
 
 
 def read_by(spec: Spec) -> dict[str, str]:
-    """Digests of what runs of this process have read from below the folders of the case file and
-    the solver files of the spec; names as `others` takes them."""
-    homes = {CASE: spec.file} if spec.file else {}
-    homes |= {Path(f).name: f for f in spec.solver_files}
-    return {
-        f"{who}: {name}": digest
-        for who, file in homes.items()
-        for name, digest in opened_files.digests_of_data_read(file, locations.is_user_file).items()
-    }
+    """Return what runs of this process have read, with digests, by names that `changed_inputs`
+    takes: files below the folders of the case file and the solver files of the spec, and
+    environment variables."""
+    files = {CASE: spec.file} if spec.file else {}
+    files |= {Path(f).name: f for f in spec.solver_files}
+    read = {}
+    for who, file in files.items():
+        data = opened_files.digests_of_data_read(file, locations.is_user_file)
+        variables = environment_reads.looked_up_by_runs(file)
+        read |= {f"{who}: {name}": digest for name, digest in data.items()}
+        read |= {
+            f"{who}: {VARIABLE}{name}": run_key.variable_digest(value)
+            for name, value in variables.items()
+        }
+    return read
 
 
-def _place(spec: Spec, name: str) -> Path:
-    who, _, path = name.partition(": ")
-    home = (
-        spec.file
-        if who == CASE
-        else next((f for f in spec.solver_files if Path(f).name == who), "")
-    )
-    return Path(home).resolve().parent / path
+def _current(spec: Spec, name: str) -> str:
+    """Return the digest that the input of a run has here and now."""
+    who, _, what = name.partition(": ")
+    if what.startswith(VARIABLE):
+        return run_key.variable_digest(os.environ.get(what.removeprefix(VARIABLE)))
+    files = [spec.file] if who == CASE else [f for f in spec.solver_files if Path(f).name == who]
+    return file_state.digest(str(Path((*files, "")[0]).resolve().parent / what))
 
 
-def _data(out: Path) -> dict[str, dict[str, str]]:
-    """What runs have read, by key."""
-    parts = {}
+def _data_read(out: Path) -> dict[str, dict[str, str]]:
+    """Return what runs have read, by key."""
+    parts: dict[str, dict[str, str]] = {}
     of_key = {}
-    for _, entry in journal._entries(Path(out) / "journal.jsonl"):
+    for _, entry in journal.entries(Path(out) / "journal.jsonl"):
         try:
             if "part" in entry:
+                items = entry["items"].items()
                 parts[entry["part"]] = {
-                    k.removeprefix(READ): v for k, v in entry["items"].items() if k.startswith(READ)
+                    k.removeprefix(READ): v for k, v in items if k.startswith(READ)
                 }
             else:
                 of_key[entry["key"]] = [d for d in entry["parts"] if parts.get(d)]
@@ -92,62 +125,68 @@ def _data(out: Path) -> dict[str, dict[str, str]]:
 
 
 class RowRecorder:
-    """The rows of one study on their way into the journal. here: they are made by workers of this
-    machine, which read what lies here (elsewhere a worker itself compares what it reads)."""
+    """Write the rows of one study to its journal, each under its key where it is certain.
+
+    on_this_machine: the rows are made by workers that read what lies here; elsewhere a worker
+    itself compares what it reads.
+    """
 
     def __init__(
         self,
-        journal: tables.Journal,
-        found: dict[Spec, str],
+        journal: Journal,
+        keys: dict[Spec, str],
         parts: dict[Spec, tuple[Part, ...]],
         cases: dict,
-        here: bool = True,
+        on_this_machine: bool = True,
     ):
         self.journal = journal
-        self.keys = found
+        self.keys = keys
         self.parts = parts
         self.cases = cases
-        self.here = here
-        self.uncertain: dict[Spec, list[str]] = {}  # and the files on account of which
+        self.on_this_machine = on_this_machine
+        self.uncertain: dict[Spec, list[str]] = {}  # and the files that changed
 
     def row(self, spec: Spec, row: dict) -> dict:
-        """The row as it is to be shown; written and synced."""
+        """Write and sync a row; return it as it is to be shown."""
         read = row.pop("read", None) or {}
-        files = self._changed(spec, read)
+        if mismatch := row_mismatch(spec, row):
+            sent = row
+            row = lost_run_row(spec, "crashed", f"{ANOTHER_RUN}: {mismatch}.")
+            row |= {name: sent[name] for name in ("session", "shared") if name in sent}
+            read = {}
+        changed = self._changed(spec, read)
         parts = self.parts[spec]
-        if not files:
+        if not changed:
             more = (Part.of({READ + k: v for k, v in read.items()}),) if read else ()
             self.journal.append(self.keys[spec], row, parts + more)
             return row
-        self.uncertain[spec] = files
+        self.uncertain[spec] = changed
+        names = ", ".join(changed)
         if row["status"] in ("ok", "below_reference"):
             row = row | {
                 "status": "unverified",
-                "why": f"{', '.join(files)} changed while runs were made: with which text this "
+                "why": f"{names} changed while runs were made: with which text this "
                 "one was made cannot be told. The next call makes it again.",
             }
         self.journal.append(
-            f"{TOUCHED}: {self.keys[spec]}", row, (Part.of({TOUCHED: ", ".join(files)}),)
+            f"{CHANGED_DURING_RUN}: {self.keys[spec]}",
+            row,
+            (Part.of({CHANGED_DURING_RUN: names}),),
         )
         return row
 
     def _changed(self, spec: Spec, read: dict[str, str]) -> list[str]:
-        files = (
-            file_state.changed_files(
-                run_key.dependency_files(spec, self.cases[spec.case, spec.file])
-            )
-            if self.here
-            else []
-        )
+        files: Iterable[str] = ()
+        if self.on_this_machine:
+            watched = run_key.dependency_files(spec, self.cases[spec.case, spec.file])
+            files = file_state.changed_files(watched)
         return [*dict.fromkeys(Path(f).name for f in files), *changed_inputs(spec, read)]
 
-    def tell(self, say) -> None:
+    def report(self, say) -> None:
+        """Say which files changed while runs were made, and how many rows are unverified."""
         if self.uncertain:
-            files = ", ".join(
-                dict.fromkeys(f for several in self.uncertain.values() for f in several)
-            )
+            changed = [name for names in self.uncertain.values() for name in names]
             say(
-                f"{files} changed while runs were made: {len(self.uncertain)} rows are "
-                f"unverified, the next call makes them "
-                "again"
+                f"{', '.join(dict.fromkeys(changed))} changed while runs were made: "
+                f"{len(self.uncertain)} rows are unverified, the next call makes them again"
             )

@@ -2,51 +2,19 @@
 
 from __future__ import annotations
 
-import contextlib
 import csv
-import functools
 import hashlib
 import io
-import os
-import platform
-import sys
 from collections.abc import Iterable
-from importlib import metadata
 from itertools import islice
 from pathlib import Path
 
-from nsbench.results.journal import (  # noqa: F401
-    SCHEMA,
-    Journal,
-    StoreError,
-    as_read,
-    clean,
-    read_journal,
-    read_parts,
-    replace,
-    restore,
-    settled,
-    write_atomically,
-)
+from nsbench.results.atomic_write import write_atomically
+from nsbench.results.journal import SCHEMA
 from nsbench.trajectory import utf8_safe
 
 BLOCK = 10_000  # rows that are made a part of a table at a time
 FORMULA = ("=", "+", "-", "@", "\t", "\r")  # what begins a formula in a spreadsheet
-LIBRARIES = (
-    "numpy",
-    "scipy",
-    "numba",
-    "llvmlite",
-    "jax",
-    "jaxlib",
-    "diffrax",
-    "equinox",
-    "osqp",
-    "piqp",
-    "nosnoc",
-    "casadi",
-)
-
 
 CLOCK = {  # columns of the clock: unit and meaning; they stand with the columns of runs.parquet
     "setup_seconds": ("s", "preparation, as every call of prepare pays it"),
@@ -71,40 +39,6 @@ CLOCK = {  # columns of the clock: unit and meaning; they stand with the columns
     ),
     "step_max_seconds": ("s", "slowest step, of solvers that can tell"),
 }
-
-
-def _digest(*chunks: bytes) -> str:
-    return digest_of(chunks)
-
-
-def digest_of(chunks: Iterable[bytes]) -> str:
-    h = hashlib.sha256()
-    for c in chunks:
-        h.update(len(c).to_bytes(8, "little") + c)
-    return h.hexdigest()
-
-
-@functools.cache
-def package_digest() -> str:
-    """Content of every file of the package, cases apart; what a single run depends on,
-    nsbench.results.run_key tells."""
-    root = Path(__file__).parents[1]
-    return _digest(
-        *(
-            p.read_bytes()
-            for p in sorted(root.rglob("*.py"))
-            if "cases" not in p.relative_to(root).parts
-        )
-    )
-
-
-@functools.cache
-def versions() -> dict[str, str]:
-    out = {"python": platform.python_version()}
-    for name in LIBRARIES:
-        with contextlib.suppress(metadata.PackageNotFoundError):
-            out[name] = metadata.version(name)
-    return out
 
 
 def write_tables(folder: Path, rows: Iterable[dict]) -> dict[str, str]:
@@ -189,25 +123,3 @@ def _column(pa, values, kind):
     return pa.array(
         values if kind == pa.bool_() else [None if v is None else str(v) for v in values], kind
     )
-
-
-def environment(**more) -> dict:
-    """Versions and machine, for env.json."""
-    load = os.getloadavg() if hasattr(os, "getloadavg") else ()
-    return {
-        "schema": SCHEMA,
-        "versions": versions() | {"nsbench": _own_version()},
-        "platform": platform.platform(),
-        "machine": platform.machine(),
-        "cores": os.cpu_count(),
-        "load": [round(v, 2) for v in load],
-        "argv": sys.argv[1:],
-        "package": package_digest()[:16],
-        **more,
-    }
-
-
-def _own_version() -> str:
-    import nsbench
-
-    return nsbench.__version__

@@ -122,7 +122,7 @@ def test_what_cannot_be_told_has_none():
 
 
 def test_every_case_of_the_catalogue_has_one_and_no_two_share_it():
-    from nsbench.study import resolve, suite_cases
+    from nsbench.study.plan import resolve, suite_cases
 
     seen = {}
     for key in suite_cases("standard"):

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 import nsbench
-from nsbench.compilation.numba_setup import private
+from nsbench.compilation.numba_cache import has_private_files
 
 CODE = """
 import numba, nsbench.linalg.dense as d, numpy as np
@@ -42,7 +42,7 @@ def test_kernels_move_where_others_could_replace_them(tmp_path):
             text=True,
         ).stdout.strip()
     )
-    kernels = tmp_path / "nsbench" / "kernels"
+    kernels = tmp_path / "nsbench" / "linalg"
     kernels.chmod(0o755)
     assert place() == kernels / "__pycache__"
     (kernels / "__pycache__").mkdir(exist_ok=True)
@@ -59,4 +59,8 @@ def test_kernels_move_where_others_could_replace_them(tmp_path):
 def test_who_can_write_to_a_folder(tmp_path, mode, good):
     (tmp_path / "f").mkdir()
     (tmp_path / "f").chmod(mode)
-    assert private(tmp_path / "f") == private(tmp_path / "f" / "not" / "yet") == good
+    assert (
+        has_private_files(tmp_path / "f")
+        == has_private_files(tmp_path / "f" / "not" / "yet")
+        == good
+    )

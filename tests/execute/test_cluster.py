@@ -19,7 +19,9 @@ from nsbench.execute.cluster import client as far
 from nsbench.execute.cluster import remote_worker
 from nsbench.execute.workers import pool
 from nsbench.results import run_key, tables
-from nsbench.study import Spec, run_one
+from nsbench.results.journal import Journal, read_journal
+from nsbench.study import Spec
+from nsbench.study.attempt import run_one
 
 LIMIT = 5.0  # seconds, of runs that take some milliseconds where nothing else is at work
 CLOCK = {*tables.CLOCK, "shared"}
@@ -304,7 +306,7 @@ def test_modules_and_data_beside_a_file_travel_with_it(address, plugin, tmp_path
     with monkeypatch.context() as m:
         sent(m, tmp_path)
         assert study(plugin, tmp_path / "r", address) == 0
-    assert [r["mark"] for r in tables.read_journal(tmp_path / "r").values()] == [11.0, 11.0]
+    assert [r["mark"] for r in read_journal(tmp_path / "r").values()] == [11.0, 11.0]
 
 
 @pytest.mark.survives("stale")
@@ -316,7 +318,7 @@ def test_a_row_of_other_files_than_the_client_has_is_refused(
         sent(m, tmp_path, lambda path, content: content + b" " if path.endswith(name) else content)
         assert study(plugin, tmp_path / "r", address) == 5
     assert f" of something else: {name} has other contents" in capsys.readouterr().err
-    assert not tables.read_journal(tmp_path / "r")
+    assert not read_journal(tmp_path / "r")
 
 
 @pytest.mark.survives("stale")
@@ -340,7 +342,7 @@ def test_a_worker_with_another_library_or_package_on_its_disk_is_refused(
         m.setattr(run_key, "_content", changed)
         assert study(plugin, tmp_path / "r", address) == 5
     assert "nsbench/measure/errors.py has other contents" in capsys.readouterr().err
-    assert not tables.read_journal(tmp_path / "r")
+    assert not read_journal(tmp_path / "r")
 
 
 @pytest.mark.survives("stale")
@@ -348,7 +350,7 @@ def test_a_file_that_changes_there_while_it_is_used_is_told(address, plugin, tmp
     plugin.write_text(solver("os.utime(os.path.join(HOME, 'beside.py'))", before=BEFORE))
     assert study(plugin, tmp_path / "r", address) == 5
     assert "beside.py changed there while it was used" in capsys.readouterr().err
-    assert not tables.read_journal(tmp_path / "r")
+    assert not read_journal(tmp_path / "r")
 
 
 def test_without_an_address_that_answers_it_is_said_soon(tmp_path, capsys, monkeypatch):
@@ -365,15 +367,15 @@ def test_without_an_address_that_answers_it_is_said_soon(tmp_path, capsys, monke
 
 def test_a_cluster_that_ends_is_told_and_what_it_gave_is_kept(tmp_path, capsys, monkeypatch):
     out = tmp_path / "r"
-    first = tables.Journal.append
+    first = Journal.append
     with cluster(1) as (where, process):
 
         def append(self, *entry):
             first(self, *entry)
             process.kill()
 
-        monkeypatch.setattr(tables.Journal, "append", append)
+        monkeypatch.setattr(Journal, "append", append)
         assert main(["run", "tide", "-s", "pbd", "-o", str(out), "--dask", where]) == 5
     assert f"the scheduler at {where} is gone" in capsys.readouterr().err
-    kept = tables.read_journal(out)
+    kept = read_journal(out)
     assert kept and all(r["shared"] for r in kept.values())

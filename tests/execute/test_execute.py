@@ -10,8 +10,9 @@ from solver_file import solver
 from nsbench.execute.workers.kernel_schedule import KernelSchedule, kernels_of
 from nsbench.execute.workers.pool import Chore, run_all
 from nsbench.measure import clock
-from nsbench.study import Spec, attempt, run_batch
-from nsbench.study.ladders import substeps_ladder
+from nsbench.study import Spec
+from nsbench.study.attempt import attempt, run_batch
+from nsbench.study.plan import substeps_ladder
 
 SOLVER = solver(
     """

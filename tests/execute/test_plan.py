@@ -17,7 +17,8 @@ from nsbench.execute import dry_run
 from nsbench.execute.forecast import GUESS, JOURNAL, NOTHING, Forecast, small
 from nsbench.execute.probe import probe
 from nsbench.execute.rerun_reasons import NEW, SIZE, rerun_reasons
-from nsbench.results import run_key, tables
+from nsbench.results import run_key
+from nsbench.results.journal import Journal, read_journal, settled
 from nsbench.results.run_key import Part
 from nsbench.study import Spec
 
@@ -82,7 +83,7 @@ def test_a_size_is_foreseen_as_it_comes_out(case):
 
 
 def journal(folder, spec, parts, **row):
-    j = tables.Journal(folder)
+    j = Journal(folder)
     j.append(
         run_key.key_of(spec, parts),
         {
@@ -100,7 +101,7 @@ def journal(folder, spec, parts, **row):
 
 def why(folder, spec, parts, force=False):
     key = run_key.key_of(spec, parts)
-    known = {k: r for k, r in tables.read_journal(folder).items() if tables.settled(r, 120.0)}
+    known = {k: r for k, r in read_journal(folder).items() if settled(r, 120.0)}
     return rerun_reasons([spec], {spec: parts}, {spec: key}, known, folder, force)[spec]
 
 

@@ -15,21 +15,21 @@ from nsbench.gate import baseline, spreads
 from nsbench.gate.calibrate import specs_of
 from nsbench.report.data import read
 from nsbench.results import tables
+from nsbench.results.journal import Journal, read_journal
+from nsbench.study.attempt import START_PERTURBATION, attempt, perturbed_start
 
 
 def test_a_nudged_start_is_near_and_the_same_for_the_same_seed():
     case = nsbench.get_case("three_discs")
-    a, b, c = (study.perturbed_start(case, seed).x0 for seed in (1, 1, 2))
+    a, b, c = (perturbed_start(case, seed).x0 for seed in (1, 1, 2))
     size = np.maximum(1.0, np.abs(case.x0))
-    assert (
-        study.perturbed_start(case, 0) is case and np.array_equal(a, b) and not np.array_equal(a, c)
-    )
-    assert 0.0 < np.max(np.abs(a - case.x0) / size) <= study.START_PERTURBATION
+    assert perturbed_start(case, 0) is case and np.array_equal(a, b) and not np.array_equal(a, c)
+    assert 0.0 < np.max(np.abs(a - case.x0) / size) <= START_PERTURBATION
 
 
 def test_nudged_runs_are_measured_against_the_solution_from_the_own_start():
     plain, away = (
-        study.attempt(study.Spec("three_discs", "pbd", "h", 0.01, nudge=seed)) for seed in (0, 1)
+        attempt(study.Spec("three_discs", "pbd", "h", 0.01, nudge=seed)) for seed in (0, 1)
     )
     assert away[1] is None, "a nudged run is not timed"
     assert (
@@ -58,9 +58,9 @@ def test_a_calibrated_study_is_held_by_its_own_baseline(tmp_path, capsys):
         main(["calibrate", str(out), "-j", "1"]) == 0 and "pass 3 of 3" in capsys.readouterr().out
     )
     again = Path(out, "calibration", "1")
-    key, row = next(iter(tables.read_journal(again).items()))
+    key, row = next(iter(read_journal(again).items()))
     with contextlib.closing(
-        tables.Journal(again)
+        Journal(again)
     ) as journal:  # a machine that was short of memory is not so for ever
         journal.append(
             key,
@@ -69,7 +69,7 @@ def test_a_calibrated_study_is_held_by_its_own_baseline(tmp_path, capsys):
         )
     assert (
         main(["calibrate", str(out), "-j", "1"]) == 0
-        and tables.read_journal(again)[key]["status"] == row["status"]
+        and read_journal(again)[key]["status"] == row["status"]
     )
     assert spreads.read(out) == found
 

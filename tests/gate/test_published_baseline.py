@@ -6,15 +6,15 @@ from pathlib import Path
 from nsbench.case import get_case
 from nsbench.gate import baseline
 from nsbench.gate.facts import digest
-from nsbench.study import plan, suite_cases
 from nsbench.study.describe import describe_case, describe_solver
+from nsbench.study.plan import plan_runs, suite_cases
 
 LINES = baseline.read(Path(__file__).resolve().parents[2] / "reports" / "baseline.csv")
 
 
 def test_it_has_the_runs_of_the_standard_suite_under_their_present_configuration():
     asked: dict[tuple, list[float]] = {}
-    for spec in plan([(key, "") for key in suite_cases("standard")], None):
+    for spec in plan_runs([(key, "") for key in suite_cases("standard")], None):
         asked.setdefault((spec.case, spec.solver), []).append(spec.asked)
     assert asked.keys() == {key[:2] for key in LINES}
     for (case, solver), config in {(key[:2], x.config) for key, x in LINES.items()}:

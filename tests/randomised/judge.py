@@ -44,7 +44,7 @@ import numpy as np
 from nsbench import solvers
 from nsbench.diagnostics.diagnose import largest_speed
 from nsbench.problem import LCS
-from nsbench.study import contract_violation
+from nsbench.study.result_contract import contract_violation
 from randomised.answer import ABSOLUTE, FIRST, STEPS, WILD, Answer
 from randomised.ladder import LADDER, LATER, LATER_SLOW, floors, is_slow, jumps, slower, values
 from randomised.own import FAST, MISSING, NARROW, coincide, filled, settled, shortest, slope

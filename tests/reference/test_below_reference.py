@@ -7,7 +7,8 @@ import pytest
 
 import nsbench
 from nsbench import get_case, reference
-from nsbench.study import Spec, attempt
+from nsbench.study import Spec
+from nsbench.study.attempt import attempt
 
 
 @pytest.fixture
@@ -67,7 +68,7 @@ def test_the_state_alone_does_not_make_a_row_below(slack, monkeypatch):
             run = honest.prepare(case, tol)
             return lambda: (lambda t: dataclasses.replace(t, impulse=t.impulse * 1.01))(run())
 
-    monkeypatch.setattr("nsbench.study.solvers.get", lambda s: Lies())
+    monkeypatch.setattr("nsbench.study.attempt.solvers.get", lambda s: Lies())
     row, _ = attempt(Spec("slide_exit", "lies", "tol", 1e-12))
     assert (
         row["status"] == "ok"

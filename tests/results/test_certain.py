@@ -9,7 +9,7 @@ import pytest
 from solver_file import solver
 
 from nsbench.cli import main
-from nsbench.results import tables
+from nsbench.results.journal import read_journal
 from nsbench.source_files import file_state, opened_files
 
 DATA = 'c = float(open(os.path.join(os.path.dirname(__file__), "data", "table.txt")).read())'
@@ -36,7 +36,7 @@ def run(file, out, *more):
 
 
 def rows(out):
-    return [r for k, r in tables.read_journal(out).items() if len(k) == 64]
+    return [r for k, r in read_journal(out).items() if len(k) == 64]
 
 
 def edited(out, edit):
@@ -81,8 +81,8 @@ def test_a_file_that_is_edited_while_runs_are_made_leaves_no_row_that_is_served(
     assert run(file, out) == 3
     thread.join()
     assert "mine.py changed while runs were made: 1 rows are unverified" in capsys.readouterr().out
-    assert tables.read_journal(out) and not rows(out)
-    (shown,) = tables.read_journal(out).values()
+    assert read_journal(out) and not rows(out)
+    (shown,) = read_journal(out).values()
     assert (
         shown["status"] == "unverified"
         and "mine.py changed while runs were made" in shown["why"]

@@ -11,11 +11,13 @@ import pytest
 
 from nsbench.cli import main
 from nsbench.gate import spreads
-from nsbench.results import consistency, journal, tables
+from nsbench.results import consistency, journal
+from nsbench.results.atomic_write import StoreError, write_atomically
+from nsbench.results.journal import Journal, read_journal
 
 
 def write(folder, **rows):
-    j = tables.Journal(folder)
+    j = Journal(folder)
     for key, value in rows.items():
         j.append(key, {"x": value, "status": "ok"})
     j.close()
@@ -39,10 +41,10 @@ def test_a_block_of_zeros_takes_with_it_what_it_overwrote_and_no_more(tmp_path):
     ):
         path.write_bytes(data[:begin] + bytes(end - begin) + data[end:])
         damaged = []
-        assert "".join(tables.read_journal(tmp_path, damaged)) == kept
+        assert "".join(read_journal(tmp_path, damaged)) == kept
         assert len(damaged) <= 2
         write(tmp_path, e=5.0)
-        assert "".join(tables.read_journal(tmp_path)) == (
+        assert "".join(read_journal(tmp_path)) == (
             kept + "e" if (begin, end) != (len(data) - 1, len(data)) else "abce"
         )
 
@@ -53,7 +55,7 @@ def test_a_torn_end_is_cut_off_and_the_next_line_is_whole(tmp_path, cut):
     path = write(tmp_path, a=1.0, b=2.0)
     path.write_bytes(path.read_bytes()[:-cut] + bytes(3))
     write(tmp_path, c=3.0)
-    assert list(tables.read_journal(tmp_path)) == ["a", "c"]
+    assert list(read_journal(tmp_path)) == ["a", "c"]
     for line in path.read_bytes().splitlines():
         json.loads(line)
 
@@ -63,12 +65,12 @@ def test_a_line_that_is_not_as_it_was_written_is_dropped(tmp_path):
     path = write(tmp_path, a=1.5, b=2.5)
     path.write_bytes(path.read_bytes().replace(b"1.5", b"1.6"))
     damaged = []
-    assert list(tables.read_journal(tmp_path, damaged)) == ["b"] and damaged == [1]
+    assert list(read_journal(tmp_path, damaged)) == ["b"] and damaged == [1]
 
 
 def test_lines_without_a_checksum_are_of_an_older_version(tmp_path):
     tmp_path.joinpath("journal.jsonl").write_text('{"schema": 1, "key": "a", "row": {"x": 1.0}}\n')
-    assert tables.read_journal(tmp_path) == {"a": {"x": 1.0}}
+    assert read_journal(tmp_path) == {"a": {"x": 1.0}}
 
 
 def test_a_full_disk_leaves_whole_lines(tmp_path, monkeypatch):
@@ -80,19 +82,19 @@ def test_a_full_disk_leaves_whole_lines(tmp_path, monkeypatch):
         plain(fd, bytes(data)[:10])  # what still fits
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    j = tables.Journal(tmp_path)
+    j = Journal(tmp_path)
     monkeypatch.setattr(journal.os, "write", full)
-    with pytest.raises(tables.StoreError, match="No space left"):
+    with pytest.raises(StoreError, match="No space left"):
         j.append("b", {"x": 2.0})
     monkeypatch.undo()
     assert path.read_bytes() == before
     j.append("c", {"x": 3.0})
     j.close()
-    assert list(tables.read_journal(tmp_path)) == ["a", "c"]
+    assert list(read_journal(tmp_path)) == ["a", "c"]
 
 
 def test_a_table_that_cannot_be_written_leaves_the_old_one(tmp_path, monkeypatch):
-    tables.write_atomically(tmp_path / "f", b"old")
+    write_atomically(tmp_path / "f", b"old")
 
     for error in (OSError(errno.ENOSPC, "No space left on device"), KeyboardInterrupt()):
 
@@ -100,8 +102,8 @@ def test_a_table_that_cannot_be_written_leaves_the_old_one(tmp_path, monkeypatch
             raise error
 
         monkeypatch.setattr(journal.os, "fsync", fails)
-        with pytest.raises((tables.StoreError, KeyboardInterrupt)):
-            tables.write_atomically(tmp_path / "f", b"new")
+        with pytest.raises((StoreError, KeyboardInterrupt)):
+            write_atomically(tmp_path / "f", b"new")
         assert [p.name for p in tmp_path.iterdir()] == ["f"] and (
             tmp_path / "f"
         ).read_bytes() == b"old"
@@ -284,10 +286,10 @@ def test_zeros_before_the_last_end_of_a_line_cost_no_line_that_follows(
         path.write_bytes(data[:-30] + bytes(zeros) + b"\n")
         write(tmp_path, c=3.0)
         damaged = []
-        assert list(tables.read_journal(tmp_path, damaged)) == ["a", "c"] and damaged == [2]
+        assert list(read_journal(tmp_path, damaged)) == ["a", "c"] and damaged == [2]
         path.write_bytes(data[:-1] + bytes(zeros) + b"\n")
         write(tmp_path, c=3.0)
-        assert list(tables.read_journal(tmp_path)) == ["a", "b", "c"]
+        assert list(read_journal(tmp_path)) == ["a", "b", "c"]
 
 
 @pytest.mark.survives("half a line")
@@ -305,13 +307,13 @@ def test_a_journal_is_read_and_mended_the_same_in_blocks_of_any_size(tmp_path, m
         b"\n" + bytes(3000),
     ):
         (tmp_path / "journal.jsonl").write_bytes(whole + tail)
-        tables.Journal(tmp_path).close()
+        Journal(tmp_path).close()
         assert (tmp_path / "journal.jsonl").read_bytes() == whole, tail
         (tmp_path / "journal.jsonl").write_bytes(whole[:40] + bytes(50) + whole[40:] + tail)
-        assert list(tables.read_journal(tmp_path)) == ["b", "c"]
+        assert list(read_journal(tmp_path)) == ["b", "c"]
     for nothing in (b"", b"\n", b"\0", b"half", bytes(3000) + b"\n\0"):
         (tmp_path / "journal.jsonl").write_bytes(nothing)
-        tables.Journal(tmp_path).close()
+        Journal(tmp_path).close()
         assert (tmp_path / "journal.jsonl").read_bytes() == b""
 
 
@@ -322,9 +324,9 @@ def test_a_line_that_no_journal_has_is_refused_by_its_number(tmp_path, monkeypat
     monkeypatch.setattr(journal, "BLOCK", 300)
     path.write_bytes(path.read_bytes() + bytes(5000) + b"\n")  # zeros are no line
     write(tmp_path, b=2.0)
-    assert list(tables.read_journal(tmp_path)) == ["a", "b"]
+    assert list(read_journal(tmp_path)) == ["a", "b"]
     path.write_bytes(path.read_bytes() + b"x" * 1001 + b"\n")
     with pytest.raises(ValueError, match=r"line \d of .*journal\.jsonl is longer than 1000 bytes"):
-        tables.read_journal(tmp_path)
+        read_journal(tmp_path)
     assert main([*RUN, str(tmp_path)]) == 2
     assert "journal.jsonl is longer than 1000 bytes" in capsys.readouterr().err

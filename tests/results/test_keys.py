@@ -80,15 +80,18 @@ from pathlib import Path
 folder, user = map(Path, sys.argv[1:3])
 edits, cases, names = json.loads(sys.argv[3])
 sys.path[:0] = [str(folder), str(user)]
-from nsbench import imports, keys, solvers, study
+from nsbench import solvers
+from nsbench.results import run_key
+from nsbench.source_files import opened_files, user_imports
+from nsbench.study.plan import Spec, resolve
 if sys.argv[4]:
     exec(sys.argv[4])
-files = (str(user / "own.py"),)
-specs = [study.Spec("mine" if c == "mine" else c, s, "h", 0.1, str(user / "mine.py") if c == "mine" else "", files)
-         for c in cases for s in names]
+own, mine = str(user / "own.py"), str(user / "mine.py")
+solvers.load(own)
+specs = [Spec(c, s, "h", 0.1, mine if c == "mine" else "", (own,)) for c in cases for s in names]
 def found():
-    keys.forget()
-    return {s: keys.key_of(s, keys.parts_of(s, study.resolve(s.case, s.file))) for s in specs}
+    run_key.forget()
+    return {s: run_key.key_of(s, run_key.parts_of(s, resolve(s.case, s.file))) for s in specs}
 before, out = found(), {}
 for file, more in edits:
     place = (user if (user / file).exists() else folder) / file
@@ -107,39 +110,15 @@ def rows(cases=CASES, solvers=SOLVERS):
     return {(c, s) for c in cases for s in solvers}
 
 
-PBD = ("pbd", "pbd_jax", "catching_up", "richardson")
 LINE = "\n# another line\n"
 EXPECTED = {  # written by hand
     "nsbench/cases/tide.py": rows(["tide"]),
     "nsbench/reference_solutions/sliding.json": rows(["sliding"]),
-    "nsbench/solvers/pbd/method.py": rows(solvers=PBD),
-    "nsbench/solvers/kdtree/method.py": rows(solvers=["kdtree", "own"]),
-    "nsbench/solvers/event_driven/filippov/host_loop.py": rows(solvers=["event_driven"]),
-    "nsbench/solvers/pbd_jax/program.py": rows(solvers=["pbd_jax"]),
-    "nsbench/solvers/penalty/integrator.py": rows(solvers=["penalty"]),
-    "nsbench/dynamics/lcs.py": rows(solvers=["theta", "event_driven"]),
-    "nsbench/solvers/base.py": EVERY,
-    "nsbench/solvers/theta/kernels/loop.py": rows(solvers=["theta"]),
-    "nsbench/solvers/euler/kernels/loop.py": rows(solvers=["theta", "euler"]),
-    "nsbench/solvers/pbd/kernels/cell_loop.py": rows(
-        solvers=["pbd", "pbd_jax", "catching_up", "richardson"]
-    ),
-    "nsbench/solvers/kdtree/kernels/pair_sweep.py": rows(solvers=["kdtree", "own"]),
-    "nsbench/solvers/event_driven/interval_taylor/numpy_functions.py": rows(
-        solvers=["event_driven", "penalty", "nosnoc"]
-    ),  # two look for flat switches
+    # who edits the package makes every run again
+    "nsbench/solvers/pbd/method.py": EVERY,
+    "nsbench/solvers/theta/kernels/loop.py": EVERY,
     "nsbench/measure/errors.py": EVERY,
-    "nsbench/measure/residuals.py": EVERY,
-    "nsbench/measure/orders/__init__.py": set(),  # of orders no row speaks
-    "nsbench/reference/build.py": set(),
-    "nsbench/reference/storage.py": EVERY,
-    "nsbench/problem.py": EVERY,
-    "nsbench/report/tables.py": set(),
-    "nsbench/execute/workers/pool.py": set(),
-    "nsbench/execute/workers/process_state.py": EVERY,
-    "nsbench/results/tables.py": set(),
-    "nsbench/source_files/import_graph.py": set(),
-    "nsbench/source_files/locations.py": set(),
+    "nsbench/report/tables.py": EVERY,
     "mine.py": rows(["mine"]),
     "beside.py": rows(["mine"]),
     "start.txt": rows(["mine"]),
@@ -205,11 +184,20 @@ def test_an_edit_invalidates_what_depends_on_it_and_nothing_else(found, file):
 
 def test_a_file_that_acts_when_it_is_imported_counts_for_every_run(copy):
     edits = [
-        ("nsbench/solvers/kdtree/method.py", "\nnp.seterr(all='ignore')\n"),
         ("nsbench/cases/wheel.py", "\nnp.pi = 3.0\n"),
-        ("nsbench/solvers/theta/method.py", "\nANOTHER = dict(a=1)\n"),
+        ("nsbench/cases/wheel.py", "\nANOTHER = dict(a=1)\n"),
     ]
-    assert [*invalidated(copy, edits).values()] == [EVERY, EVERY, rows(solvers=["theta"])]
+    assert [*invalidated(copy, edits).values()] == [EVERY, set()]
+
+
+def test_a_case_made_of_one_of_the_catalogue_depends_on_its_file(copy):
+    mine = copy[1] / "mine.py"
+    mine.write_text('from nsbench import get_case\nCASE = get_case("tide").replace(name="mine")\n')
+    try:
+        edits = [("nsbench/cases/tide.py", LINE), ("nsbench/cases/wheel.py", LINE)]
+        assert [*invalidated(copy, edits).values()] == [rows(["tide", "mine"]), set()]
+    finally:
+        mine.write_text(MINE)
 
 
 def test_a_file_that_makes_up_what_it_imports_depends_on_its_whole_folder(copy):
@@ -224,14 +212,14 @@ def test_a_file_that_makes_up_what_it_imports_depends_on_its_whole_folder(copy):
 @pytest.mark.parametrize(
     "mutation, missed",
     [
+        ("user_imports._local_files = lambda *a: set()", "tool.py"),
+        ("run_key._contents = lambda paths, home: {}", "mine.py"),
         (
-            "needs = imports.needs\nimports.needs = lambda *p, top=False: needs(*p, top=True)",
-            "nsbench/solvers/theta/kernels/loop.py",
+            "import functools\nrun_key.package.package_files = functools.cache(lambda: ())",
+            "nsbench/measure/errors.py",
         ),
-        ("imports._found_by_text = lambda *a: set()", "nsbench/solvers/pbd/method.py"),
-        ("keys._files = lambda paths, home: {}", "nsbench/measure/errors.py"),
         (
-            "import contextlib\nfrom nsbench import opened\nopened.during = contextlib.nullcontext",
+            "import contextlib\nopened_files.record_opens_while_loading = contextlib.nullcontext",
             "factor.txt",
         ),
     ],
@@ -281,17 +269,10 @@ def test_what_was_asked_for_versions_and_settings_are_part_of_a_key(monkeypatch)
             m.setenv(name, "7")
             assert key() == base
     known = run_key.version
-    for library, others in (
-        ("numpy", ()),
-        ("llvmlite", ()),
-        ("osqp", (asked,)),
-    ):  # osqp is nothing to pbd
+    for library in ("numpy", "llvmlite", "osqp"):
         with monkeypatch.context() as m:
             m.setattr(
-                run_key,
-                "version",
-                lambda n, library=library: ("0.0", ()) if n == library else known(n),
+                run_key, "version", lambda n, library=library: "0" if n == library else known(n)
             )
-            assert (key() == base) == bool(others)
-    assert "osqp" in dict(run_key.parts_of(Spec("tide", "catching_up", "h", 0.01), case)[1].items)
+            assert key() != base
     assert key() == base

@@ -14,7 +14,9 @@ from nsbench.execute import suite
 from nsbench.gate import baseline
 from nsbench.gate.facts import facts
 from nsbench.report.data import read
-from nsbench.results import consistency, tables
+from nsbench.results import consistency
+from nsbench.results.atomic_write import StoreError, write_atomically
+from nsbench.results.journal import Journal
 
 RUN = ["run", "tide", "-s", "pbd", "-s", "kdtree", "-j", "1"]
 
@@ -71,7 +73,7 @@ def test_nothing_is_written_again_when_nothing_changed(results):
 @pytest.mark.parametrize("rows", [0, 1])
 @pytest.mark.parametrize(
     "error, code",
-    [(KeyboardInterrupt(), 130), (tables.StoreError("no room"), 5), (ValueError("what"), 2)],
+    [(KeyboardInterrupt(), 130), (StoreError("no room"), 5), (ValueError("what"), 2)],
 )
 def test_tables_from_before_a_run_that_did_not_end_are_not_judged(
     results, monkeypatch, capsys, rows, error, code
@@ -116,7 +118,7 @@ def test_tables_from_before_a_run_that_was_killed_are_not_judged(results):
 
 
 def test_a_journal_that_has_grown_is_not_that_of_the_tables(results):
-    journal = tables.Journal(results)
+    journal = Journal(results)
     journal.append("k", {"x": 1.0})
     journal.close()
     assert judged(results) == 2
@@ -134,13 +136,13 @@ def test_copies_of_tables_and_folders_of_older_versions_are_read(results):
 def test_a_table_that_is_not_as_it_was_written_a_moment_ago_ends_with_5(
     results, monkeypatch, capsys
 ):
-    whole = tables.write_atomically
+    whole = write_atomically
 
     def bad(path, data):
         whole(path, data[:-1] if path.name == "runs.csv" else data)
 
     with monkeypatch.context() as m:
-        m.setattr(tables, "write_atomically", bad)
+        m.setattr("nsbench.results.tables.write_atomically", bad)
         assert main([*RUN, "--h", "0.05,0.025", "--force", "-o", str(results)]) == 5
     assert "runs.csv is not what was written" in capsys.readouterr().err and judged(results) == 2
 

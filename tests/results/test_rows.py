@@ -4,6 +4,7 @@ import math
 import sys
 
 from nsbench.results import tables
+from nsbench.results.journal import Journal
 from nsbench.results.packed_rows import OrderedRows, PackedRows
 from nsbench.results.row_reuse import reusable_rows
 
@@ -76,7 +77,7 @@ def test_tables_are_the_same_in_blocks_of_any_size(tmp_path, monkeypatch):
 
 
 def test_what_is_known_leaves_out_what_is_to_be_made_again(tmp_path):
-    journal = tables.Journal(tmp_path)
+    journal = Journal(tmp_path)
     for key, status in (
         ("a", "ok"),
         ("b", "crashed"),

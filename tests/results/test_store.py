@@ -14,6 +14,9 @@ from solver_file import solver
 
 from nsbench.cli import main
 from nsbench.results import tables
+from nsbench.results.atomic_write import StoreError, write_atomically
+from nsbench.results.environment import environment
+from nsbench.results.journal import Journal, as_read, clean, read_journal, read_parts
 
 
 def test_rows_come_back_as_they_were_written(tmp_path):
@@ -26,38 +29,38 @@ def test_rows_come_back_as_they_were_written(tmp_path):
         "why": 'a, "b"\n=cmd()',
         "flag": True,
     }
-    j = tables.Journal(tmp_path)
+    j = Journal(tmp_path)
     j.append("k", row)
     j.close()
-    back = tables.read_journal(tmp_path)["k"]
+    back = read_journal(tmp_path)["k"]
     assert back["state_sup"] == 0.1 + 0.2 and np.isnan(back["impulse"]) and back["l1"] == np.inf
     assert back["why"] == row["why"] and back["flag"] is True and back["steps"] == 3
 
 
 @pytest.mark.survives("half a line")
 def test_half_a_line_is_dropped_and_mended(tmp_path):
-    j = tables.Journal(tmp_path)
+    j = Journal(tmp_path)
     j.append("a", {"x": 1.0})
     j.append("b", {"x": 2.0})
     j.close()
     path = tmp_path / "journal.jsonl"
     path.write_bytes(path.read_bytes()[:-7])
-    assert list(tables.read_journal(tmp_path)) == ["a"]
-    j = tables.Journal(tmp_path)
+    assert list(read_journal(tmp_path)) == ["a"]
+    j = Journal(tmp_path)
     j.append("c", {"x": 3.0})
     j.close()
-    assert list(tables.read_journal(tmp_path)) == ["a", "c"]
+    assert list(read_journal(tmp_path)) == ["a", "c"]
     path.write_bytes(b"garbage\n\x00\xff\n" + path.read_bytes())
-    assert list(tables.read_journal(tmp_path)) == ["a", "c"]
+    assert list(read_journal(tmp_path)) == ["a", "c"]
 
 
 @pytest.mark.survives("one folder")
 def test_two_runs_in_one_folder_are_refused(tmp_path):
-    j = tables.Journal(tmp_path)
-    with pytest.raises(tables.StoreError, match="another run"):
-        tables.Journal(tmp_path)
+    j = Journal(tmp_path)
+    with pytest.raises(StoreError, match="another run"):
+        Journal(tmp_path)
     j.close()
-    tables.Journal(tmp_path).close()
+    Journal(tmp_path).close()
 
 
 @pytest.mark.survives("one folder")
@@ -87,12 +90,12 @@ def test_a_second_suite_in_the_folder_of_one_that_goes_on_is_refused_and_changes
     try:
         until = time.monotonic() + 60
         while (
-            not ((out / "journal.jsonl").exists() and tables.read_journal(out))
+            not ((out / "journal.jsonl").exists() and read_journal(out))
             and time.monotonic() < until
         ):
             time.sleep(0.05)
         before = (out / "journal.jsonl").read_bytes()
-        assert len(tables.read_journal(out)) == 1 and first.poll() is None
+        assert len(read_journal(out)) == 1 and first.poll() is None
         assert main(["run", "tide", "-s", "pbd", "--h", "0.1", "-o", str(out)]) == 5
         assert "another run is writing" in capsys.readouterr().err
         assert (out / "journal.jsonl").read_bytes() == before and not (out / "report.html").exists()
@@ -108,16 +111,16 @@ def test_what_a_run_was_made_of_is_told_once_and_comes_back(tmp_path):
     old = Part.of({"a.py": "1"})
     new = Part.of({"a.py": "2"})
     row = {"case": "tide", "solver": "pbd", "accuracy": "h", "asked": 0.1}
-    j = tables.Journal(tmp_path)
+    j = Journal(tmp_path)
     for part in (old, old, new):
         j.append("k", row, (part,))
     j.append("l", row | {"asked": float("nan")})
     j.close()
-    made, parts = tables.read_parts(tmp_path)
+    made, parts = read_parts(tmp_path)
     assert made == {("tide", "pbd", "h", "0.1"): [new.digest], ("tide", "pbd", "h", "nan"): []}
     assert parts == {old.digest: {"a.py": "1"}, new.digest: {"a.py": "2"}}
     assert len((tmp_path / "journal.jsonl").read_text().splitlines()) == 6
-    assert [*tables.read_journal(tmp_path)] == ["k", "l"]
+    assert [*read_journal(tmp_path)] == ["k", "l"]
 
 
 def test_tables_keep_every_column_and_row(tmp_path):
@@ -159,15 +162,15 @@ def test_every_column_of_the_clock_carries_its_unit(tmp_path):
 
 
 def test_no_half_file_is_left(tmp_path):
-    with pytest.raises(tables.StoreError):
-        tables.write_atomically(tmp_path / "missing" / "f", b"x")
-    tables.write_atomically(tmp_path / "f", b"one")
-    tables.write_atomically(tmp_path / "f", b"two")
+    with pytest.raises(StoreError):
+        write_atomically(tmp_path / "missing" / "f", b"x")
+    write_atomically(tmp_path / "f", b"one")
+    write_atomically(tmp_path / "f", b"two")
     assert (tmp_path / "f").read_bytes() == b"two" and len(list(tmp_path.iterdir())) == 1
 
 
 def test_environment_is_plain_json():
-    env = json.loads(json.dumps(tables.environment()))
+    env = json.loads(json.dumps(environment()))
     assert env["versions"]["numpy"] == np.__version__
 
 
@@ -177,11 +180,11 @@ HALF = "no file t\udcff.csv"
 @pytest.mark.survives("half a character")
 def test_text_that_utf8_cannot_spell_is_told_by_its_numbers(tmp_path):
     """In new rows, in those of a journal that was written before, and in tables."""
-    assert tables.clean({"why": HALF, HALF: 1.0}) == {
+    assert clean({"why": HALF, HALF: 1.0}) == {
         "why": r"no file t\udcff.csv",
         r"no file t\udcff.csv": 1.0,
     }
-    j = tables.Journal(tmp_path)
+    j = Journal(tmp_path)
     j.append("new", {"why": HALF, HALF: 1.0})
     j.close()
     path = tmp_path / "journal.jsonl"
@@ -190,7 +193,7 @@ def test_text_that_utf8_cannot_spell_is_told_by_its_numbers(tmp_path):
         + json.dumps({"schema": 1, "key": "old", "row": {"why": HALF, "n": 2}})
         + "\n"
     )
-    rows = [*tables.read_journal(tmp_path).values(), {"why": HALF, HALF: "\udc00"}]
+    rows = [*read_journal(tmp_path).values(), {"why": HALF, HALF: "\udc00"}]
     assert rows[0] == {"why": r"no file t\udcff.csv", r"no file t\udcff.csv": 1.0}
     assert rows[1]["why"] == r"no file t\udcff.csv"
     tables.write_tables(tmp_path, rows)
@@ -207,13 +210,11 @@ def test_text_that_utf8_cannot_spell_is_told_by_its_numbers(tmp_path):
 
 def test_whole_numbers_beyond_64_bits_are_numbers_like_others(tmp_path):
     row = {"a": 2**63 - 1, "b": -(2**70), "c": 10**400, "d": -(10**5000)}
-    j = tables.Journal(tmp_path)
+    j = Journal(tmp_path)
     j.append("k", row)
     j.close()
-    back = tables.read_journal(tmp_path)["k"]
-    assert (
-        back == tables.as_read(row) == {"a": 2**63 - 1, "b": -(2.0**70), "c": np.inf, "d": -np.inf}
-    )
+    back = read_journal(tmp_path)["k"]
+    assert back == as_read(row) == {"a": 2**63 - 1, "b": -(2.0**70), "c": np.inf, "d": -np.inf}
     tables.write_tables(tmp_path, [back])
 
 
@@ -254,16 +255,17 @@ def test_a_run_that_raises_such_text_leaves_tables_and_a_report(tmp_path, capsys
 def test_what_a_solver_counts_has_a_sane_size(tmp_path, stats, status):
     from solver_file import solver
 
-    from nsbench.study import Spec, attempt
+    from nsbench.study import Spec
+    from nsbench.study.attempt import attempt
 
     (tmp_path / "mine.py").write_text(solver("pass", stats=repr(stats)))
     row = attempt(Spec("tide", "mine", "h", 0.1, "", (str(tmp_path / "mine.py"),)))[0]
     assert row["status"] == status, row["why"]
-    assert len(json.dumps(tables.clean(row))) < 30_000
+    assert len(json.dumps(clean(row))) < 30_000
 
 
 def test_the_middle_of_a_long_sentence_is_left_out():
-    from nsbench.study import LONGEST, _status
+    from nsbench.study.attempt import LONGEST, _status
     from nsbench.trajectory import Status
 
     for size in (1, LONGEST // 2, LONGEST // 2 + 1, LONGEST, LONGEST + 1, 10**7):

@@ -7,7 +7,7 @@ import pytest
 import nsbench
 from nsbench.cli import main
 from nsbench.cli.check import check_case
-from nsbench.study import contract_violation
+from nsbench.study.result_contract import contract_violation
 from nsbench.trajectory import Status, Trajectory
 
 

@@ -11,7 +11,7 @@ import pytest
 from solver_file import solver
 
 import nsbench
-from nsbench.results import tables
+from nsbench.results.journal import read_journal
 
 ROOT = Path(nsbench.__file__).parent.parent
 BROKEN = {
@@ -76,9 +76,7 @@ def test_others_run_beside_plugins_that_do_not_load(copy, tmp_path):
             for file in (copy / "nsbench" / kind).glob("zz_*"):
                 file.unlink()
     assert done.returncode == 0, done.stderr
-    found = {
-        (r["case"], r["solver"]): r["status"] for r in tables.read_journal(tmp_path / "r").values()
-    }
+    found = {(r["case"], r["solver"]): r["status"] for r in read_journal(tmp_path / "r").values()}
     assert found.keys() == {(c, s) for c in ("apple", "tide") for s in ("pbd", "zz_own")}
     assert (
         set(found.values()) <= {"ok", "below_reference"}

@@ -14,6 +14,7 @@ import pytest
 
 from nsbench.cli import main
 from nsbench.results import tables
+from nsbench.results.journal import read_journal
 
 ARGS = ["run", "tide", "apple", "-s", "pbd", "-j", "1"]
 TIMES = {*tables.CLOCK, "session"}
@@ -28,7 +29,7 @@ def whole(folder):
     """Keys in the journal, every line of which can be read."""
     lines = (folder / "journal.jsonl").read_bytes().split(b"\n")
     assert lines[-1] == b"" and all(json.loads(line) for line in lines[:-1])
-    return set(tables.read_journal(folder))
+    return set(read_journal(folder))
 
 
 def stopped(out, *signals):
@@ -41,11 +42,7 @@ def stopped(out, *signals):
     )
     try:
         for _ in range(3000):  # kernels may have to be compiled first, on a machine with other work
-            if (
-                out.exists()
-                and (out / "journal.jsonl").exists()
-                and len(tables.read_journal(out)) >= 2
-            ):
+            if out.exists() and (out / "journal.jsonl").exists() and len(read_journal(out)) >= 2:
                 break
             time.sleep(0.1)
         for s in signals:
@@ -69,7 +66,7 @@ def test_a_suite_that_is_killed_goes_on_and_ends_with_the_same_numbers(tmp_path)
     out = tmp_path / "r"
     calm = tmp_path / "calm"
     stopped(out, signal.SIGKILL)
-    done = set(tables.read_journal(out))
+    done = set(read_journal(out))
     assert len(done) >= 2
     assert main([*ARGS, "-o", str(out)]) == 0
     assert done <= whole(out)

@@ -22,6 +22,7 @@ from nsbench.cli import main
 from nsbench.report import write_report
 from nsbench.report.data import read
 from nsbench.results import tables as store
+from nsbench.results.journal import SCHEMA, Journal, read_journal
 
 ROOT = Path(nsbench.__file__).parent
 
@@ -41,7 +42,7 @@ def results(folder):
     store.write_tables(folder, [r for r in made() if r["case"] == "tide"])
     for name in ("cases", "solvers", "extra"):
         (folder / f"{name}.json").write_text("{}")
-    (folder / "env.json").write_text(json.dumps({"schema": store.SCHEMA}))
+    (folder / "env.json").write_text(json.dumps({"schema": SCHEMA}))
     return folder
 
 
@@ -158,15 +159,15 @@ def test_results_of_another_schema_are_named(tmp_path, capsys):
 
 @pytest.mark.survives("another schema")
 def test_a_line_of_another_schema_is_not_served_from_the_journal(tmp_path):
-    journal = store.Journal(tmp_path)
+    journal = Journal(tmp_path)
     journal.append("a", {"x": 1.0})
     journal.close()
     path = tmp_path / "journal.jsonl"
     line = path.read_text()
     path.write_text(
-        line + line.replace('"a"', '"b"').replace(f'"schema": {store.SCHEMA}', '"schema": 999')
+        line + line.replace('"a"', '"b"').replace(f'"schema": {SCHEMA}', '"schema": 999')
     )
-    assert list(store.read_journal(tmp_path)) == ["a"]
+    assert list(read_journal(tmp_path)) == ["a"]
 
 
 @pytest.mark.survives("oversized")
@@ -225,7 +226,7 @@ def test_a_pickle_in_the_place_of_data_is_not_read(tmp_path, capsys):
     base.write_bytes(bad)
     named(["gate", folder, "--baseline", base], base, capsys)
     (folder / "journal.jsonl").write_bytes(bad + b"\n")
-    assert store.read_journal(folder) == {}
+    assert read_journal(folder) == {}
     frame = pa.table({"case": ["a"]}).replace_schema_metadata({"pandas": "{}", "x": bad})
     pq.write_table(frame, folder / "runs.parquet")
     read(folder)

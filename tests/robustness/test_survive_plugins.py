@@ -13,7 +13,7 @@ import nsbench
 from nsbench import solvers
 from nsbench.case import registry as cases
 from nsbench.cli import main
-from nsbench.study import contract_violation
+from nsbench.study.result_contract import contract_violation
 from nsbench.trajectory import STATUSES, Status, Trajectory
 
 SOLVER = '''"""A solver that was made for a test."""
@@ -364,7 +364,8 @@ def test_an_object_that_is_handed_over_is_what_runs():
 @pytest.mark.survives("ok is finite", "own residuals")
 def test_a_solver_cannot_speak_for_the_bench(tmp_path):
     """Whatever it counts, the columns of the bench are those of the bench."""
-    from nsbench.study import Spec, attempt
+    from nsbench.study import Spec
+    from nsbench.study.attempt import attempt
 
     lies = {
         "state_sup": 0.0,

@@ -10,6 +10,7 @@ from survive_files import case_file
 
 from nsbench.cli import main
 from nsbench.results import tables
+from nsbench.results.journal import read_journal
 
 TIMES = {*tables.CLOCK, "session"}
 
@@ -54,7 +55,7 @@ def numbers(folder, jobs, standard):
     assert done.returncode == 0, done.stdout + done.stderr
     return {
         key: {k: repr(v) for k, v in row.items() if k not in TIMES}
-        for key, row in tables.read_journal(folder).items()
+        for key, row in read_journal(folder).items()
     }
 
 
@@ -101,7 +102,7 @@ def test_a_scene_whose_events_accumulate_is_a_row_and_the_others_go_on(tmp_path,
         )
         == 0
     )
-    found = {r["case"]: r for r in tables.read_journal(out).values()}
+    found = {r["case"]: r for r in read_journal(out).values()}
     assert found.keys() == {"spiral", "sliding"} and found["sliding"]["status"] in (
         "ok",
         "below_reference",

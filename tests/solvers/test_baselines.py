@@ -14,7 +14,7 @@ from nsbench.case import case_names, get_case
 from nsbench.solvers.kdtree.method import _jacobi
 from nsbench.solvers.solve_ivp.method import _event, _march
 from nsbench.solvers.solve_ivp.scripts_filippov import script
-from nsbench.study import suite_cases
+from nsbench.study.plan import suite_cases
 
 FULL = [
     k

@@ -6,7 +6,7 @@ import pytest
 import nsbench
 from nsbench import solvers
 from nsbench.case import case_names, get_case
-from nsbench.study import suite_cases
+from nsbench.study.plan import suite_cases
 
 STEPS = 0.05 / np.array(
     [2, 3, 5, 7, 9, 13, 17, 23, 31, 43, 59, 83, 113, 157]

@@ -35,7 +35,9 @@ from local_cluster import cluster
 from nsbench.execute import suite
 from nsbench.execute.cluster import client as far
 from nsbench.results import row_reuse, tables
-from nsbench.study import Spec, run_one
+from nsbench.results.journal import Journal, read_journal
+from nsbench.study import Spec
+from nsbench.study.attempt import run_one
 
 GROWTH = 16e6  # bytes: a few tasks of MOST rows
 A_RUN = 2e3  # bytes: its row, packed, its key and what was asked for
@@ -105,7 +107,7 @@ def spent(top):
 
 def send(specs, address, folder, on_count=lambda n: None):
     """Seconds for all rows to be in the journal."""
-    journal = tables.Journal(Path(folder))
+    journal = Journal(Path(folder))
     count = [0]
     start = time.perf_counter()
 
@@ -131,18 +133,18 @@ def rows(args):
         command = [sys.executable, "-m", "nsbench", "run", "--suite", args.suite, *args.cases]
         print(f"{load()}; here")
         subprocess.run([*command, "-o", str(here)], stdout=subprocess.DEVNULL)
-        expected = tables.read_journal(here)
+        expected = read_journal(here)
         print(f"{len(expected)} rows here; {load()}; on the cluster")
         victim = worker_pids(address)[0]
         run = subprocess.Popen(
             [*command, "--dask", address, "-o", str(there)], stdout=subprocess.DEVNULL
         )
-        while run.poll() is None and len(tables.read_journal(there)) < len(expected) // 2:
+        while run.poll() is None and len(read_journal(there)) < len(expected) // 2:
             time.sleep(1.0)
         os.kill(victim, signal.SIGKILL)
-        at = len(tables.read_journal(there))
+        at = len(read_journal(there))
         run.wait()
-        found = tables.read_journal(there)
+        found = read_journal(there)
         replaced = victim not in worker_pids(address)
     differ = [k for k in expected if plain(found.get(k, {})) != plain(expected[k])]
     for k in differ[:20]:

@@ -10,7 +10,7 @@ import pytest
 from solver_file import solver
 
 from nsbench import user_code
-from nsbench.results import tables
+from nsbench.results.journal import read_journal
 
 
 def run(folder, *args):
@@ -92,7 +92,7 @@ def test_a_method_that_fails_where_it_is_asked_what_it_refuses_has_its_row(tmp_p
         str(tmp_path / "r"),
     )
     assert done.returncode == 3, done.stderr  # a run has failed; the others went on
-    found = {r["solver"]: r["status"] for r in tables.read_journal(tmp_path / "r").values()}
+    found = {r["solver"]: r["status"] for r in read_journal(tmp_path / "r").values()}
     assert found["asked"] == status and found["pbd"] in ("ok", "below_reference")
 
 
@@ -109,7 +109,7 @@ THREAD = "threading.Thread(target=os._exit, args=(7,)).start(); time.sleep(5)"
 
 
 @pytest.mark.parametrize(
-    "does, status, said", ((CHILD, 1, "EndsProcess: a file calls os._exit(3)"), (THREAD, 7, ""))
+    "does, status, said", ((CHILD, 1, "UserCodeExit: a file calls os._exit(3)"), (THREAD, 7, ""))
 )
 def test_only_the_thread_that_asks_is_kept_from_leaving(does, status, said):
     done = subprocess.run(

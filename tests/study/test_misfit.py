@@ -6,7 +6,8 @@ from solver_file import solver
 from survive_files import case_file, rows
 
 import nsbench
-from nsbench.study import Spec, attempt
+from nsbench.study import Spec
+from nsbench.study.attempt import attempt
 from nsbench.study.result_contract import contract_violation
 from nsbench.trajectory import Status, Trajectory
 

@@ -5,10 +5,11 @@ import pytest
 from solver_file import solver
 
 import nsbench
-from nsbench import solvers, study
+from nsbench import solvers
 from nsbench.execute.workers.pool import run_all
 from nsbench.measure import clock
-from nsbench.study import Spec, run_batch
+from nsbench.study import Spec
+from nsbench.study.attempt import REPEATED, _files_loaded, run_batch
 
 SECOND = solver(
     """
@@ -76,7 +77,7 @@ def last_rows(specs, **more):
 def test_a_repetition_that_fails_is_a_row_and_the_others_are_timed(tmp_path, how, status):
     rows, _ = last_rows(specs_of(tmp_path, "pbd", how, "fine"))
     assert [r["status"] for r in rows] == ["ok", status, "ok"]
-    assert study.REPEATED in rows[1]["why"] and len(rows[1]["why"]) > len(study.REPEATED) + 10
+    assert REPEATED in rows[1]["why"] and len(rows[1]["why"]) > len(REPEATED) + 10
     assert rows[0]["rounds"] >= 3 and rows[2]["rounds"] >= 3 and rows[1].get("rounds", 1) == 1
     if how == "exit":
         assert "The last it printed: the second call" in rows[1]["why"]
@@ -109,7 +110,7 @@ def test_a_repetition_that_raises_costs_a_study_nothing_else(tmp_path):
     ] and "the second call" in rows[1]["why"]
     assert rows[0]["rounds"] >= 3 and rows[2]["rounds"] >= 3
     solvers._loaded.pop("second")
-    study._files_loaded.clear()
+    _files_loaded.clear()
     solvers.load(specs[1].solver_files[0])
     found = nsbench.run("tide", ["pbd", "second[how=raise]"], h=0.01)
     assert [r["status"] for r in found.rows] == ["ok", "error"] and found.rows[0]["rounds"] >= 3

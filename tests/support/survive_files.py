@@ -2,7 +2,9 @@
 
 from nsbench.cli import main
 from nsbench.solvers import get
-from nsbench.study import Spec, attempt, resolve
+from nsbench.study import Spec
+from nsbench.study.attempt import attempt
+from nsbench.study.plan import resolve
 
 METHODS = ("pbd", "catching_up", "kdtree", "event_driven", "theta", "penalty")
 HEAD = (

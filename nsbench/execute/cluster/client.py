@@ -40,7 +40,8 @@ from nsbench.execute.cluster.remote_worker import (
 from nsbench.execute.workers import signals
 from nsbench.results import run_key
 from nsbench.source_files import file_state
-from nsbench.study import Spec, lost_run_row
+from nsbench.study import Spec
+from nsbench.study.attempt import lost_run_row
 
 CONNECT = 4.0  # seconds to answer in
 # seconds without a single worker after which a cluster is given up (a nanny restarts in a few)

@@ -26,13 +26,17 @@ from multiprocessing import Pipe
 from multiprocessing.connection import Connection
 from pathlib import Path
 
+from nsbench.compilation import disk_cache
+from nsbench.compilation.installation import processor
 from nsbench.execute.workers import memory
 from nsbench.execute.workers.output_capture import OutputCapture
 from nsbench.execute.workers.pool import WorkerPool
 from nsbench.execute.workers.process import Worker, settings
 from nsbench.execute.workers.worker import work
-from nsbench.results import run_key, tables
+from nsbench.results import run_key
+from nsbench.results.environment import versions
 from nsbench.source_files import file_state
+from nsbench.source_files.package import package_digest
 from nsbench.study import Spec
 
 SLICE = (
@@ -58,16 +62,16 @@ def fingerprint() -> dict[str, str]:
     import nsbench.cases
     import nsbench.reference_solutions
 
-    out = {"nsbench": tables.package_digest()[:16], "processor": run_key.processor()}
+    out = {"nsbench": package_digest()[:16], "processor": processor()}
     for package in (nsbench.cases, nsbench.reference_solutions):
         out[package.__name__] = _contents(package.__path__)
     starts = tuple(s for several in run_key.SETTINGS.values() for s in several)
     settings = {
         f"setting {k}": v
         for k, v in os.environ.items()
-        if (k.startswith(starts) or k in run_key.MACHINE) and not run_key.HARMLESS.match(k)
+        if (k.startswith(starts) or k in run_key.LOADER) and not run_key.HARMLESS.match(k)
     }
-    return out | settings | tables.versions()
+    return out | settings | versions()
 
 
 def _contents(folders) -> str:
@@ -218,11 +222,8 @@ def _reaper() -> threading.Thread:
 
 
 def _team() -> WorkerPool:
-    folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "nsbench" / "locks"
-    try:  # workers of one user share what is compiled, and so the locks
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError:
-        folder = Path(_folder().name)
+    # workers of one user share what is compiled, and so the locks
+    folder = disk_cache.private_folder("locks") or Path(_folder().name)
     return WorkerPool([], None, None, None, 1, 0, str(folder), spawn=_spawn, keep=True)
 
 

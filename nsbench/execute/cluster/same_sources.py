@@ -10,8 +10,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from nsbench.results import run_key
-from nsbench.source_files import file_state, import_graph
-from nsbench.study import Spec, load_case_and_solver
+from nsbench.source_files import file_state, user_imports
+from nsbench.study import Spec
+from nsbench.study.attempt import load_case_and_solver
 
 _same: set[tuple] = set()  # what was compared and found to be alike
 
@@ -22,9 +23,8 @@ def source_mismatch(spec: Spec) -> dict[str, str]:
     which = spec.case, spec.file, spec.solver, spec.solver_files, spec.parts
     if not spec.parts or which in _same:
         return {}
-    import_graph.dependencies(
-        *filter(None, [spec.file, *spec.solver_files])
-    )  # notes the files before they are loaded
+    # records the state of the files before they are loaded
+    user_imports.dependencies(*filter(None, [spec.file, *spec.solver_files]))
     try:
         case, _ = load_case_and_solver(spec)
     except Exception as e:  # it was loaded where it was asked for

@@ -11,14 +11,14 @@ file's: it goes with the process that holds it, whatever becomes of that.
 
 from __future__ import annotations
 
-import contextlib
-import hashlib
 import time
 from collections.abc import Iterator
 from pathlib import Path
 
 from nsbench.case import parse_spec
-from nsbench.study import Spec, resolve
+from nsbench.compilation.disk_cache import digest
+from nsbench.study import Spec
+from nsbench.study.plan import resolve
 
 PAUSE = 0.05  # seconds between two looks at locks that are all taken
 
@@ -42,13 +42,13 @@ class KernelSchedule:
                 yield first
             finally:
                 if lock is not None:
-                    lock.close()
+                    lock.release()
             self.known.add(key)
             yield from rest
 
     def _next(self, groups):
-        """A group whose solver nobody else is compiling for, with the open lock (None: its kernels
-        are known here)."""
+        """A group whose solver nobody else is compiling for, with the lock that is held (None: its
+        kernels are known here)."""
         while True:
             for key in groups:
                 lock = None if key in self.known else self._lock(" ".join(key.split()[:2]))
@@ -57,16 +57,13 @@ class KernelSchedule:
             time.sleep(PAUSE)
 
     def _lock(self, key: str):
-        file = open(self.folder / hashlib.sha256(key.encode()).hexdigest()[:16], "ab")
-        with contextlib.suppress(ImportError):  # where files cannot be locked both compile
-            import fcntl
+        from filelock import FileLock, Timeout
 
-            try:
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except OSError:
-                file.close()
-                return None
-        return file
+        lock = FileLock(self.folder / digest(key)[:16])
+        try:
+            return lock.acquire(timeout=0).lock
+        except Timeout:
+            return None
 
 
 def kernels_of(spec: Spec) -> str:

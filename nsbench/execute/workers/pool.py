@@ -24,7 +24,9 @@ from nsbench.execute.workers import memory, signals
 from nsbench.execute.workers.output_capture import NOBODY
 from nsbench.execute.workers.process import LEAVING, Worker, ended, last_line, spawn
 from nsbench.execute.workers.worker import Chore
-from nsbench.study import REPEATED, Spec, lost_run_row
+from nsbench.results.row_reuse import ANOTHER_RUN, row_mismatch
+from nsbench.study import Spec
+from nsbench.study.attempt import REPEATED, lost_run_row
 
 PREPARE = 300.0  # seconds: compiling and factorising, beside the limit of the run itself
 TICK = 0.1  # seconds between two looks at limits
@@ -152,6 +154,11 @@ class WorkerPool:
             else:
                 self.dismiss(job)
         elif what in ("first", "row"):
+            mismatch = row_mismatch(job.specs[i], row) if i in range(len(job.specs)) else "no such"
+            if mismatch:  # a process that a run has started may answer as well
+                job.kill()
+                self.give_up(job, "crashed", f"{ANOTHER_RUN}: {mismatch}.")
+                return
             self.row(job, i, row)
             (job.untimed.add if what == "first" else job.untimed.discard)(i)
         else:

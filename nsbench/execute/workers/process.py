@@ -9,8 +9,8 @@ import os
 import signal
 import time
 from dataclasses import dataclass, field
-from pathlib import Path
 
+from nsbench.compilation import disk_cache
 from nsbench.execute.workers import memory
 from nsbench.execute.workers.output_capture import OutputCapture
 from nsbench.execute.workers.parent_watch import begin
@@ -75,10 +75,8 @@ class Worker:
 def jax_cache() -> dict[str, str]:
     """Settings that keep what JAX compiles in the user's cache folder, unless the user has settings
     of his own."""
-    folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "nsbench" / "jax"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError:
+    folder = disk_cache.private_folder("jax")
+    if folder is None:
         return {}
     wanted = {
         "JAX_COMPILATION_CACHE_DIR": str(folder),

@@ -19,7 +19,7 @@ from nsbench.execute.workers.parent_watch import exit_with_parent
 from nsbench.execute.workers.process_state import ProcessState
 from nsbench.measure import clock
 from nsbench.results.row_reuse import read_by
-from nsbench.study import lost_run_row, run_batch, run_one, timed_again
+from nsbench.study.attempt import lost_run_row, run_batch, run_one, timed_again
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ def work(pipe, printed, word: bytes, parent: int, locks: str, seconds: float | N
             news.last = ("start", -1)
             if isinstance(task, Chore):
                 around.restore()
-                pipe.send(("done", -1, _does(task)))
+                news.send(("done", -1, _does(task)))
                 continue
             news.specs = task
             around.restore()  # files of cases and solvers are loaded next
@@ -72,7 +72,7 @@ def work(pipe, printed, word: bytes, parent: int, locks: str, seconds: float | N
                 more = seconds is None and i not in rounds and timed_again(task[i], row)
                 rounds |= {i} if more else set()
                 read = read_by(task[i])
-                pipe.send(
+                news.send(
                     (
                         "first" if more else "row",
                         i,
@@ -81,7 +81,7 @@ def work(pipe, printed, word: bytes, parent: int, locks: str, seconds: float | N
                         | ({"read": read} if read else {}),
                     )
                 )
-            pipe.send(("done", -1, None))
+            news.send(("done", -1, None))
 
 
 def _once(specs, tell, seconds: float):
@@ -121,6 +121,7 @@ class News:
 
     def __init__(self, pipe, around: ProcessState | None = None):
         self.pipe = pipe
+        self.pid = os.getpid()
         self.around = around
         self.specs = []
         self.last = ("start", -1)
@@ -140,7 +141,14 @@ class News:
         ):  # what is found there is kept for the next runs
             self.around.restore(begins=False)
         self.last = ("run" if what == "again" else what, i)
-        self.pipe.send((*self.last, None))
+        self.send((*self.last, None))
+
+    def send(self, message: tuple) -> None:
+        """Send a message to the parent; a process that a run has forked, and that came back from
+        the run as the worker does, ends here instead."""
+        if os.getpid() != self.pid:
+            os._exit(1)
+        self.pipe.send(message)
 
     @contextlib.contextmanager
     def compiling(self):

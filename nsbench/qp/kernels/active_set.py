@@ -23,9 +23,8 @@ hand, made basic:
 """
 
 import numpy as np
-from numba import njit
 
-from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
+from nsbench.compilation.decorators import njit
 from nsbench.linalg.sparse_ldl import back, choose, dissection, factor, lengths, push, slack, visits
 from nsbench.qp.kernels.dual_active_set import (
     DEPENDENT,

@@ -8,9 +8,9 @@ nothing is solved.
 """
 
 import numpy as np
-from numba import cfunc, float64, int64, njit, void
+from numba import float64, int64, void
 
-from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
+from nsbench.compilation.decorators import cfunc, njit
 from nsbench.qp.kernels.active_set import arrange
 
 FEW = 128  # rows at work; below, one round of the active set costs less than three rounds on fronts

@@ -6,9 +6,8 @@ M_AA.
 """
 
 import numpy as np
-from numba import njit
 
-from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
+from nsbench.compilation.decorators import njit
 from nsbench.linalg.sparse_ldl import back, choose, factor, push, slack
 
 SOLVED = 0

@@ -1,8 +1,6 @@
 """kernels.qp as a C function: exact to rounding and basic, best for few rows."""
 
-from numba import cfunc
-
-from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
+from nsbench.compilation.decorators import cfunc
 from nsbench.qp.kernels import active_set
 from nsbench.qp.kernels.dispatch import EXACT
 

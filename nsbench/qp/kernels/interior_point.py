@@ -12,9 +12,8 @@ clear whether they act, kernels.revise finishes from the rows with lam > s. Rows
 """
 
 import numpy as np
-from numba import njit
 
-from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
+from nsbench.compilation.decorators import njit
 from nsbench.linalg.multifrontal import factor, solve
 from nsbench.linalg.sparse_ldl import push, slack
 from nsbench.qp.kernels.working_set_update import update_working_set

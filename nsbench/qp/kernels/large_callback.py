@@ -2,9 +2,8 @@
 on the fronts of a list."""
 
 import numpy as np
-from numba import cfunc, njit
 
-from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
+from nsbench.compilation.decorators import cfunc, njit
 from nsbench.linalg.nested_dissection import assembly_tree
 from nsbench.linalg.sparse_ldl import lengths
 from nsbench.qp.kernels import active_set

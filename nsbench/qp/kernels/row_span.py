@@ -1,9 +1,8 @@
 """Which sparse rows lie in the span of others (patterns of kernels.qp)."""
 
 import numpy as np
-from numba import njit
 
-from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
+from nsbench.compilation.decorators import njit
 from nsbench.linalg.sparse_ldl import choose, factor, lengths
 from nsbench.qp.kernels.dual_active_set import EPS, NO_FACTOR, direction, equality
 

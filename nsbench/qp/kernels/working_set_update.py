@@ -14,9 +14,8 @@ Everything is computed as a change from c, so rounding shrinks with it.
 """
 
 import numpy as np
-from numba import njit
 
-from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
+from nsbench.compilation.decorators import njit
 from nsbench.linalg.dense import solve_gauss
 from nsbench.linalg.multifrontal import backward, factor, forward, solve
 from nsbench.linalg.sparse_ldl import push, slack

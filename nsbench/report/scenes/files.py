@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from nsbench.results.journal import replace
+from nsbench.results.atomic_write import replace
 
 
 def scene_file(key: str) -> str:

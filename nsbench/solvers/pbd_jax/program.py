@@ -13,8 +13,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
+from nsbench.compilation.decorators import njit
 from nsbench.dynamics.contacts.constraint_set import PAIR, ConstraintSet
 
 DONE = 0

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from nsbench import Case, Filippov, errors, fit_order, get_case, solve
-from nsbench.study.ladders import substeps_ladder
+from nsbench.study.plan import substeps_ladder
 
 IMPLICIT = "euler[implicit=true]"
 

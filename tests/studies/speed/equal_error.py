@@ -31,10 +31,10 @@ import numpy as np  # noqa: E402
 import nsbench  # noqa: E402
 from nsbench import solvers  # noqa: E402
 from nsbench.measure import clock  # noqa: E402
-from nsbench.report import cost as speed
+from nsbench.report import cost as speed  # noqa: E402
 from nsbench.report import data as source  # noqa: E402
 from nsbench.report.style import LEADS, factor, family, power, seconds  # noqa: E402
-from nsbench.results.tables import versions  # noqa: E402
+from nsbench.results.environment import versions  # noqa: E402
 
 EXTRA = (
     "pbd[order=reverse]",

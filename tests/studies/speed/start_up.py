@@ -20,7 +20,7 @@ import time
 from pathlib import Path
 
 from nsbench.measure.clock import interleaved, ratio
-from nsbench.results.tables import versions
+from nsbench.results.environment import versions
 
 ROUNDS = 9
 

@@ -20,9 +20,8 @@ row, has thousands.
 """
 
 import numpy as np
-from numba import njit
 
-from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
+from nsbench.compilation.decorators import njit
 
 SORTED = 0
 REVERSE = 1

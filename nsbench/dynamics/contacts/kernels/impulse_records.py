@@ -4,9 +4,8 @@ room."""
 from collections.abc import Sequence
 
 import numpy as np
-from numba import njit
 
-from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
+from nsbench.compilation.decorators import njit
 
 MANY = 10_000  # contacts; a tuple takes some 130 bytes for each, and half a microsecond
 

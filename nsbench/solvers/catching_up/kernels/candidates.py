@@ -6,9 +6,8 @@ sort.
 """
 
 import numpy as np
-from numba import njit
 
-from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
+from nsbench.compilation.decorators import njit
 from nsbench.dynamics.contacts.kernels.cell_list import near_pairs
 from nsbench.dynamics.contacts.kernels.constraint_order import SORTED, sweep_key
 

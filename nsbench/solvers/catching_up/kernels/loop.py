@@ -9,9 +9,8 @@ the list is built anew, longer if one step alone is the reason, and the step don
 """
 
 import numpy as np
-from numba import njit
 
-from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
+from nsbench.compilation.decorators import njit
 from nsbench.dynamics.contacts.kernels.impulse_records import flush
 from nsbench.qp.kernels import active_set
 from nsbench.qp.kernels.dispatch import solve_projection

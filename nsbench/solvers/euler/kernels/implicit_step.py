@@ -7,9 +7,8 @@ on the positive side, on the negative side, on the surface itself.
 """
 
 import numpy as np
-from numba import njit
 
-from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
+from nsbench.compilation.decorators import njit
 from nsbench.linalg.dense import StepCode, largest, solve_gauss, state_code
 
 NEWTON = 30  # iterations; a fresh Jacobian needs about 5, a kept one three times that

@@ -7,9 +7,8 @@ on the positive side, on the negative side, on the surface itself.
 """
 
 import numpy as np
-from numba import njit
 
-from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
+from nsbench.compilation.decorators import njit
 from nsbench.linalg.dense import StepCode, largest, state_code
 from nsbench.solvers.euler.kernels.implicit_step import ROUNDING, copy, inner, newton
 

@@ -8,9 +8,8 @@ rounding is added as UNIT per term, ten times what one operation loses.
 """
 
 import numpy as np
-from numba import njit
 
-from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
+from nsbench.compilation.decorators import njit
 
 UNIT = 2.5e-15  # ten roundings per term of a sum
 TINY = 1e-300  # what underflow may lose

@@ -8,9 +8,8 @@ where they were chosen. Choosing reads the list once.
 """
 
 import numpy as np
-from numba import njit
 
-from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
+from nsbench.compilation.decorators import njit
 
 # of reading a list once against a step of the sweep over what it grows by, per radius: estimated
 FAVOUR = 2.4

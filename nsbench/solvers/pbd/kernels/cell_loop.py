@@ -13,9 +13,8 @@ get too long, the run is handed back (TOO_MANY) to be done by pbd_near.
 """
 
 import numpy as np
-from numba import njit
 
-from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
+from nsbench.compilation.decorators import njit
 from nsbench.solvers.pbd.kernels import cell_storage, threaded_loop
 from nsbench.solvers.pbd.kernels.active_candidates import (
     inner_skin,

@@ -2,9 +2,8 @@
 store."""
 
 import numpy as np
-from numba import njit
 
-from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
+from nsbench.compilation.decorators import njit
 
 
 @njit(cache=True)

@@ -7,9 +7,8 @@ Candidates: pairs (i, j) of the store and rows of A on one particle, (i, -1 - ro
 """
 
 import numpy as np
-from numba import njit
 
-from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
+from nsbench.compilation.decorators import njit
 from nsbench.dynamics.contacts.kernels.constraint_order import CELL, sweep_key
 from nsbench.solvers.pbd.kernels.conflict_schedule import divide, schedule
 

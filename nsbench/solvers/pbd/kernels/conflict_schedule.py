@@ -10,9 +10,8 @@ as a band goes on at many places in turn, and yet is near in memory.
 """
 
 import numpy as np
-from numba import njit
 
-from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
+from nsbench.compilation.decorators import njit
 
 BAND = 8  # rows of cells, as many as chains of projections that a processor has in hand at a time
 

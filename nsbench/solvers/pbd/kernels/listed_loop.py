@@ -2,9 +2,8 @@
 projections."""
 
 import numpy as np
-from numba import njit
 
-from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
+from nsbench.compilation.decorators import njit
 from nsbench.dynamics.contacts.kernels.impulse_records import flush
 from nsbench.solvers.pbd.kernels.projection import sweep
 

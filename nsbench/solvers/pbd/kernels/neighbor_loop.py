@@ -10,9 +10,8 @@ The order of the sweep is defined by the scene (keys), never by the list.
 """
 
 import numpy as np
-from numba import njit
 
-from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
+from nsbench.compilation.decorators import njit
 from nsbench.dynamics.contacts.kernels.cell_list import near_pairs
 from nsbench.dynamics.contacts.kernels.constraint_order import static_keys, sweep_key
 from nsbench.dynamics.contacts.kernels.impulse_records import flush

@@ -9,9 +9,8 @@ h lambda = displacement / |grad g|^2 * |grad g| ... that is, the factor mu in  x
 """
 
 import numpy as np
-from numba import njit
 
-from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
+from nsbench.compilation.decorators import njit
 
 
 @njit(cache=True, error_model="numpy")

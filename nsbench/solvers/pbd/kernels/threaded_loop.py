@@ -17,9 +17,8 @@ import threading
 from collections.abc import Callable
 
 import numpy as np
-from numba import njit
 
-from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
+from nsbench.compilation.decorators import njit
 from nsbench.solvers.pbd.kernels.active_candidates import restore_impulses, select_active
 from nsbench.solvers.pbd.kernels.cell_step import drift, settle
 from nsbench.solvers.pbd.kernels.cell_storage import listed

@@ -13,9 +13,8 @@ step at most 3 times.
 """
 
 import numpy as np
-from numba import njit
 
-from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
+from nsbench.compilation.decorators import njit
 from nsbench.lcp.lemke import has_other_motion, least_norm_solution, scales, solve
 from nsbench.linalg.dense import StepCode, largest, solve_gauss, state_code
 

@@ -6,9 +6,8 @@ rows come dense from the host: row `slot` of `dense`.
 """
 
 import numpy as np
-from numba import njit
 
-from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
+from nsbench.compilation.decorators import njit
 
 
 @njit(cache=True, error_model="numpy")

@@ -7,10 +7,8 @@ caller too.
 """
 
 import numpy as np
-from numba import njit
 
-from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
-from nsbench.compilation.decorators import inlined, inner_kernel, one
+from nsbench.compilation.decorators import inlined, inner_kernel, njit, one
 from nsbench.solvers.event_driven.contacts.kernels import loop_state
 from nsbench.solvers.event_driven.contacts.kernels.active_set_change import (
     HELD,

@@ -10,9 +10,8 @@ Moore 1966, chapter 11.
 from math import atan, cosh, exp, log, sinh, tanh
 
 import numpy as np
-from numba import njit
 
-from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
+from nsbench.compilation.decorators import njit
 from nsbench.solvers.event_driven.filippov.kernels.opcodes import (
     ADD,
     AFFINE,

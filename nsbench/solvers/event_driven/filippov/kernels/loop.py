@@ -7,9 +7,8 @@ that are not unique, steps that cannot be certified.
 """
 
 import numpy as np
-from numba import njit
 
-from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
+from nsbench.compilation.decorators import njit
 from nsbench.solvers.event_driven.filippov.kernels.certified_step import (
     certified,
     first_event,

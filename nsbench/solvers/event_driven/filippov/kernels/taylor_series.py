@@ -10,9 +10,8 @@ Source of the recurrences: Jorba & Zou, Experimental Mathematics 14 (2005), prop
 from math import atan, cos, cosh, exp, log, sin, sinh, tanh
 
 import numpy as np
-from numba import njit
 
-from nsbench.compilation import numba_setup  # noqa: F401  (before numba keeps anything)
+from nsbench.compilation.decorators import njit
 from nsbench.solvers.event_driven.filippov.kernels.opcodes import (
     ADD,
     AFFINE,

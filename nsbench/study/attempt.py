@@ -1,0 +1,207 @@
+"""Attempt one run and make its row, whatever becomes of it; repeat quick runs to time them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from nsbench import solvers
+from nsbench.case import Case
+from nsbench.diagnostics.diagnose import diagnose
+from nsbench.solvers.common.initial_state import InfeasibleStart
+from nsbench.source_files import opened_files
+from nsbench.study.plan import Spec, resolve
+from nsbench.study.result_contract import RESERVED_COLUMNS, contract_violation
+from nsbench.trajectory import Status, Trajectory, machine_fault, utf8_safe
+
+# relative to each coordinate, or to 1: far above rounding, far below any error that counts
+START_PERTURBATION = 1e-12
+STARTS = {
+    "error": "feasible",
+    "project": "projected",
+    "keep": "kept",
+}  # what the case makes of a start outside
+REPEATED = "It ended once, and did not when it was repeated to be timed"
+LONGEST = 10_000  # characters of a text in a row
+
+
+def run_batch(
+    specs: list[Spec], announce: Callable[[str, int], None] = lambda what, i: None, order=None
+):
+    """Rows of the specs of one case, as (index, row), each as soon as it is known.
+
+    Each is prepared and run once; then all that were quick are timed in interleaved rounds, the
+    first call left out, and their rows given out once more with median, quartiles and worst, or as
+    an error where a repetition raised.
+    order(specs) yields (index, spec) in the order to take them (by default as they come).
+    announce(what, i): "prepare", "run", "measure", or, of a repetition, "again".
+    """
+    from nsbench.measure import clock
+
+    kept = []
+    for i, spec in order(specs) if order else enumerate(specs):
+        row, run = attempt(spec, lambda what, i=i: announce(what, i))
+        yield i, row
+        if run is not None and timed_again(spec, row):
+            kept.append((i, row, run))
+    rounds = [clock.rounds_of(row["seconds"]) for _, row, _ in kept]
+    times = clock.in_rounds(
+        [run for _, _, run in kept], rounds, lambda k: announce("again", kept[k][0])
+    )
+    for (i, row, _), seconds in zip(kept, times, strict=True):
+        failed = isinstance(seconds, Exception)
+        yield (
+            i,
+            row
+            | (_status(_raised(seconds, f"{REPEATED}: ")) if failed else clock.columns(seconds)),
+        )
+
+
+def timed_again(spec: Spec, row: dict) -> bool:
+    """Is the run of this row repeated to be timed? Those that were quick and went well, from the
+    case's own start."""
+    from nsbench.measure import clock
+
+    return (
+        row["status"] in ("ok", "below_reference")
+        and not spec.nudge
+        and clock.rounds_of(row["seconds"]) > 1
+    )
+
+
+def attempt(spec: Spec, announce: Callable[[str], None] = lambda what: None):
+    """One run: its row and, if it can be timed again, the zero-argument run. Failures are rows,
+    whatever raised."""
+    with opened_files.record_opens_of_run(*filter(None, [spec.file, *spec.solver_files])):
+        return _attempt(spec, announce)
+
+
+def load_case_and_solver(spec: Spec):
+    """The case of the spec and its method; raises what their files raise."""
+    _files_loaded.update(f for f in spec.solver_files if f not in _files_loaded and solvers.load(f))
+    return resolve(spec.case, spec.file), solvers.get(spec.solver)
+
+
+def _attempt(spec, announce):
+    from nsbench.measure import clock
+
+    row = {
+        "case": spec.case,
+        "solver": spec.solver,
+        "accuracy": spec.accuracy,
+        "asked": spec.asked,
+        "h": spec.asked,
+    }
+    announce("prepare")
+    try:
+        case, method = load_case_and_solver(spec)
+        why = method.refuses(case)
+        if why:
+            return row | _status(Status("refused", why)), None
+        start = perturbed_start(
+            case, spec.nudge
+        )  # measured against the solution from the case's own start
+        run, spent = clock.prepared(lambda: method.prepare(start, spec.asked))
+        row |= spent
+        announce("run")
+        traj, seconds, compiled = clock.first_call(run, lambda: announce("run"))
+        row |= clock.columns([seconds])
+        row["compile_seconds"] += compiled
+    except Exception as e:  # a plugin may raise anything; it becomes a row and the others go on
+        return row | _status(_raised(e)), None
+    announce("measure")
+    try:
+        wrong = contract_violation(start, traj, spec.accuracy, spec.asked)
+        if wrong:
+            return row | _status(Status("error", wrong)), None
+        row |= _solver_columns(spec, case, traj)
+        from nsbench.measure import errors
+
+        traj = diagnose(case, traj)
+        row |= _status(traj.status) | errors(case, traj)
+        row |= _below(row)
+    except Exception as e:  # what a solver returns can be anything as well
+        return row | _status(_raised(e, "The run ended, measuring it did not: ")), None
+    return row, run if traj.status.ok and not spec.nudge else None
+
+
+def _solver_columns(spec: Spec, case: Case, traj: Trajectory) -> dict:
+    """The columns that are the solver's to tell: its counted work, and the steps it took."""
+    told = {
+        utf8_safe(k): utf8_safe(v)[:LONGEST] if isinstance(v, str) else v
+        for k, v in traj.stats.items()
+        if isinstance(k, str)
+        and isinstance(v, (int, float, str, bool))
+        and k not in RESERVED_COLUMNS
+    }
+    h = {"h": told.get("h", spec.asked), "k": 1.0 / spec.asked}.get(spec.accuracy, spec.asked)
+    return told | {"start": STARTS[case.start], "h": h, "lam_time": traj.lam_time}
+
+
+def run_one(spec: Spec, announce: Callable[[str], None] = lambda what: None) -> dict:
+    """The row of one run, which depends on nothing but the spec and what it names (but for the
+    columns of the clock)."""
+    return attempt(spec, announce)[0]
+
+
+def lost_run_row(spec: Spec, status: str, why: str) -> dict:
+    """The row of a run whose process ended before it could tell one."""
+    h = 1.0 / spec.asked if spec.accuracy == "k" else spec.asked
+    return dict(
+        case=spec.case,
+        solver=spec.solver,
+        accuracy=spec.accuracy,
+        asked=spec.asked,
+        h=h,
+        status=status,
+        why=utf8_safe(why),
+    )
+
+
+def _raised(e: Exception, when: str = "") -> Status:
+    """The status of a run that raised: memory that was not to be had, from Python or from XLA, or
+    an error."""
+    if isinstance(e, InfeasibleStart):
+        return Status(e.code, f"No start: {e}.")
+    if isinstance(e, MemoryError) or "RESOURCE_EXHAUSTED" in str(e):
+        return Status("oom", f"{when}Out of memory: {e}")
+    return Status("error", f"{when}{type(e).__name__}: {e}{machine_fault(e)}")
+
+
+def perturbed_start(case: Case, seed: int) -> Case:
+    """The case from a start NUDGE away, relative to the larger of 1 and each coordinate; itself for
+    the seed 0."""
+    if not seed:
+        return case
+    away = np.random.default_rng(seed).uniform(-1.0, 1.0, case.n)
+    return case.replace(x0=case.x0 + START_PERTURBATION * np.maximum(1.0, np.abs(case.x0)) * away)
+
+
+def _below(row: dict) -> dict:
+    """The status of a run that is right as far as its reference can tell: state and impulses (or,
+    where these are not unique or not known, the reaction) are below ten times its bound. Otherwise
+    nothing changes."""
+    below = row.get("below", "").split()
+    force = next((name for name in ("impulse", "reaction") if np.isfinite(row[name])), None)
+    if row["status"] != "ok" or "state_sup" not in below or (force and force not in below):
+        return {}
+    return _status(
+        Status(
+            "below_reference",
+            f"The error is below {row['state_floor']:.2g}, ten times the bound of the "
+            f"reference ({row['reference']}).",
+        )
+    )
+
+
+_files_loaded: set[str] = set()
+
+
+def _status(status: Status) -> dict:
+    why = "" if status.ok else utf8_safe(str(status))
+    middle = " ... " if len(why) > LONGEST else ""
+    return {
+        "status": status.code,
+        "why": why[: LONGEST // 2] + middle + why[max(LONGEST // 2, len(why) - LONGEST // 2) :],
+    }

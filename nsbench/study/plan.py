@@ -1,0 +1,164 @@
+"""Plan a study: every run to attempt, as a `Spec` of case, solver and accuracy.
+
+The accuracies of the standard suite are ladders of steps, tolerances or stiffnesses. Ratios of steps
+are not dyadic: a ladder of powers of two would show effects of binary rounding as if they were
+errors of the method.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from nsbench import solvers, user_code
+from nsbench.case import Case, case_module, case_names, get_case, load_case
+
+SUITES = ("smoke", "standard", "hard", "full")
+SMOKE = ("tide", "sliding", "three_discs")  # cases of the smoke suite, if they name none themselves
+POINTS = 19
+OCTAVES = 6
+
+
+@dataclass(frozen=True)
+class Spec:
+    """One run to attempt: a case by key (or by file), a solver by spec, its accuracy (NaN:
+    refused).
+
+    nudge: not 0 starts it NUDGE away from the case's start, in a direction drawn with this seed;
+    such a run is not timed.
+    parts: digests of what it is made of (nsbench.results.run_key) where it was asked for, for who
+    computes it elsewhere.
+    """
+
+    case: str
+    solver: str
+    accuracy: str
+    asked: float
+    file: str = ""  # case file outside the package
+    solver_files: tuple[str, ...] = ()
+    nudge: int = 0
+    parts: tuple[str, ...] = dataclasses.field(default=(), compare=False, repr=False)
+
+    @property
+    def label(self) -> str:
+        return f"{self.case} {self.solver} {self.accuracy}={self.asked:.3g}"
+
+
+def suite_cases(
+    suite: str, tag: str | None = None, left_out: dict[str, str] | None = None
+) -> list[str]:
+    """Keys of the cases of a suite; "full" holds everything, "smoke" the smallest. left_out: why
+    those that cannot be made are not among them, by name, is added here (None: the first one
+    raises)."""
+    if suite not in SUITES:
+        raise LookupError(f"no suite {suite!r}; there are: {', '.join(SUITES)}")
+    out = []
+    for name in case_names():
+        module = case_module(name)
+        suites = getattr(module, "SUITES", {"standard": [{}]})
+        sets = suites.get(suite, [])
+        if suite == "full":
+            sets = suites.get("standard", []) + suites.get("hard", []) + sets
+        if suite == "smoke":
+            sets = suites.get(
+                "smoke",
+                suites.get("standard", [])[:1]
+                if name in ("tide", "sliding", "three_discs")
+                else [],
+            )
+        for params in sets:
+            try:
+                case = get_case(name, **params)
+            except (LookupError, ValueError) as e:
+                if left_out is None:
+                    raise
+                left_out[name] = str(e)
+                continue
+            if tag is None or tag in case.tags:
+                out.append(case.key)
+    return out
+
+
+_given: dict[
+    str, Case
+] = {}  # objects that were handed to `run`, by what stands for a file in their specs
+
+
+def hand_over(case: Case) -> str:
+    token = f"<object {len(_given)}>"
+    _given[token] = case
+    return token
+
+
+@functools.lru_cache(maxsize=512)
+def resolve(case: str, file: str = "") -> Case:
+    """The case of a key, from the registry or from a file; the same object each time, so that what
+    was compiled for it serves again."""
+    if file in _given:
+        return _given[file]
+    if file:
+        from nsbench.case import parse_spec
+
+        return load_case(file, **parse_spec(case)[1])
+    return get_case(case)
+
+
+def plan_runs(
+    cases: Iterable[tuple[str, str]],
+    specs: Iterable[str] | None,
+    values: dict | None = None,
+    solver_files: tuple[str, ...] = (),
+) -> list[Spec]:
+    """Every run to attempt. cases: (key, file); specs None: the standard ones and those a case
+    adds;
+    values: accuracies by name ("h", "tol", "k") that replace the standard ladders."""
+    out = []
+    for key, file in cases:
+        case = resolve(key, file)
+        chosen = list(specs) if specs else [*solvers.standard(), *case.also]
+        for spec in dict.fromkeys(chosen):
+            method = solvers.get(spec)
+            if user_code.solver_refuses(method, case, spec):
+                out.append(Spec(key, spec, method.accuracy, float("nan"), file, solver_files))
+                continue
+            asked = (values or {}).get(method.accuracy) or ladder(case, method)
+            for h in asked if values and method.accuracy == "h" else ():
+                solvers.grid(case.t, h)  # a step that cannot be taken is told before anything runs
+            out += [Spec(key, spec, method.accuracy, float(a), file, solver_files) for a in asked]
+    return out
+
+
+def substeps_ladder(first: int, octaves: float = OCTAVES, points: int = POINTS) -> list[int]:
+    """At least `points` step counts from `first` to 2^octaves times as many, at ratios that are not
+    dyadic."""
+    ratio = 2.0 ** (octaves / (points - 1)) * 1.003
+    while True:
+        out = [first]
+        while out[-1] < first * 2**octaves:
+            out.append(max(out[-1] + 1, round(out[-1] * ratio)))
+        if len(out) >= points:
+            return out
+        ratio = 1.0 + 0.97 * (ratio - 1.0)
+
+
+def ladder(case: Case, method) -> list[float]:
+    """The accuracies of the standard suite for a case and a method."""
+    if method.accuracy == "h":
+        spacing = float(np.diff(case.t).min())
+        # dyadic effects are avoided by the ratios; fewer steps than this per sample are not
+        # asymptotic anywhere
+        octaves = getattr(method, "octaves", OCTAVES)
+        return [
+            spacing / n
+            for n in substeps_ladder(
+                max(1, case.substeps), octaves, round(POINTS * octaves / OCTAVES)
+            )
+        ]
+    values = getattr(method, "ladder", (method.default,))
+    if method.accuracy == "k" and len(values) == 2:
+        return [float(v) for v in np.geomspace(*values, POINTS)]
+    return [float(v) for v in values]
