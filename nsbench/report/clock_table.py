@@ -63,13 +63,10 @@ def clock_table(data: Data) -> Table:
         ),
         tuple(rows),
         "Compilation is what the first preparation in a process takes beyond a second one: "
-        "compiling, loading from "
-        "caches, imports; set-up is what each preparation takes; neither is part of the seconds "
-        "compared. Runs of more "
-        f"than {LONG:g} s are timed once; the others in 3 to 7 rounds with the methods "
-        f"interleaved, the first call "
-        "left out. The spread is the median over all timed runs, the worst round the largest "
-        "factor seen." + shared(data),
+        "compiling, loading from caches, imports; set-up is what each preparation takes; neither "
+        f"is part of the seconds compared. Runs of more than {LONG:g} s are timed once; the others "
+        "in 3 to 7 rounds with the methods interleaved, the first call left out. The spread is "
+        "the median over all timed runs, the worst round the largest factor seen." + shared(data),
     )
 
 
@@ -79,7 +76,7 @@ def shared(data: Data) -> str:
     count = sum(int((r.col["shared"] == 1.0).sum()) for r in data.runs.values())
     return (
         f" {count} runs were made by shared workers of a cluster: their seconds are stored, and "
-        f"used nowhere."
+        "used nowhere."
         if count
         else ""
     )

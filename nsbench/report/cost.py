@@ -68,10 +68,9 @@ def inner(runs: Runs) -> np.ndarray:
 
 RULE = (
     "Seconds of two methods are compared only when both loops over steps are compiled, both were "
-    "timed on one machine in "
-    f"one go, and both in interleaved rounds (runs of more than {LONG:g} s once); then "
-    f"compilation and set-up are apart. "
-    "Otherwise their counted work is compared, or nothing."
+    f"timed on one machine in one go, and both in interleaved rounds (runs of more than {LONG:g} s "
+    "once); then compilation and set-up are apart. Otherwise their counted work is compared, or "
+    "nothing."
 )
 
 
@@ -80,8 +79,8 @@ def why_not_comparable(one: Cost, other: Cost) -> str:
     if not (one.loop == "compiled" and other.loop == "compiled"):
         host = one if one.loop != "compiled" else other
         return (
-            f"the loop of {host.solver} is not compiled ({host.loop or 'unmarked'}): its "
-            f"seconds measure an interpreter"
+            f"the loop of {host.solver} is not compiled ({host.loop or 'unmarked'}): its seconds "
+            "measure an interpreter"
         )
     if one.session != other.session:
         return "their seconds were not measured in one go"

@@ -111,7 +111,7 @@ def sentences(data: Data) -> list[str]:
         near = max(found, key=lambda s: (np.sum(found[s] <= 10.0), s))
         out.append(
             f"Error {power(target)}, compiled loops alone: fastest is {told} of "
-            f"{count(cases, 'case')}; most often within "
-            f"a factor of ten is {near} ({int(np.sum(found[near] <= 10.0))})."
+            f"{count(cases, 'case')}; most often within a factor of ten is {near} "
+            f"({int(np.sum(found[near] <= 10.0))})."
         )
     return out

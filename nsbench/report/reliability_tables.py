@@ -80,8 +80,7 @@ def bounds_table(data: Data, summaries: dict[tuple, Summary]) -> Table:
         ),
         tuple(rows),
         "Largest errors over all samples at the tightest tolerance run. A figure after “<” is ten "
-        "times the "
-        "reference's own bound: the error lies below it.",
+        "times the reference's own bound: the error lies below it.",
     )
 
 
@@ -137,8 +136,7 @@ def references_table(data: Data) -> Table:
         tuple(rows),
         "Bounds of the reference's own error (largest absolute value). No error below ten times "
         "its bound is shown as a number. Certified: integrated once more in 30 digits with its "
-        "inequalities "
-        "proved along every arc.",
+        "inequalities proved along every arc.",
     )
 
 
@@ -182,12 +180,10 @@ def selection_table(data: Data, summaries: dict[tuple, Summary]) -> Table:
         )
     note = (
         "The multipliers of these cases are not unique. What is unique is the reaction; a "
-        "multiplier is right when its "
-        "distance to the set of all that give the reaction goes to zero. WARNING, an example of "
-        "how not to measure: the "
-        "last column is what a comparison with one multiplier of that set (the least-norm one) "
-        "would make of "
-        "the same runs. A plateau there is the selection that the method makes, not an error of it."
+        "multiplier is right when its distance to the set of all that give the reaction goes to "
+        "zero. WARNING, an example of how not to measure: the last column is what a comparison "
+        "with one multiplier of that set (the least-norm one) would make of the same runs. A "
+        "plateau there is the selection that the method makes, not an error of it."
     )
     return Table(
         "selection",
@@ -222,12 +218,10 @@ def labels_table(data: Data, summaries: dict[tuple, Summary]) -> Table:
         rows.append(Row((Cell(solver, kind="method"), Cell(own), *cells), case, solver))
     note = (
         "Largest error of the multiplier of single steps, away from events, against the exact one "
-        "at four places in the "
-        "step, at the finest step, with its order. A method declares the place its multiplier "
-        "belongs to (bold); at another "
-        "one the same numbers show another order: that is the error of the comparison, not of the "
-        "method. Only methods and "
-        "cases are listed where the place matters: where the error at one is three times that at "
+        "at four places in the step, at the finest step, with its order. A method declares the "
+        "place its multiplier belongs to (bold); at another one the same numbers show another "
+        "order: that is the error of the comparison, not of the method. Only methods and cases "
+        "are listed where the place matters: where the error at one is three times that at "
         "another."
     )
     return Table(
@@ -306,8 +300,8 @@ def expected_table(found: list[Finding], known: dict | None = None) -> Table:
     open_ = sum(f.outcome == "open" and not f.known for f in found)
     note = (
         f"{count(len(found), 'expectation')}: {kept} kept, {open_} without a verdict, {len(old)} "
-        f"known deviations, "
-        f"{len(new)} new ones, {len(lost)} known ones no longer seen as they were."
+        f"known deviations, {len(new)} new ones, {len(lost)} known ones no longer seen as they "
+        "were."
     )
     return Table(
         "expected",

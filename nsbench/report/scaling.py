@@ -124,10 +124,8 @@ def scaling_table(data: Data) -> Table:
         ("method", "sizes of the state", "one step", f"to an error of {power(TARGET)}"),
         tuple(rows),
         "Exponent p of seconds = C N^p in the size N of the state, with its 95 % interval where "
-        "there are three "
-        "sizes or more; below, the seconds at the largest. An error is that of the whole state at "
-        "the largest sample, "
-        "and larger scenes are harder, not only larger.",
+        "there are three sizes or more; below, the seconds at the largest. An error is that of "
+        "the whole state at the largest sample, and larger scenes are harder, not only larger.",
     )
 
 
@@ -182,8 +180,7 @@ def sizes_table(data: Data) -> Table:
         ("case", *(f"error {power(t)}" for t in speed.TARGETS)),
         tuple(rows),
         f"The cheapest compiled method, and by which factor the next one and {LEADS} are dearer. "
-        f"≤: the coarsest "
-        "run tried was already better, so that factors are bounds.",
+        "≤: the coarsest run tried was already better, so that factors are bounds.",
     )
 
 
@@ -227,9 +224,7 @@ def wins(data: Data) -> list[str]:
         if own or lost or far:
             out.append(
                 f"Error {power(target)}: {LEADS}, in whatever order, is the cheapest compiled "
-                f"method on {len(own)} of "
-                f"{len(own) + lost + far} cases; another one is cheaper on {lost}, and on {far} "
-                f"it does not get there or "
-                "does not apply."
+                f"method on {len(own)} of {len(own) + lost + far} cases; another one is cheaper on "
+                f"{lost}, and on {far} it does not get there or does not apply."
             )
     return out

@@ -60,8 +60,7 @@ def _unexpected(found) -> list[Statement]:
     ]
     told += [
         f"{f.solver} on {f.case}, {f.metric}: known to be “{was}”, is seen as {f.observed}: the "
-        f"table of known "
-        "deviations is out of date."
+        "table of known deviations is out of date."
         for f, was, _ in resolved_deviations(found)
     ]
     rest = [f"{len(told) - MOST} more: see the table."] if len(told) > MOST else []
@@ -83,7 +82,7 @@ def _choices(data: Data):
     blind = [case for case in data.case_keys if case not in cases]
     if blind:
         yield (
-            f"Nothing to compare with, for want of a reference or of a finished run: "
+            "Nothing to compare with, for want of a reference or of a finished run: "
             f"{listed(blind)}."
         )
 
@@ -223,8 +222,7 @@ def _multipliers(summaries):
     if loose:
         yield (
             f"Not unique, so that only the reaction can be compared: {listed(loose)}. Which "
-            f"multiplier a method "
-            "picks there is a selection, not an error."
+            "multiplier a method picks there is a selection, not an error."
         )
 
 
@@ -271,15 +269,14 @@ def speeds(data: Data):
         values = [r for r, _, _ in group]
         yield (
             f"{solver} takes {factor(float(np.median(values)))} times the seconds of {LEADS} "
-            f"(median of "
-            f"{count(len(values), 'comparison')}; {factor(min(values))} to {factor(max(values))})."
+            f"(median of {count(len(values), 'comparison')}; {factor(min(values))} to "
+            f"{factor(max(values))})."
         )
     apart -= set(ratios)
     if apart:
         yield (
-            f"Seconds of {listed(sorted(apart))} are not compared with {LEADS}: their loops are "
-            f"of another kind, or "
-            "their coarsest run was already better."
+            f"Seconds of {listed(sorted(apart))} are not compared with {LEADS}: their loops are of "
+            "another kind, or their coarsest run was already better."
         )
     gains = [g for solver in qp for g in ratios.get(solver, [])]
     if gains:
@@ -287,8 +284,8 @@ def speeds(data: Data):
         seen = "was seen" if top >= 100 else "was not seen"
         yield (
             f"The talk's factor of 100 over stepping with an inner QP {seen} at equal error: at "
-            f"most "
-            f"{factor(top)} times ({case} at {power(target)}), at least {factor(min(gains)[0])}."
+            f"most {factor(top)} times ({case} at {power(target)}), at least "
+            f"{factor(min(gains)[0])}."
         )
 
 
