@@ -14,7 +14,7 @@ import numpy as np
 
 from nsbench.measure.orders.window import rounding
 from nsbench.report.data import GOOD, Data, Runs
-from nsbench.report.summary import Order, Summary, spell, summarise
+from nsbench.report.summary import Order, Summary, format_statuses, summarise
 
 KINDS = ("near", "max", "min", "class", "count")
 ERRORS = ("state_sup", "state_T", "impulse", "reaction", "l1", "settled", "lam_own", "event_time")
@@ -101,7 +101,7 @@ def _ladder(s: Summary, config: str):
     def fact(metric, kind, value, unit="", floor=0.0):
         return Fact(s.case, s.solver, "ladder", metric, kind, value, unit, config, floor)
 
-    yield fact("statuses", "class", spell(_ended(s.statuses)))
+    yield fact("statuses", "class", format_statuses(_ended(s.statuses)))
     for name, order in (("state", s.state), ("force", s.force)):
         if s.outcome or order.kind == "none":
             continue

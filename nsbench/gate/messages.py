@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections import Counter
 
 from nsbench.gate.comparison import OUTCOMES, Finding
-from nsbench.report.style import count, markdown
+from nsbench.report.style import escape_markdown, format_count
 
 MOST = 60  # findings of one kind that are listed; the others are counted
 BAD = tuple(o for o in OUTCOMES if o not in ("pass", "not held"))
@@ -16,7 +16,7 @@ def sentence(findings: list[Finding]) -> str:
     """How many numbers ended how."""
     seen = Counter(f.outcome for f in findings)
     return (
-        f"{count(len(findings), 'number')}: "
+        f"{format_count(len(findings), 'number')}: "
         + ", ".join(f"{seen[o]} {o}" for o in OUTCOMES if seen[o])
         if findings
         else "nothing to compare"
@@ -46,7 +46,7 @@ def summary(findings: list[Finding], code: int) -> str:
     if bad:
         out += ["| | case | method | at | number | |", "| --- | --- | --- | --- | --- | --- |"]
         out += [
-            "| " + " | ".join(markdown(v) for v in (f.outcome, *f.key, f.sentence)) + " |"
+            "| " + " | ".join(escape_markdown(v) for v in (f.outcome, *f.key, f.sentence)) + " |"
             for f in bad[:MOST]
         ]
         if len(bad) > MOST:

@@ -25,7 +25,7 @@ def write_report(study, path=None) -> Path:
     cannot be read.
     A study in which every run failed has a report like any other.
     """
-    from nsbench.report.assemble import compose, figures
+    from nsbench.report.assemble import assemble_content, draw_figures
     from nsbench.report.data import read
     from nsbench.report.html_page import render_page
     from nsbench.report.markdown import render_markdown
@@ -37,8 +37,8 @@ def write_report(study, path=None) -> Path:
     path = Path(path) if path is not None else folder / "report.html"
     path = path / "report.html" if path.is_dir() else path
     data = read(study)
-    drawn = figures(data)
-    content = compose(data, drawn)
+    drawn = draw_figures(data)
+    content = assemble_content(data, drawn)
     path.parent.mkdir(parents=True, exist_ok=True)
     (path.parent / "figures").mkdir(exist_ok=True)
     for name, svg in drawn.files.items():

@@ -16,15 +16,22 @@ from nsbench.report import (
 )
 from nsbench.report.content import Content
 from nsbench.report.data import Data
-from nsbench.report.expectations import findings
+from nsbench.report.expectations import judge_expectations
 from nsbench.report.figures import case_panels, cost_panels
-from nsbench.report.style import looks, num, power, sanitise, seconds, slug
+from nsbench.report.style import (
+    assign_looks,
+    file_stem,
+    format_number,
+    format_power,
+    format_seconds,
+    sanitise,
+)
 from nsbench.report.summary import Summary, summarise
-from nsbench.report.svg_plots import draw, inline, sheet
-from nsbench.report.talk_figure import talk_figure, talk_sentence
-from nsbench.report.verdict import speeds, verdict
+from nsbench.report.svg_plots import compose_sheet, draw_panel, inline_svg
+from nsbench.report.talk_figure import describe_talk_figure, draw_talk_figure
+from nsbench.report.verdict import compare_speeds, write_verdict
 
-DRAWN = 100  # cases with figures: a page of more could not be opened
+MAX_DRAWN_CASES = 100  # cases with figures: a page of more could not be opened
 
 
 @dataclass(frozen=True)
@@ -42,7 +49,7 @@ class Figures:
     scaling: tuple[str, ...]
 
 
-def identify(names) -> dict[str, str]:
+def assign_ids(names) -> dict[str, str]:
     """A distinct id, also a file name, per case."""
     out = {}
     taken = {
@@ -60,7 +67,7 @@ def identify(names) -> dict[str, str]:
         "scaling",
     }
     for name in names:
-        base = new = slug(name)
+        base = new = file_stem(name)
         k = 2
         while new.lower() in taken or new.lower().startswith(("scene_", "cost_")):
             new = f"case_{base}" if k == 2 else f"case_{base}_{k}"
@@ -70,11 +77,11 @@ def identify(names) -> dict[str, str]:
     return out
 
 
-def figures(data: Data) -> Figures:
+def draw_figures(data: Data) -> Figures:
     """Draw every panel once; the page and the files share them."""
     summaries = summarise(data)
-    look = looks(data.specs)
-    ids = identify(data.case_keys)
+    look = assign_looks(data.specs)
+    ids = assign_ids(data.case_keys)
     names = {one.index: spec for spec, one in look.items()}
     inlined = {}
     files = {}
@@ -86,41 +93,41 @@ def figures(data: Data) -> Figures:
             (ids[case], case_panels(runs, look, summaries)),
             (f"cost_{ids[case]}", cost_panels(runs, look)),
         ):
-            if found and k < DRAWN:
-                drawn = [draw(p) for p in found]
+            if found and k < MAX_DRAWN_CASES:
+                drawn = [draw_panel(p) for p in found]
                 inlined[case] += [
-                    inline(svg, names, f"{p.title}, {case}")
+                    inline_svg(svg, names, f"{p.title}, {case}")
                     for svg, p in zip(drawn, found, strict=True)
                 ]
-                files[file] = sheet(drawn, legend, case)
-    talk = talk_figure(data)
+                files[file] = compose_sheet(drawn, legend, case)
+    talk = draw_talk_figure(data)
     if talk:
         files["talk"] = talk.replace("<svg ", '<svg style="background:#fff" ', 1)
     legend = [(spec, look[spec], False) for spec in data.specs]
-    over = [svg for svg in (profiles.draw(data, t, look) for t in cost.TARGETS) if svg]
-    sizes = [draw(p) for p in scaling.scaling_panels(data, look)]
+    over = [svg for svg in (profiles.draw_profile(data, t, look) for t in cost.TARGETS) if svg]
+    sizes = [draw_panel(p) for p in scaling.scaling_panels(data, look)]
     files |= {
-        name: sheet(group, legend, title)
+        name: compose_sheet(group, legend, title)
         for name, group, title in (
             ("profiles", over, "Time to error"),
             ("scaling", sizes, "Cost against size"),
         )
         if group
     }
-    page = lambda group, label: tuple(inline(svg, names, label) for svg in group)
+    page = lambda group, label: tuple(inline_svg(svg, names, label) for svg in group)
     return Figures(
         summaries,
         look,
         ids,
         inlined,
         files,
-        inline(talk, names, "The talk's figure") if talk else "",
+        inline_svg(talk, names, "The talk's figure") if talk else "",
         page(over, "Time to error"),
         page(sizes, "Cost against size"),
     )
 
 
-def compose(data: Data, drawn: Figures) -> Content:
+def assemble_content(data: Data, drawn: Figures) -> Content:
     """Tables and sentences around the figures."""
     s = drawn.summaries
     made = [
@@ -131,7 +138,7 @@ def compose(data: Data, drawn: Figures) -> Content:
         tables.failures_table(data),
         tables.environment_table(data.env),
         tables.glossary_table(),
-        reliability_tables.expected_table(findings(data, s)),
+        reliability_tables.expected_table(judge_expectations(data, s)),
         reliability_tables.bounds_table(data, s),
         reliability_tables.references_table(data),
         reliability_tables.selection_table(data, s),
@@ -141,14 +148,14 @@ def compose(data: Data, drawn: Figures) -> Content:
         clock_table.clock_table(data),
     ]
     lede = ", ".join(filter(None, (tables.counts_line(s), *_where(data.env))))
-    factors = tuple(speeds(data)) or (
+    factors = tuple(compare_speeds(data)) or (
         "No two methods reached the same error with loops of one kind.",
     )
-    told = {case: notes(data, case, s) for case in data.case_keys}
+    told = {case: write_case_notes(data, case, s) for case in data.case_keys}
     return Content(
         title="nsbench report",
         lede=f"{lede}.",
-        statements=tuple(verdict(data, s)),
+        statements=tuple(write_verdict(data, s)),
         tables={t.key: t for t in made},
         data=data,
         summaries=s,
@@ -158,10 +165,10 @@ def compose(data: Data, drawn: Figures) -> Content:
         notes=told,
         speeds=factors,
         talk=drawn.talk,
-        talk_sentence=talk_sentence(data),
+        talk_sentence=describe_talk_figure(data),
         profiles=drawn.profiles,
         scaling=drawn.scaling,
-        cheapest=tuple([*scaling.wins(data), *profiles.sentences(data)]),
+        cheapest=tuple([*scaling.describe_wins(data), *profiles.describe_profiles(data)]),
     )
 
 
@@ -177,28 +184,28 @@ def _where(env: dict) -> list[str]:
     ]
 
 
-def notes(data: Data, case: str, summaries: dict[tuple, Summary]) -> list[str]:
+def write_case_notes(data: Data, case: str, summaries: dict[tuple, Summary]) -> list[str]:
     """What a reader of one case needs to be told beside its figures."""
     mine = [s for (c, _), s in summaries.items() if c == case]
     out = []
     if not any(s.word == "ok" for s in mine):
         out.append("No run of this case gave a number; the sentences below say why.")
-    if data.case_keys.index(case) >= DRAWN:
-        out.append(f"Figures are drawn for the first {DRAWN} cases of a study.")
+    if data.case_keys.index(case) >= MAX_DRAWN_CASES:
+        out.append(f"Figures are drawn for the first {MAX_DRAWN_CASES} cases of a study.")
     if any(s.force.metric == "reaction" for s in mine):
         out.append(
             "The multipliers are not unique here: the reaction is compared instead, and what a "
-            "method picks "
-            "among the multipliers is drawn apart, as its selection; it is not an error."
+            "method picks among the multipliers is drawn apart, as its selection; it is not an "
+            "error."
         )
     for target in (1e-2, 1e-3):
         found = [cost.step_for_violation(s.runs, target) for s in mine if s.runs.violates]
         found = [c for c in found if c is not None]
         if found:
             told = "; ".join(
-                f"{c.solver} h = {num(c.h)}{', the largest tried' if c.at_most else ''} "
-                f"({seconds(c.seconds)})"
+                f"{c.solver} h = {format_number(c.h)}{', the largest tried' if c.at_most else ''} "
+                f"({format_seconds(c.seconds)})"
                 for c in found[:4]
             )
-            out.append(f"Violation below {power(target)}: {told}.")
+            out.append(f"Violation below {format_power(target)}: {told}.")
     return out

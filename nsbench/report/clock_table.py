@@ -7,7 +7,7 @@ import numpy as np
 
 from nsbench.measure.clock import LONG
 from nsbench.report.data import Data
-from nsbench.report.style import TIMES, factor, seconds
+from nsbench.report.style import TIMES, format_factor, format_seconds
 from nsbench.report.tables import Cell, Row, Table
 
 
@@ -84,12 +84,12 @@ def shared(data: Data) -> str:
 
 def _total(values) -> str:
     known = values[np.isfinite(values)]
-    return seconds(float(known.sum())) if known.size else "not told"
+    return format_seconds(float(known.sum())) if known.size else "not told"
 
 
 def _middle(values) -> str:
     known = values[np.isfinite(values)]
-    return seconds(float(np.median(known))) if known.size else "not told"
+    return format_seconds(float(np.median(known))) if known.size else "not told"
 
 
 def _spread(col, timed) -> str:
@@ -105,7 +105,7 @@ def _spread(col, timed) -> str:
 def _worst(col, timed) -> str:
     use = timed & np.isfinite(col["seconds_max"]) & (col["seconds"] > 0)
     return (
-        f"{TIMES} {factor(float((col['seconds_max'][use] / col['seconds'][use]).max()))}"
+        f"{TIMES} {format_factor(float((col['seconds_max'][use] / col['seconds'][use]).max()))}"
         if use.any()
         else "no rounds"
     )

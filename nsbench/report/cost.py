@@ -10,7 +10,7 @@ import numpy as np
 
 from nsbench.measure.clock import LONG
 from nsbench.report.data import Data, Runs
-from nsbench.report.style import LEADS, family, num
+from nsbench.report.style import LEADING_METHOD, format_number, method_of
 
 TARGETS = (1e-2, 1e-3, 1e-4, 1e-6)
 WORK = ("drift_calls", "projections", "inner_iterations")
@@ -38,7 +38,7 @@ class Cost:
     session: str = ""
 
 
-def work(runs: Runs) -> np.ndarray:
+def counted_work(runs: Runs) -> np.ndarray:
     """Counted work per run: drift calls + projections + inner iterations (QP solves where those are
     not counted)."""
     parts = {name: runs.col[name] for name in WORK}
@@ -50,7 +50,7 @@ def work(runs: Runs) -> np.ndarray:
     return np.where(np.isfinite(stack).any(axis=0) & (total > 0), total, np.nan)
 
 
-def inner(runs: Runs) -> np.ndarray:
+def counted_inner_work(runs: Runs) -> np.ndarray:
     """Projections, or inner iterations (QP solves where those are not counted), per run."""
     parts = np.array(
         [
@@ -66,7 +66,7 @@ def inner(runs: Runs) -> np.ndarray:
     return np.where(total > 0, total, np.nan)
 
 
-RULE = (
+COMPARISON_RULE = (
     "Seconds of two methods are compared only when both loops over steps are compiled, both were "
     f"timed on one machine in one go, and both in interleaved rounds (runs of more than {LONG:g} s "
     "once); then compilation and set-up are apart. Otherwise their counted work is compared, or "
@@ -92,7 +92,7 @@ def why_not_comparable(one: Cost, other: Cost) -> str:
     return ""
 
 
-def cost(runs: Runs, target: float, metric: str = "state_sup") -> Cost | None:
+def cost_at_error(runs: Runs, target: float, metric: str = "state_sup") -> Cost | None:
     """Cost of an error of `target`, or None if it is not reached.
 
     The error curve is replaced by its envelope, the largest error over all steps at most h, so that
@@ -120,7 +120,7 @@ def cost(runs: Runs, target: float, metric: str = "state_sup") -> Cost | None:
         runs.solver,
         runs.loop,
         pick(runs.col["seconds"][good]),
-        pick(work(runs)[good]),
+        pick(counted_work(runs)[good]),
         pick(h),
         runs.accuracy,
         i == 0,
@@ -139,10 +139,10 @@ def _between(a: float, b: float, share: float) -> float:
     return float(math.exp((1 - share) * math.log(a) + share * math.log(b)))
 
 
-def costs(data: Data, case: str, target: float) -> list[Cost]:
+def rank_costs(data: Data, case: str, target: float) -> list[Cost]:
     """Methods that reach `target` on `case`: those with compiled loops first, the cheapest in
     seconds first."""
-    found = [c for c in (cost(r, target) for r in data.of_case(case)) if c is not None]
+    found = [c for c in (cost_at_error(r, target) for r in data.of_case(case)) if c is not None]
     big = math.inf
     return sorted(
         found,
@@ -155,18 +155,22 @@ def costs(data: Data, case: str, target: float) -> list[Cost]:
     )
 
 
-def baseline(found: list[Cost]) -> Cost | None:
+def select_baseline(found: list[Cost]) -> Cost | None:
     """The PBD that factors refer to: the plain one if it is there, else the cheapest variant."""
-    own = [c for c in found if family(c.solver) == LEADS]
-    return next((c for c in own if c.solver == LEADS), own[0] if own else None)
+    own = [c for c in found if method_of(c.solver) == LEADING_METHOD]
+    return next((c for c in own if c.solver == LEADING_METHOD), own[0] if own else None)
 
 
-def setting(c: Cost) -> str:
+def format_setting(c: Cost) -> str:
     """``h = 0.01``, ``k = 100`` or ``tol = 1e-9``."""
-    return f"k = {num(1 / c.h)}" if c.accuracy == "k" else f"{c.accuracy} = {num(c.h)}"
+    return (
+        f"k = {format_number(1 / c.h)}"
+        if c.accuracy == "k"
+        else f"{c.accuracy} = {format_number(c.h)}"
+    )
 
 
-def ratio(one: Cost, other: Cost) -> float | None:
+def ratio_of_seconds(one: Cost, other: Cost) -> float | None:
     """Seconds of `one` over seconds of `other`; None unless both are known and may be compared
     (`apart`).
 
@@ -176,17 +180,17 @@ def ratio(one: Cost, other: Cost) -> float | None:
     return one.seconds / other.seconds if known and not why_not_comparable(one, other) else None
 
 
-def work_ratio(one: Cost, other: Cost) -> float | None:
+def ratio_of_work(one: Cost, other: Cost) -> float | None:
     known = one.work > 0 and other.work > 0 and not (one.at_most or other.at_most)
     return one.work / other.work if known else None
 
 
 def step_for_violation(runs: Runs, target: float) -> Cost | None:
     """The largest step that keeps max(-g) at most `target`, with its cost."""
-    return cost(runs, target, "feasibility")
+    return cost_at_error(runs, target, "feasibility")
 
 
-def with_qp(data: Data) -> set[str]:
+def find_qp_methods(data: Data) -> set[str]:
     """Solvers that solve a QP in their steps: the talk's "time-stepping with an internal QP
     solver"."""
     return {s for (_, s), r in data.runs.items() if np.any(r.col["qp_solves"] > 0)}

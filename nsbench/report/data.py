@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from nsbench.report.style import LEADS, family, sanitise, slug
+from nsbench.report.style import LEADING_METHOD, file_stem, method_of, sanitise
 from nsbench.results.journal import SCHEMA
 from nsbench.results.tables import text_of
 
@@ -166,7 +166,9 @@ class Data:
 
     @property
     def specs(self) -> list[str]:
-        return sorted({solver for _, solver in self.runs}, key=lambda s: (family(s) != LEADS, s))
+        return sorted(
+            {solver for _, solver in self.runs}, key=lambda s: (method_of(s) != LEADING_METHOD, s)
+        )
 
     def of_case(self, case: str) -> list[Runs]:
         return [r for (c, _), r in self.runs.items() if c == case]
@@ -265,8 +267,7 @@ def _schema(path: Path, found) -> None:
     if str(found) not in ("", str(SCHEMA)):
         raise ValueError(
             f"{path} is of schema {sanitise(found, 40)}; this version of nsbench reads {SCHEMA}: "
-            f"run "
-            f"the study again"
+            "run the study again"
         )
 
 
@@ -292,8 +293,7 @@ def _json(path: Path) -> dict:
             ):
                 raise ValueError(
                     f"{path}: {what} of {sanitise(name, 80)} is {sanitise(found, 80)!r}; that is "
-                    f"no "
-                    f"such note"
+                    "no such note"
                 )
     return value
 
@@ -363,7 +363,8 @@ def build(cols: dict, cases=None, solvers=None, env=None, extra=None, files=None
         groups.setdefault(pair, []).append(i)
     runs = {}
     for pair in sorted(
-        groups, key=lambda p: (place.get(p[0], len(place)), p[0], family(p[1]) != LEADS, p[1])
+        groups,
+        key=lambda p: (place.get(p[0], len(place)), p[0], method_of(p[1]) != LEADING_METHOD, p[1]),
     ):
         rows = np.array(groups[pair])
         h = cols["h"][rows]
@@ -390,7 +391,7 @@ def _pictures(runs: dict, cases: dict, files: dict) -> dict:
         named = Path(str(cases.get(case, {}).get("picture") or "")).stem
         stems = (
             named,
-            f"scene_{slug(case)}",
+            f"scene_{file_stem(case)}",
             "scene_" + re.sub(r"[^A-Za-z0-9_.-]+", "_", case).strip("_"),
         )
         path = next((files[s] for s in stems if s in files), None)

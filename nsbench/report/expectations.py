@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from nsbench.report.data import Data
-from nsbench.report.style import num
+from nsbench.report.style import format_number
 from nsbench.report.summary import MARGIN, OPEN, Order, Summary
 
 TABLE = Path(__file__).with_name("deviations.csv")
@@ -37,7 +37,7 @@ class Finding:
     known: str = ""
 
 
-def known_deviations(path: Path = TABLE) -> dict[tuple[str, str, str], tuple[str, str]]:
+def read_deviations(path: Path = TABLE) -> dict[tuple[str, str, str], tuple[str, str]]:
     """(case, solver, metric) -> (observed, why). ValueError names a line that is not complete, or a
     repeated one."""
     out: dict = {}
@@ -55,7 +55,7 @@ def known_deviations(path: Path = TABLE) -> dict[tuple[str, str, str], tuple[str
     return out
 
 
-def expectation(case: dict, solver: dict) -> dict:
+def find_expectation(case: dict, solver: dict) -> dict:
     """What is expected, from the stored descriptions of a case and a solver: state, impulse,
     why."""
     classes = set(case.get("classes") or ())
@@ -70,28 +70,28 @@ def expectation(case: dict, solver: dict) -> dict:
     return {"state": claims.get("state"), "impulse": claims.get("impulse"), "why": why}
 
 
-def findings(
+def judge_expectations(
     data: Data, summaries: dict[tuple, Summary], known: dict | None = None
 ) -> list[Finding]:
     """Every case x method x metric of which something is expected; refusals are no deviation from a
     claim."""
-    known = known_deviations() if known is None else known
+    known = read_deviations() if known is None else known
     out = []
     for (case, solver), s in summaries.items():
-        hope = expectation(data.cases.get(case, {}), data.solvers.get(solver, {}))
+        hope = find_expectation(data.cases.get(case, {}), data.solvers.get(solver, {}))
         for metric, order in zip(METRICS, (s.state, s.force), strict=True):
             want = hope[metric]
             if want is None or (s.word == "refused" and want != "refused"):
                 continue
-            outcome = compare(want, s, order)
+            outcome = judge(want, s, order)
             observed, reason = known.get((case, solver, metric), ("", ""))
             out.append(
                 Finding(
                     case,
                     solver,
                     metric,
-                    spelled(want),
-                    told(s, order),
+                    describe_expected(want),
+                    describe_observed(s, order),
                     outcome,
                     hope["why"],
                     reason if observed == outcome else "",
@@ -100,13 +100,13 @@ def findings(
     return out
 
 
-def spelled(want) -> str:
+def describe_expected(want) -> str:
     if isinstance(want, tuple):
-        return f"at most {num(want[1])}"
+        return f"at most {format_number(want[1])}"
     return f"order {want:g}" if isinstance(want, (int, float)) else str(want)
 
 
-def told(s: Summary, o: Order) -> str:
+def describe_observed(s: Summary, o: Order) -> str:
     """What is seen, in a few words."""
     if s.outcome:
         return s.outcome
@@ -119,7 +119,7 @@ def told(s: Summary, o: Order) -> str:
     )
 
 
-def compare(want, s: Summary, o: Order) -> str:
+def judge(want, s: Summary, o: Order) -> str:
     """The outcome of one expectation, see `Finding`."""
     if want == "open":
         return "kept" if not s.outcome else _status(s)
@@ -154,7 +154,7 @@ def resolved_deviations(
 ) -> list[tuple[Finding, str, str]]:
     """Known deviations of this study's pairs that are not seen any more: (finding, observed then,
     its reason)."""
-    known = known_deviations() if known is None else known
+    known = read_deviations() if known is None else known
     out = []
     for f in found:
         was = known.get((f.case, f.solver, f.metric))
@@ -165,7 +165,7 @@ def resolved_deviations(
 
 def new_deviations(found: list[Finding], known: dict | None = None) -> list[Finding]:
     """Deviations that the table does not know."""
-    known = known_deviations() if known is None else known
+    known = read_deviations() if known is None else known
     return [
         f
         for f in found

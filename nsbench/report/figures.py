@@ -95,7 +95,7 @@ def cost_panels(runs: list[Runs], looks: dict[str, Look]) -> list[Panel]:
             "inner",
             "Against projections or inner iterations",
             "projections + inner iterations (or QP solves)",
-            _against(runs, looks, speed.inner),
+            _against(runs, looks, speed.counted_inner_work),
             floor,
         ),
     ]

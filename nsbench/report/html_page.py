@@ -26,10 +26,10 @@ from nsbench.report.content import (
     describe_problem,
     split_docstring,
 )
-from nsbench.report.cost import RULE
+from nsbench.report.cost import COMPARISON_RULE
 from nsbench.report.style import DARK, DARK_THEME, LIGHT_THEME, PALETTE, SHAPES, Look
 from nsbench.report.summary import Summary
-from nsbench.report.svg_plots import DASHES, inline, markers
+from nsbench.report.svg_plots import DASHES, define_markers, inline_svg
 
 FOLDER = Path(__file__).parent
 SECTIONS = (  # id, also the name of the template; heading
@@ -79,16 +79,18 @@ def render_page(content: Content) -> str:
     """Render the whole HTML document."""
     looks = content.looks
     template = _environment().get_template("page.html")
-    definitions = f'<svg width="0" height="0" style="position:absolute">{markers(looks.values())}'
+    definitions = (
+        f'<svg width="0" height="0" style="position:absolute">{define_markers(looks.values())}'
+    )
     page = template.render(
         content=content,
         looks=looks,
         sections=[s for s in SECTIONS if s[0] != "talk" or content.talk],
         cases=[prepare_case(content, case) for case in content.data.case_keys],
-        markers=Markup(inline(f"{definitions}</svg>", {}, "")),
+        markers=Markup(inline_svg(f"{definitions}</svg>", {}, "")),
         split_sentence=sentence_splitter(looks),
         trust_tables=TRUST_TABLES,
-        comparison_rule=RULE,
+        comparison_rule=COMPARISON_RULE,
         measured=MEASURED,
     )
     return page + "\n"

@@ -9,34 +9,40 @@ from nsbench.report.content import (
     describe_problem,
     split_docstring,
 )
-from nsbench.report.cost import RULE
-from nsbench.report.style import markdown
+from nsbench.report.cost import COMPARISON_RULE
+from nsbench.report.style import escape_markdown
 from nsbench.report.tables import Table
 
 
 def render_markdown(c: Content) -> str:
     """The whole report; figures are linked from ``figures/``."""
-    out = [f"# {markdown(c.title)}", markdown(c.lede), "## What the runs say"]
+    out = [f"# {escape_markdown(c.title)}", escape_markdown(c.lede), "## What the runs say"]
     for s in c.statements:
         out.append(
-            f"**{markdown(s.head)}**\n\n" + "\n".join(f"- {markdown(x)}" for x in s.sentences)
+            f"**{escape_markdown(s.head)}**\n\n"
+            + "\n".join(f"- {escape_markdown(x)}" for x in s.sentences)
         )
     out += [table(c.tables["choice"]), "## Orders", table(c.tables["orders"]), "## Case by case"]
     for case in c.data.case_keys:
         known = c.data.cases.get(case, {})
         first, equations = split_docstring(known.get("doc"))
-        out += [f"### {markdown(case)}", markdown(describe_problem(known, c.data.of_case(case)))]
-        out += [markdown(first)] if first else []
+        out += [
+            f"### {escape_markdown(case)}",
+            escape_markdown(describe_problem(known, c.data.of_case(case))),
+        ]
+        out += [escape_markdown(first)] if first else []
         out += ["\n".join("    " + line for line in equations.splitlines())] if equations else []
-        out += [markdown(n) for n in c.notes[case]]
-        out += [f"![{markdown(case)}](figures/{c.ids[case]}.svg)"] if c.panels[case] else []
+        out += [escape_markdown(n) for n in c.notes[case]]
+        out += [f"![{escape_markdown(case)}](figures/{c.ids[case]}.svg)"] if c.panels[case] else []
         out += (
-            [f"![{markdown(case)}: cost](figures/cost_{c.ids[case]}.svg)"] if c.panels[case] else []
+            [f"![{escape_markdown(case)}: cost](figures/cost_{c.ids[case]}.svg)"]
+            if c.panels[case]
+            else []
         )
     if c.talk:
         out += [
             "## The talk's figure",
-            markdown(c.talk_sentence),
+            escape_markdown(c.talk_sentence),
             "![The talk's figure](figures/talk.svg)",
         ]
     out += ["## What the numbers rest on"]
@@ -45,8 +51,8 @@ def render_markdown(c: Content) -> str:
             out += [f"### {head}", table(c.tables[key])]
     out += [
         "## Speed at equal error",
-        "\n".join(f"- {markdown(s)}" for s in (*c.speeds, *c.cheapest)),
-        RULE,
+        "\n".join(f"- {escape_markdown(s)}" for s in (*c.speeds, *c.cheapest)),
+        COMPARISON_RULE,
     ]
     out += ["![Time to error over all cases](figures/profiles.svg)"] if c.profiles else []
     out += [table(c.tables["sizes"])] if c.tables["sizes"].rows else []
@@ -68,15 +74,15 @@ def table(t: Table) -> str:
     """`t` in Markdown; the group becomes a first column, and a cell that spans is followed by
     dots."""
     if not t.rows:
-        return markdown(t.note)
+        return escape_markdown(t.note)
     grouped = any(r.group for r in t.rows)
-    columns = (["case"] if grouped else []) + [markdown(k) for k in t.columns]
+    columns = (["case"] if grouped else []) + [escape_markdown(k) for k in t.columns]
     lines = [columns, ["---"] * len(columns)]
     for row in t.rows:
-        line = [markdown(row.group)] if grouped else []
+        line = [escape_markdown(row.group)] if grouped else []
         for c in row.cells:
-            line.append(markdown(f"{c.text} ({c.small})" if c.small else c.text))
+            line.append(escape_markdown(f"{c.text} ({c.small})" if c.small else c.text))
             line += ["…"] * (c.span - 1)
         lines.append(line)
-    note = f"\n\n{markdown(t.note)}" if t.note else ""
+    note = f"\n\n{escape_markdown(t.note)}" if t.note else ""
     return "\n".join("| " + " | ".join(line) + " |" for line in lines) + note

@@ -16,13 +16,13 @@ import numpy as np
 
 from nsbench.report import cost
 from nsbench.report.data import Data
-from nsbench.report.style import INK, MUTED, RULE, count, power
-from nsbench.report.svg_plots import BOTTOM, DASHES, LEFT, RIGHT, _marks, _Pen
+from nsbench.report.style import INK, MUTED, RULE, format_count, format_power
+from nsbench.report.svg_plots import BOTTOM, DASHES, LEFT, RIGHT, Pen, marker_style
 
-FAR = 3.0  # decades of tau shown
+MAX_DECADES = 3.0  # decades of tau shown
 
 
-def ratios(data: Data, target: float) -> dict[str, np.ndarray]:
+def time_ratios(data: Data, target: float) -> dict[str, np.ndarray]:
     """Solver -> (cases,) its seconds over the best ones on every case that some compiled method
     solves; inf: not solved.
 
@@ -32,7 +32,7 @@ def ratios(data: Data, target: float) -> dict[str, np.ndarray]:
     table: dict[str, list[float]] = {}
     columns = 0
     for case in data.case_keys:
-        found = [c for c in cost.costs(data, case, target) if c.seconds > 0]
+        found = [c for c in cost.rank_costs(data, case, target) if c.seconds > 0]
         found = [c for c in found if not cost.why_not_comparable(c, found[0])]
         if not found:
             continue
@@ -45,24 +45,27 @@ def ratios(data: Data, target: float) -> dict[str, np.ndarray]:
     return {solver: np.array(table[solver]) for solver in data.specs if solver in table}
 
 
-def draw(data: Data, target: float, looks: dict) -> str:
+def draw_profile(data: Data, target: float, looks: dict) -> str:
     """The profile of one target as an SVG panel; "" where no case is solved."""
-    found = ratios(data, target)
+    found = time_ratios(data, target)
     if not found:
         return ""
     cases = len(next(iter(found.values())))
-    pen = _Pen((0.0, FAR), (0.0, 1.0))
-    grid = [((k, 0.0), (k, 1.0)) for k in range(int(FAR) + 1)] + [
-        ((0.0, y), (FAR, y)) for y in (0.25, 0.5, 0.75, 1.0)
+    pen = Pen((0.0, MAX_DECADES), (0.0, 1.0))
+    grid = [((k, 0.0), (k, 1.0)) for k in range(int(MAX_DECADES) + 1)] + [
+        ((0.0, y), (MAX_DECADES, y)) for y in (0.25, 0.5, 0.75, 1.0)
     ]
     parts = [
         '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 252 198">',
         pen.segments(grid, stroke=RULE, stroke_width=0.5),
-        pen.path([(0.0, 1.0), (0.0, 0.0), (FAR, 0.0)], stroke=MUTED, stroke_width=0.7),
+        pen.path([(0.0, 1.0), (0.0, 0.0), (MAX_DECADES, 0.0)], stroke=MUTED, stroke_width=0.7),
     ]
     for solver, values in found.items():
         parts.append(_curve(pen, np.sort(np.log10(values)), cases, looks[solver]))
-    parts += [pen.text(k, 0.0, f"{10**k}", 7, anchor="middle", down=9) for k in range(int(FAR) + 1)]
+    parts += [
+        pen.text(k, 0.0, f"{10**k}", 7, anchor="middle", down=9)
+        for k in range(int(MAX_DECADES) + 1)
+    ]
     parts += [
         f'<text x="{LEFT - 3}" y="{pen.y(y) + 2.5:.1f}" font-size="7" fill="{MUTED}" '
         f'text-anchor="end">{y:g}</text>'
@@ -73,7 +76,12 @@ def draw(data: Data, target: float, looks: dict) -> str:
         f'text-anchor="middle">'
         "seconds over those of the fastest method</text>",
         pen.text(
-            0.0, 1.0, f"Error {power(target)}: share of {count(cases, 'case')}", 8.5, INK, down=-6
+            0.0,
+            1.0,
+            f"Error {format_power(target)}: share of {format_count(cases, 'case')}",
+            8.5,
+            INK,
+            down=-6,
         ),
         "</svg>",
     ]
@@ -84,23 +92,23 @@ def _curve(pen, steps, cases: int, look) -> str:
     """A staircase that rises by 1/cases at each ratio; its mark stands where it ends."""
     points = []
     share = 0.0
-    for k, a in enumerate(steps[steps <= FAR]):
+    for k, a in enumerate(steps[steps <= MAX_DECADES]):
         points += [(a, share), (a, (k + 1) / cases)]
         share = (k + 1) / cases
-    points += [(FAR, share)]
+    points += [(MAX_DECADES, share)]
     return (
         f'<g id="s{look.index}">'
         + pen.path(points, stroke=look.colour, stroke_width=1.2, stroke_dasharray=DASHES[look.line])
-        + pen.path([points[-1]], style=_marks("m", look.index))
+        + pen.path([points[-1]], style=marker_style("m", look.index))
         + "</g>"
     )
 
 
-def sentences(data: Data) -> list[str]:
+def describe_profiles(data: Data) -> list[str]:
     """Who is fastest how often, and within a factor of ten, by target."""
     out = []
     for target in cost.TARGETS:
-        found = ratios(data, target)
+        found = time_ratios(data, target)
         if not found:
             continue
         cases = len(next(iter(found.values())))
@@ -110,8 +118,8 @@ def sentences(data: Data) -> list[str]:
         )
         near = max(found, key=lambda s: (np.sum(found[s] <= 10.0), s))
         out.append(
-            f"Error {power(target)}, compiled loops alone: fastest is {told} of "
-            f"{count(cases, 'case')}; most often within a factor of ten is {near} "
+            f"Error {format_power(target)}, compiled loops alone: fastest is {told} of "
+            f"{format_count(cases, 'case')}; most often within a factor of ten is {near} "
             f"({int(np.sum(found[near] <= 10.0))})."
         )
     return out

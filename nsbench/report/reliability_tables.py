@@ -10,8 +10,8 @@ import numpy as np
 
 from nsbench.report.data import LABELS, Data
 from nsbench.report.expectations import Finding, new_deviations, resolved_deviations
-from nsbench.report.style import count, num, sanitise
-from nsbench.report.summary import Summary, order
+from nsbench.report.style import format_count, format_number, sanitise
+from nsbench.report.summary import Summary, estimate_order
 from nsbench.report.tables import Cell, Row, Table, order_cell
 
 HOW = {
@@ -59,7 +59,8 @@ def bounds_table(data: Data, summaries: dict[tuple, Summary]) -> Table:
                     push,
                     events,
                     Cell(
-                        num(col["events"]) if col["events"] == col["events"] else "0", kind="number"
+                        format_number(col["events"]) if col["events"] == col["events"] else "0",
+                        kind="number",
                     ),
                     Cell(str(s.runs.col["reference"][at]) or "none", _bound(col["state_floor"])),
                 ),
@@ -91,22 +92,22 @@ def _bounded(s: Summary, col: dict) -> Cell:
         else col["state_sup"]
     )
     floor = col["state_floor"] if col["state_floor"] == col["state_floor"] else 0.0
-    text = f"< {num(floor)}" if col["state_sup"] < floor else _small(relative)
+    text = f"< {format_number(floor)}" if col["state_sup"] < floor else _small(relative)
     return Cell(text, "", s.state.sentence, "flag" if s.state.flag else "number")
 
 
 def _known(col: dict, name: str, floor: str) -> str:
     """An error, or ten times the bound of the reference where it lies below that."""
     least = col.get(floor, math.nan)
-    return f"< {num(least)}" if col[name] < least else _small(col[name])
+    return f"< {format_number(least)}" if col[name] < least else _small(col[name])
 
 
 def _small(value: float) -> str:
-    return num(value) if math.isfinite(value) else "not known"
+    return format_number(value) if math.isfinite(value) else "not known"
 
 
 def _bound(floor: float) -> str:
-    return num(floor / 10) if math.isfinite(floor) and floor > 0 else ""
+    return format_number(floor / 10) if math.isfinite(floor) and floor > 0 else ""
 
 
 def references_table(data: Data) -> Table:
@@ -162,8 +163,8 @@ def selection_table(data: Data, summaries: dict[tuple, Summary]) -> Table:
             continue
         span = _float(data.cases.get(case, {}).get("T"))
         fit = functools.partial(fit_order, span=span if span > 0 else 1.0)
-        naive = order(s.runs, "selection", {}, fit)
-        inside = order(s.runs, "polyhedron", {}, fit)
+        naive = estimate_order(s.runs, "selection", {}, fit)
+        inside = estimate_order(s.runs, "polyhedron", {}, fit)
         finest = int(np.nanargmin(np.where(s.runs.good, s.runs.col["h"], np.inf)))
         rows.append(
             Row(
@@ -171,7 +172,12 @@ def selection_table(data: Data, summaries: dict[tuple, Summary]) -> Table:
                     Cell(solver, kind="method"),
                     order_cell(s.force),
                     order_cell(inside),
-                    Cell(num(float(s.runs.col["selection"][finest])), "", naive.sentence, "number"),
+                    Cell(
+                        format_number(float(s.runs.col["selection"][finest])),
+                        "",
+                        naive.sentence,
+                        "number",
+                    ),
                     _naive(naive),
                 ),
                 case,
@@ -214,7 +220,7 @@ def labels_table(data: Data, summaries: dict[tuple, Summary]) -> Table:
             continue
         span = _float(data.cases.get(case, {}).get("T"))
         fit = functools.partial(fit_order, span=span if span > 0 else 1.0)
-        cells = [_label(s, k, order(s.runs, k, {}, fit), k == OWN[own]) for k in LABELS]
+        cells = [_label(s, k, estimate_order(s.runs, k, {}, fit), k == OWN[own]) for k in LABELS]
         rows.append(Row((Cell(solver, kind="method"), Cell(own), *cells), case, solver))
     note = (
         "Largest error of the multiplier of single steps, away from events, against the exact one "
@@ -250,7 +256,7 @@ def _label(s: Summary, name: str, o, own: bool) -> Cell:
         return Cell("not known", kind="quiet")
     error = float(col[name][good][np.argmin(col["h"][good])])
     floor = s.runs.floor(name)
-    text = f"< {num(floor)}" if error < floor else num(error)
+    text = f"< {format_number(floor)}" if error < floor else format_number(error)
     small = (
         f"order {o.order:.2f}" if o.kind == "fit" and o.verdict == "order" else o.verdict or o.text
     )
@@ -260,7 +266,7 @@ def _label(s: Summary, name: str, o, own: bool) -> Cell:
 def _naive(o) -> Cell:
     if o.kind == "fit":
         text = (
-            f"plateau at {num(o.plateau)}"
+            f"plateau at {format_number(o.plateau)}"
             if o.verdict == "plateau"
             else f"{o.verdict}, slope {o.order:.2f}"
         )
@@ -299,9 +305,9 @@ def expected_table(found: list[Finding], known: dict | None = None) -> Table:
     kept = sum(f.outcome == "kept" for f in found)
     open_ = sum(f.outcome == "open" and not f.known for f in found)
     note = (
-        f"{count(len(found), 'expectation')}: {kept} kept, {open_} without a verdict, {len(old)} "
-        f"known deviations, {len(new)} new ones, {len(lost)} known ones no longer seen as they "
-        "were."
+        f"{format_count(len(found), 'expectation')}: {kept} kept, {open_} without a verdict, "
+        f"{len(old)} known deviations, {len(new)} new ones, {len(lost)} known ones no longer seen "
+        "as they were."
     )
     return Table(
         "expected",

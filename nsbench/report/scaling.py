@@ -10,12 +10,20 @@ import numpy as np
 
 from nsbench.report import cost as speed
 from nsbench.report.data import Data, Runs
-from nsbench.report.style import LEADS, TIMES, factor, family, num, power, seconds
+from nsbench.report.style import (
+    LEADING_METHOD,
+    TIMES,
+    format_factor,
+    format_number,
+    format_power,
+    format_seconds,
+    method_of,
+)
 from nsbench.report.svg_plots import Line, Panel
 from nsbench.report.tables import Cell, Row, Table
 
 TARGET = 1e-3  # the equal error of the exponents: reached by most methods on most scenes
-FINEST = 5  # runs of the ladder's end whose seconds per step are averaged (median)
+FINEST_RUNS = 5  # runs of the ladder's end whose seconds per step are averaged (median)
 
 
 @dataclass(frozen=True)
@@ -56,7 +64,7 @@ def fit_power(sizes, values) -> Power | None:
     )
 
 
-def families(data: Data) -> dict[str, list[str]]:
+def group_by_size(data: Data) -> dict[str, list[str]]:
     """Cases that share their name and all parameters but `n` and those that follow it, by growing
     size of the state.
 
@@ -79,17 +87,17 @@ def _size(data: Data, case: str) -> float:
     return float(n) if isinstance(n, (int, float)) and n > 0 else 0.0
 
 
-def per_step(runs: Runs) -> float:
+def seconds_per_step(runs: Runs) -> float:
     """Seconds of one step: the median over the finest runs; NaN where steps are not counted."""
     col = runs.col
-    use = np.flatnonzero(runs.good & (col["steps"] > 0) & (col["seconds"] > 0))[-FINEST:]
+    use = np.flatnonzero(runs.good & (col["steps"] > 0) & (col["seconds"] > 0))[-FINEST_RUNS:]
     return float(np.median(col["seconds"][use] / col["steps"][use])) if use.size else math.nan
 
 
-def powers(data: Data, keys: list[str], solver: str) -> tuple[Power | None, Power | None]:
+def fit_powers(data: Data, keys: list[str], solver: str) -> tuple[Power | None, Power | None]:
     """Cost of one step and cost of an error of TARGET against the size of the state."""
     out = []
-    for cost in (lambda r: per_step(r) if r.accuracy == "h" else math.nan, _at_target):
+    for cost in (lambda r: seconds_per_step(r) if r.accuracy == "h" else math.nan, _at_target):
         found = [
             (_size(data, k), cost(data.runs[k, solver])) for k in keys if (k, solver) in data.runs
         ]
@@ -99,17 +107,17 @@ def powers(data: Data, keys: list[str], solver: str) -> tuple[Power | None, Powe
 
 
 def _at_target(runs: Runs) -> float:
-    c = speed.cost(runs, TARGET)
+    c = speed.cost_at_error(runs, TARGET)
     return math.nan if c is None or c.at_most else c.seconds
 
 
 def scaling_table(data: Data) -> Table:
     """Family x method: exponents of the cost in the size of the state."""
     rows = []
-    for name, keys in families(data).items():
+    for name, keys in group_by_size(data).items():
         sizes = ", ".join(f"{_size(data, k):.0f}" for k in keys)
         for solver in dict.fromkeys(s for k, s in data.runs if k in keys):
-            step, error = powers(data, keys, solver)
+            step, error = fit_powers(data, keys, solver)
             if step is None and error is None:
                 continue
             rows.append(
@@ -121,7 +129,7 @@ def scaling_table(data: Data) -> Table:
             )
     return Table(
         "scaling",
-        ("method", "sizes of the state", "one step", f"to an error of {power(TARGET)}"),
+        ("method", "sizes of the state", "one step", f"to an error of {format_power(TARGET)}"),
         tuple(rows),
         "Exponent p of seconds = C N^p in the size N of the state, with its 95 % interval where "
         "there are three sizes or more; below, the seconds at the largest. An error is that of "
@@ -133,7 +141,7 @@ def _power(p: Power | None) -> Cell:
     return (
         Cell("none", kind="quiet")
         if p is None
-        else Cell(str(p), seconds(float(p.values[-1])), kind="number")
+        else Cell(str(p), format_seconds(float(p.values[-1])), kind="number")
     )
 
 
@@ -141,7 +149,7 @@ def scaling_panels(data: Data, looks: dict) -> list[Panel]:
     """Seconds per step, and to the target, against the size; one pair of panels for each family of
     three sizes or more."""
     out = []
-    for name, keys in families(data).items():
+    for name, keys in group_by_size(data).items():
         if len(keys) < 3:
             continue
         lines: tuple[list, list] = ([], [])
@@ -149,14 +157,14 @@ def scaling_panels(data: Data, looks: dict) -> list[Panel]:
             hollow = any(
                 data.runs[k, solver].loop == "host" for k in keys if (k, solver) in data.runs
             )
-            for place, p in zip(lines, powers(data, keys, solver), strict=True):
+            for place, p in zip(lines, fit_powers(data, keys, solver), strict=True):
                 if p is not None:
                     place.append(
                         Line(solver, looks[solver], p.sizes, p.values, np.empty(0), hollow=hollow)
                     )
         for key, title, found in (
             ("step", "seconds per step", lines[0]),
-            ("error", f"seconds to {power(TARGET)}", lines[1]),
+            ("error", f"seconds to {format_power(TARGET)}", lines[1]),
         ):
             if found:
                 out.append(Panel(key, f"{name}: {title}", "size of the state", tuple(found)))
@@ -167,20 +175,20 @@ def sizes_table(data: Data) -> Table:
     """Families by size: the cheapest compiled method at each error, with factors over the next one
     and over PBD."""
     rows = []
-    for name, keys in families(data).items():
+    for name, keys in group_by_size(data).items():
         for case in keys:
             cells = [Cell(case, kind="method")]
             cells += [
-                _cheapest([c for c in speed.costs(data, case, t) if c.loop == "compiled"])
+                _cheapest([c for c in speed.rank_costs(data, case, t) if c.loop == "compiled"])
                 for t in speed.TARGETS
             ]
             rows.append(Row(tuple(cells), name))
     return Table(
         "sizes",
-        ("case", *(f"error {power(t)}" for t in speed.TARGETS)),
+        ("case", *(f"error {format_power(t)}" for t in speed.TARGETS)),
         tuple(rows),
-        f"The cheapest compiled method, and by which factor the next one and {LEADS} are dearer. "
-        "≤: the coarsest run tried was already better, so that factors are bounds.",
+        f"The cheapest compiled method, and by which factor the next one and {LEADING_METHOD} are "
+        "dearer. ≤: the coarsest run tried was already better, so that factors are bounds.",
     )
 
 
@@ -189,22 +197,26 @@ def _cheapest(found: list[speed.Cost]) -> Cell:
         return Cell("not reached", kind="quiet")
     first, *others = found
     others = [c for c in others if not speed.why_not_comparable(c, first)]
-    pbd = next((c for c in (first, *others) if family(c.solver) == LEADS), None)
-    told = [f"{'≤ ' if first.at_most else ''}{seconds(first.seconds)}"]
+    pbd = next((c for c in (first, *others) if method_of(c.solver) == LEADING_METHOD), None)
+    told = [f"{'≤ ' if first.at_most else ''}{format_seconds(first.seconds)}"]
     told += (
-        [f"next {TIMES} {factor(others[0].seconds / first.seconds)} ({others[0].solver})"]
+        [f"next {TIMES} {format_factor(others[0].seconds / first.seconds)} ({others[0].solver})"]
         if others
         else []
     )
     if pbd is None:
-        told.append(f"no {LEADS}")
+        told.append(f"no {LEADING_METHOD}")
     elif pbd is not first and pbd is not (others[0] if others else None):
-        told.append(f"{LEADS} {TIMES} {factor(pbd.seconds / first.seconds)}")
-    title = f"quartiles {num(first.low)} to {num(first.high)} s" if math.isfinite(first.low) else ""
+        told.append(f"{LEADING_METHOD} {TIMES} {format_factor(pbd.seconds / first.seconds)}")
+    title = (
+        f"quartiles {format_number(first.low)} to {format_number(first.high)} s"
+        if math.isfinite(first.low)
+        else ""
+    )
     return Cell(first.solver, ", ".join(told), title, "best")
 
 
-def wins(data: Data) -> list[str]:
+def describe_wins(data: Data) -> list[str]:
     """Whether PBD wins, and where: one sentence per error, over all cases."""
     out = []
     for target in speed.TARGETS:
@@ -212,19 +224,19 @@ def wins(data: Data) -> list[str]:
         lost = 0
         far = 0
         for case in data.case_keys:
-            found = [c for c in speed.costs(data, case, target) if c.loop == "compiled"]
+            found = [c for c in speed.rank_costs(data, case, target) if c.loop == "compiled"]
             if not found:
                 continue
-            if family(found[0].solver) == LEADS:
+            if method_of(found[0].solver) == LEADING_METHOD:
                 own.append(case)
-            elif any(family(c.solver) == LEADS for c in found):
+            elif any(method_of(c.solver) == LEADING_METHOD for c in found):
                 lost += 1
             else:
                 far += 1
         if own or lost or far:
             out.append(
-                f"Error {power(target)}: {LEADS}, in whatever order, is the cheapest compiled "
-                f"method on {len(own)} of {len(own) + lost + far} cases; another one is cheaper on "
-                f"{lost}, and on {far} it does not get there or does not apply."
+                f"Error {format_power(target)}: {LEADING_METHOD}, in whatever order, is the "
+                f"cheapest compiled method on {len(own)} of {len(own) + lost + far} cases; another "
+                f"one is cheaper on {lost}, and on {far} it does not get there or does not apply."
             )
     return out

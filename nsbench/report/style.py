@@ -75,7 +75,9 @@ SHAPES = {
     ">": "M10.5 6L2 1.5v9z",
 }
 TIMES = "\u00d7"
-LEADS = "pbd"  # the talk's method: first in every list, and the one speeds are compared with
+LEADING_METHOD = (
+    "pbd"  # the talk's method: first in every list, and the one speeds are compared with
+)
 
 
 @dataclass(frozen=True)
@@ -93,21 +95,21 @@ class Look:
         return PALETTE[self.tone]
 
 
-def family(spec: str) -> str:
+def method_of(spec: str) -> str:
     """The method of a spec: ``pbd`` of ``pbd[order=reverse]``."""
     return spec.partition("[")[0]
 
 
-def looks(specs) -> dict[str, Look]:
+def assign_looks(specs) -> dict[str, Look]:
     """One look per spec, the same on every page made of the same specs; the order of `specs` is
     kept as index."""
     specs = list(specs)
-    families = sorted({family(s) for s in specs}, key=lambda f: (f != LEADS, f))
-    variants = {f: sorted(s for s in specs if family(s) == f) for f in families}
+    families = sorted({method_of(s) for s in specs}, key=lambda f: (f != LEADING_METHOD, f))
+    variants = {f: sorted(s for s in specs if method_of(s) == f) for f in families}
     out = {}
     for index, spec in enumerate(specs):
-        place = families.index(family(spec))
-        turn = variants[family(spec)].index(spec)
+        place = families.index(method_of(spec))
+        turn = variants[method_of(spec)].index(spec)
         lap = place // len(PALETTE)  # more methods than colours: other markers tell them apart
         out[spec] = Look(
             index,
@@ -118,7 +120,7 @@ def looks(specs) -> dict[str, Look]:
     return out
 
 
-def num(value, digits: int = 2) -> str:
+def format_number(value, digits: int = 2) -> str:
     """A number as people type it: 0, 3.4e-5, 0.012, 12; ``not finite`` for NaN and infinity.
 
     3.0e-4 was rounded to two digits, 3e-4 is meant so.
@@ -136,7 +138,7 @@ def num(value, digits: int = 2) -> str:
     return f"{mantissa}e{k}"
 
 
-def power(value: float) -> str:
+def format_power(value: float) -> str:
     """A figure to be reached, always with its exponent: 1e-2."""
     mantissa, exponent = (
         f"{value:g}".split("e") if "e" in f"{value:g}" else f"{value:.0e}".split("e")
@@ -144,17 +146,17 @@ def power(value: float) -> str:
     return f"{mantissa}e{int(exponent)}"
 
 
-def seconds(value) -> str:
+def format_seconds(value) -> str:
     """A duration with its unit: 12 us, 3.4 ms, 2.1 s."""
     if value is None or not math.isfinite(value):
         return "not timed"
     scale, unit = (1.0, "s") if value >= 1.0 else (1e-3, "ms") if value >= 1e-3 else (1e-6, "µs")
-    return f"{num(value / scale)} {unit}"
+    return f"{format_number(value / scale)} {unit}"
 
 
-def factor(value: float) -> str:
+def format_factor(value: float) -> str:
     """A ratio with two digits, without false precision: 0.38, 4.1, 130."""
-    return num(value) if value < 100 else f"{float(f'{value:.2g}'):.0f}"
+    return format_number(value) if value < 100 else f"{float(f'{value:.2g}'):.0f}"
 
 
 def sanitise(text, limit: int = 600) -> str:
@@ -185,19 +187,19 @@ def escape(text) -> str:
     return text
 
 
-def markdown(text) -> str:
+def escape_markdown(text) -> str:
     """`text` for a Markdown table cell: no markup, no column break."""
     text = re.sub(r"\s+", " ", escape(text).replace("&#39;", "'").replace("&quot;", '"'))
     return re.sub(r"([\\`*_\[\]|~])", r"\\\1", text)
 
 
-def slug(text: str) -> str:
+def file_stem(text: str) -> str:
     """`text` as a file name and as an id: letters, digits, ``.``, ``_`` and ``-``; at most 100
     characters."""
     return re.sub(r"[^A-Za-z0-9._-]+", "_", text).strip("_.")[:100] or "case"
 
 
-def listed(items, limit: int = 6) -> str:
+def join_names(items, limit: int = 6) -> str:
     """``a, b and c``; beyond `limit` names the rest is counted."""
     items = list(items)
     if len(items) > limit:
@@ -205,7 +207,7 @@ def listed(items, limit: int = 6) -> str:
     return " and ".join(filter(None, (", ".join(items[:-1]), items[-1]))) if items else "none"
 
 
-def count(n: int, word: str) -> str:
+def format_count(n: int, word: str) -> str:
     """``1 case``, ``3 cases``."""
     return (
         f"{n} {word}"

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from nsbench.report.data import GOOD, Data, Runs
-from nsbench.report.style import count, num, sanitise
+from nsbench.report.style import format_count, format_number, sanitise
 
 OPEN = ("undecided", "pre-asymptotic")
 FEWEST = 3  # distinct steps below which nobody can speak of an order
@@ -106,9 +106,9 @@ def summarise(data: Data) -> dict[tuple, Summary]:
         )
         out[case, solver] = Summary(
             runs,
-            order(runs, "state_sup", claims, fit),
-            order(runs, force, claims, fit),
-            order(runs, "feasibility", {}, fit),
+            estimate_order(runs, "state_sup", claims, fit),
+            estimate_order(runs, force, claims, fit),
+            estimate_order(runs, "feasibility", {}, fit),
             statuses,
             _outcome(runs, statuses),
         )
@@ -135,18 +135,18 @@ def _outcome(runs: Runs, statuses: Counter) -> str:
     tried = (
         ""
         if len(runs) == 1
-        else f" ({count(len(runs), 'run')}"
-        + (f": {spell(statuses)})" if statuses[code] < len(runs) else ")")
+        else f" ({format_count(len(runs), 'run')}"
+        + (f": {format_statuses(statuses)})" if statuses[code] < len(runs) else ")")
     )
     return f"{code}: {why}{tried}"
 
 
-def spell(statuses: Counter) -> str:
+def format_statuses(statuses: Counter) -> str:
     """``3 diverged, 1 timeout``."""
     return ", ".join(f"{n} {code or 'without status'}" for code, n in statuses.most_common())
 
 
-def order(runs: Runs, metric: str, claims: dict, fit) -> Order:
+def estimate_order(runs: Runs, metric: str, claims: dict, fit) -> Order:
     """The order of `metric`, or the reason why there is none; `fit` is nsbench.fit_order."""
     name = NAMES[metric]
     good = (
@@ -170,8 +170,8 @@ def order(runs: Runs, metric: str, claims: dict, fit) -> Order:
             metric,
             "level",
             "too few steps",
-            f"{name}: {count(steps, 'step size')} with a number; an order needs {FEWEST} at least. "
-            f"Smallest error {shown(best['best'], runs.floor(metric))}.",
+            f"{name}: {format_count(steps, 'step size')} with a number; an order needs {FEWEST} at "
+            f"least. Smallest error {format_error(best['best'], runs.floor(metric))}.",
             **best,
         )
     if not error.any():
@@ -189,7 +189,7 @@ def order(runs: Runs, metric: str, claims: dict, fit) -> Order:
         return Order(metric, kind, verdict, sentence, verdict=verdict, **best)
     flag = _deviation(value, result.interval, verdict, claim)
     if flag:
-        sentence += f" Claimed: {num(claim)}; measured {flag} it."
+        sentence += f" Claimed: {format_number(claim)}; measured {flag} it."
     lo, hi = (float(v) for v in result.interval)
     if verdict in OPEN and not hi - lo <= VAGUE:  # neither the order nor the constant says anything
         return Order(metric, "level", verdict, sentence, verdict=verdict, **best)
@@ -223,9 +223,9 @@ def _deviation(value: float, interval, verdict: str, claim) -> str:
     return "above" if value > claim else "below"
 
 
-def shown(value: float, floor: float) -> str:
+def format_error(value: float, floor: float) -> str:
     """An error, or the floor of its reference where it lies below: what is below says nothing."""
-    return f"< {num(floor)}" if value < floor else num(value)
+    return f"< {format_number(floor)}" if value < floor else format_number(value)
 
 
 def _bound(metric: str, name: str, bound, error, h, best, floor) -> Order:
@@ -236,30 +236,31 @@ def _bound(metric: str, name: str, bound, error, h, best, floor) -> Order:
             metric,
             "level",
             "no order in tol",
-            f"{name}: the accuracy is a tolerance, and no order in it is "
-            f"claimed. Smallest error {shown(best['best'], floor)} at tol = {num(best['best_h'])}.",
+            f"{name}: the accuracy is a tolerance, and no order in it is claimed. Smallest error "
+            f"{format_error(best['best'], floor)} at tol = {format_number(best['best_h'])}.",
             **best,
         )
     if last < floor and floor > bound:
         return Order(
             metric,
             "bound",
-            f"< {num(floor)}",
-            f"{name}: the error is below {num(floor)}, ten times the bound of "
-            f"the reference: it cannot tell whether the claimed {num(bound)} is kept.",
+            f"< {format_number(floor)}",
+            f"{name}: the error is below {format_number(floor)}, ten times the bound of the "
+            f"reference: it cannot tell whether the claimed {format_number(bound)} is kept.",
             verdict="below reference",
             claim=bound,
             **best,
         )
     kept = last <= bound
-    text = shown(last, floor)
+    text = format_error(last, floor)
     return Order(
         metric,
         "bound",
-        f"{text} ≤ {num(bound)}" if kept else f"{num(last)} > {num(bound)}",
-        f"{name}: the method claims an error of at most {num(bound)}; at tol = "
-        f"{num(float(h.min()))} it is "
-        f"{text}: {'kept' if kept else 'missed'}.",
+        f"{text} ≤ {format_number(bound)}"
+        if kept
+        else f"{format_number(last)} > {format_number(bound)}",
+        f"{name}: the method claims an error of at most {format_number(bound)}; at tol = "
+        f"{format_number(float(h.min()))} it is {text}: {'kept' if kept else 'missed'}.",
         verdict="bound kept" if kept else "bound missed",
         flag="" if kept else "below",
         claim=bound,
@@ -290,19 +291,19 @@ def _absent(runs: Runs, metric: str, whole: bool = False) -> str:
     return f"{NAMES[metric]}: {why}" if whole else short
 
 
-def best_error(summary: Summary, which: Order) -> str:
+def format_best_error(summary: Summary, which: Order) -> str:
     """The smallest error a run reached, for a table cell; never empty."""
     runs = summary.runs
     below = runs.col["status"] == "below_reference"
     floor = runs.floor(which.metric)
     if math.isfinite(which.best) and which.best >= floor:
-        return num(which.best)
+        return format_number(which.best)
     if floor and (below.any() or math.isfinite(which.best)):
-        return f"< {num(floor)} (reference)"
+        return f"< {format_number(floor)} (reference)"
     return which.text
 
 
-def silent_failures(summaries: dict) -> list[Summary]:
+def find_silent_failures(summaries: dict) -> list[Summary]:
     """Methods that claim a bound and called a run ok that breaks it."""
     out = []
     for s in summaries.values():
@@ -319,5 +320,5 @@ def silent_failures(summaries: dict) -> list[Summary]:
     return out
 
 
-def finished(runs: Runs) -> int:
+def count_finished(runs: Runs) -> int:
     return int(np.isin(runs.col["status"], GOOD).sum())

@@ -13,18 +13,29 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from nsbench.report.style import INK, MUTED, PALETTE, PAPER, RULE, SHADE, SHAPES, Look, escape, num
+from nsbench.report.style import (
+    INK,
+    MUTED,
+    PALETTE,
+    PAPER,
+    RULE,
+    SHADE,
+    SHAPES,
+    Look,
+    escape,
+    format_number,
+)
 
 # units of the viewBox: points of a figure 3.5 inches wide
-WIDE = 252
-HIGH = 198
+WIDTH = 252
+HEIGHT = 198
 LEFT = 34.0
 RIGHT = 247.0
 TOP = 21.0
 BOTTOM = 165.0
 DASHES = {"-": "", "--": "4.4 1.9", "-.": "7.7 1.9 1.2 1.9", ":": "1.2 2"}
-FAR = 2.0  # decades below the points from which a level is no longer drawn to scale
-POINTS = 48  # markers per line: more of them are thinned, their line is not the worse for it
+FAR_BELOW_DECADES = 2.0  # decades below the points from which a level is no longer drawn to scale
+MAX_MARKERS = 48  # markers per line: more of them are thinned, their line is not the worse for it
 _TONES = {
     **{c: f"var(--m{i})" for i, c in enumerate(PALETTE)},
     INK: "currentColor",
@@ -69,7 +80,7 @@ class Panel:
     note: str = ""
 
 
-class _Pen:
+class Pen:
     """Decades to units, and SVG elements as text."""
 
     def __init__(self, xs, ys):
@@ -99,8 +110,7 @@ class _Pen:
         """`words` at (x, y) in decades, `down` units lower."""
         return (
             f'<text x="{self.x(x):.1f}" y="{self.y(y) + down:.1f}" font-size="{size}" '
-            f'fill="{colour}" '
-            f'text-anchor="{anchor}">{escape(words)}</text>'
+            f'fill="{colour}" text-anchor="{anchor}">{escape(words)}</text>'
         )
 
 
@@ -110,16 +120,16 @@ def _attributes(how: dict) -> str:
     )
 
 
-def draw(panel: Panel) -> str:
+def draw_panel(panel: Panel) -> str:
     """The panel as an SVG element in the colours of the light page; see `inline`, `sheet` and
     `markers`."""
     xs, ys = _limits(panel)
-    pen = _Pen(xs, ys)
+    pen = Pen(xs, ys)
     x = _ticks(*xs)
     y = _ticks(*ys)
     grid = [((k, ys[0]), (k, ys[1])) for k in x] + [((xs[0], k), (xs[1], k)) for k in y]
     parts = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDE} {HIGH}">',
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT}">',
         pen.segments(grid, stroke=RULE, stroke_width=0.5),
     ]
     if panel.floor > 0 and math.log10(panel.floor) > ys[0]:
@@ -170,7 +180,7 @@ def _limits(panel: Panel):
     low = float(y.min())
     high = float(y.max())
     for level in (*levels, math.log10(panel.floor) - 0.3 if panel.floor > 0 else low):
-        low = min(low, level) if level > low - FAR else low
+        low = min(low, level) if level > low - FAR_BELOW_DECADES else low
     high = max(high, *levels) if levels.size else high
     low = max(low, high - 18.0)
     if high - low < 1.2:
@@ -185,12 +195,12 @@ def _limits(panel: Panel):
     )
 
 
-def _line(pen: _Pen, line: Line, place: int) -> str:
+def _line(pen: Pen, line: Line, place: int) -> str:
     """One method: its polygon with markers, zeros at the bottom, failures at the top, its level
     across. place: how many numbers already stand where one that lies below the panel is written."""
     (x0, x1), (low, high), k = pen.xs, pen.ys, line.look.index
     stroke = {"stroke": line.look.colour, "stroke_width": 1.2}
-    at = np.unique(np.linspace(0, len(line.x) - 1, min(len(line.x), POINTS)).astype(int))
+    at = np.unique(np.linspace(0, len(line.x) - 1, min(len(line.x), MAX_MARKERS)).astype(int))
     x = line.x[at]
     y = line.y[at]
     solid = (y > 0) & (x > 0)
@@ -201,7 +211,7 @@ def _line(pen: _Pen, line: Line, place: int) -> str:
             pen.path(
                 zip(np.log10(x[solid]), y10, strict=True),
                 **stroke,
-                style=_marks("o" if line.hollow else "m", k),
+                style=marker_style("o" if line.hollow else "m", k),
                 stroke_dasharray=DASHES[line.look.line],
             )
         )
@@ -211,7 +221,7 @@ def _line(pen: _Pen, line: Line, place: int) -> str:
                 pen.text(
                     np.log10(x[solid][i]),
                     low,
-                    num(float(y[solid][i])),
+                    format_number(float(y[solid][i])),
                     6.5,
                     line.look.colour,
                     "middle",
@@ -219,10 +229,12 @@ def _line(pen: _Pen, line: Line, place: int) -> str:
                 )
             )
     if np.any(y == 0):
-        out.append(pen.path([(a, low) for a in np.log10(x[y == 0])], style=_marks("o", k)))
+        out.append(pen.path([(a, low) for a in np.log10(x[y == 0])], style=marker_style("o", k)))
     if line.failed.size:
         out.append(
-            pen.path([(a, high) for a in np.log10(line.failed[:POINTS])], style=_marks("x", k))
+            pen.path(
+                [(a, high) for a in np.log10(line.failed[:MAX_MARKERS])], style=marker_style("x", k)
+            )
         )
     if line.level >= 0:
         level = math.log10(line.level) if line.level else -math.inf
@@ -235,16 +247,18 @@ def _line(pen: _Pen, line: Line, place: int) -> str:
         )
         if level < low:
             out.append(
-                pen.text(x0, low, num(line.level), 6.5, line.look.colour, down=-3 - 7 * place)
+                pen.text(
+                    x0, low, format_number(line.level), 6.5, line.look.colour, down=-3 - 7 * place
+                )
             )
     return "".join([*out, "</g>"])
 
 
-def _marks(kind: str, index: int) -> str:
+def marker_style(kind: str, index: int) -> str:
     return f"marker:url(#{kind}:{index})"
 
 
-def markers(looks) -> str:
+def define_markers(looks) -> str:
     """Definitions of the markers that panels name: full (m), open (o) and cross (x) of every
     look."""
     out = []
@@ -254,15 +268,14 @@ def markers(looks) -> str:
         for kind, d, fill in (("m", shape, look.colour), ("o", shape, PAPER), ("x", cross, "none")):
             out.append(
                 f'<marker id="{kind}:{look.index}" viewBox="0 0 12 12" refX="6" refY="6" '
-                f'markerWidth="5.4" '
-                f'markerHeight="5.4" markerUnits="userSpaceOnUse" overflow="visible"><path '
-                f'd="{d}" fill="{fill}" '
-                f'stroke="{look.colour}" stroke-width="{2.2 if kind == "x" else 1.8}"/></marker>'
+                'markerWidth="5.4" markerHeight="5.4" markerUnits="userSpaceOnUse" '
+                f'overflow="visible"><path d="{d}" fill="{fill}" stroke="{look.colour}" '
+                f'stroke-width="{2.2 if kind == "x" else 1.8}"/></marker>'
             )
     return f"<defs>{''.join(out)}</defs>"
 
 
-def _guide(pen: _Pen, p: float, panel: Panel) -> list[str]:
+def _guide(pen: Pen, p: float, panel: Panel) -> list[str]:
     """A triangle of slope p in a lower corner: one decade across, or less where the panel has
     less."""
     (x0, x1), (y0, y1), k = pen.xs, pen.ys, panel.slopes.index(p)
@@ -300,7 +313,7 @@ def _power(k: float) -> str:
     return f"1e{int(k)}" if k == int(k) else f"{10 ** (k - math.floor(k)):.1f}e{math.floor(k)}"
 
 
-def inline(svg: str, names: dict[int, str], label: str) -> str:
+def inline_svg(svg: str, names: dict[int, str], label: str) -> str:
     """`svg` for the page: colours become the page's variables, lines carry their method's name and
     class."""
     for colour, variable in _TONES.items():
@@ -310,10 +323,10 @@ def inline(svg: str, names: dict[int, str], label: str) -> str:
     return svg.replace("<svg ", f'<svg role="img" aria-label="{escape(label)}" ', 1)
 
 
-def sheet(panels: list[str], legend: list[tuple[str, Look, bool]], title: str) -> str:
+def compose_sheet(panels: list[str], legend: list[tuple[str, Look, bool]], title: str) -> str:
     """Panels side by side with their legend: one standalone SVG for a talk or a paper."""
-    wide = WIDE
-    high = HIGH
+    wide = WIDTH
+    high = HEIGHT
     across = min(3, max(1, len(panels)))
     rows = -(-len(panels) // across)
     per = max(1, across * wide // 190)
@@ -322,9 +335,8 @@ def sheet(panels: list[str], legend: list[tuple[str, Look, bool]], title: str) -
     height = 24 + rows * high + below + 8
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" viewBox="0 0 '
-        f'{width} {height}" '
-        'font-family="system-ui, sans-serif">',
-        markers([look for _, look, _ in legend]).replace(PAPER, "#ffffff"),
+        f'{width} {height}" font-family="system-ui, sans-serif">',
+        define_markers([look for _, look, _ in legend]).replace(PAPER, "#ffffff"),
         f'<rect width="{width}" height="{height}" fill="#ffffff"/>',
         f'<text x="8" y="16" font-size="11" fill="{INK}">{escape(title)}</text>',
     ]
@@ -343,10 +355,9 @@ def sheet(panels: list[str], legend: list[tuple[str, Look, bool]], title: str) -
         y = 24 + rows * high + 14 * (i // per)
         parts.append(
             f'<g transform="translate({x} {y})"><path d="M0 6h28" fill="none" '
-            f'stroke="{look.colour}" '
-            f'stroke-dasharray="{DASHES[look.line]}"/><path transform="translate(8 0)" '
-            f'd="{SHAPES[look.marker]}" '
-            f'stroke="{look.colour}" fill="{PAPER if hollow else look.colour}"/>'
-            f'<text x="34" y="9" font-size="8" fill="{INK}">{escape(name)}</text></g>'
+            f'stroke="{look.colour}" stroke-dasharray="{DASHES[look.line]}"/><path '
+            f'transform="translate(8 0)" d="{SHAPES[look.marker]}" stroke="{look.colour}" '
+            f'fill="{PAPER if hollow else look.colour}"/><text x="34" y="9" font-size="8" '
+            f'fill="{INK}">{escape(name)}</text></g>'
         )
     return "\n".join([*parts, "</svg>\n"])

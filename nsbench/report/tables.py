@@ -10,18 +10,24 @@ import numpy as np
 from nsbench.report import cost as speed
 from nsbench.report.data import Data
 from nsbench.report.style import (
-    LEADS,
+    LEADING_METHOD,
     TIMES,
-    count,
-    factor,
-    family,
-    listed,
-    num,
-    power,
+    format_count,
+    format_factor,
+    format_number,
+    format_power,
+    format_seconds,
+    join_names,
+    method_of,
     sanitise,
-    seconds,
 )
-from nsbench.report.summary import Order, Summary, best_error, finished, spell
+from nsbench.report.summary import (
+    Order,
+    Summary,
+    count_finished,
+    format_best_error,
+    format_statuses,
+)
 
 
 @dataclass(frozen=True)
@@ -126,10 +132,8 @@ def orders_table(summaries: dict[tuple, Summary]) -> Table:
         columns,
         tuple(rows),
         "Order p with its 95 % interval in error = C h^p, over the fit window; h is the step "
-        "taken, 1/k for a "
-        "penalty. Where the multipliers are not unique the reaction, which is, stands in for the "
-        "impulse. "
-        "▲ or ▼: above or below the order the method claims.",
+        "taken, 1/k for a penalty. Where the multipliers are not unique the reaction, which is, "
+        "stands in for the impulse. ▲ or ▼: above or below the order the method claims.",
     )
 
 
@@ -142,7 +146,7 @@ def order_cell(o: Order) -> Cell:
         interval = f"{lo:.{digits}f} … {hi:.{digits}f}"
         small = interval if o.verdict == "order" else f"{interval} {o.verdict}"
         if o.verdict == "plateau":
-            small = f"plateau at {num(o.plateau)}"
+            small = f"plateau at {format_number(o.plateau)}"
         kind = "flag" if o.flag else "bad" if o.verdict in ("diverges", "plateau") else "number"
         return Cell(f"{o.order:.2f} {mark}".strip(), small, o.sentence, kind)
     if o.kind == "bound":
@@ -151,13 +155,17 @@ def order_cell(o: Order) -> Cell:
         if o.metric == "feasibility":
             return Cell("no violation", "beyond rounding", o.sentence, "quiet")
         return Cell("no order", "exact at grid times", o.sentence, "quiet")
-    return Cell(o.text, f"best {num(o.best)}" if o.best == o.best else "", o.sentence, "quiet")
+    return Cell(
+        o.text, f"best {format_number(o.best)}" if o.best == o.best else "", o.sentence, "quiet"
+    )
 
 
 def _constant(o: Order) -> Cell:
     if o.kind == "fit":
         return Cell(
-            num(o.constant), kind="number", title=f"error ≈ {num(o.constant)} h^{o.order:.2f}"
+            format_number(o.constant),
+            kind="number",
+            title=f"error ≈ {format_number(o.constant)} h^{o.order:.2f}",
         )
     return Cell("none", kind="quiet", title="A constant belongs to an order.")
 
@@ -166,19 +174,24 @@ def _blind(s: Summary) -> str:
     """What can still be said of finished runs that nothing can be compared with."""
     residual = s.runs.col["residual"][s.runs.good]
     gap = s.runs.col["feasibility"][s.runs.good]
-    tail = f", violation at most {num(float(np.nanmax(gap)))}" if np.isfinite(gap).any() else ""
-    return f"{s.state.text}; equation residual at most {num(float(np.nanmax(residual)))}{tail}"
+    tail = (
+        f", violation at most {format_number(float(np.nanmax(gap)))}"
+        if np.isfinite(gap).any()
+        else ""
+    )
+    largest = format_number(float(np.nanmax(residual)))
+    return f"{s.state.text}; equation residual at most {largest}{tail}"
 
 
 def _best(s: Summary, o: Order) -> Cell:
-    text = best_error(s, o)
+    text = format_best_error(s, o)
     return Cell(text, kind="number" if text[0] in "<0123456789" else "quiet", title=_at(s, o))
 
 
 def _at(s: Summary, o: Order) -> str:
     if o.best != o.best:
         return o.sentence
-    return f"at {s.runs.accuracy if s.runs.accuracy != 'k' else '1/k'} = {num(o.best_h)}"
+    return f"at {s.runs.accuracy if s.runs.accuracy != 'k' else '1/k'} = {format_number(o.best_h)}"
 
 
 def _events(s: Summary) -> Cell:
@@ -194,7 +207,7 @@ def _events(s: Summary) -> Cell:
     wrong = col["event_time"][good & np.isfinite(col["event_time"])]
     return Cell(
         f"{int(located[-1])}",
-        f"times to {num(float(wrong.min()))}" if wrong.size else "",
+        f"times to {format_number(float(wrong.min()))}" if wrong.size else "",
         kind="number",
     )
 
@@ -208,7 +221,7 @@ def choice_table(data: Data) -> Table:
     for case in data.case_keys:
         cells = [Cell(case, kind="method")]
         for target in speed.TARGETS:
-            found = speed.costs(data, case, target)
+            found = speed.rank_costs(data, case, target)
             blind = not any(
                 np.isfinite(r.col["state_sup"][r.good]).any() for r in data.of_case(case)
             )
@@ -216,22 +229,23 @@ def choice_table(data: Data) -> Table:
         rows.append(Row(tuple(cells)))
     return Table(
         "choice",
-        ("case", *(f"error {power(t)}" for t in speed.TARGETS)),
+        ("case", *(f"error {format_power(t)}" for t in speed.TARGETS)),
         tuple(rows),
         "The cheapest method whose state error stays below the figure at all smaller steps, with "
-        "the accuracy "
-        "it needs. Seconds are compared between compiled loops; “host loop” marks a method that "
-        "alone reaches "
-        "the error, or whose seconds measure the interpreter.",
+        "the accuracy it needs. Seconds are compared between compiled loops; “host loop” marks a "
+        "method that alone reaches the error, or whose seconds measure the interpreter.",
     )
 
 
 def _choice(found: list[speed.Cost], target: float) -> Cell:
     if not found:
-        return Cell("not reached", kind="quiet", title=f"No run stayed below {power(target)}.")
+        return Cell(
+            "not reached", kind="quiet", title=f"No run stayed below {format_power(target)}."
+        )
     first = found[0]
-    small = f"{'at most ' if first.at_most else ''}{seconds(first.seconds)}, {speed.setting(first)}"
-    others = ", ".join(f"{c.solver} {seconds(c.seconds)}" for c in found[1:])
+    bound = "at most " if first.at_most else ""
+    small = f"{bound}{format_seconds(first.seconds)}, {speed.format_setting(first)}"
+    others = ", ".join(f"{c.solver} {format_seconds(c.seconds)}" for c in found[1:])
     if first.loop != "compiled":
         small += f", {first.loop or 'unmarked'} loop"
     return Cell(
@@ -246,7 +260,7 @@ def speed_table(data: Data) -> Table:
     """Case x method: seconds at equal error and the factor over PBD."""
     rows = []
     for case in data.case_keys:
-        by_target = {t: speed.costs(data, case, t) for t in speed.TARGETS}
+        by_target = {t: speed.rank_costs(data, case, t) for t in speed.TARGETS}
         led = [r for r in data.of_case(case) if r.good.any()]
         for runs in data.of_case(case):
             mine = {
@@ -257,19 +271,20 @@ def speed_table(data: Data) -> Table:
                 continue
             cells = [Cell(runs.solver, f"{runs.loop or 'unmarked'} loop", kind="method")]
             absent = (
-                f"{LEADS} does not reach it"
-                if any(family(r.solver) == LEADS for r in led)
-                else f"no {LEADS} here"
+                f"{LEADING_METHOD} does not reach it"
+                if any(method_of(r.solver) == LEADING_METHOD for r in led)
+                else f"no {LEADING_METHOD} here"
             )
-            cells += [_speed(mine[t], speed.baseline(by_target[t]), absent) for t in speed.TARGETS]
+            cells += [
+                _speed(mine[t], speed.select_baseline(by_target[t]), absent) for t in speed.TARGETS
+            ]
             rows.append(Row(tuple(cells), case, runs.solver))
     return Table(
         "speed",
-        ("method", *(f"error {power(t)}" for t in speed.TARGETS)),
+        ("method", *(f"error {format_power(t)}" for t in speed.TARGETS)),
         tuple(rows),
         "Seconds to a state error, interpolated on the work-precision curve, and their factor "
-        "over PBD. "
-        "≤: the coarsest run tried was already better, so that no factor can be given; "
+        "over PBD. ≤: the coarsest run tried was already better, so that no factor can be given; "
         "“work” is the factor in drift calls + projections + inner iterations, for loops of "
         "different kinds.",
     )
@@ -278,7 +293,7 @@ def speed_table(data: Data) -> Table:
 def _speed(cost: speed.Cost | None, base: speed.Cost | None, absent: str) -> Cell:
     if cost is None:
         return Cell("not reached", kind="quiet")
-    text = ("≤ " if cost.at_most else "") + seconds(cost.seconds)
+    text = ("≤ " if cost.at_most else "") + format_seconds(cost.seconds)
     if base is None:
         return Cell(text, absent, kind="number")
     if cost.solver == base.solver:
@@ -287,17 +302,17 @@ def _speed(cost: speed.Cost | None, base: speed.Cost | None, absent: str) -> Cel
         return Cell(
             text, "bounds only", "A coarsest run was already better than this error.", "number"
         )
-    ratio = speed.ratio(cost, base)
-    work = speed.work_ratio(cost, base)
+    ratio = speed.ratio_of_seconds(cost, base)
+    work = speed.ratio_of_work(cost, base)
     small = (
-        f"{TIMES} {factor(ratio)}"
+        f"{TIMES} {format_factor(ratio)}"
         if ratio
-        else f"work {TIMES} {factor(work)}"
+        else f"work {TIMES} {format_factor(work)}"
         if work
         else "not comparable"
     )
     spread = (
-        f"quartiles {seconds(cost.low)} and {seconds(cost.high)}"
+        f"quartiles {format_seconds(cost.low)} and {format_seconds(cost.high)}"
         if np.isfinite(cost.low + cost.high)
         else ""
     )
@@ -333,7 +348,7 @@ def failures_table(data: Data) -> Table:
                     Cell(solver, kind="method"),
                     Cell(str(entry["runs"]), kind="number"),
                     Cell(why),
-                    Cell(listed(entry["cases"], 8)),
+                    Cell(join_names(entry["cases"], 8)),
                 ),
                 solver=solver,
             )
@@ -362,8 +377,8 @@ def seeds_table(data: Data) -> Table:
     for (base, solver), group in groups.items():
         if len(group) < 2:
             continue
-        bad = [r for r in group if finished(r) < len(r)]
-        codes = spell(sum_statuses(bad)) if bad else "none"
+        bad = [r for r in group if count_finished(r) < len(r)]
+        codes = format_statuses(sum_statuses(bad)) if bad else "none"
         rows.append(
             Row(
                 (
@@ -460,6 +475,6 @@ def counts_line(summaries: dict[tuple, Summary]) -> str:
     """``24 runs of 3 methods on 2 cases``."""
     runs = sum(len(s.runs) for s in summaries.values())
     return (
-        f"{count(runs, 'run')} of {count(len({k[1] for k in summaries}), 'method')} "
-        f"on {count(len({k[0] for k in summaries}), 'case')}"
+        f"{format_count(runs, 'run')} of {format_count(len({k[1] for k in summaries}), 'method')} "
+        f"on {format_count(len({k[0] for k in summaries}), 'case')}"
     )

@@ -9,7 +9,7 @@ import re
 import numpy as np
 
 from nsbench.report.data import Data
-from nsbench.report.style import INK, MUTED, PALETTE, RULE, num, sanitise
+from nsbench.report.style import INK, MUTED, PALETTE, RULE, format_number, sanitise
 
 
 def _curve(value) -> np.ndarray | None:
@@ -24,7 +24,7 @@ def _curve(value) -> np.ndarray | None:
     return a[np.isfinite(a).all(axis=1)]
 
 
-def talk_runs(talk) -> list[tuple[str, list]]:
+def select_runs(talk) -> list[tuple[str, list]]:
     """("explicit" or "implicit", [(dt, curve), ...]) of the stored runs, at most four each."""
     rows: dict = {}
     for run in talk.get("runs") or ():
@@ -36,7 +36,7 @@ def talk_runs(talk) -> list[tuple[str, list]]:
     return [(name, group[:4]) for name, group in rows.items()]
 
 
-def talk_figure(data: Data) -> str:
+def draw_talk_figure(data: Data) -> str:
     """Explicit Euler on the talk's sliding example beside the exact solution, implicit Euler below;
     "" without it.
 
@@ -46,7 +46,7 @@ def talk_figure(data: Data) -> str:
     from matplotlib.figure import Figure
 
     talk = data.extra.get("talk_figure")
-    rows = talk_runs(talk) if isinstance(talk, dict) else []
+    rows = select_runs(talk) if isinstance(talk, dict) else []
     if not rows:
         return ""
     exact = _curve(talk.get("exact"))
@@ -65,7 +65,7 @@ def talk_figure(data: Data) -> str:
                 ax,
                 limits,
                 f"{name} Euler, dt = "
-                f"{num(dt) if isinstance(dt, (int, float)) else sanitise(dt, 12)}",
+                f"{format_number(dt) if isinstance(dt, (int, float)) else sanitise(dt, 12)}",
             )
             ax.plot(
                 *curve.T,
@@ -80,7 +80,7 @@ def talk_figure(data: Data) -> str:
     return _svg(fig, "talk")
 
 
-def talk_sentence(data: Data) -> str:
+def describe_talk_figure(data: Data) -> str:
     """How far each run strays from the exact path, in words; "" without the figure."""
     talk = data.extra.get("talk_figure")
     if not isinstance(talk, dict):
@@ -89,13 +89,15 @@ def talk_sentence(data: Data) -> str:
     parts = []
     if exact is None or len(exact) < 2:
         return "Euler's method on the talk's sliding example, explicit and implicit."
-    for name, group in talk_runs(talk):
-        far = ", ".join(f"{num(strays(curve, exact))} (dt = {dt})" for dt, curve in group)
+    for name, group in select_runs(talk):
+        far = ", ".join(
+            f"{format_number(largest_distance(curve, exact))} (dt = {dt})" for dt, curve in group
+        )
         parts.append(f"{name} Euler {far}")
     return f"Largest distance from the exact path (dashed): {'; '.join(parts)}."
 
 
-def strays(curve: np.ndarray, path: np.ndarray) -> float:
+def largest_distance(curve: np.ndarray, path: np.ndarray) -> float:
     """Largest distance of the points `curve` (k, 2) from the polygon through `path` (m, 2)."""
     a = path[:-1]
     d = np.diff(path, axis=0)

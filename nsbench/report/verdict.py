@@ -10,11 +10,18 @@ import numpy as np
 
 from nsbench.report import cost
 from nsbench.report.data import Data
-from nsbench.report.expectations import findings, new_deviations, resolved_deviations
-from nsbench.report.style import LEADS, count, factor, listed, num, power
-from nsbench.report.summary import OPEN, Order, Summary, silent_failures, spell
+from nsbench.report.expectations import judge_expectations, new_deviations, resolved_deviations
+from nsbench.report.style import (
+    LEADING_METHOD,
+    format_count,
+    format_factor,
+    format_number,
+    format_power,
+    join_names,
+)
+from nsbench.report.summary import OPEN, Order, Summary, find_silent_failures, format_statuses
 
-MOST = 12  # deviations told in the opening; the table has them all
+MAX_DEVIATIONS = 12  # deviations told in the opening; the table has them all
 
 
 @dataclass(frozen=True)
@@ -26,7 +33,7 @@ class Statement:
     tone: str = "plain"
 
 
-def verdict(data: Data, summaries: dict[tuple, Summary]) -> list[Statement]:
+def write_verdict(data: Data, summaries: dict[tuple, Summary]) -> list[Statement]:
     """What a reader in a hurry should take away; at least one statement, also when nothing ran."""
     if not any(s.word == "ok" for s in summaries.values()):
         return [Statement("No run gave a number", (_runs(summaries), *_failed(summaries)), "bad")]
@@ -35,10 +42,10 @@ def verdict(data: Data, summaries: dict[tuple, Summary]) -> list[Statement]:
         Statement("Which orders", tuple(_orders(summaries))),
         Statement("Can the multipliers be trusted", tuple(_multipliers(summaries))),
         Statement("Which step", tuple(_violations(data, summaries))),
-        Statement("At equal error", tuple(speeds(data))),
+        Statement("At equal error", tuple(compare_speeds(data))),
     ]
-    parts += _unexpected(findings(data, summaries))
-    wrong = silent_failures(summaries)
+    parts += _unexpected(judge_expectations(data, summaries))
+    wrong = find_silent_failures(summaries)
     if wrong:
         parts.append(
             Statement(
@@ -63,27 +70,32 @@ def _unexpected(found) -> list[Statement]:
         "table of known deviations is out of date."
         for f, was, _ in resolved_deviations(found)
     ]
-    rest = [f"{len(told) - MOST} more: see the table."] if len(told) > MOST else []
-    return [Statement("Not as expected", (*told[:MOST], *rest), "bad")] if told else []
+    rest = (
+        [f"{len(told) - MAX_DEVIATIONS} more: see the table."] if len(told) > MAX_DEVIATIONS else []
+    )
+    return [Statement("Not as expected", (*told[:MAX_DEVIATIONS], *rest), "bad")] if told else []
 
 
 def _choices(data: Data):
     cases = [case for case in data.case_keys if _has_error(data, case)]
     for target in cost.TARGETS:
-        found = {case: cost.costs(data, case, target) for case in cases}
+        found = {case: cost.rank_costs(data, case, target) for case in cases}
         if not any(found.values()):
-            yield f"Error {power(target)}: reached by no method on any case."
+            yield f"Error {format_power(target)}: reached by no method on any case."
             continue
         first = Counter(c[0].solver for c in found.values() if c)
         best = ", ".join(f"{solver} on {n}" for solver, n in first.most_common(4))
         missed = [case for case, c in found.items() if not c]
-        tail = f"; not reached on {listed(missed, 4)}" if missed else ""
-        yield f"Error {power(target)}: cheapest is {best} of {count(len(cases), 'case')}{tail}."
+        tail = f"; not reached on {join_names(missed, 4)}" if missed else ""
+        yield (
+            f"Error {format_power(target)}: cheapest is {best} of "
+            f"{format_count(len(cases), 'case')}{tail}."
+        )
     blind = [case for case in data.case_keys if case not in cases]
     if blind:
         yield (
             "Nothing to compare with, for want of a reference or of a finished run: "
-            f"{listed(blind)}."
+            f"{join_names(blind)}."
         )
 
 
@@ -104,7 +116,7 @@ def _spread(orders: list[Order]) -> str:
     values = [o.order for o in orders]
     low = f"{min(values):.2f}"
     high = f"{max(values):.2f}"
-    return f"{low if low == high else f'{low} to {high}'} ({count(len(values), 'case')})"
+    return f"{low if low == high else f'{low} to {high}'} ({format_count(len(values), 'case')})"
 
 
 def _pairs(group: list[tuple[Summary, Order]], tell) -> str:
@@ -113,14 +125,14 @@ def _pairs(group: list[tuple[Summary, Order]], tell) -> str:
     by: dict = {}
     for s, o in group:
         by.setdefault(s.solver, []).append(f"{s.case} ({tell(o)})" if tell(o) else s.case)
-    return "; ".join(f"{solver} on {listed(cases, 4)}" for solver, cases in by.items())
+    return "; ".join(f"{solver} on {join_names(cases, 4)}" for solver, cases in by.items())
 
 
 def _told(o: Order) -> str:
     if o.kind == "bound":
         return o.text
     if o.verdict == "plateau" and o.plateau == o.plateau:
-        return f"plateau at {num(o.plateau)}"
+        return f"plateau at {format_number(o.plateau)}"
     return f"order {o.order:.2f}"
 
 
@@ -138,7 +150,7 @@ def _orders(summaries):
     }
     for claim in sorted({f[0].claim for f in kept.values()}):
         told = "; ".join(f"{name} {_spread(f)}" for name, f in kept.items() if f[0].claim == claim)
-        yield f"State order {num(claim)}, as claimed, wherever it can be fitted: {told}."
+        yield f"State order {format_number(claim)}, as claimed, wherever it can be fitted: {told}."
     free = [f"{name} {_spread(f)}" for name, f in fits.items() if f and f[0].claim is None]
     if free:
         yield f"State order where none is claimed: {'; '.join(free)}."
@@ -163,26 +175,32 @@ def _orders(summaries):
                 if s.state.kind == "bound" and s.state.verdict == "below reference"
             ]
             tail = (
-                f"; missed on {listed([f'{s.case} ({_told(o)})' for s, o in missed], 4)}"
+                f"; missed on {join_names([f'{s.case} ({_told(o)})' for s, o in missed], 4)}"
                 if missed
                 else ""
             )
             tail += (
-                f"; the reference is not good enough to tell on {listed(blind, 4)}" if blind else ""
+                f"; the reference is not good enough to tell on {join_names(blind, 4)}"
+                if blind
+                else ""
             )
             yield (
-                f"{name}: the bound it claims, {num(bounds[0].claim)}, is kept on "
-                f"{len(bounds) - len(missed) - len(blind)} of {count(len(bounds), 'case')}{tail}."
+                f"{name}: the bound it claims, {format_number(bounds[0].claim)}, is kept on "
+                f"{len(bounds) - len(missed) - len(blind)} of "
+                f"{format_count(len(bounds), 'case')}{tail}."
             )
     exact = list(dict.fromkeys(s.case for s, o in pairs if o.kind == "exact"))
     if exact:
-        yield f"Exact at grid times for at least one method, hence no order there: {listed(exact)}."
+        yield (
+            "Exact at grid times for at least one method, hence no order there: "
+            f"{join_names(exact)}."
+        )
     open_ = [s for s, o in pairs if o.verdict in OPEN]
     if open_:
-        cases = listed(dict.fromkeys(s.case for s in open_), 4)
+        cases = join_names(dict.fromkeys(s.case for s in open_), 4)
         yield (
             f"No verdict (undecided or pre-asymptotic): {len(open_)} of "
-            f"{count(len(pairs), 'pair')}, on {cases}."
+            f"{format_count(len(pairs), 'pair')}, on {cases}."
         )
 
 
@@ -213,15 +231,15 @@ def _multipliers(summaries):
         yield "No multiplier was found to level off or to diverge."
     open_ = [s for s, o in pairs if o.verdict in OPEN]
     if open_:
-        cases = listed(dict.fromkeys(s.case for s in open_), 4)
+        cases = join_names(dict.fromkeys(s.case for s in open_), 4)
         yield (
             f"No verdict (undecided or pre-asymptotic): {len(open_)} of "
-            f"{count(len(pairs), 'pair')}, on {cases}."
+            f"{format_count(len(pairs), 'pair')}, on {cases}."
         )
     loose = sorted({s.case for s in summaries.values() if s.force.metric == "reaction"})
     if loose:
         yield (
-            f"Not unique, so that only the reaction can be compared: {listed(loose)}. Which "
+            f"Not unique, so that only the reaction can be compared: {join_names(loose)}. Which "
             "multiplier a method picks there is a selection, not an error."
         )
 
@@ -238,29 +256,29 @@ def _violations(data: Data, summaries):
             steps = [(c.h, case) for case, c in found.items() if c is not None and c.h > 0]
             if steps:
                 h, case = min(steps)
-                told.append(f"{solver} h = {num(h)} ({case})")
+                told.append(f"{solver} h = {format_number(h)} ({case})")
             missed += [f"{solver} on {case}" for case, c in found.items() if c is None]
         if told:
-            tail = f"; not reached by {listed(missed, 4)}" if missed else ""
+            tail = f"; not reached by {join_names(missed, 4)}" if missed else ""
             yield (
-                f"Violation below {power(target)} on every case that reaches it: "
+                f"Violation below {format_power(target)} on every case that reaches it: "
                 f"{', '.join(told)}{tail}."
             )
 
 
-def speeds(data: Data):
+def compare_speeds(data: Data):
     """Factors over PBD at equal error, between loops of one kind, and the talk's factor of 100."""
-    qp = cost.with_qp(data)
+    qp = cost.find_qp_methods(data)
     ratios = {}
     apart = set()
     for case in data.case_keys:
         for target in cost.TARGETS:
-            found = cost.costs(data, case, target)
-            base = cost.baseline(found)
+            found = cost.rank_costs(data, case, target)
+            base = cost.select_baseline(found)
             for c in found:
                 if base is None or c.solver == base.solver:
                     continue
-                r = cost.ratio(c, base)
+                r = cost.ratio_of_seconds(c, base)
                 if r is None and c.loop != base.loop:
                     apart.add(c.solver)
                 elif r is not None:
@@ -268,15 +286,15 @@ def speeds(data: Data):
     for solver, group in ratios.items():
         values = [r for r, _, _ in group]
         yield (
-            f"{solver} takes {factor(float(np.median(values)))} times the seconds of {LEADS} "
-            f"(median of {count(len(values), 'comparison')}; {factor(min(values))} to "
-            f"{factor(max(values))})."
+            f"{solver} takes {format_factor(float(np.median(values)))} times the seconds of "
+            f"{LEADING_METHOD} (median of {format_count(len(values), 'comparison')}; "
+            f"{format_factor(min(values))} to {format_factor(max(values))})."
         )
     apart -= set(ratios)
     if apart:
         yield (
-            f"Seconds of {listed(sorted(apart))} are not compared with {LEADS}: their loops are of "
-            "another kind, or their coarsest run was already better."
+            f"Seconds of {join_names(sorted(apart))} are not compared with {LEADING_METHOD}: their "
+            "loops are of another kind, or their coarsest run was already better."
         )
     gains = [g for solver in qp for g in ratios.get(solver, [])]
     if gains:
@@ -284,8 +302,8 @@ def speeds(data: Data):
         seen = "was seen" if top >= 100 else "was not seen"
         yield (
             f"The talk's factor of 100 over stepping with an inner QP {seen} at equal error: at "
-            f"most {factor(top)} times ({case} at {power(target)}), at least "
-            f"{factor(min(gains)[0])}."
+            f"most {format_factor(top)} times ({case} at {format_power(target)}), at least "
+            f"{format_factor(min(gains)[0])}."
         )
 
 
@@ -294,11 +312,11 @@ def _runs(summaries) -> str:
     good = total.pop("ok", 0)
     below = total.pop("below_reference", 0)
     refused = total.pop("refused", 0)
-    text = f"Of {count(good + below + refused + sum(total.values()), 'run')} {good} ended ok"
+    text = f"Of {format_count(good + below + refused + sum(total.values()), 'run')} {good} ended ok"
     text += f", {below} below the reference's own error" if below else ""
     text += f", {refused} refused by the method" if refused else ""
     return text + (
-        f", {sum(total.values())} failed: {spell(total)}." if total else ", none failed."
+        f", {sum(total.values())} failed: {format_statuses(total)}." if total else ", none failed."
     )
 
 
@@ -313,6 +331,6 @@ def _failed(summaries):
             and set(s.statuses) - {"ok", "below_reference", "refused"}
         ]
         if never:
-            yield f"{solver} gave no number on {listed(never)}."
+            yield f"{solver} gave no number on {join_names(never)}."
         if some:
-            yield f"{solver} failed at some accuracies on {listed(some)}."
+            yield f"{solver} failed at some accuracies on {join_names(some)}."

@@ -80,9 +80,9 @@ def test_the_state_alone_does_not_make_a_row_below(slack, monkeypatch):
 @pytest.mark.survives("coarse reference")
 def test_the_report_shows_the_floor_instead():
     from nsbench.report.reliability_tables import _known
-    from nsbench.report.summary import shown
+    from nsbench.report.summary import format_error
 
-    assert shown(3e-16, 1e-14) == "< 1e-14" and shown(3e-13, 1e-14) == "3e-13"
+    assert format_error(3e-16, 1e-14) == "< 1e-14" and format_error(3e-13, 1e-14) == "3e-13"
     assert (
         _known({"impulse": 1e-17, "impulse_floor": 1e-15}, "impulse", "impulse_floor") == "< 1e-15"
     )

@@ -9,7 +9,7 @@ import nsbench
 from nsbench import solvers
 from nsbench.report import data as source
 from nsbench.report import expectations, reliability_tables, summary, verdict
-from nsbench.report.assemble import compose, figures
+from nsbench.report.assemble import assemble_content, draw_figures
 from nsbench.report.html_page import render_page
 from nsbench.report.markdown import render_markdown
 
@@ -40,7 +40,10 @@ def study(error, classes=(), **more):
 
 def found(error, classes=(), known=None, **more):
     data, s = study(error, classes, **more)
-    return {f.metric: f for f in expectations.findings(data, s, {} if known is None else known)}
+    return {
+        f.metric: f
+        for f in expectations.judge_expectations(data, s, {} if known is None else known)
+    }
 
 
 @pytest.mark.parametrize(
@@ -93,15 +96,15 @@ def test_known_deviations_are_told_apart_from_new_ones_and_from_those_gone():
 
 def test_new_deviations_open_the_report():
     data, s = study(lambda h: h**2)
-    said = [x for x in verdict.verdict(data, s) if x.head == "Not as expected"]
+    said = [x for x in verdict.write_verdict(data, s) if x.head == "Not as expected"]
     assert len(said) == 1 and "order 1 was expected" in said[0].sentences[0]
-    c = compose(data, figures(data))
+    c = assemble_content(data, draw_figures(data))
     assert "Expected against observed" in render_page(c)
     assert "Expected against observed" in render_markdown(c)
 
 
 def test_the_table_in_the_repository_is_complete_and_names_what_exists():
-    for (case, solver, _), (observed, why) in expectations.known_deviations().items():
+    for (case, solver, _), (observed, why) in expectations.read_deviations().items():
         nsbench.get_case(case), solvers.get(solver)
         assert observed and len(why) > 20
 
@@ -115,7 +118,7 @@ def test_a_broken_table_is_refused(tmp_path):
     ):
         (tmp_path / "t.csv").write_text(head + bad)
         with pytest.raises(ValueError, match=r"t\.csv, line"):
-            expectations.known_deviations(tmp_path / "t.csv")
+            expectations.read_deviations(tmp_path / "t.csv")
 
 
 def test_selection_shows_the_false_plateau_of_a_naive_comparison():

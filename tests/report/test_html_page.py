@@ -69,7 +69,7 @@ def test_names_break_at_separators_and_stay_escaped():
 
 
 def test_sentences_are_split_at_names_of_methods_and_small_numbers():
-    split = html_page.sentence_splitter(style.looks(["pbd", "pbd[order=reverse]"]))
+    split = html_page.sentence_splitter(style.assign_looks(["pbd", "pbd[order=reverse]"]))
     parts = [p for p in split("pbd[order=reverse] 1.5e-3, pbdx, a[pbd], pbd.") if p[1]]
     assert parts == [
         ("method", "pbd[order=reverse]"),

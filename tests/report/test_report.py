@@ -319,7 +319,7 @@ def source_frame(rows):
 def test_guides_show_claims_and_the_floor_is_shaded():
     rows = [row("a", "pbd", float(h), state_sup=float(h), state_floor=1e-4) for h in STEPS]
     data = source.build(source.columns_of(rows), solvers=SOLVERS)
-    drawn = assemble.figures(data).panels["a"][0]
+    drawn = assemble.draw_figures(data).panels["a"][0]
     assert "order 1" in drawn and "reference floor" in drawn
     assert "var(--shade)" in drawn and "#" + "dcd7ce" not in drawn
 
@@ -341,7 +341,7 @@ def test_a_write_that_fails_leaves_nothing_behind(tmp_path, monkeypatch):
 
 def panel(y, far=False, failed=()):
     h = np.array([0.1, 0.05, 0.02])
-    look = style.looks(["pbd"])["pbd"]
+    look = style.assign_looks(["pbd"])["pbd"]
     lines = (
         svg_plots.Line("pbd", look, h, np.array([0.1, 0.05, 0.02]), np.empty(0)),
         svg_plots.Line("pbd", look, h, np.asarray(y), np.asarray(failed), far=far),
@@ -357,12 +357,12 @@ def marks(drawn):
 
 @pytest.mark.survives("error zero")
 def test_a_zero_is_an_open_marker_on_the_bottom_edge_and_a_failure_a_cross_on_the_top_one():
-    plain, zero = (svg_plots.draw(panel(y)) for y in ([0.1, 0.05, 0.02], [0.1, 0.05, 0.0]))
+    plain, zero = (svg_plots.draw_panel(panel(y)) for y in ([0.1, 0.05, 0.02], [0.1, 0.05, 0.0]))
     bottom = max(y for _, y, _ in marks(zero))
     low = [s for _, y, s in marks(zero) if y == bottom]
     assert low == ["o"] and len(marks(plain)) == len(marks(zero)) == 6
     assert {s for _, _, s in marks(plain)} == {"m"}
-    failed = svg_plots.draw(panel([0.1, 0.05, 0.02], failed=[0.2, 0.3]))
+    failed = svg_plots.draw_panel(panel([0.1, 0.05, 0.02], failed=[0.2, 0.3]))
     top = min(y for _, y, _ in marks(failed))
     assert len(marks(failed)) == 8 and [s for _, y, s in marks(failed) if y == top] == ["x", "x"]
 
@@ -372,5 +372,7 @@ def test_errors_of_another_league_do_not_press_the_others_flat():
         heights = [y for _, y, _ in marks(drawn)[:3]]
         return max(heights) - min(heights)
 
-    flat, kept = (svg_plots.draw(panel([1e-14, 2e-14, 3e-14], far=far)) for far in (False, True))
+    flat, kept = (
+        svg_plots.draw_panel(panel([1e-14, 2e-14, 3e-14], far=far)) for far in (False, True)
+    )
     assert spread(kept) > 4 * spread(flat) and "1e-14" in kept

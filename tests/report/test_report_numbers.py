@@ -76,7 +76,7 @@ def test_errors_below_the_reference_are_not_numbers():
         for h in STEPS
     ]
     s = summaries(rows)["a", "pbd"]
-    assert s.state.kind == "level" and summary.best_error(s, s.state) == "< 1e-9 (reference)"
+    assert s.state.kind == "level" and summary.format_best_error(s, s.state) == "< 1e-9 (reference)"
 
 
 def test_a_claimed_bound_that_is_missed_in_silence_is_called_so():
@@ -85,12 +85,14 @@ def test_a_claimed_bound_that_is_missed_in_silence_is_called_so():
         summaries([row("a", "event_driven", 1e-10, "tol", state_sup=e)], solvers)
         for e in (1e-11, 1e-7)
     )
-    assert not summary.silent_failures(good) and len(summary.silent_failures(bad)) == 1
+    assert not summary.find_silent_failures(good) and len(summary.find_silent_failures(bad)) == 1
     assert (
         good["a", "event_driven"].state.flag == ""
         and bad["a", "event_driven"].state.flag == "below"
     )
-    said = verdict.verdict(data.read([row("a", "event_driven", 1e-10, "tol", state_sup=1e-7)]), bad)
+    said = verdict.write_verdict(
+        data.read([row("a", "event_driven", 1e-10, "tol", state_sup=1e-7)]), bad
+    )
     assert any(s.head == "Wrong without a word" for s in said)
 
 
@@ -105,28 +107,29 @@ def runs(errors, h=(0.1, 0.05, 0.025, 0.0125), seconds=None, **more):
 
 def test_cost_at_equal_error_interpolates_and_takes_no_lucky_dip():
     h = (0.1, 0.05, 0.025, 0.0125)
-    c = speed.cost(runs(h), 0.03)
+    c = speed.cost_at_error(runs(h), 0.03)
     assert (
         c.h == pytest.approx(0.03)
         and c.seconds == pytest.approx(1 / 0.03)
         and c.work == pytest.approx(1 / 0.03)
     )
-    assert speed.cost(runs((0.1, 1e-9, 0.025, 0.0125)), 0.02).h == pytest.approx(0.02)
-    assert speed.cost(runs(h), 1e-3) is None and speed.cost(runs(h), 0.5).at_most
-    assert speed.cost(runs((0.1, 0.0, 0.0, 0.0)), 1e-6).h == pytest.approx(0.05)
+    assert speed.cost_at_error(runs((0.1, 1e-9, 0.025, 0.0125)), 0.02).h == pytest.approx(0.02)
+    assert speed.cost_at_error(runs(h), 1e-3) is None and speed.cost_at_error(runs(h), 0.5).at_most
+    assert speed.cost_at_error(runs((0.1, 0.0, 0.0, 0.0)), 1e-6).h == pytest.approx(0.05)
 
 
 def test_seconds_are_compared_between_loops_of_one_kind_only():
     base, host = (
-        speed.cost(runs((0.1, 0.05, 0.02, 0.01), loop=loop), 0.03) for loop in ("compiled", "host")
+        speed.cost_at_error(runs((0.1, 0.05, 0.02, 0.01), loop=loop), 0.03)
+        for loop in ("compiled", "host")
     )
     assert (
-        speed.ratio(base, base) == 1.0
-        and speed.ratio(host, base) is None
-        and speed.work_ratio(host, base) == 1.0
+        speed.ratio_of_seconds(base, base) == 1.0
+        and speed.ratio_of_seconds(host, base) is None
+        and speed.ratio_of_work(host, base) == 1.0
     )
-    coarse = speed.cost(runs((0.1, 0.05, 0.02, 0.01)), 0.5)
-    assert speed.ratio(coarse, base) is None
+    coarse = speed.cost_at_error(runs((0.1, 0.05, 0.02, 0.01)), 0.5)
+    assert speed.ratio_of_seconds(coarse, base) is None
 
 
 @pytest.mark.parametrize("times, said", [(6.0, "was not seen"), (300.0, "was seen")])
@@ -144,8 +147,8 @@ def test_the_factor_of_100_is_computed_from_the_rows(times, said):
             )
             for h in STEPS
         ]
-    told = " ".join(verdict.speeds(data.read(rows)))
-    assert f"{said} at equal error" in told and f"takes {style.factor(times)} times" in told
+    told = " ".join(verdict.compare_speeds(data.read(rows)))
+    assert f"{said} at equal error" in told and f"takes {style.format_factor(times)} times" in told
 
 
 def test_the_cheapest_method_depends_on_the_rows():
@@ -175,21 +178,23 @@ def test_the_cheapest_method_depends_on_the_rows():
     ],
 )
 def test_numbers_read_as_people_type_them(value, said):
-    assert style.num(value) == said
+    assert style.format_number(value) == said
 
 
 def test_methods_keep_their_look_and_variants_share_a_colour():
-    look = style.looks(["pbd", "catching_up", "pbd[order=reverse]", *[f"m{i}" for i in range(12)]])
+    look = style.assign_looks(
+        ["pbd", "catching_up", "pbd[order=reverse]", *[f"m{i}" for i in range(12)]]
+    )
     assert look["pbd"].colour == look["pbd[order=reverse]"].colour != look["catching_up"].colour
     assert len({(v.tone, v.marker, v.line) for v in look.values()}) == len(look)
 
 
 def test_the_distance_from_the_exact_path_is_that_of_the_polygon():
     path = np.array([[0.0, 1.0], [0.0, 0.0], [2.0, 0.0]])
-    assert talk_figure.strays(
+    assert talk_figure.largest_distance(
         np.array([[1.0, 0.3], [0.1, 0.5], [1.5, -0.2]]), path
     ) == pytest.approx(0.3)
-    assert talk_figure.strays(np.array([[3.0, 0.0]]), path) == pytest.approx(1.0)
+    assert talk_figure.largest_distance(np.array([[3.0, 0.0]]), path) == pytest.approx(1.0)
 
 
 def test_a_slope_of_scatter_is_no_number_to_show():

@@ -52,7 +52,7 @@ def data_of(found, sizes=None):
 
 def costs(**other):
     data = data_of(rows("a", "pbd", 1e-6) + rows("a", "catching_up", 3e-6, **other))
-    return {c.solver: c for c in cost.costs(data, "a", 1e-2)}
+    return {c.solver: c for c in cost.rank_costs(data, "a", 1e-2)}
 
 
 @pytest.mark.parametrize(
@@ -69,15 +69,15 @@ def test_seconds_are_compared_by_the_stated_rule(other, said):
     c = costs(**other)
     why = cost.why_not_comparable(c["catching_up"], c["pbd"])
     assert (said in why) if said else why == ""
-    ratio = cost.ratio(c["catching_up"], c["pbd"])
+    ratio = cost.ratio_of_seconds(c["catching_up"], c["pbd"])
     assert ratio is None if said else ratio == pytest.approx(3.0)
-    assert cost.work_ratio(c["catching_up"], c["pbd"]) == pytest.approx(1.0)
+    assert cost.ratio_of_work(c["catching_up"], c["pbd"]) == pytest.approx(1.0)
 
 
 def test_a_long_run_is_compared_though_it_was_timed_once_and_quartiles_are_carried():
     data = data_of(rows("a", "pbd", 1.0, rounds=1) + rows("a", "catching_up", 2.0, rounds=1))
-    one, other = cost.costs(data, "a", 1e-2)
-    assert cost.ratio(other, one) == pytest.approx(2.0)
+    one, other = cost.rank_costs(data, "a", 1e-2)
+    assert cost.ratio_of_seconds(other, one) == pytest.approx(2.0)
     assert one.low == pytest.approx(0.9 * one.seconds) and one.high == pytest.approx(
         1.2 * one.seconds
     )
@@ -86,17 +86,19 @@ def test_a_long_run_is_compared_though_it_was_timed_once_and_quartiles_are_carri
 def test_seconds_of_shared_workers_are_told_of_and_used_nowhere():
     found = rows("a", "pbd", 1e-6) + rows("a", "catching_up", 1e-9, shared=True)
     data = data_of(found)
-    assert [c.solver for c in cost.costs(data, "a", 1e-2)] == [
+    assert [c.solver for c in cost.rank_costs(data, "a", 1e-2)] == [
         "pbd",
         "catching_up",
     ]  # however quick it seems
-    assert "catching_up" not in performance_profiles.ratios(data, 1e-2)
+    assert "catching_up" not in performance_profiles.time_ratios(data, 1e-2)
     table = clock_table.clock_table(data)
     assert [r.solver for r in table.rows] == [
         "pbd"
     ] and f" {len(STEPS)} runs were made by shared workers" in table.note
     mixed = data_of([{**r, "shared": i % 2 == 0} for i, r in enumerate(rows("a", "pbd", 1e-6))])
-    assert not cost.costs(mixed, "a", 1e-2)[0].seconds > 0  # one of the two beside it was shared
+    assert (
+        not cost.rank_costs(mixed, "a", 1e-2)[0].seconds > 0
+    )  # one of the two beside it was shared
 
 
 def test_a_profile_is_the_share_of_cases_within_a_factor_of_the_best():
@@ -108,11 +110,11 @@ def test_a_profile_is_the_share_of_cases_within_a_factor_of_the_best():
             + rows(case, "euler", 1e-9, loop="host")
         )
     found += rows("d", "pbd", 1e-6, reach=1e3) + rows("d", "catching_up", 1e-6)
-    got = performance_profiles.ratios(data_of(found), 1e-2)
+    got = performance_profiles.time_ratios(data_of(found), 1e-2)
     assert set(got) == {"pbd", "catching_up"}  # a loop that is not compiled is no rival
     np.testing.assert_allclose(np.sort(got["pbd"]), [1.0, 1.0, 2.0, np.inf])
     np.testing.assert_allclose(np.sort(got["catching_up"]), [1.0, 1.0, 2.0, 8.0])
-    told = performance_profiles.sentences(data_of(found))[0]
+    told = performance_profiles.describe_profiles(data_of(found))[0]
     assert (
         "catching_up on 2" in told
         and "pbd on 2 of 4 cases" in told
@@ -123,7 +125,7 @@ def test_a_profile_is_the_share_of_cases_within_a_factor_of_the_best():
 def test_the_staircase_of_a_profile_ends_at_its_share():
     found = rows("a", "pbd", 1e-6) + rows("a", "catching_up", 3e-6) + rows("b", "catching_up", 1e-6)
     data = data_of(found)
-    drawn = performance_profiles.draw(data, 1e-2, style.looks(data.specs))
+    drawn = performance_profiles.draw_profile(data, 1e-2, style.assign_looks(data.specs))
     ends = {
         int(k): [float(v) for v in d.split("L")[-1].split()]
         for k, d in re.findall(r'<g id="s(\d+)"><path d="M([^"]*)"', drawn)
@@ -131,8 +133,8 @@ def test_the_staircase_of_a_profile_ends_at_its_share():
     heights = {k: (165.0 - y) / 144.0 for k, (_, y) in ends.items()}
     assert heights == pytest.approx(
         {
-            style.looks(data.specs)["pbd"].index: 0.5,
-            style.looks(data.specs)["catching_up"].index: 1.0,
+            style.assign_looks(data.specs)["pbd"].index: 0.5,
+            style.assign_looks(data.specs)["catching_up"].index: 1.0,
         },
         abs=1e-2,
     )
@@ -162,8 +164,8 @@ def test_families_of_sizes_get_a_table_of_winners_and_exponents():
             case, "catching_up", 1e-8 * n, reach=0.3
         )
     data = data_of(found + rows("tide", "pbd", 1.0), SIZES | {"tide": 1})
-    assert scaling.families(data) == {"discs": list(SIZES)}
-    step, error = scaling.powers(data, list(SIZES), "pbd")
+    assert scaling.group_by_size(data) == {"discs": list(SIZES)}
+    step, error = scaling.fit_powers(data, list(SIZES), "pbd")
     assert step.exponent == pytest.approx(1.0, abs=1e-2) and error.exponent == pytest.approx(
         2.0, abs=0.05
     )
@@ -174,15 +176,15 @@ def test_families_of_sizes_get_a_table_of_winners_and_exponents():
     )
     assert (
         "cheapest compiled method on 3 of 5 cases; another one is cheaper on 2"
-        in scaling.wins(data)[1]
+        in scaling.describe_wins(data)[1]
     )
-    drawn = assemble.figures(data)
+    drawn = assemble.draw_figures(data)
     assert len(drawn.scaling) == 2 and "scaling" in drawn.files and "profiles" in drawn.files
 
 
 def test_every_case_has_the_three_diagrams_of_work_and_precision():
     data = data_of(rows("a", "pbd", 1e-6) + rows("a", "catching_up", 1e-6))
-    drawn = assemble.figures(data)
+    drawn = assemble.draw_figures(data)
     assert all(
         any(word in svg for svg in drawn.panels["a"])
         for word in (

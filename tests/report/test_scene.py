@@ -221,7 +221,7 @@ def test_a_file_of_ones_own_may_draw_itself(tmp_path, n, starts):
     )
     case = nsbench.load_case(file)
     assert ("my own" in words(scene.scene_svg(case))) is starts
-    assert scene.kind(case) == ("own" if starts else "curves")
+    assert scene.drawing_kind(case) == ("own" if starts else "curves")
 
 
 def test_a_known_path_is_drawn_with_its_kinks():

@@ -76,14 +76,14 @@ class Frame:
 def scene_svg(case: Case, x=None, title: str = "", t: float | None = None) -> str:
     """SVG text of the state x (n,), by default the start, at time t; x may be a whole path
     (len(case.t), n)."""
-    return svg(scene_figure(case, x, title, t))
+    return write_svg(scene_figure(case, x, title, t))
 
 
 def frames_svg(case: Case, traj, times=None) -> str:
     """SVG text of a trajectory: small multiples at `times` (default: start, middle, end), or one
     picture of its path where the surroundings do not move. Samples that a failed run lacks are left
     out and said to be missing."""
-    return svg(frames_figure(case, traj, times))
+    return write_svg(frames_figure(case, traj, times))
 
 
 def scene_figure(case: Case, x=None, title: str = "", t: float | None = None):
@@ -99,7 +99,12 @@ def scene_figure(case: Case, x=None, title: str = "", t: float | None = None):
         return frames_figure(case, Samples(case.t, x), case.t[[-1]], title)
     times = np.array([t])
     path = x[None]
-    if not _many(case) and case.exact is not None and t == case.t[0] and np.array_equal(x, case.x0):
+    if (
+        not _needs_frames(case)
+        and case.exact is not None
+        and t == case.t[0]
+        and np.array_equal(x, case.x0)
+    ):
         times, path = _fine(case, case.t, None)  # a dot alone would say nothing
     return _figure(case, [Frame(t, x, times, path, title)], SINGLE)
 
@@ -134,7 +139,7 @@ def frames_figure(case: Case, traj, times=None, title: str = ""):
         t[[0, len(t) // 2, -1]] if times is None else np.atleast_1d(np.asarray(times, dtype=float))
     )
     index = [int(np.abs(t - s).argmin()) for s in times]
-    if _many(case):
+    if _needs_frames(case):
         frames = [
             Frame(
                 float(t[i]), x[i], *_fine(case, t[: i + 1], x[: i + 1]), title or f"t = {t[i]:.3g}"
@@ -146,19 +151,19 @@ def frames_figure(case: Case, traj, times=None, title: str = ""):
     return _figure(case, frames, PANEL if len(frames) > 1 else SINGLE)
 
 
-def _many(case: Case) -> bool:
+def _needs_frames(case: Case) -> bool:
     """Whether the surroundings or the shape change in time, so that one picture of the path does
     not do."""
-    what = kind(case)
+    what = drawing_kind(case)
     if what == "plane" and isinstance(case.problem, Complementarity):
         return any(c.moving for c in case.problem.constraints if isinstance(c, (Affine, Distance)))
     return what in ("particles", "own")
 
 
-def kind(case: Case) -> str:
+def drawing_kind(case: Case) -> str:
     """own, particles, plane or curves: how the case is drawn."""
     p = case.problem
-    if own_drawing(case.name, case.source):
+    if find_own_drawing(case.name, case.source):
         return "own"
     if isinstance(p, Complementarity):
         flat = [c for c in p.constraints if isinstance(c, Distance) and c.dim > 1]
@@ -173,7 +178,7 @@ def _rods(p) -> bool:
 
 
 @cache
-def own_drawing(name: str, source: str):
+def find_own_drawing(name: str, source: str):
     """The ``draw`` of the case's file `source`, or None; never that of another case of the same
     name."""
     if not source or not Path(source).is_file():
@@ -192,7 +197,7 @@ def _figure(case, frames, width):
     import matplotlib
     from matplotlib.figure import Figure
 
-    what = kind(case)
+    what = drawing_kind(case)
     left, bottom, right = (RIM, RIM, RIM) if what in ("own", "particles") else AXES
     top = TITLE if any(f.label for f in frames) else BARE if what in ("own", "particles") else LABEL
     with matplotlib.rc_context(STYLE), warnings.catch_warnings():
@@ -208,7 +213,7 @@ def _figure(case, frames, width):
             else float(np.clip(ratio, FLAT, SQUARE if what == "plane" else TALL))
         )
         if what != "curves":
-            box = equal(box, ratio)
+            box = equalise_scales(box, ratio)
         high = inner * ratio
         figure = Figure(figsize=(width * len(frames), bottom + high + top), facecolor="white")
         total_w, total_h = figure.get_size_inches()
@@ -238,12 +243,14 @@ def _panel(ax, case, frame, what, box, scale):
             color="#a3241b",
         )
     elif what == "own":
-        own_drawing(case.name, case.source)(ax, case, frame.x)
+        find_own_drawing(case.name, case.source)(ax, case, frame.x)
         ax.set(xlim=box[:2], ylim=box[2:])
     else:
-        {"particles": particles.particles, "plane": plane.plane, "curves": plane.curves}[what](
-            ax, case, frame, scale
-        )
+        {
+            "particles": particles.draw_particles,
+            "plane": plane.draw_plane,
+            "curves": plane.draw_curves,
+        }[what](ax, case, frame, scale)
     ax.set_title(sanitise(frame.label, 60), loc="left", fontsize=8.0, pad=4.0, x=0.0)
 
 
@@ -257,11 +264,11 @@ def _limits(case, frames, what):
         ax = Figure().add_subplot()
         for f in frames:
             if np.all(np.isfinite(f.x)):
-                own_drawing(case.name, case.source)(ax, case, f.x)
+                find_own_drawing(case.name, case.source)(ax, case, f.x)
         low = ax.dataLim.min
         high = ax.dataLim.max
     else:
-        low, high = particles.extent(case, frames, what)
+        low, high = particles.drawing_extent(case, frames, what)
     if not np.all(np.isfinite([*low, *high])) or np.any(low > high):
         low = np.zeros(2)
         high = np.ones(2)
@@ -277,7 +284,7 @@ def _limits(case, frames, what):
     return low[0] - pad[0], high[0] + pad[0], low[1] - pad[1], high[1] + pad[1]
 
 
-def equal(box, ratio):
+def equalise_scales(box, ratio):
     """The box widened about its middle to height / width = ratio: equal scales without any later
     adjustment."""
     mid = np.array([box[0] + box[1], box[2] + box[3]]) / 2
@@ -288,7 +295,7 @@ def equal(box, ratio):
     return mid[0] - w, mid[0] + w, mid[1] - h, mid[1] + h
 
 
-def svg(figure) -> str:
+def write_svg(figure) -> str:
     """The figure as SVG text: no date, no version, coordinates to a hundredth of a point."""
     import matplotlib
     from matplotlib.backends.backend_svg import FigureCanvasSVG

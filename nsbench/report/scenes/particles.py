@@ -16,13 +16,13 @@ BLACK = "#1c1b1a"
 # thin lines; what is forbidden
 GREY = "#9a968d"
 SOLID = "#e4e0d8"
-SHOWN = 1500  # discs in one panel: more are neither seen at 320 px nor light to send
-WALLS = 40  # more distinct rows are no walls
-GRID = 121  # points each way for contours of the forbidden region
+MAX_DISCS = 1500  # discs in one panel: more are neither seen at 320 px nor light to send
+MAX_WALLS = 40  # more distinct rows are no walls
+CONTOUR_POINTS = 121  # points each way for contours of the forbidden region
 TOUCH = 2e-3  # a gap within this fraction of a disc or link is drawn as contact
 
 
-def groups(case):
+def particle_groups(case):
     """The particle groups (start, dim, count) -> radius (None, number or (count,)) of all Distance
     families."""
     out = {}
@@ -34,7 +34,7 @@ def groups(case):
     return out
 
 
-def centres(x, key):
+def particle_centres(x, key):
     start, dim, count = key
     return x[start : start + dim * count].reshape(count, dim)
 
@@ -45,7 +45,7 @@ def anchor_points(c, t):
     ).reshape(-1, c.dim)
 
 
-def extent(case, frames, what):
+def drawing_extent(case, frames, what):
     """Lowest and highest corner (2,) of what the frames show, without margin."""
     low = np.full(2, np.inf)
     high = np.full(2, -np.inf)
@@ -61,7 +61,7 @@ def extent(case, frames, what):
 
     for f in frames:
         if what == "curves":
-            half = rod(case) / 2
+            half = rod_length(case) / 2
             for column in f.path.T:
                 take(np.stack((f.times, column - half), 1))
                 take(np.stack((f.times, column + half), 1))
@@ -70,9 +70,9 @@ def extent(case, frames, what):
         if what == "plane":
             take(f.path)
         elif np.all(np.isfinite(f.x)):
-            for key, r in groups(case).items():
-                p = centres(f.x, key)
-                if len(p) > SHOWN:
+            for key, r in particle_groups(case).items():
+                p = particle_centres(f.x, key)
+                if len(p) > MAX_DISCS:
                     p = _inside(p)
                     r = 0.0
                 take(p, 0.0 if r is None else r)
@@ -83,7 +83,7 @@ def extent(case, frames, what):
     return low, high
 
 
-def rod(case):
+def rod_length(case):
     """Length of the rods of a case on a line, else 0."""
     return next(
         (
@@ -98,7 +98,7 @@ def rod(case):
 def _window(p):
     """Indices, in order, of the SHOWN points nearest to the middle."""
     mid = np.median(p, axis=0)
-    return np.sort(np.argpartition(np.sum((p - mid) ** 2, axis=1), SHOWN)[:SHOWN])
+    return np.sort(np.argpartition(np.sum((p - mid) ** 2, axis=1), MAX_DISCS)[:MAX_DISCS])
 
 
 def _inside(p):
@@ -109,10 +109,10 @@ def _inside(p):
     return np.stack((mid - half, mid + half))
 
 
-def forbid(ax, gap):
+def shade_forbidden(ax, gap):
     """Shade where gap(points (m, 2)) < 0 inside the present limits, with its edge."""
     (x0, x1), (y0, y1) = ax.get_xlim(), ax.get_ylim()
-    X, Y = np.meshgrid(np.linspace(x0, x1, GRID), np.linspace(y0, y1, GRID))
+    X, Y = np.meshgrid(np.linspace(x0, x1, CONTOUR_POINTS), np.linspace(y0, y1, CONTOUR_POINTS))
     g = gap(np.stack((X.ravel(), Y.ravel()), 1)).reshape(X.shape)
     if np.nanmin(g) < 0:
         ax.contourf(X, Y, g, levels=[-1e300, 0.0], colors=[SOLID], zorder=0)
@@ -146,25 +146,25 @@ def _walls(case, key, radius, t):
         r = np.broadcast_to(0.0 if radius is None else radius, count)[owner[keep]]
         rows.append(np.column_stack((a[keep] / size[keep, None], b[keep] / size[keep] + r)))
     rows = np.unique(np.round(np.concatenate(rows), 9), axis=0) if rows else np.empty((0, 3))
-    return rows if len(rows) <= WALLS else rows[:0]
+    return rows if len(rows) <= MAX_WALLS else rows[:0]
 
 
-def particles(ax, case, frame, scale):
+def draw_particles(ax, case, frame, scale):
     """Discs, links, anchors and walls of one state; `scale` points per unit of length."""
-    for key, radius in groups(case).items():
+    for key, radius in particle_groups(case).items():
         walls = _walls(case, key, radius, frame.t)
         if len(walls):
-            forbid(ax, lambda p, w=walls: (p @ w[:, :2].T + w[:, 2]).min(1))
+            shade_forbidden(ax, lambda p, w=walls: (p @ w[:, :2].T + w[:, 2]).min(1))
         if key[1] > 1:
             _links(ax, case, key, frame, radius)
-            _discs(ax, centres(frame.x, key), radius, scale)
+            _discs(ax, particle_centres(frame.x, key), radius, scale)
 
 
 def _discs(ax, p, radius, scale):
     from scipy.spatial import cKDTree
 
     total = len(p)
-    which = _window(p) if total > SHOWN else np.arange(total)
+    which = _window(p) if total > MAX_DISCS else np.arange(total)
     order = which[np.argsort(p[which, 2], kind="stable")] if p.shape[1] == 3 else which
     if radius is None:
         ax.scatter(*p[order, :2].T, s=14, color=BLUE, linewidths=0, zorder=4)
@@ -179,11 +179,11 @@ def _discs(ax, p, radius, scale):
         linewidths=0.9 if total < 200 else 0.4,
         zorder=3,
     )
-    if total > SHOWN:
+    if total > MAX_DISCS:
         ax.text(
             0.98,
             0.02,
-            f"{SHOWN} of {total} discs",
+            f"{MAX_DISCS} of {total} discs",
             transform=ax.transAxes,
             ha="right",
             fontsize=7,
@@ -217,7 +217,7 @@ def _segments(ax, p, q, **look):
 def _links(ax, case, key, frame, radius):
     """Links: taut ones black, slack ones grey and dashed; anchors as squares; discs to keep off
     filled."""
-    x = centres(frame.x, key)
+    x = particle_centres(frame.x, key)
     for c in case.problem.constraints:
         if (
             not isinstance(c, Distance)
@@ -228,7 +228,7 @@ def _links(ax, case, key, frame, radius):
         other = x if c.anchors is None else anchor_points(c, frame.t)
         if c.anchors is not None and c.sign > 0:
             near = c.d - (0.0 if radius is None else np.min(radius))
-            forbid(
+            shade_forbidden(
                 ax,
                 lambda p, o=other, d=near: (np.linalg.norm(p[:, None] - o[:, :2], axis=2) - d).min(
                     1

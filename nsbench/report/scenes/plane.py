@@ -11,25 +11,25 @@ from nsbench.problem import Affine, Distance, Filippov, Smooth
 from nsbench.report.scenes.particles import (
     BLACK,
     BLUE,
+    CONTOUR_POINTS,
     GREY,
-    GRID,
     SKY,
     SOLID,
     anchor_points,
-    forbid,
-    rod,
+    rod_length,
+    shade_forbidden,
 )
 
 LINES = (BLUE, "#E69F00", "#009E73", "#CC79A7", SKY, "#D55E00")  # Okabe & Ito (2008)
 
 
-def plane(ax, case, frame, scale):
+def draw_plane(ax, case, frame, scale):
     """A point in the plane: what is forbidden, or the sides of the switching surfaces with their
     fields; its path."""
     if isinstance(case.problem, Filippov):
         _sides(ax, case.problem, frame.t)
     else:
-        forbid(ax, lambda p: _least_gap(case, frame.t, p))
+        shade_forbidden(ax, lambda p: _least_gap(case, frame.t, p))
     ax.plot(*frame.path.T, "-", color=BLUE, lw=1.5, zorder=4)
     if len(frame.path) > 1:
         ax.plot(*frame.path[0], "o", ms=4, mfc="white", mec=BLUE, zorder=5)
@@ -88,7 +88,7 @@ def _sides(ax, problem, t):
     """The switching surfaces in the plane, one side of the first tinted, and the field as arrows of
     one length."""
     (x0, x1), (y0, y1) = ax.get_xlim(), ax.get_ylim()
-    X, Y = np.meshgrid(np.linspace(x0, x1, GRID), np.linspace(y0, y1, GRID))
+    X, Y = np.meshgrid(np.linspace(x0, x1, CONTOUR_POINTS), np.linspace(y0, y1, CONTOUR_POINTS))
     switch = as_numpy(problem.switch)
     field = as_numpy(problem.field)
     c = np.array([switch(t, p) for p in np.stack((X.ravel(), Y.ravel()), 1)]).reshape(*X.shape, -1)
@@ -120,11 +120,11 @@ def _sides(ax, problem, t):
     )
 
 
-def curves(ax, case, frame, scale):
+def draw_curves(ax, case, frame, scale):
     """The components over time, with what is forbidden to a single one; rods as bands of their
     length."""
     y = frame.path
-    half = rod(case) / 2
+    half = rod_length(case) / 2
     if case.n == 1:
         _forbidden_times(ax, case)
     for k in range(case.n):
@@ -181,8 +181,8 @@ def _forbidden_times(ax, case):
     """Shade what is forbidden to a single coordinate, or draw the zero of its switching function,
     over time."""
     (t0, t1), (low, high) = ax.get_xlim(), ax.get_ylim()
-    t = np.linspace(t0, t1, 2 * GRID)
-    y = np.linspace(low, high, GRID)
+    t = np.linspace(t0, t1, 2 * CONTOUR_POINTS)
+    y = np.linspace(low, high, CONTOUR_POINTS)
     if isinstance(case.problem, Filippov):
         switch = as_numpy(case.problem.switch)
         g = np.array([[switch(s, np.array([v]))[0] for s in t] for v in y])

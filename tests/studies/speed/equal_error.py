@@ -33,7 +33,13 @@ from nsbench import solvers  # noqa: E402
 from nsbench.measure import clock  # noqa: E402
 from nsbench.report import cost as speed  # noqa: E402
 from nsbench.report import data as source  # noqa: E402
-from nsbench.report.style import LEADS, factor, family, power, seconds  # noqa: E402
+from nsbench.report.style import (  # noqa: E402
+    LEADING_METHOD,
+    format_factor,
+    format_power,
+    format_seconds,
+    method_of,
+)
 from nsbench.results.environment import versions  # noqa: E402
 
 EXTRA = (
@@ -58,7 +64,7 @@ def methods(asked):
             solvers.get(spec)
         except (LookupError, ValueError):
             continue
-        if asked or family(spec) not in OUT:
+        if asked or method_of(spec) not in OUT:
             out.append(spec)
     return list(dict.fromkeys(out))
 
@@ -79,7 +85,9 @@ def scene(n: int, how: str):
             raise SystemExit(f"event_driven on {n} discs: {traj.status}")
         return case, traj.x, float(np.abs(traj.x - looser.x).max())
     spacing = case.t[1]
-    x = [nsbench.solve(case, LEADS, h=spacing / 2**k).x for k in (DEEP - 2, DEEP - 1, DEEP)]
+    x = [
+        nsbench.solve(case, LEADING_METHOD, h=spacing / 2**k).x for k in (DEEP - 2, DEEP - 1, DEEP)
+    ]
     fine = 2 * x[2] - x[1]
     coarse = 2 * x[1] - x[0]
     return case, fine, float(np.abs(fine - coarse).max())
@@ -154,38 +162,41 @@ def told(data, key, target, bound):
     """The line of one size and one error."""
     if target < 10 * bound:
         return "the reference cannot tell"
-    found = speed.costs(data, key, target)
+    found = speed.rank_costs(data, key, target)
     ranked = [c for c in found if c.loop == "compiled"]
     if not ranked:
         more = _beyond(data, key, target)
         return "not reached by a compiled loop within its share of the budget" + (
-            f"; {LEADS} would need about {seconds(more)}, going on with order 1"
+            f"; {LEADING_METHOD} would need about {format_seconds(more)}, going on with order 1"
             if more == more
             else ""
         )
     first = ranked[0]
-    pbd = next((c for c in ranked if family(c.solver) == LEADS), None)
+    pbd = next((c for c in ranked if method_of(c.solver) == LEADING_METHOD), None)
     text = (
-        f"{first.solver} {'<= ' if first.at_most else ''}{seconds(first.seconds)} "
-        f"({speed.setting(first)})"
+        f"{first.solver} {'<= ' if first.at_most else ''}{format_seconds(first.seconds)} "
+        f"({speed.format_setting(first)})"
     )
-    rivals = [c for c in ranked if family(c.solver) != family(first.solver)]
+    rivals = [c for c in ranked if method_of(c.solver) != method_of(first.solver)]
     if rivals:
         text += (
-            f"; next other method x {factor(rivals[0].seconds / first.seconds)} "
+            f"; next other method x {format_factor(rivals[0].seconds / first.seconds)} "
             f"({rivals[0].solver})"
         )
     if pbd is None:
         more = _beyond(data, key, target) / first.seconds
         text += (
-            f"; {LEADS} would need about x {factor(more)}, going on with order 1"
+            f"; {LEADING_METHOD} would need about x {format_factor(more)}, going on with order 1"
             if more == more
-            else f"; {LEADS} is not yet converging at the steps that its share of the budget allows"
+            else f"; {LEADING_METHOD} is not yet converging at the steps that its share of the "
+            "budget allows"
         )
     elif pbd is not first:
-        text += f"; {LEADS} x {factor(pbd.seconds / first.seconds)} ({pbd.solver})"
+        text += f"; {LEADING_METHOD} x {format_factor(pbd.seconds / first.seconds)} ({pbd.solver})"
     hosts = [
-        f"{c.solver} x {factor(c.seconds / first.seconds)}" for c in found if c.loop != "compiled"
+        f"{c.solver} x {format_factor(c.seconds / first.seconds)}"
+        for c in found
+        if c.loop != "compiled"
     ]
     return text + (f"   [loops in Python: {', '.join(hosts[:3])}]" if hosts else "")
 
@@ -194,7 +205,7 @@ def _beyond(data, key, target):
     """Seconds of the best PBD at an error it was not run to: the cost of its finest run times what
     the error must lose.
     NaN where its last two halvings of the step did not halve the error (1.6 to 2.5)."""
-    own = [r.col for r in data.of_case(key) if family(r.solver) == LEADS and len(r) > 2]
+    own = [r.col for r in data.of_case(key) if method_of(r.solver) == LEADING_METHOD and len(r) > 2]
     own = [
         c
         for c in own
@@ -228,7 +239,7 @@ def main():
         f"Python {platform.python_version()}, numpy {versions()['numpy']}, numba "
         f"{versions()['numba']}; load average "
         f"{os.getloadavg()[0]:.1f} of {os.cpu_count()} cores\nmethods: "
-        f"{', '.join(specs)}\n{speed.RULE}\n"
+        f"{', '.join(specs)}\n{speed.COMPARISON_RULE}\n"
     )
     for n in map(int, args.sizes.split(",")):
         case, reference, bound = scene(n, args.reference)
@@ -240,11 +251,11 @@ def main():
         print(f"{n} discs to T = {case.t[-1]:g}; the reference is known to {bound:.1e}")
         for target in speed.TARGETS:
             line = told(data, case.key, target, bound)
-            print(f"  error {power(target)}  {line}", flush=True)
-            wins += [(n, target)] if line.startswith(LEADS) else []
+            print(f"  error {format_power(target)}  {line}", flush=True)
+            wins += [(n, target)] if line.startswith(LEADING_METHOD) else []
     print(
-        f"\n{LEADS} is the cheapest at "
-        + (", ".join(f"N = {n}, {power(t)}" for n, t in wins) or "no size and error")
+        f"\n{LEADING_METHOD} is the cheapest at "
+        + (", ".join(f"N = {n}, {format_power(t)}" for n, t in wins) or "no size and error")
         + "; nowhere else."
     )
 
