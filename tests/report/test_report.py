@@ -293,7 +293,7 @@ def test_files_that_cannot_be_read_are_named(tmp_path):
 
 @pytest.mark.survives("million rows")
 def test_very_many_rows_make_a_small_page(tmp_path, monkeypatch):
-    monkeypatch.setattr(assemble, "DRAWN", 1)
+    monkeypatch.setattr(assemble, "MAX_DRAWN_CASES", 1)
     h = np.tile(np.geomspace(1e-1, 1e-6, 15_000), 2)
     rows = {
         "case": np.repeat(["tide", "apple"], 15_000).tolist(),

@@ -53,10 +53,10 @@ def test_every_case_is_drawn_the_same_each_time(name):
 @pytest.mark.survives("terminal")
 def test_the_bytes_do_not_depend_on_the_process_and_no_display_is_needed():
     code = (
-        "import sys, nsbench; from nsbench.report import scene; assert 'matplotlib' not in "
+        "import sys, nsbench; from nsbench.report.scenes import figure; assert 'matplotlib' not in "
         "sys.modules\n"
         "for n in ('tide', 'hex', 'sliding', 'epithelium'): "
-        "print(scene.scene_svg(nsbench.get_case(n)))\n"
+        "print(figure.scene_svg(nsbench.get_case(n)))\n"
         "assert 'matplotlib.pyplot' not in sys.modules"
     )
     here = "".join(
