@@ -25,7 +25,9 @@ Factory = Callable[[Any], Callable]
 
 
 def _floats(name: str, value, ndim: int | None = None) -> np.ndarray:
-    """A read-only float64 copy of `value`; float32, complex and non-finite data are refused."""
+    """Return a read-only float64 copy of `value`; raise TypeError or ValueError for float32,
+    complex and non-finite data.
+    """
     a = np.asarray(value)
     if a.dtype == np.float32 or a.dtype == np.float16:
         raise TypeError(

@@ -1,4 +1,4 @@
-"""What a run returns: samples, impulses, events, a status and counted work."""
+"""Trajectory, Status and Event: what a run returns."""
 
 from __future__ import annotations
 
@@ -39,8 +39,9 @@ SHORT = (
 
 
 def utf8_safe(text: str) -> str:
-    """The text as UTF-8 can spell it: of half characters, as a name of a file may hold them, their
-    numbers are told."""
+    """Return the text as UTF-8 can encode it: surrogates, as file names may hold them, are written
+    as numbers.
+    """
     return text.encode("utf-8", "backslashreplace").decode()
 
 
@@ -109,9 +110,9 @@ class Trajectory:
 
 
 def machine_fault(e: BaseException) -> str:
-    """The end of a sentence if files, disk or threads of the machine are behind what was raised,
-    however a library tells it;
-    "" if not."""
+    """Return the end of a sentence if files, disk or threads of the machine caused the exception,
+    however a library reports it; "" if not.
+    """
     words = [*map(os.strerror, SHORT), "can't start new thread"]
     told = set()
     below = e

@@ -1,5 +1,8 @@
-"""References: a closed form where the case has one, else a stored one made by two methods that
-agree."""
+"""References: the known solution of a case, with a bound of its own error.
+
+A closed form where the case has one, else a stored one: certified (proven in ball arithmetic) or
+two runs of different integrators that agree, with a witness.
+"""
 
 from __future__ import annotations
 

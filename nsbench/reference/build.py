@@ -1,5 +1,6 @@
-"""Make a stored reference: a certificate where the scene is small, else two integrators that agree
-and a witness."""
+"""Build and verify stored references: a certificate for small scenes, else two integrators that
+agree and a witness.
+"""
 
 from __future__ import annotations
 
@@ -35,15 +36,19 @@ def build(
     witness: str | None = "auto",
     kind: str = "auto",
 ) -> Reference:
-    """Compute a reference and store it. kind "certified": a proof (ValueError where it cannot be
-    made); "runs": two runs that agree; "auto": the first, or the second with the reason why.
+    """Compute a reference of a case and store it in `folder`.
 
-    Two runs: the first one is kept; its own error is SAFETY times the largest difference of the two
-    in state, impulse, reaction and event times. Impulses may differ (multipliers that are not
-    unique); their bound says so. witness: a method of another kind, which shares no code with the
-    event-driven core ("auto": pbd with constraints, else euler);
-    its distance must shrink when its step is divided by four. ValueError where a run is not ok, the
-    two differ by more than `limit` relative to the largest state, or the witness does not come
+    kind "certified": a proof; "runs": two runs that agree; "auto": the first, or the second with
+    the reason why.
+
+    Two runs: the first one is stored; the bound of its error is SAFETY times the largest difference
+    of the two in state, impulse, reaction and event times. Impulses may differ (multipliers that
+    are not unique); their bound says so. witness: a method of another kind, which shares no code
+    with the event-driven core ("auto": pbd with constraints, else euler); its distance must shrink
+    when its step is divided by four.
+
+    Raises ValueError if the proof cannot be made (kind "certified"), if a run is not ok, if the two
+    differ by more than `limit` relative to the largest state, or if the witness does not come
     closer.
     """
     if not case.unique:
@@ -72,8 +77,10 @@ def build(
 
 
 def certified(case: Case) -> Reference:
-    """The certified reference, compared with a run of the fast method; ValueError if that is
-    elsewhere."""
+    """Build the certified reference and compare it with a run of the fast method.
+
+    Raises ValueError if the two differ.
+    """
     ref = certificate.certify(case).reference
     run = _run(case, *METHODS[0])
     state, reaction, _, _ = differences(case, ref, run)
@@ -89,6 +96,7 @@ def certified(case: Case) -> Reference:
 
 
 def _two_runs(case, methods, limit, witness) -> Reference:
+    """Build a reference from two integrators at two tolerances, checked by a witness."""
     a, b = (_run(case, spec, accuracy) for spec, accuracy in methods)
     scale = max(1.0, float(np.abs(a.x).max()))
     state, reaction, impulse, times = differences(case, a, b)
@@ -121,11 +129,11 @@ def _two_runs(case, methods, limit, witness) -> Reference:
 
 
 def verify(case: Case, folder=None, methods=METHODS, certify: bool = False) -> str:
-    """Compute what is stored again: a sentence, or ValueError if it disagrees.
+    """Recompute a stored reference; return a sentence, or raise ValueError if it disagrees.
 
-    By default runs: the second method must be within the bound of two runs, and of a certified
-    reference within the bound and SPREAD times the difference of both methods. certify=True makes a
-    certified reference anew, proof and all.
+    By default runs are repeated: the second method must lie within the bound of two runs, and of a
+    certified reference within the bound and SPREAD times the difference of both methods.
+    certify=True makes a certified reference anew, proof and all.
     """
     ref = load(case, folder)
     if ref is None:
@@ -164,6 +172,7 @@ def verify(case: Case, folder=None, methods=METHODS, certify: bool = False) -> s
 
 
 def _verify_proof(case, ref) -> str:
+    """Make the proof of a certified reference again and compare it with what is stored."""
     again = certificate.certify(case).reference
     state, reaction, impulse, _ = differences(case, ref, again)
     for name, got in (("state", state), ("impulse", impulse), ("reaction", reaction)):
@@ -188,6 +197,7 @@ def _verify_proof(case, ref) -> str:
 
 
 def _run(case, spec, accuracy) -> Trajectory:
+    """Run a method for a reference; raise ValueError unless it ends well."""
     traj = solvers.solve(case, spec, **{solvers.get(spec).accuracy: accuracy})
     if not traj.status.ok:
         raise ValueError(f"{case.key}: {spec} ended with {traj.status.code}: {traj.status}")
@@ -203,6 +213,9 @@ def _run(case, spec, accuracy) -> Trajectory:
 
 
 def _witness(case, ref, spec, scale) -> str:
+    """Check that a method of another kind comes closer to the reference when its step is divided by
+    four.
+    """
     if spec == "auto":
         spec = (
             "pbd"

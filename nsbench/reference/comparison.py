@@ -1,4 +1,4 @@
-"""How far two tellings of one solution are apart, and what a certificate says of a closed form."""
+"""Distance of two descriptions of one solution; bounds of a closed form from a certificate."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ FORMULA = 256 * float(
 
 
 def bounded_by(case: Case, closed: Reference, proof: Reference) -> Reference:
-    """A closed form with the bounds that a certificate of the same case gives; ValueError if the
-    two disagree.
+    """Give a closed form the bounds that a certificate of the same case proves.
 
-    Allowed is what rounding may do to formulas of a dozen operations on rounded times.
+    The allowance is what rounding may do to formulas of a dozen operations on rounded times. Raises
+    ValueError if the two disagree.
     """
     state = float(np.abs(closed.x - proof.x).max())
     reaction = 0.0
@@ -63,8 +63,11 @@ def bounded_by(case: Case, closed: Reference, proof: Reference) -> Reference:
 
 
 def differences(case, a, b) -> tuple[float, float, float, float]:
-    """Largest differences in state, reaction (0 for a Filippov system), impulse and event times
-    (NaN where the two do not have the same events in the same order)."""
+    """Compute the largest differences of two solutions in state, reaction, impulse and event times.
+
+    The reaction's is 0 for a Filippov system; the event times' is NaN if the two do not have the
+    same events in the same order.
+    """
     state = float(np.abs(a.x - b.x).max())
     reaction = 0.0
     if a.reaction is not None and b.reaction is not None and a.reaction.size:

@@ -1,4 +1,4 @@
-"""The reference of a case: its closed form, what is stored, or both together."""
+"""Look up the reference of a case: its closed form, what is stored, or both together."""
 
 from __future__ import annotations
 
@@ -12,13 +12,14 @@ from nsbench.reference.storage import BadReference, OtherVersion, load
 
 
 def reference(case: Case, folder=None) -> Reference | None:
-    """The closed form, else the stored reference, else None (always None where the solution is not
-    unique).
+    """Return the closed form, else the stored reference, else None; always None if the solution is
+    not unique.
 
-    BadReference (a ValueError) if the stored one is broken or of another version. What a closed
-    form does not tell (impulses, events) comes from the stored reference, if there is one; where
-    that is a certificate, the bound of the closed form is the distance to it and the certificate's
-    own bound: proven, and not only a count of roundings.
+    What a closed form leaves open (impulses, events) comes from the stored reference, if there is
+    one; where that is a certificate, the bound of the closed form is the distance to it plus the
+    certificate's own bound: proven, and not only a count of roundings.
+
+    Raises BadReference (a ValueError) if the stored one is broken or of another version.
     """
     if not case.unique:
         return None
@@ -47,14 +48,15 @@ def reference(case: Case, folder=None) -> Reference | None:
 
 
 def check(case: Case) -> None:
-    """Raises BadReference for a case whose stored reference is broken or of another version."""
+    """Raise BadReference for a case whose stored reference is broken or of another version."""
     if case.unique:
         _stored(case, None)
 
 
 def _stored(case: Case, folder) -> Reference | None:
-    """The stored reference; none, and not a broken one, where a case of somebody else bears the
-    name of a stored one."""
+    """Load the stored reference; None if a user's case bears the name of a stored one of another
+    version.
+    """
     try:
         return load(case, folder)
     except BadReference:
@@ -64,7 +66,7 @@ def _stored(case: Case, folder) -> Reference | None:
 
 
 def _registered(case: Case) -> bool:
-    """Is it a case of the package's own folder?"""
+    """Does the case come from the package's own folder of cases?"""
     import nsbench.cases as package
 
     homes = [Path(p).resolve() for p in package.__path__]

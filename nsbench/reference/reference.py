@@ -1,5 +1,4 @@
-"""What is known of a solution, and how much of it a closed form gives: states, impulses, events,
-the reaction."""
+"""The Reference dataclass, and references from closed forms: states, impulses, events, reaction."""
 
 from __future__ import annotations
 
@@ -22,18 +21,17 @@ TWICE = 2
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """What is known of a solution at the sample times.
+    """Hold the known solution at the sample times, with bounds of its own error.
 
-    t (k,), x (k, n); contacts: ids of the m columns of impulse (k, m), or impulse None where it is
-    not known;
-    reaction (k, n) or None (Filippov); events: Event with kind "" where only the time is known, or
-    None (unknown).
-    state_error, impulse_error, reaction_error: bounds of its own error (max norm), NaN for what is
-    None.
-    kind: "closed form", "stored" (two runs that agree) or "certified" (proven); how: who made it;
-    versions: of the libraries that did. event_error: bound of the event times, NaN where there are
-    none to tell; shown: further digits of a certified one, {"times": [...], "final": [...]} as
-    decimals.
+    t (k,), x (k, n); contacts: ids of the m columns of impulse (k, m), or impulse None if it is not
+    known; reaction (k, n) or None (Filippov); events: Event with kind "" if only the time is known,
+    or None (unknown).
+
+    state_error, impulse_error, reaction_error: bounds of its own error in the max norm, NaN for
+    what is None; event_error: bound of the event times, NaN if there are none. kind: "closed form",
+    "stored" (two runs that agree) or "certified" (proven); how: what made it; versions: of the
+    libraries that did. shown: further digits of a certified one, {"times": [...], "final": [...]}
+    as decimals.
     """
 
     t: np.ndarray
@@ -63,8 +61,10 @@ class Reference:
 
 
 def closed_form(case: Case) -> Reference:
-    """From case.exact, exact_impulse, exact_events; its own error is the rounding of the
-    formulas."""
+    """Build the reference from case.exact, exact_impulse and exact_events.
+
+    Its own error is the rounding of the formulas.
+    """
     t = case.t
     x = _checked(case, "exact", case.exact(t), (len(t), case.n))
     scale = max(1.0, float(np.abs(x).max(initial=0.0)))
@@ -103,6 +103,9 @@ def closed_form(case: Case) -> Reference:
 
 
 def _checked(case, name, value, shape):
+    """Return a closed form's values as float64 of the given shape; raise ValueError if they are not
+    finite or of another shape.
+    """
     value = np.asarray(value)
     if value.dtype.kind not in "fiu" or value.dtype in (np.float32, np.float16):
         raise TypeError(f"{name} of {case.key} returns {value.dtype}; float64 is needed")
@@ -116,7 +119,7 @@ def _checked(case, name, value, shape):
 
 
 def right_hand_side(problem):
-    """f(t, x) without the multipliers' part, in numpy; None for a Filippov system."""
+    """Return f(t, x) without the multipliers' part, in numpy; None for a Filippov system."""
     if isinstance(problem, Complementarity):
         return as_numpy(problem.drift)
     if isinstance(problem, LCS):
@@ -126,8 +129,9 @@ def right_hand_side(problem):
 
 
 def listed_contacts(case: Case) -> tuple:
-    """Ids of the rows of the families in order, all pairs excepted; of the surfaces of the other
-    classes."""
+    """List the ids of the rows of the families in order (all pairs excepted), or of the surfaces of
+    the other classes.
+    """
     p = case.problem
     if isinstance(p, Complementarity):
         from nsbench.dynamics.contacts.constraint_set import ConstraintSet
@@ -141,7 +145,7 @@ def listed_contacts(case: Case) -> tuple:
 
 
 def canonical(problem, contact) -> tuple:
-    """A contact's id with i < j where both are particles of one family."""
+    """Order a contact's id so that i < j where both are particles of one family."""
     c = tuple(int(v) for v in contact)
     if len(c) == 3 and c[1] > c[2] and isinstance(problem, Complementarity):
         family = problem.constraints[c[0]]
@@ -151,7 +155,9 @@ def canonical(problem, contact) -> tuple:
 
 
 def spread(problem, contacts, values, columns: dict) -> np.ndarray:
-    """`values` (k, m) of `contacts` on the `columns` {id: column}; absent contacts are zero."""
+    """Place `values` (k, m) of `contacts` on the `columns` {id: column}; absent
+    contacts are zero.
+    """
     out = np.zeros((len(values), len(columns)))
     for k, c in enumerate(contacts):
         out[:, columns[canonical(problem, c)]] += values[:, k]
@@ -159,7 +165,7 @@ def spread(problem, contacts, values, columns: dict) -> np.ndarray:
 
 
 def columns_of(problem, *lists) -> dict:
-    """One column for every contact of the lists of ids."""
+    """Assign one column to every contact of the lists of ids."""
     return {
         c: k for k, c in enumerate(sorted({canonical(problem, c) for ids in lists for c in ids}))
     }
@@ -174,8 +180,10 @@ def _constant_gradients(problem) -> bool:
 
 
 def _along_rows(case, impulse, ids):
-    """The reaction where gradients are rows of A: no quadrature of the drift, which a stiff layer
-    would spoil."""
+    """Compute the reaction where gradients are rows of A, from the impulses alone.
+
+    No quadrature of the drift, which a stiff layer would spoil.
+    """
     out = np.zeros((len(impulse), case.n))
     for column, (family, row) in zip(impulse.T, ids, strict=True):
         c = case.problem.constraints[family]
@@ -185,11 +193,12 @@ def _along_rows(case, impulse, ids):
 
 
 def _reaction(case, f, x, events):
-    """R(t) = x(t) - x(t0) - integral of f(s, x(s)) ds on pieces split at the events: (k, n) and a
-    bound of its error.
+    """Compute R(t) = x(t) - x(t0) - integral of f(s, x(s)) ds and a bound of its error: (k, n)
+    each.
 
-    Gauss rules of 12 nodes; a piece is halved until it agrees with its halves to rounding, at least
-    TWICE: a layer of a stiff drift is thinner than the distance of the nodes.
+    Gauss rules of 12 nodes on pieces split at the events; a piece is halved until it agrees with
+    its halves to rounding, at least TWICE: a layer of a stiff drift is thinner than the distance of
+    the nodes.
     """
     cuts = np.array([e.t for e in events if case.t[0] < e.t < case.t[-1]])
     knots = np.unique(np.concatenate((case.t, cuts)))
@@ -225,7 +234,7 @@ def _reaction(case, f, x, events):
 
 
 def _gauss(case, f, a, b):
-    """(len(a), n): integrals of f(s, x(s)) over [a_i, b_i]."""
+    """Integrate f(s, x(s)) over the intervals [a_i, b_i] by a Gauss rule: (len(a), n)."""
     node, weight = np.polynomial.legendre.leggauss(12)
     half = 0.5 * (b - a)
     s = (a + half)[:, None] + half[:, None] * node

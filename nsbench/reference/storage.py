@@ -1,9 +1,8 @@
-"""Stored references: NAME.npz holds the arrays, NAME.json who made them, how, their own error and a
-checksum.
+"""Storage of references: NAME.npz holds the arrays, NAME.json their origin, own error and checksum.
 
-One belongs to one version of a case: start, sample times, parameters and the text of the case file
-(without comments and docstrings) are kept with it, and one made for another version is refused with
-a sentence.
+A stored reference belongs to one version of a case: start, sample times, parameters and the text of
+the case file (without comments and docstrings) are stored with it, and one made for another version
+is refused with a sentence.
 """
 
 from __future__ import annotations
@@ -32,12 +31,13 @@ KINDS = ("stored", "certified")
 
 
 class BadReference(ValueError):
-    """A stored reference that is broken or belongs to another version of its case; the message
-    names the file."""
+    """Report a stored reference that is broken or belongs to another version of its case; names the
+    file.
+    """
 
 
 class OtherVersion(BadReference):
-    """It is whole, and belongs to another version of its case."""
+    """Report a stored reference that is whole, but belongs to another version of its case."""
 
 
 def home() -> Path:
@@ -47,19 +47,21 @@ def home() -> Path:
 
 
 def stem(case: Case) -> str:
-    """File-safe form of the case's key: ``discs_n30_seed0``."""
+    """Return the file-safe form of the case's key: ``discs_n30_seed0``."""
     parts = [case.name, *(f"{k}{format_value(v)}" for k, v in case.params.items())]
     return re.sub(r"[^A-Za-z0-9_.+-]", "-", "_".join(parts))
 
 
 def files_of(case: Case, folder=None) -> tuple[Path, Path]:
-    """Paths of the arrays and of the description, whether they exist or not."""
+    """Return the paths of the arrays and of the description, whether they exist or not."""
     base = Path(folder) if folder is not None else home()
     return base / f"{stem(case)}.npz", base / f"{stem(case)}.json"
 
 
 def source_hash(path: str) -> str:
-    """sha256 of a case file without comments, docstrings and blank lines; "" without a file."""
+    """Compute the sha256 of a case file without comments, docstrings and blank lines; "" without a
+    file.
+    """
     if not path or not Path(path).is_file():
         return ""
     text = Path(path).read_text(encoding="utf-8").replace("\r\n", "\n")
@@ -80,7 +82,7 @@ def source_hash(path: str) -> str:
 
 
 def fingerprint(case: Case) -> dict:
-    """What a stored reference must agree with, besides x0 and t."""
+    """Collect what a stored reference must agree with, besides x0 and t."""
     return {
         "case": case.key,
         "n": case.n,
@@ -90,6 +92,7 @@ def fingerprint(case: Case) -> dict:
 
 
 def _checksum(arrays: dict, meta: dict) -> str:
+    """Compute the sha256 of arrays and description together."""
     digest = hashlib.sha256(
         json.dumps({k: v for k, v in meta.items() if k != "checksum"}, sort_keys=True).encode()
     )
@@ -101,7 +104,7 @@ def _checksum(arrays: dict, meta: dict) -> str:
 
 
 def store(case: Case, ref: Reference, folder=None) -> Path:
-    """Write both files, each at once; returns the path of the arrays."""
+    """Write both files atomically; return the path of the arrays."""
     arrays = {"t": ref.t, "x0": case.x0, "x": ref.x}
     arrays |= {
         k: v for k, v in (("impulse", ref.impulse), ("reaction", ref.reaction)) if v is not None
@@ -143,7 +146,9 @@ def store(case: Case, ref: Reference, folder=None) -> Path:
 
 
 def _small_enough(npz: Path, js: Path) -> None:
-    """ValueError for files, or arrays packed in them, that are far larger than any reference."""
+    """Raise ValueError for files, or arrays packed in them, that are far larger
+    than any reference.
+    """
     for path in (npz, js):
         if path.stat().st_size > ENOUGH:
             raise ValueError(
@@ -156,8 +161,10 @@ def _small_enough(npz: Path, js: Path) -> None:
 
 
 def load(case: Case, folder=None) -> Reference | None:
-    """The stored reference; None if there is none, BadReference if it is broken or of another
-    version of the case."""
+    """Load the stored reference of a case; None if there is none.
+
+    Raises BadReference if it is broken, or belongs to another version of the case.
+    """
     npz, js = files_of(case, folder)
     if not npz.exists() and not js.exists():
         return None

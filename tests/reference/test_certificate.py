@@ -20,10 +20,12 @@ from nsbench import (  # noqa: E402
     get_case,
     reference,
 )
-from nsbench.reference.certify.ball_algebra import Refused  # noqa: E402
+from nsbench.reference.certify.ball_algebra import (
+    Refused,  # noqa: E402
+    positive,  # noqa: E402
+)
 from nsbench.reference.certify.certificate import certify  # noqa: E402
 from nsbench.reference.certify.claimed_arcs import arcs_of  # noqa: E402
-from nsbench.reference.certify.positivity import positive  # noqa: E402
 
 TIDE = get_case("tide")
 

@@ -1,7 +1,6 @@
-"""The array namespace of certificates: what a factory is given in place of numpy, for arrays of
-jets.
+"""Array namespace of certificates: given to a factory in place of numpy, for arrays of ball series.
 
-Kinks of a drift (maximum, minimum, abs, clip, where) are decided once per step: `Branches` notes
+Kinks of a drift (maximum, minimum, abs, clip, where) are decided once per step: `Branches` records
 every comparison with the number that decides it, so that the integrator can end the step where that
 number changes its sign.
 """
@@ -30,8 +29,9 @@ ELEMENTWISE = {
 
 
 class Branches:
-    """The comparisons of one evaluation in order: choices (decided at the first one, kept later),
-    deciders (jets)."""
+    """Record the comparisons of one evaluation in order: choices (decided at the first one, kept
+    later), deciders (jets).
+    """
 
     def __init__(self, choices=None):
         self.choices = list(choices or ())
@@ -48,7 +48,9 @@ class Branches:
 
 
 def sign_after(jet: Jet, low: bool) -> bool:
-    """Sign of a series for small positive times: that of the first coefficient that is not zero."""
+    """Is a series positive for small positive times? The first coefficient that is not zero
+    decides.
+    """
     for k in range(min(jet.length, 6)):
         c = jet.at(k)
         if c > 0 and float(c.mid()) > ROUNDING:
@@ -63,19 +65,22 @@ def sign_after(jet: Jet, low: bool) -> bool:
 
 
 class _Current:
+    """Hold the branches in which comparisons are recorded now."""
+
     branches: Branches | None = None
 
 
 def watching(branches: Branches | None):
-    """Make `branches` the ones that comparisons are noted in; returns the former ones."""
+    """Record comparisons in `branches` from now on; return the former branches."""
     old = _Current.branches
     _Current.branches = branches
     return old
 
 
 def decide(difference, low: bool) -> bool:
-    """The sign of a number of any kind, through the current branches; balls alone decide without
-    them."""
+    """Decide the sign of a number of any kind through the current branches; balls alone decide
+    without them.
+    """
     number = difference if isinstance(difference, Number) else Jet.lift(None, difference)
     if _Current.branches is not None:
         return _Current.branches.ask(number, low)
@@ -83,12 +88,14 @@ def decide(difference, low: bool) -> bool:
 
 
 def noted() -> list[Number]:
-    """The numbers that decided the comparisons so far."""
+    """List the numbers that have decided the comparisons so far."""
     return _Current.branches.deciders if _Current.branches is not None else []
 
 
 def elementary(name, value):
-    """A function of a number or a plain float, rounded outwards in both cases."""
+    """Evaluate an elementary function of a number or a plain float, rounded
+    outwards in both cases.
+    """
     return getattr(value if isinstance(value, Number) else Jet.lift(None, value), name)()
 
 
@@ -105,6 +112,8 @@ def _is_ge(a, b):
 
 
 def _pairwise(f):
+    """Lift a function of two numbers to arrays."""
+
     def g(a, b):
         a, b = np.broadcast_arrays(np.asarray(a, object), np.asarray(b, object))
         out = np.empty(a.shape, object)
@@ -116,6 +125,8 @@ def _pairwise(f):
 
 
 def _one(f):
+    """Lift a function of one number to arrays."""
+
     def g(a):
         return (
             _each(a, f)
@@ -127,8 +138,9 @@ def _one(f):
 
 
 class Taylor:
-    """Functions by numpy's names. Constants stay floats; whatever depends on state or time is an
-    array of numbers."""
+    """Provide numpy's functions by name. Constants stay floats; what depends on state or time is an
+    array of numbers.
+    """
 
     __name__ = "taylor"
     pi = np.pi
@@ -258,7 +270,7 @@ def _view(a):
 
 
 def _plain(values):
-    """Lists of numbers and of arrays of one number, as people write xp.array([x[0:1], ...])."""
+    """Flatten lists of numbers and of arrays of one number, as in xp.array([x[0:1], ...])."""
     return [_plain(v) for v in values] if isinstance(values, (list, tuple)) else values
 
 
@@ -274,8 +286,9 @@ NAMESPACE = Taylor()
 
 
 def vector(values, n: int) -> list:
-    """What a factory's function returned, as a list of n numbers; ValueError if the shape is
-    another."""
+    """Convert what a factory's function returned to a list of n numbers; raise ValueError for
+    another shape.
+    """
     out = np.asarray(values, object).reshape(-1)
     if out.size != n:
         raise ValueError(

@@ -1,5 +1,5 @@
-"""Numbers a drift can be evaluated in: power series in time with ball coefficients, with partial
-derivatives, complex.
+"""Ball series: truncated power series in time with ball coefficients, which a drift can be
+evaluated in.
 
 Jet is a truncated series a_0 + a_1 s + ... + O(s^L) whose coefficients are balls (python-flint's
 arb_series): every operation rounds outwards, so what is true of a ball is true of every number in
@@ -21,16 +21,17 @@ ROUNDING = 1e-25  # a ball this close to zero counts as zero when the side of a 
 
 
 class NotDecided(ArithmeticError):
-    """A comparison of balls that overlap: the answer differs within the ball."""
+    """Report a comparison of balls that overlap: the answer differs within the ball."""
 
 
 def exact(value) -> arb:
-    """A float, an integer or an arb as an arb without rounding."""
+    """Convert a float, an integer or an arb to an arb without rounding."""
     return value if isinstance(value, arb) else arb(float(value))
 
 
 class Number:
-    """What the kinds of numbers share: operators with arrays and plain numbers on either side.
+    """Provide what all kinds of numbers share: operators with arrays and plain numbers on either
+    side.
 
     A kind gives level (numbers of a lower level are constants to it), lift(constant), add, mul,
     neg, inv, the elementary functions through `apply`, and `leading` (the number whose sign decides
@@ -40,8 +41,9 @@ class Number:
     __slots__ = ()
 
     def _other(self, other):
-        """`other` as a number of this kind; NotImplemented for arrays and numbers of a higher
-        level."""
+        """Convert `other` to a number of this kind; NotImplemented for arrays and numbers of a
+        higher level.
+        """
         if isinstance(other, Number):
             if other.level > self.level:
                 return NotImplemented
@@ -172,8 +174,7 @@ class Number:
 
 
 def _promoted(self, other, name):
-    """The operation with self lifted to the level of `other`; NotImplemented for arrays, which know
-    what to do."""
+    """Apply the operation with self lifted to the level of `other`; NotImplemented for arrays."""
     if isinstance(other, Number):
         return getattr(other.lift(self), name)(other)
     if isinstance(other, complex):
@@ -184,6 +185,7 @@ def _promoted(self, other, name):
 
 
 def _whole_power(x, k):
+    """Raise a number to an integer power by repeated squaring."""
     if k < 0:
         return _whole_power(x, -k).inv()
     if k == 0:
@@ -193,7 +195,7 @@ def _whole_power(x, k):
 
 
 class Jet(Number):
-    """A power series; s: arb_series."""
+    """Represent a truncated power series with ball coefficients; s: arb_series."""
 
     __slots__ = ("s",)
     level = 0

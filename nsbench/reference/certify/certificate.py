@@ -4,8 +4,8 @@ proven.
 An independent computation (Taylor series with high-precision coefficients, events by Newton,
 multipliers by series division) follows the arcs; balls then bound its distance from the solution
 and show that on every arc the gaps, the multipliers and the sliding weights keep their signs. The
-solution through a state is unique, so that is a proof that the path is the solution. Needs
-python-flint (the extra "certify"); what is stored needs nothing.
+solution through a state is unique, so this proves that the path is the solution. Needs python-flint
+(the extra "certify"); what is stored needs nothing.
 """
 
 from __future__ import annotations
@@ -32,9 +32,12 @@ AGREE = 1e-9  # the run that gave the arcs must be this close to what came out o
 
 @dataclass(frozen=True, eq=False)
 class Certificate:
-    """reference: rounded to double, its bounds with the rounding; times, final: 30 digits; proven:
-    bounds without rounding; notes: what was taken without proof; arcs, steps: how many; seconds are
-    the caller's."""
+    """Hold a proven reference.
+
+    reference: rounded to double, its bounds including the rounding; times, final: 30 digits;
+    proven: bounds without rounding; notes: what was taken without proof; arcs, steps: how many;
+    seconds are the caller's.
+    """
 
     reference: Reference
     proven: dict
@@ -48,7 +51,7 @@ def available() -> bool:
 
 
 def why_not(case: Case) -> str | None:
-    """Why no certificate can be made; None if it can be tried."""
+    """Return why no certificate can be made for the case; None if it can be tried."""
     if not available():
         return "python-flint is not installed (pip install nsbench[certify])"
     if not case.unique:
@@ -72,8 +75,12 @@ def why_not(case: Case) -> str | None:
 def certify(
     case: Case, arcs=None, order: int = 40, digits: float = 36.0, bits: int = 200
 ) -> Certificate:
-    """Follow and prove the arcs (by default those of event_driven). ValueError (Refused) with the
-    place and the reason where they are not the solution or that cannot be shown."""
+    """Follow and prove the arcs (by default those of event_driven).
+
+    order: of the Taylor series; digits: truncation of a step; bits: working precision. Raises
+    Refused (a ValueError) with the place and the reason if they are not the solution or that cannot
+    be shown.
+    """
     why = why_not(case)
     if why:
         raise ValueError(why)
@@ -151,7 +158,7 @@ def certify(
 
 
 def rounding(values) -> float:
-    """Largest rounding of values to double: half a unit of the largest one."""
+    """Bound the rounding of values to double: half a unit in the last place of the largest one."""
     return 0.5 * EPS * max(1.0, float(np.abs(values).max(initial=0.0)))
 
 

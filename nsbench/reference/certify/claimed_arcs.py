@@ -1,5 +1,5 @@
-"""What an event-driven run claims: its arcs, each with the contacts held or the mode, and how it
-ends.
+"""Arcs that an event-driven run claims: active contacts or mode of each, and the event that ends
+it.
 
 Only the public trajectory is read. The case is run once more with samples inside every arc, and
 what acts there is what has an impulse there. Nothing of it is believed: the certificate proves or
@@ -27,8 +27,8 @@ ACTS = 1e-10  # multiplier that acts, relative to the largest of the arc
 
 @dataclass(frozen=True)
 class Arc:
-    """From where the last arc ended up to time `end`, where the `triggers` (what, contact) reach
-    zero.
+    """Describe one arc: from the end of the last one to time `end`, where the `triggers` (what,
+    contact) reach zero.
 
     held: contacts with a multiplier; shut: closed ones without; mode: signs of the surfaces
     (Filippov); events: (kind, contact) of all that the run reports for that instant.
@@ -43,7 +43,7 @@ class Arc:
 
 
 def arcs_of(case: Case, spec: str = "event_driven", tol: float = 1e-13) -> list[Arc]:
-    """The arcs of a run. ValueError if it does not end well."""
+    """Read off the arcs of a run; raise ValueError if it does not end well."""
     first = _run(case, spec, tol)
     times = instants(case, first.events)
     cuts = np.concatenate(([case.t[0]], [t for t, _ in times], [case.t[-1]]))
@@ -68,8 +68,9 @@ def arcs_of(case: Case, spec: str = "event_driven", tol: float = 1e-13) -> list[
 
 
 def _switches(arc: Arc, after: Arc) -> tuple:
-    """What vanishes where a mode changes to the next: the room of a sign on the side it leaves to,
-    or the side itself."""
+    """List what vanishes where a mode changes to the next: the margin of a sign on the side it
+    leaves to, or the switch itself.
+    """
     out = []
     for _, contact in arc.events:
         old = arc.mode[contact[1]]
@@ -82,8 +83,9 @@ def _switches(arc: Arc, after: Arc) -> tuple:
 
 
 def _causes(triggers, kind) -> tuple:
-    """Where something is met, whatever lets go at the same instant may do so by a jump: the meeting
-    is the cause."""
+    """Keep the triggers that cause an event: where a surface or contact is reached, what releases
+    at the same instant may do so by a jump.
+    """
     met = [t for t in triggers if t[0] == kind]
     return tuple(dict.fromkeys(met or triggers))
 
@@ -96,7 +98,7 @@ def _run(case, spec, tol):
 
 
 def instants(case: Case, events) -> list:
-    """(time, events) of events that fall together, inside the run."""
+    """Group the events that fall together: (time, events), inside the run."""
     out = []
     for e in sorted(events, key=lambda e: e.t):
         if out and e.t - out[-1][0] < TOGETHER:
@@ -112,6 +114,7 @@ def instants(case: Case, events) -> list:
 
 
 def _arc(case, traj, at, end, events) -> Arc:
+    """Describe the arc about the time `at` from the samples of the run."""
     t = traj.t[at]
     x = traj.x[at]
     mean = (traj.impulse[at[1:]] - traj.impulse[at[:-1]]) / np.diff(t)[:, None]
@@ -126,6 +129,9 @@ def _arc(case, traj, at, end, events) -> Arc:
 
 
 def _contacts(case, traj, t, x, mean, end, events):
+    """Split the closed contacts of an arc into those with a multiplier and those without; find its
+    triggers.
+    """
     from nsbench.dynamics.contacts.constraint_set import ConstraintSet
 
     scene = ConstraintSet(case.problem, case.n)

@@ -1,4 +1,4 @@
-"""The constraints of a small scene as a list, all pairs of hard particles included."""
+"""Constraints of a small scene as a list of rows, all pairs of hard particles included."""
 
 from __future__ import annotations
 
@@ -14,8 +14,9 @@ from nsbench.problem import Affine, Distance
 
 @dataclass(frozen=True)
 class Row:
-    """One constraint: its id, its family's number, kind, and what the kind needs (columns, values,
-    sign, distance)."""
+    """Describe one constraint: its id, its family's number, kind, and what the kind needs (columns,
+    values, sign, distance).
+    """
 
     id: tuple
     family: int
@@ -29,7 +30,7 @@ class Row:
 
 
 def rows_of(case: Case) -> list[Row]:
-    """Every constraint of a small scene, all pairs listed, in the stated order."""
+    """List every constraint of a small scene in the stated order, all pairs included."""
     scene = ConstraintSet(case.problem, case.n)
     out = []
     for k, c in enumerate(case.problem.constraints):
@@ -55,6 +56,7 @@ def rows_of(case: Case) -> list[Row]:
 
 
 def _distances(k, c, n, scene):
+    """List the constraints of a Distance family: pairs, links, anchors."""
     count = c.particles(n)
     place = lambda i: tuple(range(c.start + i * c.dim, c.start + (i + 1) * c.dim))
     if c.all_pairs:

@@ -1,12 +1,11 @@
-"""The equations of one arc, for numbers of any kind: velocity, algebraic unknowns, and what must
-stay positive.
+"""Equations of one arc with active contacts, for numbers of any kind: velocity, unknowns, watched
+signs.
 
-A flow has unknowns u (multipliers of the contacts held, or signs of the surfaces slid on) given by
-residual(u) = 0;
-x' = velocity(u). `watch` lists what the arc claims to be non-negative: gaps of the other contacts,
-the multipliers, the sides of the surfaces and the room that is left to the signs. The solution of
-the system through a state is unique, so a curve that solves the equations and keeps these signs is
-the solution.
+A flow has unknowns u (multipliers of the active contacts, or signs of the sliding surfaces) given
+by residual(u) = 0, and x' = velocity(u). `watch` lists what the arc claims to be non-negative: gaps
+of the other contacts, the multipliers, the sides of the surfaces and the margins of the signs. The
+solution of the system through a state is unique, so a curve that solves the equations and keeps
+these signs is the solution.
 """
 
 from __future__ import annotations
@@ -24,8 +23,9 @@ from nsbench.reference.certify.dual_numbers import INNER, Dual, array
 
 
 class ContactFlow:
-    """Complementarity system with the contacts `held` (independent) at zero; `shut` follow from
-    them."""
+    """Describe the complementarity system with the (independent) contacts `held` at zero; `shut`
+    follow from them.
+    """
 
     def __init__(self, case: Case, held=(), shut=(), rows=None):
         self.case = case
@@ -45,11 +45,11 @@ class ContactFlow:
                 self._factories[k] = part(NAMESPACE)
 
     def at(self, t: Jet, x: list) -> ContactPoint:
-        """Evaluations at time t (one coefficient longer than the state) and state x (n numbers)."""
+        """Evaluate at time t (one coefficient longer than the state) and state x (n numbers)."""
         return ContactPoint(self, t, x)
 
     def names(self):
-        """Ids of the impulses, in the order of `rates`."""
+        """List the ids of the impulses, in the order of `rates`."""
         return tuple(r.id for r in self.held)
 
     def invariants(self, point) -> list:
@@ -57,6 +57,8 @@ class ContactFlow:
 
 
 class ContactPoint:
+    """Evaluate gaps, gradients and velocity of a contact flow at one time and state."""
+
     def __init__(self, flow, t, x):
         self.flow = flow
         self.t = t
@@ -68,7 +70,7 @@ class ContactPoint:
         self.rates = [self.rate(r) for r in flow.held]
 
     def _curve(self, k):
-        """Values of a moving family: b(t) or anchors(t)."""
+        """Evaluate a moving family: b(t) or anchors(t)."""
         if k not in self._curves:
             self._curves[k] = np.asarray(self.flow._factories[k](self.t), object)
         return self._curves[k]
@@ -91,6 +93,7 @@ class ContactPoint:
         return [self.x[a] - b for a, b in zip(r.cols, anchor, strict=True)]
 
     def gap(self, r: Row):
+        """Evaluate the gap g of a constraint."""
         if r.kind == "smooth":
             g = self._g(r)
             return g.v if isinstance(g, Dual) and g.level == INNER else g
@@ -106,14 +109,16 @@ class ContactPoint:
         return r.sign * (size - d)
 
     def side(self, r: Row):
-        """A smooth number with the sign of the gap: of distances the squares, which have no kink at
-        coincidence."""
+        """Evaluate a smooth number with the sign of the gap: of distances the squares, which have
+        no kink at coincidence.
+        """
         if r.kind in ("smooth", "affine"):
             return self.gap(r)
         d = arb(r.d[0]) + arb(r.d[1]) if isinstance(r.d, tuple) else arb(r.d)
         return r.sign * (sum(v * v for v in self._difference(r)) - d * d)
 
     def gradient(self, r: Row) -> dict:
+        """Evaluate the gradient of a gap: {column: number}."""
         if r.kind == "smooth":
             g = self._g(r)
             return {j: v for j, v in g.d.items() if j < self.flow.n} if isinstance(g, Dual) else {}
@@ -128,7 +133,7 @@ class ContactPoint:
         )
 
     def rate(self, r: Row):
-        """dg/dt at fixed x."""
+        """Evaluate dg/dt at fixed x."""
         c = self.flow.case.problem.constraints[r.family]
         if r.kind == "smooth":
             g = self._g(r)
@@ -152,7 +157,7 @@ class ContactPoint:
         return v
 
     def residual(self, u) -> list:
-        """d g_k / dt along the motion, of the contacts held."""
+        """Evaluate d g_k / dt along the motion for the active contacts."""
         v = self.velocity(u)
         return [
             sum((a * v[j] for j, a in grad.items()), start=Jet.lift(None, 0.0) + rate)
@@ -160,19 +165,19 @@ class ContactPoint:
         ]
 
     def matrix(self, u) -> arb_mat:
-        """d residual / d u in the leading coefficients: G G^T."""
+        """Return d residual / d u in the leading coefficients: G G^T."""
         G = [{j: lead(a) for j, a in grad.items()} for grad in self.grads]
         return arb_mat(
             [[sum((a[j] * b[j] for j in a if j in b), start=arb(0)) for b in G] for a in G]
         )
 
     def start(self) -> list:
-        """Leading coefficients of the unknowns."""
+        """Compute the leading coefficients of the unknowns."""
         zero = [Jet.lift(None, 0.0)] * self.flow.m
         return solve(self.matrix(zero), [-lead(v) for v in self.residual(zero)])
 
     def watch(self, u) -> dict:
-        """What is claimed to be non-negative, by (what, id); gaps as `side`."""
+        """Collect what is claimed to be non-negative, by (what, id); gaps as `side`."""
         out = {("gap", r.id): self.side(r) for r in self.flow.others}
         return out | {("lam", r.id): v for r, v in zip(self.flow.held, u, strict=True)}
 
@@ -188,7 +193,7 @@ def _slope(value):
 
 
 def make_flow(case: Case, arc, rows=None):
-    """The flow of an arc of nsbench.reference.certify.claimed_arcs."""
+    """Build the flow of a claimed arc: contacts or sliding mode."""
     if isinstance(case.problem, Complementarity):
         return ContactFlow(case, arc.held, arc.shut, rows)
     if isinstance(case.problem, Filippov):

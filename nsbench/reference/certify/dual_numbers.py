@@ -1,5 +1,6 @@
-"""Partial derivatives, complex numbers and arrays of numbers, on top of the series of
-nsbench.reference.certify.ball_series."""
+"""Dual and complex numbers over ball series: partial derivatives, complex arithmetic, arrays of
+numbers.
+"""
 
 from __future__ import annotations
 
@@ -7,9 +8,8 @@ import numpy as np
 
 from nsbench.reference.certify.ball_series import COMPLEX, Jet, Number
 
-INNER = (
-    2  # level of the derivatives that make gradients; level 1 is left for those of the whole flow
-)
+# level of the derivatives that make gradients; level 1 is left for those of the whole flow
+INNER = 2
 SLOPES = {  # derivative of f at v, given f(v)
     "sqrt": lambda v, f: 0.5 / f,
     "exp": lambda v, f: f,
@@ -23,7 +23,9 @@ SLOPES = {  # derivative of f at v, given f(v)
 
 
 class Dual(Number):
-    """v + sum_j d[j] eps_j, products of eps vanish; level tells nested ones apart (1, 2)."""
+    """Represent v + sum_j d[j] eps_j where products of eps vanish; level distinguishes nested ones
+    (1, 2).
+    """
 
     __slots__ = ("d", "level", "v")
 
@@ -70,7 +72,7 @@ class Dual(Number):
 
 
 class Complex(Number):
-    """re + i im; both real numbers of any kind."""
+    """Represent re + i im; both real numbers of any kind."""
 
     __slots__ = ("im", "re")
     level = COMPLEX
@@ -131,7 +133,7 @@ class Complex(Number):
 
 
 class JetArray(np.ndarray):
-    """An object array of numbers with real and imaginary parts taken entry by entry."""
+    """Hold an object array of numbers with real and imaginary parts taken entry by entry."""
 
     @property
     def real(self):
@@ -156,5 +158,5 @@ def _each(a, f):
 
 
 def array(values) -> JetArray:
-    """Numbers (or nested lists, arrays of them) as a JetArray."""
+    """Convert numbers (or nested lists, arrays of them) to a JetArray."""
     return np.array(values, dtype=object).view(JetArray)

@@ -34,8 +34,9 @@ SMALLEST = 2.0**-22  # part of a step below which the proof is given up
 
 @dataclass
 class Bounds:
-    """Proven bounds in exact arithmetic: state (2-norm), impulse, reaction (max norm), event times;
-    `notes` says what was taken and not proven."""
+    """Hold proven bounds: state (2-norm), impulse, reaction (max norm), event times; notes: what
+    was taken and not proven.
+    """
 
     state: float = 0.0
     impulse: float = 0.0
@@ -45,13 +46,19 @@ class Bounds:
 
 
 def enclose(path: Path, digits: Digits) -> Bounds:
-    """Bounds of a path as a solution from where it starts. Refused where a sign does not hold or
-    cannot be shown."""
+    """Bound the distance of a path from the solution through its start.
+
+    Raises Refused if a sign does not hold or cannot be shown.
+    """
     with precision(digits):
         return ErrorTube(path, 10.0 ** (2.0 - digits.digits)).run()
 
 
 class ErrorTube:
+    """Carry the error bound r along the path, piece by piece, and prove the watched signs in the
+    tube.
+    """
+
     def __init__(self, path, fine):
         self.path = path
         self.fine = fine
@@ -63,6 +70,7 @@ class ErrorTube:
         self.notes = []
 
     def run(self) -> Bounds:
+        """Advance the bound over all pieces and events; return the bounds of the whole path."""
         for k, piece in enumerate(self.path.pieces):
             if k:
                 self._join(self.path.pieces[k - 1], piece)
@@ -85,8 +93,9 @@ class ErrorTube:
         )
 
     def _shut(self, piece) -> float:
-        """Largest gap of the contacts that are closed without being held, at the ends and middles
-        of the steps."""
+        """Bound the gaps of the contacts that are closed without being active, at the ends and
+        middles of the steps.
+        """
         rows = {r.id: r for r in piece.flow.all_rows}
         worst = 0.0
         for st in piece.steps:
@@ -107,6 +116,7 @@ class ErrorTube:
         return max(worst, 1e-40)
 
     def _step(self, piece, st):
+        """Advance the bound over one Taylor step, halving pieces until every proof succeeds."""
         h = float(st.h)
         todo = [(h * (k / PIECES), h * ((k + 1) / PIECES)) for k in reversed(range(PIECES))]
         while todo:
@@ -118,7 +128,7 @@ class ErrorTube:
                 todo += [(0.5 * (a + b), b), (a, 0.5 * (a + b))]
 
     def _piece(self, piece, st, a, b, first, last):
-        """Advance the bound over [a, b] of a step; a sentence if a proof fails there."""
+        """Advance the bound over [a, b] of a step; return a sentence if a proof fails there."""
         # the ends of a step are not floats: a last piece is seen from the end itself, and a little
         # longer than it is
         centre = arb(a) if first else st.h if last else arb(0.5 * (a + b))
@@ -160,7 +170,7 @@ class ErrorTube:
         return None
 
     def _join(self, before, after):
-        """Error of the event's time, and what it does to the state."""
+        """Bound the error of an event's time and what it adds to the error of the state."""
         self.times.append(
             self._pass(
                 before.flow, before.steps[-1], after.flow, after.steps[0], before.arc.triggers
@@ -170,7 +180,7 @@ class ErrorTube:
         self.largest = max(self.largest, self.r)
 
     def _bend(self, piece, old, new):
-        """The same where the drift has a kink: deciders that changed their choice."""
+        """Do the same at a kink of the drift: deciders that changed their choice."""
         turned = [
             ("kink", k)
             for k, (a, b) in enumerate(zip(old.choices, new.choices, strict=True))
@@ -179,8 +189,9 @@ class ErrorTube:
         self._pass(piece.flow, old, piece.flow, new, turned)
 
     def _pass(self, flow, old, next_flow, new, keys) -> float:
-        """Bound of the time at which the numbers `keys` vanish at the end of the step `old`; the
-        state takes its share."""
+        """Bound the time at which the numbers `keys` vanish at the end of the step `old`; add its
+        share to the state's error.
+        """
         end = PieceBounds(flow, old, old.h, -1e-12 * float(old.h), 0.0, self.r, series=2)
         begin = PieceBounds(next_flow, new, arb(0), 0.0, 1e-12 * float(new.h), self.r, series=2)
         miss = 0.0

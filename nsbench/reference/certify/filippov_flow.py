@@ -1,4 +1,6 @@
-"""The equations of one arc of a Filippov system; see nsbench.reference.certify.contact_flow."""
+"""Equations of one arc of a Filippov system, sliding included; see
+nsbench.reference.certify.contact_flow.
+"""
 
 from __future__ import annotations
 
@@ -15,8 +17,9 @@ from nsbench.reference.certify.dual_numbers import INNER, Dual, array
 
 
 class SlidingFlow:
-    """Filippov system in the mode p (+1, -1 beside a surface, 0 on it); unknowns are the signs of
-    the surfaces with 0."""
+    """Describe the Filippov system in the mode p (+1, -1 off a surface, 0 on it); unknowns are the
+    signs of the surfaces with 0.
+    """
 
     def __init__(self, case: Case, mode):
         self.case = case
@@ -38,6 +41,8 @@ class SlidingFlow:
 
 
 class SlidingPoint:
+    """Evaluate velocity, switches and margins of a sliding flow at one time and state."""
+
     def __init__(self, flow, t, x):
         self.flow = flow
         n = flow.n
@@ -55,8 +60,9 @@ class SlidingPoint:
             self.corners[code] = F, [_along(c[i].d, F, n) for i in flow.on]
 
     def _blend(self, values, u):
-        """Multilinear in the signs u: the corners weighted by products of (1 + s)/2 and (1 -
-        s)/2."""
+        """Interpolate multilinearly in the signs u: corners weighted by products of (1 + s)/2 and
+        (1 - s)/2.
+        """
         if not u:
             return values[()]
         weights = [{1: 0.5 * (1.0 + s), -1: 0.5 * (1.0 - s)} for s in u]
@@ -84,6 +90,7 @@ class SlidingPoint:
         )
 
     def start(self):
+        """Compute the leading coefficients of the unknown signs."""
         if self.flow.m == 0:
             return []
         if self.flow.m == 1:

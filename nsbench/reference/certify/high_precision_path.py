@@ -1,5 +1,4 @@
-"""Follow the arcs that a run claims in many digits: Taylor steps, events by Newton, the next arc
-from there.
+"""High-precision path: follow the claimed arcs by Taylor steps, events by Newton's method.
 
 Nothing is chosen here: an arc whose claimed event is not where the run saw it, or which does not
 start on its constraints, is refused with a sentence.
@@ -31,7 +30,9 @@ MOST_STEPS = 20_000
 
 @dataclass(frozen=True)
 class Digits:
-    """Order of the series, truncation of a step (decimal digits), working precision (bits)."""
+    """Hold the order of the series, the truncation of a step (decimal digits) and the working
+    precision (bits).
+    """
 
     order: int
     digits: float
@@ -40,8 +41,9 @@ class Digits:
 
 @dataclass(eq=False)
 class Piece:
-    """One arc as followed: where it started and ended (arb), its flow and steps; moved: how far its
-    start was put on its constraints."""
+    """Hold one arc as followed: start and end (arb), its flow and steps; moved: distance by which
+    its start was projected onto its constraints.
+    """
 
     arc: Arc
     flow: object
@@ -53,8 +55,9 @@ class Piece:
 
 @dataclass(eq=False)
 class Path:
-    """The pieces and what was read off: x (k, n), impulse (k, m) of `contacts`, reaction (k, n) as
-    lists of arb."""
+    """Hold the pieces and the samples: x (k, n), impulse (k, m) of `contacts`, reaction (k, n) as
+    lists of arb.
+    """
 
     pieces: list[Piece]
     contacts: tuple
@@ -65,7 +68,7 @@ class Path:
 
 
 class precision:
-    """python-flint's working precision, set for a block and put back."""
+    """Set python-flint's working precision for a block and restore it."""
 
     def __init__(self, digits: Digits):
         self.digits = digits
@@ -80,12 +83,14 @@ class precision:
 
 
 def follow(case: Case, arcs: list[Arc], digits: Digits, x0) -> Path:
-    """The path along the arcs. Refused where it does not go on as claimed."""
+    """Follow the arcs from x0; raise Refused where the path does not go on as claimed."""
     with precision(digits):
         return ArcFollower(case, arcs, digits, x0).run()
 
 
 class ArcFollower:
+    """Follow claimed arcs one after the other and sample them."""
+
     def __init__(self, case, arcs, digits, x0):
         self.case = case
         self.arcs = arcs
@@ -98,6 +103,7 @@ class ArcFollower:
         self.taken = 0
 
     def run(self) -> Path:
+        """Follow all arcs; return the path with its samples."""
         pieces = []
         moved = self._feasible()
         for k, arc in enumerate(self.arcs):
@@ -126,8 +132,9 @@ class ArcFollower:
         )
 
     def _feasible(self) -> float:
-        """Put a start that violates constraints by rounding exactly on them: what lies below ON
-        counts as rounding."""
+        """Project a start that violates constraints by rounding exactly onto them: what lies below
+        ON counts as rounding.
+        """
         if self.rows is None:
             return 0.0
         point = ContactFlow(self.case, (), (), self.rows).at(
@@ -141,8 +148,10 @@ class ArcFollower:
         )
 
     def _onto(self, flow, arc) -> float:
-        """Put the state on the invariants of the arc, along their gradients: how far that is;
-        Refused if it is far."""
+        """Project the state onto the invariants of the arc along their gradients.
+
+        Returns how far that is; raises Refused if it is far.
+        """
         start = list(self.x)
         for _ in range(8):
             one = Jet.lift(None, 1.0)
@@ -180,6 +189,7 @@ class ArcFollower:
         )
 
     def _arc(self, piece, last):
+        """Follow one arc by Taylor steps to the event that ends it."""
         end = arb(float(self.case.t[-1])) if last else None
         goal = arb(piece.arc.end)
         choices = None
@@ -209,8 +219,9 @@ class ArcFollower:
                 return
 
     def _event(self, piece, st, goal):
-        """Time into the step at which the triggers are zero; None if the step does not reach
-        there."""
+        """Find the time into the step at which the triggers are zero; None if the step does not
+        reach it.
+        """
         if not piece.arc.triggers:
             raise Refused(
                 f"the run changes its mode at t = {piece.arc.end:.9g} without anything that "
@@ -241,6 +252,7 @@ class ArcFollower:
         return found[0] if float(found[0]) <= float(st.h) else None
 
     def _advance(self, piece, st):
+        """Advance time, state, impulses and reaction by one step, with the samples in it."""
         for (
             key,
             p,
@@ -260,6 +272,7 @@ class ArcFollower:
         piece.steps.append(st)
 
     def _inside(self, st):
+        """Is the step ended by nothing before its length?"""
         times = self.case.t[len(self.samples) :]
         return [
             float(v)
@@ -273,6 +286,7 @@ class ArcFollower:
             total[c] = (total.get(c, arb(0)) + p(s)).mid()
 
     def _sample(self, where, time, include=False):
+        """Evaluate the series at the sample times up to `time`."""
         if include:
             self.samples.append((list(self.x), dict(self.total), list(self.force)))
             return
@@ -303,33 +317,10 @@ def _name(flow) -> str:
 
 
 def event_times(path: Path) -> list[arb]:
-    """Ends of all pieces but the last."""
+    """List the ends of all pieces but the last."""
     return [p.end for p in path.pieces[:-1]]
 
 
-def largest_difference(a: Path, b: Path) -> dict:
-    """Largest differences of two paths in state, impulse, reaction and event times."""
-
-    def gap(p, q):
-        return max(
-            (
-                abs(float((u - v).mid()))
-                for r, s in zip(p, q, strict=True)
-                for u, v in zip(r, s, strict=True)
-            ),
-            default=0.0,
-        )
-
-    order = [b.contacts.index(c) for c in a.contacts]
-    impulse = [[row[k] for k in order] for row in b.impulse]
-    return {
-        "state": gap(a.x, b.x),
-        "impulse": gap(a.impulse, impulse),
-        "reaction": gap(a.reaction, b.reaction),
-        "time": gap([event_times(a)], [event_times(b)]),
-    }
-
-
 def doubles(rows) -> np.ndarray:
-    """Rows of arb as float64, rounded to nearest."""
+    """Round rows of arb to float64, to nearest."""
     return np.array([[float(v.mid()) for v in row] for row in rows], float)

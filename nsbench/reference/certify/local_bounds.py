@@ -1,5 +1,7 @@
-"""Ranges of everything on one piece of a step, for every state in a tube about the path; see
-nsbench.reference.certify.error_bound."""
+"""Ranges and Jacobians on one piece of a step, for every state in a tube about the path.
+
+Used by nsbench.reference.certify.error_bound.
+"""
 
 from __future__ import annotations
 
@@ -7,20 +9,26 @@ import numpy as np
 from flint import arb, arb_mat, arb_poly
 
 from nsbench.reference.certify.array_namespace import Branches, noted, watching
-from nsbench.reference.certify.ball_algebra import Refused, lead
+from nsbench.reference.certify.ball_algebra import (
+    MAX_ORDER_OF_ZERO,
+    ZERO_AT_EVENT,
+    Refused,
+    ball,
+    lead,
+    order_of_zero,
+    positive,
+)
 from nsbench.reference.certify.ball_series import Jet
 from nsbench.reference.certify.dual_numbers import Dual
-from nsbench.reference.certify.positivity import MULTIPLE, ZERO, ball, order_of_zero, positive
 from nsbench.reference.certify.taylor_step import coefficients
 
 TUBE = 1e-18  # radius of the tube over which derivatives are bounded; the path must stay far inside
-ORDER = (
-    30  # of the Taylor polynomials of defects on a piece: its length is a small part of a radius
-)
+# of the Taylor polynomials of defects on a piece: its length is a small part of a radius
+ORDER = 30
 
 
 class PieceBounds:
-    """Ranges of everything on one piece: Taylor polynomials about its centre with remainders, and
+    """Bound everything on one piece: Taylor polynomials about its centre with remainders, and
     slopes in a tube.
 
     low, high: the piece relative to the centre. r: error bound at its start. mu, defect, du (bound
@@ -71,6 +79,7 @@ class PieceBounds:
         self.defect = bound("defect") + self.velocity_u * self.dw
 
     def _series(self, polynomials, time, length):
+        """Evaluate the flow in series about the centre of the piece."""
         x, u = (
             [Jet.of([p[k] for k in range(length + 1)], length + 1) for p in part]
             for part in polynomials
@@ -87,14 +96,18 @@ class PieceBounds:
         }
 
     def _watched(self, point, u):
-        """What the flow watches, and the deciders of the kinks on the side that was chosen."""
+        """Collect what the flow watches, and the deciders of the kinks on the side
+        that was chosen.
+        """
         kinks = zip(noted(), self.st.choices, strict=True)
         return point.watch(u) | {
             ("kink", k): (v if side else -v) for k, (v, side) in enumerate(kinks)
         }
 
     def slope_ranges(self, over):
-        """Jacobians over the tube: mu of the reduced flow, du/dx, and slopes of what is watched."""
+        """Bound the Jacobians over the tube: mu of the reduced flow, du/dx, slopes of what is
+        watched.
+        """
         n = self.flow.n
         m = self.flow.m
         tube = arb(0, TUBE)
@@ -149,8 +162,10 @@ class PieceBounds:
         )
 
     def wrong_sign(self, r, first, last):
-        """None if everything watched is positive on the piece for all states within r, else a
-        sentence."""
+        """Prove that everything watched is positive on the piece for all states within r.
+
+        Returns None if that is shown, else a sentence.
+        """
         for key, (p, rest) in self.watch.items():
             allow = float(
                 (
@@ -174,44 +189,48 @@ class PieceBounds:
                     f"{value:.3e} at t = "
                     f"{float(self.time) + s:.12g}"
                 )
-                if value < -ZERO and p(arb(s)) < -allow:
+                if value < -ZERO_AT_EVENT and p(arb(s)) < -allow:
                     raise Refused(why)  # it is negative: smaller pieces will not help
                 return why
         return None
 
     def _vanishes(self, key, p, rest) -> bool:
-        """Is the number zero all over the piece, as far as can be told?"""
+        """Is the number zero all over the piece, within its remainder?"""
         if (
             not sum(abs(c) * arb(max(-self.low, self.high)) ** k for k, c in enumerate(p.coeffs()))
             + rest
-            < ZERO
+            < ZERO_AT_EVENT
         ):
             return False
         self.notes.append(f"{key[0]} of {key[1]} is zero throughout")
         return True
 
     def _touches(self, key, p, allow) -> bool:
-        """Does the number come down to zero and go up again, as far as can be told? Then nothing
-        acts: a graze."""
+        """Does the number come down to zero and go up again, within its remainder? Then nothing
+        acts: a graze.
+        """
         s = arb(0)
         bend = p.derivative().derivative()
         for _ in range(20):
             s = (s - p.derivative()(s) / bend(s)).mid() if bend(s) != 0 else arb("nan")
         inside = s.is_finite() and self.low <= float(s) <= self.high
-        if not (inside and abs(p(s)) + allow < ZERO and bend(ball(self.low, self.high)) > 0):
+        if not (
+            inside and abs(p(s)) + allow < ZERO_AT_EVENT and bend(ball(self.low, self.high)) > 0
+        ):
             return False
         self.notes.append(
             f"{key[0]} of {key[1]} touches zero at t = {float(self.time + s):.9g} without "
             f"contact, to "
-            f"{ZERO:.0e},"
+            f"{ZERO_AT_EVENT:.0e},"
         )
         return True
 
     def _leaves_zero(self, key, p, first):
-        """A zero at the end of an arc: the first derivative that does not vanish there keeps its
-        sign on the piece."""
-        m = order_of_zero([p[k] for k in range(MULTIPLE + 1)])
-        if m > MULTIPLE:
+        """Does the first non-vanishing derivative of a zero at the end of an arc keep its sign on
+        the piece?
+        """
+        m = order_of_zero([p[k] for k in range(MAX_ORDER_OF_ZERO + 1)])
+        if m > MAX_ORDER_OF_ZERO:
             return f"{key[0]} of {key[1]} vanishes to high order near t = {float(self.time):.12g}"
         x = [q(self.ball - self.st.t) + arb(0, TUBE) for q in self.st.x]
         x, u, _ = coefficients(self.flow, self.ball, x, m + 1, self.st.choices)
@@ -240,7 +259,7 @@ def remainder(number, k, width) -> float:
 
 
 def size(number, wide, k, width) -> arb:
-    """Largest value on the piece of a Taylor polynomial with k terms and its remainder."""
+    """Bound a Taylor polynomial with k terms and its remainder on the piece."""
     terms = sum(
         (number.leading.at(j).abs_upper() * arb(width) ** j for j in range(k)), start=arb(0)
     )
@@ -248,7 +267,7 @@ def size(number, wide, k, width) -> arb:
 
 
 def matrix(rows, columns) -> np.ndarray:
-    """Derivatives of Duals as an object array of arb (len(rows), columns)."""
+    """Collect the derivatives of Duals in an object array of arb (len(rows), columns)."""
     out = np.full((len(rows), columns), arb(0), object)
     for i, v in enumerate(rows):
         v = v.v if isinstance(v, Dual) and v.level > 1 else v
@@ -263,7 +282,7 @@ def matrix_of(values) -> np.ndarray:
 
 
 def norm(M) -> float:
-    """The Frobenius norm, which bounds the 2-norm; upwards."""
+    """Bound the 2-norm by the Frobenius norm, rounded upwards."""
     return float(
         sum((v.abs_upper() ** 2 for v in np.asarray(M, object).reshape(-1)), start=arb(0))
         .sqrt()
@@ -272,7 +291,7 @@ def norm(M) -> float:
 
 
 def logarithmic_norm(J) -> float:
-    """An upper bound of the largest eigenvalue of (J + J^T) / 2 for every J in the balls."""
+    """Bound the largest eigenvalue of (J + J^T) / 2 for every J in the balls."""
     S = [[(J[i, j] + J[j, i]) / 2 for j in range(len(J))] for i in range(len(J))]
     mid = np.array([[float(v.mid()) for v in row] for row in S]).reshape(len(J), len(J))
     rad = np.array([[float(v.rad()) for v in row] for row in S]).reshape(len(J), len(J))

@@ -1,5 +1,4 @@
-"""One Taylor step of a flow: coefficients of state, unknowns, impulses and reaction about the start
-of the step."""
+"""One Taylor step of a flow: series of state, unknowns, impulses and reaction about its start."""
 
 from __future__ import annotations
 
@@ -16,12 +15,11 @@ NEWTON = 60  # of a root: quadratic, from a guess good to 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """A piece of the solution: series about time t (arb), used on [t, t + h].
+    """Hold a piece of the solution: series about time t (arb), used on [t, t + h].
 
     x (n), u (unknowns), impulse, reaction: arb_poly in s = time - t; impulse and reaction count
-    from the step's start.
-    choices: sides of the kinks of the drift; deciders: polynomials that keep their signs on the
-    step.
+    from the step's start. choices: sides of the kinks of the drift; deciders: polynomials that keep
+    their signs on the step.
     """
 
     t: arb
@@ -39,8 +37,8 @@ class Step:
 
 
 def coefficients(flow, t: arb, x0: list, order: int, choices=None):
-    """Series of state (order + 1 coefficients) and unknowns (order), and the choices at the kinks
-    of the drift.
+    """Compute the series of state (order + 1 coefficients) and unknowns (order), and the choices at
+    the kinks of the drift.
 
     Coefficient k of the unknowns makes coefficient k of the residual vanish; the residual is affine
     in it with the matrix of its leading coefficients. One evaluation of the flow per order.
@@ -71,8 +69,9 @@ def coefficients(flow, t: arb, x0: list, order: int, choices=None):
 
 
 def step(flow, t: arb, x0: list, order: int, digits: float, most: arb, choices=None) -> Step:
-    """The step from x0 with truncation below 10^-digits of the size of the state; at most `most`
-    long."""
+    """Make the step from x0 with truncation below 10^-digits of the size of the state; at most
+    `most` long.
+    """
     x, u, choices = coefficients(flow, t, x0, order, choices)
     mid = lambda rows: [[v.mid() for v in c] for c in rows]
     x = mid(x)
@@ -114,8 +113,10 @@ def polynomial(number, integrate=False) -> arb_poly:
 
 
 def length(x, order, digits) -> float:
-    """Step whose last two terms are below 10^-digits of 1 + the largest coordinate (Jorba and Zou,
-    Experimental Mathematics 14 (2005), section 3.2)."""
+    """Choose the step whose last two terms are below 10^-digits of 1 + the largest coordinate.
+
+    Source: Jorba and Zou, Experimental Mathematics 14 (2005), section 3.2.
+    """
     size = 1.0 + max(abs(float(c[0])) for c in x)
     out = float("inf")
     for k in (order - 1, order):
@@ -126,8 +127,9 @@ def length(x, order, digits) -> float:
 
 
 def root(p: arb_poly, guess: arb, reach: float) -> arb | None:
-    """The zero of a polynomial near `guess` by Newton's method; None if it leaves the reach or does
-    not settle."""
+    """Find the zero of a polynomial near `guess` by Newton's method; None if it leaves the reach or
+    does not settle.
+    """
     slope = p.derivative()
     s = guess.mid()
     for _ in range(NEWTON):
@@ -144,8 +146,9 @@ def root(p: arb_poly, guess: arb, reach: float) -> arb | None:
 
 
 def first_kink(step: Step, h: float, pieces: int = 24):
-    """The earliest time in (0, h] at which a decider changes its sign against its choice; None if
-    none does."""
+    """Find the earliest time in (0, h] at which a decider changes its sign against its choice; None
+    if none does.
+    """
     found = None
     for choice, p in zip(step.choices, step.deciders, strict=True):
         sign = 1 if choice else -1
