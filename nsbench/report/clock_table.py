@@ -1,5 +1,4 @@
-"""The clock of a study, by method: compilation, set-up and run apart, the spread over rounds and
-the worst of them."""
+"""Tabulate the clock of a study by method: compilation, set-up and run apart, and their spread."""
 
 from __future__ import annotations
 
@@ -12,8 +11,11 @@ from nsbench.report.tables import Cell, Row, Table
 
 
 def clock_table(data: Data) -> Table:
-    """Method: seconds of compilation in all, of one set-up, of the runs in all; quartiles and worst
-    round over the median."""
+    """Build the table of the clock, one row for each method.
+
+    Seconds: of compilation in all, of one set-up (median), of the runs in all; then the quartiles
+    over rounds and the worst round, each over the median.
+    """
     rows = []
     for solver in data.specs:
         runs = [
@@ -41,7 +43,7 @@ def clock_table(data: Data) -> Table:
                 (
                     Cell(solver, kind="method"),
                     Cell(_total(col["compile_seconds"])),
-                    Cell(_middle(col["setup_seconds"])),
+                    Cell(_median(col["setup_seconds"])),
                     Cell(_total(col["seconds"])),
                     Cell(f"{int(timed.sum())} of {int(np.isfinite(col['seconds']).sum())}"),
                     Cell(_spread(col, timed)),
@@ -66,13 +68,13 @@ def clock_table(data: Data) -> Table:
         "compiling, loading from caches, imports; set-up is what each preparation takes; neither "
         f"is part of the seconds compared. Runs of more than {LONG:g} s are timed once; the others "
         "in 3 to 7 rounds with the methods interleaved, the first call left out. The spread is "
-        "the median over all timed runs, the worst round the largest factor seen." + shared(data),
+        "the median over all timed runs, the worst round the largest factor seen."
+        + describe_shared_runs(data),
     )
 
 
-def shared(data: Data) -> str:
-    """ " N runs ..." if the seconds of some are left out because their workers were shared;
-    otherwise ""."""
+def describe_shared_runs(data: Data) -> str:
+    """Write how many runs have no seconds because their workers were shared; "" if none."""
     count = sum(int((r.col["shared"] == 1.0).sum()) for r in data.runs.values())
     return (
         f" {count} runs were made by shared workers of a cluster: their seconds are stored, and "
@@ -87,7 +89,7 @@ def _total(values) -> str:
     return format_seconds(float(known.sum())) if known.size else "not told"
 
 
-def _middle(values) -> str:
+def _median(values) -> str:
     known = values[np.isfinite(values)]
     return format_seconds(float(np.median(known))) if known.size else "not told"
 

@@ -1,5 +1,10 @@
-"""Cost at equal error: what a method needs to get, and stay, below an error; ratios only between
-like loops."""
+"""Compute the cost of a method at equal error, and decide which costs may be compared.
+
+The cost of an error e is read off the work-precision curve: the error of each run is replaced by
+the largest error over all smaller steps (its envelope), and seconds, counted work and step are
+interpolated in their logarithms where the envelope falls below e. Ratios of seconds are formed only
+between loops of one kind that were timed together (COMPARISON_RULE).
+"""
 
 from __future__ import annotations
 
@@ -12,17 +17,18 @@ from nsbench.measure.clock import LONG
 from nsbench.report.data import Data, Runs
 from nsbench.report.style import LEADING_METHOD, format_number, method_of
 
-TARGETS = (1e-2, 1e-3, 1e-4, 1e-6)
-WORK = ("drift_calls", "projections", "inner_iterations")
+TARGETS = (1e-2, 1e-3, 1e-4, 1e-6)  # state errors at which methods are compared
+WORK_COLUMNS = ("drift_calls", "projections", "inner_iterations")
 
 
 @dataclass(frozen=True)
 class Cost:
-    """What `solver` needs for one error. at_most: its coarsest run was already better.
+    """The cost of one error with one method.
 
-    h: the step (1/k, tolerance: see `accuracy`) that does it. low, high: quartiles of the seconds;
-    rounds: the fewest rounds they come from; session: the run of the bench they were measured in,
-    "" if that is not stored.
+    at_most: the coarsest run was already better, so that all figures are upper bounds. seconds,
+    low, high: of one run, with the quartiles over rounds. work: counted_work. h: the step (1/k or
+    tolerance, see `accuracy`) that reaches the error. rounds: the fewest rounds that the seconds
+    come from. session: the run of the bench in which they were measured, "" if that is not stored.
     """
 
     solver: str
@@ -39,9 +45,11 @@ class Cost:
 
 
 def counted_work(runs: Runs) -> np.ndarray:
-    """Counted work per run: drift calls + projections + inner iterations (QP solves where those are
-    not counted)."""
-    parts = {name: runs.col[name] for name in WORK}
+    """Count drift calls + projections + inner iterations of each run, (runs,).
+
+    QP solves stand in where inner iterations are not counted; NaN where nothing is counted.
+    """
+    parts = {name: runs.col[name] for name in WORK_COLUMNS}
     inner = np.where(
         np.isfinite(parts["inner_iterations"]), parts["inner_iterations"], runs.col["qp_solves"]
     )
@@ -51,7 +59,7 @@ def counted_work(runs: Runs) -> np.ndarray:
 
 
 def counted_inner_work(runs: Runs) -> np.ndarray:
-    """Projections, or inner iterations (QP solves where those are not counted), per run."""
+    """Count projections + inner iterations (or QP solves) of each run, (runs,); NaN for none."""
     parts = np.array(
         [
             runs.col["projections"],
@@ -75,7 +83,10 @@ COMPARISON_RULE = (
 
 
 def why_not_comparable(one: Cost, other: Cost) -> str:
-    """Why the seconds of two methods may not be compared; "" if they may. See RULE."""
+    """Explain why the seconds of two methods may not be compared; "" if they may.
+
+    The conditions are those of COMPARISON_RULE.
+    """
     if not (one.loop == "compiled" and other.loop == "compiled"):
         host = one if one.loop != "compiled" else other
         return (
@@ -93,18 +104,19 @@ def why_not_comparable(one: Cost, other: Cost) -> str:
 
 
 def cost_at_error(runs: Runs, target: float, metric: str = "state_sup") -> Cost | None:
-    """Cost of an error of `target`, or None if it is not reached.
+    """Compute the cost of an error of `target`; None if it is not reached.
 
     The error curve is replaced by its envelope, the largest error over all steps at most h, so that
-    a lucky dip is not a bargain; between two runs cost and step are interpolated in their
-    logarithms.
+    a single small error by chance does not count; between two runs, cost and step are interpolated
+    in their logarithms. metric: the column of the error.
     """
     good = runs.good & np.isfinite(runs.col[metric]) & (runs.col["h"] > 0)
     if not good.any():
         return None
     h = runs.col["h"][good]
     error = np.abs(runs.col[metric][good])
-    envelope = np.maximum.accumulate(error[::-1])[::-1]  # runs go from the coarsest to the finest
+    # envelope: runs go from the coarsest to the finest
+    envelope = np.maximum.accumulate(error[::-1])[::-1]
     reached = np.flatnonzero(envelope <= target)
     if not reached.size:
         return None
@@ -112,27 +124,29 @@ def cost_at_error(runs: Runs, target: float, metric: str = "state_sup") -> Cost 
     share = 1.0
     if i and envelope[i] > 0:
         share = math.log(envelope[i - 1] / target) / math.log(envelope[i - 1] / envelope[i])
-    pick = lambda v: _between(v[i - 1] if i else v[i], v[i], share)
+    interpolate = lambda v: _between(v[i - 1] if i else v[i], v[i], share)
     used = slice(max(i - 1, 0), i + 1)
     rounds = runs.col["rounds"][good][used]
     sessions = sorted({s for s in runs.col["session"][good][used] if s})
     return Cost(
-        runs.solver,
-        runs.loop,
-        pick(runs.col["seconds"][good]),
-        pick(counted_work(runs)[good]),
-        pick(h),
-        runs.accuracy,
-        i == 0,
-        pick(runs.col["seconds_low"][good]),
-        pick(runs.col["seconds_high"][good]),
-        float(np.min(rounds)),
-        "+".join(sessions),
+        solver=runs.solver,
+        loop=runs.loop,
+        seconds=interpolate(runs.col["seconds"][good]),
+        work=interpolate(counted_work(runs)[good]),
+        h=interpolate(h),
+        accuracy=runs.accuracy,
+        at_most=i == 0,
+        low=interpolate(runs.col["seconds_low"][good]),
+        high=interpolate(runs.col["seconds_high"][good]),
+        rounds=float(np.min(rounds)),
+        session="+".join(sessions),
     )
 
 
 def _between(a: float, b: float, share: float) -> float:
-    if math.isnan(a):  # seconds of a shared worker: the run beside it alone tells nothing
+    """Interpolate between a and b in their logarithms; share 0 gives a, 1 gives b."""
+    # NaN: seconds of a shared worker; those of the neighbouring run alone are no measurement
+    if math.isnan(a):
         return a
     if not (a > 0 and b > 0):
         return float(b)
@@ -140,29 +154,31 @@ def _between(a: float, b: float, share: float) -> float:
 
 
 def rank_costs(data: Data, case: str, target: float) -> list[Cost]:
-    """Methods that reach `target` on `case`: those with compiled loops first, the cheapest in
-    seconds first."""
+    """List the costs of all methods that reach `target` on `case`.
+
+    Compiled loops come first, then the cheapest in seconds, then in counted work.
+    """
     found = [c for c in (cost_at_error(r, target) for r in data.of_case(case)) if c is not None]
-    big = math.inf
+    unknown = math.inf
     return sorted(
         found,
         key=lambda c: (
             c.loop != "compiled",
-            c.seconds if c.seconds > 0 else big,
-            c.work if c.work > 0 else big,
+            c.seconds if c.seconds > 0 else unknown,
+            c.work if c.work > 0 else unknown,
             c.solver,
         ),
     )
 
 
 def select_baseline(found: list[Cost]) -> Cost | None:
-    """The PBD that factors refer to: the plain one if it is there, else the cheapest variant."""
+    """Return the PBD that factors refer to: the plain one if it is there, else the cheapest one."""
     own = [c for c in found if method_of(c.solver) == LEADING_METHOD]
     return next((c for c in own if c.solver == LEADING_METHOD), own[0] if own else None)
 
 
 def format_setting(c: Cost) -> str:
-    """``h = 0.01``, ``k = 100`` or ``tol = 1e-9``."""
+    """Format the accuracy parameter: ``h = 0.01``, ``k = 100`` or ``tol = 1e-9``."""
     return (
         f"k = {format_number(1 / c.h)}"
         if c.accuracy == "k"
@@ -171,8 +187,7 @@ def format_setting(c: Cost) -> str:
 
 
 def ratio_of_seconds(one: Cost, other: Cost) -> float | None:
-    """Seconds of `one` over seconds of `other`; None unless both are known and may be compared
-    (`apart`).
+    """Divide the seconds of `one` by those of `other`; None unless both are known and comparable.
 
     A method whose coarsest run was already better has no cost at this error, only a bound.
     """
@@ -181,16 +196,16 @@ def ratio_of_seconds(one: Cost, other: Cost) -> float | None:
 
 
 def ratio_of_work(one: Cost, other: Cost) -> float | None:
+    """Divide the counted work of `one` by that of `other`; None unless both are known."""
     known = one.work > 0 and other.work > 0 and not (one.at_most or other.at_most)
     return one.work / other.work if known else None
 
 
 def step_for_violation(runs: Runs, target: float) -> Cost | None:
-    """The largest step that keeps max(-g) at most `target`, with its cost."""
+    """Compute the largest step with max(-g) <= `target`, and its cost; None if there is none."""
     return cost_at_error(runs, target, "feasibility")
 
 
 def find_qp_methods(data: Data) -> set[str]:
-    """Solvers that solve a QP in their steps: the talk's "time-stepping with an internal QP
-    solver"."""
+    """List the methods that solve a QP in each step ("time-stepping with inner QP solver")."""
     return {s for (_, s), r in data.runs.items() if np.any(r.col["qp_solves"] > 0)}

@@ -1,8 +1,8 @@
-"""Expected against observed: what each method should show on each case, what it shows, and which
-deviations are known.
+"""Compare what each method should show on each case with what it shows; list known deviations.
 
-Known deviations stand in deviations.csv beside this file, with their reason. One that is no longer
-seen is reported like a new one: either way the table and the methods disagree.
+The expectation comes from the claims of the method and from the classes of the case. Known
+deviations are in deviations.csv beside this file, with their reason. One that is no longer observed
+is reported like a new one: either way the table and the methods disagree.
 """
 
 from __future__ import annotations
@@ -18,14 +18,18 @@ from nsbench.report.summary import MARGIN, OPEN, Order, Summary
 TABLE = Path(__file__).with_name("deviations.csv")
 COLUMNS = ("case", "solver", "metric", "observed", "why")
 METRICS = ("state", "impulse")
+Wanted = float | str | tuple[str, float]  # an order, a word, or ("bound", largest error)
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One metric of one method on one case. expected: as declared; observed: what stands there;
-    outcome: "kept", "open" (no verdict, where one was expected), else what it is instead: "above",
-    "below", "exact", "plateau", "diverges", or a status; why: of the expectation; known: the reason
-    of a known deviation, "" if it is new."""
+    """The outcome of one expectation: one metric of one method on one case.
+
+    expected: as declared. observed: in a few words. outcome: "kept", "open" (no verdict, where one
+    was expected), else what was observed instead: "above", "below", "exact", "plateau", "diverges",
+    "order", "passes", or a status. why: reason of the expectation. known: reason of a known
+    deviation, "" if it is new.
+    """
 
     case: str
     solver: str
@@ -38,8 +42,10 @@ class Finding:
 
 
 def read_deviations(path: Path = TABLE) -> dict[tuple[str, str, str], tuple[str, str]]:
-    """(case, solver, metric) -> (observed, why). ValueError names a line that is not complete, or a
-    repeated one."""
+    """Read the table of known deviations: (case, solver, metric) -> (observed, why).
+
+    Raises ValueError, which names the line, for one that is not complete or is repeated.
+    """
     out: dict = {}
     with open(path, newline="", encoding="utf-8") as file:
         for k, row in enumerate(csv.DictReader(file), start=2):
@@ -56,8 +62,12 @@ def read_deviations(path: Path = TABLE) -> dict[tuple[str, str, str], tuple[str,
 
 
 def find_expectation(case: dict, solver: dict) -> dict:
-    """What is expected, from the stored descriptions of a case and a solver: state, impulse,
-    why."""
+    """Find what is expected, from the stored descriptions of a case and a solver.
+
+    Returns a dict with state, impulse and why. A value is None (nothing is claimed), an order,
+    ("bound", error), or a word: "exact", "plateau", "diverges", "open", "refused" or another
+    status.
+    """
     classes = set(case.get("classes") or ())
     for e in solver.get("expects") or ():
         if set(e["when"]) <= classes:
@@ -73,41 +83,45 @@ def find_expectation(case: dict, solver: dict) -> dict:
 def judge_expectations(
     data: Data, summaries: dict[tuple, Summary], known: dict | None = None
 ) -> list[Finding]:
-    """Every case x method x metric of which something is expected; refusals are no deviation from a
-    claim."""
+    """Judge every case x method x metric of which something is expected.
+
+    A refusal is no deviation from a claim. known: deviations by (case, solver, metric), by default
+    those of deviations.csv.
+    """
     known = read_deviations() if known is None else known
     out = []
     for (case, solver), s in summaries.items():
-        hope = find_expectation(data.cases.get(case, {}), data.solvers.get(solver, {}))
+        expected = find_expectation(data.cases.get(case, {}), data.solvers.get(solver, {}))
         for metric, order in zip(METRICS, (s.state, s.force), strict=True):
-            want = hope[metric]
-            if want is None or (s.word == "refused" and want != "refused"):
+            wanted = expected[metric]
+            if wanted is None or (s.word == "refused" and wanted != "refused"):
                 continue
-            outcome = judge(want, s, order)
+            outcome = judge(wanted, s, order)
             observed, reason = known.get((case, solver, metric), ("", ""))
             out.append(
                 Finding(
                     case,
                     solver,
                     metric,
-                    describe_expected(want),
+                    describe_expected(wanted),
                     describe_observed(s, order),
                     outcome,
-                    hope["why"],
+                    expected["why"],
                     reason if observed == outcome else "",
                 )
             )
     return out
 
 
-def describe_expected(want) -> str:
+def describe_expected(want: Wanted) -> str:
+    """Format an expectation: ``at most 1e-10``, ``order 1``, ``plateau``."""
     if isinstance(want, tuple):
         return f"at most {format_number(want[1])}"
     return f"order {want:g}" if isinstance(want, (int, float)) else str(want)
 
 
 def describe_observed(s: Summary, o: Order) -> str:
-    """What is seen, in a few words."""
+    """Format what is observed in a few words: the order, the verdict, or why there is none."""
     if s.outcome:
         return s.outcome
     return (
@@ -119,8 +133,8 @@ def describe_observed(s: Summary, o: Order) -> str:
     )
 
 
-def judge(want, s: Summary, o: Order) -> str:
-    """The outcome of one expectation, see `Finding`."""
+def judge(want: Wanted, s: Summary, o: Order) -> str:
+    """Decide the outcome of one expectation, see `Finding`."""
     if want == "open":
         return "kept" if not s.outcome else _status(s)
     if s.outcome:
@@ -152,8 +166,10 @@ def _status(s: Summary) -> str:
 def resolved_deviations(
     found: list[Finding], known: dict | None = None
 ) -> list[tuple[Finding, str, str]]:
-    """Known deviations of this study's pairs that are not seen any more: (finding, observed then,
-    its reason)."""
+    """List known deviations of this study's pairs that are no longer observed.
+
+    Returns triples (finding, what was observed then, its reason).
+    """
     known = read_deviations() if known is None else known
     out = []
     for f in found:
@@ -164,7 +180,7 @@ def resolved_deviations(
 
 
 def new_deviations(found: list[Finding], known: dict | None = None) -> list[Finding]:
-    """Deviations that the table does not know."""
+    """List the findings that deviate and that the table of known deviations does not hold."""
     known = read_deviations() if known is None else known
     return [
         f

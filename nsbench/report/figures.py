@@ -1,41 +1,46 @@
-"""Which panels a case gets, from its rows."""
+"""Choose the panels that a case gets, from its rows: errors over the step, and work-precision."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from nsbench.report import cost as speed
+from nsbench.report.cost import counted_inner_work
 from nsbench.report.data import Runs
 from nsbench.report.style import Look
 from nsbench.report.summary import Summary
 from nsbench.report.svg_plots import Line, Panel
 
-ROUNDING = 1e-11  # a line that never rises above it shows rounding, not a method
-STEP = "step h (or 1/k)"
+ROUNDING = 1e-11  # an error that stays below it at all steps shows rounding, not a method
+STEP_LABEL = "step h (or 1/k)"
 
 
 def case_panels(
     runs: list[Runs], looks: dict[str, Look], summaries: dict[tuple, Summary]
 ) -> list[Panel]:
-    """The panels of one case that have something to show, in reading order."""
+    """Build the panels of one case that have something to show, in reading order.
+
+    They show state error, multiplier error (of the reaction where multipliers are not unique),
+    violation, and the selection or the multiplier away from events, over the step.
+    """
     mine = [summaries[r.case, r.solver] for r in runs]
     force = mine[0].force.metric if mine else "impulse"
-    named = {"impulse": "Impulse error", "reaction": "Reaction error (multipliers are not unique)"}[
-        force
-    ]
+    titles = {
+        "impulse": "Impulse error",
+        "reaction": "Reaction error (multipliers are not unique)",
+    }
     out = [
         Panel(
             "state",
             "State error",
-            STEP,
+            STEP_LABEL,
             _against_h(runs, looks, "state_sup"),
             _floor(runs, "state_sup"),
             _claims(mine, "state"),
         ),
         Panel(
             "multiplier",
-            named,
-            STEP,
+            titles[force],
+            STEP_LABEL,
             _against_h(runs, looks, force),
             _floor(runs, force),
             _claims(mine, "force"),
@@ -43,7 +48,7 @@ def case_panels(
         Panel(
             "violation",
             "Violation max(-g)",
-            STEP,
+            STEP_LABEL,
             _against_h(runs, looks, "feasibility"),
             0.0,
             (1.0,) if any(s.violation.kind == "fit" for s in mine) else (),
@@ -54,7 +59,7 @@ def case_panels(
             Panel(
                 "selection",
                 "Selection: not an error",
-                STEP,
+                STEP_LABEL,
                 _against_h(runs, looks, "selection", False),
             )
         )
@@ -63,7 +68,7 @@ def case_panels(
             Panel(
                 "settled",
                 "Multiplier away from events",
-                STEP,
+                STEP_LABEL,
                 _against_h(runs, looks, "settled"),
                 0.0,
                 _claims(mine, "force"),
@@ -73,8 +78,10 @@ def case_panels(
 
 
 def cost_panels(runs: list[Runs], looks: dict[str, Look]) -> list[Panel]:
-    """The work-precision diagrams of one case: state error over seconds, right-hand sides,
-    projections."""
+    """Build the work-precision diagrams of one case.
+
+    They show the state error over seconds, right-hand sides, and projections or inner iterations.
+    """
     floor = _floor(runs, "state_sup")
     out = [
         Panel(
@@ -95,7 +102,7 @@ def cost_panels(runs: list[Runs], looks: dict[str, Look]) -> list[Panel]:
             "inner",
             "Against projections or inner iterations",
             "projections + inner iterations (or QP solves)",
-            _against(runs, looks, speed.counted_inner_work),
+            _against(runs, looks, counted_inner_work),
             floor,
         ),
     ]
@@ -103,21 +110,24 @@ def cost_panels(runs: list[Runs], looks: dict[str, Look]) -> list[Panel]:
 
 
 def _floor(runs: list[Runs], metric: str) -> float:
+    """Largest floor of the reference over all runs."""
     return max((r.floor(metric) for r in runs), default=0.0)
 
 
 def _claims(mine: list[Summary], which: str) -> tuple[float, ...]:
-    """Distinct claimed orders, at most two: the guides of a panel."""
+    """List the distinct claimed orders, at most two: the slope guides of a panel."""
     fits = [o for o in (s.state if which == "state" else s.force for s in mine) if o.kind == "fit"]
     orders = {o.claim for o in fits}
     return tuple(sorted(float(p) for p in orders if p))[:2]
 
 
 def _against_h(
-    runs: list[Runs], looks: dict, metric: str, failures: bool = True
+    runs: list[Runs], looks: dict[str, Look], metric: str, failures: bool = True
 ) -> tuple[Line, ...]:
-    """`metric` over the step taken; a method with a tolerance appears as the level of its best
-    error."""
+    """Lines of `metric` over the step taken.
+
+    A method with a tolerance appears as the level of its best error. failures: mark failed runs.
+    """
     out = []
     for r in runs:
         values = np.abs(r.col[metric])
@@ -138,8 +148,8 @@ def _against_h(
     return tuple(out)
 
 
-def _against(runs: list[Runs], looks: dict, cost) -> tuple[Line, ...]:
-    """State error over a cost; markers are open where the loop is not compiled."""
+def _against(runs: list[Runs], looks: dict[str, Look], cost) -> tuple[Line, ...]:
+    """Lines of the state error over a cost; markers are open where the loop is not compiled."""
     out = []
     for r in runs:
         x = cost(r)

@@ -1,4 +1,4 @@
-"""The report as Markdown: the same sentences and tables as the page."""
+"""Write the report as Markdown: the same sentences and tables as the page."""
 
 from __future__ import annotations
 
@@ -15,14 +15,19 @@ from nsbench.report.tables import Table
 
 
 def render_markdown(c: Content) -> str:
-    """The whole report; figures are linked from ``figures/``."""
+    """Render the whole report; figures are linked from ``figures/``."""
     out = [f"# {escape_markdown(c.title)}", escape_markdown(c.lede), "## What the runs say"]
     for s in c.statements:
         out.append(
             f"**{escape_markdown(s.head)}**\n\n"
             + "\n".join(f"- {escape_markdown(x)}" for x in s.sentences)
         )
-    out += [table(c.tables["choice"]), "## Orders", table(c.tables["orders"]), "## Case by case"]
+    out += [
+        render_table(c.tables["choice"]),
+        "## Orders",
+        render_table(c.tables["orders"]),
+        "## Case by case",
+    ]
     for case in c.data.case_keys:
         known = c.data.cases.get(case, {})
         first, equations = split_docstring(known.get("doc"))
@@ -48,31 +53,30 @@ def render_markdown(c: Content) -> str:
     out += ["## What the numbers rest on"]
     for key, head in TRUST_TABLES:
         if c.tables[key].rows or c.tables[key].note:
-            out += [f"### {head}", table(c.tables[key])]
+            out += [f"### {head}", render_table(c.tables[key])]
     out += [
         "## Speed at equal error",
         "\n".join(f"- {escape_markdown(s)}" for s in (*c.speeds, *c.cheapest)),
         COMPARISON_RULE,
     ]
     out += ["![Time to error over all cases](figures/profiles.svg)"] if c.profiles else []
-    out += [table(c.tables["sizes"])] if c.tables["sizes"].rows else []
+    out += [render_table(c.tables["sizes"])] if c.tables["sizes"].rows else []
     out += ["![Cost against size](figures/scaling.svg)"] if c.scaling else []
-    out += [table(c.tables["scaling"])] if c.tables["scaling"].rows else []
-    out += [table(c.tables["speed"]), "### The clock", table(c.tables["clock"])]
-    out += ["## Failures and refusals", table(c.tables["failures"])]
-    out += ["### Over seeds", table(c.tables["seeds"])] if c.tables["seeds"].rows else []
+    out += [render_table(c.tables["scaling"])] if c.tables["scaling"].rows else []
+    out += [render_table(c.tables["speed"]), "### The clock", render_table(c.tables["clock"])]
+    out += ["## Failures and refusals", render_table(c.tables["failures"])]
+    out += ["### Over seeds", render_table(c.tables["seeds"])] if c.tables["seeds"].rows else []
     out += [
         "## Machine, versions, words",
-        table(c.tables["environment"]),
+        render_table(c.tables["environment"]),
         MEASURED,
-        table(c.tables["glossary"]),
+        render_table(c.tables["glossary"]),
     ]
     return "\n\n".join(part for part in out if part) + "\n"
 
 
-def table(t: Table) -> str:
-    """`t` in Markdown; the group becomes a first column, and a cell that spans is followed by
-    dots."""
+def render_table(t: Table) -> str:
+    """Render a table; its group becomes a first column, and dots follow a cell that spans."""
     if not t.rows:
         return escape_markdown(t.note)
     grouped = any(r.group for r in t.rows)

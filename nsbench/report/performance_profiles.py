@@ -1,11 +1,10 @@
-"""Time-to-error profiles: how often a method is within a factor of the fastest, over all cases of a
-study.
+"""Compute performance profiles: how often a method is within a factor of the fastest one.
 
 Dolan & More, Benchmarking optimization software with performance profiles, Math. Program. 91
 (2002): rho_s(tau) is the share of the cases that method s solves within tau times the time of the
 best. Here "solves" means that the state error comes, and stays, below a target, and a time is the
-seconds interpolated on the work-precision curve (`speed.cost`); where the coarsest run tried is
-already better, its seconds count.
+seconds interpolated on the work-precision curve (cost.cost_at_error); where the coarsest run tried
+is already better, its seconds count.
 """
 
 from __future__ import annotations
@@ -16,21 +15,30 @@ import numpy as np
 
 from nsbench.report import cost
 from nsbench.report.data import Data
-from nsbench.report.style import INK, MUTED, RULE, format_count, format_power
-from nsbench.report.svg_plots import BOTTOM, DASHES, LEFT, RIGHT, Pen, marker_style
+from nsbench.report.style import INK, MUTED, RULE, Look, format_count, format_power
+from nsbench.report.svg_plots import (
+    BOTTOM,
+    DASHES,
+    HEIGHT,
+    LEFT,
+    RIGHT,
+    WIDTH,
+    Pen,
+    marker_style,
+)
 
-MAX_DECADES = 3.0  # decades of tau shown
+MAX_DECADES = 3.0  # of tau that a profile shows
+NEAR_FACTOR = 10.0  # within it of the fastest, a method is called near
 
 
 def time_ratios(data: Data, target: float) -> dict[str, np.ndarray]:
-    """Solver -> (cases,) its seconds over the best ones on every case that some compiled method
-    solves; inf: not solved.
+    """Compute the seconds of each method over the best ones: solver -> (cases,), inf: not solved.
 
-    Methods whose loop is not compiled, or that were not timed with the others, are left out
-    (`speed.apart`).
+    The cases are those that some compiled method solves. Methods whose loop is not compiled, or
+    that were not timed with the others, are left out (cost.why_not_comparable).
     """
-    table: dict[str, list[float]] = {}
-    columns = 0
+    seconds_over_best: dict[str, list[float]] = {}
+    solved_cases = 0
     for case in data.case_keys:
         found = [c for c in cost.rank_costs(data, case, target) if c.seconds > 0]
         found = [c for c in found if not cost.why_not_comparable(c, found[0])]
@@ -38,15 +46,21 @@ def time_ratios(data: Data, target: float) -> dict[str, np.ndarray]:
             continue
         best = min(c.seconds for c in found)
         for c in found:
-            table.setdefault(c.solver, [math.inf] * columns).append(c.seconds / best)
-        columns += 1
-        for row in table.values():
-            row += [math.inf] * (columns - len(row))
-    return {solver: np.array(table[solver]) for solver in data.specs if solver in table}
+            seconds_over_best.setdefault(c.solver, [math.inf] * solved_cases).append(
+                c.seconds / best
+            )
+        solved_cases += 1
+        for row in seconds_over_best.values():
+            row += [math.inf] * (solved_cases - len(row))
+    return {
+        solver: np.array(seconds_over_best[solver])
+        for solver in data.specs
+        if solver in seconds_over_best
+    }
 
 
-def draw_profile(data: Data, target: float, looks: dict) -> str:
-    """The profile of one target as an SVG panel; "" where no case is solved."""
+def draw_profile(data: Data, target: float, looks: dict[str, Look]) -> str:
+    """Draw the profile of one target as an SVG panel; "" where no case is solved."""
     found = time_ratios(data, target)
     if not found:
         return ""
@@ -56,7 +70,7 @@ def draw_profile(data: Data, target: float, looks: dict) -> str:
         ((0.0, y), (MAX_DECADES, y)) for y in (0.25, 0.5, 0.75, 1.0)
     ]
     parts = [
-        '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 252 198">',
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT}">',
         pen.segments(grid, stroke=RULE, stroke_width=0.5),
         pen.path([(0.0, 1.0), (0.0, 0.0), (MAX_DECADES, 0.0)], stroke=MUTED, stroke_width=0.7),
     ]
@@ -88,12 +102,12 @@ def draw_profile(data: Data, target: float, looks: dict) -> str:
     return "\n".join(parts)
 
 
-def _curve(pen, steps, cases: int, look) -> str:
-    """A staircase that rises by 1/cases at each ratio; its mark stands where it ends."""
+def _curve(pen: Pen, log_ratios: np.ndarray, cases: int, look: Look) -> str:
+    """A staircase that rises by 1/cases at each ratio, with the marker of the method at its end."""
     points = []
     share = 0.0
-    for k, a in enumerate(steps[steps <= MAX_DECADES]):
-        points += [(a, share), (a, (k + 1) / cases)]
+    for k, decade in enumerate(log_ratios[log_ratios <= MAX_DECADES]):
+        points += [(decade, share), (decade, (k + 1) / cases)]
         share = (k + 1) / cases
     points += [(MAX_DECADES, share)]
     return (
@@ -105,7 +119,7 @@ def _curve(pen, steps, cases: int, look) -> str:
 
 
 def describe_profiles(data: Data) -> list[str]:
-    """Who is fastest how often, and within a factor of ten, by target."""
+    """Write a sentence per target: the methods fastest most often, and the one near most often."""
     out = []
     for target in cost.TARGETS:
         found = time_ratios(data, target)
@@ -113,13 +127,13 @@ def describe_profiles(data: Data) -> list[str]:
             continue
         cases = len(next(iter(found.values())))
         first = sorted(found, key=lambda s: (-np.sum(found[s] <= 1.0), s))[:3]
-        told = ", ".join(
+        fastest = ", ".join(
             f"{s} on {int(np.sum(found[s] <= 1.0))}" for s in first if np.any(found[s] <= 1.0)
         )
-        near = max(found, key=lambda s: (np.sum(found[s] <= 10.0), s))
+        near = max(found, key=lambda s: (np.sum(found[s] <= NEAR_FACTOR), s))
         out.append(
-            f"Error {format_power(target)}, compiled loops alone: fastest is {told} of "
+            f"Error {format_power(target)}, compiled loops alone: fastest is {fastest} of "
             f"{format_count(cases, 'case')}; most often within a factor of ten is {near} "
-            f"({int(np.sum(found[near] <= 10.0))})."
+            f"({int(np.sum(found[near] <= NEAR_FACTOR))})."
         )
     return out

@@ -1,18 +1,29 @@
-"""Cost against size: families of cases that differ in their number of particles, exponents with
-intervals."""
+"""Compute how the cost grows with the size of a scene: exponents of power laws with intervals.
+
+Cases that differ in their number of particles form a family. For each method, seconds = C N^p in
+the size N of the state is fitted by least squares in the logarithms.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from nsbench.report import cost as speed
+from nsbench.report.cost import (
+    TARGETS,
+    Cost,
+    cost_at_error,
+    rank_costs,
+    why_not_comparable,
+)
 from nsbench.report.data import Data, Runs
 from nsbench.report.style import (
     LEADING_METHOD,
     TIMES,
+    Look,
     format_factor,
     format_number,
     format_power,
@@ -23,13 +34,18 @@ from nsbench.report.svg_plots import Line, Panel
 from nsbench.report.tables import Cell, Row, Table
 
 TARGET = 1e-3  # the equal error of the exponents: reached by most methods on most scenes
-FINEST_RUNS = 5  # runs of the ladder's end whose seconds per step are averaged (median)
+FINEST_RUNS = 5  # at the end of the step ladder: the median of their seconds per step is used
+MIN_SIZES = 3  # of a family with panels: two points always lie on a line
+CONFIDENCE_QUANTILE = 0.975  # of Student's t: 95 % on two sides
 
 
 @dataclass(frozen=True)
 class Power:
-    """seconds = C N^exponent; interval at 95 % (NaN for two sizes); sizes (m,), values (m,) in
-    seconds."""
+    """A power law seconds = C N^exponent.
+
+    interval: of the exponent, at 95 %; NaN for two sizes. sizes (m,): of the state; values (m,):
+    seconds.
+    """
 
     exponent: float
     interval: tuple[float, float]
@@ -41,34 +57,38 @@ class Power:
         return f"{self.exponent:z.2f}" + (f" [{lo:z.2f}, {hi:z.2f}]" if math.isfinite(lo) else "")
 
 
-def fit_power(sizes, values) -> Power | None:
-    """Least squares in the logarithms, with the t-based interval of the slope; None for fewer than
-    two sizes."""
+def fit_power(sizes: Sequence[float], values: Sequence[float]) -> Power | None:
+    """Fit a power law by least squares in the logarithms; None for fewer than two sizes.
+
+    The interval is that of Student's t for the slope.
+    """
     x = np.log(np.asarray(sizes, float))
     y = np.log(np.asarray(values, float))
     if len(set(sizes)) < 2:
         return None
     dx = x - x.mean()
     slope = float(dx @ y / (dx @ dx))
-    rest = y - y.mean() - slope * dx
+    residual = y - y.mean() - slope * dx
     m = len(x)
-    half = math.nan
+    half_width = math.nan
     if m > 2:
         from scipy.special import stdtrit
 
-        half = float(stdtrit(m - 2, 0.975)) * math.sqrt(
-            float(rest @ rest) / (m - 2) / float(dx @ dx)
+        half_width = float(stdtrit(m - 2, CONFIDENCE_QUANTILE)) * math.sqrt(
+            float(residual @ residual) / (m - 2) / float(dx @ dx)
         )
     return Power(
-        slope, (slope - half, slope + half), np.asarray(sizes, float), np.asarray(values, float)
+        slope,
+        (slope - half_width, slope + half_width),
+        np.asarray(sizes, float),
+        np.asarray(values, float),
     )
 
 
 def group_by_size(data: Data) -> dict[str, list[str]]:
-    """Cases that share their name and all parameters but `n` and those that follow it, by growing
-    size of the state.
+    """Group cases that share their name and all parameters but `n` and those that follow it.
 
-    A family has at least two sizes.
+    Returns name -> cases by growing size of the state; a family has at least two sizes.
     """
     groups: dict[str, list[str]] = {}
     for case in data.case_keys:
@@ -83,19 +103,20 @@ def group_by_size(data: Data) -> dict[str, list[str]]:
 
 
 def _size(data: Data, case: str) -> float:
+    """Size of the state of a case; 0 if it is not stored."""
     n = data.cases.get(case, {}).get("n")
     return float(n) if isinstance(n, (int, float)) and n > 0 else 0.0
 
 
 def seconds_per_step(runs: Runs) -> float:
-    """Seconds of one step: the median over the finest runs; NaN where steps are not counted."""
+    """Compute the seconds of one step, a median over the finest runs; NaN without counted steps."""
     col = runs.col
     use = np.flatnonzero(runs.good & (col["steps"] > 0) & (col["seconds"] > 0))[-FINEST_RUNS:]
     return float(np.median(col["seconds"][use] / col["steps"][use])) if use.size else math.nan
 
 
 def fit_powers(data: Data, keys: list[str], solver: str) -> tuple[Power | None, Power | None]:
-    """Cost of one step and cost of an error of TARGET against the size of the state."""
+    """Fit the cost of one step, and that of an error of TARGET, against the size of the state."""
     out = []
     for cost in (lambda r: seconds_per_step(r) if r.accuracy == "h" else math.nan, _at_target):
         found = [
@@ -107,12 +128,12 @@ def fit_powers(data: Data, keys: list[str], solver: str) -> tuple[Power | None, 
 
 
 def _at_target(runs: Runs) -> float:
-    c = speed.cost_at_error(runs, TARGET)
+    c = cost_at_error(runs, TARGET)
     return math.nan if c is None or c.at_most else c.seconds
 
 
 def scaling_table(data: Data) -> Table:
-    """Family x method: exponents of the cost in the size of the state."""
+    """Build the table of exponents: family x method."""
     rows = []
     for name, keys in group_by_size(data).items():
         sizes = ", ".join(f"{_size(data, k):.0f}" for k in keys)
@@ -145,12 +166,14 @@ def _power(p: Power | None) -> Cell:
     )
 
 
-def scaling_panels(data: Data, looks: dict) -> list[Panel]:
-    """Seconds per step, and to the target, against the size; one pair of panels for each family of
-    three sizes or more."""
+def scaling_panels(data: Data, looks: dict[str, Look]) -> list[Panel]:
+    """Build panels of seconds per step, and to the target, against the size.
+
+    There is one pair of panels for each family of MIN_SIZES sizes or more.
+    """
     out = []
     for name, keys in group_by_size(data).items():
-        if len(keys) < 3:
+        if len(keys) < MIN_SIZES:
             continue
         lines: tuple[list, list] = ([], [])
         for solver in dict.fromkeys(s for k, s in data.runs if k in keys):
@@ -172,71 +195,74 @@ def scaling_panels(data: Data, looks: dict) -> list[Panel]:
 
 
 def sizes_table(data: Data) -> Table:
-    """Families by size: the cheapest compiled method at each error, with factors over the next one
-    and over PBD."""
+    """Build the table of the cheapest compiled method by size and error.
+
+    It gives the factors over the next cheapest one and over PBD.
+    """
     rows = []
     for name, keys in group_by_size(data).items():
         for case in keys:
             cells = [Cell(case, kind="method")]
             cells += [
-                _cheapest([c for c in speed.rank_costs(data, case, t) if c.loop == "compiled"])
-                for t in speed.TARGETS
+                _cheapest([c for c in rank_costs(data, case, t) if c.loop == "compiled"])
+                for t in TARGETS
             ]
             rows.append(Row(tuple(cells), name))
     return Table(
         "sizes",
-        ("case", *(f"error {format_power(t)}" for t in speed.TARGETS)),
+        ("case", *(f"error {format_power(t)}" for t in TARGETS)),
         tuple(rows),
         f"The cheapest compiled method, and by which factor the next one and {LEADING_METHOD} are "
         "dearer. ≤: the coarsest run tried was already better, so that factors are bounds.",
     )
 
 
-def _cheapest(found: list[speed.Cost]) -> Cell:
+def _cheapest(found: list[Cost]) -> Cell:
     if not found:
         return Cell("not reached", kind="quiet")
     first, *others = found
-    others = [c for c in others if not speed.why_not_comparable(c, first)]
+    others = [c for c in others if not why_not_comparable(c, first)]
     pbd = next((c for c in (first, *others) if method_of(c.solver) == LEADING_METHOD), None)
-    told = [f"{'≤ ' if first.at_most else ''}{format_seconds(first.seconds)}"]
-    told += (
+    parts = [f"{'≤ ' if first.at_most else ''}{format_seconds(first.seconds)}"]
+    parts += (
         [f"next {TIMES} {format_factor(others[0].seconds / first.seconds)} ({others[0].solver})"]
         if others
         else []
     )
     if pbd is None:
-        told.append(f"no {LEADING_METHOD}")
+        parts.append(f"no {LEADING_METHOD}")
     elif pbd is not first and pbd is not (others[0] if others else None):
-        told.append(f"{LEADING_METHOD} {TIMES} {format_factor(pbd.seconds / first.seconds)}")
+        parts.append(f"{LEADING_METHOD} {TIMES} {format_factor(pbd.seconds / first.seconds)}")
     title = (
         f"quartiles {format_number(first.low)} to {format_number(first.high)} s"
         if math.isfinite(first.low)
         else ""
     )
-    return Cell(first.solver, ", ".join(told), title, "best")
+    return Cell(first.solver, ", ".join(parts), title, "best")
 
 
 def describe_wins(data: Data) -> list[str]:
-    """Whether PBD wins, and where: one sentence per error, over all cases."""
+    """Count for each error the cases on which PBD is the cheapest compiled method, or is not."""
     out = []
-    for target in speed.TARGETS:
-        own = []
-        lost = 0
-        far = 0
+    for target in TARGETS:
+        won = []
+        dearer = 0
+        not_reached = 0
         for case in data.case_keys:
-            found = [c for c in speed.rank_costs(data, case, target) if c.loop == "compiled"]
+            found = [c for c in rank_costs(data, case, target) if c.loop == "compiled"]
             if not found:
                 continue
             if method_of(found[0].solver) == LEADING_METHOD:
-                own.append(case)
+                won.append(case)
             elif any(method_of(c.solver) == LEADING_METHOD for c in found):
-                lost += 1
+                dearer += 1
             else:
-                far += 1
-        if own or lost or far:
+                not_reached += 1
+        cases = len(won) + dearer + not_reached
+        if cases:
             out.append(
                 f"Error {format_power(target)}: {LEADING_METHOD}, in whatever order, is the "
-                f"cheapest compiled method on {len(own)} of {len(own) + lost + far} cases; another "
-                f"one is cheaper on {lost}, and on {far} it does not get there or does not apply."
+                f"cheapest compiled method on {len(won)} of {cases} cases; another one is cheaper "
+                f"on {dearer}, and on {not_reached} it does not get there or does not apply."
             )
     return out

@@ -1,5 +1,7 @@
-"""The talk's figure: explicit Euler on its sliding example, drawn with matplotlib's Figure (no
-pyplot)."""
+"""Draw the talk's figure: explicit and implicit Euler on its sliding example.
+
+The runs are stored in extra.json. The figure is drawn with matplotlib's Figure (no pyplot).
+"""
 
 from __future__ import annotations
 
@@ -10,6 +12,8 @@ import numpy as np
 
 from nsbench.report.data import Data
 from nsbench.report.style import INK, MUTED, PALETTE, RULE, format_number, sanitise
+
+MAX_RUNS = 4  # of one method: more would be too small to read
 
 
 def _curve(value) -> np.ndarray | None:
@@ -24,8 +28,8 @@ def _curve(value) -> np.ndarray | None:
     return a[np.isfinite(a).all(axis=1)]
 
 
-def select_runs(talk) -> list[tuple[str, list]]:
-    """("explicit" or "implicit", [(dt, curve), ...]) of the stored runs, at most four each."""
+def select_runs(talk: dict) -> list[tuple[str, list]]:
+    """Group the stored runs: ("explicit" or "implicit", [(dt, curve), ...]), at most four each."""
     rows: dict = {}
     for run in talk.get("runs") or ():
         if isinstance(run, dict):
@@ -33,12 +37,11 @@ def select_runs(talk) -> list[tuple[str, list]]:
             if curve is not None and len(curve):
                 name = "implicit" if "implicit" in str(run.get("solver")) else "explicit"
                 rows.setdefault(name, []).append((run.get("dt"), curve))
-    return [(name, group[:4]) for name, group in rows.items()]
+    return [(name, group[:MAX_RUNS]) for name, group in rows.items()]
 
 
 def draw_talk_figure(data: Data) -> str:
-    """Explicit Euler on the talk's sliding example beside the exact solution, implicit Euler below;
-    "" without it.
+    """Draw explicit Euler beside the exact solution, implicit Euler below; "" without stored runs.
 
     extra.json: ``{"talk_figure": {"runs": [{"solver", "dt", "x"}, ...], "exact": x}}``, x being
     points or two lists of coordinates.
@@ -51,16 +54,16 @@ def draw_talk_figure(data: Data) -> str:
         return ""
     exact = _curve(talk.get("exact"))
     exact = exact if exact is not None and len(exact) else None
-    across = max(len(group) for _, group in rows)
-    fig = Figure(figsize=(2.4 * across + 0.4, 1.9 * len(rows) + 0.3))
+    columns = max(len(group) for _, group in rows)
+    fig = Figure(figsize=(2.4 * columns + 0.4, 1.9 * len(rows) + 0.3))
     fig.patch.set_visible(False)
-    every = [c for _, group in rows for _, c in group] + ([exact] if exact is not None else [])
+    curves = [c for _, group in rows for _, c in group] + ([exact] if exact is not None else [])
     limits = [
-        (min(c[:, k].min() for c in every), max(c[:, k].max() for c in every)) for k in (0, 1)
+        (min(c[:, k].min() for c in curves), max(c[:, k].max() for c in curves)) for k in (0, 1)
     ]
     for i, (name, group) in enumerate(rows):
         for j, (dt, curve) in enumerate(group):
-            ax = fig.add_subplot(len(rows), across, i * across + j + 1, facecolor="none")
+            ax = fig.add_subplot(len(rows), columns, i * columns + j + 1, facecolor="none")
             _talk_axes(
                 ax,
                 limits,
@@ -81,7 +84,7 @@ def draw_talk_figure(data: Data) -> str:
 
 
 def describe_talk_figure(data: Data) -> str:
-    """How far each run strays from the exact path, in words; "" without the figure."""
+    """Report the largest distance of each run from the exact path; "" without the figure."""
     talk = data.extra.get("talk_figure")
     if not isinstance(talk, dict):
         return ""
@@ -90,15 +93,15 @@ def describe_talk_figure(data: Data) -> str:
     if exact is None or len(exact) < 2:
         return "Euler's method on the talk's sliding example, explicit and implicit."
     for name, group in select_runs(talk):
-        far = ", ".join(
+        distances = ", ".join(
             f"{format_number(largest_distance(curve, exact))} (dt = {dt})" for dt, curve in group
         )
-        parts.append(f"{name} Euler {far}")
+        parts.append(f"{name} Euler {distances}")
     return f"Largest distance from the exact path (dashed): {'; '.join(parts)}."
 
 
 def largest_distance(curve: np.ndarray, path: np.ndarray) -> float:
-    """Largest distance of the points `curve` (k, 2) from the polygon through `path` (m, 2)."""
+    """Compute the largest distance of points `curve` (k, 2) from the polygon `path` (m, 2)."""
     a = path[:-1]
     d = np.diff(path, axis=0)
     square = np.maximum((d * d).sum(axis=1), 1e-300)
@@ -121,6 +124,7 @@ def _talk_axes(ax, limits, title: str):
 
 
 def _svg(fig, salt: str) -> str:
+    """The figure as SVG text without date, version, fonts and needless digits; reproducible."""
     from matplotlib import rc_context
     from matplotlib.backends.backend_svg import FigureCanvasSVG
 
@@ -139,7 +143,7 @@ def _svg(fig, salt: str) -> str:
     text = re.sub(r"<defs>\s*<style.*?</style>\s*</defs>", "", text, flags=re.S)
     text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.S)
     text = re.sub(r"<!--.*?-->\s*", "", text, flags=re.S)
-    text = re.sub(r"(\d\.\d{2})\d+", r"\1", text)  # a hundredth of a point is not seen
+    text = re.sub(r"(\d\.\d{2})\d+", r"\1", text)  # a hundredth of a point is not visible
     text = re.sub(r'font: ([\d.]+)px [^;"]*', r"font: \1px system-ui, sans-serif", text)
     text = re.sub(r' (width|height)="[\d.]+pt"', "", text, count=2)
     return re.sub(r"\s*\n\s*", "\n", text).replace(' version="1.1"', "")

@@ -1,9 +1,12 @@
-"""The opening sentences: which method, which multipliers, what failed; every figure is computed
-from the rows."""
+"""Write the opening sentences: which method, which orders, which multipliers, what failed.
+
+Every number in them is computed from the rows; no sentence is written where it has no subject.
+"""
 
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,20 +24,22 @@ from nsbench.report.style import (
 )
 from nsbench.report.summary import OPEN, Order, Summary, find_silent_failures, format_statuses
 
-MAX_DEVIATIONS = 12  # deviations told in the opening; the table has them all
+Summaries = dict[tuple[str, str], Summary]  # by (case, method)
+MAX_DEVIATIONS = 12  # listed in the opening; the table has them all
+TALK_FACTOR = 100  # of stepping with an inner QP over PBD, as the talk has it
 
 
 @dataclass(frozen=True)
 class Statement:
-    """A short heading with its sentences; tone: plain or bad."""
+    """A short heading with its sentences; tone: "plain" or "bad"."""
 
     head: str
     sentences: tuple[str, ...]
     tone: str = "plain"
 
 
-def write_verdict(data: Data, summaries: dict[tuple, Summary]) -> list[Statement]:
-    """What a reader in a hurry should take away; at least one statement, also when nothing ran."""
+def write_verdict(data: Data, summaries: Summaries) -> list[Statement]:
+    """Write what a reader in a hurry needs; at least one statement, also when nothing ran."""
     if not any(s.word == "ok" for s in summaries.values()):
         return [Statement("No run gave a number", (_runs(summaries), *_failed(summaries)), "bad")]
     parts = [
@@ -59,24 +64,30 @@ def write_verdict(data: Data, summaries: dict[tuple, Summary]) -> list[Statement
 
 
 def _unexpected(found) -> list[Statement]:
-    """New deviations from what the methods declare, and known ones that are gone: the same
-    statement for both."""
-    told = [
+    """State new deviations from what the methods declare, and known ones that are gone."""
+    sentences = [
         f"{f.solver} on {f.case}, {f.metric}: {f.expected} was expected, {f.observed} is seen."
         for f in new_deviations(found)
     ]
-    told += [
+    sentences += [
         f"{f.solver} on {f.case}, {f.metric}: known to be “{was}”, is seen as {f.observed}: the "
         "table of known deviations is out of date."
         for f, was, _ in resolved_deviations(found)
     ]
     rest = (
-        [f"{len(told) - MAX_DEVIATIONS} more: see the table."] if len(told) > MAX_DEVIATIONS else []
+        [f"{len(sentences) - MAX_DEVIATIONS} more: see the table."]
+        if len(sentences) > MAX_DEVIATIONS
+        else []
     )
-    return [Statement("Not as expected", (*told[:MAX_DEVIATIONS], *rest), "bad")] if told else []
+    return (
+        [Statement("Not as expected", (*sentences[:MAX_DEVIATIONS], *rest), "bad")]
+        if sentences
+        else []
+    )
 
 
-def _choices(data: Data):
+def _choices(data: Data) -> Iterator[str]:
+    """Count on how many cases each method is the cheapest one to reach an error."""
     cases = [case for case in data.case_keys if _has_error(data, case)]
     for target in cost.TARGETS:
         found = {case: cost.rank_costs(data, case, target) for case in cases}
@@ -100,10 +111,12 @@ def _choices(data: Data):
 
 
 def _has_error(data: Data, case: str) -> bool:
+    """Does any run of the case have a state error?"""
     return any(np.isfinite(r.col["state_sup"][r.good]).any() for r in data.of_case(case))
 
 
-def _by_solver(summaries) -> dict[str, list[Summary]]:
+def _by_solver(summaries: Summaries) -> dict[str, list[Summary]]:
+    """Group the summaries with numbers by method."""
     out: dict = {}
     for s in summaries.values():
         if s.word == "ok":
@@ -112,23 +125,28 @@ def _by_solver(summaries) -> dict[str, list[Summary]]:
 
 
 def _spread(orders: list[Order]) -> str:
-    """``1.00`` or ``0.97 to 1.02`` with the number of cases."""
+    """Format the range of orders: ``1.00 (1 case)`` or ``0.97 to 1.02 (3 cases)``."""
     values = [o.order for o in orders]
     low = f"{min(values):.2f}"
     high = f"{max(values):.2f}"
     return f"{low if low == high else f'{low} to {high}'} ({format_count(len(values), 'case')})"
 
 
-def _pairs(group: list[tuple[Summary, Order]], tell) -> str:
-    """``pbd on tide (0.52) and hex (plateau at 2e-3)``, every method once; beyond a dozen only
-    counted."""
-    by: dict = {}
+def _pairs(group: list[tuple[Summary, Order]], describe: Callable[[Order], str]) -> str:
+    """Format pairs of method and case: ``pbd on tide (0.52) and hex (plateau at 2e-3)``.
+
+    Every method is named once; beyond four cases the rest is counted. describe: words for an Order.
+    """
+    cases_of: dict = {}
     for s, o in group:
-        by.setdefault(s.solver, []).append(f"{s.case} ({tell(o)})" if tell(o) else s.case)
-    return "; ".join(f"{solver} on {join_names(cases, 4)}" for solver, cases in by.items())
+        cases_of.setdefault(s.solver, []).append(
+            f"{s.case} ({describe(o)})" if describe(o) else s.case
+        )
+    return "; ".join(f"{solver} on {join_names(cases, 4)}" for solver, cases in cases_of.items())
 
 
-def _told(o: Order) -> str:
+def _describe_order(o: Order) -> str:
+    """Format an order, a bound or a plateau for a sentence."""
     if o.kind == "bound":
         return o.text
     if o.verdict == "plateau" and o.plateau == o.plateau:
@@ -136,24 +154,10 @@ def _told(o: Order) -> str:
     return f"order {o.order:.2f}"
 
 
-def _orders(summaries):
-    solvers = _by_solver(summaries)
+def _orders(summaries: Summaries) -> Iterator[str]:
+    """Report state orders: as claimed, off the claim, bounds, and where there is no verdict."""
     pairs = [(s, s.state) for s in summaries.values() if s.word == "ok"]
-    fits = {
-        name: [s.state for s in group if s.state.verdict == "order"]
-        for name, group in solvers.items()
-    }
-    kept = {
-        name: f
-        for name, f in fits.items()
-        if f and f[0].claim is not None and not any(o.flag for o in f)
-    }
-    for claim in sorted({f[0].claim for f in kept.values()}):
-        told = "; ".join(f"{name} {_spread(f)}" for name, f in kept.items() if f[0].claim == claim)
-        yield f"State order {format_number(claim)}, as claimed, wherever it can be fitted: {told}."
-    free = [f"{name} {_spread(f)}" for name, f in fits.items() if f and f[0].claim is None]
-    if free:
-        yield f"State order where none is claimed: {'; '.join(free)}."
+    yield from _orders_as_claimed(_by_solver(summaries))
     for head, test in (
         ("Below the claim", lambda o: o.kind == "fit" and o.flag == "below"),
         ("Above the claim", lambda o: o.kind == "fit" and o.flag == "above"),
@@ -164,51 +168,83 @@ def _orders(summaries):
     ):
         found = [(s, o) for s, o in pairs if test(o)]
         if found:
-            yield f"{head}: {_pairs(found, _told)}."
-    for name, group in solvers.items():
-        bounds = [s.state for s in group if s.state.kind == "bound"]
-        if bounds:
-            missed = [(s, s.state) for s in group if s.state.kind == "bound" and s.state.flag]
-            blind = [
-                s.case
-                for s in group
-                if s.state.kind == "bound" and s.state.verdict == "below reference"
-            ]
-            tail = (
-                f"; missed on {join_names([f'{s.case} ({_told(o)})' for s, o in missed], 4)}"
-                if missed
-                else ""
-            )
-            tail += (
-                f"; the reference is not good enough to tell on {join_names(blind, 4)}"
-                if blind
-                else ""
-            )
-            yield (
-                f"{name}: the bound it claims, {format_number(bounds[0].claim)}, is kept on "
-                f"{len(bounds) - len(missed) - len(blind)} of "
-                f"{format_count(len(bounds), 'case')}{tail}."
-            )
+            yield f"{head}: {_pairs(found, _describe_order)}."
+    for name, group in _by_solver(summaries).items():
+        bounded = [s for s in group if s.state.kind == "bound"]
+        if bounded:
+            yield _bound_sentence(name, bounded)
     exact = list(dict.fromkeys(s.case for s, o in pairs if o.kind == "exact"))
     if exact:
         yield (
             "Exact at grid times for at least one method, hence no order there: "
             f"{join_names(exact)}."
         )
-    open_ = [s for s, o in pairs if o.verdict in OPEN]
-    if open_:
-        cases = join_names(dict.fromkeys(s.case for s in open_), 4)
+    yield from _without_verdict(pairs)
+
+
+def _orders_as_claimed(solvers: dict[str, list[Summary]]) -> Iterator[str]:
+    """Report methods all of whose fitted orders are as claimed, and those that claim none."""
+    fits = {
+        name: [s.state for s in group if s.state.verdict == "order"]
+        for name, group in solvers.items()
+    }
+    as_claimed = {
+        name: orders
+        for name, orders in fits.items()
+        if orders and orders[0].claim is not None and not any(o.flag for o in orders)
+    }
+    for claim in sorted({orders[0].claim for orders in as_claimed.values()}):
+        methods = "; ".join(
+            f"{name} {_spread(orders)}"
+            for name, orders in as_claimed.items()
+            if orders[0].claim == claim
+        )
         yield (
-            f"No verdict (undecided or pre-asymptotic): {len(open_)} of "
+            f"State order {format_number(claim)}, as claimed, wherever it can be fitted: {methods}."
+        )
+    free = [
+        f"{name} {_spread(orders)}"
+        for name, orders in fits.items()
+        if orders and orders[0].claim is None
+    ]
+    if free:
+        yield f"State order where none is claimed: {'; '.join(free)}."
+
+
+def _bound_sentence(name: str, bounded: list[Summary]) -> str:
+    """Count the cases on which a method keeps the error bound that it claims."""
+    missed = [s for s in bounded if s.state.flag]
+    undecided = [s.case for s in bounded if s.state.verdict == "below reference"]
+    tail = ""
+    if missed:
+        cases = join_names([f"{s.case} ({_describe_order(s.state)})" for s in missed], 4)
+        tail += f"; missed on {cases}"
+    if undecided:
+        tail += f"; the reference is not good enough to tell on {join_names(undecided, 4)}"
+    return (
+        f"{name}: the bound it claims, {format_number(bounded[0].state.claim)}, is kept on "
+        f"{len(bounded) - len(missed) - len(undecided)} of "
+        f"{format_count(len(bounded), 'case')}{tail}."
+    )
+
+
+def _without_verdict(pairs: list[tuple[Summary, Order]]) -> Iterator[str]:
+    """Count the pairs of method and case whose fit has no verdict."""
+    undecided = [s for s, o in pairs if o.verdict in OPEN]
+    if undecided:
+        cases = join_names(dict.fromkeys(s.case for s in undecided), 4)
+        yield (
+            f"No verdict (undecided or pre-asymptotic): {len(undecided)} of "
             f"{format_count(len(pairs), 'pair')}, on {cases}."
         )
 
 
-def _multipliers(summaries):
+def _multipliers(summaries: Summaries) -> Iterator[str]:
+    """Report which multipliers converge, are exact, level off, or are not unique."""
     solvers = _by_solver(summaries)
     pairs = [(s, s.force) for s in summaries.values() if s.word == "ok"]
     for metric in ("impulse", "reaction"):
-        sure = {
+        convergent = {
             name: [
                 s.force
                 for s in group
@@ -218,36 +254,30 @@ def _multipliers(summaries):
             ]
             for name, group in solvers.items()
         }
-        told = [f"{name} {_spread(f)}" for name, f in sure.items() if f]
-        if told:
-            yield f"The {metric} converges, with order: {'; '.join(told)}."
+        methods = [f"{name} {_spread(f)}" for name, f in convergent.items() if f]
+        if methods:
+            yield f"The {metric} converges, with order: {'; '.join(methods)}."
     exact = [(s, o) for s, o in pairs if o.kind == "exact"]
     if exact:
         yield f"Exact: {_pairs(exact, lambda o: '')}."
-    doubt = [(s, o) for s, o in pairs if o.verdict in ("plateau", "diverges")]
-    if doubt:
-        yield f"Do not trust: {_pairs(doubt, _told)}."
+    doubtful = [(s, o) for s, o in pairs if o.verdict in ("plateau", "diverges")]
+    if doubtful:
+        yield f"Do not trust: {_pairs(doubtful, _describe_order)}."
     elif pairs:
         yield "No multiplier was found to level off or to diverge."
-    open_ = [s for s, o in pairs if o.verdict in OPEN]
-    if open_:
-        cases = join_names(dict.fromkeys(s.case for s in open_), 4)
+    yield from _without_verdict(pairs)
+    nonunique = sorted({s.case for s in summaries.values() if s.force.metric == "reaction"})
+    if nonunique:
         yield (
-            f"No verdict (undecided or pre-asymptotic): {len(open_)} of "
-            f"{format_count(len(pairs), 'pair')}, on {cases}."
-        )
-    loose = sorted({s.case for s in summaries.values() if s.force.metric == "reaction"})
-    if loose:
-        yield (
-            f"Not unique, so that only the reaction can be compared: {join_names(loose)}. Which "
-            "multiplier a method picks there is a selection, not an error."
+            f"Not unique, so that only the reaction can be compared: {join_names(nonunique)}. "
+            "Which multiplier a method picks there is a selection, not an error."
         )
 
 
-def _violations(data: Data, summaries):
-    """Which step keeps the constraints, and the case that asks for it: one sentence per figure."""
+def _violations(data: Data, summaries: Summaries) -> Iterator[str]:
+    """Report the step that keeps the constraints on all cases, and the case that needs it."""
     for target in (1e-2, 1e-3):
-        told = []
+        reached = []
         missed = []
         for solver, group in _by_solver(summaries).items():
             found = {
@@ -256,21 +286,24 @@ def _violations(data: Data, summaries):
             steps = [(c.h, case) for case, c in found.items() if c is not None and c.h > 0]
             if steps:
                 h, case = min(steps)
-                told.append(f"{solver} h = {format_number(h)} ({case})")
+                reached.append(f"{solver} h = {format_number(h)} ({case})")
             missed += [f"{solver} on {case}" for case, c in found.items() if c is None]
-        if told:
+        if reached:
             tail = f"; not reached by {join_names(missed, 4)}" if missed else ""
             yield (
                 f"Violation below {format_power(target)} on every case that reaches it: "
-                f"{', '.join(told)}{tail}."
+                f"{', '.join(reached)}{tail}."
             )
 
 
-def compare_speeds(data: Data):
-    """Factors over PBD at equal error, between loops of one kind, and the talk's factor of 100."""
-    qp = cost.find_qp_methods(data)
+def compare_speeds(data: Data) -> Iterator[str]:
+    """Report factors over PBD at equal error, and whether the talk's factor of 100 was reached.
+
+    Yields one sentence per method, one on the methods that cannot be compared, and one on the talk.
+    """
+    qp_methods = cost.find_qp_methods(data)
     ratios = {}
-    apart = set()
+    not_comparable = set()
     for case in data.case_keys:
         for target in cost.TARGETS:
             found = cost.rank_costs(data, case, target)
@@ -280,7 +313,7 @@ def compare_speeds(data: Data):
                     continue
                 r = cost.ratio_of_seconds(c, base)
                 if r is None and c.loop != base.loop:
-                    apart.add(c.solver)
+                    not_comparable.add(c.solver)
                 elif r is not None:
                     ratios.setdefault(c.solver, []).append((r, case, target))
     for solver, group in ratios.items():
@@ -290,16 +323,17 @@ def compare_speeds(data: Data):
             f"{LEADING_METHOD} (median of {format_count(len(values), 'comparison')}; "
             f"{format_factor(min(values))} to {format_factor(max(values))})."
         )
-    apart -= set(ratios)
-    if apart:
+    not_comparable -= set(ratios)
+    if not_comparable:
         yield (
-            f"Seconds of {join_names(sorted(apart))} are not compared with {LEADING_METHOD}: their "
-            "loops are of another kind, or their coarsest run was already better."
+            f"Seconds of {join_names(sorted(not_comparable))} are not compared with "
+            f"{LEADING_METHOD}: their loops are of another kind, or their coarsest run was already "
+            "better."
         )
-    gains = [g for solver in qp for g in ratios.get(solver, [])]
+    gains = [g for solver in qp_methods for g in ratios.get(solver, [])]
     if gains:
         top, case, target = max(gains)
-        seen = "was seen" if top >= 100 else "was not seen"
+        seen = "was seen" if top >= TALK_FACTOR else "was not seen"
         yield (
             f"The talk's factor of 100 over stepping with an inner QP {seen} at equal error: at "
             f"most {format_factor(top)} times ({case} at {format_power(target)}), at least "
@@ -307,7 +341,8 @@ def compare_speeds(data: Data):
         )
 
 
-def _runs(summaries) -> str:
+def _runs(summaries: Summaries) -> str:
+    """Count the runs by how they ended."""
     total = sum((s.statuses for s in summaries.values()), Counter())
     good = total.pop("ok", 0)
     below = total.pop("below_reference", 0)
@@ -320,7 +355,8 @@ def _runs(summaries) -> str:
     )
 
 
-def _failed(summaries):
+def _failed(summaries: Summaries) -> Iterator[str]:
+    """List the cases on which each method gave no number, or not at every accuracy."""
     for solver in dict.fromkeys(s.solver for s in summaries.values()):
         never = [s.case for s in summaries.values() if s.solver == solver and s.word == "failed"]
         some = [
