@@ -1,4 +1,4 @@
-"""`nsbench list`: registered cases, solvers and metrics, each with a line about it.
+"""`nsbench list`: registered cases and solvers, and the columns of a result, each with a line about it.
 
 Cases and solvers that fail to load are listed with the reason.
 """
@@ -9,32 +9,9 @@ import argparse
 import dataclasses
 import inspect
 
-from nsbench import solvers
+from nsbench import columns, solvers
 from nsbench.case import broken_cases, case_module, case_names
 from nsbench.cli.exit_codes import FINE
-
-METRICS = {
-    "state_sup": "largest error of the state over the sample times",
-    "state_T": "error of the state at T",
-    "set_distance": "distance of the states to the set of all solutions, where there are many",
-    "impulse": "largest error of a cumulative impulse over the sample times",
-    "reaction": "the same of the cumulative reaction, unique even where multipliers are not",
-    "l1": "sum over sample intervals of the error of the interval's impulse",
-    "settled": "largest error of an interval-mean multiplier away from events",
-    "lam_own": "largest error of single steps' multipliers away from events, at the method's own "
-    "time in the step",
-    "lam_at_start": "the same against the exact multiplier at the start of the step",
-    "lam_at_mid": "the same at its middle",
-    "lam_at_end": "the same at its end",
-    "lam_mean": "the same of its mean",
-    "event_time": "largest error of a located event",
-    "feasibility": "largest violation max(-g, 0)",
-    "sign": "smallest multiplier",
-    "complementarity": "largest product of gap and impulse",
-    "residual": "residual of the equation",
-    "selection": "distance to the least-norm multiplier (not an error)",
-    "polyhedron": "distance of the multiplier to the set of all multipliers",
-}
 
 
 def command(args: argparse.Namespace, say) -> int:
@@ -68,8 +45,10 @@ def _list_solvers(say) -> None:
 
 
 def _list_metrics(say) -> None:
-    for name, text in METRICS.items():
-        say(f"  {name:<16} {text}")
+    for name in columns.names():
+        column = columns.describe(name)
+        line = f"  {name:<18} {column.meaning}"
+        say(f"{line}  [{column.unit}]" if column.unit else line)
 
 
 def _list_broken(reasons: dict[str, str], say) -> None:

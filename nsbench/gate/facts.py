@@ -12,28 +12,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from nsbench.columns import held_by_gate
 from nsbench.measure.orders.window import rounding
 from nsbench.report.data import GOOD, Data, Runs
 from nsbench.report.summary import Order, Summary, format_statuses, summarise
 
 KINDS = ("near", "max", "min", "class", "count")
-ERRORS = ("state_sup", "state_T", "impulse", "reaction", "l1", "settled", "lam_own", "event_time")
-RESIDUALS = ("feasibility", "complementarity", "residual")
-WORK = (
-    "steps",
-    "drift_calls",
-    "projections",
-    "qp_solves",
-    "inner_iterations",
-    "events",
-    "restarts",
-    "rebuilds",
-    "contacts_peak",
-    "events_missed",
-    "events_extra",
-)
 UNITS = {"order": "1", "constant": "error/h^order"}
 SMALL = 1e-9  # residuals below it are rounding: they are held from above, not near a value
+RESIDUAL_ROUNDING = 1e-12  # of the size of the solution: absolute tolerance of a residual
 
 
 @dataclass(frozen=True)
@@ -148,18 +135,19 @@ def _middle(runs: Runs, config: str, span: float):
         return
     if runs.col["lam_time"][at]:
         yield fact("lam_time", "class", str(runs.col["lam_time"][at]))
-    for name in ERRORS:
-        value = float(runs.col[name][at])
-        floor = max(runs.floor(name), float(rounding(runs.col["h"][at], runs.scale(name), span)))
-        if math.isfinite(value):
-            yield fact(name, "near" if value > floor else "max", value, floor=floor)
-    for name in RESIDUALS:
-        value = float(runs.col[name][at])
-        if math.isfinite(value):
-            yield fact(
-                name, "near" if value > SMALL else "max", value, floor=1e-12 * runs.scale(name)
-            )
-    for name in WORK:
-        value = float(runs.col[name][at])
-        if math.isfinite(value):
-            yield fact(name, "count", value)
+    for column in held_by_gate():
+        value = float(runs.col[column.name][at])
+        if not math.isfinite(value):
+            continue
+        if column.gate == "count":
+            yield fact(column.name, "count", value)
+            continue
+        scale = runs.scale(column.name)
+        if column.group == "residual":
+            least = SMALL
+            floor = RESIDUAL_ROUNDING * scale
+        else:
+            floor = max(runs.floor(column.name), float(rounding(runs.col["h"][at], scale, span)))
+            least = floor
+        kind = "near" if column.gate == "near" and value > least else "max"
+        yield fact(column.name, kind, value, floor=floor)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from nsbench.case import Case
+from nsbench.columns import MEASURED_GROUPS, names
 from nsbench.measure.context import MeasureContext, context_of
 from nsbench.measure.event_times import event_errors
 from nsbench.measure.multiplier_sets import selection
-from nsbench.measure.multiplier_times import NAMES as LABELS
 from nsbench.measure.multiplier_times import errors_at_times
 from nsbench.measure.residuals import NAMES as RESIDUALS
 from nsbench.measure.residuals import residuals
@@ -16,65 +16,48 @@ from nsbench.problem import Complementarity
 from nsbench.reference import columns_of, spread
 from nsbench.trajectory import Trajectory
 
-NAMES = (
-    "state_sup",
-    "state_T",
-    "set_distance",
-    "impulse",
-    "reaction",
-    "l1",
-    "settled",
-    "sup",
-    "event_time",
-    "events_missed",
-    "events_extra",
-    *LABELS,
-    "lam_floor",
-    "selection",
-    "polyhedron",
-    "state_floor",
-    "impulse_floor",
-    "reaction_floor",
-    "event_floor",
-    "state_scale",
-    "impulse_scale",
-)
 MEASURED = ("ok", "unverified", "degenerate", "below_reference")  # statuses of runs that reached T
 
 
 def errors(case: Case, traj: Trajectory) -> dict:
-    """Errors and residuals of one run, NaN where one has no meaning.
+    """Measure the errors and residuals of one run; NaN where one has no meaning.
 
-    state_sup, state_T: max norm, over all samples and at the last; impulse, reaction: largest
-    difference of the cumulative impulse of any contact, of the cumulative reaction in any
-    coordinate, at any sample (contacts are matched by id, one that is absent has none); l1: sum
-    over sample intervals and contacts of |difference of the impulse in the interval|, which is the
-    L1 distance of interval means; settled: largest difference of interval means of a multiplier
-    outside windows of 2 sample spacings around the reference's events; sup: the same everywhere, a
-    diagnostic (no order at jumps); event_time, events_missed, events_extra: see `event_errors`.
+    x, I, R are the state, the impulses (contacts are matched by id, one that is absent has none)
+    and the reaction of the run, x*, I*, R* those of the reference, i the samples, j the sample
+    intervals of length D_j, m_j = (I_{j+1} - I_j) / D_j the mean multiplier of an interval.
 
-    lam_own, lam_at_start, lam_at_mid, lam_at_end, lam_mean, lam_floor: the multiplier of single
-    steps against the exact one at the method's own time label and at the others, see
-    `measure.labels`.
-    set_distance: of the samples from the set of all solutions, in the place of state_sup where
-    there are many (the case's `distance`, see Case).
+    ==================  ========================================================================
+    state_sup           max over i of |x - x*|_inf
+    state_T             |x - x*|_inf at the last sample
+    set_distance        distance of the samples from the set of all solutions (`Case.distance`);
+                        in the place of state_sup where there are many
+    impulse             max over i and contacts of |I - I*|
+    reaction            max over i of |R - R*|_inf
+    l1                  sum over j and contacts of D_j |m_j - m*_j|
+    settled             max of |m_j - m*_j| outside windows of 2 sample spacings around the events
+                        of the reference
+    sup                 max of |m_j - m*_j| over all j: a diagnostic, no order where m* jumps
+    lam_*, lam_floor    multipliers of single steps, see `measure.multiplier_times`
+    event_time,         see `event_errors`
+    events_missed, events_extra
+    multipliers_unique  have the active gradients full rank along the reference? None without one
+    selection,          where they have not (impulse, l1, settled, sup are NaN there and the error
+    polyhedron          of the reaction stands in their place): distance of the multipliers to the
+                        smallest element of the set of all (a selection, no error) and to the set
+    *_floor             ten times the reference's own error; errors below say nothing
+    *_scale             largest value of the reference, at least 1: what rounding is relative to
+    below               names of the errors that say nothing, see `below_reference`
+    reference           "closed form", "certified", "stored" or "none"
+    feasibility, sign, complementarity, residual: see `measure.residuals`
+    ==================  ========================================================================
 
-    multipliers_unique: rank of the active gradients along the reference (None without one). Where
-    False, impulse, l1, settled and sup are NaN: the reaction's error stands in their place,
-    polyhedron is the distance of the multipliers to the set of all, selection the one to its
-    smallest element, no error.
-    state_floor, impulse_floor, reaction_floor, event_floor: ten times the reference's own error;
-    errors below say nothing, and `below` names those that are (see `below_reference`); whoever
-    prints one prints the floor. state_scale, impulse_scale: at least 1, and the largest value of
-    the reference, which rounding is relative to.
-    reference: "closed form", "stored" or "none". feasibility, sign, complementarity, residual: see
-    `residuals`.
-    A run that did not reach T has residuals only. BadReference (a ValueError) if the stored
-    reference is unusable.
+    A run that did not reach T has residuals only. Units and labels: `nsbench.columns`. Whoever
+    prints an error prints its floor. ValueError if the samples are not those of the case;
+    BadReference (a ValueError) if the stored reference is unusable.
     """
     made = context_of(case)
     ref = made.ref
-    out = {k: float("nan") for k in NAMES}
+    out = dict.fromkeys(names(*MEASURED_GROUPS), float("nan"))
     out |= {
         "reference": "none" if ref is None else ref.kind,
         "multipliers_unique": made.unique,

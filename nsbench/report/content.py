@@ -24,6 +24,7 @@ TRUST_TABLES = (
     ("bounds", "Methods that claim a bound"),
     ("selection", "Multipliers that are not unique"),
     ("labels", "Where in its step a multiplier belongs"),
+    ("errors", "Every error at the finest step"),
     ("references", "References and their own error"),
 )
 MEASURED = (

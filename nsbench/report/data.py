@@ -11,66 +11,13 @@ from pathlib import Path
 
 import numpy as np
 
+from nsbench.columns import by_name, describe, names
 from nsbench.report.style import LEADING_METHOD, file_stem, method_of, sanitise
 from nsbench.results.journal import SCHEMA
 from nsbench.results.tables import text_of
 
-LABELS = (
-    "lam_at_start",
-    "lam_at_mid",
-    "lam_at_end",
-    "lam_mean",
-)  # of single steps, against lambda at that time
-CLOCKED = (
-    "seconds",
-    "seconds_low",
-    "seconds_high",
-    "seconds_max",
-    "rounds",
-    "setup_seconds",
-    "compile_seconds",
-)
-NUMBERS = (
-    "asked",
-    "h",
-    *CLOCKED,
-    "shared",
-    "steps",
-    "drift_calls",
-    "projections",
-    "inner_iterations",
-    "qp_solves",
-    "events",
-    "restarts",
-    "contacts_peak",
-    "state_sup",
-    "state_T",
-    "impulse",
-    "reaction",
-    "l1",
-    "settled",
-    "event_time",
-    "events_missed",
-    "events_extra",
-    "feasibility",
-    "sign",
-    "complementarity",
-    "residual",
-    "selection",
-    "polyhedron",
-    "lam_own",
-    "rebuilds",
-    "state_floor",
-    "impulse_floor",
-    "reaction_floor",
-    "event_floor",
-    "state_scale",
-    "impulse_scale",
-    "multipliers_unique",
-    *LABELS,
-    "lam_floor",
-)
-WORDS = ("case", "solver", "accuracy", "status", "why", "loop", "reference", "lam_time", "session")
+# of single steps, against the exact multiplier at that time
+LABELS = ("lam_at_start", "lam_at_mid", "lam_at_end", "lam_mean")
 FIELDS = {
     "cases": {"classes": list, "T": (int, float), "families": (list, str), "certificate": dict},
     "solvers": {"claims": dict, "expects": list},
@@ -78,6 +25,7 @@ FIELDS = {
 # bytes of a table, and of the notes beside it: more than a million rows take
 LARGEST = 4 << 30
 NOTES = 64 << 20
+PANDAS_INDEX = "__index_level_"  # columns that pandas adds for an index: no results
 GOOD = ("ok", "below_reference")  # statuses whose errors are numbers
 
 
@@ -121,31 +69,18 @@ class Runs:
     def scale(self, metric: str) -> float:
         """Size of the quantity that `metric` is the error of: what rounding is relative to; 1 if it
         is not stored."""
-        values = self.col[
-            "state_scale" if metric in ("state_sup", "state_T", "feasibility") else "impulse_scale"
-        ]
-        values = values[np.isfinite(values)]
-        return float(values.max()) if values.size else 1.0
+        return self._largest(describe(metric).scale, 1.0)
 
     def floor(self, metric: str) -> float:
         """Below it an error of `metric` says nothing (the reference's own error); 0: exact or no
         reference."""
-        if metric in LABELS:
-            column = "lam_floor"
-            values = self.col[column][np.isfinite(self.col[column])]
-            return float(values.max()) if values.size else 0.0
-        column = {"state_sup": "state_floor", "state_T": "state_floor"}.get(metric, "impulse_floor")
-        if metric in (
-            "feasibility",
-            "sign",
-            "complementarity",
-            "residual",
-            "selection",
-            "polyhedron",
-        ):
-            return 0.0
+        return self._largest(describe(metric).floor, 0.0)
+
+    def _largest(self, column: str, otherwise: float) -> float:
+        if not column:
+            return otherwise
         values = self.col[column][np.isfinite(self.col[column])]
-        return float(values.max()) if values.size else 0.0
+        return float(values.max()) if values.size else otherwise
 
 
 @dataclass(frozen=True)
@@ -203,12 +138,23 @@ def _folder(folder: Path) -> Data:
 
 def merge(parts: list[Data]) -> Data:
     """Several results folders on one page; runs of the same case and solver stand side by side."""
-    names = (*NUMBERS, *WORDS)
-    cols = {n: np.concatenate([r.col[n] for d in parts for r in d.runs.values()]) for n in names}
+    runs = [r for d in parts for r in d.runs.values()]
+    found = dict.fromkeys(n for r in runs for n in r.col)
+    cols = {n: _joined([r.col.get(n) for r in runs], [len(r) for r in runs]) for n in found}
     known = ("cases", "solvers", "env", "extra")
     notes = [{k: v for d in parts for k, v in getattr(d, name).items()} for name in known]
     out = build(cols, *notes)
     return Data(out.runs, *notes, {k: v for d in parts for k, v in d.pictures.items()})
+
+
+def _joined(parts: list, sizes: list[int]) -> np.ndarray:
+    """One column of several folders; NaN, or empty, where a folder lacks it. Text wins over numbers
+    where they disagree on what it holds."""
+    if all(p is None or p.dtype == np.float64 for p in parts):
+        filled = [np.full(n, np.nan) if p is None else p for p, n in zip(parts, sizes, strict=True)]
+        return np.concatenate(filled or [np.empty(0)])
+    words = [[""] * n if p is None else map(_word, p) for p, n in zip(parts, sizes, strict=True)]
+    return np.array([w for part in words for w in part], dtype=object)
 
 
 def _table(folder: Path) -> dict:
@@ -233,10 +179,10 @@ def _table(folder: Path) -> dict:
         return columns_of(
             {
                 n: table[n].to_numpy()
-                if n in NUMBERS and pyarrow.types.is_float64(table[n].type)
+                if pyarrow.types.is_float64(table[n].type)
                 else table[n].to_pylist()
                 for n in table.column_names
-                if n in NUMBERS or n in WORDS
+                if not n.startswith(PANDAS_INDEX)
             }
         )
     path = folder / "runs.csv"
@@ -315,33 +261,53 @@ def columns_of(rows) -> dict:
     """Dict rows, a DataFrame or a dict of columns -> arrays of all columns; what is missing is NaN
     or empty.
 
-    Seconds of runs on shared workers are missing, too: nothing that compares seconds gets to see
-    them.
+    Columns that are not in nsbench.columns are kept: they hold numbers if all their values read as
+    such, else words. Seconds of runs on shared workers are missing: nothing that compares seconds
+    gets to see them.
     """
     if hasattr(rows, "columns"):
         rows = {name: rows[name].tolist() for name in rows.columns}
     if not isinstance(rows, dict):
         rows = list(rows)
-        rows = {name: [r.get(name) for r in rows] for name in (*NUMBERS, *WORDS)}
+        found = dict.fromkeys([*names(), *(name for r in rows for name in r)])
+        rows = {name: [r.get(name) for r in rows] for name in found}
     size = max((len(v) for v in rows.values()), default=0)
-    out = {n: _numbers(rows[n]) if n in rows else np.full(size, np.nan) for n in NUMBERS}
-    for name in CLOCKED:
-        out[name][out["shared"] == 1.0] = math.nan
-    for name in WORDS:
-        known: dict = {}  # there are few different words in many rows
-        values = rows.get(name, ())
-        for v in values:
-            if isinstance(v, str) and v not in known:
-                known[v] = (
-                    (_word(v).strip() or "(unnamed)") if name in ("case", "solver") else _word(v)
-                )
-        nothing = "(unnamed)" if name in ("case", "solver") else ""
-        out[name] = np.array(
-            [known[v] if isinstance(v, str) else _word(v) or nothing for v in values]
-            or [nothing] * size,
-            dtype=object,
-        )
+    known = by_name()
+    out = {}
+    for name in (*known, *sorted(n for n in rows if n not in known)):
+        values = rows.get(name)
+        number = known[name].is_number if name in known else _all_numbers(values)
+        if number:
+            out[name] = np.full(size, np.nan) if values is None else _numbers(values)
+        else:
+            out[name] = _words(name, values or (), size)
+    for name in names("clock"):
+        if known[name].is_number and name != "shared":
+            out[name][out["shared"] == 1.0] = math.nan
     return out
+
+
+def _words(name: str, values, size: int) -> np.ndarray:
+    """(size,) texts of a column; a case or solver without one is "(unnamed)"."""
+    nothing = "(unnamed)" if name in ("case", "solver") else ""
+    known: dict = {}  # there are few different words in many rows
+    for v in values:
+        if isinstance(v, str) and v not in known:
+            known[v] = (_word(v).strip() or nothing) if nothing else _word(v)
+    words = [known[v] if isinstance(v, str) else _word(v) or nothing for v in values]
+    return np.array(words or [nothing] * size, dtype=object)
+
+
+def _all_numbers(values) -> bool:
+    """Does every value of a column read as a number or truth value, where there is one?"""
+    if isinstance(values, np.ndarray) and values.dtype == np.float64:
+        return True
+    some = [v for v in values if v is not None and not (isinstance(v, str) and not v)]
+    return bool(some) and all(not math.isnan(_number(v)) or _is_nan(v) for v in some)
+
+
+def _is_nan(value) -> bool:
+    return str(value).lower() == "nan"
 
 
 def _numbers(values) -> np.ndarray:

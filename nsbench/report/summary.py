@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from nsbench.columns import describe
 from nsbench.report.data import GOOD, Data, Runs
 from nsbench.report.style import format_count, format_number, sanitise
 
@@ -20,19 +21,6 @@ VAGUE = 2.0  # width of an interval from which on an order without a verdict is 
 MARGIN = (
     0.1  # an order this close to the claim is not called a deviation, however narrow its interval
 )
-NAMES = {
-    "state_sup": "state",
-    "impulse": "impulse",
-    "reaction": "reaction",
-    "feasibility": "violation",
-    "settled": "settled multiplier",
-    "selection": "selection",
-    "polyhedron": "distance to the set of multipliers",
-    "lam_at_start": "multiplier at the start of the step",
-    "lam_at_mid": "multiplier at its middle",
-    "lam_at_end": "multiplier at its end",
-    "lam_mean": "its mean",
-}
 
 
 @dataclass(frozen=True)
@@ -148,7 +136,7 @@ def format_statuses(statuses: Counter) -> str:
 
 def estimate_order(runs: Runs, metric: str, claims: dict, fit) -> Order:
     """The order of `metric`, or the reason why there is none; `fit` is nsbench.fit_order."""
-    name = NAMES[metric]
+    name = describe(metric).title
     good = (
         runs.good & np.isfinite(runs.col[metric]) & np.isfinite(runs.col["h"]) & (runs.col["h"] > 0)
     )
@@ -288,7 +276,7 @@ def _absent(runs: Runs, metric: str, whole: bool = False) -> str:
     else:
         short = "not measured"
         why = "the runs hold no number for it."
-    return f"{NAMES[metric]}: {why}" if whole else short
+    return f"{describe(metric).title}: {why}" if whole else short
 
 
 def format_best_error(summary: Summary, which: Order) -> str:

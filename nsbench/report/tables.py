@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from nsbench.columns import describe
 from nsbench.report import cost as speed
 from nsbench.report.data import Data
 from nsbench.report.style import (
@@ -428,47 +429,52 @@ def environment_table(env: dict) -> Table:
     )
 
 
-GLOSSARY = {
-    "state error": "sup over the sample times of |x - x*|, x* exact or a stored reference",
-    "multiplier error": "impulse: max over the sample times of |integral of lambda - its "
-    "reference|, meaningful even "
-    "under chatter. Reaction: the same for sum lambda_k grad g_k, unique when lambda is not. "
-    "For a Filippov system: the integral of the weight theta",
-    "settled": "sup of the multiplier's error outside windows around events",
-    "selection": "the part of non-unique multipliers that a method picks (self-stress); never an "
-    "error",
-    "violation": "largest max(0, -g) over constraints and sample times, computed by the bench",
+GLOSSARY = {  # words of the report that are no columns; those are described in nsbench.columns
     "order, interval": "p of error = C h^p (1 + r h^q)^s in the fit window, the slope of log "
-    "error over log h that the "
-    "error tends to, with its t-based 95 % interval; kept negative when a method diverges",
+    "error over log h that the error tends to, with its t-based 95 % interval; kept negative when "
+    "a method diverges",
     "constant": "C in error = C h^p, of the finest steps",
     "exact at grid times": "the error is rounding at every step, so that no order can be fitted "
-    "(Euler is exact for "
-    "a constant drift)",
+    "(Euler is exact for a constant drift)",
     "plateau": "the error tends to C > 0: the method converges to a limit of its own",
     "pre-asymptotic, undecided": "too few points, or too erratic, for a verdict; an answer, not "
     "an omission",
     "reference floor": "an error below it says more of the reference than of the method and is "
     "not a number",
-    "h": "the step taken (not the one asked for); 1/k for a penalty; a tolerance for methods that "
-    "control their error",
     "counted work": "drift calls + projections + inner iterations (QP solves where those are not "
     "counted)",
     "compiled, host": "whether the loop over steps runs as machine code or in the Python "
-    "interpreter; seconds are "
-    "compared only within a kind",
+    "interpreter; seconds are compared only within a kind",
     "claimed": f"the order a solver's file claims. A deviation is marked when the claim lies "
-    f"outside the interval and "
-    f"more than {0.1:g} away",
+    f"outside the interval and more than {0.1:g} away",
 }
 
 
-def glossary_table() -> Table:
-    return Table(
-        "glossary",
-        ("word", "meaning"),
-        tuple(Row((Cell(k, kind="method"), Cell(v))) for k, v in GLOSSARY.items()),
-    )
+def glossary_table(data: Data) -> Table:
+    """Words of the report, then every column that holds a value in this study, its unit beside
+    it."""
+    rows = [Row((Cell(k, kind="method"), Cell(v))) for k, v in GLOSSARY.items()]
+    for name in _held(data):
+        column = describe(name)
+        title = column.title if column.title == name else f"{column.title} ({name})"
+        unit = f" [{column.unit}]" if column.unit else ""
+        rows.append(
+            Row((Cell(sanitise(title, 80), kind="method"), Cell(f"{column.meaning}{unit}")))
+        )
+    return Table("glossary", ("word", "meaning"), tuple(rows))
+
+
+def _held(data: Data) -> list[str]:
+    """Names of the columns in which some run of the study holds a value."""
+    held: dict = {}
+    for runs in data.runs.values():
+        for name, values in runs.col.items():
+            if name not in held and np.any(
+                np.isfinite(values) if values.dtype == np.float64 else values != ""
+            ):
+                held[name] = None
+    first = next(iter(data.runs.values()), None)
+    return [name for name in (first.col if first else ()) if name in held]
 
 
 def counts_line(summaries: dict[tuple, Summary]) -> str:

@@ -9,36 +9,13 @@ from collections.abc import Iterable
 from itertools import islice
 from pathlib import Path
 
+from nsbench.columns import describe
 from nsbench.results.atomic_write import write_atomically
 from nsbench.results.journal import SCHEMA
 from nsbench.trajectory import utf8_safe
 
 BLOCK = 10_000  # rows that are made a part of a table at a time
 FORMULA = ("=", "+", "-", "@", "\t", "\r")  # what begins a formula in a spreadsheet
-
-CLOCK = {  # columns of the clock: unit and meaning; they stand with the columns of runs.parquet
-    "setup_seconds": ("s", "preparation, as every call of prepare pays it"),
-    "compile_seconds": (
-        "s",
-        "what the first preparation in a process takes beyond: compilation, loading, imports",
-    ),
-    "seconds": ("s", "the run alone: median over its rounds"),
-    "seconds_low": ("s", "lower quartile over its rounds"),
-    "seconds_high": ("s", "upper quartile over its rounds"),
-    "seconds_max": ("s", "worst round"),
-    "rounds": (
-        "1",
-        "rounds it was timed in, interleaved with the other runs of its case; 1: a long run, "
-        "timed once",
-    ),
-    "session": ("", "runs with the same word were timed on one machine in one go"),
-    "shared": (
-        "",
-        "true: made by a worker of a cluster, which may have had other work: its seconds are "
-        "compared with none",
-    ),
-    "step_max_seconds": ("s", "slowest step, of solvers that can tell"),
-}
 
 
 def write_tables(folder: Path, rows: Iterable[dict]) -> dict[str, str]:
@@ -63,11 +40,7 @@ def write_tables(folder: Path, rows: Iterable[dict]) -> dict[str, str]:
     files = {"runs.csv": text.getvalue().encode()}
     table = pa.concat_tables(tables).combine_chunks()
     del tables, text
-    told = {
-        c: dict(zip((b"unit", b"meaning"), CLOCK[c], strict=True)) if c in CLOCK else None
-        for c in columns
-    }
-    table = table.cast(pa.schema([table.field(c).with_metadata(told[c]) for c in columns]))
+    table = table.cast(pa.schema([table.field(c).with_metadata(_described(c)) for c in columns]))
     sink = pa.BufferOutputStream()
     # with checksums: a page that was damaged on the disk is an error on reading, not another number
     pq.write_table(
@@ -79,6 +52,16 @@ def write_tables(folder: Path, rows: Iterable[dict]) -> dict[str, str]:
     for name, data in files.items():
         write_atomically(folder / name, data)
     return {name: hashlib.sha256(data).hexdigest() for name, data in files.items()}
+
+
+def _described(name: str) -> dict[bytes, bytes]:
+    """Unit, meaning and owner of a column, for the schema of runs.parquet."""
+    column = describe(name)
+    return {
+        b"unit": column.unit.encode(),
+        b"meaning": column.meaning.encode(),
+        b"owner": column.owner.encode(),
+    }
 
 
 def cell(value):

@@ -8,11 +8,12 @@ import numpy as np
 
 from nsbench import solvers
 from nsbench.case import Case
+from nsbench.columns import reserved_names
 from nsbench.diagnostics.diagnose import diagnose
 from nsbench.solvers.common.initial_state import InfeasibleStart
 from nsbench.source_files import opened_files
 from nsbench.study.plan import Spec, resolve
-from nsbench.study.result_contract import RESERVED_COLUMNS, contract_violation
+from nsbench.study.result_contract import contract_violation
 from nsbench.trajectory import Status, Trajectory, machine_fault, utf8_safe
 
 # relative to each coordinate, or to 1: far above rounding, far below any error that counts
@@ -128,12 +129,11 @@ def _attempt(spec, announce):
 
 def _solver_columns(spec: Spec, case: Case, traj: Trajectory) -> dict:
     """The columns that are the solver's to tell: its counted work, and the steps it took."""
+    reserved = reserved_names()
     told = {
         utf8_safe(k): utf8_safe(v)[:LONGEST] if isinstance(v, str) else v
         for k, v in traj.stats.items()
-        if isinstance(k, str)
-        and isinstance(v, (int, float, str, bool))
-        and k not in RESERVED_COLUMNS
+        if isinstance(k, str) and isinstance(v, (int, float, str, bool)) and k not in reserved
     }
     h = {"h": told.get("h", spec.asked), "k": 1.0 / spec.asked}.get(spec.accuracy, spec.asked)
     return told | {"start": STARTS[case.start], "h": h, "lam_time": traj.lam_time}

@@ -22,28 +22,6 @@ NEAREST = (
 )
 COUNTS = 200  # entries of stats
 SLACK = 1e-9  # relative, of steps: what dividing and adding them up rounds
-# columns that are the bench's to write, whatever a solver counts under such a name
-RESERVED_COLUMNS = {
-    "case",
-    "solver",
-    "accuracy",
-    "asked",
-    "setup_seconds",
-    "compile_seconds",
-    "seconds",
-    "seconds_low",
-    "seconds_high",
-    "seconds_max",
-    "rounds",
-    "status",
-    "why",
-    "session",
-    "shared",
-    "limit",
-    "warnings",
-    "read",
-    "unlike",
-}
 
 
 def contract_violation(case: Case, traj, accuracy: str = "", asked: float = np.nan) -> str:

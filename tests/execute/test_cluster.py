@@ -14,17 +14,18 @@ from local_cluster import cluster
 from solver_file import solver
 from test_execute import SOLVER
 
+from nsbench import columns
 from nsbench.cli import main
 from nsbench.execute.cluster import client as far
 from nsbench.execute.cluster import remote_worker
 from nsbench.execute.workers import pool
-from nsbench.results import run_key, tables
+from nsbench.results import run_key
 from nsbench.results.journal import Journal, read_journal
 from nsbench.study import Spec
 from nsbench.study.attempt import run_one
 
 LIMIT = 5.0  # seconds, of runs that take some milliseconds where nothing else is at work
-CLOCK = {*tables.CLOCK, "shared"}
+CLOCK = {*columns.names("clock")}
 # a nanny whose worker dies while it still starts gives it up: the run lets it start
 KILLER = SOLVER.replace(
     'if self.how == "exit":',

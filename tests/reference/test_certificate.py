@@ -21,8 +21,8 @@ from nsbench import (  # noqa: E402
     reference,
 )
 from nsbench.reference.certify.ball_algebra import (
-    Refused,  # noqa: E402
-    positive,  # noqa: E402
+    Refused,
+    positive,
 )
 from nsbench.reference.certify.certificate import certify  # noqa: E402
 from nsbench.reference.certify.claimed_arcs import arcs_of  # noqa: E402

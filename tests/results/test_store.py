@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from solver_file import solver
 
+from nsbench import columns
 from nsbench.cli import main
 from nsbench.results import tables
 from nsbench.results.atomic_write import StoreError, write_atomically
@@ -140,7 +141,7 @@ def test_tables_keep_every_column_and_row(tmp_path):
         assert frame.x[0] == 1.0 and np.isnan(frame.x[2])
 
 
-def test_every_column_of_the_clock_carries_its_unit(tmp_path):
+def test_every_column_carries_unit_meaning_and_owner(tmp_path):
     import pyarrow.parquet
 
     from nsbench.measure import clock
@@ -148,17 +149,19 @@ def test_every_column_of_the_clock_carries_its_unit(tmp_path):
     row = (
         clock.columns([0.1, 0.2, 0.4])
         | clock.prepared(lambda: None)[1]
-        | {"session": "a", "h": 0.1}
+        | {"session": "a", "h": 0.1, "state_sup": 1e-3, "own_count": 3}
     )
     tables.write_tables(tmp_path, [row])
     schema = pyarrow.parquet.read_schema(tmp_path / "runs.parquet")
-    units = {f.name: (f.metadata or {}).get(b"unit") for f in schema}
-    assert units.pop("h") is None and set(units) <= set(tables.CLOCK) and None not in units.values()
-    assert (
-        units["seconds"] == b"s"
-        and units["rounds"] == b"1"
-        and schema.metadata[b"nsbench_schema"] == b"1"
-    )
+    for field in schema:
+        column = columns.describe(field.name)
+        assert field.metadata[b"unit"] == column.unit.encode()
+        assert field.metadata[b"meaning"] == column.meaning.encode() != b""
+        assert field.metadata[b"owner"] == column.owner.encode()
+    units = {f.name: f.metadata[b"unit"] for f in schema}
+    assert (units["seconds"], units["rounds"], units["state_sup"]) == (b"s", b"1", b"state")
+    assert schema.field("own_count").metadata[b"owner"] == b"solver" and units["own_count"] == b""
+    assert schema.metadata[b"nsbench_schema"] == b"1"
 
 
 def test_no_half_file_is_left(tmp_path):

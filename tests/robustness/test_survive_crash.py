@@ -12,12 +12,12 @@ import time
 
 import pytest
 
+from nsbench import columns
 from nsbench.cli import main
-from nsbench.results import tables
 from nsbench.results.journal import read_journal
 
 ARGS = ["run", "tide", "apple", "-s", "pbd", "-j", "1"]
-TIMES = {*tables.CLOCK, "session"}
+TIMES = {*columns.names("clock")}
 
 
 def numbers(folder):

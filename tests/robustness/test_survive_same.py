@@ -8,11 +8,11 @@ import sys
 import pytest
 from survive_files import case_file
 
+from nsbench import columns
 from nsbench.cli import main
-from nsbench.results import tables
 from nsbench.results.journal import read_journal
 
-TIMES = {*tables.CLOCK, "session"}
+TIMES = {*columns.names("clock")}
 
 
 @pytest.fixture(scope="module")

@@ -11,13 +11,13 @@ import pytest
 from survive_files import case_file
 
 import nsbench
+from nsbench import columns
 from nsbench.cli import main
 from nsbench.execute.progress import Progress
 from nsbench.gate import baseline
 from nsbench.report.data import read
-from nsbench.results import tables
 
-TIMES = {*tables.CLOCK, "session"}
+TIMES = {*columns.names("clock")}
 
 
 def command(*args, folder, **env):

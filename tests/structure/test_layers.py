@@ -16,6 +16,7 @@ LAYERS = [
     "reference_solutions",
     "problem",
     "trajectory",
+    "columns",
     "user_code",
     "source_files",
     "compilation",

@@ -32,9 +32,10 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "support"))
 from local_cluster import cluster
 
+from nsbench import columns
 from nsbench.execute import suite
 from nsbench.execute.cluster import client as far
-from nsbench.results import row_reuse, tables
+from nsbench.results import row_reuse
 from nsbench.results.journal import Journal, read_journal
 from nsbench.study import Spec
 from nsbench.study.attempt import run_one
@@ -166,7 +167,7 @@ def rows(args):
 
 
 def plain(row):
-    return {k: repr(v) for k, v in row.items() if k not in tables.CLOCK}
+    return {k: repr(v) for k, v in row.items() if k not in columns.names("clock")}
 
 
 def worker_pids(address):
