@@ -47,7 +47,7 @@ def rows_with(**more):
 def shown(data: Data) -> tuple[str, dict]:
     """The report as Markdown, and its tables by key."""
     content = assemble.compose(data, assemble.figures(data))
-    return markdown.text(content), content.tables
+    return markdown.render_markdown(content), content.tables
 
 
 def test_names_are_told_once_and_refer_to_columns_that_exist():
