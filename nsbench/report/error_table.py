@@ -10,7 +10,7 @@ import numpy as np
 
 from nsbench.columns import describe, names
 from nsbench.report.data import Data, Runs
-from nsbench.report.style import num
+from nsbench.report.style import format_number
 from nsbench.report.tables import Cell, Row, Table
 
 GROUPS = ("error", "selection")
@@ -62,7 +62,9 @@ def _cell(runs: Runs, name: str, at: int) -> Cell:
     value = float(runs.col[name][at])
     floor = runs.floor(name)
     if value < floor:
-        return Cell(f"< {num(floor)}", kind="number")
+        return Cell(f"< {format_number(floor)}", kind="number")
     if name in runs.col["below"][at].split():
         return Cell("below", kind="quiet")
-    return Cell(str(int(value)) if describe(name).kind == "count" else num(value), kind="number")
+    return Cell(
+        str(int(value)) if describe(name).kind == "count" else format_number(value), kind="number"
+    )

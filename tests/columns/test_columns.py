@@ -16,6 +16,7 @@ from nsbench.report import assemble, markdown
 from nsbench.report.data import Data, build, columns_of, merge, read
 from nsbench.results import tables
 from nsbench.solvers import get
+from nsbench.study.attempt import run_one
 
 ROOT = Path(nsbench.__file__).parents[1]
 NEW = columns.Column(
@@ -46,7 +47,7 @@ def rows_with(**more):
 
 def shown(data: Data) -> tuple[str, dict]:
     """The report as Markdown, and its tables by key."""
-    content = assemble.compose(data, assemble.figures(data))
+    content = assemble.assemble_content(data, assemble.draw_figures(data))
     return markdown.render_markdown(content), content.tables
 
 
@@ -71,7 +72,7 @@ def test_a_word_that_does_not_exist_is_refused(field):
 def test_every_column_that_a_run_writes_is_in_the_table(case, solver, accuracy):
     """Those that a method counts are its own; all others are the bench's."""
     spec = study.Spec(case, solver, get(solver).accuracy, accuracy)
-    found = study.run_one(spec)
+    found = run_one(spec)
     assert found["status"] in ("ok", "below_reference"), found["why"]
     known = columns.by_name()
     assert set(found) <= set(known)
