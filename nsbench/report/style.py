@@ -1,14 +1,14 @@
-"""How things look and read in the report: colours and markers of methods, numbers, and text made
-harmless."""
+"""Define how the report looks and reads: colours, markers of methods, formats, escaping."""
 
 from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 
-# Okabe & Ito (2008): told apart by readers with any of the common colour blindnesses. Ink stands
-# for their black; violet is a ninth one, for as many methods.
+# Okabe & Ito (2008): distinguishable with any of the common colour blindnesses. Ink stands for
+# their black; violet is a ninth one, for as many methods. DARK: the same on a dark page.
 PALETTE = (
     "#0072b2",
     "#d55e00",
@@ -74,7 +74,7 @@ SHAPES = {
     "<": "M1.5 6l8.5-4.5v9z",
     ">": "M10.5 6L2 1.5v9z",
 }
-TIMES = "\u00d7"
+TIMES = "\u00d7"  # multiplication sign, before a factor
 LEADING_METHOD = (
     "pbd"  # the talk's method: first in every list, and the one speeds are compared with
 )
@@ -82,8 +82,11 @@ LEADING_METHOD = (
 
 @dataclass(frozen=True)
 class Look:
-    """Colour by method, marker and dashes by variant: ``pbd`` and ``pbd[order=reverse]`` share a
-    colour."""
+    """Colour by method, marker and dashes by variant.
+
+    ``pbd`` and ``pbd[order=reverse]`` share a colour. index: number within the page. tone: index in
+    PALETTE. marker: key of SHAPES. line: key of svg_plots.DASHES.
+    """
 
     index: int
     tone: int
@@ -96,34 +99,38 @@ class Look:
 
 
 def method_of(spec: str) -> str:
-    """The method of a spec: ``pbd`` of ``pbd[order=reverse]``."""
+    """Return the method of a spec: ``pbd`` of ``pbd[order=reverse]``."""
     return spec.partition("[")[0]
 
 
-def assign_looks(specs) -> dict[str, Look]:
-    """One look per spec, the same on every page made of the same specs; the order of `specs` is
-    kept as index."""
+def assign_looks(specs: Iterable[str]) -> dict[str, Look]:
+    """Assign one look to each spec, the same on every page with the same specs.
+
+    The position in `specs` becomes the index.
+    """
     specs = list(specs)
     families = sorted({method_of(s) for s in specs}, key=lambda f: (f != LEADING_METHOD, f))
     variants = {f: sorted(s for s in specs if method_of(s) == f) for f in families}
     out = {}
     for index, spec in enumerate(specs):
-        place = families.index(method_of(spec))
-        turn = variants[method_of(spec)].index(spec)
-        lap = place // len(PALETTE)  # more methods than colours: other markers tell them apart
+        position = families.index(method_of(spec))
+        variant = variants[method_of(spec)].index(spec)
+        round_trip = position // len(
+            PALETTE
+        )  # with more methods than colours, other markers distinguish them
         out[spec] = Look(
             index,
-            place % len(PALETTE),
-            MARKERS[(turn + place + 4 * lap) % len(MARKERS)],
-            LINES[(turn + lap) % len(LINES)],
+            position % len(PALETTE),
+            MARKERS[(variant + position + 4 * round_trip) % len(MARKERS)],
+            LINES[(variant + round_trip) % len(LINES)],
         )
     return out
 
 
-def format_number(value, digits: int = 2) -> str:
-    """A number as people type it: 0, 3.4e-5, 0.012, 12; ``not finite`` for NaN and infinity.
+def format_number(value: float | None, digits: int = 2) -> str:
+    """Format a number as people type it: 0, 3.4e-5, 0.012, 12; ``not finite`` for NaN and infinity.
 
-    3.0e-4 was rounded to two digits, 3e-4 is meant so.
+    digits: significant ones; 3.0e-4 was rounded to two digits, 3e-4 has one.
     """
     if value is None or not math.isfinite(value):
         return "not finite"
@@ -139,15 +146,15 @@ def format_number(value, digits: int = 2) -> str:
 
 
 def format_power(value: float) -> str:
-    """A figure to be reached, always with its exponent: 1e-2."""
+    """Format an error to be reached, always with its exponent: 1e-2."""
     mantissa, exponent = (
         f"{value:g}".split("e") if "e" in f"{value:g}" else f"{value:.0e}".split("e")
     )
     return f"{mantissa}e{int(exponent)}"
 
 
-def format_seconds(value) -> str:
-    """A duration with its unit: 12 us, 3.4 ms, 2.1 s."""
+def format_seconds(value: float | None) -> str:
+    """Format a duration with its unit: 12 us, 3.4 ms, 2.1 s."""
     if value is None or not math.isfinite(value):
         return "not timed"
     scale, unit = (1.0, "s") if value >= 1.0 else (1e-3, "ms") if value >= 1e-3 else (1e-6, "µs")
@@ -155,16 +162,16 @@ def format_seconds(value) -> str:
 
 
 def format_factor(value: float) -> str:
-    """A ratio with two digits, without false precision: 0.38, 4.1, 130."""
+    """Format a ratio with two digits, without false precision: 0.38, 4.1, 130."""
     return format_number(value) if value < 100 else f"{float(f'{value:.2g}'):.0f}"
 
 
-def sanitise(text, limit: int = 600) -> str:
-    """Text from names and sentences made harmless for any terminal, table or page.
+def sanitise(text: object, limit: int = 600) -> str:
+    """Make text from names and sentences harmless for any terminal, table or page.
 
     Control characters (ANSI escapes, newlines) and bidirectional overrides become visible escapes;
-    text beyond `limit` is cut with an ellipsis. Markup is escaped where it is written, by `html`
-    and `markdown`.
+    text beyond `limit` characters is cut with an ellipsis. Markup is escaped where it is written:
+    by Jinja2, `escape` and `escape_markdown`.
     """
     text = re.sub(
         r"[\x00-\x1f\x7f-\x9f\u200b-\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff\ufeff]",
@@ -174,8 +181,8 @@ def sanitise(text, limit: int = 600) -> str:
     return text if len(text) <= limit else text[: limit - 1] + "…"
 
 
-def escape(text) -> str:
-    """`text` for element content and for quoted attributes."""
+def escape(text: object) -> str:
+    """Escape `text` for element content and for quoted attributes of the SVG drawn here."""
     for raw, safe in (
         ("&", "&amp;"),
         ("<", "&lt;"),
@@ -187,20 +194,22 @@ def escape(text) -> str:
     return text
 
 
-def escape_markdown(text) -> str:
-    """`text` for a Markdown table cell: no markup, no column break."""
+def escape_markdown(text: object) -> str:
+    """Escape `text` for a Markdown table cell: no markup, no column break."""
     text = re.sub(r"\s+", " ", escape(text).replace("&#39;", "'").replace("&quot;", '"'))
     return re.sub(r"([\\`*_\[\]|~])", r"\\\1", text)
 
 
 def file_stem(text: str) -> str:
-    """`text` as a file name and as an id: letters, digits, ``.``, ``_`` and ``-``; at most 100
-    characters."""
+    """Turn `text` into a file name and an id: letters, digits, ``.``, ``_`` and ``-``.
+
+    At most 100 characters; "case" for a text without any of these.
+    """
     return re.sub(r"[^A-Za-z0-9._-]+", "_", text).strip("_.")[:100] or "case"
 
 
-def join_names(items, limit: int = 6) -> str:
-    """``a, b and c``; beyond `limit` names the rest is counted."""
+def join_names(items: Iterable[str], limit: int = 6) -> str:
+    """Join names: ``a, b and c``; beyond `limit` names the rest is counted."""
     items = list(items)
     if len(items) > limit:
         items = [*items[: limit - 1], f"{len(items) - limit + 1} more"]
@@ -208,7 +217,7 @@ def join_names(items, limit: int = 6) -> str:
 
 
 def format_count(n: int, word: str) -> str:
-    """``1 case``, ``3 cases``."""
+    """Format a number of things: ``1 case``, ``3 cases``."""
     return (
         f"{n} {word}"
         if n == 1

@@ -1,14 +1,14 @@
-"""One log-log panel as SVG, written by hand: a few kilobytes and a millisecond each, the same bytes
-for the same data.
+"""Draw log-log panels as SVG text: a few kilobytes and a millisecond each, reproducible.
 
 Errors of exactly 0 have a place of their own, the bottom edge. Markers are defined once for all
-panels of a page or of a sheet (`markers`) and only named by the lines.
+panels of a page or of a sheet (define_markers); the lines only name them.
 """
 
 from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,9 +33,12 @@ LEFT = 34.0
 RIGHT = 247.0
 TOP = 21.0
 BOTTOM = 165.0
+LEGEND_WIDTH = 190  # of one entry in the legend of a sheet
 DASHES = {"-": "", "--": "4.4 1.9", "-.": "7.7 1.9 1.2 1.9", ":": "1.2 2"}
-FAR_BELOW_DECADES = 2.0  # decades below the points from which a level is no longer drawn to scale
-MAX_MARKERS = 48  # markers per line: more of them are thinned, their line is not the worse for it
+FAR_BELOW_DECADES = 2.0  # a level lower than this below the points is not drawn to scale
+MAX_SPAN_DECADES = 18.0  # of a panel: what is lower is rounding of doubles
+MIN_SPAN_DECADES = 1.2  # so that a flat line is not magnified noise
+MAX_MARKERS = 48  # of a line; more points are thinned evenly, which does not show
 _TONES = {
     **{c: f"var(--m{i})" for i, c in enumerate(PALETTE)},
     INK: "currentColor",
@@ -45,15 +48,19 @@ _TONES = {
     PAPER: "var(--paper)",
 }
 
+Point = tuple[float, float]  # in decades
+Points = Iterable[Point]
+
 
 @dataclass(frozen=True)
 class Line:
-    """Points of one method. x, y (k,): positive or 0 (a y of 0 is drawn open at the bottom edge).
+    """The points of one method.
 
-    failed: the x of runs that gave no number, crossed at the top edge. level: y of a method without
-    an x of this kind, drawn across. hollow: open markers (the loop is not compiled).
-    far: errors of another league (a tolerance, or rounding); they may stay at the bottom edge with
-    their value, so as not to press the other lines flat.
+    x, y (k,): positive, or 0 (a y of 0 is drawn open at the bottom edge). failed: the x of runs
+    that gave no number, crossed at the top edge. level: y of a method without an x of this kind,
+    drawn across. hollow: open markers (the loop is not compiled). far: errors far below the others
+    (of a tolerance, or rounding); they may stay at the bottom edge with their value, so as not to
+    press the other lines flat.
     """
 
     name: str
@@ -68,8 +75,10 @@ class Line:
 
 @dataclass(frozen=True)
 class Panel:
-    """What one picture shows. floor: shaded below; slopes: guides of these orders; key: part of its
-    file name."""
+    """The content of one panel.
+
+    key: part of its file name. floor: shaded below. slopes: guides of these orders.
+    """
 
     key: str
     title: str
@@ -77,52 +86,68 @@ class Panel:
     lines: tuple[Line, ...]
     floor: float = 0.0
     slopes: tuple[float, ...] = ()
-    note: str = ""
 
 
 class Pen:
-    """Decades to units, and SVG elements as text."""
+    """Converts decades to units of the viewBox and writes SVG elements as text.
 
-    def __init__(self, xs, ys):
+    xs, ys: limits of the panel in decades.
+    """
+
+    def __init__(self, xs: tuple[float, float], ys: tuple[float, float]):
         self.xs = xs
         self.ys = ys
-        self.parts = []
 
-    def x(self, decade) -> float:
+    def x(self, decade: float) -> float:
+        """Convert a decade to the horizontal coordinate."""
         return LEFT + (RIGHT - LEFT) * (decade - self.xs[0]) / (self.xs[1] - self.xs[0])
 
-    def y(self, decade) -> float:
+    def y(self, decade: float) -> float:
+        """Convert a decade to the vertical coordinate, which grows downwards."""
         return BOTTOM - (BOTTOM - TOP) * (decade - self.ys[0]) / (self.ys[1] - self.ys[0])
 
-    def path(self, points, **how) -> str:
-        """A polygon through (x, y) in decades."""
+    def path(self, points: Points, **attributes) -> str:
+        """Write a polygon through points (x, y) in decades."""
         d = "M" + "L".join(f"{self.x(a):.1f} {self.y(b):.1f}" for a, b in points)
-        return f'<path d="{d}"{_attributes(how)}/>'
+        return f'<path d="{d}"{_attributes(attributes)}/>'
 
-    def segments(self, pairs, **how) -> str:
+    def segments(self, pairs: Iterable[tuple[Point, Point]], **attributes) -> str:
+        """Write separate segments between pairs of points in decades."""
         d = "".join(
             f"M{self.x(a):.1f} {self.y(b):.1f}L{self.x(c):.1f} {self.y(e):.1f}"
             for (a, b), (c, e) in pairs
         )
-        return f'<path d="{d}"{_attributes(how)}/>'
+        return f'<path d="{d}"{_attributes(attributes)}/>'
 
-    def text(self, x, y, words, size, colour=MUTED, anchor="start", down=0.0) -> str:
-        """`words` at (x, y) in decades, `down` units lower."""
+    def text(
+        self,
+        x: float,
+        y: float,
+        words: str,
+        size: float,
+        colour: str = MUTED,
+        anchor: str = "start",
+        down: float = 0.0,
+    ) -> str:
+        """Write `words` at (x, y) in decades, `down` units lower."""
         return (
             f'<text x="{self.x(x):.1f}" y="{self.y(y) + down:.1f}" font-size="{size}" '
             f'fill="{colour}" text-anchor="{anchor}">{escape(words)}</text>'
         )
 
 
-def _attributes(how: dict) -> str:
-    return "".join(
-        f' {k.replace("_", "-")}="{v}"' for k, v in {"fill": "none", **how}.items() if v != ""
-    )
+def _attributes(values: dict) -> str:
+    """SVG attributes from keywords; "" leaves one out, and nothing is filled unless asked for."""
+    values = {"fill": "none", **values}
+    return "".join(f' {k.replace("_", "-")}="{v}"' for k, v in values.items() if v != "")
 
 
 def draw_panel(panel: Panel) -> str:
-    """The panel as an SVG element in the colours of the light page; see `inline`, `sheet` and
-    `markers`."""
+    """Draw the panel as an SVG element in the colours of the light page.
+
+    The markers that it names are defined by define_markers; inline_svg adapts it to the page, and
+    compose_sheet to a standalone file.
+    """
     xs, ys = _limits(panel)
     pen = Pen(xs, ys)
     x = _ticks(*xs)
@@ -161,11 +186,10 @@ def draw_panel(panel: Panel) -> str:
 
 
 def _limits(panel: Panel):
-    """Limits in decades, (x0, x1) and (y0, y1), a little beyond the data; zeros and failures get
-    their edges.
+    """Compute the limits in decades, (x0, x1) and (y0, y1), a little beyond the data.
 
-    What lies far below the other lines, a level, a floor or errors of another league, stays at the
-    bottom edge.
+    Zeros and failures get their edges. What lies far below the other lines, a level, a floor or
+    errors of a far line, stays at the bottom edge.
     """
     x = np.concatenate(
         [np.concatenate([line.x, line.failed]) for line in panel.lines] or [np.ones(1)]
@@ -182,9 +206,11 @@ def _limits(panel: Panel):
     for level in (*levels, math.log10(panel.floor) - 0.3 if panel.floor > 0 else low):
         low = min(low, level) if level > low - FAR_BELOW_DECADES else low
     high = max(high, *levels) if levels.size else high
-    low = max(low, high - 18.0)
-    if high - low < 1.2:
-        low, high = (low + high) / 2 - 0.6, (low + high) / 2 + 0.6
+    low = max(low, high - MAX_SPAN_DECADES)
+    if high - low < MIN_SPAN_DECADES:
+        middle = (low + high) / 2
+        low = middle - MIN_SPAN_DECADES / 2
+        high = middle + MIN_SPAN_DECADES / 2
     zero = any(np.any(line.y == 0) for line in panel.lines)
     below = zero or (levels.size and levels.min() < low)
     pad = 0.05 * max(float(np.ptp(x)), 1.0)
@@ -196,8 +222,10 @@ def _limits(panel: Panel):
 
 
 def _line(pen: Pen, line: Line, place: int) -> str:
-    """One method: its polygon with markers, zeros at the bottom, failures at the top, its level
-    across. place: how many numbers already stand where one that lies below the panel is written."""
+    """Draw one method: polygon with markers, zeros at the bottom, failures at the top, its level.
+
+    place: the number of values already written where the value of a line below the panel goes.
+    """
     (x0, x1), (low, high), k = pen.xs, pen.ys, line.look.index
     stroke = {"stroke": line.look.colour, "stroke_width": 1.2}
     at = np.unique(np.linspace(0, len(line.x) - 1, min(len(line.x), MAX_MARKERS)).astype(int))
@@ -255,12 +283,12 @@ def _line(pen: Pen, line: Line, place: int) -> str:
 
 
 def marker_style(kind: str, index: int) -> str:
+    """Name the markers of a line: kind m (full), o (open) or x (cross) of the look `index`."""
     return f"marker:url(#{kind}:{index})"
 
 
-def define_markers(looks) -> str:
-    """Definitions of the markers that panels name: full (m), open (o) and cross (x) of every
-    look."""
+def define_markers(looks: Iterable[Look]) -> str:
+    """Define the markers that panels name: full (m), open (o) and cross (x) of every look."""
     out = []
     for look in looks:
         shape = SHAPES[look.marker]
@@ -276,8 +304,7 @@ def define_markers(looks) -> str:
 
 
 def _guide(pen: Pen, p: float, panel: Panel) -> list[str]:
-    """A triangle of slope p in a lower corner: one decade across, or less where the panel has
-    less."""
+    """Draw a triangle of slope p in a lower corner: one decade across, or less in a small panel."""
     (x0, x1), (y0, y1), k = pen.xs, pen.ys, panel.slopes.index(p)
     width = min(1.0, 0.18 * (x1 - x0))
     height = min(p * width, 0.35 * (y1 - y0))
@@ -299,7 +326,7 @@ def _guide(pen: Pen, p: float, panel: Panel) -> list[str]:
 
 
 def _ticks(lo: float, hi: float) -> list[float]:
-    """Whole decades, at most seven; halves where less than two whole ones fit."""
+    """List whole decades, at most seven; halves where less than two whole ones fit."""
     every = max(1, math.ceil((hi - lo) / 6))
     ticks = [k for k in range(math.ceil(lo), math.floor(hi) + 1) if k % every == 0]
     return (
@@ -310,12 +337,16 @@ def _ticks(lo: float, hi: float) -> list[float]:
 
 
 def _power(k: float) -> str:
+    """10^k for a tick at a whole or half decade."""
     return f"1e{int(k)}" if k == int(k) else f"{10 ** (k - math.floor(k)):.1f}e{math.floor(k)}"
 
 
 def inline_svg(svg: str, names: dict[int, str], label: str) -> str:
-    """`svg` for the page: colours become the page's variables, lines carry their method's name and
-    class."""
+    """Adapt an SVG element to the page.
+
+    Colours become the page's variables, lines carry their method's name and class. names: by index
+    of the look. label: for screen readers.
+    """
     for colour, variable in _TONES.items():
         svg = svg.replace(colour, variable)
     named = lambda m: f'<g class="s s{m[1]}"><title>{escape(names[int(m[1])])}</title>'
@@ -324,15 +355,16 @@ def inline_svg(svg: str, names: dict[int, str], label: str) -> str:
 
 
 def compose_sheet(panels: list[str], legend: list[tuple[str, Look, bool]], title: str) -> str:
-    """Panels side by side with their legend: one standalone SVG for a talk or a paper."""
-    wide = WIDTH
-    high = HEIGHT
-    across = min(3, max(1, len(panels)))
-    rows = -(-len(panels) // across)
-    per = max(1, across * wide // 190)
-    below = 14 * -(-len(legend) // per)
-    width = across * wide
-    height = 24 + rows * high + below + 8
+    """Put panels side by side with their legend: one standalone SVG for a talk or a paper.
+
+    legend: (method, look, open markers).
+    """
+    columns = min(3, max(1, len(panels)))
+    rows = -(-len(panels) // columns)
+    per_row = max(1, columns * WIDTH // LEGEND_WIDTH)
+    below = 14 * -(-len(legend) // per_row)
+    width = columns * WIDTH
+    height = 24 + rows * HEIGHT + below + 8
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" viewBox="0 0 '
         f'{width} {height}" font-family="system-ui, sans-serif">',
@@ -345,14 +377,14 @@ def compose_sheet(panels: list[str], legend: list[tuple[str, Look, bool]], title
         parts.append(
             svg.replace(
                 "<svg ",
-                f'<svg x="{i % across * wide}" y="{24 + i // across * high}" width="{wide}" '
-                f'height="{high}" ',
+                f'<svg x="{i % columns * WIDTH}" y="{24 + i // columns * HEIGHT}" width="{WIDTH}" '
+                f'height="{HEIGHT}" ',
                 1,
             )
         )
     for i, (name, look, hollow) in enumerate(legend):
-        x = 8 + i % per * 190
-        y = 24 + rows * high + 14 * (i // per)
+        x = 8 + i % per_row * LEGEND_WIDTH
+        y = 24 + rows * HEIGHT + 14 * (i // per_row)
         parts.append(
             f'<g transform="translate({x} {y})"><path d="M0 6h28" fill="none" '
             f'stroke="{look.colour}" stroke-dasharray="{DASHES[look.line]}"/><path '

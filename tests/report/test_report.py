@@ -326,7 +326,7 @@ def test_guides_show_claims_and_the_floor_is_shaded():
 
 def test_markdown_cells_cannot_break_the_table():
     made_ = tables.Table("t", ("a",), (tables.Row((tables.Cell("x|y\n`z` <b>"),)),))
-    assert markdown.table(made_).splitlines()[-1] == r"| x\|y \`z\` &lt;b&gt; |"
+    assert markdown.render_table(made_).splitlines()[-1] == r"| x\|y \`z\` &lt;b&gt; |"
 
 
 def test_a_write_that_fails_leaves_nothing_behind(tmp_path, monkeypatch):
