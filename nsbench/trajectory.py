@@ -8,23 +8,29 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-STATUSES = (
-    "ok",
-    "unverified",
-    "below_reference",
-    "refused",
-    "diverged",
-    "nan",
-    "infeasible",
-    "degenerate",
-    "chatter",
-    "maxiter",
-    "timeout",
-    "oom",
-    "crashed",
-    "error",
-)
+STATUS_MEANINGS = {
+    "ok": "the run reached its end time, and no check found a reason to doubt it",
+    "unverified": "the run reached its end time, but the error that its method claims is not "
+    "certain",
+    "below_reference": "the error is below ten times the bound of the reference: too small to be "
+    "measured",
+    "refused": "the method does not take the case; nothing ran",
+    "diverged": "the state grew beyond all bounds, or passed a pole that no solution passes",
+    "nan": "a function of the case, or the state, is not a number",
+    "infeasible": "no state satisfies the constraints, or the run does not",
+    "degenerate": "the solution is not unique, or a contact has no normal",
+    "chatter": "events accumulate at one time",
+    "maxiter": "a limit of steps, events or iterations was reached",
+    "timeout": "the time limit of a run was reached",
+    "oom": "the memory of a run was not sufficient",
+    "crashed": "the process of the run ended",
+    "error": "the method, the case or the machine raised an error",
+}
+STATUSES = tuple(STATUS_MEANINGS)  # a closed list
 LAM_TIMES = ("start", "midpoint", "end", "mean")
+RULES = ("", "explicit", "implicit")
+# parts of a run with switches after each of which a method stores a state in `between`
+STATES_BETWEEN = 100
 # in the sentence of an "error" that may be gone when the run is made again
 MACHINE = "a fault of the machine"
 SHORT = (
@@ -51,6 +57,7 @@ class Status:
 
     code: str = "ok"
     why: str = ""
+    check: str = ""  # name of the check of nsbench.diagnostics that gave this status
 
     def __post_init__(self):
         if self.code not in STATUSES:
@@ -77,6 +84,32 @@ class Event:
 
 
 @dataclass(frozen=True)
+class Resolution:
+    """What a method resolves: lengths and tolerances that the checks of a finished run need.
+
+    step: length of its fixed steps, 0.0 where it has none.
+    layer: half-width of the layer |c| < layer in which a switch c is regularised, 0.0 where the
+    sign is sharp.
+    rule: "explicit" or "implicit" for fixed steps that take the field at their start or their end,
+    "" for all other methods.
+    tolerance: relative tolerance of the step control of an integrator, 0.0 where none is to be
+    checked. claimed_error: the error that the method claims, and max_tolerance: the largest
+    tolerance, relative to the motion, that does not hide an error of this size.
+    """
+
+    step: float = 0.0
+    layer: float = 0.0
+    rule: str = ""
+    tolerance: float = 0.0
+    claimed_error: float = 0.0
+    max_tolerance: float = np.inf
+
+    def __post_init__(self):
+        if self.rule not in RULES:
+            raise ValueError(f"rule is {self.rule!r}; one of {RULES}")
+
+
+@dataclass(frozen=True)
 class Trajectory:
     """Samples of one run.
 
@@ -92,7 +125,9 @@ class Trajectory:
     methods, in cases whose multiplier is known at any time; NaN where it is not known (the first
     sample has no step). See measure.labels.
     between: times (j,), states (j, n) and impulses (j, m) after some steps between samples, of
-    Filippov systems and as far as a method keeps them: what a run may have gone through unseen.
+    Filippov systems and as far as a method stores them: what a run may have passed between samples.
+    resolution: steps, layer and tolerance of the method; None: unknown, inferred from stats["h"]
+    and lam_time by the checks.
     """
 
     t: np.ndarray
@@ -107,6 +142,7 @@ class Trajectory:
     lam: np.ndarray | None = None
     lam_h: np.ndarray | None = None
     between: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
+    resolution: Resolution | None = None
 
 
 def machine_fault(e: BaseException) -> str:
@@ -114,13 +150,13 @@ def machine_fault(e: BaseException) -> str:
     however a library reports it; "" if not.
     """
     words = [*map(os.strerror, SHORT), "can't start new thread"]
-    told = set()
+    visited = set()
     below = e
-    while below is not None and id(below) not in told:
+    while below is not None and id(below) not in visited:
         if isinstance(below, OSError) or any(w in str(below) for w in words):
             return (
                 f" ({MACHINE})" if below is e else f" ({MACHINE}: {type(below).__name__}: {below})"
             )
-        told.add(id(below))
+        visited.add(id(below))
         below = below.__cause__ or below.__context__
     return ""

@@ -10,6 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+DENSE = 10_000  # entries of G: below, SciPy solves before a kernel is compiled
+
 
 @dataclass(frozen=True)
 class Answer:
@@ -120,3 +122,45 @@ def large_problem_callback(rows):
     from nsbench.qp.kernels import large_callback
 
     return large_callback.solve_large
+
+
+def least_distance(row, cols, vals, q, n, guess):
+    """Return the shortest d (n,) with q + G d >= 0, and its multipliers mu (m,).
+
+    row, cols, vals: entries of G (m, n); q (m,); guess (m,): multipliers to start from. Solved by
+    non-negative least squares (Lawson & Hanson 1974, chapter 23) where G is small, else by the
+    active sets of `ActiveSet`; both with rows of length one and in units of the largest violation.
+    Returns (None, None) where there is no such d.
+    """
+    norm = np.sqrt(np.bincount(row, vals * vals, len(q)))
+    norm[norm == 0.0] = 1.0
+    unit = float((-q / norm).max(initial=0.0))
+    if unit == 0.0:
+        return np.zeros(n), np.zeros(len(q))
+    d, mu = _in_units(row, cols, vals / norm[row], q / norm / unit, n, guess * norm / unit)
+    return (None, None) if d is None else (unit * d, unit * mu / norm)
+
+
+def _in_units(row, cols, vals, q, n, guess):
+    if not len(q) * n <= DENSE:
+        return _by_active_sets(row, cols, vals, q, n, guess)
+    from scipy.optimize import nnls
+
+    E = np.zeros((n + 1, len(q)))
+    np.add.at(E, (cols, row), vals)
+    E[n] = -q
+    rhs = np.append(np.zeros(n), 1.0)
+    try:
+        mu, size = nnls(E, rhs)
+    except RuntimeError:  # its iterations ran out
+        return _by_active_sets(row, cols, vals, q, n, guess)
+    r = E @ mu - rhs
+    if size < 1e-12 or not r[-1] < 0.0:
+        return None, None
+    return -r[:-1] / r[-1], mu / -r[-1]
+
+
+def _by_active_sets(row, cols, vals, q, n, guess):
+    G = SparseRows(row, cols, (len(q), n)).fill(vals)
+    a = ActiveSet()(G, q, 1.0, G, guess)
+    return (None, None) if a.code == "infeasible" else (a.d, a.mu)

@@ -170,13 +170,14 @@ def solve(case: Case | str, solver: str = "event_driven", **accuracy) -> Traject
     if set(accuracy) - {method.accuracy}:
         wrong = (set(accuracy) - {method.accuracy}).pop()
         raise LookupError(f"{solver} takes {method.accuracy!r}, not {wrong!r}")
-    from nsbench.diagnostics.diagnose import diagnose
+    from nsbench.diagnostics import diagnose
 
     value = check_positive(method.accuracy, accuracy.get(method.accuracy, method.default))
     why = method.refuses(case)
     if why:
         return refused(case, why)
-    return diagnose(case, method.prepare(case, value)())
+    run = method.prepare(case, value)
+    return diagnose(case, run(), getattr(method, "checks", ()))
 
 
 def refused(case: Case, why: str) -> Trajectory:

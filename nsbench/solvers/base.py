@@ -59,7 +59,12 @@ class Expect:
 
 
 class Solver(Protocol):
-    """Optional: `expects`, a tuple of `Expect`; the first one that applies to a case counts."""
+    """A method as the bench uses it.
+
+    Optional: `expects`, a tuple of `Expect`, of which the first one that applies to a case counts;
+    `checks`, a tuple of `nsbench.diagnostics.Check` of its own, applied to a run that ended well,
+    before the general ones and outside of what is timed.
+    """
 
     accuracy: str
     default: float

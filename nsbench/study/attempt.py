@@ -9,7 +9,7 @@ import numpy as np
 from nsbench import solvers
 from nsbench.case import Case
 from nsbench.columns import reserved_names
-from nsbench.diagnostics.diagnose import diagnose
+from nsbench.diagnostics import diagnose
 from nsbench.solvers.common.initial_state import InfeasibleStart
 from nsbench.source_files import opened_files
 from nsbench.study.plan import Spec, resolve
@@ -119,7 +119,7 @@ def _attempt(spec, announce):
         row |= _solver_columns(spec, case, traj)
         from nsbench.measure import errors
 
-        traj = diagnose(case, traj)
+        traj = diagnose(case, traj, getattr(method, "checks", ()))
         row |= _status(traj.status) | errors(case, traj)
         row |= _below(row)
     except Exception as e:  # what a solver returns can be anything as well
@@ -155,6 +155,7 @@ def lost_run_row(spec: Spec, status: str, why: str) -> dict:
         asked=spec.asked,
         h=h,
         status=status,
+        check="",
         why=utf8_safe(why),
     )
 
@@ -203,5 +204,6 @@ def _status(status: Status) -> dict:
     middle = " ... " if len(why) > LONGEST else ""
     return {
         "status": status.code,
+        "check": status.check,
         "why": why[: LONGEST // 2] + middle + why[max(LONGEST // 2, len(why) - LONGEST // 2) :],
     }

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from nsbench import Case, Filippov, solvers
-from nsbench.diagnostics.run_view import LOOKS, fuller
+from nsbench.diagnostics.run_view import RunView
+from nsbench.trajectory import STATES_BETWEEN
 
 METHODS = {
     "euler": {"h": 1e-3},
@@ -63,7 +64,12 @@ def test_what_is_kept_between_samples_is_the_run(spec):
     case = folds(lambda t, y: -1.0 - y, lambda t, y: 1.0, x0=(0.3, 0.0))
     run = solvers.solve(case, spec, **METHODS[spec])
     t, x, impulse = run.between
-    assert LOOKS / 2 < len(t) <= LOOKS and np.all(np.diff(t) > 0.0) and 0.0 < t[0] and t[-1] <= 1.0
+    assert (
+        STATES_BETWEEN / 2 < len(t) <= STATES_BETWEEN
+        and np.all(np.diff(t) > 0.0)
+        and 0.0 < t[0]
+        and t[-1] <= 1.0
+    )
     if spec != "penalty":
         sampled = solvers.solve(case.replace(t=np.linspace(0.0, 1.0, 101)), spec, **METHODS[spec])
         same = np.searchsorted(sampled.t, t - 1e-9)
@@ -72,10 +78,10 @@ def test_what_is_kept_between_samples_is_the_run(spec):
             and np.allclose(sampled.x[same], x)
             and np.allclose(sampled.impulse[same], impulse)
         )
-    whole = fuller(run)
+    whole = RunView(case, run)
     assert (
         np.all(np.diff(whole.t) > 0.0)
-        and len(whole.t) == len(whole.x) == len(whole.impulse) > LOOKS / 2
+        and len(whole.t) == len(whole.x) == len(whole.impulse) > STATES_BETWEEN / 2
     )
     more = (
         np.append(t, t[-1] + 1e-9),
@@ -83,7 +89,7 @@ def test_what_is_kept_between_samples_is_the_run(spec):
         np.append(impulse, impulse[-1:], axis=0),
     )
     twice = dataclasses.replace(run, between=more)
-    assert np.array_equal(fuller(twice).t, whole.t)
+    assert np.array_equal(RunView(case, twice).t, whole.t)
 
 
 def test_steps_longer_than_samples_are_kept_as_they_are():
@@ -92,7 +98,9 @@ def test_steps_longer_than_samples_are_kept_as_they_are():
 
 
 def test_runs_with_many_samples_and_without_surfaces_keep_nothing():
-    run = solvers.solve(folds(lambda t, y: -1.0, lambda t, y: 1.0, 2 * LOOKS), "euler", h=1e-3)
+    run = solvers.solve(
+        folds(lambda t, y: -1.0, lambda t, y: 1.0, 2 * STATES_BETWEEN), "euler", h=1e-3
+    )
     assert len(run.between[0]) == 0
     assert solvers.solve("smooth", "euler", h=0.1).between is None
 

@@ -10,6 +10,7 @@ from event_scenes import relays
 
 from nsbench import LCS, Affine, Case, Complementarity, Distance, Filippov, solvers
 from nsbench.diagnostics.drift_poles import check_drift_pole
+from nsbench.diagnostics.run_view import RunView
 
 POLES = {  # of (xp, t, x), x starting at 1, over [0, 1]
     "simple": lambda xp, t, x: 1.0 / (t - 0.3001),
@@ -109,7 +110,8 @@ def test_poles_of_fields_and_inputs():
         x0=np.array([1.0]),
         t=np.linspace(0, 1, 4),
     )
-    assert check_drift_pole(circuit, solvers.solve(circuit, "theta", h=3.7e-4)) is not None
+    run = RunView(circuit, solvers.solve(circuit, "theta", h=3.7e-4))
+    assert check_drift_pole(run) is not None
 
 
 def _still(xp):

@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from nsbench.diagnostics.diagnose import largest_speed
+from nsbench.diagnostics.rounding import largest_speed
 from nsbench.problem import Complementarity
 from randomised.ladder import EPS
 from randomised.runs import Outcome, attempt, kept_feasible, relative

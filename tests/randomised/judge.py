@@ -42,7 +42,7 @@ from functools import cached_property
 import numpy as np
 
 from nsbench import solvers
-from nsbench.diagnostics.diagnose import largest_speed
+from nsbench.diagnostics.rounding import largest_speed
 from nsbench.problem import LCS
 from nsbench.study.result_contract import contract_violation
 from randomised.answer import ABSOLUTE, FIRST, STEPS, WILD, Answer

@@ -8,7 +8,7 @@ from itertools import pairwise, product
 import numpy as np
 
 from nsbench.compilation.factories import as_numpy
-from nsbench.diagnostics.diagnose import largest_speed
+from nsbench.diagnostics.rounding import largest_speed
 from nsbench.problem import LCS, Complementarity, Filippov, Smooth
 from nsbench.solvers.common.extrapolation import weights
 from nsbench.solvers.nosnoc.diagnostics import LEAK

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from nsbench.compilation.factories import as_numpy
-from nsbench.diagnostics.filippov.repulsive_surface import switch_range
+from nsbench.dynamics.filippov.switch_rates import switch_range
 from nsbench.measure.context import context_of, near_of
 from nsbench.measure.residuals import interval_residuals
 from nsbench.problem import Complementarity, Distance, Filippov

@@ -9,6 +9,7 @@ from scipy.optimize import lsq_linear
 
 from nsbench import Affine, Case, Complementarity, Distance, Smooth, solvers
 from nsbench.dynamics.contacts.constraint_set import ConstraintSet
+from nsbench.qp import projection
 from nsbench.solvers.common import initial_state
 from nsbench.study.result_contract import contract_violation
 
@@ -33,7 +34,7 @@ def test_many_discs_are_projected_over_those_near(monkeypatch):
     case, scene = heap(800, 0.5)
     asked = []
 
-    def solve(row, cols, vals, q, n, guess, plain=initial_state.least_distance):
+    def solve(row, cols, vals, q, n, guess, plain=projection.least_distance):
         asked.append(len(q))
         return plain(row, cols, vals, q, n, guess)
 
@@ -48,10 +49,10 @@ def test_many_discs_are_projected_over_those_near(monkeypatch):
 
 @pytest.mark.parametrize("entries", [0, 10**9])
 def test_pairs_left_out_change_nothing(entries, monkeypatch):
-    monkeypatch.setattr(initial_state, "DENSE", entries)
+    monkeypatch.setattr(projection, "DENSE", entries)
     case, scene = heap(90, 2.0)
     found = initial_state.initial_state(case, scene)
-    monkeypatch.setattr(initial_state, "DENSE", 10**9)
+    monkeypatch.setattr(projection, "DENSE", 10**9)
     monkeypatch.setattr(
         scene, "near", lambda x, reach, t=0.0: ConstraintSet.near(scene, x, np.inf, t)
     )
@@ -65,7 +66,7 @@ def test_lines_left_out_at_first_are_obeyed():
     lines = initial_state.LinearisedConstraints(case, scene, 0.0, case.x0, np.inf)
     d = lines.nearest(np.zeros(180), {})
     G = scene.dense_gradients(0.0, case.x0, lines.near)
-    exact = initial_state.least_distance(
+    exact = projection.least_distance(
         *scene.triplets(0.0, case.x0, lines.near), lines.g, 180, np.zeros(len(lines.g))
     )[0]
     assert (lines.g + G @ d).min() > -1e-12 and d == pytest.approx(exact, abs=1e-11)
@@ -74,7 +75,7 @@ def test_lines_left_out_at_first_are_obeyed():
 @pytest.mark.parametrize("entries", [0, 10**9])
 @pytest.mark.parametrize("unit", [1e-8, 1e8])
 def test_the_point_is_the_same_in_any_unit(unit, entries, monkeypatch):
-    monkeypatch.setattr(initial_state, "DENSE", entries)
+    monkeypatch.setattr(projection, "DENSE", entries)
     case, scene = heap(20, 0.9)
     x = initial_state.initial_state(case, scene)
     problem = Complementarity(still, (Distance(unit),))
@@ -86,7 +87,7 @@ def test_the_point_is_the_same_in_any_unit(unit, entries, monkeypatch):
 
 @pytest.mark.parametrize("entries", [0, 10**9])
 def test_walls_without_room_are_told_by_both(monkeypatch, entries):
-    monkeypatch.setattr(initial_state, "DENSE", entries)
+    monkeypatch.setattr(projection, "DENSE", entries)
     problem = Complementarity(still, (Affine(np.array([[1.0], [-1.0]]), np.array([0.0, -1.0])),))
     case = Case("shut", problem, np.zeros(1), np.linspace(0.0, 1.0, 2), start="project")
     with pytest.raises(initial_state.InfeasibleStart, match="leave no point"):

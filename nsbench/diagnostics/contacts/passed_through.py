@@ -1,19 +1,23 @@
-"""Hard particles on a line that changed places: nothing leads around one another there."""
+"""Check: hard particles on a line that changed places, which no continuous motion allows."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from nsbench.case import Case
+from nsbench.diagnostics.base import Finding
+from nsbench.diagnostics.run_view import RunView
 from nsbench.dynamics.contacts.constraint_set import ANCHOR, PAIR
 from nsbench.dynamics.contacts.tolerances import scene_of
 from nsbench.problem import Distance
-from nsbench.trajectory import Status, Trajectory
 
 
-def check_passed_through(case: Case, traj: Trajectory) -> Status | None:
-    """Hard particles on a line that changed places, or that an anchor went through: a step too
-    long, or no room."""
+def check_passed_through(run: RunView) -> Finding | None:
+    """Find hard particles on a line that changed places, or that an anchor has passed through.
+
+    A step was too long, or there was no room between them.
+    """
+    case = run.case
+    traj = run.trajectory
     if not any(
         isinstance(c, Distance) and c.sign > 0 and c.dim == 1 for c in case.problem.constraints
     ):
@@ -42,10 +46,9 @@ def check_passed_through(case: Case, traj: Trajectory) -> Status | None:
     return None
 
 
-def _through(t: float, what: str) -> Status:
-    return Status(
+def _through(t: float, what: str) -> Finding:
+    return Finding(
         "unverified",
         f"By t = {t:.6g} {what}, on a line, where nothing leads around: steps are too long, or "
-        f"there was "
-        "no room between them.",
+        "there was no room between them.",
     )

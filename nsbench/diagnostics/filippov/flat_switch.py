@@ -1,33 +1,52 @@
-"""Layers around surfaces, of penalties and of tolerances, where a switch is flat: there they are
-thicker than they say."""
+"""Checks: regularisation layers that are thicker than they say, for their switch is flat there.
+
+In a layer |c| < w the state is within w / |grad c| of the surface as long as the gradient does not
+change within that length. Where it vanishes (c = x^3) the layer is w^(1/3) wide, and where a switch
+changes by less than w in all, the layer is never left.
+"""
 
 from __future__ import annotations
 
-from itertools import product
-
 import numpy as np
 
-from nsbench.case import Case
-from nsbench.compilation.factories import as_numpy
-from nsbench.diagnostics.bisection import zero_between
-from nsbench.diagnostics.filippov.repulsive_surface import evaluate_or_nan, switch_range
-from nsbench.diagnostics.run_view import ways
+from nsbench.diagnostics.base import Finding
+from nsbench.diagnostics.run_view import RunView, polygon, zero_between
+from nsbench.dynamics.filippov.modes import sign_patterns
+from nsbench.dynamics.filippov.switch_rates import evaluate_or_nan, switch_range
 from nsbench.dynamics.filippov.vector_field import FilippovVectorField
 
-# of a slope within the layer that it gives: there the layer is of another thickness than it says
-CHANGES = 0.5
-POINTS = 100  # of a run that are looked at, at least its samples
-UNKNOWN = 4  # other switches in their layers of which both signs are tried
+# relative change of a slope within the layer width that follows from it: then the width is another
+SLOPE_CHANGE = 0.5
+MIN_POINTS = 100  # of a run that are examined, at least its known states
+MAX_UNKNOWN_SIGNS = 4  # other switches in their layers of which both signs are tried
 
 
-def check_flat_switch(case: Case, width: float, t: np.ndarray, X: np.ndarray) -> str:
-    """Where a run of a Filippov system, on the straight ways between its states X at times t, is
-    within `width` of a surface or passes it where its switch is so flat that what is hidden below
-    `width` is no length of `width` / slope; "" if it is nowhere."""
-    motion = FilippovVectorField(case.problem, float(case.t[0]), X[0].copy())
-    rows = np.arange(motion.d)
-    times = _looks(t)
-    state = ways(t, X)
+def check_flat_switch(run: RunView) -> Finding | None:
+    """Find a state in a regularisation layer where its switch is flat.
+
+    There the gradient of the switch changes by half within the width of the layer, which is then
+    not width / slope. Examined on the polygon of the known states, and where it passes a surface.
+    """
+    width = run.resolution.layer
+    where = find_flat_switch(run.vector_field, width, run.t, run.x) if width else ""
+    return (
+        Finding("unverified", f"{where}: no error of size 1 / k is claimed there.")
+        if where
+        else None
+    )
+
+
+def find_flat_switch(
+    motion: FilippovVectorField, width: float, t: np.ndarray, X: np.ndarray
+) -> str:
+    """Return a clause that says where a run is in a layer, or crosses it, where its switch is flat.
+
+    width: half-width of the layer in values of the switch. t (K,), X (K, n): known states, joined
+    by a polygon. Returns "" if the switch is flat nowhere. Surfaces that depend on the time more
+    than on the state are left out: they do not wait for the state.
+    """
+    times = _examined_times(t)
+    state = polygon(t, X)
     with np.errstate(all="ignore"):
         c = np.array(
             [motion.switch(float(at), x) for at, x in zip(times, state(times).T, strict=True)]
@@ -39,76 +58,83 @@ def check_flat_switch(case: Case, width: float, t: np.ndarray, X: np.ndarray) ->
         met += [(times[k], i) for k, i in np.argwhere(np.abs(c) < width)]
         for at, row in sorted(met):
             x = state(at)
-            gradient = motion.gradients(float(at), x, rows)[row]
-            slope = float(np.linalg.norm(gradient))
-            beside = (
-                [
-                    float(
-                        np.linalg.norm(
-                            motion.gradients(
-                                float(at), x + side * width / slope**2 * gradient, rows
-                            )[row]
-                        )
-                    )
-                    for side in (1.0, -1.0)
-                ]
-                if slope > 0.0
-                else [np.inf]
-            )
-            if (
-                np.abs(motion.along(float(at), x, 1.0, 0.0 * x))[row] * (t[-1] - t[0])
-                > slope * np.abs(X).max()
-            ):
-                continue  # a surface in time, which does not wait for the state
-            if max(abs(b - slope) for b in beside) > CHANGES * slope:
+            slope, changes = _slope_and_change(motion, width, float(at), x, row)
+            in_time = np.abs(motion.along(float(at), x, 1.0, 0.0 * x))[row] * (t[-1] - t[0])
+            if in_time > slope * np.abs(X).max():
+                continue
+            if changes > SLOPE_CHANGE * slope:
                 return (
                     f"At t = {at:.6g} the state is in the layer of surface {row} where its switch "
-                    f"is flat (a slope of "
-                    f"{slope:.2g})"
+                    f"is flat (a slope of {slope:.2g})"
                 )
     return ""
 
 
-def _looks(t: np.ndarray) -> np.ndarray:
-    """At least POINTS times, all samples t among them."""
-    parts = -(-POINTS // (len(t) - 1))
+def _slope_and_change(motion, width, t, x, row) -> tuple[float, float]:
+    """Return the slope |grad c| of a switch, and its largest change one layer width off x."""
+    rows = np.arange(motion.d)
+    gradient = motion.gradients(t, x, rows)[row]
+    slope = float(np.linalg.norm(gradient))
+    if not slope > 0.0:
+        return slope, np.inf
+    offset = width / slope**2 * gradient
+    nearby = [
+        float(np.linalg.norm(motion.gradients(t, x + side * offset, rows)[row]))
+        for side in (1.0, -1.0)
+    ]
+    return slope, max(abs(s - slope) for s in nearby)
+
+
+def _examined_times(t: np.ndarray) -> np.ndarray:
+    """At least MIN_POINTS times, all of t among them."""
+    parts = -(-MIN_POINTS // (len(t) - 1))
     return np.append((t[:-1, None] + np.diff(t)[:, None] * np.arange(parts) / parts).ravel(), t[-1])
 
 
-def check_never_leaves_layer(case: Case, width: float, t: np.ndarray, X: np.ndarray) -> str:
-    """Which switch that a field depends on, at one of POINTS times or more, is in its layer at all
-    of them, and would be wherever the states' own size could take it; "" if none is."""
-    with np.errstate(all="ignore"):
-        switch = as_numpy(case.problem.switch)
-        field = as_numpy(case.problem.field)
-        times = _looks(t)
-        states = ways(t, X)(times).T
-        c = np.array([switch(float(at), x.copy()) for at, x in zip(times, states, strict=True)])
-        over = np.fmax(switch_range(switch, float(t[-1]), X), np.ptp(c, axis=0))
-        for i in np.flatnonzero((np.abs(c).max(axis=0) < width) & (0.0 < over) & (over < width)):
-            one = np.arange(c.shape[1]) == i
-            for at, x, row in zip(times, states, c, strict=True):
-                if any(
-                    not np.array_equal(
-                        evaluate_or_nan(field, at, x, np.where(one, 1.0, s)),
-                        evaluate_or_nan(field, at, x, np.where(one, -1.0, s)),
-                        equal_nan=True,
-                    )
-                    for s in _sides(row, (np.abs(row) < width) & ~one)
-                ):
-                    return (
-                        f"Switch {i} does not leave its layer: it changes by no more than "
-                        f"{over[i]:.2g}"
-                    )
-    return ""
+def check_never_leaves_layer(run: RunView) -> Finding | None:
+    """Find a switch that stays in its layer, though the field depends on its sign.
+
+    It is in the layer at all times that are examined, and would be wherever a displacement by the
+    size of the state could take it: its sign is nowhere resolved.
+    """
+    width = run.resolution.layer
+    if not width:
+        return None
+    times = _examined_times(run.t)
+    states = run.state(times).T
+    c = np.array([run.switch(float(at), x.copy()) for at, x in zip(times, states, strict=True)])
+    change = np.fmax(switch_range(run.switch, float(run.t[-1]), run.x), np.ptp(c, axis=0))
+    inside = (np.abs(c).max(axis=0) < width) & (0.0 < change) & (change < width)
+    for i in np.flatnonzero(inside):
+        for at, x, row in zip(times, states, c, strict=True):
+            if _depends_on_sign(run.field, at, x, row, i, width):
+                return Finding(
+                    "unverified",
+                    f"Switch {i} does not leave its layer: it changes by no more than "
+                    f"{change[i]:.2g}: no error of size 1 / k is claimed there.",
+                )
+    return None
 
 
-def _sides(c: np.ndarray, unknown: np.ndarray) -> list:
-    """The signs of the switches c (d,), with all those of the first few unknown ones."""
+def _depends_on_sign(field, t, x, c, i, width) -> bool:
+    """Does the field at (t, x) depend on sign i, for some signs of the switches in their layers?"""
+    one = np.arange(len(c)) == i
+    return any(
+        not np.array_equal(
+            evaluate_or_nan(field, t, x, np.where(one, 1.0, s)),
+            evaluate_or_nan(field, t, x, np.where(one, -1.0, s)),
+            equal_nan=True,
+        )
+        for s in _possible_signs(c, (np.abs(c) < width) & ~one)
+    )
+
+
+def _possible_signs(c: np.ndarray, unknown: np.ndarray) -> list:
+    """The signs of the switches c (d,), with all patterns of the first few unknown ones."""
     signs = np.where(c >= 0.0, 1.0, -1.0)
-    open_ = np.flatnonzero(unknown)[:UNKNOWN]
+    some = np.flatnonzero(unknown)[:MAX_UNKNOWN_SIGNS]
     out = []
-    for some in product((1.0, -1.0), repeat=open_.size):
+    for pattern in sign_patterns(some.size):
         out.append(signs.copy())
-        out[-1][open_] = some
+        out[-1][some] = pattern
     return out

@@ -14,7 +14,7 @@ from nsbench.solvers.base import Claims, Expect, Run, grid, last_steps, sample
 from nsbench.solvers.catching_up.qp_backends import BACKENDS
 from nsbench.solvers.common.divergence import classify_divergence
 from nsbench.solvers.common.initial_state import initial_state
-from nsbench.trajectory import Status, Trajectory
+from nsbench.trajectory import Resolution, Status, Trajectory
 
 # a length (of the largest one, if that is below 1); a step with more did not solve its problem
 KKT = 1e-6
@@ -214,7 +214,18 @@ def _trajectory(case, g, loop, out, again):
     if not g.aligned:
         X, R, impulse = (sample(case.t, g.t, v) for v in (X, R, impulse))
     # the drift that the multiplier balances is taken at the start of the step
-    return Trajectory(case.t, X, contacts, impulse, R, status, stats=stats, lam_time="start", **lam)
+    return Trajectory(
+        case.t,
+        X,
+        contacts,
+        impulse,
+        R,
+        status,
+        stats=stats,
+        lam_time="start",
+        **lam,
+        resolution=Resolution(step=g.h, rule="explicit"),
+    )
 
 
 def _status(code, stats, when, reached, size):

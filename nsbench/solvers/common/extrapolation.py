@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from nsbench.trajectory import Status, Trajectory
@@ -55,7 +57,15 @@ def combined(runs: list[Trajectory], h: float) -> Trajectory:
         stats,
         runs[0].lam_time,
         between=runs[-1].between if runs[-1].contacts == contacts else None,
+        resolution=_resolution(runs),
     )
+
+
+def _resolution(runs):
+    """The resolution of an extrapolation: the fixed step that was asked for, the thinnest layer."""
+    first = runs[0].resolution
+    last = runs[-1].resolution
+    return replace(last, step=first.step) if first and last else None
 
 
 def _sum(w, arrays):

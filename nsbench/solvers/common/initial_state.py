@@ -11,12 +11,12 @@ from nsbench.case import Case
 from nsbench.dynamics.contacts.constraint_set import ANCHOR, PAIR, ConstraintSet
 from nsbench.dynamics.contacts.tolerances import PRINTED, scene_of, term_sizes, tolerances, violates
 from nsbench.problem import Affine, Distance
+from nsbench.qp.projection import least_distance
 
 ITERATIONS = 1000  # linear convergence: a start that overlaps deeply needs a few hundred
 # constraints that are looked at, and times what is missed, of a start that misses by digits
 LISTED = 3000
 FARTHER = 100.0
-DENSE = 10_000  # entries of the gradients: below, SciPy solves before a kernel is compiled
 # of a coordinate, the longest way, or what pushes is made of: what moves by less has ended
 STILL = 1e-13
 
@@ -204,44 +204,3 @@ class LinearisedConstraints:
             if not new.any():
                 return d
             on |= new
-
-
-def least_distance(row, cols, vals, q, n, guess):
-    """The shortest d (n,) with q + G d >= 0, and mu; None and None where there is none. By
-    non-negative least squares (Lawson & Hanson 1974, chapter 23) where G is small, else by the
-    active sets that `catching_up` steps with. Both with rows of length one and in units of what is
-    missing most."""
-    norm = np.sqrt(np.bincount(row, vals * vals, len(q)))
-    norm[norm == 0.0] = 1.0
-    unit = float((-q / norm).max(initial=0.0))
-    if unit == 0.0:
-        return np.zeros(n), np.zeros(len(q))
-    d, mu = _in_units(row, cols, vals / norm[row], q / norm / unit, n, guess * norm / unit)
-    return (None, None) if d is None else (unit * d, unit * mu / norm)
-
-
-def _in_units(row, cols, vals, q, n, guess):
-    if not len(q) * n <= DENSE:
-        return _by_active_sets(row, cols, vals, q, n, guess)
-    from scipy.optimize import nnls
-
-    E = np.zeros((n + 1, len(q)))
-    np.add.at(E, (cols, row), vals)
-    E[n] = -q
-    rhs = np.append(np.zeros(n), 1.0)
-    try:
-        mu, size = nnls(E, rhs)
-    except RuntimeError:  # its iterations ran out
-        return _by_active_sets(row, cols, vals, q, n, guess)
-    r = E @ mu - rhs
-    if size < 1e-12 or not r[-1] < 0.0:
-        return None, None
-    return -r[:-1] / r[-1], mu / -r[-1]
-
-
-def _by_active_sets(row, cols, vals, q, n, guess):
-    from nsbench.qp.projection import ActiveSet, SparseRows
-
-    G = SparseRows(row, cols, (len(q), n)).fill(vals)
-    a = ActiveSet()(G, q, 1.0, G, guess)
-    return (None, None) if a.code == "infeasible" else (a.d, a.mu)

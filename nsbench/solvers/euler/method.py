@@ -10,11 +10,10 @@ import numpy as np
 
 from nsbench.case import Case
 from nsbench.compilation.factories import as_numpy, without_compilation
-from nsbench.diagnostics.run_view import LOOKS
 from nsbench.dynamics.length_scale import length_scale
 from nsbench.problem import Complementarity, Filippov
 from nsbench.solvers.base import Claims, Expect, Run, grid, last_steps, sample
-from nsbench.trajectory import Status, Trajectory
+from nsbench.trajectory import STATES_BETWEEN, Resolution, Status, Trajectory
 
 STANDARD = ("euler", "euler[implicit=true]")
 EXPLICIT = (
@@ -126,8 +125,6 @@ class Euler:
             stats["inner_iterations"] = int(inner)
         status = _status(code, reached)
         smooth = isinstance(case.problem, Complementarity)
-        if status.ok and not (smooth or self.implicit) and case.unique:
-            status = _in_a_corner(case, X, W, g.h)
         return Trajectory(
             case.t,
             X,
@@ -139,13 +136,16 @@ class Euler:
             lam_time="end" if self.implicit else "start",
             **lam,
             between=between,
+            resolution=Resolution(step=g.h, rule="implicit" if self.implicit else "explicit"),
         )
 
 
 def _parts(g, d: int) -> int:
-    """Of each interval of the grid, after which the state is kept, where surfaces are: LOOKS in
-    all, about."""
-    return -(-LOOKS // (len(g.t) - 1)) if d else 0
+    """Return in how many parts of each interval a state is stored: STATES_BETWEEN of a run or more.
+
+    0 where there are no surfaces.
+    """
+    return -(-STATES_BETWEEN // (len(g.t) - 1)) if d else 0
 
 
 def _between(case, g, X, W, looked):
@@ -161,9 +161,9 @@ def _between(case, g, X, W, looked):
 
 def _blends(case) -> bool:
     """Whether the field has to be made multilinear between its modes."""
-    from nsbench.dynamics.filippov.modes import multilinear
+    from nsbench.dynamics.filippov.modes import is_multilinear
 
-    return isinstance(case.problem, Filippov) and not multilinear(case.problem, case.n)
+    return isinstance(case.problem, Filippov) and not is_multilinear(case.problem, case.n)
 
 
 def _status(code, reached):
@@ -175,21 +175,6 @@ def _status(code, reached):
         f"No solution of the implicit step from t = {reached:.6g} was found; try a smaller step.",
     )
     return status_of(code, reached, {StepCode.UNSOLVED: no_solution})
-
-
-def _in_a_corner(case, X, W, h):
-    from nsbench.dynamics.filippov.modes import check_corner_velocity
-
-    where = check_corner_velocity(case, X, np.diff(W, axis=0) / np.diff(case.t)[:, None], h)
-    return (
-        Status(
-            "unverified",
-            f"{where}, where Filippov's velocities are many: which one an explicit step makes by "
-            "alternating between modes is no claim of it.",
-        )
-        if where
-        else Status()
-    )
 
 
 def _loop_functions(case):

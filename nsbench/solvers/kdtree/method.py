@@ -14,7 +14,7 @@ from nsbench.problem import Affine, Complementarity, Distance
 from nsbench.solvers.base import Claims, Expect, Run, grid, sample
 from nsbench.solvers.common.divergence import ended
 from nsbench.solvers.common.initial_state import initial_state
-from nsbench.trajectory import Status, Trajectory
+from nsbench.trajectory import Resolution, Status, Trajectory
 
 SWEEPS = ("numba", "numpy")
 BLOWN = 1e150  # beyond, squares overflow, and SciPy's tree says that it cannot go on
@@ -220,7 +220,17 @@ def _march(case, x0, g, f, project, walls):
         "projections": int(projections),
         "loop": "host",
     }
-    return Trajectory(case.t, X, contacts, W, R, status, stats=stats, lam_time="start")
+    return Trajectory(
+        case.t,
+        X,
+        contacts,
+        W,
+        R,
+        status,
+        stats=stats,
+        lam_time="start",
+        resolution=Resolution(step=g.h, rule="explicit"),
+    )
 
 
 class _ImpulseTable:

@@ -15,11 +15,11 @@ import numpy as np
 from nsbench.case import Case
 from nsbench.problem import LCS, Complementarity, Filippov
 from nsbench.solvers.base import Claims, Run, check_positive
-from nsbench.solvers.nosnoc.diagnostics import SOLVED, coarse, leaks, sunk, unresolved
 from nsbench.solvers.nosnoc.model import dense, model, untold_contacts, untold_fields
-from nsbench.trajectory import Status, Trajectory
+from nsbench.trajectory import Resolution, Status, Trajectory
 
 STANDARD = ()  # 0.1 s a step: asked for by name
+SOLVED = 1e-2  # of comp_tol: tolerance of IPOPT
 # iterations of IPOPT a step on average, from so many in all, that end a run: 85 a step are usual
 LABOUR = 250
 FIRST = 5000
@@ -61,6 +61,18 @@ class Nosnoc:
     @property
     def claims(self) -> Claims:
         return Claims(state=2.0 * self.stages - 1.0, impulse=2.0 * self.stages - 1.0)
+
+    @property
+    def step_tolerance(self) -> float:
+        """The tolerance to which IPOPT solves every step."""
+        return SOLVED * self.comp_tol
+
+    @property
+    def checks(self) -> tuple:
+        """Checks of what the tolerances of nosnoc, which are absolute, may hide."""
+        from nsbench.solvers.nosnoc.diagnostics import checks_of
+
+        return checks_of(self)
 
     def refuses(self, case: Case) -> str | None:
         p = case.problem
@@ -121,7 +133,7 @@ def _solver(method, model, step):
     o.step_equilibration = nosnoc.StepEquilibrationMode.HEURISTIC_MEAN
     shared = o.opts_casadi_nlp  # by all that nosnoc solves in this process
     o.opts_casadi_nlp = {**shared, "ipopt": dict(shared["ipopt"]), "show_eval_warnings": False}
-    o.tol_ipopt = SOLVED * method.comp_tol
+    o.tol_ipopt = method.step_tolerance
     return nosnoc.NosnocSolver(o, model)
 
 
@@ -170,22 +182,23 @@ def _march(case, method, solver, contacts, turning, parts, step):
             if turning
             else W @ np.vstack([dense(c) for c in case.problem.constraints])
         )
-        checks = (coarse, sunk, leaks)
-    else:
-        checks = (coarse, unresolved)
     between = None
     if status.ok:
-        fine = case.replace(t=np.append(_times(case.t, parts), case.t[-1]))
         every = np.array(every)
-        for check in checks:
-            status = (
-                check(fine, method, every[:, :n], every[:, n + 1 : n + 1 + m])
-                if status.ok
-                else status
-            )
-        between = fine.t, every[:, :n], every[:, n + 1 : n + 1 + m]
+        times = np.append(_times(case.t, parts), case.t[-1])
+        between = times, every[:, :n], every[:, n + 1 : n + 1 + m]
     stats = {"steps": (K - 1) * parts, "h": step, "inner_iterations": inner, "loop": "host"}
-    return Trajectory(case.t, X, tuple(contacts), W, R, status, stats=stats, between=between)
+    return Trajectory(
+        case.t,
+        X,
+        tuple(contacts),
+        W,
+        R,
+        status,
+        stats=stats,
+        between=between,
+        resolution=Resolution(step=step),
+    )
 
 
 def _times(t, parts):

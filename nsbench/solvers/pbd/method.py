@@ -13,7 +13,7 @@ from nsbench.solvers.base import Claims, Expect, Run, grid, last_steps, sample
 from nsbench.solvers.common.divergence import classify_divergence
 from nsbench.solvers.common.initial_state import initial_state
 from nsbench.solvers.pbd.sweep_order import hard_ranks
-from nsbench.trajectory import Status, Trajectory
+from nsbench.trajectory import Resolution, Status, Trajectory
 
 MANY_THREADS = 32
 THREADED = ("random", "coloured")  # orders in which few constraints wait for far ones
@@ -362,7 +362,18 @@ def _trajectory(case, g, loop, out, again=None):
     if not g.aligned:
         X, R, impulse = (sample(case.t, g.t, v) for v in (X, R, impulse))
     # the drift that the multiplier balances is taken at the start of the step
-    return Trajectory(case.t, X, contacts, impulse, R, status, stats=stats, lam_time="start", **lam)
+    return Trajectory(
+        case.t,
+        X,
+        contacts,
+        impulse,
+        R,
+        status,
+        stats=stats,
+        lam_time="start",
+        **lam,
+        resolution=Resolution(step=g.h, rule="explicit"),
+    )
 
 
 SOLVER = PBD

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from nsbench.compilation.factories import as_jax, as_numpy
-from nsbench.dynamics.filippov.modes import multilinear, sign_patterns, surfaces
+from nsbench.dynamics.filippov.modes import count_surfaces, is_multilinear, sign_patterns
 from nsbench.problem import Affine, Distance, Filippov, Smooth
 
 DENSE = (
@@ -26,7 +26,7 @@ def constraint_ids(problem, n: int) -> list[tuple]:
     """Contact ids in the stated order, all pairs i < j listed; surfaces (0, i) for a Filippov
     system."""
     if isinstance(problem, Filippov):
-        return [(0, i) for i in range(surfaces(problem, n))]
+        return [(0, i) for i in range(count_surfaces(problem, n))]
     return [name for k, c in enumerate(problem.constraints) for name in _ids(k, c, n)]
 
 
@@ -39,7 +39,7 @@ def _ids(k, c, n):
 def count(problem, n: int) -> int:
     """How many constraints there are, without listing pairs."""
     if isinstance(problem, Filippov):
-        return surfaces(problem, n)
+        return count_surfaces(problem, n)
     total = 0
     for c in problem.constraints:
         if not isinstance(c, Distance):
@@ -144,8 +144,8 @@ def _filippov(problem: Filippov, n: int):
 
     field = as_jax(problem.field)
     switch = as_jax(problem.switch)
-    if not multilinear(problem, n):
-        field = _blended(field, surfaces(problem, n))
+    if not is_multilinear(problem, n):
+        field = _blended(field, count_surfaces(problem, n))
 
     def smoothed(t, x, k, lists):
         s = jnp.clip(k * switch(t, x), -1.0, 1.0)

@@ -9,14 +9,12 @@ import numpy as np
 
 from nsbench.case import Case
 from nsbench.compilation.factories import as_numpy
-from nsbench.diagnostics.distance_from_origin import distance_over_motion
-from nsbench.diagnostics.run_view import fuller
 from nsbench.dynamics.length_scale import length_scale
 from nsbench.problem import LCS, Complementarity, Distance, Filippov
 from nsbench.solvers.base import Claims, Expect, Run, check_positive
 from nsbench.solvers.common.extrapolation import combined, weights
 from nsbench.solvers.common.initial_state import initial_state
-from nsbench.trajectory import Status, Trajectory
+from nsbench.trajectory import Resolution, Status, Trajectory
 
 EXPLICIT = {"tsit5": 6, "dopri8": 13, "bosh3": 3}  # right-hand sides of a step
 IMPLICIT = ("kvaerno3", "kvaerno5")
@@ -343,23 +341,36 @@ def _trajectory(penalty: Penalty, case: Case, k: float, asked: float, out: dict)
         stats["segments"] = out["segments"]
     if penalty.method in EXPLICIT:
         stats["drift_calls"] = out.get("segments", 1) + (steps + refused) * EXPLICIT[penalty.method]
-    traj = Trajectory(
+    return Trajectory(
         case.t,
         out["x"],
         tuple(ids[a] for a in acted),
         impulse[:, acted],
         out["reaction"],
-        _status(penalty, case, k, asked, out),
+        _status(penalty, case, k, out),
         (),
         stats,
         "mean",
         between=out.get("between"),
+        resolution=_resolution(penalty, case, k, asked),
     )
-    return _thin(case, k, traj) if isinstance(case.problem, Filippov) and traj.status.ok else traj
 
 
-def _status(penalty: Penalty, case: Case, k: float, asked: float, out: dict) -> Status:
-    """What became of the run, judged by the samples themselves."""
+def _resolution(penalty: Penalty, case: Case, k: float, asked: float) -> Resolution:
+    """State the layer of switches, and which tolerance would hide the error that is claimed."""
+    claimed = asked ** -(1.0 + penalty.extrapolate)
+    # weights of an extrapolation amplify what the integrator leaves
+    amplified = float(np.abs(weights(penalty.extrapolate)).sum())
+    return Resolution(
+        layer=1.0 / k if isinstance(case.problem, Filippov) else 0.0,
+        tolerance=max(penalty.tolerance("rtol", asked), penalty.tolerance("atol", asked)),
+        claimed_error=claimed,
+        max_tolerance=HIDDEN * claimed / amplified,
+    )
+
+
+def _status(penalty: Penalty, case: Case, k: float, out: dict) -> Status:
+    """Judge by the samples whether the run reached its end, and if not, why."""
     t = float(out["t"])
     tried = int(out["accepted"]) + int(out["refused"])
     at = f"at t = {t:.6g} of {case.t[-1]:g}"
@@ -368,18 +379,6 @@ def _status(penalty: Penalty, case: Case, k: float, asked: float, out: dict) -> 
         and np.isfinite(out["x"]).all()
         and np.isfinite(out["impulse"]).all()
     ):
-        # weights of an extrapolation amplify what the integrator leaves
-        worst = distance_over_motion(case, out["x"]) * max(
-            penalty.tolerance("rtol", asked), penalty.tolerance("atol", asked)
-        )
-        claimed = asked ** -(1.0 + penalty.extrapolate)
-        if worst * float(np.abs(weights(penalty.extrapolate)).sum()) > HIDDEN * claimed:
-            return Status(
-                "unverified",
-                f"The error of the penalty, about {claimed:.1e}, may be hidden by the "
-                f"integrator's, up "
-                f"to 200 times its tolerance of {worst:.1e} of the motion: lower rtol and atol.",
-            )
         return Status()
     if tried < penalty.most:
         return _no_step(penalty, case, k, out, at)
@@ -393,32 +392,6 @@ def _status(penalty: Penalty, case: Case, k: float, asked: float, out: dict) -> 
         "maxiter",
         f"The penalty is too stiff for {penalty.most} steps: {at} their length was {last:.1e} "
         f"(k h = {k * last:.2g}); {advice}.",
-    )
-
-
-def _thin(case: Case, k: float, traj: Trajectory) -> Trajectory:
-    """The run, unverified where a layer of 1 / k is thicker than that, or decides what the start
-    does not."""
-    from nsbench.diagnostics.filippov.dependent_surfaces import check_dependent_surfaces
-    from nsbench.diagnostics.filippov.flat_switch import check_flat_switch, check_never_leaves_layer
-    from nsbench.diagnostics.filippov.late_exit import check_late_exit
-    from nsbench.diagnostics.filippov.repulsive_surface import check_start_in_layer
-
-    seen = fuller(traj)
-    with np.errstate(all="ignore"):
-        flat = (
-            check_flat_switch(case, 1.0 / k, seen.t, seen.x)
-            or check_start_in_layer(case, 1.0 / k)
-            or check_never_leaves_layer(case, 1.0 / k, seen.t, seen.x)
-            or check_late_exit(case, seen, width=1.0 / k)
-            or check_dependent_surfaces(case, 1.0 / k, seen.t, seen.x)
-        )
-    return (
-        replace(
-            traj, status=Status("unverified", f"{flat}: no error of size 1 / k is claimed there.")
-        )
-        if flat
-        else traj
     )
 
 

@@ -10,8 +10,8 @@ import numpy as np
 
 from nsbench.compilation.function_digest import Unknown, fingerprint
 from nsbench.compilation.jax_cache import float64, program
-from nsbench.diagnostics.run_view import LOOKS
 from nsbench.problem import Filippov
+from nsbench.trajectory import STATES_BETWEEN
 
 
 class NotTraceable(Exception):
@@ -109,7 +109,7 @@ def _traced(problem, n, samples, method, style, capacity, particles):
     with jax.default_device(
         jax.devices("cpu")[0]
     ):  # a loop of tiny operations: an accelerator only adds latency
-        run = integrator(made, method, n, LOOKS if isinstance(problem, Filippov) else 0)
+        run = integrator(made, method, n, STATES_BETWEEN if isinstance(problem, Filippov) else 0)
         return jax.jit(run).lower(
             real(n + made.size),
             whole,

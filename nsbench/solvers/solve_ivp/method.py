@@ -12,7 +12,7 @@ from nsbench.case import Case, case_names, get_case
 from nsbench.compilation.factories import as_numpy
 from nsbench.problem import Affine, Distance, Filippov
 from nsbench.solvers.base import Claims, Run, check_positive
-from nsbench.trajectory import Event, Status, Trajectory
+from nsbench.trajectory import Event, Resolution, Status, Trajectory
 
 METHODS = {"dop853": "DOP853", "lsoda": "LSODA", "radau": "Radau"}
 TIGHTEST = 1e-13  # SciPy warns below 100 times the machine's epsilon, 2.2e-14
@@ -168,7 +168,9 @@ def _march(case, work, arcs, solve_ivp, method, tol):
         "loop": "host",
         "roots": "sampled",
     }
-    return Trajectory(times, X, work.contacts, W, R, status, tuple(events), stats)
+    return Trajectory(
+        times, X, work.contacts, W, R, status, tuple(events), stats, resolution=Resolution()
+    )
 
 
 def _differs(case, twin) -> str:

@@ -11,7 +11,7 @@ from nsbench.case import Case
 from nsbench.compilation.factories import as_numpy
 from nsbench.problem import LCS, Affine, Complementarity
 from nsbench.solvers.base import Claims, Expect, Run, grid, last_steps, sample
-from nsbench.trajectory import Status, Trajectory
+from nsbench.trajectory import Resolution, Status, Trajectory
 
 ALL = 8  # rows whose 2^m supports are tried in each step where uniqueness is not certain
 
@@ -234,6 +234,7 @@ def _trajectory(case, g, loop, theta, B, judged, out):
         stats=stats,
         lam_time=label,
         **lam,
+        resolution=Resolution(step=g.h, rule="explicit" if theta == 0.0 else "implicit"),
     )
 
 

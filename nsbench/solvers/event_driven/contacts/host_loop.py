@@ -20,7 +20,7 @@ from nsbench.solvers.event_driven.contacts import compiled_loop
 from nsbench.solvers.event_driven.contacts.active_set import ActiveSetSelector
 from nsbench.solvers.event_driven.contacts.evaluation import ContactField
 from nsbench.solvers.event_driven.smooth.arc import integrate_to_event
-from nsbench.trajectory import Event, Status, Trajectory
+from nsbench.trajectory import Event, Resolution, Status, Trajectory
 
 MEMORY = 10  # arcs whose largest step is the time scale of the look-ahead
 # events, and twice the contacts held, that may fall together before they count as accumulation
@@ -332,4 +332,5 @@ class ContactIntegrator:
             tuple(self.events),
             stats,
             "mean",
+            resolution=Resolution(),
         )

@@ -22,7 +22,7 @@ from nsbench.solvers.base import Run
 from nsbench.solvers.event_driven.filippov.compiled_loop import Compiled
 from nsbench.solvers.event_driven.filippov.program import tape
 from nsbench.solvers.event_driven.smooth.arc import integrate_to_event
-from nsbench.trajectory import Event, Status, Trajectory
+from nsbench.trajectory import Event, Resolution, Status, Trajectory
 
 TRIALS = 10.0 ** np.arange(
     -7, -2
@@ -117,6 +117,7 @@ class FilippovIntegrator:
             tuple(self.events),
             stats,
             "mean",
+            resolution=Resolution(),
         )
 
     def _start(self) -> Status:

@@ -29,7 +29,7 @@ from nsbench.solvers.event_driven.lcs.linear_flow import (
 )
 from nsbench.solvers.event_driven.lcs.modes import Inputs, mode
 from nsbench.solvers.event_driven.smooth.arc import CREEPS, StallDetector
-from nsbench.trajectory import Event, Status, Trajectory
+from nsbench.trajectory import Event, Resolution, Status, Trajectory
 
 ALL = 6  # rows whose 2^m sets are all candidates; with more, those of short implicit steps
 FIRST = -8.0  # trial motions: powers of ten, from 1e-8 of the fastest time of the candidates
@@ -119,6 +119,7 @@ class LcsIntegrator:
             tuple(self.events),
             stats,
             "mean",
+            resolution=Resolution(),
         )
 
     def _flow(self, rows):
