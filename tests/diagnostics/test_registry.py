@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 import nsbench
-from nsbench import Affine, Case, Complementarity, Trajectory, solvers
+from nsbench import Affine, Case, Complementarity, solvers
 from nsbench.diagnostics import CHECKS, Check, Finding, RunView, diagnose
 from nsbench.solvers.nosnoc.method import Nosnoc
 from nsbench.study import status_page
-from nsbench.trajectory import STATUSES, Resolution, Status
+from nsbench.trajectory import STATUSES, Resolution, Status, Trajectory
 
 ALL = (*CHECKS, *Nosnoc().checks)
 PAGE = Path(__file__).parents[2] / "docs" / "statuses.md"
