@@ -101,7 +101,9 @@ def test_scales_are_equal_in_both_directions(name):
 def test_discs_have_their_size_and_lie_inside(name, radius):
     case = nsbench.get_case(name)
     figure = scene.frames_figure(case, trajectory(case, np.tile(case.x0, (len(case.t), 1))))
-    assert len(figure.axes) == 3 and figure.get_size_inches()[0] == pytest.approx(3 * scene.PANEL)
+    assert len(figure.axes) == 3 and figure.get_size_inches()[0] == pytest.approx(
+        3 * scene.PANEL_WIDTH
+    )
     for ax in figure.axes:
         discs = (
             ax.collections[0]

@@ -1,1 +1,1 @@
-"""nsbench/report/scenes"""
+"""Draw pictures of cases and trajectories: particles with walls and links, planar paths, curves."""

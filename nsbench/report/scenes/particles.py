@@ -1,10 +1,15 @@
-"""Particles of one state: discs, contacts, links, anchors, walls; and what every picture needs of a
-case."""
+"""Draw particles of one state: discs, contacts, links, anchors, walls.
+
+The functions without an underscore are shared with nsbench.report.scenes.plane.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
+from nsbench.case import Case
 from nsbench.compilation.factories import as_numpy
 from nsbench.problem import Affine, Distance
 
@@ -13,18 +18,20 @@ BLUE = "#0072B2"
 SKY = "#56B4E9"
 RED = "#D55E00"
 BLACK = "#1c1b1a"
-# thin lines; what is forbidden
-GREY = "#9a968d"
-SOLID = "#e4e0d8"
-MAX_DISCS = 1500  # discs in one panel: more are neither seen at 320 px nor light to send
-MAX_WALLS = 40  # more distinct rows are no walls
-CONTOUR_POINTS = 121  # points each way for contours of the forbidden region
-TOUCH = 2e-3  # a gap within this fraction of a disc or link is drawn as contact
+GREY = "#9a968d"  # thin lines
+FORBIDDEN = "#e4e0d8"  # the region g < 0
+MAX_DISCS = 1500  # in one panel: more are neither visible at 320 px nor a small file
+MAX_WALLS = 40  # more distinct rows are not walls
+CONTOUR_POINTS = 121  # along each axis, for contours of the forbidden region
+CONTACT_TOLERANCE = 2e-3  # a gap below this fraction of a disc or link is drawn as contact
+Group = tuple[int, int, int]  # first entry of the state, dimension, number of particles
 
 
-def particle_groups(case):
-    """The particle groups (start, dim, count) -> radius (None, number or (count,)) of all Distance
-    families."""
+def particle_groups(case: Case) -> dict:
+    """Return the groups of particles of a case: (start, dim, count) -> radius.
+
+    The radius is None, a number or an array (count,).
+    """
     out = {}
     for c in case.problem.constraints:
         if isinstance(c, Distance):
@@ -34,19 +41,21 @@ def particle_groups(case):
     return out
 
 
-def particle_centres(x, key):
+def particle_centres(x: np.ndarray, key: Group) -> np.ndarray:
+    """Return the centres (count, dim) of a group in the state x (n,)."""
     start, dim, count = key
     return x[start : start + dim * count].reshape(count, dim)
 
 
-def anchor_points(c, t):
+def anchor_points(c: Distance, t: float) -> np.ndarray:
+    """Return the anchors (m, dim) of a family at time t."""
     return np.asarray(
         as_numpy(c.anchors)(t) if callable(c.anchors) else c.anchors, dtype=float
     ).reshape(-1, c.dim)
 
 
-def drawing_extent(case, frames, what):
-    """Lowest and highest corner (2,) of what the frames show, without margin."""
+def drawing_extent(case: Case, frames: list, kind: str) -> tuple[np.ndarray, np.ndarray]:
+    """Return the lowest and the highest corner (2,) of all that the frames show."""
     low = np.full(2, np.inf)
     high = np.full(2, -np.inf)
 
@@ -60,14 +69,14 @@ def drawing_extent(case, frames, what):
             high = np.maximum(high, p.max(0) + r)
 
     for f in frames:
-        if what == "curves":
+        if kind == "curves":
             half = rod_length(case) / 2
             for column in f.path.T:
                 take(np.stack((f.times, column - half), 1))
                 take(np.stack((f.times, column + half), 1))
             take([[case.t[0], f.x[0]], [case.t[-1], f.x[0]]])
             continue
-        if what == "plane":
+        if kind == "plane":
             take(f.path)
         elif np.all(np.isfinite(f.x)):
             for key, r in particle_groups(case).items():
@@ -78,13 +87,13 @@ def drawing_extent(case, frames, what):
                 take(p, 0.0 if r is None else r)
         for c in getattr(case.problem, "constraints", ()):
             if isinstance(c, Distance) and c.anchors is not None and c.dim > 1:
-                r = c.d if c.pairs is None or what == "plane" else 0.0
+                r = c.d if c.pairs is None or kind == "plane" else 0.0
                 take(anchor_points(c, f.t), r)
     return low, high
 
 
-def rod_length(case):
-    """Length of the rods of a case on a line, else 0."""
+def rod_length(case: Case) -> float:
+    """Return the length of the rods of a case on a line, else 0."""
     return next(
         (
             float(c.d)
@@ -96,7 +105,7 @@ def rod_length(case):
 
 
 def _window(p):
-    """Indices, in order, of the SHOWN points nearest to the middle."""
+    """Indices, in order, of the MAX_DISCS points nearest to the middle."""
     mid = np.median(p, axis=0)
     return np.sort(np.argpartition(np.sum((p - mid) ** 2, axis=1), MAX_DISCS)[:MAX_DISCS])
 
@@ -109,20 +118,23 @@ def _inside(p):
     return np.stack((mid - half, mid + half))
 
 
-def shade_forbidden(ax, gap):
+def shade_forbidden(ax, gap: Callable[[np.ndarray], np.ndarray]) -> None:
     """Shade where gap(points (m, 2)) < 0 inside the present limits, with its edge."""
     (x0, x1), (y0, y1) = ax.get_xlim(), ax.get_ylim()
     X, Y = np.meshgrid(np.linspace(x0, x1, CONTOUR_POINTS), np.linspace(y0, y1, CONTOUR_POINTS))
     g = gap(np.stack((X.ravel(), Y.ravel()), 1)).reshape(X.shape)
     if np.nanmin(g) < 0:
-        ax.contourf(X, Y, g, levels=[-1e300, 0.0], colors=[SOLID], zorder=0)
+        ax.contourf(X, Y, g, levels=[-1e300, 0.0], colors=[FORBIDDEN], zorder=0)
         if np.nanmax(g) > 0:
             ax.contour(X, Y, g, levels=[0.0], colors=[GREY], linewidths=0.9, zorder=1)
 
 
 def _walls(case, key, radius, t):
-    """Half-planes a . p + b >= 0 (m, 3) that bound the surfaces of the particles of one group; few
-    distinct rows."""
+    """Half-planes a . p + b >= 0 (m, 3) that bound the surfaces of the particles of one group.
+
+    These are the distinct Affine rows that move one particle; none if there are more than
+    MAX_WALLS.
+    """
     start, dim, count = key
     rows = []
     for c in case.problem.constraints:
@@ -149,8 +161,8 @@ def _walls(case, key, radius, t):
     return rows if len(rows) <= MAX_WALLS else rows[:0]
 
 
-def draw_particles(ax, case, frame, scale):
-    """Discs, links, anchors and walls of one state; `scale` points per unit of length."""
+def draw_particles(ax, case: Case, frame, scale: float) -> None:
+    """Draw discs, links, anchors and walls of one state; `scale` points per unit of length."""
     for key, radius in particle_groups(case).items():
         walls = _walls(case, key, radius, frame.t)
         if len(walls):
@@ -161,6 +173,7 @@ def draw_particles(ax, case, frame, scale):
 
 
 def _discs(ax, p, radius, scale):
+    """Draw discs at p (count, dim), in space from low to high, and lines between contacts."""
     from scipy.spatial import cKDTree
 
     total = len(p)
@@ -192,10 +205,10 @@ def _discs(ax, p, radius, scale):
         )
     q = p[which]
     rq = r[which]
-    pairs = cKDTree(q).query_pairs(2 * rq.max() * (1 + TOUCH), output_type="ndarray")
+    pairs = cKDTree(q).query_pairs(2 * rq.max() * (1 + CONTACT_TOLERANCE), output_type="ndarray")
     pairs = pairs[np.lexsort(pairs.T[::-1])]
     gap = np.linalg.norm(q[pairs[:, 0]] - q[pairs[:, 1]], axis=1) - rq[pairs].sum(1)
-    near = TOUCH * 2 * rq.max()
+    near = CONTACT_TOLERANCE * 2 * rq.max()
     for touching, colour, width in ((np.abs(gap) <= near, BLUE, 1.0), (gap < -near, RED, 1.8)):
         _segments(
             ax,
@@ -208,6 +221,7 @@ def _discs(ax, p, radius, scale):
 
 
 def _segments(ax, p, q, **look):
+    """Draw segments from p (m, dim) to q (m, dim)."""
     from matplotlib.collections import LineCollection
 
     if len(p):
@@ -215,8 +229,7 @@ def _segments(ax, p, q, **look):
 
 
 def _links(ax, case, key, frame, radius):
-    """Links: taut ones black, slack ones grey and dashed; anchors as squares; discs to keep off
-    filled."""
+    """Draw links (taut: black, slack: grey and dashed), anchors as squares, obstacles filled."""
     x = particle_centres(frame.x, key)
     for c in case.problem.constraints:
         if (
@@ -241,7 +254,7 @@ def _links(ax, case, key, frame, radius):
         p = x[pairs[:, 0]]
         q = other[pairs[:, 1]]
         if c.sign < 0:
-            taut = np.linalg.norm(p - q, axis=1) >= c.d * (1 - TOUCH)
+            taut = np.linalg.norm(p - q, axis=1) >= c.d * (1 - CONTACT_TOLERANCE)
             _segments(
                 ax, p[~taut], q[~taut], colors=GREY, linewidths=0.8, linestyles="--", zorder=2
             )

@@ -1,4 +1,4 @@
-"""Paths: a point in the plane before constraints or switching surfaces, components over time."""
+"""Draw paths: a point in the plane with constraints or switching surfaces, curves over time."""
 
 from __future__ import annotations
 
@@ -6,30 +6,33 @@ from itertools import pairwise
 
 import numpy as np
 
+from nsbench.case import Case
 from nsbench.compilation.factories import as_numpy
 from nsbench.problem import Affine, Distance, Filippov, Smooth
 from nsbench.report.scenes.particles import (
     BLACK,
     BLUE,
     CONTOUR_POINTS,
+    FORBIDDEN,
     GREY,
     SKY,
-    SOLID,
     anchor_points,
     rod_length,
     shade_forbidden,
 )
 
-LINES = (BLUE, "#E69F00", "#009E73", "#CC79A7", SKY, "#D55E00")  # Okabe & Ito (2008)
+COLOURS = (BLUE, "#E69F00", "#009E73", "#CC79A7", SKY, "#D55E00")  # Okabe & Ito (2008)
 
 
-def draw_plane(ax, case, frame, scale):
-    """A point in the plane: what is forbidden, or the sides of the switching surfaces with their
-    fields; its path."""
+def draw_plane(ax, case: Case, frame, scale: float) -> None:
+    """Draw a point in the plane with its path.
+
+    Behind it: the forbidden region, or the sides of the switching surfaces with their fields.
+    """
     if isinstance(case.problem, Filippov):
         _sides(ax, case.problem, frame.t)
     else:
-        shade_forbidden(ax, lambda p: _least_gap(case, frame.t, p))
+        shade_forbidden(ax, lambda p: _smallest_gap(case, frame.t, p))
     ax.plot(*frame.path.T, "-", color=BLUE, lw=1.5, zorder=4)
     if len(frame.path) > 1:
         ax.plot(*frame.path[0], "o", ms=4, mfc="white", mec=BLUE, zorder=5)
@@ -47,8 +50,7 @@ def draw_plane(ax, case, frame, scale):
 
 
 def _axes(ax, along, up):
-    """Few ticks, and the names of the axes where tick labels cannot push them out of the
-    picture."""
+    """Few ticks, and names of the axes where tick labels cannot push them out of the picture."""
     ax.locator_params(nbins=4)
     ax.ticklabel_format(useOffset=False)
     ax.set_xlabel(along, labelpad=1.0)
@@ -62,8 +64,8 @@ def _axes(ax, along, up):
     )
 
 
-def _least_gap(case, t, points):
-    """min over all constraints of g(t, x) at states (m, n); Smooth ones point by point."""
+def _smallest_gap(case, t, points):
+    """Smallest g(t, x) over all constraints at states (m, n), (m,); Smooth ones point by point."""
     g = np.full(len(points), np.inf)
     for c in case.problem.constraints:
         if isinstance(c, Affine):
@@ -72,12 +74,12 @@ def _least_gap(case, t, points):
             dense[np.repeat(np.arange(c.shape[0]), np.diff(c.indptr)), c.indices] = c.data
             g = np.minimum(g, (points @ dense.T + b).min(1))
         elif isinstance(c, Distance) and c.anchors is not None:
-            reach = np.linalg.norm(
+            distance = np.linalg.norm(
                 points[:, None, c.start : c.start + c.dim] - anchor_points(c, t), axis=2
             )
             if c.pairs is not None:
-                reach = reach[:, c.pairs[:, 1]]
-            g = np.minimum(g, (c.sign * (reach - c.d)).min(1))
+                distance = distance[:, c.pairs[:, 1]]
+            g = np.minimum(g, (c.sign * (distance - c.d)).min(1))
         elif isinstance(c, Smooth):
             f = as_numpy(c.g)
             g = np.minimum(g, [np.min(f(t, p)) for p in points])
@@ -85,8 +87,7 @@ def _least_gap(case, t, points):
 
 
 def _sides(ax, problem, t):
-    """The switching surfaces in the plane, one side of the first tinted, and the field as arrows of
-    one length."""
+    """Draw the switching surfaces, one side of the first tinted, and the field as unit arrows."""
     (x0, x1), (y0, y1) = ax.get_xlim(), ax.get_ylim()
     X, Y = np.meshgrid(np.linspace(x0, x1, CONTOUR_POINTS), np.linspace(y0, y1, CONTOUR_POINTS))
     switch = as_numpy(problem.switch)
@@ -120,15 +121,17 @@ def _sides(ax, problem, t):
     )
 
 
-def draw_curves(ax, case, frame, scale):
-    """The components over time, with what is forbidden to a single one; rods as bands of their
-    length."""
+def draw_curves(ax, case: Case, frame, scale: float) -> None:
+    """Draw the components over time; rods as bands of their length.
+
+    The forbidden region is shaded where there is a single component.
+    """
     y = frame.path
     half = rod_length(case) / 2
     if case.n == 1:
         _forbidden_times(ax, case)
     for k in range(case.n):
-        colour = LINES[k % len(LINES)] if case.n <= len(LINES) else BLUE
+        colour = COLOURS[k % len(COLOURS)] if case.n <= len(COLOURS) else BLUE
         if half:
             ax.fill_between(
                 frame.times,
@@ -144,19 +147,18 @@ def draw_curves(ax, case, frame, scale):
             y[:, k],
             "-",
             color=colour,
-            lw=1.4 if case.n <= len(LINES) else 0.7,
+            lw=1.4 if case.n <= len(COLOURS) else 0.7,
             zorder=4,
             clip_on=False,
         )
         ax.plot(frame.times[0], y[0, k], "o", ms=3, color=colour, zorder=5, clip_on=False)
-    if 1 < case.n <= len(LINES):
+    if 1 < case.n <= len(COLOURS):
         _name_ends(ax, frame, case.n)
     _axes(ax, "t", "x")
 
 
 def _name_ends(ax, frame, n):
-    """x1, x2, .. at the right ends of the curves, moved apart where they would lie on each
-    other."""
+    """Write x1, x2, ... at the right ends of the curves, moved apart where they would overlap."""
     good = frame.path[np.all(np.isfinite(frame.path), axis=1)]
     if len(good) < 2:
         return
@@ -172,14 +174,13 @@ def _name_ends(ax, frame, n):
             xycoords="axes fraction",
             xytext=(2, -2),
             textcoords="offset points",
-            color=LINES[k],
+            color=COLOURS[k],
             annotation_clip=False,
         )
 
 
 def _forbidden_times(ax, case):
-    """Shade what is forbidden to a single coordinate, or draw the zero of its switching function,
-    over time."""
+    """Shade the forbidden region of a single coordinate over time, or draw its switch."""
     (t0, t1), (low, high) = ax.get_xlim(), ax.get_ylim()
     t = np.linspace(t0, t1, 2 * CONTOUR_POINTS)
     y = np.linspace(low, high, CONTOUR_POINTS)
@@ -191,7 +192,7 @@ def _forbidden_times(ax, case):
         return
     if not getattr(case.problem, "constraints", ()):
         return
-    g = np.stack([_least_gap(case, s, y[:, None]) for s in t], 1)
+    g = np.stack([_smallest_gap(case, s, y[:, None]) for s in t], 1)
     if g.min() < 0 < g.max():
-        ax.contourf(t, y, g, levels=[-1e300, 0.0], colors=[SOLID], zorder=0)
+        ax.contourf(t, y, g, levels=[-1e300, 0.0], colors=[FORBIDDEN], zorder=0)
         ax.contour(t, y, g, levels=[0.0], colors=[GREY], linewidths=0.9, zorder=1)
