@@ -160,6 +160,21 @@ def _small_enough(npz: Path, js: Path) -> None:
         raise ValueError(f"{npz.name} unpacks to {size} bytes; at most {ENOUGH} are read")
 
 
+# What reading a damaged archive or description may raise
+READ_ERRORS = (
+    OSError,
+    ValueError,
+    KeyError,
+    TypeError,
+    EOFError,
+    RecursionError,
+    MemoryError,
+    NotImplementedError,
+    zlib.error,
+    zipfile.BadZipFile,
+)
+
+
 def load(case: Case, folder=None) -> Reference | None:
     """Load the stored reference of a case; None if there is none.
 
@@ -168,43 +183,8 @@ def load(case: Case, folder=None) -> Reference | None:
     npz, js = files_of(case, folder)
     if not npz.exists() and not js.exists():
         return None
-    try:
-        _small_enough(npz, js)
-        meta = json.loads(js.read_bytes())
-        with np.load(io.BytesIO(npz.read_bytes()), allow_pickle=False) as z:
-            arrays = {k: z[k] for k in z.files}
-        kept = dict(meta["fingerprint"])
-        sums = (meta["checksum"], _checksum(arrays, meta))
-    except (
-        OSError,
-        ValueError,
-        KeyError,
-        TypeError,
-        EOFError,
-        RecursionError,
-        MemoryError,
-        NotImplementedError,
-        zlib.error,
-        zipfile.BadZipFile,
-    ) as e:
-        raise BadReference(
-            f"the reference {npz} with {js.name} cannot be read: {type(e).__name__}: {e}"
-        ) from None
-    if sums[0] != sums[1]:
-        raise BadReference(
-            f"the reference {npz} does not match the checksum in {js.name}: it was damaged or "
-            f"edited"
-        )
-    wrong = [k for k, v in fingerprint(case).items() if kept.get(k) != v] + ["format"] * (
-        meta["format"] != FORMAT
-    )
-    for name, mine in (("t", case.t), ("x0", case.x0)):
-        a = arrays[name]
-        # starts are computed by their case: another machine may round them differently
-        if a.shape != mine.shape or np.abs(a - mine).max(initial=0.0) > 1e-13 * max(
-            1.0, np.abs(mine).max(initial=0.0)
-        ):
-            wrong.append(name)
+    meta, arrays = _read_checked(npz, js)
+    wrong = _differing_parts(case, meta, arrays)
     if wrong:
         raise OtherVersion(
             f"the reference {npz} was made for another version of {case.key} "
@@ -213,16 +193,14 @@ def load(case: Case, folder=None) -> Reference | None:
         )
     bounds = {k: float("nan") if meta[k] is None else float(meta[k]) for k in BOUNDS}
     kind = meta.get("kind", "stored")
-    event_error = meta.get("event_error")
     if kind not in KINDS:
         raise BadReference(
             f"the reference {npz} is of the kind {kind!r}; one of {', '.join(KINDS)}"
         )
-    events = (
-        None
-        if meta["events"] is None
-        else tuple(Event(t, k, tuple(c)) for t, k, c in meta["events"])
-    )
+    events = meta["events"]
+    if events is not None:
+        events = tuple(Event(t, k, tuple(c)) for t, k, c in events)
+    event_error = meta.get("event_error")
     return Reference(
         case.t,
         arrays["x"],
@@ -237,3 +215,40 @@ def load(case: Case, folder=None) -> Reference | None:
         event_error=float("nan") if event_error is None else float(event_error),
         shown=meta.get("shown", {}),
     )
+
+
+def _read_checked(npz: Path, js: Path) -> tuple[dict, dict]:
+    """Read description and arrays; raise BadReference if they are damaged or were edited."""
+    try:
+        _small_enough(npz, js)
+        meta = json.loads(js.read_bytes())
+        with np.load(io.BytesIO(npz.read_bytes()), allow_pickle=False) as z:
+            arrays = {k: z[k] for k in z.files}
+        dict(meta["fingerprint"])
+        stated = meta["checksum"]
+        computed = _checksum(arrays, meta)
+    except READ_ERRORS as e:
+        raise BadReference(
+            f"the reference {npz} with {js.name} cannot be read: {type(e).__name__}: {e}"
+        ) from None
+    if stated != computed:
+        raise BadReference(
+            f"the reference {npz} does not match the checksum in {js.name}: it was damaged or "
+            f"edited"
+        )
+    return meta, arrays
+
+
+def _differing_parts(case: Case, meta: dict, arrays: dict) -> list[str]:
+    """List what differs between the case and the version that a reference was made for."""
+    stored = dict(meta["fingerprint"])
+    wrong = [k for k, v in fingerprint(case).items() if stored.get(k) != v]
+    if meta["format"] != FORMAT:
+        wrong.append("format")
+    for name, mine in (("t", case.t), ("x0", case.x0)):
+        a = arrays[name]
+        # starts are computed by their case: another machine may round them differently
+        allowed = 1e-13 * max(1.0, np.abs(mine).max(initial=0.0))
+        if a.shape != mine.shape or np.abs(a - mine).max(initial=0.0) > allowed:
+            wrong.append(name)
+    return wrong

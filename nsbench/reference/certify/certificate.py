@@ -86,7 +86,7 @@ def certify(
         raise ValueError(why)
     from nsbench.reference.certify.claimed_arcs import arcs_of
     from nsbench.reference.certify.error_bound import enclose
-    from nsbench.reference.certify.high_precision_path import Digits, doubles, event_times, follow
+    from nsbench.reference.certify.high_precision_path import Digits, follow
     from nsbench.solvers.common.initial_state import initial_state
 
     arcs = arcs_of(case) if arcs is None else arcs
@@ -100,6 +100,24 @@ def certify(
     work = Digits(order, digits, bits)
     path = follow(case, arcs, work, start)
     bounds = enclose(path, work)
+    return Certificate(
+        _rounded(case, arcs, path, bounds, work),
+        {
+            "state": bounds.state,
+            "impulse": bounds.impulse,
+            "reaction": bounds.reaction,
+            "time": max(bounds.times, default=0.0),
+        },
+        bounds.notes,
+        len(arcs),
+        sum(len(p.steps) for p in path.pieces),
+    )
+
+
+def _rounded(case: Case, arcs, path, bounds, work) -> Reference:
+    """Round a proven path to double; its bounds include the rounding."""
+    from nsbench.reference.certify.high_precision_path import doubles, event_times
+
     x = doubles(path.x)
     impulse = doubles(path.impulse).reshape(len(case.t), len(path.contacts))
     reaction = doubles(path.reaction).reshape(len(case.t), -1)
@@ -118,16 +136,7 @@ def certify(
     if shut:  # closed without a multiplier of their own: others may share it
         shown["shut"] = [list(c) for c in shut]
     event_error = max(bounds.times, default=0.0)
-    how = (
-        f"Taylor series of order {order} in {bits} bits along {len(arcs)} arcs of event_driven, "
-        f"signs proven by balls; "
-        f"before rounding the state is known to {bounds.state:.0e}, event times to "
-        f"{event_error:.0e}"
-    )
-    if path.moved:
-        how += f"; the start was put on its constraints, {path.moved:.0e} away"
-    how += "".join(f"; {n}" for n in bounds.notes)
-    ref = Reference(
+    return Reference(
         case.t,
         x,
         path.contacts,
@@ -138,23 +147,24 @@ def certify(
         bounds.impulse + rounding(impulse),
         bounds.reaction + rounding(reaction) if contact else float("nan"),
         "certified",
-        how,
+        _origin(arcs, path, bounds, work),
         versions(),
         event_error + rounding(case.t),
         shown,
     )
-    return Certificate(
-        ref,
-        {
-            "state": bounds.state,
-            "impulse": bounds.impulse,
-            "reaction": bounds.reaction,
-            "time": event_error,
-        },
-        bounds.notes,
-        len(arcs),
-        sum(len(p.steps) for p in path.pieces),
+
+
+def _origin(arcs, path, bounds, work) -> str:
+    """Say how a certificate was made and what was taken without proof."""
+    how = (
+        f"Taylor series of order {work.order} in {work.bits} bits along {len(arcs)} arcs of "
+        f"event_driven, signs proven by balls; "
+        f"before rounding the state is known to {bounds.state:.0e}, event times to "
+        f"{max(bounds.times, default=0.0):.0e}"
     )
+    if path.moved:
+        how += f"; the start was put on its constraints, {path.moved:.0e} away"
+    return how + "".join(f"; {n}" for n in bounds.notes)
 
 
 def rounding(values) -> float:
