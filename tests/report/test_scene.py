@@ -155,7 +155,7 @@ def test_forbidden_regions_are_those_of_the_constraints():
         view = ConstraintSet(case.problem, case.n)
         near = view.all_static()
         want = [view.gaps(0.7, p, near).min() for p in points]
-        assert plane._least_gap(case, 0.7, points) == pytest.approx(want, abs=1e-13), case.name
+        assert plane._smallest_gap(case, 0.7, points) == pytest.approx(want, abs=1e-13), case.name
 
 
 def segments(case, x, colour):
@@ -228,9 +228,9 @@ def test_a_file_of_ones_own_may_draw_itself(tmp_path, n, starts):
 
 def test_a_known_path_is_drawn_with_its_kinks():
     case = nsbench.get_case("tide")
-    times, _ = scene._fine(case, case.t, case.exact(case.t))
+    times, _ = scene._refine_path(case, case.t, case.exact(case.t))
     assert np.pi / 6 in times and len(times) > 300
-    assert scene._fine(case, case.t, case.exact(case.t) + 1e-3)[0] is case.t
+    assert scene._refine_path(case, case.t, case.exact(case.t) + 1e-3)[0] is case.t
 
 
 def test_states_of_another_size_are_refused():
