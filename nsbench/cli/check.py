@@ -1,8 +1,9 @@
 """`nsbench check`: does a case file or a solver file keep the contract?
 
-Each violation is a sentence. A case is checked for its start, its drift in all array namespaces, and
-its exact solution against constraints, signs and the event-driven method, which does not use it. A
-solver is checked for the protocol, its refusals, and the order that it claims on three small cases.
+Each violation is a sentence. A case is checked for its start, its drift in all array namespaces,
+and its exact solution against constraints, signs and the event-driven method, which does not use
+it. A solver is checked for the protocol, its refusals, and the order that it claims on three small
+cases.
 """
 
 from __future__ import annotations

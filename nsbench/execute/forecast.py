@@ -1,9 +1,9 @@
-"""What runs will take, from what such runs took: seconds like a power of the accuracy, fitted to
-rows of the journal.
+"""Forecast of the time of runs, from rows of runs of the same kind.
 
-Where a case and a solver have no rows, a few small runs are made (nsbench.execute.probe) within a
-limit; where these do not reach, the solver's seconds per step and coordinate elsewhere are taken;
-where it has none, those of all solvers.
+Seconds are a power of the accuracy, fitted to rows of the journal. Where a case and a solver have
+no rows, a few small runs are made within a limit of time (nsbench.execute.probe); where these are
+missing too, the solver's seconds per step and coordinate on other cases are taken; where it has
+none, those of all solvers.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,166 +19,190 @@ from nsbench.measure import clock
 from nsbench.study import Spec
 from nsbench.study.plan import resolve
 
+# what a forecast is made from
 JOURNAL = "journal"
 PROBE = "probe"
 GUESS = "guess"
 NOTHING = "refused"
-PER_WORK = 1e-7  # seconds per step of one coordinate, where nothing at all is known
-MEASURE = 0.02  # seconds of measuring a run, where no probe has told
-SETTLED = 0.05  # seconds of compiling; a probe with more of it says nothing of what measuring takes
-# power of the accuracy: a solver whose steps get dearer as they get shorter does not reach it
-STEEPEST = 2.0
-TYPICAL = {
-    "h": 1.0,
-    "tol": 0.2,
-    "k": 0.5,
-}  # powers where one accuracy alone is known: steps, orders of five and two
+SECONDS_PER_WORK = 1e-7  # of one step of one coordinate, where nothing at all is known
+MEASURE = 0.02  # seconds of measuring a run, where no probe has shown them
+# seconds of compiling: a probe with more of it does not show what measuring takes
+COMPILED = 0.05
+# power of the accuracy: a solver whose steps cost more as they get shorter does not reach it
+STEEPEST_POWER = 2.0
+# powers where one accuracy alone is known: steps, orders of five and two
+TYPICAL_POWER = {"h": 1.0, "tol": 0.2, "k": 0.5}
 # in steps of one coordinate (0.1 us): measuring, a run by events, a step in Python
-RUN = 1e4
-EVENTS = 1e4
-IN_PYTHON = 1e3
-FEW = 6  # neighbours from which a power is fitted, so that a floor far away does not flatten it
+WORK_OF_RUN = 1e4
+WORK_OF_EVENTS = 1e4
+WORK_OF_PYTHON_STEP = 1e3
+# neighbours from which a power is fitted, so that a floor of the seconds far away does not flatten
+# it
+FITTED_NEIGHBOURS = 6
+ROWS_FOR_RATE = 3  # of each case and solver, from which seconds per work are taken
+SHORTEST = 1e-9  # seconds, in logarithms
 
 
 @dataclass(frozen=True)
 class Cost:
-    """seconds in all of a run with its preparation and measuring; source: what it is known from."""
+    """Seconds in all of a run with its preparation and measuring, and what they are known from."""
 
     seconds: float
     source: str
 
 
+class _Timing(NamedTuple):
+    """Clock columns of one row."""
+
+    asked: float
+    seconds: float
+    setup: float
+    compilation: float
+
+
 class Forecast:
-    """rows: of any runs with their seconds, old ones too; probed: of small runs, with their `wall`
-    beside."""
+    """Seconds of runs to come.
+
+    rows: of any runs with their seconds, old ones too; probed: rows of small runs, with `wall`, the
+    seconds in all, beside the columns.
+    """
 
     def __init__(self, rows: Iterable[dict], probed: Iterable[dict] = ()):
-        self.known: dict[tuple[str, str], dict[str, list]] = defaultdict(lambda: defaultdict(list))
-        self.rates: dict[str, list[float]] = defaultdict(list)
-        self.over: list[float] = []
+        self.known: dict[tuple[str, str], dict[str, list[_Timing]]] = defaultdict(
+            lambda: defaultdict(list)
+        )
+        self.rates: dict[str, list[float]] = defaultdict(list)  # seconds per work, by solver
+        self.measuring: list[float] = []  # seconds of probes beside preparation and run
         for source, several in ((JOURNAL, rows), (PROBE, probed)):
             for row in several:
                 self._learn(source, row)
 
-    def _learn(self, source, row):
-        spent = row.get("seconds", np.nan)
-        if not (isinstance(spent, float) and np.isfinite(spent) and np.isfinite(row["asked"])):
+    def _learn(self, source: str, row: dict) -> None:
+        seconds = row.get("seconds", np.nan)
+        if not (isinstance(seconds, float) and np.isfinite(seconds) and np.isfinite(row["asked"])):
             return
-        if source == PROBE and row["compile_seconds"] < SETTLED:
-            twice = row["setup_seconds"] if row["setup_seconds"] > clock.AGAIN else 0.0
-            self.over.append(
-                max(
-                    0.0, row["wall"] - spent - row["setup_seconds"] - twice - row["compile_seconds"]
-                )
-            )
-        self.known[row["case"], row["solver"]][source].append(
-            (row["asked"], spent, row.get("setup_seconds", 0.0), row.get("compile_seconds", 0.0))
+        timing = _Timing(
+            row["asked"],
+            seconds,
+            row.get("setup_seconds", 0.0),
+            row.get("compile_seconds", 0.0),
         )
+        if source == PROBE and timing.compilation < COMPILED:
+            rest = row["wall"] - seconds - _preparation(timing.setup) - timing.compilation
+            self.measuring.append(max(0.0, rest))
+        self.known[row["case"], row["solver"]][source].append(timing)
+
+    def _timings(self, spec: Spec) -> tuple[str, list[_Timing]]:
+        """Rows of the case with the solver and their source; GUESS and none if there are none."""
+        known = self.known.get((spec.case, spec.solver))
+        if not known:
+            return GUESS, []
+        source = JOURNAL if JOURNAL in known else PROBE
+        return source, known[source]
 
     def cost(self, spec: Spec) -> Cost:
-        """Of one run, with all its rounds. A refusal costs nothing."""
+        """Forecast one run with all its repetitions. A refusal costs nothing."""
         if not np.isfinite(spec.asked):
             return Cost(0.0, NOTHING)
-        found = self.known.get((spec.case, spec.solver))
-        if not found:
-            return Cost(self._total(self.seconds(spec), 0.0), GUESS)
-        source = JOURNAL if JOURNAL in found else PROBE
-        return Cost(
-            self._total(self.seconds(spec), float(np.median([row[2] for row in found[source]]))),
-            source,
-        )
+        source, timings = self._timings(spec)
+        setup = float(np.median([t.setup for t in timings])) if timings else 0.0
+        measuring = float(np.median(self.measuring)) if self.measuring else MEASURE
+        return Cost(seconds_with_repetitions(self.seconds(spec), setup) + measuring, source)
 
     def seconds(self, spec: Spec) -> float:
-        """Of the run alone, once."""
-        found = self.known.get((spec.case, spec.solver))
-        if not found:
+        """Forecast the run alone, once."""
+        _, timings = self._timings(spec)
+        if not timings:
             return self._guess(spec)
-        asked, spent = np.array(
-            [row[:2] for row in found[JOURNAL if JOURNAL in found else PROBE]]
-        ).T
-        at = np.isclose(asked, spec.asked, rtol=1e-9, atol=0.0)
-        return (
-            float(np.median(spent[at]))
-            if at.any()
-            else power_law(asked, spent, spec.asked, spec.accuracy)
-        )
+        asked = np.array([t.asked for t in timings])
+        seconds = np.array([t.seconds for t in timings])
+        same = np.isclose(asked, spec.asked, rtol=1e-9, atol=0.0)
+        if same.any():
+            return float(np.median(seconds[same]))
+        return extrapolate_power_law(asked, seconds, spec.asked, spec.accuracy)
 
-    def compiling(self, solvers: Iterable[str]) -> float:
-        """Seconds of compiling and loading, as long as they have been at most for each solver: its
-        cases share kernels."""
+    def compilation(self, solvers: Iterable[str]) -> float:
+        """Forecast the seconds of compiling and loading: for each solver the longest so far.
+
+        The cases of a solver share its kernels.
+        """
         longest: dict[str, float] = defaultdict(float)
-        for (_, solver), found in self.known.items():
-            longest[solver] = max(
-                [longest[solver], *(row[3] for rows in found.values() for row in rows)]
-            )
+        for (_, solver), known in self.known.items():
+            for timings in known.values():
+                longest[solver] = max([longest[solver], *(t.compilation for t in timings)])
         return sum(longest[s] for s in {*solvers})
 
-    def _total(self, seconds, setup):
-        """Preparation, which is made twice where it is not quick; the first run; the rounds in
-        which it is timed; measuring."""
-        again = setup if setup > clock.AGAIN else 0.0
-        rounds = clock.rounds_of(seconds)
-        return (
-            setup
-            + again
-            + seconds * (1 + (rounds if rounds > 1 else 0))
-            + (float(np.median(self.over)) if self.over else MEASURE)
-        )
-
-    def _guess(self, spec):
+    def _guess(self, spec: Spec) -> float:
+        """Seconds by the work of the run, at the median rate of the solver or of all solvers."""
         if not self.rates:
             self._fill_rates()
-        rates = self.rates.get(spec.solver) or self.rates.get("") or [PER_WORK]
+        rates = self.rates.get(spec.solver) or self.rates.get("") or [SECONDS_PER_WORK]
         return float(np.median(rates)) * work(spec)
 
-    def _fill_rates(self):
-        for (case, solver), found in self.known.items():
+    def _fill_rates(self) -> None:
+        for (case, solver), known in self.known.items():
             accuracy = _accuracy_of(solver)
-            for several in found.values():
-                for asked, spent, *_ in several[:3]:
+            for timings in known.values():
+                for timing in timings[:ROWS_FOR_RATE]:
                     try:
-                        w = work(Spec(case, solver, accuracy, asked))
-                    except (LookupError, ValueError):  # a case of a file, or one that is no more
+                        w = work(Spec(case, solver, accuracy, timing.asked))
+                    except (LookupError, ValueError):  # a case of a file, or of another version
                         continue
-                    self.rates[solver].append(spent / w)
-                    self.rates[""].append(spent / w)
+                    self.rates[solver].append(timing.seconds / w)
+                    self.rates[""].append(timing.seconds / w)
 
 
-def power_law(asked, spent, at: float, accuracy: str) -> float:
-    """Seconds at another accuracy: between known ones along the line through their logarithms,
-    beyond with the power fitted to the nearest few. Steps ask for 1 / h, tolerances for less,
-    stiffnesses for more the larger they are."""
+def _preparation(setup: float) -> float:
+    """Seconds of preparing a run: a slow preparation is made twice, to see what compiling took."""
+    return 2.0 * setup if setup > clock.AGAIN else setup
+
+
+def seconds_with_repetitions(seconds: float, setup: float) -> float:
+    """Seconds of preparing a run, running it once, and the rounds in which it is timed."""
+    rounds = clock.rounds_of(seconds)
+    return _preparation(setup) + seconds * (1 + (rounds if rounds > 1 else 0))
+
+
+def extrapolate_power_law(
+    asked: np.ndarray, seconds: np.ndarray, at: float, accuracy: str
+) -> float:
+    """Seconds at another accuracy.
+
+    Between known accuracies log(seconds) is interpolated linearly in log(accuracy); beyond them a
+    power is fitted to the nearest FITTED_NEIGHBOURS. Seconds rise with 1 / h, slower with 1 / tol,
+    and with k.
+
+    asked, seconds: (m,), in any order; at: the accuracy wanted; accuracy: "h", "tol" or "k".
+    """
     order = np.argsort(asked)
     x = np.log(asked[order])
-    y = np.log(np.maximum(spent[order], 1e-9))
-    place = float(np.log(at))
-    if x[0] <= place <= x[-1]:
-        return float(np.exp(np.interp(place, x, y)))
-    end = slice(0, FEW) if place < x[0] else slice(-FEW, None)
+    y = np.log(np.maximum(seconds[order], SHORTEST))
+    target = float(np.log(at))
+    if x[0] <= target <= x[-1]:
+        return float(np.exp(np.interp(target, x, y)))
+    below = target < x[0]
+    nearest = slice(0, FITTED_NEIGHBOURS) if below else slice(-FITTED_NEIGHBOURS, None)
     sign = 1.0 if accuracy == "k" else -1.0
-    power = TYPICAL.get(accuracy, 1.0)
-    if np.ptp(x[end]) > 0.0:
-        power = sign * float(np.polyfit(x[end], y[end], 1)[0])
-    edge = 0 if place < x[0] else -1
-    return float(np.exp(y[edge] + sign * float(np.clip(power, 0.0, STEEPEST)) * (place - x[edge])))
+    power = TYPICAL_POWER.get(accuracy, 1.0)
+    if np.ptp(x[nearest]) > 0.0:
+        power = sign * float(np.polyfit(x[nearest], y[nearest], 1)[0])
+    power = sign * float(np.clip(power, 0.0, STEEPEST_POWER))
+    edge = 0 if below else -1
+    return float(np.exp(y[edge] + power * (target - x[edge])))
 
 
 def work(spec: Spec) -> float:
-    """Steps times coordinates of a run, as far as they can be known before."""
-    return weight([spec])
+    """Guess the work of a run, in steps of one coordinate; 0 for a refusal.
 
-
-def weight(batch) -> float:
-    """A guess of how long a batch takes, in steps of one coordinate: what every run needs, and what
-    its steps do."""
-    total = 0.0
-    for s in batch:
-        case = resolve(s.case, s.file)
-        span = float(case.t[-1] - case.t[0])
-        steps = {"h": span / s.asked, "k": span * s.asked / 3}.get(s.accuracy, EVENTS)
-        if steps == steps:  # NaN: refused
-            total += RUN + steps * (case.n + (IN_PYTHON if "backend=" in s.solver else 0))
-    return total
+    Every run needs WORK_OF_RUN; its steps are known for "h", guessed for "k" and "tol".
+    """
+    if np.isnan(spec.asked):
+        return 0.0
+    case = resolve(spec.case, spec.file)
+    span = float(case.t[-1] - case.t[0])
+    steps = {"h": span / spec.asked, "k": span * spec.asked / 3}.get(spec.accuracy, WORK_OF_EVENTS)
+    in_python = WORK_OF_PYTHON_STEP if "backend=" in spec.solver else 0
+    return WORK_OF_RUN + steps * (case.n + in_python)
 
 
 def _accuracy_of(solver: str) -> str:
@@ -186,19 +211,23 @@ def _accuracy_of(solver: str) -> str:
     return solvers.get(solver).accuracy
 
 
-def small(specs: Iterable[Spec]) -> list[Spec]:
-    """The runs to probe among those of which nothing is known: for every case and solver the
-    coarsest accuracy and one some way on; one pair of each solver first, those of little work
-    before the others."""
-    pairs: dict[tuple, list[Spec]] = {}
+def select_probes(specs: Iterable[Spec]) -> list[Spec]:
+    """Select the small runs to make among those of which nothing is known.
+
+    Of every case and solver the coarsest accuracy and one a third down the ladder; first one pair
+    of each solver, and those of little work before the others.
+    """
+    ladders: dict[tuple, list[Spec]] = {}
     for s in specs:
         if np.isfinite(s.asked):
-            pairs.setdefault((s.case, s.file, s.solver), []).append(s)
-    chosen = []
-    for several in pairs.values():
-        ranked = sorted(several, key=lambda s: s.asked, reverse=several[0].accuracy != "k")
-        chosen.append(list(dict.fromkeys((ranked[0], ranked[len(ranked) // 3]))))
-    chosen.sort(key=lambda two: work(two[0]))
-    first = list({two[0].solver: two for two in reversed(chosen)}.values())
-    rest = [two for two in chosen if not any(two is f for f in first)]
-    return [s for two in (*first, *rest) for s in two]
+            ladders.setdefault((s.case, s.file, s.solver), []).append(s)
+    pairs = []
+    for ladder in ladders.values():
+        coarsest_first = sorted(ladder, key=lambda s: s.asked, reverse=ladder[0].accuracy != "k")
+        pair = (coarsest_first[0], coarsest_first[len(ladder) // 3])
+        pairs.append(list(dict.fromkeys(pair)))
+    pairs.sort(key=lambda pair: work(pair[0]))
+    least_of_solver = {pair[0].solver: pair for pair in reversed(pairs)}
+    first = list(least_of_solver.values())
+    rest = [pair for pair in pairs if not any(pair is f for f in first)]
+    return [s for pair in (*first, *rest) for s in pair]

@@ -1,4 +1,8 @@
-"""Progress of a long run: a bar with the time left on a terminal, plain lines elsewhere."""
+"""Progress of a study: finished runs, failures and the time left.
+
+On a terminal it is one line, redrawn with a bar by tqdm; elsewhere a plain line every
+SECONDS_BETWEEN_LINES seconds. The time left is estimated by nsbench.execute.remaining_time.
+"""
 
 from __future__ import annotations
 
@@ -6,51 +10,71 @@ import shutil
 import time
 from collections.abc import Callable
 
+from nsbench.execute.remaining_time import RemainingTime
+from nsbench.study import Spec
+
 EXPECTED_STATUSES = ("ok", "refused", "below_reference")  # all others count as failures
-LINE = 15.0  # seconds between plain lines
+SECONDS_BETWEEN_LINES = 15.0  # where there is no terminal
+SECONDS_BETWEEN_REDRAWS = 0.1
+PLAIN_WIDTH = 120
+BAR_CELLS = 20
+FIRST_ESTIMATE = 5  # finished runs: with fewer no time left is given
 
 
 class Progress:
-    """Counts finished runs out of `total`; `say(text, end)` prints, `terminal` chooses the bar."""
+    """Count finished runs and print how far a study is.
 
-    def __init__(self, total: int, say: Callable, terminal: bool):
-        self.total = total
+    specs: all runs to do; jobs: workers (None: not known); say(text, end): prints; terminal: redraw
+    one line with a bar.
+    """
+
+    def __init__(self, specs: list[Spec], jobs: int | None, say: Callable, terminal: bool):
+        self.total = len(specs)
         self.done = 0
         self.failed = 0
         self.say = say
         self.terminal = terminal
-        self.start = self.last = time.monotonic()
+        self.start = time.monotonic()
+        self.printed_at = self.start
+        self.remaining = RemainingTime(specs, jobs)
 
-    def step(self, label: str, status: str) -> None:
+    def step(self, spec: Spec, row: dict) -> None:
+        """Count a run with its first row; print, if it is time to."""
         self.done += 1
-        self.failed += status not in EXPECTED_STATUSES
-        now = time.monotonic()
+        self.failed += row["status"] not in EXPECTED_STATUSES
+        self.remaining.add(spec, row)
+        since = time.monotonic() - self.printed_at
         if self.terminal:
-            if now - self.last > 0.1 or self.done == self.total:
-                self.say("\r" + self.line(label, shutil.get_terminal_size().columns - 1), end="")
-                self.last = now
-        elif now - self.last > LINE:
-            self.say(self.line(label, 120))
-            self.last = now
+            if since > SECONDS_BETWEEN_REDRAWS or self.done == self.total:
+                width = shutil.get_terminal_size().columns - 1
+                self.say("\r" + self.line(spec.label, width), end="")
+                self.printed_at = time.monotonic()
+        elif since > SECONDS_BETWEEN_LINES:
+            self.say(self.line(spec.label, PLAIN_WIDTH))
+            self.printed_at = time.monotonic()
 
     def line(self, label: str, width: int) -> str:
-        spent = time.monotonic() - self.start
-        left = spent / max(1, self.done) * (self.total - self.done)
-        head = f"{self.done}/{self.total}"
-        guess = f"about {clock(left)} left" if self.done >= 10 else "time left unknown"
-        tail = f"{clock(spent)} spent, {guess}" + (f", {self.failed} failed" if self.failed else "")
-        cells = max(0, min(30, width - len(head) - len(tail) - len(label) - 6))
-        full = cells * self.done // max(1, self.total)
-        bar = f"[{'#' * full}{'.' * (cells - full)}] " if cells > 4 else ""
-        return f"{head} {bar}{tail}  {label}"[: max(1, width)].ljust(max(1, width))
+        """Format the line of progress, `width` characters long; label: the run that has ended."""
+        from tqdm import tqdm
+
+        elapsed = time.monotonic() - self.start
+        left = "time left unknown"
+        if self.done >= FIRST_ESTIMATE:
+            left = f"about {tqdm.format_interval(self.remaining.seconds(elapsed))} left"
+        failures = f", {self.failed} failed" if self.failed else ""
+        line = tqdm.format_meter(
+            self.done,
+            self.total,
+            elapsed,
+            ncols=max(1, width),
+            ascii=".#",
+            prefix=label.replace("{", "(").replace("}", ")"),
+            bar_format=f"{{n}}/{{total}} {{elapsed}} spent, {left}{failures} "
+            f"[{{bar:{BAR_CELLS}}}] {{desc}}",
+        )
+        return line.ljust(max(1, width))
 
     def end(self) -> None:
+        """End the redrawn line."""
         if self.terminal and self.done:
             self.say("")
-
-
-def clock(seconds: float) -> str:
-    s = round(seconds)
-    return (
-        f"{s // 3600}:{s % 3600 // 60:02d}:{s % 60:02d}" if s >= 3600 else f"{s // 60}:{s % 60:02d}"
-    )

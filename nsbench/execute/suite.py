@@ -1,5 +1,9 @@
-"""A suite from plan to folder: what is known is reused, the rest runs in workers, then tables and
-report."""
+"""A study from its plan to a folder of results.
+
+Rows whose key is known are reused, the other runs are made by workers of this machine or of a Dask
+cluster, each row is journalled as it comes; then the tables, the pictures and the report are
+written.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +13,7 @@ import os
 import re
 import secrets
 from collections import Counter
+from collections.abc import Iterable
 from itertools import chain, groupby
 from pathlib import Path
 
@@ -16,7 +21,7 @@ import nsbench
 from nsbench.case import parse_spec, size
 from nsbench.compilation.disk_cache import digest, digest_of
 from nsbench.execute import dry_run
-from nsbench.execute.forecast import weight
+from nsbench.execute.forecast import work
 from nsbench.execute.progress import EXPECTED_STATUSES, Progress
 from nsbench.execute.workers.pool import Chore, run_all
 from nsbench.reference import lookup
@@ -27,49 +32,48 @@ from nsbench.results.atomic_write import write_atomically
 from nsbench.results.environment import environment
 from nsbench.results.journal import Journal, as_read, clean
 from nsbench.results.packed_rows import OrderedRows, PackedRows
-from nsbench.study import describe
+from nsbench.study import Spec, describe
 from nsbench.study.attempt import lost_run_row
 from nsbench.study.plan import resolve
 
+RUNS_FAILED = 3  # exit code
 NO_ROW = "No worker gave a row of this run. The same command tries it again."
 
 
-def execute(specs, out: Path, args, say) -> int:
-    """Run what is not known yet and write DIR/{journal.jsonl, runs.*, env.json, report.*,
-    figures/}; the exit code."""
+def execute(specs: list[Spec], out: Path, args, say) -> int:
+    """Run what is not known yet and write the folder of results; returns the exit code.
+
+    Writes DIR/{journal.jsonl, runs.*, env.json, cases.json, solvers.json, report.*, figures/,
+    output/}. args: options of `nsbench run` (plan, force, timeout, memory, jobs, dask; with --plan
+    also probe and verbose). Raises ValueError for a folder that cannot be used and for a case that
+    needs too much memory; errors of results and cluster pass on.
+    """
     key.forget()  # this process may have made keys before somebody edited a file
     cases = {(s.case, s.file): resolve(s.case, s.file) for s in specs}
-    made_of = {}  # many runs are made of the same
-    parts = {
-        s: made_of.get(k) or made_of.setdefault(k, key.parts_of(s, cases[s.case, s.file]))
-        for s in specs
-        for k in [(s.case, s.file, s.solver, s.solver_files)]
-    }
+    parts = _parts_of_all(specs, cases)
     keys = {s: key.key_of(s, parts[s]) for s in specs}
-    _folder(out)
+    _check_folder(out)
     for case in cases.values():
         lookup.check(case)
     dry_run.check_memory({c.key: size.size_of(c) for c in cases.values()}, args)
     if args.plan:
-        known = {} if args.force else _known(out, specs, keys, args, say)
-        return dry_run.tell(specs, cases, parts, keys, known, out, args, say)
+        reusable = {} if args.force else _reusable_rows(out, specs, keys, args, say)
+        return dry_run.print_plan(dry_run.Plan(specs, cases, parts, keys, reusable, out), args, say)
     with contextlib.closing(Journal(out)) as journal:  # from here on nobody else writes there
-        known = {} if args.force else _known(out, specs, keys, args, say)
+        reusable = {} if args.force else _reusable_rows(out, specs, keys, args, say)
         rows = PackedRows()
-        todo = [s for s in specs if keys[s] not in known]
+        todo = [s for s in specs if keys[s] not in reusable]
         for s in specs:
-            if keys[s] in known:
-                rows[keys[s]] = known[keys[s]]
-        del known
+            if keys[s] in reusable:
+                rows[keys[s]] = reusable[keys[s]]
+        del reusable
         drawn = set()
         if todo:
             say(f"{len(todo)} runs ({len(specs) - len(todo)} known already), results in {out}")
             consistency.mark_stale(out)
-            entries = row_reuse.RowRecorder(
-                journal, keys, parts, cases, on_this_machine=args.dask is None
-            )
-            drawn = _run(todo, keys, entries, rows, args, say, [*cases], out)
-            entries.report(say)
+            recorder = row_reuse.RowRecorder(journal, keys, parts, cases, on_this_machine=args.dask is None)
+            drawn = _run(todo, keys, recorder, rows, args, say, [*cases], out)
+            recorder.report(say)
         ordered = OrderedRows(
             rows, (keys[s] for s in specs), lambda i: lost_run_row(specs[i], "error", NO_ROW)
         )
@@ -80,11 +84,24 @@ def execute(specs, out: Path, args, say) -> int:
             f"{failed.total()} of {len(ordered)} runs failed; the report lists each with its reason"
         )
     say(f"report: {path}")
-    return 3 if failed["error"] or failed["crashed"] or failed.total() == len(ordered) else 0
+    unexpected = failed["error"] or failed["crashed"] or failed.total() == len(ordered)
+    return RUNS_FAILED if unexpected else 0
 
 
-def _folder(out: Path) -> None:
-    """Raises ValueError if this can be no folder of results."""
+def _parts_of_all(specs: list[Spec], cases: dict) -> dict[Spec, tuple]:
+    """Parts of the key of every run; those of one case and solver are made once."""
+    shared: dict[tuple, tuple] = {}
+    parts = {}
+    for s in specs:
+        made_of = s.case, s.file, s.solver, s.solver_files
+        if made_of not in shared:
+            shared[made_of] = key.parts_of(s, cases[s.case, s.file])
+        parts[s] = shared[made_of]
+    return parts
+
+
+def _check_folder(out: Path) -> None:
+    """Raise ValueError if this cannot be a folder of results."""
     if out.exists() and not out.is_dir():
         raise ValueError(
             f"{out} is a {'link to a ' if out.is_symlink() else ''}file; a folder is needed"
@@ -95,7 +112,7 @@ def _folder(out: Path) -> None:
         )
 
 
-def _known(out: Path, specs, keys, args, say) -> PackedRows:
+def _reusable_rows(out: Path, specs, keys, args, say) -> PackedRows:
     """Rows by key that need not be made again (nsbench.results.row_reuse)."""
     damaged: list[int] = []
     rows = row_reuse.reusable_rows(out, specs, keys, args.timeout, damaged)
@@ -108,136 +125,154 @@ def _known(out: Path, specs, keys, args, say) -> PackedRows:
     return rows
 
 
-def _run(todo, keys, entries, rows, args, say, cases, out):
-    """The rows of `todo`; the pictures that were drawn on the way, as (case, file)."""
+def _run(todo, keys, recorder, rows, args, say, cases, out) -> set[tuple[str, str]]:
+    """Run `todo` on workers; rows go to the recorder and to `rows`.
+
+    Returns the pictures that idle workers have drawn meanwhile, as (case, file).
+    """
     session = secrets.token_hex(6)  # seconds of one session were measured side by side
     batches = [list(g) for _, g in groupby(todo, key=lambda s: (s.case, s.file))]
-    batches = _in_order(batches)
-    bar = Progress(len(todo), say, os.isatty(1) if _has_terminal() else False)
+    batches = order_batches(batches)
+    jobs = dry_run.worker_count(args) if args.dask is None else None
+    bar = Progress(todo, jobs, say, _has_terminal())
     outputs = Outputs(out / "output", keys)
 
-    def on_row(spec, row):
+    def on_row(spec: Spec, row: dict) -> None:
         first = keys[spec] not in rows
-        rows[keys[spec]] = row = entries.row(spec, as_read(row | {"session": session}))
+        row = recorder.row(spec, as_read(row | {"session": session}))
+        rows[keys[spec]] = row
         if first:
-            outputs.none(spec)
-            bar.step(spec.label, row["status"])
+            outputs.remove_old(spec)
+            bar.step(spec, row)
 
-    jobs = args.jobs or min(2, os.cpu_count() or 1)
     (out / "figures").mkdir(exist_ok=True)
     try:
-        if args.dask is not None:
+        if jobs is None:
             from nsbench.execute.cluster import client
 
-            return {
-                *client.run_all(
-                    batches,
-                    args.dask,
-                    args.timeout,
-                    on_row,
-                    args.memory,
-                    outputs.write,
-                    entries.parts,
-                )
-            }
-        return {
-            c.args[:2]
-            for c in run_all(
+            client.run_all(
                 batches,
-                jobs,
+                args.dask,
                 args.timeout,
                 on_row,
-                _chores(cases, out),
-                most=args.memory,
-                on_output=outputs.write,
+                args.memory,
+                outputs.write,
+                recorder.parts,
             )
-        }
+            return set()
+        chores_done = run_all(
+            batches,
+            jobs,
+            args.timeout,
+            on_row,
+            _chores(cases, out),
+            memory_limit=args.memory,
+            on_output=outputs.write,
+        )
+        return {chore.args[:2] for chore in chores_done}
     finally:
         bar.end()
 
 
 class Outputs:
-    """DIR/output/LABEL-KEY.txt: what a run has printed, if anything; nothing is left of an earlier
-    one."""
+    """Files DIR/output/LABEL-KEY.txt: what a run has printed, if anything.
+
+    A run that prints nothing leaves no file of an earlier one with its key.
+    """
 
     def __init__(self, folder: Path, keys: dict):
         self.folder = folder
         self.keys = keys
-        self.written = set()
+        self.written: set[Spec] = set()
         self.old = {p.name for p in folder.glob("*.txt")} if folder.is_dir() else set()
 
-    def name(self, spec) -> str:
+    def file_name(self, spec: Spec) -> str:
+        """Name of the file of a run."""
         return (
             re.sub(r"[^A-Za-z0-9=.,+-]+", "_", spec.label)[:80].lstrip(".")
             + f"-{self.keys[spec][:12]}.txt"
         )
 
-    def write(self, spec, text: bytes) -> None:
+    def write(self, spec: Spec, text: bytes) -> None:
+        """Store what a run has printed."""
         self.folder.mkdir(exist_ok=True)
-        write_atomically(self.folder / self.name(spec), text)
+        write_atomically(self.folder / self.file_name(spec), text)
         self.written.add(spec)
 
-    def none(self, spec) -> None:
-        """The run has ended: without a word, unless something of it was written."""
-        if self.old and spec not in self.written and self.name(spec) in self.old:
-            (self.folder / self.name(spec)).unlink(missing_ok=True)
+    def remove_old(self, spec: Spec) -> None:
+        """Remove the file of an earlier run, now that this one has ended and printed nothing."""
+        if self.old and spec not in self.written and self.file_name(spec) in self.old:
+            (self.folder / self.file_name(spec)).unlink(missing_ok=True)
 
 
 def _chores(cases, out):
-    """What a report needs beside rows, several pictures at a time: workers that have nothing else
-    to do draw them."""
-    talk = [Chore(_talk, ("talk", "", str(out)))] if "sliding" in {key for key, _ in cases} else []
-    return [*talk, *(Chore(_picture, (key, file, str(out / "figures"))) for key, file in cases)]
+    """Pictures of the report, drawn by workers that have no runs left; args[:2]: case and file."""
+    has_sliding = "sliding" in {name for name, _ in cases}
+    talk = [Chore(_write_talk_figure, ("talk", "", str(out)))] if has_sliding else []
+    figures = str(out / "figures")
+    return [*talk, *(Chore(_draw_scene, (name, file, figures)) for name, file in cases)]
 
 
-def _picture(key: str, file: str, folder: str) -> None:
+def _draw_scene(key: str, file: str, folder: str) -> None:
     from nsbench.report.scenes.files import write_scenes
 
     write_scenes([resolve(key, file)], Path(folder))
 
 
-def _talk(name: str, _: str, out: str) -> None:
-    write_atomically(Path(out) / "extra.json", _dump({f"{name}_figure": describe.talk_figure()}))
+def _write_talk_figure(name: str, _: str, out: str) -> None:
+    write_atomically(
+        Path(out) / "extra.json", _dump({f"{name}_figure": describe.talk_figure()})
+    )
 
 
-def _in_order(batches):
-    """The long ones first, so that no tail is left at the end; but before all others the longest
-    one of each kind of problem, those with constraints at the head: on a new machine the workers
-    then begin with different kernels. Variants of one case need the same ones, and do not follow
-    one another where something else can.
+def order_batches(batches: list[list[Spec]]) -> list[list[Spec]]:
+    """Order the batches (one case each) so that workers are busy to the end.
+
+    The long ones come first, so that no tail is left; but before all others the longest one of each
+    kind of problem, those with constraints at the head: on a new machine the workers then begin
+    with different kernels. Variants of one case need the same kernels, and do not follow one
+    another where something else can.
     """
-    order = sorted(range(len(batches)), key=lambda i: -weight(batches[i]))
+    weights = [sum(map(work, batch)) for batch in batches]
+    longest_first = sorted(range(len(batches)), key=lambda i: -weights[i])
     problems = [resolve(b[0].case, b[0].file).problem for b in batches]
-    first: dict[tuple, int] = {}
-    for i in order:
-        first.setdefault(
-            (not getattr(problems[i], "constraints", ()), type(problems[i]).__name__), i
-        )
-    head = [first[kind] for kind in sorted(first)]
+    longest_of_kind: dict[tuple, int] = {}
+    for i in longest_first:
+        without_constraints = not getattr(problems[i], "constraints", ())
+        kind = without_constraints, type(problems[i]).__name__
+        longest_of_kind.setdefault(kind, i)
+    order = [longest_of_kind[kind] for kind in sorted(longest_of_kind)]
+    rest = [i for i in longest_first if i not in order]
     names = [parse_spec(b[0].case)[0] for b in batches]
-    out = head
-    rest = [i for i in order if i not in head]
     while rest:
-        at = next((k for k, i in enumerate(rest) if names[i] != names[out[-1]]), 0)
-        out.append(rest.pop(at))
-    return [batches[i] for i in out]
+        other = next((k for k, i in enumerate(rest) if names[i] != names[order[-1]]), 0)
+        order.append(rest.pop(other))
+    return [batches[i] for i in order]
 
 
 def _has_terminal() -> bool:
+    """Is standard output a terminal? (Its descriptor may be closed.)"""
     try:
         return os.isatty(1)
     except OSError:
         return False
 
 
-def publish(out: Path, rows, cases, fresh: bool, say, drawn=frozenset()) -> Path:
-    """Tables, pictures and report; nothing is written again when nothing changed. drawn: pictures
-    that are there."""
-    digest = digest_of(
-        chain((json.dumps(clean(r), sort_keys=True).encode() for r in rows), [_report_digest()])
+def publish(
+    out: Path, rows: Iterable[dict], cases: dict, fresh: bool, say, drawn=frozenset()
+) -> Path:
+    """Write tables, pictures and report; returns the path of the report.
+
+    Nothing is written again when nothing has changed. fresh: there are new rows; drawn: pictures
+    that were drawn by workers, as (case, file).
+    """
+    contents = digest_of(
+        chain(
+            (json.dumps(clean(r), sort_keys=True).encode() for r in rows), [_report_digest()]
+        )
     )
     path = out / "report.html"
-    if not fresh and path.exists() and consistency.is_consistent(out, digest):
+    if not fresh and path.exists() and consistency.is_consistent(out, contents):
         return path
     tables = store.write_tables(out, rows)
     meta = {s: describe.describe_solver(s) for s in dict.fromkeys(r["solver"] for r in rows)}
@@ -252,20 +287,21 @@ def publish(out: Path, rows, cases, fresh: bool, say, drawn=frozenset()) -> Path
     if "sliding" not in {k for k, _ in cases}:
         write_atomically(out / "extra.json", _dump({}))
     elif ("talk", "") not in drawn:
-        _talk("talk", "", out)
-    missing = [c for name, c in cases.items() if name not in drawn]
-    if missing:
+        _write_talk_figure("talk", "", out)
+    not_drawn = [c for name, c in cases.items() if name not in drawn]
+    if not_drawn:
         from nsbench.report.scenes.files import write_scenes
 
-        write_scenes(missing, figures)
+        write_scenes(not_drawn, figures)
     from nsbench.report import write_report
 
     path = Path(write_report(out, path))
-    consistency.mark_consistent(out, digest, tables)
+    consistency.mark_consistent(out, contents, tables)
     return path
 
 
 def _report_digest() -> bytes:
+    """Digest of the code of the report: another one makes a report that is out of date."""
     root = Path(nsbench.__file__).parent / "report"
     return digest(
         *(p.read_bytes() for p in sorted(root.rglob("*")) if p.is_file() and p.suffix != ".pyc")

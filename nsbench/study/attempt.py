@@ -161,8 +161,19 @@ def lost_run_row(spec: Spec, status: str, why: str) -> dict:
 
 
 def _raised(e: Exception, when: str = "") -> Status:
-    """The status of a run that raised: memory that was not to be had, from Python or from XLA, or
-    an error."""
+    """The status of a run that raised: "oom" (from Python or from XLA), no start, or "error".
+
+    An exception of a plugin may fail to describe itself: its __str__, or that of its cause, raises.
+    """
+    try:
+        return _describe_exception(e, when)
+    except Exception as in_text:
+        raised = type(in_text).__name__
+        sentence = f"{type(e).__name__}, whose text cannot be made: its __str__ raises {raised}."
+        return Status("error", when + sentence)
+
+
+def _describe_exception(e: Exception, when: str) -> Status:
     if isinstance(e, InfeasibleStart):
         return Status(e.code, f"No start: {e}.")
     if isinstance(e, MemoryError) or "RESOURCE_EXHAUSTED" in str(e):

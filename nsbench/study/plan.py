@@ -45,7 +45,9 @@ class Spec:
 
     @property
     def label(self) -> str:
-        return f"{self.case} {self.solver} {self.accuracy}={self.asked:.3g}"
+        """Case, solver and accuracy; of a run that is refused, which has none, case and solver."""
+        accuracy = f" {self.accuracy}={self.asked:.3g}" if np.isfinite(self.asked) else ""
+        return f"{self.case} {self.solver}{accuracy}"
 
 
 def suite_cases(

@@ -46,7 +46,7 @@ def plain(row):
 
 
 def pids(address):
-    with far.connected(address) as client:
+    with far.connect_client(address) as client:
         return [*client.run(os.getpid).values()]
 
 
@@ -111,7 +111,7 @@ def test_a_run_that_kills_its_workers_is_a_row_and_the_others_go_on(address, tmp
 
 
 def test_specifications_are_taken_as_they_are_needed_and_tasks_are_forgotten(address, monkeypatch):
-    monkeypatch.setattr(far, "MOST", 20)
+    monkeypatch.setattr(far, "MAX_TASK_SIZE", 20)
     taken = [0]
     done = [0]
     most = [0]
@@ -126,11 +126,11 @@ def test_specifications_are_taken_as_they_are_needed_and_tasks_are_forgotten(add
         most[0] = max(most[0], taken[0] - done[0])
 
     far.run_all([specs()], address, 60.0, on_row)
-    assert done[0] == 1000 and most[0] <= far.AHEAD * 2 * 20
-    with far.connected(address) as client:
+    assert done[0] == 1000 and most[0] <= far.TASKS_PER_THREAD * 2 * 20
+    with far.connect_client(address) as client:
         assert client.run_on_scheduler(lambda dask_scheduler: len(dask_scheduler.tasks)) <= 4
         assert not any(
-            client.run(lambda: len(remote_worker._crews)).values()
+            client.run(lambda: len(remote_worker._processes)).values()
         )  # and no process is left behind
 
 
@@ -147,8 +147,8 @@ def test_what_stops_a_study_stops_it_there_as_well(address, tmp_path):
 
     with pytest.raises(KeyboardInterrupt):
         far.run_all([specs], address, 600.0, on_row)
-    with far.connected(address) as client:
-        assert not any(client.run(lambda: len(remote_worker._crews)).values())
+    with far.connect_client(address) as client:
+        assert not any(client.run(lambda: len(remote_worker._processes)).values())
     rows = []
     far.run_all(
         [specs[:1]], address, 60.0, lambda spec, row: rows.append(row["status"])
@@ -162,7 +162,12 @@ def test_a_task_that_comes_after_its_study_was_stopped_is_not_begun(tmp_path):
     hang, fine = (
         Spec("tide", f"bad[how={how}]", "h", 0.01, "", (str(file),)) for how in ("hang", "fine")
     )
-    arguments = 600.0, None, "study", remote_worker.fingerprint(), [{str(file): SOLVER.encode()}]
+    arguments = (
+        remote_worker.Limits(600.0),
+        "study",
+        remote_worker.fingerprint(),
+        [{str(file): SOLVER.encode()}],
+    )
     rows = []
     thread = threading.Thread(
         target=lambda: rows.append(remote_worker.rows_of([hang, fine], *arguments))
@@ -170,39 +175,41 @@ def test_a_task_that_comes_after_its_study_was_stopped_is_not_begun(tmp_path):
     thread.start()
     until = time.monotonic() + 60
     while (
-        not any(crew.team.working for crew in [*remote_worker._crews.values()])
+        not any(process.pool.busy for process in [*remote_worker._processes.values()])
         and time.monotonic() < until
     ):
         time.sleep(0.05)
     (process,) = (
-        job.process for crew in remote_worker._crews.values() for job in crew.team.working
+        worker.process for own in remote_worker._processes.values() for worker in own.pool.busy
     )
     remote_worker.dismiss("study")
     thread.join(30)
     assert (
         rows == [[]] and process.exitcode is not None
     )  # the run under way ends, its thread is free again
-    assert remote_worker.rows_of([fine], *arguments) == [] and not remote_worker._crews
-    others = remote_worker.rows_of([fine], 600.0, None, "other study", *arguments[3:])
+    assert remote_worker.rows_of([fine], *arguments) == [] and not remote_worker._processes
+    others = remote_worker.rows_of([fine], arguments[0], "other study", *arguments[2:])
     assert [row["status"] for row, _ in others] == ["ok"]
     remote_worker.dismiss("other study")
 
 
 def test_workers_unlike_this_installation_are_refused(address):
     here = remote_worker.fingerprint() | {"numpy": "1.0", "nsbench.cases": "0"}
-    with far.connected(address) as client:
+    with far.connect_client(address) as client:
         with pytest.raises(
             far.ClusterError,
             match=r"tcp://.* nsbench.cases has other contents, numpy is .* \(here 1.0\)",
         ):
-            far._check(client, address, here)
-        work = far._Work(client, address, 60.0, iter([Spec("tide", "pbd", "h", 0.1)]), here)
+            far._check_workers(client, address, here)
+        work = far._Work(
+            client, address, iter([Spec("tide", "pbd", "h", 0.1)]), here, remote_worker.Limits(60.0)
+        )
         with pytest.raises(
             far.ClusterError, match="that joined is not like this"
         ):  # after the others were looked at
             list(work.rows())
         with pytest.raises(far.ClusterError, match=r"cannot load nsbench: .* install the same"):
-            far._check(_Deaf(client), address, here)
+            far._check_workers(_Deaf(client), address, here)
 
 
 class _Deaf:
@@ -222,23 +229,23 @@ def test_files_are_used_where_they_lie_or_as_copies_that_lie_alike(tmp_path, mon
     unit = {str(file): SOLVER.encode(), str(data): b"1"}
     data.parent.mkdir()
     data.write_text("1")
-    assert remote_worker._placed([unit]) == {str(file): str(file), str(data): str(data)}
+    assert remote_worker._place_files([unit]) == {str(file): str(file), str(data): str(data)}
     data.write_text("2")
-    places = [Path(p) for p in remote_worker._placed([unit]).values()]
+    places = [Path(p) for p in remote_worker._place_files([unit]).values()]
     assert [p.read_bytes() for p in places] == [*unit.values()] and places[
         1
     ].parent.parent == places[0].parent != tmp_path
     gone = str(tmp_path / "other" / "bad.py")
-    (copy,) = remote_worker._moved(
+    (copy,) = remote_worker._with_local_paths(
         [Spec("tide", "bad[how=fine]", "h", 0.01, "", (gone,))],
-        remote_worker._placed([{gone: SOLVER.encode()}]),
+        remote_worker._place_files([{gone: SOLVER.encode()}]),
     )
     assert copy.solver_files[0] != gone and run_one(copy)["status"] == "ok"
     with pytest.raises(
         remote_worker.OtherInstallation,
         match=r"x\.txt, too large to be sent, is not the same there",
     ):
-        remote_worker._placed([{str(file): SOLVER.encode(), str(data): "0" * 16}])
+        remote_worker._place_files([{str(file): SOLVER.encode(), str(data): "0" * 16}])
 
 
 BEFORE = """
@@ -285,17 +292,17 @@ def plugin(tmp_path, monkeypatch):
 def sent(monkeypatch, tmp_path, change=lambda path, content: content):
     """As if the client's folder were one that workers do not have. change(path, content): what
     arrives there instead."""
-    unit = far._Work._unit
-    asked = far._Work._asked
+    unit = far._Work._files_of
+    asked = far._Work._with_parts
     away = lambda f: f.replace(str(tmp_path), "/not/there")
     monkeypatch.setattr(
         far._Work,
-        "_unit",
+        "_files_of",
         lambda self, names: {away(f): change(f, c) for f, c in unit(self, names).items()},
     )
     monkeypatch.setattr(
         far._Work,
-        "_asked",
+        "_with_parts",
         lambda self, spec: dataclasses.replace(
             asked(self, spec), solver_files=tuple(map(away, spec.solver_files))
         ),

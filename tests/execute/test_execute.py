@@ -7,7 +7,7 @@ import os
 import pytest
 from solver_file import solver
 
-from nsbench.execute.workers.kernel_schedule import KernelSchedule, kernels_of
+from nsbench.execute.workers.kernel_schedule import KernelSchedule, kernel_group
 from nsbench.execute.workers.pool import Chore, run_all
 from nsbench.measure import clock
 from nsbench.study import Spec
@@ -25,8 +25,16 @@ SOLVER = solver(
         raise RuntimeError("on purpose")
     if self.how == "memory":
         raise MemoryError("on purpose")
+    if self.how == "wordless":
+        raise Wordless
 """,
     how="hang",
+    before="""
+class Wordless(Exception):
+    def __str__(self):
+        raise TypeError("no text")
+
+""",
 )
 
 
@@ -53,6 +61,15 @@ def test_hang_exit_and_exception_are_rows_and_the_others_go_on(tmp_path):
         and "on purpose" in rows[specs[2]]["why"]
     )
     assert rows[Spec("tide", "pbd", "h", 0.01)]["status"] == "ok"
+
+
+def test_an_exception_whose_text_cannot_be_made_is_an_error_row(tmp_path):
+    """Its __str__ raises; a worker that died of that was taken for one out of memory."""
+    file = tmp_path / "bad.py"
+    file.write_text(SOLVER)
+    row, _ = attempt(Spec("tide", "bad[how=wordless]", "h", 0.01, "", (str(file),)))
+    assert row["status"] == "error"
+    assert "Wordless" in row["why"] and "__str__ raises TypeError" in row["why"]
 
 
 @pytest.mark.survives("same bytes")
@@ -163,7 +180,7 @@ def test_no_two_workers_compile_the_same_kernels_at_once(tmp_path):
 
 def test_specs_with_other_families_need_other_kernels():
     words = {
-        kernels_of(Spec(c, s, "h", 0.1))
+        kernel_group(Spec(c, s, "h", 0.1))
         for c, s in (
             ("tide", "pbd"),
             ("three_discs", "pbd"),
@@ -195,24 +212,24 @@ def test_chores_are_done_and_one_that_fails_or_dies_costs_nothing_else(tmp_path)
 
 
 def test_the_longest_batches_come_first_and_the_second_needs_other_kernels():
-    from nsbench.execute.forecast import weight
-    from nsbench.execute.suite import _in_order
+    from nsbench.execute.forecast import work
+    from nsbench.execute.suite import order_batches
 
     quick = [Spec("tide", "pbd", "h", 0.1)]
     free = [Spec("sliding", "euler", "h", 0.1)]
     long = [Spec("discs[n=30]", "pbd", "h", 1e-4)]
     python = [Spec("tide", "catching_up[backend=osqp]", "h", 1e-3)]
-    assert weight(quick) < weight(python) and weight(quick) < weight(long)
-    assert weight([Spec("sliding", "pbd", "h", float("nan"))]) == 0.0
+    assert work(quick[0]) < work(python[0]) and work(quick[0]) < work(long[0])
+    assert work(Spec("sliding", "pbd", "h", float("nan"))) == 0.0
     assert (
-        _in_order([quick, free, long])[:2] == [long, free]
-        and len(_in_order([quick, free, long, python])) == 4
+        order_batches([quick, free, long])[:2] == [long, free]
+        and len(order_batches([quick, free, long, python])) == 4
     )
-    assert _in_order([quick, python]) == [python, quick]
+    assert order_batches([quick, python]) == [python, quick]
     variant = [Spec("discs[n=10]", "pbd", "h", 1e-4)]
     short = [Spec("hex", "pbd", "h", 1e-2)]
-    assert weight(long) > weight(variant) > weight(short)
-    assert _in_order([short, variant, long]) == [long, short, variant] and _in_order(
+    assert work(long[0]) > work(variant[0]) > work(short[0])
+    assert order_batches([short, variant, long]) == [long, short, variant] and order_batches(
         [variant, long]
     ) == [long, variant]
 
@@ -229,20 +246,20 @@ def test_what_shares_a_solver_waits_its_turn_and_is_taken_after(tmp_path):
 
 
 def test_a_kernel_compiled_within_a_run_stops_its_clock():
-    from nsbench.execute.workers.pool import _beyond
+    from nsbench.execute.workers.pool import exceeded_limit
     from nsbench.execute.workers.process import Worker
-    from nsbench.execute.workers.worker import News
+    from nsbench.execute.workers.worker import Messages
 
-    told = []
+    sent = []
 
     class Pipe:
         def send(self, message):
-            told.append(message)
+            sent.append(message)
 
-    news = News(Pipe())
-    news.tell("run", 3)
-    with news.compiling():
+    messages = Messages(Pipe())
+    messages.announce("run", 3)
+    with messages.announce_compilation():
         pass
-    assert told == [("run", 3, None), ("compile", 3, None), ("run", 3, None)]
-    assert _beyond(Worker(None, None, what="run", since=10.0), 2.0, 15.0) == 2.0
-    assert _beyond(Worker(None, None, what="compile", since=10.0), 2.0, 15.0) is None
+    assert sent == [("run", 3, None), ("compile", 3, None), ("run", 3, None)]
+    assert exceeded_limit(Worker(None, None, phase="run", since=10.0), 2.0, 15.0) == 2.0
+    assert exceeded_limit(Worker(None, None, phase="compile", since=10.0), 2.0, 15.0) is None

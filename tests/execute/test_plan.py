@@ -14,9 +14,9 @@ from nsbench import get_case
 from nsbench.case import size
 from nsbench.cli import main
 from nsbench.execute import dry_run
-from nsbench.execute.forecast import GUESS, JOURNAL, NOTHING, Forecast, small
+from nsbench.execute.dry_run import NEW, NEW_ACCURACY, Plan, rerun_reasons
+from nsbench.execute.forecast import GUESS, JOURNAL, NOTHING, Forecast, select_probes
 from nsbench.execute.probe import probe
-from nsbench.execute.rerun_reasons import NEW, SIZE, rerun_reasons
 from nsbench.results import run_key
 from nsbench.results.journal import Journal, read_journal, settled
 from nsbench.results.run_key import Part
@@ -102,7 +102,8 @@ def journal(folder, spec, parts, **row):
 def why(folder, spec, parts, force=False):
     key = run_key.key_of(spec, parts)
     known = {k: r for k, r in read_journal(folder).items() if settled(r, 120.0)}
-    return rerun_reasons([spec], {spec: parts}, {spec: key}, known, folder, force)[spec]
+    plan = Plan([spec], {}, {spec: parts}, {spec: key}, known, folder)
+    return rerun_reasons(plan, force)[spec]
 
 
 @pytest.mark.survives("stale")
@@ -113,7 +114,7 @@ def test_every_reason_to_run_again_is_told(tmp_path):
     assert why(tmp_path, spec, parts) == NEW
     journal(tmp_path, spec, parts)
     assert why(tmp_path, spec, parts) == "" and why(tmp_path, spec, parts, force=True) == "forced"
-    assert why(tmp_path, dataclasses.replace(spec, asked=0.2), parts) == SIZE
+    assert why(tmp_path, dataclasses.replace(spec, asked=0.2), parts) == NEW_ACCURACY
     assert why(tmp_path, dataclasses.replace(spec, solver="pbd[sweeps=2]"), parts) == NEW
 
     def changed(**items):
@@ -201,7 +202,7 @@ def test_what_is_not_known_is_taken_from_elsewhere_and_said_to_be():
         row(1e-3, 1.0),
         row(1e-2, 1.0, case="apple") | {"compile_seconds": 2.0},
     ]
-    assert Forecast(told).compiling(["pbd", "pbd", "theta"]) == 7.0
+    assert Forecast(told).compilation(["pbd", "pbd", "theta"]) == 7.0
     assert Forecast([]).cost(Spec("tide", "pbd", "h", float("nan"))).source == NOTHING
 
 
@@ -213,7 +214,7 @@ def test_small_runs_are_made_apart_and_stopped_in_time(tmp_path):
         for s in ("solve_ivp", "hang", "pbd")
         for h in (0.05, 0.01, 0.002)
     ]
-    chosen = small(specs)
+    chosen = select_probes(specs)
     assert {s.solver for s in chosen[:5:2]} == {"solve_ivp", "hang", "pbd"} and len(chosen) == 6
     start = time.monotonic()
     assert not probe([specs[3]], 3.0) and time.monotonic() - start < 6.0

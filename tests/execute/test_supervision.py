@@ -75,7 +75,7 @@ class Odd(float):
 )
 
 
-def rows_of(tmp_path, *hows, jobs=1, timeout=30.0, most=4 << 30):
+def rows_of(tmp_path, *hows, jobs=1, timeout=30.0, memory_limit=4 << 30):
     """(rows, what they printed, when they came), each by what the run does; pbd comes last."""
     file = tmp_path / "bad.py"
     file.write_text(SOLVER)
@@ -97,7 +97,7 @@ def rows_of(tmp_path, *hows, jobs=1, timeout=30.0, most=4 << 30):
         jobs,
         timeout,
         on_row,
-        most=most,
+        memory_limit=memory_limit,
         on_output=on_output,
     )
     return rows, outputs, times
@@ -121,7 +121,9 @@ def test_a_run_stuck_in_c_is_a_timeout_row_within_four_seconds_of_its_start(tmp_
     "where", ("    def prepare(self, case, h):", "    def refuses(self, case):")
 )
 def test_a_preparation_stuck_in_c_has_a_limit_of_its_own(tmp_path, monkeypatch, where):
-    monkeypatch.setattr(pool, "PREPARE", 8.0)  # a worker begins within it on a busy machine too
+    monkeypatch.setattr(
+        pool, "PREPARATION_LIMIT", 8.0
+    )  # a worker begins within it on a busy machine too
     stuck = f"{where}\n        if self.how == 'stuck':\n            ctypes.PyDLL(None).sleep(1000)"
     monkeypatch.setitem(globals(), "SOLVER", SOLVER.replace(where, stuck))
     rows, _, _ = rows_of(tmp_path, "stuck", "fine", timeout=2.0)
@@ -158,10 +160,10 @@ def test_a_worker_that_dies_or_closes_everything_is_a_crashed_row(tmp_path):
 
 @pytest.mark.survives("memory")
 @pytest.mark.skipif(
-    not memory.held_by(os.getpid()), reason="the system does not tell what a process holds"
+    not memory.resident_memory(os.getpid()), reason="the system does not tell what a process holds"
 )
 def test_memory_that_is_not_to_be_had_is_an_oom_row(tmp_path):
-    rows, _, _ = rows_of(tmp_path, "fine", "grow", "huge", "xla", "alloc", most=1 << 30)
+    rows, _, _ = rows_of(tmp_path, "fine", "grow", "huge", "xla", "alloc", memory_limit=1 << 30)
     assert {how: row["status"] for how, row in rows.items()} == {
         "fine": "ok",
         "grow": "oom",
@@ -175,11 +177,11 @@ def test_memory_that_is_not_to_be_had_is_an_oom_row(tmp_path):
 
 @pytest.mark.survives("memory")
 @pytest.mark.skipif(
-    not memory.held_by(os.getpid(), [os.getppid()]),
+    not memory.resident_memory(os.getpid(), [os.getppid()]),
     reason="the system does not tell what processes share",
 )
 def test_what_a_run_has_started_counts_and_what_they_share_counts_once(tmp_path):
-    rows, _, _ = rows_of(tmp_path, "child", "shared", "fine", most=5 << 28)
+    rows, _, _ = rows_of(tmp_path, "child", "shared", "fine", memory_limit=5 << 28)
     assert [rows[how]["status"] for how in ("child", "shared", "fine")] == ["oom", "ok", "ok"], rows
     assert "The worker and what it has started held 1." in rows["child"]["why"]
 
@@ -230,15 +232,15 @@ def test_a_worker_killed_by_the_system_for_memory_is_told_from_one_that_was_kill
             specs=[spec],
             missing={0},
             index=0,
-            what="run",
-            peak=peak,
-            begun=1,
+            phase="run",
+            peak_memory=peak,
+            runs_begun=1,
         )
-        monkeypatch.setattr(memory, "kernel_kills", lambda: kills)
+        monkeypatch.setattr(memory, "count_oom_kills", lambda: kills)
         team = WorkerPool(
-            [], None, lambda s, r: rows.append(r), lambda s, t: None, 1, 1000, working=[job]
+            [], None, lambda s, r: rows.append(r), lambda s, t: None, 1, 1000, busy=[job]
         )
-        team.died(job)
+        team.handle_death(job)
         return rows[0]
 
     assert [row(100, 0)["status"], row(900, 0)["status"], row(100, 1)["status"]] == [
@@ -264,19 +266,19 @@ def test_a_run_that_followed_others_is_tried_alone_before_its_memory_is_blamed()
 
     team = WorkerPool([], None, lambda s, r: rows.append(r), lambda s, t: None, 1, 1000)
     for _ in range(2):
-        job = Worker(None, Pipe(), Pipe(), specs=[spec], missing={0}, index=0, begun=5)
-        team.working = [job]
-        team.too_large(job, "too large")
+        job = Worker(None, Pipe(), Pipe(), specs=[spec], missing={0}, index=0, runs_begun=5)
+        team.busy = [job]
+        team.record_memory_excess(job, "too large")
         if not rows:
-            assert team.alone == [[spec]] and not team.queue
+            assert team.queue_alone == [[spec]] and not team.queue
     assert [r["status"] for r in rows] == ["oom"]
 
 
 def test_the_limit_of_memory_is_a_share_of_what_there_is(tmp_path, monkeypatch):
-    monkeypatch.setattr(memory, "total", lambda: 64 << 30)
-    assert memory.limit(4) == int(0.8 * (64 << 30) / 4)
-    monkeypatch.setattr(memory, "total", lambda: 1 << 30)
-    assert memory.limit(4) == memory.LEAST
+    monkeypatch.setattr(memory, "total_memory", lambda: 64 << 30)
+    assert memory.worker_limit(4) == int(0.8 * (64 << 30) / 4)
+    monkeypatch.setattr(memory, "total_memory", lambda: 1 << 30)
+    assert memory.worker_limit(4) == memory.SMALLEST_LIMIT
     assert memory.parse_size("1.5 GiB") == 3 << 29 and memory.parse_size("800M") == 800 << 20
     for text in ("4 parsecs", "-1G", "", "nan", "3"):
         with pytest.raises(ValueError, match="--memory"):
@@ -284,12 +286,12 @@ def test_the_limit_of_memory_is_a_share_of_what_there_is(tmp_path, monkeypatch):
 
 
 def test_the_limit_of_a_container_is_heeded(tmp_path, monkeypatch):
-    machine = memory.total()
+    machine = memory.total_memory()
     (tmp_path / "memory.max").write_text("max\n")
-    monkeypatch.setattr(memory, "_groups", lambda: iter([tmp_path]))
-    assert memory.total() >= machine
+    monkeypatch.setattr(memory, "_control_groups", lambda: iter([tmp_path]))
+    assert memory.total_memory() >= machine
     (tmp_path / "memory.max").write_text(f"{1 << 29}\n")
-    assert memory.total() == 1 << 29
+    assert memory.total_memory() == 1 << 29
 
 
 @pytest.mark.survives("threads")

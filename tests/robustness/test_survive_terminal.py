@@ -16,6 +16,7 @@ from nsbench.cli import main
 from nsbench.execute.progress import Progress
 from nsbench.gate import baseline
 from nsbench.report.data import read
+from nsbench.study import Spec
 
 TIMES = {*columns.names("clock")}
 
@@ -143,12 +144,11 @@ def test_line_ends_of_windows_change_no_number(tmp_path):
 @pytest.mark.parametrize("width", [1, 5, 20, 80, 200])
 def test_a_line_of_progress_fits_the_terminal(width):
     said = []
-    bar = Progress(300, lambda text, end="\n": said.append(text), True)
+    spec = Spec("discs[n=1000,seed=0]", "catching_up[backend=osqp]", "h", 0.001)
+    bar = Progress([spec] * 300, 1, lambda text, end="\n": said.append(text), True)
     for k in range(300):
-        bar.step(
-            "discs[n=1000,seed=0] catching_up[backend=osqp] h=0.001", "ok" if k % 7 else "timeout"
-        )
-        bar.last = 0.0
+        bar.step(spec, {"status": "ok" if k % 7 else "timeout", "seconds": 0.1})
+        bar.printed_at = 0.0
         assert len(bar.line("discs[n=1000,seed=0] pbd h=0.001", width)) == width
     assert said and all(len(s.lstrip("\r")) < 200 for s in said)
 

@@ -171,7 +171,7 @@ def plain(row):
 
 
 def worker_pids(address):
-    with far.connected(address) as client:
+    with far.connect_client(address) as client:
         return [*client.run(os.getpid).values()]
 
 

@@ -1,1 +1,1 @@
-"""nsbench/execute/cluster"""
+"""Runs on the workers of a Dask cluster: the client's side and the worker's side."""

@@ -1,16 +1,16 @@
-"""Rows computed by the workers of an existing Dask cluster, as `nsbench.execute.workers.pool`
-computes them here.
+"""Client of a Dask cluster: rows computed by its workers, as nsbench.execute.workers.pool does
+here.
 
-Runs are sent as data (specifications; case and solver files, with modules and data beside them),
-never as code, to workers that have the same package. What a run is made of is looked at again where
-it is made (nsbench.execute.cluster.same_sources).
-A task is a list of runs of which a worker does what it can within a slice of time; what is left
-goes back to the queue, so that rows come soon, however long runs are, and no task holds more than
-MOST rows. Only a few tasks per thread are under way, each is forgotten as soon as its rows were
-handed on, and specifications are taken from their iterator as they are needed: the client's memory
-does not grow with their number.
+Runs are sent as data (specifications; case and solver files, with the modules and data that they
+use), never as code, to workers that have the same package. What a run is made of is checked again
+where it is made (nsbench.execute.cluster.same_sources).
+A task is a list of runs of which a worker does what it can within a slice of time; the others go
+back to the queue, so that rows come soon, however long runs are, and no task has more than
+MAX_TASK_SIZE rows. Only a few tasks per thread are in flight, each is released as soon as its rows
+were handed on, and specifications are taken from their iterator as they are needed: the client's
+memory does not grow with their number.
 
-A worker that dies is the scheduler's to replace: it sends its tasks elsewhere (as often as the
+A worker that dies is replaced by the scheduler, which sends its tasks elsewhere (as often as the
 cluster's setting distributed.scheduler.allowed-failures says). A task that lost too many workers is
 taken apart, and its runs are tried once more, alone on the cluster, one after the other: the run
 that loses its workers again is the one to blame, and becomes a "crashed" row.
@@ -21,6 +21,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import dataclasses
+import math
 import os
 import secrets
 import time
@@ -30,7 +31,8 @@ from itertools import chain, islice
 from pathlib import Path
 
 from nsbench.execute.cluster.remote_worker import (
-    LARGE,
+    MAX_FILE_SIZE,
+    Limits,
     OtherInstallation,
     dismiss,
     fingerprint,
@@ -43,14 +45,15 @@ from nsbench.source_files import file_state
 from nsbench.study import Spec
 from nsbench.study.attempt import lost_run_row
 
-CONNECT = 4.0  # seconds to answer in
+CONNECTION_TIMEOUT = 4.0  # seconds
 # seconds without a single worker after which a cluster is given up (a nanny restarts in a few)
-WORKERLESS = 60.0
-HEAR = 0.5  # seconds until a signal is heard
-LOOK = 2.0  # seconds between two looks at how many workers there are
-AHEAD = 2  # tasks per thread: one at work, one waiting for it to end
-MOST = 500  # runs per task: their rows are a few MB
-EXTRA = "--dask needs the package distributed: pip install 'nsbench[dask]'"
+WORKERLESS_TIMEOUT = 60.0
+SECONDS_BETWEEN_SIGNAL_CHECKS = 0.5
+SECONDS_BETWEEN_COUNTS = 2.0  # of the threads of the cluster
+TASKS_PER_THREAD = 2  # one at work, one waiting for it to end
+MAX_TASK_SIZE = 500  # runs: their rows are a few MB
+MESSAGE_LENGTH = 300  # characters of an exception that are quoted
+NEEDS_DISTRIBUTED = "--dask needs the package distributed: pip install 'nsbench[dask]'"
 
 
 class ClusterError(Exception):
@@ -62,25 +65,28 @@ def run_all(
     address: str,
     timeout: float | None,
     on_row: Callable[[Spec, dict], None],
-    most: int | None = None,
+    memory_limit: int | None = None,
     on_output: Callable[[Spec, bytes], None] = lambda spec, text: None,
     parts: Mapping[Spec, tuple[run_key.Part, ...]] | None = None,
 ) -> list:
-    """Rows of all batches, handed to on_row(spec, row) as they come, marked as `shared`: seconds on
-    workers that do who knows what else are no measurement. most: bytes that a run may hold (None:
-    its processor's share of the worker's machine); on_output is told what a run has printed, if
+    """Run all batches on the workers of a cluster; rows go to on_row(spec, row) as they come.
+
+    Rows are marked as `shared`: seconds on workers that do other work as well are no measurement.
+    timeout: seconds of one run (None: no limit); memory_limit: bytes that a run may use (None: its
+    processor's share of the worker's machine); on_output is called with what a run has printed, if
     anything, before on_row; parts: what the runs are made of here: a worker that finds anything
-    else in its place is refused. Returns [], the chores done; the cluster is left as it was. A
-    signal that stops the program takes effect between two rows.
+    else is refused. Returns [], as no chores are done; the cluster is left as it was. A signal that
+    stops the program takes effect between two rows.
 
     Raises ClusterError (no answer, no workers, workers that are not like this installation),
     ValueError (no such address, distributed is not installed). KeyboardInterrupt stops the runs
-    under way and passes on.
+    in flight and passes on.
     """
-    with connected(address) as client, signals.defer_signals():
+    with connect_client(address) as client, signals.defer_signals():
         here = fingerprint()
-        _check(client, address, here)
-        work = _Work(client, address, timeout, chain.from_iterable(batches), here, most, parts)
+        _check_workers(client, address, here)
+        limits = Limits(timeout, memory_limit)
+        work = _Work(client, address, chain.from_iterable(batches), here, limits, parts)
         try:
             for spec, row, text in work.rows():
                 if text:
@@ -88,38 +94,44 @@ def run_all(
                 on_row(spec, row | {"shared": True})
                 signals.check()
         finally:
-            work.end()
+            work.stop()
     return []
 
 
-def connected(address: str):
-    """A client of the scheduler at `address`, to be closed."""
+def connect_client(address: str):
+    """Connect a client to the scheduler at `address`; the caller closes it.
+
+    Raises ValueError if distributed is not installed or the address is none, ClusterError if no
+    scheduler answers.
+    """
     try:
         from distributed import Client
         from distributed.core import connect
     except ImportError:
-        raise ValueError(EXTRA) from None
+        raise ValueError(NEEDS_DISTRIBUTED) from None
 
-    async def knock():
-        await (await connect(address, timeout=CONNECT)).close()
+    async def try_connection():
+        await (await connect(address, timeout=CONNECTION_TIMEOUT)).close()
 
     try:
-        asyncio.run(knock())  # a client that found nobody would say so for a long time
+        asyncio.run(try_connection())  # a client without a scheduler would retry for a long time
     except ValueError as e:
         raise ValueError(
             f"--dask {address!r} is no address such as tcp://10.0.0.1:8786: {_first_line(e)}"
         ) from None
     except Exception as e:  # refused, no such host, too late, or not how a scheduler answers
         raise ClusterError(f"no scheduler answers at {address}: {_first_line(e)}") from None
-    return Client(address, timeout=CONNECT, set_as_default=False, name="nsbench")
+    return Client(address, timeout=CONNECTION_TIMEOUT, set_as_default=False, name="nsbench")
 
 
-def _check(client, address: str, here: dict[str, str]) -> None:
-    """Are there workers, and would they compute the same numbers?"""
-    until = time.monotonic() + WORKERLESS
+def _check_workers(client, address: str, here: dict[str, str]) -> None:
+    """Raise ClusterError unless there are workers, all of them like this installation."""
+    until = time.monotonic() + WORKERLESS_TIMEOUT
     while not client.nthreads():
         if time.monotonic() > until:
-            raise ClusterError(f"the cluster at {address} has had no workers for {WORKERLESS:g} s")
+            raise ClusterError(
+                f"the cluster at {address} has had no workers for {WORKERLESS_TIMEOUT:g} s"
+            )
         time.sleep(0.1)
     for worker, there in client.run(fingerprint, on_error="return").items():
         if isinstance(there, BaseException):
@@ -129,10 +141,10 @@ def _check(client, address: str, here: dict[str, str]) -> None:
             )
         differs = installation_mismatch(there, here)
         if differs:
-            raise ClusterError(_refusal(worker, differs))
+            raise ClusterError(_describe_mismatch(worker, differs))
 
 
-def _refusal(worker: str, differs: str) -> str:
+def _describe_mismatch(worker: str, differs: str) -> str:
     return (
         f"the worker {worker} is not like this installation: {differs}; its numbers might be "
         f"others: install the same there"
@@ -140,170 +152,190 @@ def _refusal(worker: str, differs: str) -> str:
 
 
 def _first_line(error: BaseException) -> str:
-    return (str(error).strip() or type(error).__name__).splitlines()[0][:300]
+    return (str(error).strip() or type(error).__name__).splitlines()[0][:MESSAGE_LENGTH]
+
+
+@dataclasses.dataclass
+class _Task:
+    """Runs that were sent together; alone: nothing else is on the cluster."""
+
+    specs: list[Spec]
+    alone: bool
 
 
 class _Work:
-    """The runs that are still to do, and the tasks under way."""
+    """The runs that are still to do, and the tasks in flight."""
 
     def __init__(
         self,
         client,
         address: str,
-        timeout: float | None,
         specs: Iterator[Spec],
         here: dict[str, str],
-        most: int | None = None,
+        limits: Limits,
         parts: Mapping | None = None,
     ):
-        self.parts = parts or {}
         self.client = client
         self.address = address
-        self.timeout = timeout
+        self.limits = limits
         self.here = here
-        self.most = most
-        self.owner = secrets.token_hex(6)
-        self.units = {}
-        self.specs, self.rest = (
-            specs,
-            deque(),
-        )  # not taken yet; given back by tasks that ran out of time
-        self.suspects = deque()  # runs of tasks that lost their workers
-        self.flying: dict = {}  # by future: its specs, and whether it is alone on the cluster
-        self.size = 1
+        self.parts = parts or {}
+        self.owner = secrets.token_hex(6)  # names this study on the workers
+        self.units: dict[tuple[str, ...], dict[str, bytes | str]] = {}
+        self.specs = specs  # not taken yet
+        self.returned: deque[list[Spec]] = deque()  # by tasks that ran out of time
+        self.suspects: deque[Spec] = deque()  # runs of tasks that lost their workers
+        self.in_flight: dict = {}  # tasks by their future
+        self.task_size = 1  # runs: about as many as end within the slice of a task
         self.sent = 0
-        self.room = 0
-        self.looked = self.peopled = -1e9
+        self.max_in_flight = 0
+        self.counted_at = -math.inf
+        self.workers_seen_at: float | None = None
 
     def rows(self) -> Iterator[tuple[Spec, dict, bytes]]:
-        """(spec, row, what it printed) of every run, as the rows come."""
+        """Yield (spec, row, what it printed) of every run, as the rows come."""
         from distributed import wait
 
         while True:
-            self._look()
-            while len(self.flying) < self.room and (task := self._take()):
-                self._send(*task)
-            if not self.flying and self.room:
+            self._count_threads()
+            while len(self.in_flight) < self.max_in_flight and (task := self._next_task()):
+                self._send(task)
+            if not self.in_flight and self.max_in_flight:
                 return
-            with self._scheduler():
+            with self._scheduler_errors():
                 done = ()
                 with contextlib.suppress(TimeoutError), self.client.as_current():
-                    done = wait(list(self.flying), timeout=HEAR, return_when="FIRST_COMPLETED").done
+                    done = wait(
+                        list(self.in_flight),
+                        timeout=SECONDS_BETWEEN_SIGNAL_CHECKS,
+                        return_when="FIRST_COMPLETED",
+                    ).done
             signals.check()
             for future in done:
-                yield from self._received(future, *self.flying.pop(future))
+                yield from self._receive(future, self.in_flight.pop(future))
 
-    def _take(self) -> tuple[list[Spec], bool] | None:
-        """Runs for the next task and whether they are suspects; None: nothing to send now."""
-        if self.rest:
-            specs = self.rest.popleft()
-            if specs[self.size :]:
-                self.rest.appendleft(specs[self.size :])
-            return specs[: self.size], False
-        if fresh := list(islice(self.specs, self.size)):
-            return fresh, False
-        return ([self.suspects.popleft()], True) if self.suspects and not self.flying else None
+    def _next_task(self) -> _Task | None:
+        """Runs for the next task; None: nothing to send now."""
+        if self.returned:
+            specs = self.returned.popleft()
+            if specs[self.task_size :]:
+                self.returned.appendleft(specs[self.task_size :])
+            return _Task(specs[: self.task_size], alone=False)
+        if fresh := list(islice(self.specs, self.task_size)):
+            return _Task(fresh, alone=False)
+        if self.suspects and not self.in_flight:
+            return _Task([self.suspects.popleft()], alone=True)
+        return None
 
-    def _send(self, specs: list[Spec], alone: bool) -> None:
-        owners = dict.fromkeys(
-            names for s in specs for names in ((s.file,), s.solver_files) if any(names)
+    def _send(self, task: _Task) -> None:
+        groups = dict.fromkeys(
+            names for s in task.specs for names in ((s.file,), s.solver_files) if any(names)
         )
-        units = [self._unit(names) for names in owners]
-        asked = [self._asked(s) for s in specs]
+        units = [self._files_of(names) for names in groups]
+        requests = [self._with_parts(s) for s in task.specs]
         self.sent += 1
         future = self.client.submit(
             rows_of,
-            asked,
-            self.timeout,
-            self.most,
+            requests,
+            self.limits,
             self.owner,
             self.here,
             units,
             key=f"nsbench-{self.owner}-{self.sent}",
             pure=False,
         )
-        self.flying[future] = specs, alone
+        self.in_flight[future] = task
 
-    def _asked(self, spec: Spec) -> Spec:
+    def _with_parts(self, spec: Spec) -> Spec:
+        """The spec with the digests of what its run is made of here."""
         return dataclasses.replace(spec, parts=tuple(p.digest for p in self.parts.get(spec, ())))
 
-    def _unit(self, names: tuple[str, ...]) -> dict[str, bytes | str]:
-        """Files of one case or of all solvers and all they need beside the package: contents, or
-        digests of large ones."""
+    def _files_of(self, names: tuple[str, ...]) -> dict[str, bytes | str]:
+        """Files of one case or of all solvers with all they need outside the package, by path.
+
+        Values are contents, or digests of files that are too large to be sent.
+        """
         if names not in self.units:
             files = {os.path.realpath(n): n for n in names} | {
                 f: f for f in run_key.user_files(*names) if f not in map(os.path.realpath, names)
             }
             self.units[names] = {
-                f: file_state.digest(f) if os.path.getsize(f) > LARGE else Path(f).read_bytes()
+                f: file_state.digest(f)
+                if os.path.getsize(f) > MAX_FILE_SIZE
+                else Path(f).read_bytes()
                 for f in files.values()
             }
         return self.units[names]
 
-    def _received(
-        self, future, specs: list[Spec], alone: bool
-    ) -> Iterator[tuple[Spec, dict, bytes]]:
+    def _receive(self, future, task: _Task) -> Iterator[tuple[Spec, dict, bytes]]:
+        """Yield the rows of a task that has ended; queue what it did not do."""
         from distributed import KilledWorker
 
-        with self._scheduler():
+        with self._scheduler_errors():
             error = future.exception()
             rows = []
             try:
                 rows = rows if error else future.result()
-            except (
-                KilledWorker
-            ) as e:  # the worker died that kept the rows, and then those that made them anew
+            except KilledWorker as e:
+                # the worker died that stored the rows, and then those that computed them again
                 error = e
             future.release()
         if isinstance(error, OtherInstallation):  # a worker that joined later
-            raise ClusterError(_refusal("that joined", str(error)))
+            raise ClusterError(_describe_mismatch("that joined", str(error)))
         if error is None:
-            self._measured(len(rows), specs)
-        elif not alone:
-            self.suspects += specs
-        elif isinstance(error, KilledWorker):
-            why = f"The cluster lost every worker that was given this run: {_first_line(error)}"
-            rows = [(lost_run_row(specs[0], "crashed", why), b"")]
+            self._adapt_task_size(len(rows), task.specs)
+        elif not task.alone:
+            self.suspects += task.specs
         else:
             why = f"The worker could not begin: {type(error).__name__}: {_first_line(error)}"
-            rows = [(lost_run_row(specs[0], "crashed", why), b"")]
-        for spec, (row, text) in zip(specs, rows, strict=False):
-            if there := row.pop("unlike", None):
-                own = {k: v for p in self.parts[spec] for k, v in p.items}
-                raise ClusterError(
-                    f"a worker would make {spec.label} of something else: "
-                    f"{there.get('why') or installation_mismatch(there, own)}; "
-                    "what is there must be as here"
-                )
+            if isinstance(error, KilledWorker):
+                why = f"The cluster lost every worker that was given this run: {_first_line(error)}"
+            rows = [(lost_run_row(task.specs[0], "crashed", why), b"")]
+        for spec, (row, text) in zip(task.specs, rows, strict=False):
+            self._check_sources(spec, row.pop("unlike", None))
             yield spec, row, text
 
-    def _measured(self, done: int, specs: list[Spec]) -> None:
-        """`done` of the specs of a task have their rows: the others once more, and tasks of a size
-        that fits the slice."""
-        if done < len(specs):
-            self.rest.append(specs[done:])
-            self.size = done
-        elif done == self.size:
-            self.size = min(2 * done, MOST)
-
-    def _look(self) -> None:
-        """How many tasks may be under way, by the threads there are now."""
-        now = time.monotonic()
-        if now - self.looked < LOOK:
+    def _check_sources(self, spec: Spec, there: dict[str, str] | None) -> None:
+        """Raise ClusterError if a run was made of other items than those of here."""
+        if not there:
             return
-        with self._scheduler():
+        here = {name: digest for part in self.parts[spec] for name, digest in part.items}
+        raise ClusterError(
+            f"a worker would make {spec.label} of something else: "
+            f"{there.get('why') or installation_mismatch(there, here)}; "
+            "what is there must be as here"
+        )
+
+    def _adapt_task_size(self, done: int, specs: list[Spec]) -> None:
+        """Return the runs that a task did not do, and fit the size of tasks to their slice."""
+        if done < len(specs):
+            self.returned.append(specs[done:])
+            self.task_size = done
+        elif done == self.task_size:
+            self.task_size = min(2 * done, MAX_TASK_SIZE)
+
+    def _count_threads(self) -> None:
+        """Set how many tasks may be in flight, by the threads that there are now.
+
+        Raises ClusterError if there have been no workers for WORKERLESS_TIMEOUT.
+        """
+        now = time.monotonic()
+        if now - self.counted_at < SECONDS_BETWEEN_COUNTS:
+            return
+        with self._scheduler_errors():
             threads = sum(self.client.nthreads().values())
-        self.looked = now
-        self.room = AHEAD * threads
-        self.peopled = now if threads or self.peopled < 0 else self.peopled
-        if now - self.peopled > WORKERLESS:
+        self.counted_at = now
+        self.max_in_flight = TASKS_PER_THREAD * threads
+        if threads or self.workers_seen_at is None:
+            self.workers_seen_at = now
+        if now - self.workers_seen_at > WORKERLESS_TIMEOUT:
             raise ClusterError(
-                f"the cluster at {self.address} has had no workers for {WORKERLESS:g} s"
+                f"the cluster at {self.address} has had no workers for {WORKERLESS_TIMEOUT:g} s"
             )
 
     @contextlib.contextmanager
-    def _scheduler(self):
-        """What is raised when the scheduler has gone is told as that."""
+    def _scheduler_errors(self):
+        """Within, errors that mean that the scheduler has gone become ClusterError."""
         from concurrent.futures import CancelledError
 
         try:
@@ -313,8 +345,8 @@ class _Work:
                 f"the scheduler at {self.address} is gone: {_first_line(e)}"
             ) from None
 
-    def end(self) -> None:
-        """Take back what is under way and send the processes home."""
+    def stop(self) -> None:
+        """Cancel what is in flight and end the processes that compute it."""
         with contextlib.suppress(Exception):  # whatever it says: the client is closed next
-            self.client.cancel(list(self.flying), force=True)
+            self.client.cancel(list(self.in_flight), force=True)
             self.client.run(dismiss, self.owner, on_error="ignore")

@@ -1,11 +1,10 @@
-"""What a worker of a cluster does with the runs it is sent: a process of their own computes them
-and is watched.
+"""Cluster worker: a process of its own computes the runs that are sent, and is supervised.
 
 A worker cannot stop a thread of its own that hangs in C code, and a run that dies would take the
-worker with it. Here each of its threads has one process for runs, warm from task to task, under the
-supervision of local workers (nsbench.execute.workers.pool): the same limits, the same rows. The
-worker itself only waits, so that its scheduler hears of it all the time, with or without a nanny.
-Such a process goes with the worker, or when nothing came for a while.
+worker with it. Here each thread of the worker has one process for runs, warm from task to task,
+under the supervision of local workers (nsbench.execute.workers.pool): the same limits, the same
+rows. The worker itself only waits, so that its scheduler hears from it all the time, with or
+without a nanny. Such a process ends with the worker, or after a time without tasks.
 """
 
 from __future__ import annotations
@@ -31,7 +30,7 @@ from nsbench.compilation.installation import processor
 from nsbench.execute.workers import memory
 from nsbench.execute.workers.output_capture import OutputCapture
 from nsbench.execute.workers.pool import WorkerPool
-from nsbench.execute.workers.process import Worker, settings
+from nsbench.execute.workers.process import Worker, worker_environment
 from nsbench.execute.workers.worker import work
 from nsbench.results import run_key
 from nsbench.results.environment import versions
@@ -39,25 +38,32 @@ from nsbench.source_files import file_state
 from nsbench.source_files.package import package_digest
 from nsbench.study import Spec
 
-SLICE = (
-    2.0  # seconds: a task ends with the run that passes them; what is left goes to whoever is free
-)
+# seconds: a task ends with the run that passes them; the others go to whichever worker is free
+TASK_SLICE = 2.0
 DIGEST = re.compile(r"[0-9a-f]{16}")
-LARGE = 10 << 20  # bytes: a file beyond is not sent, but must lie there
-IDLE = 120.0  # seconds without a task after which the processes for a study are ended
+MAX_FILE_SIZE = 10 << 20  # bytes: a larger file is not sent, but must be there
+IDLE_TIMEOUT = 120.0  # seconds without a task after which the process for a study is ended
+REMEMBERED_OWNERS = 1000  # studies that were dismissed
 
 
 class OtherInstallation(Exception):
     """This worker would compute other numbers than the client; the message says why."""
 
 
+@dataclass(frozen=True)
+class Limits:
+    """Limits of one run: seconds (None: none), and bytes (None: its processor's share)."""
+
+    timeout: float | None
+    memory: int | None = None
+
+
 @functools.cache
 def fingerprint() -> dict[str, str]:
-    """What must be the same wherever rows of one study are computed: contents of the package,
-    versions, processor, settings.
+    """Describe this installation: contents of the package, versions, processor, settings.
 
-    A row is found again by a key that holds all of these (nsbench.results.run_key): the client's
-    must be the worker's.
+    All of it must be the same wherever rows of one study are computed: the key of a row holds it
+    (nsbench.results.run_key). Returns digests and versions by name.
     """
     import nsbench.cases
     import nsbench.reference_solutions
@@ -75,6 +81,7 @@ def fingerprint() -> dict[str, str]:
 
 
 def _contents(folders) -> str:
+    """Digest of the names and contents of cases or references."""
     files = sorted(
         (p for f in folders for p in Path(f).iterdir() if p.suffix in (".py", ".npz", ".json")),
         key=lambda p: p.name,
@@ -86,133 +93,150 @@ def _contents(folders) -> str:
 
 
 def installation_mismatch(there: dict[str, str], here: dict[str, str]) -> str:
-    """How two fingerprints differ, as the end of a sentence; "" if they do not."""
-    words = []
+    """Describe how two fingerprints differ, as the end of a sentence; "" if they do not."""
+    differences = []
     for name in sorted({*there, *here}):
         a = there.get(name, "missing")
         b = here.get(name, "missing")
-        if a != b:
-            both = DIGEST.fullmatch(a) and DIGEST.fullmatch(b)
-            b = "only there" if b == "missing" else "here" if DIGEST.fullmatch(b) else f"here {b}"
-            a = "there" if DIGEST.fullmatch(a) else a
-            words.append(
-                f"{name} has other contents"
-                if both or name.startswith("nsbench.") or name == "nsbench"
-                else f"{name} is {a} ({b})"
-            )
-    return ", ".join(words)
+        if a == b:
+            continue
+        is_package = name == "nsbench" or name.startswith("nsbench.")
+        if is_package or (DIGEST.fullmatch(a) and DIGEST.fullmatch(b)):
+            differences.append(f"{name} has other contents")
+            continue
+        if DIGEST.fullmatch(a):
+            a = "there"
+        if b == "missing":
+            b = "only there"
+        else:
+            b = "here" if DIGEST.fullmatch(b) else f"here {b}"
+        differences.append(f"{name} is {a} ({b})")
+    return ", ".join(differences)
 
 
 @dataclass
-class _Crew:
-    """The process that one thread of this worker has for the runs of one study, and who watches
-    it."""
+class _RunProcess:
+    """The process that one thread of this worker has for the runs of one study.
 
-    team: WorkerPool
-    placed: dict[str, str] = field(default_factory=dict)  # where the files of the client lie here
-    busy: bool = False  # its thread is at work with it
-    gone: bool = False  # nobody waits for its rows: its thread ends it, soon
-    since: float = field(default_factory=time.monotonic)
+    pool: supervises it; local_paths: of the client's files, by their paths there; busy: a task is
+    being done; ended: nobody waits for rows any more, and the thread at work ends the process soon;
+    idle_since: by the monotonic clock.
+    """
 
-    def rows(self, specs: list[Spec], timeout: float | None, most: int) -> list[tuple[dict, bytes]]:
-        """Row of each of the first specs and what it printed, up to the end of the slice or of the
-        process."""
-        team = self.team
-        out = []
-        printed = {}
-        team.timeout, team.most, team.looked = timeout, most, time.monotonic()
-        team.on_output = printed.__setitem__
-        team.on_row = lambda spec, row: out.append((row, printed.pop(spec, b"")))
-        for job in [j for j in team.spare if j.process.exitcode is not None]:
-            team.spare.remove(job)
-            job.close()
-        team.assign(team.spare.pop() if team.spare else team.spawn(team.locks, 1), specs)
-        while (team.working or team.alone) and not self.gone:
-            team.hear()
-            team.look()
-            team.queue.clear()  # what a lost process left undone: the client sends it again
-            team.hire(1)
-        self.since = time.monotonic()
-        return out
+    pool: WorkerPool
+    local_paths: dict[str, str] = field(default_factory=dict)
+    busy: bool = False
+    ended: bool = False
+    idle_since: float = field(default_factory=time.monotonic)
+
+    def rows(self, specs: list[Spec], limits: Limits) -> list[tuple[dict, bytes]]:
+        """Compute the first specs, up to the end of the slice or of the process.
+
+        Returns the row of each and what it printed.
+        """
+        pool = self.pool
+        rows: list[tuple[dict, bytes]] = []
+        printed: dict[Spec, bytes] = {}
+        pool.timeout = limits.timeout
+        pool.memory_limit = limits.memory or memory.worker_limit(os.cpu_count() or 1)
+        pool.checked_at = time.monotonic()
+        pool.on_output = printed.__setitem__
+        pool.on_row = lambda spec, row: rows.append((row, printed.pop(spec, b"")))
+        for worker in [w for w in pool.idle if w.process.exitcode is not None]:
+            pool.idle.remove(worker)
+            worker.close()
+        worker = pool.idle.pop() if pool.idle else pool.start_process(pool.locks, 1)
+        pool.assign(worker, specs)
+        while (pool.busy or pool.queue_alone) and not self.ended:
+            pool.receive()
+            pool.enforce_limits()
+            pool.queue.clear()  # what a process that died did not do: the client sends it again
+            pool.start_workers(1)
+        self.idle_since = time.monotonic()
+        return rows
 
 
-_crews: dict[tuple[str, int], _Crew] = {}  # by owner and thread
-_dismissed: deque[str] = deque(
-    maxlen=1000
-)  # owners: a task of theirs may still be on its way to a thread
-_guard = threading.Lock()  # of these two, and of who is busy
+_processes: dict[tuple[str, int], _RunProcess] = {}  # by owner and thread
+# owners: a task of theirs may still be on its way to a thread
+_dismissed: deque[str] = deque(maxlen=REMEMBERED_OWNERS)
+_guard = threading.Lock()  # of these two, and of `busy`
 
 
 def rows_of(
     specs: list[Spec],
-    timeout: float | None,
-    most: int | None,
+    limits: Limits,
     owner: str,
     expected: dict[str, str],
     units: list[dict[str, bytes | str]],
 ) -> list[tuple[dict, bytes]]:
-    """Row of each of the first of `specs` (of one at least, then of as many as end within SLICE)
-    and what it has printed; [] if the owner was dismissed.
+    """Compute the first of `specs`: one at least, then as many as end within TASK_SLICE.
 
-    timeout: seconds of one run (None: no limit); most: bytes that it may hold (None: what each
-    processor of this machine can have); owner: a word for the study, see `dismiss`; expected: the
-    client's fingerprint; units: see `_placed`. A row that was not made of what the client has says
-    so as "unlike" (nsbench.execute.cluster.same_sources). Raises OtherInstallation.
+    Returns the row of each and what it has printed; [] if the owner was dismissed. A row that was
+    not made of what the client has says so as "unlike" (nsbench.execute.cluster.same_sources).
+
+    owner: names the study, see `dismiss`; expected: the client's fingerprint; units: see
+    `_place_files`. Raises OtherInstallation.
     """
-    differs = installation_mismatch(fingerprint(), expected)
-    if differs:
-        raise OtherInstallation(differs)
+    difference = installation_mismatch(fingerprint(), expected)
+    if difference:
+        raise OtherInstallation(difference)
     key = owner, threading.get_ident()
-    _reaper()
+    _start_reaper()
     with _guard:
         if owner in _dismissed:
             return []
-        crew = _crews.setdefault(key, _Crew(_team()))
-        crew.busy = True
+        process = _processes.setdefault(key, _RunProcess(_new_pool()))
+        process.busy = True
     try:
-        placed = _placed(units)
+        local_paths = _place_files(units)
         moved = [
-            Path(f).name for f, place in placed.items() if crew.placed.setdefault(f, place) != place
+            Path(f).name
+            for f, place in local_paths.items()
+            if process.local_paths.setdefault(f, place) != place
         ]
         if moved:
             raise OtherInstallation(f"{', '.join(moved)} changed there while it was used")
-        return crew.rows(_moved(specs, placed), timeout, most or memory.limit(os.cpu_count() or 1))
+        return process.rows(_with_local_paths(specs, local_paths), limits)
     except BaseException:
-        crew.gone = True
+        process.ended = True
         raise
     finally:
         with _guard:
-            crew.busy = False
-            if crew.gone:
-                _crews.pop(key, None)
-                crew.team.end()
+            process.busy = False
+            if process.ended:
+                _processes.pop(key, None)
+                process.pool.stop()
 
 
 def dismiss(owner: str) -> None:
-    """End all processes that work for `owner`, and begin none for it any more."""
+    """End all processes that work for `owner`, and start none for it any more."""
     with _guard:
         _dismissed.append(owner)
-        for key in [k for k in _crews if k[0] == owner]:
+        for key in [k for k in _processes if k[0] == owner]:
             _end(key)
 
 
 def _end(key: tuple[str, int]) -> None:
-    crew = _crews.pop(key)
-    crew.gone = True
-    if not crew.busy:
-        crew.team.end()
+    """End a process now, or leave that to the thread that is at work with it."""
+    process = _processes.pop(key)
+    process.ended = True
+    if not process.busy:
+        process.pool.stop()
 
 
 @functools.cache
-def _reaper() -> threading.Thread:
-    """Ends processes whose client has gone without a word."""
+def _start_reaper() -> threading.Thread:
+    """Start the thread that ends processes whose client has gone without dismissing them."""
 
     def reap():
         while True:
-            time.sleep(IDLE / 4)
+            time.sleep(IDLE_TIMEOUT / 4)
             with _guard:
+                now = time.monotonic()
                 for key in [
-                    k for k, c in _crews.items() if not c.busy and time.monotonic() - c.since > IDLE
+                    key
+                    for key, process in _processes.items()
+                    if not process.busy and now - process.idle_since > IDLE_TIMEOUT
                 ]:
                     _end(key)
 
@@ -221,15 +245,25 @@ def _reaper() -> threading.Thread:
     return thread
 
 
-def _team() -> WorkerPool:
+def _new_pool() -> WorkerPool:
     # workers of one user share what is compiled, and so the locks
-    folder = disk_cache.private_folder("locks") or Path(_folder().name)
-    return WorkerPool([], None, None, None, 1, 0, str(folder), spawn=_spawn, keep=True)
+    folder = disk_cache.private_folder("locks") or Path(_copies_folder().name)
+    return WorkerPool(
+        queue=[],
+        timeout=None,
+        on_row=None,
+        on_output=None,
+        threads=1,
+        memory_limit=0,
+        locks=str(folder),
+        start_process=_start_process,
+        keep_idle=True,
+    )
 
 
 @dataclass(frozen=True)
 class _Process:
-    """A process started by subprocess, as supervision sees those of multiprocessing."""
+    """A process of subprocess with the interface of one of multiprocessing."""
 
     started: subprocess.Popen
 
@@ -245,13 +279,17 @@ class _Process:
         self.started.kill()
 
 
-def _spawn(locks: str, threads: int) -> Worker:
-    """A fresh process. Not by multiprocessing: a worker under a nanny is a daemon, which may not
-    have children there."""
-    (ours, theirs), (output, printed) = Pipe(), Pipe(duplex=False)
-    env = os.environ | settings(threads) | {"PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
-    kills = memory.kernel_kills()
-    ear = OutputCapture(output)
+def _start_process(locks: str, threads: int) -> Worker:
+    """Start a worker process, as nsbench.execute.workers.process.spawn_worker does.
+
+    Not by multiprocessing: a cluster worker under a nanny is a daemon, which may not have children
+    there.
+    """
+    ours, theirs = Pipe()
+    output, printed = Pipe(duplex=False)
+    paths = {"PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
+    oom_kills = memory.count_oom_kills()
+    capture = OutputCapture(output)
     with theirs, printed:
         ends = theirs.fileno(), printed.fileno()
         process = subprocess.Popen(
@@ -261,23 +299,23 @@ def _spawn(locks: str, threads: int) -> Worker:
                 "-m",
                 __name__,
                 *map(str, ends),
-                ear.word.hex(),
+                capture.word.hex(),
                 str(os.getpid()),
                 locks,
             ],
-            env=env,
+            env=os.environ | worker_environment(threads) | paths,
             pass_fds=ends,
             stdin=subprocess.DEVNULL,
         )
-    return Worker(_Process(process), ours, ear, kills=kills)
+    return Worker(_Process(process), ours, capture, oom_kills_before=oom_kills)
 
 
 @functools.cache
-def _folder() -> tempfile.TemporaryDirectory:
+def _copies_folder() -> tempfile.TemporaryDirectory:
     return tempfile.TemporaryDirectory(prefix="nsbench-files-", ignore_cleanup_errors=True)
 
 
-def _moved(specs: list[Spec], places: dict[str, str]) -> list[Spec]:
+def _with_local_paths(specs: list[Spec], places: dict[str, str]) -> list[Spec]:
     """The specs with the paths that their files have on this machine."""
     return [
         dataclasses.replace(
@@ -289,49 +327,54 @@ def _moved(specs: list[Spec], places: dict[str, str]) -> list[Spec]:
     ]
 
 
-def _placed(units: list[dict[str, bytes | str]]) -> dict[str, str]:
-    """Where files of the client lie on this machine, by their paths there. A unit are files that
-    need one another (a case file with modules and data), with their contents, or the digest of what
-    is too large to be sent. They are used where they lie if all of a unit are the same there,
-    otherwise as copies that lie to one another as the files do. Raises OtherInstallation for a
-    large one that is not there."""
-    return {path: place for unit in units for path, place in _place(unit).items()}
+def _place_files(units: list[dict[str, bytes | str]]) -> dict[str, str]:
+    """Provide the files of the client on this machine; returns their paths here by those there.
+
+    A unit are files that need one another (a case file with modules and data), with their contents,
+    or the digest of what is too large to be sent. If all files of a unit are the same on this
+    machine, they are used where they are; otherwise as copies in folders that are arranged as the
+    client's. Raises OtherInstallation for a large file that is not the same here.
+    """
+    return {path: place for unit in units for path, place in _place_unit(unit).items()}
 
 
-def _place(unit):
-    if all(map(_lies_there, unit, unit.values())):
+def _place_unit(unit: dict[str, bytes | str]) -> dict[str, str]:
+    if all(map(_is_same_file, unit, unit.values())):
         return {path: path for path in unit}
-    gone = [
+    missing = [
         path
         for path, content in unit.items()
-        if isinstance(content, str) and not _lies_there(path, content)
+        if isinstance(content, str) and not _is_same_file(path, content)
     ]
-    if gone:
-        raise OtherInstallation(f"{', '.join(gone)}, too large to be sent, is not the same there")
+    if missing:
+        raise OtherInstallation(
+            f"{', '.join(missing)}, too large to be sent, is not the same there"
+        )
     root = os.path.commonpath([os.path.dirname(path) for path in unit])
-    whole = hashlib.sha256(
+    digest = hashlib.sha256(
         repr(sorted((os.path.relpath(p, root), c) for p, c in unit.items())).encode()
     ).hexdigest()[:16]
-    out = {path: Path(_folder().name) / whole / os.path.relpath(path, root) for path in unit}
-    for path, copy in out.items():
+    copies = {
+        path: Path(_copies_folder().name) / digest / os.path.relpath(path, root) for path in unit
+    }
+    for path, copy in copies.items():
         content = unit[path] if isinstance(unit[path], bytes) else Path(path).read_bytes()
-        if not _lies_there(copy, content):
+        if not _is_same_file(copy, content):
             copy.parent.mkdir(parents=True, exist_ok=True)
             copy.write_bytes(content)
-    return {path: str(copy) for path, copy in out.items()}
+    return {path: str(copy) for path, copy in copies.items()}
 
 
-def _lies_there(path, content) -> bool:
+def _is_same_file(path: str | Path, content: bytes | str) -> bool:
+    """Has a file here these contents, or the contents of this digest?"""
     try:
-        return (
-            file_state.digest(str(path)) == content
-            if isinstance(content, str)
-            else Path(path).read_bytes() == content
-        )
+        if isinstance(content, str):
+            return file_state.digest(str(path)) == content
+        return Path(path).read_bytes() == content
     except OSError:
         return False
 
 
 if __name__ == "__main__":
     ends = (Connection(int(number)) for number in sys.argv[1:3])
-    work(*ends, bytes.fromhex(sys.argv[3]), int(sys.argv[4]), sys.argv[5], SLICE)
+    work(*ends, bytes.fromhex(sys.argv[3]), int(sys.argv[4]), sys.argv[5], TASK_SLICE)

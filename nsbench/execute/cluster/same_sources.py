@@ -1,8 +1,8 @@
-"""Is what a process far from who asked computes made of the same files, libraries and settings?
+"""Check that a remote run is made of the files, libraries and settings that the client has.
 
-The client sends with each run the digests of the parts of its key; the process that is to make the
-run makes these parts anew from what it finds in its own place, before it begins, and looks
-afterwards whether anybody touched a file on the way.
+The client sends with each run the digests of the parts of its key. The remote process computes
+these parts again from what it finds, before it begins the run, and checks afterwards that no file
+was touched meanwhile.
 """
 
 from __future__ import annotations
@@ -14,30 +14,33 @@ from nsbench.source_files import file_state, user_imports
 from nsbench.study import Spec
 from nsbench.study.attempt import load_case_and_solver
 
-_same: set[tuple] = set()  # what was compared and found to be alike
+_compared: set[tuple] = set()  # what was compared and is the same
 
 
 def source_mismatch(spec: Spec) -> dict[str, str]:
-    """{} if a run would be made of what the client has; else the items it is made of here, or under
-    "why" what to say."""
-    which = spec.case, spec.file, spec.solver, spec.solver_files, spec.parts
-    if not spec.parts or which in _same:
+    """Compare what a run would be made of here with what the client has.
+
+    Returns {} if that is the same; else the items of here by name, or the reason under "why".
+    """
+    made_of = spec.case, spec.file, spec.solver, spec.solver_files, spec.parts
+    if not spec.parts or made_of in _compared:
         return {}
     # records the state of the files before they are loaded
     user_imports.dependencies(*filter(None, [spec.file, *spec.solver_files]))
     try:
         case, _ = load_case_and_solver(spec)
-    except Exception as e:  # it was loaded where it was asked for
+    except Exception as e:  # the client could load it
         return {"why": f"{type(e).__name__}: {e}"}
     parts = run_key.parts_of(spec, case)
     if tuple(p.digest for p in parts) != spec.parts:
         return dict(item for p in parts for item in p.items)
-    _same.add(which)
+    _compared.add(made_of)
     return {}
 
 
-def touched(spec: Spec) -> dict[str, str]:
-    """Says under "why" which files are not, or may not be, what they were when the run began."""
+def find_touched_files(spec: Spec) -> dict[str, str]:
+    """Name under "why" the files that may have changed since the run began; {} if there are
+    none."""
     if not spec.parts:
         return {}
     files = [

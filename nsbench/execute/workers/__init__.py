@@ -1,1 +1,1 @@
-"""nsbench/execute/workers"""
+"""Supervised worker processes on this machine (no imports: see nsbench.execute.workers.start)."""

@@ -1,12 +1,11 @@
-"""Which specs a worker takes next: on a new machine no worker waits for kernels that another one
-compiles.
+"""Order of the runs of one worker, so that workers do not wait for kernels that another compiles.
 
 Runs of one solver on one kind of problem share kernels; which families of constraints a case has
-decides which of them it needs. A worker that comes to families it has not met with this solver
-holds the solver's lock during the first run;
-the others take what they can meanwhile, come back, and load from the cache on disk what was
-compiled (that no kernel is compiled twice, nsbench.compilation.compile_lock sees to). The lock is a
-file's: it goes with the process that holds it, whatever becomes of that.
+decides which of them it needs. A worker that comes to families for which it has not yet run this
+solver holds the solver's lock during the first such run; the others take what they can meanwhile,
+come back, and load from the cache on disk what was compiled (nsbench.compilation.compile_lock keeps
+two processes from compiling one kernel). The lock is on a file: it is released when the process
+that holds it ends, however it ends.
 """
 
 from __future__ import annotations
@@ -20,59 +19,67 @@ from nsbench.compilation.disk_cache import digest
 from nsbench.study import Spec
 from nsbench.study.plan import resolve
 
-PAUSE = 0.05  # seconds between two looks at locks that are all taken
+SECONDS_BETWEEN_TRIES = 0.05  # where the locks of all groups are taken
 
 
 class KernelSchedule:
-    """The order of specs in one process; folder: where the locks of all processes lie."""
+    """Order of specs in one process; folder: where the lock files of all workers are."""
 
     def __init__(self, folder: str):
         self.folder = Path(folder)
-        self.known = set()
+        self.loaded: set[str] = set()  # kernel groups that this process has run
 
     def order(self, specs: list[Spec]) -> Iterator[tuple[int, Spec]]:
-        """Every (index, spec) once; those that share kernels follow one another."""
+        """Yield every (index, spec) once; those that share kernels follow one another."""
         groups: dict[str, list] = {}
         for i, spec in enumerate(specs):
-            groups.setdefault(kernels_of(spec), []).append((i, spec))
+            groups.setdefault(kernel_group(spec), []).append((i, spec))
         while groups:
-            key, lock = self._next(groups)
-            first, *rest = groups.pop(key)
+            group, lock = self._next_group(groups)
+            first, *rest = groups.pop(group)
             try:
                 yield first
             finally:
                 if lock is not None:
                     lock.release()
-            self.known.add(key)
+            self.loaded.add(group)
             yield from rest
 
-    def _next(self, groups):
-        """A group whose solver nobody else is compiling for, with the lock that is held (None: its
-        kernels are known here)."""
-        while True:
-            for key in groups:
-                lock = None if key in self.known else self._lock(" ".join(key.split()[:2]))
-                if key in self.known or lock is not None:
-                    return key, lock
-            time.sleep(PAUSE)
+    def _next_group(self, groups):
+        """A group whose solver no other process compiles for, with the lock that is held.
 
-    def _lock(self, key: str):
+        The lock is None for a group whose kernels this process has.
+        """
+        while True:
+            for group in groups:
+                if group in self.loaded:
+                    return group, None
+                solver_and_problem = " ".join(group.split()[:2])
+                lock = self._try_lock(solver_and_problem)
+                if lock is not None:
+                    return group, lock
+            time.sleep(SECONDS_BETWEEN_TRIES)
+
+    def _try_lock(self, name: str):
+        """The lock of this name, or None if another process holds it."""
         from filelock import FileLock, Timeout
 
-        lock = FileLock(self.folder / digest(key)[:16])
+        lock = FileLock(self.folder / digest(name)[:16])
         try:
             return lock.acquire(timeout=0).lock
         except Timeout:
             return None
 
 
-def kernels_of(spec: Spec) -> str:
-    """Runs with the same words need the same kernels, as far as can be told before they are
-    prepared: solver, kind of problem, families of constraints. Where the first two are the same,
-    most kernels are."""
+def kernel_group(spec: Spec) -> str:
+    """Name the kernels that a run needs: solver, kind of problem, families of constraints.
+
+    Runs with the same name need the same kernels, as far as that can be known before they are
+    prepared; where the first two words are the same, most kernels are.
+    """
     try:
         problem = resolve(spec.case, spec.file).problem
-    except Exception:  # it is the run's row that tells why
+    except Exception:  # the row of the run will give the reason
         return spec.label
     families = {
         f"{type(c).__name__}{'*' * bool(getattr(c, 'all_pairs', False))}"

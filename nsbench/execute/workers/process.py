@@ -1,5 +1,7 @@
-"""The parent's side of one worker: its process, started with threads and caches of its own, what is
-known of it, its end."""
+"""The parent's side of one worker: start of its process, what is known of it, its end.
+
+A worker is started with threads and caches of its own, set in the environment that it inherits.
+"""
 
 from __future__ import annotations
 
@@ -8,12 +10,13 @@ import multiprocessing as mp
 import os
 import signal
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from nsbench.compilation import disk_cache
 from nsbench.execute.workers import memory
 from nsbench.execute.workers.output_capture import OutputCapture
-from nsbench.execute.workers.parent_watch import begin
+from nsbench.execute.workers.start import start_worker
 from nsbench.execute.workers.worker import Chore
 from nsbench.study import Spec
 
@@ -24,57 +27,63 @@ THREADS = (
     "NUMBA_NUM_THREADS",
     "NPROC",
 )  # the last: XLA
-LEAVING = 5.0  # seconds for a worker to end that was told to
+SECONDS_TO_END = 5.0  # for a worker that was asked to end, or killed
+SECONDS_BETWEEN_POLLS = 0.005  # of a process that is about to end
+LINE_LENGTH = 200  # characters of a run's last line that are quoted
 
 
 @dataclass
 class Worker:
-    """A worker at work on the specs of one case, of which `missing` have no row yet, or on a
-    chore."""
+    """A worker at work on the specs of one case, or on a chore.
+
+    missing, untimed: indices of the specs that have no row yet, or whose rows will be given again
+    with the times of repetitions; phase: what the worker does ("start", "prepare", "run",
+    "compile", "measure") with the run `index` (-1: no run yet), since when by the monotonic clock.
+    """
 
     process: mp.Process
     pipe: object
-    printed: OutputCapture | None = None
+    output: OutputCapture | None = None
     chore: Chore | None = None
     specs: list[Spec] = field(default_factory=list)
     missing: set[int] = field(default_factory=set)
-    untimed: set[int] = field(
-        default_factory=set
-    )  # their rows will be given again, with the times of repetitions
-    what: str = ""
+    untimed: set[int] = field(default_factory=set)
+    phase: str = ""
     index: int = -1
     since: float = 0.0
-    begun: int = 0  # runs since the process started
-    peak: int = 0  # bytes it was seen to hold during the present run
-    kills: int = 0  # of the system for want of memory, before this process started
+    runs_begun: int = 0  # since the process started
+    peak_memory: int = 0  # bytes observed during the present run
+    oom_kills_before: int = 0  # processes that the kernel had killed for memory at the start
 
     @property
     def current(self) -> int:
-        """The run that pays for the worker's death: one that died before its first word has not
-        told which."""
+        """The run that is blamed for the worker's death: the first one if none was announced."""
         return self.index if self.index >= 0 else min(self.missing, default=-1)
 
     def close(self) -> None:
+        """Close the pipes."""
         self.pipe.close()
-        self.printed.close()
+        self.output.close()
 
     def kill(self) -> None:
-        with contextlib.suppress(OSError, AttributeError):  # what it has started is of its group
+        """Kill the process and what it has started, which is of its process group."""
+        with contextlib.suppress(OSError, AttributeError):
             os.killpg(self.process.pid, signal.SIGKILL)
         self.process.kill()
-        self.wait(LEAVING)
+        self.wait(SECONDS_TO_END)
 
     def wait(self, seconds: float) -> None:
-        """Until the process has ended, or so long. (Process.join waits for ever for one that has
-        closed its descriptors.)"""
+        """Wait until the process has ended, at most so long.
+
+        (Process.join waits for ever for a process that has closed its descriptors.)
+        """
         end = time.monotonic() + seconds
         while self.process.exitcode is None and time.monotonic() < end:
-            time.sleep(0.005)
+            time.sleep(SECONDS_BETWEEN_POLLS)
 
 
-def jax_cache() -> dict[str, str]:
-    """Settings that keep what JAX compiles in the user's cache folder, unless the user has settings
-    of his own."""
+def jax_cache_settings() -> dict[str, str]:
+    """Settings that store what JAX compiles in the user's cache folder; the user's own go first."""
     folder = disk_cache.private_folder("jax")
     if folder is None:
         return {}
@@ -86,36 +95,49 @@ def jax_cache() -> dict[str, str]:
     return {k: os.environ.get(k, v) for k, v in wanted.items()}
 
 
-def settings(threads: int) -> dict[str, str]:
-    """What the environment of a worker says beyond this one's."""
-    return dict.fromkeys(THREADS, str(threads)) | jax_cache() | {"PYTHONHASHSEED": "0"}
+def worker_environment(threads: int) -> dict[str, str]:
+    """Variables that the environment of a worker has beside those of this process."""
+    return dict.fromkeys(THREADS, str(threads)) | jax_cache_settings() | {"PYTHONHASHSEED": "0"}
 
 
-def spawn(locks: str, threads: int) -> Worker:
-    context = mp.get_context("spawn")
-    (ours, theirs), (output, printed) = context.Pipe(), context.Pipe(duplex=False)
-    ours_alone = settings(threads)
-    keep = {k: os.environ.get(k) for k in ours_alone}
-    os.environ.update(ours_alone)
-    kills = memory.kernel_kills()
-    ear = OutputCapture(output)
+@contextlib.contextmanager
+def _environment(variables: dict[str, str]) -> Iterator[None]:
+    """Set these variables in the environment of this process, which a child inherits, for now."""
+    before = {name: os.environ.get(name) for name in variables}
+    os.environ.update(variables)
     try:
-        process = context.Process(
-            target=begin, args=(theirs, printed, ear.word, os.getpid(), locks), daemon=True
-        )
-        process.start()
+        yield
     finally:
-        for k, v in keep.items():
-            if v is None:
-                os.environ.pop(k, None)
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
             else:
-                os.environ[k] = v
-    theirs.close()
-    printed.close()
-    return Worker(process, ours, ear, kills=kills)
+                os.environ[name] = value
 
 
-def ended(code: int | None) -> str:
+def spawn_worker(locks: str, threads: int) -> Worker:
+    """Start the process of a worker.
+
+    locks: folder of lock files (nsbench.execute.workers.kernel_schedule); threads: of each library.
+    """
+    context = mp.get_context("spawn")
+    ours, theirs = context.Pipe()
+    output, printed = context.Pipe(duplex=False)
+    oom_kills = memory.count_oom_kills()
+    capture = OutputCapture(output)
+    with theirs, printed:
+        process = context.Process(
+            target=start_worker,
+            args=(theirs, printed, capture.word, os.getpid(), locks),
+            daemon=True,
+        )
+        with _environment(worker_environment(threads)):
+            process.start()
+    return Worker(process, ours, capture, oom_kills_before=oom_kills)
+
+
+def describe_end(code: int | None) -> str:
+    """Describe an exit code as the end of the sentence "The worker ..."."""
     if code is None:
         return "closed its pipe and was stopped"
     if code >= 0:
@@ -125,9 +147,11 @@ def ended(code: int | None) -> str:
     return f"died of signal {-code}"
 
 
-def last_line(text: str, words: tuple[str, ...] = ("Fatal Python error",)) -> str:
-    """Of what a run wrote last the first line with one of the words, else the last line that says
-    something; without what would move a cursor, at most 200 characters."""
+def find_last_line(text: str, words: tuple[str, ...] = ("Fatal Python error",)) -> str:
+    """Find the first line with one of the words, or else the last one that is not empty.
+
+    Returns at most LINE_LENGTH characters, without those that would move a cursor.
+    """
     lines = [t for t in text.splitlines() if t.strip()]
     line = next((t for t in lines if any(w in t for w in words)), lines[-1])
-    return "".join(c if c.isprintable() else "?" for c in line.strip())[:200]
+    return "".join(c if c.isprintable() else "?" for c in line.strip())[:LINE_LENGTH]

@@ -1,9 +1,9 @@
-"""What one run could leave behind in a process, and the next one would find: put back before each
-run.
+"""Reset of process-wide state between runs.
 
 Global random state, numpy's error state, working directory, environment, locale, rounding of the
-processor, settings of JAX, where output goes, filters of warnings, timers. A run begins as in a
-fresh process, and with the same random numbers in each.
+processor, settings of JAX, destination of output, filters of warnings, timers: what a run changes
+there is restored before the next one, so that each run begins as in a fresh process, and with the
+same random numbers.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ import numpy as np
 
 from nsbench.execute.workers.output_capture import mark
 
-SEED = 0  # of global random numbers: a method that draws from them draws the same in each run
-QUIET = (
+SEED = 0  # of the global random numbers: a method that uses them gets the same in each run
+QUIET_CATEGORIES = (
     DeprecationWarning,
     PendingDeprecationWarning,
     ImportWarning,
@@ -33,44 +33,55 @@ QUIET = (
 
 
 class ProcessState:
-    """Taken when a worker starts; output: a descriptor to which everything is written that runs
-    print, with marks of this word between them."""
+    """State of the process as it was when a worker started.
+
+    output: descriptor to which everything goes that runs print; word: of the marks between them
+    (nsbench.execute.workers.output_capture).
+    """
 
     def __init__(self, output: int, word: bytes):
         self.output = output
         self.word = word
-        self.environ, self.folder, self.path = dict(os.environ), os.getcwd(), [*sys.path]
-        self.errors, self.locale = np.geterr(), locale.setlocale(locale.LC_ALL)
-        self.depth = sys.getrecursionlimit()
-        self.print = np.get_printoptions()
-        self.jax: dict = {}
+        self.environ = dict(os.environ)
+        self.folder = os.getcwd()
+        self.path = [*sys.path]
+        self.numpy_errors = np.geterr()
+        self.locale = locale.setlocale(locale.LC_ALL)
+        self.recursion_limit = sys.getrecursionlimit()
+        self.print_options = np.get_printoptions()
+        self.jax_settings: dict = {}
         self.streams: dict = {}
-        self.warned: set[tuple] = set()
+        self.warned: set[tuple] = set()  # (category, file, line) of warnings in the present run
         self._lib = ctypes.CDLL(None) if os.name == "posix" else None
         if "jax" in sys.modules:
-            self.note_jax()
+            self.record_jax_settings()
         else:
-            sys.meta_path.insert(0, _AtImport("jax", self.note_jax))
+            sys.meta_path.insert(0, _ImportHook("jax", self.record_jax_settings))
 
     def restore(self, begins: bool = True) -> None:
-        """Put back everything. begins: a run does, nothing has warned yet; else the same one goes
-        on."""
-        self._process()
-        self._output()
-        self.draw_anew()
-        np.seterr(**self.errors)
-        np.set_printoptions(**self.print)
-        self.warned = set() if begins else self.warned
-        self._warnings()
-        self._settings_of_jax()
+        """Restore everything.
 
-    def draw_anew(self) -> None:
-        """Global random numbers from their beginning (imports during a preparation draw some, in
-        the first process only)."""
+        begins: a run begins, and no warning of it was counted yet; False: the same run goes on.
+        """
+        self._restore_process()
+        self._restore_output()
+        self.seed_random_numbers()
+        np.seterr(**self.numpy_errors)
+        np.set_printoptions(**self.print_options)
+        if begins:
+            self.warned = set()
+        self._restore_warnings()
+        self._restore_jax()
+
+    def seed_random_numbers(self) -> None:
+        """Seed the global random numbers again.
+
+        Imports during a preparation draw some, and only in the first run of a process.
+        """
         np.random.seed(SEED)  # noqa: NPY002 - it is the global state that plugins draw from
         random.seed(SEED)
 
-    def _process(self):
+    def _restore_process(self):
         with contextlib.suppress(OSError):  # the folder may be gone: then nobody can be there
             os.chdir(self.folder)
         for name in [n for n in os.environ if n not in self.environ]:
@@ -79,7 +90,7 @@ class ProcessState:
             if os.environ.get(name) != value:
                 os.environ[name] = value
         sys.path[:] = self.path
-        sys.setrecursionlimit(self.depth)
+        sys.setrecursionlimit(self.recursion_limit)
         locale.setlocale(locale.LC_ALL, self.locale)
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides what Ctrl-C means
         if hasattr(signal, "setitimer"):
@@ -87,7 +98,7 @@ class ProcessState:
         if hasattr(self._lib, "fesetenv"):
             self._lib.fesetenv(ctypes.c_void_p(-1))  # FE_DFL_ENV: to nearest, no flush to zero
 
-    def _output(self):
+    def _restore_output(self):
         for number, name in ((1, "stdout"), (2, "stderr")):
             os.dup2(self.output, number)
             if name not in self.streams or self.streams[name].closed:
@@ -102,13 +113,12 @@ class ProcessState:
             setattr(sys, name, self.streams[name])
             setattr(sys, f"__{name}__", self.streams[name])
 
-    def _warnings(self):
+    def _restore_warnings(self):
         warned = self.warned
 
         def count(message, category, filename, lineno, file=None, line=None):
-            if not category.__name__.startswith(
-                "Numba"
-            ):  # of a compilation: not every process compiles
+            # numba warns while it compiles, and not every process compiles
+            if not category.__name__.startswith("Numba"):
                 warned.add((category, filename, lineno))
                 with contextlib.suppress(OSError, ValueError):
                     sys.stderr.write(
@@ -117,28 +127,27 @@ class ProcessState:
 
         warnings.resetwarnings()  # places that have warned before will warn again
         warnings.simplefilter("default")
-        for category in QUIET:
+        for category in QUIET_CATEGORIES:
             warnings.simplefilter("ignore", category)
         warnings.showwarning = count
 
-    def _settings_of_jax(self):
-        if self.jax:
+    def _restore_jax(self):
+        if self.jax_settings:
             import jax
 
             for name, value in jax.config.values.items():
-                if name in self.jax and value != self.jax[name]:
-                    jax.config.update(name, self.jax[name])
+                if name in self.jax_settings and value != self.jax_settings[name]:
+                    jax.config.update(name, self.jax_settings[name])
 
-    def note_jax(self) -> None:
-        """JAX was imported just now: in float64, as the package has it, whoever imported it."""
+    def record_jax_settings(self) -> None:
+        """Set JAX, which was imported just now, to float64 as the package does, and record."""
         import jax
 
         jax.config.update("jax_enable_x64", True)
-        self.jax.update(jax.config.values)
+        self.jax_settings.update(jax.config.values)
 
-    def prints(self, i: int) -> None:
-        """From here on it is run i that prints; what was printed before, by Python or by C, is in
-        the descriptor."""
+    def mark_output(self, i: int) -> None:
+        """Write the mark after which run i prints, behind all that Python and C have buffered."""
         for stream in (sys.stdout, sys.stderr):
             with contextlib.suppress(OSError, ValueError, AttributeError):
                 stream.flush()
@@ -147,9 +156,8 @@ class ProcessState:
         os.write(self.output, mark(self.word, i))
 
 
-class _AtImport:
-    """A finder of modules that calls `then` when `name` has been imported, before anyone can have
-    changed it."""
+class _ImportHook:
+    """A finder of modules that calls `then` as soon as `name` has been imported."""
 
     def __init__(self, name: str, then: Callable[[], None]):
         self.name = name
@@ -161,10 +169,10 @@ class _AtImport:
         sys.meta_path.remove(self)
         spec = importlib.util.find_spec(name)
         if spec is not None and spec.loader is not None:
-            plain = spec.loader.exec_module
+            execute = spec.loader.exec_module
 
             def load(module):
-                plain(module)
+                execute(module)
                 self.then()
 
             spec.loader.exec_module = load

@@ -1,9 +1,9 @@
-"""Ctrl-C, SIGTERM and a terminal that closes: heard at once where nothing can be torn, else when
-the piece in hand is done.
+"""Ctrl-C, SIGTERM and a terminal that closes: the program stops in order.
 
-The first signal stops the program in order (KeyboardInterrupt). Those that follow while it cleans
-up change nothing, so that a second Ctrl-C tears nothing either; after PATIENCE seconds one more
-ends the process where it stands, and its workers with it.
+Where nothing can be torn the first signal raises KeyboardInterrupt at once, otherwise it is noted
+and raised at the next `check`. Signals that follow while the program cleans up change nothing, so
+that a second Ctrl-C tears nothing either; after SECONDS_TO_CLEAN_UP one more ends the process where
+it stands, and its workers with it.
 """
 
 from __future__ import annotations
@@ -20,68 +20,74 @@ SIGNALS = tuple(
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
 )
 INTERRUPTED = 130  # exit code
-_leave = os._exit  # as it is here: a file that is loaded is kept from it
-PATIENCE = 5.0  # seconds for cleaning up, before a signal is taken as "now"
+SECONDS_TO_CLEAN_UP = 5.0  # after the first signal, before another one ends the process
+_end_process = os._exit  # the original: while a user's file is loaded os._exit raises
 
 
 @dataclass
 class _SignalState:
-    """What was heard: since when, by the monotonic clock; whether signals are listened to; how deep
-    `held` is nested."""
+    """State of the handler.
+
+    since: when the first signal came, by the monotonic clock; listening: is the handler installed?
+    deferred: how deep `defer_signals` is nested.
+    """
 
     since: float | None = None
     listening: bool = False
-    held: int = 0
+    deferred: int = 0
 
 
-_ear = _SignalState()
+_state = _SignalState()
 
 
-def _hear(number, frame) -> None:
+def _handle(number, frame) -> None:
     now = time.monotonic()
-    if _ear.since is None:
-        _ear.since = now
-        if not _ear.held:
+    if _state.since is None:
+        _state.since = now
+        if not _state.deferred:
             raise KeyboardInterrupt
-    elif now - _ear.since > PATIENCE:
-        _leave(INTERRUPTED)
+    elif now - _state.since > SECONDS_TO_CLEAN_UP:
+        _end_process(INTERRUPTED)
 
 
 @contextlib.contextmanager
 def stop_signals(last: bool = False) -> Iterator[None]:
-    """Signals that stop a program raise KeyboardInterrupt within, once. Those that are ignored
-    (nohup, a job in the background) stay so. last: the process ends after this; when it was
-    interrupted it hears nothing from here on."""
-    if _ear.listening or threading.current_thread() is not threading.main_thread():
+    """Within, the first signal that stops a program raises KeyboardInterrupt.
+
+    Signals that were ignored (nohup, a job in the background) stay so. last: the process ends after
+    this; if it was interrupted, signals are ignored from then on. Only the main thread can install
+    handlers; elsewhere, and within another `stop_signals`, nothing changes.
+    """
+    if _state.listening or threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = {s: signal.getsignal(s) for s in SIGNALS}
-    before = {s: h for s, h in before.items() if h not in (signal.SIG_IGN, None)}
-    _ear.since = None
-    _ear.listening = True
-    for s in before:
-        signal.signal(s, _hear)
+    handlers = {s: signal.getsignal(s) for s in SIGNALS}
+    handlers = {s: h for s, h in handlers.items() if h not in (signal.SIG_IGN, None)}
+    _state.since = None
+    _state.listening = True
+    for s in handlers:
+        signal.signal(s, _handle)
     try:
         yield
     finally:
-        for s, handler in before.items():
-            signal.signal(s, signal.SIG_IGN if last and _ear.since is not None else handler)
-        _ear.since = None
-        _ear.listening = False
+        for s, handler in handlers.items():
+            signal.signal(s, signal.SIG_IGN if last and _state.since is not None else handler)
+        _state.since = None
+        _state.listening = False
 
 
 @contextlib.contextmanager
 def defer_signals() -> Iterator[None]:
-    """Signals are only noted within; `check` is where they stop the program."""
+    """Within, signals are only noted; `check` is where they stop the program."""
     with stop_signals():
-        _ear.held += 1
+        _state.deferred += 1
         try:
             yield
         finally:
-            _ear.held -= 1
+            _state.deferred -= 1
 
 
 def check() -> None:
     """Raise KeyboardInterrupt if a signal was noted."""
-    if _ear.since is not None:
+    if _state.since is not None:
         raise KeyboardInterrupt

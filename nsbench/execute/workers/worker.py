@@ -1,5 +1,9 @@
-"""The child's side of a supervised worker: it computes what it is sent, tells what it does, and
-goes with its parent."""
+"""The child's side of a supervised worker: compute what is sent, announce what is done with it.
+
+Messages to the parent are (what, index, row): a phase of a run ("prepare", "run", "compile",
+"measure"), a row ("first": it will be given again with the times of repetitions, else "row"), or
+"done" after a batch of specs or a chore.
+"""
 
 from __future__ import annotations
 
@@ -7,168 +11,175 @@ import contextlib
 import faulthandler
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from nsbench.compilation.compile_lock import lock_compilation
 from nsbench.execute.cluster import same_sources
 from nsbench.execute.workers import memory
 from nsbench.execute.workers.kernel_schedule import KernelSchedule
-from nsbench.execute.workers.output_capture import NOBODY
+from nsbench.execute.workers.output_capture import NO_RUN
 from nsbench.execute.workers.parent_watch import exit_with_parent
 from nsbench.execute.workers.process_state import ProcessState
 from nsbench.measure import clock
 from nsbench.results.row_reuse import read_by
+from nsbench.study import Spec
 from nsbench.study.attempt import lost_run_row, run_batch, run_one, timed_again
 
 
 @dataclass(frozen=True)
 class Chore:
-    """Work without a row, done by whichever worker has nothing else to do: function(*args), both
-    picklable."""
+    """Work without a row, done by a worker that has no runs: function(*args), both picklable."""
 
     function: Callable
     args: tuple = ()
 
 
-def work(pipe, printed, word: bytes, parent: int, locks: str, seconds: float | None = None) -> None:
-    """Body of a worker: batches and chores in by `pipe`, (what, index, row) out; what runs print
-    goes to `printed`, with marks of this word between the runs.
+def work(pipe, output, word: bytes, parent: int, locks: str, seconds: float | None = None) -> None:
+    """Body of a worker: receive batches of specs and chores by `pipe`, send messages back.
 
-    parent: the process whose child this is; locks: folder of the locks by which workers take turns
-    at compiling; seconds:
-    a batch ends with the run that passes them, and each run is made once (None: all are made, and
-    timed in rounds).
+    output: connection to which everything goes that runs print, with marks of `word` between them;
+    parent: process whose child this is; locks: folder of the locks by which workers take turns at
+    compiling; seconds: a batch ends with the run that passes them, and each run is made once (None:
+    all runs are made, and timed in rounds). Returns when the parent sends None or has ended.
     """
     exit_with_parent(parent)
-    _stand_alone()
-    around = ProcessState(printed.fileno(), word)
-    around.restore()
-    turns = KernelSchedule(locks)
-    news = News(pipe, around)
-    lock_compilation(locks, news.compiling, clock.stand)
+    _detach()
+    state = ProcessState(output.fileno(), word)
+    state.restore()
+    schedule = KernelSchedule(locks)
+    messages = Messages(pipe, state)
+    lock_compilation(locks, messages.announce_compilation, clock.stand)
     with contextlib.suppress(EOFError, BrokenPipeError, ConnectionResetError):  # the parent is gone
         while (task := pipe.recv()) is not None:
-            news.specs = []
-            news.last = ("start", -1)
+            messages.last = ("start", -1)
+            state.restore()  # files of cases and solvers are loaded next
             if isinstance(task, Chore):
-                around.restore()
-                news.send(("done", -1, _does(task)))
+                messages.send(("done", -1, _is_done(task)))
                 continue
-            news.specs = task
-            around.restore()  # files of cases and solvers are loaded next
-            warned = {}
-            rounds = set()
-            runs = (
-                run_batch(task, news.tell, turns.order)
-                if seconds is None
-                else _once(task, news.tell, seconds)
-            )
-            for i, row in runs:
-                warned.setdefault(
-                    i, len(around.warned)
-                )  # a row that is given again was counted then
-                around.prints(NOBODY)
-                more = seconds is None and i not in rounds and timed_again(task[i], row)
-                rounds |= {i} if more else set()
-                read = read_by(task[i])
-                news.send(
-                    (
-                        "first" if more else "row",
-                        i,
-                        {k: _plain(v) for k, v in row.items()}
-                        | {"warnings": warned[i]}
-                        | ({"read": read} if read else {}),
-                    )
-                )
-            news.send(("done", -1, None))
+            if seconds is None:
+                runs = run_batch(task, messages.announce, schedule.order)
+            else:
+                runs = _run_for(task, messages.announce, seconds)
+            _send_rows(messages, task, runs, repeated=seconds is None)
+            messages.send(("done", -1, None))
 
 
-def _once(specs, tell, seconds: float):
-    """(index, row) of the first specs, as many as end within so many seconds. A row with items by
-    their names as "unlike" was not, or not for certain, made of what was asked for."""
+def _send_rows(
+    messages: Messages, specs: list[Spec], runs: Iterator[tuple[int, dict]], repeated: bool
+) -> None:
+    """Send each row with the number of its warnings and the data files that the run has read."""
+    state = messages.state
+    warnings: dict[int, int] = {}
+    sent_before_timing: set[int] = set()
+    for i, row in runs:
+        # a row that is given again keeps the warnings of its first run
+        warnings.setdefault(i, len(state.warned))
+        state.mark_output(NO_RUN)
+        row_follows = repeated and i not in sent_before_timing and timed_again(specs[i], row)
+        if row_follows:
+            sent_before_timing.add(i)
+        row = {k: _to_python_type(v) for k, v in row.items()} | {"warnings": warnings[i]}
+        read = read_by(specs[i])
+        what = "first" if row_follows else "row"
+        messages.send((what, i, row | ({"read": read} if read else {})))
+
+
+def _run_for(specs: list[Spec], announce: Callable[[str, int], None], seconds: float):
+    """Yield (index, row) of the first specs, as many as end within so many seconds.
+
+    A row with items by their names as "unlike" was not, or not for certain, made of what the client
+    has (nsbench.execute.cluster.same_sources).
+    """
     start = time.monotonic()
     for i, spec in enumerate(specs):
         if i and time.monotonic() - start > seconds:
             return
         unlike = same_sources.source_mismatch(spec)
-        row = (
-            lost_run_row(spec, "error", "not made")
-            if unlike
-            else run_one(spec, lambda what, i=i: tell(what, i))
-        )
-        unlike = unlike or same_sources.touched(spec)
+        if unlike:
+            row = lost_run_row(spec, "error", "not made")
+        else:
+            row = run_one(spec, lambda what, i=i: announce(what, i))
+            unlike = same_sources.find_touched_files(spec)
         yield i, row | ({"unlike": unlike} if unlike else {})
 
 
-def _stand_alone() -> None:
-    """A group of its own, so that signals of the terminal are for the parent and what runs start
-    ends with the worker;
-    no core files; the traceback of a run that crashes in C."""
+def _detach() -> None:
+    """Lead a process group of its own, write no core files, print tracebacks of crashes in C.
+
+    Signals of the terminal are then for the parent alone, and what runs start ends with the worker.
+    """
     with contextlib.suppress(OSError, AttributeError):
         os.setpgid(0, 0)
     with contextlib.suppress(ImportError, ValueError, OSError):
         import resource
 
         resource.setrlimit(resource.RLIMIT_CORE, (0, resource.getrlimit(resource.RLIMIT_CORE)[1]))
-    memory.offer_first()
+    memory.prefer_as_oom_victim()
     faulthandler.enable(file=2)
 
 
-class News:
-    """What a worker tells of itself: what it does with which run, and when a kernel is compiled on
-    the way, for which the clock of the run stands still."""
+class Messages:
+    """Messages of a worker about its runs: the phase of each, and kernels compiled on the way.
 
-    def __init__(self, pipe, around: ProcessState | None = None):
+    state: restored where a phase begins (None: not restored).
+    """
+
+    def __init__(self, pipe, state: ProcessState | None = None):
         self.pipe = pipe
         self.pid = os.getpid()
-        self.around = around
-        self.specs = []
+        self.state = state
         self.last = ("start", -1)
 
-    def tell(self, what: str, i: int) -> None:
-        if what == "prepare" and self.around is not None:  # a run begins
-            self.around.restore()
-            self.around.prints(i)
-        elif what == "run" and self.around is not None:
-            self.around.draw_anew()
-        elif (
-            what == "again" and self.around is not None
-        ):  # between runs of others: none sees what they left
-            self.around.restore(begins=False)
-        elif (
-            what == "measure" and self.around is not None
-        ):  # what is found there is kept for the next runs
-            self.around.restore(begins=False)
-        self.last = ("run" if what == "again" else what, i)
+    def announce(self, phase: str, i: int) -> None:
+        """Announce a phase of run i; the repetition of a run ("again") is sent as "run"."""
+        if self.state is not None:
+            self._restore_state(phase, i)
+        self.last = ("run" if phase == "again" else phase, i)
         self.send((*self.last, None))
 
     def send(self, message: tuple) -> None:
-        """Send a message to the parent; a process that a run has forked, and that came back from
-        the run as the worker does, ends here instead."""
+        """Send a message to the parent.
+
+        A process that a run has forked, and that came back from the run as the worker does, ends
+        here instead.
+        """
         if os.getpid() != self.pid:
             os._exit(1)
         self.pipe.send(message)
 
+    def _restore_state(self, phase: str, i: int) -> None:
+        if phase == "prepare":  # a run begins
+            self.state.restore()
+            self.state.mark_output(i)
+        elif phase == "run":
+            self.state.seed_random_numbers()
+        elif phase in ("again", "measure"):
+            # repetitions come between those of other runs, and references that are built while
+            # measuring are used by later runs: neither must depend on what a run has changed
+            self.state.restore(begins=False)
+
     @contextlib.contextmanager
-    def compiling(self):
+    def announce_compilation(self) -> Iterator[None]:
+        """Announce that a kernel is compiled within: the clock of the run stands still."""
         before = self.last
-        self.tell("compile", before[1])
+        self.announce("compile", before[1])
         try:
             yield
         finally:
-            self.tell(*before)
+            self.announce(*before)
 
 
-def _plain(value):
-    """The value in Python's own types: the parent may not know those of a solver's file."""
+def _to_python_type(value):
+    """Convert to Python's own types: the parent may not know those of a solver's file."""
     value = value.item() if hasattr(value, "item") else value
     return next((kind(value) for kind in (bool, int, float, str) if isinstance(value, kind)), value)
 
 
-def _does(chore: Chore) -> bool:
+def _is_done(chore: Chore) -> bool:
+    """Do the chore; False if it raised: its owner does what was not done."""
     try:
         chore.function(*chore.args)
-    except Exception:  # who set the chore looks after those that were not done
+    except Exception:
         return False
     return True
