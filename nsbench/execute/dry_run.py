@@ -236,7 +236,9 @@ def rerun_reasons(plan: Plan, force: bool) -> dict[Spec, str]:
 
 def _changed_while_used(parts: list[str], items: dict[str, dict]) -> str:
     """The files that changed while a row was made, so that it is not certain what made it."""
-    return next((items[d][CHANGED_DURING_RUN] for d in parts if CHANGED_DURING_RUN in items.get(d, ())), "")
+    return next(
+        (items[d][CHANGED_DURING_RUN] for d in parts if CHANGED_DURING_RUN in items.get(d, ())), ""
+    )
 
 
 def _describe_changes(old: list[dict | None], new: list[dict]) -> str:
@@ -245,7 +247,9 @@ def _describe_changes(old: list[dict | None], new: list[dict]) -> str:
         return UNKNOWN_PARTS
     # data files that the run itself read are compared elsewhere (row_reuse.changed_data)
     old = [{k: v for k, v in part.items() if not k.startswith(READ)} for part in old]
-    if changed_file := next((part[CHANGED_DURING_RUN] for part in old if CHANGED_DURING_RUN in part), ""):
+    if changed_file := next(
+        (part[CHANGED_DURING_RUN] for part in old if CHANGED_DURING_RUN in part), ""
+    ):
         return f"{changed_file} {CHANGED_DURING_RUN}"
     before = {name: digest for part in old for name, digest in part.items()}
     after = {name: digest for part in new for name, digest in part.items()}

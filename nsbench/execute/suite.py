@@ -71,7 +71,9 @@ def execute(specs: list[Spec], out: Path, args, say) -> int:
         if todo:
             say(f"{len(todo)} runs ({len(specs) - len(todo)} known already), results in {out}")
             consistency.mark_stale(out)
-            recorder = row_reuse.RowRecorder(journal, keys, parts, cases, on_this_machine=args.dask is None)
+            recorder = row_reuse.RowRecorder(
+                journal, keys, parts, cases, on_this_machine=args.dask is None
+            )
             drawn = _run(todo, keys, recorder, rows, args, say, [*cases], out)
             recorder.report(say)
         ordered = OrderedRows(
@@ -220,9 +222,7 @@ def _draw_scene(key: str, file: str, folder: str) -> None:
 
 
 def _write_talk_figure(name: str, _: str, out: str) -> None:
-    write_atomically(
-        Path(out) / "extra.json", _dump({f"{name}_figure": describe.talk_figure()})
-    )
+    write_atomically(Path(out) / "extra.json", _dump({f"{name}_figure": describe.talk_figure()}))
 
 
 def order_batches(batches: list[list[Spec]]) -> list[list[Spec]]:
@@ -267,9 +267,7 @@ def publish(
     that were drawn by workers, as (case, file).
     """
     contents = digest_of(
-        chain(
-            (json.dumps(clean(r), sort_keys=True).encode() for r in rows), [_report_digest()]
-        )
+        chain((json.dumps(clean(r), sort_keys=True).encode() for r in rows), [_report_digest()])
     )
     path = out / "report.html"
     if not fresh and path.exists() and consistency.is_consistent(out, contents):
