@@ -87,7 +87,9 @@ class RunView:
         """(samples,) the largest violation of a constraint at every sample, negative if none is."""
         scene = scene_of(self.case)
         traj = self.trajectory
-        return np.array([scene.deepest(float(t), x) for t, x in zip(traj.t, traj.x, strict=True)])
+        return np.array(
+            [scene.max_violation(float(t), x) for t, x in zip(traj.t, traj.x, strict=True)]
+        )
 
     def one_sided_rates(self, k: int, i: int) -> tuple[float, float]:
         """Return dc_i/dt at the known state k in the fields of the positive and negative side."""

@@ -123,11 +123,11 @@ def _gaps(frame, contacts, t, x, impulse, reaction, lam):
     impulse.
     """
     scene = frame.scene
-    worst = max(scene.deepest(a, b) for a, b in zip(t, x, strict=True))
+    worst = max(scene.max_violation(a, b) for a, b in zip(t, x, strict=True))
     if not contacts:
         return worst, 0.0, np.abs(np.diff(reaction, axis=0)).max(axis=1, initial=0.0)
     near = near_of(scene, contacts)
-    places = scene.places(near)
+    places = scene.layout(near)
     complementary = 0.0
     mismatch = np.zeros(len(t) - 1)
     gaps = [scene.gaps(a, b, near, places) for a, b in zip(t, x, strict=True)]
@@ -155,7 +155,7 @@ class _Gradients:
         self.x = x
         self.values: dict = {}
         self.steps: dict = {}
-        row, col, _ = scene.triplets(float(t[0]), x[0], near)
+        row, col, _ = scene.gradient_entries(float(t[0]), x[0], near)
         places, self.place = np.unique(row * scene.n + col, return_inverse=True)
         self.row = places // scene.n
         self.col = places % scene.n
@@ -171,7 +171,7 @@ class _Gradients:
         return used
 
     def _entries(self, j: int) -> np.ndarray:
-        values = self.scene.slopes(float(self.t[j]), self.x[j], self.near, self.places)
+        values = self.scene.gradient_values(float(self.t[j]), self.x[j], self.near, self.places)
         return np.bincount(self.place, values, len(self.row))
 
     def push(self, k: int, d: np.ndarray) -> np.ndarray:

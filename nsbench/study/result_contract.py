@@ -103,7 +103,7 @@ def _start(case: Case, x: np.ndarray) -> str:
                 if not violates(case, scene, t, x)
                 else (
                     f"The solver says ok, but its first state violates a constraint by "
-                    f"{scene.deepest(t, x):.3g}; the start is to be "
+                    f"{scene.max_violation(t, x):.3g}; the start is to be "
                     "projected."
                 )
             )

@@ -233,7 +233,7 @@ def _defects(case, run, unit):
     lacks = float(np.nan_to_num(missing(case, traj), nan=np.inf)[first:].sum())
     scene = context_of(case).scene
     depth = (
-        max(scene.deepest(a, b) for a, b in zip(traj.t[first:], traj.x[first:], strict=True))
+        max(scene.max_violation(a, b) for a, b in zip(traj.t[first:], traj.x[first:], strict=True))
         / slope(case)
         if scene
         else 0.0
@@ -263,7 +263,7 @@ def _apart(case, run, first: int) -> float:
         return 0.0
     scene = context_of(case).scene
     near = near_of(scene, traj.contacts)
-    places = scene.places(near)
+    places = scene.layout(near)
     gaps = np.maximum(
         [scene.gaps(t, x, near, places) for t, x in zip(traj.t, traj.x, strict=True)], 0.0
     )

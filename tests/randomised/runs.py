@@ -99,4 +99,4 @@ def kept_feasible(case) -> bool:
     if case.start != "keep" or not (isinstance(p, Complementarity) and p.constraints):
         return False
     with np.errstate(all="ignore"):
-        return context_of(case).scene.deepest(float(case.t[0]), case.x0) <= 0.0
+        return context_of(case).scene.max_violation(float(case.t[0]), case.x0) <= 0.0

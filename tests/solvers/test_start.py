@@ -40,7 +40,7 @@ def test_many_discs_are_projected_over_those_near(monkeypatch):
 
     monkeypatch.setattr(initial_state, "least_distance", solve)
     x = initial_state.initial_state(case, scene)
-    assert scene.deepest(0.0, x) < 1e-12 and max(asked) < 4000
+    assert scene.max_violation(0.0, x) < 1e-12 and max(asked) < 4000
     on = scene.near(x, 1e-11)
     G = scene.gradients(0.0, x, on)
     pushes = lsq_linear(G.T, x - case.x0, (0.0, np.inf), tol=1e-14, lsmr_tol=1e-14)
@@ -67,7 +67,7 @@ def test_lines_left_out_at_first_are_obeyed():
     d = lines.nearest(np.zeros(180), {})
     G = scene.dense_gradients(0.0, case.x0, lines.near)
     exact = projection.least_distance(
-        *scene.triplets(0.0, case.x0, lines.near), lines.g, 180, np.zeros(len(lines.g))
+        *scene.gradient_entries(0.0, case.x0, lines.near), lines.g, 180, np.zeros(len(lines.g))
     )[0]
     assert (lines.g + G @ d).min() > -1e-12 and d == pytest.approx(exact, abs=1e-11)
 
@@ -198,8 +198,8 @@ def test_a_start_printed_with_ten_digits_is_a_start():
             case = Case("printed", problem, x0, np.linspace(0.0, 1.0, 2))
             scene = ConstraintSet(problem, x0.size)
             found = initial_state.initial_state(case, scene)
-            assert np.abs(found - x0).max() <= scene.deepest(0.0, x0) < 1e-7
-            assert scene.deepest(0.0, found) <= 1e-14 * np.abs(x0).max() + 1e-13
+            assert np.abs(found - x0).max() <= scene.max_violation(0.0, x0) < 1e-7
+            assert scene.max_violation(0.0, found) <= 1e-14 * np.abs(x0).max() + 1e-13
 
 
 @pytest.mark.parametrize("policy", ("error", "project"))

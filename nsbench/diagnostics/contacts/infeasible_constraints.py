@@ -117,7 +117,7 @@ def _contradiction_nearby(
     near = scene.near(x, 0.0, t)
     if not 1 < len(near) <= MAX_CONSTRAINTS:
         return None
-    row, col, vals = scene.triplets(t, x, near)
+    row, col, vals = scene.gradient_entries(t, x, near)
     order = np.argsort(row, kind="stable")
     ptr = np.searchsorted(row[order], np.arange(len(near) + 1))
     allowed = tolerances(case, scene, t, x, near)
@@ -144,7 +144,7 @@ def _far_from_feasible(
     if not 0 < len(near) * scene.n <= DENSE:
         return None
     g = scene.gaps(t, x, near)
-    row, col, vals = scene.triplets(t, x, near)
+    row, col, vals = scene.gradient_entries(t, x, near)
     norm = np.sqrt(np.bincount(row, vals * vals, len(g)))
     if not np.all((norm > 0.0) & (norm < np.inf)):
         return None

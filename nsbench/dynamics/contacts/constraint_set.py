@@ -186,7 +186,7 @@ class ConstraintSet:
             )
         return join([parts[k] for k in sorted(parts)])
 
-    def deepest(self, t: float, x: np.ndarray) -> float:
+    def max_violation(self, t: float, x: np.ndarray) -> float:
         """The most that a constraint is violated by at (t, x), 0.0 where none is: of near(x, 0.0,
         t), without listing it."""
         worst = max(0.0, float(-self.gaps(t, x, *self._static).min(initial=0.0)))
@@ -209,9 +209,9 @@ class ConstraintSet:
 
     @functools.cached_property
     def _static(self):
-        return (near := self.all_static()), self.places(near)
+        return (near := self.all_static()), self.layout(near)
 
-    def places(self, near: CandidateContacts) -> ContactLayout:
+    def layout(self, near: CandidateContacts) -> ContactLayout:
         """For many evaluations of the same contacts."""
         pairs = []
         for kind in (PAIR, ANCHOR):
@@ -227,32 +227,32 @@ class ConstraintSet:
         return ContactLayout(tuple(pairs), np.flatnonzero(near.kind == ROW), tuple(smooth))
 
     def gaps(
-        self, t: float, x: np.ndarray, near: CandidateContacts, places: ContactLayout | None = None
+        self, t: float, x: np.ndarray, near: CandidateContacts, layout: ContactLayout | None = None
     ) -> np.ndarray:
         """(m,) values g_k(t, x)."""
         g = np.empty(len(near))
-        places = places or self.places(near)
-        for sel, _, _, dist in self._distances(t, x, places):
+        layout = layout or self.layout(near)
+        for sel, _, _, dist in self._distances(t, x, layout):
             g[sel] = near.sign[sel] * (dist - near.d[sel])
-        if places.rows.size:
+        if layout.rows.size:
             prod = np.add.reduceat(self.vals * x[self.cols], self.ptr[:-1])
-            g[places.rows] = (prod + self.b(t))[near.p[places.rows]]
-        for fam, sel in zip(self._smooth, places.smooth, strict=True):
+            g[layout.rows] = (prod + self.b(t))[near.p[layout.rows]]
+        for fam, sel in zip(self._smooth, layout.smooth, strict=True):
             if sel.size:
                 g[sel] = fam.g(t, x)[near.p[sel]]
         return g
 
-    def _distances(self, t, x, places):
+    def _distances(self, t, x, layout):
         """Per kind and dimension: which entries, coordinates of i, differences (m, dim), lengths
         (m,)."""
-        for kind, sel, i, j in places.pairs:
+        for kind, sel, i, j in layout.pairs:
             diff = x[i] - (x[j] if kind == PAIR else self.anchors(t)[j])
             yield sel, (i, j if kind == PAIR else None), diff, np.sqrt((diff * diff).sum(1))
 
     def dense_gradients(self, t: float, x: np.ndarray, near: CandidateContacts) -> np.ndarray:
         """(m, n) rows grad g_k."""
         G = np.zeros((len(near), self.n))
-        r, c, v = self.triplets(t, x, near)
+        r, c, v = self.gradient_entries(t, x, near)
         np.add.at(G, (r, c), v)
         return G
 
@@ -261,40 +261,40 @@ class ConstraintSet:
         direction."""
         from scipy.sparse import csr_array
 
-        r, c, v = self.triplets(t, x, near)
+        r, c, v = self.gradient_entries(t, x, near)
         return csr_array((v, (r, c)), shape=(len(near), self.n))
 
-    def triplets(self, t: float, x: np.ndarray, near: CandidateContacts):
+    def gradient_entries(self, t: float, x: np.ndarray, near: CandidateContacts):
         """Rows, columns and values of the gradients; rows and columns are the same for every t and
         x."""
-        places = self.places(near)
+        layout = self.layout(near)
         r = [np.empty(0, np.int64)]
         c = [np.empty(0, np.int64)]
-        for kind, sel, i, j in places.pairs:
+        for kind, sel, i, j in layout.pairs:
             for coords in (i, j) if kind == PAIR else (i,):
                 r.append(np.repeat(sel, coords.shape[1]))
                 c.append(coords.ravel())
-        for k in places.rows:
+        for k in layout.rows:
             e = slice(self.ptr[near.p[k]], self.ptr[near.p[k] + 1])
             r.append(np.full(e.stop - e.start, k))
             c.append(self.cols[e])
-        for sel in places.smooth:
+        for sel in layout.smooth:
             r.append(np.repeat(sel, self.n))
             c.append(np.tile(np.arange(self.n), sel.size))
-        return np.concatenate(r), np.concatenate(c), self.slopes(t, x, near, places)
+        return np.concatenate(r), np.concatenate(c), self.gradient_values(t, x, near, layout)
 
-    def slopes(
-        self, t: float, x: np.ndarray, near: CandidateContacts, places: ContactLayout
+    def gradient_values(
+        self, t: float, x: np.ndarray, near: CandidateContacts, layout: ContactLayout
     ) -> np.ndarray:
-        """The values of `triplets` alone."""
+        """The values of `gradient_entries` alone."""
         v = [np.empty(0)]
-        for sel, (_, j), diff, dist in self._distances(t, x, places):
+        for sel, (_, j), diff, dist in self._distances(t, x, layout):
             unit = np.divide(diff, dist[:, None], out=np.zeros_like(diff), where=dist[:, None] > 0)
             unit[dist == 0, 0] = 1.0
             unit *= near.sign[sel, None]
             v += [unit.ravel()] if j is None else [unit.ravel(), (-unit).ravel()]
-        v += [self.vals[self.ptr[p] : self.ptr[p + 1]] for p in near.p[places.rows]]
-        for fam, sel in zip(self._smooth, places.smooth, strict=True):
+        v += [self.vals[self.ptr[p] : self.ptr[p + 1]] for p in near.p[layout.rows]]
+        for fam, sel in zip(self._smooth, layout.smooth, strict=True):
             if sel.size:
                 v.append(fam.gradient(t, x)[near.p[sel]].ravel())
         return np.concatenate(v)
@@ -316,7 +316,7 @@ class ConstraintSet:
                     for c in self.anchored
                 ]
             )
-            for sel, (_, j), diff, dist in self._distances(t, x, self.places(near)):
+            for sel, (_, j), diff, dist in self._distances(t, x, self.layout(near)):
                 if j is None:
                     q = near.q[sel, None] + np.arange(diff.shape[1])
                     rate[sel] = (

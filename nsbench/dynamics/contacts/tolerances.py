@@ -58,11 +58,11 @@ def gap_lengths(
 ) -> np.ndarray:
     """(m,) what the gaps of `near` change by along a length of theirs."""
     unit = max(case_length_scale(case), LEAST)
-    places = scene.places(near)
+    layout = scene.layout(near)
     out = np.maximum(near.d, LEAST * unit)
-    if places.rows.size:
-        out[places.rows] = unit / np.sqrt(scene.inv2[near.p[places.rows]])
-    for family, sel in enumerate(places.smooth):
+    if layout.rows.size:
+        out[layout.rows] = unit / np.sqrt(scene.inv2[near.p[layout.rows]])
+    for family, sel in enumerate(layout.smooth):
         if sel.size:
             with np.errstate(all="ignore"):
                 slope = np.sqrt((scene.smooth(family).gradient(t, x) ** 2).sum(-1))[near.p[sel]]
@@ -76,17 +76,17 @@ def term_sizes(
     """(m,) the sizes of what the gaps of `near` at (t, x) are differences of: coordinates of two
     ends, terms of a row; of a smooth constraint to first order, 0 where it has no gradient."""
     out = np.zeros(len(near))
-    places = scene.places(near)
-    for kind, sel, i, j in places.pairs:
+    layout = scene.layout(near)
+    for kind, sel, i, j in layout.pairs:
         out[sel] = np.abs(x[i]).max(axis=1) + np.abs(
             x[j] if kind == PAIR else scene.anchors(t)[j]
         ).max(axis=1)
-    if places.rows.size:
+    if layout.rows.size:
         terms = np.add.reduceat(np.abs(scene.vals * x[scene.cols]), scene.ptr[:-1]) + np.abs(
             scene.b(t)
         )
-        out[places.rows] = terms[near.p[places.rows]]
-    for family, sel in enumerate(places.smooth):
+        out[layout.rows] = terms[near.p[layout.rows]]
+    for family, sel in enumerate(layout.smooth):
         if sel.size:
             with np.errstate(all="ignore"):
                 terms = np.abs(scene.smooth(family).gradient(t, x) * x).sum(-1)[near.p[sel]]

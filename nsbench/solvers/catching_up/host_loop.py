@@ -20,8 +20,8 @@ class _List:
 
     def __init__(self, scene, x, skin, t, old=None, mu=None):
         self.near, self.base, self.skin = scene.near(x, skin, t), x.copy(), skin
-        self.mu, self.places = np.zeros(len(self.near)), scene.places(self.near)
-        row, cols, _ = scene.triplets(
+        self.mu, self.places = np.zeros(len(self.near)), scene.layout(self.near)
+        row, cols, _ = scene.gradient_entries(
             t, x, self.near
         )  # where the entries are stays the same for all of a list
         self.rows = SparseRows(row, cols, (len(self.near), scene.n))
@@ -180,7 +180,7 @@ class HostLoop:
         near = self.list.near
         places = self.list.places
         g = self.scene.gaps(after, x, near, places)
-        G = self.list.rows.fill(self.scene.slopes(after, x, near, places))
+        G = self.list.rows.fill(self.scene.gradient_values(after, x, near, places))
         return g, g + G @ (z - x), G
 
     def _solve(self, G, q, h, mu) -> Answer:

@@ -71,7 +71,7 @@ def _project_small_violation(case: Case) -> np.ndarray | None:
     x = case.x0.copy()
     t = float(case.t[0])
     near = scene.near(x, 0.0, t)
-    g, (row, _, vals) = scene.gaps(t, x, near), scene.triplets(t, x, near)
+    g, (row, _, vals) = scene.gaps(t, x, near), scene.gradient_entries(t, x, near)
     if (g >= -tolerances(case, scene, t, x, near, projected=True)).all() or len(near) > LISTED:
         return x
     with np.errstate(all="ignore"):
@@ -92,7 +92,7 @@ def _project_start(case, scene, x0, t):
     nearest from there on."""
     y = x0
     moved = np.full(x0.size, np.inf)
-    reach = 4.0 * scene.deepest(t, x0)
+    reach = 4.0 * scene.max_violation(t, x0)
     known = {}
     for _ in range(ITERATIONS):
         lines = LinearisedConstraints(case, scene, t, y, reach)
@@ -153,7 +153,7 @@ class LinearisedConstraints:
         self.n = scene.n
         self.g, (self._row, self._cols, self._vals) = (
             scene.gaps(t, y, self.near),
-            scene.triplets(t, y, self.near),
+            scene.gradient_entries(t, y, self.near),
         )
         self.allowed = tolerances(case, scene, t, y, self.near, projected=True)
         self._sizes = lambda: term_sizes(scene, t, y, self.near)

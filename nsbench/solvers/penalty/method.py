@@ -231,7 +231,7 @@ def _lost(case: Case, x0: np.ndarray, k: float) -> str:
             held = np.zeros(case.n, bool)
             for _, c, m in scene.hard:
                 held[c.start : c.start + m * c.dim] = True
-            held[scene.triplets(float(case.t[0]), x0, scene.all_static())[1]] = True
+            held[scene.gradient_entries(float(case.t[0]), x0, scene.all_static())[1]] = True
             force = k * float((rounded * held).max(initial=0.0))
             speed = float(np.abs(as_numpy(p.drift)(float(case.t[0]), x0.copy())).max(initial=0.0))
             return (
