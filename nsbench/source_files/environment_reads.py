@@ -72,6 +72,11 @@ def looked_up_by_runs(path) -> dict[str, str | None]:
     return dict(_by_run.get(os.path.realpath(path), {}))
 
 
+def forget_assignments() -> None:
+    """Forget which variables a user's code has set: the environment was restored."""
+    _assigned.clear()
+
+
 @functools.cache
 def _install() -> None:
     """Have the mapping behind `os.environ` report its look-ups, for as long as the process

@@ -22,6 +22,7 @@ from collections.abc import Callable
 import numpy as np
 
 from nsbench.execute.workers.output_capture import mark
+from nsbench.source_files import environment_reads
 
 SEED = 0  # of the global random numbers: a method that uses them gets the same in each run
 QUIET_CATEGORIES = (
@@ -89,6 +90,7 @@ class ProcessState:
         for name, value in self.environ.items():
             if os.environ.get(name) != value:
                 os.environ[name] = value
+        environment_reads.forget_assignments()  # look-ups are inputs of the next run again
         sys.path[:] = self.path
         sys.setrecursionlimit(self.recursion_limit)
         locale.setlocale(locale.LC_ALL, self.locale)
