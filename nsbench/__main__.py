@@ -1,4 +1,4 @@
-"""python -m nsbench"""
+"""Run the command line by `python -m nsbench`."""
 
 from nsbench.cli import main
 

@@ -1,6 +1,10 @@
-"""Code of a user's file that runs in the command itself (its import, what a method refuses): it can
-neither end the command unheard, nor hold it up unheard. Where it crashes in C, the command ends,
-and the traceback names the file."""
+"""Guard around code of a user's file that runs in the command itself: its import, what a method
+refuses.
+
+Such code can neither end the command silently (os._exit raises UserCodeExit) nor hold it up silently
+(after SECONDS_BEFORE_NOTICE a line says who is at work). Where it crashes in C, the command ends and
+the traceback names the file.
+"""
 
 from __future__ import annotations
 
@@ -11,54 +15,58 @@ import sys
 import threading
 from collections.abc import Iterator
 
-SLOW = 20.0  # seconds after which a line says who is at work
+SECONDS_BEFORE_NOTICE = 20.0
 
 
 class UserCodeExit(RuntimeError):
-    """A file called os._exit where the command asked it for something."""
+    """Code of a user's file called os._exit in the process of the command."""
 
 
 @contextlib.contextmanager
 def guarded(what: str) -> Iterator[None]:
-    """Within, os._exit of this thread raises EndsProcess, what takes longer than SLOW says so on
-    standard error, and a crash in C leaves its traceback there."""
-    here = (os.getpid(), threading.get_ident())
-    leave = os._exit
+    """Guard the code within, which belongs to a user's file; what: names it in messages.
 
-    def refused(status):
-        if (
-            os.getpid(),
-            threading.get_ident(),
-        ) != here:  # a child of the file's own, or another thread
-            leave(status)
+    os._exit of this thread raises UserCodeExit; other threads, and processes that the code forks,
+    may still end. What takes longer than SECONDS_BEFORE_NOTICE is announced on standard error, and
+    a crash in C leaves its traceback there.
+    """
+    guarded_thread = (os.getpid(), threading.get_ident())
+    end_process = os._exit
+
+    def refuse_exit(status):
+        if (os.getpid(), threading.get_ident()) != guarded_thread:
+            end_process(status)
         raise UserCodeExit(f"{what} calls os._exit({status}), which would end the command")
 
-    notice = threading.Timer(
-        SLOW,
-        lambda: print(
-            f"nsbench: {what} is still at work after {SLOW:g} s; Ctrl-C stops it",
-            file=sys.stderr,
-            flush=True,
-        ),
-    )
+    notice = threading.Timer(SECONDS_BEFORE_NOTICE, _print_notice, (what,))
     notice.daemon = True
     notice.start()
-    os._exit = refused
-    crashes = not faulthandler.is_enabled()  # else somebody hears them already
-    if crashes:
+    os._exit = refuse_exit
+    print_crashes = not faulthandler.is_enabled()  # else the process has arranged for them
+    if print_crashes:
         faulthandler.enable(file=2)
     try:
         yield
     finally:
-        os._exit = leave
+        os._exit = end_process
         notice.cancel()
-        if crashes:
+        if print_crashes:
             faulthandler.disable()
 
 
+def _print_notice(what: str) -> None:
+    print(
+        f"nsbench: {what} is still at work after {SECONDS_BEFORE_NOTICE:g} s; Ctrl-C stops it",
+        file=sys.stderr,
+        flush=True,
+    )
+
+
 def solver_refuses(method, case, spec: str) -> bool:
-    """Does the method refuse the case? Also where the question fails: the run puts it again, in a
-    worker, and its row says what becomes of it."""
+    """Does the method refuse the case? True also where `method.refuses` raises.
+
+    The run asks again, in a worker, and its row gives the reason. spec: names the method.
+    """
     try:
         with guarded(f"refuses of {spec}"):
             return bool(method.refuses(case))

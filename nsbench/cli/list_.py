@@ -1,4 +1,5 @@
-"""`nsbench list`: registered cases and solvers, and the columns of a result, each with a line about it.
+"""`nsbench list`: registered cases and solvers, and the columns of a result, each with a line about
+it.
 
 Cases and solvers that fail to load are listed with the reason.
 """

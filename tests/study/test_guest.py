@@ -1,5 +1,5 @@
-"""What of a user's file runs in the command itself can neither end it unheard nor hold it up
-unheard."""
+"""Code of a user's file that runs in the command itself can neither end it nor hold it up
+silently."""
 
 import subprocess
 import sys
@@ -97,8 +97,8 @@ def test_a_method_that_fails_where_it_is_asked_what_it_refuses_has_its_row(tmp_p
 
 
 ASKED = """import os, threading, time
-from nsbench import guest
-with guest.asked("a file"):
+from nsbench import user_code
+with user_code.guarded("a file"):
     {}
 """
 CHILD = """if os.fork() == 0:
@@ -119,7 +119,7 @@ def test_only_the_thread_that_asks_is_kept_from_leaving(does, status, said):
 
 
 def test_what_takes_long_says_who_is_at_work(capfd, monkeypatch):
-    monkeypatch.setattr(user_code, "SLOW", 0.05)
+    monkeypatch.setattr(user_code, "SECONDS_BEFORE_NOTICE", 0.05)
     with user_code.guarded("slow.py"):
         time.sleep(0.4)
     assert "slow.py is still at work after 0.05 s" in capfd.readouterr().err
