@@ -12,8 +12,8 @@ EXACT_KINDS = ("class", "max")  # of baseline lines that have no relative tolera
 
 def command(args: argparse.Namespace, say) -> int:
     """Say what differs by more than --rtol; 4 if no number is in both folders."""
-    from nsbench.gate import baseline, messages
-    from nsbench.gate.comparison import compare
+    from nsbench.gate import baseline
+    from nsbench.gate.comparison import compare, format_lines
     from nsbench.gate.facts import facts
     from nsbench.report.data import read
     from nsbench.results.consistency import check
@@ -33,7 +33,7 @@ def command(args: argparse.Namespace, say) -> int:
         for key, line in lines.items()
     }
     findings = compare(new, lines)
-    for text in messages.lines(findings):
+    for text in format_lines(findings):
         say(text)
     compared = any(f.outcome not in ("missing", "new") for f in findings)
     return FINE if compared else NOTHING_COMPARED

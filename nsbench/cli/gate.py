@@ -10,8 +10,8 @@ from nsbench.cli.exit_codes import FINE
 
 def command(args: argparse.Namespace, say) -> int:
     """Compare a folder of results with a baseline: 0 as before, 1 not, 4 too little compared."""
-    from nsbench.gate import baseline, messages
-    from nsbench.gate.comparison import compare, exit_code
+    from nsbench.gate import baseline
+    from nsbench.gate.comparison import compare, exit_code, format_lines, format_summary
     from nsbench.gate.facts import facts
     from nsbench.report.data import read
     from nsbench.results.consistency import check
@@ -32,11 +32,11 @@ def command(args: argparse.Namespace, say) -> int:
         return _update_baseline(measured, path, args, say)
     findings = compare(measured, baseline.read(path))
     code = exit_code(findings)
-    for line in messages.lines(findings):
+    for line in format_lines(findings):
         say(line)
     if args.summary:
         with open(args.summary, "a", encoding="utf-8") as file:
-            file.write(messages.summary(findings, code))
+            file.write(format_summary(findings, code))
     return code
 
 

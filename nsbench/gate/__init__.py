@@ -2,6 +2,7 @@
 tolerance.
 
 `facts` turns a folder of results into numbers with the configuration they were made under;
-`baseline` reads and writes the file that people review; `judge` compares the two. Nothing here runs
-a solver, and no second is ever compared.
+`baseline` reads and writes the file that people review; `comparison` compares the two; `calibrate`
+makes the runs again from perturbed starts, whose `spreads` become tolerances; `update` brings a
+baseline up to date. Only `calibrate` runs solvers, and no second is ever compared.
 """

@@ -57,8 +57,11 @@ class Line:
 
 
 def read(path) -> dict[tuple, Line]:
-    """Lines by key. ValueError names the file, the line and the value that cannot be used; NaN is
-    refused."""
+    """Read the lines of a baseline, by key.
+
+    FileNotFoundError without the file. ValueError names the file, the line and the value that
+    cannot be used; NaN is refused.
+    """
     path = Path(path)
     if not path.is_file():
         raise FileNotFoundError(f"no baseline {path}")
@@ -123,7 +126,7 @@ def _number(text: str, name: str, where: str) -> float:
 
 
 def text(lines) -> str:
-    """The file's text; the numbers are what repr gives, so that nothing is lost."""
+    """Write lines as the text of a baseline; numbers as repr gives them: nothing is lost."""
     out = io.StringIO()
     w = csv.writer(out, lineterminator="\n")
     w.writerow(COLUMNS)
@@ -147,8 +150,8 @@ def text(lines) -> str:
 
 
 def line(fact: Fact, spread: float, why: str) -> Line:
-    """The line of a fact whose runs from starts 1e-12 apart differ by `spread` (inf: one of them
-    failed or said another word).
+    """Make the line of a fact whose runs from starts 1e-12 apart differ by `spread` (inf: one of
+    them failed or said another word).
 
     near: ten times the spread, relative to the value. max: ten times the value, at least the floor:
     what lies below a floor is held below it. count: exact where nothing was seen to change. What
@@ -186,5 +189,5 @@ def _made(fact: Fact, value, rtol: float, atol: float, why: str) -> Line:
 
 
 def same(a: Line, b: Line) -> bool:
-    """Do two lines say the same, whatever their reasons?"""
+    """Are two lines equal but for their reasons?"""
     return replace(a, why="") == replace(b, why="")

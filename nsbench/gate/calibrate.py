@@ -1,6 +1,8 @@
-"""How far the numbers of a study move when nothing that matters does: the same runs again, from
-starts 1e-12 apart and with more threads. Their spread becomes the tolerances of the gate
-(nsbench.gate.baseline)."""
+"""Calibration: the runs of a study again, from starts 1e-12 apart and with more threads.
+
+What the numbers move by is what rounding alone can do to them; it becomes the tolerances of the
+gate (nsbench.gate.baseline).
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,11 @@ FOLDER = "calibration"  # of the journals within the results
 
 
 def calibrate(folder: Path, args, say) -> int:
-    """Write DIR/calibration.csv and say what cannot be held."""
+    """Make the perturbed passes, write DIR/calibration.csv and say what cannot be held.
+
+    folder: of the results; args: timeout and jobs of the command line; say: prints a line. Returns
+    the exit code. LookupError if no run of a registered case is there.
+    """
     data = read(folder)
     specs = specs_of(data)
     if not specs:
@@ -54,7 +60,7 @@ def calibrate(folder: Path, args, say) -> int:
 
 
 def specs_of(data: Data) -> list[study.Spec]:
-    """The runs of a study whose cases are registered, as specifications."""
+    """Collect the runs of a study whose cases are registered, as specifications."""
     out = []
     for runs in data.runs.values():
         try:

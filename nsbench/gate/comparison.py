@@ -1,4 +1,10 @@
-"""Facts against a baseline: what is as before, what is not, and how."""
+"""Comparison of the facts of a study with a baseline, and the messages about it.
+
+Every line of the baseline and every fact without one becomes a `Finding` with one of OUTCOMES. A
+number passes if |value - new| <= atol + rtol |value| (kind near, count), or if it does not lie
+beyond that on one side (max, min); NaN never passes. Messages are lines for a terminal, and a
+summary in Markdown for a page of continuous integration.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +14,7 @@ from dataclasses import dataclass
 
 from nsbench.gate.baseline import Line
 from nsbench.gate.facts import Fact
+from nsbench.report.style import escape_markdown, format_count
 
 OUTCOMES = (
     "pass",
@@ -22,6 +29,9 @@ OUTCOMES = (
 FINE = 0
 REGRESSED = 1
 NOT_COMPARED = 4
+# outcomes that are listed one by one
+BAD = tuple(o for o in OUTCOMES if o not in ("pass", "not held"))
+MAX_FINDINGS_LISTED = 60  # of one outcome; the others are counted
 ORDERS = ("state order", "force order")  # neither direction is better
 
 
@@ -35,8 +45,11 @@ class Finding:
 
 
 def compare(found: dict[tuple, Fact], baseline: dict[tuple, Line]) -> list[Finding]:
-    """A finding for every line of the baseline, then one for every fact that has none."""
-    out = [_one(found.get(key), line, found) for key, line in baseline.items()]
+    """Compare facts with the lines of a baseline, both by key.
+
+    Returns a finding for every line of the baseline, then one for every fact that has no line.
+    """
+    out = [_compare_line(found.get(key), line, found) for key, line in baseline.items()]
     return out + [
         Finding("new", key, f"is {format_value(f.value)}; the baseline says nothing of it")
         for key, f in found.items()
@@ -44,7 +57,8 @@ def compare(found: dict[tuple, Fact], baseline: dict[tuple, Line]) -> list[Findi
     ]
 
 
-def _one(fact: Fact | None, line: Line, found) -> Finding:
+def _compare_line(fact: Fact | None, line: Line, found) -> Finding:
+    """Compare one line with its fact (None: `found` has none of that key)."""
     if fact is None:
         near = [f for k, f in found.items() if k[:2] == line.key[:2]]
         why = (
@@ -72,34 +86,77 @@ def _one(fact: Fact | None, line: Line, found) -> Finding:
         f"relative, "
         f"{line.atol:g} absolute)"
     )
-    room = line.atol + line.rtol * abs(line.value)
+    allowed = line.atol + line.rtol * abs(line.value)
     if not math.isfinite(fact.value):  # NaN compares false with everything: it must never pass
         return Finding("regressed", line.key, text)
     if not line.held:
         return Finding("not held", line.key, f"{text}: it changes with the rounding")
     over = fact.value - line.value
-    if {"max": over <= room, "min": -over <= room}.get(line.kind, abs(over) <= room):
+    if {"max": over <= allowed, "min": -over <= allowed}.get(line.kind, abs(over) <= allowed):
         return Finding("pass", line.key)
     better = over < 0 and line.kind != "min" and line.metric not in ORDERS
     return Finding("improved" if better else "regressed", line.key, text)
 
 
 def differing_parts(a: str, b: str) -> list[str]:
-    """Names of the parts in which two configurations differ."""
+    """Name the parts in which two configurations (`what=digest what=digest`) differ."""
     one, two = (dict(p.partition("=")[::2] for p in c.split()) for c in (a, b))
     return [name for name in dict.fromkeys((*one, *two)) if one.get(name) != two.get(name)]
 
 
 def exit_code(findings: list[Finding]) -> int:
-    """1: something is not as it was (also when it is better: a stale baseline hides the way back);
-    4: too little could be compared (less is held than is not), or one side has what the other
-    lacks; 0: all is as it was."""
-    seen = Counter(f.outcome for f in findings)
-    if seen.keys() & {"regressed", "status changed", "improved"}:
+    """Choose the exit code: 0 all is as it was; 1 something is not, also when it is better (a stale
+    baseline hides the way back); 4 too little could be compared (less is held than is not), or one
+    side has what the other lacks."""
+    counts = Counter(f.outcome for f in findings)
+    if counts.keys() & {"regressed", "status changed", "improved"}:
         return REGRESSED
-    held = seen["pass"] > 0 and seen["pass"] >= seen["not held"]
-    return FINE if held and seen.keys() <= {"pass", "not held"} else NOT_COMPARED
+    held = counts["pass"] > 0 and counts["pass"] >= counts["not held"]
+    return FINE if held and counts.keys() <= {"pass", "not held"} else NOT_COMPARED
 
 
 def format_value(value) -> str:
+    """Format a number with six digits, a word with its quotes."""
     return f"{value:.6g}" if isinstance(value, float) else repr(value)
+
+
+def count_outcomes(findings: list[Finding]) -> str:
+    """Say in a sentence how many numbers had which outcome."""
+    counts = Counter(f.outcome for f in findings)
+    return (
+        f"{format_count(len(findings), 'number')}: "
+        + ", ".join(f"{counts[o]} {o}" for o in OUTCOMES if counts[o])
+        if findings
+        else "nothing to compare"
+    )
+
+
+def format_lines(findings: list[Finding]) -> list[str]:
+    """Format for a terminal what is not as before, outcome by outcome, and the counts."""
+    out = []
+    for outcome in BAD:
+        some = [f for f in findings if f.outcome == outcome]
+        out += [f"{outcome}: {' '.join(f.key)}: {f.sentence}" for f in some[:MAX_FINDINGS_LISTED]]
+        if len(some) > MAX_FINDINGS_LISTED:
+            out.append(f"{outcome}: and {len(some) - MAX_FINDINGS_LISTED} more")
+    return [*out, count_outcomes(findings)]
+
+
+def format_summary(findings: list[Finding], code: int) -> str:
+    """Format in Markdown the verdict, then a table of what is not as before; code: `exit_code`."""
+    verdict = {
+        0: "All numbers are as in the baseline.",
+        1: "Some numbers are not as in the baseline.",
+        4: "Too little could be compared with the baseline.",
+    }[code]
+    out = [f"### {verdict}", "", count_outcomes(findings) + ".", ""]
+    bad = [f for outcome in BAD for f in findings if f.outcome == outcome]
+    if bad:
+        out += ["| | case | method | at | number | |", "| --- | --- | --- | --- | --- | --- |"]
+        out += [
+            "| " + " | ".join(escape_markdown(v) for v in (f.outcome, *f.key, f.sentence)) + " |"
+            for f in bad[:MAX_FINDINGS_LISTED]
+        ]
+        if len(bad) > MAX_FINDINGS_LISTED:
+            out += ["", f"… and {len(bad) - MAX_FINDINGS_LISTED} more."]
+    return "\n".join(out) + "\n"

@@ -1,6 +1,9 @@
-"""What of a study can be held: orders, constants and verdicts of every method on every case, errors
-and counted work of one step in the middle of its ladder, and how many of its runs ended in which
-way."""
+"""Facts: the numbers and words of a study that a baseline can hold.
+
+Orders, constants and verdicts of every method on every case, errors, residuals and counted work of
+one step in the middle of its ladder, and how many of its runs ended with which status. Which
+columns are held, and how, is told by the table of columns (`nsbench.columns`, field `gate`).
+"""
 
 from __future__ import annotations
 

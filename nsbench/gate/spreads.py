@@ -1,4 +1,5 @@
-"""How far numbers move when nothing that matters does: calibration.csv beside the results."""
+"""Spreads of the facts of a study under perturbed starts, stored as calibration.csv beside the
+results; they become the tolerances of a baseline."""
 
 from __future__ import annotations
 

@@ -11,8 +11,10 @@ from nsbench.gate.facts import Fact
 def updated(
     found: dict[tuple, Fact], old: dict[tuple, Line], spread: dict[tuple, float], reason: str
 ):
-    """(lines, changes): the new baseline in the order of `found`, and a sentence for every line
-    that is not as before.
+    """Bring the baseline `old` up to date with the facts `found`, giving `reason` for what changes.
+
+    spread: of every fact that changed, from calibration. Returns (lines, changes): the new baseline
+    in the order of `found`, and a sentence for every line that is not as before.
 
     A line that passes stays as it is, to the byte: rounding on another machine is no change. So do,
     at the end, the lines of what these results do not hold at all: a part of a study takes nothing

@@ -1,4 +1,34 @@
-"""Errors of a run against the reference of its case, with the residuals beside them."""
+"""Errors of a run against the reference of its case, with the residuals beside them.
+
+x, I, R are the state, the impulses (contacts are matched by id, one that is absent has none)
+and the reaction of the run, x*, I*, R* those of the reference, i the samples, j the sample
+intervals of length D_j, m_j = (I_{j+1} - I_j) / D_j the mean multiplier of an interval.
+
+==================  ========================================================================
+state_sup           max over i of |x - x*|_inf
+state_T             |x - x*|_inf at the last sample
+set_distance        distance of the samples from the set of all solutions (`Case.distance`);
+                    in the place of state_sup where there are many
+impulse             max over i and contacts of |I - I*|
+reaction            max over i of |R - R*|_inf
+l1                  sum over j and contacts of D_j |m_j - m*_j|
+settled             max of |m_j - m*_j| outside windows of 2 sample spacings around the events
+                    of the reference
+sup                 max of |m_j - m*_j| over all j: a diagnostic, no order where m* jumps
+lam_*, lam_floor    multipliers of single steps, see `measure.multiplier_times`
+event_time,         see `event_errors`
+events_missed, events_extra
+multipliers_unique  have the active gradients full rank along the reference? None without one
+selection,          where they have not (impulse, l1, settled, sup are NaN there and the error
+polyhedron          of the reaction stands in their place): distance of the multipliers to the
+                    smallest element of the set of all (a selection, no error) and to the set
+*_floor             ten times the reference's own error; errors below say nothing
+*_scale             largest value of the reference, at least 1: what rounding is relative to
+below               names of the errors that say nothing, see `below_reference`
+reference           "closed form", "certified", "stored" or "none"
+feasibility, sign, complementarity, residual: see `measure.residuals`
+==================  ========================================================================
+"""
 
 from __future__ import annotations
 
@@ -16,43 +46,16 @@ from nsbench.problem import Complementarity
 from nsbench.reference import columns_of, spread
 from nsbench.trajectory import Trajectory
 
-MEASURED = ("ok", "unverified", "degenerate", "below_reference")  # statuses of runs that reached T
+# statuses of runs that reached T
+MEASURED = ("ok", "unverified", "degenerate", "below_reference")
 
 
 def errors(case: Case, traj: Trajectory) -> dict:
     """Measure the errors and residuals of one run; NaN where one has no meaning.
 
-    x, I, R are the state, the impulses (contacts are matched by id, one that is absent has none)
-    and the reaction of the run, x*, I*, R* those of the reference, i the samples, j the sample
-    intervals of length D_j, m_j = (I_{j+1} - I_j) / D_j the mean multiplier of an interval.
-
-    ==================  ========================================================================
-    state_sup           max over i of |x - x*|_inf
-    state_T             |x - x*|_inf at the last sample
-    set_distance        distance of the samples from the set of all solutions (`Case.distance`);
-                        in the place of state_sup where there are many
-    impulse             max over i and contacts of |I - I*|
-    reaction            max over i of |R - R*|_inf
-    l1                  sum over j and contacts of D_j |m_j - m*_j|
-    settled             max of |m_j - m*_j| outside windows of 2 sample spacings around the events
-                        of the reference
-    sup                 max of |m_j - m*_j| over all j: a diagnostic, no order where m* jumps
-    lam_*, lam_floor    multipliers of single steps, see `measure.multiplier_times`
-    event_time,         see `event_errors`
-    events_missed, events_extra
-    multipliers_unique  have the active gradients full rank along the reference? None without one
-    selection,          where they have not (impulse, l1, settled, sup are NaN there and the error
-    polyhedron          of the reaction stands in their place): distance of the multipliers to the
-                        smallest element of the set of all (a selection, no error) and to the set
-    *_floor             ten times the reference's own error; errors below say nothing
-    *_scale             largest value of the reference, at least 1: what rounding is relative to
-    below               names of the errors that say nothing, see `below_reference`
-    reference           "closed form", "certified", "stored" or "none"
-    feasibility, sign, complementarity, residual: see `measure.residuals`
-    ==================  ========================================================================
-
-    A run that did not reach T has residuals only. Units and labels: `nsbench.columns`. Whoever
-    prints an error prints its floor. ValueError if the samples are not those of the case;
+    The keys are described at the head of this module; units and labels: `nsbench.columns`.
+    A run that did not reach T has residuals only. Whoever prints an error
+    prints its floor. ValueError if the samples are not those of the case;
     BadReference (a ValueError) if the stored reference is unusable.
     """
     made = context_of(case)

@@ -8,9 +8,16 @@ import pytest
 from report_rows import row
 
 from nsbench.cli import main
-from nsbench.gate import baseline, messages, spreads, update
+from nsbench.gate import baseline, spreads, update
 from nsbench.gate.baseline import Line
-from nsbench.gate.comparison import OUTCOMES, compare, exit_code
+from nsbench.gate.comparison import (
+    OUTCOMES,
+    compare,
+    count_outcomes,
+    exit_code,
+    format_lines,
+    format_summary,
+)
 from nsbench.gate.facts import Fact, facts
 from nsbench.report.data import read
 from nsbench.results import tables
@@ -247,15 +254,15 @@ def test_where_less_is_held_than_is_not_too_little_was_compared():
 def test_the_summary_is_harmless_and_counts_everything():
     wild = replace(FACT, case="<script>|x")
     findings = compare({wild.key: wild}, book(FACT, COUNT))
-    page = messages.summary(findings, exit_code(findings))
+    page = format_summary(findings, exit_code(findings))
     assert (
         "<script>" not in page
-        and "1 new" in messages.sentence(findings)
-        and "2 missing" in messages.sentence(findings)
+        and "1 new" in count_outcomes(findings)
+        and "2 missing" in count_outcomes(findings)
     )
     assert (
         set(OUTCOMES) >= {f.outcome for f in findings}
-        and messages.lines([])[-1] == "nothing to compare"
+        and format_lines([])[-1] == "nothing to compare"
     )
 
 

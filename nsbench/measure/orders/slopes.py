@@ -1,0 +1,119 @@
+"""Plain slopes of log err over log h, and the record of a fit that they are put into.
+
+Of all points, of the medians per octave and of the largest errors per octave, each by least squares
+with the t-based 95 % interval. They are reported beside the order, whatever its verdict.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from nsbench.measure.orders.plateau import power_law
+from nsbench.measure.orders.window import binned
+
+VERDICTS = (
+    "order",
+    "exact: no order",
+    "plateau",
+    "pre-asymptotic",
+    "undecided",
+    "diverges",
+    "below reference",
+)
+NAN2 = (np.nan, np.nan)
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Outcome of `fit_order`.
+
+    order      slope of log err over log h that the window tends to (negative: diverges; NaN: none)
+    interval   its 95 % interval
+    constant   M of err = M h^order
+    verdict    one of VERDICTS
+    window     (smallest, largest) step used; points: how many
+    median     plain slope of the medians per octave, with median_interval
+    envelope   plain slope of the largest errors per octave, with envelope_interval
+    line       plain slope of all points of the window
+    head       share of the further power at the coarsest step of the window
+    plateau    C of C + M h^p where one is claimed
+    dropped    points left out, by reason
+    octaves    length of the whole ladder
+    sentence   all this for a reader
+    """
+
+    order: float = np.nan
+    interval: tuple[float, float] = NAN2
+    constant: float = np.nan
+    verdict: str = "undecided"
+    window: tuple[float, float] = NAN2
+    points: int = 0
+    median: float = np.nan
+    envelope: float = np.nan
+    plateau: float = np.nan
+    octaves: float = 0.0
+    dropped: dict | None = None
+    sentence: str = ""
+    median_interval: tuple[float, float] = NAN2
+    envelope_interval: tuple[float, float] = NAN2
+    line: float = np.nan
+    head: float = np.nan
+
+
+def fit_slope(h, err) -> tuple[float, tuple[float, float], float]:
+    """Fit a line to log err over log h: slope, its t-based 95 % interval, constant exp(intercept);
+    NaN from fewer than three points."""
+    from scipy.special import stdtrit
+
+    n = len(h)
+    if n < 3:
+        return np.nan, NAN2, np.nan
+    u = np.log(h)
+    a, p, rss = power_law(u, np.log(err))
+    half = float(stdtrit(n - 2, 0.975)) * np.sqrt(rss / (n - 2) / np.sum((u - u.mean()) ** 2))
+    return p, (float(p - half), float(p + half)), float(np.exp(a))
+
+
+def fit_line(h, err, fit: Fit) -> Fit:
+    """Put the plain line, with those of medians and largest errors per octave, into `fit`: what
+    stands where nothing better can be said."""
+    p, interval, constant = fit_slope(h, err)
+    median = fit_slope(*binned(h, err, np.median))
+    envelope = fit_slope(*binned(h, err, np.max))
+    return replace(
+        fit,
+        order=p,
+        line=p,
+        interval=interval,
+        constant=constant,
+        points=len(h),
+        window=(float(h[0]), float(h[-1])) if len(h) else NAN2,
+        median=median[0],
+        median_interval=median[1],
+        envelope=envelope[0],
+        envelope_interval=envelope[1],
+    )
+
+
+def describe_slopes(fit: Fit) -> str:
+    """Say the plain slopes per octave, and the points left out, in sentences."""
+    slopes = [
+        f"{name} {p:.2f} [{lo:.2f}, {hi:.2f}]"
+        for name, p, (lo, hi) in (
+            ("medians", fit.median, fit.median_interval),
+            ("largest errors", fit.envelope, fit.envelope_interval),
+        )
+        if np.isfinite([p, lo, hi]).all()
+    ]
+    names = {
+        "floor": "below the floor",
+        "apart": "far off the others",
+        "head": "at the coarse end",
+        "not finite": "not finite",
+    }
+    out = [f"{fit.dropped[k]} {name}" for k, name in names.items() if fit.dropped[k]]
+    return (f" Plain slopes per octave: {', '.join(slopes)}." if slopes else "") + (
+        f" Left out: {', '.join(out)}." if out else ""
+    )
