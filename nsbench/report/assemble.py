@@ -1,20 +1,10 @@
-"""Data -> everything the page shows: figures drawn, tables and sentences computed."""
+"""Assemble the content of a report from its data: draw figures, compute tables and sentences."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from nsbench.report import (
-    clock_table,
-    cost,
-    error_table,
-    reliability_tables,
-    scaling,
-    tables,
-)
-from nsbench.report import (
-    performance_profiles as profiles,
-)
+from nsbench.report import cost, performance_profiles, scaling
 from nsbench.report.content import Content
 from nsbench.report.data import Data
 from nsbench.report.expectations import judge_expectations
@@ -29,6 +19,18 @@ from nsbench.report.style import (
 )
 from nsbench.report.summary import Summary, summarise
 from nsbench.report.svg_plots import compose_sheet, draw_panel, inline_svg
+from nsbench.report.tables.clock_table import clock_table
+from nsbench.report.tables.environment_tables import counts_line, environment_table, glossary_table
+from nsbench.report.tables.equal_error_tables import choice_table, speed_table
+from nsbench.report.tables.error_table import error_table
+from nsbench.report.tables.failure_tables import failures_table, seeds_table
+from nsbench.report.tables.multiplier_tables import labels_table, selection_table
+from nsbench.report.tables.order_table import orders_table
+from nsbench.report.tables.reliability_tables import (
+    bounds_table,
+    expected_table,
+    references_table,
+)
 from nsbench.report.talk_figure import describe_talk_figure, draw_talk_figure
 from nsbench.report.verdict import compare_speeds, write_verdict
 
@@ -37,8 +39,12 @@ MAX_DRAWN_CASES = 100  # cases with figures: a page of more could not be opened
 
 @dataclass(frozen=True)
 class Figures:
-    """panels: SVG elements for the page by case; files: standalone SVG by file name; talk: for the
-    page; profiles, scaling: SVG elements of the section on speed."""
+    """All figures of a report.
+
+    summaries, looks: by (case, method) and by method. ids: by case, also a file name. panels: SVG
+    elements for the page by case. files: standalone SVG by file name. talk: SVG for the page, "" if
+    there is none. profiles, scaling: SVG elements of the section on speed.
+    """
 
     summaries: dict[tuple, Summary]
     looks: dict
@@ -51,7 +57,10 @@ class Figures:
 
 
 def assign_ids(names) -> dict[str, str]:
-    """A distinct id, also a file name, per case."""
+    """Assign a distinct id, also a file name, to each case.
+
+    The ids of the page's sections and controls are taken.
+    """
     out = {}
     taken = {
         "talk",
@@ -105,7 +114,11 @@ def draw_figures(data: Data) -> Figures:
     if talk:
         files["talk"] = talk.replace("<svg ", '<svg style="background:#fff" ', 1)
     legend = [(spec, look[spec], False) for spec in data.specs]
-    over = [svg for svg in (profiles.draw_profile(data, t, look) for t in cost.TARGETS) if svg]
+    over = [
+        svg
+        for svg in (performance_profiles.draw_profile(data, t, look) for t in cost.TARGETS)
+        if svg
+    ]
     sizes = [draw_panel(p) for p in scaling.scaling_panels(data, look)]
     files |= {
         name: compose_sheet(group, legend, title)
@@ -129,48 +142,50 @@ def draw_figures(data: Data) -> Figures:
 
 
 def assemble_content(data: Data, drawn: Figures) -> Content:
-    """Tables and sentences around the figures."""
+    """Compute tables and sentences, and put them around the figures."""
     s = drawn.summaries
-    made = [
-        tables.choice_table(data),
-        tables.orders_table(s),
-        tables.speed_table(data),
-        tables.seeds_table(data),
-        tables.failures_table(data),
-        tables.environment_table(data.env),
-        tables.glossary_table(data),
-        reliability_tables.expected_table(judge_expectations(data, s)),
-        reliability_tables.bounds_table(data, s),
-        reliability_tables.references_table(data),
-        reliability_tables.selection_table(data, s),
-        reliability_tables.labels_table(data, s),
-        error_table.error_table(data),
+    built = [
+        choice_table(data),
+        orders_table(s),
+        speed_table(data),
+        seeds_table(data),
+        failures_table(data),
+        environment_table(data.env),
+        glossary_table(data),
+        expected_table(judge_expectations(data, s)),
+        bounds_table(data, s),
+        references_table(data),
+        selection_table(data, s),
+        labels_table(data, s),
+        error_table(data),
         scaling.scaling_table(data),
         scaling.sizes_table(data),
-        clock_table.clock_table(data),
+        clock_table(data),
     ]
-    lede = ", ".join(filter(None, (tables.counts_line(s), *_where(data.env))))
+    lede = ", ".join(filter(None, (counts_line(s), *_where(data.env))))
     factors = tuple(compare_speeds(data)) or (
         "No two methods reached the same error with loops of one kind.",
     )
-    told = {case: write_case_notes(data, case, s) for case in data.case_keys}
+    notes = {case: write_case_notes(data, case, s) for case in data.case_keys}
     return Content(
         title="nsbench report",
         lede=f"{lede}.",
         statements=tuple(write_verdict(data, s)),
-        tables={t.key: t for t in made},
+        tables={t.key: t for t in built},
         data=data,
         summaries=s,
         looks=drawn.looks,
         ids=drawn.ids,
         panels=drawn.panels,
-        notes=told,
+        notes=notes,
         speeds=factors,
         talk=drawn.talk,
         talk_sentence=describe_talk_figure(data),
         profiles=drawn.profiles,
         scaling=drawn.scaling,
-        cheapest=tuple([*scaling.describe_wins(data), *profiles.describe_profiles(data)]),
+        cheapest=tuple(
+            [*scaling.describe_wins(data), *performance_profiles.describe_profiles(data)]
+        ),
     )
 
 
@@ -187,27 +202,31 @@ def _where(env: dict) -> list[str]:
 
 
 def write_case_notes(data: Data, case: str, summaries: dict[tuple, Summary]) -> list[str]:
-    """What a reader of one case needs to be told beside its figures."""
-    mine = [s for (c, _), s in summaries.items() if c == case]
+    """Write the sentences below the docstring of one case.
+
+    They say why there is no number, where multipliers are not unique, and which step keeps the
+    constraints.
+    """
+    own = [s for (c, _), s in summaries.items() if c == case]
     out = []
-    if not any(s.word == "ok" for s in mine):
+    if not any(s.word == "ok" for s in own):
         out.append("No run of this case gave a number; the sentences below say why.")
     if data.case_keys.index(case) >= MAX_DRAWN_CASES:
         out.append(f"Figures are drawn for the first {MAX_DRAWN_CASES} cases of a study.")
-    if any(s.force.metric == "reaction" for s in mine):
+    if any(s.force.metric == "reaction" for s in own):
         out.append(
             "The multipliers are not unique here: the reaction is compared instead, and what a "
             "method picks among the multipliers is drawn apart, as its selection; it is not an "
             "error."
         )
     for target in (1e-2, 1e-3):
-        found = [cost.step_for_violation(s.runs, target) for s in mine if s.runs.violates]
+        found = [cost.step_for_violation(s.runs, target) for s in own if s.runs.violates]
         found = [c for c in found if c is not None]
         if found:
-            told = "; ".join(
+            reached = "; ".join(
                 f"{c.solver} h = {format_number(c.h)}{', the largest tried' if c.at_most else ''} "
                 f"({format_seconds(c.seconds)})"
                 for c in found[:4]
             )
-            out.append(f"Violation below {format_power(target)}: {told}.")
+            out.append(f"Violation below {format_power(target)}: {reached}.")
     return out

@@ -13,7 +13,7 @@ from textwrap import dedent
 from nsbench.report.data import Data, Runs
 from nsbench.report.style import Look, sanitise
 from nsbench.report.summary import Summary
-from nsbench.report.tables import Table
+from nsbench.report.tables.cells import Table
 from nsbench.report.verdict import Statement
 
 MAX_EQUATION_LINES = 12  # of a docstring; more would push the figures of the case off the screen

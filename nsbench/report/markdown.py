@@ -11,7 +11,7 @@ from nsbench.report.content import (
 )
 from nsbench.report.cost import COMPARISON_RULE
 from nsbench.report.style import escape_markdown
-from nsbench.report.tables import Table
+from nsbench.report.tables.cells import Table
 
 
 def render_markdown(c: Content) -> str:

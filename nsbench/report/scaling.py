@@ -31,7 +31,7 @@ from nsbench.report.style import (
     method_of,
 )
 from nsbench.report.svg_plots import Line, Panel
-from nsbench.report.tables import Cell, Row, Table
+from nsbench.report.tables.cells import Cell, Row, Table
 
 TARGET = 1e-3  # the equal error of the exponents: reached by most methods on most scenes
 FINEST_RUNS = 5  # at the end of the step ladder: the median of their seconds per step is used

@@ -79,8 +79,8 @@ def test_the_state_alone_does_not_make_a_row_below(slack, monkeypatch):
 
 @pytest.mark.survives("coarse reference")
 def test_the_report_shows_the_floor_instead():
-    from nsbench.report.reliability_tables import _known
     from nsbench.report.summary import format_error
+    from nsbench.report.tables.reliability_tables import _known
 
     assert format_error(3e-16, 1e-14) == "< 1e-14" and format_error(3e-13, 1e-14) == "3e-13"
     assert (

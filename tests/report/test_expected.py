@@ -8,10 +8,11 @@ from report_rows import STEPS, row
 import nsbench
 from nsbench import solvers
 from nsbench.report import data as source
-from nsbench.report import expectations, reliability_tables, summary, verdict
+from nsbench.report import expectations, summary, verdict
 from nsbench.report.assemble import assemble_content, draw_figures
 from nsbench.report.html_page import render_page
 from nsbench.report.markdown import render_markdown
+from nsbench.report.tables import multiplier_tables, reliability_tables
 
 SOLVERS = {
     "pbd": {
@@ -137,7 +138,7 @@ def test_selection_shows_the_false_plateau_of_a_naive_comparison():
         for h in STEPS
     ]
     data = source.build(source.columns_of(rows), {"a": {"T": 1.0}}, SOLVERS)
-    table = reliability_tables.selection_table(data, summary.summarise(data))
+    table = multiplier_tables.selection_table(data, summary.summarise(data))
     cells = [c.text for c in table.rows[0].cells]
     assert (
         cells[1].startswith("1.00")
@@ -145,7 +146,7 @@ def test_selection_shows_the_false_plateau_of_a_naive_comparison():
         and cells[4].startswith("plateau at 0.5")
     )
     assert "WARNING" in table.note
-    assert not reliability_tables.selection_table(*study(lambda h: h)).rows
+    assert not multiplier_tables.selection_table(*study(lambda h: h)).rows
 
 
 def test_errors_below_ten_times_the_bound_are_not_printed():

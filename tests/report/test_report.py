@@ -10,8 +10,9 @@ import pytest
 from report_rows import CASES, ENV, METHODS, SOLVERS, STEPS, made, row, summaries
 
 from nsbench import write_report
-from nsbench.report import assemble, markdown, style, svg_plots, tables
+from nsbench.report import assemble, markdown, style, svg_plots
 from nsbench.report import data as source
+from nsbench.report.tables import cells
 
 
 class Reader(HTMLParser):
@@ -325,7 +326,7 @@ def test_guides_show_claims_and_the_floor_is_shaded():
 
 
 def test_markdown_cells_cannot_break_the_table():
-    made_ = tables.Table("t", ("a",), (tables.Row((tables.Cell("x|y\n`z` <b>"),)),))
+    made_ = cells.Table("t", ("a",), (cells.Row((cells.Cell("x|y\n`z` <b>"),)),))
     assert markdown.render_table(made_).splitlines()[-1] == r"| x\|y \`z\` &lt;b&gt; |"
 
 

@@ -6,7 +6,8 @@ import pytest
 from report_rows import SOLVERS, STEPS, row, summaries
 
 from nsbench.report import cost as speed
-from nsbench.report import data, style, summary, tables, talk_figure, verdict
+from nsbench.report import data, style, summary, talk_figure, verdict
+from nsbench.report.tables import equal_error_tables, order_table
 from nsbench.solvers import get
 
 
@@ -22,7 +23,7 @@ def test_two_steps_are_no_order_and_zeros_are_exact():
         "a", "pbd"
     ]
     assert zero.state.kind == zero.force.kind == "exact"
-    assert tables.order_cell(zero.force).small == "exact at grid times"
+    assert order_table.order_cell(zero.force).small == "exact at grid times"
 
 
 @pytest.mark.parametrize("p, flag", [(0.5, "below"), (1.0, ""), (2.0, "above"), (-1.0, "below")])
@@ -157,7 +158,7 @@ def test_the_cheapest_method_depends_on_the_rows():
         for s, c in (("pbd", 2.0), ("catching_up", 1.0))
         for h in STEPS
     ]
-    cell = tables.choice_table(data.read(rows)).rows[0].cells[1]
+    cell = equal_error_tables.choice_table(data.read(rows)).rows[0].cells[1]
     assert cell.text == "catching_up" and "pbd" in cell.title
 
 
@@ -210,4 +211,4 @@ def test_a_slope_of_scatter_is_no_number_to_show():
         and state.verdict in summary.OPEN
         and not np.isfinite([state.order, state.constant]).any()
     )
-    assert tables.order_cell(state).text == state.verdict
+    assert order_table.order_cell(state).text == state.verdict

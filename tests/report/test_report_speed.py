@@ -9,7 +9,6 @@ from report_rows import STEPS, row
 
 from nsbench.report import (
     assemble,
-    clock_table,
     cost,
     performance_profiles,
     scaling,
@@ -18,6 +17,7 @@ from nsbench.report import (
 from nsbench.report import (
     data as source,
 )
+from nsbench.report.tables import clock_table
 
 SIZES = {"discs[n=3]": 6, "discs[n=10]": 20, "discs[n=30]": 60, "discs[n=100]": 200}
 

@@ -11,7 +11,7 @@ import numpy as np
 from nsbench.columns import describe, names
 from nsbench.report.data import Data, Runs
 from nsbench.report.style import format_number
-from nsbench.report.tables import Cell, Row, Table
+from nsbench.report.tables.cells import Cell, Row, Table
 
 GROUPS = ("error", "selection")
 

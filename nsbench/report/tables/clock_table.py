@@ -7,7 +7,7 @@ import numpy as np
 from nsbench.measure.clock import LONG
 from nsbench.report.data import Data
 from nsbench.report.style import TIMES, format_factor, format_seconds
-from nsbench.report.tables import Cell, Row, Table
+from nsbench.report.tables.cells import Cell, Row, Table
 
 
 def clock_table(data: Data) -> Table:

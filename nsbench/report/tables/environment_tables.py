@@ -1,0 +1,93 @@
+"""Tabulate the machine and versions of a study, and the words of its report."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from nsbench.columns import describe
+from nsbench.report.data import Data
+from nsbench.report.style import (
+    format_count,
+    sanitise,
+)
+from nsbench.report.summary import (
+    Summary,
+)
+from nsbench.report.tables.cells import Cell, Row, Table
+
+
+def _plain(value) -> str:
+    """A stored value as plain text."""
+    if isinstance(value, dict):
+        return ", ".join(f"{k} {v}" for k, v in value.items())
+    return " ".join(map(str, value)) if isinstance(value, (list, tuple)) else str(value)
+
+
+def environment_table(env: dict) -> Table:
+    """Build the table of env.json, one line per entry."""
+    rows = [
+        Row((Cell(sanitise(k, 80), kind="method"), Cell(sanitise(_plain(v)) or "empty")))
+        for k, v in env.items()
+    ]
+    return Table(
+        "environment",
+        ("what", "value"),
+        tuple(rows),
+        "" if rows else "The study stored no environment: its figures cannot be tied to a machine.",
+    )
+
+
+GLOSSARY = {  # words of the report that are no columns; those are described in nsbench.columns
+    "order, interval": "p of error = C h^p (1 + r h^q)^s in the fit window, the slope of log "
+    "error over log h that the error tends to, with its t-based 95 % interval; kept negative when "
+    "a method diverges",
+    "constant": "C in error = C h^p, of the finest steps",
+    "exact at grid times": "the error is rounding at every step, so that no order can be fitted "
+    "(Euler is exact for a constant drift)",
+    "plateau": "the error tends to C > 0: the method converges to a limit of its own",
+    "pre-asymptotic, undecided": "too few points, or too erratic, for a verdict; an answer, not "
+    "an omission",
+    "reference floor": "an error below it says more of the reference than of the method and is "
+    "not a number",
+    "counted work": "drift calls + projections + inner iterations (QP solves where those are not "
+    "counted)",
+    "compiled, host": "whether the loop over steps runs as machine code or in the Python "
+    "interpreter; seconds are compared only within a kind",
+    "claimed": f"the order a solver's file claims. A deviation is marked when the claim lies "
+    f"outside the interval and more than {0.1:g} away",
+}
+
+
+def glossary_table(data: Data) -> Table:
+    """Build the table of words: those of the report, then the columns that hold a value."""
+    rows = [Row((Cell(k, kind="method"), Cell(v))) for k, v in GLOSSARY.items()]
+    for name in _held(data):
+        column = describe(name)
+        title = column.title if column.title == name else f"{column.title} ({name})"
+        unit = f" [{column.unit}]" if column.unit else ""
+        rows.append(
+            Row((Cell(sanitise(title, 80), kind="method"), Cell(f"{column.meaning}{unit}")))
+        )
+    return Table("glossary", ("word", "meaning"), tuple(rows))
+
+
+def _held(data: Data) -> list[str]:
+    """Names of the columns in which some run of the study holds a value."""
+    held: dict = {}
+    for runs in data.runs.values():
+        for name, values in runs.col.items():
+            if name not in held and np.any(
+                np.isfinite(values) if values.dtype == np.float64 else values != ""
+            ):
+                held[name] = None
+    first = next(iter(data.runs.values()), None)
+    return [name for name in (first.col if first else ()) if name in held]
+
+
+def counts_line(summaries: dict[tuple, Summary]) -> str:
+    """Count runs, methods and cases: ``24 runs of 3 methods on 2 cases``."""
+    runs = sum(len(s.runs) for s in summaries.values())
+    return (
+        f"{format_count(runs, 'run')} of {format_count(len({k[1] for k in summaries}), 'method')} "
+        f"on {format_count(len({k[0] for k in summaries}), 'case')}"
+    )

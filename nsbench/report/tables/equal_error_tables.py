@@ -1,0 +1,140 @@
+"""Tabulate costs at equal error: the cheapest method, and factors over PBD."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from nsbench.report.cost import (
+    TARGETS,
+    Cost,
+    format_setting,
+    rank_costs,
+    ratio_of_seconds,
+    ratio_of_work,
+    select_baseline,
+    why_not_comparable,
+)
+from nsbench.report.data import Data
+from nsbench.report.style import (
+    LEADING_METHOD,
+    TIMES,
+    format_factor,
+    format_power,
+    format_seconds,
+    method_of,
+)
+from nsbench.report.tables.cells import Cell, Row, Table
+
+
+def choice_table(data: Data) -> Table:
+    """Build the table case x error of the cheapest method.
+
+    By seconds among compiled loops, by counted work where there is none.
+    """
+    rows = []
+    if not any(np.isfinite(r.col["state_sup"][r.good]).any() for r in data.runs.values()):
+        return Table("choice", (), ())
+    for case in data.case_keys:
+        cells = [Cell(case, kind="method")]
+        for target in TARGETS:
+            found = rank_costs(data, case, target)
+            blind = not any(
+                np.isfinite(r.col["state_sup"][r.good]).any() for r in data.of_case(case)
+            )
+            cells.append(Cell("no error known", kind="quiet") if blind else _choice(found, target))
+        rows.append(Row(tuple(cells)))
+    return Table(
+        "choice",
+        ("case", *(f"error {format_power(t)}" for t in TARGETS)),
+        tuple(rows),
+        "The cheapest method whose state error stays below the figure at all smaller steps, with "
+        "the accuracy it needs. Seconds are compared between compiled loops; “host loop” marks a "
+        "method that alone reaches the error, or whose seconds measure the interpreter.",
+    )
+
+
+def _choice(found: list[Cost], target: float) -> Cell:
+    """The cheapest of the methods that reach `target`; the others in the title."""
+    if not found:
+        return Cell(
+            "not reached", kind="quiet", title=f"No run stayed below {format_power(target)}."
+        )
+    first = found[0]
+    bound = "at most " if first.at_most else ""
+    small = f"{bound}{format_seconds(first.seconds)}, {format_setting(first)}"
+    others = ", ".join(f"{c.solver} {format_seconds(c.seconds)}" for c in found[1:])
+    if first.loop != "compiled":
+        small += f", {first.loop or 'unmarked'} loop"
+    return Cell(
+        first.solver,
+        small,
+        f"Also reached by: {others}." if others else "No other method reached it.",
+        "best",
+    )
+
+
+def speed_table(data: Data) -> Table:
+    """Build the table case x method of seconds at equal error, with the factor over PBD."""
+    rows = []
+    for case in data.case_keys:
+        by_target = {t: rank_costs(data, case, t) for t in TARGETS}
+        finished = [r for r in data.of_case(case) if r.good.any()]
+        for runs in data.of_case(case):
+            mine = {
+                t: next((c for c in found if c.solver == runs.solver), None)
+                for t, found in by_target.items()
+            }
+            if not any(mine.values()):
+                continue
+            cells = [Cell(runs.solver, f"{runs.loop or 'unmarked'} loop", kind="method")]
+            absent = (
+                f"{LEADING_METHOD} does not reach it"
+                if any(method_of(r.solver) == LEADING_METHOD for r in finished)
+                else f"no {LEADING_METHOD} here"
+            )
+            cells += [_speed(mine[t], select_baseline(by_target[t]), absent) for t in TARGETS]
+            rows.append(Row(tuple(cells), case, runs.solver))
+    return Table(
+        "speed",
+        ("method", *(f"error {format_power(t)}" for t in TARGETS)),
+        tuple(rows),
+        "Seconds to a state error, interpolated on the work-precision curve, and their factor "
+        "over PBD. ≤: the coarsest run tried was already better, so that no factor can be given; "
+        "“work” is the factor in drift calls + projections + inner iterations, for loops of "
+        "different kinds.",
+    )
+
+
+def _speed(cost: Cost | None, base: Cost | None, absent: str) -> Cell:
+    """Seconds of one method with its factor over `base`; absent: why there is no base."""
+    if cost is None:
+        return Cell("not reached", kind="quiet")
+    text = ("≤ " if cost.at_most else "") + format_seconds(cost.seconds)
+    if base is None:
+        return Cell(text, absent, kind="number")
+    if cost.solver == base.solver:
+        return Cell(text, f"{TIMES} 1 (the measure)", kind="number")
+    if cost.at_most or base.at_most:
+        return Cell(
+            text, "bounds only", "A coarsest run was already better than this error.", "number"
+        )
+    ratio = ratio_of_seconds(cost, base)
+    work = ratio_of_work(cost, base)
+    small = (
+        f"{TIMES} {format_factor(ratio)}"
+        if ratio
+        else f"work {TIMES} {format_factor(work)}"
+        if work
+        else "not comparable"
+    )
+    spread = (
+        f"quartiles {format_seconds(cost.low)} and {format_seconds(cost.high)}"
+        if np.isfinite(cost.low + cost.high)
+        else ""
+    )
+    return Cell(
+        text,
+        small,
+        spread if ratio else f"Not compared in seconds: {why_not_comparable(cost, base)}.",
+        "number",
+    )
