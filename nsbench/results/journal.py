@@ -1,5 +1,8 @@
-"""The journal of a study, line by line as its runs end, and how files are written so that no half
-of one is ever seen."""
+"""The journal of a study: DIR/journal.jsonl, one JSON line per run, appended and synced as runs end.
+
+A line holds a row with its key and the digests of the parts of the key, or the items of one part,
+which stand before the first row that has it. Each line ends with a checksum of itself.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,7 @@ import re
 import stat
 import sys
 import zlib
-from collections.abc import MutableMapping
+from collections.abc import Iterator, MutableMapping
 from pathlib import Path
 
 from nsbench.results.atomic_write import StoreError, sync_folder
@@ -20,14 +23,17 @@ from nsbench.trajectory import MACHINE, utf8_safe
 
 SCHEMA = 1
 BLOCK = 1 << 20  # bytes that are read at a time
-LONGEST = 16 << 20  # bytes of a line: what one run is made of takes some ten thousand
+LONGEST = 16 << 20  # bytes of a line: the parts of one key take some ten thousand
 PIECES = re.compile(rb"[^\0\n]+|\0+|\n")
-WHOLE = 1 << 63
+INT64 = 1 << 63  # whole numbers of a table are below this
 FOLDERS = ("figures", "output")
-# what a kill leaves of `replace`, by the number of its process; of older versions, of reports and
-# figures: of names that a study writes, in its folder and in those below, and of nothing else, be
-# it named as strangely
-WRITTEN = r"runs\.csv|runs\.parquet|(?:cases|solvers|extra|env)\.json|report\.html|report\.md|\.report\.key|calibration\.csv"
+# temporary files that a killed process leaves of `atomic_write.replace` (with its process number),
+# and that older versions left of reports and figures: only names that a study writes, in its folder
+# and in those below, so that no other file is ever deleted
+WRITTEN = (
+    r"runs\.csv|runs\.parquet|(?:cases|solvers|extra|env)\.json|report\.html|report\.md|"
+    r"\.report\.key|calibration\.csv"
+)
 LEFT = re.compile(rf"\.(?:(?:{WRITTEN}|report\.key)\.(\d+)|report\.(?:html|md)\.[a-z0-9_]{{8}})")
 LEFT_BELOW = re.compile(r"\.(?:.+\.(?:svg|txt)|.{40})\.(?:(\d+)|[a-z0-9_]{8})")
 FULL = (
@@ -40,12 +46,15 @@ FULL = (
 
 
 def clean(row: dict) -> dict:
-    """The row with plain Python values, text that UTF-8 can spell and whole numbers that 64 bits
-    hold; JSON has no NaN and no infinity: they become None and text."""
+    """Return the row with values that JSON can hold.
+
+    Values become plain Python's, text valid UTF-8, whole numbers beyond 64 bits floats. JSON has no
+    NaN and no infinity: they become None and text.
+    """
     out = {}
     for k, v in row.items():
         v = v.item() if hasattr(v, "item") else v
-        if isinstance(v, int) and not -WHOLE <= v < WHOLE:
+        if isinstance(v, int) and not -INT64 <= v < INT64:
             v = float(v) if abs(v) <= sys.float_info.max else math.inf if v > 0 else -math.inf
         if isinstance(v, float) and not math.isfinite(v):
             v = None if math.isnan(v) else ("inf" if v > 0 else "-inf")
@@ -54,6 +63,7 @@ def clean(row: dict) -> dict:
 
 
 def restore(row: dict) -> dict:
+    """Return the row whose cleaned form (`clean`) this is."""
     numbers = {"inf": math.inf, "-inf": -math.inf}
     return {
         utf8_safe(k): math.nan
@@ -66,17 +76,15 @@ def restore(row: dict) -> dict:
 
 
 class Journal:
-    """DIR/journal.jsonl: one line per run, written and synced as the run ends; locked while it is
-    open.
+    """DIR/journal.jsonl, open for appending; locked for other processes while it is open.
 
-    Each line carries a checksum of itself. What a kill, a full disk or a loss of power left of a
-    line is dropped on reading and cut off here. Raises ValueError for a folder that cannot be one,
-    StoreError for one that is in use.
+    What a kill, a full disk or a loss of power left of a line is dropped on reading and cut off
+    here. Raises ValueError for a folder that cannot hold a journal, StoreError for one in use.
     """
 
     def __init__(self, folder: Path):
         self.path = folder / "journal.jsonl"
-        self._told = set()
+        self._parts_written = set()
         made = not folder.exists()
         try:
             folder.mkdir(parents=True, exist_ok=True)
@@ -117,7 +125,7 @@ class Journal:
                 raise StoreError(f"another run is writing to {self.path.parent}") from None
 
     def _mend(self):
-        """Cut off what is no whole line at the end."""
+        """Cut off an incomplete last line, and delete temporary files of killed processes."""
         size = os.fstat(self._file).st_size
         with open(self.path, "rb") as file:
             last = _backwards(file, size, lambda block: block.rfind(b"\n") + 1)
@@ -138,13 +146,15 @@ class Journal:
                     left.unlink(missing_ok=True)
 
     def append(self, key: str, row: dict, parts=()) -> None:
-        """The row of a run, written and synced, and, by their digests, the parts of its key; what
-        is in a part is written once, before. Raises StoreError if that fails; the journal is then
-        as it was."""
+        """Append and sync the row of a run with the digests of the parts of its key.
+
+        The items of a part are written once, before the first such row. Raises StoreError if that
+        fails; the journal is then as it was.
+        """
         lines = [
             {"schema": SCHEMA, "part": p.digest, "items": dict(p.items)}
             for p in parts
-            if p.digest not in self._told
+            if p.digest not in self._parts_written
         ]
         lines.append(
             {"schema": SCHEMA, "key": key, "parts": [p.digest for p in parts], "row": clean(row)}
@@ -161,9 +171,10 @@ class Journal:
             raise StoreError(
                 f"cannot write {self.path}: {e.strerror}; what was finished before is kept"
             ) from None
-        self._told |= {p.digest for p in parts}
+        self._parts_written |= {p.digest for p in parts}
 
-    def close(self):
+    def close(self) -> None:
+        """Close the file and release its lock."""
         if self._file >= 0:
             os.close(self._file)
             self._file = -1
@@ -180,13 +191,13 @@ def _alive(pid: int) -> bool:
 
 
 def _sealed(entry: dict) -> bytes:
-    """The line of an entry, with a checksum of what stands before it."""
+    """Return the line of an entry, with a checksum of what stands before it."""
     text = json.dumps(entry, allow_nan=False).encode()
     return text[:-1] + b', "sum": "%08x"}\n' % zlib.crc32(text[:-1])
 
 
 def _opened(line: bytes) -> dict:
-    """The entry of a line. Raises ValueError for one that is not as it was written."""
+    """Return the entry of a line. Raises ValueError for one that is not as it was written."""
     entry = json.loads(line)
     if not isinstance(entry, dict):
         raise ValueError("no entry")
@@ -198,8 +209,10 @@ def _opened(line: bytes) -> dict:
 
 
 def _backwards(file, end: int, find) -> int:
-    """The place before `end` that find(block) tells of, counted from the block's begin; 0 if it
-    tells 0 of all blocks."""
+    """Return the position before `end` that find(block) returns, read block by block backwards.
+
+    find counts from the begin of the block; 0 if it returns 0 for all blocks.
+    """
     while end > 0:
         begin = max(0, end - BLOCK)
         file.seek(begin)
@@ -210,9 +223,11 @@ def _backwards(file, end: int, find) -> int:
 
 
 def _lines(path: Path):
-    """(number from 1, bytes) of the lines of a file, a block at a time; blocks of zeros, which a
-    loss of power leaves, end the line that they are in. Raises ValueError for a line that is longer
-    than any of a journal."""
+    """Yield (number from 1, bytes) of the lines of a file, read a block at a time.
+
+    Blocks of zeros, which a loss of power leaves, end the line that they are in. Raises ValueError
+    for a line that is longer than any of a journal.
+    """
     number = 1
     line = b""
     with open(path, "rb") as file:
@@ -234,8 +249,8 @@ def _lines(path: Path):
         yield number, line
 
 
-def entries(path: Path):
-    """(number of its line from 1, entry or None for what cannot be read)."""
+def entries(path: Path) -> Iterator[tuple[int, dict | None]]:
+    """Yield (number of the line from 1, entry, or None where it cannot be read) of a journal."""
     if not path.exists():
         return
     for number, text in _lines(path):
@@ -251,23 +266,27 @@ def entries(path: Path):
 def read_journal(
     folder: Path, damaged: list[int] | None = None, into: MutableMapping | None = None
 ) -> MutableMapping:
-    """Rows by key (in `into`, a dict if None); the last one of a key counts. Lines that cannot be
-    read are dropped, and their numbers added to `damaged`."""
+    """Return rows by key (in `into`, a dict if None); the last row of a key counts.
+
+    Lines that cannot be read are dropped, and their numbers added to `damaged`.
+    """
     out: MutableMapping = {} if into is None else into
-    lost = [] if damaged is None else damaged
+    unreadable = [] if damaged is None else damaged
     for number, entry in entries(Path(folder) / "journal.jsonl"):
         try:
             if entry["schema"] == SCHEMA and "part" not in entry:
                 out[entry["key"]] = restore(entry["row"])
         except (KeyError, TypeError, AttributeError):
-            lost.append(number)
+            unreadable.append(number)
     return out
 
 
 def read_parts(folder: Path) -> tuple[dict[tuple, list[str]], dict[str, dict]]:
-    """What runs were made of: digests of parts by (case, solver, accuracy, asked), the last run
-    counting; items of a part by its digest."""
-    made = {}
+    """Return (digests of parts by (case, solver, accuracy, asked), items of a part by its digest).
+
+    Of several rows of one run the last counts.
+    """
+    digests = {}
     parts = {}
     for _, entry in entries(Path(folder) / "journal.jsonl"):
         with contextlib.suppress(ValueError, KeyError, TypeError):
@@ -277,22 +296,24 @@ def read_parts(folder: Path) -> tuple[dict[tuple, list[str]], dict[str, dict]]:
                 parts[str(entry["part"])] = dict(entry["items"])
             else:
                 row = restore(entry["row"])
-                made[row["case"], row["solver"], row["accuracy"], repr(float(row["asked"]))] = list(
-                    entry.get("parts", ())
+                digests[row["case"], row["solver"], row["accuracy"], repr(float(row["asked"]))] = (
+                    list(entry.get("parts", ()))
                 )
-    return made, parts
+    return digests, parts
 
 
 def as_read(row: dict) -> dict:
-    """The row as a journal gives it back: what is written from it is the same before and after a
+    """Return the row as a journal returns it, so that tables are the same before and after a
     resume."""
     return restore(json.loads(json.dumps(clean(row), allow_nan=False)))
 
 
 def settled(row: dict, timeout: float | None) -> bool:
-    """Is this row final? A run that was killed (by whomever), ran out of memory, met a fault of the
-    machine (a full disk, a missing file), or had less time than `timeout` seconds is tried
-    again."""
+    """Is this row final?
+
+    A run is attempted again if it was killed, ran out of memory, met a fault of the machine (a full
+    disk, a missing file), or had less time than `timeout` (s).
+    """
     if row["status"] == "timeout":
         return timeout is not None and timeout <= row.get("limit", 0.0)
     return row["status"] not in ("crashed", "oom") and not (

@@ -1,23 +1,21 @@
-"""Rows of a study in little room: a tenth of what a dict of each would take."""
+"""Store the rows of a study in memory, in a tenth of the space of a dict each."""
 
 from __future__ import annotations
 
 from array import array
-from collections.abc import Iterable, Iterator, MutableMapping
+from collections.abc import Callable, Iterable, Iterator, MutableMapping
 
 
 class PackedRows(MutableMapping):
-    """Rows by key, given back equal to what was put in, each time as a dict of its own.
+    """Rows by key; each look-up returns a new dict, equal to the row that was stored.
 
-    The names of a row's columns are kept once for all rows that have the same, its floats side by
-    side (8 bytes each), and each word once.
+    Names of columns are stored once for all rows that have the same ones, floats in one array (8
+    bytes each), and each text once.
     """
 
     def __init__(self):
         self._packed: dict[str, tuple] = {}
-        self._layouts: dict[
-            tuple, tuple
-        ] = {}  # (name, is it a float?) of every column, each itself
+        self._layouts: dict[tuple, tuple] = {}  # (name, is it a float?) of every column
         self._words: dict[str, str] = {}
 
     def __setitem__(self, key: str, row: dict) -> None:
@@ -33,8 +31,8 @@ class PackedRows(MutableMapping):
     def __getitem__(self, key: str) -> dict:
         layout, floats, others = self._packed[key]
         numbers = iter(array("d", floats))
-        rest = iter(others)
-        return {name: next(numbers if is_float else rest) for name, is_float in layout}
+        values = iter(others)
+        return {name: next(numbers if is_float else values) for name, is_float in layout}
 
     def __delitem__(self, key: str) -> None:
         del self._packed[key]
@@ -50,17 +48,19 @@ class PackedRows(MutableMapping):
 
 
 class OrderedRows:
-    """The rows of these keys, as often as they are asked for; instead(i) makes that of a key, the
-    i-th, that has none."""
+    """Rows in the order of `keys`, as an iterable that can be gone through several times.
 
-    def __init__(self, rows: PackedRows, keys: Iterable[str], instead):
+    missing_row(i) makes the row of the i-th key, where there is none.
+    """
+
+    def __init__(self, rows: PackedRows, keys: Iterable[str], missing_row: Callable[[int], dict]):
         self.rows = rows
         self.keys = list(keys)
-        self.instead = instead
+        self.missing_row = missing_row
 
     def __len__(self) -> int:
         return len(self.keys)
 
     def __iter__(self) -> Iterator[dict]:
         for i, key in enumerate(self.keys):
-            yield self.rows[key] if key in self.rows else self.instead(i)
+            yield self.rows[key] if key in self.rows else self.missing_row(i)

@@ -1,4 +1,4 @@
-"""What a study leaves on disk: journal, tables, environment."""
+"""Write the rows of a study as tables: DIR/runs.csv and DIR/runs.parquet."""
 
 from __future__ import annotations
 
@@ -19,15 +19,17 @@ FORMULA = ("=", "+", "-", "@", "\t", "\r")  # what begins a formula in a spreads
 
 
 def write_tables(folder: Path, rows: Iterable[dict]) -> dict[str, str]:
-    """runs.csv and runs.parquet; the digests of their contents, by name. rows: are gone through
-    several times, and never all of them held."""
+    """Write runs.csv and runs.parquet; return the digests of their contents by name.
+
+    rows: an iterable that can be gone through several times; never are all rows in memory as dicts.
+    """
     import pyarrow as pa
     import pyarrow.parquet as pq
 
     columns = _kinds(pa, rows)
     text = io.StringIO()
     tables = []
-    plain = map(_spelled, rows)
+    plain = map(_utf8_row, rows)
     w = csv.writer(text, lineterminator="\n")
     w.writerow([cell(c) for c in columns])
     while (block := list(islice(plain, BLOCK))) or not tables:
@@ -65,13 +67,13 @@ def _described(name: str) -> dict[bytes, bytes]:
 
 
 def cell(value):
-    """A cell of runs.csv: text that a spreadsheet would take for a formula begins with an
+    """Return a cell of runs.csv: text that a spreadsheet would take for a formula begins with an
     apostrophe."""
     return f"'{value}" if isinstance(value, str) and value.startswith(FORMULA) else value
 
 
 def text_of(value: str) -> str:
-    """The text of a cell, without the apostrophe that `cell` gave it."""
+    """Return the text of a cell, without the apostrophe that `cell` added."""
     return (
         value[1:]
         if isinstance(value, str) and value[:1] == "'" and value[1:].startswith(FORMULA)
@@ -79,13 +81,12 @@ def text_of(value: str) -> str:
     )
 
 
-def _spelled(row: dict) -> dict:
+def _utf8_row(row: dict) -> dict:
     return {utf8_safe(k): utf8_safe(v) if isinstance(v, str) else v for k, v in row.items()}
 
 
 def _kinds(pa, rows: Iterable[dict]) -> dict:
-    """The type of every column, by name: truth values, numbers as float64, everything else as
-    text."""
+    """Return the type of every column by name: truth values, numbers as float64, or text."""
     out: dict[str, int] = {}
     for row in rows:
         for k, v in row.items():
@@ -94,13 +95,13 @@ def _kinds(pa, rows: Iterable[dict]) -> dict:
             )
             out[k] = max(out.get(k, 0), kind)
     types = {}
-    for k, kind in out.items():  # names that are spelled alike are one column
+    for k, kind in out.items():  # names that are the same in UTF-8 are one column
         types[utf8_safe(k)] = max(types.get(utf8_safe(k), 0), kind)
     return {k: (pa.bool_(), pa.float64(), pa.string())[kind] for k, kind in types.items()}
 
 
 def _column(pa, values, kind):
-    """A column of this type (missing: null)."""
+    """Return a column of this type; missing values are null."""
     if kind == pa.float64():
         return pa.array([None if v is None else float(v) for v in values], kind)
     return pa.array(

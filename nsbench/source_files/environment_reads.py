@@ -28,7 +28,7 @@ HARMLESS = re.compile(
 )
 COPIES = ("copy", "items", "values", "__or__", "__ror__", "__repr__", "__eq__")
 MAPPING = ("os", "collections.abc", "_collections_abc")  # modules that os.environ is made of
-# by file of the code that asks: the first value that it got while files were loaded
+# by file of the code that asks: the value that it got last while files were loaded
 _by_load: dict[str, dict[str, str | None]] = {}
 # by case or solver file: the first value that its runs got
 _by_run: dict[str, dict[str, str | None]] = {}
@@ -119,7 +119,7 @@ def _record(environment, key, get_item, frame) -> None:
     except KeyError:
         value = None
     if _loads[0]:
-        _by_load.setdefault(file, {}).setdefault(name, value)
+        _by_load.setdefault(file, {})[name] = value
     for looked_up in _running:
         looked_up.setdefault(name, value)
 

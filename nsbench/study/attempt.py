@@ -18,11 +18,8 @@ from nsbench.trajectory import Status, Trajectory, machine_fault, utf8_safe
 
 # relative to each coordinate, or to 1: far above rounding, far below any error that counts
 START_PERTURBATION = 1e-12
-STARTS = {
-    "error": "feasible",
-    "project": "projected",
-    "keep": "kept",
-}  # what the case makes of a start outside
+# column `start`, by the policy of the case for an infeasible start
+STARTS = {"error": "feasible", "project": "projected", "keep": "kept"}
 REPEATED = "It ended once, and did not when it was repeated to be timed"
 LONGEST = 10_000  # characters of a text in a row
 
@@ -30,38 +27,39 @@ LONGEST = 10_000  # characters of a text in a row
 def run_batch(
     specs: list[Spec], announce: Callable[[str, int], None] = lambda what, i: None, order=None
 ):
-    """Rows of the specs of one case, as (index, row), each as soon as it is known.
+    """Yield the rows of the specs of one case, as (index, row), each as soon as it is known.
 
-    Each is prepared and run once; then all that were quick are timed in interleaved rounds, the
-    first call left out, and their rows given out once more with median, quartiles and worst, or as
-    an error where a repetition raised.
-    order(specs) yields (index, spec) in the order to take them (by default as they come).
-    announce(what, i): "prepare", "run", "measure", or, of a repetition, "again".
+    Each spec is prepared and run once. Then all quick runs are timed in interleaved rounds, the
+    first call left out, and their rows are yielded once more with median, quartiles and worst, or
+    as an error where a repetition raised.
+    order(specs) yields (index, spec) in the order of execution (by default that of the list).
+    announce(what, i) is called before each phase: "prepare", "run", "measure", or "again" for a
+    repetition.
     """
     from nsbench.measure import clock
 
-    kept = []
+    repeated = []
     for i, spec in order(specs) if order else enumerate(specs):
         row, run = attempt(spec, lambda what, i=i: announce(what, i))
         yield i, row
         if run is not None and timed_again(spec, row):
-            kept.append((i, row, run))
-    rounds = [clock.rounds_of(row["seconds"]) for _, row, _ in kept]
+            repeated.append((i, row, run))
+    rounds = [clock.rounds_of(row["seconds"]) for _, row, _ in repeated]
     times = clock.in_rounds(
-        [run for _, _, run in kept], rounds, lambda k: announce("again", kept[k][0])
+        [run for _, _, run in repeated], rounds, lambda k: announce("again", repeated[k][0])
     )
-    for (i, row, _), seconds in zip(kept, times, strict=True):
-        failed = isinstance(seconds, Exception)
-        yield (
-            i,
-            row
-            | (_status(_raised(seconds, f"{REPEATED}: ")) if failed else clock.columns(seconds)),
-        )
+    for (i, row, _), seconds in zip(repeated, times, strict=True):
+        if isinstance(seconds, Exception):
+            yield i, row | _status(_raised(seconds, f"{REPEATED}: "))
+        else:
+            yield i, row | clock.columns(seconds)
 
 
 def timed_again(spec: Spec, row: dict) -> bool:
-    """Is the run of this row repeated to be timed? Those that were quick and went well, from the
-    case's own start."""
+    """Is the run of this row repeated to be timed?
+
+    A run is repeated if it ended well and quickly, from the case's own start.
+    """
     from nsbench.measure import clock
 
     return (
@@ -72,14 +70,16 @@ def timed_again(spec: Spec, row: dict) -> bool:
 
 
 def attempt(spec: Spec, announce: Callable[[str], None] = lambda what: None):
-    """One run: its row and, if it can be timed again, the zero-argument run. Failures are rows,
-    whatever raised."""
+    """Attempt one run; return its row and, if it can be timed again, the zero-argument run.
+
+    A failure is a row as well, whatever raised.
+    """
     with opened_files.record_opens_of_run(*filter(None, [spec.file, *spec.solver_files])):
         return _attempt(spec, announce)
 
 
 def load_case_and_solver(spec: Spec):
-    """The case of the spec and its method; raises what their files raise."""
+    """Return the case of the spec and its method. Raises what their files raise."""
     _files_loaded.update(f for f in spec.solver_files if f not in _files_loaded and solvers.load(f))
     return resolve(spec.case, spec.file), solvers.get(spec.solver)
 
@@ -109,7 +109,7 @@ def _attempt(spec, announce):
         traj, seconds, compiled = clock.first_call(run, lambda: announce("run"))
         row |= clock.columns([seconds])
         row["compile_seconds"] += compiled
-    except Exception as e:  # a plugin may raise anything; it becomes a row and the others go on
+    except Exception as e:  # a plugin may raise anything; it becomes a row
         return row | _status(_raised(e)), None
     announce("measure")
     try:
@@ -122,31 +122,33 @@ def _attempt(spec, announce):
         traj = diagnose(case, traj, getattr(method, "checks", ()))
         row |= _status(traj.status) | errors(case, traj)
         row |= _below(row)
-    except Exception as e:  # what a solver returns can be anything as well
+    except Exception as e:  # a solver may return anything
         return row | _status(_raised(e, "The run ended, measuring it did not: ")), None
     return row, run if traj.status.ok and not spec.nudge else None
 
 
 def _solver_columns(spec: Spec, case: Case, traj: Trajectory) -> dict:
-    """The columns that are the solver's to tell: its counted work, and the steps it took."""
+    """Return the columns that the solver reports: its counted work, and the steps it took."""
     reserved = reserved_names()
-    told = {
+    counted = {
         utf8_safe(k): utf8_safe(v)[:LONGEST] if isinstance(v, str) else v
         for k, v in traj.stats.items()
         if isinstance(k, str) and isinstance(v, (int, float, str, bool)) and k not in reserved
     }
-    h = {"h": told.get("h", spec.asked), "k": 1.0 / spec.asked}.get(spec.accuracy, spec.asked)
-    return told | {"start": STARTS[case.start], "h": h, "lam_time": traj.lam_time}
+    h = {"h": counted.get("h", spec.asked), "k": 1.0 / spec.asked}.get(spec.accuracy, spec.asked)
+    return counted | {"start": STARTS[case.start], "h": h, "lam_time": traj.lam_time}
 
 
 def run_one(spec: Spec, announce: Callable[[str], None] = lambda what: None) -> dict:
-    """The row of one run, which depends on nothing but the spec and what it names (but for the
-    columns of the clock)."""
+    """Return the row of one run.
+
+    But for the columns of the clock it depends on nothing but the spec and what that names.
+    """
     return attempt(spec, announce)[0]
 
 
 def lost_run_row(spec: Spec, status: str, why: str) -> dict:
-    """The row of a run whose process ended before it could tell one."""
+    """Return the row of a run whose process ended before it could send one."""
     h = 1.0 / spec.asked if spec.accuracy == "k" else spec.asked
     return dict(
         case=spec.case,
@@ -161,7 +163,7 @@ def lost_run_row(spec: Spec, status: str, why: str) -> dict:
 
 
 def _raised(e: Exception, when: str = "") -> Status:
-    """The status of a run that raised: "oom" (from Python or from XLA), no start, or "error".
+    """Return the status of a run that raised: "oom" (from Python or from XLA), no start, or "error".
 
     An exception of a plugin may fail to describe itself: its __str__, or that of its cause, raises.
     """
@@ -182,18 +184,25 @@ def _describe_exception(e: Exception, when: str) -> Status:
 
 
 def perturbed_start(case: Case, seed: int) -> Case:
-    """The case from a start NUDGE away, relative to the larger of 1 and each coordinate; itself for
-    the seed 0."""
+    """Return the case from a start START_PERTURBATION away; the case itself for the seed 0.
+
+    The displacement is relative to the larger of 1 and each coordinate, with uniform factors in
+    (-1, 1) drawn with the seed.
+    """
     if not seed:
         return case
-    away = np.random.default_rng(seed).uniform(-1.0, 1.0, case.n)
-    return case.replace(x0=case.x0 + START_PERTURBATION * np.maximum(1.0, np.abs(case.x0)) * away)
+    direction = np.random.default_rng(seed).uniform(-1.0, 1.0, case.n)
+    return case.replace(
+        x0=case.x0 + START_PERTURBATION * np.maximum(1.0, np.abs(case.x0)) * direction
+    )
 
 
 def _below(row: dict) -> dict:
-    """The status of a run that is right as far as its reference can tell: state and impulses (or,
-    where these are not unique or not known, the reaction) are below ten times its bound. Otherwise
-    nothing changes."""
+    """Return the status of a run that is right as far as its reference can tell, else no column.
+
+    Its errors of state and impulses (or, where these are not unique or not known, of the reaction)
+    are below ten times the bound of the reference.
+    """
     below = row.get("below", "").split()
     force = next((name for name in ("impulse", "reaction") if np.isfinite(row[name])), None)
     if row["status"] != "ok" or "state_sup" not in below or (force and force not in below):

@@ -1,21 +1,19 @@
-"""What a report says of cases and methods beside their rows: what they are, and digests of what
-their numbers depend on."""
+"""Describe cases and methods for a report, with digests of what their numbers depend on."""
 
 from __future__ import annotations
 
 import dataclasses
-import hashlib
 from pathlib import Path
 
 import numpy as np
 
 from nsbench import solvers
 from nsbench.case import Case, get_case
+from nsbench.compilation import disk_cache
 
 
 def describe_case(case: Case) -> dict:
-    """What a report says of a case: its docstring, size, families, where its reference comes
-    from."""
+    """Describe a case: its docstring, size, families, where its reference comes from."""
     from nsbench.reference import reference
 
     p = case.problem
@@ -28,15 +26,14 @@ def describe_case(case: Case) -> dict:
     bounds = {
         k: getattr(ref, f"{k}_error", np.nan) for k in ("state", "impulse", "reaction", "event")
     }
-    told = {k: float(v) for k, v in bounds.items() if np.isfinite(v)} | {
-        "how": getattr(ref, "how", "")
-    }
+    certificate = {k: float(v) for k, v in bounds.items() if np.isfinite(v)}
+    certificate["how"] = getattr(ref, "how", "")
     return {
         "doc": case.doc,
         "n": case.n,
         "problem": type(p).__name__,
         "reference": kind,
-        "certificate": told,
+        "certificate": certificate,
         "tags": list(case.tags),
         "classes": list(case.classes),
         "families": [type(c).__name__ for c in getattr(p, "constraints", ())],
@@ -55,20 +52,17 @@ def _stored(case: Case) -> list:
 
 
 def _contents(paths) -> list[bytes]:
-    """What is in the files, whatever ends their lines."""
+    """Return the contents of the files, with one line ending on all systems."""
     return [Path(p).read_bytes().replace(b"\r\n", b"\n") for p in paths if p]
 
 
 def _digest(*chunks: bytes) -> str:
-    """Sixteen hexadecimal digits of the content."""
-    h = hashlib.sha256()
-    for c in chunks:
-        h.update(len(c).to_bytes(8, "little") + c)
-    return h.hexdigest()[:16]
+    """Return sixteen hexadecimal digits of the content."""
+    return disk_cache.digest(*chunks)[:16]
 
 
 def describe_solver(spec: str) -> dict:
-    """What a report says of a solver: its first line, its accuracy parameter and its claims."""
+    """Describe a solver: its first line, its accuracy parameter and its claims."""
     m = solvers.get(spec)
     return {
         "doc": next(iter((type(m).__doc__ or "").strip().splitlines()), ""),
@@ -80,8 +74,8 @@ def describe_solver(spec: str) -> dict:
 
 
 def talk_figure() -> dict:
-    """Data of the talk's figure: explicit Euler on `sliding` with dt = 0.2, 0.09, 0.04, and
-    implicit beside it."""
+    """Compute the data of the talk's figure: explicit and implicit Euler on `sliding` with steps
+    dt = 0.2, 0.09, 0.04."""
     case = get_case("sliding")
     out = {"case": case.key, "t": case.t.tolist(), "exact": case.exact(case.t).tolist(), "runs": []}
     for spec in ("euler", "euler[implicit=true]"):

@@ -1,8 +1,8 @@
 """Plan a study: every run to attempt, as a `Spec` of case, solver and accuracy.
 
-The accuracies of the standard suite are ladders of steps, tolerances or stiffnesses. Ratios of steps
-are not dyadic: a ladder of powers of two would show effects of binary rounding as if they were
-errors of the method.
+The accuracies of the standard suite are ladders of steps, tolerances or stiffnesses. Ratios of
+steps are not dyadic: a ladder of powers of two would show effects of binary rounding as if they
+were errors of the method.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from nsbench import solvers, user_code
-from nsbench.case import Case, case_module, case_names, get_case, load_case
+from nsbench.case import Case, case_module, case_names, get_case, load_case, parse_spec
 
 SUITES = ("smoke", "standard", "hard", "full")
 SMOKE = ("tide", "sliding", "three_discs")  # cases of the smoke suite, if they name none themselves
-POINTS = 19
-OCTAVES = 6
+POINTS = 19  # of a ladder of OCTAVES
+OCTAVES = 6  # between the coarsest and the finest step
 
 
 @dataclass(frozen=True)
@@ -28,10 +28,11 @@ class Spec:
     """One run to attempt: a case by key (or by file), a solver by spec, its accuracy (NaN:
     refused).
 
-    nudge: not 0 starts it NUDGE away from the case's start, in a direction drawn with this seed;
-    such a run is not timed.
-    parts: digests of what it is made of (nsbench.results.run_key) where it was asked for, for who
-    computes it elsewhere.
+    accuracy: name of the solver's accuracy parameter ("h", "tol", "k", "eps"); asked: its value.
+    nudge: a seed; other than 0 the run starts START_PERTURBATION away from the case's start, in a
+    direction drawn with the seed, and is not timed.
+    parts: digests of the parts of the run's key (nsbench.results.run_key) on the machine that
+    requests it, for a process that computes it elsewhere.
     """
 
     case: str
@@ -45,7 +46,7 @@ class Spec:
 
     @property
     def label(self) -> str:
-        """Case, solver and accuracy; of a run that is refused, which has none, case and solver."""
+        """Text of case, solver and accuracy; of a run that is refused, which has none, case and solver."""
         accuracy = f" {self.accuracy}={self.asked:.3g}" if np.isfinite(self.asked) else ""
         return f"{self.case} {self.solver}{accuracy}"
 
@@ -53,9 +54,12 @@ class Spec:
 def suite_cases(
     suite: str, tag: str | None = None, left_out: dict[str, str] | None = None
 ) -> list[str]:
-    """Keys of the cases of a suite; "full" holds everything, "smoke" the smallest. left_out: why
-    those that cannot be made are not among them, by name, is added here (None: the first one
-    raises)."""
+    """Return the keys of the cases of a suite.
+
+    "full" holds everything, "smoke" the smallest. tag: only cases with this tag. left_out: receives
+    by name why a case cannot be built (None: the first such case raises LookupError or ValueError).
+    Raises LookupError for an unknown suite.
+    """
     if suite not in SUITES:
         raise LookupError(f"no suite {suite!r}; there are: {', '.join(SUITES)}")
     out = []
@@ -68,9 +72,7 @@ def suite_cases(
         if suite == "smoke":
             sets = suites.get(
                 "smoke",
-                suites.get("standard", [])[:1]
-                if name in ("tide", "sliding", "three_discs")
-                else [],
+                suites.get("standard", [])[:1] if name in SMOKE else [],
             )
         for params in sets:
             try:
@@ -91,6 +93,7 @@ _given: dict[
 
 
 def hand_over(case: Case) -> str:
+    """Register a Case object; return the text that stands for its file in a `Spec`."""
     token = f"<object {len(_given)}>"
     _given[token] = case
     return token
@@ -98,13 +101,13 @@ def hand_over(case: Case) -> str:
 
 @functools.lru_cache(maxsize=512)
 def resolve(case: str, file: str = "") -> Case:
-    """The case of a key, from the registry or from a file; the same object each time, so that what
-    was compiled for it serves again."""
+    """Return the case of a key, from the registry or from a file.
+
+    It is the same object each time, so that what was compiled for it is used again.
+    """
     if file in _given:
         return _given[file]
     if file:
-        from nsbench.case import parse_spec
-
         return load_case(file, **parse_spec(case)[1])
     return get_case(case)
 
@@ -115,9 +118,13 @@ def plan_runs(
     values: dict | None = None,
     solver_files: tuple[str, ...] = (),
 ) -> list[Spec]:
-    """Every run to attempt. cases: (key, file); specs None: the standard ones and those a case
-    adds;
-    values: accuracies by name ("h", "tol", "k") that replace the standard ladders."""
+    """Return every run to attempt.
+
+    cases: (key, file), the file "" for a registered case; specs: of solvers (None: the standard
+    ones and those that a case adds); values: accuracies by name ("h", "tol", "k") that replace the
+    standard ladders. A pair that the solver refuses is one run of accuracy NaN. Raises ValueError
+    for a step that no grid over the samples has.
+    """
     out = []
     for key, file in cases:
         case = resolve(key, file)
@@ -129,14 +136,16 @@ def plan_runs(
                 continue
             asked = (values or {}).get(method.accuracy) or ladder(case, method)
             for h in asked if values and method.accuracy == "h" else ():
-                solvers.grid(case.t, h)  # a step that cannot be taken is told before anything runs
+                solvers.grid(case.t, h)  # raises before anything runs
             out += [Spec(key, spec, method.accuracy, float(a), file, solver_files) for a in asked]
     return out
 
 
 def substeps_ladder(first: int, octaves: float = OCTAVES, points: int = POINTS) -> list[int]:
-    """At least `points` step counts from `first` to 2^octaves times as many, at ratios that are not
-    dyadic."""
+    """Return at least `points` step counts from `first` to 2^octaves times as many.
+
+    Their ratios are not dyadic.
+    """
     ratio = 2.0 ** (octaves / (points - 1)) * 1.003
     while True:
         out = [first]
@@ -148,11 +157,10 @@ def substeps_ladder(first: int, octaves: float = OCTAVES, points: int = POINTS) 
 
 
 def ladder(case: Case, method) -> list[float]:
-    """The accuracies of the standard suite for a case and a method."""
+    """Return the accuracies of the standard suite for a case and a method."""
     if method.accuracy == "h":
         spacing = float(np.diff(case.t).min())
-        # dyadic effects are avoided by the ratios; fewer steps than this per sample are not
-        # asymptotic anywhere
+        # fewer steps per sample than a case's `substeps` are not asymptotic
         octaves = getattr(method, "octaves", OCTAVES)
         return [
             spacing / n

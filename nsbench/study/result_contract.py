@@ -1,4 +1,8 @@
-"""What a solver returned, held against the contract of a run: its word is not enough."""
+"""Check what a solver returned against the contract of a run.
+
+A status "ok" is the solver's claim. Here shapes, types, times, start and steps are checked; what
+the numbers are worth is measured (nsbench.measure) and diagnosed (nsbench.diagnostics) afterwards.
+"""
 
 from __future__ import annotations
 
@@ -14,21 +18,21 @@ from nsbench.problem import Complementarity
 from nsbench.solvers.common.initial_state import initial_state
 from nsbench.trajectory import LAM_TIMES, Status, Trajectory
 
-ROUNDED = 1e-12  # of the start's size: what linear combinations of runs may leave of it
-# of the step asked for: steps that divide the spacing of samples evenly are at least half as long
-SHORTEST = 0.49
-NEAREST = (
-    10.0  # times the way to the start that is projected: one of the points that may be the nearest
-)
-COUNTS = 200  # entries of stats
-SLACK = 1e-9  # relative, of steps: what dividing and adding them up rounds
+# of the start's size: rounding of the start by linear combinations of runs
+START_ROUNDING = 1e-12
+# of the requested step: steps that divide the spacing of samples evenly are at least half as long
+SHORTEST_STEP = 0.49
+# of the distance to the projected start, within which another nearest point may lie
+NEAREST_POINTS = 10.0
+MAX_STATS = 200  # entries of stats
+STEP_ROUNDING = 1e-9  # relative: steps are divided and added up
 
 
 def contract_violation(case: Case, traj, accuracy: str = "", asked: float = np.nan) -> str:
-    """What is wrong with what a solver returned, as a sentence; "" if it keeps the contract.
+    """Return how a solver's answer breaks the contract, as a sentence; "" if it keeps it.
 
-    case: with the start that the run was given; accuracy, asked: what the solver was asked for ("":
-    not looked at).
+    case: with the start that the run was given; accuracy, asked: name and value of the requested
+    accuracy (with the name "" steps are not checked).
     """
     if not isinstance(traj, Trajectory) or not isinstance(traj.status, Status):
         what = (
@@ -49,9 +53,9 @@ def contract_violation(case: Case, traj, accuracy: str = "", asked: float = np.n
             f"The solver returned lam_time = {traj.lam_time!r:.40}; one of "
             f"{', '.join(LAM_TIMES)} is needed."
         )
-    if len(traj.stats) > COUNTS:
+    if len(traj.stats) > MAX_STATS:
         return (
-            f"The solver returned stats with {len(traj.stats)} entries; at most {COUNTS} "
+            f"The solver returned stats with {len(traj.stats)} entries; at most {MAX_STATS} "
             f"become columns."
         )
     if not traj.status.ok:
@@ -71,9 +75,7 @@ def contract_violation(case: Case, traj, accuracy: str = "", asked: float = np.n
 
 def _arrays(case: Case, traj: Trajectory) -> str:
     shapes = [("x", (len(case.t), case.n)), ("impulse", (len(case.t), len(traj.contacts)))]
-    if np.size(
-        traj.reaction
-    ):  # some have none: of a field with switches, of methods that tell none
+    if np.size(traj.reaction):  # a field with switches has none, and some methods report none
         shapes.append(("reaction", (len(case.t), case.n)))
     for name, shape in shapes:
         a = np.asarray(getattr(traj, name))
@@ -88,16 +90,19 @@ def _arrays(case: Case, traj: Trajectory) -> str:
 
 
 def _start(case: Case, x: np.ndarray) -> str:
-    """Is x (n,) the start of the case? Where that is to be projected, any feasible point is:
-    several may be the nearest. Where it misses by no more than it may, any feasible point is that
-    is about as far away as the one that it is projected to."""
-    away = float(np.abs(x - case.x0).max(initial=0.0))
-    rounded = ROUNDED * float(np.abs(case.x0).max(initial=0.0))
+    """Check that x (n,) is the start of the case.
+
+    Where an infeasible start is projected, any feasible point is accepted: several may be the
+    nearest. Where the start violates constraints within their tolerances, any feasible point is
+    accepted that is about as far away as the projected start.
+    """
+    distance = float(np.abs(x - case.x0).max(initial=0.0))
+    rounded = START_ROUNDING * float(np.abs(case.x0).max(initial=0.0))
     if case.start != "keep" and isinstance(case.problem, Complementarity):
         scene = ConstraintSet(case.problem, case.n)
         t = float(case.t[0])
-        far = violates(case, scene, t, case.x0)
-        if far and case.start == "project":
+        infeasible = violates(case, scene, t, case.x0)
+        if infeasible and case.start == "project":
             return (
                 ""
                 if not violates(case, scene, t, x)
@@ -107,12 +112,12 @@ def _start(case: Case, x: np.ndarray) -> str:
                     "projected."
                 )
             )
-        if away > rounded and not far and not violates(case, scene, t, x):
+        if distance > rounded and not infeasible and not violates(case, scene, t, x):
             with contextlib.suppress(ValueError):  # no start is near
-                rounded += NEAREST * float(
+                rounded += NEAREST_POINTS * float(
                     np.abs(initial_state(case, scene) - case.x0).max(initial=0.0)
                 )
-    if away <= rounded:
+    if distance <= rounded:
         return ""
     i = int(np.argmax(np.abs(x - case.x0)))
     return (
@@ -123,29 +128,29 @@ def _start(case: Case, x: np.ndarray) -> str:
 
 
 def _steps(case: Case, stats: dict, asked: float) -> str:
-    """Can the steps that the solver says it took be those it was asked for? Orders are fitted on
+    """Check that the reported steps can be those that were requested: orders are fitted on
     them."""
     h = stats.get("h", asked)
     steps = stats.get("steps")
     span = float(case.t[-1] - case.t[0])
-    # some take no step over a sample, however long a one is asked for
-    least = SHORTEST * min(asked, float(np.diff(case.t).max()))
-    if not isinstance(h, numbers.Real) or not least < h <= asked * (1.0 + SLACK):
+    # some methods never step over a sample, however long the requested step
+    shortest = SHORTEST_STEP * min(asked, float(np.diff(case.t).max()))
+    if not isinstance(h, numbers.Real) or not shortest < h <= asked * (1.0 + STEP_ROUNDING):
         return (
-            f"The solver says ok, but its steps of {_told(h)} are none that h = {asked:.6g} "
+            f"The solver says ok, but its steps of {_format(h)} are none that h = {asked:.6g} "
             f"allows over a time of {span:g}: "
             "stats['h'] is the longest step it took."
         )
     if steps is not None and not (
-        isinstance(steps, numbers.Real) and steps * min(h, span) >= span * (1.0 - SLACK)
+        isinstance(steps, numbers.Real) and steps * min(h, span) >= span * (1.0 - STEP_ROUNDING)
     ):
         return (
-            f"The solver says ok, but {_told(steps)} steps of {h:.6g} do not cover a time of "
+            f"The solver says ok, but {_format(steps)} steps of {h:.6g} do not cover a time of "
             f"{span:g}: stats['steps'] "
             "counts all of them."
         )
     return ""
 
 
-def _told(value) -> str:
+def _format(value) -> str:
     return f"{value:.6g}" if isinstance(value, numbers.Real) else repr(value)[:40]

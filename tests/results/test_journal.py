@@ -127,7 +127,7 @@ def test_what_a_killed_process_left_beside_its_tables_is_cleared_away(tmp_path):
 def test_what_a_kill_left_of_reports_and_figures_is_cleared_by_the_next_run(tmp_path):
     gone = subprocess.Popen([sys.executable, "-c", ""])
     gone.wait()
-    names = [*consistency.FILES, consistency.STAMP, spreads.NAME, "report.html", "report.md"]
+    names = [*consistency.FILES, consistency.KEY_FILE, spreads.NAME, "report.html", "report.md"]
     left = [
         f".report.html.{gone.pid}",
         ".report.html.a1b2c3d4",

@@ -1,0 +1,92 @@
+"""Inputs that no import statement names, and rows that are not of the run they are stored for."""
+
+import csv
+import os
+import py_compile
+import subprocess
+import sys
+
+import pytest
+from solver_file import solver
+
+HEADER = """import os, sys
+sys.path.insert(0, os.path.join(os.path.dirname(__file__), "li" + "b"))
+helper = __import__("hel" + "per")
+"""
+VARIABLE = "NSTEST_FACTOR"
+FORKS = """
+    import time
+    here = os.path.dirname(__file__)
+    second = os.path.exists(here + "/forked")
+    if second:
+        open(here + "/go", "w").close()
+        time.sleep(1.5)
+    else:
+        open(here + "/forked", "w").close()
+        if os.fork() == 0:
+            until = time.monotonic() + 30.0
+            while not os.path.exists(here + "/go") and time.monotonic() < until:
+                time.sleep(0.01)
+"""
+
+
+def run(folder, *more, cases=("tide",), **variables):
+    """What `nsbench run` prints, in a process of its own: byte code is cached, modules are not."""
+    env = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"} | variables
+    command = ["run", *cases, "--solvers", "mine.py", "-s", "mine", "--h", "0.1", "-j", "1"]
+    done = subprocess.run(
+        [sys.executable, "-m", "nsbench", *command, "-o", "out", *more],
+        cwd=folder,
+        env=env,
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode in (0, 3), done.stderr
+    return done.stdout
+
+
+def rows(folder):
+    with open(folder / "out" / "runs.csv", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+@pytest.mark.survives("stale")
+def test_a_module_at_a_computed_place_counts_though_its_byte_code_is_cached(tmp_path):
+    helper = tmp_path / "lib" / "helper.py"
+    helper.parent.mkdir()
+    helper.write_text("value = 1.0\n")
+    py_compile.compile(str(helper))
+    (tmp_path / "mine.py").write_text(HEADER + solver("pass", stats='{"mark": helper.value}'))
+    run(tmp_path)
+    assert rows(tmp_path)[0]["mark"] == "1.0"
+    assert "0 to run, 1 known" in run(tmp_path, "--plan")
+    helper.write_text("value = 22.0\n")
+    for _ in range(2):  # the first plan compiles the module again
+        said = run(tmp_path, "--plan", "--probe", "0")
+        assert "1 to run, 0 known" in said and "helper.py changed" in said
+
+
+@pytest.mark.survives("stale")
+@pytest.mark.parametrize("when", ["load", "run"])
+@pytest.mark.parametrize("look_up", ['os.environ["{}"]', 'os.getenv("{}")'], ids=["item", "getenv"])
+def test_a_variable_that_a_file_looks_up_is_an_input(tmp_path, when, look_up):
+    text = f"c = float({look_up.format(VARIABLE)})"
+    header = f"import os\n{text}\n" if when == "load" else ""
+    body = solver("pass" if when == "load" else text, stats='{"mark": c}')
+    (tmp_path / "mine.py").write_text(header + body)
+    run(tmp_path, **{VARIABLE: "1.0"})
+    assert rows(tmp_path)[0]["mark"] == "1.0"
+    assert "0 to run, 1 known" in run(tmp_path, "--plan", **{VARIABLE: "1.0", "OTHER": "3"})
+    said = run(tmp_path, "--plan", "--probe", "0", **{VARIABLE: "2.0"})
+    assert "1 to run, 0 known" in said and f"environment variable {VARIABLE} changed" in said
+
+
+@pytest.mark.survives("stale")
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here")
+def test_a_row_of_one_case_is_never_stored_for_another(tmp_path):
+    """A process that a run has forked comes back from it as the worker does, while that is at work
+    on the next case."""
+    (tmp_path / "mine.py").write_text(solver(FORKS))
+    run(tmp_path, cases=("tide", "apple"))
+    assert sorted(r["case"] for r in rows(tmp_path)) == ["apple", "tide"]
+    assert {r["status"] for r in rows(tmp_path)} <= {"ok", "unverified", "crashed"}
