@@ -173,5 +173,5 @@ def test_a_run_without_a_row_is_told(tmp_path, monkeypatch, capsys):
 
 
 def test_the_key_tells_of_every_file_that_a_gate_reads(results):
-    told = consistency._told(results)
+    told = consistency._key_lines(results)
     assert len(told) == 2 + len(consistency.FILES) and len(told[0]) == 64
