@@ -1,1 +1,13 @@
-"""nsbench/compilation"""
+"""Compile factories and kernels, and cache what was compiled.
+
+decorators          the numba decorators of all kernels; importing them configures numba's cache
+numba_cache         where kernels are stored, and which edits compile them again
+compile_lock        one process compiles a kernel, the others wait and load it
+factories           a factory as a numpy function, as a numba function pointer, as a JAX function
+cfunc_cache         machine code of such pointers on disk
+jax_cache           compiled JAX programs in memory and on disk
+jax_serialization   a JAX executable as bytes, without pickle
+function_digest     digest of a function: code, closure, globals, recursively
+disk_cache          checksummed files in the user's cache folder; the SHA-256 helper
+installation        processor and versions of libraries
+"""

@@ -1,13 +1,12 @@
-"""Machine code of drifts in the user's cache folder: a second process takes it from there instead
-of compiling.
+"""Machine code of drifts on disk: a second process loads it instead of compiling.
 
-numba's own cache knows functions by the file and the line they stand in, and not closures, which
-drifts are. Here one is found by its fingerprint, by this package, the libraries that compile, their
-settings and the processor. A file is a line of JSON, which names the function, then the object file
-that LLVM wrote; it is linked in an engine of its own, so that no two drifts meet each other's
-names. A drift without a fingerprint, or whose code holds addresses of this process, is compiled in
-each. Nothing is unpickled to load one (what a drift raises is, by numba, when it is raised: it is a
-part of its machine code).
+numba's own cache identifies functions by file and line, and takes no closures, which drifts are.
+Here a drift is found by its digest (function_digest), by this package, the libraries that compile,
+their settings and the processor. A file is a line of JSON, which names the function, then the
+object file that LLVM wrote; it is linked in an engine of its own, so that names of two drifts do not
+clash. A drift without a digest, or whose code holds addresses of this process, is compiled in each
+process. Nothing is unpickled to load one (numba unpickles what a drift raises when it is raised:
+that is a part of its machine code).
 """
 
 from __future__ import annotations
@@ -25,20 +24,15 @@ from nsbench.compilation.installation import machine, version
 from nsbench.source_files.package import package_digest
 
 FORMAT = 1
-ELSEWHERE = (
-    "CACHE_DIR",
-    "NUM_THREADS",
-    "DEFAULT_NUM_THREADS",
-)  # settings of numba's that no drift's code depends on
-HERE = (
-    b".numba.unresolved",
-    b"__excinfo_unwrap_args",
-)  # a function that calls itself; an error with data in it
+# settings of numba on which no machine code depends
+HARMLESS_SETTINGS = ("CACHE_DIR", "NUM_THREADS", "DEFAULT_NUM_THREADS")
+# in code that is bound to this process: a function that calls itself; an error with data in it
+PROCESS_BOUND = (b".numba.unresolved", b"__excinfo_unwrap_args")
 
 
 class Pointer(types.WrapperAddressProtocol):
-    """Machine code from the disk as a first-class function of numba's: its address, its signature,
-    and what it lies in."""
+    """Machine code from the disk as a first-class function of numba: address, signature and the
+    engine that holds it."""
 
     def __init__(self, address: int, signature, engine):
         self.address = address
@@ -49,12 +43,12 @@ class Pointer(types.WrapperAddressProtocol):
         return self.address
 
     def signature(self):
-        """Signature of the function, numba's."""
+        """Return the numba signature of the function."""
         return self._signature
 
 
-class _Found:
-    """In the place of numba's cache of a callback: it keeps the result of the compilation."""
+class _CompileResult:
+    """Stands in for numba's cache of a callback, and stores the result of the compilation."""
 
     result = None
 
@@ -66,26 +60,26 @@ class _Found:
 
 
 def name_of(signature, what: str, function) -> str | None:
-    """The name under which a function's machine code is kept; None: it cannot be told from others.
+    """Return the name under which a function's machine code is stored; None: it has no digest.
 
     what: how the pointer is made of the function. Two functions of one name have the same code on
     this machine.
     """
     try:
-        made_of = fingerprint(function)
-    except (Unknown, RecursionError):  # the latter: a list that holds itself
+        function_digest = fingerprint(function)
+    except (Unknown, RecursionError):  # the latter: a list that contains itself
         return None
     settings = (
         f"{k}={v!r}"
         for k, v in sorted(vars(config).items())
-        if k.isupper() and isinstance(v, (int, str, float)) and k not in ELSEWHERE
+        if k.isupper() and isinstance(v, (int, str, float)) and k not in HARMLESS_SETTINGS
     )
     return disk_cache.digest(
         "pointer",
         str(FORMAT),
         what,
         str(signature),
-        made_of,
+        function_digest,
         package_digest(),
         *settings,
         *(f"{n} {version(n)}" for n in ("numba", "llvmlite", "numpy", "scipy")),
@@ -95,14 +89,14 @@ def name_of(signature, what: str, function) -> str | None:
 
 
 def load(name: str | None, signature) -> Pointer | None:
-    """The pointer whose code was kept under the name; None if there is none, or none of use."""
+    """Return the pointer whose code is stored under the name; None if there is none of use."""
     body = disk_cache.read(disk_cache.cache_folder("pointers"), name)
     if body is None:
         return None
     head, _, code = body.partition(b"\n")
     try:
-        told = json.loads(head)
-        symbol = told["name"] if told["format"] == FORMAT else None
+        header = json.loads(head)
+        symbol = header["name"] if header["format"] == FORMAT else None
         part = llvm.ObjectFileRef.from_data(code)
         if symbol is None or not part._ptr:
             return None
@@ -117,16 +111,18 @@ def load(name: str | None, signature) -> Pointer | None:
         KeyError,
         TypeError,
         RuntimeError,
-    ):  # no such line, or not of this LLVM's making: compiled again
+    ):  # no such line, or written by another LLVM: compiled again
         return None
     return Pointer(address, signature, engine) if address else None
 
 
 def compiled(name: str | None, signature, function) -> CFunc:
-    """The callback, compiled here, and kept under the name if its code can run elsewhere. Raises
-    what numba raises."""
+    """Compile the callback, and store it under the name if its code can run in another process.
+
+    Raises what numba raises.
+    """
     callback = CFunc(function, (signature.args, signature.return_type), {}, {})
-    found = _Found()
+    found = _CompileResult()
     callback._cache = found
     callback.compile()
     if (
@@ -135,7 +131,7 @@ def compiled(name: str | None, signature, function) -> CFunc:
         and _stands_alone(found.result)
     ):
         code = found.result.library.serialize_using_object_code()[2][0]
-        if not any(word in code for word in HERE):
+        if not any(word in code for word in PROCESS_BOUND):
             head = {"format": FORMAT, "name": callback.native_name}
             disk_cache.write(
                 disk_cache.cache_folder("pointers"), name, json.dumps(head).encode() + b"\n" + code
@@ -144,7 +140,7 @@ def compiled(name: str | None, signature, function) -> CFunc:
 
 
 def _stands_alone(result) -> bool:
-    """Does the code neither hold addresses of this process nor ask it for Python objects?"""
+    """Does the code neither contain addresses of this process nor use Python objects?"""
     return not (
         result.library.has_dynamic_globals
         or result.reload_init
@@ -154,7 +150,7 @@ def _stands_alone(result) -> bool:
 
 
 def _machine():
-    """LLVM's machine as numba sets it up."""
+    """Return LLVM's target machine as numba sets it up."""
     codegen = cpu_target.target_context.codegen()
     options = {"opt": 3}
     codegen._customize_tm_options(options)

@@ -1,9 +1,8 @@
-"""One physics, three forms: a factory as a numpy function, as a numba function pointer, as a JAX
-function.
+"""A factory of a case as a numpy function, as a numba function pointer, as a JAX function.
 
 A compiled drift is a C callback ``(t, x, out)``. Passed to a cached kernel it is a first-class
-function pointer: the kernel is compiled once for every drift and kept on disk; the drift itself is
-compiled once per case, and kept too (nsbench.compilation.cfunc_cache).
+function pointer: the kernel is compiled once for every drift and stored on disk; the drift itself
+is compiled once per case, and stored too (nsbench.compilation.cfunc_cache).
 """
 
 from __future__ import annotations
@@ -20,8 +19,10 @@ class CompileError(Exception):
 
 
 def as_numpy(factory: Callable) -> Callable:
-    """The factory in numpy, at times that are numpy's too: a Python float divided by zero, as at a
-    pole in time, raises."""
+    """Return the factory's function in numpy, called with times of numpy's type.
+
+    A Python float divided by zero, as at a pole in time, would raise.
+    """
     f = factory(np)
 
     def at(t, *args):
@@ -31,11 +32,10 @@ def as_numpy(factory: Callable) -> Callable:
 
 
 def _pointer(factory, signature, make):
-    """A pointer of `signature` to make(function): a cfunc, or what an earlier process kept of one
-    on disk.
+    """Return a pointer of `signature` to make(function): a cfunc, or one that was stored on disk.
 
-    make: a function of this module, known by its name. CompileError with numba's reason. The
-    pointer is an address of machine code, so it is kept alive by the caller (numba keeps a
+    make: a function of this module, identified by its name. Raises CompileError with numba's
+    reason. The pointer is an address of machine code, so the caller keeps it alive (numba holds a
     reference).
     """
     from numba.core.errors import NumbaError
@@ -54,12 +54,11 @@ def _pointer(factory, signature, make):
 
 
 def _compiled(f, callers=()):
-    """The function for compiled callers alone, with the closures that it calls: numba calls
-    compiled functions only.
+    """Compile the function for compiled callers alone, with the closures that it calls.
 
-    A field made of modes is a tree of closures; each closure cell that holds a Python function is
-    compiled first, but for `callers`, which it would call in a circle: numba says what it thinks of
-    those.
+    numba calls compiled functions only. A field made of modes is a tree of closures; each closure
+    cell that holds a Python function is compiled first, but for `callers`, which it would call in a
+    circle: numba reports those.
     """
     import numba
 
@@ -110,7 +109,7 @@ def rhs_cfunc(factory: Callable, n: int):
 
 @functools.lru_cache(maxsize=256)
 def signed_rhs_cfunc(factory: Callable, n: int, d: int):
-    """``field(xp) -> (t, x, s)`` as a cfunc (t, x, s, out)."""
+    """Compile ``field(xp) -> (t, x, s)`` as a cfunc (t, x, s, out)."""
     void, f8, vec = _types()
 
     def make(f):
@@ -128,7 +127,7 @@ def signed_rhs_cfunc(factory: Callable, n: int, d: int):
 
 @functools.lru_cache(maxsize=256)
 def curve_cfunc(factory: Callable, size: int):
-    """``b(xp) -> (t) -> array`` as a cfunc (t, out), out flat of the given size."""
+    """Compile ``b(xp) -> (t) -> array`` as a cfunc (t, out), out flat of the given size."""
     void, f8, vec = _types()
 
     def make(f):
@@ -144,7 +143,7 @@ def curve_cfunc(factory: Callable, size: int):
 
 
 def constant_curve():
-    """A curve that does nothing: the walls stand still."""
+    """Return a cfunc (t, out) that does nothing: walls at rest."""
     return _still()
 
 
@@ -161,8 +160,10 @@ def _still():
 
 
 def without_compilation(function, made: dict | None = None):
-    """A kernel as Python functions, those it calls included: for one small call compilation would
-    take seconds."""
+    """Return a kernel as a Python function, those it calls included.
+
+    For one small call compilation would take seconds.
+    """
     made = {} if made is None else made
     if function not in made:
         source = function.py_func
@@ -177,7 +178,7 @@ def without_compilation(function, made: dict | None = None):
 
 
 def as_jax(factory: Callable) -> Callable:
-    """The factory in jax.numpy, in float64."""
+    """Return the factory's function in jax.numpy, in float64."""
     import jax
 
     if not jax.config.jax_enable_x64:

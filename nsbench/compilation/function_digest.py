@@ -1,10 +1,9 @@
-"""What a function is, as bytes: its code, what it closes over, the globals it names, and so on
-down.
+"""Digest of a function: its code, what it closes over, the globals it names, and so on recursively.
 
-Two functions with one fingerprint compute the same, in this process or another: the key of compiled
-programs kept on disk. Whatever cannot be told apart for certain (an object of a foreign class, a
-module that is no known library, random numbers) has no fingerprint: `Unknown` is raised and the
-program is then found by what was traced, at the price of tracing.
+Two functions with one digest compute the same, in this process or another: the digest is the key
+of compiled programs on disk. Whatever cannot be distinguished for certain (an object of an unknown
+class, a module that is no known library, random numbers) has no digest: `Unknown` is raised, and
+the program is then found by the text of what was traced, at the price of tracing.
 """
 
 from __future__ import annotations
@@ -35,11 +34,11 @@ UNCERTAIN = frozenset(
 
 
 class Unknown(Exception):
-    """Something without a fingerprint; the message says what."""
+    """Something that has no digest; the message says what."""
 
 
 def fingerprint(*values) -> str:
-    """Hexadecimal digest of the values. Raises Unknown."""
+    """Return the digest of the values: 64 hexadecimal digits. Raises Unknown."""
     h = hashlib.sha256()
     _put(h, values, {})
     return h.hexdigest()

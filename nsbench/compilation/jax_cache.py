@@ -1,12 +1,10 @@
-"""Compiled JAX programs, kept in the process and in the user's cache folder: a second process need
-not even trace.
+"""Compiled JAX programs in the user's cache folder: a second process need not even trace.
 
-A program is found by the fingerprint of what it was made from
-(nsbench.compilation.function_digest), of this package, of the libraries that trace and compile, of
-JAX's settings and of the processor. Where there is no fingerprint it is traced and found by the
-text of what was traced. JAX's own settings, its cache among them, are left as the user has them.
-A file that cannot be read is no error: the program is compiled again. NSBENCH_CACHE=off keeps
-programs off the disk.
+A program is found by the digest of what it was made from (nsbench.compilation.function_digest), of
+this package, of the libraries that trace and compile, of JAX's settings and of the processor. Where
+there is no digest it is traced and found by the text of what was traced. JAX's own settings, its
+cache among them, are left as the user has them. A file that cannot be read is no error: the program
+is compiled again. NSBENCH_CACHE=off keeps programs off the disk.
 """
 
 from __future__ import annotations
@@ -26,14 +24,14 @@ from nsbench.compilation.installation import machine, version
 from nsbench.compilation.jax_serialization import pack, unpack
 from nsbench.source_files.package import package_digest
 
-# functions outside the program: LAPACK's must be looked up before it runs, any other (a callback
-# into this process, say) would be gone in the next one, so such a program is not kept
+# functions outside the program: LAPACK's must be looked up before it runs; any other (a callback
+# into this process, say) would be missing in the next process, so such a program is not stored
 CALLS = re.compile(r"custom_call @?\"?([A-Za-z0-9_.$]+)")
 TRACERS = ("jax", "jaxlib", "diffrax", "equinox", "optimistix", "lineax", "numpy")
 
 
 def float64():
-    """JAX in float64, whoever imported it before."""
+    """Import JAX and set it to float64; return the module."""
     import jax
 
     if not jax.config.jax_enable_x64:
@@ -43,14 +41,16 @@ def float64():
 
 @dataclass
 class CachedProgram:
-    """An executable; again() -> a newly compiled one, where this one came from the disk."""
+    """An executable; again() compiles it anew, where this one was read from the disk."""
 
     run: Callable
     again: Callable | None = None
 
     def __call__(self, *arguments) -> dict:
-        """The results as numpy arrays. A program from the disk that does not run is compiled again,
-        once."""
+        """Return the results as numpy arrays.
+
+        A program from the disk that does not run is compiled again, once.
+        """
         import jax
 
         float64()
@@ -65,8 +65,10 @@ class CachedProgram:
 
 
 def program(key: str | None, trace: Callable) -> CachedProgram:
-    """The executable for `key`; trace() -> jax.stages.Lowered is called where it is not known yet,
-    or key is None."""
+    """Return the executable for `key`.
+
+    trace() -> jax.stages.Lowered is called where it is not on the disk, or key is None.
+    """
     name = None if key is None else digest("made from", key, _platform())
     found = _load(name)
     if found is not None:
@@ -81,7 +83,7 @@ def program(key: str | None, trace: Callable) -> CachedProgram:
 
 
 def _compiled(lowered, name: str, fresh: bool = False):
-    """The executable, kept under `name` if it can be. fresh: what is there now is of no use."""
+    """Compile, and store under `name` if possible. fresh: what is stored now is of no use."""
     if fresh:
         disk_cache.remove(folder(), name)
     calls = set(CALLS.findall(lowered.as_text()))
@@ -92,15 +94,18 @@ def _compiled(lowered, name: str, fresh: bool = False):
 
 
 def _compile(lowered):
-    """(executable, whether it was compiled here). What JAX's own cache gives, where the user has
-    one, cannot be written again: it would lack its functions when it is read."""
+    """Return the executable, and whether it was compiled here.
+
+    What JAX's own cache returns, where the user has one, cannot be written again: it would lack its
+    functions when it is read.
+    """
     before = len(_watch_cache())
     return lowered.compile(), len(_watch_cache()) == before
 
 
 @functools.cache
 def _watch_cache() -> list:
-    """The hits of JAX's own cache in this process."""
+    """Return a list that grows with each hit of JAX's own cache in this process."""
     import jax
 
     hits = []
@@ -111,7 +116,7 @@ def _watch_cache() -> list:
 
 
 def _platform() -> str:
-    """All beside the program that makes an executable what it is."""
+    """Return a digest of everything but the program that an executable depends on."""
     jax = float64()
     settings = {k: v for k, v in jax.config.values.items() if "cache" not in k}
     return digest(
@@ -124,7 +129,7 @@ def _platform() -> str:
 
 
 def folder() -> Path | None:
-    """Where programs are kept, or None."""
+    """Return the folder of programs, or None."""
     return disk_cache.cache_folder("programs")
 
 
@@ -140,7 +145,7 @@ def _load(name):
 
 
 def _save(name, compiled, lapack: bool) -> None:
-    """Keep an executable and whether it calls LAPACK; where that fails nothing is lost but time."""
+    """Store an executable and whether it calls LAPACK; where that fails only time is lost."""
     if folder() is None or name is None:
         return
     try:

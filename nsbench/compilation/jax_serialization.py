@@ -1,13 +1,17 @@
-"""A compiled JAX program as bytes and back, without pickle: a line of JSON, then what XLA itself
-writes of its machine code.
+"""A compiled JAX program as bytes and back, without pickle: a line of JSON, then XLA's own form of
+its machine code.
 
-JAX's own way (jax.experimental.serialize_executable) is a pickle, and reading one runs whatever it
-holds. Here the line says what goes in and out; XLA refuses code that it did not write. That machine
-code is run is what a cache of programs is for: nsbench.compilation.jax_cache looks after who can
-write there.
+jax.experimental.serialize_executable writes a pickle, and reading one runs whatever it contains.
+Here the line of JSON describes arguments and results, and XLA refuses code that it did not write.
+That machine code is run is the purpose of a cache of programs: nsbench.compilation.jax_cache checks
+who can write there.
 
-The classes that hold a program are no public part of JAX. Who reads or writes must expect any
-exception from another version of it, and compile.
+jax.export with JAX's persistent cache, both public, would hold these programs too. Each process
+then lowers the exported module again before it can ask that cache: fetching the program of
+`three_discs` took 2.5 s instead of 0.45 s (measured side by side on a loaded machine), and it needs
+the package flatbuffers and a setting of JAX for the whole process. So the classes that hold an executable are
+used, which are no public part of JAX: a caller must expect any exception from another version of
+it, and compile.
 """
 
 from __future__ import annotations
@@ -21,11 +25,10 @@ FORMAT = 1
 
 
 def pack(compiled, lapack: bool) -> bytes:
-    """An executable (jax.stages.Compiled) for one processor, of positional arguments, with a dict
-    of results.
+    """Return an executable (jax.stages.Compiled) for one processor as bytes.
 
-    lapack: whether it calls LAPACK's functions. Raises ValueError for a program that needs more
-    than its code.
+    It takes positional arguments and returns a dict. lapack: does it call LAPACK? Raises
+    ValueError for a program that needs more than its code.
     """
     shell = compiled._executable._unloaded_executable
     arguments, named = compiled.args_info
@@ -40,12 +43,12 @@ def pack(compiled, lapack: bool) -> bytes:
     )
     if any(more):
         raise ValueError("the program needs more than its code")
-    results = dict(zip(sorted(compiled.out_info), map(_told, shell.output_avals), strict=True))
+    results = dict(zip(sorted(compiled.out_info), map(_describe, shell.output_avals), strict=True))
     head = {
         "format": FORMAT,
         "lapack": lapack,
         "name": shell.name,
-        "arguments": _told(arguments),
+        "arguments": _describe(arguments),
         "results": results,
         "kept": sorted(shell.kept_var_idx),
     }
@@ -54,8 +57,10 @@ def pack(compiled, lapack: bool) -> bytes:
 
 
 def unpack(data: bytes) -> Callable:
-    """The executable on the first processor. Raises whatever JAX or XLA says of bytes that are of
-    no use to it."""
+    """Return the executable, loaded on the first processor.
+
+    Raises whatever JAX or XLA raises for bytes that are of no use to it.
+    """
     import jax
     from jax._src.interpreters.pxla import UnloadedMeshExecutable
     from jax._src.lib import xla_client
@@ -106,17 +111,17 @@ def unpack(data: bytes) -> Callable:
     )
 
 
-def _told(tree):
-    """Tuples as lists, what stands in them as {dtype, shape}."""
+def _describe(tree):
+    """Describe a tree of arrays for JSON: tuples as lists, leaves as {dtype, shape}."""
     return (
-        [_told(v) for v in tree]
+        [_describe(v) for v in tree]
         if isinstance(tree, tuple)
         else {"dtype": str(tree.dtype), "shape": list(tree.shape)}
     )
 
 
 def _read(tree):
-    """What `_told` wrote, its leaves as jax.ShapeDtypeStruct."""
+    """Return the tree that `_describe` described, its leaves as jax.ShapeDtypeStruct."""
     import jax
 
     if isinstance(tree, dict):

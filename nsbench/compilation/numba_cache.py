@@ -51,7 +51,9 @@ def _is_kernel_file(path: Path) -> bool:
 @functools.cache
 def kernel_digest() -> str:
     """Return the digest of the names and contents of all kernel files."""
-    return disk_cache.digest_of(f"{p} {file_state.content_digest(p)}" for p in kernel_files())
+    return disk_cache.digest_of(
+        f"{p.relative_to(ROOT)} {file_state.content_digest(p)}" for p in kernel_files()
+    )
 
 
 def has_private_files(folder: Path) -> bool:

@@ -1,5 +1,6 @@
 """Inputs that no import statement names, and rows that are not of the run they are stored for."""
 
+import contextlib
 import csv
 import os
 import py_compile
@@ -8,6 +9,11 @@ import sys
 
 import pytest
 from solver_file import solver
+
+from nsbench import get_case
+from nsbench.results.journal import Journal
+from nsbench.results.row_reuse import RowRecorder, reusable_rows, row_mismatch
+from nsbench.study import Spec
 
 HEADER = """import os, sys
 sys.path.insert(0, os.path.join(os.path.dirname(__file__), "li" + "b"))
@@ -63,7 +69,7 @@ def test_a_module_at_a_computed_place_counts_though_its_byte_code_is_cached(tmp_
     helper.write_text("value = 22.0\n")
     for _ in range(2):  # the first plan compiles the module again
         said = run(tmp_path, "--plan", "--probe", "0")
-        assert "1 to run, 0 known" in said and "helper.py changed" in said
+        assert "1 to run, 0 known" in said and "helper.py" in said
 
 
 @pytest.mark.survives("stale")
@@ -79,6 +85,28 @@ def test_a_variable_that_a_file_looks_up_is_an_input(tmp_path, when, look_up):
     assert "0 to run, 1 known" in run(tmp_path, "--plan", **{VARIABLE: "1.0", "OTHER": "3"})
     said = run(tmp_path, "--plan", "--probe", "0", **{VARIABLE: "2.0"})
     assert "1 to run, 0 known" in said and f"environment variable {VARIABLE} changed" in said
+
+
+@pytest.mark.survives("stale")
+def test_a_row_of_another_run_is_neither_reused_nor_recorded(tmp_path):
+    """Whatever brings it: a journal, or a worker."""
+    specs = [Spec(case, "pbd", "h", 0.1) for case in ("tide", "apple")]
+    keys = {s: f"{i:064}" for i, s in enumerate(specs)}
+    row = {"case": "tide", "solver": "pbd", "accuracy": "h", "asked": 0.1, "status": "ok"}
+    with contextlib.closing(Journal(tmp_path)) as journal:
+        for key in keys.values():
+            journal.append(key, row)
+        assert [*reusable_rows(tmp_path, specs, keys, None, [])] == [keys[specs[0]]]
+        cases = {(s.case, ""): get_case(s.case) for s in specs}
+        recorder = RowRecorder(journal, keys, dict.fromkeys(specs, ()), cases, False)
+        assert recorder.row(specs[0], dict(row)) == row
+        shown = recorder.row(specs[1], row | {"session": "s"})
+    assert shown["status"] == "crashed" and "case is tide, not apple" in shown["why"]
+    assert shown["case"] == "apple" and shown["session"] == "s"
+    refused = Spec("tide", "pbd", "h", float("nan"))
+    assert row_mismatch(refused, row) and not row_mismatch(refused, row | {"asked": float("nan")})
+    for name in ("solver", "accuracy", "asked"):
+        assert row_mismatch(specs[0], row | {name: None})
 
 
 @pytest.mark.survives("stale")
