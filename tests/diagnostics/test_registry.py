@@ -115,7 +115,8 @@ def test_a_timed_run_holds_no_check(monkeypatch):
 
 def test_the_column_check_names_the_check_that_gave_the_status():
     """Of a row with a finding; it is empty where there is none, and where the method refuses."""
-    from nsbench.study import Spec, attempt
+    from nsbench.study import Spec
+    from nsbench.study.attempt import attempt
 
     file = str(Path(__file__).parents[1] / "regressions" / "pole_between_samples.py")
     key = nsbench.load_case(file).key
