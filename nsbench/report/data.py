@@ -1,5 +1,8 @@
-"""What the report reads: the rows of a study with what is known of its cases, solvers and
-machine."""
+"""Read the rows of a study, with the stored descriptions of its cases, solvers and machine.
+
+Sources: a folder of results (runs.parquet or runs.csv, cases.json, solvers.json, env.json,
+extra.json, figures/scene_*.svg), several folders, a Study, a DataFrame, or dict rows.
+"""
 
 from __future__ import annotations
 
@@ -18,21 +21,26 @@ from nsbench.results.tables import text_of
 
 # of single steps, against the exact multiplier at that time
 LABELS = ("lam_at_start", "lam_at_mid", "lam_at_end", "lam_mean")
-FIELDS = {
+# types of the fields that the report uses in the descriptions of cases and solvers
+DESCRIPTION_TYPES = {
     "cases": {"classes": list, "T": (int, float), "families": (list, str), "certificate": dict},
     "solvers": {"claims": dict, "expects": list},
-}  # kinds of what the notes on cases and solvers hold
-# bytes of a table, and of the notes beside it: more than a million rows take
-LARGEST = 4 << 30
-NOTES = 64 << 20
+}
+# bytes of a table, and of a JSON file with it: more than a million rows take
+MAX_TABLE_BYTES = 4 << 30
+MAX_JSON_BYTES = 64 << 20
+MAX_SCENE_BYTES = 400_000  # a page of 25 scenes stays below 10 MB
 PANDAS_INDEX = "__index_level_"  # columns that pandas adds for an index: no results
+MIN_VIOLATION = 1e-9  # far above rounding, far below any use
 GOOD = ("ok", "below_reference")  # statuses whose errors are numbers
 
 
 @dataclass(frozen=True)
 class Runs:
-    """All runs of one solver on one case, from the coarsest to the finest; `col` holds one array
-    per column."""
+    """All runs of one solver on one case, from the coarsest to the finest.
+
+    col: one array (runs,) per column.
+    """
 
     case: str
     solver: str
@@ -43,37 +51,44 @@ class Runs:
 
     @property
     def good(self) -> np.ndarray:
-        """Mask of the runs whose errors are numbers."""
+        """Return the mask of the runs whose errors are numbers, (runs,)."""
         return np.isin(self.col["status"], GOOD)
 
     @property
     def accuracy(self) -> str:
+        """Return the name of the accuracy parameter: h, k or tol."""
         return next((a for a in self.col["accuracy"] if a), "h")
 
     @property
     def loop(self) -> str:
+        """Return the kind of the loop over steps: compiled, host, or ""."""
         return next((s for s in self.col["loop"] if s), "")
 
     @property
     def unique(self) -> bool:
-        """False where some run found the multipliers to be non-unique."""
+        """Are the multipliers unique, as far as the runs found?"""
         u = self.col["multipliers_unique"]
         return not np.any(u[np.isfinite(u)] == 0)
 
     @property
     def violates(self) -> bool:
-        """Does a step size decide how far constraints are violated? 1e-9 is far above rounding, far
-        below use."""
-        return self.accuracy == "h" and bool(np.any(self.col["feasibility"][self.good] > 1e-9))
+        """Does the step size decide how far constraints are violated?"""
+        return self.accuracy == "h" and bool(
+            np.any(self.col["feasibility"][self.good] > MIN_VIOLATION)
+        )
 
     def scale(self, metric: str) -> float:
-        """Size of the quantity that `metric` is the error of: what rounding is relative to; 1 if it
-        is not stored."""
+        """Return the size of the quantity that `metric` is the error of; 1 if it is not stored.
+
+        Rounding is relative to it.
+        """
         return self._largest(describe(metric).scale, 1.0)
 
     def floor(self, metric: str) -> float:
-        """Below it an error of `metric` says nothing (the reference's own error); 0: exact or no
-        reference."""
+        """Return the error of `metric` below which only the reference's own error is measured.
+
+        0 if the reference is exact, or if there is none.
+        """
         return self._largest(describe(metric).floor, 0.0)
 
     def _largest(self, column: str, otherwise: float) -> float:
@@ -85,8 +100,10 @@ class Runs:
 
 @dataclass(frozen=True)
 class Data:
-    """Runs by (case, solver) in the order of the page; cases, solvers and env as stored; pictures:
-    SVG by case."""
+    """The rows of a study by (case, solver), in the order of the page.
+
+    cases, solvers, env, extra: as stored. pictures: SVG by case.
+    """
 
     runs: dict
     cases: dict
@@ -97,22 +114,26 @@ class Data:
 
     @property
     def case_keys(self) -> list[str]:
+        """List the cases in the order of the page."""
         return list(dict.fromkeys(case for case, _ in self.runs))
 
     @property
     def specs(self) -> list[str]:
+        """List the solvers, the leading method first."""
         return sorted(
             {solver for _, solver in self.runs}, key=lambda s: (method_of(s) != LEADING_METHOD, s)
         )
 
     def of_case(self, case: str) -> list[Runs]:
+        """List the runs of one case by solver."""
         return [r for (c, _), r in self.runs.items() if c == case]
 
 
 def read(study) -> Data:
-    """A study, a folder of results (or several), a DataFrame or a list of dict rows -> Data.
+    """Read a study, a folder of results (or several), a DataFrame or a list of dict rows.
 
-    FileNotFoundError if a folder holds no rows; ValueError names the file that cannot be read.
+    Raises FileNotFoundError if a folder holds no rows, and ValueError, which names the file, for
+    one that cannot be read.
     """
     if isinstance(study, (str, Path)):
         return _folder(Path(study))
@@ -137,7 +158,7 @@ def _folder(folder: Path) -> Data:
 
 
 def merge(parts: list[Data]) -> Data:
-    """Several results folders on one page; runs of the same case and solver stand side by side."""
+    """Merge several folders of results; runs of the same case and solver are put together."""
     runs = [r for d in parts for r in d.runs.values()]
     found = dict.fromkeys(n for r in runs for n in r.col)
     cols = {n: _joined([r.col.get(n) for r in runs], [len(r) for r in runs]) for n in found}
@@ -148,8 +169,10 @@ def merge(parts: list[Data]) -> Data:
 
 
 def _joined(parts: list, sizes: list[int]) -> np.ndarray:
-    """One column of several folders; NaN, or empty, where a folder lacks it. Text wins over numbers
-    where they disagree on what it holds."""
+    """One column of several folders; NaN, or "", where a folder lacks it.
+
+    Where folders disagree on the type, the column becomes text.
+    """
     if all(p is None or p.dtype == np.float64 for p in parts):
         filled = [np.full(n, np.nan) if p is None else p for p, n in zip(parts, sizes, strict=True)]
         return np.concatenate(filled or [np.empty(0)])
@@ -164,18 +187,15 @@ def _table(folder: Path) -> dict:
         import pyarrow
         import pyarrow.parquet
 
-        _size(path, LARGEST)
+        _check_size(path, MAX_TABLE_BYTES)
         try:
-            with open(
-                path, "rb"
-            ) as file:  # a name that the locale cannot spell is no matter of the library's
+            # opened here: the library cannot open a name that the locale cannot encode
+            with open(path, "rb") as file:
                 table = pyarrow.parquet.read_table(file, page_checksum_verification=True)
         except (OSError, ValueError, pyarrow.ArrowException, MemoryError) as e:
             raise ValueError(f"{path} cannot be read: {e}") from e
-        _schema(
-            path,
-            (table.schema.metadata or {}).get(b"nsbench_schema", b"").decode("ascii", "replace"),
-        )
+        metadata = table.schema.metadata or {}
+        _check_schema(path, metadata.get(b"nsbench_schema", b"").decode("ascii", "replace"))
         return columns_of(
             {
                 n: table[n].to_numpy()
@@ -189,7 +209,7 @@ def _table(folder: Path) -> dict:
     if path.is_file():
         import csv
 
-        _size(path, LARGEST)
+        _check_size(path, MAX_TABLE_BYTES)
         try:
             with open(path, newline="", encoding="utf-8") as file:
                 rows = [
@@ -204,12 +224,14 @@ def _table(folder: Path) -> dict:
     raise FileNotFoundError(f"{folder} holds no runs.parquet and no runs.csv")
 
 
-def _size(path: Path, most: int) -> None:
+def _check_size(path: Path, most: int) -> None:
+    """Refuse a file of more than `most` bytes."""
     if path.stat().st_size > most:
         raise ValueError(f"{path} is {path.stat().st_size} bytes long; at most {most} are read")
 
 
-def _schema(path: Path, found) -> None:
+def _check_schema(path: Path, found: object) -> None:
+    """Refuse a file of another schema; files without one are read."""
     if str(found) not in ("", str(SCHEMA)):
         raise ValueError(
             f"{path} is of schema {sanitise(found, 40)}; this version of nsbench reads {SCHEMA}: "
@@ -218,9 +240,10 @@ def _schema(path: Path, found) -> None:
 
 
 def _json(path: Path) -> dict:
+    """Contents of a JSON file with the types that the report relies on; {} if it is missing."""
     if not path.is_file():
         return {}
-    _size(path, NOTES)
+    _check_size(path, MAX_JSON_BYTES)
     try:
         value = json.loads(path.read_text(encoding="utf-8"))
     except (ValueError, OSError, RecursionError) as e:
@@ -228,9 +251,9 @@ def _json(path: Path) -> dict:
     if not isinstance(value, dict):
         raise ValueError(f"{path} holds a {type(value).__name__}; an object is needed")
     if path.name == "env.json":
-        _schema(path, value.get("schema", ""))
+        _check_schema(path, value.get("schema", ""))
     for name, notes in value.items():
-        for what, kinds in FIELDS.get(path.stem, {}).items():
+        for what, kinds in DESCRIPTION_TYPES.get(path.stem, {}).items():
             found = notes.get(what) if isinstance(notes, dict) else None
             if found is not None and (
                 not isinstance(found, kinds)
@@ -245,6 +268,7 @@ def _json(path: Path) -> dict:
 
 
 def _number(value) -> float:
+    """A value as a float; true is 1, false is 0, and NaN stands for all that is no number."""
     if isinstance(value, str):
         value = {"true": 1.0, "false": 0.0}.get(value.lower(), value)
     try:
@@ -254,16 +278,16 @@ def _number(value) -> float:
 
 
 def _word(value) -> str:
+    """A value as harmless text; "" for None and NaN."""
     return "" if value is None or value != value else sanitise(value)
 
 
 def columns_of(rows) -> dict:
-    """Dict rows, a DataFrame or a dict of columns -> arrays of all columns; what is missing is NaN
-    or empty.
+    """Convert dict rows, a DataFrame or a dict of columns to arrays of all columns.
 
-    Columns that are not in nsbench.columns are kept: they hold numbers if all their values read as
-    such, else words. Seconds of runs on shared workers are missing: nothing that compares seconds
-    gets to see them.
+    Missing values are NaN or "". Columns that are not in nsbench.columns are included: they hold
+    numbers if all their values read as such, else words. Seconds of runs on shared workers are set
+    to NaN, so that nothing compares them.
     """
     if hasattr(rows, "columns"):
         rows = {name: rows[name].tolist() for name in rows.columns}
@@ -311,26 +335,35 @@ def _is_nan(value) -> bool:
 
 
 def _numbers(values) -> np.ndarray:
+    """A column as floats (size,)."""
     if isinstance(values, np.ndarray) and values.dtype == np.float64:
         return values.copy()
     return np.array([_number(v) for v in values], dtype=np.float64)
 
 
 def build(cols: dict, cases=None, solvers=None, env=None, extra=None, files=None) -> Data:
-    """Columns -> Data: runs grouped by case and solver, cases in the order of `cases`, then by
-    name."""
+    """Group columns by case and solver.
+
+    Cases come in the order of `cases`, then by name; runs from the coarsest to the finest. files:
+    paths of stored scenes by their stem.
+    """
     cases, solvers = (
         {sanitise(k): v if isinstance(v, dict) else {} for k, v in (d or {}).items()}
         for d in (cases, solvers)
     )
-    place = {key: i for i, key in enumerate(cases)}
+    position = {key: i for i, key in enumerate(cases)}
     groups: dict = {}
     for i, pair in enumerate(zip(cols["case"], cols["solver"], strict=True)):
         groups.setdefault(pair, []).append(i)
     runs = {}
     for pair in sorted(
         groups,
-        key=lambda p: (place.get(p[0], len(place)), p[0], method_of(p[1]) != LEADING_METHOD, p[1]),
+        key=lambda p: (
+            position.get(p[0], len(position)),
+            p[0],
+            method_of(p[1]) != LEADING_METHOD,
+            p[1],
+        ),
     ):
         rows = np.array(groups[pair])
         h = cols["h"][rows]
@@ -361,8 +394,6 @@ def _pictures(runs: dict, cases: dict, files: dict) -> dict:
             "scene_" + re.sub(r"[^A-Za-z0-9_.-]+", "_", case).strip("_"),
         )
         path = next((files[s] for s in stems if s in files), None)
-        if (
-            path is not None and path.stat().st_size < 400_000
-        ):  # a page of 25 scenes stays below 10 MB
+        if path is not None and path.stat().st_size < MAX_SCENE_BYTES:
             out[case] = path.read_text(encoding="utf-8")
     return out

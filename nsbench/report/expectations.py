@@ -13,7 +13,7 @@ from pathlib import Path
 
 from nsbench.report.data import Data
 from nsbench.report.style import format_number
-from nsbench.report.summary import MARGIN, OPEN, Order, Summary
+from nsbench.report.summary import CLAIM_TOLERANCE, OPEN, Order, Summary
 
 TABLE = Path(__file__).with_name("deviations.csv")
 COLUMNS = ("case", "solver", "metric", "observed", "why")
@@ -154,7 +154,7 @@ def judge(want: Wanted, s: Summary, o: Order) -> str:
     if isinstance(want, str):
         return "below" if want == "exact" else "order"
     lo, hi = o.interval
-    if abs(o.order - want) <= MARGIN or lo <= want <= hi:
+    if abs(o.order - want) <= CLAIM_TOLERANCE or lo <= want <= hi:
         return "kept"
     return "above" if o.order > want else "below"
 

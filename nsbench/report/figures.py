@@ -54,27 +54,18 @@ def case_panels(
             (1.0,) if any(s.violation.kind == "fit" for s in mine) else (),
         ),
     ]
-    if force == "reaction":
-        out.append(
-            Panel(
-                "selection",
-                "Selection: not an error",
-                STEP_LABEL,
-                _against_h(runs, looks, "selection", False),
-            )
-        )
-    else:
-        out.append(
-            Panel(
-                "settled",
-                "Multiplier away from events",
-                STEP_LABEL,
-                _against_h(runs, looks, "settled"),
-                0.0,
-                _claims(mine, "force"),
-            )
-        )
+    out.append(_last_panel(runs, looks, mine, force))
     return [p for p in out if any(line.y.size or line.level > 0 for line in p.lines)]
+
+
+def _last_panel(runs: list[Runs], looks: dict[str, Look], mine: list[Summary], force: str) -> Panel:
+    """The selection where multipliers are not unique, else the multiplier away from events."""
+    if force == "reaction":
+        lines = _against_h(runs, looks, "selection", False)
+        return Panel("selection", "Selection: not an error", STEP_LABEL, lines)
+    lines = _against_h(runs, looks, "settled")
+    claims = _claims(mine, "force")
+    return Panel("settled", "Multiplier away from events", STEP_LABEL, lines, 0.0, claims)
 
 
 def cost_panels(runs: list[Runs], looks: dict[str, Look]) -> list[Panel]:

@@ -1,11 +1,14 @@
-"""Rows -> for every case and solver: the order of each error, the best error, and why there is
-none."""
+"""Summarise every method on every case: the order of each error, and the best error.
+
+Where there is no order, the reason is given instead: too few steps, no reference, a status.
+"""
 
 from __future__ import annotations
 
 import functools
 import math
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,22 +18,21 @@ from nsbench.report.data import GOOD, Data, Runs
 from nsbench.report.style import format_count, format_number, sanitise
 
 OPEN = ("undecided", "pre-asymptotic")
-FEWEST = 3  # distinct steps below which nobody can speak of an order
-MOST = 500  # runs in one fit; more are thinned evenly, and the sentence says so
-VAGUE = 2.0  # width of an interval from which on an order without a verdict is no number to show
-MARGIN = (
-    0.1  # an order this close to the claim is not called a deviation, however narrow its interval
-)
+MIN_STEPS = 3  # distinct step sizes that an order needs
+MAX_FITTED_RUNS = 500  # in one fit; more are thinned evenly, and the sentence reports it
+MAX_INTERVAL_WIDTH = 2.0  # of an order without a verdict: beyond it the number has no meaning
+CLAIM_TOLERANCE = 0.1  # an order this close to the claim is no deviation
 
 
 @dataclass(frozen=True)
 class Order:
-    """What one metric of one method on one case does as the accuracy parameter goes to zero.
+    """The behaviour of one metric of one method on one case as the accuracy parameter goes to zero.
 
     kind: fit (order, interval and constant are numbers), bound (a claimed bound instead of an
     order), exact (rounding at every step), level (a best error without an order), none (no number).
-    text is what the table shows, sentence the whole story. flag: "above", "below" (the claim) or
-    "".
+    text: for the table; sentence: complete. flag: "above" or "below" the claim, else "". best,
+    best_h: the smallest error and its step. window: steps (coarse, fine) that were fitted. plateau:
+    limit of the error; envelope: see nsbench.measure.orders.
     """
 
     metric: str
@@ -52,8 +54,10 @@ class Order:
 
 @dataclass(frozen=True)
 class Summary:
-    """One case x solver. outcome: the sentence that stands for all numbers where no run gave one,
-    else ""."""
+    """One method on one case.
+
+    outcome: the sentence that replaces all numbers where no run gave one, else "".
+    """
 
     runs: Runs
     state: Order
@@ -72,15 +76,17 @@ class Summary:
 
     @property
     def word(self) -> str:
-        """refused, failed or ok."""
+        """Classify the pair: "refused", "failed" or "ok"."""
         if not self.outcome:
             return "ok"
         return "refused" if set(self.statuses) == {"refused"} else "failed"
 
 
-def summarise(data: Data) -> dict[tuple, Summary]:
-    """Every case x solver of the study, in the order of the page; pairs never attempted are
-    absent."""
+def summarise(data: Data) -> dict[tuple[str, str], Summary]:
+    """Summarise every case x solver of the study, in the order of the page.
+
+    Pairs that were never attempted are absent.
+    """
     from nsbench.measure import fit_order
 
     nonunique = {case for (case, _), r in data.runs.items() if not r.unique}
@@ -104,7 +110,7 @@ def summarise(data: Data) -> dict[tuple, Summary]:
 
 
 def _span(known: dict) -> float:
-    """The length of the run, which sets how much rounding can add up; 1 if it is not stored."""
+    """The length of the run, which bounds how much rounding accumulates; 1 if it is not stored."""
     span = known.get("T")
     return (
         float(span) if isinstance(span, (int, float)) and math.isfinite(span) and span > 0 else 1.0
@@ -112,7 +118,7 @@ def _span(known: dict) -> float:
 
 
 def _outcome(runs: Runs, statuses: Counter) -> str:
-    """Why no run gave a number: the commonest status with its sentence."""
+    """The reason why no run gave a number: the commonest status with its sentence."""
     if runs.good.any():
         return ""
     code = statuses.most_common(1)[0][0]
@@ -130,12 +136,15 @@ def _outcome(runs: Runs, statuses: Counter) -> str:
 
 
 def format_statuses(statuses: Counter) -> str:
-    """``3 diverged, 1 timeout``."""
+    """Format counted statuses: ``3 diverged, 1 timeout``."""
     return ", ".join(f"{n} {code or 'without status'}" for code, n in statuses.most_common())
 
 
-def estimate_order(runs: Runs, metric: str, claims: dict, fit) -> Order:
-    """The order of `metric`, or the reason why there is none; `fit` is nsbench.fit_order."""
+def estimate_order(runs: Runs, metric: str, claims: dict, fit: Callable) -> Order:
+    """Estimate the order of `metric`, or give the reason why there is none.
+
+    claims: of the solver. fit: nsbench.fit_order with the length of the run.
+    """
     name = describe(metric).title
     good = (
         runs.good & np.isfinite(runs.col[metric]) & np.isfinite(runs.col["h"]) & (runs.col["h"] > 0)
@@ -153,24 +162,37 @@ def estimate_order(runs: Runs, metric: str, claims: dict, fit) -> Order:
     if bound is not None or (runs.accuracy == "tol" and claim is None):
         return _bound(metric, name, bound, error, h, best, runs.floor(metric))
     steps = np.unique(h).size
-    if steps < FEWEST:
+    if steps < MIN_STEPS:
         return Order(
             metric,
             "level",
             "too few steps",
-            f"{name}: {format_count(steps, 'step size')} with a number; an order needs {FEWEST} at "
+            f"{name}: {format_count(steps, 'step size')} with a number; an order needs {MIN_STEPS} at "
             f"least. Smallest error {format_error(best['best'], runs.floor(metric))}.",
             **best,
         )
     if not error.any():
         sentence = f"{name}: the error is exactly 0 at every step: no order."
         return Order(metric, "exact", "0 at every step", sentence, **best)
-    some = np.unique(np.linspace(0, h.size - 1, min(h.size, MOST)).astype(int))
-    result = fit(h[some], error[some], floor=runs.floor(metric), scale=runs.scale(metric))
+    return _fit(runs, metric, h, error, fit, claim, best)
+
+
+def _fit(
+    runs: Runs,
+    metric: str,
+    h: np.ndarray,
+    error: np.ndarray,
+    fit: Callable,
+    claim: float | None,
+    best: dict[str, float],
+) -> Order:
+    """Fit an order to the errors (k,) at steps h (k,) and compare it with the claim."""
+    sample = np.unique(np.linspace(0, h.size - 1, min(h.size, MAX_FITTED_RUNS)).astype(int))
+    result = fit(h[sample], error[sample], floor=runs.floor(metric), scale=runs.scale(metric))
     verdict = sanitise(result.verdict)
-    sentence = f"{name}: {sanitise(result.sentence)}"
-    if some.size < h.size:
-        sentence += f" ({some.size} of {h.size} runs were fitted.)"
+    sentence = f"{describe(metric).title}: {sanitise(result.sentence)}"
+    if sample.size < h.size:
+        sentence += f" ({sample.size} of {h.size} runs were fitted.)"
     value = float(result.order)
     if not math.isfinite(value):
         kind = "exact" if verdict.startswith("exact") else "level"
@@ -179,45 +201,51 @@ def estimate_order(runs: Runs, metric: str, claims: dict, fit) -> Order:
     if flag:
         sentence += f" Claimed: {format_number(claim)}; measured {flag} it."
     lo, hi = (float(v) for v in result.interval)
-    if verdict in OPEN and not hi - lo <= VAGUE:  # neither the order nor the constant says anything
+    if verdict in OPEN and not hi - lo <= MAX_INTERVAL_WIDTH:
         return Order(metric, "level", verdict, sentence, verdict=verdict, **best)
     return Order(
-        metric,
-        "fit",
-        f"{value:.2f} [{lo:.2f}, {hi:.2f}]",
-        sentence,
-        value,
-        (lo, hi),
-        float(result.constant),
-        verdict,
-        flag,
-        claim,
-        float(result.plateau),
-        **best,
+        metric=metric,
+        kind="fit",
+        text=f"{value:.2f} [{lo:.2f}, {hi:.2f}]",
+        sentence=sentence,
+        order=value,
+        interval=(lo, hi),
+        constant=float(result.constant),
+        verdict=verdict,
+        flag=flag,
+        claim=claim,
+        plateau=float(result.plateau),
         window=tuple(map(float, result.window)),
         envelope=float(result.envelope),
+        **best,
     )
 
 
 def _deviation(value: float, interval, verdict: str, claim) -> str:
-    """ "above" or "below" the claimed order; "" where it is kept, not claimed, or where the fit
-    gives no verdict."""
+    """Compare an order with the claim: "above", "below", or "".
+
+    It is "" where the claim is kept or missing, and where the fit gives no verdict.
+    """
     if claim is None:
         return ""
     if verdict in ("diverges", "plateau"):
         return "below"
-    if verdict != "order" or abs(value - claim) <= MARGIN or interval[0] <= claim <= interval[1]:
+    if (
+        verdict != "order"
+        or abs(value - claim) <= CLAIM_TOLERANCE
+        or interval[0] <= claim <= interval[1]
+    ):
         return ""
     return "above" if value > claim else "below"
 
 
 def format_error(value: float, floor: float) -> str:
-    """An error, or the floor of its reference where it lies below: what is below says nothing."""
+    """Format an error, or the floor of its reference where the error lies below it."""
     return f"< {format_number(floor)}" if value < floor else format_number(value)
 
 
 def _bound(metric: str, name: str, bound, error, h, best, floor) -> Order:
-    """A method that controls its own error: its tightest tolerance against the bound it claims."""
+    """Compare the error at the tightest tolerance with the bound that the method claims."""
     last = float(error[np.argmin(h)])
     if bound is None:
         return Order(
@@ -257,7 +285,7 @@ def _bound(metric: str, name: str, bound, error, h, best, floor) -> Order:
 
 
 def _absent(runs: Runs, metric: str, whole: bool = False) -> str:
-    """Why no run holds a number for `metric`; `whole`: as a sentence."""
+    """The reason why no run holds a number for `metric`; `whole`: as a sentence."""
     if not runs.good.any():
         short = "no finished run"
         why = "no run ended with a number."
@@ -280,7 +308,7 @@ def _absent(runs: Runs, metric: str, whole: bool = False) -> str:
 
 
 def format_best_error(summary: Summary, which: Order) -> str:
-    """The smallest error a run reached, for a table cell; never empty."""
+    """Format the smallest error that a run reached, for a table cell; never empty."""
     runs = summary.runs
     below = runs.col["status"] == "below_reference"
     floor = runs.floor(which.metric)
@@ -291,8 +319,8 @@ def format_best_error(summary: Summary, which: Order) -> str:
     return which.text
 
 
-def find_silent_failures(summaries: dict) -> list[Summary]:
-    """Methods that claim a bound and called a run ok that breaks it."""
+def find_silent_failures(summaries: dict[tuple[str, str], Summary]) -> list[Summary]:
+    """List methods that claim a bound and called a run ok that breaks it."""
     out = []
     for s in summaries.values():
         if s.state.kind == "bound" and s.state.claim is not None:
@@ -309,4 +337,5 @@ def find_silent_failures(summaries: dict) -> list[Summary]:
 
 
 def count_finished(runs: Runs) -> int:
+    """Count the runs whose errors are numbers."""
     return int(np.isin(runs.col["status"], GOOD).sum())

@@ -9,6 +9,16 @@ from nsbench.report.data import Data
 from nsbench.report.style import TIMES, format_factor, format_seconds
 from nsbench.report.tables.cells import Cell, Row, Table
 
+CLOCK_COLUMNS = (
+    "compile_seconds",
+    "setup_seconds",
+    "seconds",
+    "rounds",
+    "seconds_low",
+    "seconds_high",
+    "seconds_max",
+)
+
 
 def clock_table(data: Data) -> Table:
     """Build the table of the clock, one row for each method.
@@ -25,18 +35,7 @@ def clock_table(data: Data) -> Table:
         ]
         if not runs:
             continue
-        col = {
-            n: np.concatenate([r.col[n] for r in runs])
-            for n in (
-                "compile_seconds",
-                "setup_seconds",
-                "seconds",
-                "rounds",
-                "seconds_low",
-                "seconds_high",
-                "seconds_max",
-            )
-        }
+        col = {name: np.concatenate([r.col[name] for r in runs]) for name in CLOCK_COLUMNS}
         timed = col["rounds"] > 1
         rows.append(
             Row(
