@@ -1,4 +1,9 @@
-"""event_driven: see method.py."""
+"""Event-driven method: smooth arcs between located events, for all three problem classes.
+
+method: options and choice of the problem class. contacts: Complementarity systems. filippov:
+Filippov systems. lcs: linear complementarity systems. smooth: integration of one smooth arc to its
+first event. interval_taylor: enclosures of the functions of a case. accumulation: Zeno behaviour.
+"""
 
 from nsbench.solvers.event_driven.method import SOLVER
 

@@ -1,9 +1,9 @@
-"""The event-driven method: integrate between events, locate each one, choose the next mode.
+"""Solve a case by the event-driven method: integrate between events, locate each, choose a mode.
 
-Complementarity systems: a fixed set of active contacts on each arc (see _constrained). Filippov
-systems: a fixed mode, sliding included (see _switching). Linear complementarity systems: a fixed
-set of conducting rows (see _diodes). Errors are those of the integrator, at its tolerance: no order
-in a step is lost at kinks, and no step is asked for.
+Complementarity systems: a fixed set of active contacts on each arc (see contacts). Filippov
+systems: a fixed mode, sliding included (see filippov). Linear complementarity systems: a fixed set
+of rows with w = 0 (see lcs). Errors are those of the integrator at its tolerance: no order in a
+step is lost at kinks, and there is no fixed step.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from typing import ClassVar
 from nsbench.case import Case
 from nsbench.problem import LCS, Complementarity
 from nsbench.solvers.base import Claims, Expect, Run, check_positive
+from nsbench.solvers.event_driven.smooth.integrators import INTEGRATORS
 
-METHODS = ("dop853", "rk45", "radau", "lsoda")
 EXPECTS = (
     Expect(
         ("zeno",),
@@ -40,13 +40,13 @@ EXPECTS = (
 
 @dataclass(frozen=True)
 class EventDriven:
-    """Smooth arcs between located events.
+    """Event-driven method: smooth arcs between located events.
 
-    method: the integrator (dop853, rk45, radau, lsoda). max_events, max_steps: budgets of one run.
-    max_step: bound on a step (samples always end steps of the host). compiled: follow Filippov
-    systems that can be traced by Taylor series, compiled, with `dop853` where those need help. tol:
-    relative and absolute tolerance of the integrator; the absolute one in the unit of the case (see
-    _units).
+    method: the integrator, a name of INTEGRATORS. max_events, max_steps: limits of one run.
+    max_step: bound on a step (in Python, steps also end at the samples). compiled: integrate
+    Filippov systems that can be traced by compiled Taylor series, with `dop853` where those need
+    help. tol: relative and absolute tolerance of the integrator; the absolute one in characteristic
+    lengths of the case.
     """
 
     method: str = "dop853"
@@ -61,8 +61,8 @@ class EventDriven:
     expects: ClassVar[tuple[Expect, ...]] = EXPECTS
 
     def __post_init__(self):
-        if self.method not in METHODS:
-            raise ValueError(f"method is {self.method!r}; one of {', '.join(METHODS)}")
+        if self.method not in INTEGRATORS:
+            raise ValueError(f"method is {self.method!r}; one of {', '.join(INTEGRATORS)}")
         for name in ("max_events", "max_steps"):
             if not (isinstance(getattr(self, name), int) and getattr(self, name) > 0):
                 raise ValueError(f"{name} is {getattr(self, name)!r}; a positive integer is needed")
@@ -70,6 +70,7 @@ class EventDriven:
             raise ValueError(f"max_step is {self.max_step!r}; a positive number is needed")
 
     def refuses(self, case: Case) -> str | None:
+        """Return why the method cannot run the case, or None."""
         if isinstance(case.problem, LCS):
             from nsbench.dynamics.lcs import inconsistent
 
@@ -86,16 +87,17 @@ class EventDriven:
         return None
 
     def prepare(self, case: Case, accuracy: float) -> Run:
+        """Prepare a run with tolerance `accuracy`. Raises ValueError for 0.1 and more."""
         tol = check_positive("tol", accuracy)
         if tol >= 0.1:
             raise ValueError(f"tol is {tol!r}; below 0.1 is needed")
         if isinstance(case.problem, Complementarity):
-            from nsbench.solvers.event_driven.contacts import host_loop as method
+            from nsbench.solvers.event_driven.contacts.host_loop import prepare
         elif isinstance(case.problem, LCS):
-            from nsbench.solvers.event_driven.lcs import loop as method
+            from nsbench.solvers.event_driven.lcs.loop import prepare
         else:
-            from nsbench.solvers.event_driven.filippov import host_loop as method
-        return method.prepare(case, self, tol)
+            from nsbench.solvers.event_driven.filippov.host_loop import prepare
+        return prepare(case, self, tol)
 
 
 SOLVER = EventDriven

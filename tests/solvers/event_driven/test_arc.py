@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from nsbench.solvers.event_driven.smooth.arc import CREEP, StallDetector, integrate_to_event
+from nsbench.solvers.event_driven.smooth.arc import integrate_to_event
+from nsbench.solvers.event_driven.smooth.stall import STALL_STEPS, StallDetector
 
 
 def test_no_narrow_dip_is_missed():
@@ -84,4 +85,4 @@ def test_steps_that_lead_nowhere_end_a_run():
     assert not any(
         creeps(500 + k, 0.6 - 2.0**-k / 10.0) for k in range(300)
     )  # halved steps end by themselves
-    assert any(creeps(800 + k, 0.6) for k in range(2 * CREEP))
+    assert any(creeps(800 + k, 0.6) for k in range(2 * STALL_STEPS))

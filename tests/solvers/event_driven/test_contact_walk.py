@@ -14,13 +14,13 @@ from nsbench.linalg import skyline_cholesky
 from nsbench.solvers import get, solve
 from nsbench.solvers.event_driven.contacts import compiled_loop
 from nsbench.solvers.event_driven.contacts.affine_drift import affine_drift
-from nsbench.solvers.event_driven.contacts.kernels import polynomial_descent
+from nsbench.solvers.event_driven.contacts.kernels import first_event
 
 
 def host(monkeypatch, case, tol=1e-12):
     """The run of the loop in Python."""
     with monkeypatch.context() as m:
-        m.setattr(compiled_loop, "plan", lambda *args: None)
+        m.setattr(compiled_loop, "plan_compiled_run", lambda *args: None)
         traj = get("event_driven").prepare(case, tol)()
     assert traj.stats["loop"] == "host"
     return traj
@@ -113,7 +113,7 @@ def test_a_list_of_neighbours_changes_nothing(monkeypatch):
 
     case = get_case("discs[n=30]")
     whole = solve(case, "event_driven")
-    monkeypatch.setattr(evaluation, "LISTED", 0)
+    monkeypatch.setattr(evaluation, "MAX_UNCERTIFIED_PAIRS", 0)
     agree(solve(case, "event_driven"), whole, 1e-12)
 
 
@@ -136,22 +136,20 @@ def two_clusters():
     ids=lambda case: f"{case.name}-{case.n}",
 )
 def test_parts_and_sparse_factors_change_nothing(case, monkeypatch):
-    """Choices by dense factors for all contacts together; or part by part, by sparse factors from
-    three rows on."""
-    from nsbench.solvers.event_driven.contacts import compiled_choice, gram_matrix
+    """Choose active sets by dense factors for all contacts, or part by part by sparse factors."""
+    from nsbench.solvers.event_driven.contacts import active_set, gram_matrix, host_loop
 
     whole = solve(case, "event_driven")
     shares = []
-    touched = compiled_choice._touched
 
-    def watched(walk, label, active, changed):
-        among = touched(walk, label, active, changed)
-        shares.append(among[active].mean())
-        return among
+    def recorded(field, t, x, rows, labels, closed, changed):
+        affected = active_set.affected_by_event(field, t, x, rows, labels, closed, changed)
+        shares.append(affected[closed].mean())
+        return affected
 
-    monkeypatch.setattr(compiled_choice, "FEW", 0)
-    monkeypatch.setattr(compiled_choice, "_touched", watched)
-    monkeypatch.setattr(gram_matrix, "LONG", 2)
+    monkeypatch.setattr(active_set, "CHOSEN_TOGETHER", 0)
+    monkeypatch.setattr(host_loop, "affected_by_event", recorded)
+    monkeypatch.setattr(gram_matrix, "MAX_DENSE_ROWS", 2)
     agree(solve(case, "event_driven"), whole, 1e-11)
     assert (min(shares) < 1.0) == (case.name == "two_clusters"), shares
 
@@ -215,7 +213,7 @@ def test_a_run_that_leaves_the_proven_box_starts_again_in_python():
 
 @numba.njit
 def _below(c, level, lo, hi):
-    return polynomial_descent.first_descent(c, c.size - 1, level, lo, hi, np.empty(c.size))
+    return first_event.first_descent(c, c.size - 1, level, lo, hi, np.empty(c.size))
 
 
 def test_descents_are_those_of_the_roots():

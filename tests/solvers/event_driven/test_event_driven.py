@@ -112,7 +112,7 @@ def test_two_integrators_agree(spec):
 
 def test_near_lists_with_a_certificate_change_nothing(monkeypatch):
     whole = solve(get_case("discs[n=30,seed=1]"))
-    monkeypatch.setattr(evaluation, "LISTED", 0)
+    monkeypatch.setattr(evaluation, "MAX_UNCERTIFIED_PAIRS", 0)
     near = solve(get_case("discs[n=30,seed=1]"))
     assert near.stats["restarts"] > whole.stats["restarts"]
     agree(near, whole, 1e-11)

@@ -8,7 +8,7 @@ from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq
 
 from nsbench import Case, Filippov, get_case, solve
-from nsbench.solvers.event_driven.filippov.host_loop import accumulation
+from nsbench.solvers.event_driven.accumulation import accumulation
 
 TOL = 1e-10  # what the method claims
 

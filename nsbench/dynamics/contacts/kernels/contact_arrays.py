@@ -38,8 +38,8 @@ class Contacts(NamedTuple):
 class Layout(NamedTuple):
     """Data of the constraints at one time.
 
-    anchors: coordinates of all anchors, one after the other. ptr, cols, vals: rows A as CSR. b: their
-    constants.
+    anchors: coordinates of all anchors, one after the other. ptr, cols, vals: rows A as CSR. b:
+    their constants.
     """
 
     anchors: np.ndarray

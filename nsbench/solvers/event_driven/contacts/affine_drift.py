@@ -1,4 +1,7 @@
-"""Whether a drift is A x + c, proven for a box of states and the times of a run; and A, c."""
+"""Prove that a drift is A x + c for a box of states and the times of a run, and find A and c.
+
+The proof evaluates the drift with interval Taylor series (see interval_taylor).
+"""
 
 from __future__ import annotations
 
@@ -6,29 +9,33 @@ import numpy as np
 
 from nsbench.case import Case
 from nsbench.compilation.factories import as_numpy
+from nsbench.solvers.event_driven.contacts.kernels.loop_state import AffineDrift
 from nsbench.solvers.event_driven.interval_taylor import ORDER, SPACE, Jet, as_jet
 
-MOST = 4000  # states: beyond, columns of A are not asked for one by one
-NOTHING = 1e-280  # what jets add to a product of zeros, against underflow, stays below
+MAX_STATES = 4000  # beyond, evaluating the columns of A one by one takes too long
+UNDERFLOW = 1e-280  # Jets add less than this to a product of zeros, against underflow
 
 
-def affine_drift(case: Case, box: float):
-    """(ptr, cols, vals, c) of x' = A x + c as CSR, valid while no |x_i| exceeds `box`; None if that
-    is not proven.
+def affine_drift(case: Case, box: float) -> AffineDrift | None:
+    """Return the drift as f = A x + c, valid while no |x_i| exceeds `box`; None if that is not
+    proven.
 
-    Jets with any first and no further derivative go through the drift: if nothing comes out in the
-    second and higher orders, along every line and at every time, it is affine in x; if time alone
-    moves and nothing comes out, it is autonomous. Enclosures hold on the whole box, so no bend can
-    hide in it.
+    Jets with any first and no further derivative go through the drift: if the second and higher
+    orders vanish, along every line and at every time, it is affine in x; if only time moves and the
+    first order vanishes too, it is autonomous. Enclosures hold on the whole box, so no curvature
+    can hide in it. The columns of A are differences of two values, which are exact up to rounding.
     """
     n = case.n
     lo = float(case.t[0])
     hi = float(case.t[-1])
-    if n > MOST:
+    if n > MAX_STATES:
         return None
-    time = _still(0.5 * (lo + hi), 0.5 * (hi - lo))
-    state = _still(np.zeros(n), np.full(n, box))
-    if not (_quiet(case, time, _moving(state), 2) and _quiet(case, _moving(time), state, 1)):
+    time = _constant(0.5 * (lo + hi), 0.5 * (hi - lo))
+    state = _constant(np.zeros(n), np.full(n, box))
+    if not (
+        _has_no_terms(case, time, _with_any_slope(state), 2)
+        and _has_no_terms(case, _with_any_slope(time), state, 1)
+    ):
         return None
     f = as_numpy(case.problem.drift)
     c = np.array(f(lo, np.zeros(n)), float)
@@ -51,30 +58,30 @@ def affine_drift(case: Case, box: float):
     np.cumsum(np.bincount(rows, minlength=n), out=ptr[1:])
     if not (np.all(np.isfinite(vals)) and np.all(np.isfinite(c))):
         return None
-    return ptr, columns[order].astype(np.int64), vals[order], c
+    return AffineDrift(ptr, columns[order].astype(np.int64), vals[order], c)
 
 
-def _still(mid, rad) -> Jet:
-    """Any constant within mid +- rad."""
+def _constant(mid, rad) -> Jet:
+    """Enclose every constant within mid +- rad."""
     out = as_jet(np.asarray(mid, float), 1)
     out.rad[..., 0] = np.asarray(rad)[..., None]
     return out
 
 
-def _moving(jet: Jet) -> Jet:
-    """The same with any slope in [-1, 1]."""
+def _with_any_slope(jet: Jet) -> Jet:
+    """Enclose the same values with any slope in [-1, 1]."""
     rad = jet.rad.copy()
     rad[..., 1] = 1.0
     return Jet(jet.mid, rad)
 
 
-def _quiet(case, time, state, first) -> bool:
-    """Whether the drift has no terms of order `first` and higher."""
+def _has_no_terms(case, time, state, first) -> bool:
+    """Check that the drift has no terms of order `first` and higher."""
     try:
-        q = as_jet(case.problem.drift(SPACE)(time, state), 1)
+        enclosure = as_jet(case.problem.drift(SPACE)(time, state), 1)
     except (TypeError, ValueError, AttributeError, IndexError, NotImplementedError):
         return False  # not written in a way that Jets follow
-    if q.shape != (case.n,):
+    if enclosure.shape != (case.n,):
         return False
-    high = np.abs(q.mid[..., first : ORDER + 1]) + q.rad[..., first : ORDER + 1]
-    return bool(np.all(high <= NOTHING) and np.all(np.isfinite(q.rad)))
+    high = np.abs(enclosure.mid[..., first : ORDER + 1]) + enclosure.rad[..., first : ORDER + 1]
+    return bool(np.all(high <= UNDERFLOW) and np.all(np.isfinite(enclosure.rad)))

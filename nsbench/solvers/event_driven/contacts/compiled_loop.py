@@ -1,14 +1,14 @@
-"""The event-driven method on Complementarity systems as machine code, where drift and constraints
-allow it.
+"""Drive the compiled event loop on Complementarity systems whose drift and constraints allow it.
 
-kernels.walk follows arcs and takes the choices that are beyond doubt; the others are taken here, by
-_selection. Whatever does not end well is told by the loop in Python (see _constrained), which
-starts again from the beginning.
+kernels.loop follows arcs and takes the choices of the active set that are certain; the others are
+taken here, by active_set. A run that does not end well is not described here: it starts again in
+Python (see host_loop).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,233 +16,282 @@ from nsbench.case import Case
 from nsbench.problem import Smooth
 from nsbench.solvers.event_driven.contacts import active_set
 from nsbench.solvers.event_driven.contacts.affine_drift import affine_drift
-from nsbench.solvers.event_driven.contacts.compiled_choice import choose, parts
-from nsbench.solvers.event_driven.contacts.gram_matrix import LONG, compile_sparse
+from nsbench.solvers.event_driven.contacts.evaluation import ContactField
+from nsbench.solvers.event_driven.contacts.gram_matrix import MAX_DENSE_ROWS, compile_sparse
 from nsbench.solvers.event_driven.contacts.kernels import loop_state
-from nsbench.solvers.event_driven.smooth.arc import SHARE
+from nsbench.solvers.event_driven.contacts.kernels.loop_state import LoopCode
+from nsbench.solvers.event_driven.smooth.arc import STEP_SHARE
 from nsbench.trajectory import Event
 
-ROOM = 10.0  # times the size of the start: the box on which the drift is known to be affine
-SPARE = 0.01  # of the share of an arc's step: series cost little more to be this much better
-FLOOR = 1e-16  # below the spacing of numbers nothing is gained
-ORDERS = (8, 24)  # of the series: as few terms as an event is found with, as many as ever pay
-KINDS = ("contact", "release", "pivot")
-LOG = 1024  # events between two looks at whether they accumulate
+if TYPE_CHECKING:
+    from nsbench.solvers.event_driven.contacts.host_loop import ContactIntegrator
+
+BOX_FACTOR = 10.0  # times 1 + the largest |x_i| of the start: box on which the drift must be affine
+SERIES_SHARE = 0.01  # of the error of a step: a series that much better costs little more
+MIN_STEP_ERROR = 1e-16  # relative: below the spacing of numbers nothing is gained
+ORDERS = (8, 24)  # of the series, less two: what locating an event takes, and the most that pays
+EVENT_KINDS = ("contact", "release", "pivot")  # by the kinds of loop_state
+LOG_LENGTH = 1024  # events between two checks of whether they accumulate
+RECENT_ARCS = 10  # arcs whose largest step is the time scale of the look-ahead
 
 
 @dataclass(frozen=True, eq=False)
 class CompiledSetup:
-    """What a run needs that does not change: the drift as CSR and constant, the part it gives each
-    coordinate to (see _contact_choice), the box, hard particles, order and eps."""
+    """Constants of a compiled run.
 
-    drift: tuple
-    label: np.ndarray
+    labels (n,): part of each coordinate that the drift couples (see active_set). box: |x_i| up to
+    which the drift is affine. hard (families, 3): first coordinate, particles and dimension of hard
+    particles. order: of the series. step_error: of one step, relative.
+    """
+
+    drift: loop_state.AffineDrift
+    labels: np.ndarray
     box: float
     hard: np.ndarray
     order: int
-    eps: float
+    step_error: float
 
 
-def plan(case: Case, field, x, options, tol: float) -> CompiledSetup | None:
-    """None where the loop in Python is meant: other integrators, moving or smooth constraints,
-    drifts that bend."""
-    scene = field.scene
+@dataclass(frozen=True, eq=False)
+class CompiledRun:
+    """Results of a finished compiled run."""
+
+    samples: loop_state.SampleRecord
+    counters: loop_state.LoopCounters
+    longest_step: float
+
+
+def plan_compiled_run(
+    case: Case, field: ContactField, x: np.ndarray, options, tol: float
+) -> CompiledSetup | None:
+    """Set up a compiled run from the start x; None if the case needs the loop in Python.
+
+    That is so for other integrators than dop853, moving or smooth constraints, and drifts that are
+    not proven to be affine.
+    """
+    constraints = field.constraints
     if (
         options.method != "dop853"
-        or scene.moving
-        or any(isinstance(c, Smooth) for c in scene.families)
+        or constraints.moving
+        or any(isinstance(c, Smooth) for c in constraints.families)
     ):
         return None
-    box = ROOM * (1.0 + float(np.abs(x).max()))
+    box = BOX_FACTOR * (1.0 + float(np.abs(x).max()))
     drift = affine_drift(case, box)
     if drift is None:
         return None
-    hard = np.array([(c.start, m, c.dim) for _, c, m in scene.hard], np.int64).reshape(-1, 3)
-    eps = max(SPARE * SHARE * tol, FLOOR)
-    order = int(
-        np.clip(np.ceil(1.0 - 0.5 * np.log(eps)), ORDERS[0] + 2, ORDERS[1])
-    )  # Jorba & Zou 2005, eq. 10
-    return CompiledSetup(drift, parts(drift), box, hard, order, eps * field.unit)
+    hard = [(c.start, m, c.dim) for _, c, m in constraints.hard]
+    step_error = max(SERIES_SHARE * STEP_SHARE * tol, MIN_STEP_ERROR)
+    # Jorba & Zou 2005, eq. 10
+    order = int(np.clip(np.ceil(1.0 - 0.5 * np.log(step_error)), ORDERS[0] + 2, ORDERS[1]))
+    return CompiledSetup(
+        drift,
+        active_set.label_parts(drift),
+        box,
+        np.array(hard, np.int64).reshape(-1, 3),
+        order,
+        step_error * field.length,
+    )
 
 
-def load(walk, p: CompiledSetup):
-    """Load or compile the kernels: a run of no length."""
-    walk.T = walk.t
-    run(walk, p)
-    if walk.field.certified or len(walk.all) > LONG:
+def load(integrator: ContactIntegrator, setup: CompiledSetup) -> None:
+    """Load or compile the kernels by a run of no length."""
+    integrator.end = integrator.t
+    run(integrator, setup)
+    if integrator.field.certified or len(integrator.candidates) > MAX_DENSE_ROWS:
         compile_sparse()
 
 
-def run(walk, p: CompiledSetup) -> bool:
-    """Carry `walk` (see _constrained) to its end; False where it should start again in Python."""
-    from nsbench.solvers.event_driven.contacts.kernels.loop import integrate_contacts as kernel
-
+def run(integrator: ContactIntegrator, setup: CompiledSetup) -> bool:
+    """Integrate to the end; False if the run should start again in Python."""
     with np.errstate(all="ignore"):
-        walk._record(walk.x[None], np.zeros((1, 0)), np.zeros((1, walk.case.n)))
-        if not walk._start().ok:
+        if not integrator.start().ok:
             return False
-        return KernelDriver(walk, p, kernel).run()
+        return KernelDriver(integrator, setup).run()
 
 
 class KernelDriver:
-    """Moves data between `walk` and the kernel."""
+    """Move data between a ContactIntegrator and the kernel, and act on the code it returns.
 
-    def __init__(self, walk, p, kernel):
-        self.walk = walk
-        self.plan = p
-        self.kernel = kernel
-        self.num = np.zeros(loop_state.FLOATS)
-        self.cnt = np.zeros(loop_state.INTS, np.int64)
-        self.num[[loop_state.END, loop_state.TOL, loop_state.EPS]] = walk.T, walk.tol, p.eps
-        self.num[loop_state.UNIT] = walk.field.unit
-        self.num[[loop_state.MAX_STEP, loop_state.BOX, loop_state.REACH]] = (
-            walk.options.max_step,
-            p.box,
-            walk.field.reach,
+    Of the integrator it uses the attributes and methods that its docstring names.
+    """
+
+    def __init__(self, integrator: ContactIntegrator, setup: CompiledSetup):
+        case = integrator.case
+        self.integrator = integrator
+        self.setup = setup
+        self.loop = _loop_state(integrator, setup)
+        self.recent_steps = np.zeros(RECENT_ARCS)
+        self.recent_steps[0] = integrator.recent_steps[0]
+        self.loop.counters.recent_steps[0] = 1
+        self.samples = loop_state.SampleRecord(
+            case.t,
+            np.full((len(case.t), case.n), np.nan),
+            np.full((len(case.t), case.n), np.nan),
+            np.zeros((len(case.t), 0)),
         )
-        self.num[[loop_state.DOUBT, loop_state.STRICT, loop_state.DEPENDENT]] = (
-            active_set.UNDECIDED,
-            active_set.STRICT,
-            active_set.DEPENDENT,
+        self.samples.state[0] = integrator.x
+        self.samples.reaction[0] = 0.0
+        self.loop.counters.sample[0] = 1
+        self.accumulated = loop_state.Accumulated(
+            np.empty(0, np.int64), np.zeros(0), np.zeros(case.n)
         )
-        self.cnt[loop_state.MAX_STEPS] = walk.options.max_steps
-        self.paces = np.zeros(10)
-        self.paces[0] = walk.paces[0]
-        self.cnt[loop_state.PACES] = 1
-        self.paths = np.full((2, len(walk.case.t), walk.case.n), np.nan)
-        self.paths[0, 0] = walk.X[0]
-        self.paths[1, 0] = 0.0
-        self.cnt[loop_state.SAMPLE] = 1
-        self.impulse = np.zeros((len(walk.case.t), 0))
-        self.total = np.zeros(0)
-        self.listed = None
-        self.column = np.empty(0, np.int64)
-        self.known = np.empty(0, np.int64)
-        self.log = (np.empty(LOG), np.empty(LOG, np.int64), np.empty(LOG, np.int64))
+        self.log = loop_state.EventLog(
+            np.empty(LOG_LENGTH), np.empty(LOG_LENGTH, np.int64), np.empty(LOG_LENGTH, np.int64)
+        )
+        self.listed = None  # the candidates that `accumulated.column` belongs to
+        self.column_keys = np.empty(0, np.int64)  # key of the contact of each column
 
     def run(self) -> bool:
-        walk = self.walk
+        """Run the kernel until the end; False if the run should start again in Python."""
+        integrator = self.integrator
+        counters = self.loop.counters
         while True:
-            code = self._go()
-            if code == loop_state.DONE:
-                return self._finish()
-            if code == loop_state.FAIL:
+            code = self._call_kernel()
+            if code == LoopCode.DONE:
+                integrator.adopt_compiled_run(
+                    CompiledRun(self.samples, counters, float(self.loop.floats.longest_step[0]))
+                )
+                return True
+            if code == LoopCode.FAIL:
                 return False
-            if code == loop_state.RELIST:
-                self.cnt[loop_state.ARCS] += 1  # as in Python, an arc ends here
-                walk._relist()
+            if code == LoopCode.REBUILD:
+                counters.arcs[0] += 1  # as in Python, an arc ends here
+                integrator.rebuild_candidates()
                 continue
-            if code == loop_state.CHOOSE:
-                walk.meetings.append(walk.t)
-            if walk._budget() is not None:
+            if code == LoopCode.CHOOSE:
+                integrator.event_times.append(integrator.t)
+            if integrator.check_event_limits() is not None:
                 return False
-            if code == loop_state.CHOOSE:
-                walk.paces = self.paces.tolist()
-                walk.selector.size = float(self.num[loop_state.SIZE])
-                if not choose(
-                    walk,
-                    self.plan.label,
-                    int(self.cnt[loop_state.FIRED]),
-                    int(self.cnt[loop_state.ENTRY]),
-                ):
-                    return False
+            if code == LoopCode.CHOOSE and not self._choose_active_set():
+                return False
 
-    def _go(self):
-        """One stay in the kernel."""
-        walk = self.walk
-        near = self.walk.all.near
-        scene = walk.field.scene
-        m = len(near)
-        column = self._columns()
-        spare = len(walk.column) + m - len(self.total)
-        if spare > 0:
-            self.total = np.append(self.total, np.zeros(spare + m))
-            self.impulse = np.hstack((self.impulse, np.zeros((len(self.impulse), spare + m))))
-        listed = (near.kind, near.p, near.q, near.d, near.sign, near.dim)
-        places = (walk.field._anchors0, scene.ptr, scene.cols, scene.vals, walk.field._b0)
-        basis = np.zeros(m, bool)
-        basis[walk.basis] = True
-        x = np.array(walk.x)
-        self.num[loop_state.T], self.num[loop_state.SIZE] = walk.t, walk.selector.size
-        self.cnt[loop_state.EVENTS], self.cnt[loop_state.COLUMNS], self.cnt[loop_state.PEAK] = (
-            0,
-            len(walk.column),
-            walk.peak,
+    def _choose_active_set(self) -> bool:
+        """Let the integrator choose the active set; False if there is none."""
+        integrator = self.integrator
+        counters = self.loop.counters
+        integrator.recent_steps = self.recent_steps.tolist()
+        return integrator.choose_active_set(
+            int(counters.closing_entry[0]), int(counters.event_entry[0]), self.setup.labels
+        ).ok
+
+    def _call_kernel(self) -> LoopCode:
+        """Run the kernel once from the state of the integrator, and write its results back."""
+        from nsbench.solvers.event_driven.contacts.kernels.loop import integrate_contacts
+
+        integrator = self.integrator
+        floats = self.loop.floats
+        counters = self.loop.counters
+        rows = integrator.candidates
+        self._provide_columns()
+        is_active = active_set.mask_of(len(rows), integrator.active)
+        x = np.array(integrator.x)
+        floats.time[0] = integrator.t
+        floats.drift_size[0] = integrator.selector.drift_size
+        counters.events[0] = 0
+        counters.columns[0] = len(integrator.columns)
+        counters.max_closed[0] = integrator.max_closed
+        problem = loop_state.ContactProblem(
+            integrator.list_centre,
+            rows.listed.contacts,
+            integrator.field.initial_layout,
+            rows.norm,
+            self.setup.drift,
+            self.setup.hard,
+            rows.width,
+            self.setup.order,
         )
-        code = self.kernel(
-            listed,
-            places,
-            walk.all.norm,
-            self.plan.drift,
-            self.plan.hard,
-            walk.all.width,
-            self.plan.order,
+        code = integrate_contacts(
+            problem,
             x,
-            walk.anchor,
-            basis,
-            walk.kept,
-            walk.case.t,
-            (self.paths[0], self.paths[1], self.impulse),
-            (column, self.total, walk.reaction),
-            self.paces,
+            is_active,
+            integrator.closed,
+            self.samples,
+            self.accumulated,
+            self.recent_steps,
             self.log,
-            self.num,
-            self.cnt,
+            self.loop,
         )
-        walk.t = float(self.num[loop_state.T])
-        walk.x = x
-        walk.basis = np.flatnonzero(basis)
-        walk.peak = int(self.cnt[loop_state.PEAK])
-        walk.selector.size = float(self.num[loop_state.SIZE])
-        self._names(near, column)
+        integrator.t = float(floats.time[0])
+        integrator.x = x
+        integrator.active = np.flatnonzero(is_active)
+        integrator.max_closed = int(counters.max_closed[0])
+        integrator.selector.drift_size = float(floats.drift_size[0])
+        self._read_columns()
+        self._read_log()
         return code
 
-    def _columns(self):
-        """(m,) column of each entry of the list in the impulses, or -1: kept while the list is the
-        same."""
-        walk = self.walk
-        if self.listed is not walk.all:
-            key = walk.all.near.key
-            self.listed = walk.all
-            self.column = np.full(len(key), -1, np.int64)
-            if len(self.known):
-                order = np.argsort(self.known)
-                at = order[
-                    np.minimum(np.searchsorted(self.known, key, sorter=order), len(order) - 1)
-                ]
-                self.column[self.known[at] == key] = at[self.known[at] == key]
-        return self.column
+    def _provide_columns(self):
+        """Find the column of each candidate in the impulses, and make room for all to act."""
+        integrator = self.integrator
+        total = self.accumulated.impulse
+        m = len(integrator.candidates)
+        if self.listed is not integrator.candidates:
+            self.listed = integrator.candidates
+            column = _find_keys(self.listed.listed.key, self.column_keys)
+            self.accumulated = self.accumulated._replace(column=column)
+        missing = len(integrator.columns) + m - len(total)
+        if missing > 0:
+            more = missing + m
+            self.accumulated = self.accumulated._replace(impulse=np.append(total, np.zeros(more)))
+            impulse = self.samples.impulse
+            self.samples = self.samples._replace(
+                impulse=np.hstack((impulse, np.zeros((len(impulse), more))))
+            )
 
-    def _names(self, near, column):
-        """Contacts that acted for the first time, and events, by their ids."""
-        walk = self.walk
-        new = np.flatnonzero(column >= len(walk.column))
+    def _read_columns(self):
+        """Name the columns of contacts that acted for the first time."""
+        columns = self.integrator.columns
+        column = self.accumulated.column
+        new = np.flatnonzero(column >= len(columns))
         new = new[np.argsort(column[new])]
-        self.known = np.append(self.known, near.take(new).key)
-        for e, c in zip(new, near.take(new).ids, strict=True):
-            walk.column[c] = int(column[e])
-        count = int(self.cnt[loop_state.EVENTS])
-        if count:
-            times, kinds, entries = (a[:count] for a in self.log)
-            for t, kind, c in zip(
-                times.tolist(), kinds.tolist(), near.take(entries).ids, strict=True
-            ):
-                walk.events.append(Event(t, KINDS[kind % loop_state.FIRST], c))
-                if kind >= loop_state.FIRST:
-                    walk.meetings.append(t)
+        contacts = self.listed.listed.take(new)
+        self.column_keys = np.append(self.column_keys, contacts.key)
+        for entry, contact in zip(new, contacts.ids, strict=True):
+            columns[contact] = int(column[entry])
 
-    def _finish(self) -> bool:
-        walk = self.walk
-        c = len(walk.column)
-        walk.X = self.paths[0]
-        walk.R = self.paths[1]
-        walk.done = int(self.cnt[loop_state.SAMPLE])
-        walk.impulses = list(self.impulse[:, :c])
-        walk.steps = int(self.cnt[loop_state.STEPS])
-        walk.arcs = int(self.cnt[loop_state.ARCS]) + 1
-        walk.h = float(self.num[loop_state.H])
-        walk.proof["touches"] = int(self.cnt[loop_state.TOUCHES])
-        walk.field.calls += int(self.cnt[loop_state.ORDERS])
-        walk.selector.solved += int(self.cnt[loop_state.SOLVED])
-        walk.loop = "compiled"
-        return True
+    def _read_log(self):
+        """Append the logged events; the first of each instant counts as a time of events."""
+        count = int(self.loop.counters.events[0])
+        if not count:
+            return
+        ids = self.listed.listed.take(self.log.entry[:count]).ids
+        times = self.log.time[:count].tolist()
+        kinds = self.log.kind[:count].tolist()
+        for t, kind, contact in zip(times, kinds, ids, strict=True):
+            event = Event(t, EVENT_KINDS[kind % loop_state.FIRST], contact)
+            self.integrator.events.append(event)
+            if kind >= loop_state.FIRST:
+                self.integrator.event_times.append(t)
+
+
+def _loop_state(integrator, setup) -> loop_state.LoopState:
+    """Return settings from options and setup, with floats and counters at zero."""
+    settings = loop_state.LoopSettings(
+        end=integrator.end,
+        tol=integrator.tol,
+        step_error=setup.step_error,
+        max_step=float(integrator.options.max_step),
+        box=setup.box,
+        reach=float(integrator.field.reach),
+        undecided=active_set.UNDECIDED,
+        strict=active_set.STRICT,
+        dependent=active_set.DEPENDENT,
+        length=float(integrator.field.length),
+        max_steps=integrator.options.max_steps,
+    )
+    floats = loop_state.LoopFloats(*(np.zeros(1) for _ in loop_state.LoopFloats._fields))
+    counters = loop_state.LoopCounters(
+        *(np.zeros(1, np.int64) for _ in loop_state.LoopCounters._fields)
+    )
+    return loop_state.LoopState(settings, floats, counters)
+
+
+def _find_keys(keys: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """Return the position of each of `keys` among the known ones, or -1; (m,)."""
+    position = np.full(len(keys), -1, np.int64)
+    if len(known):
+        order = np.argsort(known)
+        at = order[np.minimum(np.searchsorted(known, keys, sorter=order), len(order) - 1)]
+        position[known[at] == keys] = at[known[at] == keys]
+    return position

@@ -1,5 +1,7 @@
-"""Drift, gaps, gradients and multipliers of a Complementarity case, for lists of its
-constraints."""
+"""Evaluate drift, gaps, gradients and multipliers of a Complementarity case for listed contacts.
+
+With all of the listed contacts active,  x' = f + G^T lam,  (G G^T) lam = -(G f + dg/dt).
+"""
 
 from __future__ import annotations
 
@@ -15,39 +17,51 @@ from nsbench.dynamics.contacts.constraint_set import (
     CandidateContacts,
     ConstraintSet,
 )
+from nsbench.dynamics.contacts.kernels.contact_arrays import Layout
 from nsbench.dynamics.length_scale import case_length_scale
 from nsbench.problem import Affine, Distance, Smooth
-from nsbench.solvers.event_driven.interval_taylor import SPACE
+from nsbench.solvers.event_driven.interval_taylor import SPACE, Jet
 
-# so many pairs of hard particles are all listed, without a certificate on the distance travelled
-LISTED = 2000
+# Up to so many pairs of hard particles all are candidates, without a bound on the displacement.
+MAX_UNCERTIFIED_PAIRS = 2000
 
 
 @dataclass(frozen=True, eq=False)
-class Rows:
-    """A list of constraints made ready for the kernels: its arrays, the smooth ones, the longest
-    row."""
+class ContactRows:
+    """Listed contacts with what the kernels need of their gradients.
 
-    near: CandidateContacts
+    listed: m contacts. slot (m,): place of a smooth constraint among the smooth ones. smooth:
+    those, or None. width: entries of the longest gradient. norm (m,): lengths of the gradients; of
+    smooth constraints the length at the start.
+    """
+
+    listed: CandidateContacts
     slot: np.ndarray
     smooth: CandidateContacts | None
     width: int
-    norm: np.ndarray  # (m,) lengths of the gradients; of smooth constraints that at the start
+    norm: np.ndarray
 
     def __len__(self) -> int:
-        return len(self.near)
+        return len(self.listed)
 
 
 class ContactField:
-    """Evaluations at (t, x) of the constraints of a case; counts drift calls."""
+    """Evaluate drift and listed constraints of a case at (t, x); count the drift calls.
 
-    def __init__(self, case: Case, scene: ConstraintSet):
+    certified: whether candidates are only those within `reach` of contact. length: characteristic
+    length of the case.
+    """
+
+    def __init__(self, case: Case, constraints: ConstraintSet):
         from nsbench.compilation.factories import as_numpy
 
-        self.scene, self.n, self.calls, self.unit = scene, case.n, 0, case_length_scale(case)
+        self.constraints = constraints
+        self.n = case.n
+        self.calls = 0
+        self.length = case_length_scale(case)
         self._drift = as_numpy(case.problem.drift)
-        families = scene.families
-        self._boxes = [
+        families = constraints.families
+        self._state_functions = [
             case.problem.drift,
             *[
                 q
@@ -57,7 +71,7 @@ class ContactField:
                 if q is not None
             ],
         ]
-        self._clocks = [
+        self._time_functions = [
             c.b if isinstance(c, Affine) else c.anchors
             for c in families
             if isinstance(c, (Affine, Distance)) and c.moving
@@ -65,26 +79,33 @@ class ContactField:
         self._moving_b = any(isinstance(c, Affine) and c.moving for c in families)
         self._moving_anchors = any(isinstance(c, Distance) and c.moving for c in families)
         t0 = float(case.t[0])
-        self._b0, self._anchors0 = scene.b(t0), scene.anchors(t0)
-        pairs = sum(m * (m - 1) // 2 for _, _, m in scene.hard)
-        self.certified = pairs > LISTED
+        self.initial_layout = Layout(
+            constraints.anchors(t0),
+            constraints.ptr,
+            constraints.cols,
+            constraints.vals,
+            constraints.b(t0),
+        )
+        pairs = sum(m * (m - 1) // 2 for _, _, m in constraints.hard)
+        self.certified = pairs > MAX_UNCERTIFIED_PAIRS
         self.reach = (
-            min((2 * r.min() for r in scene.radii.values()), default=0.0)
+            min((2 * r.min() for r in constraints.radii.values()), default=0.0)
             if self.certified
             else np.inf
         )
-        self._smooth_norm = self._typical(t0, case.x0)
-        self._hard = [c.start + np.arange(m * c.dim).reshape(m, c.dim) for _, c, m in scene.hard]
+        self._smooth_norm = self._smooth_norms(t0, case.x0)
+        self._hard = [
+            c.start + np.arange(m * c.dim).reshape(m, c.dim) for _, c, m in constraints.hard
+        ]
 
     def compile(self, t: float, x: np.ndarray, arcs: bool = True):
-        """Load or compile every kernel once, on an empty list. arcs: those for arcs followed in
-        Python too."""
+        """Load or compile the kernels on an empty list; arcs: also those of arcs in Python."""
         from nsbench.lcp.gram_lcp import in_span, solve_lcp
         from nsbench.solvers.event_driven.contacts.kernels.constraint_rows import (
             add_transposed,
+            constrained_velocity,
             gram,
             gram_solve,
-            held,
             times,
         )
 
@@ -99,86 +120,99 @@ class ContactField:
         add_transposed(C, V, count, times(C, V, count, x), x.copy())
         gram_solve(M, v)
         if arcs:
-            held(C, V, count, x, v)
+            constrained_velocity(C, V, count, x, v)
 
     def drift(self, t: float, x: np.ndarray) -> np.ndarray:
+        """Evaluate the drift f(t, x), (n,)."""
         self.calls += 1
         return self._drift(t, x)
 
-    def data(self, t, x) -> list:
-        """What the case gives as functions of (t, x), for Jets: drift, smooth constraints, moving
-        walls and anchors."""
-        return [q(SPACE)(t, x) for q in self._boxes] + [q(SPACE)(t) for q in self._clocks]
+    def enclose(self, t: Jet, x: Jet) -> list[Jet]:
+        """Enclose every function that the case provides: drift, smooth constraints, moving data."""
+        return [q(SPACE)(t, x) for q in self._state_functions] + [
+            q(SPACE)(t) for q in self._time_functions
+        ]
 
-    def candidates(self, t: float, x: np.ndarray) -> Rows:
-        """Every constraint that can become active before a particle has travelled reach / 2."""
-        return self.rows(self.scene.near(np.ascontiguousarray(x), self.reach, t))
+    def candidates(self, t: float, x: np.ndarray) -> ContactRows:
+        """List every contact that can become active before a particle has moved by reach / 2."""
+        return self.rows(self.constraints.near(np.ascontiguousarray(x), self.reach, t))
 
-    def rows(self, near: CandidateContacts) -> Rows:
+    def rows(self, near: CandidateContacts) -> ContactRows:
+        """Return the listed contacts with widths and norms of their gradients."""
         smooth = near.kind == SMOOTH
         of_row = near.p[near.kind == ROW]
         width = max(
             1,
             int(2 * near.dim[near.kind > ROW].max(initial=0)),
-            int(np.diff(self.scene.ptr)[of_row].max(initial=0)),
+            int(np.diff(self.constraints.ptr)[of_row].max(initial=0)),
             self.n if smooth.any() else 0,
         )
         norm = np.where(near.kind == PAIR, np.sqrt(2.0), 1.0)
-        norm[near.kind == ROW] = 1.0 / np.sqrt(self.scene.inv2[of_row])
+        norm[near.kind == ROW] = 1.0 / np.sqrt(self.constraints.inv2[of_row])
         for k in np.flatnonzero(smooth):
             norm[k] = self._smooth_norm[(int(near.family[k]), int(near.i[k]))]
-        return Rows(
+        return ContactRows(
             near, np.cumsum(smooth) - 1, near.take(smooth) if smooth.any() else None, width, norm
         )
 
-    def _typical(self, t, x):
-        """Length of the gradient of every smooth constraint at the start: what makes its values
-        large or small."""
-        listed = self.scene.all_static()
+    def _smooth_norms(self, t, x):
+        """Return the length of the gradient of every smooth constraint at the start, by id.
+
+        It says which values of the constraint are small.
+        """
+        listed = self.constraints.all_static()
         smooth = listed.take(listed.kind == SMOOTH)
-        norm = np.linalg.norm(self.scene.dense_gradients(t, x, smooth), axis=1)
+        norm = np.linalg.norm(self.constraints.dense_gradients(t, x, smooth), axis=1)
         norm[~(norm > 0.0) | np.isinf(norm)] = 1.0
         return dict(zip(smooth.ids, norm.tolist(), strict=True))
 
-    def take(self, rows: Rows, index) -> Rows:
-        near = rows.near.take(index)
+    def take(self, rows: ContactRows, index: np.ndarray) -> ContactRows:
+        """Return some of the listed contacts, by positions or by a mask."""
+        near = rows.listed.take(index)
         return (
             self.rows(near)
             if rows.smooth is not None
-            else Rows(near, rows.slot[index], None, rows.width, rows.norm[index])
+            else ContactRows(near, rows.slot[index], None, rows.width, rows.norm[index])
         )
 
-    def _places(self, t):
-        return (
-            self.scene.anchors(t) if self._moving_anchors else self._anchors0,
-            self.scene.ptr,
-            self.scene.cols,
-            self.scene.vals,
-        )
+    def _anchors_and_rows(self, t):
+        """Return the anchors at time t and the matrix of all affine rows as CSR."""
+        layout = self.initial_layout
+        anchors = self.constraints.anchors(t) if self._moving_anchors else layout.anchors
+        return anchors, layout.ptr, layout.cols, layout.vals
 
-    def gaps(self, t: float, x: np.ndarray, rows: Rows) -> np.ndarray:
-        """(m,) values g_k."""
+    def gaps(self, t: float, x: np.ndarray, rows: ContactRows) -> np.ndarray:
+        """Evaluate the gaps g, (m,)."""
         from nsbench.solvers.event_driven.contacts.kernels.constraint_rows import fill_gaps
 
-        k = rows.near
+        k = rows.listed
         g = np.empty(len(rows))
-        b = self.scene.b(t) if self._moving_b else self._b0
+        b = self.constraints.b(t) if self._moving_b else self.initial_layout.b
         fill_gaps(
-            k.kind, k.p, k.q, k.d, k.sign, k.dim, np.ascontiguousarray(x), *self._places(t), b, g
+            k.kind,
+            k.p,
+            k.q,
+            k.d,
+            k.sign,
+            k.dim,
+            np.ascontiguousarray(x),
+            *self._anchors_and_rows(t),
+            b,
+            g,
         )
         if rows.smooth is not None:
-            g[k.kind == SMOOTH] = self.scene.gaps(t, x, rows.smooth)
+            g[k.kind == SMOOTH] = self.constraints.gaps(t, x, rows.smooth)
         return g
 
-    def gradients(self, t: float, x: np.ndarray, rows: Rows):
-        """Columns, values (m, width) and lengths (m,) of the gradients."""
+    def gradients(self, t: float, x: np.ndarray, rows: ContactRows):
+        """Evaluate the gradients as short rows: columns, values (m, width) and counts (m,)."""
         from nsbench.solvers.event_driven.contacts.kernels.constraint_rows import fill_rows
 
-        k = rows.near
+        k = rows.listed
         dense = (
             np.zeros((0, self.n))
             if rows.smooth is None
-            else self.scene.dense_gradients(t, x, rows.smooth)
+            else self.constraints.dense_gradients(t, x, rows.smooth)
         )
         return fill_rows(
             k.kind,
@@ -188,26 +222,42 @@ class ContactField:
             k.dim,
             rows.slot,
             np.ascontiguousarray(x),
-            *self._places(t),
+            *self._anchors_and_rows(t),
             dense,
             rows.width,
         )
 
-    def rates(self, t: float, x: np.ndarray, rows: Rows) -> np.ndarray:
-        return self.scene.rates(t, x, rows.near) if self.scene.moving else np.zeros(len(rows))
+    def rates(self, t: float, x: np.ndarray, rows: ContactRows) -> np.ndarray:
+        """Evaluate the partial time derivatives of the gaps, (m,)."""
+        return (
+            self.constraints.rates(t, x, rows.listed)
+            if self.constraints.moving
+            else np.zeros(len(rows))
+        )
 
-    def held(self, t: float, x: np.ndarray, rows: Rows):
-        """x', multipliers and reaction with all of `rows` (independent) held at zero."""
-        from nsbench.solvers.event_driven.contacts.kernels.constraint_rows import held
+    def constrained_velocity(
+        self, t: float, x: np.ndarray, rows: ContactRows
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return x' (n,), multipliers (m,) and reaction (n,) with all of `rows` active.
+
+        Their gradients must be independent.
+        """
+        from nsbench.solvers.event_driven.contacts.kernels.constraint_rows import (
+            constrained_velocity,
+        )
 
         f = self.drift(t, x)
         if not len(rows):
             return f, np.empty(0), np.zeros(self.n)
-        return held(*self.gradients(t, x, rows), np.ascontiguousarray(f), self.rates(t, x, rows))
+        return constrained_velocity(
+            *self.gradients(t, x, rows), np.ascontiguousarray(f), self.rates(t, x, rows)
+        )
 
-    def project(self, t: float, x: np.ndarray, rows: Rows) -> np.ndarray | None:
-        """The point with all of `rows` at zero, along their gradients; None if x is it, up to
-        rounding."""
+    def project(self, t: float, x: np.ndarray, rows: ContactRows) -> np.ndarray | None:
+        """Project x onto g = 0 of all `rows` by Newton's method along their gradients.
+
+        Returns None if x is there up to rounding, or if the iteration fails.
+        """
         from nsbench.solvers.event_driven.contacts.kernels.constraint_rows import (
             add_transposed,
             gram,
@@ -217,19 +267,21 @@ class ContactField:
         if not len(rows):
             return None
         y = x
-        fine = 2e-15 * (self.unit + np.abs(x).max()) * rows.norm
+        rounding = 2e-15 * (self.length + np.abs(x).max()) * rows.norm
         for _ in range(3):
             g = self.gaps(t, y, rows)
-            if np.all(np.abs(g) <= fine):
+            if np.all(np.abs(g) <= rounding):
                 break
             C, V, count = self.gradients(t, y, rows)
             y = y.copy()
             add_transposed(C, V, count, gram_solve(gram(C, V, count, self.n), -g), y)
         return None if y is x or not np.all(np.isfinite(y)) else y
 
-    def travelled(self, x: np.ndarray, x0: np.ndarray) -> np.ndarray:
-        """One value per hard particle, positive while it is less than reach / 2 from where it was
-        at x0."""
+    def displacement_margin(self, x: np.ndarray, x0: np.ndarray) -> np.ndarray:
+        """Return (reach / 2)^2 - displacement^2 of every hard particle since x0.
+
+        The candidates are certain to be all while every value is positive.
+        """
         if not self.certified:
             return np.empty(0)
         moved = x - x0

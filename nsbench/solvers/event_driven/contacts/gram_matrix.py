@@ -1,9 +1,8 @@
-"""The Gram matrix M = G G^T of a list of closed contacts, dense or by its sparse rows: velocity
-problems and spans.
+"""Represent the Gram matrix M = G G^T of closed contacts, dense or by its sparse rows.
 
-Both solve  0 <= lam _|_ w = h + M lam >= 0  with lam > 0 on independent rows alone: small lists by
-kernels.lcp, long ones by the active set of kernels.qp, whose factors are sparse. What that does not
-solve to rounding is solved densely.
+Both forms solve the velocity LCP  0 <= lam _|_ w = h + M lam >= 0  with lam > 0 on independent rows
+only: small problems by principal pivoting (lcp.gram_lcp), large ones by the active-set method of
+qp.kernels, whose factors are sparse. What that does not solve to rounding is solved densely.
 """
 
 from __future__ import annotations
@@ -12,33 +11,39 @@ from dataclasses import dataclass
 
 import numpy as np
 
-# rows: dense factors of as many take longer than sparse ones with their search for an order
-LONG = 120
-SOLVED = 1e-10  # of the size of speeds: the residual of a solution by sparse factors
+# Above so many rows dense factors take longer than sparse ones with their ordering.
+MAX_DENSE_ROWS = 120
+MAX_SPARSE_RESIDUAL = 1e-10  # relative to the drift: of a solution by sparse factors
 
 
 @dataclass(frozen=True, eq=False)
 class Dense:
-    """norm (m,): lengths of the rows."""
+    """Gram matrix M (m, m) as an array; norm (m,): lengths of the rows."""
 
     M: np.ndarray
     norm: np.ndarray
 
-    def solve(self, h, warm, tol, dependent, size):
-        """lam, w, support, code, row that cannot be satisfied or -1, iterations (see
-        lcp.solve_lcp)."""
+    def solve(
+        self, h: np.ndarray, warm: np.ndarray, tol: np.ndarray, dependent: float, size: float
+    ) -> tuple:
+        """Solve the LCP with right-hand side h (m,), starting from the rows `warm`.
+
+        tol (m,): violation of w that counts as rounding. dependent: squared sine of dependent rows.
+        size: of the drift. Returns (lam, w, support, code, row that cannot be satisfied or -1,
+        iterations), see gram_lcp.solve_lcp.
+        """
         from nsbench.lcp.gram_lcp import solve_lcp
 
         return solve_lcp(self.M, h, warm, tol, dependent)
 
-    def hold(self, h) -> np.ndarray:
-        """(m,) lam with w = 0 in all rows, which are independent."""
+    def hold(self, h: np.ndarray) -> np.ndarray:
+        """Solve w = 0 in all rows, which are independent, for lam (m,)."""
         from nsbench.solvers.event_driven.contacts.kernels.constraint_rows import gram_solve
 
         return gram_solve(self.M.copy(), -h)
 
-    def span(self, support, dependent) -> np.ndarray:
-        """(m,) which rows lie in the span of the independent rows `support`."""
+    def span(self, support: np.ndarray, dependent: float) -> np.ndarray:
+        """Find the rows in the span of the independent rows `support`; mask (m,)."""
         from nsbench.lcp.gram_lcp import in_span
 
         return in_span(self.M, support, dependent) if support.size else np.zeros(len(self.M), bool)
@@ -46,8 +51,11 @@ class Dense:
 
 @dataclass(frozen=True, eq=False)
 class Sparse:
-    """rows: columns, values, lengths; P: their pattern for kernels.qp; vals: their entries in its
-    order."""
+    """Gram matrix by its rows.
+
+    rows: columns, values and counts of the short rows. P: their pattern for qp.kernels. vals: their
+    entries in its order. norm (m,): lengths of the rows.
+    """
 
     rows: tuple
     n: int
@@ -55,8 +63,10 @@ class Sparse:
     vals: np.ndarray
     norm: np.ndarray
 
-    def solve(self, h, warm, tol, dependent, size):
-        """As Dense.solve."""
+    def solve(
+        self, h: np.ndarray, warm: np.ndarray, tol: np.ndarray, dependent: float, size: float
+    ) -> tuple:
+        """Solve the LCP as Dense.solve does."""
         from nsbench.qp.kernels import active_set
 
         guess = np.zeros(len(h))
@@ -64,35 +74,42 @@ class Sparse:
         lam, d, code, its = active_set.solve(self.P, self.vals, h, guess, size)
         if (
             code == active_set.SOLVED
-            and active_set.residual(self.P, self.vals, h, lam, d) <= SOLVED * size
+            and active_set.residual(self.P, self.vals, h, lam, d) <= MAX_SPARSE_RESIDUAL * size
         ):
             w = np.empty(len(h))
             active_set.slack(self.P, self.vals, h, d, w)
             return lam, w, np.flatnonzero(lam > 0.0), 0, -1, its
         return self.dense().solve(h, warm, tol, dependent, size)
 
-    def hold(self, h) -> np.ndarray:
+    def hold(self, h: np.ndarray) -> np.ndarray:
+        """Solve w = 0 in all rows, as Dense.hold does."""
         from nsbench.qp.kernels.row_span import hold
 
         return hold(self.P, self.vals, h, self.n)
 
-    def span(self, support, dependent) -> np.ndarray:
+    def span(self, support: np.ndarray, dependent: float) -> np.ndarray:
+        """Find the rows in the span of others, as Dense.span does."""
         from nsbench.qp.kernels.row_span import in_span
 
         return in_span(self.P, self.vals, support, dependent)
 
     def dense(self) -> Dense:
+        """Return the same matrix as an array."""
         from nsbench.solvers.event_driven.contacts.kernels.constraint_rows import gram
 
         return Dense(gram(*self.rows, self.n), self.norm)
 
 
-def gram_of(C, V, count, n, patterns: dict):
-    """The matrix of the rows (C, V, count) in n coordinates. patterns: the last sparse pattern, to
-    be used again."""
+def gram_of(
+    C: np.ndarray, V: np.ndarray, count: np.ndarray, n: int, patterns: dict
+) -> Dense | Sparse:
+    """Return the Gram matrix of the short rows (C, V, count) in n coordinates.
+
+    patterns: holds the last sparse pattern, which is used again for the same columns.
+    """
     from nsbench.solvers.event_driven.contacts.kernels.constraint_rows import gram
 
-    if len(count) <= LONG:
+    if len(count) <= MAX_DENSE_ROWS:
         M = gram(C, V, count, n)
         return Dense(M, np.sqrt(np.diag(M)))
     from nsbench.qp.kernels import active_set
@@ -107,7 +124,7 @@ def gram_of(C, V, count, n, patterns: dict):
     return Sparse((C, V, count), n, patterns[key], V[there], np.sqrt((V * V).sum(1)))
 
 
-def compile_sparse():
+def compile_sparse() -> None:
     """Load or compile what Sparse calls, on two rows."""
     from nsbench.qp.kernels import active_set
 

@@ -1,11 +1,10 @@
-"""The event-driven method on Complementarity systems: smooth arcs with a fixed set of active
-contacts.
+"""Integrate a Complementarity system between events in Python: smooth arcs with active contacts.
 
-On an arc  x' = f + G_W^T lam,  (G_W G_W^T) lam = -(G_W f + dg_W/dt),  for a basis W of the closed
-contacts; impulses and reaction are further states, and after every step x is put back on g_W = 0
-(index reduction drifts). An arc ends where a gap closes or a multiplier vanishes; then _selection
-chooses the next basis. Closed contacts that depend on W carry nothing: their gaps are watched for
-true violation, not for rounding.
+On an arc  x' = f + G_A^T lam,  (G_A G_A^T) lam = -(G_A f + dg_A/dt),  for independent active
+contacts A among the closed ones. Impulses and reaction are further states, and after every step x
+is projected onto g_A = 0 (index reduction drifts). An arc ends where a gap closes or a multiplier
+vanishes; then active_set chooses the next active contacts. Closed contacts that depend on A have no
+multiplier: their gaps are watched for true violation, not for rounding.
 """
 
 from __future__ import annotations
@@ -16,151 +15,183 @@ from nsbench.case import Case
 from nsbench.dynamics.contacts.constraint_set import ConstraintSet
 from nsbench.solvers.base import Run
 from nsbench.solvers.common.initial_state import initial_state
+from nsbench.solvers.event_driven.accumulation import crowded_events
 from nsbench.solvers.event_driven.contacts import compiled_loop
-from nsbench.solvers.event_driven.contacts.active_set import ActiveSetSelector
-from nsbench.solvers.event_driven.contacts.evaluation import ContactField
-from nsbench.solvers.event_driven.smooth.arc import integrate_to_event
+from nsbench.solvers.event_driven.contacts.active_set import (
+    ActiveSetSelector,
+    affected_by_event,
+    mask_of,
+)
+from nsbench.solvers.event_driven.contacts.evaluation import ContactField, ContactRows
+from nsbench.solvers.event_driven.smooth.arc import Arc, integrate_to_event
 from nsbench.trajectory import Event, Resolution, Status, Trajectory
 
-MEMORY = 10  # arcs whose largest step is the time scale of the look-ahead
-# events, and twice the contacts held, that may fall together before they count as accumulation
-CROWD = 100
-TOGETHER = 1e-10  # part of the run that counts as one instant
+RECENT_ARCS = 10  # arcs whose largest step is the time scale of the look-ahead
+LOCKING = 1e6  # multipliers over the drift beyond which contacts are said to lock
 
 
 def prepare(case: Case, options, tol: float) -> Run:
-    """A Run; options has method, max_step, max_steps and max_events. ValueError for an infeasible
-    start."""
+    """Prepare a run of a Complementarity case, compiled where the case allows it.
+
+    options: an EventDriven method. tol: tolerance of the arcs. Raises ValueError for an infeasible
+    start.
+    """
     import scipy.integrate  # noqa: F401  (loaded here, not in the timed run)
 
-    scene = ConstraintSet(case.problem, case.n)
-    x = initial_state(case, scene)
-    field = ContactField(case, scene)
-    plan = compiled_loop.plan(case, field, x, options, tol)
-    field.compile(float(case.t[0]), x, arcs=plan is None)
-    if plan is not None:
-        compiled_loop.load(ContactIntegrator(case, scene, x.copy(), options, tol), plan)
+    constraints = ConstraintSet(case.problem, case.n)
+    x = initial_state(case, constraints)
+    field = ContactField(case, constraints)
+    setup = compiled_loop.plan_compiled_run(case, field, x, options, tol)
+    field.compile(float(case.t[0]), x, arcs=setup is None)
+    new = lambda: ContactIntegrator(case, constraints, x.copy(), options, tol)
+    if setup is not None:
+        compiled_loop.load(new(), setup)
 
-    def run():
-        if plan is not None:
-            walk = ContactIntegrator(case, scene, x.copy(), options, tol)
-            if compiled_loop.run(walk, plan):
-                return walk._trajectory(Status())
-        return ContactIntegrator(case, scene, x.copy(), options, tol).run()
+    def run() -> Trajectory:
+        if setup is not None:
+            integrator = new()
+            if compiled_loop.run(integrator, setup):
+                return integrator.trajectory(Status())
+        return new().run()
 
     return run
 
 
 class ContactIntegrator:
-    """One run: where it is, what is held, what was recorded."""
+    """State, active contacts and recorded results of one run.
 
-    def __init__(self, case, scene, x, options, tol):
+    The compiled loop reads and writes t, x (state), candidates (every contact that can become
+    active soon), active (entries of them, ascending), closed (mask of them), list_centre (the state
+    at which they were listed), recent_steps (largest steps of the last arcs), event_times and
+    max_closed (most contacts closed at once); it calls the methods without underscore.
+    """
+
+    def __init__(self, case: Case, constraints: ConstraintSet, x: np.ndarray, options, tol: float):
         self.case = case
         self.options = options
         self.tol = tol
-        self.field = ContactField(case, scene)
+        self.field = ContactField(case, constraints)
         self.selector = ActiveSetSelector(self.field)
-        self.t, self.x, self.T = float(case.t[0]), x, float(case.t[-1])
-        self.all = self.field.candidates(self.t, x)
-        self.basis = np.empty(0, np.int64)
-        self.kept = np.zeros(len(self.all), bool)
-        self.column = {}
-        self.total = np.empty(0)
-        self.reaction = np.zeros(case.n)
-        self.X = np.full((len(case.t), case.n), np.nan)
-        self.R = np.full((len(case.t), case.n), np.nan)
-        self.impulses = []
-        self.done = 0
+        self.t = float(case.t[0])
+        self.end = float(case.t[-1])
+        self.x = x
+        self.candidates = self.field.candidates(self.t, x)
+        self.active = np.empty(0, np.int64)
+        self.closed = np.zeros(len(self.candidates), bool)
+        self.list_centre = x
+        self.recent_steps = []
+        self.event_times = []
+        self.max_closed = 0
         self.events = []
-        self.meetings = []
-        self.paces = []
-        self.proof = {"unproven": 0, "refused": 0, "touches": 0}
-        self.loop = "host"
-        self.steps = 0
-        self.arcs = 0
-        self.h = 0.0
-        self.peak = 0
-        self.lam = np.empty(0)
+        self.columns = {}  # id of a contact that ever acted: its column of the impulses
+        self._total = np.empty(0)
+        self._reaction = np.zeros(case.n)
+        self._states = np.full((len(case.t), case.n), np.nan)
+        self._reactions = np.full((len(case.t), case.n), np.nan)
+        self._impulses = []
+        self._recorded = 0
+        self._proof = {"unproven": 0, "refused": 0, "touches": 0}
+        self._loop = "host"
+        self._steps = 0
+        self._arcs = 0
+        self._longest_step = 0.0
 
     def run(self) -> Trajectory:
+        """Integrate from the start to the end, or to the first failure."""
         with np.errstate(all="ignore"):
             self._record(self.x[None], np.zeros((1, 0)), np.zeros((1, self.case.n)))
-            status = self._start()
-            while status.ok and self.t < self.T:
-                status = self._arc()
-        return self._trajectory(status)
+            status = self.start()
+            # Event-driven integration: one arc with fixed active contacts after the other.
+            while status.ok and self.t < self.end:
+                status = self._follow_arc()
+        return self.trajectory(status)
 
-    def _start(self) -> Status:
+    def start(self) -> Status:
+        """Choose the first active contacts and the first time scale."""
         f = self.field.drift(self.t, self.x)
         if not np.all(np.isfinite(f)):
             return Status("nan", f"The drift is not finite at t = {self.t:.9g}.")
-        pace = (self.field.unit + np.abs(self.x).max()) / np.abs(f).max() if np.any(f) else np.inf
-        self.paces.append(min(1e-2 * pace, 1e-2 * (self.T - self.t), np.diff(self.case.t).min()))
-        return self._select(first=True)
-
-    def _band(self, rows):
-        """(m,) gaps this small count as closed, and closed gaps are watched for this much
-        violation."""
-        return self.tol * (self.field.unit + np.abs(self.x).max()) * rows.norm
-
-    def _select(self, first=False, fired=None) -> Status:
-        """List the candidates here, choose the basis, write down what changed. fired: the contact
-        that just closed."""
-        before = (
-            {}
-            if first
-            else dict(
-                zip(
-                    self.field.take(self.all, self.kept).near.ids,
-                    np.isin(np.flatnonzero(self.kept), self.basis),
-                    strict=True,
-                )
-            )
+        size = self.field.length + np.abs(self.x).max()
+        fastest = size / np.abs(f).max() if np.any(f) else np.inf
+        self.recent_steps.append(
+            min(1e-2 * fastest, 1e-2 * (self.end - self.t), np.diff(self.case.t).min())
         )
-        ids = self.field.take(self.all, self.basis).near.ids
-        self._relist()
-        g = self.field.gaps(self.t, self.x, self.all)
+        return self._choose_and_project(first=True)
+
+    def choose_active_set(
+        self,
+        closing: int = -1,
+        changed: int = -1,
+        labels: np.ndarray | None = None,
+        first: bool = False,
+    ) -> Status:
+        """Choose the active among the closed contacts; log what changed unless it is the first
+        time.
+
+        closing: entry that just closed, or -1. changed: that, or the entry whose multiplier
+        vanished. labels (n,): part of each coordinate that the drift couples; contacts in parts
+        without a change then keep their state. None: all closed contacts are chosen together.
+        """
+        rows = self.candidates
+        g = self.field.gaps(self.t, self.x, rows)
         if not np.all(np.isfinite(g)):
-            return Status(
-                "nan",
-                f"Constraint {self.all.near.ids[int(np.argmin(np.isfinite(g)))]} is not finite "
-                f"at t = {self.t:.9g}.",
+            contact = rows.listed.ids[int(np.argmin(np.isfinite(g)))]
+            return Status("nan", f"Constraint {contact} is not finite at t = {self.t:.9g}.")
+        touching = g <= self._band(rows)
+        if closing >= 0:  # closed to the last digit of the time, however fast its gap changes
+            touching[closing] = True
+        was_active = mask_of(len(rows), self.active)
+        affected = np.ones(len(rows), bool)
+        if labels is not None:
+            differs = touching != self.closed
+            differs[changed] = True
+            affected = affected_by_event(
+                self.field, self.t, self.x, rows, labels, touching | self.closed, differs
             )
-        touching = g <= self._band(self.all)
-        if (
-            fired is not None
-        ):  # closed to the last digit of the time, whatever its speed makes of that
-            touching[self.all.near.ids.index(fired)] = True
-        closed = np.flatnonzero(touching)
-        rows = self.field.take(self.all, closed)
-        names = rows.near.ids
-        place = {c: k for k, c in enumerate(names)}
+        index = np.flatnonzero(touching & affected)
         choice = self.selector.choose(
-            self.t, self.x, rows, [place[c] for c in ids if c in place], max(self.paces[-MEMORY:])
+            self.t,
+            self.x,
+            self.field.take(rows, index),
+            np.flatnonzero(was_active[index]),
+            max(self.recent_steps[-RECENT_ARCS:]),
         )
         if choice.stuck >= 0:
-            return self._no_way(names[choice.stuck], choice.flat)
-        self.basis = closed[np.sort(choice.basis)]
-        self.kept = np.zeros(len(self.all), bool)
-        self.kept[closed[choice.kept]] = True
-        after = {names[k]: k in choice.basis for k in np.flatnonzero(choice.kept)}
+            return self._infeasible_status(rows.listed.ids[index[choice.stuck]], choice.flat)
+        closed = np.where(affected, False, self.closed)
+        active = np.where(affected, False, was_active)
+        closed[index[choice.closed]] = True
+        active[index[choice.active]] = True
         if not first:
-            self._note(before, after)
-        self.peak = max(self.peak, len(after))
-        y = self.field.project(self.t, self.x, self.field.take(self.all, self.basis))
+            self._record_events(was_active, active, closed)
+        self.active = np.flatnonzero(active)
+        self.closed = closed
+        self.max_closed = max(self.max_closed, int(closed.sum()))
+        return Status()
+
+    def _choose_and_project(self, closing=-1, first=False) -> Status:
+        """Choose the active contacts among new candidates and project x onto them."""
+        closing = self.rebuild_candidates(closing)
+        status = self.choose_active_set(closing, first=first)
+        if not status.ok:
+            return status
+        y = self.field.project(self.t, self.x, self.field.take(self.candidates, self.active))
         self.x = self.x if y is None else y
         return Status()
 
-    def _note(self, before, after):
-        """Events: what closed, what opened, what stays closed but handed its load to others."""
-        for kind, ids in (
-            ("contact", [c for c in after if c not in before]),
-            ("release", [c for c in before if c not in after]),
-            ("pivot", [c for c in after if before.get(c, False) and not after[c]]),
-        ):
+    def _record_events(self, was_active, active, closed):
+        """Log which contacts closed, which opened, and which lost their multiplier to others."""
+        changes = (
+            ("contact", closed & ~self.closed),
+            ("release", self.closed & ~closed),
+            ("pivot", closed & was_active & ~active),
+        )
+        for kind, mask in changes:
+            ids = self.candidates.listed.take(np.flatnonzero(mask)).ids
             self.events += [Event(self.t, kind, c) for c in ids]
 
-    def _no_way(self, contact, flat) -> Status:
+    def _infeasible_status(self, contact, flat) -> Status:
+        """Describe why no velocity satisfies a contact."""
         if flat:
             return Status(
                 "degenerate",
@@ -173,161 +204,193 @@ class ContactIntegrator:
             f"t = {self.t:.9g}: the constraints leave no way on.",
         )
 
-    def _relist(self):
-        """Candidates around the present state; basis and kept contacts keep their meaning."""
+    def rebuild_candidates(self, entry: int = -1) -> int:
+        """List the candidates around the present state; return the new index of an entry, or -1."""
         if self.field.certified:
             new = self.field.candidates(self.t, self.x)
-            key = new.near.key
+            key = new.listed.key
             order = np.argsort(key)
-            move = lambda index: order[np.searchsorted(key, self.all.near.key[index], sorter=order)]
-            basis = move(self.basis)
-            kept = np.zeros(len(new), bool)
-            kept[move(self.kept)] = True
-            self.all = new
-            self.basis = basis
-            self.kept = kept
-        self.anchor = self.x
+            old_key = self.candidates.listed.key
+            move = lambda index: order[np.searchsorted(key, old_key[index], sorter=order)]
+            active = move(self.active)
+            closed = np.zeros(len(new), bool)
+            closed[move(self.closed)] = True
+            entry = int(move(entry)) if entry >= 0 else -1
+            self.candidates = new
+            self.active = active
+            self.closed = closed
+        self.list_centre = self.x
+        return entry
 
-    def _arc(self) -> Status:
-        """Follow the basis to its next event or the end, then choose the next basis."""
+    def check_event_limits(self) -> Status | None:
+        """Return a status if the run has too many events, in all or at one instant, else None."""
+        if len(self.event_times) > self.options.max_events:
+            return Status(
+                "chatter", f"{self.options.max_events} events happened by t = {self.t:.9g}."
+            )
+        span = self.end - float(self.case.t[0])
+        crowd = crowded_events(self.event_times, self.t, span, self.max_closed)
+        if crowd is not None:
+            return Status(
+                "chatter",
+                f"Events accumulate at t = {self.t:.9g}: {crowd[0]} of them within {crowd[1]:.1g}.",
+            )
+        return None
+
+    def _band(self, rows: ContactRows):
+        """Return the gaps (m,) up to which contacts count as closed, and below zero as violated."""
+        return self.tol * (self.field.length + np.abs(self.x).max()) * rows.norm
+
+    def _follow_arc(self) -> Status:
+        """Integrate with the active contacts to the next event or the end; choose the next ones."""
         n = self.case.n
-        p = len(self.basis)
-        held = self.field.take(self.all, self.basis)
-        others = self.field.take(self.all, np.delete(np.arange(len(self.all)), self.basis))
+        p = len(self.active)
         field = self.field
-        anchor = self.anchor
-        o = len(others)
+        held = field.take(self.candidates, self.active)
+        others = field.take(
+            self.candidates, np.delete(np.arange(len(self.candidates)), self.active)
+        )
+        list_centre = self.list_centre
 
         def rhs(t, y):
-            return np.concatenate(field.held(t, y[:n], held))
+            return np.concatenate(field.constrained_velocity(t, y[:n], held))
 
-        def gaps(t, y):
-            lam = field.held(t, y[:n], held)[1] if p else ()
-            return np.concatenate(
-                (field.gaps(t, y[:n], others), lam, field.travelled(y[:n], anchor))
-            )
+        # Event functions: gaps of the others, multipliers, displacement of certified candidates.
+        def event_functions(t, y):
+            lam = field.constrained_velocity(t, y[:n], held)[1] if p else ()
+            margin = field.displacement_margin(y[:n], list_centre)
+            return np.concatenate((field.gaps(t, y[:n], others), lam, margin))
 
         def project(t, y):
             x = field.project(t, y[:n], held)
             return None if x is None else np.concatenate((x, y[n:]))
 
-        still = len(gaps(self.t, np.concatenate((self.x, np.zeros(p + n))))) - o - p
-        band = np.concatenate(
-            (self._band(others), self.tol * self.selector.size / held.norm, np.zeros(still))
-        )
+        y0 = np.concatenate((self.x, np.zeros(p + n)))
+        margins = len(event_functions(self.t, y0)) - len(others) - p
+        multiplier_band = self.tol * self.selector.drift_size / held.norm
+        band = np.concatenate((self._band(others), multiplier_band, np.zeros(margins)))
         arc = integrate_to_event(
             rhs,
             self.t,
-            np.concatenate((self.x, np.zeros(p + n))),
-            self.T,
-            gaps if band.size else None,
+            y0,
+            self.end,
+            event_functions if band.size else None,
             method=self.options.method,
             rtol=self.tol,
-            atol=self.tol * field.unit,
+            atol=self.tol * field.length,
             band=band,
             project=project if p else None,
-            samples=self.case.t[self.done :],
+            samples=self.case.t[self._recorded :],
             max_step=self.options.max_step,
-            max_steps=self.options.max_steps - self.steps,
-            data=lambda t, y: field.data(t, y[:n]),
+            max_steps=self.options.max_steps - self._steps,
+            data=lambda t, y: field.enclose(t, y[:n]),
         )
-        return self._after(arc, held, o, p)
+        self._record_arc(arc, held)
+        return self._end_arc(arc, held, len(others))
 
-    def _after(self, arc, held, o, p) -> Status:
+    def _record_arc(self, arc: Arc, held: ContactRows):
+        """Move the state to the end of the arc; record its samples, impulses and counts."""
         n = self.case.n
-        self.arcs += 1
-        self.steps += arc.steps
-        for name in self.proof:
-            self.proof[name] += getattr(arc, name)
-        self.h = max(self.h, arc.h)
+        p = len(held)
+        self._arcs += 1
+        self._steps += arc.steps
+        for name in self._proof:
+            self._proof[name] += getattr(arc, name)
+        self._longest_step = max(self._longest_step, arc.h)
         if arc.h > 0.0:
-            self.paces.append(arc.h)
-        where = [self.column.setdefault(c, len(self.column)) for c in held.near.ids]
-        self.total = np.append(self.total, np.zeros(len(self.column) - len(self.total)))
-        increments = np.zeros((len(arc.samples), len(self.column)))
-        increments[:, where] = arc.samples[:, n : n + p]
+            self.recent_steps.append(arc.h)
+        column = [self.columns.setdefault(c, len(self.columns)) for c in held.listed.ids]
+        self._total = np.append(self._total, np.zeros(len(self.columns) - len(self._total)))
+        increments = np.zeros((len(arc.samples), len(self.columns)))
+        increments[:, column] = arc.samples[:, n : n + p]
         self._record(arc.samples[:, :n], increments, arc.samples[:, n + p :])
-        self.total[where] += arc.y[n : n + p]
-        self.reaction = self.reaction + arc.y[n + p :]
-        self.t, self.x = float(arc.t), arc.y[:n].copy()
+        self._total[column] += arc.y[n : n + p]
+        self._reaction = self._reaction + arc.y[n + p :]
+        self.t = float(arc.t)
+        self.x = arc.y[:n].copy()
+
+    def _end_arc(self, arc: Arc, held: ContactRows, others: int) -> Status:
+        """React to the event that ended an arc; others: gaps among its event functions."""
         if not arc.status.ok:
-            return self._why(arc.status, held)
+            return self._describe_failure(arc.status, held)
         if not arc.fired.size:
             return Status()
-        if arc.fired[0] >= o + p:
-            self._relist()
+        fired = int(arc.fired[0])
+        if fired >= others + len(held):
+            self.rebuild_candidates()
             return Status()
-        self.meetings.append(self.t)
-        opens = np.delete(np.arange(len(self.all)), self.basis)
-        fired = (
-            self.field.take(self.all, opens[arc.fired[:1]]).near.ids[0]
-            if arc.fired[0] < o
-            else None
-        )
-        return self._budget() or self._select(fired=fired)
+        self.event_times.append(self.t)
+        closing = -1
+        if fired < others:
+            closing = int(np.delete(np.arange(len(self.candidates)), self.active)[fired])
+        return self.check_event_limits() or self._choose_and_project(closing)
 
-    def _budget(self) -> Status | None:
-        crowd = CROWD + 2 * self.peak
-        if len(self.meetings) > self.options.max_events:
-            return Status(
-                "chatter", f"{self.options.max_events} events happened by t = {self.t:.9g}."
-            )
-        span = TOGETHER * (self.T - float(self.case.t[0]))
-        if len(self.meetings) > crowd and self.t - self.meetings[-crowd] < span:
-            return Status(
-                "chatter",
-                f"Events accumulate at t = {self.t:.9g}: {crowd} of them within {span:.1g}.",
-            )
-        return None
-
-    def _why(self, status, held) -> Status:
-        """A stepper that stops while multipliers explode has met contacts that lock."""
-        if status.code == "maxiter" and self.steps >= self.options.max_steps:
+    def _describe_failure(self, status, held) -> Status:
+        """Describe a stopped arc: a stepper that stops while multipliers explode met a lock."""
+        if status.code == "maxiter" and self._steps >= self.options.max_steps:
             return Status(
                 "maxiter", f"{self.options.max_steps} steps were taken by t = {self.t:.9g}."
             )
         if status.code in ("degenerate", "diverged") and len(held):
-            lam = self.field.held(self.t, self.x, held)[1] * held.norm
-            if not np.all(np.abs(lam) < 1e6 * self.selector.size):
+            lam = self.field.constrained_velocity(self.t, self.x, held)[1] * held.norm
+            if not np.all(np.abs(lam) < LOCKING * self.selector.drift_size):
                 k = int(np.argmax(np.where(np.isfinite(lam), np.abs(lam), np.inf)))
                 return Status(
                     "infeasible",
-                    f"Contacts lock at t = {self.t:.9g}: the multiplier of {held.near.ids[k]} "
+                    f"Contacts lock at t = {self.t:.9g}: the multiplier of {held.listed.ids[k]} "
                     "grows without bound.",
                 )
         return status
 
     def _record(self, x, impulse, reaction):
+        """Record samples of the state, and of impulse and reaction since the start of the arc."""
         for row in range(len(x)):
-            self.X[self.done], self.R[self.done] = x[row], self.reaction + reaction[row]
-            self.impulses.append(self.total + impulse[row])
-            self.done += 1
+            self._states[self._recorded] = x[row]
+            self._reactions[self._recorded] = self._reaction + reaction[row]
+            self._impulses.append(self._total + impulse[row])
+            self._recorded += 1
 
-    def _trajectory(self, status) -> Trajectory:
-        impulse = np.full((len(self.case.t), len(self.column)), np.nan)
-        for k, row in enumerate(self.impulses):
-            impulse[k] = np.append(row, np.zeros(len(self.column) - len(row)))
-        if status.ok and (self.done < len(self.case.t) or not np.all(np.isfinite(self.X))):
+    def adopt_compiled_run(self, run: compiled_loop.CompiledRun):
+        """Take over samples and counts of a finished compiled run."""
+        self._states = run.samples.state
+        self._reactions = run.samples.reaction
+        self._recorded = int(run.counters.sample[0])
+        self._impulses = list(run.samples.impulse[:, : len(self.columns)])
+        self._steps = int(run.counters.steps[0])
+        self._arcs = int(run.counters.arcs[0]) + 1
+        self._longest_step = run.longest_step
+        self._proof["touches"] = int(run.counters.touches[0])
+        self.field.calls += int(run.counters.orders[0])
+        self.selector.solved += int(run.counters.active_sets[0])
+        self._loop = "compiled"
+
+    def trajectory(self, status: Status) -> Trajectory:
+        """Return what was recorded as a trajectory."""
+        impulse = np.full((len(self.case.t), len(self.columns)), np.nan)
+        for k, row in enumerate(self._impulses):
+            impulse[k] = np.append(row, np.zeros(len(self.columns) - len(row)))
+        complete = self._recorded == len(self.case.t) and np.all(np.isfinite(self._states))
+        if status.ok and not complete:
             status = Status("unverified", "Samples are missing although no failure was met.")
         stats = {
-            "steps": self.steps,
-            "h": float(self.h),
+            "steps": self._steps,
+            "h": float(self._longest_step),
             "drift_calls": self.field.calls,
             "qp_solves": self.selector.solved,
             "inner_iterations": self.selector.iterations,
             "events": len(self.events),
-            "restarts": self.arcs,
-            "contacts_peak": self.peak,
-            "loop": self.loop,
-            "roots": "sampled" if self.proof["unproven"] else "verified",
-            **self.proof,
+            "restarts": self._arcs,
+            "contacts_peak": self.max_closed,
+            "loop": self._loop,
+            "roots": "sampled" if self._proof["unproven"] else "verified",
+            **self._proof,
         }
         return Trajectory(
             self.case.t,
-            self.X,
-            tuple(self.column),
+            self._states,
+            tuple(self.columns),
             impulse,
-            self.R,
+            self._reactions,
             status,
             tuple(self.events),
             stats,

@@ -19,6 +19,7 @@ from nsbench.case import Case
 from nsbench.dynamics.filippov.vector_field import EPS, FREE, FilippovVectorField
 from nsbench.dynamics.length_scale import case_length_scale
 from nsbench.solvers.base import Run
+from nsbench.solvers.event_driven.accumulation import accumulation
 from nsbench.solvers.event_driven.filippov.compiled_loop import Compiled
 from nsbench.solvers.event_driven.filippov.program import tape
 from nsbench.solvers.event_driven.smooth.arc import integrate_to_event
@@ -28,7 +29,6 @@ TRIALS = 10.0 ** np.arange(
     -7, -2
 )  # lengths of trial motions as parts of the run: the first sign shown decides
 FLAT = 1e-7  # relative size below which a first derivative decides nothing
-WINDOW = 3  # events per window of the test for accumulation
 AWAY = 1e-9  # relative distance at which a surface is left that does not hold the motion
 TOUCH = 100.0  # tolerances of the arcs: less weight than this cannot be told from a touch
 IDLE = 1000  # events in a row that leave the mode as it is before the run is called stuck
@@ -430,21 +430,3 @@ class FilippovIntegrator:
         k4 = v(t + h, x + h * k3, mode, s)[0]
         y = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
         return t + h, y, v(t + h, y, mode, s)[1]
-
-
-def accumulation(times, span):
-    """The time at which the events at `times` accumulate once it is all but reached, else None.
-
-    Intervals that shrink like a geometric series end at a known time; the run stops when what is
-    left of the series is below 1e-10 of its span, or when the clock itself stands still.
-    """
-    if len(times) <= 2 * WINDOW:
-        return None
-    last = times[-1] - times[-1 - WINDOW]
-    before = times[-1 - WINDOW] - times[-1 - 2 * WINDOW]
-    if last + before <= 16 * np.spacing(abs(times[-1])):
-        return times[-1]
-    ratio = last / before if before > 0.0 else 1.0
-    if ratio < 0.9 and last * ratio / (1.0 - ratio) <= 1e-10 * span:
-        return times[-1] + last * ratio / (1.0 - ratio)
-    return None

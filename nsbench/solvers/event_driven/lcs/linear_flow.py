@@ -1,11 +1,10 @@
-"""Arcs of linear flows x' = G x + g(t) to rounding, with every sign change of linear functions on
-the way.
+"""Integrate linear flows x' = G x + g(t) to rounding, with every sign change of linear functions.
 
 Collocation at the 12 Radau points (Radau IIA of order 23, L-stable: Hairer & Wanner II, IV.5): one
-linear system per step, whose matrix is kept for each step length. The polynomial of a step is its
-dense output; a step counts if the last Chebyshev coefficients of state, inputs and functions are at
-the tolerance, else it is halved. Then sign changes are roots of polynomials that are known to be
-the functions.
+linear system per step, whose factors are stored for each step length. The polynomial of a step is
+its dense output; a step is accepted if the last Chebyshev coefficients of state, inputs and
+functions are at the tolerance, else it is halved. Then sign changes are roots of polynomials that
+equal the functions to the tolerance.
 """
 
 from __future__ import annotations
@@ -13,9 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 STAGES = 12
-FOLLOWED = (
-    2000  # steps of another integrator from the first node to the last: what needs more is no step
-)
+MAX_NODE_STEPS = 2000  # of another integrator in one step: where it needs more, the step is halved
 EPS = np.finfo(float).eps
 
 
@@ -52,25 +49,25 @@ def _integrals(nodes):
     return (0.5 * A @ _inverse(cheb.chebvander(nodes, len(nodes) - 1))).astype(float)
 
 
-S = _radau(STAGES)  # on [-1, 1]
-TO_CHEB = _inverse(np.polynomial.chebyshev.chebvander(S, STAGES)).astype(float)
-BUTCHER = _integrals(S[1:])
-SUM = _integrals(S)
-FIT = _inverse(np.polynomial.chebyshev.chebvander(S[1:], STAGES - 1)).astype(
+NODES = _radau(STAGES)  # on [-1, 1]
+TO_CHEB = _inverse(np.polynomial.chebyshev.chebvander(NODES, STAGES)).astype(float)
+BUTCHER = _integrals(NODES[1:])
+INTEGRALS = _integrals(NODES)
+INTERPOLATE = _inverse(np.polynomial.chebyshev.chebvander(NODES[1:], STAGES - 1)).astype(
     float
 )  # of the nodes that are collocated at
-BACK = (
-    np.polynomial.chebyshev.chebvander(S[:1], STAGES - 1)[0]
-    @ _inverse(np.polynomial.chebyshev.chebvander(S[1:], STAGES - 1))
+EXTRAPOLATE_BACK = (
+    np.polynomial.chebyshev.chebvander(NODES[:1], STAGES - 1)[0]
+    @ _inverse(np.polynomial.chebyshev.chebvander(NODES[1:], STAGES - 1))
 ).astype(float)
-FASTEST = 7.0  # growths of a state in one step, beyond which a step is not taken
+MAX_GROWTH_EXPONENT = 7.0  # growths of a state in one step, beyond which a step is not taken
 # roundings in the last coefficients of a step, or in what is carried back to its first node: 13
 # values
 NOISE = 64.0
 
 
 class LinearFlow:
-    """The flow of one mode: steps with kept factors."""
+    """Integrate the flow of one mode; store the factors of its collocation matrices."""
 
     def __init__(self, mode, inputs, method: str = "dop853", tol: float = 1e-12):
         self.mode = mode
@@ -78,26 +75,25 @@ class LinearFlow:
         self._factors = {}
         self._method = method
         self._tol = tol
-        self.scale = np.ones(len(mode.G))
+        self.state_size = np.ones(len(mode.G))
         self.steps = 1  # of the integrator, in the last step
         rates = np.linalg.eigvals(mode.G)
-        self.fastest, self.grows = (
-            float(np.abs(rates).max(initial=0.0)),
-            max(0.0, float(rates.real.max(initial=0.0))),
-        )
+        self.fastest_rate = float(np.abs(rates).max(initial=0.0))
+        self.growth_rate = max(0.0, float(rates.real.max(initial=0.0)))
 
     def step(self, t: float, x: np.ndarray, h: float):
         """Values at the nodes: x (13, n), inputs (13, order + 1, n + m). Methods other than the
-        default integrate with `_arc.follow` from node to node: slower, and a check of the
+        default integrate with smooth.arc from node to node: slower, and a check of the
         collocation."""
-        return (self.collocate if self._method == "dop853" else self._followed)(t, x, h)
+        return (self.collocate if self._method == "dop853" else self._integrate_nodes)(t, x, h)
 
-    def collocate(self, t, x, h):
+    def collocate(self, t: float, x: np.ndarray, h: float) -> tuple[np.ndarray, np.ndarray]:
+        """Take one collocation step; return states (13, n) and inputs at the nodes."""
         from scipy.linalg import lu_factor, lu_solve
 
         m = self.mode
         n = x.size
-        s = np.array([self.inputs(t + 0.5 * h * (1.0 + c), m.order) for c in S])
+        s = np.array([self.inputs(t + 0.5 * h * (1.0 + c), m.order) for c in NODES])
         g = np.einsum("kij,akj->ai", m.U, s)
         if h not in self._factors:
             if len(self._factors) > 64:
@@ -114,67 +110,71 @@ class LinearFlow:
         )  # states of very different size are mixed in M
         return np.vstack([x, x + d.reshape(STAGES, n)]), s
 
-    def missed(self, t, s, h, seen):
-        """What collocation does not see of the inputs: (n,) of the state, (m,) of the functions, as
-        far as it is told.
+    def input_error(self, t, s, h, seen):
+        """Bound the effect of inputs that collocation misses, on state (n,) and functions (m,).
 
-        Jumps right behind the first node of the step: it takes inputs from the other nodes alone,
-        and what these are carried back to is held against those at the first. Pulses between the
-        nodes: seen, times within the step with the inputs there (K,), (K, order + 1, n + m). What a
-        stiff mode forgets within a step is none of it.
+        Jumps right after the first node of the step: collocation takes inputs from the other nodes
+        only, and their extrapolation is compared with the input at the first. Pulses between the
+        nodes: `seen` has times (K,) within the step and inputs (K, order + 1, n + m) there. What a
+        stiff mode damps within a step is not counted.
         """
         roundings = NOISE * EPS
-        damped = self._damped
+        propagate = self._propagate
         if self._method != "dop853":
             return np.zeros(len(self.mode.G)), np.zeros(len(self.mode.signs))
         c = TO_CHEB @ s.reshape(len(s), -1)
         slope = np.polynomial.chebyshev.chebder(
-            FIT @ s[1:].reshape(STAGES, -1)
+            INTERPOLATE @ s[1:].reshape(STAGES, -1)
         )  # without a jump behind the first node
         pace = np.abs(slope).sum(axis=0).reshape(s.shape[1:]) * 2.0 / h
         noise = roundings * (
             np.abs(s).max(axis=0) + (abs(t) + h) * pace
         )  # of the inputs, and of the time in them
         beyond = lambda off: np.where(off > noise, off, 0.0)
-        behind = beyond(np.abs(s[0] - np.einsum("a,akj->kj", BACK, s[1:])))
+        behind = beyond(np.abs(s[0] - np.einsum("a,akj->kj", EXTRAPOLATE_BACK, s[1:])))
         times, inputs = seen
         at = 2.0 * (times - t) / h - 1.0
         between = np.polynomial.chebyshev.chebval(at, c).T.reshape(inputs.shape) - inputs
         between = beyond(np.abs(between).max(axis=0)) if len(times) else np.zeros_like(behind)
         return (
-            damped(0.5 * h * (S[1] - S[0]), np.einsum("kij,kj->i", np.abs(self.mode.U), behind))
-            + damped(h, np.einsum("kij,kj->i", np.abs(self.mode.U), between)),
+            propagate(
+                0.5 * h * (NODES[1] - NODES[0]), np.einsum("kij,kj->i", np.abs(self.mode.U), behind)
+            )
+            + propagate(h, np.einsum("kij,kj->i", np.abs(self.mode.U), between)),
             np.einsum("ikl,kl->i", np.abs(self.mode.signs_s), between),
         )
 
-    def _damped(self, h, speed):
-        """(n,) what becomes of so much more speed for a time h: implicit Euler's change, and the
-        growth of what grows."""
+    def _propagate(self, h, speed):
+        """Bound the change of the state (n,) by so much more speed for a time h.
+
+        The change of an implicit Euler step, times the growth of unstable parts.
+        """
         if not speed.any():
             return np.zeros(len(speed))
         short = h / (
-            1.0 + 2.0 * h * self.grows
+            1.0 + 2.0 * h * self.growth_rate
         )  # half of where the step of a mode that grows has no solution
         return (
-            np.exp(min(h * self.grows, FASTEST))
+            np.exp(min(h * self.growth_rate, MAX_GROWTH_EXPONENT))
             * h
             * np.abs(np.linalg.inv(np.eye(len(speed)) - short * self.mode.G))
             @ speed
         )
 
-    def _followed(self, t, x, h):
+    def _integrate_nodes(self, t, x, h):
+        """Integrate from node to node with another integrator, as a check of the collocation."""
         from nsbench.solvers.event_driven.smooth.arc import integrate_to_event
 
         m = self.mode
-        times = 0.5 * h * (1.0 + S)
-        size = np.maximum(self.scale, np.abs(x))
+        times = 0.5 * h * (1.0 + NODES)
+        size = np.maximum(self.state_size, np.abs(x))
         self.steps = 1
         G = m.G * size / size[:, None]  # tolerances are relative to each state, and
         stiff = max(
             1.0, h * float(np.abs(G).sum(axis=1).max())
         )  # what a mode forgets of an error, its multipliers keep
         rhs = lambda a, y: G @ y + np.einsum("kij,kj->i", m.U, self.inputs(t + a, m.order)) / size
-        X = np.full((len(S), x.size), np.nan)
+        X = np.full((len(NODES), x.size), np.nan)
         s = np.array([self.inputs(t + a, m.order) for a in times])
         if np.all(np.isfinite(s)):
             arc = integrate_to_event(
@@ -185,25 +185,26 @@ class LinearFlow:
                 method=self._method,
                 rtol=0.1 * self._tol / stiff,
                 samples=times[1:-1],
-                max_steps=FOLLOWED,
+                max_steps=MAX_NODE_STEPS,
             )
             X = size * np.vstack([x / size, arc.samples, arc.y]) if arc.status.ok else X
             self.steps = max(arc.steps, 1)
         return X, s
 
-    def functions(self, X, s):
-        """(13, m): lam on the rows of the mode, w elsewhere."""
+    def sign_functions(self, X, s):
+        """Return lam on the rows of the mode and w elsewhere at the nodes, (13, m)."""
         return X @ self.mode.signs.T + np.einsum("ikl,akl->ai", self.mode.signs_s, s)
 
-    def at(self, t, x, scale):
-        """(m,) the functions at one time, and the sizes of their terms; scale: sizes of the states
-        (n,), inputs (n + m,)."""
+    def sign_functions_at(self, t, x, scale):
+        """Return the sign functions (m,) at one time and the sizes of their terms.
+
+        scale: sizes of the states (n,) and of the inputs (n + m,).
+        """
         return self._linear(self.mode.signs, self.mode.signs_s, t, x, scale)
 
-    def off(self, t, x, scale):
-        """(c,) how far the state is from the constraints of the mode, and the sizes of their
-        terms."""
-        return self._linear(self.mode.held, self.mode.held_s, t, x, scale)
+    def constraint_residual(self, t, x, scale):
+        """Return the residuals (c,) of the constraints of the mode and the sizes of their terms."""
+        return self._linear(self.mode.constraint, self.mode.constraint_s, t, x, scale)
 
     def _linear(self, row, row_s, t, x, scale):
         s = self.inputs(t, self.mode.order)
@@ -213,30 +214,33 @@ class LinearFlow:
         return row @ x + np.einsum("ikl,kl->i", row_s, s), size
 
     def project(self, t, x, weight):
-        """x moved onto the constraints of the mode by the least change relative to weight (n,)."""
-        if not len(self.mode.held):
+        """Project x onto the constraints of the mode, least in the norm of x / weight (n,)."""
+        if not len(self.mode.constraint):
             return x
-        f, _ = self.off(t, x, (weight, 0.0))
-        return x - weight * np.linalg.lstsq(self.mode.held * weight, f, rcond=None)[0]
+        f, _ = self.constraint_residual(t, x, (weight, 0.0))
+        return x - weight * np.linalg.lstsq(self.mode.constraint * weight, f, rcond=None)[0]
 
 
-def resolved(values: np.ndarray, limit: np.ndarray) -> tuple[bool, bool]:
-    """(is the polynomial through values (13, k) the function up to limit (k,), would half the
-    points do?)"""
+def is_resolved(values: np.ndarray, limit: np.ndarray) -> tuple[bool, bool]:
+    """Check the polynomial through values (13, k) against limit (k,).
+
+    Returns (its last coefficients are below the limit, half of the nodes would be enough).
+    """
     c = np.abs(TO_CHEB @ values)
     tail = c[-2:].max(axis=0, initial=0.0)
     half = c[STAGES // 2 :].max(axis=0, initial=0.0)
     return bool(np.all(tail <= limit)), bool(np.all(half <= limit))
 
 
-def value(nodes: np.ndarray, s: float) -> np.ndarray:
-    """The polynomial through the values `nodes` (13, k) at s in [-1, 1]."""
+def evaluate(nodes: np.ndarray, s: float) -> np.ndarray:
+    """Evaluate the polynomial through the values `nodes` (13, k) at s in [-1, 1]."""
     return np.polynomial.chebyshev.chebval(s, TO_CHEB @ nodes)
 
 
-def crossing(f: np.ndarray, level: np.ndarray):
-    """(s, index) of the first downward crossing of one of the polynomials f (13, k) through its
-    level, or None.
+def first_crossing(f: np.ndarray, level: np.ndarray):
+    """Find the first downward crossing of one of the polynomials f (13, k) through its level.
+
+    Returns (s, index), or None.
 
     A level below zero only keeps rounding from being a crossing: what falls through it has crossed
     at its zero before.
@@ -245,7 +249,7 @@ def crossing(f: np.ndarray, level: np.ndarray):
     c = zero - np.eye(STAGES + 1, 1) * level
     best = None
     for i in np.flatnonzero(c[0] - np.abs(c[1:]).sum(axis=0) <= 0.0):
-        s = _first(c[:, i])
+        s = _first_fall(c[:, i])
         if s is not None and (best is None or s < best[0]):
             best = s, int(i)
     if best is not None and level[best[1]] < 0.0:
@@ -254,8 +258,8 @@ def crossing(f: np.ndarray, level: np.ndarray):
     return best
 
 
-def _first(c):
-    """First point of [-1, 1] behind which the series is negative; None if there is none."""
+def _first_fall(c):
+    """Return the first point of [-1, 1] after which the series is negative, or None."""
     if np.polynomial.chebyshev.chebval(-1.0, c) < 0.0:
         return -1.0
     falls = _falls(c)
@@ -265,7 +269,7 @@ def _first(c):
 
 
 def _falls(c):
-    """Zeros in [-1, 1] behind which the series is negative, with a point there."""
+    """List the zeros in [-1, 1] after which the series is negative, each with a point there."""
     top = np.abs(c).sum()
     k = len(c)
     while k > 2 and abs(c[k - 1]) <= EPS * top:

@@ -1,5 +1,6 @@
-"""Modes of a linear complementarity system: on a set I of rows w_I = 0, elsewhere lam = 0, and the
-flow is linear.
+"""Reduce a linear complementarity system on a set I of rows with w_I = 0 to a linear flow.
+
+Elsewhere lam = 0.
 
 w_I = 0 is D_II lam + C_I x + q_I = 0. Combinations of its rows without lam constrain the state
 alone; they are differentiated, Z (C_I (A x + B_I lam + u) + q_I') = 0, until the matrix before lam
@@ -25,17 +26,17 @@ class Inputs:
 
     def __init__(self, p: LCS):
         self._p = p
-        self.still = p.u is None and p.q is None
+        self.is_zero = p.u is None and p.q is None
         u, q = inputs(p)
-        self._known = [lambda t: np.concatenate((u(t), q(t)))]
+        self._derivatives = [lambda t: np.concatenate((u(t), q(t)))]
 
     def __call__(self, t: float, order: int) -> np.ndarray:
-        """(order + 1, n + m): u beside q, their first derivatives below, and so on."""
-        if self.still:
+        """Return (order + 1, n + m): u beside q, their first derivatives below, and so on."""
+        if self.is_zero:
             return np.zeros((order + 1, sum(self._p.B.shape)))
-        while len(self._known) <= order:
-            self._known.append(self._derivative(len(self._known)))
-        return np.array([f(t) for f in self._known[: order + 1]])
+        while len(self._derivatives) <= order:
+            self._derivatives.append(self._derivative(len(self._derivatives)))
+        return np.array([f(t) for f in self._derivatives[: order + 1]])
 
     def _derivative(self, order):
         from nsbench.compilation.factories import as_jax
@@ -61,7 +62,7 @@ class LcsMode:
     """rows: I, p of them. lam_I = F x + sum_k Phi[k] s^(k), s = (u, q); x' = G x + sum_k U[k]
     s^(k).
 
-    held (c, n), held_s (c, order + 1, n + m): constraints held x + held_s s = 0 of the state,
+    constraint (c, n), constraint_s (c, order + 1, n + m): constraint x + constraint_s s = 0,
     invariants of the flow.
     signs (m, n), signs_s: lam on I, w elsewhere; size (m, n): sums of the moduli of their terms,
     for rounding.
@@ -72,15 +73,15 @@ class LcsMode:
     Phi: np.ndarray
     G: np.ndarray
     U: np.ndarray
-    held: np.ndarray
-    held_s: np.ndarray
+    constraint: np.ndarray
+    constraint_s: np.ndarray
     signs: np.ndarray
     signs_s: np.ndarray
     order: int
 
 
-def mode(p: LCS, rows: tuple) -> LcsMode | None:
-    """The mode with w = 0 on `rows`; None if these do not determine lam."""
+def build_mode(p: LCS, rows: tuple) -> LcsMode | None:
+    """Build the mode with w = 0 on `rows`; None if these do not determine lam."""
     on = list(rows)
     n = p.A.shape[0]
     m = p.B.shape[1]
@@ -89,22 +90,22 @@ def mode(p: LCS, rows: tuple) -> LcsMode | None:
     K = p.C[on]
     S = np.zeros((len(on), 1, n + m))
     S[np.arange(len(on)), 0, n + np.array(on, int)] = 1.0
-    held = []
-    held_s = []
+    constraint = []
+    constraint_s = []
     for _ in range(n + 1):
-        split = _split(N)
+        split = _row_space_and_kernel(N)
         if split is None:
             break
         R, Z = split  # combinations with lam, and those without
         if not Z.shape[0]:
-            return _mode(p, on, N, K, S, held, held_s)
+            return _assemble_mode(p, on, N, K, S, constraint, constraint_s)
         Kz = Z @ K
         Sz = np.einsum("ij,jkl->ikl", Z, S)
         size = np.abs(Z) @ np.abs(K)
         if np.any(np.abs(Kz).max(axis=1) <= ZERO * size.max(axis=1)):
             return None  # rows that say the same, or contradict each other
-        held.append(Kz)
-        held_s.append(Sz)
+        constraint.append(Kz)
+        constraint_s.append(Sz)
         Nz = Kz @ B
         Nz[np.abs(Nz) <= ZERO * (np.abs(Kz) @ np.abs(B))] = 0.0
         S2 = np.zeros((len(Z), S.shape[1] + 1, n + m))
@@ -118,8 +119,8 @@ def mode(p: LCS, rows: tuple) -> LcsMode | None:
     return None
 
 
-def _split(N):
-    """(R, Z): R N of full row rank, Z N = 0; None if N is not finite."""
+def _row_space_and_kernel(N):
+    """Return (R, Z) with R N of full row rank and Z N = 0; None if N is not finite."""
     k = len(N)
     if not np.all(np.isfinite(N)):
         return None
@@ -132,11 +133,12 @@ def _split(N):
     return U[:, :rank].T * a, U[:, rank:].T * a
 
 
-def _mode(p, on, N, K, S, held, held_s):
+def _assemble_mode(p, on, N, K, S, constraint, constraint_s):
+    """Solve N lam = -(K x + S s) for lam and assemble the flow, with N regular."""
     n = p.A.shape[0]
     m = p.B.shape[1]
     order = S.shape[1] - 1
-    a, b = _equal(N)
+    a, b = _equilibrate(N)
     solve = lambda v: (
         b[:, None] * np.linalg.solve(a[:, None] * N * b, a[:, None] * v)
         if len(on)
@@ -157,7 +159,7 @@ def _mode(p, on, N, K, S, held, held_s):
     signs_s[J, 0, n + np.array(J, int)] += 1.0
     pad = [
         np.concatenate((h, np.zeros((len(h), order + 1 - h.shape[1], n + m))), axis=1)
-        for h in held_s
+        for h in constraint_s
     ]
     return LcsMode(
         tuple(on),
@@ -165,7 +167,7 @@ def _mode(p, on, N, K, S, held, held_s):
         Phi,
         G,
         U,
-        np.vstack(held) if held else np.zeros((0, n)),
+        np.vstack(constraint) if constraint else np.zeros((0, n)),
         np.concatenate(pad) if pad else np.zeros((0, order + 1, n + m)),
         signs,
         signs_s,
@@ -173,7 +175,8 @@ def _mode(p, on, N, K, S, held, held_s):
     )
 
 
-def _equal(N):
+def _equilibrate(N):
+    """Return row and column scales of N."""
     from nsbench.lcp.lemke import scales
 
     return scales(np.ascontiguousarray(N)) if len(N) else (np.ones(0), np.ones(0))

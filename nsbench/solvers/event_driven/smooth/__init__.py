@@ -1,1 +1,6 @@
-"""nsbench/solvers/event_driven/smooth"""
+"""Integrate one smooth arc to its first event, in Python.
+
+arc: steps and their checks. stepper: calls of SciPy. integrators: the table of integrators. pieces:
+proof that nothing is missed on a step, defect test where there is no proof. crossings: location of
+events. stall: steps that no longer lead anywhere.
+"""

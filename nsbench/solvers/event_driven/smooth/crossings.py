@@ -1,10 +1,9 @@
-"""The first event on a step: downward crossings of functions known at the nodes of its pieces.
+"""Locate the first event on a step: downward crossings of functions at the nodes of its pieces.
 
 Every function is interpolated by a Chebyshev series on every piece; pieces are halved until the
-series is resolved.
-A dip below zero and back inside one piece is found as two roots of the series. A dip that stays
-within `touch` of zero is a touch, not an event: its depth is rounding, and what follows is the same
-to rounding with and without it.
+series is resolved. A dip below zero and back inside one piece is found as two roots of the series.
+A dip that stays within `touch` of zero is a touch, not an event: its depth is rounding, and the
+motion after it is the same to rounding with and without it.
 """
 
 from __future__ import annotations
@@ -22,21 +21,20 @@ from nsbench.solvers.event_driven.smooth.pieces import (
     single_piece,
 )
 
-SPLITS = 12  # halvings of a piece before a function counts as not smooth
+MAX_SPLITS = 12  # halvings of a piece before a function counts as not smooth
 TOUCH = 0.05  # part of the band that a dip must exceed to be a crossing
-STEEP = (
-    100.0  # touches per piece: a function that leaves a piece below zero at this pace has crossed
-)
+# Slope in touches per piece: a function that leaves a piece below zero this steeply has crossed.
+CROSSING_SLOPE = 100.0
 _SCAN = chebyshev.chebvander(np.linspace(-1.0, 1.0, 33), DEGREE)
 _END = np.arange(DEGREE + 1.0) ** 2  # slope of the Chebyshev polynomials at 1
 _MINIMAL = 16 * np.finfo(float).eps
 
 
 class EventFunctions:
-    """The event functions of one arc: gaps(t, y) -> (m,), their levels, and which are armed.
+    """Event functions of one arc, gaps(t, y) -> (m,), with their levels and armed masks.
 
-    An armed function fires where it crosses zero downward; one that is not fires where it falls
-    below its level, and is armed once it exceeds its band. touches counts dips that were none.
+    An armed function fires where it crosses zero downward; one that is not armed fires where it
+    falls below its level, and is armed once it exceeds its band. touches: dips that are no event.
     """
 
     def __init__(self, gaps: Callable, band, armed, t: float, y: np.ndarray):
@@ -50,7 +48,8 @@ class EventFunctions:
         self.touch = TOUCH * self.band
 
     def first(self, dense: Callable, pieces: list[Piece]):
-        """(time, index, slope) of the first event on the pieces, or None."""
+        """Return (time, index, slope) of the first event on the pieces, or None."""
+        # Depth-first bisection of the pieces, in order, until each function is resolved.
         todo = [(p, 0) for p in reversed(pieces)]
         while todo:
             piece, depth = todo.pop()
@@ -71,7 +70,7 @@ class EventFunctions:
             rough |= near & (tail > self.touch) & (np.abs(lowest) <= 100.0 * tail + 4e-3 * swing)
             if (
                 rough.any()
-                and depth < SPLITS
+                and depth < MAX_SPLITS
                 and piece.hi - piece.lo > 64 * np.spacing(abs(piece.hi))
             ):
                 mid = 0.5 * (piece.lo + piece.hi)
@@ -89,7 +88,7 @@ class EventFunctions:
             ]
             if hits:
                 s, lefts, right, target, i = min(hits)
-                to_time = lambda u: 0.5 * (piece.lo + piece.hi) + 0.5 * (piece.hi - piece.lo) * u  # noqa: B023
+                to_time = piece.time_at
                 slope = chebyshev.chebval(s, chebyshev.chebder(c[:, i])) * 2 / (piece.hi - piece.lo)
                 self.level[i] = target
                 lefts = [to_time(u) for u in lefts]
@@ -104,20 +103,26 @@ class EventFunctions:
         return None
 
     def _crossing(self, i, c, values):
-        """(s, lefts, right, target) of the first event of function i on [-1, 1], or None: its
-        place, and its bracket with the ends that may be above, the nearest first."""
+        """Return (s, lefts, right, target) of the first event of function i on [-1, 1], or None.
+
+        s: its place. lefts: left ends of brackets, that may be above, the nearest first.
+        """
         if self.armed[i]:
             return self._downward(c, values, -1.0, 0.0, self.touch[i], True)
         fall = self._downward(c, values, -1.0, self.level[i], 0.0)
-        rise = next((a for a, _ in _below(_lifted(self.band[i]) - c, -1.0)), None)
+        rise = next((a for a, _ in _below(_constant_series(self.band[i]) - c, -1.0)), None)
         if rise is None or (fall is not None and fall[0] <= rise):
             return fall
         return self._downward(c, values, rise, 0.0, self.touch[i], True)
 
     def _downward(self, c, values, start, target, touch, count=False):
-        """First crossing of `target` after `start` that goes `touch` below it."""
-        dip = next(iter(_below(c - _lifted(target - touch), start)), None)
-        if dip is None and chebyshev.chebval(1.0, c) < target and _END @ c < -STEEP * touch:
+        """Find the first crossing of `target` after `start` that goes `touch` below it."""
+        dip = next(iter(_below(c - _constant_series(target - touch), start)), None)
+        if (
+            dip is None
+            and chebyshev.chebval(1.0, c) < target
+            and _END @ c < -CROSSING_SLOPE * touch
+        ):
             dip = 1.0, 1.0  # it is on its way down when the piece ends
         if dip is None:
             k = np.flatnonzero(
@@ -128,7 +133,7 @@ class EventFunctions:
             if count and values.min() < target - 1e-3 * touch and start == -1.0:
                 self.touches += 1
             return None
-        below = _below(c - _lifted(target), start)
+        below = _below(c - _constant_series(target), start)
         s = next(
             (a for a, b in below if a <= dip[0] <= b), dip[0]
         )  # a root that rounding puts behind the dip is at it
@@ -137,13 +142,14 @@ class EventFunctions:
         return s, lefts, 0.5 * (dip[0] + dip[1]), target
 
     def _root(self, dense, i, lefts, guess, right, end):
+        """Solve for the time of the event on the dense output by Brent's method."""
         from scipy.optimize import brentq
 
-        seen = {}
+        values = {}
 
         def fun(s):
-            seen[s] = float(self.gaps(s, dense(s))[i]) - self.level[i]
-            return seen[s]
+            values[s] = float(self.gaps(s, dense(s))[i]) - self.level[i]
+            return values[s]
 
         if not lefts[-1] < right and fun(right) > self.band[i]:
             # it jumps between floats that are one to the polynomial
@@ -153,30 +159,30 @@ class EventFunctions:
         if left is None:
             return guess
         if fun(right) >= 0.0:
-            if not (seen[right] > self.band[i] and right < end and fun(end) < 0.0):
+            if not (values[right] > self.band[i] and right < end and fun(end) < 0.0):
                 return guess
             right = end
         # a root of higher order takes more than the usual hundred iterations
         root = brentq(
             fun, left, right, xtol=4 * np.spacing(abs(right)), rtol=_MINIMAL, maxiter=10_000
         )
-        return root if seen[root] <= self.band[i] else _jump(fun, root, right)
+        return root if values[root] <= self.band[i] else _jump(fun, root, right)
 
 
 def _jump(fun, left, right):
-    """The first time after a jump to below zero: before it, nothing has happened yet."""
+    """Return the first time after a jump to below zero, by bisection to adjacent doubles."""
     while left < (mid := 0.5 * (left + right)) < right:
         left, right = (mid, right) if fun(mid) > 0.0 else (left, mid)
     return right
 
 
-def _lifted(level):
-    """The constant series."""
+def _constant_series(level):
+    """Return the Chebyshev series of a constant."""
     return np.eye(1, DEGREE + 1)[0] * level
 
 
 def _roots(c) -> np.ndarray:
-    """Real roots of the series on [-1, 1], sorted."""
+    """Return the real roots of the series on [-1, 1], sorted."""
     c = np.trim_zeros(c, "b")
     roots = chebyshev.chebroots(c) if len(c) > 1 else np.empty(0)
     return np.sort(roots.real[(roots.imag == 0.0) & (np.abs(roots.real) <= 1.0 + 1e-12)]).clip(
@@ -185,7 +191,7 @@ def _roots(c) -> np.ndarray:
 
 
 def _below(c, start) -> list[tuple[float, float]]:
-    """Where on [start, 1] the series is negative: (begin, end) of every interval, in order."""
+    """List the intervals (begin, end) of [start, 1] on which the series is negative, in order."""
     roots = _roots(c)
     edges = np.unique(np.concatenate([[start], roots[roots > start], [1.0]]))
     negative = chebyshev.chebval(0.5 * (edges[1:] + edges[:-1]), c) < 0.0

@@ -1,250 +1,294 @@
-"""The next set of held contacts after one event, where it is beyond doubt: else nothing is decided
-here.
+"""Find the active set after one event where it is certain; decide nothing elsewhere.
 
-It starts from the set before with the contact that closed, or without the one whose multiplier
-vanished. A member whose multiplier is negative leaves: a closed contact that depends on the set
-through it takes its place if its own multiplier is then positive; else both open. What still closes
-is taken in. The set found is taken if every multiplier is strictly positive and every other closed
-contact opens strictly or depends on the set: then it solves the complementarity problem of
-velocities, whose velocity is unique (Lawson & Hanson 1974, chapter 23), whatever the way it was
-found.
+The search starts from the active set before the event, with the contact that closed or without the
+one whose multiplier vanished. A member whose multiplier is negative leaves: a closed contact that
+depends on the set through it takes its place if its own multiplier is then positive; else both
+open.
+A contact that still closes enters. The set is accepted if every multiplier is strictly positive and
+every other closed contact opens strictly or depends on the set: then it solves the complementarity
+problem of velocities, whose velocity is unique (Lawson & Hanson 1974, chapter 23), on whatever path
+it was found.
+
+Each candidate has a role during the search: OPEN, LEAVING (its gap opens with this event),
+DEPENDENT (closed, in the span of the active ones, without a multiplier) or ACTIVE. NEW is added
+where the contact closed with this event.
 """
 
 import numpy as np
 
 from nsbench.compilation.decorators import inlined, inner_kernel, one
-from nsbench.solvers.event_driven.contacts.kernels import loop_state
+from nsbench.dynamics.contacts.kernels.contact_arrays import ROW
 from nsbench.solvers.event_driven.contacts.kernels.held_set import (
     build_held_set,
-    column,
     gap_rate,
+    inverse_column,
     squared_sine_to_span,
     toggled,
 )
 from nsbench.solvers.event_driven.contacts.kernels.taylor_flow import (
-    copied,
+    all_entries,
+    copy_into,
+    evaluate_gaps,
     extend_series,
-    gaps,
     size,
     sorted_index,
 )
 
-TURNS = 24  # changes of the set after one event: beyond, the full method takes over
-UNCLEAR = 1e2  # times the bound on dependence, up and down, in which nothing is decided
-AHEAD = 1e-5  # of a step of the integrator: the first look ahead, where slopes must show
-# what a contact is: open, leaving, closed and dependent, in the set; + NEW
-NOT = 0
-OUT = 1
-KEPT = 2
-HELD = 3
+MAX_SET_CHANGES = 24  # after one event: beyond, the selection with look-ahead takes over
+UNCERTAINTY = 1e2  # factor around the bound on dependence within which nothing is decided
+# Part of a step of the integrator: the first look-ahead time, where slopes must be visible.
+LOOK_AHEAD = 1e-5
+# Roles of a candidate; NEW is added to those that closed with this event.
+OPEN = 0
+LEAVING = 1
+DEPENDENT = 2
+ACTIVE = 3
 NEW = 4
 
 
 @inlined
-def _weakest(W, gear, listed, norm, small, spared):
-    """Index of the member whose multiplier is smallest, if that is not above `small`; -1 if all
-    are; -2 if one is no number.
+def _weakest_member(active, held, problem, small, rising):
+    """Return the position of the smallest multiplier if it is not above `small`.
 
-    spared: a member whose multiplier is zero now and grows.
+    -1 if all are above, -2 if one is not finite. rising: entry whose multiplier is zero now and
+    grows, which may be small.
     """
-    kind = listed[0]
-    sign = listed[4]
-    worst = small
+    kind = problem.contacts.kind
+    sign = problem.contacts.sign
+    norm = problem.norm
+    mu = held.mu
+    lowest = small
     which = -1
-    for a in range(W.size):
-        lam = (sign[W[a]] if kind[W[a]] > 0 else 1.0) * gear[4][a, 0] * norm[W[a]]
+    for a in range(active.size):
+        lam = (sign[active[a]] if kind[active[a]] != ROW else 1.0) * mu[a, 0] * norm[active[a]]
         if not np.isfinite(lam):
             return -2
-        if lam <= worst and (W[a] != spared or lam < -small):
-            worst = lam
+        if lam <= lowest and (active[a] != rising or lam < -small):
+            lowest = lam
             which = a
     return which
 
 
 @inner_kernel
-def _swap(a, W, gear, role, listed, places, x, dependent):
-    """Member a leaves: (clear, the dependent contact that takes its place or -1, their coefficient,
-    inverse Gram entry).
+def _find_replacement(a, active, held, role, contacts, layout, x, dependent):
+    """Find the dependent contact that replaces member a when it leaves.
 
     With z the column of the inverse Gram matrix, G_c G^T z is the coefficient of the member in row
     c. If it is negative, c carries what the member would have to pull; if all are positive they
-    open with the member and are marked OUT.
+    open with the member and get the role LEAVING.
+    Returns (certain, entry of the replacement or -1, its coefficient, diagonal of the inverse Gram
+    matrix).
     """
-    k = W[a]
-    pull, top = column(k, W, gear, x.size)
+    k = active[a]
+    pull, top = inverse_column(k, active, held, x.size)
     best = 0.0
     which = -1
-    turn = listed[4][k] if listed[0][k] > 0 else 1.0
+    orientation = contacts.sign[k] if contacts.kind[k] != ROW else 1.0
     for c in range(role.size):
-        if role[c] == KEPT or role[c] == KEPT + NEW:
-            y, length = gap_rate(c, listed, places, x, pull)
-            if y * y > dependent / UNCLEAR * length:
-                if y * y < dependent * UNCLEAR * length:
+        if role[c] == DEPENDENT or role[c] == DEPENDENT + NEW:
+            y, length = gap_rate(c, contacts, layout, x, pull)
+            if y * y > dependent / UNCERTAINTY * length:
+                if y * y < dependent * UNCERTAINTY * length:
                     return False, -1, 0.0, top
-                if turn * y < best:
-                    best = turn * y
+                if orientation * y < best:
+                    best = orientation * y
                     which = c
     if which < 0:
         for c in range(role.size):
-            if role[c] == KEPT or role[c] == KEPT + NEW:
-                y, length = gap_rate(c, listed, places, x, pull)
-                if y * y > dependent * UNCLEAR * length:
-                    role[c] += OUT - KEPT
+            if role[c] == DEPENDENT or role[c] == DEPENDENT + NEW:
+                y, length = gap_rate(c, contacts, layout, x, pull)
+                if y * y > dependent * UNCERTAINTY * length:
+                    role[c] += LEAVING - DEPENDENT
     return True, which, best * np.sqrt(top), top
 
 
 @inlined
-def _closing(role, all_, entry, listed, places, norm, x, v, num):
-    """The closed contact outside the set that does not open strictly, and its speed; -1 if there is
-    none, -2: unclear.
+def _closing_contact(role, entries, entry, problem, x, v, settings, floats):
+    """Find a closed contact outside the active set that does not open strictly.
 
-    entry: one that opens from zero speed, which was looked at before.
+    entries: all entries. entry: one that opens from zero speed, which was checked before.
+    Returns (entry, its speed); entry is -1 if there is none, -2 if that is uncertain.
     """
-    near = num[loop_state.TOL] * (num[loop_state.UNIT] + size(x))
-    small = num[loop_state.DOUBT] * num[loop_state.SIZE]
+    near = settings.tol * (settings.length + size(x))
+    small = settings.undecided * floats.drift_size[0]
+    contacts = problem.contacts
+    layout = problem.layout
+    norm = problem.norm
     g = np.empty(role.size)
-    gaps(all_, listed, places, x, g)
+    evaluate_gaps(entries, contacts, layout, x, g)
     for k in range(role.size):
         what = role[k] % NEW
-        if what == HELD or k == entry:
+        if what == ACTIVE or k == entry:
             continue
-        if what == KEPT:
+        if what == DEPENDENT:
             if g[k] > near * norm[k]:
                 return -2, 0.0
-        elif what == OUT or g[k] <= near * norm[k]:
-            w, _ = gap_rate(k, listed, places, x, v)
+        elif what == LEAVING or g[k] <= near * norm[k]:
+            w, _ = gap_rate(k, contacts, layout, x, v)
             if not w > small * norm[k]:
-                return (-2 if what == OUT else k), w / norm[k]
+                return (-2 if what == LEAVING else k), w / norm[k]
     return -1, 0.0
 
 
 @inlined
-def _roles(W, kept):
-    role = np.zeros(kept.size, np.int64)
-    for k in range(kept.size):
-        role[k] = KEPT if kept[k] else NOT
-    for k in W:
-        role[k] = HELD
+def _initial_roles(active, is_closed):
+    """Return the role of every candidate before the event, (m,)."""
+    role = np.zeros(is_closed.size, np.int64)
+    for k in range(is_closed.size):
+        role[k] = DEPENDENT if is_closed[k] else OPEN
+    for k in active:
+        role[k] = ACTIVE
     return role
 
 
 @inner_kernel
-def _leave(a, W, which, role):
-    """The set without member a, with the dependent contact `which` in its place if that is one."""
-    k = W[a]
-    W = toggled(W, k, -one())
-    role[k] += (OUT if which < 0 else KEPT) - HELD
+def _remove_member(a, active, which, role):
+    """Return the set without member a, with the dependent entry `which` in its place unless -1."""
+    k = active[a]
+    active = toggled(active, k, -one())
+    role[k] += (LEAVING if which < 0 else DEPENDENT) - ACTIVE
     if which >= 0:
-        W = toggled(W, which, one())
-        role[which] += HELD - KEPT
-    return W
+        active = toggled(active, which, one())
+        role[which] += ACTIVE - DEPENDENT
+    return active
 
 
 @inlined
-def _velocity(W, start, x, listed, places, norm, drift, width, order, X, F, work, num):
-    """Gear and velocity (X[1], mu of order 0) with the set W; False if its rows depend on each
-    other."""
-    copied(start, x)
-    good, gear = build_held_set(
-        W, listed, places, norm, x, width, order, work, num[loop_state.UNIT]
+def hold_active(active, problem, x, work, length):
+    """Factorise the active contacts and project x onto them; return (ok, HeldSet)."""
+    return build_held_set(
+        active,
+        problem.contacts,
+        problem.layout,
+        problem.norm,
+        x,
+        problem.width,
+        problem.order,
+        work,
+        length,
     )
-    if good:
-        copied(x, X[0])
-        extend_series(one() - 1, one(), W, gear, listed, drift, X, F)
-        num[loop_state.SIZE] = max(num[loop_state.SIZE], size(F[0]))
-    return good, gear
 
 
 @inlined
-def _first(entry, closing, slope, W, gear, role, listed, places, norm, x, num, pace):
-    """The first set to try: (clear, set, member whose multiplier grows from zero, contact that
-    opens from rest)."""
-    if closing:
-        role[entry] = HELD + NEW
-        return True, toggled(W, entry, one()), -1, -1
-    a = sorted_index(W, entry)
-    clear, which, c, top = _swap(a, W, gear, role, listed, places, x, num[loop_state.DEPENDENT])
-    sight = UNCLEAR * num[loop_state.STRICT] * num[loop_state.SIZE]
-    W = _leave(a, W, which, role)
-    if which >= 0:
-        return clear and slope / c * norm[which] * AHEAD * pace > sight, W, which, -1
-    for k in range(role.size):
-        if role[k] == OUT and k != entry:  # opens from rest with it: too many to follow here
-            clear = False
-    return clear and -slope / top * AHEAD * pace > sight, W, -1, entry
+def start_series(active, held, problem, series, x):
+    """Start the series at x: order 1 of the state, order 0 of the drift and of mu."""
+    copy_into(x, series.state[0])
+    extend_series(
+        one() - 1,
+        one(),
+        active,
+        held,
+        problem.contacts,
+        problem.drift,
+        series.state,
+        series.drift,
+    )
 
 
 @inlined
-def next_active_set(
-    entry,
-    closing,
-    slope,
-    W,
-    gear,
-    kept,
-    listed,
-    places,
-    norm,
-    drift,
-    width,
-    order,
-    x,
-    X,
-    F,
-    work,
-    num,
-    pace,
-):
-    """(sure, set, gear, role): the next set and all for its arc, with mu and X of order 0; x is put
-    on it.
+def _solve_velocity(active, start, x, problem, series, work, settings, floats):
+    """Project `start` onto the active set and compute its velocity there.
 
-    entry: what closed, or vanished with that `slope` of its multiplier, of the set W with its gear;
-    kept (m,): closed contacts that are held or depend on those; pace: a step of the integrator;
-    role (m,): what every contact is then.
+    x (n,): the projected state. series: order 1 of the state, order 0 of the drift and, in the
+    HeldSet, of mu. Returns (ok, HeldSet); ok is False if the active contacts depend on each other.
     """
-    role = _roles(W, kept)
-    start = x.copy()
-    small = num[loop_state.DOUBT] * num[loop_state.SIZE]
-    sure, W2, spared, rising = _first(
-        entry, closing, slope, W, gear, role, listed, places, norm, x, num, pace
+    copy_into(start, x)
+    ok, held = hold_active(active, problem, x, work, settings.length)
+    if ok:
+        start_series(active, held, problem, series, x)
+        floats.drift_size[0] = max(floats.drift_size[0], size(series.drift[0]))
+    return ok, held
+
+
+@inlined
+def _first_trial_set(event, active, held, role, problem, x, settings, floats, recent_step):
+    """Return the first set to try after the event.
+
+    Returns (certain, set, entry whose multiplier grows from zero or -1, entry whose gap opens from
+    rest or -1).
+    """
+    entry, closing, slope = event
+    if closing:
+        role[entry] = ACTIVE + NEW
+        return True, toggled(active, entry, one()), -1, -1
+    a = sorted_index(active, entry)
+    certain, which, c, top = _find_replacement(
+        a, active, held, role, problem.contacts, problem.layout, x, settings.dependent
     )
-    fresh = entry if closing else -1
-    all_ = np.empty(kept.size, np.int64)
-    for k in range(kept.size):
-        all_[k] = k
-    for _ in range(TURNS):
-        if not sure:
+    visible = UNCERTAINTY * settings.strict * floats.drift_size[0]
+    active = _remove_member(a, active, which, role)
+    if which >= 0:
+        grows = slope / c * problem.norm[which] * LOOK_AHEAD * recent_step > visible
+        return certain and grows, active, which, -1
+    for k in range(role.size):
+        if role[k] == LEAVING and k != entry:  # several open from rest: left to the look-ahead
+            certain = False
+    return certain and -slope / top * LOOK_AHEAD * recent_step > visible, active, -1, entry
+
+
+@inlined
+def _is_independent(entering, active, held, problem, x, velocity, settings):
+    """Check that the entry that entered last is independent of the other active contacts."""
+    _, top = inverse_column(entering, active, held, x.size)
+    _, length = gap_rate(entering, problem.contacts, problem.layout, x, velocity)
+    return 1.0 > UNCERTAINTY * settings.dependent * top * length
+
+
+@inlined
+def _is_dependent(entry, active, held, problem, x, settings):
+    """Check that a gradient lies in the span of the active contacts beyond doubt."""
+    sine = squared_sine_to_span(entry, active, held, problem.contacts, problem.layout, x)
+    return sine < settings.dependent / UNCERTAINTY
+
+
+@inlined
+def next_active_set(event, active, held, is_closed, problem, x, series, work, loop, recent_step):
+    """Find the active set after an event, or report that it is not certain.
+
+    event: the ArcEnd of the last arc, whose active set and HeldSet are given. is_closed (m,):
+    contacts that are active or depend on those. x (n,): put on the new set. series, work: written.
+    recent_step: a step of the integrator, the time scale.
+    Returns (certain, active, HeldSet, role (m,)), with mu and the series up to the velocity.
+    """
+    settings, floats, _ = loop
+    role = _initial_roles(active, is_closed)
+    start = x.copy()
+    small = settings.undecided * floats.drift_size[0]
+    certain, trial, rising, opening = _first_trial_set(
+        event, active, held, role, problem, x, settings, floats, recent_step
+    )
+    entering = event.entry if event.closing else -1
+    entries = all_entries(is_closed.size)
+    # Active-set iteration on the velocity problem: drop a negative multiplier, add a closing gap.
+    for _ in range(MAX_SET_CHANGES):
+        if not certain:
             break
-        sure, gear2 = _velocity(
-            W2, start, x, listed, places, norm, drift, width, order, X, F, work, num
+        certain, factored = _solve_velocity(
+            trial, start, x, problem, series, work, settings, floats
         )
-        if not sure:
+        if not certain:
             break
-        if fresh >= 0:  # what was taken in last must be independent of the others
-            _, top = column(fresh, W2, gear2, x.size)
-            _, length = gap_rate(fresh, listed, places, x, X[1])
-            sure = 1.0 > UNCLEAR * num[loop_state.DEPENDENT] * top * length
-            fresh = -1
-        a = _weakest(W2, gear2, listed, norm, small, spared)
-        if a >= 0 and sure:
-            sure, which, _, _ = _swap(
-                a, W2, gear2, role, listed, places, x, num[loop_state.DEPENDENT]
+        velocity = series.state[1]
+        if entering >= 0:
+            certain = _is_independent(entering, trial, factored, problem, x, velocity, settings)
+            entering = -1
+        a = _weakest_member(trial, factored, problem, small, rising)
+        if a >= 0 and certain:
+            certain, which, _, _ = _find_replacement(
+                a, trial, factored, role, problem.contacts, problem.layout, x, settings.dependent
             )
-            sure &= not (closing and W2[a] == entry)
-            W2 = _leave(a, W2, which, role)
+            certain &= not (event.closing and trial[a] == event.entry)
+            trial = _remove_member(a, trial, which, role)
             continue
-        k, w = _closing(role, all_, rising, listed, places, norm, x, X[1], num)
-        if a == -1 and k == -1 and sure:
-            return True, W2, gear2, role
-        sure &= a == -1 and k >= 0
-        if sure and w < -small:
-            W2 = toggled(W2, k, one())
-            role[k] = HELD + NEW
-            fresh = k
-        elif sure:
-            sure = (
-                squared_sine_to_span(k, W2, gear2, listed, places, x)
-                < num[loop_state.DEPENDENT] / UNCLEAR
-            )
-            role[k] = KEPT + NEW
-    return False, W, gear, role
+        k, speed = _closing_contact(role, entries, opening, problem, x, velocity, settings, floats)
+        if a == -1 and k == -1 and certain:
+            return True, trial, factored, role
+        certain &= a == -1 and k >= 0
+        if certain and speed < -small:
+            trial = toggled(trial, k, one())
+            role[k] = ACTIVE + NEW
+            entering = k
+        elif certain:
+            certain = _is_dependent(k, trial, factored, problem, x, settings)
+            role[k] = DEPENDENT + NEW
+    return False, active, held, role

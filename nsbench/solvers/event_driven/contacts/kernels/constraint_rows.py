@@ -1,53 +1,58 @@
-"""Gaps and gradients of a list of constraints as short rows, and the flow on a set of them held at
-zero.
+"""Evaluate gaps and gradients of listed contacts, and the velocity with some of them active.
 
-The list is that of contacts.Near: kind 0 row of A, 1 pair, 2 particle and anchor, 3 smooth. Smooth
-rows come dense from the host: row `slot` of `dense`.
+The arrays are those of contact_arrays.Contacts and Layout, one by one: Python calls these kernels
+in every evaluation, and a NamedTuple takes longer to unpack than its arrays. Gradients are short
+rows (C, V, count): columns (m, width), values (m, width) and numbers of entries (m,). Smooth
+constraints are evaluated by the caller: their gradients come as row `slot` of `dense`.
 """
 
 import numpy as np
 
 from nsbench.compilation.decorators import njit
+from nsbench.dynamics.contacts.kernels.contact_arrays import PAIR, ROW, SMOOTH
 
 
 @njit(cache=True, error_model="numpy")
 def fill_gaps(kind, p, q, d, sign, dim, x, anchors, ptr, cols, vals, b, out):
-    """out (m,): gaps of rows, pairs and anchors; entries of smooth constraints are left alone."""
+    """Fill out (m,) with the gaps of rows, pairs and anchors; smooth constraints are skipped."""
     for k in range(kind.size):
-        if kind[k] == 0:
+        if kind[k] == ROW:
             g = b[p[k]]
             for e in range(ptr[p[k]], ptr[p[k] + 1]):
                 g += vals[e] * x[cols[e]]
             out[k] = g
-        elif kind[k] < 3:
+        elif kind[k] != SMOOTH:
             s = 0.0
             for c in range(dim[k]):
-                u = x[p[k] + c] - (x[q[k] + c] if kind[k] == 1 else anchors[q[k] + c])
+                u = x[p[k] + c] - (x[q[k] + c] if kind[k] == PAIR else anchors[q[k] + c])
                 s += u * u
             out[k] = sign[k] * (np.sqrt(s) - d[k])
 
 
 @njit(cache=True, error_model="numpy")
 def fill_rows(kind, p, q, sign, dim, slot, x, anchors, ptr, cols, vals, dense, width):
-    """Columns (m, width), values (m, width) and lengths (m,) of the gradients."""
+    """Return the gradients as short rows (C, V, count).
+
+    slot (m,): row of `dense` (smooth, n) for smooth constraints.
+    """
     m = kind.size
     C = np.zeros((m, width), np.int64)
     V = np.zeros((m, width))
     count = np.zeros(m, np.int64)
     for k in range(m):
-        if kind[k] == 0:
+        if kind[k] == ROW:
             for e in range(ptr[p[k]], ptr[p[k] + 1]):
                 C[k, count[k]] = cols[e]
                 V[k, count[k]] = vals[e]
                 count[k] += 1
-        elif kind[k] == 3:
+        elif kind[k] == SMOOTH:
             for c in range(x.size):
                 C[k, c] = c
                 V[k, c] = dense[slot[k], c]
             count[k] = x.size
         else:
             s = 0.0
-            pair = kind[k] == 1
+            pair = kind[k] == PAIR
             for c in range(dim[k]):
                 u = x[p[k] + c] - (x[q[k] + c] if pair else anchors[q[k] + c])
                 V[k, c] = u
@@ -65,7 +70,7 @@ def fill_rows(kind, p, q, sign, dim, slot, x, anchors, ptr, cols, vals, dense, w
 
 @njit(cache=True, error_model="numpy")
 def gram(C, V, count, n):
-    """(m, m) G G^T."""
+    """Return the Gram matrix G G^T, (m, m)."""
     m = count.size
     M = np.zeros((m, m))
     work = np.zeros(n)
@@ -85,7 +90,7 @@ def gram(C, V, count, n):
 
 @njit(cache=True, error_model="numpy")
 def times(C, V, count, x):
-    """(m,) G x."""
+    """Return G x, (m,)."""
     out = np.zeros(count.size)
     for k in range(count.size):
         for e in range(count[k]):
@@ -95,7 +100,7 @@ def times(C, V, count, x):
 
 @njit(cache=True, error_model="numpy")
 def add_transposed(C, V, count, lam, out):
-    """out += G^T lam."""
+    """Add G^T lam to out (n,)."""
     for k in range(count.size):
         for e in range(count[k]):
             out[C[k, e]] += lam[k] * V[k, e]
@@ -103,7 +108,7 @@ def add_transposed(C, V, count, lam, out):
 
 @njit(cache=True, error_model="numpy")
 def gram_solve(M, v):
-    """M^-1 v by Cholesky, M overwritten; NaN where M is not positive definite."""
+    """Solve M z = v by Cholesky's method; M is overwritten. NaN if M is not positive definite."""
     m = v.size
     for a in range(m):
         for b in range(a + 1):
@@ -127,10 +132,13 @@ def gram_solve(M, v):
 
 
 @njit(cache=True, error_model="numpy")
-def held(C, V, count, f, rate):
-    """Velocity with all these constraints held at zero: (x', lam, G^T lam),  (G G^T) lam = -(G f +
-    rate)."""
+def constrained_velocity(C, V, count, f, rate):
+    """Return (x', lam, G^T lam) with all these contacts active, which must be independent.
+
+    x' = f + G^T lam,  (G G^T) lam = -(G f + rate);  rate (m,): partial time derivatives of the
+    gaps.
+    """
     lam = gram_solve(gram(C, V, count, f.size), -(times(C, V, count, f) + rate))
-    push = np.zeros(f.size)
-    add_transposed(C, V, count, lam, push)
-    return f + push, lam, push
+    reaction = np.zeros(f.size)
+    add_transposed(C, V, count, lam, reaction)
+    return f + reaction, lam, reaction

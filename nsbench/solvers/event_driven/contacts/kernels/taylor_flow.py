@@ -1,21 +1,27 @@
-"""Taylor series of the flow on a set of contacts held at zero, for drifts f = A x + c; contacts as
-in contacts.Near.
+"""Expand the flow on a set of active contacts in a Taylor series, for drifts f = A x + c.
 
-A held distance is d, so with  u = (x_i - x_j) / d  the flow is  x' = f + sum mu_k u_k (e_i - e_j),
-u_k . (x_i' - x_j') = 0, and every order of mu costs one solve with the same Gram matrix (Taylor
-series of differential-algebraic equations:
-Pryce 1998). lam = sign mu. Affine rows have their gradient in place of u, which stands still.
+The distance of an active contact is d, so with  u = (x_i - x_j) / d  the flow is
+
+    x' = f + sum_k mu_k u_k (e_i - e_j),     u_k . (x_i' - x_j') = 0,
+
+and every order of mu costs one solve with the same Gram matrix (Taylor series of
+differential-algebraic equations: Pryce 1998). lam = sign mu. Affine rows have their constant
+gradient in place of u.
+
+Arguments in common: active (p,) entries of the candidates, ascending; held, a HeldSet; contacts and
+layout, see contact_arrays; norm (m,) lengths of the gradients.
 """
 
 import numpy as np
 
 from nsbench.compilation.decorators import inner_kernel, summing_kernel
+from nsbench.dynamics.contacts.kernels.contact_arrays import PAIR, ROW
 from nsbench.linalg.skyline_cholesky import factor, fill, solve
 
 
 @inner_kernel
 def size(x):
-    """Largest |x_i|; NaN if one is."""
+    """Return the largest |x_i|; NaN if one is NaN."""
     top = 0.0
     for v in x:
         top = max(top, abs(v)) if v == v else np.nan
@@ -25,15 +31,15 @@ def size(x):
 
 
 @inner_kernel
-def copied(x, out):
-    """out <- x."""
+def copy_into(x, out):
+    """Copy x to out."""
     for i in range(out.size):
         out[i] = x[i]
 
 
 @inner_kernel
 def sorted_index(W, k):
-    """Where k is, or belongs, in the ascending W."""
+    """Return the position of k in the ascending set W, or where it would be inserted."""
     lo = 0
     hi = W.size
     while lo < hi:
@@ -46,8 +52,17 @@ def sorted_index(W, k):
 
 
 @inner_kernel
-def apart(x, y):
-    """Largest |x_i - y_i|; NaN if one is."""
+def all_entries(m):
+    """Return 0, 1, .. m - 1."""
+    out = np.empty(m, np.int64)
+    for k in range(m):
+        out[k] = k
+    return out
+
+
+@inner_kernel
+def max_difference(x, y):
+    """Return the largest |x_i - y_i|; NaN if one is NaN."""
     top = 0.0
     for i in range(x.size):
         v = abs(x[i] - y[i])
@@ -58,18 +73,18 @@ def apart(x, y):
 
 
 @inner_kernel
-def gaps(index, listed, places, x, out):
-    """out (m,): g of the entries `index` of the list; distances as sign (|u|^2 - d^2) / (2 d),
-    which has g's zero and slope.
+def evaluate_gaps(entries, contacts, layout, x, out):
+    """Evaluate the gaps of some entries of the candidates; out (entries,).
 
-    Loops over entries stay in one function with the arrays unpacked: to unpack them per entry
-    counts their references.
+    A distance r has the value sign (r^2 - d^2) / (2 d), with the zero and the slope of its gap.
+    Loops over entries stay in one function with the arrays unpacked: unpacking them per entry would
+    count their references.
     """
-    kind, p, q, d, sign, dim = listed
-    anchors, ptr, cols, vals, b = places
-    for a in range(index.size):
-        k = index[a]
-        if kind[k] == 0:
+    kind, p, q, d, sign, dim = contacts
+    anchors, ptr, cols, vals, b = layout
+    for a in range(entries.size):
+        k = entries[a]
+        if kind[k] == ROW:
             g = b[p[k]]
             for e in range(ptr[p[k]], ptr[p[k] + 1]):
                 g += vals[e] * x[cols[e]]
@@ -77,20 +92,20 @@ def gaps(index, listed, places, x, out):
         else:
             s = 0.0
             for c in range(dim[k]):
-                u = x[p[k] + c] - (x[q[k] + c] if kind[k] == 1 else anchors[q[k] + c])
+                u = x[p[k] + c] - (x[q[k] + c] if kind[k] == PAIR else anchors[q[k] + c])
                 s += u * u
             out[a] = sign[k] * (s - d[k] * d[k]) / (2.0 * d[k])
 
 
 @inner_kernel
-def gradients(W, listed, places, x, C, V, count, U):
-    """Rows of the held entries W: columns, values, lengths; u in U[:, :, 0]."""
-    kind, p, q, d, _, dim = listed
-    anchors, ptr, cols, vals, _ = places
-    for a in range(W.size):
-        k = W[a]
+def fill_gradients(active, contacts, layout, x, C, V, count, U):
+    """Fill the gradients of the active entries: columns, values, lengths; u in U[:, :, 0]."""
+    kind, p, q, d, _, dim = contacts
+    anchors, ptr, cols, vals, _ = layout
+    for a in range(active.size):
+        k = active[a]
         count[a] = 0
-        if kind[k] == 0:
+        if kind[k] == ROW:
             for e in range(ptr[p[k]], ptr[p[k] + 1]):
                 C[a, count[a]] = cols[e]
                 V[a, count[a]] = vals[e]
@@ -98,52 +113,55 @@ def gradients(W, listed, places, x, C, V, count, U):
             continue
         m = dim[k]
         for c in range(m):
-            U[a, c, 0] = (x[p[k] + c] - (x[q[k] + c] if kind[k] == 1 else anchors[q[k] + c])) / d[k]
+            U[a, c, 0] = (
+                x[p[k] + c] - (x[q[k] + c] if kind[k] == PAIR else anchors[q[k] + c])
+            ) / d[k]
             C[a, c] = p[k] + c
             V[a, c] = U[a, c, 0]
-            if kind[k] == 1:
+            if kind[k] == PAIR:
                 C[a, m + c] = q[k] + c
                 V[a, m + c] = -U[a, c, 0]
-        count[a] = 2 * m if kind[k] == 1 else m
+        count[a] = 2 * m if kind[k] == PAIR else m
 
 
 @inner_kernel
-def project_and_factor(W, gear, listed, places, norm, x, work, least, unit):
-    """x is put on g = 0 along the gradients there, and the Gram matrix factored; False if that
-    cannot be done.
+def project_and_factor(active, held, contacts, layout, norm, x, work, least_pivot, length):
+    """Project x onto g = 0 by Newton's method and factorise the Gram matrix there.
 
-    unit: the size of a scene; to rounding of that and of x.
+    x (n,): moved along the gradients, to the rounding of x and of `length`, the characteristic
+    length of the case. work (n,): zeros. least_pivot: relative to its diagonal.
+    Returns False if a pivot is too small or if four iterations do not converge.
     """
-    C, V, count, U, _, plan, E = gear
-    p = W.size
-    g = np.empty(W.size)
-    fine = 2e-15 * (unit + size(x))
-    for turn in range(4):
-        gradients(W, listed, places, x, C, V, count, U)
+    C, V, count, U, _, plan, E = held
+    p = active.size
+    g = np.empty(active.size)
+    rounding = 2e-15 * (length + size(x))
+    for iteration in range(4):
+        fill_gradients(active, contacts, layout, x, C, V, count, U)
         fill(plan, C, V, count, p, work, E)
-        if not factor(plan, p, E, least):
+        if not factor(plan, p, E, least_pivot):
             return False
-        gaps(W, listed, places, x, g)
-        far = 0.0
-        sign = listed[4]
+        evaluate_gaps(active, contacts, layout, x, g)
+        off = 0.0
+        sign = contacts.sign
         for a in range(p):
-            g[a] *= -sign[W[a]]
-            far = max(far, abs(g[a]) / norm[W[a]])
-        if far <= fine or turn == 3:
-            return far <= 1e3 * fine
+            g[a] *= -sign[active[a]]
+            off = max(off, abs(g[a]) / norm[active[a]])
+        if off <= rounding or iteration == 3:
+            return off <= 1e3 * rounding
         solve(plan, p, E, g, g)
         for a in range(p):
             for e in range(count[a]):
                 x[C[a, e]] += V[a, e] * g[a]
-        if far <= 16.0 * fine:  # moved by rounding: the factor stays right to the last digits
-            gradients(W, listed, places, x, C, V, count, U)
+        if off <= 16.0 * rounding:  # x moved by rounding: the factor is right to its last digits
+            fill_gradients(active, contacts, layout, x, C, V, count, U)
             return True
     return True
 
 
 @summing_kernel
-def _fold(U, k, c, m):
-    """sum_{a=1}^m u[a] u[m+1-a]."""
+def _self_convolution(U, k, c, m):
+    """Sum u[a] u[m + 1 - a] over a = 1 .. m."""
     s = 0.0
     for a in range(1, m + 1):
         s += U[k, c, a] * U[k, c, m + 1 - a]
@@ -151,8 +169,8 @@ def _fold(U, k, c, m):
 
 
 @summing_kernel
-def _mixed(mu, U, k, c, m):
-    """sum_{a=1}^m mu[m-a] u[a]."""
+def _convolution(mu, U, k, c, m):
+    """Sum mu[m - a] u[a] over a = 1 .. m."""
     s = 0.0
     for a in range(1, m + 1):
         s += mu[k, m - a] * U[k, c, a]
@@ -160,27 +178,29 @@ def _mixed(mu, U, k, c, m):
 
 
 @inner_kernel
-def _push(m, W, listed, mu, U, V):
-    """V += the part of order m of the forces that is known before mu[m]."""
-    kind, p, q, _, _, dim = listed
-    for a in range(W.size):
-        k = W[a]
-        if kind[k] > 0:
+def _add_known_forces(m, active, contacts, mu, U, V):
+    """Add to V the part of order m of the contact forces that is known before mu[m]."""
+    kind, p, q, _, _, dim = contacts
+    for a in range(active.size):
+        k = active[a]
+        if kind[k] != ROW:
             for c in range(dim[k]):
-                s = _mixed(mu, U, a, c, m)
+                s = _convolution(mu, U, a, c, m)
                 V[p[k] + c] += s
-                if kind[k] == 1:
+                if kind[k] == PAIR:
                     V[q[k] + c] -= s
 
 
 @inner_kernel
-def extend_series(m0, m1, W, gear, listed, drift, X, F):
-    """Orders m0 to m1 - 1 of mu (p, .) and of the drift F (., n); so X (., n) and U up to order
-    m1."""
-    kind, p, q, d, _, dim = listed
+def extend_series(m0, m1, active, held, contacts, drift, X, F):
+    """Compute the orders m0 to m1 - 1 of mu and of the drift F (., n), and X (., n) and u up to m1.
+
+    X[m + 1] = (F[m] + (G^T mu)[m]) / (m + 1), where mu[m] makes the term of order m of G x' vanish.
+    """
+    kind, p, q, d, _, dim = contacts
     aptr, acols, avals, const = drift
-    C, G, count, U, mu, plan, E = gear
-    rhs = np.empty(W.size)
+    C, G, count, U, mu, plan, E = held
+    rhs = np.empty(active.size)
     for m in range(m0, m1):
         V = X[m + 1]
         for i in range(const.size):
@@ -190,51 +210,55 @@ def extend_series(m0, m1, W, gear, listed, drift, X, F):
             F[m, i] = s
             V[i] = s
         if m > 0:
-            _push(m, W, listed, mu, U, V)
-        for a in range(W.size):
-            k = W[a]
+            _add_known_forces(m, active, contacts, mu, U, V)
+        for a in range(active.size):
+            k = active[a]
             s = 0.0
-            if kind[k] > 0 and m > 0:
+            if kind[k] != ROW and m > 0:
                 for c in range(dim[k]):
-                    s += _fold(U, a, c, m)
+                    s += _self_convolution(U, a, c, m)
                 s *= 0.5 * (m + 1) * d[k]
             for e in range(count[a]):
                 s += G[a, e] * V[C[a, e]]
             rhs[a] = -s
-        solve(plan, W.size, E, rhs, rhs)
-        for a in range(W.size):
+        solve(plan, active.size, E, rhs, rhs)
+        for a in range(active.size):
             mu[a, m] = rhs[a]
             for e in range(count[a]):
                 V[C[a, e]] += G[a, e] * rhs[a]
         for i in range(const.size):
             V[i] /= m + 1
-        for a in range(W.size):
-            k = W[a]
-            if kind[k] > 0:
+        for a in range(active.size):
+            k = active[a]
+            if kind[k] != ROW:
                 for c in range(dim[k]):
-                    U[a, c, m + 1] = (V[p[k] + c] - (V[q[k] + c] if kind[k] == 1 else 0.0)) / d[k]
+                    U[a, c, m + 1] = (V[p[k] + c] - (V[q[k] + c] if kind[k] == PAIR else 0.0)) / d[
+                        k
+                    ]
 
 
 @inner_kernel
-def step_length(X, mu, deg, eps, W):
-    """How far the terms of the two highest orders stay below eps (1 + |x|): Jorba & Zou 2005,
-    section 3.2."""
-    fine = eps * (1.0 + size(X[0]))
+def step_length(X, mu, deg, eps, active):
+    """Return the step on which the terms of the two highest orders stay below eps (1 + |x|).
+
+    Jorba & Zou 2005, section 3.2, with the impulses as further states. 0.0 if a term is not finite.
+    """
+    allowed = eps * (1.0 + size(X[0]))
     h = np.inf
     for j in range(deg - 1, deg + 1):
         top = size(X[j])
-        for a in range(W.size):
-            top = max(top, abs(mu[a, j - 1]) / j)  # of the impulse
+        for a in range(active.size):
+            top = max(top, abs(mu[a, j - 1]) / j)  # coefficient of the impulse
         if not np.isfinite(top):
             return 0.0
         if top > 0.0:
-            h = min(h, (fine / top) ** (1.0 / j))
+            h = min(h, (allowed / top) ** (1.0 / j))
     return 0.9 * h
 
 
 @inner_kernel
-def at(X, deg, s, out):
-    """out (n,): the series at s."""
+def evaluate_series(X, deg, s, out):
+    """Evaluate the series of the state at s by Horner's rule; out (n,)."""
     for i in range(out.size):
         out[i] = X[deg, i]
     for j in range(deg - 1, -1, -1):
