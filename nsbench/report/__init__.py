@@ -1,10 +1,10 @@
-"""The report of a study: rows in, one self-contained page out. Nothing here runs a solver.
+"""Write the report of a study: one self-contained page, the same as Markdown, and figures.
 
     write_report("results", "results/report.html")
 
 reads results/runs.parquet (and cases.json, solvers.json, env.json, extra.json, figures/scene_*.svg
-where they exist) and writes the page, the same as Markdown beside it, and one SVG per case in
-``figures/``.
+where they exist) and writes the page, the Markdown with the same content, and one SVG per case in
+``figures/``. Nothing here runs a solver.
 """
 
 from __future__ import annotations
@@ -14,16 +14,15 @@ from pathlib import Path
 __all__ = ["write_report"]
 
 
-def write_report(study, path=None) -> Path:
-    """Write the report of `study` to `path` (HTML) and beside it the Markdown and the figures; the
-    path written.
+def write_report(study: object, path: str | Path | None = None) -> Path:
+    """Write the report of `study` and return the path of the page.
 
+    The Markdown and the figures are written to the same folder.
     study: a folder of results, a list of folders, a study with ``.rows``, a DataFrame or a list of
-    dict rows.
+    dict rows. A study in which every run failed has a report like any other.
     path: a file or an existing folder; by default ``report.html`` in the study's folder, or here.
     Raises FileNotFoundError for a folder without rows and ValueError, naming the file, for one that
     cannot be read.
-    A study in which every run failed has a report like any other.
     """
     from nsbench.report.assemble import assemble_content, draw_figures
     from nsbench.report.data import read

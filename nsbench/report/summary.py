@@ -167,8 +167,8 @@ def estimate_order(runs: Runs, metric: str, claims: dict, fit: Callable) -> Orde
             metric,
             "level",
             "too few steps",
-            f"{name}: {format_count(steps, 'step size')} with a number; an order needs {MIN_STEPS} at "
-            f"least. Smallest error {format_error(best['best'], runs.floor(metric))}.",
+            f"{name}: {format_count(steps, 'step size')} with a number; an order needs {MIN_STEPS} "
+            f"at least. Smallest error {format_error(best['best'], runs.floor(metric))}.",
             **best,
         )
     if not error.any():

@@ -61,7 +61,7 @@ GLOSSARY = {  # words of the report that are no columns; those are described in 
 def glossary_table(data: Data) -> Table:
     """Build the table of words: those of the report, then the columns that hold a value."""
     rows = [Row((Cell(k, kind="method"), Cell(v))) for k, v in GLOSSARY.items()]
-    for name in _held(data):
+    for name in _columns_with_values(data):
         column = describe(name)
         title = column.title if column.title == name else f"{column.title} ({name})"
         unit = f" [{column.unit}]" if column.unit else ""
@@ -71,17 +71,17 @@ def glossary_table(data: Data) -> Table:
     return Table("glossary", ("word", "meaning"), tuple(rows))
 
 
-def _held(data: Data) -> list[str]:
+def _columns_with_values(data: Data) -> list[str]:
     """Names of the columns in which some run of the study holds a value."""
-    held: dict = {}
+    with_values: dict = {}
     for runs in data.runs.values():
         for name, values in runs.col.items():
-            if name not in held and np.any(
+            if name not in with_values and np.any(
                 np.isfinite(values) if values.dtype == np.float64 else values != ""
             ):
-                held[name] = None
+                with_values[name] = None
     first = next(iter(data.runs.values()), None)
-    return [name for name in (first.col if first else ()) if name in held]
+    return [name for name in (first.col if first else ()) if name in with_values]
 
 
 def counts_line(summaries: dict[tuple, Summary]) -> str:
