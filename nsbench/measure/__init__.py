@@ -1,5 +1,5 @@
-"""Errors, residuals and orders of what a solver returned, computed by the bench and not taken from
-its word."""
+"""Errors, residuals and orders of convergence of a trajectory, computed by the bench and not taken
+from the word of a solver; clock of interleaved runs."""
 
 from nsbench.measure.errors import errors
 from nsbench.measure.orders import VERDICTS, Fit, fit_order

@@ -1,5 +1,4 @@
-"""Seconds of several runs, measured in one interleaved series: ratios that a noisy machine can be
-asked for.
+"""Clock of runs in interleaved rounds: seconds, and ratios that a noisy machine can be asked for.
 
 Every round runs each of them once, beginning with another one each time; a disturbance meets all of
 them alike. A ratio is the median of the ratios within rounds (not the ratio of medians), and comes
@@ -28,8 +27,8 @@ _stood = 0.0  # seconds in which the clock of preparations and first calls stood
 
 
 def stand(seconds: float) -> None:
-    """So long this process has just waited for what another one compiles: that is no time of the
-    run it waited in."""
+    """Take `seconds` off the clock: this process has waited for another one to compile, which is no
+    time of the run it waited in."""
     global _stood
     _stood += seconds
 
@@ -72,13 +71,13 @@ class Ratio:
 
 
 def rounds_of(seconds: float) -> int:
-    """In how many rounds a run of this length is timed for its row: 1 (beyond LONG), or FEWEST to
+    """Choose in how many rounds a run of this length is timed: 1 (beyond LONG), or FEWEST to
     ROUNDS."""
     return 1 if seconds >= LONG else int(np.clip(TURNS / max(seconds, 1e-9), FEWEST, ROUNDS))
 
 
 def columns(seconds) -> dict:
-    """The columns of a row that tell the clock of its rounds (in seconds, but for `rounds`)."""
+    """Compute the columns of a row from the seconds of its rounds: quartiles, worst, number."""
     low, middle, high = (float(v) for v in np.percentile(seconds, (25, 50, 75)))
     return {
         "seconds": middle,
@@ -92,8 +91,8 @@ def columns(seconds) -> dict:
 def in_rounds(
     runs: list[Callable[[], object]], rounds: list[int], announce: Callable[[int], None]
 ) -> list:
-    """Seconds of every run in its number of rounds, or what it raised in the first one that it did
-    not end; each round begins with another run. announce(i): run i is next."""
+    """Time every run in its number of rounds; its seconds, or what it raised in the first one that
+    it did not end; each round begins with another run. announce(i): run i is next."""
     out: list[list[float] | Exception] = [[] for _ in runs]
     for r in range(max(rounds, default=0)):
         first = r * len(runs) // max(rounds)
@@ -110,7 +109,7 @@ def in_rounds(
 
 
 def prepared(prepare: Callable[[], Callable]) -> tuple[Callable, dict]:
-    """The run that `prepare()` returns, and what it took: setup_seconds, what every preparation
+    """Prepare a run; returns it and what it took: setup_seconds, what every preparation
     pays, and compile_seconds, what the first one in a process paid beyond it: compilation, loading
     from caches, imports. They are told apart by preparing twice."""
     start = _now()
@@ -126,8 +125,9 @@ def prepared(prepare: Callable[[], Callable]) -> tuple[Callable, dict]:
 def first_call(
     run: Callable[[], object], again: Callable[[], None] = lambda: None
 ) -> tuple[object, float, float]:
-    """What `run()` returns, its seconds, and those that numba's compiler took within. A run that
-    compiles is made again, after a call of `again`: its seconds are those of the second call."""
+    """Call `run()`; returns its result, its seconds, and those that numba's compiler took within. A
+    run that compiles is made again, after a call of `again`: its seconds are those of the second
+    call."""
     out, seconds, spent = _watched(run)
     if spent > 0.0:
         again()
@@ -172,7 +172,7 @@ def _watched(run):
 def interleaved(
     runs: dict[str, Callable[[], object]], rounds: int = ROUNDS, least: float = LEAST
 ) -> dict[str, Times]:
-    """Seconds of each run, by name, over `rounds` rounds. Each is run once before, untimed, and
+    """Time each run, by name, over `rounds` rounds. Each is run once before, untimed, and
     that call tells how often it must be repeated in its turn to last `least` seconds. Runs must be
     ready: prepared and compiled.
 
@@ -198,7 +198,7 @@ def _seconds(run, repeats):
 
 
 def ratio(one: Times, other: Times) -> Ratio:
-    """Seconds of `one` over seconds of `other`, round by round; both from the same interleaved
-    series."""
+    """Divide the seconds of `one` by those of `other`, round by round; both from the same
+    interleaved series."""
     low, middle, high = np.percentile(one.seconds / other.seconds, (25, 50, 75))
     return Ratio(float(middle), float(low), float(high))

@@ -1,5 +1,7 @@
-"""What all runs of one case are measured against: its reference, events, scene, uniqueness; made
-once per case."""
+"""Context of the measures of a case: reference, events, constraints and uniqueness of multipliers.
+
+All runs of a case are measured against the same context, which is computed once per case.
+"""
 
 from __future__ import annotations
 
@@ -22,10 +24,13 @@ _frames: weakref.WeakKeyDictionary = weakref.WeakKeyDictionary()
 
 @dataclass(frozen=True, eq=False)
 class MeasureContext:
-    """ref or None; scene (complementarity only); quiet (k - 1,): intervals outside the windows
-    around events;
-    unique: are the multipliers (None without a reference); active: ids with a gap of zero at each
-    sample."""
+    """Context of one case with k samples.
+
+    ref: its reference, or None. scene: its constraints (complementarity only). quiet (k - 1,):
+    sample intervals outside the windows around events. unique: are the multipliers unique (None
+    without a reference)? active: per sample the ids of contacts with a gap of zero. cache: what
+    single measures keep between runs.
+    """
 
     case: Case
     ref: Reference | None
@@ -37,7 +42,7 @@ class MeasureContext:
 
 
 def context_of(case: Case) -> MeasureContext:
-    """The frame of a case; made anew when its stored reference changes on disk."""
+    """Find or compute the context of a case; anew when its stored reference changes on disk."""
     stamp = tuple(p.stat().st_mtime_ns if p.exists() else 0 for p in files_of(case))
     known = _frames.get(case)
     if known is None or known[0] != stamp:
@@ -63,8 +68,8 @@ def _make(case: Case) -> MeasureContext:
 
 
 def event_times(case: Case, ref: Reference) -> np.ndarray:
-    """Times of the reference's events; where it has none to tell, the samples at which a contact
-    starts or stops."""
+    """Collect the times of the reference's events; where it stores none, the samples at which a
+    contact starts or stops."""
     if ref.events is not None:
         return np.array([e.t for e in ref.events])
     if ref.impulse is None:
@@ -73,8 +78,8 @@ def event_times(case: Case, ref: Reference) -> np.ndarray:
 
 
 def pattern(problem, t, impulse) -> np.ndarray:
-    """(k - 1, m): which multipliers act in each interval (Filippov: 0, 2 or, for a weight in
-    between, 1)."""
+    """Classify the multipliers of each interval, (k - 1, m): 1 where one acts, else 0 (Filippov: 0,
+    2 or, for a weight in between, 1)."""
     mean = np.diff(impulse, axis=0) / np.diff(t)[:, None]
     if isinstance(problem, Filippov):
         return (mean > 1e-9).astype(int) + (mean > 1 - 1e-9)
@@ -82,13 +87,13 @@ def pattern(problem, t, impulse) -> np.ndarray:
 
 
 def changes(problem, t, impulse) -> np.ndarray:
-    """(k - 2,): does the pattern change at the inner samples?"""
+    """Mark the inner samples (k - 2,) at which the pattern changes."""
     p = pattern(problem, t, impulse)
     return np.any(p[1:] != p[:-1], axis=1)
 
 
 def outside_windows(t: np.ndarray, events: np.ndarray) -> np.ndarray:
-    """(k - 1,): intervals that no event comes closer to than WINDOW sample spacings."""
+    """Mark the intervals (k - 1,) to which no event comes closer than WINDOW sample spacings."""
     quiet = np.ones(len(t) - 1, bool)
     slack = 1e-9 * np.diff(t).min()
     for e in events:
@@ -101,7 +106,7 @@ def outside_windows(t: np.ndarray, events: np.ndarray) -> np.ndarray:
 
 
 def near_of(scene: ConstraintSet, contacts) -> CandidateContacts:
-    """The candidates with the given ids, in their order."""
+    """Build the candidates with the given ids, in their order."""
     static = scene.all_static()
     at = {c: k for k, c in enumerate(static.ids)}
     hard = {k: (c, scene.radii[k]) for k, c, _ in scene.hard}
@@ -133,8 +138,8 @@ def near_of(scene: ConstraintSet, contacts) -> CandidateContacts:
 
 
 def tolerance(ref: Reference) -> float:
-    """A gap below this is closed: ten times the reference's own error, and 1e-10 of the largest
-    coordinate."""
+    """Compute the gap below which a contact counts as closed: ten times the reference's own error,
+    and 1e-10 of the largest coordinate."""
     return 10.0 * ref.state_error + 1e-10 * max(1.0, float(np.abs(ref.x).max(initial=0.0)))
 
 

@@ -53,10 +53,10 @@ MEASURED = ("ok", "unverified", "degenerate", "below_reference")
 def errors(case: Case, traj: Trajectory) -> dict:
     """Measure the errors and residuals of one run; NaN where one has no meaning.
 
-    The keys are described at the head of this module; units and labels: `nsbench.columns`.
-    A run that did not reach T has residuals only. Whoever prints an error
-    prints its floor. ValueError if the samples are not those of the case;
-    BadReference (a ValueError) if the stored reference is unusable.
+    The keys are described at the head of this module; units and labels: `nsbench.columns`. A run
+    that did not reach T has residuals only. Whoever prints an error prints its floor. ValueError if
+    the samples are not those of the case; BadReference (a ValueError) if the stored reference is
+    unusable.
     """
     made = context_of(case)
     ref = made.ref

@@ -1,4 +1,4 @@
-"""Event times of a run against those of the reference."""
+"""Errors of event times: matching of the events of a run with those of the reference."""
 
 from __future__ import annotations
 
@@ -9,8 +9,11 @@ from nsbench.trajectory import Event
 
 
 def match(found: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-    """Pairs of two increasing sequences of times, as many as the shorter one has, in order and with
-    the least sum of differences (dynamic programming): the differences."""
+    """Match two increasing sequences of times and return the differences of the pairs.
+
+    As many pairs as the shorter sequence has, in order, with the least sum of differences (dynamic
+    programming over prefixes).
+    """
     if len(found) > len(wanted):
         found, wanted = wanted, found
     m = len(found)
@@ -36,8 +39,10 @@ def match(found: np.ndarray, wanted: np.ndarray) -> np.ndarray:
 def event_errors(
     problem, found: tuple[Event, ...], wanted: tuple[Event, ...]
 ) -> tuple[float, int, int]:
-    """Largest difference of matched times (NaN without any), reference events that were missed,
-    events too many.
+    """Match the events of a run with those of the reference.
+
+    Returns the largest difference of matched times (NaN without any), the number of reference
+    events that were missed, and the number of events too many.
 
     Events are matched within one kind and contact; a pivot is none: it changes the basis among
     redundant contacts, which is a selection; reference times of unknown kind with any event, and

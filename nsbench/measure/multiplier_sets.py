@@ -1,5 +1,5 @@
-"""Multipliers that are not unique: distance to the set {mu >= 0, G mu = r, supp mu in A}, and its
-smallest point."""
+"""Sets of multipliers that are not unique: {mu >= 0, G mu = r, supp mu in A}, distance to it and
+its least-norm point."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class Polyhedron:
 
 
 def polyhedron(G: np.ndarray, r: np.ndarray, slack: float, rank: float = 1e-10) -> Polyhedron:
-    """From the gradients G (m, n) of the active contacts and the reaction r (n,)."""
+    """Build the set from the gradients G (m, n) of the active contacts and the reaction r (n,)."""
     U, s, Vt = np.linalg.svd(G.T, full_matrices=True)
     k = int(np.count_nonzero(s > rank * s[0])) if s.size else 0
     base = Vt[:k].T @ ((U[:, :k].T @ r) / s[:k])
@@ -56,8 +56,8 @@ def polyhedron(G: np.ndarray, r: np.ndarray, slack: float, rank: float = 1e-10) 
 
 
 def resting(frame: MeasureContext) -> list:
-    """Intervals where the reference has one set of contacts and constant gradients: (interval, ids,
-    polyhedron, least).
+    """Find the intervals where the reference has one set of contacts and constant gradients:
+    (interval, ids, polyhedron, least).
 
     Constant: the gradients at both ends differ by no more than the gap tolerance. least: the
     least-norm multiplier.
@@ -95,8 +95,9 @@ def _resting(frame):
 
 
 def selection(frame: MeasureContext, traj) -> tuple[float, float]:
-    """Largest Euclidean distance of the interval means of lambda to the least-norm multiplier (the
-    selection, never an error) and to the set of multipliers; NaN where no interval rests."""
+    """Measure the largest Euclidean distance of the interval means of lambda to the least-norm
+    multiplier (the selection, never an error) and to the set of multipliers; NaN where no interval
+    rests."""
     worst = [np.nan, np.nan]
     column = {canonical(frame.case.problem, c): k for k, c in enumerate(traj.contacts)}
     for k, ids, found, least in resting(frame):

@@ -1,5 +1,4 @@
-"""The multiplier of single steps against the exact one at its own time in the step, and what other
-times would cost.
+"""Errors of the multipliers of single steps, at the method's own time in the step and at others.
 
 A step of length h that ends at a sample has one multiplier: its impulse divided by h
 (Trajectory.lam). It is compared with the exact multiplier at the start, the middle and the end of
@@ -30,8 +29,8 @@ SPACINGS = (1 / 4, 1 / 8, 1 / 16, 1 / 32)  # of their nodes, in sample spacings
 
 
 def exact_multiplier(case, t: np.ndarray, spacing: float) -> tuple[np.ndarray, np.ndarray]:
-    """(k, m) exact multipliers at the times t and estimates of their error, from exact_impulse
-    within one spacing."""
+    """Differentiate exact_impulse at the times t, within one spacing: exact multipliers (k, m) and
+    estimates of their error."""
     guesses = []
     for part in SPACINGS:
         d = part * spacing
@@ -52,8 +51,8 @@ def _impulse(case, t):
 
 
 def errors_at_times(made: MeasureContext, traj: Trajectory) -> dict:
-    """Largest differences at the labels, NaN where there is nothing to compare; lam_floor: ten
-    times the error of the exact multiplier."""
+    """Measure the largest differences at each time in the step; {} where there is nothing to
+    compare. lam_floor: ten times the error of the exact multiplier."""
     case = made.case
     t = made.case.t
     if case.exact_impulse is None or (traj.lam is None and traj.lam_time != "mean"):

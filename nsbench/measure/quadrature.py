@@ -1,5 +1,4 @@
-"""Integrals over sample intervals of a function known at the samples, each with a bound of its own
-error."""
+"""Quadrature over sample intervals of a function known at the samples, with error bounds."""
 
 from __future__ import annotations
 
@@ -9,8 +8,8 @@ NODES = 6
 
 
 def kinked_intervals(t: np.ndarray, changed: np.ndarray, events) -> np.ndarray:
-    """(k - 1,): intervals inside which x' may jump: on both sides of a change of pattern, and those
-    with an event."""
+    """Mark the intervals (k - 1,) inside which x' may jump: on both sides of a change of pattern,
+    and those with an event."""
     kinked = np.zeros(len(t) - 1, bool)
     kinked[:-1] |= changed
     kinked[1:] |= changed
@@ -20,7 +19,8 @@ def kinked_intervals(t: np.ndarray, changed: np.ndarray, events) -> np.ndarray:
 
 
 def integrals(t: np.ndarray, F: np.ndarray, kinked: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Integrals of F (k, n) over the intervals, and bounds (k - 1, n) of their error.
+    """Integrate F (k, n) over the intervals; returns the integrals and bounds (k - 1, n) of their
+    error.
 
     In a smooth stretch: the polynomial through up to six samples around the interval, which reaches
     no kinked one;
@@ -67,7 +67,7 @@ def integrals(t: np.ndarray, F: np.ndarray, kinked: np.ndarray) -> tuple[np.ndar
 
 
 def around(values: np.ndarray) -> np.ndarray:
-    """For every interval the largest of `values` (k, ...) in it and the two on each side."""
+    """Take for every interval the largest of `values` (k, ...) in it and the two on each side."""
     at = np.arange(len(values))
     return np.max([values[np.clip(at + s, 0, len(values) - 1)] for s in range(-2, 3)], axis=0)
 

@@ -45,14 +45,14 @@ NAMES = ("feasibility", "sign", "complementarity", "residual")
 
 
 def residuals(frame: MeasureContext, traj: Trajectory) -> dict:
-    """The four residuals over the samples before the first that is not finite; NaN where there are
-    fewer than two."""
+    """Measure the four residuals over the samples before the first that is not finite; NaN where
+    there are fewer than two."""
     return _measured(frame, traj)[0]
 
 
 def interval_residuals(frame: MeasureContext, traj: Trajectory) -> np.ndarray:
-    """(k - 1,) the residual of each interval, a velocity, of which `residual` is the largest; NaN
-    where it has none."""
+    """Measure the residual of each interval (k - 1,), a velocity, of which `residual` is the
+    largest; NaN where it has none."""
     return _measured(frame, traj)[1]
 
 

@@ -1,4 +1,4 @@
-"""Does an error level off? err = C + M h^p with C > 0 against the plain power law C = 0.
+"""Test whether an error levels off: err = C + M h^p with C > 0 against the power law C = 0.
 
 Both models are fitted to log err by least squares; the noise level is estimated, so the likelihood
 ratio of the two is the F ratio (RSS0 - RSS1) / (RSS1 / (n - 3)), compared with F(1, n - 3) at 1 %
@@ -51,7 +51,7 @@ class PlateauFit:
 
 
 def power_law(u: np.ndarray, y: np.ndarray) -> tuple[float, float, float]:
-    """Least squares y = a + p u: (a, p, sum of squares)."""
+    """Fit y = a + p u by least squares: (a, p, sum of squares)."""
     du = u - u.mean()
     p = float(du @ y / (du @ du))
     r = y - y.mean() - p * du
@@ -59,8 +59,8 @@ def power_law(u: np.ndarray, y: np.ndarray) -> tuple[float, float, float]:
 
 
 def fit_plateau(h: np.ndarray, err: np.ndarray) -> PlateauFit:
-    """Least squares of log(C + M h^p), C >= 0, over a grid of (p, C / M) refined by Gauss-Newton.
-    h, err > 0."""
+    """Fit log(C + M h^p) by least squares, C >= 0, over a grid of (p, C / M) refined by
+    Gauss-Newton. h, err > 0."""
     ref = float(np.exp(np.log(h).mean()))
     u = np.log(h / ref)
     y = np.log(err)
@@ -159,7 +159,7 @@ def persists(h: np.ndarray, err: np.ndarray, full: PlateauFit) -> bool:
 
 
 def claimed(h: np.ndarray, err: np.ndarray) -> PlateauFit | None:
-    """The plateau that the errors show, or None.
+    """Find the plateau that the errors show; None without one.
 
     Significant against a power law; persistent; no worse (within one s^2) than a power law with a
     head, which bends the same way but at the coarse end; and not significantly worse than a very

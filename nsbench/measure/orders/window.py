@@ -1,5 +1,5 @@
-"""Which points of a ladder of errors say something: finite, above the floors, not alone far from
-their neighbours."""
+"""Selection of the points of a ladder of errors that enter a fit: finite, above the floors, no
+outliers."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ CLEAR = 100.0  # times rounding: an error that rounding cannot have made
 
 
 def rounding(h, scale: float = 1.0, span: float = 1.0) -> np.ndarray:
-    """Errors that rounding alone can make: scale (1e-12 + eps span / h).
+    """Estimate the errors that rounding alone can make: scale (1e-12 + eps span / h).
 
     The second part is the worst case of span / h additions, each half a unit off in the same
     direction (it happens:
@@ -24,7 +24,8 @@ def rounding(h, scale: float = 1.0, span: float = 1.0) -> np.ndarray:
 
 
 def clean_points(h, err):
-    """Sorted, finite, one point per step: (h, err, counts of what was dropped)."""
+    """Sort the points, drop what is not finite, keep one per step: (h, err, counts of what was
+    dropped)."""
     h = np.asarray(h, float).ravel()
     err = np.abs(np.asarray(err, float).ravel())
     if h.shape != err.shape:
@@ -46,8 +47,8 @@ def clean_points(h, err):
 
 
 def above_floor(err, floor) -> np.ndarray:
-    """Points above the floor: all finer steps are dropped once the running median of five is below,
-    and deep dips.
+    """Select the points above the floor: all finer steps are dropped once the running median of
+    five is below, and deep dips.
 
     A single error somewhat below the floor stays: dropping low ones and keeping high ones would
     bend the fine end.
@@ -65,13 +66,13 @@ def above_floor(err, floor) -> np.ndarray:
 
 
 def now_and_then(err, noise) -> int:
-    """How many steps are exact to rounding although a finer one is clearly not."""
+    """Count the steps that are exact to rounding although a finer one is clearly not."""
     clear = np.flatnonzero(err > CLEAR * noise)
     return int((err[clear[0] :] <= noise[clear[0] :]).sum()) if clear.size else 0
 
 
 def dyadic(h) -> bool:
-    """True when the steps sit at fewer than 3 phases of log2 h: such a ladder can see the same
+    """Do the steps sit at fewer than 3 phases of log2 h? Such a ladder can see the same
     phase at every step."""
     phases = 0
     last = -1.0
@@ -83,7 +84,7 @@ def dyadic(h) -> bool:
 
 
 def outliers(h, err) -> np.ndarray:
-    """Mask of errors far off a cubic through the others (log-log, studentised residual,
+    """Mark errors far off a cubic through the others (log-log, studentised residual,
     Bonferroni), one in ten at most.
 
     A cubic follows a head, a plateau or a turn; what it cannot follow is one step, or some, that
@@ -113,7 +114,8 @@ def outliers(h, err) -> np.ndarray:
 
 
 def binned(h, err, statistic, per_octave: int = 1):
-    """One (h, err) per bin of log2 h: medians, or the largest error at the step it was met."""
+    """Reduce the points to one (h, err) per bin of log2 h: medians, or the largest error at the
+    step it was met."""
     bins = np.floor(per_octave * np.log2(h / h[0]) + 1e-9).astype(int)
     groups = [np.flatnonzero(bins == k) for k in np.unique(bins)]
     if statistic is np.max:
