@@ -1,9 +1,9 @@
 """Guard around code of a user's file that runs in the command itself: its import, what a method
 refuses.
 
-Such code can neither end the command silently (os._exit raises UserCodeExit) nor hold it up silently
-(after SECONDS_BEFORE_NOTICE a line says who is at work). Where it crashes in C, the command ends and
-the traceback names the file.
+Such code can neither end the command silently (os._exit raises UserCodeExit) nor hold it up
+silently (after SECONDS_BEFORE_NOTICE a line says who is at work). Where it crashes in C, the
+command ends and the traceback names the file.
 """
 
 from __future__ import annotations
