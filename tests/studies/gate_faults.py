@@ -52,9 +52,9 @@ FAULTS = {
         'tol = 100.0 * check_positive("tol", accuracy)',
     ),
     "margin of neighbours too small": (
-        "nsbench/solvers/pbd/kernels/cell_storage.py",
-        "(2.0 * r[0] + skin) ** 2, dim == 2",
-        "(2.0 * r[0] - 0.01) ** 2, dim == 2",
+        "nsbench/solvers/pbd/kernels/cell_search.py",
+        "d2 = (2.0 * r[0] + skin) ** 2",
+        "d2 = (2.0 * r[0] - 0.01) ** 2",
     ),
     "single precision": (
         "nsbench/solvers/pbd/kernels/listed_loop.py",

@@ -17,8 +17,8 @@ from copies import broken
 
 SWEEP = (
     "nsbench/solvers/pbd/kernels/listed_loop.py",
-    "sweep(0, m, 1,",
-    "sweep(0, max(m - 1, 0), 1,",
+    "sweep(0, m, lists",
+    "sweep(0, max(m - 1, 0), lists",
 )
 # name: (file, text, its replacement, tests)
 FAULTS = {

@@ -12,6 +12,7 @@ from nsbench.dynamics.contacts.kernels.contact_arrays import (
     ROW,
     SMOOTH,
     Contacts,
+    ListedContacts,
 )
 
 __all__ = [
@@ -22,6 +23,7 @@ __all__ = [
     "CandidateContacts",
     "ContactLayout",
     "Contacts",
+    "ListedContacts",
     "join",
     "make_candidates",
     "pairs_brute_force",
@@ -73,8 +75,11 @@ class CandidateContacts:
     def copy(self) -> CandidateContacts:
         return CandidateContacts(*(a.copy() for a in self.arrays()))
 
-    def arrays(self) -> tuple:
-        return (self.kind, self.family, self.i, self.j, self.p, self.q, self.d, self.sign, self.dim)
+    def arrays(self) -> ListedContacts:
+        """Return the arrays, named as kernels receive them."""
+        return ListedContacts(
+            self.kind, self.family, self.i, self.j, self.p, self.q, self.d, self.sign, self.dim
+        )
 
 
 @dataclass(frozen=True)

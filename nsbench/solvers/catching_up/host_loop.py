@@ -5,7 +5,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from nsbench.dynamics.contacts.constraint_set import ANCHOR, PAIR
 from nsbench.qp.projection import Answer, SparseRows
+from nsbench.solvers.catching_up.outcome import Outcome
 from nsbench.solvers.catching_up.qp_backends import BACKENDS, residual
 
 # steps that did not settle: the run is unverified long before, and each takes ROUNDS programs
@@ -25,7 +27,7 @@ class _List:
             t, x, self.near
         )  # where the entries are stays the same for all of a list
         self.rows = SparseRows(row, cols, (len(self.near), scene.n))
-        self.touching = np.isin(self.near.kind, (1, 2))
+        self.touching = np.isin(self.near.kind, (PAIR, ANCHOR))
         self.coincident = -self.near.sign * self.near.d  # the gap of coincident centres
         self._hard = [(c.start, m, c.dim) for _, c, m in scene.hard]
         if old is not None:
@@ -46,8 +48,7 @@ class _List:
 
 
 class HostLoop:
-    """One run; `run()` returns what kernels.catching_up.march returns, as far as `_trajectory`
-    reads it."""
+    """One run of the catching-up scheme in Python."""
 
     def __init__(self, case, scene, g, x0, backend, nonlinear, reach, eps, max_iter):
         from nsbench.compilation.factories import as_numpy
@@ -204,7 +205,7 @@ class HostLoop:
         ids = np.concatenate([r[0] for r in self.records] or [np.empty((0, 4), np.int64)])
         values = np.concatenate([r[1] for r in self.records] or [np.empty(0)])
         stats = {**self.stats, "contacts_peak": self.peak, "setups": self.backend.setups}
-        return X, R, ids, values, stats, worst, when, code, reached
+        return Outcome(X, R, ids, values, stats, worst, when, code, reached)
 
 
 def _finite(x):

@@ -1,5 +1,10 @@
-"""Catching up (Maury-Venel): explicit Euler, then the nearest point where the linearised gaps are
-not negative."""
+"""Catching up (Maury-Venel): explicit Euler, then projection on the linearised constraints.
+
+    z = x + h f(t, x)
+    x+ = argmin |y - z|^2    subject to    g_k(t + h, x) + grad g_k(t + h, x) . (y - x) >= 0
+
+The multipliers of the projection are the impulses of the step.
+"""
 
 from __future__ import annotations
 
@@ -11,14 +16,25 @@ from nsbench.case import Case, nearest
 from nsbench.problem import Complementarity, Smooth
 from nsbench.qp.projection import large_problem_callback
 from nsbench.solvers.base import Claims, Expect, Run, grid, last_steps, sample
+from nsbench.solvers.catching_up.outcome import Outcome
 from nsbench.solvers.catching_up.qp_backends import BACKENDS
 from nsbench.solvers.common.divergence import classify_divergence
 from nsbench.solvers.common.initial_state import initial_state
 from nsbench.trajectory import Resolution, Status, Trajectory
 
-# a length (of the largest one, if that is below 1); a step with more did not solve its problem
-KKT = 1e-6
-CODES = {0: "ok", 1: "nan", 3: "infeasible"}
+# KKT residual, a length (over the largest one, if that is below 1), above which a step did not
+# solve its problem
+MAX_KKT = 1e-6
+COUNTERS = (  # in the order of kernels/loop.py
+    "qp_solves",
+    "inner_iterations",
+    "rebuilds",
+    "contacts_peak",
+    "limits",
+    "ties",
+    "rounds_worst",
+    "contacts",
+)
 EXPECTS = (
     Expect(
         ("exact_at_grid",),
@@ -44,17 +60,16 @@ EXPECTS = (
 
 @dataclass(frozen=True)
 class CatchingUp:
-    """z = x + h f(t, x); y nearest to z with g_k(t + h, x) + grad g_k(t + h, x) . (y - x) >= 0;
-    impulses: the duals.
+    """Step by explicit Euler and the nearest point of the linearised constraints.
 
     backend: "active_set" (own, exact, the whole time loop compiled where the drift compiles),
     "osqp", "piqp".
     nonlinear: project on {g >= 0} itself, y - z = sum mu_k grad g_k(t + h, y), by successive
     linearisation to 1e-12.
-    eps, max_iter: tolerance and iteration limit of a library backend. reach: margin of the near
-    lists in mean radii; the step does not depend on it. Every solution is checked by its KKT
-    residual, formula in kernels.qp.residual; the worst is in stats["kkt"]; above 1e-6 the run is
-    "unverified". Steps that hit a limit are counted in stats["limits"].
+    eps, max_iter: tolerance and iteration limit of a library backend. reach: margin of the
+    neighbour lists in mean radii; the step does not depend on it. Every solution is checked by its
+    KKT residual (qp.kernels.active_set.residual); the worst is in stats["kkt"]; above 1e-6 the run
+    is "unverified". Steps that hit a limit are counted in stats["limits"].
     Source: Maury & Venel, ESAIM: M2AN 45(1), 2011; order 1/2 proved by Bernicot & Venel, SIAM J.
     Control Optim. 51(4), 2013.
     """
@@ -104,31 +119,28 @@ class CatchingUp:
 
     def prepare(self, case: Case, h: float) -> Run:
         from nsbench.dynamics.contacts.constraint_set import ConstraintSet
+        from nsbench.solvers.common.hard_particles import mean_radius
 
         g = grid(case.t, h, last=case.exact_impulse is not None)
         scene = ConstraintSet(case.problem, case.n)
         x0 = initial_state(case, scene)
-        reach = self.reach * _mean_radius(scene)
+        reach = self.reach * mean_radius(scene)
         smooth = any(isinstance(c, Smooth) for c in scene.families)
         if self.backend == "active_set" and not smooth and not self.nonlinear:
             march, loop = _compiled(case, scene, g, x0, reach)
-            again = lambda fine, x: _compiled(case, scene, fine, x, reach)[0]()[0]
+            again = lambda fine, x: _compiled(case, scene, fine, x, reach)[0]().x
         else:
             from nsbench.solvers.catching_up.host_loop import HostLoop
 
             loop = "host"
-            made = (self.backend, self.nonlinear, reach, self.eps, self.max_iter)
-            march = HostLoop(case, scene, g, x0, *made).run
-            again = lambda fine, x: HostLoop(case, scene, fine, x, *made).run()[0]
+            options = (self.backend, self.nonlinear, reach, self.eps, self.max_iter)
+            march = HostLoop(case, scene, g, x0, *options).run
+            again = lambda fine, x: HostLoop(case, scene, fine, x, *options).run().x
         return lambda: _trajectory(case, g, loop, march(), again)
 
 
-def _mean_radius(scene) -> float:
-    return float(np.mean(np.concatenate(list(scene.radii.values())))) if scene.hard else 1.0
-
-
 def _projectors(scene):
-    """The functions of kernels.least; the one for many rows is compiled where there can be many."""
+    """Return the functions for small and for large problems, the latter if these can occur."""
     from nsbench.qp.kernels import exact_callback
 
     return exact_callback.solve_exact, large_problem_callback(
@@ -137,62 +149,61 @@ def _projectors(scene):
 
 
 def _compiled(case, scene, g, x0, reach):
-    """The compiled loop bound to its data, and "compiled" or "host": the same loop around a drift
-    in Python."""
+    """Return the time loop bound to its data, and "compiled" or "host" (see compiled_loop)."""
+    from nsbench.dynamics.contacts.kernels.contact_arrays import AffineRows
+    from nsbench.linalg.dense import StepCode
     from nsbench.solvers.catching_up.kernels import loop as kernel
-    from nsbench.solvers.pbd.method import _hard, _pointers, _types
+    from nsbench.solvers.common.compiled_loop import (
+        bind_loop,
+        compile_functions,
+        curve_function,
+        drift_function,
+    )
+    from nsbench.solvers.common.hard_particles import hard_particles
 
     t0 = float(case.t[0])
-    pointers, loop = _pointers(case, scene)
-    hard, radii = _hard(scene)[:2] if scene.hard else (np.empty((0, 4), np.int64), np.empty(0))
-    rows = (scene.ptr, scene.cols, scene.vals)
+    anchors = scene.anchors(t0)
+    functions = compile_functions(
+        drift_function(case.problem.drift, case.n),
+        curve_function(scene.b_factory, scene.inv2.size, scene.b),
+        curve_function(scene.anchor_factory, anchors.size, scene.anchors),
+    )
+    hard = hard_particles(scene)
     args = (
-        *pointers,
+        *functions.functions,
         *_projectors(scene),
         scene.moving,
         g.t.copy(),
         g.substeps,
         x0,
         scene.all_static().arrays(),
-        rows,
+        AffineRows(scene.ptr, scene.cols, scene.vals, scene.inv2),
         scene.b(t0),
-        scene.anchors(t0),
-        hard,
-        radii,
+        anchors,
+        hard.families,
+        hard.radii,
         reach,
     )
-    march = kernel.march if loop == "compiled" else kernel.march.py_func
-    if loop == "compiled":
-        march.compile(_types(args))
+    march = bind_loop(kernel.march, functions.loop, args)
 
     def run():
-        X, R, ids, values, count, worst, when, code, reached = march(*args)
-        count = {
-            key: int(count[at])
-            for at, key in enumerate(
-                (
-                    "qp_solves",
-                    "inner_iterations",
-                    "rebuilds",
-                    "contacts_peak",
-                    "limits",
-                    "ties",
-                    "rounds_worst",
-                    "contacts",
-                )
-            )
-        }
-        count["contacts"] = round(count["contacts"] / max(1, int(g.substeps.sum())))
-        return X, R, ids, values, count, worst, when, CODES[code], reached
+        out = march(*args)
+        work = dict(zip(COUNTERS, out.counters.tolist(), strict=True))
+        work["contacts"] = round(work["contacts"] / max(1, int(g.substeps.sum())))
+        code = {StepCode.OK: "ok", StepCode.NAN: "nan", StepCode.INFEASIBLE: "infeasible"}[out.code]
+        return Outcome(
+            out.x, out.reaction, out.ids, out.values, work, out.worst, out.when, code, out.reached
+        )
 
-    return run, loop
+    return run, functions.loop
 
 
 def _trajectory(case, g, loop, out, again):
     from nsbench.dynamics.contacts.kernels.impulse_records import cumulate
 
-    X, R, ids, values, work, worst, when, code, reached = out
-    contacts, impulse = cumulate(ids, values, len(g.t))
+    X = out.x
+    R = out.reaction
+    contacts, impulse = cumulate(out.ids, out.values, len(g.t))
     impulse[~np.isfinite(X[:, 0])] = np.nan
     steps = int(g.substeps.sum())
     stats = {
@@ -200,15 +211,13 @@ def _trajectory(case, g, loop, out, again):
         "h": g.h,
         "drift_calls": steps,
         "loop": loop,
-        "kkt": float(worst),
-        **work,
+        "kkt": float(out.worst),
+        **out.work,
     }
     status = (
-        classify_divergence(g, X, reached, again)
-        if code == "nan"
-        else _status(
-            code, stats, when, reached, max(np.nanmax(np.abs(a), initial=0.0) for a in (X, R))
-        )
+        classify_divergence(g, X, out.reached, again)
+        if out.code == "nan"
+        else _status(out, stats, max(np.nanmax(np.abs(a), initial=0.0) for a in (X, R)))
     )
     lam = last_steps(case.t, g, impulse)
     if not g.aligned:
@@ -228,24 +237,24 @@ def _trajectory(case, g, loop, out, again):
     )
 
 
-def _status(code, stats, when, reached, size):
-    if code == "unsettled":
+def _status(out, stats, size):
+    """Return the status of a run whose states and reactions are at most `size`."""
+    if out.code == "unsettled":
         return Status(
             "maxiter",
-            f"{stats['limits']} nonlinear steps up to t = {reached:.6g} did not settle: shorter "
-            f"steps, or "
-            "linearised ones (without nonlinear=true), may.",
+            f"{stats['limits']} nonlinear steps up to t = {out.reached:.6g} did not settle: "
+            "shorter steps, or linearised ones (without nonlinear=true), may.",
         )
-    if code == "infeasible":
+    if out.code == "infeasible":
         return Status(
             "infeasible",
-            f"The QP of the step from t = {reached:.6g} has no feasible point: the linearised "
+            f"The QP of the step from t = {out.reached:.6g} has no feasible point: the linearised "
             "constraints contradict each other.",
         )
-    if not stats["kkt"] <= KKT * min(1.0, float(size) or 1.0):
+    if not stats["kkt"] <= MAX_KKT * min(1.0, float(size) or 1.0):
         return Status(
             "unverified",
-            f"The QP of the step from t = {when:.6g} was solved with a KKT residual of "
+            f"The QP of the step from t = {out.when:.6g} was solved with a KKT residual of "
             f"{stats['kkt']:.2g} only; {stats['limits']} steps hit the iteration limit.",
         )
     if stats["ties"]:

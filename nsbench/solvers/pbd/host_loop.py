@@ -1,157 +1,151 @@
-"""Position-based dynamics for scenes with Smooth constraints: the same sweep, driven from Python.
+"""Time loop of position-based dynamics in Python, for scenes with Smooth constraints.
 
-Smooth constraints are projected on by Newton's method for the nearest point of {g_k >= 0}; the
-others by the kernels of the compiled loop, run by run in the stated order. Hard particles are taken
-over all pairs.
+It does the sweep of the compiled loops in the same order: Smooth constraints are projected on by
+Newton's method for the nearest point of {g_k >= 0}, the others by the kernel of the compiled loop,
+run by run. Hard particles are taken over all pairs.
 """
 
 from __future__ import annotations
 
 import itertools
+from collections.abc import Callable
 
 import numpy as np
 
-from nsbench.dynamics.contacts.constraint_set import SMOOTH
+from nsbench.case import Case
+from nsbench.dynamics.contacts.candidates import CandidateContacts
+from nsbench.dynamics.contacts.constraint_set import SMOOTH, ConstraintSet
+from nsbench.dynamics.contacts.kernels.contact_arrays import AffineRows
+from nsbench.solvers.base import Grid
+from nsbench.solvers.pbd.sweep_order import constraint_keys
 
-NEWTON = 30  # a projection that has not settled by then is reported
+MAX_NEWTON = 30  # steps of one projection; what has not converged by then shows in the residuals
 
 
-def prepare(method, case, scene, g, x0):
-    """A zero-argument march that returns what kernels.pbd.march returns."""
-    from nsbench.compilation.factories import as_numpy
-    from nsbench.solvers.pbd.kernels import listed_loop
+def prepare(method, case: Case, scene: ConstraintSet, g: Grid, x0: np.ndarray) -> Callable:
+    """Return a function without arguments that integrates from x0 and returns a LoopResult.
 
+    method: PBD, with its options; g: the grid.
+    """
     near = scene.near(x0, np.inf, float(case.t[0]))
-    near = near.take(np.argsort(_keys(scene, near, method, x0)))
-    runs = _runs(near.kind)
-    f = as_numpy(case.problem.drift)
+    keys = constraint_keys(scene, near, method.order, method.seed, x0)
+    near = near.take(np.argsort(keys))
+    sweep = _Sweep(scene, near)
 
     def march():
-        with np.errstate(all="ignore"):  # what overflows ends the run, and is told by its status
-            return steps()
-
-    def steps():
-        X = np.full((len(g.t), case.n), np.nan)
-        R = np.full((len(g.t), case.n), np.nan)
-        x = x0.copy()
-        reac = np.zeros(case.n)
-        mu = np.zeros(len(near))
-        work = 0
-        code = listed_loop.OK
-        X[0] = x
-        R[0] = reac
-        ids = []
-        values = []
-        for k in range(len(g.t) - 1):
-            h = (g.t[k + 1] - g.t[k]) / g.substeps[k]
-            for s in range(g.substeps[k]):
-                now = g.t[k] + s * h
-                after = g.t[k] + (s + 1) * h
-                y = x + h * np.asarray(f(now, x), float)
-                if not listed_loop.finite(y):
-                    return X, R, _ids(ids), np.array(values), work, listed_loop.NAN, now
-                x = y.copy()
-                for _ in range(method.sweeps):
-                    done, code = _sweep(scene, near, runs, after, x, mu, code)
-                    work += done
-                reac = reac + (x - y)
-            X[k + 1] = x
-            R[k + 1] = reac
-            for c in np.flatnonzero(mu):
-                ids.append((k + 1, near.family[c], near.i[c], near.j[c]))
-                values.append(mu[c])
-            mu[:] = 0.0
-        return X, R, _ids(ids), np.array(values), work, code, g.t[-1]
+        with np.errstate(all="ignore"):  # an overflow ends the run, and is reported by its status
+            return _march(case, g, sweep, method.sweeps, x0)
 
     return march
 
 
-def _keys(scene, near, method, x0):
-    """Keys of all constraints; in the orders by pairs those of hard families count by their
-    particles."""
-    from nsbench.dynamics.contacts.kernels.constraint_order import static_keys, sweep_key
-    from nsbench.solvers.pbd.sweep_order import hard_ranks
+def _march(case, g, sweep, sweeps, x0):
+    """Integrate by explicit Euler with `sweeps` sweeps per step."""
+    from nsbench.compilation.factories import as_numpy
+    from nsbench.linalg.dense import StepCode, all_finite
+    from nsbench.solvers.pbd.kernels.loop_result import LoopResult
 
-    keys = static_keys(near.family, method.rank, method.seed)
-    if method.order not in ("cell", "coloured"):
-        return keys
-    rank = hard_ranks(scene, method.order, x0)
-    at = 0
-    for k, _, m in scene.hard:
-        number = rank[at : at + m] if rank.size else np.arange(m)
-        at += m
-        for c in np.flatnonzero(near.family == k):
-            a, b = sorted((number[near.i[c]], number[near.j[c]]))
-            keys[c] = sweep_key(method.rank, method.seed, k, a, b)
-    return keys
+    f = as_numpy(case.problem.drift)
+    X = np.full((len(g.t), case.n), np.nan)
+    R = np.full((len(g.t), case.n), np.nan)
+    x = x0.copy()
+    reaction = np.zeros(case.n)
+    sweep.reset()
+    X[0] = x
+    R[0] = reaction
+    ids = []
+    values = []
+    for k in range(len(g.t) - 1):
+        h = (g.t[k + 1] - g.t[k]) / g.substeps[k]
+        for s in range(g.substeps[k]):
+            now = g.t[k] + s * h
+            after = g.t[k] + (s + 1) * h
+            y = x + h * np.asarray(f(now, x), float)
+            if not all_finite(y):
+                end = sweep.work, StepCode.NAN, now, -1, -1
+                return LoopResult(X, R, _ids(ids), np.array(values), *end)
+            x = y.copy()
+            for _ in range(sweeps):
+                sweep.project(after, x)
+            reaction = reaction + (x - y)
+        X[k + 1] = x
+        R[k + 1] = reaction
+        near = sweep.near
+        for c in np.flatnonzero(sweep.mu):
+            ids.append((k + 1, near.family[c], near.i[c], near.j[c]))
+            values.append(sweep.mu[c])
+        sweep.mu[:] = 0.0
+    code = StepCode.TIED if sweep.tied else StepCode.OK
+    return LoopResult(X, R, _ids(ids), np.array(values), sweep.work, code, g.t[-1], -1, -1)
 
 
 def _ids(ids):
     return np.array(ids, np.int64).reshape(-1, 4)
 
 
+class _Sweep:
+    """The sweep over all constraints in their order, and what it has done.
+
+    mu (m,): impulses since the last sample; work: projections; tied: whether centres coincided.
+    """
+
+    def __init__(self, scene: ConstraintSet, near: CandidateContacts):
+        self.scene = scene
+        self.near = near
+        self.runs = _runs(near.kind)
+        self.reset()
+
+    def reset(self):
+        """Clear what was done, for a new run."""
+        self.mu = np.zeros(len(self.near))
+        self.work = 0
+        self.tied = False
+
+    def project(self, t: float, x: np.ndarray):
+        """Project x (n,) once on every constraint at the time t."""
+        from nsbench.solvers.pbd.kernels.projection import sweep
+
+        scene = self.scene
+        near = self.near
+        lists = near.arrays()
+        rows = AffineRows(scene.ptr, scene.cols, scene.vals, scene.inv2)
+        b = scene.b(t)
+        anchors = scene.anchors(t)
+        for first, end, smooth in self.runs:
+            if smooth:
+                for c in range(first, end):
+                    m = project_smooth(scene.smooth(near.q[c]), int(near.p[c]), t, x)
+                    self.mu[c] += m
+                    self.work += m > 0.0
+            else:
+                done, tied = sweep(first, end, lists, x, rows, b, anchors, self.mu)
+                self.work += done
+                self.tied = self.tied or tied
+
+
 def _runs(kind):
-    """Maximal runs of entries that are all smooth or all not: (first, end, smooth)."""
+    """Return maximal runs of entries that are all smooth or all not: (first, end, smooth)."""
     cut = np.flatnonzero(np.diff((kind == SMOOTH).astype(int))) + 1
     edges = [0, *cut.tolist(), len(kind)]
     return [(a, b, bool(kind[a] == SMOOTH)) for a, b in itertools.pairwise(edges) if b > a]
 
 
-def _sweep(scene, near, runs, t, x, mu, code):
-    from nsbench.solvers.pbd.kernels.listed_loop import TIED
-    from nsbench.solvers.pbd.kernels.projection import sweep
+def project_smooth(rows, k: int, t: float, x: np.ndarray) -> float:
+    """Move x (n,) to the nearest point y of {g_k >= 0}; returns m >= 0.
 
-    kind, _, _, _, p, q, d, sign, dim = near.arrays()
-    b = scene.b(t)
-    anchors = scene.anchors(t)
-    work = 0
-    for first, end, smooth in runs:
-        if smooth:
-            for c in range(first, end):
-                m = project_smooth(scene.smooth(near.q[c]), int(near.p[c]), t, x)
-                mu[c] += m
-                work += m > 0.0
-        else:
-            done, tied = sweep(
-                first,
-                end,
-                1,
-                kind,
-                p,
-                q,
-                d,
-                sign,
-                dim,
-                x,
-                scene.ptr,
-                scene.cols,
-                scene.vals,
-                scene.inv2,
-                b,
-                anchors,
-                mu,
-            )
-            work = work + done
-            code = TIED if tied else code
-    return work, code
-
-
-def project_smooth(rows, k, t, x):
-    """Move x to the nearest point of {g_k >= 0}: y - x = m grad g(y), g(y) = 0; returns m >= 0.
-
-    Newton on m with the gradient taken at the newest point; the first step is the projection on the
-    tangent.
+    Solves y - x = m grad g(y), g(y) = 0 by Newton's method for m, with the gradient at the newest
+    point; the first step is the projection on the tangent plane. rows: a Smooth family, evaluated.
     """
     y = x.copy()
     m = 0.0
-    for _ in range(NEWTON):
+    for _ in range(MAX_NEWTON):
         g = rows.g(t, y)[k]
         if m == 0.0 and g >= 0.0:
             return 0.0
         grad = rows.gradient(t, y)[k]
         size = float(grad @ grad)
         if size == 0.0 or not np.isfinite(size):
-            break  # no direction to go: the violation stays, and is measured
+            break  # no normal: the violation stays, and shows in the residuals
         step = -g / size
         m = max(0.0, m + step)
         new = x + m * grad

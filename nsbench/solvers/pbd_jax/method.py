@@ -10,8 +10,10 @@ import numpy as np
 from nsbench.case import Case
 from nsbench.problem import Affine, Distance
 from nsbench.solvers.base import Claims, Run, check_positive, grid
+from nsbench.solvers.common.hard_particles import hard_particles, mean_radius
 from nsbench.solvers.common.initial_state import initial_state
-from nsbench.solvers.pbd.method import EXPECTS, _hard, _mean_radius, _trajectory
+from nsbench.solvers.pbd.kernels.loop_result import LoopResult
+from nsbench.solvers.pbd.method import EXPECTS, build_trajectory
 
 DEVICES = ("auto", "cpu", "gpu")
 STANDARD = ()
@@ -88,8 +90,8 @@ class PBDJax:
         scene = ConstraintSet(case.problem, case.n)
         x0 = initial_state(case, scene)
         march = _March(self, case, scene, g, x0)
-        again = lambda fine, x: _March(self, case, scene, fine, x)()[0]
-        return lambda: _trajectory(case, g, "compiled", march(), again)
+        again = lambda fine, x: _March(self, case, scene, fine, x)().x
+        return lambda: build_trajectory(case, g, "compiled", march(), again)
 
 
 def _device(kind: str):
@@ -115,51 +117,47 @@ class _March:
         self.g = g
         self.x0 = x0
         self.device = _device(method.device)
+        from nsbench.solvers.pbd.kernels.neighbor_list import HardScene
+
         near = scene.all_static()
-        self.static = near.arrays()
         self.static_keys = static_keys(near.family, method.like.rank, method.seed)
-        self.hard, self.radii, self.owner = (
-            _hard(scene)[:3]
-            if scene.hard
-            else (np.empty((0, 4), np.int64), np.empty(0), np.full((scene.n, 2), -1, np.int64))
+        hard = hard_particles(scene)
+        self.hard_scene = HardScene(
+            near.arrays(),
+            hard.families,
+            hard.radii,
+            np.empty(0, np.int64),
+            hard.owner,
+            method.like.rank,
+            method.seed,
         )
         self.dim = next((c.dim for c in case.problem.constraints if isinstance(c, Distance)), 1)
-        self.start = method.reach * _mean_radius(scene) if scene.hard else 1.0
+        self.start = method.reach * mean_radius(scene) if scene.hard else 1.0
         self.sizes = (0, 0, 0)
         self.programs = {}
-        self.program(self.lists(x0, self.start))
+        self.program(*self.lists(x0, self.start))
 
     def lists(self, x, reach):
-        """(lists in the order of the sweep, their levels) at x."""
-        from nsbench.solvers.pbd.kernels.neighbor_loop import build
+        """Return the contacts near x (n,) in the order of the sweep, and their levels."""
+        from nsbench.solvers.pbd.kernels.neighbor_list import near_list
         from nsbench.solvers.pbd_jax.program import arrange
 
-        made, _ = build(
-            np.ascontiguousarray(x),
-            reach,
-            self.method.like.rank,
-            self.method.seed,
-            self.static,
-            self.static_keys,
-            self.hard,
-            self.radii,
-        )
-        levels, self.sizes = arrange(made, self.scene, self.owner, self.sizes)
-        return made, levels
+        contacts, _ = near_list(np.ascontiguousarray(x), reach, self.hard_scene, self.static_keys)
+        levels, self.sizes = arrange(contacts, self.scene, self.hard_scene.owner, self.sizes)
+        return contacts, levels
 
-    def program(self, lists):
+    def program(self, contacts, levels):
         """The executable for levels of these sizes, and its arguments on the device."""
         from nsbench.compilation.factories import as_jax
         from nsbench.compilation.jax_cache import float64
         from nsbench.solvers.pbd_jax.program import advance
 
         jax = float64()
-        made, levels = lists
         # as many places for impulses as levels have: the list's own length would mean a program for
         # every list
         room = int(np.prod(levels.pairs[0].shape) + np.prod(levels.rows[2].shape)) + 1
         pairs, rows = (
-            (*part[:-1], np.where(part[-1] == len(made[0]), room - 1, part[-1]))
+            (*part[:-1], np.where(part[-1] == len(contacts.kind), room - 1, part[-1]))
             for part in (levels.pairs, levels.rows)
         )
         key = (self.sizes, room)
@@ -169,7 +167,7 @@ class _March:
                     as_jax(self.case.problem.drift),
                     _right_sides(self.scene),
                     self.scene.inv2,
-                    self.owner[:, 0] >= 0,
+                    self.hard_scene.owner[:, 0] >= 0,
                     self.dim,
                     self.method.sweeps,
                 )
@@ -183,8 +181,10 @@ class _March:
             )
 
     def __call__(self):
-        """What kernels.pbd_near.march returns."""
+        """Integrate and return a LoopResult."""
         import jax
+
+        from nsbench.linalg.dense import StepCode
 
         g = self.g
         n = self.case.n
@@ -198,11 +198,11 @@ class _March:
         base = self.x0
         work = 0
         tied = False
-        lists = self.lists(x, reach)
+        contacts, levels = self.lists(x, reach)
         fresh = True
         rebuilds = 0
         peak = 0
-        run, pairs, rows, count, room = self.program(lists)
+        run, pairs, rows, count, room = self.program(contacts, levels)
         ids = []
         values = []
         with jax.default_device(self.device):
@@ -211,7 +211,11 @@ class _March:
                 s = 0
                 mu = np.zeros(room)
                 while s < g.substeps[k]:
-                    limit = 0.999 * reach / (2.0 * np.sqrt(self.dim)) if len(self.hard) else np.inf
+                    limit = (
+                        0.999 * reach / (2.0 * np.sqrt(self.dim))
+                        if len(self.hard_scene.hard)
+                        else np.inf
+                    )
                     x, reaction, mu, after, state, done, ties = run(
                         x,
                         reaction,
@@ -233,31 +237,23 @@ class _March:
                     work = work + int(done)
                     tied = tied or bool(ties)
                     if state == 2:
-                        return (
-                            X,
-                            R,
-                            _ids(ids),
-                            _flat(values),
-                            work,
-                            1,
-                            g.t[k] + s * h,
-                            rebuilds,
-                            peak,
-                        )
+                        end = work, StepCode.NAN, g.t[k] + s * h, rebuilds, peak
+                        return LoopResult(X, R, _ids(ids), _flat(values), *end)
                     if state == 1:
-                        peak = _flush(k + 1, np.asarray(mu), lists[0], ids, values, peak)
+                        peak = _flush(k + 1, np.asarray(mu), contacts, ids, values, peak)
                         reach = (
                             2.0 * reach if fresh else reach
                         )  # no step fits into the lists as they are
                         base = np.asarray(x)
-                        lists = self.lists(base, reach)
+                        contacts, levels = self.lists(base, reach)
                         fresh = True
                         rebuilds = rebuilds + 1
-                        run, pairs, rows, count, room = self.program(lists)
+                        run, pairs, rows, count, room = self.program(contacts, levels)
                         mu = np.zeros(room)
                 X[k + 1], R[k + 1] = np.asarray(x), np.asarray(reaction)
-                peak = _flush(k + 1, np.asarray(mu), lists[0], ids, values, peak)
-        return X, R, _ids(ids), _flat(values), work, 2 if tied else 0, g.t[-1], rebuilds, peak
+                peak = _flush(k + 1, np.asarray(mu), contacts, ids, values, peak)
+        end = work, StepCode.TIED if tied else StepCode.OK, g.t[-1], rebuilds, peak
+        return LoopResult(X, R, _ids(ids), _flat(values), *end)
 
 
 def _right_sides(scene):
@@ -274,13 +270,19 @@ def _right_sides(scene):
     )
 
 
-def _flush(sample, mu, lists, ids, values, peak):
+def _flush(sample, mu, contacts, ids, values, peak):
     """Records of the constraints that pushed, as kernels.records keeps them; the largest number of
     them so far."""
-    acted = np.flatnonzero(mu[: len(lists[0])])
+    acted = np.flatnonzero(mu[: len(contacts.kind)])
     ids.append(
         np.stack(
-            [np.full(len(acted), sample), lists[1][acted], lists[2][acted], lists[3][acted]], axis=1
+            [
+                np.full(len(acted), sample),
+                contacts.family[acted],
+                contacts.i[acted],
+                contacts.j[acted],
+            ],
+            axis=1,
         )
     )
     values.append(mu[acted])

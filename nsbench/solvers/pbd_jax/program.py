@@ -72,7 +72,11 @@ def arrange(
 ) -> tuple[Levels, tuple[int, int, int]]:
     """Levels of listed constraints in the order of their sweep; (levels, pairs, rows) capacities
     are kept or grow."""
-    kind, p, q, d, sign = (lists[c] for c in (0, 4, 5, 6, 7))
+    kind = lists.kind
+    p = lists.p
+    q = lists.q
+    d = lists.d
+    sign = lists.sign
     m = len(kind)
     n = scene.n
     width = int(np.diff(scene.ptr).max(initial=1))

@@ -6,7 +6,7 @@ import pytest
 from nsbench import Affine, Case, Complementarity, Distance, Smooth, get_case, solve
 from nsbench.dynamics.contacts.constraint_set import PAIR, ConstraintSet
 from nsbench.solvers import get
-from nsbench.solvers.pbd.method import _hard
+from nsbench.solvers.common.hard_particles import hard_particles
 from nsbench.solvers.pbd_jax.program import arrange
 
 
@@ -69,7 +69,7 @@ def test_levels_keep_the_order_and_share_no_particle():
     near = scene.near(case.x0, 0.3)
     rng = np.random.default_rng(2)
     near = near.take(rng.permutation(len(near)))
-    levels, sizes = arrange(near.arrays(), scene, _hard(scene)[2], (0, 0, 0))
+    levels, sizes = arrange(near.arrays(), scene, hard_particles(scene).owner, (0, 0, 0))
     where = np.full(len(near), -1)
     for number in (levels.pairs[4], levels.rows[3]):
         lev, _ = np.nonzero(number < len(near))

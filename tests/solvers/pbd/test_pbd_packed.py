@@ -53,7 +53,7 @@ def scene(dim, seed, radii=False, moving=False):
 def both(case, spec, h, monkeypatch):
     packed = nsbench.solve(case, spec, h=h)
     with monkeypatch.context() as m:
-        m.setattr(method, "packs", lambda scene: False)
+        m.setattr(method, "is_cell_scene", lambda scene: False)
         return packed, nsbench.solve(case, spec, h=h)
 
 
@@ -61,7 +61,7 @@ def both(case, spec, h, monkeypatch):
 @pytest.mark.parametrize("kind", ["plane", "line", "space", "radii", "moving"])
 def test_same_bits_as_over_all_constraints(order, kind, monkeypatch):
     case = scene({"line": 1, "space": 3}.get(kind, 2), 1, kind == "radii", kind == "moving")
-    assert method.packs(ConstraintSet(case.problem, case.n))
+    assert method.is_cell_scene(ConstraintSet(case.problem, case.n))
     for sweeps, reach in ((1, 0.5), (2, 0.05)):
         a, b = both(case, f"pbd[order={order},sweeps={sweeps},reach={reach}]", 0.02, monkeypatch)
         assert np.array_equal(a.x, b.x) and np.array_equal(a.reaction, b.reaction)
@@ -106,6 +106,13 @@ def test_lists_that_get_too_long_hand_the_run_over(monkeypatch):
         and np.array_equal(a.impulse, b.impulse)
         and a.contacts == b.contacts
     )
+
+
+def test_lists_that_outgrow_their_arrays_give_the_same_bits(monkeypatch):
+    case = box_of_discs(1000, 0.8, "overlapping").replace(t=np.linspace(0.0, 0.06, 3))
+    a, b = both(case, "pbd[order=coloured,reach=5]", 0.02, monkeypatch)
+    assert np.array_equal(a.x, b.x) and np.array_equal(a.impulse, b.impulse)
+    assert a.stats["contacts_peak"] > 8 * 1000 + 64, "longer than the first arrays"
 
 
 def test_many_contacts_are_kept_as_an_array_that_reads_like_the_tuple():

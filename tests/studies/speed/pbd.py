@@ -9,9 +9,7 @@ A step is drift, certificate, rebuilds of the list and one sweep; a run is what 
 with its trajectory.
 
     growth    nanoseconds per disc and step, by order and labels; largest over smallest over the
-    sizes; the coloured order on
-              two threads against the strict one on one (worth nothing unless two processors are
-              idle: see the load)
+              sizes
     sweep     one sweep of one list, in ways that differ in nothing else: a C loop over the pairs in
     the stated order (gcc -O3,
               contraction off: equal bits are checked), our sweep one after another, and by schedule
@@ -40,7 +38,6 @@ from nsbench.measure.clock import interleaved, ratio  # noqa: E402
 from nsbench.solvers import get  # noqa: E402
 from nsbench.solvers.base import grid  # noqa: E402
 
-TWO = "order=coloured,threads=2"
 WORK = 2_000_000  # discs times steps of a timed run; 60 steps at least, more than a list lives
 VARIANTS = (
     ("sorted", "rows"),
@@ -105,8 +102,6 @@ def growth(sizes, rounds):
                 runs[order, labels, n] = get(f"pbd[order={order}]").prepare(
                     scenes[labels].case, STEP
                 )
-        if n >= 10_000:
-            runs[TWO, "rows", n] = get(f"pbd[{TWO}]").prepare(scenes["rows"].case, STEP)
     times = interleaved(runs, rounds)
     for order, labels in VARIANTS:
         ns = {
@@ -124,15 +119,6 @@ def growth(sizes, rounds):
             print(
                 f"growth   whole step, sorted over {order}, rows, {n}: "
                 f"{ratio(times['sorted', 'rows', n], times[order, 'rows', n])}"
-            )
-    for n in sizes:
-        if (TWO, "rows", n) in times:
-            print(
-                f"growth   two threads, sorted on one over coloured on two, rows, {n}: "
-                f"{ratio(times['sorted', 'rows', n], times[TWO, 'rows', n])}; coloured on one "
-                f"over coloured on two: "
-                f"{ratio(times['coloured', 'rows', n], times[TWO, 'rows', n])}; load "
-                f"{os.getloadavg()[0]:.1f}"
             )
 
 
@@ -166,43 +152,47 @@ def compiled_loop():
 def pair_lists(scene, order):
     """Positions by cells after a drift, and the near pairs there: as executed, and one after
     another as stated."""
+    from numba import njit
+
     from nsbench.dynamics.contacts.kernels.constraint_order import COLOURED, SORTED
+    from nsbench.dynamics.contacts.kernels.contact_arrays import AffineRows
     from nsbench.solvers.pbd.kernels import cell_loop, cell_storage
+
+    @njit
+    def candidates(data, state, arrays, reach):
+        """The list that a run would begin with, and the keys of its candidates."""
+        lists, counts, _, _ = cell_loop.initialise(data, state, arrays, state.y.copy(), reach)
+        rows = np.empty(0, np.int32)
+        lists, m, _ = cell_storage.rebuild(
+            data, state, lists, counts.count, reach, rows, counts.max_pairs
+        )
+        keys = np.empty(m, np.uint64)
+        pairs = cell_storage.listed(lists.arrays, m)
+        cell_storage.fill_keys(pairs.i, pairs.j, state.label, data, keys)
+        return pairs, keys
 
     x = scene.x0.ravel()
     n = len(scene.x0)
-    rank = {"sorted": SORTED, "coloured": COLOURED}[order]
-    none = np.empty(0, np.int32)
-    state, particles, candidates = cell_loop.room(n, x.size)
-    y, reac, base, spare = (state[k] for k in range(4))
-    y[:] = x
-    rows = (np.zeros(1, np.int64), np.empty(0, np.int64), np.empty(0), np.empty(0))
-    families = np.zeros((1, 2), np.int64)
-    m, _, _, _, candidates = cell_storage.rebuild(
-        None,
-        0,
-        (none, none, np.empty(0)),
-        particles,
-        candidates,
-        y,
-        reac,
-        base,
-        spare,
-        np.ones(1),
-        0.5,
-        2,
-        rows,
+    data = cell_storage.CellScene(
+        AffineRows(np.zeros(1, np.int64), np.empty(0, np.int64), np.empty(0), np.empty(0)),
         np.empty(0),
-        none,
-        families,
-        none.astype(np.int64),
-        rank,
+        np.ones(1),
+        np.empty(0, np.int64),
+        np.zeros((1, 2), np.int64),
+        2,
+        False,
+        {"sorted": SORTED, "coloured": COLOURED}[order],
         0,
-        n * n,
+        True,
     )
-    i, j, label = *(v.copy() for v in cell_storage.listed(candidates, m)[:2]), particles[0]
-    keys = np.empty(m, np.uint64)
-    cell_storage.fill_keys(i, j, label, none.astype(np.int64), families, rank, 0, keys)
+    state = cell_loop.cell_state(n, x.size)
+    state.y[:] = x
+    arrays = cell_storage.candidate_arrays.py_func(cell_loop.first_size(n))
+    pairs, keys = candidates(data, state, arrays, 0.5)
+    i = pairs.i.copy()
+    j = pairs.j.copy()
+    y = state.y
+    label = state.label
     o = np.argsort(keys)
     y += STEP * scene.v[label].ravel()
     return y, (i, j), (i[o], j[o])
@@ -210,19 +200,22 @@ def pair_lists(scene, order):
 
 def ours(start, lists):
     """A run of our sweep over the list, certificate and records included; returns the positions."""
+    from nsbench.dynamics.contacts.kernels.contact_arrays import AffineRows
+    from nsbench.solvers.pbd.kernels.cell_storage import PairImpulses
     from nsbench.solvers.pbd.kernels.cell_sweep import sweep
 
-    rows = (np.zeros(1, np.int64), np.empty(0, np.int64), np.empty(0), np.empty(0))
+    rows = AffineRows(np.zeros(1, np.int64), np.empty(0, np.int64), np.empty(0), np.empty(0))
     m = lists[0].size
     y = start.copy()
     base = start.copy()
     mu = np.zeros(m)
     log_at = np.empty(m, np.int32)
     log_mu = np.empty(m)
+    active = PairImpulses(*lists, mu)
 
     def run():
         y[:] = start
-        sweep((*lists, mu), y, base, np.ones(1), 2, rows, rows[3], 0.0625, log_at, log_mu, True)
+        sweep(active, y, base, np.ones(1), 2, rows, rows.inv2, 0.0625, log_at, log_mu, True)
         return y
 
     return run
@@ -306,7 +299,7 @@ def impulses(sizes, rounds):
         method = get("pbd")
         scene = ConstraintSet(case.problem, case.n)
         runs = {
-            record: method._packed(case, scene, grid(case.t, STEP), case.x0, record)[0]
+            record: method._by_cells(case, scene, grid(case.t, STEP), case.x0, record)[0]
             for record in (True, False)
         }
         times = interleaved(runs, max(rounds, 5))

@@ -47,3 +47,29 @@ class Layout(NamedTuple):
     cols: np.ndarray
     vals: np.ndarray
     b: np.ndarray
+
+
+class ListedContacts(NamedTuple):
+    """Candidate contacts with their ids: arrays of length m, in the order of a sweep or by id.
+
+    family, i, j: the id (j = -1 where it has no second index); the rest as in Contacts.
+    """
+
+    kind: np.ndarray
+    family: np.ndarray
+    i: np.ndarray
+    j: np.ndarray
+    p: np.ndarray
+    q: np.ndarray
+    d: np.ndarray
+    sign: np.ndarray
+    dim: np.ndarray
+
+
+class AffineRows(NamedTuple):
+    """The rows of all affine families, A as CSR, and 1/|A_r|^2 of each row r."""
+
+    ptr: np.ndarray
+    cols: np.ndarray
+    vals: np.ndarray
+    inv2: np.ndarray

@@ -1,145 +1,187 @@
-"""The list of a step: listed constraints and near pairs of hard particles, in the stated order,
-with their pattern.
+"""Candidates of a catching-up step: listed constraints and near pairs, with their gradient pattern.
 
 Written in plain loops: numba spends seconds on every slice that is assigned to another and on every
 sort.
 """
+
+from typing import NamedTuple
 
 import numpy as np
 
 from nsbench.compilation.decorators import njit
 from nsbench.dynamics.contacts.kernels.cell_list import near_pairs
 from nsbench.dynamics.contacts.kernels.constraint_order import SORTED, sweep_key
+from nsbench.dynamics.contacts.kernels.contact_arrays import PAIR, ROW, ListedContacts
+
+
+class HardPairs(NamedTuple):
+    """Near pairs of all hard families, one family after the other; the first `size` entries count.
+
+    family, i, j: the id; p, q: first coordinates; dim: of a particle; d: distance of contact.
+    """
+
+    family: np.ndarray
+    i: np.ndarray
+    j: np.ndarray
+    p: np.ndarray
+    q: np.ndarray
+    dim: np.ndarray
+    d: np.ndarray
 
 
 @njit(cache=True, error_model="numpy")
-def _pairs(x, skin, hard, radii):
-    """Near pairs of all hard families, one after the other: family, i, j, first coordinates,
-    distance, dim."""
-    room = 64
+def _empty_pairs(size):
+    """Return room for `size` pairs."""
+    return HardPairs(
+        np.empty(size, np.int64),
+        np.empty(size, np.int64),
+        np.empty(size, np.int64),
+        np.empty(size, np.int64),
+        np.empty(size, np.int64),
+        np.empty(size, np.int64),
+        np.empty(size),
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def _grown(pairs, m, size):
+    """Return the first m pairs in arrays of the given size."""
+    out = _empty_pairs(size)
+    for k in range(m):
+        out.family[k] = pairs.family[k]
+        out.i[k] = pairs.i[k]
+        out.j[k] = pairs.j[k]
+        out.p[k] = pairs.p[k]
+        out.q[k] = pairs.q[k]
+        out.dim[k] = pairs.dim[k]
+        out.d[k] = pairs.d[k]
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+def _hard_pairs(x, skin, hard, radii):
+    """Return the HardPairs with a gap of at most skin at x, and their number."""
     m = 0
     at = 0
-    ints = np.empty((room, 6), np.int64)
-    d = np.empty(room)
+    pairs = _empty_pairs(64)
     for u in range(hard.shape[0]):
-        family = hard[u, 0]
-        start = hard[u, 1]
-        n = hard[u, 2]
-        dim = hard[u, 3]
+        family, start, n, dim = hard[u]
         r = radii[at : at + n]
         at += n
         if n < 2:
             continue
         i, j = near_pairs(x, start, n, dim, r, skin)
-        if m + i.size > room:
-            room = 2 * (m + i.size)
-            old = ints
-            older = d
-            ints = np.empty((room, 6), np.int64)
-            d = np.empty(room)
-            for k in range(m):
-                d[k] = older[k]
-                for c in range(6):
-                    ints[k, c] = old[k, c]
+        if m + i.size > pairs.d.size:
+            pairs = _grown(pairs, m, 2 * (m + i.size))
         for k in range(i.size):
-            ints[m, 0] = family
-            ints[m, 1] = i[k]
-            ints[m, 2] = j[k]
-            ints[m, 3] = start + dim * i[k]
-            ints[m, 4] = start + dim * j[k]
-            ints[m, 5] = dim
-            d[m] = r[i[k]] + r[j[k]]
+            pairs.family[m] = family
+            pairs.i[m] = i[k]
+            pairs.j[m] = j[k]
+            pairs.p[m] = start + dim * i[k]
+            pairs.q[m] = start + dim * j[k]
+            pairs.dim[m] = dim
+            pairs.d[m] = r[i[k]] + r[j[k]]
             m += 1
-    return ints, d, m
+    return pairs, m
+
+
+@njit(cache=True, error_model="numpy")
+def _empty_list(size):
+    """Return room for `size` contacts."""
+    return ListedContacts(
+        np.empty(size, np.int64),
+        np.empty(size, np.int64),
+        np.empty(size, np.int64),
+        np.empty(size, np.int64),
+        np.empty(size, np.int64),
+        np.empty(size, np.int64),
+        np.empty(size),
+        np.empty(size),
+        np.empty(size, np.int64),
+    )
 
 
 @njit(cache=True, error_model="numpy")
 def gather(x, skin, static, hard, radii):
-    """Candidates at x, sorted: arrays of kernels.project with family, i, j, and their keys
-    (ascending).
+    """Return the candidates at x (n,) as ListedContacts, sorted, and their keys, ascending.
 
-    static: the listed constraints, by family; hard (families, 4): family, start, particles, dim, by
-    family; radii of all hard families one after the other. Every pair with a gap of at most `skin`
-    is a candidate.
+    static: ListedContacts of the listed constraints, by family; hard (families, 4): family, first
+    coordinate, particles, dimension, by family; radii: of all hard families one after the other.
+    Every pair with a gap of at most `skin` is a candidate.
     """
-    ints, far, m = _pairs(x, skin, hard, radii)
-    skind, sfamily, si, sj, sp, sq, sd, ssign, sdim = static
-    size = m + skind.size
-    kind = np.empty(size, np.int64)
-    family = np.empty(size, np.int64)
-    i = np.empty(size, np.int64)
-    j = np.empty(size, np.int64)
-    p = np.empty(size, np.int64)
-    q = np.empty(size, np.int64)
-    dim = np.empty(size, np.int64)
-    d = np.empty(size)
-    sign = np.empty(size)
+    pairs, m = _hard_pairs(x, skin, hard, radii)
+    size = m + static.kind.size
+    out = _empty_list(size)
     keys = np.empty(size, np.uint64)
     a = 0
     b = 0
     place = 0
+    # merge the listed constraints and the pairs by family
     for k in range(size):
-        if b == m or (a < skind.size and sfamily[a] < ints[b, 0]):
-            place = place + 1 if a > 0 and sfamily[a] == sfamily[a - 1] else 0
-            kind[k] = skind[a]
-            family[k] = sfamily[a]
-            i[k] = si[a]
-            j[k] = sj[a]
-            p[k] = sp[a]
-            q[k] = sq[a]
-            d[k] = sd[a]
-            sign[k] = ssign[a]
-            dim[k] = sdim[a]
-            keys[k] = sweep_key(SORTED, 0, family[k], place, 0)
+        if b == m or (a < static.kind.size and static.family[a] < pairs.family[b]):
+            place = place + 1 if a > 0 and static.family[a] == static.family[a - 1] else 0
+            out.kind[k] = static.kind[a]
+            out.family[k] = static.family[a]
+            out.i[k] = static.i[a]
+            out.j[k] = static.j[a]
+            out.p[k] = static.p[a]
+            out.q[k] = static.q[a]
+            out.d[k] = static.d[a]
+            out.sign[k] = static.sign[a]
+            out.dim[k] = static.dim[a]
+            keys[k] = sweep_key(SORTED, 0, out.family[k], place, 0)
             a += 1
         else:
-            kind[k] = 1
-            family[k] = ints[b, 0]
-            i[k] = ints[b, 1]
-            j[k] = ints[b, 2]
-            p[k] = ints[b, 3]
-            q[k] = ints[b, 4]
-            d[k] = far[b]
-            sign[k] = 1.0
-            dim[k] = ints[b, 5]
-            keys[k] = sweep_key(SORTED, 0, family[k], i[k], j[k])
+            out.kind[k] = PAIR
+            out.family[k] = pairs.family[b]
+            out.i[k] = pairs.i[b]
+            out.j[k] = pairs.j[b]
+            out.p[k] = pairs.p[b]
+            out.q[k] = pairs.q[b]
+            out.d[k] = pairs.d[b]
+            out.sign[k] = 1.0
+            out.dim[k] = pairs.dim[b]
+            keys[k] = sweep_key(SORTED, 0, out.family[k], out.i[k], out.j[k])
             b += 1
-    return (kind, family, i, j, p, q, d, sign, dim), keys
+    return out, keys
 
 
 @njit(cache=True, error_model="numpy")
-def columns(lists, rptr, rcols):
-    """CSR pattern (ptr, cols) of the gradients of a list; coordinates of i first, then of j."""
-    kind = lists[0]
-    p = lists[4]
-    q = lists[5]
-    dim = lists[8]
+def gradient_pattern(contacts, row_ptr, row_cols):
+    """Return the CSR pattern (ptr, cols) of the gradients; coordinates of i first, then of j.
+
+    contacts: ListedContacts (m,); row_ptr, row_cols: pattern of the affine rows.
+    """
+    kind = contacts.kind
+    p = contacts.p
+    q = contacts.q
+    dim = contacts.dim
     ptr = np.zeros(kind.size + 1, np.int64)
     for k in range(kind.size):
-        size = (
-            rptr[p[k] + 1] - rptr[p[k]]
-            if kind[k] == 0
-            else (2 * dim[k] if kind[k] == 1 else dim[k])
-        )
+        size = dim[k]
+        if kind[k] == ROW:
+            size = row_ptr[p[k] + 1] - row_ptr[p[k]]
+        elif kind[k] == PAIR:
+            size = 2 * dim[k]
         ptr[k + 1] = ptr[k] + size
     cols = np.empty(ptr[kind.size], np.int64)
     for k in range(kind.size):
         at = ptr[k]
-        if kind[k] == 0:
-            for e in range(rptr[p[k]], rptr[p[k] + 1]):
-                cols[at] = rcols[e]
+        if kind[k] == ROW:
+            for e in range(row_ptr[p[k]], row_ptr[p[k] + 1]):
+                cols[at] = row_cols[e]
                 at += 1
             continue
         for c in range(dim[k]):
             cols[at + c] = p[k] + c
-            if kind[k] == 1:
+            if kind[k] == PAIR:
                 cols[at + dim[k] + c] = q[k] + c
     return ptr, cols
 
 
 @njit(cache=True, error_model="numpy")
-def carry(keys, mu, new):
-    """The multipliers of one list as those of another; keys ascending in both."""
+def carry_multipliers(keys, mu, new):
+    """Return the multipliers mu of a list with keys `keys` for one with keys `new`; both ascend."""
     out = np.zeros(new.size)
     c = 0
     for k in range(keys.size):

@@ -1,48 +1,78 @@
-"""The time loop of the catching-up scheme: linearise the gaps, solve the least-distance problem, go
-on.
+"""Time loop of the catching-up scheme: Euler, linearised gaps, least-distance problem.
 
-Hard particles come from near lists under a certificate. A list holds every pair whose gap was at
-most `skin` when it was built. Gaps of discs are convex, so a linearised gap falls by no more than
-the two particles move; if each has moved by at most skin / 2 since then, the step just solved
+Hard particles come from neighbour lists under a certificate. A list holds every pair whose gap was
+at most `skin` when it was built. Gaps of discs are convex, so a linearised gap falls by no more
+than the two particles move; if each has moved by at most skin / 2 since then, the step just solved
 included, no pair left out can be violated by it, and the step is the one over all pairs. Otherwise
-the list is built anew, longer if one step alone is the reason, and the step done again.
+the list is built anew, longer if one step alone is the reason, and the step is done again.
 """
+
+from typing import NamedTuple
 
 import numpy as np
 
 from nsbench.compilation.decorators import njit
+from nsbench.dynamics.contacts.kernels.contact_arrays import PAIR, ROW
 from nsbench.dynamics.contacts.kernels.impulse_records import flush
+from nsbench.linalg.dense import StepCode, all_finite
 from nsbench.qp.kernels import active_set
 from nsbench.qp.kernels.dispatch import solve_projection
-from nsbench.solvers.catching_up.kernels.candidates import carry, columns, gather
-from nsbench.solvers.pbd.kernels.listed_loop import NAN, OK, finite
+from nsbench.solvers.catching_up.kernels.candidates import (
+    carry_multipliers,
+    gather,
+    gradient_pattern,
+)
 
-INFEASIBLE = 3
 QPS, ROUNDS, REBUILDS, PEAK, LIMITS, TIES, WORST, ACTING = range(8)  # places of the counters
-SKIN_OVER_STEP = 8.0  # a list should outlive its own step
+SKIN_OVER_STEP = 8.0  # skin over the displacement of a step: a list should outlive its own step
+
+
+class CatchingUpResult(NamedTuple):
+    """The result of one run.
+
+    x, reaction (K, n): states and integrals of the reaction at the recorded times, NaN behind the
+    end. ids (R, 4), values (R,): records of impulse. counters (8,): see the places above. worst,
+    when: the largest KKT residual of a step, and the time of that step. code: a StepCode. reached:
+    the time of the last step.
+    """
+
+    x: np.ndarray
+    reaction: np.ndarray
+    ids: np.ndarray
+    values: np.ndarray
+    counters: np.ndarray
+    worst: float
+    when: float
+    code: int
+    reached: float
 
 
 @njit(cache=True, error_model="numpy")
-def linearise(lists, rows, b, anchors, x, ptr, vals, g):
-    """Fill g (m,) and the entries of the gradients at x. A distance of zero has the first axis for
-    a direction."""
-    kind, _, _, _, p, q, d, sign, dim = lists
-    rptr = rows[0]
-    rcols = rows[1]
-    rvals = rows[2]
+def linearise(contacts, rows, b, anchors, x, ptr, vals, g):
+    """Fill the gaps g (m,) and the entries vals of their gradients at x (n,).
+
+    contacts: ListedContacts; rows: AffineRows; ptr (m + 1,): first entry of each gradient. A
+    distance of zero has the first axis for its direction.
+    """
+    kind = contacts.kind
+    p = contacts.p
+    q = contacts.q
+    d = contacts.d
+    sign = contacts.sign
+    dim = contacts.dim
     for k in range(kind.size):
         at = ptr[k]
-        if kind[k] == 0:
+        if kind[k] == ROW:
             s = b[p[k]]
-            for e in range(rptr[p[k]], rptr[p[k] + 1]):
-                s += rvals[e] * x[rcols[e]]
-                vals[at] = rvals[e]
+            for e in range(rows.ptr[p[k]], rows.ptr[p[k] + 1]):
+                s += rows.vals[e] * x[rows.cols[e]]
+                vals[at] = rows.vals[e]
                 at += 1
             g[k] = s
             continue
         s = 0.0
         for c in range(dim[k]):
-            e = x[p[k] + c] - (x[q[k] + c] if kind[k] == 1 else anchors[q[k] + c])
+            e = x[p[k] + c] - (x[q[k] + c] if kind[k] == PAIR else anchors[q[k] + c])
             vals[at + c] = e
             s += e * e
         r = np.sqrt(s)
@@ -52,19 +82,17 @@ def linearise(lists, rows, b, anchors, x, ptr, vals, g):
             r = 1.0
         for c in range(dim[k]):
             vals[at + c] *= sign[k] / r
-            if kind[k] == 1:
+            if kind[k] == PAIR:
                 vals[at + dim[k] + c] = -vals[at + c]
 
 
 @njit(cache=True, error_model="numpy")
-def travel(base, x, z, d, hard):
-    """The farthest way of a hard particle base -> x -> y = z + d, and of x -> y alone."""
+def largest_displacements(base, x, z, d, hard):
+    """Return the largest displacements of hard particles, base -> x -> z + d and x -> z + d."""
     far = 0.0
     last = 0.0
     for u in range(hard.shape[0]):
-        start = hard[u, 1]
-        n = hard[u, 2]
-        dim = hard[u, 3]
+        _, start, n, dim = hard[u]
         for i in range(n):
             s = 0.0
             v = 0.0
@@ -77,17 +105,19 @@ def travel(base, x, z, d, hard):
 
 
 @njit(cache=True, error_model="numpy")
-def project(exact, many, lists, P, book, store, rows, b, anchors, x, z, guess, count):
-    """The point nearest to z where the gaps linearised at x are not negative.
+def project(exact, many, contacts, ptr, P, book, store, rows, b, anchors, x, z, guess, count):
+    """Solve for the point y nearest to z where the gaps linearised at x are not negative.
 
-    exact, many, book, store: see kernels.least. Returns mu, d = y - z, code, residual, book, store.
+    exact, many, book, store: see qp.kernels.dispatch; ptr, P: pattern of the gradients; guess (m,):
+    multipliers to begin with; count: counters. Returns mu (m,), d = y - z (n,), the code of
+    active_set, the KKT residual, book, store.
     """
     m = guess.size
-    vals = np.empty(P[1].size)
+    vals = np.empty(ptr[m])
     w = np.empty(m)
     q = np.empty(m)
     scale = 1.0
-    linearise(lists, rows, b, anchors, x, P[0], vals, w)
+    linearise(contacts, rows, b, anchors, x, ptr, vals, w)
     e = np.empty(x.size)
     work = np.zeros(4, np.int64)
     for c in range(x.size):
@@ -104,8 +134,10 @@ def project(exact, many, lists, P, book, store, rows, b, anchors, x, z, guess, c
     count[ROUNDS] += work[1]
     count[WORST] = max(count[WORST], work[1])
     count[LIMITS] += work[0] == active_set.MAXITER
-    for k in range(m):  # a push between coincident centres has no direction
-        count[TIES] += lists[0][k] != 0 and mu[k] > 0.0 and w[k] == -lists[7][k] * lists[6][k]
+    for k in range(m):  # an impulse between coincident centres has no direction
+        count[TIES] += (
+            contacts.kind[k] != ROW and mu[k] > 0.0 and w[k] == -contacts.sign[k] * contacts.d[k]
+        )
     return mu, d, work[0], active_set.residual(P, vals, q, mu, d), book, store
 
 
@@ -113,13 +145,11 @@ def project(exact, many, lists, P, book, store, rows, b, anchors, x, z, guess, c
 def march(
     f, b_of, a_of, exact, many, moving, t, substeps, x, static, rows, b, anchors, hard, radii, reach
 ):
-    """Samples of one run. Arguments as kernels.pbd_near.march (static: arrays of the listed
-    constraints, by family).
+    """Integrate from x (n,); returns a CatchingUpResult.
 
-    exact, many: the functions of kernels.least.
-
-    Returns X (K, n), reaction (K, n), ids, values (records of impulse), counters, the worst KKT
-    residual with the time of its step, status, time reached.
+    f, b_of, a_of: pointers (t, x, out), (t, out), (t, out); moving: whether the last two depend on
+    t; exact, many: functions of qp.kernels.dispatch; t (K,), substeps (K - 1,): the grid; static:
+    ListedContacts by family; rows: AffineRows; hard (k, 4), radii: see gather; reach: least skin.
     """
     K = t.size
     n = x.size
@@ -128,14 +158,19 @@ def march(
     for k in range(K):
         for c in range(n):
             X[k, c] = R[k, c] = np.nan
-    x, reac, v, base, z = x.copy(), np.zeros(n), np.empty(n), x.copy(), np.empty(n)
+    x = x.copy()
+    reac = np.zeros(n)
+    v = np.empty(n)
+    base = x.copy()
+    z = np.empty(n)
     ids = np.empty((64, 4), np.int64)
     values = np.empty(64)
     size = np.int64(0)
     count = np.zeros(8, np.int64)
     skin = reach
-    lists, keys = gather(x, skin, static, hard, radii)
-    P = active_set.outline(*columns(lists, rows[0], rows[1]), n)
+    contacts, keys = gather(x, skin, static, hard, radii)
+    ptr, cols = gradient_pattern(contacts, rows.ptr, rows.cols)
+    P = active_set.outline(ptr, cols, n)
     guess = np.zeros(keys.size)
     total = np.zeros(keys.size)
     book = np.zeros(2, np.int64)
@@ -154,25 +189,28 @@ def march(
             f(now, x, v)
             for c in range(n):
                 z[c] = x[c] + h * v[c]
-            if not finite(z):
-                return X, R, ids[:size], values[:size], count, worst, when, NAN, now
+            if not all_finite(z):
+                end = worst, when, StepCode.NAN, now
+                return CatchingUpResult(X, R, ids[:size], values[:size], count, *end)
             if moving:
                 b_of(after, b)
                 a_of(after, anchors)
+            # solve the step, and again over a longer list where the list is not certified for it
             while True:
                 mu, d, code, kkt, book, store = project(
-                    exact, many, lists, P, book, store, rows, b, anchors, x, z, guess, count
+                    exact, many, contacts, ptr, P, book, store, rows, b, anchors, x, z, guess, count
                 )
-                far, last = travel(base, x, z, d, hard)
+                far, last = largest_displacements(base, x, z, d, hard)
                 if code == active_set.INFEASIBLE or not 2.0 * far > skin:
                     break
                 ids, values, size = flush(
-                    k + 1, total, lists[1], lists[2], lists[3], ids, values, size
+                    k + 1, total, contacts.family, contacts.i, contacts.j, ids, values, size
                 )
                 skin = max(reach, SKIN_OVER_STEP * last)
-                lists, new = gather(x, skin, static, hard, radii)
-                P = active_set.outline(*columns(lists, rows[0], rows[1]), n)
-                guess = carry(keys, mu, new)
+                contacts, new = gather(x, skin, static, hard, radii)
+                ptr, cols = gradient_pattern(contacts, rows.ptr, rows.cols)
+                P = active_set.outline(ptr, cols, n)
+                guess = carry_multipliers(keys, mu, new)
                 keys = new
                 total = np.zeros(new.size)
                 book[0] = 0
@@ -184,7 +222,8 @@ def march(
                 worst = kkt
                 when = now
             if code == active_set.INFEASIBLE:
-                return X, R, ids[:size], values[:size], count, worst, when, INFEASIBLE, now
+                end = worst, when, StepCode.INFEASIBLE, now
+                return CatchingUpResult(X, R, ids[:size], values[:size], count, *end)
             for c in range(n):
                 x[c] = z[c] + d[c]
                 reac[c] += d[c]
@@ -192,10 +231,14 @@ def march(
                 total[c] += mu[c]
                 count[ACTING] += mu[c] > 0.0
             guess = mu
-            if not finite(x):
-                return X, R, ids[:size], values[:size], count, worst, when, NAN, now
+            if not all_finite(x):
+                end = worst, when, StepCode.NAN, now
+                return CatchingUpResult(X, R, ids[:size], values[:size], count, *end)
         for c in range(n):
             X[k + 1, c] = x[c]
             R[k + 1, c] = reac[c]
-        ids, values, size = flush(k + 1, total, lists[1], lists[2], lists[3], ids, values, size)
-    return X, R, ids[:size], values[:size], count, worst, when, OK, t[K - 1]
+        ids, values, size = flush(
+            k + 1, total, contacts.family, contacts.i, contacts.j, ids, values, size
+        )
+    end = worst, when, StepCode.OK, t[K - 1]
+    return CatchingUpResult(X, R, ids[:size], values[:size], count, *end)

@@ -1,39 +1,46 @@
-"""The few candidates of a list that can become active soon: swept over in its place, for some
-steps.
+"""Select the few candidates of a list that can become active soon (a second, smaller Verlet skin).
 
-A list of near pairs lives long and is dear to make, so it is long: in a dense packing three of four
-of its candidates do nothing. Out of it those are chosen, in the same order, whose gap is at most a
-smaller skin; nothing else can become active while no particle is farther than half of that from
-where they were chosen. Choosing reads the list once.
+A list of near pairs serves many steps and is expensive to build, so it is long: in a dense packing
+three of four of its candidates do nothing. The sweep therefore runs over those alone, in the same
+order, whose gap is at most a smaller skin; nothing else can become active while no particle is
+farther than half of that skin from where they were selected. Selecting reads the list once.
 """
 
 import numpy as np
 
-from nsbench.compilation.decorators import njit
+from nsbench.compilation.decorators import inner_kernel
 
-# of reading a list once against a step of the sweep over what it grows by, per radius: estimated
-FAVOUR = 2.4
+# cost of reading a list once over that of a step of the sweep over what a skin of one radius adds;
+# estimated
+READ_OVER_SWEEP = 2.4
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def row_gap(y, s, q, rows, b, dim):
-    """Value of row q at particle s."""
-    ptr, cols, vals, _ = rows
+    """Return the value of row q at particle s."""
     g = b[q]
-    for e in range(ptr[q], ptr[q + 1]):
-        g += vals[e] * y[s * dim + cols[e] % dim]
+    for e in range(rows.ptr[q], rows.ptr[q + 1]):
+        g += rows.vals[e] * y[s * dim + rows.cols[e] % dim]
     return g
 
 
-@njit(cache=True, error_model="numpy")
-def select_active(lists, chosen, y, r, skin, dim, rows, b, moving):
-    """Fill `chosen` (i, j, where, mu) with the candidates whose gap is at most skin, rows of moving
-    walls all of them.
+@inner_kernel
+def select_active(arrays, count, y, r, skin, scene):
+    """Write the candidates with a gap of at most skin to the active ones; returns their number.
 
-    lists: i, j, mu of all candidates. Returns the number chosen.
+    arrays: CandidateArrays, count: candidates in them; y, r: positions and radii in the order of
+    the store; scene: CellScene. Rows of moving walls are all selected.
     """
-    i, j, mu = lists
-    near_i, near_j, where, near_mu = chosen
+    half = arrays.log_at.size
+    i = arrays.pairs[:half]
+    j = arrays.pairs[half:]
+    mu = arrays.successors.view(np.float64)
+    near_i = arrays.active_pairs[:half]
+    near_j = arrays.active_pairs[half:]
+    near_mu = arrays.active_mu
+    where = arrays.active_at
+    rows = scene.rows
+    dim = scene.dim
     d = 2.0 * r[0] + skin
     k = np.uint64(0)
     alike = r.size == 1
@@ -41,14 +48,14 @@ def select_active(lists, chosen, y, r, skin, dim, rows, b, moving):
     two = np.uint64(2)
     plane = dim == 2 and r.size == 1
     d2 = d * d
-    for c in range(i.size):
+    for c in range(count):
         near_i[k] = i[c]
         near_j[k] = j[c]
         where[k] = c
         if j[c] < 0:
             q = -1 - j[c]
-            g = row_gap(y, i[c], q, rows, b, dim)
-            k += np.uint64(moving or g * abs(g) * rows[3][q] <= 0.25 * skin * skin)
+            g = row_gap(y, i[c], q, rows, scene.b, dim)
+            k += np.uint64(scene.moving or g * abs(g) * rows.inv2[q] <= 0.25 * skin * skin)
         elif plane:
             p = two * np.uint64(i[c])
             q = two * np.uint64(j[c])
@@ -68,15 +75,20 @@ def select_active(lists, chosen, y, r, skin, dim, rows, b, moving):
     return np.int64(k)
 
 
-@njit(cache=True)
-def restore_impulses(mu, where, near_mu):
-    """Impulses of the chosen to the list."""
-    for c in range(where.size):
+@inner_kernel
+def restore_impulses(arrays, active):
+    """Write the impulses of the first `active` active candidates back to the list."""
+    mu = arrays.successors.view(np.float64)
+    where = arrays.active_at
+    near_mu = arrays.active_mu
+    for c in range(active):
         mu[where[c]] = near_mu[c]
 
 
-@njit(cache=True)
+@inner_kernel
 def inner_skin(pace, radius, skin):
-    """The skin of a choice: what costs least if particles go `pace` in a step, at most 0.6 of that
-    of the list."""
-    return min(0.6 * skin, max(0.1 * skin, np.sqrt(FAVOUR * pace * radius)))
+    """Return the cheapest skin of the active candidates, from 0.1 to 0.6 of that of the list.
+
+    pace: distance that the fastest particle moves in a step; radius: mean radius.
+    """
+    return min(0.6 * skin, max(0.1 * skin, np.sqrt(READ_OVER_SWEEP * pace * radius)))

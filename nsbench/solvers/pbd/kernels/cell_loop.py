@@ -1,66 +1,118 @@
-"""The time loop for one family of hard particles and rows of A on single ones: stored by cells,
-swept by schedule.
+"""Time loop for one family of hard particles and rows of A on single ones, stored by cells.
 
-It is the sweep of kernels.pbd_near, bit for bit and faster. Candidates (kernels.packed) are what
-can become active while no particle is farther than skin / 2 from where the list was made; swept
-over are those of them (kernels.close) that can while none is farther than a smaller skin / 2 from
-where they were chosen. That is checked after the drift for all and after every projection for those
-it moved. Where it fails within a sweep, the sweep is undone (positions made anew, impulses from a
-log), the choice or the list made anew at the start of the sweep, wider if new already, and the
-sweep done again;
-so nothing is ever done that the sweep over all constraints would not have done. Where lists would
-get too long, the run is handed back (TOO_MANY) to be done by pbd_near.
+It does the sweep of neighbor_loop bit for bit, and faster. The list of candidates (cell_storage)
+holds what can become active while no particle is farther than skin / 2 from where the list was
+built (a Verlet list); the sweep runs over those of them (active_candidates) that can while none is
+farther than a smaller skin / 2 from where they were selected. That certificate is checked after the
+drift for all particles and after every projection for those it moved. Where it fails within a
+sweep, the sweep is undone (positions computed anew, impulses from a log), the selection or the list
+is renewed at the start of the sweep, wider if it was new already, and the sweep is done again; so
+nothing is ever done that the sweep over all constraints would not have done. Where the list would
+get too long, the run ends with LIST_OVERFLOW, to be done by neighbor_loop.
 """
+
+from typing import NamedTuple
 
 import numpy as np
 
-from nsbench.compilation.decorators import njit
-from nsbench.solvers.pbd.kernels import cell_storage, threaded_loop
+from nsbench.compilation.decorators import inner_kernel, njit
+from nsbench.linalg.dense import StepCode
 from nsbench.solvers.pbd.kernels.active_candidates import (
     inner_skin,
     restore_impulses,
     select_active,
 )
-from nsbench.solvers.pbd.kernels.cell_step import drift, farthest, settle
-from nsbench.solvers.pbd.kernels.cell_storage import DEEP, listed, near_rows, rebuild
-from nsbench.solvers.pbd.kernels.cell_sweep import sweep
-from nsbench.solvers.pbd.kernels.listed_loop import NAN, OK, TIED
+from nsbench.solvers.pbd.kernels.cell_search import near_rows
+from nsbench.solvers.pbd.kernels.cell_storage import (
+    CandidateLists,
+    CellState,
+    active_candidates,
+    listed,
+    no_impulses,
+    rebuild,
+)
+from nsbench.solvers.pbd.kernels.cell_sweep import drift, farthest, settle, sweep
+from nsbench.solvers.pbd.kernels.loop_result import LoopResult
 
-TOO_MANY = -1
-TOO_SMALL = -2
-ROOM = 11  # pairs per particle held at most, unless the first list has half as many already,
-FEW = 1500  # or there are few particles: all pairs of so many take 60 MB
+PAIRS_PER_PARTICLE = 11  # allowed in a list, unless the first list has half as many already,
+ALL_PAIRS_FIT = 1500  # or there are no more particles: all their pairs take 60 MB
+ROW_LIST_REACH = (
+    16.0  # cutoff of the list of rows over skin / 2: it is renewed that much less often
+)
+HALF = 0.4999  # of a skin that a particle may move, less rounding
+ROUNDING = 2.0002  # displacements of two particles; 2e-4 of the skin is for rounding
+CALM_STEPS = 8  # steps without a broken certificate after which skins that were widened shrink
 
 
-@njit(cache=True)
-def undo(mu, log_at, log_mu, k):
-    """Impulses as they were before the sweep."""
-    for e in range(k):
-        mu[log_at[e]] = log_mu[e]
+class ListState(NamedTuple):
+    """Counters of the candidate list.
+
+    count, active: candidates, and active ones. rebuilds: lists built. peak_pairs: most pairs in
+    one. is_complete: whether the list holds every pair and row. max_pairs: pairs allowed.
+    """
+
+    count: int
+    active: int
+    rebuilds: int
+    peak_pairs: int
+    is_complete: bool
+    max_pairs: int
+
+
+class Skins(NamedTuple):
+    """Skins, all in units of length.
+
+    pairs: of the list. active: asked for the active candidates. rows: displacement for which
+    near_rows is still valid. certified: what the active candidates are certified for.
+    """
+
+    pairs: float
+    active: float
+    rows: float
+    certified: float
+
+
+class SkinControl(NamedTuple):
+    """Control of the skins by what the sweeps did.
+
+    least: smallest skin of a list. radius: mean radius. reserve: part of the certified skin that is
+    kept for the sweep. widened: skin demanded by violent sweeps, 0 if there are none. pace: largest
+    displacement per step. age: steps since the selection. calm: steps since a sweep was undone.
+    """
+
+    least: float
+    radius: float
+    reserve: float
+    widened: float
+    pace: float
+    age: int
+    calm: int
 
 
 @njit(cache=True)
 def unpack(values, label, dim, out):
-    """out[...] = values by label."""
+    """Write values (n, dim), in the order of the store, to out by label."""
     for s in range(label.size):
         for c in range(dim):
             out[label[s] * dim + c] = values[s * dim + c]
 
 
-@njit(cache=True)
-def flush(k, lists, kept, label, families, ids, values, count):
-    """Move all impulses to the records (sample, family, i, j) and clear them; returns grown
-    records."""
-    i, j, mu = lists
-    ki, kj, kmu = kept
-    need = kmu.size
+@inner_kernel
+def flush(k, pairs, expired, label, families, ids, values, count):
+    """Move all impulses to the records (sample, family, i, j) and clear them.
+
+    pairs, expired: PairImpulses by place in the store and by label. Returns the records,
+    longer ones if need be, and their number.
+    """
+    i, j, mu = pairs
+    need = expired.mu.size
     for c in range(mu.size):
         need += mu[c] != 0.0
     if count + need > values.size:
         room = max(need, values.size // 2)
         ids = np.concatenate((ids[:count], np.empty((room, 4), np.int32)))
         values = np.concatenate((values[:count], np.empty(room)))
-    for c in range(mu.size + kmu.size):
+    for c in range(mu.size + expired.mu.size):
         if c < mu.size:
             if mu[c] == 0.0:
                 continue
@@ -69,9 +121,9 @@ def flush(k, lists, kept, label, families, ids, values, count):
             m = mu[c]
             mu[c] = 0.0
         else:
-            a = ki[c - mu.size]
-            q = kj[c - mu.size]
-            m = kmu[c - mu.size]
+            a = expired.i[c - mu.size]
+            q = expired.j[c - mu.size]
+            m = expired.mu[c - mu.size]
         ids[count, 0] = k
         values[count] = m
         if q >= 0:
@@ -88,313 +140,317 @@ def flush(k, lists, kept, label, families, ids, values, count):
     return ids, values, count
 
 
-@njit(cache=True, error_model="numpy")
-def refresh_candidates(
-    crew,
-    sizes,
-    widths,
-    least,
-    kept,
-    radii,
-    particles,
-    candidates,
-    state,
-    r,
-    dim,
-    rows,
-    b,
-    near,
-    moving,
-    families,
-    number,
-    order,
-    seed,
-    record,
-):
-    """Candidates chosen for the positions at hand (kernels.close), from a new list if the one there
-    is used up.
+@inner_kernel
+def refresh_candidates(scene, least, state, lists, counts, skins):
+    """Select the active candidates at the positions y, from a new list if the old one is used up.
 
-    sizes: candidates, chosen ones, lists made, pairs at most, whether all constraints are listed,
-    pairs allowed; widths:
-    skin of the list, of the choice, how far the rows looked at are valid, what of the skin is left.
-    Returns kept, radii, near and the candidates' arrays; sizes[0] = -1 where lists get too long.
+    scene: CellScene; least: smallest skin of a list; state: CellState. Returns lists, counts
+    (ListState) and skins; counts.count is -1 where the list gets too long.
     """
-    y = state[0]
-    reac = state[1]
-    base = state[2]
-    spot = state[3]
-    n = state[0].size // dim
-    if record:
-        if crew is None:
-            restore_impulses(
-                listed(candidates, sizes[0])[2],
-                candidates[7][: sizes[1]],
-                candidates[5][: sizes[1]],
+    if scene.record:
+        restore_impulses(lists.arrays, counts.active)
+    n = state.label.size
+    gone = np.sqrt(farthest(state.y, state.list_base, scene.dim, n))
+    left = skins.pairs - ROUNDING * gone
+    # sweeps move particles by more than the list is built for: all of it is selected
+    wide = skins.active >= least
+    if counts.rebuilds == 0 or (not counts.is_complete and (wide or left < 0.6 * skins.active)):
+        lists, counts, skins = renew_list(scene, least, state, lists, counts, skins, gone)
+        if counts.count < 0:
+            return lists, counts, skins
+        left = skins.pairs
+    certified = min(skins.active, left)
+    if counts.is_complete:
+        certified = np.inf if wide else skins.active
+    active = select_active(lists.arrays, counts.count, state.y, lists.radii, certified, scene)
+    state.active_base[:] = state.y
+    return (
+        lists,
+        ListState(
+            counts.count,
+            active,
+            counts.rebuilds,
+            counts.peak_pairs,
+            counts.is_complete,
+            counts.max_pairs,
+        ),
+        Skins(skins.pairs, skins.active, skins.rows, certified),
+    )
+
+
+@inner_kernel
+def renew_list(scene, least, state, lists, counts, skins, gone):
+    """Build the list of candidates anew at the positions y; arguments as in refresh_candidates.
+
+    gone: largest displacement since the old list was built.
+    """
+    n = state.label.size
+    skin = max(least, skins.active)
+    row_skin = skins.rows
+    which = lists.near_rows
+    if not scene.moving:
+        row_skin -= gone
+        near = lists.near_rows
+        if row_skin < 0.5 * skin:
+            row_skin = 0.5 * ROW_LIST_REACH * skin
+            near = near_rows(
+                state.y, state.store, scene.rows, scene.b, row_skin, scene.dim, near, True
             )
-        else:
-            threaded_loop.together(crew, threaded_loop.PUT_BACK)
-    gone = np.sqrt(farthest(y, base, dim, 0, n))
-    left = widths[0] - 2.0002 * gone  # 2e-4 of the skin is for rounding
-    wide = (
-        widths[1] >= least
-    )  # sweeps move particles by more than the list is made for: all of it is chosen
-    if sizes[2] == 0 or (sizes[4] == 0 and (wide or left < 0.6 * widths[1])):
-        widths[0] = max(least, widths[1])
-        which = near
-        if not moving:
-            widths[2] -= gone
-            if widths[2] < 0.5 * widths[0]:
-                widths[2] = 0.5 * DEEP * widths[0]
-                near = near_rows(y, particles[1], rows, b, widths[2], dim, near, True)
-            which = near_rows(y, particles[1], rows, b, 0.5 * widths[0], dim, near, False)
-        sizes[0], kept, radii, pairs, candidates = rebuild(
-            crew,
-            sizes[0],
-            kept,
-            particles,
-            candidates,
-            y,
-            reac,
-            base,
-            spot,
-            r,
-            widths[0],
-            dim,
-            rows,
-            b,
-            which,
-            families,
-            number,
-            order,
-            seed,
-            sizes[5],
+        which = near_rows(
+            state.y, state.store, scene.rows, scene.b, 0.5 * skin, scene.dim, near, False
         )
-        if sizes[0] < 0:
-            return kept, radii, near, candidates
-        if sizes[2] == 0 and n > FEW:
-            sizes[5] = max(ROOM * n, 2 * pairs)
-        sizes[2], sizes[3], left = sizes[2] + 1, max(sizes[3], pairs), widths[0]
-        sizes[4] = pairs == n * (n - 1) // 2 and sizes[0] == pairs + rows[3].size
-    widths[3] = min(widths[1], left)
-    if sizes[4] == 1:
-        widths[3] = np.inf if wide else widths[1]
-    if crew is None:
-        half = candidates[3].size
-        chosen = candidates[2][:half], candidates[2][half:], candidates[7], candidates[5]
-        sizes[1] = select_active(
-            listed(candidates, sizes[0]), chosen, y, radii, widths[3], dim, rows, b, moving
-        )
-        spot[:] = y
-    else:
-        sizes[1] = threaded_loop.choose_all(crew, radii, widths[3])
-    return kept, radii, near, candidates
+        lists = CandidateLists(lists.arrays, lists.expired, lists.radii, near)
+    max_pairs = counts.max_pairs
+    lists, count, pairs = rebuild(scene, state, lists, counts.count, skin, which, max_pairs)
+    if counts.rebuilds == 0 and n > ALL_PAIRS_FIT:
+        max_pairs = max(PAIRS_PER_PARTICLE * n, 2 * pairs)
+    rebuilds = counts.rebuilds + (1 if count >= 0 else 0)
+    peak = max(counts.peak_pairs, pairs) if count >= 0 else counts.peak_pairs
+    is_complete = pairs == n * (n - 1) // 2 and count == pairs + scene.rows.inv2.size
+    return (
+        lists,
+        ListState(count, counts.active, rebuilds, peak, is_complete, max_pairs),
+        Skins(skin, skins.active, row_skin, skins.certified),
+    )
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
-def march(
-    f,
-    b_of,
-    moving,
-    t,
-    substeps,
-    sweeps,
-    x,
-    rows,
-    b,
-    r,
-    number,
-    families,
-    dim,
-    reach,
-    order,
-    seed,
-    record,
-    crew,
-    samples,
-    state,
-    particles,
-    candidates,
-):
-    """As kernels.pbd_near.march. r: radii by label, or one for all; number: ranks (order CELL) or
-    empty; families as in kernels.packed.fill_keys; record: whether impulses are kept (a run without
-    is for measuring what that costs);
-    crew: None, or that of kernels.pbd_threads; samples (2, K, N): places to fill with states and
-    reactions; state (6, N), particles, candidates: arrays to work in, as `room` makes them.
+@njit(cache=True)
+def sweep_active(scene, state, lists, active, certified):
+    """Sweep over the active candidates; returns as cell_sweep.sweep."""
+    arrays = lists.arrays
+    return sweep(
+        active_candidates(arrays, active),
+        state.y,
+        state.active_base,
+        lists.radii,
+        scene.dim,
+        scene.rows,
+        scene.b,
+        (HALF * certified) ** 2,
+        arrays.log_at,
+        arrays.log_mu,
+        scene.record,
+    )
+
+
+@njit(cache=True)
+def needs_selection(far, attempts, rebuilds, control, certified):
+    """Return whether the active candidates must be selected anew before the sweep.
+
+    far: largest squared displacement since they were; attempts: sweeps of this step undone.
     """
-    K = t.size
-    n = x.size // dim
-    X = samples[0]
-    R = samples[1]
-    none = np.empty(0, np.int32)
-    y = state[0]
-    reac = state[1]
-    base = state[2]
-    spot = state[3]
-    v = state[4]
-    start = state[5]
-    label = particles[0]
+    reserve = control.reserve if control.widened == 0.0 else 0.0
+    return rebuilds == 0 or attempts > 0 or far > ((HALF - reserve) * certified) ** 2
+
+
+@inner_kernel
+def adapt_to_pace(control, far, rebuilds):
+    """Measure the pace since the last selection, and shrink the reserve: it sufficed."""
+    return SkinControl(
+        control.least,
+        control.radius,
+        max(0.05, 0.97 * control.reserve) if rebuilds > 0 else control.reserve,
+        control.widened,
+        np.sqrt(far) / max(control.age, 1),
+        control.age,
+        control.calm,
+    )
+
+
+@njit(cache=True)
+def adapt_to_undone_sweep(control, active_skin):
+    """Widen the skin if a new selection was too narrow, else enlarge the reserve."""
+    is_new = control.age == 0
+    return SkinControl(
+        control.least,
+        control.radius,
+        control.reserve if is_new else min(0.3, 1.25 * control.reserve),
+        1.5 * max(control.least, active_skin) if is_new else control.widened,
+        control.pace,
+        control.age,
+        control.calm,
+    )
+
+
+@njit(cache=True)
+def with_age(control, age):
+    """Return the control with the age of the selection set."""
+    return SkinControl(
+        control.least,
+        control.radius,
+        control.reserve,
+        control.widened,
+        control.pace,
+        age,
+        control.calm,
+    )
+
+
+@njit(cache=True)
+def adapt_after_step(control, skins, attempts):
+    """Shrink a widened skin after enough calm steps; returns control and skins."""
+    calm = control.calm + 1 if attempts == 0 else 0
+    widened = control.widened
+    certified = skins.certified
+    if calm > CALM_STEPS and widened > 0.0:
+        widened = widened / 1.5 if widened > 1.5 * control.least else 0.0
+        calm = 0
+        certified = 0.0 if widened == 0.0 else certified
+    return (
+        SkinControl(
+            control.least,
+            control.radius,
+            control.reserve,
+            widened,
+            control.pace,
+            control.age,
+            calm,
+        ),
+        Skins(skins.pairs, skins.active, skins.rows, certified),
+    )
+
+
+@njit(cache=True)
+def initialise(scene, state, arrays, x, reach):
+    """Set the state to the start x (n dim,) and return lists, counts, skins and control."""
+    n = x.size // scene.dim
+    state.y[:] = x
+    state.list_base[:] = x
+    state.active_base[:] = x
+    state.reaction[:] = 0.0
+    for s in range(n):  # the arrays may have been used before
+        state.label[s] = s
+        state.store[s] = s
+    near = np.arange(scene.rows.inv2.size if scene.moving else 0).astype(np.int32)
+    least = max(reach, 1e-8 * np.abs(x).max())
+    zero = np.int64(0)
+    return (
+        CandidateLists(arrays, no_impulses(), scene.r, near),
+        ListState(zero, zero, zero, zero, False, n * n),
+        Skins(least, 0.3 * least, 0.0, 0.0),
+        SkinControl(least, scene.r.mean(), 0.15, 0.0, np.inf, zero, zero),
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def reselect(scene, state, lists, counts, skins, control, far, attempts):
+    """Select the active candidates at the positions y, with a skin that suits the pace.
+
+    far: largest squared displacement since the last selection; attempts: sweeps of this step
+    undone. Returns lists, counts (count -1 where the list gets too long), skins and control.
+    """
+    if attempts == 0:
+        control = adapt_to_pace(control, far, counts.rebuilds)
+    width = max(control.widened, inner_skin(control.pace, control.radius, control.least))
+    skins = Skins(skins.pairs, width, skins.rows, skins.certified)
+    lists, counts, skins = refresh_candidates(scene, control.least, state, lists, counts, skins)
+    return lists, counts, skins, with_age(control, 0)
+
+
+@njit(cache=True)
+def undo_sweep(scene, state, lists, z, h, is_first, logged):
+    """Take back positions and impulses of a sweep, the first one of its step or a later one."""
+    if is_first:
+        drift(z, state.y, state.active_base, state.velocity, state.label, h, scene.dim)
+    else:
+        state.y[:] = state.sweep_start
+    if scene.record:
+        mu = lists.arrays.active_mu
+        for e in range(logged):
+            mu[lists.arrays.log_at[e]] = lists.arrays.log_mu[e]
+
+
+@njit(cache=True)
+def record_sample(k, scene, state, lists, counts, records):
+    """Move the impulses since the last sample to the records (ids, values, count); returns them."""
+    ids, values, count = records
+    restore_impulses(lists.arrays, counts.active)
+    lists.arrays.active_mu[: counts.active] = 0.0
+    pairs = listed(lists.arrays, counts.count)
+    return flush(k, pairs, lists.expired, state.label, scene.families, ids, values, count)
+
+
+@njit(cache=True, error_model="numpy")
+def march(f, b_of, t, substeps, sweeps, x, reach, scene, state, arrays, X, R):
+    """Integrate from x and fill X, R (K, n) with states and reactions; returns a LoopResult.
+
+    f, b_of: pointers (t, x, out), (t, out); t (K,), substeps (K - 1,): the grid; sweeps: per step;
+    reach: least skin; scene, state, arrays: CellScene, CellState, CandidateArrays.
+    """
+    label = state.label
+    dim = scene.dim
+    lists, counts, skins, control = initialise(scene, state, arrays, x, reach)
     X[0] = x
-    y[:] = x
-    base[:] = x
-    spot[:] = x
     R[0] = 0.0
-    reac[:] = 0.0
-    for s in range(label.size):  # the room may have been used before
-        label[s] = particles[1][s] = s
     ids = np.empty((0, 4), np.int32)
     values = np.empty(0)
-    count = 0
-    kept = (none, none, np.empty(0))
-    radii = r
+    size = 0
     work = 0
-    status = OK
-    calm = 0
-    age = 0
-    reserve = 0.15
-    storm = 0.0
-    pace = np.inf
-    radius = r.mean()
-    sizes = np.array([0, 0, 0, 0, 0, n * n])
-    least = max(reach, 1e-8 * np.abs(x).max())
-    widths = np.array([least, 0.3 * least, 0.0, 0.0])
-    near = np.arange(rows[3].size if moving else 0).astype(np.int32)
-    for k in range(K - 1):
+    code = StepCode.OK
+    for k in range(t.size - 1):
         h = (t[k + 1] - t[k]) / substeps[k]
         X[k + 1] = X[k]
         z = X[k + 1]
         for s in range(substeps[k]):
             now = t[k] + s * h
-            f(now, z, v)
-            if crew is None:
-                far = drift(z, y, spot, v, label, h, dim, 0, label.size)
-            else:
-                far = threaded_loop.drift_all(crew, k + 1, h)
+            f(now, z, state.velocity)
+            far = drift(z, state.y, state.active_base, state.velocity, label, h, dim)
             if not far >= 0.0:
-                X[k + 1 :], R[k + 1 :] = np.nan, np.nan
-                return X, R, ids[:count], values[:count], work, NAN, now, sizes[2], sizes[3]
-            if moving:
-                b_of(t[k + 1] if s + 1 == substeps[k] else t[k] + (s + 1) * h, b)
-            age = age + 1
-            again = 0
+                X[k + 1 :] = np.nan
+                R[k + 1 :] = np.nan
+                end = StepCode.NAN, now, counts.rebuilds, counts.peak_pairs
+                return LoopResult(X, R, ids[:size], values[:size], work, *end)
+            if scene.moving:
+                b_of(t[k + 1] if s + 1 == substeps[k] else t[k] + (s + 1) * h, scene.b)
+            control = with_age(control, control.age + 1)
+            attempts = 0
             for u in range(sweeps):
                 if u > 0:
-                    far = farthest(y, spot, dim, 0, label.size)
-                    start[:] = y
-                while True:
-                    if (
-                        sizes[2] == 0
-                        or again > 0
-                        or far > ((0.4999 - (reserve if storm == 0.0 else 0.0)) * widths[3]) ** 2
-                    ):
-                        if again == 0:
-                            pace = np.sqrt(far) / max(age, 1)
-                            reserve = max(0.05, 0.97 * reserve) if sizes[2] > 0 else reserve
-                        widths[1] = max(storm, inner_skin(pace, radius, least))
-                        kept, radii, near, candidates = refresh_candidates(
-                            crew,
-                            sizes,
-                            widths,
-                            least,
-                            kept,
-                            radii,
-                            particles,
-                            candidates,
-                            state,
-                            r,
-                            dim,
-                            rows,
-                            b,
-                            near,
-                            moving,
-                            families,
-                            number,
-                            order,
-                            seed,
-                            record,
+                    far = farthest(state.y, state.active_base, dim, label.size)
+                    state.sweep_start[:] = state.y
+                # sweep under the certificate: undone, and done again with wider lists, if it fails
+                broken = True
+                while broken:
+                    if needs_selection(far, attempts, counts.rebuilds, control, skins.certified):
+                        lists, counts, skins, control = reselect(
+                            scene, state, lists, counts, skins, control, far, attempts
                         )
-                        if sizes[0] < 0:
-                            code = TOO_MANY if sizes[0] == -1 else TOO_SMALL
-                            return (
-                                X,
-                                R,
-                                ids[:count],
-                                values[:count],
-                                -sizes[0],
-                                code,
-                                now,
-                                sizes[2],
-                                sizes[3],
-                            )
+                        if counts.count < 0:
+                            end = StepCode.LIST_OVERFLOW, now, counts.rebuilds, counts.peak_pairs
+                            return LoopResult(X, R, ids[:size], values[:size], work, *end)
                         if u > 0:
-                            start[:] = y
-                        age = 0
-                    limit2 = (0.4999 * widths[3]) ** 2
-                    if crew is None:
-                        half = candidates[3].size
-                        c = sizes[1]
-                        lists = candidates[2][:c], candidates[2][half : half + c], candidates[5][:c]
-                        done, tied, broken = sweep(
-                            lists,
-                            y,
-                            spot,
-                            radii,
-                            dim,
-                            rows,
-                            b,
-                            limit2,
-                            candidates[3],
-                            candidates[6],
-                            record,
-                        )
-                    else:
-                        done, tied, broken = threaded_loop.sweep_all(crew, limit2)
-                    if not broken:
-                        break
-                    if u == 0:
-                        drift(z, y, spot, v, label, h, dim, 0, label.size)
-                    else:
-                        y[:] = start
-                    if record:
-                        if crew is None:
-                            undo(candidates[5], candidates[3], candidates[6], done)
-                        else:
-                            threaded_loop.undo_all(crew)
-                    if age == 0:  # a new choice and yet too narrow
-                        storm = 1.5 * max(least, widths[1])
-                    else:
-                        reserve = min(0.3, 1.25 * reserve)
-                    again += 1
+                            state.sweep_start[:] = state.y
+                    done, tied, broken = sweep_active(
+                        scene, state, lists, counts.active, skins.certified
+                    )
+                    if broken:
+                        undo_sweep(scene, state, lists, z, h, u == 0, done)
+                        control = adapt_to_undone_sweep(control, skins.active)
+                        attempts += 1
                 work += done
-                status = TIED if tied else status
-            calm = calm + 1 if again == 0 else 0
-            if calm > 8 and storm > 0.0:  # the storm is over: narrow again
-                storm = storm / 1.5 if storm > 1.5 * least else 0.0
-                calm = 0
-                widths[3] = 0.0 if storm == 0.0 else widths[3]
-            if crew is None:
-                settle(z, y, v, reac, label, h, dim, 0, label.size)
-            else:
-                threaded_loop.together(crew, threaded_loop.SETTLE)
-        unpack(reac, label, dim, R[k + 1])
-        if record:
-            if crew is None:
-                restore_impulses(
-                    listed(candidates, sizes[0])[2],
-                    candidates[7][: sizes[1]],
-                    candidates[5][: sizes[1]],
-                )
-                candidates[5][: sizes[1]] = 0.0
-            else:
-                threaded_loop.together(crew, threaded_loop.PUT_BACK)
-                candidates[5][: sizes[0]] = 0.0
-            ids, values, count = flush(
-                k + 1, listed(candidates, sizes[0]), kept, label, families, ids, values, count
-            )
-        kept = (none, none, np.empty(0))
-    return X, R, ids[:count], values[:count], work, status, t[K - 1], sizes[2], sizes[3]
+                code = StepCode.TIED if tied else code
+            control, skins = adapt_after_step(control, skins, attempts)
+            settle(z, state.y, state.velocity, state.reaction, label, h, dim)
+        unpack(state.reaction, label, dim, R[k + 1])
+        if scene.record:
+            records = ids, values, size
+            ids, values, size = record_sample(k + 1, scene, state, lists, counts, records)
+        lists = CandidateLists(lists.arrays, no_impulses(), lists.radii, lists.near_rows)
+    end = code, t[-1], counts.rebuilds, counts.peak_pairs
+    return LoopResult(X, R, ids[:size], values[:size], work, *end)
 
 
-def room(n: int, N: int, m: int = 0) -> tuple:
-    """State and arrays to work in for n particles with N coordinates and m candidates, 0: some for
-    each. Made by numpy: on large pages."""
-    return np.empty((6, N)), *cell_storage.workspace.py_func(n, m or 8 * n + 64)
+def cell_state(n: int, size: int) -> CellState:
+    """Return the state of n particles with `size` coordinates in all; it is filled by march."""
+    return CellState(
+        *np.empty((6, size)),
+        np.empty(n, np.int32),
+        np.empty(n, np.int32),
+        np.empty(n, np.int32),
+        np.empty(n + 1, np.int32),
+    )
+
+
+def first_size(n: int) -> int:
+    """Return the number of candidates that the first arrays for n particles can hold."""
+    return 8 * n + 64

@@ -1,29 +1,74 @@
-"""One sweep over hard particles stored by cells and rows on single ones, under a certificate
-(kernels.pbd_packed)."""
+"""One step over hard particles stored by cells: drift, sweep of projections, reaction.
+
+Positions y are in the order of the store, positions x and the drift v by label. The sweep projects
+on the active candidates in their order of execution and stops where a particle has moved farther
+than its certificate allows (see cell_loop); the projections are those of kernels/projection.py,
+once more in a form that knows the store: in any dimension, and for equal discs in the plane.
+"""
 
 import numpy as np
 
-from nsbench.compilation.decorators import njit
+from nsbench.compilation.decorators import inner_kernel, njit
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True)
+def drift(x, y, spot, v, label, h, dim):
+    """Fill y with one step of explicit Euler from x, v the drift there.
+
+    Returns the largest squared distance of a particle from spot, NaN if not all is finite.
+    """
+    far = 0.0
+    good = True
+    for s in range(label.size):
+        g = 0.0
+        for c in range(dim):
+            a = x[label[s] * dim + c] + h * v[label[s] * dim + c]
+            y[s * dim + c] = a
+            good = good and abs(a) < 1e150
+            g += (a - spot[s * dim + c]) ** 2
+        far = max(far, g)
+    return far if good else np.nan
+
+
+@njit(cache=True)
+def farthest(y, base, dim, n):
+    """Return the largest squared distance of n particles from base."""
+    far = 0.0
+    for s in range(n):
+        g = 0.0
+        for c in range(s * dim, (s + 1) * dim):
+            g += (y[c] - base[c]) ** 2
+        far = max(far, g)
+    return far
+
+
+@njit(cache=True)
+def settle(x, y, v, reac, label, h, dim):
+    """Add the displacement by the sweep to the reaction, and bring x from before the step to y."""
+    for s in range(label.size):
+        for c in range(dim):
+            e = label[s] * dim + c
+            reac[s * dim + c] += y[s * dim + c] - (x[e] + h * v[e])
+            x[e] = y[s * dim + c]
+
+
+@inner_kernel
 def project_row(y, s, q, rows, b, dim):
-    """Projection of particle s on row q, as kernels.project.project_row; returns mu."""
-    ptr, cols, vals, inv2 = rows
+    """Project particle s on row q, as projection.project_row; returns mu."""
     g = b[q]
-    for e in range(ptr[q], ptr[q + 1]):
-        g += vals[e] * y[s * dim + cols[e] % dim]
+    for e in range(rows.ptr[q], rows.ptr[q + 1]):
+        g += rows.vals[e] * y[s * dim + rows.cols[e] % dim]
     if g >= 0.0:
         return 0.0
-    mu = -g * inv2[q]
-    for e in range(ptr[q], ptr[q + 1]):
-        y[s * dim + cols[e] % dim] += mu * vals[e]
+    mu = -g * rows.inv2[q]
+    for e in range(rows.ptr[q], rows.ptr[q + 1]):
+        y[s * dim + rows.cols[e] % dim] += mu * rows.vals[e]
     return mu
 
 
-@njit(cache=True, error_model="numpy")
-def strayed(y, base, s, dim, limit2):
-    """Whether particle s is farther than sqrt(limit2) from where the list was made."""
+@inner_kernel
+def is_beyond(y, base, s, dim, limit2):
+    """Return whether particle s is farther than sqrt(limit2) from its place in base."""
     far = 0.0
     for c in range(s * dim, (s + 1) * dim):
         e = y[c] - base[c]
@@ -31,10 +76,9 @@ def strayed(y, base, s, dim, limit2):
     return far > limit2
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def project_pair(y, p, q, d, dim):
-    """kernels.project.project_pair in any dimension, for sign + 1; returns mu, negative where
-    centres coincide."""
+    """Project particles p, q on |x_p - x_q| >= d; returns mu, negative where centres coincide."""
     s = 0.0
     for c in range(dim):
         e = y[p * dim + c] - y[q * dim + c]
@@ -58,20 +102,22 @@ def project_pair(y, p, q, d, dim):
 
 
 @njit(cache=True, error_model="numpy")
-def sweep(lists, y, base, r, dim, rows, b, limit2, log_at, log_mu, record):
-    """Project on all candidates in the order given; impulses before each are logged.
+def sweep(active, y, base, r, dim, rows, b, limit2, log_at, log_mu, record):
+    """Project once on each active candidate in the order given.
 
-    Returns the projections done, whether centres coincided, and whether a particle strayed (the
-    sweep then ends).
+    active: PairImpulses (i, j, mu), j < 0 for row -1 - j on particle i; mu grows by the impulses if
+    they are recorded, and its values before are logged in log_at, log_mu. r: radii, (n,) or (1,).
+    Returns the projections done, whether centres coincided, and whether a particle went farther
+    than sqrt(limit2) from base: the sweep then ends there.
     """
     if dim == 2 and r.size == 1:
-        return sweep_discs(lists, y, base, 2.0 * r[0], rows, b, limit2, log_at, log_mu, record)
-    i, j, mu = lists
+        return sweep_discs(active, y, base, 2.0 * r[0], rows, b, limit2, log_at, log_mu, record)
     k = 0
     tied = False
-    for c in range(i.size):
-        p = i[c]
-        q = j[c]
+    # Gauss-Seidel sweep: each projection starts from the positions that the last one left
+    for c in range(active.i.size):
+        p = active.i[c]
+        q = active.j[c]
         if q >= 0:
             m = project_pair(y, p, q, 2.0 * r[0] if r.size == 1 else r[p] + r[q], dim)
         else:
@@ -81,19 +127,22 @@ def sweep(lists, y, base, r, dim, rows, b, limit2, log_at, log_mu, record):
         tied = tied or m < 0.0
         if record:
             log_at[k] = c
-            log_mu[k] = mu[c]
-            mu[c] += abs(m)
+            log_mu[k] = active.mu[c]
+            active.mu[c] += abs(m)
         k += 1
-        if strayed(y, base, p, dim, limit2) or (q >= 0 and strayed(y, base, q, dim, limit2)):
+        if is_beyond(y, base, p, dim, limit2) or (q >= 0 and is_beyond(y, base, q, dim, limit2)):
             return k, tied, True
     return k, tied, False
 
 
-@njit(cache=True, error_model="numpy")
-def sweep_discs(lists, y, base, d, rows, b, limit2, log_at, log_mu, record):
-    """`sweep` in the plane for one diameter d. Indices are unsigned: numba then does not ask
-    whether they count from the end, which would be a fourth of the time."""
-    i, j, mu = lists
+@inner_kernel
+def sweep_discs(active, y, base, d, rows, b, limit2, log_at, log_mu, record):
+    """Do the sweep in the plane for one diameter d.
+
+    Indices are unsigned: numba then does not test whether they count from the end, which would be a
+    fourth of the time.
+    """
+    i, j, mu = active
     one = np.uint64(1)
     two = np.uint64(2)
     k = np.uint64(0)
@@ -104,7 +153,7 @@ def sweep_discs(lists, y, base, d, rows, b, limit2, log_at, log_mu, record):
             m = project_row(y, i[c], -1 - j[c], rows, b, 2)
             if m == 0.0:
                 continue
-            broken = strayed(y, base, i[c], 2, limit2)
+            broken = is_beyond(y, base, i[c], 2, limit2)
         else:
             p = two * np.uint64(i[c])
             q = two * np.uint64(j[c])
@@ -117,7 +166,7 @@ def sweep_discs(lists, y, base, d, rows, b, limit2, log_at, log_mu, record):
             m = -0.5 * (length - d)
             if m <= 0.0:
                 continue
-            if length == 0.0:
+            if length == 0.0:  # no normal: apart along the first axis
                 ex = m
                 tied = True
             else:

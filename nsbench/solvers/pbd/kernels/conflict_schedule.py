@@ -1,24 +1,24 @@
-"""What of a sweep may run at once: constraints put in an order of execution that gives the bits of
-the stated order.
+"""Order of execution of a sweep in which neighbours in the list seldom share a particle.
 
-Two constraints that share no particle may change places. So each particle sorts its own constraints
-by key, and each constraint waits for its neighbours in those short lists. Any order in which nobody
-overtakes whom it waits for does. The one taken here goes through the store band by band, a band
-being some rows of cells: of all constraints that wait for nothing any more, next is the one that
-has been so longest in the lowest band. What follows in the list then seldom waits for one another,
-as a band goes on at many places in turn, and yet is near in memory.
+Two constraints that share no particle may change places without changing a bit. So each particle
+sorts its own constraints by key, and each constraint waits for its predecessors in those short
+lists (a dependency graph); every topological order gives the bits of the stated order. The one
+taken here goes through the store band by band, a band being some rows of cells: of all constraints
+that wait for nothing any more, next is the one that has been so longest in the lowest band. What
+follows in the list then seldom waits for one another, as a band advances at many places in turn,
+and yet is near in memory.
 """
 
 import numpy as np
 
-from nsbench.compilation.decorators import njit
+from nsbench.compilation.decorators import inner_kernel
 
-BAND = 8  # rows of cells, as many as chains of projections that a processor has in hand at a time
+BAND_ROWS = 8  # rows of cells in a band: about the projections a processor keeps under way at once
 
 
-@njit(cache=True)
+@inner_kernel
 def sort_by_key(ids, lo, hi, keys):
-    """ids[lo:hi] in ascending order of keys (Shell's sort: the lists are short, seldom long)."""
+    """Sort ids[lo:hi] by ascending keys (Shell's sort: the lists are short, seldom long)."""
     gap = 1
     while 3 * gap < hi - lo:
         gap = 3 * gap + 1
@@ -34,10 +34,13 @@ def sort_by_key(ids, lo, hi, keys):
         gap //= 3
 
 
-@njit(cache=True)
-def waits(i, j, keys, ends, ids, after, need):
-    """Fill `after` (2 m,) with the next constraint at either particle (-1: none), `need` (m,) with
-    how many a constraint waits for. ends (n + 1,), ids (2 m,): room to work in."""
+@inner_kernel
+def build_dependencies(i, j, keys, ends, ids, after, need):
+    """Build the dependency graph of the constraints i, j (m,) with keys (m,).
+
+    Fills after (2 m,) with the next constraint at either particle (-1: none) and need (m,) with how
+    many constraints one waits for. ends (n + 1,), ids (2 m,): work arrays.
+    """
     n = ends.size - 1
     ends[:] = 0
     for c in range(i.size):
@@ -65,9 +68,9 @@ def waits(i, j, keys, ends, ids, after, need):
         lo = hi
 
 
-@njit(cache=True)
-def _join(c, u, first, last, behind):
-    """Constraint c at the end of the queue of band u."""
+@inner_kernel
+def _enqueue(c, u, first, last, behind):
+    """Append constraint c to the queue of band u."""
     if first[u] < 0:
         first[u] = c
     else:
@@ -76,23 +79,24 @@ def _join(c, u, first, last, behind):
     last[u] = c
 
 
-@njit(cache=True)
+@inner_kernel
 def schedule(i, j, keys, row, ends, ids, after, need, place):
-    """Fill `place` (m,) with the places of the constraints in the order of execution.
+    """Fill place (m,) with the places of the constraints in the order of execution.
 
-    i, j (m,): particles (j < 0: on i alone); keys (m,) of the stated order; row (n,) of the
-    particles' cells; the rest is room.
+    i, j (m,): particles (j < 0: on i alone); keys (m,) of the stated order; row (n,): row of the
+    cell of each particle. ends (n + 1,), ids, after (2 m,), need (m,): work arrays.
     """
-    waits(i, j, keys, ends, ids, after, need)
+    build_dependencies(i, j, keys, ends, ids, after, need)
     bands = 1
     for s in range(row.size):
-        bands = max(bands, row[s] // BAND + 1)
+        bands = max(bands, row[s] // BAND_ROWS + 1)
     first = np.full(bands, -1, np.int32)
     last = np.empty(bands, np.int32)
     behind = ids  # the queues of the bands as linked lists
     for c in range(i.size):
         if need[c] == 0:
-            _join(c, row[i[c]] // BAND, first, last, behind)
+            _enqueue(c, row[i[c]] // BAND_ROWS, first, last, behind)
+    # topological order by Kahn's algorithm, with one queue per band
     done = 0
     at = 0
     while at < bands:
@@ -108,59 +112,6 @@ def schedule(i, j, keys, row, ends, ids, after, need, place):
             if q >= 0:
                 need[q] -= 1
                 if need[q] == 0:
-                    u = row[i[q]] // BAND
-                    _join(q, u, first, last, behind)
+                    u = row[i[q]] // BAND_ROWS
+                    _enqueue(q, u, first, last, behind)
                     at = min(at, u)
-
-
-@njit(cache=True)
-def about(i, j, n, threads, first):
-    """Class of a constraint on particles i, j by place: its strip, else its border (behind the
-    `threads` strips), else the rest. first: the earliest that may be said (0: strips; else
-    borders)."""
-    j = i if j < 0 else j
-    strip = ((i + 1) * threads - 1) // n
-    if first == 0 and strip == ((j + 1) * threads - 1) // n:
-        return strip
-    border = (((i + 1) * 2 * threads - 1) // n + 1) // 2
-    return (
-        threads + border
-        if border == (((j + 1) * 2 * threads - 1) // n + 1) // 2
-        else 2 * threads + 1
-    )
-
-
-@njit(cache=True)
-def divide(i, j, after, place, order, kind, n, ends):
-    """Sort the order of execution by classes that threads may take: changes `place`, fills `ends`
-    with where each begins.
-
-    Of n particles of the store those of a strip lie together; ends (2 threads + 3,): of the strips,
-    of the borders from the lowest half strip on to the highest, of the rest. A class waits for
-    nothing but earlier ones of its own kind: a strip for none, a border for strips alone. after: as
-    `waits` fills it; order, kind: room (m,).
-    """
-    threads = ends.size // 2 - 1
-    last = 2 * threads + 1
-    for c in range(i.size):
-        order[place[c]] = c
-        kind[c] = about(i[c], j[c], n, threads, 0)
-    ends[:] = 0
-    for e in range(i.size):
-        c = order[e]
-        ends[kind[c] + 1] += 1
-        for u in range(2 * c, 2 * c + 2):
-            q = after[u]
-            if q >= 0 and kind[c] == last:
-                kind[q] = last
-            elif q >= 0 and kind[c] >= threads and kind[q] < threads:
-                kind[q] = about(i[q], j[q], n, threads, 1)
-    for k in range(ends.size - 1):
-        ends[k + 1] += ends[k]
-    for e in range(i.size):
-        c = order[e]
-        place[c] = ends[kind[c]]
-        ends[kind[c]] += 1
-    for k in range(ends.size - 1, 0, -1):  # filling has moved each start to its end
-        ends[k] = ends[k - 1]
-    ends[0] = 0

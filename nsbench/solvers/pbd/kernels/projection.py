@@ -1,38 +1,39 @@
-"""Projection on one constraint, and the sweep over a list of them.
+"""Projection on one constraint, and one Gauss-Seidel sweep over a list of them.
 
-A list of constraints is a tuple of arrays, one entry each, in the order of the sweep:
-kind (0 row of A, 1 pair, 2 particle and anchor), p, q (row number; first coordinate of particle i,
-of particle j or of the anchor), d (distance), sign, dim. Rows are CSR: ptr, cols, vals and
-1/|row|^2.
-The projection on an affine row or a distance is exact, along the gradient; it returns the impulse
-h lambda = displacement / |grad g|^2 * |grad g| ... that is, the factor mu in  x += mu grad g.
+The projection on an affine row or a distance is exact, along the gradient:
+
+    x += mu grad g,    mu = max(0, -g) / |grad g|^2,
+
+so that g(x) = 0 afterwards if it was negative (for a distance grad g keeps its direction). mu is
+the impulse h lambda of the step.
 """
 
 import numpy as np
 
 from nsbench.compilation.decorators import njit
+from nsbench.dynamics.contacts.kernels.contact_arrays import PAIR, ROW
 
 
 @njit(cache=True, error_model="numpy")
-def project_row(r, x, ptr, cols, vals, inv2, b):
-    """Exact projection on A_r x + b_r >= 0; returns mu >= 0 with x += mu A_r."""
+def project_row(r, x, rows, b):
+    """Project x on A_r x + b_r >= 0; returns mu >= 0 with x += mu A_r."""
     g = b[r]
-    for e in range(ptr[r], ptr[r + 1]):
-        g += vals[e] * x[cols[e]]
+    for e in range(rows.ptr[r], rows.ptr[r + 1]):
+        g += rows.vals[e] * x[rows.cols[e]]
     if g >= 0.0:
         return 0.0
-    mu = -g * inv2[r]
-    for e in range(ptr[r], ptr[r + 1]):
-        x[cols[e]] += mu * vals[e]
+    mu = -g * rows.inv2[r]
+    for e in range(rows.ptr[r], rows.ptr[r + 1]):
+        x[rows.cols[e]] += mu * rows.vals[e]
     return mu
 
 
 @njit(cache=True, error_model="numpy")
 def project_pair(p, q, d, sign, dim, x):
-    """Exact projection on sign (|x_i - x_j| - d) >= 0, both particles moved alike; mu = -g / 2.
+    """Project on sign (|x_i - x_j| - d) >= 0, both particles moved alike; returns mu = -g / 2.
 
-    Coincident centres have no gradient: they are parted along the first axis (mu is then negative
-    to mark it).
+    p, q: first coordinates of particles i, j. Coincident centres have no gradient: they are parted
+    along the first axis, and mu is returned negative to mark it.
     """
     s = 0.0
     for c in range(dim):
@@ -59,7 +60,7 @@ def project_pair(p, q, d, sign, dim, x):
 
 @njit(cache=True, error_model="numpy")
 def project_anchor(p, q, d, sign, dim, x, anchors):
-    """Exact projection on sign (|x_i - a| - d) >= 0; mu = -g."""
+    """Project on sign (|x_i - a| - d) >= 0; returns mu = -g, negative for coincident centres."""
     s = 0.0
     for c in range(dim):
         e = x[p + c] - anchors[q + c]
@@ -78,27 +79,32 @@ def project_anchor(p, q, d, sign, dim, x, anchors):
 
 
 @njit(cache=True, error_model="numpy")
-def sweep(lo, hi, step, kind, p, q, d, sign, dim, x, ptr, cols, vals, inv2, b, anchors, mu):
-    """Project once on the constraints lo, lo + step, ... before hi; mu[c] grows by the impulse of
-    c.
+def project(c, lists, x, rows, b, anchors):
+    """Project on constraint c of the list (ListedContacts); returns mu as the projections above."""
+    if lists.kind[c] == ROW:
+        return project_row(lists.p[c], x, rows, b)
+    if lists.kind[c] == PAIR:
+        return project_pair(lists.p[c], lists.q[c], lists.d[c], lists.sign[c], lists.dim[c], x)
+    return project_anchor(
+        lists.p[c], lists.q[c], lists.d[c], lists.sign[c], lists.dim[c], x, anchors
+    )
 
-    Returns the number of projections done and whether coincident centres were met.
+
+@njit(cache=True, error_model="numpy")
+def sweep(lo, hi, lists, x, rows, b, anchors, mu):
+    """Project once on the constraints lo, ..., hi - 1; mu[c] grows by the impulse of c.
+
+    lists: ListedContacts; rows: AffineRows; b, anchors: constants of the rows, coordinates of the
+    anchors. Returns the number of projections done and whether coincident centres were met.
     """
     work = 0
     tied = False
-    c = lo
-    while c != hi:
-        if kind[c] == 0:
-            m = project_row(p[c], x, ptr, cols, vals, inv2, b)
-        elif kind[c] == 1:
-            m = project_pair(p[c], q[c], d[c], sign[c], dim[c], x)
-        else:
-            m = project_anchor(p[c], q[c], d[c], sign[c], dim[c], x, anchors)
+    for c in range(lo, hi):
+        m = project(c, lists, x, rows, b, anchors)
         if m != 0.0:
             work += 1
             if m < 0.0:
                 tied = True
                 m = -m
             mu[c] += m
-        c += step
     return work, tied
