@@ -1,17 +1,8 @@
-"""Solvers, found by scanning this folder: a module that defines SOLVER is a method."""
+"""Solvers by name, one run of them, and what the file of a user's own solver needs."""
 
 from __future__ import annotations
 
-import dataclasses
-import functools
-import importlib
-import pkgutil
-import re
-import sys
-from pathlib import Path
-
-from nsbench import user_code
-from nsbench.case import Case, format_value, get_case, load_module, nearest, parse_spec
+from nsbench.case import Case
 from nsbench.solvers.base import (
     Claims,
     Expect,
@@ -23,6 +14,7 @@ from nsbench.solvers.base import (
     last_steps,
     sample,
 )
+from nsbench.solvers.registry import all_names, broken, get, load, solve, spec_of, standard
 from nsbench.trajectory import Event, Status, Trajectory
 
 __all__ = [
@@ -47,143 +39,3 @@ __all__ = [
     "spec_of",
     "standard",
 ]
-
-_loaded: dict[str, type] = {}
-NAME = re.compile(r"[A-Za-z0-9_.-]{1,80}")  # of a solver, as of a case
-
-
-@functools.cache
-def _scan() -> tuple[dict, dict]:
-    found = {}
-    failed = {}
-    for info in pkgutil.iter_modules(__path__):
-        if info.name in ("base", "common") or info.name.startswith("_"):
-            continue
-        try:
-            with user_code.guarded(f"the file of the solver {info.name}"):
-                module = importlib.import_module(f"{__name__}.{info.name}")
-            found[info.name] = _checked(module)
-        except (Exception, SystemExit) as e:  # a broken plugin must not take the others with it
-            failed[info.name] = f"{type(e).__name__}: {e}"
-    return found, failed
-
-
-def _checked(module) -> type:
-    """SOLVER of a module; TypeError where it is no solver, with what is missing."""
-    made = getattr(module, "SOLVER", None)
-    if made is None:
-        raise TypeError(f"{module.__file__} does not define SOLVER")
-    if not (isinstance(made, type) and dataclasses.is_dataclass(made)):
-        raise TypeError(f"SOLVER of {module.__file__} is {made!r}; a frozen dataclass is needed")
-    missing = [
-        n for n in ("accuracy", "default", "claims", "refuses", "prepare") if not hasattr(made, n)
-    ]
-    if missing:
-        raise TypeError(f"SOLVER of {module.__file__} has no {', '.join(missing)}")
-    bare = [
-        f.name
-        for f in dataclasses.fields(made)
-        if f.init and f.default is f.default_factory is dataclasses.MISSING
-    ]
-    if bare:
-        raise TypeError(
-            f"SOLVER of {module.__file__} has no default of {', '.join(bare)}; every option needs "
-            f"one"
-        )
-    return made
-
-
-def load(path) -> str:
-    """Register the solver of the file at `path`, which defines SOLVER, under the file's name."""
-    path = Path(path).resolve()
-    name = path.stem
-    if not NAME.fullmatch(name):
-        raise ValueError(
-            f"{str(path)!r}: a solver is named after its file, in letters, digits, '_', '.', '-', "
-            f"at most 80"
-        )
-    homes = {
-        n: sys.modules[c.__module__].__file__
-        for n, c in {**_scan()[0], **_loaded}.items()
-        if c.__module__ in sys.modules
-    }
-    for other, file in homes.items():
-        if other.casefold() == name.casefold() and not (other in _loaded and Path(file) == path):
-            raise ValueError(f"{path}: a solver named {other!r} exists already, in {file}")
-    _loaded[name] = _checked(load_module(path))
-    return name
-
-
-def all_names() -> list[str]:
-    return sorted({**_scan()[0], **_loaded})
-
-
-def broken() -> dict[str, str]:
-    return dict(_scan()[1])
-
-
-def standard() -> list[str]:
-    """Specs of the standard suite: what a solver's file lists in STANDARD, else the solver with its
-    defaults."""
-    out = []
-    for name in all_names():
-        home = sys.modules.get({**_scan()[0], **_loaded}[name].__module__)
-        out += list(getattr(home, "STANDARD", (name,)))
-    return out
-
-
-def get(spec: str) -> Solver:
-    """The solver of ``"pbd[order=reverse]"``. LookupError for an unknown name or option, ValueError
-    for a bad value."""
-    name, options = parse_spec(spec)
-    classes = {**_scan()[0], **_loaded}
-    if name in _scan()[1]:
-        raise ValueError(f"solver {name!r} failed to load: {_scan()[1][name]}")
-    if name not in classes:
-        raise LookupError(f"no solver {name!r}; {nearest(name, classes)}")
-    known = {f.name for f in dataclasses.fields(classes[name])}
-    for key in options:
-        if key not in known:
-            raise LookupError(f"solver {name} has no option {key!r}; {nearest(key, known)}")
-    return classes[name](**options)
-
-
-def spec_of(solver: Solver, name: str) -> str:
-    """The spec with only the options that differ from the defaults."""
-    parts = [
-        f"{f.name}={format_value(getattr(solver, f.name))}"
-        for f in dataclasses.fields(solver)
-        if getattr(solver, f.name) != f.default
-    ]
-    return f"{name}[{','.join(parts)}]" if parts else name
-
-
-def solve(case: Case | str, solver: str = "event_driven", **accuracy) -> Trajectory:
-    """One run: ``solve(case, "pbd[order=reverse]", h=1e-3)``.
-
-    The accuracy parameter is the solver's own (h, tol, k); without it the solver's default is
-    taken.
-    A refusal is a Trajectory of no samples with the status "refused". Bad input raises.
-    """
-    case = get_case(case) if isinstance(case, str) else case
-    method = get(solver)
-    if set(accuracy) - {method.accuracy}:
-        wrong = (set(accuracy) - {method.accuracy}).pop()
-        raise LookupError(f"{solver} takes {method.accuracy!r}, not {wrong!r}")
-    from nsbench.diagnostics import diagnose
-
-    value = check_positive(method.accuracy, accuracy.get(method.accuracy, method.default))
-    why = method.refuses(case)
-    if why:
-        return refused(case, why)
-    run = method.prepare(case, value)
-    return diagnose(case, run(), getattr(method, "checks", ()))
-
-
-def refused(case: Case, why: str) -> Trajectory:
-    import numpy as np
-
-    none = np.empty((0, 0))
-    return Trajectory(
-        np.empty(0), np.empty((0, case.n)), (), none, np.empty((0, case.n)), Status("refused", why)
-    )

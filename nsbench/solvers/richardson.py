@@ -80,8 +80,8 @@ class Richardson:
 
     @property
     def base(self):
-        """The method that is extrapolated."""
-        from nsbench.solvers import get  # the folder of solvers imports this file
+        """Return the method that is extrapolated."""
+        from nsbench.solvers.registry import get  # which imports this file
 
         return get(self.method)
 
@@ -89,7 +89,7 @@ class Richardson:
         return self.base.refuses(case)
 
     def prepare(self, case: Case, h: float) -> Run:
-        from nsbench.solvers import refused
+        from nsbench.solvers.registry import refused
 
         grids = [grid(case.t, h)]
         h = grids[0].h

@@ -12,8 +12,7 @@ import nsbench
 from nsbench import solvers
 from nsbench.case import case_names, get_case
 from nsbench.solvers.kdtree.method import _jacobi
-from nsbench.solvers.solve_ivp.method import _event, _march
-from nsbench.solvers.solve_ivp.scripts_filippov import script
+from nsbench.solvers.solve_ivp.method import _event, _march, find_script
 from nsbench.study.plan import suite_cases
 
 FULL = [
@@ -73,7 +72,7 @@ def test_an_event_that_leaves_the_arc_as_it_is_is_not_recorded():
     """The parabola that touches the floor in one point: nothing happens there, whether the step
     sees it or not."""
     case = get_case("graze")
-    floor = script(get_case("graze"))
+    floor = find_script(get_case("graze"))
     for step in (np.inf, 1e-2):
         work = dataclasses.replace(floor, max_step=step)
         arcs = {name: (arc, [_event(e) for e in arc.exits]) for name, arc in work.arcs.items()}

@@ -32,7 +32,7 @@ FAULTS = {
         "            mu[c] -= m\n",
     ),
     "half of every step": (
-        "nsbench/solvers/base.py",
+        "nsbench/solvers/common/time_grid.py",
         '    check_positive("h", h)\n    spacing',
         "    h = 0.5 * h\n    spacing",
     ),
@@ -71,7 +71,7 @@ FAULTS = {
         ("nsbench/reference/storage.py", "    if wrong:\n", "    if False:\n"),
     ),
     "fewer steps": (
-        "nsbench/solvers/base.py",
+        "nsbench/solvers/common/time_grid.py",
         "np.ceil(spacing / h * (1 - 1e-9)))",
         "np.ceil(spacing / h * 0.5))",
     ),

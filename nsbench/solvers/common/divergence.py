@@ -1,4 +1,4 @@
-"""What it means that a march with fixed steps stopped because its state was not finite."""
+"""Classify a run with fixed steps whose state stopped being finite: diverged, or not a number."""
 
 from __future__ import annotations
 
@@ -9,40 +9,40 @@ import numpy as np
 from nsbench.solvers.base import Grid
 from nsbench.trajectory import Status
 
-GROWN = (
-    1e6  # over the start's size, or 1: a state that is larger was not thrown there by one bad value
-)
-ROOM = 10**7  # numbers: what is kept of the steps that are taken again
+# largest state over that of the start, or over 1; beyond it, no single bad value is the cause
+GROWTH_OF_DIVERGENCE = 1e6
+MAX_STORED_NUMBERS = 10**7  # of the steps that are taken once more
 
 
 def classify_divergence(
     g: Grid, X: np.ndarray, reached: float, again: Callable[[Grid, np.ndarray], np.ndarray] | None
 ) -> Status:
-    """diverged, where the state had grown beyond GROWN before it was lost, else nan; X (K, n)
-    samples, NaN where there is none.
+    """Return the status "diverged" if the state had grown by 1e6 before the end, else "nan".
 
-    The steps between the last sample and the end are taken once more, each of them a sample:
-    again(grid, x) -> X. None:
-    the samples alone decide.
+    g: the grid; X (K, n): samples, NaN where there is none; reached: the time of the last step.
+    again(grid, x) -> X: the same run from x; the steps between the last sample and the end are
+    taken once more, each of them a sample. None: the samples alone decide.
     """
     k = int(np.isfinite(X).all(axis=1).sum()) - 1
     n = int(g.substeps[min(k, len(g.substeps) - 1)])
-    seen = X[: k + 1]
+    states = X[: k + 1]
     when = g.t[k]
-    if again is not None and k + 1 < len(g.t) and n * X.shape[1] <= ROOM:
+    if again is not None and k + 1 < len(g.t) and n * X.shape[1] <= MAX_STORED_NUMBERS:
         nodes = np.linspace(g.t[k], g.t[k + 1], n + 1)
         fine = again(Grid(nodes, np.ones(n, np.int64), g.h, True), X[k].copy())
         whole = np.isfinite(fine).all(axis=1)
-        seen = np.concatenate([seen, fine[whole]])
+        states = np.concatenate([states, fine[whole]])
         when = nodes[int(whole.sum()) - 1]
-    return ended(seen, X[0], reached, when)
+    return ended(states, X[0], reached, when)
 
 
-def ended(seen: np.ndarray, start: np.ndarray, reached: float, when: float) -> Status:
-    """The status of a march whose states `seen`, the last at `when`, were followed by one that is
-    not finite."""
-    size = float(np.abs(seen).max(initial=0.0))
-    if size > GROWN * max(1.0, float(np.abs(start).max(initial=0.0))):
+def ended(states: np.ndarray, start: np.ndarray, reached: float, when: float) -> Status:
+    """Return the status of a run whose states, the last at `when`, precede one that is not finite.
+
+    states (m, n); start (n,); reached: the time of the step that failed.
+    """
+    size = float(np.abs(states).max(initial=0.0))
+    if size > GROWTH_OF_DIVERGENCE * max(1.0, float(np.abs(start).max(initial=0.0))):
         return Status(
             "diverged",
             f"The state grew to {size:.3g} at t = {when:.6g}, and then beyond all bounds; a "

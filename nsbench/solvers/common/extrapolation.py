@@ -1,5 +1,7 @@
-"""Linear combinations of runs at accuracies e, e/2, e/4, ... in which the first powers of e cancel
-(Richardson 1911)."""
+"""Richardson extrapolation: combine runs at accuracies e, e/2, e/4, ... so that powers of e cancel.
+
+Source: Richardson 1911; Hairer, Norsett & Wanner I, II.9.
+"""
 
 from __future__ import annotations
 
@@ -11,8 +13,9 @@ from nsbench.trajectory import Status, Trajectory
 
 
 def weights(times: int) -> np.ndarray:
-    """(times + 1,) weights of the runs with e, e/2, ..., e/2^times: their sum is 1 and e, ...,
-    e^times cancel.
+    """Return the weights (times + 1,) of the runs with e, e/2, ..., e/2^times.
+
+    Their sum is 1, and e, ..., e^times cancel.
 
     Once: 2 x(e/2) - x(e); twice: (x(e) - 6 x(e/2) + 8 x(e/4)) / 3. Source: Hairer, Norsett & Wanner
     I, II.9.
@@ -25,8 +28,9 @@ def weights(times: int) -> np.ndarray:
 
 
 def combined(runs: list[Trajectory], h: float) -> Trajectory:
-    """The extrapolated trajectory of runs at halved accuracies; impulses by the contacts that acted
-    in any of them.
+    """Return the extrapolated trajectory of runs at halved accuracies.
+
+    Impulses are those of the contacts that acted in any of them.
 
     Its states are not feasible, nor its multipliers of one sign, to better than their error. A run
     that failed fails it, with the first sentence; work is added up. stats["spread"]: the largest
@@ -62,7 +66,7 @@ def combined(runs: list[Trajectory], h: float) -> Trajectory:
 
 
 def _resolution(runs):
-    """The resolution of an extrapolation: the fixed step that was asked for, the thinnest layer."""
+    """Return the resolution of an extrapolation: the step asked for, the thinnest layer."""
     first = runs[0].resolution
     last = runs[-1].resolution
     return replace(last, step=first.step) if first and last else None
@@ -81,7 +85,7 @@ def _columns(run, contacts):
 
 
 def _work(stats: list[dict]) -> dict:
-    """Counts added up; what is no count is that of the finest run, or the largest."""
+    """Add up the counts; of other values take that of the finest run, or the largest."""
     out = dict(stats[-1])
     for name, value in stats[-1].items():
         values = [s.get(name, 0) for s in stats]

@@ -1,5 +1,9 @@
-"""What an infeasible start means: an error, the nearest feasible point, or itself, as the case
-says."""
+"""Start of a run under the policy of its case: infeasible starts are errors, projected or kept.
+
+The projection is the nearest feasible point, found by sequential least-distance problems:
+
+    y <- x0 + argmin |d|^2    subject to    g(y) + grad g(y) . (x0 + d - y) >= 0
+"""
 
 from __future__ import annotations
 
@@ -22,7 +26,7 @@ STILL = 1e-13
 
 
 class InfeasibleStart(ValueError):
-    """There is no start; code: the status of the runs that would begin there."""
+    """No start exists; code: the status of the runs that would begin there."""
 
     def __init__(self, code: str, sentence: str):
         super().__init__(sentence)
@@ -30,7 +34,7 @@ class InfeasibleStart(ValueError):
 
 
 def initial_state(case: Case, scene: ConstraintSet) -> np.ndarray:
-    """(n,) the start under the case's policy.
+    """Return the start (n,) under the policy of the case.
 
     "error": ValueError with the worst constraint and by how much; "keep": x0 as it is; "project":
     the nearest feasible point around, by sequential least-distance problems (linearised
@@ -110,7 +114,7 @@ def _project_start(case, scene, x0, t):
         if d is None:
             raise _none(case, scene)
         z = x0 + d
-        far = _farthest(scene, z - y)
+        far = _largest_displacement(scene, z - y)
         if 2.0 * far <= reach:  # else a pair that is not listed could be in the way
             y, moved = z, np.abs(z - y)
         reach = 4.0 * far
@@ -138,9 +142,9 @@ def _none(case, scene) -> InfeasibleStart:
     )
 
 
-def _farthest(scene, way):
-    """The longest way of a hard particle."""
-    parts = (way[c.start : c.start + m * c.dim].reshape(m, c.dim) for _, c, m in scene.hard)
+def _largest_displacement(scene, change):
+    """Return the largest displacement of a hard particle."""
+    parts = (change[c.start : c.start + m * c.dim].reshape(m, c.dim) for _, c, m in scene.hard)
     return max((float(np.sqrt((p * p).sum(1)).max(initial=0.0)) for p in parts), default=0.0)
 
 

@@ -1,5 +1,4 @@
-"""SciPy's solve_ivp with modes and events written by hand: what a user does who knows what will
-happen."""
+"""Baseline: SciPy's solve_ivp with the order of modes and the events written by hand."""
 
 from __future__ import annotations
 
@@ -12,6 +11,7 @@ from nsbench.case import Case, case_names, get_case
 from nsbench.compilation.factories import as_numpy
 from nsbench.problem import Affine, Distance, Filippov
 from nsbench.solvers.base import Claims, Run, check_positive
+from nsbench.solvers.solve_ivp.script import Script
 from nsbench.trajectory import Event, Resolution, Status, Trajectory
 
 METHODS = {"dop853": "DOP853", "lsoda": "LSODA", "radau": "Radau"}
@@ -25,7 +25,7 @@ class SolveIvp:
     somebody did it for.
 
     The baseline of the event-driven method: right-hand sides of each mode in plain Python, the
-    order of modes known from pencil and paper (see _hand_written). It is not told the problem; a
+    order of modes known from pencil and paper (see script.py). It is not told the problem; a
     case that is not the catalogue's own, to the bit at the start and at random places, is refused.
     method: dop853, lsoda or radau; tol: rtol and atol.
     Nothing is done about the drift off a surface that tolerances allow, and dips between steps are
@@ -49,15 +49,13 @@ class SolveIvp:
         return Claims(exact={"dop853": 1e-10, "radau": 1e-10, "lsoda": 1e-9}[self.method])
 
     def refuses(self, case: Case) -> str | None:
-        from nsbench.solvers.solve_ivp.scripts_filippov import script
-
         if case.name not in case_names():
             return (
                 f"Nobody has written modes by hand for {case.name}; solve_ivp needs them "
                 f"(event_driven finds them itself)."
             )
         twin = get_case(case.name, **case.params)
-        if script(twin) is None:
+        if find_script(twin) is None:
             return (
                 f"Nobody has written modes by hand for {case.key}; solve_ivp needs them "
                 f"(event_driven finds them itself)."
@@ -73,17 +71,24 @@ class SolveIvp:
     def prepare(self, case: Case, accuracy: float) -> Run:
         from scipy.integrate import solve_ivp
 
-        from nsbench.solvers.solve_ivp.scripts_filippov import script
-
         tol = check_positive("tol", accuracy)
         if not TIGHTEST <= tol < 0.1:
             raise ValueError(
                 f"tol is {tol!r}; at least {TIGHTEST:g}, below which SciPy's tolerances mean "
                 f"nothing, and below 0.1"
             )
-        work = script(case)
+        work = find_script(case)
         arcs = {name: (arc, [_event(e) for e in arc.exits]) for name, arc in work.arcs.items()}
         return lambda: _march(case, work, arcs, solve_ivp, METHODS[self.method], tol)
+
+
+def find_script(case: Case) -> Script | None:
+    """Return the script of a case of the catalogue, or None if there is none."""
+    from nsbench.solvers.solve_ivp import scripts_contacts, scripts_discs, scripts_filippov
+
+    scripts = scripts_filippov.SCRIPTS | scripts_contacts.SCRIPTS | scripts_discs.SCRIPTS
+    build = scripts.get(case.name)
+    return build(case, **case.params) if build else None
 
 
 def _event(e):

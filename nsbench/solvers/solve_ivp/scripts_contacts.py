@@ -1,4 +1,4 @@
-"""Scripts of modes of complementarity systems, written by hand; see _hand_written."""
+"""Scripts of modes of points with constraints, written by hand (see script.py)."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from nsbench.solvers.solve_ivp.scripts_filippov import Arc, Exit, Script
+from nsbench.solvers.solve_ivp.script import Arc, Exit, Script
 
 UP = np.eye(1)
 
@@ -269,123 +269,6 @@ def obstacle(case, b=0.2) -> Script:
     )  # straight flight: a step would jump over the pillar
 
 
-def two_discs(case, w=0.0) -> Script:
-    def free(t, y):
-        a, b, c, d, *_ = y
-        return [-a - w * b, -b + w * a, -c - w * d, -d + w * c, 0.0, 0.0, 0.0, 0.0, 0.0]
-
-    def together(t, y):
-        a, b, c, d, *_ = y
-        # lam n: half the distance along the normal
-        p = 0.5 * (a - c)
-        q = 0.5 * (b - d)
-        return [
-            p - a - w * b,
-            q - b + w * a,
-            -p - c - w * d,
-            -q - d + w * c,
-            math.hypot(p, q),
-            p,
-            q,
-            -p,
-            -q,
-        ]
-
-    meet = Exit(
-        lambda t, y: math.hypot(y[0] - y[2], y[1] - y[3]) - 2.0,
-        -1,
-        "together",
-        "contact",
-        (0, 0, 1),
-    )
-    return Script(
-        {"free": Arc(free, (meet,)), "together": Arc(together)}, "free", ((0, 0, 1),), None
-    )
-
-
-def three_discs(case, overlap="none") -> Script | None:
-    """Discs 0 and 1 meet, then 1 and 2; the hinge folds until 0 and 2 meet; from there on every lam
-    is 2/3."""
-    if overlap != "none":
-        return None
-    hypot = math.hypot
-
-    def gap(i, j):
-        i = 2 * i
-        j = 2 * j
-        return lambda t, y: hypot(y[i] - y[j], y[i + 1] - y[j + 1]) - 2.0
-
-    def free(t, y):
-        a, b, c, d, e, f = y[:6]
-        return [-a, -b, -c, -d, -e, -f, *NONE]
-
-    def pair(t, y):
-        a, b, c, d, e, f = y[:6]
-        p = 0.5 * (a - c)
-        q = 0.5 * (b - d)
-        return [p - a, q - b, -p - c, -q - d, -e, -f, hypot(p, q), 0.0, 0.0, p, q, -p, -q, 0.0, 0.0]
-
-    def hinge(t, y):
-        a, b, c, d, e, f = y[:6]
-        p = a - c
-        q = b - d
-        u = c - e
-        v = d - f
-        r = hypot(p, q)
-        s = hypot(u, v)
-        p = p / r
-        q = q / r
-        u = u / s
-        v = v / s
-        m = p * u + q * v  # [[2, -m], [-m, 2]] (lam, mu) = (r, s)
-        lam = (2.0 * r + m * s) / (4.0 - m * m)
-        mu = (2.0 * s + m * r) / (4.0 - m * m)
-        p = lam * p
-        q = lam * q
-        u = mu * u
-        v = mu * v
-        return [
-            p - a,
-            q - b,
-            u - p - c,
-            v - q - d,
-            -u - e,
-            -v - f,
-            lam,
-            0.0,
-            mu,
-            p,
-            q,
-            u - p,
-            v - q,
-            -u,
-            -v,
-        ]
-
-    def triangle(t, y):
-        a, b, c, d, e, f = y[:6]
-        # the mean goes on to the origin, the rest stands still
-        p = -(a + c + e) / 3.0
-        q = -(b + d + f) / 3.0
-        return [p, q, p, q, p, q, THIRDS, THIRDS, THIRDS, p + a, q + b, p + c, q + d, p + e, q + f]
-
-    return Script(
-        {
-            "free": Arc(free, (Exit(gap(0, 1), -1, "pair", "contact", (0, 0, 1)),)),
-            "pair": Arc(pair, (Exit(gap(1, 2), -1, "hinge", "contact", (0, 1, 2)),)),
-            "hinge": Arc(hinge, (Exit(gap(0, 2), -1, "triangle", "contact", (0, 0, 2)),)),
-            "triangle": Arc(triangle),
-        },
-        "free",
-        ((0, 0, 1), (0, 0, 2), (0, 1, 2)),
-        None,
-    )
-
-
-NONE = [0.0] * 9
-THIRDS = 2.0 / 3.0
-
-
 def _floor(t, y):
     y[0] = 0.0
 
@@ -401,6 +284,4 @@ SCRIPTS = {
     "graze": graze,
     "wedge": wedge,
     "obstacle": obstacle,
-    "two_discs": two_discs,
-    "three_discs": three_discs,
 }

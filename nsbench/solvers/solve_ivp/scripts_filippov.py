@@ -1,59 +1,10 @@
-"""Scripts of modes: what a user of solve_ivp writes by hand for one problem, and finds out with
-pencil and paper.
-
-A script is a set of arcs. Each has its right-hand side, in plain Python numbers (for so few
-unknowns they are quicker than arrays), and the events that end it, each with the arc that follows.
-Behind the n entries of the state come the integrals of the multipliers (Filippov: of the weight of
-the positive side), one for each contact, and then, where gradients turn, n entries of the reaction.
-The Filippov systems are here, the complementarity systems in _hand_written_contacts.
-"""
+"""Scripts of modes of Filippov systems, written by hand (see script.py)."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
 
-import numpy as np
-
-
-@dataclass(frozen=True)
-class Exit:
-    """when(t, y) crosses zero, upwards (direction 1) or downwards (-1): the arc ends and `then`
-    follows, the name of an arc or a function (t, y) -> name. kind, contact: how the event is
-    recorded; kind "" records nothing."""
-
-    when: Callable
-    direction: int
-    then: str | Callable
-    kind: str
-    contact: tuple = (0, 0)
-
-
-@dataclass(frozen=True)
-class Arc:
-    """rhs(t, y) -> list; exits; enter(t, y): puts the state onto its surface where the arc begins,
-    in place."""
-
-    rhs: Callable
-    exits: tuple[Exit, ...] = ()
-    enter: Callable = lambda t, y: None
-
-
-@dataclass(frozen=True)
-class Script:
-    """arcs by name and the first one; contacts: ids of the integrals behind the state.
-
-    push (m, n): the gradients, if they are constant; None: the reaction is integrated too; () for
-    Filippov systems.
-    max_step: of the integrator, where an excursion would be missed otherwise.
-    """
-
-    arcs: dict[str, Arc]
-    first: str
-    contacts: tuple = ((0, 0),)
-    push: tuple | np.ndarray | None = ()
-    max_step: float = math.inf
+from nsbench.solvers.solve_ivp.script import Arc, Exit, Script
 
 
 def slide_exit(case) -> Script:
@@ -249,23 +200,14 @@ def _zero(i):
     return enter
 
 
-def script(case) -> Script | None:
-    """The script of a case of the catalogue; None where nobody has written one."""
-    from nsbench.solvers.solve_ivp import scripts_contacts as contacts
-
-    own = {
-        f.__name__: f
-        for f in (
-            slide_exit,
-            oscillator,
-            stick_slip,
-            friction,
-            circle_sliding,
-            two_surfaces,
-            sliding,
-            crossing,
-            apple_filippov,
-        )
-    } | contacts.SCRIPTS
-    made = own.get(case.name)
-    return made(case, **case.params) if made else None
+SCRIPTS = {
+    "slide_exit": slide_exit,
+    "oscillator": oscillator,
+    "stick_slip": stick_slip,
+    "friction": friction,
+    "circle_sliding": circle_sliding,
+    "two_surfaces": two_surfaces,
+    "sliding": sliding,
+    "crossing": crossing,
+    "apple_filippov": apple_filippov,
+}

@@ -1,0 +1,110 @@
+"""Grid of a fixed-step method over the sample times of a case, and what is read off it.
+
+A fixed-step method never passes the step h to its time loop. h becomes a number of equal steps for
+each interval between recorded times, and the loop computes each step anew:
+
+    substeps[k] = ceil((t[k+1] - t[k]) / h),    h_k = (t[k+1] - t[k]) / substeps[k] <= h
+
+so that steps end exactly at the samples. `Grid.h` is the largest h_k, which the row of a run holds.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+def check_positive(name: str, value) -> float:
+    """Return `value` as a float; ValueError if it is not positive and finite."""
+    try:
+        v = float(value)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name} is {value!r}; a number is needed") from None
+    if not (np.isfinite(v) and v > 0):
+        raise ValueError(f"{name} is {v!r}; positive and finite is needed")
+    return v
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Recorded times, and the number of equal steps from each to the next.
+
+    t (K,): recorded times. substeps (K-1,): steps from one to the next. h: the largest step taken.
+    aligned: whether the recorded times are the sample times of the case; if not, results are read
+    off the polygon through the recorded states (see `sample`).
+    """
+
+    t: np.ndarray
+    substeps: np.ndarray
+    h: float
+    aligned: bool
+
+
+def grid(t: np.ndarray, h: float, last: bool = False) -> Grid:
+    """Return the grid of steps of at most h for the sample times t (k,).
+
+    last: record the state before the last step to each sample as well. A step that fits between
+    samples divides every spacing; a longer one passes over samples in steps of exactly h, the last
+    one shortened, and samples are read off the polygon. Raises ValueError if h is not positive,
+    needs more than 2e9 steps, or is below the rounding of t.
+    """
+    check_positive("h", h)
+    spacing = np.diff(t)
+    if h <= spacing.min() * (1 + 1e-9):
+        n = np.maximum(1.0, np.ceil(spacing / h * (1 - 1e-9)))
+        if not float(n.sum()) <= 2e9:
+            raise ValueError(f"h = {h:g} needs {float(n.sum()):.3g} steps; at most 2e9 are taken")
+        if h < 4 * np.spacing(np.abs(t).max()):
+            raise ValueError(
+                f"h = {h:g} is below the rounding of t = {np.abs(t).max():g}, where times are "
+                f"{np.spacing(np.abs(t).max()):.2g} apart"
+            )
+        n = n.astype(np.int64)
+        return (_with_last if last else Grid)(np.array(t), n, float((spacing / n).max()), not last)
+    span = t[-1] - t[0]
+    n = max(1, int(np.ceil(span / h * (1 - 1e-9))))
+    nodes = np.append(t[0] + h * np.arange(n), t[-1])
+    return Grid(nodes, np.ones(n, np.int64), float(min(h, span)), False)
+
+
+def _with_last(t, n, h, aligned):
+    """Return the same steps with the time before the last step of each interval recorded too."""
+    several = n > 1
+    before = (t[1:] - np.diff(t) / n)[several]
+    place = np.flatnonzero(several) + 1
+    return Grid(
+        np.insert(t, place, before),
+        np.insert(np.where(several, 1, n), np.flatnonzero(several), n[several] - 1),
+        h,
+        aligned,
+    )
+
+
+def last_steps(t: np.ndarray, g: Grid, impulse: np.ndarray) -> dict[str, np.ndarray]:
+    """Return the multipliers of the last step before each sample time t (k,).
+
+    g: grid(t, h, last=True); impulse (K, m): cumulative, at its recorded times. Returns lam (k, m)
+    and lam_h (k,), the lengths of those steps, as arguments of a Trajectory; {} where steps are
+    longer than the spacing of the samples.
+    """
+    at = np.searchsorted(g.t, t)
+    if g.aligned or not (
+        at[-1] < len(g.t) and np.array_equal(g.t[at], t) and np.all(g.substeps[at[1:] - 1] == 1)
+    ):
+        return {}
+    h = np.append(np.nan, g.t[at[1:]] - g.t[at[1:] - 1])
+    lam = np.full((len(t), impulse.shape[1]), np.nan)
+    lam[1:] = (impulse[at[1:]] - impulse[at[1:] - 1]) / h[1:, None]
+    return {"lam": lam, "lam_h": h}
+
+
+def sample(t: np.ndarray, nodes: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Return the polygon through (nodes (K,), values (K, n)) at the times t (k,): (k, n)."""
+    i = np.clip(np.searchsorted(nodes, t, side="right") - 1, 0, len(nodes) - 2)
+    w = ((t - nodes[i]) / (nodes[i + 1] - nodes[i]))[:, None]
+    return np.where(
+        w == 0.0,
+        values[i],
+        np.where(w == 1.0, values[i + 1], (1.0 - w) * values[i] + w * values[i + 1]),
+    )

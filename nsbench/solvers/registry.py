@@ -1,0 +1,175 @@
+"""Registry of solvers, and one run of one of them.
+
+A file or folder beside this one that defines SOLVER is a method; so is a file that a user loads.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import importlib
+import pkgutil
+import re
+import sys
+from pathlib import Path
+
+from nsbench import user_code
+from nsbench.case import Case, format_value, get_case, load_module, nearest, parse_spec
+from nsbench.solvers.base import Solver, check_positive
+from nsbench.trajectory import Status, Trajectory
+
+_loaded: dict[str, type] = {}
+NAME = re.compile(r"[A-Za-z0-9_.-]{1,80}")  # of a solver, as of a case
+PACKAGE = "nsbench.solvers"
+FOLDER = Path(__file__).parent
+NOT_METHODS = ("base", "common", "registry")
+
+
+@functools.cache
+def _scan() -> tuple[dict, dict]:
+    """Return the methods of this folder by name, and why the others failed to load."""
+    found = {}
+    failed = {}
+    for info in pkgutil.iter_modules([str(FOLDER)]):
+        if info.name in NOT_METHODS or info.name.startswith("_"):
+            continue
+        try:
+            with user_code.guarded(f"the file of the solver {info.name}"):
+                module = importlib.import_module(f"{PACKAGE}.{info.name}")
+            found[info.name] = _checked(module)
+        except (Exception, SystemExit) as e:  # a broken plugin must not take the others with it
+            failed[info.name] = f"{type(e).__name__}: {e}"
+    return found, failed
+
+
+def _checked(module) -> type:
+    """Return SOLVER of a module; TypeError with what is missing if it is no solver."""
+    made = getattr(module, "SOLVER", None)
+    if made is None:
+        raise TypeError(f"{module.__file__} does not define SOLVER")
+    if not (isinstance(made, type) and dataclasses.is_dataclass(made)):
+        raise TypeError(f"SOLVER of {module.__file__} is {made!r}; a frozen dataclass is needed")
+    missing = [
+        n for n in ("accuracy", "default", "claims", "refuses", "prepare") if not hasattr(made, n)
+    ]
+    if missing:
+        raise TypeError(f"SOLVER of {module.__file__} has no {', '.join(missing)}")
+    bare = [
+        f.name
+        for f in dataclasses.fields(made)
+        if f.init and f.default is f.default_factory is dataclasses.MISSING
+    ]
+    if bare:
+        raise TypeError(
+            f"SOLVER of {module.__file__} has no default of {', '.join(bare)}; every option needs "
+            f"one"
+        )
+    return made
+
+
+def load(path: str | Path) -> str:
+    """Register the solver of the file at `path`, which defines SOLVER, and return its name.
+
+    It is named after the file. Raises ValueError for a name that is taken or not allowed, TypeError
+    if SOLVER is no solver.
+    """
+    path = Path(path).resolve()
+    name = path.stem
+    if not NAME.fullmatch(name):
+        raise ValueError(
+            f"{str(path)!r}: a solver is named after its file, in letters, digits, '_', '.', '-', "
+            f"at most 80"
+        )
+    homes = {
+        n: sys.modules[c.__module__].__file__
+        for n, c in {**_scan()[0], **_loaded}.items()
+        if c.__module__ in sys.modules
+    }
+    for other, file in homes.items():
+        if other.casefold() == name.casefold() and not (other in _loaded and Path(file) == path):
+            raise ValueError(f"{path}: a solver named {other!r} exists already, in {file}")
+    _loaded[name] = _checked(load_module(path))
+    return name
+
+
+def all_names() -> list[str]:
+    """Return the names of all solvers, sorted."""
+    return sorted({**_scan()[0], **_loaded})
+
+
+def broken() -> dict[str, str]:
+    """Return why the methods of this folder that failed to load did, by name."""
+    return dict(_scan()[1])
+
+
+def standard() -> list[str]:
+    """Return the specs of the standard suite.
+
+    They are those that a solver's file lists in STANDARD, else the solver with its defaults.
+    """
+    out = []
+    for name in all_names():
+        home = sys.modules.get({**_scan()[0], **_loaded}[name].__module__)
+        out += list(getattr(home, "STANDARD", (name,)))
+    return out
+
+
+def get(spec: str) -> Solver:
+    """Return the solver of a spec such as ``"pbd[order=reverse]"``.
+
+    Raises LookupError for an unknown name or option, ValueError for a bad value.
+    """
+    name, options = parse_spec(spec)
+    classes = {**_scan()[0], **_loaded}
+    if name in _scan()[1]:
+        raise ValueError(f"solver {name!r} failed to load: {_scan()[1][name]}")
+    if name not in classes:
+        raise LookupError(f"no solver {name!r}; {nearest(name, classes)}")
+    known = {f.name for f in dataclasses.fields(classes[name])}
+    for key in options:
+        if key not in known:
+            raise LookupError(f"solver {name} has no option {key!r}; {nearest(key, known)}")
+    return classes[name](**options)
+
+
+def spec_of(solver: Solver, name: str) -> str:
+    """Return the spec with only the options that differ from the defaults."""
+    parts = [
+        f"{f.name}={format_value(getattr(solver, f.name))}"
+        for f in dataclasses.fields(solver)
+        if getattr(solver, f.name) != f.default
+    ]
+    return f"{name}[{','.join(parts)}]" if parts else name
+
+
+def solve(case: Case | str, solver: str = "event_driven", **accuracy) -> Trajectory:
+    """Run one solver on one case: ``solve(case, "pbd[order=reverse]", h=1e-3)``.
+
+    case: a case or the spec of one. accuracy: the solver's own parameter (h, tol, k), else its
+    default is taken. Returns the trajectory, checked by nsbench.diagnostics; a refusal is a
+    trajectory without samples and with the status "refused". Raises LookupError or ValueError for
+    bad input.
+    """
+    case = get_case(case) if isinstance(case, str) else case
+    method = get(solver)
+    if set(accuracy) - {method.accuracy}:
+        wrong = (set(accuracy) - {method.accuracy}).pop()
+        raise LookupError(f"{solver} takes {method.accuracy!r}, not {wrong!r}")
+    from nsbench.diagnostics import diagnose
+
+    value = check_positive(method.accuracy, accuracy.get(method.accuracy, method.default))
+    why = method.refuses(case)
+    if why:
+        return refused(case, why)
+    run = method.prepare(case, value)
+    return diagnose(case, run(), getattr(method, "checks", ()))
+
+
+def refused(case: Case, why: str) -> Trajectory:
+    """Return a trajectory without samples and with the status "refused"; why: the sentence."""
+    import numpy as np
+
+    none = np.empty((0, 0))
+    return Trajectory(
+        np.empty(0), np.empty((0, case.n)), (), none, np.empty((0, case.n)), Status("refused", why)
+    )
