@@ -1,5 +1,11 @@
-"""The catching-up loop in Python: for the library backends, smooth families, and the fully
-nonlinear projection."""
+"""Time loop of the catching-up scheme in Python.
+
+It serves the library backends, Smooth families, and the nonlinear projection
+
+    min |y - z|^2    subject to    g(y) >= 0,
+
+which is solved by successive linearisation (SQP with the identity as Hessian).
+"""
 
 from __future__ import annotations
 
@@ -10,32 +16,39 @@ from nsbench.qp.projection import Answer, SparseRows
 from nsbench.solvers.catching_up.outcome import Outcome
 from nsbench.solvers.catching_up.qp_backends import BACKENDS, residual
 
-# steps that did not settle: the run is unverified long before, and each takes ROUNDS programs
-ENOUGH = 20
-ROUNDS = 300  # successive linearisations; each gains a factor of about mu times the curvature
-SHORTEST = 1 / 64  # of their steps, shortened where they go to and fro
+# steps that did not converge, after which the run ends: each takes MAX_LINEARISATIONS programs
+MAX_UNSETTLED_STEPS = 20
+MAX_LINEARISATIONS = 300  # each reduces the error by a factor of about mu times the curvature
+SHORTEST_STEP = 1 / 64  # part of an SQP step that is taken at least, where steps oscillate
+SETTLED = (
+    1e-12  # change of y over the size of the state, below which the linearisation has converged
+)
 
 
 class _List:
-    """Candidates of a scene near a point, and the certificate that the pairs left out do not
-    matter."""
+    """Candidates near a point, with the certificate that the pairs left out do not matter.
+
+    A pair left out cannot be violated while no particle is farther than skin / 2 from `base`.
+    """
 
     def __init__(self, scene, x, skin, t, old=None, mu=None):
-        self.near, self.base, self.skin = scene.near(x, skin, t), x.copy(), skin
-        self.mu, self.places = np.zeros(len(self.near)), scene.layout(self.near)
-        row, cols, _ = scene.gradient_entries(
-            t, x, self.near
-        )  # where the entries are stays the same for all of a list
+        self.near = scene.near(x, skin, t)
+        self.base = x.copy()
+        self.skin = skin
+        self.mu = np.zeros(len(self.near))
+        self.places = scene.layout(self.near)
+        # the pattern of the gradients is the same as long as the list
+        row, cols, _ = scene.gradient_entries(t, x, self.near)
         self.rows = SparseRows(row, cols, (len(self.near), scene.n))
         self.touching = np.isin(self.near.kind, (PAIR, ANCHOR))
         self.coincident = -self.near.sign * self.near.d  # the gap of coincident centres
         self._hard = [(c.start, m, c.dim) for _, c, m in scene.hard]
         if old is not None:
-            kept = dict(zip(old.near.ids, mu, strict=True))
-            self.mu = np.array([kept.get(k, 0.0) for k in self.near.ids])
+            known = dict(zip(old.near.ids, mu, strict=True))
+            self.mu = np.array([known.get(k, 0.0) for k in self.near.ids])
 
-    def travel(self, x, y):
-        """The farthest way of a hard particle base -> x -> y, and of x -> y alone."""
+    def largest_displacements(self, x, y):
+        """Return the largest displacements of hard particles, base -> x -> y and x -> y alone."""
         far = last = 0.0
         for start, m, dim in self._hard:
             part = slice(start, start + m * dim)
@@ -97,7 +110,7 @@ class HostLoop:
                     when = now
                 if code == "infeasible":
                     return self._result(X, R, worst, when, code, now)
-                if self.unsettled >= ENOUGH:
+                if self.unsettled >= MAX_UNSETTLED_STEPS:
                     return self._result(X, R, worst, when, "unsettled", now)
                 if not _finite(y):
                     return self._result(X, R, worst, when, "nan", now)
@@ -109,8 +122,10 @@ class HostLoop:
         return self._result(X, R, worst, when, "ok", t[-1])
 
     def _step(self, after, x, z, h):
-        """Code, mu, y and the KKT residual of the step from x to after, once more over a longer
-        list where needed."""
+        """Solve the step from x to the time `after`, again over a longer list where needed.
+
+        z (n,): the Euler step; h: its length. Returns code, mu, y and the KKT residual.
+        """
         while True:
             code, mu, y, kkt, far, last = (self._nonlinear if self.nonlinear else self._linear)(
                 after, x, z, h
@@ -131,39 +146,42 @@ class HostLoop:
             a.mu,
             z + a.d,
             residual(G, q + G @ a.d, a.mu, a.d),
-            *self.list.travel(x, z + a.d),
+            *self.list.largest_displacements(x, z + a.d),
         )
 
     def _nonlinear(self, after, x, z, h):
-        """The point of {g >= 0} nearest to z: linearise anew at each result until it stays.
+        """Solve min |y - z|^2 subject to g(y) >= 0 by SQP with step halving.
 
-        Under a strong pull a link overshoots, to and fro: the point of linearisation then goes a
-        part of the way only.
+        Returns code, mu, y, the KKT residual, and the largest displacements from the base of the
+        list and from x.
         """
         y = x
         mu = self.list.mu
         far = 0.0
         last = 0.0
-        part = 1.0
-        before = np.inf
+        fraction = 1.0
+        last_change = np.inf
         scale = max(1.0, float(np.abs(z).max()))
-        for _ in range(ROUNDS):
+        # SQP: linearise g at y, solve the projection, repeat to a fixed point. Links under tension
+        # make full steps oscillate; the step is halved when it does not shrink by 10 %.
+        for _ in range(MAX_LINEARISATIONS):
             g, q, G = self._linearise(after, y, z)
             a = self._solve(G, q, h, mu)
             new = z + a.d
             mu = a.mu
-            reach = self.list.travel(y, new)
+            reach = self.list.largest_displacements(y, new)
             far = max(far, reach[0])
-            last = max(last, float(self.list.travel(x, new)[1]), reach[1])
+            last = max(last, float(self.list.largest_displacements(x, new)[1]), reach[1])
             change = float(np.abs(new - y).max())
             if a.code == "infeasible" or 2.0 * far > self.list.skin:
                 return a.code, mu, new, np.nan, far, last
-            if change <= 1e-12 * scale or not np.isfinite(change):
+            if change <= SETTLED * scale or not np.isfinite(change):
                 y = new
                 break
-            part = max(0.5 * part, SHORTEST) if change > 0.9 * before else part
-            before = change
-            y = y + part * (new - y)
+            if change > 0.9 * last_change:
+                fraction = max(0.5 * fraction, SHORTEST_STEP)
+            last_change = change
+            y = y + fraction * (new - y)
         else:
             self.stats["limits"] += 1
             self.unsettled += 1
@@ -172,7 +190,7 @@ class HostLoop:
         return "solved", mu, y, residual(G, w, mu, y - z), far, last
 
     def _ties(self, g, mu):
-        """A push between coincident centres has no direction."""
+        """Count impulses between coincident centres, which have no direction."""
         self.stats["ties"] += int(
             np.count_nonzero(self.list.touching & (mu > 0.0) & (g == self.list.coincident))
         )
@@ -185,7 +203,7 @@ class HostLoop:
         return g, g + G @ (z - x), G
 
     def _solve(self, G, q, h, mu) -> Answer:
-        if np.all(q >= 0.0):  # nothing in the way: d = 0 solves it
+        if np.all(q >= 0.0):  # no constraint is violated: d = 0 solves it
             return Answer(np.zeros(q.size), np.zeros(G.shape[1]), "solved", 0)
         a = self.backend(G, q, h, self.list, mu)
         self.stats["qp_solves"] += 1

@@ -1,5 +1,4 @@
-"""Three ways to solve the least-distance problem of one step, behind one call, and the residual
-that judges them.
+"""Backends for the least-distance problem of one step, and the KKT residual of their answers.
 
     min 1/2 |d|^2  s.t.  q + G d >= 0        d = G^T mu,    0 <= mu  _|_  q + G d >= 0
 
@@ -18,7 +17,7 @@ from nsbench.qp.projection import ActiveSet, Answer, SparseRows
 
 
 def residual(G, w: np.ndarray, mu: np.ndarray, d: np.ndarray) -> float:
-    """How far (d, mu) is from solving the problem, as a length: the largest of
+    """Return the KKT residual of (d, mu), a length: the largest of
 
         stationarity     |d - G^T mu|
         primal           -w_k / |G_k|                       w = q + G d
@@ -34,17 +33,19 @@ def residual(G, w: np.ndarray, mu: np.ndarray, d: np.ndarray) -> float:
     return float(np.maximum(stationarity, np.abs(np.minimum(mu * norm, w / norm)).max(initial=0.0)))
 
 
-FAR = 1e6  # of the largest speed that is asked for
+LARGEST_BOUND = 1e6  # bound of a constraint over the largest speed that is asked for
 
 
 def unit(G: SparseRows, q: np.ndarray, h: float) -> float:
-    """The length that lengths are divided by: h, or less where no constraint asks for the speed 1.
+    """Return the length that lengths are divided by: h, or less if all speeds asked for are small.
 
-    Not so little that bounds of what is far grow beyond FAR, where the libraries lose the digits of
-    what is near.
+    It is not so small that bounds of far constraints exceed LARGEST_BOUND, where the libraries lose
+    the digits of near ones.
     """
     speeds = -q / (h * G.lengths())
-    asked = max(float(speeds.max(initial=0.0)), float(np.abs(speeds).max(initial=0.0)) / FAR)
+    asked = max(
+        float(speeds.max(initial=0.0)), float(np.abs(speeds).max(initial=0.0)) / LARGEST_BOUND
+    )
     return h * min(1.0, 2.0 ** np.ceil(np.log2(asked))) if 0.0 < asked < np.inf else h
 
 

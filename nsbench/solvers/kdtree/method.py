@@ -1,5 +1,7 @@
-"""Position-based dynamics as users write it: SciPy's cKDTree finds the pairs of a step, numba or
-numpy projects them."""
+"""Baseline: position-based dynamics as users write it.
+
+SciPy's cKDTree finds the pairs of a step, numba or numpy projects them.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,7 @@ from nsbench.solvers.common.initial_state import initial_state
 from nsbench.trajectory import Resolution, Status, Trajectory
 
 SWEEPS = ("numba", "numpy")
-BLOWN = 1e150  # beyond, squares overflow, and SciPy's tree says that it cannot go on
+LARGEST_STATE = 1e150  # beyond, squares overflow, and SciPy's tree raises an error
 EXPECTS = (
     Expect(
         ("exact_at_grid",),
@@ -109,8 +111,10 @@ def _box(c) -> bool:
 
 
 def _walls(case):
-    """low, high (n,) of every coordinate, and the (family, row, |a|) that each bound comes from
-    (-1: none)."""
+    """Return low, high (n,) of every coordinate, and where each bound comes from.
+
+    The latter is (family, row, |a|), -1 for none.
+    """
     bound = np.stack((np.full(case.n, -np.inf), np.full(case.n, np.inf)))
     where = np.full((2, case.n, 2), -1, np.int64)
     slope = np.ones((2, case.n))
@@ -125,8 +129,10 @@ def _walls(case):
 
 
 def _sweeper(method, hard):
-    """(x flat) -> pairs (p, 2) and their impulses (p,); x is changed in place. None without
-    particles."""
+    """Return a function (x flat) -> pairs (p, 2) and their impulses (p,), which changes x in place.
+
+    None without particles.
+    """
     if hard is None:
         return None
     from scipy.spatial import cKDTree
@@ -187,7 +193,7 @@ def _march(case, x0, g, f, project, walls):
         for s in range(steps):
             last = x
             x = x + h * f(g.t[k] + s * h, x)
-            if not np.abs(x).max() <= BLOWN:
+            if not np.abs(x).max() <= LARGEST_STATE:
                 status = ended(
                     x if np.isfinite(x).all() else last, x0, g.t[k] + (s + 1) * h, g.t[k] + s * h
                 )
@@ -234,7 +240,7 @@ def _march(case, x0, g, f, project, walls):
 
 
 class _ImpulseTable:
-    """Impulses by contact at the recorded times."""
+    """Table of impulses by contact at the recorded times."""
 
     def __init__(self, K):
         self.K = K
@@ -257,7 +263,7 @@ class _ImpulseTable:
         self.walls.append((k, wall))
 
     def table(self, where, good):
-        """contacts, impulse (K, m) cumulative, NaN where not `good`."""
+        """Return contacts and cumulative impulse (K, m), NaN where not `good`."""
         contacts = []
         columns = []
         if self.rows:

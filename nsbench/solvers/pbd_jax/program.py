@@ -1,11 +1,10 @@
-"""The time loop of PBD as one JAX program: level after level of constraints that share no particle.
+"""Time loop of PBD as one JAX program: level after level of constraints that share no particle.
 
 The lists, their order and their levels come from the kernels of the compiled loop
-(kernels.pbd_near, kernels.keys), made on the host; the program goes on with them as long as no
-particle is further from where it was listed than the lists allow, tested after Euler's step and
-after every level; a step that breaks this is taken back and done with new lists.
-Levels are filled up to one size, so that a program serves many lists; both sizes grow where a list
-needs it.
+(pbd/kernels/neighbor_list.py, constraint_order) on the host; the program uses them as long as no
+particle is farther from where it was listed than the lists allow, which is tested after Euler's
+step and after every level; a step that breaks this is taken back and done with new lists. Levels
+are padded to one size, so that a program serves many lists; both sizes grow where a list needs it.
 """
 
 from __future__ import annotations
@@ -38,8 +37,10 @@ class Levels:
 
 @njit(cache=True)
 def _level(things, n):
-    """Level of each constraint: one more than the last one before it on any of its things (m, k),
-    -1: none."""
+    """Return the level of each constraint: one more than the last one before it on its particles.
+
+    things (m, k): particles or free coordinates of each constraint, -1: none; n: their number.
+    """
     free = np.zeros(n, np.int64)
     level = np.empty(len(things), np.int64)
     for c in range(len(things)):
@@ -55,14 +56,14 @@ def _level(things, n):
 
 
 def _entries(scene, rows, width):
-    """(places (m, width) of the rows' entries among all, and which of them are there)."""
+    """Return the places (m, width) of the entries of rows among all, and which of them exist."""
     at = scene.ptr[rows][:, None] + np.arange(width)
     inside = at < scene.ptr[rows + 1][:, None]
     return np.where(inside, at, 0), inside
 
 
 def _up(value, step):
-    """value rounded up: to a multiple of step, and by an eighth beyond eight of them."""
+    """Round value up: to a multiple of step, and by an eighth beyond eight of them."""
     step = max(step, step * (int(value) // (8 * step)))
     return step * -(-int(value) // step)
 
@@ -70,8 +71,11 @@ def _up(value, step):
 def arrange(
     lists, scene: ConstraintSet, owner: np.ndarray, sizes: tuple[int, int, int]
 ) -> tuple[Levels, tuple[int, int, int]]:
-    """Levels of listed constraints in the order of their sweep; (levels, pairs, rows) capacities
-    are kept or grow."""
+    """Return the levels of listed constraints in the order of their sweep.
+
+    lists: ListedContacts; owner (n, 2): see HardParticles; sizes: (levels, pairs, rows) that the
+    program has room for, which are returned as well, as they are or larger.
+    """
     kind = lists.kind
     p = lists.p
     q = lists.q
@@ -128,89 +132,22 @@ def arrange(
 
 
 def advance(drift, b_of, inv2, owned, dim: int, sweeps: int):
-    """(x, reaction, mu, t0, t1, h, first, substeps, levels, count, base, limit) -> the same after
-    the steps from `first` on, and (step reached, state, projections, tied). mu has one entry more
-    than there are constraints; owned (n,): whose travel counts; limit: how far a coordinate may be
-    from `base`."""
+    """Return the time loop between two recorded times, as a function for jax.jit.
+
+    drift (t, x) and b_of (t): in JAX; inv2: 1/|A_r|^2 of all rows; owned (n,): whether a coordinate
+    belongs to a hard particle, whose displacement counts; sweeps: per step.
+
+    The function (x, reaction, mu, t0, t1, h, first, substeps, pairs, rows, count, base, limit) does
+    the steps from `first` on. mu has one entry more than there are constraints; pairs, rows, count:
+    of Levels; limit: how far a coordinate may be from `base`. It returns x, reaction, mu, the step
+    reached, the state (DONE, BROKEN, NAN), the projections done, and whether centres coincided.
+    """
     import jax.numpy as jnp
     from jax import lax
 
-    axes = np.arange(dim)
-
-    def project_pairs(x, mu, level):
-        p, q, d, sign, number = level
-        i = p[:, None] + axes
-        j = q[:, None] + axes
-        xi = x.at[i].get(mode="fill", fill_value=0.0)
-        xj = x.at[j].get(mode="fill", fill_value=0.0)
-        diff = xi - xj
-        s = (diff * diff).sum(1)
-        r = jnp.sqrt(s)
-        g = sign * (r - d)
-        hit = ((sign > 0.0) != (s >= d * d)) & (g < 0.0) & (p < x.size)
-        push = jnp.where(hit, -0.5 * g, 0.0)
-        tied = hit & (r == 0.0)
-        e = jnp.where(
-            tied[:, None],
-            push[:, None] * np.eye(dim)[0],
-            (sign * push / jnp.where(r == 0.0, 1.0, r))[:, None] * diff,
-        )
-        xi = xi + e
-        xj = xj - e
-        x = (
-            x.at[i]
-            .set(xi, mode="drop", unique_indices=True)
-            .at[j]
-            .set(xj, mode="drop", unique_indices=True)
-        )
-        return x, mu.at[number].add(push), hit.sum(), tied.any(), ((i, xi), (j, xj))
-
-    def project_rows(x, mu, b, level):
-        cols, vals, row, number = level
-        g = (vals * x.at[cols].get(mode="fill", fill_value=0.0)).sum(1) + b[row]
-        push = jnp.where((g < 0.0) & (number < mu.size - 1), -g * jnp.asarray(inv2)[row], 0.0)
-        x = x.at[cols].add(push[:, None] * vals, mode="drop")
-        return (
-            x,
-            mu.at[number].add(push),
-            (push > 0.0).sum(),
-            ((cols, x.at[cols].get(mode="fill", fill_value=0.0)),),
-        )
-
     def run(x, reaction, mu, t0, t1, h, first, substeps, pairs, rows, count, base, limit):
         counts = jnp.asarray(owned)
-
-        def far(moved):
-            return (
-                sum(
-                    (
-                        (
-                            (jnp.abs(value - base.at[at].get(mode="fill", fill_value=0.0)) > limit)
-                            & counts.at[at].get(mode="fill", fill_value=False)
-                        ).any()
-                    )
-                    for at, value in moved
-                )
-                > 0
-            )
-
-        def level_of(arrays, lev):
-            return tuple(lax.dynamic_index_in_dim(a, lev, keepdims=False) for a in arrays)
-
-        def sweep(turn, c, b):
-            lev = turn % count
-
-            x, mu, work, tied, broken = c
-            if pairs[0].shape[1]:
-                x, mu, done, ties, moved = project_pairs(x, mu, level_of(pairs, lev))
-                work = work + done
-                tied = tied | ties
-                broken = broken | far(moved)
-            if rows[2].shape[1]:
-                x, mu, done, moved = project_rows(x, mu, b, level_of(rows, lev))
-                work = work + done
-                broken = broken | far(moved)
-            return x, mu, work, tied, broken
+        sweep = _sweep_over_level(inv2, dim, counts, pairs, rows, count, base, limit)
 
         def step(c):
             x, reaction, mu, s, _, work, tied = c
@@ -228,6 +165,7 @@ def advance(drift, b_of, inv2, owned, dim: int, sweeps: int):
             )
             state = jnp.where(~finite, NAN, jnp.where(broken, BROKEN, DONE))
             good = state == DONE
+            # a step that breaks the certificate is taken back
             keep = lambda new, old: jnp.where(good, new, old)
             return (
                 keep(z, x),
@@ -239,10 +177,107 @@ def advance(drift, b_of, inv2, owned, dim: int, sweeps: int):
                 keep(tied1, tied),
             )
 
-        return lax.while_loop(
-            lambda c: (c[3] < substeps) & (c[4] == DONE),
-            step,
-            (x, reaction, mu, first, jnp.array(DONE), jnp.array(0), jnp.array(False)),
-        )
+        def goes_on(c):
+            _, _, _, s, state, _, _ = c
+            return (s < substeps) & (state == DONE)
+
+        start = (jnp.array(DONE), jnp.array(0), jnp.array(False))
+        return lax.while_loop(goes_on, step, (x, reaction, mu, first, *start))
 
     return run
+
+
+def _sweep_over_level(inv2, dim, counts, pairs, rows, count, base, limit):
+    """Return (turn, (x, mu, work, tied, broken), b) -> the same after level turn % count."""
+    import jax.numpy as jnp
+    from jax import lax
+
+    first, *_ = pairs
+    *_, row, _ = rows
+
+    def any_beyond(moved):
+        return (
+            sum(
+                (
+                    (
+                        (jnp.abs(value - base.at[at].get(mode="fill", fill_value=0.0)) > limit)
+                        & counts.at[at].get(mode="fill", fill_value=False)
+                    ).any()
+                )
+                for at, value in moved
+            )
+            > 0
+        )
+
+    def level_of(arrays, lev):
+        return tuple(lax.dynamic_index_in_dim(a, lev, keepdims=False) for a in arrays)
+
+    def sweep(turn, c, b):
+        lev = turn % count
+
+        x, mu, work, tied, broken = c
+        if first.shape[1]:
+            x, mu, done, ties, moved = _project_pairs(x, mu, level_of(pairs, lev), dim)
+            work = work + done
+            tied = tied | ties
+            broken = broken | any_beyond(moved)
+        if row.shape[1]:
+            x, mu, done, moved = _project_rows(x, mu, b, level_of(rows, lev), inv2)
+            work = work + done
+            broken = broken | any_beyond(moved)
+        return x, mu, work, tied, broken
+
+    return sweep
+
+
+def _project_pairs(x, mu, level, dim):
+    """Project on all pairs of a level at once.
+
+    Returns x, mu, the projections done, whether centres coincided, and the coordinates moved with
+    their new values.
+    """
+    import jax.numpy as jnp
+
+    p, q, d, sign, number = level
+    axes = np.arange(dim)
+    i = p[:, None] + axes
+    j = q[:, None] + axes
+    xi = x.at[i].get(mode="fill", fill_value=0.0)
+    xj = x.at[j].get(mode="fill", fill_value=0.0)
+    diff = xi - xj
+    s = (diff * diff).sum(1)
+    r = jnp.sqrt(s)
+    g = sign * (r - d)
+    hit = ((sign > 0.0) != (s >= d * d)) & (g < 0.0) & (p < x.size)
+    push = jnp.where(hit, -0.5 * g, 0.0)
+    tied = hit & (r == 0.0)
+    e = jnp.where(
+        tied[:, None],
+        push[:, None] * np.eye(dim)[0],
+        (sign * push / jnp.where(r == 0.0, 1.0, r))[:, None] * diff,
+    )
+    xi = xi + e
+    xj = xj - e
+    x = (
+        x.at[i]
+        .set(xi, mode="drop", unique_indices=True)
+        .at[j]
+        .set(xj, mode="drop", unique_indices=True)
+    )
+    return x, mu.at[number].add(push), hit.sum(), tied.any(), ((i, xi), (j, xj))
+
+
+def _project_rows(x, mu, b, level, inv2):
+    """Project on all rows of a level at once; returns as _project_pairs, without coincidence."""
+    import jax.numpy as jnp
+
+    cols, vals, row, number = level
+    g = (vals * x.at[cols].get(mode="fill", fill_value=0.0)).sum(1) + b[row]
+    push = jnp.where((g < 0.0) & (number < mu.size - 1), -g * jnp.asarray(inv2)[row], 0.0)
+    x = x.at[cols].add(push[:, None] * vals, mode="drop")
+    return (
+        x,
+        mu.at[number].add(push),
+        (push > 0.0).sum(),
+        ((cols, x.at[cols].get(mode="fill", fill_value=0.0)),),
+    )

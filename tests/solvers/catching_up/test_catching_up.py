@@ -204,7 +204,7 @@ def test_nonlinear_steps_that_do_not_settle_end_the_run(monkeypatch):
 
     case = nsbench.get_case("two_discs")
     assert nsbench.solve(case, "catching_up[nonlinear=true]", h=0.01).status.ok
-    monkeypatch.setattr(host_loop, "ROUNDS", 1)
+    monkeypatch.setattr(host_loop, "MAX_LINEARISATIONS", 1)
     traj = nsbench.solve(case, "catching_up[nonlinear=true]", h=0.01)
     assert (
         traj.status.code == "maxiter"

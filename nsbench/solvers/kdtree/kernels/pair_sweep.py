@@ -1,4 +1,4 @@
-"""One sweep of exact projections over listed pairs of particles, as a user of numba writes it."""
+"""Sweep of exact projections over listed pairs of particles, as a user of numba writes it."""
 
 from __future__ import annotations
 
