@@ -18,7 +18,7 @@ if (
 def solver_files_forgotten(monkeypatch):
     """What a test registers is not there in the next one, in whatever order and process they
     come."""
-    from nsbench import solvers
+    from nsbench.solvers import registry
 
-    monkeypatch.setattr(solvers, "_loaded", {})
+    monkeypatch.setattr(registry, "_loaded", {})
     monkeypatch.setattr("nsbench.study.attempt._files_loaded", set())

@@ -21,7 +21,6 @@ from nsbench.trajectory import Status, Trajectory
 _loaded: dict[str, type] = {}
 NAME = re.compile(r"[A-Za-z0-9_.-]{1,80}")  # of a solver, as of a case
 PACKAGE = "nsbench.solvers"
-FOLDER = Path(__file__).parent
 NOT_METHODS = ("base", "common", "registry")
 
 
@@ -30,7 +29,7 @@ def _scan() -> tuple[dict, dict]:
     """Return the methods of this folder by name, and why the others failed to load."""
     found = {}
     failed = {}
-    for info in pkgutil.iter_modules([str(FOLDER)]):
+    for info in pkgutil.iter_modules(sys.modules[PACKAGE].__path__):
         if info.name in NOT_METHODS or info.name.startswith("_"):
             continue
         try:

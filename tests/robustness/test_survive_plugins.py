@@ -13,6 +13,7 @@ import nsbench
 from nsbench import solvers
 from nsbench.case import registry as cases
 from nsbench.cli import main
+from nsbench.solvers import registry
 from nsbench.study.result_contract import contract_violation
 from nsbench.trajectory import STATUSES, Status, Trajectory
 
@@ -53,7 +54,7 @@ def solver(folder, name="still", doc='"""Stays where it is."""', prepare="", run
 def plugins(tmp_path, monkeypatch):
     """Two more folders of plugins; the scans are made anew, here and after the test."""
     folders = {}
-    for package, module in (("cases", cases), ("solvers", solvers)):
+    for package, module in (("cases", cases), ("solvers", registry)):
         folders[package] = tmp_path / package
         folders[package].mkdir()
         home = nsbench.cases if package == "cases" else solvers
@@ -66,7 +67,7 @@ def plugins(tmp_path, monkeypatch):
             del sys.modules[name]
     monkeypatch.undo()
     cases._scan.cache_clear()
-    solvers._scan.cache_clear()
+    registry._scan.cache_clear()
 
 
 BROKEN = {

@@ -8,6 +8,7 @@ import nsbench
 from nsbench import solvers
 from nsbench.execute.workers.pool import run_all
 from nsbench.measure import clock
+from nsbench.solvers import registry
 from nsbench.study import Spec
 from nsbench.study.attempt import REPEATED, _files_loaded, run_batch
 
@@ -109,7 +110,7 @@ def test_a_repetition_that_raises_costs_a_study_nothing_else(tmp_path):
         "ok",
     ] and "the second call" in rows[1]["why"]
     assert rows[0]["rounds"] >= 3 and rows[2]["rounds"] >= 3
-    solvers._loaded.pop("second")
+    registry._loaded.pop("second")
     _files_loaded.clear()
     solvers.load(specs[1].solver_files[0])
     found = nsbench.run("tide", ["pbd", "second[how=raise]"], h=0.01)

@@ -209,5 +209,5 @@ def test_nonlinear_steps_that_do_not_settle_end_the_run(monkeypatch):
     assert (
         traj.status.code == "maxiter"
         and "did not settle" in str(traj.status)
-        and traj.stats["limits"] == host_loop.ENOUGH
+        and traj.stats["limits"] == host_loop.MAX_UNSETTLED_STEPS
     )
