@@ -137,13 +137,22 @@ def _solver(method, model, step):
     return nosnoc.NosnocSolver(o, model)
 
 
-def _march(case, method, solver, contacts, turning, parts, step):
+def _march(case, method, solver, contacts, turning, parts, step) -> Trajectory:
+    """Take all steps with the nosnoc solver of one step, and assemble the trajectory.
+
+    The state of nosnoc is x (n,), the time, the integrals of the m weights or multipliers, and,
+    where gradients turn, those of the reaction. parts: steps between two samples.
+    """
     n = case.n
     m = len(contacts)
     K = len(case.t)
     x = np.concatenate((case.x0, [float(case.t[0])], np.zeros(m + (n if turning else 0))))
     Y = np.full((K, len(x)), np.nan)
-    Y[0], status, inner, steps, every = x, Status(), 0, 0, [x]
+    Y[0] = x
+    every = [x]  # states after every step
+    status = Status()
+    inner = 0
+    steps = 0
     with warnings.catch_warnings(), contextlib.redirect_stdout(io.StringIO()):
         warnings.simplefilter("ignore")
         for k in range(1, K):
@@ -153,27 +162,16 @@ def _march(case, method, solver, contacts, turning, parts, step):
                 inner += int(np.nansum(np.array(found["nlp_iter"], dtype=float)))
                 x = np.asarray(found["x_list"][-1], float)
                 if "SUCCESS" not in str(found["status"]) or not np.all(np.isfinite(x)):
-                    status = Status(
-                        "maxiter",
-                        f"IPOPT did not solve a step between t = {case.t[k - 1]:.6g} and "
-                        f"{case.t[k]:.6g}; "
-                        "other stages, elements or another h may help.",
-                    )
+                    status = _unsolved(case.t[k - 1], case.t[k])
                     break
                 steps += 1
                 every.append(x)
                 if inner > max(FIRST, LABOUR * steps):
-                    status = Status(
-                        "maxiter",
-                        f"IPOPT took {inner} iterations for the {steps} steps up to t = "
-                        f"{x[n]:.6g}, where "
-                        "85 a step are usual; other stages, elements or another h may help.",
-                    )
+                    status = _laborious(inner, steps, x[n])
                     break
             if not status.ok:
                 break
             Y[k] = x
-    X = Y[:, :n].copy()
     W = Y[:, n + 1 : n + 1 + m].copy()
     R = np.empty((K, 0))
     if isinstance(case.problem, Complementarity):
@@ -190,7 +188,7 @@ def _march(case, method, solver, contacts, turning, parts, step):
     stats = {"steps": (K - 1) * parts, "h": step, "inner_iterations": inner, "loop": "host"}
     return Trajectory(
         case.t,
-        X,
+        Y[:, :n].copy(),
         tuple(contacts),
         W,
         R,
@@ -201,8 +199,24 @@ def _march(case, method, solver, contacts, turning, parts, step):
     )
 
 
+def _unsolved(low: float, high: float) -> Status:
+    return Status(
+        "maxiter",
+        f"IPOPT did not solve a step between t = {low:.6g} and {high:.6g}; "
+        "other stages, elements or another h may help.",
+    )
+
+
+def _laborious(iterations: int, steps: int, t: float) -> Status:
+    return Status(
+        "maxiter",
+        f"IPOPT took {iterations} iterations for the {steps} steps up to t = {t:.6g}, where "
+        "85 a step are usual; other stages, elements or another h may help.",
+    )
+
+
 def _times(t, parts):
-    """Where the steps begin."""
+    """Return the times at which the steps begin."""
     return (t[:-1, None] + np.diff(t)[:, None] * np.arange(parts) / parts).ravel()
 
 

@@ -1,5 +1,7 @@
-"""Smoothed penalty: constraints as stiff springs, switches as thin layers, integrated by diffrax in
-float64."""
+"""Smoothed penalty method: constraints as stiff springs, switches as thin layers.
+
+The resulting smooth system is integrated by the Runge-Kutta methods of diffrax in float64.
+"""
 
 from __future__ import annotations
 
@@ -10,31 +12,25 @@ import numpy as np
 from nsbench.case import Case
 from nsbench.compilation.factories import as_numpy
 from nsbench.dynamics.length_scale import length_scale
-from nsbench.problem import LCS, Complementarity, Distance, Filippov
+from nsbench.problem import LCS, Complementarity, Distance
 from nsbench.solvers.base import Claims, Expect, Run, check_positive
 from nsbench.solvers.common.extrapolation import combined, weights
 from nsbench.solvers.common.initial_state import initial_state
-from nsbench.trajectory import Resolution, Status, Trajectory
+from nsbench.solvers.penalty.outcome import EXPLICIT, HIDDEN, build_trajectory
+from nsbench.trajectory import Status, Trajectory
 
-EXPLICIT = {"tsit5": 6, "dopri8": 13, "bosh3": 3}  # right-hand sides of a step
 IMPLICIT = ("kvaerno3", "kvaerno5")
 # by extrapolations: k of an order study, which an explicit method takes in seconds, and where
 # layers have died out; default k
 LADDERS = ((30.0, 3840.0), (60.0, 7680.0), (30.0, 1920.0))
 # k from which kvaerno5 takes less time than tsit5 for few states; 2e4 for 60, as factors cost n^3
 STIFF = 2e3
-LEAST = 1e-13  # tolerance; rounding of 10^5 steps is a tenth of it
+MIN_TOLERANCE = 1e-13  # rounding of 10^5 steps is a tenth of it
 DEFAULTS = (1e4, 1e4, 1e3)
 LISTED = 6000  # listed constraints (all but hard pairs) whose impulses are integrated
 MEMORY = 1e9  # bytes of samples of one run
 MANY = 40  # hard particles up to which all pairs are visited
 PAIRS = ("auto", "all", "near")
-# as nsbench.solvers.penalty.integrator counts why a step was refused; that needs diffrax to be
-# loaded
-NOT_FINITE = 2
-NEWTON = 3
-# k times tolerance, kept up to k = 1e7 at 1e-9: up to 190 tolerances of error were measured
-HIDDEN = 0.0101
 EXPECTS = (
     Expect(
         ("zeno",), None, None, "no rate is known for a smoothed sign at an accumulation of events"
@@ -108,28 +104,30 @@ class Penalty:
         return DEFAULTS[self.extrapolate]
 
     @property
-    def most(self) -> int:
-        """Steps that a run may take, refused ones too."""
+    def step_limit(self) -> int:
+        """The number of steps that a run may take, refused ones included."""
         return max(1, self.max_steps // 10) if self.method in IMPLICIT else self.max_steps
 
     @property
     def ladder(self) -> tuple[float, float]:
-        """k of an order study."""
+        """The range of k of an order study."""
         return LADDERS[self.extrapolate]
 
     def tolerance(self, name: str, k: float) -> float:
-        """rtol or atol: as given, or 1e-9; where extrapolated, what leaves the claimed error k^-2
-        or k^-3 to be seen."""
+        """Return rtol or atol: as given, or 1e-9.
+
+        Where extrapolated, the largest tolerance that does not hide the claimed error k^-2 or k^-3.
+        """
         given = getattr(self, name)
         if given is not None:
             return given
-        seen = (
+        visible = (
             0.99
             * HIDDEN
             * k ** -(1.0 + self.extrapolate)
             / float(np.abs(weights(self.extrapolate)).sum())
         )
-        return float(np.clip(seen, LEAST, 1e-9)) if self.extrapolate else 1e-9
+        return float(np.clip(visible, MIN_TOLERANCE, 1e-9)) if self.extrapolate else 1e-9
 
     def __post_init__(self):
         if self.method not in (*EXPLICIT, *IMPLICIT, "auto"):
@@ -165,9 +163,9 @@ class Penalty:
         from nsbench.solvers.penalty.forces import count
 
         listed = count(p := case.problem, case.n)
-        hard = _hard(p, case.n)
+        hard = _hard_particles(p, case.n)
         pairs = sum(N * (N - 1) // 2 for N in hard)
-        near = _near_lists(self, case)
+        near = _uses_neighbor_lists(self, case)
         m = listed - pairs if near else listed
         if m > LISTED:
             return (
@@ -191,12 +189,11 @@ class Penalty:
             stiff = k * 2.0**self.extrapolate >= STIFF * (1.0 + (case.n / 20.0) ** 2)
             return replace(self, method="kvaerno5" if stiff else "tsit5").prepare(case, k)
         x0 = _start(case)
-        if lost := _lost(case, x0, k * 2.0**self.extrapolate):
+        if effect := _rounding_exceeds_layer(case, x0, k * 2.0**self.extrapolate):
             return lambda: _nothing(
                 case,
-                f"Rounding of the coordinates alone {lost} at k = {k:g}: lower k, or take a frame "
-                f"in "
-                "which the state is not so large.",
+                f"Rounding of the coordinates alone {effect} at k = {k:g}: lower k, or take a frame "
+                "in which the state is not so large.",
                 "maxiter",
             )
         from nsbench.solvers.penalty.program import NotTraceable
@@ -212,15 +209,18 @@ class Penalty:
         levels = [k * 2.0**level for level in range(self.extrapolate + 1)]
 
         def run():
-            runs = [_trajectory(self, case, level, k, march(level)) for level in levels]
+            runs = [build_trajectory(self, case, level, k, march(level)) for level in levels]
             return combined(runs, 1.0 / k) if self.extrapolate else runs[0]
 
         return run
 
 
-def _lost(case: Case, x0: np.ndarray, k: float) -> str:
-    """What rounding of the start makes of springs or layers, if that is more than the drift or than
-    a layer; else ""."""
+def _rounding_exceeds_layer(case: Case, x0: np.ndarray, k: float) -> str:
+    """Describe the effect of rounding the start on springs or layers, if it is more than they are.
+
+    That is, if it makes forces larger than the drift, or changes a switch by more than its layer;
+    else "".
+    """
     rounded = np.spacing(np.abs(x0))
     p = case.problem
     with np.errstate(all="ignore"):
@@ -244,8 +244,8 @@ def _lost(case: Case, x0: np.ndarray, k: float) -> str:
         return f"changes a switch by {moved:.2g}, beyond its layer," if k * moved > 1.0 else ""
 
 
-def _hard(problem, n: int) -> list[int]:
-    """Numbers of particles of the families of hard ones."""
+def _hard_particles(problem, n: int) -> list[int]:
+    """Return the number of particles of each family of hard particles."""
     return [
         c.particles(n)
         for c in getattr(problem, "constraints", ())
@@ -253,22 +253,22 @@ def _hard(problem, n: int) -> list[int]:
     ]
 
 
-def _near_lists(penalty: Penalty, case: Case) -> bool:
-    most = max(_hard(case.problem, case.n), default=0)
+def _uses_neighbor_lists(penalty: Penalty, case: Case) -> bool:
+    most = max(_hard_particles(case.problem, case.n), default=0)
     return most > 1 and (penalty.pairs == "near" or (penalty.pairs == "auto" and most > MANY))
 
 
 def _march(penalty: Penalty, case: Case, x0: np.ndarray, asked: float):
-    """k -> samples and counts of a run, bound to the compiled program. Raises NotTraceable."""
+    """Return k -> samples and counts of a run, by the compiled program. Raises NotTraceable."""
     from nsbench.solvers.penalty.program import compiled
 
     size = length_scale(case, x0) if penalty.atol is None else 1.0
     limits = (
         penalty.tolerance("rtol", asked),
         penalty.tolerance("atol", asked) * size,
-        penalty.most,
+        penalty.step_limit,
     )
-    if _near_lists(penalty, case):
+    if _uses_neighbor_lists(penalty, case):
         from nsbench.solvers.penalty.neighbor_segments import NeighborSegments
 
         segments = NeighborSegments(case, x0, penalty.method, penalty.reach)
@@ -316,102 +316,6 @@ def _nothing(case: Case, why: str, code: str = "refused") -> Trajectory:
         np.empty((0, 0)),
         np.empty((0, case.n)),
         Status(code, why),
-    )
-
-
-def _trajectory(penalty: Penalty, case: Case, k: float, asked: float, out: dict) -> Trajectory:
-    impulse = out["impulse"]
-    ids = out["ids"]
-    pushes = np.diff(impulse[: int(out["i"])], axis=0) > 0.0
-    acted = np.arange(len(ids))
-    if isinstance(case.problem, Complementarity):
-        acted = np.flatnonzero(pushes.any(axis=0))
-    steps = int(out["accepted"])
-    refused = int(out["refused"])
-    stats = {
-        "steps": steps,
-        "h": 1.0 / k,
-        "refused_steps": refused,
-        "longest_step": float(out["longest"]),
-        "contacts_peak": int(pushes.sum(axis=1).max(initial=0)),
-        "loop": "compiled",
-        "integrator": penalty.method,
-    }
-    if "segments" in out:
-        stats["segments"] = out["segments"]
-    if penalty.method in EXPLICIT:
-        stats["drift_calls"] = out.get("segments", 1) + (steps + refused) * EXPLICIT[penalty.method]
-    return Trajectory(
-        case.t,
-        out["x"],
-        tuple(ids[a] for a in acted),
-        impulse[:, acted],
-        out["reaction"],
-        _status(penalty, case, k, out),
-        (),
-        stats,
-        "mean",
-        between=out.get("between"),
-        resolution=_resolution(penalty, case, k, asked),
-    )
-
-
-def _resolution(penalty: Penalty, case: Case, k: float, asked: float) -> Resolution:
-    """State the layer of switches, and which tolerance would hide the error that is claimed."""
-    claimed = asked ** -(1.0 + penalty.extrapolate)
-    # weights of an extrapolation amplify what the integrator leaves
-    amplified = float(np.abs(weights(penalty.extrapolate)).sum())
-    return Resolution(
-        layer=1.0 / k if isinstance(case.problem, Filippov) else 0.0,
-        tolerance=max(penalty.tolerance("rtol", asked), penalty.tolerance("atol", asked)),
-        claimed_error=claimed,
-        max_tolerance=HIDDEN * claimed / amplified,
-    )
-
-
-def _status(penalty: Penalty, case: Case, k: float, out: dict) -> Status:
-    """Judge by the samples whether the run reached its end, and if not, why."""
-    t = float(out["t"])
-    tried = int(out["accepted"]) + int(out["refused"])
-    at = f"at t = {t:.6g} of {case.t[-1]:g}"
-    if (
-        int(out["i"]) == len(case.t)
-        and np.isfinite(out["x"]).all()
-        and np.isfinite(out["impulse"]).all()
-    ):
-        return Status()
-    if tried < penalty.most:
-        return _no_step(penalty, case, k, out, at)
-    last = float(out["last"])
-    advice = (
-        "an explicit method needs about k T / 3 of them: take method=kvaerno5 or a smaller k"
-        if penalty.method in EXPLICIT
-        else "raise max_steps, rtol or atol"
-    )
-    return Status(
-        "maxiter",
-        f"The penalty is too stiff for {penalty.most} steps: {at} their length was {last:.1e} "
-        f"(k h = {k * last:.2g}); {advice}.",
-    )
-
-
-def _no_step(penalty: Penalty, case: Case, k: float, out: dict, at: str) -> Status:
-    """Why no step succeeds, however short."""
-    if np.abs(out["z"][: case.n]).max() > 1e6 * (1.0 + np.abs(case.x0).max()):
-        return Status("diverged", f"The state grew beyond all bounds {at}.")
-    if out["cause"] == NOT_FINITE:
-        return Status(
-            "nan", f"The right-hand side is not finite just after the point reached {at}."
-        )
-    if out["cause"] == NEWTON:
-        return Status(
-            "maxiter",
-            f"Newton's iteration of {penalty.method} failed at every step size {at}; lower k.",
-        )
-    return Status(
-        "maxiter",
-        f"The step size fell to {float(out['h']):.1e} {at}: the tolerances cannot be met at "
-        f"k = {k:g} in double precision; raise rtol and atol or lower k.",
     )
 
 

@@ -112,20 +112,13 @@ class NeighborSegments:
         X[0] = z
         R[0] = force
         pieces = []
-        count = 0
         while True:
             tables = self._lists(z[:n])
             program = self._program()
-            own = [_own(table) for table in tables]
             listed = np.zeros(len(program.columns)) if listed is None else listed
-            quad = np.zeros(program.size)
-            quad[program.columns] = listed
-            quad[-n:] = force
-            for total, table, first in zip(totals, tables, program.offsets.values(), strict=True):
-                quad[first : first + table.size] = total.of(_keys(table).ravel())
             before = out
             out = program(
-                np.concatenate([z[:n], quad]),
+                np.concatenate([z[:n], _quadratures(program, listed, force, totals, tables)]),
                 out["i"],
                 out["t"],
                 out["h"],
@@ -141,25 +134,28 @@ class NeighborSegments:
             z = out["z"]
             X[rows] = samples[rows, :n]
             R[rows] = samples[rows, -n:]
-            piece = {"rows": rows, "listed": samples[rows][:, n + program.columns], "pairs": []}
-            for total, table, (at, keys), first in zip(
-                totals, tables, own, program.offsets.values(), strict=True
-            ):
-                total.put(keys, z[n + first : n + first + table.size][at])
-                piece["pairs"].append(
-                    (keys, samples[rows, n + first : n + first + table.size][:, at], total.of(keys))
-                )
-            pieces.append(piece)
+            pieces.append(
+                {
+                    "rows": rows,
+                    "listed": samples[rows][:, n + program.columns],
+                    "pairs": _pair_impulses(program, n, z, samples[rows], totals, tables),
+                }
+            )
             listed = z[n + program.columns]
             force = z[-n:]
-            count = count + 1
             for name in ("accepted", "refused"):
                 out[name] = int(out[name]) + before[name]
             out["longest"] = max(float(out["longest"]), before["longest"])
             if not out["far"]:
                 break
         ids, impulse = self._impulses(program.ids, pieces, totals)
-        return out | {"x": X, "impulse": impulse, "reaction": R, "ids": ids, "segments": count}
+        return out | {
+            "x": X,
+            "impulse": impulse,
+            "reaction": R,
+            "ids": ids,
+            "segments": len(pieces),
+        }
 
     def _impulses(self, listed, pieces, totals):
         """Contact ids in the stated order and (K, m) impulses: of the listed constraints and of all
@@ -191,6 +187,34 @@ class NeighborSegments:
             columns.append(gained)
         order = sorted(range(len(names)), key=lambda c: names[c])
         return tuple(names[c] for c in order), np.concatenate(columns, axis=1)[:, order]
+
+
+def _quadratures(program, listed, force, totals, tables) -> np.ndarray:
+    """Return the quadratures (size,) with which a segment starts.
+
+    listed: impulses of the listed constraints, force (n,): the reaction; totals: impulses of all
+    pairs so far, of which those of the neighbour tables are taken.
+    """
+    quad = np.zeros(program.size)
+    quad[program.columns] = listed
+    quad[-len(force) :] = force
+    for total, table, first in zip(totals, tables, program.offsets.values(), strict=True):
+        quad[first : first + table.size] = total.of(_keys(table).ravel())
+    return quad
+
+
+def _pair_impulses(program, n, z, samples, totals, tables) -> list[tuple]:
+    """Store the impulses of all pairs at the end z of a segment, and return those at its samples.
+
+    By family: keys (q,) of the pairs, impulses (rows, q) at the samples, (q,) at the end.
+    """
+    out = []
+    for total, table, first in zip(totals, tables, program.offsets.values(), strict=True):
+        at, keys = _own(table)
+        block = slice(n + first, n + first + table.size)
+        total.put(keys, z[block][at])
+        out.append((keys, samples[:, block][:, at], total.of(keys)))
+    return out
 
 
 def _table(i, j, N, capacity):
