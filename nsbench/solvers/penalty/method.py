@@ -192,8 +192,8 @@ class Penalty:
         if effect := _rounding_exceeds_layer(case, x0, k * 2.0**self.extrapolate):
             return lambda: _nothing(
                 case,
-                f"Rounding of the coordinates alone {effect} at k = {k:g}: lower k, or take a frame "
-                "in which the state is not so large.",
+                f"Rounding of the coordinates alone {effect} at k = {k:g}: lower k, or take a "
+                "frame in which the state is not so large.",
                 "maxiter",
             )
         from nsbench.solvers.penalty.program import NotTraceable

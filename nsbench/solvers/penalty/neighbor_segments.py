@@ -92,27 +92,20 @@ class NeighborSegments:
         )
 
     def run(self, k: float, rtol: float, atol: float, max_steps: int) -> dict:
-        """Samples and counts of one run, as nsbench.solvers.penalty.method takes them."""
+        """Return samples and counts of one run, in the form of the integrator."""
         n = self.case.n
         t = self.case.t
         totals = [_Totals(N, np.empty(0, np.int64), np.empty(0)) for _, _, N in self.scene.hard]
         z = self.x0
         listed = None
         force = np.zeros(n)
-        out = {
-            "i": 1,
-            "t": t[0],
-            "h": 0.1 * min(t[1] - t[0], 1.0 / k),
-            "accepted": 0,
-            "refused": 0,
-            "longest": 0.0,
-        }
+        out = _start_counts(t, k)
         X = np.full((len(t), n), np.nan)
-        R = np.full((len(t), n), np.nan)
+        R = X.copy()
         X[0] = z
         R[0] = force
         pieces = []
-        while True:
+        while True:  # one segment: neighbour tables of a state, valid for a certified travel
             tables = self._lists(z[:n])
             program = self._program()
             listed = np.zeros(len(program.columns)) if listed is None else listed
@@ -134,13 +127,9 @@ class NeighborSegments:
             z = out["z"]
             X[rows] = samples[rows, :n]
             R[rows] = samples[rows, -n:]
-            pieces.append(
-                {
-                    "rows": rows,
-                    "listed": samples[rows][:, n + program.columns],
-                    "pairs": _pair_impulses(program, n, z, samples[rows], totals, tables),
-                }
-            )
+            pairs = _pair_impulses(program, n, z, samples[rows], totals, tables)
+            columns = samples[rows][:, n + program.columns]
+            pieces.append({"rows": rows, "listed": columns, "pairs": pairs})
             listed = z[n + program.columns]
             force = z[-n:]
             for name in ("accepted", "refused"):
@@ -187,6 +176,18 @@ class NeighborSegments:
             columns.append(gained)
         order = sorted(range(len(names)), key=lambda c: names[c])
         return tuple(names[c] for c in order), np.concatenate(columns, axis=1)[:, order]
+
+
+def _start_counts(t, k: float) -> dict:
+    """Return the counts and the first step, within the stiffness, with which a run starts."""
+    return {
+        "i": 1,
+        "t": t[0],
+        "h": 0.1 * min(t[1] - t[0], 1.0 / k),
+        "accepted": 0,
+        "refused": 0,
+        "longest": 0.0,
+    }
 
 
 def _quadratures(program, listed, force, totals, tables) -> np.ndarray:
