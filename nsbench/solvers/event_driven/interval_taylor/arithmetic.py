@@ -5,14 +5,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from nsbench.solvers.event_driven.interval_taylor import ORDER, Jet, _jets, as_jet, kernels
+from nsbench.solvers.event_driven.interval_taylor import kernels
+from nsbench.solvers.event_driven.interval_taylor.jet import ORDER, Jet, as_jet, jets_among
 
 UNIT = kernels.UNIT
 
 
-def _pair(a, b):
+def pair(a, b):
     """Two Jets with the same shape, flat rows; and that shape."""
-    pieces = next(_jets((a, b))).mid.shape[-2]
+    pieces = next(jets_among((a, b))).mid.shape[-2]
     a = as_jet(a, pieces)
     b = as_jet(b, pieces)
     return (*(np.broadcast_arrays(a.mid, b.mid)), *(np.broadcast_arrays(a.rad, b.rad)))
@@ -49,7 +50,7 @@ def add(a, b):
             mid = u.mid + np.zeros_like(c)
             mid[..., 0] += c[..., 0]
             return _rounded(mid, u.rad + np.zeros_like(c))
-    am, bm, ar, br = _pair(a, b)
+    am, bm, ar, br = pair(a, b)
     return _rounded(am + bm, ar + br)
 
 
@@ -64,7 +65,7 @@ def multiply(a, b):
             return _rounded(u.mid * c, np.where(c == 0.0, 0.0, u.rad * np.abs(c)))
     if a is b:
         return square(a)
-    am, bm, ar, br = _pair(a, b)
+    am, bm, ar, br = pair(a, b)
     out, m, r = _new(am.shape)
     am, bm, ar, br = _flat(am, bm, ar, br)
     kernels.multiply(am, ar, bm, br, m, r)
@@ -75,7 +76,7 @@ def divide(a, b):
     c = _constant(b)
     if c is not None:
         return multiply(a, 1.0 / c[..., 0, 0])
-    am, bm, ar, br = _pair(a, b)
+    am, bm, ar, br = pair(a, b)
     out, m, r = _new(am.shape)
     am, bm, ar, br = _flat(am, bm, ar, br)
     kernels.divide(am, ar, bm, br, m, r)
@@ -98,7 +99,7 @@ def power(a, b):
         raise TypeError("no Jet to an array of powers")
     if float(b) < 0 and float(b) == int(b):
         return divide(1.0, power(a, -b))
-    return _root(a, float(b))
+    return root(a, float(b))
 
 
 def _whole(a, k):
@@ -122,7 +123,7 @@ def square(a):
     return out
 
 
-def _root(a, alpha):
+def root(a, alpha):
     """a^alpha for a > 0."""
     lo, hi = (np.maximum(v, 0.0) for v in a.range)
     u = np.minimum(lo**alpha, hi**alpha)
@@ -140,7 +141,7 @@ def exp(a):
 
 def _primitive(slope, a, mid, rad):
     """The Jet with derivative slope * a' and first row mid +- rad."""
-    sm, am, sr, ar = _pair(slope, a)
+    sm, am, sr, ar = pair(slope, a)
     out, m, r = _new(am.shape)
     kernels.integrate(*_flat(sm, sr, am, ar), *_head(mid, rad), m, r)
     return out
@@ -161,7 +162,7 @@ def arctan(a):
     return _primitive(divide(1.0, add(multiply(a, a), 1.0)), a, *_between(np.arctan, *a.range))
 
 
-def _circular(a, sign):
+def sine_and_cosine(a, sign):
     out_s, sm, sr = _new(a.mid.shape)
     out_c, cm, cr = _new(a.mid.shape)
     m = a.mid[..., 0]
@@ -185,7 +186,7 @@ def _circular(a, sign):
 
 
 def tan(a):
-    s, c = _circular(a, -1)
+    s, c = sine_and_cosine(a, -1)
     return divide(s, c)
 
 
@@ -199,7 +200,7 @@ def tanh(a):
 
 def arctan2(y, x):
     """Off the cut: the derivative is (x y' - y x') / (x^2 + y^2)."""
-    ym, xm, yr, xr = _pair(y, x)
+    ym, xm, yr, xr = pair(y, x)
     y = Jet(ym.copy(), yr.copy())
     x = Jet(xm.copy(), xr.copy())
     over = divide(1.0, add(multiply(x, x), multiply(y, y)))

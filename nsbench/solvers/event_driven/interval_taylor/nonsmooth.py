@@ -5,14 +5,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from nsbench.solvers.event_driven.interval_taylor import Jet, _jets, as_jet
-from nsbench.solvers.event_driven.interval_taylor.arithmetic import _pair, subtract
+from nsbench.solvers.event_driven.interval_taylor.arithmetic import pair, subtract
+from nsbench.solvers.event_driven.interval_taylor.jet import Jet, as_jet, jets_among
 
 
 def _either(a, b, first, second):
     """a where `first` is proven, b where `second` is, else their hull, without derivatives. Masks
     (*shape, K)."""
-    am, bm, ar, br = _pair(a, b)
+    am, bm, ar, br = pair(a, b)
     first, second = np.broadcast_arrays(first, second)
     m = np.where(first[..., None], am, bm)
     r = np.where(first[..., None], ar, br)
@@ -78,7 +78,7 @@ def maybe(c, like) -> Maybe:
     return Maybe(c, ~c)
 
 
-def _compare(a, b, strict):
+def compare(a, b, strict):
     """a < b, or a <= b."""
     lo, hi = subtract(a, b).range
     return Maybe(hi < 0.0, lo >= 0.0) if strict else Maybe(hi <= 0.0, lo > 0.0)
@@ -88,7 +88,7 @@ def where(c, a, b):
     if not isinstance(c, Maybe):
         mask = np.asarray(c, bool)[..., None]
         return _either(a, b, mask, ~mask)
-    if not any(True for _ in _jets((a, b))):
+    if not any(True for _ in jets_among((a, b))):
         a = as_jet(a, c.yes.shape[-1])
     return _either(a, b, c.yes, c.no)
 
@@ -120,7 +120,7 @@ def floor(a):
     return Jet(mid, rad)
 
 
-def _fold(pick):
+def fold(pick):
     def fold(a, axis=None, **_):
         if axis is None:
             a = a.reshape(-1)

@@ -1,10 +1,11 @@
-"""Which functions of numpy a Jet takes; those of ARRANGE only move entries."""
+"""Table of the functions of numpy that a Jet takes; those of REARRANGEMENTS only move entries."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from nsbench.solvers.event_driven.interval_taylor import arithmetic, as_jet, nonsmooth
+from nsbench.solvers.event_driven.interval_taylor import arithmetic, nonsmooth
+from nsbench.solvers.event_driven.interval_taylor.jet import as_jet, register_numpy_functions
 
 UFUNCS = {
     np.add: arithmetic.add,
@@ -17,18 +18,18 @@ UFUNCS = {
     np.negative: lambda a: -a,
     np.positive: lambda a: a,
     np.square: arithmetic.square,
-    np.sqrt: lambda a: arithmetic._root(a, 0.5),
+    np.sqrt: lambda a: arithmetic.root(a, 0.5),
     np.reciprocal: lambda a: arithmetic.divide(1.0, a),
-    np.cbrt: lambda a: arithmetic._root(a, 1.0 / 3.0),
+    np.cbrt: lambda a: arithmetic.root(a, 1.0 / 3.0),
     np.exp: arithmetic.exp,
     np.expm1: lambda a: arithmetic.subtract(arithmetic.exp(a), 1.0),
     np.log: arithmetic.log,
     np.log1p: lambda a: arithmetic.log(arithmetic.add(a, 1.0)),
-    np.sin: lambda a: arithmetic._circular(a, -1)[0],
-    np.cos: lambda a: arithmetic._circular(a, -1)[1],
+    np.sin: lambda a: arithmetic.sine_and_cosine(a, -1)[0],
+    np.cos: lambda a: arithmetic.sine_and_cosine(a, -1)[1],
     np.tan: arithmetic.tan,
-    np.sinh: lambda a: arithmetic._circular(a, 1)[0],
-    np.cosh: lambda a: arithmetic._circular(a, 1)[1],
+    np.sinh: lambda a: arithmetic.sine_and_cosine(a, 1)[0],
+    np.cosh: lambda a: arithmetic.sine_and_cosine(a, 1)[1],
     np.tanh: arithmetic.tanh,
     np.arctan: arithmetic.arctan,
     np.arctan2: arithmetic.arctan2,
@@ -43,12 +44,12 @@ UFUNCS = {
     np.mod: lambda a, b: arithmetic.subtract(
         a, arithmetic.multiply(nonsmooth.floor(arithmetic.divide(a, b)), b)
     ),
-    np.hypot: lambda a, b: arithmetic._root(a * a + b * b, 0.5),
+    np.hypot: lambda a, b: arithmetic.root(a * a + b * b, 0.5),
     np.heaviside: lambda a, h: arithmetic.multiply(arithmetic.add(nonsmooth.sign(a), 1.0), 0.5),
-    np.less: lambda a, b: nonsmooth._compare(a, b, True),
-    np.less_equal: lambda a, b: nonsmooth._compare(a, b, False),
-    np.greater: lambda a, b: nonsmooth._compare(b, a, True),
-    np.greater_equal: lambda a, b: nonsmooth._compare(b, a, False),
+    np.less: lambda a, b: nonsmooth.compare(a, b, True),
+    np.less_equal: lambda a, b: nonsmooth.compare(a, b, False),
+    np.greater: lambda a, b: nonsmooth.compare(b, a, True),
+    np.greater_equal: lambda a, b: nonsmooth.compare(b, a, False),
 }
 FUNCTIONS = {
     np.where: nonsmooth.where,
@@ -65,16 +66,16 @@ FUNCTIONS = {
     np.mean: lambda a, axis=None, **_: arithmetic.divide(
         arithmetic.total(a, axis), float(a.size if axis is None else a.shape[axis])
     ),
-    np.max: nonsmooth._fold(nonsmooth.maximum),
-    np.min: nonsmooth._fold(nonsmooth.minimum),
-    np.prod: nonsmooth._fold(arithmetic.multiply),
+    np.max: nonsmooth.fold(nonsmooth.maximum),
+    np.min: nonsmooth.fold(nonsmooth.minimum),
+    np.prod: nonsmooth.fold(arithmetic.multiply),
     np.copy: lambda a, **_: a.copy(),
     np.shape: lambda a: a.shape,
     np.ndim: lambda a: a.ndim,
     np.size: lambda a: a.size,
     np.outer: lambda a, b: arithmetic.multiply(a[:, None], b[None]),
 }
-ARRANGE = {
+REARRANGEMENTS = {
     np.stack,
     np.concatenate,
     np.hstack,
@@ -99,3 +100,8 @@ ARRANGE = {
     np.fliplr,
     np.flipud,
 }
+
+
+def register() -> None:
+    """Register the table with Jet."""
+    register_numpy_functions(UFUNCS, FUNCTIONS, REARRANGEMENTS)

@@ -1,5 +1,4 @@
-"""Run a factory once on arrays of nodes: what it does to arrays of numbers becomes a graph of
-scalar operations.
+"""Trace a factory: run it once on arrays of graph nodes, so that its operations become a graph.
 
 A `Traced` looks like a float64 array. What cannot be traced (a branch on a value, kinks, a function
 without recurrence) is a TypeError: such a case stays with numpy. Reductions, products of matrices
@@ -10,18 +9,17 @@ from __future__ import annotations
 
 import numpy as np
 
+from nsbench.solvers.event_driven.array_operators import ArrayOperators
 from nsbench.solvers.event_driven.filippov.tracing.graph import Graph
 
-BASE = (
-    1 << 40
-)  # nodes are numbered from here in arrays: a plain integer that gets among them is seen
+# nodes are numbered from here in arrays: a plain integer that gets among them is recognised
+BASE = 1 << 40
 
 
-class Traced:
-    """ids: integer array of BASE + node."""
+class Traced(ArrayOperators):
+    """Array of graph nodes that looks like a float64 array; ids: integers BASE + node."""
 
     __slots__ = ("graph", "ids")
-    dtype = np.dtype(np.float64)
 
     def __init__(self, graph, ids):
         ids = np.asarray(ids)
@@ -62,9 +60,6 @@ class Traced:
             raise TypeError("a traced number has no length")
         return self.shape[0]
 
-    def __iter__(self):
-        return (self[k] for k in range(len(self)))
-
     def __getitem__(self, index):
         return Traced(self.graph, self.ids[index])
 
@@ -74,11 +69,6 @@ class Traced:
 
     def reshape(self, *shape):
         return Traced(self.graph, self.ids.reshape(*shape))
-
-    def ravel(self):
-        return self.reshape(-1)
-
-    flatten = ravel
 
     def copy(self):
         return Traced(self.graph, self.ids.copy())
@@ -91,45 +81,6 @@ class Traced:
     def __neg__(self):
         return np.negative(self)
 
-    def __pos__(self):
-        return self
-
-    def __add__(self, o):
-        return np.add(self, o)
-
-    def __radd__(self, o):
-        return np.add(o, self)
-
-    def __sub__(self, o):
-        return np.subtract(self, o)
-
-    def __rsub__(self, o):
-        return np.subtract(o, self)
-
-    def __mul__(self, o):
-        return np.multiply(self, o)
-
-    def __rmul__(self, o):
-        return np.multiply(o, self)
-
-    def __truediv__(self, o):
-        return np.true_divide(self, o)
-
-    def __rtruediv__(self, o):
-        return np.true_divide(o, self)
-
-    def __pow__(self, o):
-        return np.power(self, o)
-
-    def __rpow__(self, o):
-        return np.power(o, self)
-
-    def __matmul__(self, o):
-        return np.matmul(self, o)
-
-    def __rmatmul__(self, o):
-        return np.matmul(o, self)
-
     def sum(self, axis=None):
         return _sum(self, axis)
 
@@ -138,7 +89,8 @@ class Traced:
 
 
 def nodes(graph: Graph, value) -> np.ndarray:
-    """Integer array of BASE + node for a Traced, numbers, or nested lists of both."""
+    """Return the integer array of BASE + node of a Traced, of numbers, or of nested lists of
+    both."""
     if isinstance(value, Traced):
         return value.ids
     if isinstance(value, (list, tuple)) and any(
@@ -328,12 +280,13 @@ UNTRACEABLE = (
 
 
 def inputs(graph: Graph) -> tuple[Traced, Traced]:
-    """Time and state of a graph, as a factory's function takes them."""
+    """Return time and state of a graph, as a factory's function takes them."""
     return Traced(graph, np.array(BASE + graph.n)), Traced(graph, BASE + np.arange(graph.n))
 
 
 def vector(graph: Graph, value, size: int) -> list[int]:
-    """Nodes of what a factory's function returned; TypeError if it has another shape."""
+    """Return the nodes (size,) of what a factory's function returned; TypeError if it has another
+    shape."""
     ids = nodes(graph, value)
     if ids.shape != (size,):
         raise TypeError(f"shape {ids.shape} where ({size},) is needed")

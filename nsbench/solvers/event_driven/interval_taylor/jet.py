@@ -1,0 +1,253 @@
+"""Interval Taylor arithmetic: truncated Taylor series with error radii, as a numpy array type.
+
+A `Jet` stands for K functions at once (the pieces), for each the coefficients  q^(j)(s) r^j / j!,
+j = 0 .. ORDER, enclosed for every s of its piece (radius r). A factory written over an array
+namespace takes Jets as it takes arrays:
+`drift(SPACE)(t, x)` encloses f(t, x(t)) and its derivatives along a polynomial x(t), because numpy
+hands its functions to the class. What a kink or a jump leaves undefined is an infinite radius. What
+a Jet cannot do (branch on a value, turn into a float) is a TypeError: then nothing is proven.
+Source: Moore, Interval Analysis, 1966, chapter 11 (interval Taylor series); rounding is enclosed by
+UNIT of interval_taylor.kernels. The functions of numpy that a Jet takes are registered from below,
+by interval_taylor.numpy_functions, as they are written in terms of Jets.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from nsbench.solvers.event_driven.array_operators import ArrayOperators
+
+ORDER = 9  # one more than the degree of the interpolants that the last coefficient bounds
+# numbers below it among those of entries are values of the caller's that came in with them
+FOREIGN = 2**40
+MOST_ENTRIES = 50_000  # of one Jet: beyond, a proof costs more than the step it is for
+
+# numpy function -> implementation; of the last only the entries move
+_ufuncs: dict[Callable, Callable] = {}
+_functions: dict[Callable, Callable] = {}
+_rearrangements: set[Callable] = set()
+
+
+def register_numpy_functions(
+    ufuncs: dict[Callable, Callable],
+    functions: dict[Callable, Callable],
+    rearrangements: set[Callable],
+) -> None:
+    """Register the functions of numpy that a Jet takes: ufuncs and others with what implements
+    them, and functions that only move entries."""
+    _ufuncs.update(ufuncs)
+    _functions.update(functions)
+    _rearrangements.update(rearrangements)
+
+
+class Jet(ArrayOperators):
+    """Enclosed Taylor coefficients mid +- rad (*shape, K, ORDER + 1); looks like a float64 array of
+    `shape`."""
+
+    __slots__ = ("mid", "rad")
+
+    def __init__(self, mid, rad):
+        if mid.size > MOST_ENTRIES * (ORDER + 1):
+            raise TypeError("a Jet this large is not worth its time")
+        self.mid = mid
+        self.rad = rad
+
+    shape = property(lambda self: self.mid.shape[:-2])
+    ndim = property(lambda self: self.mid.ndim - 2)
+    size = property(lambda self: int(np.prod(self.shape)))
+    T = property(lambda self: _arranged(np.transpose, self))
+    range = property(
+        lambda self: (self.mid[..., 0] - self.rad[..., 0], self.mid[..., 0] + self.rad[..., 0])
+    )
+
+    def __array_ufunc__(self, ufunc, method, *inputs, **kwargs):
+        if (
+            method == "__call__"
+            and ufunc in _ufuncs
+            and not any(v is not None for v in kwargs.values())
+        ):
+            with np.errstate(all="ignore"):  # what overflows is an infinite radius
+                return _ufuncs[ufunc](*inputs)
+        raise TypeError(f"no Jet of {ufunc.__name__}")
+
+    def __array_function__(self, func, types, args, kwargs):
+        if func in _functions:
+            return _functions[func](*args, **kwargs)
+        if func in _rearrangements:
+            return _arranged(func, *args, **kwargs)
+        raise TypeError(f"no Jet of {func.__name__}")
+
+    def __bool__(self):
+        raise TypeError("a Jet has no truth value")
+
+    def __float__(self):
+        raise TypeError("a Jet is no float")
+
+    def __len__(self):
+        if not self.shape:
+            raise TypeError("a Jet of no dimension has no length")
+        return self.shape[0]
+
+    def __getitem__(self, index):
+        return _arranged(lambda a: a[index], self)
+
+    def __setitem__(self, index, value):
+        where = np.arange(self.size).reshape(self.shape)[index]
+        value = _arranged(np.broadcast_to, as_jet(value, self.mid.shape[-2]), where.shape)
+        for mine, new in ((self.mid, value.mid), (self.rad, value.rad)):
+            mine.reshape(-1, *mine.shape[-2:])[where.ravel()] = new.reshape(-1, *new.shape[-2:])
+
+    def reshape(self, *shape):
+        return _arranged(np.reshape, self, shape[0] if len(shape) == 1 else shape)
+
+    def copy(self):
+        return Jet(self.mid.copy(), self.rad.copy())
+
+    def astype(self, dtype):
+        if np.dtype(dtype) != np.float64:
+            raise TypeError(f"no Jet of {dtype}")
+        return self
+
+    def __neg__(self):
+        return Jet(-self.mid, self.rad)
+
+    def __abs__(self):
+        return np.abs(self)
+
+    def __lt__(self, o):
+        return np.less(self, o)
+
+    def __le__(self, o):
+        return np.less_equal(self, o)
+
+    def __gt__(self, o):
+        return np.greater(self, o)
+
+    def __ge__(self, o):
+        return np.greater_equal(self, o)
+
+    def sum(self, axis=None):
+        return np.sum(self, axis=axis)
+
+    def dot(self, o):
+        return np.matmul(self, o)
+
+    def min(self, axis=None):
+        return np.min(self, axis=axis)
+
+    def max(self, axis=None):
+        return np.max(self, axis=axis)
+
+
+def as_jet(value, pieces: int) -> Jet:
+    """Return a Jet that is constant in time on so many pieces, or `value` if it is one; arrays of
+    Jets become one Jet."""
+    if isinstance(value, Jet):
+        return value
+    if isinstance(value, (list, tuple)) and any(isinstance(v, (Jet, list, tuple)) for v in value):
+        return np.stack([as_jet(v, pieces) for v in value])
+    a = np.asarray(value)
+    if a.dtype == object:
+        return np.stack([as_jet(v, pieces) for v in a]) if a.ndim else as_jet(a.item(), pieces)
+    if a.dtype.kind not in "fiub":
+        raise TypeError(f"no Jet of {a.dtype}")
+    mid = np.zeros((*a.shape, pieces, ORDER + 1))
+    mid[..., 0] = a[..., None]
+    return Jet(mid, np.zeros_like(mid))
+
+
+def _arranged(func, *args, **kwargs):
+    """Apply func, which only moves entries, to Jets: it is applied to the numbers of their
+    entries."""
+    pool = []
+    first = [FOREIGN]
+    pieces = next(j.mid.shape[-2] for j in jets_among(args))
+
+    def number(a):
+        if isinstance(a, (list, tuple)) and any(True for _ in jets_among(a)):
+            return type(a)(number(as_jet(v, pieces)) for v in a)
+        if not isinstance(a, Jet):
+            return a
+        index = np.arange(first[0], first[0] + a.size).reshape(a.shape)
+        pool.append(a)
+        first[0] += a.size
+        return index
+
+    index = func(*[number(a) for a in args], **kwargs)
+    if isinstance(index, (list, tuple)) or np.any(np.asarray(index) < FOREIGN):
+        raise TypeError(f"no Jet of {func.__name__}")
+    index = np.asarray(index) - FOREIGN
+    mid = np.concatenate([j.mid.reshape(-1, pieces, ORDER + 1) for j in pool])
+    rad = np.concatenate([j.rad.reshape(-1, pieces, ORDER + 1) for j in pool])
+    return Jet(mid[index], rad[index])
+
+
+def jets_among(args):
+    """Yield the Jets among args and within its lists and tuples."""
+    for a in args:
+        if isinstance(a, Jet):
+            yield a
+        elif isinstance(a, (list, tuple)):
+            yield from jets_among(a)
+
+
+class _Space:
+    """The namespace to hand to a factory: numpy, with constructors that take Jets."""
+
+    __name__ = "numpy"
+
+    def __getattr__(self, name):
+        return getattr(np, name)
+
+    @staticmethod
+    def array(value, dtype=None):
+        return _made(value, np.array)
+
+    @staticmethod
+    def asarray(value, dtype=None):
+        return _made(value, np.asarray)
+
+
+def _made(value, make):
+    found = next(jets_among([value]), None)
+    return make(value) if found is None else as_jet(value, found.mid.shape[-2])
+
+
+SPACE = _Space()
+
+
+def clock(centre: np.ndarray, radius: np.ndarray) -> Jet:
+    """Return the time as a Jet on K pieces with these centres and radii (K,)."""
+    mid = np.zeros((len(centre), ORDER + 1))
+    mid[:, 0] = centre
+    mid[:, 1] = radius
+    rad = np.zeros_like(mid)
+    rad[:, 0] = radius + 1e-15 * (np.abs(centre) + radius)
+    rad[:, 1] = 1e-15 * radius
+    return Jet(mid, rad)
+
+
+def path(c: np.ndarray) -> Jet:
+    """Return polynomials over pieces as a Jet of shape (n,): c (n, K, ORDER) are the coefficients
+    in s, |s| <= 1, on each piece.
+
+    The Taylor coefficient j at s is  sum_k binomial(k, j) c_k s^(k-j).
+    """
+    mid = np.zeros((*c.shape[:2], ORDER + 1))
+    rad = np.zeros((*c.shape[:2], ORDER + 1))
+    mid[..., :ORDER] = c
+    rad[..., :ORDER] = np.abs(c) @ _BINOMIAL + 4e-15 * np.abs(c)
+    return Jet(mid, rad)
+
+
+def _binomials():
+    from math import comb
+
+    return np.array(
+        [[comb(k, j) if j < k else 0 for j in range(ORDER)] for k in range(ORDER)], float
+    )
+
+
+_BINOMIAL = _binomials()
