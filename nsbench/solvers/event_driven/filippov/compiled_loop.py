@@ -1,153 +1,157 @@
-"""The compiled walk of a Filippov system, and what is handed over between it and
-solvers._switching.
+"""Driver of the compiled Filippov loop, and what is handed over between it and the host.
 
-Taylor series of all operations of the case (solvers._tape, kernels.filippov) replace the
-Runge-Kutta steps of the host; the functions of the case are proven to hide nothing on every step.
-Wherever a choice is not plain, or a step not proven, the host goes on from the state the kernel
-stopped in, and the kernel takes over again after the next event.
+Taylor series of all operations of the case (event_driven.filippov.program, kernels.loop) replace
+the Runge-Kutta steps of the host, and every step is proven to hide no event. Wherever a choice of
+the mode is not certain, or a step cannot be certified, the host goes on from the state in which the
+kernel stopped, and the kernel takes over again after the next event.
 """
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from nsbench.dynamics.filippov.vector_field import EPS
-from nsbench.solvers.event_driven.filippov.program import ROOM, SHARE, order
+from nsbench.solvers.event_driven.filippov.kernels import loop_state as codes
+from nsbench.solvers.event_driven.filippov.kernels.loop_state import (
+    Motion,
+    Records,
+    Settings,
+)
+from nsbench.solvers.event_driven.filippov.program import (
+    LOCAL_SHARE,
+    TracedPrograms,
+    series_order,
+)
 from nsbench.trajectory import Status
 
-# the code of a walk that is at its end (kernels.filippov)
-END = 0
+MOST_LOGGED = 256  # events that one call of the kernel can log
+GROWTH = 1e6  # times its start: a state whose steps vanish has gone to infinity (as in smooth.arc)
 OK = Status()
-GROWN = 1e6  # times its start: a state whose steps vanish has gone to infinity (as in _arc)
 
 
-class Compiled:
-    """One case, ready to run."""
+class Stop(NamedTuple):
+    """Why the compiled loop stopped (code of loop_state), the watched function that fell, and
+    whether the arc goes on."""
 
-    def __init__(self, tape, case, options, tol):
-        from nsbench.solvers.event_driven.filippov.kernels import loop as kernel
+    code: int
+    fired: int
+    goes_on: bool
 
-        self.kernel, self.tape, self.p, self.options = kernel, tape, order(tol), options
-        self.limits = np.array(
-            [
-                case.t[-1] - case.t[0],
-                max(SHARE * tol, EPS),
-                options.max_step,
-                options.max_steps,
-                options.max_events,
-            ]
+
+class CompiledLoop:
+    """Compiled loop of one case."""
+
+    def __init__(self, programs: TracedPrograms, case, options, tol: float):
+        from nsbench.solvers.event_driven.filippov.kernels import loop
+
+        self.kernel = loop
+        self.programs = programs
+        self.max_steps = options.max_steps
+        self.settings = Settings(
+            order=series_order(tol),
+            span=float(case.t[-1] - case.t[0]),
+            local_error=float(max(LOCAL_SHARE * tol, EPS)),
+            longest_step=float(options.max_step),
+            steps=options.max_steps,
+            events=options.max_events,
         )
-        self.scratch = tape.scratch(self.p)
-        self.span = float(case.t[-1])
-        self.log = np.empty((ROOM, 2))
-        self.logged = np.empty((ROOM, 3), np.int64)
-        self.ring = np.zeros(7)
-        self.armed = np.zeros(tape.d + 1, np.bool_)
-        self.numbers = np.zeros(9, np.int64)
-        self.floats = np.zeros(2)
+        self.work = tuple(programs.workspace(self.settings.order))
+        self.end = float(case.t[-1])
+        self.log = np.empty((MOST_LOGGED, 2))
+        self.logged = np.empty((MOST_LOGGED, 3), np.int64)
+        self.ring = np.zeros(codes.RING)
+        self.armed = np.zeros(programs.d + 1, np.bool_)
+        self.counters = np.zeros(codes.COUNTERS, np.int64)
+        self.floats = np.zeros(codes.FLOATS)
 
-    def go(self, walk) -> Status:
-        """Follow `walk` from its start to the end or a failure, with the host's help where a choice
-        is not plain."""
-        code, fired, going = self._walk(walk, 0)
-        if code == END:  # most runs: nothing of the host is set up for them
+    def run(self, host) -> Status:
+        """Follow the motion of `host`, a FilippovIntegrator, from its start to the end or a
+        failure, with its help where a choice is not certain."""
+        stop = self._integrate(host, self.kernel.CHOOSE_START)
+        if stop.code == codes.END:  # most runs: nothing of the host is set up for them
             return OK
         with np.errstate(all="ignore"):
-            status = self._helped(walk, code, fired, going)
-            while status.ok and walk.t < self.span:
-                code, fired, going = self._walk(walk, 1)
-                status = OK if code == END else self._helped(walk, code, fired, going)
+            status = self._hand_over(host, stop)
+            while status.ok and host.t < self.end:
+                stop = self._integrate(host, self.kernel.ARC_BEGINS)
+                status = OK if stop.code == codes.END else self._hand_over(host, stop)
         return status
 
-    def _walk(self, walk, begun: int) -> tuple[int, int, int]:
-        """Walk on, compiled, and write down where to: code, the function that fired, and whether
-        the arc goes on."""
-        tape = self.tape
-        kernel = self.kernel
-        ring = self.ring
-        numbers = self.numbers
-        floats = self.floats
-        last = walk.meetings[-7:]
-        if last:
-            ring[7 - len(last) :] = last
-        numbers[:] = (
-            0,
-            walk.done,
-            walk.steps,
-            walk.arcs,
-            walk.motion.calls,
-            0,
-            len(walk.meetings),
-            0,
-            0,
-        )
-        floats[:] = walk.t, walk.h
+    def _integrate(self, host, begun: int) -> Stop:
+        """Go on, compiled, and write where to into `host`."""
+        counters = self.counters
+        latest = host.meetings[-codes.RING :]
+        if latest:
+            self.ring[codes.RING - len(latest) :] = latest
+        counters[:] = 0
+        counters[codes.DONE] = host.done
+        counters[codes.COUNT] = host.steps
+        counters[codes.ARCS] = host.arcs
+        counters[codes.CALLS] = host.field.calls
+        counters[codes.MEETINGS] = len(host.meetings)
+        self.floats[codes.TIME] = host.t
+        self.floats[codes.LONGEST] = host.h
+        motion = Motion(host.x, host.theta, host.mode, self.armed)
+        records = Records(host.case.t, host.X, host.W, self.log, self.logged, self.ring)
         while True:
-            kernel.integrate_modes(
-                *tape.arrays,
-                tape.table,
-                tape.slides,
-                self.p,
-                self.limits,
+            self.kernel.integrate_modes(
+                *self.programs.programs,
+                *self.programs.modes,
+                *self.settings,
+                *motion,
+                *records,
+                counters,
+                self.floats,
+                self.work,
                 begun,
-                numbers,
-                floats,
-                walk.x,
-                walk.theta,
-                walk.mode,
-                self.armed,
-                ring,
-                walk.case.t,
-                walk.X,
-                walk.W,
-                self.log,
-                self.logged,
-                self.scratch,
             )
-            code, walk.done, walk.steps, walk.arcs, walk.motion.calls, events, _, fired, going = (
-                numbers.tolist()
-            )
-            if events:
-                self._replay(walk, events)
-            if code != kernel.FULL:
+            values = counters.tolist()
+            host.done = values[codes.DONE]
+            host.steps = values[codes.COUNT]
+            host.arcs = values[codes.ARCS]
+            host.field.calls = values[codes.CALLS]
+            if values[codes.EVENTS]:
+                self._replay_events(host, values[codes.EVENTS])
+            if values[codes.CODE] != codes.FULL:
                 break
-            begun = 1
-            numbers[kernel.EVENTS] = 0
-        walk.t, walk.h = floats.tolist()
-        return code, fired, going
+            begun = self.kernel.ARC_BEGINS
+            counters[codes.EVENTS] = 0
+        host.t = float(self.floats[codes.TIME])
+        host.h = float(self.floats[codes.LONGEST])
+        return Stop(values[codes.CODE], values[codes.FIRED], bool(values[codes.CARRY]))
 
-    def _helped(self, walk, code, fired, going) -> Status:
-        """What the host makes of the state in which the compiled walk stopped."""
-        kernel = self.kernel
-        walk.signs = np.where(np.abs(walk.mode) == 1, walk.mode, 0.0)
-        if code == kernel.STEPS:
-            return Status(
-                "maxiter", f"{self.options.max_steps} steps were taken by t = {walk.t:.9g}."
-            )
-        size = np.abs(walk.x).max(initial=0.0)
-        if (
-            code == kernel.HARD
-            and fired == kernel.TINY
-            and size > GROWN * (1.0 + np.abs(walk.case.x0).max(initial=0.0))
-        ):
-            return Status("diverged", f"The state grew to {size:.3g} at t = {walk.t:.9g}.")
-        walk.hosted += 1
-        if code == kernel.START:
-            return walk._start()
-        if code == kernel.MEET:
-            return walk._meet(np.array([fired]))
-        one = not np.any(walk.mode == 0)
-        return walk._arc((self.armed[:-1] if one else self.armed).copy() if going else None)
+    def _hand_over(self, host, stop: Stop) -> Status:
+        """Let the host go on from the state in which the compiled loop stopped."""
+        host.signs = np.where(np.abs(host.mode) == 1, host.mode, 0.0)
+        if stop.code == codes.STEPS:
+            return Status("maxiter", f"{self.max_steps} steps were taken by t = {host.t:.9g}.")
+        size = np.abs(host.x).max(initial=0.0)
+        vanishes = stop.code == codes.HARD and stop.fired == codes.STEP_VANISHES
+        if vanishes and size > GROWTH * (1.0 + np.abs(host.case.x0).max(initial=0.0)):
+            return Status("diverged", f"The state grew to {size:.3g} at t = {host.t:.9g}.")
+        host.hosted += 1
+        if stop.code == codes.START:
+            return host.start()
+        if stop.code == codes.MEET:
+            return host.pass_event(np.array([stop.fired]))
+        if not stop.goes_on:
+            return host.follow_arc()
+        slides = np.any(host.mode == 0)  # the last watched function is the weight's
+        return host.follow_arc((self.armed if slides else self.armed[:-1]).copy())
 
-    def _replay(self, walk, count):
-        """Record the events that the kernel met."""
-        state = walk.t, walk.theta
-        for (t, weight), (i, old, new) in zip(
+    def _replay_events(self, host, count: int) -> None:
+        """Record the events that the kernel logged."""
+        t = host.t
+        theta = host.theta
+        for (time, weight), (i, old, new) in zip(
             self.log[:count].tolist(), self.logged[:count].tolist(), strict=True
         ):
-            walk.t = t
-            walk.theta = {i: weight}
-            walk.meetings.append(t)
-            walk.idle = 0
-            walk._record(i, old, new)
-        walk.t, walk.theta = state
+            host.t = time
+            host.theta = {i: weight}
+            host.meetings.append(time)
+            host.idle = 0
+            host.record_event(i, old, new)
+        host.t = t
+        host.theta = theta

@@ -1,10 +1,9 @@
-"""The tapes of a Filippov system: programs of its modes, traced once, and the compiled walk on
-them.
+"""Programs of the modes of a Filippov system: its functions, traced once, for the compiled loop.
 
-A mode beside all surfaces has the field of its signs. A mode that slides on surface i has the two
-fields beside it, and from them, by operations of the tape too, Filippov's signs s = (c' + c'-) /
-(c'- - c'+) and the velocity. Modes that slide on several surfaces have no program: there, and
-wherever a case cannot be traced, solvers._switching goes on in numpy.
+A mode off all surfaces has the field of its signs. A mode that slides on surface i has the two
+fields of its sides, and from them, by operations of the program too, Filippov's sign
+s = (c' + c'-) / (c'- - c'+) and the velocity. Modes that slide on several surfaces have no program:
+there, and wherever a case cannot be traced, event_driven.filippov.host_loop goes on in numpy.
 """
 
 from __future__ import annotations
@@ -14,100 +13,116 @@ from itertools import product
 import numpy as np
 
 from nsbench.compilation.factories import as_numpy
+from nsbench.problem import Filippov
+from nsbench.solvers.event_driven.filippov.kernels.loop_state import (
+    Modes,
+    Programs,
+    Workspace,
+)
 from nsbench.solvers.event_driven.filippov.tracing.graph import Graph
 from nsbench.solvers.event_driven.filippov.tracing.layout import lay_out
 from nsbench.solvers.event_driven.filippov.tracing.trace import SPACE, UNTRACEABLE, inputs, vector
 
-MOST = 4  # surfaces: 2^d fields are traced
-ROOM = 256  # events that one call of the walk can note
-PROBES = 5  # points at which the tape must agree with the case
-AGREES = 1e-12  # relative to the largest entry: both round, in another order
+MOST_SURFACES = 4  # 2^d fields are traced
+PROBES = 5  # points at which the programs must agree with the case
+AGREEMENT = 1e-12  # relative to the largest entry: both round, in another order
 # orders of the series: below, more steps cost more than the terms they save
-LEAST = 18
-LARGEST = 22
-SHARE = 0.03  # of the tolerance goes to one step (as in _arc)
+LEAST_ORDER = 18
+LARGEST_ORDER = 22
+LOCAL_SHARE = 0.03  # of the tolerance goes to one step (as in smooth.arc)
 
 
-class Tape:
-    """tape, table, slides: what kernels.filippov.walk takes."""
+class TracedPrograms:
+    """Programs of the modes of a case with n states and d surfaces."""
 
-    def __init__(self, programs, table, slides, n, d):
-        self.arrays = programs.ops, programs.nums, programs.first, programs.outs
-        self.table = table
-        self.slides = slides
-        self.rows = programs.rows
+    def __init__(self, programs: Programs, modes: Modes, n: int, d: int):
+        self.programs = programs
+        self.modes = modes
         self.n = n
         self.d = d
 
-    def scratch(self, p: int) -> tuple:
-        """Work space of a walk of order p."""
+    def workspace(self, p: int) -> Workspace:
+        """Return work arrays of a run of order p."""
         from nsbench.solvers.event_driven.filippov.kernels.enclosure import ORDER
         from nsbench.solvers.event_driven.filippov.kernels.polynomial_root import DEEP
 
-        rows = self.rows
+        rows = self.programs.rows
         n = self.n
         d = self.d
-        return (
-            np.zeros((rows, p + 1)),
-            np.zeros((n + d + 1, p + 1)),
-            np.zeros((rows, ORDER + 1)),
-            np.zeros((rows, ORDER + 1)),
-            np.zeros((rows, ORDER)),
-            np.zeros(d + 1),
-            np.zeros(d + 1),
-            np.zeros((2 * DEEP + 4, 2)),
-            np.zeros((1, p + 1)),
-            np.zeros(d + 1),
-            np.zeros((d, n + 2)),
-            np.zeros((2, n)),
-            np.zeros(n),
-            np.zeros((rows, p + 1)),
+        return Workspace(
+            C=np.zeros((rows, p + 1)),
+            Q=np.zeros((n + d + 1, p + 1)),
+            M=np.zeros((rows, ORDER + 1)),
+            R=np.zeros((rows, ORDER + 1)),
+            V=np.zeros((rows, ORDER)),
+            error=np.zeros(d + 1),
+            lift=np.zeros(d + 1),
+            band=np.zeros(d + 1),
+            stack=np.zeros((2 * DEEP + 4, 2)),
+            shifted=np.zeros((1, p + 1)),
+            G=np.zeros((d, n + 2)),
+            F=np.zeros((2, n)),
+            y=np.zeros(n),
+            D=np.zeros((rows, p + 1)),
         )
 
 
-def order(tol: float) -> int:
-    """Order of the series for an error tol of the run (Jorba & Zou 2005, section 3.1)."""
-    return int(np.clip(np.ceil(-0.5 * np.log(SHARE * tol)) + 1, LEAST, LARGEST))
+def series_order(tol: float) -> int:
+    """Return the order of the series for an error tol of the run (Jorba & Zou 2005, section
+    3.1)."""
+    order = np.ceil(-0.5 * np.log(LOCAL_SHARE * tol)) + 1
+    return int(np.clip(order, LEAST_ORDER, LARGEST_ORDER))
 
 
-def tape(problem, d: int, t0: float, x0: np.ndarray) -> Tape | None:
-    """The tape of a Filippov problem with d surfaces; None if it cannot be traced or is not what
-    the case computes."""
-    if d > MOST:
+def trace_programs(problem: Filippov, d: int, t0: float, x0: np.ndarray) -> TracedPrograms | None:
+    """Trace the programs of a Filippov problem with d surfaces; None if it cannot be traced or if
+    the programs do not compute what the case computes."""
+    if d > MOST_SURFACES:
         return None
     n = x0.size
-    graph = Graph(x0.size)
-    t, x = inputs(graph)
+    graph = Graph(n)
     try:
-        field = problem.field(SPACE)
-        fields = {
-            q: vector(graph, field(t, x, np.array(q, float)), n) for q in product((1, -1), repeat=d)
-        }
-        c = vector(graph, problem.switch(SPACE)(t, x), d)
-        seen = [{} for _ in range(n + 1)]
-        slopes = [[graph.derivative(k, j, seen[j]) for j in range(n + 1)] for k in c]
-        found = {
-            q: _sliding(graph, fields, c, slopes, q, n, d)
-            if 0 in q
-            else _beside(graph, fields, c, q)
-            for q in product((1, 0, -1), repeat=d)
-            if q.count(0) <= 1
-        }
-        modes, outputs = zip(*((q, out) for q, out in found.items() if out), strict=True)
-        shape = [v for row, value in zip(slopes, c, strict=True) for v in (*row, value)]
-        width = max(n + d + 2, len(shape))
-        made = lay_out(graph, [row + [-1] * (width - len(row)) for row in [*outputs, shape]])
+        outputs, geometry = _trace(graph, problem, n, d)
+        lists = [*outputs.values(), geometry]
+        width = max(n + d + 2, len(geometry))
+        programs = lay_out(graph, [row + [-1] * (width - len(row)) for row in lists])
     except UNTRACEABLE:
         return None
     table = np.full(3**d, -1)
-    for m, q in enumerate(modes):
+    for m, q in enumerate(outputs):
         table[sum((v + 1) * 3**i for i, v in enumerate(q))] = m
-    slides = np.array([q.index(0) if 0 in q else -1 for q in modes])
-    out = Tape(made, table, slides, n, d)
-    return out if _agrees(out, problem, modes, t0, x0) else None
+    slides = np.array([q.index(0) if 0 in q else -1 for q in outputs])
+    traced = TracedPrograms(programs, Modes(table, slides), n, d)
+    return traced if _agrees(traced, problem, list(outputs), t0, x0) else None
 
 
-def _beside(graph, fields, c, q):
+def _trace(graph, problem, n, d):
+    """Outputs of each mode that slides on at most one surface, and those of the geometry: gradient,
+    time derivative and value of each switch function."""
+    t, x = inputs(graph)
+    field = problem.field(SPACE)
+    fields = {
+        q: vector(graph, field(t, x, np.array(q, float)), n) for q in product((1, -1), repeat=d)
+    }
+    c = vector(graph, problem.switch(SPACE)(t, x), d)
+    derivatives = [{} for _ in range(n + 1)]
+    slopes = [[graph.derivative(k, j, derivatives[j]) for j in range(n + 1)] for k in c]
+    outputs = {}
+    for q in product((1, 0, -1), repeat=d):
+        if q.count(0) > 1:
+            continue
+        if 0 in q:
+            out = _sliding_outputs(graph, fields, c, slopes, q, n)
+        else:
+            out = _free_outputs(graph, fields, c, q)
+        if out:
+            outputs[q] = out
+    geometry = [v for row, value in zip(slopes, c, strict=True) for v in (*row, value)]
+    return outputs, geometry
+
+
+def _free_outputs(graph, fields, c, q):
+    """Outputs of a mode off all surfaces: field, distances to the surfaces, weight."""
     return [
         *fields[q],
         *(graph.mul(graph.const(v), k) for v, k in zip(q, c, strict=True)),
@@ -116,9 +131,9 @@ def _beside(graph, fields, c, q):
     ]
 
 
-def _sliding(graph, fields, c, slopes, q, n, d):
-    """Outputs of a mode that slides on the surface i with q_i = 0 (Filippov 1988, section 4); None:
-    no sign does anything."""
+def _sliding_outputs(graph, fields, c, slopes, q, n):
+    """Outputs of a mode that slides on the surface i with q_i = 0 (Filippov 1988, section 4); None
+    if no sign changes c_i'."""
     i = q.index(0)
     plus, minus = (fields[(*q[:i], v, *q[i + 1 :])] for v in (1, -1))
     rates = []
@@ -143,14 +158,15 @@ def _sliding(graph, fields, c, slopes, q, n, d):
     return [*F, *watch, graph.mul(two, theta), theta]
 
 
-def _agrees(made, problem, modes, t0, x0) -> bool:
-    """Whether the programs beside the surfaces give what the case's own functions give, near the
-    start."""
-    from nsbench.solvers.event_driven.filippov.kernels.mode_choice import at
+def _agrees(traced, problem, modes, t0, x0) -> bool:
+    """Do the programs of the modes off the surfaces give what the case's own functions give, at
+    PROBES points near the start?"""
+    from nsbench.solvers.event_driven.filippov.kernels.mode_choice import evaluate_program
 
     field = as_numpy(problem.field)
     switch = as_numpy(problem.switch)
-    V = np.zeros((made.rows, 1))
+    programs = traced.programs
+    V = np.zeros((programs.rows, 1))
     rng = np.random.default_rng(0)
     for k in range(PROBES):
         scale = 0.3 * k * (1.0 + np.abs(x0).max(initial=0.0))
@@ -159,14 +175,14 @@ def _agrees(made, problem, modes, t0, x0) -> bool:
         for m, q in enumerate(modes):
             if 0 in q:
                 continue
-            at(*made.arrays, m, made.n, float(t), x, V)
-            got = V[made.arrays[3][m, : made.n + made.d], 0]
+            evaluate_program(programs, m, float(t), x, V)
+            values = V[programs.outs[m, : traced.n + traced.d], 0]
             with np.errstate(all="ignore"):
-                want = np.concatenate([field(t, x, np.array(q, float)), q * switch(t, x)])
-            off = np.abs(got - want)
-            same = np.isfinite(want)
-            if not np.array_equal(np.isfinite(got), same):
+                expected = np.concatenate([field(t, x, np.array(q, float)), q * switch(t, x)])
+            off = np.abs(values - expected)
+            finite = np.isfinite(expected)
+            if not np.array_equal(np.isfinite(values), finite):
                 return False
-            if np.any(off[same] > AGREES * (1.0 + np.abs(want[same]).max(initial=0.0))):
+            if np.any(off[finite] > AGREEMENT * (1.0 + np.abs(expected[finite]).max(initial=0.0))):
                 return False
     return True

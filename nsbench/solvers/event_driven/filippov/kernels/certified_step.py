@@ -1,14 +1,15 @@
-"""One Taylor step of a Filippov mode: its length, the proof that nothing is hidden in it, the first
+"""One Taylor step of a Filippov mode: its length, the proof that it hides no event, and the first
 event on it.
 
-A program of a mode (see nsbench.solvers.event_driven.filippov.tracing) has the outputs F (n), watch
-(d + 1), theta. watch[k] > 0 until surface k is met, or, for the surface it slides on, until its
-weight is used up: 1 - s there and 1 + s as the last one.
+The program of a mode (see event_driven.filippov.program) has the outputs F (n), watch (d + 1) and
+theta. watch[k] > 0 until surface k is reached, or, for the surface it slides on, until its weight
+is used up: 1 - s there, and 1 + s as the last one.
 
-Certificate of a piece: the fields and the watched functions along the polynomial path are enclosed
-with their first ORDER derivatives (kernels.enclosure), those of the polynomials that stand for them
-too; at NODES the two agree. So they agree in between, up to the bound on interpolation (Davis 1963,
-theorem 3.1.1), and nothing narrower than the piece hides in it.
+Certificate of a piece of the step: the fields and the watched functions along the polynomial path
+are enclosed with their first ORDER derivatives (kernels.enclosure), and so are those of the
+polynomials that stand for them; at NODES the two agree. So they agree in between, up to the bound
+on interpolation (Davis, Interpolation and Approximation, 1963, theorem 3.1.1), and nothing narrower
+than the piece hides in it.
 """
 
 import numpy as np
@@ -19,6 +20,7 @@ from nsbench.solvers.event_driven.filippov.kernels.polynomial_root import (
     CLEAR,
     DEGREE,
     FOUND,
+    UNCLEAR,
     first_fall,
     shifted,
 )
@@ -29,24 +31,30 @@ from nsbench.solvers.event_driven.filippov.kernels.taylor_series import (
     summing,
 )
 
-NODES = -np.cos(
-    np.pi * np.arange(ORDER) / (ORDER - 1)
-)  # of the interpolation behind the certificate
-POWERS = NODES ** np.arange(DEGREE + 1)[:, None]
-HALF = 1.0 / 2.0 ** (ORDER - 2)  # its bound, from the coefficient of that order
-RESOLVED = 1e-10  # bound on interpolation that counts as smooth, relative (as in solvers._pieces)
+# Chebyshev nodes of the interpolation behind the certificate
+NODES = -np.cos(np.pi * np.arange(ORDER) / (ORDER - 1))
+NODE_POWERS = NODES ** np.arange(DEGREE + 1)[:, None]
+# bound on the interpolation error, from the coefficient of order ORDER
+INTERPOLATION = 1.0 / 2.0 ** (ORDER - 2)
+# relative bound on interpolation that counts as smooth (as in event_driven.smooth.pieces)
+SMOOTH = 1e-10
 DEFECT = 100.0  # local errors by which the path may miss the equation at a node
 # truncation of the watched functions, relative to what they reach on the step; roots are polished
-SHARP = 1e-9
+WATCH_TRUNCATION = 1e-9
+HALVINGS = 50  # of a step in which a watched function may leave its band
+LENGTH_TRIALS = 100  # reductions of a step length for the watched functions
+UNCERTAIN = -2  # in `first_event`: the first candidate is not certain
 
 
 @inner
-def length(C, n, p, x, outs, watches, local, most):
-    """A step on which the last terms of the state are below local (1 + |x|), those of the integral
-    of the weight below local, those of the watched functions below SHARP of their size (Jorba & Zou
-    2005, section 3.2).
+def step_length(C, n, p, x, outs, watches, local, most):
+    """Return a step on which the last terms of the state are below local (1 + |x|), those of the
+    integral of the weight below local, and those of the watched functions below WATCH_TRUNCATION of
+    their size; 0 if a coefficient is not finite.
 
-    C: table of kernels.taylor; 0 if it is not finite."""
+    C: Taylor coefficients (see taylor_series.series); outs: outputs of the program; most: longest
+    step. Source: Jorba & Zou, Experimental Mathematics 14 (2005), section 3.2.
+    """
     h = most
     for k in range(max(p - 2, 1), p + 1):
         worst = 0.0
@@ -63,7 +71,7 @@ def length(C, n, p, x, outs, watches, local, most):
         row = outs[n + w]
         if row < 0:
             continue
-        for _ in range(100):
+        for _ in range(LENGTH_TRIALS):
             size = abs(C[row, 0])
             power = 1.0
             for k in range(1, p - 1):
@@ -74,17 +82,17 @@ def length(C, n, p, x, outs, watches, local, most):
                 if not np.isfinite(C[row, p - 1] + C[row, p]):
                     return 0.0
                 h *= 0.5
-            elif last <= SHARP * size:
+            elif last <= WATCH_TRUNCATION * size:
                 break
             else:
-                h *= max(0.5, 0.9 * (SHARP * size / last) ** (1.0 / p))
+                h *= max(0.5, 0.9 * (WATCH_TRUNCATION * size / last) ** (1.0 / p))
     return h
 
 
 @summing
 def _tail(Q, i, p, derivative):
-    """Bound on coefficient ORDER, anywhere on the piece, of the polynomial Q[i], or of its
-    derivative in s."""
+    """Bound coefficient ORDER, anywhere on the piece, of the polynomial Q[i], or of its derivative
+    in s."""
     s = 0.0
     for k in range(ORDER, p + 1 - derivative):
         s += CHOOSE[k, ORDER] * abs(Q[i, k + derivative]) * (1.0 + derivative * k)
@@ -93,31 +101,32 @@ def _tail(Q, i, p, derivative):
 
 @inner
 def _at_nodes(Q, i, p, derivative, out, to):
-    """out[to, :ORDER]: values at NODES of the polynomial Q[i], or of its derivative in s."""
+    """Fill out[to, :ORDER] with the values at NODES of the polynomial Q[i], or of its derivative in
+    s."""
     for j in range(ORDER):
         out[to, j] = 0.0
     for k in range(p - derivative, -1, -1):
         term = Q[i, k + derivative] * (1.0 + derivative * k)
         for j in range(ORDER):
-            out[to, j] += POWERS[k, j] * term
+            out[to, j] += NODE_POWERS[k, j] * term
 
 
 @inner
-def certified(
-    ops, nums, lo, hi, outs, n, p, watches, t, start, width, whole, local, C, Q, M, R, V, error
-):
-    """The piece [t + start, t + start + width] of a step `whole` long is certified if this is >= 1.
+def certify_piece(programs, m, n, p, watches, t, start, width, whole, local, C, Q, M, R, V, error):
+    """Return how well the piece [t + start, t + start + width] of a step is certified: the least
+    quotient of a bound that counts as smooth and the bound found. It is certified if this is >= 1;
+    0 if it fails otherwise.
 
-    It is the least quotient of a bound that counts as smooth and the bound found; 0 if it fails
-    otherwise.
-    Q (n + watches, p + 1): the polynomials of state and watched functions in s on the piece; error
-    (watches,): bounds on what the latter miss of the functions. C: table of the step; M, R, V:
-    scratch.
+    whole: length of the step, whose Taylor coefficients are C. Fills Q (n + watches, p + 1), the
+    polynomials of state and watched functions in s, |s| <= 1, on the piece, and error (watches,),
+    bounds on what the latter miss of the functions. M, R, V: work (see loop_state.Workspace).
     """
+    outs = programs.outs[m]
+    lo = programs.first[m, 0]
+    hi = programs.first[m, 2]
     radius = 0.5 * width
     middle = start + radius
     biggest = 1.0
-    room = np.inf
     for i in range(n):
         shifted(C, i, p, middle, radius, Q, i)
         biggest = max(biggest, 1.0 + abs(Q[i, 0]))
@@ -125,38 +134,61 @@ def certified(
         if outs[n + w] >= 0:
             shifted(C, outs[n + w], p, middle, radius, Q, n + w)
     path(Q, n, p, t + middle, radius, M, R)
-    enclose(ops, nums, lo, hi, n, M, R)
+    enclose(programs.ops, programs.nums, lo, hi, n, M, R)
     least = biggest / max(whole, 1.0)
     pace = 0.0
     for i in range(n):
         pace = max(pace, abs(M[outs[i], 0]) - R[outs[i], 0])
+    margin = _smoothness(outs, n, p, watches, radius, least, pace, Q, M, R, error)
+    if not margin >= 1.0:
+        return margin
+    for i in range(n):
+        _at_nodes(Q, i, p, 0, V, i)
+    for k in range(ORDER):
+        V[n, k] = t + start + radius * (1.0 + NODES[k])
+    point(programs.ops, programs.nums, lo, hi, n, V, ORDER)
+    if _agrees_at_nodes(outs, n, p, watches, radius, whole, local, pace, Q, M, V, error):
+        return margin
+    return 0.0
+
+
+@inner
+def _smoothness(outs, n, p, watches, radius, least, pace, Q, M, R, error):
+    """Return the least quotient of SMOOTH and the interpolation bounds of fields and watched
+    functions; the latter's bounds go to `error`.
+
+    least, pace: sizes that the bounds of the fields are relative to.
+    """
+    margin = np.inf
     for i in range(n):
         row = outs[i]
         bound = abs(M[row, ORDER]) + R[row, ORDER] + _tail(Q, i, p, 1) / radius
-        room = min(room, RESOLVED * max(pace, least) / (bound * HALF))
-        if not room >= 1.0:
-            return room
+        margin = min(margin, SMOOTH * max(pace, least) / (bound * INTERPOLATION))
+        if not margin >= 1.0:
+            return margin
     for w in range(watches):
         row = outs[n + w]
         error[w] = 0.0
         if row >= 0:
             size = max(abs(M[row, 0]) - R[row, 0], least if w < watches - 1 else 1.0)
             bound = abs(M[row, ORDER]) + R[row, ORDER] + _tail(Q, n + w, p, 0)
-            room = min(room, RESOLVED * size / (bound * HALF))
-            if not room >= 1.0:
-                return room
-            error[w] = bound * HALF
-    for i in range(n):
-        _at_nodes(Q, i, p, 0, V, i)
-    for k in range(ORDER):
-        V[n, k] = t + start + radius * (1.0 + NODES[k])
-    point(ops, nums, lo, hi, n, V, ORDER)
+            margin = min(margin, SMOOTH * size / (bound * INTERPOLATION))
+            if not margin >= 1.0:
+                return margin
+            error[w] = bound * INTERPOLATION
+    return margin
+
+
+@inner
+def _agrees_at_nodes(outs, n, p, watches, radius, whole, local, pace, Q, M, V, error):
+    """Does the path satisfy the equation at NODES, and do the polynomials of the watched functions
+    agree with them there? What the latter miss is added to work.error."""
     for i in range(n):
         _at_nodes(Q, i, p, 1, M, 0)
         for k in range(ORDER):
             off = abs(M[0, k] / radius - V[outs[i], k]) * whole
             if not off <= DEFECT * local * (1.0 + abs(V[i, k])) + 1e-14 * whole * abs(pace):
-                return 0.0
+                return False
     for w in range(watches):
         row = outs[n + w]
         if row >= 0:
@@ -164,33 +196,32 @@ def certified(
             for k in range(ORDER):
                 off = abs(M[0, k] - V[row, k])
                 error[w] += 0.5 * off + 2e-16 * abs(V[row, k])
+                # the last one is twice the weight, which is integrated
                 if (
                     w == watches - 1
                     and not 0.5 * off * whole <= DEFECT * local + 1e-14 * whole * abs(V[row, k])
                 ):
-                    return 0.0  # twice the weight, which is integrated
-    return room
+                    return False
+    return True
 
 
 @inner
-def shorter(room):
-    """Part of a piece with this `room` that the certificate should hold for: bounds go with the
-    power ORDER of the width.
+def fitting_part(margin):
+    """Return the part of a piece with this margin for which the certificate should hold: bounds go
+    with the power ORDER of the width.
 
-    Those of pieces far too long explode instead: they tell nothing, and a quarter is tried.
+    Bounds of pieces far too long explode instead and say nothing; a quarter is tried then.
     """
-    return max(0.9 * room ** (1.0 / ORDER), 0.25) if room > 0.0 else 0.5
+    return max(0.9 * margin ** (1.0 / ORDER), 0.25) if margin > 0.0 else 0.5
 
 
 @inner
-def lifted(C, row, p, h, band):
-    """w in (0, h] such that the series u = C[row], at most `band` at 0, exceeds it at w without
-    falling below by more before.
-
-    0: it stays within the band on [0, h]; -1: neither is certain.
-    """
+def lift_time(C, row, p, h, band):
+    """Return w in (0, h] such that the series u = C[row], at most `band` at 0, exceeds it at w
+    without falling below by more before; 0: it stays within the band on [0, h]; -1: neither is
+    certain."""
     w = h
-    for _ in range(50):
+    for _ in range(HALVINGS):
         below = 0.0
         power = 1.0
         for lead in range(1, min(7, p)):
@@ -216,8 +247,11 @@ def lifted(C, row, p, h, band):
 
 @inner
 def first_event(outs, n, p, watches, start, width, C, Q, error, lift, stack, work):
-    """(CLEAR, FOUND or UNCLEAR, which function, time from the step's start) of the first event on a
-    certified piece."""
+    """Find the first fall of a watched function through zero on a certified piece.
+
+    Returns CLEAR, FOUND or UNCLEAR; the watched function, -1 for none; its time from the step's
+    start, inf for none.
+    """
     first = np.inf
     which = -1
     for w in range(watches):
@@ -243,7 +277,7 @@ def first_event(outs, n, p, watches, start, width, C, Q, error, lift, stack, wor
             time = lo + radius * (1.0 + s)
             if time < first:
                 first = time
-                which = -2
-    if which == -2:
-        return 2, -1, first
+                which = UNCERTAIN
+    if which == UNCERTAIN:
+        return UNCLEAR, -1, first
     return (FOUND, which, first) if which >= 0 else (CLEAR, -1, np.inf)

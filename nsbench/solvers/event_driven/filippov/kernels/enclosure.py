@@ -1,10 +1,11 @@
-"""Enclosures of everything on a tape over a piece of time, with derivatives: the arithmetic of
-nsbench.solvers.event_driven.interval_taylor, for tapes.
+"""Interval Taylor enclosure of a traced program over a piece of time, derivatives included.
+
+The arithmetic is that of nsbench.solvers.event_driven.interval_taylor, for programs.
 
 The path is a polynomial in s, |s| <= 1, over the piece. Row by row, M +- R encloses the
 coefficients q^(j)(s) / j! (time in units of the piece's radius) of every operation, j = 0 .. ORDER,
-for all s of the piece. What may be undefined somewhere on the piece has infinite radii. Source:
-Moore 1966, chapter 11.
+for all s of the piece. What may be undefined somewhere on the piece has infinite radii.
+Source: Moore, Interval Analysis, 1966, chapter 11.
 """
 
 from math import atan, cosh, exp, log, sinh, tanh
@@ -12,25 +13,7 @@ from math import atan, cosh, exp, log, sinh, tanh
 import numpy as np
 
 from nsbench.compilation.decorators import njit
-from nsbench.solvers.event_driven.filippov.kernels.opcodes import (
-    ADD,
-    AFFINE,
-    ATAN,
-    CONST,
-    COS,
-    COSH,
-    DIV,
-    EXP,
-    LOG,
-    MUL,
-    POW,
-    RDIV,
-    SECH2,
-    SIN,
-    SINH,
-    SQR,
-    SUB,
-)
+from nsbench.solvers.event_driven.filippov.kernels import opcodes as op
 from nsbench.solvers.event_driven.filippov.kernels.polynomial_root import CHOOSE
 from nsbench.solvers.event_driven.filippov.kernels.taylor_series import inner
 from nsbench.solvers.event_driven.interval_taylor.kernels import TINY, UNIT
@@ -39,18 +22,19 @@ from nsbench.solvers.event_driven.interval_taylor.kernels import TINY, UNIT
 # 15 some more, some less
 ORDER = 12
 # rounding of the coefficients of a path, relative: a shift of a polynomial adds up its terms
-PATH = 4e-14
+PATH_ROUNDING = 4e-14
 
 
 @inner
 def _range(M, R, y, u, v):
-    """First entry of row y: the range [u, v], values of a library function."""
-    M[y, 0], R[y, 0] = 0.5 * (u + v), 0.5 * (v - u) + 4.0 * UNIT * max(abs(u), abs(v)) + TINY
+    """Set the first entry of row y to the range [u, v] of a library function."""
+    M[y, 0] = 0.5 * (u + v)
+    R[y, 0] = 0.5 * (v - u) + 4.0 * UNIT * max(abs(u), abs(v)) + TINY
 
 
 @inner
 def _multiply(M, R, a, b, y):
-    """Row y = row a times row b."""
+    """Fill row y with row a times row b."""
     for k in range(ORDER + 1):
         s = 0.0
         r = TINY
@@ -66,7 +50,7 @@ def _multiply(M, R, a, b, y):
 
 @inner
 def _divide(M, R, a, c, b, y):
-    """Row y = row a, or the constant c if a < 0, over row b."""
+    """Fill row y with row a, or the constant c if a < 0, over row b."""
     low = abs(M[b, 0]) - R[b, 0]
     for k in range(ORDER + 1):
         s = c if k == 0 else 0.0
@@ -86,7 +70,8 @@ def _divide(M, R, a, c, b, y):
 
 @inner
 def _weighted(M, R, a, b, k, flat, slope):
-    """Sum over i = 1 .. k of (flat + slope i) a_i b_(k-i), for rows a, b, and its radius."""
+    """Return the sum over i = 1 .. k of (flat + slope i) a_i b_(k-i), for rows a, b, and its
+    radius."""
     s = 0.0
     r = TINY
     for i in range(1, k + 1):
@@ -105,24 +90,25 @@ def _weighted(M, R, a, b, k, flat, slope):
 
 @inner
 def _over(M, R, y, k, s, r, w, low):
-    """Coefficient k of row y: s +- r over the first entry of row w, which is at least low; nothing
-    is known if it may vanish."""
+    """Set coefficient k of row y to s +- r over the first entry of row w, which is at least low in
+    size; nothing is known if that may vanish."""
     if low > 0.0:
         M[y, k] = s / M[w, 0]
         R[y, k] = (r + abs(M[y, k]) * R[w, 0]) / low + UNIT * abs(M[y, k]) + TINY
     else:
-        M[y, k], R[y, k] = 0.0, np.inf
+        M[y, k] = 0.0
+        R[y, k] = np.inf
 
 
 @inner
-def _first(o, c, M, R, a, y):
-    """First entries of row y = o(a), a function, and of its partner's, the next row; NaN where it
-    may be undefined."""
+def _first_coefficient(code, c, M, R, a, y):
+    """Set the first entries of row y = f(a), f the function `code`, and of its partner's, the next
+    row; NaN where it may be undefined."""
     m = M[a, 0]
     r = R[a, 0]
     lo = m - r
     hi = m + r
-    if o == SIN:
+    if code == op.SIN:
         # ease: of the reduced argument
         s = np.sin(m)
         c = np.cos(m)
@@ -131,18 +117,18 @@ def _first(o, c, M, R, a, y):
         M[y + 1, 0], R[y + 1, 0] = c, min(abs(s) * r + r * r / 2, 2.0) + ease + 4.0 * UNIT
         return
     below = above = 1.0
-    if o == EXP:
+    if code == op.EXP:
         u = exp(lo)
         v = exp(hi)
-    elif o == POW:
+    elif code == op.POW:
         u, v = (lo**c, hi**c) if lo > 0.0 else (-np.inf, np.inf)
         u, v = min(u, v), max(u, v)
-    elif o == LOG:
+    elif code == op.LOG:
         u, v = (log(lo), log(hi)) if lo > 0.0 else (-np.inf, np.inf)
-    elif o == ATAN:
+    elif code == op.ATAN:
         u = atan(lo)
         v = atan(hi)
-    elif o == SINH:
+    elif code == op.SINH:
         u = sinh(lo)
         v = sinh(hi)
         below = cosh(lo)
@@ -154,26 +140,26 @@ def _first(o, c, M, R, a, y):
         below = 1.0 - max(u * u, v * v)
         above = 1.0 if lo < 0.0 < hi else 1.0 - min(u * u, v * v)
     _range(M, R, y, u, v)
-    if o >= SINH:
+    if code >= op.SINH:
         _range(M, R, y + 1, below, above)
 
 
 @inner
-def _further(o, c, M, R, a, b, y, k):
-    """Coefficient k >= 1 of row y = o(a, b), and of its partner's; the recurrences of
-    kernels.taylor."""
-    if o == POW:
+def _higher_coefficient(code, c, M, R, a, b, y, k):
+    """Set coefficient k >= 1 of row y = f(a, b), f the function `code`, and of its partner's, by
+    the recurrences of kernels.taylor_series."""
+    if code == op.POW:
         s, r = _weighted(M, R, a, y, k, -1.0, (c + 1.0) / k)
         _over(M, R, y, k, s, r, a, M[a, 0] - R[a, 0])
-    elif o == LOG or o == ATAN:
+    elif code == op.LOG or code == op.ATAN:
         s, r = _weighted(M, R, b, y, k, -1.0, 1.0 / k)  # nothing of y_0
         _over(M, R, y, k, s + M[a, k], r + R[a, k] + UNIT * abs(M[a, k]), b, abs(M[b, 0]) - R[b, 0])
     else:
-        pair = o != EXP
+        pair = code != op.EXP
         M[y, k], R[y, k] = _weighted(M, R, a, y + pair, k, 0.0, 1.0 / k)
-        if o == SIN or o == SINH:
+        if code == op.SIN or code == op.SINH:
             M[y + 1, k], R[y + 1, k] = _weighted(
-                M, R, a, y, k, 0.0, (-1.0 if o == SIN else 1.0) / k
+                M, R, a, y, k, 0.0, (-1.0 if code == op.SIN else 1.0) / k
             )
         elif pair:  # TANH
             s, r = _weighted(M, R, y, y, k, -1.0, 0.0)
@@ -185,56 +171,58 @@ def _further(o, c, M, R, a, b, y, k):
 
 @njit(cache=True, error_model="numpy")
 def enclose(ops, nums, lo, hi, n, M, R):
-    """Rows n + 1 .. of M, R (rows, ORDER + 1), from those of the state and the time."""
+    """Fill rows n + 1 .. of M, R (rows, ORDER + 1), from those of the state and the time, for the
+    operations lo .. hi - 1."""
     for e in range(lo, hi):
-        o = ops[e, 0]
+        code = ops[e, 0]
         row = n + 1 + e - lo
         i = ops[e, 1]
         j = ops[e, 2]
         c = nums[e, 0]
-        if o == COS or o == COSH or o == SECH2:
+        if code == op.COS or code == op.COSH or code == op.SECH2:
             continue
-        if o == ADD or o == SUB or o == AFFINE:
-            u, v = (c, 0.0) if o == AFFINE else (1.0, 1.0 if o == ADD else -1.0)
+        if code == op.ADD or code == op.SUB or code == op.AFFINE:
+            u, v = (c, 0.0) if code == op.AFFINE else (1.0, 1.0 if code == op.ADD else -1.0)
             for k in range(ORDER + 1):
                 M[row, k] = u * M[i, k] + v * M[j, k]
                 R[row, k] = abs(u) * R[i, k] + abs(v) * R[j, k] + UNIT * abs(M[row, k])
-            if o == AFFINE:
+            if code == op.AFFINE:
                 M[row, 0] += nums[e, 1]
                 R[row, 0] += UNIT * abs(M[row, 0])
             continue
-        if o == CONST:
+        if code == op.CONST:
             for k in range(ORDER + 1):
                 M[row, k] = 0.0
                 R[row, k] = 0.0
             M[row, 0] = c
             continue
-        if o == MUL:
+        if code == op.MUL:
             _multiply(M, R, i, j, row)
-        elif o == SQR:
+        elif code == op.SQR:
             _multiply(M, R, i, i, row)
             u = max(abs(M[i, 0]) - R[i, 0], 0.0)
             v = abs(M[i, 0]) + R[i, 0]
             M[row, 0] = 0.5 * (u * u + v * v)  # it is not negative
             R[row, 0] = 0.5 * (v * v - u * u) * (1.0 + UNIT) + UNIT * (u * u + v * v)
-        elif o == DIV or o == RDIV:
-            _divide(M, R, i if o == DIV else -1, c, j if o == DIV else i, row)
+        elif code == op.DIV or code == op.RDIV:
+            _divide(M, R, i if code == op.DIV else -1, c, j if code == op.DIV else i, row)
         else:
-            _first(o, c, M, R, i, row)
+            _first_coefficient(code, c, M, R, i, row)
             for k in range(1, ORDER + 1):
-                _further(o, c, M, R, i, j, row, k)
+                _higher_coefficient(code, c, M, R, i, j, row, k)
 
 
 @njit(cache=True, error_model="numpy")
 def path(Q, n, p, centre, radius, M, R):
-    """Rows of n polynomials Q (n, p + 1) in s, and of the time, over the piece centre +- radius.
+    """Fill rows 0 .. n of M, R with n polynomials Q (n, p + 1) in s and with the time, over the
+    piece centre +- radius.
 
     The Taylor coefficient j at s is  sum_k binomial(k, j) q_k s^(k - j).
     """
     for i in range(n):
         for j in range(ORDER + 1):
             M[i, j] = Q[i, j] if j <= p else 0.0
-            R[i, j] = PATH * abs(M[i, j])
+            R[i, j] = PATH_ROUNDING * abs(M[i, j])
         for k in range(1, p + 1):
             size = abs(Q[i, k])
             for j in range(min(k, ORDER + 1)):

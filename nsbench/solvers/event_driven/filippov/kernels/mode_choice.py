@@ -1,29 +1,35 @@
-"""Where a Filippov motion meets a surface: the geometry there, and which mode continues, decided
-where that is plain.
+"""Geometry where a Filippov motion reaches a switching surface, and the mode that continues, chosen
+where that is certain.
 
-ops, nums, first, outs: the programs of the modes
-(nsbench.solvers.event_driven.filippov.tracing.layout); the last program is the geometry of the
-surfaces.
+The last of the programs (see loop_state.Programs) computes value, gradient and time derivative of
+every switch function c_i. Conditions, bands and trial motions are those of
+event_driven.filippov.mode_search, in which the host decides what is not certain here.
 """
 
 import numpy as np
 
 from nsbench.compilation.decorators import njit
-from nsbench.solvers.event_driven.filippov.kernels.certified_step import length
+from nsbench.solvers.event_driven.filippov.kernels.certified_step import step_length
 from nsbench.solvers.event_driven.filippov.kernels.taylor_series import horner, inner, point, series
 
 EPS = 2.0**-52
-UNKNOWN = 9  # `decide`: not plain
-# as in solvers._switching
-FLAT = 1e-7
-AWAY_BAND = 1e3
-SHORT = 12  # largest order of a trial: it goes no further than a thousandth of the run
-SAME = 1e-14  # as in solvers._sliding
+UNKNOWN = 9  # result of `choose_mode`: not certain
+NO_SURFACE = -1  # results of `surface_met`
+SEVERAL_SURFACES = -2
+FLAT = 1e-7  # relative size below which a first derivative decides nothing
+NEAR_SURFACE = 1e3  # roundings of c_i within which a point counts as on the surface
+TRIAL_ORDER = 12  # largest order of a trial: it goes no further than a thousandth of the run
+# lengths of a trial: powers of ten of the length of the run, from the first to before the last
+FIRST_TRIAL = -7
+AFTER_TRIALS = -2
+LONGEST_TRIAL = 1e-3
+SAME_FIELD = 1e-14  # relative difference of fields below which they are equal
+PROJECTIONS = 3  # Newton steps onto a surface: quadratic, from a state that is almost on it
 
 
 @inner
-def program(table, mode):
-    """Number of the program of a mode; -1: none."""
+def program_of_mode(table, mode):
+    """Return the number of the program of a mode, -1 if it has none."""
     k = 0
     base = 1
     for i in range(mode.size):
@@ -35,28 +41,29 @@ def program(table, mode):
 
 
 @njit(cache=True, error_model="numpy")
-def at(ops, nums, first, outs, m, n, t, x, V):
-    """Values of program m at a point."""
+def evaluate_program(programs, m, t, x, V):
+    """Fill V[:, 0] with the values of program m at the point (t, x)."""
+    n = x.size
     for i in range(n):
         V[i, 0] = x[i]
     V[n, 0] = t
-    point(ops, nums, first[m, 0], first[m, 2], n, V, 1)
+    point(programs.ops, programs.nums, programs.first[m, 0], programs.first[m, 2], n, V, 1)
 
 
 @inner
-def geometry(ops, nums, first, outs, n, d, t, x, V, G):
-    """G (d, n + 2): gradient, time derivative and value of each switch function (the last
-    program)."""
-    m = outs.shape[0] - 1
-    at(ops, nums, first, outs, m, n, t, x, V)
-    for i in range(d):
+def evaluate_geometry(programs, t, x, V, G):
+    """Fill G (d, n + 2): gradient, time derivative and value of each switch function."""
+    m = programs.outs.shape[0] - 1
+    n = x.size
+    evaluate_program(programs, m, t, x, V)
+    for i in range(G.shape[0]):
         for j in range(n + 2):
-            G[i, j] = V[outs[m, i * (n + 2) + j], 0]
+            G[i, j] = V[programs.outs[m, i * (n + 2) + j], 0]
 
 
 @inner
-def band(G, i, t, x, times):
-    """What rounding leaves of c_i on its surface (see solvers._switching)."""
+def rounding_band(G, i, t, x, times):
+    """Return what rounding leaves of c_i on its surface: `times` roundings of the terms of c_i."""
     n = x.size
     s = 0.0
     for j in range(n):
@@ -65,10 +72,11 @@ def band(G, i, t, x, times):
 
 
 @inner
-def project(ops, nums, first, outs, n, d, i, t, x, V, G):
-    """Move x to c_i = 0 along the gradient (see solvers._sliding)."""
-    for _ in range(3):
-        geometry(ops, nums, first, outs, n, d, t, x, V, G)
+def project_onto_surface(programs, i, t, x, V, G):
+    """Move x to c_i = 0 along the gradient, in place (Newton's method)."""
+    n = x.size
+    for _ in range(PROJECTIONS):
+        evaluate_geometry(programs, t, x, V, G)
         size = 0.0
         square = 0.0
         for j in range(n):
@@ -81,53 +89,60 @@ def project(ops, nums, first, outs, n, d, i, t, x, V, G):
 
 
 @inner
-def trial(ops, nums, first, outs, n, d, p, m, i, slides, t, x, span, local, least, C):
-    """Sign that the watched function of surface i shows first on a trial in program m; 0: none, or
-    not the same later on."""
-    p = min(p, SHORT)
+def trial_sign(programs, m, i, slides, d, t, x, settings, least, C):
+    """Return the sign that the watched function of surface i shows first on a trial motion in
+    program m; 0 if it shows none, or not the same one later on.
+
+    slides: whether program m slides on surface i, which is watched from both ends then. least: size
+    above which a sign is one. C: work, as Workspace.D.
+    """
+    n = x.size
+    outs = programs.outs[m]
+    first = programs.first[m]
+    p = min(settings.order, TRIAL_ORDER)
     for j in range(n):
         C[j, 0] = x[j]
     C[n, 0] = t
-    series(ops, nums, first[m, 0], first[m, 1], first[m, 2], outs[m], n, p, C)
-    most = length(C, n, p, x, outs[m], d + 1, local, 1e-3 * span)
-    seen = 0
-    for k in range(-7, -2):
-        h = span * 10.0**k
-        if h > 1.001 * most:
+    series(programs.ops, programs.nums, first[0], first[1], first[2], outs, n, p, C)
+    longest = step_length(
+        C, n, p, x, outs, d + 1, settings.local_error, LONGEST_TRIAL * settings.span
+    )
+    found = 0
+    for k in range(FIRST_TRIAL, AFTER_TRIALS):
+        h = settings.span * 10.0**k
+        if h > 1.001 * longest:
             break
-        v = horner(C, outs[m, n + i], h, p)
+        v = horner(C, outs[n + i], h, p)
         if slides:
-            v = min(v, horner(C, outs[m, n + d], h, p))
+            v = min(v, horner(C, outs[n + d], h, p))
         if not np.isfinite(v):
             return 0
         if abs(v) > least:
             sign = 1 if v > 0.0 else -1
-            if seen == 0:
-                seen = sign
-            elif seen != sign:
+            if found == 0:
+                found = sign
+            elif found != sign:
                 return 0
-    return seen
+    return found
 
 
 @inner
-def choose_mode(ops, nums, first, outs, table, n, d, p, i, mode, t, x, span, local, V, G, F, C, y):
-    """The mode of surface i that continues from (t, x), if it is the only one and that is plain;
-    else UNKNOWN.
-
-    F (2, n), y (n,), mode (d,): scratch; the other entries of mode are +-1.
-    """
-    rate = np.zeros(2)
-    geometry(ops, nums, first, outs, n, d, t, x, V, G)
-    wide = band(G, i, t, x, AWAY_BAND)
+def _side_rates(programs, modes, i, t, x, mode, work, rate):
+    """Fill rate (2,) with dc_i/dt in the fields of the positive and the negative side of surface i,
+    work.F with these fields; return the larger rate, 0 if the two decide nothing."""
+    n = x.size
+    V = work.V
+    G = work.G
+    F = work.F
     for k in range(2):
         mode[i] = 1 - 2 * k
-        m = program(table, mode)
+        m = program_of_mode(modes.table, mode)
         if m < 0:
-            return UNKNOWN
-        at(ops, nums, first, outs, m, n, t, x, V)
+            return 0.0
+        evaluate_program(programs, m, t, x, V)
         rate[k] = G[i, n]
         for j in range(n):
-            F[k, j] = V[outs[m, j], 0]
+            F[k, j] = V[programs.outs[m, j], 0]
             rate[k] += G[i, j] * F[k, j]
     size = max(abs(rate[0]), abs(rate[1]))
     apart = 0.0
@@ -135,9 +150,28 @@ def choose_mode(ops, nums, first, outs, table, n, d, p, i, mode, t, x, span, loc
     for j in range(n):
         apart = max(apart, abs(F[0, j] - F[1, j]))
         most = max(most, abs(F[0, j]), abs(F[1, j]))
-    if not (np.isfinite(size) and np.isfinite(most)) or size == 0.0 or apart <= 2.0 * SAME * most:
+    if not (np.isfinite(size) and np.isfinite(most)) or apart <= 2.0 * SAME_FIELD * most:
+        return 0.0
+    return size
+
+
+@inner
+def choose_mode(programs, modes, i, t, x, mode, settings, work):
+    """Return the mode of surface i that continues from (t, x) if exactly one does and that is
+    certain, else UNKNOWN.
+
+    mode (d,): its entry i is overwritten; the others are +-1.
+    """
+    n = x.size
+    rate = np.zeros(2)
+    evaluate_geometry(programs, t, x, work.V, work.G)
+    wide = rounding_band(work.G, i, t, x, NEAR_SURFACE)
+    size = _side_rates(programs, modes, i, t, x, mode, work, rate)
+    if size == 0.0:
         return UNKNOWN
-    good = UNKNOWN
+    continues = UNKNOWN
+    # Filippov's conditions: to slide the weight must lie in [0, 1], to leave the rate must point
+    # away; where the first derivative vanishes a trial motion decides
     for q in (0, 1, -1):
         gap = rate[1] - rate[0]
         if q == 0:
@@ -148,34 +182,39 @@ def choose_mode(ops, nums, first, outs, table, n, d, p, i, mode, t, x, span, loc
             continue
         mode[i] = q
         if value <= FLAT:
-            m = program(table, mode)
+            m = program_of_mode(modes.table, mode)
             if m < 0:
                 return UNKNOWN
             for j in range(n):
-                y[j] = x[j]
+                work.y[j] = x[j]
             if q == 0:
-                project(ops, nums, first, outs, n, d, i, t, y, V, G)
+                project_onto_surface(programs, i, t, work.y, work.V, work.G)
             least = 1e-2 * FLAT if q == 0 else wide / 10
-            sign = trial(ops, nums, first, outs, n, d, p, m, i, q == 0, t, y, span, local, least, C)
+            sign = trial_sign(programs, m, i, q == 0, mode.size, t, work.y, settings, least, work.D)
             if sign == 0:
                 return UNKNOWN
             if sign < 0:
                 continue
-        if good != UNKNOWN:
+        if continues != UNKNOWN:
             return UNKNOWN
-        good = q
-    return good
+        continues = q
+    return continues
 
 
 @inner
-def surface_met(ops, nums, first, outs, n, d, t, x, mode, before, V, G):
-    """Which surface is met, the only one near: -1 for none, -2 for several. before: surface of an
-    event, -1 at the start, where the mode is set to the signs of the switch functions."""
-    geometry(ops, nums, first, outs, n, d, t, x, V, G)
+def surface_met(programs, t, x, mode, before, V, G):
+    """Return the only surface that (t, x) is on, NO_SURFACE for none, SEVERAL_SURFACES for several.
+
+    before: the surface of an event; -1 at the start, where mode is set to the signs of the switch
+    functions.
+    """
+    n = x.size
+    evaluate_geometry(programs, t, x, V, G)
     which = before
-    for k in range(d):
+    for k in range(mode.size):
         if before < 0:
             mode[k] = 1 if G[k, n + 1] > 0.0 else -1
-        if k != before and (mode[k] == 0 or not abs(G[k, n + 1]) > band(G, k, t, x, AWAY_BAND)):
-            which = k if which == -1 else -2
+        near = not abs(G[k, n + 1]) > rounding_band(G, k, t, x, NEAR_SURFACE)
+        if k != before and (mode[k] == 0 or near):
+            which = k if which == NO_SURFACE else SEVERAL_SURFACES
     return which

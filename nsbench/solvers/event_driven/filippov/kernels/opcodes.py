@@ -1,7 +1,7 @@
-"""Operations of a tape, as numbers that kernels and the tracer share.
+"""Operation codes of the programs that compiled kernels interpret, shared with the tracer.
 
-An operation makes row e of a table from rows a and b and constants c, d. PAIRS are made with their
-partner, the next row.
+An operation computes row e of a table from rows a and b and constants c and d. PAIRS are computed
+together with their partner, which is the next row. No numba here: the tracer must not import it.
 """
 
 CONST = 0  # c

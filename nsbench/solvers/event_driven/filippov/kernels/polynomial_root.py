@@ -1,5 +1,8 @@
-"""Polynomials on [-1, 1]: shifts, and the first place where one falls through zero, decided by
-bounds."""
+"""First root of a polynomial on [-1, 1], with an error bound, by bisection of the interval.
+
+On each part the polynomial is expanded about the middle (Taylor shift); bounds from its
+coefficients show that it stays positive there, or that it is monotone, so that the ends decide.
+"""
 
 from math import comb
 
@@ -12,12 +15,14 @@ FOUND = 1
 UNCLEAR = 2
 DEEP = 60  # halvings of [-1, 1] before a place counts as unclear
 DEGREE = 40  # largest degree
+NEWTON_STEPS = 200  # within a bracket that at least halves every other time
+# binomial coefficients (k, j)
 CHOOSE = np.array([[float(comb(k, j)) for j in range(DEGREE + 1)] for k in range(DEGREE + 1)])
 
 
 @inner
 def shifted(C, row, p, middle, radius, out, to):
-    """out[to, k], k = 0 .. p: coefficients in s of u(middle + radius s), u = C[row], by the
+    """Fill out[to, :p + 1] with the coefficients in s of u(middle + radius s), u = C[row], by the
     binomial theorem."""
     if middle == 0.0:
         scale = 1.0
@@ -41,10 +46,10 @@ def shifted(C, row, p, middle, radius, out, to):
 
 @inner
 def _zero(C, row, p, lo, hi):
-    """The zero of the series C[row] in [lo, hi], where it falls monotonically: Newton's method
-    within a bracket."""
+    """Return the zero of the polynomial C[row] in [lo, hi], where it falls monotonically, by
+    Newton's method within a bracket."""
     s = 0.5 * (lo + hi)
-    for _ in range(200):
+    for _ in range(NEWTON_STEPS):
         y = C[row, p]
         d = 0.0
         for k in range(p - 1, -1, -1):
@@ -64,14 +69,15 @@ def _zero(C, row, p, lo, hi):
 
 @inner
 def first_fall(C, row, p, error, stack, work):
-    """(CLEAR, FOUND or UNCLEAR, place) of the first zero on [-1, 1] of u = C[row]; u(-1) > 0 up to
+    """Find the first zero on [-1, 1] of u = C[row], which is known, and positive at -1, up to
     `error`.
 
-    u is known up to `error`. CLEAR: it stays above it. FOUND: it falls monotonically from above to
-    below zero there.
-    UNCLEAR: a minimum near zero that cannot be told from a touch. stack (>= 2 DEEP + 4, 2), work
+    Returns the code and the place. CLEAR: u stays above `error`. FOUND: it falls monotonically from
+    above to below zero there. UNCLEAR: a minimum near zero that cannot be distinguished from a
+    touch. stack (>= 2 DEEP + 4, 2), work
     (1, p + 1): scratch.
     """
+    # bisection from left to right, by a stack of intervals
     top = 1
     stack[0, 0] = -1.0
     stack[0, 1] = 1.0
@@ -91,7 +97,7 @@ def first_fall(C, row, p, error, stack, work):
         if work[0, 0] - swing > error:
             continue
         steep = abs(work[0, 1]) - bend
-        if steep > 2.0 * error:  # monotone, known to be: the ends tell
+        if steep > 2.0 * error:  # certainly monotone: the ends decide
             left = 0.0
             right = 0.0
             for k in range(p + 1):
@@ -107,7 +113,7 @@ def first_fall(C, row, p, error, stack, work):
                 return FOUND, _zero(C, row, p, lo, hi) if left > 0.0 else lo
             if right <= 0.0 and steep > 1e3 * error:
                 return FOUND, _zero(C, row, p, lo, hi) if left > 0.0 else lo
-            if hi == 1.0:  # the next step sees it, or the next function
+            if hi == 1.0:  # the next step finds it, or the next function
                 if right > 0.0 and steep > 1e3 * error:
                     continue
                 return UNCLEAR, hi

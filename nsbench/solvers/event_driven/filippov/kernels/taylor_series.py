@@ -1,9 +1,9 @@
-"""Taylor coefficients of everything on a tape: an interpreter, compiled once for all of them.
+"""Taylor coefficients of a traced program: an interpreter, compiled once for all programs.
 
-A tape is a list of operations ops[e] = (op, a, b), nums[e] = (c, d) (see tapecodes); operation e
-makes row n + 1 + e - lo of a table whose rows 0 .. n - 1 are the state and whose row n is the time.
-`series` fills a table (rows, p + 1) of normalised Taylor coefficients of the solution of x_i' =
-(row F[i]); `point` fills one column, the values at one point.
+A program is a list of operations ops[e] = (code, a, b), nums[e] = (c, d) (see opcodes), lo <= e <
+hi. Operation e computes row n + 1 + e - lo of a table whose rows 0 .. n - 1 are the state and whose
+row n is the time. `series` fills a table (rows, p + 1) of normalised Taylor coefficients of the
+solution of x_i' = (row F[i]); `point` fills columns with the values at single points.
 Source of the recurrences: Jorba & Zou, Experimental Mathematics 14 (2005), proposition 2.1.
 """
 
@@ -12,26 +12,7 @@ from math import atan, cos, cosh, exp, log, sin, sinh, tanh
 import numpy as np
 
 from nsbench.compilation.decorators import njit
-from nsbench.solvers.event_driven.filippov.kernels.opcodes import (
-    ADD,
-    AFFINE,
-    ATAN,
-    CONST,
-    COS,
-    COSH,
-    DIV,
-    EXP,
-    LOG,
-    MUL,
-    POW,
-    RDIV,
-    SECH2,
-    SIN,
-    SINH,
-    SQR,
-    SUB,
-    TANH,
-)
+from nsbench.solvers.event_driven.filippov.kernels import opcodes as op
 
 # only called by kernels: without the wrappers for Python they compile in half the time
 inner = njit(cache=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
@@ -39,70 +20,70 @@ inner = njit(cache=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_
 
 @inner
 def power(a, alpha):
-    """a ** alpha for a > 0, with the root's own rounding for alpha = 1/2."""
+    """Return a ** alpha for a > 0, with the square root's own rounding for alpha = 1/2."""
     return np.sqrt(a) if alpha == 0.5 else a**alpha
 
 
 @inner
-def head(op, u, v, c, d):
-    """Value of an operation without partner, and of the first of a pair, at the values u, v of its
-    rows."""
-    if op == ADD:
+def head(code, u, v, c, d):
+    """Return the value of an operation without partner, or of the first of a pair, at the values u,
+    v of its rows and with its constants c, d."""
+    if code == op.ADD:
         return u + v
-    if op == SUB:
+    if code == op.SUB:
         return u - v
-    if op == MUL:
+    if code == op.MUL:
         return u * v
-    if op == AFFINE:
+    if code == op.AFFINE:
         return c * u + d
-    if op == SQR:
+    if code == op.SQR:
         return u * u
-    if op == DIV:
+    if code == op.DIV:
         return u / v
-    if op == RDIV:
+    if code == op.RDIV:
         return c / u
-    if op == SIN:
+    if code == op.SIN:
         return sin(u)
-    if op == EXP:
+    if code == op.EXP:
         return exp(u)
-    if op == POW:
+    if code == op.POW:
         return power(u, c)
-    if op == LOG:
+    if code == op.LOG:
         return log(u) if u > 0.0 else np.nan
-    if op == ATAN:
+    if code == op.ATAN:
         return atan(u)
-    if op == TANH:
+    if code == op.TANH:
         return tanh(u)
-    if op == SINH:
+    if code == op.SINH:
         return sinh(u)
     return c  # CONST
 
 
 @inner
-def partner(op, u, y):
-    """Value of the second of a pair."""
-    if op == SIN:
+def partner(code, u, y):
+    """Return the value of the second of a pair, from that of its row, u, and of the first, y."""
+    if code == op.SIN:
         return cos(u)
-    if op == SINH:
+    if code == op.SINH:
         return cosh(u)
     return 1.0 - y * y
 
 
 @njit(cache=True, error_model="numpy")
 def point(ops, nums, lo, hi, n, V, many):
-    """Values V[n + 1 :, :many] at the states V[:n, :many] and the times V[n, :many], for `many`
-    points."""
+    """Fill V[n + 1 :, :many] with the values at the states V[:n, :many] and the times V[n, :many]
+    of `many` points."""
     for e in range(lo, hi):
-        o = ops[e, 0]
+        code = ops[e, 0]
         u = ops[e, 1]
         v = ops[e, 2]
         row = n + 1 + e - lo
-        if o == COS or o == COSH or o == SECH2:
+        if code == op.COS or code == op.COSH or code == op.SECH2:
             continue
         for k in range(many):
-            V[row, k] = head(o, V[u, k], V[v, k], nums[e, 0], nums[e, 1])
-            if o == SIN or o == SINH or o == TANH:
-                V[row + 1, k] = partner(o, V[u, k], V[row, k])
+            V[row, k] = head(code, V[u, k], V[v, k], nums[e, 0], nums[e, 1])
+            if code == op.SIN or code == op.SINH or code == op.TANH:
+                V[row + 1, k] = partner(code, V[u, k], V[row, k])
 
 
 # sums of products in any order: so the compiler may add four at a time
@@ -117,7 +98,7 @@ summing = njit(
 
 @summing
 def _product(C, u, v, first, k):
-    """Sum over i = first .. k of u_i v_(k-i), for rows u, v."""
+    """Return the sum over i = first .. k of u_i v_(k-i), for rows u, v."""
     s = 0.0
     for i in range(first, k + 1):
         s += C[u, i] * C[v, k - i]
@@ -126,8 +107,8 @@ def _product(C, u, v, first, k):
 
 @summing
 def _weighted(C, u, v, last, k):
-    """Sum over i = 1 .. last of i u_i v_(k-i), for rows u, v: of u' v, at last = k coefficient k -
-    1."""
+    """Return the sum over i = 1 .. last of i u_i v_(k-i), for rows u, v; at last = k this is
+    coefficient k - 1 of u' v."""
     s = 0.0
     for i in range(1, last + 1):
         s += i * C[u, i] * C[v, k - i]
@@ -135,68 +116,70 @@ def _weighted(C, u, v, last, k):
 
 
 @inner
-def _coefficient(o, C, u, v, y, w, k):
+def _coefficient(code, C, u, v, y, w, k):
     """Set coefficient k >= 1 of row y = op(u, v) with constant w; of a pair, that of the next row
     too."""
-    if o == ADD:
+    if code == op.ADD:
         C[y, k] = C[u, k] + C[v, k]
-    elif o == SUB:
+    elif code == op.SUB:
         C[y, k] = C[u, k] - C[v, k]
-    elif o == AFFINE:
+    elif code == op.AFFINE:
         C[y, k] = w * C[u, k]
-    elif o == MUL:
+    elif code == op.MUL:
         C[y, k] = _product(C, u, v, 0, k)
-    elif o == SQR:
+    elif code == op.SQR:
         s = 0.0
         for i in range((k + 1) // 2):
             s += C[u, i] * C[u, k - i]
         C[y, k] = 2.0 * s if k % 2 else 2.0 * s + C[u, k // 2] * C[u, k // 2]
-    elif o == DIV:
+    elif code == op.DIV:
         C[y, k] = (C[u, k] - _product(C, v, y, 1, k)) / C[v, 0]
-    elif o == RDIV:
+    elif code == op.RDIV:
         C[y, k] = -_product(C, u, y, 1, k) / C[u, 0]
-    elif o == EXP:
+    elif code == op.EXP:
         C[y, k] = _weighted(C, u, y, k, k) / k
-    elif o == POW:
+    elif code == op.POW:
         s = 0.0
         for i in range(k):
             s += (w * (k - i) - i) * C[u, k - i] * C[y, i]
         C[y, k] = s / (k * C[u, 0])
-    elif o == LOG or o == ATAN:
+    elif code == op.LOG or code == op.ATAN:
         C[y, k] = (C[u, k] - _weighted(C, y, v, k - 1, k) / k) / C[v, 0]
-    elif o == SIN:
+    elif code == op.SIN:
         C[y + 1, k] = -_weighted(C, u, y, k, k) / k
         C[y, k] = _weighted(C, u, y + 1, k, k) / k
-    elif o == SINH:
+    elif code == op.SINH:
         C[y + 1, k] = _weighted(C, u, y, k, k) / k
         C[y, k] = _weighted(C, u, y + 1, k, k) / k
-    elif o == TANH:
+    elif code == op.TANH:
         C[y, k] = _weighted(C, u, y + 1, k, k) / k
         C[y + 1, k] = -_product(C, y, y, 0, k)
-    elif o == CONST:
-        C[y, k] = 0.0  # a second of a pair is made with the first
+    elif code == op.CONST:
+        C[y, k] = 0.0  # the second of a pair is computed with the first
 
 
 @njit(cache=True, error_model="numpy")
 def series(ops, nums, lo, mid, hi, F, n, p, C):
-    """Table C (rows, >= p + 1): coefficients 0 .. p of state and operations, from C[:n, 0] and the
-    time C[n, 0].
+    """Fill the table C (rows, >= p + 1) with coefficients 0 .. p of state and operations, from the
+    state C[:n, 0] and the time C[n, 0].
 
-    Operations lo .. mid - 1 make the derivatives, order by order; the others follow one by one when
-    the state is known.
+    Operations lo .. mid - 1 give the derivatives, rows F (n,), and go order by order; the others
+    follow one by one when the state is known.
     """
     for k in range(1, p + 1):
         C[n, k] = 0.0
     C[n, 1] = 1.0
     for e in range(lo, hi):
-        o = ops[e, 0]
+        code = ops[e, 0]
         row = n + 1 + e - lo
-        if o == COS or o == COSH or o == SECH2:
+        if code == op.COS or code == op.COSH or code == op.SECH2:
             continue
-        C[row, 0] = head(o, C[ops[e, 1], 0], C[ops[e, 2], 0], nums[e, 0], nums[e, 1])
-        if o == SIN or o == SINH or o == TANH:
-            C[row + 1, 0] = partner(o, C[ops[e, 1], 0], C[row, 0])
-    for part in range(p + hi - mid):  # one loop for both, so that the branches below are there once
+        C[row, 0] = head(code, C[ops[e, 1], 0], C[ops[e, 2], 0], nums[e, 0], nums[e, 1])
+        if code == op.SIN or code == op.SINH or code == op.TANH:
+            C[row + 1, 0] = partner(code, C[ops[e, 1], 0], C[row, 0])
+    # automatic differentiation, order by order: coefficient k of x' gives coefficient k + 1 of x.
+    # One loop for both groups of operations, so that the branches below are compiled once
+    for part in range(p + hi - mid):
         begin = lo
         end = mid
         least = part + 1
@@ -216,8 +199,8 @@ def series(ops, nums, lo, mid, hi, F, n, p, C):
 
 @inner
 def horner(C, row, s, p):
-    """Value at s of a row of coefficients up to order p >= 1: even and odd powers apart, as one
-    chain would wait for itself."""
+    """Return the value at s of a row of coefficients up to order p >= 1 (Horner's scheme, even and
+    odd powers apart: one chain of operations would wait for itself)."""
     y = C[row, p]
     w = C[row, p - 1]
     z = s * s

@@ -1,37 +1,20 @@
-"""Tapes in arrays: for each of several lists of outputs, the operations that make them, in
-order."""
+"""Layout of a traced graph: for each of several lists of outputs, the operations that compute them,
+in order, as arrays."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from nsbench.solvers.event_driven.filippov.kernels.loop_state import Programs
 from nsbench.solvers.event_driven.filippov.kernels.opcodes import PAIRS
 from nsbench.solvers.event_driven.filippov.tracing.graph import Graph
 
 
-@dataclass(frozen=True)
-class Programs:
-    """ops (e, 3): op, a, b and nums (e, 2): c, d of the operations of all programs in a row.
-
-    Program m has those of first[m, 0] : first[m, 2]; those up to first[m, 1] make its leading
-    outputs, the others the rest.
-    Operation e of program m makes row n + 1 + e - first[m, 0]; outs[m, j] is the row of its output
-    j, -1 for none.
-    rows: the largest number of rows.
-    """
-
-    ops: np.ndarray
-    nums: np.ndarray
-    first: np.ndarray
-    outs: np.ndarray
-    rows: int
-
-
 def lay_out(graph: Graph, outputs: list[list[int]]) -> Programs:
-    """One program for each list of nodes (-1: no output there; all of one length), of which the
-    first n lead."""
+    """Lay out one program for each list of output nodes (-1: no output there; all of one length).
+
+    The first n outputs of each are the leading ones (see Programs).
+    """
     ops = []
     outs = []
     first = []
@@ -58,19 +41,19 @@ def lay_out(graph: Graph, outputs: list[list[int]]) -> Programs:
 
 
 def _needed(graph, wanted):
-    """The operations that these nodes need, in order."""
+    """Operations that the nodes `wanted` need, in order."""
     seconds = set(PAIRS.values())
-    keep = set()
+    needed = set()
     stack = [i for i in wanted if i >= 0]
     while stack:
         i = stack.pop()
-        if i in keep or i <= graph.n:
+        if i in needed or i <= graph.n:
             continue
         op, a, b, _, _ = graph.nodes[i]
-        keep.add(i)
+        needed.add(i)
         stack += [r for r in (a, b) if r >= 0]
         if op in PAIRS:
             stack.append(i + 1)
         elif op in seconds:
             stack.append(i - 1)
-    return sorted(keep)
+    return sorted(needed)

@@ -1,0 +1,131 @@
+"""Named tuples and codes that the compiled Filippov loop shares with its driver.
+
+No numba here: the tracer lays programs out as `Programs` and must not import it.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+# why `integrate_modes` returns
+END = 0  # the last sample time is reached
+MEET = 1  # a surface was reached and the next mode is not certain
+HARD = 2  # a step could not be certified
+STEPS = 3  # as many steps as are allowed were taken
+FULL = 4  # the event log is full
+START = 5  # the mode at the start is not certain
+STEP_VANISHES = -3  # value of FIRED, with HARD: the step length is below rounding of the time
+
+# indices of the integer counters of a run
+CODE, DONE, COUNT, ARCS, CALLS, EVENTS, MEETINGS, FIRED, CARRY = range(9)
+COUNTERS = 9
+# indices of the float values of a run
+TIME, LONGEST = range(2)
+FLOATS = 2
+
+WINDOW = 3  # events per window of the test for accumulation
+RING = 2 * WINDOW + 1  # times of the latest events, as many as that test needs
+
+
+class Programs(NamedTuple):
+    """Operations of several programs, one after the other.
+
+    ops (e, 3): operation code, rows a and b. nums (e, 2): constants c and d (see opcodes).
+    Program m consists of operations first[m, 0] : first[m, 2]; those up to first[m, 1] compute its
+    leading outputs, the state's derivatives. Operation e of program m computes row
+    n + 1 + e - first[m, 0] of a table; rows 0 .. n - 1 are the state and row n is the time.
+    outs[m, j]: the row of output j, -1 for none. rows: the largest number of rows.
+    """
+
+    ops: np.ndarray
+    nums: np.ndarray
+    first: np.ndarray
+    outs: np.ndarray
+    rows: int
+
+
+class Modes(NamedTuple):
+    """Programs of the modes. table (3^d,): program of a mode, -1 for none; the mode is read as a
+    number with the digits mode_i + 1 to the base 3. slides (programs,): the surface that a program
+    slides on, or -1."""
+
+    table: np.ndarray
+    slides: np.ndarray
+
+
+class Settings(NamedTuple):
+    """order: of the Taylor series. span: length of the run in time. local_error: allowed per step.
+    longest_step, steps, events: limits of the length of a step and of the numbers of both."""
+
+    order: int
+    span: float
+    local_error: float
+    longest_step: float
+    steps: int
+    events: int
+
+
+class Motion(NamedTuple):
+    """Where a motion is: state x (n,), integrals of the weights theta (d,), mode (d,), and which
+    watched functions are armed (d + 1,), that is, far enough above zero to fall through it."""
+
+    x: np.ndarray
+    theta: np.ndarray
+    mode: np.ndarray
+    armed: np.ndarray
+
+
+class Records(NamedTuple):
+    """What a run writes. At the sample times (K,): states X (K, n) and weight integrals W (K, d).
+    log (cap, 2): time and weight integral of each event; logged (cap, 3): its surface and the modes
+    before and after. ring (RING,): times of the latest events, the last one latest."""
+
+    times: np.ndarray
+    X: np.ndarray
+    W: np.ndarray
+    log: np.ndarray
+    logged: np.ndarray
+    ring: np.ndarray
+
+
+class Workspace(NamedTuple):
+    """Work arrays of a run.
+
+    C (rows, p + 1): Taylor coefficients of all operations on a step. Q (n + d + 1, p + 1):
+    polynomials of the state and of the watched functions on a piece of it. M, R (rows, ORDER + 1):
+    midpoints and radii of the enclosure there. V (rows, ORDER): values at points. error (d + 1,):
+    what those polynomials miss of the watched functions. lift (d + 1,): time after which a watched
+    function that is not armed is above its band. band (d + 1,): what rounding leaves of each.
+    stack, shifted: for `first_fall`. G (d, n + 2): gradient, time derivative and value of each
+    switch function. F (2, n): fields on both sides of a surface. y (n,): a state. D (rows, p + 1):
+    Taylor coefficients of a trial motion.
+    """
+
+    C: np.ndarray
+    Q: np.ndarray
+    M: np.ndarray
+    R: np.ndarray
+    V: np.ndarray
+    error: np.ndarray
+    lift: np.ndarray
+    band: np.ndarray
+    stack: np.ndarray
+    shifted: np.ndarray
+    G: np.ndarray
+    F: np.ndarray
+    y: np.ndarray
+    D: np.ndarray
+
+
+class Run(NamedTuple):
+    """All that a run of `integrate_modes` works on. counters (COUNTERS,), floats (FLOATS,): by the
+    indices above."""
+
+    programs: Programs
+    modes: Modes
+    settings: Settings
+    motion: Motion
+    records: Records
+    counters: np.ndarray
+    floats: np.ndarray
+    work: Workspace

@@ -1,0 +1,175 @@
+"""Search for the mode in which a Filippov motion continues from a point on switching surfaces.
+
+Every mode of the surfaces reached is a candidate: off a surface if the motion leads away from it,
+on it if the weights that hold it there lie in [0, 1]. Where the first derivative vanishes
+(tangential exits) a short trial motion decides. No candidate, or several with different motions,
+is an answer: the run says so and stops.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from nsbench.dynamics.filippov.vector_field import EPS, FREE, FilippovVectorField
+from nsbench.trajectory import Status
+
+# lengths of trial motions as parts of the run: the first sign shown decides
+TRIALS = 10.0 ** np.arange(-7, -2)
+FLAT = 1e-7  # relative size below which a first derivative decides nothing
+SAME_MOTION = 1e-12  # relative difference of trial states below which two motions are one
+NEAR_SURFACE = 1e3  # roundings of c_i within which a point counts as on the surface
+
+
+def surface_names(rows) -> str:
+    """Return the surfaces `rows` as words for a message."""
+    return f"surface {rows[0]}" if len(rows) == 1 else f"surfaces {', '.join(map(str, rows))}"
+
+
+def rounding_band(
+    field: FilippovVectorField, t: float, x: np.ndarray, times: float = NEAR_SURFACE
+) -> np.ndarray:
+    """Return (d,) what rounding and the location of events leave of each c_i on its surface:
+    `times` roundings of its terms."""
+    G = field.gradients(t, x, np.arange(field.d))
+    pace = np.abs(field.along(t, x, 1.0, np.zeros(x.size)))  # a surface that only time moves rounds
+    return times * EPS * (np.abs(G) @ (1.0 + np.abs(x)) + pace * (1.0 + abs(t)))
+
+
+@dataclass
+class ModeSearch:
+    """Choice of the mode of a motion. span: length of the run; unit: characteristic length."""
+
+    field: FilippovVectorField
+    span: float
+    unit: float
+
+    def choose(
+        self, t: float, x: np.ndarray, mode: np.ndarray, signs: np.ndarray, met: np.ndarray
+    ) -> tuple[Status, np.ndarray | None, np.ndarray | None]:
+        """Choose the mode that continues from (t, x) on the surfaces `met`, sliding first.
+
+        mode (d,): of the other surfaces; signs (d,): guess of the signs. Returns a status, the mode
+        and its signs.
+        """
+        size, known, s = self._largest_rates(t, x, mode, signs, met)
+        continuing = list(self._continuing(t, x, mode, met, size, known, s))
+        if not continuing:
+            return self._no_motion(t, met, known), None, None
+        mode, signs, ahead = continuing[0]
+        for _, _, other in continuing[1:]:
+            # trials that lead where weights are lost are not numbers; the shorter ones decide then
+            if not np.nanmax(np.abs(other - ahead)) <= SAME_MOTION * (
+                self.unit + np.nanmax(np.abs(ahead))
+            ):
+                several = Status(
+                    "degenerate",
+                    f"At t = {t:.9g} several motions continue from {surface_names(met)}: "
+                    "the solution is not unique there.",
+                )
+                return several, None, None
+        return Status(), mode, signs
+
+    def _largest_rates(self, t, x, mode, signs, met):
+        """(d,) the largest |c_i'| off the surfaces met; are all fields there finite; signs of the
+        last one."""
+        mode = mode.copy()
+        size = np.zeros(self.field.d)
+        known = True
+        s = signs
+        for q in product((1, -1), repeat=met.size):
+            mode[met] = q
+            F, s = self.field.velocity(t, x, mode, signs)
+            known = known and bool(np.all(np.isfinite(F)))
+            size = np.fmax(size, np.abs(self.field.along(t, x, 1.0, F)))
+        return size, known, s
+
+    def _continuing(
+        self, t, x, mode, met, size, known, s
+    ) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+        """Modes and signs in which a motion continues, with its trial states."""
+        modes_of = [
+            (FREE, 1, -1) if known and self.field.same(t, x, s, i) else (0, 1, -1) for i in met
+        ]
+        for q in product(*modes_of):
+            candidate = mode.copy()
+            candidate[met] = q
+            for signs in self.field.branches(t, self._projected(t, x, candidate), candidate):
+                ahead = self._trial_states(t, x, candidate, signs, met, size)
+                if ahead is not None:
+                    yield candidate, signs, ahead
+
+    @staticmethod
+    def _no_motion(t, met, known) -> Status:
+        if known:
+            return Status(
+                "degenerate", f"At t = {t:.9g} no motion continues from {surface_names(met)}."
+            )
+        return Status("nan", f"The drift is not finite on {surface_names(met)} at t = {t:.9g}.")
+
+    def _projected(self, t, x, mode):
+        on = np.flatnonzero(mode == 0)
+        return self.field.project(t, x, on) if on.size else x
+
+    def _trial_states(self, t, x, mode, s, met, size):
+        """Trial states if the mode with signs s has a motion from (t, x), else None; size (d,):
+        largest |c_i'| off the surfaces."""
+        field = self.field
+        x = self._projected(t, x, mode)
+        F, s = field.velocity(t, x, mode, s)
+        if not (np.all(np.isfinite(s)) and np.all(np.isfinite(F))):
+            return None
+        value = np.zeros(field.d)
+        rate = field.along(t, x, 1.0, F)
+        for i in met:
+            if mode[i] == 0:
+                value[i] = 1.0 - abs(s[i])
+            else:
+                outward = -abs(rate[i]) if mode[i] == FREE else mode[i] * rate[i]
+                value[i] = outward / (size[i] or 1.0)
+        if np.any(value[met] < -FLAT):
+            return None
+        undecided = [i for i in met if value[i] <= FLAT]
+        signs = np.zeros(len(undecided))
+        ahead = []
+        for part in TRIALS:
+            h = part * self.span
+            after, state, weights = self._trial(mode, t, x, s, h)
+            ahead.append(state)
+            c = field.switch(after, state)
+            band = rounding_band(field, after, state)
+            for k, i in enumerate(undecided):
+                if mode[i] == FREE:
+                    v = self._stays_free(mode, t, x, s, h, i, after, state, weights, c, band)
+                    least = 0.0
+                elif mode[i] == 0:
+                    v = 1.0 - abs(weights[i])
+                    least = 1e-2 * FLAT
+                else:
+                    v = mode[i] * c[i]
+                    least = band[i] / 10
+                if signs[k] == 0.0 and abs(v) > least:
+                    signs[k] = np.sign(v)
+        return None if np.any(signs < 0.0) else np.array(ahead)
+
+    def _stays_free(self, mode, t, x, s, h, i, after, state, weights, c, band) -> float:
+        """-1 if the trial leaves surface i or the two fields differ at its end, else 0."""
+        off = abs(c[i]) - band[i]
+        if off > 0.0:  # the difference to two half steps is the error of the trial
+            _, other, _ = self._trial(mode, *self._trial(mode, t, x, s, h / 2), h / 2)
+            off -= 4.0 * abs(c[i] - self.field.switch(after, other)[i])
+        return -1.0 if off > 0.0 or not self.field.same(after, state, weights, i) else 0.0
+
+    def _trial(self, mode, t, x, s, h):
+        """(time, state, signs) after one classical Runge-Kutta step of length h from (t, x, s) in
+        the mode."""
+        v = self.field.velocity
+        k1 = v(t, x, mode, s)[0]
+        k2 = v(t + h / 2, x + h / 2 * k1, mode, s)[0]
+        k3 = v(t + h / 2, x + h / 2 * k2, mode, s)[0]
+        k4 = v(t + h, x + h * k3, mode, s)[0]
+        y = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        return t + h, y, v(t + h, y, mode, s)[1]
