@@ -21,7 +21,8 @@ def by_cells(y, dim, size, cell, order, row):
     """
     n = order.size
     lo, width, num = _cell_geometry(y, dim, size, n)
-    first = np.zeros(num[0] * num[1] * num[2] + 1, np.int32)
+    n0, n1, n2 = num
+    first = np.zeros(n0 * n1 * n2 + 1, np.int32)
     layer = 1
     for c in range(dim - 1):
         layer *= num[c]
@@ -121,8 +122,7 @@ def near_pairs(y, r, skin, dim, first, num, i, j):
     too short.
     """
     m = 0
-    n0 = num[0]
-    n1 = num[1]
+    n0, n1, n2 = num
     lo = np.empty(5, np.int64)
     hi = np.empty(5, np.int64)
     d2 = (2.0 * r[0] + skin) ** 2
@@ -130,7 +130,7 @@ def near_pairs(y, r, skin, dim, first, num, i, j):
     for k in range(first.size - 1):
         if first[k] == first[k + 1]:
             continue
-        count, ahead = _stretches_ahead(k, n0, n1, num[2], first, lo, hi)
+        count, ahead = _stretches_ahead(k, n0, n1, n2, first, lo, hi)
         for s in range(first[k], first[k + 1]):
             if m + ahead > i.size:
                 return -1
