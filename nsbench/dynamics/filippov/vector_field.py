@@ -1,9 +1,9 @@
-"""The motion of a Filippov system in one mode: weights that keep it on its surfaces, and the
-projection onto them.
+"""Velocity of a Filippov system in one mode: sliding signs, margins, and projection onto surfaces.
 
-A mode p (d,) holds +1 or -1 where the state is beside surface i, 0 where it slides on it, FREE
-where it lies on it and both sides have the same field: nothing holds it there, and its sign, which
-no motion determines, is taken as 0.
+A mode p (d,) holds +1 or -1 where the state is on that side of surface i, 0 where it slides on it,
+and FREE where it lies on it and both sides have the same field: nothing constrains it there, and
+its sign, which no motion determines, is taken as 0. Signs s of sliding surfaces solve c_i' = 0
+along the field that is multilinear in s (Filippov 1988; Alexander & Seidman 1998).
 """
 
 from __future__ import annotations
@@ -13,59 +13,65 @@ from itertools import combinations, product
 import numpy as np
 
 from nsbench.compilation.factories import as_jax, as_numpy
-from nsbench.solvers.event_driven.interval_taylor import SPACE
+from nsbench.problem import Filippov
 from nsbench.trajectory import Status
 
 # imaginary step: its square vanishes against 1, so the derivative has no truncation error
-TINY = 1e-30
+COMPLEX_STEP = 1e-30
 EPS = np.finfo(float).eps
 FREE = 2
-SAME = (
-    1e-14  # fields that differ by less than this part of their size are the same, but for rounding
-)
-# tolerances of the run by which a state may miss the surface that it meets: what event_driven
-# claims
-LOST = 100.0
-STARTS = (-0.8, 0.0, 0.8)  # of Newton's method in each sign, where all solutions are looked for
+# relative difference below which two fields are the same but for rounding
+SAME_FIELD = 1e-14
+# tolerances of the run by which a state may miss the surface that it reaches: the claim of
+# event_driven
+MAX_TOLERANCES_OFF = 100.0
+# starts of Newton's method in each sign, where all solutions are searched for
+NEWTON_STARTS = (-0.8, 0.0, 0.8)
+MAX_NEWTON_ITERATIONS = 30
+MAX_PROJECTIONS = 3
 
 
 class FilippovVectorField:
-    """x' = F(t, x, s) with the signs s of a mode; the work of one run, no state but counters.
+    """x' = F(t, x, s) with the signs s of a mode; no state but counters of its work.
 
-    field(t, x, s) -> (n,), switch(t, x) -> (d,): numpy. `along(t, x, dt, dx)` -> (d,) is the
+    field(t, x, s) -> (n,), switch(t, x) -> (d,): numpy. along(t, x, dt, dx) -> (d,) is the
     derivative of the switch functions in the direction (dt, dx), exact to rounding: by a complex
-    step while that agrees with differences, else by JAX.
+    step while that agrees with differences, else by JAX. newton, calls: iterations and evaluations
+    of the field so far.
     """
 
-    def __init__(self, problem, t0: float, x0: np.ndarray):
-        self.field, self.switch, self._factory = (
-            as_numpy(problem.field),
-            as_numpy(problem.switch),
-            problem.switch,
-        )
-        self._boxes = problem.field(SPACE), problem.switch(SPACE)
-        self.n, self.d = x0.size, len(self.switch(t0, x0))
+    def __init__(self, problem: Filippov, t0: float, x0: np.ndarray):
+        self.field = as_numpy(problem.field)
+        self.switch = as_numpy(problem.switch)
+        self._factory = problem.switch
+        self.n = x0.size
+        self.d = len(self.switch(t0, x0))
         self.along = self._complex
         self.newton = 0
         self.calls = 0
-        self.trust(t0, x0)
+        self.check_complex_step(t0, x0)
 
     def _complex(self, t, x, dt, dx):
-        return np.imag(self.switch(t + TINY * 1j * dt, x + TINY * 1j * dx)) / TINY
+        return (
+            np.imag(self.switch(t + COMPLEX_STEP * 1j * dt, x + COMPLEX_STEP * 1j * dx))
+            / COMPLEX_STEP
+        )
 
-    def trust(self, t: float, x: np.ndarray) -> None:
-        """Turn from complex steps to JAX if the switch does not continue to complex numbers (abs,
-        sorting) near x."""
+    def check_complex_step(self, t: float, x: np.ndarray) -> None:
+        """Change from complex steps to JAX if the switch has no analytic continuation near x.
+
+        As with abs or sorting. Raises ValueError if JAX cannot differentiate it either.
+        """
         if self.along != self._complex:
             return
         try:
-            good = all(
+            agrees = all(
                 self._agrees(t, x, dt, dx)
                 for dt, dx in ((1.0, np.zeros(self.n)), *((0.0, e) for e in np.eye(self.n)))
             )
         except (TypeError, ValueError, np.exceptions.ComplexWarning):
-            good = False
-        if not good:
+            agrees = False
+        if not agrees:
             self.along = self._by_jax(t, x)
 
     def _agrees(self, t, x, dt, dx) -> bool:
@@ -96,35 +102,34 @@ class FilippovVectorField:
         return lambda t, x, dt, dx: np.asarray(slope(float(t), x, float(dt), dx))
 
     def gradients(self, t, x, rows) -> np.ndarray:
-        """(len(rows), n) gradients of the switch functions in x."""
+        """Return (len(rows), n) the gradients of the switch functions `rows` in x."""
         return np.array([self.along(t, x, 0.0, e)[rows] for e in np.eye(self.n)]).T
 
-    def lost(self, t, x, rows, mode, tol) -> Status | None:
-        """What is wrong if a surface of `rows` that was just met is not where the state is, to the
-        digits of a run of tol."""
+    def surface_missed(self, t, x, rows, mode, tol: float) -> Status | None:
+        """Return a status if a surface of `rows` that was just reached is not where the state is.
+
+        rows (r,): of them those that the mode p (d,) has on one side. tol: of the run, in units of
+        which the distance to the surface is judged. A gradient that vanishes is the reason.
+        """
         rows = rows[np.abs(mode[rows]) == 1]
         slope = np.linalg.norm(self.gradients(t, x, rows), axis=1) if rows.size else np.empty(0)
-        slope = np.maximum(
-            slope, np.abs(self.along(t, x, 1.0, np.zeros(self.n)))[rows]
-        )  # one may be met in time alone
-        far = np.abs(self.switch(t, x)[rows]) / np.maximum(slope, np.finfo(float).tiny)
-        if np.all(far <= LOST * tol * (1.0 + np.abs(x).max())):
+        # a surface may be reached in time alone
+        slope = np.maximum(slope, np.abs(self.along(t, x, 1.0, np.zeros(self.n)))[rows])
+        distance = np.abs(self.switch(t, x)[rows]) / np.maximum(slope, np.finfo(float).tiny)
+        if np.all(distance <= MAX_TOLERANCES_OFF * tol * (1.0 + np.abs(x).max())):
             return None
         return Status(
             "degenerate",
-            f"At t = {t:.9g} the gradient of surface {rows[far.argmax()]} vanishes where it is "
-            f"met: that "
-            f"is told to within {far.max():.1g} only.",
+            f"At t = {t:.9g} the gradient of surface {rows[distance.argmax()]} vanishes where it "
+            f"is met: that is told to within {distance.max():.1g} only.",
         )
 
     def velocity(self, t, x, p, guess):
-        """(F, s): the velocity in mode p and its signs; s of a sliding surface solves c_i' = 0, NaN
-        if nothing does.
+        """Return the velocity F (n,) in mode p and its signs s (d,).
 
-        F is multilinear in s; continued beyond |s_i| = 1, so that the exit of a sliding arc is a
-        smooth event.
-        guess (d,): where Newton's method starts (several surfaces). Source: Filippov 1988;
-        Alexander & Seidman 1998.
+        Signs of sliding surfaces solve c_i' = 0, and are NaN if nothing does. F is multilinear in
+        s and continued beyond |s_i| = 1, so that the exit of a sliding arc is a smooth event.
+        guess (d,): start of Newton's method, where the mode slides on several surfaces.
         """
         s = np.where(p == FREE, 0, p).astype(float)
         on = np.flatnonzero(p == 0)
@@ -135,9 +140,11 @@ class FilippovVectorField:
         s[on] = _ratio(*rates[:, 0]) if on.size == 1 else self._newton(corners, rates, guess[on])
         return _blend(corners, s[on]), s
 
-    def room(self, t, x, p, guess):
-        """(1 - s, 1 + s) of the sliding surfaces, each vanishing as the speed it is made of does:
-        no digits cancel."""
+    def sliding_margins(self, t, x, p, guess):
+        """Return 1 - s and 1 + s of the sliding surfaces of mode p, without cancellation.
+
+        Each vanishes as the rate of one side does. guess (d,): as for `velocity`.
+        """
         s = np.where(p == FREE, 0, p).astype(float)
         on = np.flatnonzero(p == 0)
         if on.size > 1:
@@ -147,45 +154,42 @@ class FilippovVectorField:
         with np.errstate(all="ignore"):
             return -2.0 * plus / (minus - plus), 2.0 * minus / (minus - plus)
 
-    def branches(self, t, x, p) -> list:
-        """All signs s (d,) that keep the state on its sliding surfaces, with |s_i| <= 1 or little
-        more; NaN: unclear.
+    def sliding_solutions(self, t, x, p) -> list:
+        """Return all signs s (d,) that keep the state on its sliding surfaces; NaN: not certain.
 
-        One surface: one. Two: roots of a quadratic. More: one if F is affine in the signs, else
-        what Newton's method finds from 3^k starts.
+        One surface: one solution. Two: the roots of a quadratic. More: one if F is affine in the
+        signs, else what Newton's method finds from 3^k starts. |s_i| may exceed 1.
         """
         s = np.where(p == FREE, 0, p).astype(float)
         on = np.flatnonzero(p == 0)
         if on.size < 2:
             return [self.velocity(t, x, p, np.zeros(self.d))[1]]
         corners, rates = self._corners(t, x, s, on)
-        starts = (
-            [np.zeros(on.size)]
-            if _affine(rates)
-            else _pair(rates)
-            if on.size == 2
-            else product(STARTS, repeat=on.size)
-        )
+        if _affine(rates):
+            starts = [np.zeros(on.size)]
+        elif on.size == 2:
+            starts = _pair(rates)
+        else:
+            starts = product(NEWTON_STARTS, repeat=on.size)
         out = []
         for start in starts:
-            found = s.copy()
-            found[on] = self._newton(corners, rates, np.array(start))
+            solution = s.copy()
+            solution[on] = self._newton(corners, rates, np.array(start))
             if not any(
-                np.array_equal(found, q, equal_nan=True) or np.abs(found - q).max() < 1e-9
+                np.array_equal(solution, q, equal_nan=True) or np.abs(solution - q).max() < 1e-9
                 for q in out
             ):
-                out.append(found)
+                out.append(solution)
         if any(np.all(np.isfinite(q)) for q in out):
             out = [q for q in out if np.all(np.isfinite(q))]
         return out
 
-    def held(self, t, x, p) -> float:
-        """How far the best way off the sliding surfaces of a mode is from being one; negative: a
-        motion leads away.
+    def sliding_stability(self, t, x, p) -> float:
+        """Return how far the best motion off the sliding surfaces of mode p is from existing.
 
-        A way off keeps some of the surfaces, with |s_i| <= 1, and gains distance from the others.
-        Where surfaces meet, it may exist beside a motion that stays: then the solution is not
-        unique. In relative units, between -1 and 1.
+        Negative: one exists. A motion off slides on some of the surfaces, with |s_i| <= 1, and
+        gains distance from the others. Where surfaces meet, it may exist besides a motion that
+        stays: then the solution is not unique. In relative units, between -1 and 1.
         None exists where the rates are affine in the signs and the negative of their matrix has
         positive principal minors (Cottle, Pang & Stone 1992, theorem 3.3.7, for the box).
         """
@@ -197,42 +201,33 @@ class FilippovVectorField:
         for q in product((0, 1, -1), repeat=on.size):
             q = np.array(q)
             off = np.flatnonzero(q)
-            kept = np.flatnonzero(q == 0)
+            sliding = np.flatnonzero(q == 0)
             if not off.size:
                 continue
             part = rates[tuple(slice(None) if v == 0 else (1 - v) // 2 for v in q)]
-            for s in self._keeping(part[..., kept]):
+            for s in self._sliding_signs(part[..., sliding]):
                 gain = (q * _blend(part, s))[off].min()
-                room = (1.0 - np.abs(s)).min(initial=1.0)
-                best = max(best, min(gain, room)) if np.isfinite(gain + room) else best
+                margin = (1.0 - np.abs(s)).min(initial=1.0)
+                best = max(best, min(gain, margin)) if np.isfinite(gain + margin) else best
         return -min(best, 1.0)
 
-    def _keeping(self, rates) -> list:
-        """Signs that keep the surfaces with the given rates (2, ..., 2, k) on them."""
+    def _sliding_signs(self, rates) -> list:
+        """List the signs (k,) that slide on all surfaces with the given rates (2, ..., 2, k)."""
         k = rates.shape[-1]
         if k == 0:
             return [np.empty(0)]
         if k == 1:
             return [_ratio(*rates[:, 0:1])]
-        if k == 2:  # roots of the quadratic are good enough to look for a way
+        if k == 2:  # roots of the quadratic need no refinement to test for a motion
             return [np.array(q) for q in _pair(rates)[1:]]
         return [self._newton(rates, rates, np.zeros(k))]
 
-    def data(self, t, x, p) -> list:
-        """The switch functions and the fields that a mode is made of, for Jets (see
-        solvers._pieces)."""
-        field, switch = self._boxes
-        s = np.where(p == FREE, 0, p).astype(float)
-        on = np.flatnonzero(p == 0)
-        out = [switch(t, x)]
-        for code in product((1.0, -1.0), repeat=on.size):
-            s[on] = code
-            out.append(field(t, x, s.copy()))
-        return out
-
     def _corners(self, t, x, s, on):
-        """Fields (2, ..., 2, n) and rates of the sliding surfaces (2, ..., 2, k); index 0 is the
-        positive side."""
+        """Return the fields (2, ..., 2, n) and rates (2, ..., 2, k) at the corners of the signs.
+
+        Of the k sliding surfaces `on`; index 0 is the positive side. Of several surfaces, each rate
+        is in units of its largest value.
+        """
         corners = np.empty((2,) * on.size + (self.n,))
         rates = np.empty((2,) * on.size + (on.size,))
         s = s.copy()
@@ -247,7 +242,8 @@ class FilippovVectorField:
         return corners, rates
 
     def _newton(self, corners, rates, s):
-        for _ in range(30):
+        """Solve rates(s) = 0 by Newton's method from s (k,); NaN where it does not converge."""
+        for _ in range(MAX_NEWTON_ITERATIONS):
             self.newton += 1
             slopes = _slopes(rates, s)
             try:
@@ -260,8 +256,8 @@ class FilippovVectorField:
                 return s if np.linalg.cond(slopes) < 1e12 else _smallest(corners, rates)
         return np.full(s.size, np.nan)
 
-    def same(self, t, x, s, i) -> bool:
-        """Whether the fields on both sides of surface i are the same, for the other signs s."""
+    def fields_agree(self, t, x, s, i) -> bool:
+        """Are the fields on both sides of surface i the same, for the other signs s (d,)?"""
         up = s.copy()
         down = s.copy()
         up[i] = 1.0
@@ -269,12 +265,14 @@ class FilippovVectorField:
         a = self.field(t, x, up)
         b = self.field(t, x, down)
         self.calls += 2
-        return bool(np.abs(a - b).max() <= SAME * np.abs(a).max())
+        return bool(np.abs(a - b).max() <= SAME_FIELD * np.abs(a).max())
 
     def project(self, t, x, on):
-        """The nearest point with c_i = 0 for i in `on`, to first order of the distance; x itself if
-        it is there."""
-        for _ in range(3):
+        """Return the nearest point (n,) to x with c_i = 0 for i in `on`, by Gauss-Newton steps.
+
+        Exact to first order of the distance; x itself if it is there.
+        """
+        for _ in range(MAX_PROJECTIONS):
             c = self.switch(t, x)[on]
             G = self.gradients(t, x, on)
             if np.all(np.abs(c) <= 4 * EPS * np.abs(G) @ np.abs(x)) or not np.all(np.isfinite(G)):
@@ -284,13 +282,14 @@ class FilippovVectorField:
 
 
 def _blend(corners, s):
-    """Multilinear interpolation: corners (2, ..., 2, n), index 0 at s = 1, index 1 at s = -1."""
+    """Interpolate corners (2, ..., 2, n) multilinearly: index 0 at s = 1, index 1 at s = -1."""
     for v in s:
         corners = 0.5 * (1.0 + v) * corners[0] + 0.5 * (1.0 - v) * corners[1]
     return corners
 
 
 def _ratio(plus, minus):
+    """Return the sign at which the rate between `plus` (s = 1) and `minus` (s = -1) vanishes."""
     with np.errstate(all="ignore"):
         return (plus + minus) / (minus - plus)
 
@@ -306,8 +305,7 @@ def _slopes(corners, s):
 
 
 def _mixed(rates):
-    """What of the corners is not affine in the signs: the largest second differences, by pairs of
-    signs."""
+    """Return the second differences of the corners by pairs of signs; zero if they are affine."""
     k = rates.ndim - 1
     out = [np.zeros(1)]
     for i in range(k):
@@ -318,11 +316,12 @@ def _mixed(rates):
 
 
 def _affine(rates) -> bool:
-    """Whether the rates, of size one, are affine in the signs but for rounding."""
-    return bool(np.abs(_mixed(rates)).max() <= 2.0 ** rates.shape[-1] * SAME)
+    """Are the rates, of size one, affine in the signs but for rounding?"""
+    return bool(np.abs(_mixed(rates)).max() <= 2.0 ** rates.shape[-1] * SAME_FIELD)
 
 
 def _positive_minors(M) -> bool:
+    """Are all principal minors of M positive?"""
     k = len(M)
     return all(
         np.linalg.det(M[np.ix_(rows, rows)]) > 1e-9
@@ -332,8 +331,11 @@ def _positive_minors(M) -> bool:
 
 
 def _pair(rates):
-    """Starts for two surfaces: (A + C b) + a (B + D b) = 0 has a solution a where the two vectors
-    are parallel, a quadratic in b. The first start is no such root."""
+    """Return starts of Newton's method for two surfaces: the origin, and the roots.
+
+    (A + C b) + a (B + D b) = 0 has a solution a where the two vectors are parallel: a quadratic in
+    b.
+    """
     pp = rates[0, 0]
     pm = rates[0, 1]
     mp = rates[1, 0]
@@ -353,11 +355,9 @@ def _pair(rates):
 
 
 def _smallest(corners, rates):
-    """The least signs that hold dependent surfaces, if F is the same for all that do; NaN
-    otherwise.
+    """Return the least-norm signs that slide on dependent surfaces, if F is the same for all.
 
-    For fields affine in the signs (dependent surfaces, or inputs that act alike); any others are
-    left undecided.
+    For fields affine in the signs (dependent surfaces, or inputs that act alike); NaN otherwise.
     """
     k = rates.ndim - 1
     none = np.full(k, np.nan)

@@ -98,7 +98,7 @@ def test_two_motions_in_one_corner_are_not_chosen_between():
     problem = Filippov.signs(field, drift(lambda xp, t, x: x[:2]))
     _, traj = run((problem, (0.0, 0.0, 0.0), 1.0))
     assert traj.status.code == "degenerate" and "not unique" in str(traj.status)
-    found = FilippovVectorField(problem, 0.0, np.zeros(3)).branches(
+    found = FilippovVectorField(problem, 0.0, np.zeros(3)).sliding_solutions(
         0.0, np.zeros(3), np.zeros(2, np.int64)
     )
     np.testing.assert_allclose(

@@ -96,10 +96,10 @@ def test_where_minors_forbid_a_way_off_a_search_finds_none(monkeypatch):
             np.zeros(k),
         )
         at = 0.0, np.zeros(k), np.zeros(k, np.int64)
-        quick = motion.held(*at)
+        quick = motion.sliding_stability(*at)
         with monkeypatch.context() as m:
             m.setattr(vector_field, "_positive_minors", lambda M: False)
-            searched = motion.held(*at)
+            searched = motion.sliding_stability(*at)
         # on the box the problem s_i in Sgn(c_i') has one solution then, be it on all surfaces or
         # off some
         s = np.linalg.solve(B, -f)

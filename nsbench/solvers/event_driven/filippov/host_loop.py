@@ -18,6 +18,7 @@ from nsbench.dynamics.length_scale import case_length_scale
 from nsbench.solvers.base import Run
 from nsbench.solvers.event_driven.accumulation import accumulation
 from nsbench.solvers.event_driven.filippov.compiled_loop import CompiledLoop
+from nsbench.solvers.event_driven.filippov.interval_fields import interval_fields
 from nsbench.solvers.event_driven.filippov.mode_search import (
     FLAT,
     ModeSearch,
@@ -84,16 +85,16 @@ class Arc:
         if sliding.size:
             # weights that are lost count as beyond their bounds: they are, or the arc ends there in
             # a fold
-            room = field.room(t, x, self.mode, self.signs)
+            room = field.sliding_margins(t, x, self.mode, self.signs)
             g[sliding], below = np.nan_to_num(
                 room, nan=-1.0, posinf=LOST_WEIGHT, neginf=-LOST_WEIGHT
             )
             more.append(below)
             if sliding.size > 1:
-                more.append([field.held(t, x, self.mode)])
+                more.append([field.sliding_stability(t, x, self.mode)])
         if self.free.size:
             g[self.free] = self.away - c[self.free]
-            alike = [field.same(t, x, self.signs, i) for i in self.free]
+            alike = [field.fields_agree(t, x, self.signs, i) for i in self.free]
             more += [self.away + c[self.free], np.where(alike, 1.0, -1.0)]
         return np.concatenate([g, *more])
 
@@ -125,6 +126,7 @@ class FilippovIntegrator:
         self.hosted = 0
         self.case = case
         self.field = field
+        self.interval_fields = interval_fields(case.problem)
         self.options = options
         self.tol = tol
         self.t = float(case.t[0])
@@ -241,7 +243,7 @@ class FilippovIntegrator:
             armed=armed,
             band=equations.bands(self.t, self.x),
             samples=self.case.t[self.done :],
-            data=lambda t, y: self.field.data(t, y[:n], equations.mode),
+            data=lambda t, y: self.interval_fields(t, y[:n], equations.mode),
         )
         rows = slice(self.done, self.done + len(arc.samples))
         self.X[rows] = arc.samples[:, :n]
@@ -292,8 +294,8 @@ class FilippovIntegrator:
         surfaces = fired[fired < self.d]
         near[surfaces] = True
         met = np.flatnonzero(near)
-        self.field.trust(self.t, self.x)
-        lost = self.field.lost(self.t, self.x, surfaces, self.mode, self.tol)
+        self.field.check_complex_step(self.t, self.x)
+        lost = self.field.surface_missed(self.t, self.x, surfaces, self.mode, self.tol)
         if lost:
             return lost
         status, mode, signs = self._choose(met)

@@ -92,12 +92,15 @@ class ModeSearch:
     ) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
         """Modes and signs in which a motion continues, with its trial states."""
         modes_of = [
-            (FREE, 1, -1) if known and self.field.same(t, x, s, i) else (0, 1, -1) for i in met
+            (FREE, 1, -1) if known and self.field.fields_agree(t, x, s, i) else (0, 1, -1)
+            for i in met
         ]
         for q in product(*modes_of):
             candidate = mode.copy()
             candidate[met] = q
-            for signs in self.field.branches(t, self._projected(t, x, candidate), candidate):
+            for signs in self.field.sliding_solutions(
+                t, self._projected(t, x, candidate), candidate
+            ):
                 ahead = self._trial_states(t, x, candidate, signs, met, size)
                 if ahead is not None:
                     yield candidate, signs, ahead
@@ -161,7 +164,7 @@ class ModeSearch:
         if off > 0.0:  # the difference to two half steps is the error of the trial
             _, other, _ = self._trial(mode, *self._trial(mode, t, x, s, h / 2), h / 2)
             off -= 4.0 * abs(c[i] - self.field.switch(after, other)[i])
-        return -1.0 if off > 0.0 or not self.field.same(after, state, weights, i) else 0.0
+        return -1.0 if off > 0.0 or not self.field.fields_agree(after, state, weights, i) else 0.0
 
     def _trial(self, mode, t, x, s, h):
         """(time, state, signs) after one classical Runge-Kutta step of length h from (t, x, s) in
