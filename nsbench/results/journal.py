@@ -1,4 +1,4 @@
-"""The journal of a study: DIR/journal.jsonl, one JSON line per run, appended and synced as runs end.
+"""Journal of a study: DIR/journal.jsonl, one JSON line per run, appended and synced as runs end.
 
 A line holds a row with its key and the digests of the parts of the key, or the items of one part,
 which stand before the first row that has it. Each line ends with a checksum of itself.

@@ -163,7 +163,7 @@ def lost_run_row(spec: Spec, status: str, why: str) -> dict:
 
 
 def _raised(e: Exception, when: str = "") -> Status:
-    """Return the status of a run that raised: "oom" (from Python or from XLA), no start, or "error".
+    """Return the status of a run that raised: "oom" (Python or XLA), no start, or "error".
 
     An exception of a plugin may fail to describe itself: its __str__, or that of its cause, raises.
     """

@@ -46,7 +46,7 @@ class Spec:
 
     @property
     def label(self) -> str:
-        """Text of case, solver and accuracy; of a run that is refused, which has none, case and solver."""
+        """Format case, solver and accuracy; a refused run has no accuracy."""
         accuracy = f" {self.accuracy}={self.asked:.3g}" if np.isfinite(self.asked) else ""
         return f"{self.case} {self.solver}{accuracy}"
 
