@@ -1,10 +1,12 @@
-"""Small complementarity problems  0 <= lam _|_ w = h + M lam >= 0  with M = G G^T, G of any rank.
+"""Active-set method for complementarity problems with a Gram matrix M = G G^T, G of any rank.
 
-An active-set method in Gram form (Lawson & Hanson 1974, chapter 23; dependent rows as in Goldfarb &
-Idnani 1983):
-the rows with lam > 0 are kept linearly independent, so a basic solution comes back even where lam
-is not unique.
-Pivoting codes for general M fail on such rank-deficient contact sets.
+    0 <= lam _|_ w = h + M lam >= 0
+
+Lawson & Hanson's method for non-negative least squares in Gram form (Solving Least Squares
+Problems, 1974, chapter 23), with the treatment of dependent rows of Goldfarb & Idnani (Mathematical
+Programming 27, 1983): the rows with lam > 0 stay linearly independent, so a basic solution is
+returned even where lam is not unique. Codes with principal pivots for general M fail on such
+rank-deficient sets of contacts. The support idx[:p] has the Cholesky factor L of its rows of M.
 """
 
 import numpy as np
@@ -14,17 +16,19 @@ from nsbench.compilation.decorators import inner_kernel, njit
 OK = 0
 INFEASIBLE = 1
 UNFINISHED = 2
-NULL = (
-    1e-6  # coefficients of a null direction below are rounding: eps over the smallest squared sine
-)
+# coefficients of a null direction below this are rounding: eps over the smallest squared sine
+NULL_COEFFICIENT = 1e-6
+# iterations: a fixed number, and so many per row
+LEAST_ITERATIONS = 50
+ITERATIONS_PER_ROW = 20
 # of a row that depends on others: eps over the smallest sine that counts as independent (1e-5)
 ROUNDING = 1e-9
 
 
 @inner_kernel
 def _append(L, M, idx, p, k, dep):
-    """Factor row p for the new index k; False if its row depends on those of idx[:p]. Fills L[p,
-    :p] in any case."""
+    """Append index k to the support and its row to the factor; False if it depends on the rows of
+    idx[:p] (squared sine at most dep). Fills L[p, :p] in any case."""
     pivot = M[k, k]
     for a in range(p):
         s = M[k, idx[a]]
@@ -41,7 +45,7 @@ def _append(L, M, idx, p, k, dep):
 
 @inner_kernel
 def _remove(L, M, idx, p, place, dep):
-    """Take idx[place] out and factor the later rows again; returns the new p."""
+    """Remove idx[place] and factor the later rows again; returns the new p."""
     q = place
     for a in range(place + 1, p):
         if _append(L, M, idx, q, idx[a], dep):
@@ -51,6 +55,7 @@ def _remove(L, M, idx, p, place, dep):
 
 @inner_kernel
 def _backsolve(L, p, v):
+    """Replace v by L^-T v for the leading p rows."""
     for a in range(p - 1, -1, -1):
         for b in range(a + 1, p):
             v[a] -= L[b, a] * v[b]
@@ -59,7 +64,7 @@ def _backsolve(L, p, v):
 
 @inner_kernel
 def _solve(L, p, v):
-    """v <- (L L^T)^-1 v for the leading p rows."""
+    """Replace v by (L L^T)^-1 v for the leading p rows."""
     for a in range(p):
         for b in range(a):
             v[a] -= L[a, b] * v[b]
@@ -69,7 +74,7 @@ def _solve(L, p, v):
 
 @inner_kernel
 def _target(L, M, h, idx, p):
-    """lam on idx[:p] with w = 0 there, refined once."""
+    """Return lam (p,) on idx[:p] with w = 0 there, refined once."""
     s = np.empty(p)
     for a in range(p):
         s[a] = -h[idx[a]]
@@ -87,7 +92,8 @@ def _target(L, M, h, idx, p):
 
 @inner_kernel
 def _settle(L, M, h, idx, p, lam, dep):
-    """Move lam to the target of its support, dropping what becomes zero on the way; returns p."""
+    """Move lam to the target of its support, dropping what becomes zero on the way (Lawson &
+    Hanson's inner loop); returns p."""
     while p > 0:
         s = _target(L, M, h, idx, p)
         alpha = 1.0
@@ -112,8 +118,8 @@ def _settle(L, M, h, idx, p, lam, dep):
 
 @inner_kernel
 def _exchange(L, M, idx, p, k, lam, dep):
-    """k depends on the support: move along the null direction with lam_k growing until a member
-    vanishes.
+    """Exchange k, which depends on the support: move along the null direction with lam_k growing
+    until a member vanishes.
 
     Returns the new p with k in the support, or -1 if nothing blocks: no velocity satisfies row k
     and these rows.
@@ -125,7 +131,7 @@ def _exchange(L, M, idx, p, k, lam, dep):
     block = np.int64(-1)
     alpha = np.inf
     for a in range(p):
-        if c[a] > NULL and lam[idx[a]] / c[a] < alpha:
+        if c[a] > NULL_COEFFICIENT and lam[idx[a]] / c[a] < alpha:
             block = a
             alpha = lam[idx[a]] / c[a]
     if block < 0:
@@ -139,8 +145,8 @@ def _exchange(L, M, idx, p, k, lam, dep):
 
 
 @inner_kernel
-def _speeds(M, h, lam, w):
-    """w <- h + M lam."""
+def _fill_slacks(M, h, lam, w):
+    """Fill w (m,) with h + M lam."""
     for k in range(h.size):
         w[k] = h[k]
         for a in range(h.size):
@@ -148,33 +154,19 @@ def _speeds(M, h, lam, w):
 
 
 @inner_kernel
-def _size(M, h, lam, k):
-    """Size of the terms that w_k is the sum of."""
+def _term_size(M, h, lam, k):
+    """Return the size of the terms that w_k is the sum of."""
     s = abs(h[k])
     for a in range(h.size):
         s += abs(M[k, a]) * lam[a]
     return s
 
 
-@njit(cache=True, error_model="numpy")
-def solve_lcp(M, h, warm, tol, dep):
-    """Basic solution of 0 <= lam _|_ h + M lam >= 0.
-
-    M (m, m) = G G^T; h (m,); warm: indices to try as the support first; tol (m,): how negative w
-    may stay;
-    dep: rows whose squared sine against the support is at most this count as dependent.
-    Returns lam (m,), w (m,), support (p,), code, row that cannot be satisfied or -1, iterations.
-    """
-    m = h.size
-    lam = np.zeros(m)
-    skip = np.zeros(m, np.bool_)
-    L = np.zeros((m + 1, m + 1))
-    idx = np.empty(m + 1, np.int64)
-    p = np.int64(0)
-    for k in warm:
-        if M[k, k] > 0.0 and _append(L, M, idx, p, k, dep):
-            p += 1
-    while p > 0:  # the warm support without its negative members
+@inner_kernel
+def _drop_negative(L, M, h, idx, p, lam, dep):
+    """Set lam to the target of the support without the members where it is negative, dropped one by
+    one; returns the new p."""
+    while p > 0:
         s = _target(L, M, h, idx, p)
         worst = np.int64(0)
         for a in range(1, p):
@@ -185,21 +177,52 @@ def solve_lcp(M, h, warm, tol, dep):
                 lam[idx[a]] = s[a]
             break
         p = _remove(L, M, idx, p, worst, dep)
+    return p
+
+
+@inner_kernel
+def _most_violated(M, lam, w, skip, tol):
+    """Return the row violated most, as a length; -1 for none. skip (m,): rows left out."""
+    k = np.int64(-1)
+    worst = 0.0
+    for c in range(lam.size):
+        if lam[c] == 0.0 and not skip[c] and w[c] < -tol[c]:
+            size = w[c] / np.sqrt(M[c, c]) if M[c, c] > 0.0 else -np.inf
+            if size < worst:
+                k = c
+                worst = size
+    return k
+
+
+@njit(cache=True, error_model="numpy")
+def solve_lcp(M, h, warm, tol, dep):
+    """Compute a basic solution of 0 <= lam _|_ h + M lam >= 0.
+
+    M (m, m) = G G^T; h (m,); warm: indices to try as the support first; tol (m,): how negative w
+    may stay;
+    dep: rows whose squared sine against the support is at most this count as dependent.
+    Returns lam (m,), w (m,), support (p,), code (OK, INFEASIBLE, UNFINISHED), row that cannot be
+    satisfied or -1, iterations.
+    """
+    m = h.size
+    lam = np.zeros(m)
+    skip = np.zeros(m, np.bool_)
+    L = np.zeros((m + 1, m + 1))
+    idx = np.empty(m + 1, np.int64)
+    p = np.int64(0)
+    for k in warm:
+        if M[k, k] > 0.0 and _append(L, M, idx, p, k, dep):
+            p += 1
+    p = _drop_negative(L, M, h, idx, p, lam, dep)
     code = UNFINISHED
     bad = -1
     it = 0
     w = np.empty(m)
-    _speeds(M, h, lam, w)
-    while it < 50 + 20 * m:
+    _fill_slacks(M, h, lam, w)
+    # Lawson & Hanson's outer loop: the row violated most joins the support
+    while it < LEAST_ITERATIONS + ITERATIONS_PER_ROW * m:
         it += 1
-        k = np.int64(-1)
-        worst = 0.0
-        for c in range(m):
-            if lam[c] == 0.0 and not skip[c] and w[c] < -tol[c]:
-                size = w[c] / np.sqrt(M[c, c]) if M[c, c] > 0.0 else -np.inf
-                if size < worst:
-                    k = c
-                    worst = size
+        k = _most_violated(M, lam, w, skip, tol)
         if k < 0:
             code = OK
             break
@@ -211,7 +234,7 @@ def solve_lcp(M, h, warm, tol, dep):
             p += 1
         else:
             q = _exchange(L, M, idx, p, k, lam, dep)
-            if q < 0 and w[k] > -ROUNDING * _size(M, h, lam, k):
+            if q < 0 and w[k] > -ROUNDING * _term_size(M, h, lam, k):
                 skip[k] = True  # w_k follows from the support, where w = 0: it is rounding
                 continue
             if q < 0:
@@ -221,7 +244,7 @@ def solve_lcp(M, h, warm, tol, dep):
                 break
             p = q
         p = _settle(L, M, h, idx, p, lam, dep)
-        _speeds(M, h, lam, w)
+        _fill_slacks(M, h, lam, w)
         if lam[k] > 0.0:
             skip[:] = False
         else:
@@ -229,7 +252,7 @@ def solve_lcp(M, h, warm, tol, dep):
     if code != INFEASIBLE:  # what is left over must be rounding, and if so it is solved
         code = OK
         for k in range(m):
-            if w[k] < -max(tol[k], ROUNDING * _size(M, h, lam, k)):
+            if w[k] < -max(tol[k], ROUNDING * _term_size(M, h, lam, k)):
                 code = UNFINISHED
                 bad = k
     return lam, w, idx[:p].copy(), code, bad, it
@@ -237,7 +260,8 @@ def solve_lcp(M, h, warm, tol, dep):
 
 @njit(cache=True, error_model="numpy")
 def in_span(M, support, dep):
-    """(m,) whether each row lies in the span of the independent rows `support`."""
+    """Return (m,) for each row whether it lies in the span of the independent rows `support`:
+    squared sine at most dep."""
     m = M.shape[0]
     L = np.zeros((m + 1, m + 1))
     idx = np.empty(m + 1, np.int64)

@@ -1,10 +1,12 @@
-"""Complementarity problems  0 <= lam _|_ w = r + M lam >= 0  for a general square M, regular or
-not.
+"""Lemke's method for complementarity problems with a general square matrix, regular or not.
+
+    0 <= lam _|_ w = r + M lam >= 0
 
 First the support of the last solution, then Lemke's method with lexicographic pivots (Cottle, Pang
-& Stone 1992, section 4.4), then all supports if there are few. Rows and columns are scaled first:
-circuits mix ohms with 1e-6 farads. Of several solutions with the same w the smallest one can be had
-(Han, Tiwari, Camlibel & Pang 2009): see `least`.
+& Stone, The Linear Complementarity Problem, 1992, section 4.4), then all supports if there are few.
+Rows and columns are scaled first:
+circuits mix ohms with 1e-6 farads. Of several solutions with the same w the least-norm one can be
+computed (Han, Tiwari, Camlibel & Pang, SIAM J. Numer. Anal. 47(5), 2009): `least_norm_solution`.
 Loops stand where numpy would add rows: its broadcasting takes numba seconds to compile.
 """
 
@@ -15,19 +17,21 @@ from nsbench.lcp.gram_lcp import solve_lcp
 from nsbench.linalg.dense import solve_gauss
 from nsbench.linalg.rank import near_singular, orthonormal
 
-FEW = 10  # rows whose 2^m supports are tried when Lemke's method ends on a ray
+ENUMERATED_ROWS = 10  # rows whose 2^m supports are tried when Lemke's method ends on a ray
 SIGN = 1e-12  # of the terms of a sum: below, its sign is rounding (a few hundred operations)
 PIVOT = 1e-11  # of scaled entries: below, they are no pivots
+SCALINGS = 8  # rounds of row and column scaling
+MOTION = 1e-9  # relative difference below which two motions are one
 RANK = 1e-10  # relative singular value of scaled rows below which they count as dependent
 
 
 @njit(cache=True, error_model="numpy")
 def scales(M):
-    """(m,), (m,): factors of rows and columns that bring the entries of M near one."""
+    """Return factors of rows (m,) and columns (m,) that bring the entries of M near one."""
     m = M.shape[0]
     a = np.ones(m)
     b = np.ones(m)
-    for _ in range(8):
+    for _ in range(SCALINGS):
         for i in range(m):
             s = 0.0
             for j in range(m):
@@ -45,7 +49,7 @@ def scales(M):
 
 @njit(cache=True, error_model="numpy")
 def slack(M, r, lam, w):
-    """w <- r + M lam; returns whether lam and w are non-negative and complementary up to
+    """Fill w with r + M lam; returns whether lam and w are non-negative and complementary up to
     rounding."""
     m = r.size
     top = 0.0
@@ -53,7 +57,8 @@ def slack(M, r, lam, w):
     for i in range(m):
         top = max(top, abs(lam[i]))
     for i in range(m):
-        w[i], size = r[i], abs(r[i])
+        w[i] = r[i]
+        size = abs(r[i])
         for j in range(m):
             w[i] += M[i, j] * lam[j]
             size += abs(M[i, j] * lam[j])
@@ -68,8 +73,8 @@ def slack(M, r, lam, w):
 
 @njit(cache=True, error_model="numpy")
 def by_support(M, r, on, lam, w):
-    """lam with w = 0 on the support, zero elsewhere; False if there is none or it is no
-    solution."""
+    """Fill lam with the solution of w = 0 on the support `on`, zero elsewhere; False if there is
+    none or it does not solve the problem."""
     m = r.size
     idx = np.flatnonzero(on)
     p = idx.size
@@ -102,8 +107,8 @@ def by_support(M, r, on, lam, w):
 
 @njit(cache=True, error_model="numpy")
 def _leaving(T, col, basis, m, z0):
-    """Row that leaves for column `col` by the lexicographic ratio test, -1 on a ray; the artificial
-    one goes first."""
+    """Return the row that leaves for column `col` by the lexicographic ratio test, -1 on a ray; the
+    artificial variable z0 goes first."""
     best = -1
     last = T.shape[1] - 1
     for i in range(m):
@@ -129,8 +134,8 @@ def _leaving(T, col, basis, m, z0):
 
 @njit(cache=True, error_model="numpy")
 def lemke(M, r):
-    """(support, found, pivots) of scaled data: by complementary pivots with the covering vector of
-    ones."""
+    """Solve scaled data by Lemke's complementary pivots with the covering vector of ones; returns
+    support (m,), whether it was found, pivots."""
     m = r.size
     T = np.zeros((m, 2 * m + 2))  # w | lam | z0 | right-hand side
     basis = np.arange(m)
@@ -147,6 +152,7 @@ def lemke(M, r):
         return on, True, 0
     enter = z0
     limit = 100 + 20 * m
+    # Lemke's method: pivot, then let the complement of the leaving variable enter
     for it in range(limit):
         p = T[row, enter]
         for j in range(2 * m + 2):
@@ -172,8 +178,8 @@ def lemke(M, r):
 
 @njit(cache=True, error_model="numpy")
 def solve(M, r, a, b, on, lam, w):
-    """Solution in lam, w and its support in `on` (a guess before). a, b: `scales` of M. Returns
-    found, pivots."""
+    """Fill lam and w with a solution and `on` with its support; `on` is a guess before. a, b:
+    `scales` of M. Returns whether one was found, and pivots."""
     m = r.size
     if by_support(M, r, on, lam, w):
         return True, 0
@@ -192,7 +198,7 @@ def solve(M, r, a, b, on, lam, w):
         for i in range(m):
             on[i] = guess[i]
         return True, count
-    if m <= FEW:
+    if m <= ENUMERATED_ROWS:
         for code in range(2**m):
             for i in range(m):
                 guess[i] = (code >> i) & 1
@@ -205,8 +211,8 @@ def solve(M, r, a, b, on, lam, w):
 
 @njit(cache=True, error_model="numpy")
 def has_other_motion(M, r, G, lam, size):
-    """Is there a solution mu with G mu apart from G lam by more than 1e-9 of `size`? All supports
-    are tried."""
+    """Is there a solution mu with G mu apart from G lam by more than MOTION times `size`? All
+    supports are tried. G (n, m): motion per unit of lam."""
     m = r.size
     on = np.zeros(m, np.bool_)
     mu = np.empty(m)
@@ -219,18 +225,35 @@ def has_other_motion(M, r, G, lam, size):
                 apart = 0.0
                 for i in range(m):
                     apart += G[c, i] * (mu[i] - lam[i])
-                if abs(apart) > 1e-9 * size:
+                if abs(apart) > MOTION * size:
                     return True
     return False
 
 
 @njit(cache=True, error_model="numpy")
+def _null_space_projector(Vt, rank, b, idx):
+    """Return the orthogonal projector (p, p) onto the null space that the rows `rank` .. of Vt span
+    after the scaling b of the columns idx is undone."""
+    p = idx.size
+    Q = np.empty((p, p - rank))
+    for i in range(p):
+        for k in range(p - rank):
+            Q[i, k] = Vt[rank + k, i] * b[idx[i]]
+    orthonormal(Q)
+    P = np.zeros((p, p))
+    for i in range(p):
+        for j in range(p):
+            for k in range(Q.shape[1]):
+                P[i, j] += Q[i, k] * Q[j, k]
+    return P
+
+
+@njit(cache=True, error_model="numpy")
 def least_norm_solution(M, r, a, b, lam, w):
-    """Replace lam by the smallest (Euclidean) solution with the same w = 0 rows, if these leave a
-    choice.
+    """Replace lam by the least-norm solution with the same rows w = 0, if these leave a choice.
 
     On the rows with w = 0 the solutions are an affine set cut by lam >= 0: a least-distance problem
-    in its coordinates, whose dual is a Gram problem for kernels.lcp.
+    in its coordinates, whose dual is a Gram problem for lcp.gram_lcp.
     """
     m = r.size
     zero = np.zeros(m, np.bool_)
@@ -255,19 +278,10 @@ def least_norm_solution(M, r, a, b, lam, w):
         rank += 1
     if rank == p:
         return
-    Q = np.empty((p, p - rank))
-    for i in range(p):
-        for k in range(p - rank):
-            Q[i, k] = Vt[rank + k, i] * b[idx[i]]
-    orthonormal(Q)
+    P = _null_space_projector(Vt, rank, b, idx)
     start = np.empty(p)
     for i in range(p):
         start[i] = lam[idx[i]]
-    P = np.zeros((p, p))  # the projector on the null space
-    for i in range(p):
-        for j in range(p):
-            for k in range(Q.shape[1]):
-                P[i, j] += Q[i, k] * Q[j, k]
     along = np.zeros(p)
     top = 0.0
     for i in range(p):

@@ -1,19 +1,66 @@
-"""K = I + G^T W G by dense fronts: factor for any weights W >= 0 of the rows, then solve.
+"""Multifrontal Cholesky factorisation of K = I + G^T W G for any weights W >= 0 of the rows of G.
 
 K is never smaller than I, whatever rows depend on each other: no pivot can be smaller than one. A
-front holds the coordinates of a part and those behind it that it meets; what is left of it when its
-own are eliminated is handed up (Duff & Reid, ACM TOMS 9(3), 1983). Fronts and panels are stored by
-rows, upper triangle.
+front holds the coordinates of a part and those behind it that it meets (see
+nested_dissection.AssemblyTree, T below); what is left of it when its own are eliminated is handed
+up (Duff & Reid, ACM TOMS 9(3), 1983). Fronts and panels of the factor are stored by rows, upper
+triangle.
 """
+
+from typing import NamedTuple
 
 import numpy as np
 
 from nsbench.compilation.decorators import njit
+from nsbench.linalg.nested_dissection import LARGEST_FRONT, STACK
 
-FAST = {
-    "contract",
-    "reassoc",
-}  # fused multiply-add and vector sums; a factor is corrected by refinement anyway
+# fused multiply-add and vector sums; a factor is corrected by refinement anyway
+FAST = {"contract", "reassoc"}
+BLOCK = 8  # rows eliminated together; _subtract_block is written out for as many
+
+
+class FrontWorkspace(NamedTuple):
+    """L: panels of the factor. F: the largest front, flat. stack: what children hand up. work: two
+    right-hand sides, by places and of a front."""
+
+    L: np.ndarray
+    F: np.ndarray
+    stack: np.ndarray
+    work: np.ndarray
+
+
+@njit(cache=True, error_model="numpy", fastmath=FAST)
+def _subtract_block(F, nf, L, t, first):
+    """Subtract from rows first .. of the front the product of the BLOCK panel rows at L[t:]."""
+    for i in range(first, nf):
+        row = F[i * nf + i : i * nf + nf]
+        r0 = L[t + i : t + nf]
+        r1 = L[t + nf + i : t + 2 * nf]
+        r2 = L[t + 2 * nf + i : t + 3 * nf]
+        r3 = L[t + 3 * nf + i : t + 4 * nf]
+        r4 = L[t + 4 * nf + i : t + 5 * nf]
+        r5 = L[t + 5 * nf + i : t + 6 * nf]
+        r6 = L[t + 6 * nf + i : t + 7 * nf]
+        r7 = L[t + 7 * nf + i : t + 8 * nf]
+        a0 = r0[0]
+        a1 = r1[0]
+        a2 = r2[0]
+        a3 = r3[0]
+        a4 = r4[0]
+        a5 = r5[0]
+        a6 = r6[0]
+        a7 = r7[0]
+        for j in range(nf - i):
+            row[j] -= (
+                a0 * r0[j]
+                + a1 * r1[j]
+                + a2 * r2[j]
+                + a3 * r3[j]
+                + a4 * r4[j]
+                + a5 * r5[j]
+                + a6 * r6[j]
+                + a7 * r7[j]
+            )
 
 
 @njit(cache=True, error_model="numpy", fastmath=FAST)
@@ -21,12 +68,12 @@ def eliminate(F, own, nf, L, at):
     """Eliminate the first `own` rows of the front F (nf x nf, flat); they go to L[at:], their
     diagonal inverted.
 
-    Eight rows at a time. (Rows as slices, read from 0 on: an index that might be negative keeps
+    BLOCK rows at a time. (Rows as slices, read from 0 on: an index that might be negative keeps
     numba from vectorising.)
     """
     k = 0
     while k < own:
-        wide = min(8, own - k)
+        wide = min(BLOCK, own - k)
         for a in range(wide):
             r = (k + a) * nf
             g = at + (k + a) * nf
@@ -43,36 +90,8 @@ def eliminate(F, own, nf, L, at):
             for j in range(size):
                 out[j] = row[j] * p
         t = at + k * nf
-        if wide == 8:
-            for i in range(k + 8, nf):
-                row = F[i * nf + i : i * nf + nf]
-                r0 = L[t + i : t + nf]
-                r1 = L[t + nf + i : t + 2 * nf]
-                r2 = L[t + 2 * nf + i : t + 3 * nf]
-                r3 = L[t + 3 * nf + i : t + 4 * nf]
-                r4 = L[t + 4 * nf + i : t + 5 * nf]
-                r5 = L[t + 5 * nf + i : t + 6 * nf]
-                r6 = L[t + 6 * nf + i : t + 7 * nf]
-                r7 = L[t + 7 * nf + i : t + 8 * nf]
-                a0 = r0[0]
-                a1 = r1[0]
-                a2 = r2[0]
-                a3 = r3[0]
-                a4 = r4[0]
-                a5 = r5[0]
-                a6 = r6[0]
-                a7 = r7[0]
-                for j in range(nf - i):
-                    row[j] -= (
-                        a0 * r0[j]
-                        + a1 * r1[j]
-                        + a2 * r2[j]
-                        + a3 * r3[j]
-                        + a4 * r4[j]
-                        + a5 * r5[j]
-                        + a6 * r6[j]
-                        + a7 * r7[j]
-                    )
+        if wide == BLOCK:
+            _subtract_block(F, nf, L, t, k + BLOCK)
         else:
             for i in range(k + wide, nf):
                 row = F[i * nf + i : i * nf + nf]
@@ -89,8 +108,8 @@ def eliminate(F, own, nf, L, at):
 
 @njit(cache=True, error_model="numpy")
 def _add(F, nf, below, far, rel, ends):
-    """Add what a part below has left (far x far, upper triangle) at the places rel (far,) of the
-    front, run by run.
+    """Add what a child has left (far x far, upper triangle) to the front at the places rel (far,),
+    run by run (extend-add).
 
     Places that follow each other are added as slices: they are read and written several times as
     fast as one by one.
@@ -116,21 +135,22 @@ def _add(F, nf, below, far, rel, ends):
 
 @njit(cache=True, error_model="numpy")
 def factor(T, ptr, vals, weight, L, F, stack):
-    """Fill L with the factor of I + G^T diag(weight) G; F and stack: work space of the sizes T
-    tells."""
-    first = T[1]
-    up = T[2]
-    bptr = T[3]
-    rel = T[5]
-    panel = T[6]
-    optr = T[7]
-    orow = T[8]
-    loc = T[9]
+    """Fill L with the factor of I + G^T diag(weight) G, G with the entries vals and row pointers
+    ptr. F and stack: see FrontWorkspace."""
+    first = T.first
+    up = T.up
+    bptr = T.bptr
+    rel = T.rel
+    panel = T.panel
+    optr = T.optr
+    orow = T.orow
+    loc = T.loc
     parts = first.size - 1
     top = 0
     waiting = np.empty(parts + 1, np.int64)
     sizes = 0
-    ends = np.empty(T[10][0], np.int64)
+    ends = np.empty(T.sizes[LARGEST_FRONT], np.int64)
+    # multifrontal method: assemble the front of a part, add what its children left, eliminate
     for s in range(parts):
         own = first[s + 1] - first[s]
         nf = own + bptr[s + 1] - bptr[s]
@@ -149,7 +169,7 @@ def factor(T, ptr, vals, weight, L, F, stack):
                 for b in range(ptr[k], ptr[k + 1]):
                     if loc[b] >= r:
                         F[r * nf + loc[b]] += v * vals[b]
-        while sizes > 0 and up[waiting[sizes - 1]] == s:  # what the parts below have left
+        while sizes > 0 and up[waiting[sizes - 1]] == s:  # what its children have left
             sizes -= 1
             c = waiting[sizes]
             lo = bptr[c]
@@ -170,12 +190,12 @@ def factor(T, ptr, vals, weight, L, F, stack):
 
 @njit(cache=True, error_model="numpy", fastmath=FAST)
 def forward(T, L, s, y, z):
-    """Eliminate the part s from a right-hand side: z holds the front's; y (n,) by places takes what
-    comes out of it."""
-    first = T[1]
-    bptr = T[3]
-    border = T[4]
-    panel = T[6]
+    """Eliminate part s from a right-hand side (forward substitution): z holds that of the front; y
+    (n,), by places, takes the result."""
+    first = T.first
+    bptr = T.bptr
+    border = T.border
+    panel = T.panel
     lo = first[s]
     own = first[s + 1] - first[s]
     far = bptr[s + 1] - bptr[s]
@@ -193,11 +213,12 @@ def forward(T, L, s, y, z):
 
 @njit(cache=True, error_model="numpy", fastmath=FAST)
 def backward(T, L, y, z):
-    """The second half of a solution, by places."""
-    first = T[1]
-    bptr = T[3]
-    border = T[4]
-    panel = T[6]
+    """Substitute backwards: y (n,) by places, from the end of `forward` to the solution; z:
+    work."""
+    first = T.first
+    bptr = T.bptr
+    border = T.border
+    panel = T.panel
     for s in range(first.size - 2, -1, -1):
         lo = first[s]
         own = first[s + 1] - first[s]
@@ -217,10 +238,10 @@ def backward(T, L, y, z):
 
 @njit(cache=True, error_model="numpy")
 def solve(T, L, b, x, w):
-    """x = K^-1 b; w (n,) and more: work space. b and x may be the same array."""
-    order = T[0]
-    first = T[1]
-    bptr = T[3]
+    """Fill x with K^-1 b. w: FrontWorkspace.work. b and x may be the same array."""
+    order = T.order
+    first = T.first
+    bptr = T.bptr
     n = order.size
     y = w[:n]
     z = w[n:]
@@ -242,12 +263,12 @@ def solve(T, L, b, x, w):
 
 @njit(cache=True, error_model="numpy")
 def workspace(T):
-    """L, F, stack and w for the fronts T."""
-    size = T[10][0]
-    most = T[10][1]
-    return (
-        np.empty(T[6][T[6].size - 1]),
+    """Return the FrontWorkspace for the assembly tree T."""
+    size = T.sizes[LARGEST_FRONT]
+    most = T.sizes[STACK]
+    return FrontWorkspace(
+        np.empty(T.panel[T.panel.size - 1]),
         np.empty(size * size),
         np.empty(most + 1),
-        np.empty(T[0].size + size),
+        np.empty(T.order.size + size),
     )

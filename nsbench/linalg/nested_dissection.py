@@ -1,5 +1,5 @@
-"""Coordinates cut into parts by nested dissection: the tree of fronts on which kernels.fronts
-factors I + G^T W G.
+"""Nested dissection of coordinates, and the assembly tree on which linalg.multifrontal factors
+I + G^T W G.
 
 Two coordinates are neighbours if a row of G uses both. A part is split by the middle level of a
 breadth-first search; the level comes last and is a part of its own, so nothing in front of it meets
@@ -8,20 +8,49 @@ only. Source: George & Liu, Computer Solution of Large Sparse Positive Definite 
 section 8; fronts: Duff & Reid, ACM TOMS 9(3), 1983.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from nsbench.compilation.decorators import njit
-from nsbench.linalg.sparse_ldl import levels
+from nsbench.linalg.sparse_ldl import levels, separate_component
 
-BALANCE = (
-    0.6  # at most this part of the coordinates on one side of a cut; the smallest level is taken
-)
+# at most this part of the coordinates on one side of a cut; the smallest level is taken
+BALANCE = 0.6
 LEAF = 32  # coordinates of a part that is not cut any more: dense loops are faster there
+
+# indices of AssemblyTree.sizes
+LARGEST_FRONT = 0
+STACK = 1
+
+
+class AssemblyTree(NamedTuple):
+    """The fronts of a pattern, in order of elimination (children before parents).
+
+    order (n,): coordinate at each place. first (parts + 1,): places of a part. up (parts,): the
+    part above, -1 for none. bptr (parts + 1,), border: places behind a part that its front holds
+    too; rel: where those lie in the front above. panel (parts + 1,): where its rows of the factor
+    begin. optr (parts + 1,), orow: rows of G that belong to a part; loc: place of each entry of G
+    in the front of its row. sizes: order of the largest front, and length of the stack of what
+    children hand up.
+    """
+
+    order: np.ndarray
+    first: np.ndarray
+    up: np.ndarray
+    bptr: np.ndarray
+    border: np.ndarray
+    rel: np.ndarray
+    panel: np.ndarray
+    optr: np.ndarray
+    orow: np.ndarray
+    loc: np.ndarray
+    sizes: np.ndarray
 
 
 @njit(cache=True, error_model="numpy")
 def _reaches(v, up, level, ptr, cols, tptr, trow):
-    """Whether coordinate v has a neighbour of that level."""
+    """Has coordinate v a neighbour of the level `up`?"""
     for f in range(tptr[v], tptr[v + 1]):
         for e in range(ptr[trow[f]], ptr[trow[f] + 1]):
             if level[cols[e]] == up:
@@ -31,7 +60,7 @@ def _reaches(v, up, level, ptr, cols, tptr, trow):
 
 @njit(cache=True, error_model="numpy")
 def _thinnest(queue, level, found):
-    """The smallest level that leaves no more than BALANCE of the part on either side."""
+    """Return the smallest level that leaves no more than BALANCE of the part on either side."""
     at = int(found * (1.0 - BALANCE))
     best = level[queue[found // 2]]
     least = found
@@ -51,8 +80,10 @@ def _thinnest(queue, level, found):
 
 @njit(cache=True, error_model="numpy")
 def _pieces(ptr, cols, tptr, trow, order, label, queue, level, todo):
-    """Coordinates that hang together side by side in `order`, small pieces in common parts; returns
-    parts, last label."""
+    """Put connected coordinates next to each other in `order`, small components in common parts.
+
+    Fills todo with the parts (begin, end, -1); returns their number and the last label used.
+    """
     n = order.size
     done = 0
     depth = 0
@@ -77,8 +108,8 @@ def _pieces(ptr, cols, tptr, trow, order, label, queue, level, todo):
 
 @njit(cache=True, error_model="numpy")
 def nested_dissection(ptr, cols, tptr, trow):
-    """Order of elimination (n,), and above (n,): -2 inside a part, else the place where the part
-    above it begins (-1: none)."""
+    """Return an order of elimination (n,) of the coordinates, and above (n,): -2 inside a part, at
+    its first place the place where the part above it begins, -1 for none."""
     n = tptr.size - 1
     order = np.empty(n, np.int64)
     label = np.ones(n, np.int64)
@@ -87,6 +118,7 @@ def nested_dissection(ptr, cols, tptr, trow):
     level = np.full(n, -1)
     todo = np.empty((n + 1, 3), np.int64)
     depth, part = _pieces(ptr, cols, tptr, trow, order, label, queue, level, todo)
+    # nested dissection (George & Liu 1981), by a stack of parts to be cut
     while depth > 0:
         depth -= 1
         lo = todo[depth, 0]
@@ -102,34 +134,12 @@ def nested_dissection(ptr, cols, tptr, trow):
         last = level[queue[found - 1]]
         mid = lo + found
         end = hi
-        if found < hi - lo and hi - lo > LEAF:  # a part of its own, then the rest
-            for k in range(found):
-                label[queue[k]] = 0
-            for k in range(lo, hi):
-                if label[order[k]] != 0:
-                    queue[found] = order[k]
-                    found += 1
-            for k in range(found):
-                order[lo + k] = queue[k]
+        if found < hi - lo and hi - lo > LEAF:
+            found = separate_component(order, lo, hi, queue, found, label)
         elif found == hi - lo and found > LEAF and 0 < middle < last:
-            mid = lo  # before the level, behind it, and the level last
-            for k in range(found - 1, -1, -1):
-                v = queue[k]
-                if level[v] == middle and _reaches(v, middle + 1, level, ptr, cols, tptr, trow):
-                    end -= 1
-                    order[end] = v
-            at = end
-            for k in range(found - 1, -1, -1):
-                if level[queue[k]] > middle:
-                    at -= 1
-                    order[at] = queue[k]
-            for k in range(found):
-                v = queue[k]
-                if level[v] < middle or (
-                    level[v] == middle and not _reaches(v, middle + 1, level, ptr, cols, tptr, trow)
-                ):
-                    order[mid] = v
-                    mid += 1
+            mid, end = _cut_at_level(
+                order, lo, hi, queue, found, level, middle, ptr, cols, tptr, trow
+            )
             above[end] = up
             up = end
         else:
@@ -151,7 +161,34 @@ def nested_dissection(ptr, cols, tptr, trow):
 
 
 @njit(cache=True, error_model="numpy")
-def _ascending(a, n):
+def _cut_at_level(order, lo, hi, queue, found, level, middle, ptr, cols, tptr, trow):
+    """Put into order[lo:hi] the coordinates in front of the level `middle`, those behind it, and
+    last those of the level that have a neighbour behind it; returns where the second and the third
+    group begin."""
+    mid = lo
+    end = hi
+    for k in range(found - 1, -1, -1):
+        v = queue[k]
+        if level[v] == middle and _reaches(v, middle + 1, level, ptr, cols, tptr, trow):
+            end -= 1
+            order[end] = v
+    at = end
+    for k in range(found - 1, -1, -1):
+        if level[queue[k]] > middle:
+            at -= 1
+            order[at] = queue[k]
+    for k in range(found):
+        v = queue[k]
+        if level[v] < middle or (
+            level[v] == middle and not _reaches(v, middle + 1, level, ptr, cols, tptr, trow)
+        ):
+            order[mid] = v
+            mid += 1
+    return mid, end
+
+
+@njit(cache=True, error_model="numpy")
+def _sort_ascending(a, n):
     """Sort a[:n] in place (Shell 1959, gaps of Ciura 2001)."""
     for gap in (301, 132, 57, 23, 10, 4, 1):
         for k in range(gap, n):
@@ -165,8 +202,11 @@ def _ascending(a, n):
 
 @njit(cache=True, error_model="numpy")
 def _borders(first, above, place, order, ptr, cols, tptr, trow):
-    """For every part the places behind it that it or the parts below it meet, ascending (bptr,
-    border); the parts above."""
+    """Find for every part the places behind it that it or the parts below it meet.
+
+    Returns up (parts,): the part above each; of (n,): the part of each place; bptr (parts + 1,) and
+    border: those places, ascending.
+    """
     parts = first.size - 1
     n = order.size
     up = np.full(parts, -1)
@@ -203,7 +243,7 @@ def _borders(first, above, place, order, ptr, cols, tptr, trow):
                     found[m] = u
                     m += 1
             child = sibling[child]
-        _ascending(found, m)
+        _sort_ascending(found, m)
         if bptr[s] + m > border.size:
             old = border
             border = np.empty(2 * (bptr[s] + m), np.int64)
@@ -220,14 +260,7 @@ def _borders(first, above, place, order, ptr, cols, tptr, trow):
 
 @njit(cache=True, error_model="numpy")
 def assembly_tree(ptr, cols, tptr, trow):
-    """The fronts of a pattern: a tuple of arrays that kernels.fronts reads.
-
-    order (n,): coordinate at each place; first (parts + 1,): places of a part; up: the part above;
-    bptr, border: places behind a part that its front holds too; rel: where those lie in the front
-    above; panel (parts + 1,): where its rows of the factor begin; owner rows: optr (parts + 1,),
-    orow; loc: place of each entry of G in the owner's front;
-    size: largest front, and room for the stack of what children hand up.
-    """
+    """Return the AssemblyTree of a CSR pattern (ptr, cols) with the transpose (tptr, trow)."""
     n = tptr.size - 1
     order, above = nested_dissection(ptr, cols, tptr, trow)
     place = np.empty(n, np.int64)
@@ -243,6 +276,15 @@ def assembly_tree(ptr, cols, tptr, trow):
             s += 1
     first[parts] = n
     up, of, bptr, border = _borders(first, above, place, order, ptr, cols, tptr, trow)
+    rel, panel, sizes = _front_layout(first, up, bptr, border)
+    optr, orow, loc = _row_owners(first, of, bptr, border, place, ptr, cols)
+    return AssemblyTree(order, first, up, bptr, border, rel, panel, optr, orow, loc, sizes)
+
+
+@njit(cache=True, error_model="numpy")
+def _front_layout(first, up, bptr, border):
+    """Return rel, panel and sizes of an AssemblyTree."""
+    parts = first.size - 1
     rel = np.empty(bptr[parts], np.int64)
     panel = np.zeros(parts + 1, np.int64)
     size = 0
@@ -268,13 +310,13 @@ def assembly_tree(ptr, cols, tptr, trow):
                 while border[at] < border[e]:
                     at += 1
                 rel[e] = wide + at - bptr[u]
-    optr, orow, loc = _owners(first, of, bptr, border, place, ptr, cols)
-    return order, first, up, bptr, border, rel, panel, optr, orow, loc, np.array([size, most])
+    return rel, panel, np.array([size, most])
 
 
 @njit(cache=True, error_model="numpy")
-def _owners(first, of, bptr, border, place, ptr, cols):
-    """Each row belongs to the front of its first coordinate; where its entries lie there."""
+def _row_owners(first, of, bptr, border, place, ptr, cols):
+    """Assign each row to the front of its first coordinate; returns optr, orow and loc of an
+    AssemblyTree."""
     m = ptr.size - 1
     parts = first.size - 1
     owner = np.empty(m, np.int64)

@@ -1,5 +1,7 @@
-"""Which columns are independent: orthonormal ones, and pivots of elimination, in loops over small
-matrices."""
+"""Orthonormal columns and rank of small matrices: Gram-Schmidt, and elimination with full pivoting.
+
+Loops stand where numpy would call LAPACK: numba compiles them faster.
+"""
 
 import numpy as np
 
@@ -8,8 +10,8 @@ from nsbench.compilation.decorators import njit
 
 @njit(cache=True, error_model="numpy")
 def orthonormal(Q):
-    """Columns of Q made orthonormal in place, by Gram and Schmidt's method done twice (Giraud et
-    al. 2005)."""
+    """Make the columns of Q (p, n) orthonormal in place, by Gram and Schmidt's method done twice
+    (Giraud, Langou & Rozloznik, Computers & Mathematics with Applications 50, 2005)."""
     p, n = Q.shape
     for k in range(n):
         for _ in range(2):
@@ -29,8 +31,8 @@ def orthonormal(Q):
 
 @njit(cache=True, error_model="numpy")
 def near_singular(A, rank):
-    """Does elimination with full pivoting meet a pivot below `rank` of the first? A is
-    overwritten."""
+    """Does elimination of A (n, n) with full pivoting meet a pivot below `rank` times the first? A
+    is overwritten."""
     n = A.shape[0]
     first = 0.0
     for k in range(n):

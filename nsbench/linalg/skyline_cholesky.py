@@ -1,9 +1,10 @@
-"""Gram matrices of held contacts in skyline form: ordering, Cholesky factor, solves.
+"""Skyline (envelope) Cholesky factorisation of Gram matrices G G^T: ordering, factor, solves.
 
-Rows are ordered by Cuthill & McKee (1969) on the graph of contacts that share a coordinate,
+The rows of G are short: row k has count[k] entries, in the columns C[k] with the values V[k]. They
+are ordered by Cuthill & McKee (1969) on the graph of contacts that share a coordinate,
 component by component, so that a matrix of many small clusters, or of one flat cluster, has a short
 envelope; the factor fills only that envelope (George & Liu 1981, chapter 4). Row i of the ordered
-matrix is held from its first entry to its diagonal.
+matrix is stored from its first entry to its diagonal.
 """
 
 import numpy as np
@@ -13,7 +14,7 @@ from nsbench.compilation.decorators import inner_kernel, summing_kernel
 
 @inner_kernel
 def columns(C, count, p, n):
-    """Rows of each column: pointers (n + 1,) and members."""
+    """Return the rows of each column: pointers (n + 1,) and members."""
     ptr = np.zeros(n + 1, np.int64)
     for k in range(p):
         for e in range(count[k]):
@@ -31,7 +32,8 @@ def columns(C, count, p, n):
 
 @inner_kernel
 def _breadth(first, nptr, near, stamp, mark, queue, at):
-    """Rows reached from `first` in breadth-first order, written to queue[at:]; returns the end."""
+    """Write the rows reached from `first` to queue[at:], in breadth-first order; returns the
+    end."""
     queue[at] = first
     stamp[first] = mark
     head = at
@@ -49,7 +51,8 @@ def _breadth(first, nptr, near, stamp, mark, queue, at):
 
 @inner_kernel
 def _neighbours(C, count, p, n, stamp):
-    """Rows that share a column with each row, itself included: pointers (p + 1,) and members."""
+    """Return the rows that share a column with each row, itself included: pointers (p + 1,) and
+    members."""
     ptr, member = columns(C, count, p, n)
     nptr = np.zeros(p + 1, np.int64)
     most = 0
@@ -73,8 +76,11 @@ def _neighbours(C, count, p, n, stamp):
 
 @inner_kernel
 def arrange(C, count, p, n):
-    """A plan: place (p,) of each row, start (p,) and ptr (p + 1,) of the envelope, and who meets
-    each row (nptr, near)."""
+    """Plan the factorisation: order the rows by Cuthill & McKee, reversed.
+
+    Returns the plan: place (p,) of each row, start (p,) and pointers (p + 1,) of the envelope, and
+    the rows that share a column with each row, nptr (p + 1,) and near.
+    """
     queue = np.empty(p, np.int64)
     stamp = np.empty(p, np.int64)
     at = np.int64(0)
@@ -106,8 +112,8 @@ def arrange(C, count, p, n):
 
 @inner_kernel
 def fill(plan, C, V, count, p, work, E):
-    """E: the Gram matrix G G^T of rows (C, V, count) in the envelope of the plan; work (n,)
-    zeros."""
+    """Fill E with the Gram matrix G G^T of the rows (C, V, count), in the envelope of the plan;
+    work (n,): zeros, which it leaves."""
     place, start, eptr, nptr, near = plan
     E[:] = 0.0
     for k in range(p):
@@ -135,7 +141,8 @@ def _dot(E, a, b, m):
 
 @inner_kernel
 def factor(plan, p, E, least):
-    """E <- its Cholesky factor; False if a pivot is not above `least` times its diagonal."""
+    """Replace E by its Cholesky factor; False if a pivot is not above `least` times its
+    diagonal."""
     _, start, eptr, _, _ = plan
     for i in range(p):
         row = eptr[i]
@@ -154,7 +161,7 @@ def factor(plan, p, E, least):
 
 @summing_kernel
 def solve(plan, p, E, v, out):
-    """out <- (L L^T)^-1 v, both in the order of the rows."""
+    """Fill out (p,) with (L L^T)^-1 v, both in the order of the rows of G; E holds L."""
     place, start, eptr, _, _ = plan
     y = np.empty(p)
     for k in range(p):

@@ -1,20 +1,41 @@
-"""Sparse rows G and the matrix M = G G^T: who shares a coordinate, an order of elimination, L D
-L^T, products.
+"""Sparse L D L^T factorisation of Gram matrices M = G G^T, ordered by nested dissection.
 
-Rows are CSR: ptr (m + 1,), cols, vals. Their transpose is a table of visits: coordinate c is used
-by the entries tpos[tptr[c] : tptr[c + 1]] of the rows trow[...].
+The rows of G (m, n) are given in CSR form (see SparsityPattern). `nested_dissection_order` orders
+the rows, `factor` factors M_AA for any subset A of them, `back` solves with the factor; `push`,
+`slack` and `lengths` are products with G.
+Sources: George & Liu, Computer Solution of Large Sparse Positive Definite Systems, 1981 (ordering);
+T. Davis, Algorithm 849, ACM TOMS 31(4), 2005 (up-looking factorisation).
 """
+
+from typing import NamedTuple
 
 import numpy as np
 
 from nsbench.compilation.decorators import njit
 
-SMALL = 24  # a part this small is dense enough: dissecting it further gains nothing
+SMALL = 24  # rows of a part: one this small is dense enough, dissecting it further gains nothing
+
+
+class SparsityPattern(NamedTuple):
+    """Where G (m, n) has entries, and an order of elimination for G G^T.
+
+    CSR: row k has the entries ptr[k] : ptr[k + 1], in the columns cols. Its transpose: coordinate c
+    is used by the entries tpos[tptr[c] : tptr[c + 1]] of the rows trow[...]. order (m,): rows in an
+    order of elimination; order[0] < 0 where it has not been computed.
+    """
+
+    ptr: np.ndarray
+    cols: np.ndarray
+    tptr: np.ndarray
+    trow: np.ndarray
+    tpos: np.ndarray
+    order: np.ndarray
 
 
 @njit(cache=True, error_model="numpy")
 def visits(ptr, cols, n):
-    """Transpose of a CSR pattern: tptr (n + 1,), trow, tpos, rows ascending in every column."""
+    """Transpose a CSR pattern: tptr (n + 1,), trow, tpos (see SparsityPattern), rows ascending in
+    every column."""
     tptr = np.zeros(n + 1, np.int64)
     for c in cols:
         tptr[c + 1] += 1
@@ -36,7 +57,8 @@ def visits(ptr, cols, n):
 
 @njit(cache=True, error_model="numpy")
 def levels(root, part, label, ptr, cols, tptr, trow, queue, level):
-    """Breadth first from root through the rows with label `part`; returns how many were reached."""
+    """Search breadth-first from root through the rows with label `part`; returns how many were
+    reached, in queue, and their distances from root in level."""
     queue[0] = root
     level[root] = 0
     label[root] = -part
@@ -59,12 +81,11 @@ def levels(root, part, label, ptr, cols, tptr, trow, queue, level):
 
 
 @njit(cache=True, error_model="numpy")
-def dissection(ptr, cols, tptr, trow):
-    """Rows in an order of elimination: nested dissection by the middle level of a breadth-first
-    search.
+def nested_dissection_order(ptr, cols, tptr, trow):
+    """Return the rows (m,) in an order of elimination: nested dissection by the middle level of a
+    breadth-first search.
 
-    Source: George & Liu, Computer Solution of Large Sparse Positive Definite Systems, 1981, section
-    8.
+    Source: George & Liu 1981, section 8.
     """
     m = ptr.size - 1
     order = np.arange(m)
@@ -78,6 +99,7 @@ def dissection(ptr, cols, tptr, trow):
     todo[0, 1] = m
     depth = 1
     part = 1
+    # nested dissection, by a stack of parts to be cut
     while depth > 0:
         depth -= 1
         lo = todo[depth, 0]
@@ -85,6 +107,7 @@ def dissection(ptr, cols, tptr, trow):
         part += 1
         for k in range(lo, hi):
             label[order[k]] = part
+        # twice: the last row reached is nearly peripheral, so levels from it are thin
         found = levels(order[lo], part, label, ptr, cols, tptr, trow, queue, level)
         found = levels(queue[found - 1], part, label, ptr, cols, tptr, trow, queue, level)
         cut = level[queue[found // 2]]
@@ -92,33 +115,12 @@ def dissection(ptr, cols, tptr, trow):
             for k in range(found):
                 order[hi - 1 - k] = queue[k]
             continue
-        if found < hi - lo:  # a part of its own, then the rest
-            for k in range(found):
-                label[queue[k]] = 0
-            end = hi
+        if found < hi - lo:
             mid = lo + found
-            for k in range(lo, hi):
-                if label[order[k]] != 0:
-                    queue[found] = order[k]
-                    found += 1
-            for k in range(found):
-                order[lo + k] = queue[k]
-        else:  # before the cut, behind it, and the cut last
-            mid = lo
             end = hi
-            for k in range(found - 1, -1, -1):
-                if level[queue[k]] == cut:
-                    end -= 1
-                    order[end] = queue[k]
-            at = end
-            for k in range(found - 1, -1, -1):
-                if level[queue[k]] > cut:
-                    at -= 1
-                    order[at] = queue[k]
-            for k in range(found):
-                if level[queue[k]] < cut:
-                    order[mid] = queue[k]
-                    mid += 1
+            separate_component(order, lo, hi, queue, found, label)
+        else:
+            mid, end = _cut_at_level(order, lo, hi, queue, found, level, cut)
         if mid > lo:
             todo[depth, 0] = lo
             todo[depth, 1] = mid
@@ -131,8 +133,46 @@ def dissection(ptr, cols, tptr, trow):
 
 
 @njit(cache=True, error_model="numpy")
+def separate_component(order, lo, hi, queue, found, label):
+    """Put the `found` rows of a connected component, in queue, before the rest of the part
+    order[lo:hi]; returns how many rows are in queue then: all of the part."""
+    for k in range(found):
+        label[queue[k]] = 0
+    for k in range(lo, hi):
+        if label[order[k]] != 0:
+            queue[found] = order[k]
+            found += 1
+    for k in range(found):
+        order[lo + k] = queue[k]
+    return found
+
+
+@njit(cache=True, error_model="numpy")
+def _cut_at_level(order, lo, hi, queue, found, level, cut):
+    """Put into order[lo:hi] the rows in front of the level `cut`, those behind it, and the level
+    last; returns where the second and the third group begin."""
+    mid = lo
+    end = hi
+    for k in range(found - 1, -1, -1):
+        if level[queue[k]] == cut:
+            end -= 1
+            order[end] = queue[k]
+    at = end
+    for k in range(found - 1, -1, -1):
+        if level[queue[k]] > cut:
+            at -= 1
+            order[at] = queue[k]
+    for k in range(found):
+        if level[queue[k]] < cut:
+            order[mid] = queue[k]
+            mid += 1
+    return mid, end
+
+
+@njit(cache=True, error_model="numpy")
 def _symbolic(act, slot, ptr, cols, tptr, trow):
-    """Elimination tree of the chosen rows and the start of each column of L."""
+    """Return the elimination tree (na,) of the chosen rows and the start (na + 1,) of each column
+    of L."""
     na = act.size
     parent = np.full(na, -1)
     mark = np.full(na, -1)
@@ -158,12 +198,12 @@ def _symbolic(act, slot, ptr, cols, tptr, trow):
 
 @njit(cache=True, error_model="numpy")
 def factor(act, slot, ptr, cols, vals, tptr, trow, tpos, tol, shift):
-    """M_AA = L D L^T for the rows act (na,), slot (m,) their places in act or -1; the diagonal
-    times 1 + shift.
+    """Factor M_AA = L D L^T for the rows act (na,), the diagonal of M_AA times 1 + shift.
+
+    slot (m,): their places in act, -1 elsewhere.
 
     A row whose squared sine to the rows before it is at most `tol` depends on them: D = 0 there,
     and `back` gives it the multiplier 0. Returns (L by columns: start, count, row, value), D.
-    Up-looking, after T. Davis, Algorithm 849 (ACM TOMS 31(4), 2005).
     """
     na = act.size
     parent, start = _symbolic(act, slot, ptr, cols, tptr, trow)
@@ -175,6 +215,7 @@ def factor(act, slot, ptr, cols, vals, tptr, trow, tpos, tol, shift):
     mark = np.full(na, -1)
     path = np.empty(na, np.int64)
     stack = np.empty(na, np.int64)
+    # up-looking factorisation (Davis 2005): row k of L by a solve with the rows before it
     for k in range(na):
         top = na
         mark[k] = k
@@ -237,9 +278,9 @@ def back(L, D, b):
 
 @njit(cache=True, error_model="numpy")
 def push(P, vals, mu, d):
-    """d = G^T mu."""
-    ptr = P[0]
-    cols = P[1]
+    """Fill d (n,) with G^T mu."""
+    ptr = P.ptr
+    cols = P.cols
     for c in range(d.size):
         d[c] = 0.0
     for k in range(mu.size):
@@ -250,9 +291,9 @@ def push(P, vals, mu, d):
 
 @njit(cache=True, error_model="numpy")
 def slack(P, vals, q, d, w):
-    """w = q + G d."""
-    ptr = P[0]
-    cols = P[1]
+    """Fill w (m,) with q + G d."""
+    ptr = P.ptr
+    cols = P.cols
     for k in range(q.size):
         s = q[k]
         for e in range(ptr[k], ptr[k + 1]):
@@ -262,9 +303,9 @@ def slack(P, vals, q, d, w):
 
 @njit(cache=True, error_model="numpy")
 def lengths(P, vals):
-    """|grad g_k| of every row."""
-    ptr = P[0]
-    out = np.empty(P[0].size - 1)
+    """Return the length |G_k| of every row, (m,)."""
+    ptr = P.ptr
+    out = np.empty(P.ptr.size - 1)
     for k in range(out.size):
         s = 0.0
         for e in range(ptr[k], ptr[k + 1]):
@@ -275,7 +316,8 @@ def lengths(P, vals):
 
 @njit(cache=True, error_model="numpy")
 def choose(on, order, slot):
-    """The rows switched on, in the order of elimination; slot: their places, -1 elsewhere."""
+    """Return the rows that are `on`, in the order of elimination, and fill slot (m,) with their
+    places, -1 elsewhere."""
     act = np.empty(on.size, np.int64)
     na = 0
     for k in order:

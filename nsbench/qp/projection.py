@@ -1,5 +1,4 @@
-"""The least-distance problem of a step or a start by active sets: its rows, its answer, and the
-projector of this package.
+"""Projection QP from Python: its rows, its answer, and the active-set solver of this package.
 
 min 1/2 |d|^2  s.t.  q + G d >= 0        d = G^T mu,    0 <= mu  _|_  q + G d >= 0
 """
@@ -11,12 +10,13 @@ from dataclasses import dataclass
 import numpy as np
 
 DENSE = 10_000  # entries of G: below, SciPy solves before a kernel is compiled
+CODES = ("solved", "infeasible", "maxiter")  # by the codes of qp.kernels.dual_active_set
 
 
 @dataclass(frozen=True)
 class Answer:
-    """mu (m,), d (n,) as the solver gave them, code ("solved", "infeasible", "maxiter") and its
-    iterations."""
+    """Solution of a projection QP: mu (m,), d (n,) as the solver returned them, code ("solved",
+    "infeasible", "maxiter") and its iterations."""
 
     mu: np.ndarray
     d: np.ndarray
@@ -25,11 +25,11 @@ class Answer:
 
 
 class SparseRows:
-    """G by entries: row (e,), cols (e,) and vals (e,), rows in order, columns in order in every
-    row, ptr (m + 1,).
+    """Rows of G (m, n) by entries: row (e,), cols (e,) and vals (e,), rows in order, columns in
+    order in every row, ptr (m + 1,).
 
-    A product costs two numpy calls: a csr_array checks itself at every step of its life, for longer
-    than a small QP takes.
+    A product costs two numpy calls: a csr_array checks itself at every operation, for longer than a
+    small QP takes.
     """
 
     def __init__(self, row, cols, shape):
@@ -48,12 +48,12 @@ class SparseRows:
 
     @classmethod
     def of(cls, G):
-        """Of a scipy sparse array without duplicates."""
+        """Return the rows of a scipy sparse array without duplicates."""
         G = G.tocoo()
         return cls(G.row.astype(np.int64), G.col.astype(np.int64), G.shape).fill(G.data)
 
     def fill(self, values):
-        """The entries, in the order in which their places were given."""
+        """Set the entries, in the order in which their places were given; returns self."""
         self.vals = values[self.order]
         return self
 
@@ -61,15 +61,15 @@ class SparseRows:
         return np.bincount(self.row, self.vals * d[self.cols], self.shape[0])
 
     def back(self, mu):
-        """G^T mu."""
+        """Return G^T mu (n,)."""
         return np.bincount(self.cols, self.vals * mu[self.row], self.shape[1])
 
     def lengths(self):
-        """|G_k| of every row."""
+        """Return the length |G_k| of every row, (m,)."""
         return np.sqrt(np.bincount(self.row, self.vals * self.vals, self.shape[0]))
 
     def csc(self):
-        """As scipy's csc_matrix, for the libraries."""
+        """Return G as scipy's csc_matrix, for the libraries."""
         from scipy.sparse import csc_matrix
 
         return csc_matrix(
@@ -78,15 +78,15 @@ class SparseRows:
 
 
 class ActiveSet:
-    """nsbench.qp.kernels.dispatch, as in the compiled loop; rounds of factorisation are its
-    iterations."""
+    """Solver of projection QPs by nsbench.qp.kernels.dispatch, as in the compiled loop; its
+    iterations are factorisations."""
 
     def __init__(self, eps=None, max_iter=None):
         self._key = None
         self._pattern = None
         self.setups = 0
-        self._book = np.zeros(2, np.int64)
-        self._store = np.empty(1)
+        self._tree_buffer = np.zeros(2, np.int64)
+        self._work_buffer = np.empty(1)
 
     def __call__(self, G, q, h, key, mu):
         from nsbench.qp.kernels import active_set, dispatch, exact_callback
@@ -95,29 +95,29 @@ class ActiveSet:
             self._key = key
             self.setups = self.setups + 1
             self._pattern = active_set.outline(G.ptr, G.cols, G.shape[1])
-            self._book[0] = 0
+            self._tree_buffer[0] = 0
         scale = max(1.0, float(np.abs(q).max(initial=0.0)))
-        work = np.zeros(4, np.int64)
-        mu, d, self._book, self._store = dispatch.solve_projection(
+        work = np.zeros(dispatch.WORK, np.int64)
+        mu, d, self._tree_buffer, self._work_buffer = dispatch.solve_projection(
             exact_callback.solve_exact,
             large_problem_callback(G.shape[0]),
             self._pattern,
-            self._book,
-            self._store,
+            self._tree_buffer,
+            self._work_buffer,
             G.vals,
             q,
             mu,
             scale,
             work,
         )
-        return Answer(mu, d, ("solved", "infeasible", "maxiter")[work[0]], int(work[1]))
+        return Answer(mu, d, CODES[work[dispatch.CODE]], int(work[dispatch.ROUNDS]))
 
 
-def large_problem_callback(rows):
-    """The projector for many rows, compiled where there are many."""
+def large_problem_callback(rows: int):
+    """Return the callback for large problems, compiled only where there are so many rows."""
     from nsbench.qp.kernels import dispatch
 
-    if rows <= dispatch.FEW:
+    if rows <= dispatch.SMALL_PROBLEM:
         return dispatch.no_large_solver
     from nsbench.qp.kernels import large_callback
 

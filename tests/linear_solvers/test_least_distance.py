@@ -130,14 +130,14 @@ def test_the_sparse_factor_is_the_dense_one_in_an_order_that_fills_little():
     G = G[rng.permutation(m)]
     ptr, cols, vals = csr(G)
     P = active_set.pattern(ptr, cols, G.shape[1])
-    assert np.array_equal(np.sort(P[5]), k)
+    assert np.array_equal(np.sort(P.order), k)
     for on, fill in (
         (np.ones(m, bool), 15 * m),
         (rng.random(m) < 0.5, 2 * m),
     ):  # its natural order fills 30 m
         slot = np.empty(m, np.int64)
-        act = choose(on, P[5], slot)
-        L, D = factor(act, slot, ptr, cols, vals, P[2], P[3], P[4], 1e-12, 0.0)
+        act = choose(on, P.order, slot)
+        L, D = factor(act, slot, ptr, cols, vals, P.tptr, P.trow, P.tpos, 1e-12, 0.0)
         assert np.array_equal(np.sort(act), np.flatnonzero(on)) and D.min() > 0
         b = rng.normal(size=act.size)
         x = b.copy()
@@ -172,3 +172,24 @@ def test_the_residual_catches_a_false_answer():
     far = mu + 2e-3 * np.eye(3)[2]
     assert judged(far, G.T @ far) == pytest.approx(4e-3)  # a push where there is a gap
     assert np.isnan(judged(np.nan * mu, d))
+
+
+def test_the_residual_of_the_kernels_is_the_residual_of_the_host():
+    """qp.kernels.active_set.residual and catching_up.qp_backends.residual are one formula."""
+    from scipy.sparse import csr_array
+
+    from nsbench.qp.kernels import active_set
+    from nsbench.solvers.catching_up.qp_backends import residual
+
+    rng = np.random.default_rng(5)
+    G = csr_array(rng.normal(size=(6, 4)) * (rng.random((6, 4)) < 0.7) + np.eye(6, 4))
+    q = rng.normal(size=6)
+    mu = rng.normal(size=6)
+    d = rng.normal(size=4)
+    G.data[:] = np.where(G.data == 0.0, 1.0, G.data)
+    dense = G.toarray()
+    dense[4:, 0] += 2.0  # no empty row
+    G = csr_array(dense)
+    P = active_set.pattern(G.indptr.astype(np.int64), G.indices.astype(np.int64), 4)
+    kernel = active_set.residual(P, G.data, q, mu, d)
+    assert kernel == pytest.approx(residual(G, q + G @ d, mu, d), rel=1e-14)

@@ -9,7 +9,7 @@ from scipy.sparse import csr_array, vstack
 from nsbench.linalg import multifrontal
 from nsbench.linalg.sparse_ldl import lengths
 from nsbench.qp.kernels import active_set
-from nsbench.qp.kernels.interior_point import interior
+from nsbench.qp.kernels.interior_point import interior_point
 
 
 def by_fronts(G, q, guess, tol=1e-12):
@@ -18,11 +18,11 @@ def by_fronts(G, q, guess, tol=1e-12):
     d = np.zeros(G.shape[1])
     w = np.zeros(len(q))
     norm = lengths(P, vals)
-    code, rounds = interior(
+    code, rounds = interior_point(
         P,
         T,
         multifrontal.workspace(T),
-        vals / np.repeat(norm, np.diff(P[0])),
+        vals / np.repeat(norm, np.diff(P.ptr)),
         q / norm,
         guess * norm,
         10.0,
@@ -40,10 +40,10 @@ def test_the_fronts_factor_the_dense_matrix_whatever_the_weights(n):
     rng = np.random.default_rng(n)
     G, _ = step(rng, n)
     P, T, vals = ready(G)
-    assert np.array_equal(np.sort(T[0]), np.arange(2 * n))
+    assert np.array_equal(np.sort(T.order), np.arange(2 * n))
     L, F, stack, work = multifrontal.workspace(T)
     weight = 10.0 ** rng.uniform(-8, 6, G.shape[0]) * (rng.random(G.shape[0]) < 0.7)
-    multifrontal.factor(T, P[0], vals, weight, L, F, stack)
+    multifrontal.factor(T, P.ptr, vals, weight, L, F, stack)
     b = rng.normal(size=2 * n)
     x = np.empty(2 * n)
     multifrontal.solve(T, L, b, x, work)
@@ -109,8 +109,8 @@ def test_a_run_through_both_solvers_is_one_run(monkeypatch):
     own = nsbench.solve(case, "catching_up", h=0.02)
     from nsbench.qp.kernels.dispatch import no_large_solver
 
-    monkeypatch.setattr(method, "many_rows", lambda rows: no_large_solver)
-    monkeypatch.setattr(projection, "many_rows", lambda rows: no_large_solver)
+    monkeypatch.setattr(method, "large_problem_callback", lambda rows: no_large_solver)
+    monkeypatch.setattr(projection, "large_problem_callback", lambda rows: no_large_solver)
     exact = nsbench.solve(case, "catching_up", h=0.02)
     assert own.status.ok and exact.status.ok and own.stats["kkt"] <= 1e-9
     assert own.stats["inner_iterations"] != exact.stats["inner_iterations"]

@@ -17,7 +17,7 @@ def problem(seed, n=70, crystal=False):
     G, q = step(np.random.default_rng(seed), n, crystal=crystal, walls=seed % 2 == 0)
     P, T, vals = ready(G)
     norm = lengths(P, vals)
-    vals = vals / np.repeat(norm, np.diff(P[0]))
+    vals = vals / np.repeat(norm, np.diff(P.ptr))
     q = q / norm
     mu, d, code, _ = active_set.solve(P, vals, q, np.zeros(len(q)), 10.0)
     assert code == active_set.SOLVED
@@ -28,7 +28,7 @@ def run(P, T, vals, q, mu, most=10**6, limit=10**6, tol=1e-12):
     """What revise makes of mu: done, factorisations, exchanges, mu, d and the residual by the
     formula of kernels.qp."""
     mu = mu.copy()
-    d = np.zeros(P[2].size - 1)
+    d = np.zeros(P.tptr.size - 1)
     w = np.zeros(len(q))
     done, factors, swaps = update_working_set(
         P, T, multifrontal.workspace(T), vals, q, mu, tol, most, limit, d, w
@@ -81,7 +81,7 @@ def test_it_gives_up_and_is_no_worse_than_before():
     start = np.where(np.random.default_rng(0).random(len(q)) < 0.7, exact, 0.0)
 
     def value(mu):
-        d = np.zeros(P[2].size - 1)
+        d = np.zeros(P.tptr.size - 1)
         return active_set.dual(P, vals, q, mu, d)
 
     done, _, swaps, mu, _, _ = run(P, T, vals, q, start, most=0)

@@ -81,4 +81,4 @@ def ready(G):
     ptr = G.indptr.astype(np.int64)
     cols = G.indices.astype(np.int64)
     P = active_set.pattern(ptr, cols, G.shape[1])
-    return P, nested_dissection.assembly_tree(ptr, cols, P[2], P[3]), G.data.astype(float)
+    return P, nested_dissection.assembly_tree(ptr, cols, P.tptr, P.trow), G.data.astype(float)

@@ -1,1 +1,1 @@
-"""nsbench/qp/kernels"""
+"""Compiled solvers of the projection QP (see nsbench.qp)."""

@@ -1,31 +1,39 @@
-"""The least-distance problem of one step by an active set that is kept from step to step.
+"""Active-set solution of the projection QP of a step, warm-started from the step before.
 
     min 1/2 |d|^2  s.t.  q + G d >= 0        d = G^T mu,    0 <= mu  _|_  w = q + G G^T mu >= 0
 
 G (m, n) sparse, m constraints of any rank: duplicates, hexagonal packings. Three phases, all on
-sparse factors of M_AA = G_A G_A^T made anew in each round: in a time loop G changes in every step,
-so there is nothing to update.
+sparse factors of M_AA = G_A G_A^T computed anew in each round: in a time loop G changes in every
+step, so there is nothing to update.
 
-1. Exchange: solve w = 0 on the set A, then put out all mu < 0 and take in all w < 0 at once. From
-the active set of
-   the step before this is usually done in one or two rounds. It may cycle, so it ends when the
-   number of wrong signs has not fallen for three rounds (Judice & Pires, Computers & Operations
-   Research 21(5), 1994).
+1. Block exchange: solve w = 0 on the set A, then remove all mu < 0 and add all w < 0 at once. From
+   the active set of the step before this is usually done in one or two rounds. It may cycle, so it
+   ends when the number of wrong signs has not fallen for three rounds (Judice & Pires, Computers &
+   Operations Research 21(5), 1994).
 2. If many signs are wrong: projected Newton on the dual (Bertsekas, SIAM J. Control Optim.
    20(2), 1982). Free are the rows with mu > 0 or w < 0, the step is cut back along max(mu + t p, 0)
    until the dual value falls enough, so no set can cycle. A shift of the diagonal keeps p finite
    where rows depend.
 3. The dual method of Goldfarb & Idnani (Mathematical Programming 27, 1983) from the best mu >= 0 at
-hand, made basic:
-   one violated row at a time, the rows that block it leave. The dual value falls with each row
-   taken in, so no set comes back; the active rows stay independent; a violated row that nothing
-   blocks proves that there is no feasible point.
+   hand, made basic: one violated row at a time, the rows that block it leave. The dual value falls
+   with each row taken in, so no set comes back; the active rows stay independent; a violated row
+   that nothing blocks proves that there is no feasible point.
 """
 
 import numpy as np
 
 from nsbench.compilation.decorators import njit
-from nsbench.linalg.sparse_ldl import back, choose, dissection, factor, lengths, push, slack, visits
+from nsbench.linalg.sparse_ldl import (
+    SparsityPattern,
+    back,
+    choose,
+    factor,
+    lengths,
+    nested_dissection_order,
+    push,
+    slack,
+    visits,
+)
 from nsbench.qp.kernels.dual_active_set import (
     DEPENDENT,
     EPS,
@@ -42,45 +50,50 @@ __all__ = ["INFEASIBLE", "MAXITER", "SOLVED", "pattern", "residual", "slack", "s
 
 SHIFT = 0.1  # of the diagonal in phase 2, times the residual: regularised Newton, fast at the end
 # rounds of phase 2; the least part of a step
-NEWTON = 100
-SHORTEST = 1e-10
-MANY = 50  # wrong signs; phase 3 needs a round for each at least, phase 2 about as many for all
+NEWTON_ROUNDS = 100
+SHORTEST_STEP = 1e-10
+PATIENCE = 3  # rounds of phase 1 without progress
+# wrong signs from which on phase 2 pays: phase 3 needs a round for each at least, phase 2 about as
+# many for all
+MANY_WRONG = 50
 CLOSE = 1e-3  # the "epsilon" of projected Newton: any positive number will do
 
 
 @njit(cache=True, error_model="numpy")
 def pattern(ptr, cols, n):
-    """All that depends only on where G has entries: ptr, cols, their transpose, and an order of
-    elimination."""
+    """Return the SparsityPattern of the CSR pattern (ptr, cols) with n columns."""
     P = outline(ptr, cols, n)
-    arrange(P)
+    order_rows(P)
     return P
 
 
 @njit(cache=True, error_model="numpy")
 def outline(ptr, cols, n):
-    """A pattern whose order of elimination is yet to be made: the fronts of kernels.many do
-    without."""
+    """Return the SparsityPattern without an order of elimination: the assembly tree of large
+    problems has its own."""
     tptr, trow, tpos = visits(ptr, cols, n)
-    return ptr, cols, tptr, trow, tpos, np.full(ptr.size - 1, -1)
+    return SparsityPattern(ptr, cols, tptr, trow, tpos, np.full(ptr.size - 1, -1))
 
 
 @njit(cache=True, error_model="numpy")
-def arrange(P):
-    """Make the order of elimination if there is none."""
+def order_rows(P):
+    """Compute the order of elimination of a SparsityPattern if it has none."""
     ptr, cols, tptr, trow, _, order = P
     if order.size > 0 and order[0] < 0:
-        new = dissection(ptr, cols, tptr, trow)
+        new = nested_dissection_order(ptr, cols, tptr, trow)
         for k in range(order.size):
             order[k] = new[k]
 
 
 @njit(cache=True, error_model="numpy")
 def exchange(on, P, vals, q, norm, scale, mu, d, w, slot):
-    """Phase 1. Returns whether all signs are right, how many were wrong at first, and the rounds
-    taken."""
+    """Exchange all rows of wrong sign at once (phase 1).
+
+    on (m,): the set A, in and out. Returns whether all signs are right, how many were wrong at
+    first, and the rounds taken.
+    """
     best = on.size + 1
-    chances = 3
+    chances = PATIENCE
     rounds = 0
     first = 0
     while True:
@@ -101,7 +114,7 @@ def exchange(on, P, vals, q, norm, scale, mu, d, w, slot):
         first = wrong if rounds == 1 else first
         if wrong == 0:
             return True, first, rounds
-        chances = 3 if wrong < best else chances - 1
+        chances = PATIENCE if wrong < best else chances - 1
         best = min(best, wrong)
         if chances == 0:
             return False, first, rounds
@@ -114,7 +127,7 @@ def exchange(on, P, vals, q, norm, scale, mu, d, w, slot):
 
 @njit(cache=True, error_model="numpy")
 def dual(P, vals, q, mu, d):
-    """The dual value q mu + |G^T mu|^2 / 2, to be made small; fills d = G^T mu."""
+    """Return the dual value q mu + |G^T mu|^2 / 2, to be minimised; fills d = G^T mu."""
     push(P, vals, mu, d)
     s = 0.0
     for k in range(q.size):
@@ -126,7 +139,8 @@ def dual(P, vals, q, mu, d):
 
 @njit(cache=True, error_model="numpy")
 def newton(on, P, vals, q, norm, scale, mu, d, w, slot):
-    """Phase 2. Projected Newton steps on the dual from mu >= 0; on return `on` is the support.
+    """Take projected Newton steps on the dual from mu >= 0 (phase 2); on return `on` is the
+    support.
     Returns rounds."""
     ptr, cols, tptr, trow, tpos, order = P
     m = q.size
@@ -136,7 +150,8 @@ def newton(on, P, vals, q, norm, scale, mu, d, w, slot):
     free = np.zeros(m, np.bool_)
     value = dual(P, vals, q, mu, d)
     rounds = 0
-    while rounds < NEWTON:
+    # projected Newton (Bertsekas 1982) with the step cut back along max(mu + t p, 0)
+    while rounds < NEWTON_ROUNDS:
         slack(P, vals, q, d, w)
         tol = rounding(scale, mu, norm)
         near = 0.0
@@ -160,7 +175,7 @@ def newton(on, P, vals, q, norm, scale, mu, d, w, slot):
             p[act[i]] = b[i]
         t = 2.0
         new = np.inf
-        while t > SHORTEST:
+        while t > SHORTEST_STEP:
             t *= 0.5
             slope = 0.0
             for k in range(m):
@@ -183,7 +198,7 @@ def newton(on, P, vals, q, norm, scale, mu, d, w, slot):
 
 @njit(cache=True, error_model="numpy")
 def solve(P, vals, q, guess, scale):
-    """Solve the problem for the pattern P, entries vals and right-hand side q (m,).
+    """Solve the projection QP for the pattern P of G (m, n), its entries vals and q (m,).
 
     guess (m,): multipliers to start from, such as those of the step before (those > 0 count).
     scale: size of the numbers the gaps are made of. Returns mu (m,), d = G^T mu (n,), code (SOLVED,
@@ -191,7 +206,7 @@ def solve(P, vals, q, guess, scale):
     """
     m = q.size
     mu = np.zeros(m)
-    d = np.zeros(P[2].size - 1)
+    d = np.zeros(P.tptr.size - 1)
     w = np.empty(m)
     on = np.empty(m, np.bool_)
     for k in range(m):
@@ -202,8 +217,9 @@ def solve(P, vals, q, guess, scale):
     code = SOLVED
     if not done:
         for k in range(m):
-            on[k], mu[k] = guess[k] > 0.0, max(guess[k], 0.0)
-        if wrong > MANY:
+            on[k] = guess[k] > 0.0
+            mu[k] = max(guess[k], 0.0)
+        if wrong > MANY_WRONG:
             rounds += newton(on, P, vals, q, norm, scale, mu, d, w, slot)
         rounds += reduce_to_independent_rows(on, P, vals, mu, norm, slot)
         code, more = dual_active_set(on, P, vals, q, norm, scale, mu, d, w, slot)
@@ -216,7 +232,7 @@ def solve(P, vals, q, guess, scale):
 
 @njit(cache=True, error_model="numpy")
 def residual(P, vals, q, mu, d):
-    """How far (d, mu) is from solving the problem, as a length: the largest of
+    """Return how far (d, mu) is from solving the projection QP, as a length: the largest of
 
         stationarity     |d - G^T mu|
         primal           -w_k / |G_k|                       w = q + G d

@@ -1,8 +1,8 @@
-"""Phase 3 of kernels.qp: one row at a time, by the dual method of Goldfarb & Idnani on sparse
-factors.
+"""Dual active-set method of Goldfarb & Idnani for the projection QP, on sparse factors.
 
-The state is a set of independent rows that are on, their mu >= 0, and the factor (act, L, D) of
-M_AA.
+Phase 3 of qp.kernels.active_set: one violated row at a time. The state is a set of independent rows
+that are on, their mu >= 0, and the factor (act, L, D) of M_AA = G_A G_A^T.
+Source: Goldfarb & Idnani, Mathematical Programming 27, 1983.
 """
 
 import numpy as np
@@ -14,17 +14,17 @@ SOLVED = 0
 INFEASIBLE = 1
 MAXITER = 2
 EPS = 2.0**-52
-DEPENDENT = (
-    1e-12  # squared sine to the span: below it 1/sine^2 eats more digits than refinement returns
-)
+# squared sine to the span: below it 1/sine^2 costs more digits than refinement returns
+DEPENDENT = 1e-12
 # phase 3 decides on dependence itself; the factor refuses only what rounding makes of zero
 NO_FACTOR = 1e-15
+SOLVES = 6  # one and its refinements, which end when the residual does not halve any more
 
 
 @njit(cache=True, error_model="numpy")
 def equality(on, P, vals, q, norm, dependent, eps, mu, d, w, slot):
-    """mu with w = 0 on the rows switched on; rows that depend on others are switched off. Returns
-    act, L, D."""
+    """Fill mu, d and w with the solution of w = 0 on the rows that are `on`; rows that depend on
+    others are switched off. Returns the factor act, L, D."""
     ptr, cols, tptr, trow, tpos, order = P
     act = choose(on, order, slot)
     L, D = factor(act, slot, ptr, cols, vals, tptr, trow, tpos, dependent, 0.0)
@@ -38,7 +38,7 @@ def equality(on, P, vals, q, norm, dependent, eps, mu, d, w, slot):
         d[c] = 0.0
     b = np.empty(act.size)
     before = np.inf
-    for _ in range(6):  # a solve and its refinement with the true residual
+    for _ in range(SOLVES):  # iterative refinement with the true residual
         worst = 0.0
         for i in range(act.size):
             b[i] = -w[act[i]]
@@ -57,8 +57,8 @@ def equality(on, P, vals, q, norm, dependent, eps, mu, d, w, slot):
 
 @njit(cache=True, error_model="numpy")
 def rounding(scale, mu, norm):
-    """Length below which a sign is rounding: gaps come from numbers of size `scale`, slacks from mu
-    too."""
+    """Return the length below which a sign is rounding: gaps come from numbers of size `scale`,
+    slacks from mu too."""
     top = 0.0
     for k in range(mu.size):
         top = max(top, abs(mu[k]) * norm[k])
@@ -67,12 +67,12 @@ def rounding(scale, mu, norm):
 
 @njit(cache=True, error_model="numpy")
 def direction(p, act, L, D, P, vals, slot):
-    """r with M_AA r = M_Ap, and |G_p - G_A^T r|^2: what moves when row p is pushed and the set A
-    holds."""
-    ptr = P[0]
-    cols = P[1]
+    """Return r with M_AA r = M_Ap, and |G_p - G_A^T r|^2: what moves when row p is pushed and the
+    rows A stay at zero."""
+    ptr = P.ptr
+    cols = P.cols
     r = np.zeros(act.size)
-    v = np.zeros(P[2].size - 1)
+    v = np.zeros(P.tptr.size - 1)
     for e in range(ptr[p], ptr[p + 1]):
         v[cols[e]] += vals[e]
     for _ in range(2):
@@ -93,14 +93,14 @@ def direction(p, act, L, D, P, vals, slot):
 
 @njit(cache=True, error_model="numpy")
 def reduce_to_independent_rows(on, P, vals, mu, norm, slot):
-    """From mu >= 0 on any rows to independent ones with the same G^T mu (Caratheodory). Returns
-    rounds."""
+    """Replace mu >= 0 on any rows by one on independent rows with the same G^T mu (Caratheodory's
+    theorem). Returns rounds."""
     rounds = 0
     swapped = True
     while swapped:
-        act = choose(on, P[5], slot)
+        act = choose(on, P.order, slot)
         swapped = False
-        L, D = factor(act, slot, P[0], P[1], vals, P[2], P[3], P[4], DEPENDENT, 0.0)
+        L, D = factor(act, slot, P.ptr, P.cols, vals, P.tptr, P.trow, P.tpos, DEPENDENT, 0.0)
         rounds += 1
         for c in range(act.size):
             if D[c] != 0.0:
@@ -130,7 +130,7 @@ def reduce_to_independent_rows(on, P, vals, mu, norm, slot):
 
 @njit(cache=True, error_model="numpy")
 def settle(on, P, vals, q, norm, scale, mu, d, w, slot):
-    """From mu >= 0 on the rows switched on to the solution of w = 0 there; rows whose mu vanishes
+    """Move mu >= 0 on the rows that are `on` to the solution of w = 0 there; rows whose mu vanishes
     on the way leave.
 
     The dual value falls all the way (Lawson & Hanson 1974, chapter 23). Returns act, L, D, rounds.
@@ -156,9 +156,9 @@ def settle(on, P, vals, q, norm, scale, mu, d, w, slot):
 
 
 @njit(cache=True, error_model="numpy")
-def take_in(p, on, P, vals, q, norm, scale, mu, d, w, slot, act, L, D, limit):
-    """Raise mu_p until row p holds; blocking rows leave. Returns code, the new act, L, D, and
-    rounds."""
+def add_row(p, on, P, vals, q, norm, scale, mu, d, w, slot, act, L, D, limit):
+    """Raise mu_p until row p is satisfied; blocking rows leave. Returns code, the new act, L, D,
+    and rounds."""
     rounds = 0
     mup = 0.0
     wp = w[p]
@@ -186,36 +186,42 @@ def take_in(p, on, P, vals, q, norm, scale, mu, d, w, slot, act, L, D, limit):
             return SOLVED, act, L, D, rounds + more
         on[leave] = False
         mu[leave] = 0.0
-        act = choose(on, P[5], slot)
-        L, D = factor(act, slot, P[0], P[1], vals, P[2], P[3], P[4], NO_FACTOR, 0.0)
+        act = choose(on, P.order, slot)
+        L, D = factor(act, slot, P.ptr, P.cols, vals, P.tptr, P.trow, P.tpos, NO_FACTOR, 0.0)
         rounds += 1
     return MAXITER, act, L, D, rounds
 
 
 @njit(cache=True, error_model="numpy")
 def dual_active_set(on, P, vals, q, norm, scale, mu, d, w, slot):
-    """Phase 3. Returns code and rounds."""
+    """Solve the projection QP from mu >= 0 on independent rows (phase 3).
+
+    on (m,): these rows, in and out; fills mu (m,), d (n,), w (m,); slot (m,): work. norm (m,):
+    lengths of the rows; scale: size of the numbers the gaps are made of. Returns SOLVED, INFEASIBLE
+    or MAXITER, and rounds.
+    """
     act, L, D, rounds = settle(on, P, vals, q, norm, scale, mu, d, w, slot)
     limit = 100 + 20 * on.size
-    spared = np.zeros(on.size, np.bool_)
+    tolerated = np.zeros(on.size, np.bool_)
+    # Goldfarb & Idnani: the row violated most is added, the rows that block it leave
     while rounds < limit:
         tol = rounding(scale, mu, norm)
         p = np.int64(-1)
         worst = 0.0
         for k in range(on.size):
-            if not on[k] and not spared[k] and w[k] / norm[k] < min(-tol, worst):
+            if not on[k] and not tolerated[k] and w[k] / norm[k] < min(-tol, worst):
                 p = k
                 worst = w[k] / norm[k]
         if p < 0:
             return SOLVED, rounds
-        code, act, L, D, more = take_in(
+        code, act, L, D, more = add_row(
             p, on, P, vals, q, norm, scale, mu, d, w, slot, act, L, D, limit
         )
         rounds += more
         if code == INFEASIBLE:
             if worst < -np.sqrt(EPS) * scale:
                 return INFEASIBLE, rounds
-            spared[p] = True  # contradicts the others by rounding only: the residual shows it
+            tolerated[p] = True  # contradicts the others by rounding only: the residual shows it
             act, L, D, more = settle(on, P, vals, q, norm, scale, mu, d, w, slot)
             rounds += more
         elif code == MAXITER:

@@ -1,15 +1,17 @@
-"""The least-distance problem of one step for many contacts: an interior-point method on fronts,
-finished by an active set.
+"""Primal-dual interior-point method for a large projection QP, finished by a working set.
 
     min 1/2 |d|^2  s.t.  s = q + G d >= 0        d = G^T lam,    lam >= 0,    lam_k s_k -> 0
 
-Every round factors I + G^T diag(weight) G, which redundant contacts cannot make singular, and takes
-Mehrotra's predictor and corrector and Gondzio's further correctors from it (SIAM J. Optim. 2(4),
-1992; Comput. Optim. Appl. 6, 1996). It starts on the central path next to the multipliers of the
-step before: lam - s = guess - w and lam s = mu, for any guess (the smoothing of Chen & Harker,
-Kanzow; SIAM J. Matrix Anal. Appl. 14(4), 1993). As soon as few rows are left of which it is not
-clear whether they act, kernels.revise finishes from the rows with lam > s. Rows of G have length 1.
+Every iteration factors I + G^T diag(weight) G (linalg.multifrontal), which redundant contacts
+cannot make singular, and takes Mehrotra's predictor and corrector and Gondzio's further correctors
+from it (SIAM J. Optim. 2(4), 1992; Comput. Optim. Appl. 6, 1996). It starts on the central path
+next to the multipliers of the step before: lam - s = guess - w and lam s = mu, for any guess (the
+smoothing of Chen & Harker, Kanzow; SIAM J. Matrix Anal. Appl. 14(4), 1993). As soon as few rows are
+left of which it is not clear whether they are active, kernels.working_set_update finishes from the
+rows with lam > s. Rows of G have length 1.
 """
+
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,31 +20,53 @@ from nsbench.linalg.multifrontal import factor, solve
 from nsbench.linalg.sparse_ldl import push, slack
 from nsbench.qp.kernels.working_set_update import update_working_set
 
-ROUNDS = 80  # about 20 do from nothing
+MAX_ITERATIONS = 80  # about 20 are enough from a cold start
 CORRECTORS = 2  # more of them find nothing to correct
-BACK = 0.999  # of the way to the border
-ENOUGH = 0.95  # a step this long needs no corrector
+TO_BOUNDARY = 0.999  # part of the largest step that keeps lam and s positive
+LONG_STEP = 0.95  # a step this long needs no corrector
 # of the squared residual of the guess: where on the central path to start, warm or cold
-NEAR = 0.01
-COLD = 1.0
+WARM_START = 0.01
+COLD_START = 1.0
 CENTRAL = 0.01  # of mu: a product lam s below is lifted, by s
-# lam / s of a row that is clear; SMALL and so few others among all are worth an attempt to finish
+# lam / s of a row that is clearly active, or of one that clearly is not; an attempt to finish is
+# worth its cost with so many rows undecided, and this part of all
 CLEAR = 1e3
-OPEN = 0.005
-SMALL = 100  # an exchange costs a tenth of a round, whatever the size
-LATE = (
-    1e-2  # of tol, mean product lam s: nothing more becomes clear after that, many rows are neither
-)
-SWAPS = (
-    300  # exchanges in that attempt; it is not begun with more signs wrong than rows may be unclear
-)
+UNDECIDED_ROWS = 100  # an exchange costs a tenth of an iteration, whatever the size
+UNDECIDED_PART = 0.005
+# of tol, mean product lam s: below it nothing more becomes clear, many rows are neither
+LATE = 1e-2
+# exchanges in that attempt; it is not begun with more signs wrong than rows may be undecided
+MAX_EXCHANGES = 300
 PROX = 1e-9  # proximal term of the multipliers, of lengths: no weight is above its inverse
-FAR = 1e9  # a point farther away than this many scales is no point
+INFINITE_DISTANCE = 1e9  # scales: there is no feasible point if none is this near
+
+# results of `interior_point`
+CONVERGED = 0
+INFEASIBLE = 1
+UNDECIDED = 2
+
+
+class Direction(NamedTuple):
+    """Steps of the primal point (n,), of the slacks s (m,) and of the multipliers lam (m,)."""
+
+    point: np.ndarray
+    s: np.ndarray
+    lam: np.ndarray
+
+
+class Residuals(NamedTuple):
+    """rd (n,): of d = G^T lam; rp (m,): of s = q + G d; rc (m,): of lam s = mu; corrected (m,):
+    work."""
+
+    rd: np.ndarray
+    rp: np.ndarray
+    rc: np.ndarray
+    corrected: np.ndarray
 
 
 @njit(cache=True, error_model="numpy")
 def wrong(mu, w):
-    """The largest |min(mu_k, w_k)|."""
+    """Return the largest |min(mu_k, w_k)|."""
     worst = 0.0
     for k in range(mu.size):
         v = abs(min(mu[k], w[k]))
@@ -53,7 +77,7 @@ def wrong(mu, w):
 
 @njit(cache=True, error_model="numpy")
 def _start(guess, w, mu, lam, s):
-    """The point with lam - s = guess - w and lam s = mu; returns lam . s."""
+    """Fill lam and s with the point lam - s = guess - w, lam s = mu."""
     for k in range(lam.size):
         v = guess[k] - w[k]
         r = np.sqrt(v * v + 4.0 * mu)
@@ -63,15 +87,20 @@ def _start(guess, w, mu, lam, s):
 
 
 @njit(cache=True, error_model="numpy")
-def _direction(T, L, P, vals, lam, s, weight, rd, rp, rc, dd, ds, dl, work):
-    """Newton's step for the residuals rd, rp, rc; returns how much of it keeps lam and s
-    positive."""
+def _newton_direction(T, room, P, vals, lam, s, weight, residuals, rc, direction):
+    """Fill `direction` with Newton's step for the residuals, rc those of the products lam s;
+    returns how much of it keeps lam and s positive."""
+    dd = direction.point
+    ds = direction.s
+    dl = direction.lam
+    rd = residuals.rd
+    rp = residuals.rp
     for k in range(lam.size):
         dl[k] = weight[k] * (rp[k] + rc[k] / lam[k])
     push(P, vals, dl, dd)
     for c in range(dd.size):
         dd[c] = -rd[c] - dd[c]
-    solve(T, L, dd, dd, work)
+    solve(T, room.L, dd, dd, room.work)
     slack(P, vals, rp, dd, ds)
     shrink = 1.0
     for k in range(lam.size):
@@ -82,9 +111,11 @@ def _direction(T, L, P, vals, lam, s, weight, rd, rp, rc, dd, ds, dl, work):
 
 
 @njit(cache=True, error_model="numpy")
-def _further(lam, s, ds, dl, a, mu, rc, other):
-    """Gondzio: products that a longer step would leave outside [mu / 10, 10 mu] are drawn towards
-    it."""
+def _correct_outliers(lam, s, direction, a, mu, rc, other):
+    """Fill `other` with rc corrected after Gondzio: products that a longer step would leave outside
+    [mu / 10, 10 mu] are drawn towards it."""
+    ds = direction.s
+    dl = direction.lam
     t = min(1.0, max(a + 0.2, 1.5 * a))
     for k in range(lam.size):
         v = (lam[k] + t * dl[k]) * (s[k] + t * ds[k])
@@ -96,8 +127,8 @@ def _further(lam, s, ds, dl, a, mu, rc, other):
 
 
 @njit(cache=True, error_model="numpy")
-def _open(lam, s):
-    """Rows of which it is not clear yet whether they act."""
+def _count_undecided(lam, s):
+    """Count the rows of which it is not clear yet whether they are active."""
     count = 0
     for k in range(lam.size):
         count += lam[k] < CLEAR * s[k] and s[k] < CLEAR * lam[k]
@@ -105,9 +136,9 @@ def _open(lam, s):
 
 
 @njit(cache=True, error_model="numpy")
-def _parted(q, lam, d, scale):
-    """Whether lam proves that there is no point within FAR scales: lam . (q + G d) < 0 for all of
-    them."""
+def _proves_infeasible(q, lam, d, scale):
+    """Does lam prove that there is no feasible point within INFINITE_DISTANCE scales: lam . (q +
+    G d) < 0 for all of them?"""
     value = 0.0
     size = 0.0
     far = 0.0
@@ -116,100 +147,124 @@ def _parted(q, lam, d, scale):
         size = max(size, lam[k])
     for c in range(d.size):
         far += abs(d[c])
-    return size > scale and -value > FAR * scale * far
+    return size > scale and -value > INFINITE_DISTANCE * scale * far
 
 
 @njit(cache=True, error_model="numpy")
-def interior(P, T, room, vals, q, guess, scale, tol, mu, d, w, near=NEAR):
-    """Fill mu (m,), d = G^T mu (n,), w = q + G d. Returns code (0 solved, 1 infeasible, 2 neither)
-    and rounds.
+def _search_direction(T, room, P, vals, lam, s, weight, residuals, gap, first, second):
+    """Mehrotra's predictor and corrector, and Gondzio's further correctors, on one factor.
 
-    T, room: kernels.parts.tree of the pattern and kernels.fronts.room of it; guess (m,):
-    multipliers to start near.
+    first, second: directions to work in. Returns how much of the step keeps lam and s positive, and
+    the direction.
+    """
+    m = lam.size
+    rc = residuals.rc
+    other = residuals.corrected
+    factor(T, P.ptr, vals, weight, room.L, room.F, room.stack)
+    for k in range(m):
+        rc[k] = lam[k] * s[k]
+    step = first
+    trial = second
+    # predictor: towards lam s = 0
+    a = _newton_direction(T, room, P, vals, lam, s, weight, residuals, rc, step)
+    after = 0.0
+    for k in range(m):
+        after += (lam[k] + a * step.lam[k]) * (s[k] + a * step.s[k])
+    goal = gap / m * (after / gap) ** 3
+    # corrector: towards the central path, with the predictor's second-order term
+    for k in range(m):
+        rc[k] += step.s[k] * step.lam[k] - goal
+    a = _newton_direction(T, room, P, vals, lam, s, weight, residuals, rc, step)
+    for _ in range(CORRECTORS):
+        if a > LONG_STEP:
+            break
+        _correct_outliers(lam, s, step, a, goal, rc, other)
+        b = _newton_direction(T, room, P, vals, lam, s, weight, residuals, other, trial)
+        if b < 1.05 * a:
+            break
+        a = b
+        step, trial = trial, step
+        rc, other = other, rc
+    return a, step
+
+
+@njit(cache=True, error_model="numpy")
+def _take_step(a, direction, z, s, lam):
+    """Go the part a of a direction; products lam s far below their mean are lifted."""
+    m = lam.size
+    a = TO_BOUNDARY * a if a < 1.0 else 1.0
+    for c in range(z.size):
+        z[c] += a * direction.point[c]
+    after = 0.0
+    for k in range(m):
+        s[k] += a * direction.s[k]
+        lam[k] += a * direction.lam[k]
+        after += lam[k] * s[k]
+    for k in range(m):
+        s[k] = max(s[k], CENTRAL * after / m / lam[k])
+
+
+@njit(cache=True, error_model="numpy")
+def _fill_residuals(z, g, w, lam, s, residuals, weight):
+    """Fill the residuals of d = G^T lam and s = q + G d at the point z, and the weights; g = G^T
+    lam, w = q + G z. Returns lam . s."""
+    gap = 0.0
+    for c in range(z.size):
+        residuals.rd[c] = z[c] - g[c]
+    for k in range(lam.size):
+        residuals.rp[k] = w[k] - s[k]
+        gap += lam[k] * s[k]
+        weight[k] = lam[k] / (s[k] + PROX * lam[k])
+    return gap
+
+
+@njit(cache=True, error_model="numpy")
+def interior_point(P, T, room, vals, q, guess, scale, tol, mu, d, w, near=WARM_START):
+    """Solve the projection QP: fill mu (m,), d = G^T mu (n,), w = q + G d.
+
+    P, T, room: SparsityPattern, AssemblyTree and FrontWorkspace of G; vals: entries of G; guess
+    (m,): multipliers to start near; scale: size of the numbers the gaps are made of; tol: residual
+    that counts as solved. Returns CONVERGED, INFEASIBLE or UNDECIDED, and iterations.
     """
     m = q.size
     n = d.size
-    L, F, stack, work = room
     lam = np.empty(m)
     s = np.empty(m)
-    rp = np.empty(m)
-    rc = np.empty(m)
-    other = np.empty(m)
     weight = np.empty(m)
-    ds = np.empty(m)
-    dl = np.empty(m)
-    es = np.empty(m)
-    el = np.empty(m)
     z = np.empty(n)
-    rd = np.empty(n)
-    dd = np.empty(n)
-    ed = np.empty(n)
     g = np.empty(n)
+    residuals = Residuals(np.empty(n), np.empty(m), np.empty(m), np.empty(m))
+    first = Direction(np.empty(n), np.empty(m), np.empty(m))
+    second = Direction(np.empty(n), np.empty(m), np.empty(m))
     push(P, vals, guess, z)
     slack(P, vals, q, z, w)
     _start(guess, w, max(near * wrong(guess, w) ** 2, tol * tol), lam, s)
     push(P, vals, lam, z)
-    few = SMALL + int(OPEN * m)
+    few = UNDECIDED_ROWS + int(UNDECIDED_PART * m)
     late = 10.0 * LATE * m * tol
     tries = 0
     tried = 2 * few
-    for rounds in range(ROUNDS):
+    for rounds in range(MAX_ITERATIONS):
         push(P, vals, lam, g)
         slack(P, vals, q, z, w)
-        gap = 0.0
-        off = 0.0
-        for c in range(n):
-            rd[c] = z[c] - g[c]
-        for k in range(m):
-            rp[k] = w[k] - s[k]
-            gap += lam[k] * s[k]
-            off = max(off, abs(rp[k]))
-            weight[k] = lam[k] / (s[k] + PROX * lam[k])
+        gap = _fill_residuals(z, g, w, lam, s, residuals, weight)
         if not gap < np.inf:
-            return 2, rounds + tries
-        if _parted(q, lam, g, scale):
-            return 1, rounds + tries
-        doubt = _open(lam, s)
-        if (
-            2 * doubt <= tried or gap < 0.1 * late
-        ):  # an attempt costs about a round: not in every one
-            tried = min(tried, doubt)
+            return UNDECIDED, rounds + tries
+        if _proves_infeasible(q, lam, g, scale):
+            return INFEASIBLE, rounds + tries
+        undecided = _count_undecided(lam, s)
+        # an attempt to finish costs about an iteration: not in every one
+        if 2 * undecided <= tried or gap < 0.1 * late:
+            tried = min(tried, undecided)
             late = min(gap, late)
             for k in range(m):
                 mu[k] = lam[k] if lam[k] > s[k] else 0.0
             done, more, swaps = update_working_set(
-                P, T, room, vals, q, mu, tol, few, np.int64(SWAPS), d, w
+                P, T, room, vals, q, mu, tol, few, np.int64(MAX_EXCHANGES), d, w
             )
             tries += more + swaps
             if done:
-                return 0, rounds + tries
-        factor(T, P[0], vals, weight, L, F, stack)
-        for k in range(m):
-            rc[k] = lam[k] * s[k]
-        a = _direction(T, L, P, vals, lam, s, weight, rd, rp, rc, dd, ds, dl, work)
-        after = 0.0
-        for k in range(m):
-            after += (lam[k] + a * dl[k]) * (s[k] + a * ds[k])
-        goal = gap / m * (after / gap) ** 3
-        for k in range(m):
-            rc[k] += ds[k] * dl[k] - goal
-        a = _direction(T, L, P, vals, lam, s, weight, rd, rp, rc, dd, ds, dl, work)
-        for _ in range(CORRECTORS):
-            if a > ENOUGH:
-                break
-            _further(lam, s, ds, dl, a, goal, rc, other)
-            b = _direction(T, L, P, vals, lam, s, weight, rd, rp, other, ed, es, el, work)
-            if b < 1.05 * a:
-                break
-            a, dd, ed, ds, es, dl, el, rc, other = b, ed, dd, es, ds, el, dl, other, rc
-        a = BACK * a if a < 1.0 else 1.0
-        for c in range(n):
-            z[c] += a * dd[c]
-        after = 0.0
-        for k in range(m):
-            s[k] += a * ds[k]
-            lam[k] += a * dl[k]
-            after += lam[k] * s[k]
-        for k in range(m):
-            s[k] = max(s[k], CENTRAL * after / m / lam[k])
-    return 2, ROUNDS + tries
+                return CONVERGED, rounds + tries
+        a, step = _search_direction(T, room, P, vals, lam, s, weight, residuals, gap, first, second)
+        _take_step(a, step, z, s, lam)
+    return UNDECIDED, MAX_ITERATIONS + tries

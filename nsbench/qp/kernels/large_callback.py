@@ -1,132 +1,172 @@
-"""Many rows as a C function: the active set of the step before revised, or else the interior point,
-on the fronts of a list."""
+"""Projection QP with many rows as a C callback: the active set of the step before, updated row by
+row, or else the interior-point method, both on one assembly tree.
+
+A file of its own: a C callback is compiled when its file is imported.
+"""
 
 import numpy as np
 
 from nsbench.compilation.decorators import cfunc, njit
-from nsbench.linalg.nested_dissection import assembly_tree
-from nsbench.linalg.sparse_ldl import lengths
+from nsbench.linalg.multifrontal import FrontWorkspace
+from nsbench.linalg.nested_dissection import (
+    LARGEST_FRONT,
+    STACK,
+    AssemblyTree,
+    assembly_tree,
+)
+from nsbench.linalg.sparse_ldl import SparsityPattern, lengths
 from nsbench.qp.kernels import active_set
-from nsbench.qp.kernels.dispatch import GIVEN_UP, GROW, MANY
-from nsbench.qp.kernels.interior_point import COLD, NEAR, interior
+from nsbench.qp.kernels.dispatch import (
+    CODE,
+    GIVEN_UP,
+    GROW,
+    LARGE_SIGNATURE,
+    ROUNDS,
+    TREE_SIZE,
+    WORK_SIZE,
+)
+from nsbench.qp.kernels.interior_point import (
+    COLD_START,
+    CONVERGED,
+    INFEASIBLE,
+    UNDECIDED,
+    WARM_START,
+    interior_point,
+)
 from nsbench.qp.kernels.working_set_update import update_working_set
 
 TOL = 1e-10  # of the residual, a length
 # signs wrong at first, and exchanges: more of them cost more than the interior point
-WRONG = 50
-SWAPS = 90
-HEAD = 16  # of the book: whether it is filled, then where its arrays begin
+WRONG_SIGNS = 50
+MAX_EXCHANGES = 90
+# tree_buffer: FILLED, then from BOUNDS on where its arrays begin, and the arrays from HEADER on
+FILLED = 0
+BOUNDS = 2
+HEADER = 16
 
 
 @njit(cache=True, error_model="numpy")
-def _shelve(T, book):
-    """The arrays of a tree one after the other in the book, if they fit; returns the size they
-    need."""
-    size = HEAD
+def _store_tree(T, tree_buffer):
+    """Write the arrays of an assembly tree one after the other into the buffer, if they fit;
+    returns the size they need."""
+    size = HEADER
     for a in T:
         size += a.size
-    if size > book.size:
+    if size > tree_buffer.size:
         return size
-    at = HEAD
-    u = 2
+    at = HEADER
+    u = BOUNDS
     for a in T:
-        book[u] = at
+        tree_buffer[u] = at
         for k in range(a.size):
-            book[at + k] = a[k]
+            tree_buffer[at + k] = a[k]
         at = at + a.size
         u = u + 1
-    book[u] = at
+    tree_buffer[u] = at
     return size
 
 
 @njit(cache=True, error_model="numpy")
-def _opened(book):
-    """The tree in the book."""
-    b = book
-    return (
-        b[b[2] : b[3]],
-        b[b[3] : b[4]],
-        b[b[4] : b[5]],
-        b[b[5] : b[6]],
-        b[b[6] : b[7]],
-        b[b[7] : b[8]],
-        b[b[8] : b[9]],
-        b[b[9] : b[10]],
-        b[b[10] : b[11]],
-        b[b[11] : b[12]],
-        b[b[12] : b[13]],
+def _stored_tree(tree_buffer):
+    """Return the assembly tree in the buffer, in the order in which _store_tree wrote it."""
+    b = tree_buffer
+    ends = b[BOUNDS:HEADER]
+    return AssemblyTree(
+        order=b[ends[0] : ends[1]],
+        first=b[ends[1] : ends[2]],
+        up=b[ends[2] : ends[3]],
+        bptr=b[ends[3] : ends[4]],
+        border=b[ends[4] : ends[5]],
+        rel=b[ends[5] : ends[6]],
+        panel=b[ends[6] : ends[7]],
+        optr=b[ends[7] : ends[8]],
+        orow=b[ends[8] : ends[9]],
+        loc=b[ends[9] : ends[10]],
+        sizes=b[ends[10] : ends[11]],
     )
 
 
-@cfunc(MANY, cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy")
+def _front_workspace(T, n, work_buffer):
+    """Return the FrontWorkspace of a tree in the buffer, and the size it needs; the arrays are
+    empty where they do not fit."""
+    front = T.sizes[LARGEST_FRONT]
+    panel_end = T.panel[T.panel.size - 1]
+    front_end = panel_end + front * front
+    stack_end = front_end + T.sizes[STACK] + 1
+    size = stack_end + n + front
+    return FrontWorkspace(
+        work_buffer[:panel_end],
+        work_buffer[panel_end:front_end],
+        work_buffer[front_end:stack_end],
+        work_buffer[stack_end:size],
+    ), size
+
+
+@njit(cache=True, error_model="numpy")
+def _solve_scaled(P, T, room, vals, q, start, scale, mu, d, w):
+    """Solve for rows of length 1 from mu = start; returns code and rounds. start is overwritten."""
+    code = UNDECIDED
+    rounds = 0
+    cold = True
+    for k in range(q.size):
+        cold = cold and start[k] == 0.0
+    if not cold:
+        done, rounds, swaps = update_working_set(
+            P, T, room, vals, q, mu, TOL, np.int64(WRONG_SIGNS), np.int64(MAX_EXCHANGES), d, w
+        )
+        code = CONVERGED if done else UNDECIDED
+        rounds = rounds + swaps
+        if swaps > 0:  # what it has gained is a better start
+            for k in range(q.size):
+                start[k] = mu[k]
+    if code == UNDECIDED:
+        near = COLD_START if cold else WARM_START
+        code, more = interior_point(P, T, room, vals, q, start, scale, TOL, mu, d, w, near)
+        rounds += more
+    if code == UNDECIDED and not cold:  # once more, from a cold start
+        for k in range(q.size):
+            start[k] = 0.0
+        code, more = interior_point(P, T, room, vals, q, start, scale, TOL, mu, d, w, COLD_START)
+        rounds += more
+    return code, rounds
+
+
+@cfunc(LARGE_SIGNATURE, cache=True, error_model="numpy")
 def solve_large(
-    ptr, cols, tptr, trow, tpos, order, vals, q, guess, scale, book, store, mu, d, work
+    ptr, cols, tptr, trow, tpos, order, vals, q, guess, scale, tree_buffer, work_buffer, mu, d, work
 ):
-    """Solve on the tree in the book, made first if book[0] is 0; the caller empties it for a new
-    list."""
-    if book[0] == 0:
-        work[2] = _shelve(assembly_tree(ptr, cols, tptr, trow), book)
-        if work[2] > book.size:
-            work[0] = GROW
+    """Solve the projection QP on the tree in the buffer, which is built first if it is not FILLED;
+    the caller clears that for a new pattern. Arguments and results: see qp.kernels.dispatch."""
+    if tree_buffer[FILLED] == 0:
+        work[TREE_SIZE] = _store_tree(assembly_tree(ptr, cols, tptr, trow), tree_buffer)
+        if work[TREE_SIZE] > tree_buffer.size:
+            work[CODE] = GROW
             return
-        book[0] = 1
-    T = _opened(book)
-    size = T[10][0]
-    most = T[10][1]
-    rows = T[6][T[6].size - 1]
-    ends = np.array(
-        [
-            rows,
-            rows + size * size,
-            rows + size * size + most + 1,
-            rows + size * size + most + 1 + d.size + size,
-        ]
-    )
-    work[3] = ends[3]
-    if work[3] > store.size:
-        work[0] = GROW
+        tree_buffer[FILLED] = 1
+    T = _stored_tree(tree_buffer)
+    room, work[WORK_SIZE] = _front_workspace(T, d.size, work_buffer)
+    if work[WORK_SIZE] > work_buffer.size:
+        work[CODE] = GROW
         return
-    room = (
-        store[: ends[0]],
-        store[ends[0] : ends[1]],
-        store[ends[1] : ends[2]],
-        store[ends[2] : ends[3]],
-    )
-    P = (ptr, cols, tptr, trow, tpos, order)
+    P = SparsityPattern(ptr, cols, tptr, trow, tpos, order)
+    # rows of length 1: multipliers and slacks are lengths
     norm = lengths(P, vals)
     unit = np.empty(vals.size)
-    least = np.empty(q.size)
+    scaled = np.empty(q.size)
     start = np.empty(q.size)
     w = np.empty(q.size)
-    fresh = True
     for k in range(q.size):
         for e in range(ptr[k], ptr[k + 1]):
             unit[e] = vals[e] / norm[k]
-        least[k], start[k] = q[k] / norm[k], max(guess[k], 0.0) * norm[k]
-        fresh = fresh and start[k] == 0.0
+        scaled[k] = q[k] / norm[k]
+        start[k] = max(guess[k], 0.0) * norm[k]
         mu[k] = start[k]
-    code = 2
-    rounds = 0
-    if not fresh:
-        done, rounds, swaps = update_working_set(
-            P, T, room, unit, least, mu, TOL, np.int64(WRONG), np.int64(SWAPS), d, w
-        )
-        code = 0 if done else 2
-        rounds = rounds + swaps
-        if swaps > 0:  # what it has won is a better start
-            for k in range(q.size):
-                start[k] = mu[k]
-    if code == 2:
-        code, more = interior(
-            P, T, room, unit, least, start, scale, TOL, mu, d, w, COLD if fresh else NEAR
-        )
-        rounds += more
-    if code == 2 and not fresh:  # once more from nothing
-        for k in range(q.size):
-            start[k] = 0.0
-        code, more = interior(P, T, room, unit, least, start, scale, TOL, mu, d, w, COLD)
-        rounds += more
+    code, rounds = _solve_scaled(P, T, room, unit, scaled, start, scale, mu, d, w)
     for k in range(q.size):
         mu[k] /= norm[k]
-    work[0] = active_set.SOLVED if code == 0 else (active_set.INFEASIBLE if code == 1 else GIVEN_UP)
-    work[1] = rounds
+    if code == CONVERGED:
+        work[CODE] = active_set.SOLVED
+    else:
+        work[CODE] = active_set.INFEASIBLE if code == INFEASIBLE else GIVEN_UP
+    work[ROUNDS] = rounds

@@ -1,4 +1,8 @@
-"""Which sparse rows lie in the span of others (patterns of kernels.qp)."""
+"""Span of sparse rows: which lie in the span of others, and multipliers that hold all of them at
+zero.
+
+Both by the sparse L D L^T factor of G G^T (linalg.sparse_ldl).
+"""
 
 import numpy as np
 
@@ -9,16 +13,16 @@ from nsbench.qp.kernels.dual_active_set import EPS, NO_FACTOR, direction, equali
 
 @njit(cache=True, error_model="numpy")
 def in_span(P, vals, support, dependent):
-    """(m,) whether the squared sine of each row against the independent rows `support` is at most
-    `dependent`."""
-    m = P[0].size - 1
+    """Return (m,) for each row whether its squared sine against the independent rows `support` is
+    at most `dependent`."""
+    m = P.ptr.size - 1
     norm = lengths(P, vals)
     on = np.zeros(m, np.bool_)
     slot = np.empty(m, np.int64)
     for k in support:
         on[k] = True
-    act = choose(on, P[5], slot)
-    L, D = factor(act, slot, P[0], P[1], vals, P[2], P[3], P[4], NO_FACTOR, 0.0)
+    act = choose(on, P.order, slot)
+    L, D = factor(act, slot, P.ptr, P.cols, vals, P.tptr, P.trow, P.tpos, NO_FACTOR, 0.0)
     for k in range(m):
         if not on[k]:
             _, gain = direction(k, act, L, D, P, vals, slot)
@@ -28,7 +32,8 @@ def in_span(P, vals, support, dependent):
 
 @njit(cache=True, error_model="numpy")
 def hold(P, vals, q, n):
-    """(m,) mu with q + G G^T mu = 0 in every row; NaN if the rows depend on each other."""
+    """Return mu (m,) with q + G G^T mu = 0 in every row, n columns; NaN if the rows depend on each
+    other."""
     m = q.size
     on = np.ones(m, np.bool_)
     slot = np.empty(m, np.int64)

@@ -1,4 +1,4 @@
-"""The active set of a step, revised row by row on one sparse factor.
+"""Update of the working set of a projection QP, row by row, on one multifrontal factor.
 
     min 1/2 |G^T mu|^2 + q mu + |mu - c|^2 / (2 rho)    s.t.  mu >= 0            rows of G of length
     1
@@ -13,6 +13,8 @@ the residual of the step's own problem is small; if that takes long, on a factor
 Everything is computed as a change from c, so rounding shrinks with it.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from nsbench.compilation.decorators import njit
@@ -20,26 +22,48 @@ from nsbench.linalg.dense import solve_gauss
 from nsbench.linalg.multifrontal import backward, factor, forward, solve
 from nsbench.linalg.sparse_ldl import push, slack
 
-# the proximal term, what it is multiplied by when centres move slowly, its end
+# the proximal term rho, what it is multiplied by when centres move slowly, its largest value
 RHO = 1e6
-MORE = 100.0
-MOST = 1e8
-# centres in all; after so many the proximal term is made smaller
-CENTRES = 12
-SLOW = 4
-EXTRA = 64  # columns kept; a fresh factor costs about ten of them
+RHO_FACTOR = 100.0
+LARGEST_RHO = 1e8
+# centres in all; after so many the proximal term is weakened
+MAX_CENTRES = 12
+SLOW_CENTRES = 4
+EXTRA = 64  # columns stored; a fresh factor costs about ten of them
 FINE = 1e-3  # of the residual asked for: no need to go on
 ZERO = 1e-12  # a multiplier, a length, this little below zero is rounding
 
 
+class Exchanges(NamedTuple):
+    """Rows exchanged since the factor, in the order of their columns. rows (EXTRA,); V (EXTRA, n):
+    K^-1 g of each; S (EXTRA, EXTRA): their products with the rows; A, b: the Schur complement and
+    its right-hand side."""
+
+    rows: np.ndarray
+    V: np.ndarray
+    S: np.ndarray
+    A: np.ndarray
+    b: np.ndarray
+
+
+class Centre(NamedTuple):
+    """The centre c (m,) of the proximal term, w there, wc (m,), and base (n,): the displacement
+    from it to the solution on the set if nothing had been exchanged since the factor, corrected by
+    the rows exchanged."""
+
+    c: np.ndarray
+    wc: np.ndarray
+    base: np.ndarray
+
+
 @njit(cache=True, error_model="numpy")
 def _column(T, L, k, owner, ptr, vals, y, z, v):
-    """v = K^-1 g_k: forwards only along the fronts above the row."""
-    order = T[0]
-    first = T[1]
-    up = T[2]
-    bptr = T[3]
-    loc = T[9]
+    """Fill v (n,) with K^-1 g_k: forwards only along the fronts above the row; owner: its front."""
+    order = T.order
+    first = T.first
+    up = T.up
+    bptr = T.bptr
+    loc = T.loc
     for c in range(y.size):
         y[c] = 0.0
     s = owner
@@ -64,7 +88,8 @@ def _column(T, L, k, owner, ptr, vals, y, z, v):
 
 
 @njit(cache=True, error_model="numpy")
-def _dot(ptr, cols, vals, k, v):
+def _row_times(ptr, cols, vals, k, v):
+    """Return g_k . v."""
     s = 0.0
     for e in range(ptr[k], ptr[k + 1]):
         s += vals[e] * v[cols[e]]
@@ -72,15 +97,17 @@ def _dot(ptr, cols, vals, k, v):
 
 
 @njit(cache=True, error_model="numpy")
-def _point(P, vals, rho, on, extra, size, V, S, A, b, base, c, wc, move, t):
-    """The solution on the set: move = d - d_c (n,), t = c - rho w (m,)."""
-    ptr = P[0]
-    cols = P[1]
+def _solve_on_set(P, vals, rho, on, exchanges, size, centre, move, t):
+    """Solve on the set with `size` rows exchanged: move = d - d_c (n,), t = c - rho w (m,)."""
+    extra, V, S, A, b = exchanges
+    c, wc, base = centre
+    ptr = P.ptr
+    cols = P.cols
     for i in range(size):
         for j in range(size):
             A[i, j] = S[i, j]
         A[i, i] += 1.0 / rho if on[extra[i]] else -1.0 / rho
-        b[i] = -_dot(ptr, cols, vals, extra[i], base)
+        b[i] = -_row_times(ptr, cols, vals, extra[i], base)
     if not solve_gauss(A[:size, :size], b[:size]):
         b[:size] = np.nan  # dependent rows: the residual will say so
     for e in range(move.size):
@@ -91,30 +118,31 @@ def _point(P, vals, rho, on, extra, size, V, S, A, b, base, c, wc, move, t):
         for e in range(move.size):
             move[e] += f * v[e]
     for k in range(t.size):
-        t[k] = c[k] - rho * (wc[k] + _dot(ptr, cols, vals, k, move))
+        t[k] = c[k] - rho * (wc[k] + _row_times(ptr, cols, vals, k, move))
 
 
 @njit(cache=True, error_model="numpy")
-def _centre(P, T, room, vals, rho, on, c, wc, base, r):
-    """base: the way from the centre c, where w is wc, to the solution on the set if nothing was
-    exchanged since."""
+def _solve_at_centre(P, T, room, vals, rho, on, centre, r):
+    """Fill centre.base for the set of the factor; r (m,): work."""
+    c, wc, base = centre
     for k in range(c.size):
         r[k] = -rho * wc[k] if on[k] else -c[k]
     push(P, vals, r, base)
-    solve(T, room[0], base, base, room[3])
+    solve(T, room.L, base, base, room.work)
 
 
 @njit(cache=True, error_model="numpy")
-def _factor(P, T, room, vals, rho, on, weight):
+def _factor_set(P, T, room, vals, rho, on, weight):
+    """Factor K = I + rho G_A^T G_A for the set; weight (m,): work."""
     for k in range(on.size):
         weight[k] = rho if on[k] else 0.0
-    factor(T, P[0], vals, weight, room[0], room[1], room[2])
+    factor(T, P.ptr, vals, weight, room.L, room.F, room.stack)
 
 
 @njit(cache=True, error_model="numpy")
 def _block(on, mu, t):
-    """The row whose multiplier reaches zero first on the way from mu to t, or -1, and how far that
-    is."""
+    """Return how far mu can go towards t, and the row whose multiplier reaches zero first, or
+    -1."""
     part = 1.0
     at = -1
     for k in range(mu.size):
@@ -125,7 +153,7 @@ def _block(on, mu, t):
 
 
 @njit(cache=True, error_model="numpy")
-def _wrong(on, t):
+def _count_wrong_signs(on, t):
     count = 0
     for k in range(on.size):
         count += (on[k] and t[k] < -ZERO) or (not on[k] and t[k] > ZERO)
@@ -133,9 +161,9 @@ def _wrong(on, t):
 
 
 @njit(cache=True, error_model="numpy")
-def _move(on, mu, t, worst):
-    """mu goes towards t until a row leaves: that row, or, where all of the way is gone, the row
-    violated by most, beyond `worst`; -1 if there is none."""
+def _move_towards(on, mu, t, worst):
+    """Move mu towards t until a row leaves; returns that row, or, at t, the row violated by most,
+    beyond `worst`; -1 if there is none."""
     part, at = _block(on, mu, t)
     for k in range(mu.size):
         if on[k]:
@@ -152,7 +180,7 @@ def _move(on, mu, t, worst):
 
 @njit(cache=True, error_model="numpy")
 def _residual(P, vals, q, mu, d, w):
-    """Fill d = G^T mu and w = q + G d; the largest |min(mu, w)|."""
+    """Fill d = G^T mu and w = q + G d; returns the largest |min(mu, w)|."""
     push(P, vals, mu, d)
     slack(P, vals, q, d, w)
     off = 0.0
@@ -162,9 +190,11 @@ def _residual(P, vals, q, mu, d, w):
 
 
 @njit(cache=True, error_model="numpy")
-def _swap(P, T, room, vals, rho, owner, c, wc, on, at, extra, size, V, S, base):
-    """Row `at` joins or leaves the set: a column and a line more, or, where it only comes back,
-    less. The new size; -1 without room for it, and then nothing has changed."""
+def _exchange_row(P, T, room, vals, rho, owner, centre, on, at, exchanges, size):
+    """Let row `at` join or leave the set: one column more, or, where it only returns, one less.
+    Returns the new number of columns; -1 without room for it, and then nothing has changed."""
+    extra, V, S, _, _ = exchanges
+    c, wc, base = centre
     place = 0
     while place < size and extra[place] != at:
         place += 1
@@ -173,7 +203,7 @@ def _swap(P, T, room, vals, rho, owner, c, wc, on, at, extra, size, V, S, base):
     n = base.size
     v = V[place]
     if place == size:
-        _column(T, room[0], at, owner[at], P[0], vals, room[3][:n], room[3][n:], v)
+        _column(T, room.L, at, owner[at], P.ptr, vals, room.work[:n], room.work[n:], v)
     f = rho * wc[at] - c[at] if not on[at] else c[at] - rho * wc[at]
     for e in range(n):
         base[e] -= f * v[e]
@@ -182,9 +212,9 @@ def _swap(P, T, room, vals, rho, owner, c, wc, on, at, extra, size, V, S, base):
         extra[size] = at
         size = size + 1
         for i in range(size):
-            S[i, size - 1] = S[size - 1, i] = _dot(P[0], P[1], vals, extra[i], v)
+            S[i, size - 1] = S[size - 1, i] = _row_times(P.ptr, P.cols, vals, extra[i], v)
         return size
-    size -= 1  # back where it was: the last column takes its place
+    size -= 1  # it returns: the last column takes its place
     for e in range(n):
         v[e] = V[size, e]
     extra[place] = extra[size]
@@ -197,90 +227,96 @@ def _swap(P, T, room, vals, rho, owner, c, wc, on, at, extra, size, V, S, base):
 
 @njit(cache=True)
 def _owners(T, m):
-    """The front of each row."""
+    """Return the front of each row."""
     owner = np.empty(m, np.int64)
-    for s in range(T[7].size - 1):
-        for o in range(T[7][s], T[7][s + 1]):
-            owner[T[8][o]] = s
+    for s in range(T.optr.size - 1):
+        for o in range(T.optr[s], T.optr[s + 1]):
+            owner[T.orow[o]] = s
     return owner
 
 
 @njit(cache=True, error_model="numpy")
 def update_working_set(P, T, room, vals, q, mu, tol, most, limit, d, w):
-    """From mu >= 0 (m,) to the solution: fills mu, d = G^T mu (n,), w = q + G d (m,).
+    """Move mu >= 0 (m,) to the solution of the projection QP: fills mu, d = G^T mu (n,), w = q + G
+    d (m,).
 
-    vals, q: rows of length 1; T, room: see kernels.interior. Gives up if more than `most` signs are
-    wrong at first or after `limit` exchanges; mu is then no worse than before. Returns whether it
-    is solved to the residual tol, factorisations, exchanges.
+    vals, q: rows of length 1; P, T, room: see interior_point. Gives up if more than `most` signs
+    are wrong at first or after `limit` exchanges; mu is then no worse than before. Returns whether
+    it is solved to the residual tol, factorisations, exchanges.
     """
     m = mu.size
     n = d.size
     on = np.empty(m, np.bool_)
-    c = mu.copy()
-    wc = np.empty(m)
+    centre = Centre(mu.copy(), np.empty(m), np.empty(n))
+    exchanges = Exchanges(
+        np.empty(EXTRA, np.int64),
+        np.empty((EXTRA, n)),
+        np.empty((EXTRA, EXTRA)),
+        np.empty((EXTRA, EXTRA)),
+        np.empty(EXTRA),
+    )
     t = np.empty(m)
     r = np.empty(m)
     best = np.empty(m)
+    move = np.empty(n)
     for k in range(m):
         on[k] = mu[k] > 0.0
     owner = _owners(T, m)
-    extra = np.empty(EXTRA, np.int64)
-    V = np.empty((EXTRA, n))
-    S = np.empty((EXTRA, EXTRA))
-    A = np.empty((EXTRA, EXTRA))
-    b = np.empty(EXTRA)
-    # no literal: kernels are compiled for numbers
-    base = np.empty(n)
-    move = np.empty(n)
-    size = np.int64(0)
+    size = np.int64(0)  # no literal: kernels are compiled for numbers
     rho = RHO
     factors = 1
     swaps = 0
     centres = 0
     found = False
-    _factor(P, T, room, vals, rho, on, t)
-    push(P, vals, c, base)
-    slack(P, vals, q, base, wc)
-    _centre(P, T, room, vals, rho, on, c, wc, base, r)
+    _factor_set(P, T, room, vals, rho, on, t)
+    push(P, vals, centre.c, centre.base)
+    slack(P, vals, q, centre.base, centre.wc)
+    _solve_at_centre(P, T, room, vals, rho, on, centre, r)
+    # primal active set on the proximal problem; where that is solved, its solution is the next
+    # centre
     while True:
-        _point(P, vals, rho, on, extra, size, V, S, A, b, base, c, wc, move, t)
-        if swaps + centres == 0 and factors == 1 and not _wrong(on, t) <= most:
+        _solve_on_set(P, vals, rho, on, exchanges, size, centre, move, t)
+        if swaps + centres == 0 and factors == 1 and not _count_wrong_signs(on, t) <= most:
             return False, factors, swaps
-        at = _move(on, mu, t, 0.5 * tol * rho)
+        at = _move_towards(on, mu, t, 0.5 * tol * rho)
         if at < 0:  # solved on this centre
             off = _residual(P, vals, q, mu, d, w)
             if off <= FINE * tol or (off <= tol and found):
                 return True, factors, swaps
             centres += 1
-            if not off < np.inf or centres > CENTRES:
+            if not off < np.inf or centres > MAX_CENTRES:
                 break
             if off <= tol:  # once more, for one solve: hundreds of times closer
                 found = True
-                for k in range(m):
-                    best[k] = mu[k]
-            for k in range(m):
-                c[k] = mu[k]
-                wc[k] = w[k]
-            if centres >= SLOW and rho < MOST and not found:
-                rho = rho * MORE
+                _copy(mu, best)
+            _copy(mu, centre.c)
+            _copy(w, centre.wc)
+            if centres >= SLOW_CENTRES and rho < LARGEST_RHO and not found:
+                rho = rho * RHO_FACTOR
                 centres = 0
                 size = 0
                 factors = factors + 1
-                _factor(P, T, room, vals, rho, on, t)
-            _centre(P, T, room, vals, rho, on, c, wc, base, r)
+                _factor_set(P, T, room, vals, rho, on, t)
+            _solve_at_centre(P, T, room, vals, rho, on, centre, r)
             continue
         if swaps == limit:
             break
         swaps += 1
-        size = _swap(P, T, room, vals, rho, owner, c, wc, on, at, extra, size, V, S, base)
+        size = _exchange_row(P, T, room, vals, rho, owner, centre, on, at, exchanges, size)
         if size < 0:  # a factor of the set as it will be
             on[at] = not on[at]
             size = 0
             factors = factors + 1
-            _factor(P, T, room, vals, rho, on, t)
-            _centre(P, T, room, vals, rho, on, c, wc, base, r)
+            _factor_set(P, T, room, vals, rho, on, t)
+            _solve_at_centre(P, T, room, vals, rho, on, centre, r)
     if found:
-        for k in range(m):
-            mu[k] = best[k]
+        _copy(best, mu)
         _residual(P, vals, q, mu, d, w)
     return found, factors, swaps
+
+
+@njit(cache=True)
+def _copy(source, target):
+    """Copy an array; a loop, as numba takes long to compile an assignment of arrays."""
+    for k in range(target.size):
+        target[k] = source[k]
