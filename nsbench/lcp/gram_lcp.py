@@ -14,9 +14,8 @@ from nsbench.compilation.decorators import inner_kernel, njit
 OK = 0
 INFEASIBLE = 1
 UNFINISHED = 2
-NULL = (
-    1e-6  # coefficients of a null direction below are rounding: eps over the smallest squared sine
-)
+# coefficients of a null direction below are rounding: eps over the smallest squared sine
+NULL = 1e-6
 # of a row that depends on others: eps over the smallest sine that counts as independent (1e-5)
 ROUNDING = 1e-9
 

@@ -13,9 +13,8 @@ import numpy as np
 from nsbench.compilation.decorators import njit
 from nsbench.linalg.sparse_ldl import levels
 
-BALANCE = (
-    0.6  # at most this part of the coordinates on one side of a cut; the smallest level is taken
-)
+# at most this part of the coordinates on one side of a cut; the smallest level is taken
+BALANCE = 0.6
 LEAF = 32  # coordinates of a part that is not cut any more: dense loops are faster there
 
 

@@ -14,9 +14,8 @@ SOLVED = 0
 INFEASIBLE = 1
 MAXITER = 2
 EPS = 2.0**-52
-DEPENDENT = (
-    1e-12  # squared sine to the span: below it 1/sine^2 eats more digits than refinement returns
-)
+# squared sine to the span: below it 1/sine^2 eats more digits than refinement returns
+DEPENDENT = 1e-12
 # phase 3 decides on dependence itself; the factor refuses only what rounding makes of zero
 NO_FACTOR = 1e-15
 

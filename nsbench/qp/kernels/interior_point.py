@@ -30,12 +30,10 @@ CENTRAL = 0.01  # of mu: a product lam s below is lifted, by s
 CLEAR = 1e3
 OPEN = 0.005
 SMALL = 100  # an exchange costs a tenth of a round, whatever the size
-LATE = (
-    1e-2  # of tol, mean product lam s: nothing more becomes clear after that, many rows are neither
-)
-SWAPS = (
-    300  # exchanges in that attempt; it is not begun with more signs wrong than rows may be unclear
-)
+# of tol, mean product lam s: nothing more becomes clear after that, many rows are neither
+LATE = 1e-2
+# exchanges in that attempt; it is not begun with more signs wrong than rows may be unclear
+SWAPS = 300
 PROX = 1e-9  # proximal term of the multipliers, of lengths: no weight is above its inverse
 FAR = 1e9  # a point farther away than this many scales is no point
 

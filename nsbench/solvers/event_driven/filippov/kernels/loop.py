@@ -55,9 +55,8 @@ from nsbench.solvers.event_driven.filippov.kernels.polynomial_root import CLEAR,
 from nsbench.solvers.event_driven.filippov.kernels.taylor_series import horner, inner
 from nsbench.solvers.event_driven.filippov.kernels.taylor_step import take_step
 
-ARC_BAND = (
-    16.0  # roundings of c_i below which a watched function is not armed at the start of an arc
-)
+# roundings of c_i below which a watched function is not armed at the start of an arc
+ARC_BAND = 16.0
 # steps of one arc, and those to come at the present length, beyond which the equation is stiff
 STIFF_STEPS = 4000
 STIFF_STEPS_AHEAD = 1e6
