@@ -4,9 +4,9 @@ numba's own cache identifies functions by file and line, and takes no closures, 
 Here a drift is found by its digest (function_digest), by this package, the libraries that compile,
 their settings and the processor. A file is a line of JSON, which names the function, then the
 object file that LLVM wrote; it is linked in an engine of its own, so that names of two drifts do
-not clash. A drift without a digest, or whose code holds addresses of this process, is compiled in each
-process. Nothing is unpickled to load one (numba unpickles what a drift raises when it is raised:
-that is a part of its machine code).
+not clash. A drift without a digest, or whose code holds addresses of this process, is compiled in
+each process. Nothing is unpickled to load one (numba unpickles what a drift raises when it is
+raised: that is a part of its machine code).
 """
 
 from __future__ import annotations

@@ -9,9 +9,9 @@ who can write there.
 jax.export with JAX's persistent cache, both public, would hold these programs too. Each process
 then lowers the exported module again before it can ask that cache: fetching the program of
 `three_discs` took 2.5 s instead of 0.45 s (measured side by side on a loaded machine), and it needs
-the package flatbuffers and a setting of JAX for the whole process. So the classes that hold an executable
-are used, which are no public part of JAX: a caller must expect any exception from another version of
-it, and compile.
+the package flatbuffers and a setting of JAX for the whole process. So the classes that hold an
+executable are used, which are no public part of JAX: a caller must expect any exception from
+another version of it, and compile.
 """
 
 from __future__ import annotations

@@ -68,9 +68,8 @@ def _measured(frame: MeasureContext, traj: Trajectory) -> tuple[dict, np.ndarray
     x = traj.x[:k].copy()
     impulse = traj.impulse[:k]
     reaction = traj.reaction[:k]
-    x.flags.writeable = (
-        False  # a drift that writes into the state it is given is found out here, if not before
-    )
+    # a drift that writes into the state it is given is found out here, if not before
+    x.flags.writeable = False
     events = [e.t for e in traj.events]
     if frame.ref is not None:
         events += [e.t for e in frame.ref.events or ()]

@@ -75,9 +75,8 @@ SHAPES = {
     ">": "M10.5 6L2 1.5v9z",
 }
 TIMES = "\u00d7"  # multiplication sign, before a factor
-LEADING_METHOD = (
-    "pbd"  # the talk's method: first in every list, and the one speeds are compared with
-)
+# the talk's method: first in every list, and the one speeds are compared with
+LEADING_METHOD = "pbd"
 
 
 @dataclass(frozen=True)

@@ -13,9 +13,8 @@ from nsbench.dynamics.length_scale import case_length_scale
 
 TOLERANCE = 1e-9  # of a length; a start that misses by less is what whoever made it left out
 LEAST = 1e-6  # unit: a start of 1e-16 may be a difference of numbers about 1
-ROUNDED = (
-    1e-13  # of the numbers that a gap is made of: some hundred roundings, of whoever made them
-)
+# of the numbers that a gap is made of: some hundred roundings, of whoever made them
+ROUNDED = 1e-13
 # of those numbers: ten digits of them; as long as it is no more than this of the length
 PRINTED = 1e-9
 HARMLESS = 1e-6

@@ -42,9 +42,8 @@ STEPS = 18
 WINDOW = 3.0  # octaves the fit window keeps at least
 FEWEST = 8  # points it keeps at least: 5 degrees of freedom for the interval
 CURVED = 0.01  # level of the test for a bend that the head does not explain
-DRIFT = (
-    0.05  # a drift of the slope over the window that may stay: a tenth of the half between orders
-)
+# a drift of the slope over the window that may stay: a tenth of the half between orders
+DRIFT = 0.05
 SMOOTH = 1e-6  # a drift that no interval shows
 CROWD = 3  # steps per half octave for the order of the largest errors
 WIDE = 1.0  # width of an interval that names no order any more: orders differ by halves

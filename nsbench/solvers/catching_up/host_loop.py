@@ -20,9 +20,8 @@ from nsbench.solvers.catching_up.qp_backends import BACKENDS, residual
 MAX_UNSETTLED_STEPS = 20
 MAX_LINEARISATIONS = 300  # each reduces the error by a factor of about mu times the curvature
 SHORTEST_STEP = 1 / 64  # part of an SQP step that is taken at least, where steps oscillate
-SETTLED = (
-    1e-12  # change of y over the size of the state, below which the linearisation has converged
-)
+# change of y over the size of the state, below which the linearisation has converged
+SETTLED = 1e-12
 
 
 class _List:

@@ -17,9 +17,8 @@ from nsbench.compilation.factories import as_jax, as_numpy
 from nsbench.dynamics.filippov.modes import count_surfaces, is_multilinear, sign_patterns
 from nsbench.problem import Affine, Distance, Filippov, Smooth
 
-DENSE = (
-    4096  # entries up to which rows are a dense matrix: its zeros cost less than a scatter's calls
-)
+# entries up to which rows are a dense matrix: its zeros cost less than a scatter's calls
+DENSE = 4096
 
 
 def constraint_ids(problem, n: int) -> list[tuple]:

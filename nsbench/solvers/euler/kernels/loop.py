@@ -18,9 +18,8 @@ SLIDES = (
 # a move so many times the last may be to a far solution: with few surfaces nearer ones count
 SUDDEN = 10.0
 FEW = 5
-TRIALS = (
-    100_000  # modes and starts that one step may try: minutes, not for ever, with many surfaces
-)
+# modes and starts that one step may try: minutes, not for ever, with many surfaces
+TRIALS = 100_000
 
 
 @inner

@@ -27,9 +27,8 @@ from nsbench.solvers.event_driven.contacts.kernels.loop_state import AffineDrift
 DEPENDENT = 1e-10  # squared sine of the angle between a gradient and the span of the active ones
 UNDECIDED = 1e-7  # rates and multipliers, relative to the drift, up to which one looks ahead
 STRICT = 1e-12  # relative to the drift: what is larger ahead is decided; a thousand roundings
-ZERO_GRADIENT = (
-    1e-8  # length of a gradient, relative to its length at the start, that counts as zero
-)
+# length of a gradient, relative to its length at the start, that counts as zero
+ZERO_GRADIENT = 1e-8
 LOOK_AHEAD = 10.0 ** np.arange(-5, 0)  # times ahead, in steps of the integrator
 # Relative to the drift: a multiplier may start this negative if it is strictly positive ahead.
 NEGATIVE_START = 1e-3

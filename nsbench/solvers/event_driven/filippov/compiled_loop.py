@@ -85,14 +85,19 @@ class CompiledLoop:
         latest = host.meetings[-codes.RING :]
         if latest:
             self.ring[codes.RING - len(latest) :] = latest
-        counters[:] = 0
-        counters[codes.DONE] = host.done
-        counters[codes.COUNT] = host.steps
-        counters[codes.ARCS] = host.arcs
-        counters[codes.CALLS] = host.field.calls
-        counters[codes.MEETINGS] = len(host.meetings)
-        self.floats[codes.TIME] = host.t
-        self.floats[codes.LONGEST] = host.h
+        # in the order CODE, DONE, COUNT, ARCS, CALLS, EVENTS, MEETINGS, FIRED, CARRY
+        counters[:] = (
+            0,
+            host.done,
+            host.steps,
+            host.arcs,
+            host.field.calls,
+            0,
+            len(host.meetings),
+            0,
+            0,
+        )
+        self.floats[:] = (host.t, host.h)
         motion = Motion(host.x, host.theta, host.mode, self.armed)
         records = Records(host.case.t, host.X, host.W, self.log, self.logged, self.ring)
         while True:
@@ -118,8 +123,7 @@ class CompiledLoop:
                 break
             begun = self.kernel.ARC_BEGINS
             counters[codes.EVENTS] = 0
-        host.t = float(self.floats[codes.TIME])
-        host.h = float(self.floats[codes.LONGEST])
+        host.t, host.h = self.floats.tolist()
         return Stop(values[codes.CODE], values[codes.FIRED], bool(values[codes.CARRY]))
 
     def _hand_over(self, host, stop: Stop) -> Status:

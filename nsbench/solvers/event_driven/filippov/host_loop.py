@@ -8,6 +8,7 @@ what they cannot decide (event_driven.filippov.compiled_loop).
 
 from __future__ import annotations
 
+from functools import cached_property
 from itertools import product
 
 import numpy as np
@@ -30,11 +31,11 @@ from nsbench.solvers.event_driven.smooth.arc import integrate_to_event
 from nsbench.trajectory import Event, Resolution, Status, Trajectory
 
 AWAY = 1e-9  # relative distance at which a surface is left that does not hold the motion
-ARC_BAND = (
-    16.0  # roundings of c_i below which an event function is not armed at the start of an arc
-)
+# roundings of c_i below which an event function is not armed at the start of an arc
+ARC_BAND = 16.0
 TOUCH = 100.0  # tolerances of the arcs: less weight than this cannot be told from a touch
 IDLE = 1000  # events in a row that leave the mode as it is before the run is called stuck
+EVENT_DRIVEN = Resolution()  # no step, no layer: events are located
 LOST_WEIGHT = 1e3  # bound on event functions of weights: beyond, they are infinite
 
 
@@ -126,7 +127,6 @@ class FilippovIntegrator:
         self.hosted = 0
         self.case = case
         self.field = field
-        self.interval_fields = interval_fields(case.problem)
         self.options = options
         self.tol = tol
         self.t = float(case.t[0])
@@ -136,7 +136,7 @@ class FilippovIntegrator:
         field.calls = 0
         field.newton = 0
         unit = case_length_scale(case)
-        self.search = ModeSearch(field, case.t[-1] - case.t[0], unit)
+        self.unit = unit
         # of a state and of weights
         self.size = 1.0 if unit == 1.0 else np.append(np.full(self.n, unit), np.ones(self.d))
         self.theta = np.zeros(self.d)
@@ -155,6 +155,16 @@ class FilippovIntegrator:
         self.done = 1
         self.X = np.full((len(case.t), self.n), np.nan)
         self.W = np.full((len(case.t), self.d), np.nan)
+
+    @cached_property
+    def interval_fields(self):
+        """Switches and fields over Jets; runs that the compiled loop ends alone never ask."""
+        return interval_fields(self.case.problem)
+
+    @cached_property
+    def search(self) -> ModeSearch:
+        """Search for the mode that continues, in the unit of the case."""
+        return ModeSearch(self.field, self.case.t[-1] - self.case.t[0], self.unit)
 
     def run(self) -> Trajectory:
         """Follow the motion from the start of the case to its end or a failure."""
@@ -182,7 +192,7 @@ class FilippovIntegrator:
             tuple(self.events),
             self._stats(),
             "mean",
-            resolution=Resolution(),
+            resolution=EVENT_DRIVEN,
         )
 
     def _stats(self) -> dict:

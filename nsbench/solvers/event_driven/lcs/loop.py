@@ -37,9 +37,8 @@ START_BAND = 1e-9  # the same for the start, which may have been typed
 STEP_SHARE = 1e-2  # of the tolerance for the last coefficients of one step: a run takes tens
 # Growth of a state in one step, so that STEP_SHARE of the tolerance is relative to its start
 MAX_GROWTH = 100.0
-MIN_STEP = (
-    1e-13  # part of the run below which a step is not halved, if the clock knows it: an input jumps
-)
+# part of the run below which a step is not halved, if the clock knows it: an input jumps
+MIN_STEP = 1e-13
 MAX_IDLE_EVENTS = 1000  # events in a row that leave the set as it is
 
 

@@ -46,9 +46,8 @@ from nsbench.solvers.pbd.kernels.skin_control import (
 
 PAIRS_PER_PARTICLE = 11  # allowed in a list, unless the first list has half as many already,
 ALL_PAIRS_FIT = 1500  # or there are no more particles: all their pairs take 60 MB
-ROW_LIST_REACH = (
-    16.0  # cutoff of the list of rows over skin / 2: it is renewed that much less often
-)
+# cutoff of the list of rows over skin / 2: it is renewed that much less often
+ROW_LIST_REACH = 16.0
 ROUNDING = 2.0002  # displacements of two particles; 2e-4 of the skin is for rounding
 
 

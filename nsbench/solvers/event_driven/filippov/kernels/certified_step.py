@@ -14,6 +14,7 @@ than the piece hides in it.
 
 import numpy as np
 
+from nsbench.compilation.decorators import fused_kernel
 from nsbench.solvers.event_driven.filippov.kernels.enclosure import ORDER, enclose, path
 from nsbench.solvers.event_driven.filippov.kernels.polynomial_root import (
     CHOOSE,
@@ -111,7 +112,7 @@ def _at_nodes(Q, i, p, derivative, out, to):
             out[to, j] += NODE_POWERS[k, j] * term
 
 
-@inner
+@fused_kernel
 def certify_piece(programs, m, n, p, watches, t, start, width, whole, local, C, Q, M, R, V, error):
     """Return how well the piece [t + start, t + start + width] of a step is certified: the least
     quotient of a bound that counts as smooth and the bound found. It is certified if this is >= 1;

@@ -8,7 +8,7 @@ that are not unique, steps that cannot be certified.
 
 import numpy as np
 
-from nsbench.compilation.decorators import njit
+from nsbench.compilation.decorators import fused_kernel, njit
 from nsbench.solvers.event_driven.filippov.kernels.loop_state import (
     ARCS,
     CALLS,
@@ -55,9 +55,8 @@ from nsbench.solvers.event_driven.filippov.kernels.polynomial_root import CLEAR,
 from nsbench.solvers.event_driven.filippov.kernels.taylor_series import horner, inner
 from nsbench.solvers.event_driven.filippov.kernels.taylor_step import take_step
 
-ARC_BAND = (
-    16.0  # roundings of c_i below which a watched function is not armed at the start of an arc
-)
+# roundings of c_i below which a watched function is not armed at the start of an arc
+ARC_BAND = 16.0
 # steps of one arc, and those to come at the present length, beyond which the equation is stiff
 STIFF_STEPS = 4000
 STIFF_STEPS_AHEAD = 1e6
@@ -81,7 +80,7 @@ def events_accumulate(ring, count, span):
     return ratio < 0.9 and last * ratio / (1.0 - ratio) <= 1e-10 * span
 
 
-@inner
+@fused_kernel
 def arm_watches(run, m, i, t):
     """Set which watched functions are armed at the start of an arc in program m, sliding on surface
     i or -1, and the bands of those that are not; False if one is below its band."""
@@ -122,7 +121,7 @@ def weight_integrals(p, i, s, mode, row, C, theta, out):
             out[k] = theta[k] + (s if mode[k] == 1 else 0.0)
 
 
-@inner
+@fused_kernel
 def record_samples(programs, outs, i, p, t, h, last, counters, records, mode, theta, C, V, G):
     """Write the samples up to t + h (all that are left if `last`) of a step in the program with the
     outputs outs, which slides on surface i or -1."""
@@ -141,7 +140,7 @@ def record_samples(programs, outs, i, p, t, h, last, counters, records, mode, th
     counters[DONE] = done
 
 
-@inner
+@fused_kernel
 def advance_motion(outs, i, p, h, mode, x, theta, armed, band, C):
     """Go to the end of a step of length h: state, weight integrals, armed functions."""
     n = x.size
@@ -154,7 +153,7 @@ def advance_motion(outs, i, p, h, mode, x, theta, armed, band, C):
             armed[k] = horner(C, outs[n + k], h, p) > band[k]
 
 
-@inner
+@fused_kernel
 def reach_surface(run, i, fired, t):
     """Note the time of an event and return the surface reached (see surface_met);
     SEVERAL_SURFACES where events are too many or accumulate. i: the surface slid on, or -1; fired:
@@ -174,7 +173,7 @@ def reach_surface(run, i, fired, t):
     return surface_met(run.programs, t, motion.x, motion.mode, before, run.work.V, run.work.G)
 
 
-@inner
+@fused_kernel
 def log_event(run, i, old, new, t):
     """Write down an event of surface i, from the mode `old` to `new`."""
     e = run.counters[EVENTS]
@@ -188,7 +187,7 @@ def log_event(run, i, old, new, t):
     run.counters[MEETINGS] += 1
 
 
-@inner
+@fused_kernel
 def change_mode(run, i, t, begun):
     """Choose the mode of the surface i that was reached and record the event; False, with
     counters[CODE], if the loop ends."""
@@ -218,7 +217,7 @@ def change_mode(run, i, t, begun):
     return True
 
 
-@inner
+@fused_kernel
 def begin_arc(run, surface, t, begun):
     """Choose the mode if a surface was reached, and begin an arc in it; returns its program, or
     -1, with counters[CODE], if the loop ends."""
@@ -239,7 +238,7 @@ def begin_arc(run, surface, t, begun):
     return m
 
 
-@inner
+@fused_kernel
 def follow_modes(run, begun):
     """Event loop of integrate_modes: choose the mode where a surface was reached, begin an arc,
     take Taylor steps to the next surface."""

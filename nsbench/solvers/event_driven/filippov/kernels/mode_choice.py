@@ -8,7 +8,7 @@ event_driven.filippov.mode_search, in which the host decides what is not certain
 
 import numpy as np
 
-from nsbench.compilation.decorators import njit
+from nsbench.compilation.decorators import fused_kernel, njit
 from nsbench.solvers.event_driven.filippov.kernels.certified_step import step_length
 from nsbench.solvers.event_driven.filippov.kernels.taylor_series import horner, inner, point, series
 
@@ -27,7 +27,7 @@ SAME_FIELD = 1e-14  # relative difference of fields below which they are equal
 PROJECTIONS = 3  # Newton steps onto a surface: quadratic, from a state that is almost on it
 
 
-@inner
+@fused_kernel
 def program_of_mode(table, mode):
     """Return the number of the program of a mode, -1 if it has none."""
     k = 0
@@ -40,7 +40,7 @@ def program_of_mode(table, mode):
     return table[k]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def evaluate_program(programs, m, t, x, V):
     """Fill V[:, 0] with the values of program m at the point (t, x)."""
     n = x.size
@@ -50,7 +50,7 @@ def evaluate_program(programs, m, t, x, V):
     point(programs.ops, programs.nums, programs.first[m, 0], programs.first[m, 2], n, V, 1)
 
 
-@inner
+@fused_kernel
 def evaluate_geometry(programs, t, x, V, G):
     """Fill G (d, n + 2): gradient, time derivative and value of each switch function."""
     m = programs.outs.shape[0] - 1
@@ -71,7 +71,7 @@ def rounding_band(G, i, t, x, times):
     return times * EPS * (s + abs(G[i, n]) * (1.0 + abs(t)))
 
 
-@inner
+@fused_kernel
 def project_onto_surface(programs, i, t, x, V, G):
     """Move x to c_i = 0 along the gradient, in place (Newton's method)."""
     n = x.size
@@ -88,7 +88,7 @@ def project_onto_surface(programs, i, t, x, V, G):
             x[j] -= G[i, j] * G[i, n + 1] / square
 
 
-@inner
+@fused_kernel
 def trial_sign(programs, m, i, slides, d, t, x, settings, least, C):
     """Return the sign that the watched function of surface i shows first on a trial motion in
     program m; 0 if it shows none, or not the same one later on.
@@ -126,7 +126,7 @@ def trial_sign(programs, m, i, slides, d, t, x, settings, least, C):
     return found
 
 
-@inner
+@fused_kernel
 def _side_rates(programs, modes, i, t, x, mode, work, rate):
     """Fill rate (2,) with dc_i/dt in the fields of the positive and the negative side of surface i,
     work.F with these fields; return the larger rate, 0 if the two decide nothing."""
@@ -155,7 +155,7 @@ def _side_rates(programs, modes, i, t, x, mode, work, rate):
     return size
 
 
-@inner
+@fused_kernel
 def choose_mode(programs, modes, i, t, x, mode, settings, work):
     """Return the mode of surface i that continues from (t, x) if exactly one does and that is
     certain, else UNKNOWN.
@@ -201,7 +201,7 @@ def choose_mode(programs, modes, i, t, x, mode, settings, work):
     return continues
 
 
-@inner
+@fused_kernel
 def surface_met(programs, t, x, mode, before, V, G):
     """Return the only surface that (t, x) is on, NO_SURFACE for none, SEVERAL_SURFACES for several.
 

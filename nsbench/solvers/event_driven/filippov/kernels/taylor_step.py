@@ -6,6 +6,7 @@ and the step ends at the first event, or where the certificate would cost more t
 
 import numpy as np
 
+from nsbench.compilation.decorators import fused_kernel
 from nsbench.solvers.event_driven.filippov.kernels.certified_step import (
     certify_piece,
     first_event,
@@ -16,7 +17,7 @@ from nsbench.solvers.event_driven.filippov.kernels.certified_step import (
 from nsbench.solvers.event_driven.filippov.kernels.loop_state import HARD, STEP_VANISHES
 from nsbench.solvers.event_driven.filippov.kernels.mode_choice import EPS
 from nsbench.solvers.event_driven.filippov.kernels.polynomial_root import CLEAR, FOUND
-from nsbench.solvers.event_driven.filippov.kernels.taylor_series import horner, inner, point, series
+from nsbench.solvers.event_driven.filippov.kernels.taylor_series import horner, point, series
 
 SPLIT = 1.5  # certified widths: a step little longer than one is shortened instead of divided
 PIECES = 16  # most pieces of a step: a shorter step is cheaper than more of them
@@ -24,7 +25,7 @@ NO_WATCH = -1  # instead of the number of a watched function
 POLISHES = 4  # Newton steps on the event time: quadratic, from a root of the polynomial
 
 
-@inner
+@fused_kernel
 def polish_event(programs, m, w, n, p, t, s, h, C, V):
     """Return the time from the step's start at which watched function w vanishes, near s: Newton's
     method on the function itself, with the slope of its Taylor polynomial; -1 if it does not
@@ -47,7 +48,7 @@ def polish_event(programs, m, w, n, p, t, s, h, C, V):
     return s
 
 
-@inner
+@fused_kernel
 def take_step(programs, m, p, local, longest, t, x, armed, certified_width, work):
     """Take one step of order p in program m from (t, x), at most `longest`.
 
@@ -85,7 +86,7 @@ def take_step(programs, m, p, local, longest, t, x, armed, certified_width, work
     return _certify_step(programs, m, p, t, n, watches, h, tiny, certified_width, local, work)
 
 
-@inner
+@fused_kernel
 def _certify_step(programs, m, p, t, n, watches, h, tiny, certified_width, local, work):
     """Certify the step of length h piece by piece, up to its first event; returns as take_step."""
     outs = programs.outs[m]
