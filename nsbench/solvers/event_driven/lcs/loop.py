@@ -54,9 +54,9 @@ def prepare(case: Case, options, tol: float) -> Run:
 
 
 class LcsIntegrator:
-    """State, mode and recorded results of one run."""
+    """Integrate one run: its state, mode and recorded results."""
 
-    def __init__(self, case, options, tol):
+    def __init__(self, case: Case, options, tol: float):
         self.case = case
         self.system = case.problem
         self.options = options
@@ -94,6 +94,7 @@ class LcsIntegrator:
         self.inputs_at_samples = {}
 
     def run(self) -> Trajectory:
+        """Integrate to the end or to a failure; return the trajectory."""
         with np.errstate(all="ignore"):
             status = self._choose_rows(START_BAND)
             while status.ok and self.t < self.T:
@@ -130,6 +131,7 @@ class LcsIntegrator:
         )
 
     def _flow(self, rows):
+        """Return the flow with w = 0 on the rows, built once; None if they do not determine lam."""
         if rows not in self.flows:
             found = build_mode(self.system, rows)
             self.flows[rows] = (
@@ -166,6 +168,7 @@ class LcsIntegrator:
         function_size = np.zeros(self.m)
         span = self.T - float(self.case.t[0])
         h = self.last_step or span
+        # Step control: halve unresolved steps, double those that half of the nodes resolve.
         while self.t < self.T:
             h = min(h, span, self.options.max_step)
             if self.steps >= self.options.max_steps:
@@ -221,6 +224,7 @@ class LcsIntegrator:
         return bool(np.all(x <= self.tol * state_max) and np.all(f <= self.tol * function_max))
 
     def _failure_status(self):
+        """Return the status of a state or input that is not finite."""
         if np.abs(self.x).max() > 1e150:
             return Status("diverged", f"The state passed 1e150 at t = {self.t:.9g}.")
         return Status(
@@ -262,6 +266,7 @@ class LcsIntegrator:
         return Status(), found is not None
 
     def _end_arc(self) -> Status:
+        """Record the event, choose the next rows, and check for accumulation of events."""
         self.event_times.append(self.t)
         ends = accumulation(self.event_times, self.T - float(self.case.t[0]))
         if ends is not None:
@@ -291,6 +296,11 @@ class LcsIntegrator:
         return Status()
 
     def _choose_rows(self, band) -> Status:
+        """Choose the rows with w = 0 that continue the motion; check that it is the only motion.
+
+        Of the consistent candidates the one with the fewest undecided signs, then with the fewest
+        rows. band: of the terms of a sum, below which it counts as zero.
+        """
         flows = [f for f in (self._flow(rows) for rows in self._candidate_rows()) if f is not None]
         self.modes_tried += len(flows)
         flows = [f for f in flows if self._is_consistent(f, band)]
@@ -327,6 +337,7 @@ class LcsIntegrator:
 
         out = [] if self.flow is None else [self.flow.mode.rows]
         span = self.T - float(self.case.t[0])
+        # The support of the multipliers of an implicit Euler step, by Lemke's method.
         for h in span * 10.0 ** -np.arange(3.0, 9.0):
             W = np.linalg.inv(np.eye(self.n) - h * self.system.A)
             s = self.inputs(self.t + h, 0)[0]
@@ -357,6 +368,7 @@ class LcsIntegrator:
         x = flow.project(self.t, self.x, self.state_size)
         f, size = flow.sign_functions_at(self.t, x, (self.state_size, self.input_size))
         signs = np.where(f > band * size, 1, 0)
+        # Trial motions of growing length: the first sign above rounding decides.
         for h in times:
             if np.all(signs > 0):
                 break
