@@ -93,8 +93,10 @@ def errors(case: Case, traj: Trajectory) -> dict:
 
 
 def below_reference(row: dict, t: np.ndarray) -> list[str]:
-    """Names of the errors in `row` that lie below ten times what the reference's own error can make
-    of them."""
+    """List the errors in `row` that the reference's own error may have made.
+
+    They lie below ten times what that error can make of them.
+    """
     k = len(t) - 1
     gap = float(np.diff(t).min())
     floors = {
@@ -113,6 +115,7 @@ def below_reference(row: dict, t: np.ndarray) -> list[str]:
 
 
 def _finished(traj: Trajectory) -> bool:
+    """Has the run a status that is measured to the end, with finite states and impulses?"""
     return traj.status.code in MEASURED and bool(
         np.all(np.isfinite(traj.x)) and np.all(np.isfinite(traj.impulse))
     )
