@@ -68,8 +68,7 @@ def length_scale(case: Case, x0: np.ndarray) -> float:
 
 
 def _way(f, x0: np.ndarray, v: np.ndarray, away: float, T: float) -> float:
-    """Estimate the largest displacement of a coordinate from x0 within the time T, in the
-    linearised drift.
+    """Estimate the largest displacement of a coordinate from x0 within T, in the linearised drift.
 
     The motion is x' = v + J (x - x0), with J from differences of f over the length `away`, in the
     Krylov space of v (Arnoldi 1951). A motion that turns comes back, so that v T may be far too

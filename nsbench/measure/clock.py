@@ -52,15 +52,18 @@ class Times:
 
     @property
     def median(self) -> float:
+        """Return the median of the seconds by round."""
         return float(np.median(self.seconds))
 
     @property
     def quartiles(self) -> tuple[float, float]:
+        """Return the lower and the upper quartile of the seconds by round."""
         low, high = np.percentile(self.seconds, (25, 75))
         return float(low), float(high)
 
     @property
     def worst(self) -> float:
+        """Return the largest seconds of a round."""
         return float(self.seconds.max())
 
 

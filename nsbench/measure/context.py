@@ -52,6 +52,7 @@ def context_of(case: Case) -> MeasureContext:
 
 
 def _make(case: Case) -> MeasureContext:
+    """Compute the context of a case from its reference."""
     ref = reference(case)
     scene = (
         ConstraintSet(case.problem, case.n) if isinstance(case.problem, Complementarity) else None

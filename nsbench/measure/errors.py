@@ -122,10 +122,12 @@ def _finished(traj: Trajectory) -> bool:
 
 
 def _size(values) -> float:
+    """Return the largest modulus of the values, at least 1; 1 if there are none."""
     return 1.0 if values is None else max(1.0, float(np.abs(values).max(initial=0.0)))
 
 
 def _against(made: MeasureContext, traj: Trajectory) -> dict:
+    """Measure the errors of a finished run against the reference."""
     ref = made.ref
     off = np.abs(traj.x - ref.x).max(axis=1)
     out = {"state_sup": float(off.max()), "state_T": float(off[-1])}
@@ -142,6 +144,7 @@ def _against(made: MeasureContext, traj: Trajectory) -> dict:
 
 
 def _multipliers(made: MeasureContext, traj: Trajectory) -> dict:
+    """Measure the errors of unique multipliers: impulse, l1, sup and settled."""
     ref = made.ref
     p = made.case.problem
     t = made.case.t

@@ -71,4 +71,5 @@ def event_errors(
 
 
 def _largest(values) -> float:
+    """Return the largest value, NaN if there is none."""
     return float(values.max()) if len(values) else float("nan")

@@ -73,6 +73,7 @@ def resting(frame: MeasureContext) -> list:
 
 
 def _resting(frame: MeasureContext) -> Iterator[tuple]:
+    """Yield what `resting` lists."""
     case = frame.case
     ref = frame.ref
     scene = frame.scene

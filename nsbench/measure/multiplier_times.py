@@ -50,6 +50,7 @@ def exact_multiplier(case: Case, t: np.ndarray, spacing: float) -> tuple[np.ndar
 
 
 def _impulse(case: Case, t: np.ndarray) -> np.ndarray:
+    """Evaluate the exact impulse (k, m) at the times t (k,)."""
     return np.asarray(case.exact_impulse(t), float)
 
 
@@ -97,4 +98,5 @@ def errors_at_times(made: MeasureContext, traj: Trajectory) -> dict:
 
 
 def _largest(values) -> float:
+    """Return the largest modulus, 0 if there are no values."""
     return float(np.abs(values).max(initial=0.0))

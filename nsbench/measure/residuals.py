@@ -61,6 +61,7 @@ def interval_residuals(frame: MeasureContext, traj: Trajectory) -> np.ndarray:
 
 
 def _measured(frame: MeasureContext, traj: Trajectory) -> tuple[dict, np.ndarray]:
+    """Measure all residuals; return them by name, and the residual of each interval (k - 1,)."""
     good = np.all(np.isfinite(traj.x), axis=1) & np.all(np.isfinite(traj.impulse), axis=1)
     good &= np.all(np.isfinite(traj.reaction), axis=1)
     k = int(np.argmin(good)) if not good.all() else len(good)
@@ -110,6 +111,7 @@ def _measured(frame: MeasureContext, traj: Trajectory) -> tuple[dict, np.ndarray
 
 
 def _equation(frame, t, x, impulse, reaction, kinked, contacts) -> np.ndarray:
+    """Measure the residual of the differential equation in each interval (k - 1,)."""
     f = right_hand_side(frame.case.problem)
     F = np.array([f(a, b) for a, b in zip(t, x, strict=True)])
     value, bound = integrals(t, F, kinked)
@@ -119,8 +121,7 @@ def _equation(frame, t, x, impulse, reaction, kinked, contacts) -> np.ndarray:
 
 
 def _gaps(frame, contacts, t, x, impulse, reaction, lam):
-    """Measure feasibility, complementarity, and the distance of the reaction from impulse x
-    gradient.
+    """Measure feasibility, complementarity, and how far the reaction is from impulse x gradient.
 
     The last per unit of time. The gradient of an interval is the mean of both ends. What that may
     be wrong by is bounded by half the largest change of the gradient over this interval and the two
@@ -165,8 +166,9 @@ class _Gradients:
         self.col = places % scene.n
 
     def _around(self, k: int) -> range:
-        """Return the samples of interval k and the two intervals on each side;
-        drop older entries.
+        """Return the samples of interval k and of the two intervals on each side.
+
+        Entries of older samples are dropped.
         """
         used = range(max(k - 2, 0), min(k + 4, len(self.t)))
         self.values = {j: self.values[j] if j in self.values else self._entries(j) for j in used}
@@ -177,6 +179,7 @@ class _Gradients:
         return used
 
     def _entries(self, j: int) -> np.ndarray:
+        """Return the entries of the gradients at sample j."""
         values = self.scene.gradient_values(float(self.t[j]), self.x[j], self.near, self.places)
         return np.bincount(self.place, values, len(self.row))
 
@@ -237,6 +240,12 @@ def _lcs(frame, contacts, t, x, impulse, reaction, lam, kinked):
 
 
 def _inclusion(case, contacts, t, x, impulse, kinked):
+    """Measure how far a Filippov run is from its differential inclusion.
+
+    Returns feasibility (NaN), the least weight, complementarity, and by interval the distance of
+    the mean velocity to the convex hull of the mean fields of the acting modes, less the bounds of
+    the quadrature.
+    """
     p = case.problem
     switch = as_numpy(p.switch)
     field = as_numpy(p.field)

@@ -105,8 +105,9 @@ class ConstraintSet:
 
     @functools.cached_property
     def _parts(self) -> dict[int, CandidateContacts]:
-        """Return the listed constraints by family; built when needed, as rows take
-        72 bytes each.
+        """Return the listed constraints by family, built when first needed.
+
+        Rows take 72 bytes each.
         """
         parts = {}
         row = 0
@@ -218,11 +219,13 @@ class ConstraintSet:
 
     @functools.cached_property
     def _static(self):
+        """Return the listed constraints and their layout."""
         return (near := self.all_static()), self.layout(near)
 
     def layout(self, near: CandidateContacts) -> ContactLayout:
-        """Return the positions of the entries by kind, for many evaluations of the
-        same contacts.
+        """Return the positions of the entries of `near` by kind.
+
+        For many evaluations of the same contacts.
         """
         pairs = []
         for kind in (PAIR, ANCHOR):
@@ -254,8 +257,9 @@ class ConstraintSet:
         return g
 
     def _distances(self, t, x, layout):
-        """Yield, by kind and dimension, entries, coordinates of i, differences (m, dim) and lengths
-        (m,).
+        """Yield the distances of each kind and dimension.
+
+        Entries, coordinates of i (and j), differences (m, dim), lengths (m,).
         """
         for kind, sel, i, j in layout.pairs:
             diff = x[i] - (x[j] if kind == PAIR else self.anchors(t)[j])

@@ -1,5 +1,6 @@
-"""Time dependence of constraint families: curves of walls, their speeds, smooth gaps and
-derivatives.
+"""Time dependence of constraint families: curves, their speeds, smooth gaps and derivatives.
+
+Curves are those of walls (the right-hand sides of rows) and of anchors.
 """
 
 from __future__ import annotations
@@ -57,8 +58,9 @@ _derivatives: dict = {}
 
 
 def time_derivative(factory: Callable) -> Callable:
-    """Differentiate ``factory(xp) -> (t)`` in time by JAX; return a numpy
-    function, compiled once.
+    """Differentiate ``factory(xp) -> (t)`` in time by JAX.
+
+    Returns a numpy function, compiled once.
     """
     if factory not in _derivatives:
         import jax

@@ -102,8 +102,9 @@ def term_sizes(
 
 
 def violates(case: Case, scene: ConstraintSet, t: float, x: np.ndarray) -> bool:
-    """Does x (n,) violate a constraint at t by more than its tolerance? A state that is not finite
-    does.
+    """Does x (n,) violate a constraint at t by more than its tolerance?
+
+    A state that is not finite does.
     """
     near = scene.near(x, 0.0, t)
     g = scene.gaps(t, x, near)

@@ -1,6 +1,4 @@
-"""Distance of a velocity to Filippov's set, the convex hull of the fields on the sides of a
-surface.
-"""
+"""Distance of a velocity to Filippov's set, the convex hull of the fields around a surface."""
 
 from __future__ import annotations
 
@@ -8,8 +6,9 @@ import numpy as np
 
 
 def distance_to_hull(v: np.ndarray, points: np.ndarray) -> float:
-    """Compute the Euclidean distance of v (n,) to the convex hull of the rows of
-    `points` (k, n).
+    """Compute the Euclidean distance of v to the convex hull of points.
+
+    v (n,), points (k, n).
     """
     if len(points) == 1:
         return float(np.linalg.norm(v - points[0]))
@@ -31,8 +30,9 @@ def distance_to_hull(v: np.ndarray, points: np.ndarray) -> float:
 
 
 def _refined(w: np.ndarray, from_v: np.ndarray) -> float:
-    """Compute the distance that weights of points leave, corrected for rounding by
-    the heavy row.
+    """Compute the distance that weights of points leave.
+
+    The weights are corrected for the rounding of the heavy row.
     """
     least = np.inf
     # Active set: least squares on the points of positive weight; negative weights are dropped.

@@ -117,8 +117,9 @@ def fit_corrected(u: np.ndarray, y: np.ndarray, own: np.ndarray | float = 0.0) -
 
 
 def convergent(u: np.ndarray, y: np.ndarray, least: float) -> float:
-    """Return the least sum of squares of a power law with a head and an order of
-    at least `least`.
+    """Return the least sum of squares of a power law with a head.
+
+    Its order is at least `least`.
     """
     u, n = u - u.max(), len(u)
     rss, _, p, _ = _fits(u, y, DECAYED)

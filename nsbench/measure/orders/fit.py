@@ -137,8 +137,9 @@ def _reason_for_no_verdict(h, ladder: float, mixed: str) -> tuple[str, bool]:
 
 
 def _mixed_behaviour(err, noise) -> str:
-    """Explain why there is no verdict where many, but not all, steps are exact to rounding; else
-    "".
+    """Explain why there is no verdict where many, but not all, steps are exact to rounding.
+
+    Elsewhere "".
     """
     lucky = now_and_then(err, noise)
     if lucky <= max(1.0, SOME * len(err)):

@@ -47,6 +47,7 @@ class PlateauFit:
 
     @property
     def significant(self) -> bool:
+        """Is C > 0 significant against the power law, at the level LEVEL?"""
         from scipy.special import fdtri
 
         return self.n > 3 and self.ratio > fdtri(1, self.n - 3, 1.0 - LEVEL)

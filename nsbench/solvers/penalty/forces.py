@@ -40,8 +40,9 @@ def _ids(k, c, n):
 
 
 def count(problem: Complementarity | Filippov, n: int) -> int:
-    """Count the constraints of a problem without listing pairs; the surfaces of a
-    Filippov system.
+    """Count the constraints of a problem, without listing pairs.
+
+    Of a Filippov system: its surfaces.
     """
     if isinstance(problem, Filippov):
         return count_surfaces(problem, n)
@@ -215,8 +216,9 @@ def _moving(value, moving: bool):
 
 
 def _affine(c: Affine, n: int):
-    """Build the penalty force of affine rows, lam = k max(-(A x + b), 0), with A
-    dense or sparse.
+    """Build the penalty force of affine rows, lam = k max(-(A x + b), 0).
+
+    A is dense for up to DENSE entries, else sparse.
     """
     import jax.numpy as jnp
 

@@ -7,10 +7,10 @@ from nsbench.compilation.decorators import njit
 
 @njit(cache=True)
 def _cells(x, start, n, dim, size):
-    """Sort the particles into cells; return their cells, the members by cell (CSR), and the grid's
-    shape.
+    """Sort the particles into the cells of a grid.
 
-    Cells are at least `size` wide, and there are at most about 4 n of them, however far the
+    Returns the cell of each particle, the members by cell (CSR: starts and members), and the grid's
+    shape. Cells are at least `size` wide, and there are at most about 4 n of them, however far the
     particles are spread.
     """
     lo = np.empty(3)

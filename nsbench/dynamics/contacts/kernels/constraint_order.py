@@ -73,8 +73,9 @@ def sweep_key(order, seed, family, a, b):
 
 @njit(cache=True)
 def places(family):
-    """Return the place (m,) of each listed constraint within its family; families
-    are contiguous.
+    """Return the place (m,) of each listed constraint within its family.
+
+    Families are contiguous.
     """
     place = np.zeros(family.size, np.int64)
     for c in range(1, family.size):

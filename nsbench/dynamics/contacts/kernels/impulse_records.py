@@ -84,11 +84,10 @@ def _name(id_):
 
 @njit(cache=True)
 def sorted_contacts(ids):
-    """Return the contacts (m, 3) of records ids (k, 4), sorted, and the index of its contact for
-    each record.
+    """Sort the contacts of records ids (k, 4); return them, and the column of each record.
 
-    The result of numpy.unique by a counting sort: places by family and i, then each short stretch
-    is sorted by j.
+    Contacts (m, 3). The result of numpy.unique by a counting sort: places by family and i, then
+    each short stretch is sorted by j.
     """
     families = 0
     for e in range(len(ids)):

@@ -223,6 +223,7 @@ class LinearFlow:
         return self._linear(self.mode.constraint, self.mode.constraint_s, t, x, scale)
 
     def _linear(self, row, row_s, t, x, scale):
+        """Evaluate row x + row_s s at one time; return the values and the sizes of their terms."""
         s = self.inputs(t, self.mode.order)
         most = np.abs(s)
         most[0] = np.maximum(most[0], scale[1])
