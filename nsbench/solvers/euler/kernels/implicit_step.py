@@ -123,11 +123,11 @@ def jacobian(field, switch, blend, unit, t, h, x, y, s, slide, e, v, c, r, q, J)
 
 @inner
 def newton(field, switch, blend, unit, t, h, x, mode, y, s, jump):
-    """Solve one implicit step in a given mode by Newton's method, starting from (y, s).
+    """Solve one implicit step in a given mode by Newton's method from (y, s), which it overwrites.
 
-    y, s are overwritten; jump (d,) too, by the displacement per unit of s_i, the size of a step's
-    freedom on surface i. The Jacobian is reused while an iteration gains a factor of 20. Returns
-    (converged, calls of the field, iterations).
+    jump (d,): overwritten by the displacement per unit of s_i, the freedom of a step on surface i.
+    The Jacobian is reused while an iteration gains a factor of 20. Returns converged, calls,
+    iterations.
     """
     n = x.size
     d = s.size

@@ -181,15 +181,12 @@ def keep_intermediate(rows, j, steps, t, x, w):
 
 @njit(cache=True)
 def implicit_euler(field, switch, blend, unit, t, substeps, x, d, parts):
-    """Integrate by implicit Euler.
+    """Integrate by implicit Euler steps, equally long between two samples.
 
-    t (K,): sample times; substeps (K - 1,): steps in each interval; x (n,): the start; d: number of
-    surfaces; parts: of each interval, at whose ends a state is recorded; unit: size of the state
-    that tolerances are relative to; blend: make the field multilinear between its modes.
-
-    Returns X (K, n), integrals of theta (K, d), calls of the field, Newton iterations, status, the
-    time reached, and the states between samples (K - 1, parts, 1 + n + d): time, state and
-    integrals at the end of parts of the intervals, NaN where no step ends.
+    t (K,), substeps (K - 1,); x (n,): the start; parts: of each interval, at whose ends states are
+    recorded; unit: size of the state that tolerances are relative to. Returns X (K, n), integrals
+    of theta (K, d), calls, iterations, status, time reached, and the records (K - 1, parts, 1 + n +
+    d): time, state and integrals, NaN where no step ends.
     """
     K = t.size
     x = x.copy()
@@ -210,7 +207,6 @@ def implicit_euler(field, switch, blend, unit, t, substeps, x, d, parts):
     calls = 0
     inner = 0
     last = np.inf
-    # Implicit Euler with equal steps between two samples.
     for k in range(K - 1):
         h = (t[k + 1] - t[k]) / substeps[k]
         for j in range(substeps[k]):

@@ -142,9 +142,8 @@ class LcsIntegrator:
         return self.flows[rows]
 
     def _initial_sizes(self):
-        """Return sizes of the states (n,) and of the inputs (n + m,).
-
-        States: above zero, from the start and from the states that balance the inputs.
+        """Return sizes > 0 of the states, by their start and by balance of inputs, and of the
+        inputs.
         """
         s = np.abs([self.inputs(t, 0)[0] for t in self.case.t])
         top = np.where(np.isfinite(s), s, 0.0).max(axis=0)
@@ -232,9 +231,8 @@ class LcsIntegrator:
         )
 
     def _advance(self, flow, X, F, h, armed, size):
-        """Record samples up to the first event on the step, or to its end.
-
-        Returns (status, whether an event was reached).
+        """Record samples to the first event of a step, or its end; return (status,
+        event reached).
         """
         level = np.where(armed, 0.0, -ZERO_BAND * size)
         found = first_crossing(F, level)
@@ -296,10 +294,8 @@ class LcsIntegrator:
         return Status()
 
     def _choose_rows(self, band) -> Status:
-        """Choose the rows with w = 0 that continue the motion; check that it is the only motion.
-
-        Of the consistent candidates the one with the fewest undecided signs, then with the fewest
-        rows. band: of the terms of a sum, below which it counts as zero.
+        """Choose the rows that continue the motion, by fewest undecided signs;
+        others must agree.
         """
         flows = [f for f in (self._flow(rows) for rows in self._candidate_rows()) if f is not None]
         self.modes_tried += len(flows)
@@ -337,7 +333,6 @@ class LcsIntegrator:
 
         out = [] if self.flow is None else [self.flow.mode.rows]
         span = self.T - float(self.case.t[0])
-        # The support of the multipliers of an implicit Euler step, by Lemke's method.
         for h in span * 10.0 ** -np.arange(3.0, 9.0):
             W = np.linalg.inv(np.eye(self.n) - h * self.system.A)
             s = self.inputs(self.t + h, 0)[0]
@@ -368,7 +363,6 @@ class LcsIntegrator:
         x = flow.project(self.t, self.x, self.state_size)
         f, size = flow.sign_functions_at(self.t, x, (self.state_size, self.input_size))
         signs = np.where(f > band * size, 1, 0)
-        # Trial motions of growing length: the first sign above rounding decides.
         for h in times:
             if np.all(signs > 0):
                 break
