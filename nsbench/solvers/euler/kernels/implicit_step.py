@@ -125,9 +125,8 @@ def jacobian(field, switch, blend, unit, t, h, x, y, s, slide, e, v, c, r, q, J)
 def newton(field, switch, blend, unit, t, h, x, mode, y, s, jump):
     """Solve one implicit step in a given mode by Newton's method from (y, s), which it overwrites.
 
-    jump (d,): overwritten by the displacement per unit of s_i, the freedom of a step on surface i.
-    The Jacobian is reused while an iteration gains a factor of 20. Returns converged, calls,
-    iterations.
+    jump (d,): overwritten by the displacement per unit of s_i. The Jacobian is reused while an
+    iteration gains a factor of 20. Returns converged, calls, iterations.
     """
     n = x.size
     d = s.size

@@ -142,9 +142,7 @@ class LcsIntegrator:
         return self.flows[rows]
 
     def _initial_sizes(self):
-        """Return sizes > 0 of the states, by their start and by balance of inputs, and of the
-        inputs.
-        """
+        """Return sizes > 0 of the states, by start and balance of inputs, and of the inputs."""
         s = np.abs([self.inputs(t, 0)[0] for t in self.case.t])
         top = np.where(np.isfinite(s), s, 0.0).max(axis=0)
         asked = np.where(
@@ -231,9 +229,7 @@ class LcsIntegrator:
         )
 
     def _advance(self, flow, X, F, h, armed, size):
-        """Record samples to the first event of a step, or its end; return (status,
-        event reached).
-        """
+        """Record samples to the first event of a step; return (status, event reached)."""
         level = np.where(armed, 0.0, -ZERO_BAND * size)
         found = first_crossing(F, level)
         reach = 1.0 if found is None else found[0]
@@ -294,9 +290,7 @@ class LcsIntegrator:
         return Status()
 
     def _choose_rows(self, band) -> Status:
-        """Choose the rows that continue the motion, by fewest undecided signs;
-        others must agree.
-        """
+        """Choose the rows that continue the motion, fewest undecided signs first."""
         flows = [f for f in (self._flow(rows) for rows in self._candidate_rows()) if f is not None]
         self.modes_tried += len(flows)
         flows = [f for f in flows if self._is_consistent(f, band)]
