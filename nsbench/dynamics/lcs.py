@@ -1,8 +1,14 @@
-"""What the methods for linear complementarity systems share: right-hand sides, consistent starts,
-uniqueness."""
+"""Linear complementarity systems: right-hand sides, consistency of the start, uniqueness of the
+motion.
+
+    x' = A x + B lam + u(t),    0 <= lam  _|_  w = C x + D lam + q(t) >= 0
+
+All methods for such systems share these functions.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import combinations
 
 import numpy as np
@@ -16,15 +22,18 @@ FEW = 8  # rows up to which one complementarity problem is solved without compil
 _drifts: dict = {}  # by id; the system is kept beside it, so that the id stays its own
 
 
-def drift_of(p: LCS):
-    """The factory of A x + u(t); one object per system, so that what is compiled for it serves
-    again."""
+def drift_of(p: LCS) -> Callable:
+    """Return the factory of the drift A x + u(t), the same object for one system each time.
+
+    What is compiled for the drift is stored under that object and so serves again.
+    """
     if id(p) not in _drifts:
         _drifts[id(p)] = p, _make(p)
     return _drifts[id(p)][1]
 
 
 def _make(p):
+    """Build the factory of A x + u(t); without an input u, of A x."""
     A = np.array(p.A)
 
     def still(xp):
@@ -47,20 +56,25 @@ def _make(p):
     return still if p.u is None else driven
 
 
-def inputs(p: LCS):
-    """u and q as numpy functions of time, (n,) and (m,)."""
+def inputs(p: LCS) -> tuple[Callable, Callable]:
+    """Return the inputs u (n,) and q (m,) as numpy functions of time; zeros where there is none."""
     zero_u = np.zeros(p.B.shape[0])
     zero_q = np.zeros(p.B.shape[1])
     return _floats(p.u) if p.u else lambda t: zero_u, _floats(p.q) if p.q else lambda t: zero_q
 
 
 def _floats(factory):
+    """Return a factory's function in numpy, with values of type float."""
     f = as_numpy(factory)
     return lambda t: np.asarray(f(t), float)
 
 
 def inconsistent(case: Case) -> str | None:
-    """Why no motion without a jump starts at x0, as a sentence; None if lambda(t0) exists."""
+    """Explain why no motion without a jump starts at x0, as a sentence; None if lambda(t0) exists.
+
+    The start is consistent if the complementarity problem 0 <= lam _|_ C x0 + D lam + q(t0) >= 0
+    has a solution, which Lemke's method decides.
+    """
     from nsbench.lcp import lemke
 
     p = case.problem
@@ -95,9 +109,10 @@ def inconsistent(case: Case) -> str | None:
 def certainly_unique(M: np.ndarray, G: np.ndarray) -> bool:
     """Is G lam the same for all solutions of every complementarity problem of the matrix M?
 
-    Yes if all principal minors are positive (then lam itself is), or if M is positive semidefinite
-    and G vanishes where its symmetric part does (Cottle, Pang & Stone 1992, theorems 3.3.7 and
-    3.1.7). Minors are looked at for up to 10 rows.
+    M (m, m), G (n, m). Yes if all principal minors are positive (then lam itself is unique), or if
+    M is positive semidefinite and G vanishes where its symmetric part does (Cottle, Pang & Stone
+    1992, theorems 3.3.7 and 3.1.7). Minors are computed for up to 10 rows. False means that
+    uniqueness is not certain.
     """
     from nsbench.lcp import lemke
 
@@ -106,12 +121,14 @@ def certainly_unique(M: np.ndarray, G: np.ndarray) -> bool:
         return True
     a, b = lemke.scales(M)
     S = a[:, None] * M * b
+    # P-matrix test: all principal minors of the scaled matrix are positive.
     if m <= MINORS and all(
         np.linalg.det(S[np.ix_(i, i)]) > 1e-10
         for k in range(1, m + 1)
         for i in combinations(range(m), k)
     ):
         return True
+    # Else M must be positive semidefinite, with G zero on the kernel of its symmetric part.
     s = np.sqrt(np.where(np.diag(M) > 0.0, np.diag(M), 1.0))
     sym = 0.5 * (M + M.T) / s[:, None] / s
     values, vectors = np.linalg.eigh(sym)

@@ -1,4 +1,4 @@
-"""The unit of a case: tolerances that are absolute are relative to it."""
+"""Characteristic length of a case: absolute tolerances are relative to it."""
 
 from __future__ import annotations
 
@@ -20,8 +20,10 @@ SMALL = 1e-3  # size of a motion of which an absolute 1e-9 would be visible besi
 
 @functools.lru_cache(maxsize=64)
 def case_length_scale(case: Case) -> float:
-    """unit(case, case.x0); 1 where the case's own functions raise, which is told where they are
-    called for."""
+    """Return length_scale(case, case.x0); 1 where a function of the case raises.
+
+    Such an error is reported where the function is called for its own sake.
+    """
     try:
         return length_scale(case, case.x0)
     except Exception:
@@ -29,12 +31,12 @@ def case_length_scale(case: Case) -> float:
 
 
 def length_scale(case: Case, x0: np.ndarray) -> float:
-    """1, or the size of states, motion and constraints (of a Complementarity or Filippov problem)
-    where that is much smaller.
+    """Estimate the length of states, motion and constraints of a case; 1 unless it is much smaller.
 
-    The size of the state at the start; of motion and constraints beside it at LOOKS times of the
-    run. A drift that pulls back moves a state until it is where it pulls to, which may be long
-    before the end.
+    The case is a Complementarity or Filippov problem; x0 (n,). The estimate is the largest of the
+    size of the state at the start, and of motion and constraints near it at LOOKS times of the run.
+    A drift that pulls back moves a state until it is where it pulls to, which may be long before
+    the end. Raises what a function of the case raises at the first of these times.
     """
     T = float(case.t[-1] - case.t[0])
     lengths = [float(np.abs(x0).max(initial=0.0))]
@@ -66,9 +68,12 @@ def length_scale(case: Case, x0: np.ndarray) -> float:
 
 
 def _way(f, x0: np.ndarray, v: np.ndarray, away: float, T: float) -> float:
-    """The farthest that a coordinate comes from x0 within T where x' = v + J (x - x0), J by
-    differences of f over the length `away`, in the Krylov space of v (Arnoldi 1951); infinite where
-    that is no number. What turns comes back."""
+    """Estimate the largest displacement of a coordinate from x0 within T, in the linearised drift.
+
+    The motion is x' = v + J (x - x0), with J from differences of f over the length `away`, in the
+    Krylov space of v (Arnoldi 1951). A motion that turns comes back, so that v T may be far too
+    much. Infinite where the result is not finite.
+    """
     from scipy.linalg import expm
 
     many = min(x0.size, KRYLOV)
@@ -77,6 +82,7 @@ def _way(f, x0: np.ndarray, v: np.ndarray, away: float, T: float) -> float:
     H = np.zeros((many + 1, many + 1))
     most = float(np.abs(v).max())
     V[0], H[0, many] = v / most / np.linalg.norm(v / most), most * np.linalg.norm(v / most)
+    # Arnoldi's method, orthogonalised twice; products J v by differences of f.
     for j in range(many):
         w = (_tried(f, x0 + away * V[j]) - v) / away
         whole = float(np.linalg.norm(w))
@@ -91,6 +97,7 @@ def _way(f, x0: np.ndarray, v: np.ndarray, away: float, T: float) -> float:
             break
         H[j + 1, j] = rest
         V[j + 1] = w / rest
+    # The displacement at T 2^-k for every k, by repeated squaring of the matrix exponential.
     E = expm(2.0**-DOUBLINGS * T * H)
     ways = []
     for _ in range(DOUBLINGS + 1):
@@ -100,7 +107,7 @@ def _way(f, x0: np.ndarray, v: np.ndarray, away: float, T: float) -> float:
 
 
 def _tried(f, x: np.ndarray) -> np.ndarray:
-    """f(x), or zeros where it raises: the run may never be there."""
+    """Evaluate f(x); return zeros where it raises, as the run may never be there."""
     try:
         return f(x)
     except Exception:
@@ -108,7 +115,7 @@ def _tried(f, x: np.ndarray) -> np.ndarray:
 
 
 def _motions(case: Case, t: float, x0: np.ndarray) -> list:
-    """x -> drift at t, or the fields on both sides of all surfaces."""
+    """List functions of x: the drift at time t, or the fields on both sides of all surfaces."""
     p = case.problem
     if isinstance(p, Complementarity):
         drift = as_numpy(p.drift)
@@ -121,7 +128,7 @@ def _motions(case: Case, t: float, x0: np.ndarray) -> list:
 
 
 def _lengths(case: Case, t: float, x0: np.ndarray) -> list[float]:
-    """The sizes of the families of constraints at t."""
+    """List the lengths of the families of constraints at time t."""
     return (
         [_length(c, t, x0) for c in case.problem.constraints]
         if isinstance(case.problem, Complementarity)
@@ -130,8 +137,11 @@ def _lengths(case: Case, t: float, x0: np.ndarray) -> list[float]:
 
 
 def _length(c, t: float, x: np.ndarray) -> float:
-    """Size of a family of constraints: of rows how far from the origin, of smooth ones how far from
-    the start, to first order."""
+    """Return the length of a family of constraints.
+
+    A distance: the largest one. Rows: the largest distance from the origin. Smooth constraints: the
+    largest distance from the start, to first order.
+    """
     if isinstance(c, Distance):
         return float(np.max(2.0 * c.radii if c.d is None else c.d))
     if isinstance(c, Affine):

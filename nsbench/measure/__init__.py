@@ -1,5 +1,8 @@
-"""Errors, residuals and orders of convergence of a trajectory, computed by the bench and not taken
-from the word of a solver; clock of interleaved runs."""
+"""Errors, residuals and orders of convergence of a trajectory, and the clock of interleaved runs.
+
+The bench computes them itself, from samples and impulses, and takes none from the report of a
+method.
+"""
 
 from nsbench.measure.errors import errors
 from nsbench.measure.orders import VERDICTS, Fit, fit_order

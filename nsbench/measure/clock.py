@@ -1,4 +1,4 @@
-"""Clock of runs in interleaved rounds: seconds, and ratios that a noisy machine can be asked for.
+"""Clock of runs in interleaved rounds: seconds, and ratios that are reliable on a noisy machine.
 
 Every round runs each of them once, beginning with another one each time; a disturbance meets all of
 them alike. A ratio is the median of the ratios within rounds (not the ratio of medians), and comes
@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,40 +27,49 @@ _stood = 0.0  # seconds in which the clock of preparations and first calls stood
 
 
 def stand(seconds: float) -> None:
-    """Take `seconds` off the clock: this process has waited for another one to compile, which is no
-    time of the run it waited in."""
+    """Take `seconds` off the clock, in which this process waited for another one to compile.
+
+    They are no time of the run in which it waited.
+    """
     global _stood
     _stood += seconds
 
 
 def _now() -> float:
+    """Return the time of the clock in seconds, less what `stand` has taken off."""
     return time.perf_counter() - _stood
 
 
 @dataclass(frozen=True)
 class Times:
-    """seconds (rounds,) of one run, per round; repeats: how often it ran within a turn."""
+    """Seconds of one run by round.
+
+    seconds (rounds,); repeats: how often it ran within a turn.
+    """
 
     seconds: np.ndarray
     repeats: int
 
     @property
     def median(self) -> float:
+        """Return the median of the seconds by round."""
         return float(np.median(self.seconds))
 
     @property
     def quartiles(self) -> tuple[float, float]:
+        """Return the lower and the upper quartile of the seconds by round."""
         low, high = np.percentile(self.seconds, (25, 75))
         return float(low), float(high)
 
     @property
     def worst(self) -> float:
+        """Return the largest seconds of a round."""
         return float(self.seconds.max())
 
 
 @dataclass(frozen=True)
 class Ratio:
-    """median and quartiles of the ratio of two runs within rounds."""
+    """Ratio of two runs within rounds: median and quartiles."""
 
     median: float
     low: float
@@ -71,12 +80,14 @@ class Ratio:
 
 
 def rounds_of(seconds: float) -> int:
-    """Choose in how many rounds a run of this length is timed: 1 (beyond LONG), or FEWEST to
-    ROUNDS."""
+    """Choose the number of rounds in which a run of this length is timed.
+
+    1 for runs of LONG seconds or more, else FEWEST to ROUNDS.
+    """
     return 1 if seconds >= LONG else int(np.clip(TURNS / max(seconds, 1e-9), FEWEST, ROUNDS))
 
 
-def columns(seconds) -> dict:
+def columns(seconds: np.ndarray | Sequence[float]) -> dict:
     """Compute the columns of a row from the seconds of its rounds: quartiles, worst, number."""
     low, middle, high = (float(v) for v in np.percentile(seconds, (25, 50, 75)))
     return {
@@ -91,8 +102,11 @@ def columns(seconds) -> dict:
 def in_rounds(
     runs: list[Callable[[], object]], rounds: list[int], announce: Callable[[int], None]
 ) -> list:
-    """Time every run in its number of rounds; its seconds, or what it raised in the first one that
-    it did not end; each round begins with another run. announce(i): run i is next."""
+    """Time every run in its number of rounds; each round begins with another run.
+
+    announce(i): called before run i is timed. Returns for each run its seconds, or what it raised
+    in the first round that it did not end.
+    """
     out: list[list[float] | Exception] = [[] for _ in runs]
     for r in range(max(rounds, default=0)):
         first = r * len(runs) // max(rounds)
@@ -109,9 +123,11 @@ def in_rounds(
 
 
 def prepared(prepare: Callable[[], Callable]) -> tuple[Callable, dict]:
-    """Prepare a run; returns it and what it took: setup_seconds, what every preparation
-    pays, and compile_seconds, what the first one in a process paid beyond it: compilation, loading
-    from caches, imports. They are told apart by preparing twice."""
+    """Prepare a run twice; return it and the seconds this took.
+
+    setup_seconds: what every preparation pays; compile_seconds: what the first one in a process
+    pays beyond it: compilation, loading from caches, imports. Preparing twice separates them.
+    """
     start = _now()
     run = prepare()
     first = again = _now() - start
@@ -125,9 +141,11 @@ def prepared(prepare: Callable[[], Callable]) -> tuple[Callable, dict]:
 def first_call(
     run: Callable[[], object], again: Callable[[], None] = lambda: None
 ) -> tuple[object, float, float]:
-    """Call `run()`; returns its result, its seconds, and those that numba's compiler took within. A
-    run that compiles is made again, after a call of `again`: its seconds are those of the second
-    call."""
+    """Call `run()`; return its result, its seconds, and those of numba's compiler within.
+
+    A run that compiles is repeated, after a call of `again`: its seconds are those of the second
+    call.
+    """
     out, seconds, spent = _watched(run)
     if spent > 0.0:
         again()
@@ -135,8 +153,11 @@ def first_call(
     return out, seconds, spent
 
 
-def _watched(run):
-    """(result, seconds, seconds of numba's compiler, loading from its cache included)."""
+def _watched(run: Callable[[], object]) -> tuple[object, float, float]:
+    """Call `run()`; return its result, its seconds, and those of numba's compiler.
+
+    The latter include loading from numba's cache.
+    """
     if "numba" not in sys.modules:
         start = _now()
         out = run()
@@ -172,9 +193,10 @@ def _watched(run):
 def interleaved(
     runs: dict[str, Callable[[], object]], rounds: int = ROUNDS, least: float = LEAST
 ) -> dict[str, Times]:
-    """Time each run, by name, over `rounds` rounds. Each is run once before, untimed, and
-    that call tells how often it must be repeated in its turn to last `least` seconds. Runs must be
-    ready: prepared and compiled.
+    """Time each run, by name, over `rounds` rounds.
+
+    Each is run once before, untimed, and that call determines how often it must be repeated in its
+    turn to last `least` seconds. Runs must be ready: prepared and compiled.
 
     Raises ValueError for no runs or fewer than one round.
     """
@@ -190,7 +212,8 @@ def interleaved(
     return {n: Times(seconds[n], repeats[n]) for n in names}
 
 
-def _seconds(run, repeats):
+def _seconds(run: Callable[[], object], repeats: int) -> float:
+    """Return the seconds of one of `repeats` calls of `run()`."""
     start = time.perf_counter()
     for _ in range(repeats):
         run()
@@ -198,7 +221,9 @@ def _seconds(run, repeats):
 
 
 def ratio(one: Times, other: Times) -> Ratio:
-    """Divide the seconds of `one` by those of `other`, round by round; both from the same
-    interleaved series."""
+    """Divide the seconds of `one` by those of `other`, round by round.
+
+    Both must come from the same interleaved series.
+    """
     low, middle, high = np.percentile(one.seconds / other.seconds, (25, 50, 75))
     return Ratio(float(middle), float(low), float(high))

@@ -6,6 +6,7 @@ All runs of a case are measured against the same context, which is computed once
 from __future__ import annotations
 
 import weakref
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -51,6 +52,7 @@ def context_of(case: Case) -> MeasureContext:
 
 
 def _make(case: Case) -> MeasureContext:
+    """Compute the context of a case from its reference."""
     ref = reference(case)
     scene = (
         ConstraintSet(case.problem, case.n) if isinstance(case.problem, Complementarity) else None
@@ -68,8 +70,10 @@ def _make(case: Case) -> MeasureContext:
 
 
 def event_times(case: Case, ref: Reference) -> np.ndarray:
-    """Collect the times of the reference's events; where it stores none, the samples at which a
-    contact starts or stops."""
+    """Collect the times of the reference's events.
+
+    Where it stores none: the samples at which a contact starts or stops to act.
+    """
     if ref.events is not None:
         return np.array([e.t for e in ref.events])
     if ref.impulse is None:
@@ -77,16 +81,22 @@ def event_times(case: Case, ref: Reference) -> np.ndarray:
     return case.t[1:-1][changes(case.problem, case.t, ref.impulse)]
 
 
-def pattern(problem, t, impulse) -> np.ndarray:
-    """Classify the multipliers of each interval, (k - 1, m): 1 where one acts, else 0 (Filippov: 0,
-    2 or, for a weight in between, 1)."""
+def pattern(
+    problem: Complementarity | LCS | Filippov, t: np.ndarray, impulse: np.ndarray
+) -> np.ndarray:
+    """Classify the multipliers of each interval, (k - 1, m): 1 where one acts, else 0.
+
+    Filippov: 0, 2 or, for a weight in between, 1. t (k,), impulse (k, m).
+    """
     mean = np.diff(impulse, axis=0) / np.diff(t)[:, None]
     if isinstance(problem, Filippov):
         return (mean > 1e-9).astype(int) + (mean > 1 - 1e-9)
     return (mean > 1e-9 * max(1.0, float(np.abs(mean).max(initial=0.0)))).astype(int)
 
 
-def changes(problem, t, impulse) -> np.ndarray:
+def changes(
+    problem: Complementarity | LCS | Filippov, t: np.ndarray, impulse: np.ndarray
+) -> np.ndarray:
     """Mark the inner samples (k - 2,) at which the pattern changes."""
     p = pattern(problem, t, impulse)
     return np.any(p[1:] != p[:-1], axis=1)
@@ -105,7 +115,7 @@ def outside_windows(t: np.ndarray, events: np.ndarray) -> np.ndarray:
     return quiet
 
 
-def near_of(scene: ConstraintSet, contacts) -> CandidateContacts:
+def near_of(scene: ConstraintSet, contacts: Sequence[tuple]) -> CandidateContacts:
     """Build the candidates with the given ids, in their order."""
     static = scene.all_static()
     at = {c: k for k, c in enumerate(static.ids)}
@@ -138,14 +148,18 @@ def near_of(scene: ConstraintSet, contacts) -> CandidateContacts:
 
 
 def tolerance(ref: Reference) -> float:
-    """Compute the gap below which a contact counts as closed: ten times the reference's own error,
-    and 1e-10 of the largest coordinate."""
+    """Compute the gap below which a contact counts as closed.
+
+    Ten times the reference's own error, and 1e-10 of the largest coordinate.
+    """
     return 10.0 * ref.state_error + 1e-10 * max(1.0, float(np.abs(ref.x).max(initial=0.0)))
 
 
-def _active(case, ref, scene) -> tuple:
-    """Per sample: canonical ids of closed contacts (complementarity), acting diodes (LCS), surfaces
-    at zero."""
+def _active(case: Case, ref: Reference, scene: ConstraintSet | None) -> tuple:
+    """Collect by sample the ids of closed contacts, acting diodes (LCS), or surfaces at zero.
+
+    Ids are canonical.
+    """
     tol = tolerance(ref)
     out = []
     p = case.problem
@@ -173,9 +187,13 @@ def _active(case, ref, scene) -> tuple:
     return tuple(out)
 
 
-def _independent(case, ref, scene, k, active) -> bool:
-    """Do the multipliers of the active contacts follow from the motion at sample k? Full column
-    rank, by SVD."""
+def _independent(
+    case: Case, ref: Reference, scene: ConstraintSet | None, k: int, active: tuple
+) -> bool:
+    """Do the multipliers of the active contacts follow from the motion at sample k?
+
+    They do if the gradients have full column rank, by SVD.
+    """
     p = case.problem
     if not active:
         return True
@@ -202,8 +220,10 @@ def _independent(case, ref, scene, k, active) -> bool:
 
 
 def full_rank(G) -> bool:
-    """Are the rows of the sparse G independent (singular values, relative 1e-10, per connected
-    group of rows)?"""
+    """Are the rows of the sparse G independent?
+
+    By singular values, relative 1e-10, per connected group of rows.
+    """
     from scipy.sparse.csgraph import connected_components
 
     size = abs(G)

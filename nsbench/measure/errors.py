@@ -93,8 +93,10 @@ def errors(case: Case, traj: Trajectory) -> dict:
 
 
 def below_reference(row: dict, t: np.ndarray) -> list[str]:
-    """Names of the errors in `row` that lie below ten times what the reference's own error can make
-    of them."""
+    """List the errors in `row` that the reference's own error may have made.
+
+    They lie below ten times what that error can make of them.
+    """
     k = len(t) - 1
     gap = float(np.diff(t).min())
     floors = {
@@ -113,16 +115,19 @@ def below_reference(row: dict, t: np.ndarray) -> list[str]:
 
 
 def _finished(traj: Trajectory) -> bool:
+    """Has the run a status that is measured to the end, with finite states and impulses?"""
     return traj.status.code in MEASURED and bool(
         np.all(np.isfinite(traj.x)) and np.all(np.isfinite(traj.impulse))
     )
 
 
 def _size(values) -> float:
+    """Return the largest modulus of the values, at least 1; 1 if there are none."""
     return 1.0 if values is None else max(1.0, float(np.abs(values).max(initial=0.0)))
 
 
 def _against(made: MeasureContext, traj: Trajectory) -> dict:
+    """Measure the errors of a finished run against the reference."""
     ref = made.ref
     off = np.abs(traj.x - ref.x).max(axis=1)
     out = {"state_sup": float(off.max()), "state_T": float(off[-1])}
@@ -139,6 +144,7 @@ def _against(made: MeasureContext, traj: Trajectory) -> dict:
 
 
 def _multipliers(made: MeasureContext, traj: Trajectory) -> dict:
+    """Measure the errors of unique multipliers: impulse, l1, sup and settled."""
     ref = made.ref
     p = made.case.problem
     t = made.case.t

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from nsbench.problem import LCS, Complementarity, Filippov
 from nsbench.reference import canonical
 from nsbench.trajectory import Event
 
@@ -37,7 +38,7 @@ def match(found: np.ndarray, wanted: np.ndarray) -> np.ndarray:
 
 
 def event_errors(
-    problem, found: tuple[Event, ...], wanted: tuple[Event, ...]
+    problem: Complementarity | LCS | Filippov, found: tuple[Event, ...], wanted: tuple[Event, ...]
 ) -> tuple[float, int, int]:
     """Match the events of a run with those of the reference.
 
@@ -70,4 +71,5 @@ def event_errors(
 
 
 def _largest(values) -> float:
+    """Return the largest value, NaN if there is none."""
     return float(values.max()) if len(values) else float("nan")

@@ -1,27 +1,33 @@
-"""Sets of multipliers that are not unique: {mu >= 0, G mu = r, supp mu in A}, distance to it and
-its least-norm point."""
+"""Sets of multipliers that are not unique: {mu >= 0, G^T mu = r, supp mu in A}.
+
+Distance to the set, and its least-norm point.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from nsbench.measure.context import MeasureContext, near_of, tolerance
 from nsbench.reference import canonical
+from nsbench.trajectory import Trajectory
 
 
 @dataclass(frozen=True, eq=False)
 class Polyhedron:
-    """mu = base + Z y, mu >= -slack; base: the least-squares solution of G^T mu = r, Z (m, z): null
-    space of G^T."""
+    """Set of multipliers mu = base + Z y, mu >= -slack.
+
+    base (m,): the least-squares solution of G^T mu = r; Z (m, z): null space of G^T.
+    """
 
     base: np.ndarray
     Z: np.ndarray
     slack: float
 
     def nearest(self, lam: np.ndarray) -> np.ndarray | None:
-        """The point of the set nearest to lam (m,), None if the set is empty.
+        """Return the point of the set nearest to lam (m,), None if the set is empty.
 
         Within the affine hull the free optimum is y0 = Z^T (lam - base); what is left is a
         least-distance problem min |z|, Z z >= -(base + Z y0) - slack, solved as a non-negative
@@ -56,18 +62,18 @@ def polyhedron(G: np.ndarray, r: np.ndarray, slack: float, rank: float = 1e-10) 
 
 
 def resting(frame: MeasureContext) -> list:
-    """Find the intervals where the reference has one set of contacts and constant gradients:
-    (interval, ids, polyhedron, least).
+    """Find the intervals where the reference has one set of contacts and constant gradients.
 
-    Constant: the gradients at both ends differ by no more than the gap tolerance. least: the
-    least-norm multiplier.
+    Constant: the gradients at both ends differ by no more than the gap tolerance. Returns a list of
+    (interval, ids, polyhedron, least); least: the least-norm multiplier.
     """
     if "resting" not in frame.cache:
         frame.cache["resting"] = list(_resting(frame))
     return frame.cache["resting"]
 
 
-def _resting(frame):
+def _resting(frame: MeasureContext) -> Iterator[tuple]:
+    """Yield what `resting` lists."""
     case = frame.case
     ref = frame.ref
     scene = frame.scene
@@ -94,10 +100,12 @@ def _resting(frame):
             yield k, ids, found, least
 
 
-def selection(frame: MeasureContext, traj) -> tuple[float, float]:
-    """Measure the largest Euclidean distance of the interval means of lambda to the least-norm
-    multiplier (the selection, never an error) and to the set of multipliers; NaN where no interval
-    rests."""
+def selection(frame: MeasureContext, traj: Trajectory) -> tuple[float, float]:
+    """Measure the distance of lambda to the least-norm multiplier and to the set of multipliers.
+
+    The largest Euclidean distances of its interval means; the first is the selection of the method,
+    never an error. NaN where no interval has constant contacts and gradients.
+    """
     worst = [np.nan, np.nan]
     column = {canonical(frame.case.problem, c): k for k, c in enumerate(traj.contacts)}
     for k, ids, found, least in resting(frame):

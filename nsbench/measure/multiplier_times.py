@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from nsbench.case import Case
 from nsbench.measure.context import MeasureContext
 from nsbench.reference import columns_of, listed_contacts, spread
 from nsbench.trajectory import Trajectory
@@ -28,9 +29,11 @@ WEIGHTS = np.array([4 / 5, -1 / 5, 4 / 105, -1 / 280])  # central differences of
 SPACINGS = (1 / 4, 1 / 8, 1 / 16, 1 / 32)  # of their nodes, in sample spacings
 
 
-def exact_multiplier(case, t: np.ndarray, spacing: float) -> tuple[np.ndarray, np.ndarray]:
-    """Differentiate exact_impulse at the times t, within one spacing: exact multipliers (k, m) and
-    estimates of their error."""
+def exact_multiplier(case: Case, t: np.ndarray, spacing: float) -> tuple[np.ndarray, np.ndarray]:
+    """Differentiate exact_impulse at the times t (k,), within one spacing of the samples.
+
+    Returns the exact multipliers (k, m) and estimates of their error.
+    """
     guesses = []
     for part in SPACINGS:
         d = part * spacing
@@ -46,13 +49,17 @@ def exact_multiplier(case, t: np.ndarray, spacing: float) -> tuple[np.ndarray, n
     return np.take_along_axis(guesses[1:], best, 0)[0], np.take_along_axis(apart, best, 0)[0]
 
 
-def _impulse(case, t):
+def _impulse(case: Case, t: np.ndarray) -> np.ndarray:
+    """Evaluate the exact impulse (k, m) at the times t (k,)."""
     return np.asarray(case.exact_impulse(t), float)
 
 
 def errors_at_times(made: MeasureContext, traj: Trajectory) -> dict:
-    """Measure the largest differences at each time in the step; {} where there is nothing to
-    compare. lam_floor: ten times the error of the exact multiplier."""
+    """Measure the largest errors of step multipliers at each time in the step.
+
+    Returns {} where there is nothing to compare. lam_floor: ten times the error of the exact
+    multiplier.
+    """
     case = made.case
     t = made.case.t
     if case.exact_impulse is None or (traj.lam is None and traj.lam_time != "mean"):
@@ -91,4 +98,5 @@ def errors_at_times(made: MeasureContext, traj: Trajectory) -> dict:
 
 
 def _largest(values) -> float:
+    """Return the largest modulus, 0 if there are no values."""
     return float(np.abs(values).max(initial=0.0))

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
 NODES = 6
 
 
-def kinked_intervals(t: np.ndarray, changed: np.ndarray, events) -> np.ndarray:
-    """Mark the intervals (k - 1,) inside which x' may jump: on both sides of a change of pattern,
-    and those with an event."""
+def kinked_intervals(t: np.ndarray, changed: np.ndarray, events: Iterable[float]) -> np.ndarray:
+    """Mark the intervals (k - 1,) inside which x' may jump.
+
+    Those on both sides of a change of pattern, changed (k - 2,), and those with an event.
+    """
     kinked = np.zeros(len(t) - 1, bool)
     kinked[:-1] |= changed
     kinked[1:] |= changed
@@ -19,15 +23,17 @@ def kinked_intervals(t: np.ndarray, changed: np.ndarray, events) -> np.ndarray:
 
 
 def integrals(t: np.ndarray, F: np.ndarray, kinked: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Integrate F (k, n) over the intervals; returns the integrals and bounds (k - 1, n) of their
-    error.
+    """Integrate F (k, n) over the intervals of t (k,).
+
+    Returns the integrals and bounds (k - 1, n) of their error.
 
     In a smooth stretch: the polynomial through up to six samples around the interval, which reaches
-    no kinked one;
-    bound: the largest change around when an end node is left out (order six, judged as if five).
-    Else the trapezoid;
-    bound: L D^2 / 4, which holds for every F with |F'| <= L, with the largest slope over this
-    interval and the two on each side for L (before and after a kink F moves as it does there).
+    no kinked one; bound: the largest change around when an end node is left out (order six, judged
+    as if five).
+
+    Else the trapezoid; bound: L D^2 / 4, which holds for every F with |F'| <= L, with the largest
+    slope over this interval and the two on each side for L (before and after a kink F moves as it
+    does there).
     """
     D = np.diff(t)[:, None]
     value = 0.5 * D * (F[1:] + F[:-1])
@@ -73,7 +79,6 @@ def around(values: np.ndarray) -> np.ndarray:
 
 
 def _weights(s: np.ndarray) -> np.ndarray:
-    """Weights of the rule on nodes s that is exact for polynomials, for the integral from 0 to
-    1."""
+    """Return the weights of the rule on nodes s that is exact for polynomials, on [0, 1]."""
     powers = np.arange(len(s))
     return np.linalg.solve(s[None, :] ** powers[:, None], 1.0 / (powers + 1.0))

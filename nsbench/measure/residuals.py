@@ -45,18 +45,23 @@ NAMES = ("feasibility", "sign", "complementarity", "residual")
 
 
 def residuals(frame: MeasureContext, traj: Trajectory) -> dict:
-    """Measure the four residuals over the samples before the first that is not finite; NaN where
-    there are fewer than two."""
+    """Measure the four residuals over the samples before the first that is not finite.
+
+    NaN where there are fewer than two.
+    """
     return _measured(frame, traj)[0]
 
 
 def interval_residuals(frame: MeasureContext, traj: Trajectory) -> np.ndarray:
-    """Measure the residual of each interval (k - 1,), a velocity, of which `residual` is the
-    largest; NaN where it has none."""
+    """Measure the residual of each interval (k - 1,), a velocity; NaN where it has none.
+
+    `residual` is the largest of them.
+    """
     return _measured(frame, traj)[1]
 
 
 def _measured(frame: MeasureContext, traj: Trajectory) -> tuple[dict, np.ndarray]:
+    """Measure all residuals; return them by name, and the residual of each interval (k - 1,)."""
     good = np.all(np.isfinite(traj.x), axis=1) & np.all(np.isfinite(traj.impulse), axis=1)
     good &= np.all(np.isfinite(traj.reaction), axis=1)
     k = int(np.argmin(good)) if not good.all() else len(good)
@@ -105,6 +110,7 @@ def _measured(frame: MeasureContext, traj: Trajectory) -> tuple[dict, np.ndarray
 
 
 def _equation(frame, t, x, impulse, reaction, kinked, contacts) -> np.ndarray:
+    """Measure the residual of the differential equation in each interval (k - 1,)."""
     f = right_hand_side(frame.case.problem)
     F = np.array([f(a, b) for a, b in zip(t, x, strict=True)])
     value, bound = integrals(t, F, kinked)
@@ -114,12 +120,11 @@ def _equation(frame, t, x, impulse, reaction, kinked, contacts) -> np.ndarray:
 
 
 def _gaps(frame, contacts, t, x, impulse, reaction, lam):
-    """Feasibility, complementarity, and how far the reaction is from impulse x gradient (per unit
-    of time).
+    """Measure feasibility, complementarity, and how far the reaction is from impulse x gradient.
 
-    The gradient of an interval is the mean of both ends. What that may be wrong by is bounded by
-    half the largest change of the gradient over this interval and the two on each side, times the
-    impulse.
+    The last per unit of time. The gradient of an interval is the mean of both ends. What that may
+    be wrong by is bounded by half the largest change of the gradient over this interval and the two
+    on each side, times the impulse.
     """
     scene = frame.scene
     worst = max(scene.max_violation(a, b) for a, b in zip(t, x, strict=True))
@@ -140,10 +145,10 @@ def _gaps(frame, contacts, t, x, impulse, reaction, lam):
 
 
 class _Gradients:
-    """Gradients of the contacts of `near` at the samples, as the entries of one sparse pattern that
-    all samples share.
+    """Gradients of contacts at the samples, as entries of one sparse pattern that all share.
 
-    Only the samples around the interval asked for last are kept: these are the largest arrays here.
+    Only the samples around the interval requested last are stored: these are the largest arrays
+    here.
     """
 
     def __init__(self, scene, near, places, t, x):
@@ -160,7 +165,10 @@ class _Gradients:
         self.col = places % scene.n
 
     def _around(self, k: int) -> range:
-        """Samples of interval k and the two intervals on each side; what is older is dropped."""
+        """Return the samples of interval k and of the two intervals on each side.
+
+        Entries of older samples are dropped.
+        """
         used = range(max(k - 2, 0), min(k + 4, len(self.t)))
         self.values = {j: self.values[j] if j in self.values else self._entries(j) for j in used}
         self.steps = {
@@ -170,23 +178,24 @@ class _Gradients:
         return used
 
     def _entries(self, j: int) -> np.ndarray:
+        """Return the entries of the gradients at sample j."""
         values = self.scene.gradient_values(float(self.t[j]), self.x[j], self.near, self.places)
         return np.bincount(self.place, values, len(self.row))
 
     def push(self, k: int, d: np.ndarray) -> np.ndarray:
-        """(n,) the mean gradient of interval k times the impulses d."""
+        """Return (n,) the mean gradient of interval k times the impulses d."""
         self._around(k)
         mean = 0.5 * (self.values[k] + self.values[k + 1])
         return np.bincount(self.col, mean * d[self.row], self.scene.n)
 
     def doubt(self, k: int, d: np.ndarray) -> np.ndarray:
-        """(n,) half the largest change of the gradient around interval k, times |d|."""
+        """Return (n,) half the largest change of the gradient around interval k, times |d|."""
         most = np.max([self.steps[j] for j in self._around(k)[:-1]], axis=0)
         return np.bincount(self.col, 0.5 * most * np.abs(d)[self.row], self.scene.n)
 
 
 def _lcs_push(problem, contacts, impulse):
-    """(k, n) B times the impulse."""
+    """Return (k, n) B times the impulse."""
     return (
         spread(problem, contacts, impulse, {(0, i): i for i in range(problem.B.shape[1])})
         @ problem.B.T
@@ -194,17 +203,22 @@ def _lcs_push(problem, contacts, impulse):
 
 
 def _switched(p, v, lam):
-    """(k - 1,) intervals in which a lam acts that is 0 at one of both ends: there w > 0, whatever
-    lam >= 0 is."""
+    """Mark the intervals (k - 1,) in which a lam acts that is 0 at one of both ends.
+
+    There w > 0, whatever lam >= 0 is.
+    """
     apart = (v > OPEN * np.abs(v).max(axis=0, initial=0.0)) & (p.D >= 0.0).all(axis=1)
     acts = lam > OPEN * np.abs(lam).max(initial=0.0)
     return ((apart[1:] ^ apart[:-1]) & acts).any(axis=1)
 
 
 def _lcs(frame, contacts, t, x, impulse, reaction, lam, kinked):
-    """As _gaps. w has interval means by the quadrature of C x + q, less its bound; rows without lam
-    count at samples.
-    Complementarity is a product of means, so it is looked at where nothing switches."""
+    """Measure feasibility, complementarity and reaction of a linear complementarity system.
+
+    Returns as _gaps. w has interval means by the quadrature of C x + q, less its bound; rows
+    without lam count at samples. Complementarity is a product of means, so it is computed where
+    nothing switches.
+    """
     p = frame.case.problem
     q = as_numpy(p.q) if p.q else lambda s: 0.0
     v = np.array([p.C @ b + q(a) for a, b in zip(t, x, strict=True)])
@@ -225,6 +239,12 @@ def _lcs(frame, contacts, t, x, impulse, reaction, lam, kinked):
 
 
 def _inclusion(case, contacts, t, x, impulse, kinked):
+    """Measure how far a Filippov run is from its differential inclusion.
+
+    Returns feasibility (NaN), the least weight, complementarity, and by interval the distance of
+    the mean velocity to the convex hull of the mean fields of the acting modes, less the bounds of
+    the quadrature.
+    """
     p = case.problem
     switch = as_numpy(p.switch)
     field = as_numpy(p.field)
@@ -269,9 +289,11 @@ def _inclusion(case, contacts, t, x, impulse, kinked):
 
 
 def _mixing(theta, F) -> np.ndarray:
-    """(k - 1,) bound of |mean of theta x field - mean theta x mean field|: a quarter of the product
-    of both ranges (Gruess), the range of theta taken from the neighbouring means, that of the
-    fields' difference from the samples."""
+    """Bound |mean of theta x field - mean theta x mean field| by interval, (k - 1,).
+
+    A quarter of the product of both ranges (Gruess), the range of theta taken from the neighbouring
+    means, that of the fields' difference from the samples.
+    """
     out = np.zeros(len(theta))
     swing = around(np.abs(np.diff(theta, axis=0, append=theta[-1:])))
     for i in range(theta.shape[1]):

@@ -1,5 +1,7 @@
-"""Richardson extrapolation in the step of PBD or catching-up: runs with h, h/2 (and h/4), combined
-at the sample times."""
+"""Richardson extrapolation in the step of PBD or catching-up.
+
+Runs with h, h/2 (and h/4) are combined at the sample times.
+"""
 
 from __future__ import annotations
 
@@ -60,8 +62,10 @@ class Richardson:
 
     @property
     def claims(self) -> Claims:
-        """Rounding: a run with h/2^j makes 2^j additions per h, and its weight multiplies what they
-        leave."""
+        """Return the claims: order 2, and how much of the rounding errors the weights amplify.
+
+        A run with h/2^j makes 2^j additions per h, and its weight multiplies what they leave.
+        """
         return Claims(
             state=2.0,
             impulse=2.0,
@@ -70,6 +74,7 @@ class Richardson:
 
     @property
     def expects(self) -> tuple[Expect, ...]:
+        """Return the expectations of the method that is extrapolated, as far as they carry over."""
         return (*EXPECTS, SETTLING) if self.method == "pbd" else self.base.expects
 
     def __post_init__(self):
@@ -86,9 +91,11 @@ class Richardson:
         return get(self.method)
 
     def refuses(self, case: Case) -> str | None:
+        """Explain why the extrapolated method does not take the case; None if it does."""
         return self.base.refuses(case)
 
     def prepare(self, case: Case, h: float) -> Run:
+        """Prepare the runs with h, h/2 (and h/4); return the run that combines them."""
         from nsbench.solvers.registry import refused
 
         grids = [grid(case.t, h)]

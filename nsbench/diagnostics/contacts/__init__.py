@@ -1,1 +1,3 @@
-"""nsbench/diagnostics/contacts"""
+"""Checks of runs with constraints: infeasible or degenerate constraints, and contacts passed
+through.
+"""

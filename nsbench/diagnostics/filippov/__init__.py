@@ -1,1 +1,3 @@
-"""nsbench/diagnostics/filippov"""
+"""Checks of runs of Filippov systems: late exits, repulsive and dependent surfaces, motions not
+unique.
+"""

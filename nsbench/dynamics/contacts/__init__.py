@@ -1,1 +1,3 @@
-"""nsbench/dynamics/contacts"""
+"""Evaluate constraint families: candidate contacts, gaps, gradients, rates, and tolerances of
+violations.
+"""

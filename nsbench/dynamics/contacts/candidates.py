@@ -1,4 +1,4 @@
-"""Candidate constraints as arrays: those of a problem that are looked at in one state."""
+"""Candidate contacts as arrays: the constraints of a problem that are evaluated in one state."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ __all__ = [
 
 @dataclass(frozen=True, eq=False)
 class CandidateContacts:
-    """m candidate constraints: arrays of length m.
+    """Candidate contacts, m of them: arrays of length m.
 
     kind (ROW, PAIR, ANCHOR, SMOOTH); family, i, j (j = -1 where an id has no second index); p, q:
     row number or first coordinate of particle i; first coordinate of particle j or of the anchor;
@@ -54,6 +54,7 @@ class CandidateContacts:
 
     @property
     def ids(self) -> list[tuple]:
+        """Return the contact ids as tuples (family, i) or (family, i, j)."""
         return [
             (f, i) if j < 0 else (f, i, j)
             for f, i, j in zip(self.family.tolist(), self.i.tolist(), self.j.tolist(), strict=True)
@@ -61,18 +62,20 @@ class CandidateContacts:
 
     @property
     def key(self) -> np.ndarray:
-        """(m,) one number per id; ids have at most 2^21 members in each index."""
+        """Return (m,) one integer per id; ids have at most 2^21 members in each index."""
         return (self.family << 42) + (self.i << 21) + self.j + 1
 
     @property
     def contacts(self) -> Contacts:
-        """The arrays that the kernels need."""
+        """Return the arrays that describe the gaps, named as kernels receive them."""
         return Contacts(self.kind, self.p, self.q, self.d, self.sign, self.dim)
 
-    def take(self, index) -> CandidateContacts:
+    def take(self, index: np.ndarray) -> CandidateContacts:
+        """Return the entries of the given index or mask."""
         return CandidateContacts(*(a[index] for a in self.arrays()))
 
     def copy(self) -> CandidateContacts:
+        """Return a copy that shares no array."""
         return CandidateContacts(*(a.copy() for a in self.arrays()))
 
     def arrays(self) -> ListedContacts:
@@ -84,16 +87,21 @@ class CandidateContacts:
 
 @dataclass(frozen=True)
 class ContactLayout:
-    """Where the entries of a Near stand. pairs: (kind, entries, coordinates of i, of j or of the
-    anchor) by kind and dimension; rows: entries that are affine rows; smooth: entries of each
-    Smooth family."""
+    """Positions of the entries of CandidateContacts, by kind.
+
+    pairs: (kind, entries, coordinates of i, of j or of the anchor) by kind and dimension; rows:
+    entries that are affine rows; smooth: entries of each Smooth family.
+    """
 
     pairs: tuple
     rows: np.ndarray
     smooth: tuple
 
 
-def make_candidates(kind, family, i, j, p, q, d, sign, dim) -> CandidateContacts:
+def make_candidates(
+    kind: int, family: int, i, j, p, q, d, sign: float, dim: int
+) -> CandidateContacts:
+    """Build CandidateContacts from arrays (m,) or scalars, which are broadcast."""
     m = len(i)
     i, j, p, q = (np.asarray(a, np.int64) for a in (i, j, p, q))
     return CandidateContacts(
@@ -109,9 +117,12 @@ def make_candidates(kind, family, i, j, p, q, d, sign, dim) -> CandidateContacts
     )
 
 
-def pairs_brute_force(x, r, reach):
-    """Pairs (i, j), i < j, in order, of particles x (m, dim) with radii r whose gap is at most
-    `reach`: kernels.near, for few."""
+def pairs_brute_force(x: np.ndarray, r: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
+    """List the pairs (i, j), i < j, in order, whose gap is at most `reach`, by testing all of them.
+
+    x (m, dim), r (m,): positions and radii. For few particles; kernels.cell_list does the same for
+    many.
+    """
     i, j = np.triu_indices(len(x), 1)
     if reach == np.inf:
         return i, j
@@ -123,6 +134,7 @@ def pairs_brute_force(x, r, reach):
 
 
 def join(parts: list[CandidateContacts]) -> CandidateContacts:
+    """Concatenate candidate contacts in the given order."""
     if not parts:
         return make_candidates(ROW, 0, [], [], [], [], 0.0, 1, 1)
     return CandidateContacts(

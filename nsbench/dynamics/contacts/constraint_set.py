@@ -1,8 +1,8 @@
-"""All families of one problem seen at a state: candidates, gaps, gradients as sparse rows, rates.
+"""All families of one problem at a state: candidates, gaps, gradients as sparse rows, rates.
 
 Listed constraints (affine rows, fixed pairs, anchors, smooth ones) are always candidates; of the
-pairs of hard particles only those near, found by cell lists. The order is the stated one: family,
-then i, then j.
+pairs of hard particles only those near each other, which cell lists determine. The order is the one
+stated by the problem: family, then i, then j.
 """
 
 from __future__ import annotations
@@ -33,9 +33,11 @@ from nsbench.problem import Affine, Complementarity, Distance, Smooth
 FEW = 64  # hard particles: all their pairs are looked at sooner than a kernel is compiled
 
 
-def _stacked(families: list[Affine]):
-    """All affine rows as CSR: ptr, cols, vals. A single family's own arrays, not copies: a large
-    scene has many rows."""
+def _stacked(families: list[Affine]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Stack all affine rows as CSR: ptr, cols, vals.
+
+    The arrays of a single family are not copied: a large scene has many rows.
+    """
     if len(families) == 1:
         return families[0].indptr, families[0].indices, families[0].data
     ptr = [np.zeros(1, np.int64)]
@@ -49,7 +51,7 @@ def _stacked(families: list[Affine]):
 
 
 class ConstraintSet:
-    """The constraints of a Complementarity problem with a state of size n, ready for evaluation.
+    """Evaluate the constraints of a Complementarity problem with a state of size n.
 
     Attributes used by kernels: ptr, cols, vals, inv2 (all affine rows as CSR), and b(t), anchors(t)
     as flat arrays.
@@ -86,24 +88,27 @@ class ConstraintSet:
         }
 
     def b(self, t: float) -> np.ndarray:
-        """(rows,) right-hand sides of all affine rows at time t."""
+        """Return (rows,) the right-hand sides of all affine rows at time t."""
         return (
             np.concatenate([np.asarray(f(t), float) for f in self._b]) if self._b else np.empty(0)
         )
 
     def anchors(self, t: float) -> np.ndarray:
-        """Coordinates of all anchors at time t, flat."""
+        """Return the coordinates of all anchors at time t, flat."""
         return np.concatenate(
             [np.empty(0), *(np.asarray(f(t), float).ravel() for f in self._anchors)]
         )
 
-    def smooth(self, s: int):
-        """The s-th Smooth family: g(t, x), gradient(t, x), rate(t, x) in numpy."""
+    def smooth(self, s: int) -> SmoothRows:
+        """Return the s-th Smooth family: g(t, x), gradient(t, x), rate(t, x) in numpy."""
         return self._smooth[s]
 
     @functools.cached_property
     def _parts(self) -> dict[int, CandidateContacts]:
-        """The listed constraints by family; made when asked for: rows take 72 bytes each."""
+        """Return the listed constraints by family, built when first needed.
+
+        Rows take 72 bytes each.
+        """
         parts = {}
         row = 0
         anchor = 0
@@ -133,6 +138,7 @@ class ConstraintSet:
         return parts
 
     def _listed(self, k: int, c: Distance, anchor: int) -> CandidateContacts:
+        """Return the candidates of a distance family with fixed pairs or anchors."""
         count = c.particles(self.n)
         pairs = c.pairs
         targets = count
@@ -162,12 +168,14 @@ class ConstraintSet:
         )
 
     def all_static(self) -> CandidateContacts:
-        """The listed constraints alone."""
+        """Return the listed constraints alone, without pairs of hard particles."""
         return join([self._parts[k] for k in sorted(self._parts)])
 
     def near(self, x: np.ndarray, reach: float, t: float = 0.0) -> CandidateContacts:
-        """Every listed constraint and the hard pairs with gap at most `reach` (inf: all), in the
-        stated order. x finite."""
+        """Return every listed constraint and the hard pairs with gap at most `reach` (inf: all).
+
+        In the order of the problem. x (n,) must be finite.
+        """
         parts = dict(self._parts)
         for k, c, m in self.hard:
             r = self.radii[k]
@@ -187,8 +195,10 @@ class ConstraintSet:
         return join([parts[k] for k in sorted(parts)])
 
     def max_violation(self, t: float, x: np.ndarray) -> float:
-        """The most that a constraint is violated by at (t, x), 0.0 where none is: of near(x, 0.0,
-        t), without listing it."""
+        """Return the largest violation of a constraint at (t, x), 0.0 where there is none.
+
+        That of near(x, 0.0, t), without listing it.
+        """
         worst = max(0.0, float(-self.gaps(t, x, *self._static).min(initial=0.0)))
         for k, c, m in self.hard:
             from nsbench.dynamics.contacts.kernels.cell_list import near_pairs
@@ -209,10 +219,14 @@ class ConstraintSet:
 
     @functools.cached_property
     def _static(self):
+        """Return the listed constraints and their layout."""
         return (near := self.all_static()), self.layout(near)
 
     def layout(self, near: CandidateContacts) -> ContactLayout:
-        """For many evaluations of the same contacts."""
+        """Return the positions of the entries of `near` by kind.
+
+        For many evaluations of the same contacts.
+        """
         pairs = []
         for kind in (PAIR, ANCHOR):
             of_kind = near.kind == kind
@@ -229,7 +243,7 @@ class ConstraintSet:
     def gaps(
         self, t: float, x: np.ndarray, near: CandidateContacts, layout: ContactLayout | None = None
     ) -> np.ndarray:
-        """(m,) values g_k(t, x)."""
+        """Return (m,) the gaps g_k(t, x) of the candidates `near`."""
         g = np.empty(len(near))
         layout = layout or self.layout(near)
         for sel, _, _, dist in self._distances(t, x, layout):
@@ -243,30 +257,38 @@ class ConstraintSet:
         return g
 
     def _distances(self, t, x, layout):
-        """Per kind and dimension: which entries, coordinates of i, differences (m, dim), lengths
-        (m,)."""
+        """Yield the distances of each kind and dimension.
+
+        Entries, coordinates of i (and j), differences (m, dim), lengths (m,).
+        """
         for kind, sel, i, j in layout.pairs:
             diff = x[i] - (x[j] if kind == PAIR else self.anchors(t)[j])
             yield sel, (i, j if kind == PAIR else None), diff, np.sqrt((diff * diff).sum(1))
 
     def dense_gradients(self, t: float, x: np.ndarray, near: CandidateContacts) -> np.ndarray:
-        """(m, n) rows grad g_k."""
+        """Return (m, n) the gradients of the gaps as a dense matrix."""
         G = np.zeros((len(near), self.n))
         r, c, v = self.gradient_entries(t, x, near)
         np.add.at(G, (r, c), v)
         return G
 
     def gradients(self, t: float, x: np.ndarray, near: CandidateContacts):
-        """(m, n) scipy.sparse.csr_array of rows grad g_k. A distance of zero has the first axis as
-        direction."""
+        """Return (m, n) the gradients of the gaps as a scipy.sparse.csr_array.
+
+        A distance of zero has the first axis as its direction.
+        """
         from scipy.sparse import csr_array
 
         r, c, v = self.gradient_entries(t, x, near)
         return csr_array((v, (r, c)), shape=(len(near), self.n))
 
-    def gradient_entries(self, t: float, x: np.ndarray, near: CandidateContacts):
-        """Rows, columns and values of the gradients; rows and columns are the same for every t and
-        x."""
+    def gradient_entries(
+        self, t: float, x: np.ndarray, near: CandidateContacts
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return rows, columns and values of the gradients.
+
+        Rows and columns are the same for every t and x.
+        """
         layout = self.layout(near)
         r = [np.empty(0, np.int64)]
         c = [np.empty(0, np.int64)]
@@ -286,7 +308,7 @@ class ConstraintSet:
     def gradient_values(
         self, t: float, x: np.ndarray, near: CandidateContacts, layout: ContactLayout
     ) -> np.ndarray:
-        """The values of `gradient_entries` alone."""
+        """Return the values of `gradient_entries` alone."""
         v = [np.empty(0)]
         for sel, (_, j), diff, dist in self._distances(t, x, layout):
             unit = np.divide(diff, dist[:, None], out=np.zeros_like(diff), where=dist[:, None] > 0)
@@ -300,7 +322,7 @@ class ConstraintSet:
         return np.concatenate(v)
 
     def rates(self, t: float, x: np.ndarray, near: CandidateContacts) -> np.ndarray:
-        """(m,) partial derivatives dg/dt."""
+        """Return (m,) the partial derivatives dg/dt."""
         rate = np.zeros(len(near))
         if not self.moving:
             return rate

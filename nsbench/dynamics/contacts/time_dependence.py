@@ -1,9 +1,12 @@
-"""What a family gives as functions of time: walls one after the other, their speeds, smooth gaps
-and derivatives."""
+"""Time dependence of constraint families: curves, their speeds, smooth gaps and derivatives.
+
+Curves are those of walls (the right-hand sides of rows) and of anchors.
+"""
 
 from __future__ import annotations
 
 import functools
+from collections.abc import Callable
 
 import numpy as np
 
@@ -11,9 +14,11 @@ from nsbench.compilation.factories import as_jax, as_numpy
 from nsbench.problem import Smooth
 
 
-def concatenate_curves(parts):
-    """One factory ``(xp) -> (t) -> flat array`` for arrays and factories one after the other; None
-    if nothing moves."""
+def concatenate_curves(parts: list) -> Callable | None:
+    """Concatenate arrays and factories of curves into one factory ``(xp) -> (t) -> flat array``.
+
+    Returns None if nothing moves.
+    """
     if not any(callable(p) for p in parts):
         return None
     key = tuple(map(id, parts))
@@ -26,6 +31,8 @@ _chains: dict = {}
 
 
 def _chain(parts):
+    """Build the factory that concatenates the parts, at least one of which moves."""
+
     def leaf(part):
         def make(xp):
             if callable(part):
@@ -50,8 +57,11 @@ def _chain(parts):
 _derivatives: dict = {}
 
 
-def time_derivative(factory):
-    """d/dt of ``factory(xp) -> (t)`` by JAX, as a numpy function; compiled once."""
+def time_derivative(factory: Callable) -> Callable:
+    """Differentiate ``factory(xp) -> (t)`` in time by JAX.
+
+    Returns a numpy function, compiled once.
+    """
     if factory not in _derivatives:
         import jax
 
@@ -62,7 +72,7 @@ def time_derivative(factory):
 
 
 class SmoothRows:
-    """g, gradient and rate of a Smooth family as numpy functions."""
+    """Evaluate g, gradient and rate of a Smooth family as numpy functions of (t, x)."""
 
     def __init__(self, family: Smooth, n: int):
         self._family = family
@@ -73,20 +83,21 @@ class SmoothRows:
         self._rate = as_numpy(family.rate) if family.rate else None
 
     def _jax(self, argnum):
+        """Return the Jacobian of g in argument `argnum` by JAX."""
         import jax
 
         f = as_jax(self._family.g)
         d = jax.jit(jax.jacfwd(f, argnums=argnum))
         return lambda t, x: np.asarray(d(float(t), x))
 
-    def gradient(self, t, x):
-        """(m, n)."""
+    def gradient(self, t: float, x: np.ndarray) -> np.ndarray:
+        """Return the gradients (m, n) of g at (t, x)."""
         if self._gradient is None:
             self._gradient = self._jax(1)
         return np.asarray(self._gradient(t, x), float)
 
-    def rate(self, t, x):
-        """(m,)."""
+    def rate(self, t: float, x: np.ndarray) -> np.ndarray:
+        """Return the partial derivatives (m,) of g in time at (t, x)."""
         if self._rate is None:
             self._rate = self._jax(0)
         return np.asarray(self._rate(t, x), float)

@@ -1,4 +1,7 @@
-"""What a violated constraint is held against: its own numbers, in any unit and anywhere."""
+"""Tolerances for violated constraints, relative to each constraint's own lengths and terms.
+
+They hold in any unit and anywhere in space.
+"""
 
 from __future__ import annotations
 
@@ -25,6 +28,7 @@ EXACT = 4e-15
 
 @functools.lru_cache(maxsize=64)
 def scene_of(case: Case) -> ConstraintSet:
+    """Return the constraint set of a case, built once for each case."""
     return ConstraintSet(case.problem, case.n)
 
 
@@ -36,12 +40,12 @@ def tolerances(
     near: CandidateContacts,
     projected: bool = False,
 ) -> np.ndarray:
-    """(m,) what the gaps of `near` at (t, x) may be below zero, each in its own unit.
+    """Return (m,) how far the gaps of `near` at (t, x) may be below zero, each in its own unit.
 
-    TOLERANCE of a length: the distance itself, or the unit of the case for a row or a smooth
-    constraint (of what the gap changes by along it); and ROUNDED or, where that is harmless,
-    PRINTED of the numbers that the gap is the difference of.
-    Much less of what was projected.
+    TOLERANCE of a length: the distance itself, or the characteristic length of the case for a row
+    or a smooth constraint (by what the gap changes along it); and ROUNDED or, where that is
+    harmless, PRINTED of the numbers that the gap is the difference of. Much less for what was
+    projected.
     """
     length = gap_lengths(case, scene, t, x, near)
     terms = term_sizes(scene, t, x, near)
@@ -55,7 +59,7 @@ def tolerances(
 def gap_lengths(
     case: Case, scene: ConstraintSet, t: float, x: np.ndarray, near: CandidateContacts
 ) -> np.ndarray:
-    """(m,) what the gaps of `near` change by along a length of theirs."""
+    """Return (m,) by how much the gaps of `near` change along their own length."""
     unit = max(case_length_scale(case), LEAST)
     layout = scene.layout(near)
     out = np.maximum(near.d, LEAST * unit)
@@ -72,8 +76,11 @@ def gap_lengths(
 def term_sizes(
     scene: ConstraintSet, t: float, x: np.ndarray, near: CandidateContacts
 ) -> np.ndarray:
-    """(m,) the sizes of what the gaps of `near` at (t, x) are differences of: coordinates of two
-    ends, terms of a row; of a smooth constraint to first order, 0 where it has no gradient."""
+    """Return (m,) the sizes of the terms that the gaps of `near` at (t, x) are differences of.
+
+    Coordinates of the two ends of a distance, terms of a row; of a smooth constraint to first
+    order, 0 where it has no gradient.
+    """
     out = np.zeros(len(near))
     layout = scene.layout(near)
     for kind, sel, i, j in layout.pairs:
@@ -94,7 +101,10 @@ def term_sizes(
 
 
 def violates(case: Case, scene: ConstraintSet, t: float, x: np.ndarray) -> bool:
-    """Whether x (n,) violates a constraint at t by more than it may; what is no number does."""
+    """Does x (n,) violate a constraint at t by more than its tolerance?
+
+    A state that is not finite does.
+    """
     near = scene.near(x, 0.0, t)
     g = scene.gaps(t, x, near)
     if (g >= 0.0).all():

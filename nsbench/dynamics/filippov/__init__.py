@@ -1,1 +1,3 @@
-"""nsbench/dynamics/filippov"""
+"""Evaluate Filippov systems: sign patterns, sliding velocity, rates of switch functions, distance
+to Filippov's set.
+"""

@@ -1,4 +1,4 @@
-"""The distance of a velocity to Filippov's set, the convex hull of the fields that meet."""
+"""Distance of a velocity to Filippov's set, the convex hull of the fields around a surface."""
 
 from __future__ import annotations
 
@@ -6,7 +6,10 @@ import numpy as np
 
 
 def distance_to_hull(v: np.ndarray, points: np.ndarray) -> float:
-    """Euclidean distance of v (n,) to the convex hull of the rows of `points`."""
+    """Compute the Euclidean distance of v to the convex hull of points.
+
+    v (n,), points (k, n).
+    """
     if len(points) == 1:
         return float(np.linalg.norm(v - points[0]))
     if len(points) == 2:
@@ -27,9 +30,12 @@ def distance_to_hull(v: np.ndarray, points: np.ndarray) -> float:
 
 
 def _refined(w: np.ndarray, from_v: np.ndarray) -> float:
-    """Distance that weights of points leave, after refinement of what the heavy row left of
-    rounding."""
+    """Compute the distance that weights of points leave.
+
+    The weights are corrected for the rounding of the heavy row.
+    """
     least = np.inf
+    # Active set: least squares on the points of positive weight; negative weights are dropped.
     while w.any():
         w, from_v = w[w > 0.0] / w.sum(), from_v[w > 0.0]
         least = min(least, float(np.linalg.norm(w @ from_v)))

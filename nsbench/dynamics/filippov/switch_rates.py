@@ -25,7 +25,9 @@ def evaluate_or_nan(f: Callable, t: float, x: np.ndarray, *signs) -> np.ndarray:
         return np.array(np.nan)
 
 
-def rounding_of_switches(switch: Callable, t: float, x: np.ndarray, sizes: np.ndarray):
+def rounding_of_switches(
+    switch: Callable, t: float, x: np.ndarray, sizes: np.ndarray
+) -> np.ndarray:
     """Return (d,) the changes of the switches by rounding of the time and of coordinates.
 
     sizes (n,): magnitudes of the coordinates whose relative rounding is meant.

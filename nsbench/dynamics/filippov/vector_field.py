@@ -52,6 +52,7 @@ class FilippovVectorField:
         self.check_complex_step(t0, x0)
 
     def _complex(self, t, x, dt, dx):
+        """Differentiate the switch functions in the direction (dt, dx) by a complex step."""
         return (
             np.imag(self.switch(t + COMPLEX_STEP * 1j * dt, x + COMPLEX_STEP * 1j * dx))
             / COMPLEX_STEP
@@ -75,6 +76,7 @@ class FilippovVectorField:
             self.along = self._by_jax(t, x)
 
     def _agrees(self, t, x, dt, dx) -> bool:
+        """Does the complex step agree with central differences in the direction (dt, dx)?"""
         import warnings
 
         with warnings.catch_warnings(), np.errstate(all="ignore"):
@@ -87,6 +89,10 @@ class FilippovVectorField:
         return bool(np.all(np.abs(exact - rough) <= 1e-4 * (1.0 + np.abs(rough))))
 
     def _by_jax(self, t, x):
+        """Differentiate the switch functions by JAX; raise ValueError if that fails.
+
+        Returns the function of (t, x, dt, dx).
+        """
         c = as_jax(self._factory)
         import jax
 
@@ -101,11 +107,13 @@ class FilippovVectorField:
             ) from None
         return lambda t, x, dt, dx: np.asarray(slope(float(t), x, float(dt), dx))
 
-    def gradients(self, t, x, rows) -> np.ndarray:
+    def gradients(self, t: float, x: np.ndarray, rows: np.ndarray) -> np.ndarray:
         """Return (len(rows), n) the gradients of the switch functions `rows` in x."""
         return np.array([self.along(t, x, 0.0, e)[rows] for e in np.eye(self.n)]).T
 
-    def surface_missed(self, t, x, rows, mode, tol: float) -> Status | None:
+    def surface_missed(
+        self, t: float, x: np.ndarray, rows: np.ndarray, mode: np.ndarray, tol: float
+    ) -> Status | None:
         """Return a status if a surface of `rows` that was just reached is not where the state is.
 
         rows (r,): of them those that the mode p (d,) has on one side. tol: of the run, in units of
@@ -124,7 +132,9 @@ class FilippovVectorField:
             f"is met: that is told to within {distance.max():.1g} only.",
         )
 
-    def velocity(self, t, x, p, guess):
+    def velocity(
+        self, t: float, x: np.ndarray, p: np.ndarray, guess: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Return the velocity F (n,) in mode p and its signs s (d,).
 
         Signs of sliding surfaces solve c_i' = 0, and are NaN if nothing does. F is multilinear in
@@ -140,7 +150,9 @@ class FilippovVectorField:
         s[on] = _ratio(*rates[:, 0]) if on.size == 1 else self._newton(corners, rates, guess[on])
         return _blend(corners, s[on]), s
 
-    def sliding_margins(self, t, x, p, guess):
+    def sliding_margins(
+        self, t: float, x: np.ndarray, p: np.ndarray, guess: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Return 1 - s and 1 + s of the sliding surfaces of mode p, without cancellation.
 
         Each vanishes as the rate of one side does. guess (d,): as for `velocity`.
@@ -154,7 +166,7 @@ class FilippovVectorField:
         with np.errstate(all="ignore"):
             return -2.0 * plus / (minus - plus), 2.0 * minus / (minus - plus)
 
-    def sliding_solutions(self, t, x, p) -> list:
+    def sliding_solutions(self, t: float, x: np.ndarray, p: np.ndarray) -> list:
         """Return all signs s (d,) that keep the state on its sliding surfaces; NaN: not certain.
 
         One surface: one solution. Two: the roots of a quadratic. More: one if F is affine in the
@@ -184,7 +196,7 @@ class FilippovVectorField:
             out = [q for q in out if np.all(np.isfinite(q))]
         return out
 
-    def sliding_stability(self, t, x, p) -> float:
+    def sliding_stability(self, t: float, x: np.ndarray, p: np.ndarray) -> float:
         """Return how far the best motion off the sliding surfaces of mode p is from existing.
 
         Negative: one exists. A motion off slides on some of the surfaces, with |s_i| <= 1, and
@@ -256,7 +268,7 @@ class FilippovVectorField:
                 return s if np.linalg.cond(slopes) < 1e12 else _smallest(corners, rates)
         return np.full(s.size, np.nan)
 
-    def fields_agree(self, t, x, s, i) -> bool:
+    def fields_agree(self, t: float, x: np.ndarray, s: np.ndarray, i: int) -> bool:
         """Are the fields on both sides of surface i the same, for the other signs s (d,)?"""
         up = s.copy()
         down = s.copy()
@@ -267,7 +279,7 @@ class FilippovVectorField:
         self.calls += 2
         return bool(np.abs(a - b).max() <= SAME_FIELD * np.abs(a).max())
 
-    def project(self, t, x, on):
+    def project(self, t: float, x: np.ndarray, on) -> np.ndarray:
         """Return the nearest point (n,) to x with c_i = 0 for i in `on`, by Gauss-Newton steps.
 
         Exact to first order of the distance; x itself if it is there.
@@ -295,7 +307,7 @@ def _ratio(plus, minus):
 
 
 def _slopes(corners, s):
-    """(n, k) derivatives of the multilinear interpolation in each sign."""
+    """Return (n, k) derivatives of the multilinear interpolation in each sign."""
     return np.array(
         [
             _blend(0.5 * np.subtract(*np.moveaxis(corners, j, 0)), np.delete(s, j))

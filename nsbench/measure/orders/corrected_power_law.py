@@ -1,5 +1,4 @@
-"""The order an error tends to: err = M h^p (1 + r (h / h_max)^q), a power law with one further
-power.
+"""Order an error tends to: err = M h^p (1 + r (h / h_max)^q), with one further power.
 
 The further power matters even where nobody can see it. A line through log err is off by half the
 drift of its local slope, and a drift of one standard error (never detected) is four half-widths of
@@ -9,9 +8,8 @@ where scatter is small the price is too.
 
 The shapes of the head are equal to first order in r: a sum, of either sign (the error may pass
 zero), and (1 + r (h / h_max)^q)^-1 or ^(-1/2), for errors that saturate at coarse steps. Each is
-fitted to log err by least squares;
-the order is their mean, weighted by how well they fit (Buckland, Burnham & Augustin, Biometrics 53,
-1997, eq. 9).
+fitted to log err by least squares; the order is their mean, weighted by how well they fit
+(Buckland, Burnham & Augustin, Biometrics 53, 1997, eq. 9).
 """
 
 from __future__ import annotations
@@ -39,12 +37,14 @@ EPS = float(np.finfo(float).eps)
 
 @dataclass(frozen=True)
 class CorrectedPowerLaw:
-    """log err = a + p u + head(u), u = log(h / h_max). half: half-width of the 95 % interval of p
-    (t-based, widened by the correlation of neighbouring residuals); head (n,): the fitted head;
-    rss; freedom: n - 3; q, r: of the head;
-    edge: the slope at the finest step is not p yet, in models with most of the weight; bend, drift:
-    |t| of a further square of u and the change of slope over the window it means; inflation: of the
-    variance, by correlation."""
+    """Fit of log err = a + p u + head(u), u = log(h / h_max), to n points.
+
+    half: half-width of the 95 % interval of p (t-based, widened by the correlation of neighbouring
+    residuals); head (n,): the fitted head; rss; freedom: n - 3; q, r: of the head; edge: the slope
+    at the finest step is not p yet, in models with most of the weight; bend, drift: |t| of a
+    further square of u and the change of slope over the window it means; inflation: of the
+    variance, by correlation.
+    """
 
     a: float
     p: float
@@ -61,11 +61,11 @@ class CorrectedPowerLaw:
 
 
 def fit_corrected(u: np.ndarray, y: np.ndarray, own: np.ndarray | float = 0.0) -> CorrectedPowerLaw:
-    """Least squares over r for each shape of the head (grid, then Gauss-Newton). u (n,) ascending,
-    n >= 5.
+    """Fit a power law with a head by least squares over r for each shape of the head.
 
-    own (n,): how far the reference's own error, relative to err, may have moved each y: it widens
-    the interval.
+    A grid of r, then Gauss-Newton. u (n,): log h but for a constant, ascending, n >= 5; y (n,): log
+    err. own (n,): how far the reference's own error, relative to err, may have moved each y: it
+    widens the interval.
     """
     own = np.broadcast_to(own, u.shape)
     from scipy.special import stdtrit
@@ -117,7 +117,10 @@ def fit_corrected(u: np.ndarray, y: np.ndarray, own: np.ndarray | float = 0.0) -
 
 
 def convergent(u: np.ndarray, y: np.ndarray, least: float) -> float:
-    """The smallest sum of squares of a power law with a head whose order is at least `least`."""
+    """Return the least sum of squares of a power law with a head.
+
+    Its order is at least `least`.
+    """
     u, n = u - u.max(), len(u)
     rss, _, p, _ = _fits(u, y, DECAYED)
     grid = _grid(np.exp(Q * u[0]), DECAYED)  # on the edge: a grid over r with p = least
@@ -127,7 +130,10 @@ def convergent(u: np.ndarray, y: np.ndarray, least: float) -> float:
 
 
 def _head(r, e):
-    """(head, its derivative in r) for r (models, ...) and e (models, n): (models, ..., n)."""
+    """Return the head and its derivative in r.
+
+    r (models, ...), e (models, n): results (models, ..., n).
+    """
     shape = (len(e),) + (1,) * (r.ndim - 1) + (-1,)
     e = e.reshape(shape)
     power = POWER.reshape(shape)
@@ -137,9 +143,10 @@ def _head(r, e):
 
 
 def _grid(finest, most):
-    """(models, 61) values of r whose share at the finest step, where (h / h_max)^q = finest
-    (models, 1), is at most `most`;
-    below -0.9 only for a sum, whose error may pass zero."""
+    """Return (models, 61) values of r whose share at the finest step is at most `most`.
+
+    There (h / h_max)^q = finest (models, 1). Below -0.9 only for a sum, whose error may pass zero.
+    """
     top = np.maximum(most / finest, 2e-3)
     unit = np.linspace(0.0, 1.0, 30)
     up = 1e-3 * (top / 1e-3) ** unit
@@ -148,7 +155,10 @@ def _grid(finest, most):
 
 
 def _fits(u, y, most):
-    """Of every model: (rss, r, p, the vector whose product with log err is p to first order)."""
+    """Fit every model; return (rss, r, p, v).
+
+    v: the vector whose product with log err is p to first order.
+    """
     e = np.exp(Q * u)
     w = u - u.mean()
     w = w / np.sqrt(w @ w)
@@ -193,11 +203,11 @@ def _fits(u, y, most):
 
 
 def _inflation(resid: np.ndarray) -> float:
-    """How much the variance of a slope grows with the correlation rho of neighbouring residuals: (1
-    + rho) / (1 - rho).
+    """Estimate the growth of a slope's variance by correlated residuals: (1 + rho) / (1 - rho).
 
-    rho is corrected for the bias of its estimate with three fitted parameters; never below 1
-    (negative correlation is not trusted to help), nor above MOST.
+    rho, the correlation of neighbouring residuals, is corrected for the bias of its estimate with
+    three fitted parameters; the factor is never below 1 (negative correlation is not trusted to
+    help), nor above MOST.
     """
     n = len(resid)
     norm = float(resid @ resid)
@@ -209,8 +219,10 @@ def _inflation(resid: np.ndarray) -> float:
 
 
 def _bend(u, J, resid, s2):
-    """|t| of a square of u that the model leaves over, and the change of the local slope over the
-    window it means."""
+    """Test for a square of u that the model leaves over.
+
+    Returns its |t| and the change of the local slope over the window it means.
+    """
     if len(u) < 6:
         return 0.0, 0.0
     v = (u - u.mean()) / (u[-1] - u[0])

@@ -19,6 +19,7 @@ Where all errors scatter too much, the largest per half octave are tried.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -53,8 +54,8 @@ SOME = 0.1  # share of the steps that may be exact by luck before one speaks of 
 
 
 def fit_order(
-    h,
-    err,
+    h: np.ndarray | Sequence[float],
+    err: np.ndarray | Sequence[float],
     floor: float = 0.0,
     reference_error: float = 0.0,
     *,
@@ -115,7 +116,10 @@ def fit_order(
 
 
 def _reason_for_no_verdict(h, ladder: float, mixed: str) -> tuple[str, bool]:
-    """Reason why no verdict can be given, "" without one; is the phase of the steps behind it?"""
+    """Explain why no verdict can be given, "" if one can.
+
+    Returns (reason, whether the phase of the steps is behind it).
+    """
     if dyadic(h):
         return (
             "the steps are dyadic: an error that turns with the phase of the step looks constant",
@@ -132,7 +136,10 @@ def _reason_for_no_verdict(h, ladder: float, mixed: str) -> tuple[str, bool]:
 
 
 def _mixed_behaviour(err, noise) -> str:
-    """Reason for no verdict where many, but not all, steps are exact to rounding; "" elsewhere."""
+    """Explain why there is no verdict where many, but not all, steps are exact to rounding.
+
+    Elsewhere "".
+    """
     lucky = now_and_then(err, noise)
     if lucky <= max(1.0, SOME * len(err)):
         return ""
@@ -143,7 +150,7 @@ def _mixed_behaviour(err, noise) -> str:
 
 
 def _too_few_above(err, noise, known: float, above: int, mixed: str, base: Fit) -> Fit:
-    """The verdict where fewer than three errors lie above the floor and above rounding."""
+    """Return the verdict where fewer than three errors lie above the floor and above rounding."""
     below = np.count_nonzero(err <= known) > np.count_nonzero(err <= noise)
     verdict, limit = (
         ("below reference", "ten times the reference's error")
@@ -160,8 +167,10 @@ def _too_few_above(err, noise, known: float, above: int, mixed: str, base: Fit) 
 
 
 def _levels_off(h, err, line: Fit, known, why, unique, reaction) -> Fit | None:
-    """A verdict where the error levels off (or the reason why a plateau is not claimed); None where
-    it does not."""
+    """Return a fit with the verdict where the error levels off; None where it does not.
+
+    Where a plateau is not claimed, the fit has the reason why as its sentence.
+    """
     # flat: hardly any slope fits as well, and nothing steeper than 0.2 does
     # (nor does the fine end fall: an error that saturates at coarse steps is flat there only)
     end = h <= h[0] * 2.0**ENDS
@@ -211,12 +220,12 @@ def _levels_off(h, err, line: Fit, known, why, unique, reaction) -> Fit | None:
 
 
 def _settle(h, err, known) -> tuple[int, CorrectedPowerLaw | None, bool]:
-    """Drop points from the coarse end while a bend is left over: (points kept, their fit, whether
-    it is gone).
+    """Drop points from the coarse end while a bend is left over.
 
     A head of another shape is no scatter, and less of it is better: a shorter window is taken at
     once if its interval is less than half as wide. (From scatter alone a shorter window is wider,
-    by the power 3/2 of its length and more.)
+    by the power 3/2 of its length and more.) Returns (number of points left, their fit, whether the
+    bend is gone).
     """
     from scipy.special import stdtrit
 
@@ -253,8 +262,10 @@ def _settle(h, err, known) -> tuple[int, CorrectedPowerLaw | None, bool]:
 
 
 def _diverges(h, line: Fit) -> Fit | None:
-    """The verdict where the plain slope of at least five errors is negative; divergence needs no
-    long ladder."""
+    """Return the verdict where the plain slope of at least five errors is negative; else None.
+
+    Divergence needs no long ladder.
+    """
     lo, hi = line.interval
     if hi >= 0.0 or line.order >= -FLAT or len(h) < 5:
         return None
@@ -267,7 +278,7 @@ def _diverges(h, line: Fit) -> Fit | None:
 
 
 def _power(h, err, line: Fit, known: float, why: str) -> Fit:
-    """Drop what no head explains, then say whether what is left shows an order."""
+    """Drop points that no head explains, then decide whether the rest shows an order."""
     n, headed, settled = _settle(h, err, known)
     fit = line
     if headed is not None:
@@ -318,11 +329,11 @@ def _power(h, err, line: Fit, known: float, why: str) -> Fit:
 
 
 def _bounded(h, err, fit: Fit) -> Fit | None:
-    """The order of the largest errors per half octave, where all errors together scatter too much
-    for one.
+    """Fit the order of the largest errors per half octave; None where they show none.
 
-    Errors that turn with the phase of the step fall to zero between; what converges is their bound.
-    Needs several steps in each half octave, or the largest is as much a matter of luck.
+    For errors that together scatter too much for one: errors that turn with the phase of the step
+    fall to zero between; what converges is their bound. Needs several steps in each half octave, or
+    the largest is as much a matter of luck.
     """
     top, most = binned(h, err, np.max, 2)
     if len(top) < max(FEWEST, 2 * WINDOW) or len(h) < CROWD * len(top):

@@ -24,8 +24,10 @@ END = 2.0**1.5  # the fine end, where the error must have stopped to fall
 
 @dataclass(frozen=True)
 class PlateauFit:
-    """The fit of err = C + M h^p to n points; rss, rss0: sums of squares in log err with C >= 0 and
-    with C = 0."""
+    """Fit of err = C + M h^p to n points.
+
+    rss, rss0: sums of squares in log err with C >= 0 and with C = 0.
+    """
 
     C: float
     M: float
@@ -36,7 +38,7 @@ class PlateauFit:
 
     @property
     def ratio(self) -> float:
-        """The F ratio; 0 without degrees of freedom."""
+        """Return the F ratio; 0 without degrees of freedom."""
         gain = self.rss0 - self.rss
         if self.n <= 3 or gain <= 0.0:
             return 0.0
@@ -45,6 +47,7 @@ class PlateauFit:
 
     @property
     def significant(self) -> bool:
+        """Is C > 0 significant against the power law, at the level LEVEL?"""
         from scipy.special import fdtri
 
         return self.n > 3 and self.ratio > fdtri(1, self.n - 3, 1.0 - LEVEL)
@@ -59,8 +62,10 @@ def power_law(u: np.ndarray, y: np.ndarray) -> tuple[float, float, float]:
 
 
 def fit_plateau(h: np.ndarray, err: np.ndarray) -> PlateauFit:
-    """Fit log(C + M h^p) by least squares, C >= 0, over a grid of (p, C / M) refined by
-    Gauss-Newton. h, err > 0."""
+    """Fit log(C + M h^p) to log err by least squares, with C >= 0.
+
+    h, err (n,): both > 0. A grid of (p, C / M), refined by Gauss-Newton.
+    """
     ref = float(np.exp(np.log(h).mean()))
     u = np.log(h / ref)
     y = np.log(err)
@@ -87,8 +92,10 @@ def fit_plateau(h: np.ndarray, err: np.ndarray) -> PlateauFit:
 
 
 def _refine(u, y, p, v):
-    """Levenberg-Marquardt on (p, v) for y = b + log(e^v + e^(p u)), b eliminated: (rss, p, v,
-    b)."""
+    """Minimise over (p, v) by Levenberg-Marquardt for y = b + log(e^v + e^(p u)), b eliminated.
+
+    Returns (rss, p, v, b).
+    """
 
     def value(p, v):
         z = np.logaddexp(v, p * u)
@@ -180,8 +187,10 @@ def claimed(h: np.ndarray, err: np.ndarray) -> PlateauFit | None:
 
 
 def _rises(h: np.ndarray, err: np.ndarray) -> bool:
-    """Do the finest errors lie above the smallest by more than noise? Medians of three; noise from
-    second differences."""
+    """Do the finest errors lie above the smallest by more than noise?
+
+    By medians of three; noise from second differences.
+    """
     y = np.log(err[np.argsort(h)])
     middle = np.median(np.lib.stride_tricks.sliding_window_view(y, 3), axis=1)
     noise = float(np.std(np.diff(y, 2))) / np.sqrt(6.0)
@@ -189,11 +198,10 @@ def _rises(h: np.ndarray, err: np.ndarray) -> bool:
 
 
 def cannot_exclude(h: np.ndarray, err: np.ndarray, head: bool = True) -> bool:
-    """Does M (C h_min^p + h^p), with or without a head, fit as well as the power law with its head
-    (or without)?
+    """Does M (C h_min^p + h^p), with or without a head, fit as well as the power law?
 
-    As well: for C of LARGE to 4 LARGE not worse at 5 % (F); for a quarter or half of LARGE, which
-    takes more points to exclude, better.
+    The power law has its head, or none (head=False). As well: for C of LARGE to 4 LARGE not worse
+    at 5 % (F); for a quarter or half of LARGE, which takes more points to exclude, better.
     """
     from scipy.special import fdtri
 
@@ -216,7 +224,7 @@ def cannot_exclude(h: np.ndarray, err: np.ndarray, head: bool = True) -> bool:
 
 
 def _with_level(u, y, times) -> float:
-    """Smallest sum of squares of y - log M - log(times + e^(p u)) over M and p >= 0."""
+    """Return the least sum of squares of y - log M - log(times + e^(p u)) over M and p >= 0."""
     best = np.inf
     for p in (0.5, 2.0):
         for _ in range(30):

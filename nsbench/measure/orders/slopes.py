@@ -62,9 +62,12 @@ class Fit:
     head: float = np.nan
 
 
-def fit_slope(h, err) -> tuple[float, tuple[float, float], float]:
-    """Fit a line to log err over log h: slope, its t-based 95 % interval, constant exp(intercept);
-    NaN from fewer than three points."""
+def fit_slope(h: np.ndarray, err: np.ndarray) -> tuple[float, tuple[float, float], float]:
+    """Fit a line to log err over log h.
+
+    Returns slope, its t-based 95 % interval, and the constant exp(intercept); NaN from fewer than
+    three points.
+    """
     from scipy.special import stdtrit
 
     n = len(h)
@@ -76,9 +79,11 @@ def fit_slope(h, err) -> tuple[float, tuple[float, float], float]:
     return p, (float(p - half), float(p + half)), float(np.exp(a))
 
 
-def fit_line(h, err, fit: Fit) -> Fit:
-    """Put the plain line, with those of medians and largest errors per octave, into `fit`: what
-    stands where nothing better can be said."""
+def fit_line(h: np.ndarray, err: np.ndarray, fit: Fit) -> Fit:
+    """Put the plain slopes into `fit`: of all points, of medians and of largest errors per octave.
+
+    It stands where nothing better can be said.
+    """
     p, interval, constant = fit_slope(h, err)
     median = fit_slope(*binned(h, err, np.median))
     envelope = fit_slope(*binned(h, err, np.max))

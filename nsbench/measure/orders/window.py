@@ -1,7 +1,11 @@
-"""Selection of the points of a ladder of errors that enter a fit: finite, above the floors, no
-outliers."""
+"""Selection of the points of a step ladder that enter a fit.
+
+They are finite, above the floors, and no outliers.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -12,20 +16,24 @@ DIP = 1 / 3  # of the floor: an error below says nothing, even among larger ones
 CLEAR = 100.0  # times rounding: an error that rounding cannot have made
 
 
-def rounding(h, scale: float = 1.0, span: float = 1.0) -> np.ndarray:
+def rounding(h: np.ndarray | Sequence[float], scale: float = 1.0, span: float = 1.0) -> np.ndarray:
     """Estimate the errors that rounding alone can make: scale (1e-12 + eps span / h).
 
     The second part is the worst case of span / h additions, each half a unit off in the same
-    direction (it happens:
-    with a constant drift every step is rounded alike). The first covers roots and small linear
-    solves, which leave thousands of eps.
+    direction (it happens: with a constant drift every step is rounded alike). The first covers
+    roots and small linear solves, which leave thousands of eps.
     """
     return scale * (1e-12 + EPS * span / np.asarray(h, float))
 
 
-def clean_points(h, err):
-    """Sort the points, drop what is not finite, keep one per step: (h, err, counts of what was
-    dropped)."""
+def clean_points(
+    h: np.ndarray | Sequence[float], err: np.ndarray | Sequence[float]
+) -> tuple[np.ndarray, np.ndarray, dict[str, int]]:
+    """Sort the points by step, drop what is not finite, and reduce them to one per step.
+
+    Returns h, err, and the counts of what was dropped, by reason. Raises ValueError if the numbers
+    of steps and errors differ.
+    """
     h = np.asarray(h, float).ravel()
     err = np.abs(np.asarray(err, float).ravel())
     if h.shape != err.shape:
@@ -46,12 +54,12 @@ def clean_points(h, err):
     )
 
 
-def above_floor(err, floor) -> np.ndarray:
-    """Select the points above the floor: all finer steps are dropped once the running median of
-    five is below, and deep dips.
+def above_floor(err: np.ndarray, floor: np.ndarray | float) -> np.ndarray:
+    """Select the points above the floor.
 
-    A single error somewhat below the floor stays: dropping low ones and keeping high ones would
-    bend the fine end.
+    All finer steps are dropped once the running median of five is below, and so are deep dips. A
+    single error somewhat below the floor stays: dropping low ones and keeping high ones would bend
+    the fine end.
     """
     ratio = err / floor
     n = len(err)
@@ -65,15 +73,17 @@ def above_floor(err, floor) -> np.ndarray:
     return keep
 
 
-def now_and_then(err, noise) -> int:
+def now_and_then(err: np.ndarray, noise: np.ndarray) -> int:
     """Count the steps that are exact to rounding although a finer one is clearly not."""
     clear = np.flatnonzero(err > CLEAR * noise)
     return int((err[clear[0] :] <= noise[clear[0] :]).sum()) if clear.size else 0
 
 
-def dyadic(h) -> bool:
-    """Do the steps sit at fewer than 3 phases of log2 h? Such a ladder can see the same
-    phase at every step."""
+def dyadic(h: np.ndarray) -> bool:
+    """Do the steps sit at fewer than 3 phases of log2 h?
+
+    Such a ladder can see the same phase at every step.
+    """
     phases = 0
     last = -1.0
     for phase in np.sort(np.log2(h) % 1.0):
@@ -83,12 +93,11 @@ def dyadic(h) -> bool:
     return phases < 3
 
 
-def outliers(h, err) -> np.ndarray:
-    """Mark errors far off a cubic through the others (log-log, studentised residual,
-    Bonferroni), one in ten at most.
+def outliers(h: np.ndarray, err: np.ndarray) -> np.ndarray:
+    """Mark errors far off a cubic through the others, one in ten at most.
 
-    A cubic follows a head, a plateau or a turn; what it cannot follow is one step, or some, that
-    went otherwise.
+    In log-log, by studentised residuals with Bonferroni's correction. A cubic follows a head, a
+    plateau or a turn; what it cannot follow is one step, or some, with another behaviour.
     """
     from scipy.special import stdtrit
 
@@ -113,9 +122,13 @@ def outliers(h, err) -> np.ndarray:
     return out
 
 
-def binned(h, err, statistic, per_octave: int = 1):
-    """Reduce the points to one (h, err) per bin of log2 h: medians, or the largest error at the
-    step it was met."""
+def binned(
+    h: np.ndarray, err: np.ndarray, statistic: Callable, per_octave: int = 1
+) -> tuple[np.ndarray, np.ndarray]:
+    """Reduce the points to one (h, err) per bin of log2 h.
+
+    statistic: np.median, or np.max for the largest error, at the step where it occurs.
+    """
     bins = np.floor(per_octave * np.log2(h / h[0]) + 1e-9).astype(int)
     groups = [np.flatnonzero(bins == k) for k in np.unique(bins)]
     if statistic is np.max:

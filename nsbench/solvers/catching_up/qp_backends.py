@@ -2,11 +2,11 @@
 
     min 1/2 |d|^2  s.t.  q + G d >= 0        d = G^T mu,    0 <= mu  _|_  q + G d >= 0
 
-A backend is made once per run and called as ``backend(G, q, h, key, mu)``: G (m, n) Rows, q (m,), h
-the step, key an object that stays the same as long as the constraints do, mu (m,) a first guess. It
-returns an Answer. The libraries solve in units of velocity, (d / h, mu / h, q / h), so that their
-tolerances mean the same for every step; these are absolute, so where all speeds are below 1 they
-are in units of the largest that is asked for, to a power of two (see `unit`).
+A backend is built once per run and called as ``backend(G, q, h, key, mu)``: G (m, n) SparseRows, q
+(m,), h the step, key an object that stays the same as long as the constraints do, mu (m,) a first
+guess. It returns an Answer. The libraries solve in units of velocity, (d / h, mu / h, q / h), so
+that their tolerances mean the same for every step; these are absolute, so where all speeds are
+below 1 they are in units of the largest that is required, to a power of two (see `unit`).
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from nsbench.qp.projection import ActiveSet, Answer, SparseRows
 
 
 def residual(G, w: np.ndarray, mu: np.ndarray, d: np.ndarray) -> float:
-    """Return the KKT residual of (d, mu), a length: the largest of
+    """Return the KKT residual of (d, mu), a length: the largest violation of four conditions.
 
         stationarity     |d - G^T mu|
         primal           -w_k / |G_k|                       w = q + G d
         sign             -mu_k |G_k|
         complementarity  min(mu_k |G_k|, w_k / |G_k|)
 
-    the last three being |min(mu_k |G_k|, w_k / |G_k|)|. G: Rows or a scipy sparse array. Not
-    computed from anything the solver says about itself.
+    The last three are |min(mu_k |G_k|, w_k / |G_k|)|. G: SparseRows or a scipy sparse array. It
+    does not depend on anything the solver reports about itself.
     """
     G = G if isinstance(G, SparseRows) else SparseRows.of(G)
     norm = G.lengths()
@@ -37,7 +37,7 @@ LARGEST_BOUND = 1e6  # bound of a constraint over the largest speed that is aske
 
 
 def unit(G: SparseRows, q: np.ndarray, h: float) -> float:
-    """Return the length that lengths are divided by: h, or less if all speeds asked for are small.
+    """Return the length that lengths are divided by: h, or less if all required speeds are small.
 
     It is not so small that bounds of far constraints exceed LARGEST_BOUND, where the libraries lose
     the digits of near ones.
@@ -53,13 +53,13 @@ INFINITE = 1e30  # to OSQP
 
 
 class OSQP:
-    """OSQP (Stellato et al. 2020): set up once for a list of constraints, then updated; polished;
-    warm-started.
+    """OSQP backend (Stellato et al. 2020), polished and warm-started.
 
-    Its dual of a lower bound is negative: mu = -h y.
+    Set up once for a list of constraints, then updated. Its dual of a lower bound is negative: mu =
+    -h y.
     """
 
-    def __init__(self, eps=None, max_iter=None):
+    def __init__(self, eps: float | None = None, max_iter: int | None = None):
         self._settings = {
             "eps_abs": eps or 1e-8,
             "eps_rel": eps or 1e-8,
@@ -73,7 +73,13 @@ class OSQP:
         self._solver = None
         self.setups = 0
 
-    def __call__(self, G, q, h, key, mu):
+    def __call__(
+        self, G: SparseRows, q: np.ndarray, h: float, key: object, mu: np.ndarray
+    ) -> Answer:
+        """Solve the problem; return an Answer.
+
+        Its status is "maxiter" where a bound exceeds INFINITE.
+        """
         import osqp
 
         m, n = G.shape
@@ -108,10 +114,12 @@ class OSQP:
 
 
 class PIQP:
-    """PIQP (Schwan et al. 2023), an interior point method: set up once for a list of constraints,
-    then updated."""
+    """PIQP backend, an interior point method (Schwan et al. 2023).
 
-    def __init__(self, eps=None, max_iter=None):
+    Set up once for a list of constraints, then updated.
+    """
+
+    def __init__(self, eps: float | None = None, max_iter: int | None = None):
         self._eps = eps or 1e-11
         self._max_iter = max_iter or 250
         self._key = None
@@ -119,7 +127,10 @@ class PIQP:
         self._A = None
         self.setups = 0
 
-    def __call__(self, G, q, h, key, mu):
+    def __call__(
+        self, G: SparseRows, q: np.ndarray, h: float, key: object, mu: np.ndarray
+    ) -> Answer:
+        """Solve the problem; return an Answer."""
         import piqp
 
         n = G.shape[1]
@@ -147,6 +158,7 @@ class PIQP:
 
 
 def _identity(n):
+    """Return the identity matrix (n, n) in compressed columns."""
     from scipy.sparse import csc_matrix, identity
 
     return csc_matrix(identity(n, format="csc"))

@@ -1,4 +1,4 @@
-"""euler: see method.py."""
+"""Explicit and implicit Euler on Filippov fields and on smooth systems (see method.py)."""
 
 from nsbench.solvers.euler.method import SOLVER
 

@@ -1,5 +1,6 @@
-"""Euler's method on a Filippov field, or on a plain smooth system: explicit (chatters) and implicit
-(does not)."""
+"""Euler's method on a Filippov field or a smooth system: explicit (chatters),
+implicit (does not).
+"""
 
 from __future__ import annotations
 
@@ -75,6 +76,7 @@ class Euler:
 
     @property
     def expects(self) -> tuple[Expect, ...]:
+        """Return the orders expected for cases with a tag, explicit or implicit."""
         return IMPLICIT if self.implicit else EXPLICIT
 
     def __post_init__(self):
@@ -82,6 +84,7 @@ class Euler:
             raise ValueError(f"implicit is {self.implicit!r}; true or false")
 
     def refuses(self, case: Case) -> str | None:
+        """Explain why the method does not take the case; None if it does."""
         p = case.problem
         if isinstance(p, Complementarity) and p.constraints:
             return "Euler has no way to keep g >= 0; use pbd or catching_up."
@@ -93,6 +96,7 @@ class Euler:
         return None
 
     def prepare(self, case: Case, h: float) -> Run:
+        """Bind the time loop to the case with the step h; return the run."""
         g = grid(case.t, h, last=case.exact_impulse is not None)
         from nsbench.solvers.common.compiled_loop import bind_loop
         from nsbench.solvers.euler.kernels import loop as kernel
@@ -114,6 +118,7 @@ class Euler:
         return run
 
     def _trajectory(self, case, g, loop, result):
+        """Build the trajectory from what the time loop returned."""
         X, W, calls, inner, code, reached, looked = result
         lam = last_steps(case.t, g, W)
         between = _between(case, g, X, W, looked) if W.shape[1] else None
@@ -149,8 +154,10 @@ def _parts(g, d: int) -> int:
 
 
 def _between(case, g, X, W, looked):
-    """Times, states and integrals that are known between samples: of other nodes of the grid, and
-    those of the kernel."""
+    """Collect times, states and integrals that are known between samples.
+
+    Those at nodes of the grid that are no samples, and those of the kernel.
+    """
     n = X.shape[1]
     rows = looked.reshape(-1, looked.shape[2])
     rows = np.vstack([np.column_stack([g.t, X, W])[~np.isin(g.t, case.t)], rows])
@@ -159,14 +166,15 @@ def _between(case, g, X, W, looked):
     return rows[:, 0], rows[:, 1 : 1 + n], rows[:, 1 + n :]
 
 
-def _blends(case) -> bool:
-    """Whether the field has to be made multilinear between its modes."""
+def _blends(case: Case) -> bool:
+    """Must the field be made multilinear between its modes?"""
     from nsbench.dynamics.filippov.modes import is_multilinear
 
     return isinstance(case.problem, Filippov) and not is_multilinear(case.problem, case.n)
 
 
 def _status(code, reached):
+    """Return the status of a code of the time loop."""
     from nsbench.linalg.dense import StepCode
     from nsbench.solvers.common.compiled_loop import status_of
 
@@ -178,7 +186,7 @@ def _status(code, reached):
 
 
 def _loop_functions(case):
-    """Field and switch functions of the case for the time loop, and the number of surfaces."""
+    """Return field and switch functions for the time loop, and the number of surfaces."""
     from nsbench.solvers.common.compiled_loop import (
         compile_functions,
         drift_function,
@@ -199,8 +207,10 @@ def _loop_functions(case):
 
 @functools.lru_cache(maxsize=256)
 def _no_signs(drift):
-    """The drift as a field without signs; the same object each time, so that what is compiled for
-    it serves again."""
+    """Wrap a drift as a field without signs.
+
+    The same object each time, so that what is compiled for it serves again.
+    """
 
     def field(xp):
         f = drift(xp)

@@ -1,4 +1,4 @@
-"""nosnoc: see method.py."""
+"""Cases solved by the package nosnoc: time stepping with switch detection (see method.py)."""
 
 from nsbench.solvers.nosnoc.method import SOLVER
 

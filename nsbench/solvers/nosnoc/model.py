@@ -1,19 +1,28 @@
-"""Cases as nosnoc takes them: Filippov systems in Stewart's form, constraints in Heaviside's step
-form."""
+"""Models of cases for nosnoc: Filippov systems in Stewart's form, constraints in step form.
+
+The step form has a Heaviside function of each gap.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from itertools import product
 
 import numpy as np
 
+from nsbench.case import Case
 from nsbench.compilation.factories import as_numpy
-from nsbench.problem import Affine, Distance, Filippov
+from nsbench.problem import Affine, Complementarity, Distance, Filippov
 
 MOST = 10  # contacts: from six on (four discs), steps were seen to fail or to be wrong
 
 
-def untold_fields(case):
+def untold_fields(case: Case) -> str | None:
+    """Explain why a Filippov system has no equivalent in Stewart's form; None if it has one.
+
+    That form needs the fields of all 2^d modes and mixes them convexly: it takes at most two
+    surfaces, and fields that are affine in the signs of two.
+    """
     p = case.problem
     d = len(as_numpy(p.switch)(float(case.t[0]), case.x0.copy()))
     if d > 2:
@@ -38,7 +47,8 @@ def untold_fields(case):
     return None
 
 
-def untold_contacts(case):
+def untold_contacts(case: Case) -> str | None:
+    """Explain why the constraints of a case cannot be modelled for nosnoc; None if they can."""
     p = case.problem
     if not p.constraints:
         return "nosnoc is for systems that switch; this case has neither constraints nor surfaces."
@@ -54,7 +64,8 @@ def untold_contacts(case):
     )
 
 
-def count(c, n):
+def count(c: Affine | Distance, n: int) -> int:
+    """Count the constraints of a family in a state of size n."""
     if isinstance(c, Affine):
         return c.shape[0]
     many = c.particles(n)
@@ -65,9 +76,15 @@ def count(c, n):
     return many * np.shape(as_numpy(c.anchors)(0.0) if c.moving else c.anchors)[0]
 
 
-def model(case, push):
-    """The nosnoc model, contact ids, and whether the reaction is integrated. States: x, time,
-    integrals (, reaction)."""
+def model(case: Case, push: float) -> tuple:
+    """Build the nosnoc model of a case.
+
+    The states are x, time, and the integrals of the multipliers; then the reaction, if gradients
+    turn. Constraints act as a drift push (1 - alpha) grad g, with alpha the step function of the
+    gap.
+
+    Returns the NosnocModel, the contact ids, and whether the reaction is integrated.
+    """
     import casadi as ca
     import nosnoc
 
@@ -87,6 +104,8 @@ def model(case, push):
         d = c.shape[0]
         modes = np.array(list(product((1.0, -1.0), repeat=d)))
         w = ca.SX.sym("w", d)
+        # Stewart's form: the fields of all 2^d modes as columns, with the weights of the positive
+        # sides.
         F = ca.horzcat(*(ca.vertcat(column(f(T, X, s)), 1.0, *(0.5 * (1.0 + s))) for s in modes))
         x0 = np.concatenate((case.x0, [t0], np.zeros(d)))
         return (
@@ -101,6 +120,7 @@ def model(case, push):
     alpha = ca.SX.sym("alpha", m)
     w = ca.SX.sym("w", m)
     r = ca.SX.sym("r", n if turning else 0)
+    # Heaviside step form: alpha is 1 where g > 0, and between 0 and 1 on g = 0.
     lam = push * (1.0 - alpha)
     force = ca.jacobian(g, x).T @ lam
     rhs = ca.vertcat(column(p.drift(xp)(T, X)) + force, 1.0, lam, force if turning else r)
@@ -112,8 +132,11 @@ def model(case, push):
     )
 
 
-def gaps(problem, x, t, xp, n):
-    """(id, expression) of every constraint."""
+def gaps(problem: Complementarity, x, t, xp, n: int) -> Iterator[tuple]:
+    """Yield (id, CasADi expression of the gap) of every constraint.
+
+    x (n,), t: symbols; xp: the CasADi namespace.
+    """
     for k, c in enumerate(problem.constraints):
         if isinstance(c, Affine):
             A = dense(c)
@@ -140,7 +163,8 @@ def gaps(problem, x, t, xp, n):
             yield (k, int(i), int(j)), c.sign * (xp.sqrt(sum(v * v for v in u)) - d)
 
 
-def dense(c):
+def dense(c: Affine) -> np.ndarray:
+    """Return the matrix A of an affine family as a dense array."""
     A = np.zeros(c.shape)
     A[np.repeat(np.arange(c.shape[0]), np.diff(c.indptr)), c.indices] = c.data
     return A

@@ -1,4 +1,4 @@
-"""pbd_jax: see method.py."""
+"""Position-based dynamics in JAX, for a GPU or a CPU (see method.py)."""
 
 from nsbench.solvers.pbd_jax.method import SOLVER
 

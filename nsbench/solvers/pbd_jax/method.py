@@ -1,5 +1,7 @@
-"""Position-based dynamics in JAX: the coloured order of PBD, level after level, on a GPU when there
-is one."""
+"""Position-based dynamics in JAX: the coloured order of PBD, level after level.
+
+On a GPU when there is one.
+"""
 
 from __future__ import annotations
 
@@ -51,12 +53,13 @@ class PBDJax:
 
     @property
     def like(self):
-        """The method on the CPU whose sweep this is."""
+        """Return the method on the CPU that has the same sweep."""
         from nsbench.solvers.pbd.method import PBD
 
         return PBD(sweeps=self.sweeps, order="coloured", seed=self.seed, reach=self.reach)
 
     def refuses(self, case: Case) -> str | None:
+        """Explain why the method does not take the case; None if it does."""
         why = self.like.refuses(case)
         if why:
             return why
@@ -84,6 +87,7 @@ class PBDJax:
         return None
 
     def prepare(self, case: Case, h: float) -> Run:
+        """Compile the program for the lists of the start; return the run with the step h."""
         from nsbench.dynamics.contacts.constraint_set import ConstraintSet
 
         g = grid(case.t, h, last=case.exact_impulse is not None)
@@ -95,7 +99,7 @@ class PBDJax:
 
 
 def _device(kind: str):
-    """The first device of JAX of that kind, "auto": its default; None where there is none."""
+    """Return the first JAX device of a kind ("auto": its default), or None if there is none."""
     from nsbench.compilation.jax_cache import float64
 
     jax = float64()
@@ -106,7 +110,7 @@ def _device(kind: str):
 
 
 class _March:
-    """One run bound to its program and lists."""
+    """Run of PBD bound to its program and neighbour lists."""
 
     def __init__(self, method: PBDJax, case: Case, scene, g, x0):
         from nsbench.dynamics.contacts.kernels.constraint_order import static_keys
@@ -147,7 +151,7 @@ class _March:
         return contacts, levels
 
     def program(self, contacts, levels):
-        """The executable for levels of these sizes, and its arguments on the device."""
+        """Return the executable for levels of these sizes, and its arguments on the device."""
         from nsbench.compilation.factories import as_jax
         from nsbench.compilation.jax_cache import float64
         from nsbench.solvers.pbd_jax.program import advance
@@ -180,7 +184,7 @@ class _March:
                 room,
             )
 
-    def __call__(self):
+    def __call__(self) -> LoopResult:
         """Integrate and return a LoopResult."""
         import jax
 
@@ -206,6 +210,7 @@ class _March:
         ids = []
         values = []
         with jax.default_device(self.device):
+            # PBD between two samples: the program runs until the lists no longer cover the motion.
             for k in range(len(g.t) - 1):
                 h = (g.t[k + 1] - g.t[k]) / g.substeps[k]
                 s = 0
@@ -257,7 +262,7 @@ class _March:
 
 
 def _right_sides(scene):
-    """t -> right-hand sides of all rows, in JAX."""
+    """Return the right-hand sides of all rows as a function of t in JAX."""
     import jax.numpy as jnp
 
     from nsbench.compilation.factories import as_jax
@@ -271,8 +276,11 @@ def _right_sides(scene):
 
 
 def _flush(sample, mu, contacts, ids, values, peak):
-    """Records of the constraints that pushed, as kernels.records keeps them; the largest number of
-    them so far."""
+    """Append the impulses of a sample to the records ids and values.
+
+    The records are those of kernels.impulse_records. Returns the largest number of constraints that
+    acted in one sample so far.
+    """
     acted = np.flatnonzero(mu[: len(contacts.kind)])
     ids.append(
         np.stack(
@@ -290,10 +298,12 @@ def _flush(sample, mu, contacts, ids, values, peak):
 
 
 def _ids(ids):
+    """Concatenate the recorded ids (k, 4)."""
     return np.concatenate([np.empty((0, 4), np.int64), *ids])
 
 
 def _flat(values):
+    """Concatenate the recorded impulses (k,)."""
     return np.concatenate([np.empty(0), *values])
 
 

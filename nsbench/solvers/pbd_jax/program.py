@@ -9,6 +9,7 @@ are padded to one size, so that a program serves many lists; both sizes grow whe
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,9 +27,12 @@ WIDTH = 64
 
 @dataclass(frozen=True)
 class Levels:
-    """Constraints by level, as the program takes them: pairs (L, C): first coordinates p, q (n
-    where there is none), distance, sign, number in the list; rows (L, R, W): columns (n where there
-    is none) and values, (L, R): row, number."""
+    """Constraints by level, as arrays of the program.
+
+    pairs (L, C): first coordinates p, q (n where there is none), distance, sign, index in the list;
+    rows (L, R, W): columns (n where there is none) and values, (L, R): row, index in the list.
+    count: levels in use.
+    """
 
     pairs: tuple
     rows: tuple
@@ -43,6 +47,7 @@ def _level(things, n):
     """
     free = np.zeros(n, np.int64)
     level = np.empty(len(things), np.int64)
+    # List scheduling: a constraint starts as soon as all its particles are free.
     for c in range(len(things)):
         at = 0
         for e in things[c]:
@@ -71,10 +76,10 @@ def _up(value, step):
 def arrange(
     lists, scene: ConstraintSet, owner: np.ndarray, sizes: tuple[int, int, int]
 ) -> tuple[Levels, tuple[int, int, int]]:
-    """Return the levels of listed constraints in the order of their sweep.
+    """Sort listed constraints into levels, in the order of their sweep.
 
     lists: ListedContacts; owner (n, 2): see HardParticles; sizes: (levels, pairs, rows) that the
-    program has room for, which are returned as well, as they are or larger.
+    program has room for. Returns the Levels and the sizes, unchanged or larger.
     """
     kind = lists.kind
     p = lists.p
@@ -131,7 +136,9 @@ def arrange(
     )
 
 
-def advance(drift, b_of, inv2, owned, dim: int, sweeps: int):
+def advance(
+    drift: Callable, b_of: Callable, inv2: np.ndarray, owned: np.ndarray, dim: int, sweeps: int
+) -> Callable:
     """Return the time loop between two recorded times, as a function for jax.jit.
 
     drift (t, x) and b_of (t): in JAX; inv2: 1/|A_r|^2 of all rows; owned (n,): whether a coordinate
@@ -188,7 +195,10 @@ def advance(drift, b_of, inv2, owned, dim: int, sweeps: int):
 
 
 def _sweep_over_level(inv2, dim, counts, pairs, rows, count, base, limit):
-    """Return (turn, (x, mu, work, tied, broken), b) -> the same after level turn % count."""
+    """Build the sweep over one level: (turn, (x, mu, work, tied, broken), b) -> the same after it.
+
+    The level is turn % count.
+    """
     import jax.numpy as jnp
     from jax import lax
 

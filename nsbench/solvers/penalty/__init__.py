@@ -1,4 +1,7 @@
-"""penalty: see method.py."""
+"""Penalty method: constraints as stiff springs, Filippov fields smoothed over a layer.
+
+See method.py.
+"""
 
 from nsbench.solvers.penalty.method import SOLVER
 

@@ -15,28 +15,34 @@ import numpy as np
 
 from nsbench.compilation.factories import as_jax, as_numpy
 from nsbench.dynamics.filippov.modes import count_surfaces, is_multilinear, sign_patterns
-from nsbench.problem import Affine, Distance, Filippov, Smooth
+from nsbench.problem import Affine, Complementarity, Distance, Filippov, Smooth
 
 # entries up to which rows are a dense matrix: its zeros cost less than a scatter's calls
 DENSE = 4096
 
 
-def constraint_ids(problem, n: int) -> list[tuple]:
-    """Contact ids in the stated order, all pairs i < j listed; surfaces (0, i) for a Filippov
-    system."""
+def constraint_ids(problem: Complementarity | Filippov, n: int) -> list[tuple]:
+    """List the contact ids in the order of the problem, with all pairs i < j of hard particles.
+
+    Of a Filippov system: the surfaces (0, i).
+    """
     if isinstance(problem, Filippov):
         return [(0, i) for i in range(count_surfaces(problem, n))]
     return [name for k, c in enumerate(problem.constraints) for name in _ids(k, c, n)]
 
 
 def _ids(k, c, n):
+    """List the contact ids of family c, the k-th of the problem."""
     if isinstance(c, Distance):
         return [(k, i, j) for i, j in zip(*(a.tolist() for a in _pairs(c, n)), strict=True)]
     return [(k, i) for i in range(_rows(c, n))]
 
 
-def count(problem, n: int) -> int:
-    """How many constraints there are, without listing pairs."""
+def count(problem: Complementarity | Filippov, n: int) -> int:
+    """Count the constraints of a problem, without listing pairs.
+
+    Of a Filippov system: its surfaces.
+    """
     if isinstance(problem, Filippov):
         return count_surfaces(problem, n)
     total = 0
@@ -54,11 +60,14 @@ def count(problem, n: int) -> int:
 
 
 def layout(
-    problem, n: int, style: str, capacity: tuple[int, ...] = ()
+    problem: Complementarity | Filippov, n: int, style: str, capacity: tuple[int, ...] = ()
 ) -> tuple[list, np.ndarray, int, dict]:
-    """(ids, columns, size, offsets): ids of the constraints that have a place of their own among
-    the quadratures of `slopes`, their columns, the number of all quadratures, and {family: first
-    column} of those that use near lists."""
+    """Lay out the quadratures of `slopes`.
+
+    style, capacity: as for `slopes`. Returns (ids, columns, size, offsets): ids of the constraints
+    that have a quadrature of their own, their columns, the number of all quadratures, and {family:
+    first column} of the families that use neighbour lists.
+    """
     if isinstance(problem, Filippov):
         ids = constraint_ids(problem, n)
         return ids, np.arange(len(ids)), len(ids), {}
@@ -79,21 +88,33 @@ def layout(
 
 
 def _uses_lists(c, style):
+    """Are the pairs of this family taken from neighbour lists?"""
     return style == "near" and isinstance(c, Distance) and c.all_pairs
 
 
 @dataclass(frozen=True)
 class Slopes:
-    """f: (t, x, k, lists) -> (x', quadratures'); size: how many quadratures."""
+    """Right-hand side of the state and of its quadratures.
+
+    f: (t, x, k, lists) -> (x', quadratures'); size: number of the quadratures.
+    """
 
     f: Callable
     size: int
 
 
-def slopes(problem, n: int, style: str = "pairs", capacity: tuple[int, ...] = ()) -> Slopes:
-    """What is to be integrated. Constraints: m impulses, then n reactions; Filippov: d weights.
+def slopes(
+    problem: Complementarity | Filippov,
+    n: int,
+    style: str = "pairs",
+    capacity: tuple[int, ...] = (),
+) -> Slopes:
+    """Build the right-hand side of the penalised problem, for the state and its quadratures.
 
-    style says how the pairs of hard particles are visited: "pairs": each once; "near": each twice,
+    Quadratures with constraints: m impulses, then n reactions; Filippov: d weights. k is the
+    stiffness.
+
+    style: how the pairs of hard particles are visited. "pairs": each once; "near": each twice,
     those in lists = (neighbours (N, capacity) of each such family), where a particle's own number
     fills up its row.
     """
@@ -120,9 +141,11 @@ def slopes(problem, n: int, style: str = "pairs", capacity: tuple[int, ...] = ()
     return Slopes(penalised, size)
 
 
-def right_hand_side(problem, n: int):
-    """(t, z, k) -> dz/dt. Complementarity: z = (x, m impulses, n reactions); Filippov: z = (x, d
-    weights)."""
+def right_hand_side(problem: Complementarity | Filippov, n: int) -> Callable:
+    """Build (t, z, k) -> dz/dt of the state and its quadratures in one vector.
+
+    Complementarity: z = (x, m impulses, n reactions); Filippov: z = (x, d weights).
+    """
     import jax.numpy as jnp
 
     f = slopes(problem, n).f
@@ -130,14 +153,14 @@ def right_hand_side(problem, n: int):
 
 
 def _filippov(problem: Filippov, n: int):
-    """x' = field(t, x, s), weight' = (1 + s) / 2, s = clip(k c, -1, 1): a boundary layer of
-    half-width 1/k.
+    """Smooth a Filippov field over a boundary layer of half-width 1/k.
 
-    The clipped sign, and not tanh: outside the layer it is exact, and at an exit from sliding the
-    layer is left at c = 1/k, where tanh (s -> 1 only as c -> infinity) lags by log(k)/k and spoils
-    the order in 1/k.
-    Between the modes a Filippov system is multilinear in s: a field that is not is taken at the
-    corners.
+        x' = field(t, x, s),   weight' = (1 + s) / 2,   s = clip(k c, -1, 1)
+
+    The sign is clipped, and not tanh: outside the layer it is exact, and at an exit from sliding
+    the layer is left at c = 1/k, where tanh (s -> 1 only as c -> infinity) lags by log(k)/k and
+    spoils the order in 1/k. Between the modes a Filippov system is multilinear in s: a field that
+    is not is evaluated at the corners.
     """
     import jax.numpy as jnp
 
@@ -154,7 +177,7 @@ def _filippov(problem: Filippov, n: int):
 
 
 def _blended(field: Callable, d: int) -> Callable:
-    """The field that is multilinear in s and has the same values at its corners."""
+    """Build the field multilinear in s with the same values at the corners of the box of signs."""
     import jax
     import jax.numpy as jnp
 
@@ -167,15 +190,17 @@ def _blended(field: Callable, d: int) -> Callable:
 
 
 def _rows(c, n: int) -> int:
+    """Count the rows of an affine or smooth family."""
     return c.shape[0] if isinstance(c, Affine) else len(as_numpy(c.g)(0.0, np.full(n, 0.37)))
 
 
 def _anchors(c: Distance) -> int:
+    """Count the anchors of a distance family."""
     return len(np.asarray(as_numpy(c.anchors)(0.0) if c.moving else c.anchors))
 
 
 def _pairs(c: Distance, n: int):
-    """First and second indices of all pairs of a family."""
+    """Return the first and second indices of all pairs of a family."""
     if c.pairs is not None:
         return c.pairs.T
     if c.anchors is None:
@@ -185,11 +210,15 @@ def _pairs(c: Distance, n: int):
 
 
 def _moving(value, moving: bool):
-    """A curve t -> array in JAX."""
+    """Return the curve t -> array in JAX; a constant one where nothing moves."""
     return as_jax(value) if moving else lambda t: value
 
 
 def _affine(c: Affine, n: int):
+    """Build the penalty force of affine rows, lam = k max(-(A x + b), 0).
+
+    A is dense for up to DENSE entries, else sparse.
+    """
     import jax.numpy as jnp
 
     m = c.shape[0]
@@ -214,8 +243,11 @@ def _affine(c: Affine, n: int):
 
 
 def _distance(c: Distance, n: int):
-    """Coincident points are parted along the first axis, as in
-    nsbench.dynamics.contacts.constraint_set; the slope of the length is then 0."""
+    """Build the penalty force of a distance family, pair by pair.
+
+    Coincident points are separated along the first axis, as in
+    nsbench.dynamics.contacts.constraint_set; the slope of the length is then 0.
+    """
     import jax.numpy as jnp
 
     N = c.particles(n)
@@ -244,8 +276,10 @@ def _distance(c: Distance, n: int):
 
 
 def _square(c: Distance, n: int, N: int):
-    """All pairs of a few hard particles as a table (N, N): each is worked out twice, which takes
-    less time than to gather and scatter it once."""
+    """Build the penalty force of all pairs of a few hard particles as a table (N, N).
+
+    Each pair is computed twice, which takes less time than to gather and scatter it once.
+    """
     import jax.numpy as jnp
 
     r = np.broadcast_to(c.radii if c.radii is not None else c.d / 2, N)
@@ -272,13 +306,13 @@ def _square(c: Distance, n: int, N: int):
 
 
 def _positions(c, n, x):
-    """(N, dim) coordinates of a family's particles."""
+    """Return the coordinates (N, dim) of a family's particles."""
     N = c.particles(n)
     return x[c.start : c.start + N * c.dim].reshape(N, c.dim)
 
 
 def _spread(c, n, total):
-    """Forces (N, dim) on a family's particles as a vector (n,)."""
+    """Embed the forces (N, dim) on a family's particles in a vector (n,)."""
     import jax.numpy as jnp
 
     return (
@@ -289,8 +323,10 @@ def _spread(c, n, total):
 
 
 def _near(c: Distance, n: int, place: int):
-    """Pairs of lists[place] (N, capacity): rows of partners, filled up with a particle's own
-    number."""
+    """Build the penalty force of the pairs of lists[place] (N, capacity).
+
+    A row holds the neighbours of a particle, filled up with the particle's own number.
+    """
     import jax.numpy as jnp
 
     N = c.particles(n)
@@ -318,8 +354,11 @@ def _near(c: Distance, n: int, place: int):
 
 
 def _smooth(c: Smooth, n: int):
-    """The gradient is only needed times lam: a reverse-mode product, unless the family brings its
-    own."""
+    """Build the penalty force of a smooth family.
+
+    The gradient is only needed times lam: a reverse-mode product, unless the family brings its own
+    gradient.
+    """
     import jax
     import jax.numpy as jnp
 

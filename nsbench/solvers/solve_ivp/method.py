@@ -1,4 +1,7 @@
-"""Baseline: SciPy's solve_ivp with the order of modes and the events written by hand."""
+"""Baseline: SciPy's solve_ivp with the order of modes and the events written by hand.
+
+Each arc is integrated up to the first of its terminal events, which determines the next arc.
+"""
 
 from __future__ import annotations
 
@@ -44,11 +47,14 @@ class SolveIvp:
 
     @property
     def claims(self) -> Claims:
-        """Bounds at the default tolerance, twice or more of what the catalogue shows: 4.8e-11,
-        1.8e-11 and 8.6e-11."""
+        """Return the claimed errors at the default tolerance.
+
+        They are bounds, twice or more of what the catalogue shows: 4.8e-11, 1.8e-11 and 8.6e-11.
+        """
         return Claims(exact={"dop853": 1e-10, "radau": 1e-10, "lsoda": 1e-9}[self.method])
 
     def refuses(self, case: Case) -> str | None:
+        """Explain why there is no script for the case; None if there is one."""
         if case.name not in case_names():
             return (
                 f"Nobody has written modes by hand for {case.name}; solve_ivp needs them "
@@ -69,6 +75,10 @@ class SolveIvp:
         )
 
     def prepare(self, case: Case, accuracy: float) -> Run:
+        """Bind the script of the case; return the run with rtol = atol = accuracy.
+
+        Raises ValueError if the tolerance is not between TIGHTEST and 0.1.
+        """
         from scipy.integrate import solve_ivp
 
         tol = check_positive("tol", accuracy)
@@ -92,7 +102,7 @@ def find_script(case: Case) -> Script | None:
 
 
 def _event(e):
-    """A function of its own with SciPy's marks."""
+    """Wrap the function of an exit as a terminal event of SciPy, with its direction."""
 
     def crosses(t, y):
         return e.when(t, y)
@@ -103,6 +113,7 @@ def _event(e):
 
 
 def _march(case, work, arcs, solve_ivp, method, tol):
+    """Integrate arc after arc; return the trajectory."""
     n = case.n
     m = len(work.contacts)
     times = case.t
@@ -112,6 +123,7 @@ def _march(case, work, arcs, solve_ivp, method, tol):
     y = np.concatenate((case.x0, np.zeros(size - n)))
     name = work.first
     Y[0], done, events, calls, restarts, status = y, 1, [], 0, 0, Status()
+    # Event-driven integration: an arc up to its terminal event, then the arc that follows.
     while t < times[-1]:
         arc, marks = arcs[name]
         rhs = arc.rhs
@@ -179,8 +191,10 @@ def _march(case, work, arcs, solve_ivp, method, tol):
 
 
 def _differs(case, twin) -> str:
-    """What two cases differ in, as far as start, drift and constraints at random places tell; ""
-    for nothing."""
+    """Compare two cases; return what differs, or "" if nothing does.
+
+    Start, drift and constraints are compared at random places only.
+    """
     p = case.problem
     q = twin.problem
     if type(p) is not type(q):
@@ -210,7 +224,7 @@ def _differs(case, twin) -> str:
 
 
 def _data(c):
-    """A family of constraints as plain values; walls that move at three times."""
+    """Return a family of constraints as plain values; walls that move at three times."""
     at = lambda v: (
         [np.asarray(as_numpy(v)(t)).tolist() for t in (0.0, 0.7, 2.3)]
         if callable(v)

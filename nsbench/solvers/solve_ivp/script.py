@@ -1,9 +1,10 @@
-"""Script of modes: what a user of solve_ivp writes by hand for one problem, after work on paper.
+"""Scripts of modes, which a user of solve_ivp writes by hand for one problem.
 
-A script is a set of arcs. Each has its right-hand side, in plain Python numbers (for so few
-unknowns they are quicker than arrays), and the events that end it, each with the arc that follows.
-Behind the n entries of the state come the integrals of the multipliers (Filippov: of the weight of
-the positive side), one for each contact, and then, where gradients turn, n entries of the reaction.
+A script is a set of arcs, which need work on paper first. Each has its right-hand side, in plain
+Python numbers (for so few unknowns they are quicker than arrays), and the events that end it, each
+with the arc that follows. Behind the n entries of the state come the integrals of the multipliers
+(Filippov: of the weight of the positive side), one for each contact, and then, where gradients
+turn, n entries of the reaction.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Exit:
-    """An event that ends an arc: when(t, y) crosses zero upwards (direction 1) or downwards (-1).
+    """Event that ends an arc: when(t, y) crosses zero upwards (direction 1) or downwards (-1).
 
     then: the arc that follows, its name or a function (t, y) -> name. kind, contact: how the event
     is recorded; kind "" records nothing.
@@ -32,7 +33,7 @@ class Exit:
 
 @dataclass(frozen=True)
 class Arc:
-    """One mode: rhs(t, y) -> list, and the exits that end it.
+    """Motion in one mode: rhs(t, y) -> list, and the exits that end it.
 
     enter(t, y): brings the state onto its surface, in place, where the arc begins.
     """
@@ -44,12 +45,11 @@ class Arc:
 
 @dataclass(frozen=True)
 class Script:
-    """All arcs of a case by name, and the first one; contacts: ids of the integrals behind the
-    state.
+    """Arcs of a case by name, and the name of the first one.
 
-    push (m, n): the gradients, if they are constant; None: the reaction is integrated too; () for
-    Filippov systems.
-    max_step: of the integrator, where an excursion would be missed otherwise.
+    contacts: ids of the integrals behind the state. push (m, n): the gradients, if they are
+    constant; None: the reaction is integrated too; () for Filippov systems. max_step: of the
+    integrator, where an excursion would be missed otherwise.
     """
 
     arcs: dict[str, Arc]

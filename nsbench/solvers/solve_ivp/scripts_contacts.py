@@ -1,4 +1,7 @@
-"""Scripts of modes of points with constraints, written by hand (see script.py)."""
+"""Scripts of modes of points with constraints, written by hand (see script.py).
+
+Each function builds the script of the case of its name, with the parameters of the case.
+"""
 
 from __future__ import annotations
 
@@ -6,12 +9,14 @@ import math
 
 import numpy as np
 
+from nsbench.case import Case
 from nsbench.solvers.solve_ivp.script import Arc, Exit, Script
 
 UP = np.eye(1)
 
 
-def apple(case) -> Script:
+def apple(case: Case) -> Script:
+    """Script a fall with speed 1 onto the floor, and rest there."""
     return Script(
         {
             "fall": Arc(
@@ -24,7 +29,8 @@ def apple(case) -> Script:
     )
 
 
-def tide(case) -> Script:
+def tide(case: Case) -> Script:
+    """Script a drift -cos(t) against a floor: contact and release alternate."""
     cos = math.cos
     return Script(
         {
@@ -42,7 +48,8 @@ def tide(case) -> Script:
     )
 
 
-def moving_floor(case, a=1.5, b=1.0) -> Script:
+def moving_floor(case: Case, a: float = 1.5, b: float = 1.0) -> Script:
+    """Script a fall with speed b onto a floor at a sin(t)."""
     sin = math.sin
     cos = math.cos
 
@@ -66,7 +73,8 @@ def moving_floor(case, a=1.5, b=1.0) -> Script:
     )
 
 
-def stiff_contact(case, K=100.0) -> Script:
+def stiff_contact(case: Case, K: float = 100.0) -> Script:
+    """Script a spring of rate K that drags a point along cos t, into the floor and off it."""
     sin = math.sin
     cos = math.cos
     held = lambda t, y: sin(t) - K * cos(t)
@@ -85,7 +93,8 @@ def stiff_contact(case, K=100.0) -> Script:
     )
 
 
-def play(case) -> Script:
+def play(case: Case) -> Script:
+    """Script a point without a drift that two jaws push to and fro."""
     r = 0.35
     w = 2.0**0.5
     u = lambda t: math.sin(t) + math.sin(w * t) / 3.0
@@ -111,7 +120,9 @@ def play(case) -> Script:
     )  # a point at rest: no step is too long
 
 
-def graze(case, delta=0.0) -> Script:
+def graze(case: Case, delta: float = 0.0) -> Script:
+    """Script a parabola that dips into a floor (delta < 0), touches it or misses it."""
+
     def land(t, y):
         y[1] = 0.0
 
@@ -142,7 +153,11 @@ def graze(case, delta=0.0) -> Script:
     )
 
 
-def wedge(case, psi=60.0, swell=0.0) -> Script:
+def wedge(case: Case, psi: float = 60.0, swell: float = 0.0) -> Script:
+    """Script a fall into a wedge of two walls with the angle psi (degrees): wall, then corner.
+
+    The drift is 1 + swell sin(t) times a constant.
+    """
     c = math.cos(math.radians(psi))
     half = math.radians(psi) / 2
     # of the walls: (nx, ny) and (-nx, ny)
@@ -183,10 +198,13 @@ def wedge(case, psi=60.0, swell=0.0) -> Script:
     )
 
 
-def box_turning(case, side=1.0) -> Script:
-    """Each coordinate is free, at its low or at its high stop, whatever the other one does: nine
-    arcs. In the unit box one coordinate reaches a stop as the other leaves one: two events, one
-    after the other at the same time."""
+def box_turning(case: Case, side: float = 1.0) -> Script:
+    """Script a turning drift in a box with sides of length `side`: nine arcs.
+
+    Each coordinate is free, at its low or at its high stop, whatever the other one does. In the
+    unit box one coordinate reaches a stop as the other leaves one: two events, one after the other
+    at the same time.
+    """
     winds = (math.cos, math.sin)
 
     def arc(places):
@@ -239,7 +257,9 @@ def box_turning(case, side=1.0) -> Script:
     )
 
 
-def obstacle(case, b=0.2) -> Script:
+def obstacle(case: Case, b: float = 0.2) -> Script:
+    """Script a straight flight against a round pillar, around it and off it."""
+
     def pillar(t, y):
         r = math.hypot(y[0], y[1])
         c = y[0] / r
@@ -270,6 +290,7 @@ def obstacle(case, b=0.2) -> Script:
 
 
 def _floor(t, y):
+    """Set the first coordinate to zero, the height of the floor."""
     y[0] = 0.0
 
 

@@ -1,16 +1,22 @@
-"""Scripts of modes of few discs, written by hand (see script.py)."""
+"""Scripts of modes of few discs, written by hand (see script.py).
+
+Each function builds the script of the case of its name, with the parameters of the case.
+"""
 
 from __future__ import annotations
 
 import math
 
+from nsbench.case import Case
 from nsbench.solvers.solve_ivp.script import Arc, Exit, Script
 
 NONE = [0.0] * 9
 THIRDS = 2.0 / 3.0
 
 
-def two_discs(case, w=0.0) -> Script:
+def two_discs(case: Case, w: float = 0.0) -> Script:
+    """Script two discs that spiral to the origin (rate of turning w) until they touch."""
+
     def free(t, y):
         a, b, c, d, *_ = y
         return [-a - w * b, -b + w * a, -c - w * d, -d + w * c, 0.0, 0.0, 0.0, 0.0, 0.0]
@@ -44,9 +50,12 @@ def two_discs(case, w=0.0) -> Script:
     )
 
 
-def three_discs(case, overlap="none") -> Script | None:
-    """Discs 0 and 1 meet, then 1 and 2; the hinge folds until 0 and 2 meet; from there on every lam
-    is 2/3."""
+def three_discs(case: Case, overlap: str = "none") -> Script | None:
+    """Script three discs that move to the origin; None for starts with an overlap.
+
+    Discs 0 and 1 meet, then 1 and 2; the hinge folds until 0 and 2 meet; from there on every lam is
+    2/3.
+    """
     if overlap != "none":
         return None
     hypot = math.hypot

@@ -1,13 +1,19 @@
-"""Scripts of modes of Filippov systems, written by hand (see script.py)."""
+"""Scripts of modes of Filippov systems, written by hand (see script.py).
+
+Each function builds the script of the case of its name, with the parameters of the case.
+"""
 
 from __future__ import annotations
 
 import math
 
+from nsbench.case import Case
 from nsbench.solvers.solve_ivp.script import Arc, Exit, Script
 
 
-def slide_exit(case) -> Script:
+def slide_exit(case: Case) -> Script:
+    """Script a slide on a line that ends where the field below points away from it."""
+
     def above(t, y):
         return [1.0 + y[1], -1.0 - 0.5 * math.sin(y[0]), 1.0]
 
@@ -31,7 +37,8 @@ def slide_exit(case) -> Script:
     )
 
 
-def oscillator(case, swapped=False) -> Script:
+def oscillator(case: Case, swapped: bool = False) -> Script:
+    """Script an oscillator whose sense of turning changes at the unit circle."""
     turn = 2.0 * math.pi * (-1.0 if swapped else 1.0)
     circle = lambda t, y: y[0] * y[0] + y[1] * y[1] - 1.0
     return Script(
@@ -46,7 +53,8 @@ def oscillator(case, swapped=False) -> Script:
     )
 
 
-def stick_slip(case, x0=0.5, T=20.0) -> Script:
+def stick_slip(case: Case, x0: float = 0.5, T: float = 20.0) -> Script:
+    """Script a block on a moving belt with friction that falls with the sliding speed."""
     belt = 0.2
     speed = lambda t, y: y[1] - belt
 
@@ -76,7 +84,9 @@ def stick_slip(case, x0=0.5, T=20.0) -> Script:
     )
 
 
-def friction(case, mu=0.3, x0=1.0) -> Script:
+def friction(case: Case, mu: float = 0.3, x0: float = 1.0) -> Script:
+    """Script an oscillator with dry friction mu, which stops within |x| <= mu."""
+
     def turned(other):
         return lambda t, y: "stuck" if abs(y[0]) <= mu else other
 
@@ -99,10 +109,14 @@ def friction(case, mu=0.3, x0=1.0) -> Script:
 
 
 def _stops(next_of):
+    """Return the kind of event: "enter" if the velocity stays zero, else "cross"."""
     return lambda t, y: "enter" if next_of(t, y) == "stuck" else "cross"
 
 
-def circle_sliding(case, a=0.5, outside=1.5, inside=0.5, r0=1.5) -> Script:
+def circle_sliding(
+    case: Case, a: float = 0.5, outside: float = 1.5, inside: float = 0.5, r0: float = 1.5
+) -> Script:
+    """Script a slide on the unit circle from a start outside or inside."""
     u = 0.5 * (outside + inside)
     v = 0.5 * (outside - inside)
     circle = lambda t, y: y[0] * y[0] + y[1] * y[1] - 1.0
@@ -122,7 +136,8 @@ def circle_sliding(case, a=0.5, outside=1.5, inside=0.5, r0=1.5) -> Script:
     )
 
 
-def two_surfaces(case, kind="affine") -> Script | None:
+def two_surfaces(case: Case, kind: str = "affine") -> Script | None:
+    """Script a slide on one line, then at the corner of two; None for kinds other than "affine"."""
     if kind != "affine":
         return None
     k = 0.4
@@ -159,7 +174,8 @@ def two_surfaces(case, kind="affine") -> Script | None:
     )
 
 
-def sliding(case) -> Script:
+def sliding(case: Case) -> Script:
+    """Script constant fields that meet a line and slide on it."""
     return Script(
         {
             "above": Arc(
@@ -171,7 +187,8 @@ def sliding(case) -> Script:
     )
 
 
-def crossing(case) -> Script:
+def crossing(case: Case) -> Script:
+    """Script constant fields that cross a line."""
     return Script(
         {
             "above": Arc(
@@ -183,7 +200,8 @@ def crossing(case) -> Script:
     )
 
 
-def apple_filippov(case, y0=1.0) -> Script:
+def apple_filippov(case: Case, y0: float = 1.0) -> Script:
+    """Script a fall onto the floor, as a Filippov system."""
     return Script(
         {
             "fall": Arc(lambda t, y: [-1.0, 1.0], (Exit(lambda t, y: y[0], -1, "rest", "enter"),)),
@@ -194,6 +212,8 @@ def apple_filippov(case, y0=1.0) -> Script:
 
 
 def _zero(i):
+    """Return a function that sets coordinate i of the state to zero, in place."""
+
     def enter(t, y):
         y[i] = 0.0
 

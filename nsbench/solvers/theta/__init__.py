@@ -1,4 +1,7 @@
-"""theta: see method.py."""
+"""Implicit theta stepping for linear complementarity systems and linear constraints.
+
+See method.py.
+"""
 
 from nsbench.solvers.theta.method import SOLVER
 

@@ -1,5 +1,7 @@
-"""Implicit theta stepping for linear complementarity systems and linear constraints: one LCP per
-step."""
+"""Implicit theta stepping for linear complementarity systems and linear constraints.
+
+One linear complementarity problem is solved per step.
+"""
 
 from __future__ import annotations
 
@@ -63,10 +65,12 @@ class Theta:
 
     @property
     def claims(self) -> Claims:
+        """Return the claimed orders: 2 for the trapezoid, else 1."""
         order = 2.0 if self.theta == 0.5 else 1.0
         return Claims(state=order, impulse=order)
 
     def refuses(self, case: Case) -> str | None:
+        """Explain why the method does not take the case; None if it does."""
         p = case.problem
         if isinstance(p, LCS):
             from nsbench.dynamics.lcs import inconsistent
@@ -88,6 +92,7 @@ class Theta:
         return None
 
     def prepare(self, case: Case, h: float) -> Run:
+        """Bind the time loop to the case with the step h; return the run."""
         from nsbench.solvers.common.compiled_loop import bind_loop, module_in_python
         from nsbench.solvers.theta.kernels import loop as kernel
 
@@ -124,7 +129,8 @@ class Theta:
         )
 
 
-def _of_lcs(case):
+def _of_lcs(case: Case) -> dict:
+    """Return the matrices and functions of a linear complementarity system."""
     from nsbench.dynamics.lcs import drift_of, inputs
 
     p = case.problem
@@ -140,8 +146,8 @@ def _of_lcs(case):
     }
 
 
-def _of_gaps(case):
-    """The families as w = C x + q(t) with B = C^T, D = 0."""
+def _of_gaps(case: Case) -> dict:
+    """Return affine constraints in the form of an LCS: w = C x + q(t) with B = C^T, D = 0."""
     from nsbench.dynamics.contacts.constraint_set import ConstraintSet
     from nsbench.dynamics.contacts.time_dependence import concatenate_curves
     from nsbench.solvers.common.initial_state import initial_state
@@ -169,7 +175,7 @@ def _of_gaps(case):
 
 
 def _loop_functions(case, data):
-    """The drift and the curve q(t) of the case for the time loop."""
+    """Return the drift and the curve q(t) of the case for the time loop."""
     from nsbench.solvers.common.compiled_loop import (
         compile_functions,
         curve_function,
@@ -198,6 +204,7 @@ def _unique(data, h, theta, fixed):
 
 
 def _trajectory(case, g, loop, theta, B, judged, out):
+    """Build the trajectory from what the time loop returned."""
     from nsbench.solvers.theta.kernels.loop import CALLS, INNER, LCPS, PIVOTS, UNSETTLED
 
     X, P, count, code, reached, twice = out
@@ -239,6 +246,7 @@ def _trajectory(case, g, loop, theta, B, judged, out):
 
 
 def _status(code, reached, twice, judged):
+    """Return the status of a run: by its code, else by the uniqueness of its steps."""
     from nsbench.linalg.dense import StepCode
     from nsbench.solvers.common.compiled_loop import status_of
 

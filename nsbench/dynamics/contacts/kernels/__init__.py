@@ -1,1 +1,3 @@
-"""nsbench/dynamics/contacts/kernels"""
+"""Compiled kernels for contacts: cell lists, order of a sweep, impulse records, and the arrays they
+exchange.
+"""

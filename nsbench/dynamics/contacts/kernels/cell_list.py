@@ -1,5 +1,4 @@
-"""Near pairs of particles by cell lists: all i < j with |x_i - x_j| <= r_i + r_j + reach,
-sorted."""
+"""Cell lists: all pairs of particles i < j with |x_i - x_j| <= r_i + r_j + reach, sorted."""
 
 import numpy as np
 
@@ -8,10 +7,11 @@ from nsbench.compilation.decorators import njit
 
 @njit(cache=True)
 def _cells(x, start, n, dim, size):
-    """Cell of each particle, members sorted by cell (CSR), and the grid's shape.
+    """Sort the particles into the cells of a grid.
 
-    Cells are at least `size` wide and at most about 4 n of them are made, however far particles are
-    spread.
+    Returns the cell of each particle, the members by cell (CSR: starts and members), and the grid's
+    shape. Cells are at least `size` wide, and there are at most about 4 n of them, however far the
+    particles are spread.
     """
     lo = np.empty(3)
     num = np.ones(3, np.int64)
@@ -49,10 +49,10 @@ def _cells(x, start, n, dim, size):
 
 @njit(cache=True)
 def near_pairs(x, start, n, dim, r, reach):
-    """Pairs (i, j), i < j, sorted by i then j, whose gap |x_i - x_j| - r_i - r_j is at most
-    `reach`.
+    """List the pairs (i, j), i < j, whose gap |x_i - x_j| - r_i - r_j is at most `reach`.
 
-    x (N,), particles at x[start + i dim]; r (n,) radii; x must be finite. Returns two int64 arrays.
+    x (N,), finite: particle i has its coordinates at x[start + i dim], dim of them. r (n,): radii.
+    reach: a length. Returns i and j, two int64 arrays, sorted by i then j.
     """
     cell, first, member, num = _cells(x, start, n, dim, 2.0 * r.max() + reach)
     cap = 4 * n + 16
@@ -61,6 +61,7 @@ def near_pairs(x, start, n, dim, r, reach):
     m = 0
     n1 = num[1] if dim > 1 else 1
     n2 = num[2] if dim > 2 else 1
+    # Cell list search: the 3^dim cells around each particle; insertion sort of its partners by j.
     for i in range(n):
         k = cell[i]
         k2 = k % n2 if dim > 2 else 0

@@ -1,22 +1,24 @@
-"""The order of a sweep, defined by the scene: a key for every constraint, whoever lists it.
+"""Order of the constraints in a sweep: a key for every constraint that depends on the scene alone.
+
+The key is the same whichever list the constraint is in.
 
     sorted     families as the case lists them; within a family as listed, pairs of hard particles
-    by (i, j)
+               by (i, j)
     reverse    the same backwards
     random     one permutation of all constraints, drawn from the seed
-    cell       sorted, with the particles of a hard family renumbered by `ranks`: row by row of
-    cells of the start
+    cell       sorted, with the particles of a hard family renumbered by `cell_ranks`: row by row of
+               cells of the start
     coloured   sorted, but pairs of a hard family by (colour, i, j), where
                colour(i, j) = (mix(i) + mix(j) mod 2^64) div 2^60, one of 16, mix(i) = splitmix64 of
                label and seed
 
 Colours depend on the labels alone: not on positions, time, lists or threads, and they never change.
 Two pairs of one colour may share a particle (seldom, as mix is random); then (i, j) decides. What
-may run at the same time follows from any of these orders by `levels`: constraints of one level
-share no particle, so they can be done in any order or all at once, level after level, with the
-result of the sweep one after another, bit for bit. Of the pairs near each other in a random packing
-of 10^6 discs the orders "random" and "coloured" have about 24 levels; "sorted", numbered row by
-row, has thousands.
+may run at the same time follows from any of these orders by `colour_levels`: constraints of one
+level share no particle, so they can be done in any order or all at once, level after level, with
+the result of the sweep one after another, bit for bit. Of the pairs near each other in a random
+packing of 10^6 discs the orders "random" and "coloured" have about 24 levels; "sorted", numbered
+row by row, has thousands.
 """
 
 import numpy as np
@@ -35,7 +37,7 @@ FAMILY_SHIFT = 2 * SHIFT  # 256 families
 
 @njit(cache=True)
 def mix(z):
-    """splitmix64 (Steele, Lea & Flood 2014)."""
+    """Hash a 64-bit integer: splitmix64 (Steele, Lea & Flood 2014)."""
     z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
     return z ^ (z >> np.uint64(31))
@@ -43,8 +45,11 @@ def mix(z):
 
 @njit(cache=True)
 def sweep_key(order, seed, family, a, b):
-    """Place of a constraint in the sweep; a, b: particles i, j of a hard pair (their ranks, a < b,
-    where the order is CELL), or the place in its family and 0."""
+    """Return the key of a constraint by which a sweep is sorted.
+
+    order: one of the codes of this module. a, b: particles i, j of a hard pair (their ranks, a < b,
+    where the order is CELL), or the place in its family and 0.
+    """
     if order == COLOURED and b > 0:
         shift = np.uint64(seed + 1) * np.uint64(0x9E3779B97F4A7C15)
         colour = (mix(np.uint64(a) + shift) + mix(np.uint64(b) + shift)) >> np.uint64(60)
@@ -68,7 +73,10 @@ def sweep_key(order, seed, family, a, b):
 
 @njit(cache=True)
 def places(family):
-    """Place of each listed constraint within its family; families are contiguous."""
+    """Return the place (m,) of each listed constraint within its family.
+
+    Families are contiguous.
+    """
     place = np.zeros(family.size, np.int64)
     for c in range(1, family.size):
         place[c] = place[c - 1] + 1 if family[c] == family[c - 1] else 0
@@ -77,7 +85,7 @@ def places(family):
 
 @njit(cache=True)
 def static_keys(family, order, seed):
-    """Keys of listed constraints."""
+    """Return the keys (m,) of listed constraints in the given order of the sweep."""
     place = places(family)
     keys = np.empty(family.size, np.uint64)
     for c in range(family.size):
@@ -87,11 +95,14 @@ def static_keys(family, order, seed):
 
 @njit(cache=True)
 def colour_levels(i, j, n):
-    """Levels (from 0) of constraints on particles i[c], j[c] < n (j[c] < 0: on i[c] alone), listed
-    in the order of the sweep: one more than the last constraint before it that shares a
-    particle."""
+    """Return the levels (m,), from 0, of constraints listed in the order of the sweep.
+
+    i, j (m,): particles below n of each constraint (j[c] < 0: on i[c] alone). A level is one more
+    than that of the last constraint before it that shares a particle.
+    """
     free = np.zeros(n, np.int32)
     level = np.empty(i.size, np.int32)
+    # List scheduling: a constraint starts as soon as both of its particles are free.
     for c in range(i.size):
         a = i[c]
         b = j[c] if j[c] >= 0 else i[c]
@@ -101,8 +112,11 @@ def colour_levels(i, j, n):
 
 
 def cell_ranks(x: np.ndarray, dim: int, size: float) -> np.ndarray:
-    """New numbers (n,) of the particles at x (n dim,): row by row of cells of the given size, the
-    last axis slowest, from the lowest corner; within a cell by label."""
+    """Renumber particles row by row of cells of the given size.
+
+    x (n dim,): coordinates. The last axis is the slowest, from the lowest corner; within a cell
+    particles are ordered by label. Returns the new numbers (n,).
+    """
     cell = np.floor((x.reshape(-1, dim) - x.reshape(-1, dim).min(axis=0, initial=np.inf)) / size)
     rank = np.empty(len(cell), np.int64)
     rank[np.lexsort(cell.T)] = np.arange(len(cell))

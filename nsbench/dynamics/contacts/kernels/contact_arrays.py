@@ -67,7 +67,10 @@ class ListedContacts(NamedTuple):
 
 
 class AffineRows(NamedTuple):
-    """The rows of all affine families, A as CSR, and 1/|A_r|^2 of each row r."""
+    """Rows of all affine families.
+
+    A as CSR: ptr, cols, vals; and 1/|A_r|^2 of each row r.
+    """
 
     ptr: np.ndarray
     cols: np.ndarray

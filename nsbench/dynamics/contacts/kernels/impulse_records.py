@@ -1,5 +1,7 @@
-"""Impulses by contact as growing records (sample, family, i, j, impulse): what never acts takes no
-room."""
+"""Impulses by contact as growing records (sample, family, i, j, impulse).
+
+A contact that never acts takes no memory.
+"""
 
 from collections.abc import Sequence
 
@@ -12,8 +14,11 @@ MANY = 10_000  # contacts; a tuple takes some 130 bytes for each, and half a mic
 
 @njit(cache=True)
 def flush(k, mu, family, i, j, ids, values, count):
-    """Move the impulses mu of a list to the records of sample k and clear them; returns grown
-    records."""
+    """Append the impulses mu of a list to the records, as of sample k, and set them to zero.
+
+    mu, family, i, j (m,): impulses and ids of the listed contacts. ids (K, 4), values (K,): the
+    records, `count` of them in use. Returns the records, enlarged where they were full.
+    """
     need = 0
     for c in range(mu.size):
         if mu[c] != 0.0:
@@ -40,13 +45,15 @@ def flush(k, mu, family, i, j, ids, values, count):
 
 
 class Contacts(Sequence):
-    """Contact ids as a tuple of tuples would hold them, kept as an array (m, 3) of family, i, j
-    (-1: no second index)."""
+    """Sequence of contact ids, equal to a tuple of tuples, stored as an array.
+
+    ids (m, 3): family, i, j, with j = -1 where there is no second index.
+    """
 
     def __init__(self, ids: np.ndarray):
         self.ids = ids
 
-    def __len__(self):
+    def __len__(self) -> int:
         return len(self.ids)
 
     def __getitem__(self, index):
@@ -57,7 +64,7 @@ class Contacts(Sequence):
     def __iter__(self):
         return map(_name, self.ids.tolist())
 
-    def __eq__(self, other):
+    def __eq__(self, other) -> bool:
         if isinstance(other, Contacts):
             return np.array_equal(self.ids, other.ids)
         return (
@@ -66,20 +73,21 @@ class Contacts(Sequence):
             and all(a == b for a, b in zip(self, other, strict=True))
         )
 
-    def __hash__(self):
+    def __hash__(self) -> int:
         return hash(tuple(self))
 
 
 def _name(id_):
+    """Return the id (3,) of a contact as a tuple, without a second index of -1."""
     return tuple(id_) if id_[2] >= 0 else tuple(id_[:2])
 
 
 @njit(cache=True)
 def sorted_contacts(ids):
-    """Contacts (m, 3) of records ids (k, 4), sorted, and the number of its contact for each record.
+    """Sort the contacts of records ids (k, 4); return them, and the column of each record.
 
-    What numpy.unique finds by sorting, by counting: places by family and i, then each short stretch
-    by j.
+    Contacts (m, 3). The result of numpy.unique by a counting sort: places by family and i, then
+    each short stretch is sorted by j.
     """
     families = 0
     for e in range(len(ids)):
@@ -94,6 +102,7 @@ def sorted_contacts(ids):
     column = np.empty(len(ids), np.int32)
     for e in range(len(ids)):
         ends[size[ids[e, 1]] + ids[e, 2] + 1] += 1
+    # Counting sort: prefix sums, then records are placed by (family, i).
     for s in range(ends.size - 1):
         ends[s + 1] += ends[s]
     for e in range(len(ids)):
@@ -122,8 +131,12 @@ def sorted_contacts(ids):
 
 
 def cumulate(ids: np.ndarray, values: np.ndarray, samples: int) -> tuple[Sequence, np.ndarray]:
-    """Contact ids that ever acted, sorted, and their cumulative impulse (samples, m); a `Contacts`
-    if there are many."""
+    """Sum the records up to cumulative impulses by contact.
+
+    ids (K, 4), values (K,): the records; samples: how many there are. Returns the sorted ids of the
+    contacts that ever acted (a `Contacts` if there are many), and their cumulative impulse
+    (samples, m).
+    """
     if not len(values):
         return (), np.zeros((samples, 0))
     if len(values) > MANY and ids.dtype == np.int32:

@@ -1,1 +1,1 @@
-"""nsbench/solvers/euler/kernels"""
+"""Compiled kernels of Euler's method: the time loops and one implicit step."""

@@ -1,9 +1,7 @@
-"""One implicit Euler step in a given mode: Newton's method for the state and the signs of the
-surfaces it slides on.
+"""Implicit Euler step in a given mode: Newton's method for state and signs of sliding surfaces.
 
 Fields and switch functions are pointers (t, x, s, out) and (t, x, out). `mode` holds +1, -1 or 0
-per surface:
-on the positive side, on the negative side, on the surface itself.
+per surface: on the positive side, on the negative side, on the surface itself.
 """
 
 import numpy as np
@@ -21,20 +19,21 @@ inner = njit(cache=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)
 
 @inner
 def copy(source, target):
-    """target <- source; a loop, as the checks of an assignment of arrays take numba seconds to
-    compile."""
+    """Copy source into target, element by element.
+
+    The checks of an assignment of arrays take numba seconds to compile.
+    """
     for i in range(target.size):
         target[i] = source[i]
 
 
 @inner
 def extended(field, blend, t, x, s, e, v, out):
-    """F(t, x, s) in `out`, continued multilinearly to |s_i| > 1 through the values at s_i = -1 and
-    1; calls made.
+    """Evaluate F(t, x, s), continued multilinearly to |s_i| > 1, in `out`; return the calls of F.
 
-    Iterates of Newton's method leave the box, where a field need not mean anything. Nor need it
-    between the modes: with `blend` it is multilinear there too, as Filippov's is. e (d,), v (n,):
-    work.
+    The continuation is through the values at s_i = -1 and 1. Iterates of Newton's method leave the
+    box, where a field need not mean anything. Nor need it between the modes: with `blend` it is
+    multilinear there too, as Filippov's is. e (d,), v (n,): work.
     """
     k = 0
     for i in range(s.size):
@@ -45,6 +44,7 @@ def extended(field, blend, t, x, s, e, v, out):
         return 1
     for c in range(out.size):
         out[c] = 0.0
+    # Multilinear interpolation: sum over the 2^k corners of the signs that are continued.
     for code in range(2**k):
         weight = 1.0
         rest = code
@@ -62,7 +62,11 @@ def extended(field, blend, t, x, s, e, v, out):
 
 @inner
 def residual(field, switch, blend, t, h, x, y, s, slide, e, v, c, r):
-    """y - x - h F(t, y, s) and c_i(t, y) of the sliding surfaces, in r; calls made."""
+    """Compute the residual of an implicit step in r; return the calls of the field.
+
+    r (n + p,): y - x - h F(t, y, s), then c_i(t, y) of the p sliding surfaces `slide`. e, v, c:
+    work.
+    """
     n = x.size
     calls = extended(field, blend, t, y, s, e, v, r[:n])
     for i in range(n):
@@ -76,20 +80,22 @@ def residual(field, switch, blend, t, h, x, y, s, slide, e, v, c, r):
 
 @inner
 def difference(unit, size):
-    """Step of a one-sided difference in a coordinate of this size, for functions that bend over the
-    length `unit` or more.
+    """Return the step of a one-sided difference in a coordinate of this size.
 
-    Rounding is eps size / step of a derivative, curvature step / unit: both are at most sqrt(eps
-    size / unit) where their product is least. Beyond 1e8 units the first decides: four digits of a
-    derivative are enough for Newton's method.
+    For functions that bend over the length `unit` or more: rounding is eps size / step of a
+    derivative, curvature step / unit; both are at most sqrt(eps size / unit) where their product is
+    least. Beyond 1e8 units the first decides: four digits of a derivative are enough for Newton's
+    method.
     """
     return max(1.5e-8 * np.sqrt(unit * max(unit, size)), 1e-12 * size)
 
 
 @inner
 def jacobian(field, switch, blend, unit, t, h, x, y, s, slide, e, v, c, r, q, J):
-    """Derivative of the residual r: one-sided differences in y; in s_i exact, as F is affine in
-    each weight."""
+    """Compute the Jacobian J of the residual r in (y, s); return the calls of the field.
+
+    One-sided differences in y; in s_i exact, as F is affine in each weight.
+    """
     n = x.size
     calls = 0
     for j in range(n):
@@ -117,10 +123,10 @@ def jacobian(field, switch, blend, unit, t, h, x, y, s, slide, e, v, c, r, q, J)
 
 @inner
 def newton(field, switch, blend, unit, t, h, x, mode, y, s, jump):
-    """Solve one implicit step for a given mode, from (y, s), which are overwritten.
+    """Solve one implicit step in a given mode by Newton's method from (y, s), which it overwrites.
 
-    jump (d,): displacement per unit of s_i, the size of a step's freedom on surface i. Returns
-    converged, calls, iterations. The Jacobian is kept while an iteration gains a factor of 20.
+    jump (d,): overwritten by the displacement per unit of s_i. The Jacobian is reused while an
+    iteration gains a factor of 20. Returns converged, calls, iterations.
     """
     n = x.size
     d = s.size
@@ -147,6 +153,7 @@ def newton(field, switch, blend, unit, t, h, x, mode, y, s, jump):
             s[i] = 0.0
     calls = 0
     last = 0.0
+    # Simplified Newton iteration in (y, s): a new Jacobian only where convergence is slow.
     for it in range(NEWTON):
         calls += residual(field, switch, blend, t, h, x, y, s, slide, e, v, c, r)
         if it == 0 or last > 0.05:

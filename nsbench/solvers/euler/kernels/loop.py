@@ -1,9 +1,7 @@
-"""Explicit and implicit Euler on a field with signs, x' = F(t, x, s), s_i in Sgn(c_i(t, x)): the
-time loops.
+"""Time loops of explicit and implicit Euler for x' = F(t, x, s), s_i in Sgn(c_i(t, x)).
 
 Fields and switch functions are pointers (t, x, s, out) and (t, x, out). `mode` holds +1, -1 or 0
-per surface:
-on the positive side, on the negative side, on the surface itself.
+per surface: on the positive side, on the negative side, on the surface itself.
 """
 
 import numpy as np
@@ -24,10 +22,11 @@ TRIALS = 100_000
 
 @inner
 def contradictions(switch, t, y, mode, c, s, jump, new, e, noise):
-    """Whether the solved step contradicts its mode; `new` gets the mode with every contradiction
-    turned over.
+    """Does the solved step contradict its mode?
 
-    e, noise (d,): work.
+    `new` is overwritten by the mode with every contradiction turned over: a sign beyond +-1 leaves
+    its surface, a switch of the wrong sign slides. A switch within the rounding of the state is no
+    contradiction. e, noise (d,): work.
     """
     bad = False
     unsure = False
@@ -57,14 +56,15 @@ def contradictions(switch, t, y, mode, c, s, jump, new, e, noise):
 
 @inner
 def implicit_step(field, switch, blend, unit, t, h, x, mode, y, s, last):
-    """x+ = x + h F(t, x+, s), s_i in Sgn(c_i(t, x+)): from the last mode by block pivots, else by
-    trying all 3^d.
+    """Solve one implicit step by block pivots from the last mode, else by trying all 3^d modes.
+
+        x+ = x + h F(t, x+, s),   s_i in Sgn(c_i(t, x+))
 
     A solution exists for small h (Kakutani: s -> Sgn(c(y(s))) on the box); where fields are not
     affine in the signs Newton's method may need another start to find it, and all modes are tried
-    from the 2^d points s_i = +-1/2 too.
-    y, s, mode are overwritten by the solution; last: how far the step before went. Returns found,
-    calls, iterations.
+    from the 2^d points s_i = +-1/2 too. y, s, mode are overwritten by the solution; last:
+    displacement of the previous step. Returns (whether one was found, calls of the field, Newton
+    iterations).
     """
     d = s.size
     calls = 0
@@ -75,6 +75,7 @@ def implicit_step(field, switch, blend, unit, t, h, x, mode, y, s, last):
     start = s.copy()
     e = np.empty(d)
     noise = np.empty(d)
+    # Block principal pivoting on the mode; after 2 d + 2 trials, enumeration of all 3^d modes.
     for trial in range(min(2 * d + 2 + 3**d * (1 + 2**d), TRIALS)):
         if trial >= 2 * d + 2:
             code = trial - 2 * d - 2
@@ -113,7 +114,7 @@ def implicit_step(field, switch, blend, unit, t, h, x, mode, y, s, last):
 
 @inner
 def distance(x, y):
-    """Largest difference of the coordinates."""
+    """Return the largest difference of the coordinates."""
     out = 0.0
     for i in range(x.size):
         out = max(out, abs(y[i] - x[i]))
@@ -124,12 +125,11 @@ def distance(x, y):
 def nearest_solution(
     field, switch, blend, unit, t, h, x, mode, y, s, start, c, jump, new, e, noise
 ):
-    """Of the solutions of a step in all 3^d modes the one nearest to x: (mode, y, s), one of them,
-    become that one.
+    """Replace the solution (mode, y, s) of a step by the one nearest to x among all 3^d modes.
 
     Where fields are stiff beyond a surface a step has solutions there, however far it is, until h
-    is below distance / speed.
-    Returns calls, iterations.
+    is below distance / speed. start (d,): signs from which Newton's method starts; c, jump, new, e,
+    noise: work. Returns (calls of the field, Newton iterations).
     """
     d = s.size
     calls = 0
@@ -138,6 +138,7 @@ def nearest_solution(
     to = y.copy()
     weights = s.copy()
     at = mode.copy()
+    # Enumeration of the modes; codes are numbers of base 3.
     for code in range(3**d):
         for i in range(d):
             mode[i] = code % 3 - 1
@@ -163,8 +164,11 @@ def nearest_solution(
 
 @inner
 def keep_intermediate(rows, j, steps, t, x, w):
-    """Keeps time, state and integrals where step j of so many ends a part of its interval, but for
-    the last."""
+    """Record time, state and integrals in `rows` where step j ends a part of its interval.
+
+    The interval has `steps` steps and len(rows) parts. Not for the last part, whose end is the
+    sample.
+    """
     part = (j + 1) * rows.shape[0] // steps
     if j * rows.shape[0] // steps < part < rows.shape[0]:
         rows[part, 0] = t
@@ -176,11 +180,12 @@ def keep_intermediate(rows, j, steps, t, x, w):
 
 @njit(cache=True)
 def implicit_euler(field, switch, blend, unit, t, substeps, x, d, parts):
-    """Samples of one run of implicit Euler: X (K, n), integrals of theta (K, d), calls, iterations,
-    status, time, and what lies between: (K - 1, parts, 1 + n + d), time, state and integrals at the
-    end of parts of the intervals; NaN where none ends.
+    """Integrate by implicit Euler steps, equally long between two samples.
 
-    unit: size of the state that tolerances are relative to.
+    t (K,), substeps (K - 1,); x (n,): the start; parts: of each interval, at whose ends states are
+    recorded; unit: size of the state that tolerances are relative to. Returns X (K, n), integrals
+    of theta (K, d), calls, iterations, status, time reached, and the records (K - 1, parts, 1 + n +
+    d): time, state and integrals, NaN where no step ends.
     """
     K = t.size
     x = x.copy()
@@ -238,8 +243,10 @@ def implicit_euler(field, switch, blend, unit, t, substeps, x, d, parts):
 
 @njit(cache=True)
 def explicit_euler(field, switch, t, substeps, x, d, parts):
-    """Samples of one run of explicit Euler, with s_i = 1 where c_i >= 0, else -1; returns as
-    march_implicit does."""
+    """Integrate by explicit Euler, with s_i = 1 where c_i >= 0, else -1.
+
+    Arguments and returned values as for implicit_euler; there are no Newton iterations.
+    """
     K = t.size
     x = x.copy()
     X = np.full((K, x.size), np.nan)
@@ -252,6 +259,7 @@ def explicit_euler(field, switch, t, substeps, x, d, parts):
     copy(x, X[0])
     copy(w, W[0])
     calls = 0
+    # Explicit Euler with equal steps between two samples.
     for k in range(K - 1):
         h = (t[k + 1] - t[k]) / substeps[k]
         for j in range(substeps[k]):

@@ -1,5 +1,7 @@
-"""Interval Taylor arithmetic: proven bounds on a function of time, and on its derivatives, over
-pieces of an interval (see interval_taylor.jet)."""
+"""Interval Taylor arithmetic: proven bounds on functions of time and on their derivatives.
+
+Over pieces of an interval (see interval_taylor.jet).
+"""
 
 from nsbench.solvers.event_driven.interval_taylor.jet import (
     ORDER,

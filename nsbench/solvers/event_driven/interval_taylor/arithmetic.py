@@ -1,5 +1,4 @@
-"""Arithmetic, elementary functions and sums of Jets: what each does to Taylor coefficients with
-radii."""
+"""Arithmetic, elementary functions and sums of Jets: Taylor coefficients with error radii."""
 
 from __future__ import annotations
 
@@ -11,8 +10,8 @@ from nsbench.solvers.event_driven.interval_taylor.jet import ORDER, Jet, as_jet,
 UNIT = kernels.UNIT
 
 
-def pair(a, b):
-    """Two Jets with the same shape, flat rows; and that shape."""
+def pair(a: Jet | np.ndarray | float, b: Jet | np.ndarray | float) -> tuple[np.ndarray, ...]:
+    """Broadcast two Jets, or a Jet and an array; return both middles, then both radii."""
     pieces = next(jets_among((a, b))).mid.shape[-2]
     a = as_jet(a, pieces)
     b = as_jet(b, pieces)
@@ -20,21 +19,24 @@ def pair(a, b):
 
 
 def _flat(*arrays):
+    """Copy arrays to rows of ORDER + 1 coefficients."""
     return [np.array(a).reshape(-1, ORDER + 1) for a in arrays]
 
 
 def _new(shape):
+    """Return an empty Jet, and its middles and radii as rows of coefficients."""
     m = np.empty(shape)
     r = np.empty(shape)
     return Jet(m, r), m.reshape(-1, ORDER + 1), r.reshape(-1, ORDER + 1)
 
 
 def _rounded(mid, rad):
+    """Return the Jet with its radii enlarged by the rounding of its middles."""
     return Jet(mid, rad + UNIT * np.abs(mid))
 
 
 def _constant(a):
-    """(array ready to broadcast) if `a` does not move, else None."""
+    """Return a numeric array ready to broadcast, or None if `a` depends on time."""
     if isinstance(a, Jet):
         return None
     a = np.asarray(a)
@@ -43,7 +45,8 @@ def _constant(a):
     return a[..., None, None].astype(float)
 
 
-def add(a, b):
+def add(a: Jet | np.ndarray | float, b: Jet | np.ndarray | float) -> Jet:
+    """Enclose a + b."""
     for u, v in ((a, b), (b, a)):
         c = _constant(v)
         if c is not None:
@@ -54,11 +57,13 @@ def add(a, b):
     return _rounded(am + bm, ar + br)
 
 
-def subtract(a, b):
+def subtract(a: Jet | np.ndarray | float, b: Jet | np.ndarray | float) -> Jet:
+    """Enclose a - b."""
     return add(a, -b if isinstance(b, Jet) else np.negative(b))
 
 
-def multiply(a, b):
+def multiply(a: Jet | np.ndarray | float, b: Jet | np.ndarray | float) -> Jet:
+    """Enclose a b; a square if both are the same object."""
     for u, v in ((a, b), (b, a)):
         c = _constant(v)
         if c is not None:
@@ -72,7 +77,8 @@ def multiply(a, b):
     return out
 
 
-def divide(a, b):
+def divide(a: Jet | np.ndarray | float, b: Jet | np.ndarray | float) -> Jet:
+    """Enclose a / b."""
     c = _constant(b)
     if c is not None:
         return multiply(a, 1.0 / c[..., 0, 0])
@@ -84,13 +90,18 @@ def divide(a, b):
 
 
 def _head(mid, rad):
-    """Rounding of a library function: a few units."""
+    """Flatten middles and radii, with the rounding of a library function added: a few units."""
     return np.ascontiguousarray(mid).ravel(), np.ascontiguousarray(
         rad + 4 * UNIT * np.abs(mid)
     ).ravel()
 
 
-def power(a, b):
+def power(a: Jet | np.ndarray | float, b: Jet | float) -> Jet:
+    """Enclose a^b; raises TypeError if b is an array of exponents.
+
+    Whole exponents up to 32 by products, a Jet in the exponent by exp(b log a), else a root of a >
+    0.
+    """
     if not isinstance(b, Jet) and np.ndim(b) == 0 and float(b) == int(b) and 0 <= b <= 32:
         return _whole(a, int(b))
     if isinstance(b, Jet):
@@ -103,6 +114,7 @@ def power(a, b):
 
 
 def _whole(a, k):
+    """Enclose a^k for a whole number k >= 0 by repeated squaring."""
     if k == 0:
         return as_jet(np.ones(a.shape), a.mid.shape[-2])
     half = _whole(a, k // 2) if k > 1 else None
@@ -111,8 +123,8 @@ def _whole(a, k):
     return square(half) if k % 2 == 0 else multiply(square(half), a)
 
 
-def square(a):
-    """a a, knowing that it is not negative."""
+def square(a: Jet) -> Jet:
+    """Enclose a^2, with values that are not negative."""
     (out, m, r), (lo, hi) = _new(a.mid.shape), a.range
     am, ar = _flat(a.mid, a.rad)
     kernels.multiply(am, ar, am, ar, m, r)
@@ -123,8 +135,8 @@ def square(a):
     return out
 
 
-def root(a, alpha):
-    """a^alpha for a > 0."""
+def root(a: Jet, alpha: float) -> Jet:
+    """Enclose a^alpha for a > 0."""
     lo, hi = (np.maximum(v, 0.0) for v in a.range)
     u = np.minimum(lo**alpha, hi**alpha)
     v = np.maximum(lo**alpha, hi**alpha)
@@ -133,14 +145,15 @@ def root(a, alpha):
     return out
 
 
-def exp(a):
+def exp(a: Jet) -> Jet:
+    """Enclose exp(a)."""
     out, m, d = _new(a.mid.shape)
     kernels.exponential(*_flat(a.mid, a.rad), *_head(*_between(np.exp, *a.range)), m, d)
     return out
 
 
 def _primitive(slope, a, mid, rad):
-    """The Jet with derivative slope * a' and first row mid +- rad."""
+    """Return the Jet with the derivative slope a' and the first coefficient mid +- rad."""
     sm, am, sr, ar = pair(slope, a)
     out, m, r = _new(am.shape)
     kernels.integrate(*_flat(sm, sr, am, ar), *_head(mid, rad), m, r)
@@ -148,21 +161,24 @@ def _primitive(slope, a, mid, rad):
 
 
 def _between(f, lo, hi):
-    """Middle and radius of a growing function's range."""
+    """Return middle and radius of the range of a growing function on [lo, hi]."""
     u = f(lo)
     v = f(hi)
     return 0.5 * (u + v), 0.5 * (v - u)
 
 
-def log(a):
+def log(a: Jet) -> Jet:
+    """Enclose log(a)."""
     return _primitive(divide(1.0, a), a, *_between(np.log, *a.range))
 
 
-def arctan(a):
+def arctan(a: Jet) -> Jet:
+    """Enclose arctan(a)."""
     return _primitive(divide(1.0, add(multiply(a, a), 1.0)), a, *_between(np.arctan, *a.range))
 
 
-def sine_and_cosine(a, sign):
+def sine_and_cosine(a: Jet, sign: int) -> tuple[Jet, Jet]:
+    """Enclose sine and cosine (sign = -1) or sinh and cosh (sign = +1) of a."""
     out_s, sm, sr = _new(a.mid.shape)
     out_c, cm, cr = _new(a.mid.shape)
     m = a.mid[..., 0]
@@ -185,21 +201,26 @@ def sine_and_cosine(a, sign):
     return out_s, out_c
 
 
-def tan(a):
+def tan(a: Jet) -> Jet:
+    """Enclose tan(a) as sine over cosine."""
     s, c = sine_and_cosine(a, -1)
     return divide(s, c)
 
 
-def tanh(a):
-    """1 - 2 / (e^2a + 1), from the side where the exponential stays small."""
+def tanh(a: Jet) -> Jet:
+    """Enclose tanh(a) = 1 - 2 / (e^2a + 1), from the side where the exponential stays small."""
     flip = np.where(a.mid[..., 0] > 0.0, -1.0, 1.0)[..., None]
     e = exp(Jet(2.0 * flip * a.mid, 2.0 * a.rad))
     y = divide(subtract(e, 1.0), add(e, 1.0))
     return Jet(flip * y.mid, y.rad)
 
 
-def arctan2(y, x):
-    """Off the cut: the derivative is (x y' - y x') / (x^2 + y^2)."""
+def arctan2(y: Jet | np.ndarray | float, x: Jet | np.ndarray | float) -> Jet:
+    """Enclose arctan2(y, x) off the cut.
+
+    The derivative is (x y' - y x') / (x^2 + y^2). Infinite radii where the cut or the origin may be
+    reached.
+    """
     ym, xm, yr, xr = pair(y, x)
     y = Jet(ym.copy(), yr.copy())
     x = Jet(xm.copy(), xr.copy())
@@ -217,7 +238,8 @@ def arctan2(y, x):
     return subtract(first, _primitive(multiply(over, y), x, np.zeros_like(m), np.zeros_like(m)))
 
 
-def total(a, axis=None, **_):
+def total(a: Jet, axis: int | tuple | None = None, **_) -> Jet:
+    """Enclose the sum over an axis, over several, or over all (None)."""
     if axis is None:
         a = a.reshape(-1)
         axis = 0
@@ -226,7 +248,11 @@ def total(a, axis=None, **_):
     return Jet(a.mid.sum(axes), (a.rad + n * UNIT * np.abs(a.mid)).sum(axes))
 
 
-def matmul(a, b):
+def matmul(a: Jet | np.ndarray | float, b: Jet | np.ndarray | float) -> Jet:
+    """Enclose a matrix product with a vector, or of a plain matrix with a Jet.
+
+    Raises TypeError for other products.
+    """
     if isinstance(a, Jet) and a.ndim == 2:
         return total(multiply(a, b[None] if np.ndim(b) == 1 else _lift(b)), axis=1)
     if not isinstance(a, Jet) and np.ndim(a) == 2:
@@ -239,16 +265,19 @@ def matmul(a, b):
 
 
 def _lift(b):
+    """Raise TypeError: the product of a Jet matrix with a matrix is not supported."""
     raise TypeError("no product of a Jet matrix with a matrix")
 
 
-def norm(a, ord=None, axis=None, **_):
+def norm(a: Jet, ord=None, axis: int | tuple | None = None, **_) -> Jet:
+    """Enclose the Euclidean norm; raises TypeError for other norms."""
     if ord not in (None, 2):
         raise TypeError("no Jet of this norm")
     return np.sqrt(total(multiply(a, a), axis))
 
 
-def diff(a, n=1, axis=-1, **_):
+def diff(a: Jet, n: int = 1, axis: int = -1, **_) -> Jet:
+    """Enclose the first differences of a vector; raises TypeError for others."""
     if n != 1 or a.ndim != 1:
         raise TypeError("no Jet of this difference")
     return a[1:] - a[:-1]

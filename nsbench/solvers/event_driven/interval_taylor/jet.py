@@ -13,7 +13,7 @@ by interval_taylor.numpy_functions, as they are written in terms of Jets.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 
@@ -35,16 +35,20 @@ def register_numpy_functions(
     functions: dict[Callable, Callable],
     rearrangements: set[Callable],
 ) -> None:
-    """Register the functions of numpy that a Jet takes: ufuncs and others with what implements
-    them, and functions that only move entries."""
+    """Register the functions of numpy that a Jet takes.
+
+    ufuncs, functions: with what implements them; rearrangements: those that only move entries.
+    """
     _ufuncs.update(ufuncs)
     _functions.update(functions)
     _rearrangements.update(rearrangements)
 
 
 class Jet(ArrayOperators):
-    """Enclosed Taylor coefficients mid +- rad (*shape, K, ORDER + 1); looks like a float64 array of
-    `shape`."""
+    """Enclosed Taylor coefficients mid +- rad (*shape, K, ORDER + 1).
+
+    A Jet looks like a float64 array of `shape`.
+    """
 
     __slots__ = ("mid", "rad")
 
@@ -99,13 +103,16 @@ class Jet(ArrayOperators):
         for mine, new in ((self.mid, value.mid), (self.rad, value.rad)):
             mine.reshape(-1, *mine.shape[-2:])[where.ravel()] = new.reshape(-1, *new.shape[-2:])
 
-    def reshape(self, *shape):
+    def reshape(self, *shape) -> Jet:
+        """Return the Jet with another shape, given as a tuple or as arguments."""
         return _arranged(np.reshape, self, shape[0] if len(shape) == 1 else shape)
 
-    def copy(self):
+    def copy(self) -> Jet:
+        """Return a copy that shares no array."""
         return Jet(self.mid.copy(), self.rad.copy())
 
-    def astype(self, dtype):
+    def astype(self, dtype) -> Jet:
+        """Return the Jet itself; raise TypeError for a type other than float64."""
         if np.dtype(dtype) != np.float64:
             raise TypeError(f"no Jet of {dtype}")
         return self
@@ -128,22 +135,28 @@ class Jet(ArrayOperators):
     def __ge__(self, o):
         return np.greater_equal(self, o)
 
-    def sum(self, axis=None):
+    def sum(self, axis: int | tuple | None = None) -> Jet:
+        """Enclose the sum of the entries, as numpy.sum."""
         return np.sum(self, axis=axis)
 
-    def dot(self, o):
+    def dot(self, o) -> Jet:
+        """Enclose the product with `o`, as numpy.matmul."""
         return np.matmul(self, o)
 
-    def min(self, axis=None):
+    def min(self, axis: int | None = None) -> Jet:
+        """Enclose the smallest entry, as numpy.min."""
         return np.min(self, axis=axis)
 
-    def max(self, axis=None):
+    def max(self, axis: int | None = None) -> Jet:
+        """Enclose the largest entry, as numpy.max."""
         return np.max(self, axis=axis)
 
 
 def as_jet(value, pieces: int) -> Jet:
-    """Return a Jet that is constant in time on so many pieces, or `value` if it is one; arrays of
-    Jets become one Jet."""
+    """Return a Jet that is constant in time on so many pieces, or `value` if it is a Jet.
+
+    Arrays and lists of Jets become one Jet. Raises TypeError for types that are no numbers.
+    """
     if isinstance(value, Jet):
         return value
     if isinstance(value, (list, tuple)) and any(isinstance(v, (Jet, list, tuple)) for v in value):
@@ -159,8 +172,11 @@ def as_jet(value, pieces: int) -> Jet:
 
 
 def _arranged(func, *args, **kwargs):
-    """Apply func, which only moves entries, to Jets: it is applied to the numbers of their
-    entries."""
+    """Apply func, which only moves entries, to Jets.
+
+    It is applied to the indices of their entries. Raises TypeError if the result is no arrangement
+    of them.
+    """
     pool = []
     first = [FOREIGN]
     pieces = next(j.mid.shape[-2] for j in jets_among(args))
@@ -184,7 +200,7 @@ def _arranged(func, *args, **kwargs):
     return Jet(mid[index], rad[index])
 
 
-def jets_among(args):
+def jets_among(args: Iterable) -> Iterator[Jet]:
     """Yield the Jets among args and within its lists and tuples."""
     for a in args:
         if isinstance(a, Jet):
@@ -202,15 +218,18 @@ class _Space:
         return getattr(np, name)
 
     @staticmethod
-    def array(value, dtype=None):
+    def array(value, dtype=None) -> np.ndarray | Jet:
+        """Build an array, or a Jet if the value contains one."""
         return _made(value, np.array)
 
     @staticmethod
-    def asarray(value, dtype=None):
+    def asarray(value, dtype=None) -> np.ndarray | Jet:
+        """Return an array, or a Jet if the value contains one."""
         return _made(value, np.asarray)
 
 
 def _made(value, make):
+    """Return make(value), or a Jet if the value contains one."""
     found = next(jets_among([value]), None)
     return make(value) if found is None else as_jet(value, found.mid.shape[-2])
 
@@ -230,10 +249,10 @@ def clock(centre: np.ndarray, radius: np.ndarray) -> Jet:
 
 
 def path(c: np.ndarray) -> Jet:
-    """Return polynomials over pieces as a Jet of shape (n,): c (n, K, ORDER) are the coefficients
-    in s, |s| <= 1, on each piece.
+    """Return polynomials over pieces as a Jet of shape (n,).
 
-    The Taylor coefficient j at s is  sum_k binomial(k, j) c_k s^(k-j).
+    c (n, K, ORDER): the coefficients in s, |s| <= 1, on each piece. The Taylor coefficient j at s
+    is  sum_k binomial(k, j) c_k s^(k-j).
     """
     mid = np.zeros((*c.shape[:2], ORDER + 1))
     rad = np.zeros((*c.shape[:2], ORDER + 1))
@@ -243,6 +262,7 @@ def path(c: np.ndarray) -> Jet:
 
 
 def _binomials():
+    """Return (ORDER, ORDER) the binomial coefficients of k over j for j < k, else 0."""
     from math import comb
 
     return np.array(

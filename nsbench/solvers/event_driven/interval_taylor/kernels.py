@@ -1,10 +1,8 @@
-"""Taylor coefficients with error radii: the arithmetic behind
-nsbench.solvers.event_driven.interval_taylor, on arrays (M, ORDER + 1).
+"""Recurrences for Taylor coefficients with error radii, on arrays (M, ORDER + 1).
 
 Row e holds enclosures  mid[e, j] +- rad[e, j]  of the coefficients  q^(j)(s) / j!  of one function
 for all s of a piece. Every product is enclosed exactly as sets of numbers (Moore 1966; Jorba & Zou
-2005 for the recurrences);
-rounding is added as UNIT per term, ten times what one operation loses.
+2005 for the recurrences); rounding is added as UNIT per term, ten times what one operation loses.
 """
 
 import numpy as np
@@ -17,13 +15,13 @@ TINY = 1e-300  # what underflow may lose
 
 @njit(cache=True, error_model="numpy", inline="always")
 def _term(am, ar, bm, br):
-    """Radius of the product of two enclosures, rounding of its middle included."""
+    """Return the radius of the product of two enclosures, rounding of its middle included."""
     return abs(am) * br + ar * (abs(bm) + br) + UNIT * abs(am * bm)
 
 
 @njit(cache=True, error_model="numpy")
 def multiply(am, ar, bm, br, cm, cr):
-    """c = a b."""
+    """Enclose c = a b by the Cauchy product."""
     for e in range(am.shape[0]):
         for j in range(am.shape[1]):
             s = 0.0
@@ -37,7 +35,7 @@ def multiply(am, ar, bm, br, cm, cr):
 
 @njit(cache=True, error_model="numpy")
 def divide(am, ar, bm, br, cm, cr):
-    """c = a / b; infinite radii where b may vanish."""
+    """Enclose c = a / b; infinite radii where b may vanish."""
     for e in range(am.shape[0]):
         low = abs(bm[e, 0]) - br[e, 0]
         for j in range(am.shape[1]):
@@ -55,7 +53,10 @@ def divide(am, ar, bm, br, cm, cr):
 
 @njit(cache=True, error_model="numpy")
 def power(am, ar, m0, r0, alpha, cm, cr):
-    """c = a^alpha with a > 0, from an enclosure m0 +- r0 of a_0^alpha;  a c' = alpha a' c."""
+    """Enclose c = a^alpha for a > 0 by the recurrence a c' = alpha a' c.
+
+    m0, r0 (M,): an enclosure m0 +- r0 of a_0^alpha. Infinite radii where a may vanish.
+    """
     for e in range(am.shape[0]):
         low = am[e, 0] - ar[e, 0]
         cm[e, 0] = m0[e]
@@ -76,7 +77,10 @@ def power(am, ar, m0, r0, alpha, cm, cr):
 
 @njit(cache=True, error_model="numpy")
 def exponential(am, ar, m0, r0, cm, cr):
-    """c = exp a from an enclosure of exp a_0;  c' = a' c."""
+    """Enclose c = exp a by the recurrence c' = a' c.
+
+    m0, r0 (M,): an enclosure m0 +- r0 of exp a_0.
+    """
     for e in range(am.shape[0]):
         cm[e, 0] = m0[e]
         cr[e, 0] = r0[e]
@@ -93,8 +97,10 @@ def exponential(am, ar, m0, r0, cm, cr):
 
 @njit(cache=True, error_model="numpy")
 def integrate(dm, dr, am, ar, m0, r0, cm, cr):
-    """c with c' = d a' from an enclosure of c_0: log (d = 1/a), arctan (d = 1/(1 + a^2)), tanh and
-    the like."""
+    """Enclose c with c' = d a', from an enclosure m0 +- r0 of c_0.
+
+    For log (d = 1/a), arctan (d = 1/(1 + a^2)), tanh and the like.
+    """
     for e in range(am.shape[0]):
         cm[e, 0] = m0[e]
         cr[e, 0] = r0[e]
@@ -111,9 +117,11 @@ def integrate(dm, dr, am, ar, m0, r0, cm, cr):
 
 @njit(cache=True, error_model="numpy")
 def circular(am, ar, sm, sr, cm, cr, sign):
-    """sine and cosine (sign = -1) or sinh and cosh (sign = +1) of a; rows 0 of s and c are given.
+    """Enclose sine s and cosine c (sign = -1) or sinh and cosh (sign = +1) of a.
 
-    s' = a' c, c' = sign a' s.
+        s' = a' c,   c' = sign a' s
+
+    The coefficients 0 of s and c are given.
     """
     for e in range(am.shape[0]):
         for j in range(1, am.shape[1]):

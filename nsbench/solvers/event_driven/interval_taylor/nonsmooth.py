@@ -1,7 +1,11 @@
-"""Functions of Jets with kinks and jumps: smooth where a side is proven, a hull without derivatives
-elsewhere."""
+"""Functions of Jets with kinks and jumps.
+
+Smooth where one side is proven; elsewhere the hull of both sides, without derivatives.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import numpy as np
 
@@ -10,8 +14,10 @@ from nsbench.solvers.event_driven.interval_taylor.jet import Jet, as_jet, jets_a
 
 
 def _either(a, b, first, second):
-    """a where `first` is proven, b where `second` is, else their hull, without derivatives. Masks
-    (*shape, K)."""
+    """Return a where `first` is proven, b where `second` is, else their hull without derivatives.
+
+    Masks (*shape, K).
+    """
     am, bm, ar, br = pair(a, b)
     first, second = np.broadcast_arrays(first, second)
     m = np.where(first[..., None], am, bm)
@@ -29,13 +35,15 @@ def _either(a, b, first, second):
 
 
 class Maybe:
-    """The truth of a comparison on every piece: yes, no, or neither is proven. Masks (*shape,
-    K)."""
+    """Truth of a comparison on every piece: proven, disproven, or neither.
+
+    yes, no: masks (*shape, K).
+    """
 
     __slots__ = ("no", "yes")
     __array_ufunc__ = None
 
-    def __init__(self, yes, no):
+    def __init__(self, yes: np.ndarray, no: np.ndarray):
         self.yes = yes
         self.no = no
 
@@ -58,7 +66,8 @@ class Maybe:
         full = (*index, slice(None)) if Ellipsis in index else (*index, Ellipsis)
         return Maybe(self.yes[full], self.no[full])
 
-    def __bool__(self):
+    def __bool__(self) -> bool:
+        """Return a truth that is proven on all pieces; raise TypeError otherwise."""
         if self.yes.all():
             return True
         if self.no.all():
@@ -71,20 +80,22 @@ class Maybe:
         raise TypeError(f"no {func.__name__} of a comparison of Jets")
 
 
-def maybe(c, like) -> Maybe:
+def maybe(c: Maybe | np.ndarray, like) -> Maybe:
+    """Return a comparison or a plain boolean array as a Maybe."""
     if isinstance(c, Maybe):
         return c
     c = np.asarray(c, bool)[..., None]
     return Maybe(c, ~c)
 
 
-def compare(a, b, strict):
-    """a < b, or a <= b."""
+def compare(a: Jet | np.ndarray | float, b: Jet | np.ndarray | float, strict: bool) -> Maybe:
+    """Compare a < b (strict), or a <= b."""
     lo, hi = subtract(a, b).range
     return Maybe(hi < 0.0, lo >= 0.0) if strict else Maybe(hi <= 0.0, lo > 0.0)
 
 
-def where(c, a, b):
+def where(c: Maybe | np.ndarray, a: Jet | np.ndarray | float, b: Jet | np.ndarray | float) -> Jet:
+    """Enclose a where c holds, b elsewhere, and the hull of both where c is not proven."""
     if not isinstance(c, Maybe):
         mask = np.asarray(c, bool)[..., None]
         return _either(a, b, mask, ~mask)
@@ -93,24 +104,31 @@ def where(c, a, b):
     return _either(a, b, c.yes, c.no)
 
 
-def maximum(a, b):
+def maximum(a: Jet | np.ndarray | float, b: Jet | np.ndarray | float) -> Jet:
+    """Enclose the larger of a and b."""
     lo, hi = subtract(a, b).range
     out = _either(a, b, lo >= 0.0, hi <= 0.0)
     return out
 
 
-def minimum(a, b):
+def minimum(a: Jet | np.ndarray | float, b: Jet | np.ndarray | float) -> Jet:
+    """Enclose the smaller of a and b."""
     lo, hi = subtract(a, b).range
     return _either(a, b, hi <= 0.0, lo >= 0.0)
 
 
-def sign(a):
+def sign(a: Jet) -> Jet:
+    """Enclose the sign of a."""
     one = np.ones(a.shape)
     lo, hi = a.range
     return _either(as_jet(one, a.mid.shape[-2]), -one, lo > 0.0, hi < 0.0)
 
 
-def floor(a):
+def floor(a: Jet) -> Jet:
+    """Enclose the floor of a.
+
+    Derivatives are zero on pieces where it is constant, else unknown.
+    """
     lo, hi = (np.floor(v) for v in a.range)
     flat = lo == hi
     mid = np.zeros_like(a.mid)
@@ -120,7 +138,9 @@ def floor(a):
     return Jet(mid, rad)
 
 
-def fold(pick):
+def fold(pick: Callable) -> Callable:
+    """Build a reduction along an axis, as np.max is, from a function of two Jets."""
+
     def fold(a, axis=None, **_):
         if axis is None:
             a = a.reshape(-1)
@@ -134,6 +154,7 @@ def fold(pick):
     return fold
 
 
-def clip(a, lo=None, hi=None, **_):
+def clip(a: Jet | np.ndarray | float, lo=None, hi=None, **_) -> Jet | np.ndarray | float:
+    """Enclose a limited to [lo, hi]; None is no limit."""
     a = a if lo is None else maximum(a, lo)
     return a if hi is None else minimum(a, hi)

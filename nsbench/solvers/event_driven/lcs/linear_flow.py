@@ -17,7 +17,10 @@ EPS = np.finfo(float).eps
 
 
 def _radau(s):
-    """Nodes on [0, 1] with 0 in front and 1 at the end: zeros of P_s - P_(s-1), shifted."""
+    """Return -1 and the s Radau nodes on [-1, 1], the last of them 1.
+
+    The nodes are the zeros of P_s - P_(s-1).
+    """
     c = np.zeros(s + 1)
     c[s] = 1.0
     c[s - 1] = -1.0
@@ -31,8 +34,11 @@ def _radau(s):
 
 
 def _inverse(A):
-    """The inverse, its last digits corrected in long double: the rules below are used thousands of
-    times."""
+    """Invert A in long double precision.
+
+    The last digits are corrected by Newton's iteration: the rules below are used thousands of
+    times.
+    """
     X = np.linalg.inv(A).astype(np.longdouble)
     for _ in range(2):
         X += X @ (np.eye(len(A)) - A.astype(np.longdouble) @ X)
@@ -40,8 +46,10 @@ def _inverse(A):
 
 
 def _integrals(nodes):
-    """(s, s) integrals from 0 to each node of the Lagrange polynomials of the nodes, for nodes on
-    [-1, 1] and times on [0, 1]."""
+    """Return (s, s) integrals of the Lagrange polynomials of the nodes, from 0 to each node.
+
+    For nodes on [-1, 1] and times on [0, 1].
+    """
     cheb = np.polynomial.chebyshev
     A = np.array(
         [cheb.chebval(nodes, cheb.chebint(e, lbnd=-1)) for e in np.eye(len(nodes))]
@@ -81,10 +89,12 @@ class LinearFlow:
         self.fastest_rate = float(np.abs(rates).max(initial=0.0))
         self.growth_rate = max(0.0, float(rates.real.max(initial=0.0)))
 
-    def step(self, t: float, x: np.ndarray, h: float):
-        """Values at the nodes: x (13, n), inputs (13, order + 1, n + m). Methods other than the
-        default integrate with smooth.arc from node to node: slower, and a check of the
-        collocation."""
+    def step(self, t: float, x: np.ndarray, h: float) -> tuple[np.ndarray, np.ndarray]:
+        """Take one step; return the states (13, n) at the nodes and the inputs there.
+
+        The inputs are (13, order + 1, n + m). Methods other than the default integrate with
+        smooth.arc from node to node: slower, and a check of the collocation.
+        """
         return (self.collocate if self._method == "dop853" else self._integrate_nodes)(t, x, h)
 
     def collocate(self, t: float, x: np.ndarray, h: float) -> tuple[np.ndarray, np.ndarray]:
@@ -110,7 +120,9 @@ class LinearFlow:
         )  # states of very different size are mixed in M
         return np.vstack([x, x + d.reshape(STAGES, n)]), s
 
-    def input_error(self, t, s, h, seen):
+    def input_error(
+        self, t: float, s: np.ndarray, h: float, seen: tuple
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Bound the effect of inputs that collocation misses, on state (n,) and functions (m,).
 
         Jumps right after the first node of the step: collocation takes inputs from the other nodes
@@ -191,29 +203,34 @@ class LinearFlow:
             self.steps = max(arc.steps, 1)
         return X, s
 
-    def sign_functions(self, X, s):
+    def sign_functions(self, X: np.ndarray, s: np.ndarray) -> np.ndarray:
         """Return lam on the rows of the mode and w elsewhere at the nodes, (13, m)."""
         return X @ self.mode.signs.T + np.einsum("ikl,akl->ai", self.mode.signs_s, s)
 
-    def sign_functions_at(self, t, x, scale):
+    def sign_functions_at(
+        self, t: float, x: np.ndarray, scale: tuple
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Return the sign functions (m,) at one time and the sizes of their terms.
 
         scale: sizes of the states (n,) and of the inputs (n + m,).
         """
         return self._linear(self.mode.signs, self.mode.signs_s, t, x, scale)
 
-    def constraint_residual(self, t, x, scale):
+    def constraint_residual(
+        self, t: float, x: np.ndarray, scale: tuple
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Return the residuals (c,) of the constraints of the mode and the sizes of their terms."""
         return self._linear(self.mode.constraint, self.mode.constraint_s, t, x, scale)
 
     def _linear(self, row, row_s, t, x, scale):
+        """Evaluate row x + row_s s at one time; return the values and the sizes of their terms."""
         s = self.inputs(t, self.mode.order)
         most = np.abs(s)
         most[0] = np.maximum(most[0], scale[1])
         size = np.abs(row) @ scale[0] + np.einsum("ikl,kl->i", np.abs(row_s), most)
         return row @ x + np.einsum("ikl,kl->i", row_s, s), size
 
-    def project(self, t, x, weight):
+    def project(self, t: float, x: np.ndarray, weight: np.ndarray) -> np.ndarray:
         """Project x onto the constraints of the mode, least in the norm of x / weight (n,)."""
         if not len(self.mode.constraint):
             return x
@@ -237,7 +254,7 @@ def evaluate(nodes: np.ndarray, s: float) -> np.ndarray:
     return np.polynomial.chebyshev.chebval(s, TO_CHEB @ nodes)
 
 
-def first_crossing(f: np.ndarray, level: np.ndarray):
+def first_crossing(f: np.ndarray, level: np.ndarray) -> tuple[float, int] | None:
     """Find the first downward crossing of one of the polynomials f (13, k) through its level.
 
     Returns (s, index), or None.

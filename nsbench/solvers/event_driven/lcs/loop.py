@@ -53,9 +53,9 @@ def prepare(case: Case, options, tol: float) -> Run:
 
 
 class LcsIntegrator:
-    """State, mode and recorded results of one run."""
+    """Integrate one run: its state, mode and recorded results."""
 
-    def __init__(self, case, options, tol):
+    def __init__(self, case: Case, options, tol: float):
         self.case = case
         self.system = case.problem
         self.options = options
@@ -93,6 +93,7 @@ class LcsIntegrator:
         self.inputs_at_samples = {}
 
     def run(self) -> Trajectory:
+        """Integrate to the end or to a failure; return the trajectory."""
         with np.errstate(all="ignore"):
             status = self._choose_rows(START_BAND)
             while status.ok and self.t < self.T:
@@ -129,6 +130,7 @@ class LcsIntegrator:
         )
 
     def _flow(self, rows):
+        """Return the flow with w = 0 on the rows, built once; None if they do not determine lam."""
         if rows not in self.flows:
             found = build_mode(self.system, rows)
             self.flows[rows] = (
@@ -139,10 +141,7 @@ class LcsIntegrator:
         return self.flows[rows]
 
     def _initial_sizes(self):
-        """Return sizes of the states (n,) and of the inputs (n + m,).
-
-        States: above zero, from the start and from the states that balance the inputs.
-        """
+        """Return sizes > 0 of the states, by start and balance of inputs, and of the inputs."""
         s = np.abs([self.inputs(t, 0)[0] for t in self.case.t])
         top = np.where(np.isfinite(s), s, 0.0).max(axis=0)
         asked = np.where(
@@ -165,6 +164,7 @@ class LcsIntegrator:
         function_size = np.zeros(self.m)
         span = self.T - float(self.case.t[0])
         h = self.last_step or span
+        # Step control: halve unresolved steps, double those that half of the nodes resolve.
         while self.t < self.T:
             h = min(h, span, self.options.max_step)
             if self.steps >= self.options.max_steps:
@@ -220,6 +220,7 @@ class LcsIntegrator:
         return bool(np.all(x <= self.tol * state_max) and np.all(f <= self.tol * function_max))
 
     def _failure_status(self):
+        """Return the status of a state or input that is not finite."""
         if np.abs(self.x).max() > 1e150:
             return Status("diverged", f"The state passed 1e150 at t = {self.t:.9g}.")
         return Status(
@@ -227,10 +228,7 @@ class LcsIntegrator:
         )
 
     def _advance(self, flow, X, F, h, armed, size):
-        """Record samples up to the first event on the step, or to its end.
-
-        Returns (status, whether an event was reached).
-        """
+        """Record samples to the first event of a step; return (status, event reached)."""
         level = np.where(armed, 0.0, -ZERO_BAND * size)
         found = first_crossing(F, level)
         reach = 1.0 if found is None else found[0]
@@ -261,6 +259,7 @@ class LcsIntegrator:
         return Status(), found is not None
 
     def _end_arc(self) -> Status:
+        """Record the event, choose the next rows, and check for accumulation of events."""
         self.event_times.append(self.t)
         ends = accumulation(self.event_times, self.T - float(self.case.t[0]))
         if ends is not None:
@@ -290,6 +289,7 @@ class LcsIntegrator:
         return Status()
 
     def _choose_rows(self, band) -> Status:
+        """Choose the rows that continue the motion, fewest undecided signs first."""
         flows = [f for f in (self._flow(rows) for rows in self._candidate_rows()) if f is not None]
         self.modes_tried += len(flows)
         flows = [f for f in flows if self._is_consistent(f, band)]

@@ -3,9 +3,9 @@
 Elsewhere lam = 0.
 
 w_I = 0 is D_II lam + C_I x + q_I = 0. Combinations of its rows without lam constrain the state
-alone; they are differentiated, Z (C_I (A x + B_I lam + u) + q_I') = 0, until the matrix before lam
-is regular (index reduction; Kunkel & Mehrmann 2006, chapter 3). Then lam_I = F x + phi(t) and x' =
-(A + B_I F) x + B_I phi + u.
+alone; they are differentiated, Z (C_I (A x + B_I lam + u) + q_I') = 0, until the matrix that
+multiplies lam is regular (index reduction; Kunkel & Mehrmann 2006, chapter 3). Then lam_I = F x +
+phi(t) and x' = (A + B_I F) x + B_I phi + u.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ RANK = 1e-10  # relative singular value of scaled rows
 
 
 class Inputs:
-    """u and q with their derivatives in time, by JAX where any are needed."""
+    """Evaluate u and q with their derivatives in time, by JAX where any are needed."""
 
     def __init__(self, p: LCS):
         self._p = p
@@ -39,6 +39,7 @@ class Inputs:
         return np.array([f(t) for f in self._derivatives[: order + 1]])
 
     def _derivative(self, order):
+        """Return the derivative of (u, q) of the given order as a numpy function of time."""
         from nsbench.compilation.factories import as_jax
 
         p = self._p
@@ -59,13 +60,13 @@ class Inputs:
 
 @dataclass(frozen=True, eq=False)
 class LcsMode:
-    """rows: I, p of them. lam_I = F x + sum_k Phi[k] s^(k), s = (u, q); x' = G x + sum_k U[k]
-    s^(k).
+    """Linear flow of a linear complementarity system with w = 0 on the rows I.
 
-    constraint (c, n), constraint_s (c, order + 1, n + m): constraint x + constraint_s s = 0,
-    invariants of the flow.
-    signs (m, n), signs_s: lam on I, w elsewhere; size (m, n): sums of the moduli of their terms,
-    for rounding.
+        lam_I = F x + sum_k Phi[k] s^(k),   x' = G x + sum_k U[k] s^(k),   s = (u, q)
+
+    rows: I, p of them. constraint (c, n), constraint_s (c, order + 1, n + m): constraint x +
+    constraint_s s = 0, invariants of the flow. signs (m, n), signs_s: lam on I, w elsewhere. order:
+    of the highest derivative of s.
     """
 
     rows: tuple
@@ -92,6 +93,7 @@ def build_mode(p: LCS, rows: tuple) -> LcsMode | None:
     S[np.arange(len(on)), 0, n + np.array(on, int)] = 1.0
     constraint = []
     constraint_s = []
+    # Index reduction: rows without lam are differentiated until the matrix N of lam is regular.
     for _ in range(n + 1):
         split = _row_space_and_kernel(N)
         if split is None:

@@ -1,1 +1,1 @@
-"""nsbench/solvers/theta/kernels"""
+"""Compiled time loop of implicit theta stepping."""

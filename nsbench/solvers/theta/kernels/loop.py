@@ -1,15 +1,13 @@
-"""The time loop of implicit theta stepping for systems with linear constraints: one complementarity
-problem per step.
+"""Time loop of implicit theta stepping: one linear complementarity problem per step.
 
     x+ = x + h ((1 - th) f(t, x) + th f(t + h, x+) + B lam)
-    0 <= lam _|_ D lam + (1 - th) v + th v+ + E (1 - th) (v+ - v) >= 0,   v = C x + q(t),   v+ = C
-    x+ + q(t + h)
+    0 <= lam _|_ D lam + (1 - th) v + th v+ + E (1 - th) (v+ - v) >= 0
+    v = C x + q(t),   v+ = C x+ + q(t + h)
 
 E picks the rows that constrain the state alone; these hold at the end of the step. Held at the mean
-they would let the state swing about the constraint for ever (th = 1/2). The other rows say what lam
-is, so they belong where lam belongs.
-E is the projector on the left null space of D_II, I the rows with lam > 0: found by repeating the
-step at most 3 times.
+they would let the state swing about the constraint for ever (th = 1/2). The other rows determine
+lam, so they belong to the time that lam belongs to. E is the projector on the left null space of
+D_II, I the rows with lam > 0: found by repeating the step at most 3 times.
 """
 
 import numpy as np
@@ -26,7 +24,10 @@ LCPS, PIVOTS, INNER, CALLS, UNSETTLED = range(5)
 
 @njit(cache=True, error_model="numpy")
 def at_end(D, fixed, on):
-    """E: rows without lam (fixed) and the left null space of D on the support."""
+    """Return the projector E (m, m) on rows without lam (fixed) and the left null space of D_II.
+
+    on (m,): the rows I of the support.
+    """
     m = fixed.size
     E = np.zeros((m, m))
     idx = np.empty(m, np.int64)
@@ -43,6 +44,7 @@ def at_end(D, fixed, on):
         for i in range(p):
             for j in range(p):
                 S[i, j] = D[idx[i], idx[j]]
+        # Left singular vectors of vanishing singular values span the left null space.
         U, sigma, _ = np.linalg.svd(S)
         for k in range(p):
             if not sigma[k] > 1e-10 * top:
@@ -57,7 +59,7 @@ def at_end(D, fixed, on):
 
 @njit(cache=True, error_model="numpy")
 def jacobian(f, t, x, J):
-    """df/dx by one-sided differences into J; calls made."""
+    """Compute df/dx in J by one-sided differences; return the calls of f."""
     n = x.size
     a = np.empty(n)
     b = np.empty(n)
@@ -76,7 +78,7 @@ def jacobian(f, t, x, J):
 
 @njit(cache=True, error_model="numpy")
 def times(A, x, out):
-    """out <- A x."""
+    """Multiply: out <- A x."""
     for i in range(A.shape[0]):
         out[i] = 0.0
         for j in range(A.shape[1]):
@@ -85,7 +87,7 @@ def times(A, x, out):
 
 @njit(cache=True, error_model="numpy")
 def matrices(J, h, theta, B, W, G):
-    """W <- (I - h th J)^-1, G <- h W B; False if singular."""
+    """Compute W <- (I - h th J)^-1 and G <- h W B; return False if the matrix is singular."""
     n = J.shape[0]
     K = np.empty((n, n))
     e = np.empty(n)
@@ -108,7 +110,7 @@ def matrices(J, h, theta, B, W, G):
 
 @njit(cache=True, error_model="numpy")
 def rows(C, D, G, E, theta, M, a, b):
-    """M <- D + (th I + (1 - th) E) C G, and its scales."""
+    """Compute M <- D + (th I + (1 - th) E) C G and its row and column scales a, b."""
     m, n = C.shape
     col = np.empty(m)
     for j in range(m):
@@ -128,8 +130,12 @@ def rows(C, D, G, E, theta, M, a, b):
 
 @njit(cache=True, error_model="numpy")
 def offset(C, E, theta, x, z, q0, q1, u, v, r):
-    """r <- (1 - th) (C x + q0) + th (C z + q1) + E (1 - th) (C (z - x) + q1 - q0); u, v (m,):
-    work."""
+    """Compute the constant term r of a step's complementarity problem.
+
+        r <- (1 - th) (C x + q0) + th (C z + q1) + E (1 - th) (C (z - x) + q1 - q0)
+
+    u, v (m,): work.
+    """
     times(C, x, u)
     times(C, z, v)
     for i in range(r.size):
@@ -144,11 +150,10 @@ def offset(C, E, theta, x, z, q0, q1, u, v, r):
 
 @njit(cache=True, error_model="numpy")
 def advance(f, linear, now, after, h, theta, x, y, v, q0, q1, system, state, lam, on, stale, count):
-    """One step from x to y: Newton's method on (y, lam), exact at once where f is linear. Returns a
-    status.
+    """Advance one step from x to y; return a status.
 
-    system: B, C, D, fixed; state: J, W, G, E, M, a, b, made anew when `stale` and kept between
-    steps.
+    Newton's method on (y, lam), exact at once where f is linear. system: B, C, D, fixed; state: J,
+    W, G, E, M, a, b, recomputed when `stale` and reused between steps. q0, q1 (m,): q at both ends.
     """
     B, C, D, fixed = system
     J, W, G, E, M, a, b = state
@@ -169,6 +174,7 @@ def advance(f, linear, now, after, h, theta, x, y, v, q0, q1, system, state, lam
     move = np.inf
     tries = 0
     fresh = False
+    # Newton's method: the step linearised in y is an LCP in lam, solved by Lemke's method.
     for it in range(NEWTON):
         f(after, y.copy(), v)
         count[CALLS] += 1
@@ -228,7 +234,7 @@ def advance(f, linear, now, after, h, theta, x, y, v, q0, q1, system, state, lam
 
 @njit(cache=True, error_model="numpy")
 def regroup(D, fixed, lam, E):
-    """Bring E to the rows with lam > 0; was it another one?"""
+    """Set E to the projector of the rows with lam > 0; return whether it changed."""
     m = lam.size
     far = 0.0
     on = np.empty(m, np.bool_)
@@ -248,12 +254,14 @@ def regroup(D, fixed, lam, E):
 
 @njit(cache=True, error_model="numpy")
 def march(f, q_of, moving, linear, J, t, substeps, x, q, B, C, D, theta, fixed, jumpy, check):
-    """Samples of one run.
+    """Integrate one run by theta steps.
 
     f(t, x, out), q_of(t, out): pointers; linear: f = J x + u(t). q (m,): its value if nothing
     moves. fixed (m,): rows without lam; jumpy (m,): rows their own multiplier does not move; check:
-    are other solutions looked for? Returns X (K, n), impulse (K, m), counters, status, time
-    reached, time of the first step with several motions or NaN.
+    search for other solutions of each step.
+
+    Returns X (K, n), impulse (K, m), counters, status, time reached, and the time of the first step
+    with several motions or NaN.
     """
     K = t.size
     n = x.size
@@ -281,6 +289,7 @@ def march(f, q_of, moving, linear, J, t, substeps, x, q, B, C, D, theta, fixed, 
         X[0, c] = x[c]
     for i in range(m):
         P[0, i] = 0.0
+    # Theta steps, equally long between two samples.
     for k in range(K - 1):
         h = (t[k + 1] - t[k]) / substeps[k]
         for s in range(substeps[k]):

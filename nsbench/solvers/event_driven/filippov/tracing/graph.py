@@ -1,7 +1,7 @@
-"""A graph of scalar operations without duplicates, and derivatives on it.
+"""Graph of scalar operations without duplicates, and derivatives on it.
 
-Nodes are (op, a, b, c, d) of kernels.tapecodes with a, b nodes; the first n + 1 are the state and
-the time. Equal operations are one node; operations on constants are carried out.
+Nodes are (op, a, b, c, d) of kernels.opcodes with a, b nodes; the first n + 1 are the state and the
+time. Equal operations are one node; operations on constants are evaluated at once.
 """
 
 from __future__ import annotations
@@ -49,7 +49,10 @@ MOST = 20_000  # nodes: beyond, the interpreter's table leaves the cache and tra
 
 
 class Graph:
-    """Operations on n states and the time (node n)."""
+    """Operations on n states and the time (node n); its methods return the node of a result.
+
+    Raises TypeError if there are too many operations, or a constant that is not finite.
+    """
 
     def __init__(self, n: int):
         self.n = n
@@ -60,6 +63,7 @@ class Graph:
             self._new(INPUT, i, -1, 0.0)
 
     def _new(self, op, a, b, c, d=0.0):
+        """Return the node of an operation, an existing one if there is an equal one."""
         key = op, a, b, c, d
         if key not in self.known:
             if len(self.nodes) >= MOST:
@@ -73,17 +77,19 @@ class Graph:
         return self.known[key]
 
     def const(self, value: float) -> int:
+        """Return the node of a constant."""
         value = float(value)
         if not math.isfinite(value):
             raise TypeError(f"the constant {value} has no series")
         return self._new(CONST, -1, -1, value + 0.0)
 
     def value(self, i: int) -> float | None:
-        """The constant that node i is, or None."""
+        """Return the constant that node i is, or None."""
         op, _, _, c, _ = self.nodes[i]
         return c if op == CONST else None
 
     def add(self, a: int, b: int) -> int:
+        """Return the node of a + b."""
         u = self.value(a)
         v = self.value(b)
         if u is not None and v is not None:
@@ -95,7 +101,7 @@ class Graph:
         return self._new(ADD, min(a, b), max(a, b), 0.0)
 
     def _affine(self, a, c, d):
-        """c a + d, of what `a` itself is made of if it is affine."""
+        """Return the node of c a + d, composed with `a` where that is affine itself."""
         op, inner, _, c0, d0 = self.nodes[a]
         if op == AFFINE:
             a, c, d = inner, c * c0, c * d0 + d
@@ -104,6 +110,7 @@ class Graph:
         return a if (c, d) == (1.0, 0.0) else self._new(AFFINE, a, -1, c, d + 0.0)
 
     def sub(self, a: int, b: int) -> int:
+        """Return the node of a - b."""
         u = self.value(a)
         v = self.value(b)
         if v is not None:
@@ -113,9 +120,11 @@ class Graph:
         return self.const(0.0) if a == b and self.total[a] else self._new(SUB, a, b, 0.0)
 
     def neg(self, a: int) -> int:
+        """Return the node of -a."""
         return self.mul(a, self.const(-1.0))
 
     def mul(self, a: int, b: int) -> int:
+        """Return the node of a b."""
         u = self.value(a)
         v = self.value(b)
         if u is not None and v is not None:
@@ -129,6 +138,10 @@ class Graph:
         return self.square(a) if a == b else self._new(MUL, min(a, b), max(a, b), 0.0)
 
     def div(self, a: int, b: int) -> int:
+        """Return the node of a / b; raises TypeError for a division by the constant 0.
+
+        A division by a power of two is a multiplication.
+        """
         u = self.value(a)
         v = self.value(b)
         if v is not None:
@@ -144,10 +157,12 @@ class Graph:
         return self._new(DIV, a, b, 0.0) if u is None else self._new(RDIV, b, -1, u)
 
     def square(self, a: int) -> int:
+        """Return the node of a^2."""
         u = self.value(a)
         return self._new(SQR, a, -1, 0.0) if u is None else self.const(u * u)
 
     def power(self, a: int, b: int) -> int:
+        """Return the node of a^b: products for whole b up to 32, else a power or exp(b log a)."""
         v = self.value(b)
         u = self.value(a)
         if v is None:
@@ -164,6 +179,7 @@ class Graph:
         return self._new(POW, a, -1, v)
 
     def _whole(self, a, k):
+        """Return the node of a^k for a whole number k >= 0, by repeated squaring."""
         if k == 0:
             return self.const(1.0)
         if k == 1:
@@ -172,6 +188,10 @@ class Graph:
         return self.mul(half, a) if k % 2 else half
 
     def _function(self, op, a, f):
+        """Return the node of an elementary function of a.
+
+        Its partner, if the function is one of a pair, is the next node.
+        """
         u = self.value(a)
         if u is not None:
             return self.const(f(u))
@@ -180,30 +200,38 @@ class Graph:
             self._new(PAIRS[op], a, -1, 0.0)
         return out
 
-    def exp(self, a):
+    def exp(self, a: int) -> int:
+        """Return the node of exp(a)."""
         return self._function(EXP, a, math.exp)
 
-    def log(self, a):
+    def log(self, a: int) -> int:
+        """Return the node of log(a)."""
         return self._function(LOG, a, math.log)
 
-    def sin(self, a):
+    def sin(self, a: int) -> int:
+        """Return the node of sin(a), followed by that of cos(a)."""
         return self._function(SIN, a, math.sin)
 
-    def cos(self, a):
+    def cos(self, a: int) -> int:
+        """Return the node of cos(a), the partner of the sine."""
         u = self.value(a)
         return self.sin(a) + 1 if u is None else self.const(math.cos(u))
 
-    def sinh(self, a):
+    def sinh(self, a: int) -> int:
+        """Return the node of sinh(a), followed by that of cosh(a)."""
         return self._function(SINH, a, math.sinh)
 
-    def cosh(self, a):
+    def cosh(self, a: int) -> int:
+        """Return the node of cosh(a), the partner of sinh."""
         u = self.value(a)
         return self.sinh(a) + 1 if u is None else self.const(math.cosh(u))
 
-    def tanh(self, a):
+    def tanh(self, a: int) -> int:
+        """Return the node of tanh(a), followed by that of 1 / cosh(a)^2."""
         return self._function(TANH, a, math.tanh)
 
-    def arctan(self, a):
+    def arctan(self, a: int) -> int:
+        """Return the node of arctan(a), whose second operand is a^2 + 1."""
         u = self.value(a)
         return (
             self.const(math.atan(u))
@@ -212,8 +240,12 @@ class Graph:
         )
 
     def derivative(self, i: int, var: int, done: dict) -> int:
-        """The node of d(node i)/d(input var); `done` remembers those of one variable."""
+        """Return the node of the derivative of node i in the input `var`.
+
+        done: derivatives in that variable by node, extended in place.
+        """
         stack = [i]
+        # Forward differentiation in depth-first order, with an explicit stack.
         while stack:
             j = stack[-1]
             if j in done:
@@ -231,6 +263,10 @@ class Graph:
         return done[i]
 
     def _rule(self, y, da, db):
+        """Return the derivative of node y by the rule of its operation.
+
+        da, db: derivatives of its operands.
+        """
         op, a, b, c, _ = self.nodes[y]
         if self.value(da) == 0.0 and (db < 0 or self.value(db) == 0.0):
             return self.const(0.0)
