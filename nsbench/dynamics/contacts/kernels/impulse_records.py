@@ -79,7 +79,8 @@ class Contacts(Sequence):
 
 def _name(id_):
     """Return the id (3,) of a contact as a tuple, without a second index of -1."""
-    return tuple(id_) if id_[2] >= 0 else tuple(id_[:2])
+    family, i, j = id_
+    return (family, i, j) if j >= 0 else (family, i)
 
 
 @njit(cache=True)

@@ -284,7 +284,9 @@ def march(f, q_of, moving, linear, J, t, substeps, x, q, B, C, D, theta, fixed, 
     a = np.ones(m)
     b = np.ones(m)
     G = np.zeros((n, m))
-    state = (J.copy(), np.eye(n), G, at_end(D, fixed, on), M, a, b)
+    # D of the end of the step, in place
+    D_end = at_end(D, fixed, on)
+    state = (J.copy(), np.eye(n), G, D_end, M, a, b)
     for c in range(n):
         X[0, c] = x[c]
     for i in range(m):
@@ -327,7 +329,7 @@ def march(f, q_of, moving, linear, J, t, substeps, x, q, B, C, D, theta, fixed, 
                 times(G, lam, push)
                 for c in range(n):
                     free[c] = y[c] - push[c]
-                offset(C, state[3], theta, x, free, q0, q1, u, z, w)
+                offset(C, D_end, theta, x, free, q0, q1, u, z, w)
                 if has_other_motion(M, w, G, lam, h * largest(v) + largest(push)):
                     twice = now
             for i in range(m):
