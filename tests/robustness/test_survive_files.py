@@ -251,7 +251,7 @@ def test_nothing_that_reads_could_run_what_it_reads():
     ]
     assert hits == []
     loads = [p for p in ROOT.rglob("*.py") if "np.load(" in p.read_text(encoding="utf-8")]
-    assert [p.name for p in loads] == ["stored.py"] and "allow_pickle=False" in loads[0].read_text(
+    assert [p.name for p in loads] == ["storage.py"] and "allow_pickle=False" in loads[0].read_text(
         encoding="utf-8"
     )
 
