@@ -30,8 +30,8 @@ FAULTS = {
     ),
     "sign error in the multiplier (event_driven)": (
         "nsbench/solvers/event_driven/contacts/kernels/constraint_rows.py",
-        "return f + push, lam, push",
-        "return f + push, -lam, push",
+        "return f + reaction, lam, reaction",
+        "return f + reaction, -lam, reaction",
         "tests/solvers/event_driven/test_event_driven*.py",
     ),
     "one prox dropped": (*SWEEP, "tests/solvers/pbd/test_pbd.py"),
@@ -49,8 +49,8 @@ FAULTS = {
     ),
     "dg/dt forgotten (event_driven)": (
         "nsbench/solvers/event_driven/contacts/evaluation.py",
-        "return self.scene.rates(t, x, rows.near) if self.scene.moving else",
-        "return np.zeros(len(rows)) if self.scene.moving else",
+        "self.constraints.rates(t, x, rows.listed)\n",
+        "np.zeros(len(rows))\n",
         "tests/solvers/event_driven/test_event_driven*.py",
     ),
     "walls taken at the start of the step (pbd)": (
@@ -72,8 +72,8 @@ FAULTS = {
         "tests/reference/test_reference.py tests/reference/test_certificate.py",
     ),
     "order fitted on asked steps": (
-        "nsbench/study/__init__.py",
-        '{"h": row.get("h", spec.asked), "k"',
+        "nsbench/study/attempt.py",
+        '{"h": counted.get("h", spec.asked), "k"',
         '{"h": spec.asked, "k"',
         "tests/solvers/test_steps_taken.py",
     ),
