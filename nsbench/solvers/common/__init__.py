@@ -1,1 +1,3 @@
-"""nsbench/solvers/common"""
+"""What several methods share: time grid, start policy, binding of compiled loops, divergence,
+extrapolation.
+"""

@@ -1,4 +1,4 @@
-"""kdtree: see method.py."""
+"""Baseline: PBD for discs in a box, pairs from SciPy's cKDTree."""
 
 from nsbench.solvers.kdtree.method import SOLVER
 

@@ -1,7 +1,4 @@
-"""Order of the constraints in a sweep: by keys, which depend on the scene and never on a list.
-
-The orders are numbered as in dynamics/contacts/kernels/constraint_order.
-"""
+"""Option `order` of PBD: from its name to a number, cell ranks and sorted constraint lists."""
 
 from __future__ import annotations
 

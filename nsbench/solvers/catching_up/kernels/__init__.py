@@ -1,1 +1,1 @@
-"""nsbench/solvers/catching_up/kernels"""
+"""Compiled loop of the catching-up scheme and its candidate constraints."""

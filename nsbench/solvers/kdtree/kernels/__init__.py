@@ -1,1 +1,1 @@
-"""nsbench/solvers/kdtree/kernels"""
+"""Compiled Gauss-Seidel sweep over given pairs of discs."""

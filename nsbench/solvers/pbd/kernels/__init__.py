@@ -1,1 +1,1 @@
-"""nsbench/solvers/pbd/kernels"""
+"""Compiled loops of PBD: projections, sweeps, neighbour lists and cell storage."""
