@@ -1,4 +1,8 @@
-"""Option `order` of PBD: from its name to a number, cell ranks and sorted constraint lists."""
+"""Option `order` of PBD: from its name to a number, cell ranks and sorted constraint lists.
+
+The keys of an order depend on the scene and never on a list. The orders are numbered as in
+dynamics/contacts/kernels/constraint_order.
+"""
 
 from __future__ import annotations
 
