@@ -85,9 +85,10 @@ def test_what_is_found_has_the_bits_of_what_was_compiled(home):
 
 SCRIPT = """
 import json, sys
-from nsbench import get_case, solve, compile as form
+from nsbench import get_case, solve
+from nsbench.compilation import factories as form
 c, out = get_case("two_discs"), []
-kind = type(form.rhs(c.problem.drift, c.n)).__name__
+kind = type(form.rhs_cfunc(c.problem.drift, c.n)).__name__
 for case, spec in (("two_discs", "pbd"), ("sliding", "euler")):
     traj = solve(case, spec, h=0.05)
     out.append([traj.x.tolist(), traj.impulse.tolist()])

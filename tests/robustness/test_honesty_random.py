@@ -241,5 +241,5 @@ def test_steps_in_which_the_drift_leaps_over_a_particle_show_no_order(speed, wor
         return out
 
     monkeypatch.setattr(judge, "attempt", lied)
-    monkeypatch.setattr(judge, "pace", lambda problem, t, x: speed)
+    monkeypatch.setattr(judge, "largest_speed", lambda problem, t, x: speed)
     assert judge.Scene(case).judge("pbd").word == word
