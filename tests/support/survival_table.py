@@ -256,7 +256,7 @@ ENTRIES = [
 def marked() -> dict[str, list[str]]:
     """Tests by the name of the entry that they are marked with: "test_file.py::test_name"."""
     out: dict[str, list[str]] = {}
-    for path in sorted(HERE.glob("test_*.py")):
+    for path in sorted(HERE.rglob("test_*.py")):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if not isinstance(node, ast.FunctionDef):
                 continue
