@@ -52,8 +52,8 @@ from nsbench.solvers.event_driven.filippov.kernels.mode_choice import (
     surface_met,
 )
 from nsbench.solvers.event_driven.filippov.kernels.polynomial_root import CLEAR, FOUND
+from nsbench.solvers.event_driven.filippov.kernels.step_to_event import take_step
 from nsbench.solvers.event_driven.filippov.kernels.taylor_series import horner, inner
-from nsbench.solvers.event_driven.filippov.kernels.taylor_step import take_step
 
 # roundings of c_i below which a watched function is not armed at the start of an arc
 ARC_BAND = 16.0

@@ -9,7 +9,7 @@ event_driven.filippov.mode_search, in which the host decides what is not certain
 import numpy as np
 
 from nsbench.compilation.decorators import fused_kernel, njit
-from nsbench.solvers.event_driven.filippov.kernels.certified_step import step_length
+from nsbench.solvers.event_driven.filippov.kernels.step_certificate import step_length
 from nsbench.solvers.event_driven.filippov.kernels.taylor_series import horner, inner, point, series
 
 EPS = 2.0**-52

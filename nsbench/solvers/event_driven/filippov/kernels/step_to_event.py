@@ -1,22 +1,23 @@
-"""A certified Taylor step of a Filippov mode, in pieces, up to its first event.
+"""Take one Taylor step of a Filippov mode, certified piece by piece, up to its first event.
 
-The step is expanded once; the certificate (kernels.certified_step) is then checked piece by piece,
-and the step ends at the first event, or where the certificate would cost more than another step.
+The step is expanded once; the certificate (kernels.step_certificate) is then checked piece by
+piece, and the step ends at the first event, or where the certificate would cost more than another
+step.
 """
 
 import numpy as np
 
 from nsbench.compilation.decorators import fused_kernel
-from nsbench.solvers.event_driven.filippov.kernels.certified_step import (
+from nsbench.solvers.event_driven.filippov.kernels.loop_state import HARD, STEP_VANISHES
+from nsbench.solvers.event_driven.filippov.kernels.mode_choice import EPS
+from nsbench.solvers.event_driven.filippov.kernels.polynomial_root import CLEAR, FOUND
+from nsbench.solvers.event_driven.filippov.kernels.step_certificate import (
     certify_piece,
     first_event,
     fitting_part,
     lift_time,
     step_length,
 )
-from nsbench.solvers.event_driven.filippov.kernels.loop_state import HARD, STEP_VANISHES
-from nsbench.solvers.event_driven.filippov.kernels.mode_choice import EPS
-from nsbench.solvers.event_driven.filippov.kernels.polynomial_root import CLEAR, FOUND
 from nsbench.solvers.event_driven.filippov.kernels.taylor_series import horner, point, series
 
 SPLIT = 1.5  # certified widths: a step little longer than one is shortened instead of divided

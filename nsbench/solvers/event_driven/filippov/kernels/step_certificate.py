@@ -1,5 +1,4 @@
-"""One Taylor step of a Filippov mode: its length, the proof that it hides no event, and the first
-event on it.
+"""Certificate that a piece of a Taylor step hides no event; the step's length; its first event.
 
 The program of a mode (see event_driven.filippov.program) has the outputs F (n), watch (d + 1) and
 theta. watch[k] > 0 until surface k is reached, or, for the surface it slides on, until its weight
