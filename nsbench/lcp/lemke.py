@@ -14,7 +14,7 @@ import numpy as np
 
 from nsbench.compilation.decorators import njit
 from nsbench.lcp.gram_lcp import solve_lcp
-from nsbench.linalg.dense import solve_gauss
+from nsbench.linalg.gauss_elimination import solve_gauss
 from nsbench.linalg.rank import near_singular, orthonormal
 
 ENUMERATED_ROWS = 10  # rows whose 2^m supports are tried when Lemke's method ends on a ray

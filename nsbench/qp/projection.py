@@ -89,7 +89,7 @@ class ActiveSet:
         self._work_buffer = np.empty(1)
 
     def __call__(self, G, q, h, key, mu):
-        from nsbench.qp.kernels import active_set, dispatch, exact_callback
+        from nsbench.qp.kernels import active_set, active_set_callback, dispatch
 
         if key is not self._key:
             self._key = key
@@ -99,7 +99,7 @@ class ActiveSet:
         scale = max(1.0, float(np.abs(q).max(initial=0.0)))
         work = np.zeros(dispatch.WORK, np.int64)
         mu, d, self._tree_buffer, self._work_buffer = dispatch.solve_projection(
-            exact_callback.solve_exact,
+            active_set_callback.solve_exact,
             large_problem_callback(G.shape[0]),
             self._pattern,
             self._tree_buffer,

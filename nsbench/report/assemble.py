@@ -7,6 +7,10 @@ from dataclasses import dataclass
 from nsbench.report import cost, performance_profiles, scaling
 from nsbench.report.content import Content
 from nsbench.report.data import Data
+from nsbench.report.euler_sliding_figure import (
+    describe_euler_sliding_figure,
+    draw_euler_sliding_figure,
+)
 from nsbench.report.expectations import judge_expectations
 from nsbench.report.figures import case_panels, cost_panels
 from nsbench.report.style import (
@@ -31,7 +35,6 @@ from nsbench.report.tables.reliability_tables import (
     expected_table,
     references_table,
 )
-from nsbench.report.talk_figure import describe_talk_figure, draw_talk_figure
 from nsbench.report.verdict import compare_speeds, write_verdict
 
 MAX_DRAWN_CASES = 100  # cases with figures: a page of more could not be opened
@@ -110,7 +113,7 @@ def draw_figures(data: Data) -> Figures:
                     for svg, p in zip(drawn, found, strict=True)
                 ]
                 files[file] = compose_sheet(drawn, legend, case)
-    talk = draw_talk_figure(data)
+    talk = draw_euler_sliding_figure(data)
     if talk:
         files["talk"] = talk.replace("<svg ", '<svg style="background:#fff" ', 1)
     legend = [(spec, look[spec], False) for spec in data.specs]
@@ -180,7 +183,7 @@ def assemble_content(data: Data, drawn: Figures) -> Content:
         notes=notes,
         speeds=factors,
         talk=drawn.talk,
-        talk_sentence=describe_talk_figure(data),
+        talk_sentence=describe_euler_sliding_figure(data),
         profiles=drawn.profiles,
         scaling=drawn.scaling,
         cheapest=tuple(

@@ -14,7 +14,7 @@ import nsbench
 from nsbench.compilation.numba_cache import has_private_files
 
 CODE = """
-import numba, nsbench.linalg.dense as d, numpy as np
+import numba, nsbench.linalg.max_norm as d, numpy as np
 d.largest.py_func
 print(d.largest._cache.cache_path)
 """

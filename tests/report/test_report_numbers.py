@@ -6,7 +6,7 @@ import pytest
 from report_rows import SOLVERS, STEPS, row, summaries
 
 from nsbench.report import cost as speed
-from nsbench.report import data, style, summary, talk_figure, verdict
+from nsbench.report import data, euler_sliding_figure, style, summary, verdict
 from nsbench.report.tables import equal_error_tables, order_table
 from nsbench.solvers import get
 
@@ -192,10 +192,10 @@ def test_methods_keep_their_look_and_variants_share_a_colour():
 
 def test_the_distance_from_the_exact_path_is_that_of_the_polygon():
     path = np.array([[0.0, 1.0], [0.0, 0.0], [2.0, 0.0]])
-    assert talk_figure.largest_distance(
+    assert euler_sliding_figure.largest_distance(
         np.array([[1.0, 0.3], [0.1, 0.5], [1.5, -0.2]]), path
     ) == pytest.approx(0.3)
-    assert talk_figure.largest_distance(np.array([[3.0, 0.0]]), path) == pytest.approx(1.0)
+    assert euler_sliding_figure.largest_distance(np.array([[3.0, 0.0]]), path) == pytest.approx(1.0)
 
 
 def test_a_slope_of_scatter_is_no_number_to_show():

@@ -44,7 +44,7 @@ def name(path):
 
 def is_kernel(path):
     parts = path.relative_to(PACKAGE).parts
-    return "kernels" in parts[:-1] or path.name == "kernels.py" or parts[0] in KERNEL_ROOMS
+    return "kernels" in parts[:-1] or parts[0] in KERNEL_ROOMS
 
 
 def module_of(path):

@@ -1,10 +1,11 @@
 """Choice of the solver of a projection QP, between two C callbacks, so that a time loop is compiled
 without them.
 
-`exact` (qp.kernels.exact_callback) where few rows are at work; `large` (qp.kernels.large_callback)
-beyond, and `exact` from where that has come if it gives up. Both fill mu (m,), d = G^T mu (n,) and
-work (WORK,): CODE and ROUNDS, and for `large` the sizes TREE_SIZE and WORK_SIZE that tree_buffer
-and work_buffer must have; it answers GROW when they are smaller, and nothing is solved then.
+`exact` (qp.kernels.active_set_callback) where few rows are at work; `large`
+(qp.kernels.large_callback) beyond, and `exact` from where that has come if it gives up. Both fill
+mu (m,), d = G^T mu (n,) and work (WORK,): CODE and ROUNDS, and for `large` the sizes TREE_SIZE and
+WORK_SIZE that tree_buffer and work_buffer must have; it answers GROW when they are smaller, and
+nothing is solved then.
 """
 
 import numpy as np

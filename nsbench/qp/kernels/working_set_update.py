@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from nsbench.compilation.decorators import njit
-from nsbench.linalg.dense import solve_gauss
+from nsbench.linalg.gauss_elimination import solve_gauss
 from nsbench.linalg.multifrontal import backward, factor, forward, solve
 from nsbench.linalg.sparse_ldl import push, slack
 

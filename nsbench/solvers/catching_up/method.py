@@ -141,9 +141,9 @@ class CatchingUp:
 
 def _projectors(scene):
     """Return the functions for small and for large problems, the latter if these can occur."""
-    from nsbench.qp.kernels import exact_callback
+    from nsbench.qp.kernels import active_set_callback
 
-    return exact_callback.solve_exact, large_problem_callback(
+    return active_set_callback.solve_exact, large_problem_callback(
         len(scene.all_static()) + 3 * sum(m for _, _, m in scene.hard)
     )  # discs: 3 contacts each
 
@@ -151,7 +151,6 @@ def _projectors(scene):
 def _compiled(case, scene, g, x0, reach):
     """Return the time loop bound to its data, and "compiled" or "host" (see compiled_loop)."""
     from nsbench.dynamics.contacts.kernels.contact_arrays import AffineRows
-    from nsbench.linalg.dense import StepCode
     from nsbench.solvers.catching_up.kernels import loop as kernel
     from nsbench.solvers.common.compiled_loop import (
         bind_loop,
@@ -160,6 +159,7 @@ def _compiled(case, scene, g, x0, reach):
         drift_function,
     )
     from nsbench.solvers.common.hard_particles import hard_particles
+    from nsbench.solvers.common.kernels.step_code import StepCode
 
     t0 = float(case.t[0])
     anchors = scene.anchors(t0)

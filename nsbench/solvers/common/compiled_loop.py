@@ -17,7 +17,7 @@ from types import FunctionType
 import numpy as np
 
 from nsbench.compilation import factories
-from nsbench.linalg.dense import StepCode
+from nsbench.solvers.common.kernels.step_code import StepCode
 from nsbench.trajectory import Status
 
 

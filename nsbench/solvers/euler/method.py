@@ -175,8 +175,8 @@ def _blends(case: Case) -> bool:
 
 def _status(code, reached):
     """Return the status of a code of the time loop."""
-    from nsbench.linalg.dense import StepCode
     from nsbench.solvers.common.compiled_loop import status_of
+    from nsbench.solvers.common.kernels.step_code import StepCode
 
     no_solution = Status(
         "maxiter",

@@ -42,7 +42,7 @@ def prepare(method, case: Case, scene: ConstraintSet, g: Grid, x0: np.ndarray) -
 def _march(case, g, sweep, sweeps, x0):
     """Integrate by explicit Euler with `sweeps` sweeps per step."""
     from nsbench.compilation.factories import as_numpy
-    from nsbench.linalg.dense import StepCode, all_finite
+    from nsbench.solvers.common.kernels.step_code import StepCode, all_finite
     from nsbench.solvers.pbd.kernels.loop_result import LoopResult
 
     f = as_numpy(case.problem.drift)

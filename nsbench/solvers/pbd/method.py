@@ -132,9 +132,9 @@ class PBD:
         The work arrays of candidates are allocated once; those of the state at each run, as the
         trajectory takes their room.
         """
-        from nsbench.linalg.dense import StepCode
         from nsbench.solvers.common.compiled_loop import bind_loop, compile_functions
         from nsbench.solvers.common.hard_particles import mean_radius
+        from nsbench.solvers.common.kernels.step_code import StepCode
         from nsbench.solvers.pbd.kernels import cell_loop
         from nsbench.solvers.pbd.kernels.cell_storage import candidate_arrays
 
@@ -262,7 +262,7 @@ def build_trajectory(case: Case, g, loop: str, out, again=None) -> Trajectory:
     a state that is not finite came about.
     """
     from nsbench.dynamics.contacts.kernels.impulse_records import cumulate
-    from nsbench.linalg.dense import StepCode
+    from nsbench.solvers.common.kernels.step_code import StepCode
 
     contacts, impulse = cumulate(out.ids, out.values, len(g.t))
     steps = int(g.substeps.sum())
@@ -301,8 +301,8 @@ def build_trajectory(case: Case, g, loop: str, out, again=None) -> Trajectory:
 
 
 def _status(g, out, again):
-    from nsbench.linalg.dense import StepCode
     from nsbench.solvers.common.compiled_loop import status_of
+    from nsbench.solvers.common.kernels.step_code import StepCode
 
     if out.code == StepCode.NAN:
         return classify_divergence(g, out.x, out.reached, again)

@@ -188,7 +188,7 @@ class _March:
         """Integrate and return a LoopResult."""
         import jax
 
-        from nsbench.linalg.dense import StepCode
+        from nsbench.solvers.common.kernels.step_code import StepCode
 
         g = self.g
         n = self.case.n

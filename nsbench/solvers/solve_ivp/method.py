@@ -14,7 +14,7 @@ from nsbench.case import Case, case_names, get_case
 from nsbench.compilation.factories import as_numpy
 from nsbench.problem import Affine, Distance, Filippov
 from nsbench.solvers.base import Claims, Run, check_positive
-from nsbench.solvers.solve_ivp.script import Script
+from nsbench.solvers.solve_ivp.hybrid_automaton import Script
 from nsbench.trajectory import Event, Resolution, Status, Trajectory
 
 METHODS = {"dop853": "DOP853", "lsoda": "LSODA", "radau": "Radau"}

@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from nsbench.case import Case
-from nsbench.solvers.solve_ivp.script import Arc, Exit, Script
+from nsbench.solvers.solve_ivp.hybrid_automaton import Arc, Exit, Script
 
 UP = np.eye(1)
 

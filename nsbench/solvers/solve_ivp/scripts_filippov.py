@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 
 from nsbench.case import Case
-from nsbench.solvers.solve_ivp.script import Arc, Exit, Script
+from nsbench.solvers.solve_ivp.hybrid_automaton import Arc, Exit, Script
 
 
 def slide_exit(case: Case) -> Script:

@@ -247,8 +247,8 @@ def _trajectory(case, g, loop, theta, B, judged, out):
 
 def _status(code, reached, twice, judged):
     """Return the status of a run: by its code, else by the uniqueness of its steps."""
-    from nsbench.linalg.dense import StepCode
     from nsbench.solvers.common.compiled_loop import status_of
+    from nsbench.solvers.common.kernels.step_code import StepCode
 
     at = f"t = {reached:.6g}"
     own = {

@@ -14,7 +14,6 @@ import numpy as np
 from nsbench.compilation.decorators import njit
 from nsbench.dynamics.contacts.kernels.contact_arrays import PAIR, ROW
 from nsbench.dynamics.contacts.kernels.impulse_records import flush
-from nsbench.linalg.dense import StepCode, all_finite
 from nsbench.qp.kernels import active_set
 from nsbench.qp.kernels.dispatch import solve_projection
 from nsbench.solvers.catching_up.kernels.candidates import (
@@ -22,6 +21,7 @@ from nsbench.solvers.catching_up.kernels.candidates import (
     gather,
     gradient_pattern,
 )
+from nsbench.solvers.common.kernels.step_code import StepCode, all_finite
 
 QPS, ROUNDS, REBUILDS, PEAK, LIMITS, TIES, WORST, ACTING = range(8)  # places of the counters
 SKIN_OVER_STEP = 8.0  # skin over the displacement of a step: a list should outlive its own step

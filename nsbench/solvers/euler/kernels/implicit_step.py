@@ -7,7 +7,9 @@ per surface: on the positive side, on the negative side, on the surface itself.
 import numpy as np
 
 from nsbench.compilation.decorators import njit
-from nsbench.linalg.dense import StepCode, largest, solve_gauss, state_code
+from nsbench.linalg.gauss_elimination import solve_gauss
+from nsbench.linalg.max_norm import largest
+from nsbench.solvers.common.kernels.step_code import StepCode, state_code
 
 NEWTON = 30  # iterations; a fresh Jacobian needs about 5, a kept one three times that
 ROUNDING = 64 * 2.0**-52  # what a few operations may lose, relative to the numbers in them

@@ -7,7 +7,8 @@ per surface: on the positive side, on the negative side, on the surface itself.
 import numpy as np
 
 from nsbench.compilation.decorators import njit
-from nsbench.linalg.dense import StepCode, largest, state_code
+from nsbench.linalg.max_norm import largest
+from nsbench.solvers.common.kernels.step_code import StepCode, state_code
 from nsbench.solvers.euler.kernels.implicit_step import ROUNDING, copy, inner, newton
 
 SLIDES = (

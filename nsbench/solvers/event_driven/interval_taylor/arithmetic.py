@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from nsbench.solvers.event_driven.interval_taylor import kernels
 from nsbench.solvers.event_driven.interval_taylor.jet import ORDER, Jet, as_jet, jets_among
+from nsbench.solvers.event_driven.interval_taylor.kernels import coefficient_recurrences
 
-UNIT = kernels.UNIT
+UNIT = coefficient_recurrences.UNIT
 
 
 def pair(a: Jet | np.ndarray | float, b: Jet | np.ndarray | float) -> tuple[np.ndarray, ...]:
@@ -73,7 +73,7 @@ def multiply(a: Jet | np.ndarray | float, b: Jet | np.ndarray | float) -> Jet:
     am, bm, ar, br = pair(a, b)
     out, m, r = _new(am.shape)
     am, bm, ar, br = _flat(am, bm, ar, br)
-    kernels.multiply(am, ar, bm, br, m, r)
+    coefficient_recurrences.multiply(am, ar, bm, br, m, r)
     return out
 
 
@@ -85,7 +85,7 @@ def divide(a: Jet | np.ndarray | float, b: Jet | np.ndarray | float) -> Jet:
     am, bm, ar, br = pair(a, b)
     out, m, r = _new(am.shape)
     am, bm, ar, br = _flat(am, bm, ar, br)
-    kernels.divide(am, ar, bm, br, m, r)
+    coefficient_recurrences.divide(am, ar, bm, br, m, r)
     return out
 
 
@@ -127,7 +127,7 @@ def square(a: Jet) -> Jet:
     """Enclose a^2, with values that are not negative."""
     (out, m, r), (lo, hi) = _new(a.mid.shape), a.range
     am, ar = _flat(a.mid, a.rad)
-    kernels.multiply(am, ar, am, ar, m, r)
+    coefficient_recurrences.multiply(am, ar, am, ar, m, r)
     u = np.where((lo < 0.0) & (hi > 0.0), 0.0, np.minimum(lo * lo, hi * hi))
     v = np.maximum(lo * lo, hi * hi)
     out.mid[..., 0] = 0.5 * (u + v)
@@ -141,14 +141,18 @@ def root(a: Jet, alpha: float) -> Jet:
     u = np.minimum(lo**alpha, hi**alpha)
     v = np.maximum(lo**alpha, hi**alpha)
     out, m, r = _new(a.mid.shape)
-    kernels.power(*_flat(a.mid, a.rad), *_head(0.5 * (u + v), 0.5 * (v - u)), alpha, m, r)
+    coefficient_recurrences.power(
+        *_flat(a.mid, a.rad), *_head(0.5 * (u + v), 0.5 * (v - u)), alpha, m, r
+    )
     return out
 
 
 def exp(a: Jet) -> Jet:
     """Enclose exp(a)."""
     out, m, d = _new(a.mid.shape)
-    kernels.exponential(*_flat(a.mid, a.rad), *_head(*_between(np.exp, *a.range)), m, d)
+    coefficient_recurrences.exponential(
+        *_flat(a.mid, a.rad), *_head(*_between(np.exp, *a.range)), m, d
+    )
     return out
 
 
@@ -156,7 +160,7 @@ def _primitive(slope, a, mid, rad):
     """Return the Jet with the derivative slope a' and the first coefficient mid +- rad."""
     sm, am, sr, ar = pair(slope, a)
     out, m, r = _new(am.shape)
-    kernels.integrate(*_flat(sm, sr, am, ar), *_head(mid, rad), m, r)
+    coefficient_recurrences.integrate(*_flat(sm, sr, am, ar), *_head(mid, rad), m, r)
     return out
 
 
@@ -197,7 +201,7 @@ def sine_and_cosine(a: Jet, sign: int) -> tuple[Jet, Jet]:
         rs = rc = c * np.sinh(r) + np.abs(s) * (np.cosh(r) - 1.0) + np.abs(s) * np.sinh(r)
     for values, radii, vm, vr in ((s, rs, sm, sr), (c, rc, cm, cr)):
         vm[:, 0], vr[:, 0] = _head(values, radii)
-    kernels.circular(*_flat(a.mid, a.rad), sm, sr, cm, cr, float(sign))
+    coefficient_recurrences.circular(*_flat(a.mid, a.rad), sm, sr, cm, cr, float(sign))
     return out_s, out_c
 
 

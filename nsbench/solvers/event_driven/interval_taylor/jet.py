@@ -7,8 +7,8 @@ namespace takes Jets as it takes arrays:
 hands its functions to the class. What a kink or a jump leaves undefined is an infinite radius. What
 a Jet cannot do (branch on a value, turn into a float) is a TypeError: then nothing is proven.
 Source: Moore, Interval Analysis, 1966, chapter 11 (interval Taylor series); rounding is enclosed by
-UNIT of interval_taylor.kernels. The functions of numpy that a Jet takes are registered from below,
-by interval_taylor.numpy_functions, as they are written in terms of Jets.
+UNIT of kernels.coefficient_recurrences. The functions of numpy that a Jet takes are registered
+from below, by interval_taylor.numpy_functions, as they are written in terms of Jets.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 
-from nsbench.solvers.event_driven.array_operators import ArrayOperators
+from nsbench.solvers.event_driven.array_operator_mixin import ArrayOperators
 
 ORDER = 9  # one more than the degree of the interpolants that the last coefficient bounds
 # numbers below it among those of entries are values of the caller's that came in with them

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from nsbench.compilation.decorators import inner_kernel, njit
-from nsbench.linalg.dense import StepCode
+from nsbench.solvers.common.kernels.step_code import StepCode
 from nsbench.solvers.pbd.kernels.active_candidates import (
     inner_skin,
     restore_impulses,

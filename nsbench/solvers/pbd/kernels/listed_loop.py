@@ -4,7 +4,7 @@ import numpy as np
 
 from nsbench.compilation.decorators import njit
 from nsbench.dynamics.contacts.kernels.impulse_records import flush
-from nsbench.linalg.dense import StepCode, all_finite
+from nsbench.solvers.common.kernels.step_code import StepCode, all_finite
 from nsbench.solvers.pbd.kernels.loop_result import LoopResult
 from nsbench.solvers.pbd.kernels.projection import sweep
 

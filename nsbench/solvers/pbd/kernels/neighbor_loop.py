@@ -16,7 +16,7 @@ from nsbench.compilation.decorators import njit
 from nsbench.dynamics.contacts.kernels.constraint_order import static_keys
 from nsbench.dynamics.contacts.kernels.contact_arrays import PAIR, ROW, ListedContacts
 from nsbench.dynamics.contacts.kernels.impulse_records import flush
-from nsbench.linalg.dense import StepCode, all_finite
+from nsbench.solvers.common.kernels.step_code import StepCode, all_finite
 from nsbench.solvers.pbd.kernels.loop_result import LoopResult
 from nsbench.solvers.pbd.kernels.neighbor_list import HardScene, near_list, rebuild
 from nsbench.solvers.pbd.kernels.projection import project

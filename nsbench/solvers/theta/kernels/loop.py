@@ -14,7 +14,9 @@ import numpy as np
 
 from nsbench.compilation.decorators import njit
 from nsbench.lcp.lemke import has_other_motion, least_norm_solution, scales, solve
-from nsbench.linalg.dense import StepCode, largest, solve_gauss, state_code
+from nsbench.linalg.gauss_elimination import solve_gauss
+from nsbench.linalg.max_norm import largest
+from nsbench.solvers.common.kernels.step_code import StepCode, state_code
 
 NEWTON = 50  # iterations; the matrix is made anew when one gains less than a factor of ten
 AGAIN = 3  # repetitions of a step whose rows changed their kind

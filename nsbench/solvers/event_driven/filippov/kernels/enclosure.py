@@ -16,7 +16,7 @@ from nsbench.compilation.decorators import njit
 from nsbench.solvers.event_driven.filippov.kernels import opcodes as op
 from nsbench.solvers.event_driven.filippov.kernels.polynomial_root import CHOOSE
 from nsbench.solvers.event_driven.filippov.kernels.taylor_series import inner
-from nsbench.solvers.event_driven.interval_taylor.kernels import TINY, UNIT
+from nsbench.solvers.event_driven.interval_taylor.kernels.coefficient_recurrences import TINY, UNIT
 
 # of derivatives: with 9 the cases of tests/studies/speed/filippov.py took 17 to 37 % longer; with
 # 15 some more, some less

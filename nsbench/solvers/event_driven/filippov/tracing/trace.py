@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from nsbench.solvers.event_driven.array_operators import ArrayOperators
+from nsbench.solvers.event_driven.array_operator_mixin import ArrayOperators
 from nsbench.solvers.event_driven.filippov.tracing.graph import Graph
 
 # nodes are numbered from here in arrays: a plain integer that gets among them is recognised

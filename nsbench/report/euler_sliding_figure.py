@@ -1,4 +1,4 @@
-"""Draw the talk's figure: explicit and implicit Euler on its sliding example.
+"""Draw explicit and implicit Euler beside the exact solution of the talk's sliding example.
 
 The runs are stored in extra.json. The figure is drawn with matplotlib's Figure (no pyplot).
 """
@@ -40,7 +40,7 @@ def select_runs(talk: dict) -> list[tuple[str, list]]:
     return [(name, group[:MAX_RUNS]) for name, group in rows.items()]
 
 
-def draw_talk_figure(data: Data) -> str:
+def draw_euler_sliding_figure(data: Data) -> str:
     """Draw explicit Euler beside the exact solution, implicit Euler below; "" without stored runs.
 
     extra.json: ``{"talk_figure": {"runs": [{"solver", "dt", "x"}, ...], "exact": x}}``, x being
@@ -83,7 +83,7 @@ def draw_talk_figure(data: Data) -> str:
     return _svg(fig, "talk")
 
 
-def describe_talk_figure(data: Data) -> str:
+def describe_euler_sliding_figure(data: Data) -> str:
     """Report the largest distance of each run from the exact path; "" without the figure."""
     talk = data.extra.get("talk_figure")
     if not isinstance(talk, dict):

@@ -1,4 +1,4 @@
-"""Exact active-set solution of a projection QP as a C callback, best for few rows.
+"""Exact active-set solution of a projection QP as a C callback, best for few rows at work.
 
 A file of its own: a C callback is compiled when its file is imported.
 """

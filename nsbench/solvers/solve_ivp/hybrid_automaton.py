@@ -1,4 +1,4 @@
-"""Scripts of modes, which a user of solve_ivp writes by hand for one problem.
+"""Hybrid automaton of one problem, as a user of solve_ivp writes it by hand: a Script of modes.
 
 A script is a set of arcs, which need work on paper first. Each has its right-hand side, in plain
 Python numbers (for so few unknowns they are quicker than arrays), and the events that end it, each

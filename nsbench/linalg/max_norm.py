@@ -1,0 +1,12 @@
+"""Maximum norm of a vector."""
+
+from nsbench.compilation.decorators import njit
+
+
+@njit(cache=True)
+def largest(x):
+    """Return max |x_i| of x (n,), 0 if it is empty."""
+    m = 0.0
+    for v in x:
+        m = max(m, abs(v))
+    return m

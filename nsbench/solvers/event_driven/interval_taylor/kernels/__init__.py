@@ -1,0 +1,1 @@
+"""Compiled recurrences of interval Taylor arithmetic."""
