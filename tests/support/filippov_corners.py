@@ -2,7 +2,8 @@
 filippov_systems."""
 
 import numpy as np
-from filippov_systems import constant, drift, stack, states, still, swing
+from filippov_factories import constant, drift, stack, states, still
+from filippov_friction import swing
 
 from nsbench import Filippov
 

@@ -4,7 +4,8 @@ events included."""
 import numpy as np
 import pytest
 from filippov_corners import SEVERAL
-from filippov_systems import ONE, constant, drift, entry
+from filippov_factories import constant, drift, entry
+from filippov_systems import ONE
 
 from nsbench import Case, Filippov, solve
 from nsbench.dynamics.filippov.vector_field import FilippovVectorField
