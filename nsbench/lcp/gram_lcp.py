@@ -194,6 +194,16 @@ def _most_violated(M, lam, w, skip, tol):
     return k
 
 
+@inner_kernel
+def _violated_row(M, h, lam, w, tol):
+    """Return the last row with w_k below zero by more than tol and rounding; -1 for none."""
+    bad = -1
+    for k in range(h.size):
+        if w[k] < -max(tol[k], ROUNDING * _term_size(M, h, lam, k)):
+            bad = k
+    return bad
+
+
 @njit(cache=True, error_model="numpy")
 def solve_lcp(M, h, warm, tol, dep):
     """Compute a basic solution of 0 <= lam _|_ h + M lam >= 0.
@@ -249,12 +259,9 @@ def solve_lcp(M, h, warm, tol, dep):
             skip[:] = False
         else:
             skip[k] = True  # rounding: it is zero from either side
-    if code != INFEASIBLE:  # what is left over must be rounding, and if so it is solved
-        code = OK
-        for k in range(m):
-            if w[k] < -max(tol[k], ROUNDING * _term_size(M, h, lam, k)):
-                code = UNFINISHED
-                bad = k
+    if code != INFEASIBLE:
+        bad = _violated_row(M, h, lam, w, tol)
+        code = OK if bad < 0 else UNFINISHED
     return lam, w, idx[:p].copy(), code, bad, it
 
 

@@ -112,14 +112,22 @@ def arrange(C, count, p, n):
 
 @inner_kernel
 def fill(plan, C, V, count, p, work, E):
-    """Fill E with the Gram matrix G G^T of the rows (C, V, count), in the envelope of the plan;
-    work (n,): zeros, which it leaves."""
+    """Fill E with the Gram matrix G G^T, in the envelope of the plan.
+
+    plan: of `arrange`. C, V (p, longest row), count (p,): columns, values and lengths of the rows
+    of G. E (eptr[p],): row i of the ordered matrix begins at eptr[i] with its entry start[i]; what
+    no two rows share stays zero. work (n,): zeros, which it leaves.
+
+    Row k is scattered to `work` once, so that its product with a row that shares a column with it
+    costs the entries of that row. Only places up to the diagonal are stored, as the matrix is
+    symmetric.
+    """
     place, start, eptr, nptr, near = plan
     E[:] = 0.0
     for k in range(p):
         i = place[k]
         for e in range(count[k]):
-            work[C[k, e]] += V[k, e]
+            work[C[k, e]] += V[k, e]  # a column may be listed twice
         for u in range(nptr[k], nptr[k + 1]):
             j = near[u]
             s = 0.0

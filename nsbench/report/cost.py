@@ -59,7 +59,14 @@ def counted_work(runs: Runs) -> np.ndarray:
 
 
 def counted_inner_work(runs: Runs) -> np.ndarray:
-    """Count projections + inner iterations (or QP solves) of each run, (runs,); NaN for none."""
+    """Count the work inside the steps of each run: projections + inner iterations.
+
+    Methods that report no inner iterations count by their QP solves instead. Errors are drawn
+    against it beside the drift calls, which do not show it: a step with one drift call may take a
+    sweep over all contacts, or ten iterations of Newton's method. Returns an array (runs,), NaN for
+    a run that counts none of the three or zero in all: there is no place for 0 on a logarithmic
+    axis.
+    """
     parts = np.array(
         [
             runs.col["projections"],

@@ -21,18 +21,7 @@ KERNEL_LIBRARIES = {"__future__", "collections", "enum", "numba", "numpy", "typi
 ARRAYS = {"num", "ends", "first", "surface_and_modes"}
 # functions that are still longer than that, none of which may grow
 STILL_LONG = {
-    "lcp/gram_lcp.py": {"solve_lcp": 61},
-    "qp/kernels/working_set_update.py": {"update_working_set": 77},
-    "solvers/catching_up/kernels/loop.py": {"march": 100},
     "solvers/event_driven/filippov/kernels/loop.py": {"follow_modes": 64},
-    "solvers/kdtree/method.py": {"_march": 63},
-    "solvers/pbd/kernels/cell_loop.py": {"march": 67},
-    "solvers/pbd/kernels/neighbor_loop.py": {"march": 82},
-    "solvers/pbd_jax/method.py": {"__call__": 75},
-    "solvers/pbd_jax/program.py": {"arrange": 61},
-    "solvers/solve_ivp/method.py": {"_march": 76},
-    "solvers/solve_ivp/scripts_discs.py": {"three_discs": 80},
-    "solvers/theta/kernels/loop.py": {"advance": 81, "march": 90},
 }
 # one folder of a method may build on another openly
 BUILDS_ON = {("pbd_jax", "pbd")}

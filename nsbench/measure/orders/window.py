@@ -19,6 +19,10 @@ CLEAR = 100.0  # times rounding: an error that rounding cannot have made
 def rounding(h: np.ndarray | Sequence[float], scale: float = 1.0, span: float = 1.0) -> np.ndarray:
     """Estimate the errors that rounding alone can make: scale (1e-12 + eps span / h).
 
+    h (k,): step sizes; scale: size of the states, in their unit; span: length of the run, in the
+    unit of h. Returns the floor of the error of each step size, (k,), in the unit of scale; points
+    of a ladder below it say nothing about the order.
+
     The second part is the worst case of span / h additions, each half a unit off in the same
     direction (it happens: with a constant drift every step is rounded alike). The first covers
     roots and small linear solves, which leave thousands of eps.

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from nsbench.compilation.decorators import njit
+from nsbench.compilation.decorators import inner_kernel, njit
 from nsbench.linalg.gauss_elimination import solve_gauss
 from nsbench.linalg.multifrontal import backward, factor, forward, solve
 from nsbench.linalg.sparse_ldl import push, slack
@@ -54,6 +54,14 @@ class Centre(NamedTuple):
     c: np.ndarray
     wc: np.ndarray
     base: np.ndarray
+
+
+class SetWork(NamedTuple):
+    """Work arrays. t (m,): c - rho w, the multipliers on a set; r (m,); move (n,): d - d_c."""
+
+    t: np.ndarray
+    r: np.ndarray
+    move: np.ndarray
 
 
 @njit(cache=True, error_model="numpy")
@@ -235,6 +243,49 @@ def _owners(T, m):
     return owner
 
 
+@inner_kernel
+def _no_exchanges(n):
+    """Return the Exchanges with room for EXTRA rows, none of them filled."""
+    return Exchanges(
+        np.empty(EXTRA, np.int64),
+        np.empty((EXTRA, n)),
+        np.empty((EXTRA, EXTRA)),
+        np.empty((EXTRA, EXTRA)),
+        np.empty(EXTRA),
+    )
+
+
+@inner_kernel
+def _solve_on_centre(
+    P, T, room, vals, rho, owner, centre, on, mu, exchanges, steps, work, least, most, limit
+):
+    """Solve the proximal problem of one centre by a primal active set, from mu >= 0 (m,).
+
+    owner (m,): front of each row; steps: columns in use, factorisations and exchanges so far;
+    work: SetWork; least: violation from which a row joins; most: wrong signs allowed at first, -1:
+    any number. Returns whether it is solved (not where more signs are wrong, or after `limit`
+    exchanges), and the three numbers of steps.
+    """
+    size, factors, swaps = steps
+    t, r, move = work
+    while True:
+        _solve_on_set(P, vals, rho, on, exchanges, size, centre, move, t)
+        if most >= 0 and not _count_wrong_signs(on, t) <= most:
+            return False, size, factors, swaps
+        most = np.int64(-1)
+        at = _move_towards(on, mu, t, least)
+        if at < 0 or swaps == limit:
+            return at < 0, size, factors, swaps
+        swaps += 1
+        size = _exchange_row(P, T, room, vals, rho, owner, centre, on, at, exchanges, size)
+        if size < 0:  # a factor of the set as it will be
+            on[at] = not on[at]
+            size = 0
+            factors = factors + 1
+            _factor_set(P, T, room, vals, rho, on, t)
+            _solve_at_centre(P, T, room, vals, rho, on, centre, r)
+
+
 @njit(cache=True, error_model="numpy")
 def update_working_set(P, T, room, vals, q, mu, tol, most, limit, d, w):
     """Move mu >= 0 (m,) to the solution of the projection QP: fills mu, d = G^T mu (n,), w = q + G
@@ -248,67 +299,50 @@ def update_working_set(P, T, room, vals, q, mu, tol, most, limit, d, w):
     n = d.size
     on = np.empty(m, np.bool_)
     centre = Centre(mu.copy(), np.empty(m), np.empty(n))
-    exchanges = Exchanges(
-        np.empty(EXTRA, np.int64),
-        np.empty((EXTRA, n)),
-        np.empty((EXTRA, EXTRA)),
-        np.empty((EXTRA, EXTRA)),
-        np.empty(EXTRA),
-    )
+    exchanges = _no_exchanges(n)
     t = np.empty(m)
     r = np.empty(m)
     best = np.empty(m)
-    move = np.empty(n)
+    work = SetWork(t, r, np.empty(n))
     for k in range(m):
         on[k] = mu[k] > 0.0
     owner = _owners(T, m)
-    size = np.int64(0)  # no literal: kernels are compiled for numbers
+    steps = np.int64(0), np.int64(1), np.int64(0)  # no literals: kernels are compiled for numbers
     rho = RHO
-    factors = 1
-    swaps = 0
     centres = 0
     found = False
     _factor_set(P, T, room, vals, rho, on, t)
     push(P, vals, centre.c, centre.base)
     slack(P, vals, q, centre.base, centre.wc)
     _solve_at_centre(P, T, room, vals, rho, on, centre, r)
-    # primal active set on the proximal problem; where that is solved, its solution is the next
-    # centre
+    # proximal-point method: the solution of the problem on one centre is the next centre
     while True:
-        _solve_on_set(P, vals, rho, on, exchanges, size, centre, move, t)
-        if swaps + centres == 0 and factors == 1 and not _count_wrong_signs(on, t) <= most:
-            return False, factors, swaps
-        at = _move_towards(on, mu, t, 0.5 * tol * rho)
-        if at < 0:  # solved on this centre
-            off = _residual(P, vals, q, mu, d, w)
-            if off <= FINE * tol or (off <= tol and found):
-                return True, factors, swaps
-            centres += 1
-            if not off < np.inf or centres > MAX_CENTRES:
-                break
-            if off <= tol:  # once more, for one solve: hundreds of times closer
-                found = True
-                _copy(mu, best)
-            _copy(mu, centre.c)
-            _copy(w, centre.wc)
-            if centres >= SLOW_CENTRES and rho < LARGEST_RHO and not found:
-                rho = rho * RHO_FACTOR
-                centres = 0
-                size = 0
-                factors = factors + 1
-                _factor_set(P, T, room, vals, rho, on, t)
-            _solve_at_centre(P, T, room, vals, rho, on, centre, r)
-            continue
-        if swaps == limit:
+        least = 0.5 * tol * rho
+        solved, size, factors, swaps = _solve_on_centre(
+            P, T, room, vals, rho, owner, centre, on, mu, exchanges, steps, work, least, most, limit
+        )
+        most = np.int64(-1)
+        if not solved:
             break
-        swaps += 1
-        size = _exchange_row(P, T, room, vals, rho, owner, centre, on, at, exchanges, size)
-        if size < 0:  # a factor of the set as it will be
-            on[at] = not on[at]
-            size = 0
+        off = _residual(P, vals, q, mu, d, w)
+        if off <= FINE * tol or (off <= tol and found):
+            return True, factors, swaps
+        centres += 1
+        if not off < np.inf or centres > MAX_CENTRES:
+            break
+        if off <= tol:  # once more, for one solve: hundreds of times closer
+            found = True
+            _copy(mu, best)
+        _copy(mu, centre.c)
+        _copy(w, centre.wc)
+        if centres >= SLOW_CENTRES and rho < LARGEST_RHO and not found:
+            rho = rho * RHO_FACTOR
+            centres = 0
+            size = np.int64(0)
             factors = factors + 1
             _factor_set(P, T, room, vals, rho, on, t)
-            _solve_at_centre(P, T, room, vals, rho, on, centre, r)
+        _solve_at_centre(P, T, room, vals, rho, on, centre, r)
+        steps = size, factors, swaps
     if found:
         _copy(best, mu)
         _residual(P, vals, q, mu, d, w)

@@ -25,7 +25,7 @@ from nsbench.trajectory import Resolution, Status, Trajectory
 # KKT residual, a length (over the largest one, if that is below 1), above which a step did not
 # solve its problem
 MAX_KKT = 1e-6
-COUNTERS = (  # in the order of kernels/loop.py
+COUNTERS = (  # in the order of kernels/projection_step.py
     "qp_solves",
     "inner_iterations",
     "rebuilds",
@@ -157,6 +157,7 @@ def _compiled(case, scene, g, x0, reach):
         compile_functions,
         curve_function,
         drift_function,
+        module_in_python,
     )
     from nsbench.solvers.common.hard_particles import hard_particles
     from nsbench.solvers.common.kernels.step_code import StepCode
@@ -184,7 +185,7 @@ def _compiled(case, scene, g, x0, reach):
         hard.radii,
         reach,
     )
-    march = bind_loop(kernel.march, functions.loop, args)
+    march = bind_loop(kernel.march, functions.loop, args, module_in_python)
 
     def run():
         out = march(*args)

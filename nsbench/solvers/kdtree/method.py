@@ -175,6 +175,7 @@ def _jacobi(x, pairs, d, impulse):
 
 
 def _march(case, x0, g, f, project, walls):
+    """Integrate from x0 (n,) on the grid g; return the trajectory."""
     (low, high), where, slope = walls
     x = x0.copy()
     n = case.n
@@ -216,6 +217,14 @@ def _march(case, x0, g, f, project, walls):
         R[k + 1] = push
         book.close(k + 1, wall / slope)
     contacts, W = book.table(where, np.isfinite(X[:, 0]))
+    return _trajectory(case, g, X, contacts, W, R, status, int(projections))
+
+
+def _trajectory(case, g, X, contacts, W, R, status, projections):
+    """Return the trajectory of a run from states X, impulses W and reactions R at the times of g.
+
+    The grid g ends steps at the recorded times, or the run is sampled there.
+    """
     if not g.aligned:
         X, R, W = (sample(case.t, g.t, v) for v in (X, R, W))
     steps = int(g.substeps.sum())
@@ -223,19 +232,12 @@ def _march(case, x0, g, f, project, walls):
         "steps": steps,
         "h": g.h,
         "drift_calls": steps,
-        "projections": int(projections),
+        "projections": projections,
         "loop": "host",
     }
+    resolution = Resolution(step=g.h, rule="explicit")
     return Trajectory(
-        case.t,
-        X,
-        contacts,
-        W,
-        R,
-        status,
-        stats=stats,
-        lam_time="start",
-        resolution=Resolution(step=g.h, rule="explicit"),
+        case.t, X, contacts, W, R, status, stats=stats, lam_time="start", resolution=resolution
     )
 
 

@@ -70,6 +70,14 @@ def plain(value):
 
 
 def _entrywise(f):
+    """Build the function of arrays that applies f entry by entry, as numpy's functions do.
+
+    f: of casadi expressions or numbers, one from each argument -> an expression. The result takes
+    arrays of Symbols or numbers, broadcast against one another, and returns an array (dtype object)
+    of Symbols of the common shape, or one Symbol if all are scalars. casadi's own functions know
+    columns and matrices only, and numpy's cannot compare Symbols: hence the loop over entries.
+    """
+
     def g(*args):
         arrays = np.broadcast_arrays(*(np.asarray(a, object) for a in args))
         out = np.empty(arrays[0].shape, object)

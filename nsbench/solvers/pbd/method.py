@@ -182,7 +182,11 @@ class PBD:
 
     def _listed(self, case, scene, g, x0):
         """Bind the loop for any scene without Smooth constraints: neighbor_loop or listed_loop."""
-        from nsbench.solvers.common.compiled_loop import bind_loop, compile_functions
+        from nsbench.solvers.common.compiled_loop import (
+            bind_loop,
+            compile_functions,
+            module_in_python,
+        )
         from nsbench.solvers.common.hard_particles import hard_particles, mean_radius
 
         t0 = float(case.t[0])
@@ -208,7 +212,7 @@ class PBD:
             from nsbench.solvers.pbd.kernels.listed_loop import march
 
             args = (*head, ordered_arrays(scene.all_static(), self.order, self.seed), *walls)
-        bound = bind_loop(march, functions.loop, args)
+        bound = bind_loop(march, functions.loop, args, module_in_python)
         return (lambda: bound(*args)), functions.loop
 
 

@@ -5,7 +5,7 @@ On a GPU when there is one.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -191,74 +191,116 @@ class _March:
         from nsbench.solvers.common.kernels.step_code import StepCode
 
         g = self.g
-        n = self.case.n
-        X = np.full((len(g.t), n), np.nan)
-        R = np.full((len(g.t), n), np.nan)
+        X = np.full((len(g.t), self.case.n), np.nan)
+        R = np.full((len(g.t), self.case.n), np.nan)
         X[0] = self.x0
         R[0] = 0.0
-        x = self.x0
-        reaction = np.zeros(n)
-        reach = self.start
-        base = self.x0
-        work = 0
-        tied = False
-        contacts, levels = self.lists(x, reach)
-        fresh = True
-        rebuilds = 0
-        peak = 0
-        run, pairs, rows, count, room = self.program(contacts, levels)
-        ids = []
-        values = []
+        progress = _Progress(self.x0, np.zeros(self.case.n), self.x0, self.start)
+        progress.contacts, levels = self.lists(self.x0, self.start)
+        progress.bound = self.program(progress.contacts, levels)
+        code = StepCode.OK
+        reached = g.t[-1]
         with jax.default_device(self.device):
-            # PBD between two samples: the program runs until the lists no longer cover the motion.
             for k in range(len(g.t) - 1):
-                h = (g.t[k + 1] - g.t[k]) / g.substeps[k]
-                s = 0
+                failed_at = self.advance(progress, k)
+                if failed_at is not None:
+                    code = StepCode.NAN
+                    reached = failed_at
+                    break
+                X[k + 1] = np.asarray(progress.x)
+                R[k + 1] = np.asarray(progress.reaction)
+        if code == StepCode.OK and progress.tied:
+            code = StepCode.TIED
+        return LoopResult(
+            X,
+            R,
+            _ids(progress.ids),
+            _flat(progress.values),
+            progress.projections,
+            code,
+            reached,
+            progress.rebuilds,
+            progress.peak,
+        )
+
+    def advance(self, progress, k):
+        """Do the steps from sample k to the next one; return the time of a failure, or None.
+
+        The program runs until the lists no longer cover the motion; then it goes on with new ones.
+        """
+        from nsbench.solvers.pbd_jax.program import BROKEN, NAN
+
+        g = self.g
+        h = (g.t[k + 1] - g.t[k]) / g.substeps[k]
+        s = 0
+        run, pairs, rows, count, room = progress.bound
+        mu = np.zeros(room)
+        while s < g.substeps[k]:
+            hard = len(self.hard_scene.hard)
+            limit = 0.999 * progress.reach / (2.0 * np.sqrt(self.dim)) if hard else np.inf
+            interval = g.t[k], g.t[k + 1], h, s, int(g.substeps[k])
+            progress.x, progress.reaction, mu, after, state, done, ties = run(
+                progress.x,
+                progress.reaction,
+                mu,
+                *interval,
+                pairs,
+                rows,
+                count,
+                progress.base,
+                limit,
+            )
+            progress.is_fresh = progress.is_fresh and int(after) == s
+            s = int(after)
+            progress.projections += int(done)
+            progress.tied = progress.tied or bool(ties)
+            if int(state) == NAN:
+                return g.t[k] + s * h
+            if int(state) == BROKEN:
+                progress.record(k + 1, mu)
+                self.renew_lists(progress)
+                run, pairs, rows, count, room = progress.bound
                 mu = np.zeros(room)
-                while s < g.substeps[k]:
-                    limit = (
-                        0.999 * reach / (2.0 * np.sqrt(self.dim))
-                        if len(self.hard_scene.hard)
-                        else np.inf
-                    )
-                    x, reaction, mu, after, state, done, ties = run(
-                        x,
-                        reaction,
-                        mu,
-                        g.t[k],
-                        g.t[k + 1],
-                        h,
-                        s,
-                        int(g.substeps[k]),
-                        pairs,
-                        rows,
-                        count,
-                        base,
-                        limit,
-                    )
-                    fresh = fresh and int(after) == s
-                    s = int(after)
-                    state = int(state)
-                    work = work + int(done)
-                    tied = tied or bool(ties)
-                    if state == 2:
-                        end = work, StepCode.NAN, g.t[k] + s * h, rebuilds, peak
-                        return LoopResult(X, R, _ids(ids), _flat(values), *end)
-                    if state == 1:
-                        peak = _flush(k + 1, np.asarray(mu), contacts, ids, values, peak)
-                        reach = (
-                            2.0 * reach if fresh else reach
-                        )  # no step fits into the lists as they are
-                        base = np.asarray(x)
-                        contacts, levels = self.lists(base, reach)
-                        fresh = True
-                        rebuilds = rebuilds + 1
-                        run, pairs, rows, count, room = self.program(contacts, levels)
-                        mu = np.zeros(room)
-                X[k + 1], R[k + 1] = np.asarray(x), np.asarray(reaction)
-                peak = _flush(k + 1, np.asarray(mu), contacts, ids, values, peak)
-        end = work, StepCode.TIED if tied else StepCode.OK, g.t[-1], rebuilds, peak
-        return LoopResult(X, R, _ids(ids), _flat(values), *end)
+        progress.record(k + 1, mu)
+        return None
+
+    def renew_lists(self, progress):
+        """List the contacts anew at the present state, farther if no step fits into new lists."""
+        if progress.is_fresh:
+            progress.reach = 2.0 * progress.reach
+        progress.base = np.asarray(progress.x)
+        progress.contacts, levels = self.lists(progress.base, progress.reach)
+        progress.is_fresh = True
+        progress.rebuilds += 1
+        progress.bound = self.program(progress.contacts, levels)
+
+
+@dataclass
+class _Progress:
+    """State of a run between two calls of its program.
+
+    x, reaction (n,): on the device; base (n,): where the lists were built, with the cutoff reach;
+    is_fresh: no step was done with them; contacts: the list; bound: what `program` returned; ids,
+    values: records of impulse; the rest as in LoopResult.
+    """
+
+    x: object
+    reaction: object
+    base: np.ndarray
+    reach: float
+    contacts: object = None
+    bound: tuple = ()
+    is_fresh: bool = True
+    projections: int = 0
+    tied: bool = False
+    rebuilds: int = 0
+    peak: int = 0
+    ids: list = field(default_factory=list)
+    values: list = field(default_factory=list)
+
+    def record(self, sample, mu):
+        """Append the impulses mu of the list to the records of a sample."""
+        self.peak = _flush(sample, np.asarray(mu), self.contacts, self.ids, self.values, self.peak)
 
 
 def _right_sides(scene):

@@ -81,17 +81,14 @@ def arrange(
     lists: ListedContacts; owner (n, 2): see HardParticles; sizes: (levels, pairs, rows) that the
     program has room for. Returns the Levels and the sizes, unchanged or larger.
     """
-    kind = lists.kind
     p = lists.p
     q = lists.q
-    d = lists.d
-    sign = lists.sign
-    m = len(kind)
+    m = len(lists.kind)
     n = scene.n
     width = int(np.diff(scene.ptr).max(initial=1))
     particle = np.where(owner[:, 0] >= 0, owner[:, 0], np.arange(n))
     things = np.full((m, max(2, width)), -1, np.int64)
-    pair = kind == PAIR
+    pair = lists.kind == PAIR
     things[pair, 0] = particle[p[pair]]
     things[pair, 1] = particle[q[pair]]
     entry, inside = _entries(scene, p[~pair], width)
@@ -107,33 +104,46 @@ def arrange(
         place[order] = np.arange(len(order)) - np.searchsorted(level[order], level[order])
         most.append(place[order].max(initial=-1) + 1)
     C, R = (max(s, _up(v, WIDTH) if v else 0) for s, v in zip(sizes[1:], most, strict=True))
+    pairs = _pad_pairs(lists, pair, level, place, n, (L, C))
+    rows = _pad_rows(lists, ~pair, level, place, scene, entry, inside, (L, R, width))
+    return Levels(pairs, rows, int(level.max(initial=-1) + 1)), (L, C, R)
+
+
+def _pad_pairs(lists, pair, level, place, n, shape):
+    """Return the arrays of Levels.pairs, each of the shape (L, C).
+
+    pair (m,): which of the listed constraints are pairs; level, place (m,): where each belongs; n:
+    size of the state.
+    """
     a = level[pair]
     b = place[pair]
-    P, Q, D, S, N = (np.full((L, C), v) for v in (n, n, 0.0, 1.0, m))
-    P[a, b], Q[a, b], D[a, b], S[a, b], N[a, b] = (
-        p[pair],
-        q[pair],
-        d[pair],
-        sign[pair],
-        np.flatnonzero(pair),
-    )
-    a = level[~pair]
-    b = place[~pair]
-    cols = np.full((L, R, width), n)
-    vals = np.zeros((L, R, width))
-    row = np.zeros((L, R), np.int64)
-    number = np.full((L, R), m)
-    row[a, b], number[a, b] = p[~pair], np.flatnonzero(~pair)
+    P, Q, D, S, N = (np.full(shape, v) for v in (n, n, 0.0, 1.0, len(pair)))
+    P[a, b] = lists.p[pair]
+    Q[a, b] = lists.q[pair]
+    D[a, b] = lists.d[pair]
+    S[a, b] = lists.sign[pair]
+    N[a, b] = np.flatnonzero(pair)
+    return P, Q, D, S, N
+
+
+def _pad_rows(lists, chosen, level, place, scene, entry, inside, shape):
+    """Return the arrays of Levels.rows; shape: (L, R, W), W entries of the longest row.
+
+    chosen (m,): which of the listed constraints are rows; level, place (m,): where each belongs;
+    entry, inside: of _entries.
+    """
+    a = level[chosen]
+    b = place[chosen]
+    cols = np.full(shape, scene.n)
+    vals = np.zeros(shape)
+    row = np.zeros(shape[:2], np.int64)
+    number = np.full(shape[:2], len(chosen))
+    row[a, b] = lists.p[chosen]
+    number[a, b] = np.flatnonzero(chosen)
     if len(scene.cols):
-        cols[a, b], vals[a, b] = (
-            np.where(inside, scene.cols[entry], n),
-            np.where(inside, scene.vals[entry], 0.0),
-        )
-    return Levels((P, Q, D, S, N), (cols, vals, row, number), int(level.max(initial=-1) + 1)), (
-        L,
-        C,
-        R,
-    )
+        cols[a, b] = np.where(inside, scene.cols[entry], scene.n)
+        vals[a, b] = np.where(inside, scene.vals[entry], 0.0)
+    return cols, vals, row, number
 
 
 def advance(

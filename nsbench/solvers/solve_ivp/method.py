@@ -5,7 +5,7 @@ Each arc is integrated up to the first of its terminal events, which determines 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
@@ -28,9 +28,9 @@ class SolveIvp:
     somebody did it for.
 
     The baseline of the event-driven method: right-hand sides of each mode in plain Python, the
-    order of modes known from pencil and paper (see script.py). It is not told the problem; a
-    case that is not the catalogue's own, to the bit at the start and at random places, is refused.
-    method: dop853, lsoda or radau; tol: rtol and atol.
+    order of modes known from pencil and paper (see hybrid_automaton.py). It is not told the
+    problem; a case that is not the catalogue's own, to the bit at the start and at random places,
+    is refused. method: dop853, lsoda or radau; tol: rtol and atol.
     Nothing is done about the drift off a surface that tolerances allow, and dips between steps are
     missed as SciPy misses them. Impulses (weights) are integrated with the state.
     """
@@ -112,43 +112,62 @@ def _event(e):
     return crosses
 
 
+@dataclass
+class _Samples:
+    """State and integrals (K, size) at the recorded times, the first `done` rows filled, and what
+    happened until then."""
+
+    values: np.ndarray
+    done: int = 1
+    calls: int = 0
+    arcs: int = 0
+    events: list[Event] = field(default_factory=list)
+
+
 def _march(case, work, arcs, solve_ivp, method, tol):
     """Integrate arc after arc; return the trajectory."""
-    n = case.n
-    m = len(work.contacts)
+    size = case.n + len(work.contacts) + (case.n if work.push is None else 0)
+    samples = _Samples(np.full((len(case.t), size), np.nan))
+    status = _follow_arcs(case, work, arcs, samples, solve_ivp, method, tol)
+    if status.ok and not np.all(np.isfinite(samples.values)):
+        status = Status("nan", "The state stopped being finite; solve_ivp did not notice.")
+    return _trajectory(case, work, samples, status)
+
+
+def _follow_arcs(case, work, arcs, samples, solve_ivp, method, tol):
+    """Integrate from the start to the end or to a failure and fill the samples; return the status.
+
+    arcs: by name, with the events of each as solve_ivp takes them.
+    """
     times = case.t
-    size = n + m + (n if work.push is None else 0)
-    Y = np.full((len(times), size), np.nan)
+    Y = samples.values
     t = float(times[0])
-    y = np.concatenate((case.x0, np.zeros(size - n)))
+    y = np.concatenate((case.x0, np.zeros(Y.shape[1] - case.n)))
+    Y[0] = y
     name = work.first
-    Y[0], done, events, calls, restarts, status = y, 1, [], 0, 0, Status()
     # Event-driven integration: an arc up to its terminal event, then the arc that follows.
     while t < times[-1]:
         arc, marks = arcs[name]
-        rhs = arc.rhs
         found = solve_ivp(
-            lambda t, y, rhs=rhs: rhs(t, y.tolist()),
+            lambda t, y, rhs=arc.rhs: rhs(t, y.tolist()),
             (t, times[-1]),
             y,
             method,
-            times[done:],
+            times[samples.done :],
             False,
             marks,
             rtol=tol,
             atol=tol,
             max_step=work.max_step,
         )
-        Y[done : done + len(found.t)] = found.y.T if len(found.t) else Y[:0]
-        done = done + len(found.t)
-        calls = calls + found.nfev
-        restarts = restarts + 1
+        reached = samples.done + len(found.t)
+        Y[samples.done : reached] = found.y.T if len(found.t) else Y[:0]
+        samples.done = reached
+        samples.calls += found.nfev
+        samples.arcs += 1
         if found.status < 0:
-            status = Status(
-                "diverged",
-                f"solve_ivp stopped in the arc {name!r} from t = {t:.6g}: {found.message}",
-            )
-            break
+            why = f"solve_ivp stopped in the arc {name!r} from t = {t:.6g}: {found.message}"
+            return Status("diverged", why)
         if found.status == 0:
             break
         i = next(i for i, hits in enumerate(found.t_events) if len(hits))
@@ -157,36 +176,44 @@ def _march(case, work, arcs, solve_ivp, method, tol):
         out = arc.exits[i]
         after = out.then(t, y) if callable(out.then) else out.then
         if after != name:
-            events.append(Event(t, out.kind(t, y) if callable(out.kind) else out.kind, out.contact))
+            kind = out.kind(t, y) if callable(out.kind) else out.kind
+            samples.events.append(Event(t, kind, out.contact))
         name = after
         arcs[name][0].enter(t, y)
-        if restarts >= MOST_ARCS:
-            status = Status(
-                "chatter", f"{restarts} arcs have ended at t = {t:.6g}; the modes take turns."
-            )
-            break
-    if status.ok and done < len(times):  # an event at the very end leaves the last sample to us
-        Y[done:] = y
-    if status.ok and not np.all(np.isfinite(Y)):
-        status = Status("nan", "The state stopped being finite; solve_ivp did not notice.")
-    X = Y[:, :n].copy()
+        if samples.arcs >= MOST_ARCS:
+            why = f"{samples.arcs} arcs have ended at t = {t:.6g}; the modes take turns."
+            return Status("chatter", why)
+    Y[samples.done :] = y  # an event at the very end leaves the last sample to us
+    return Status()
+
+
+def _trajectory(case, work, samples, status):
+    """Return the trajectory: state, impulses and reaction apart."""
+    n = case.n
+    m = len(work.contacts)
+    Y = samples.values
     W = Y[:, n : n + m].copy()
-    R = (
-        Y[:, n + m :].copy()
-        if work.push is None
-        else W @ work.push
-        if len(work.push)
-        else np.empty((len(Y), 0))
-    )
+    if work.push is None:
+        R = Y[:, n + m :].copy()
+    else:
+        R = W @ work.push if len(work.push) else np.empty((len(Y), 0))
     stats = {
-        "drift_calls": calls,
-        "events": len(events),
-        "restarts": restarts,
+        "drift_calls": samples.calls,
+        "events": len(samples.events),
+        "restarts": samples.arcs,
         "loop": "host",
         "roots": "sampled",
     }
     return Trajectory(
-        times, X, work.contacts, W, R, status, tuple(events), stats, resolution=Resolution()
+        case.t,
+        Y[:, :n].copy(),
+        work.contacts,
+        W,
+        R,
+        status,
+        tuple(samples.events),
+        stats,
+        resolution=Resolution(),
     )
 
 

@@ -1,11 +1,11 @@
-"""Scripts of modes of few discs, written by hand (see script.py).
+"""Scripts of modes of few discs, written by hand (see hybrid_automaton.py).
 
 Each function builds the script of the case of its name, with the parameters of the case.
 """
 
 from __future__ import annotations
 
-import math
+from math import hypot
 
 from nsbench.case import Case
 from nsbench.solvers.solve_ivp.hybrid_automaton import Arc, Exit, Script
@@ -31,7 +31,7 @@ def two_discs(case: Case, w: float = 0.0) -> Script:
             q - b + w * a,
             -p - c - w * d,
             -q - d + w * c,
-            math.hypot(p, q),
+            hypot(p, q),
             p,
             q,
             -p,
@@ -39,7 +39,7 @@ def two_discs(case: Case, w: float = 0.0) -> Script:
         ]
 
     meet = Exit(
-        lambda t, y: math.hypot(y[0] - y[2], y[1] - y[3]) - 2.0,
+        lambda t, y: hypot(y[0] - y[2], y[1] - y[3]) - 2.0,
         -1,
         "together",
         "contact",
@@ -50,6 +50,77 @@ def two_discs(case: Case, w: float = 0.0) -> Script:
     )
 
 
+def _gap(i, j):
+    """Return the gap of discs i and j as a function (t, y)."""
+    i = 2 * i
+    j = 2 * j
+    return lambda t, y: hypot(y[i] - y[j], y[i + 1] - y[j + 1]) - 2.0
+
+
+def _three_free(t, y):
+    """Return the rates of state and integrals while every disc moves to the origin alone."""
+    a, b, c, d, e, f = y[:6]
+    return [-a, -b, -c, -d, -e, -f, *NONE]
+
+
+def _three_pair(t, y):
+    """Return the rates while discs 0 and 1 are in contact."""
+    a, b, c, d, e, f = y[:6]
+    p = 0.5 * (a - c)
+    q = 0.5 * (b - d)
+    return [p - a, q - b, -p - c, -q - d, -e, -f, hypot(p, q), 0.0, 0.0, p, q, -p, -q, 0.0, 0.0]
+
+
+def _three_hinge(t, y):
+    """Return the rates while disc 1 is in contact with both others.
+
+    [[2, -m], [-m, 2]] (lam, mu) = (r, s), with m the cosine between the two normals.
+    """
+    a, b, c, d, e, f = y[:6]
+    p = a - c
+    q = b - d
+    u = c - e
+    v = d - f
+    r = hypot(p, q)
+    s = hypot(u, v)
+    p = p / r
+    q = q / r
+    u = u / s
+    v = v / s
+    m = p * u + q * v
+    lam = (2.0 * r + m * s) / (4.0 - m * m)
+    mu = (2.0 * s + m * r) / (4.0 - m * m)
+    p = lam * p
+    q = lam * q
+    u = mu * u
+    v = mu * v
+    return [
+        p - a,
+        q - b,
+        u - p - c,
+        v - q - d,
+        -u - e,
+        -v - f,
+        lam,
+        0.0,
+        mu,
+        p,
+        q,
+        u - p,
+        v - q,
+        -u,
+        -v,
+    ]
+
+
+def _three_triangle(t, y):
+    """Return the rates while all are in contact: the mean goes on, the rest stands still."""
+    a, b, c, d, e, f = y[:6]
+    p = -(a + c + e) / 3.0
+    q = -(b + d + f) / 3.0
+    return [p, q, p, q, p, q, THIRDS, THIRDS, THIRDS, p + a, q + b, p + c, q + d, p + e, q + f]
+
+
 def three_discs(case: Case, overlap: str = "none") -> Script | None:
     """Script three discs that move to the origin; None for starts with an overlap.
 
@@ -58,73 +129,12 @@ def three_discs(case: Case, overlap: str = "none") -> Script | None:
     """
     if overlap != "none":
         return None
-    hypot = math.hypot
-
-    def gap(i, j):
-        i = 2 * i
-        j = 2 * j
-        return lambda t, y: hypot(y[i] - y[j], y[i + 1] - y[j + 1]) - 2.0
-
-    def free(t, y):
-        a, b, c, d, e, f = y[:6]
-        return [-a, -b, -c, -d, -e, -f, *NONE]
-
-    def pair(t, y):
-        a, b, c, d, e, f = y[:6]
-        p = 0.5 * (a - c)
-        q = 0.5 * (b - d)
-        return [p - a, q - b, -p - c, -q - d, -e, -f, hypot(p, q), 0.0, 0.0, p, q, -p, -q, 0.0, 0.0]
-
-    def hinge(t, y):
-        a, b, c, d, e, f = y[:6]
-        p = a - c
-        q = b - d
-        u = c - e
-        v = d - f
-        r = hypot(p, q)
-        s = hypot(u, v)
-        p = p / r
-        q = q / r
-        u = u / s
-        v = v / s
-        m = p * u + q * v  # [[2, -m], [-m, 2]] (lam, mu) = (r, s)
-        lam = (2.0 * r + m * s) / (4.0 - m * m)
-        mu = (2.0 * s + m * r) / (4.0 - m * m)
-        p = lam * p
-        q = lam * q
-        u = mu * u
-        v = mu * v
-        return [
-            p - a,
-            q - b,
-            u - p - c,
-            v - q - d,
-            -u - e,
-            -v - f,
-            lam,
-            0.0,
-            mu,
-            p,
-            q,
-            u - p,
-            v - q,
-            -u,
-            -v,
-        ]
-
-    def triangle(t, y):
-        a, b, c, d, e, f = y[:6]
-        # the mean goes on to the origin, the rest stands still
-        p = -(a + c + e) / 3.0
-        q = -(b + d + f) / 3.0
-        return [p, q, p, q, p, q, THIRDS, THIRDS, THIRDS, p + a, q + b, p + c, q + d, p + e, q + f]
-
     return Script(
         {
-            "free": Arc(free, (Exit(gap(0, 1), -1, "pair", "contact", (0, 0, 1)),)),
-            "pair": Arc(pair, (Exit(gap(1, 2), -1, "hinge", "contact", (0, 1, 2)),)),
-            "hinge": Arc(hinge, (Exit(gap(0, 2), -1, "triangle", "contact", (0, 0, 2)),)),
-            "triangle": Arc(triangle),
+            "free": Arc(_three_free, (Exit(_gap(0, 1), -1, "pair", "contact", (0, 0, 1)),)),
+            "pair": Arc(_three_pair, (Exit(_gap(1, 2), -1, "hinge", "contact", (0, 1, 2)),)),
+            "hinge": Arc(_three_hinge, (Exit(_gap(0, 2), -1, "triangle", "contact", (0, 0, 2)),)),
+            "triangle": Arc(_three_triangle),
         },
         "free",
         ((0, 0, 1), (0, 0, 2), (0, 1, 2)),

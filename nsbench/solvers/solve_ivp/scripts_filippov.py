@@ -1,4 +1,4 @@
-"""Scripts of modes of Filippov systems, written by hand (see script.py).
+"""Scripts of modes of Filippov systems, written by hand (see hybrid_automaton.py).
 
 Each function builds the script of the case of its name, with the parameters of the case.
 """

@@ -190,7 +190,7 @@ def _loop_functions(case, data):
 def _unique(data, h, theta, fixed):
     """Is the motion of every step certain to be the only one, whichever rows hold at the end?"""
     from nsbench.dynamics.lcs import certainly_unique
-    from nsbench.solvers.theta.kernels.loop import matrices
+    from nsbench.solvers.theta.kernels.step_matrices import matrices
 
     G = np.zeros(data["B"].shape)
     if not matrices(data["J"], h, theta, data["B"], np.zeros(data["J"].shape), G):

@@ -11,19 +11,22 @@ from typing import NamedTuple
 
 import numpy as np
 
-from nsbench.compilation.decorators import njit
-from nsbench.dynamics.contacts.kernels.contact_arrays import PAIR, ROW
+from nsbench.compilation.decorators import fused_kernel, njit
 from nsbench.dynamics.contacts.kernels.impulse_records import flush
 from nsbench.qp.kernels import active_set
-from nsbench.qp.kernels.dispatch import solve_projection
-from nsbench.solvers.catching_up.kernels.candidates import (
-    carry_multipliers,
-    gather,
-    gradient_pattern,
+from nsbench.solvers.catching_up.kernels.candidates import carry_multipliers
+from nsbench.solvers.catching_up.kernels.projection_step import (
+    ACTING,
+    PEAK,
+    REBUILDS,
+    CandidateList,
+    ContactScene,
+    largest_displacements,
+    list_candidates,
+    project,
 )
 from nsbench.solvers.common.kernels.step_code import StepCode, all_finite
 
-QPS, ROUNDS, REBUILDS, PEAK, LIMITS, TIES, WORST, ACTING = range(8)  # places of the counters
 SKIN_OVER_STEP = 8.0  # skin over the displacement of a step: a list should outlive its own step
 
 
@@ -31,7 +34,8 @@ class CatchingUpResult(NamedTuple):
     """The result of one run.
 
     x, reaction (K, n): states and integrals of the reaction at the recorded times, NaN behind the
-    end. ids (R, 4), values (R,): records of impulse. counters (8,): see the places above. worst,
+    end. ids (R, 4), values (R,): records of impulse. counters (8,): places as in
+    projection_step. worst,
     when: the largest KKT residual of a step, and the time of that step. code: a StepCode. reached:
     the time of the last step.
     """
@@ -47,98 +51,124 @@ class CatchingUpResult(NamedTuple):
     reached: float
 
 
-@njit(cache=True, error_model="numpy")
-def linearise(contacts, rows, b, anchors, x, ptr, vals, g):
-    """Fill the gaps g (m,) and the entries vals of their gradients at x (n,).
+class Motion(NamedTuple):
+    """Arrays (n,) of the motion, overwritten by every step.
 
-    contacts: ListedContacts; rows: AffineRows; ptr (m + 1,): first entry of each gradient. A
-    distance of zero has the first axis for its direction.
+    x: the state; z: Euler's step from it; v: the drift; reaction: its integral; base: where the
+    list was built.
     """
-    kind = contacts.kind
-    p = contacts.p
-    q = contacts.q
-    d = contacts.d
-    sign = contacts.sign
-    dim = contacts.dim
-    for k in range(kind.size):
-        at = ptr[k]
-        if kind[k] == ROW:
-            s = b[p[k]]
-            for e in range(rows.ptr[p[k]], rows.ptr[p[k] + 1]):
-                s += rows.vals[e] * x[rows.cols[e]]
-                vals[at] = rows.vals[e]
-                at += 1
-            g[k] = s
-            continue
-        s = 0.0
-        for c in range(dim[k]):
-            e = x[p[k] + c] - (x[q[k] + c] if kind[k] == PAIR else anchors[q[k] + c])
-            vals[at + c] = e
-            s += e * e
-        r = np.sqrt(s)
-        g[k] = sign[k] * (r - d[k])
-        if r == 0.0:
-            vals[at] = 1.0
-            r = 1.0
-        for c in range(dim[k]):
-            vals[at + c] *= sign[k] / r
-            if kind[k] == PAIR:
-                vals[at + dim[k] + c] = -vals[at + c]
+
+    x: np.ndarray
+    z: np.ndarray
+    v: np.ndarray
+    reaction: np.ndarray
+    base: np.ndarray
 
 
-@njit(cache=True, error_model="numpy")
-def largest_displacements(base, x, z, d, hard):
-    """Return the largest displacements of hard particles, base -> x -> z + d and x -> z + d."""
-    far = 0.0
-    last = 0.0
-    for u in range(hard.shape[0]):
-        _, start, n, dim = hard[u]
-        for i in range(n):
-            s = 0.0
-            v = 0.0
-            for c in range(start + i * dim, start + (i + 1) * dim):
-                s += (x[c] - base[c]) ** 2
-                v += (z[c] + d[c] - x[c]) ** 2
-            far = max(far, np.sqrt(s) + np.sqrt(v))
-            last = max(last, np.sqrt(v))
-    return far, last
+class LoopState(NamedTuple):
+    """What a step leaves to the next one, beside the motion.
 
-
-@njit(cache=True, error_model="numpy")
-def project(exact, many, contacts, ptr, P, book, store, rows, b, anchors, x, z, guess, count):
-    """Solve for the point y nearest to z where the gaps linearised at x are not negative.
-
-    exact, many, book, store: see qp.kernels.dispatch; ptr, P: pattern of the gradients; guess (m,):
-    multipliers to begin with; count: counters. Returns mu (m,), d = y - z (n,), the code of
-    active_set, the KKT residual, book, store.
+    near: the list, its skin; guess (m,): the multipliers; book, store: of the solver, see
+    qp.kernels.dispatch; worst, when: see CatchingUpResult.
     """
-    m = guess.size
-    vals = np.empty(ptr[m])
-    w = np.empty(m)
-    q = np.empty(m)
-    scale = 1.0
-    linearise(contacts, rows, b, anchors, x, ptr, vals, w)
-    e = np.empty(x.size)
-    work = np.zeros(4, np.int64)
-    for c in range(x.size):
-        scale = max(scale, abs(x[c]), abs(z[c]))
-        e[c] = z[c] - x[c]
-    active_set.slack(P, vals, w, e, q)
-    clear = True
-    for k in range(m):
-        clear = clear and q[k] >= 0.0
-    if clear:
-        return np.zeros(m), np.zeros(x.size), np.int64(active_set.SOLVED), 0.0, book, store
-    mu, d, book, store = solve_projection(exact, many, P, book, store, vals, q, guess, scale, work)
-    count[QPS] += 1
-    count[ROUNDS] += work[1]
-    count[WORST] = max(count[WORST], work[1])
-    count[LIMITS] += work[0] == active_set.MAXITER
-    for k in range(m):  # an impulse between coincident centres has no direction
-        count[TIES] += (
-            contacts.kind[k] != ROW and mu[k] > 0.0 and w[k] == -contacts.sign[k] * contacts.d[k]
+
+    near: CandidateList
+    skin: float
+    guess: np.ndarray
+    book: np.ndarray
+    store: np.ndarray
+    worst: float
+    when: float
+
+
+class Records(NamedTuple):
+    """Impulses of the samples: see CatchingUpResult; the first `size` entries are filled."""
+
+    ids: np.ndarray
+    values: np.ndarray
+    size: int
+
+
+@fused_kernel
+def record_impulses(sample, near, records):
+    """Move the impulses of the list to the records of a sample; returns the Records."""
+    at = near.contacts
+    ids, values, size = records
+    ids, values, size = flush(sample, near.impulse, at.family, at.i, at.j, ids, values, size)
+    return Records(ids, values, size)
+
+
+@fused_kernel
+def solve_step(exact, many, scene, motion, state, records, count, sample, now, reach):
+    """Solve the projection of the step from motion.x over a list that is certified for it.
+
+    sample: the next one, in the records; now: time at the start of the step; reach: least skin;
+    others as in march. Returns d (n,), the code of active_set, the LoopState, its guess the
+    multipliers of the step, and the Records.
+    """
+    x = motion.x
+    near, skin, guess, book, store, worst, when = state
+    # solve the step, and again over a longer list where the list is not certified for it
+    while True:
+        mu, d, code, kkt, book, store = project(
+            exact, many, near, book, store, scene, x, motion.z, guess, count
         )
-    return mu, d, work[0], active_set.residual(P, vals, q, mu, d), book, store
+        far, last = largest_displacements(motion.base, x, motion.z, d, scene.hard)
+        if code == active_set.INFEASIBLE or not 2.0 * far > skin:
+            break
+        records = record_impulses(sample, near, records)
+        skin = max(reach, SKIN_OVER_STEP * last)
+        old_keys = near.keys
+        near = list_candidates(x, skin, scene)
+        guess = carry_multipliers(old_keys, mu, near.keys)
+        book[0] = 0
+        for c in range(x.size):
+            motion.base[c] = x[c]
+        count[REBUILDS] += 1
+        count[PEAK] = max(count[PEAK], near.keys.size)
+    if not kkt <= worst:
+        worst = kkt
+        when = now
+    return d, code, LoopState(near, skin, mu, book, store, worst, when), records
+
+
+@fused_kernel
+def advance(
+    f, b_of, a_of, exact, many, moving, t, substeps, k, scene, motion, state, records, count, reach
+):
+    """Do the steps from sample k to sample k + 1.
+
+    Arguments as in march. Returns the LoopState, the Records, a StepCode and the time reached.
+    """
+    x = motion.x
+    z = motion.z
+    h = (t[k + 1] - t[k]) / substeps[k]
+    for s in range(substeps[k]):
+        now = t[k] + s * h
+        after = t[k + 1] if s + 1 == substeps[k] else t[k] + (s + 1) * h
+        f(now, x, motion.v)
+        for c in range(x.size):
+            z[c] = x[c] + h * motion.v[c]
+        if not all_finite(z):
+            return state, records, StepCode.NAN, now
+        if moving:
+            b_of(after, scene.b)
+            a_of(after, scene.anchors)
+        d, code, state, records = solve_step(
+            exact, many, scene, motion, state, records, count, k + 1, now, reach
+        )
+        if code == active_set.INFEASIBLE:
+            return state, records, StepCode.INFEASIBLE, now
+        for c in range(x.size):
+            x[c] = z[c] + d[c]
+            motion.reaction[c] += d[c]
+        mu = state.guess
+        for c in range(mu.size):
+            state.near.impulse[c] += mu[c]
+            count[ACTING] += mu[c] > 0.0
+        if not all_finite(x):
+            return state, records, StepCode.NAN, now
+    return state, record_impulses(k + 1, state.near, records), StepCode.OK, t[k + 1]
 
 
 @njit(cache=True, error_model="numpy")
@@ -158,87 +188,43 @@ def march(
     for k in range(K):
         for c in range(n):
             X[k, c] = R[k, c] = np.nan
-    x = x.copy()
-    reac = np.zeros(n)
-    v = np.empty(n)
-    base = x.copy()
-    z = np.empty(n)
-    ids = np.empty((64, 4), np.int64)
-    values = np.empty(64)
-    size = np.int64(0)
+    motion = Motion(x.copy(), np.empty(n), np.empty(n), np.zeros(n), x.copy())
+    scene = ContactScene(static, rows, b, anchors, hard, radii)
+    near = list_candidates(x, reach, scene)
     count = np.zeros(8, np.int64)
-    skin = reach
-    contacts, keys = gather(x, skin, static, hard, radii)
-    ptr, cols = gradient_pattern(contacts, rows.ptr, rows.cols)
-    P = active_set.outline(ptr, cols, n)
-    guess = np.zeros(keys.size)
-    total = np.zeros(keys.size)
+    count[REBUILDS], count[PEAK] = 1, near.keys.size
+    guess = np.zeros(near.keys.size)
     book = np.zeros(2, np.int64)
-    store = np.empty(1)
-    count[REBUILDS], count[PEAK] = 1, keys.size
+    state = LoopState(near, reach, guess, book, np.empty(1), 0.0, t[0])
+    records = Records(np.empty((64, 4), np.int64), np.empty(64), np.int64(0))
     for c in range(n):
         X[0, c] = x[c]
         R[0, c] = 0.0
-    worst = 0.0
-    when = t[0]
+    code = StepCode.OK
+    reached = t[K - 1]
     for k in range(K - 1):
-        h = (t[k + 1] - t[k]) / substeps[k]
-        for s in range(substeps[k]):
-            now = t[k] + s * h
-            after = t[k + 1] if s + 1 == substeps[k] else t[k] + (s + 1) * h
-            f(now, x, v)
-            for c in range(n):
-                z[c] = x[c] + h * v[c]
-            if not all_finite(z):
-                end = worst, when, StepCode.NAN, now
-                return CatchingUpResult(X, R, ids[:size], values[:size], count, *end)
-            if moving:
-                b_of(after, b)
-                a_of(after, anchors)
-            # solve the step, and again over a longer list where the list is not certified for it
-            while True:
-                mu, d, code, kkt, book, store = project(
-                    exact, many, contacts, ptr, P, book, store, rows, b, anchors, x, z, guess, count
-                )
-                far, last = largest_displacements(base, x, z, d, hard)
-                if code == active_set.INFEASIBLE or not 2.0 * far > skin:
-                    break
-                ids, values, size = flush(
-                    k + 1, total, contacts.family, contacts.i, contacts.j, ids, values, size
-                )
-                skin = max(reach, SKIN_OVER_STEP * last)
-                contacts, new = gather(x, skin, static, hard, radii)
-                ptr, cols = gradient_pattern(contacts, rows.ptr, rows.cols)
-                P = active_set.outline(ptr, cols, n)
-                guess = carry_multipliers(keys, mu, new)
-                keys = new
-                total = np.zeros(new.size)
-                book[0] = 0
-                for c in range(n):
-                    base[c] = x[c]
-                count[REBUILDS] += 1
-                count[PEAK] = max(count[PEAK], keys.size)
-            if not kkt <= worst:
-                worst = kkt
-                when = now
-            if code == active_set.INFEASIBLE:
-                end = worst, when, StepCode.INFEASIBLE, now
-                return CatchingUpResult(X, R, ids[:size], values[:size], count, *end)
-            for c in range(n):
-                x[c] = z[c] + d[c]
-                reac[c] += d[c]
-            for c in range(mu.size):
-                total[c] += mu[c]
-                count[ACTING] += mu[c] > 0.0
-            guess = mu
-            if not all_finite(x):
-                end = worst, when, StepCode.NAN, now
-                return CatchingUpResult(X, R, ids[:size], values[:size], count, *end)
-        for c in range(n):
-            X[k + 1, c] = x[c]
-            R[k + 1, c] = reac[c]
-        ids, values, size = flush(
-            k + 1, total, contacts.family, contacts.i, contacts.j, ids, values, size
+        state, records, code, reached = advance(
+            f,
+            b_of,
+            a_of,
+            exact,
+            many,
+            moving,
+            t,
+            substeps,
+            k,
+            scene,
+            motion,
+            state,
+            records,
+            count,
+            reach,
         )
-    end = worst, when, StepCode.OK, t[K - 1]
-    return CatchingUpResult(X, R, ids[:size], values[:size], count, *end)
+        if code != StepCode.OK:
+            break
+        for c in range(n):
+            X[k + 1, c] = motion.x[c]
+            R[k + 1, c] = motion.reaction[c]
+    ids = records.ids[: records.size]
+    values = records.values[: records.size]
+    return CatchingUpResult(X, R, ids, values, count, state.worst, state.when, code, reached)

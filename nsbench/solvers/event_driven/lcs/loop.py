@@ -141,17 +141,20 @@ class LcsIntegrator:
         return self.flows[rows]
 
     def _initial_sizes(self):
-        """Return sizes > 0 of the states, by start and balance of inputs, and of the inputs."""
-        s = np.abs([self.inputs(t, 0)[0] for t in self.case.t])
-        top = np.where(np.isfinite(s), s, 0.0).max(axis=0)
-        asked = np.where(
-            self.system.C != 0.0,
-            top[self.n :, None] / np.abs(np.where(self.system.C != 0.0, self.system.C, 1.0)),
-            0.0,
-        )
-        out = np.maximum(np.abs(self.x), asked.max(axis=0, initial=0.0))
-        out = np.maximum(out, np.where(out > 0.0, 0.0, top[: self.n] * (self.T - self.t)))
-        return np.where(out > 0.0, out, out.max(initial=0.0) or 1.0), top
+        """Estimate sizes of the states (n,), positive, and of the inputs u, q (n + m,).
+
+        Inputs: their largest finite value at the recorded times. State j: its start, or what alone
+        balances an input, max_i |q_i / C_ij|; zero by both: as far as u_j moves it until the end;
+        moved by nothing: the largest other one, or 1.
+        """
+        C = self.system.C
+        values = np.abs([self.inputs(t, 0)[0] for t in self.case.t])
+        input_size = np.where(np.isfinite(values), values, 0.0).max(axis=0)
+        slope = np.abs(np.where(C != 0.0, C, 1.0))
+        balance = np.where(C != 0.0, input_size[self.n :, None] / slope, 0.0)
+        size = np.maximum(np.abs(self.x), balance.max(axis=0, initial=0.0))
+        size = np.maximum(size, np.where(size > 0.0, 0.0, input_size[: self.n] * (self.T - self.t)))
+        return np.where(size > 0.0, size, size.max(initial=0.0) or 1.0), input_size
 
     def _follow_arc(self) -> Status:
         """Integrate with the rows to the next event or the end, then choose the next rows."""

@@ -261,13 +261,29 @@ def undo_sweep(scene, state, lists, z, h, is_first, logged):
 
 
 @njit(cache=True)
-def record_sample(k, scene, state, lists, counts, records):
-    """Move the impulses since the last sample to the records (ids, values, count); returns them."""
+def end_sample(k, scene, state, lists, counts, records, reaction):
+    """Store the reaction (n,) of sample k, and move the impulses since the last one to the records.
+
+    records: (ids, values, count). Returns the records, and the lists without the impulses that
+    pairs had before they left the list.
+    """
+    unpack(state.reaction, state.label, scene.dim, reaction)
+    if scene.record:
+        ids, values, count = records
+        restore_impulses(lists.arrays, counts.active)
+        lists.arrays.active_mu[: counts.active] = 0.0
+        pairs = listed(lists.arrays, counts.count)
+        records = flush(k, pairs, lists.expired, state.label, scene.families, ids, values, count)
+    return records, CandidateLists(lists.arrays, no_impulses(), lists.radii, lists.near_rows)
+
+
+@njit(cache=True)
+def loop_result(X, R, records, work, code, reached, counts):
+    """Return the LoopResult of a run that ended at the time `reached`; counts: ListState."""
     ids, values, count = records
-    restore_impulses(lists.arrays, counts.active)
-    lists.arrays.active_mu[: counts.active] = 0.0
-    pairs = listed(lists.arrays, counts.count)
-    return flush(k, pairs, lists.expired, state.label, scene.families, ids, values, count)
+    return LoopResult(
+        X, R, ids[:count], values[:count], work, code, reached, counts.rebuilds, counts.peak_pairs
+    )
 
 
 @njit(cache=True, error_model="numpy")
@@ -282,9 +298,7 @@ def march(f, b_of, t, substeps, sweeps, x, reach, scene, state, arrays, X, R):
     lists, counts, skins, control = initialise(scene, state, arrays, x, reach)
     X[0] = x
     R[0] = 0.0
-    ids = np.empty((0, 4), np.int32)
-    values = np.empty(0)
-    size = 0
+    records = np.empty((0, 4), np.int32), np.empty(0), 0
     work = 0
     code = StepCode.OK
     for k in range(t.size - 1):
@@ -298,8 +312,7 @@ def march(f, b_of, t, substeps, sweeps, x, reach, scene, state, arrays, X, R):
             if not far >= 0.0:
                 X[k + 1 :] = np.nan
                 R[k + 1 :] = np.nan
-                end = StepCode.NAN, now, counts.rebuilds, counts.peak_pairs
-                return LoopResult(X, R, ids[:size], values[:size], work, *end)
+                return loop_result(X, R, records, work, StepCode.NAN, now, counts)
             if scene.moving:
                 b_of(t[k + 1] if s + 1 == substeps[k] else t[k] + (s + 1) * h, scene.b)
             control = with_age(control, control.age + 1)
@@ -316,8 +329,8 @@ def march(f, b_of, t, substeps, sweeps, x, reach, scene, state, arrays, X, R):
                             scene, state, lists, counts, skins, control, far, attempts
                         )
                         if counts.count < 0:
-                            end = StepCode.LIST_OVERFLOW, now, counts.rebuilds, counts.peak_pairs
-                            return LoopResult(X, R, ids[:size], values[:size], work, *end)
+                            code = StepCode.LIST_OVERFLOW
+                            return loop_result(X, R, records, work, code, now, counts)
                         if u > 0:
                             state.sweep_start[:] = state.y
                     done, tied, broken = sweep_active(
@@ -331,13 +344,8 @@ def march(f, b_of, t, substeps, sweeps, x, reach, scene, state, arrays, X, R):
                 code = StepCode.TIED if tied else code
             control, skins = adapt_after_step(control, skins, attempts)
             settle(z, state.y, state.velocity, state.reaction, label, h, dim)
-        unpack(state.reaction, label, dim, R[k + 1])
-        if scene.record:
-            records = ids, values, size
-            ids, values, size = record_sample(k + 1, scene, state, lists, counts, records)
-        lists = CandidateLists(lists.arrays, no_impulses(), lists.radii, lists.near_rows)
-    end = code, t[-1], counts.rebuilds, counts.peak_pairs
-    return LoopResult(X, R, ids[:size], values[:size], work, *end)
+        records, lists = end_sample(k + 1, scene, state, lists, counts, records, R[k + 1])
+    return loop_result(X, R, records, work, code, t[-1], counts)
 
 
 def cell_state(n: int, size: int) -> CellState:

@@ -8,18 +8,21 @@ positions and the sweep goes on behind the constraint it had reached: nothing is
 is missed.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
-from nsbench.compilation.decorators import njit
+from nsbench.compilation.decorators import fused_kernel, njit
 from nsbench.dynamics.contacts.kernels.constraint_order import static_keys
-from nsbench.dynamics.contacts.kernels.contact_arrays import PAIR, ROW, ListedContacts
 from nsbench.dynamics.contacts.kernels.impulse_records import flush
 from nsbench.solvers.common.kernels.step_code import StepCode, all_finite
+from nsbench.solvers.pbd.kernels.listed_sweep import (
+    NeighborList,
+    any_beyond,
+    first_after,
+    renew,
+    sweep_on,
+)
 from nsbench.solvers.pbd.kernels.loop_result import LoopResult
-from nsbench.solvers.pbd.kernels.neighbor_list import HardScene, near_list, rebuild
-from nsbench.solvers.pbd.kernels.projection import project
+from nsbench.solvers.pbd.kernels.neighbor_list import HardScene, near_list
 
 __all__ = ["HardScene", "march"]
 
@@ -28,98 +31,47 @@ REBUILDS_IN_A_STEP = 4  # beyond, the sweep is violent: longer lists, fewer of t
 CALM_STEPS = 8  # steps with one list at most, after which a skin that was widened shrinks
 
 
-class NeighborList(NamedTuple):
-    """A list in use: its contacts, keys and impulses (m,), and counters.
+@fused_kernel
+def sweep_step(near, skin, scene, listed_keys, rows, b, anchors, x, base, sweeps, most):
+    """Do the sweeps of one step on x (n,), over lists that are certified for it.
 
-    rebuilds: lists built so far; peak: entries of the longest one.
+    near: NeighborList; base (n,): where it was built; listed_keys: of the listed constraints; most:
+    entries of a list above which the skin is not widened. Returns the NeighborList, the skin, the
+    lists built, the projections done, and whether centres coincided.
     """
-
-    contacts: ListedContacts
-    keys: np.ndarray
-    mu: np.ndarray
-    rebuilds: int
-    peak: int
-
-
-@njit(cache=True, error_model="numpy")
-def is_beyond(x, base, first, dim, limit2):
-    """Return whether the particle at coordinate `first` is farther than sqrt(limit2) from base."""
-    s = 0.0
-    for c in range(first, first + dim):
-        e = x[c] - base[c]
-        s += e * e
-    return s > limit2
-
-
-@njit(cache=True)
-def sweep_on(c, contacts, mu, rows, b, anchors, x, base, owner, limit2):
-    """Project on the constraints from c on, to the end or until a particle has moved too far.
-
-    contacts: ListedContacts; mu (m,): their impulses, which grow; owner: see HardScene. Returns the
-    next constraint, the projections done, whether centres coincided, and whether a particle is
-    farther than sqrt(limit2) from base.
-    """
+    broken = any_beyond(x, base, scene.hard, QUARTER * skin * skin)
+    inside = 0
     work = 0
-    tied = False
-    while c < contacts.kind.size:
-        m = project(c, contacts, x, rows, b, anchors)
-        c += 1
-        if m == 0.0:
-            continue
-        work += 1
-        tied = tied or m < 0.0
-        mu[c - 1] += abs(m)
-        if has_left(c - 1, contacts, rows, x, base, owner, limit2):
-            return c, work, tied, True
-    return c, work, tied, False
-
-
-@njit(cache=True)
-def has_left(c, contacts, rows, x, base, owner, limit2):
-    """Return whether a hard particle of constraint c is farther than sqrt(limit2) from base."""
-    p = contacts.p[c]
-    if contacts.kind[c] == ROW:
-        for e in range(rows.ptr[p], rows.ptr[p + 1]):
-            first, dim = owner[rows.cols[e]]
-            if first >= 0 and is_beyond(x, base, first, dim, limit2):
-                return True
-        return False
-    first, dim = owner[p]
-    if first >= 0 and is_beyond(x, base, first, dim, limit2):
-        return True
-    if contacts.kind[c] == PAIR:
-        first, dim = owner[contacts.q[c]]
-        return first >= 0 and is_beyond(x, base, first, dim, limit2)
-    return False
-
-
-@njit(cache=True)
-def any_beyond(x, base, hard, limit2):
-    """Return whether any hard particle is farther than sqrt(limit2) from base."""
-    for u in range(hard.shape[0]):
-        _, start, n, dim = hard[u]
-        for i in range(n):
-            if is_beyond(x, base, start + i * dim, dim, limit2):
-                return True
-    return False
-
-
-@njit(cache=True)
-def renew(near, x, base, skin, scene, keys):
-    """Build the list anew at x, with that skin; base becomes x. Returns the NeighborList."""
-    contacts, new_keys, mu = rebuild(near.contacts, near.keys, near.mu, x, skin, scene, keys)
-    for e in range(x.size):
-        base[e] = x[e]
-    return NeighborList(contacts, new_keys, mu, near.rebuilds + 1, max(near.peak, new_keys.size))
-
-
-@njit(cache=True)
-def first_after(keys, last):
-    """Return the first place whose key is larger than `last`."""
-    c = 0
-    while c < keys.size and keys[c] <= last:
-        c += 1
-    return c
+    any_tied = False
+    for _ in range(sweeps):
+        c = 0
+        last = np.uint64(0)
+        # Gauss-Seidel sweep, interrupted by a new list wherever a particle leaves its own
+        while True:
+            if broken:
+                if inside > REBUILDS_IN_A_STEP and near.keys.size < most:
+                    skin *= 1.5
+                near = renew(near, x, base, skin, scene, listed_keys)
+                inside = inside + 1
+                c = first_after(near.keys, last) if c > 0 else c
+            c, done, tied, broken = sweep_on(
+                c,
+                near.contacts,
+                near.mu,
+                rows,
+                b,
+                anchors,
+                x,
+                base,
+                scene.owner,
+                QUARTER * skin * skin,
+            )
+            work += done
+            any_tied = any_tied or tied
+            if not broken:
+                break
+            last = near.keys[c - 1]
+    return near, skin, inside, work, any_tied
 
 
 @njit(cache=True)
@@ -163,36 +115,11 @@ def march(f, b_of, a_of, moving, t, substeps, sweeps, x, scene, rows, b, anchors
                 after = t[k + 1] if s + 1 == substeps[k] else t[k] + (s + 1) * h
                 b_of(after, b)
                 a_of(after, anchors)
-            broken = any_beyond(x, base, scene.hard, QUARTER * skin * skin)
-            inside = 0
-            for _ in range(sweeps):
-                c = 0
-                last = np.uint64(0)
-                # Gauss-Seidel sweep, interrupted by a new list wherever a particle leaves its own
-                while True:
-                    if broken:
-                        if inside > REBUILDS_IN_A_STEP and near.keys.size < most:
-                            skin *= 1.5
-                        near = renew(near, x, base, skin, scene, listed_keys)
-                        inside = inside + 1
-                        c = first_after(near.keys, last) if c > 0 else c
-                    c, done, tied, broken = sweep_on(
-                        c,
-                        near.contacts,
-                        near.mu,
-                        rows,
-                        b,
-                        anchors,
-                        x,
-                        base,
-                        scene.owner,
-                        QUARTER * skin * skin,
-                    )
-                    work += done
-                    code = StepCode.TIED if tied else code
-                    if not broken:
-                        break
-                    last = near.keys[c - 1]
+            near, skin, inside, done, tied = sweep_step(
+                near, skin, scene, listed_keys, rows, b, anchors, x, base, sweeps, most
+            )
+            work += done
+            code = StepCode.TIED if tied else code
             calm = calm + 1 if inside <= 1 else 0
             if calm > CALM_STEPS and skin > reach:  # calm again: short lists
                 skin = max(reach, skin / 1.5)

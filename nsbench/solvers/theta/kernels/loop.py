@@ -10,18 +10,60 @@ lam, so they belong to the time that lam belongs to. E is the projector on the l
 D_II, I the rows with lam > 0: found by repeating the step at most 3 times.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
-from nsbench.compilation.decorators import njit
-from nsbench.lcp.lemke import has_other_motion, least_norm_solution, scales, solve
-from nsbench.linalg.gauss_elimination import solve_gauss
+from nsbench.compilation.decorators import fused_kernel, inner_kernel, njit
+from nsbench.lcp.lemke import has_other_motion, least_norm_solution, solve
 from nsbench.linalg.max_norm import largest
 from nsbench.solvers.common.kernels.step_code import StepCode, state_code
+from nsbench.solvers.theta.kernels.step_matrices import (
+    ComplementaritySystem,
+    StepMatrices,
+    matrices,
+    offset,
+    rows,
+    times,
+)
 
 NEWTON = 50  # iterations; the matrix is made anew when one gains less than a factor of ten
 AGAIN = 3  # repetitions of a step whose rows changed their kind
 LARGE = 10.0  # times the way of the drift: pushes beyond are jumps of the state
 LCPS, PIVOTS, INNER, CALLS, UNSETTLED = range(5)
+
+
+class Step(NamedTuple):
+    """State of a step, overwritten by the next one.
+
+    x, y (n,): state at both ends; v (n,): the drift between them, as in theta stepping; q0, q1
+    (m,): q at both ends; lam (m,): multipliers; on (m,): rows in the basis of the LCP.
+    """
+
+    x: np.ndarray
+    y: np.ndarray
+    v: np.ndarray
+    q0: np.ndarray
+    q1: np.ndarray
+    lam: np.ndarray
+    on: np.ndarray
+
+
+class Workspace(NamedTuple):
+    """Work arrays: r, w, p, s (m,); z, mid (n,)."""
+
+    r: np.ndarray
+    w: np.ndarray
+    p: np.ndarray
+    s: np.ndarray
+    z: np.ndarray
+    mid: np.ndarray
+
+
+@inner_kernel
+def workspace(n, m):
+    """Allocate a Workspace."""
+    return Workspace(np.empty(m), np.empty(m), np.empty(m), np.empty(m), np.empty(n), np.empty(n))
 
 
 @njit(cache=True, error_model="numpy")
@@ -78,95 +120,52 @@ def jacobian(f, t, x, J):
     return n + 1
 
 
-@njit(cache=True, error_model="numpy")
-def times(A, x, out):
-    """Multiply: out <- A x."""
-    for i in range(A.shape[0]):
-        out[i] = 0.0
-        for j in range(A.shape[1]):
-            out[i] += A[i, j] * x[j]
+@inner_kernel
+def linearise(f, linear, after, h, theta, y, system, matrix, count):
+    """Compute the StepMatrices anew at y; return False if I - h th J is singular."""
+    J, W, G, E, M, a, b = matrix
+    if not linear:
+        count[CALLS] += jacobian(f, after, y, J)
+    if not matrices(J, h, theta, system.B, W, G):
+        return False
+    rows(system.C, system.D, G, E, theta, M, a, b)
+    return True
 
 
-@njit(cache=True, error_model="numpy")
-def matrices(J, h, theta, B, W, G):
-    """Compute W <- (I - h th J)^-1 and G <- h W B; return False if the matrix is singular."""
-    n = J.shape[0]
-    K = np.empty((n, n))
-    e = np.empty(n)
-    for c in range(n):
-        for i in range(n):
-            e[i] = 1.0 if i == c else 0.0
-            for j in range(n):
-                K[i, j] = (1.0 if i == j else 0.0) - h * theta * J[i, j]
-        if not solve_gauss(K, e):
-            return False
-        for i in range(n):
-            W[i, c] = e[i]
-    for i in range(n):
-        for j in range(B.shape[1]):
-            G[i, j] = 0.0
-            for c in range(n):
-                G[i, j] += h * W[i, c] * B[c, j]
+@fused_kernel
+def push_out(theta, step, system, matrix, work, count):
+    """Solve the complementarity problem of a step for lam and add the push G lam to work.z.
+
+    work.z (n,): the end of the step without lam. Returns False if there is no solution.
+    """
+    lam = step.lam
+    _, _, G, E, M, a, b = matrix
+    offset(system.C, E, theta, step.x, work.z, step.q0, step.q1, work.p, work.s, work.r)
+    found, pivots = solve(M, work.r, a, b, step.on, lam, work.w)
+    count[LCPS] += 1
+    count[PIVOTS] += pivots
+    if not found:
+        return False
+    least_norm_solution(M, work.r, a, b, lam, work.w)
+    times(G, lam, work.mid)
+    for c in range(work.z.size):
+        work.z[c] += work.mid[c]
     return True
 
 
 @njit(cache=True, error_model="numpy")
-def rows(C, D, G, E, theta, M, a, b):
-    """Compute M <- D + (th I + (1 - th) E) C G and its row and column scales a, b."""
-    m, n = C.shape
-    col = np.empty(m)
-    for j in range(m):
-        for i in range(m):
-            col[i] = 0.0
-            for c in range(n):
-                col[i] += C[i, c] * G[c, j]
-        for i in range(m):
-            M[i, j] = D[i, j] + theta * col[i]
-            for k in range(m):
-                M[i, j] += (1.0 - theta) * E[i, k] * col[k]
-    one, other = scales(M)
-    for i in range(m):
-        a[i] = one[i]
-        b[i] = other[i]
+def advance(f, linear, now, after, h, theta, step, system, matrix, stale, count):
+    """Advance one step from step.x to step.y; return a StepCode.
 
-
-@njit(cache=True, error_model="numpy")
-def offset(C, E, theta, x, z, q0, q1, u, v, r):
-    """Compute the constant term r of a step's complementarity problem.
-
-        r <- (1 - th) (C x + q0) + th (C z + q1) + E (1 - th) (C (z - x) + q1 - q0)
-
-    u, v (m,): work.
+    Newton's method on (y, lam), exact at once where f is linear. matrix: StepMatrices, computed
+    anew when `stale`.
     """
-    times(C, x, u)
-    times(C, z, v)
-    for i in range(r.size):
-        u[i] += q0[i]
-        v[i] += q1[i]
-        r[i] = (1.0 - theta) * u[i] + theta * v[i]
-        u[i] = (1.0 - theta) * (v[i] - u[i])
-    for i in range(r.size):
-        for k in range(r.size):
-            r[i] += E[i, k] * u[k]
-
-
-@njit(cache=True, error_model="numpy")
-def advance(f, linear, now, after, h, theta, x, y, v, q0, q1, system, state, lam, on, stale, count):
-    """Advance one step from x to y; return a status.
-
-    Newton's method on (y, lam), exact at once where f is linear. system: B, C, D, fixed; state: J,
-    W, G, E, M, a, b, recomputed when `stale` and reused between steps. q0, q1 (m,): q at both ends.
-    """
-    B, C, D, fixed = system
-    J, W, G, E, M, a, b = state
+    x, y, v, _, _, lam, _ = step
     n = x.size
     m = lam.size
-    w = np.empty(m)
-    r = np.empty(m)
-    p = np.empty(m)
-    s = np.empty(m)
-    mid = np.empty(n)
-    z = np.empty(n)
+    work = workspace(n, m)
+    z = work.z
+    mid = work.mid
     old = np.zeros(n)
     for c in range(n):
         y[c] = x[c]
@@ -185,29 +184,17 @@ def advance(f, linear, now, after, h, theta, x, y, v, q0, q1, system, state, lam
         if state_code(v) != StepCode.OK:
             return state_code(v)
         if stale:
-            if not linear:
-                count[CALLS] += jacobian(f, after, y, J)
-            if not matrices(J, h, theta, B, W, G):
+            if not linearise(f, linear, after, h, theta, y, system, matrix, count):
                 return StepCode.NEWTON_LIMIT
-            rows(C, D, G, E, theta, M, a, b)
             stale = False
             fresh = True
         for c in range(n):
             mid[c] = x[c] + h * v[c] - y[c]
-        times(W, mid, z)
+        times(matrix.W, mid, z)
         for c in range(n):
             z[c] += y[c]
-        if m:
-            offset(C, E, theta, x, z, q0, q1, p, s, r)
-            found, pivots = solve(M, r, a, b, on, lam, w)
-            count[LCPS] += 1
-            count[PIVOTS] += pivots
-            if not found:
-                return StepCode.INFEASIBLE
-            least_norm_solution(M, r, a, b, lam, w)
-            times(G, lam, mid)
-            for c in range(n):
-                z[c] += mid[c]
+        if m and not push_out(theta, step, system, matrix, work, count):
+            return StepCode.INFEASIBLE
         before = move
         move = 0.0
         for c in range(n):
@@ -216,14 +203,9 @@ def advance(f, linear, now, after, h, theta, x, y, v, q0, q1, system, state, lam
         count[INNER] += 1
         if state_code(y) != StepCode.OK:
             return state_code(y)
-        if (
-            linear
-            or move <= 1e-13 * (1.0 + largest(y))
-            or (fresh and it > 5 and move <= 1e-11 * (1.0 + largest(y)))
-        ):
-            if theta == 1.0 or m == 0 or not regroup(D, fixed, lam, E):
+        if linear or has_converged(move, fresh and it > 5, y):
+            if theta == 1.0 or m == 0 or not regroup(system, theta, lam, matrix):
                 return StepCode.OK
-            rows(C, D, G, E, theta, M, a, b)
             tries += 1
             if tries > AGAIN:
                 count[UNSETTLED] += 1
@@ -234,15 +216,25 @@ def advance(f, linear, now, after, h, theta, x, y, v, q0, q1, system, state, lam
     return StepCode.NEWTON_LIMIT
 
 
+@inner_kernel
+def has_converged(move, slowly, y):
+    """Return whether an iteration of Newton's method moved y by rounding alone.
+
+    slowly: after many iterations, the last one with new matrices, rounding may be larger.
+    """
+    return move <= 1e-13 * (1.0 + largest(y)) or (slowly and move <= 1e-11 * (1.0 + largest(y)))
+
+
 @njit(cache=True, error_model="numpy")
-def regroup(D, fixed, lam, E):
-    """Set E to the projector of the rows with lam > 0; return whether it changed."""
+def regroup(system, theta, lam, matrix):
+    """Set E to the projector of the rows with lam > 0; return whether it changed, and M with it."""
+    E = matrix.E
     m = lam.size
     far = 0.0
     on = np.empty(m, np.bool_)
     for i in range(m):
         on[i] = lam[i] > 0.0
-    new = at_end(D, fixed, on)
+    new = at_end(system.D, system.fixed, on)
     for i in range(m):
         for j in range(m):
             far = max(far, abs(new[i, j] - E[i, j]))
@@ -251,7 +243,37 @@ def regroup(D, fixed, lam, E):
     for i in range(m):
         for j in range(m):
             E[i, j] = new[i, j]
+    rows(system.C, system.D, matrix.G, E, theta, matrix.M, matrix.a, matrix.b)
     return True
+
+
+@inner_kernel
+def has_finite_inputs(step):
+    """Return whether q is finite at both ends of the step."""
+    return state_code(step.q0) + state_code(step.q1) == StepCode.OK
+
+
+@inner_kernel
+def has_second_motion(h, theta, step, system, matrix, work):
+    """Return whether the complementarity problem of the step just done has another solution, with
+    another motion."""
+    push = work.mid
+    free = work.z
+    times(matrix.G, step.lam, push)
+    for c in range(push.size):
+        free[c] = step.y[c] - push[c]
+    offset(system.C, matrix.E, theta, step.x, free, step.q0, step.q1, work.p, work.s, work.w)
+    reach = h * largest(step.v) + largest(push)
+    return has_other_motion(matrix.M, work.w, matrix.G, step.lam, reach)
+
+
+@inner_kernel
+def has_jump(h, step, matrix, jumpy):
+    """Return whether a row that its own multiplier does not move pushes farther than the drift."""
+    for i in range(jumpy.size):
+        if jumpy[i] and step.lam[i] * largest(matrix.G[:, i].copy()) > LARGE * h * largest(step.v):
+            return True
+    return False
 
 
 @njit(cache=True, error_model="numpy")
@@ -270,25 +292,17 @@ def march(f, q_of, moving, linear, J, t, substeps, x, q, B, C, D, theta, fixed, 
     m = q.size
     X = np.full((K, n), np.nan)
     P = np.full((K, m), np.nan)
-    x, y, v, q0, q1 = x.copy(), x.copy(), np.empty(n), q.copy(), q.copy()
-    total = np.zeros(m)
-    lam = np.zeros(m)
     on = np.zeros(m, np.bool_)
-    w = np.empty(m)
-    u = np.empty(m)
-    z = np.empty(m)
-    push = np.empty(n)
-    free = np.empty(n)
+    step = Step(x.copy(), x.copy(), np.empty(n), q.copy(), q.copy(), np.zeros(m), on)
+    system = ComplementaritySystem(B, C, D, fixed)
+    E = at_end(D, fixed, on)
+    G = np.zeros((n, m))
+    matrix = StepMatrices(J.copy(), np.eye(n), G, E, np.zeros((m, m)), np.ones(m), np.ones(m))
+    work = workspace(n, m)
+    total = np.zeros(m)
     count = np.zeros(5, np.int64)
     twice = np.nan
     old = -1.0
-    M = np.zeros((m, m))
-    a = np.ones(m)
-    b = np.ones(m)
-    G = np.zeros((n, m))
-    # D of the end of the step, in place
-    D_end = at_end(D, fixed, on)
-    state = (J.copy(), np.eye(n), G, D_end, M, a, b)
     for c in range(n):
         X[0, c] = x[c]
     for i in range(m):
@@ -300,48 +314,26 @@ def march(f, q_of, moving, linear, J, t, substeps, x, q, B, C, D, theta, fixed, 
             now = t[k] + s * h
             after = t[k + 1] if s + 1 == substeps[k] else t[k] + (s + 1) * h
             if moving:
-                q_of(now, q0)
-                q_of(after, q1)
+                q_of(now, step.q0)
+                q_of(after, step.q1)
             stale = abs(h - old) > 1e-12 * h  # sample times are rounded: the same step for all
             old = h if stale else old
-            code = advance(
-                f,
-                linear,
-                now,
-                after,
-                h,
-                theta,
-                x,
-                y,
-                v,
-                q0,
-                q1,
-                (B, C, D, fixed),
-                state,
-                lam,
-                on,
-                stale,
-                count,
-            )
-            if code == StepCode.INFEASIBLE and state_code(q0) + state_code(q1) != StepCode.OK:
+            code = advance(f, linear, now, after, h, theta, step, system, matrix, stale, count)
+            if code == StepCode.INFEASIBLE and not has_finite_inputs(step):
                 code = StepCode.NAN
             if code != StepCode.OK:
                 return X, P, count, code, now, twice
-            if check and np.isnan(twice):
-                times(G, lam, push)
-                for c in range(n):
-                    free[c] = y[c] - push[c]
-                offset(C, D_end, theta, x, free, q0, q1, u, z, w)
-                if has_other_motion(M, w, G, lam, h * largest(v) + largest(push)):
-                    twice = now
+            if check and has_second_motion(h, theta, step, system, matrix, work):
+                twice = now
+                check = False  # the first such step is enough
+            if has_jump(h, step, matrix, jumpy):
+                return X, P, count, StepCode.JUMP, after, twice
             for i in range(m):
-                if jumpy[i] and lam[i] * largest(G[:, i].copy()) > LARGE * h * largest(v):
-                    return X, P, count, StepCode.JUMP, after, twice
-                total[i] += h * lam[i]
+                total[i] += h * step.lam[i]
             for c in range(n):
-                x[c] = y[c]
+                step.x[c] = step.y[c]
         for c in range(n):
-            X[k + 1, c] = x[c]
+            X[k + 1, c] = step.x[c]
         for i in range(m):
             P[k + 1, i] = total[i]
     return X, P, count, StepCode.OK, t[K - 1], twice

@@ -1,0 +1,108 @@
+"""Gauss-Seidel sweep over a neighbour list, up to the projection that moves a particle too far.
+
+A particle is too far where it has moved by more than skin / 2 since the list was built: then the
+list may lack a pair, and `renew` builds it anew.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from nsbench.compilation.decorators import njit
+from nsbench.dynamics.contacts.kernels.contact_arrays import PAIR, ROW, ListedContacts
+from nsbench.solvers.pbd.kernels.neighbor_list import rebuild
+from nsbench.solvers.pbd.kernels.projection import project
+
+
+class NeighborList(NamedTuple):
+    """A list in use: its contacts, keys and impulses (m,), and counters.
+
+    rebuilds: lists built so far; peak: entries of the longest one.
+    """
+
+    contacts: ListedContacts
+    keys: np.ndarray
+    mu: np.ndarray
+    rebuilds: int
+    peak: int
+
+
+@njit(cache=True, error_model="numpy")
+def is_beyond(x, base, first, dim, limit2):
+    """Return whether the particle at coordinate `first` is farther than sqrt(limit2) from base."""
+    s = 0.0
+    for c in range(first, first + dim):
+        e = x[c] - base[c]
+        s += e * e
+    return s > limit2
+
+
+@njit(cache=True)
+def sweep_on(c, contacts, mu, rows, b, anchors, x, base, owner, limit2):
+    """Project on the constraints from c on, to the end or until a particle has moved too far.
+
+    contacts: ListedContacts; mu (m,): their impulses, which grow; owner: see HardScene. Returns the
+    next constraint, the projections done, whether centres coincided, and whether a particle is
+    farther than sqrt(limit2) from base.
+    """
+    work = 0
+    tied = False
+    while c < contacts.kind.size:
+        m = project(c, contacts, x, rows, b, anchors)
+        c += 1
+        if m == 0.0:
+            continue
+        work += 1
+        tied = tied or m < 0.0
+        mu[c - 1] += abs(m)
+        if has_left(c - 1, contacts, rows, x, base, owner, limit2):
+            return c, work, tied, True
+    return c, work, tied, False
+
+
+@njit(cache=True)
+def has_left(c, contacts, rows, x, base, owner, limit2):
+    """Return whether a hard particle of constraint c is farther than sqrt(limit2) from base."""
+    p = contacts.p[c]
+    if contacts.kind[c] == ROW:
+        for e in range(rows.ptr[p], rows.ptr[p + 1]):
+            first, dim = owner[rows.cols[e]]
+            if first >= 0 and is_beyond(x, base, first, dim, limit2):
+                return True
+        return False
+    first, dim = owner[p]
+    if first >= 0 and is_beyond(x, base, first, dim, limit2):
+        return True
+    if contacts.kind[c] == PAIR:
+        first, dim = owner[contacts.q[c]]
+        return first >= 0 and is_beyond(x, base, first, dim, limit2)
+    return False
+
+
+@njit(cache=True)
+def any_beyond(x, base, hard, limit2):
+    """Return whether any hard particle is farther than sqrt(limit2) from base."""
+    for u in range(hard.shape[0]):
+        _, start, n, dim = hard[u]
+        for i in range(n):
+            if is_beyond(x, base, start + i * dim, dim, limit2):
+                return True
+    return False
+
+
+@njit(cache=True)
+def renew(near, x, base, skin, scene, keys):
+    """Build the list anew at x, with that skin; base becomes x. Returns the NeighborList."""
+    contacts, new_keys, mu = rebuild(near.contacts, near.keys, near.mu, x, skin, scene, keys)
+    for e in range(x.size):
+        base[e] = x[e]
+    return NeighborList(contacts, new_keys, mu, near.rebuilds + 1, max(near.peak, new_keys.size))
+
+
+@njit(cache=True)
+def first_after(keys, last):
+    """Return the first place whose key is larger than `last`."""
+    c = 0
+    while c < keys.size and keys[c] <= last:
+        c += 1
+    return c
