@@ -227,12 +227,12 @@ def _blend(plus, minus, axis):
     """Factory of  w f_plus + (1 - w) f_minus,  w = (1 + s_axis) / 2; at w = 0 or 1 one side alone
     counts."""
 
-    def make(xp):
+    def make(xp: Any) -> Callable:
         fp = plus(xp)
         fm = minus(xp)
         if xp.__name__ == "numpy":
 
-            def f(t, x, s):
+            def f(t: float, x: np.ndarray, s: np.ndarray) -> np.ndarray:
                 w = 0.5 * (1.0 + s[axis])
                 if w >= 1.0:
                     return fp(t, x, s)
@@ -241,7 +241,7 @@ def _blend(plus, minus, axis):
                 return w * fp(t, x, s) + (1.0 - w) * fm(t, x, s)
         else:
 
-            def f(t, x, s):
+            def f(t: float, x: np.ndarray, s: np.ndarray) -> np.ndarray:
                 w = 0.5 * (1.0 + s[axis])
                 a = fp(t, x, s)
                 b = fm(t, x, s)
@@ -253,10 +253,10 @@ def _blend(plus, minus, axis):
 
 
 def _leaf(drift):
-    def make(xp):
+    def make(xp: Any) -> Callable:
         inner = drift(xp)
 
-        def f(t, x, s):
+        def f(t: float, x: np.ndarray, s: np.ndarray) -> np.ndarray:
             return inner(t, x)
 
         return f
@@ -296,7 +296,7 @@ class Filippov:
                 f"modes has the sign tuples {sorted(modes)}; {d} surface(s) need {sorted(want)}"
             )
 
-        def build(prefix):
+        def build(prefix: tuple[int, ...]) -> Factory:
             if len(prefix) == d:
                 return _leaf(modes[prefix])
             return _blend(build((*prefix, 1)), build((*prefix, -1)), len(prefix))
@@ -311,17 +311,17 @@ class Filippov:
         return cls(None, switch, field)
 
     @classmethod
-    def relay(cls, drift: Factory, B, switch: Factory) -> Filippov:
+    def relay(cls, drift: Factory, B: np.ndarray, switch: Factory) -> Filippov:
         """x' = f + B s, s_i in Sgn(c_i); B is (n, d)."""
         B = _floats("B", B, 2)
 
-        def field(xp):
+        def field(xp: Any) -> Callable:
             f = drift(xp)
             b = B + 0.0
             if xp.__name__ != "numpy":
                 b = xp.asarray(b)
 
-            def g(t, x, s):
+            def g(t: float, x: np.ndarray, s: np.ndarray) -> np.ndarray:
                 return f(t, x) + b @ s
 
             return g

@@ -33,7 +33,7 @@ def guarded(what: str) -> Iterator[None]:
     guarded_thread = (os.getpid(), threading.get_ident())
     end_process = os._exit
 
-    def refuse_exit(status):
+    def refuse_exit(status: int) -> None:
         if (os.getpid(), threading.get_ident()) != guarded_thread:
             end_process(status)
         raise UserCodeExit(f"{what} calls os._exit({status}), which would end the command")

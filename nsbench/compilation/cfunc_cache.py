@@ -12,6 +12,7 @@ raised: that is a part of its machine code).
 from __future__ import annotations
 
 import json
+from typing import TYPE_CHECKING
 
 from llvmlite import binding as llvm
 from numba.core import config, types
@@ -22,6 +23,9 @@ from nsbench.compilation import disk_cache
 from nsbench.compilation.function_digest import Unknown, fingerprint
 from nsbench.compilation.installation import machine, version
 from nsbench.source_files.package import package_digest
+
+if TYPE_CHECKING:
+    from numba.core.typing.templates import Signature
 
 FORMAT = 1
 # settings of numba on which no machine code depends
@@ -34,7 +38,7 @@ class Pointer(types.WrapperAddressProtocol):
     """Machine code from the disk as a first-class function of numba: address, signature and the
     engine that holds it."""
 
-    def __init__(self, address: int, signature, engine):
+    def __init__(self, address: int, signature: Signature, engine) -> None:
         self.address = address
         self._signature = signature
         self._engine = engine
@@ -42,7 +46,7 @@ class Pointer(types.WrapperAddressProtocol):
     def __wrapper_address__(self) -> int:
         return self.address
 
-    def signature(self):
+    def signature(self) -> Signature:
         """Return the numba signature of the function."""
         return self._signature
 
@@ -52,10 +56,10 @@ class _CompileResult:
 
     result = None
 
-    def load_overload(self, signature, context):
+    def load_overload(self, signature: Signature, context: object) -> None:
         return None
 
-    def save_overload(self, signature, result):
+    def save_overload(self, signature: Signature, result: object) -> None:
         self.result = result
 
 

@@ -38,7 +38,7 @@ def lock_compilation(
     held = set()
 
     @functools.wraps(plain)
-    def compile_alone(self, sig):
+    def compile_alone(self: Dispatcher, sig: tuple | str) -> Callable:
         name = _lock_name(self)
         if name is None or name in held:  # not cached, or a kernel that calls itself
             return plain(self, sig)

@@ -35,6 +35,6 @@ fused_kernel = numba.njit(
 
 
 @inner_kernel
-def one():
+def one() -> int:
     """Return 1 that is no literal."""
     return np.int64(1)

@@ -10,8 +10,12 @@ from __future__ import annotations
 import functools
 import types
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from numba.core.ccallback import CFunc
 
 
 class CompileError(Exception):
@@ -25,7 +29,7 @@ def as_numpy(factory: Callable) -> Callable:
     """
     f = factory(np)
 
-    def at(t, *args):
+    def at(t: float, *args: np.ndarray) -> np.ndarray:
         return f(np.float64(t) if type(t) is float else t, *args)
 
     return at
@@ -92,8 +96,8 @@ def rhs_cfunc(factory: Callable, n: int):
     """``drift(xp) -> (t, x)`` as a cfunc (t, x, out), x and out (n,)."""
     void, f8, vec = _types()
 
-    def make(f):
-        def fill(t, x, out):
+    def make(f: Callable) -> Callable:
+        def fill(t: float, x: np.ndarray, out: np.ndarray) -> None:
             for i in range(out.size):
                 out[i] = np.nan  # what is left if f raises: a callback cannot pass an exception on
             v = f(
@@ -112,8 +116,8 @@ def signed_rhs_cfunc(factory: Callable, n: int, d: int):
     """Compile ``field(xp) -> (t, x, s)`` as a cfunc (t, x, s, out)."""
     void, f8, vec = _types()
 
-    def make(f):
-        def fill(t, x, s, out):
+    def make(f: Callable) -> Callable:
+        def fill(t: float, x: np.ndarray, s: np.ndarray, out: np.ndarray) -> None:
             for i in range(out.size):
                 out[i] = np.nan
             v = f(t, x, s)
@@ -130,8 +134,8 @@ def curve_cfunc(factory: Callable, size: int):
     """Compile ``b(xp) -> (t) -> array`` as a cfunc (t, out), out flat of the given size."""
     void, f8, vec = _types()
 
-    def make(f):
-        def fill(t, out):
+    def make(f: Callable) -> Callable:
+        def fill(t: float, out: np.ndarray) -> None:
             out[:] = np.nan
             value = np.asarray(f(t)).ravel()
             for i in range(out.size):
@@ -142,7 +146,7 @@ def curve_cfunc(factory: Callable, size: int):
     return _pointer(factory, void(f8, vec), make)
 
 
-def constant_curve():
+def constant_curve() -> CFunc:
     """Return a cfunc (t, out) that does nothing: walls at rest."""
     return _still()
 
@@ -153,7 +157,7 @@ def _still():
 
     void, f8, vec = _types()
 
-    def nothing(t, out):
+    def nothing(t: float, out: np.ndarray) -> None:
         return
 
     return numba.cfunc(void(f8, vec), cache=False)(nothing)

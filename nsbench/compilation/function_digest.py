@@ -45,7 +45,7 @@ def fingerprint(*values) -> str:
 
 
 def _put(h, v, seen):
-    def tag(*words):
+    def tag(*words: object) -> None:
         for w in words:
             b = w if isinstance(w, bytes) else str(w).encode()
             h.update(len(b).to_bytes(8, "little") + b)

@@ -12,6 +12,7 @@ from __future__ import annotations
 import functools
 import os
 import re
+import types
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -30,7 +31,7 @@ CALLS = re.compile(r"custom_call @?\"?([A-Za-z0-9_.$]+)")
 TRACERS = ("jax", "jaxlib", "diffrax", "equinox", "optimistix", "lineax", "numpy")
 
 
-def float64():
+def float64() -> types.ModuleType:
     """Import JAX and set it to float64; return the module."""
     import jax
 

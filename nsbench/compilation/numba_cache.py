@@ -98,7 +98,7 @@ def install_cache_stamps() -> None:
     plain = getattr(locator.get_source_stamp, "plain", locator.get_source_stamp)
 
     @functools.wraps(plain)
-    def stamp(self):
+    def stamp(self) -> tuple:
         ours = is_in_package(Path(self._py_file).resolve())
         return (plain(self), kernel_digest()) if ours else plain(self)
 

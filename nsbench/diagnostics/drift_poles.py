@@ -89,7 +89,7 @@ class _RecordingNumpy:
         if isinstance(attribute, (np.ufunc, type)) or not callable(attribute):
             return attribute
 
-        def function(*args, **kwargs):
+        def function(*args: object, **kwargs: object) -> object:
             value = attribute(*args, **kwargs)
             return _recording(value) if isinstance(value, (np.ndarray, np.floating)) else value
 
@@ -129,7 +129,7 @@ def check_drift_pole(run: RunView) -> Finding | None:
 def _sample_polygon(traj: Trajectory):
     """t -> the state on the polygon of the samples, exact at both ends of every interval."""
 
-    def state(t):
+    def state(t: float) -> np.ndarray:
         k = min(max(int(np.searchsorted(traj.t, t, "right")) - 1, 0), len(traj.t) - 2)
         a = (t - traj.t[k]) / (traj.t[k + 1] - traj.t[k])
         return (1.0 - a) * traj.x[k] + a * traj.x[k + 1]

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 
@@ -36,19 +37,19 @@ def _make(p):
     """Build the factory of A x + u(t); without an input u, of A x."""
     A = np.array(p.A)
 
-    def still(xp):
+    def still(xp: Any) -> Callable:
         a = A if xp.__name__ == "numpy" else xp.asarray(A)
 
-        def f(t, x):
+        def f(t: float, x: np.ndarray) -> np.ndarray:
             return a @ x
 
         return f
 
-    def driven(xp):
+    def driven(xp: Any) -> Callable:
         a = A if xp.__name__ == "numpy" else xp.asarray(A)
         u = p.u(xp)
 
-        def f(t, x):
+        def f(t: float, x: np.ndarray) -> np.ndarray:
             return a @ x + u(t)
 
         return f

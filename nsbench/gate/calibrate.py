@@ -20,7 +20,7 @@ from nsbench.results import run_key
 from nsbench.results.atomic_write import write_atomically
 from nsbench.results.journal import Journal
 from nsbench.results.row_reuse import RowRecorder, reusable_rows
-from nsbench.study.plan import resolve
+from nsbench.study.plan import Spec, resolve
 
 SEEDS = (1, 2)  # of the perturbed starts
 THREADS = 2  # of the pass from the unchanged start
@@ -88,7 +88,7 @@ def _again(specs, folder: Path, threads: int, args, data: Data) -> Data:
     for s in todo:
         by_case.setdefault(s.case, []).append(s)
 
-    def on_row(spec, row):
+    def on_row(spec: Spec, row: dict) -> None:
         rows[found[spec]] = entries.row(spec, row)
 
     try:

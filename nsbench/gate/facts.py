@@ -88,7 +88,9 @@ def _ladder(s: Summary, config: str):
     """What the whole ladder says: how its runs ended, verdict, order and constant of the state and
     of the force."""
 
-    def fact(metric, kind, value, unit="", floor=0.0):
+    def fact(
+        metric: str, kind: str, value: str | float, unit: str = "", floor: float = 0.0
+    ) -> Fact:
         return Fact(s.case, s.solver, "ladder", metric, kind, value, unit, config, floor)
 
     yield fact("statuses", "class", format_statuses(_ended(s.statuses)))
@@ -130,7 +132,9 @@ def _middle(runs: Runs, config: str, span: float):
     at = int(np.argsort(asked, kind="stable")[np.isfinite(asked).sum() // 2])
     parameters = f"{runs.accuracy}={asked[at]:.6g}"
 
-    def fact(metric, kind, value, unit="", floor=0.0):
+    def fact(
+        metric: str, kind: str, value: str | float, unit: str = "", floor: float = 0.0
+    ) -> Fact:
         return Fact(runs.case, runs.solver, parameters, metric, kind, value, unit, config, floor)
 
     yield fact("status", "class", "ok" if runs.good[at] else str(runs.col["status"][at]))

@@ -174,11 +174,11 @@ def _watched(run: Callable[[], object]) -> tuple[object, float, float]:
         since = 0.0
         total = 0.0
 
-        def on_start(self, _):
+        def on_start(self, _: object) -> None:
             self.since = self.since if self.depth else _now()
             self.depth += 1
 
-        def on_end(self, _):
+        def on_end(self, _: object) -> None:
             self.depth -= 1
             self.total += 0.0 if self.depth else _now() - self.since
 

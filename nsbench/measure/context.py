@@ -211,7 +211,7 @@ def _independent(
         mean = (ref.impulse[j + 1] - ref.impulse[j]) / (case.t[j + 1] - case.t[j])
         s = 2 * spread(p, ref.contacts, mean[None], {(0, i): i for i in range(len(s))})[0] - 1
 
-    def at(i, v):
+    def at(i: int, v: float) -> np.ndarray:
         q = s.copy()
         q[i] = v
         return field_(float(case.t[k]), ref.x[k], q)

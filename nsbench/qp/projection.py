@@ -5,9 +5,14 @@ min 1/2 |d|^2  s.t.  q + G d >= 0        d = G^T mu,    0 <= mu  _|_  q + G d >=
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from scipy.sparse import csc_matrix, sparray
 
 DENSE = 10_000  # entries of G: below, SciPy solves before a kernel is compiled
 CODES = ("solved", "infeasible", "maxiter")  # by the codes of qp.kernels.dual_active_set
@@ -32,7 +37,7 @@ class SparseRows:
     small QP takes.
     """
 
-    def __init__(self, row, cols, shape):
+    def __init__(self, row: np.ndarray, cols: np.ndarray, shape: tuple[int, int]):
         self.order = np.lexsort((cols, row))
         self.row = row[self.order]
         self.cols = cols[self.order]
@@ -47,12 +52,12 @@ class SparseRows:
         self.vals = np.empty(row.size)
 
     @classmethod
-    def of(cls, G):
+    def of(cls, G: sparray) -> SparseRows:
         """Return the rows of a scipy sparse array without duplicates."""
         G = G.tocoo()
         return cls(G.row.astype(np.int64), G.col.astype(np.int64), G.shape).fill(G.data)
 
-    def fill(self, values):
+    def fill(self, values: np.ndarray) -> SparseRows:
         """Set the entries, in the order in which their places were given; returns self."""
         self.vals = values[self.order]
         return self
@@ -60,15 +65,15 @@ class SparseRows:
     def __matmul__(self, d):
         return np.bincount(self.row, self.vals * d[self.cols], self.shape[0])
 
-    def back(self, mu):
+    def back(self, mu: np.ndarray) -> np.ndarray:
         """Return G^T mu (n,)."""
         return np.bincount(self.cols, self.vals * mu[self.row], self.shape[1])
 
-    def lengths(self):
+    def lengths(self) -> np.ndarray:
         """Return the length |G_k| of every row, (m,)."""
         return np.sqrt(np.bincount(self.row, self.vals * self.vals, self.shape[0]))
 
-    def csc(self):
+    def csc(self) -> csc_matrix:
         """Return G as scipy's csc_matrix, for the libraries."""
         from scipy.sparse import csc_matrix
 
@@ -88,7 +93,9 @@ class ActiveSet:
         self._tree_buffer = np.zeros(2, np.int64)
         self._work_buffer = np.empty(1)
 
-    def __call__(self, G, q, h, key, mu):
+    def __call__(
+        self, G: SparseRows, q: np.ndarray, h: float, key: object, mu: np.ndarray
+    ) -> Answer:
         from nsbench.qp.kernels import active_set, active_set_callback, dispatch
 
         if key is not self._key:
@@ -113,7 +120,7 @@ class ActiveSet:
         return Answer(mu, d, CODES[work[dispatch.CODE]], int(work[dispatch.ROUNDS]))
 
 
-def large_problem_callback(rows: int):
+def large_problem_callback(rows: int) -> Callable:
     """Return the callback for large problems, compiled only where there are so many rows."""
     from nsbench.qp.kernels import dispatch
 
@@ -124,7 +131,9 @@ def large_problem_callback(rows: int):
     return large_callback.solve_large
 
 
-def least_distance(row, cols, vals, q, n, guess):
+def least_distance(
+    row: np.ndarray, cols: np.ndarray, vals: np.ndarray, q: np.ndarray, n: int, guess: np.ndarray
+) -> tuple[np.ndarray | None, np.ndarray | None]:
     """Return the shortest d (n,) with q + G d >= 0, and its multipliers mu (m,).
 
     row, cols, vals: entries of G (m, n); q (m,); guess (m,): multipliers to start from. Solved by

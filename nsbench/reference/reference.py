@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from nsbench.case import Case
 from nsbench.compilation.factories import as_numpy
-from nsbench.problem import LCS, Affine, Complementarity, Distance
+from nsbench.problem import LCS, Affine, Complementarity, Distance, Filippov
 from nsbench.trajectory import Event
 
 EPS = float(np.finfo(float).eps)
@@ -118,7 +119,7 @@ def _checked(case, name, value, shape):
     return value
 
 
-def right_hand_side(problem):
+def right_hand_side(problem: Complementarity | LCS | Filippov) -> Callable | None:
     """Return f(t, x) without the multipliers' part, in numpy; None for a Filippov system."""
     if isinstance(problem, Complementarity):
         return as_numpy(problem.drift)

@@ -66,7 +66,7 @@ def _described(name: str) -> dict[bytes, bytes]:
     }
 
 
-def cell(value):
+def cell(value: object) -> object:
     """Return a cell of runs.csv: text that a spreadsheet would take for a formula begins with an
     apostrophe."""
     return f"'{value}" if isinstance(value, str) and value.startswith(FORMULA) else value

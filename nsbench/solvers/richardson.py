@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from nsbench.case import Case
-from nsbench.solvers.base import Claims, Expect, Run, grid
+from nsbench.solvers.base import Claims, Expect, Run, Solver, grid
 from nsbench.solvers.common.extrapolation import combined, weights
 
 METHODS = ("pbd", "catching_up")
@@ -84,7 +84,7 @@ class Richardson:
             raise ValueError(f"levels is {self.levels!r}; 2 or 3")
 
     @property
-    def base(self):
+    def base(self) -> Solver:
         """Return the method that is extrapolated."""
         from nsbench.solvers.registry import get  # which imports this file
 

@@ -86,17 +86,17 @@ def _install() -> None:
     set_item = kind.__setitem__
     iterate = kind.__iter__
 
-    def look_up(self, key):
+    def look_up(self: os._Environ, key: str | bytes) -> str | bytes:
         if (_loads[0] or _running) and key is not getattr(_local, "iterated", None):
             _record(self, key, get_item, sys._getframe(1))
         return get_item(self, key)
 
-    def assign(self, key, value):
+    def assign(self: os._Environ, key: str | bytes, value: str | bytes) -> None:
         if (_loads[0] or _running) and _asking_file(sys._getframe(1)):
             _assigned.add(os.fsdecode(key))
         set_item(self, key, value)
 
-    def iterated(self):
+    def iterated(self: os._Environ) -> Iterator:
         for key in iterate(self):
             _local.iterated = key  # whoever goes through all names asks for none of them
             yield key

@@ -98,7 +98,7 @@ def digests_of_data_read(path, is_data: Callable[[str], bool]) -> dict[str, str]
 def _install_hook() -> None:
     """Add the audit hook, which stays for as long as the process lives."""
 
-    def hook(event, args):
+    def hook(event: str, args: tuple) -> None:
         if not (_loading or _running) or event not in ("open", "os.rename"):
             return
         path = args[event == "os.rename"]  # os.replace raises the same event

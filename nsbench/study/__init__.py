@@ -12,7 +12,9 @@ from __future__ import annotations
 
 import dataclasses
 import secrets
+from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,6 +22,9 @@ from nsbench.case import Case
 from nsbench.study.attempt import run_batch
 from nsbench.study.describe import describe_case, describe_solver
 from nsbench.study.plan import Spec, hand_over, plan_runs, resolve
+
+if TYPE_CHECKING:
+    import pandas
 
 __all__ = ["Spec", "Study", "run"]
 
@@ -33,14 +38,21 @@ class Study:
     cases: dict = dataclasses.field(default_factory=dict)
     solvers: dict = dataclasses.field(default_factory=dict)
 
-    def frame(self):
+    def frame(self) -> pandas.DataFrame:
         """The rows as a pandas DataFrame."""
         import pandas
 
         return pandas.DataFrame(self.rows)
 
 
-def run(cases, solver_specs=None, *, h=None, tol=None, k=None) -> Study:
+def run(
+    cases: str | Case | Iterable[str | Case],
+    solver_specs: str | Iterable[str] | None = None,
+    *,
+    h: float | Iterable[float] | None = None,
+    tol: float | Iterable[float] | None = None,
+    k: float | Iterable[float] | None = None,
+) -> Study:
     """Run cases (keys, or Case objects, as they are) with solvers (specs; None: the standard ones),
     in this process.
 

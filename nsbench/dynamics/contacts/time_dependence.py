@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -33,8 +34,8 @@ _chains: dict = {}
 def _chain(parts):
     """Build the factory that concatenates the parts, at least one of which moves."""
 
-    def leaf(part):
-        def make(xp):
+    def leaf(part: Callable | np.ndarray) -> Callable:
+        def make(xp: Any) -> Callable:
             if callable(part):
                 inner = part(xp)
                 return lambda t: inner(t).ravel()
@@ -43,8 +44,8 @@ def _chain(parts):
 
         return make
 
-    def join(a, b):
-        def make(xp):
+    def join(a: Callable, b: Callable) -> Callable:
+        def make(xp: Any) -> Callable:
             fa = a(xp)
             fb = b(xp)
             return lambda t: xp.concatenate((fa(t), fb(t)))

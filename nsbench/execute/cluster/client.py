@@ -110,7 +110,7 @@ def connect_client(address: str):
     except ImportError:
         raise ValueError(NEEDS_DISTRIBUTED) from None
 
-    async def try_connection():
+    async def try_connection() -> None:
         await (await connect(address, timeout=CONNECTION_TIMEOUT)).close()
 
     try:

@@ -228,7 +228,7 @@ def _end(key: tuple[str, int]) -> None:
 def _start_reaper() -> threading.Thread:
     """Start the thread that ends processes whose client has gone without dismissing them."""
 
-    def reap():
+    def reap() -> None:
         while True:
             time.sleep(IDLE_TIMEOUT / 4)
             with _guard:

@@ -17,7 +17,10 @@ import random
 import signal
 import sys
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from importlib.machinery import ModuleSpec
+from types import ModuleType
+from typing import TextIO
 
 import numpy as np
 
@@ -118,7 +121,14 @@ class ProcessState:
     def _restore_warnings(self):
         warned = self.warned
 
-        def count(message, category, filename, lineno, file=None, line=None):
+        def count(
+            message: Warning | str,
+            category: type[Warning],
+            filename: str,
+            lineno: int,
+            file: TextIO | None = None,
+            line: str | None = None,
+        ) -> None:
             # numba warns while it compiles, and not every process compiles
             if not category.__name__.startswith("Numba"):
                 warned.add((category, filename, lineno))
@@ -165,7 +175,9 @@ class _ImportHook:
         self.name = name
         self.then = then
 
-    def find_spec(self, name, path=None, target=None):
+    def find_spec(
+        self, name: str, path: Sequence[str] | None = None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
         if name != self.name:
             return None
         sys.meta_path.remove(self)
@@ -173,7 +185,7 @@ class _ImportHook:
         if spec is not None and spec.loader is not None:
             execute = spec.loader.exec_module
 
-            def load(module):
+            def load(module: ModuleType) -> None:
                 execute(module)
                 self.then()
 

@@ -163,7 +163,7 @@ def _fits(u, y, most):
     w = u - u.mean()
     w = w / np.sqrt(w @ w)
 
-    def off(z):
+    def off(z: np.ndarray) -> np.ndarray:
         z = z - z.mean(axis=-1, keepdims=True)
         return z - (z @ w)[..., None] * w
 

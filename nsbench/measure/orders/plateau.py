@@ -97,7 +97,7 @@ def _refine(u, y, p, v):
     Returns (rss, p, v, b).
     """
 
-    def value(p, v):
+    def value(p: float, v: float) -> tuple[float, np.ndarray, float, np.ndarray]:
         z = np.logaddexp(v, p * u)
         b = float((y - z).mean())
         r = y - z - b

@@ -7,11 +7,14 @@ number changes its sign.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from nsbench.reference.certify.ball_series import ROUNDING, Jet, NotDecided, Number
 from nsbench.reference.certify.dual_numbers import Complex, JetArray, _each, array
 
+Operand = np.ndarray | Number | float  # an argument of the functions that work entry by entry
 ELEMENTWISE = {
     "sin": "sin",
     "cos": "cos",
@@ -70,14 +73,14 @@ class _Current:
     branches: Branches | None = None
 
 
-def watching(branches: Branches | None):
+def watching(branches: Branches | None) -> Branches | None:
     """Record comparisons in `branches` from now on; return the former branches."""
     old = _Current.branches
     _Current.branches = branches
     return old
 
 
-def decide(difference, low: bool) -> bool:
+def decide(difference: Number | float, low: bool) -> bool:
     """Decide the sign of a number of any kind through the current branches; balls alone decide
     without them.
     """
@@ -92,7 +95,7 @@ def noted() -> list[Number]:
     return _Current.branches.deciders if _Current.branches is not None else []
 
 
-def elementary(name, value):
+def elementary(name: str, value: Number | float) -> Number:
     """Evaluate an elementary function of a number or a plain float, rounded
     outwards in both cases.
     """
@@ -114,7 +117,7 @@ def _is_ge(a, b):
 def _pairwise(f):
     """Lift a function of two numbers to arrays."""
 
-    def g(a, b):
+    def g(a: Operand, b: Operand) -> JetArray | Number | float:
         a, b = np.broadcast_arrays(np.asarray(a, object), np.asarray(b, object))
         out = np.empty(a.shape, object)
         for k in np.ndindex(a.shape):
@@ -127,7 +130,7 @@ def _pairwise(f):
 def _one(f):
     """Lift a function of one number to arrays."""
 
-    def g(a):
+    def g(a: Operand) -> JetArray | Number | float:
         return (
             _each(a, f)
             if isinstance(a, np.ndarray) and a.ndim
@@ -166,44 +169,44 @@ class Taylor:
     power = staticmethod(lambda a, b: a**b)
 
     @staticmethod
-    def where(condition, a, b):
+    def where(condition: np.ndarray | bool, a: Operand, b: Operand) -> JetArray:
         return _pairwise3(np.asarray(condition, object), a, b)
 
     @staticmethod
-    def clip(a, low, high):
+    def clip(a: Operand, low: Operand, high: Operand) -> JetArray | Number | float:
         return Taylor.minimum(Taylor.maximum(a, low), high)
 
     @staticmethod
-    def array(values, dtype=None):
+    def array(values: Sequence, dtype: object = None) -> JetArray:
         return array(_plain(values))
 
     asarray = array
 
     @staticmethod
-    def zeros(shape, dtype=None):
+    def zeros(shape: int | tuple[int, ...], dtype: object = None) -> JetArray:
         return np.full(shape, 0.0, object).view(JetArray)
 
     @staticmethod
-    def ones(shape, dtype=None):
+    def ones(shape: int | tuple[int, ...], dtype: object = None) -> JetArray:
         return np.full(shape, 1.0, object).view(JetArray)
 
     @staticmethod
-    def full(shape, value, dtype=None):
+    def full(shape: int | tuple[int, ...], value: Number | float, dtype: object = None) -> JetArray:
         return np.full(shape, value, object).view(JetArray)
 
     @staticmethod
-    def zeros_like(a, dtype=None):
+    def zeros_like(a: np.ndarray, dtype: object = None) -> JetArray:
         return Taylor.zeros(np.shape(a))
 
     empty = zeros
     empty_like = zeros_like
 
     @staticmethod
-    def ones_like(a, dtype=None):
+    def ones_like(a: np.ndarray, dtype: object = None) -> JetArray:
         return Taylor.ones(np.shape(a))
 
     @staticmethod
-    def dot(a, b):
+    def dot(a: np.ndarray, b: np.ndarray) -> np.ndarray | Number | float:
         return np.asarray(a, object) @ np.asarray(b, object)
 
     matmul = dot

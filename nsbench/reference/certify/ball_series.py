@@ -13,6 +13,7 @@ Trans. Comput. 66 (2017); Griewank and Walther, "Evaluating Derivatives" (2008),
 from __future__ import annotations
 
 import numbers
+from collections.abc import Sequence
 
 from flint import arb, arb_series
 
@@ -24,7 +25,7 @@ class NotDecided(ArithmeticError):
     """Report a comparison of balls that overlap: the answer differs within the ball."""
 
 
-def exact(value) -> arb:
+def exact(value: float | arb) -> arb:
     """Convert a float, an integer or an arb to an arb without rounding."""
     return value if isinstance(value, arb) else arb(float(value))
 
@@ -98,51 +99,51 @@ class Number:
     def __rpow__(self, base):
         return (self * arb(float(base)).log()).exp()
 
-    def sqrt(self):
+    def sqrt(self) -> Number:
         return self.apply("sqrt")
 
-    def exp(self):
+    def exp(self) -> Number:
         return self.apply("exp")
 
-    def log(self):
+    def log(self) -> Number:
         return self.apply("log")
 
-    def sin(self):
+    def sin(self) -> Number:
         return self.apply("sin")
 
-    def cos(self):
+    def cos(self) -> Number:
         return self.apply("cos")
 
-    def tan(self):
+    def tan(self) -> Number:
         return self.sin() / self.cos()
 
-    def sinh(self):
+    def sinh(self) -> Number:
         return (self.exp() - (-self).exp()) * 0.5
 
-    def cosh(self):
+    def cosh(self) -> Number:
         return (self.exp() + (-self).exp()) * 0.5
 
-    def tanh(self):
+    def tanh(self) -> Number:
         return 1.0 - 2.0 / ((2.0 * self).exp() + 1.0)
 
-    def arctan(self):
+    def arctan(self) -> Number:
         return self.apply("atan")
 
-    def arcsin(self):
+    def arcsin(self) -> Number:
         return self.apply("asin")
 
-    def arccos(self):
+    def arccos(self) -> Number:
         return self.apply("acos")
 
-    def conjugate(self):
+    def conjugate(self) -> Number:
         return self
 
     @property
-    def real(self):
+    def real(self) -> Number:
         return self
 
     @property
-    def imag(self):
+    def imag(self) -> float:
         return 0.0
 
     def _compare(self, other, low):
@@ -200,32 +201,32 @@ class Jet(Number):
     __slots__ = ("s",)
     level = 0
 
-    def __init__(self, s):
+    def __init__(self, s: arb_series):
         self.s = s
 
     @classmethod
-    def of(cls, coefficients, length: int) -> Jet:
+    def of(cls, coefficients: Sequence[arb], length: int) -> Jet:
         return cls(arb_series(coefficients, length))
 
-    def lift(self, value):
+    def lift(self, value: float | arb) -> Jet:
         return Jet(arb_series([exact(value)]))
 
-    def add(self, o):
+    def add(self, o: Jet) -> Jet:
         return Jet(self.s + o.s)
 
-    def mul(self, o):
+    def mul(self, o: Jet) -> Jet:
         return Jet(self.s * o.s)
 
-    def scaled(self, c):
+    def scaled(self, c: float) -> Jet:
         return Jet(self.s * exact(c))
 
-    def divided(self, c):
+    def divided(self, c: float) -> Jet:
         return Jet(self.s / exact(c))
 
-    def inv(self):
+    def inv(self) -> Jet:
         return Jet(1 / self.s)
 
-    def apply(self, name):
+    def apply(self, name: str) -> Jet:
         return Jet(getattr(self.s, name)())
 
     @property

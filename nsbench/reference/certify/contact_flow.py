@@ -48,7 +48,7 @@ class ContactFlow:
         """Evaluate at time t (one coefficient longer than the state) and state x (n numbers)."""
         return ContactPoint(self, t, x)
 
-    def names(self):
+    def names(self) -> tuple[tuple, ...]:
         """List the ids of the impulses, in the order of `rates`."""
         return tuple(r.id for r in self.held)
 

@@ -5,6 +5,7 @@ numbers.
 from __future__ import annotations
 
 import numpy as np
+from flint import arb
 
 from nsbench.reference.certify.ball_series import COMPLEX, Jet, Number
 
@@ -29,39 +30,39 @@ class Dual(Number):
 
     __slots__ = ("d", "level", "v")
 
-    def __init__(self, v, d, level=1):
+    def __init__(self, v: Number, d: dict[int, Number], level: int = 1):
         self.v = v
         self.d = d
         self.level = level
 
-    def lift(self, value):
+    def lift(self, value: Number | float | arb) -> Dual:
         return Dual(value if isinstance(value, Number) else Jet.lift(None, value), {}, self.level)
 
-    def add(self, o):
+    def add(self, o: Dual) -> Dual:
         d = dict(self.d)
         for j, b in o.d.items():
             d[j] = d[j] + b if j in d else b
         return Dual(self.v + o.v, d, self.level)
 
-    def mul(self, o):
+    def mul(self, o: Dual) -> Dual:
         d = {j: a * o.v for j, a in self.d.items()}
         for j, b in o.d.items():
             term = self.v * b
             d[j] = d[j] + term if j in d else term
         return Dual(self.v * o.v, d, self.level)
 
-    def scaled(self, c):
+    def scaled(self, c: float) -> Dual:
         return Dual(self.v * c, {j: a * c for j, a in self.d.items()}, self.level)
 
-    def divided(self, c):
+    def divided(self, c: float) -> Dual:
         return Dual(self.v / c, {j: a / c for j, a in self.d.items()}, self.level)
 
-    def inv(self):
+    def inv(self) -> Dual:
         w = self.v.inv()
         slope = -(w * w)
         return Dual(w, {j: a * slope for j, a in self.d.items()}, self.level)
 
-    def apply(self, name):
+    def apply(self, name: str) -> Dual:
         f = self.v.apply(name)
         slope = SLOPES[name](self.v, f) if self.d else None
         return Dual(f, {j: a * slope for j, a in self.d.items()}, self.level)
@@ -77,32 +78,32 @@ class Complex(Number):
     __slots__ = ("im", "re")
     level = COMPLEX
 
-    def __init__(self, re, im):
+    def __init__(self, re: Number | float, im: Number | float):
         self.re = re
         self.im = im
 
-    def lift(self, value):
+    def lift(self, value: Number | complex | float) -> Complex:
         return (
             Complex(value.real, value.imag) if isinstance(value, complex) else Complex(value, 0.0)
         )
 
-    def add(self, o):
+    def add(self, o: Complex) -> Complex:
         return Complex(self.re + o.re, self.im + o.im)
 
-    def mul(self, o):
+    def mul(self, o: Complex) -> Complex:
         return Complex(self.re * o.re - self.im * o.im, self.re * o.im + self.im * o.re)
 
-    def scaled(self, c):
+    def scaled(self, c: float) -> Complex:
         return Complex(self.re * c, self.im * c)
 
-    def divided(self, c):
+    def divided(self, c: float) -> Complex:
         return Complex(self.re / c, self.im / c)
 
-    def inv(self):
+    def inv(self) -> Complex:
         size = self.re * self.re + self.im * self.im
         return Complex(self.re / size, -1.0 * self.im / size)
 
-    def apply(self, name):
+    def apply(self, name: str) -> Complex:
         if name != "exp":
             raise NotImplementedError(f"certificates know no complex {name}")
         from nsbench.reference.certify.array_namespace import elementary
@@ -112,7 +113,7 @@ class Complex(Number):
         s = elementary("sin", self.im)
         return Complex(size * c, size * s)
 
-    def conjugate(self):
+    def conjugate(self) -> Complex:
         return Complex(self.re, -1.0 * self.im)
 
     def __abs__(self):
@@ -121,11 +122,11 @@ class Complex(Number):
         return elementary("sqrt", self.re * self.re + self.im * self.im)
 
     @property
-    def real(self):
+    def real(self) -> Number | float:
         return self.re
 
     @property
-    def imag(self):
+    def imag(self) -> Number | float:
         return self.im
 
     def _compare(self, other, low):
@@ -136,14 +137,14 @@ class JetArray(np.ndarray):
     """Hold an object array of numbers with real and imaginary parts taken entry by entry."""
 
     @property
-    def real(self):
+    def real(self) -> JetArray:
         return _each(self, lambda v: v.real)
 
     @property
-    def imag(self):
+    def imag(self) -> JetArray:
         return _each(self, lambda v: v.imag)
 
-    def conj(self):
+    def conj(self) -> JetArray:
         return _each(self, lambda v: v.conjugate())
 
     conjugate = conj

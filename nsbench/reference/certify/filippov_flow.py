@@ -4,6 +4,7 @@ nsbench.reference.certify.contact_flow.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import product
 
 import numpy as np
@@ -12,7 +13,7 @@ from flint import arb, arb_mat
 from nsbench.case import Case
 from nsbench.reference.certify.array_namespace import NAMESPACE, vector
 from nsbench.reference.certify.ball_algebra import lead, zero_of
-from nsbench.reference.certify.ball_series import Jet
+from nsbench.reference.certify.ball_series import Jet, Number
 from nsbench.reference.certify.dual_numbers import INNER, Dual, array
 
 
@@ -30,20 +31,20 @@ class SlidingFlow:
         self.shut = ()
         self.field, self.switch = case.problem.field(NAMESPACE), case.problem.switch(NAMESPACE)
 
-    def at(self, t, x):
+    def at(self, t: Jet, x: list[Number]) -> SlidingPoint:
         return SlidingPoint(self, t, x)
 
-    def names(self):
+    def names(self) -> tuple[tuple[int, int], ...]:
         return tuple((0, i) for i in range(len(self.mode)))
 
-    def invariants(self, point):
+    def invariants(self, point: SlidingPoint) -> list[Number]:
         return [point.c[i] for i in self.on]
 
 
 class SlidingPoint:
     """Evaluate velocity, switches and margins of a sliding flow at one time and state."""
 
-    def __init__(self, flow, t, x):
+    def __init__(self, flow: SlidingFlow, t: Jet, x: list[Number]):
         self.flow = flow
         n = flow.n
         one = Jet.lift(None, 1.0)
@@ -75,13 +76,13 @@ class SlidingPoint:
             total = part if total is None else [a + b for a, b in zip(total, part, strict=True)]
         return total
 
-    def velocity(self, u):
+    def velocity(self, u: Sequence[Number]) -> list[Number]:
         return self._blend({k: v[0] for k, v in self.corners.items()}, list(u))
 
-    def residual(self, u):
+    def residual(self, u: Sequence[Number]) -> list[Number]:
         return self._blend({k: v[1] for k, v in self.corners.items()}, list(u))
 
-    def matrix(self, u):
+    def matrix(self, u: Sequence[Number]) -> arb_mat:
         signs = [Dual(Jet.lift(None, lead(v)), {k: Jet.lift(None, 1.0)}) for k, v in enumerate(u)]
         rates = {k: [Jet.lift(None, lead(r)) for r in v[1]] for k, v in self.corners.items()}
         rows = self._blend(rates, signs)
@@ -89,7 +90,7 @@ class SlidingPoint:
             [[r.d[k].at(0) if k in r.d else arb(0) for k in range(self.flow.m)] for r in rows]
         )
 
-    def start(self):
+    def start(self) -> list[arb]:
         """Compute the leading coefficients of the unknown signs."""
         if self.flow.m == 0:
             return []
@@ -104,20 +105,20 @@ class SlidingPoint:
             self.flow.m,
         )
 
-    def watch(self, u):
+    def watch(self, u: Sequence[Number]) -> dict[tuple, Number]:
         out = {("side", (0, i)): p * self.c[i] for i, p in enumerate(self.flow.mode) if p}
         for i, s in zip(self.flow.on, u, strict=True):
             out |= {("upper", (0, i)): 1.0 - s, ("lower", (0, i)): 1.0 + s}
         return out
 
-    def rates_of_impulse(self, u):
+    def rates_of_impulse(self, u: Sequence[Number]) -> list[Number]:
         s = dict(zip(self.flow.on, u, strict=True))
         return [
             0.5 * (1.0 + s[i]) if i in s else Jet.lift(None, 0.5 * (1 + p))
             for i, p in enumerate(self.flow.mode)
         ]
 
-    def force(self, u):
+    def force(self, u: Sequence[Number]) -> list[Number]:
         return []
 
 

@@ -104,7 +104,7 @@ class PieceBounds:
             ("kink", k): (v if side else -v) for k, (v, side) in enumerate(kinks)
         }
 
-    def slope_ranges(self, over):
+    def slope_ranges(self, over: tuple[list, list]) -> None:
         """Bound the Jacobians over the tube: mu of the reduced flow, du/dx, slopes of what is
         watched.
         """
@@ -161,7 +161,7 @@ class PieceBounds:
             np.isfinite([self.mu, self.du, self.dforce, self.speed, *self.slopes.values()]).all()
         )
 
-    def wrong_sign(self, r, first, last):
+    def wrong_sign(self, r: float, first: bool, last: bool) -> str | None:
         """Prove that everything watched is positive on the piece for all states within r.
 
         Returns None if that is shown, else a sentence.

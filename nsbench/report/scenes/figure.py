@@ -312,7 +312,9 @@ def _limits(case, frames, kind):
     return low[0] - pad[0], high[0] + pad[0], low[1] - pad[1], high[1] + pad[1]
 
 
-def equalise_scales(box, ratio):
+def equalise_scales(
+    box: tuple[float, float, float, float], ratio: float
+) -> tuple[float, float, float, float]:
     """Widen the box about its middle to height / width = ratio.
 
     The scales of both axes are equal then without any later adjustment. Returns x0, x1, y0, y1.

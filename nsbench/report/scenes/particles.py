@@ -59,7 +59,7 @@ def drawing_extent(case: Case, frames: list, kind: str) -> tuple[np.ndarray, np.
     low = np.full(2, np.inf)
     high = np.full(2, -np.inf)
 
-    def take(p, r=0.0):
+    def take(p: np.ndarray, r: float | np.ndarray = 0.0) -> None:
         nonlocal low, high
         p = np.asarray(p)[:, :2]
         r = np.max(r)

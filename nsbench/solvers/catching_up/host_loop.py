@@ -11,8 +11,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from nsbench.dynamics.contacts.constraint_set import ANCHOR, PAIR
+from nsbench.case import Case
+from nsbench.dynamics.contacts.constraint_set import ANCHOR, PAIR, ConstraintSet
 from nsbench.qp.projection import Answer, SparseRows
+from nsbench.solvers.base import Grid
 from nsbench.solvers.catching_up.outcome import Outcome
 from nsbench.solvers.catching_up.qp_backends import BACKENDS, residual
 
@@ -46,7 +48,7 @@ class _List:
             known = dict(zip(old.near.ids, mu, strict=True))
             self.mu = np.array([known.get(k, 0.0) for k in self.near.ids])
 
-    def largest_displacements(self, x, y):
+    def largest_displacements(self, x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
         """Return the largest displacements of hard particles, base -> x -> y and x -> y alone."""
         far = last = 0.0
         for start, m, dim in self._hard:
@@ -62,7 +64,18 @@ class _List:
 class HostLoop:
     """One run of the catching-up scheme in Python."""
 
-    def __init__(self, case, scene, g, x0, backend, nonlinear, reach, eps, max_iter):
+    def __init__(
+        self,
+        case: Case,
+        scene: ConstraintSet,
+        g: Grid,
+        x0: np.ndarray,
+        backend: str,
+        nonlinear: bool,
+        reach: float,
+        eps: float | None,
+        max_iter: int | None,
+    ):
         from nsbench.compilation.factories import as_numpy
 
         self.t0 = float(case.t[0])
@@ -74,7 +87,7 @@ class HostLoop:
         self.nonlinear = nonlinear
         self.make = lambda: BACKENDS[backend](eps, max_iter)
 
-    def run(self):
+    def run(self) -> Outcome:
         with np.errstate(all="ignore"):
             return self._march()
 

@@ -187,7 +187,7 @@ def _compiled(case, scene, g, x0, reach):
     )
     march = bind_loop(kernel.march, functions.loop, args, module_in_python)
 
-    def run():
+    def run() -> Outcome:
         out = march(*args)
         work = dict(zip(COUNTERS, out.counters.tolist(), strict=True))
         work["contacts"] = round(work["contacts"] / max(1, int(g.substeps.sum())))

@@ -85,7 +85,7 @@ def compile_functions(*functions: CaseFunction) -> LoopFunctions:
 def _filling(function: Callable) -> Callable:
     """Write the values of (*args) -> array into the last argument, as a compiled callback does."""
 
-    def fill(*args):
+    def fill(*args: float | np.ndarray) -> None:
         args[-1][:] = np.ravel(function(*args[:-1]))
 
     return fill

@@ -152,7 +152,7 @@ class LinearisedConstraints:
     """The constraints near y, linearised there: g (m,), their gradients, by entries, and what g may
     miss by."""
 
-    def __init__(self, case, scene, t, y, reach):
+    def __init__(self, case: Case, scene: ConstraintSet, t: float, y: np.ndarray, reach: float):
         self.near = scene.near(y, reach, t)
         self.n = scene.n
         self.g, (self._row, self._cols, self._vals) = (
@@ -162,14 +162,14 @@ class LinearisedConstraints:
         self.allowed = tolerances(case, scene, t, y, self.near, projected=True)
         self._sizes = lambda: term_sizes(scene, t, y, self.near)
 
-    def size(self, known) -> float:
+    def size(self, known: dict[int, float]) -> float:
         """The largest length that a gap is the difference of, of those that push: `known`, by
         id."""
         norm = np.sqrt(np.bincount(self._row, self._vals**2, len(self.g)))
         push = np.isin(self.near.key, list(known)) & (norm > 0.0)
         return float((self._sizes()[push] / norm[push]).max(initial=0.0)) if push.any() else 0.0
 
-    def coincident(self):
+    def coincident(self) -> tuple[int, int, int] | None:
         """A pair whose direction to part in is not known, or None."""
         near = self.near
         tie = np.flatnonzero(
@@ -177,7 +177,7 @@ class LinearisedConstraints:
         )
         return near.take(tie[:1]).ids[0] if tie.size else None
 
-    def nearest(self, e, known):
+    def nearest(self, e: np.ndarray, known: dict[int, float]) -> np.ndarray | None:
         """The shortest d (n,) with g + G (d - e) >= 0, or None; known: multipliers by id, a guess
         that is renewed.
 

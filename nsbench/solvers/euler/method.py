@@ -5,7 +5,9 @@ implicit (does not).
 from __future__ import annotations
 
 import functools
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -111,7 +113,7 @@ class Euler:
             without_compilation,
         )
 
-        def run():
+        def run() -> Trajectory:
             with np.errstate(all="ignore"):
                 return self._trajectory(case, g, functions.loop, march(*args))
 
@@ -212,10 +214,10 @@ def _no_signs(drift):
     The same object each time, so that what is compiled for it serves again.
     """
 
-    def field(xp):
+    def field(xp: Any) -> Callable:
         f = drift(xp)
 
-        def g(t, x, s):
+        def g(t: float, x: np.ndarray, s: np.ndarray) -> np.ndarray:
             return f(t, x)
 
         return g

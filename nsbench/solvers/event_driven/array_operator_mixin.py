@@ -7,6 +7,8 @@ makes the operators call them. Shared by Jet (event_driven.interval_taylor) and 
 
 from __future__ import annotations
 
+from typing import Self
+
 import numpy as np
 
 
@@ -22,7 +24,7 @@ class ArrayOperators:
     def __iter__(self):
         return (self[k] for k in range(len(self)))
 
-    def ravel(self):
+    def ravel(self) -> Self:
         """Return the entries in one dimension."""
         return self.reshape(-1)
 

@@ -8,7 +8,12 @@ products with arrays to numpy, which casadi's own types do not.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
+
+if TYPE_CHECKING:
+    from casadi import MX, SX
 
 FUNCTIONS = ("sin", "cos", "tan", "exp", "log", "sqrt", "sinh", "cosh", "tanh")
 INVERSE = {"arcsin": "asin", "arccos": "acos", "arctan": "atan"}
@@ -40,7 +45,7 @@ class Symbol:
 
 
 def _binary(name):
-    def op(self, other):
+    def op(self: Symbol, other: Symbol | float | np.ndarray) -> Symbol:
         if isinstance(other, np.ndarray):
             return NotImplemented  # numpy then does it entry by entry
         return Symbol(getattr(self.e, name)(plain(other)))
@@ -64,7 +69,7 @@ def _function(name, *args):
     return getattr(casadi, name)(*args)
 
 
-def plain(value):
+def plain(value: Symbol | float) -> SX | MX | float:
     """The expression of a Symbol, or the float of a number."""
     return value.e if isinstance(value, Symbol) else float(value)
 
@@ -78,7 +83,7 @@ def _entrywise(f):
     columns and matrices only, and numpy's cannot compare Symbols: hence the loop over entries.
     """
 
-    def g(*args):
+    def g(*args: Symbol | float | np.ndarray) -> Symbol | np.ndarray:
         arrays = np.broadcast_arrays(*(np.asarray(a, object) for a in args))
         out = np.empty(arrays[0].shape, object)
         for k in np.ndindex(out.shape):
@@ -103,7 +108,7 @@ class Namespace:
         return getattr(np, name)
 
 
-def vector(column) -> np.ndarray:
+def vector(column: SX | MX) -> np.ndarray:
     """(n,) array of Symbols from a casadi column."""
     out = np.empty(column.shape[0], object)
     for i in range(len(out)):
@@ -111,7 +116,7 @@ def vector(column) -> np.ndarray:
     return out
 
 
-def column(values):
+def column(values: np.ndarray) -> SX | MX:
     """casadi column of what a factory's function returned."""
     import casadi
 

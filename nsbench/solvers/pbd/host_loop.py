@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,13 +17,18 @@ from nsbench.case import Case
 from nsbench.dynamics.contacts.candidates import CandidateContacts
 from nsbench.dynamics.contacts.constraint_set import SMOOTH, ConstraintSet
 from nsbench.dynamics.contacts.kernels.contact_arrays import AffineRows
+from nsbench.dynamics.contacts.time_dependence import SmoothRows
 from nsbench.solvers.base import Grid
 from nsbench.solvers.pbd.sweep_order import constraint_keys
+
+if TYPE_CHECKING:
+    from nsbench.solvers.pbd.kernels.loop_result import LoopResult
+    from nsbench.solvers.pbd.method import PBD
 
 MAX_NEWTON = 30  # steps of one projection; what has not converged by then shows in the residuals
 
 
-def prepare(method, case: Case, scene: ConstraintSet, g: Grid, x0: np.ndarray) -> Callable:
+def prepare(method: PBD, case: Case, scene: ConstraintSet, g: Grid, x0: np.ndarray) -> Callable:
     """Return a function without arguments that integrates from x0 and returns a LoopResult.
 
     method: PBD, with its options; g: the grid.
@@ -32,7 +38,7 @@ def prepare(method, case: Case, scene: ConstraintSet, g: Grid, x0: np.ndarray) -
     near = near.take(np.argsort(keys))
     sweep = _Sweep(scene, near)
 
-    def march():
+    def march() -> LoopResult:
         with np.errstate(all="ignore"):  # an overflow ends the run, and is reported by its status
             return _march(case, g, sweep, method.sweeps, x0)
 
@@ -95,13 +101,13 @@ class _Sweep:
         self.runs = _runs(near.kind)
         self.reset()
 
-    def reset(self):
+    def reset(self) -> None:
         """Clear what was done, for a new run."""
         self.mu = np.zeros(len(self.near))
         self.work = 0
         self.tied = False
 
-    def project(self, t: float, x: np.ndarray):
+    def project(self, t: float, x: np.ndarray) -> None:
         """Project x (n,) once on every constraint at the time t."""
         from nsbench.solvers.pbd.kernels.projection import sweep
 
@@ -130,7 +136,7 @@ def _runs(kind):
     return [(a, b, bool(kind[a] == SMOOTH)) for a, b in itertools.pairwise(edges) if b > a]
 
 
-def project_smooth(rows, k: int, t: float, x: np.ndarray) -> float:
+def project_smooth(rows: SmoothRows, k: int, t: float, x: np.ndarray) -> float:
     """Move x (n,) to the nearest point y of {g_k >= 0}; returns m >= 0.
 
     Solves y - x = m grad g(y), g(y) = 0 by Newton's method for m, with the gradient at the newest

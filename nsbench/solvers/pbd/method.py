@@ -18,6 +18,7 @@ equal discs), and pbd_jax/program.py.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -29,6 +30,9 @@ from nsbench.solvers.common.divergence import classify_divergence
 from nsbench.solvers.common.initial_state import initial_state
 from nsbench.solvers.pbd.sweep_order import ORDERS, hard_ranks, order_number, ordered_arrays
 from nsbench.trajectory import Resolution, Status, Trajectory
+
+if TYPE_CHECKING:
+    from nsbench.solvers.pbd.kernels.loop_result import LoopResult
 
 EXPECTS = (
     Expect(
@@ -150,7 +154,7 @@ class PBD:
             (*head, cell_loop.cell_state(m, case.n), arrays, none, none),
         )
 
-        def run():
+        def run() -> LoopResult:
             X = np.empty((len(g.t), case.n))
             R = np.empty((len(g.t), case.n))
             out = march(*head, cell_loop.cell_state(m, case.n), arrays, X, R)

@@ -10,12 +10,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from nsbench.compilation.factories import as_jax, as_numpy
 from nsbench.dynamics.filippov.modes import count_surfaces, is_multilinear, sign_patterns
 from nsbench.problem import Affine, Complementarity, Distance, Filippov, Smooth
+
+if TYPE_CHECKING:
+    import jax
 
 # entries up to which rows are a dense matrix: its zeros cost less than a scatter's calls
 DENSE = 4096
@@ -133,7 +137,7 @@ def slopes(
         else:
             families.append({Affine: _affine, Distance: _distance, Smooth: _smooth}[type(c)](c, n))
 
-    def penalised(t, x, k, lists):
+    def penalised(t: float, x: jax.Array, k: float, lists: tuple) -> tuple[jax.Array, jax.Array]:
         parts = [family(t, x, k, lists) for family in families]
         force = sum(p[1] for p in parts)
         return f(t, x) + force, jnp.concatenate([*(p[0] for p in parts), force])
@@ -169,7 +173,7 @@ def _filippov(problem: Filippov, n: int):
     if not is_multilinear(problem, n):
         field = _blended(field, count_surfaces(problem, n))
 
-    def smoothed(t, x, k, lists):
+    def smoothed(t: float, x: jax.Array, k: float, lists: tuple) -> tuple[jax.Array, jax.Array]:
         s = jnp.clip(k * switch(t, x), -1.0, 1.0)
         return field(t, x, s), 0.5 * (1.0 + s)
 
@@ -183,7 +187,7 @@ def _blended(field: Callable, d: int) -> Callable:
 
     signs = jnp.asarray(sign_patterns(d))
 
-    def blended(t, x, s):
+    def blended(t: float, x: jax.Array, s: jax.Array) -> jax.Array:
         return jnp.prod(0.5 * (1.0 + signs * s), axis=1) @ jax.vmap(lambda q: field(t, x, q))(signs)
 
     return blended
@@ -228,13 +232,13 @@ def _affine(c: Affine, n: int):
         A = np.zeros((m, n))
         np.add.at(A, (rows, c.indices), c.data)
 
-        def push(t, x, k, lists):
+        def push(t: float, x: jax.Array, k: float, lists: tuple) -> tuple[jax.Array, jax.Array]:
             lam = k * jnp.maximum(-((A * x).sum(1) + b(t)), 0.0)
             return lam, (A * lam[:, None]).sum(0)
 
         return push
 
-    def push(t, x, k, lists):
+    def push(t: float, x: jax.Array, k: float, lists: tuple) -> tuple[jax.Array, jax.Array]:
         g = jnp.zeros(m).at[rows].add(c.data * x[c.indices]) + b(t)
         lam = k * jnp.maximum(-g, 0.0)
         return lam, jnp.zeros(n).at[c.indices].add(c.data * lam[rows])
@@ -258,7 +262,7 @@ def _distance(c: Distance, n: int):
     first = np.eye(c.dim)[0]
     anchors = None if c.anchors is None else _moving(c.anchors, c.moving)
 
-    def push(t, x, k, lists):
+    def push(t: float, x: jax.Array, k: float, lists: tuple) -> tuple[jax.Array, jax.Array]:
         p = _positions(c, n, x)
         diff = p[i] - (p[j] if anchors is None else jnp.asarray(anchors(t))[j])
         square = (diff * diff).sum(1)
@@ -289,7 +293,7 @@ def _square(c: Distance, n: int, N: int):
     way = np.sign(number - number[:, None]).astype(float)
     i, j = _pairs(c, n)
 
-    def push(t, x, k, lists):
+    def push(t: float, x: jax.Array, k: float, lists: tuple) -> tuple[jax.Array, jax.Array]:
         p = _positions(c, n, x)
         parts = [p[:, a][:, None] - p[:, a] for a in range(c.dim)]
         square = sum(q * q for q in parts)
@@ -333,7 +337,7 @@ def _near(c: Distance, n: int, place: int):
     r = np.array(np.broadcast_to(c.radii if c.radii is not None else c.d / 2, N))
     number = np.arange(N)[:, None]
 
-    def push(t, x, k, lists):
+    def push(t: float, x: jax.Array, k: float, lists: tuple) -> tuple[jax.Array, jax.Array]:
         nb = lists[place]
         p = _positions(c, n, x)
         parts = [p[:, a][:, None] - p[:, a][nb] for a in range(c.dim)]
@@ -365,7 +369,7 @@ def _smooth(c: Smooth, n: int):
     g = as_jax(c.g)
     gradient = as_jax(c.gradient) if c.gradient else None
 
-    def push(t, x, k, lists):
+    def push(t: float, x: jax.Array, k: float, lists: tuple) -> tuple[jax.Array, jax.Array]:
         value, back = jax.vjp(lambda y: g(t, y), x)
         lam = k * jnp.maximum(-value, 0.0)
         return lam, jnp.asarray(gradient(t, x)).T @ lam if gradient else back(lam)[0]

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import diffrax
 import equinox as eqx
@@ -26,6 +27,9 @@ import jax.numpy as jnp
 import numpy as np
 import optimistix
 from jax import lax
+
+if TYPE_CHECKING:
+    from nsbench.solvers.penalty.forces import Slopes
 
 EXPLICIT = {"bosh3": diffrax.Bosh3, "tsit5": diffrax.Tsit5, "dopri8": diffrax.Dopri8}
 IMPLICIT = {"kvaerno3": diffrax.Kvaerno3, "kvaerno5": diffrax.Kvaerno5}
@@ -48,7 +52,16 @@ class Chord(optimistix.AbstractRootFinder):
     atol: jax.Array
     norm: Callable = eqx.field(static=True)
 
-    def init(self, fn, y, args, options, f_struct, aux_struct, tags):
+    def init(
+        self,
+        fn: Callable,
+        y: jax.Array,
+        args: tuple,
+        options: dict,
+        f_struct: object,
+        aux_struct: object,
+        tags: frozenset,
+    ) -> tuple:
         if "init_state" in options:
             return options["init_state"]
         _, along = jax.linearize(lambda v: fn(v, args)[0], y)
@@ -62,7 +75,9 @@ class Chord(optimistix.AbstractRootFinder):
             jnp.array(0),
         )
 
-    def step(self, fn, y, args, options, state, tags):
+    def step(
+        self, fn: Callable, y: jax.Array, args: tuple, options: dict, state: tuple, tags: frozenset
+    ) -> tuple[jax.Array, tuple, object]:
         lu, pivots, C, size, _, count = state
         _, diagonal, _, prod, _, z, _, dt = args  # as diffrax passes them to a root finder
         F, aux = fn(y, args)
@@ -71,7 +86,9 @@ class Chord(optimistix.AbstractRootFinder):
         new = self.norm(diagonal * prod(d, dt) / (self.atol + self.rtol * jnp.abs(z)))
         return y - d, (lu, pivots, C, new, size, count + 1), aux
 
-    def terminate(self, fn, y, args, options, state, tags):
+    def terminate(
+        self, fn: Callable, y: jax.Array, args: tuple, options: dict, state: tuple, tags: frozenset
+    ) -> tuple[jax.Array, optimistix.RESULTS]:
         """Stop when the increments still to come are below KAPPA; fail when they grow.
 
         Increments that are rounding may grow.
@@ -87,7 +104,17 @@ class Chord(optimistix.AbstractRootFinder):
         )
         return done | failed, result
 
-    def postprocess(self, fn, y, aux, args, options, state, tags, result):
+    def postprocess(
+        self,
+        fn: Callable,
+        y: jax.Array,
+        aux: object,
+        args: tuple,
+        options: dict,
+        state: tuple,
+        tags: frozenset,
+        result: optimistix.RESULTS,
+    ) -> tuple[jax.Array, object, dict]:
         return y, aux, {}
 
 
@@ -103,7 +130,9 @@ def _stepper(slopes, method: str, n: int, rtol, atol):
     term = diffrax.ODETerm(lambda t, z, args: jnp.concatenate(slopes.f(t, z[:n], *args)))
     solver = IMPLICIT[method](scan_kind="lax", root_finder=Chord(n, rtol, atol, _largest))
 
-    def step(t, end, z, args, stage):
+    def step(
+        t: jax.Array, end: jax.Array, z: jax.Array, args: tuple, stage: object
+    ) -> tuple[jax.Array, jax.Array, object, jax.Array]:
         z1, error, _, stage, result = solver.step(term, t, end, z, args, stage, False)
         return z1, error, stage, result == diffrax.RESULTS.successful
 
@@ -122,11 +151,13 @@ def _looped(f, tableau, n):
         for a in (lower, tableau.c, tableau.b_sol, tableau.b_error)
     )
 
-    def step(t, end, z, args, stage):
+    def step(
+        t: jax.Array, end: jax.Array, z: jax.Array, args: tuple, stage: jax.Array
+    ) -> tuple[jax.Array, jax.Array, jax.Array, jax.Array]:
         h = end - t
         x = z[:n]
 
-        def body(i, c):
+        def body(i: jax.Array, c: tuple) -> tuple[jax.Array, jax.Array, jax.Array, jax.Array]:
             slopes, total, wrong, _ = c
             at = jnp.where(nodes[i] == 1.0, end, t + nodes[i] * h)
             k = jnp.concatenate(f(at, x + h * (lower[i][:, None] * slopes).sum(0), *args))
@@ -166,7 +197,7 @@ class _TimeLoop:
     n: int
     parts: int
 
-    def goes_on(self, c):
+    def goes_on(self, c: dict) -> jax.Array:
         """Is there a sample to reach, a step left, and a step long enough to change the time?"""
         # 8 spacings of t; 0.9 of less than 5 rounds to no less
         resolved = c["t"] + 0.06 * c["h"] > c["t"]
@@ -175,7 +206,7 @@ class _TimeLoop:
         )
         return on & ~c["far"] if self.near else on
 
-    def step(self, c):
+    def step(self, c: dict) -> dict:
         """Take one step, cut to end at the next sample, and accept or refuse it."""
         ts = self.ts
         near = self.near
@@ -225,7 +256,7 @@ class _TimeLoop:
         )
 
 
-def integrator(slopes, method: str, n: int, parts: int = 0) -> Callable:
+def integrator(slopes: Slopes, method: str, n: int, parts: int = 0) -> Callable:
     """Return run(z0, i, t, h, ts, k, rtol, atol, max_steps, near) -> dict of samples and counts.
 
     It goes from z0 at time t to ts[i] and on, with a first step h. Errors are controlled in the
@@ -240,7 +271,18 @@ def integrator(slopes, method: str, n: int, parts: int = 0) -> Callable:
     equal parts of ts, NaN where none ended.
     """
 
-    def run(z0, i, t, h, ts, k, rtol, atol, max_steps, near):
+    def run(
+        z0: jax.Array,
+        i: int,
+        t: float,
+        h: float,
+        ts: jax.Array,
+        k: float,
+        rtol: float,
+        atol: float,
+        max_steps: int,
+        near: tuple,
+    ) -> dict[str, jax.Array]:
         watched, args = _watch(slopes, n, k, near)
         step_of, first = _stepper(watched, method, n, rtol, atol)
         # proportional control where stability limits the step: a third of the refusals of the plain
@@ -286,7 +328,9 @@ def _watch(slopes, n, k, near):
     if not near:
         return slopes, (k, ())
 
-    def watched(t, x, k, near):
+    def watched(
+        t: jax.Array, x: jax.Array, k: jax.Array, near: tuple
+    ) -> tuple[jax.Array, jax.Array]:
         dx, dq = slopes.f(t, x, k, near[0])
         return jnp.where(_travel(x, near) <= near[2], dx, jnp.nan), dq
 

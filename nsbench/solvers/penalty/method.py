@@ -208,7 +208,7 @@ class Penalty:
             return lambda: _nothing(case, why)
         levels = [k * 2.0**level for level in range(self.extrapolate + 1)]
 
-        def run():
+        def run() -> Trajectory:
             runs = [build_trajectory(self, case, level, k, march(level)) for level in levels]
             return combined(runs, 1.0 / k) if self.extrapolate else runs[0]
 
@@ -278,7 +278,7 @@ def _march(penalty: Penalty, case: Case, x0: np.ndarray, asked: float):
     z0 = np.concatenate([x0, np.zeros(program.size)])
     forces = isinstance(case.problem, Complementarity)
 
-    def march(k):
+    def march(k: float) -> dict:
         first = 0.1 * min(
             case.t[1] - case.t[0], 1.0 / k
         )  # within the stiffness; the controller lets it grow

@@ -29,7 +29,7 @@ class _Totals:
     keys: np.ndarray
     values: np.ndarray
 
-    def of(self, keys):
+    def of(self, keys: np.ndarray) -> np.ndarray:
         """(len(keys),) values, 0 for pairs never met."""
         at = np.minimum(np.searchsorted(self.keys, keys), max(0, len(self.keys) - 1))
         return (
@@ -38,7 +38,7 @@ class _Totals:
             else np.zeros(len(keys))
         )
 
-    def put(self, keys, values):
+    def put(self, keys: np.ndarray, values: np.ndarray) -> None:
         """Take over the values of `keys`; the others stay."""
         old = ~np.isin(self.keys, keys)
         self.keys = np.concatenate([self.keys[old], keys])

@@ -252,16 +252,16 @@ class ContactIntegrator:
         )
         list_centre = self.list_centre
 
-        def rhs(t, y):
+        def rhs(t: float, y: np.ndarray) -> np.ndarray:
             return np.concatenate(field.constrained_velocity(t, y[:n], held))
 
         # Event functions: gaps of the others, multipliers, displacement of certified candidates.
-        def event_functions(t, y):
+        def event_functions(t: float, y: np.ndarray) -> np.ndarray:
             lam = field.constrained_velocity(t, y[:n], held)[1] if p else ()
             margin = field.displacement_margin(y[:n], list_centre)
             return np.concatenate((field.gaps(t, y[:n], others), lam, margin))
 
-        def project(t, y):
+        def project(t: float, y: np.ndarray) -> np.ndarray | None:
             x = field.project(t, y[:n], held)
             return None if x is None else np.concatenate((x, y[n:]))
 

@@ -181,7 +181,7 @@ def _arranged(func, *args, **kwargs):
     first = [FOREIGN]
     pieces = next(j.mid.shape[-2] for j in jets_among(args))
 
-    def number(a):
+    def number(a: object) -> object:
         if isinstance(a, (list, tuple)) and any(True for _ in jets_among(a)):
             return type(a)(number(as_jet(v, pieces)) for v in a)
         if not isinstance(a, Jet):

@@ -141,7 +141,7 @@ def floor(a: Jet) -> Jet:
 def fold(pick: Callable) -> Callable:
     """Build a reduction along an axis, as np.max is, from a function of two Jets."""
 
-    def fold(a, axis=None, **_):
+    def fold(a: Jet, axis: int | None = None, **_: object) -> Jet:
         if axis is None:
             a = a.reshape(-1)
             axis = 0

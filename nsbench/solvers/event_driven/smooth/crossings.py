@@ -147,7 +147,7 @@ class EventFunctions:
 
         values = {}
 
-        def fun(s):
+        def fun(s: float) -> float:
             values[s] = float(self.gaps(s, dense(s))[i]) - self.level[i]
             return values[s]
 
