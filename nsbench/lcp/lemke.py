@@ -26,11 +26,12 @@ RANK = 1e-10  # relative singular value of scaled rows below which they count as
 
 
 @njit(cache=True, error_model="numpy")
-def scales(M):
-    """Return factors of rows (m,) and columns (m,) that bring the entries of M near one."""
+def scales(M: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return factors of rows (m,) and columns (m,) that bring the entries of M (m, m) near one."""
     m = M.shape[0]
     a = np.ones(m)
     b = np.ones(m)
+    # Alternate scaling of rows and columns by the square root of their largest entry.
     for _ in range(SCALINGS):
         for i in range(m):
             s = 0.0
@@ -48,9 +49,11 @@ def scales(M):
 
 
 @njit(cache=True, error_model="numpy")
-def slack(M, r, lam, w):
-    """Fill w with r + M lam; returns whether lam and w are non-negative and complementary up to
-    rounding."""
+def slack(M: np.ndarray, r: np.ndarray, lam: np.ndarray, w: np.ndarray) -> bool:
+    """Fill w (m,) with r + M lam, M (m, m), r, lam (m,).
+
+    Returns whether lam and w are non-negative and complementary up to rounding.
+    """
     m = r.size
     top = 0.0
     good = True
@@ -72,14 +75,20 @@ def slack(M, r, lam, w):
 
 
 @njit(cache=True, error_model="numpy")
-def by_support(M, r, on, lam, w):
-    """Fill lam with the solution of w = 0 on the support `on`, zero elsewhere; False if there is
-    none or it does not solve the problem."""
+def by_support(
+    M: np.ndarray, r: np.ndarray, on: np.ndarray, lam: np.ndarray, w: np.ndarray
+) -> bool:
+    """Fill lam with the solution of w = 0 on the support `on`, zero elsewhere.
+
+    M (m, m); r, on, lam, w (m,); w is filled too. Returns False if there is no such lam or it does
+    not solve the problem.
+    """
     m = r.size
     idx = np.flatnonzero(on)
     p = idx.size
     for i in range(m):
         lam[i] = 0.0
+    # Principal submatrix of the support.
     if p:
         N = np.empty((p, p))
         b = np.empty(p)
@@ -133,10 +142,13 @@ def _leaving(T, col, basis, m, z0):
 
 
 @njit(cache=True, error_model="numpy")
-def lemke(M, r):
-    """Solve scaled data by Lemke's complementary pivots with the covering vector of ones; returns
-    support (m,), whether it was found, pivots."""
+def lemke(M: np.ndarray, r: np.ndarray) -> tuple[np.ndarray, bool, int]:
+    """Solve scaled data by Lemke's complementary pivots with the covering vector of ones.
+
+    M (m, m), r (m,). Returns support (m,), whether it was found, pivots.
+    """
     m = r.size
+    # the tableau of w - M lam - z0 = r
     T = np.zeros((m, 2 * m + 2))  # w | lam | z0 | right-hand side
     basis = np.arange(m)
     z0 = 2 * m
@@ -177,15 +189,27 @@ def lemke(M, r):
 
 
 @njit(cache=True, error_model="numpy")
-def solve(M, r, a, b, on, lam, w):
-    """Fill lam and w with a solution and `on` with its support; `on` is a guess before. a, b:
-    `scales` of M. Returns whether one was found, and pivots."""
+def solve(
+    M: np.ndarray,
+    r: np.ndarray,
+    a: np.ndarray,
+    b: np.ndarray,
+    on: np.ndarray,
+    lam: np.ndarray,
+    w: np.ndarray,
+) -> tuple[bool, int]:
+    """Fill lam and w with a solution and `on` with its support; `on` is a guess before.
+
+    M (m, m); r, on, lam, w (m,); a, b (m,): `scales` of M. Returns whether a solution was found,
+    and pivots, supports that were tried included.
+    """
     m = r.size
     if by_support(M, r, on, lam, w):
         return True, 0
     S = np.empty((m, m))
     s = np.empty(m)
     top = 0.0
+    # Scaled data: rows and columns near one, and the right-hand side too.
     for i in range(m):
         s[i] = a[i] * r[i]
         top = max(top, abs(s[i]))
@@ -199,6 +223,7 @@ def solve(M, r, a, b, on, lam, w):
             on[i] = guess[i]
         return True, count
     if m <= ENUMERATED_ROWS:
+        # enumeration of the supports; bits of the code say which rows are on
         for code in range(2**m):
             for i in range(m):
                 guess[i] = (code >> i) & 1
@@ -210,13 +235,18 @@ def solve(M, r, a, b, on, lam, w):
 
 
 @njit(cache=True, error_model="numpy")
-def has_other_motion(M, r, G, lam, size):
-    """Is there a solution mu with G mu apart from G lam by more than MOTION times `size`? All
-    supports are tried. G (n, m): motion per unit of lam."""
+def has_other_motion(
+    M: np.ndarray, r: np.ndarray, G: np.ndarray, lam: np.ndarray, size: float
+) -> bool:
+    """Is there a solution mu with G mu apart from G lam by more than MOTION times `size`?
+
+    M (m, m), r (m,): the problem; lam (m,): a solution of it. G (n, m): motion per unit of lam.
+    """
     m = r.size
     on = np.zeros(m, np.bool_)
     mu = np.empty(m)
     w = np.empty(m)
+    # enumeration of the supports; bits of the code say which rows are on
     for code in range(2**m):
         for i in range(m):
             on[i] = (code >> i) & 1
@@ -249,11 +279,14 @@ def _null_space_projector(Vt, rank, b, idx):
 
 
 @njit(cache=True, error_model="numpy")
-def least_norm_solution(M, r, a, b, lam, w):
+def least_norm_solution(
+    M: np.ndarray, r: np.ndarray, a: np.ndarray, b: np.ndarray, lam: np.ndarray, w: np.ndarray
+) -> None:
     """Replace lam by the least-norm solution with the same rows w = 0, if these leave a choice.
 
     On the rows with w = 0 the solutions are an affine set cut by lam >= 0: a least-distance problem
     in its coordinates, whose dual is a Gram problem for lcp.gram_lcp.
+    M (m, m), r (m,); a, b (m,): `scales` of M; lam, w (m,): a solution, in and out.
     """
     m = r.size
     zero = np.zeros(m, np.bool_)
@@ -272,6 +305,7 @@ def least_norm_solution(M, r, a, b, lam, w):
             S[i, j] = M[idx[i], idx[j]] * a[idx[i]] * b[idx[j]]
     if not near_singular(S.copy(), RANK):
         return
+    # The null space of the scaled rows, by singular values: there the solutions differ.
     _, sigma, Vt = np.linalg.svd(S)
     rank = 0
     while rank < p and sigma[rank] > RANK * sigma[0]:
@@ -287,6 +321,7 @@ def least_norm_solution(M, r, a, b, lam, w):
     for i in range(p):
         for j in range(p):
             along[i] += P[i, j] * start[j]
+    # Start from the point of the affine set next to the origin.
     for i in range(p):
         start[i] -= along[i]
         top = max(top, lam[idx[i]])

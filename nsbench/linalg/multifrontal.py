@@ -7,12 +7,17 @@ up (Duff & Reid, ACM TOMS 9(3), 1983). Fronts and panels of the factor are store
 triangle.
 """
 
-from typing import NamedTuple
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from nsbench.compilation.decorators import njit
 from nsbench.linalg.nested_dissection import LARGEST_FRONT, STACK
+
+if TYPE_CHECKING:
+    from nsbench.linalg.nested_dissection import AssemblyTree
 
 # fused multiply-add and vector sums; a factor is corrected by refinement anyway
 FAST = {"contract", "reassoc"}
@@ -64,14 +69,15 @@ def _subtract_block(F, nf, L, t, first):
 
 
 @njit(cache=True, error_model="numpy", fastmath=FAST)
-def eliminate(F, own, nf, L, at):
-    """Eliminate the first `own` rows of the front F (nf x nf, flat); they go to L[at:], their
-    diagonal inverted.
+def eliminate(F: np.ndarray, own: int, nf: int, L: np.ndarray, at: int) -> None:
+    """Eliminate the first `own` rows of the front F (nf * nf,), stored by rows; they go to L[at:],
+    their diagonal inverted.
 
     BLOCK rows at a time. (Rows as slices, read from 0 on: an index that might be negative keeps
     numba from vectorising.)
     """
     k = 0
+    # blocked right-looking Cholesky factorisation of a dense front
     while k < own:
         wide = min(BLOCK, own - k)
         for a in range(wide):
@@ -114,6 +120,7 @@ def _add(F, nf, below, far, rel, ends):
     Places that follow each other are added as slices: they are read and written several times as
     fast as one by one.
     """
+    # runs of places that follow each other
     runs = 0
     for j in range(far):
         if j + 1 == far or rel[j + 1] != rel[j] + 1:
@@ -134,9 +141,12 @@ def _add(F, nf, below, far, rel, ends):
 
 
 @njit(cache=True, error_model="numpy")
-def factor(T, ptr, vals, weight, L, F, stack):
-    """Fill L with the factor of I + G^T diag(weight) G, G with the entries vals and row pointers
-    ptr. F and stack: see FrontWorkspace."""
+def factor(T: AssemblyTree, ptr, vals, weight, L, F, stack) -> None:
+    """Fill L with the factor of I + G^T diag(weight) G, weight (m,).
+
+    G (m, n) has the row pointers ptr (m + 1,) and the entries vals (e,). L, F and stack: see
+    FrontWorkspace.
+    """
     first = T.first
     up = T.up
     bptr = T.bptr
@@ -189,9 +199,11 @@ def factor(T, ptr, vals, weight, L, F, stack):
 
 
 @njit(cache=True, error_model="numpy", fastmath=FAST)
-def forward(T, L, s, y, z):
-    """Eliminate part s from a right-hand side (forward substitution): z holds that of the front; y
-    (n,), by places, takes the result."""
+def forward(T: AssemblyTree, L: np.ndarray, s: int, y: np.ndarray, z: np.ndarray) -> None:
+    """Eliminate part s from a right-hand side (forward substitution).
+
+    z (nf,) holds that of the front, overwritten; y (n,), by places, takes the result.
+    """
     first = T.first
     bptr = T.bptr
     border = T.border
@@ -212,9 +224,10 @@ def forward(T, L, s, y, z):
 
 
 @njit(cache=True, error_model="numpy", fastmath=FAST)
-def backward(T, L, y, z):
+def backward(T: AssemblyTree, L: np.ndarray, y: np.ndarray, z: np.ndarray) -> None:
     """Substitute backwards: y (n,) by places, from the end of `forward` to the solution; z:
     work."""
+    # parents before children: what a front holds beside its own places is known by then
     first = T.first
     bptr = T.bptr
     border = T.border
@@ -237,14 +250,15 @@ def backward(T, L, y, z):
 
 
 @njit(cache=True, error_model="numpy")
-def solve(T, L, b, x, w):
-    """Fill x with K^-1 b. w: FrontWorkspace.work. b and x may be the same array."""
+def solve(T: AssemblyTree, L: np.ndarray, b: np.ndarray, x: np.ndarray, w: np.ndarray) -> None:
+    """Fill x with K^-1 b, b, x (n,). w: FrontWorkspace.work. b and x may be the same array."""
     order = T.order
     first = T.first
     bptr = T.bptr
     n = order.size
     y = w[:n]
     z = w[n:]
+    # right-hand side by places, children before parents
     for c in range(n):
         y[c] = b[order[c]]
     for s in range(first.size - 1):
@@ -262,7 +276,7 @@ def solve(T, L, b, x, w):
 
 
 @njit(cache=True, error_model="numpy")
-def workspace(T):
+def workspace(T: AssemblyTree) -> FrontWorkspace:
     """Return the FrontWorkspace for the assembly tree T."""
     size = T.sizes[LARGEST_FRONT]
     most = T.sizes[STACK]

@@ -107,7 +107,9 @@ def _pieces(ptr, cols, tptr, trow, order, label, queue, level, todo):
 
 
 @njit(cache=True, error_model="numpy")
-def nested_dissection(ptr, cols, tptr, trow):
+def nested_dissection(
+    ptr: np.ndarray, cols: np.ndarray, tptr: np.ndarray, trow: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Return an order of elimination (n,) of the coordinates, and above (n,): -2 inside a part, at
     its first place the place where the part above it begins, -1 for none."""
     n = tptr.size - 1
@@ -207,6 +209,7 @@ def _borders(first, above, place, order, ptr, cols, tptr, trow):
     Returns up (parts,): the part above each; of (n,): the part of each place; bptr (parts + 1,) and
     border: those places, ascending.
     """
+    # Symbolic elimination: a part meets its neighbours, and what the parts below it have met.
     parts = first.size - 1
     n = order.size
     up = np.full(parts, -1)
@@ -259,10 +262,16 @@ def _borders(first, above, place, order, ptr, cols, tptr, trow):
 
 
 @njit(cache=True, error_model="numpy")
-def assembly_tree(ptr, cols, tptr, trow):
-    """Return the AssemblyTree of a CSR pattern (ptr, cols) with the transpose (tptr, trow)."""
+def assembly_tree(
+    ptr: np.ndarray, cols: np.ndarray, tptr: np.ndarray, trow: np.ndarray
+) -> AssemblyTree:
+    """Return the AssemblyTree of a CSR pattern ptr (m + 1,), cols (e,).
+
+    tptr (n + 1,), trow (e,): its transpose.
+    """
     n = tptr.size - 1
     order, above = nested_dissection(ptr, cols, tptr, trow)
+    # Places of the coordinates, and the parts: each begins where `above` is set.
     place = np.empty(n, np.int64)
     parts = 0
     for c in range(n):
@@ -291,6 +300,7 @@ def _front_layout(first, up, bptr, border):
     room = 0
     most = 0
     held = np.zeros(parts, np.int64)
+    # a part frees what its children have handed up, and hands up the rest of its own front
     for s in range(parts):
         own = first[s + 1] - first[s]
         far = bptr[s + 1] - bptr[s]
@@ -323,6 +333,7 @@ def _row_owners(first, of, bptr, border, place, ptr, cols):
     optr = np.zeros(parts + 1, np.int64)
     loc = np.empty(cols.size, np.int64)
     orow = np.empty(m, np.int64)
+    # The first coordinate of a row to be eliminated decides where the row is assembled.
     for k in range(m):
         low = place[cols[ptr[k]]]
         for e in range(ptr[k], ptr[k + 1]):

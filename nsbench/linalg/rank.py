@@ -9,10 +9,11 @@ from nsbench.compilation.decorators import njit
 
 
 @njit(cache=True, error_model="numpy")
-def orthonormal(Q):
+def orthonormal(Q: np.ndarray) -> None:
     """Make the columns of Q (p, n) orthonormal in place, by Gram and Schmidt's method done twice
     (Giraud, Langou & Rozloznik, Computers & Mathematics with Applications 50, 2005)."""
     p, n = Q.shape
+    # Gram-Schmidt, each column twice: what rounding leaves after the first pass goes in the second.
     for k in range(n):
         for _ in range(2):
             for j in range(k):
@@ -30,11 +31,12 @@ def orthonormal(Q):
 
 
 @njit(cache=True, error_model="numpy")
-def near_singular(A, rank):
+def near_singular(A: np.ndarray, rank: float) -> bool:
     """Does elimination of A (n, n) with full pivoting meet a pivot below `rank` times the first? A
     is overwritten."""
     n = A.shape[0]
     first = 0.0
+    # Gaussian elimination with full pivoting: the pivots fall with the singular values.
     for k in range(n):
         p = k
         q = k

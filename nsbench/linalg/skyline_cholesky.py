@@ -11,10 +11,16 @@ import numpy as np
 
 from nsbench.compilation.decorators import inner_kernel, summing_kernel
 
+# place (p,), start (p,), pointers (p + 1,), and the rows that share a column: nptr (p + 1,), near
+EnvelopePlan = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+
 
 @inner_kernel
-def columns(C, count, p, n):
-    """Return the rows of each column: pointers (n + 1,) and members."""
+def columns(C: np.ndarray, count: np.ndarray, p: int, n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the rows of each column: pointers (n + 1,) and members (e,).
+
+    C (p, width), count (p,): columns of the rows. Counting sort by column.
+    """
     ptr = np.zeros(n + 1, np.int64)
     for k in range(p):
         for e in range(count[k]):
@@ -75,9 +81,10 @@ def _neighbours(C, count, p, n, stamp):
 
 
 @inner_kernel
-def arrange(C, count, p, n):
+def arrange(C: np.ndarray, count: np.ndarray, p: int, n: int) -> EnvelopePlan:
     """Plan the factorisation: order the rows by Cuthill & McKee, reversed.
 
+    C (p, width), count (p,): columns of the p rows; n: number of columns.
     Returns the plan: place (p,) of each row, start (p,) and pointers (p + 1,) of the envelope, and
     the rows that share a column with each row, nptr (p + 1,) and near.
     """
@@ -87,6 +94,8 @@ def arrange(C, count, p, n):
     mark = np.int64(p)
     nptr, near = _neighbours(C, count, p, n, stamp)
     done = np.zeros(p, np.bool_)
+    # Reverse Cuthill-McKee: breadth-first from a nearly peripheral row of each component, the last
+    # row that a first search reaches.
     for k in range(p):
         if not done[k]:
             end = _breadth(k, nptr, near, stamp, mark + 1, queue, at)
@@ -100,6 +109,7 @@ def arrange(C, count, p, n):
     eptr = np.zeros(p + 1, np.int64)
     for u in range(p):
         place[queue[u]] = p - 1 - u
+    # Envelope: a row begins at the first of its neighbours.
     for k in range(p):
         first = place[k]
         for u in range(nptr[k], nptr[k + 1]):
@@ -111,7 +121,15 @@ def arrange(C, count, p, n):
 
 
 @inner_kernel
-def fill(plan, C, V, count, p, work, E):
+def fill(
+    plan: EnvelopePlan,
+    C: np.ndarray,
+    V: np.ndarray,
+    count: np.ndarray,
+    p: int,
+    work: np.ndarray,
+    E: np.ndarray,
+) -> None:
     """Fill E with the Gram matrix G G^T, in the envelope of the plan.
 
     plan: of `arrange`. C, V (p, longest row), count (p,): columns, values and lengths of the rows
@@ -124,6 +142,7 @@ def fill(plan, C, V, count, p, work, E):
     """
     place, start, eptr, nptr, near = plan
     E[:] = 0.0
+    # Scatter row k into a dense vector, multiply by its neighbours, clear it again.
     for k in range(p):
         i = place[k]
         for e in range(count[k]):
@@ -148,10 +167,13 @@ def _dot(E, a, b, m):
 
 
 @inner_kernel
-def factor(plan, p, E, least):
-    """Replace E by its Cholesky factor; False if a pivot is not above `least` times its
-    diagonal."""
+def factor(plan: EnvelopePlan, p: int, E: np.ndarray, least: float) -> bool:
+    """Replace E (e,), the envelope of a matrix, by its Cholesky factor.
+
+    Returns False if a pivot is not above `least` times its diagonal.
+    """
     _, start, eptr, _, _ = plan
+    # Cholesky's method by rows: both factors of a dot product are stretches of the envelope.
     for i in range(p):
         row = eptr[i]
         a = start[i]
@@ -168,12 +190,16 @@ def factor(plan, p, E, least):
 
 
 @summing_kernel
-def solve(plan, p, E, v, out):
-    """Fill out (p,) with (L L^T)^-1 v, both in the order of the rows of G; E holds L."""
+def solve(plan: EnvelopePlan, p: int, E: np.ndarray, v: np.ndarray, out: np.ndarray) -> None:
+    """Fill out (p,) with (L L^T)^-1 v, v (p,), both in the order of the rows of G; E holds L.
+
+    v and out may be the same array.
+    """
     place, start, eptr, _, _ = plan
     y = np.empty(p)
     for k in range(p):
         y[place[k]] = v[k]
+    # Forward substitution by rows, then backward substitution by columns of L^T.
     for i in range(p):
         row = eptr[i]
         a = start[i]

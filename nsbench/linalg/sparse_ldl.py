@@ -15,6 +15,9 @@ from nsbench.compilation.decorators import njit
 
 SMALL = 24  # rows of a part: one this small is dense enough, dissecting it further gains nothing
 
+# L by columns: start (na,), count (na,), row and value of each entry
+SparseFactor = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+
 
 class SparsityPattern(NamedTuple):
     """Where G (m, n) has entries, and an order of elimination for G G^T.
@@ -33,9 +36,10 @@ class SparsityPattern(NamedTuple):
 
 
 @njit(cache=True, error_model="numpy")
-def visits(ptr, cols, n):
+def visits(ptr: np.ndarray, cols: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Transpose a CSR pattern: tptr (n + 1,), trow, tpos (see SparsityPattern), rows ascending in
     every column."""
+    # Counting sort of the entries by column.
     tptr = np.zeros(n + 1, np.int64)
     for c in cols:
         tptr[c + 1] += 1
@@ -56,14 +60,28 @@ def visits(ptr, cols, n):
 
 
 @njit(cache=True, error_model="numpy")
-def levels(root, part, label, ptr, cols, tptr, trow, queue, level):
-    """Search breadth-first from root through the rows with label `part`; returns how many were
-    reached, in queue, and their distances from root in level."""
+def levels(
+    root: int,
+    part: int,
+    label: np.ndarray,
+    ptr: np.ndarray,
+    cols: np.ndarray,
+    tptr: np.ndarray,
+    trow: np.ndarray,
+    queue: np.ndarray,
+    level: np.ndarray,
+) -> int:
+    """Search breadth-first from root through the rows with label `part`.
+
+    label (m,); queue (m,): filled with the rows reached, in order; level (m,): with their distances
+    from root. Returns how many were reached.
+    """
     queue[0] = root
     level[root] = 0
     label[root] = -part
     done = 0
     found = 1
+    # breadth-first search; rows that share a column are neighbours
     while done < found:
         v = queue[done]
         done += 1
@@ -81,7 +99,9 @@ def levels(root, part, label, ptr, cols, tptr, trow, queue, level):
 
 
 @njit(cache=True, error_model="numpy")
-def nested_dissection_order(ptr, cols, tptr, trow):
+def nested_dissection_order(
+    ptr: np.ndarray, cols: np.ndarray, tptr: np.ndarray, trow: np.ndarray
+) -> np.ndarray:
     """Return the rows (m,) in an order of elimination: nested dissection by the middle level of a
     breadth-first search.
 
@@ -133,9 +153,14 @@ def nested_dissection_order(ptr, cols, tptr, trow):
 
 
 @njit(cache=True, error_model="numpy")
-def separate_component(order, lo, hi, queue, found, label):
+def separate_component(
+    order: np.ndarray, lo: int, hi: int, queue: np.ndarray, found: int, label: np.ndarray
+) -> int:
     """Put the `found` rows of a connected component, in queue, before the rest of the part
-    order[lo:hi]; returns how many rows are in queue then: all of the part."""
+    order[lo:hi].
+
+    order, queue, label (m,). Returns how many rows are in queue then: all of the part.
+    """
     for k in range(found):
         label[queue[k]] = 0
     for k in range(lo, hi):
@@ -173,6 +198,7 @@ def _cut_at_level(order, lo, hi, queue, found, level, cut):
 def _symbolic(act, slot, ptr, cols, tptr, trow):
     """Return the elimination tree (na,) of the chosen rows and the start (na + 1,) of each column
     of L."""
+    # Elimination tree and column counts by walks up the tree (Liu 1990; Davis 2005).
     na = act.size
     parent = np.full(na, -1)
     mark = np.full(na, -1)
@@ -197,7 +223,9 @@ def _symbolic(act, slot, ptr, cols, tptr, trow):
 
 
 @njit(cache=True, error_model="numpy")
-def factor(act, slot, ptr, cols, vals, tptr, trow, tpos, tol, shift):
+def factor(
+    act, slot, ptr, cols, vals, tptr, trow, tpos, tol: float, shift: float
+) -> tuple[SparseFactor, np.ndarray]:
     """Factor M_AA = L D L^T for the rows act (na,), the diagonal of M_AA times 1 + shift.
 
     slot (m,): their places in act, -1 elsewhere.
@@ -258,9 +286,10 @@ def factor(act, slot, ptr, cols, vals, tptr, trow, tpos, tol, shift):
 
 
 @njit(cache=True, error_model="numpy")
-def back(L, D, b):
-    """Solve L D L^T x = b in place; the entries of dependent rows become 0."""
+def back(L: SparseFactor, D: np.ndarray, b: np.ndarray) -> None:
+    """Solve L D L^T x = b in place, D, b (na,); the entries of dependent rows become 0."""
     start, count, row, value = L
+    # Forward substitution by columns of L, then backward substitution.
     for i in range(D.size):
         if D[i] == 0.0:
             b[i] = 0.0
@@ -277,8 +306,8 @@ def back(L, D, b):
 
 
 @njit(cache=True, error_model="numpy")
-def push(P, vals, mu, d):
-    """Fill d (n,) with G^T mu."""
+def push(P: SparsityPattern, vals: np.ndarray, mu: np.ndarray, d: np.ndarray) -> None:
+    """Fill d (n,) with G^T mu, mu (m,); vals (e,): entries of G."""
     ptr = P.ptr
     cols = P.cols
     for c in range(d.size):
@@ -290,8 +319,10 @@ def push(P, vals, mu, d):
 
 
 @njit(cache=True, error_model="numpy")
-def slack(P, vals, q, d, w):
-    """Fill w (m,) with q + G d."""
+def slack(
+    P: SparsityPattern, vals: np.ndarray, q: np.ndarray, d: np.ndarray, w: np.ndarray
+) -> None:
+    """Fill w (m,) with q + G d, d (n,); vals (e,): entries of G."""
     ptr = P.ptr
     cols = P.cols
     for k in range(q.size):
@@ -302,7 +333,7 @@ def slack(P, vals, q, d, w):
 
 
 @njit(cache=True, error_model="numpy")
-def lengths(P, vals):
+def lengths(P: SparsityPattern, vals: np.ndarray) -> np.ndarray:
     """Return the length |G_k| of every row, (m,)."""
     ptr = P.ptr
     out = np.empty(P.ptr.size - 1)
@@ -315,7 +346,7 @@ def lengths(P, vals):
 
 
 @njit(cache=True, error_model="numpy")
-def choose(on, order, slot):
+def choose(on: np.ndarray, order: np.ndarray, slot: np.ndarray) -> np.ndarray:
     """Return the rows that are `on`, in the order of elimination, and fill slot (m,) with their
     places, -1 elsewhere."""
     act = np.empty(on.size, np.int64)

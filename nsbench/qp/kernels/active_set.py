@@ -60,23 +60,25 @@ CLOSE = 1e-3  # the "epsilon" of projected Newton: any positive number will do
 
 
 @njit(cache=True, error_model="numpy")
-def pattern(ptr, cols, n):
-    """Return the SparsityPattern of the CSR pattern (ptr, cols) with n columns."""
+def pattern(ptr: np.ndarray, cols: np.ndarray, n: int) -> SparsityPattern:
+    """Return the SparsityPattern of the CSR pattern ptr (m + 1,), cols (e,) with n columns."""
     P = outline(ptr, cols, n)
     order_rows(P)
     return P
 
 
 @njit(cache=True, error_model="numpy")
-def outline(ptr, cols, n):
-    """Return the SparsityPattern without an order of elimination: the assembly tree of large
-    problems has its own."""
+def outline(ptr: np.ndarray, cols: np.ndarray, n: int) -> SparsityPattern:
+    """Return the SparsityPattern of ptr (m + 1,), cols (e,) without an order of elimination.
+
+    The assembly tree of large problems has an order of its own.
+    """
     tptr, trow, tpos = visits(ptr, cols, n)
     return SparsityPattern(ptr, cols, tptr, trow, tpos, np.full(ptr.size - 1, -1))
 
 
 @njit(cache=True, error_model="numpy")
-def order_rows(P):
+def order_rows(P: SparsityPattern) -> None:
     """Compute the order of elimination of a SparsityPattern if it has none."""
     ptr, cols, tptr, trow, _, order = P
     if order.size > 0 and order[0] < 0:
@@ -86,16 +88,29 @@ def order_rows(P):
 
 
 @njit(cache=True, error_model="numpy")
-def exchange(on, P, vals, q, norm, scale, mu, d, w, slot):
+def exchange(
+    on: np.ndarray,
+    P: SparsityPattern,
+    vals: np.ndarray,
+    q: np.ndarray,
+    norm: np.ndarray,
+    scale: float,
+    mu: np.ndarray,
+    d: np.ndarray,
+    w: np.ndarray,
+    slot: np.ndarray,
+) -> tuple[bool, int, int]:
     """Exchange all rows of wrong sign at once (phase 1).
 
-    on (m,): the set A, in and out. Returns whether all signs are right, how many were wrong at
+    on (m,): the set A, in and out. q, norm, mu, w (m,), d (n,): as for `solve`; norm: lengths of
+    the rows; slot (m,): work. Returns whether all signs are right, how many were wrong at
     first, and the rounds taken.
     """
     best = on.size + 1
     chances = PATIENCE
     rounds = 0
     first = 0
+    # block principal pivoting (Judice & Pires 1994): all rows of wrong sign change at once
     while True:
         equality(on, P, vals, q, norm, DEPENDENT, EPS * scale, mu, d, w, slot)
         rounds += 1
@@ -126,8 +141,13 @@ def exchange(on, P, vals, q, norm, scale, mu, d, w, slot):
 
 
 @njit(cache=True, error_model="numpy")
-def dual(P, vals, q, mu, d):
-    """Return the dual value q mu + |G^T mu|^2 / 2, to be minimised; fills d = G^T mu."""
+def dual(
+    P: SparsityPattern, vals: np.ndarray, q: np.ndarray, mu: np.ndarray, d: np.ndarray
+) -> float:
+    """Return the dual value q mu + |G^T mu|^2 / 2, q, mu (m,), to be minimised.
+
+    Fills d (n,) with G^T mu.
+    """
     push(P, vals, mu, d)
     s = 0.0
     for k in range(q.size):
@@ -138,10 +158,11 @@ def dual(P, vals, q, mu, d):
 
 
 @njit(cache=True, error_model="numpy")
-def newton(on, P, vals, q, norm, scale, mu, d, w, slot):
-    """Take projected Newton steps on the dual from mu >= 0 (phase 2); on return `on` is the
-    support.
-    Returns rounds."""
+def newton(on, P: SparsityPattern, vals, q, norm, scale, mu, d, w, slot) -> int:
+    """Take projected Newton steps on the dual from mu >= 0, mu (m,) (phase 2).
+
+    On return `on` (m,) is the support. d (n,), w (m,): written. Returns rounds.
+    """
     ptr, cols, tptr, trow, tpos, order = P
     m = q.size
     trial = np.empty(q.size)
@@ -173,6 +194,7 @@ def newton(on, P, vals, q, norm, scale, mu, d, w, slot):
         back(L, D, b)
         for i in range(act.size):
             p[act[i]] = b[i]
+        # Armijo's rule along the projected path: halve the step until the dual value falls enough
         t = 2.0
         new = np.inf
         while t > SHORTEST_STEP:
@@ -197,7 +219,9 @@ def newton(on, P, vals, q, norm, scale, mu, d, w, slot):
 
 
 @njit(cache=True, error_model="numpy")
-def solve(P, vals, q, guess, scale):
+def solve(
+    P: SparsityPattern, vals: np.ndarray, q: np.ndarray, guess: np.ndarray, scale: float
+) -> tuple[np.ndarray, np.ndarray, int, int]:
     """Solve the projection QP for the pattern P of G (m, n), its entries vals and q (m,).
 
     guess (m,): multipliers to start from, such as those of the step before (those > 0 count).
@@ -211,6 +235,7 @@ def solve(P, vals, q, guess, scale):
     on = np.empty(m, np.bool_)
     for k in range(m):
         on[k] = guess[k] > 0.0
+    # phase 1 from the guess; where it gives up, phases 2 and 3 from the guess again
     norm = lengths(P, vals)
     slot = np.empty(m, np.int64)
     done, wrong, rounds = exchange(on, P, vals, q, norm, scale, mu, d, w, slot)
@@ -231,8 +256,10 @@ def solve(P, vals, q, guess, scale):
 
 
 @njit(cache=True, error_model="numpy")
-def residual(P, vals, q, mu, d):
-    """Return how far (d, mu) is from solving the projection QP, as a length: the largest of
+def residual(
+    P: SparsityPattern, vals: np.ndarray, q: np.ndarray, mu: np.ndarray, d: np.ndarray
+) -> float:
+    """Return how far d (n,), mu (m,) is from solving the projection QP, as a length: the largest of
 
         stationarity     |d - G^T mu|
         primal           -w_k / |G_k|                       w = q + G d

@@ -8,6 +8,8 @@ WORK_SIZE that tree_buffer and work_buffer must have; it answers GROW when they 
 nothing is solved then.
 """
 
+from __future__ import annotations
+
 import numpy as np
 from numba import float64, int64, void
 
@@ -36,16 +38,30 @@ LARGE_SIGNATURE = void(*_PROBLEM, _I, _F, *_ANSWER)
 
 @cfunc(LARGE_SIGNATURE, cache=True)
 def no_large_solver(
-    ptr, cols, tptr, trow, tpos, order, vals, q, guess, scale, tree_buffer, work_buffer, mu, d, work
-):
+    ptr: np.ndarray,
+    cols: np.ndarray,
+    tptr: np.ndarray,
+    trow: np.ndarray,
+    tpos: np.ndarray,
+    order: np.ndarray,
+    vals: np.ndarray,
+    q: np.ndarray,
+    guess: np.ndarray,
+    scale: float,
+    tree_buffer: np.ndarray,
+    work_buffer: np.ndarray,
+    mu: np.ndarray,
+    d: np.ndarray,
+    work: np.ndarray,
+) -> None:
     """Give up: for scenes that never have many rows, which are spared the compilation."""
     work[CODE] = GIVEN_UP
     work[ROUNDS] = 0
 
 
 @njit(cache=True, error_model="numpy")
-def rows_at_work(q, guess):
-    """Count the rows that are violated or have a multiplier to begin with."""
+def rows_at_work(q: np.ndarray, guess: np.ndarray) -> int:
+    """Count the rows of q, guess (m,) that are violated or have a multiplier to begin with."""
     count = 0
     for k in range(q.size):
         count += q[k] < 0.0 or guess[k] > 0.0

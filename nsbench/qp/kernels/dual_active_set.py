@@ -5,10 +5,17 @@ that are on, their mu >= 0, and the factor (act, L, D) of M_AA = G_A G_A^T.
 Source: Goldfarb & Idnani, Mathematical Programming 27, 1983.
 """
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from nsbench.compilation.decorators import njit
 from nsbench.linalg.sparse_ldl import back, choose, factor, push, slack
+
+if TYPE_CHECKING:
+    from nsbench.linalg.sparse_ldl import SparseFactor, SparsityPattern
 
 SOLVED = 0
 INFEASIBLE = 1
@@ -22,9 +29,26 @@ SOLVES = 6  # one and its refinements, which end when the residual does not halv
 
 
 @njit(cache=True, error_model="numpy")
-def equality(on, P, vals, q, norm, dependent, eps, mu, d, w, slot):
+def equality(
+    on: np.ndarray,
+    P: SparsityPattern,
+    vals: np.ndarray,
+    q: np.ndarray,
+    norm: np.ndarray,
+    dependent: float,
+    eps: float,
+    mu: np.ndarray,
+    d: np.ndarray,
+    w: np.ndarray,
+    slot: np.ndarray,
+) -> tuple[np.ndarray, SparseFactor, np.ndarray]:
     """Fill mu, d and w with the solution of w = 0 on the rows that are `on`; rows that depend on
-    others are switched off. Returns the factor act, L, D."""
+    others are switched off.
+
+    on (m,): in and out; q, norm, mu, w (m,), d (n,). dependent: squared sine to the span that
+    counts as zero; eps: residual, a length, at which refinement ends. slot (m,): work. Returns the
+    factor act, L, D.
+    """
     ptr, cols, tptr, trow, tpos, order = P
     act = choose(on, order, slot)
     L, D = factor(act, slot, ptr, cols, vals, tptr, trow, tpos, dependent, 0.0)
@@ -56,9 +80,11 @@ def equality(on, P, vals, q, norm, dependent, eps, mu, d, w, slot):
 
 
 @njit(cache=True, error_model="numpy")
-def rounding(scale, mu, norm):
-    """Return the length below which a sign is rounding: gaps come from numbers of size `scale`,
-    slacks from mu too."""
+def rounding(scale: float, mu: np.ndarray, norm: np.ndarray) -> float:
+    """Return the length below which a sign is rounding.
+
+    Gaps come from numbers of size `scale`, slacks from mu (m,) too; norm (m,): lengths of the rows.
+    """
     top = 0.0
     for k in range(mu.size):
         top = max(top, abs(mu[k]) * norm[k])
@@ -66,15 +92,27 @@ def rounding(scale, mu, norm):
 
 
 @njit(cache=True, error_model="numpy")
-def direction(p, act, L, D, P, vals, slot):
+def direction(
+    p: int,
+    act: np.ndarray,
+    L: SparseFactor,
+    D: np.ndarray,
+    P: SparsityPattern,
+    vals: np.ndarray,
+    slot: np.ndarray,
+) -> tuple[np.ndarray, float]:
     """Return r with M_AA r = M_Ap, and |G_p - G_A^T r|^2: what moves when row p is pushed and the
-    rows A stay at zero."""
+    rows A stay at zero.
+
+    act (a,): the rows A, with their factor L, D. Returns r (a,) and the square.
+    """
     ptr = P.ptr
     cols = P.cols
     r = np.zeros(act.size)
     v = np.zeros(P.tptr.size - 1)
     for e in range(ptr[p], ptr[p + 1]):
         v[cols[e]] += vals[e]
+    # Projection done twice: what rounding leaves after the first goes in the second.
     for _ in range(2):
         b = np.zeros(act.size)
         for i in range(act.size):
@@ -92,11 +130,23 @@ def direction(p, act, L, D, P, vals, slot):
 
 
 @njit(cache=True, error_model="numpy")
-def reduce_to_independent_rows(on, P, vals, mu, norm, slot):
+def reduce_to_independent_rows(
+    on: np.ndarray,
+    P: SparsityPattern,
+    vals: np.ndarray,
+    mu: np.ndarray,
+    norm: np.ndarray,
+    slot: np.ndarray,
+) -> int:
     """Replace mu >= 0 on any rows by one on independent rows with the same G^T mu (Caratheodory's
-    theorem). Returns rounds."""
+    theorem).
+
+    on, mu (m,): the rows and their multipliers, in and out; norm (m,): lengths of the rows; slot
+    (m,): work. Returns rounds.
+    """
     rounds = 0
     swapped = True
+    # Along the null vector of a dependent row mu moves until one of its entries vanishes.
     while swapped:
         act = choose(on, P.order, slot)
         swapped = False
@@ -129,14 +179,27 @@ def reduce_to_independent_rows(on, P, vals, mu, norm, slot):
 
 
 @njit(cache=True, error_model="numpy")
-def settle(on, P, vals, q, norm, scale, mu, d, w, slot):
+def settle(
+    on: np.ndarray,
+    P: SparsityPattern,
+    vals: np.ndarray,
+    q: np.ndarray,
+    norm: np.ndarray,
+    scale: float,
+    mu: np.ndarray,
+    d: np.ndarray,
+    w: np.ndarray,
+    slot: np.ndarray,
+) -> tuple[np.ndarray, SparseFactor, np.ndarray, int]:
     """Move mu >= 0 on the rows that are `on` to the solution of w = 0 there; rows whose mu vanishes
     on the way leave.
 
-    The dual value falls all the way (Lawson & Hanson 1974, chapter 23). Returns act, L, D, rounds.
+    The dual value falls all the way (Lawson & Hanson 1974, chapter 23). on, mu (m,): in and out; d
+    (n,), w (m,): written. Returns act, L, D, rounds.
     """
     rounds = 0
     goal = np.empty(mu.size)
+    # Lawson & Hanson's inner loop: solve on the set, cut the step at the first mu that vanishes
     while True:
         act, L, D = equality(on, P, vals, q, norm, NO_FACTOR, EPS * scale, goal, d, w, slot)
         rounds += 1
@@ -156,12 +219,31 @@ def settle(on, P, vals, q, norm, scale, mu, d, w, slot):
 
 
 @njit(cache=True, error_model="numpy")
-def add_row(p, on, P, vals, q, norm, scale, mu, d, w, slot, act, L, D, limit):
-    """Raise mu_p until row p is satisfied; blocking rows leave. Returns code, the new act, L, D,
-    and rounds."""
+def add_row(
+    p: int,
+    on: np.ndarray,
+    P: SparsityPattern,
+    vals: np.ndarray,
+    q: np.ndarray,
+    norm: np.ndarray,
+    scale: float,
+    mu: np.ndarray,
+    d: np.ndarray,
+    w: np.ndarray,
+    slot: np.ndarray,
+    act: np.ndarray,
+    L: SparseFactor,
+    D: np.ndarray,
+    limit: int,
+) -> tuple[int, np.ndarray, SparseFactor, np.ndarray, int]:
+    """Raise mu_p until row p is satisfied; blocking rows leave.
+
+    on, mu (m,): in and out; d (n,), w (m,): written. Returns code, the new act, L, D, and rounds.
+    """
     rounds = 0
     mup = 0.0
     wp = w[p]
+    # partial steps to the first row that blocks, then a full one
     while rounds <= limit:
         r, gain = direction(p, act, L, D, P, vals, slot)
         full = -wp / gain if gain > DEPENDENT * norm[p] * norm[p] else np.inf
@@ -193,7 +275,18 @@ def add_row(p, on, P, vals, q, norm, scale, mu, d, w, slot, act, L, D, limit):
 
 
 @njit(cache=True, error_model="numpy")
-def dual_active_set(on, P, vals, q, norm, scale, mu, d, w, slot):
+def dual_active_set(
+    on: np.ndarray,
+    P: SparsityPattern,
+    vals: np.ndarray,
+    q: np.ndarray,
+    norm: np.ndarray,
+    scale: float,
+    mu: np.ndarray,
+    d: np.ndarray,
+    w: np.ndarray,
+    slot: np.ndarray,
+) -> tuple[int, int]:
     """Solve the projection QP from mu >= 0 on independent rows (phase 3).
 
     on (m,): these rows, in and out; fills mu (m,), d (n,), w (m,); slot (m,): work. norm (m,):

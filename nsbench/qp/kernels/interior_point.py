@@ -11,7 +11,9 @@ left of which it is not clear whether they are active, kernels.working_set_updat
 rows with lam > s. Rows of G have length 1.
 """
 
-from typing import NamedTuple
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -19,6 +21,10 @@ from nsbench.compilation.decorators import njit
 from nsbench.linalg.multifrontal import factor, solve
 from nsbench.linalg.sparse_ldl import push, slack
 from nsbench.qp.kernels.working_set_update import update_working_set
+
+if TYPE_CHECKING:
+    from nsbench.linalg.nested_dissection import AssemblyTree
+    from nsbench.linalg.sparse_ldl import SparsityPattern
 
 MAX_ITERATIONS = 80  # about 20 are enough from a cold start
 CORRECTORS = 2  # more of them find nothing to correct
@@ -65,8 +71,8 @@ class Residuals(NamedTuple):
 
 
 @njit(cache=True, error_model="numpy")
-def wrong(mu, w):
-    """Return the largest |min(mu_k, w_k)|."""
+def wrong(mu: np.ndarray, w: np.ndarray) -> float:
+    """Return the largest |min(mu_k, w_k)| of mu, w (m,)."""
     worst = 0.0
     for k in range(mu.size):
         v = abs(min(mu[k], w[k]))
@@ -219,7 +225,9 @@ def _fill_residuals(z, g, w, lam, s, residuals, weight):
 
 
 @njit(cache=True, error_model="numpy")
-def interior_point(P, T, room, vals, q, guess, scale, tol, mu, d, w, near=WARM_START):
+def interior_point(
+    P: SparsityPattern, T: AssemblyTree, room, vals, q, guess, scale, tol, mu, d, w, near=WARM_START
+) -> tuple[int, int]:
     """Solve the projection QP: fill mu (m,), d = G^T mu (n,), w = q + G d.
 
     P, T, room: SparsityPattern, AssemblyTree and FrontWorkspace of G; vals: entries of G; guess
@@ -244,6 +252,7 @@ def interior_point(P, T, room, vals, q, guess, scale, tol, mu, d, w, near=WARM_S
     late = 10.0 * LATE * m * tol
     tries = 0
     tried = 2 * few
+    # Mehrotra's predictor-corrector method
     for rounds in range(MAX_ITERATIONS):
         push(P, vals, lam, g)
         slack(P, vals, q, z, w)

@@ -106,6 +106,7 @@ def _front_workspace(T, n, work_buffer):
 @njit(cache=True, error_model="numpy")
 def _solve_scaled(P, T, room, vals, q, start, scale, mu, d, w):
     """Solve for rows of length 1 from mu = start; returns code and rounds. start is overwritten."""
+    # A warm start is first updated row by row; the interior-point method takes over from there.
     code = UNDECIDED
     rounds = 0
     cold = True
@@ -135,9 +136,12 @@ def _solve_scaled(P, T, room, vals, q, start, scale, mu, d, w):
 @cfunc(LARGE_SIGNATURE, cache=True, error_model="numpy")
 def solve_large(
     ptr, cols, tptr, trow, tpos, order, vals, q, guess, scale, tree_buffer, work_buffer, mu, d, work
-):
-    """Solve the projection QP on the tree in the buffer, which is built first if it is not FILLED;
-    the caller clears that for a new pattern. Arguments and results: see qp.kernels.dispatch."""
+) -> None:
+    """Solve the projection QP on the tree in the buffer, which is built first if it is not FILLED.
+
+    The caller clears that for a new pattern. vals (e,), q, guess (m,): the problem; fills mu (m,),
+    d (n,) and work (WORK,). Arguments and results: see qp.kernels.dispatch.
+    """
     if tree_buffer[FILLED] == 0:
         work[TREE_SIZE] = _store_tree(assembly_tree(ptr, cols, tptr, trow), tree_buffer)
         if work[TREE_SIZE] > tree_buffer.size:

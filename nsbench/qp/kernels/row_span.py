@@ -4,15 +4,24 @@ zero.
 Both by the sparse L D L^T factor of G G^T (linalg.sparse_ldl).
 """
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from nsbench.compilation.decorators import njit
 from nsbench.linalg.sparse_ldl import choose, factor, lengths
 from nsbench.qp.kernels.dual_active_set import EPS, NO_FACTOR, direction, equality
 
+if TYPE_CHECKING:
+    from nsbench.linalg.sparse_ldl import SparsityPattern
+
 
 @njit(cache=True, error_model="numpy")
-def in_span(P, vals, support, dependent):
+def in_span(
+    P: SparsityPattern, vals: np.ndarray, support: np.ndarray, dependent: float
+) -> np.ndarray:
     """Return (m,) for each row whether its squared sine against the independent rows `support` is
     at most `dependent`."""
     m = P.ptr.size - 1
@@ -23,6 +32,7 @@ def in_span(P, vals, support, dependent):
         on[k] = True
     act = choose(on, P.order, slot)
     L, D = factor(act, slot, P.ptr, P.cols, vals, P.tptr, P.trow, P.tpos, NO_FACTOR, 0.0)
+    # the squared distance of each row from the span, against its squared length
     for k in range(m):
         if not on[k]:
             _, gain = direction(k, act, L, D, P, vals, slot)
@@ -31,9 +41,11 @@ def in_span(P, vals, support, dependent):
 
 
 @njit(cache=True, error_model="numpy")
-def hold(P, vals, q, n):
-    """Return mu (m,) with q + G G^T mu = 0 in every row, n columns; NaN if the rows depend on each
-    other."""
+def hold(P: SparsityPattern, vals: np.ndarray, q: np.ndarray, n: int) -> np.ndarray:
+    """Return mu (m,) with q + G G^T mu = 0 in every row, q (m,), n columns.
+
+    NaN in the rows that depend on others.
+    """
     m = q.size
     on = np.ones(m, np.bool_)
     slot = np.empty(m, np.int64)

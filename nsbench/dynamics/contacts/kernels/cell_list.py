@@ -13,6 +13,7 @@ def _cells(x, start, n, dim, size):
     shape. Cells are at least `size` wide, and there are at most about 4 n of them, however far the
     particles are spread.
     """
+    # The extent of the particles along each axis decides the number of cells.
     lo = np.empty(3)
     num = np.ones(3, np.int64)
     width = np.ones(3)
@@ -29,6 +30,7 @@ def _cells(x, start, n, dim, size):
         width[c] = w
         num[c] = int((z - a) / w) + 1
     total = num[0] * num[1] * num[2]
+    # Counting sort by the number of the cell.
     cell = np.empty(n, np.int64)
     first = np.zeros(total + 1, np.int64)
     for i in range(n):
@@ -48,7 +50,9 @@ def _cells(x, start, n, dim, size):
 
 
 @njit(cache=True)
-def near_pairs(x, start, n, dim, r, reach):
+def near_pairs(
+    x: np.ndarray, start: int, n: int, dim: int, r: np.ndarray, reach: float
+) -> tuple[np.ndarray, np.ndarray]:
     """List the pairs (i, j), i < j, whose gap |x_i - x_j| - r_i - r_j is at most `reach`.
 
     x (N,), finite: particle i has its coordinates at x[start + i dim], dim of them. r (n,): radii.

@@ -36,7 +36,7 @@ FAMILY_SHIFT = 2 * SHIFT  # 256 families
 
 
 @njit(cache=True)
-def mix(z):
+def mix(z: int) -> int:
     """Hash a 64-bit integer: splitmix64 (Steele, Lea & Flood 2014)."""
     z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
@@ -44,14 +44,16 @@ def mix(z):
 
 
 @njit(cache=True)
-def sweep_key(order, seed, family, a, b):
+def sweep_key(order: int, seed: int, family: int, a: int, b: int) -> int:
     """Return the key of a constraint by which a sweep is sorted.
 
     order: one of the codes of this module. a, b: particles i, j of a hard pair (their ranks, a < b,
     where the order is CELL), or the place in its family and 0.
     """
     if order == COLOURED and b > 0:
+        # 2^64 over the golden ratio, the increment of splitmix64
         shift = np.uint64(seed + 1) * np.uint64(0x9E3779B97F4A7C15)
+        # the highest four bits of the sum: one of 16 colours
         colour = (mix(np.uint64(a) + shift) + mix(np.uint64(b) + shift)) >> np.uint64(60)
         return (
             (np.uint64(family) << np.uint64(FAMILY_SHIFT))
@@ -72,7 +74,7 @@ def sweep_key(order, seed, family, a, b):
 
 
 @njit(cache=True)
-def places(family):
+def places(family: np.ndarray) -> np.ndarray:
     """Return the place (m,) of each listed constraint within its family.
 
     Families are contiguous.
@@ -84,8 +86,11 @@ def places(family):
 
 
 @njit(cache=True)
-def static_keys(family, order, seed):
-    """Return the keys (m,) of listed constraints in the given order of the sweep."""
+def static_keys(family: np.ndarray, order: int, seed: int) -> np.ndarray:
+    """Return the keys (m,) of listed constraints in the given order of the sweep.
+
+    family (m,): of each constraint, contiguous; order: one of the codes of this module.
+    """
     place = places(family)
     keys = np.empty(family.size, np.uint64)
     for c in range(family.size):
@@ -94,7 +99,7 @@ def static_keys(family, order, seed):
 
 
 @njit(cache=True)
-def colour_levels(i, j, n):
+def colour_levels(i: np.ndarray, j: np.ndarray, n: int) -> np.ndarray:
     """Return the levels (m,), from 0, of constraints listed in the order of the sweep.
 
     i, j (m,): particles below n of each constraint (j[c] < 0: on i[c] alone). A level is one more

@@ -13,7 +13,16 @@ MANY = 10_000  # contacts; a tuple takes some 130 bytes for each, and half a mic
 
 
 @njit(cache=True)
-def flush(k, mu, family, i, j, ids, values, count):
+def flush(
+    k: int,
+    mu: np.ndarray,
+    family: np.ndarray,
+    i: np.ndarray,
+    j: np.ndarray,
+    ids: np.ndarray,
+    values: np.ndarray,
+    count: int,
+) -> tuple[np.ndarray, np.ndarray, int]:
     """Append the impulses mu of a list to the records, as of sample k, and set them to zero.
 
     mu, family, i, j (m,): impulses and ids of the listed contacts. ids (K, 4), values (K,): the
@@ -23,6 +32,7 @@ def flush(k, mu, family, i, j, ids, values, count):
     for c in range(mu.size):
         if mu[c] != 0.0:
             need += 1
+    # Geometric growth: an entry is copied a bounded number of times on average.
     if count + need > values.size:
         more = np.empty((3 * values.size + need, 4), np.int64)
         large = np.empty(3 * values.size + need)
@@ -84,12 +94,13 @@ def _name(id_):
 
 
 @njit(cache=True)
-def sorted_contacts(ids):
+def sorted_contacts(ids: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Sort the contacts of records ids (k, 4); return them, and the column of each record.
 
     Contacts (m, 3). The result of numpy.unique by a counting sort: places by family and i, then
     each short stretch is sorted by j.
     """
+    # Number of families, and of the first indices in each: the ranges of the counting sort.
     families = 0
     for e in range(len(ids)):
         families = max(families, ids[e, 1] + 1)
@@ -113,6 +124,7 @@ def sorted_contacts(ids):
     lo = 0
     m = 0
     for s in range(ends.size - 1):
+        # Insertion sort by j: a particle has few partners.
         for e in range(lo, ends[s]):
             c = order[e]
             f = e

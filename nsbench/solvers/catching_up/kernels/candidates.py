@@ -61,6 +61,7 @@ def _grown(pairs, m, size):
 @njit(cache=True, error_model="numpy")
 def _hard_pairs(x, skin, hard, radii):
     """Return the HardPairs with a gap of at most skin at x, and their number."""
+    # arrays grow to twice what is needed, so that few copies are made
     m = 0
     at = 0
     pairs = _empty_pairs(64)
@@ -102,7 +103,9 @@ def _empty_list(size):
 
 
 @njit(cache=True, error_model="numpy")
-def gather(x, skin, static, hard, radii):
+def gather(
+    x: np.ndarray, skin: float, static: ListedContacts, hard: np.ndarray, radii: np.ndarray
+) -> tuple[ListedContacts, np.ndarray]:
     """Return the candidates at x (n,) as ListedContacts, sorted, and their keys, ascending.
 
     static: ListedContacts of the listed constraints, by family; hard (families, 4): family, first
@@ -147,7 +150,9 @@ def gather(x, skin, static, hard, radii):
 
 
 @njit(cache=True, error_model="numpy")
-def gradient_pattern(contacts, row_ptr, row_cols):
+def gradient_pattern(
+    contacts: ListedContacts, row_ptr: np.ndarray, row_cols: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Return the CSR pattern (ptr, cols) of the gradients; coordinates of i first, then of j.
 
     contacts: ListedContacts (m,); row_ptr, row_cols: pattern of the affine rows.
@@ -156,6 +161,7 @@ def gradient_pattern(contacts, row_ptr, row_cols):
     p = contacts.p
     q = contacts.q
     dim = contacts.dim
+    # Two passes: the lengths of the rows first, then their columns.
     ptr = np.zeros(kind.size + 1, np.int64)
     for k in range(kind.size):
         size = dim[k]
@@ -180,10 +186,14 @@ def gradient_pattern(contacts, row_ptr, row_cols):
 
 
 @njit(cache=True, error_model="numpy")
-def carry_multipliers(keys, mu, new):
-    """Return the multipliers mu of a list with keys `keys` for one with keys `new`; both ascend."""
+def carry_multipliers(keys: np.ndarray, mu: np.ndarray, new: np.ndarray) -> np.ndarray:
+    """Return the multipliers mu of a list with keys `keys` for one with keys `new`; both ascend.
+
+    keys, mu (m,); new (k,). Returns (k,), zero for what was not listed before.
+    """
     out = np.zeros(new.size)
     c = 0
+    # Merge of two ascending lists.
     for k in range(keys.size):
         if mu[k] > 0.0:
             while c < new.size and new[c] < keys[k]:

@@ -4,6 +4,8 @@ Fields and switch functions are pointers (t, x, s, out) and (t, x, out). `mode` 
 per surface: on the positive side, on the negative side, on the surface itself.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 
 from nsbench.compilation.decorators import njit
@@ -20,8 +22,8 @@ inner = njit(cache=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)
 
 
 @inner
-def copy(source, target):
-    """Copy source into target, element by element.
+def copy(source: np.ndarray, target: np.ndarray) -> None:
+    """Copy source (n,) into target (n,), element by element.
 
     The checks of an assignment of arrays take numba seconds to compile.
     """
@@ -30,7 +32,16 @@ def copy(source, target):
 
 
 @inner
-def extended(field, blend, t, x, s, e, v, out):
+def extended(
+    field: Callable,
+    blend: bool,
+    t: float,
+    x: np.ndarray,
+    s: np.ndarray,
+    e: np.ndarray,
+    v: np.ndarray,
+    out: np.ndarray,
+) -> int:
     """Evaluate F(t, x, s), continued multilinearly to |s_i| > 1, in `out`; return the calls of F.
 
     The continuation is through the values at s_i = -1 and 1. Iterates of Newton's method leave the
@@ -63,7 +74,21 @@ def extended(field, blend, t, x, s, e, v, out):
 
 
 @inner
-def residual(field, switch, blend, t, h, x, y, s, slide, e, v, c, r):
+def residual(
+    field: Callable,
+    switch: Callable,
+    blend: bool,
+    t: float,
+    h: float,
+    x: np.ndarray,
+    y: np.ndarray,
+    s: np.ndarray,
+    slide: np.ndarray,
+    e: np.ndarray,
+    v: np.ndarray,
+    c: np.ndarray,
+    r: np.ndarray,
+) -> int:
     """Compute the residual of an implicit step in r; return the calls of the field.
 
     r (n + p,): y - x - h F(t, y, s), then c_i(t, y) of the p sliding surfaces `slide`. e, v, c:
@@ -81,7 +106,7 @@ def residual(field, switch, blend, t, h, x, y, s, slide, e, v, c, r):
 
 
 @inner
-def difference(unit, size):
+def difference(unit: float, size: float) -> float:
     """Return the step of a one-sided difference in a coordinate of this size.
 
     For functions that bend over the length `unit` or more: rounding is eps size / step of a
@@ -93,13 +118,33 @@ def difference(unit, size):
 
 
 @inner
-def jacobian(field, switch, blend, unit, t, h, x, y, s, slide, e, v, c, r, q, J):
+def jacobian(
+    field: Callable,
+    switch: Callable,
+    blend: bool,
+    unit: float,
+    t: float,
+    h: float,
+    x: np.ndarray,
+    y: np.ndarray,
+    s: np.ndarray,
+    slide: np.ndarray,
+    e: np.ndarray,
+    v: np.ndarray,
+    c: np.ndarray,
+    r: np.ndarray,
+    q: np.ndarray,
+    J: np.ndarray,
+) -> int:
     """Compute the Jacobian J of the residual r in (y, s); return the calls of the field.
 
-    One-sided differences in y; in s_i exact, as F is affine in each weight.
+    One-sided differences in y; in s_i exact, as F is affine in each weight. x, y (n,), s (d,);
+    slide (p,): the sliding surfaces; r (n + p,): the residual at y; e (d,), v (n,), c (d,),
+    q (n + p,): work. J has n + p rows and columns.
     """
     n = x.size
     calls = 0
+    # One-sided differences: one evaluation per column.
     for j in range(n):
         keep = y[j]
         y[j] = keep + difference(unit, abs(keep))
@@ -107,6 +152,7 @@ def jacobian(field, switch, blend, unit, t, h, x, y, s, slide, e, v, c, r, q, J)
         for i in range(r.size):
             J[i, j] = (q[i] - r[i]) / (y[j] - keep)
         y[j] = keep
+    # The residual is affine in each weight: half the difference of its values at s_i = 1 and -1.
     for j in range(slide.size):
         keep = s[slide[j]]
         s[slide[j]] = 1.0
@@ -124,11 +170,11 @@ def jacobian(field, switch, blend, unit, t, h, x, y, s, slide, e, v, c, r, q, J)
 
 
 @inner
-def newton(field, switch, blend, unit, t, h, x, mode, y, s, jump):
+def newton(field, switch, blend, unit, t, h, x, mode, y, s, jump) -> tuple[bool, int, int]:
     """Solve one implicit step in a given mode by Newton's method from (y, s), which it overwrites.
 
-    jump (d,): overwritten by the displacement per unit of s_i. The Jacobian is reused while an
-    iteration gains a factor of 20. Returns converged, calls, iterations.
+    x, y (n,); mode, s (d,). jump (d,): overwritten by the displacement per unit of s_i. Returns
+    converged, calls, iterations. The Jacobian is reused while an iteration gains a factor of 20.
     """
     n = x.size
     d = s.size

@@ -4,6 +4,8 @@ Fields and switch functions are pointers (t, x, s, out) and (t, x, out). `mode` 
 per surface: on the positive side, on the negative side, on the surface itself.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 
 from nsbench.compilation.decorators import njit
@@ -22,10 +24,22 @@ TRIALS = 100_000
 
 
 @inner
-def contradictions(switch, t, y, mode, c, s, jump, new, e, noise):
+def contradictions(
+    switch: Callable,
+    t: float,
+    y: np.ndarray,
+    mode: np.ndarray,
+    c: np.ndarray,
+    s: np.ndarray,
+    jump: np.ndarray,
+    new: np.ndarray,
+    e: np.ndarray,
+    noise: np.ndarray,
+) -> bool:
     """Does the solved step contradict its mode?
 
-    `new` is overwritten by the mode with every contradiction turned over: a sign beyond +-1 leaves
+    y (n,), s, c (d,): the solution and its switches; jump (d,): displacement per unit of s_i. new
+    (d,) is overwritten by the mode with every contradiction turned over: a sign beyond +-1 leaves
     its surface, a switch of the wrong sign slides. A switch within the rounding of the state is no
     contradiction. e, noise (d,): work.
     """
@@ -56,14 +70,14 @@ def contradictions(switch, t, y, mode, c, s, jump, new, e, noise):
 
 
 @inner
-def implicit_step(field, switch, blend, unit, t, h, x, mode, y, s, last):
+def implicit_step(field, switch, blend, unit, t, h, x, mode, y, s, last) -> tuple[bool, int, int]:
     """Solve one implicit step by block pivots from the last mode, else by trying all 3^d modes.
 
         x+ = x + h F(t, x+, s),   s_i in Sgn(c_i(t, x+))
 
     A solution exists for small h (Kakutani: s -> Sgn(c(y(s))) on the box); where fields are not
     affine in the signs Newton's method may need another start to find it, and all modes are tried
-    from the 2^d points s_i = +-1/2 too. y, s, mode are overwritten by the solution; last:
+    from the 2^d points s_i = +-1/2 too. y (n,), s, mode (d,) are overwritten by the solution; last:
     displacement of the previous step. Returns (whether one was found, calls of the field, Newton
     iterations).
     """
@@ -114,8 +128,8 @@ def implicit_step(field, switch, blend, unit, t, h, x, mode, y, s, last):
 
 
 @inner
-def distance(x, y):
-    """Return the largest difference of the coordinates."""
+def distance(x: np.ndarray, y: np.ndarray) -> float:
+    """Return the largest difference of the coordinates of x and y (n,)."""
     out = 0.0
     for i in range(x.size):
         out = max(out, abs(y[i] - x[i]))
@@ -124,8 +138,23 @@ def distance(x, y):
 
 @inner
 def nearest_solution(
-    field, switch, blend, unit, t, h, x, mode, y, s, start, c, jump, new, e, noise
-):
+    field: Callable,
+    switch: Callable,
+    blend: bool,
+    unit: float,
+    t: float,
+    h: float,
+    x: np.ndarray,
+    mode: np.ndarray,
+    y: np.ndarray,
+    s: np.ndarray,
+    start: np.ndarray,
+    c: np.ndarray,
+    jump: np.ndarray,
+    new: np.ndarray,
+    e: np.ndarray,
+    noise: np.ndarray,
+) -> tuple[int, int]:
     """Replace the solution (mode, y, s) of a step by the one nearest to x among all 3^d modes.
 
     Where fields are stiff beyond a surface a step has solutions there, however far it is, until h
@@ -164,11 +193,13 @@ def nearest_solution(
 
 
 @inner
-def keep_intermediate(rows, j, steps, t, x, w):
+def keep_intermediate(
+    rows: np.ndarray, j: int, steps: int, t: float, x: np.ndarray, w: np.ndarray
+) -> None:
     """Record time, state and integrals in `rows` where step j ends a part of its interval.
 
-    The interval has `steps` steps and len(rows) parts. Not for the last part, whose end is the
-    sample.
+    rows (parts, k), k = 1 + n + d; x (n,), w (d,). The interval has `steps` steps. Not for the last
+    part, whose end is the sample.
     """
     part = (j + 1) * rows.shape[0] // steps
     if j * rows.shape[0] // steps < part < rows.shape[0]:
@@ -180,7 +211,7 @@ def keep_intermediate(rows, j, steps, t, x, w):
 
 
 @njit(cache=True)
-def implicit_euler(field, switch, blend, unit, t, substeps, x, d, parts):
+def implicit_euler(field, switch, blend, unit, t, substeps, x, d, parts) -> tuple:
     """Integrate by implicit Euler steps, equally long between two samples.
 
     t (K,), substeps (K - 1,); x (n,): the start; parts: of each interval, at whose ends states are
@@ -243,10 +274,19 @@ def implicit_euler(field, switch, blend, unit, t, substeps, x, d, parts):
 
 
 @njit(cache=True)
-def explicit_euler(field, switch, t, substeps, x, d, parts):
+def explicit_euler(
+    field: Callable,
+    switch: Callable,
+    t: np.ndarray,
+    substeps: np.ndarray,
+    x: np.ndarray,
+    d: int,
+    parts: int,
+) -> tuple:
     """Integrate by explicit Euler, with s_i = 1 where c_i >= 0, else -1.
 
-    Arguments and returned values as for implicit_euler; there are no Newton iterations.
+    t (K,), substeps (k,), k = K - 1; x (n,): the start. Arguments and returned values as for
+    implicit_euler; there are no Newton iterations.
     """
     K = t.size
     x = x.copy()

@@ -8,7 +8,7 @@ from nsbench.compilation.decorators import njit
 
 
 @njit(cache=True, error_model="numpy")
-def sweep(x, pairs, d, impulse):
+def sweep(x: np.ndarray, pairs: np.ndarray, d: float, impulse: np.ndarray) -> float:
     """Move the pairs (p, 2) of particles x (n, dim) that are nearer than d apart to d, one after
     the other, in place.
 
@@ -16,6 +16,7 @@ def sweep(x, pairs, d, impulse):
     all.
     """
     total = 0.0
+    # Gauss-Seidel sweep: each projection starts from where the last one left the particles.
     for k in range(pairs.shape[0]):
         i = pairs[k, 0]
         j = pairs[k, 1]

@@ -6,9 +6,17 @@ order, whose gap is at most a smaller skin; nothing else can become active while
 farther than half of that skin from where they were selected. Selecting reads the list once.
 """
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from nsbench.compilation.decorators import inner_kernel
+
+if TYPE_CHECKING:
+    from nsbench.dynamics.contacts.kernels.contact_arrays import AffineRows
+    from nsbench.solvers.pbd.kernels.cell_storage import CandidateArrays, CellScene
 
 # cost of reading a list once over that of a step of the sweep over what a skin of one radius adds;
 # estimated
@@ -16,8 +24,8 @@ READ_OVER_SWEEP = 2.4
 
 
 @inner_kernel
-def row_gap(y, s, q, rows, b, dim):
-    """Return the value of row q at particle s."""
+def row_gap(y: np.ndarray, s: int, q: int, rows: AffineRows, b: np.ndarray, dim: int) -> float:
+    """Return the value of row q at particle s of the store, positions y (n dim,)."""
     g = b[q]
     for e in range(rows.ptr[q], rows.ptr[q + 1]):
         g += rows.vals[e] * y[s * dim + rows.cols[e] % dim]
@@ -25,11 +33,14 @@ def row_gap(y, s, q, rows, b, dim):
 
 
 @inner_kernel
-def select_active(arrays, count, y, r, skin, scene):
+def select_active(
+    arrays: CandidateArrays, count: int, y: np.ndarray, r: np.ndarray, skin: float, scene: CellScene
+) -> int:
     """Write the candidates with a gap of at most skin to the active ones; returns their number.
 
-    arrays: CandidateArrays, count: candidates in them; y, r: positions and radii in the order of
-    the store; scene: CellScene. Rows of moving walls are all selected.
+    arrays: CandidateArrays, count: candidates in them; y (n dim,): positions in the order of the
+    store; r (n,), or (1,) if all are alike: radii; scene: CellScene. Rows of moving walls are all
+    selected.
     """
     half = arrays.log_at.size
     i = arrays.pairs[:half]
@@ -48,6 +59,7 @@ def select_active(arrays, count, y, r, skin, scene):
     two = np.uint64(2)
     plane = dim == 2 and r.size == 1
     d2 = d * d
+    # Written without branches: each candidate is stored, and counted only if it is near.
     for c in range(count):
         near_i[k] = i[c]
         near_j[k] = j[c]
@@ -76,7 +88,7 @@ def select_active(arrays, count, y, r, skin, scene):
 
 
 @inner_kernel
-def restore_impulses(arrays, active):
+def restore_impulses(arrays: CandidateArrays, active: int) -> None:
     """Write the impulses of the first `active` active candidates back to the list."""
     mu = arrays.successors.view(np.float64)
     where = arrays.active_at
@@ -86,9 +98,10 @@ def restore_impulses(arrays, active):
 
 
 @inner_kernel
-def inner_skin(pace, radius, skin):
+def inner_skin(pace: float, radius: float, skin: float) -> float:
     """Return the cheapest skin of the active candidates, from 0.1 to 0.6 of that of the list.
 
-    pace: distance that the fastest particle moves in a step; radius: mean radius.
+    pace: distance that the fastest particle moves in a step; radius: mean radius; all lengths.
     """
+    # Reading costs 1 / skin per step, the sweep grows with the skin: the least sum is at the root.
     return min(0.6 * skin, max(0.1 * skin, np.sqrt(READ_OVER_SWEEP * pace * radius)))

@@ -5,13 +5,22 @@ cells (linked-cell method: Hockney & Eastwood, Computer Simulation Using Particl
 8). As the store is sorted by cells, a row of neighbouring cells is one stretch of it.
 """
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from nsbench.compilation.decorators import inner_kernel
 
+if TYPE_CHECKING:
+    from nsbench.dynamics.contacts.kernels.contact_arrays import AffineRows
+
 
 @inner_kernel
-def by_cells(y, dim, size, cell, order, row):
+def by_cells(
+    y: np.ndarray, dim: int, size: float, cell: np.ndarray, order: np.ndarray, row: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Sort n particles by cells: fill `order` (n,) with them and `row` (n,) with the row of each.
 
     y (n dim,): positions. size: least width of a cell. cell (n,): work array. Returns `first`, the
@@ -66,7 +75,7 @@ def _cell_geometry(y, dim, size, n):
 
 
 @inner_kernel
-def permute(values, order, dim, spare):
+def permute(values: np.ndarray, order: np.ndarray, dim: int, spare: np.ndarray) -> None:
     """Move the entries (n, dim) of `values` to the new order; spare (n dim,): work array."""
     for s in range(order.size):
         for c in range(dim):
@@ -75,11 +84,13 @@ def permute(values, order, dim, spare):
 
 
 @inner_kernel
-def discs_between(y, d2, s, lo, hi, i, j, m):
+def discs_between(
+    y: np.ndarray, d2: float, s: int, lo: int, hi: int, i: np.ndarray, j: np.ndarray, m: int
+) -> int:
     """Append the pairs of s with lo, ..., hi - 1 in the plane whose squared distance is at most d2.
 
-    i, j have enough entries left. Returns the new length. Indices are unsigned: numba then does not
-    test whether they count from the end.
+    y (2 n,): positions. i, j have enough entries left. Returns the new length. Indices are
+    unsigned: numba then does not test whether they count from the end.
     """
     one = np.uint64(1)
     two = np.uint64(2)
@@ -97,8 +108,23 @@ def discs_between(y, d2, s, lo, hi, i, j, m):
 
 
 @inner_kernel
-def pairs_between(y, r, skin, dim, s, lo, hi, i, j, m):
-    """Append the pairs of s with lo, ..., hi - 1 whose gap is at most skin, in any dimension."""
+def pairs_between(
+    y: np.ndarray,
+    r: np.ndarray,
+    skin: float,
+    dim: int,
+    s: int,
+    lo: int,
+    hi: int,
+    i: np.ndarray,
+    j: np.ndarray,
+    m: int,
+) -> int:
+    """Append the pairs of s with lo, ..., hi - 1 whose gap is at most skin, in any dimension.
+
+    y (n dim,): positions; r (n,), or (1,): radii. i, j have enough entries left. Returns the new
+    length.
+    """
     d = 2.0 * r[0] + skin
     for q in range(lo, hi):
         if r.size > 1:
@@ -114,7 +140,16 @@ def pairs_between(y, r, skin, dim, s, lo, hi, i, j, m):
 
 
 @inner_kernel
-def near_pairs(y, r, skin, dim, first, num, i, j):
+def near_pairs(
+    y: np.ndarray,
+    r: np.ndarray,
+    skin: float,
+    dim: int,
+    first: np.ndarray,
+    num: np.ndarray,
+    i: np.ndarray,
+    j: np.ndarray,
+) -> int:
     """Write the pairs i < j of the store with a gap of at most skin into i, j.
 
     y (n dim,): positions, sorted by cells; r: radii (n,) in the order of the store, or (1,) if all
@@ -127,6 +162,7 @@ def near_pairs(y, r, skin, dim, first, num, i, j):
     hi = np.empty(5, np.int64)
     d2 = (2.0 * r[0] + skin) ** 2
     discs = dim == 2 and r.size == 1
+    # Linked-cell method: of each pair of neighbouring cells only the one ahead is searched.
     for k in range(first.size - 1):
         if first[k] == first[k + 1]:
             continue
@@ -171,7 +207,16 @@ def _stretches_ahead(k, n0, n1, n2, first, lo, hi):
 
 
 @inner_kernel
-def near_rows(y, store, rows, b, reach, dim, among, everything):
+def near_rows(
+    y: np.ndarray,
+    store: np.ndarray,
+    rows: AffineRows,
+    b: np.ndarray,
+    reach: float,
+    dim: int,
+    among: np.ndarray,
+    everything: bool,
+) -> np.ndarray:
     """Return the rows of A that a displacement of their particle by `reach` can violate.
 
     store (n,): place of each label; rows: AffineRows; b: their constants; among: the rows tested,
@@ -184,6 +229,7 @@ def near_rows(y, store, rows, b, reach, dim, among, everything):
         g = b[q]
         for e in range(rows.ptr[q], rows.ptr[q + 1]):
             g += rows.vals[e] * y[store[rows.cols[e] // dim] * dim + rows.cols[e] % dim]
+        # gap |g| / |A_q|, signed and squared, without a square root
         if g * abs(g) * rows.inv2[q] <= reach * reach:
             if m == which.size:
                 which = np.concatenate((which, np.empty(m, np.int32)))

@@ -103,7 +103,7 @@ class CandidateLists(NamedTuple):
 
 
 @inner_kernel
-def candidate_arrays(m):
+def candidate_arrays(m: int) -> CandidateArrays:
     """Return work arrays for m candidates; from numpy (py_func) they lie on large pages."""
     return CandidateArrays(
         np.empty(2 * m, np.int32),
@@ -118,7 +118,7 @@ def candidate_arrays(m):
 
 
 @inner_kernel
-def listed(arrays, m):
+def listed(arrays: CandidateArrays, m: int) -> PairImpulses:
     """Return the first m candidates with their impulses."""
     half = arrays.log_at.size
     return PairImpulses(
@@ -127,7 +127,7 @@ def listed(arrays, m):
 
 
 @inner_kernel
-def active_candidates(arrays, m):
+def active_candidates(arrays: CandidateArrays, m: int) -> PairImpulses:
     """Return the first m active candidates with their impulses."""
     half = arrays.log_at.size
     return PairImpulses(
@@ -136,13 +136,15 @@ def active_candidates(arrays, m):
 
 
 @njit(cache=True)
-def no_impulses():
+def no_impulses() -> PairImpulses:
     """Return an empty list of impulses."""
     return PairImpulses(np.empty(0, np.int32), np.empty(0, np.int32), np.empty(0))
 
 
 @inner_kernel
-def fill_keys(i, j, label, scene, keys):
+def fill_keys(
+    i: np.ndarray, j: np.ndarray, label: np.ndarray, scene: CellScene, keys: np.ndarray
+) -> None:
     """Fill keys (m,) with the keys of the candidates i, j (m,) in the order of the sweep."""
     families = scene.families
     for c in range(i.size):
@@ -162,9 +164,13 @@ def fill_keys(i, j, label, scene, keys):
 
 
 @inner_kernel
-def by_label(candidates, label, expired):
-    """Return the impulses that are not zero by label, those that had expired before among them."""
+def by_label(candidates: PairImpulses, label: np.ndarray, expired: PairImpulses) -> PairImpulses:
+    """Return the impulses that are not zero by label, those that had expired before among them.
+
+    label (n,): of each place of the store.
+    """
     i, j, mu = candidates
+    # two passes: count, then copy
     m = expired.mu.size
     for c in range(mu.size):
         m += mu[c] != 0.0
@@ -183,7 +189,9 @@ def by_label(candidates, label, expired):
 
 
 @inner_kernel
-def transfer_impulses(new, old, state, head):
+def transfer_impulses(
+    new: PairImpulses, old: PairImpulses, state: CellState, head: np.ndarray
+) -> PairImpulses:
     """Fill the impulses of the new candidates from the old ones (by label, changed).
 
     head (n,): work array. Returns those that are left, by label: of pairs no longer listed.
@@ -201,6 +209,7 @@ def transfer_impulses(new, old, state, head):
         old.j[e] = b
         after[e] = head[a]
         head[a] = e
+    # each new candidate looks for itself among the old pairs of its later particle
     for c in range(new.i.size):
         a = max(new.i[c], new.j[c])
         b = min(new.i[c], new.j[c])
@@ -224,8 +233,13 @@ def transfer_impulses(new, old, state, head):
 
 
 @inner_kernel
-def put(i, j, place, label, a, b):
-    """Write candidates i, j to their places in a, b, the lower label of a pair first."""
+def put(
+    i: np.ndarray, j: np.ndarray, place: np.ndarray, label: np.ndarray, a: np.ndarray, b: np.ndarray
+) -> None:
+    """Write candidates i, j (m,) to their places (m,) in a, b, the lower label of a pair first.
+
+    label (n,): of each place of the store.
+    """
     for c in range(i.size):
         swap = j[c] >= 0 and label[i[c]] > label[j[c]]
         a[place[c]] = j[c] if swap else i[c]
@@ -233,10 +247,10 @@ def put(i, j, place, label, a, b):
 
 
 @inner_kernel
-def sort_store(scene, state, skin):
+def sort_store(scene: CellScene, state: CellState, skin: float) -> tuple[np.ndarray, np.ndarray]:
     """Sort the store by cells of the positions y, as wide as the cutoff; list_base becomes y.
 
-    Returns what near_pairs needs: the first particle of each cell and the numbers of cells.
+    Returns what near_pairs needs: the first particle of each cell, and the numbers of cells (3,).
     """
     n = state.label.size
     order = state.active_base.view(np.int32)[:n]
@@ -255,7 +269,9 @@ def sort_store(scene, state, skin):
 
 
 @inner_kernel
-def order_candidates(scene, state, arrays, pairs, which):
+def order_candidates(
+    scene: CellScene, state: CellState, arrays: CandidateArrays, pairs: int, which: np.ndarray
+) -> int:
     """Bring the pairs found and the rows `which` to their order of execution; returns their number.
 
     pairs: number of pairs in active_pairs, behind which the rows are written.
@@ -286,7 +302,15 @@ def order_candidates(scene, state, arrays, pairs, which):
 
 
 @inner_kernel
-def rebuild(scene, state, lists, count, skin, which, max_pairs):
+def rebuild(
+    scene: CellScene,
+    state: CellState,
+    lists: CandidateLists,
+    count: int,
+    skin: float,
+    which: np.ndarray,
+    max_pairs: int,
+) -> tuple[CandidateLists, int, int]:
     """Sort the store at the positions y, and list the candidates there with their impulses.
 
     count: candidates of the old list; skin: of the new one; which: the rows listed. Returns the new
@@ -298,6 +322,7 @@ def rebuild(scene, state, lists, count, skin, which, max_pairs):
     n = state.label.size
     first, num = sort_store(scene, state, skin)
     radii = scene.r if scene.r.size == 1 else scene.r[state.label]
+    # search again with longer arrays until all pairs fit
     while True:
         size = arrays.log_at.size
         i = arrays.active_pairs[:size]
@@ -308,6 +333,7 @@ def rebuild(scene, state, lists, count, skin, which, max_pairs):
         if pairs > max_pairs or (pairs < 0 and size > max_pairs + n):
             return lists, np.int64(-1), pairs
         arrays = candidate_arrays(2 * size + which.size)
+    # the impulses go on where their candidate is listed again, else they expire
     m = order_candidates(scene, state, arrays, pairs, which)
     head = state.active_base.view(np.int32)[:n]
     expired = transfer_impulses(listed(arrays, m), old, state, head)

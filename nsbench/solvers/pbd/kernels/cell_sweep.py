@@ -6,33 +6,52 @@ than its certificate allows (see cell_loop); the projections are those of kernel
 once more in a form that knows the store: in any dimension, and for equal discs in the plane.
 """
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from nsbench.compilation.decorators import inner_kernel, njit
 
+if TYPE_CHECKING:
+    from nsbench.dynamics.contacts.kernels.contact_arrays import AffineRows
+    from nsbench.solvers.pbd.kernels.cell_storage import PairImpulses
+
 
 @njit(cache=True)
-def drift(x, y, spot, v, label, h, dim):
-    """Fill y with one step of explicit Euler from x, v the drift there.
+def drift(
+    x: np.ndarray,
+    y: np.ndarray,
+    spot: np.ndarray,
+    v: np.ndarray,
+    label: np.ndarray,
+    h: float,
+    dim: int,
+) -> float:
+    """Fill y (n dim,) with one step of explicit Euler from x (n dim,), v (n dim,) the drift there.
 
+    y and spot, the places to measure from, are in the order of the store, x and v by label; label
+    (n,): of each place of the store; h: step.
     Returns the largest squared distance of a particle from spot, NaN if not all is finite.
     """
     far = 0.0
     good = True
+    # explicit Euler, and in the same pass how far each particle has come
     for s in range(label.size):
         g = 0.0
         for c in range(dim):
             a = x[label[s] * dim + c] + h * v[label[s] * dim + c]
             y[s * dim + c] = a
-            good = good and abs(a) < 1e150
+            good = good and abs(a) < 1e150  # its square is finite
             g += (a - spot[s * dim + c]) ** 2
         far = max(far, g)
     return far if good else np.nan
 
 
 @njit(cache=True)
-def farthest(y, base, dim, n):
-    """Return the largest squared distance of n particles from base."""
+def farthest(y: np.ndarray, base: np.ndarray, dim: int, n: int) -> float:
+    """Return the largest squared distance of n particles y (n dim,) from base (n dim,)."""
     far = 0.0
     for s in range(n):
         g = 0.0
@@ -43,8 +62,19 @@ def farthest(y, base, dim, n):
 
 
 @njit(cache=True)
-def settle(x, y, v, reac, label, h, dim):
-    """Add the displacement by the sweep to the reaction, and bring x from before the step to y."""
+def settle(
+    x: np.ndarray,
+    y: np.ndarray,
+    v: np.ndarray,
+    reac: np.ndarray,
+    label: np.ndarray,
+    h: float,
+    dim: int,
+) -> None:
+    """Add the displacement by the sweep to the reaction, and bring x from before the step to y.
+
+    x, v (n dim,): by label; y, reac (n dim,): in the order of the store; label (n,).
+    """
     for s in range(label.size):
         for c in range(dim):
             e = label[s] * dim + c
@@ -53,8 +83,8 @@ def settle(x, y, v, reac, label, h, dim):
 
 
 @inner_kernel
-def project_row(y, s, q, rows, b, dim):
-    """Project particle s on row q, as projection.project_row; returns mu."""
+def project_row(y: np.ndarray, s: int, q: int, rows: AffineRows, b: np.ndarray, dim: int) -> float:
+    """Project particle s of y (n dim,) on row q, as projection.project_row; returns mu."""
     g = b[q]
     for e in range(rows.ptr[q], rows.ptr[q + 1]):
         g += rows.vals[e] * y[s * dim + rows.cols[e] % dim]
@@ -67,8 +97,9 @@ def project_row(y, s, q, rows, b, dim):
 
 
 @inner_kernel
-def is_beyond(y, base, s, dim, limit2):
-    """Return whether particle s is farther than sqrt(limit2) from its place in base."""
+def is_beyond(y: np.ndarray, base: np.ndarray, s: int, dim: int, limit2: float) -> bool:
+    """Return whether particle s of y (n dim,) is farther than sqrt(limit2) from its place in
+    base."""
     far = 0.0
     for c in range(s * dim, (s + 1) * dim):
         e = y[c] - base[c]
@@ -77,8 +108,11 @@ def is_beyond(y, base, s, dim, limit2):
 
 
 @inner_kernel
-def project_pair(y, p, q, d, dim):
-    """Project particles p, q on |x_p - x_q| >= d; returns mu, negative where centres coincide."""
+def project_pair(y: np.ndarray, p: int, q: int, d: float, dim: int) -> float:
+    """Project particles p, q of y (n dim,) on |x_p - x_q| >= d.
+
+    Returns mu, half the overlap, negative where centres coincide.
+    """
     s = 0.0
     for c in range(dim):
         e = y[p * dim + c] - y[q * dim + c]
@@ -89,7 +123,7 @@ def project_pair(y, p, q, d, dim):
     if r >= d:
         return 0.0
     mu = -0.5 * (r - d)
-    if r == 0.0:
+    if r == 0.0:  # no normal: apart along the first axis
         y[p * dim] += mu
         y[q * dim] -= mu
         return -mu
@@ -102,7 +136,19 @@ def project_pair(y, p, q, d, dim):
 
 
 @njit(cache=True, error_model="numpy")
-def sweep(active, y, base, r, dim, rows, b, limit2, log_at, log_mu, record):
+def sweep(
+    active: PairImpulses,
+    y: np.ndarray,
+    base: np.ndarray,
+    r: np.ndarray,
+    dim: int,
+    rows: AffineRows,
+    b: np.ndarray,
+    limit2: float,
+    log_at: np.ndarray,
+    log_mu: np.ndarray,
+    record: bool,
+) -> tuple[int, bool, bool]:
     """Project once on each active candidate in the order given.
 
     active: PairImpulses (i, j, mu), j < 0 for row -1 - j on particle i; mu grows by the impulses if
@@ -136,8 +182,10 @@ def sweep(active, y, base, r, dim, rows, b, limit2, log_at, log_mu, record):
 
 
 @inner_kernel
-def sweep_discs(active, y, base, d, rows, b, limit2, log_at, log_mu, record):
-    """Do the sweep in the plane for one diameter d.
+def sweep_discs(
+    active: PairImpulses, y, base, d, rows, b, limit2, log_at, log_mu, record
+) -> tuple[int, bool, bool]:
+    """Do the sweep in the plane for one diameter d; y, base (2 n,): positions.
 
     Indices are unsigned: numba then does not test whether they count from the end, which would be a
     fourth of the time.

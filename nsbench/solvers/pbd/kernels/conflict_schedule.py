@@ -17,8 +17,8 @@ BAND_ROWS = 8  # rows of cells in a band: about the projections a processor keep
 
 
 @inner_kernel
-def sort_by_key(ids, lo, hi, keys):
-    """Sort ids[lo:hi] by ascending keys (Shell's sort: the lists are short, seldom long)."""
+def sort_by_key(ids: np.ndarray, lo: int, hi: int, keys: np.ndarray) -> None:
+    """Sort ids[lo:hi] by ascending keys (m,) (Shell's sort: the lists are short, seldom long)."""
     gap = 1
     while 3 * gap < hi - lo:
         gap = 3 * gap + 1
@@ -35,12 +35,21 @@ def sort_by_key(ids, lo, hi, keys):
 
 
 @inner_kernel
-def build_dependencies(i, j, keys, ends, ids, after, need):
+def build_dependencies(
+    i: np.ndarray,
+    j: np.ndarray,
+    keys: np.ndarray,
+    ends: np.ndarray,
+    ids: np.ndarray,
+    after: np.ndarray,
+    need: np.ndarray,
+) -> None:
     """Build the dependency graph of the constraints i, j (m,) with keys (m,).
 
     Fills after (2 m,) with the next constraint at either particle (-1: none) and need (m,) with how
     many constraints one waits for. ends (n + 1,), ids (2 m,): work arrays.
     """
+    # Counting sort: the constraints of each particle, one stretch after the other.
     n = ends.size - 1
     ends[:] = 0
     for c in range(i.size):
@@ -55,6 +64,7 @@ def build_dependencies(i, j, keys, ends, ids, after, need):
         if j[c] >= 0:
             ids[ends[j[c]]] = c
             ends[j[c]] += 1
+    # In the order of the sweep each constraint of a particle waits for the one before it.
     after[:] = -1
     need[:] = 0
     lo = 0
@@ -80,7 +90,17 @@ def _enqueue(c, u, first, last, behind):
 
 
 @inner_kernel
-def schedule(i, j, keys, row, ends, ids, after, need, place):
+def schedule(
+    i: np.ndarray,
+    j: np.ndarray,
+    keys: np.ndarray,
+    row: np.ndarray,
+    ends: np.ndarray,
+    ids: np.ndarray,
+    after: np.ndarray,
+    need: np.ndarray,
+    place: np.ndarray,
+) -> None:
     """Fill place (m,) with the places of the constraints in the order of execution.
 
     i, j (m,): particles (j < 0: on i alone); keys (m,) of the stated order; row (n,): row of the

@@ -1,5 +1,7 @@
 """Time loop of position-based dynamics over listed constraints: Euler, then sweeps."""
 
+from __future__ import annotations
+
 import numpy as np
 
 from nsbench.compilation.decorators import njit
@@ -10,7 +12,7 @@ from nsbench.solvers.pbd.kernels.projection import sweep
 
 
 @njit(cache=True)
-def march(f, b_of, a_of, moving, t, substeps, sweeps, x, lists, rows, b, anchors):
+def march(f, b_of, a_of, moving, t, substeps, sweeps, x, lists, rows, b, anchors) -> LoopResult:
     """Integrate from x (n,), projecting on the constraints in the order of `lists`.
 
     f, b_of, a_of: pointers (t, x, out), (t, out), (t, out); moving: whether the last two depend on
@@ -32,6 +34,7 @@ def march(f, b_of, a_of, moving, t, substeps, sweeps, x, lists, rows, b, anchors
     R[0] = reac
     work = 0
     code = StepCode.OK
+    # position-based dynamics: an Euler step, then Gauss-Seidel sweeps of projections
     for k in range(K - 1):
         h = (t[k + 1] - t[k]) / substeps[k]
         for s in range(substeps[k]):

@@ -33,8 +33,8 @@ class HardScene(NamedTuple):
 
 
 @njit(cache=True)
-def joined(a, b, chosen):
-    """Return a with the chosen entries of b behind it."""
+def joined(a: np.ndarray, b: np.ndarray, chosen: np.ndarray) -> np.ndarray:
+    """Return a (m,) with the chosen entries of b behind it; chosen (k,): their indices."""
     out = np.empty(a.size + chosen.size, a.dtype)
     for c in range(a.size):
         out[c] = a[c]
@@ -44,8 +44,17 @@ def joined(a, b, chosen):
 
 
 @njit(cache=True)
-def append(lists, keys, other, other_keys, chosen):
-    """Return lists and keys with the chosen entries of another list behind them."""
+def append(
+    lists: ListedContacts,
+    keys: np.ndarray,
+    other: ListedContacts,
+    other_keys: np.ndarray,
+    chosen: np.ndarray,
+) -> tuple[ListedContacts, np.ndarray]:
+    """Return lists and keys (m,) with the chosen entries of another list behind them.
+
+    chosen (k,): indices of those entries. Returns a list and keys of length m + k.
+    """
     return ListedContacts(
         joined(lists.kind, other.kind, chosen),
         joined(lists.family, other.family, chosen),
@@ -60,11 +69,12 @@ def append(lists, keys, other, other_keys, chosen):
 
 
 @njit(cache=True)
-def ascending(keys):
+def ascending(keys: np.ndarray) -> np.ndarray:
     """Return the order (m,) in which keys (m,) ascend.
 
     Natural merge sort: runs that ascend already are merged two by two.
     """
+    # The runs that ascend already: a list behind a list makes two.
     m = keys.size
     order = np.arange(m)
     other = np.empty(m, np.int64)
@@ -75,6 +85,7 @@ def ascending(keys):
         if c == m or keys[c] < keys[c - 1]:
             runs += 1
             ends[runs] = c
+    # Merge sort, bottom up.
     while runs > 1:
         left = 0
         for u in range(0, runs, 2):
@@ -97,7 +108,7 @@ def ascending(keys):
 
 
 @njit(cache=True)
-def no_contacts():
+def no_contacts() -> ListedContacts:
     """Return an empty list."""
     none = np.empty(0, np.int64)
     empty = np.empty(0)
@@ -105,8 +116,8 @@ def no_contacts():
 
 
 @njit(cache=True)
-def in_order(lists, keys):
-    """Return lists and keys sorted by key."""
+def in_order(lists: ListedContacts, keys: np.ndarray) -> tuple[ListedContacts, np.ndarray]:
+    """Return lists and keys (m,) sorted by key; as they are where they ascend already."""
     up = True
     down = True
     for c in range(1, keys.size):
@@ -124,8 +135,9 @@ def in_order(lists, keys):
 
 
 @njit(cache=True)
-def insertion_places(keys, wanted):
-    """Return where each of the wanted keys stands among the keys, or would; both ascend."""
+def insertion_places(keys: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """Return where each of the wanted keys (k,) stands among the keys (m,), or would; both
+    ascend."""
     at = np.empty(wanted.size, np.int64)
     place = 0
     for c in range(wanted.size):
@@ -136,8 +148,13 @@ def insertion_places(keys, wanted):
 
 
 @njit(cache=True)
-def pairs_of(family, i, j, start, dim, r):
-    """Return the list of the pairs i, j (m,) of a family of hard particles."""
+def pairs_of(
+    family: int, i: np.ndarray, j: np.ndarray, start: int, dim: int, r: np.ndarray
+) -> ListedContacts:
+    """Return the list of the pairs i, j (m,) of a family of hard particles.
+
+    start: coordinate at which the family begins; r (n,): radii of its particles.
+    """
     m = i.size
     one = np.empty(m, np.int64)
     fam = np.empty(m, np.int64)
@@ -158,11 +175,14 @@ def pairs_of(family, i, j, start, dim, r):
 
 
 @njit(cache=True)
-def near_list(x, reach, scene, static_keys):
+def near_list(
+    x: np.ndarray, reach: float, scene: HardScene, static_keys: np.ndarray
+) -> tuple[ListedContacts, np.ndarray]:
     """Return the listed constraints and the pairs near x (n,) in the order of the sweep, with keys.
 
     reach: largest gap of a pair; scene: HardScene; static_keys: of the listed constraints.
     """
+    # listed constraints, then the near pairs of each family; sorted by key in the end
     lists = scene.static
     keys = static_keys
     order = scene.order
@@ -191,13 +211,23 @@ def near_list(x, reach, scene, static_keys):
 
 
 @njit(cache=True)
-def rebuild(old, old_keys, mu, x, reach, scene, static_keys):
-    """Return a new list at x, its keys, and the impulses mu of the old list as its own.
+def rebuild(
+    old: ListedContacts,
+    old_keys: np.ndarray,
+    mu: np.ndarray,
+    x: np.ndarray,
+    reach: float,
+    scene: HardScene,
+    static_keys: np.ndarray,
+) -> tuple[ListedContacts, np.ndarray, np.ndarray]:
+    """Return a new list at x (n,), its keys (k,), and the impulses mu of the old list as its own.
 
+    old, old_keys, mu (m,): the old list, its keys and impulses; reach: largest gap of a pair.
     Pairs that have acted since the last sample stay in the list, so that an impulse is summed in
     the same order as over all pairs, and agrees with that to the last bit.
     """
     lists, keys = near_list(x, reach, scene, static_keys)
+    # what has acted and is no longer near stays listed until its impulse is recorded
     at = insertion_places(keys, old_keys)
     gone = np.empty(old_keys.size, np.int64)
     m = 0

@@ -8,15 +8,22 @@ so that g(x) = 0 afterwards if it was negative (for a distance grad g keeps its 
 the impulse h lambda of the step.
 """
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from nsbench.compilation.decorators import njit
 from nsbench.dynamics.contacts.kernels.contact_arrays import PAIR, ROW
 
+if TYPE_CHECKING:
+    from nsbench.dynamics.contacts.kernels.contact_arrays import AffineRows, ListedContacts
+
 
 @njit(cache=True, error_model="numpy")
-def project_row(r, x, rows, b):
-    """Project x on A_r x + b_r >= 0; returns mu >= 0 with x += mu A_r."""
+def project_row(r: int, x: np.ndarray, rows: AffineRows, b: np.ndarray) -> float:
+    """Project x (n,) on A_r x + b_r >= 0; returns mu >= 0 with x += mu A_r; b (rows,)."""
     g = b[r]
     for e in range(rows.ptr[r], rows.ptr[r + 1]):
         g += rows.vals[e] * x[rows.cols[e]]
@@ -29,12 +36,13 @@ def project_row(r, x, rows, b):
 
 
 @njit(cache=True, error_model="numpy")
-def project_pair(p, q, d, sign, dim, x):
+def project_pair(p: int, q: int, d: float, sign: float, dim: int, x: np.ndarray) -> float:
     """Project on sign (|x_i - x_j| - d) >= 0, both particles moved alike; returns mu = -g / 2.
 
-    p, q: first coordinates of particles i, j. Coincident centres have no gradient: they are parted
-    along the first axis, and mu is returned negative to mark it.
+    p, q: first coordinates of particles i, j in x (n,). Coincident centres have no gradient: they
+    are parted along the first axis, and mu is returned negative to mark it.
     """
+    # squared distances decide first: most pairs need no square root
     s = 0.0
     for c in range(dim):
         e = x[p + c] - x[q + c]
@@ -59,8 +67,13 @@ def project_pair(p, q, d, sign, dim, x):
 
 
 @njit(cache=True, error_model="numpy")
-def project_anchor(p, q, d, sign, dim, x, anchors):
-    """Project on sign (|x_i - a| - d) >= 0; returns mu = -g, negative for coincident centres."""
+def project_anchor(
+    p: int, q: int, d: float, sign: float, dim: int, x: np.ndarray, anchors: np.ndarray
+) -> float:
+    """Project on sign (|x_i - a| - d) >= 0; returns mu = -g, negative for coincident centres.
+
+    p, q: first coordinates of particle i in x (n,) and of the anchor a in anchors.
+    """
     s = 0.0
     for c in range(dim):
         e = x[p + c] - anchors[q + c]
@@ -79,8 +92,15 @@ def project_anchor(p, q, d, sign, dim, x, anchors):
 
 
 @njit(cache=True, error_model="numpy")
-def project(c, lists, x, rows, b, anchors):
-    """Project on constraint c of the list (ListedContacts); returns mu as the projections above."""
+def project(
+    c: int,
+    lists: ListedContacts,
+    x: np.ndarray,
+    rows: AffineRows,
+    b: np.ndarray,
+    anchors: np.ndarray,
+) -> float:
+    """Project x (n,) on constraint c of the list; returns mu as the projections above."""
     if lists.kind[c] == ROW:
         return project_row(lists.p[c], x, rows, b)
     if lists.kind[c] == PAIR:
@@ -91,14 +111,25 @@ def project(c, lists, x, rows, b, anchors):
 
 
 @njit(cache=True, error_model="numpy")
-def sweep(lo, hi, lists, x, rows, b, anchors, mu):
-    """Project once on the constraints lo, ..., hi - 1; mu[c] grows by the impulse of c.
+def sweep(
+    lo: int,
+    hi: int,
+    lists: ListedContacts,
+    x: np.ndarray,
+    rows: AffineRows,
+    b: np.ndarray,
+    anchors: np.ndarray,
+    mu: np.ndarray,
+) -> tuple[int, bool]:
+    """Project x (n,) once on the constraints lo, ..., hi - 1; mu[c], mu (m,), grows by the impulse
+    of c.
 
     lists: ListedContacts; rows: AffineRows; b, anchors: constants of the rows, coordinates of the
     anchors. Returns the number of projections done and whether coincident centres were met.
     """
     work = 0
     tied = False
+    # Gauss-Seidel sweep: each projection starts from where the last one left x.
     for c in range(lo, hi):
         m = project(c, lists, x, rows, b, anchors)
         if m != 0.0:

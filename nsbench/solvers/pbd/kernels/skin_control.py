@@ -47,17 +47,20 @@ class SkinControl(NamedTuple):
 
 
 @njit(cache=True)
-def needs_selection(far, attempts, rebuilds, control, certified):
+def needs_selection(
+    far: float, attempts: int, rebuilds: int, control: SkinControl, certified: float
+) -> bool:
     """Return whether the active candidates must be selected anew before the sweep.
 
     far: largest squared displacement since they were; attempts: sweeps of this step undone.
     """
+    # a widened skin is there for the sweep: it needs no reserve besides
     reserve = control.reserve if control.widened == 0.0 else 0.0
     return rebuilds == 0 or attempts > 0 or far > ((HALF - reserve) * certified) ** 2
 
 
 @inner_kernel
-def adapt_to_pace(control, far, rebuilds):
+def adapt_to_pace(control: SkinControl, far: float, rebuilds: int) -> SkinControl:
     """Measure the pace since the last selection, and shrink the reserve: it sufficed."""
     return SkinControl(
         control.least,
@@ -71,7 +74,7 @@ def adapt_to_pace(control, far, rebuilds):
 
 
 @njit(cache=True)
-def adapt_to_undone_sweep(control, active_skin):
+def adapt_to_undone_sweep(control: SkinControl, active_skin: float) -> SkinControl:
     """Widen the skin if a new selection was too narrow, else enlarge the reserve."""
     is_new = control.age == 0
     return SkinControl(
@@ -86,7 +89,7 @@ def adapt_to_undone_sweep(control, active_skin):
 
 
 @njit(cache=True)
-def with_age(control, age):
+def with_age(control: SkinControl, age: int) -> SkinControl:
     """Return the control with the age of the selection set."""
     return SkinControl(
         control.least,
@@ -100,8 +103,11 @@ def with_age(control, age):
 
 
 @njit(cache=True)
-def adapt_after_step(control, skins, attempts):
+def adapt_after_step(
+    control: SkinControl, skins: Skins, attempts: int
+) -> tuple[SkinControl, Skins]:
     """Shrink a widened skin after enough calm steps; returns control and skins."""
+    # back by the factor 1.5 by which adapt_to_undone_sweep widens
     calm = control.calm + 1 if attempts == 0 else 0
     widened = control.widened
     certified = skins.certified

@@ -14,6 +14,10 @@ DEPENDENT (closed, in the span of the active ones, without a multiplier) or ACTI
 where the contact closed with this event.
 """
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from nsbench.compilation.decorators import inlined, inner_kernel, one
@@ -33,6 +37,15 @@ from nsbench.solvers.event_driven.contacts.kernels.taylor_flow import (
     size,
     sorted_index,
 )
+
+if TYPE_CHECKING:
+    from nsbench.solvers.event_driven.contacts.kernels.held_set import HeldSet
+    from nsbench.solvers.event_driven.contacts.kernels.loop_state import (
+        ArcEnd,
+        ContactProblem,
+        LoopState,
+        Series,
+    )
 
 MAX_SET_CHANGES = 24  # after one event: beyond, the selection with look-ahead takes over
 UNCERTAINTY = 1e2  # factor around the bound on dependence within which nothing is decided
@@ -57,6 +70,7 @@ def _weakest_member(active, held, problem, small, rising):
     sign = problem.contacts.sign
     norm = problem.norm
     mu = held.mu
+    # Multipliers times the length of the gradient are velocities, comparable among contacts.
     lowest = small
     which = -1
     for a in range(active.size):
@@ -81,6 +95,7 @@ def _find_replacement(a, active, held, role, contacts, layout, x, dependent):
     """
     k = active[a]
     pull, top = inverse_column(k, active, held, x.size)
+    # Ratio test: the dependent contact with the most negative coefficient takes over.
     best = 0.0
     which = -1
     orientation = contacts.sign[k] if contacts.kind[k] != ROW else 1.0
@@ -93,6 +108,7 @@ def _find_replacement(a, active, held, role, contacts, layout, x, dependent):
                 if orientation * y < best:
                     best = orientation * y
                     which = c
+    # No contact takes over: those that depend on the member open together with it.
     if which < 0:
         for c in range(role.size):
             if role[c] == DEPENDENT or role[c] == DEPENDENT + NEW:
@@ -114,6 +130,7 @@ def _closing_contact(role, entries, entry, problem, x, v, settings, floats):
     contacts = problem.contacts
     layout = problem.layout
     norm = problem.norm
+    # Closed contacts, and those that left with this event, must open with a speed that is certain.
     g = np.empty(role.size)
     evaluate_gaps(entries, contacts, layout, x, g)
     for k in range(role.size):
@@ -154,8 +171,13 @@ def _remove_member(a, active, which, role):
 
 
 @inlined
-def hold_active(active, problem, x, work, length):
-    """Factorise the active contacts and project x onto them; return (ok, HeldSet)."""
+def hold_active(
+    active: np.ndarray, problem: ContactProblem, x: np.ndarray, work: np.ndarray, length: float
+) -> tuple[bool, HeldSet]:
+    """Factorise the active contacts (p,) and project x (n,) onto them; return (ok, HeldSet).
+
+    work (n,): zeros. length: characteristic length of the case.
+    """
     return build_held_set(
         active,
         problem.contacts,
@@ -170,8 +192,10 @@ def hold_active(active, problem, x, work, length):
 
 
 @inlined
-def start_series(active, held, problem, series, x):
-    """Start the series at x: order 1 of the state, order 0 of the drift and of mu."""
+def start_series(
+    active: np.ndarray, held: HeldSet, problem: ContactProblem, series: Series, x: np.ndarray
+) -> None:
+    """Start the series at x (n,): order 1 of the state, order 0 of the drift and of mu."""
     copy_into(x, series.state[0])
     extend_series(
         one() - 1,
@@ -211,6 +235,7 @@ def _first_trial_set(event, active, held, role, problem, x, settings, floats, re
     if closing:
         role[entry] = ACTIVE + NEW
         return True, toggled(active, entry, one()), -1, -1
+    # A multiplier vanished: its contact leaves, or a dependent one takes its place.
     a = sorted_index(active, entry)
     certain, which, c, top = _find_replacement(
         a, active, held, role, problem.contacts, problem.layout, x, settings.dependent
@@ -242,7 +267,9 @@ def _is_dependent(entry, active, held, problem, x, settings):
 
 
 @inlined
-def next_active_set(event, active, held, is_closed, problem, x, series, work, loop, recent_step):
+def next_active_set(
+    event: ArcEnd, active, held, is_closed, problem, x, series, work, loop: LoopState, recent_step
+) -> tuple[bool, np.ndarray, HeldSet, np.ndarray]:
     """Find the active set after an event, or report that it is not certain.
 
     event: the ArcEnd of the last arc, whose active set and HeldSet are given. is_closed (m,):

@@ -13,8 +13,26 @@ from nsbench.dynamics.contacts.kernels.contact_arrays import PAIR, ROW, SMOOTH
 
 
 @njit(cache=True, error_model="numpy")
-def fill_gaps(kind, p, q, d, sign, dim, x, anchors, ptr, cols, vals, b, out):
-    """Fill out (m,) with the gaps of rows, pairs and anchors; smooth constraints are skipped."""
+def fill_gaps(
+    kind: np.ndarray,
+    p: np.ndarray,
+    q: np.ndarray,
+    d: np.ndarray,
+    sign: np.ndarray,
+    dim: np.ndarray,
+    x: np.ndarray,
+    anchors: np.ndarray,
+    ptr: np.ndarray,
+    cols: np.ndarray,
+    vals: np.ndarray,
+    b: np.ndarray,
+    out: np.ndarray,
+) -> None:
+    """Fill out (m,) with the gaps of rows, pairs and anchors; smooth constraints are skipped.
+
+    kind, p, q, d, sign, dim (m,): see contact_arrays.Contacts; anchors, ptr, cols, vals, b: see
+    contact_arrays.Layout; x (n,): state. Gaps of distances are in the unit of x.
+    """
     for k in range(kind.size):
         if kind[k] == ROW:
             g = b[p[k]]
@@ -30,15 +48,31 @@ def fill_gaps(kind, p, q, d, sign, dim, x, anchors, ptr, cols, vals, b, out):
 
 
 @njit(cache=True, error_model="numpy")
-def fill_rows(kind, p, q, sign, dim, slot, x, anchors, ptr, cols, vals, dense, width):
-    """Return the gradients as short rows (C, V, count).
+def fill_rows(
+    kind: np.ndarray,
+    p: np.ndarray,
+    q: np.ndarray,
+    sign: np.ndarray,
+    dim: np.ndarray,
+    slot: np.ndarray,
+    x: np.ndarray,
+    anchors: np.ndarray,
+    ptr: np.ndarray,
+    cols: np.ndarray,
+    vals: np.ndarray,
+    dense: np.ndarray,
+    width: int,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the gradients as short rows: columns C (m, width), values V (m, width), count (m,).
 
-    slot (m,): row of `dense` (smooth, n) for smooth constraints.
+    kind, p, q, sign, dim (m,): see contact_arrays.Contacts. x (n,): state. slot (m,): row of
+    `dense` (smooth, n) for smooth constraints. width: entries of the longest gradient.
     """
     m = kind.size
     C = np.zeros((m, width), np.int64)
     V = np.zeros((m, width))
     count = np.zeros(m, np.int64)
+    # Gradient of a distance: the unit vector between the points, opposite for the second particle.
     for k in range(m):
         if kind[k] == ROW:
             for e in range(ptr[p[k]], ptr[p[k] + 1]):
@@ -69,11 +103,12 @@ def fill_rows(kind, p, q, sign, dim, slot, x, anchors, ptr, cols, vals, dense, w
 
 
 @njit(cache=True, error_model="numpy")
-def gram(C, V, count, n):
-    """Return the Gram matrix G G^T, (m, m)."""
+def gram(C: np.ndarray, V: np.ndarray, count: np.ndarray, n: int) -> np.ndarray:
+    """Return the Gram matrix G G^T, (m, m), of the rows C, V (m, width), count (m,)."""
     m = count.size
     M = np.zeros((m, m))
     work = np.zeros(n)
+    # Scatter row k into a dense vector, multiply by the rows up to k, clear it again.
     for k in range(m):
         for e in range(count[k]):
             work[C[k, e]] += V[k, e]
@@ -89,8 +124,8 @@ def gram(C, V, count, n):
 
 
 @njit(cache=True, error_model="numpy")
-def times(C, V, count, x):
-    """Return G x, (m,)."""
+def times(C: np.ndarray, V: np.ndarray, count: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Return G x, (m,), for x (n,)."""
     out = np.zeros(count.size)
     for k in range(count.size):
         for e in range(count[k]):
@@ -99,17 +134,23 @@ def times(C, V, count, x):
 
 
 @njit(cache=True, error_model="numpy")
-def add_transposed(C, V, count, lam, out):
-    """Add G^T lam to out (n,)."""
+def add_transposed(
+    C: np.ndarray, V: np.ndarray, count: np.ndarray, lam: np.ndarray, out: np.ndarray
+) -> None:
+    """Add G^T lam to out (n,), lam (m,)."""
     for k in range(count.size):
         for e in range(count[k]):
             out[C[k, e]] += lam[k] * V[k, e]
 
 
 @njit(cache=True, error_model="numpy")
-def gram_solve(M, v):
-    """Solve M z = v by Cholesky's method; M is overwritten. NaN if M is not positive definite."""
+def gram_solve(M: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Solve M z = v by Cholesky's method; NaN if M is not positive definite.
+
+    M (m, m): overwritten by its factor; v (m,). Returns z (m,).
+    """
     m = v.size
+    # Cholesky's method by rows.
     for a in range(m):
         for b in range(a + 1):
             s = M[a, b]
@@ -120,6 +161,7 @@ def gram_solve(M, v):
             else:
                 M[a, b] = s / M[b, b]
     out = v.copy()
+    # Forward and backward substitution.
     for a in range(m):
         for b in range(a):
             out[a] -= M[a, b] * out[b]
@@ -132,11 +174,13 @@ def gram_solve(M, v):
 
 
 @njit(cache=True, error_model="numpy")
-def constrained_velocity(C, V, count, f, rate):
+def constrained_velocity(
+    C: np.ndarray, V: np.ndarray, count: np.ndarray, f: np.ndarray, rate: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return (x', lam, G^T lam) with all these contacts active, which must be independent.
 
-    x' = f + G^T lam,  (G G^T) lam = -(G f + rate);  rate (m,): partial time derivatives of the
-    gaps.
+    x' = f + G^T lam,  (G G^T) lam = -(G f + rate);  f (n,): drift; rate (m,): partial time
+    derivatives of the gaps. Returns x' (n,), lam (m,), G^T lam (n,).
     """
     lam = gram_solve(gram(C, V, count, f.size), -(times(C, V, count, f) + rate))
     reaction = np.zeros(f.size)

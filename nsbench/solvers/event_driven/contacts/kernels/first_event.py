@@ -9,12 +9,17 @@ that decides. Nothing is sampled, so no descent can hide between sampling points
 Coefficients c (deg + 1,) are of powers of s, the time over the step h.
 """
 
-from typing import NamedTuple
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from nsbench.compilation.decorators import inlined, inner_kernel, one
 from nsbench.dynamics.contacts.kernels.contact_arrays import ANCHOR, PAIR, ROW
+
+if TYPE_CHECKING:
+    from nsbench.dynamics.contacts.kernels.contact_arrays import Contacts, Layout
 
 NARROWEST = 2.0**-44  # half-width of an interval of [0, 1], below which times cannot be told apart
 # Slope in touches per step: a function that reaches zero this steeply at the end of a step crosses.
@@ -41,8 +46,8 @@ class EventLevels(NamedTuple):
 
 
 @inner_kernel
-def value(c, deg, s):
-    """Evaluate the polynomial at s by Horner's rule."""
+def value(c: np.ndarray, deg: int, s: float) -> float:
+    """Evaluate the polynomial c (deg + 1,) at s by Horner's rule."""
     v = c[deg]
     for j in range(deg - 1, -1, -1):
         v = v * s + c[j]
@@ -50,8 +55,8 @@ def value(c, deg, s):
 
 
 @inner_kernel
-def slope(c, deg, s):
-    """Evaluate the derivative of the polynomial at s."""
+def slope(c: np.ndarray, deg: int, s: float) -> float:
+    """Evaluate the derivative of the polynomial c (deg + 1,) at s."""
     v = deg * c[deg]
     for j in range(deg - 1, 0, -1):
         v = v * s + j * c[j]
@@ -59,12 +64,13 @@ def slope(c, deg, s):
 
 
 @inner_kernel
-def root(c, deg, level, lo, hi):
-    """Find a root of c - level in [lo, hi], positive at lo and negative at hi.
+def root(c: np.ndarray, deg: int, level: float, lo: float, hi: float) -> float:
+    """Find a root of c - level in [lo, hi], positive at lo and negative at hi; c (deg + 1,).
 
     Newton's method, safeguarded by bisection of the bracket.
     """
     s = hi
+    # Newton's method; bisection where it leaves the bracket.
     for _ in range(200):
         v = value(c, deg, s) - level
         if v > 0.0:
@@ -94,12 +100,15 @@ def _shift(c, deg, mid, b):
 
 
 @inner_kernel
-def first_descent(c, deg, level, lo, hi, b):
+def first_descent(
+    c: np.ndarray, deg: int, level: float, lo: float, hi: float, b: np.ndarray
+) -> float:
     """Find the smallest s in [lo, hi] with c(s) < level, up to rounding; -1.0 if there is none.
 
     b (deg + 1,): scratch. Depth-first bisection, left half first: an interval is discarded if its
     enclosure stays above the level, and ends the search if it descends on it monotonically.
     """
+    # The moduli of all terms on [0, hi] bound the variation: most functions are excluded here.
     spread = 0.0
     power = 1.0
     for j in range(1, deg + 1):
@@ -113,6 +122,7 @@ def first_descent(c, deg, level, lo, hi, b):
     right[0] = hi
     top = 1
     intervals = 0
+    # Depth-first bisection with a stack of intervals, the leftmost on top.
     while top > 0:
         top -= 1
         a = left[top]
@@ -148,7 +158,17 @@ def first_descent(c, deg, level, lo, hi, b):
 
 
 @inner_kernel
-def next_crossing(c, deg, armed, level, band, touch, hi, b, d):
+def next_crossing(
+    c: np.ndarray,
+    deg: int,
+    armed: bool,
+    level: float,
+    band: float,
+    touch: float,
+    hi: float,
+    b: np.ndarray,
+    d: np.ndarray,
+) -> tuple[float, bool, bool]:
     """Find the first event of one function on [0, hi].
 
     An armed function fires where it crosses zero on its way to -touch; another fires where it falls
@@ -186,8 +206,12 @@ def next_crossing(c, deg, armed, level, band, touch, hi, b, d):
 
 
 @inner_kernel
-def displacement_bound(X, deg, h, first, out):
-    """Bound the displacement of each coordinate within h by the terms from order `first` on."""
+def displacement_bound(X: np.ndarray, deg: int, h: float, first: int, out: np.ndarray) -> None:
+    """Bound the displacement of each coordinate within h by the terms from order `first` on.
+
+    X (order + 1, n): Taylor coefficients of the state, used up to deg. Fills out (n,).
+    """
+    # Horner's rule on the moduli of the coefficients.
     for i in range(out.size):
         out[i] = 0.0
     for j in range(deg, first - 1, -1):
@@ -198,11 +222,14 @@ def displacement_bound(X, deg, h, first, out):
 
 
 @inner_kernel
-def leaves_list_certificate(x, list_centre, bound, hard, limit):
+def leaves_list_certificate(
+    x: np.ndarray, list_centre: np.ndarray, bound: np.ndarray, hard: np.ndarray, limit: float
+) -> tuple[bool, bool]:
     """Check whether a hard particle may move farther than `limit` from the centre of the list.
 
-    bound (n,): displacement in this step. Returns (may, did): whether one may, whether any has
-    moved.
+    x, list_centre (n,): state now, and where the candidates were listed. bound (n,): displacement
+    in this step. hard (families, 3): first coordinate, particles, dimension. limit: a length.
+    Returns (may, did): whether one may, whether any has moved.
     """
     may = False
     did = False
@@ -308,8 +335,19 @@ def _gap_series(k, contacts, layout, X, deg, powers, diff, out):
 
 @inlined
 def first_event(
-    active, is_active, contacts, layout, norm, X, mu, deg, h, levels, multiplier_band, bend
-):
+    active: np.ndarray,
+    is_active: np.ndarray,
+    contacts: Contacts,
+    layout: Layout,
+    norm: np.ndarray,
+    X: np.ndarray,
+    mu: np.ndarray,
+    deg: int,
+    h: float,
+    levels: EventLevels,
+    multiplier_band: float,
+    bend: np.ndarray,
+) -> tuple[float, int, int]:
     """Find the first event within h, at s h with 0 <= s <= 1.
 
     levels: EventLevels, whose armed masks become those at the end of the step. multiplier_band:
@@ -326,6 +364,7 @@ def first_event(
     powers[0] = 1.0
     for j in range(deg):
         powers[j + 1] = powers[j] * h
+    # The interval shrinks to the earliest event so far: later ones need no root.
     best = 2.0
     which = -one()
     touches = 0

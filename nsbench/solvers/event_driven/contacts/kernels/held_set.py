@@ -4,7 +4,9 @@ Active contacts have G x' = 0. The multipliers solve (G G^T) mu = rhs, so an arc
 G, the Cholesky factor of G G^T and room for the Taylor series of mu and of the unit normals.
 """
 
-from typing import NamedTuple
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -15,6 +17,9 @@ from nsbench.solvers.event_driven.contacts.kernels.taylor_flow import (
     project_and_factor,
     sorted_index,
 )
+
+if TYPE_CHECKING:
+    from nsbench.dynamics.contacts.kernels.contact_arrays import Contacts, Layout
 
 # Pivot over its diagonal that counts as zero: contacts that lock or depend on each other.
 LEAST_PIVOT = 1e-12
@@ -40,7 +45,17 @@ class HeldSet(NamedTuple):
 
 
 @inner_kernel
-def build_held_set(active, contacts, layout, norm, x, width, order, work, length):
+def build_held_set(
+    active: np.ndarray,
+    contacts: Contacts,
+    layout: Layout,
+    norm: np.ndarray,
+    x: np.ndarray,
+    width: int,
+    order: int,
+    work: np.ndarray,
+    length: float,
+) -> tuple[bool, HeldSet]:
     """Factorise the Gram matrix of the active contacts and project x onto them.
 
     active (p,): entries of the candidates, ascending. x (n,): projected in place onto g = 0 (index
@@ -70,6 +85,7 @@ def build_held_set(active, contacts, layout, norm, x, width, order, work, length
                 if kind[k] == PAIR:
                     C[a, dim[k] + c] = second[k] + c
             count[a] = 2 * dim[k] if kind[k] == PAIR else dim[k]
+    # envelope of the Gram matrix; project_and_factor fills and factorises it
     plan = arrange(C, count, p, x.size)
     _, _, envelope, _, _ = plan
     held = HeldSet(C, V, count, U, mu, plan, np.empty(envelope[p]))
@@ -78,8 +94,13 @@ def build_held_set(active, contacts, layout, norm, x, width, order, work, length
 
 
 @inner_kernel
-def gap_rate(k, contacts, layout, x, v):
-    """Return (G_k v, |G_k|^2) for entry k: the rate of its gap at velocity v, gradient squared."""
+def gap_rate(
+    k: int, contacts: Contacts, layout: Layout, x: np.ndarray, v: np.ndarray
+) -> tuple[float, float]:
+    """Return (G_k v, |G_k|^2) for entry k: the rate of its gap at velocity v, gradient squared.
+
+    x, v (n,): state and velocity.
+    """
     kind, p, q, d, sign, dim = contacts
     anchors, ptr, cols, vals, _ = layout
     s = 0.0
@@ -110,8 +131,14 @@ def _apply_transposed(held, active, z, n):
 
 
 @inner_kernel
-def inverse_column(entry, active, held, n):
-    """Solve (G G^T) z = e_k for an active entry; return (G^T z / sqrt(z_k), z_k)."""
+def inverse_column(
+    entry: int, active: np.ndarray, held: HeldSet, n: int
+) -> tuple[np.ndarray, float]:
+    """Solve (G G^T) z = e_k for an active entry; return (G^T z / sqrt(z_k), z_k).
+
+    active (p,): entries, ascending. The first result, (n,), has length one, is orthogonal to the
+    other active gradients, and z_k is one over its squared product with gradient k.
+    """
     z = np.zeros(active.size)
     k = sorted_index(active, entry)
     z[k] = 1.0
@@ -123,8 +150,11 @@ def inverse_column(entry, active, held, n):
 
 
 @inner_kernel
-def toggled(active, entry, change):
-    """Return the ascending set with the entry put in (change 1) or taken out (change -1)."""
+def toggled(active: np.ndarray, entry: int, change: int) -> np.ndarray:
+    """Return the ascending set with the entry put in (change 1) or taken out (change -1).
+
+    active (p,): the ascending set before. Returns (p + change,).
+    """
     out = np.empty(active.size + change, np.int64)
     a = sorted_index(active, entry)
     for i in range(a):
@@ -137,8 +167,13 @@ def toggled(active, entry, change):
 
 
 @inner_kernel
-def squared_sine_to_span(c, active, held, contacts, layout, x):
-    """Return the squared sine of the angle between the gradient of entry c and the active span."""
+def squared_sine_to_span(
+    c: int, active: np.ndarray, held: HeldSet, contacts: Contacts, layout: Layout, x: np.ndarray
+) -> float:
+    """Return the squared sine of the angle between the gradient of entry c and the active span.
+
+    active (p,): entries of the span; x (n,): state.
+    """
     C = held.columns
     V = held.values
     count = held.count
@@ -164,8 +199,9 @@ def squared_sine_to_span(c, active, held, contacts, layout, x):
 
 
 @inner_kernel
-def gradient(k, contacts, layout, x):
-    """Return the gradient of entry k as a dense vector (n,); distances up to their sign."""
+def gradient(k: int, contacts: Contacts, layout: Layout, x: np.ndarray) -> np.ndarray:
+    """Return the gradient of entry k at x (n,) as a dense vector (n,); distances up to their
+    sign."""
     kind, p, q, d, _, dim = contacts
     anchors, ptr, cols, vals, _ = layout
     row = np.zeros(x.size)

@@ -6,6 +6,10 @@ active_set_change); elsewhere the loop returns, and the driver solves the comple
 with look-ahead. The loop also returns where it fails: then the driver starts again in Python.
 """
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from nsbench.compilation.decorators import inlined, njit, one
@@ -40,6 +44,15 @@ from nsbench.solvers.event_driven.contacts.kernels.taylor_flow import (
     sorted_index,
 )
 
+if TYPE_CHECKING:
+    from nsbench.solvers.event_driven.contacts.kernels.loop_state import (
+        Accumulated,
+        ContactProblem,
+        EventLog,
+        LoopState,
+        SampleRecord,
+    )
+
 SHORT_ORDER = 10  # of a series where the next event is expected soon
 MAX_REMAINING_STEPS = 50_000  # beyond, the equation is stiff and another method is better
 
@@ -60,6 +73,7 @@ def _log_events(role, is_active, is_closed, log, loop):
     Returns False if the log is full.
     """
     _, floats, counters = loop
+    # Contacts first, then releases, then exchanges: the order of the log within one instant.
     first = FIRST
     for kind in (CONTACT, RELEASE, PIVOT):
         for k in range(role.size):
@@ -114,6 +128,7 @@ def _end_arc(entry, s, deg, active, held, is_active, contacts, counters):
     if not closing:
         a = sorted_index(active, entry)
         mu = held.mu
+        # Horner's rule for the derivative of the series of the multiplier
         for j in range(deg - 1, 0, -1):
             slope = slope * s + j * mu[a, j]
         slope *= contacts.sign[entry] if contacts.kind[entry] != ROW else 1.0
@@ -130,6 +145,7 @@ def _follow_arc(
     at s in the last step; any other code ends the call.
     """
     settings, floats, counters = loop
+    # Taylor steps: each is cut at its first event, else the series starts anew at its end.
     levels = arm_events(active, held, problem, x, settings, floats)
     longest = 0.0
     entry = -one()
@@ -179,8 +195,16 @@ def _follow_arc(
 
 @njit(cache=True, error_model="numpy")
 def integrate_contacts(
-    problem, x, is_active, is_closed, samples, accumulated, recent_steps, log, loop
-):
+    problem: ContactProblem,
+    x: np.ndarray,
+    is_active: np.ndarray,
+    is_closed: np.ndarray,
+    samples: SampleRecord,
+    accumulated: Accumulated,
+    recent_steps: np.ndarray,
+    log: EventLog,
+    loop: LoopState,
+) -> LoopCode:
     """Integrate with the active set until the driver must decide; return a LoopCode.
 
     problem: ContactProblem. x (n,): state, written. is_active, is_closed (m,): masks of the

@@ -5,6 +5,10 @@ within the certificate of the candidates. At the end of a step the state is proj
 active contacts and the slope of the series is compared with the equation.
 """
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from nsbench.compilation.decorators import inlined, inner_kernel, one
@@ -29,6 +33,21 @@ from nsbench.solvers.event_driven.contacts.kernels.taylor_flow import (
     step_length,
 )
 
+if TYPE_CHECKING:
+    from nsbench.dynamics.contacts.kernels.contact_arrays import Contacts
+    from nsbench.solvers.event_driven.contacts.kernels.held_set import HeldSet
+    from nsbench.solvers.event_driven.contacts.kernels.loop_state import (
+        Accumulated,
+        ContactProblem,
+        LoopCounters,
+        LoopFloats,
+        LoopSettings,
+        LoopState,
+        SampleRecord,
+        Scratch,
+        Series,
+    )
+
 # Local errors by which the slope at the end of a step may miss the equation: it is one order lower.
 MAX_DEFECT = 1e3
 SLOPE_ROUNDING = 1e-10  # part of the slope that ill-conditioned contacts lose by rounding
@@ -38,6 +57,7 @@ MAX_HALVINGS = 60  # of a step that may leave the certificate of the candidates
 @inner_kernel
 def _evaluate_path(s, deg, X, F, out, push):
     """Evaluate the state, and the reaction since the start of the step, at s."""
+    # displacement less the integral of the drift is the integral of the contact forces
     evaluate_series(X, deg, s, out)
     for i in range(out.size):
         total = 0.0
@@ -66,8 +86,24 @@ def _integrate_multiplier(a, s, deg, mu):
 
 
 @inlined
-def advance(s, t, deg, active, held, contacts, series, x, samples, accumulated, counters):
-    """Record the samples up to t, at s in the step; move x and the integrals there."""
+def advance(
+    s: float,
+    t: float,
+    deg: int,
+    active: np.ndarray,
+    held: HeldSet,
+    contacts: Contacts,
+    series: Series,
+    x: np.ndarray,
+    samples: SampleRecord,
+    accumulated: Accumulated,
+    counters: LoopCounters,
+) -> None:
+    """Record the samples up to t, at s in the step; move x and the integrals there.
+
+    active (p,): entries; x (n,): written, the state at t. t, s: absolute and since the start of the
+    step.
+    """
     X = series.state
     F = series.drift
     column, total, reaction = accumulated
@@ -77,6 +113,7 @@ def advance(s, t, deg, active, held, contacts, series, x, samples, accumulated, 
     times = samples.time
     push = np.empty(x.size)
     t0 = t - s
+    # Dense output: every sample is read off the series, none cuts a step.
     while counters.sample[0] < times.size and times[counters.sample[0]] <= t:
         r = counters.sample[0]
         u = min(times[r] - t0, s)
@@ -131,8 +168,15 @@ def _choose_step(deg, active, held, series, x, bound, problem, settings, floats)
 
 
 @inlined
-def arm_events(active, held, problem, x, settings, floats):
-    """Return the EventLevels of gaps and multipliers at the start of an arc."""
+def arm_events(
+    active: np.ndarray,
+    held: HeldSet,
+    problem: ContactProblem,
+    x: np.ndarray,
+    settings: LoopSettings,
+    floats: LoopFloats,
+) -> EventLevels:
+    """Return the EventLevels of gaps and multipliers at the start of an arc at x (n,)."""
     contacts = problem.contacts
     norm = problem.norm
     m = norm.size
@@ -146,6 +190,7 @@ def arm_events(active, held, problem, x, settings, floats):
         band[k] = near * norm[k]
         armed[k] = g[k] > band[k]
         level[k] = 0.0 if armed[k] else min(g[k], 0.0) - band[k]
+    # the same for the multipliers, in units of the largest drift so far
     firm = np.empty(active.size, np.bool_)
     low = np.empty(active.size)
     kind = contacts.kind
@@ -189,11 +234,24 @@ def _locate_event(deg, h, active, held, is_active, problem, series, levels, bend
 
 
 @inlined
-def try_step(deg, quick, active, held, is_active, problem, series, levels, x, bound, loop):
+def try_step(
+    deg: int,
+    quick: int,
+    active: np.ndarray,
+    held: HeldSet,
+    is_active: np.ndarray,
+    problem: ContactProblem,
+    series: Series,
+    levels: EventLevels,
+    x: np.ndarray,
+    bound: np.ndarray,
+    loop: LoopState,
+) -> tuple[LoopCode, int, float, float, int, int, EventLevels]:
     """Extend the series, choose the step and locate its first event.
 
     A series of order `quick` is enough if an event ends the step; else it is extended to the full
-    order. Returns (code, deg, h, s, entry, touches, EventLevels at the end of the step).
+    order. x (n,): the state at the start; bound (n,): work.
+    Returns (code, deg, h, s, entry, touches, EventLevels at the end of the step).
     """
     settings, floats, counters = loop
     h = 0.0
@@ -201,6 +259,7 @@ def try_step(deg, quick, active, held, is_active, problem, series, levels, x, bo
     entry = -one()
     touches = 0
     later = levels
+    # first a short series, which is enough where an event is near
     for goal in (quick, problem.order):
         if goal <= deg:
             continue
@@ -221,8 +280,20 @@ def try_step(deg, quick, active, held, is_active, problem, series, levels, x, bo
 
 
 @inlined
-def restart_series(h, s, deg, active, held, problem, series, x, scratch, settings):
-    """Project x, start a new series there and compare the slopes of both at the end of the step.
+def restart_series(
+    h: float,
+    s: float,
+    deg: int,
+    active: np.ndarray,
+    held: HeldSet,
+    problem: ContactProblem,
+    series: Series,
+    x: np.ndarray,
+    scratch: Scratch,
+    settings: LoopSettings,
+) -> bool:
+    """Project x (n,), start a new series there and compare the slopes of both at the end of the
+    step.
 
     Returns False if the old series missed the slope by more than its error: the path does something
     that the series does not show.

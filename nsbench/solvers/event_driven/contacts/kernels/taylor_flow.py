@@ -12,16 +12,25 @@ Arguments in common: active (p,) entries of the candidates, ascending; held, a H
 layout, see contact_arrays; norm (m,) lengths of the gradients.
 """
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from nsbench.compilation.decorators import inner_kernel, summing_kernel
 from nsbench.dynamics.contacts.kernels.contact_arrays import PAIR, ROW
 from nsbench.linalg.skyline_cholesky import factor, fill, solve
 
+if TYPE_CHECKING:
+    from nsbench.dynamics.contacts.kernels.contact_arrays import Contacts, Layout
+    from nsbench.solvers.event_driven.contacts.kernels.held_set import HeldSet
+    from nsbench.solvers.event_driven.contacts.kernels.loop_state import AffineDrift
+
 
 @inner_kernel
-def size(x):
-    """Return the largest |x_i|; NaN if one is NaN."""
+def size(x: np.ndarray) -> float:
+    """Return the largest |x_i| of x (n,); NaN if one is NaN."""
     top = 0.0
     for v in x:
         top = max(top, abs(v)) if v == v else np.nan
@@ -31,17 +40,18 @@ def size(x):
 
 
 @inner_kernel
-def copy_into(x, out):
-    """Copy x to out."""
+def copy_into(x: np.ndarray, out: np.ndarray) -> None:
+    """Copy x (n,) to out (n,)."""
     for i in range(out.size):
         out[i] = x[i]
 
 
 @inner_kernel
-def sorted_index(W, k):
-    """Return the position of k in the ascending set W, or where it would be inserted."""
+def sorted_index(W: np.ndarray, k: int) -> int:
+    """Return the position of k in the ascending set W (p,), or where it would be inserted."""
     lo = 0
     hi = W.size
+    # Bisection.
     while lo < hi:
         mid = (lo + hi) // 2
         if W[mid] < k:
@@ -52,8 +62,8 @@ def sorted_index(W, k):
 
 
 @inner_kernel
-def all_entries(m):
-    """Return 0, 1, .. m - 1."""
+def all_entries(m: int) -> np.ndarray:
+    """Return 0, 1, .. m - 1 as an array (m,)."""
     out = np.empty(m, np.int64)
     for k in range(m):
         out[k] = k
@@ -61,8 +71,8 @@ def all_entries(m):
 
 
 @inner_kernel
-def max_difference(x, y):
-    """Return the largest |x_i - y_i|; NaN if one is NaN."""
+def max_difference(x: np.ndarray, y: np.ndarray) -> float:
+    """Return the largest |x_i - y_i| of x, y (n,); NaN if one is NaN."""
     top = 0.0
     for i in range(x.size):
         v = abs(x[i] - y[i])
@@ -73,8 +83,10 @@ def max_difference(x, y):
 
 
 @inner_kernel
-def evaluate_gaps(entries, contacts, layout, x, out):
-    """Evaluate the gaps of some entries of the candidates; out (entries,).
+def evaluate_gaps(
+    entries: np.ndarray, contacts: Contacts, layout: Layout, x: np.ndarray, out: np.ndarray
+) -> None:
+    """Evaluate the gaps of some entries of the candidates at x (n,); out (entries,).
 
     A distance r has the value sign (r^2 - d^2) / (2 d), with the zero and the slope of its gap.
     Loops over entries stay in one function with the arrays unpacked: unpacking them per entry would
@@ -98,8 +110,20 @@ def evaluate_gaps(entries, contacts, layout, x, out):
 
 
 @inner_kernel
-def fill_gradients(active, contacts, layout, x, C, V, count, U):
-    """Fill the gradients of the active entries: columns, values, lengths; u in U[:, :, 0]."""
+def fill_gradients(
+    active: np.ndarray,
+    contacts: Contacts,
+    layout: Layout,
+    x: np.ndarray,
+    C: np.ndarray,
+    V: np.ndarray,
+    count: np.ndarray,
+    U: np.ndarray,
+) -> None:
+    """Fill the gradients of the active entries: columns, values, lengths; u in U[:, :, 0].
+
+    x (n,): state. C, V (p, width), count (p,): short rows, distances up to their sign.
+    """
     kind, p, q, d, _, dim = contacts
     anchors, ptr, cols, vals, _ = layout
     for a in range(active.size):
@@ -125,7 +149,17 @@ def fill_gradients(active, contacts, layout, x, C, V, count, U):
 
 
 @inner_kernel
-def project_and_factor(active, held, contacts, layout, norm, x, work, least_pivot, length):
+def project_and_factor(
+    active: np.ndarray,
+    held: HeldSet,
+    contacts: Contacts,
+    layout: Layout,
+    norm: np.ndarray,
+    x: np.ndarray,
+    work: np.ndarray,
+    least_pivot: float,
+    length: float,
+) -> bool:
     """Project x onto g = 0 by Newton's method and factorise the Gram matrix there.
 
     x (n,): moved along the gradients, to the rounding of x and of `length`, the characteristic
@@ -136,6 +170,7 @@ def project_and_factor(active, held, contacts, layout, norm, x, work, least_pivo
     p = active.size
     g = np.empty(active.size)
     rounding = 2e-15 * (length + size(x))
+    # Newton's method, with the gradients and their Gram matrix at each iterate.
     for iteration in range(4):
         fill_gradients(active, contacts, layout, x, C, V, count, U)
         fill(plan, C, V, count, p, work, E)
@@ -192,15 +227,26 @@ def _add_known_forces(m, active, contacts, mu, U, V):
 
 
 @inner_kernel
-def extend_series(m0, m1, active, held, contacts, drift, X, F):
-    """Compute the orders m0 to m1 - 1 of mu and of the drift F (., n), and X (., n) and u up to m1.
+def extend_series(
+    m0: int,
+    m1: int,
+    active: np.ndarray,
+    held: HeldSet,
+    contacts: Contacts,
+    drift: AffineDrift,
+    X: np.ndarray,
+    F: np.ndarray,
+) -> None:
+    """Compute the orders m0 to m1 - 1 of mu and of the drift F, and those of X and u up to m1.
 
+    X (K, n), K = order + 1: coefficients of the state; F (order, n): of the drift.
     X[m + 1] = (F[m] + (G^T mu)[m]) / (m + 1), where mu[m] makes the term of order m of G x' vanish.
     """
     kind, p, q, d, _, dim = contacts
     aptr, acols, avals, const = drift
     C, G, count, U, mu, plan, E = held
     rhs = np.empty(active.size)
+    # Taylor series of the constrained flow, order by order: known forces, multipliers, velocity.
     for m in range(m0, m1):
         V = X[m + 1]
         for i in range(const.size):
@@ -211,6 +257,7 @@ def extend_series(m0, m1, active, held, contacts, drift, X, F):
             V[i] = s
         if m > 0:
             _add_known_forces(m, active, contacts, mu, U, V)
+        # order m of G x' = 0: known terms on the right-hand side, one solve for mu[m]
         for a in range(active.size):
             k = active[a]
             s = 0.0
@@ -238,11 +285,13 @@ def extend_series(m0, m1, active, held, contacts, drift, X, F):
 
 
 @inner_kernel
-def step_length(X, mu, deg, eps, active):
+def step_length(X: np.ndarray, mu: np.ndarray, deg: int, eps: float, active: np.ndarray) -> float:
     """Return the step on which the terms of the two highest orders stay below eps (1 + |x|).
 
     Jorba & Zou 2005, section 3.2, with the impulses as further states. 0.0 if a term is not finite.
+    X (K, n), mu (p, order): coefficients of the state and of the multipliers, used up to deg.
     """
+    # the two highest orders: one of them may vanish by symmetry
     allowed = eps * (1.0 + size(X[0]))
     h = np.inf
     for j in range(deg - 1, deg + 1):
@@ -253,12 +302,12 @@ def step_length(X, mu, deg, eps, active):
             return 0.0
         if top > 0.0:
             h = min(h, (allowed / top) ** (1.0 / j))
-    return 0.9 * h
+    return 0.9 * h  # safety factor for the terms left out
 
 
 @inner_kernel
-def evaluate_series(X, deg, s, out):
-    """Evaluate the series of the state at s by Horner's rule; out (n,)."""
+def evaluate_series(X: np.ndarray, deg: int, s: float, out: np.ndarray) -> None:
+    """Evaluate the series X (K, n) of the state at s by Horner's rule up to deg; fills out (n,)."""
     for i in range(out.size):
         out[i] = X[deg, i]
     for j in range(deg - 1, -1, -1):

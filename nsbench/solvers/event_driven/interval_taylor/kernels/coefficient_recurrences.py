@@ -20,8 +20,11 @@ def _term(am, ar, bm, br):
 
 
 @njit(cache=True, error_model="numpy")
-def multiply(am, ar, bm, br, cm, cr):
-    """Enclose c = a b by the Cauchy product."""
+def multiply(
+    am: np.ndarray, ar: np.ndarray, bm: np.ndarray, br: np.ndarray, cm: np.ndarray, cr: np.ndarray
+) -> None:
+    """Enclose c = a b by the Cauchy product; all arrays (M, K), K = ORDER + 1."""
+    # c_j = sum_i a_i b_(j - i)
     for e in range(am.shape[0]):
         for j in range(am.shape[1]):
             s = 0.0
@@ -34,8 +37,14 @@ def multiply(am, ar, bm, br, cm, cr):
 
 
 @njit(cache=True, error_model="numpy")
-def divide(am, ar, bm, br, cm, cr):
-    """Enclose c = a / b; infinite radii where b may vanish."""
+def divide(
+    am: np.ndarray, ar: np.ndarray, bm: np.ndarray, br: np.ndarray, cm: np.ndarray, cr: np.ndarray
+) -> None:
+    """Enclose c = a / b, arrays (M, K), K = ORDER + 1; infinite radii where b may vanish.
+
+    The recurrence of the coefficients follows from c b = a.
+    """
+    # c_j = (a_j - sum_(i < j) c_i b_(j - i)) / b_0
     for e in range(am.shape[0]):
         low = abs(bm[e, 0]) - br[e, 0]
         for j in range(am.shape[1]):
@@ -52,11 +61,21 @@ def divide(am, ar, bm, br, cm, cr):
 
 
 @njit(cache=True, error_model="numpy")
-def power(am, ar, m0, r0, alpha, cm, cr):
+def power(
+    am: np.ndarray,
+    ar: np.ndarray,
+    m0: np.ndarray,
+    r0: np.ndarray,
+    alpha: float,
+    cm: np.ndarray,
+    cr: np.ndarray,
+) -> None:
     """Enclose c = a^alpha for a > 0 by the recurrence a c' = alpha a' c.
 
-    m0, r0 (M,): an enclosure m0 +- r0 of a_0^alpha. Infinite radii where a may vanish.
+    a, c (M, K), K = ORDER + 1; m0, r0 (M,): an enclosure m0 +- r0 of a_0^alpha. Infinite radii
+    where a may vanish.
     """
+    # j a_0 c_j = sum_(i < j) (alpha (j - i) - i) a_(j - i) c_i
     for e in range(am.shape[0]):
         low = am[e, 0] - ar[e, 0]
         cm[e, 0] = m0[e]
@@ -76,11 +95,14 @@ def power(am, ar, m0, r0, alpha, cm, cr):
 
 
 @njit(cache=True, error_model="numpy")
-def exponential(am, ar, m0, r0, cm, cr):
+def exponential(
+    am: np.ndarray, ar: np.ndarray, m0: np.ndarray, r0: np.ndarray, cm: np.ndarray, cr: np.ndarray
+) -> None:
     """Enclose c = exp a by the recurrence c' = a' c.
 
-    m0, r0 (M,): an enclosure m0 +- r0 of exp a_0.
+    a, c (M, K), K = ORDER + 1; m0, r0 (M,): an enclosure m0 +- r0 of exp a_0.
     """
+    # j c_j = sum_(i < j) (j - i) a_(j - i) c_i
     for e in range(am.shape[0]):
         cm[e, 0] = m0[e]
         cr[e, 0] = r0[e]
@@ -96,11 +118,22 @@ def exponential(am, ar, m0, r0, cm, cr):
 
 
 @njit(cache=True, error_model="numpy")
-def integrate(dm, dr, am, ar, m0, r0, cm, cr):
+def integrate(
+    dm: np.ndarray,
+    dr: np.ndarray,
+    am: np.ndarray,
+    ar: np.ndarray,
+    m0: np.ndarray,
+    r0: np.ndarray,
+    cm: np.ndarray,
+    cr: np.ndarray,
+) -> None:
     """Enclose c with c' = d a', from an enclosure m0 +- r0 of c_0.
 
-    For log (d = 1/a), arctan (d = 1/(1 + a^2)), tanh and the like.
+    For log (d = 1/a), arctan (d = 1/(1 + a^2)), tanh and the like. a, c, d (M, K), K = ORDER + 1;
+    m0, r0 (M,).
     """
+    # j c_j = sum_(i < j) (j - i) a_(j - i) d_i
     for e in range(am.shape[0]):
         cm[e, 0] = m0[e]
         cr[e, 0] = r0[e]
@@ -116,13 +149,22 @@ def integrate(dm, dr, am, ar, m0, r0, cm, cr):
 
 
 @njit(cache=True, error_model="numpy")
-def circular(am, ar, sm, sr, cm, cr, sign):
+def circular(
+    am: np.ndarray,
+    ar: np.ndarray,
+    sm: np.ndarray,
+    sr: np.ndarray,
+    cm: np.ndarray,
+    cr: np.ndarray,
+    sign: float,
+) -> None:
     """Enclose sine s and cosine c (sign = -1) or sinh and cosh (sign = +1) of a.
 
         s' = a' c,   c' = sign a' s
 
-    The coefficients 0 of s and c are given.
+    The coefficients 0 of s and c are given. a, s, c (M, K), K = ORDER + 1.
     """
+    # both recurrences at once: each needs the lower coefficients of the other
     for e in range(am.shape[0]):
         for j in range(1, am.shape[1]):
             s = 0.0
