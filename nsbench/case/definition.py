@@ -123,6 +123,6 @@ class Case:
             words.append("not_unique")
         return tuple(dict.fromkeys(words))
 
-    def replace(self, **changes) -> Case:
+    def replace(self, **changes: object) -> Case:
         """Return a copy of the case with some fields changed."""
         return dataclasses.replace(self, **changes)

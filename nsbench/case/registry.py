@@ -128,7 +128,7 @@ def _describe(e: BaseException) -> str:
     return str(e) if usual else f"{type(e).__name__}: {e}"
 
 
-def get_case(name: str, **params) -> Case:
+def get_case(name: str, **params: object) -> Case:
     """Build a registered case: ``get_case("discs", n=30)`` or ``get_case("discs[n=30]")``.
 
     Raises LookupError for an unknown name or parameter, with the nearest match; ValueError for bad
@@ -144,7 +144,7 @@ def get_case(name: str, **params) -> Case:
     return case
 
 
-def load_module(path) -> ModuleType:
+def load_module(path: str | Path) -> ModuleType:
     """Execute the case or solver file at `path` as a module of its own.
 
     Files that it opens meanwhile are recorded as data it depends on. Raises FileNotFoundError;
@@ -169,7 +169,7 @@ def load_module(path) -> ModuleType:
     return module
 
 
-def load_case(path, **params) -> Case:
+def load_case(path: str | Path, **params: object) -> Case:
     """Build the case of any file that defines ``CASE`` or ``make(**params)``.
 
     Raises FileNotFoundError, LookupError for an unknown parameter, ValueError for bad data.

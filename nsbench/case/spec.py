@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterable
 
 
-def format_value(value) -> str:
+def format_value(value: object) -> str:
     """Write a parameter value as it is typed in a spec: true, false, 0.1, 30, text."""
     if isinstance(value, bool):
         return "true" if value else "false"

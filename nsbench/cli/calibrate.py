@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 from pathlib import Path
 
 from nsbench.cli.option_values import check_worker_options
 
 
-def command(args: argparse.Namespace, say) -> int:
+def command(args: argparse.Namespace, say: Callable[[str], None]) -> int:
     """Run a study again from perturbed starts and store the spreads in its folder."""
     from nsbench.gate.calibrate import calibrate
     from nsbench.results.consistency import check

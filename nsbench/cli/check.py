@@ -30,7 +30,7 @@ FEASIBILITY = 1e-9  # violation of a constraint, or decrease of an impulse, that
 START_TOLERANCE = 1e-12  # between exact(t0) and x0
 
 
-def command(args: argparse.Namespace, say) -> int:
+def command(args: argparse.Namespace, say: Callable[[str], None]) -> int:
     """Check a file and print each violation; 3 if there are any."""
     violations = check_file(Path(args.file), say)
     for sentence in violations:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 from dataclasses import replace
 
 from nsbench.cli.exit_codes import FINE, NOTHING_COMPARED
@@ -10,7 +11,7 @@ from nsbench.cli.exit_codes import FINE, NOTHING_COMPARED
 EXACT_KINDS = ("class", "max")  # of baseline lines that have no relative tolerance
 
 
-def command(args: argparse.Namespace, say) -> int:
+def command(args: argparse.Namespace, say: Callable[[str], None]) -> int:
     """Say what differs by more than --rtol; 4 if no number is in both folders."""
     from nsbench.gate import baseline
     from nsbench.gate.comparison import compare, format_lines

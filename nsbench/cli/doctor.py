@@ -11,7 +11,7 @@ import argparse
 import os
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from importlib import metadata
 from pathlib import Path
 
@@ -33,7 +33,7 @@ MAX_LOAD_PER_CORE = 0.5  # above it the seconds of runs are noisy
 Finding = tuple[str, str]
 
 
-def command(args: argparse.Namespace, say) -> int:
+def command(args: argparse.Namespace, say: Callable[[str], None]) -> int:
     """Print the finding of every check; 5 if one of them is a fault."""
     faults = 0
     for verdict, sentence in examine():

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 from pathlib import Path
 
 from nsbench.cli.exit_codes import FINE
 
 
-def command(args: argparse.Namespace, say) -> int:
+def command(args: argparse.Namespace, say: Callable[[str], None]) -> int:
     """Compare a folder of results with a baseline: 0 as before, 1 not, 4 too little compared."""
     from nsbench.gate import baseline
     from nsbench.gate.comparison import compare, exit_code, format_lines, format_summary

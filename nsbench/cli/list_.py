@@ -9,13 +9,14 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import inspect
+from collections.abc import Callable
 
 from nsbench import columns, solvers
 from nsbench.case import broken_cases, case_module, case_names
 from nsbench.cli.exit_codes import FINE
 
 
-def command(args: argparse.Namespace, say) -> int:
+def command(args: argparse.Namespace, say: Callable[[str], None]) -> int:
     """List cases, solvers and metrics, or those of one kind."""
     for kind, list_kind in (
         ("cases", _list_cases),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import time
+from collections.abc import Callable
 
 from nsbench import reference
 from nsbench.case import Case, get_case
@@ -12,7 +13,7 @@ from nsbench.cli.option_values import get_case_that_fits
 from nsbench.study.plan import suite_cases
 
 
-def command(args: argparse.Namespace, say) -> int:
+def command(args: argparse.Namespace, say: Callable[[str], None]) -> int:
     """Apply the action to each case, with its result in a line; 3 if it failed for one of them."""
     folder = args.into or None
     action, options = {

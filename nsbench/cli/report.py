@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 from pathlib import Path
 
 from nsbench.cli.exit_codes import FINE
 
 
-def command(args: argparse.Namespace, say) -> int:
+def command(args: argparse.Namespace, say: Callable[[str], None]) -> int:
     """Write report.html of each folder. Raises FileNotFoundError where there are no results."""
     from nsbench.report import write_report
     from nsbench.results.consistency import check

@@ -7,6 +7,7 @@ solvers and those of the solver files given.
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 from pathlib import Path
 
 from nsbench import solvers
@@ -23,7 +24,7 @@ from nsbench.study.plan import Spec, plan_runs, resolve, suite_cases
 CaseSource = tuple[str, str]  # key, and the file ("": a registered case)
 
 
-def command(args: argparse.Namespace, say) -> int:
+def command(args: argparse.Namespace, say: Callable[[str], None]) -> int:
     """Execute the runs, or with --plan say which they are; 3 if some failed unexpectedly."""
     from nsbench.execute.suite import execute
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 
 from nsbench import solvers
 from nsbench.case import Case, load_case
@@ -13,7 +14,7 @@ from nsbench.execute.progress import EXPECTED_STATUSES
 MOST_EVENTS = 40  # printed, the first ones
 
 
-def command(args: argparse.Namespace, say) -> int:
+def command(args: argparse.Namespace, say: Callable[[str], None]) -> int:
     """Show a case, or one run of it; 3 if the run ended with a status that is a failure."""
     case = load_case(args.case) if args.case.endswith(".py") else get_case_that_fits(args.case)
     say(

@@ -12,6 +12,7 @@ raised: that is a part of its machine code).
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from llvmlite import binding as llvm
@@ -63,7 +64,7 @@ class _CompileResult:
         self.result = result
 
 
-def name_of(signature, what: str, function) -> str | None:
+def name_of(signature: Signature, what: str, function: Callable) -> str | None:
     """Return the name under which a function's machine code is stored; None: it has no digest.
 
     what: how the pointer is made of the function. Two functions of one name have the same code on
@@ -92,7 +93,7 @@ def name_of(signature, what: str, function) -> str | None:
     )
 
 
-def load(name: str | None, signature) -> Pointer | None:
+def load(name: str | None, signature: Signature) -> Pointer | None:
     """Return the pointer whose code is stored under the name; None if there is none of use."""
     body = disk_cache.read(disk_cache.cache_folder("pointers"), name)
     if body is None:
@@ -120,7 +121,7 @@ def load(name: str | None, signature) -> Pointer | None:
     return Pointer(address, signature, engine) if address else None
 
 
-def compiled(name: str | None, signature, function) -> CFunc:
+def compiled(name: str | None, signature: Signature, function: Callable) -> CFunc:
     """Compile the callback, and store it under the name if its code can run in another process.
 
     Raises what numba raises.

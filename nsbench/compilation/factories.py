@@ -16,6 +16,9 @@ import numpy as np
 
 if TYPE_CHECKING:
     from numba.core.ccallback import CFunc
+    from numba.core.dispatcher import Dispatcher
+
+    from nsbench.compilation.cfunc_cache import Pointer
 
 
 class CompileError(Exception):
@@ -92,7 +95,7 @@ def _types():
 
 
 @functools.lru_cache(maxsize=256)
-def rhs_cfunc(factory: Callable, n: int):
+def rhs_cfunc(factory: Callable, n: int) -> CFunc | Pointer:
     """``drift(xp) -> (t, x)`` as a cfunc (t, x, out), x and out (n,)."""
     void, f8, vec = _types()
 
@@ -112,7 +115,7 @@ def rhs_cfunc(factory: Callable, n: int):
 
 
 @functools.lru_cache(maxsize=256)
-def signed_rhs_cfunc(factory: Callable, n: int, d: int):
+def signed_rhs_cfunc(factory: Callable, n: int, d: int) -> CFunc | Pointer:
     """Compile ``field(xp) -> (t, x, s)`` as a cfunc (t, x, s, out)."""
     void, f8, vec = _types()
 
@@ -130,7 +133,7 @@ def signed_rhs_cfunc(factory: Callable, n: int, d: int):
 
 
 @functools.lru_cache(maxsize=256)
-def curve_cfunc(factory: Callable, size: int):
+def curve_cfunc(factory: Callable, size: int) -> CFunc | Pointer:
     """Compile ``b(xp) -> (t) -> array`` as a cfunc (t, out), out flat of the given size."""
     void, f8, vec = _types()
 
@@ -163,7 +166,7 @@ def _still():
     return numba.cfunc(void(f8, vec), cache=False)(nothing)
 
 
-def without_compilation(function, made: dict | None = None):
+def without_compilation(function: Dispatcher, made: dict | None = None) -> Callable:
     """Return a kernel as a Python function, those it calls included.
 
     For one small call compilation would take seconds.

@@ -37,7 +37,7 @@ class Unknown(Exception):
     """Something that has no digest; the message says what."""
 
 
-def fingerprint(*values) -> str:
+def fingerprint(*values: object) -> str:
     """Return the digest of the values: 64 hexadecimal digits. Raises Unknown."""
     h = hashlib.sha256()
     _put(h, values, {})

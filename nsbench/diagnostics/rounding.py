@@ -70,8 +70,9 @@ def check_hidden_error(run: RunView) -> Finding | None:
     )
 
 
-def largest_speed(problem, t: float, x: np.ndarray) -> float:
-    """Return the largest speed of a coordinate by the drift, or by a field off all surfaces.
+def largest_speed(problem: Complementarity | LCS | Filippov, t: float, x: np.ndarray) -> float:
+    """Return the largest speed of a coordinate at x (n,) by the drift, or by a field off all
+    surfaces.
 
     Infinite at a pole.
     """

@@ -143,7 +143,7 @@ def polygon(t: np.ndarray, X: np.ndarray) -> Callable:
 
 
 def thin_samples(t: np.ndarray, span: float) -> np.ndarray:
-    """Return indices into t of samples at least `span` apart, as far as the run is that long.
+    """Return indices into t (K,) of samples at least `span` apart, as far as the run is that long.
 
     The first and the last sample are among them.
     """

@@ -10,7 +10,7 @@ from nsbench.trajectory import Event
 
 
 def match(found: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-    """Match two increasing sequences of times and return the differences of the pairs.
+    """Match increasing times found (a,) and wanted (b,); return the differences of the pairs.
 
     As many pairs as the shorter sequence has, in order, with the least sum of differences (dynamic
     programming over prefixes).

@@ -58,11 +58,12 @@ class SparseRows:
         return cls(G.row.astype(np.int64), G.col.astype(np.int64), G.shape).fill(G.data)
 
     def fill(self, values: np.ndarray) -> SparseRows:
-        """Set the entries, in the order in which their places were given; returns self."""
+        """Set the entries to values (e,), in the order in which their places were given; returns
+        self."""
         self.vals = values[self.order]
         return self
 
-    def __matmul__(self, d):
+    def __matmul__(self, d: np.ndarray) -> np.ndarray:
         return np.bincount(self.row, self.vals * d[self.cols], self.shape[0])
 
     def back(self, mu: np.ndarray) -> np.ndarray:

@@ -37,7 +37,7 @@ def versions() -> dict[str, str]:
     }
 
 
-def environment(**more) -> dict:
+def environment(**more: object) -> dict:
     """Return versions, machine, load and command line, with further entries, for env.json."""
     load = os.getloadavg() if hasattr(os, "getloadavg") else ()
     return {

@@ -141,7 +141,7 @@ def spec_of(solver: Solver, name: str) -> str:
     return f"{name}[{','.join(parts)}]" if parts else name
 
 
-def solve(case: Case | str, solver: str = "event_driven", **accuracy) -> Trajectory:
+def solve(case: Case | str, solver: str = "event_driven", **accuracy: float) -> Trajectory:
     """Run one solver on one case: ``solve(case, "pbd[order=reverse]", h=1e-3)``.
 
     case: a case or the spec of one. accuracy: the solver's own parameter (h, tol, k), else its

@@ -16,7 +16,8 @@ import os
 import re
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from pathlib import Path
 
 from nsbench.source_files.locations import is_user_file
 
@@ -62,12 +63,12 @@ def record_look_ups_of_run(*paths: str) -> Iterator[None]:
         _running[:] = before
 
 
-def looked_up_while_loading(paths) -> dict[str, str | None]:
+def looked_up_while_loading(paths: Iterable[str]) -> dict[str, str | None]:
     """Return the variables that code of these files has looked up while files were loaded."""
     return {name: value for p in sorted(paths) for name, value in _by_load.get(p, {}).items()}
 
 
-def looked_up_by_runs(path) -> dict[str, str | None]:
+def looked_up_by_runs(path: str | Path) -> dict[str, str | None]:
     """Return the variables that runs of a case or solver file have looked up in this process."""
     return dict(_by_run.get(os.path.realpath(path), {}))
 

@@ -12,6 +12,7 @@ import hashlib
 import os
 import time
 from collections.abc import Iterable
+from pathlib import Path
 
 # seconds: file systems with coarse clocks do not show two changes within this time
 RECENT = 2.0
@@ -82,7 +83,7 @@ def _short_digest(path: str) -> str:
         return f"cannot be read: {getattr(e, 'strerror', None) or e}"
 
 
-def content_digest(path) -> str:
+def content_digest(path: str | Path) -> str:
     """Return the SHA-256 digest of a file's content. Raises OSError."""
     with open(path, "rb") as f:
         return hashlib.file_digest(f, "sha256").hexdigest()

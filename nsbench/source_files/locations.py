@@ -45,7 +45,7 @@ def is_in_package(path: Path) -> bool:
 
 
 @functools.lru_cache(maxsize=4096)
-def is_user_file(path) -> bool:
+def is_user_file(path: str | Path) -> bool:
     """Is the file neither of this package nor of an installed library?"""
     return not is_in_package(Path(path)) and not is_installed(Path(path))
 

@@ -33,7 +33,7 @@ WRITTEN = ()  # instead of a signature: a run has written the file itself, it is
 
 
 @contextlib.contextmanager
-def record_opens_while_loading(path) -> Iterator[None]:
+def record_opens_while_loading(path: str | Path) -> Iterator[None]:
     """Record what is opened for reading within as used by the file at `path`; environment variables
     that are looked up are recorded too (nsbench.source_files.environment_reads)."""
     _install_hook()
@@ -60,7 +60,7 @@ def record_opens_of_run(*paths: str) -> Iterator[None]:
         _running[:] = before
 
 
-def opened_while_loading(path) -> frozenset[str]:
+def opened_while_loading(path: str | Path) -> frozenset[str]:
     """Return the real paths of the files that loading the file at `path` opened, but devices."""
     return frozenset(
         p
@@ -69,7 +69,7 @@ def opened_while_loading(path) -> frozenset[str]:
     )
 
 
-def digests_of_data_read(path, is_data: Callable[[str], bool]) -> dict[str, str]:
+def digests_of_data_read(path: str | Path, is_data: Callable[[str], bool]) -> dict[str, str]:
     """Return the digests of what runs of a case or solver file have read from below its folder, by
     the path from there.
 

@@ -51,7 +51,7 @@ class _Source:
     gets_cases: bool = False
 
 
-def dependencies(*paths) -> Dependencies:
+def dependencies(*paths: str | Path) -> Dependencies:
     """Return everything that the files depend on, themselves included, but for the package."""
     to_visit = [str(Path(p).resolve()) for p in paths]
     files: set[str] = set()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from nsbench import solvers
 from nsbench.case import Case
 from nsbench.columns import reserved_names
 from nsbench.diagnostics import diagnose
+from nsbench.solvers.base import Solver
 from nsbench.solvers.common.initial_state import InfeasibleStart
 from nsbench.source_files import opened_files
 from nsbench.study.plan import Spec, resolve
@@ -25,8 +26,10 @@ LONGEST = 10_000  # characters of a text in a row
 
 
 def run_batch(
-    specs: list[Spec], announce: Callable[[str, int], None] = lambda what, i: None, order=None
-):
+    specs: list[Spec],
+    announce: Callable[[str, int], None] = lambda what, i: None,
+    order: Callable[[list[Spec]], Iterable[tuple[int, Spec]]] | None = None,
+) -> Iterator[tuple[int, dict]]:
     """Yield the rows of the specs of one case, as (index, row), each as soon as it is known.
 
     Each spec is prepared and run once. Then all quick runs are timed in interleaved rounds, the
@@ -69,7 +72,9 @@ def timed_again(spec: Spec, row: dict) -> bool:
     )
 
 
-def attempt(spec: Spec, announce: Callable[[str], None] = lambda what: None):
+def attempt(
+    spec: Spec, announce: Callable[[str], None] = lambda what: None
+) -> tuple[dict, Callable | None]:
     """Attempt one run; return its row and, if it can be timed again, the zero-argument run.
 
     A failure is a row as well, whatever raised.
@@ -78,7 +83,7 @@ def attempt(spec: Spec, announce: Callable[[str], None] = lambda what: None):
         return _attempt(spec, announce)
 
 
-def load_case_and_solver(spec: Spec):
+def load_case_and_solver(spec: Spec) -> tuple[Case, Solver]:
     """Return the case of the spec and its method. Raises what their files raise."""
     _files_loaded.update(f for f in spec.solver_files if f not in _files_loaded and solvers.load(f))
     return resolve(spec.case, spec.file), solvers.get(spec.solver)

@@ -16,6 +16,7 @@ import numpy as np
 
 from nsbench import solvers, user_code
 from nsbench.case import Case, case_module, case_names, get_case, load_case, parse_spec
+from nsbench.solvers.base import Solver
 
 SUITES = ("smoke", "standard", "hard", "full")
 SMOKE = ("tide", "sliding", "three_discs")  # cases of the smoke suite, if they name none themselves
@@ -156,7 +157,7 @@ def substeps_ladder(first: int, octaves: float = OCTAVES, points: int = POINTS) 
         ratio = 1.0 + 0.97 * (ratio - 1.0)
 
 
-def ladder(case: Case, method) -> list[float]:
+def ladder(case: Case, method: Solver) -> list[float]:
     """Return the accuracies of the standard suite for a case and a method."""
     if method.accuracy == "h":
         spacing = float(np.diff(case.t).min())

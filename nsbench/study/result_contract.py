@@ -28,7 +28,7 @@ MAX_STATS = 200  # entries of stats
 STEP_ROUNDING = 1e-9  # relative: steps are divided and added up
 
 
-def contract_violation(case: Case, traj, accuracy: str = "", asked: float = np.nan) -> str:
+def contract_violation(case: Case, traj: object, accuracy: str = "", asked: float = np.nan) -> str:
     """Return how a solver's answer breaks the contract, as a sentence; "" if it keeps it.
 
     case: with the start that the run was given; accuracy, asked: name and value of the requested

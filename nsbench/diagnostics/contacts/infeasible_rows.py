@@ -70,7 +70,15 @@ class RowFeasibility:
         )
 
 
-def phase_one(ptr, cols, vals, g, n: int, allowed, room: float = 0.0) -> Infeasibility:
+def phase_one(
+    ptr: np.ndarray,
+    cols: np.ndarray,
+    vals: np.ndarray,
+    g: np.ndarray,
+    n: int,
+    allowed: np.ndarray,
+    room: float = 0.0,
+) -> Infeasibility:
     """The least s with A d + g + s >= 0 for some d, by rows made as long as one: A as CSR; g (m,),
     which may miss by `allowed`.
 

@@ -94,7 +94,7 @@ class ConstraintSet:
         )
 
     def anchors(self, t: float) -> np.ndarray:
-        """Return the coordinates of all anchors at time t, flat."""
+        """Return the coordinates of all anchors at time t, flat, (a,)."""
         return np.concatenate(
             [np.empty(0), *(np.asarray(f(t), float).ravel() for f in self._anchors)]
         )
@@ -285,7 +285,7 @@ class ConstraintSet:
     def gradient_entries(
         self, t: float, x: np.ndarray, near: CandidateContacts
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return rows, columns and values of the gradients.
+        """Return rows (e,), columns (e,) and values (e,) of the gradients at x (n,).
 
         Rows and columns are the same for every t and x.
         """
@@ -308,7 +308,7 @@ class ConstraintSet:
     def gradient_values(
         self, t: float, x: np.ndarray, near: CandidateContacts, layout: ContactLayout
     ) -> np.ndarray:
-        """Return the values of `gradient_entries` alone."""
+        """Return the values (e,) of `gradient_entries` alone, at x (n,)."""
         v = [np.empty(0)]
         for sel, (_, j), diff, dist in self._distances(t, x, layout):
             unit = np.divide(diff, dist[:, None], out=np.zeros_like(diff), where=dist[:, None] > 0)

@@ -17,8 +17,11 @@ ROUNDED = 16 * 2.0**-52  # relative rounding of a coordinate, with some room for
 SIDE = 1e-3  # mean weight of a side from which a run slides rather than touches
 
 
-def evaluate_or_nan(f: Callable, t: float, x: np.ndarray, *signs) -> np.ndarray:
-    """Evaluate a switch or field where the run need not have been; a scalar NaN where it raises."""
+def evaluate_or_nan(f: Callable, t: float, x: np.ndarray, *signs: np.ndarray) -> np.ndarray:
+    """Evaluate a switch or field at x (n,), where the run need not have been.
+
+    A scalar NaN where it raises.
+    """
     try:
         return np.asarray(f(t, x.copy(), *signs), float)
     except Exception:

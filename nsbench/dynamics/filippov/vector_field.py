@@ -59,7 +59,7 @@ class FilippovVectorField:
         )
 
     def check_complex_step(self, t: float, x: np.ndarray) -> None:
-        """Change from complex steps to JAX if the switch has no analytic continuation near x.
+        """Change from complex steps to JAX if the switch has no analytic continuation near x (n,).
 
         As with abs or sorting. Raises ValueError if JAX cannot differentiate it either.
         """
@@ -197,7 +197,7 @@ class FilippovVectorField:
         return out
 
     def sliding_stability(self, t: float, x: np.ndarray, p: np.ndarray) -> float:
-        """Return how far the best motion off the sliding surfaces of mode p is from existing.
+        """Return how far the best motion off the sliding surfaces of mode p (d,) is from existing.
 
         Negative: one exists. A motion off slides on some of the surfaces, with |s_i| <= 1, and
         gains distance from the others. Where surfaces meet, it may exist besides a motion that

@@ -117,7 +117,8 @@ def fit_corrected(u: np.ndarray, y: np.ndarray, own: np.ndarray | float = 0.0) -
 
 
 def convergent(u: np.ndarray, y: np.ndarray, least: float) -> float:
-    """Return the least sum of squares of a power law with a head.
+    """Return the least sum of squares of a power law with a head; u, y (k,): logarithms of steps
+    and errors.
 
     Its order is at least `least`.
     """

@@ -137,7 +137,8 @@ def _refine(u, y, p, v):
 
 
 def persists(h: np.ndarray, err: np.ndarray, full: PlateauFit) -> bool:
-    """Does the plateau survive a smallest step four times finer?
+    """Does the plateau of the errors err (k,) at the steps h (k,) survive a smallest step four
+    times finer?
 
     The fit without the finest two octaves must foresee the level: a convex but converging error (h
     + 100 h^3) shows a C that falls with the smallest step, like the error itself. And at the fine
@@ -166,7 +167,7 @@ def persists(h: np.ndarray, err: np.ndarray, full: PlateauFit) -> bool:
 
 
 def claimed(h: np.ndarray, err: np.ndarray) -> PlateauFit | None:
-    """Find the plateau that the errors show; None without one.
+    """Find the plateau that the errors err (k,) at the steps h (k,) show; None without one.
 
     Significant against a power law; persistent; no worse (within one s^2) than a power law with a
     head, which bends the same way but at the coarse end; and not significantly worse than a very
@@ -198,7 +199,7 @@ def _rises(h: np.ndarray, err: np.ndarray) -> bool:
 
 
 def cannot_exclude(h: np.ndarray, err: np.ndarray, head: bool = True) -> bool:
-    """Does M (C h_min^p + h^p), with or without a head, fit as well as the power law?
+    """Does M (C h_min^p + h^p), with or without a head, fit as well as the power law? h, err (k,).
 
     The power law has its head, or none (head=False). As well: for C of LARGE to 4 LARGE not worse
     at 5 % (F); for a quarter or half of LARGE, which takes more points to exclude, better.

@@ -63,7 +63,7 @@ class Fit:
 
 
 def fit_slope(h: np.ndarray, err: np.ndarray) -> tuple[float, tuple[float, float], float]:
-    """Fit a line to log err over log h.
+    """Fit a line to log err over log h, h, err (k,).
 
     Returns slope, its t-based 95 % interval, and the constant exp(intercept); NaN from fewer than
     three points.

@@ -17,7 +17,7 @@ CLEAR = 100.0  # times rounding: an error that rounding cannot have made
 
 
 def rounding(h: np.ndarray | Sequence[float], scale: float = 1.0, span: float = 1.0) -> np.ndarray:
-    """Estimate the errors that rounding alone can make: scale (1e-12 + eps span / h).
+    """Estimate the errors that rounding alone can make: scale (1e-12 + eps span / h), h (k,).
 
     h (k,): step sizes; scale: size of the states, in their unit; span: length of the run, in the
     unit of h. Returns the floor of the error of each step size, (k,), in the unit of scale; points
@@ -35,8 +35,8 @@ def clean_points(
 ) -> tuple[np.ndarray, np.ndarray, dict[str, int]]:
     """Sort the points by step, drop what is not finite, and reduce them to one per step.
 
-    Returns h, err, and the counts of what was dropped, by reason. Raises ValueError if the numbers
-    of steps and errors differ.
+    h, err (k,). Returns h, err, and the counts of what was dropped, by reason. Raises ValueError if
+    the numbers of steps and errors differ.
     """
     h = np.asarray(h, float).ravel()
     err = np.abs(np.asarray(err, float).ravel())
@@ -59,7 +59,7 @@ def clean_points(
 
 
 def above_floor(err: np.ndarray, floor: np.ndarray | float) -> np.ndarray:
-    """Select the points above the floor.
+    """Select the points of err (k,) above the floor.
 
     All finer steps are dropped once the running median of five is below, and so are deep dips. A
     single error somewhat below the floor stays: dropping low ones and keeping high ones would bend
@@ -78,13 +78,13 @@ def above_floor(err: np.ndarray, floor: np.ndarray | float) -> np.ndarray:
 
 
 def now_and_then(err: np.ndarray, noise: np.ndarray) -> int:
-    """Count the steps that are exact to rounding although a finer one is clearly not."""
+    """Count the steps whose err (k,) is exact to rounding although a finer one is clearly not."""
     clear = np.flatnonzero(err > CLEAR * noise)
     return int((err[clear[0] :] <= noise[clear[0] :]).sum()) if clear.size else 0
 
 
 def dyadic(h: np.ndarray) -> bool:
-    """Do the steps sit at fewer than 3 phases of log2 h?
+    """Do the steps h (k,) sit at fewer than 3 phases of log2 h?
 
     Such a ladder can see the same phase at every step.
     """
@@ -98,7 +98,7 @@ def dyadic(h: np.ndarray) -> bool:
 
 
 def outliers(h: np.ndarray, err: np.ndarray) -> np.ndarray:
-    """Mark errors far off a cubic through the others, one in ten at most.
+    """Mark errors err (k,) far off a cubic through the others, one in ten at most.
 
     In log-log, by studentised residuals with Bonferroni's correction. A cubic follows a head, a
     plateau or a turn; what it cannot follow is one step, or some, with another behaviour.

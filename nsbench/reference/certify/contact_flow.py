@@ -17,7 +17,7 @@ from nsbench.case import Case
 from nsbench.problem import Affine, Complementarity, Distance, Filippov
 from nsbench.reference.certify.array_namespace import NAMESPACE, vector
 from nsbench.reference.certify.ball_algebra import lead, solve
-from nsbench.reference.certify.ball_series import Jet
+from nsbench.reference.certify.ball_series import Jet, Number
 from nsbench.reference.certify.constraint_list import Row, rows_of
 from nsbench.reference.certify.dual_numbers import INNER, Dual, array
 
@@ -52,7 +52,7 @@ class ContactFlow:
         """List the ids of the impulses, in the order of `rates`."""
         return tuple(r.id for r in self.held)
 
-    def invariants(self, point) -> list:
+    def invariants(self, point: ContactPoint) -> list:
         return [point.gap(r) for r in self.held]
 
 
@@ -92,7 +92,7 @@ class ContactPoint:
         anchor = (self._curve(r.family) if c.moving else c.anchors)[r.index]
         return [self.x[a] - b for a, b in zip(r.cols, anchor, strict=True)]
 
-    def gap(self, r: Row):
+    def gap(self, r: Row) -> Number:
         """Evaluate the gap g of a constraint."""
         if r.kind == "smooth":
             g = self._g(r)
@@ -108,7 +108,7 @@ class ContactPoint:
         d = arb(r.d[0]) + arb(r.d[1]) if isinstance(r.d, tuple) else r.d
         return r.sign * (size - d)
 
-    def side(self, r: Row):
+    def side(self, r: Row) -> Number:
         """Evaluate a smooth number with the sign of the gap: of distances the squares, which have
         no kink at coincidence.
         """
@@ -132,7 +132,7 @@ class ContactPoint:
             dict(zip(r.other, [-u for u in unit], strict=True)) if r.kind == "pair" else {}
         )
 
-    def rate(self, r: Row):
+    def rate(self, r: Row) -> Number | float:
         """Evaluate dg/dt at fixed x."""
         c = self.flow.case.problem.constraints[r.family]
         if r.kind == "smooth":
@@ -149,14 +149,14 @@ class ContactPoint:
             start=Jet.lift(None, 0.0),
         )
 
-    def velocity(self, u) -> list:
+    def velocity(self, u: list[Number]) -> list:
         v = list(self.f)
         for lam, grad in zip(u, self.grads, strict=True):
             for j, a in grad.items():
                 v[j] = v[j] + lam * a
         return v
 
-    def residual(self, u) -> list:
+    def residual(self, u: list[Number]) -> list:
         """Evaluate d g_k / dt along the motion for the active contacts."""
         v = self.velocity(u)
         return [
@@ -164,7 +164,7 @@ class ContactPoint:
             for grad, rate in zip(self.grads, self.rates, strict=True)
         ]
 
-    def matrix(self, u) -> arb_mat:
+    def matrix(self, u: list[Number]) -> arb_mat:
         """Return d residual / d u in the leading coefficients: G G^T."""
         G = [{j: lead(a) for j, a in grad.items()} for grad in self.grads]
         return arb_mat(
@@ -176,15 +176,15 @@ class ContactPoint:
         zero = [Jet.lift(None, 0.0)] * self.flow.m
         return solve(self.matrix(zero), [-lead(v) for v in self.residual(zero)])
 
-    def watch(self, u) -> dict:
+    def watch(self, u: list[Number]) -> dict:
         """Collect what is claimed to be non-negative, by (what, id); gaps as `side`."""
         out = {("gap", r.id): self.side(r) for r in self.flow.others}
         return out | {("lam", r.id): v for r, v in zip(self.flow.held, u, strict=True)}
 
-    def rates_of_impulse(self, u) -> list:
+    def rates_of_impulse(self, u: list[Number]) -> list:
         return list(u)
 
-    def force(self, u) -> list:
+    def force(self, u: list[Number]) -> list:
         return [v - f for v, f in zip(self.velocity(u), self.f, strict=True)]
 
 

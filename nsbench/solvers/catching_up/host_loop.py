@@ -49,7 +49,10 @@ class _List:
             self.mu = np.array([known.get(k, 0.0) for k in self.near.ids])
 
     def largest_displacements(self, x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
-        """Return the largest displacements of hard particles, base -> x -> y and x -> y alone."""
+        """Return the largest displacements of hard particles, base -> x -> y and x -> y alone.
+
+        x, y (n,): states; both results are lengths.
+        """
         far = last = 0.0
         for start, m, dim in self._hard:
             part = slice(start, start + m * dim)

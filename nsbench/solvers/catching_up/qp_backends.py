@@ -16,7 +16,7 @@ import numpy as np
 from nsbench.qp.projection import ActiveSet, Answer, SparseRows
 
 
-def residual(G, w: np.ndarray, mu: np.ndarray, d: np.ndarray) -> float:
+def residual(G: SparseRows, w: np.ndarray, mu: np.ndarray, d: np.ndarray) -> float:
     """Return the KKT residual of (d, mu), a length: the largest violation of four conditions.
 
         stationarity     |d - G^T mu|

@@ -9,6 +9,7 @@ of weights or multipliers.
 from __future__ import annotations
 
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,6 +20,9 @@ from nsbench.diagnostics.run_view import RunView
 from nsbench.problem import Affine, Complementarity, Filippov
 from nsbench.solvers.nosnoc.model import count, dense, gaps
 
+if TYPE_CHECKING:
+    from nsbench.solvers.nosnoc.method import Nosnoc
+
 RESOLVED = 100.0  # tolerances by which a switch has to change at least
 LEAK = 1000.0  # tolerances by which the state may be pushed where nothing touches
 OFF_SURFACE = 10.0  # tolerances from a surface or a contact: less may be on it
@@ -26,7 +30,7 @@ PRODUCT = 100.0  # tolerances: a larger product with the distance is no remainde
 SUNK = 1e-3  # depth below a constraint at which the push was too weak to hold
 
 
-def checks_of(method) -> tuple[Check, ...]:
+def checks_of(method: Nosnoc) -> tuple[Check, ...]:
     """Return the checks of a run of `method`, a Nosnoc with its tolerances; all precede others."""
     unverified = ("unverified",)
     return (
@@ -67,7 +71,7 @@ def _displacement(problem, t, X) -> float:
     return max(float(np.abs(X - X[0]).max()), duration * largest_speed(problem, float(t[0]), X[0]))
 
 
-def check_step_tolerance(method, run: RunView) -> Finding | None:
+def check_step_tolerance(method: Nosnoc, run: RunView) -> Finding | None:
     """Find motions so small that what IPOPT leaves in each step, which is absolute, is large."""
     t, X, _ = run.trajectory.between
     left = method.step_tolerance * (len(X) - 1)
@@ -81,7 +85,7 @@ def check_step_tolerance(method, run: RunView) -> Finding | None:
     )
 
 
-def check_unresolved_switch(method, run: RunView) -> Finding | None:
+def check_unresolved_switch(method: Nosnoc, run: RunView) -> Finding | None:
     """Find switches that complementarity does not resolve to its tolerance.
 
     A switch must change by more than the tolerance over all that the run moves, and must not be
@@ -166,7 +170,7 @@ def _pushed_from_beyond(problem, tol, t, c, X, W) -> str:
     )
 
 
-def check_weak_push(method, run: RunView) -> Finding | None:
+def check_weak_push(method: Nosnoc, run: RunView) -> Finding | None:
     """Find constraints that the push, the largest multiplier of the model, could not hold."""
     t, X, _ = run.trajectory.between
     worst = _gaps(run, t, X).min()
@@ -178,7 +182,7 @@ def check_weak_push(method, run: RunView) -> Finding | None:
     )
 
 
-def check_leaking_push(method, run: RunView) -> Finding | None:
+def check_leaking_push(method: Nosnoc, run: RunView) -> Finding | None:
     """Find constraints that push the state although they do not touch.
 
     gap x multiplier is comp_tol x push, not zero: while a gap opens slowly, or many are open for

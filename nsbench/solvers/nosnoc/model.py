@@ -164,7 +164,7 @@ def gaps(problem: Complementarity, x, t, xp, n: int) -> Iterator[tuple]:
 
 
 def dense(c: Affine) -> np.ndarray:
-    """Return the matrix A of an affine family as a dense array."""
+    """Return the matrix A (m, n) of an affine family as a dense array."""
     A = np.zeros(c.shape)
     A[np.repeat(np.arange(c.shape[0]), np.diff(c.indptr)), c.indices] = c.data
     return A

@@ -29,7 +29,7 @@ MAX_NEWTON = 30  # steps of one projection; what has not converged by then shows
 
 
 def prepare(method: PBD, case: Case, scene: ConstraintSet, g: Grid, x0: np.ndarray) -> Callable:
-    """Return a function without arguments that integrates from x0 and returns a LoopResult.
+    """Return a function without arguments that integrates from x0 (n,) and returns a LoopResult.
 
     method: PBD, with its options; g: the grid.
     """

@@ -17,6 +17,7 @@ equal discs), and pbd_jax/program.py.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -25,13 +26,14 @@ import numpy as np
 from nsbench.case import Case
 from nsbench.dynamics.contacts.kernels.contact_arrays import AffineRows
 from nsbench.problem import Affine, Complementarity, Smooth
-from nsbench.solvers.base import Claims, Expect, Run, grid, last_steps, sample
+from nsbench.solvers.base import Claims, Expect, Grid, Run, grid, last_steps, sample
 from nsbench.solvers.common.divergence import classify_divergence
 from nsbench.solvers.common.initial_state import initial_state
 from nsbench.solvers.pbd.sweep_order import ORDERS, hard_ranks, order_number, ordered_arrays
 from nsbench.trajectory import Resolution, Status, Trajectory
 
 if TYPE_CHECKING:
+    from nsbench.dynamics.contacts.constraint_set import ConstraintSet
     from nsbench.solvers.pbd.kernels.loop_result import LoopResult
 
 EXPECTS = (
@@ -238,7 +240,7 @@ def _anchors(scene):
     return curve_function(scene.anchor_factory, size, scene.anchors)
 
 
-def is_cell_scene(scene) -> bool:
+def is_cell_scene(scene: ConstraintSet) -> bool:
     """Return whether cell_loop takes the scene.
 
     It takes hard particles of one family that own all coordinates, with affine rows besides, each
@@ -263,7 +265,9 @@ def _first_rows(scene):
     return k, np.cumsum([0, *(a.shape[0] for a in scene.affine)])[:-1].tolist()
 
 
-def build_trajectory(case: Case, g, loop: str, out, again=None) -> Trajectory:
+def build_trajectory(
+    case: Case, g: Grid, loop: str, out: LoopResult, again: Callable | None = None
+) -> Trajectory:
     """Return the trajectory of a run on the grid g from its LoopResult.
 
     loop: "compiled" or "host". again(grid, x) -> X (K, n): the same run on another grid, to see how

@@ -30,7 +30,7 @@ class _Totals:
     values: np.ndarray
 
     def of(self, keys: np.ndarray) -> np.ndarray:
-        """(len(keys),) values, 0 for pairs never met."""
+        """Return the values (k,) of keys (k,), 0 for pairs never met."""
         at = np.minimum(np.searchsorted(self.keys, keys), max(0, len(self.keys) - 1))
         return (
             np.where(self.keys[at] == keys, self.values[at], 0.0)
@@ -39,7 +39,7 @@ class _Totals:
         )
 
     def put(self, keys: np.ndarray, values: np.ndarray) -> None:
-        """Take over the values of `keys`; the others stay."""
+        """Take over the values (k,) of `keys` (k,); the others stay."""
         old = ~np.isin(self.keys, keys)
         self.keys = np.concatenate([self.keys[old], keys])
         self.values = np.concatenate([self.values[old], values])

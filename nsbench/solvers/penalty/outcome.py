@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from nsbench.case import Case
 from nsbench.problem import Complementarity, Filippov
 from nsbench.solvers.common.extrapolation import weights
 from nsbench.trajectory import Resolution, Status, Trajectory
+
+if TYPE_CHECKING:
+    from nsbench.solvers.penalty.method import Penalty
 
 EXPLICIT = {"tsit5": 6, "dopri8": 13, "bosh3": 3}  # right-hand sides of a step
 # as nsbench.solvers.penalty.integrator counts why a step was refused; that needs diffrax to be
@@ -19,7 +24,7 @@ NEWTON = 3
 HIDDEN = 0.0101
 
 
-def build_trajectory(penalty, case: Case, k: float, asked: float, out: dict) -> Trajectory:
+def build_trajectory(penalty: Penalty, case: Case, k: float, asked: float, out: dict) -> Trajectory:
     """Assemble the trajectory of a run with stiffness k.
 
     penalty: the method with its options; asked: the stiffness of the coarsest level of an

@@ -10,7 +10,7 @@ import numpy as np
 
 from nsbench.compilation.function_digest import Unknown, fingerprint
 from nsbench.compilation.jax_cache import float64, program
-from nsbench.problem import Filippov
+from nsbench.problem import Complementarity, Filippov
 from nsbench.trajectory import STATES_BETWEEN
 
 
@@ -63,7 +63,12 @@ class _Held:
 
 
 def compiled(
-    problem, n: int, samples: int, method: str, style: str, capacity: tuple[int, ...] = ()
+    problem: Complementarity | Filippov,
+    n: int,
+    samples: int,
+    method: str,
+    style: str,
+    capacity: tuple[int, ...] = (),
 ) -> Program:
     """The program for states of size n at so many sample times. Raises NotTraceable."""
     key = _print_of(problem)

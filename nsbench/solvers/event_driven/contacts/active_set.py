@@ -66,7 +66,7 @@ class ActiveSetSelector:
     def choose(
         self, t: float, x: np.ndarray, rows: ContactRows, warm: np.ndarray, step: float
     ) -> ActiveSet:
-        """Choose the active among the closed contacts `rows`.
+        """Choose the active among the closed contacts `rows` at x (n,).
 
         warm: indices of contacts that were active, from which the LCP starts. step: a step of the
         integrator, the time scale of the look-ahead.

@@ -64,7 +64,7 @@ class CompiledRun:
 def plan_compiled_run(
     case: Case, field: ContactField, x: np.ndarray, options, tol: float
 ) -> CompiledSetup | None:
-    """Set up a compiled run from the start x; None if the case needs the loop in Python.
+    """Set up a compiled run from the start x (n,); None if the case needs the loop in Python.
 
     That is so for other integrators than dop853, moving or smooth constraints, and drifts that are
     not proven to be affine.

@@ -98,7 +98,7 @@ class ContactField:
             c.start + np.arange(m * c.dim).reshape(m, c.dim) for _, c, m in constraints.hard
         ]
 
-    def compile(self, t: float, x: np.ndarray, arcs: bool = True):
+    def compile(self, t: float, x: np.ndarray, arcs: bool = True) -> None:
         """Load or compile the kernels on an empty list; arcs: also those of arcs in Python."""
         from nsbench.lcp.gram_lcp import in_span, solve_lcp
         from nsbench.solvers.event_driven.contacts.kernels.constraint_rows import (
@@ -134,7 +134,8 @@ class ContactField:
         ]
 
     def candidates(self, t: float, x: np.ndarray) -> ContactRows:
-        """List every contact that can become active before a particle has moved by reach / 2."""
+        """List every contact that can become active before a particle has moved by reach / 2 from
+        x (n,)."""
         return self.rows(self.constraints.near(np.ascontiguousarray(x), self.reach, t))
 
     def rows(self, near: CandidateContacts) -> ContactRows:
@@ -254,7 +255,7 @@ class ContactField:
         )
 
     def project(self, t: float, x: np.ndarray, rows: ContactRows) -> np.ndarray | None:
-        """Project x onto g = 0 of all `rows` by Newton's method along their gradients.
+        """Project x (n,) onto g = 0 of all `rows` by Newton's method along their gradients.
 
         Returns None if x is there up to rounding, or if the iteration fails.
         """
@@ -278,7 +279,7 @@ class ContactField:
         return None if y is x or not np.all(np.isfinite(y)) else y
 
     def displacement_margin(self, x: np.ndarray, x0: np.ndarray) -> np.ndarray:
-        """Return (reach / 2)^2 - displacement^2 of every hard particle since x0.
+        """Return (reach / 2)^2 - displacement^2 of every hard particle between x0 and x (n,).
 
         The candidates are certain to be all while every value is positive.
         """
