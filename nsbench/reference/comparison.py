@@ -62,7 +62,7 @@ def bounded_by(case: Case, closed: Reference, proof: Reference) -> Reference:
     return dataclasses.replace(closed, **changes)
 
 
-def differences(case, a, b) -> tuple[float, float, float, float]:
+def differences(case: Case, a: Reference, b: Reference) -> tuple[float, float, float, float]:
     """Compute the largest differences of two solutions in state, reaction, impulse and event times.
 
     The reaction's is 0 for a Filippov system; the event times' is NaN if the two do not have the

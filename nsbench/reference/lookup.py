@@ -11,7 +11,7 @@ from nsbench.reference.reference import Reference, closed_form
 from nsbench.reference.storage import BadReference, OtherVersion, load
 
 
-def reference(case: Case, folder=None) -> Reference | None:
+def reference(case: Case, folder: str | Path | None = None) -> Reference | None:
     """Return the closed form, else the stored reference, else None; always None if the solution is
     not unique.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -145,7 +145,7 @@ def listed_contacts(case: Case) -> tuple:
     )
 
 
-def canonical(problem, contact) -> tuple:
+def canonical(problem: Complementarity | LCS | Filippov, contact: tuple[int, ...]) -> tuple:
     """Order a contact's id so that i < j where both are particles of one family."""
     c = tuple(int(v) for v in contact)
     if len(c) == 3 and c[1] > c[2] and isinstance(problem, Complementarity):
@@ -155,7 +155,12 @@ def canonical(problem, contact) -> tuple:
     return c
 
 
-def spread(problem, contacts, values, columns: dict) -> np.ndarray:
+def spread(
+    problem: Complementarity | LCS | Filippov,
+    contacts: Sequence[tuple],
+    values: np.ndarray,
+    columns: dict,
+) -> np.ndarray:
     """Place `values` (k, m) of `contacts` on the `columns` {id: column}; absent
     contacts are zero.
     """
@@ -165,7 +170,7 @@ def spread(problem, contacts, values, columns: dict) -> np.ndarray:
     return out
 
 
-def columns_of(problem, *lists) -> dict:
+def columns_of(problem: Complementarity | LCS | Filippov, *lists: Sequence[tuple]) -> dict:
     """Assign one column to every contact of the lists of ids."""
     return {
         c: k for k, c in enumerate(sorted({canonical(problem, c) for ids in lists for c in ids}))

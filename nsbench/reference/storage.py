@@ -52,7 +52,7 @@ def stem(case: Case) -> str:
     return re.sub(r"[^A-Za-z0-9_.+-]", "-", "_".join(parts))
 
 
-def files_of(case: Case, folder=None) -> tuple[Path, Path]:
+def files_of(case: Case, folder: str | Path | None = None) -> tuple[Path, Path]:
     """Return the paths of the arrays and of the description, whether they exist or not."""
     base = Path(folder) if folder is not None else home()
     return base / f"{stem(case)}.npz", base / f"{stem(case)}.json"
@@ -103,7 +103,7 @@ def _checksum(arrays: dict, meta: dict) -> str:
     return digest.hexdigest()
 
 
-def store(case: Case, ref: Reference, folder=None) -> Path:
+def store(case: Case, ref: Reference, folder: str | Path | None = None) -> Path:
     """Write both files atomically; return the path of the arrays."""
     arrays = {"t": ref.t, "x0": case.x0, "x": ref.x}
     arrays |= {
@@ -175,7 +175,7 @@ READ_ERRORS = (
 )
 
 
-def load(case: Case, folder=None) -> Reference | None:
+def load(case: Case, folder: str | Path | None = None) -> Reference | None:
     """Load the stored reference of a case; None if there is none.
 
     Raises BadReference if it is broken, or belongs to another version of the case.

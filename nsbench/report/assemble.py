@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from nsbench.report import cost, performance_profiles, scaling
@@ -59,7 +60,7 @@ class Figures:
     scaling: tuple[str, ...]
 
 
-def assign_ids(names) -> dict[str, str]:
+def assign_ids(names: Iterable[str]) -> dict[str, str]:
     """Assign a distinct id, also a file name, to each case.
 
     The ids of the page's sections and controls are taken.

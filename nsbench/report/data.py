@@ -129,7 +129,7 @@ class Data:
         return [r for (c, _), r in self.runs.items() if c == case]
 
 
-def read(study) -> Data:
+def read(study: object) -> Data:
     """Read a study, a folder of results (or several), a DataFrame or a list of dict rows.
 
     Raises FileNotFoundError if a folder holds no rows, and ValueError, which names the file, for
@@ -282,7 +282,7 @@ def _word(value) -> str:
     return "" if value is None or value != value else sanitise(value)
 
 
-def columns_of(rows) -> dict:
+def columns_of(rows: object) -> dict:
     """Convert dict rows, a DataFrame or a dict of columns to arrays of all columns.
 
     Missing values are NaN or "". Columns that are not in nsbench.columns are included: they hold

@@ -65,7 +65,7 @@ def is_unmodified(folder: Path, name: str) -> bool:
     )
 
 
-def check(folder) -> None:
+def check(folder: str | Path) -> None:
     """Raise ValueError, naming the file, for tables that are not those of the folder's journal."""
     folder = Path(folder)
     lines = _key_lines(folder)

@@ -15,11 +15,15 @@ import re
 import stat
 import sys
 import zlib
-from collections.abc import Iterator, MutableMapping
+from collections.abc import Iterable, Iterator, MutableMapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from nsbench.results.atomic_write import StoreError, sync_folder
 from nsbench.trajectory import MACHINE, utf8_safe
+
+if TYPE_CHECKING:
+    from nsbench.results.run_key import Part
 
 SCHEMA = 1
 BLOCK = 1 << 20  # bytes that are read at a time
@@ -145,7 +149,7 @@ class Journal:
                 if writer and left.is_file() and not (writer[1] and _alive(int(writer[1]))):
                     left.unlink(missing_ok=True)
 
-    def append(self, key: str, row: dict, parts=()) -> None:
+    def append(self, key: str, row: dict, parts: Iterable[Part] = ()) -> None:
         """Append and sync the row of a run with the digests of the parts of its key.
 
         The items of a part are written once, before the first such row. Raises StoreError if that

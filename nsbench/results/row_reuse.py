@@ -13,7 +13,7 @@ not kept, whatever its key: a process that a run has forked, say, can answer in 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from nsbench.results import journal, run_key
@@ -182,7 +182,7 @@ class RowRecorder:
             files = file_state.changed_files(watched)
         return [*dict.fromkeys(Path(f).name for f in files), *changed_inputs(spec, read)]
 
-    def report(self, say) -> None:
+    def report(self, say: Callable[[str], None]) -> None:
         """Say which files changed while runs were made, and how many rows are unverified."""
         if self.uncertain:
             changed = [name for names in self.uncertain.values() for name in names]

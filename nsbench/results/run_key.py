@@ -26,6 +26,7 @@ import sys
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from nsbench.case import parse_spec
 from nsbench.compilation import disk_cache
@@ -39,6 +40,10 @@ from nsbench.source_files import (
     user_imports,
 )
 from nsbench.source_files.environment_reads import HARMLESS
+
+if TYPE_CHECKING:
+    from nsbench.case import Case
+    from nsbench.study.plan import Spec
 
 SHORT = 16  # hexadecimal digits of a digest within a key
 PACKAGE = "nsbench"  # item: digest of the whole package
@@ -85,13 +90,13 @@ class Part:
         return cls(pairs, disk_cache.digest(json.dumps(pairs))[:SHORT])
 
 
-def key_of(spec, parts: tuple[Part, ...]) -> str:
+def key_of(spec: Spec, parts: tuple[Part, ...]) -> str:
     """Return the key of a run: 64 hexadecimal digits."""
     requested = [spec.case, spec.solver, spec.accuracy, repr(float(spec.asked)), spec.nudge]
     return disk_cache.digest(json.dumps([requested, [p.digest for p in parts]]))
 
 
-def parts_of(spec, case) -> tuple[Part, ...]:
+def parts_of(spec: Spec, case: Case) -> tuple[Part, ...]:
     """Return what a run of the case depends on: common part, solver part, case part."""
     return (
         _common_part(),
@@ -100,7 +105,7 @@ def parts_of(spec, case) -> tuple[Part, ...]:
     )
 
 
-def dependency_files(spec, case) -> frozenset[str]:
+def dependency_files(spec: Spec, case: Case) -> frozenset[str]:
     """Return the paths of all files that a run depends on.
 
     These are the package, what user files import and open, stored references, whether they exist

@@ -4,6 +4,8 @@ on an interval.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+
 from flint import arb, arb_mat, arb_poly
 
 from nsbench.reference.certify.ball_series import Number
@@ -20,7 +22,7 @@ class Refused(ValueError):
     """
 
 
-def zero_of(function, slopes, m: int) -> list:
+def zero_of(function: Callable[[list], list], slopes: Callable[[list], arb_mat], m: int) -> list:
     """Find the zero of m equations from the origin by Newton's method.
 
     Raises ArithmeticError if the iteration does not settle.
@@ -35,7 +37,7 @@ def zero_of(function, slopes, m: int) -> list:
     raise ArithmeticError("the weights that keep the state on its surfaces are not found")
 
 
-def lead(v) -> arb:
+def lead(v: Number | arb | float) -> arb:
     """Return the leading coefficient of a number of any kind."""
     return v.leading.at(0) if isinstance(v, Number) else arb(v)
 
@@ -56,7 +58,9 @@ def ball(low: float, high: float) -> arb:
     return arb((arb(low) + arb(high)).mid() / 2, ((arb(high) - arb(low)) / 2).abs_upper())
 
 
-def positive(p: arb_poly, low: float, high: float, allow: float, depth: int = MAX_BISECTIONS):
+def positive(
+    p: arb_poly, low: float, high: float, allow: float, depth: int = MAX_BISECTIONS
+) -> float | None:
     """Prove p > allow on [low, high] by bisection in balls.
 
     Returns None if it is shown, else a point of the interval on which it could not be.
@@ -75,7 +79,7 @@ def positive(p: arb_poly, low: float, high: float, allow: float, depth: int = MA
     return None
 
 
-def order_of_zero(coefficients) -> int:
+def order_of_zero(coefficients: Sequence[arb]) -> int:
     """Count the leading coefficients that count as zero; MULTIPLE + 1 if all that are tested do."""
     for m, c in enumerate(coefficients[: MAX_ORDER_OF_ZERO + 1]):
         if not abs(c) < ZERO_AT_EVENT:

@@ -18,7 +18,7 @@ from nsbench.reference.certify.ball_algebra import (
     order_of_zero,
     positive,
 )
-from nsbench.reference.certify.ball_series import Jet
+from nsbench.reference.certify.ball_series import Jet, Number
 from nsbench.reference.certify.dual_numbers import Dual
 from nsbench.reference.certify.taylor_step import coefficients
 
@@ -250,15 +250,15 @@ class PieceBounds:
         )
 
 
-def polynomial(number, count) -> arb_poly:
+def polynomial(number: Number, count: int) -> arb_poly:
     return arb_poly([number.leading.at(k) for k in range(count)])
 
 
-def remainder(number, k, width) -> float:
+def remainder(number: Number, k: int, width: float) -> float:
     return float((number.leading.at(k).abs_upper() * arb(width) ** k).upper())
 
 
-def size(number, wide, k, width) -> arb:
+def size(number: Number, wide: Number, k: int, width: float) -> arb:
     """Bound a Taylor polynomial with k terms and its remainder on the piece."""
     terms = sum(
         (number.leading.at(j).abs_upper() * arb(width) ** j for j in range(k)), start=arb(0)
@@ -266,7 +266,7 @@ def size(number, wide, k, width) -> arb:
     return terms + wide.leading.at(k).abs_upper() * arb(width) ** k
 
 
-def matrix(rows, columns) -> np.ndarray:
+def matrix(rows: list[Number], columns: int) -> np.ndarray:
     """Collect the derivatives of Duals in an object array of arb (len(rows), columns)."""
     out = np.full((len(rows), columns), arb(0), object)
     for i, v in enumerate(rows):
@@ -277,11 +277,11 @@ def matrix(rows, columns) -> np.ndarray:
     return out
 
 
-def matrix_of(values) -> np.ndarray:
+def matrix_of(values: list[Number]) -> np.ndarray:
     return np.array([[lead(v)] for v in values], object).reshape(len(values), 1)
 
 
-def norm(M) -> float:
+def norm(M: np.ndarray) -> float:
     """Bound the 2-norm by the Frobenius norm, rounded upwards."""
     return float(
         sum((v.abs_upper() ** 2 for v in np.asarray(M, object).reshape(-1)), start=arb(0))
@@ -290,7 +290,7 @@ def norm(M) -> float:
     )
 
 
-def logarithmic_norm(J) -> float:
+def logarithmic_norm(J: np.ndarray) -> float:
     """Bound the largest eigenvalue of (J + J^T) / 2 for every J in the balls."""
     S = [[(J[i, j] + J[j, i]) / 2 for j in range(len(J))] for i in range(len(J))]
     mid = np.array([[float(v.mid()) for v in row] for row in S]).reshape(len(J), len(J))

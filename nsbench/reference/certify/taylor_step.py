@@ -8,7 +8,7 @@ from flint import arb, arb_poly
 
 from nsbench.reference.certify.array_namespace import Branches, NotDecided, watching
 from nsbench.reference.certify.ball_algebra import solve
-from nsbench.reference.certify.ball_series import Jet
+from nsbench.reference.certify.ball_series import Jet, Number
 
 NEWTON = 60  # of a root: quadratic, from a guess good to 1e-9
 
@@ -32,7 +32,7 @@ class Step:
     choices: list
     deciders: list
 
-    def state(self, time) -> list:
+    def state(self, time: arb) -> list:
         return [p(time - self.t).mid() for p in self.x]
 
 
@@ -106,13 +106,13 @@ def step(flow, t: arb, x0: list, order: int, digits: float, most: arb, choices=N
     )
 
 
-def polynomial(number, integrate=False) -> arb_poly:
+def polynomial(number: Number, integrate: bool = False) -> arb_poly:
     jet = number.leading
     jet = jet.integral() if integrate else jet
     return arb_poly([jet.at(k).mid() for k in range(min(jet.length, 200))])
 
 
-def length(x, order, digits) -> float:
+def length(x: list, order: int, digits: int) -> float:
     """Choose the step whose last two terms are below 10^-digits of 1 + the largest coordinate.
 
     Source: Jorba and Zou, Experimental Mathematics 14 (2005), section 3.2.
@@ -145,7 +145,7 @@ def root(p: arb_poly, guess: arb, reach: float) -> arb | None:
     return None
 
 
-def first_kink(step: Step, h: float, pieces: int = 24):
+def first_kink(step: Step, h: float, pieces: int = 24) -> arb | None:
     """Find the earliest time in (0, h] at which a decider changes its sign against its choice; None
     if none does.
     """

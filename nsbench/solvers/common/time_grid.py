@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 
-def check_positive(name: str, value) -> float:
+def check_positive(name: str, value: object) -> float:
     """Return `value` as a float; ValueError if it is not positive and finite."""
     try:
         v = float(value)

@@ -205,7 +205,9 @@ class ContactField:
             g[k.kind == SMOOTH] = self.constraints.gaps(t, x, rows.smooth)
         return g
 
-    def gradients(self, t: float, x: np.ndarray, rows: ContactRows):
+    def gradients(
+        self, t: float, x: np.ndarray, rows: ContactRows
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Evaluate the gradients as short rows: columns, values (m, width) and counts (m,)."""
         from nsbench.solvers.event_driven.contacts.kernels.constraint_rows import fill_rows
 

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from scipy.integrate import OdeSolver
 
 
 class CountedFunction:
@@ -20,7 +24,7 @@ class CountedFunction:
         return self.rhs(t, y)
 
 
-def take_step(solver) -> str | None:
+def take_step(solver: OdeSolver) -> str | None:
     """Take one step of a SciPy stepper; return None, or why it failed.
 
     Its linear algebra raises on values that are not finite.
