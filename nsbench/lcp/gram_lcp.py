@@ -205,7 +205,7 @@ def _violated_row(M, h, lam, w, tol):
 
 
 @njit(cache=True, error_model="numpy")
-def solve_lcp(M, h, warm, tol, dep):
+def solve_lcp(M: np.ndarray, h: np.ndarray, warm: np.ndarray, tol: np.ndarray, dep: float) -> tuple:
     """Compute a basic solution of 0 <= lam _|_ h + M lam >= 0.
 
     M (m, m) = G G^T; h (m,); warm: indices to try as the support first; tol (m,): how negative w
@@ -266,7 +266,7 @@ def solve_lcp(M, h, warm, tol, dep):
 
 
 @njit(cache=True, error_model="numpy")
-def in_span(M, support, dep):
+def in_span(M: np.ndarray, support: np.ndarray, dep: float) -> np.ndarray:
     """Return (m,) for each row whether it lies in the span of the independent rows `support`:
     squared sine at most dep."""
     m = M.shape[0]

@@ -6,7 +6,7 @@ from nsbench.compilation.decorators import njit
 
 
 @njit(cache=True)
-def solve_gauss(A, b):
+def solve_gauss(A: np.ndarray, b: np.ndarray) -> bool:
     """Solve A z = b in place (z in b) with partial pivoting.
 
     A (n, n) is overwritten. Returns False if A is singular or not finite.

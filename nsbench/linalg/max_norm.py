@@ -1,10 +1,12 @@
 """Maximum norm of a vector."""
 
+import numpy as np
+
 from nsbench.compilation.decorators import njit
 
 
 @njit(cache=True)
-def largest(x):
+def largest(x: np.ndarray) -> float:
     """Return max |x_i| of x (n,), 0 if it is empty."""
     m = 0.0
     for v in x:

@@ -13,6 +13,8 @@ the residual of the step's own problem is small; if that takes long, on a factor
 Everything is computed as a change from c, so rounding shrinks with it.
 """
 
+from __future__ import annotations
+
 from typing import NamedTuple
 
 import numpy as np
@@ -287,7 +289,7 @@ def _solve_on_centre(
 
 
 @njit(cache=True, error_model="numpy")
-def update_working_set(P, T, room, vals, q, mu, tol, most, limit, d, w):
+def update_working_set(P, T, room, vals, q, mu, tol, most, limit, d, w) -> tuple[bool, int, int]:
     """Move mu >= 0 (m,) to the solution of the projection QP: fills mu, d = G^T mu (n,), w = q + G
     d (m,).
 

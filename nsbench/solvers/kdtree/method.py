@@ -97,7 +97,7 @@ class KDTree:
         hard = next((c for c in case.problem.constraints if isinstance(c, Distance)), None)
         project = _sweeper(self, hard)
 
-        def run():
+        def run() -> Trajectory:
             with np.errstate(
                 all="ignore"
             ):  # what overflows ends the run, and is told by its status
@@ -147,7 +147,7 @@ def _sweeper(method, hard):
     else:
         sweep = _jacobi
 
-    def project(x):
+    def project(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         points = x.reshape(-1, dim)
         tree = cKDTree(
             points, compact_nodes=False, balanced_tree=False
@@ -250,12 +250,12 @@ class _ImpulseTable:
         self.rows = []
         self.walls = []
 
-    def add(self, pairs, impulse):
+    def add(self, pairs: np.ndarray, impulse: np.ndarray) -> None:
         acting = impulse > 0.0
         if acting.any():
             self.open.append((pairs[acting], impulse[acting]))
 
-    def close(self, k, wall):
+    def close(self, k: int, wall: np.ndarray) -> None:
         if self.open:
             pairs = np.sort(np.concatenate([p for p, _ in self.open]), axis=1)
             self.rows.append(
@@ -264,7 +264,7 @@ class _ImpulseTable:
             self.open = []
         self.walls.append((k, wall))
 
-    def table(self, where, good):
+    def table(self, where: np.ndarray, good: np.ndarray) -> tuple[tuple, np.ndarray]:
         """Return contacts and cumulative impulse (K, m), NaN where not `good`."""
         contacts = []
         columns = []

@@ -6,6 +6,7 @@ On a GPU when there is one.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,6 +17,13 @@ from nsbench.solvers.common.hard_particles import hard_particles, mean_radius
 from nsbench.solvers.common.initial_state import initial_state
 from nsbench.solvers.pbd.kernels.loop_result import LoopResult
 from nsbench.solvers.pbd.method import EXPECTS, build_trajectory
+
+if TYPE_CHECKING:
+    import jax
+
+    from nsbench.dynamics.contacts.kernels.contact_arrays import ListedContacts
+    from nsbench.solvers.pbd.method import PBD
+    from nsbench.solvers.pbd_jax.program import Levels
 
 DEVICES = ("auto", "cpu", "gpu")
 STANDARD = ()
@@ -52,7 +60,7 @@ class PBDJax:
         check_positive("reach", self.reach)
 
     @property
-    def like(self):
+    def like(self) -> PBD:
         """Return the method on the CPU that has the same sweep."""
         from nsbench.solvers.pbd.method import PBD
 
@@ -141,7 +149,7 @@ class _March:
         self.programs = {}
         self.program(*self.lists(x0, self.start))
 
-    def lists(self, x, reach):
+    def lists(self, x: np.ndarray, reach: float) -> tuple[ListedContacts, Levels]:
         """Return the contacts near x (n,) in the order of the sweep, and their levels."""
         from nsbench.solvers.pbd.kernels.neighbor_list import near_list
         from nsbench.solvers.pbd_jax.program import arrange
@@ -150,7 +158,7 @@ class _March:
         levels, self.sizes = arrange(contacts, self.scene, self.hard_scene.owner, self.sizes)
         return contacts, levels
 
-    def program(self, contacts, levels):
+    def program(self, contacts: ListedContacts, levels: Levels) -> tuple:
         """Return the executable for levels of these sizes, and its arguments on the device."""
         from nsbench.compilation.factories import as_jax
         from nsbench.compilation.jax_cache import float64
@@ -223,7 +231,7 @@ class _March:
             progress.peak,
         )
 
-    def advance(self, progress, k):
+    def advance(self, progress: _Progress, k: int) -> float | None:
         """Do the steps from sample k to the next one; return the time of a failure, or None.
 
         The program runs until the lists no longer cover the motion; then it goes on with new ones.
@@ -264,7 +272,7 @@ class _March:
         progress.record(k + 1, mu)
         return None
 
-    def renew_lists(self, progress):
+    def renew_lists(self, progress: _Progress) -> None:
         """List the contacts anew at the present state, farther if no step fits into new lists."""
         if progress.is_fresh:
             progress.reach = 2.0 * progress.reach
@@ -298,7 +306,7 @@ class _Progress:
     ids: list = field(default_factory=list)
     values: list = field(default_factory=list)
 
-    def record(self, sample, mu):
+    def record(self, sample: int, mu: np.ndarray | jax.Array) -> None:
         """Append the impulses mu of the list to the records of a sample."""
         self.peak = _flush(sample, np.asarray(mu), self.contacts, self.ids, self.values, self.peak)
 

@@ -11,11 +11,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from nsbench.compilation.decorators import njit
 from nsbench.dynamics.contacts.constraint_set import PAIR, ConstraintSet
+
+if TYPE_CHECKING:
+    import jax
 
 DONE = 0
 BROKEN = 1
@@ -166,7 +170,7 @@ def advance(
         counts = jnp.asarray(owned)
         sweep = _sweep_over_level(inv2, dim, counts, pairs, rows, count, base, limit)
 
-        def step(c):
+        def step(c: tuple) -> tuple:
             x, reaction, mu, s, _, work, tied = c
             now = t0 + s * h
             after = jnp.where(s + 1 == substeps, t1, t0 + (s + 1) * h)
@@ -194,7 +198,7 @@ def advance(
                 keep(tied1, tied),
             )
 
-        def goes_on(c):
+        def goes_on(c: tuple) -> jax.Array:
             _, _, _, s, state, _, _ = c
             return (s < substeps) & (state == DONE)
 
@@ -215,7 +219,7 @@ def _sweep_over_level(inv2, dim, counts, pairs, rows, count, base, limit):
     first, *_ = pairs
     *_, row, _ = rows
 
-    def any_beyond(moved):
+    def any_beyond(moved: tuple) -> jax.Array:
         return (
             sum(
                 (
@@ -229,10 +233,10 @@ def _sweep_over_level(inv2, dim, counts, pairs, rows, count, base, limit):
             > 0
         )
 
-    def level_of(arrays, lev):
+    def level_of(arrays: tuple, lev: jax.Array) -> tuple:
         return tuple(lax.dynamic_index_in_dim(a, lev, keepdims=False) for a in arrays)
 
-    def sweep(turn, c, b):
+    def sweep(turn: jax.Array, c: tuple, b: jax.Array) -> tuple:
         lev = turn % count
 
         x, mu, work, tied, broken = c

@@ -104,7 +104,7 @@ def find_script(case: Case) -> Script | None:
 def _event(e):
     """Wrap the function of an exit as a terminal event of SciPy, with its direction."""
 
-    def crosses(t, y):
+    def crosses(t: float, y: np.ndarray) -> float:
         return e.when(t, y)
 
     crosses.terminal = True

@@ -53,7 +53,7 @@ def moving_floor(case: Case, a: float = 1.5, b: float = 1.0) -> Script:
     sin = math.sin
     cos = math.cos
 
-    def land(t, y):
+    def land(t: float, y: np.ndarray) -> None:
         y[0] = a * sin(t)
 
     return Script(
@@ -123,7 +123,7 @@ def play(case: Case) -> Script:
 def graze(case: Case, delta: float = 0.0) -> Script:
     """Script a parabola that dips into a floor (delta < 0), touches it or misses it."""
 
-    def land(t, y):
+    def land(t: float, y: np.ndarray) -> None:
         y[1] = 0.0
 
     # a dip of length sqrt(-delta) hides between the ends of a step: who expects one bounds the step
@@ -172,15 +172,15 @@ def wedge(case: Case, psi: float = 60.0, swell: float = 0.0) -> Script:
     py = -(one + two) * ny
     lam = -(px * nx + py * ny)
 
-    def free(t, y):
+    def free(t: float, y: np.ndarray) -> list[float]:
         s = 1.0 + swell * math.sin(t)
         return [px * s, py * s, 0.0, 0.0]
 
-    def wall(t, y):
+    def wall(t: float, y: np.ndarray) -> list[float]:
         s = 1.0 + swell * math.sin(t)
         return [(px + lam * nx) * s, (py + lam * ny) * s, lam * s, 0.0]
 
-    def corner(t, y):
+    def corner(t: float, y: np.ndarray) -> list[float]:
         s = 1.0 + swell * math.sin(t)
         return [0.0, 0.0, one * s, two * s]
 
@@ -207,8 +207,8 @@ def box_turning(case: Case, side: float = 1.0) -> Script:
     """
     winds = (math.cos, math.sin)
 
-    def arc(places):
-        def rhs(t, y):
+    def arc(places: tuple[str, str]) -> Arc:
+        def rhs(t: float, y: np.ndarray) -> list[float]:
             rate = [0.0] * 6
             for k, place in enumerate(places):
                 blow = winds[k](t)
@@ -218,12 +218,12 @@ def box_turning(case: Case, side: float = 1.0) -> Script:
                     rate[2 + 2 * k + (place == "high")] = abs(blow)
             return rate
 
-        def enter(t, y):
+        def enter(t: float, y: np.ndarray) -> None:
             for k, place in enumerate(places):
                 if place != "free":
                     y[k] = 0.0 if place == "low" else side
 
-        def go(k, place):
+        def go(k: int, place: str) -> str:
             return " ".join(place if i == k else p for i, p in enumerate(places))
 
         exits = []
@@ -260,7 +260,7 @@ def box_turning(case: Case, side: float = 1.0) -> Script:
 def obstacle(case: Case, b: float = 0.2) -> Script:
     """Script a straight flight against a round pillar, around it and off it."""
 
-    def pillar(t, y):
+    def pillar(t: float, y: np.ndarray) -> list[float]:
         r = math.hypot(y[0], y[1])
         c = y[0] / r
         s = y[1] / r

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from math import hypot
 
+import numpy as np
+
 from nsbench.case import Case
 from nsbench.solvers.solve_ivp.hybrid_automaton import Arc, Exit, Script
 
@@ -17,11 +19,11 @@ THIRDS = 2.0 / 3.0
 def two_discs(case: Case, w: float = 0.0) -> Script:
     """Script two discs that spiral to the origin (rate of turning w) until they touch."""
 
-    def free(t, y):
+    def free(t: float, y: np.ndarray) -> list[float]:
         a, b, c, d, *_ = y
         return [-a - w * b, -b + w * a, -c - w * d, -d + w * c, 0.0, 0.0, 0.0, 0.0, 0.0]
 
-    def together(t, y):
+    def together(t: float, y: np.ndarray) -> list[float]:
         a, b, c, d, *_ = y
         # lam n: half the distance along the normal
         p = 0.5 * (a - c)

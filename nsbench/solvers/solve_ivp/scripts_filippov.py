@@ -6,6 +6,9 @@ Each function builds the script of the case of its name, with the parameters of 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+
+import numpy as np
 
 from nsbench.case import Case
 from nsbench.solvers.solve_ivp.hybrid_automaton import Arc, Exit, Script
@@ -14,13 +17,13 @@ from nsbench.solvers.solve_ivp.hybrid_automaton import Arc, Exit, Script
 def slide_exit(case: Case) -> Script:
     """Script a slide on a line that ends where the field below points away from it."""
 
-    def above(t, y):
+    def above(t: float, y: np.ndarray) -> list[float]:
         return [1.0 + y[1], -1.0 - 0.5 * math.sin(y[0]), 1.0]
 
-    def below(t, y):
+    def below(t: float, y: np.ndarray) -> list[float]:
         return [2.0 + 0.25 * y[0] * y[0], 1.0 - y[0], 0.0]
 
-    def on(t, y):
+    def on(t: float, y: np.ndarray) -> list[float]:
         x = y[0]
         w = (1.0 - x) / (
             2.0 - x + 0.5 * math.sin(x)
@@ -58,10 +61,10 @@ def stick_slip(case: Case, x0: float = 0.5, T: float = 20.0) -> Script:
     belt = 0.2
     speed = lambda t, y: y[1] - belt
 
-    def caught(t, y):
+    def caught(t: float, y: np.ndarray) -> str:
         return "stick" if abs(y[0]) <= 1.0 else "slow" if y[0] > 1.0 else "fast"
 
-    def match(t, y):
+    def match(t: float, y: np.ndarray) -> None:
         y[1] = belt
 
     return Script(
@@ -87,7 +90,7 @@ def stick_slip(case: Case, x0: float = 0.5, T: float = 20.0) -> Script:
 def friction(case: Case, mu: float = 0.3, x0: float = 1.0) -> Script:
     """Script an oscillator with dry friction mu, which stops within |x| <= mu."""
 
-    def turned(other):
+    def turned(other: str) -> Callable:
         return lambda t, y: "stuck" if abs(y[0]) <= mu else other
 
     v = lambda t, y: y[1]
@@ -121,7 +124,7 @@ def circle_sliding(
     v = 0.5 * (outside - inside)
     circle = lambda t, y: y[0] * y[0] + y[1] * y[1] - 1.0
 
-    def field(t, y, s):
+    def field(t: float, y: np.ndarray, s: float) -> list[float]:
         grow = a * math.sin(t) - s
         turn = u + v * s
         return [grow * y[0] - turn * y[1], grow * y[1] + turn * y[0], 0.5 * (1.0 + s)]
@@ -143,7 +146,7 @@ def two_surfaces(case: Case, kind: str = "affine") -> Script | None:
     k = 0.4
     a = 0.3
 
-    def field(t, s1, s2):
+    def field(t: float, s1: float, s2: float) -> list[float]:
         return [
             a * math.sin(t) - s1 + k * s2,
             a * math.cos(t) - k * s1 - s2,
@@ -152,10 +155,10 @@ def two_surfaces(case: Case, kind: str = "affine") -> Script | None:
             0.5 * (1.0 + s2),
         ]
 
-    def line(t, y):
+    def line(t: float, y: np.ndarray) -> list[float]:
         return field(t, 1.0, a * math.cos(t) - k)
 
-    def corner(t, y):
+    def corner(t: float, y: np.ndarray) -> list[float]:
         p = a * math.sin(t)
         q = a * math.cos(t)
         return field(t, (p + k * q) / (1.0 + k * k), (q - k * p) / (1.0 + k * k))
@@ -214,7 +217,7 @@ def apple_filippov(case: Case, y0: float = 1.0) -> Script:
 def _zero(i):
     """Return a function that sets coordinate i of the state to zero, in place."""
 
-    def enter(t, y):
+    def enter(t: float, y: np.ndarray) -> None:
         y[i] = 0.0
 
     return enter

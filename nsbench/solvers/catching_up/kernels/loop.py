@@ -7,6 +7,8 @@ included, no pair left out can be violated by it, and the step is the one over a
 the list is built anew, longer if one step alone is the reason, and the step is done again.
 """
 
+from __future__ import annotations
+
 from typing import NamedTuple
 
 import numpy as np
@@ -174,7 +176,7 @@ def advance(
 @njit(cache=True, error_model="numpy")
 def march(
     f, b_of, a_of, exact, many, moving, t, substeps, x, static, rows, b, anchors, hard, radii, reach
-):
+) -> CatchingUpResult:
     """Integrate from x (n,); returns a CatchingUpResult.
 
     f, b_of, a_of: pointers (t, x, out), (t, out), (t, out); moving: whether the last two depend on

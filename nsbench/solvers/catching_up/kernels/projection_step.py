@@ -5,6 +5,8 @@
 x (n,): the state at the start of the step, z (n,): Euler's step from it.
 """
 
+from __future__ import annotations
+
 from typing import NamedTuple
 
 import numpy as np
@@ -59,7 +61,16 @@ def list_candidates(x, skin, scene):
 
 
 @njit(cache=True, error_model="numpy")
-def linearise(contacts, rows, b, anchors, x, ptr, vals, g):
+def linearise(
+    contacts: ListedContacts,
+    rows: AffineRows,
+    b: np.ndarray,
+    anchors: np.ndarray,
+    x: np.ndarray,
+    ptr: np.ndarray,
+    vals: np.ndarray,
+    g: np.ndarray,
+) -> None:
     """Fill the gaps g (m,) and the entries vals of their gradients at x (n,).
 
     contacts: ListedContacts; rows: AffineRows; ptr (m + 1,): first entry of each gradient. A
@@ -98,7 +109,9 @@ def linearise(contacts, rows, b, anchors, x, ptr, vals, g):
 
 
 @njit(cache=True, error_model="numpy")
-def largest_displacements(base, x, z, d, hard):
+def largest_displacements(
+    base: np.ndarray, x: np.ndarray, z: np.ndarray, d: np.ndarray, hard: np.ndarray
+) -> tuple[float, float]:
     """Return the largest displacements of hard particles, base -> x -> z + d and x -> z + d."""
     far = 0.0
     last = 0.0

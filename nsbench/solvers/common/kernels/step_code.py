@@ -5,6 +5,8 @@
 
 import enum
 
+import numpy as np
+
 from nsbench.compilation.decorators import njit
 
 LARGEST_STATE = 1e150  # |x_i| beyond which squares may overflow
@@ -25,7 +27,7 @@ class StepCode(enum.IntEnum):
 
 
 @njit(cache=True)
-def state_code(x):
+def state_code(x: np.ndarray) -> StepCode:
     """Return StepCode.NAN if x (n,) holds a NaN, BLOWN if an entry exceeds 1e150, else OK."""
     for v in x:
         if v != v:
@@ -37,7 +39,7 @@ def state_code(x):
 
 
 @njit(cache=True)
-def all_finite(x):
+def all_finite(x: np.ndarray) -> bool:
     """Return whether every entry of x (n,) is below 1e150, so that squares are finite too."""
     for v in x:
         if not abs(v) < LARGEST_STATE:

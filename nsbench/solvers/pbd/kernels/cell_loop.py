@@ -11,6 +11,8 @@ nothing is ever done that the sweep over all constraints would not have done. Wh
 get too long, the run ends with LIST_OVERFLOW, to be done by neighbor_loop.
 """
 
+from __future__ import annotations
+
 from typing import NamedTuple
 
 import numpy as np
@@ -67,7 +69,7 @@ class ListState(NamedTuple):
 
 
 @njit(cache=True)
-def unpack(values, label, dim, out):
+def unpack(values, label, dim, out) -> None:
     """Write values (n, dim), in the order of the store, to out by label."""
     for s in range(label.size):
         for c in range(dim):
@@ -75,7 +77,9 @@ def unpack(values, label, dim, out):
 
 
 @inner_kernel
-def flush(k, pairs, expired, label, families, ids, values, count):
+def flush(
+    k, pairs, expired, label, families, ids, values, count
+) -> tuple[np.ndarray, np.ndarray, int]:
     """Move all impulses to the records (sample, family, i, j) and clear them.
 
     pairs, expired: PairImpulses by place in the store and by label. Returns the records,
@@ -118,7 +122,9 @@ def flush(k, pairs, expired, label, families, ids, values, count):
 
 
 @inner_kernel
-def refresh_candidates(scene, least, state, lists, counts, skins):
+def refresh_candidates(
+    scene, least, state, lists, counts, skins
+) -> tuple[CandidateLists, ListState, Skins]:
     """Select the active candidates at the positions y, from a new list if the old one is used up.
 
     scene: CellScene; least: smallest skin of a list; state: CellState. Returns lists, counts
@@ -156,7 +162,9 @@ def refresh_candidates(scene, least, state, lists, counts, skins):
 
 
 @inner_kernel
-def renew_list(scene, least, state, lists, counts, skins, gone):
+def renew_list(
+    scene, least, state, lists, counts, skins, gone
+) -> tuple[CandidateLists, ListState, Skins]:
     """Build the list of candidates anew at the positions y; arguments as in refresh_candidates.
 
     gone: largest displacement since the old list was built.
@@ -192,7 +200,7 @@ def renew_list(scene, least, state, lists, counts, skins, gone):
 
 
 @njit(cache=True)
-def sweep_active(scene, state, lists, active, certified):
+def sweep_active(scene, state, lists, active, certified) -> tuple[int, bool, bool]:
     """Sweep over the active candidates; returns as cell_sweep.sweep."""
     arrays = lists.arrays
     return sweep(
@@ -211,7 +219,9 @@ def sweep_active(scene, state, lists, active, certified):
 
 
 @njit(cache=True)
-def initialise(scene, state, arrays, x, reach):
+def initialise(
+    scene, state, arrays, x, reach
+) -> tuple[CandidateLists, ListState, Skins, SkinControl]:
     """Set the state to the start x (n dim,) and return lists, counts, skins and control."""
     n = x.size // scene.dim
     state.y[:] = x
@@ -233,7 +243,9 @@ def initialise(scene, state, arrays, x, reach):
 
 
 @njit(cache=True, error_model="numpy")
-def reselect(scene, state, lists, counts, skins, control, far, attempts):
+def reselect(
+    scene, state, lists, counts, skins, control, far, attempts
+) -> tuple[CandidateLists, ListState, Skins, SkinControl]:
     """Select the active candidates at the positions y, with a skin that suits the pace.
 
     far: largest squared displacement since the last selection; attempts: sweeps of this step
@@ -248,7 +260,7 @@ def reselect(scene, state, lists, counts, skins, control, far, attempts):
 
 
 @njit(cache=True)
-def undo_sweep(scene, state, lists, z, h, is_first, logged):
+def undo_sweep(scene, state, lists, z, h, is_first, logged) -> None:
     """Take back positions and impulses of a sweep, the first one of its step or a later one."""
     if is_first:
         drift(z, state.y, state.active_base, state.velocity, state.label, h, scene.dim)
@@ -287,7 +299,7 @@ def loop_result(X, R, records, work, code, reached, counts):
 
 
 @njit(cache=True, error_model="numpy")
-def march(f, b_of, t, substeps, sweeps, x, reach, scene, state, arrays, X, R):
+def march(f, b_of, t, substeps, sweeps, x, reach, scene, state, arrays, X, R) -> LoopResult:
     """Integrate from x and fill X, R (K, n) with states and reactions; returns a LoopResult.
 
     f, b_of: pointers (t, x, out), (t, out); t (K,), substeps (K - 1,): the grid; sweeps: per step;

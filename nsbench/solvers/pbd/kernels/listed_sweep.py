@@ -4,7 +4,9 @@ A particle is too far where it has moved by more than skin / 2 since the list wa
 list may lack a pair, and `renew` builds it anew.
 """
 
-from typing import NamedTuple
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -12,6 +14,10 @@ from nsbench.compilation.decorators import njit
 from nsbench.dynamics.contacts.kernels.contact_arrays import PAIR, ROW, ListedContacts
 from nsbench.solvers.pbd.kernels.neighbor_list import rebuild
 from nsbench.solvers.pbd.kernels.projection import project
+
+if TYPE_CHECKING:
+    from nsbench.dynamics.contacts.kernels.contact_arrays import AffineRows
+    from nsbench.solvers.pbd.kernels.neighbor_list import HardScene
 
 
 class NeighborList(NamedTuple):
@@ -28,7 +34,7 @@ class NeighborList(NamedTuple):
 
 
 @njit(cache=True, error_model="numpy")
-def is_beyond(x, base, first, dim, limit2):
+def is_beyond(x: np.ndarray, base: np.ndarray, first: int, dim: int, limit2: float) -> bool:
     """Return whether the particle at coordinate `first` is farther than sqrt(limit2) from base."""
     s = 0.0
     for c in range(first, first + dim):
@@ -38,7 +44,18 @@ def is_beyond(x, base, first, dim, limit2):
 
 
 @njit(cache=True)
-def sweep_on(c, contacts, mu, rows, b, anchors, x, base, owner, limit2):
+def sweep_on(
+    c: int,
+    contacts: ListedContacts,
+    mu: np.ndarray,
+    rows: AffineRows,
+    b: np.ndarray,
+    anchors: np.ndarray,
+    x: np.ndarray,
+    base: np.ndarray,
+    owner: np.ndarray,
+    limit2: float,
+) -> tuple[int, int, bool, bool]:
     """Project on the constraints from c on, to the end or until a particle has moved too far.
 
     contacts: ListedContacts; mu (m,): their impulses, which grow; owner: see HardScene. Returns the
@@ -61,7 +78,15 @@ def sweep_on(c, contacts, mu, rows, b, anchors, x, base, owner, limit2):
 
 
 @njit(cache=True)
-def has_left(c, contacts, rows, x, base, owner, limit2):
+def has_left(
+    c: int,
+    contacts: ListedContacts,
+    rows: AffineRows,
+    x: np.ndarray,
+    base: np.ndarray,
+    owner: np.ndarray,
+    limit2: float,
+) -> bool:
     """Return whether a hard particle of constraint c is farther than sqrt(limit2) from base."""
     p = contacts.p[c]
     if contacts.kind[c] == ROW:
@@ -80,7 +105,7 @@ def has_left(c, contacts, rows, x, base, owner, limit2):
 
 
 @njit(cache=True)
-def any_beyond(x, base, hard, limit2):
+def any_beyond(x: np.ndarray, base: np.ndarray, hard: np.ndarray, limit2: float) -> bool:
     """Return whether any hard particle is farther than sqrt(limit2) from base."""
     for u in range(hard.shape[0]):
         _, start, n, dim = hard[u]
@@ -91,7 +116,14 @@ def any_beyond(x, base, hard, limit2):
 
 
 @njit(cache=True)
-def renew(near, x, base, skin, scene, keys):
+def renew(
+    near: NeighborList,
+    x: np.ndarray,
+    base: np.ndarray,
+    skin: float,
+    scene: HardScene,
+    keys: np.ndarray,
+) -> NeighborList:
     """Build the list anew at x, with that skin; base becomes x. Returns the NeighborList."""
     contacts, new_keys, mu = rebuild(near.contacts, near.keys, near.mu, x, skin, scene, keys)
     for e in range(x.size):
@@ -100,7 +132,7 @@ def renew(near, x, base, skin, scene, keys):
 
 
 @njit(cache=True)
-def first_after(keys, last):
+def first_after(keys: np.ndarray, last: int) -> int:
     """Return the first place whose key is larger than `last`."""
     c = 0
     while c < keys.size and keys[c] <= last:

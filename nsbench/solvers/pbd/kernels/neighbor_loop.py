@@ -8,6 +8,8 @@ positions and the sweep goes on behind the constraint it had reached: nothing is
 is missed.
 """
 
+from __future__ import annotations
+
 import numpy as np
 
 from nsbench.compilation.decorators import fused_kernel, njit
@@ -75,7 +77,9 @@ def sweep_step(near, skin, scene, listed_keys, rows, b, anchors, x, base, sweeps
 
 
 @njit(cache=True)
-def march(f, b_of, a_of, moving, t, substeps, sweeps, x, scene, rows, b, anchors, reach):
+def march(
+    f, b_of, a_of, moving, t, substeps, sweeps, x, scene, rows, b, anchors, reach
+) -> LoopResult:
     """Integrate from x (n,); arguments as listed_loop.march, scene: HardScene, reach: least skin.
 
     Returns a LoopResult.

@@ -10,6 +10,9 @@ lam, so they belong to the time that lam belongs to. E is the projector on the l
 D_II, I the rows with lam > 0: found by repeating the step at most 3 times.
 """
 
+from __future__ import annotations
+
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -67,7 +70,7 @@ def workspace(n, m):
 
 
 @njit(cache=True, error_model="numpy")
-def at_end(D, fixed, on):
+def at_end(D: np.ndarray, fixed: np.ndarray, on: np.ndarray) -> np.ndarray:
     """Return the projector E (m, m) on rows without lam (fixed) and the left null space of D_II.
 
     on (m,): the rows I of the support.
@@ -102,7 +105,7 @@ def at_end(D, fixed, on):
 
 
 @njit(cache=True, error_model="numpy")
-def jacobian(f, t, x, J):
+def jacobian(f: Callable, t: float, x: np.ndarray, J: np.ndarray) -> int:
     """Compute df/dx in J by one-sided differences; return the calls of f."""
     n = x.size
     a = np.empty(n)

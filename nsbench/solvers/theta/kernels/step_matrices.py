@@ -3,6 +3,8 @@
 W = (I - h th J)^-1,   G = h W B,   M = D + (th I + (1 - th) E) C G,   r: see `offset`
 """
 
+from __future__ import annotations
+
 from typing import NamedTuple
 
 import numpy as np
@@ -38,7 +40,7 @@ class StepMatrices(NamedTuple):
 
 
 @njit(cache=True, error_model="numpy")
-def times(A, x, out):
+def times(A: np.ndarray, x: np.ndarray, out: np.ndarray) -> None:
     """Multiply: out <- A x."""
     for i in range(A.shape[0]):
         out[i] = 0.0
@@ -47,7 +49,9 @@ def times(A, x, out):
 
 
 @njit(cache=True, error_model="numpy")
-def matrices(J, h, theta, B, W, G):
+def matrices(
+    J: np.ndarray, h: float, theta: float, B: np.ndarray, W: np.ndarray, G: np.ndarray
+) -> bool:
     """Compute W <- (I - h th J)^-1 and G <- h W B; return False if the matrix is singular."""
     n = J.shape[0]
     K = np.empty((n, n))
@@ -70,7 +74,16 @@ def matrices(J, h, theta, B, W, G):
 
 
 @njit(cache=True, error_model="numpy")
-def rows(C, D, G, E, theta, M, a, b):
+def rows(
+    C: np.ndarray,
+    D: np.ndarray,
+    G: np.ndarray,
+    E: np.ndarray,
+    theta: float,
+    M: np.ndarray,
+    a: np.ndarray,
+    b: np.ndarray,
+) -> None:
     """Compute M <- D + (th I + (1 - th) E) C G and its row and column scales a, b."""
     m, n = C.shape
     col = np.empty(m)
@@ -90,7 +103,18 @@ def rows(C, D, G, E, theta, M, a, b):
 
 
 @njit(cache=True, error_model="numpy")
-def offset(C, E, theta, x, z, q0, q1, u, v, r):
+def offset(
+    C: np.ndarray,
+    E: np.ndarray,
+    theta: float,
+    x: np.ndarray,
+    z: np.ndarray,
+    q0: np.ndarray,
+    q1: np.ndarray,
+    u: np.ndarray,
+    v: np.ndarray,
+    r: np.ndarray,
+) -> None:
     """Compute the constant term r of a step's complementarity problem.
 
         r <- (1 - th) (C x + q0) + th (C z + q1) + E (1 - th) (C (z - x) + q1 - q0)
