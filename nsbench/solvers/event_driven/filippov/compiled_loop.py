@@ -14,11 +14,7 @@ import numpy as np
 
 from nsbench.dynamics.filippov.vector_field import EPS
 from nsbench.solvers.event_driven.filippov.kernels import loop_state as codes
-from nsbench.solvers.event_driven.filippov.kernels.loop_state import (
-    Motion,
-    Records,
-    Settings,
-)
+from nsbench.solvers.event_driven.filippov.kernels.loop_state import Settings
 from nsbench.solvers.event_driven.filippov.program import (
     LOCAL_SHARE,
     TracedPrograms,
@@ -57,6 +53,8 @@ class CompiledLoop:
             steps=options.max_steps,
             events=options.max_events,
         )
+        # what is the same in all calls of the kernel: unpacking named tuples in each costs more
+        self.constant = (*programs.programs, *programs.modes, *self.settings)
         self.work = tuple(programs.workspace(self.settings.order))
         self.end = float(case.t[-1])
         self.log = np.empty((MOST_LOGGED, 2))
@@ -82,6 +80,7 @@ class CompiledLoop:
     def _integrate(self, host, begun: int) -> Stop:
         """Go on, compiled, and write where to into `host`."""
         counters = self.counters
+        floats = self.floats
         latest = host.meetings[-codes.RING :]
         if latest:
             self.ring[codes.RING - len(latest) :] = latest
@@ -97,34 +96,38 @@ class CompiledLoop:
             0,
             0,
         )
-        self.floats[:] = (host.t, host.h)
-        motion = Motion(host.x, host.theta, host.mode, self.armed)
-        records = Records(host.case.t, host.X, host.W, self.log, self.logged, self.ring)
+        floats[:] = (host.t, host.h)
+        motion = (host.x, host.theta, host.mode, self.armed)
+        records = (host.case.t, host.X, host.W, self.log, self.logged, self.ring)
         while True:
             self.kernel.integrate_modes(
-                *self.programs.programs,
-                *self.programs.modes,
-                *self.settings,
+                *self.constant,
                 *motion,
                 *records,
                 counters,
-                self.floats,
+                floats,
                 self.work,
                 begun,
             )
-            values = counters.tolist()
-            host.done = values[codes.DONE]
-            host.steps = values[codes.COUNT]
-            host.arcs = values[codes.ARCS]
-            host.field.calls = values[codes.CALLS]
-            if values[codes.EVENTS]:
-                self._replay_events(host, values[codes.EVENTS])
-            if values[codes.CODE] != codes.FULL:
+            (
+                code,
+                host.done,
+                host.steps,
+                host.arcs,
+                host.field.calls,
+                events,
+                _,
+                fired,
+                goes_on,
+            ) = counters.tolist()
+            if events:
+                self._replay_events(host, events)
+            if code != codes.FULL:
                 break
             begun = self.kernel.ARC_BEGINS
             counters[codes.EVENTS] = 0
-        host.t, host.h = self.floats.tolist()
-        return Stop(values[codes.CODE], values[codes.FIRED], bool(values[codes.CARRY]))
+        host.t, host.h = floats.tolist()
+        return Stop(code, fired, bool(goes_on))
 
     def _hand_over(self, host, stop: Stop) -> Status:
         """Let the host go on from the state in which the compiled loop stopped."""

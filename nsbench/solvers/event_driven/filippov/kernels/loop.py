@@ -8,7 +8,7 @@ that are not unique, steps that cannot be certified.
 
 import numpy as np
 
-from nsbench.compilation.decorators import fused_kernel, njit
+from nsbench.compilation.decorators import inlined, njit
 from nsbench.solvers.event_driven.filippov.kernels.loop_state import (
     ARCS,
     CALLS,
@@ -80,7 +80,7 @@ def events_accumulate(ring, count, span):
     return ratio < 0.9 and last * ratio / (1.0 - ratio) <= 1e-10 * span
 
 
-@fused_kernel
+@inlined
 def arm_watches(run, m, i, t):
     """Set which watched functions are armed at the start of an arc in program m, sliding on surface
     i or -1, and the bands of those that are not; False if one is below its band."""
@@ -121,7 +121,7 @@ def weight_integrals(p, i, s, mode, row, C, theta, out):
             out[k] = theta[k] + (s if mode[k] == 1 else 0.0)
 
 
-@fused_kernel
+@inlined
 def record_samples(programs, outs, i, p, t, h, last, counters, records, mode, theta, C, V, G):
     """Write the samples up to t + h (all that are left if `last`) of a step in the program with the
     outputs outs, which slides on surface i or -1."""
@@ -140,7 +140,7 @@ def record_samples(programs, outs, i, p, t, h, last, counters, records, mode, th
     counters[DONE] = done
 
 
-@fused_kernel
+@inlined
 def advance_motion(outs, i, p, h, mode, x, theta, armed, band, C):
     """Go to the end of a step of length h: state, weight integrals, armed functions."""
     n = x.size
@@ -153,7 +153,7 @@ def advance_motion(outs, i, p, h, mode, x, theta, armed, band, C):
             armed[k] = horner(C, outs[n + k], h, p) > band[k]
 
 
-@fused_kernel
+@inlined
 def reach_surface(run, i, fired, t):
     """Note the time of an event and return the surface reached (see surface_met);
     SEVERAL_SURFACES where events are too many or accumulate. i: the surface slid on, or -1; fired:
@@ -173,7 +173,7 @@ def reach_surface(run, i, fired, t):
     return surface_met(run.programs, t, motion.x, motion.mode, before, run.work.V, run.work.G)
 
 
-@fused_kernel
+@inlined
 def log_event(run, i, old, new, t):
     """Write down an event of surface i, from the mode `old` to `new`."""
     e = run.counters[EVENTS]
@@ -187,7 +187,7 @@ def log_event(run, i, old, new, t):
     run.counters[MEETINGS] += 1
 
 
-@fused_kernel
+@inlined
 def change_mode(run, i, t, begun):
     """Choose the mode of the surface i that was reached and record the event; False, with
     counters[CODE], if the loop ends."""
@@ -217,7 +217,7 @@ def change_mode(run, i, t, begun):
     return True
 
 
-@fused_kernel
+@inlined
 def begin_arc(run, surface, t, begun):
     """Choose the mode if a surface was reached, and begin an arc in it; returns its program, or
     -1, with counters[CODE], if the loop ends."""
@@ -238,7 +238,7 @@ def begin_arc(run, surface, t, begun):
     return m
 
 
-@fused_kernel
+@inlined
 def follow_modes(run, begun):
     """Event loop of integrate_modes: choose the mode where a surface was reached, begin an arc,
     take Taylor steps to the next surface."""
@@ -261,10 +261,10 @@ def follow_modes(run, begun):
     m = np.int64(-1)
     i = np.int64(-1)
     steps_of_arc = 0
-    surface = NO_SURFACE
+    surface = np.int64(NO_SURFACE)  # no literal: one version of choose_mode
     certified_width = np.inf
     if begun == CHOOSE_START:
-        surface = surface_met(programs, t, x, mode, NO_SURFACE, V, G)
+        surface = surface_met(programs, t, x, mode, surface, V, G)
     while True:
         if m < 0:
             m = begin_arc(run, surface, t, begun)

@@ -8,7 +8,7 @@ event_driven.filippov.mode_search, in which the host decides what is not certain
 
 import numpy as np
 
-from nsbench.compilation.decorators import fused_kernel, njit
+from nsbench.compilation.decorators import fused_kernel, inlined, inner_kernel, njit
 from nsbench.solvers.event_driven.filippov.kernels.step_certificate import step_length
 from nsbench.solvers.event_driven.filippov.kernels.taylor_series import horner, inner, point, series
 
@@ -88,7 +88,7 @@ def project_onto_surface(programs, i, t, x, V, G):
             x[j] -= G[i, j] * G[i, n + 1] / square
 
 
-@fused_kernel
+@inner_kernel
 def trial_sign(programs, m, i, slides, d, t, x, settings, least, C):
     """Return the sign that the watched function of surface i shows first on a trial motion in
     program m; 0 if it shows none, or not the same one later on.
@@ -126,7 +126,7 @@ def trial_sign(programs, m, i, slides, d, t, x, settings, least, C):
     return found
 
 
-@fused_kernel
+@inlined
 def _side_rates(programs, modes, i, t, x, mode, work, rate):
     """Fill rate (2,) with dc_i/dt in the fields of the positive and the negative side of surface i,
     work.F with these fields; return the larger rate, 0 if the two decide nothing."""
@@ -155,7 +155,7 @@ def _side_rates(programs, modes, i, t, x, mode, work, rate):
     return size
 
 
-@fused_kernel
+@inner_kernel
 def choose_mode(programs, modes, i, t, x, mode, settings, work):
     """Return the mode of surface i that continues from (t, x) if exactly one does and that is
     certain, else UNKNOWN.
@@ -201,7 +201,7 @@ def choose_mode(programs, modes, i, t, x, mode, settings, work):
     return continues
 
 
-@fused_kernel
+@inlined
 def surface_met(programs, t, x, mode, before, V, G):
     """Return the only surface that (t, x) is on, NO_SURFACE for none, SEVERAL_SURFACES for several.
 

@@ -7,7 +7,7 @@ step.
 
 import numpy as np
 
-from nsbench.compilation.decorators import fused_kernel
+from nsbench.compilation.decorators import inlined
 from nsbench.solvers.event_driven.filippov.kernels.loop_state import HARD, STEP_VANISHES
 from nsbench.solvers.event_driven.filippov.kernels.mode_choice import EPS
 from nsbench.solvers.event_driven.filippov.kernels.polynomial_root import CLEAR, FOUND
@@ -26,7 +26,7 @@ NO_WATCH = -1  # instead of the number of a watched function
 POLISHES = 4  # Newton steps on the event time: quadratic, from a root of the polynomial
 
 
-@fused_kernel
+@inlined
 def polish_event(programs, m, w, n, p, t, s, h, C, V):
     """Return the time from the step's start at which watched function w vanishes, near s: Newton's
     method on the function itself, with the slope of its Taylor polynomial; -1 if it does not
@@ -49,7 +49,7 @@ def polish_event(programs, m, w, n, p, t, s, h, C, V):
     return s
 
 
-@fused_kernel
+@inlined
 def take_step(programs, m, p, local, longest, t, x, armed, certified_width, work):
     """Take one step of order p in program m from (t, x), at most `longest`.
 
@@ -87,7 +87,7 @@ def take_step(programs, m, p, local, longest, t, x, armed, certified_width, work
     return _certify_step(programs, m, p, t, n, watches, h, tiny, certified_width, local, work)
 
 
-@fused_kernel
+@inlined
 def _certify_step(programs, m, p, t, n, watches, h, tiny, certified_width, local, work):
     """Certify the step of length h piece by piece, up to its first event; returns as take_step."""
     outs = programs.outs[m]
