@@ -5,8 +5,8 @@ its name.
 
 An outcome is E, an error before anything runs (exit code 2, with the offending value), R, a row
 with a status and a sentence while the other runs go on, or a word of its own.
-`tests/studies/survived.py` runs the marked tests and prints the table; `tests/robustness/test_survived.py`
-fails where an entry has no test.
+`tests/studies/survived.py` runs the marked tests and prints the table;
+`tests/robustness/test_survived.py` fails where an entry has no test.
 """
 
 import ast
