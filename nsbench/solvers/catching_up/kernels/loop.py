@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from nsbench.compilation.decorators import fused_kernel, njit
+from nsbench.compilation.decorators import inlined, njit
 from nsbench.dynamics.contacts.kernels.impulse_records import flush
 from nsbench.qp.kernels import active_set
 from nsbench.solvers.catching_up.kernels.candidates import carry_multipliers
@@ -91,7 +91,7 @@ class Records(NamedTuple):
     size: int
 
 
-@fused_kernel
+@inlined
 def record_impulses(sample, near, records):
     """Move the impulses of the list to the records of a sample; returns the Records."""
     at = near.contacts
@@ -100,7 +100,7 @@ def record_impulses(sample, near, records):
     return Records(ids, values, size)
 
 
-@fused_kernel
+@inlined
 def solve_step(exact, many, scene, motion, state, records, count, sample, now, reach):
     """Solve the projection of the step from motion.x over a list that is certified for it.
 
@@ -134,7 +134,7 @@ def solve_step(exact, many, scene, motion, state, records, count, sample, now, r
     return d, code, LoopState(near, skin, mu, book, store, worst, when), records
 
 
-@fused_kernel
+@inlined
 def advance(
     f, b_of, a_of, exact, many, moving, t, substeps, k, scene, motion, state, records, count, reach
 ):

@@ -328,7 +328,7 @@ def march(f, b_of, t, substeps, sweeps, x, reach, scene, state, arrays, X, R) ->
             if scene.moving:
                 b_of(t[k + 1] if s + 1 == substeps[k] else t[k] + (s + 1) * h, scene.b)
             control = with_age(control, control.age + 1)
-            attempts = 0
+            attempts = np.int64(0)  # no literal: one version of the functions it is given to
             for u in range(sweeps):
                 if u > 0:
                     far = farthest(state.y, state.active_base, dim, label.size)

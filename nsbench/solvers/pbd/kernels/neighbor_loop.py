@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from nsbench.compilation.decorators import fused_kernel, njit
+from nsbench.compilation.decorators import inlined, njit
 from nsbench.dynamics.contacts.kernels.constraint_order import static_keys
 from nsbench.dynamics.contacts.kernels.impulse_records import flush
 from nsbench.solvers.common.kernels.step_code import StepCode, all_finite
@@ -33,7 +33,7 @@ REBUILDS_IN_A_STEP = 4  # beyond, the sweep is violent: longer lists, fewer of t
 CALM_STEPS = 8  # steps with one list at most, after which a skin that was widened shrinks
 
 
-@fused_kernel
+@inlined
 def sweep_step(near, skin, scene, listed_keys, rows, b, anchors, x, base, sweeps, most):
     """Do the sweeps of one step on x (n,), over lists that are certified for it.
 

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from nsbench.compilation.decorators import fused_kernel, inner_kernel, njit
+from nsbench.compilation.decorators import inlined, inner_kernel, njit
 from nsbench.lcp.lemke import has_other_motion, least_norm_solution, solve
 from nsbench.linalg.max_norm import largest
 from nsbench.solvers.common.kernels.step_code import StepCode, state_code
@@ -135,7 +135,7 @@ def linearise(f, linear, after, h, theta, y, system, matrix, count):
     return True
 
 
-@fused_kernel
+@inlined
 def push_out(theta, step, system, matrix, work, count):
     """Solve the complementarity problem of a step for lam and add the push G lam to work.z.
 
