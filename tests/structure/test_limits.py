@@ -19,10 +19,6 @@ KERNEL_ROOMS = ("linalg", "lcp")  # compiled throughout, beside all folders name
 KERNEL_LIBRARIES = {"__future__", "collections", "enum", "numba", "numpy", "typing", "math"}
 # arrays, not tuples, whose entries are taken by number: of a box, of a program, of a layout
 ARRAYS = {"num", "ends", "first", "surface_and_modes"}
-# functions that are still longer than that, none of which may grow
-STILL_LONG = {
-    "solvers/event_driven/filippov/kernels/loop.py": {"follow_modes": 64},
-}
 # one folder of a method may build on another openly
 BUILDS_ON = {("pbd_jax", "pbd")}
 
@@ -73,9 +69,8 @@ def test_files_and_functions_are_short(path):
         for n in ast.walk(ast.parse(source))
         if isinstance(n, (ast.FunctionDef, ast.AsyncFunctionDef))
     ]
-    allowed = STILL_LONG.get(name(path), {})
     for f in functions:
-        assert f.end_lineno - f.lineno + 1 <= allowed.get(f.name, MAX_FUNCTION), f.name
+        assert f.end_lineno - f.lineno + 1 <= MAX_FUNCTION, f.name
 
 
 def test_folders_hold_at_most_twenty_files():

@@ -239,24 +239,53 @@ def begin_arc(run, surface, t, begun):
 
 
 @inlined
+def finish_step(run, m, i, t, h, last):
+    """Count a step of length h from time t in program m, which slides on surface i or -1; write its
+    samples (all that are left if `last`) and go to its end."""
+    p = run.settings.order
+    counters = run.counters
+    counters[COUNT] += 1
+    counters[CALLS] += (p + 1) * (2 if i >= 0 else 1)
+    run.floats[LONGEST] = max(run.floats[LONGEST], h)
+    motion = run.motion
+    work = run.work
+    C = work.C
+    outs = run.programs.outs[m]
+    record_samples(
+        run.programs,
+        outs,
+        i,
+        p,
+        t,
+        h,
+        last,
+        counters,
+        run.records,
+        motion.mode,
+        motion.theta,
+        C,
+        work.V,
+        work.G,
+    )
+    advance_motion(outs, i, p, h, motion.mode, motion.x, motion.theta, motion.armed, work.band, C)
+
+
+@inlined
 def follow_modes(run, begun):
     """Event loop of integrate_modes: choose the mode where a surface was reached, begin an arc,
     take Taylor steps to the next surface."""
     programs = run.programs
     settings = run.settings
     motion = run.motion
-    records = run.records
     counters = run.counters
     work = run.work
     p = settings.order
     x = motion.x
     mode = motion.mode
-    theta = motion.theta
     armed = motion.armed
-    C = work.C
     V = work.V
     G = work.G
-    T = records.times[-1]
+    T = run.records.times[-1]
     t = run.floats[TIME]
     m = np.int64(-1)
     i = np.int64(-1)
@@ -285,14 +314,9 @@ def follow_modes(run, begun):
             counters[CODE] = HARD
             counters[FIRED] = fired
             break
-        counters[COUNT] += 1
-        counters[CALLS] += (p + 1) * (2 if i >= 0 else 1)
         steps_of_arc += 1
-        run.floats[LONGEST] = max(run.floats[LONGEST], h)
         last = code == CLEAR and h >= T - t
-        outs = programs.outs[m]
-        record_samples(programs, outs, i, p, t, h, last, counters, records, mode, theta, C, V, G)
-        advance_motion(outs, i, p, h, mode, x, theta, armed, work.band, C)
+        finish_step(run, m, i, t, h, last)
         t = T if last else t + h
         if i >= 0:
             project_onto_surface(programs, i, t, x, V, G)

@@ -102,19 +102,7 @@ def exponential(
 
     a, c (M, K), K = ORDER + 1; m0, r0 (M,): an enclosure m0 +- r0 of exp a_0.
     """
-    # j c_j = sum_(i < j) (j - i) a_(j - i) c_i
-    for e in range(am.shape[0]):
-        cm[e, 0] = m0[e]
-        cr[e, 0] = r0[e]
-        for j in range(1, am.shape[1]):
-            s = 0.0
-            r = TINY
-            for i in range(j):
-                w = (j - i) / j
-                s += w * am[e, j - i] * cm[e, i]
-                r += w * _term(am[e, j - i], ar[e, j - i], cm[e, i], cr[e, i])
-            cm[e, j] = s
-            cr[e, j] = r
+    integrate(cm, cr, am, ar, m0, r0, cm, cr)  # d = c: coefficient j needs those below j alone
 
 
 @njit(cache=True, error_model="numpy")
