@@ -141,18 +141,19 @@ def push_out(theta, step, system, matrix, work, count):
 
     work.z (n,): the end of the step without lam. Returns False if there is no solution.
     """
-    lam = step.lam
+    x, _, _, q0, q1, lam, on = step
     _, _, G, E, M, a, b = matrix
-    offset(system.C, E, theta, step.x, work.z, step.q0, step.q1, work.p, work.s, work.r)
-    found, pivots = solve(M, work.r, a, b, step.on, lam, work.w)
+    r, w, p, s, z, mid = work
+    offset(system.C, E, theta, x, z, q0, q1, p, s, r)
+    found, pivots = solve(M, r, a, b, on, lam, w)
     count[LCPS] += 1
     count[PIVOTS] += pivots
     if not found:
         return False
-    least_norm_solution(M, work.r, a, b, lam, work.w)
-    times(G, lam, work.mid)
-    for c in range(work.z.size):
-        work.z[c] += work.mid[c]
+    least_norm_solution(M, r, a, b, lam, w)
+    times(G, lam, mid)
+    for c in range(z.size):
+        z[c] += mid[c]
     return True
 
 
@@ -273,8 +274,11 @@ def has_second_motion(h, theta, step, system, matrix, work):
 @inner_kernel
 def has_jump(h, step, matrix, jumpy):
     """Return whether a row that its own multiplier does not move pushes farther than the drift."""
+    lam = step.lam
+    v = step.v
+    G = matrix.G
     for i in range(jumpy.size):
-        if jumpy[i] and step.lam[i] * largest(matrix.G[:, i].copy()) > LARGE * h * largest(step.v):
+        if jumpy[i] and lam[i] * largest(G[:, i].copy()) > LARGE * h * largest(v):
             return True
     return False
 
@@ -296,11 +300,17 @@ def march(f, q_of, moving, linear, J, t, substeps, x, q, B, C, D, theta, fixed, 
     X = np.full((K, n), np.nan)
     P = np.full((K, m), np.nan)
     on = np.zeros(m, np.bool_)
-    step = Step(x.copy(), x.copy(), np.empty(n), q.copy(), q.copy(), np.zeros(m), on)
+    x = x.copy()
+    step = Step(x, x.copy(), np.empty(n), q.copy(), q.copy(), np.zeros(m), on)
     system = ComplementaritySystem(B, C, D, fixed)
     E = at_end(D, fixed, on)
     G = np.zeros((n, m))
     matrix = StepMatrices(J.copy(), np.eye(n), G, E, np.zeros((m, m)), np.ones(m), np.ones(m))
+    # Arrays of a tuple are bound once: taken from it in a loop, their reference counts cost time.
+    y = step.y
+    lam = step.lam
+    q0 = step.q0
+    q1 = step.q1
     work = workspace(n, m)
     total = np.zeros(m)
     count = np.zeros(5, np.int64)
@@ -317,8 +327,8 @@ def march(f, q_of, moving, linear, J, t, substeps, x, q, B, C, D, theta, fixed, 
             now = t[k] + s * h
             after = t[k + 1] if s + 1 == substeps[k] else t[k] + (s + 1) * h
             if moving:
-                q_of(now, step.q0)
-                q_of(after, step.q1)
+                q_of(now, q0)
+                q_of(after, q1)
             stale = abs(h - old) > 1e-12 * h  # sample times are rounded: the same step for all
             old = h if stale else old
             code = advance(f, linear, now, after, h, theta, step, system, matrix, stale, count)
@@ -332,11 +342,11 @@ def march(f, q_of, moving, linear, J, t, substeps, x, q, B, C, D, theta, fixed, 
             if has_jump(h, step, matrix, jumpy):
                 return X, P, count, StepCode.JUMP, after, twice
             for i in range(m):
-                total[i] += h * step.lam[i]
+                total[i] += h * lam[i]
             for c in range(n):
-                step.x[c] = step.y[c]
+                x[c] = y[c]
         for c in range(n):
-            X[k + 1, c] = step.x[c]
+            X[k + 1, c] = x[c]
         for i in range(m):
             P[k + 1, i] = total[i]
     return X, P, count, StepCode.OK, t[K - 1], twice
