@@ -309,17 +309,13 @@ def march(f, q_of, moving, linear, J, t, substeps, x, q, B, C, D, theta, fixed, 
     # Arrays of a tuple are bound once: taken from it in a loop, their reference counts cost time.
     y = step.y
     lam = step.lam
-    q0 = step.q0
-    q1 = step.q1
     work = workspace(n, m)
     total = np.zeros(m)
     count = np.zeros(5, np.int64)
     twice = np.nan
     old = -1.0
-    for c in range(n):
-        X[0, c] = x[c]
-    for i in range(m):
-        P[0, i] = 0.0
+    X[0] = x
+    P[0] = 0.0
     # Theta steps, equally long between two samples.
     for k in range(K - 1):
         h = (t[k + 1] - t[k]) / substeps[k]
@@ -327,8 +323,8 @@ def march(f, q_of, moving, linear, J, t, substeps, x, q, B, C, D, theta, fixed, 
             now = t[k] + s * h
             after = t[k + 1] if s + 1 == substeps[k] else t[k] + (s + 1) * h
             if moving:
-                q_of(now, q0)
-                q_of(after, q1)
+                q_of(now, step.q0)
+                q_of(after, step.q1)
             stale = abs(h - old) > 1e-12 * h  # sample times are rounded: the same step for all
             old = h if stale else old
             code = advance(f, linear, now, after, h, theta, step, system, matrix, stale, count)
