@@ -341,8 +341,6 @@ def march(f, q_of, moving, linear, J, t, substeps, x, q, B, C, D, theta, fixed, 
                 total[i] += h * lam[i]
             for c in range(n):
                 x[c] = y[c]
-        for c in range(n):
-            X[k + 1, c] = x[c]
-        for i in range(m):
-            P[k + 1, i] = total[i]
+        X[k + 1] = x
+        P[k + 1] = total
     return X, P, count, StepCode.OK, t[K - 1], twice
