@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from nsbench.case.scale import Scale
 from nsbench.case.spec import format_value
 from nsbench.case.validation import check_shapes
 from nsbench.problem import LCS, Complementarity, Filippov, _floats
@@ -43,6 +44,8 @@ class Case:
     tags        free words for filters
     params      parameters that the case was built with
     radius      of particles, for pictures
+    scale       units of the case, a `Scale` of its time and coordinates: tolerances of methods are
+                relative to them; None: they are found from the start
     doc, source description and file, filled in by the registry
 
     Raises ValueError or TypeError that names the field and the value if the data do not fit
@@ -65,6 +68,7 @@ class Case:
     tags: tuple[str, ...] = ()
     params: dict = field(default_factory=dict)
     radius: float | None = None
+    scale: Scale | None = None
     doc: str = ""
     source: str = ""
 

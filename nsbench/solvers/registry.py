@@ -21,7 +21,7 @@ from nsbench.trajectory import Status, Trajectory
 _loaded: dict[str, type] = {}
 NAME = re.compile(r"[A-Za-z0-9_.-]{1,80}")  # of a solver, as of a case
 PACKAGE = "nsbench.solvers"
-NOT_METHODS = ("base", "common", "registry")
+NOT_METHODS = ("base", "common", "registry", "scaled_run")
 
 
 @functools.cache
@@ -154,14 +154,14 @@ def solve(case: Case | str, solver: str = "event_driven", **accuracy: float) -> 
     if set(accuracy) - {method.accuracy}:
         wrong = (set(accuracy) - {method.accuracy}).pop()
         raise LookupError(f"{solver} takes {method.accuracy!r}, not {wrong!r}")
-    from nsbench.diagnostics import diagnose
+    from nsbench.solvers.scaled_run import ScaledRun
 
     value = check_positive(method.accuracy, accuracy.get(method.accuracy, method.default))
     why = method.refuses(case)
     if why:
         return refused(case, why)
-    run = method.prepare(case, value)
-    return diagnose(case, run(), getattr(method, "checks", ()))
+    run = ScaledRun(method, case, value)
+    return run.checked(run())
 
 
 def refused(case: Case, why: str) -> Trajectory:

@@ -57,6 +57,7 @@ class EventDriven:
 
     accuracy: ClassVar[str] = "tol"
     default: ClassVar[float] = 1e-12
+    scaled: ClassVar[bool] = True
     claims: ClassVar[Claims] = Claims(exact=1e-10)
     expects: ClassVar[tuple[Expect, ...]] = EXPECTS
 

@@ -1,0 +1,189 @@
+"""Sizes of a motion before it is run: of each coordinate, of its time, and of its constraints.
+
+Every quantity here is homogeneous in the units of time and coordinates, and every unit is a power
+of two: the same system in units that differ by powers of two has the same sizes, to the last bit.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+
+import numpy as np
+
+from nsbench.case import Case
+from nsbench.case.scale import Scale
+from nsbench.compilation.factories import as_numpy
+from nsbench.dynamics.contacts.time_dependence import SmoothRows
+from nsbench.problem import LCS, Affine, Complementarity, Distance
+
+# parts of the run, from its start, at which the fields at the start are looked at: a motion that is
+# fast at first must not be judged by its end
+LOOKS = (0.0, 2.0**-20, 2.0**-10, 2.0**-5, 0.125, 0.25, 0.5, 0.75, 1.0)
+KRYLOV = 8  # dimensions of a motion beside the start
+CLOSED = 1e-10  # of a vector: less of it outside a space is rounding
+DOUBLINGS = 40  # of the first of the times at which that motion is looked at, up to the run's
+
+
+def power_of_two(v):
+    """Return the power of two next below each positive number; 1.0 for what is not one."""
+    v = np.asarray(v, float)
+    good = np.isfinite(v) & (v > 0.0)
+    _, exponent = np.frexp(np.where(good, v, 1.0))
+    out = np.where(good, np.ldexp(1.0, np.clip(exponent - 1, -1000, 1000)), 1.0)
+    return out if out.ndim else float(out)
+
+
+@functools.lru_cache(maxsize=64)
+def case_scale(case: Case) -> Scale:
+    """Return the units of the case: those it states, else those found from the start.
+
+    Where a function of the case raises, the sizes of the start count: the error is reported where
+    the function is called for its own sake.
+    """
+    if case.scale is not None:
+        return case.scale
+    span = float(case.t[-1] - case.t[0])
+    try:
+        with np.errstate(all="ignore"):
+            return _estimate(case, span)
+    except Exception:
+        return Scale(span, _filled(np.abs(case.x0)))
+
+
+def _filled(sizes: np.ndarray) -> np.ndarray:
+    """Return the sizes (n,), with the largest in place of those that are zero; 1.0 if all are."""
+    sizes = np.where(np.isfinite(sizes), sizes, 0.0)
+    return np.where(sizes > 0.0, sizes, sizes.max(initial=0.0) or 1.0)
+
+
+def _estimate(case: Case, span: float) -> Scale:
+    """Return time and sizes by the start, the constraints, and the motion near the start."""
+    t0 = float(case.t[0])
+    x0 = case.x0
+    uniform = isinstance(case.problem, Complementarity)
+    sizes = np.abs(x0)
+    if uniform:
+        lengths = [_length(c, t0 + part * span, x0) for part in LOOKS for c in case.problem.constraints]
+        sizes = np.full(case.n, max([sizes.max(), *(v for v in lengths if np.isfinite(v))]))
+    fields = [(f, f(x0)) for part in LOOKS for f in _fields(case, t0 + part * span)]
+    fields = [(f, np.where(np.isfinite(v), v, 0.0)) for f, v in fields]
+    # Sizes of the motion by the speeds alone, as units in which the motion is then estimated.
+    rough = _filled(np.maximum(sizes, span * np.max([np.abs(v) for _, v in fields], axis=0)))
+    if uniform:
+        rough = np.full(case.n, rough.max())
+    own = sizes.copy()
+    for f, v in fields:
+        own = np.maximum(own, _displacement(f, x0, v, sizes, rough, span))
+    if uniform:
+        own = np.full(case.n, own.max())
+    own = _filled(own)
+    rate = max(float((np.abs(v) / own).max(initial=0.0)) for _, v in fields)
+    time = min(span, 1.0 / rate) if rate > 0.0 else span
+    return Scale(time, own)
+
+
+def _displacement(f, x0, v, sizes, rough, span) -> np.ndarray:
+    """Estimate (n,) how far each coordinate gets from x0 within `span` in the field f, v = f(x0).
+
+    At most its speed times the time; less where the field pulls back, to first order along v, and
+    in the linearised motion in the Krylov space of v, where the coordinate turns round.
+    """
+    far = np.abs(v) * span
+    if not far.any():
+        return far
+    away = np.where(sizes > 0.0, sizes, rough)
+    y = v / rough
+    part = 1.0 / max(float(np.abs(y).max()) * span, float((np.abs(v) / away).max()) * span)
+    step = part * span
+    change = np.abs(_tried(f, x0 + step * v) - v)
+    lasts = np.where(change > 0.0, step * np.abs(v) / np.where(change > 0.0, change, 1.0), span)
+    return np.minimum(np.abs(v) * np.fmin(span, lasts), _krylov(f, x0, v, away, span))
+
+
+def _krylov(f, x0, v, unit, span) -> np.ndarray:
+    """Estimate (n,) the largest displacements from x0 within `span` of the linearised motion.
+
+    The motion is y' = v + J y, with J from differences of f over `unit`, in the Krylov space of v
+    (Arnoldi 1951). A motion that turns comes back, so that v times the span may be far too much.
+    Infinite where the result is not finite.
+    """
+    from scipy.linalg import expm
+
+    n = x0.size
+    many = min(n, KRYLOV)
+    w0 = span * v / unit
+    # y = unit V z, z' = (H z + |w0| e_0) / span
+    V = np.zeros((many + 1, n))
+    H = np.zeros((many + 1, many + 1))
+    norm = _norm(w0)
+    V[0] = w0 / norm
+    H[0, many] = norm
+    # Arnoldi's method, orthogonalised twice; products J v by differences of f.
+    for j in range(many):
+        w = span * (_tried(f, x0 + unit * V[j]) - v) / unit
+        whole = _norm(w)
+        if not np.isfinite(whole):
+            return np.full(n, np.inf)
+        for _ in range(2):
+            part = V[: j + 1] @ w
+            H[: j + 1, j] += part
+            w = w - part @ V[: j + 1]
+        rest = _norm(w)
+        if rest <= CLOSED * whole or j + 1 == many:
+            break
+        H[j + 1, j] = rest
+        V[j + 1] = w / rest
+    # The displacement at span 2^-k for every k, by repeated squaring of the matrix exponential.
+    E = expm(2.0**-DOUBLINGS * H)
+    far = np.zeros(n)
+    for _ in range(DOUBLINGS + 1):
+        far = np.maximum(far, np.abs(E[:many, many] @ V[:many]))
+        E = E @ E
+    return np.where(np.all(np.isfinite(far)), unit * far, np.inf)
+
+
+def _norm(w: np.ndarray) -> float:
+    """Return the Euclidean norm without overflow."""
+    most = float(np.abs(w).max(initial=0.0))
+    return most * float(np.linalg.norm(w / most)) if most > 0.0 else 0.0
+
+
+def _tried(f: Callable, x: np.ndarray) -> np.ndarray:
+    """Evaluate f(x); return zeros where it raises, as the run may never be there."""
+    try:
+        return f(x)
+    except Exception:
+        return np.zeros(x.size)
+
+
+def _fields(case: Case, t: float) -> list[Callable]:
+    """List functions of x: the drift at time t, or the fields on both sides of all surfaces."""
+    p = case.problem
+    if isinstance(p, LCS):
+        u = as_numpy(p.u)(t) if p.u else 0.0
+        return [lambda x: p.A @ x + u]
+    if isinstance(p, Complementarity):
+        drift = as_numpy(p.drift)
+        return [lambda x: np.asarray(drift(t, x.copy()), float)]
+    field = as_numpy(p.field)
+    d = len(np.atleast_1d(as_numpy(p.switch)(t, case.x0.copy())))
+    return [
+        lambda x, s=s: np.asarray(field(t, x.copy(), np.full(d, s)), float) for s in (1.0, -1.0)
+    ]
+
+
+def _length(c, t: float, x: np.ndarray) -> float:
+    """Return the length of a family of constraints.
+
+    A distance: the largest one. Rows: the largest distance from the origin. Smooth constraints: the
+    largest distance from the start, to first order.
+    """
+    if isinstance(c, Distance):
+        return float(np.max(2.0 * c.radii if c.d is None else c.d, initial=0.0))
+    if isinstance(c, Affine):
+        slope = np.sqrt(np.add.reduceat(c.data**2, c.indptr[:-1])) if c.shape[0] else np.empty(0)
+        return float((np.abs(as_numpy(c.b)(t) if c.moving else c.b) / slope).max(initial=0.0))
+    rows = SmoothRows(c, x.size)
+    away = np.abs(rows.g(t, x)) / np.sqrt((rows.gradient(t, x) ** 2).sum(-1))
+    return float(away[np.isfinite(away)].max(initial=0.0))

@@ -1,0 +1,262 @@
+"""A case in its own units, and what is found there in the units of the user.
+
+    tau = (t - t0) / T,    y_i = x_i / S_i
+
+With dt = T dtau a field f becomes (T / S) f(t0 + T tau, S y). Of gradient systems S is one length L:
+a gap g becomes g / L, and a multiplier T / L times itself. Of linear complementarity systems w and
+lambda have units of their own. All units are powers of two: scaling rounds nothing, and one system
+in units that differ by powers of two is one system here, to the last bit.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from nsbench.case import Case
+from nsbench.case.scale import Scale, in_units
+from nsbench.columns import by_name
+from nsbench.compilation.factories import as_numpy
+from nsbench.dynamics.scaling.estimate import case_scale, power_of_two
+from nsbench.problem import LCS, Affine, Complementarity, Distance, Filippov, Smooth
+from nsbench.trajectory import Event, Trajectory
+
+
+@dataclass(frozen=True, eq=False)
+class ScaledCase:
+    """A case in its own units.
+
+    case: in these units. origin: the time at which tau = 0. time: T; state (n,): S. multiplier: a
+    multiplier of size one, in the units of the user.
+    """
+
+    case: Case
+    origin: float
+    time: float
+    state: np.ndarray
+    multiplier: float
+
+    @property
+    def impulse(self) -> float:
+        """Return the impulse of size one, in the units of the user."""
+        return self.multiplier * self.time
+
+    def accuracy(self, name: str, value: float) -> float:
+        """Return the value of an accuracy parameter (h, tol or k) in the units of the case."""
+        return {"h": value / self.time, "k": value * self.time}.get(name, value)
+
+    def speaking(self):
+        """Let sentences that are made within speak in the units of the user."""
+        return in_units(self.origin, self.time, float(np.max(self.state)))
+
+    def scaled(self, traj: Trajectory) -> Trajectory:
+        """Return a trajectory of the user's case in the units of the scaled one."""
+        return self._converted(traj, self._to_own, 1.0 / self.time, 1.0 / self.state)
+
+    def restored(self, traj: Trajectory, times: np.ndarray) -> Trajectory:
+        """Return a trajectory of the scaled case in the user's units; times (k,): the samples."""
+        out = self._converted(traj, self._to_user, self.time, self.state)
+        return dataclasses.replace(out, t=times if len(traj.t) == len(times) else out.t)
+
+    def _to_own(self, t):
+        return (t - self.origin) / self.time
+
+    def _to_user(self, t):
+        return self.origin + self.time * t
+
+    def _converted(self, traj, instant, time, state):
+        up = time == self.time
+        multiplier = self.multiplier if up else 1.0 / self.multiplier
+        impulse = self.impulse if up else 1.0 / self.impulse
+        between = traj.between
+        resolution = traj.resolution
+        return dataclasses.replace(
+            traj,
+            t=instant(traj.t),
+            x=traj.x * state,
+            impulse=traj.impulse * impulse,
+            reaction=traj.reaction * state if traj.reaction.size else traj.reaction,
+            events=tuple(Event(float(instant(e.t)), e.kind, e.contact) for e in traj.events),
+            stats=_converted_stats(traj.stats, instant, time, float(np.max(state))),
+            lam=None if traj.lam is None else traj.lam * multiplier,
+            lam_h=None if traj.lam_h is None else traj.lam_h * time,
+            between=between and (instant(between[0]), between[1] * state, between[2] * impulse),
+            resolution=resolution and dataclasses.replace(resolution, step=resolution.step * time),
+        )
+
+
+INSTANTS = ("accumulation",)  # columns of times that are no lengths of time
+
+
+def _converted_stats(stats: dict, instant, time: float, length: float) -> dict:
+    """Return the counted work of a run with its times and lengths in other units."""
+    units = {name: column.unit for name, column in by_name().items()}
+    factor = {"time": time, "state": length}
+    return {
+        k: float(instant(v))
+        if k in INSTANTS
+        else v * factor[units[k]]
+        if units.get(k) in factor and isinstance(v, float)
+        else v
+        for k, v in stats.items()
+    }
+
+
+@functools.lru_cache(maxsize=64)
+def scaled_case(case: Case, scale: Scale | None = None) -> ScaledCase:
+    """Return the case in its own units; scale: other ones. Cached by the case."""
+    scale = scale or case_scale(case)
+    T = power_of_two(scale.time)
+    S = power_of_two(np.broadcast_to(scale.state, case.x0.shape))
+    t0 = float(case.t[0])
+    p = case.problem
+    if isinstance(p, Complementarity):
+        S = np.full(case.n, S.max())
+        problem, multiplier = _gradient_system(p, t0, T, float(S[0])), S[0] / T
+    elif isinstance(p, LCS):
+        problem, multiplier = _lcs(p, t0, T, S)
+    else:
+        problem, multiplier = _filippov(p, t0, T, S, case.x0), 1.0
+    out = ScaledCase(case, t0, T, S, float(multiplier))
+    own = case.replace(
+        problem=problem,
+        x0=case.x0 / S,
+        t=(case.t - t0) / T,
+        exact=_closed_form(case.exact, t0, T, S),
+        exact_impulse=_closed_form(case.exact_impulse, t0, T, out.impulse),
+        exact_events=None,
+        distance=None,
+        unique=case.unique or case.distance is None,
+        radius=None,
+        scale=Scale(1.0, np.ones(case.n)),
+    )
+    return dataclasses.replace(out, case=own.replace(unique=case.unique))
+
+
+def _closed_form(exact, t0, T, unit):
+    return exact and (lambda t: np.asarray(exact(t0 + T * np.asarray(t))) / unit)
+
+
+def _signed(factory, t0, T, S):
+    """Return the factory of (T / S) f(t0 + T tau, S y, s) for the field f of a Filippov system."""
+
+    def make(xp):
+        f = factory(xp)
+        size = S + 0.0
+        rate = T / S
+        if xp.__name__ != "numpy":
+            size = xp.asarray(size)
+            rate = xp.asarray(rate)
+
+        def scaled(t: float, x: np.ndarray, s: np.ndarray) -> np.ndarray:
+            return f(t0 + T * t, size * x, s) * rate
+
+        return scaled
+
+    return make
+
+
+def _function(factory, t0, T, S, factor):
+    """Return the factory of factor g(t0 + T tau, S y)."""
+    if factory is None:
+        return None
+
+    def make(xp):
+        g = factory(xp)
+        size = S + 0.0
+        unit = factor + 0.0
+        if xp.__name__ != "numpy":
+            size = xp.asarray(size)
+            unit = xp.asarray(unit)
+
+        def scaled(t: float, x: np.ndarray) -> np.ndarray:
+            return g(t0 + T * t, size * x) * unit
+
+        return scaled
+
+    return make
+
+
+def _curve(factory, t0, T, factor):
+    """Return the factory of factor b(t0 + T tau); of numbers, factor times them."""
+    if factory is None or not callable(factory):
+        return None if factory is None else factory * factor
+
+    def make(xp):
+        b = factory(xp)
+
+        def scaled(t: float) -> np.ndarray:
+            return xp.asarray(b(t0 + T * t)) * factor
+
+        return scaled
+
+    return make
+
+
+def _gradient_system(p: Complementarity, t0: float, T: float, L: float) -> Complementarity:
+    """Return the gradient system in the units T and L."""
+    families = []
+    one = np.array(1.0)
+    for c in p.constraints:
+        if isinstance(c, Affine):
+            families.append(dataclasses.replace(c, b=_curve(c.b, t0, T, 1.0 / L)))
+        elif isinstance(c, Distance):
+            sizes = {k: getattr(c, k) for k in ("d", "radii") if getattr(c, k) is not None}
+            sizes = {k: v / L for k, v in sizes.items()}
+            families.append(
+                dataclasses.replace(c, anchors=_curve(c.anchors, t0, T, 1.0 / L), **sizes)
+            )
+        else:
+            families.append(
+                Smooth(
+                    _function(c.g, t0, T, L * one, one / L),
+                    _function(c.gradient, t0, T, L * one, one),
+                    _function(c.rate, t0, T, L * one, T / L * one),
+                )
+            )
+    return Complementarity(_function(p.drift, t0, T, L * one, T / L * one), tuple(families))
+
+
+def _filippov(p: Filippov, t0: float, T: float, S: np.ndarray, x0: np.ndarray) -> Filippov:
+    """Return the Filippov system in the units T and S, each switch in that of its changes."""
+    switch = as_numpy(p.switch)
+    return Filippov(
+        None,
+        _function(p.switch, t0, T, S, 1.0 / _switch_units(switch, t0, T, S, x0)),
+        _signed(p.field, t0, T, S),
+        p.d,
+    )
+
+
+def _switch_units(switch: Callable, t0: float, T: float, S: np.ndarray, x0) -> np.ndarray:
+    """Return (d,) powers of two near what each switch function changes over T and the sizes S."""
+    c = np.atleast_1d(switch(t0, x0.copy()))
+    changes = np.abs(c)
+    points = [(t0 + T, x0), *((t0, x0 + S * e) for e in np.eye(x0.size))]
+    for t, x in points:
+        try:
+            change = np.abs(switch(t, x.copy()) - c)
+        except Exception:  # the motion may never be there
+            continue
+        changes = np.fmax(changes, np.where(np.isfinite(change), change, 0.0))
+    return power_of_two(changes)
+
+
+def _lcs(p: LCS, t0: float, T: float, S: np.ndarray) -> tuple[LCS, float]:
+    """Return the linear complementarity system in the units T, S and those of w and lambda."""
+    w = power_of_two(np.abs(p.C * S).max(initial=0.0) or 1.0)
+    force = np.abs(p.B / S[:, None]).max(initial=0.0)
+    unit = power_of_two(1.0 / (T * force)) if force else 1.0
+    system = LCS(
+        T * (p.A / S[:, None]) * S,
+        T * unit * (p.B / S[:, None]),
+        p.C * S / w,
+        p.D * (unit / w),
+        _curve(p.u, t0, T, T / S),
+        _curve(p.q, t0, T, 1.0 / w),
+    )
+    return system, float(unit)

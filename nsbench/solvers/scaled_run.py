@@ -1,0 +1,85 @@
+"""Run of a method on a case in the case's own units, checked there, told in the user's.
+
+A method that says `scaled = True` gets the case in units of its own (nsbench.dynamics.scaling), so
+that its constants mean the same in every unit. The others, whose arithmetic is homogeneous or whose
+scripts know the case, get it as it is. Checks of a finished run see own units in either case.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from nsbench.case import Case
+from nsbench.case.scale import Scale
+from nsbench.diagnostics import diagnose
+from nsbench.dynamics.scaling.estimate import case_scale
+from nsbench.dynamics.scaling.scaled_case import ScaledCase, scaled_case
+from nsbench.solvers.base import Solver
+from nsbench.trajectory import Trajectory
+
+# A coordinate that stays below its estimated size by more than this factor loses digits to a
+# tolerance that is relative to that size: the run is made again with the sizes that were found.
+TOO_LARGE = 16.0
+
+
+class ScaledRun:
+    """A prepared run of a method, to be called for its trajectory in the units it works in.
+
+    `restored` and `checked` are outside of what the clock measures.
+    """
+
+    def __init__(self, method: Solver, case: Case, accuracy: float):
+        self.method = method
+        self.case = case
+        self.asked = accuracy
+        self.is_scaled = getattr(method, "scaled", False)
+        self.own: ScaledCase | None = None
+        self.prepare(None)
+
+    def prepare(self, scale: Scale | None) -> None:
+        """Prepare the method on the case in the units `scale`; None: those of the case."""
+        if not self.is_scaled:
+            self.run = self.method.prepare(self.case, self.asked)
+            return
+        self.own = scaled_case(self.case, scale)
+        value = self.own.accuracy(self.method.accuracy, self.asked)
+        with self.own.speaking():
+            self.run = self.method.prepare(self.own.case, value)
+
+    def __call__(self) -> Trajectory:
+        """Run; once more, with the sizes that were found, where those were estimated too large."""
+        if not self.is_scaled:
+            return self.run()
+        with self.own.speaking():
+            traj = self.run()
+        better = self._found_scale(traj)
+        if better is None:
+            return traj
+        self.prepare(better)
+        with self.own.speaking():
+            return self.run()
+
+    def _found_scale(self, traj: Trajectory) -> Scale | None:
+        """Return units by the sizes of the samples, if the present ones are much larger."""
+        if self.method.accuracy != "tol" or self.case.scale is not None or not len(traj.t):
+            return None
+        with np.errstate(invalid="ignore"):
+            found = np.nanmax(np.abs(traj.x), axis=0)
+        found = np.where(found > 0.0, found, 1.0)
+        if np.all(found * TOO_LARGE > 1.0) or self.own.case.scale is self.own:
+            return None
+        return Scale(case_scale(self.case).time, found * self.own.state)
+
+    def restored(self, traj: Trajectory) -> Trajectory:
+        """Return the trajectory in the units of the user."""
+        return self.own.restored(traj, self.case.t) if self.is_scaled else traj
+
+    def checked(self, traj: Trajectory) -> Trajectory:
+        """Return the trajectory, in the units of the user, with the status of the checks."""
+        own = self.own or scaled_case(self.case)
+        in_own_units = traj if self.is_scaled else own.scaled(traj)
+        with own.speaking():
+            status = diagnose(own.case, in_own_units, getattr(self.method, "checks", ())).status
+        return dataclasses.replace(self.restored(traj), status=status)
