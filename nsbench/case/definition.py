@@ -108,6 +108,15 @@ class Case:
         return self.x0.size
 
     @property
+    def own_time(self) -> float:
+        """Return the length of the run, 1 at most: the longest time that look-aheads are parts of.
+
+        Of a case in its own units, where the motion goes about its size in the time 1. What happens
+        early must not depend on when the run ends.
+        """
+        return min(1.0, float(self.t[-1] - self.t[0]))
+
+    @property
     def key(self) -> str:
         """Return the name with its parameters as typed: ``discs[n=30,seed=0]``."""
         inner = ",".join(f"{k}={format_value(v)}" for k, v in self.params.items())

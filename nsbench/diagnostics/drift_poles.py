@@ -14,6 +14,7 @@ import functools
 import numpy as np
 
 from nsbench.case import Case
+from nsbench.case.scale import time_text
 from nsbench.compilation.factories import as_numpy
 from nsbench.diagnostics.base import Finding
 from nsbench.diagnostics.run_view import RunView
@@ -166,12 +167,14 @@ def _pole_of_drift(drift, divisors, use, values, traj, times, state) -> Finding 
         if least < IN_TIME * np.abs(values[:, column]).max():
             return Finding(
                 "diverged",
-                f"The drift has a pole at t = {at:.6g}, over which no solution goes: steps beside "
+                f"The drift has a pole at t = {time_text(at, 6)}, over which no solution goes: "
+                "steps beside "
                 "it hide that, however short.",
             )
         return Finding(
             "unverified",
-            f"The state goes over a pole of the drift, about t = {at:.6g}: steps beside it say "
+            f"The state goes over a pole of the drift, about t = {time_text(at, 6)}: steps beside "
+            "it say "
             "nothing of what happens there.",
         )
     return None

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from nsbench.case import Case
+from nsbench.case.scale import size_text
 from nsbench.compilation.factories import as_numpy
 from nsbench.diagnostics.base import Finding
 from nsbench.diagnostics.run_view import RunView
@@ -44,8 +45,10 @@ def check_rounding(run: RunView) -> Finding | None:
     size = np.abs(traj.x).max()
     return Finding(
         "unverified",
-        f"The roundings of {int(traj.stats['steps'])} steps of a state of {size:.3g} may add up to "
-        f"{total:.2g}, which is more than a hundredth of the motion: take longer steps, or a "
+        f"The roundings of {int(traj.stats['steps'])} steps of a state of {size_text(size)} may "
+        "add up to "
+        f"{size_text(total, 2)}, which is more than a hundredth of the motion: take longer steps, "
+        "or a "
         "frame in which the state is not so large.",
     )
 

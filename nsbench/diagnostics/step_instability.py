@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from nsbench.case.scale import size_text, span_text, time_text
 from nsbench.compilation.factories import as_numpy
 from nsbench.diagnostics.base import Finding
 from nsbench.diagnostics.run_view import RunView
@@ -34,7 +35,8 @@ def check_step_instability(run: RunView) -> Finding | None:
         return None
     return Finding(
         "diverged",
-        f"The state grew to {sizes[k]:.3g} at t = {traj.t[k]:.6g} although the drift pulls it "
-        f"back: steps of {h:.3g} overshoot; take them shorter than "
-        f"{STABILITY_LIMIT * sizes[k] / abs(f[i]):.3g}.",
+        f"The state grew to {size_text(sizes[k])} at t = {time_text(traj.t[k], 6)} although the "
+        "drift pulls it "
+        f"back: steps of {span_text(h)} overshoot; take them shorter than "
+        f"{span_text(STABILITY_LIMIT * sizes[k] / abs(f[i]))}.",
     )

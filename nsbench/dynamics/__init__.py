@@ -1,7 +1,7 @@
 """Evaluate what the problems of the bench are made of: constraints, Filippov fields, LCS inputs,
-length scales.
+units.
 
 contacts: gaps, gradients and candidate contacts of constraint families. filippov: modes, rates of
-switch functions, convex hulls. lcs: linear complementarity systems. length_scale: the
-characteristic length of a case.
+switch functions, convex hulls. lcs: linear complementarity systems. scaling: a case
+in its own units.
 """

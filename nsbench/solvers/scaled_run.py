@@ -14,8 +14,9 @@ import numpy as np
 from nsbench.case import Case
 from nsbench.case.scale import Scale
 from nsbench.diagnostics import diagnose
-from nsbench.dynamics.scaling.estimate import case_scale
+from nsbench.dynamics.scaling.estimate import scale_of_sizes
 from nsbench.dynamics.scaling.scaled_case import ScaledCase, scaled_case
+from nsbench.problem import Complementarity
 from nsbench.solvers.base import Solver
 from nsbench.trajectory import Trajectory
 
@@ -36,6 +37,7 @@ class ScaledRun:
         self.asked = accuracy
         self.is_scaled = getattr(method, "scaled", False)
         self.own: ScaledCase | None = None
+        self.has_found = False
         self.prepare(None)
 
     def prepare(self, scale: Scale | None) -> None:
@@ -49,28 +51,30 @@ class ScaledRun:
             self.run = self.method.prepare(self.own.case, value)
 
     def __call__(self) -> Trajectory:
-        """Run; once more, with the sizes that were found, where those were estimated too large."""
+        """Run; once more, with the sizes that were found, where those were estimated too large.
+
+        A run that failed may have failed for that reason.
+        """
         if not self.is_scaled:
             return self.run()
         with self.own.speaking():
             traj = self.run()
-        better = self._found_scale(traj)
-        if better is None:
+        found = self._overestimated(traj)
+        if found is None:
             return traj
-        self.prepare(better)
+        self.has_found = True
+        self.prepare(scale_of_sizes(self.case, found))
         with self.own.speaking():
             return self.run()
 
-    def _found_scale(self, traj: Trajectory) -> Scale | None:
-        """Return units by the sizes of the samples, if the present ones are much larger."""
-        if self.method.accuracy != "tol" or self.case.scale is not None or not len(traj.t):
+    def _overestimated(self, traj: Trajectory) -> np.ndarray | None:
+        """Return the sizes (n,) of the samples, where the units are much larger; else None."""
+        if self.has_found or self.case.scale is not None or self.method.accuracy != "tol":
             return None
-        with np.errstate(invalid="ignore"):
-            found = np.nanmax(np.abs(traj.x), axis=0)
-        found = np.where(found > 0.0, found, 1.0)
-        if np.all(found * TOO_LARGE > 1.0) or self.own.case.scale is self.own:
+        found = np.nanmax(np.abs(np.vstack([self.own.case.x0, traj.x])), axis=0)
+        if isinstance(self.case.problem, Complementarity) or np.all(found * TOO_LARGE > 1.0):
             return None
-        return Scale(case_scale(self.case).time, found * self.own.state)
+        return np.where(found > 0.0, found, 1.0) * self.own.state
 
     def restored(self, traj: Trajectory) -> Trajectory:
         """Return the trajectory in the units of the user."""

@@ -9,15 +9,16 @@ import numpy as np
 from nsbench import solvers
 from nsbench.case import Case
 from nsbench.columns import reserved_names
-from nsbench.diagnostics import diagnose
+from nsbench.dynamics.scaling.estimate import case_scale
 from nsbench.solvers.base import Solver
 from nsbench.solvers.common.initial_state import InfeasibleStart
+from nsbench.solvers.scaled_run import ScaledRun
 from nsbench.source_files import opened_files
 from nsbench.study.plan import Spec, resolve
 from nsbench.study.result_contract import contract_violation
 from nsbench.trajectory import Status, Trajectory, machine_fault, utf8_safe
 
-# relative to each coordinate, or to 1: far above rounding, far below any error that counts
+# relative to the size of each coordinate: far above rounding, far below any error that counts
 START_PERTURBATION = 1e-12
 # column `start`, by the policy of the case for an infeasible start
 STARTS = {"error": "feasible", "project": "projected", "keep": "kept"}
@@ -108,23 +109,24 @@ def _attempt(spec, announce):
         start = perturbed_start(
             case, spec.nudge
         )  # measured against the solution from the case's own start
-        run, spent = clock.prepared(lambda: method.prepare(start, spec.asked))
+        run, spent = clock.prepared(lambda: ScaledRun(method, start, spec.asked))
         row |= spent
         announce("run")
-        traj, seconds, compiled = clock.first_call(run, lambda: announce("run"))
+        found, seconds, compiled = clock.first_call(run, lambda: announce("run"))
         row |= clock.columns([seconds])
         row["compile_seconds"] += compiled
     except Exception as e:  # a plugin may raise anything; it becomes a row
         return row | _status(_raised(e)), None
     announce("measure")
     try:
+        traj = run.restored(found)
         wrong = contract_violation(start, traj, spec.accuracy, spec.asked)
         if wrong:
             return row | _status(Status("error", wrong)), None
         row |= _solver_columns(spec, case, traj)
         from nsbench.measure import errors
 
-        traj = diagnose(case, traj, getattr(method, "checks", ()))
+        traj = run.checked(found)
         row |= _status(traj.status) | errors(case, traj)
         row |= _below(row)
     except Exception as e:  # a solver may return anything
@@ -191,15 +193,14 @@ def _describe_exception(e: Exception, when: str) -> Status:
 def perturbed_start(case: Case, seed: int) -> Case:
     """Return the case from a start START_PERTURBATION away; the case itself for the seed 0.
 
-    The displacement is relative to the larger of 1 and each coordinate, with uniform factors in
-    (-1, 1) drawn with the seed.
+    The displacement is relative to the sizes of the coordinates in the units of the case, with
+    uniform factors in (-1, 1) drawn with the seed.
     """
     if not seed:
         return case
     direction = np.random.default_rng(seed).uniform(-1.0, 1.0, case.n)
-    return case.replace(
-        x0=case.x0 + START_PERTURBATION * np.maximum(1.0, np.abs(case.x0)) * direction
-    )
+    sizes = np.maximum(case_scale(case).state, np.abs(case.x0))
+    return case.replace(x0=case.x0 + START_PERTURBATION * sizes * direction)
 
 
 def _below(row: dict) -> dict:

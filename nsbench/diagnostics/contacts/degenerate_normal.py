@@ -11,6 +11,7 @@ import functools
 import numpy as np
 
 from nsbench.case import Case
+from nsbench.case.scale import time_text
 from nsbench.diagnostics.base import Finding
 from nsbench.diagnostics.run_view import RunView
 from nsbench.dynamics.contacts.constraint_set import ANCHOR, PAIR
@@ -74,7 +75,8 @@ def check_vanishing_gradient(run: RunView) -> Finding | None:
             if pushing.size:
                 return Finding(
                     "degenerate",
-                    f"Constraint {(k, row)} pushes at t = {traj.t[pushing[0] + 1]:.6g} where its "
+                    f"Constraint {(k, row)} pushes at t = {time_text(traj.t[pushing[0] + 1], 6)} "
+                    "where its "
                     "gradient vanishes: there is no direction to push in.",
                 )
     return None

@@ -12,6 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from nsbench.case import Case
+from nsbench.case.scale import size_text, time_text
 from nsbench.diagnostics.base import Finding
 from nsbench.diagnostics.contacts.infeasible_links import links_too_short
 from nsbench.diagnostics.contacts.infeasible_rows import RowFeasibility, phase_one
@@ -126,8 +127,10 @@ def _contradiction_nearby(
     if not miss.least > CURVATURE * miss.deep:
         return None
     return (
-        f"The constraints contradict each other at t = {t:.6g} where the run violates them by "
-        f"{depth:.3g}: to first order, every way on misses one of them by {miss.least:.3g} or more."
+        f"The constraints contradict each other at t = {time_text(t, 6)} where the run violates "
+        "them by "
+        f"{size_text(depth)}: to first order, every way on misses one of them by "
+        f"{size_text(miss.least)} or more."
     )
 
 
@@ -158,8 +161,9 @@ def _far_from_feasible(
     if distance <= max(FAR_FEASIBLE * violation, PRINTED * float(np.abs(x).max())):
         return None
     return (
-        f"At t = {t:.6g} the run violates its constraints by {depth:.3g} where what meets them is "
-        f"much farther away: {distance:.3g} to first order."
+        f"At t = {time_text(t, 6)} the run violates its constraints by {size_text(depth)} where "
+        "what meets them is "
+        f"much farther away: {size_text(distance)} to first order."
     )
 
 

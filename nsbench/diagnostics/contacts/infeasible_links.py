@@ -7,6 +7,7 @@ import functools
 import numpy as np
 
 from nsbench.case import Case
+from nsbench.case.scale import size_text, time_text
 from nsbench.dynamics.contacts.constraint_set import ANCHOR, PAIR
 from nsbench.dynamics.contacts.tolerances import HARMLESS, PRINTED, ROUNDED, scene_of
 
@@ -33,9 +34,10 @@ def links_too_short(case: Case, t: float) -> str | None:
         k = int(np.argmax(short))
         if short[k] > 0.0:
             return (
-                f"The links are too short at t = {t:.6g}: two anchors are {apart[k]:.6g} apart, "
+                f"The links are too short at t = {time_text(t, 6)}: two anchors are "
+                f"{size_text(apart[k], 6)} apart, "
                 f"and the links between them "
-                f"{reach[k]:.6g} long."
+                f"{size_text(reach[k], 6)} long."
             )
     return None
 

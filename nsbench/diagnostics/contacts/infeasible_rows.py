@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from nsbench.case import Case
+from nsbench.case.scale import size_text, time_text
 from nsbench.dynamics.contacts.constraint_set import ROW
 from nsbench.dynamics.contacts.tolerances import scene_of, tolerances
 
@@ -65,8 +66,9 @@ class RowFeasibility:
         if not miss.least > 0.0:
             return None
         return (
-            f"The walls contradict each other at t = {t:.6g}: every state misses one of them "
-            f"by {miss.least:.3g} or more."
+            f"The walls contradict each other at t = {time_text(t, 6)}: every state misses one of "
+            "them "
+            f"by {size_text(miss.least)} or more."
         )
 
 

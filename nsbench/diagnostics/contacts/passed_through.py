@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from nsbench.case.scale import time_text
 from nsbench.diagnostics.base import Finding
 from nsbench.diagnostics.run_view import RunView
 from nsbench.dynamics.contacts.constraint_set import ANCHOR, PAIR
@@ -49,6 +50,7 @@ def check_passed_through(run: RunView) -> Finding | None:
 def _through(t: float, what: str) -> Finding:
     return Finding(
         "unverified",
-        f"By t = {t:.6g} {what}, on a line, where nothing leads around: steps are too long, or "
+        f"By t = {time_text(t, 6)} {what}, on a line, where nothing leads around: steps are too "
+        "long, or "
         "there was no room between them.",
     )

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from nsbench.case.scale import time_text
 from nsbench.diagnostics.base import Finding
 from nsbench.diagnostics.filippov.nonunique_motion import STEPS_PER_INTERVAL
 from nsbench.diagnostics.run_view import RunView, thin_samples
@@ -56,7 +57,8 @@ def check_corner_velocity(run: RunView) -> Finding | None:
         if off > NOT_AFFINE * np.abs(f).max():
             return Finding(
                 "unverified",
-                f"From t = {t[k]:.6g} to {t[k + 1]:.6g} the state stays in the corner of surfaces "
+                f"From t = {time_text(t[k], 6)} to {time_text(t[k + 1], 6)} the state stays in the "
+                "corner of surfaces "
                 f"{', '.join(map(str, rows))}, where Filippov's velocities are many: which one an "
                 "explicit step makes by alternating between modes is no claim of it.",
             )

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from nsbench.case.scale import time_text
 from nsbench.diagnostics.base import Finding
 from nsbench.diagnostics.run_view import RunView
 from nsbench.dynamics.filippov.convex_hull import distance_to_hull
@@ -52,7 +53,8 @@ def check_dependent_surfaces(run: RunView) -> Finding | None:
         if here and before:
             return Finding(
                 "unverified",
-                f"At t = {at:.6g} the layers of surfaces {', '.join(map(str, rows))}, whose "
+                f"At t = {time_text(at, 6)} the layers of surfaces {', '.join(map(str, rows))}, "
+                "whose "
                 "normals are dependent, mix fields that do not meet: no error of size 1 / k is "
                 "claimed there.",
             )

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from nsbench.case.scale import time_text
 from nsbench.diagnostics.base import Finding
 from nsbench.diagnostics.run_view import RunView, polygon, zero_between
 from nsbench.dynamics.filippov.modes import sign_patterns
@@ -64,7 +65,8 @@ def find_flat_switch(
                 continue
             if changes > SLOPE_CHANGE * slope:
                 return (
-                    f"At t = {at:.6g} the state is in the layer of surface {row} where its switch "
+                    f"At t = {time_text(at, 6)} the state is in the layer of surface {row} where "
+                    "its switch "
                     f"is flat (a slope of {slope:.2g})"
                 )
     return ""

@@ -21,6 +21,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from nsbench.case.scale import time_text
 from nsbench.diagnostics.base import Finding
 from nsbench.diagnostics.filippov.nonunique_motion import AT_ONE_TIME
 from nsbench.diagnostics.run_view import RunView, zero_between
@@ -92,7 +93,8 @@ def _late_exits(run: RunView, step: float, width: float) -> Iterator[str]:
             turn, other = _turning_time(run, i, side, t[k], t[end], both_turn)
             if turn is not None and noise[i] < other < limit:
                 yield (
-                    f"At t = {turn:.6g} one field turns away from surface {i}, to which the other "
+                    f"At t = {time_text(turn, 6)} one field turns away from surface {i}, to which "
+                    "the other "
                     f"leads at {other:.2g} alone: the state stays beside it for longer"
                 )
 

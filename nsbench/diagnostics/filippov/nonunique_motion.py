@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from nsbench.case.scale import time_text
 from nsbench.diagnostics.base import Finding
 from nsbench.diagnostics.filippov.repulsive_surface import CLEAR_RATE, MAX_SURFACES
 from nsbench.diagnostics.run_view import RunView, polygon, thin_samples, zero_between
@@ -101,6 +102,7 @@ def _common_turn(run, row, state, low, high) -> Finding | None:
         return None
     return Finding(
         "degenerate",
-        f"At t = {plus:.6g} both fields turn away from surface {row}, on which the state slides: "
+        f"At t = {time_text(plus, 6)} both fields turn away from surface {row}, on which the state "
+        "slides: "
         "it may leave to either side at any time.",
     )

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from nsbench.case.scale import time_text
 from nsbench.diagnostics.base import Finding
 from nsbench.diagnostics.run_view import RunView
 from nsbench.dynamics.filippov.modes import sign_patterns
@@ -107,7 +108,8 @@ def _examine_surface(run, i, spans, stayed, side, parts) -> Finding | None:
         for row, part in np.argwhere(outward)[:1]:
             return Finding(
                 "degenerate",
-                f"At t = {times[row][part]:.6g} the state is on surface {i}, which {what} at any "
+                f"At t = {time_text(times[row][part], 6)} the state is on surface {i}, which "
+                f"{what} at any "
                 "time.",
             )
     return None
@@ -138,7 +140,8 @@ def _examine_corners(run, stayed, held, on, parts) -> Finding | None:
         for part, _ in np.argwhere(np.all(rates * sectors > CLEAR_RATE, axis=2))[:1]:
             return Finding(
                 "degenerate",
-                f"At t = {times[part]:.6g} the state is on surfaces {', '.join(map(str, rows))}, "
+                f"At t = {time_text(times[part], 6)} the state is on surfaces "
+                f"{', '.join(map(str, rows))}, "
                 "and the field of a side leads to that side: it may leave at any time.",
             )
     return None

@@ -12,6 +12,7 @@ from itertools import combinations, product
 
 import numpy as np
 
+from nsbench.case.scale import size_text, time_text
 from nsbench.compilation.factories import as_jax, as_numpy
 from nsbench.problem import Filippov
 from nsbench.trajectory import Status
@@ -128,8 +129,9 @@ class FilippovVectorField:
             return None
         return Status(
             "degenerate",
-            f"At t = {t:.9g} the gradient of surface {rows[distance.argmax()]} vanishes where it "
-            f"is met: that is told to within {distance.max():.1g} only.",
+            f"At t = {time_text(t)} the gradient of surface {rows[distance.argmax()]} vanishes "
+            "where it "
+            f"is met: that is told to within {size_text(distance.max(), 1)} only.",
         )
 
     def velocity(

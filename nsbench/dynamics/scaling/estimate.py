@@ -78,9 +78,22 @@ def _estimate(case: Case, span: float) -> Scale:
     if uniform:
         own = np.full(case.n, own.max())
     own = _filled(own)
-    rate = max(float((np.abs(v) / own).max(initial=0.0)) for _, v in fields)
-    time = min(span, 1.0 / rate) if rate > 0.0 else span
-    return Scale(time, own)
+    return Scale(_time([v for _, v in fields], own, span), own)
+
+
+def scale_of_sizes(case: Case, sizes: np.ndarray) -> Scale:
+    """Return the units of the case whose coordinates are known to be of these sizes (n,)."""
+    span = float(case.t[-1] - case.t[0])
+    t0 = float(case.t[0])
+    with np.errstate(all="ignore"):
+        speeds = [_tried(f, case.x0) for part in LOOKS for f in _fields(case, t0 + part * span)]
+    return Scale(_time([np.where(np.isfinite(v), v, 0.0) for v in speeds], sizes, span), sizes)
+
+
+def _time(speeds: list[np.ndarray], sizes: np.ndarray, span: float) -> float:
+    """Return the time in which the fastest coordinate goes about its size, `span` at most."""
+    rate = max(float((np.abs(v) / sizes).max(initial=0.0)) for v in speeds)
+    return min(span, 1.0 / rate) if rate > 0.0 else span
 
 
 def _displacement(f, x0, v, sizes, rough, span) -> np.ndarray:

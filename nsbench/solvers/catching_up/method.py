@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from nsbench.case import Case, nearest
+from nsbench.case.scale import time_text
 from nsbench.problem import Complementarity, Smooth
 from nsbench.qp.projection import large_problem_callback
 from nsbench.solvers.base import Claims, Expect, Run, grid, last_steps, sample
@@ -243,19 +244,22 @@ def _status(out, stats, size):
     if out.code == "unsettled":
         return Status(
             "maxiter",
-            f"{stats['limits']} nonlinear steps up to t = {out.reached:.6g} did not settle: "
+            f"{stats['limits']} nonlinear steps up to t = {time_text(out.reached, 6)} did not "
+            "settle: "
             "shorter steps, or linearised ones (without nonlinear=true), may.",
         )
     if out.code == "infeasible":
         return Status(
             "infeasible",
-            f"The QP of the step from t = {out.reached:.6g} has no feasible point: the linearised "
+            f"The QP of the step from t = {time_text(out.reached, 6)} has no feasible point: the "
+            "linearised "
             "constraints contradict each other.",
         )
     if not stats["kkt"] <= MAX_KKT * min(1.0, float(size) or 1.0):
         return Status(
             "unverified",
-            f"The QP of the step from t = {out.when:.6g} was solved with a KKT residual of "
+            f"The QP of the step from t = {time_text(out.when, 6)} was solved with a KKT residual "
+            "of "
             f"{stats['kkt']:.2g} only; {stats['limits']} steps hit the iteration limit.",
         )
     if stats["ties"]:

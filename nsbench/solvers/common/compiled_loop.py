@@ -16,6 +16,7 @@ from types import FunctionType
 
 import numpy as np
 
+from nsbench.case.scale import time_text
 from nsbench.compilation import factories
 from nsbench.solvers.common.kernels.step_code import StepCode
 from nsbench.trajectory import Status
@@ -133,10 +134,11 @@ def status_of(code: int, reached: float, own: Mapping[StepCode, Status] | None =
     if own and code in own:
         return own[code]
     if code == StepCode.NAN:
-        return Status("nan", f"The drift is not a number at t = {reached:.6g}.")
+        return Status("nan", f"The drift is not a number at t = {time_text(reached, 6)}.")
     if code == StepCode.BLOWN:
         return Status(
-            "diverged", f"The state passed 1e150 at t = {reached:.6g}; a smaller step may help."
+            "diverged",
+            f"The state passed 1e150 at t = {time_text(reached, 6)}; a smaller step may help.",
         )
     if code != StepCode.OK:
         raise ValueError(f"a time loop ended with {code!r}, which has no sentence here")

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from nsbench.case.scale import size_text, time_text
 from nsbench.solvers.base import Grid
 from nsbench.trajectory import Status
 
@@ -45,12 +46,14 @@ def ended(states: np.ndarray, start: np.ndarray, reached: float, when: float) ->
     if size > GROWTH_OF_DIVERGENCE * max(1.0, float(np.abs(start).max(initial=0.0))):
         return Status(
             "diverged",
-            f"The state grew to {size:.3g} at t = {when:.6g}, and then beyond all bounds; a "
+            f"The state grew to {size_text(size)} at t = {time_text(when, 6)}, and then beyond all "
+            "bounds; a "
             f"smaller step "
             "may help.",
         )
     return Status(
         "nan",
-        f"The state stopped being finite at t = {reached:.6g}: the drift is not finite there "
+        f"The state stopped being finite at t = {time_text(reached, 6)}: the drift is not finite "
+        "there "
         "or the step is too long for it.",
     )

@@ -12,6 +12,7 @@ import functools
 import numpy as np
 
 from nsbench.case import Case
+from nsbench.case.scale import size_text
 from nsbench.dynamics.contacts.constraint_set import ANCHOR, PAIR, ConstraintSet
 from nsbench.dynamics.contacts.tolerances import PRINTED, scene_of, term_sizes, tolerances, violates
 from nsbench.problem import Affine, Distance
@@ -60,7 +61,7 @@ def initial_state(case: Case, scene: ConstraintSet) -> np.ndarray:
         beyond = "" if far else ", and what is feasible is much farther away"
         raise ValueError(
             f"the start of {case.key} violates constraint {near.ids[worst]} by "
-            f"{-g[worst]:.3g}{beyond}; "
+            f"{size_text(-g[worst])}{beyond}; "
             'give a feasible x0, or start="project" or "keep"'
         )
     return _project_start(case, scene, x, t)
@@ -120,8 +121,8 @@ def _project_start(case, scene, x0, t):
         reach = 4.0 * far
     raise ValueError(
         f"the start of {case.key} could not be projected in {ITERATIONS} steps (violation "
-        f"{-lines.g.min():.3g}, "
-        f"last step {moved.max():.3g}): the nearest feasible point is perhaps not unique"
+        f"{size_text(-lines.g.min())}, "
+        f"last step {size_text(moved.max())}): the nearest feasible point is perhaps not unique"
     )
 
 

@@ -14,6 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from nsbench.case.scale import span_text
+
 
 def check_positive(name: str, value: object) -> float:
     """Return `value` as a float; ValueError if it is not positive and finite."""
@@ -54,11 +56,14 @@ def grid(t: np.ndarray, h: float, last: bool = False) -> Grid:
     if h <= spacing.min() * (1 + 1e-9):
         n = np.maximum(1.0, np.ceil(spacing / h * (1 - 1e-9)))
         if not float(n.sum()) <= 2e9:
-            raise ValueError(f"h = {h:g} needs {float(n.sum()):.3g} steps; at most 2e9 are taken")
+            raise ValueError(
+                f"h = {span_text(h, 6)} needs {float(n.sum()):.3g} steps; at most 2e9 are taken"
+            )
         if h < 4 * np.spacing(np.abs(t).max()):
             raise ValueError(
-                f"h = {h:g} is below the rounding of t = {np.abs(t).max():g}, where times are "
-                f"{np.spacing(np.abs(t).max()):.2g} apart"
+                f"h = {span_text(h, 6)} is below the rounding of t = {np.abs(t).max():g}, where "
+                "times are "
+                f"{span_text(np.spacing(np.abs(t).max()), 2)} apart"
             )
         n = n.astype(np.int64)
         return (_with_last if last else Grid)(np.array(t), n, float((spacing / n).max()), not last)

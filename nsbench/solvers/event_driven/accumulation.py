@@ -22,7 +22,7 @@ INSTANT = 1e-10  # part of the run that counts as one instant
 def accumulation(times: Sequence[float], span: float) -> float | None:
     """Return the time at which the events accumulate once it is all but reached, else None.
 
-    times: of the events, ascending. span: length of the run. The run should stop when the rest of
+    times: of the events, ascending. span: the own time of the case. The run should stop when the rest of
     the geometric series is below REACHED of the span, or when times no longer differ beyond
     rounding.
     """
@@ -43,7 +43,7 @@ def crowded_events(
 ) -> tuple[int, float] | None:
     """Return (events, length) if so many events fell within so short a time, else None.
 
-    times: of the events. now: current time. span: length of the run. max_closed: most contacts that
+    times: of the events. now: current time. span: the own time of the case. max_closed: most contacts that
     were closed at once, each of which may close and open at one instant.
     """
     limit = MAX_EVENTS_AT_ONE_INSTANT + 2 * max_closed

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from nsbench.case import Case
+from nsbench.case.scale import time_text
 from nsbench.problem import Complementarity, Filippov
 from nsbench.solvers.common.extrapolation import weights
 from nsbench.trajectory import Resolution, Status, Trajectory
@@ -83,7 +84,7 @@ def _status(penalty, case: Case, k: float, out: dict) -> Status:
     """Judge by the samples whether the run reached its end, and if not, why."""
     t = float(out["t"])
     tried = int(out["accepted"]) + int(out["refused"])
-    at = f"at t = {t:.6g} of {case.t[-1]:g}"
+    at = f"at t = {time_text(t, 6)} of {time_text(case.t[-1], 6)}"
     if (
         int(out["i"]) == len(case.t)
         and np.isfinite(out["x"]).all()

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from nsbench.case import Case
+from nsbench.case.scale import time_text
 from nsbench.compilation.factories import as_numpy
 from nsbench.problem import LCS, Affine, Complementarity
 from nsbench.solvers.base import Claims, Expect, Run, grid, last_steps, sample
@@ -250,7 +251,7 @@ def _status(code, reached, twice, judged):
     from nsbench.solvers.common.compiled_loop import status_of
     from nsbench.solvers.common.kernels.step_code import StepCode
 
-    at = f"t = {reached:.6g}"
+    at = f"t = {time_text(reached, 6)}"
     own = {
         StepCode.NEWTON_LIMIT: Status(
             "maxiter",
@@ -272,7 +273,8 @@ def _status(code, reached, twice, judged):
     if twice == twice:
         return Status(
             "degenerate",
-            f"The step from t = {twice:.6g} has several solutions with different motions.",
+            f"The step from t = {time_text(twice, 6)} has several solutions with different "
+            "motions.",
         )
     if not judged:
         return Status(

@@ -18,7 +18,7 @@ from nsbench.dynamics.contacts.constraint_set import (
     ConstraintSet,
 )
 from nsbench.dynamics.contacts.kernels.contact_arrays import Layout
-from nsbench.dynamics.length_scale import case_length_scale
+from nsbench.dynamics.scaling.estimate import case_scale
 from nsbench.problem import Affine, Distance, Smooth
 from nsbench.solvers.event_driven.interval_taylor import SPACE, Jet
 
@@ -58,7 +58,7 @@ class ContactField:
         self.constraints = constraints
         self.n = case.n
         self.calls = 0
-        self.length = case_length_scale(case)
+        self.length = case_scale(case).length
         self._drift = as_numpy(case.problem.drift)
         families = constraints.families
         self._state_functions = [

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from nsbench.case.scale import size_text, time_text
 from nsbench.dynamics.filippov.vector_field import EPS
 from nsbench.solvers.event_driven.filippov.kernels import loop_state as codes
 from nsbench.solvers.event_driven.filippov.kernels.loop_state import Settings
@@ -47,7 +48,7 @@ class CompiledLoop:
         self.max_steps = options.max_steps
         self.settings = Settings(
             order=series_order(tol),
-            span=float(case.t[-1] - case.t[0]),
+            span=case.own_time,
             local_error=float(max(LOCAL_SHARE * tol, EPS)),
             longest_step=float(options.max_step),
             steps=options.max_steps,
@@ -133,11 +134,15 @@ class CompiledLoop:
         """Let the host go on from the state in which the compiled loop stopped."""
         host.signs = np.where(np.abs(host.mode) == 1, host.mode, 0.0)
         if stop.code == codes.STEPS:
-            return Status("maxiter", f"{self.max_steps} steps were taken by t = {host.t:.9g}.")
+            return Status(
+                "maxiter", f"{self.max_steps} steps were taken by t = {time_text(host.t)}."
+            )
         size = np.abs(host.x).max(initial=0.0)
         vanishes = stop.code == codes.HARD and stop.fired == codes.STEP_VANISHES
         if vanishes and size > GROWTH * (1.0 + np.abs(host.case.x0).max(initial=0.0)):
-            return Status("diverged", f"The state grew to {size:.3g} at t = {host.t:.9g}.")
+            return Status(
+                "diverged", f"The state grew to {size_text(size)} at t = {time_text(host.t)}."
+            )
         host.hosted += 1
         if stop.code == codes.START:
             return host.start()

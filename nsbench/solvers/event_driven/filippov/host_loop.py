@@ -14,8 +14,8 @@ from itertools import product
 import numpy as np
 
 from nsbench.case import Case
+from nsbench.case.scale import time_text
 from nsbench.dynamics.filippov.vector_field import EPS, FREE, FilippovVectorField
-from nsbench.dynamics.length_scale import case_length_scale
 from nsbench.solvers.base import Run
 from nsbench.solvers.event_driven.accumulation import accumulation
 from nsbench.solvers.event_driven.filippov.compiled_loop import CompiledLoop
@@ -135,10 +135,6 @@ class FilippovIntegrator:
         self.d = field.d
         field.calls = 0
         field.newton = 0
-        unit = case_length_scale(case)
-        self.unit = unit
-        # of a state and of weights
-        self.size = 1.0 if unit == 1.0 else np.append(np.full(self.n, unit), np.ones(self.d))
         self.theta = np.zeros(self.d)
         self.mode = np.zeros(self.d, np.int64)
         self.signs = np.zeros(self.d)
@@ -163,8 +159,8 @@ class FilippovIntegrator:
 
     @cached_property
     def search(self) -> ModeSearch:
-        """Search for the mode that continues, in the unit of the case."""
-        return ModeSearch(self.field, self.case.t[-1] - self.case.t[0], self.unit)
+        """Search for the mode that continues."""
+        return ModeSearch(self.field, self.case.own_time, float(self.case.t[-1]))
 
     def run(self) -> Trajectory:
         """Follow the motion from the start of the case to its end or a failure."""
@@ -215,7 +211,7 @@ class FilippovIntegrator:
         """Choose the mode at the start."""
         c = self.field.switch(self.t, self.x)
         if not np.all(np.isfinite(c)):
-            return Status("nan", f"A switch function is not finite at t = {self.t:.9g}.")
+            return Status("nan", f"A switch function is not finite at t = {time_text(self.t)}.")
         met = np.flatnonzero(np.abs(c) <= rounding_band(self.field, self.t, self.x))
         self.mode = np.sign(c).astype(np.int64)
         self.mode[met] = 0
@@ -246,7 +242,7 @@ class FilippovIntegrator:
             equations.event_functions,
             method=self.options.method,
             rtol=self.tol,
-            atol=self.tol * self.size,
+            atol=self.tol,
             max_step=self.options.max_step,
             max_steps=self.options.max_steps - self.steps,
             project=equations.project if sliding.size else None,
@@ -286,7 +282,7 @@ class FilippovIntegrator:
             if not np.all(np.isfinite(s)) or on.size > 1:
                 return Status(
                     "degenerate",
-                    f"At t = {self.t:.9g} no weights, or many, keep the state on "
+                    f"At t = {time_text(self.t)} no weights, or many, keep the state on "
                     f"{surface_names(on)}: the fields do not determine the motion.",
                 )
         return status
@@ -320,23 +316,26 @@ class FilippovIntegrator:
         if self.idle > IDLE:
             return Status(
                 "chatter",
-                f"{IDLE} events on {surface_names(met)} up to t = {self.t:.9g} changed nothing: "
+                f"{IDLE} events on {surface_names(met)} up to t = {time_text(self.t)} changed "
+                "nothing: "
                 "the motion stays within rounding of the surface without being held by it.",
             )
         return Status()
 
     def _events_end(self) -> Status:
         """Chatter if events accumulate or are too many."""
-        self.ends = ends = accumulation(self.meetings, self.case.t[-1] - self.case.t[0])
+        self.ends = ends = accumulation(self.meetings, self.case.own_time)
         if ends is not None:
             return Status(
                 "chatter",
-                f"Events accumulate at t = {ends:.9g}: following events cannot pass that time.",
+                f"Events accumulate at t = {time_text(ends)}: following events cannot pass that "
+                "time.",
             )
         if len(self.meetings) > self.options.max_events:
             return Status(
                 "chatter",
-                f"{len(self.meetings)} events were met by t = {self.t:.9g}; raise max_events.",
+                f"{len(self.meetings)} events were met by t = {time_text(self.t)}; raise "
+                "max_events.",
             )
         return Status()
 

@@ -14,11 +14,13 @@ from itertools import product
 
 import numpy as np
 
+from nsbench.case.scale import time_text
 from nsbench.dynamics.filippov.vector_field import EPS, FREE, FilippovVectorField
 from nsbench.trajectory import Status
 
-# lengths of trial motions as parts of the run: the first sign shown decides
+# lengths of trial motions as parts of the case's own time: the first sign shown decides
 TRIALS = 10.0 ** np.arange(-7, -2)
+LONGEST_TRIAL = 1e-3  # of the rest of the run, where the shorter ones show no sign
 FLAT = 1e-7  # relative size below which a first derivative decides nothing
 SAME_MOTION = 1e-12  # relative difference of trial states below which two motions are one
 NEAR_SURFACE = 1e3  # roundings of c_i within which a point counts as on the surface
@@ -41,11 +43,11 @@ def rounding_band(
 
 @dataclass
 class ModeSearch:
-    """Choice of the mode of a motion. span: length of the run; unit: characteristic length."""
+    """Choice of the mode of a motion. span: the case's own time; end: of the run."""
 
     field: FilippovVectorField
     span: float
-    unit: float
+    end: float
 
     def choose(
         self, t: float, x: np.ndarray, mode: np.ndarray, signs: np.ndarray, met: np.ndarray
@@ -63,11 +65,11 @@ class ModeSearch:
         for _, _, other in continuing[1:]:
             # trials that lead where weights are lost are not numbers; the shorter ones decide then
             if not np.nanmax(np.abs(other - ahead)) <= SAME_MOTION * (
-                self.unit + np.nanmax(np.abs(ahead))
+                1.0 + np.nanmax(np.abs(ahead))
             ):
                 several = Status(
                     "degenerate",
-                    f"At t = {t:.9g} several motions continue from {surface_names(met)}: "
+                    f"At t = {time_text(t)} several motions continue from {surface_names(met)}: "
                     "the solution is not unique there.",
                 )
                 return several, None, None
@@ -109,9 +111,12 @@ class ModeSearch:
     def _no_motion(t, met, known) -> Status:
         if known:
             return Status(
-                "degenerate", f"At t = {t:.9g} no motion continues from {surface_names(met)}."
+                "degenerate",
+                f"At t = {time_text(t)} no motion continues from {surface_names(met)}.",
             )
-        return Status("nan", f"The drift is not finite on {surface_names(met)} at t = {t:.9g}.")
+        return Status(
+            "nan", f"The drift is not finite on {surface_names(met)} at t = {time_text(t)}."
+        )
 
     def _projected(self, t, x, mode):
         on = np.flatnonzero(mode == 0)
@@ -138,10 +143,13 @@ class ModeSearch:
         undecided = [i for i in met if value[i] <= FLAT]
         signs = np.zeros(len(undecided))
         ahead = []
-        for part in TRIALS:
-            h = part * self.span
+        longest = LONGEST_TRIAL * (self.end - t)
+        for h in self._trial_lengths(longest):
             after, state, weights = self._trial(mode, t, x, s, h)
-            ahead.append(state)
+            if len(ahead) < TRIALS.size:
+                ahead.append(state)
+            elif np.all(signs != 0.0) or not np.all(np.isfinite(state)):
+                break
             c = field.switch(after, state)
             band = rounding_band(field, after, state)
             for k, i in enumerate(undecided):
@@ -157,6 +165,14 @@ class ModeSearch:
                 if signs[k] == 0.0 and abs(v) > least:
                     signs[k] = np.sign(v)
         return None if np.any(signs < 0.0) else np.array(ahead)
+
+    def _trial_lengths(self, longest: float) -> Iterator[float]:
+        """Lengths of trial motions: TRIALS of the own time, then longer ones, up to `longest`."""
+        yield from TRIALS * self.span
+        h = 10.0 * TRIALS[-1] * self.span
+        while h <= longest:
+            yield h
+            h *= 10.0
 
     def _stays_free(self, mode, t, x, s, h, i, after, state, weights, c, band) -> float:
         """-1 if the trial leaves surface i or the two fields differ at its end, else 0."""

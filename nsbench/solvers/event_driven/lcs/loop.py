@@ -12,6 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from nsbench.case import Case
+from nsbench.case.scale import time_text
 from nsbench.dynamics.lcs import certainly_unique
 from nsbench.solvers.base import Run
 from nsbench.solvers.event_driven.accumulation import accumulation
@@ -171,9 +172,11 @@ class LcsIntegrator:
         while self.t < self.T:
             h = min(h, span, self.options.max_step)
             if self.steps >= self.options.max_steps:
-                return Status("maxiter", f"{self.steps} steps were taken by t = {self.t:.9g}.")
+                return Status(
+                    "maxiter", f"{self.steps} steps were taken by t = {time_text(self.t)}."
+                )
             if self.stalls(self.trial_steps, self.t):
-                return Status("maxiter", STALL_MESSAGE.format(self.t))
+                return Status("maxiter", STALL_MESSAGE.format(time_text(self.t)))
             X, s = flow.step(self.t, self.x, h)
             self.steps = self.steps + flow.steps
             self.trial_steps = self.trial_steps + 1
@@ -225,9 +228,10 @@ class LcsIntegrator:
     def _failure_status(self):
         """Return the status of a state or input that is not finite."""
         if np.abs(self.x).max() > 1e150:
-            return Status("diverged", f"The state passed 1e150 at t = {self.t:.9g}.")
+            return Status("diverged", f"The state passed 1e150 at t = {time_text(self.t)}.")
         return Status(
-            "nan", f"The inputs u and q, or the state, are not finite after t = {self.t:.9g}."
+            "nan",
+            f"The inputs u and q, or the state, are not finite after t = {time_text(self.t)}.",
         )
 
     def _advance(self, flow, X, F, h, armed, size):
@@ -264,16 +268,18 @@ class LcsIntegrator:
     def _end_arc(self) -> Status:
         """Record the event, choose the next rows, and check for accumulation of events."""
         self.event_times.append(self.t)
-        ends = accumulation(self.event_times, self.T - float(self.case.t[0]))
+        ends = accumulation(self.event_times, self.case.own_time)
         if ends is not None:
             return Status(
                 "chatter",
-                f"Events accumulate at t = {ends:.9g}: following events cannot pass that time.",
+                f"Events accumulate at t = {time_text(ends)}: following events cannot pass that "
+                "time.",
             )
         if len(self.event_times) > self.options.max_events:
             return Status(
                 "chatter",
-                f"{len(self.event_times)} events were met by t = {self.t:.9g}; raise max_events.",
+                f"{len(self.event_times)} events were met by t = {time_text(self.t)}; raise "
+                "max_events.",
             )
         old = set(self.flow.mode.rows)
         status = self._choose_rows(ZERO_BAND)
@@ -286,7 +292,8 @@ class LcsIntegrator:
         if self.idle_events > MAX_IDLE_EVENTS:
             return Status(
                 "chatter",
-                f"{MAX_IDLE_EVENTS} events up to t = {self.t:.9g} changed nothing: lam or w stays "
+                f"{MAX_IDLE_EVENTS} events up to t = {time_text(self.t)} changed nothing: lam or w "
+                "stays "
                 "within rounding of zero.",
             )
         return Status()
@@ -307,14 +314,16 @@ class LcsIntegrator:
         if not good:
             return Status(
                 "infeasible",
-                f"At t = {self.t:.9g} no lambda continues the motion without a jump of the state.",
+                f"At t = {time_text(self.t)} no lambda continues the motion without a jump of the "
+                "state.",
             )
         first, *others = (g[-1] for g in sorted(good, key=lambda g: g[:3]))
         for other in others:
             if self._motions_differ(first, other, times):
                 return Status(
                     "degenerate",
-                    f"At t = {self.t:.9g} several motions continue (rows {list(first.mode.rows)} "
+                    f"At t = {time_text(self.t)} several motions continue (rows "
+                    f"{list(first.mode.rows)} "
                     f"or "
                     f"{list(other.mode.rows)} act): the solution is not unique there.",
                 )

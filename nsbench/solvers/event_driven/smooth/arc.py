@@ -17,6 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from nsbench.case.scale import size_text, time_text
 from nsbench.solvers.event_driven.smooth.crossings import EventFunctions
 from nsbench.solvers.event_driven.smooth.integrators import INTEGRATORS, STIFF_INTEGRATOR
 from nsbench.solvers.event_driven.smooth.pieces import (
@@ -181,10 +182,12 @@ class _ArcIntegrator:
         """Integrate to the first event or to the end, with stops at the samples."""
         if not np.all(np.isfinite(self.fun(self.t, self.y))):
             return self._end(
-                Status("nan", f"The right-hand side is not finite at t = {self.t:.9g}.")
+                Status("nan", f"The right-hand side is not finite at t = {time_text(self.t)}.")
             )
         if self.events is not None and not self.events.finite:
-            return self._end(Status("nan", f"A constraint is not finite at t = {self.t:.9g}."))
+            return self._end(
+                Status("nan", f"A constraint is not finite at t = {time_text(self.t)}.")
+            )
         solver = None
         h = first_step
         for k, stop in enumerate(self.stops):
@@ -197,10 +200,12 @@ class _ArcIntegrator:
             while self.t < stop:
                 if self.steps >= max_steps:
                     return self._end(
-                        Status("maxiter", f"The last of max_steps was taken by t = {self.t:.9g}.")
+                        Status(
+                            "maxiter", f"The last of max_steps was taken by t = {time_text(self.t)}."
+                        )
                     )
                 if self.stalls(self.steps, self.t):
-                    return self._end(Status("maxiter", STALL_MESSAGE.format(self.t)))
+                    return self._end(Status("maxiter", STALL_MESSAGE.format(time_text(self.t))))
                 status, fired, solver = self._step(solver)
                 h = None if self.restart else solver.h_abs
                 if not status.ok or fired.size:
@@ -333,13 +338,15 @@ class _ArcIntegrator:
     def _describe_failure(self, t, y) -> Status:
         """Describe why a step from (t, y) failed."""
         if np.abs(y).max(initial=0.0) > 1e6 * self.start_size:
-            return Status("diverged", f"The state grew to {np.abs(y).max():.3g} at t = {t:.9g}.")
+            return Status(
+                "diverged", f"The state grew to {size_text(np.abs(y).max())} at t = {time_text(t)}."
+            )
         ahead = t + 1e-9 * (self.t_end - t)
         if not np.all(np.isfinite(self.fun(ahead, y + (ahead - t) * self.fun(t, y)))):
-            return Status("nan", f"The right-hand side is not finite after t = {t:.9g}.")
+            return Status("nan", f"The right-hand side is not finite after t = {time_text(t)}.")
         return Status(
             "degenerate",
-            f"The step size fell below rounding at t = {t:.9g}: the solution is not smooth, "
+            f"The step size fell below rounding at t = {time_text(t)}: the solution is not smooth, "
             "or the equation too stiff for this method.",
         )
 

@@ -7,7 +7,7 @@ STALL_STEPS = 200  # in a row that lead no further than STALL_SPAN
 # dip 1e-10 wide shrink and grow by factors: 30 of them do.
 STALL_SPAN = 1e-9
 STALL_MESSAGE = (
-    f"{STALL_STEPS} steps led from t = {{:.9g}} no further than {STALL_SPAN:g} of the run: a pole, "
+    f"{STALL_STEPS} steps led from t = {{}} no further than {STALL_SPAN:g} of the run: a pole, "
     "contacts that lock, or a layer too thin for doubles."
 )
 # of the distance of the steps before: sequences that shrink faster end by themselves
