@@ -23,6 +23,7 @@ from nsbench.trajectory import Trajectory
 # A coordinate that stays below its estimated size by more than this factor loses digits to a
 # tolerance that is relative to that size: the run is made again with the sizes that were found.
 TOO_LARGE = 16.0
+AT_REST = 2.0**-40  # of its estimated size: a coordinate that stays below is zero but for rounding
 
 
 class ScaledRun:
@@ -72,9 +73,10 @@ class ScaledRun:
         if self.has_found or self.case.scale is not None or self.method.accuracy != "tol":
             return None
         found = np.nanmax(np.abs(np.vstack([self.own.case.x0, traj.x])), axis=0)
+        found = np.where(found > AT_REST, found, 1.0)
         if isinstance(self.case.problem, Complementarity) or np.all(found * TOO_LARGE > 1.0):
             return None
-        return np.where(found > 0.0, found, 1.0) * self.own.state
+        return found * self.own.state
 
     def restored(self, traj: Trajectory) -> Trajectory:
         """Return the trajectory in the units of the user."""

@@ -26,11 +26,12 @@ DOUBLINGS = 40  # of the first of the times at which that motion is looked at, u
 
 
 def power_of_two(v):
-    """Return the power of two next below each positive number; 1.0 for what is not one."""
+    """Return the least power of two that is no less, of each positive number; 1.0 of the others."""
     v = np.asarray(v, float)
     good = np.isfinite(v) & (v > 0.0)
-    _, exponent = np.frexp(np.where(good, v, 1.0))
-    out = np.where(good, np.ldexp(1.0, np.clip(exponent - 1, -1000, 1000)), 1.0)
+    part, exponent = np.frexp(np.where(good, v, 1.0))
+    exponent = np.clip(exponent - (part == 0.5), -1000, 1000)
+    out = np.where(good, np.ldexp(1.0, exponent), 1.0)
     return out if out.ndim else float(out)
 
 
@@ -63,9 +64,10 @@ def _estimate(case: Case, span: float) -> Scale:
     x0 = case.x0
     uniform = isinstance(case.problem, Complementarity)
     sizes = np.abs(x0)
-    if uniform:
-        lengths = [_length(c, t0 + part * span, x0) for part in LOOKS for c in case.problem.constraints]
-        sizes = np.full(case.n, max([sizes.max(), *(v for v in lengths if np.isfinite(v))]))
+    if uniform:  # a length of the scene, wherever in space it is
+        families = case.problem.constraints
+        lengths = [_length(c, t0 + part * span, x0) for part in LOOKS for c in families]
+        sizes = np.full(case.n, max([0.0, *(v for v in lengths if np.isfinite(v))]))
     fields = [(f, f(x0)) for part in LOOKS for f in _fields(case, t0 + part * span)]
     fields = [(f, np.where(np.isfinite(v), v, 0.0)) for f, v in fields]
     # Sizes of the motion by the speeds alone, as units in which the motion is then estimated.
@@ -76,7 +78,7 @@ def _estimate(case: Case, span: float) -> Scale:
     for f, v in fields:
         own = np.maximum(own, _displacement(f, x0, v, sizes, rough, span))
     if uniform:
-        own = np.full(case.n, own.max())
+        own = np.full(case.n, own.max() or np.abs(x0).max())
     own = _filled(own)
     return Scale(_time([v for _, v in fields], own, span), own)
 
@@ -189,14 +191,17 @@ def _fields(case: Case, t: float) -> list[Callable]:
 def _length(c, t: float, x: np.ndarray) -> float:
     """Return the length of a family of constraints.
 
-    A distance: the largest one. Rows: the largest distance from the origin. Smooth constraints: the
-    largest distance from the start, to first order.
+    A distance: the largest one. Rows and smooth constraints: the largest distance from x, to first
+    order.
     """
     if isinstance(c, Distance):
         return float(np.max(2.0 * c.radii if c.d is None else c.d, initial=0.0))
     if isinstance(c, Affine):
-        slope = np.sqrt(np.add.reduceat(c.data**2, c.indptr[:-1])) if c.shape[0] else np.empty(0)
-        return float((np.abs(as_numpy(c.b)(t) if c.moving else c.b) / slope).max(initial=0.0))
+        if not c.shape[0]:
+            return 0.0
+        slope = np.sqrt(np.add.reduceat(c.data**2, c.indptr[:-1]))
+        gap = np.add.reduceat(c.data * x[c.indices], c.indptr[:-1])
+        return float((np.abs(gap + (as_numpy(c.b)(t) if c.moving else c.b)) / slope).max())
     rows = SmoothRows(c, x.size)
     away = np.abs(rows.g(t, x)) / np.sqrt((rows.gradient(t, x) ** 2).sum(-1))
     return float(away[np.isfinite(away)].max(initial=0.0))

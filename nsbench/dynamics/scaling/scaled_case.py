@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,7 +19,6 @@ import numpy as np
 from nsbench.case import Case
 from nsbench.case.scale import Scale, in_units
 from nsbench.columns import by_name
-from nsbench.compilation.factories import as_numpy
 from nsbench.dynamics.scaling.estimate import case_scale, power_of_two
 from nsbench.problem import LCS, Affine, Complementarity, Distance, Filippov, Smooth
 from nsbench.trajectory import Event, Trajectory
@@ -120,7 +118,7 @@ def scaled_case(case: Case, scale: Scale | None = None) -> ScaledCase:
     elif isinstance(p, LCS):
         problem, multiplier = _lcs(p, t0, T, S)
     else:
-        problem, multiplier = _filippov(p, t0, T, S, case.x0), 1.0
+        problem, multiplier = _filippov(p, t0, T, S), 1.0
     out = ScaledCase(case, t0, T, S, float(multiplier))
     own = case.replace(
         problem=problem,
@@ -221,29 +219,11 @@ def _gradient_system(p: Complementarity, t0: float, T: float, L: float) -> Compl
     return Complementarity(_function(p.drift, t0, T, L * one, T / L * one), tuple(families))
 
 
-def _filippov(p: Filippov, t0: float, T: float, S: np.ndarray, x0: np.ndarray) -> Filippov:
-    """Return the Filippov system in the units T and S, each switch in that of its changes."""
-    switch = as_numpy(p.switch)
+def _filippov(p: Filippov, t0: float, T: float, S: np.ndarray) -> Filippov:
+    """Return the Filippov system in the units T and S; its switches have the user's."""
     return Filippov(
-        None,
-        _function(p.switch, t0, T, S, 1.0 / _switch_units(switch, t0, T, S, x0)),
-        _signed(p.field, t0, T, S),
-        p.d,
+        None, _function(p.switch, t0, T, S, np.array(1.0)), _signed(p.field, t0, T, S), p.d
     )
-
-
-def _switch_units(switch: Callable, t0: float, T: float, S: np.ndarray, x0) -> np.ndarray:
-    """Return (d,) powers of two near what each switch function changes over T and the sizes S."""
-    c = np.atleast_1d(switch(t0, x0.copy()))
-    changes = np.abs(c)
-    points = [(t0 + T, x0), *((t0, x0 + S * e) for e in np.eye(x0.size))]
-    for t, x in points:
-        try:
-            change = np.abs(switch(t, x.copy()) - c)
-        except Exception:  # the motion may never be there
-            continue
-        changes = np.fmax(changes, np.where(np.isfinite(change), change, 0.0))
-    return power_of_two(changes)
 
 
 def _lcs(p: LCS, t0: float, T: float, S: np.ndarray) -> tuple[LCS, float]:

@@ -160,7 +160,9 @@ class FilippovIntegrator:
     @cached_property
     def search(self) -> ModeSearch:
         """Search for the mode that continues."""
-        return ModeSearch(self.field, self.case.own_time, float(self.case.t[-1]))
+        return ModeSearch(
+            self.field, self.case.own_time, float(self.case.t[-1] - self.case.t[0])
+        )
 
     def run(self) -> Trajectory:
         """Follow the motion from the start of the case to its end or a failure."""

@@ -20,7 +20,7 @@ from nsbench.trajectory import Status
 
 # lengths of trial motions as parts of the case's own time: the first sign shown decides
 TRIALS = 10.0 ** np.arange(-7, -2)
-LONGEST_TRIAL = 1e-3  # of the rest of the run, where the shorter ones show no sign
+LONGEST_TRIAL = 1e-3  # of the run, where the shorter ones show no sign
 FLAT = 1e-7  # relative size below which a first derivative decides nothing
 SAME_MOTION = 1e-12  # relative difference of trial states below which two motions are one
 NEAR_SURFACE = 1e3  # roundings of c_i within which a point counts as on the surface
@@ -43,11 +43,11 @@ def rounding_band(
 
 @dataclass
 class ModeSearch:
-    """Choice of the mode of a motion. span: the case's own time; end: of the run."""
+    """Choice of the mode of a motion. span: the case's own time; length: of the run."""
 
     field: FilippovVectorField
     span: float
-    end: float
+    length: float
 
     def choose(
         self, t: float, x: np.ndarray, mode: np.ndarray, signs: np.ndarray, met: np.ndarray
@@ -143,8 +143,7 @@ class ModeSearch:
         undecided = [i for i in met if value[i] <= FLAT]
         signs = np.zeros(len(undecided))
         ahead = []
-        longest = LONGEST_TRIAL * (self.end - t)
-        for h in self._trial_lengths(longest):
+        for h in self._trial_lengths():
             after, state, weights = self._trial(mode, t, x, s, h)
             if len(ahead) < TRIALS.size:
                 ahead.append(state)
@@ -166,13 +165,14 @@ class ModeSearch:
                     signs[k] = np.sign(v)
         return None if np.any(signs < 0.0) else np.array(ahead)
 
-    def _trial_lengths(self, longest: float) -> Iterator[float]:
-        """Lengths of trial motions: TRIALS of the own time, then longer ones, up to `longest`."""
+    def _trial_lengths(self) -> Iterator[float]:
+        """Lengths of trial motions: TRIALS of the own time, then longer ones."""
         yield from TRIALS * self.span
-        h = 10.0 * TRIALS[-1] * self.span
-        while h <= longest:
+        longest = LONGEST_TRIAL * self.length
+        h = TRIALS[-1] * self.span
+        while h < longest:
+            h = min(10.0 * h, longest)
             yield h
-            h *= 10.0
 
     def _stays_free(self, mode, t, x, s, h, i, after, state, weights, c, band) -> float:
         """-1 if the trial leaves surface i or the two fields differ at its end, else 0."""
