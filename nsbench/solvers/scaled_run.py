@@ -14,7 +14,7 @@ import numpy as np
 from nsbench.case import Case
 from nsbench.case.scale import Scale
 from nsbench.diagnostics import diagnose
-from nsbench.dynamics.scaling.estimate import scale_of_sizes
+from nsbench.dynamics.scaling.estimate import particle_distance, scale_of_sizes
 from nsbench.dynamics.scaling.scaled_case import ScaledCase, scaled_case
 from nsbench.problem import Complementarity
 from nsbench.solvers.base import Solver
@@ -72,11 +72,15 @@ class ScaledRun:
         """Return the sizes (n,) of the samples, where the units are much larger; else None."""
         if self.has_found or self.case.scale is not None or self.method.accuracy != "tol":
             return None
-        found = np.nanmax(np.abs(np.vstack([self.own.case.x0, traj.x])), axis=0)
+        own = self.own.case
+        x = np.vstack([own.x0, traj.x])
+        if isinstance(own.problem, Complementarity):  # of one length
+            moved = 0.5 * float(np.nanmax(np.abs(x - own.x0)))
+            found = np.full(own.n, max(moved, particle_distance(own)))
+        else:
+            found = np.nanmax(np.abs(x), axis=0)
         found = np.where(found > AT_REST, found, 1.0)
-        if isinstance(self.case.problem, Complementarity) or np.all(found * TOO_LARGE > 1.0):
-            return None
-        return found * self.own.state
+        return None if np.all(found * TOO_LARGE > 1.0) else found * self.own.state
 
     def restored(self, traj: Trajectory) -> Trajectory:
         """Return the trajectory in the units of the user."""

@@ -15,12 +15,13 @@ from nsbench.case import Case
 from nsbench.case.scale import Scale
 from nsbench.compilation.factories import as_numpy
 from nsbench.dynamics.contacts.time_dependence import SmoothRows
-from nsbench.problem import LCS, Affine, Complementarity, Distance
+from nsbench.problem import LCS, Affine, Complementarity, Distance, Smooth
 
 # parts of the run, from its start, at which the fields at the start are looked at: a motion that is
 # fast at first must not be judged by its end
 LOOKS = (0.0, 2.0**-20, 2.0**-10, 2.0**-5, 0.125, 0.25, 0.5, 0.75, 1.0)
 KRYLOV = 8  # dimensions of a motion beside the start
+NO_LENGTH = 1e-14  # a distance of a scene at rest in its origin: a difference of numbers about 1
 CLOSED = 1e-10  # of a vector: less of it outside a space is rounding
 DOUBLINGS = 40  # of the first of the times at which that motion is looked at, up to the run's
 
@@ -62,24 +63,21 @@ def _estimate(case: Case, span: float) -> Scale:
     """Return time and sizes by the start, the constraints, and the motion near the start."""
     t0 = float(case.t[0])
     x0 = case.x0
-    uniform = isinstance(case.problem, Complementarity)
     sizes = np.abs(x0)
-    if uniform:  # a length of the scene, wherever in space it is
-        families = case.problem.constraints
-        lengths = [_length(c, t0 + part * span, x0) for part in LOOKS for c in families]
-        sizes = np.full(case.n, max([0.0, *(v for v in lengths if np.isfinite(v))]))
+    uniform = isinstance(case.problem, Complementarity)
+    if uniform:
+        sizes = np.full(case.n, particle_distance(case))
     fields = [(f, f(x0)) for part in LOOKS for f in _fields(case, t0 + part * span)]
     fields = [(f, np.where(np.isfinite(v), v, 0.0)) for f, v in fields]
     # Sizes of the motion by the speeds alone, as units in which the motion is then estimated.
     rough = _filled(np.maximum(sizes, span * np.max([np.abs(v) for _, v in fields], axis=0)))
-    if uniform:
-        rough = np.full(case.n, rough.max())
-    own = sizes.copy()
-    for f, v in fields:
-        own = np.maximum(own, _displacement(f, x0, v, sizes, rough, span))
-    if uniform:
-        own = np.full(case.n, own.max() or np.abs(x0).max())
-    own = _filled(own)
+    rough = np.full(case.n, rough.max()) if uniform else rough
+    moved = np.max([_displacement(f, x0, v, sizes, rough, span) for f, v in fields], axis=0)
+    if uniform:  # one length: that of particles, or the amplitude of the motion, wherever it is
+        length = max(sizes.max(), 0.5 * moved.max(), 0.5 * _wall_motion(case, span))
+        own = np.full(case.n, length or np.abs(x0).max() or _nearest_wall(case) or 1.0)
+    else:
+        own = _filled(np.maximum(sizes, moved))
     return Scale(_time([v for _, v in fields], own, span), own)
 
 
@@ -188,20 +186,51 @@ def _fields(case: Case, t: float) -> list[Callable]:
     ]
 
 
-def _length(c, t: float, x: np.ndarray) -> float:
-    """Return the length of a family of constraints.
+def particle_distance(case: Case) -> float:
+    """Return the largest distance that particles of a gradient system keep or may have; else 0."""
+    distances = [
+        float(np.max(2.0 * c.radii if c.d is None else c.d, initial=0.0))
+        for c in case.problem.constraints
+        if isinstance(c, Distance)
+    ]
+    return max(distances, default=0.0)
 
-    A distance: the largest one. Rows and smooth constraints: the largest distance from x, to first
-    order.
+
+def _wall_motion(case: Case, span: float) -> float:
+    """Return how far the farthest moving wall or anchor goes within the run; 0.0 if all rest."""
+    t0 = float(case.t[0])
+    found = [0.0]
+    for c in case.problem.constraints:
+        if isinstance(c, Smooth) or not c.moving:
+            continue
+        curve = as_numpy(c.b if isinstance(c, Affine) else c.anchors)
+        slope = _row_norms(c) if isinstance(c, Affine) else 1.0
+        start = np.asarray(curve(t0), float)
+        for part in LOOKS[1:]:
+            way = np.abs(np.asarray(curve(t0 + part * span), float) - start) / slope
+            found.append(float(way[np.isfinite(way)].max(initial=0.0)))
+    return max(found)
+
+
+def _row_norms(c: Affine) -> np.ndarray:
+    return np.sqrt(np.add.reduceat(c.data**2, c.indptr[:-1])) if c.shape[0] else np.empty(0)
+
+
+def _nearest_wall(case: Case) -> float:
+    """Return the distance from the start to the nearest row or smooth constraint, to first order.
+
+    0.0 where there is none, or the start lies on all but for rounding.
     """
-    if isinstance(c, Distance):
-        return float(np.max(2.0 * c.radii if c.d is None else c.d, initial=0.0))
-    if isinstance(c, Affine):
-        if not c.shape[0]:
-            return 0.0
-        slope = np.sqrt(np.add.reduceat(c.data**2, c.indptr[:-1]))
-        gap = np.add.reduceat(c.data * x[c.indices], c.indptr[:-1])
-        return float((np.abs(gap + (as_numpy(c.b)(t) if c.moving else c.b)) / slope).max())
-    rows = SmoothRows(c, x.size)
-    away = np.abs(rows.g(t, x)) / np.sqrt((rows.gradient(t, x) ** 2).sum(-1))
-    return float(away[np.isfinite(away)].max(initial=0.0))
+    t = float(case.t[0])
+    x = case.x0
+    found = [np.empty(0)]
+    for c in case.problem.constraints:
+        if isinstance(c, Affine) and c.shape[0]:
+            gap = np.add.reduceat(c.data * x[c.indices], c.indptr[:-1])
+            found.append(np.abs(gap + (as_numpy(c.b)(t) if c.moving else c.b)) / _row_norms(c))
+        elif isinstance(c, Smooth):
+            rows = SmoothRows(c, x.size)
+            found.append(np.abs(rows.g(t, x)) / np.sqrt((rows.gradient(t, x) ** 2).sum(-1)))
+    far = np.concatenate(found)
+    far = far[np.isfinite(far) & (far > NO_LENGTH)]
+    return float(far.min()) if far.size else 0.0
