@@ -21,7 +21,7 @@ def host(monkeypatch, case, tol=1e-12):
     """The run of the loop in Python."""
     with monkeypatch.context() as m:
         m.setattr(compiled_loop, "plan_compiled_run", lambda *args: None)
-        traj = get("event_driven").prepare(case, tol)()
+        traj = solve(case, "event_driven", tol=tol)
     assert traj.stats["loop"] == "host"
     return traj
 

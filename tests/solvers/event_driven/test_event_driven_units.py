@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from nsbench import Affine, Case, Complementarity, Distance, Filippov, Smooth, solvers
-from nsbench.dynamics.length_scale import _way, case_length_scale, length_scale
+from nsbench.dynamics.scaling.estimate import _krylov, case_scale
 
 
 def pushed(unit):
@@ -135,14 +135,14 @@ def test_a_spring_makes_no_unit_of_how_fast_it_would_pull(rate, spec, asked):
 @pytest.mark.parametrize(
     "later", (lambda xp, t, x: 2.0 + xp.sqrt(x[0] - t), lambda xp, t, x: 2.0 + 0.0 / (t - 0.5))
 )
-def test_a_drift_that_is_no_number_later_leaves_the_unit_as_it_is(later):
+def test_a_drift_that_is_no_number_later_leaves_the_length_of_the_motion(later):
     """The root of a negative number is none; a division of floats by zero raises, in the middle of
     the run."""
     problem = Complementarity(
         lambda xp: lambda t, x: xp.array([later(xp, t, x)]), (Affine(np.eye(1), np.array([1e-5])),)
     )
     case = Case(name="later", problem=problem, x0=np.array([1e-5]), t=np.linspace(0.0, 1.0, 5))
-    assert case_length_scale(case) == length_scale(case, case.x0) == 1.0
+    assert 0.5 <= case_scale(case).length <= 2.0
 
 
 def test_the_unit_is_not_that_of_a_small_coordinate_that_decays_fast():
@@ -153,9 +153,8 @@ def test_the_unit_is_not_that_of_a_small_coordinate_that_decays_fast():
     case = Case(
         name="fast", problem=problem, x0=np.array([3e-6, -1e-10]), t=np.linspace(0.0, 1.0, 5)
     )
-    assert (
-        case_length_scale(case) == 1.0 and solvers.solve(case, "event_driven", tol=1e-10).status.ok
-    )
+    assert 0.1 <= case_scale(case).length <= 1.0
+    assert solvers.solve(case, "event_driven", tol=1e-10).status.ok
 
 
 @pytest.mark.parametrize("tol", (1e-4, 1e-6, 1e-8))
@@ -184,7 +183,7 @@ def test_a_small_coordinate_that_turns_is_no_unit_for_one_that_goes_on():
         x0=np.array([0.0, 1e-6, 0.0]),
         t=np.linspace(0.0, 1.0, 5),
     )
-    assert case_length_scale(case) == 1.0
+    assert 0.1 <= case_scale(case).length <= 1.0
 
 
 @pytest.mark.parametrize(
@@ -194,4 +193,5 @@ def test_a_motion_beside_the_start_is_as_long_as_it_grows(rate, way):
     x0 = np.array([1.0])
     drift = lambda x: rate * x + (1e-300 if rate == 0.0 else 0.0)
     with np.errstate(all="ignore"):
-        assert _way(drift, x0, drift(x0), 1.0, 1.0) == pytest.approx(way, rel=1e-6)
+        found = _krylov(drift, x0, drift(x0), np.ones(1), 1.0)
+    assert found[0] == pytest.approx(way, rel=1e-6)
