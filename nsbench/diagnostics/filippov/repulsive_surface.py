@@ -124,7 +124,9 @@ def _examine_corners(run, stayed, held, on, parts) -> Finding | None:
     dt = run.difference_step
     for k in np.flatnonzero((held.sum(axis=1) > 1) & np.all(held == on[1:], axis=1)):
         rows = np.flatnonzero(held[k])
-        sectors = sign_patterns(rows.size) if rows.size <= MAX_SURFACES else ()
+        if rows.size > MAX_SURFACES:
+            continue
+        sectors = sign_patterns(rows.size)
         fractions = np.arange(1, parts + 1) / parts
         times = [(1.0 - a) * run.t[k] + a * run.t[k + 1] for a in fractions]
         states = [_state_in_interval(run, k, t) for t in times]

@@ -15,13 +15,14 @@ from nsbench.case import Case
 from nsbench.case.scale import Scale
 from nsbench.compilation.factories import as_numpy
 from nsbench.dynamics.contacts.time_dependence import SmoothRows
-from nsbench.problem import LCS, Affine, Complementarity, Distance, Smooth
+from nsbench.problem import LCS, Affine, Complementarity, Distance, Filippov, Smooth
 
 # parts of the run, from its start, at which the fields at the start are looked at: a motion that is
 # fast at first must not be judged by its end
 LOOKS = (0.0, 2.0**-20, 2.0**-10, 2.0**-5, 0.125, 0.25, 0.5, 0.75, 1.0)
 KRYLOV = 8  # dimensions of a motion beside the start
 NO_LENGTH = 1e-14  # a distance of a scene at rest in its origin: a difference of numbers about 1
+INSTANT = 2.0**-26  # of the run, over which a switch is differenced in time
 CLOSED = 1e-10  # of a vector: less of it outside a space is rounding
 DOUBLINGS = 40  # of the first of the times at which that motion is looked at, up to the run's
 
@@ -78,7 +79,7 @@ def _estimate(case: Case, span: float) -> Scale:
         own = np.full(case.n, length or np.abs(x0).max() or _nearest_wall(case) or 1.0)
     else:
         own = _filled(np.maximum(sizes, moved))
-    return Scale(_time([v for _, v in fields], own, span), own)
+    return Scale(_time(case, [v for _, v in fields], own, span), own)
 
 
 def scale_of_sizes(case: Case, sizes: np.ndarray) -> Scale:
@@ -87,13 +88,30 @@ def scale_of_sizes(case: Case, sizes: np.ndarray) -> Scale:
     t0 = float(case.t[0])
     with np.errstate(all="ignore"):
         speeds = [_tried(f, case.x0) for part in LOOKS for f in _fields(case, t0 + part * span)]
-    return Scale(_time([np.where(np.isfinite(v), v, 0.0) for v in speeds], sizes, span), sizes)
+    speeds = [np.where(np.isfinite(v), v, 0.0) for v in speeds]
+    return Scale(_time(case, speeds, sizes, span), sizes)
 
 
-def _time(speeds: list[np.ndarray], sizes: np.ndarray, span: float) -> float:
-    """Return the time in which the fastest coordinate goes about its size, `span` at most."""
+def _time(case: Case, speeds: list[np.ndarray], sizes: np.ndarray, span: float) -> float:
+    """Return the time in which the fastest coordinate, or switch in time, goes about its size.
+
+    `span` at most.
+    """
     rate = max(float((np.abs(v) / sizes).max(initial=0.0)) for v in speeds)
+    if isinstance(case.problem, Filippov):
+        rate = max(rate, _switch_rate(case, span))
     return min(span, 1.0 / rate) if rate > 0.0 else span
+
+
+def _switch_rate(case: Case, span: float) -> float:
+    """Return the largest rate at which time alone changes a switch, as a part of what it reaches."""
+    switch = as_numpy(case.problem.switch)
+    times = [float(case.t[0]) + part * span for part in LOOKS]
+    c = np.array([np.atleast_1d(switch(t, case.x0.copy())) for t in times])
+    later = np.array([np.atleast_1d(switch(t + INSTANT * span, case.x0.copy())) for t in times])
+    reached = np.nanmax(np.abs(c), axis=0, initial=0.0)
+    slopes = np.nanmedian(np.abs(later - c), axis=0) / (INSTANT * span)  # a jump is no slope
+    return float(np.nanmax(np.where(reached > 0.0, slopes / reached, 0.0), initial=0.0))
 
 
 def _displacement(f, x0, v, sizes, rough, span) -> np.ndarray:

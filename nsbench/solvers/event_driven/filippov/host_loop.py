@@ -27,7 +27,7 @@ from nsbench.solvers.event_driven.filippov.mode_search import (
     surface_names,
 )
 from nsbench.solvers.event_driven.filippov.program import trace_programs
-from nsbench.solvers.event_driven.smooth.arc import integrate_to_event
+from nsbench.solvers.event_driven.smooth.arc import UNPROVEN_PARTS, integrate_to_event
 from nsbench.trajectory import Event, Resolution, Status, Trajectory
 
 AWAY = 1e-9  # relative distance at which a surface is left that does not hold the motion
@@ -36,6 +36,7 @@ ARC_BAND = 16.0
 TOUCH = 100.0  # tolerances of the arcs: less weight than this cannot be told from a touch
 IDLE = 1000  # events in a row that leave the mode as it is before the run is called stuck
 EVENT_DRIVEN = Resolution()  # no step, no layer: events are located
+LOCATED = 1e-9  # of the own time: within it lies an event of a switch that is not continuous
 LOST_WEIGHT = 1e3  # bound on event functions of weights: beyond, they are infinite
 
 
@@ -251,6 +252,7 @@ class FilippovIntegrator:
             armed=armed,
             band=equations.bands(self.t, self.x),
             samples=self.case.t[self.done :],
+            longest_unproven=self.case.own_time / UNPROVEN_PARTS,
             data=lambda t, y: self.interval_fields(t, y[:n], equations.mode),
         )
         rows = slice(self.done, self.done + len(arc.samples))
@@ -303,6 +305,9 @@ class FilippovIntegrator:
         near[surfaces] = True
         met = np.flatnonzero(near)
         self.field.check_complex_step(self.t, self.x)
+        when, jumped = self._jump_time(surfaces)
+        if jumped:
+            return self._pass_jump(when, jumped)
         lost = self.field.surface_missed(self.t, self.x, surfaces, self.mode, self.tol)
         if lost:
             return lost
@@ -322,6 +327,44 @@ class FilippovIntegrator:
                 "nothing: "
                 "the motion stays within rounding of the surface without being held by it.",
             )
+        return Status()
+
+    def _jump_time(self, surfaces: np.ndarray) -> tuple[float, list[int]]:
+        """Return when a switch of `surfaces` jumped over zero in time, near self.t, and which did.
+
+        A ramp does at the end of its period: its surface is passed without being met. The jump is
+        bisected, at the present state, to the rounding of the time.
+        """
+        low = self.t - LOCATED * self.case.own_time
+        high = min(self.t + LOCATED * self.case.own_time, float(self.case.t[-1]))
+        sides = lambda t: self.mode * self.field.switch(t, self.x)
+        crossed = (np.abs(self.mode) == 1) & (sides(low) > 0.0) & (sides(high) < 0.0)
+        rows = [i for i in surfaces if crossed[i]]
+        if not rows:
+            return self.t, []
+        for _ in range(64):
+            middle = 0.5 * (low + high)
+            if np.all(sides(middle)[rows] > 0.0):
+                low = middle
+            else:
+                high = middle
+        band = rounding_band(self.field, self.t, self.x)
+        before = sides(low)
+        after = sides(high)
+        return high, [int(i) for i in rows if before[i] > band[i] and after[i] < -band[i]]
+
+    def _pass_jump(self, t: float, jumped: list[int]) -> Status:
+        """Cross the surfaces whose switches jumped at t, and go on from there."""
+        self.t = t
+        for i in jumped:
+            self.record_event(i, self.mode[i], -self.mode[i])
+            self.mode[i] = -self.mode[i]
+            self.signs[i] = self.mode[i]
+        near = np.abs(self.field.switch(t, self.x)) <= rounding_band(self.field, t, self.x)
+        near |= (self.mode == 0) | (self.mode == FREE)
+        if near.any():  # the fields that hold the motion on another surface have changed
+            status, self.mode, self.signs = self._choose(np.flatnonzero(near))
+            return status
         return Status()
 
     def _events_end(self) -> Status:

@@ -83,6 +83,7 @@ class ArcProblem:
     band: float | np.ndarray
     samples: np.ndarray
     data: Callable | None
+    longest_unproven: float
 
 
 def integrate_to_event(
@@ -103,6 +104,7 @@ def integrate_to_event(
     max_steps: int = 1_000_000,
     first_step: float | None = None,
     data: Callable | None = None,
+    longest_unproven: float = np.inf,
 ) -> Arc:
     """Integrate y' = rhs(t, y) from t0 to t_end or to the first event.
 
@@ -115,6 +117,7 @@ def integrate_to_event(
     error of the run; a step gets STEP_SHARE of it. data(t, y) -> sequence: the functions of the
     case that rhs and gaps are made of, written over arrays. They are called with Jets (see
     interval_taylor) to prove that nothing is missed between steps. None: nothing is proven.
+    longest_unproven: bound on steps on which nothing is proven.
     """
     problem = ArcProblem(
         rhs=rhs,
@@ -131,6 +134,7 @@ def integrate_to_event(
         band=band,
         samples=samples,
         data=data,
+        longest_unproven=longest_unproven,
     )
     with np.errstate(all="ignore"):
         return _ArcIntegrator(problem).run(max_steps, first_step)
@@ -165,7 +169,8 @@ class _ArcIntegrator:
         self.t_end = problem.t_end
         self.start_size = 1.0 + np.abs(y0).max(initial=0.0)
         self.stops = np.append(np.asarray(problem.samples, float), problem.t_end)
-        self.unproven_step = (problem.t_end - problem.t0) / UNPROVEN_PARTS
+        whole = problem.t_end - problem.t0
+        self.unproven_step = min(whole / UNPROVEN_PARTS, problem.longest_unproven)
         self.h = 0.0
         self.steps = 0
         self.samples = []
