@@ -83,6 +83,7 @@ class CatchingUp:
 
     accuracy = "h"
     default = 1e-2
+    scaled = True
     claims = Claims(state=1.0, impulse=1.0)
     expects = EXPECTS
 

@@ -75,6 +75,7 @@ class Euler:
 
     accuracy = "h"
     default = 1e-2
+    scaled = True
     claims = Claims(state=1.0, impulse=1.0)
 
     @property

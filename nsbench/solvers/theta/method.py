@@ -39,6 +39,7 @@ class Theta:
 
     accuracy = "h"
     default = 1e-2
+    scaled = True
     expects = (
         Expect(
             ("exact_at_grid",),
