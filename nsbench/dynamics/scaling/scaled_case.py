@@ -28,8 +28,8 @@ from nsbench.trajectory import Event, Trajectory
 class ScaledCase:
     """A case in its own units.
 
-    case: in these units. origin: the time at which tau = 0. time: T; state (n,): S. multiplier: a
-    multiplier of size one, in the units of the user.
+    case: in these units. origin: the time at which tau = 0. time: T; state (n,): S. multiplier,
+    gap: a multiplier and a gap, or switch, of size one, in the units of the user.
     """
 
     case: Case
@@ -37,6 +37,7 @@ class ScaledCase:
     time: float
     state: np.ndarray
     multiplier: float
+    gap: float
 
     @property
     def impulse(self) -> float:
@@ -44,8 +45,12 @@ class ScaledCase:
         return self.multiplier * self.time
 
     def accuracy(self, name: str, value: float) -> float:
-        """Return the value of an accuracy parameter (h, tol or k) in the units of the case."""
-        return {"h": value / self.time, "k": value * self.time}.get(name, value)
+        """Return the value of an accuracy parameter (h, tol or k) in the units of the case.
+
+        A penalty's multiplier is k times a gap; its weight of a side, k times a switch.
+        """
+        stiffness = self.gap / self.multiplier
+        return {"h": value / self.time, "k": value * stiffness}.get(name, value)
 
     def speaking(self):
         """Let sentences that are made within speak in the units of the user."""
@@ -114,12 +119,12 @@ def scaled_case(case: Case, scale: Scale | None = None) -> ScaledCase:
     p = case.problem
     if isinstance(p, Complementarity):
         S = np.full(case.n, S.max())
-        problem, multiplier = _gradient_system(p, t0, T, float(S[0])), S[0] / T
+        problem, multiplier, gap = _gradient_system(p, t0, T, float(S[0])), S[0] / T, S[0]
     elif isinstance(p, LCS):
-        problem, multiplier = _lcs(p, t0, T, S)
+        problem, multiplier, gap = _lcs(p, t0, T, S)
     else:
-        problem, multiplier = _filippov(p, t0, T, S), 1.0
-    out = ScaledCase(case, t0, T, S, float(multiplier))
+        problem, multiplier, gap = _filippov(p, t0, T, S), 1.0, 1.0
+    out = ScaledCase(case, t0, T, S, float(multiplier), float(gap))
     own = case.replace(
         problem=problem,
         x0=case.x0 / S,
@@ -226,8 +231,8 @@ def _filippov(p: Filippov, t0: float, T: float, S: np.ndarray) -> Filippov:
     )
 
 
-def _lcs(p: LCS, t0: float, T: float, S: np.ndarray) -> tuple[LCS, float]:
-    """Return the linear complementarity system in the units T, S and those of w and lambda."""
+def _lcs(p: LCS, t0: float, T: float, S: np.ndarray) -> tuple[LCS, float, float]:
+    """Return the linear complementarity system in the units T and S, and those of lambda and w."""
     w = power_of_two(np.abs(p.C * S).max(initial=0.0) or 1.0)
     force = np.abs(p.B / S[:, None]).max(initial=0.0)
     unit = power_of_two(1.0 / (T * force)) if force else 1.0
@@ -239,4 +244,4 @@ def _lcs(p: LCS, t0: float, T: float, S: np.ndarray) -> tuple[LCS, float]:
         _curve(p.u, t0, T, T / S),
         _curve(p.q, t0, T, 1.0 / w),
     )
-    return system, float(unit)
+    return system, float(unit), float(w)
