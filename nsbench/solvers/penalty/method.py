@@ -90,6 +90,7 @@ class Penalty:
     reach: float = 0.3
 
     accuracy = "k"
+    scaled = True
 
     @property
     def expects(self) -> tuple[Expect, ...]:
