@@ -1,8 +1,8 @@
 """Units of a case: the time and the sizes of its coordinates that all tolerances are relative to.
 
 Methods and checks work on a case in its own units (nsbench.dynamics.scaling), so that the constants
-in them mean the same in every unit. Sentences about such a run speak in the user's units: `in_units`
-makes them those of the words of `time_text` and `size_text` while it lasts.
+in them mean the same in every unit. Sentences about such a run speak in the user's units: while
+`in_units` lasts, `time_text` and its like convert.
 """
 
 from __future__ import annotations

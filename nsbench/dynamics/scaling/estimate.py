@@ -104,7 +104,7 @@ def _time(case: Case, speeds: list[np.ndarray], sizes: np.ndarray, span: float) 
 
 
 def _switch_rate(case: Case, span: float) -> float:
-    """Return the largest rate at which time alone changes a switch, as a part of what it reaches."""
+    """Return the largest rate at which time alone changes a switch, in parts of what it reaches."""
     switch = as_numpy(case.problem.switch)
     times = [float(case.t[0]) + part * span for part in LOOKS]
     c = np.array([np.atleast_1d(switch(t, case.x0.copy())) for t in times])

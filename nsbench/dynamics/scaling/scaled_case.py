@@ -2,10 +2,10 @@
 
     tau = (t - t0) / T,    y_i = x_i / S_i
 
-With dt = T dtau a field f becomes (T / S) f(t0 + T tau, S y). Of gradient systems S is one length L:
-a gap g becomes g / L, and a multiplier T / L times itself. Of linear complementarity systems w and
-lambda have units of their own. All units are powers of two: scaling rounds nothing, and one system
-in units that differ by powers of two is one system here, to the last bit.
+With dt = T dtau a field f becomes (T / S) f(t0 + T tau, S y). Of gradient systems S is one length
+L: a gap g becomes g / L, and a multiplier T / L times itself. Of linear complementarity systems w
+and lambda have units of their own. All units are powers of two: scaling rounds nothing, and one
+system in units that differ by powers of two is one system here, to the last bit.
 """
 
 from __future__ import annotations
@@ -119,11 +119,14 @@ def scaled_case(case: Case, scale: Scale | None = None) -> ScaledCase:
     p = case.problem
     if isinstance(p, Complementarity):
         S = np.full(case.n, S.max())
-        problem, multiplier, gap = _gradient_system(p, t0, T, float(S[0])), S[0] / T, S[0]
+        problem = _gradient_system(p, t0, T, float(S[0]))
+        multiplier = S[0] / T
+        gap = S[0]
     elif isinstance(p, LCS):
         problem, multiplier, gap = _lcs(p, t0, T, S)
     else:
-        problem, multiplier, gap = _filippov(p, t0, T, S), 1.0, 1.0
+        problem = _filippov(p, t0, T, S)
+        multiplier = gap = 1.0
     out = ScaledCase(case, t0, T, S, float(multiplier), float(gap))
     own = case.replace(
         problem=problem,

@@ -22,9 +22,9 @@ INSTANT = 1e-10  # part of the run that counts as one instant
 def accumulation(times: Sequence[float], span: float) -> float | None:
     """Return the time at which the events accumulate once it is all but reached, else None.
 
-    times: of the events, ascending. span: the own time of the case. The run should stop when the rest of
-    the geometric series is below REACHED of the span, or when times no longer differ beyond
-    rounding.
+    times: of the events, ascending. span: the own time of the case. The run should stop when the
+    rest of the geometric series is below REACHED of the span, or when times no longer differ
+    beyond rounding.
     """
     if len(times) <= 2 * WINDOW:
         return None
@@ -43,8 +43,8 @@ def crowded_events(
 ) -> tuple[int, float] | None:
     """Return (events, length) if so many events fell within so short a time, else None.
 
-    times: of the events. now: current time. span: the own time of the case. max_closed: most contacts that
-    were closed at once, each of which may close and open at one instant.
+    times: of the events. now: current time. span: the own time of the case. max_closed: most
+    contacts that were closed at once, each of which may close and open at one instant.
     """
     limit = MAX_EVENTS_AT_ONE_INSTANT + 2 * max_closed
     instant = INSTANT * span

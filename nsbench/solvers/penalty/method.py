@@ -235,9 +235,8 @@ def _rounding_exceeds_layer(case: Case, x0: np.ndarray, k: float) -> str:
             held[scene.gradient_entries(float(case.t[0]), x0, scene.all_static())[1]] = True
             force = k * float((rounded * held).max(initial=0.0))
             speed = float(np.abs(as_numpy(p.drift)(float(case.t[0]), x0.copy())).max(initial=0.0))
-            return (
-                f"makes forces of {force:.2g}" if force > max(case_scale(case).length, speed) else ""
-            )
+            large = force > max(case_scale(case).length, speed)
+            return f"makes forces of {force:.2g}" if large else ""
         switch = as_numpy(p.switch)
         sides = np.where(np.arange(case.n) % 2, 1.0, -1.0)
         c = lambda x: np.asarray(switch(float(case.t[0]), x), float)

@@ -97,6 +97,8 @@ class ContactIntegrator:
         self._arcs = 0
         self._longest_step = 0.0
 
+    now = property(lambda self: time_text(self.t))  # the present time in words
+
     def run(self) -> Trajectory:
         """Integrate from the start to the end, or to the first failure."""
         with np.errstate(all="ignore"):
@@ -111,7 +113,7 @@ class ContactIntegrator:
         """Choose the first active contacts and the first time scale."""
         f = self.field.drift(self.t, self.x)
         if not np.all(np.isfinite(f)):
-            return Status("nan", f"The drift is not finite at t = {time_text(self.t)}.")
+            return Status("nan", f"The drift is not finite at t = {self.now}.")
         size = self.field.length + np.abs(self.x).max()
         fastest = size / np.abs(f).max() if np.any(f) else np.inf
         self.recent_steps.append(
@@ -137,7 +139,7 @@ class ContactIntegrator:
         g = self.field.gaps(self.t, self.x, rows)
         if not np.all(np.isfinite(g)):
             contact = rows.listed.ids[int(np.argmin(np.isfinite(g)))]
-            return Status("nan", f"Constraint {contact} is not finite at t = {time_text(self.t)}.")
+            return Status("nan", f"Constraint {contact} is not finite at t = {self.now}.")
         touching = g <= self._band(rows)
         if closing >= 0:  # closed to the last digit of the time, however fast its gap changes
             touching[closing] = True
@@ -196,14 +198,13 @@ class ContactIntegrator:
         if flat:
             return Status(
                 "degenerate",
-                f"Constraint {contact}: the gradient is zero or undefined at t = "
-                f"{time_text(self.t)}, "
+                f"Constraint {contact}: the gradient is zero or undefined at t = {self.now}, "
                 "where it is active: no direction leads away from it.",
             )
         return Status(
             "infeasible",
             f"No velocity keeps constraint {contact} and those it depends on, at "
-            f"t = {time_text(self.t)}: the constraints leave no way on.",
+            f"t = {self.now}: the constraints leave no way on.",
         )
 
     def rebuild_candidates(self, entry: int = -1) -> int:
@@ -228,15 +229,12 @@ class ContactIntegrator:
         """Return a status if the run has too many events, in all or at one instant, else None."""
         if len(self.event_times) > self.options.max_events:
             return Status(
-                "chatter", f"{self.options.max_events} events happened by t = {time_text(self.t)}."
+                "chatter", f"{self.options.max_events} events happened by t = {self.now}."
             )
         crowd = crowded_events(self.event_times, self.t, self.case.own_time, self.max_closed)
         if crowd is not None:
-            return Status(
-                "chatter",
-                f"Events accumulate at t = {time_text(self.t)}: {crowd[0]} of them within "
-                f"{span_text(crowd[1], 1)}.",
-            )
+            many = f"{crowd[0]} within {span_text(crowd[1], 1)}"
+            return Status("chatter", f"Events accumulate at t = {self.now}: {many}.")
         return None
 
     def _band(self, rows: ContactRows):
@@ -331,7 +329,7 @@ class ContactIntegrator:
         """Describe a stopped arc: a stepper that stops while multipliers explode met a lock."""
         if status.code == "maxiter" and self._steps >= self.options.max_steps:
             return Status(
-                "maxiter", f"{self.options.max_steps} steps were taken by t = {time_text(self.t)}."
+                "maxiter", f"{self.options.max_steps} steps were taken by t = {self.now}."
             )
         if status.code in ("degenerate", "diverged") and len(held):
             lam = self.field.constrained_velocity(self.t, self.x, held)[1] * held.norm
@@ -339,8 +337,7 @@ class ContactIntegrator:
                 k = int(np.argmax(np.where(np.isfinite(lam), np.abs(lam), np.inf)))
                 return Status(
                     "infeasible",
-                    f"Contacts lock at t = {time_text(self.t)}: the multiplier of "
-                    f"{held.listed.ids[k]} "
+                    f"Contacts lock at t = {self.now}: the multiplier of {held.listed.ids[k]} "
                     "grows without bound.",
                 )
         return status

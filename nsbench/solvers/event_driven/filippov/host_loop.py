@@ -23,6 +23,7 @@ from nsbench.solvers.event_driven.filippov.interval_fields import interval_field
 from nsbench.solvers.event_driven.filippov.mode_search import (
     FLAT,
     ModeSearch,
+    jump_time,
     rounding_band,
     surface_names,
 )
@@ -36,7 +37,6 @@ ARC_BAND = 16.0
 TOUCH = 100.0  # tolerances of the arcs: less weight than this cannot be told from a touch
 IDLE = 1000  # events in a row that leave the mode as it is before the run is called stuck
 EVENT_DRIVEN = Resolution()  # no step, no layer: events are located
-LOCATED = 1e-9  # of the own time: within it lies an event of a switch that is not continuous
 LOST_WEIGHT = 1e3  # bound on event functions of weights: beyond, they are infinite
 
 
@@ -252,7 +252,7 @@ class FilippovIntegrator:
             armed=armed,
             band=equations.bands(self.t, self.x),
             samples=self.case.t[self.done :],
-            longest_unproven=self.case.own_time / UNPROVEN_PARTS,
+            max_unproven=self.case.own_time / UNPROVEN_PARTS,
             data=lambda t, y: self.interval_fields(t, y[:n], equations.mode),
         )
         rows = slice(self.done, self.done + len(arc.samples))
@@ -305,7 +305,7 @@ class FilippovIntegrator:
         near[surfaces] = True
         met = np.flatnonzero(near)
         self.field.check_complex_step(self.t, self.x)
-        when, jumped = self._jump_time(surfaces)
+        when, jumped = jump_time(self.field, self.t, self.x, self.mode, surfaces, self.case)
         if jumped:
             return self._pass_jump(when, jumped)
         lost = self.field.surface_missed(self.t, self.x, surfaces, self.mode, self.tol)
@@ -328,30 +328,6 @@ class FilippovIntegrator:
                 "the motion stays within rounding of the surface without being held by it.",
             )
         return Status()
-
-    def _jump_time(self, surfaces: np.ndarray) -> tuple[float, list[int]]:
-        """Return when a switch of `surfaces` jumped over zero in time, near self.t, and which did.
-
-        A ramp does at the end of its period: its surface is passed without being met. The jump is
-        bisected, at the present state, to the rounding of the time.
-        """
-        low = self.t - LOCATED * self.case.own_time
-        high = min(self.t + LOCATED * self.case.own_time, float(self.case.t[-1]))
-        sides = lambda t: self.mode * self.field.switch(t, self.x)
-        crossed = (np.abs(self.mode) == 1) & (sides(low) > 0.0) & (sides(high) < 0.0)
-        rows = [i for i in surfaces if crossed[i]]
-        if not rows:
-            return self.t, []
-        for _ in range(64):
-            middle = 0.5 * (low + high)
-            if np.all(sides(middle)[rows] > 0.0):
-                low = middle
-            else:
-                high = middle
-        band = rounding_band(self.field, self.t, self.x)
-        before = sides(low)
-        after = sides(high)
-        return high, [int(i) for i in rows if before[i] > band[i] and after[i] < -band[i]]
 
     def _pass_jump(self, t: float, jumped: list[int]) -> Status:
         """Cross the surfaces whose switches jumped at t, and go on from there."""

@@ -15,12 +15,15 @@ from itertools import product
 import numpy as np
 
 from nsbench.case.scale import time_text
+from nsbench.case import Case
 from nsbench.dynamics.filippov.vector_field import EPS, FREE, FilippovVectorField
 from nsbench.trajectory import Status
 
 # lengths of trial motions as parts of the case's own time: the first sign shown decides
 TRIALS = 10.0 ** np.arange(-7, -2)
 LONGEST_TRIAL = 1e-3  # of the run, where the shorter ones show no sign
+LOCATED = 1e-9  # of the own time: within it lies an event of a switch that is not continuous
+BISECTIONS = 64  # of that interval: to neighbouring numbers
 FLAT = 1e-7  # relative size below which a first derivative decides nothing
 SAME_MOTION = 1e-12  # relative difference of trial states below which two motions are one
 NEAR_SURFACE = 1e3  # roundings of c_i within which a point counts as on the surface
@@ -39,6 +42,33 @@ def rounding_band(
     G = field.gradients(t, x, np.arange(field.d))
     pace = np.abs(field.along(t, x, 1.0, np.zeros(x.size)))  # a surface that only time moves rounds
     return times * EPS * (np.abs(G) @ (1.0 + np.abs(x)) + pace * (1.0 + abs(t)))
+
+
+def jump_time(
+    field: FilippovVectorField, t: float, x: np.ndarray, mode: np.ndarray, surfaces, case: Case
+) -> tuple[float, list[int]]:
+    """Return when a switch of `surfaces` jumped over zero in time, near t, and which ones did.
+
+    A ramp does at the end of its period: its surface is passed without being met. The jump is
+    bisected, at the state x (n,), to the rounding of the time. mode (d,): before it.
+    """
+    low = t - LOCATED * case.own_time
+    high = min(t + LOCATED * case.own_time, float(case.t[-1]))
+    side = lambda t: mode * field.switch(t, x)
+    crossed = (np.abs(mode) == 1) & (side(low) > 0.0) & (side(high) < 0.0)
+    rows = [int(i) for i in surfaces if crossed[i]]
+    if not rows:
+        return t, []
+    for _ in range(BISECTIONS):
+        middle = 0.5 * (low + high)
+        if np.all(side(middle)[rows] > 0.0):
+            low = middle
+        else:
+            high = middle
+    band = rounding_band(field, t, x)
+    before = side(low)
+    after = side(high)
+    return high, [i for i in rows if before[i] > band[i] and after[i] < -band[i]]
 
 
 @dataclass

@@ -93,6 +93,8 @@ class LcsIntegrator:
         self.uniqueness_unknown = False
         self.inputs_at_samples = {}
 
+    now = property(lambda self: time_text(self.t))  # the present time in words
+
     def run(self) -> Trajectory:
         """Integrate to the end or to a failure; return the trajectory."""
         with np.errstate(all="ignore"):
@@ -172,11 +174,9 @@ class LcsIntegrator:
         while self.t < self.T:
             h = min(h, span, self.options.max_step)
             if self.steps >= self.options.max_steps:
-                return Status(
-                    "maxiter", f"{self.steps} steps were taken by t = {time_text(self.t)}."
-                )
+                return Status("maxiter", f"{self.steps} steps were taken by t = {self.now}.")
             if self.stalls(self.trial_steps, self.t):
-                return Status("maxiter", STALL_MESSAGE.format(time_text(self.t)))
+                return Status("maxiter", STALL_MESSAGE.format(self.now))
             X, s = flow.step(self.t, self.x, h)
             self.steps = self.steps + flow.steps
             self.trial_steps = self.trial_steps + 1
@@ -228,10 +228,9 @@ class LcsIntegrator:
     def _failure_status(self):
         """Return the status of a state or input that is not finite."""
         if np.abs(self.x).max() > 1e150:
-            return Status("diverged", f"The state passed 1e150 at t = {time_text(self.t)}.")
+            return Status("diverged", f"The state passed 1e150 at t = {self.now}.")
         return Status(
-            "nan",
-            f"The inputs u and q, or the state, are not finite after t = {time_text(self.t)}.",
+            "nan", f"The inputs u and q, or the state, are not finite after t = {self.now}."
         )
 
     def _advance(self, flow, X, F, h, armed, size):
@@ -270,16 +269,11 @@ class LcsIntegrator:
         self.event_times.append(self.t)
         ends = accumulation(self.event_times, self.case.own_time)
         if ends is not None:
-            return Status(
-                "chatter",
-                f"Events accumulate at t = {time_text(ends)}: following events cannot pass that "
-                "time.",
-            )
+            return Status("chatter", f"Events accumulate at t = {time_text(ends)}: no way on.")
         if len(self.event_times) > self.options.max_events:
             return Status(
                 "chatter",
-                f"{len(self.event_times)} events were met by t = {time_text(self.t)}; raise "
-                "max_events.",
+                f"{len(self.event_times)} events were met by t = {self.now}; raise max_events.",
             )
         old = set(self.flow.mode.rows)
         status = self._choose_rows(ZERO_BAND)
@@ -292,8 +286,7 @@ class LcsIntegrator:
         if self.idle_events > MAX_IDLE_EVENTS:
             return Status(
                 "chatter",
-                f"{MAX_IDLE_EVENTS} events up to t = {time_text(self.t)} changed nothing: lam or w "
-                "stays "
+                f"{MAX_IDLE_EVENTS} events up to t = {self.now} changed nothing: lam or w stays "
                 "within rounding of zero.",
             )
         return Status()
@@ -314,16 +307,14 @@ class LcsIntegrator:
         if not good:
             return Status(
                 "infeasible",
-                f"At t = {time_text(self.t)} no lambda continues the motion without a jump of the "
-                "state.",
+                f"At t = {self.now} no lambda continues the motion without a jump of the state.",
             )
         first, *others = (g[-1] for g in sorted(good, key=lambda g: g[:3]))
         for other in others:
             if self._motions_differ(first, other, times):
                 return Status(
                     "degenerate",
-                    f"At t = {time_text(self.t)} several motions continue (rows "
-                    f"{list(first.mode.rows)} "
+                    f"At t = {self.now} several motions continue (rows {list(first.mode.rows)} "
                     f"or "
                     f"{list(other.mode.rows)} act): the solution is not unique there.",
                 )

@@ -83,7 +83,7 @@ class ArcProblem:
     band: float | np.ndarray
     samples: np.ndarray
     data: Callable | None
-    longest_unproven: float
+    max_unproven: float
 
 
 def integrate_to_event(
@@ -104,7 +104,7 @@ def integrate_to_event(
     max_steps: int = 1_000_000,
     first_step: float | None = None,
     data: Callable | None = None,
-    longest_unproven: float = np.inf,
+    max_unproven: float = np.inf,
 ) -> Arc:
     """Integrate y' = rhs(t, y) from t0 to t_end or to the first event.
 
@@ -117,7 +117,7 @@ def integrate_to_event(
     error of the run; a step gets STEP_SHARE of it. data(t, y) -> sequence: the functions of the
     case that rhs and gaps are made of, written over arrays. They are called with Jets (see
     interval_taylor) to prove that nothing is missed between steps. None: nothing is proven.
-    longest_unproven: bound on steps on which nothing is proven.
+    max_unproven: bound on steps on which nothing is proven.
     """
     problem = ArcProblem(
         rhs=rhs,
@@ -134,7 +134,7 @@ def integrate_to_event(
         band=band,
         samples=samples,
         data=data,
-        longest_unproven=longest_unproven,
+        max_unproven=max_unproven,
     )
     with np.errstate(all="ignore"):
         return _ArcIntegrator(problem).run(max_steps, first_step)
@@ -169,8 +169,7 @@ class _ArcIntegrator:
         self.t_end = problem.t_end
         self.start_size = 1.0 + np.abs(y0).max(initial=0.0)
         self.stops = np.append(np.asarray(problem.samples, float), problem.t_end)
-        whole = problem.t_end - problem.t0
-        self.unproven_step = min(whole / UNPROVEN_PARTS, problem.longest_unproven)
+        self.unproven_step = min(problem.max_unproven, (self.t_end - self.t) / UNPROVEN_PARTS)
         self.h = 0.0
         self.steps = 0
         self.samples = []
@@ -206,7 +205,8 @@ class _ArcIntegrator:
                 if self.steps >= max_steps:
                     return self._end(
                         Status(
-                            "maxiter", f"The last of max_steps was taken by t = {time_text(self.t)}."
+                            "maxiter",
+                            f"The last of max_steps was taken by t = {time_text(self.t)}.",
                         )
                     )
                 if self.stalls(self.steps, self.t):

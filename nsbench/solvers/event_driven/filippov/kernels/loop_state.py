@@ -54,7 +54,7 @@ class Modes(NamedTuple):
 
 
 class Settings(NamedTuple):
-    """order: of the Taylor series. span: of the times that look-aheads are parts of. local_error: allowed per step.
+    """order: of the Taylor series. span: the own time of the case. local_error: allowed per step.
     longest_step, steps, events: limits of the length of a step and of the numbers of both."""
 
     order: int
