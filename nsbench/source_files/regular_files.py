@@ -26,6 +26,10 @@ class UnusableFile(ValueError):
     """Report a file that is not read; the message names it and says why."""
 
 
+class TooLong(UnusableFile):
+    """Report a file that is longer than what is read of it."""
+
+
 def exists(path: str | Path) -> bool:
     """Is there anything under this name, a link to nowhere included?"""
     try:
@@ -58,7 +62,7 @@ def open_regular(path: str | Path, most: int, folder: str | Path | None = None) 
         if not stat.S_ISREG(state.st_mode):
             raise UnusableFile(f"{path} is no regular file")
         if state.st_size > most:
-            raise UnusableFile(f"{path} is {state.st_size} bytes long; at most {most} are read")
+            raise TooLong(f"{path} is {state.st_size} bytes long; at most {most} are read")
         undo.pop_all()
     return open(number, "rb")
 
@@ -71,7 +75,7 @@ def read_bytes(path: str | Path, most: int, folder: str | Path | None = None) ->
         except OSError as e:
             raise UnusableFile(_sentence(path, e)) from None
     if len(data) > most:  # it grew, or its system does not tell how long it is
-        raise UnusableFile(f"{path} is longer than {most} bytes; no more are read")
+        raise TooLong(f"{path} is longer than {most} bytes; no more are read")
     return data
 
 
