@@ -158,8 +158,8 @@ def _check_types(path: Path, schema) -> None:
         kind = field.type.value_type if types.is_dictionary(field.type) else field.type
         if not any(is_read(kind) for is_read in read):
             raise UnusableFile(
-                f"{path}: {sanitise(field.name, 80)} is of type {sanitise(field.type, 80)}; numbers, "
-                "truth values and text are read"
+                f"{path}: {sanitise(field.name, 80)} is of type {sanitise(field.type, 80)}; "
+                "numbers, truth values and text are read"
             )
 
 
@@ -215,7 +215,7 @@ def _read_csv(path: Path) -> dict:
                     _check_cells(path, len(columns[0]), len(head))
         except (csv.Error, UnicodeDecodeError, OSError) as e:
             raise UnusableFile(f"{path} cannot be read: {e}") from e
-    if head and not set(head) >= NEEDED:
+    if head and columns[0] and not set(head) >= NEEDED:
         raise UnusableFile(f"{path} has no column case, solver or status: these are no results")
     return dict(zip(head, columns, strict=True))
 
