@@ -17,6 +17,7 @@ import nsbench
 from nsbench import reference
 from nsbench.cli import main
 from nsbench.gate import baseline, spreads
+from nsbench.gate.facts import facts
 from nsbench.report import stored_results
 from nsbench.report.data import read
 from nsbench.results import consistency
@@ -278,6 +279,13 @@ def test_a_number_of_the_notes_that_is_none_is_refused_by_name(folder, capsys, n
     for args in (["report", folder], ["gate", folder, "--baseline", "b.csv"]):
         assert main([str(a) for a in args]) == 2
         assert str(folder / name) in capsys.readouterr().err
+
+
+def test_a_length_that_is_not_known_is_that_of_a_case_without_notes(folder):
+    (folder / "cases.json").write_text(json.dumps({"tide": {"T": None}}))
+    without = facts(read(folder))
+    (folder / "cases.json").write_text("{}")
+    assert facts(read(folder)).keys() == without.keys()
 
 
 @pytest.mark.survives("spoilt results")
