@@ -76,7 +76,7 @@ def _is_certificate(value: object) -> bool:
     )
 
 
-# what the report uses of the descriptions of cases and solvers, and what it must be
+# what the report uses of the descriptions of cases, solvers and figures, and what it must be
 FIELDS: dict[str, dict[str, Callable[[object], bool]]] = {
     "cases": {
         "classes": _are_words,
@@ -86,6 +86,7 @@ FIELDS: dict[str, dict[str, Callable[[object], bool]]] = {
         "certificate": _is_certificate,
     },
     "solvers": {"claims": _are_claims, "expects": _are_expectations},
+    "extra": {"runs": lambda v: isinstance(v, list) and all(isinstance(r, dict) for r in v)},
 }
 
 

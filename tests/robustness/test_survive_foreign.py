@@ -270,6 +270,7 @@ BIG = 10**400
         ("solvers.json", '{"pbd": {"claims": {"exact": -Infinity}}}'),
         ("solvers.json", json.dumps({"pbd": {"expects": [{"when": []}]}})),
         ("env.json", json.dumps({"cores": BIG})),
+        ("extra.json", json.dumps({"talk_figure": {"runs": 1.0}})),
         ("extra.json", json.dumps({"talk_figure": {"runs": [{"dt": BIG, "x": [[0, 0]]}]}})),
     ],
 )
