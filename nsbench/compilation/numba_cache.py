@@ -77,13 +77,16 @@ def stored_kernel_faults() -> list[str]:
 def has_private_files(folder: Path) -> bool:
     """Can nobody but this user and the system's owner write to the folder, or create it?
 
-    True where owners are not known.
+    True where owners are not known; False for a folder that this user may not look at.
     """
     if not hasattr(os, "getuid"):
         return True
-    while not folder.exists():
-        folder = folder.parent
-    state = folder.stat()
+    try:
+        while not folder.exists():
+            folder = folder.parent
+        state = folder.stat()
+    except OSError:
+        return False
     return state.st_uid in (0, os.getuid()) and not (
         stat.S_IMODE(state.st_mode) & disk_cache.OTHERS_WRITE
     )

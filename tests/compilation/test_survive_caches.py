@@ -15,6 +15,7 @@ import pytest
 
 import nsbench
 from nsbench.compilation.numba_cache import has_private_files
+from nsbench.results.journal import settled
 from nsbench.trajectory import MACHINE, machine_fault
 
 CODE = """
@@ -202,6 +203,8 @@ def test_what_stored_code_raises_is_a_fault_of_the_machine(tmp_path, monkeypatch
     with pytest.raises(EOFError) as raised:
         plain(str(tmp_path), "kernel", "stamp").load("key")
     assert MACHINE in machine_fault(raised.value)
+    row = {"status": "error", "why": f"EOFError: {machine_fault(raised.value)}"}
+    assert not settled(row, None)  # the next call makes such a run again
     source = tmp_path / "helper.py"
     source.write_text("VALUE = 1.0\n")
     spec = importlib.util.spec_from_file_location("helper", source)
@@ -215,3 +218,11 @@ def test_what_stored_code_raises_is_a_fault_of_the_machine(tmp_path, monkeypatch
     with pytest.raises(EOFError) as raised:
         marshal.loads(b"")
     assert machine_fault(raised.value) == ""  # what a case does itself is its own
+
+
+def test_a_folder_that_nobody_may_look_at_is_not_private(monkeypatch, tmp_path):
+    def deny(self, **_):
+        raise PermissionError(13, "Permission denied", str(self))
+
+    monkeypatch.setattr(Path, "stat", deny)
+    assert not has_private_files(tmp_path)
