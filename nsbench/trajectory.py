@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import traceback
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -42,6 +43,15 @@ SHORT = (
     errno.ENOMEM,
     errno.EAGAIN,
 )
+
+
+# functions that read or write code which is stored on the disk, by module: what goes wrong in them
+# is a damaged file, whatever exception it ends in
+STORED_CODE = {
+    "numba.core.caching": ("_load_index", "_load_data", "_save_index", "_save_data", "rebuild"),
+    "importlib._bootstrap_external": ("_compile_bytecode",),
+    "_frozen_importlib_external": ("_compile_bytecode",),
+}
 
 
 def utf8_safe(text: str) -> str:
@@ -146,17 +156,29 @@ class Trajectory:
 
 
 def machine_fault(e: BaseException) -> str:
-    """Return the end of a sentence if files, disk or threads of the machine caused the exception,
-    however a library reports it; "" if not.
+    """Return the end of a sentence if files, disk, threads or stored code of the machine caused the
+    exception, however a library reports it; "" if not.
     """
     words = [*map(os.strerror, SHORT), "can't start new thread"]
     visited = set()
     below = e
     while below is not None and id(below) not in visited:
-        if isinstance(below, OSError) or any(w in str(below) for w in words):
+        if (
+            isinstance(below, OSError)
+            or any(w in str(below) for w in words)
+            or _reads_stored_code(below)
+        ):
             return (
                 f" ({MACHINE})" if below is e else f" ({MACHINE}: {type(below).__name__}: {below})"
             )
         visited.add(id(below))
         below = below.__cause__ or below.__context__
     return ""
+
+
+def _reads_stored_code(e: BaseException) -> bool:
+    """Was the exception raised while code that is stored on the disk was read or written?"""
+    return any(
+        frame.f_code.co_name in STORED_CODE.get(frame.f_globals.get("__name__"), ())
+        for frame, _ in traceback.walk_tb(e.__traceback__)
+    )

@@ -29,6 +29,7 @@ EXTRAS = {
 }
 # bytes: kernels, programs and the results of a standard suite take that together
 DISK_SPACE_NEEDED = 500 << 20
+MAX_LISTED = 10  # files of one kind that are not as they were written; the others are counted
 MAX_LOAD_PER_CORE = 0.5  # above it the seconds of runs are noisy
 Finding = tuple[str, str]
 
@@ -47,18 +48,27 @@ def command(args: argparse.Namespace, say: Callable[[str], None]) -> int:
 
 
 def examine() -> Iterator[Finding]:
-    """Examine the installation; yields (verdict, sentence) of every check, one by one."""
+    """Examine the installation; yields (verdict, sentence) of every check, one by one.
+
+    What a check raises, whatever it came across, is a fault with a sentence, and the next ones are
+    made.
+    """
     for check in (
         _check_python,
         _check_libraries,
         _check_plugins,
         _check_arithmetic,
         _check_folders,
+        _check_caches,
         _check_machine,
         _check_references,
         _check_solutions,
     ):
-        yield from check()
+        try:
+            yield from check()
+        except Exception as e:
+            what = check.__name__.removeprefix("_check_")
+            yield FAULT, " ".join(f"{what} cannot be examined: {type(e).__name__}: {e}".split())
 
 
 def _check_python():
@@ -161,6 +171,24 @@ def _is_writable(folder: Path) -> bool:
         return False
 
 
+def _check_caches():
+    """Look for stored machine code that is damaged: it is not run, and compiled again."""
+    from nsbench.compilation import disk_cache, numba_cache
+
+    folders = [disk_cache.user_cache_folder() / kind for kind in ("pointers", "programs")]
+    faults = {
+        "compiled kernels": numba_cache.stored_kernel_faults(),
+        "compiled programs": [f for folder in folders for f in disk_cache.faults_in(folder)],
+    }
+    for use, found in faults.items():
+        for fault in found[:MAX_LISTED]:
+            yield WARNING, f"{fault}: it is compiled again"
+        if len(found) > MAX_LISTED:
+            yield WARNING, f"{len(found) - MAX_LISTED} more files of {use} are compiled again"
+        if not found:
+            yield FINE, f"{use} are as they were written"
+
+
 def _check_machine():
     import psutil
 
@@ -178,17 +206,14 @@ def _check_machine():
 
 def _check_references():
     from nsbench.case import get_case
-    from nsbench.reference import files_of, load
+    from nsbench.reference import load
     from nsbench.study.plan import suite_cases
 
     good = 0
     for key in suite_cases("full"):
         case = get_case(key)
-        if not files_of(case)[1].exists():
-            continue
         try:
-            load(case)
-            good += 1
+            good += load(case) is not None
         except ValueError as e:
             yield FAULT, f"the stored reference of {key} cannot be used: {e}"
     yield FINE, f"{good} stored references are whole and belong to their cases"

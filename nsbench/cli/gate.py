@@ -46,11 +46,12 @@ def _update_baseline(measured, path: Path, args, say) -> int:
     from nsbench.gate import baseline, spreads
     from nsbench.gate.update import updated
     from nsbench.results.atomic_write import write_atomically
+    from nsbench.source_files.regular_files import exists
 
-    old = baseline.read(path) if path.exists() else {}
+    old = baseline.read(path) if exists(path) else {}
     reason = args.reason.strip()
     lines, changes = updated(measured, old, spreads.read(args.dir, measured), reason)
-    if changes or not path.exists():
+    if changes or not exists(path):
         write_atomically(path, baseline.text(lines).encode())
     for change in changes:
         say(change)

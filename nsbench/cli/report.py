@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from nsbench.cli.exit_codes import FINE
+from nsbench.source_files.regular_files import exists
 
 
 def command(args: argparse.Namespace, say: Callable[[str], None]) -> int:
@@ -15,7 +16,7 @@ def command(args: argparse.Namespace, say: Callable[[str], None]) -> int:
     from nsbench.results.consistency import check
 
     for folder in map(Path, args.dirs):
-        if not (folder / "runs.parquet").is_file():
+        if not exists(folder / "runs.parquet"):
             raise FileNotFoundError(f"no results in {folder}")
         check(folder)
         say(str(write_report(folder, folder / "report.html")))

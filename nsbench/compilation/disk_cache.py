@@ -14,7 +14,10 @@ import tempfile
 from collections.abc import Iterable
 from pathlib import Path
 
+from nsbench.source_files.regular_files import read_bytes
+
 FILES = 2000  # in one folder, about 300 MB of JAX programs; the oldest are deleted beyond
+MAX_FILE_BYTES = 256 << 20  # a compiled program takes less than a megabyte
 CHECKSUM = 32  # bytes before the content of a file
 OTHERS_WRITE = 0o022  # permission bits: the group or everybody may write
 
@@ -79,11 +82,29 @@ def read(folder: Path | None, name: str | None) -> bytes | None:
     if folder is None or name is None:
         return None
     try:
-        data = (folder / f"{name}.bin").read_bytes()
-    except OSError:
+        return _checked(folder / f"{name}.bin")
+    except (OSError, ValueError):
         return None
+
+
+def faults_in(folder: Path) -> list[str]:
+    """Return why files of a cache folder cannot be used, one sentence each."""
+    faults = []
+    for path in sorted(folder.glob("*.bin")):
+        try:
+            _checked(path)
+        except (OSError, ValueError) as e:
+            faults.append(str(e))
+    return faults
+
+
+def _checked(path: Path) -> bytes:
+    """Return what was written to a file. Raises OSError, and ValueError where it is damaged."""
+    data = read_bytes(path, MAX_FILE_BYTES)
     body = data[CHECKSUM:]
-    return body if hashlib.sha256(body).digest() == data[:CHECKSUM] else None
+    if hashlib.sha256(body).digest() != data[:CHECKSUM]:
+        raise ValueError(f"{path} is not as its checksum says")
+    return body
 
 
 def write(folder: Path | None, name: str | None, body: bytes) -> None:

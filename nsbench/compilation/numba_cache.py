@@ -9,7 +9,9 @@ code of those it calls and the values of global constants, so that an edit of an
 unnoticed, and old code would compute new rows. Here the stamp of every kernel holds one digest of
 all kernel files: an edit of any of them compiles all kernels anew.
 
-Both take effect when this module is imported (by nsbench.compilation.decorators, from which every
+What it stores has no checksum: nsbench.compilation.kernel_store adds them.
+
+These take effect when this module is imported (by nsbench.compilation.decorators, from which every
 kernel takes its decorator): before numba compiles anything.
 """
 
@@ -21,7 +23,7 @@ import re
 import stat
 from pathlib import Path
 
-from nsbench.compilation import disk_cache
+from nsbench.compilation import disk_cache, kernel_store
 from nsbench.source_files import file_state
 from nsbench.source_files.locations import ROOT, is_in_package
 
@@ -56,16 +58,35 @@ def kernel_digest() -> str:
     )
 
 
+def stored_kernel_faults() -> list[str]:
+    """Return which files of stored kernels of this package cannot be used, and why."""
+    from numba import config
+    from numba.core.caching import _CacheLocator
+    from numba.misc.appdirs import AppDirs
+
+    own = [config.CACHE_DIR] if config.CACHE_DIR else []
+    shared = [Path(p) for p in (*own, AppDirs("numba", appauthor=False).user_cache_dir)]
+    faults = []
+    for file in {p.parent: p for p in kernel_files()}.values():
+        name = _CacheLocator.get_suitable_cache_subpath(str(file))
+        for folder in (file.parent / "__pycache__", *(p / name for p in shared)):
+            faults += kernel_store.faults_in(folder)
+    return faults
+
+
 def has_private_files(folder: Path) -> bool:
     """Can nobody but this user and the system's owner write to the folder, or create it?
 
-    True where owners are not known.
+    True where owners are not known; False for a folder that this user may not look at.
     """
     if not hasattr(os, "getuid"):
         return True
-    while not folder.exists():
-        folder = folder.parent
-    state = folder.stat()
+    try:
+        while not folder.exists():
+            folder = folder.parent
+        state = folder.stat()
+    except OSError:
+        return False
     return state.st_uid in (0, os.getuid()) and not (
         stat.S_IMODE(state.st_mode) & disk_cache.OTHERS_WRITE
     )
@@ -108,3 +129,4 @@ def install_cache_stamps() -> None:
 
 store_privately()
 install_cache_stamps()
+kernel_store.install()

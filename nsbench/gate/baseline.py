@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from nsbench.gate.facts import KINDS, Fact
+from nsbench.source_files.regular_files import exists, read_text
 
 COLUMNS = (
     "case",
@@ -63,16 +64,9 @@ def read(path) -> dict[tuple, Line]:
     cannot be used; NaN is refused.
     """
     path = Path(path)
-    if not path.is_file():
+    if not exists(path):
         raise FileNotFoundError(f"no baseline {path}")
-    if path.stat().st_size > ENOUGH:
-        raise ValueError(
-            f"{path} is {path.stat().st_size} bytes long; a baseline has at most {ENOUGH}"
-        )
-    try:
-        text = path.read_text(encoding="utf-8")
-    except UnicodeDecodeError as e:
-        raise ValueError(f"{path} is not UTF-8: {e.reason} at byte {e.start}") from None
+    text = read_text(path, ENOUGH)
     rows = csv.reader(io.StringIO(text, newline=""), strict=True)
     out: dict[tuple, Line] = {}
     try:

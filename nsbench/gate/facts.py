@@ -18,7 +18,13 @@ import numpy as np
 from nsbench.columns import held_by_gate
 from nsbench.measure.orders.window import rounding
 from nsbench.report.data import GOOD, Data, Runs
-from nsbench.report.summary import Order, Summary, format_statuses, summarise
+from nsbench.report.summary import (
+    Order,
+    Summary,
+    format_statuses,
+    length_of_run,
+    summarise,
+)
 
 KINDS = ("near", "max", "min", "class", "count")
 UNITS = {"order": "1", "constant": "error/h^order"}
@@ -58,7 +64,7 @@ def facts(data: Data) -> dict[tuple, Fact]:
         config = configuration(data, s.runs)
         for f in (
             *_ladder(s, config),
-            *_middle(s.runs, config, data.cases.get(s.case, {}).get("T", 1.0)),
+            *_middle(s.runs, config, length_of_run(data.cases.get(s.case, {}))),
         ):
             out[f.key] = f
     return out

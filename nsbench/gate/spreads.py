@@ -9,6 +9,7 @@ import math
 from pathlib import Path
 
 from nsbench.gate.facts import Fact
+from nsbench.source_files.regular_files import exists, read_text
 
 NAME = "calibration.csv"
 ENOUGH = 10 << 20  # bytes
@@ -46,19 +47,15 @@ def read(folder, facts: dict[tuple, Fact] | None = None) -> dict[tuple, float]:
     name is none of theirs (None:
     all). FileNotFoundError where nothing was calibrated; ValueError names what cannot be read."""
     path = Path(folder) / NAME
-    if not path.is_file():
+    if not exists(path):
         raise FileNotFoundError(
             f"no {path}: tolerances come from how far numbers spread; run nsbench calibrate "
             f"{folder} first"
         )
-    if path.stat().st_size > ENOUGH:
-        raise ValueError(
-            f"{path} is {path.stat().st_size} bytes long; a calibration has at most {ENOUGH}"
-        )
+    text = read_text(path, ENOUGH, path.parent)
     try:
-        with open(path, newline="", encoding="utf-8") as file:
-            rows = list(csv.reader(file, strict=True))
-    except (csv.Error, UnicodeDecodeError) as e:
+        rows = list(csv.reader(io.StringIO(text, newline=""), strict=True))
+    except csv.Error as e:
         raise ValueError(f"{path} cannot be read: {e}") from None
     if not rows or tuple(rows[0]) != COLUMNS:
         raise ValueError(

@@ -22,10 +22,12 @@ import numpy as np
 
 from nsbench.case import Case, format_value
 from nsbench.reference.reference import Reference
+from nsbench.source_files.regular_files import exists, read_bytes
 from nsbench.trajectory import Event
 
 FORMAT = 1
 ENOUGH = 1 << 30  # bytes: a thousand samples of ten thousand discs are 160 MB
+MAX_JSON_BYTES = 64 << 20  # of a description, with its contacts and events
 BOUNDS = ("state_error", "impulse_error", "reaction_error")
 KINDS = ("stored", "certified")
 
@@ -145,19 +147,17 @@ def store(case: Case, ref: Reference, folder: str | Path | None = None) -> Path:
     return npz
 
 
-def _small_enough(npz: Path, js: Path) -> None:
-    """Raise ValueError for files, or arrays packed in them, that are far larger
+def _read_npz(path: Path) -> dict[str, np.ndarray]:
+    """Return the arrays of a file. Raises ValueError where it, or what it unpacks to, is far larger
     than any reference.
     """
-    for path in (npz, js):
-        if path.stat().st_size > ENOUGH:
-            raise ValueError(
-                f"{path.name} is {path.stat().st_size} bytes long; at most {ENOUGH} are read"
-            )
-    with zipfile.ZipFile(npz) as z:
+    data = read_bytes(path, ENOUGH)
+    with zipfile.ZipFile(io.BytesIO(data)) as z:
         size = sum(i.file_size for i in z.infolist())
     if size > ENOUGH:
-        raise ValueError(f"{npz.name} unpacks to {size} bytes; at most {ENOUGH} are read")
+        raise ValueError(f"{path.name} unpacks to {size} bytes; at most {ENOUGH} are read")
+    with np.load(io.BytesIO(data), allow_pickle=False) as z:
+        return {k: z[k] for k in z.files}
 
 
 # What reading a damaged archive or description may raise
@@ -181,7 +181,7 @@ def load(case: Case, folder: str | Path | None = None) -> Reference | None:
     Raises BadReference if it is broken, or belongs to another version of the case.
     """
     npz, js = files_of(case, folder)
-    if not npz.exists() and not js.exists():
+    if not exists(npz) and not exists(js):
         return None
     meta, arrays = _read_checked(npz, js)
     wrong = _differing_parts(case, meta, arrays)
@@ -220,10 +220,8 @@ def load(case: Case, folder: str | Path | None = None) -> Reference | None:
 def _read_checked(npz: Path, js: Path) -> tuple[dict, dict]:
     """Read description and arrays; raise BadReference if they are damaged or were edited."""
     try:
-        _small_enough(npz, js)
-        meta = json.loads(js.read_bytes())
-        with np.load(io.BytesIO(npz.read_bytes()), allow_pickle=False) as z:
-            arrays = {k: z[k] for k in z.files}
+        meta = json.loads(read_bytes(js, MAX_JSON_BYTES))
+        arrays = _read_npz(npz)
         dict(meta["fingerprint"])
         stated = meta["checksum"]
         computed = _checksum(arrays, meta)

@@ -6,7 +6,6 @@ extra.json, figures/scene_*.svg), several folders, a Study, a DataFrame, or dict
 
 from __future__ import annotations
 
-import json
 import math
 import re
 from dataclasses import dataclass, field
@@ -15,22 +14,11 @@ from pathlib import Path
 import numpy as np
 
 from nsbench.columns import by_name, describe, names
+from nsbench.report.stored_results import read_notes, read_scene, read_table, scene_files
 from nsbench.report.style import LEADING_METHOD, file_stem, method_of, sanitise
-from nsbench.results.journal import SCHEMA
-from nsbench.results.tables import text_of
 
 # of single steps, against the exact multiplier at that time
 LABELS = ("lam_at_start", "lam_at_mid", "lam_at_end", "lam_mean")
-# types of the fields that the report uses in the descriptions of cases and solvers
-DESCRIPTION_TYPES = {
-    "cases": {"classes": list, "T": (int, float), "families": (list, str), "certificate": dict},
-    "solvers": {"claims": dict, "expects": list},
-}
-# bytes of a table, and of a JSON file with it: more than a million rows take
-MAX_TABLE_BYTES = 4 << 30
-MAX_JSON_BYTES = 64 << 20
-MAX_SCENE_BYTES = 400_000  # a page of 25 scenes stays below 10 MB
-PANDAS_INDEX = "__index_level_"  # columns that pandas adds for an index: no results
 MIN_VIOLATION = 1e-9  # far above rounding, far below any use
 GOOD = ("ok", "below_reference")  # statuses whose errors are numbers
 
@@ -150,10 +138,11 @@ def read(study: object) -> Data:
 
 
 def _folder(folder: Path) -> Data:
+    path, columns = read_table(folder)
     return build(
-        _table(folder),
-        *(_json(folder / f"{name}.json") for name in ("cases", "solvers", "env", "extra")),
-        {p.stem: p for p in sorted((folder / "figures").glob("scene_*.svg"))},
+        columns_of(columns, str(path)),
+        *(read_notes(folder / f"{name}.json") for name in ("cases", "solvers", "env", "extra")),
+        scene_files(folder),
     )
 
 
@@ -180,99 +169,17 @@ def _joined(parts: list, sizes: list[int]) -> np.ndarray:
     return np.array([w for part in words for w in part], dtype=object)
 
 
-def _table(folder: Path) -> dict:
-    """Columns of DIR/runs.parquet, or of runs.csv where only that exists."""
-    path = folder / "runs.parquet"
-    if path.is_file():
-        import pyarrow
-        import pyarrow.parquet
-
-        _check_size(path, MAX_TABLE_BYTES)
-        try:
-            # opened here: the library cannot open a name that the locale cannot encode
-            with open(path, "rb") as file:
-                table = pyarrow.parquet.read_table(file, page_checksum_verification=True)
-        except (OSError, ValueError, pyarrow.ArrowException, MemoryError) as e:
-            raise ValueError(f"{path} cannot be read: {e}") from e
-        metadata = table.schema.metadata or {}
-        _check_schema(path, metadata.get(b"nsbench_schema", b"").decode("ascii", "replace"))
-        return columns_of(
-            {
-                n: table[n].to_numpy()
-                if pyarrow.types.is_float64(table[n].type)
-                else table[n].to_pylist()
-                for n in table.column_names
-                if not n.startswith(PANDAS_INDEX)
-            }
-        )
-    path = folder / "runs.csv"
-    if path.is_file():
-        import csv
-
-        _check_size(path, MAX_TABLE_BYTES)
-        try:
-            with open(path, newline="", encoding="utf-8") as file:
-                rows = [
-                    {text_of(k): text_of(v) for k, v in r.items()}
-                    for r in csv.DictReader(file, strict=True)
-                ]
-        except (csv.Error, UnicodeDecodeError) as e:
-            raise ValueError(f"{path} cannot be read: {e}") from e
-        if rows and not {"case", "solver", "status"} <= set(rows[0]):
-            raise ValueError(f"{path} has no column case, solver or status: these are no results")
-        return columns_of(rows)
-    raise FileNotFoundError(f"{folder} holds no runs.parquet and no runs.csv")
-
-
-def _check_size(path: Path, most: int) -> None:
-    """Refuse a file of more than `most` bytes."""
-    if path.stat().st_size > most:
-        raise ValueError(f"{path} is {path.stat().st_size} bytes long; at most {most} are read")
-
-
-def _check_schema(path: Path, found: object) -> None:
-    """Refuse a file of another schema; files without one are read."""
-    if str(found) not in ("", str(SCHEMA)):
-        raise ValueError(
-            f"{path} is of schema {sanitise(found, 40)}; this version of nsbench reads {SCHEMA}: "
-            "run the study again"
-        )
-
-
-def _json(path: Path) -> dict:
-    """Contents of a JSON file with the types that the report relies on; {} if it is missing."""
-    if not path.is_file():
-        return {}
-    _check_size(path, MAX_JSON_BYTES)
-    try:
-        value = json.loads(path.read_text(encoding="utf-8"))
-    except (ValueError, OSError, RecursionError) as e:
-        raise ValueError(f"{path} cannot be read: {e}") from e
-    if not isinstance(value, dict):
-        raise ValueError(f"{path} holds a {type(value).__name__}; an object is needed")
-    if path.name == "env.json":
-        _check_schema(path, value.get("schema", ""))
-    for name, notes in value.items():
-        for what, kinds in DESCRIPTION_TYPES.get(path.stem, {}).items():
-            found = notes.get(what) if isinstance(notes, dict) else None
-            if found is not None and (
-                not isinstance(found, kinds)
-                or isinstance(found, bool)
-                or (what == "expects" and not all(isinstance(e, dict) for e in found))
-            ):
-                raise ValueError(
-                    f"{path}: {what} of {sanitise(name, 80)} is {sanitise(found, 80)!r}; that is "
-                    "no such note"
-                )
-    return value
-
-
 def _number(value) -> float:
-    """A value as a float; true is 1, false is 0, and NaN stands for all that is no number."""
+    """A value as a float; true is 1, false is 0, and NaN stands for all that is no number.
+
+    A whole number beyond all floats is infinite.
+    """
     if isinstance(value, str):
         value = {"true": 1.0, "false": 0.0}.get(value.lower(), value)
     try:
         return float(value)
+    except OverflowError:
+        return math.inf if value > 0 else -math.inf
     except (TypeError, ValueError):
         return math.nan
 
@@ -282,12 +189,13 @@ def _word(value) -> str:
     return "" if value is None or value != value else sanitise(value)
 
 
-def columns_of(rows: object) -> dict:
+def columns_of(rows: object, source: str = "the rows") -> dict:
     """Convert dict rows, a DataFrame or a dict of columns to arrays of all columns.
 
     Missing values are NaN or "". Columns that are not in nsbench.columns are included: they hold
     numbers if all their values read as such, else words. Seconds of runs on shared workers are set
-    to NaN, so that nothing compares them.
+    to NaN, so that nothing compares them. Raises ValueError, which names the source, for a count
+    or flag that is infinite.
     """
     if hasattr(rows, "columns"):
         rows = {name: rows[name].tolist() for name in rows.columns}
@@ -308,7 +216,19 @@ def columns_of(rows: object) -> dict:
     for name in names("clock"):
         if known[name].is_number and name != "shared":
             out[name][out["shared"] == 1.0] = math.nan
+    _check_counts(out, source)
     return out
+
+
+def _check_counts(columns: dict, source: str) -> None:
+    """Refuse counts and flags that are infinite: they are written as whole numbers."""
+    for name, column in by_name().items():
+        if column.kind in ("count", "flag") and (wrong := np.isinf(columns[name])).any():
+            at = int(np.argmax(wrong))
+            raise ValueError(
+                f"{source}: {name} of {columns['solver'][at]} on {columns['case'][at]} is "
+                f"{columns[name][at]:g}; a {column.kind} is finite"
+            )
 
 
 def _words(name: str, values, size: int) -> np.ndarray:
@@ -394,6 +314,7 @@ def _pictures(runs: dict, cases: dict, files: dict) -> dict:
             "scene_" + re.sub(r"[^A-Za-z0-9_.-]+", "_", case).strip("_"),
         )
         path = next((files[s] for s in stems if s in files), None)
-        if path is not None and path.stat().st_size < MAX_SCENE_BYTES:
-            out[case] = path.read_text(encoding="utf-8")
+        scene = None if path is None else read_scene(path)
+        if scene is not None:
+            out[case] = scene
     return out

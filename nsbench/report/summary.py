@@ -96,7 +96,7 @@ def summarise(data: Data) -> dict[tuple[str, str], Summary]:
         force = "reaction" if case in nonunique else "impulse"
         statuses = Counter(runs.col["status"].tolist())
         fit = functools.partial(
-            fit_order, span=_span(data.cases.get(case, {})) * claims.get("rounding", 1.0)
+            fit_order, span=length_of_run(data.cases.get(case, {})) * claims.get("rounding", 1.0)
         )
         out[case, solver] = Summary(
             runs,
@@ -109,8 +109,11 @@ def summarise(data: Data) -> dict[tuple[str, str], Summary]:
     return out
 
 
-def _span(known: dict) -> float:
-    """The length of the run, which bounds how much rounding accumulates; 1 if it is not stored."""
+def length_of_run(known: dict) -> float:
+    """Return the length of time of a case from its stored description; 1 if it is not stored.
+
+    It bounds how much rounding accumulates.
+    """
     span = known.get("T")
     return (
         float(span) if isinstance(span, (int, float)) and math.isfinite(span) and span > 0 else 1.0

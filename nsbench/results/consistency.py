@@ -8,25 +8,34 @@ tables), without the key file or with one of an older version are accepted as th
 
 from __future__ import annotations
 
+import hashlib
 import os
 from pathlib import Path
 
 from nsbench.results.atomic_write import StoreError, write_atomically
-from nsbench.source_files.file_state import content_digest
+from nsbench.source_files.regular_files import exists, open_regular, read_bytes
 
 FILES = ("runs.parquet", "runs.csv", "cases.json", "solvers.json", "extra.json", "env.json")
 KEY_FILE = ".report.key"
 JOURNAL = "journal.jsonl"
+MAX_KEY_BYTES = 1 << 20  # of the key file, which has some lines
+MAX_TABLE_BYTES = 2 << 30  # of a table: a million rows take half of it
 
 
 def mark_stale(folder: Path) -> None:
     """Record that the tables in the folder, if any, are not those of its journal, until
     `mark_consistent`. Works on a full disk. Raises StoreError."""
     key_file = folder / KEY_FILE
-    if key_file.exists() or any((folder / name).exists() for name in FILES[:2]):
+    if exists(key_file) or any(exists(folder / name) for name in FILES[:2]):
+        # not through a link, and without waiting for the other end of what is no file
+        flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC
+        flags |= getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
         try:
-            with open(key_file, "wb") as file:
-                os.fsync(file.fileno())
+            number = os.open(key_file, flags, 0o666)
+            try:
+                os.fsync(number)
+            finally:
+                os.close(number)
         except OSError as e:
             raise StoreError(f"cannot write {key_file}: {e.strerror}") from None
 
@@ -52,24 +61,32 @@ def mark_consistent(folder: Path, rows: str, tables: dict[str, str]) -> None:
 
 def is_consistent(folder: Path, rows: str) -> bool:
     """Are the files there, whole, and of these rows?"""
-    lines = _key_lines(folder)
-    return lines[:1] == [rows] and len(lines) > 1 and not _inconsistency(folder, lines)
+    try:
+        lines = _key_lines(folder)
+        return lines[:1] == [rows] and len(lines) > 1 and not _inconsistency(folder, lines)
+    except (OSError, ValueError):  # what cannot be read is written anew
+        return False
 
 
 def is_unmodified(folder: Path, name: str) -> bool:
     """Is the file there, and, as far as is known, as it was written?"""
-    return (folder / name).is_file() and all(
-        line == f"{name} {_digest(folder / name)}"
-        for line in _key_lines(folder)
-        if line.startswith(f"{name} ")
-    )
+    try:
+        return (folder / name).is_file() and all(
+            line == f"{name} {_digest(folder / name)}"
+            for line in _key_lines(folder)
+            if line.startswith(f"{name} ")
+        )
+    except (OSError, ValueError):
+        return False
 
 
 def check(folder: str | Path) -> None:
     """Raise ValueError, naming the file, for tables that are not those of the folder's journal."""
     folder = Path(folder)
+    if not exists(folder / JOURNAL) or not exists(folder / KEY_FILE):
+        return
     lines = _key_lines(folder)
-    if not (folder / JOURNAL).is_file() or not (folder / KEY_FILE).is_file() or len(lines) == 1:
+    if len(lines) == 1:
         return
     if not lines:
         raise ValueError(
@@ -83,22 +100,23 @@ def check(folder: str | Path) -> None:
 
 def _inconsistency(folder: Path, lines: list[str]) -> str:
     """Return which file is not as the lines of the key file say; "" if all are."""
-    for name, what in (line.rsplit(" ", 1) for line in lines[1:]):
+    for name, _, what in (line.rpartition(" ") for line in lines[1:]):
         if name == JOURNAL and what != str(_length(folder)):
             return (
                 f"the tables in {folder} are not those of its journal, to which a later run "
                 f"has written"
             )
-        if name != JOURNAL and what != _digest(folder / name):
+        if name != JOURNAL and (name not in FILES or what != _digest(folder / name)):
             return f"{folder / name} is not as it was written"
     return ""
 
 
 def _key_lines(folder: Path) -> list[str]:
-    try:
-        return (folder / KEY_FILE).read_text(encoding="utf-8", errors="replace").splitlines()
-    except OSError:
+    """Return the lines of the key file, none where there is no such file. Raises ValueError."""
+    if not exists(folder / KEY_FILE):
         return []
+    data = read_bytes(folder / KEY_FILE, MAX_KEY_BYTES, folder)
+    return data.decode("utf-8", "replace").splitlines()
 
 
 def _length(folder: Path) -> int:
@@ -107,5 +125,8 @@ def _length(folder: Path) -> int:
 
 
 def _digest(path: Path) -> str:
-    """Return the digest of a file's content; "" where there is no file."""
-    return content_digest(path) if path.is_file() else ""
+    """Return the digest of a file's content; "" where there is no file. Raises ValueError."""
+    if not exists(path):
+        return ""
+    with open_regular(path, MAX_TABLE_BYTES, path.parent) as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from nsbench.results.atomic_write import StoreError, sync_folder
+from nsbench.source_files.regular_files import exists, open_regular
 from nsbench.trajectory import MACHINE, utf8_safe
 
 if TYPE_CHECKING:
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 
 SCHEMA = 1
 BLOCK = 1 << 20  # bytes that are read at a time
+MAX_BYTES = 16 << 30  # of a journal: ten million rows take less
 LONGEST = 16 << 20  # bytes of a line: the parts of one key take some ten thousand
 PIECES = re.compile(rb"[^\0\n]+|\0+|\n")
 INT64 = 1 << 63  # whole numbers of a table are below this
@@ -67,8 +69,12 @@ def clean(row: dict) -> dict:
 
 
 def restore(row: dict) -> dict:
-    """Return the row whose cleaned form (`clean`) this is."""
+    """Return the row whose cleaned form (`clean`) this is. Raises ValueError for a whole number
+    that no cleaned form has."""
     numbers = {"inf": math.inf, "-inf": -math.inf}
+    for k, v in row.items():
+        if isinstance(v, int) and not -INT64 <= v < INT64:
+            raise ValueError(f"{k} is beyond 64 bits")
     return {
         utf8_safe(k): math.nan
         if v is None
@@ -230,11 +236,11 @@ def _lines(path: Path):
     """Yield (number from 1, bytes) of the lines of a file, read a block at a time.
 
     Blocks of zeros, which a loss of power leaves, end the line that they are in. Raises ValueError
-    for a line that is longer than any of a journal.
+    for a line that is longer than any of a journal, and for what is no regular file in its folder.
     """
     number = 1
     line = b""
-    with open(path, "rb") as file:
+    with open_regular(path, MAX_BYTES, path.parent) as file:
         while block := file.read(BLOCK):
             for part in PIECES.findall(block):
                 if part[:1] not in b"\0\n":
@@ -255,7 +261,7 @@ def _lines(path: Path):
 
 def entries(path: Path) -> Iterator[tuple[int, dict | None]]:
     """Yield (number of the line from 1, entry, or None where it cannot be read) of a journal."""
-    if not path.exists():
+    if not exists(path):
         return
     for number, text in _lines(path):
         line = text.strip()
@@ -280,7 +286,7 @@ def read_journal(
         try:
             if entry["schema"] == SCHEMA and "part" not in entry:
                 out[entry["key"]] = restore(entry["row"])
-        except (KeyError, TypeError, AttributeError):
+        except (KeyError, TypeError, AttributeError, ValueError):
             unreadable.append(number)
     return out
 

@@ -5,5 +5,6 @@ package            the files of this package and one digest of them all
 user_imports       what a user's case or solver file imports, by its syntax tree
 opened_files       files that Python opens while such a file is loaded or run
 environment_reads  environment variables that such a file looks up
+regular_files      opening files that others may have made
 file_state         signature and digest of every file that was read
 """

@@ -10,6 +10,9 @@ import numpy as np
 from nsbench import solvers
 from nsbench.case import Case, get_case
 from nsbench.compilation import disk_cache
+from nsbench.source_files.regular_files import read_bytes
+
+MAX_BYTES = 1 << 30  # of a case file or a stored reference
 
 
 def describe_case(case: Case) -> dict:
@@ -53,7 +56,7 @@ def _stored(case: Case) -> list:
 
 def _contents(paths) -> list[bytes]:
     """Return the contents of the files, with one line ending on all systems."""
-    return [Path(p).read_bytes().replace(b"\r\n", b"\n") for p in paths if p]
+    return [read_bytes(p, MAX_BYTES).replace(b"\r\n", b"\n") for p in paths if p]
 
 
 def _digest(*chunks: bytes) -> str:

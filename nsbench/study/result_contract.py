@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import contextlib
 import numbers
+import sys
 
 import numpy as np
 
 from nsbench.case import Case
+from nsbench.columns import by_name
 from nsbench.dynamics.contacts.constraint_set import ConstraintSet
 from nsbench.dynamics.contacts.tolerances import violates
 from nsbench.problem import Complementarity
@@ -58,6 +60,11 @@ def contract_violation(case: Case, traj: object, accuracy: str = "", asked: floa
             f"The solver returned stats with {len(traj.stats)} entries; at most {MAX_STATS} "
             f"become columns."
         )
+    if infinite := _infinite_counts(traj.stats):
+        return (
+            f"The solver returned stats with infinite {', '.join(infinite)}; what is counted is "
+            "finite."
+        )
     if not traj.status.ok:
         return ""
     if not np.array_equal(traj.t, case.t):
@@ -71,6 +78,16 @@ def contract_violation(case: Case, traj: object, accuracy: str = "", asked: floa
         or _start(case, traj.x[0])
         or (_steps(case, traj.stats, asked) if accuracy == "h" else "")
     )
+
+
+def _infinite_counts(stats: dict) -> list[str]:
+    """Return the names of counts that no float holds."""
+    infinite = []
+    for name, column in by_name().items():
+        value = stats.get(name) if column.kind in ("count", "flag") else None
+        if isinstance(value, (int, float, np.floating)) and not abs(value) <= sys.float_info.max:
+            infinite += [name] if value == value else []
+    return infinite
 
 
 def _arrays(case: Case, traj: Trajectory) -> str:

@@ -1,5 +1,7 @@
 """What a solver returns is checked, and never stands for what the bench measures."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from still_solver import solver
@@ -76,6 +78,18 @@ def test_a_row_that_says_ok_and_has_not_reached_its_end_is_an_error(change, word
     assert contract_violation(case, good) == "" and word in contract_violation(
         case, Trajectory(**parts)
     )
+
+
+@pytest.mark.survives("ok is finite")
+@pytest.mark.parametrize("value", [np.inf, -np.inf, np.float64(np.inf), 10**400])
+def test_a_count_that_is_infinite_is_an_error(value):
+    """The report writes counts as whole numbers."""
+    case = nsbench.get_case("tide")
+    good = nsbench.solve(case, "pbd", h=0.05)
+    counted = replace(good, stats=good.stats | {"drift_calls": value})
+    assert "drift_calls" in contract_violation(case, counted)
+    unknown = replace(good, stats=good.stats | {"drift_calls": np.nan})
+    assert contract_violation(case, unknown) == ""
 
 
 @pytest.mark.survives("closed list")

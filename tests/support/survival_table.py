@@ -197,6 +197,16 @@ ENTRIES = [
             "Names with markup, formulas, escapes, paths, line breaks, 300 characters",
             "E, or text and nothing else",
         ),
+        (
+            "damaged cache",
+            "Stored machine code that is cut short, damaged or cannot be read",
+            "compiled again",
+        ),
+        (
+            "no plain file",
+            "Links out of a results folder, devices and FIFOs in the place of its files",
+            "E, naming the file",
+        ),
         ("no pickle", "A pickle where data is expected", "never read"),
         (
             "same name",

@@ -35,14 +35,18 @@ def clean_points(
 ) -> tuple[np.ndarray, np.ndarray, dict[str, int]]:
     """Sort the points by step, drop what is not finite, and reduce them to one per step.
 
-    h, err (k,). Returns h, err, and the counts of what was dropped, by reason. Raises ValueError if
-    the numbers of steps and errors differ.
+    h, err (k,). A number whose square, or that of whose reciprocal for a step, is infinite counts
+    as not finite: least squares and quotients of steps cannot hold it. Returns h, err, and the
+    counts of what was dropped, by reason. Raises ValueError if the numbers of steps and errors
+    differ.
     """
     h = np.asarray(h, float).ravel()
     err = np.abs(np.asarray(err, float).ravel())
     if h.shape != err.shape:
         raise ValueError(f"{h.size} steps and {err.size} errors")
-    good = np.isfinite(h) & (h > 0) & np.isfinite(err)
+    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
+        good = (h > 0) & np.isfinite(np.square(h)) & np.isfinite(np.square(1.0 / h))
+        good &= np.isfinite(np.square(err))
     h = h[good]
     err = err[good]
     bad = int((~good).sum())
