@@ -14,6 +14,7 @@ def command(args: argparse.Namespace, say: Callable[[str], None]) -> int:
     from nsbench.gate import baseline
     from nsbench.gate.comparison import compare, exit_code, format_lines, format_summary
     from nsbench.gate.facts import facts
+    from nsbench.gate.tolerances import format_tolerances, widest_by_method
     from nsbench.report.data import read
     from nsbench.results.consistency import check
     from nsbench.results.tables import FORMULA
@@ -31,8 +32,11 @@ def command(args: argparse.Namespace, say: Callable[[str], None]) -> int:
     path = Path(args.baseline)
     if args.update:
         return _update_baseline(measured, path, args, say)
-    findings = compare(measured, baseline.read(path))
+    lines = baseline.read(path)
+    findings = compare(measured, lines)
     code = exit_code(findings)
+    for line in format_tolerances(widest_by_method(measured, lines)):
+        say(line)
     for line in format_lines(findings):
         say(line)
     if args.summary:

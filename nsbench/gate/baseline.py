@@ -6,6 +6,7 @@ import csv
 import io
 import math
 from dataclasses import dataclass, replace
+from decimal import ROUND_DOWN, Context
 from pathlib import Path
 
 from nsbench.gate.facts import KINDS, Fact
@@ -27,6 +28,8 @@ COLUMNS = (
 ENOUGH = 10 << 20  # bytes: a larger file is no baseline
 LEAST = 1e-6  # relative tolerance of a number that does not spread: other libraries round otherwise
 WIDER = 10.0  # tolerance over spread: three perturbed runs see a part of what rounding can do
+MOST = 10.0  # times the claim of a method: a tolerance that lets such an error pass holds nothing
+TWO_DIGITS = Context(prec=2, rounding=ROUND_DOWN)  # of a tolerance: it stays below its limit
 GATEABLE = 1e-2  # spread beyond which a number says nothing
 # value of a word that is not held; a number that is not held has the relative tolerance inf
 ANY = "*"
@@ -147,23 +150,58 @@ def line(fact: Fact, spread: float, why: str) -> Line:
     """Make the line of a fact whose runs from starts 1e-12 apart differ by `spread` (inf: one of
     them failed or said another word).
 
-    near: ten times the spread, relative to the value. max: ten times the value, at least the floor:
-    what lies below a floor is held below it. count: exact where nothing was seen to change. What
-    spreads by more than a hundredth is not held: it is only reported, and it must still be there
-    and be finite.
+    near: ten times the spread, relative to the value. max: up to ten times the value or the spread,
+    at least up to the floor: what lies below a floor is held below it. count: exact where nothing
+    was seen to change. What spreads by more than a hundredth is not held, nor is what could grow to
+    more than ten times the claim of its method: it is only reported, and it must still be there and
+    be finite.
     """
     if fact.kind == "class":
         return _made(fact, ANY if spread else fact.value, 0.0, 0.0, why)
-    if fact.kind == "max":
-        return _made(
-            fact, fact.value, 0.0, max(WIDER * (abs(fact.value) + spread), fact.floor), why
-        )
     relative = spread / abs(fact.value) if fact.value else math.inf if spread else 0.0
-    if relative > GATEABLE:
-        return _made(fact, fact.value, math.inf, 0.0, why)
     if fact.kind == "count":
-        return _made(fact, fact.value, WIDER * relative, 0.0, why)
-    return _made(fact, fact.value, max(WIDER * relative, LEAST), fact.floor, why)
+        held = relative <= GATEABLE
+        return _made(fact, fact.value, WIDER * relative if held else math.inf, 0.0, why)
+    if fact.kind == "near":
+        made = _made(fact, fact.value, max(WIDER * relative, LEAST), fact.floor, why)
+    else:
+        made = _made(fact, fact.value, 0.0, _room_above(fact, spread), why)
+    if relative > GATEABLE and fact.kind == "near" or is_blind(made, fact):
+        return _made(fact, fact.value, math.inf, 0.0, why)
+    return made
+
+
+def _room_above(fact: Fact, spread: float) -> float:
+    """How far above its value a number may lie that is held from above, in two digits."""
+    size = abs(fact.value)
+    limit = max(WIDER * max(size, spread), fact.floor)
+    return float(TWO_DIGITS.create_decimal_from_float(max(limit - size, 0.0)))
+
+
+def times_claim(line: Line, fact: Fact) -> float:
+    """Return what a line lets pass over the claim of its fact; 0 where it holds no number.
+
+    near: the tolerance over the claim, or over the value where that is larger (an error that breaks
+    the claim is held near itself). max: the largest error that passes over the claim.
+    """
+    if not line.held or line.kind not in ("near", "max") or isinstance(line.value, str):
+        return 0.0
+    size = abs(line.value)
+    room = line.atol + line.rtol * size
+    claim = fact.claim or max(size, fact.floor)
+    passes = room
+    if line.kind == "near":
+        claim = max(claim, size)
+    else:
+        passes = size + room
+    if not passes:
+        return 0.0
+    return passes / claim if claim else math.inf
+
+
+def is_blind(line: Line, fact: Fact) -> bool:
+    """Does a line let an error pass that is more than ten times the claim of its method?"""
+    return times_claim(line, fact) > MOST * (1 + 1e-9)  # a quotient is rounded
 
 
 def _made(fact: Fact, value, rtol: float, atol: float, why: str) -> Line:

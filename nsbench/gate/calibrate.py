@@ -13,8 +13,9 @@ from pathlib import Path
 from nsbench import study
 from nsbench.execute.workers.pool import run_all
 from nsbench.gate import spreads
-from nsbench.gate.baseline import GATEABLE, line
+from nsbench.gate.baseline import line
 from nsbench.gate.facts import facts
+from nsbench.gate.tolerances import format_tolerances, why_not_held, widest_by_method
 from nsbench.report.data import Data, build, columns_of, read
 from nsbench.results import run_key
 from nsbench.results.atomic_write import write_atomically
@@ -49,11 +50,14 @@ def calibrate(folder: Path, args, say) -> int:
     first = facts(data)
     found = spreads.spreads(first, others)
     write_atomically(folder / spreads.NAME, spreads.text(found, first).encode())
-    loose = [key for key, fact in first.items() if not line(fact, found[key], "").held]
+    lines = {key: line(fact, found[key], "") for key, fact in first.items()}
+    loose = [key for key, made in lines.items() if not made.held]
     for key in loose:
-        say(f"not to be held: {' '.join(key)}")
+        say(f"not to be held: {why_not_held(first[key], lines[key], found[key])}")
+    for sentence in format_tolerances(widest_by_method(first, lines)):
+        say(sentence)
     say(
-        f"{len(first)} numbers, {len(loose)} of them spread by more than {100 * GATEABLE:g} %: "
+        f"{len(first)} numbers, {len(loose)} of them spread too far to be held: "
         f"{folder / spreads.NAME}"
     )
     return 0

@@ -16,15 +16,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from nsbench.columns import held_by_gate
-from nsbench.measure.orders.window import rounding
+from nsbench.columns.column import Column
+from nsbench.measure.orders.window import TOLERANCE, left_open, rounding
+from nsbench.report.claims import claimed, rounding_span, run_length
 from nsbench.report.data import GOOD, Data, Runs
-from nsbench.report.summary import (
-    Order,
-    Summary,
-    format_statuses,
-    length_of_run,
-    summarise,
-)
+from nsbench.report.summary import Order, Summary, format_statuses, summarise
 
 KINDS = ("near", "max", "min", "class", "count")
 UNITS = {"order": "1", "constant": "error/h^order"}
@@ -39,7 +35,9 @@ class Fact:
     parameters: the accuracy of one run such as ``h=0.00125``, or ``ladder`` for what the whole
     ladder says. kind: how it is compared (near: within its tolerances of a value; max, min: not
     beyond it; class: the same word; count: the same number). floor: below it a value says nothing.
-    config: words ``what=digest`` of all that may change it but is no code.
+    config: words ``what=digest`` of all that may change it but is no code. claim: the error that
+    the method claims here, or, where it claims none, up to which a value is held from above alone;
+    0: the floor.
     """
 
     case: str
@@ -51,6 +49,7 @@ class Fact:
     unit: str
     config: str
     floor: float = 0.0
+    claim: float = 0.0
 
     @property
     def key(self) -> tuple[str, str, str, str]:
@@ -62,10 +61,7 @@ def facts(data: Data) -> dict[tuple, Fact]:
     out = {}
     for s in summarise(data).values():
         config = configuration(data, s.runs)
-        for f in (
-            *_ladder(s, config),
-            *_middle(s.runs, config, length_of_run(data.cases.get(s.case, {}))),
-        ):
+        for f in (*_ladder(s, config), *_middle(data, s.runs, config)):
             out[f.key] = f
     return out
 
@@ -126,22 +122,18 @@ def _verdict(order: Order) -> str:
     return order.verdict or order.kind
 
 
-def _middle(runs: Runs, config: str, span: float):
-    """Errors, residuals and work of the run in the middle of the ladder, by what was asked for.
-
-    Errors that the reference cannot tell, or that rounding over `span` can make, are held from
-    above alone.
-    """
+def _middle(data: Data, runs: Runs, config: str):
+    """Errors, residuals and work of the run in the middle of the ladder, by what was asked for."""
     asked = np.where(np.isfinite(runs.col["asked"]), runs.col["asked"], np.inf)
     if not np.isfinite(asked).any():
         return
     at = int(np.argsort(asked, kind="stable")[np.isfinite(asked).sum() // 2])
     parameters = f"{runs.accuracy}={asked[at]:.6g}"
 
-    def fact(
-        metric: str, kind: str, value: str | float, unit: str = "", floor: float = 0.0
-    ) -> Fact:
-        return Fact(runs.case, runs.solver, parameters, metric, kind, value, unit, config, floor)
+    def fact(metric: str, kind: str, value: str | float, *levels: float) -> Fact:
+        return Fact(
+            runs.case, runs.solver, parameters, metric, kind, value, "", config, *levels
+        )
 
     yield fact("status", "class", "ok" if runs.good[at] else str(runs.col["status"][at]))
     if not runs.good[at]:
@@ -155,12 +147,51 @@ def _middle(runs: Runs, config: str, span: float):
         if column.gate == "count":
             yield fact(column.name, "count", value)
             continue
-        scale = runs.scale(column.name)
-        if column.group == "residual":
-            least = SMALL
-            floor = RESIDUAL_ROUNDING * scale
-        else:
-            floor = max(runs.floor(column.name), float(rounding(runs.col["h"][at], scale, span)))
-            least = floor
+        near, above, least = _levels(data, runs, column, at)
         kind = "near" if column.gate == "near" and value > least else "max"
-        yield fact(column.name, kind, value, floor=floor)
+        claim = _claim_of(data, runs, column, at) or least
+        floor = min(near if kind == "near" else above, claim)
+        yield fact(column.name, kind, value, floor, claim)
+
+
+def _levels(data: Data, runs: Runs, column: Column, at: int) -> tuple[float, float, float]:
+    """Three levels of a column in the run `at`: the floor of a number that is held near a value,
+    the floor of one that is held from above, and the level up to which it is held so.
+
+    Errors that the reference cannot tell, that rounding can make, or that the tolerance leaves open
+    are held from above alone.
+    """
+    scale = runs.scale(column.name)
+    if column.group == "residual":
+        floor = RESIDUAL_ROUNDING * scale
+        return floor, floor, max(SMALL, floor)
+    h = runs.col["h"][at]
+    span = rounding_span(data, runs.case, runs.solver)
+    floor = max(runs.floor(column.name), float(rounding(h, scale, span, runs.accuracy)))
+    level = floor + float(left_open(h, scale, runs.accuracy))
+    return floor, level, level
+
+
+def _claim_of(data: Data, runs: Runs, column: Column, at: int) -> float:
+    """The error that the method claims in the run `at`, 0 where it claims none.
+
+    A bound is claimed of the state at the tightest tolerance; at a larger one it is as many times
+    larger, and of other errors it is relative to the size of what they are errors of. An order p is
+    claimed as size (h / T)^p. No method claims less than rounding.
+    """
+    if column.group != "error":
+        return 0.0
+    of_state = column.scale == "state_scale"
+    size = runs.scale(column.name)
+    h = runs.col["h"]
+    bound = claimed(data, runs.solver, "exact")
+    order = claimed(data, runs.solver, "state" if of_state else "impulse")
+    if bound:
+        looser = float(h[at] / np.nanmin(h)) if runs.accuracy == TOLERANCE else 1.0
+        claim = bound * looser * (1.0 if of_state else size)
+    elif order:
+        claim = size * float(h[at] / run_length(data, runs.case)) ** order
+    else:
+        return 0.0
+    span = rounding_span(data, runs.case, runs.solver)
+    return max(claim, float(rounding(h[at], size, span, runs.accuracy)))

@@ -6,6 +6,6 @@ method.
 
 from nsbench.measure.errors import errors
 from nsbench.measure.orders import VERDICTS, Fit, fit_order
-from nsbench.measure.orders.window import rounding
+from nsbench.measure.orders.window import left_open, rounding
 
-__all__ = ["VERDICTS", "Fit", "errors", "fit_order", "rounding"]
+__all__ = ["VERDICTS", "Fit", "errors", "fit_order", "left_open", "rounding"]

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from nsbench.columns import describe
+from nsbench.report.claims import rounding_span, stored_claims
 from nsbench.report.data import GOOD, Data, Runs
 from nsbench.report.style import format_count, format_number, sanitise
 
@@ -92,12 +93,10 @@ def summarise(data: Data) -> dict[tuple[str, str], Summary]:
     nonunique = {case for (case, _), r in data.runs.items() if not r.unique}
     out = {}
     for (case, solver), runs in data.runs.items():
-        claims = data.solvers.get(solver, {}).get("claims") or {}
+        claims = stored_claims(data, solver)
         force = "reaction" if case in nonunique else "impulse"
         statuses = Counter(runs.col["status"].tolist())
-        fit = functools.partial(
-            fit_order, span=length_of_run(data.cases.get(case, {})) * claims.get("rounding", 1.0)
-        )
+        fit = functools.partial(fit_order, span=rounding_span(data, case, solver))
         out[case, solver] = Summary(
             runs,
             estimate_order(runs, "state_sup", claims, fit),
@@ -107,17 +106,6 @@ def summarise(data: Data) -> dict[tuple[str, str], Summary]:
             _outcome(runs, statuses),
         )
     return out
-
-
-def length_of_run(known: dict) -> float:
-    """Return the length of time of a case from its stored description; 1 if it is not stored.
-
-    It bounds how much rounding accumulates.
-    """
-    span = known.get("T")
-    return (
-        float(span) if isinstance(span, (int, float)) and math.isfinite(span) and span > 0 else 1.0
-    )
 
 
 def _outcome(runs: Runs, statuses: Counter) -> str:
@@ -191,7 +179,13 @@ def _fit(
 ) -> Order:
     """Fit an order to the errors (k,) at steps h (k,) and compare it with the claim."""
     sample = np.unique(np.linspace(0, h.size - 1, min(h.size, MAX_FITTED_RUNS)).astype(int))
-    result = fit(h[sample], error[sample], floor=runs.floor(metric), scale=runs.scale(metric))
+    result = fit(
+        h[sample],
+        error[sample],
+        floor=runs.floor(metric),
+        scale=runs.scale(metric),
+        accuracy=runs.accuracy,
+    )
     verdict = sanitise(result.verdict)
     sentence = f"{describe(metric).title}: {sanitise(result.sentence)}"
     if sample.size < h.size:

@@ -1,6 +1,7 @@
 """Copies of the checkout for breaking them on purpose."""
 
 import contextlib
+import os
 import shutil
 import subprocess
 import tempfile
@@ -28,11 +29,27 @@ def broken(*replacements, copied=copy):
     with tempfile.TemporaryDirectory() as folder:
         folder = Path(folder)
         copied(folder)
+        with broken_in(folder, *replacements):
+            yield folder
+
+
+@contextlib.contextmanager
+def broken_in(folder, *replacements):
+    """The same in a folder that is there already; its files are as before, to the time of their
+    last change, after the with-block."""
+    before = {}
+    try:
         for file, text, other in replacements:
-            source = (folder / file).read_text(encoding="utf-8")
+            path = folder / file
+            source = path.read_text(encoding="utf-8")
             if source.count(text) != 1:
                 raise LookupError(
                     f"does not apply: {text!r} stands {source.count(text)} times in {file}"
                 )
-            (folder / file).write_text(source.replace(text, other), encoding="utf-8")
-        yield folder
+            before.setdefault(path, (path.read_bytes(), path.stat()))
+            path.write_text(source.replace(text, other), encoding="utf-8")
+        yield
+    finally:
+        for path, (content, state) in before.items():
+            path.write_bytes(content)
+            os.utime(path, ns=(state.st_atime_ns, state.st_mtime_ns))

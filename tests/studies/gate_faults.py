@@ -1,25 +1,32 @@
-"""Twelve faults, one at a time, that the gate must see; and runs of the unbroken bench under load,
-which it must let pass.
+"""Faults, one at a time, that the gate must see: fourteen by name and twelve drawn at random; and
+runs of the unbroken bench under load, which it must let pass.
 
-    python tests/studies/gate_faults.py [NAME ...]
+    python tests/studies/gate_faults.py [WORD ...] [--seed N]
     python tests/studies/gate_faults.py --clean 100 [--busy N]
 
-Every fault is a replacement of text (one is two) in a copy of the checkout. A small suite (CASES x
-METHODS) is run and calibrated on an unbroken copy, then run on every broken one, each with kernels
-of its own, and held against the unbroken one's baseline by `nsbench gate`; a fault is caught where
-that exits with 1 or 4. --clean N runs the unbroken suite N times beside processes that keep every
-core busy (--busy: so many of them), and counts those that the gate does not let pass. Exit status 1
-if a fault went unseen, no longer applies, or a clean run was stopped.
+Every fault is a replacement of text (some are two) in a copy of the checkout. A small suite (CASES
+x METHODS) is run and calibrated on the unbroken copy, then run with every fault, and held against
+the unbroken one's baseline by `nsbench gate`; a fault is caught where that exits with 1 or 4, or
+ends in an error of its own. Drawn faults (drawn_faults.py, with its seed) can lie in code that the
+suite never runs, or change no number. A fault in the folder of a method is looked for in the runs
+of that method alone. --clean N runs the unbroken suite N times beside processes that keep every
+core busy (--busy: so many of them), and counts those that the gate does not let pass. WORD: only
+faults whose names hold one of them. Exit status 1 if a named fault went unseen, no longer applies,
+or a clean run was stopped.
 """
 
 import argparse
+import csv
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
+import time
 from pathlib import Path
 
-from copies import broken, copy
+from copies import broken_in, copy
+from drawn_faults import SEED, drawn
 from mutations import SWEEP
 
 CASES = ("tide", "three_discs", "discs[n=10]", "two_discs[w=1]", "slide_exit", "relay_lcs")
@@ -75,6 +82,23 @@ FAULTS = {
         "np.ceil(spacing / h * (1 - 1e-9)))",
         "np.ceil(spacing / h * 0.5))",
     ),
+    "event times moved by 1e-4": (
+        (
+            "nsbench/solvers/event_driven/contacts/host_loop.py",
+            "            tuple(self.events),\n",
+            "            tuple(Event(e.t + 1e-4, e.kind, e.contact) for e in self.events),\n",
+        ),
+        (
+            "nsbench/solvers/event_driven/filippov/host_loop.py",
+            "            tuple(self.events),\n",
+            "            tuple(Event(e.t + 1e-4, e.kind, e.contact) for e in self.events),\n",
+        ),
+    ),
+    "Filippov impulses times 1.0001": (
+        "nsbench/solvers/event_driven/filippov/host_loop.py",
+        "            self.W,\n",
+        "            1.0001 * self.W,\n",
+    ),
     "a method that refuses everything": (
         "nsbench/solvers/catching_up/method.py",
         "    def refuses(self, case: Case) -> str | None:",
@@ -91,11 +115,12 @@ def whole_copy(folder):
         (folder / "nsbench" / name).symlink_to(folder / name)
 
 
-def nsbench(folder, *args):
-    """Exit status and output of the command line of a copy, with caches of its own."""
+def nsbench(folder, *args, kernels=None):
+    """Exit status and output of the command line of a copy, with caches of its own; kernels: the
+    folder of compiled kernels."""
     env = os.environ | {
         "PYTHONPATH": str(folder),
-        "NUMBA_CACHE_DIR": str(folder / ".kernels"),
+        "NUMBA_CACHE_DIR": str(kernels or folder / ".kernels"),
         "XDG_CACHE_HOME": str(folder / ".cache"),
     }
     done = subprocess.run(
@@ -108,10 +133,12 @@ def nsbench(folder, *args):
     return done.returncode, done.stdout + done.stderr
 
 
-def suite(folder):
-    """Results of the suite in a copy."""
-    chosen = [word for m in METHODS for word in ("-s", m)]
-    return nsbench(folder, "run", *CASES, *chosen, "-o", folder / "results", "--force")
+def suite(folder, methods=METHODS, kernels=None):
+    """Run the suite in a copy; its results lie in the folder `results` there, and no older ones."""
+    chosen = [word for m in methods for word in ("-s", m)]
+    results = folder / "results"
+    shutil.rmtree(results, ignore_errors=True)
+    return nsbench(folder, "run", *CASES, *chosen, "-o", results, "--force", kernels=kernels)
 
 
 def baseline(folder):
@@ -127,29 +154,71 @@ def baseline(folder):
     return path
 
 
-def faults(chosen, path) -> int:
-    """How many faults went unseen."""
-    unseen = 0
-    for name, fault in FAULTS.items():
+def methods_of(files):
+    """The methods whose runs can change by an edit of the files: those of their folders, or all."""
+    owners = {f.split("/")[2] if f.startswith("nsbench/solvers/") else "" for f in files}
+    own = [m for m in METHODS if m.partition("[")[0] in owners]
+    return own if len(owners) == 1 and own else METHODS
+
+
+def lines_of(methods, path, to):
+    """Write the lines of some methods of a baseline to another file."""
+    with open(path, newline="", encoding="utf-8") as file:
+        head, *rows = csv.reader(file)
+    with open(to, "w", newline="", encoding="utf-8") as file:
+        csv.writer(file).writerows([head, *(r for r in rows if r[1] in methods)])
+    return to
+
+
+def is_kernel(file) -> bool:
+    """Does an edit of the file compile all kernels anew?"""
+    from nsbench.compilation import numba_cache
+
+    root = numba_cache.ROOT.parent
+    return file in {p.relative_to(root).as_posix() for p in numba_cache.kernel_files()}
+
+
+def attempt(folder, path, replacements) -> tuple[int, str]:
+    """Exit status of the gate with a fault, and the last line that it said."""
+    files = [file for file, _, _ in replacements]
+    methods = methods_of(files)
+    with tempfile.TemporaryDirectory() as scratch, broken_in(folder, *replacements):
+        kernels = scratch if any(map(is_kernel, files)) else None
+        ran, _ = suite(folder, methods, kernels)
+        lines = lines_of(methods, path, Path(scratch) / "baseline.csv")
+        status, said = nsbench(folder, "gate", folder / "results", "--baseline", lines)
+    return status, f"(run {ran}); {(said.strip().splitlines() or ['nothing'])[-1]}"
+
+
+def faults(folder, chosen, path, seed) -> int:
+    """How many named faults went unseen; drawn ones are told apart."""
+    unseen = {"named": [], "drawn": []}
+    told = 0
+    both = {name: ("named", fault) for name, fault in FAULTS.items()}
+    both |= {name: ("drawn", fault) for name, fault in drawn(seed).items()}
+    for name, (source, fault) in both.items():
         if chosen and not any(c in name for c in chosen):
             continue
+        began = time.perf_counter()
+        replacements = fault if isinstance(fault[0], tuple) else (fault,)
         try:
-            with broken(
-                *(fault if isinstance(fault[0], tuple) else (fault,)), copied=whole_copy
-            ) as folder:
-                ran, _ = suite(folder)
-                status, said = nsbench(folder, "gate", folder / "results", "--baseline", path)
+            status, said = attempt(folder, path, replacements)
         except LookupError as e:
-            ran = None
             status = 0
             said = str(e)
-        unseen += status not in (1, 4)
+        told += 1
+        if status == 0:
+            unseen[source].append(name)
         print(
-            f"{name:34} {'caught' if status in (1, 4) else 'NOT SEEN'}: gate {status} (run {ran}); "
-            f"{said.strip().splitlines()[-1]}",
+            f"{name:34} {'caught' if status else 'NOT SEEN'}: gate {status} {said} "
+            f"[{time.perf_counter() - began:.0f} s]",
             flush=True,
         )
-    return unseen
+    print(
+        f"{told} faults; not seen: {len(unseen['named'])} named, {len(unseen['drawn'])} drawn with "
+        f"seed {seed}"
+    )
+    return len(unseen["named"])
 
 
 def clean(folder, path, times, others) -> int:
@@ -176,7 +245,8 @@ def clean(folder, path, times, others) -> int:
 
 def main() -> int:
     p = argparse.ArgumentParser()
-    p.add_argument("names", nargs="*")
+    p.add_argument("names", nargs="*", metavar="WORD")
+    p.add_argument("--seed", type=int, default=SEED, metavar="N")
     p.add_argument("--clean", type=int, default=0, metavar="N")
     p.add_argument("--busy", type=int, default=os.cpu_count() or 1, metavar="N")
     args = p.parse_args()
@@ -191,7 +261,7 @@ def main() -> int:
             bad = clean(folder, path, args.clean, args.busy)
             print(f"{bad} of {args.clean} clean runs under load were stopped")
         else:
-            bad = faults(args.names, path)
+            bad = faults(folder, args.names, path, args.seed)
     return 1 if bad else 0
 
 

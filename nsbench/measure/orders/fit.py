@@ -28,6 +28,7 @@ from nsbench.measure.orders.corrected_power_law import CorrectedPowerLaw, fit_co
 from nsbench.measure.orders.plateau import cannot_exclude, claimed
 from nsbench.measure.orders.slopes import Fit, describe_slopes, fit_line, fit_slope
 from nsbench.measure.orders.window import (
+    STEP,
     above_floor,
     binned,
     clean_points,
@@ -61,17 +62,17 @@ def fit_order(
     *,
     scale: float = 1.0,
     span: float = 1.0,
+    accuracy: str = STEP,
     multipliers_unique: bool = True,
     reaction: Fit | None = None,
 ) -> Fit:
     """Fit the order of the errors `err` (k,) in the steps taken `h` (k,), any order of the two.
 
     floor: errors below say nothing (ten times the reference's error, when the caller has that
-    already). reference_error: the reference's own error. scale, span: size of the solution and
-    length of time, for `rounding`. multipliers_unique: False forbids a plateau (the error compares
-    a selection). reaction: the fit of the reaction's error, which must level off too; None where
-    `err` is itself of the state, the reaction or the impulse. ValueError if `h` and `err` differ in
-    length.
+    already). reference_error: its own error. scale, span, accuracy: size of the solution, length of
+    time, and what `h` is, for `rounding`. multipliers_unique: False forbids a plateau (the error
+    compares a selection). reaction: the fit of the reaction's error, which must level off too; None
+    where `err` is of state, reaction or impulse. ValueError if `h` and `err` differ in length.
 
     >>> import numpy as np
     >>> h = 0.1 / np.unique(np.round(2 ** np.arange(0, 8, 0.3)))
@@ -84,7 +85,7 @@ def fit_order(
     base = Fit(octaves=ladder, dropped=dropped)
     if len(h) < 3:
         return replace(base, sentence=f"{len(h)} usable steps: no order from fewer than 3.")
-    noise = rounding(h, scale, span)
+    noise = rounding(h, scale, span, accuracy)
     if np.all(err <= noise):
         return replace(
             base,

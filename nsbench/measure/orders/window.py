@@ -13,21 +13,39 @@ EPS = float(np.finfo(float).eps)
 APART = 0.001  # level (for the whole ladder) at which one error is called apart from the others
 PHASE = 0.02  # of an octave: steps closer than this in log2 h, modulo one, are at the same phase
 DIP = 1 / 3  # of the floor: an error below says nothing, even among larger ones
+# accuracies whose values mean something for a floor; of any other (k) nothing is known
+STEP = "h"
+TOLERANCE = "tol"
 CLEAR = 100.0  # times rounding: an error that rounding cannot have made
 
 
-def rounding(h: np.ndarray | Sequence[float], scale: float = 1.0, span: float = 1.0) -> np.ndarray:
+def rounding(
+    h: np.ndarray | Sequence[float], scale: float = 1.0, span: float = 1.0, accuracy: str = STEP
+) -> np.ndarray:
     """Estimate the errors that rounding alone can make: scale (1e-12 + eps span / h), h (k,).
 
     h (k,): step sizes; scale: size of the states, in their unit; span: length of the run, in the
-    unit of h. Returns the floor of the error of each step size, (k,), in the unit of scale; points
-    of a ladder below it say nothing about the order.
+    unit of h; accuracy: what h is. Only a step says how many additions a run made: of a tolerance,
+    or of 1/k of a penalty, the first part is left, scale 1e-12. Returns the floor of the error of
+    each h, (k,), in the unit of scale; points of a ladder below it say nothing about the order.
 
     The second part is the worst case of span / h additions, each half a unit off in the same
     direction (it happens: with a constant drift every step is rounded alike). The first covers
     roots and small linear solves, which leave thousands of eps.
     """
-    return scale * (1e-12 + EPS * span / np.asarray(h, float))
+    h = np.asarray(h, float)
+    additions = span / h if accuracy == STEP else np.zeros_like(h)
+    return scale * (1e-12 + EPS * additions)
+
+
+def left_open(h: np.ndarray | Sequence[float], scale: float, accuracy: str) -> np.ndarray:
+    """Return the errors that a method leaves open by its accuracy: scale h of a tolerance h (k,).
+
+    An error below has met its tolerance, relative to the size of the solution, and may lie anywhere
+    below. Steps and stiffnesses decide the error and leave nothing open: 0.
+    """
+    h = np.asarray(h, float)
+    return scale * h if accuracy == TOLERANCE else np.zeros_like(h)
 
 
 def clean_points(

@@ -6,6 +6,7 @@ import functools
 
 import numpy as np
 
+from nsbench.report.claims import rounding_span
 from nsbench.report.data import LABELS, Data
 from nsbench.report.style import (
     format_number,
@@ -17,7 +18,6 @@ from nsbench.report.summary import (
 )
 from nsbench.report.tables.cells import Cell, Row, Table
 from nsbench.report.tables.order_table import order_cell
-from nsbench.report.tables.reliability_tables import to_float
 
 
 def selection_table(data: Data, summaries: dict[tuple, Summary]) -> Table:
@@ -36,8 +36,7 @@ def selection_table(data: Data, summaries: dict[tuple, Summary]) -> Table:
             or not np.isfinite(s.runs.col["selection"][s.runs.good]).any()
         ):
             continue
-        span = to_float(data.cases.get(case, {}).get("T"))
-        fit = functools.partial(fit_order, span=span if span > 0 else 1.0)
+        fit = functools.partial(fit_order, span=rounding_span(data, case, solver))
         naive = estimate_order(s.runs, "selection", {}, fit)
         distance = estimate_order(s.runs, "polyhedron", {}, fit)
         finest = int(np.nanargmin(np.where(s.runs.good, s.runs.col["h"], np.inf)))
@@ -105,8 +104,7 @@ def labels_table(data: Data, summaries: dict[tuple, Summary]) -> Table:
         own = next((w for w in s.runs.col["lam_time"] if w in LABEL_COLUMNS), "")
         if s.word != "ok" or not own or s.runs.accuracy != "h" or not _labels_differ(s, good):
             continue
-        span = to_float(data.cases.get(case, {}).get("T"))
-        fit = functools.partial(fit_order, span=span if span > 0 else 1.0)
+        fit = functools.partial(fit_order, span=rounding_span(data, case, solver))
         cells = [
             _label(s, k, estimate_order(s.runs, k, {}, fit), k == LABEL_COLUMNS[own])
             for k in LABELS
