@@ -47,7 +47,7 @@ SOLVER = solver(
         for _ in range(3):
             if os.fork() == 0:
                 time.sleep(1000)
-        time.sleep(4)
+        time.sleep(2.5)
     if self.how == "huge":
         np.ones(1 << 48)
     if self.how == "xla":
