@@ -40,3 +40,11 @@ def runs_here(monkeypatch):
     from runs_here import patch_runs
 
     patch_runs(monkeypatch)
+
+
+@pytest.fixture
+def interpreted(monkeypatch):
+    """Kernels call the numpy functions of cases, without compiling them."""
+    from interpreted_physics import patch_pointers
+
+    patch_pointers(monkeypatch)

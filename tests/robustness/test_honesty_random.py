@@ -204,7 +204,6 @@ def test_samples_that_were_asked_for_are_not_run_again(monkeypatch):
         return attempt(case, spec, value)
 
     monkeypatch.setattr(judge, "attempt", counted)
-    monkeypatch.setattr(own, "ROUNDS", FEW)
     case = wall(problem=nsbench.Complementarity(jumps, wall().problem.constraints))
     assert judge.Scene(case).judge("event_driven").word == "fine"
     assert len(asked) > 3 and len(set(asked)) == len(asked)
