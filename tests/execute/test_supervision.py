@@ -1,5 +1,6 @@
 """Whatever a run does to its worker, it is a row with a sentence, in time, and the others go on."""
 
+import itertools
 import os
 import time
 from pathlib import Path
@@ -76,10 +77,16 @@ class Odd(float):
 
 
 def rows_of(tmp_path, *hows, batches=1, jobs=1, timeout=30.0, memory_limit=4 << 30):
-    """(rows, what they printed, when they came), each by what the run does; pbd comes last."""
-    file = tmp_path / "bad.py"
-    file.write_text(SOLVER)
-    specs = [Spec("tide", f"bad[how={how}]", "h", 0.01, "", (str(file),)) for how in hows]
+    """(rows, what they printed, when they came), each by what the run does; pbd comes last.
+
+    batches: the runs are dealt out to so many, each of a solver of its own: workers prepare runs
+    of one solver one after another."""
+    files = [tmp_path / f"bad{k or ''}.py" for k in range(batches)]
+    for file in files:
+        file.write_text(SOLVER)
+    specs = []
+    for how, file in zip(hows, itertools.cycle(files), strict=False):
+        specs.append(Spec("tide", f"{file.stem}[how={how}]", "h", 0.01, "", (str(file),)))
     names = {s: how for s, how in zip(specs, hows, strict=True)}
     rows = {}
     outputs = {}
@@ -121,7 +128,7 @@ def test_a_preparation_stuck_in_c_has_a_limit_of_its_own(tmp_path, monkeypatch):
     """Where a method prepares, and where it is asked what it refuses."""
     monkeypatch.setattr(
         pool, "PREPARATION_LIMIT", 8.0
-    )  # a worker begins within it on a busy machine too
+    )  # two workers begin within it on a busy machine too
     stuck = SOLVER
     for where in ("    def prepare(self, case, h):", "    def refuses(self, case):"):
         name = where.split()[1].split("(")[0]
