@@ -9,6 +9,9 @@ from nsbench.diagnostics.contacts.infeasible_constraints import contradiction
 from nsbench.problem import Affine, Complementarity, Smooth
 from nsbench.solvers import solve
 
+# constraints are what counts here: drifts need not be compiled
+pytestmark = pytest.mark.usefixtures("interpreted")
+
 PAIR = "Distance(2.0),"
 
 
