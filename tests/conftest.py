@@ -14,6 +14,16 @@ if (
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
+@pytest.fixture(scope="session", autouse=True)
+def kernels_compiled_once(request, tmp_path_factory):
+    """Where several processes run the tests, each kernel is compiled by one of them."""
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        from kernel_warmup import compile_once
+
+        shared = tmp_path_factory.getbasetemp().parent
+        compile_once(shared / "kernel_locks", len(request.session.items))
+
+
 @pytest.fixture(autouse=True)
 def solver_files_forgotten(monkeypatch):
     """What a test registers is not there in the next one, in whatever order and process they
@@ -22,3 +32,19 @@ def solver_files_forgotten(monkeypatch):
 
     monkeypatch.setattr(registry, "_loaded", {})
     monkeypatch.setattr("nsbench.study.attempt._files_loaded", set())
+
+
+@pytest.fixture
+def runs_here(monkeypatch):
+    """Rows that `nsbench run` asks for are made in this process, without the start of a worker."""
+    from runs_here import patch_runs
+
+    patch_runs(monkeypatch)
+
+
+@pytest.fixture
+def interpreted(monkeypatch):
+    """Kernels call the numpy functions of cases, without compiling them."""
+    from interpreted_physics import patch_pointers
+
+    patch_pointers(monkeypatch)

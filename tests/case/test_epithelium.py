@@ -126,16 +126,6 @@ def test_internal_forces_sum_to_zero(kind):
     assert np.abs(f).max() > 1.0
 
 
-def test_numba_computes_the_same():
-    import numba
-
-    case = nsbench.get_case("epithelium", n=5, free_basal=True)
-    x = generic(case)
-    assert numba.njit(case.problem.drift(np))(0.0, x) == pytest.approx(
-        case.problem.drift(np)(0.0, x), abs=1e-12
-    )
-
-
 @pytest.mark.parametrize(
     "kind", [{"n": 5, "free_basal": True}, {"n": 5, "curvature": 0.1}], ids=str
 )

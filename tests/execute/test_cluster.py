@@ -24,7 +24,7 @@ from nsbench.results.journal import Journal, read_journal
 from nsbench.study import Spec
 from nsbench.study.attempt import run_one
 
-LIMIT = 5.0  # seconds, of runs that take some milliseconds where nothing else is at work
+LIMIT = 3.0  # seconds, of runs that take some milliseconds where nothing else is at work
 CLOCK = {*columns.names("clock")}
 # a nanny whose worker dies while it still starts gives it up: the run lets it start
 KILLER = SOLVER.replace(

@@ -1,5 +1,6 @@
 """Whatever a run does to its worker, it is a row with a sentence, in time, and the others go on."""
 
+import itertools
 import os
 import time
 from pathlib import Path
@@ -47,7 +48,7 @@ SOLVER = solver(
         for _ in range(3):
             if os.fork() == 0:
                 time.sleep(1000)
-        time.sleep(4)
+        time.sleep(2.5)
     if self.how == "huge":
         np.ones(1 << 48)
     if self.how == "xla":
@@ -75,11 +76,17 @@ class Odd(float):
 )
 
 
-def rows_of(tmp_path, *hows, jobs=1, timeout=30.0, memory_limit=4 << 30):
-    """(rows, what they printed, when they came), each by what the run does; pbd comes last."""
-    file = tmp_path / "bad.py"
-    file.write_text(SOLVER)
-    specs = [Spec("tide", f"bad[how={how}]", "h", 0.01, "", (str(file),)) for how in hows]
+def rows_of(tmp_path, *hows, batches=1, jobs=1, timeout=30.0, memory_limit=4 << 30):
+    """(rows, what they printed, when they came), each by what the run does; pbd comes last.
+
+    batches: the runs are dealt out to so many, each of a solver of its own: workers prepare runs
+    of one solver one after another."""
+    files = [tmp_path / f"bad{k or ''}.py" for k in range(batches)]
+    for file in files:
+        file.write_text(SOLVER)
+    specs = []
+    for how, file in zip(hows, itertools.cycle(files), strict=False):
+        specs.append(Spec("tide", f"{file.stem}[how={how}]", "h", 0.01, "", (str(file),)))
     names = {s: how for s, how in zip(specs, hows, strict=True)}
     rows = {}
     outputs = {}
@@ -93,7 +100,7 @@ def rows_of(tmp_path, *hows, jobs=1, timeout=30.0, memory_limit=4 << 30):
         outputs[names[spec]] = text.decode()
 
     run_all(
-        [specs, [Spec("tide", "pbd", "h", 0.01)]],
+        [*(specs[k::batches] for k in range(batches)), [Spec("tide", "pbd", "h", 0.01)]],
         jobs,
         timeout,
         on_row,
@@ -117,18 +124,22 @@ def test_a_run_stuck_in_c_is_a_timeout_row_within_four_seconds_of_its_start(tmp_
 
 
 @pytest.mark.survives("hang")
-@pytest.mark.parametrize(
-    "where", ("    def prepare(self, case, h):", "    def refuses(self, case):")
-)
-def test_a_preparation_stuck_in_c_has_a_limit_of_its_own(tmp_path, monkeypatch, where):
+def test_a_preparation_stuck_in_c_has_a_limit_of_its_own(tmp_path, monkeypatch):
+    """Where a method prepares, and where it is asked what it refuses."""
     monkeypatch.setattr(
         pool, "PREPARATION_LIMIT", 8.0
-    )  # a worker begins within it on a busy machine too
-    stuck = f"{where}\n        if self.how == 'stuck':\n            ctypes.PyDLL(None).sleep(1000)"
-    monkeypatch.setitem(globals(), "SOLVER", SOLVER.replace(where, stuck))
-    rows, _, _ = rows_of(tmp_path, "stuck", "fine", timeout=2.0)
-    assert rows["stuck"]["status"] == "timeout" and "10 s (prepare)" in rows["stuck"]["why"]
-    assert rows["fine"]["status"] == rows["pbd"]["status"] == "ok"
+    )  # two workers begin within it on a busy machine too
+    stuck = SOLVER
+    for where in ("    def prepare(self, case, h):", "    def refuses(self, case):"):
+        name = where.split()[1].split("(")[0]
+        sleeps = f"        if self.how == '{name}':\n            ctypes.PyDLL(None).sleep(1000)"
+        stuck = stuck.replace(where, f"{where}\n{sleeps}")
+    monkeypatch.setitem(globals(), "SOLVER", stuck)
+    hows = ("prepare", "refuses", "fine", "fine2")
+    rows, _, _ = rows_of(tmp_path, *hows, batches=2, jobs=2, timeout=2.0)
+    for name in hows[:2]:
+        assert rows[name]["status"] == "timeout" and "10 s (prepare)" in rows[name]["why"]
+    assert [rows[how]["status"] for how in (*hows[2:], "pbd")] == ["ok"] * 3
 
 
 @pytest.mark.survives("death")

@@ -37,7 +37,7 @@ def test_nudged_runs_are_measured_against_the_solution_from_the_own_start():
     )
 
 
-def test_a_calibrated_study_is_held_by_its_own_baseline(tmp_path, capsys):
+def test_a_calibrated_study_is_held_by_its_own_baseline(tmp_path, capsys, runs_here):
     out = tmp_path / "r"
     base = tmp_path / "base.csv"
     assert (

@@ -1,6 +1,7 @@
 """The published baseline is one of the present cases, references, methods and ladders: the gate can
 compare it."""
 
+import functools
 from pathlib import Path
 
 from nsbench.case import get_case
@@ -17,9 +18,11 @@ def test_it_has_the_runs_of_the_standard_suite_under_their_present_configuration
     for spec in plan_runs([(key, "") for key in suite_cases("standard")], None):
         asked.setdefault((spec.case, spec.solver), []).append(spec.asked)
     assert asked.keys() == {key[:2] for key in LINES}
+    told_of_case = functools.cache(lambda key: describe_case(get_case(key)))
+    told_of_solver = functools.cache(describe_solver)
     for (case, solver), config in {(key[:2], x.config) for key, x in LINES.items()}:
-        case_told = describe_case(get_case(case))
-        solver_told = describe_solver(solver)
+        case_told = told_of_case(case)
+        solver_told = told_of_solver(solver)
         ladder = [f"{v:.12g}" for v in sorted(v for v in asked[case, solver] if v == v)]
         now = {
             "case": case_told.get("digest", ""),

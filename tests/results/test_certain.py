@@ -62,10 +62,10 @@ def test_a_file_that_is_edited_while_runs_are_made_leaves_no_row_that_is_served(
     file = tmp_path / "mine.py"
     out = tmp_path / "r"
     go = tmp_path / "go"
-    first, second = (
-        solver(f"while not os.path.exists({str(go)!r}): time.sleep(0.01)", stats=f'{{"mark": {n}}}')
-        for n in (1, 2)
-    )
+    loaded = tmp_path / "loaded"
+    wait = f"while not os.path.exists({str(go)!r}): time.sleep(0.01)"
+    first = solver(wait, stats='{"mark": 1}')
+    second = solver(wait, stats='{"mark": 2}', before=f"open({str(loaded)!r}, 'w').close()")
     file.write_text(first)
     os.utime(file, (1e9, 1e9))
 
@@ -73,7 +73,9 @@ def test_a_file_that_is_edited_while_runs_are_made_leaves_no_row_that_is_served(
         os.rename(file, tmp_path / "kept")
         file.write_text(second)
         if put_back == "during":
-            time.sleep(8.0)  # until the worker has loaded it
+            until = time.monotonic() + 30
+            while not loaded.exists() and time.monotonic() < until:
+                time.sleep(0.01)
             os.rename(tmp_path / "kept", file)  # the same file at the same place, its times too
         go.write_text("")
 
@@ -173,7 +175,7 @@ except OSError as e:
     ],
     ids=["disk", "missing", "behind another", "in words"],
 )
-def test_a_fault_of_the_machine_is_no_result(tmp_path, capsys, fault):
+def test_a_fault_of_the_machine_is_no_result(tmp_path, capsys, fault, runs_here):
     file = tmp_path / "mine.py"
     out = tmp_path / "r"
     full = tmp_path / "full"
@@ -187,7 +189,7 @@ def test_a_fault_of_the_machine_is_no_result(tmp_path, capsys, fault):
     assert run(file, out) == 0 and [r["status"] for r in rows(out)] == ["ok"]
 
 
-def test_an_error_of_the_run_itself_is_one(tmp_path, capsys):
+def test_an_error_of_the_run_itself_is_one(tmp_path, capsys, runs_here):
     file = tmp_path / "mine.py"
     out = tmp_path / "r"
     file.write_text(solver("raise ValueError('no')"))

@@ -4,10 +4,9 @@ import contextlib
 import csv
 import os
 import py_compile
-import subprocess
-import sys
 
 import pytest
+from command_server import Commands
 from solver_file import solver
 
 from nsbench import get_case
@@ -19,16 +18,16 @@ HEADER = """import os, sys
 sys.path.insert(0, os.path.join(os.path.dirname(__file__), "li" + "b"))
 helper = __import__("hel" + "per")
 """
-VARIABLE = "NSTEST_FACTOR"
+VARIABLES = "NSTEST_FACTOR", "NSTEST_TERM"
 FORKS = """
     import time
     here = os.path.dirname(__file__)
-    second = os.path.exists(here + "/forked")
-    if second:
+    forked = [name for name in os.listdir(here) if name.startswith("forked-")]
+    if forked and forked != ["forked-" + case.name]:
         open(here + "/go", "w").close()
         time.sleep(1.5)
-    else:
-        open(here + "/forked", "w").close()
+    elif not forked:                                          # not where it is repeated
+        open(here + "/forked-" + case.name, "w").close()
         if os.fork() == 0:
             until = time.monotonic() + 30.0
             while not os.path.exists(here + "/go") and time.monotonic() < until:
@@ -36,19 +35,19 @@ FORKS = """
 """
 
 
-def run(folder, *more, cases=("tide",), **variables):
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
     """What `nsbench run` prints, in a process of its own: byte code is cached, modules are not."""
-    env = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"} | variables
-    command = ["run", *cases, "--solvers", "mine.py", "-s", "mine", "--h", "0.1", "-j", "1"]
-    done = subprocess.run(
-        [sys.executable, "-m", "nsbench", *command, "-o", "out", *more],
-        cwd=folder,
-        env=env,
-        capture_output=True,
-        text=True,
-    )
-    assert done.returncode in (0, 3), done.stderr
-    return done.stdout
+    env = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
+    with Commands(tmp_path_factory.mktemp("commands"), env) as command:
+
+        def run(folder, *more, cases=("tide",), **variables):
+            args = ["run", *cases, "--solvers", "mine.py", "-s", "mine", "--h", "0.1", "-j", "1"]
+            done = command(*args, "-o", "out", *more, cwd=folder, **variables)
+            assert done.returncode in (0, 3), done.stderr
+            return done.stdout
+
+        yield run
 
 
 def rows(folder):
@@ -57,7 +56,7 @@ def rows(folder):
 
 
 @pytest.mark.survives("stale")
-def test_a_module_at_a_computed_place_counts_though_its_byte_code_is_cached(tmp_path):
+def test_a_module_at_a_computed_place_counts_though_its_byte_code_is_cached(tmp_path, run):
     helper = tmp_path / "lib" / "helper.py"
     helper.parent.mkdir()
     helper.write_text("value = 1.0\n")
@@ -74,17 +73,19 @@ def test_a_module_at_a_computed_place_counts_though_its_byte_code_is_cached(tmp_
 
 @pytest.mark.survives("stale")
 @pytest.mark.parametrize("when", ["load", "run"])
-@pytest.mark.parametrize("look_up", ['os.environ["{}"]', 'os.getenv("{}")'], ids=["item", "getenv"])
-def test_a_variable_that_a_file_looks_up_is_an_input(tmp_path, when, look_up):
-    text = f"c = float({look_up.format(VARIABLE)})"
+def test_a_variable_that_a_file_looks_up_is_an_input(tmp_path, when, run):
+    """Whichever way."""
+    text = f"c = float(os.environ['{VARIABLES[0]}']) + float(os.getenv('{VARIABLES[1]}'))"
     header = f"import os\n{text}\n" if when == "load" else ""
     body = solver("pass" if when == "load" else text, stats='{"mark": c}')
     (tmp_path / "mine.py").write_text(header + body)
-    run(tmp_path, **{VARIABLE: "1.0"})
-    assert rows(tmp_path)[0]["mark"] == "1.0"
-    assert "0 to run, 1 known" in run(tmp_path, "--plan", **{VARIABLE: "1.0", "OTHER": "3"})
-    said = run(tmp_path, "--plan", "--probe", "0", **{VARIABLE: "2.0"})
-    assert "1 to run, 0 known" in said and f"environment variable {VARIABLE} changed" in said
+    values = dict.fromkeys(VARIABLES, "1.0")
+    run(tmp_path, **values)
+    assert rows(tmp_path)[0]["mark"] == "2.0"
+    assert "0 to run, 1 known" in run(tmp_path, "--plan", **values, OTHER="3")
+    for name in VARIABLES:
+        said = run(tmp_path, "--plan", "--probe", "0", **(values | {name: "2.0"}))
+        assert "1 to run, 0 known" in said and f"environment variable {name} changed" in said
 
 
 @pytest.mark.survives("stale")
@@ -111,7 +112,7 @@ def test_a_row_of_another_run_is_neither_reused_nor_recorded(tmp_path):
 
 @pytest.mark.survives("stale")
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here")
-def test_a_row_of_one_case_is_never_stored_for_another(tmp_path):
+def test_a_row_of_one_case_is_never_stored_for_another(tmp_path, run):
     """A process that a run has forked comes back from it as the worker does, while that is at work
     on the next case."""
     (tmp_path / "mine.py").write_text(solver(FORKS))

@@ -8,6 +8,7 @@ import sys
 import time
 
 import pytest
+from runs_here import patch_runs
 
 from nsbench.cli import main
 from nsbench.execute import suite
@@ -18,13 +19,16 @@ from nsbench.results import consistency
 from nsbench.results.atomic_write import StoreError, write_atomically
 from nsbench.results.journal import Journal
 
+pytestmark = pytest.mark.usefixtures("runs_here")
 RUN = ["run", "tide", "-s", "pbd", "-s", "kdtree", "-j", "1"]
 
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
     folder = tmp_path_factory.mktemp("made") / "r"
-    assert main([*RUN, "--h", "0.05,0.025", "-o", str(folder)]) == 0
+    with pytest.MonkeyPatch.context() as m:
+        patch_runs(m)
+        assert main([*RUN, "--h", "0.05,0.025", "-o", str(folder)]) == 0
     lines = [baseline.line(fact, 0.0, "first") for fact in facts(read(folder)).values()]
     (folder / "b.csv").write_text(baseline.text(lines), encoding="utf-8")
     return folder

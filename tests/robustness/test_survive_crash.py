@@ -113,7 +113,7 @@ class Full:
 )
 @pytest.mark.parametrize("calls", [3, 6, 8])
 def test_a_full_disk_ends_the_suite_with_5_and_leaves_no_half_file(
-    tmp_path, monkeypatch, capsys, calls
+    tmp_path, monkeypatch, capsys, calls, runs_here
 ):
     """While rows are written, and while tables are: five rows, then three files."""
     out = tmp_path / "r"

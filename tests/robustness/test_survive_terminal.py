@@ -154,7 +154,7 @@ def test_a_line_of_progress_fits_the_terminal(width):
 
 
 @pytest.mark.survives("all fail")
-def test_a_study_in_which_everything_fails_has_exit_code_3_and_a_report(tmp_path, capsys):
+def test_a_study_in_which_everything_fails_has_exit_code_3_and_a_report(tmp_path, capsys, runs_here):
     path = case_file(tmp_path, "xp.nan * x")
     args = ["run", "--cases", str(path), "-s", "pbd", "-s", "catching_up", "--h", "0.1", "-j", "1"]
     assert main([*args, "-o", str(tmp_path / "r")]) == 3
@@ -165,7 +165,7 @@ def test_a_study_in_which_everything_fails_has_exit_code_3_and_a_report(tmp_path
 
 
 @pytest.mark.survives("all fail")
-def test_one_failure_among_others_is_a_row_among_others(tmp_path):
+def test_one_failure_among_others_is_a_row_among_others(tmp_path, runs_here):
     (tmp_path / "c").mkdir()
     case_file(tmp_path / "c", "xp.nan * x", name="bad")
     case_file(tmp_path / "c", name="good")

@@ -169,7 +169,7 @@ def test_a_projection_ends_at_the_rounding_of_its_constraints(radius):
     rng = np.random.default_rng(2)
     link = Distance(radius, -1, pairs=[[0, 0]], anchors=np.array([[0.6 * radius, 0.8 * radius]]))
     disc = Smooth(lambda xp: lambda t, x: xp.array([x[0] ** 2 + x[1] ** 2 - radius**2]))
-    for _ in range(12):
+    for _ in range(4):
         for held, x0 in (
             (disc, radius * rng.uniform(-0.6, 0.6, 2)),
             (link, -rng.uniform(0.0, 0.5, 2)),

@@ -193,8 +193,7 @@ def test_a_switch_that_comes_back_after_the_run_has_changed():
     assert nsbench.solve(case, "penalty", k=1e4).status.ok
 
 
-@pytest.mark.parametrize("samples", [2, 3, 11])
-@pytest.mark.parametrize("offset", [0.0, 1e8])
+@pytest.mark.parametrize("offset, samples", [(0.0, 3), (1e8, 2), (1e8, 3), (1e8, 11)])
 @pytest.mark.parametrize("spec", ["penalty", "penalty[method=kvaerno5]"])
 def test_a_motion_far_away_that_grows_has_grown_from_the_errors_of_its_beginning(
     spec, offset, samples
