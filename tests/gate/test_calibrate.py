@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import nsbench
+from nsbench.dynamics.scaling.estimate import case_scale
 from nsbench import study
 from nsbench.cli import main
 from nsbench.gate import baseline, spreads
@@ -22,7 +23,7 @@ from nsbench.study.attempt import START_PERTURBATION, attempt, perturbed_start
 def test_a_nudged_start_is_near_and_the_same_for_the_same_seed():
     case = nsbench.get_case("three_discs")
     a, b, c = (perturbed_start(case, seed).x0 for seed in (1, 1, 2))
-    size = np.maximum(1.0, np.abs(case.x0))
+    size = np.maximum(case_scale(case).state, np.abs(case.x0))
     assert perturbed_start(case, 0) is case and np.array_equal(a, b) and not np.array_equal(a, c)
     assert 0.0 < np.max(np.abs(a - case.x0) / size) <= START_PERTURBATION
 
