@@ -3,5 +3,5 @@ units.
 
 contacts: gaps, gradients and candidate contacts of constraint families. filippov: modes, rates of
 switch functions, convex hulls. lcs: linear complementarity systems. scaling: a case
-in its own units.
+in its own units. length_scale: the characteristic length of one that is run in the user's.
 """

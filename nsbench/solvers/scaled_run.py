@@ -14,10 +14,12 @@ import numpy as np
 from nsbench.case import Case
 from nsbench.case.scale import Scale
 from nsbench.diagnostics import diagnose
+from nsbench.dynamics.contacts.tolerances import scene_of
 from nsbench.dynamics.scaling.estimate import particle_distance, scale_of_sizes
 from nsbench.dynamics.scaling.scaled_case import ScaledCase, scaled_case
 from nsbench.problem import Complementarity
 from nsbench.solvers.base import Solver
+from nsbench.solvers.common.initial_state import initial_state
 from nsbench.trajectory import Trajectory
 
 # A coordinate that stays below its estimated size by more than this factor loses digits to a
@@ -46,10 +48,21 @@ class ScaledRun:
         if not self.is_scaled:
             self.run = self.method.prepare(self.case, self.asked)
             return
-        self.own = scaled_case(self.case, scale)
+        self.own = scaled_case(self._from_feasible_start(), scale)
         value = self.own.accuracy(self.method.accuracy, self.asked)
         with self.own.speaking():
             self.run = self.method.prepare(self.own.case, value)
+
+    def _from_feasible_start(self) -> Case:
+        """Return the case from where its policy for starts puts it, all told in the user's units.
+
+        Raises what nsbench.solvers.common.initial_state raises.
+        """
+        case = self.case
+        if not getattr(case.problem, "constraints", ()):
+            return case
+        x0 = initial_state(case, scene_of(case))
+        return case if np.array_equal(x0, case.x0) else case.replace(x0=x0)
 
     def __call__(self) -> Trajectory:
         """Run; once more, with the sizes that were found, where those were estimated too large.
@@ -78,7 +91,9 @@ class ScaledRun:
             moved = 0.5 * float(np.nanmax(np.abs(x - own.x0)))
             found = np.full(own.n, max(moved, particle_distance(own)))
         else:
-            found = np.nanmax(np.abs(x), axis=0)
+            # of a run that failed little is known but where it was
+            start = own.x0 if traj.status.ok else 0.0
+            found = np.nanmax(np.abs(x - start), axis=0)
         found = np.where(found > AT_REST, found, 1.0)
         return None if np.all(found * TOO_LARGE > 1.0) else found * self.own.state
 

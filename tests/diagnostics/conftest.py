@@ -4,5 +4,7 @@ import pytest
 
 
 @pytest.fixture(autouse=True)
-def physics_interpreted(interpreted):
-    """Nothing of the hundreds of cases here is compiled."""
+def physics_interpreted(request):
+    """Nothing of the hundreds of cases here is compiled, but where a test asks for it."""
+    if "compiled" not in request.keywords:
+        request.getfixturevalue("interpreted")

@@ -247,6 +247,7 @@ def test_a_way_back_to_a_surface_is_no_stay():
     assert solvers.solve(case, "event_driven", tol=1e-10).status.ok
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize("spec", ("euler", "euler[implicit=true]"))
 def test_functions_that_raise_where_the_run_never_was_and_lists(spec):
     case = relays(

@@ -28,7 +28,7 @@ SHAPE = 5
 def pointer(factory, signature, make):
     """As nsbench.compilation.factories._pointer, of a function that Python calls."""
     function = factory(np)
-    fill = make(lambda *args: np.asarray(function(*args)))  # lists too, as in a loop in Python
+    fill = make(function)
     scalar = [kind is of.float64 for kind in signature.args]
 
     def call(*words):

@@ -12,7 +12,7 @@ import numpy as np
 from nsbench.case import Case
 from nsbench.dynamics.contacts.candidates import CandidateContacts
 from nsbench.dynamics.contacts.constraint_set import PAIR, ConstraintSet
-from nsbench.dynamics.scaling.estimate import case_scale
+from nsbench.dynamics.length_scale import case_length_scale
 
 TOLERANCE = 1e-9  # of a length; a start that misses by less is what whoever made it left out
 LEAST = 1e-6  # unit: a start of 1e-16 may be a difference of numbers about 1
@@ -60,7 +60,7 @@ def gap_lengths(
     case: Case, scene: ConstraintSet, t: float, x: np.ndarray, near: CandidateContacts
 ) -> np.ndarray:
     """Return (m,) by how much the gaps of `near` change along their own length."""
-    unit = case_scale(case).length
+    unit = max(case_length_scale(case), LEAST)
     layout = scene.layout(near)
     out = np.maximum(near.d, LEAST * unit)
     if layout.rows.size:

@@ -78,7 +78,7 @@ def _estimate(case: Case, span: float) -> Scale:
         length = max(sizes.max(), 0.5 * moved.max(), 0.5 * _wall_motion(case, span))
         own = np.full(case.n, length or np.abs(x0).max() or _nearest_wall(case) or 1.0)
     else:
-        own = _filled(np.maximum(sizes, moved))
+        own = _filled(np.where(moved > 0.0, moved, sizes))
     return Scale(_time(case, [v for _, v in fields], own, span), own)
 
 
@@ -111,7 +111,8 @@ def _switch_rate(case: Case, span: float) -> float:
     later = np.array([np.atleast_1d(switch(t + INSTANT * span, case.x0.copy())) for t in times])
     reached = np.nanmax(np.abs(c), axis=0, initial=0.0)
     slopes = np.nanmedian(np.abs(later - c), axis=0) / (INSTANT * span)  # a jump is no slope
-    return float(np.nanmax(np.where(reached > 0.0, slopes / reached, 0.0), initial=0.0))
+    with np.errstate(all="ignore"):
+        return float(np.nanmax(np.where(reached > 0.0, slopes / reached, 0.0), initial=0.0))
 
 
 def _displacement(f, x0, v, sizes, rough, span) -> np.ndarray:

@@ -159,7 +159,7 @@ def _signed(factory, t0, T, S):
             rate = xp.asarray(rate)
 
         def scaled(t: float, x: np.ndarray, s: np.ndarray) -> np.ndarray:
-            return f(t0 + T * t, size * x, s) * rate
+            return rate * f(t0 + T * t, size * x, s)
 
         return scaled
 
@@ -180,7 +180,7 @@ def _function(factory, t0, T, S, factor):
             unit = xp.asarray(unit)
 
         def scaled(t: float, x: np.ndarray) -> np.ndarray:
-            return g(t0 + T * t, size * x) * unit
+            return unit * g(t0 + T * t, size * x)
 
         return scaled
 
@@ -206,7 +206,7 @@ def _curve(factory, t0, T, factor):
 def _gradient_system(p: Complementarity, t0: float, T: float, L: float) -> Complementarity:
     """Return the gradient system in the units T and L."""
     families = []
-    one = np.array(1.0)
+    one = np.ones(1)
     for c in p.constraints:
         if isinstance(c, Affine):
             families.append(dataclasses.replace(c, b=_curve(c.b, t0, T, 1.0 / L)))
@@ -230,7 +230,7 @@ def _gradient_system(p: Complementarity, t0: float, T: float, L: float) -> Compl
 def _filippov(p: Filippov, t0: float, T: float, S: np.ndarray) -> Filippov:
     """Return the Filippov system in the units T and S; its switches have the user's."""
     return Filippov(
-        None, _function(p.switch, t0, T, S, np.array(1.0)), _signed(p.field, t0, T, S), p.d
+        None, _function(p.switch, t0, T, S, np.ones(1)), _signed(p.field, t0, T, S), p.d
     )
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from nsbench.case import Case
 from nsbench.case.scale import time_text
 from nsbench.compilation.factories import as_numpy, without_compilation
-from nsbench.dynamics.scaling.estimate import case_scale
+from nsbench.dynamics.length_scale import length_scale
 from nsbench.problem import Complementarity, Filippov
 from nsbench.solvers.base import Claims, Expect, Run, grid, last_steps, sample
 from nsbench.trajectory import STATES_BETWEEN, Resolution, Status, Trajectory
@@ -106,7 +106,7 @@ class Euler:
         from nsbench.solvers.euler.kernels import loop as kernel
 
         functions, d = _loop_functions(case)
-        own = (_blends(case), case_scale(case).length) if self.implicit else ()
+        own = (_blends(case), length_scale(case, case.x0)) if self.implicit else ()
         args = (*functions.functions, *own, g.t, g.substeps, case.x0.copy(), d, _parts(g, d))
         march = bind_loop(
             kernel.implicit_euler if self.implicit else kernel.explicit_euler,

@@ -11,7 +11,7 @@ import numpy as np
 
 from nsbench.case import Case
 from nsbench.compilation.factories import as_numpy
-from nsbench.dynamics.scaling.estimate import case_scale
+from nsbench.dynamics.length_scale import length_scale
 from nsbench.problem import LCS, Complementarity, Distance
 from nsbench.solvers.base import Claims, Expect, Run, check_positive
 from nsbench.solvers.common.extrapolation import combined, weights
@@ -90,7 +90,6 @@ class Penalty:
     reach: float = 0.3
 
     accuracy = "k"
-    scaled = True
 
     @property
     def expects(self) -> tuple[Expect, ...]:
@@ -235,7 +234,7 @@ def _rounding_exceeds_layer(case: Case, x0: np.ndarray, k: float) -> str:
             held[scene.gradient_entries(float(case.t[0]), x0, scene.all_static())[1]] = True
             force = k * float((rounded * held).max(initial=0.0))
             speed = float(np.abs(as_numpy(p.drift)(float(case.t[0]), x0.copy())).max(initial=0.0))
-            large = force > max(case_scale(case).length, speed)
+            large = force > max(length_scale(case, x0), speed)
             return f"makes forces of {force:.2g}" if large else ""
         switch = as_numpy(p.switch)
         sides = np.where(np.arange(case.n) % 2, 1.0, -1.0)
@@ -262,7 +261,7 @@ def _march(penalty: Penalty, case: Case, x0: np.ndarray, asked: float):
     """Return k -> samples and counts of a run, by the compiled program. Raises NotTraceable."""
     from nsbench.solvers.penalty.program import compiled
 
-    size = case_scale(case).length if penalty.atol is None else 1.0
+    size = length_scale(case, x0) if penalty.atol is None else 1.0
     limits = (
         penalty.tolerance("rtol", asked),
         penalty.tolerance("atol", asked) * size,
