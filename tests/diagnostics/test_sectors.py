@@ -66,3 +66,19 @@ def test_layers_that_mix_as_the_surface_does_are_not(steep, both):
     """Of one thickness; or of a switch on which nothing depends."""
     run = solve(twice(steep, both=both), "penalty", k=1e4)
     assert run.status.ok and run.x[-1, 1] == pytest.approx(1.0 - 0.4 * both, rel=1e-3)
+
+
+def test_more_surfaces_than_are_examined_in_a_corner_are_no_fault():
+    """Lasso flow x' = -(M x - b) - 0.3 s, s in Sgn(x), in six coordinates: five come to rest at
+    zero, where the field of a side depends on one sign alone."""
+    rng = np.random.default_rng(0)
+    A = rng.normal(size=(8, 6))
+    M = A.T @ A / 6
+    b = A.T @ rng.normal(size=8) / 6
+    problem = Filippov.signs(
+        lambda xp: lambda t, x, s: -(M @ x - b) - 0.3 * s, lambda xp: lambda t, x: x + 0.0
+    )
+    run = solve(
+        Case("lasso", problem, rng.normal(size=6), np.linspace(0.0, 5.0, 6)), "event_driven"
+    )
+    assert run.status.ok
