@@ -3,7 +3,7 @@
 The whole study, over all cases and methods, is tests/studies/metamorphic.py.
 """
 
-import metamorphic
+import changed_cases
 import numpy as np
 import pytest
 
@@ -19,7 +19,7 @@ OF_EACH = [(c, m) for c in CASES for m in EXACT if get(m).refuses(get_case(c)) i
 
 @pytest.mark.parametrize("name, spec", OF_EACH)
 def test_units_that_are_powers_of_two_change_no_bit(name, spec):
-    found = metamorphic.differences(get_case(name), spec, metamorphic.units(get_case(name), **TWOS))
+    found = changed_cases.differences(get_case(name), spec, changed_cases.units(get_case(name), **TWOS))
     assert set(found.values()) <= {0.0}, found
 
 
@@ -27,7 +27,7 @@ def test_units_that_are_powers_of_two_change_no_bit(name, spec):
 @pytest.mark.parametrize("time, length", ((1e-15, 1e15), (1e12, 1e-18)))
 def test_powers_of_ten_round_only(name, time, length):
     case = get_case(name)
-    found = metamorphic.differences(case, "event_driven", metamorphic.units(case, time, length))
+    found = changed_cases.differences(case, "event_driven", changed_cases.units(case, time, length))
     assert max(found.values()) <= 1e-12, found
 
 
@@ -43,15 +43,15 @@ def relay(n=2):
 
 TURN = np.array([[0.6, -0.8], [0.8, 0.6]])
 RELATIONS = {
-    "unit of the switch": lambda c: metamorphic.units(c, gap=2.0**40),
-    "each coordinate has its unit": lambda c: metamorphic.units(c, length=np.array([1e9, 1e-9])),
-    "clock k times as fast": lambda c: metamorphic.units(c, time=0.1),
-    "start of the clock": lambda c: metamorphic.units(c, origin=-3.0),
-    "place": lambda c: metamorphic.moved(c, np.eye(2), [3.0, -2.0]),
-    "permutation": lambda c: metamorphic.moved(c, np.eye(2)[::-1], 0.0),
-    "rotation": lambda c: metamorphic.moved(c, TURN, 0.0),
-    "bystander": lambda c: metamorphic.beside(c, 1e8),
-    "longer horizon": lambda c: metamorphic.longer(c, 1.5),
+    "unit of the switch": lambda c: changed_cases.units(c, gap=2.0**40),
+    "each coordinate has its unit": lambda c: changed_cases.units(c, length=np.array([1e9, 1e-9])),
+    "clock k times as fast": lambda c: changed_cases.units(c, time=0.1),
+    "start of the clock": lambda c: changed_cases.units(c, origin=-3.0),
+    "place": lambda c: changed_cases.moved(c, np.eye(2), [3.0, -2.0]),
+    "permutation": lambda c: changed_cases.moved(c, np.eye(2)[::-1], 0.0),
+    "rotation": lambda c: changed_cases.moved(c, TURN, 0.0),
+    "bystander": lambda c: changed_cases.beside(c, 1e8),
+    "longer horizon": lambda c: changed_cases.longer(c, 1.5),
 }
 TIMED = {"start of the clock"}  # of a drift that depends on time: times round
 
@@ -59,14 +59,14 @@ TIMED = {"start of the clock"}  # of a drift that depends on time: times round
 @pytest.mark.parametrize("relation", RELATIONS)
 def test_what_cannot_matter_does_not(relation):
     case = relay()
-    found = metamorphic.differences(case, "event_driven", RELATIONS[relation](case))
+    found = changed_cases.differences(case, "event_driven", RELATIONS[relation](case))
     assert max(found.values()) <= 1e-11, found
 
 
 def test_a_doubled_constraint_gives_the_same_reaction():
     case = get_case("apple")
     for spec in ("event_driven", "catching_up", "theta", "pbd"):
-        found = metamorphic.differences(case, spec, metamorphic.doubled(case))
+        found = changed_cases.differences(case, spec, changed_cases.doubled(case))
         assert max(found["x"], found["reaction"]) <= 1e-12, (spec, found)
 
 

@@ -2,7 +2,7 @@
 
     python tests/studies/metamorphic.py [--cases slide_exit tide] [--accuracies]
 
-Every case that a method takes is run as it is and changed (tests/support/metamorphic.py): units of
+Every case that a method takes is run as it is and changed (tests/support/changed_cases.py): units of
 length and time by powers of two, where equal bits are expected; by powers of ten from 1e-18 to
 1e18, and of each coordinate by itself, where rounding is; a switch in another unit, a clock that
 starts elsewhere, a bystander, a longer run. One line for each difference beyond what is allowed,
@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "support"))
-from metamorphic import ROUNDING, beside, differences, longer, units  # noqa: E402
+from changed_cases import ROUNDING, beside, differences, longer, units  # noqa: E402
 
 from nsbench import LCS, Complementarity, Filippov  # noqa: E402
 from nsbench.case import get_case  # noqa: E402
