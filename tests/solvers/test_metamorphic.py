@@ -19,7 +19,8 @@ OF_EACH = [(c, m) for c in CASES for m in EXACT if get(m).refuses(get_case(c)) i
 
 @pytest.mark.parametrize("name, spec", OF_EACH)
 def test_units_that_are_powers_of_two_change_no_bit(name, spec):
-    found = changed_cases.differences(get_case(name), spec, changed_cases.units(get_case(name), **TWOS))
+    case = get_case(name)
+    found = changed_cases.differences(case, spec, changed_cases.units(case, **TWOS))
     assert set(found.values()) <= {0.0}, found
 
 
@@ -153,9 +154,8 @@ def test_a_ramp_that_falls_back_is_crossed():
 
 def test_a_stated_scale_is_used():
     drift = lambda xp: lambda t, x: -x
-    case = Case(
-        "stated", Complementarity(drift, (Affine(np.eye(1), [0.0]),)), [1.0], np.linspace(0.0, 1.0, 3)
-    )
+    problem = Complementarity(drift, (Affine(np.eye(1), [0.0]),))
+    case = Case("stated", problem, [1.0], np.linspace(0.0, 1.0, 3))
     from nsbench.case.scale import Scale
     from nsbench.dynamics.scaling.scaled_case import scaled_case
 

@@ -1,9 +1,9 @@
 """Metamorphic study: units, origins and horizons changed on all cases by all methods.
 
-    python tests/studies/metamorphic.py [--cases slide_exit tide] [--accuracies]
+    python tests/studies/metamorphic.py [--cases slide_exit tide] [--methods pbd]
 
-Every case that a method takes is run as it is and changed (tests/support/changed_cases.py): units of
-length and time by powers of two, where equal bits are expected; by powers of ten from 1e-18 to
+Every case that a method takes is run as it is and changed (tests/support/changed_cases.py): units
+of length and time by powers of two, where equal bits are expected; by powers of ten from 1e-18 to
 1e18, and of each coordinate by itself, where rounding is; a switch in another unit, a clock that
 starts elsewhere, a bystander, a longer run. One line for each difference beyond what is allowed,
 then runs, relations and violations. Every run has the default accuracy of its method.
@@ -59,7 +59,7 @@ def main():
     """Run the study and print its violations."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("--cases", nargs="*", default=None)
-    parser.add_argument("--methods", nargs="*", default=METHODS)
+    parser.add_argument("--methods", nargs="*", default=METHODS, help="all but the penalty")
     args = parser.parse_args()
     warnings.simplefilter("ignore")
     begun = time.time()

@@ -180,8 +180,8 @@ def doubled(case: Case) -> Changed:
     """The case with every row of its constraints twice."""
     p = case.problem
     rows = tuple(c for c in p.constraints if isinstance(c, Affine))
-    return Changed(case.replace(problem=Complementarity(p.drift, (*p.constraints, *rows)), exact=None,
-                                exact_impulse=None))  # fmt: skip
+    problem = Complementarity(p.drift, (*p.constraints, *rows))
+    return Changed(case.replace(problem=problem, exact=None, exact_impulse=None))
 
 
 def run(case: Case, spec: str, accuracy: float | None = None, time: float = 1.0):
@@ -196,7 +196,8 @@ def run(case: Case, spec: str, accuracy: float | None = None, time: float = 1.0)
 def differences(case: Case, spec: str, changed: Changed, accuracy: float | None = None) -> dict:
     """Run both; return the largest differences of states, impulses, reactions and event times.
 
-    Old run: of the case, its functions wrapped as the changed ones are. Of a coordinate in parts of the largest value in the old run; status: the two, if they differ.
+    Old run: of the case, its functions wrapped as the changed ones are. Differences are in parts of
+    the largest value of a coordinate in the old run; status: the two, if they differ.
     """
     a = run(units(case).case, spec, accuracy)  # wrapped too: the same functions, compiled alike
     b = run(changed.case, spec, accuracy, changed.time)
