@@ -11,6 +11,7 @@ _HOME = {
     "Filippov": "problem",
     "LCS": "problem",
     "Case": "case",
+    "Scale": "case.scale",
     "get_case": "case",
     "load_case": "case",
     "solve": "solvers",
