@@ -104,9 +104,8 @@ def units(case: Case, time: float = 1.0, length=1.0, gap: float = 1.0, origin: f
         impulse = L / gap
     made = dataclasses.replace(
         case, problem=problem, x0=case.x0 * S, t=t, exact=None, exact_impulse=None,
-        exact_events=None, distance=None, scale=None, unique=True,
+        exact_events=None, distance=None, scale=None,
     )  # fmt: skip
-    made = made.replace(unique=case.unique)
     return Changed(made, lambda x: x / S, time, impulse, S, origin)
 
 

@@ -136,11 +136,10 @@ def scaled_case(case: Case, scale: Scale | None = None) -> ScaledCase:
         exact_impulse=_closed_form(case.exact_impulse, t0, T, out.impulse),
         exact_events=None,
         distance=None,
-        unique=case.unique or case.distance is None,
         radius=None,
         scale=Scale(1.0, np.ones(case.n)),
     )
-    return dataclasses.replace(out, case=own.replace(unique=case.unique))
+    return dataclasses.replace(out, case=own)
 
 
 def _closed_form(exact, t0, T, unit):
