@@ -59,11 +59,12 @@ def find_flat_switch(
         met += [(times[k], i) for k, i in np.argwhere(np.abs(c) < width)]
         for at, row in sorted(met):
             x = state(at)
-            slope, changes = _slope_and_change(motion, width, float(at), x, row)
+            gradient = motion.gradients(float(at), x, np.arange(motion.d))[row]
             in_time = np.abs(motion.along(float(at), x, 1.0, 0.0 * x))[row] * (t[-1] - t[0])
-            if in_time > slope * np.abs(X).max():
+            if in_time > np.abs(gradient) @ np.abs(X).max(axis=0):
                 continue
-            if changes > SLOPE_CHANGE * slope:
+            slope = float(np.linalg.norm(gradient))
+            if _is_flat(motion, width, float(at), x, row, gradient):
                 return (
                     f"At t = {time_text(at, 6)} the state is in the layer of surface {row} where "
                     "its switch "
@@ -72,19 +73,26 @@ def find_flat_switch(
     return ""
 
 
-def _slope_and_change(motion, width, t, x, row) -> tuple[float, float]:
-    """Return the slope |grad c| of a switch, and its largest change one layer width off x."""
+def _is_flat(motion, width, t, x, row, gradient) -> bool:
+    """Does the slope of a switch change within its layer, whichever way the layer is crossed?
+
+    The ways are that of the gradient, which depends on the units of the coordinates, and the
+    coordinate axes, which do not: where one of them crosses the layer at a steady slope, the layer
+    is thin.
+    """
+    ways = (gradient, *np.eye(len(x)))
+    return all(_changes_along(motion, width, t, x, row, way, gradient @ way) for way in ways)
+
+
+def _changes_along(motion, width, t, x, row, way, slope) -> bool:
+    """Does d c / d way change by SLOPE_CHANGE within width / slope of x, or vanish?"""
+    if slope == 0.0:
+        return True
     rows = np.arange(motion.d)
-    gradient = motion.gradients(t, x, rows)[row]
-    slope = float(np.linalg.norm(gradient))
-    if not slope > 0.0:
-        return slope, np.inf
-    offset = width / slope**2 * gradient
     nearby = [
-        float(np.linalg.norm(motion.gradients(t, x + side * offset, rows)[row]))
-        for side in (1.0, -1.0)
+        motion.gradients(t, x + side * width / slope * way, rows)[row] @ way for side in (1.0, -1.0)
     ]
-    return slope, max(abs(s - slope) for s in nearby)
+    return bool(max(abs(s - slope) for s in nearby) > SLOPE_CHANGE * abs(slope))
 
 
 def _examined_times(t: np.ndarray) -> np.ndarray:
