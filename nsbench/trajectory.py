@@ -134,10 +134,13 @@ class Trajectory:
     lam (k, m), lam_h (k,): multiplier and length of the last step before each sample, of fixed-step
     methods, in cases whose multiplier is known at any time; NaN where it is not known (the first
     sample has no step). See measure.labels.
-    between: times (j,), states (j, n) and impulses (j, m) after some steps between samples, of
-    Filippov systems and as far as a method stores them: what a run may have passed between samples.
+    between: times (j,), states (j, n) and impulses (j, m) after some steps between samples, as far
+    as a method stores them: what a run may have passed between samples, and what its error bars
+    are made from.
     resolution: steps, layer and tolerance of the method; None: unknown, inferred from stats["h"]
     and lam_time by the checks.
+    bound: the error bars of the run at its samples (nsbench.error_bars.ErrorBars), computed when
+    they are first looked at; None: the method is not one that has any.
     """
 
     t: np.ndarray
@@ -153,6 +156,7 @@ class Trajectory:
     lam_h: np.ndarray | None = None
     between: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
     resolution: Resolution | None = None
+    bound: object | None = field(default=None, repr=False, compare=False)
 
 
 def machine_fault(e: BaseException) -> str:

@@ -15,6 +15,7 @@ GROUPS = {  # in the order of docs/columns.md
     "ending": "How it ended",
     "work": "Counted work and settings, told by the method",
     "error": "Errors against the reference",
+    "error bar": "Error bars, which need no reference",
     "selection": "Multipliers that are not unique",
     "floor": "Floors and scales of the errors",
     "reference": "What the errors are measured against",

@@ -184,6 +184,70 @@ ERRORS = (
         gate="count",
     ),
 )
+ERROR_BARS = (
+    Column(
+        "bound_state",
+        "error bar",
+        "number",
+        "state",
+        "bound of |x - x*| in the 2-norm, largest over the sample times, proven for convex "
+        "constraints with flat faces",
+        "bound of the state's error",
+        floor="state_floor",
+        scale="state_scale",
+    ),
+    Column(
+        "bound_reaction",
+        "error bar",
+        "number",
+        "impulse",
+        "bound of |R - R*| in the 2-norm, as bound_state",
+        "bound of the reaction's error",
+        floor="reaction_floor",
+        scale="impulse_scale",
+    ),
+    Column(
+        "estimate_state",
+        "error bar",
+        "number",
+        "state",
+        "estimate of |x - x*| in the 2-norm, largest over the sample times, where there is no "
+        "bound",
+        "estimate of the state's error",
+        floor="state_floor",
+        scale="state_scale",
+    ),
+    Column(
+        "estimate_reaction",
+        "error bar",
+        "number",
+        "impulse",
+        "estimate of |R - R*| in the 2-norm, as estimate_state",
+        "estimate of the reaction's error",
+        floor="reaction_floor",
+        scale="impulse_scale",
+    ),
+    Column(
+        "estimate_impulse",
+        "error bar",
+        "number",
+        "impulse",
+        "error bar of the reaction over the least singular value of the active unit gradients: an "
+        "estimate of |I - I*| in the 2-norm; infinite where multipliers are not unique",
+        "estimate of the impulses' error",
+        scale="impulse_scale",
+    ),
+    Column(
+        "lam_variation",
+        "error bar",
+        "number",
+        "multiplier",
+        "sum over contacts and recorded times of the changes of mean multipliers: order one rests "
+        "on its being bounded",
+        "variation of the multipliers",
+        scale="impulse_scale",
+    ),
+)
 SELECTION = (
     Column(
         "selection",

@@ -17,7 +17,14 @@ table is a column as well, without a unit and owned by the solver (`describe`).
 from __future__ import annotations
 
 from nsbench.columns.column import Column
-from nsbench.columns.measured_columns import ERRORS, FLOORS, REFERENCE, RESIDUALS, SELECTION
+from nsbench.columns.measured_columns import (
+    ERROR_BARS,
+    ERRORS,
+    FLOORS,
+    REFERENCE,
+    RESIDUALS,
+    SELECTION,
+)
 from nsbench.columns.run_columns import CLOCK, ENDING, RUN, WORK
 
 COLUMNS: tuple[Column, ...] = (
@@ -25,13 +32,14 @@ COLUMNS: tuple[Column, ...] = (
     *ENDING,
     *WORK,
     *ERRORS,
+    *ERROR_BARS,
     *SELECTION,
     *FLOORS,
     *REFERENCE,
     *RESIDUALS,
     *CLOCK,
 )
-MEASURED_GROUPS = ("error", "selection", "floor")  # NaN in a row until `measure.errors` knows them
+MEASURED_GROUPS = ("error", "error bar", "selection", "floor")  # NaN in a row until `measure.errors` knows them
 # entries that a worker hangs on a row for its parent, which takes them off again: no columns
 TRANSPORT = ("read", "unlike")
 UNKNOWN = "counted by the method, which alone knows its meaning"

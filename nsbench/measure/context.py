@@ -14,7 +14,7 @@ import numpy as np
 
 from nsbench.case import Case
 from nsbench.compilation.factories import as_numpy
-from nsbench.dynamics.contacts.constraint_set import PAIR, CandidateContacts, ConstraintSet
+from nsbench.dynamics.contacts.constraint_set import ConstraintSet, near_of
 from nsbench.problem import LCS, Complementarity, Filippov
 from nsbench.reference import Reference, canonical, files_of, reference, spread
 
@@ -113,38 +113,6 @@ def outside_windows(t: np.ndarray, events: np.ndarray) -> np.ndarray:
         last = np.searchsorted(t, e + slack, side="left") - 1  # that meet in it
         quiet[max(last - WINDOW, 0) : max(first + WINDOW + 1, 0)] = False
     return quiet
-
-
-def near_of(scene: ConstraintSet, contacts: Sequence[tuple]) -> CandidateContacts:
-    """Build the candidates with the given ids, in their order."""
-    static = scene.all_static()
-    at = {c: k for k, c in enumerate(static.ids)}
-    hard = {k: (c, scene.radii[k]) for k, c, _ in scene.hard}
-    rows = []
-    for c in contacts:
-        if c[0] in hard:
-            fam, r = hard[c[0]]
-            i = c[1]
-            j = c[2]
-            rows.append(
-                (
-                    PAIR,
-                    c[0],
-                    i,
-                    j,
-                    fam.start + i * fam.dim,
-                    fam.start + j * fam.dim,
-                    r[i] + r[j],
-                    1.0,
-                    fam.dim,
-                )
-            )
-        else:
-            k = at[c] if c in at else at[(c[0], c[2], c[1])]
-            rows.append(tuple(a[k] for a in static.arrays()))
-    like = static.arrays()
-    columns = zip(*rows, strict=True) if rows else [()] * len(like)
-    return CandidateContacts(*(np.array(v, a.dtype) for v, a in zip(columns, like, strict=True)))
 
 
 def tolerance(ref: Reference) -> float:

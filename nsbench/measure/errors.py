@@ -18,6 +18,8 @@ sup                 max of |m_j - m*_j| over all j: a diagnostic, no order where
 lam_*, lam_floor    multipliers of single steps, see `measure.multiplier_times`
 event_time,         see `event_errors`
 events_missed, events_extra
+bound_*, estimate_*  error bars without a reference, largest 2-norm over i (`nsbench.error_bars`):
+                    bounds where they are proven, else estimates, NaN where there are none
 multipliers_unique  have the active gradients full rank along the reference? None without one
 selection,          where they have not (impulse, l1, settled, sup are NaN there and the error
 polyhedron          of the reaction stands in their place): distance of the multipliers to the
@@ -72,7 +74,7 @@ def errors(case: Case, traj: Trajectory) -> dict:
         raise ValueError(
             f"the run has {len(traj.t)} samples at times of its own; {case.key} has {len(case.t)}"
         )
-    out |= residuals(made, traj)
+    out |= residuals(made, traj) | _error_bars(traj)
     if ref is None:
         if case.distance is not None and _finished(traj):
             out["set_distance"] = float(case.distance(traj.t, traj.x))
@@ -119,6 +121,20 @@ def _finished(traj: Trajectory) -> bool:
     return traj.status.code in MEASURED and bool(
         np.all(np.isfinite(traj.x)) and np.all(np.isfinite(traj.impulse))
     )
+
+
+def _error_bars(traj: Trajectory) -> dict:
+    """Return the largest error bars over the samples, of runs that have any."""
+    if traj.bound is None or not _finished(traj):
+        return {}
+    bars = traj.bound
+    kind = "bound" if bars.is_proven else "estimate"
+    return {
+        f"{kind}_state": float(bars.state.max()),
+        f"{kind}_reaction": float(bars.reaction.max()),
+        "estimate_impulse": float(bars.impulse.max()),
+        "lam_variation": bars.lam_variation,
+    }
 
 
 def _size(values) -> float:

@@ -17,6 +17,7 @@ from nsbench.diagnostics import diagnose
 from nsbench.dynamics.contacts.tolerances import scene_of
 from nsbench.dynamics.scaling.estimate import particle_distance, scale_of_sizes
 from nsbench.dynamics.scaling.scaled_case import ScaledCase, scaled_case
+from nsbench.error_bars import error_bars
 from nsbench.problem import Complementarity
 from nsbench.solvers.base import Solver
 from nsbench.solvers.common.initial_state import initial_state
@@ -107,4 +108,7 @@ class ScaledRun:
         in_own_units = traj if self.is_scaled else own.scaled(traj)
         with own.speaking():
             status = diagnose(own.case, in_own_units, getattr(self.method, "checks", ())).status
-        return dataclasses.replace(self.restored(traj), status=status)
+        told = dataclasses.replace(self.restored(traj), status=status)
+        if told.bound is None and getattr(self.method, "has_error_bars", False):
+            told = dataclasses.replace(told, bound=error_bars(self.case, told))
+        return told

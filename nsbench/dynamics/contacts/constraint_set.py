@@ -8,6 +8,7 @@ stated by the problem: family, then i, then j.
 from __future__ import annotations
 
 import functools
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -349,3 +350,35 @@ class ConstraintSet:
             if sel.size:
                 rate[sel] = fam.rate(t, x)[near.p[sel]]
         return rate
+
+
+def near_of(scene: ConstraintSet, contacts: Sequence[tuple]) -> CandidateContacts:
+    """Build the candidates with the given ids, in their order."""
+    static = scene.all_static()
+    at = {c: k for k, c in enumerate(static.ids)}
+    hard = {k: (c, scene.radii[k]) for k, c, _ in scene.hard}
+    rows = []
+    for c in contacts:
+        if c[0] in hard:
+            fam, r = hard[c[0]]
+            i = c[1]
+            j = c[2]
+            rows.append(
+                (
+                    PAIR,
+                    c[0],
+                    i,
+                    j,
+                    fam.start + i * fam.dim,
+                    fam.start + j * fam.dim,
+                    r[i] + r[j],
+                    1.0,
+                    fam.dim,
+                )
+            )
+        else:
+            k = at[c] if c in at else at[(c[0], c[2], c[1])]
+            rows.append(tuple(a[k] for a in static.arrays()))
+    like = static.arrays()
+    columns = zip(*rows, strict=True) if rows else [()] * len(like)
+    return CandidateContacts(*(np.array(v, a.dtype) for v, a in zip(columns, like, strict=True)))

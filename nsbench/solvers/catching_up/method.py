@@ -21,6 +21,7 @@ from nsbench.solvers.catching_up.outcome import Outcome
 from nsbench.solvers.catching_up.qp_backends import BACKENDS
 from nsbench.solvers.common.divergence import classify_divergence
 from nsbench.solvers.common.initial_state import initial_state
+from nsbench.solvers.common.time_grid import between_samples
 from nsbench.trajectory import Resolution, Status, Trajectory
 
 # KKT residual, a length (over the largest one, if that is below 1), above which a step did not
@@ -84,6 +85,7 @@ class CatchingUp:
     accuracy = "h"
     default = 1e-2
     scaled = True
+    has_error_bars = True
     claims = Claims(state=1.0, impulse=1.0)
     expects = EXPECTS
 
@@ -123,7 +125,7 @@ class CatchingUp:
         from nsbench.dynamics.contacts.constraint_set import ConstraintSet
         from nsbench.solvers.common.hard_particles import mean_radius
 
-        g = grid(case.t, h, last=case.exact_impulse is not None)
+        g = grid(case.t, h, last=case.exact_impulse is not None, states=case.n)
         scene = ConstraintSet(case.problem, case.n)
         x0 = initial_state(case, scene)
         reach = self.reach * mean_radius(scene)
@@ -223,6 +225,7 @@ def _trajectory(case, g, loop, out, again):
         else _status(out, stats, max(np.nanmax(np.abs(a), initial=0.0) for a in (X, R)))
     )
     lam = last_steps(case.t, g, impulse)
+    between = between_samples(case.t, g, X, impulse)
     if not g.aligned:
         X, R, impulse = (sample(case.t, g.t, v) for v in (X, R, impulse))
     # the drift that the multiplier balances is taken at the start of the step
@@ -236,6 +239,7 @@ def _trajectory(case, g, loop, out, again):
         stats=stats,
         lam_time="start",
         **lam,
+        between=between,
         resolution=Resolution(step=g.h, rule="explicit"),
     )
 

@@ -60,9 +60,15 @@ def combined(runs: list[Trajectory], h: float) -> Trajectory:
         (),
         stats,
         runs[0].lam_time,
-        between=runs[-1].between if runs[-1].contacts == contacts else None,
+        between=_between(runs[-1], contacts),
         resolution=_resolution(runs),
     )
+
+
+def _between(finest, contacts):
+    """Return what the finest run passed between the samples: for checks of switches alone, whose
+    sizes count; constraints need the extrapolated states."""
+    return finest.between if finest.contacts == contacts and not finest.reaction.size else None
 
 
 def _resolution(runs):

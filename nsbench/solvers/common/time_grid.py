@@ -17,6 +17,12 @@ import numpy as np
 from nsbench.case.scale import span_text
 
 
+SHORTEST_BLOCK = 4  # steps between recorded states
+RECORDS = 256  # of a run beside its samples
+LARGEST_STATE = 700  # coordinates of a state that is recorded between samples
+MOST_NUMBERS = 1_000_000
+
+
 def check_positive(name: str, value: object) -> float:
     """Return `value` as a float; ValueError if it is not positive and finite."""
     try:
@@ -43,10 +49,11 @@ class Grid:
     aligned: bool
 
 
-def grid(t: np.ndarray, h: float, last: bool = False) -> Grid:
+def grid(t: np.ndarray, h: float, last: bool = False, states: int = 0) -> Grid:
     """Return the grid of steps of at most h for the sample times t (k,).
 
-    last: record the state before the last step to each sample as well. A step that fits between
+    last: record the state before the last step to each sample as well. states: coordinates of a
+    state, to record some states between the samples too (see `_blocks`); 0: none. A step that fits between
     samples divides every spacing; a longer one passes over samples in steps of exactly h, the last
     one shortened, and samples are read off the polygon. Raises ValueError if h is not positive,
     needs more than 2e9 steps, or is below the rounding of t.
@@ -66,24 +73,56 @@ def grid(t: np.ndarray, h: float, last: bool = False) -> Grid:
                 f"{span_text(np.spacing(np.abs(t).max()), 2)} apart"
             )
         n = n.astype(np.int64)
-        return (_with_last if last else Grid)(np.array(t), n, float((spacing / n).max()), not last)
+        steps = float((spacing / n).max())
+        block = _block(n, states)
+        if not last and n.max() <= block:
+            return Grid(np.array(t), n, steps, True)
+        return _recording(t, n, block, last, steps)
     span = t[-1] - t[0]
     n = max(1, int(np.ceil(span / h * (1 - 1e-9))))
     nodes = np.append(t[0] + h * np.arange(n), t[-1])
     return Grid(nodes, np.ones(n, np.int64), float(min(h, span)), False)
 
 
-def _with_last(t, n, h, aligned):
-    """Return the same steps with the time before the last step of each interval recorded too."""
-    several = n > 1
-    before = (t[1:] - np.diff(t) / n)[several]
-    place = np.flatnonzero(several) + 1
-    return Grid(
-        np.insert(t, place, before),
-        np.insert(np.where(several, 1, n), np.flatnonzero(several), n[several] - 1),
-        h,
-        aligned,
-    )
+def _block(n: np.ndarray, states: int) -> int:
+    """Return how many steps are made between recorded states, of n (k - 1,) between samples.
+
+    At least SHORTEST_BLOCK, so that recording costs little beside the steps; so many that about
+    RECORDS are recorded in all, with at most MOST_NUMBERS coordinates.
+    """
+    longest = int(n.max())
+    if not states or states > LARGEST_STATE:
+        return longest
+    records = min(RECORDS, MOST_NUMBERS // states)
+    return max(SHORTEST_BLOCK, -(-int(n.sum()) // records))
+
+
+def _recording(t, n, block, last, h) -> Grid:
+    """Return the same steps with times recorded every `block` steps between samples, as evenly as
+    whole numbers allow; last: and the times before the last step to each sample."""
+    times = [t[:1]]
+    steps = []
+    for begin, end, m in zip(t[:-1], t[1:], n.tolist(), strict=True):
+        parts = -(-m // block)
+        done = [m * (p + 1) // parts for p in range(parts)]
+        if last and m > 1 and m - 1 not in done:
+            done.insert(-1, m - 1)
+        # the sample itself is recorded at its own time, to the bit
+        times.append([begin + c * ((end - begin) / m) for c in done[:-1]])
+        times.append([end])
+        steps.append(np.diff(done, prepend=0))
+    # with `last`, samples are read off even where nothing but they is recorded
+    aligned = not last and all(len(s) == 1 for s in steps)
+    return Grid(np.concatenate(times), np.concatenate(steps).astype(np.int64), h, aligned)
+
+
+def between_samples(
+    t: np.ndarray, g: Grid, x: np.ndarray, impulse: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    """Return times (j,), states (j, n) and impulses (j, m) of the recorded times that are no
+    sample times t (k,), as `Trajectory.between` holds them; None where there are none."""
+    others = ~np.isin(g.t, t)
+    return (g.t[others], x[others], impulse[others]) if others.any() else None
 
 
 def last_steps(t: np.ndarray, g: Grid, impulse: np.ndarray) -> dict[str, np.ndarray]:

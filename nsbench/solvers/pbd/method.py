@@ -29,6 +29,7 @@ from nsbench.problem import Affine, Complementarity, Smooth
 from nsbench.solvers.base import Claims, Expect, Grid, Run, grid, last_steps, sample
 from nsbench.solvers.common.divergence import classify_divergence
 from nsbench.solvers.common.initial_state import initial_state
+from nsbench.solvers.common.time_grid import between_samples
 from nsbench.solvers.pbd.sweep_order import ORDERS, hard_ranks, order_number, ordered_arrays
 from nsbench.trajectory import Resolution, Status, Trajectory
 
@@ -77,6 +78,7 @@ class PBD:
 
     accuracy = "h"
     default = 1e-2
+    has_error_bars = True
     claims = Claims(state=1.0, impulse=1.0)
     expects = EXPECTS
 
@@ -112,7 +114,7 @@ class PBD:
     def prepare(self, case: Case, h: float) -> Run:
         from nsbench.dynamics.contacts.constraint_set import ConstraintSet
 
-        g = grid(case.t, h, last=case.exact_impulse is not None)
+        g = grid(case.t, h, last=case.exact_impulse is not None, states=case.n)
         scene = ConstraintSet(case.problem, case.n)
         x0 = initial_state(case, scene)
         if any(isinstance(c, Smooth) for c in scene.families):
@@ -293,6 +295,7 @@ def build_trajectory(
         impulse[~np.isfinite(X[:, 0])] = np.nan
     status = _status(g, out, again)
     lam = last_steps(case.t, g, impulse)
+    between = between_samples(case.t, g, X, impulse)
     if not g.aligned:
         X = sample(case.t, g.t, X)
         R = sample(case.t, g.t, R)
@@ -308,6 +311,7 @@ def build_trajectory(
         stats=stats,
         lam_time="start",
         **lam,
+        between=between,
         resolution=Resolution(step=g.h, rule="explicit"),
     )
 

@@ -47,6 +47,7 @@ class PBDJax:
 
     accuracy = "h"
     default = 1e-2
+    has_error_bars = True
     claims = Claims(state=1.0, impulse=1.0)
     expects = EXPECTS
 
@@ -98,7 +99,7 @@ class PBDJax:
         """Compile the program for the lists of the start; return the run with the step h."""
         from nsbench.dynamics.contacts.constraint_set import ConstraintSet
 
-        g = grid(case.t, h, last=case.exact_impulse is not None)
+        g = grid(case.t, h, last=case.exact_impulse is not None, states=case.n)
         scene = ConstraintSet(case.problem, case.n)
         x0 = initial_state(case, scene)
         march = _March(self, case, scene, g, x0)

@@ -1,0 +1,229 @@
+"""Error bars of a run: a bound, or an estimate, of its error at every sample, from the run alone.
+
+Let Y be a curve in the feasible set S, q >= 0 with q . g(Y) = 0, and rho = Y' - f(t, Y) - N^T q.
+For convex S the exact motion x with multipliers Lambda has
+
+    <Y - x, N^T Lambda> = Lambda . (g(Y) - g(x)) >= 0,    <Y - x, N^T q> = -q . g(x) <= 0,
+
+so that (|Y - x|^2)' / 2 <= L |Y - x|^2 + |rho| |Y - x| with the one-sided Lipschitz constant L, and
+
+    |Y - x| (t) <= int exp(L (t - s)) |rho(s)| ds + the jumps of Y, each carried on by exp(L (t - s)).
+
+In a vertex of S the term q . g(x) is at least kappa |Y - x|, which takes kappa off |rho| as long as
+Y differs from x.
+
+The error of the run is at most |x_n - Y| more. Y follows the recorded states (nsbench.error_bars.
+shadow), and where contacts close or open the local solution (local_solution). The reaction is
+R(t) = x(t) - x(0) - int f, hence |R_n - R| <= |x_n - Y - D| + |Y - x| + Lip int |Y - x| ds, with
+D = x_n - x_0 - R_n - int f(s, Y(s)) ds.
+
+Where S is not convex, Y - x is carried on by the linearised flow on the face of the active contacts
+and the sum of norms is an estimate, no bound. docs/error_bars.md has the proof.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from nsbench.dynamics.contacts.constraint_set import ConstraintSet
+from nsbench.error_bars.contact_rows import ContactRows
+from nsbench.error_bars.growth import grown, lipschitz, tangential
+from nsbench.error_bars.local_solution import local_solution
+from nsbench.error_bars.shadow import Shadow
+
+ACTS = 1e-12  # of the largest impulse of an interval: less of one is rounding of a QP
+ENTRIES = 2_000_000  # of gradients that are evaluated at once
+
+
+@dataclass(frozen=True)
+class Nodes:
+    """Recorded states of a run: times t (K,), x (K, n), impulse (K, m) of `contacts`."""
+
+    t: np.ndarray
+    x: np.ndarray
+    impulse: np.ndarray
+    contacts: tuple
+
+
+@dataclass(frozen=True)
+class Growth:
+    """What an error at the nodes is made of, (K,) each: |x - Y|, |Y - x*|, |x - Y - (int f of the
+    run and of Y differ)|, and the error of int f(Y) as an integral of f(x*)."""
+
+    shift: np.ndarray
+    state: np.ndarray
+    drift_shift: np.ndarray
+    drift: np.ndarray
+
+
+class Path:
+    """The comparison curve of a run: feasible states at its nodes, arcs and local solutions.
+
+    sets: by interval the contacts that act in it. closed: by node those that act on both sides.
+    """
+
+    def __init__(self, scene: ConstraintSet, drift: Callable, nodes: Nodes):
+        self.shadow = Shadow(scene, drift)
+        self.nodes = nodes
+        self.H = np.diff(nodes.t)
+        self.sets = _acting(nodes)
+        self.closed = _on_both_sides(self.sets)
+        self.Y = np.empty_like(nodes.x)
+        for ids, at in _groups(self.closed):
+            for some in _parts(at, len(ids) * scene.n):
+                self.Y[some] = self.shadow.feasible(nodes.t[some], nodes.x[some], ids)
+        self.F = self.shadow.fields(nodes.t, self.Y)
+        K = len(nodes.t)
+        self.size = np.zeros(K - 1)  # of the residual, integrated; of local solutions with the jump
+        self.push = np.zeros((K - 1, scene.n))  # the same as vectors, without that of pieces
+        self.slack = np.zeros(K - 1)  # residual of the pieces of a local solution
+        self.along = np.zeros((K - 1, scene.n))  # integral of the drift
+        self.pull = np.zeros(K - 1)  # rate at which contacts reduce an error, in vertices of S
+        self.middle: dict[int, tuple] = {}
+        self.is_complete = True
+        self._integrate()
+
+    def _integrate(self):
+        smooth = [j for j in range(len(self.H)) if self._is_smooth(j)]
+        rest = set(range(len(self.H))) - set(smooth)
+        sets = [self.sets[j] for j in smooth]
+        for ids, at in _groups(sets):
+            for some in _parts(np.array(smooth)[at], len(ids) * self.Y.shape[1]):
+                rest |= self._arcs(some, ids)
+        for j in sorted(rest):
+            self._local(j)
+
+    def _is_smooth(self, j: int) -> bool:
+        """Do the same contacts act in interval j and its neighbours?"""
+        now = self.sets[j]
+        before = self.sets[j - 1] if j else ()
+        after = self.sets[min(j + 1, len(self.sets) - 1)]
+        return before == now == after
+
+    def _arcs(self, at, ids) -> set[int]:
+        """Measure the arcs of the intervals `at`; return those that leave the feasible set."""
+        t = self.nodes.t[at]
+        H = self.H[at]
+        Y, F = self.Y, self.F
+        arcs = self.shadow.arcs(t, H, Y[at], Y[at + 1], F[at], F[at + 1], ids)
+        self.size[at] = arcs.sizes(H)
+        self.push[at] = arcs.vectors(H)
+        self.along[at] = arcs.fields(H, F[at], F[at + 1])
+        rows = self.shadow.rows(ids)
+        if rows.m:
+            self.pull[at] = arcs.pulls(rows.gradients(t[:1], Y[at[:1]])[0])
+        for k, j in enumerate(at):
+            self.middle[int(j)] = rows, arcs.middle[k], arcs.q[k, 1]
+        return {int(j) for j in at[~arcs.inside]}
+
+    def _local(self, j: int):
+        found = local_solution(self.shadow, float(self.nodes.t[j]), float(self.H[j]), self.Y[j])
+        self.is_complete &= found.is_complete
+        self.push[j] = self.Y[j + 1] - found.state
+        self.slack[j] = found.residual
+        self.size[j] = found.residual + np.linalg.norm(self.push[j])
+        self.along[j] = found.drift
+        self.middle[j] = self.shadow.rows(()), self.Y[j], np.empty(0)
+
+    def bound(self) -> Growth:
+        """Return the parts of the bound: convex constraints."""
+        one_sided, two_sided = lipschitz(self.shadow.drift, self.nodes.t, self.Y)
+        e = np.zeros(len(self.nodes.t))
+        for j, H in enumerate(self.H):
+            # exp(L (t - s)) is largest at one end of the interval
+            factor = np.exp(one_sided * H)
+            kept = max(0.0, factor * e[j] - min(1.0, factor) * H * self.pull[j])
+            e[j + 1] = kept + max(1.0, factor) * self.size[j]
+        area = np.append(0.0, np.cumsum(self.H * (np.maximum(e[1:], e[:-1]))))
+        return self._growth(e, two_sided * area)
+
+    def estimate(self) -> Growth:
+        """Return the parts of the estimate: constraints of any kind, errors linearised."""
+        drift = self.shadow.drift
+        K = len(self.nodes.t)
+        delta = np.zeros_like(self.Y)
+        pulled = np.zeros_like(self.Y)
+        slack = np.append(0.0, np.cumsum(self.slack))
+        for j, H in enumerate(self.H):
+            rows, x, q = self.middle[j]
+            at = float(self.nodes.t[j] + 0.5 * H)
+            new = grown(drift, rows, at, float(H), x, q, delta[j])
+            new = tangential(self.shadow.rows(self.closed[j + 1]), at + 0.5 * H, self.Y[j + 1], new)
+            delta[j + 1] = new + self.push[j]
+            pulled[j + 1] = pulled[j] + H * _pull(drift, at, x, 0.5 * (delta[j] + delta[j + 1]))
+        e = np.linalg.norm(delta, axis=1) + slack
+        return self._growth(e, np.linalg.norm(pulled, axis=1) + np.zeros(K))
+
+    def _growth(self, e, drift_error) -> Growth:
+        shift = self.nodes.x - self.Y
+        return Growth(np.linalg.norm(shift, axis=1), e, shift, drift_error)
+
+    def least_singular_values(self) -> np.ndarray:
+        """Return (K,) the least singular values of the unit gradients of the contacts that acted
+        up to each node, of those that act together; infinite as long as none did."""
+        least = np.inf
+        known: dict[tuple, float] = {}
+        values = [least]
+        for j, ids in enumerate(self.sets):
+            if ids and ids not in known:
+                rows = self.shadow.rows(ids)
+                N = rows.gradients(self.nodes.t[j + 1 : j + 2], self.Y[j + 1 : j + 2])[0]
+                full = rows.m <= N.shape[1]
+                known[ids] = float(np.linalg.svd(N, compute_uv=False)[-1]) if full else 0.0
+            least = min(least, known.get(ids, np.inf))
+            values.append(least)
+        return np.array(values)
+
+    def multiplier_variation(self) -> float:
+        """Return the sum over contacts and intervals of the changes of the mean multipliers."""
+        means = np.diff(self.nodes.impulse, axis=0) / self.H[:, None]
+        return float(np.abs(np.diff(means, axis=0)).sum())
+
+    def curve_drift(self) -> np.ndarray:
+        """Return (K, n) the integral of the drift along the curve up to each node."""
+        return np.vstack([np.zeros(self.Y.shape[1]), np.cumsum(self.along, axis=0)])
+
+
+def _pull(drift, t, x, delta):
+    """Return (n,) J delta by a difference of the drift."""
+    size = float(np.linalg.norm(delta))
+    if size == 0.0:
+        return np.zeros_like(delta)
+    step = 2.0**-20 / size * delta
+    both = np.asarray(drift(t, x + step), float) - drift(t, x - step)
+    return both * (0.5 * size * 2.0**20)
+
+
+def _acting(nodes: Nodes) -> list[tuple]:
+    """Return by interval the ids of the contacts whose impulse grows in it."""
+    gained = np.diff(nodes.impulse, axis=0)
+    large = ACTS * gained.max(axis=1, initial=0.0, keepdims=True)
+    acts = gained > np.maximum(large, 0.0)
+    return [tuple(nodes.contacts[c] for c in np.flatnonzero(row)) for row in acts]
+
+
+def _on_both_sides(sets: list[tuple]) -> list[tuple]:
+    """Return by node the contacts that act before and behind it; at the end, those before it."""
+    inner = [
+        tuple(c for c in a if c in held)
+        for a, b in zip(sets[:-1], sets[1:], strict=True)
+        for held in (set(b),)
+    ]
+    return [(), *inner, sets[-1]]
+
+
+def _groups(sets: list[tuple]) -> list[tuple[tuple, np.ndarray]]:
+    """Return the distinct sets, each with the places at which it stands."""
+    places: dict[tuple, list[int]] = {}
+    for k, s in enumerate(sets):
+        places.setdefault(s, []).append(k)
+    return [(s, np.array(at)) for s, at in places.items()]
+
+
+def _parts(at: np.ndarray, entries: int) -> list[np.ndarray]:
+    """Cut the places into parts with at most ENTRIES gradient entries each."""
+    return np.array_split(at, max(1, -(-len(at) * max(1, entries) // ENTRIES)))
+

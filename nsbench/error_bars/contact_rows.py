@@ -1,0 +1,137 @@
+"""Gaps, gradients and rates of fixed contacts at many states at once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from nsbench.dynamics.contacts.candidates import PAIR
+from nsbench.dynamics.contacts.constraint_set import ConstraintSet, near_of
+
+# Relative to the diagonal of the Gram matrix of unit normals: contacts that are dependent up to
+# this are closed as one, not each for itself.
+DAMPING = 1e-10
+TIME_STEP = 2.0**-20  # of own time, for the rate at which a moving constraint moves
+
+
+class ContactRows:
+    """The m contacts `ids` of a scene at K states: times t (K,), states X (K, n).
+
+    Gradients are scaled to length one with their gaps, so that a gap is a distance to first order.
+    """
+
+    def __init__(self, scene: ConstraintSet, ids: Sequence[tuple]):
+        self.scene = scene
+        self.ids = tuple(ids)
+        self.near = near_of(scene, ids)
+        self.layout = scene.layout(self.near)
+        self.m = len(self.ids)
+        rows = self.layout.rows
+        self._rows = np.zeros((len(rows), scene.n))
+        for e, p in enumerate(self.near.p[rows]):
+            at = slice(scene.ptr[p], scene.ptr[p + 1])
+            np.add.at(self._rows[e], scene.cols[at], scene.vals[at])
+        self._sizes = np.linalg.norm(self._rows, axis=1)
+        self.is_straight = len(rows) == self.m
+        self.is_moving = scene.moving
+
+    def gaps(self, t: np.ndarray, X: np.ndarray) -> np.ndarray:
+        """Return (K, m) the gaps, each divided by the length of its gradient."""
+        g = np.empty((len(t), self.m))
+        for sel, _, diff in self._differences(t, X):
+            dist = np.sqrt((diff * diff).sum(-1))
+            lengths = np.sqrt(2.0) if self.near.kind[sel[0]] == PAIR else 1.0
+            g[:, sel] = self.near.sign[sel] * (dist - self.near.d[sel]) / lengths
+        rows = self.layout.rows
+        if rows.size:
+            b = np.array([self.scene.b(float(s))[self.near.p[rows]] for s in self._times(t)])
+            g[:, rows] = (X @ self._rows.T + b) / self._sizes
+        for fam, sel in self._smooth():
+            for k, (s, x) in enumerate(zip(t, X, strict=True)):
+                size = np.linalg.norm(fam.gradient(float(s), x)[self.near.p[sel]], axis=1)
+                g[k, sel] = fam.g(float(s), x)[self.near.p[sel]] / size
+        return g
+
+    def _times(self, t):
+        """Times at which b is evaluated: one of them where it does not move."""
+        return t if self.is_moving else t[:1]
+
+    def _differences(self, t, X):
+        """Yield by kind and dimension: entries, coordinates of both ends, differences."""
+        for kind, sel, i, j in self.layout.pairs:
+            if kind == PAIR:
+                yield sel, (i, j), X[:, i] - X[:, j]
+            else:
+                ends = np.array([self.scene.anchors(float(s))[j] for s in self._times(t)])
+                yield sel, (i, None), X[:, i] - ends
+
+    def _smooth(self):
+        families = [self.scene.smooth(s) for s in range(len(self.layout.smooth))]
+        return [(f, sel) for f, sel in zip(families, self.layout.smooth, strict=True) if sel.size]
+
+    def gradients(self, t: np.ndarray, X: np.ndarray) -> np.ndarray:
+        """Return (K, m, n) the gradients, scaled to length one."""
+        N = np.zeros((len(t), self.m, X.shape[1]))
+        for sel, (i, j), diff in self._differences(t, X):
+            dist = np.sqrt((diff * diff).sum(-1, keepdims=True))
+            unit = np.divide(diff, dist, out=np.zeros_like(diff), where=dist > 0.0)
+            unit *= self.near.sign[sel, None]
+            if j is not None:
+                unit /= np.sqrt(2.0)
+                N[:, sel[:, None], j] = -unit
+            N[:, sel[:, None], i] = unit
+        if self.layout.rows.size:
+            N[:, self.layout.rows] = self._rows / self._sizes[:, None]
+        for fam, sel in self._smooth():
+            for k, (s, x) in enumerate(zip(t, X, strict=True)):
+                rows = fam.gradient(float(s), x)[self.near.p[sel]]
+                N[k, sel] = rows / np.linalg.norm(rows, axis=1, keepdims=True)
+        return N
+
+    def rates(self, t: np.ndarray, X: np.ndarray) -> np.ndarray:
+        """Return (K, m) the partial derivatives of the gaps in time, by central differences."""
+        if not self.is_moving:
+            return np.zeros((len(t), self.m))
+        return (self.gaps(t + TIME_STEP, X) - self.gaps(t - TIME_STEP, X)) / (2.0 * TIME_STEP)
+
+    def closed(self, t: np.ndarray, X: np.ndarray, rounds: int = 1) -> np.ndarray:
+        """Return states (K, n) near X at which all contacts are closed: Gauss-Newton steps."""
+        for _ in range(rounds if self.m else 0):
+            X = X - normal_part(self.gradients(t, X), self.gaps(t, X))
+        return X
+
+
+def normal_part(N: np.ndarray, g: np.ndarray) -> np.ndarray:
+    """Return (K, n) the shortest d with N d = g, for N (K, m, n) and g (K, m).
+
+    Rows that depend on one another are damped by DAMPING; one step of iterative refinement.
+    """
+    q, A = multipliers(N, g)
+    q += np.linalg.solve(A, (g - np.einsum("kmn,kn->km", N, _back(N, q)))[..., None])[..., 0]
+    return _back(N, q)
+
+
+def multipliers(N: np.ndarray, g: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return (K, m) q with N N^T q = g, and the damped Gram matrices (K, m, m)."""
+    A = N @ N.transpose(0, 2, 1)
+    A[:, np.arange(A.shape[1]), np.arange(A.shape[1])] += DAMPING
+    return np.linalg.solve(A, g[..., None])[..., 0], A
+
+
+def _back(N, q):
+    return np.einsum("kmn,km->kn", N, q)
+
+
+def off_cone(N: np.ndarray, d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Split d (K, n) into N^T q with q >= 0 and a shortest rest; return rest (K, n), q (K, m).
+
+    The rest is what an inclusion x' in f + N^T q lacks. Where the unconstrained q is positive it is
+    taken, else nonnegative least squares.
+    """
+    q, _ = multipliers(N, np.einsum("kmn,kn->km", N, d))
+    for k in np.flatnonzero((q < 0.0).any(axis=1)):
+        from scipy.optimize import nnls
+
+        q[k] = nnls(N[k].T, d[k])[0]
+    return d - _back(N, q), q

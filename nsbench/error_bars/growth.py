@@ -1,0 +1,78 @@
+"""How errors grow along a constrained motion: one-sided Lipschitz constant, and linearisation."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from nsbench.error_bars.contact_rows import ContactRows, normal_part
+
+NUDGE = 2.0**-20  # of own length, for differences of drifts and normals
+LOOKS = 5  # states of a run at which the derivative of the drift is taken
+
+
+def derivatives(drift: Callable, t: np.ndarray, X: np.ndarray) -> np.ndarray:
+    """Return (K, n, n) the derivatives of the drift in the state, by central differences."""
+    n = X.shape[1]
+    J = np.empty((len(t), n, n))
+    for k, (s, x) in enumerate(zip(t, X, strict=True)):
+        for i in range(n):
+            step = NUDGE * np.eye(n)[i] * max(1.0, abs(x[i]))
+            up = np.asarray(drift(float(s), x + step), float)
+            J[k, :, i] = (up - drift(float(s), x - step)) / (2.0 * step[i])
+    return J
+
+
+def lipschitz(drift: Callable, t: np.ndarray, X: np.ndarray) -> tuple[float, float]:
+    """Return upper estimates of the one-sided and the two-sided Lipschitz constant of the drift.
+
+    They are the largest of LOOKS states of the run, enlarged by how much the derivative changes
+    between these states: nothing for a drift that is affine in the state.
+    """
+    at = np.unique(np.linspace(0, len(t) - 1, LOOKS).astype(int))
+    J = derivatives(drift, t[at], X[at])
+    symmetric = 0.5 * (J + J.transpose(0, 2, 1))
+    # of a derivative: rounding of the differences
+    rounding = 1e-8 * (1.0 + float(np.abs(J).max()))
+    change = max((float(np.linalg.norm(d, 2)) for d in np.diff(J, axis=0)), default=0.0)
+    change = 0.0 if change < rounding else change
+    one_sided = max(float(np.linalg.eigvalsh(A)[-1]) for A in symmetric)
+    two_sided = max(float(np.linalg.norm(A, 2)) for A in J)
+    return one_sided + change + rounding, two_sided + change + rounding
+
+
+def tangential(rows: ContactRows, t: float, x: np.ndarray, delta: np.ndarray) -> np.ndarray:
+    """Return the part of delta (n,) along which no contact `rows` opens or closes."""
+    if not rows.m:
+        return delta
+    N = rows.gradients(np.array([t]), x[None])
+    return delta - normal_part(N, N @ delta)[0]
+
+
+def pushed(drift: Callable, rows: ContactRows, t: float, x: np.ndarray, q: np.ndarray, delta):
+    """Return (n,) the rate of a small error delta of a motion on the face of the contacts `rows`.
+
+    It is the tangential part of J delta + (d/dx N^T q) delta, with the multipliers q (m,) of unit
+    gradients: the curvature of contacts under load drives neighbouring motions apart.
+    """
+    size = float(np.linalg.norm(delta))
+    step = NUDGE / size * delta
+    both = np.array([x + step, x - step])
+    slope = np.asarray(drift(t, both[0]), float) - drift(t, both[1])
+    if rows.m and not rows.is_straight:
+        up, down = rows.gradients(np.array([t, t]), both)
+        slope = slope + (up - down).T @ q
+    return tangential(rows, t, x, slope * (0.5 * size / NUDGE))
+
+
+def grown(drift, rows: ContactRows, t: float, H: float, x, q, delta: np.ndarray) -> np.ndarray:
+    """Return the error delta (n,) after a time H: the midpoint rule, or where that would be too
+    long a step the exponential of the rate along delta."""
+    if not np.any(delta):
+        return delta
+    rate = pushed(drift, rows, t, x, q, delta)
+    if np.linalg.norm(rate) * H <= np.linalg.norm(delta):
+        middle = delta + 0.5 * H * rate
+        return delta + H * (pushed(drift, rows, t, x, q, middle) if np.any(middle) else rate)
+    return delta * np.exp(H * float(delta @ rate) / float(delta @ delta))

@@ -1,0 +1,165 @@
+"""Local solution of the constrained motion over an interval in which contacts close or open.
+
+From a feasible state the motion goes on with the velocity that is the drift's projection on the
+cone of velocities which violate nothing (Moreau), until a gap closes or a multiplier vanishes; both
+times are found by bisection. Only the drift is approximated: by its value in the middle of a piece.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from nsbench.error_bars.contact_rows import ContactRows, multipliers, normal_part, off_cone
+from nsbench.error_bars.shadow import CLOSED, NEWTON, Shadow
+
+PIECES = 2  # of an interval, beside those that events make
+MOST_PIECES = 400
+HALVINGS = 45
+LOOKS = (0.25, 0.5, 0.75, 1.0)  # of a piece, where a gap may be found closed
+
+
+@dataclass(frozen=True)
+class LocalSolution:
+    """Where a local solution ends: state (n,), bound of the integral of its residual, integral
+    (n,) of the drift along it, and whether it got to the end of its interval."""
+
+    state: np.ndarray
+    residual: float
+    drift: np.ndarray
+    is_complete: bool
+
+
+def local_solution(shadow: Shadow, t: float, H: float, y: np.ndarray) -> LocalSolution:
+    """Integrate over [t, t + H] from the state y (n,) of S."""
+    ends = t + H * np.arange(1, PIECES + 1) / PIECES
+    now = t
+    residual = 0.0
+    total = np.zeros_like(y)
+    at = 0
+    for _ in range(MOST_PIECES):
+        piece = _Piece(shadow, now, float(ends[at]) - now, y)
+        y, part, along = piece.end()
+        residual += part
+        total += along
+        now += piece.length
+        if not piece.is_cut:
+            now = float(ends[at])
+            at += 1
+            if at == PIECES:
+                return LocalSolution(y, residual, total, True)
+    return LocalSolution(y, residual, total, False)
+
+
+class _Piece:
+    """One straight piece of a local solution: from y (n,) at t, over at most dt."""
+
+    def __init__(self, shadow: Shadow, t: float, dt: float, y: np.ndarray):
+        self.shadow = shadow
+        self.t = t
+        self.y = y
+        self.length = dt
+        self.is_cut = False
+        f = self._field(0.0, y)
+        self.closed, self.open = self._contacts(dt, np.linalg.norm(f))
+        self.v, q = self._velocity(0.0, y, f)
+        first = self.v
+        self._take_middle(first)
+        self._stop_at_closing()
+        self._stop_at_release(q)
+        if self.is_cut:
+            self._take_middle(first)
+
+    def _field(self, s, x):
+        return np.asarray(self.shadow.drift(self.t + s, x), float)
+
+    def _take_middle(self, v):
+        """Take the velocity of the field in the middle of the piece."""
+        half = 0.5 * self.length
+        x = self.y + half * v
+        self.field = self._field(half, x)
+        self.v, self.q = self._velocity(half, x, self.field)
+
+    def _contacts(self, dt, speed) -> tuple[ContactRows, ContactRows]:
+        """Return the rows of the closed contacts, and of those that may close within dt."""
+        scene = self.shadow.scene
+        reach = np.inf if scene.moving and not scene.hard else 4.0 * dt * speed + CLOSED
+        near = scene.near(self.y, reach, self.t)
+        g = scene.gaps(self.t, self.y, near)
+        ids = near.ids
+        closed = [ids[k] for k in np.flatnonzero(g <= CLOSED)]
+        may = [ids[k] for k in np.flatnonzero((g > CLOSED) & ((g <= reach) | scene.moving))]
+        return self.shadow.rows(closed), self.shadow.rows(may)
+
+    def _velocity(self, s, x, f) -> tuple[np.ndarray, np.ndarray]:
+        """Project f on the velocities v with N v + rate >= 0; return v and the multipliers."""
+        rows = self.closed
+        if not rows.m:
+            return f, np.empty(0)
+        at = np.array([self.t + s])
+        N = rows.gradients(at, x[None])
+        rates = rows.rates(at, x[None])
+        base = -normal_part(N, rates)
+        rest, q = off_cone(N, -(f - base))
+        return base[0] - rest[0], q[0]
+
+    def _stop_at_closing(self):
+        """Shorten the piece to the time at which the first open contact closes."""
+        if not self.open.m:
+            return
+        least = lambda s: self.open.gaps(np.array([self.t + s]), (self.y + s * self.v)[None]).min()
+        late = next((w for w in LOOKS if least(w * self.length) < 0.0), None)
+        if late is not None:
+            self._cut(lambda s: least(s) < 0.5 * CLOSED, late * self.length)
+
+    def _stop_at_release(self, q):
+        """Shorten the piece to the time at which the first multiplier of those that act vanishes."""
+        acting = [c for c, load in zip(self.closed.ids, q, strict=True) if load > 0.0]
+        if not acting:
+            return
+        rows = self.shadow.rows(acting)
+
+        def has_released(s):
+            at = np.array([self.t + s])
+            x = (self.y + s * self.v)[None]
+            N = rows.gradients(at, x)
+            pull = np.einsum("kmn,kn->km", N, self._field(s, x[0])[None]) + rows.rates(at, x)
+            return multipliers(N, -pull)[0].min() < 0.0
+
+        if not has_released(0.0) and has_released(self.length):
+            self._cut(has_released, self.length)
+
+    def _cut(self, is_past, late):
+        """Bisect for the time at which `is_past` turns true; the piece ends behind it."""
+        early = 0.0
+        for _ in range(HALVINGS):
+            middle = 0.5 * (early + late)
+            if is_past(middle):
+                late = middle
+            else:
+                early = middle
+        self.length = late
+        self.is_cut = True
+
+    def end(self) -> tuple[np.ndarray, float, np.ndarray]:
+        """Return the end of the piece, a bound of its residual, and the integral of the drift."""
+        acting = [c for c, load in zip(self.closed.ids, self.q, strict=True) if load > 0.0]
+        rows = self.shadow.rows(acting)
+        s = self.length * np.array([0.0, 0.5, 1.0])
+        X = self.y + s[:, None] * self.v
+        F = self.shadow.fields(self.t + s, X)
+        rest = self.v - F
+        if rows.m:
+            N = rows.gradients(self.t + s, X)
+            lack = np.einsum("kmn,kn->km", N, np.broadcast_to(self.v, F.shape))
+            rest = rest - normal_part(N, lack + rows.rates(self.t + s, X))
+            rest, _ = off_cone(N, rest)
+        a, b, c = np.linalg.norm(rest, axis=1)
+        simpson = (a + 4.0 * b + c) / 6.0
+        residual = self.length * (simpson + abs(simpson - (a + 2.0 * b + c) / 4.0))
+        y = X[2]
+        if rows.m and (rows.is_moving or not rows.is_straight):
+            y = rows.closed(self.t + s[2:], X[2:], NEWTON)[0]
+        return y, residual, self.length * (F[0] + 4.0 * F[1] + F[2]) / 6.0
+

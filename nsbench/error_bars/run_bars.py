@@ -1,0 +1,159 @@
+"""Error bars of a trajectory: which runs have them, and their computation in own units."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from nsbench.case import Case
+from nsbench.dynamics.scaling.scaled_case import ScaledCase, scaled_case
+from nsbench.problem import Affine, Complementarity, Distance
+from nsbench.trajectory import Trajectory
+
+FINISHED = ("ok", "unverified", "degenerate", "below_reference")
+LARGEST = 700  # coordinates, or acting contacts, of a run whose error bars are computed
+
+
+@dataclass(frozen=True)
+class Bars:
+    """Error bars at the samples, each (k,), in the 2-norm; NaN where there are none.
+
+    state, reaction: of x and of the cumulative reaction. impulse: of the cumulative impulses, the
+    reaction's over the least singular value of the active gradients: an estimate always.
+    lam_variation: sum over contacts and recorded times of the changes of mean multipliers, whose
+    boundedness is what order one rests on. is_proven: are state and reaction bounds? If not they
+    are estimates. why: a sentence where there are none, or where they are not to be trusted.
+    """
+
+    t: np.ndarray
+    state: np.ndarray
+    reaction: np.ndarray
+    impulse: np.ndarray
+    lam_variation: float = float("nan")
+    is_proven: bool = False
+    why: str = ""
+
+    @classmethod
+    def none(cls, t: np.ndarray, why: str) -> Bars:
+        """Return the error bars of a run that has none."""
+        nothing = np.full(len(t), np.nan)
+        return cls(t, nothing, nothing, nothing, why=why)
+
+
+class ErrorBars:
+    """Error bars of a run, computed when they are first asked for.
+
+    Its attributes are those of `Bars`: t, state, reaction, impulse (k,), lam_variation, is_proven,
+    why.
+    """
+
+    def __init__(self, make: Callable[[], Bars]):
+        self._make = make
+
+    @cached_property
+    def made(self) -> Bars:
+        """The computed error bars."""
+        return self._make()
+
+    def __getattr__(self, name: str):
+        if name.startswith("_") or name not in Bars.__dataclass_fields__:
+            raise AttributeError(name)
+        return getattr(self.made, name)
+
+    def __repr__(self) -> str:
+        return f"ErrorBars({'not computed yet' if 'made' not in self.__dict__ else self._words()})"
+
+    def _words(self) -> str:
+        kind = "bound" if self.is_proven else "estimate"
+        return self.why or f"{kind}: state {np.nanmax(self.state, initial=0.0):.3g}"
+
+
+def error_bars(case: Case, traj: Trajectory) -> ErrorBars:
+    """Return the error bars of a run of a gradient system by a fixed-step method.
+
+    The run is one that recorded states between its samples where it made many steps
+    (`Trajectory.between`). Nothing raises: a run without error bars says why.
+    """
+    return ErrorBars(lambda: _computed(case, traj))
+
+
+def _computed(case: Case, traj: Trajectory) -> Bars:
+    why = _refusal(case, traj)
+    if why:
+        return Bars.none(traj.t, why)
+    own = scaled_case(case)
+    try:
+        with np.errstate(all="ignore"), own.speaking():
+            found = _in_own_units(own.case, own.scaled(traj))
+    except Exception as e:  # a drift may raise anything at a state near those of the run
+        return Bars.none(traj.t, f"They could not be computed: {type(e).__name__}: {e}")
+    length = float(np.max(own.state))
+    return dataclasses.replace(
+        found,
+        t=traj.t,
+        state=found.state * length,
+        reaction=found.reaction * length,
+        impulse=found.impulse * own.impulse,
+        lam_variation=found.lam_variation * own.multiplier,
+    )
+
+
+def _refusal(case: Case, traj: Trajectory) -> str:
+    """Return why a run has no error bars, "" if it has."""
+    if not isinstance(case.problem, Complementarity):
+        return "Error bars are computed for constraints alone, not for switches or an LCS."
+    if traj.status.code not in FINISHED or not np.all(np.isfinite(traj.x)):
+        return "The run did not reach its end."
+    if not traj.reaction.size or len(traj.t) < 3:
+        return "The run has no reaction, or fewer than three samples."
+    if case.n > LARGEST:
+        return f"{case.n} coordinates: error bars are computed for {LARGEST} at most."
+    if len(traj.contacts) > 8 * LARGEST:
+        return f"{len(traj.contacts)} contacts acted: too many to close at once."
+    return ""
+
+
+def is_convex(problem: Complementarity) -> bool:
+    """Is the feasible set convex, with flat faces: affine rows, and distances in one dimension?"""
+    return all(
+        isinstance(c, Affine) or (isinstance(c, Distance) and c.dim == 1)
+        for c in problem.constraints
+    )
+
+
+def _in_own_units(case: Case, traj: Trajectory) -> Bars:
+    from nsbench.compilation.factories import as_numpy
+    from nsbench.dynamics.contacts.constraint_set import ConstraintSet
+    from nsbench.error_bars.bars import Path
+
+    nodes = _nodes(traj)
+    path = Path(ConstraintSet(case.problem, case.n), as_numpy(case.problem.drift), nodes)
+    at = np.searchsorted(nodes.t, traj.t)
+    proven = is_convex(case.problem) and path.is_complete
+    parts = path.bound() if proven else path.estimate()
+    # rounding of one addition per step, which no residual shows
+    rounding = float(np.spacing(np.abs(traj.x).max())) * traj.stats.get("steps", len(nodes.t))
+    state = (parts.shift + parts.state)[at] + rounding
+    own_drift = traj.x - traj.x[0] - traj.reaction
+    off = parts.drift_shift[at] - (own_drift - path.curve_drift()[at])
+    reaction = np.linalg.norm(off, axis=1) + parts.state[at] + parts.drift[at] + rounding
+    impulse = np.maximum.accumulate(reaction) / path.least_singular_values()[at]
+    why = "" if path.is_complete else "Contacts closed and opened too often to be followed."
+    return Bars(traj.t, state, reaction, impulse, path.multiplier_variation(), proven, why)
+
+
+def _nodes(traj: Trajectory):
+    """Merge the samples with the states recorded between them."""
+    from nsbench.error_bars.bars import Nodes
+
+    t, x, impulse = traj.t, traj.x, traj.impulse
+    if traj.between is not None and len(traj.between[0]):
+        merged = zip((t, x, impulse), traj.between, strict=True)
+        t, x, impulse = (np.concatenate(pair) for pair in merged)
+        order = np.argsort(t, kind="stable")
+        t, x, impulse = t[order], x[order], impulse[order]
+    return Nodes(t, x, impulse, tuple(traj.contacts))

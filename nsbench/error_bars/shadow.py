@@ -1,0 +1,170 @@
+"""Shadow of a run: states in the feasible set S near the recorded ones, and smooth arcs of a curve
+in S through them.
+
+Between two recorded times at which the same contacts act, the curve is a cubic Hermite polynomial
+with the velocities of the exact motion on the face of these contacts at its ends, moved onto the
+face along its normals. What it lacks to be a solution is the residual rho = Y' - f - N^T q, q >= 0.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from nsbench.dynamics.contacts.constraint_set import ConstraintSet
+from nsbench.error_bars.contact_rows import ContactRows, normal_part, off_cone
+
+CLOSED = 1e-12  # of own length: a gap that is zero up to rounding
+NEWTON = 6  # Gauss-Newton steps onto a curved face
+REPAIRS = 20  # rounds in which violated constraints are closed as well
+MAX_CONDITION = 1e8  # of the gradients of a vertex
+PLACES = (0.25, 0.5, 0.75)  # of an arc, where its residual is computed
+
+
+class Shadow:
+    """Feasible states near recorded ones, and the residual of smooth arcs between them.
+
+    scene: the constraints; drift: f(t, x) in numpy. All states are in own units.
+    """
+
+    def __init__(self, scene: ConstraintSet, drift: Callable):
+        self.scene = scene
+        self.drift = drift
+        self._rows: dict[tuple, ContactRows] = {}
+        self._static = ContactRows(scene, scene.all_static().ids)
+
+    def rows(self, ids: Sequence[tuple]) -> ContactRows:
+        """Return the rows of the contacts `ids`, made once."""
+        key = tuple(ids)
+        if key not in self._rows:
+            self._rows[key] = ContactRows(self.scene, key)
+        return self._rows[key]
+
+    def fields(self, t: np.ndarray, X: np.ndarray) -> np.ndarray:
+        """Return (K, n) the drift at K states."""
+        return np.array([self.drift(float(s), x) for s, x in zip(t, X, strict=True)], float)
+
+    def least_gaps(self, t: np.ndarray, X: np.ndarray) -> np.ndarray:
+        """Return (K,) the smallest gap of any constraint, 0.0 where none is violated."""
+        worst = np.minimum(self._static.gaps(t, X).min(axis=1, initial=0.0), 0.0)
+        if self.scene.hard:
+            hard = [-self.scene.max_violation(float(s), x) for s, x in zip(t, X, strict=True)]
+            worst = np.minimum(worst, hard)
+        return worst
+
+    def feasible(self, t: np.ndarray, X: np.ndarray, ids: Sequence[tuple]) -> np.ndarray:
+        """Return states (K, n) of S near X in which the contacts `ids` are closed."""
+        rows = self.rows(ids)
+        rounds = 1 if rows.is_straight else NEWTON
+        Y = rows.closed(t, X, rounds)
+        for k in np.flatnonzero(self.least_gaps(t, Y) < -CLOSED):
+            Y[k] = self._repaired(t[k : k + 1], X[k : k + 1], list(ids))[0]
+        return Y
+
+    def _repaired(self, t, x, ids):
+        """Close what is violated at the state x (1, n) as well, until nothing is."""
+        y = x
+        for _ in range(REPAIRS):
+            rows = self.rows(ids)
+            y = rows.closed(t, x, 1 if rows.is_straight else NEWTON)
+            near = self.scene.near(y[0], 0.0, float(t[0]))
+            g = self.scene.gaps(float(t[0]), y[0], near)
+            more = [near.ids[k] for k in np.flatnonzero(g < -CLOSED) if near.ids[k] not in ids]
+            if not more:
+                break
+            ids += more
+        return y
+
+    def velocities(self, t: np.ndarray, Y: np.ndarray, F: np.ndarray, rows: ContactRows):
+        """Return (K, n) the velocities with which all contacts `rows` stay closed."""
+        if not rows.m:
+            return F
+        N = rows.gradients(t, Y)
+        return F - normal_part(N, np.einsum("kmn,kn->km", N, F) + rows.rates(t, Y))
+
+    def arcs(self, t: np.ndarray, H: np.ndarray, Y0, Y1, F0, F1, ids: Sequence[tuple]) -> Arcs:
+        """Return the K arcs that begin at times t (K,), last H (K,), and lead from Y0 to Y1.
+
+        F0, F1 (K, n): the drift at their ends; ids: the contacts that are closed on all of them.
+        """
+        rows = self.rows(ids)
+        V0 = self.velocities(t, Y0, F0, rows)
+        V1 = self.velocities(t + H, Y1, F1, rows)
+        residual = np.empty((len(t), len(PLACES), Y0.shape[1]))
+        field = np.empty_like(residual)
+        inside = np.ones(len(t), bool)
+        q = np.zeros((len(t), len(PLACES), rows.m))
+        for e, w in enumerate(PLACES):
+            P, dP = _hermite(w, H[:, None], Y0, Y1, V0, V1)
+            s = t + w * H
+            if rows.m and not (rows.is_straight and not rows.is_moving):
+                P = rows.closed(s, P)
+            if self._static.m:
+                inside &= self._static.gaps(s, P).min(axis=1) >= -1e3 * CLOSED
+            field[:, e] = self.fields(s, P)
+            rest = dP - field[:, e]
+            if rows.m:
+                N = rows.gradients(s, P)
+                # the normal velocity is that of the moving face, whatever the polynomial's is
+                lack = np.einsum("kmn,kn->km", N, dP) + rows.rates(s, P)
+                rest, q[:, e] = off_cone(N, rest - normal_part(N, lack))
+            residual[:, e] = rest
+            if w == 0.5:
+                middle = P
+        return Arcs(residual, field, inside, middle, q)
+
+
+class Arcs:
+    """Residuals (K, 3, n) and drifts (K, 3, n) at PLACES of K arcs; `inside` (K,): is it in S?
+
+    middle (K, n): states in the middle; q (K, 3, m): multipliers of unit gradients at PLACES.
+    """
+
+    def __init__(self, residual, field, inside, middle, q):
+        self.residual = residual
+        self.field = field
+        self.inside = inside
+        self.middle = middle
+        self.q = q
+
+    def sizes(self, H: np.ndarray) -> np.ndarray:
+        """Return (K,) upper estimates of the integrals of |rho|: Boole's rule, and how far it is
+        from Simpson's. rho vanishes at the ends."""
+        a, b, c = np.linalg.norm(self.residual, axis=2).T
+        boole = (32.0 * (a + c) + 12.0 * b) / 90.0
+        return H * (boole + np.abs(boole - 4.0 * b / 6.0))
+
+    def pulls(self, N: np.ndarray) -> np.ndarray:
+        """Return (K,) rates at which the contacts pull a neighbouring motion to the arc.
+
+        Where as many contacts as coordinates are closed, the arc rests in a vertex of S, and
+        q . g(x) >= kappa |x - Y| with kappa = min over k of q_k / |N^-1 e_k|; N (m, n): unit
+        gradients. Between PLACES and the ends q is taken as linear.
+        """
+        if N.shape[0] != N.shape[1] or np.linalg.cond(N) > MAX_CONDITION:
+            return np.zeros(len(self.q))
+        first, middle, last = self.q.transpose(1, 0, 2)
+        least = np.min([first, middle, last, 2.0 * first - middle, 2.0 * last - middle], axis=0)
+        reach = np.linalg.norm(np.linalg.inv(N), axis=0)
+        return np.maximum((least / reach).min(axis=1), 0.0)
+
+    def vectors(self, H: np.ndarray) -> np.ndarray:
+        """Return (K, n) the integrals of rho by Boole's rule."""
+        a, b, c = self.residual.transpose(1, 0, 2)
+        return H[:, None] * (32.0 * (a + c) + 12.0 * b) / 90.0
+
+    def fields(self, H: np.ndarray, F0: np.ndarray, F1: np.ndarray) -> np.ndarray:
+        """Return (K, n) the integrals of the drift along the arcs by Boole's rule."""
+        a, b, c = self.field.transpose(1, 0, 2)
+        return H[:, None] * (7.0 * (F0 + F1) + 32.0 * (a + c) + 12.0 * b) / 90.0
+
+
+def _hermite(w, H, Y0, Y1, V0, V1):
+    """Return the cubic Hermite polynomial and its derivative in time at the part w of H."""
+    P = (1.0 + 2.0 * w) * (1.0 - w) ** 2 * Y0 + w * (1.0 - w) ** 2 * H * V0
+    P += w * w * (3.0 - 2.0 * w) * Y1 - w * w * (1.0 - w) * H * V1
+    dP = 6.0 * w * (1.0 - w) / H * (Y1 - Y0)
+    dP += (1.0 - w) * (1.0 - 3.0 * w) * V0 - w * (2.0 - 3.0 * w) * V1
+    return P, dP
+
