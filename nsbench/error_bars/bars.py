@@ -30,10 +30,13 @@ import numpy as np
 
 from nsbench.dynamics.contacts.constraint_set import ConstraintSet
 from nsbench.error_bars.contact_rows import ContactRows
-from nsbench.error_bars.growth import grown, lipschitz, tangential
+from nsbench.error_bars.growth import grown, lipschitz, pushed, tangential
 from nsbench.error_bars.local_solution import local_solution
 from nsbench.error_bars.shadow import Shadow
 
+# of an estimate: allowance for what its linearisation leaves out, terms of second order in the
+# error
+LINEARISED = 1.25
 ACTS = 1e-12  # of the largest impulse of an interval: less of one is rounding of a QP
 ENTRIES = 2_000_000  # of gradients that are evaluated at once
 
@@ -50,13 +53,15 @@ class Nodes:
 
 @dataclass(frozen=True)
 class Growth:
-    """What an error at the nodes is made of, (K,) each: |x - Y|, |Y - x*|, |x - Y - (int f of the
-    run and of Y differ)|, and the error of int f(Y) as an integral of f(x*)."""
+    """Error bars at the nodes.
 
-    shift: np.ndarray
+    state (K,): of |x_n - x*|. reaction (K,): of |(Y - x*) - int (f(s, Y) - f(s, x*)) ds|. offset
+    (K, n): x_n - Y.
+    """
+
     state: np.ndarray
-    drift_shift: np.ndarray
-    drift: np.ndarray
+    reaction: np.ndarray
+    offset: np.ndarray
 
 
 class Path:
@@ -138,28 +143,31 @@ class Path:
             kept = max(0.0, factor * e[j] - min(1.0, factor) * H * self.pull[j])
             e[j + 1] = kept + max(1.0, factor) * self.size[j]
         area = np.append(0.0, np.cumsum(self.H * (np.maximum(e[1:], e[:-1]))))
-        return self._growth(e, two_sided * area)
+        offset = self.nodes.x - self.Y
+        return Growth(np.linalg.norm(offset, axis=1) + e, e + two_sided * area, offset)
 
     def estimate(self) -> Growth:
         """Return the parts of the estimate: constraints of any kind, errors linearised."""
         drift = self.shadow.drift
-        K = len(self.nodes.t)
         delta = np.zeros_like(self.Y)
-        pulled = np.zeros_like(self.Y)
+        pulled = np.zeros_like(self.Y)  # integral of J (Y - x)
         slack = np.append(0.0, np.cumsum(self.slack))
         for j, H in enumerate(self.H):
             rows, x, q = self.middle[j]
             at = float(self.nodes.t[j] + 0.5 * H)
-            new = grown(drift, rows, at, float(H), x, q, delta[j])
-            new = tangential(self.shadow.rows(self.closed[j + 1]), at + 0.5 * H, self.Y[j + 1], new)
+            new = delta[j]
+            pulled[j + 1] = pulled[j]
+            if np.any(new):
+                new = grown(H, pushed(drift, rows, at, x, q, new), new)
+                face = self.shadow.rows(self.closed[j + 1])
+                new = tangential(face, at + 0.5 * H, self.Y[j + 1], new)
+                middle = 0.5 * (delta[j] + new)
+                pulled[j + 1] += H * pushed(drift, self.shadow.rows(()), at, x, q, middle)
             delta[j + 1] = new + self.push[j]
-            pulled[j + 1] = pulled[j] + H * _pull(drift, at, x, 0.5 * (delta[j] + delta[j + 1]))
-        e = np.linalg.norm(delta, axis=1) + slack
-        return self._growth(e, np.linalg.norm(pulled, axis=1) + np.zeros(K))
-
-    def _growth(self, e, drift_error) -> Growth:
-        shift = self.nodes.x - self.Y
-        return Growth(np.linalg.norm(shift, axis=1), e, shift, drift_error)
+        offset = self.nodes.x - self.Y
+        state = np.linalg.norm(offset, axis=1) + np.linalg.norm(delta, axis=1) + slack
+        reaction = np.linalg.norm(delta - pulled, axis=1) + slack
+        return Growth(LINEARISED * state, LINEARISED * reaction, offset)
 
     def least_singular_values(self) -> np.ndarray:
         """Return (K,) the least singular values of the unit gradients of the contacts that acted
@@ -185,16 +193,6 @@ class Path:
     def curve_drift(self) -> np.ndarray:
         """Return (K, n) the integral of the drift along the curve up to each node."""
         return np.vstack([np.zeros(self.Y.shape[1]), np.cumsum(self.along, axis=0)])
-
-
-def _pull(drift, t, x, delta):
-    """Return (n,) J delta by a difference of the drift."""
-    size = float(np.linalg.norm(delta))
-    if size == 0.0:
-        return np.zeros_like(delta)
-    step = 2.0**-20 / size * delta
-    both = np.asarray(drift(t, x + step), float) - drift(t, x - step)
-    return both * (0.5 * size * 2.0**20)
 
 
 def _acting(nodes: Nodes) -> list[tuple]:

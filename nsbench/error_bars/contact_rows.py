@@ -12,6 +12,7 @@ from nsbench.dynamics.contacts.constraint_set import ConstraintSet, near_of
 # Relative to the diagonal of the Gram matrix of unit normals: contacts that are dependent up to
 # this are closed as one, not each for itself.
 DAMPING = 1e-10
+ROUNDING = 1e-14  # of the state: steps that end an iteration
 TIME_STEP = 2.0**-20  # of own time, for the rate at which a moving constraint moves
 
 
@@ -98,7 +99,10 @@ class ContactRows:
     def closed(self, t: np.ndarray, X: np.ndarray, rounds: int = 1) -> np.ndarray:
         """Return states (K, n) near X at which all contacts are closed: Gauss-Newton steps."""
         for _ in range(rounds if self.m else 0):
-            X = X - normal_part(self.gradients(t, X), self.gaps(t, X))
+            step = normal_part(self.gradients(t, X), self.gaps(t, X))
+            X = X - step
+            if np.abs(step).max() <= ROUNDING * np.abs(X).max():
+                break
         return X
 
 

@@ -53,8 +53,9 @@ def tangential(rows: ContactRows, t: float, x: np.ndarray, delta: np.ndarray) ->
 def pushed(drift: Callable, rows: ContactRows, t: float, x: np.ndarray, q: np.ndarray, delta):
     """Return (n,) the rate of a small error delta of a motion on the face of the contacts `rows`.
 
-    It is the tangential part of J delta + (d/dx N^T q) delta, with the multipliers q (m,) of unit
-    gradients: the curvature of contacts under load drives neighbouring motions apart.
+    It is J delta + (d/dx N^T q) delta with the multipliers q (m,) of unit gradients, but for what
+    the contacts take off it along their normals: the curvature of contacts under load drives
+    neighbouring motions apart.
     """
     size = float(np.linalg.norm(delta))
     step = NUDGE / size * delta
@@ -63,16 +64,12 @@ def pushed(drift: Callable, rows: ContactRows, t: float, x: np.ndarray, q: np.nd
     if rows.m and not rows.is_straight:
         up, down = rows.gradients(np.array([t, t]), both)
         slope = slope + (up - down).T @ q
-    return tangential(rows, t, x, slope * (0.5 * size / NUDGE))
+    return slope * (0.5 * size / NUDGE)
 
 
-def grown(drift, rows: ContactRows, t: float, H: float, x, q, delta: np.ndarray) -> np.ndarray:
-    """Return the error delta (n,) after a time H: the midpoint rule, or where that would be too
-    long a step the exponential of the rate along delta."""
-    if not np.any(delta):
-        return delta
-    rate = pushed(drift, rows, t, x, q, delta)
+def grown(H: float, rate: np.ndarray, delta: np.ndarray) -> np.ndarray:
+    """Return the error delta (n,) after a time H at this rate; where that would be too long a step
+    for Euler's rule, by the exponential of the rate along delta."""
     if np.linalg.norm(rate) * H <= np.linalg.norm(delta):
-        middle = delta + 0.5 * H * rate
-        return delta + H * (pushed(drift, rows, t, x, q, middle) if np.any(middle) else rate)
+        return delta + H * rate
     return delta * np.exp(H * float(delta @ rate) / float(delta @ delta))

@@ -15,8 +15,9 @@ from nsbench.error_bars.contact_rows import ContactRows, multipliers, normal_par
 from nsbench.error_bars.shadow import CLOSED, NEWTON, Shadow
 
 PIECES = 2  # of an interval, beside those that events make
-MOST_PIECES = 400
-HALVINGS = 45
+MOST_PIECES = 200
+CLOSING = 45  # halvings of a piece for the time at which a gap closes
+RELEASE = 20  # and at which a multiplier vanishes, which needs less: the motion has no kink there
 LOOKS = (0.25, 0.5, 0.75, 1.0)  # of a piece, where a gap may be found closed
 
 
@@ -49,7 +50,10 @@ def local_solution(shadow: Shadow, t: float, H: float, y: np.ndarray) -> LocalSo
             at += 1
             if at == PIECES:
                 return LocalSolution(y, residual, total, True)
-    return LocalSolution(y, residual, total, False)
+    # too many events: the curve waits where it is for the rest of the interval
+    left = t + H - now
+    f = np.asarray(shadow.drift(now, y), float)
+    return LocalSolution(y, residual + left * float(np.linalg.norm(f)), total + left * f, False)
 
 
 class _Piece:
@@ -111,7 +115,8 @@ class _Piece:
         least = lambda s: self.open.gaps(np.array([self.t + s]), (self.y + s * self.v)[None]).min()
         late = next((w for w in LOOKS if least(w * self.length) < 0.0), None)
         if late is not None:
-            self._cut(lambda s: least(s) < 0.5 * CLOSED, late * self.length)
+            is_past = lambda s: least(s) < 0.5 * CLOSED
+            self._cut(is_past, late * self.length, CLOSING)
 
     def _stop_at_release(self, q):
         """Shorten the piece to the time at which the first multiplier of those that act vanishes."""
@@ -128,12 +133,12 @@ class _Piece:
             return multipliers(N, -pull)[0].min() < 0.0
 
         if not has_released(0.0) and has_released(self.length):
-            self._cut(has_released, self.length)
+            self._cut(has_released, self.length, RELEASE)
 
-    def _cut(self, is_past, late):
+    def _cut(self, is_past, late, halvings):
         """Bisect for the time at which `is_past` turns true; the piece ends behind it."""
         early = 0.0
-        for _ in range(HALVINGS):
+        for _ in range(halvings):
             middle = 0.5 * (early + late)
             if is_past(middle):
                 late = middle

@@ -10,11 +10,13 @@ from functools import cached_property
 import numpy as np
 
 from nsbench.case import Case
-from nsbench.dynamics.scaling.scaled_case import ScaledCase, scaled_case
+from nsbench.dynamics.scaling.estimate import particle_distance
+from nsbench.dynamics.scaling.scaled_case import scaled_case
 from nsbench.problem import Affine, Complementarity, Distance
 from nsbench.trajectory import Trajectory
 
 FINISHED = ("ok", "unverified", "degenerate", "below_reference")
+FAR = 0.1  # of the distance of particles: an error this large is none that a linearisation knows
 LARGEST = 700  # coordinates, or acting contacts, of a run whose error bars are computed
 
 
@@ -133,17 +135,26 @@ def _in_own_units(case: Case, traj: Trajectory) -> Bars:
     nodes = _nodes(traj)
     path = Path(ConstraintSet(case.problem, case.n), as_numpy(case.problem.drift), nodes)
     at = np.searchsorted(nodes.t, traj.t)
-    proven = is_convex(case.problem) and path.is_complete
+    proven = is_convex(case.problem)
     parts = path.bound() if proven else path.estimate()
     # rounding of one addition per step, which no residual shows
     rounding = float(np.spacing(np.abs(traj.x).max())) * traj.stats.get("steps", len(nodes.t))
-    state = (parts.shift + parts.state)[at] + rounding
     own_drift = traj.x - traj.x[0] - traj.reaction
-    off = parts.drift_shift[at] - (own_drift - path.curve_drift()[at])
-    reaction = np.linalg.norm(off, axis=1) + parts.state[at] + parts.drift[at] + rounding
+    off = np.linalg.norm(parts.offset[at] - (own_drift - path.curve_drift()[at]), axis=1)
+    state = parts.state[at] + rounding
+    reaction = off + parts.reaction[at] + rounding
     impulse = np.maximum.accumulate(reaction) / path.least_singular_values()[at]
-    why = "" if path.is_complete else "Contacts closed and opened too often to be followed."
+    why = _doubt(path, state.max(), particle_distance(case), proven)
     return Bars(traj.t, state, reaction, impulse, path.multiplier_variation(), proven, why)
+
+
+def _doubt(path, size: float, distance: float, proven: bool) -> str:
+    """Return why an estimate of this size is not to be trusted, "" if it is."""
+    if not path.is_complete:
+        return "Contacts close and open too often to be followed one by one."
+    if not proven and distance and size > FAR * distance:
+        return "The estimate is not small beside the sizes of the scene: it is a linearisation."
+    return ""
 
 
 def _nodes(traj: Trajectory):

@@ -48,7 +48,8 @@ class Shadow:
     def least_gaps(self, t: np.ndarray, X: np.ndarray) -> np.ndarray:
         """Return (K,) the smallest gap of any constraint, 0.0 where none is violated."""
         worst = np.minimum(self._static.gaps(t, X).min(axis=1, initial=0.0), 0.0)
-        if self.scene.hard:
+        # in the plane a pair that is violated but does not act is left to the local solutions
+        if any(c.dim == 1 for _, c, _ in self.scene.hard):
             hard = [-self.scene.max_violation(float(s), x) for s, x in zip(t, X, strict=True)]
             worst = np.minimum(worst, hard)
         return worst
