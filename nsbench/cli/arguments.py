@@ -33,6 +33,7 @@ def build_parser() -> argparse.ArgumentParser:
         _add_run,
         _add_report,
         _add_show,
+        _add_step,
         _add_check,
         _add_reference,
         _add_gate,
@@ -152,6 +153,30 @@ def _add_show(verbs) -> None:
     verb.add_argument("-s", "--solver", metavar="SOLVER")
     for name in ACCURACIES:
         verb.add_argument(f"--{name}", type=float)
+
+
+def _add_step(verbs) -> None:
+    verb = _add_verb(verbs, "step", "which step, or tolerance, keeps an error, and what it costs")
+    verb.add_argument("case", metavar="CASE", help="such as discs[n=30], or a case file")
+    verb.add_argument(
+        "--error",
+        required=True,
+        metavar="E",
+        help="largest error of the state, such as 1e-2, or 1%% of its size",
+    )
+    verb.add_argument(
+        "--overlap",
+        metavar="E",
+        help="largest violation of a constraint, such as 1e-3, or 1%% of a diameter",
+    )
+    verb.add_argument(
+        "-s",
+        "--solver",
+        action="append",
+        metavar="SOLVER",
+        help="methods to ask, such as pbd (default: all of the standard suite)",
+    )
+    verb.add_argument("--json", action="store_true", help="print the answers as JSON")
 
 
 def _add_check(verbs) -> None:

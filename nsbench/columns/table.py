@@ -39,7 +39,8 @@ COLUMNS: tuple[Column, ...] = (
     *RESIDUALS,
     *CLOCK,
 )
-MEASURED_GROUPS = ("error", "error bar", "selection", "floor")  # NaN in a row until `measure.errors` knows them
+# NaN in a row until `measure.errors` knows them
+MEASURED_GROUPS = ("error", "error bar", "selection", "floor")
 # entries that a worker hangs on a row for its parent, which takes them off again: no columns
 TRANSPORT = ("read", "unlike")
 UNKNOWN = "counted by the method, which alone knows its meaning"

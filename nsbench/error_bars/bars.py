@@ -7,7 +7,7 @@ For convex S the exact motion x with multipliers Lambda has
 
 so that (|Y - x|^2)' / 2 <= L |Y - x|^2 + |rho| |Y - x| with the one-sided Lipschitz constant L, and
 
-    |Y - x| (t) <= int exp(L (t - s)) |rho(s)| ds + the jumps of Y, each carried on by exp(L (t - s)).
+    |Y - x| (t) <= int exp(L (t - s)) |rho(s)| ds + sum of exp(L (t - t_j)) |jump of Y at t_j|.
 
 In a vertex of S the term q . g(x) is at least kappa |Y - x|, which takes kappa off |rho| as long as
 Y differs from x.
@@ -112,7 +112,8 @@ class Path:
         """Measure the arcs of the intervals `at`; return those that leave the feasible set."""
         t = self.nodes.t[at]
         H = self.H[at]
-        Y, F = self.Y, self.F
+        Y = self.Y
+        F = self.F
         arcs = self.shadow.arcs(t, H, Y[at], Y[at + 1], F[at], F[at + 1], ids)
         self.size[at] = arcs.sizes(H)
         self.push[at] = arcs.vectors(H)
@@ -136,20 +137,21 @@ class Path:
     def bound(self) -> Growth:
         """Return the parts of the bound: convex constraints."""
         one_sided, two_sided = lipschitz(self.shadow.drift, self.nodes.t, self.Y)
-        e = np.zeros(len(self.nodes.t))
+        offset = self.nodes.x - self.Y
+        e = np.full(len(self.nodes.t), np.linalg.norm(offset[0]))
         for j, H in enumerate(self.H):
             # exp(L (t - s)) is largest at one end of the interval
             factor = np.exp(one_sided * H)
             kept = max(0.0, factor * e[j] - min(1.0, factor) * H * self.pull[j])
             e[j + 1] = kept + max(1.0, factor) * self.size[j]
         area = np.append(0.0, np.cumsum(self.H * (np.maximum(e[1:], e[:-1]))))
-        offset = self.nodes.x - self.Y
         return Growth(np.linalg.norm(offset, axis=1) + e, e + two_sided * area, offset)
 
     def estimate(self) -> Growth:
         """Return the parts of the estimate: constraints of any kind, errors linearised."""
         drift = self.shadow.drift
-        delta = np.zeros_like(self.Y)
+        delta = np.zeros_like(self.Y)  # Y - x
+        delta[0] = self.Y[0] - self.nodes.x[0]
         pulled = np.zeros_like(self.Y)  # integral of J (Y - x)
         slack = np.append(0.0, np.cumsum(self.slack))
         for j, H in enumerate(self.H):

@@ -119,7 +119,7 @@ class _Piece:
             self._cut(is_past, late * self.length, CLOSING)
 
     def _stop_at_release(self, q):
-        """Shorten the piece to the time at which the first multiplier of those that act vanishes."""
+        """Shorten the piece to the time at which the first acting multiplier vanishes."""
         acting = [c for c, load in zip(self.closed.ids, q, strict=True) if load > 0.0]
         if not acting:
             return

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -29,6 +29,8 @@ class Bars:
     lam_variation: sum over contacts and recorded times of the changes of mean multipliers, whose
     boundedness is what order one rests on. is_proven: are state and reaction bounds? If not they
     are estimates. why: a sentence where there are none, or where they are not to be trusted.
+    distance (k,): of the samples from the feasible comparison curve, and gained (k - 1,): by how
+    much the error of that curve may have grown in each sample interval: what `state` is made of.
     """
 
     t: np.ndarray
@@ -38,6 +40,8 @@ class Bars:
     lam_variation: float = float("nan")
     is_proven: bool = False
     why: str = ""
+    distance: np.ndarray = field(default_factory=lambda: np.empty(0))
+    gained: np.ndarray = field(default_factory=lambda: np.empty(0))
 
     @classmethod
     def none(cls, t: np.ndarray, why: str) -> Bars:
@@ -101,19 +105,30 @@ def _computed(case: Case, traj: Trajectory) -> Bars:
         reaction=found.reaction * length,
         impulse=found.impulse * own.impulse,
         lam_variation=found.lam_variation * own.multiplier,
+        distance=found.distance * length,
+        gained=found.gained * length,
     )
+
+
+def without_error_bars(case: Case) -> str:
+    """Return why no run of the case has error bars, "" if runs may have them."""
+    if not isinstance(case.problem, Complementarity):
+        return "Error bars are computed for constraints alone, not for switches or an LCS."
+    if len(case.t) < 3:
+        return "Error bars need three samples at least."
+    if case.n > LARGEST:
+        return f"{case.n} coordinates: error bars are computed for {LARGEST} at most."
+    return ""
 
 
 def _refusal(case: Case, traj: Trajectory) -> str:
     """Return why a run has no error bars, "" if it has."""
-    if not isinstance(case.problem, Complementarity):
-        return "Error bars are computed for constraints alone, not for switches or an LCS."
+    if why := without_error_bars(case):
+        return why
     if traj.status.code not in FINISHED or not np.all(np.isfinite(traj.x)):
         return "The run did not reach its end."
-    if not traj.reaction.size or len(traj.t) < 3:
-        return "The run has no reaction, or fewer than three samples."
-    if case.n > LARGEST:
-        return f"{case.n} coordinates: error bars are computed for {LARGEST} at most."
+    if not traj.reaction.size:
+        return "The run has no reaction."
     if len(traj.contacts) > 8 * LARGEST:
         return f"{len(traj.contacts)} contacts acted: too many to close at once."
     return ""
@@ -145,7 +160,10 @@ def _in_own_units(case: Case, traj: Trajectory) -> Bars:
     reaction = off + parts.reaction[at] + rounding
     impulse = np.maximum.accumulate(reaction) / path.least_singular_values()[at]
     why = _doubt(path, state.max(), particle_distance(case), proven)
-    return Bars(traj.t, state, reaction, impulse, path.multiplier_variation(), proven, why)
+    distance = np.linalg.norm(parts.offset[at], axis=1)
+    gained = np.add.reduceat(path.size, at[:-1])
+    variation = path.multiplier_variation()
+    return Bars(traj.t, state, reaction, impulse, variation, proven, why, distance, gained)
 
 
 def _doubt(path, size: float, distance: float, proven: bool) -> str:
@@ -161,7 +179,9 @@ def _nodes(traj: Trajectory):
     """Merge the samples with the states recorded between them."""
     from nsbench.error_bars.bars import Nodes
 
-    t, x, impulse = traj.t, traj.x, traj.impulse
+    t = traj.t
+    x = traj.x
+    impulse = traj.impulse
     if traj.between is not None and len(traj.between[0]):
         merged = zip((t, x, impulse), traj.between, strict=True)
         t, x, impulse = (np.concatenate(pair) for pair in merged)

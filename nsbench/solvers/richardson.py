@@ -58,7 +58,6 @@ class Richardson:
     levels: int = 2
 
     accuracy = "h"
-    has_error_bars = True
     default = 1e-2
 
     @property

@@ -26,6 +26,7 @@ LAYERS = [
     "qp",
     "dynamics",
     "diagnostics",
+    "error_bars",
     "solvers",
     "reference",
     "measure",

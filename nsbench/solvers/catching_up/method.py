@@ -8,12 +8,13 @@ The multipliers of the projection are the impulses of the step.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from nsbench.case import Case, nearest
 from nsbench.case.scale import time_text
+from nsbench.error_bars import without_error_bars
 from nsbench.problem import Complementarity, Smooth
 from nsbench.qp.projection import large_problem_callback
 from nsbench.solvers.base import Claims, Expect, Run, grid, last_steps, sample
@@ -21,7 +22,7 @@ from nsbench.solvers.catching_up.outcome import Outcome
 from nsbench.solvers.catching_up.qp_backends import BACKENDS
 from nsbench.solvers.common.divergence import classify_divergence
 from nsbench.solvers.common.initial_state import initial_state
-from nsbench.solvers.common.time_grid import between_samples
+from nsbench.solvers.common.time_grid import between_samples, check_positive
 from nsbench.trajectory import Resolution, Status, Trajectory
 
 # KKT residual, a length (over the largest one, if that is below 1), above which a step did not
@@ -58,6 +59,7 @@ EXPECTS = (
         "what a method makes of an infeasible start is its meaning, not its error",
     ),
 )
+STANDARD = ("catching_up", "catching_up[tol=0.001]")
 
 
 @dataclass(frozen=True)
@@ -69,7 +71,8 @@ class CatchingUp:
     nonlinear: project on {g >= 0} itself, y - z = sum mu_k grad g_k(t + h, y), by successive
     linearisation to 1e-12.
     eps, max_iter: tolerance and iteration limit of a library backend. reach: margin of the
-    neighbour lists in mean radii; the step does not depend on it. Every solution is checked by its
+    neighbour lists in mean radii; the step does not depend on it. tol: steps are chosen along the
+    run so that its error bars stay below a tolerance, as of pbd. Every solution is checked by its
     KKT residual (qp.kernels.active_set.residual); the worst is in stats["kkt"]; above 1e-6 the run
     is "unverified". Steps that hit a limit are counted in stats["limits"].
     Source: Maury & Venel, ESAIM: M2AN 45(1), 2011; order 1/2 proved by Bernicot & Venel, SIAM J.
@@ -81,12 +84,9 @@ class CatchingUp:
     eps: float | None = None
     max_iter: int | None = None
     reach: float = 0.3
+    tol: float | None = None
 
-    accuracy = "h"
-    default = 1e-2
-    scaled = True
     has_error_bars = True
-    claims = Claims(state=1.0, impulse=1.0)
     expects = EXPECTS
 
     def __post_init__(self):
@@ -106,6 +106,33 @@ class CatchingUp:
             raise ValueError(f"max_iter is {self.max_iter!r}; a positive whole number is needed")
         if not self.reach > 0:
             raise ValueError(f"reach is {self.reach!r}; a positive number is needed")
+        if self.tol is not None:
+            check_positive("tol", self.tol)
+
+    @property
+    def accuracy(self) -> str:
+        """Name of the accuracy parameter: steps, or with `tol` a tolerance."""
+        return "h" if self.tol is None else "tol"
+
+    @property
+    def default(self) -> float:
+        """Accuracy that is taken where none is asked for."""
+        return 1e-2 if self.tol is None else self.tol
+
+    @property
+    def ladder(self) -> tuple[float, ...]:
+        """Tolerances of the standard suite."""
+        return (1e-1, 1e-2, 1e-3)
+
+    @property
+    def claims(self) -> Claims:
+        """Order one in the step; none in the tolerance, which is a bound or an estimate."""
+        return Claims(state=1.0, impulse=1.0) if self.tol is None else Claims()
+
+    @property
+    def scaled(self) -> bool:
+        """Steps are made in own units; a tolerance is one in those of the user."""
+        return self.tol is None
 
     def refuses(self, case: Case) -> str | None:
         if not isinstance(case.problem, Complementarity):
@@ -119,9 +146,15 @@ class CatchingUp:
                 "Catching up needs constraints to project on; this case has none (it would be "
                 "explicit Euler: use euler)."
             )
+        if self.tol is not None and (why := without_error_bars(case)):
+            return f"A step cannot be chosen by error bars. {why}"
         return None
 
     def prepare(self, case: Case, h: float) -> Run:
+        if self.tol is not None:
+            from nsbench.solvers.common.tolerance_run import ToleranceRun
+
+            return ToleranceRun(replace(self, tol=None), case, h)
         from nsbench.dynamics.contacts.constraint_set import ConstraintSet
         from nsbench.solvers.common.hard_particles import mean_radius
 

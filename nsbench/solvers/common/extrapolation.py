@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from nsbench.error_bars import Bars, ErrorBars
 from nsbench.trajectory import Status, Trajectory
 
 
@@ -62,7 +63,21 @@ def combined(runs: list[Trajectory], h: float) -> Trajectory:
         runs[0].lam_time,
         between=_between(runs[-1], contacts),
         resolution=_resolution(runs),
+        bound=_level_difference(runs, x - before) if runs[0].reaction.size else None,
     )
+
+
+def _level_difference(runs: list[Trajectory], difference: np.ndarray) -> ErrorBars:
+    """Return error bars from the difference (k, n) to the extrapolation with one level less.
+
+    It estimates the error of that one, which is the larger one where the expansion in h holds. The
+    reaction differs likewise.
+    """
+    reactions = [r.reaction for r in runs]
+    off = _sum(weights(len(runs) - 1), reactions) - _sum(weights(len(runs) - 2), reactions[1:])
+    state, reaction = (np.linalg.norm(a, axis=1) for a in (difference, off))
+    bars = Bars(runs[0].t, state, reaction, np.full(len(state), np.nan))
+    return ErrorBars(lambda: bars)
 
 
 def _between(finest, contacts):

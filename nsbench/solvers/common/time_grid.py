@@ -49,27 +49,32 @@ class Grid:
     aligned: bool
 
 
-def grid(t: np.ndarray, h: float, last: bool = False, states: int = 0) -> Grid:
+def grid(t: np.ndarray, h: float | np.ndarray, last: bool = False, states: int = 0) -> Grid:
     """Return the grid of steps of at most h for the sample times t (k,).
 
-    last: record the state before the last step to each sample as well. states: coordinates of a
-    state, to record some states between the samples too (see `_blocks`); 0: none. A step that fits between
-    samples divides every spacing; a longer one passes over samples in steps of exactly h, the last
-    one shortened, and samples are read off the polygon. Raises ValueError if h is not positive,
-    needs more than 2e9 steps, or is below the rounding of t.
+    h: one length, or one (k - 1,) for each interval between samples. last: record the state before
+    the last step to each sample as well. states: coordinates of a state, to record some states
+    between the samples too (see `_block`); 0: none. A step that fits between samples divides every
+    spacing; a longer one passes over samples in steps of exactly h, the last one shortened, and
+    samples are read off the polygon. Raises ValueError if h is not positive, needs more than 2e9
+    steps, or is below the rounding of t.
     """
-    check_positive("h", h)
     spacing = np.diff(t)
-    if h <= spacing.min() * (1 + 1e-9):
+    if np.ndim(h):
+        h = np.minimum(h, spacing)
+        least = check_positive("h", h.min())
+    else:
+        least = check_positive("h", h)
+    if np.all(h <= spacing * (1 + 1e-9)):
         n = np.maximum(1.0, np.ceil(spacing / h * (1 - 1e-9)))
         if not float(n.sum()) <= 2e9:
             raise ValueError(
-                f"h = {span_text(h, 6)} needs {float(n.sum()):.3g} steps; at most 2e9 are taken"
+                f"h = {span_text(least, 6)} needs {float(n.sum()):.3g} steps; at most 2e9 are taken"
             )
-        if h < 4 * np.spacing(np.abs(t).max()):
+        if least < 4 * np.spacing(np.abs(t).max()):
             raise ValueError(
-                f"h = {span_text(h, 6)} is below the rounding of t = {np.abs(t).max():g}, where "
-                "times are "
+                f"h = {span_text(least, 6)} is below the rounding of t = {np.abs(t).max():g}, "
+                "where times are "
                 f"{span_text(np.spacing(np.abs(t).max()), 2)} apart"
             )
         n = n.astype(np.int64)

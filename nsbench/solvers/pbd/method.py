@@ -18,18 +18,19 @@ equal discs), and pbd_jax/program.py.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from nsbench.case import Case
 from nsbench.dynamics.contacts.kernels.contact_arrays import AffineRows
+from nsbench.error_bars import without_error_bars
 from nsbench.problem import Affine, Complementarity, Smooth
 from nsbench.solvers.base import Claims, Expect, Grid, Run, grid, last_steps, sample
 from nsbench.solvers.common.divergence import classify_divergence
 from nsbench.solvers.common.initial_state import initial_state
-from nsbench.solvers.common.time_grid import between_samples
+from nsbench.solvers.common.time_grid import between_samples, check_positive
 from nsbench.solvers.pbd.sweep_order import ORDERS, hard_ranks, order_number, ordered_arrays
 from nsbench.trajectory import Resolution, Status, Trajectory
 
@@ -51,6 +52,7 @@ EXPECTS = (
         "what a method makes of an infeasible start is its meaning, not its error",
     ),
 )
+STANDARD = ("pbd", "pbd[tol=0.001]")
 
 
 @dataclass(frozen=True)
@@ -64,6 +66,8 @@ class PBD:
     their labels (constraint_order), few of which follow on one another, so that many can be done at
     once. No order depends on the list or the step.
     reach: margin of the neighbour list in mean radii; the result does not depend on it.
+    tol: steps are chosen along the run so that its error bars, in the 2-norm of the state, stay
+    below a tolerance (common/tolerance_run.py); the accuracy is then "tol" in the place of "h".
     The multiplier estimate of constraint k in a step is displacement along grad g_k / (h |grad
     g_k|), stored as impulse. Coincident centres are parted along the first axis and the run is
     marked "degenerate".
@@ -75,11 +79,9 @@ class PBD:
     order: str = "sorted"
     seed: int = 0
     reach: float = 1.0
+    tol: float | None = None
 
-    accuracy = "h"
-    default = 1e-2
     has_error_bars = True
-    claims = Claims(state=1.0, impulse=1.0)
     expects = EXPECTS
 
     def __post_init__(self):
@@ -91,6 +93,28 @@ class PBD:
             raise ValueError(f"seed is {self.seed!r}; a whole number from 0 to 2^31 is needed")
         if not self.reach > 0:
             raise ValueError(f"reach is {self.reach!r}; a positive number is needed")
+        if self.tol is not None:
+            check_positive("tol", self.tol)
+
+    @property
+    def accuracy(self) -> str:
+        """Name of the accuracy parameter: steps, or with `tol` a tolerance."""
+        return "h" if self.tol is None else "tol"
+
+    @property
+    def default(self) -> float:
+        """Accuracy that is taken where none is asked for."""
+        return 1e-2 if self.tol is None else self.tol
+
+    @property
+    def ladder(self) -> tuple[float, ...]:
+        """Tolerances of the standard suite."""
+        return (1e-1, 1e-2, 1e-3)
+
+    @property
+    def claims(self) -> Claims:
+        """Order one in the step; none in the tolerance, which is a bound or an estimate."""
+        return Claims(state=1.0, impulse=1.0) if self.tol is None else Claims()
 
     @property
     def rank(self) -> int:
@@ -109,9 +133,15 @@ class PBD:
                 "PBD needs constraints to project on; this case has none (it would be explicit "
                 "Euler: use euler)."
             )
+        if self.tol is not None and (why := without_error_bars(case)):
+            return f"A step cannot be chosen by error bars. {why}"
         return None
 
     def prepare(self, case: Case, h: float) -> Run:
+        if self.tol is not None:
+            from nsbench.solvers.common.tolerance_run import ToleranceRun
+
+            return ToleranceRun(replace(self, tol=None), case, h)
         from nsbench.dynamics.contacts.constraint_set import ConstraintSet
 
         g = grid(case.t, h, last=case.exact_impulse is not None, states=case.n)

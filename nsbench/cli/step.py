@@ -1,0 +1,61 @@
+"""`nsbench step`: which step or tolerance of a method keeps an error, and what it costs."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+import math
+from collections.abc import Callable
+
+from nsbench import solvers
+from nsbench.case import load_case
+from nsbench.cli.exit_codes import FAILED, FINE
+from nsbench.cli.option_values import get_case_that_fits
+
+HEAD = f"{'method':<28} {'needs':<16} {'seconds':>9} {'error':>9} {'overlap':>9} {'reaction':>9}"
+
+
+def command(args: argparse.Namespace, say: Callable[[str], None]) -> int:
+    """Answer for every method that takes the case; 3 if none keeps the error."""
+    from nsbench.study.step_choice import cheapest, choose, demand_of
+
+    case = load_case(args.case) if args.case.endswith(".py") else get_case_that_fits(args.case)
+    demand = demand_of(case, args.error, args.overlap)
+    asked = args.solver or [s for s in solvers.standard() if not solvers.get(s).refuses(case)]
+    choices = []
+    if not args.json:
+        overlap = "" if demand.overlap == math.inf else f", overlap at most {demand.overlap:.3g}"
+        say(f"{case.key}: error of the state at most {demand.error:.3g}{overlap}")
+        say(f"{HEAD}  how sure")
+    for spec in asked:
+        choices.append(choose(case, spec, demand))
+        if not args.json:
+            say(_line(choices[-1]))
+    best = cheapest(choices)
+    if args.json:
+        found = [{k: _number(v) for k, v in dataclasses.asdict(c).items()} for c in choices]
+        say(json.dumps({"cheapest": best.method if best else None, "methods": found}, indent=1))
+    elif best is None:
+        say("None of them keeps this error, as far as is known.")
+    else:
+        say(
+            f"Take {best.method} with {best.name} = {best.accuracy:.3g}: {best.seconds:.2g} s a "
+            f"run, {best.sure}."
+        )
+    return FINE if best else FAILED
+
+
+def _number(value):
+    """JSON has no NaN and no infinity: they are null."""
+    return value if not isinstance(value, float) or math.isfinite(value) else None
+
+
+def _line(c) -> str:
+    if not c.is_found:
+        return f"{c.method:<28} {c.why}"
+    cells = (f"{v:>9.2g}" if v == v else f"{'-':>9}" for v in (c.error, c.violation, c.reaction))
+    needs = f"{c.name} = {c.accuracy:.4g}"
+    return f"{c.method:<28} {needs:<16} {c.seconds:>9.2g} {' '.join(cells)}  {c.sure}" + (
+        f"; {c.why}" if c.why else ""
+    )

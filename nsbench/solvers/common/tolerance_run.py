@@ -1,0 +1,103 @@
+"""Run of a fixed-step method to a tolerance: steps are chosen by the error bars of the run before.
+
+A pass with long steps has error bars that are made of what each sample interval adds and of the
+distance to the feasible set, both proportional to the step. The next pass has steps that would keep
+the tolerance, longer where little is added: for a sum of a_k h_k at least work, h_k ~ a_k^(-1/2).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from nsbench.case import Case
+from nsbench.error_bars import Bars, ErrorBars, error_bars
+from nsbench.solvers.base import Solver
+from nsbench.solvers.scaled_run import ScaledRun
+from nsbench.trajectory import Status, Trajectory
+
+FIRST_STEPS = 32  # of the first pass, at least
+PASSES = 12
+SAFETY = 0.8  # of the tolerance, which a pass is to reach
+LEAST = 1.0 / 64.0  # a pass shortens steps by no more: what it knows of shorter ones is little
+EVEN = 2.0  # steps differ from equally long ones by at most this factor in one pass
+MOST_STEPS = 20_000_000
+
+
+class ToleranceRun:
+    """Prepared run of a fixed-step method whose error bars are to stay below `tolerance`.
+
+    The tolerance is one of the state, in the 2-norm and in the units of the case. The counted work
+    is that of all passes.
+    """
+
+    def __init__(self, method: Solver, case: Case, tolerance: float):
+        self.method = method
+        self.case = case
+        self.tolerance = tolerance
+        spacing = np.diff(case.t)
+        self.first = np.minimum(spacing, (case.t[-1] - case.t[0]) / FIRST_STEPS)
+        self.prepared = ScaledRun(method, case, self.first)
+
+    def __call__(self) -> Trajectory:
+        """Run passes until the error bars keep the tolerance."""
+        h = self.first
+        run = self.prepared
+        done = []
+        for _ in range(PASSES):
+            traj = run.restored(run())
+            done.append(traj)
+            bars = error_bars(self.case, traj).made
+            error = float(np.max(bars.state))
+            if not traj.status.ok or not np.isfinite(error):
+                return self._ended(done, bars, _failed(traj, bars))
+            if error <= self.tolerance:
+                return self._ended(done, bars, traj.status)
+            h = next_steps(h, np.diff(self.case.t), bars, self.tolerance)
+            if float((np.diff(self.case.t) / h).sum()) > MOST_STEPS:
+                break
+            run = ScaledRun(self.method, self.case, h)
+        why = f"The tolerance {self.tolerance:.3g} was not reached: the error bar is {error:.3g}."
+        return self._ended(done, bars, Status("unverified", why))
+
+    def _ended(self, done: list[Trajectory], bars: Bars, status: Status) -> Trajectory:
+        last = done[-1]
+        stats = dict(last.stats)
+        for name in ("steps", "drift_calls", "projections", "qp_solves", "inner_iterations"):
+            if name in stats:
+                stats[name] = sum(traj.stats[name] for traj in done)
+        stats["passes"] = len(done)
+        return dataclasses.replace(
+            last, status=status, stats=stats, bound=ErrorBars(lambda: bars), resolution=None
+        )
+
+
+def _failed(traj: Trajectory, bars: Bars) -> Status:
+    """Return the status of a pass that failed, or has no error bars."""
+    if not traj.status.ok:
+        return traj.status
+    return Status("unverified", f"No step can be chosen. {bars.why}")
+
+
+def next_steps(
+    h: np.ndarray, spacing: np.ndarray, bars: Bars, tolerance: float
+) -> np.ndarray:
+    """Return steps (k - 1,) that would keep the tolerance, from the error bars with the steps h.
+
+    Predicted are error bars proportional to the steps: at sample i the sum of `bars.gained` before
+    it and `bars.distance`, enlarged as the bars were.
+    """
+    density = np.maximum(bars.gained / spacing, 1e-300)
+    even = np.exp(np.log(density).mean())
+    ratio = np.clip(np.sqrt(even / density), 1.0 / EVEN, EVEN)
+    change = _predicted(bars, ratio) / max(_predicted(bars, np.ones_like(ratio)), 1e-300)
+    needed = SAFETY * tolerance / (float(np.max(bars.state)) * change)
+    return np.minimum(h * ratio * np.clip(needed, LEAST, 0.9), spacing)
+
+
+def _predicted(bars: Bars, ratio: np.ndarray) -> float:
+    """Return the largest sum of what was gained and the distance, if steps change by `ratio`."""
+    gained = np.append(0.0, np.cumsum(bars.gained * ratio))
+    around = np.append(ratio[0], ratio)
+    return float(np.max(gained + bars.distance * around))

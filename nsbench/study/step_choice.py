@@ -1,0 +1,247 @@
+"""Choose the accuracy of a method for an error that is asked for, without a reference.
+
+Methods with error bars (nsbench.error_bars) are run with long steps, then with the steps at which
+their bar would be the error asked for. Of any other method the difference of two runs, with a step
+and with half of it, estimates the error of the second: of order one it is that error, of a higher
+order more. Methods that control their error by a tolerance are run at their default one, and what
+they claim is taken.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from nsbench import solvers
+from nsbench.case import Case
+from nsbench.dynamics.contacts.tolerances import scene_of
+from nsbench.dynamics.scaling.estimate import case_scale, particle_distance
+from nsbench.error_bars import ErrorBars
+from nsbench.problem import Complementarity
+from nsbench.solvers.base import Solver
+from nsbench.solvers.scaled_run import ScaledRun
+from nsbench.trajectory import Trajectory
+
+SAFETY = 0.8  # of the error asked for, which the next run is to have
+LEAST = 1.0 / 32.0  # an accuracy changes by no more at once: what is known of it is not local
+RUNS = 14
+FIRST_STEPS = 32  # of the first run, at least
+MOST_STEPS = 5_000_000
+PROVEN = "proven bound"
+ESTIMATED = "estimate"
+HALVED = "estimate from half the step"
+CLAIMED = "claimed by the method"
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What is needed of one method for an error.
+
+    name, accuracy: of its accuracy parameter ("h", "tol", "k"), and the value that is enough; NaN
+    if none was found. seconds: of one prepared run with it. error: bar, estimate or claim of the
+    state's error there, reaction and impulse: of the multipliers (NaN where nothing is known).
+    violation: largest violation of a constraint that was seen. sure: how the error is known. why: a
+    sentence where no accuracy was found, or where the estimate is not to be trusted.
+    """
+
+    method: str
+    name: str
+    accuracy: float = math.nan
+    seconds: float = math.nan
+    error: float = math.nan
+    violation: float = math.nan
+    reaction: float = math.nan
+    impulse: float = math.nan
+    sure: str = ""
+    why: str = ""
+
+    @property
+    def is_found(self) -> bool:
+        """Was an accuracy found?"""
+        return self.accuracy == self.accuracy
+
+
+@dataclass(frozen=True)
+class Demand:
+    """What is asked for: largest error of the state, and largest violation (inf: any)."""
+
+    error: float
+    overlap: float = math.inf
+
+
+def demand_of(case: Case, error: str, overlap: str | None = None) -> Demand:
+    """Return the demand of two texts, each a length in the units of the case or a per cent.
+
+    Per cents of the error are of the largest size of a coordinate (`Case.scale`, else estimated),
+    those of the overlap of the diameter of particles, or of that size where there are none.
+    ValueError for a text that is neither.
+    """
+    size = float(np.max(case_scale(case).state))
+    wide = particle_distance(case) if isinstance(case.problem, Complementarity) else 0.0
+    return Demand(
+        _length("error", error, size),
+        math.inf if overlap is None else _length("overlap", overlap, wide or size),
+    )
+
+
+def _length(name: str, text: str, size: float) -> float:
+    number = text.strip().removesuffix("%")
+    try:
+        value = float(number) * (size / 100.0 if text.strip().endswith("%") else 1.0)
+    except ValueError:
+        raise ValueError(f"--{name} is {text!r}; a number such as 1e-2 or 1% is needed") from None
+    return solvers.check_positive(f"--{name}", value)
+
+
+def choose(case: Case, spec: str, demand: Demand) -> Choice:
+    """Choose the accuracy of the method `spec` for a case; what failed is told by `why`."""
+    method = solvers.get(spec)
+    refusal = method.refuses(case)
+    if refusal:
+        return Choice(spec, method.accuracy, why=refusal)
+    if method.accuracy == "tol":
+        return _by_claim(case, spec, method, demand)
+    return _Search(case, spec, method, demand).choice()
+
+
+def _by_claim(case, spec, method, demand) -> Choice:
+    """Take what a method with a tolerance claims, or has as error bars."""
+    asked = min(method.default, demand.error) if getattr(method, "tol", None) else method.default
+    run = ScaledRun(method, case, asked)
+    traj = run.checked(run())
+    if not traj.status.ok:
+        return Choice(spec, "tol", why=str(traj.status))
+    size = max(1.0, float(np.max(case_scale(case).state)))
+    error = (method.claims.exact or math.nan) * size
+    sure = CLAIMED
+    reaction = impulse = math.nan
+    if traj.bound is not None and np.isfinite(traj.bound.state).all():
+        error, reaction, impulse = (
+            float(np.max(a)) for a in (traj.bound.state, traj.bound.reaction, traj.bound.impulse)
+        )
+        sure = PROVEN if traj.bound.is_proven else ESTIMATED
+    violation = _violation(case, traj)
+    if not (error <= demand.error and violation <= demand.overlap):
+        why = f"its claim of {error:.2g} is not enough" if error == error else "it claims no error"
+        return Choice(spec, "tol", why=f"Asked for {demand.error:.2g}, {why}.")
+    seconds = _seconds(run)
+    return Choice(spec, "tol", asked, seconds, error, violation, reaction, impulse, sure)
+
+
+class _Search:
+    """Runs of one method with ever better accuracies until the demand is met."""
+
+    def __init__(self, case: Case, spec: str, method: Solver, demand: Demand):
+        self.case = case
+        self.spec = spec
+        self.method = method
+        self.demand = demand
+        self.by_stiffness = method.accuracy == "k"
+        span = float(case.t[-1] - case.t[0])
+        step = min(float(np.diff(case.t).min()), span / FIRST_STEPS)
+        stiffness = float(getattr(method, "ladder", (method.default,))[0])
+        self.first = stiffness if self.by_stiffness else step
+
+    def choice(self) -> Choice:
+        """Search, and describe the first accuracy that is enough."""
+        value = self.first
+        last = ""
+        for _ in range(RUNS):
+            run, found, ratio = self._tried(value)
+            if found.is_found and ratio <= 1.0:
+                return replace(found, seconds=_seconds(run))
+            last = found.why or f"with {self.method.accuracy} = {value:.3g} it is {found.error:.2g}"
+            if not found.is_found and not np.isfinite(ratio):
+                ratio = SAFETY / 0.5  # a run that failed says nothing of how much is missing
+            change = min(max(SAFETY / ratio, LEAST), 0.75)
+            value = value / change if self.by_stiffness else value * change
+            if self._is_too_long(value):
+                break
+        return Choice(self.spec, self.method.accuracy, why=f"Not reached: {last}.")
+
+    def _is_too_long(self, value: float) -> bool:
+        span = float(self.case.t[-1] - self.case.t[0])
+        return not self.by_stiffness and span / value > MOST_STEPS
+
+    def _tried(self, value: float) -> tuple[ScaledRun, Choice, float]:
+        """Run with this accuracy; return the run, what it is worth, and error over demand."""
+        run = ScaledRun(self.method, self.case, value)
+        traj = run.checked(run())
+        known = Choice(self.spec, self.method.accuracy, why=str(traj.status))
+        if not traj.status.ok:
+            return run, known, math.inf
+        has_bars = getattr(self.method, "has_error_bars", False)
+        bars = traj.bound if has_bars else self._halved(value, traj)
+        if bars is None or not np.isfinite(np.max(bars.state)):
+            why = bars.why if bars is not None else "the run with half the step failed"
+            return run, Choice(self.spec, self.method.accuracy, why=why), math.inf
+        sure = HALVED if not has_bars else PROVEN if bars.is_proven else ESTIMATED
+        error = float(np.max(bars.state))
+        violation = _violation(self.case, traj)
+        found = Choice(
+            self.spec,
+            self.method.accuracy,
+            value,
+            math.nan,
+            error,
+            violation,
+            float(np.max(bars.reaction)),
+            float(np.max(bars.impulse)),
+            sure,
+            bars.why,
+        )
+        over = violation / self.demand.overlap if np.isfinite(self.demand.overlap) else 0.0
+        return run, found, max(error / self.demand.error, over)
+
+    def _halved(self, value: float, traj: Trajectory) -> ErrorBars | None:
+        """Return twice the difference to a run with half the step as error bars of `traj`."""
+        from nsbench.error_bars import Bars
+
+        finer = 2.0 * value if self.by_stiffness else 0.5 * value
+        other = ScaledRun(self.method, self.case, finer)
+        half = other.checked(other())
+        if not half.status.ok:
+            return None
+        state = 2.0 * np.linalg.norm(traj.x - half.x, axis=1)
+        nothing = np.full(len(state), np.nan)
+        reaction = nothing
+        if traj.reaction.size and traj.reaction.shape == half.reaction.shape:
+            reaction = 2.0 * np.linalg.norm(traj.reaction - half.reaction, axis=1)
+        impulse = nothing
+        if traj.contacts == half.contacts:
+            impulse = 2.0 * np.linalg.norm(traj.impulse - half.impulse, axis=1)
+        bars = Bars(traj.t, state, reaction, impulse)
+        return ErrorBars(lambda: bars)
+
+
+def _seconds(run: ScaledRun) -> float:
+    """Return the seconds of a prepared run that was called before: the median of its rounds."""
+    from nsbench.measure import clock
+
+    _, first, _ = clock.first_call(run)
+    rounds = clock.rounds_of(first)
+    if rounds <= 1:
+        return first
+    (times,) = clock.in_rounds([run], [rounds], lambda i: None)
+    return float(np.median(times)) if not isinstance(times, Exception) else first
+
+
+def _violation(case: Case, traj: Trajectory) -> float:
+    """Return the largest violation of a constraint at a recorded state; 0.0 without any."""
+    if not isinstance(case.problem, Complementarity):
+        return 0.0
+    scene = scene_of(case)
+    t = traj.t
+    x = traj.x
+    if traj.between is not None:
+        t = np.concatenate([t, traj.between[0]])
+        x = np.concatenate([x, traj.between[1]])
+    return max(scene.max_violation(float(s), y) for s, y in zip(t, x, strict=True))
+
+
+def cheapest(choices: list[Choice]) -> Choice | None:
+    """Return the choice with the fewest seconds of those that were found; None without any."""
+    found = [c for c in choices if c.is_found and c.seconds == c.seconds]
+    return min(found, key=lambda c: c.seconds, default=None)

@@ -1,0 +1,146 @@
+"""Error bars of a run: bounds above the error at every sample, estimates near it, in any unit."""
+
+import json
+
+import numpy as np
+import pytest
+from changed_cases import units
+
+import nsbench
+from nsbench import Affine, Case, Complementarity, get_case
+from nsbench.cli import main
+from nsbench.reference import reference
+from nsbench.solvers.common.time_grid import grid
+
+FLAT = ("tide", "rods[n=5]", "wedge", "play", "moving_floor")
+CURVED = ("discs[n=3]", "three_discs", "obstacle")
+
+
+def error_of(case, traj):
+    """(k,) |x - x*| at the samples, in the 2-norm."""
+    return np.linalg.norm(traj.x - reference(case).x, axis=1)
+
+
+@pytest.mark.parametrize("method", ["pbd", "pbd[order=reverse]", "catching_up"])
+@pytest.mark.parametrize("name", FLAT)
+def test_a_bound_is_above_the_error_at_every_sample(name, method):
+    case = get_case(name)
+    for h in (np.diff(case.t).min(), 7e-3):
+        traj = nsbench.solve(case, method, h=h)
+        error = error_of(case, traj)
+        assert traj.bound.is_proven
+        assert np.all(traj.bound.state >= error)
+        if error.max() > 1e-9:
+            assert traj.bound.state.max() <= 3.0 * error.max()
+        off = np.linalg.norm(traj.reaction - reference(case).reaction, axis=1)
+        assert np.all(traj.bound.reaction >= off * (1.0 - 1e-9))
+
+
+@pytest.mark.parametrize("method", ["pbd", "catching_up"])
+@pytest.mark.parametrize("name", CURVED)
+def test_an_estimate_is_near_the_error(name, method):
+    case = get_case(name)
+    traj = nsbench.solve(case, method, h=7e-3)
+    assert not traj.bound.is_proven
+    assert 1.0 <= traj.bound.state.max() / error_of(case, traj).max() <= 10.0
+
+
+def turning_drift(xp):
+    def f(t, x):
+        pull = xp.array([xp.cos(3.0 * t), xp.sin(3.0 * t), 0.4 * xp.cos(7.0 * t)])
+        return 2.0 * pull + xp.array([0.3 * x[1], -0.3 * x[0], -0.5 * x[2] + 0.2 * x[0]])
+
+    return f
+
+
+def three_walls(**changes):
+    """A point between three oblique walls, under a drift that turns: in no catalogue."""
+    N = np.array([[0.6, 0.8, 0.0], [-0.6, 0.64, 0.48], [0.0, -0.28, -0.96]])
+    walls = Affine(A=N, b=np.array([0.3, 0.35, 0.4]))
+    problem = Complementarity(turning_drift, (walls,))
+    case = Case(name="three_walls", problem=problem, x0=np.zeros(3), t=np.linspace(0.0, 4.0, 41))
+    return case.replace(**changes)
+
+
+@pytest.mark.parametrize("method", ["pbd", "catching_up"])
+def test_a_scene_of_ones_own_has_a_bound(method):
+    case = three_walls()
+    truth = nsbench.solve(case, "event_driven")
+    assert truth.status.ok
+    for h in (0.1, 2e-2, 2e-3):
+        traj = nsbench.solve(case, method, h=h)
+        error = np.linalg.norm(traj.x - truth.x, axis=1)
+        assert np.all(traj.bound.state >= error)
+        assert traj.bound.state.max() <= 3.0 * error.max()
+
+
+def test_a_bound_has_the_units_of_the_state():
+    """Powers of two: the same bits."""
+    case = three_walls()
+    other = units(case, 2.0**-20, 2.0**10).case
+    one = nsbench.solve(case, "catching_up", h=0.01)
+    two = nsbench.solve(other, "catching_up", h=0.01 * 2.0**-20)
+    assert np.array_equal(one.bound.state * 2.0**10, two.bound.state)
+    assert np.array_equal(one.bound.reaction * 2.0**10, two.bound.reaction)
+
+
+def test_switches_have_no_error_bars_and_failed_runs_say_why():
+    assert nsbench.solve("slide_exit", "euler", h=0.01).bound is None
+    row = nsbench.errors(get_case("slide_exit"), nsbench.solve("slide_exit", "euler", h=0.01))
+    assert np.isnan(row["bound_state"])
+    assert np.isnan(row["estimate_state"])
+
+
+def test_bars_reach_the_row_as_bound_or_estimate():
+    case = get_case("tide")
+    row = nsbench.errors(case, nsbench.solve(case, "pbd", h=0.01))
+    assert row["bound_state"] >= row["state_sup"]
+    assert np.isnan(row["estimate_state"])
+    # the multiplier is cos t between its impact and its release, and 0 elsewhere
+    assert row["lam_variation"] == pytest.approx(2.0 * np.cos(np.pi / 6), rel=0.05)
+    disc = get_case("three_discs")
+    row = nsbench.errors(disc, nsbench.solve(disc, "pbd", h=0.01))
+    assert row["estimate_state"] >= row["state_sup"]
+    assert np.isnan(row["bound_state"])
+
+
+@pytest.mark.parametrize("method", ["pbd", "catching_up"])
+@pytest.mark.parametrize("name", ["tide", "rods[n=5]", "three_discs"])
+def test_a_tolerance_is_kept(name, method):
+    case = get_case(name)
+    traj = nsbench.solve(case, f"{method}[tol=1e-3]", tol=5e-3)
+    assert traj.status.ok
+    assert error_of(case, traj).max() <= 5e-3
+    assert traj.bound.state.max() <= 5e-3
+    assert error_of(case, traj).max() >= 5e-4  # and not by far too many steps
+
+
+def test_a_tolerance_is_refused_where_there_are_no_error_bars():
+    case = three_walls(t=np.array([0.0, 1.0]))
+    assert "three samples" in nsbench.solve(case, "pbd[tol=1e-3]").status.why
+
+
+def test_recorded_states_change_no_step():
+    t = np.array([0.0, 1.0, 1.5, 4.0])
+    plain = grid(t, 0.03)
+    many = grid(t, 0.03, states=2)
+    assert many.substeps.sum() == plain.substeps.sum()
+    assert np.isin(t, many.t).all()
+    assert many.h == plain.h
+    steps = np.diff(many.t) / many.substeps
+    assert steps == pytest.approx(np.repeat(np.diff(t) / plain.substeps, [9, 5, 21]), rel=1e-12)
+    assert grid(t, 0.03, states=701).aligned
+
+
+def test_step_answers_for_a_case_and_an_error(capsys):
+    asked = ["step", "tide", "--error", "1e-2", "-s", "pbd", "-s", "event_driven", "--json"]
+    assert main(asked) == 0
+    answer = json.loads(capsys.readouterr().out)
+    pbd, exact = answer["methods"]
+    assert pbd["sure"] == "proven bound"
+    assert exact["sure"] == "claimed by the method"
+    case = get_case("tide")
+    error = error_of(case, nsbench.solve(case, "pbd", h=pbd["accuracy"])).max()
+    assert error <= pbd["error"] <= 1e-2
+    assert answer["cheapest"] == "pbd"
+    assert main(["step", "tide", "--error", "much"]) == 2
