@@ -9,8 +9,7 @@ so that (|Y - x|^2)' / 2 <= L |Y - x|^2 + |rho| |Y - x| with the one-sided Lipsc
 
     |Y - x| (t) <= int exp(L (t - s)) |rho(s)| ds + sum of exp(L (t - t_j)) |jump of Y at t_j|.
 
-In a vertex of S the term q . g(x) is at least kappa |Y - x|, which takes kappa off |rho| as long as
-Y differs from x.
+How much of Y - x is known by direction, and shrinks in contact: nsbench.error_bars.split_bound.
 
 The error of the run is at most |x_n - Y| more. Y follows the recorded states (nsbench.error_bars.
 shadow), and where contacts close or open the local solution (local_solution). The reaction is
@@ -30,9 +29,10 @@ import numpy as np
 
 from nsbench.dynamics.contacts.constraint_set import ConstraintSet
 from nsbench.error_bars.contact_rows import ContactRows
-from nsbench.error_bars.growth import grown, lipschitz, pushed, tangential
+from nsbench.error_bars.growth import grown, linear_drift, pushed, tangential
 from nsbench.error_bars.local_solution import local_solution
 from nsbench.error_bars.shadow import Shadow
+from nsbench.error_bars.split_bound import Linear, SplitBound
 
 # of an estimate: allowance for what its linearisation leaves out, terms of second order in the
 # error
@@ -86,7 +86,9 @@ class Path:
         self.push = np.zeros((K - 1, scene.n))  # the same as vectors, without that of pieces
         self.slack = np.zeros(K - 1)  # residual of the pieces of a local solution
         self.along = np.zeros((K - 1, scene.n))  # integral of the drift
-        self.pull = np.zeros(K - 1)  # rate at which contacts reduce an error, in vertices of S
+        self.residual: dict[int, np.ndarray] = {}  # of arcs, (3, n) at their quarters
+        self.least_loads: dict[int, np.ndarray] = {}  # of arcs, (m,) of unit gradients
+        self.touched: list = list(self.sets)  # by interval the contacts that the curve meets
         self.middle: dict[int, tuple] = {}
         self.is_complete = True
         self._integrate()
@@ -119,10 +121,11 @@ class Path:
         self.push[at] = arcs.vectors(H)
         self.along[at] = arcs.fields(H, F[at], F[at + 1])
         rows = self.shadow.rows(ids)
-        if rows.m:
-            self.pull[at] = arcs.pulls(rows.gradients(t[:1], Y[at[:1]])[0])
+        least = arcs.least_loads()
         for k, j in enumerate(at):
             self.middle[int(j)] = rows, arcs.middle[k], arcs.q[k, 1]
+            self.residual[int(j)] = arcs.residual[k]
+            self.least_loads[int(j)] = least[k]
         return {int(j) for j in at[~arcs.inside]}
 
     def _local(self, j: int):
@@ -132,20 +135,35 @@ class Path:
         self.slack[j] = found.residual
         self.size[j] = found.residual + np.linalg.norm(self.push[j])
         self.along[j] = found.drift
-        self.middle[j] = self.shadow.rows(()), self.Y[j], np.empty(0)
+        self.middle[j] = self.shadow.rows(()), 0.5 * (self.Y[j] + self.Y[j + 1]), np.empty(0)
+        self.touched[j] = found.touched
+        self.residual.pop(j, None)
+        self.least_loads.pop(j, None)
+
+    def residual_vectors(self, j: int) -> np.ndarray:
+        """Return the residual of interval j at the quarters of its arc, (3, n); (0, n) without."""
+        return self.residual.get(j, np.empty((0, self.Y.shape[1])))
 
     def bound(self) -> Growth:
-        """Return the parts of the bound: convex constraints."""
-        one_sided, two_sided = lipschitz(self.shadow.drift, self.nodes.t, self.Y)
+        """Return the parts of the bound: convex constraints with flat faces."""
+        drift = linear_drift(self.shadow.drift, self.nodes.t, self.Y)
         offset = self.nodes.x - self.Y
-        e = np.full(len(self.nodes.t), np.linalg.norm(offset[0]))
+        first = float(np.linalg.norm(offset[0]))
+        if SplitBound.fits(self):
+            e = SplitBound(self, drift).sizes(first)
+        else:
+            e = self._norms(drift, first)
+        area = np.append(0.0, np.cumsum(self.H * np.maximum(e[1:], e[:-1])))
+        return Growth(np.linalg.norm(offset, axis=1) + e, e + drift.two_sided * area, offset)
+
+    def _norms(self, drift: Linear, first: float) -> np.ndarray:
+        """Return (K,) bounds of |Y - x| by its size alone."""
+        e = np.full(len(self.nodes.t), first)
         for j, H in enumerate(self.H):
             # exp(L (t - s)) is largest at one end of the interval
-            factor = np.exp(one_sided * H)
-            kept = max(0.0, factor * e[j] - min(1.0, factor) * H * self.pull[j])
-            e[j + 1] = kept + max(1.0, factor) * self.size[j]
-        area = np.append(0.0, np.cumsum(self.H * (np.maximum(e[1:], e[:-1]))))
-        return Growth(np.linalg.norm(offset, axis=1) + e, e + two_sided * area, offset)
+            factor = np.exp(drift.one_sided * H)
+            e[j + 1] = factor * e[j] + max(1.0, factor) * self.size[j]
+        return e
 
     def estimate(self) -> Growth:
         """Return the parts of the estimate: constraints of any kind, errors linearised."""

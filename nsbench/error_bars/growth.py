@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from nsbench.error_bars.contact_rows import ContactRows, normal_part
+from nsbench.error_bars.split_bound import Linear
 
 NUDGE = 2.0**-20  # of own length, for differences of drifts and normals
 LOOKS = 5  # states of a run at which the derivative of the drift is taken
@@ -24,22 +25,25 @@ def derivatives(drift: Callable, t: np.ndarray, X: np.ndarray) -> np.ndarray:
     return J
 
 
-def lipschitz(drift: Callable, t: np.ndarray, X: np.ndarray) -> tuple[float, float]:
-    """Return upper estimates of the one-sided and the two-sided Lipschitz constant of the drift.
+def linear_drift(drift: Callable, t: np.ndarray, X: np.ndarray) -> Linear:
+    """Return the drift near a run as a linear one, with upper estimates of its constants.
 
-    They are the largest of LOOKS states of the run, enlarged by how much the derivative changes
-    between these states: nothing for a drift that is affine in the state.
+    Its derivative is that of the middle of LOOKS states of the run; the constants are the largest
+    of these states, enlarged by how much the derivative changes between them: nothing for a drift
+    that is affine in the state.
     """
     at = np.unique(np.linspace(0, len(t) - 1, LOOKS).astype(int))
     J = derivatives(drift, t[at], X[at])
     symmetric = 0.5 * (J + J.transpose(0, 2, 1))
     # of a derivative: rounding of the differences
     rounding = 1e-8 * (1.0 + float(np.abs(J).max()))
-    change = max((float(np.linalg.norm(d, 2)) for d in np.diff(J, axis=0)), default=0.0)
-    change = 0.0 if change < rounding else change
+    middle = J[len(J) // 2]
+    change = max(float(np.linalg.norm(A - middle, 2)) for A in J)
+    # the derivative may change as much again between the states that were looked at
+    change = rounding if change < rounding else 2.0 * change
     one_sided = max(float(np.linalg.eigvalsh(A)[-1]) for A in symmetric)
     two_sided = max(float(np.linalg.norm(A, 2)) for A in J)
-    return one_sided + change + rounding, two_sided + change + rounding
+    return Linear(middle, change, one_sided + change, two_sided + change)
 
 
 def tangential(rows: ContactRows, t: float, x: np.ndarray, delta: np.ndarray) -> np.ndarray:

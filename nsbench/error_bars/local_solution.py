@@ -24,11 +24,13 @@ LOOKS = (0.25, 0.5, 0.75, 1.0)  # of a piece, where a gap may be found closed
 @dataclass(frozen=True)
 class LocalSolution:
     """Where a local solution ends: state (n,), bound of the integral of its residual, integral
-    (n,) of the drift along it, and whether it got to the end of its interval."""
+    (n,) of the drift along it, the contacts it met, and whether it got to the end of its interval.
+    """
 
     state: np.ndarray
     residual: float
     drift: np.ndarray
+    touched: frozenset
     is_complete: bool
 
 
@@ -39,8 +41,10 @@ def local_solution(shadow: Shadow, t: float, H: float, y: np.ndarray) -> LocalSo
     residual = 0.0
     total = np.zeros_like(y)
     at = 0
+    touched: set[tuple] = set()
     for _ in range(MOST_PIECES):
         piece = _Piece(shadow, now, float(ends[at]) - now, y)
+        touched.update(piece.closed.ids)
         y, part, along = piece.end()
         residual += part
         total += along
@@ -49,11 +53,12 @@ def local_solution(shadow: Shadow, t: float, H: float, y: np.ndarray) -> LocalSo
             now = float(ends[at])
             at += 1
             if at == PIECES:
-                return LocalSolution(y, residual, total, True)
+                return LocalSolution(y, residual, total, frozenset(touched), True)
     # too many events: the curve waits where it is for the rest of the interval
     left = t + H - now
     f = np.asarray(shadow.drift(now, y), float)
-    return LocalSolution(y, residual + left * float(np.linalg.norm(f)), total + left * f, False)
+    residual += left * float(np.linalg.norm(f))
+    return LocalSolution(y, residual, total + left * f, frozenset(touched), False)
 
 
 class _Piece:

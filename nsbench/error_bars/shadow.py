@@ -18,7 +18,6 @@ from nsbench.error_bars.contact_rows import ContactRows, normal_part, off_cone
 CLOSED = 1e-12  # of own length: a gap that is zero up to rounding
 NEWTON = 6  # Gauss-Newton steps onto a curved face
 REPAIRS = 20  # rounds in which violated constraints are closed as well
-MAX_CONDITION = 1e8  # of the gradients of a vertex
 PLACES = (0.25, 0.5, 0.75)  # of an arc, where its residual is computed
 
 
@@ -136,19 +135,11 @@ class Arcs:
         boole = (32.0 * (a + c) + 12.0 * b) / 90.0
         return H * (boole + np.abs(boole - 4.0 * b / 6.0))
 
-    def pulls(self, N: np.ndarray) -> np.ndarray:
-        """Return (K,) rates at which the contacts pull a neighbouring motion to the arc.
-
-        Where as many contacts as coordinates are closed, the arc rests in a vertex of S, and
-        q . g(x) >= kappa |x - Y| with kappa = min over k of q_k / |N^-1 e_k|; N (m, n): unit
-        gradients. Between PLACES and the ends q is taken as linear.
-        """
-        if N.shape[0] != N.shape[1] or np.linalg.cond(N) > MAX_CONDITION:
-            return np.zeros(len(self.q))
+    def least_loads(self) -> np.ndarray:
+        """Return (K, m) the least multipliers along the arcs; between PLACES and the ends they are
+        taken as linear."""
         first, middle, last = self.q.transpose(1, 0, 2)
-        least = np.min([first, middle, last, 2.0 * first - middle, 2.0 * last - middle], axis=0)
-        reach = np.linalg.norm(np.linalg.inv(N), axis=0)
-        return np.maximum((least / reach).min(axis=1), 0.0)
+        return np.min([first, middle, last, 2.0 * first - middle, 2.0 * last - middle], axis=0)
 
     def vectors(self, H: np.ndarray) -> np.ndarray:
         """Return (K, n) the integrals of rho by Boole's rule."""

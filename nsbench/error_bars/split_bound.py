@@ -1,0 +1,279 @@
+"""Bound of the error w = Y - x of a curve Y in a polyhedron, with its direction as far as known.
+
+Let a be the contacts that are closed along Y in an interval, or may be closed for x: those with
+g_k(Y) <= |w|. Tangential to all of them, with the projection P, contact forces vanish, and
+
+    (P w)' = P (f(Y) - f(x) + rho)
+
+holds whatever the multipliers are: this part is carried on as a vector. The contacts fall into
+groups whose gradients are orthogonal to one another. Of the part of w in the span of a group only
+the size is known, and <w, N^T (q - Lambda)> <= 0 lets it shrink: where all of the group are closed
+with q > 0, by kappa = min over k of q_k / |N^+ e_k| per unit of time. So the error is delta + z
+with a vector delta, and a radius of z for the tangential part and for that of each group.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from nsbench.error_bars.contact_rows import ContactRows
+
+TERMS = 19  # of exp(A) v for |A| <= 1: the rest is below rounding
+RANK = 1e-9  # relative singular value below which rows count as dependent
+MOST_ROWS = 2_000  # constraints whose gaps are looked at in every interval
+
+
+@dataclass(frozen=True)
+class Linear:
+    """Drift near a run: derivative J (n, n), by how much it changes along the run, one-sided and
+    two-sided Lipschitz constants (the change included)."""
+
+    J: np.ndarray
+    change: float
+    one_sided: float
+    two_sided: float
+
+
+class Part:
+    """A subspace of errors: projection (n, n), and how the drift acts on it.
+
+    rate: one-sided Lipschitz constant in it. inflow: norm of the drift's derivative into it from
+    the rest. N (m, n): unit gradients of the group whose span it is, (0, n) of the tangential part.
+    """
+
+    def __init__(self, basis: np.ndarray, N: np.ndarray, drift: Linear):
+        n = len(drift.J)
+        self.projection = basis @ basis.T
+        rest = np.eye(n) - self.projection
+        self.is_empty = basis.shape[1] == 0
+        self.rate = _largest(basis.T @ (0.5 * (drift.J + drift.J.T)) @ basis) + drift.change
+        self.inflow = _norm(self.projection @ drift.J @ rest)
+        self.is_independent = 0 < len(N) == basis.shape[1]
+        self.reach = np.linalg.norm(np.linalg.pinv(N, rcond=RANK), axis=0) if len(N) else None
+
+    def pull(self, q: np.ndarray) -> float:
+        """Return kappa for the multipliers q (m,); 0.0 where rows are dependent."""
+        return max(0.0, float((q / self.reach).min())) if self.is_independent else 0.0
+
+
+class Split:
+    """Subspaces of the errors: tangential to the contacts, and the spans of their groups.
+
+    contacts: places of the contacts; N (m, n): their unit gradients. groups: by part the positions
+    of its contacts among `contacts`, of the tangential part, the first one, none.
+    """
+
+    def __init__(self, contacts: tuple, N: np.ndarray, drift: Linear):
+        self.contacts = contacts
+        self.groups = [np.empty(0, int), *_coupled(N)]
+        n = len(drift.J)
+        bases = [_span(N[g]) for g in self.groups[1:]]
+        whole = np.hstack([np.zeros((n, 0)), *bases])
+        tangent = np.linalg.svd(whole)[0][:, whole.shape[1] :] if whole.size else np.eye(n)
+        self.parts = [
+            Part(basis, N[g], drift)
+            for basis, g in zip([tangent, *bases], self.groups, strict=True)
+        ]
+        self.tangent = self.parts[0].projection
+        self.along = self.tangent @ drift.J @ self.tangent
+
+
+def _coupled(N: np.ndarray) -> list[np.ndarray]:
+    """Return groups of rows (m, n) such that rows of different groups are orthogonal."""
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import connected_components
+
+    if not len(N):
+        return []
+    count, label = connected_components(csr_array(np.abs(N @ N.T) > RANK))
+    return [np.flatnonzero(label == g) for g in range(count)]
+
+
+def _span(N: np.ndarray) -> np.ndarray:
+    """Return an orthonormal basis (n, rank) of the span of rows N (m, n)."""
+    _, s, V = np.linalg.svd(N, full_matrices=False)
+    return V[s > RANK * s[0]].T
+
+
+def _largest(A: np.ndarray) -> float:
+    return float(np.linalg.eigvalsh(A)[-1]) if A.size else 0.0
+
+
+def _norm(A: np.ndarray) -> float:
+    return float(np.linalg.norm(A, 2)) if A.size else 0.0
+
+
+@dataclass(frozen=True)
+class Known:
+    """What is known of an error: it is delta (n,) + z, z of at most the sizes `radii` in the parts
+    of a split."""
+
+    delta: np.ndarray
+    split: Split
+    radii: np.ndarray
+
+    @property
+    def radius(self) -> float:
+        """Largest size of z."""
+        return float(np.linalg.norm(self.radii))
+
+    @property
+    def size(self) -> float:
+        """Largest size of the error."""
+        return float(np.linalg.norm(self.delta)) + self.radius
+
+    def radii_in(self, other: Split) -> np.ndarray:
+        """Return the largest sizes of z in the parts of another split."""
+        if other is self.split:
+            return self.radii
+        held = [(p.projection, r) for p, r in zip(self.split.parts, self.radii, strict=True) if r]
+        return np.array(
+            [
+                min(self.radius, sum(_norm(part.projection @ Q) * r for Q, r in held))
+                for part in other.parts
+            ]
+        )
+
+
+class SplitBound:
+    """The bound at the nodes of a path (nsbench.error_bars.bars.Path) over a polyhedron.
+
+    rows: all constraints; split: by set of contacts.
+    """
+
+    def __init__(self, path, drift: Linear):
+        self.path = path
+        self.drift = drift
+        scene = path.shadow.scene
+        near = scene.near(path.Y[0], np.inf, float(path.nodes.t[0]))
+        self.rows: ContactRows = path.shadow.rows(near.ids)
+        self.place = {c: k for k, c in enumerate(self.rows.ids)}
+        self.N = self.rows.gradients(path.nodes.t[:1], path.Y[:1])[0]
+        self.gaps = self.rows.gaps(path.nodes.t, path.Y)
+        X = np.array([path.middle[j][1] for j in range(len(path.H))])
+        self.middle = self.rows.gaps(path.nodes.t[:-1] + 0.5 * path.H, X)
+        self._splits: dict[tuple, Split] = {}
+
+    @classmethod
+    def fits(cls, path) -> bool:
+        """Are there few enough constraints to look at all of them?"""
+        scene = path.shadow.scene
+        pairs = sum(m * (m - 1) // 2 for _, _, m in scene.hard)
+        return pairs + len(scene.all_static()) <= MOST_ROWS
+
+    def split(self, contacts: tuple) -> Split:
+        """Return the subspaces of contacts, by their places among all rows."""
+        if contacts not in self._splits:
+            self._splits[contacts] = Split(contacts, self.N[list(contacts)], self.drift)
+        return self._splits[contacts]
+
+    def sizes(self, first: float) -> np.ndarray:
+        """Return (K,) bounds of |w| at the nodes; first: |w| at the start."""
+        K = len(self.path.nodes.t)
+        out = np.empty(K)
+        out[0] = first
+        nowhere = np.zeros(self.path.Y.shape[1])
+        known = Known(nowhere, self.split(()), np.array([first]))
+        for j in range(K - 1):
+            known = self._carried(j, known)
+            # the norm alone can be the better bound: then nothing is known of the direction
+            norm = self._norm_bound(j, out[j])
+            out[j + 1] = min(norm, known.size)
+            if norm < known.radius:
+                known = Known(nowhere, self.split(()), np.array([norm]))
+        return out
+
+    def _norm_bound(self, j, e) -> float:
+        factor = np.exp(self.drift.one_sided * self.path.H[j])
+        return factor * e + max(1.0, factor) * self.path.size[j]
+
+    def _carried(self, j: int, known: Known) -> Known:
+        """Return what is known of the error at the end of interval j."""
+        H = float(self.path.H[j])
+        drift = self.drift
+        rho = self.path.residual_vectors(j)
+        slack = float(self.path.slack[j])
+        jump = self.path.push[j] if len(rho) == 0 else np.zeros_like(known.delta)
+        most = max(1.0, np.exp(drift.one_sided * H)) * (known.size + float(self.path.size[j]))
+        change = drift.change * most * H
+        s = self.split(self._may_touch(j, most))
+        radii = known.radii_in(s).copy()
+        pulls = self._pulls(j, s)
+        pushed, error = _pushed(s, known.delta, rho, H)
+        for k, part in enumerate(s.parts):
+            added = slack + H * part.inflow * most + change
+            if k == 0:
+                added += error
+            else:
+                radii[k] += float(np.linalg.norm(part.projection @ known.delta))
+                added += _size(rho @ part.projection, H)
+            grown = np.exp(part.rate * H)
+            kept = grown * radii[k] - min(1.0, grown) * H * pulls[k]
+            radii[k] = max(0.0, kept) + max(1.0, grown) * added
+            radii[k] += float(np.linalg.norm(part.projection @ jump)) if k else 0.0
+            radii[k] = 0.0 if part.is_empty else radii[k]
+        return Known(pushed + s.tangent @ jump, s, radii)
+
+    def _may_touch(self, j: int, most: float) -> tuple:
+        """Return the places of the contacts that Y closes in interval j, or x may close."""
+        least = np.min([self.gaps[j], self.gaps[j + 1], self.middle[j]], axis=0)
+        near = set(np.flatnonzero(least <= 2.0 * most).tolist())
+        return tuple(sorted(near | {self.place[c] for c in self.path.touched[j]}))
+
+    def _pulls(self, j: int, split: Split) -> list[float]:
+        """Return kappa of each part in interval j: 0.0 unless its contacts are closed on an arc."""
+        rows, _, _ = self.path.middle[j]
+        least = self.path.least_loads.get(j)
+        loads = {}
+        if least is not None:
+            loads = dict(zip((self.place[c] for c in rows.ids), least, strict=True))
+        pulls = [0.0]
+        for part, group in zip(split.parts[1:], split.groups[1:], strict=True):
+            q = [loads.get(split.contacts[k], 0.0) for k in group]
+            pulls.append(part.pull(np.array(q)))
+        return pulls
+
+
+def _size(rho: np.ndarray, H: float) -> float:
+    """Return an upper estimate of the integral of |rho|, from rho (3, n) at the quarters."""
+    if not len(rho):
+        return 0.0
+    a, b, c = np.linalg.norm(rho, axis=1)
+    boole = (32.0 * (a + c) + 12.0 * b) / 90.0
+    return H * (boole + abs(boole - 4.0 * b / 6.0))
+
+
+def _pushed(s: Split, delta, rho, H: float) -> tuple[np.ndarray, float]:
+    """Return P delta after the time H, and a bound of what the formulas leave out.
+
+    The flow is exp(H A), A = P J P; the residuals are carried on from the middle of the interval.
+    """
+    end = _flow(H * s.along, s.tangent @ delta)
+    if not len(rho):
+        return end, 0.0
+    a, b, c = rho @ s.tangent
+    total = H * (32.0 * (a + c) + 12.0 * b) / 90.0
+    simpson = H * 4.0 * b / 6.0
+    rate = H * float(np.linalg.norm(s.along))
+    middle = total + 0.5 * H * (s.along @ total)
+    error = float(np.linalg.norm(total - simpson)) + rate * rate * _size(rho @ s.tangent, H)
+    # the first moment of rho about the middle, which the formula leaves out
+    return end + middle, error + 0.25 * rate * H * float(np.linalg.norm(c - a))
+
+
+def _flow(A: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Return exp(A) v, by the Taylor series where that is short."""
+    if not (np.any(A) and np.any(v)):
+        return v
+    if np.linalg.norm(A) > 1.0:
+        from scipy.linalg import expm
+
+        return expm(A) @ v
+    total = v
+    term = v
+    for k in range(1, TERMS):
+        term = A @ term / k
+        total = total + term
+    return total
