@@ -228,6 +228,27 @@ ERROR_BARS = (
         scale="impulse_scale",
     ),
     Column(
+        "state_norm",
+        "error bar",
+        "number",
+        "state",
+        "largest |x - x*| in the 2-norm over the sample times: what error bars of the state are "
+        "compared with",
+        "state, 2-norm",
+        floor="state_floor",
+        scale="state_scale",
+    ),
+    Column(
+        "reaction_norm",
+        "error bar",
+        "number",
+        "impulse",
+        "largest |R - R*| in the 2-norm over the sample times",
+        "reaction, 2-norm",
+        floor="reaction_floor",
+        scale="impulse_scale",
+    ),
+    Column(
         "estimate_impulse",
         "error bar",
         "number",

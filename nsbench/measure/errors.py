@@ -19,7 +19,8 @@ lam_*, lam_floor    multipliers of single steps, see `measure.multiplier_times`
 event_time,         see `event_errors`
 events_missed, events_extra
 bound_*, estimate_*  error bars without a reference, largest 2-norm over i (`nsbench.error_bars`):
-                    bounds where they are proven, else estimates, NaN where there are none
+                    bounds where they are proven, else estimates, NaN where there are none;
+                    state_norm, reaction_norm: the errors in this norm
 multipliers_unique  have the active gradients full rank along the reference? None without one
 selection,          where they have not (impulse, l1, settled, sup are NaN there and the error
 polyhedron          of the reaction stands in their place): distance of the multipliers to the
@@ -89,7 +90,7 @@ def errors(case: Case, traj: Trajectory) -> dict:
         "impulse_scale": max(_size(ref.impulse), _size(ref.reaction)),
     }
     if _finished(traj):
-        out |= _against(made, traj)
+        out |= _against(made, traj) | _norms(ref, traj)
         out["below"] = " ".join(below_reference(out, case.t))
     return out
 
@@ -135,6 +136,17 @@ def _error_bars(traj: Trajectory) -> dict:
         "estimate_impulse": float(bars.impulse.max()),
         "lam_variation": bars.lam_variation,
     }
+
+
+def _norms(ref, traj: Trajectory) -> dict:
+    """Return the errors that error bars are compared with, of runs that have any."""
+    if traj.bound is None:
+        return {}
+    out = {"state_norm": float(np.linalg.norm(traj.x - ref.x, axis=1).max())}
+    if ref.reaction is not None and traj.reaction.shape == ref.reaction.shape:
+        off = np.linalg.norm(traj.reaction - ref.reaction, axis=1)
+        out["reaction_norm"] = float(off.max())
+    return out
 
 
 def _size(values) -> float:

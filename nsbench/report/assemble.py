@@ -27,6 +27,7 @@ from nsbench.report.svg_plots import compose_sheet, draw_panel, inline_svg
 from nsbench.report.tables.clock_table import clock_table
 from nsbench.report.tables.environment_tables import counts_line, environment_table, glossary_table
 from nsbench.report.tables.equal_error_tables import choice_table, speed_table
+from nsbench.report.tables.error_bar_table import error_bar_table
 from nsbench.report.tables.error_table import error_table
 from nsbench.report.tables.failure_tables import failures_table, seeds_table
 from nsbench.report.tables.multiplier_tables import labels_table, selection_table
@@ -158,6 +159,7 @@ def assemble_content(data: Data, drawn: Figures) -> Content:
         glossary_table(data),
         expected_table(judge_expectations(data, s)),
         bounds_table(data, s),
+        error_bar_table(s),
         references_table(data),
         selection_table(data, s),
         labels_table(data, s),

@@ -22,6 +22,7 @@ MAX_EQUATION_LINES = 12  # of a docstring; more would push the figures of the ca
 TRUST_TABLES = (
     ("expected", "Expected against observed"),
     ("bounds", "Methods that claim a bound"),
+    ("error_bars", "Error bars beside the true errors"),
     ("selection", "Multipliers that are not unique"),
     ("labels", "Where in its step a multiplier belongs"),
     ("errors", "Every error at the finest step"),
