@@ -1,5 +1,11 @@
 """A-posteriori error bars of runs of gradient systems: bounds and estimates without a reference."""
 
-from nsbench.error_bars.run_bars import Bars, ErrorBars, error_bars, without_error_bars
+from nsbench.error_bars.run_bars import (
+    Bars,
+    ErrorBars,
+    error_bars,
+    restored_bars,
+    without_error_bars,
+)
 
-__all__ = ["Bars", "ErrorBars", "error_bars", "without_error_bars"]
+__all__ = ["Bars", "ErrorBars", "error_bars", "restored_bars", "without_error_bars"]

@@ -11,7 +11,7 @@ import numpy as np
 
 from nsbench.case import Case
 from nsbench.dynamics.scaling.estimate import particle_distance
-from nsbench.dynamics.scaling.scaled_case import scaled_case
+from nsbench.dynamics.scaling.scaled_case import ScaledCase, scaled_case
 from nsbench.problem import Affine, Complementarity, Distance
 from nsbench.trajectory import Trajectory
 
@@ -97,10 +97,19 @@ def _computed(case: Case, traj: Trajectory) -> Bars:
             found = _in_own_units(own.case, own.scaled(traj))
     except Exception as e:  # a drift may raise anything at a state near those of the run
         return Bars.none(traj.t, f"They could not be computed: {type(e).__name__}: {e}")
+    return restored_bars(found, traj.t, own)
+
+
+def restored_bars(found: Bars, t: np.ndarray, own: ScaledCase) -> Bars:
+    """Return error bars in own units in those of the user; t (k,): the sample times.
+
+    Where coordinates have units of their own, the largest is taken: a bar in the 2-norm is no bar
+    of a small coordinate.
+    """
     length = float(np.max(own.state))
     return dataclasses.replace(
         found,
-        t=traj.t,
+        t=t,
         state=found.state * length,
         reaction=found.reaction * length,
         impulse=found.impulse * own.impulse,

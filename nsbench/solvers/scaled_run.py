@@ -17,7 +17,7 @@ from nsbench.diagnostics import diagnose
 from nsbench.dynamics.contacts.tolerances import scene_of
 from nsbench.dynamics.scaling.estimate import particle_distance, scale_of_sizes
 from nsbench.dynamics.scaling.scaled_case import ScaledCase, scaled_case
-from nsbench.error_bars import error_bars
+from nsbench.error_bars import ErrorBars, error_bars, restored_bars
 from nsbench.problem import Complementarity
 from nsbench.solvers.base import Solver
 from nsbench.solvers.common.initial_state import initial_state
@@ -106,9 +106,23 @@ class ScaledRun:
         """Return the trajectory, in the units of the user, with the status of the checks."""
         own = self.own or scaled_case(self.case)
         in_own_units = traj if self.is_scaled else own.scaled(traj)
+        if getattr(self.method, "has_tolerance_pair", False) and traj.status.ok:
+            in_own_units = dataclasses.replace(in_own_units, bound=self._pair(in_own_units))
         with own.speaking():
             status = diagnose(own.case, in_own_units, getattr(self.method, "checks", ())).status
         told = dataclasses.replace(self.restored(traj), status=status)
+        return dataclasses.replace(told, bound=self._bars(told, in_own_units.bound))
+
+    def _pair(self, traj: Trajectory) -> ErrorBars:
+        """Return error bars of a run in own units from one with a looser tolerance."""
+        from nsbench.solvers.event_driven.amplified_error import tolerance_pair
+
+        return tolerance_pair(self.method, self.own.case, traj, self.asked)
+
+    def _bars(self, told: Trajectory, found: ErrorBars | None) -> ErrorBars | None:
+        """Return the error bars of a run as it is told, where the method has any."""
+        if found is not None and self.is_scaled:
+            return ErrorBars(lambda: restored_bars(found.made, told.t, self.own))
         if told.bound is None and getattr(self.method, "has_error_bars", False):
-            told = dataclasses.replace(told, bound=error_bars(self.case, told))
-        return told
+            return error_bars(self.case, told)
+        return told.bound

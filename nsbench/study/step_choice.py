@@ -107,8 +107,9 @@ def choose(case: Case, spec: str, demand: Demand) -> Choice:
 
 
 def _by_claim(case, spec, method, demand) -> Choice:
-    """Take what a method with a tolerance claims, or has as error bars."""
-    asked = min(method.default, demand.error) if getattr(method, "tol", None) else method.default
+    """Take what a method with a tolerance claims, or the error bars that it keeps below it."""
+    has_bars = getattr(method, "tol", None) is not None
+    asked = min(method.default, demand.error) if has_bars else method.default
     run = ScaledRun(method, case, asked)
     traj = run.checked(run())
     if not traj.status.ok:
@@ -117,11 +118,12 @@ def _by_claim(case, spec, method, demand) -> Choice:
     error = (method.claims.exact or math.nan) * size
     sure = CLAIMED
     reaction = impulse = math.nan
-    if traj.bound is not None and np.isfinite(traj.bound.state).all():
+    if has_bars:
+        bars = traj.bound
         error, reaction, impulse = (
-            float(np.max(a)) for a in (traj.bound.state, traj.bound.reaction, traj.bound.impulse)
+            float(np.max(a)) for a in (bars.state, bars.reaction, bars.impulse)
         )
-        sure = PROVEN if traj.bound.is_proven else ESTIMATED
+        sure = PROVEN if bars.is_proven else ESTIMATED
     violation = _violation(case, traj)
     if not (error <= demand.error and violation <= demand.overlap):
         why = f"its claim of {error:.2g} is not enough" if error == error else "it claims no error"

@@ -12,8 +12,10 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from nsbench.case import Case
+from nsbench.diagnostics.base import Check
 from nsbench.problem import LCS, Complementarity
 from nsbench.solvers.base import Claims, Expect, Run, check_positive
+from nsbench.solvers.event_driven.amplified_error import CHECKS, CLAIM
 from nsbench.solvers.event_driven.smooth.integrators import INTEGRATORS
 
 EXPECTS = (
@@ -58,7 +60,9 @@ class EventDriven:
     accuracy: ClassVar[str] = "tol"
     default: ClassVar[float] = 1e-12
     scaled: ClassVar[bool] = True
-    claims: ClassVar[Claims] = Claims(exact=1e-10)
+    has_tolerance_pair: ClassVar[bool] = True
+    claims: ClassVar[Claims] = Claims(exact=CLAIM)
+    checks: ClassVar[tuple[Check, ...]] = CHECKS
     expects: ClassVar[tuple[Expect, ...]] = EXPECTS
 
     def __post_init__(self):
