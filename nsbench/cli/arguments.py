@@ -40,6 +40,7 @@ def build_parser() -> argparse.ArgumentParser:
         _add_calibrate,
         _add_compare,
         _add_doctor,
+        _add_study,
     ):
         add(verbs)
     return parser
@@ -236,3 +237,16 @@ def _add_compare(verbs) -> None:
 
 def _add_doctor(verbs) -> None:
     _add_verb(verbs, "doctor", "is this installation fit to measure with?")
+
+
+def _add_study(verbs) -> None:
+    text = "conduct a study of an open question: evidence, answer, and what would refute it"
+    verb = _add_verb(verbs, "study", text)
+    verb.add_argument("name", metavar="NAME", help="such as lemma; list: the studies there are")
+    verb.add_argument(
+        "--full",
+        action="store_true",
+        help="the full form, which takes hours and goes on where it was interrupted (default: "
+        "the small form, a minute)",
+    )
+    verb.add_argument("-o", "--out", default="results", metavar="DIR")

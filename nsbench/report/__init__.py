@@ -2,13 +2,14 @@
 
     write_report("results", "results/report.html")
 
-reads results/runs.parquet (and cases.json, solvers.json, env.json, extra.json, figures/scene_*.svg
-where they exist) and writes the page, the Markdown with the same content, and one SVG per case in
-``figures/``. Nothing here runs a solver.
+reads results/runs.parquet (and cases.json, solvers.json, env.json, extra.json, studies/*.json,
+figures/scene_*.svg where they exist) and writes the page, the Markdown with the same content, and
+one SVG per case in ``figures/``. Nothing here runs a solver.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace as replace_fields
 from pathlib import Path
 
 __all__ = ["write_report"]
@@ -28,6 +29,7 @@ def write_report(study: object, path: str | Path | None = None) -> Path:
     from nsbench.report.data import read
     from nsbench.report.html_page import render_page
     from nsbench.report.markdown import render_markdown
+    from nsbench.report.study_pages import read_studies
     from nsbench.results.atomic_write import replace
 
     folder = (
@@ -37,7 +39,7 @@ def write_report(study: object, path: str | Path | None = None) -> Path:
     path = path / "report.html" if path.is_dir() else path
     data = read(study)
     drawn = draw_figures(data)
-    content = assemble_content(data, drawn)
+    content = replace_fields(assemble_content(data, drawn), studies=read_studies(folder))
     path.parent.mkdir(parents=True, exist_ok=True)
     (path.parent / "figures").mkdir(exist_ok=True)
     for name, svg in drawn.files.items():

@@ -80,11 +80,12 @@ def assign_ids(names: Iterable[str]) -> dict[str, str]:
         "ref",
         "profiles",
         "scaling",
+        "studies",
     }
     for name in names:
         base = new = file_stem(name)
         k = 2
-        while new.lower() in taken or new.lower().startswith(("scene_", "cost_")):
+        while new.lower() in taken or new.lower().startswith(("scene_", "cost_", "study-")):
             new = f"case_{base}" if k == 2 else f"case_{base}_{k}"
             k = k + 1
         taken.add(new.lower())

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from textwrap import dedent
 
 from nsbench.report.data import Data, Runs
+from nsbench.report.study_pages import StudySection
 from nsbench.report.style import Look, sanitise
 from nsbench.report.summary import Summary
 from nsbench.report.tables.cells import Table
@@ -44,7 +45,7 @@ class Content:
     data, summaries: rows and fits, summaries by (case, method). looks: by method. ids: by case.
     panels: SVG elements by case. notes: sentences by case. speeds: factors at equal error.
     talk: SVG of the talk's figure, "" if there is none, with its sentence.
-    profiles, scaling: SVG elements. cheapest: who is cheapest where.
+    profiles, scaling: SVG elements. cheapest: who is cheapest where. studies: of open questions.
     """
 
     title: str
@@ -63,6 +64,7 @@ class Content:
     profiles: tuple[str, ...] = ()
     scaling: tuple[str, ...] = ()
     cheapest: tuple[str, ...] = ()
+    studies: tuple[StudySection, ...] = ()
 
 
 def describe_problem(stored: dict, runs: list[Runs]) -> str:

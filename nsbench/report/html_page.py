@@ -27,6 +27,7 @@ from nsbench.report.content import (
     split_docstring,
 )
 from nsbench.report.cost import COMPARISON_RULE
+from nsbench.report.study_pages import StudySection
 from nsbench.report.style import DARK, DARK_THEME, LIGHT_THEME, PALETTE, SHAPES, Look
 from nsbench.report.summary import Summary
 from nsbench.report.svg_plots import DASHES, define_markers, inline_svg
@@ -39,6 +40,7 @@ SECTIONS = (  # id, also the name of the template; heading
     ("talk", "The talk's figure"),
     ("trust", "What the numbers rest on"),
     ("speed", "Speed at equal error"),
+    ("studies", "Open questions"),
     ("failures", "Failures and refusals"),
     ("environment", "Machine, versions, words"),
 )
@@ -75,23 +77,51 @@ class CaseSection:
     fits: list[Fit]
 
 
+@dataclass(frozen=True)
+class StudyHeader:
+    """Title and first line of the page of one study."""
+
+    title: str
+    lede: str
+
+
 def render_page(content: Content) -> str:
     """Render the whole HTML document."""
     looks = content.looks
-    template = _environment().get_template("page.html")
-    definitions = (
-        f'<svg width="0" height="0" style="position:absolute">{define_markers(looks.values())}'
-    )
-    page = template.render(
+    optional = {"talk": content.talk, "studies": content.studies}
+    return _render(
         content=content,
         looks=looks,
-        sections=[s for s in SECTIONS if s[0] != "talk" or content.talk],
+        sections=[s for s in SECTIONS if optional.get(s[0], True)],
         cases=[prepare_case(content, case) for case in content.data.case_keys],
-        markers=Markup(inline_svg(f"{definitions}</svg>", {}, "")),
-        split_sentence=sentence_splitter(looks),
+        studies=content.studies,
         trust_tables=TRUST_TABLES,
         comparison_rule=COMPARISON_RULE,
         measured=MEASURED,
+    )
+
+
+def render_study_page(study: StudySection) -> str:
+    """Render the HTML document of one study alone."""
+    return _render(
+        content=StudyHeader(f"nsbench study {study.name}", study.note),
+        looks={},
+        sections=[s for s in SECTIONS if s[0] == "studies"],
+        cases=[],
+        studies=(study,),
+    )
+
+
+def _render(looks: dict[str, Look], **names) -> str:
+    """Render the page with these names, the markers of the methods and the sentence splitter."""
+    definitions = (
+        f'<svg width="0" height="0" style="position:absolute">{define_markers(looks.values())}'
+    )
+    page = _environment().get_template("page.html").render(
+        looks=looks,
+        markers=Markup(inline_svg(f"{definitions}</svg>", {}, "")),
+        split_sentence=sentence_splitter(looks),
+        **names,
     )
     return page + "\n"
 
@@ -107,6 +137,7 @@ def _environment() -> Environment:
         lstrip_blocks=True,
     )
     environment.filters["breakable"] = allow_breaks
+    environment.filters["data_uri"] = _data_uri
     environment.globals |= {
         "style_sheet": _read_static("page.css"),
         "script": _read_static("page.js"),

@@ -64,6 +64,7 @@ def render_markdown(c: Content) -> str:
     out += ["![Cost against size](figures/scaling.svg)"] if c.scaling else []
     out += [render_table(c.tables["scaling"])] if c.tables["scaling"].rows else []
     out += [render_table(c.tables["speed"]), "### The clock", render_table(c.tables["clock"])]
+    out += _studies(c)
     out += ["## Failures and refusals", render_table(c.tables["failures"])]
     out += ["### Over seeds", render_table(c.tables["seeds"])] if c.tables["seeds"].rows else []
     out += [
@@ -73,6 +74,22 @@ def render_markdown(c: Content) -> str:
         render_table(c.tables["glossary"]),
     ]
     return "\n\n".join(part for part in out if part) + "\n"
+
+
+def _studies(c: Content) -> list[str]:
+    """Paragraphs of the section on studies; [] without any."""
+    out = ["## Open questions"] if c.studies else []
+    for study in c.studies:
+        out += [f"### {escape_markdown(study.question)}", escape_markdown(study.answer)]
+        out += ["\n".join(f"- {escape_markdown(text)}" for text in study.evidence)]
+        out += [f"![{escape_markdown(f.caption)}]({f.file})" for f in study.figures]
+        for title, t in study.tables:
+            out += [f"#### {escape_markdown(title)}", render_table(t)]
+        out += [
+            escape_markdown(f"What would refute it: {study.refutation}"),
+            f"Repeat it with `{study.command.replace('`', '')}`. {escape_markdown(study.note)}",
+        ]
+    return out
 
 
 def render_table(t: Table) -> str:

@@ -33,6 +33,7 @@ LAYERS = [
     "study",
     "results",
     "report",
+    "studies",
     "execute",
     "gate",
     "cli",
@@ -118,9 +119,10 @@ def loaded_by(code):
         "import nsbench",
         "from nsbench.cli import main\ntry: main(['--help'])\nexcept SystemExit: pass",
         "from nsbench.cli import main\nmain(['list'])",
+        "from nsbench.cli import main\nmain(['study', 'list'])",
         "import nsbench; nsbench.get_case('discs', n=30)",
     ],
-    ids=["import", "help", "list", "get_case"],
+    ids=["import", "help", "list", "study list", "get_case"],
 )
 def test_start_up_imports_nothing_heavy(code):
     assert not loaded_by(code)[0] & set(HEAVY)

@@ -1,0 +1,69 @@
+"""`nsbench study`: conduct one of the studies of open questions, and write what it found.
+
+DIR/studies/NAME.json holds the finding, DIR/studies/NAME.html its page; where DIR holds results of
+`nsbench run`, its report is written again with a section on the studies.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from nsbench.cli.exit_codes import FINE
+from nsbench.source_files.regular_files import exists
+
+# several threads on matrices of a few hundred rows cost more than they save; set before numpy loads
+LIBRARY_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+
+
+def command(args: argparse.Namespace, say: Callable[..., None]) -> int:
+    """List the studies, or conduct one. Raises LookupError for an unknown name."""
+    from nsbench.studies import STUDIES, find_study
+
+    if args.name == "list":
+        for study in STUDIES:
+            say(f"  {study.name:<12} {study.question}")
+        return FINE
+    study = find_study(args.name)
+    for name in LIBRARY_THREADS:
+        os.environ.setdefault(name, "1")
+    say(study.question)
+    folder = Path(args.out)
+    if folder.exists() and not folder.is_dir():
+        raise ValueError(f"{folder} is a file; a folder is needed")
+    path = _conduct(study, folder, args.full, say)
+    say(f"finding: {path}")
+    for page in _write_pages(folder, study.name):
+        say(f"report: {page}")
+    return FINE
+
+
+def _conduct(study, folder: Path, full: bool, say: Callable[..., None]) -> Path:
+    """Conduct the study and write its finding; the full form keeps a journal of its parts."""
+    from nsbench.studies.finding import FOLDER, Effort, write_finding
+    from nsbench.studies.part_journal import PartJournal
+
+    began = time.monotonic()
+    parts = folder / FOLDER / f"{study.name}.parts.jsonl"
+    journal = PartJournal(parts if full else None, study.name)
+    finding = study.load().conduct(Effort(full, journal, say))
+    if journal.reused:
+        say(f"{journal.reused} parts were known from an earlier run")
+    say(finding.answer)
+    return write_finding(finding, folder, time.monotonic() - began, full)
+
+
+def _write_pages(folder: Path, name: str) -> list[Path]:
+    """Write the page of the study, and the report of the folder's runs where there are any."""
+    from nsbench.report import write_report
+    from nsbench.report.study_pages import write_study_page
+    from nsbench.results.consistency import check
+
+    pages = [write_study_page(folder, name)]
+    if exists(folder / "runs.parquet"):
+        check(folder)
+        pages.append(write_report(folder, folder / "report.html"))
+    return pages

@@ -1,0 +1,134 @@
+"""The section on studies of open questions: DIR/studies/*.json read, checked and laid out.
+
+The files may have been written by others: texts are sanitised, numbers checked, figures embedded as
+images, and a file that is no finding is a ValueError that names it.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+from nsbench.report.style import format_number, sanitise
+from nsbench.report.tables.cells import Cell, Row, Table
+from nsbench.source_files.regular_files import UnusableFile, exists, read_text
+
+FOLDER = "studies"  # of a folder of results
+MAX_BYTES = 16 << 20  # of a finding
+MAX_FIGURE_BYTES = 1 << 20
+MAX_ROWS = 2000  # of a table on the page
+DIGITS = 4  # of numbers in tables
+TEXTS = ("study", "question", "answer", "refutation", "command", "form")
+
+
+@dataclass(frozen=True)
+class StudyFigure:
+    """A figure: caption, SVG text, and its file below the folder of results."""
+
+    caption: str
+    svg: str
+    file: str
+
+
+@dataclass(frozen=True)
+class StudySection:
+    """One study as the report shows it; note: form and time."""
+
+    name: str
+    question: str
+    answer: str
+    evidence: tuple[str, ...]
+    refutation: str
+    command: str
+    note: str
+    tables: tuple[tuple[str, Table], ...]
+    figures: tuple[StudyFigure, ...]
+
+
+def read_studies(folder: Path) -> tuple[StudySection, ...]:
+    """Read all findings of a folder of results, by name; () where there are none.
+
+    Raises ValueError, naming the file, for one that cannot be used.
+    """
+    place = folder / FOLDER
+    return tuple(read_study(p) for p in sorted(place.glob("*.json")))
+
+
+def read_study(path: Path) -> StudySection:
+    """Read one finding. Raises ValueError, naming the file, and FileNotFoundError."""
+    try:
+        stored = json.loads(read_text(path, MAX_BYTES, path.parent))
+        text = {name: _text(stored[name]) for name in TEXTS}
+        tables = [(_text(t["title"]), _table(text["study"], t)) for t in stored["tables"]]
+        figures = [_figure(path.parent, f) for f in stored["figures"]]
+        evidence = tuple(map(_text, stored["evidence"]))
+        seconds = format_number(float(stored["seconds"]), 3)
+    except UnusableFile:
+        raise
+    except (ValueError, KeyError, TypeError, RecursionError) as e:
+        raise UnusableFile(f"{path} is no finding of a study: {type(e).__name__}: {e}") from e
+    return StudySection(
+        name=text["study"],
+        question=text["question"],
+        answer=text["answer"],
+        evidence=evidence,
+        refutation=text["refutation"],
+        command=text["command"],
+        note=f"The {text['form']} form took {seconds} s.",
+        tables=tuple(tables),
+        figures=tuple(f for f in figures if f is not None),
+    )
+
+
+def _text(value: object) -> str:
+    """Sanitise a text; raises TypeError for anything else."""
+    if not isinstance(value, str):
+        raise TypeError(f"{value!r} is no text")
+    return sanitise(value, 2000)
+
+
+def _table(study: str, stored: dict) -> Table:
+    columns = tuple(map(_text, stored["columns"]))
+    rows = stored["rows"][:MAX_ROWS]
+    if any(len(row) != len(columns) for row in rows):
+        raise ValueError(f"a row of {stored['key']!r} has not {len(columns)} values")
+    return Table(
+        f"{_text(study)}-{_text(stored['key'])}",
+        columns,
+        tuple(Row(tuple(map(_cell, row))) for row in rows),
+        _text(stored["note"]),
+    )
+
+
+def _cell(value: object) -> Cell:
+    """Format a word or number; a dash stands for nothing."""
+    if value is None:
+        return Cell("–", kind="quiet")
+    if isinstance(value, str):
+        return Cell(sanitise(value, 200))
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+        raise TypeError(f"{value!r} is neither a word nor a number")
+    whole = isinstance(value, int)
+    return Cell(str(value) if whole else format_number(value, DIGITS), kind="number")
+
+
+def _figure(folder: Path, stored: dict) -> StudyFigure | None:
+    """Read a figure; None where its file is not there."""
+    name = Path(_text(stored["file"])).name
+    if not exists(folder / name):
+        return None
+    svg = read_text(folder / name, MAX_FIGURE_BYTES, folder)
+    return StudyFigure(_text(stored["caption"]), svg, f"{FOLDER}/{name}")
+
+
+def write_study_page(folder: Path, name: str) -> Path:
+    """Write DIR/studies/NAME.html, the page of one study, and return its path."""
+    from nsbench.report.html_page import render_study_page
+    from nsbench.results.atomic_write import write_atomically
+
+    section = read_study(folder / FOLDER / f"{name}.json")
+    path = folder / FOLDER / f"{name}.html"
+    write_atomically(path, render_study_page(section).encode())
+    return path

@@ -1,0 +1,1 @@
+"""Study of chain reactions: how far one violation travels in one sweep of projections."""

@@ -1,0 +1,9 @@
+"""Study of the constants of one sweep: C in the largest violation, C' in the sum of violations.
+
+For the linearised sweep (packings.linear_sweep) over all gaps g >= -1 and all orders,
+
+    C  = max of max_k v'_k,        C' = max of |v'|_1 / |v|_1:
+
+`proven_bound` from above, `exact_constant` by mixed-integer programming, `adversarial_search` from
+below, `random_packings` for how likely large values are, `sweep_orders` for the best order.
+"""

@@ -1,0 +1,1 @@
+"""Compiled evaluation and search of worst cases of one sweep."""

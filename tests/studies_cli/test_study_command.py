@@ -1,0 +1,188 @@
+"""`nsbench study`: what it prints and writes, how it goes on, what the report shows of it."""
+
+import json
+import math
+
+import pytest
+
+import nsbench
+from nsbench.cli import main
+from nsbench.report.study_pages import read_studies, read_study
+from nsbench.studies import STUDIES
+from nsbench.studies.finding import (
+    Effort,
+    EvidenceFigure,
+    EvidenceTable,
+    Finding,
+    write_finding,
+)
+from nsbench.studies.lemma import study as lemma
+from nsbench.studies.part_journal import PartJournal
+
+SVG = '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 4 2"><path d="M0 0h4"/></svg>'
+GRAPH_FIELDS = ("name", "n", "contacts", "exact", "search", "bound", "sum_search", "sum_bound")
+
+
+def finding(**changes):
+    table = EvidenceTable("t", "Numbers", ("name", "C"), (("a", 0.5), ("b", None)), "a note")
+    fields = {
+        "name": "lemma",
+        "question": "Is it <b>bounded</b>?",
+        "answer": "Yes, by 2.",
+        "evidence": ("One line.",),
+        "refutation": "A counterexample.",
+        "command": "nsbench study lemma",
+        "tables": (table,),
+        "figures": (EvidenceFigure("f", "A figure.", SVG),),
+        "data": {"graphs": [{"exact": math.nan}]},
+    }
+    return Finding(**{**fields, **changes})
+
+
+@pytest.fixture
+def small_lemma(monkeypatch):
+    """The study with a fraction of its work."""
+    graphs = [g for g in lemma.listed_graphs(False) if g.name in ("chain8", "hex7", "hex19")]
+    monkeypatch.setattr(lemma, "listed_graphs", lambda full: graphs)
+    monkeypatch.setattr(lemma, "_compare_orders", lambda effort: ORDERS)
+    for name, value in (
+        ("EXACT_INSTANCES", 5),
+        ("CLIMBS", 1),
+        ("PACKINGS", 8),
+        ("MIXED_PACKINGS", 8),
+        ("COMPARED", 1),
+        ("ANNEALING_STEPS", 1000),
+        ("ANNEALING_STARTS", 1),
+    ):
+        monkeypatch.setattr(lemma, name, (value, value))
+
+
+ORDERS = [
+    {
+        "name": "chain8",
+        "named": {"along the packing": 1.0},
+        "random": 2.0,
+        "best": 1.0,
+        "best_exact": 1.0,
+        "evaluations_needed": 1,
+    }
+]
+
+
+def test_list_names_every_study_with_its_question(capsys):
+    assert main(["study", "list"]) == 0
+    text = capsys.readouterr().out
+    assert all(s.name in text and s.question in text for s in STUDIES)
+
+
+def test_an_unknown_study_exits_2_with_the_nearest_name(capsys):
+    assert main(["study", "lema"]) == 2
+    assert "did you mean 'lemma'?" in capsys.readouterr().err
+
+
+def test_an_output_that_is_a_file_exits_2(tmp_path, capsys):
+    (tmp_path / "f").write_text("")
+    assert main(["study", "chain", "-o", str(tmp_path / "f")]) == 2
+    assert "is a file" in capsys.readouterr().err
+
+
+def test_lemma_writes_all_fields_in_order_and_the_same_numbers_again(tmp_path, small_lemma):
+    for name in ("a", "b"):
+        assert main(["study", "lemma", "-o", str(tmp_path / name)]) == 0
+    first, again = (
+        json.loads((tmp_path / name / "studies" / "lemma.json").read_text()) for name in ("a", "b")
+    )
+    for graph in first["graphs"]:
+        assert set(GRAPH_FIELDS) <= set(graph)
+        assert graph["search"] <= graph["bound"] and graph["sum_search"] <= graph["sum_bound"]
+        if graph["exact"] is not None:
+            assert graph["search"] <= graph["exact"] <= graph["bound"]
+    exact = {g["name"] for g in first["graphs"] if g["exact"] is not None}
+    assert exact == {"chain8", "hex7"}
+    first.pop("seconds")
+    again.pop("seconds")
+    assert first == again
+    page = (tmp_path / "a" / "studies" / "lemma.html").read_text()
+    assert first["question"] in page and "data:image/svg+xml" in page
+
+
+def test_a_search_value_above_a_bound_stops_the_study():
+    entry = {"name": "x", "search": 2.0, "bound": 1.0, "sum_search": 0.0, "sum_bound": 1.0}
+    theory = {"instances": {"checked": 1}}
+    with pytest.raises(ArithmeticError, match="exceeds its bound"):
+        lemma._check_consistency([{**entry, "exact": None}], theory, {"above": 0})
+
+
+def test_the_full_form_goes_on_where_it_was_interrupted(tmp_path):
+    path = tmp_path / "studies" / "x.parts.jsonl"
+    calls = []
+
+    def compute(value):
+        calls.append(value)
+        return (value, 0.1)
+
+    journal = PartJournal(path)
+    assert journal.part("a", lambda: compute(1)) == [1, 0.1]
+    with open(path, "ab") as file:
+        file.write(b'{"key": "b", "sour')  # killed in the middle of a line
+    resumed = PartJournal(path)
+    assert resumed.part("a", lambda: compute(2)) == [1, 0.1]
+    assert resumed.part("b", lambda: compute(3)) == [3, 0.1]
+    assert calls == [1, 3] and resumed.reused == 1
+    assert PartJournal(path).part("b", lambda: compute(4)) == [3, 0.1]
+
+
+def test_parts_of_other_sources_are_computed_again(tmp_path, monkeypatch):
+    path = tmp_path / "x.parts.jsonl"
+    PartJournal(path).part("a", lambda: 1)
+    monkeypatch.setattr("nsbench.studies.part_journal.source_digest", lambda study: "another")
+    assert PartJournal(path).part("a", lambda: 2) == 2
+
+
+def test_a_finding_is_stored_and_read(tmp_path):
+    path = write_finding(finding(), tmp_path, 1.25, full=False)
+    assert json.loads(path.read_text())["graphs"] == [{"exact": None}]
+    (section,) = read_studies(tmp_path)
+    assert section.answer == "Yes, by 2." and section.figures[0].svg == SVG
+    ((title, table),) = section.tables
+    assert title == "Numbers" and [c.text for c in table.rows[1].cells] == ["b", "–"]
+
+
+def test_the_report_of_runs_has_a_section_on_studies(tmp_path):
+    row = {"case": "tide", "solver": "pbd", "status": "ok", "h": 0.1, "state_sup": 1e-2}
+    write_finding(finding(), tmp_path, 1.0, full=False)
+    nsbench.write_report([row], tmp_path / "with" / "report.html")
+    assert "Open questions" not in (tmp_path / "with" / "report.html").read_text()
+
+    class Runs:
+        rows = [row]
+        dir = tmp_path
+
+    nsbench.write_report(Runs(), tmp_path / "report.html")
+    page = (tmp_path / "report.html").read_text()
+    assert "Open questions" in page and "&lt;b&gt;bounded&lt;/b&gt;" in page
+    text = (tmp_path / "report.md").read_text()
+    assert "## Open questions" in text and "studies/lemma\\_f.svg" not in text
+    assert "studies/lemma_f.svg" in text
+
+
+@pytest.mark.parametrize(
+    "change, text",
+    [
+        ({"answer": 3}, "no text"),
+        ({"tables": [{"key": "t", "title": "", "columns": ["a"], "rows": [[1, 2]]}]}, "1 values"),
+        ({"figures": 1}, "no finding"),
+    ],
+)
+def test_a_file_that_is_no_finding_is_named(tmp_path, change, text):
+    path = write_finding(finding(), tmp_path, 1.0, full=False)
+    path.write_text(json.dumps({**json.loads(path.read_text()), **change}))
+    with pytest.raises(ValueError, match=text) as error:
+        read_study(path)
+    assert str(path) in str(error.value)
+
+
+def test_the_small_form_and_the_full_form_choose_their_sizes():
+    journal = PartJournal(None)
+    assert Effort(False, journal, print).choose(1, 2) == 1
+    assert Effort(True, journal, print).choose(1, 2) == 2

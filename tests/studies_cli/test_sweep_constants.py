@@ -1,0 +1,164 @@
+"""Constants of one sweep: search below the exact value, the exact value below the bound."""
+
+import numpy as np
+import pytest
+
+from nsbench.studies.packings.contact_graphs import chain, close_packed, flower, grow, hexagon, star
+from nsbench.studies.lemma.adversarial_search import (
+    distinct_contacts,
+    search_fixed_order,
+    search_sum,
+    search_violation,
+)
+from nsbench.studies.lemma.exact_constant import enumerate_violation, exact_violation
+from nsbench.studies.lemma.proven_bound import (
+    bound_corrections,
+    bound_equal_discs,
+    bound_sum,
+    bound_violation,
+    norm_bound,
+)
+from nsbench.studies.packings.linear_sweep import longest_increasing_path, sweep
+
+SECONDS = 20.0  # limit of HiGHS, far above what these packings take
+TOLERANCE = 1e-6  # relative, of HiGHS
+
+
+def all_contacts(graph):
+    return list(range(len(graph.pairs)))
+
+
+@pytest.mark.parametrize("graph", [chain(4), star(3, 1)], ids=lambda g: g.name)
+def test_two_exact_methods_agree(graph):
+    found = exact_violation(graph.gram, graph.distances(), all_contacts(graph), SECONDS)
+    assert found.proven
+    assert found.value == pytest.approx(enumerate_violation(graph.gram), rel=TOLERANCE)
+
+
+def test_two_exact_methods_agree_on_one_order_with_positive_entries():
+    """Two contacts of one disc at 60 degrees close each other: max(0, 1 - q) matters."""
+    graph = flower(5)
+    few = np.ix_(range(6), range(6))
+    gram = graph.gram[few]
+    order = np.array([3, 0, 5, 1, 4, 2])
+    distance = graph.distances()[few]
+    found = exact_violation(gram, distance, list(range(6)), SECONDS, order)
+    assert found.proven and (gram[gram < 1.0] > 0.1).any()
+    assert found.value == pytest.approx(enumerate_violation(gram, order), rel=TOLERANCE)
+
+
+@pytest.mark.parametrize(
+    "graph, value",
+    [(chain(3), 3 / 4), (chain(4), 3 / 2), (chain(6), 2.0), (chain(8), 9 / 4)],
+    ids=lambda v: getattr(v, "name", ""),
+)
+def test_rows_of_discs_have_the_constant_of_their_worst_order(graph, value):
+    """Both halves are swept towards a contact that was projected first: sums of halves."""
+    found = exact_violation(graph.gram, graph.distances(), all_contacts(graph), SECONDS)
+    assert found.proven and found.value == pytest.approx(value, rel=TOLERANCE)
+
+
+@pytest.mark.parametrize(
+    "graph",
+    [chain(7), star(3, 2), flower(5), grow(7, 3), grow(6, 1, spread=2.0), grow(6, 0, dim=3)],
+    ids=lambda g: g.name,
+)
+def test_search_is_below_the_exact_value_and_that_below_the_bound(graph):
+    gram = graph.gram
+    distance = graph.distances()
+    kinds = distinct_contacts(gram, distance)
+    exact = exact_violation(gram, distance, kinds, SECONDS)
+    found = search_violation(gram, distance, 0, 2, 5000).value
+    assert exact.proven
+    assert found <= exact.value * (1.0 + TOLERANCE)
+    assert found >= exact.value * 0.99  # and it is no idle search
+    assert exact.value <= bound_violation(gram, distance, kinds)
+
+
+def test_search_is_below_the_bounds_on_larger_packings():
+    for graph in (hexagon(2), close_packed(13), grow(20, 0)):
+        gram = graph.gram
+        distance = graph.distances()
+        kinds = distinct_contacts(gram, distance)
+        worst = search_violation(gram, distance, 0, 1, 5000)
+        assert 0.5 < worst.value <= bound_violation(gram, distance, kinds)
+        assert search_sum(gram, distance, 0, 1, 5000).value <= bound_sum(gram, distance, kinds)
+
+
+def test_a_worst_case_is_a_sweep_that_anybody_can_repeat():
+    graph = hexagon(1)
+    worst = search_violation(graph.gram, graph.distances(), 0, 2, 5000)
+    assert worst.gaps.min() >= -1.0
+    result = sweep(graph.gram, worst.order, worst.gaps)
+    assert result.violations.max() == worst.value
+    total = search_sum(graph.gram, graph.distances(), 0, 2, 5000)
+    left = sweep(graph.gram, total.order, total.gaps).violations
+    assert left.sum() / np.maximum(-total.gaps, 0.0).sum() == total.value
+
+
+def test_random_sweeps_stay_below_the_bounds_of_corrections_and_violations():
+    graph = grow(14, 5)
+    gram = graph.gram
+    distance = graph.distances()
+    caps = bound_corrections(gram, distance)
+    constant = bound_violation(gram, distance, all_contacts(graph))
+    rng = np.random.default_rng(0)
+    for _ in range(200):
+        gaps = rng.choice([-1.0, -0.5, 0.0, 1.0], len(gram))
+        result = sweep(gram, rng.permutation(len(gram)), gaps)
+        assert np.all(result.corrections <= caps)
+        assert result.violations.max() <= constant
+
+
+def test_the_uniform_bound_is_above_the_bound_of_every_packing_of_equal_discs():
+    for rings in (1, 2, 3):
+        graph = hexagon(rings)
+        distance = graph.distances()
+        kinds = distinct_contacts(graph.gram, distance)
+        assert bound_violation(graph.gram, distance, kinds) < bound_equal_discs()
+
+
+def test_what_the_uniform_bound_assumes_of_the_contacts_of_a_disc_holds():
+    """Up to six contacts, 60 degrees apart: sums of |cos| at most 3, of squares at most 3/2."""
+    rng = np.random.default_rng(1)
+    for _ in range(2000):
+        spare = rng.dirichlet(np.full(6, 0.3))
+        others = int(rng.integers(1, 6))
+        rest = 2.0 * np.pi - (others + 1) * np.pi / 3.0
+        steps = np.pi / 3.0 + rest * spare[: others + 1] / spare[: others + 1].sum()
+        cosines = np.cos(np.cumsum(steps[:-1]))
+        assert np.abs(cosines).sum() <= 3.0 + 1e-12
+        assert (np.minimum(cosines, 0.0) ** 2).sum() <= 1.5 + 1e-12
+
+
+def test_the_norm_bound_is_above_the_norm():
+    rng = np.random.default_rng(2)
+    for _ in range(50):
+        matrix = rng.random((6, 6)) * (rng.random((6, 6)) < 0.4)
+        matrix = matrix + matrix.T
+        norm = np.linalg.norm(matrix, 2)
+        assert norm * (1.0 - 1e-12) <= norm_bound(matrix) <= 1.5 * norm + 1e-12
+
+
+def test_one_order_of_a_hexagon_has_its_exact_value():
+    graph = hexagon(1)
+    order = np.random.default_rng(4).permutation(len(graph.pairs))
+    exact = exact_violation(graph.gram, graph.distances(), all_contacts(graph), SECONDS, order)
+    assert search_fixed_order(graph.gram, order) == pytest.approx(exact.value, rel=TOLERANCE)
+
+
+def test_packings_touch_where_they_say_and_nowhere_overlap():
+    for graph in (hexagon(2), flower(9), close_packed(13), grow(12, 0, 0.8, 2.0), grow(9, 1, dim=3)):
+        i, j = np.triu_indices(len(graph.centres), 1)
+        gap = np.linalg.norm(graph.centres[i] - graph.centres[j], axis=1)
+        gap -= graph.radii[i] + graph.radii[j]
+        touching = {(a, b) for a, b in graph.pairs.tolist()}
+        closed = {(a, b) for a, b in zip(i[abs(gap) < 1e-9], j[abs(gap) < 1e-9], strict=True)}
+        assert touching == closed and gap.min() > -1e-9
+        assert np.linalg.eigvalsh(graph.gram)[0] > -1e-12
+
+
+def test_a_sweep_along_a_row_is_one_increasing_path():
+    gram = chain(6).gram
+    assert longest_increasing_path(gram, np.arange(5)) == 5
+    assert longest_increasing_path(gram, np.array([0, 2, 4, 1, 3])) == 2
