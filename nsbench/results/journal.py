@@ -32,7 +32,7 @@ MAX_BYTES = 16 << 30  # of a journal: ten million rows take less
 LONGEST = 16 << 20  # bytes of a line: the parts of one key take some ten thousand
 PIECES = re.compile(rb"[^\0\n]+|\0+|\n")
 INT64 = 1 << 63  # whole numbers of a table are below this
-FOLDERS = ("figures", "output")
+FOLDERS = ("figures", "output", "studies")
 # temporary files that a killed process leaves of `atomic_write.replace` (with its process number),
 # and that older versions left of reports and figures: only names that a study writes, in its folder
 # and in those below, so that no other file is ever deleted
@@ -41,7 +41,7 @@ WRITTEN = (
     r"\.report\.key|calibration\.csv"
 )
 LEFT = re.compile(rf"\.(?:(?:{WRITTEN}|report\.key)\.(\d+)|report\.(?:html|md)\.[a-z0-9_]{{8}})")
-LEFT_BELOW = re.compile(r"\.(?:.+\.(?:svg|txt)|.{40})\.(?:(\d+)|[a-z0-9_]{8})")
+LEFT_BELOW = re.compile(r"\.(?:.+\.(?:svg|txt|json|html)|.{40})\.(?:(\d+)|[a-z0-9_]{8})")
 FULL = (
     errno.ENOSPC,
     errno.EDQUOT,

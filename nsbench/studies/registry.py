@@ -38,6 +38,12 @@ STUDIES = (
         "depend on the order of the projections?",
         "nsbench.studies.chain.study",
     ),
+    Study(
+        "fan",
+        "Which steps make the global error of a method, and how does the exact flow change their "
+        "local defects on the way to the end?",
+        "nsbench.studies.fan.study",
+    ),
 )
 
 

@@ -1,0 +1,1 @@
+"""Study of Lady Windermere's fan: the global error as a sum of local defects, carried on."""

@@ -1,0 +1,227 @@
+"""The study `fan`: which steps make the global error, and how the flow changes their defects."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from nsbench.case import get_case
+from nsbench.report.style import format_number
+from nsbench.studies.fan.figures import FanCurves, draw_fans, draw_parts
+from nsbench.studies.fan.windermere import PHASES, Fan, open_fan, step_exactly
+from nsbench.studies.finding import Effort, EvidenceFigure, EvidenceTable, Finding
+from nsbench.studies.registry import find_study
+
+# cases with the end of their fan: after a release, while a hinge folds, on a wall, at rest
+SCENES = (
+    ("tide", 3.0),
+    ("three_discs", 1.5),
+    ("wedge[psi=60,swell=0.5]", 0.95),
+    ("wedge[psi=60,swell=0.5]", 2.0),
+)
+METHODS = (("pbd",), ("pbd", "pbd[order=reverse]", "catching_up"))  # small form, full form
+STEPS = ((8, 16), (12, 24, 48, 96))
+MAX_MISMATCH = 0.01  # of the parts against the global error
+DRAWN_STEPS = 8
+DRAWN_SAMPLES = 25  # of a curve of the drawn fan
+REFUTATION = (
+    "Parts that do not add up to the global error to 1 %, or a defect that the flow enlarges "
+    "without bound as the step shrinks."
+)
+
+
+def conduct(effort: Effort) -> Finding:
+    """Conduct the study. Raises ArithmeticError where parts do not add up to the error."""
+    entries = []
+    for case, end in SCENES:
+        for method in METHODS[effort.full]:
+            for steps in STEPS[effort.full]:
+                effort.report(f"fan: {case} to t = {end:g}, {method}, {steps} steps")
+                entries.append(
+                    effort.journal.part(
+                        f"fan {case} {end} {method} {steps}",
+                        lambda c=case, e=end, m=method, n=steps: describe_fan(c, e, m, n),
+                    )
+                )
+    for e in entries:
+        if e["mismatch"] > MAX_MISMATCH:
+            raise ArithmeticError(f"the parts do not add up to the error: {e}")
+    return Finding(
+        name="fan",
+        question=find_study("fan").question,
+        answer=_answer(entries),
+        evidence=_evidence(entries),
+        refutation=REFUTATION,
+        command=f"nsbench study fan{' --full' * effort.full}",
+        tables=(_shares_table(entries), _orders_table(entries)),
+        figures=_figures(entries),
+        data={"fans": entries},
+    )
+
+
+def describe_fan(case: str, end: float, method: str, steps: int) -> dict:
+    """Open the fan of one run and return its numbers."""
+    fan = open_fan(get_case(case), method, end, steps)
+    return {
+        "case": case,
+        "end": end,
+        "method": method,
+        "steps": steps,
+        "error": float(np.linalg.norm(fan.error)),
+        "mismatch": fan.mismatch,
+        "growth": _finite(fan.growth),
+        "violation": float(np.linalg.norm(fan.violation)),
+        "violation_share": float(fan.violation @ fan.error / (fan.error @ fan.error)),
+        "shares": {p: fan.share(p) for p in PHASES},
+        "defects": {p: _finite(fan.largest_defect(p)) for p in PHASES},
+        "before_last_event": fan.share_before_last_event(),
+        "times": fan.t.tolist(),
+        "parts": _signed_sizes(fan),
+        "phases": list(fan.phases),
+    }
+
+
+def _finite(value: float) -> float | None:
+    return value if np.isfinite(value) else None
+
+
+def _signed_sizes(fan: Fan) -> list[float]:
+    """Parts along the direction of the global error, as fractions of it."""
+    return (fan.parts @ fan.error / (fan.error @ fan.error)).tolist()
+
+
+def _pairs(entries: list[dict]) -> list[tuple[dict, dict]]:
+    """Pairs of fans of the same run with the two finest steps."""
+    last: dict[tuple, list[dict]] = {}
+    for e in entries:
+        last.setdefault((e["case"], e["end"], e["method"]), []).append(e)
+    return [tuple(group[-2:]) for group in last.values()]
+
+
+def _answer(entries: list[dict]) -> str:
+    finest = {(e["case"], e["end"]): e for e in entries if e["method"] == "pbd"}
+    tide = finest[SCENES[0]]
+    hinge = finest[SCENES[1]]
+    corner = finest[SCENES[3]]
+    return (
+        f"Under PBD steps in contact make {_percent(hinge['shares']['contact'])} of the error of "
+        f"three discs, steps with an event {_percent(hinge['shares']['event'])}; defects from "
+        f"before the last event make {_percent(hinge['before_last_event'])} there and "
+        f"{_percent(tide['before_last_event'])} on tide, where a contact wipes them out; in the "
+        f"corner of the wedge {_percent(corner['violation_share'])} is the violation that the last "
+        f"sweep left; no defect grew by more than {format_number(_largest_growth(entries), 2)} "
+        "on its way."
+    )
+
+
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.0f} %"
+
+
+def _largest_growth(entries: list[dict]) -> float:
+    return max(e["growth"] for e in entries if e["growth"] is not None)
+
+
+def _evidence(entries: list[dict]) -> tuple[str, ...]:
+    worst = max(e["mismatch"] for e in entries)
+    return (
+        f"Parts and error are computed from different runs of the reference; they agree to "
+        f"{format_number(worst, 2)} of the error at worst.",
+        "A contact that closes makes the flow forget: defects from before it are carried to the "
+        "end as zero where the contact fixes the state.",
+    )
+
+
+def _shares_table(entries: list[dict]) -> EvidenceTable:
+    rows = [
+        (
+            e["case"],
+            e["end"],
+            e["method"],
+            e["steps"],
+            e["error"],
+            *(e["shares"][p] for p in PHASES),
+            e["before_last_event"],
+            e["violation_share"],
+            e["growth"],
+            e["mismatch"],
+        )
+        for e in entries
+    ]
+    return EvidenceTable(
+        "shares",
+        "What the global error is made of",
+        (
+            "case",
+            "end",
+            "method",
+            "steps",
+            "error",
+            "from free steps",
+            "from steps with an event",
+            "from steps in contact",
+            "from before the last event",
+            "violation left",
+            "largest growth",
+            "mismatch",
+        ),
+        tuple(rows),
+        "Shares along the error; free, event, contact and violation add up to 1. Growth: carried "
+        "over local defect, the largest of all steps. Mismatch: of the sum from the global error, "
+        "relative.",
+    )
+
+
+def _orders_table(entries: list[dict]) -> EvidenceTable:
+    rows = []
+    for coarse, fine in _pairs(entries):
+        ratio = fine["steps"] / coarse["steps"]
+        orders = []
+        for phase in PHASES:
+            pair = (coarse["defects"][phase], fine["defects"][phase])
+            known = all(v is not None and v > 1e-11 for v in pair)
+            orders.append(float(np.log(pair[0] / pair[1]) / np.log(ratio)) if known else None)
+        rows.append((fine["case"], fine["end"], fine["method"], fine["steps"], *orders))
+    return EvidenceTable(
+        "orders",
+        "Order of the largest local defect",
+        ("case", "end", "method", "steps", "free", "event", "contact"),
+        tuple(rows),
+        "From the two finest steps; an order of p + 1 is consistency of order p. Where steps with "
+        "an event are few, their order scatters with the place of the event within the step.",
+    )
+
+
+def _figures(entries: list[dict]) -> tuple[EvidenceFigure, ...]:
+    shown = [e for e in entries if e["method"] == "pbd" and e["steps"] == _finest(entries)]
+    return (
+        EvidenceFigure(
+            "tide",
+            f"The fan of PBD on tide with {DRAWN_STEPS} steps: exact solutions from every state of "
+            "the method (thin), and the method (points).",
+            draw_fans(_tide_curves()),
+        ),
+        EvidenceFigure(
+            "parts",
+            "Share of every step in the global error at the end, by what the step holds.",
+            draw_parts(shown),
+        ),
+    )
+
+
+def _finest(entries: list[dict]) -> int:
+    return max(e["steps"] for e in entries)
+
+
+def _tide_curves() -> FanCurves:
+    """Exact solutions of tide from every state of a coarse PBD run."""
+    name, end = SCENES[0]
+    case = get_case(name)
+    t = np.linspace(0.0, end, DRAWN_STEPS + 1)
+    from nsbench.solvers import solve
+
+    x = solve(case.replace(t=t, exact=None, exact_impulse=None), "pbd", h=end / DRAWN_STEPS).x
+    curves = []
+    for n in range(DRAWN_STEPS):
+        times = np.linspace(t[n], end, DRAWN_SAMPLES)
+        curves.append((times, step_exactly(case, x[n], *times[[0, -1]], times).x[:, 0]))
+    return FanCurves(t, x[:, 0], curves)
