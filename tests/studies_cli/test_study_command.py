@@ -45,6 +45,8 @@ def small_lemma(monkeypatch):
     graphs = [g for g in lemma.listed_graphs(False) if g.name in ("chain8", "hex7", "hex19")]
     monkeypatch.setattr(lemma, "listed_graphs", lambda full: graphs)
     monkeypatch.setattr(lemma, "_compare_orders", lambda effort: ORDERS)
+    monkeypatch.setattr(lemma, "_compare_exact_methods", list)
+    monkeypatch.setattr("nsbench.studies.lemma.graph_constants.MAX_CONTACTS_OF_ORDER", 12)
     for name, value in (
         ("EXACT_INSTANCES", 5),
         ("CLIMBS", 1),
@@ -52,6 +54,8 @@ def small_lemma(monkeypatch):
         ("MIXED_PACKINGS", 8),
         ("COMPARED", 1),
         ("ANNEALING_STEPS", 1000),
+        ("GEOMETRY_TRIES", 2),
+        ("GEOMETRY_EXACT", 4),
         ("ANNEALING_STARTS", 1),
     ):
         monkeypatch.setattr(lemma, name, (value, value))
@@ -86,7 +90,8 @@ def test_an_output_that_is_a_file_exits_2(tmp_path, capsys):
     assert "is a file" in capsys.readouterr().err
 
 
-def test_lemma_writes_all_fields_in_order_and_the_same_numbers_again(tmp_path, small_lemma):
+def test_lemma_writes_all_fields_in_order_and_the_same_numbers_again(tmp_path, small_lemma, monkeypatch):
+    monkeypatch.setattr(lemma, "GEOMETRY_DISCS", (5,))
     for name in ("a", "b"):
         assert main(["study", "lemma", "-o", str(tmp_path / name)]) == 0
     first, again = (

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from nsbench.studies.packings.contact_graphs import chain, close_packed, flower, grow, hexagon, star
 from nsbench.studies.lemma.adversarial_search import (
     distinct_contacts,
     search_fixed_order,
@@ -17,6 +16,16 @@ from nsbench.studies.lemma.proven_bound import (
     bound_sum,
     bound_violation,
     norm_bound,
+)
+from nsbench.studies.lemma.worst_geometry import find_worst_geometry
+from nsbench.studies.packings.contact_graphs import (
+    chain,
+    close_packed,
+    flower,
+    grow,
+    grow_from,
+    hexagon,
+    star,
 )
 from nsbench.studies.packings.linear_sweep import longest_increasing_path, sweep
 
@@ -162,3 +171,17 @@ def test_a_sweep_along_a_row_is_one_increasing_path():
     gram = chain(6).gram
     assert longest_increasing_path(gram, np.arange(5)) == 5
     assert longest_increasing_path(gram, np.array([0, 2, 4, 1, 3])) == 2
+
+
+def test_the_search_over_geometry_finds_worse_than_a_row():
+    found = find_worst_geometry(5, 27, 60, SECONDS, 6)
+    assert found["search"] > 1.75  # of five discs in a row
+    assert found["exact"] is None or found["search"] <= found["exact"]
+    assert found["search"] <= found["bound"]
+
+
+def test_one_seed_moves_one_disc_and_those_that_touch_it():
+    first = grow_from([1, 2, 3, 4])
+    again = grow_from([1, 2, 3, 5])
+    assert np.array_equal(first.centres[:3], again.centres[:3])
+    assert not np.array_equal(first.centres[3], again.centres[3])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from nsbench.studies.packings.contact_graphs import chain, hexagon
+from nsbench.studies.packings.contact_graphs import ContactGraph, chain, hexagon
 from nsbench.studies.finding import EvidenceFigure, EvidenceTable
 from nsbench.studies.lemma.figures import (
     NumberedGraph,
@@ -150,7 +150,24 @@ def orders_table(orders: list[dict]) -> EvidenceTable:
     )
 
 
-def draw_figures(entries: list[dict], values: np.ndarray) -> tuple[EvidenceFigure, ...]:
+def geometry_table(geometries: list[dict], entries: list[dict]) -> EvidenceTable:
+    """Tabulate the worst packings found, with the row of as many discs."""
+    rows = {e["n"]: e["search"] for e in entries if e["name"].startswith("chain")}
+    return EvidenceTable(
+        "geometry",
+        "The worst packing of equal discs found",
+        ("discs", "contacts", "C exact", "C search", "C bound", "C of as many in a row"),
+        tuple(
+            (g["n"], g["contacts"], g["exact"], g["search"], g["bound"], rows.get(g["n"]))
+            for g in geometries
+        ),
+        "Kissing graphs are grown and mutated disc by disc, each searched over orders and gaps.",
+    )
+
+
+def draw_figures(
+    entries: list[dict], geometries: list[dict], values: np.ndarray
+) -> tuple[EvidenceFigure, ...]:
     """Draw the dual graphs of worst cases, the constants over the size, and the distribution."""
     by_name = {e["name"]: e for e in entries}
     panels = [
@@ -163,6 +180,17 @@ def draw_figures(entries: list[dict], values: np.ndarray) -> tuple[EvidenceFigur
         )
         for g in (chain(8), hexagon(1), hexagon(2))
     ]
+    bent = geometries[-1]
+    centres = np.array(bent["centres"])
+    panels.append(
+        NumberedGraph(
+            f"worst of {bent['n']} discs: C >= {bent['search']:.3f}",
+            ContactGraph("worst", centres, np.ones(len(centres)), np.array(bent["pairs"])),
+            np.array(bent["worst_order"]),
+            np.array(bent["worst_gaps"]),
+            bent["worst_target"],
+        )
+    )
     return (
         EvidenceFigure(
             "dual_graphs",

@@ -21,7 +21,8 @@ import numpy as np
 TOUCHING = 1e-9  # a gap below this fraction of the distance is closed
 ORTHOGONAL = 1e-12  # entries of A below this are rounding of zero
 CLEARANCE = 0.05  # between spheres that do not touch, in units of the smallest radius
-MAX_ATTEMPTS = 20_000  # to place one sphere
+MAX_ATTEMPTS = 20_000  # to place all spheres of a packing
+MAX_ATTEMPTS_OF_SEED = 50  # to place one disc that has a seed of its own
 
 
 @dataclass(frozen=True)
@@ -140,24 +141,58 @@ def grow(
     """
     rng = np.random.default_rng([seed, n, dim])
     radii = 1.0 + spread * rng.random(n)
-    centres = np.zeros((1, dim))
-    pairs: list[tuple[int, int]] = []
+    growth = _Growth(radii, loops, dim)
     for _ in range(MAX_ATTEMPTS):
-        if len(centres) == n:
+        if len(growth.centres) == n:
             break
-        place, touched = _propose(centres, radii, loops, rng)
+        growth.try_next(rng)
+    return growth.finish(name or f"kissing{n}s{seed}")
+
+
+def grow_from(seeds: list[int], loops: float = 0.5, name: str = "grown") -> ContactGraph:
+    """Grow a kissing graph of equal discs, the place of each drawn with a seed of its own.
+
+    To change one seed moves one disc, and those that touch it. Raises ValueError where no place is
+    found.
+    """
+    growth = _Growth(np.ones(len(seeds)), loops, 2)
+    for k, seed in enumerate(seeds[1:], 1):
+        rng = np.random.default_rng([seed, k])
+        for _ in range(MAX_ATTEMPTS_OF_SEED):
+            if growth.try_next(rng):
+                break
+    return growth.finish(name)
+
+
+class _Growth:
+    """A kissing graph that grows sphere by sphere: centres (k, d), touching pairs."""
+
+    def __init__(self, radii: np.ndarray, loops: float, dim: int):
+        self.radii = radii
+        self.loops = loops
+        self.centres = np.zeros((1, dim))
+        self.pairs: list[tuple[int, int]] = []
+
+    def try_next(self, rng: np.random.Generator) -> bool:
+        """Propose a place for the next sphere and take it if it is clear of all others."""
+        place, touched = _propose(self.centres, self.radii, self.loops, rng)
         if place is None:
-            continue
-        k = len(centres)
-        gaps = np.linalg.norm(centres - place, axis=1) - radii[:k] - radii[k]
+            return False
+        k = len(self.centres)
+        gaps = np.linalg.norm(self.centres - place, axis=1) - self.radii[:k] - self.radii[k]
         gaps[touched] = np.inf
-        if gaps.min() >= CLEARANCE:
-            pairs += [(i, k) for i in sorted(touched)]
-            centres = np.vstack((centres, place))
-    if len(centres) < n:
-        raise ValueError(f"no place for sphere {len(centres) + 1} of {n} in {MAX_ATTEMPTS} tries")
-    label = name or f"kissing{n}s{seed}"
-    return ContactGraph(label, centres, radii, np.array(pairs).reshape(-1, 2))
+        if gaps.min() < CLEARANCE:
+            return False
+        self.pairs += [(i, k) for i in sorted(touched)]
+        self.centres = np.vstack((self.centres, place))
+        return True
+
+    def finish(self, name: str) -> ContactGraph:
+        """Return the packing. Raises ValueError where spheres have found no place."""
+        k = len(self.centres)
+        if k < len(self.radii):
+            raise ValueError(f"no place for sphere {k + 1} of {len(self.radii)}")
+        return ContactGraph(name, self.centres, self.radii, np.array(self.pairs).reshape(-1, 2))
 
 
 def _propose(centres, radii, loops, rng):
