@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from nsbench.cli.exit_codes import FINE
+from nsbench.cli.exit_codes import FAILED, FINE
 from nsbench.source_files.regular_files import exists
 
 # several threads on matrices of a few hundred rows cost more than they save; set before numpy loads
@@ -20,7 +20,10 @@ LIBRARY_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 def command(args: argparse.Namespace, say: Callable[..., None]) -> int:
-    """List the studies, or conduct one. Raises LookupError for an unknown name."""
+    """List the studies, or conduct one; 3 if its numbers contradict each other.
+
+    Raises LookupError for an unknown name, ValueError for a folder that is a file.
+    """
     from nsbench.studies import STUDIES, find_study
 
     if args.name == "list":
@@ -34,7 +37,11 @@ def command(args: argparse.Namespace, say: Callable[..., None]) -> int:
     folder = Path(args.out)
     if folder.exists() and not folder.is_dir():
         raise ValueError(f"{folder} is a file; a folder is needed")
-    path = _conduct(study, folder, args.full, say)
+    try:
+        path = _conduct(study, folder, args.full, say)
+    except ArithmeticError as e:
+        say(f"the study contradicts itself or what it takes for proven: {e}")
+        return FAILED
     say(f"finding: {path}")
     for page in _write_pages(folder, study.name):
         say(f"report: {page}")

@@ -118,6 +118,18 @@ def test_a_search_value_above_a_bound_stops_the_study():
         lemma._check_consistency([{**entry, "exact": None}], theory, {"above": 0})
 
 
+def test_numbers_that_contradict_each_other_exit_3_without_a_finding(
+    tmp_path, monkeypatch, capsys
+):
+    def conduct(effort):
+        raise ArithmeticError("search 2 above bound 1")
+
+    monkeypatch.setattr(lemma, "conduct", conduct)
+    assert main(["study", "lemma", "-o", str(tmp_path)]) == 3
+    assert "search 2 above bound 1" in capsys.readouterr().out
+    assert not (tmp_path / "studies" / "lemma.json").exists()
+
+
 def test_the_full_form_goes_on_where_it_was_interrupted(tmp_path):
     path = tmp_path / "studies" / "x.parts.jsonl"
     calls = []

@@ -46,7 +46,7 @@ def conduct(effort: Effort) -> Finding:
         )
     for entry in travels:
         if max(o["reach"] for o in entry["orders"]) > entry["bound"]:
-            raise ArithmeticError(f"{entry['name']}: the reach exceeds its bound: {entry}")
+            raise ArithmeticError(f"{entry['name']}: a reach exceeds its bound {entry['bound']}")
     sweeps = effort.journal.part("sweeps", _count_all_sweeps)
     return Finding(
         name="chain",

@@ -44,7 +44,10 @@ def conduct(effort: Effort) -> Finding:
                 )
     for e in entries:
         if e["mismatch"] > MAX_MISMATCH:
-            raise ArithmeticError(f"the parts do not add up to the error: {e}")
+            raise ArithmeticError(
+                f"{e['case']}, {e['method']}, {e['steps']} steps: the parts differ from the error "
+                f"by {e['mismatch']:g} of it; at most {MAX_MISMATCH:g} is allowed"
+            )
     return Finding(
         name="fan",
         question=find_study("fan").question,

@@ -209,14 +209,19 @@ def _check_consistency(entries: list[dict], theory: dict, compared: dict) -> Non
     for e in entries:
         exact = e["exact"]
         if e["search"] > e["bound"] or e.get("sum_search", 0.0) > e.get("sum_bound", 0.0):
-            raise ArithmeticError(f"a value found exceeds its bound: {e}")
+            raise ArithmeticError(f"a value found exceeds its bound: {_short(e)}")
         if exact is not None and not e["search"] <= exact <= e["bound"]:
-            raise ArithmeticError(f"search, exact and bound are out of order: {e}")
+            raise ArithmeticError(f"search, exact and bound are out of order: {_short(e)}")
     failed = {k: v for k, v in theory["instances"].items() if k != "checked" and v}
     if failed:
         raise ArithmeticError(f"inequalities that fail in exact arithmetic: {failed}")
     if compared["above"]:
         raise ArithmeticError(f"search above the exact value of an order: {compared}")
+
+
+def _short(entry: dict) -> dict:
+    """Values of an entry without its orders, gaps and centres."""
+    return {k: v for k, v in entry.items() if not isinstance(v, list)}
 
 
 def _answer(entries: list[dict], theory: dict, uniform: float) -> str:
