@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import minimize_scalar
 
 from nsbench.studies.chain.large_steps import (
     all_pairs,
@@ -10,7 +11,12 @@ from nsbench.studies.chain.large_steps import (
     largest_overlap,
     project_pair,
 )
-from nsbench.studies.chain.travel import bound_reach, corrections_by_distance, measure_travel
+from nsbench.studies.chain.travel import (
+    THRESHOLD,
+    bound_reach,
+    corrections_by_distance,
+    measure_travel,
+)
 from nsbench.studies.packings.contact_graphs import chain, grow, hexagon
 from nsbench.studies.packings.contact_orders import colour_contacts, named_orders
 
@@ -31,6 +37,17 @@ def test_the_reach_is_below_its_bound_and_the_longest_path(graph):
     for order in named_orders(graph).values():
         travel = measure_travel(graph, order)
         assert travel.reach <= min(bound_reach(graph), travel.path - 1)
+
+
+def test_the_bound_of_the_reach_is_where_the_proven_decay_meets_the_threshold():
+    graph = hexagon(1)
+    norm = np.linalg.norm(np.abs(graph.gram) - np.eye(12), 2)
+
+    def distance(mu):
+        return np.log(2.0 / ((1.0 - norm * np.expm1(mu)) * THRESHOLD)) / mu
+
+    best = minimize_scalar(distance, bounds=(1e-3, np.log1p(1.0 / norm) - 1e-3), method="bounded")
+    assert bound_reach(graph) == np.floor(best.fun)
 
 
 def test_contacts_of_one_colour_share_no_disc():

@@ -1,4 +1,4 @@
-"""Lady Windermere's fan: parts add up to the global error, and contacts wipe out what was before."""
+"""The fan: parts add up to the global error, and contacts wipe out what was before."""
 
 import numpy as np
 import pytest

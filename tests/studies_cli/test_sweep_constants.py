@@ -8,8 +8,10 @@ from nsbench.studies.lemma.adversarial_search import (
     search_fixed_order,
     search_sum,
     search_violation,
+    store_rows,
 )
 from nsbench.studies.lemma.exact_constant import enumerate_violation, exact_violation
+from nsbench.studies.lemma.kernels.worst_case import evaluate
 from nsbench.studies.lemma.proven_bound import (
     bound_corrections,
     bound_equal_discs,
@@ -157,7 +159,8 @@ def test_one_order_of_a_hexagon_has_its_exact_value():
 
 
 def test_packings_touch_where_they_say_and_nowhere_overlap():
-    for graph in (hexagon(2), flower(9), close_packed(13), grow(12, 0, 0.8, 2.0), grow(9, 1, dim=3)):
+    grown = (grow(12, 0, 0.8, 2.0), grow(9, 1, dim=3))
+    for graph in (hexagon(2), flower(9), close_packed(13), *grown):
         i, j = np.triu_indices(len(graph.centres), 1)
         gap = np.linalg.norm(graph.centres[i] - graph.centres[j], axis=1)
         gap -= graph.radii[i] + graph.radii[j]
@@ -185,3 +188,44 @@ def test_one_seed_moves_one_disc_and_those_that_touch_it():
     again = grow_from([1, 2, 3, 5])
     assert np.array_equal(first.centres[:3], again.centres[:3])
     assert not np.array_equal(first.centres[3], again.centres[3])
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2, 3), (3, 0, 1, 2)])
+def test_two_exact_methods_agree_where_contacts_are_opened_wider_than_violated(order):
+    """Two normals at right angles move 2 by sqrt 2 > 1, and 3, opposite to it, as far back."""
+    diagonal = np.sqrt([0.5, 0.5])
+    normals = np.array([[1.0, 0.0], [0.0, 1.0], diagonal, -diagonal])
+    gram = normals @ normals.T
+    found = exact_violation(gram, 1.0 - np.eye(4), list(range(4)), SECONDS, np.array(order))
+    expected = enumerate_violation(gram, np.array(order))
+    assert found.proven and expected > 1.4
+    assert found.value == pytest.approx(expected, rel=TOLERANCE)
+    assert found.upper == pytest.approx(expected, rel=1e-5)
+
+
+def test_the_compiled_sweep_is_the_sweep():
+    rng = np.random.default_rng(11)
+    for graph in (hexagon(1), grow(10, 2, 0.9, 2.0)):
+        gram = graph.gram
+        m = len(gram)
+        rows = store_rows(gram)
+        for _ in range(30):
+            order = rng.permutation(m)
+            active = rng.random(m) < 0.7
+            gaps = np.zeros(m)
+            c = np.zeros(m)
+            for k in order:
+                q = gram[k] @ c
+                gaps[k] = -1.0 if active[k] else max(-1.0, -q)
+                c[k] = max(0.0, -(gaps[k] + q))
+            after = sweep(gram, order, gaps).gaps
+            u = np.ones(m)
+            for target in range(m):
+                value = evaluate(rows.ptr, rows.cols, rows.vals, u, target, order, active)
+                assert value == pytest.approx(-after[target], abs=1e-12)
+
+
+def test_a_sweep_projects_in_turn_and_never_pulls():
+    result = sweep(chain(4).gram, np.array([1, 0, 2]), np.array([-1.0, -1.0, 2.0]))
+    assert result.corrections == pytest.approx([1.5, 1.0, 0.0])
+    assert result.gaps == pytest.approx([0.0, -0.75, 1.5])
