@@ -16,7 +16,7 @@ from nsbench.case.scale import Scale
 from nsbench.diagnostics import diagnose
 from nsbench.dynamics.contacts.tolerances import scene_of
 from nsbench.dynamics.scaling.estimate import particle_distance, scale_of_sizes
-from nsbench.dynamics.scaling.scaled_case import ScaledCase, scaled_case
+from nsbench.dynamics.scaling.scaled_case import ScaledCase, scaled_case, with_own_switches
 from nsbench.error_bars import ErrorBars, error_bars, restored_bars
 from nsbench.problem import Complementarity
 from nsbench.solvers.base import Solver
@@ -52,7 +52,7 @@ class ScaledRun:
         self.own = scaled_case(self._from_feasible_start(), scale)
         value = self.own.accuracy(self.method.accuracy, self.asked)
         with self.own.speaking():
-            self.run = self.method.prepare(self.own.case, value)
+            self.run = self.method.prepare(with_own_switches(self.own.case), value)
 
     def _from_feasible_start(self) -> Case:
         """Return the case from where its policy for starts puts it, all told in the user's units.

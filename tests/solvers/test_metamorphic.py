@@ -64,6 +64,16 @@ def test_what_cannot_matter_does_not(relation):
     assert max(found.values()) <= 1e-11, found
 
 
+@pytest.mark.parametrize("gap", (2.0**40, 2.0**-40))
+@pytest.mark.parametrize(
+    "name, spec", (("circle_sliding", "event_driven"), ("slide_exit", "euler[implicit=true]"))
+)
+def test_the_unit_of_a_switch_changes_no_bit(name, spec, gap):
+    case = get_case(name)
+    found = changed_cases.differences(case, spec, changed_cases.units(case, gap=gap))
+    assert set(found.values()) == {0.0}, found
+
+
 def test_a_doubled_constraint_gives_the_same_reaction():
     case = get_case("apple")
     for spec in ("event_driven", "catching_up", "theta", "pbd"):

@@ -6,7 +6,8 @@ Every case that a method takes is run as it is and changed (tests/support/change
 of length and time by powers of two, where equal bits are expected; by powers of ten from 1e-18 to
 1e18, and of each coordinate by itself, where rounding is; a switch in another unit, a clock that
 starts elsewhere, a bystander, a longer run. One line for each difference beyond what is allowed,
-then runs, relations and violations. Every run has the default accuracy of its method.
+then runs, relations and violations. Every run has the default accuracy of its method. The physics
+is not compiled (tests/support/interpreted_physics.py), which would take most of the time.
 """
 
 import argparse
@@ -16,11 +17,13 @@ import warnings
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "support"))
-from changed_cases import ROUNDING, beside, differences, longer, units  # noqa: E402
+from changed_cases import ROUNDING, beside, differences_from, longer, run, units  # noqa: E402
+from interpreted_physics import patch_pointers  # noqa: E402
 
-from nsbench import LCS, Complementarity, Filippov  # noqa: E402
+from nsbench import LCS, Complementarity, Filippov, errors  # noqa: E402
 from nsbench.case import get_case  # noqa: E402
 from nsbench.solvers import get  # noqa: E402
 from nsbench.study import plan  # noqa: E402
@@ -34,6 +37,8 @@ METHODS = (
     "euler[implicit=true]",
     "richardson",
 )
+# what rounding decides where the multipliers of a case are not unique: which contacts push
+OF_CONTACTS = ("impulse", "events")
 TWOS = ((2.0**-30, 2.0**20), (2.0**17, 2.0**-40))
 TENS = ((1e-18, 1e15), (1e12, 1e-18))
 
@@ -55,6 +60,37 @@ def relations(case):
     yield "origin", units(case, origin=-3.0), False
 
 
+def is_due(case, method: str, relation: str, changed, exact: bool) -> bool:
+    """Does the relation hold for this method on this case?
+
+    Steps of a longer run have another length. Where explicit Euler steps on to a surface exactly,
+    rounding decides on which side the next step goes.
+    """
+    if relation == "longer":
+        return method == "event_driven"
+    return exact or method != "euler" or "exact_at_grid" not in case.tags
+
+
+def violations_of(name: str, method: str, changes: list) -> int:
+    """Compare the runs of the changed cases with that of the case; print and count violations."""
+    case = get_case(name)
+    old = run(units(case).case, method)
+    left_open = () if errors(case, old).get("multipliers_unique", True) else OF_CONTACTS
+    count = 0
+    for relation, changed, exact in changes:
+        try:
+            found = differences_from(case, old, method, changed)
+        except Exception as e:
+            found = {"raised": f"{type(e).__name__}: {e}"}
+        if not exact:
+            found = {k: v for k, v in found.items() if k not in left_open}
+        allowed = 0.0 if exact else ROUNDING
+        if any(isinstance(v, (str, tuple)) or not v <= allowed for v in found.values()):
+            count += 1
+            print(f"{name} {method}: {relation}: {found}", flush=True)
+    return count
+
+
 def main():
     """Run the study and print its violations."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
@@ -64,23 +100,18 @@ def main():
     warnings.simplefilter("ignore")
     begun = time.time()
     count = violations = 0
-    for name in args.cases or plan.suite_cases("standard"):
-        case = get_case(name)
-        for method in args.methods:
-            if get(method).refuses(case):
-                continue
-            for relation, changed, exact in relations(case):
-                if relation == "longer" and method != "event_driven":
-                    continue  # steps of another length
-                count += 1
-                try:
-                    found = differences(case, method, changed)
-                except Exception as e:
-                    found = {"raised": f"{type(e).__name__}: {e}"}
-                allowed = 0.0 if exact else ROUNDING
-                if any(isinstance(v, (str, tuple)) or not v <= allowed for v in found.values()):
-                    violations += 1
-                    print(f"{name} {method}: {relation}: {found}", flush=True)
+    with pytest.MonkeyPatch.context() as patch:
+        patch_pointers(patch)
+        for name in args.cases or plan.suite_cases("standard"):
+            case = get_case(name)
+            every = list(relations(case))  # once: the methods share what is prepared of a case
+            for method in args.methods:
+                if get(method).refuses(case):
+                    continue
+                fits = [r for r in every if is_due(case, method, *r)]
+                count += len(fits)
+                violations += violations_of(name, method, fits)
+            print(f"{name}: {count} pairs, {time.time() - begun:.0f} s", file=sys.stderr)
     print(f"{count} pairs of runs, {violations} violations, {time.time() - begun:.0f} s")
 
 

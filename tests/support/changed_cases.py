@@ -199,27 +199,67 @@ def differences(case: Case, spec: str, changed: Changed, accuracy: float | None 
     the largest value of a coordinate in the old run; status: the two, if they differ.
     """
     a = run(units(case).case, spec, accuracy)  # wrapped too: the same functions, compiled alike
+    return differences_from(case, a, spec, changed, accuracy)
+
+
+def differences_from(case: Case, a, spec: str, changed: Changed, accuracy: float | None = None):
+    """As `differences`, with the old run a at hand."""
     b = run(changed.case, spec, accuracy, changed.time)
     if a.status.code != b.status.code:
         return {"status": (a.status.code, b.status.code)}
-    out = {}
     k = len(a.t)
+    gradient = isinstance(case.problem, Complementarity)
+    units_of = {"x": gradient, "reaction": gradient, "impulse": not isinstance(case.problem, LCS)}
     pairs = {"x": (a.x, changed.back(b.x)[:k])}
-    if b.impulse.shape[1] == a.impulse.shape[1]:
-        pairs["impulse"] = (a.impulse, b.impulse[:k] / changed.impulse)
+    if b.impulse.shape[1] and a.impulse.shape[1]:
+        pairs["impulse"] = _of_same_contacts(a, b, changed.impulse)
     if a.reaction.shape[1] and b.reaction.shape[1] == a.reaction.shape[1]:
         pairs["reaction"] = (a.reaction, b.reaction[:k] / changed.reaction)
+    out = {}
     for name, (old, new) in pairs.items():
         size = np.nanmax(np.abs(old), axis=0, initial=0.0)
+        if name == "reaction":  # has the unit of a state, and may be zero but for rounding
+            size = np.maximum(size, np.nanmax(np.abs(a.x), axis=0, initial=0.0))
+        if units_of[name]:
+            size = np.full(size.shape, size.max(initial=0.0))
         size = np.where(size > 0.0, size, 1.0)
         same = np.array_equal(old, new, equal_nan=True)
         out[name] = 0.0 if same else float(np.nanmax(np.abs(new - old) / size, initial=0.0))
+    apart = _events_apart(case, a, b, changed)
+    return out if apart is None else out | {"events": apart}
+
+
+def _of_same_contacts(a, b, factor):
+    """Impulses of both runs with a column for each contact of either: contacts act in any order.
+
+    A contact that is missing has no impulse.
+    """
+    names = list(dict.fromkeys((*a.contacts, *b.contacts)))
+    columns = [
+        [run.impulse[:, run.contacts.index(c)] if c in run.contacts else 0.0 * run.t for c in names]
+        for run in (a, b)
+    ]
+    old, new = (np.stack(c, axis=1) for c in columns)
+    return old, new[: len(a.t)] / factor
+
+
+def _events_apart(case, a, b, changed):
+    """Return how far apart the events of each kind and contact are, in parts of the run.
+
+    None without events; inf where one run has one that the other lacks.
+    """
     end = float(case.t[-1])
-    first = [e.t for e in a.events if e.t < end]
-    second = [(e.t - changed.origin) / changed.time for e in b.events]
-    second = [t for t in second if t < end]
-    if len(first) != len(second):
-        out["events"] = np.inf
-    elif first:
-        out["events"] = float(np.abs(np.subtract(first, second)).max() / (end - case.t[0]))
-    return out
+    times = ({}, {})
+    for e in a.events:
+        if e.t < end:
+            times[0].setdefault((e.kind, e.contact), []).append(e.t)
+    for e in b.events:
+        if (t := (e.t - changed.origin) / changed.time) < end:
+            times[1].setdefault((e.kind, e.contact), []).append(t)
+    if not times[0] and not times[1]:
+        return None
+    first, second = times
+    if {k: len(v) for k, v in first.items()} != {k: len(v) for k, v in second.items()}:
+        return np.inf
+    far = max(np.abs(np.subtract(sorted(v), sorted(second[k]))).max() for k, v in first.items())
+    return float(far / (end - case.t[0]))

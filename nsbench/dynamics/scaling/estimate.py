@@ -115,6 +115,30 @@ def _switch_rate(case: Case, span: float) -> float:
         return float(np.nanmax(np.where(reached > 0.0, slopes / reached, 0.0), initial=0.0))
 
 
+def switch_sizes(case: Case) -> np.ndarray:
+    """Return (d,) the sizes of the switches of a Filippov case in its own units.
+
+    The largest value at the start, at any of the times that are looked at, or change from there by
+    a coordinate of size one. Ones where a switch cannot be evaluated.
+    """
+    switch = as_numpy(case.problem.switch)
+    t0 = float(case.t[0])
+    span = float(case.t[-1]) - t0
+    x0 = case.x0
+
+    def at(t: float, x: np.ndarray) -> np.ndarray:
+        return np.atleast_1d(switch(t, x.copy()))
+
+    try:
+        with np.errstate(all="ignore"):
+            found = [at(t0 + part * span, x0) for part in LOOKS]
+            found += [at(t0, x0 + e) - found[0] for e in np.eye(x0.size)]
+    except Exception:
+        return np.ones(1)
+    sizes = np.abs(np.array(found, float))
+    return np.where(np.isfinite(sizes), sizes, 0.0).max(axis=0)
+
+
 def _displacement(f, x0, v, sizes, rough, span) -> np.ndarray:
     """Estimate (n,) how far each coordinate gets from x0 within `span` in the field f, v = f(x0).
 

@@ -19,7 +19,7 @@ import numpy as np
 from nsbench.case import Case
 from nsbench.case.scale import Scale, in_units
 from nsbench.columns import by_name
-from nsbench.dynamics.scaling.estimate import case_scale, power_of_two
+from nsbench.dynamics.scaling.estimate import case_scale, power_of_two, switch_sizes
 from nsbench.problem import LCS, Affine, Complementarity, Distance, Filippov, Smooth
 from nsbench.trajectory import Event, Trajectory
 
@@ -140,6 +140,21 @@ def scaled_case(case: Case, scale: Scale | None = None) -> ScaledCase:
         scale=Scale(1.0, np.ones(case.n)),
     )
     return dataclasses.replace(out, case=own)
+
+
+@functools.lru_cache(maxsize=64)
+def with_own_switches(case: Case) -> Case:
+    """Return a Filippov case in its own units with each switch in a unit of its own; others as is.
+
+    A method runs on it, so that no constant of it depends on the unit of a switch; checks, in which
+    a layer has the user's, do not.
+    """
+    if not isinstance(case.problem, Filippov):
+        return case
+    p = case.problem
+    unit = 1.0 / power_of_two(switch_sizes(case))
+    switch = _function(p.switch, 0.0, 1.0, np.ones(1), unit)
+    return case.replace(problem=Filippov(None, switch, p.field, p.d))
 
 
 def _closed_form(exact, t0, T, unit):
