@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from nsbench.cli.exit_codes import FINE, NOTHING_COMPARED
 
-EXACT_KINDS = ("class", "max")  # of baseline lines that have no relative tolerance
+EXACT_KINDS = ("class", "max", "min")  # of baseline lines that have no relative tolerance
 
 
 def command(args: argparse.Namespace, say: Callable[[str], None]) -> int:

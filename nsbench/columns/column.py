@@ -23,7 +23,7 @@ GROUPS = {  # in the order of docs/columns.md
     "clock": "Seconds",
 }
 OWNERS = ("bench", "solver")
-GATES = ("", "near", "max", "count")
+GATES = ("", "near", "max", "min", "count")
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,8 @@ class Column:
     a full stop. label: how the report names the quantity ("": by `name`).
 
     gate: how `nsbench gate` holds it: "near" a value (from above alone below its floor), "max" from
-    above, "count" as the same number, "" not at all. floor: the column below whose value this error
+    above, "min" as well but from below alone where it is small, "count" as the same number, "" not
+    at all. floor: the column below whose value this error
     says nothing ("": none). scale: the column with the size that rounding is relative to ("": 1).
     owner: who may write it; an entry of a method's stats that bears the name of a "bench" column is
     left out. ValueError for a kind, group, gate or owner that does not exist.

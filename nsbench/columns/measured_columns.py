@@ -41,6 +41,7 @@ ERRORS = (
         "distance of the states to the set of all solutions (the case's `distance`), in the place "
         "of state_sup where there are many",
         "distance to the set of solutions",
+        gate="near",
         scale="state_scale",
     ),
     Column(
@@ -99,6 +100,7 @@ ERRORS = (
         "largest difference of interval means of a multiplier in any interval: a diagnostic, it "
         "has no order where multipliers jump",
         "multiplier, any interval",
+        gate="near",
         floor="impulse_floor",
         scale="impulse_scale",
     ),
@@ -121,6 +123,7 @@ ERRORS = (
         "multiplier",
         "as lam_own, against the exact multiplier at the start of the step",
         "multiplier at the start of the step",
+        gate="near",
         floor="lam_floor",
         scale="impulse_scale",
     ),
@@ -131,6 +134,7 @@ ERRORS = (
         "multiplier",
         "as lam_own, against the exact multiplier at the middle of the step",
         "multiplier at the middle of the step",
+        gate="near",
         floor="lam_floor",
         scale="impulse_scale",
     ),
@@ -141,6 +145,7 @@ ERRORS = (
         "multiplier",
         "as lam_own, against the exact multiplier at the end of the step",
         "multiplier at the end of the step",
+        gate="near",
         floor="lam_floor",
         scale="impulse_scale",
     ),
@@ -151,6 +156,7 @@ ERRORS = (
         "multiplier",
         "as lam_own, against the mean of the exact multiplier over the step",
         "multiplier, mean over the step",
+        gate="near",
         floor="lam_floor",
         scale="impulse_scale",
     ),
@@ -278,6 +284,7 @@ SELECTION = (
         "Euclidean distance of the multipliers to the least-norm one, where they are not unique: "
         "which one a method picks (self-stress), never an error",
         "selection",
+        gate="near",
         scale="impulse_scale",
     ),
     Column(
@@ -287,6 +294,7 @@ SELECTION = (
         "multiplier",
         "Euclidean distance of the multipliers to the set of all that give the reaction",
         "distance to the set of multipliers",
+        gate="near",
         scale="impulse_scale",
     ),
 )
@@ -365,6 +373,7 @@ RESIDUALS = (
         "number",
         "multiplier",
         "smallest interval mean of a multiplier; of a Filippov system: of theta and 1 - theta",
+        gate="min",
         scale="impulse_scale",
     ),
     Column(

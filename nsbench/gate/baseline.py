@@ -151,7 +151,7 @@ def line(fact: Fact, spread: float, why: str) -> Line:
     them failed or said another word).
 
     near: ten times the spread, relative to the value. max: up to ten times the value or the spread,
-    at least up to the floor: what lies below a floor is held below it. count: exact where nothing
+    at least up to the floor: what lies below a floor is held below it. min: as far below. count: exact where nothing
     was seen to change. What spreads by more than a hundredth is not held, nor is what could grow to
     more than ten times the claim of its method: it is only reported, and it must still be there and
     be finite.
@@ -172,7 +172,7 @@ def line(fact: Fact, spread: float, why: str) -> Line:
 
 
 def _room_above(fact: Fact, spread: float) -> float:
-    """How far above its value a number may lie that is held from above, in two digits."""
+    """How far beyond its value a number may lie that is held on one side, in two digits."""
     size = abs(fact.value)
     limit = max(WIDER * max(size, spread), fact.floor)
     return float(TWO_DIGITS.create_decimal_from_float(max(limit - size, 0.0)))
@@ -182,9 +182,9 @@ def times_claim(line: Line, fact: Fact) -> float:
     """Return what a line lets pass over the claim of its fact; 0 where it holds no number.
 
     near: the tolerance over the claim, or over the value where that is larger (an error that breaks
-    the claim is held near itself). max: the largest error that passes over the claim.
+    the claim is held near itself). max, min: the largest error that passes over the claim.
     """
-    if not line.held or line.kind not in ("near", "max") or isinstance(line.value, str):
+    if not line.held or line.kind not in ("near", "max", "min") or isinstance(line.value, str):
         return 0.0
     size = abs(line.value)
     room = line.atol + line.rtol * size

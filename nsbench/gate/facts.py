@@ -87,8 +87,8 @@ def digest(value) -> str:
 
 
 def _ladder(s: Summary, config: str):
-    """What the whole ladder says: how its runs ended, verdict, order and constant of the state and
-    of the force."""
+    """What the whole ladder says: how its runs ended, and of state and force the verdict, the order,
+    half the width of its interval, and the constant."""
 
     def fact(
         metric: str, kind: str, value: str | float, unit: str = "", floor: float = 0.0
@@ -103,6 +103,9 @@ def _ladder(s: Summary, config: str):
         if order.kind == "fit" and order.verdict == "order":
             yield fact(f"{name} order", "near", order.order, UNITS["order"])
             yield fact(f"{name} constant", "near", order.constant, UNITS["constant"])
+            half_width = 0.5 * (order.interval[1] - order.interval[0])
+            if math.isfinite(half_width):
+                yield fact(f"{name} half-width", "near", half_width, UNITS["order"])
         elif order.verdict == "plateau":
             yield fact(f"{name} plateau", "near", order.plateau)
 
@@ -148,10 +151,20 @@ def _middle(data: Data, runs: Runs, config: str):
             yield fact(column.name, "count", value)
             continue
         near, above, least = _levels(data, runs, column, at)
-        kind = "near" if column.gate == "near" and value > least else "max"
+        kind = _kind_of(column, value, least)
         claim = _claim_of(data, runs, column, at) or least
         floor = min(near if kind == "near" else above, claim)
         yield fact(column.name, kind, value, floor, claim)
+
+
+def _kind_of(column: Column, value: float, least: float) -> str:
+    """How a number is held: beyond `least` near its value, else on one side alone.
+
+    A number that may be negative (gate "min") is held from below there.
+    """
+    if column.gate == "min":
+        return "near" if abs(value) > least else "min"
+    return "near" if column.gate == "near" and value > least else "max"
 
 
 def _levels(data: Data, runs: Runs, column: Column, at: int) -> tuple[float, float, float]:

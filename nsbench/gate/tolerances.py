@@ -39,7 +39,7 @@ def widest_by_method(found: dict[tuple, Fact], lines: dict[tuple, Line]) -> list
         fact = found.get(key)
         if fact is None or fact.config != line.config or not line.held:
             continue
-        if line.kind in ("near", "max"):
+        if line.kind in ("near", "max", "min"):
             groups.setdefault(line.solver, []).append(
                 (times_claim(line, fact), line, is_blind(line, fact))
             )
@@ -66,7 +66,7 @@ def why_not_held(fact: Fact, line: Line, spread: float) -> str:
     if line.held:
         return ""
     name = " ".join(fact.key)
-    if fact.kind == "max":
+    if fact.kind in ("max", "min"):
         claim = fact.claim or max(abs(fact.value), fact.floor)
         return (
             f"{name}: is {fact.value:.2g} and spreads by {spread:.2g}; ten times that lets more "

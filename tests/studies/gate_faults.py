@@ -4,15 +4,16 @@ runs of the unbroken bench under load, which it must let pass.
     python tests/studies/gate_faults.py [WORD ...] [--seed N]
     python tests/studies/gate_faults.py --clean 100 [--busy N]
 
-Every fault is a replacement of text (some are two) in a copy of the checkout. A small suite (CASES
-x METHODS) is run and calibrated on the unbroken copy, then run with every fault, and held against
-the unbroken one's baseline by `nsbench gate`; a fault is caught where that exits with 1 or 4, or
-ends in an error of its own. Drawn faults (drawn_faults.py, with its seed) can lie in code that the
-suite never runs, or change no number. A fault in the folder of a method is looked for in the runs
-of that method alone. --clean N runs the unbroken suite N times beside processes that keep every
-core busy (--busy: so many of them), and counts those that the gate does not let pass. WORD: only
-faults whose names hold one of them. Exit status 1 if a named fault went unseen, no longer applies,
-or a clean run was stopped.
+Every fault is a replacement of text (some are two) in a copy of the checkout. The suite of
+gate_suite.py is run and calibrated on the unbroken copy, then run with every fault, and held
+against the unbroken one's baseline by `nsbench gate`; a fault is caught where that exits with 1 or
+4, or ends in an error of its own. A fault in the gate itself is caught as well where calibration
+and baseline of one method come out otherwise. Drawn faults (drawn_faults.py, with its seed) can lie
+in code that the suite never runs. A fault is looked for in the runs of the methods that import its
+file, or of all. --clean N runs the unbroken suite N times beside processes that keep every core
+busy (--busy: so many of them), and counts those that the gate does not let pass. WORD: only faults
+whose names hold one of them. Exit status 1 if a named fault went unseen, no longer applies, or a
+clean run was stopped.
 """
 
 import argparse
@@ -27,10 +28,12 @@ from pathlib import Path
 
 from copies import broken_in, copy
 from drawn_faults import SEED, drawn
+from gate_suite import METHODS
+from imports import reached
 from mutations import SWEEP
 
-CASES = ("tide", "three_discs", "discs[n=10]", "two_discs[w=1]", "slide_exit", "relay_lcs")
-METHODS = ("pbd", "catching_up", "event_driven", "euler[implicit=true]", "theta")
+HERE = Path(__file__).parent
+ONE = ("tide", "pbd")  # case and method for which the gate itself is tried
 FAULTS = {
     "a prox dropped": SWEEP,
     "sign of lambda": (
@@ -109,56 +112,65 @@ FAULTS = {
 
 def whole_copy(folder):
     """A copy of the checkout whose cases and references are its own, not those of the installed
-    package."""
+    package; one case is added."""
     copy(folder)
     for name in ("cases", "reference_solutions"):
         (folder / "nsbench" / name).symlink_to(folder / name)
+    shutil.copy2(HERE / "curved_floor.py", folder / "cases")
 
 
-def nsbench(folder, *args, kernels=None):
-    """Exit status and output of the command line of a copy, with caches of its own; kernels: the
-    folder of compiled kernels."""
+def python(folder, *args, kernels=None):
+    """Exit status and output of Python in a copy, with caches of its own; kernels: the folder of
+    compiled kernels."""
     env = os.environ | {
         "PYTHONPATH": str(folder),
         "NUMBA_CACHE_DIR": str(kernels or folder / ".kernels"),
         "XDG_CACHE_HOME": str(folder / ".cache"),
     }
     done = subprocess.run(
-        [sys.executable, "-m", "nsbench", *map(str, args)],
-        cwd=folder,
-        env=env,
-        capture_output=True,
-        text=True,
+        [sys.executable, *map(str, args)], cwd=folder, env=env, capture_output=True, text=True
     )
     return done.returncode, done.stdout + done.stderr
 
 
-def suite(folder, methods=METHODS, kernels=None):
+def suite(folder, *options, methods=METHODS, kernels=None):
     """Run the suite in a copy; its results lie in the folder `results` there, and no older ones."""
     chosen = [word for m in methods for word in ("-s", m)]
     results = folder / "results"
     shutil.rmtree(results, ignore_errors=True)
-    return nsbench(folder, "run", *CASES, *chosen, "-o", results, "--force", kernels=kernels)
+    return python(folder, HERE / "gate_suite.py", results, *chosen, *options, kernels=kernels)
 
 
-def baseline(folder):
-    """The baseline of an unbroken copy."""
-    path = folder / "baseline.csv"
+def baseline(folder, name="baseline.csv"):
+    """The baseline of the results in a copy."""
+    path = folder / name
+    path.unlink(missing_ok=True)
     for args in (
-        ("calibrate", folder / "results"),
+        ("calibrate", folder / "results", "-j", "1"),
         ("gate", folder / "results", "--baseline", path, "--update", "--reason", "unbroken"),
     ):
-        status, said = nsbench(folder, *args)
+        status, said = python(folder, "-m", "nsbench", *args)
         if status:
-            raise SystemExit(f"{args[0]} on the unbroken bench: {said}")
+            raise ChildProcessError(f"{args[0]}: {said.strip()[-300:]}")
     return path
 
 
+def baseline_of_one(folder) -> str:
+    """The text of a baseline that is made anew of one case and method."""
+    suite(folder, "--cases", ONE[0], methods=ONE[1:])
+    return baseline(folder, "one.csv").read_text(encoding="utf-8")
+
+
 def methods_of(files):
-    """The methods whose runs can change by an edit of the files: those of their folders, or all."""
-    owners = {f.split("/")[2] if f.startswith("nsbench/solvers/") else "" for f in files}
-    own = [m for m in METHODS if m.partition("[")[0] in owners]
-    return own if len(owners) == 1 and own else METHODS
+    """The methods whose runs can change by an edit of the files: those that import them, or all."""
+    own = set()
+    for file in files:
+        name = {m: f"nsbench/solvers/{m.partition('[')[0]}/method.py" for m in METHODS}
+        users = {m for m in METHODS if file == name[m] or file in reached(name[m])}
+        if not users:
+            return METHODS
+        own |= users
+    return tuple(m for m in METHODS if m in own)
 
 
 def lines_of(methods, path, to):
@@ -178,31 +190,38 @@ def is_kernel(file) -> bool:
     return file in {p.relative_to(root).as_posix() for p in numba_cache.kernel_files()}
 
 
-def attempt(folder, path, replacements) -> tuple[int, str]:
-    """Exit status of the gate with a fault, and the last line that it said."""
+def attempt(folder, path, replacements, one) -> tuple[int, str]:
+    """Exit status of the gate with a fault, and the last line that it said.
+
+    one: text of the unbroken baseline of one method, for faults in the gate itself.
+    """
     files = [file for file, _, _ in replacements]
     methods = methods_of(files)
     with tempfile.TemporaryDirectory() as scratch, broken_in(folder, *replacements):
         kernels = scratch if any(map(is_kernel, files)) else None
-        ran, _ = suite(folder, methods, kernels)
         lines = lines_of(methods, path, Path(scratch) / "baseline.csv")
-        status, said = nsbench(folder, "gate", folder / "results", "--baseline", lines)
-    return status, f"(run {ran}); {(said.strip().splitlines() or ['nothing'])[-1]}"
+        status, said = suite(folder, "--baseline", lines, methods=methods, kernels=kernels)
+        if not status and any(f.startswith("nsbench/gate/") for f in files):
+            try:
+                status = int(baseline_of_one(folder) != one)
+            except ChildProcessError as e:
+                status, said = 1, str(e)
+    return status, (said.strip().splitlines() or ["nothing"])[-1]
 
 
-def faults(folder, chosen, path, seed) -> int:
+def faults(folder, chosen, path, seed, one) -> int:
     """How many named faults went unseen; drawn ones are told apart."""
     unseen = {"named": [], "drawn": []}
     told = 0
     both = {name: ("named", fault) for name, fault in FAULTS.items()}
-    both |= {name: ("drawn", fault) for name, fault in drawn(seed).items()}
+    both |= {name: ("drawn", fault) for name, fault in drawn(seed, folder).items()}
     for name, (source, fault) in both.items():
         if chosen and not any(c in name for c in chosen):
             continue
         began = time.perf_counter()
         replacements = fault if isinstance(fault[0], tuple) else (fault,)
         try:
-            status, said = attempt(folder, path, replacements)
+            status, said = attempt(folder, path, replacements, one)
         except LookupError as e:
             status = 0
             said = str(e)
@@ -223,12 +242,12 @@ def faults(folder, chosen, path, seed) -> int:
 
 def clean(folder, path, times, others) -> int:
     """How many of the runs of the unbroken bench under load are stopped by the gate."""
-    busy = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(others)]
+    idle = [sys.executable, "-c", "import os; os.nice(10)\nwhile True: pass"]
+    busy = [subprocess.Popen(idle) for _ in range(others)]
     try:
         alarms = 0
         for k in range(times):
-            suite(folder)
-            status, said = nsbench(folder, "gate", folder / "results", "--baseline", path)
+            status, said = suite(folder, "--baseline", path)
             alarms += status != 0
             print(
                 f"run {k + 1}, load {os.getloadavg()[0]:.1f}: gate {status}; "
@@ -261,7 +280,8 @@ def main() -> int:
             bad = clean(folder, path, args.clean, args.busy)
             print(f"{bad} of {args.clean} clean runs under load were stopped")
         else:
-            bad = faults(folder, args.names, path, args.seed)
+            one = baseline_of_one(folder)
+            bad = faults(folder, args.names, path, args.seed, one)
     return 1 if bad else 0
 
 
