@@ -12,6 +12,7 @@ import math
 from collections import Counter
 from dataclasses import dataclass
 
+from nsbench.columns import held_by_gate
 from nsbench.gate.baseline import Line
 from nsbench.gate.facts import Fact
 from nsbench.report.style import escape_markdown, format_count
@@ -33,6 +34,7 @@ NOT_COMPARED = 4
 BAD = tuple(o for o in OUTCOMES if o not in ("pass", "not held"))
 MAX_FINDINGS_LISTED = 60  # of one outcome; the others are counted
 ORDERS = ("state order", "force order")  # neither direction is better
+LARGER_IS_BETTER = tuple(c.name for c in held_by_gate() if c.gate == "min")
 
 
 @dataclass(frozen=True)
@@ -94,7 +96,8 @@ def _compare_line(fact: Fact | None, line: Line, found) -> Finding:
     over = fact.value - line.value
     if {"max": over <= allowed, "min": -over <= allowed}.get(line.kind, abs(over) <= allowed):
         return Finding("pass", line.key)
-    better = over < 0 and line.kind != "min" and line.metric not in ORDERS
+    is_better = over > 0 if line.metric in LARGER_IS_BETTER or line.kind == "min" else over < 0
+    better = is_better and line.metric not in ORDERS
     return Finding("improved" if better else "regressed", line.key, text)
 
 

@@ -53,6 +53,19 @@ def test_named_faults_apply_and_are_looked_for_where_they_lie(studies):
     for fault in FAULTS.values():
         for file, text, _ in fault if isinstance(fault[0], tuple) else (fault,):
             assert (ROOT / file).read_text(encoding="utf-8").count(text) == 1, file
-    assert methods_of(["nsbench/solvers/euler/kernels/loop.py"]) == ["euler[implicit=true]"]
-    assert methods_of(["nsbench/solvers/common/time_grid.py"]) == METHODS
+    assert methods_of(["nsbench/solvers/euler/kernels/loop.py"]) == ("euler[implicit=true]",)
+    assert methods_of(["nsbench/dynamics/contacts/kernels/constraint_order.py"]) == METHODS[:2]
     assert methods_of(["nsbench/measure/errors.py"]) == METHODS
+
+
+def test_a_fault_without_effect_is_drawn_again_and_no_other_with_it(studies, monkeypatch):
+    import drawn_faults
+
+    before = drawn_faults.drawn(3)
+    title = list(before)[5]
+    fault = before[title]
+    is_it = lambda path, site, root: drawn_faults.changed(path, site, root)[1] == fault
+    monkeypatch.setattr(drawn_faults, "named", lambda *place: "it" if is_it(*place) else "")
+    monkeypatch.setitem(drawn_faults.WITHOUT_EFFECT, "it", "a reason")
+    after = drawn_faults.drawn(3)
+    assert len(after) == 12 and set(before) - set(after) == {title}
