@@ -151,10 +151,10 @@ def line(fact: Fact, spread: float, why: str) -> Line:
     them failed or said another word).
 
     near: ten times the spread, relative to the value. max: up to ten times the value or the spread,
-    at least up to the floor: what lies below a floor is held below it. min: as far below. count: exact where nothing
-    was seen to change. What spreads by more than a hundredth is not held, nor is what could grow to
-    more than ten times the claim of its method: it is only reported, and it must still be there and
-    be finite.
+    at least up to the floor: what lies below a floor is held below it. min: as far below. count:
+    exact where nothing was seen to change. What spreads by more than a hundredth is not held, nor
+    is what could grow to more than ten times the claim of its method: it is only reported, and it
+    must still be there and be finite.
     """
     if fact.kind == "class":
         return _made(fact, ANY if spread else fact.value, 0.0, 0.0, why)

@@ -87,8 +87,8 @@ def digest(value) -> str:
 
 
 def _ladder(s: Summary, config: str):
-    """What the whole ladder says: how its runs ended, and of state and force the verdict, the order,
-    half the width of its interval, and the constant."""
+    """What the whole ladder says: how its runs ended, and of state and force the verdict, and the
+    order, half the width of its interval and the constant, or the plateau."""
 
     def fact(
         metric: str, kind: str, value: str | float, unit: str = "", floor: float = 0.0

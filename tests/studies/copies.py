@@ -4,7 +4,6 @@ import contextlib
 import os
 import shutil
 import subprocess
-import tempfile
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -22,21 +21,12 @@ def copy(to: Path) -> None:
 
 
 @contextlib.contextmanager
-def broken(*replacements, copied=copy):
-    """A copy in which, for the time of a with-block, of each (file, text, other) the other stands
-    for the text in its file;
-    LookupError if a text does not stand there exactly once."""
-    with tempfile.TemporaryDirectory() as folder:
-        folder = Path(folder)
-        copied(folder)
-        with broken_in(folder, *replacements):
-            yield folder
-
-
-@contextlib.contextmanager
 def broken_in(folder, *replacements):
-    """The same in a folder that is there already; its files are as before, to the time of their
-    last change, after the with-block."""
+    """For the time of a with-block, of each (file, text, other) the other stands for the text in
+    its file in a copy; then the files are as before, to the time of their last change.
+
+    LookupError if a text does not stand there exactly once.
+    """
     before = {}
     try:
         for file, text, other in replacements:
@@ -53,3 +43,11 @@ def broken_in(folder, *replacements):
         for path, (content, state) in before.items():
             path.write_bytes(content)
             os.utime(path, ns=(state.st_atime_ns, state.st_mtime_ns))
+
+
+def is_kernel(file) -> bool:
+    """Does an edit of the file compile all kernels anew?"""
+    from nsbench.compilation import numba_cache
+
+    root = numba_cache.ROOT.parent
+    return file in {p.relative_to(root).as_posix() for p in numba_cache.kernel_files()}

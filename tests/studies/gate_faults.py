@@ -26,7 +26,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from copies import broken_in, copy
+from copies import broken_in, copy, is_kernel
 from drawn_faults import SEED, drawn
 from gate_suite import METHODS
 from imports import reached
@@ -180,14 +180,6 @@ def lines_of(methods, path, to):
     with open(to, "w", newline="", encoding="utf-8") as file:
         csv.writer(file).writerows([head, *(r for r in rows if r[1] in methods)])
     return to
-
-
-def is_kernel(file) -> bool:
-    """Does an edit of the file compile all kernels anew?"""
-    from nsbench.compilation import numba_cache
-
-    root = numba_cache.ROOT.parent
-    return file in {p.relative_to(root).as_posix() for p in numba_cache.kernel_files()}
 
 
 def attempt(folder, path, replacements, one) -> tuple[int, str]:

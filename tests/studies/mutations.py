@@ -3,7 +3,7 @@
     python tests/studies/mutations.py [NAME ...]
 
 Every fault is a replacement of text in a copy of the checkout; the tests named with it must pass
-before and fail after.
+before and fail after. Faults in the scaling of cases are to be noticed by the metamorphic tests.
 Prints one line per fault with the first test that failed; exit status 1 if one went unnoticed or no
 longer applies.
 """
@@ -12,8 +12,12 @@ import os
 import re
 import subprocess
 import sys
+import tempfile
+from pathlib import Path
 
-from copies import broken
+from copies import broken_in, copy, is_kernel
+
+METAMORPHIC = "tests/solvers/test_metamorphic.py"
 
 SWEEP = (
     "nsbench/solvers/pbd/kernels/listed_loop.py",
@@ -77,6 +81,72 @@ FAULTS = {
         '{"h": spec.asked, "k"',
         "tests/solvers/test_steps_taken.py",
     ),
+    "scaling: fields are not multiplied by the unit of time": (
+        "nsbench/dynamics/scaling/scaled_case.py",
+        "        rate = T / S\n",
+        "        rate = 1.0 / S\n",
+        METAMORPHIC,
+    ),
+    "scaling: the origin of time is forgotten": (
+        "nsbench/dynamics/scaling/scaled_case.py",
+        "        return self.origin + self.time * t\n",
+        "        return self.time * t\n",
+        METAMORPHIC,
+    ),
+    "scaling: steps keep the user's unit": (
+        "nsbench/dynamics/scaling/scaled_case.py",
+        '{"h": value / self.time,',
+        '{"h": value,',
+        METAMORPHIC,
+    ),
+    "scaling: impulses stay in own units": (
+        "nsbench/dynamics/scaling/scaled_case.py",
+        "            impulse=traj.impulse * impulse,\n",
+        "            impulse=traj.impulse,\n",
+        METAMORPHIC,
+    ),
+    "scaling: reactions stay in own units": (
+        "nsbench/dynamics/scaling/scaled_case.py",
+        "reaction=traj.reaction * state if",
+        "reaction=traj.reaction if",
+        METAMORPHIC,
+    ),
+    "scaling: units are no powers of two": (
+        "nsbench/dynamics/scaling/scaled_case.py",
+        "    T = power_of_two(scale.time)\n",
+        "    T = float(scale.time) / 1.1\n",
+        METAMORPHIC,
+    ),
+    "scaled run: switches keep the user's unit": (
+        "nsbench/solvers/scaled_run.py",
+        "prepare(with_own_switches(self.own.case), value)",
+        "prepare(self.own.case, value)",
+        METAMORPHIC,
+    ),
+    "scaled run: sizes are never found again": (
+        "nsbench/solvers/scaled_run.py",
+        "        if found is None:\n",
+        "        if True:\n",
+        METAMORPHIC,
+    ),
+    "estimate: all coordinates have size one": (
+        "nsbench/dynamics/scaling/estimate.py",
+        "    return Scale(_time(case, [v for _, v in fields], own, span), own)\n",
+        "    return Scale(_time(case, [v for _, v in fields], own, span), 0.0 * own + 1.0)\n",
+        METAMORPHIC,
+    ),
+    "estimate: the largest coordinate is the size of all": (
+        "nsbench/dynamics/scaling/estimate.py",
+        "        own = _filled(np.where(moved > 0.0, moved, sizes))\n",
+        "        own = np.full(case.n, np.where(moved > 0.0, moved, sizes).max())\n",
+        METAMORPHIC,
+    ),
+    "estimate: the time is that of the run": (
+        "nsbench/dynamics/scaling/estimate.py",
+        "    return min(span, 1.0 / rate) if rate > 0.0 else span\n",
+        "    return span\n",
+        METAMORPHIC,
+    ),
 }
 
 
@@ -89,9 +159,13 @@ def tests_of(pattern, folder):
     return out
 
 
-def pytest(folder, pattern):
-    """(exit status, first failure) of the tests in a copy."""
-    env = dict(os.environ, PYTHONPATH=str(folder), PYTHONDONTWRITEBYTECODE="1")
+def pytest(folder, pattern, kernels):
+    """(exit status, first failure) of the tests in a copy; kernels: folder of compiled ones."""
+    env = os.environ | {
+        "PYTHONPATH": str(folder),
+        "PYTHONDONTWRITEBYTECODE": "1",
+        "NUMBA_CACHE_DIR": str(kernels),
+    }
     done = subprocess.run(
         [
             sys.executable,
@@ -112,24 +186,30 @@ def pytest(folder, pattern):
     return done.returncode, failed[1] if failed else done.stdout.strip().splitlines()[-1:]
 
 
+def attempt(folder, replacement, pattern):
+    """(exit status, first failure) of the tests in a copy with a fault."""
+    with tempfile.TemporaryDirectory() as scratch, broken_in(folder, replacement):
+        kernels = scratch if is_kernel(replacement[0]) else folder / ".kernels"
+        return pytest(folder, pattern, kernels)
+
+
 def main(chosen):
     bad = 0
-    for name, (file, text, other, pattern) in FAULTS.items():
-        if chosen and not any(c in name for c in chosen):
-            continue
-        try:
-            with broken((file, text, other)) as folder:
-                status, failed = pytest(folder, pattern)
-        except LookupError as e:
-            status = 0
-            failed = e
-        caught = status == 1
-        bad += not caught
-        print(
-            f"{name:45} "
-            f"{'caught by ' + str(failed) if caught else f'NOT CAUGHT (status {status}: {failed})'}",
-            flush=True,
-        )
+    with tempfile.TemporaryDirectory() as folder:
+        folder = Path(folder)
+        copy(folder)
+        for name, (file, text, other, pattern) in FAULTS.items():
+            if chosen and not any(c in name for c in chosen):
+                continue
+            try:
+                status, failed = attempt(folder, (file, text, other), pattern)
+            except LookupError as e:
+                status = 0
+                failed = e
+            caught = status == 1
+            bad += not caught
+            said = f"caught by {failed}" if caught else f"NOT CAUGHT (status {status}: {failed})"
+            print(f"{name:45} {said}", flush=True)
     return 1 if bad else 0
 
 

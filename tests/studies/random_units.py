@@ -2,12 +2,12 @@
 
     python tests/studies/random_units.py [--draws 5] [--seed 1] [--cases NAME ...]
 
-Ten cases of the catalogue and ten of this study, each run by event_driven at its
-default tolerance in units that are drawn log-uniformly in 1e-15 .. 1e15: time, length (one for each
-coordinate where coordinates have units of their own), switches. The truth is that of the unscaled
-case: closed form, stored reference, or arcs solved with 28 digits (tests/support/joined_arcs.py). A run
-is right if no coordinate is wrong by more than 1e-10 of its largest value; a run whose status is
-not ok is honest; one that is ok and wrong is a silent one, and makes the exit status 1.
+Ten cases of the catalogue and ten of this study, each run by event_driven at its default tolerance
+in units that are drawn log-uniformly in 1e-15 .. 1e15: time, length (one for each coordinate where
+coordinates have units of their own), switches. The truth is that of the unscaled case: closed form,
+stored reference, or arcs solved with 28 digits (tests/support/joined_arcs.py). A run is right if no
+coordinate is wrong by more than 1e-10 of its largest value; a run whose status is not ok is honest;
+one that is ok and wrong is a silent one, and makes the exit status 1.
 """
 
 import argparse

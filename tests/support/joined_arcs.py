@@ -190,8 +190,9 @@ def contacts(name, drift, A, walls, x0, end, many=41) -> ArcCase:
             G = mp.matrix([[mp.fdot(rows[i], rows[j]) for j in on] for i in on])
             rate = mp.matrix([-_slope(lambda t, x, i=i: gap(t, x, i), t, x, free) for i in on])
             lam = list(mp.lu_solve(G, rate))
-            push = [sum(m * rows[i][j] for m, i in zip(lam, on, strict=True)) for j in range(len(x))]
-            return [a + p for a, p in zip(free, push, strict=True)], lam
+            parts = ([m * a for a in rows[i]] for m, i in zip(lam, on, strict=True))
+            push = zip(*parts, strict=True)
+            return [a + sum(p) for a, p in zip(free, push, strict=True)], lam
 
         def watched(t, x):
             open_ = [mp.mpf(1) if i in held else gap(t, x, i) for i in range(len(rows))]
