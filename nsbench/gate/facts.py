@@ -119,8 +119,10 @@ def _ended(statuses: Counter) -> Counter:
 
 
 def _verdict(order: Order) -> str:
-    """One word for what the fit says; a claimed bound is kept or not."""
+    """One word for what the fit says; a claimed bound is kept or not, if the reference can tell."""
     if order.kind == "bound":
+        if order.verdict == "below reference":
+            return order.verdict
         return "bound missed" if order.flag == "below" else "bound kept"
     return order.verdict or order.kind
 

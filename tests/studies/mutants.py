@@ -138,6 +138,7 @@ class Bench:
     def gate(self, fault) -> bool:
         """Does the gate see the fault?"""
         if self.baseline is None:
+            suite(self.folder, "--reference")
             suite(self.folder)
             path = baseline(self.folder)
             self.baseline = path, baseline_of_one(self.folder)
