@@ -21,6 +21,8 @@ from typing import Any
 
 import numpy as np
 
+from nsbench.input_errors import check_factory, named_fields
+
 Factory = Callable[[Any], Callable]
 
 
@@ -45,11 +47,7 @@ def _floats(name: str, value, ndim: int | None = None) -> np.ndarray:
     return a
 
 
-def _factory(name: str, value) -> None:
-    if not callable(value):
-        raise TypeError(f"{name} must be a factory taking the array namespace, got {value!r}")
-
-
+@named_fields
 @dataclass(frozen=True, eq=False)
 class Affine:
     """g = A x + b, m constraints.
@@ -83,7 +81,9 @@ class Affine:
             raise ValueError(
                 f"row {zero[0]} of A is zero: a constraint without gradient cannot be projected on"
             )
-        if not callable(self.b):
+        if callable(self.b):
+            check_factory("b", self.b, "b(t)")
+        else:
             b = _floats("b", self.b, 1)
             if b.shape != (shape[0],):
                 raise ValueError(f"b has shape {b.shape}, A has {shape[0]} rows")
@@ -102,6 +102,7 @@ class Affine:
         return callable(self.b)
 
 
+@named_fields
 @dataclass(frozen=True, eq=False)
 class Distance:
     """g = sign (|x_i - x_j| - d) between particles of dimension `dim`.
@@ -189,6 +190,7 @@ class Distance:
         return count
 
 
+@named_fields
 @dataclass(frozen=True, eq=False)
 class Smooth:
     """g(t, x) >= 0 for anything else; m constraints.
@@ -202,11 +204,12 @@ class Smooth:
     rate: Factory | None = None
 
     def __post_init__(self):
-        _factory("g", self.g)
+        check_factory("g", self.g, "g(t, x)")
 
     moving = True
 
 
+@named_fields
 @dataclass(frozen=True, eq=False)
 class Complementarity:
     """x' = f + sum lambda_k grad g_k, 0 <= g_k _|_ lambda_k >= 0; no constraints: a plain smooth
@@ -216,8 +219,14 @@ class Complementarity:
     constraints: tuple = ()
 
     def __post_init__(self):
-        _factory("drift", self.drift)
-        for c in self.constraints:
+        check_factory("drift", self.drift, "f(t, x)")
+        families = self.constraints
+        if isinstance(families, (Affine, Distance, Smooth)):
+            raise TypeError(
+                f"constraints is one {type(families).__name__}; a tuple of families is needed: "
+                f"constraints=({type(families).__name__}(...),), with the comma"
+            )
+        for c in families:
             if not isinstance(c, (Affine, Distance, Smooth)):
                 raise TypeError(f"constraint {c!r} is none of Affine, Distance, Smooth")
         object.__setattr__(self, "constraints", tuple(self.constraints))
@@ -264,11 +273,43 @@ def _leaf(drift):
     return make
 
 
+def _modes_by_signs(given) -> dict[tuple[int, ...], Factory]:
+    """Return the drifts of all modes by sign tuple; of one surface the signs may be bare: {+1: f}.
+
+    Raises TypeError or ValueError with the keys that are needed.
+    """
+    if not isinstance(given, Mapping) or not given:
+        raise TypeError(
+            f"modes is {type(given).__name__} {given!r:.60}; a dict from signs to drifts is needed, "
+            "such as {+1: f_plus, -1: f_minus} for one surface"
+        )
+    modes = {}
+    for key, drift in given.items():
+        signs = key if isinstance(key, tuple) else (key,)
+        if not all(isinstance(s, (int, float, np.number)) and s in (1, -1) for s in signs):
+            raise ValueError(
+                f"modes has the key {key!r}; a key is +1 or -1, or a tuple of these, one sign for "
+                "each surface: (+1, -1)"
+            )
+        modes[tuple(int(s) for s in signs)] = drift
+    d = len(next(iter(modes)))
+    want = set(product((1, -1), repeat=d))
+    if set(modes) != want:
+        raise ValueError(
+            f"modes has the sign tuples {sorted(modes)}; {d} surface{'s' * (d > 1)} need "
+            f"{sorted(want)}"
+        )
+    for signs, drift in modes.items():
+        check_factory(f"modes[{signs}]", drift, "f(t, x)")
+    return modes
+
+
+@named_fields
 @dataclass(frozen=True, eq=False)
 class Filippov:
     """x' in co{f_i(x)} over the regions that meet at x; d surfaces c(t, x) = 0.
 
-    modes: maps sign tuples to drifts, 2^d of them. switch: factory ``-> (t, x) -> (d,)``.
+    modes: maps sign tuples to drifts, 2^d of them; of one surface also {+1: f, -1: g}. switch: factory ``-> (t, x) -> (d,)``.
     Everything is reduced to one `field(xp) -> (t, x, s)` with signs s in [-1, 1]^d: between the
     modes it is multilinear in the weights theta = (1 + s) / 2 (Alexander & Seidman 1998), which for
     one surface is Filippov's convexification. theta_i in [0, 1] is the weight of the positive side.
@@ -284,17 +325,12 @@ class Filippov:
     d: int | None = None
 
     def __post_init__(self):
-        _factory("switch", self.switch)
+        check_factory("switch", self.switch, "c(t, x)")
         if self.field is not None:
-            _factory("field", self.field)
+            check_factory("field", self.field, "f(t, x, s)")
             return
-        modes = {tuple(int(s) for s in k): v for k, v in dict(self.modes).items()}
+        modes = _modes_by_signs(self.modes)
         d = len(next(iter(modes)))
-        want = set(product((1, -1), repeat=d))
-        if set(modes) != want:
-            raise ValueError(
-                f"modes has the sign tuples {sorted(modes)}; {d} surface(s) need {sorted(want)}"
-            )
 
         def build(prefix: tuple[int, ...]) -> Factory:
             if len(prefix) == d:
@@ -329,6 +365,7 @@ class Filippov:
         return cls(None, switch, field, B.shape[1])
 
 
+@named_fields
 @dataclass(frozen=True, eq=False)
 class LCS:
     """x' = A x + B lambda + u(t), w = C x + D lambda + q(t), 0 <= w _|_ lambda >= 0; u, q are
@@ -352,4 +389,4 @@ class LCS:
             )
         for name in "uq":
             if getattr(self, name) is not None:
-                _factory(name, getattr(self, name))
+                check_factory(name, getattr(self, name), f"{name}(t)")

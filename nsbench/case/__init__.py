@@ -9,7 +9,8 @@ from nsbench.case.registry import (
     load_case,
     load_module,
 )
-from nsbench.case.spec import format_value, nearest, parse_spec, parse_value
+from nsbench.case.spec import format_value, parse_spec, parse_value
+from nsbench.input_errors import nearest
 
 __all__ = [
     "Case",

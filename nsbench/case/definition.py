@@ -13,11 +13,13 @@ import numpy as np
 from nsbench.case.scale import Scale
 from nsbench.case.spec import format_value
 from nsbench.case.validation import check_shapes
+from nsbench.input_errors import named_fields, nearest
 from nsbench.problem import LCS, Complementarity, Filippov, _floats
 
 START_POLICIES = ("error", "project", "keep")
 
 
+@named_fields
 @dataclass(frozen=True, eq=False)
 class Case:
     """State a problem with its initial value, its sample times and what is known of its solution.
@@ -82,10 +84,10 @@ class Case:
                 f"problem of {self.name} is {type(self.problem).__name__}; "
                 "Complementarity, Filippov or LCS is needed"
             )
-        object.__setattr__(self, "x0", _floats("x0", self.x0, 1))
+        object.__setattr__(self, "x0", _floats(f"x0 of {self.name}", self.x0, 1))
         if not self.x0.size:
             raise ValueError(f"x0 of {self.name} is empty; a state has at least one coordinate")
-        t = _floats("t", self.t, 1)
+        t = _floats(f"t of {self.name}", self.t, 1)
         if len(t) < 2 or np.any(np.diff(t) <= 0):
             where = int(np.argmax(np.diff(t) <= 0)) if len(t) > 1 else 0
             raise ValueError(
@@ -94,7 +96,12 @@ class Case:
             )
         object.__setattr__(self, "t", t)
         if self.start not in START_POLICIES:
-            raise ValueError(f"start is {self.start!r}; one of {START_POLICIES}")
+            close = nearest(str(self.start), START_POLICIES)
+            raise ValueError(f"start of {self.name} is {self.start!r:.60}; {close}")
+        if self.scale is not None and not isinstance(self.scale, Scale):
+            raise TypeError(
+                f"scale of {self.name} is {type(self.scale).__name__}; Scale(time, state) is needed"
+            )
         if self.unique and self.distance is not None:
             raise ValueError(
                 f"{self.name} gives the distance to a set of solutions, but says that there is "

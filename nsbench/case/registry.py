@@ -8,13 +8,14 @@ import importlib.util
 import inspect
 import pkgutil
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from types import ModuleType
 
-from nsbench import user_code
+from nsbench import input_errors, user_code
 from nsbench.case.definition import Case
-from nsbench.case.spec import nearest, parse_spec
+from nsbench.case.spec import format_value, parse_spec
+from nsbench.input_errors import nearest
 from nsbench.source_files import opened_files
 
 MAX_FILE_BYTES = 4 << 20  # a longer file was not written by hand
@@ -32,7 +33,8 @@ def _scan() -> tuple[dict, dict]:
             with user_code.guarded(f"the file of the case {info.name}"):
                 module = importlib.import_module(f"nsbench.cases.{info.name}")
         except (Exception, SystemExit) as e:  # a broken plugin must not take the others with it
-            failed[info.name] = f"{type(e).__name__}: {e}"
+            file = Path(info.module_finder.path) / f"{info.name}.py"
+            failed[info.name] = input_errors.describe(e, file)
             continue
         if hasattr(module, "CASE") or hasattr(module, "make"):
             found[info.name] = module
@@ -92,13 +94,16 @@ def _build(module: ModuleType, name: str, params: dict) -> Case:
         for p in params:
             if p not in known:
                 raise LookupError(f"case {name} has no parameter {p!r}; {nearest(p, known)}")
+        _check_numbers(name, params, known)
         try:
             case = module.make(**params)
         except (Exception, SystemExit) as e:  # user code: any failure is reported with its name
-            raise ValueError(f"case {name} cannot be made with {params}: {_describe(e)}") from e
+            why = input_errors.describe(e, module.__file__)
+            raise ValueError(f"case {name} cannot be made with {params}: {why}") from e
         if not isinstance(case, Case):
             raise ValueError(
-                f"make(**params) of {name} returns {type(case).__name__}; a Case is needed"
+                f"make of {module.__file__} returns {type(case).__name__}; a Case is needed"
+                + (": is its last line, `return Case(...)`, missing?" if case is None else "")
             )
         defaults = {
             k: v.default for k, v in known.items() if v.default is not inspect.Parameter.empty
@@ -114,7 +119,10 @@ def _build(module: ModuleType, name: str, params: dict) -> Case:
     else:
         case = module.CASE
         if not isinstance(case, Case):
-            raise ValueError(f"CASE of {name} is {type(case).__name__}; a Case is needed")
+            raise ValueError(
+                f"CASE of {module.__file__} is {type(case).__name__}; a Case is needed: "
+                f"CASE = Case(name=..., problem=..., x0=..., t=...)"
+            )
     return case.replace(
         params=params,
         doc=case.doc or inspect.getdoc(module) or "",
@@ -122,10 +130,16 @@ def _build(module: ModuleType, name: str, params: dict) -> Case:
     )
 
 
-def _describe(e: BaseException) -> str:
-    """Return the message of an exception, with its class unless that is a usual one."""
-    usual = isinstance(e, (ValueError, TypeError, ArithmeticError, LookupError))
-    return str(e) if usual else f"{type(e).__name__}: {e}"
+def _check_numbers(name: str, params: dict, known: Mapping[str, inspect.Parameter]) -> None:
+    """Raise ValueError for a text that is given for a parameter whose default is a number."""
+    for key, value in params.items():
+        default = known[key].default
+        if isinstance(value, str) and isinstance(default, (int, float)):
+            raise ValueError(
+                f"parameter {key} of {name} is {value!r:.60}; a "
+                f"{'truth value' if isinstance(default, bool) else 'number'} is needed, such as "
+                f"{name}[{key}={format_value(default)}]"
+            )
 
 
 def get_case(name: str, **params: object) -> Case:
@@ -165,7 +179,7 @@ def load_module(path: str | Path) -> ModuleType:
         with opened_files.record_opens_while_loading(path), user_code.guarded(str(path)):
             spec.loader.exec_module(module)
     except (Exception, SystemExit) as e:  # user code: any failure is reported with its path
-        raise ValueError(f"{path} failed to load: {type(e).__name__}: {e}") from e
+        raise ValueError(input_errors.describe(e, path)) from e
     return module
 
 
@@ -176,6 +190,6 @@ def load_case(path: str | Path, **params: object) -> Case:
     """
     module = load_module(path)
     if not (hasattr(module, "CASE") or hasattr(module, "make")):
-        raise ValueError(f"{path} defines neither CASE nor make(**params)")
+        raise ValueError(f"{path} defines neither CASE = Case(...) nor make(**params)")
     with opened_files.record_opens_while_loading(path), user_code.guarded(f"make of {path}"):
         return _build(module, Path(path).stem, params)

@@ -15,9 +15,11 @@ from typing import Any
 
 import numpy as np
 
+from nsbench.input_errors import named_fields
 from nsbench.problem import _floats
 
 
+@named_fields
 @dataclass(frozen=True, eq=False)
 class Scale:
     """Units of a case: its time T and the sizes S of its coordinates.

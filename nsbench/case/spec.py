@@ -1,10 +1,8 @@
-"""Specs of cases and methods: parse and format ``name[a=1,b=x]``; suggest the nearest name."""
+"""Specs of cases and methods: parse and format ``name[a=1,b=x]``."""
 
 from __future__ import annotations
 
-import difflib
 import re
-from collections.abc import Iterable
 
 
 def format_value(value: object) -> str:
@@ -45,9 +43,3 @@ def parse_value(text: str) -> bool | int | float | str:
             continue
     return text
 
-
-def nearest(word: str, words: Iterable[str]) -> str:
-    """Suggest the closest of the words, or list them all: the end of an error message."""
-    words = sorted(words)
-    close = difflib.get_close_matches(word, words, 1, 0.5)
-    return f"did you mean {close[0]!r}?" if close else f"there are: {', '.join(words)}"

@@ -7,14 +7,15 @@ from itertools import product
 import numpy as np
 
 from nsbench.compilation.factories import as_numpy
+from nsbench.input_errors import remedy
 from nsbench.problem import LCS, Affine, Distance, Filippov, Smooth
 
 
 def check_shapes(case) -> None:
     """Evaluate the functions of a case once at (t[0], x0).
 
-    Raises ValueError or TypeError with the function, what it returned and what is needed: float64
-    of the right shape; a drift must not change x in place.
+    Raises ValueError or TypeError with the function, what it raised or returned, and what is
+    needed: float64 of the right shape; a drift must not change x in place.
     """
     p = case.problem
     x = case.x0.copy()
@@ -26,33 +27,96 @@ def check_shapes(case) -> None:
         return
     with np.errstate(all="ignore"):
         if isinstance(p, Filippov):
-            c = np.asarray(as_numpy(p.switch)(t0, x))
-            if c.ndim != 1 or c.dtype != np.float64:
-                raise ValueError(
-                    f"switch of {case.name} returns {c.dtype} of shape {c.shape}; float64 (d,) is "
-                    f"needed"
-                )
-            found = [
-                np.asarray(as_numpy(p.field)(t0, x, np.array(s))) for s in _sign_samples(len(c))
-            ]
+            _check_modes(case, t0, x)
         else:
             for c in p.constraints:
-                if isinstance(c, Distance):
-                    c.particles(case.n)
-                elif hasattr(c, "shape") and c.shape[1] != case.n:
-                    raise ValueError(
-                        f"A of {case.name} has {c.shape[1]} columns, the state {case.n} entries"
-                    )
-                _check_curves(case, c, t0, x)
-            found = [np.asarray(as_numpy(p.drift)(t0, x))]
-    for f in found:
-        if f.shape != x.shape or f.dtype != np.float64:
-            raise ValueError(
-                f"drift of {case.name} returns {f.dtype} of shape {f.shape}; float64 {x.shape} is "
-                f"needed"
-            )
+                _check_family(case, c, t0, x)
+            _check_drift(case, "drift", evaluate(case, "drift", p.drift, t0, x))
     if not np.array_equal(x, case.x0):
         raise ValueError(f"drift of {case.name} changes x in place")
+
+
+def evaluate(case, name: str, factory, *arguments) -> np.ndarray:
+    """Evaluate a factory's function in numpy at the start and return its value as an array.
+
+    Raises ValueError with the name, what was raised and the sizes of the arguments; TypeError if
+    the factory returns no function, or the function nothing.
+    """
+    try:
+        function = factory(np)
+        value = as_numpy(lambda xp: function)(*arguments) if callable(function) else 0.0
+        array = np.asarray(value)
+    except MemoryError:
+        raise
+    except Exception as e:  # user code: whatever it raises is reported with the function's name
+        entries = " and ".join(
+            f"{symbol} has {len(a)}" for symbol, a in zip("xs", arguments[1:], strict=False)
+        )
+        sizes = f" ({entries} entries)" if entries else ""
+        raise ValueError(
+            f"{name} of {case.name} fails at the start{sizes}: {type(e).__name__}: {e}{remedy(e)}"
+        ) from e
+    if not callable(function):
+        raise TypeError(
+            f"{name} of {case.name} is a factory that returns {type(function).__name__}; it must "
+            f"return the function defined in it: is its last line, `return f`, missing?"
+        )
+    if value is None:
+        raise TypeError(
+            f"{name} of {case.name} returns None at the start; an array is needed: is the `return` "
+            f"of the inner function missing?"
+        )
+    return array
+
+
+def _check_drift(case, name: str, value: np.ndarray) -> None:
+    """Check that the value (n,) of a drift is float64 and of the shape of the state."""
+    if value.shape != case.x0.shape or value.dtype != np.float64:
+        raise ValueError(
+            f"{name} of {case.name} returns {value.dtype} of shape {value.shape}; float64 "
+            f"{case.x0.shape} is needed"
+        )
+
+
+def _check_modes(case, t0: float, x: np.ndarray) -> None:
+    """Check the switch (d,) and the drift (n,) of each mode of a Filippov system at the start."""
+    p = case.problem
+    c = evaluate(case, "switch", p.switch, t0, x)
+    if c.ndim != 1 or c.dtype != np.float64:
+        raise ValueError(
+            f"switch of {case.name} returns {c.dtype} of shape {c.shape}; float64 (d,) is needed: "
+            f"xp.stack([c]) makes an array of a number"
+        )
+    if p.d is not None and len(c) != p.d:
+        raise ValueError(
+            f"switch of {case.name} returns {len(c)} values, the modes or B are for {p.d} "
+            f"surface{'s' * (p.d > 1)}"
+        )
+    for s in _sign_samples(len(c)):
+        if p.modes is None:
+            value = evaluate(case, "field", p.field, t0, x, np.array(s))
+        else:
+            name = f"modes[{tuple(map(int, s))}]"
+            value = evaluate(case, name, p.modes[tuple(map(int, s))], t0, x)
+        _check_drift(case, "drift" if p.modes is None else name, value)
+
+
+def _check_family(case, c, t0: float, x: np.ndarray) -> None:
+    """Check that a family of constraints fits the state of the case."""
+    if isinstance(c, Distance):
+        count = c.particles(case.n)
+        if c.pairs is not None and len(c.pairs):
+            particles = c.pairs if c.anchors is None else c.pairs[:, :1]
+            if particles.max() >= count:
+                raise ValueError(
+                    f"pairs of {case.name} contain the particle {particles.max()}; the state "
+                    f"holds {count}, 0 to {count - 1}"
+                )
+    elif hasattr(c, "shape") and c.shape[1] != case.n:
+        raise ValueError(
+            f"A of {case.name} has {c.shape[1]} columns, the state {case.n} entries"
+        )
+    _check_curves(case, c, t0, x)
 
 
 def _check_exact(case, name: str, solution) -> None:
@@ -79,13 +143,13 @@ def _sign_samples(d: int) -> list[tuple]:
 def _check_curves(case, c, t0: float, x) -> None:
     """Check what the factories of a constraint family return at the start: float64, right shape."""
     if isinstance(c, Smooth):
-        made = {"g": (as_numpy(c.g)(t0, x), None)}
+        made = {"g": (evaluate(case, "g", c.g, t0, x), None)}
     else:
         made = (
-            {"b": (as_numpy(c.b)(t0), (c.shape[0],))} if isinstance(c, Affine) and c.moving else {}
+            {"b": (evaluate(case, "b", c.b, t0), (c.shape[0],))} if isinstance(c, Affine) and c.moving else {}
         )
         if isinstance(c, Distance) and c.moving:
-            made["anchors"] = (as_numpy(c.anchors)(t0), None)
+            made["anchors"] = (evaluate(case, "anchors", c.anchors, t0), None)
     for name, (value, shape) in made.items():
         a = np.asarray(value)
         if a.dtype in (np.float32, np.float16) or a.dtype.kind not in "fiu":
@@ -111,7 +175,7 @@ def _check_inputs(case) -> None:
         if factory is None:
             continue
         with np.errstate(all="ignore"):
-            value = np.asarray(as_numpy(factory)(t0))
+            value = evaluate(case, name, factory, t0)
         if value.shape != (size,) or value.dtype != np.float64:
             raise ValueError(
                 f"{name} of {case.name} returns {value.dtype} of shape {value.shape}; float64 "

@@ -69,7 +69,12 @@ def _add_verb(verbs, name: str, text: str, module: str = "") -> argparse.Argumen
 
 def _add_list(verbs) -> None:
     verb = _add_verb(verbs, "list", "what exists: cases, solvers, metrics", module="list_")
-    verb.add_argument("what", nargs="?", choices=("cases", "solvers", "metrics"))
+    verb.add_argument(
+        "what",
+        nargs="?",
+        type=lambda word: f"{word.removesuffix('s')}s",  # "solver" is understood too
+        choices=("cases", "solvers", "metrics"),
+    )
 
 
 def _add_run(verbs) -> None:

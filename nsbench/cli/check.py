@@ -18,6 +18,7 @@ from nsbench import solvers
 from nsbench.case import Case, get_case, load_case, load_module
 from nsbench.cli.exit_codes import FAILED, FINE
 from nsbench.compilation.factories import as_numpy
+from nsbench.input_errors import describe
 from nsbench.problem import LCS, Complementarity, Filippov
 
 Say = Callable[[str], None]
@@ -35,7 +36,7 @@ def command(args: argparse.Namespace, say: Callable[[str], None]) -> int:
     violations = check_file(Path(args.file), say)
     for sentence in violations:
         say(f"  not met: {sentence}")
-    count = f"{len(violations)} thing(s) to mend"
+    count = f"{len(violations)} point{'s' * (len(violations) > 1)} to correct"
     say(f"{args.file}: {count if violations else 'fine'}")
     return FAILED if violations else FINE
 
@@ -51,7 +52,7 @@ def check_file(path: Path, say: Say) -> list[str]:
     except (FileNotFoundError, KeyboardInterrupt):
         raise
     except (Exception, SystemExit) as e:
-        return [f"{type(e).__name__}: {e}"]
+        return [str(e) if isinstance(e, (LookupError, ValueError)) else describe(e, path.resolve())]
 
 
 def _check_module(path: Path, say: Say) -> list[str]:

@@ -13,7 +13,7 @@ import re
 import sys
 from pathlib import Path
 
-from nsbench import user_code
+from nsbench import input_errors, user_code
 from nsbench.case import Case, format_value, get_case, load_module, nearest, parse_spec
 from nsbench.solvers.base import Solver, check_positive
 from nsbench.trajectory import Status, Trajectory
@@ -37,7 +37,9 @@ def _scan() -> tuple[dict, dict]:
                 module = importlib.import_module(f"{PACKAGE}.{info.name}")
             found[info.name] = _checked(module)
         except (Exception, SystemExit) as e:  # a broken plugin must not take the others with it
-            failed[info.name] = f"{type(e).__name__}: {e}"
+            home = Path(info.module_finder.path) / info.name
+            file = home / "method.py" if info.ispkg else home.with_suffix(".py")
+            failed[info.name] = input_errors.describe(e, file)
     return found, failed
 
 
@@ -45,9 +47,15 @@ def _checked(module) -> type:
     """Return SOLVER of a module; TypeError with what is missing if it is no solver."""
     made = getattr(module, "SOLVER", None)
     if made is None:
-        raise TypeError(f"{module.__file__} does not define SOLVER")
+        raise TypeError(
+            f"{module.__file__} does not define SOLVER; end it with `SOLVER = ...`, the class of "
+            f"the method"
+        )
     if not (isinstance(made, type) and dataclasses.is_dataclass(made)):
-        raise TypeError(f"SOLVER of {module.__file__} is {made!r}; a frozen dataclass is needed")
+        raise TypeError(
+            f"SOLVER of {module.__file__} is {made!r:.80}; a frozen dataclass is needed: "
+            f"`@dataclass(frozen=True)` above the class, and SOLVER is the class, not an instance"
+        )
     missing = [
         n for n in ("accuracy", "default", "claims", "refuses", "prepare") if not hasattr(made, n)
     ]
@@ -147,13 +155,14 @@ def solve(case: Case | str, solver: str = "event_driven", **accuracy: float) -> 
     case: a case or the spec of one. accuracy: the solver's own parameter (h, tol, k), else its
     default is taken. Returns the trajectory, checked by nsbench.diagnostics; a refusal is a
     trajectory without samples and with the status "refused". Raises LookupError or ValueError for
-    bad input.
+    bad input, TypeError for a method that returns no trajectory, or one of other shapes.
     """
     case = get_case(case) if isinstance(case, str) else case
     method = get(solver)
     if set(accuracy) - {method.accuracy}:
         wrong = (set(accuracy) - {method.accuracy}).pop()
         raise LookupError(f"{solver} takes {method.accuracy!r}, not {wrong!r}")
+    from nsbench.solvers.common.returned_value import returned_violation
     from nsbench.solvers.scaled_run import ScaledRun
 
     value = check_positive(method.accuracy, accuracy.get(method.accuracy, method.default))
@@ -161,7 +170,11 @@ def solve(case: Case | str, solver: str = "event_driven", **accuracy: float) -> 
     if why:
         return refused(case, why)
     run = ScaledRun(method, case, value)
-    return run.checked(run())
+    found = run()
+    wrong = returned_violation(case, run.restored(found))
+    if wrong:
+        raise TypeError(f"{solver} on {case.key}: {wrong}")
+    return run.checked(found)
 
 
 def refused(case: Case, why: str) -> Trajectory:

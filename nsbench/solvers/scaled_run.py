@@ -19,7 +19,7 @@ from nsbench.dynamics.scaling.estimate import particle_distance, scale_of_sizes
 from nsbench.dynamics.scaling.scaled_case import ScaledCase, scaled_case, with_own_switches
 from nsbench.error_bars import ErrorBars, error_bars, restored_bars
 from nsbench.problem import Complementarity
-from nsbench.solvers.base import Solver
+from nsbench.solvers.base import Run, Solver
 from nsbench.solvers.common.initial_state import initial_state
 from nsbench.trajectory import Trajectory
 
@@ -47,12 +47,13 @@ class ScaledRun:
     def prepare(self, scale: Scale | None) -> None:
         """Prepare the method on the case in the units `scale`; None: those of the case."""
         if not self.is_scaled:
-            self.run = self.method.prepare(self.case, self.asked)
+            self.run = _callable_run(self.method, self.method.prepare(self.case, self.asked))
             return
         self.own = scaled_case(self._from_feasible_start(), scale)
         value = self.own.accuracy(self.method.accuracy, self.asked)
         with self.own.speaking():
-            self.run = self.method.prepare(with_own_switches(self.own.case), value)
+            prepared = self.method.prepare(with_own_switches(self.own.case), value)
+            self.run = _callable_run(self.method, prepared)
 
     def _from_feasible_start(self) -> Case:
         """Return the case from where its policy for starts puts it, all told in the user's units.
@@ -74,6 +75,8 @@ class ScaledRun:
             return self.run()
         with self.own.speaking():
             traj = self.run()
+        if not isinstance(traj, Trajectory):  # reported by whoever asked for the run
+            return traj
         found = self._overestimated(traj)
         if found is None:
             return traj
@@ -100,7 +103,8 @@ class ScaledRun:
 
     def restored(self, traj: Trajectory) -> Trajectory:
         """Return the trajectory in the units of the user."""
-        return self.own.restored(traj, self.case.t) if self.is_scaled else traj
+        restores = self.is_scaled and isinstance(traj, Trajectory)
+        return self.own.restored(traj, self.case.t) if restores else traj
 
     def checked(self, traj: Trajectory) -> Trajectory:
         """Return the trajectory, in the units of the user, with the status of the checks."""
@@ -117,7 +121,7 @@ class ScaledRun:
         """Return error bars of a run in own units from one with a looser tolerance."""
         from nsbench.solvers.event_driven.amplified_error import tolerance_pair
 
-        return tolerance_pair(self.method, self.own.case, traj, self.asked)
+        return tolerance_pair(self.method, with_own_switches(self.own.case), traj, self.asked)
 
     def _bars(self, told: Trajectory, found: ErrorBars | None) -> ErrorBars | None:
         """Return the error bars of a run as it is told, where the method has any."""
@@ -126,3 +130,13 @@ class ScaledRun:
         if told.bound is None and getattr(self.method, "has_error_bars", False):
             return error_bars(self.case, told)
         return told.bound
+
+
+def _callable_run(method: Solver, run: object) -> Run:
+    """Return what a method has prepared; TypeError with the remedy if it cannot be called."""
+    if not callable(run):
+        raise TypeError(
+            f"prepare of {type(method).__name__} returns {type(run).__name__}; it must return the "
+            f"function that runs: is its last line, `return run`, missing?"
+        )
+    return run

@@ -194,3 +194,47 @@ def test_standard_suite_holds_every_seed():
         "oscillator",
         "rods",
     }
+
+
+FORGETFUL = '''"""Return nothing where a run is needed."""
+from dataclasses import dataclass
+from nsbench.solvers import Claims, Trajectory
+
+
+@dataclass(frozen=True)
+class Forgetful:
+    """Forget the return."""
+
+    accuracy, default, claims = "h", 0.1, Claims()
+
+    def refuses(self, case):
+        return None
+
+    def prepare(self, case, h):
+        def run():
+            {run}
+        {prepare}
+
+
+SOLVER = Forgetful
+'''
+
+
+@pytest.mark.parametrize(
+    "run, prepare, sentence",
+    [
+        ("pass", "pass", "prepare of Forgetful returns NoneType.*`return run`"),
+        ("pass", "return run", r"returned None.*`return Trajectory\(...\)`"),
+        ("return case.x0", "return run", "returned ndarray; a Trajectory"),
+        (
+            "return Trajectory(case.t, case.t, (), case.t, case.t)",
+            "return run",
+            r"x is float64 of shape \(61,\); float64 \(61, 1\)",
+        ),
+    ],
+)
+def test_what_a_method_forgets_to_return_is_named(tmp_path, run, prepare, sentence):
+    path = tmp_path / "forgetful.py"
+    path.write_text(FORGETFUL.format(run=run, prepare=prepare))
+    with pytest.raises(TypeError, match=sentence):
+        nsbench.solve("tide", solvers.load(path))

@@ -14,6 +14,7 @@ ROOT = Path(nsbench.__file__).parent
 LAYERS = [
     "cases",
     "reference_solutions",
+    "input_errors",
     "problem",
     "trajectory",
     "columns",
