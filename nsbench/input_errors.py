@@ -102,7 +102,7 @@ def describe(error: BaseException, path: str | Path) -> str:
     A sentence of the package itself stands alone; to an exception of Python or of a library its
     class is added.
     """
-    place = _place(error, str(path))
+    place = place_of(error, path)
     head = f"{path}{place}: " if place else f"{path}: "
     text = str(error)
     if isinstance(error, SyntaxError):
@@ -112,8 +112,9 @@ def describe(error: BaseException, path: str | Path) -> str:
     return f"{head}{text}{remedy(error)}"
 
 
-def _place(error: BaseException, path: str) -> str:
-    """Return ", line N" and the function of the deepest line of the file that took part."""
+def place_of(error: BaseException, path: str | Path) -> str:
+    """Return ", line N" and the function of the deepest line of the file that took part, or ""."""
+    path = str(path)
     if isinstance(error, SyntaxError) and error.filename == path:
         return f", line {error.lineno}"
     found = ""

@@ -280,8 +280,8 @@ def _modes_by_signs(given) -> dict[tuple[int, ...], Factory]:
     """
     if not isinstance(given, Mapping) or not given:
         raise TypeError(
-            f"modes is {type(given).__name__} {given!r:.60}; a dict from signs to drifts is needed, "
-            "such as {+1: f_plus, -1: f_minus} for one surface"
+            f"modes is {type(given).__name__} {given!r:.60}; a dict from signs to drifts is "
+            "needed, such as {+1: f_plus, -1: f_minus} for one surface"
         )
     modes = {}
     for key, drift in given.items():
@@ -309,7 +309,8 @@ def _modes_by_signs(given) -> dict[tuple[int, ...], Factory]:
 class Filippov:
     """x' in co{f_i(x)} over the regions that meet at x; d surfaces c(t, x) = 0.
 
-    modes: maps sign tuples to drifts, 2^d of them; of one surface also {+1: f, -1: g}. switch: factory ``-> (t, x) -> (d,)``.
+    modes: maps sign tuples to drifts, 2^d of them; of one surface also {+1: f, -1: g}. switch:
+    factory ``-> (t, x) -> (d,)``.
     Everything is reduced to one `field(xp) -> (t, x, s)` with signs s in [-1, 1]^d: between the
     modes it is multilinear in the weights theta = (1 + s) / 2 (Alexander & Seidman 1998), which for
     one surface is Filippov's convexification. theta_i in [0, 1] is the weight of the positive side.

@@ -63,8 +63,8 @@ def evaluate(case, name: str, factory, *arguments) -> np.ndarray:
         )
     if value is None:
         raise TypeError(
-            f"{name} of {case.name} returns None at the start; an array is needed: is the `return` "
-            f"of the inner function missing?"
+            f"{name} of {case.name} returns None at the start; an array is needed: is the "
+            f"`return` of the inner function missing?"
         )
     return array
 
@@ -113,9 +113,7 @@ def _check_family(case, c, t0: float, x: np.ndarray) -> None:
                     f"holds {count}, 0 to {count - 1}"
                 )
     elif hasattr(c, "shape") and c.shape[1] != case.n:
-        raise ValueError(
-            f"A of {case.name} has {c.shape[1]} columns, the state {case.n} entries"
-        )
+        raise ValueError(f"A of {case.name} has {c.shape[1]} columns, the state {case.n} entries")
     _check_curves(case, c, t0, x)
 
 
@@ -145,9 +143,9 @@ def _check_curves(case, c, t0: float, x) -> None:
     if isinstance(c, Smooth):
         made = {"g": (evaluate(case, "g", c.g, t0, x), None)}
     else:
-        made = (
-            {"b": (evaluate(case, "b", c.b, t0), (c.shape[0],))} if isinstance(c, Affine) and c.moving else {}
-        )
+        made = {}
+        if isinstance(c, Affine) and c.moving:
+            made["b"] = (evaluate(case, "b", c.b, t0), (c.shape[0],))
         if isinstance(c, Distance) and c.moving:
             made["anchors"] = (evaluate(case, "anchors", c.anchors, t0), None)
     for name, (value, shape) in made.items():

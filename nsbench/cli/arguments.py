@@ -186,8 +186,8 @@ def _add_step(verbs) -> None:
 
 
 def _add_check(verbs) -> None:
-    verb = _add_verb(verbs, "check", "check a case file or a solver file")
-    verb.add_argument("file")
+    verb = _add_verb(verbs, "check", "does a case or a solver do what it says?")
+    verb.add_argument("file", metavar="FILE", help="a file, or the name of a case or solver")
 
 
 def _add_reference(verbs) -> None:
