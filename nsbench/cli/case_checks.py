@@ -32,6 +32,7 @@ def check_repeatable(case: Case, again: Case) -> list[str]:
     return []
 
 
+@np.errstate(all="ignore")  # what is not finite becomes a sentence
 def check_case(case: Case, say: Say) -> list[str]:
     """Check start, drift, exact solution, and that a standard method accepts the case.
 
@@ -46,8 +47,7 @@ def check_case(case: Case, say: Say) -> list[str]:
     traj = None if violations else _run_event_driven(case, say)
     if case.exact is not None:
         violations += _check_exact(case) or _compare_with_event_driven(case, traj)
-    with np.errstate(all="ignore"):  # what is not finite has been reported
-        accepting = [s for s in solvers.standard() if solvers.get(s).refuses(case) is None]
+    accepting = [s for s in solvers.standard() if solvers.get(s).refuses(case) is None]
     if not accepting:
         violations.append("every method of the standard suite refuses it")
     say(
