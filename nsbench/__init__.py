@@ -2,6 +2,7 @@
 systems."""
 
 from importlib import import_module
+from importlib.util import find_spec
 
 _HOME = {
     "Affine": "problem",
@@ -17,6 +18,8 @@ _HOME = {
     "solve": "solvers",
     "errors": "measure",
     "fit_order": "measure",
+    "Trajectory": "trajectory",
+    "Study": "study",
     "run": "study",
     "write_report": "report",
 }
@@ -26,7 +29,9 @@ __version__ = "0.1.0"
 
 def __getattr__(name):
     if name not in _HOME:
-        raise AttributeError(f"module 'nsbench' has no attribute {name!r}")
+        if name.startswith("_") or find_spec(f"nsbench.{name}") is None:
+            raise AttributeError(f"module 'nsbench' has no attribute {name!r}")
+        return import_module(f"nsbench.{name}")  # nsbench.solvers, nsbench.reference, ...
     value = getattr(import_module(f"nsbench.{_HOME[name]}"), name)
     globals()[name] = value
     return value

@@ -56,8 +56,8 @@ class Affine:
     for moving walls.
     """
 
-    A: Any
-    b: Any
+    A: Any = field(repr=False)
+    b: Any = field(repr=False)
     indptr: np.ndarray = field(init=False, repr=False)
     indices: np.ndarray = field(init=False, repr=False)
     data: np.ndarray = field(init=False, repr=False)

@@ -119,7 +119,7 @@ class Resolution:
             raise ValueError(f"rule is {self.rule!r}; one of {RULES}")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Trajectory:
     """Samples of one run.
 
@@ -157,6 +157,16 @@ class Trajectory:
     between: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
     resolution: Resolution | None = None
     bound: object | None = field(default=None, repr=False, compare=False)
+
+    def __repr__(self) -> str:
+        """Return what the run is in a line; the arrays are attributes."""
+        if not len(self.t):
+            return f"Trajectory({self.status.code}, no samples: {self.status})"
+        span = f"t = {self.t[0]:g} .. {self.t[-1]:g}"
+        return (
+            f"Trajectory({self.status.code}, {span}, x {self.x.shape}, "
+            f"{len(self.contacts)} contacts, {len(self.events)} events)"
+        )
 
 
 def machine_fault(e: BaseException) -> str:

@@ -20,7 +20,7 @@ START_POLICIES = ("error", "project", "keep")
 
 
 @named_fields
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Case:
     """State a problem with its initial value, its sample times and what is known of its solution.
 
@@ -108,6 +108,13 @@ class Case:
                 f"one: unique=False?"
             )
         check_shapes(self)
+
+    def __repr__(self) -> str:
+        """Return name, problem class and sizes; the data are attributes."""
+        return (
+            f"Case({self.key}: {type(self.problem).__name__}, n = {self.n}, "
+            f"t = {self.t[0]:g} .. {self.t[-1]:g}, {len(self.t)} samples)"
+        )
 
     @property
     def n(self) -> int:

@@ -85,7 +85,7 @@ def _check_modes(case, t0: float, x: np.ndarray) -> None:
     if c.ndim != 1 or c.dtype != np.float64:
         raise ValueError(
             f"switch of {case.name} returns {c.dtype} of shape {c.shape}; float64 (d,) is needed: "
-            f"xp.stack([c]) makes an array of a number"
+            f"xp.array([c]) makes an array of a number"
         )
     if p.d is not None and len(c) != p.d:
         raise ValueError(

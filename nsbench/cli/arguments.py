@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import argparse
 
+import nsbench
+
 LIMIT = "limit of one run (default: 120 s); its preparation has 5 minutes more"
 ACCURACIES = {"h": "steps", "tol": "tolerances", "k": "stiffnesses"}
 SHELLS = ("bash", "zsh")
@@ -27,6 +29,7 @@ def build_parser() -> argparse.ArgumentParser:
         choices=SHELLS,
         help="print a script that completes commands and options in this shell, and stop",
     )
+    parser.add_argument("--version", action="version", version=f"nsbench {nsbench.__version__}")
     verbs = parser.add_subparsers(required=True, metavar="COMMAND")
     for add in (
         _add_list,
@@ -34,6 +37,7 @@ def build_parser() -> argparse.ArgumentParser:
         _add_report,
         _add_show,
         _add_step,
+        _add_new,
         _add_check,
         _add_reference,
         _add_gate,
@@ -108,6 +112,12 @@ def _add_run(verbs) -> None:
         "-v", "--verbose", action="store_true", help="for --plan: a line for each run"
     )
     verb.add_argument("--force", action="store_true", help="run again what is already known")
+    verb.add_argument(
+        "-q", "--quiet", action="store_true", help="print the path of the report only"
+    )
+    verb.add_argument(
+        "--json", action="store_true", help="print the table at the end as JSON, nothing else"
+    )
     verb.add_argument("-o", "--out", default="results", metavar="DIR")
 
 
@@ -183,6 +193,18 @@ def _add_step(verbs) -> None:
         help="methods to ask, such as pbd (default: all of the standard suite)",
     )
     verb.add_argument("--json", action="store_true", help="print the answers as JSON")
+
+
+def _add_new(verbs) -> None:
+    verb = _add_verb(verbs, "new", "write a commented case or method file to start from")
+    verb.add_argument("what", choices=("case", "method"))
+    verb.add_argument("name", metavar="NAME", help="of the case or method; the file is NAME.py")
+    verb.add_argument(
+        "--kind",
+        default="contact",
+        metavar="KIND",
+        help="case: contact (default), discs, switch, circuit; method: contact (default), switch",
+    )
 
 
 def _add_check(verbs) -> None:

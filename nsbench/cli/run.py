@@ -7,6 +7,9 @@ solvers and those of the solver files given.
 from __future__ import annotations
 
 import argparse
+import dataclasses
+import json
+from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 
@@ -40,7 +43,31 @@ def command(args: argparse.Namespace, say: Callable[[str], None]) -> int:
         left_out |= {f"solver {name}": why for name, why in solvers.broken().items()}
     for name, why in left_out.items():
         say(f"left out: {name}: {why}")
-    return execute(specs, Path(args.out), args, say) or (FAILED if left_out else FINE)
+    code = execute(specs, Path(args.out), args, _voice(args, say))
+    if args.json and not args.plan:
+        say(json.dumps(_describe_results(Path(args.out)), indent=1))
+    return code or (FAILED if left_out else FINE)
+
+
+def _voice(args, say: Callable) -> Callable:
+    """Return what `execute` prints with: nothing but the path with -q, nothing with --json."""
+    if args.json and not args.plan:
+        return lambda text="", end="\n": None
+    if not args.quiet:
+        return say
+    return lambda text="", end="\n": say(text, end) if text.startswith("report: ") else None
+
+
+def _describe_results(out: Path) -> dict:
+    """Return what the table at the end says, with the counted statuses, for other programs."""
+    from nsbench.report.data import read
+    from nsbench.report.overview import overview
+
+    data = read(out)
+    statuses = Counter(str(s) for r in data.runs.values() for s in r.col["status"])
+    lines = [dataclasses.asdict(line) for line in overview(data)]
+    cases = [{k: None if v != v else v for k, v in line.items()} for line in lines]
+    return {"report": str(out / "report.html"), "statuses": statuses, "cases": cases}
 
 
 def _select_cases(args) -> tuple[list[CaseSource], dict[str, str]]:

@@ -41,6 +41,8 @@ def _show_run(case: Case, args, say) -> int:
         measures = errors(case, traj)
         below_bound = measures["below"].split()
         for name, value in measures.items():
+            if value == "" or value != value:  # NaN: not measured on this case
+                continue
             text = f"{value:.6g}" if isinstance(value, float) else str(value)
             if name in below_bound:
                 text = "below ten times the bound of the reference"

@@ -57,7 +57,18 @@ def _pointer(factory, signature, make):
             return found
         return cfunc_cache.compiled(name, signature, make(_compiled(function)))
     except (NumbaError, NotImplementedError) as e:
-        raise CompileError(str(e).strip().splitlines()[0]) from None
+        raise CompileError(_reason(str(e))) from None
+
+
+def _reason(text: str) -> str:
+    """Return what numba cannot compile, with the line of the file, from the text of its error."""
+    lines = [line.strip() for line in text.strip().splitlines()]
+    said = [line for line in lines if line and not line.startswith("Failed in nopython mode")]
+    call = next((line.removeprefix(">>> ") for line in lines if line.startswith(">>> ")), "")
+    what = f"no implementation of {call}" if call else next(iter(said), lines[0] if lines else "")
+    at = next((line for line in lines if line.startswith("File ") and '", line ' in line), "")
+    number = at.rstrip(":").rpartition("line ")[2]
+    return f"{what}, line {number}" if number else what
 
 
 def _compiled(f, callers=()):

@@ -25,6 +25,8 @@ from nsbench.execute.forecast import work
 from nsbench.execute.progress import EXPECTED_STATUSES, Progress
 from nsbench.execute.workers.pool import Chore, run_all
 from nsbench.reference import lookup
+from nsbench.report.data import read
+from nsbench.report.overview import format_overview
 from nsbench.results import consistency, row_reuse
 from nsbench.results import run_key as key
 from nsbench.results import tables as store
@@ -37,6 +39,7 @@ from nsbench.study.attempt import lost_run_row
 from nsbench.study.plan import resolve
 
 RUNS_FAILED = 3  # exit code
+NOTHING_RAN = 4  # exit code
 NO_ROW = "No worker gave a row of this run. The same command tries it again."
 
 
@@ -85,9 +88,14 @@ def execute(specs: list[Spec], out: Path, args, say) -> int:
         say(
             f"{failed.total()} of {len(ordered)} runs failed; the report lists each with its reason"
         )
+    for line in format_overview(read(out)):
+        say(line)
+    refused = all(r["status"] == "refused" for r in ordered)
+    if refused:
+        say("nothing ran: every method refuses; the report gives the reasons")
     say(f"report: {path}")
     unexpected = failed["error"] or failed["crashed"] or failed.total() == len(ordered)
-    return RUNS_FAILED if unexpected else 0
+    return RUNS_FAILED if unexpected else NOTHING_RAN * refused
 
 
 def _parts_of_all(specs: list[Spec], cases: dict) -> dict[Spec, tuple]:

@@ -20,7 +20,7 @@ HALVINGS = 24
 TWICE = 2
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Reference:
     """Hold the known solution at the sample times, with bounds of its own error.
 
@@ -49,6 +49,10 @@ class Reference:
     versions: dict = dataclasses.field(default_factory=dict)
     event_error: float = float("nan")
     shown: dict = dataclasses.field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        """Return kind, sizes and bound; the arrays are attributes."""
+        return f"Reference({self.kind}, x {self.x.shape}, state to {self.state_error:.1e})"
 
     def __str__(self) -> str:
         known = (

@@ -89,7 +89,7 @@ def _unexpected(found) -> list[Statement]:
 def _choices(data: Data) -> Iterator[str]:
     """Count on how many cases each method is the cheapest one to reach an error."""
     cases = [case for case in data.case_keys if _has_error(data, case)]
-    for target in cost.TARGETS:
+    for target in cost.TARGETS if cases else ():
         found = {case: cost.rank_costs(data, case, target) for case in cases}
         if not any(found.values()):
             yield f"Error {format_power(target)}: reached by no method on any case."
@@ -105,7 +105,7 @@ def _choices(data: Data) -> Iterator[str]:
     blind = [case for case in data.case_keys if case not in cases]
     if blind:
         yield (
-            "Nothing to compare with, for want of a reference or of a finished run: "
+            "Errors are not known, for want of a reference or of a finished run: "
             f"{join_names(blind)}."
         )
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import dataclasses
 import secrets
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
 __all__ = ["Spec", "Study", "run"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Study:
     """rows: one dict per attempted run, whatever became of it; cases, solvers: what they are, by
     key and spec."""
@@ -37,6 +38,15 @@ class Study:
     rows: list[dict]
     cases: dict = dataclasses.field(default_factory=dict)
     solvers: dict = dataclasses.field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        """Return the numbers of rows, cases and solvers, and what became of the runs."""
+        outcomes = Counter(row["status"] for row in self.rows)
+        counted = ", ".join(f"{count} {status}" for status, count in outcomes.most_common())
+        return (
+            f"Study({len(self.rows)} runs of {len(self.cases)} cases with {len(self.solvers)} "
+            f"solvers: {counted or 'none'})"
+        )
 
     def frame(self) -> pandas.DataFrame:
         """The rows as a pandas DataFrame."""

@@ -15,19 +15,19 @@ from nsbench import LCS, Affine, Case, Complementarity, Distance, Filippov, Smoo
 
 def drift(xp):
     def f(t, x):
-        return xp.stack([-x[1], x[0]])
+        return xp.array([-x[1], x[0]])
     return f
 
 
 def other(xp):
     def f(t, x):
-        return xp.stack([x[1], -x[0]])
+        return xp.array([x[1], -x[0]])
     return f
 
 
 def switch(xp):
     def c(t, x):
-        return xp.stack([x[0]])
+        return xp.array([x[0]])
     return c
 
 
@@ -40,7 +40,7 @@ CASE = Case(
 )
 '''
 PROBLEM = "Complementarity(drift, (FLOOR,))"
-DRIFT = "return xp.stack([-x[1], x[0]])"
+DRIFT = "return xp.array([-x[1], x[0]])"
 
 # name: what is replaced, by what, the text of the line that is named (None: none), the sentence
 WRONG = {
@@ -93,10 +93,10 @@ WRONG = {
         PROBLEM,
         "Filippov({1: drift, -1: other}, lambda xp: lambda t, x: x[0])",
         "CASE = Case(",
-        r"switch of mine returns float64 of shape \(\).*xp.stack",
+        r"switch of mine returns float64 of shape \(\).*xp.array",
     ),
     "index too large": (
-        DRIFT, "return xp.stack([x[2], x[0]])", "x[2]", r"drift of mine.*x has 2 entries.*IndexErr"
+        DRIFT, "return xp.array([x[2], x[0]])", "x[2]", r"drift of mine.*x has 2 entries.*IndexErr"
     ),
     "shapes that cannot be broadcast": (
         DRIFT, "return x * np.ones(3)", "np.ones(3)", "drift of mine.*2 entries.*broadcast"

@@ -162,7 +162,9 @@ WRONG_CASES = {
     ),
     "a branch of Python": (DRIFT, "return -y if y[0] > 9 else -t * y", "JAX.*xp.where"),
     "a regular expression in the drift": (
-        DRIFT, "return -t * xp.ones_like(y) * len(re.sub('a', 'b', 'a'))", "numba cannot compile"
+        DRIFT,
+        "return -t * xp.ones_like(y) * len(re.sub('a', 'b', 'a'))",
+        "numba cannot compile the drift.*'sub'.*line 12",
     ),
     "a wrong gradient": (
         "(FLOOR,)", "(Smooth(g, gradient=lambda xp: lambda t, x: 2 * xp.eye(1)),)", "gradient diff"

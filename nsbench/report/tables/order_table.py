@@ -80,7 +80,7 @@ def order_cell(o: Order) -> Cell:
         if o.verdict == "plateau":
             small = f"plateau at {format_number(o.plateau)}"
         kind = "flag" if o.flag else "bad" if o.verdict in ("diverges", "plateau") else "number"
-        return Cell(f"{o.order:.2f} {mark}".strip(), small, o.sentence, kind)
+        return Cell(f"{o.order:.{digits}f} {mark}".strip(), small, o.sentence, kind)
     if o.kind == "bound":
         return Cell(o.text, o.verdict, o.sentence, "flag" if o.flag else "number")
     if o.kind == "exact":

@@ -1,0 +1,27 @@
+"""`nsbench new` writes files that pass `nsbench check`, and never over another."""
+
+import pytest
+
+from nsbench.cli import main
+from nsbench.cli.new import TEMPLATES
+
+KINDS = sorted(tuple(p.stem.split("_")) for p in TEMPLATES.glob("*.txt"))
+
+
+@pytest.mark.parametrize("what, kind", KINDS)
+def test_what_is_written_passes_the_check(what, kind, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["new", what, f"my_{kind}", "--kind", kind]) == 0
+    assert main(["check", f"my_{kind}.py"]) == 0, capsys.readouterr().out
+    assert f"my_{kind}.py: fine" in capsys.readouterr().out
+    assert "NAME" not in (tmp_path / f"my_{kind}.py").read_text()
+
+
+def test_a_file_that_is_there_stays(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.py").write_text("x = 1\n")
+    assert main(["new", "case", "mine"]) == 2
+    assert (tmp_path / "mine.py").read_text() == "x = 1\n"
+    assert main(["new", "case", "other", "--kind", "disc"]) == 2
+    assert "did you mean 'discs'" in capsys.readouterr().err
+    assert main(["new", "method", "a b"]) == 2
