@@ -9,14 +9,17 @@ from nsbench.case.registry import (
     load_case,
     load_module,
 )
+from nsbench.case.sources import SUITES, cases_of
 from nsbench.case.spec import format_value, parse_spec, parse_value
 from nsbench.input_errors import nearest
 
 __all__ = [
+    "SUITES",
     "Case",
     "broken_cases",
     "case_module",
     "case_names",
+    "cases_of",
     "format_value",
     "get_case",
     "load_case",

@@ -48,6 +48,7 @@ class Case:
     radius      of particles, for pictures
     scale       units of the case, a `Scale` of its time and coordinates: tolerances of methods are
                 relative to them; None: they are found from the start
+    references  folder in which references of the case are stored; "": that of the package
     doc, source description and file, filled in by the registry
 
     Raises ValueError or TypeError that names the field and the value if the data do not fit
@@ -71,6 +72,7 @@ class Case:
     params: dict = field(default_factory=dict)
     radius: float | None = None
     scale: Scale | None = None
+    references: str = ""
     doc: str = ""
     source: str = ""
 

@@ -9,7 +9,10 @@ def format_value(value: object) -> str:
     """Write a parameter value as it is typed in a spec: true, false, 0.1, 30, text."""
     if isinstance(value, bool):
         return "true" if value else "false"
-    return f"{value:g}" if isinstance(value, float) else str(value)
+    if not isinstance(value, float):
+        return str(value)
+    short = f"{value:g}"
+    return short if float(short) == value else repr(value)
 
 
 def parse_spec(spec: str) -> tuple[str, dict]:

@@ -111,6 +111,12 @@ def _add_run(verbs) -> None:
     verb.add_argument(
         "-v", "--verbose", action="store_true", help="for --plan: a line for each run"
     )
+    verb.add_argument(
+        "--references",
+        metavar="DIR",
+        help="folder of the references of case files (default: references in the folder of "
+        "results); missing ones are built",
+    )
     verb.add_argument("--force", action="store_true", help="run again what is already known")
     verb.add_argument(
         "-q", "--quiet", action="store_true", help="print the path of the report only"
@@ -124,7 +130,11 @@ def _add_run(verbs) -> None:
 def _add_selection(verb: argparse.ArgumentParser) -> None:
     """Add the arguments that select cases, solvers and accuracies."""
     verb.add_argument(
-        "cases", nargs="*", metavar="CASE", help="such as tide or discs[n=30]; none: the suite"
+        "cases",
+        nargs="*",
+        metavar="CASE",
+        help="such as tide, discs[n=30], my_case.py, my_case.py[mu=0.1] or a folder; none: the "
+        "suite",
     )
     verb.add_argument(
         "-s", "--solver", action="append", metavar="SOLVER", help="such as pbd[order=reverse]"
@@ -216,7 +226,11 @@ def _add_reference(verbs) -> None:
     verb = _add_verb(verbs, "reference", "build or verify stored references")
     verb.add_argument("action", choices=("build", "verify", "list"))
     verb.add_argument("cases", nargs="*", metavar="CASE")
-    verb.add_argument("--into", metavar="DIR", help="folder to use (default: reference_solutions)")
+    verb.add_argument(
+        "--into",
+        metavar="DIR",
+        help="folder to use (default: that of the package; of case files results/references)",
+    )
     verb.add_argument(
         "--kind",
         choices=("auto", "certified", "runs"),

@@ -7,13 +7,14 @@ option and its value; nsbench.cli.main turns these into exit code 2.
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
+from collections.abc import Iterable, Sequence
 from types import SimpleNamespace
 
 import numpy as np
 
 from nsbench import solvers
-from nsbench.case import Case, get_case
+from nsbench.case import Case, cases_of
+from nsbench.case.sources import split_path
 
 VALUES_PER_OCTAVE = 3.07  # of a range A..B: their ratios are not dyadic
 
@@ -29,22 +30,6 @@ def check_worker_options(args: argparse.Namespace) -> None:
         from nsbench.execute.workers.memory import parse_size
 
         args.memory = parse_size(args.memory)
-
-
-def find_python_files(path: str | Path) -> list[Path]:
-    """List the Python file at a path, or those in a folder that do not start with "_" or ".".
-
-    Raises FileNotFoundError if there is none.
-    """
-    path = Path(path)
-    if path.is_dir():
-        files = sorted(p for p in path.glob("*.py") if not p.name.startswith(("_", ".")))
-        if not files:
-            raise FileNotFoundError(f"no case or solver file in {path}")
-        return files
-    if not path.is_file():
-        raise FileNotFoundError(f"no file {path}")
-    return [path]
 
 
 def read_accuracies(args: argparse.Namespace) -> dict[str, str | float]:
@@ -74,13 +59,39 @@ def read_values(text: str) -> list[float]:
     return values
 
 
-def get_case_that_fits(key: str) -> Case:
-    """Build a registered case, unless it is foreseen to need more memory than there is.
+def find_cases(
+    names: Iterable[str], suite: str = "standard", args: argparse.Namespace | None = None
+) -> list[tuple[Case, str]]:
+    """Build the cases of all names, each with its file (nsbench.case.sources), if they fit.
 
-    Raises ValueError with the foreseen size in that case, LookupError for an unknown name.
+    args: with the worker options memory and jobs; None: those of one process. Raises ValueError
+    with the foreseen size for a registered case that needs more memory than there is, LookupError
+    or FileNotFoundError for a name that stands for nothing.
     """
     from nsbench.case.size import predicted_size
     from nsbench.execute.dry_run import check_memory
 
-    check_memory({key: predicted_size(key)}, SimpleNamespace(memory=None, jobs=1))
-    return get_case(key)
+    out = []
+    for name in names:
+        if split_path(name) is None:
+            limits = args or SimpleNamespace(memory=None, jobs=1)
+            check_memory({name: predicted_size(name)}, limits)
+        out += cases_of(name, suite)
+    return out
+
+
+def find_one_case(name: str) -> Case:
+    """Build the case of a name; of a file with several parameter sets the first one."""
+    return find_cases([name])[0][0]
+
+
+def check_accuracies(specs: Iterable[str], values: Sequence[str]) -> None:
+    """Raise LookupError if an accuracy is given that none of the methods takes.
+
+    specs: of the methods that are asked for by name; values: names of the accuracies given.
+    """
+    methods = {spec: solvers.get(spec).accuracy for spec in specs}
+    for name in values:
+        if methods and name not in methods.values():
+            spec, taken = next(iter(methods.items()))
+            raise LookupError(f"{spec} takes {taken!r}, not {name!r}")

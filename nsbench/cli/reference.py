@@ -9,8 +9,10 @@ from collections.abc import Callable
 from nsbench import reference
 from nsbench.case import Case, get_case
 from nsbench.cli.exit_codes import FAILED, FINE
-from nsbench.cli.option_values import get_case_that_fits
+from nsbench.cli.option_values import find_cases
 from nsbench.study.plan import suite_cases
+
+OF_FILES = "results/references"  # where `nsbench run` stores those of case files
 
 
 def command(args: argparse.Namespace, say: Callable[[str], None]) -> int:
@@ -21,21 +23,26 @@ def command(args: argparse.Namespace, say: Callable[[str], None]) -> int:
         "verify": (reference.verify, {"certify": args.certify}),
         "list": (reference.load, {}),
     }[args.action]
-    keys = [get_case_that_fits(k).key for k in args.cases] or [
-        k for k in suite_cases("full") if _concerns(get_case(k), args.action, folder)
-    ]
     failures = 0
-    for key in keys:
-        case = get_case(key)
+    for case, file in _select_cases(args, folder):
         start = time.perf_counter()
+        where = folder or (OF_FILES if file else None)
         try:
-            result = action(case, folder=folder, **options)
+            result = action(case, folder=where, **options)
             took = f" ({time.perf_counter() - start:.1f} s)" if args.action != "list" else ""
-            say(f"{key}: {result or 'has no stored reference'}{took}")
+            say(f"{case.key}: {result or 'has no stored reference'}{took}")
         except (ValueError, ArithmeticError) as e:
             failures += 1
-            say(f"{key}: {e}")
+            say(f"{case.key}: {e}")
     return FAILED if failures else FINE
+
+
+def _select_cases(args: argparse.Namespace, folder) -> list[tuple[Case, str]]:
+    """Cases of the arguments with their files; without any, the registered ones concerned."""
+    if args.cases:
+        return find_cases(args.cases)
+    registered = map(get_case, suite_cases("full"))
+    return [(case, "") for case in registered if _concerns(case, args.action, folder)]
 
 
 def _concerns(case: Case, action: str, folder) -> bool:

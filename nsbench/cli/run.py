@@ -14,11 +14,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 from nsbench import solvers
-from nsbench.case import broken_cases, get_case, load_case
+from nsbench.case import broken_cases
+from nsbench.case.sources import python_files
 from nsbench.cli.exit_codes import FAILED, FINE
 from nsbench.cli.option_values import (
+    check_accuracies,
     check_worker_options,
-    find_python_files,
+    find_cases,
     read_accuracies,
     read_values,
 )
@@ -33,9 +35,10 @@ def command(args: argparse.Namespace, say: Callable[[str], None]) -> int:
 
     check_worker_options(args)
     _check_cluster_options(args)
-    solver_files = tuple(str(p) for f in args.solver_files for p in find_python_files(f))
+    solver_files = tuple(str(p) for f in args.solver_files for p in python_files(f))
     added_solvers = [solvers.load(f) for f in solver_files]
     values = {name: read_values(text) for name, text in read_accuracies(args).items()}
+    check_accuracies(args.solver or (), list(values))
     cases, left_out = _select_cases(args)
     _check_distinct_names(cases)
     specs = _plan(args, cases, values, solver_files, added_solvers)
@@ -72,32 +75,22 @@ def _describe_results(out: Path) -> dict:
 
 def _select_cases(args) -> tuple[list[CaseSource], dict[str, str]]:
     """Cases of the arguments; and why cases of the suite that do not load are not among them."""
-    from nsbench.case.size import predicted_size
-    from nsbench.execute.dry_run import check_memory
-
-    files = [(load_case(p).key, str(p)) for f in args.case_files for p in find_python_files(f)]
-    keys = []
-    left_out = {}
-    if args.cases:
-        check_memory({c: predicted_size(c) for c in args.cases}, args)
-        named = [get_case(c) for c in args.cases]
-        keys = [(c.key, "") for c in named if args.tag is None or args.tag in c.tags]
-    elif not files:
+    names = [*args.cases, *args.case_files]
+    if not names:
         left_out = broken_cases()
-        keys = [(k, "") for k in suite_cases(args.suite, args.tag, left_out)]
-    return [*keys, *files], left_out
+        return [(k, "") for k in suite_cases(args.suite, args.tag, left_out)], left_out
+    found = find_cases(names, args.suite, args)
+    return [(c.key, f) for c, f in found if args.tag is None or args.tag in c.tags], {}
 
 
 def _plan(args, cases, values, solver_files, added_solvers) -> list[Spec]:
     """Plan all runs. Raises LookupError if there are none."""
-    chosen = args.solver
-    if not chosen and args.case_files and not args.cases:
-        chosen = [*solvers.standard()]
-    specs = plan_runs(cases, chosen, values, solver_files)
+    references = str(Path(args.references or Path(args.out) / "references").resolve())
+    specs = plan_runs(cases, args.solver, values, solver_files, references)
     if not specs:
         raise LookupError("nothing to run: no case matches")
     if added_solvers and args.solver is None:
-        more = plan_runs(cases, added_solvers, values, solver_files)
+        more = plan_runs(cases, added_solvers, values, solver_files, references)
         specs += [s for s in more if s not in specs]
     return specs
 

@@ -6,9 +6,9 @@ import argparse
 from collections.abc import Callable
 
 from nsbench import solvers
-from nsbench.case import Case, load_case
+from nsbench.case import Case
 from nsbench.cli.exit_codes import FAILED, FINE
-from nsbench.cli.option_values import get_case_that_fits, read_accuracies
+from nsbench.cli.option_values import find_one_case, read_accuracies
 from nsbench.execute.progress import EXPECTED_STATUSES
 
 MOST_EVENTS = 40  # printed, the first ones
@@ -16,7 +16,7 @@ MOST_EVENTS = 40  # printed, the first ones
 
 def command(args: argparse.Namespace, say: Callable[[str], None]) -> int:
     """Show a case, or one run of it; 3 if the run ended with a status that is a failure."""
-    case = load_case(args.case) if args.case.endswith(".py") else get_case_that_fits(args.case)
+    case = find_one_case(args.case)
     say(
         f"{case.key}: {type(case.problem).__name__}, n = {case.n}, t = {case.t[0]:g} .. "
         f"{case.t[-1]:g}, {len(case.t)} samples"

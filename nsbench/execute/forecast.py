@@ -198,7 +198,7 @@ def work(spec: Spec) -> float:
     """
     if np.isnan(spec.asked):
         return 0.0
-    case = resolve(spec.case, spec.file)
+    case = resolve(spec.case, spec.file, spec.references)
     span = float(case.t[-1] - case.t[0])
     steps = {"h": span / spec.asked, "k": span * spec.asked / 3}.get(spec.accuracy, WORK_OF_EVENTS)
     in_python = WORK_OF_PYTHON_STEP if "backend=" in spec.solver else 0

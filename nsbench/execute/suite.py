@@ -12,6 +12,7 @@ import json
 import os
 import re
 import secrets
+import time
 from collections import Counter
 from collections.abc import Iterable
 from itertools import chain, groupby
@@ -24,7 +25,7 @@ from nsbench.execute import dry_run
 from nsbench.execute.forecast import work
 from nsbench.execute.progress import EXPECTED_STATUSES, Progress
 from nsbench.execute.workers.pool import Chore, run_all
-from nsbench.reference import lookup
+from nsbench.reference import build_missing, is_missing, lookup, store_reason, why_missing
 from nsbench.report.data import read
 from nsbench.report.overview import format_overview
 from nsbench.results import consistency, row_reuse
@@ -51,11 +52,13 @@ def execute(specs: list[Spec], out: Path, args, say) -> int:
     also probe and verbose). Raises ValueError for a folder that cannot be used and for a case that
     needs too much memory; errors of results and cluster pass on.
     """
+    _check_folder(out)
+    if not args.plan:
+        build_references({(s.case, s.file, s.references) for s in specs if s.references}, args, say)
     key.forget()  # this process may have made keys before somebody edited a file
-    cases = {(s.case, s.file): resolve(s.case, s.file) for s in specs}
+    cases = {(s.case, s.file): resolve(s.case, s.file, s.references) for s in specs}
     parts = _parts_of_all(specs, cases)
     keys = {s: key.key_of(s, parts[s]) for s in specs}
-    _check_folder(out)
     for case in cases.values():
         lookup.check(case)
     dry_run.check_memory({c.key: size.size_of(c) for c in cases.values()}, args)
@@ -77,7 +80,7 @@ def execute(specs: list[Spec], out: Path, args, say) -> int:
             recorder = row_reuse.RowRecorder(
                 journal, keys, parts, cases, on_this_machine=args.dask is None
             )
-            drawn = _run(todo, keys, recorder, rows, args, say, [*cases], out)
+            drawn = _run(todo, keys, recorder, rows, args, say, cases, out)
             recorder.report(say)
         ordered = OrderedRows(
             rows, (keys[s] for s in specs), lambda i: lost_run_row(specs[i], "error", NO_ROW)
@@ -96,6 +99,34 @@ def execute(specs: list[Spec], out: Path, args, say) -> int:
     say(f"report: {path}")
     unexpected = failed["error"] or failed["crashed"] or failed.total() == len(ordered)
     return RUNS_FAILED if unexpected else NOTHING_RAN * refused
+
+
+def build_references(sources: set[tuple[str, str, str]], args, say) -> None:
+    """Build on workers the references that cases of files lack: (key, file, folder) each.
+
+    What cannot be built has its reason stored beside them (nsbench.reference.missing).
+    """
+    missing = sorted(source for source in sources if is_missing(resolve(*source)))
+    if not missing:
+        return
+    names = ", ".join(key for key, _, _ in missing)
+    say(f"building the references of {names}: two integrators and a witness, or a proof")
+    start = time.perf_counter()
+    chores = [Chore(_build_reference, source) for source in missing]
+    jobs = dry_run.worker_count(args) if args.dask is None else 1
+    run_all([], jobs, args.timeout, lambda spec, row: None, chores, memory_limit=args.memory)
+    for source in missing:
+        case = resolve(*source)
+        if is_missing(case):
+            store_reason(case, "its worker ended, or was stopped at the limits of time and memory")
+        found = lookup.reference(case)
+        told = f"no reference: {why_missing(case)}" if found is None else f"reference: {found}"
+        say(f"{case.key}: {told}")
+    say(f"references took {time.perf_counter() - start:.0f} s")
+
+
+def _build_reference(key: str, file: str, folder: str) -> None:
+    build_missing(resolve(key, file, folder))
 
 
 def _parts_of_all(specs: list[Spec], cases: dict) -> dict[Spec, tuple]:
@@ -220,13 +251,16 @@ def _chores(cases, out):
     has_sliding = "sliding" in {name for name, _ in cases}
     talk = [Chore(_write_talk_figure, ("talk", "", str(out)))] if has_sliding else []
     figures = str(out / "figures")
-    return [*talk, *(Chore(_draw_scene, (name, file, figures)) for name, file in cases)]
+    return [
+        *talk,
+        *(Chore(_draw_scene, (*name, figures, case.references)) for name, case in cases.items()),
+    ]
 
 
-def _draw_scene(key: str, file: str, folder: str) -> None:
+def _draw_scene(key: str, file: str, folder: str, references: str) -> None:
     from nsbench.report.scenes.files import write_scenes
 
-    write_scenes([resolve(key, file)], Path(folder))
+    write_scenes([resolve(key, file, references)], Path(folder))
 
 
 def _write_talk_figure(name: str, _: str, out: str) -> None:
@@ -243,7 +277,7 @@ def order_batches(batches: list[list[Spec]]) -> list[list[Spec]]:
     """
     weights = [sum(map(work, batch)) for batch in batches]
     longest_first = sorted(range(len(batches)), key=lambda i: -weights[i])
-    problems = [resolve(b[0].case, b[0].file).problem for b in batches]
+    problems = [resolve(b[0].case, b[0].file, b[0].references).problem for b in batches]
     longest_of_kind: dict[tuple, int] = {}
     for i in longest_first:
         without_constraints = not getattr(problems[i], "constraints", ())

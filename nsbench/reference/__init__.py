@@ -9,6 +9,7 @@ from __future__ import annotations
 from nsbench.reference.build import build, verify
 from nsbench.reference.comparison import bounded_by
 from nsbench.reference.lookup import reference
+from nsbench.reference.missing import build_missing, is_missing, store_reason, why_missing
 from nsbench.reference.reference import (
     Reference,
     canonical,
@@ -25,15 +26,19 @@ __all__ = [
     "Reference",
     "bounded_by",
     "build",
+    "build_missing",
     "canonical",
     "closed_form",
     "columns_of",
     "files_of",
+    "is_missing",
     "listed_contacts",
     "load",
     "reference",
     "right_hand_side",
     "spread",
     "store",
+    "store_reason",
     "verify",
+    "why_missing",
 ]

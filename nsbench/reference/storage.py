@@ -56,7 +56,7 @@ def stem(case: Case) -> str:
 
 def files_of(case: Case, folder: str | Path | None = None) -> tuple[Path, Path]:
     """Return the paths of the arrays and of the description, whether they exist or not."""
-    base = Path(folder) if folder is not None else home()
+    base = Path(folder or case.references or home())
     return base / f"{stem(case)}.npz", base / f"{stem(case)}.json"
 
 

@@ -21,6 +21,7 @@ from nsbench.report.style import (
     format_number,
     format_power,
     join_names,
+    sanitise,
 )
 from nsbench.report.summary import OPEN, Order, Summary, find_silent_failures, format_statuses
 
@@ -106,8 +107,15 @@ def _choices(data: Data) -> Iterator[str]:
     if blind:
         yield (
             "Errors are not known, for want of a reference or of a finished run: "
-            f"{join_names(blind)}."
+            f"{join_names([_with_reason(data, case) for case in blind])}."
         )
+
+
+def _with_reason(data: Data, case: str) -> str:
+    """Return a case with the reason why it has no reference, as far as that is stored."""
+    stored = data.cases.get(case, {})
+    why = (stored.get("certificate") or {}).get("how", "")
+    return f"{case} ({sanitise(why)})" if why and stored.get("reference") == "none" else case
 
 
 def _has_error(data: Data, case: str) -> bool:

@@ -87,7 +87,7 @@ def attempt(
 def load_case_and_solver(spec: Spec) -> tuple[Case, Solver]:
     """Return the case of the spec and its method. Raises what their files raise."""
     _files_loaded.update(f for f in spec.solver_files if f not in _files_loaded and solvers.load(f))
-    return resolve(spec.case, spec.file), solvers.get(spec.solver)
+    return resolve(spec.case, spec.file, spec.references), solvers.get(spec.solver)
 
 
 def _attempt(spec, announce):

@@ -17,7 +17,7 @@ MAX_BYTES = 1 << 30  # of a case file or a stored reference
 
 def describe_case(case: Case) -> dict:
     """Describe a case: its docstring, size, families, where its reference comes from."""
-    from nsbench.reference import reference
+    from nsbench.reference import reference, why_missing
 
     p = case.problem
     try:
@@ -30,7 +30,7 @@ def describe_case(case: Case) -> dict:
         k: getattr(ref, f"{k}_error", np.nan) for k in ("state", "impulse", "reaction", "event")
     }
     certificate = {k: float(v) for k, v in bounds.items() if np.isfinite(v)}
-    certificate["how"] = getattr(ref, "how", "")
+    certificate["how"] = why_missing(case) if ref is None else ref.how
     return {
         "doc": case.doc,
         "n": case.n,

@@ -15,10 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from nsbench import solvers, user_code
-from nsbench.case import Case, case_module, case_names, get_case, load_case, parse_spec
+from nsbench.case import SUITES, Case, case_module, case_names, get_case, load_case, parse_spec
 from nsbench.solvers.base import Solver
 
-SUITES = ("smoke", "standard", "hard", "full")
 SMOKE = ("tide", "sliding", "three_discs")  # cases of the smoke suite, if they name none themselves
 POINTS = 19  # of a ladder of OCTAVES
 OCTAVES = 6  # between the coarsest and the finest step
@@ -43,6 +42,7 @@ class Spec:
     file: str = ""  # case file outside the package
     solver_files: tuple[str, ...] = ()
     nudge: int = 0
+    references: str = dataclasses.field(default="", compare=False)  # folder, of a case file
     parts: tuple[str, ...] = dataclasses.field(default=(), compare=False, repr=False)
 
     @property
@@ -101,15 +101,16 @@ def hand_over(case: Case) -> str:
 
 
 @functools.lru_cache(maxsize=512)
-def resolve(case: str, file: str = "") -> Case:
-    """Return the case of a key, from the registry or from a file.
+def resolve(case: str, file: str = "", references: str = "") -> Case:
+    """Return the case of a key, from the registry or from a file with its folder of references.
 
     It is the same object each time, so that what was compiled for it is used again.
     """
     if file in _given:
         return _given[file]
     if file:
-        return load_case(file, **parse_spec(case)[1])
+        built = load_case(file, **parse_spec(case)[1])
+        return built.replace(references=references) if references else built
     return get_case(case)
 
 
@@ -118,27 +119,34 @@ def plan_runs(
     specs: Iterable[str] | None,
     values: dict | None = None,
     solver_files: tuple[str, ...] = (),
+    references: str = "",
 ) -> list[Spec]:
     """Return every run to attempt.
 
     cases: (key, file), the file "" for a registered case; specs: of solvers (None: the standard
     ones and those that a case adds); values: accuracies by name ("h", "tol", "k") that replace the
-    standard ladders. A pair that the solver refuses is one run of accuracy NaN. Raises ValueError
-    for a step that no grid over the samples has.
+    standard ladders; references: folder of the references of case files. A pair that the solver
+    refuses is one run of accuracy NaN. Raises ValueError for a step that no grid over the samples
+    has.
     """
     out = []
     for key, file in cases:
-        case = resolve(key, file)
+        where = references if file else ""
+        case = resolve(key, file, where)
         chosen = list(specs) if specs else [*solvers.standard(), *case.also]
         for spec in dict.fromkeys(chosen):
             method = solvers.get(spec)
             if user_code.solver_refuses(method, case, spec):
-                out.append(Spec(key, spec, method.accuracy, float("nan"), file, solver_files))
+                nothing = float("nan")
+                out.append(Spec(key, spec, method.accuracy, nothing, file, solver_files, 0, where))
                 continue
             asked = (values or {}).get(method.accuracy) or ladder(case, method)
             for h in asked if values and method.accuracy == "h" else ():
                 solvers.grid(case.t, h)  # raises before anything runs
-            out += [Spec(key, spec, method.accuracy, float(a), file, solver_files) for a in asked]
+            out += [
+                Spec(key, spec, method.accuracy, float(a), file, solver_files, 0, where)
+                for a in asked
+            ]
     return out
 
 

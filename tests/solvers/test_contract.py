@@ -224,7 +224,7 @@ SOLVER = Forgetful
     "run, prepare, sentence",
     [
         ("pass", "pass", "prepare of Forgetful returns NoneType.*`return run`"),
-        ("pass", "return run", r"returned None.*`return Trajectory\(...\)`"),
+        ("pass", "return run", r"returned NoneType.*`return Trajectory\(...\)`"),
         ("return case.x0", "return run", "returned ndarray; a Trajectory"),
         (
             "return Trajectory(case.t, case.t, (), case.t, case.t)",

@@ -78,7 +78,7 @@ def kernel_group(spec: Spec) -> str:
     prepared; where the first two words are the same, most kernels are.
     """
     try:
-        problem = resolve(spec.case, spec.file).problem
+        problem = resolve(spec.case, spec.file, spec.references).problem
     except Exception:  # the row of the run will give the reason
         return spec.label
     families = {

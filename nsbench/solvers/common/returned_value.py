@@ -29,7 +29,7 @@ def returned_violation(case: Case, traj: object) -> str:
         )
         if traj is None:
             return (
-                "The solver returned None; a Trajectory is needed: is the last line of run(), "
+                "The solver returned NoneType; a Trajectory is needed: is the last line of run(), "
                 "`return Trajectory(...)`, missing?"
             )
         return f"The solver returned {what}; a Trajectory with a Status is needed."
