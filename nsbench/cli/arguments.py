@@ -124,7 +124,7 @@ def _add_run(verbs) -> None:
     verb.add_argument(
         "--json", action="store_true", help="print the table at the end as JSON, nothing else"
     )
-    verb.add_argument("-o", "--out", default="results", metavar="DIR")
+    verb.add_argument("-o", "--out", metavar="DIR", help="folder of results (default: results)")
 
 
 def _add_selection(verb: argparse.ArgumentParser) -> None:
@@ -143,8 +143,15 @@ def _add_selection(verb: argparse.ArgumentParser) -> None:
         verb.add_argument(
             f"--{name}", metavar="A..B", help=f"{text}: one, a list A,B,C or a range A..B"
         )
-    verb.add_argument("--suite", default="standard", choices=("smoke", "standard", "hard", "full"))
+    verb.add_argument(
+        "--suite", choices=("smoke", "standard", "hard", "full"), help="default: standard"
+    )
     verb.add_argument("--tag", help="only cases with this tag")
+    _add_files(verb)
+
+
+def _add_files(verb: argparse.ArgumentParser) -> None:
+    """Add the files of cases and solvers outside the package."""
     for option, kind in (("--cases", "case"), ("--solvers", "solver")):
         verb.add_argument(
             option,
@@ -245,8 +252,8 @@ def _add_reference(verbs) -> None:
 def _add_gate(verbs) -> None:
     text = "compare results with a baseline: 0 as before, 1 not, 4 too little compared"
     verb = _add_verb(verbs, "gate", text)
-    verb.add_argument("dir", metavar="DIR", help="folder of results")
-    verb.add_argument("--baseline", required=True, metavar="FILE")
+    verb.add_argument("dir", nargs="?", metavar="DIR", help="folder of results (default: results)")
+    verb.add_argument("--baseline", metavar="FILE", help="default: that of nsbench.toml")
     verb.add_argument(
         "--update",
         action="store_true",
@@ -259,7 +266,11 @@ def _add_gate(verbs) -> None:
 def _add_calibrate(verbs) -> None:
     text = "how far the numbers of a study spread from starts 1e-12 apart"
     verb = _add_verb(verbs, "calibrate", text)
-    verb.add_argument("dir", nargs="?", default="results", metavar="DIR")
+    verb.add_argument("dir", nargs="?", metavar="DIR", help="folder of results (default: results)")
+    _add_files(verb)
+    verb.add_argument(
+        "--references", metavar="DIR", help="of case files (default: those of the results)"
+    )
     _add_workers(verb)
 
 
@@ -270,7 +281,6 @@ def _add_compare(verbs) -> None:
     verb.add_argument(
         "--rtol",
         type=float,
-        default=1e-6,
         metavar="R",
         help="relative difference that is none (default: 1e-6)",
     )

@@ -6,14 +6,22 @@ import argparse
 from collections.abc import Callable
 from pathlib import Path
 
-from nsbench.cli.option_values import check_worker_options
+from nsbench import solvers
+from nsbench.case.sources import python_files
+from nsbench.cli.option_values import check_worker_options, find_cases
 
 
 def command(args: argparse.Namespace, say: Callable[[str], None]) -> int:
     """Run a study again from perturbed starts and store the spreads in its folder."""
-    from nsbench.gate.calibrate import calibrate
+    from nsbench.gate.calibrate import UserFiles, calibrate
     from nsbench.results.consistency import check
 
     check_worker_options(args)
     check(args.dir)
-    return calibrate(Path(args.dir), args, say)
+    solver_files = tuple(str(p) for f in args.solver_files for p in python_files(f))
+    for file in solver_files:
+        solvers.load(file)
+    found = find_cases(args.case_files)
+    references = str(Path(args.references or Path(args.dir) / "references").resolve())
+    files = UserFiles({case.key: file for case, file in found if file}, solver_files, references)
+    return calibrate(Path(args.dir), args, say, files)

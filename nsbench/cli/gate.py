@@ -19,6 +19,8 @@ def command(args: argparse.Namespace, say: Callable[[str], None]) -> int:
     from nsbench.results.consistency import check
     from nsbench.results.tables import FORMULA
 
+    if args.baseline is None:
+        raise ValueError("--baseline FILE is needed, or an entry `baseline` in nsbench.toml")
     if args.update and not args.reason.strip():
         raise ValueError(
             "--update needs --reason: a sentence that says why the numbers are others now"

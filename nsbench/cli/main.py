@@ -15,6 +15,7 @@ from importlib import import_module
 
 from nsbench.cli.arguments import build_parser
 from nsbench.cli.exit_codes import BROKEN, INTERRUPTED, USAGE
+from nsbench.cli.project_file import apply_project_file
 
 Say = Callable[..., None]
 INFRASTRUCTURE_ERRORS = ("StoreError", "ClusterError")  # by name: their modules are not loaded here
@@ -40,6 +41,7 @@ def main(argv: list[str] | None = None) -> int:
 def _run_verb(args: argparse.Namespace) -> int:
     """Run the verb; an expected exception becomes a line on standard error and an exit code."""
     try:
+        apply_project_file(args)
         return import_module(f"nsbench.cli.{args.verb_module}").command(args, say)
     except KeyboardInterrupt:
         _print_error("interrupted; what was finished is kept, the same command goes on from there")

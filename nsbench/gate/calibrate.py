@@ -7,7 +7,7 @@ gate (nsbench.gate.baseline).
 from __future__ import annotations
 
 import os
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from nsbench import study
@@ -28,16 +28,34 @@ THREADS = 2  # of the pass from the unchanged start
 FOLDER = "calibration"  # of the journals within the results
 
 
-def calibrate(folder: Path, args, say) -> int:
+@dataclass(frozen=True)
+class UserFiles:
+    """Files that runs of a study come from: of cases by key, of solvers, and the folder of the
+    references of the cases.
+    """
+
+    cases: dict[str, str] = field(default_factory=dict)
+    solvers: tuple[str, ...] = ()
+    references: str = ""
+
+
+NO_FILES = UserFiles()
+
+
+def calibrate(folder: Path, args, say, files: UserFiles = NO_FILES) -> int:
     """Make the perturbed passes, write DIR/calibration.csv and say what cannot be held.
 
-    folder: of the results; args: timeout and jobs of the command line; say: prints a line. Returns
-    the exit code. LookupError if no run of a registered case is there.
+    folder: of the results; args: timeout and jobs of the command line; say: prints a line; files:
+    of the user's cases and solvers. Returns the exit code. LookupError
+    if no run of a known case is there.
     """
     data = read(folder)
-    specs = specs_of(data)
+    specs = specs_of(data, files)
     if not specs:
-        raise LookupError(f"{folder} holds no run of a registered case: nothing to calibrate")
+        raise LookupError(
+            f"{folder} holds no run of a known case: nothing to calibrate (case files are named "
+            f"with --cases, or in nsbench.toml)"
+        )
     passes = [
         ([replace(s, nudge=seed) for s in specs], 1, f"starts 1e-12 apart, {seed}")
         for seed in SEEDS
@@ -63,16 +81,21 @@ def calibrate(folder: Path, args, say) -> int:
     return 0
 
 
-def specs_of(data: Data) -> list[study.Spec]:
-    """Collect the runs of a study whose cases are registered, as specifications."""
+def specs_of(data: Data, files: UserFiles = NO_FILES) -> list[study.Spec]:
+    """Collect the runs of a study whose cases are registered or in a file, as specifications."""
     out = []
     for runs in data.runs.values():
+        file = files.cases.get(runs.case, "")
+        references = files.references if file else ""
         try:
-            resolve(runs.case)
+            resolve(runs.case, file, references)
         except LookupError:
             continue
         out += [
-            study.Spec(runs.case, runs.solver, runs.accuracy, float(a)) for a in runs.col["asked"]
+            study.Spec(
+                runs.case, runs.solver, runs.accuracy, float(a), file, files.solvers, 0, references
+            )
+            for a in runs.col["asked"]
         ]
     return out
 
@@ -80,7 +103,7 @@ def specs_of(data: Data) -> list[study.Spec]:
 def _again(specs, folder: Path, threads: int, args, data: Data) -> Data:
     """The rows of one pass, journalled like those of a study, so that a pass that was stopped goes
     on."""
-    cases = {s.case: resolve(s.case) for s in specs}
+    cases = {s.case: resolve(s.case, s.file, s.references) for s in specs}
     run_key.forget()
     parts = {s: run_key.parts_of(s, cases[s.case]) for s in specs}
     found = {s: run_key.key_of(s, parts[s]) for s in specs}
