@@ -1,6 +1,8 @@
 """`nsbench.toml` names what a folder runs and is compared with; names of cases follow one rule."""
 
 import csv
+import subprocess
+import sys
 
 import pytest
 
@@ -56,7 +58,8 @@ def test_plain_run_and_gate_do_what_the_file_says(folder, capsys):
     assert main(["gate"]) == 0
     method = folder / "clip.py"
     method.write_text(method.read_text().replace("x = x + step * f", "x = x + 1.01 * step * f"))
-    assert main(["run", "-j", "1"]) == 0
+    again = [sys.executable, "-m", "nsbench", "run", "-j", "1"]  # this process knows the old file
+    subprocess.run(again, check=True, capture_output=True)
     assert main(["gate"]) == 1, capsys.readouterr().out
 
 

@@ -82,5 +82,5 @@ def test_a_study_of_cases_that_are_not_registered_cannot_be_calibrated(tmp_path)
 
     tables.write_tables(tmp_path, [row("nowhere", "pbd", 0.1)])
     assert specs_of(read(tmp_path)) == []
-    with pytest.raises(LookupError, match="no run of a registered case"):
+    with pytest.raises(LookupError, match="no run of a known case"):
         calibrate(tmp_path, argparse.Namespace(jobs=1, timeout=10.0), print)
