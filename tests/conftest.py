@@ -31,6 +31,7 @@ def solver_files_forgotten(monkeypatch):
     from nsbench.solvers import registry
 
     monkeypatch.setattr(registry, "_loaded", {})
+    registry._prepared.clear()
     monkeypatch.setattr("nsbench.study.attempt._files_loaded", set())
 
 

@@ -12,13 +12,20 @@ import pkgutil
 import re
 import sys
 from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING
 
 from nsbench import input_errors, user_code
-from nsbench.case import Case, format_value, get_case, load_module, nearest, parse_spec
+from nsbench.case import Case, case_module, format_value, get_case, load_module, nearest, parse_spec
 from nsbench.solvers.base import Solver, check_positive
+from nsbench.solvers.common.prepared_runs import PreparedRuns
 from nsbench.trajectory import Status, Trajectory
 
+if TYPE_CHECKING:
+    from nsbench.solvers.scaled_run import ScaledRun
+
 _loaded: dict[str, type] = {}
+_prepared = PreparedRuns()
 NAME = re.compile(r"[A-Za-z0-9_.-]{1,80}")  # of a solver, as of a case
 PACKAGE = "nsbench.solvers"
 NOT_METHODS = ("base", "common", "registry", "scaled_run")
@@ -153,28 +160,61 @@ def solve(case: Case | str, solver: str = "event_driven", **accuracy: float) -> 
     """Run one solver on one case: ``solve(case, "pbd[order=reverse]", h=1e-3)``.
 
     case: a case or the spec of one. accuracy: the solver's own parameter (h, tol, k), else its
-    default is taken. Returns the trajectory, checked by nsbench.diagnostics; a refusal is a
-    trajectory without samples and with the status "refused". Raises LookupError or ValueError for
-    bad input, TypeError for a method that returns no trajectory, or one of other shapes.
+    default is taken. What was prepared for the same case, options and accuracy is used again.
+    Returns the trajectory, checked by nsbench.diagnostics; a refusal is a trajectory without
+    samples and with the status "refused". Raises LookupError or ValueError for bad input,
+    TypeError for a method that returns no trajectory, or one of other shapes.
     """
-    case = get_case(case) if isinstance(case, str) else case
+    from nsbench.solvers.common.returned_value import returned_violation
+
+    case = _registered_case(case, _module_of(case)) if isinstance(case, str) else case
+    is_kept = _is_of_package(parse_spec(solver)[0])
+    key = (case, solver, *((name, repr(value)) for name, value in accuracy.items()))
+    run = _prepared.take(key) if is_kept else None
+    if run is None:
+        run = _prepare(case, solver, accuracy)
+        if isinstance(run, Trajectory):
+            return run
+    found = run()
+    restored = run.restored(found)
+    wrong = returned_violation(case, restored)
+    if wrong:
+        raise TypeError(f"{solver} on {case.key}: {wrong}")
+    checked = run.told(found, restored)
+    if is_kept:
+        _prepared.put(key, case.n * len(case.t), run)
+    return checked
+
+
+def _prepare(case: Case, solver: str, accuracy: dict) -> ScaledRun | Trajectory:
+    """Prepare a run, or return the trajectory of a refusal."""
+    from nsbench.solvers.scaled_run import ScaledRun
+
     method = get(solver)
     if set(accuracy) - {method.accuracy}:
         wrong = (set(accuracy) - {method.accuracy}).pop()
         raise LookupError(f"{solver} takes {method.accuracy!r}, not {wrong!r}")
-    from nsbench.solvers.common.returned_value import returned_violation
-    from nsbench.solvers.scaled_run import ScaledRun
-
     value = check_positive(method.accuracy, accuracy.get(method.accuracy, method.default))
     why = method.refuses(case)
-    if why:
-        return refused(case, why)
-    run = ScaledRun(method, case, value)
-    found = run()
-    wrong = returned_violation(case, run.restored(found))
-    if wrong:
-        raise TypeError(f"{solver} on {case.key}: {wrong}")
-    return run.checked(found)
+    return refused(case, why) if why else ScaledRun(method, case, value)
+
+
+def _is_of_package(name: str) -> bool:
+    """Is the method one of the package, whose runs keep no state from one call to the next?"""
+    return name in _scan()[0] and name not in _loaded
+
+
+def _module_of(spec: str) -> ModuleType:
+    return case_module(parse_spec(spec)[0])
+
+
+@functools.lru_cache(maxsize=64)
+def _registered_case(spec: str, module: ModuleType) -> Case:
+    """Build the case of a spec; the same object for the same spec, so that its runs are found.
+
+    module: where it is defined; another one after the registry was read again.
+    """
+    return get_case(spec)
 
 
 def refused(case: Case, why: str) -> Trajectory:

@@ -8,6 +8,7 @@ scripts know the case, get it as it is. Checks of a finished run see own units i
 from __future__ import annotations
 
 import dataclasses
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -21,12 +22,23 @@ from nsbench.error_bars import ErrorBars, error_bars, restored_bars
 from nsbench.problem import Complementarity
 from nsbench.solvers.base import Run, Solver
 from nsbench.solvers.common.initial_state import initial_state
-from nsbench.trajectory import Trajectory
+from nsbench.trajectory import Status, Trajectory
 
 # A coordinate that stays below its estimated size by more than this factor loses digits to a
 # tolerance that is relative to that size: the run is made again with the sizes that were found.
 TOO_LARGE = 16.0
 AT_REST = 2.0**-40  # of its estimated size: a coordinate that stays below is zero but for rounding
+
+
+@dataclass(frozen=True)
+class Checked:
+    """The trajectory that was checked last, the units it is in, its status, and error bars from a
+    second run that a check may have made."""
+
+    traj: Trajectory
+    own: ScaledCase | None
+    status: Status
+    pair: ErrorBars | None = None
 
 
 class ScaledRun:
@@ -42,6 +54,7 @@ class ScaledRun:
         self.is_scaled = getattr(method, "scaled", False)
         self.own: ScaledCase | None = None
         self.has_found = False
+        self.last_checked: Checked | None = None
         self.prepare(None)
 
     def prepare(self, scale: Scale | None) -> None:
@@ -108,14 +121,13 @@ class ScaledRun:
 
     def checked(self, traj: Trajectory) -> Trajectory:
         """Return the trajectory, in the units of the user, with the status of the checks."""
-        own = self.own or scaled_case(self.case)
-        in_own_units = traj if self.is_scaled else own.scaled(traj)
-        if getattr(self.method, "has_tolerance_pair", False) and traj.status.ok:
-            in_own_units = dataclasses.replace(in_own_units, bound=self._pair(in_own_units))
-        with own.speaking():
-            status = diagnose(own.case, in_own_units, getattr(self.method, "checks", ())).status
-        told = dataclasses.replace(self.restored(traj), status=status)
-        return dataclasses.replace(told, bound=self._bars(told, in_own_units.bound))
+        return self.told(traj, self.restored(traj))
+
+    def told(self, traj: Trajectory, restored: Trajectory) -> Trajectory:
+        """Return a restored trajectory with the status of the checks and its error bars."""
+        known = self.examined(traj)
+        out = dataclasses.replace(restored, status=known.status)
+        return dataclasses.replace(out, bound=self._bars(out, known.pair))
 
     def _pair(self, traj: Trajectory) -> ErrorBars:
         """Return error bars of a run in own units from one with a looser tolerance."""
@@ -123,13 +135,49 @@ class ScaledRun:
 
         return tolerance_pair(self.method, with_own_switches(self.own.case), traj, self.asked)
 
-    def _bars(self, told: Trajectory, found: ErrorBars | None) -> ErrorBars | None:
+    def _bars(self, told: Trajectory, pair: ErrorBars | None) -> ErrorBars | None:
         """Return the error bars of a run as it is told, where the method has any."""
-        if found is not None and self.is_scaled:
-            return ErrorBars(lambda: restored_bars(found.made, told.t, self.own))
+        if pair is not None:
+            own = self.own
+            return ErrorBars(lambda: restored_bars(pair.made, told.t, own))
         if told.bound is None and getattr(self.method, "has_error_bars", False):
             return error_bars(self.case, told)
         return told.bound
+
+    def examined(self, traj: Trajectory) -> Checked:
+        """Return the status of the trajectory after the checks, and what was compared for them.
+
+        Checks depend on case and trajectory alone: one that has the bytes of the last is not
+        checked again.
+        """
+        known = self.last_checked
+        if known is not None and known.own is self.own and is_same_run(known.traj, traj):
+            return known
+        own = self.own or scaled_case(self.case)
+        in_own_units = traj if self.is_scaled else own.scaled(traj)
+        pair = None
+        if getattr(self.method, "has_tolerance_pair", False) and traj.status.ok:
+            pair = self._pair(in_own_units)
+            in_own_units = dataclasses.replace(in_own_units, bound=pair)
+        with own.speaking():
+            status = diagnose(own.case, in_own_units, getattr(self.method, "checks", ())).status
+        self.last_checked = Checked(traj, self.own, status, pair)
+        return self.last_checked
+
+
+def is_same_run(one: Trajectory, other: Trajectory) -> bool:
+    """Are all fields of two trajectories equal, arrays bit for bit?"""
+    names = [f.name for f in dataclasses.fields(Trajectory) if f.compare]
+    return all(_is_same(getattr(one, n), getattr(other, n)) for n in names)
+
+
+def _is_same(a: object, b: object) -> bool:
+    """Are two values equal? Arrays by their bytes, so that 0.0 and -0.0 differ and NaN does not."""
+    if isinstance(a, np.ndarray) and isinstance(b, np.ndarray):
+        return a.dtype == b.dtype and a.shape == b.shape and a.tobytes() == b.tobytes()
+    if isinstance(a, tuple) and isinstance(b, tuple):
+        return len(a) == len(b) and all(map(_is_same, a, b))
+    return type(a) is type(b) and bool(a == b)
 
 
 def _callable_run(method: Solver, run: object) -> Run:

@@ -39,9 +39,9 @@ def error_bar_table(summaries: dict[tuple, Summary]) -> Table:
         )
     note = (
         "Error bars are computed from a run alone: proven bounds for convex constraints with flat "
-        "faces, estimates elsewhere, in the 2-norm and largest over the samples. The effectivity is "
-        "error bar over error, over all runs whose error can be measured; a bound below 1 would be "
-        "a fault."
+        "faces, estimates elsewhere, in the 2-norm and largest over the samples. The effectivity "
+        "is error bar over error, over all runs whose error can be measured; a bound below 1 would "
+        "be a fault."
     )
     columns = (
         "method",

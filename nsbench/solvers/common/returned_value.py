@@ -69,8 +69,10 @@ def returned_violation(case: Case, traj: object) -> str:
 def _infinite_counts(stats: dict) -> list[str]:
     """Return the names of counts that no float holds."""
     infinite = []
-    for name, column in by_name().items():
-        value = stats.get(name) if column.kind in ("count", "flag") else None
+    columns = by_name()
+    for name, value in stats.items():
+        if name not in columns or columns[name].kind not in ("count", "flag"):
+            continue
         if isinstance(value, (int, float, np.floating)) and not abs(value) <= sys.float_info.max:
             infinite += [name] if value == value else []
     return infinite
