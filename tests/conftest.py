@@ -31,8 +31,18 @@ def solver_files_forgotten(monkeypatch):
     from nsbench.solvers import registry
 
     monkeypatch.setattr(registry, "_loaded", {})
-    registry._prepared.clear()
     monkeypatch.setattr("nsbench.study.attempt._files_loaded", set())
+
+
+@pytest.fixture(autouse=True)
+def runs_prepared_anew(monkeypatch):
+    """A test that changes a method and solves a case again is not given what was prepared before.
+
+    tests/solvers/test_prepared_runs.py has a store of its own."""
+    from nsbench.solvers import registry
+    from nsbench.solvers.common.prepared_runs import PreparedRuns
+
+    monkeypatch.setattr(registry, "_prepared", PreparedRuns(max_runs=0))
 
 
 @pytest.fixture

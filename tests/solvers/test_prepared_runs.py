@@ -21,8 +21,8 @@ PAIRS = [
 
 
 @pytest.fixture(autouse=True)
-def nothing_kept():
-    registry._prepared.clear()
+def empty_store(runs_prepared_anew, monkeypatch):
+    monkeypatch.setattr(registry, "_prepared", PreparedRuns())
 
 
 @pytest.fixture
