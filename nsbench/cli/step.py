@@ -9,9 +9,8 @@ import math
 from collections.abc import Callable
 
 from nsbench import solvers
-from nsbench.case import load_case
 from nsbench.cli.exit_codes import FAILED, FINE
-from nsbench.cli.option_values import get_case_that_fits
+from nsbench.cli.option_values import find_one_case
 
 HEAD = f"{'method':<28} {'needs':<16} {'seconds':>9} {'error':>9} {'overlap':>9} {'reaction':>9}"
 
@@ -20,7 +19,7 @@ def command(args: argparse.Namespace, say: Callable[[str], None]) -> int:
     """Answer for every method that takes the case; 3 if none keeps the error."""
     from nsbench.study.step_choice import cheapest, choose, demand_of
 
-    case = load_case(args.case) if args.case.endswith(".py") else get_case_that_fits(args.case)
+    case = find_one_case(args.case)
     demand = demand_of(case, args.error, args.overlap)
     asked = args.solver or [s for s in solvers.standard() if not solvers.get(s).refuses(case)]
     choices = []

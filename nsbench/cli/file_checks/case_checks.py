@@ -12,7 +12,7 @@ import numpy as np
 
 from nsbench import solvers
 from nsbench.case import Case
-from nsbench.cli import namespace_checks
+from nsbench.cli.file_checks import namespace_checks
 from nsbench.problem import Complementarity
 from nsbench.trajectory import Trajectory
 
