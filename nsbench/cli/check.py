@@ -1,7 +1,7 @@
 """`nsbench check`: does a case or a solver keep the contract, and compute what it says?
 
-Each violation is a sentence. What is checked of a case: nsbench.cli.file_checks.case_checks, of a method:
-nsbench.cli.file_checks.solver_checks.
+Each violation is a sentence. What is checked of a case: nsbench.cli.file_checks.case_checks, of a
+method: nsbench.cli.file_checks.solver_checks.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from pathlib import Path
 
 from nsbench import solvers
 from nsbench.case import case_names, get_case, load_case, load_module, parse_spec
-from nsbench.cli.file_checks.case_checks import check_case, check_repeatable
 from nsbench.cli.exit_codes import FAILED, FINE
+from nsbench.cli.file_checks.case_checks import check_case, check_repeatable
 from nsbench.cli.file_checks.solver_checks import check_solver
 from nsbench.input_errors import describe
 

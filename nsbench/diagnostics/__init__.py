@@ -100,7 +100,7 @@ CHECKS = (
         "step_instability",
         Complementarity,
         step_instability.check_step_instability,
-        ("diverged",),
+        ("diverged", "unverified"),
         even_if_exact=True,
     ),
     Check("rounding", ANY_PROBLEM, rounding.check_rounding, UNVERIFIED, even_if_exact=True),

@@ -12,23 +12,30 @@ from nsbench.case.scale import size_text, span_text, time_text
 from nsbench.compilation.factories import as_numpy
 from nsbench.diagnostics.base import Finding
 from nsbench.diagnostics.run_view import RunView
+from nsbench.dynamics.contacts.tolerances import scene_of
 
 GROWTH = 10.0  # of the largest coordinate, over that of the start and of half of the samples
 STABILITY_LIMIT = 2.0  # of r h
+NUDGE = 2.0**-20  # of own length, for differences of the drift
+CLOSED = 1e-9  # of own length: a gap that counts as none
 
 
 def check_step_instability(run: RunView) -> Finding | None:
     """Find a state that grew although the drift points back: the steps overshoot.
 
     Checked at the sample with the largest coordinate, where the drift times the step is more than
-    twice the coordinate, and against it.
+    twice the coordinate, and against it. Where the state did not grow that much, walls may have
+    caught it: then the rate at which the free motion decays is compared with the step at every
+    sample.
     """
     h = run.resolution.step
     traj = run.trajectory
     sizes = np.abs(traj.x).max(axis=1, initial=0.0)
     k = int(np.argmax(sizes))
-    if not (h > 0.0 and sizes[k] > GROWTH * max(sizes[0], float(np.median(sizes)))):
+    if not h > 0.0:
         return None
+    if not sizes[k] > GROWTH * max(sizes[0], float(np.median(sizes))):
+        return _stiff_sample(run, h)
     i = int(np.argmax(np.abs(traj.x[k])))
     f = as_numpy(run.case.problem.drift)(traj.t[k], traj.x[k].copy())
     if not -f[i] * h * np.sign(traj.x[k, i]) > STABILITY_LIMIT * sizes[k]:
@@ -40,3 +47,52 @@ def check_step_instability(run: RunView) -> Finding | None:
         f"back: steps of {span_text(h)} overshoot; take them shorter than "
         f"{span_text(STABILITY_LIMIT * sizes[k] / abs(f[i]))}.",
     )
+
+
+def _stiff_sample(run: RunView, h: float) -> Finding | None:
+    """Find a sample at which the motion along the constraints decays faster than steps can follow.
+
+    The rate is that of the drift's derivative along the velocity v, -(v . J v) / |v|^2, where v is
+    the drift without what pushes into closed contacts.
+    """
+    if run.resolution.rule != "explicit":
+        return None
+    drift = as_numpy(run.case.problem.drift)
+    for t, x in zip(run.trajectory.t, run.trajectory.x, strict=True):
+        f = np.asarray(drift(float(t), x.copy()), float)
+        if not h * _decay(drift, float(t), x, f) > STABILITY_LIMIT:
+            continue
+        v = _free_part(run, float(t), x, f)
+        rate = _decay(drift, float(t), x, v)
+        if h * rate > STABILITY_LIMIT:
+            return Finding(
+                "unverified",
+                f"At t = {time_text(t, 6)} the motion decays within {span_text(1.0 / rate)}: steps "
+                f"of {span_text(h)} overshoot; take them shorter than "
+                f"{span_text(STABILITY_LIMIT / rate)}.",
+            )
+    return None
+
+
+def _decay(drift, t: float, x: np.ndarray, v: np.ndarray) -> float:
+    """Return -(v . J v) / |v|^2 by a difference of the drift along v; 0.0 for no velocity."""
+    size = float(np.linalg.norm(v))
+    if not 0.0 < size < np.inf:
+        return 0.0
+    step = NUDGE * max(1.0, float(np.abs(x).max())) / size * v
+    slope = np.asarray(drift(t, x + step), float) - drift(t, x - step)
+    return -float(slope @ step) / (2.0 * float(step @ step))
+
+
+def _free_part(run: RunView, t: float, x: np.ndarray, f: np.ndarray) -> np.ndarray:
+    """Return the projection of the drift f on the velocities that violate no closed contact."""
+    from scipy.optimize import nnls
+
+    scene = scene_of(run.case)
+    near = scene.near(x, CLOSED * max(1.0, float(np.abs(x).max())), t)
+    near = near.take(scene.gaps(t, x, near) <= CLOSED * max(1.0, float(np.abs(x).max())))
+    if not len(near):
+        return f
+    G = scene.dense_gradients(t, x, near)
+    v = f + G.T @ nnls(G.T, -f)[0]
+    return v if np.linalg.norm(v) > CLOSED * np.linalg.norm(f) else np.zeros_like(f)
