@@ -55,13 +55,13 @@ class Nodes:
 class Growth:
     """Error bars at the nodes.
 
-    state (K,): of |x_n - x*|. reaction (K,): of |(Y - x*) - int (f(s, Y) - f(s, x*)) ds|. offset
-    (K, n): x_n - Y.
+    state (K,): of |x_n - x*|. R_n - R* is known (K, n), less what the drift of the run differs from
+    that of the curve, and a rest of at most reaction (K,).
     """
 
     state: np.ndarray
     reaction: np.ndarray
-    offset: np.ndarray
+    known: np.ndarray
 
 
 class Path:
@@ -148,13 +148,15 @@ class Path:
         """Return the parts of the bound: convex constraints with flat faces."""
         drift = linear_drift(self.shadow.drift, self.nodes.t, self.Y)
         offset = self.nodes.x - self.Y
-        first = float(np.linalg.norm(offset[0]))
-        if SplitBound.fits(self):
-            e = SplitBound(self, drift).sizes(first)
-        else:
-            e = self._norms(drift, first)
-        area = np.append(0.0, np.cumsum(self.H * np.maximum(e[1:], e[:-1])))
-        return Growth(np.linalg.norm(offset, axis=1) + e, e + drift.two_sided * area, offset)
+        apart = np.linalg.norm(offset, axis=1)
+        if not SplitBound.fits(self):
+            e = self._norms(drift, apart[0])
+            area = np.append(0.0, np.cumsum(self.H * np.maximum(e[1:], e[:-1])))
+            return Growth(apart + e, e + drift.two_sided * area, offset)
+        w = SplitBound(self, drift).carried(-offset[0])
+        directed = np.linalg.norm(offset + w.delta, axis=1) + w.radius
+        known = offset + w.delta - w.pulled
+        return Growth(np.minimum(apart + w.norm, directed), w.radius + w.unknown, known)
 
     def _norms(self, drift: Linear, first: float) -> np.ndarray:
         """Return (K,) bounds of |Y - x| by its size alone."""

@@ -164,12 +164,12 @@ def _in_own_units(case: Case, traj: Trajectory) -> Bars:
     # rounding of one addition per step, which no residual shows
     rounding = float(np.spacing(np.abs(traj.x).max())) * traj.stats.get("steps", len(nodes.t))
     own_drift = traj.x - traj.x[0] - traj.reaction
-    off = np.linalg.norm(parts.offset[at] - (own_drift - path.curve_drift()[at]), axis=1)
+    off = np.linalg.norm(parts.known[at] - (own_drift - path.curve_drift()[at]), axis=1)
     state = parts.state[at] + rounding
     reaction = off + parts.reaction[at] + rounding
     impulse = np.maximum.accumulate(reaction) / path.least_singular_values()[at]
     why = _doubt(path, state.max(), particle_distance(case), proven)
-    distance = np.linalg.norm(parts.offset[at], axis=1)
+    distance = np.linalg.norm((nodes.x - path.Y)[at], axis=1)
     gained = np.add.reduceat(path.size, at[:-1])
     variation = path.multiplier_variation()
     return Bars(traj.t, state, reaction, impulse, variation, proven, why, distance, gained)

@@ -137,6 +137,19 @@ class Known:
         )
 
 
+@dataclass(frozen=True)
+class Carried:
+    """The error w of a curve at its nodes: delta (K, n) and the radius (K,) of the rest, or norm
+    (K,) of all of it; and the integral of J w up to each node: pulled (K, n), and the size of the
+    rest, unknown (K,)."""
+
+    delta: np.ndarray
+    pulled: np.ndarray
+    radius: np.ndarray
+    norm: np.ndarray
+    unknown: np.ndarray
+
+
 class SplitBound:
     """The bound at the nodes of a path (nsbench.error_bars.bars.Path) over a polyhedron.
 
@@ -169,20 +182,29 @@ class SplitBound:
             self._splits[contacts] = Split(contacts, self.N[list(contacts)], self.drift)
         return self._splits[contacts]
 
-    def sizes(self, first: float) -> np.ndarray:
-        """Return (K,) bounds of |w| at the nodes; first: |w| at the start."""
+    def carried(self, start: np.ndarray) -> Carried:
+        """Carry the error start (n,) of the curve to all nodes."""
         K = len(self.path.nodes.t)
-        out = np.empty(K)
-        out[0] = first
-        nowhere = np.zeros(self.path.Y.shape[1])
-        known = Known(nowhere, self.split(()), np.array([first]))
-        for j in range(K - 1):
-            known = self._carried(j, known)
+        out = Carried(*(np.zeros((K, len(start))) for _ in range(2)), *np.zeros((3, K)))
+        known = Known(start, self.split(()), np.zeros(1))
+        out.delta[0] = start
+        out.norm[0] = np.linalg.norm(start)
+        for j, H in enumerate(self.path.H):
+            new = self._carried(j, known)
+            mean = 0.5 * (known.delta + new.delta)
+            out.pulled[j + 1] = out.pulled[j] + H * (self.drift.J @ mean)
+            # how far delta may be from its chord, and what the drift makes of all that is not delta
+            bend = 2.0 * (self.path.size[j] + H * self.drift.two_sided * known.size)
+            rest = self.drift.two_sided * (max(known.radius, new.radius) + bend)
+            out.unknown[j + 1] = out.unknown[j] + H * (rest + self.drift.change * new.size)
             # the norm alone can be the better bound: then nothing is known of the direction
-            norm = self._norm_bound(j, out[j])
-            out[j + 1] = min(norm, known.size)
-            if norm < known.radius:
-                known = Known(nowhere, self.split(()), np.array([norm]))
+            norm = self._norm_bound(j, out.norm[j])
+            out.norm[j + 1] = min(norm, new.size)
+            known = new
+            if norm < new.radius:
+                known = Known(np.zeros_like(start), self.split(()), np.array([norm]))
+            out.delta[j + 1] = known.delta
+            out.radius[j + 1] = known.radius
         return out
 
     def _norm_bound(self, j, e) -> float:

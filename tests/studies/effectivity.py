@@ -1,12 +1,14 @@
 """Effectivity of error bars: over the true errors, for PBD and catching-up, cases and steps.
 
-    python tests/studies/effectivity.py [CASE ...] [--steps 3]
+    python tests/studies/effectivity.py [CASE ...] [--steps 3] [--own 12]
 
 One line for each case and method: whether its error bars are a bound or an estimate, the range of
 the effectivity of state and reaction over the steps (largest error bar over the largest error, both
 over the samples), and the least ratio of error bar and error at any sample whose error is above ten
 times the bound of the reference. Then how many bounds were below an error at some sample, and how
-many estimates had an effectivity outside 1 to 10, by name.
+many estimates had an effectivity outside 1 to 10, by name. --own N: N scenes drawn by a seed
+instead, half of them points between oblique walls under turning drifts, half discs that are drawn
+together in the plane and pulled about; event_driven is their truth.
 """
 
 import argparse
@@ -16,6 +18,7 @@ import warnings
 import numpy as np
 
 import nsbench
+from nsbench import Affine, Case, Complementarity, Distance
 from nsbench.case import get_case
 from nsbench.reference import reference
 from nsbench.solvers import get
@@ -25,25 +28,84 @@ BOUNDS = (*BOUNDS, "box_turning[side=0.8]", "tide", "duplicate", "play", "moving
 ESTIMATES = ("discs[n=3]", "discs[n=10]", "discs[n=30]", "hex", "stack", "chain", "obstacle")
 ESTIMATES = (*ESTIMATES, "bean", "epithelium", "three_discs", "two_discs", "kissing", "wheel")
 METHODS = ("pbd", "catching_up")
+SEED = 20261125
 EXACT = 1e-9  # of the size of the state: errors below are none that a method makes
+
+
+def walls_scene(seed):
+    """A point in 2 to 4 dimensions between oblique walls, under a drift that turns."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(2, 5))
+    N = rng.normal(size=(n + int(rng.integers(0, 3)), n))
+    N /= np.linalg.norm(N, axis=1)[:, None]
+    gaps = rng.uniform(0.1, 0.6, len(N))
+    A = rng.normal(size=(n, n)) * 0.5
+    amplitude = rng.uniform(0.5, 2.0, n)
+    rate = rng.uniform(1.0, 6.0, n)
+    phase = rng.uniform(0.0, 6.0, n)
+
+    def drift(xp):
+        a, amp, w, p = (xp.asarray(v) for v in (A + 0.0, amplitude, rate, phase))
+
+        def f(t, x):
+            return a @ x + amp * xp.cos(w * t + p)
+
+        return f
+
+    problem = Complementarity(drift, (Affine(A=N, b=gaps),))
+    t = np.linspace(0.0, 3.0, 31)
+    return Case(name=f"walls_{seed}", problem=problem, x0=np.zeros(n), t=t)
+
+
+def discs_scene(seed):
+    """Three to six discs that are drawn to a point which goes round, apart at the start."""
+    rng = np.random.default_rng(seed)
+    m = int(rng.integers(3, 7))
+    angle = 2.0 * np.pi * np.arange(m) / m
+    ring = (1.5 + rng.uniform(0.0, 0.6, m)) * (0.6 + 0.2 * m)
+    x0 = np.stack([ring * np.cos(angle), ring * np.sin(angle)], 1).ravel()
+    pull = rng.uniform(0.6, 1.4)
+    turn = rng.uniform(1.0, 3.0)
+
+    def drift(xp):
+        ones = xp.asarray(np.tile([1.0, 0.0], m))
+        side = xp.asarray(np.tile([0.0, 1.0], m))
+
+        def f(t, x):
+            return -pull * (x - 0.5 * (xp.cos(turn * t) * ones + xp.sin(turn * t) * side))
+
+        return f
+
+    problem = Complementarity(drift, (Distance(d=1.0, dim=2),))
+    return Case(name=f"discs_{seed}", problem=problem, x0=x0, t=np.linspace(0.0, 2.5, 26))
+
+
+def truth(case):
+    """States, reactions and error of the reference, or of event_driven for a drawn scene."""
+    ref = reference(case)
+    if ref is not None:
+        return ref.x, ref.reaction, ref.state_error
+    traj = nsbench.solve(case, "event_driven")
+    return (traj.x, traj.reaction, 1e-10) if traj.status.ok else None
 
 
 def measured(case, method, h):
     """Effectivity of state and reaction, least ratio at a sample, and is it a bound?"""
     traj = nsbench.solve(case, method, h=h)
-    ref = reference(case)
-    if traj.status.code not in ("ok", "unverified", "degenerate") or ref is None:
+    known = truth(case)
+    if traj.status.code not in ("ok", "unverified", "degenerate") or known is None:
         return None
-    error = np.linalg.norm(traj.x - ref.x, axis=1)
-    size = max(1.0, float(np.abs(ref.x).max()))
-    if error.max() <= max(EXACT * size, 10.0 * ref.state_error):
+    x, reactions, doubt = known
+    error = np.linalg.norm(traj.x - x, axis=1)
+    size = max(1.0, float(np.abs(x).max()))
+    if error.max() <= max(EXACT * size, 10.0 * doubt):
         return None
-    seen = error > 10.0 * ref.state_error + EXACT * size
+    seen = error > 10.0 * doubt + EXACT * size
     least = float((traj.bound.state[seen] / error[seen]).min())
     state = float(traj.bound.state.max() / error.max())
     reaction = np.nan
-    if ref.reaction is not None:
-        off = np.linalg.norm(traj.reaction - ref.reaction, axis=1)
+    if reactions is not None:
+        off = np.linalg.norm(traj.reaction - reactions, axis=1)
         reaction = float(traj.bound.reaction.max() / off.max())
     return state, reaction, least, traj.bound.is_proven
 
@@ -53,13 +115,15 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("cases", nargs="*", default=[*BOUNDS, *ESTIMATES])
     parser.add_argument("--steps", type=int, default=3)
+    parser.add_argument("--own", type=int, default=0, metavar="N")
     args = parser.parse_args()
     warnings.simplefilter("ignore")
     below = []
     outside = []
     pairs = 0
-    for name in args.cases:
-        case = get_case(name)
+    own = [(walls_scene, discs_scene)[k % 2](SEED + k) for k in range(args.own)]
+    for case in own or map(get_case, args.cases):
+        name = case.key
         first = float(np.diff(case.t).min())
         for method in METHODS:
             if get(method).refuses(case):
