@@ -12,6 +12,7 @@ from pathlib import Path
 
 from nsbench import solvers
 from nsbench.case import case_names, get_case, load_case, load_module, parse_spec
+from nsbench.case.sources import suite_parameters
 from nsbench.cli.exit_codes import FAILED, FINE
 from nsbench.cli.file_checks.case_checks import check_case, check_repeatable
 from nsbench.cli.file_checks.solver_checks import check_solver
@@ -67,6 +68,8 @@ def _check_module(path: Path, say: Say) -> list[str]:
         return check_solver(_registered_name(path) or solvers.load(path), say)
     if hasattr(module, "CASE") or hasattr(module, "make"):
         case = load_case(path)
+        for parameters in suite_parameters(module, "full"):
+            load_case(path, **parameters)  # raises for a set that the case does not take
         return [*check_repeatable(case, load_case(path)), *check_case(case, say)]
     return [f"{path} defines none of CASE, make, SOLVER"]
 

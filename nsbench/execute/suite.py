@@ -53,8 +53,7 @@ def execute(specs: list[Spec], out: Path, args, say) -> int:
     needs too much memory; errors of results and cluster pass on.
     """
     _check_folder(out)
-    if not args.plan:
-        build_references({(s.case, s.file, s.references) for s in specs if s.references}, args, say)
+    build_references({(s.case, s.file, s.references) for s in specs if s.references}, args, say)
     key.forget()  # this process may have made keys before somebody edited a file
     cases = {(s.case, s.file): resolve(s.case, s.file, s.references) for s in specs}
     parts = _parts_of_all(specs, cases)
@@ -104,12 +103,15 @@ def execute(specs: list[Spec], out: Path, args, say) -> int:
 def build_references(sources: set[tuple[str, str, str]], args, say) -> None:
     """Build on workers the references that cases of files lack: (key, file, folder) each.
 
-    What cannot be built has its reason stored beside them (nsbench.reference.missing).
+    With --plan it is said which they are. What cannot be built has its reason stored beside them (nsbench.reference.missing).
     """
     missing = sorted(source for source in sources if is_missing(resolve(*source)))
     if not missing:
         return
     names = ", ".join(key for key, _, _ in missing)
+    if args.plan:
+        say(f"first the references of {names} would be built; until then their errors are unknown")
+        return
     say(f"building the references of {names}: two integrators and a witness, or a proof")
     start = time.perf_counter()
     chores = [Chore(_build_reference, source) for source in missing]

@@ -166,6 +166,9 @@ WRONG_CASES = {
         "return -t * xp.ones_like(y) * len(re.sub('a', 'b', 'a'))",
         "numba cannot compile the drift.*'sub'.*line 12",
     ),
+    "a suite of unknown parameters": (
+        "CASE = Case(", "SUITES = {'full': [{'mu': 1.0}]}\nCASE = Case(", "no parameters.*mu"
+    ),
     "a wrong gradient": (
         "(FLOOR,)", "(Smooth(g, gradient=lambda xp: lambda t, x: 2 * xp.eye(1)),)", "gradient diff"
     ),

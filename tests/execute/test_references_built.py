@@ -82,6 +82,9 @@ def test_a_run_builds_what_is_missing_in_a_worker_and_keeps_it(tmp_path, monkeyp
     (tmp_path / "mine.py").write_text(DECAY)
     monkeypatch.chdir(tmp_path)
     args = ["run", "mine.py", "-s", "pbd", "--h", "5e-2..5e-3", "-j", "1", "-o", "out"]
+    assert main([*args, "--plan", "--probe", "0"]) == 0
+    assert "the references of mine, mine[rate=0.5] would be built" in capsys.readouterr().out
+    assert not (tmp_path / "out" / "references").exists()
     assert main(args) == 0
     said = capsys.readouterr().out
     assert "building the references of mine, mine[rate=0.5]" in said

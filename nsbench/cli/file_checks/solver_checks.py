@@ -7,6 +7,7 @@ multipliers are compared with the exact ones to say what they are instead.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 
 import numpy as np
@@ -33,6 +34,7 @@ CLOSED_FORMS = (
 )
 CASES_OF_A_CLASS = 2
 SUBSTEPS = (2, 3, 5, 7, 11, 17, 27, 41, 64, 101, 160)  # steps between two samples, not dyadic
+SECONDS_OF_A_CASE = 30.0  # finer accuracies of a slow method are left out
 ORDER_TOLERANCE = 0.15  # between the claimed order and a fitted one
 WIDEST_INTERVAL = 1.0  # of a fitted order: a wider one holds any claim
 MEASURED = ("ok", "below_reference", "unverified")
@@ -135,7 +137,10 @@ def _measure(case: Case, method: Solver, name: str, values: list) -> tuple[str, 
     expected = find_expectation(describe_case(case), describe_solver(name))
     steps = []
     rows = []
+    began = time.monotonic()
     for value in values:
+        if time.monotonic() - began > SECONDS_OF_A_CASE:  # the finest accuracies come last
+            break
         traj = solvers.solve(case, name, **{method.accuracy: value})
         if traj.status.code not in MEASURED:
             continue
