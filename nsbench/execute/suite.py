@@ -103,7 +103,8 @@ def execute(specs: list[Spec], out: Path, args, say) -> int:
 def build_references(sources: set[tuple[str, str, str]], args, say) -> None:
     """Build on workers the references that cases of files lack: (key, file, folder) each.
 
-    With --plan it is said which they are. What cannot be built has its reason stored beside them (nsbench.reference.missing).
+    With --plan it is said which they are. What cannot be built has its reason stored beside them
+    (nsbench.reference.missing).
     """
     missing = sorted(source for source in sources if is_missing(resolve(*source)))
     if not missing:
