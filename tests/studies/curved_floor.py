@@ -28,5 +28,5 @@ def make(height: float = 0.7) -> Case:
         name="curved_floor",
         problem=Complementarity(drift, (Smooth(floor),)),
         x0=np.array([0.2, height]),
-        t=np.linspace(0.0, 3.0, 21),
+        t=np.linspace(0.0, 3.0, 7),
     )

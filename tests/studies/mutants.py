@@ -98,7 +98,7 @@ def tested(folder: Path, tests: list[str], limit: float, kernels=None) -> tuple[
         "NUMBA_CACHE_DIR": str(kernels or folder / ".kernels"),
         "XDG_CACHE_HOME": str(folder / ".cache"),
     }
-    command = [sys.executable, "-m", "pytest", "-xqn0", "-p", "no:cacheprovider", *tests]
+    command = [sys.executable, "-m", "pytest", "-xq", "-n0", "-p", "no:cacheprovider", *tests]
     try:
         done = subprocess.run(
             command, cwd=folder, env=env, capture_output=True, text=True, timeout=limit
