@@ -196,7 +196,9 @@ def test_what_cannot_be_pickled_runs_because_it_travels_by_name(tmp_path):
         str(tmp_path / "r"),
     ]
     assert main(args) == 0
-    assert (tmp_path / "r" / "runs.csv").read_text().count(",ok,") == 4
+    rows = (tmp_path / "r" / "runs.csv").read_text()
+    # both cases get a reference, which one of the methods is nearer to than it can tell
+    assert rows.count(",ok,") + rows.count(",below_reference,") == 4
 
 
 @pytest.mark.survives("not picklable")
