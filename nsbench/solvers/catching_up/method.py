@@ -59,7 +59,6 @@ EXPECTS = (
         "what a method makes of an infeasible start is its meaning, not its error",
     ),
 )
-STANDARD = ("catching_up", "catching_up[tol=0.001]")
 
 
 @dataclass(frozen=True)

@@ -52,7 +52,6 @@ EXPECTS = (
         "what a method makes of an infeasible start is its meaning, not its error",
     ),
 )
-STANDARD = ("pbd", "pbd[tol=0.001]")
 
 
 @dataclass(frozen=True)
