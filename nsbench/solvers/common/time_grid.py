@@ -18,7 +18,7 @@ from nsbench.case.scale import span_text
 
 
 SHORTEST_BLOCK = 4  # steps between recorded states
-RECORDS = 256  # of a run beside its samples
+RECORDS = 128  # of a run beside its samples
 LARGEST_STATE = 700  # coordinates of a state that is recorded between samples
 MOST_NUMBERS = 1_000_000
 
