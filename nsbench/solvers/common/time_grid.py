@@ -18,9 +18,10 @@ from nsbench.case.scale import span_text
 
 
 SHORTEST_BLOCK = 4  # steps between recorded states
-RECORDS = 128  # of a run beside its samples
+RECORDS = 256  # of a run beside its samples, at most
+FEWEST_RECORDS = 32
 LARGEST_STATE = 700  # coordinates of a state that is recorded between samples
-MOST_NUMBERS = 1_000_000
+MOST_NUMBERS = 8_000  # coordinates of all records: error bars cost about as much as these
 
 
 def check_positive(name: str, value: object) -> float:
@@ -92,13 +93,13 @@ def grid(t: np.ndarray, h: float | np.ndarray, last: bool = False, states: int =
 def _block(n: np.ndarray, states: int) -> int:
     """Return how many steps are made between recorded states, of n (k - 1,) between samples.
 
-    At least SHORTEST_BLOCK, so that recording costs little beside the steps; so many that about
-    RECORDS are recorded in all, with at most MOST_NUMBERS coordinates.
+    At least SHORTEST_BLOCK, so that recording costs little beside the steps; so many that at most
+    about RECORDS are recorded in all, fewer of large states.
     """
     longest = int(n.max())
     if not states or states > LARGEST_STATE:
         return longest
-    records = min(RECORDS, MOST_NUMBERS // states)
+    records = int(np.clip(MOST_NUMBERS // states, FEWEST_RECORDS, RECORDS))
     return max(SHORTEST_BLOCK, -(-int(n.sum()) // records))
 
 
