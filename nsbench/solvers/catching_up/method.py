@@ -8,21 +8,21 @@ The multipliers of the projection are the impulses of the step.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from nsbench.case import Case, nearest
 from nsbench.case.scale import time_text
-from nsbench.error_bars import without_error_bars
 from nsbench.problem import Complementarity, Smooth
 from nsbench.qp.projection import large_problem_callback
-from nsbench.solvers.base import Claims, Expect, Run, grid, last_steps, sample
+from nsbench.solvers.base import Expect, Run, grid, last_steps, sample
 from nsbench.solvers.catching_up.outcome import Outcome
 from nsbench.solvers.catching_up.qp_backends import BACKENDS
 from nsbench.solvers.common.divergence import classify_divergence
 from nsbench.solvers.common.initial_state import initial_state
 from nsbench.solvers.common.time_grid import between_samples, check_positive
+from nsbench.solvers.common.tolerance_run import StepOrTolerance
 from nsbench.trajectory import Resolution, Status, Trajectory
 
 # KKT residual, a length (over the largest one, if that is below 1), above which a step did not
@@ -62,7 +62,7 @@ EXPECTS = (
 
 
 @dataclass(frozen=True)
-class CatchingUp:
+class CatchingUp(StepOrTolerance):
     """Step by explicit Euler and the nearest point of the linearised constraints.
 
     backend: "active_set" (own, exact, the whole time loop compiled where the drift compiles),
@@ -85,7 +85,6 @@ class CatchingUp:
     reach: float = 0.3
     tol: float | None = None
 
-    has_error_bars = True
     expects = EXPECTS
 
     def __post_init__(self):
@@ -109,26 +108,6 @@ class CatchingUp:
             check_positive("tol", self.tol)
 
     @property
-    def accuracy(self) -> str:
-        """Name of the accuracy parameter: steps, or with `tol` a tolerance."""
-        return "h" if self.tol is None else "tol"
-
-    @property
-    def default(self) -> float:
-        """Accuracy that is taken where none is asked for."""
-        return 1e-2 if self.tol is None else self.tol
-
-    @property
-    def ladder(self) -> tuple[float, ...]:
-        """Tolerances of the standard suite."""
-        return (1e-1, 1e-2, 1e-3)
-
-    @property
-    def claims(self) -> Claims:
-        """Order one in the step; none in the tolerance, which is a bound or an estimate."""
-        return Claims(state=1.0, impulse=1.0) if self.tol is None else Claims()
-
-    @property
     def scaled(self) -> bool:
         """Steps are made in own units; a tolerance is one in those of the user."""
         return self.tol is None
@@ -145,15 +124,11 @@ class CatchingUp:
                 "Catching up needs constraints to project on; this case has none (it would be "
                 "explicit Euler: use euler)."
             )
-        if self.tol is not None and (why := without_error_bars(case)):
-            return f"A step cannot be chosen by error bars. {why}"
-        return None
+        return self.refuses_tolerance(case)
 
     def prepare(self, case: Case, h: float) -> Run:
         if self.tol is not None:
-            from nsbench.solvers.common.tolerance_run import ToleranceRun
-
-            return ToleranceRun(replace(self, tol=None), case, h)
+            return self.prepare_tolerance(case, h)
         from nsbench.dynamics.contacts.constraint_set import ConstraintSet
         from nsbench.solvers.common.hard_particles import mean_radius
 

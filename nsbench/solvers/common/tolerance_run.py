@@ -12,8 +12,8 @@ import dataclasses
 import numpy as np
 
 from nsbench.case import Case
-from nsbench.error_bars import Bars, ErrorBars, error_bars
-from nsbench.solvers.base import Solver
+from nsbench.error_bars import Bars, ErrorBars, error_bars, without_error_bars
+from nsbench.solvers.base import Claims, Solver
 from nsbench.solvers.scaled_run import ScaledRun
 from nsbench.trajectory import Status, Trajectory
 
@@ -23,6 +23,47 @@ SAFETY = 0.8  # of the tolerance, which a pass is to reach
 LEAST = 1.0 / 64.0  # a pass shortens steps by no more: what it knows of shorter ones is little
 EVEN = 2.0  # steps differ from equally long ones by at most this factor in one pass
 MOST_STEPS = 20_000_000
+
+
+class StepOrTolerance:
+    """Method of order one with fixed steps, or with steps for a tolerance: its option `tol`.
+
+    Without `tol` the accuracy is the step h. With it the accuracy is a tolerance of the state in
+    the units of the user, and steps are chosen along the run so that the error bars stay below it.
+    """
+
+    tol: float | None
+    has_error_bars = True
+
+    @property
+    def accuracy(self) -> str:
+        """Name of the accuracy parameter: steps, or with `tol` a tolerance."""
+        return "h" if self.tol is None else "tol"
+
+    @property
+    def default(self) -> float:
+        """Accuracy that is taken where none is asked for."""
+        return 1e-2 if self.tol is None else self.tol
+
+    @property
+    def ladder(self) -> tuple[float, ...]:
+        """Tolerances of the standard suite."""
+        return (1e-1, 1e-2, 1e-3)
+
+    @property
+    def claims(self) -> Claims:
+        """Order one in the step; none in the tolerance, which is a bound or an estimate."""
+        return Claims(state=1.0, impulse=1.0) if self.tol is None else Claims()
+
+    def refuses_tolerance(self, case: Case) -> str | None:
+        """Return why no error bars, and so no steps for a tolerance, exist for a case."""
+        if self.tol is not None and (why := without_error_bars(case)):
+            return f"A step cannot be chosen by error bars. {why}"
+        return None
+
+    def prepare_tolerance(self, case: Case, tolerance: float) -> ToleranceRun:
+        """Prepare passes with steps that are chosen for a tolerance."""
+        return ToleranceRun(dataclasses.replace(self, tol=None), case, tolerance)
 
 
 class ToleranceRun:

@@ -18,19 +18,19 @@ equal discs), and pbd_jax/program.py.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from nsbench.case import Case
 from nsbench.dynamics.contacts.kernels.contact_arrays import AffineRows
-from nsbench.error_bars import without_error_bars
 from nsbench.problem import Affine, Complementarity, Smooth
-from nsbench.solvers.base import Claims, Expect, Grid, Run, grid, last_steps, sample
+from nsbench.solvers.base import Expect, Grid, Run, grid, last_steps, sample
 from nsbench.solvers.common.divergence import classify_divergence
 from nsbench.solvers.common.initial_state import initial_state
 from nsbench.solvers.common.time_grid import between_samples, check_positive
+from nsbench.solvers.common.tolerance_run import StepOrTolerance
 from nsbench.solvers.pbd.sweep_order import ORDERS, hard_ranks, order_number, ordered_arrays
 from nsbench.trajectory import Resolution, Status, Trajectory
 
@@ -55,7 +55,7 @@ EXPECTS = (
 
 
 @dataclass(frozen=True)
-class PBD:
+class PBD(StepOrTolerance):
     """Step by explicit Euler, then by `sweeps` sweeps of exact projections P_m o ... o P_1.
 
     order: of the sweep, part of the method. "sorted" (families as the case lists them, indices
@@ -80,7 +80,6 @@ class PBD:
     reach: float = 1.0
     tol: float | None = None
 
-    has_error_bars = True
     expects = EXPECTS
 
     def __post_init__(self):
@@ -94,26 +93,6 @@ class PBD:
             raise ValueError(f"reach is {self.reach!r}; a positive number is needed")
         if self.tol is not None:
             check_positive("tol", self.tol)
-
-    @property
-    def accuracy(self) -> str:
-        """Name of the accuracy parameter: steps, or with `tol` a tolerance."""
-        return "h" if self.tol is None else "tol"
-
-    @property
-    def default(self) -> float:
-        """Accuracy that is taken where none is asked for."""
-        return 1e-2 if self.tol is None else self.tol
-
-    @property
-    def ladder(self) -> tuple[float, ...]:
-        """Tolerances of the standard suite."""
-        return (1e-1, 1e-2, 1e-3)
-
-    @property
-    def claims(self) -> Claims:
-        """Order one in the step; none in the tolerance, which is a bound or an estimate."""
-        return Claims(state=1.0, impulse=1.0) if self.tol is None else Claims()
 
     @property
     def rank(self) -> int:
@@ -132,15 +111,11 @@ class PBD:
                 "PBD needs constraints to project on; this case has none (it would be explicit "
                 "Euler: use euler)."
             )
-        if self.tol is not None and (why := without_error_bars(case)):
-            return f"A step cannot be chosen by error bars. {why}"
-        return None
+        return self.refuses_tolerance(case)
 
     def prepare(self, case: Case, h: float) -> Run:
         if self.tol is not None:
-            from nsbench.solvers.common.tolerance_run import ToleranceRun
-
-            return ToleranceRun(replace(self, tol=None), case, h)
+            return self.prepare_tolerance(case, h)
         from nsbench.dynamics.contacts.constraint_set import ConstraintSet
 
         g = grid(case.t, h, last=case.exact_impulse is not None, states=case.n)
