@@ -26,7 +26,11 @@ from nsbench.report.summary import Summary, summarise
 from nsbench.report.svg_plots import compose_sheet, draw_panel, inline_svg
 from nsbench.report.tables.clock_table import clock_table
 from nsbench.report.tables.environment_tables import counts_line, environment_table, glossary_table
-from nsbench.report.tables.equal_error_tables import choice_table, speed_table
+from nsbench.report.tables.equal_error_tables import (
+    choice_table,
+    ranking_table,
+    speed_table,
+)
 from nsbench.report.tables.error_bar_table import error_bar_table
 from nsbench.report.tables.error_table import error_table
 from nsbench.report.tables.failure_tables import failures_table, seeds_table
@@ -37,7 +41,7 @@ from nsbench.report.tables.reliability_tables import (
     expected_table,
     references_table,
 )
-from nsbench.report.verdict import compare_speeds, write_verdict
+from nsbench.report.verdict import compare_speeds, write_headline, write_verdict
 
 MAX_DRAWN_CASES = 100  # cases with figures: a page of more could not be opened
 
@@ -47,7 +51,7 @@ class Figures:
     """All figures of a report.
 
     summaries, looks: by (case, method) and by method. ids: by case, also a file name. panels: SVG
-    elements for the page by case. files: standalone SVG by file name. talk: SVG for the page, "" if
+    elements for the page by case. files: standalone SVG by file name. talk: SVG, "" if
     there is none. profiles, scaling: SVG elements of the section on speed.
     """
 
@@ -70,6 +74,10 @@ def assign_ids(names: Iterable[str]) -> dict[str, str]:
     taken = {
         "talk",
         "verdict",
+        "answer",
+        "explore",
+        "payload",
+        "chips",
         "orders",
         "cases",
         "trust",
@@ -116,9 +124,9 @@ def draw_figures(data: Data) -> Figures:
                     for svg, p in zip(drawn, found, strict=True)
                 ]
                 files[file] = compose_sheet(drawn, legend, case)
-    talk = draw_euler_sliding_figure(data)
+    talk = draw_euler_sliding_figure(data).replace("<svg ", '<svg style="background:#fff" ', 1)
     if talk:
-        files["talk"] = talk.replace("<svg ", '<svg style="background:#fff" ', 1)
+        files["talk"] = talk
     legend = [(spec, look[spec], False) for spec in data.specs]
     over = [
         svg
@@ -141,7 +149,7 @@ def draw_figures(data: Data) -> Figures:
         ids,
         inlined,
         files,
-        inline_svg(talk, names, "The talk's figure") if talk else "",
+        talk,
         page(over, "Time to error"),
         page(sizes, "Cost against size"),
     )
@@ -151,6 +159,7 @@ def assemble_content(data: Data, drawn: Figures) -> Content:
     """Compute tables and sentences, and put them around the figures."""
     s = drawn.summaries
     built = [
+        ranking_table(data),
         choice_table(data),
         orders_table(s),
         speed_table(data),
@@ -177,6 +186,7 @@ def assemble_content(data: Data, drawn: Figures) -> Content:
     return Content(
         title="nsbench report",
         lede=f"{lede}.",
+        headline=write_headline(data),
         statements=tuple(write_verdict(data, s)),
         tables={t.key: t for t in built},
         data=data,

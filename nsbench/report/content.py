@@ -40,8 +40,9 @@ MEASURED = (
 class Content:
     """Everything a report shows, in the order of the page.
 
-    title, lede: of the header. statements: opening sentences. tables: by key (choice, orders,
-    speed, sizes, scaling, clock, seeds, failures, environment, glossary, those of TRUST_TABLES).
+    title, lede: of the header. headline: the answer in a sentence. statements: opening sentences.
+    tables: by key (ranking, choice, orders, speed, sizes, scaling, clock, seeds, failures,
+    environment, glossary, those of TRUST_TABLES).
     data, summaries: rows and fits, summaries by (case, method). looks: by method. ids: by case.
     panels: SVG elements by case. notes: sentences by case. speeds: factors at equal error.
     talk: SVG of the talk's figure, "" if there is none, with its sentence.
@@ -50,6 +51,7 @@ class Content:
 
     title: str
     lede: str
+    headline: str
     statements: tuple[Statement, ...]
     tables: dict[str, Table]
     data: Data

@@ -1,24 +1,29 @@
 """The report as one HTML file that needs nothing else, rendered by Jinja2 from ``templates/``.
 
-This module only prepares data; all markup is in the templates, the style sheet and the script in
-``static/``, and both are written into the page. Jinja2 escapes every text (autoescape) and fails
-on a name that is not defined. Inserted as they are: the SVG that this package draws and the two
-files of ``static/``. Scenes were stored by another run: they are embedded as images, in which a
-browser runs no script.
+This module only prepares data; all markup is in the templates, the style sheet and the scripts in
+``static/``, and all are written into the page. Jinja2 escapes every text (autoescape) and fails
+on a name that is not defined. Inserted as they are: the SVG that this package draws, the files of
+``static/`` and the library that draws the interactive charts. Scenes were stored by another run:
+they are embedded as images, in which a browser runs no script. The page's content security policy
+allows nothing but these: scripts and styles are named by their SHA-256 digests, images are data.
 """
 
 from __future__ import annotations
 
 import base64
 import functools
+import hashlib
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from urllib.parse import quote
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
+from nsbench.report.charts.files import chart_library
+from nsbench.report.charts.payload import encode_payload
 from nsbench.report.content import (
     MEASURED,
     TRUST_TABLES,
@@ -30,20 +35,24 @@ from nsbench.report.cost import COMPARISON_RULE
 from nsbench.report.study_pages import StudySection
 from nsbench.report.style import DARK, DARK_THEME, LIGHT_THEME, PALETTE, SHAPES, Look
 from nsbench.report.summary import Summary
-from nsbench.report.svg_plots import DASHES, define_markers, inline_svg
+from nsbench.report.svg_plots import DASHES, define_markers, inline_svg, marker_rules
 
 FOLDER = Path(__file__).parent
 SECTIONS = (  # id, also the name of the template; heading
+    ("answer", "Which method?"),
     ("verdict", "What the runs say"),
+    ("explore", "Error against step and cost"),
+    ("studies", "Open questions"),
+    ("speed", "Speed at equal error"),
     ("orders", "Orders"),
+    ("trust", "What the numbers rest on"),
+    ("failures", "Failures and refusals"),
     ("cases", "Case by case"),
     ("talk", "The talk's figure"),
-    ("trust", "What the numbers rest on"),
-    ("speed", "Speed at equal error"),
-    ("studies", "Open questions"),
-    ("failures", "Failures and refusals"),
     ("environment", "Machine, versions, words"),
 )
+SCRIPTS = ("page.js", "charts.js", "answer.js", "explore.js", "start.js")
+_URI_SAFE = " !$()*+,-./:;=?@[]^_`{|}~"  # characters that stay as they are in a data URI
 WIDE_ASPECT = 2.5  # width over height of a scene of frames side by side: above the text
 BROAD_ASPECT = 1.5  # of a plane: beside the text, but broader than a box of particles
 
@@ -92,6 +101,7 @@ def render_page(content: Content) -> str:
     return _render(
         content=content,
         looks=looks,
+        payload=encode_payload(content),
         sections=[s for s in SECTIONS if optional.get(s[0], True)],
         cases=[prepare_case(content, case) for case in content.data.case_keys],
         studies=content.studies,
@@ -106,19 +116,36 @@ def render_study_page(study: StudySection) -> str:
     return _render(
         content=StudyHeader(f"nsbench study {study.name}", study.note),
         looks={},
+        payload="",
         sections=[s for s in SECTIONS if s[0] == "studies"],
         cases=[],
         studies=(study,),
     )
 
 
-def _render(looks: dict[str, Look], **names) -> str:
+def _render(looks: dict[str, Look], payload: str, **names) -> str:
     """Render the page with these names, the markers of the methods and the sentence splitter."""
-    definitions = (
-        f'<svg width="0" height="0" style="position:absolute">{define_markers(looks.values())}'
+    definitions = f'<svg class="defs" width="0" height="0">{define_markers(looks.values())}'
+    marks = _environment().get_template("_marks.html").module
+    style = Markup("\n").join(
+        [
+            Markup(":root { %s }") % marks.root_colours(LIGHT_THEME, PALETTE),
+            Markup("@media (prefers-color-scheme: dark) { :root { %s } }")
+            % marks.root_colours(DARK_THEME, DARK),
+            _read_static("page.css"),
+            Markup(marker_rules(looks.values())),
+        ]
     )
+    scripts = [name for name in SCRIPTS if payload or name == "page.js"]
+    script = Markup("\n").join(map(_read_static, scripts))
+    library = Markup(chart_library() if payload else "")
     page = _environment().get_template("page.html").render(
         looks=looks,
+        payload=payload,
+        style=style,
+        script=script,
+        library=library,
+        policy=content_security_policy([style], [script, library]),
         markers=Markup(inline_svg(f"{definitions}</svg>", {}, "")),
         split_sentence=sentence_splitter(looks),
         **names,
@@ -139,16 +166,23 @@ def _environment() -> Environment:
     environment.filters["breakable"] = allow_breaks
     environment.filters["data_uri"] = _data_uri
     environment.globals |= {
-        "style_sheet": _read_static("page.css"),
-        "script": _read_static("page.js"),
-        "light_theme": LIGHT_THEME,
-        "dark_theme": DARK_THEME,
-        "palette": PALETTE,
-        "dark_palette": DARK,
         "shapes": SHAPES,
         "dashes": DASHES,
     }
     return environment
+
+
+def content_security_policy(styles: list[str], scripts: list[str]) -> str:
+    """Write the policy that allows these styles and scripts, images inside the page, nothing else.
+
+    Source: W3C, Content Security Policy Level 3, section 2.3.1 (hash sources).
+    """
+    digest = lambda text: base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
+    name = lambda texts: " ".join(f"'sha256-{digest(t)}'" for t in texts if t)
+    return (
+        f"default-src 'none'; img-src data:; style-src {name(styles)}; script-src {name(scripts)}; "
+        "base-uri 'none'; form-action 'none'"
+    )
 
 
 def _read_static(name: str) -> Markup:
@@ -220,7 +254,8 @@ def _explain_fit(summary: Summary) -> str:
 
 
 def _data_uri(svg: str) -> str:
-    return f"data:image/svg+xml;base64,{base64.b64encode(svg.encode()).decode()}"
+    """An SVG as a data URI; percent signs where they must be take less room than base64."""
+    return f"data:image/svg+xml,{quote(svg, safe=_URI_SAFE)}"
 
 
 def _layout(svg: str) -> str:

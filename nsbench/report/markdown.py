@@ -23,6 +23,7 @@ def render_markdown(c: Content) -> str:
             + "\n".join(f"- {escape_markdown(x)}" for x in s.sentences)
         )
     out += [
+        render_table(c.tables["ranking"]),
         render_table(c.tables["choice"]),
         "## Orders",
         render_table(c.tables["orders"]),

@@ -87,6 +87,15 @@ def _unexpected(found) -> list[Statement]:
     )
 
 
+def write_headline(data: Data) -> str:
+    """Write the answer in a sentence: which methods are the cheapest at the second of the targets.
+
+    Where no error is known, the sentence says so.
+    """
+    found = list(_choices(data))
+    return found[min(1, len(found) - 1)] if found else "No run gave an error to compare."
+
+
 def _choices(data: Data) -> Iterator[str]:
     """Count on how many cases each method is the cheapest one to reach an error."""
     cases = [case for case in data.case_keys if _has_error(data, case)]

@@ -1,6 +1,8 @@
 """The report tells the rows as they are: no empty cell, no lost failure, no markup from names, the
 same bytes twice."""
 
+import base64
+import hashlib
 import json
 import re
 from html.parser import HTMLParser
@@ -12,6 +14,7 @@ from report_rows import CASES, ENV, METHODS, SOLVERS, STEPS, made, row, summarie
 from nsbench import write_report
 from nsbench.report import assemble, markdown, style, svg_plots
 from nsbench.report import data as source
+from nsbench.report.charts.files import chart_library
 from nsbench.report.tables import cells
 
 
@@ -106,17 +109,27 @@ def test_every_refusal_and_failure_shows_its_sentence(page):
 
 
 def test_the_page_needs_nothing_else(page):
-    for tag, attrs in Reader(page).tags:
+    own = page.replace(chart_library(), "")
+    for tag, attrs in Reader(own).tags:
         assert tag not in ("link", "iframe", "object", "image")
         for key in ("src", "href", "xlink:href"):
             assert re.match(r"#|data:image/svg", attrs.get(key) or "#"), attrs
-    assert "@import" not in page and "url(" not in page.replace("url(#", "")
+        assert "style" not in attrs and not any(key.startswith("on") for key in attrs), attrs
+    assert "@import" not in own and "url(" not in own.replace("url(#", "")
+    policy = re.search(r'http-equiv="Content-Security-Policy" content="([^"]*)"', page)[1]
+    assert policy.startswith("default-src &#39;none&#39;") and "unsafe" not in policy
+    styles = re.findall(r"<style>(.*?)</style>", page, re.DOTALL)
+    scripts = re.findall(r"<script>(.*?)</script>", page, re.DOTALL)
+    assert len(styles) == 1 and len(scripts) == 2
+    for text in styles + scripts:
+        digest = base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
+        assert f"sha256-{digest}" in policy
 
 
 @pytest.mark.survives("names")
 def test_a_script_in_a_stored_picture_cannot_run(page):
-    assert "alert(1)" not in page and page.count("<script>") == 1
-    assert 'src="data:image/svg+xml;base64,' in page
+    assert "<script>alert" not in page and page.count("<script>") == 2
+    assert 'src="data:image/svg+xml,%3Csvg' in page
 
 
 def test_the_same_rows_in_any_order_give_the_same_bytes(folder, tmp_path):
@@ -223,7 +236,7 @@ def test_names_are_text_and_nothing_else(tmp_path):
     path = write_report(rows, tmp_path / "out")
     out = path.read_text(encoding="utf-8")
     reader = Reader(out)
-    assert [t for t, _ in reader.tags].count("script") == 1 and not any(
+    assert [t for t, _ in reader.tags].count("script") == 3 and not any(
         "onerror" in a for _, a in reader.tags
     )
     assert not any(t == "img" for t, _ in reader.tags) and all(c.strip() for c in reader.cells)
@@ -306,7 +319,8 @@ def test_very_many_rows_make_a_small_page(tmp_path, monkeypatch):
     }
     path = write_report(source_frame(rows), tmp_path / "r.html")
     out = path.read_text(encoding="utf-8")
-    assert path.stat().st_size < 100_000 and "500 of 15000 runs were fitted" in out
+    own = path.stat().st_size - len(chart_library())
+    assert own < 110_000 and "500 of 15000 runs were fitted" in out
     assert "Figures are drawn for the first 1 cases" in out
     assert [p.name for p in (tmp_path / "figures").iterdir()] == ["apple.svg"]
 

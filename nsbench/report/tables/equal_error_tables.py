@@ -26,6 +26,33 @@ from nsbench.report.style import (
 from nsbench.report.tables.cells import Cell, Row, Table
 
 
+def ranking_table(data: Data) -> Table:
+    """Build the table method x error: on how many cases it reaches the error and is the cheapest.
+
+    Methods come by the number of cases on which they reach the smallest errors.
+    """
+    ranked = {t: [rank_costs(data, case, t) for case in data.case_keys] for t in TARGETS}
+    if not any(found for costs in ranked.values() for found in costs):
+        return Table("ranking", (), ())
+    reached = {
+        s: [sum(any(c.solver == s for c in found) for found in ranked[t]) for t in TARGETS]
+        for s in data.specs
+    }
+    rows = []
+    for solver in sorted(data.specs, key=lambda s: (*(-n for n in reversed(reached[s])), s)):
+        cells = [Cell(solver, kind="method")]
+        for target, n in zip(TARGETS, reached[solver], strict=True):
+            first = sum(bool(found) and found[0].solver == solver for found in ranked[target])
+            cells.append(Cell(f"reached on {n}", f"cheapest on {first}", kind="number"))
+        rows.append(Row(tuple(cells), solver=solver))
+    return Table(
+        "ranking",
+        ("method", *(f"error {format_power(t)}" for t in TARGETS)),
+        tuple(rows),
+        f"Of {len(data.case_keys)} cases. A method that refuses a case does not reach its error.",
+    )
+
+
 def choice_table(data: Data) -> Table:
     """Build the table case x error of the cheapest method.
 

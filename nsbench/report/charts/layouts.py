@@ -1,0 +1,330 @@
+"""Layouts of the interactive charts: Vega-Lite specifications without data.
+
+Every chart takes the rows of the data set "points". A click on the legend picks methods and greys
+the others, the wheel zooms, a rectangle is dragged; hovering names the values. `methods` in all
+functions: pairs (name, look), which fix colour, dashes and marker over the whole page.
+"""
+
+from __future__ import annotations
+
+from nsbench.report.style import PALETTE, Look
+from nsbench.report.svg_plots import DASHES
+
+SCHEMA = "https://vega.github.io/schema/vega-lite/v6.json"
+HEIGHT = 360
+DIMMED = 0.08  # opacity of the methods that are not picked
+MARKS = {  # Vega's names of the markers of style.SHAPES, where it has them
+    "o": "circle",
+    "s": "square",
+    "^": "triangle-up",
+    "D": "diamond",
+    "v": "triangle-down",
+    "P": "cross",
+    "<": "triangle-left",
+    ">": "triangle-right",
+}
+# the others as paths around the origin, of the size that Vega's shapes have
+PATHS = {"X": "M-1-.6L-.6-1 0-.4.6-1 1-.6.4 0 1 .6.6 1 0 .4-.6 1-1 .6-.4 0Z"}
+
+Methods = list[tuple[str, Look]]
+Spec = dict
+
+
+def error_chart(methods: Methods, x_title: str, y_title: str) -> Spec:
+    """Lay out errors over a step or a cost, both logarithmic.
+
+    points: rows with method, x, y, kind and tip fields h, seconds, status, why. kind: "error";
+    "zero", an error of exactly 0, drawn at the bottom edge; "failed", a run without a number,
+    crossed at the top edge; "floor", whose y is the error of the reference, shaded below; "level",
+    the best error y of a method with a tolerance, drawn across where x is a step.
+    """
+    x = {"field": "x", "type": "quantitative", "scale": _log(), "title": x_title, "axis": _axis()}
+    y = {"field": "y", "type": "quantitative", "scale": _log(), "title": y_title, "axis": _axis()}
+    marked = {"x": x, **_identity(methods), "tooltip": RUN_TIPS}
+    return _chart(
+        [
+            {
+                "transform": [_only("floor")],
+                "mark": {"type": "rect", "color": "#808080", "opacity": 0.12},
+                "encoding": {"y": y, "y2": {"value": HEIGHT}},
+            },
+            {
+                "transform": [_only("level")],
+                "mark": {"type": "rule", "strokeDash": [2, 3], "strokeWidth": 1.6},
+                "encoding": {
+                    "y": y,
+                    "color": _colour(methods),
+                    "opacity": _opacity(),
+                    "tooltip": RUN_TIPS,
+                },
+            },
+            {
+                "transform": [_only("error")],
+                "mark": {"type": "line", "strokeWidth": 1.6, "strokeJoin": "round"},
+                "encoding": {
+                    "x": x,
+                    "y": y,
+                    "order": {"field": "h"},
+                    "color": _colour(methods),
+                    "strokeDash": _dashes(methods),
+                    "opacity": _opacity(),
+                },
+            },
+            {
+                "transform": [_only("error")],
+                "params": _interaction(),
+                "mark": {"type": "point", "size": 34, "filled": True},
+                "encoding": {"y": y, **marked},
+            },
+            {
+                "transform": [_only("zero")],
+                "mark": {"type": "point", "size": 34, "filled": False},
+                "encoding": {"y": {"value": HEIGHT}, **marked},
+            },
+            {
+                "transform": [_only("failed")],
+                "mark": {"type": "text", "text": "×", "fontSize": 14},
+                "encoding": {
+                    "x": x,
+                    "y": {"value": 6},
+                    "color": _colour(methods),
+                    "opacity": _opacity(),
+                    "tooltip": RUN_TIPS,
+                },
+            },
+        ]
+    )
+
+
+def profile_chart(methods: Methods) -> Spec:
+    """Lay out performance profiles: the share of the cases solved within a factor of the fastest.
+
+    points: rows with method, x (factor), y (share). Source: Dolan & More (2002), Mathematical
+    Programming 91.
+    """
+    return _chart(
+        [
+            {
+                "params": _interaction(),
+                "mark": {"type": "line", "interpolate": "step-after", "strokeWidth": 1.8},
+                "encoding": {
+                    "x": {
+                        "field": "x",
+                        "type": "quantitative",
+                        "scale": _log(),
+                        "title": "seconds over those of the fastest method",
+                        "axis": _axis(),
+                    },
+                    "y": {
+                        "field": "y",
+                        "type": "quantitative",
+                        "scale": {"domain": [0, 1]},
+                        "axis": {"format": "%"},
+                        "title": "share of the cases solved",
+                    },
+                    "order": {"field": "x"},
+                    "color": _colour(methods),
+                    "strokeDash": _dashes(methods),
+                    "opacity": _opacity(),
+                    "tooltip": [
+                        {"field": "method"},
+                        {"field": "x", "title": "factor", "format": ".3~g"},
+                        {"field": "y", "title": "share", "format": ".0%"},
+                    ],
+                },
+            }
+        ]
+    )
+
+
+def scatter_chart(x_title: str, y_title: str) -> Spec:
+    """Lay out the seconds of two methods against each other, with the line of equal seconds.
+
+    points: rows with case, group (problem class), x, y, kind ("case", or "equal" for the two ends
+    of that line).
+    """
+    x = {"field": "x", "type": "quantitative", "scale": _log(), "title": x_title, "axis": _axis()}
+    y = {"field": "y", "type": "quantitative", "scale": _log(), "title": y_title, "axis": _axis()}
+    return _chart(
+        [
+            {
+                "transform": [_only("equal")],
+                "mark": {"type": "line", "color": "#808080", "strokeDash": [2, 3]},
+                "encoding": {"x": x, "y": y},
+            },
+            {
+                "transform": [_only("case")],
+                "params": [ZOOM],
+                "mark": {"type": "point", "size": 60, "filled": True, "opacity": 0.85},
+                "encoding": {
+                    "x": x,
+                    "y": y,
+                    "color": {
+                        "field": "group",
+                        "type": "nominal",
+                        "scale": {"range": [PALETTE[0], PALETTE[1], PALETTE[2], PALETTE[3]]},
+                        "legend": {"title": None, "orient": "bottom"},
+                    },
+                    "tooltip": [
+                        {"field": "case"},
+                        {"field": "x", "title": x_title, "format": ".3~g"},
+                        {"field": "y", "title": y_title, "format": ".3~g"},
+                    ],
+                },
+            },
+        ]
+    )
+
+
+def order_chart(methods: Methods, title: str) -> Spec:
+    """Lay out orders of convergence with their 95 % intervals, one line per case.
+
+    points: rows with method, case, x (order), low, high.
+    """
+    y = {"field": "case", "type": "nominal", "title": None, "sort": None}
+    y["axis"] = {"grid": True, "labelLimit": 190}
+    colour = {"color": _colour(methods), "opacity": _opacity()}
+    spec = _chart(
+        [
+            {
+                "mark": {"type": "rule", "strokeWidth": 1.5},
+                "encoding": {
+                    "x": {"field": "low", "type": "quantitative"},
+                    "x2": {"field": "high"},
+                    "y": y,
+                    **colour,
+                },
+            },
+            {
+                "params": [PICK],
+                "mark": {"type": "point", "filled": True, "size": 46},
+                "encoding": {
+                    "x": {
+                        "field": "x",
+                        "type": "quantitative",
+                        "scale": {"zero": False},
+                        "title": title,
+                    },
+                    "y": y,
+                    **_identity(methods),
+                    "tooltip": [
+                        {"field": "case"},
+                        {"field": "method"},
+                        {"field": "x", "title": "order", "format": ".3f"},
+                        {"field": "low", "format": ".3f"},
+                        {"field": "high", "format": ".3f"},
+                    ],
+                },
+            },
+        ]
+    )
+    spec["height"] = {"step": 15}
+    return spec
+
+
+def curve_chart(y_title: str) -> Spec:
+    """Lay out curves over time: coordinates, multipliers, bounds.
+
+    points: rows with series, t, y.
+    """
+    return _chart(
+        [
+            {
+                "params": [ZOOM, {**PICK, "select": {"type": "point", "fields": ["series"]}}],
+                "mark": {"type": "line", "strokeWidth": 1.6},
+                "encoding": {
+                    "x": {"field": "t", "type": "quantitative", "title": "time t"},
+                    "y": {"field": "y", "type": "quantitative", "title": y_title},
+                    "color": {
+                        "field": "series",
+                        "type": "nominal",
+                        "sort": None,
+                        "scale": {"range": list(PALETTE)},
+                        "legend": {"title": None, "orient": "bottom", "columns": 4},
+                    },
+                    "opacity": _opacity(),
+                    "tooltip": [
+                        {"field": "series"},
+                        {"field": "t", "format": ".4~g"},
+                        {"field": "y", "format": ".4~g"},
+                    ],
+                },
+            }
+        ]
+    )
+
+
+PICK = {"name": "pick", "select": {"type": "point", "fields": ["method"]}, "bind": "legend"}
+ZOOM = {"name": "zoom", "select": "interval", "bind": "scales"}
+RUN_TIPS = [
+    {"field": "method"},
+    {"field": "y", "title": "error", "format": ".3~g"},
+    {"field": "h", "title": "step, 1/k or tol", "format": ".3~g"},
+    {"field": "seconds", "format": ".3~g"},
+    {"field": "status"},
+    {"field": "why"},
+]
+
+
+def _chart(layers: list[Spec]) -> Spec:
+    """The frame that all charts share."""
+    return {
+        "$schema": SCHEMA,
+        "data": {"name": "points"},
+        "width": "container",
+        "height": HEIGHT,
+        "autosize": {"type": "fit-x", "contains": "padding"},
+        "layer": layers,
+        "config": {"view": {"stroke": None}, "axis": {"titleFontWeight": "normal"}},
+    }
+
+
+def _interaction() -> list[Spec]:
+    return [PICK, ZOOM]
+
+
+def _only(kind: str) -> Spec:
+    return {"filter": {"field": "kind", "equal": kind}}
+
+
+def _log() -> Spec:
+    return {"type": "log", "nice": False}
+
+
+def _axis() -> Spec:
+    return {"format": "~e", "tickCount": 6, "labelOverlap": True, "gridOpacity": 0.45}
+
+
+def _opacity() -> Spec:
+    return {"condition": {"param": "pick", "value": 1.0, "empty": True}, "value": DIMMED}
+
+
+def _identity(methods: Methods) -> Spec:
+    """Colour and marker of the methods, greyed where another one is picked."""
+    return {"color": _colour(methods), "shape": _shapes(methods), "opacity": _opacity()}
+
+
+LEGEND = {"title": None, "orient": "bottom", "columns": 4, "labelLimit": 240}
+
+
+def _channel(methods: Methods, values: list) -> Spec:
+    return {
+        "field": "method",
+        "type": "nominal",
+        "scale": {"domain": [name for name, _ in methods], "range": values},
+        "legend": LEGEND,  # the same for all channels: they share one
+    }
+
+
+def _colour(methods: Methods) -> Spec:
+    return _channel(methods, [look.colour for _, look in methods])
+
+
+def _dashes(methods: Methods) -> Spec:
+    dashes = [[float(v) for v in DASHES[look.line].split()] or [1, 0] for _, look in methods]
+    return _channel(methods, dashes)
+
+
+def _shapes(methods: Methods) -> Spec:
+    names = [MARKS.get(look.marker) or PATHS.get(look.marker, "circle") for _, look in methods]
+    return _channel(methods, names)

@@ -1,0 +1,151 @@
+"""Data of the interactive page: runs, costs at equal error and orders, as one compressed JSON.
+
+Costs are computed here once, by nsbench.report.cost, for every error that the slider offers: the
+page only selects, counts and averages. Numbers are rounded to DIGITS digits; what is not a number
+is null.
+"""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import json
+import math
+
+import numpy as np
+
+from nsbench.report.charts.layouts import (
+    curve_chart,
+    error_chart,
+    order_chart,
+    profile_chart,
+    scatter_chart,
+)
+from nsbench.report.content import Content
+from nsbench.report.cost import Cost, cost_at_error, counted_inner_work
+from nsbench.report.data import GOOD
+from nsbench.report.figures import STEP_LABEL
+from nsbench.report.style import format_power
+from nsbench.report.summary import Order, Summary
+
+DIGITS = 4
+# errors of the slider: half decades from 1e-1 to 1e-10
+TARGETS = tuple(10.0 ** (-k / 2) for k in range(2, 21))
+DEFAULT_TARGET = 4  # position of 1e-3 among TARGETS
+METRICS = {"state": "state_sup", "violation": "feasibility", "selection": "selection"}
+COSTS = {"seconds": "seconds", "rhs": "drift_calls"}
+MAX_RUNS = 200  # of one method on one case; more are thinned evenly
+
+
+def encode_payload(content: Content) -> str:
+    """Encode the data of the page: JSON, compressed by gzip, as base64 text."""
+    text = json.dumps(payload(content), separators=(",", ":"), allow_nan=False)
+    return base64.b64encode(gzip.compress(text.encode(), 9, mtime=0)).decode()
+
+
+def payload(content: Content) -> dict:
+    """Collect the data of the page.
+
+    targets, labels: errors of the slider. methods, cases: what is shown of each. pairs: one entry
+    per method and case (see `_pair`). layouts: the charts without data. scenes: players by case.
+    """
+    data = content.data
+    position = {solver: k for k, solver in enumerate(data.specs)}
+    cases = data.case_keys
+    methods = [(solver, content.looks[solver]) for solver in data.specs]
+    return {
+        "targets": [_number(t) for t in TARGETS],
+        "labels": [_label(t) for t in TARGETS],
+        "default": DEFAULT_TARGET,
+        "methods": [
+            {"name": name, "tone": look.tone, "shape": look.marker} for name, look in methods
+        ],
+        "cases": [
+            {
+                "name": case,
+                "id": content.ids[case],
+                "group": str(data.cases.get(case, {}).get("problem") or "other"),
+                "tags": [str(t) for t in data.cases.get(case, {}).get("tags") or ()],
+            }
+            for case in cases
+        ],
+        "pairs": [
+            _pair(summary, cases.index(case), position[solver])
+            for (case, solver), summary in content.summaries.items()
+        ],
+        "layouts": {
+            "error": error_chart(methods, "", ""),
+            "profile": profile_chart(methods),
+            "scatter": scatter_chart("", ""),
+            "order": order_chart(methods, "order of convergence"),
+            "curve": curve_chart(""),
+        },
+        "step": STEP_LABEL,
+    }
+
+
+def _label(target: float) -> str:
+    """1e-3, and 3e-4 for the half decades."""
+    return format_power(float(f"{target:.0e}"))
+
+
+def _pair(summary: Summary, case: int, method: int) -> dict:
+    """One method on one case: its runs by column, its orders, and its cost at every target.
+
+    cost: one entry per target, null where the error is not reached, else [seconds, lower quartile,
+    upper quartile, step, 1 if these are upper bounds].
+    """
+    runs = summary.runs
+    kept = np.unique(np.linspace(0, len(runs) - 1, min(len(runs), MAX_RUNS)).astype(int))
+    column = lambda name: _numbers(runs.col[name][kept])
+    force = summary.force.metric
+    out = {
+        "c": case,
+        "m": method,
+        "word": summary.word,
+        "why": summary.outcome,
+        "loop": runs.loop,
+        "accuracy": runs.accuracy,
+        "status": runs.col["status"][kept].tolist(),
+        "good": np.isin(runs.col["status"][kept], GOOD).astype(int).tolist(),
+        "h": column("h"),
+        "force": _numbers(np.abs(runs.col[force][kept])),
+        "inner": _numbers(counted_inner_work(runs)[kept]),
+        "metric": force,
+        "trust": summary.force.text,
+        "orders": {
+            "state": _order(summary.state),
+            "force": _order(summary.force),
+            "violation": _order(summary.violation),
+        },
+        "floors": {"state": _number(runs.floor("state_sup")), "force": _number(runs.floor(force))},
+        "cost": [_cost(cost_at_error(runs, t)) for t in TARGETS],
+    }
+    out |= {key: column(name) for key, name in {**METRICS, **COSTS}.items()}
+    return out
+
+
+def _order(order: Order) -> list | None:
+    """[order, low, high, claim] of a fit, null for anything else."""
+    if order.kind != "fit":
+        return None
+    return [_number(v) for v in (order.order, *order.interval, order.claim)]
+
+
+def _cost(cost: Cost | None) -> list | None:
+    if cost is None:
+        return None
+    numbers = (cost.seconds, cost.low, cost.high, cost.h)
+    return [*(_number(v) for v in numbers), int(cost.at_most)]
+
+
+def _numbers(values: np.ndarray) -> list:
+    return [_number(v) for v in values]
+
+
+def _number(value: float | None) -> float | None:
+    """Round to DIGITS significant digits; None for what is no number."""
+    if value is None or not math.isfinite(value):
+        return None
+    return float(f"{value:.{DIGITS - 1}e}")
+

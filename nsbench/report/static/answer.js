@@ -1,0 +1,248 @@
+// The answer: which method at an error that the reader chooses.
+// Costs at every error of the slider were computed when the page was written; here they are
+// selected, counted and averaged.
+const answer = {
+  SHIFT: 1e-3, // seconds added before the logarithm: runs below it count alike
+  PENALTY: 10, // an error not reached costs so many times the slowest method that reaches it
+
+  // Pairs of the cases chosen by class and words.
+  selection() {
+    const group = document.getElementById("answer-group").value;
+    const words = document.getElementById("answer-words").value.toLowerCase().split(/\s+/);
+    const data = nsbench.data;
+    const cases = new Set();
+    data.cases.forEach((one, k) => {
+      const text = [one.name, one.group, ...one.tags].join(" ").toLowerCase();
+      const fits = words.filter(Boolean).every((word) => text.includes(word));
+      if (fits && (!group || one.group === group)) {
+        cases.add(k);
+      }
+    });
+    return { cases: [...cases], pairs: data.pairs.filter((pair) => cases.has(pair.c)) };
+  },
+
+  // Seconds of a pair at target k, if they may be compared: a compiled loop that was timed.
+  timed(pair, k) {
+    const cost = pair.cost[k];
+    return cost && pair.loop === "compiled" && cost[0] > 0 ? cost : null;
+  },
+
+  // Rank the methods: [{method, reached, cheapest, mean, step, failed, refused, trust}].
+  rank(k) {
+    const { cases, pairs } = answer.selection();
+    const best = new Map(); // by case: the cost of the cheapest, and the slowest seconds
+    for (const pair of pairs) {
+      const cost = answer.timed(pair, k);
+      if (cost) {
+        const known = best.get(pair.c);
+        best.set(pair.c, {
+          cost: !known || cost[0] < known.cost[0] ? cost : known.cost,
+          method: !known || cost[0] < known.cost[0] ? pair.m : known.method,
+          slowest: Math.max(cost[0], known?.slowest ?? 0),
+        });
+      }
+    }
+    const rows = new Map();
+    for (const pair of pairs) {
+      const row = rows.get(pair.m) ?? {
+        method: pair.m,
+        reached: 0,
+        untimed: 0,
+        cheapest: 0,
+        ties: 0,
+        logs: new Map(),
+        steps: [],
+        factors: [],
+        failed: 0,
+        tried: 0,
+        orders: [],
+        accuracy: pair.accuracy,
+      };
+      rows.set(pair.m, row);
+      row.tried += pair.word === "refused" ? 0 : 1;
+      row.failed += pair.good.filter((g, i) => !g && pair.status[i] !== "refused").length;
+      if (pair.orders.force) {
+        row.orders.push(pair.orders.force[0]);
+      }
+      row.reached += pair.cost[k] ? 1 : 0;
+      const cost = answer.timed(pair, k);
+      row.untimed += pair.cost[k] && !cost ? 1 : 0;
+      if (cost) {
+        const first = best.get(pair.c);
+        row.cheapest += first.method === pair.m ? 1 : 0;
+        // a tie: the lower quartile is not above the upper quartile of the cheapest
+        row.ties += first.method !== pair.m && cost[1] !== null && cost[1] <= first.cost[2] ? 1 : 0;
+        row.logs.set(pair.c, Math.log(cost[0] + answer.SHIFT));
+        row.factors.push(cost[0] / first.cost[0]);
+        row.steps.push(cost[3]);
+      }
+    }
+    for (const row of rows.values()) {
+      let sum = 0;
+      for (const [c, first] of best) {
+        sum += row.logs.get(c) ?? Math.log(answer.PENALTY * first.slowest + answer.SHIFT);
+      }
+      row.mean = best.size ? Math.exp(sum / best.size) - answer.SHIFT : null;
+      row.timed = row.factors.length;
+    }
+    const order = [...rows.values()].filter((row) => row.tried);
+    order.sort((a, b) => (b.timed > 0) - (a.timed > 0) || a.mean - b.mean || b.reached - a.reached);
+    return { rows: order, best, cases };
+  },
+
+  median(values) {
+    const sorted = values.filter((v) => v !== null).sort((a, b) => a - b);
+    return sorted.length ? sorted[Math.floor((sorted.length - 1) / 2)] : null;
+  },
+
+  range(values) {
+    if (!values.length) {
+      return "no order";
+    }
+    const [low, high] = [Math.min(...values).toFixed(2), Math.max(...values).toFixed(2)];
+    return low === high ? `order ${low}` : `order ${low} to ${high}`;
+  },
+
+  draw() {
+    const k = Number(document.getElementById("answer-error").value);
+    const label = nsbench.data.labels[k];
+    document.getElementById("answer-label").textContent = label;
+    document.getElementById("answer-error").setAttribute("aria-valuetext", `error ${label}`);
+    const { rows, best, cases } = answer.rank(k);
+    answer.sentence(rows, best, cases, label);
+    answer.table(rows, best, cases);
+    answer.byCase(k, best, cases);
+    answer.profile(k, best, cases);
+  },
+
+  sentence(rows, best, cases, label) {
+    const target = document.getElementById("answer-sentence");
+    const first = rows.find((row) => row.timed);
+    if (!first) {
+      target.textContent = `No compiled method reaches an error of ${label} on these cases.`;
+      return;
+    }
+    const winners = rows.filter((row) => row.cheapest).sort((a, b) => b.cheapest - a.cheapest);
+    const words = winners.slice(0, 3).flatMap((row, i) => [
+      i ? ", " : "",
+      nsbench.chip(row.method),
+      ` on ${row.cheapest}`,
+    ]);
+    target.replaceChildren(
+      `For an error of ${label} take `,
+      nsbench.chip(first.method),
+      `: it has the least mean of seconds over ${cases.length} cases. Cheapest: `,
+      ...words,
+      "."
+    );
+  },
+
+  table(rows, best, cases) {
+    const body = document.querySelector("#t-answer tbody");
+    const least = rows.find((row) => row.timed)?.mean;
+    body.replaceChildren(
+      ...rows.map((row) => {
+        const cell = (text, kind = "number") => nsbench.make("td", { class: kind }, text);
+        const tie = row.ties ? ` (+${row.ties} tied)` : "";
+        const untimed = row.untimed ? `, ${row.untimed} in a host loop` : "";
+        const line = nsbench.make("tr", { "data-method": nsbench.data.methods[row.method].name });
+        line.append(
+          nsbench.make("td", { class: "method" }, nsbench.chip(row.method)),
+          cell(`${row.reached} of ${cases.length}${untimed}`),
+          cell(`${row.cheapest}${tie}`),
+          cell(row.timed ? `× ${nsbench.format(row.mean / least)}` : "not compared"),
+          cell(row.timed ? `× ${nsbench.format(answer.median(row.factors))}` : "none"),
+          cell(row.steps.length ? answer.setting(row) : "none"),
+          cell(String(row.failed)),
+          cell(answer.range(row.orders))
+        );
+        return line;
+      })
+    );
+  },
+
+  setting(row) {
+    const step = answer.median(row.steps);
+    return row.accuracy === "k" ? `k = ${nsbench.format(1 / step)}`
+      : `${row.accuracy} = ${nsbench.format(step)}`;
+  },
+
+  byCase(k, best, cases) {
+    const body = document.querySelector("#t-answer-cases tbody");
+    body.replaceChildren(
+      ...cases.map((c) => {
+        const one = nsbench.data.cases[c];
+        const link = nsbench.make("a", { href: `#${one.id}` }, one.name);
+        const line = nsbench.make("tr", {}, nsbench.make("td", { class: "method" }, link));
+        const found = nsbench.data.pairs
+          .filter((pair) => pair.c === c && answer.timed(pair, k))
+          .sort((a, b) => a.cost[k][0] - b.cost[k][0]);
+        const cell = (text) => nsbench.make("td", { class: "number" }, text);
+        if (!found.length) {
+          const known = nsbench.data.pairs.some((pair) => pair.c === c && pair.cost[k]);
+          const why = known ? "only host loops reach it" : "not reached";
+          line.append(nsbench.make("td", { class: "quiet", colspan: "5" }, why));
+          return line;
+        }
+        const [first, second] = found;
+        const bound = first.cost[k][4] ? "≤ " : "";
+        const row = { steps: [first.cost[k][3]], accuracy: first.accuracy };
+        line.append(
+          nsbench.make("td", { class: "best" }, nsbench.chip(first.m)),
+          cell(answer.setting(row)),
+          cell(`${bound}${nsbench.seconds(first.cost[k][0])}`),
+          cell(second ? `× ${nsbench.format(second.cost[k][0] / first.cost[k][0])}` : "none"),
+          cell(first.metric === "reaction" ? `reaction: ${first.trust}` : first.trust)
+        );
+        return line;
+      })
+    );
+  },
+
+  // Performance profile: share of the cases that a method solves within a factor of the fastest.
+  profile(k, best, cases) {
+    const rows = [];
+    const factors = new Map();
+    for (const [c, first] of best) {
+      for (const pair of nsbench.data.pairs.filter((p) => p.c === c)) {
+        const cost = answer.timed(pair, k);
+        if (cost) {
+          const list = factors.get(pair.m) ?? [];
+          list.push(cost[0] / first.cost[0]);
+          factors.set(pair.m, list);
+        }
+      }
+    }
+    if (!factors.size) {
+      return nsbench.say(document.getElementById("answer-chart"), "Nothing to compare here.");
+    }
+    const largest = 2 * Math.max(2, ...[...factors.values()].flat());
+    for (const [m, list] of factors) {
+      const method = nsbench.data.methods[m].name;
+      list.sort((a, b) => a - b);
+      rows.push({ method, x: 1, y: list.filter((f) => f <= 1).length / cases.length });
+      list.forEach((x, i) => rows.push({ method, x, y: (i + 1) / cases.length }));
+      rows.push({ method, x: largest, y: list.length / cases.length });
+    }
+    const description =
+      "Performance profiles: for each method the share of the cases that it solves within a " +
+      "factor of the seconds of the fastest. The table above has the same numbers.";
+    return nsbench.draw(document.getElementById("answer-chart"),
+      nsbench.spec("profile", rows), description);
+  },
+
+  start() {
+    const data = nsbench.data;
+    const slider = document.getElementById("answer-error");
+    slider.max = data.targets.length - 1;
+    slider.value = data.default;
+    const groups = document.getElementById("answer-group");
+    for (const group of new Set(data.cases.map((one) => one.group))) {
+      groups.append(nsbench.make("option", { value: group }, group));
+    }
+    for (const id of ["answer-error", "answer-group", "answer-words"]) {
+      document.getElementById(id).addEventListener("input", answer.draw);
+    }
+    answer.draw();
+  },
+};

@@ -1,0 +1,190 @@
+// Data of the page, and the charts drawn from them.
+// The data are JSON, compressed by gzip; every chart is a Vega-Lite layout with rows put in. Vega
+// interprets its expressions (ast: true), so that the page needs no eval.
+const nsbench = {
+  data: null,
+
+  // Decode the compressed data; resolves to nothing where the browser cannot.
+  async load() {
+    const element = document.getElementById("payload");
+    if (!element || typeof DecompressionStream === "undefined") {
+      return null;
+    }
+    const bytes = Uint8Array.from(atob(element.textContent.trim()), (c) => c.charCodeAt(0));
+    const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"));
+    nsbench.data = JSON.parse(await new Response(stream).text());
+    return nsbench.data;
+  },
+
+  // Make an element with attributes and children (elements or texts).
+  make(name, attributes = {}, ...children) {
+    const element = document.createElement(name);
+    for (const [key, value] of Object.entries(attributes)) {
+      element.setAttribute(key, value);
+    }
+    element.append(...children);
+    return element;
+  },
+
+  // Format a number as the tables do: 0.012, 3.4e-5.
+  format(value) {
+    if (value === null || value === undefined) {
+      return "none";
+    }
+    const size = Math.abs(value);
+    if (value === 0 || (size >= 0.01 && size < 10000)) {
+      return String(Number(value.toPrecision(2)));
+    }
+    return value.toExponential(1).replace("e+", "e").replace(".0e", "e");
+  },
+
+  seconds(value) {
+    if (value === null || value === undefined) {
+      return "not timed";
+    }
+    const [scale, unit] = value >= 1 ? [1, "s"] : value >= 1e-3 ? [1e-3, "ms"] : [1e-6, "µs"];
+    return `${nsbench.format(value / scale)} ${unit}`;
+  },
+
+  // The marker of a method in its colour, as in the static tables.
+  chip(method) {
+    const known = nsbench.data.methods[method];
+    const template = document.querySelector(`#chips [data-method="${method}"]`);
+    const label = nsbench.make("span", { class: "m" });
+    if (template) {
+      label.append(template.cloneNode(true));
+    }
+    label.append(known.name);
+    return label;
+  },
+
+  // Colours of axes and texts from the style sheet, light or dark.
+  theme() {
+    const style = getComputedStyle(document.documentElement);
+    const colour = (name) => style.getPropertyValue(`--${name}`).trim();
+    return {
+      background: null,
+      font: style.getPropertyValue("--sans").trim(),
+      axis: {
+        labelColor: colour("muted"),
+        titleColor: colour("muted"),
+        gridColor: colour("rule"),
+        domainColor: colour("muted"),
+        tickColor: colour("muted"),
+        labelFontSize: 11.5,
+        titleFontSize: 12,
+      },
+      legend: { labelColor: colour("ink"), labelFontSize: 12, symbolSize: 70 },
+      view: { stroke: null },
+    };
+  },
+
+  // The layout `name` with rows put in; change: a function that sets titles.
+  spec(name, rows, change = () => {}) {
+    const spec = structuredClone(nsbench.data.layouts[name]);
+    spec.datasets = { points: rows };
+    change(spec);
+    nsbench.recolour(spec, new Set(rows.map((row) => row.method)));
+    return spec;
+  },
+
+  // Use the page's colours of the methods, and only those that have points.
+  recolour(spec, used) {
+    const style = getComputedStyle(document.documentElement);
+    const tones = Object.fromEntries(nsbench.data.methods.map((m) => [m.name, m.tone]));
+    const visit = (node) => {
+      if (!node || typeof node !== "object") {
+        return;
+      }
+      if (node.field === "method" && node.scale && node.scale.domain) {
+        const kept = node.scale.domain.map((name, k) => [name, node.scale.range[k]]);
+        const shown = kept.filter(([name]) => used.has(name));
+        const coloured = typeof shown[0]?.[1] === "string" && shown[0][1].startsWith("#");
+        node.scale.domain = shown.map(([name]) => name);
+        node.scale.range = shown.map(([name, value]) =>
+          coloured ? style.getPropertyValue(`--m${tones[name]}`).trim() : value
+        );
+      }
+      Object.values(node).forEach(visit);
+    };
+    visit(spec.layer);
+  },
+
+  drawn: new Map(),
+
+  // Draw a chart into an element; a description is what a screen reader says.
+  async draw(element, spec, description) {
+    element.setAttribute("role", "img");
+    element.setAttribute("aria-label", description);
+    nsbench.drawn.get(element)?.result?.finalize();
+    nsbench.drawn.set(element, { spec, description });
+    const result = await vegaEmbed(element, spec, {
+      ast: true,
+      actions: false,
+      defaultStyle: false,
+      renderer: "canvas",
+      config: nsbench.theme(),
+      tooltip: { disableDefaultStyle: true, theme: "page" },
+    });
+    element.dataset.drawn = "yes";
+    nsbench.drawn.set(element, { spec, description, result });
+    return result;
+  },
+
+  // Say in place of a chart that there is nothing to draw.
+  say(element, sentence) {
+    nsbench.drawn.get(element)?.result?.finalize();
+    nsbench.drawn.delete(element);
+    element.replaceChildren(nsbench.make("p", { class: "note" }, sentence));
+    element.dataset.drawn = "empty";
+  },
+
+  // Call `draw` once when the element comes near the screen.
+  whenSeen(element, draw) {
+    const observer = new IntersectionObserver(
+      (entries) => {
+        if (entries.some((entry) => entry.isIntersecting)) {
+          observer.disconnect();
+          draw();
+        }
+      },
+      { rootMargin: "300px" }
+    );
+    observer.observe(element);
+  },
+
+  // Rows of an error chart for some pairs: y is a column of errors, x a column of steps or costs.
+  errorRows(pairs, y, x) {
+    const rows = [];
+    const methods = nsbench.data.methods;
+    for (const pair of pairs) {
+      const method = methods[pair.m].name;
+      if (x === "h" && pair.accuracy === "tol") {
+        const found = pair[y].filter((error, k) => pair.good[k] && error > 0);
+        if (found.length) {
+          rows.push({ method, kind: "level", y: Math.min(...found), status: "ok" });
+        }
+        continue;
+      }
+      pair.status.forEach((status, k) => {
+        const at = pair[x][k];
+        const error = pair[y][k];
+        if (!(at > 0)) {
+          return;
+        }
+        const row = { method, x: at, h: pair.h[k], seconds: pair.seconds[k], status };
+        if (pair.good[k] && error !== null) {
+          rows.push({ ...row, y: error, kind: error > 0 ? "error" : "zero" });
+        } else if (!pair.good[k] && status !== "refused") {
+          rows.push({ ...row, kind: "failed", why: pair.why || status });
+        }
+      });
+    }
+    const floor = Math.max(0, ...pairs.map((pair) => (pair.floors[y] || 0)));
+    const least = Math.min(...rows.filter((row) => row.kind === "error").map((row) => row.y));
+    if (floor > 0 && floor > least) {
+      rows.push({ kind: "floor", y: floor });
+    }
+    return rows;
+  },
+};

@@ -1,0 +1,201 @@
+// One interactive figure of any case, the scatter of two methods, orders, and a figure per case.
+const explore = {
+  METRICS: {
+    state: "state error",
+    force: "error of the multipliers (impulse, or reaction where they are not unique)",
+    violation: "violation max(-g)",
+    selection: "selection of the multipliers (not an error)",
+  },
+  COSTS: {
+    h: null, // the title comes with the data
+    seconds: "seconds of the run",
+    rhs: "drift calls",
+    inner: "projections + inner iterations",
+  },
+
+  options(select, names) {
+    for (const [value, text] of names) {
+      select.append(nsbench.make("option", { value }, text));
+    }
+  },
+
+  // A figure of errors with two selects above; c: a function that returns the case.
+  errorFigure(chart, metric, cost, c) {
+    const titles = { ...explore.COSTS, h: nsbench.data.step };
+    const short = { h: "step", seconds: "seconds", rhs: "drift calls", inner: "inner work" };
+    explore.options(metric, Object.entries(explore.METRICS).map(([k, t]) => [k, t.split(" (")[0]]));
+    explore.options(cost, Object.entries(short));
+    const draw = () => {
+      const pairs = nsbench.data.pairs.filter((p) => p.c === c() && p.word !== "refused");
+      const rows = nsbench.errorRows(pairs, metric.value, cost.value);
+      const name = nsbench.data.cases[c()].name;
+      if (!rows.some((row) => row.kind === "error" || row.kind === "level")) {
+        return nsbench.say(chart, `No run of ${name} has a number above 0 here.`);
+      }
+      const spec = nsbench.spec("error", rows, (s) => {
+        for (const layer of s.layer) {
+          layer.encoding.x && (layer.encoding.x.title = titles[cost.value]);
+          layer.encoding.y?.field && (layer.encoding.y.title = explore.METRICS[metric.value]);
+        }
+      });
+      const description =
+        `${explore.METRICS[metric.value]} of ${name} over ${titles[cost.value]}, one line for ` +
+        "each method; the tables of this page hold the numbers.";
+      return nsbench.draw(chart, spec, description);
+    };
+    metric.addEventListener("input", draw);
+    cost.addEventListener("input", draw);
+    return draw;
+  },
+
+  startErrors() {
+    const chart = document.getElementById("explore-chart");
+    const cases = document.getElementById("explore-case");
+    const cost = document.getElementById("explore-cost");
+    explore.options(cases, nsbench.data.cases.map((one, k) => [k, one.name]));
+    const talked = nsbench.data.cases.findIndex((one) => one.name.startsWith("discs[n=30"));
+    cases.value = Math.max(talked, 0);
+    const metric = document.getElementById("explore-metric");
+    const draw = explore.errorFigure(chart, metric, cost, () => Number(cases.value));
+    cost.value = "seconds";
+    cases.addEventListener("input", draw);
+    nsbench.whenSeen(chart, draw);
+  },
+
+  startScatter() {
+    const chart = document.getElementById("scatter-chart");
+    const [one, other] = ["scatter-x", "scatter-y"].map((id) => document.getElementById(id));
+    const names = nsbench.data.methods.map((m, k) => [k, m.name]);
+    explore.options(one, names);
+    explore.options(other, names);
+    const find = (name) => nsbench.data.methods.findIndex((m) => m.name === name);
+    one.value = Math.max(find("pbd"), 0);
+    other.value = find("catching_up") >= 0 ? find("catching_up") : Math.min(1, names.length - 1);
+    const slider = document.getElementById("answer-error");
+    const draw = () => {
+      const k = Number(slider.value);
+      const [a, b] = [Number(one.value), Number(other.value)];
+      const rows = [];
+      nsbench.data.cases.forEach((known, c) => {
+        const cost = (m) => {
+          const pair = nsbench.data.pairs.find((p) => p.c === c && p.m === m);
+          return pair && answer.timed(pair, k);
+        };
+        const [x, y] = [cost(a), cost(b)];
+        if (x && y) {
+          rows.push({ kind: "case", case: known.name, group: known.group, x: x[0], y: y[0] });
+        }
+      });
+      const note = document.getElementById("scatter-note");
+      const label = nsbench.data.labels[k];
+      note.textContent = `${rows.length} cases on which both reach an error of ${label}; ` +
+        `above the line ${names[a][1]} is faster.`;
+      if (!rows.length) {
+        return nsbench.say(chart, note.textContent);
+      }
+      const all = rows.flatMap((row) => [row.x, row.y]);
+      for (const end of all.length ? [Math.min(...all), Math.max(...all)] : []) {
+        rows.push({ kind: "equal", x: end, y: end });
+      }
+      const spec = nsbench.spec("scatter", rows, (s) => {
+        for (const layer of s.layer) {
+          layer.encoding.x.title = `seconds of ${names[a][1]}`;
+          layer.encoding.y.title = `seconds of ${names[b][1]}`;
+        }
+      });
+      return nsbench.draw(chart, spec, note.textContent);
+    };
+    for (const element of [one, other, slider]) {
+      element.addEventListener("input", () => chart.dataset.drawn && draw());
+    }
+    nsbench.whenSeen(chart, draw);
+  },
+
+  startOrders() {
+    const chart = document.getElementById("orders-chart");
+    const metric = document.getElementById("orders-metric");
+    const draw = () => {
+      const rows = nsbench.data.pairs
+        .filter((pair) => pair.orders[metric.value])
+        .map((pair) => {
+          const [x, low, high] = pair.orders[metric.value];
+          const names = nsbench.data;
+          const [method, name] = [names.methods[pair.m].name, names.cases[pair.c].name];
+          return { method, case: name, x, low, high };
+        });
+      const what = metric.selectedOptions[0].textContent;
+      if (!rows.length) {
+        return nsbench.say(chart, `No order of the ${what} could be fitted.`);
+      }
+      return nsbench.draw(chart, nsbench.spec("order", rows),
+        `Orders of convergence of the ${what} with their 95 % intervals, by case and method.`);
+    };
+    metric.addEventListener("input", draw);
+    nsbench.whenSeen(chart, draw);
+  },
+
+  // The figure and the table of runs of every case, made when they come near the screen.
+  startCases() {
+    nsbench.data.cases.forEach((known, c) => {
+      const article = document.getElementById(known.id);
+      const place = article?.querySelector(".live");
+      if (!place) {
+        return;
+      }
+      nsbench.whenSeen(place, () => {
+        const metric = nsbench.make("select", { "aria-label": "quantity" });
+        const cost = nsbench.make("select", { "aria-label": "against" });
+        const chart = nsbench.make("div", { class: "chart" });
+        place.append(nsbench.make("p", { class: "tools" }, metric, " against ", cost), chart);
+        explore.errorFigure(chart, metric, cost, () => c)();
+        place.append(explore.runs(c));
+      });
+    });
+  },
+
+  // All runs of a case as a table, filled when it is opened.
+  runs(c) {
+    const summary = nsbench.make("summary", {}, "All runs");
+    const details = nsbench.make("details", { class: "fits" }, summary);
+    details.addEventListener("toggle", () => {
+      if (details.querySelector("table")) {
+        return;
+      }
+      const heads = ["method", "step, 1/k or tol", "status", "state error", "multiplier error",
+        "violation", "seconds"];
+      const body = nsbench.make("tbody");
+      for (const pair of nsbench.data.pairs.filter((p) => p.c === c)) {
+        pair.status.forEach((status, k) => {
+          const cells = [pair.h, null, pair.state, pair.force, pair.violation].map((column) =>
+            nsbench.make("td", { class: "number" }, column ? nsbench.format(column[k]) : status));
+          cells.push(nsbench.make("td", { class: "number" }, nsbench.seconds(pair.seconds[k])));
+          body.append(nsbench.make("tr", {},
+            nsbench.make("td", { class: "method" }, nsbench.chip(pair.m)), ...cells));
+        });
+      }
+      const head = nsbench.make("tr", {},
+        ...heads.map((h) => nsbench.make("th", { scope: "col" }, h)));
+      details.append(nsbench.make("div", { class: "wrap" },
+        nsbench.make("table", {}, nsbench.make("thead", {}, head), body)));
+    });
+    return details;
+  },
+
+  // Left and right arrow go from case to case.
+  startKeys() {
+    const ids = nsbench.data.cases.map((one) => one.id);
+    addEventListener("keydown", (event) => {
+      const step = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
+      const busy = event.target.closest?.("input, select, textarea, [role=slider], .player");
+      if (!step || busy || event.ctrlKey || event.metaKey || event.altKey) {
+        return;
+      }
+      const tops = ids.map((id) => document.getElementById(id)?.getBoundingClientRect().top ?? NaN);
+      const current = tops.findLastIndex((top) => top <= 80);
+      const next = Math.min(Math.max(current + step, 0), ids.length - 1);
+      history.replaceState(null, "", `#${ids[next]}`);
+      document.getElementById(ids[next])?.scrollIntoView();
+      event.preventDefault();
+    });
+  },
+};

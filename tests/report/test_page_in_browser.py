@@ -1,0 +1,225 @@
+"""The page in a browser without network: it draws, answers, and says nothing on the console."""
+
+import shutil
+
+import pytest
+from report_rows import CASES, ENV, METHODS, SOLVERS, made
+
+from nsbench import write_report
+
+BROWSER = shutil.which("chromium") or shutil.which("google-chrome")
+playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+pytestmark = pytest.mark.skipif(BROWSER is None, reason="no chromium on this machine")
+DRAWN = "#answer-chart[data-drawn=yes] canvas"
+
+
+class Rows:
+    """Rows with the stored descriptions that a folder of results has."""
+
+    rows = made()
+    cases = CASES
+    solvers = SOLVERS
+    env = ENV
+    extra = {}
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory):
+    """The page of a study of a few cases and methods, as an address."""
+    return write_report(Rows, tmp_path_factory.mktemp("page") / "report.html").as_uri()
+
+
+@pytest.fixture(scope="module")
+def browser():
+    """One browser for all tests."""
+    with playwright.sync_playwright() as driver:
+        started = driver.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
+        yield started
+        started.close()
+
+
+@pytest.fixture
+def open_page(browser, file):
+    """Open the page in a context with the given settings; it notes messages and requests."""
+    contexts = []
+
+    def opened(**settings):
+        context = browser.new_context(viewport={"width": 1200, "height": 900}, **settings)
+        contexts.append(context)
+        page = context.new_page()
+        page.said = []
+        page.requests = []
+        page.on("console", lambda message: page.said.append(message.text))
+        page.on("pageerror", lambda error: page.said.append(str(error)))
+        page.on("request", lambda request: page.requests.append(request.url))
+        page.goto(file)
+        return page
+
+    yield opened
+    for context in contexts:
+        context.close()
+
+
+@pytest.fixture
+def page(open_page):
+    """The page with its first chart drawn."""
+    opened = open_page()
+    opened.wait_for_selector(DRAWN)
+    return opened
+
+
+def scroll_to(page, element):
+    page.evaluate("id => document.getElementById(id).scrollIntoView()", element)
+
+
+def slide(page, position):
+    """Move the slider as the keyboard does."""
+    page.focus("#answer-error")
+    page.keyboard.press("Home")
+    for _ in range(position):
+        page.keyboard.press("ArrowRight")
+
+
+def ranking(page):
+    return page.inner_text("#t-answer tbody")
+
+
+def test_nothing_is_fetched_and_nothing_is_said(page, file):
+    for element in ("explore-chart", "scatter-chart", "orders-chart", *CASES):
+        scroll_to(page, element)
+        page.wait_for_timeout(150)
+    page.wait_for_selector("#orders-chart[data-drawn]")
+    page.wait_for_selector("article .chart[data-drawn]")
+    assert page.said == []
+    assert [url for url in page.requests if not url.startswith("data:")] == [file]
+
+
+def test_the_slider_changes_error_table_and_chart(page):
+    label = page.inner_text("#answer-label")
+    before = ranking(page)
+    picture = page.locator(DRAWN).screenshot()
+    slide(page, 0)
+    assert label == "1e-3" and page.inner_text("#answer-label") == "1e-1"
+    assert ranking(page) != before
+    page.wait_for_timeout(400)
+    assert page.locator(DRAWN).screenshot() != picture
+    slide(page, 18)
+    assert page.inner_text("#answer-label") == "1e-10"
+
+
+def test_ranking_counts_what_the_static_table_counts(page):
+    """Two ways to the same count: the script at 1e-3, and the table that Python wrote."""
+    static = {}
+    for row in page.locator("#t-ranking tbody tr").all():
+        cells = row.locator("td").all_text_contents()
+        static[cells[0]] = int(cells[2].split("reached on ")[1].split("cheapest")[0])
+    live = {}
+    for row in page.locator("#t-answer tbody tr").all():
+        live[row.get_attribute("data-method")] = int(row.locator("td").nth(1).inner_text().split()[0])
+    assert live and all(static[name] == count for name, count in live.items())
+
+
+def test_classes_and_words_select_cases(page):
+    groups = page.locator("#answer-group option").all_text_contents()
+    assert groups[0] == "all classes" and len(groups) > 2
+    page.select_option("#answer-group", groups[1])
+    some = page.locator("#t-answer-cases tbody tr").count()
+    page.fill("#answer-words", "tide")
+    page.select_option("#answer-group", "")
+    assert page.locator("#t-answer-cases tbody tr").all_text_contents()[0].startswith("tide")
+    assert 0 < some < len(CASES)
+
+
+def test_a_click_on_the_legend_picks_a_method(page):
+    scroll_to(page, "explore-chart")
+    page.wait_for_selector("#explore-chart[data-drawn=yes]")
+    signal = "() => nsbench.drawn.get(document.getElementById('explore-chart')).result.view"
+    before = page.evaluate(f"({signal})().signal('pick')")
+    legend = page.evaluate(
+        f"""() => {{
+            const view = ({signal})();
+            const seen = [];
+            const visit = (item) => {{
+                if (item.mark?.role === 'legend-label') seen.push(item);
+                (item.items || []).forEach(visit);
+            }};
+            visit(view.scenegraph().root);
+            let x = 0, y = 0;
+            for (let at = seen[0]; at; at = at.mark?.group) {{ x += at.x || 0; y += at.y || 0; }}
+            const origin = view.origin();
+            return [x + origin[0] + 4, y + origin[1]];
+        }}"""
+    )
+    page.locator("#explore-chart canvas").click(position={"x": legend[0], "y": legend[1]})
+    picked = page.evaluate(f"({signal})().signal('pick')")
+    assert not before.get("method") and len(picked["method"]) == 1
+
+
+def test_hovering_names_the_values_of_a_run(page):
+    scroll_to(page, "explore-chart")
+    page.wait_for_selector("#explore-chart[data-drawn=yes]")
+    spot = page.evaluate(
+        """() => {
+            const view = nsbench.drawn.get(document.getElementById('explore-chart')).result.view;
+            const found = [];
+            const visit = (item) => {
+                if (item.mark?.marktype === 'symbol' && item.mark.role === 'mark') found.push(item);
+                (item.items || []).forEach(visit);
+            };
+            visit(view.scenegraph().root);
+            const origin = view.origin();
+            return [found[0].x + origin[0], found[0].y + origin[1]];
+        }"""
+    )
+    page.locator("#explore-chart canvas").hover(position={"x": spot[0], "y": spot[1]})
+    page.wait_for_selector("#vg-tooltip-element.visible")
+    words = page.inner_text("#vg-tooltip-element")
+    assert "error" in words and "seconds" in words and "method" in words
+
+
+def test_arrow_keys_go_from_case_to_case(page):
+    page.mouse.click(5, 400)
+    page.keyboard.press("ArrowRight")
+    first = page.evaluate("location.hash")
+    page.wait_for_timeout(200)
+    page.keyboard.press("ArrowRight")
+    second = page.evaluate("location.hash")
+    page.wait_for_timeout(200)
+    page.keyboard.press("ArrowLeft")
+    assert first and second and first != second and page.evaluate("location.hash") == first
+
+
+def test_dark_mode_changes_page_and_charts(page):
+    light = page.evaluate("getComputedStyle(document.body).backgroundColor")
+    page.emulate_media(color_scheme="dark")
+    page.wait_for_timeout(500)
+    assert page.evaluate("getComputedStyle(document.body).backgroundColor") != light
+    colour = page.evaluate(
+        "nsbench.drawn.get(document.getElementById('answer-chart')).spec.layer[0]"
+        ".encoding.color.scale.range[0]"
+    )
+    assert page.evaluate(
+        "nsbench.drawn.get(document.getElementById('answer-chart')).result.embedOptions.config"
+        ".axis.gridColor"
+    ) == page.evaluate("getComputedStyle(document.documentElement).getPropertyValue('--rule')")
+    assert colour.startswith("#") and page.said == []
+
+
+def test_without_scripts_nothing_is_lost_but_interaction(open_page):
+    page = open_page(java_script_enabled=False)
+    assert page.locator("#t-ranking").is_visible()
+    assert page.locator("article .panels svg").first.is_visible()
+    assert not page.locator("#answer-error").is_visible()
+
+
+def test_a_phone_scrolls_one_way(open_page):
+    page = open_page()
+    page.set_viewport_size({"width": 390, "height": 844})
+    page.wait_for_selector(DRAWN)
+    assert page.evaluate("document.documentElement.scrollWidth") <= 390
+
+
+def test_paper_has_the_static_figures(page):
+    page.emulate_media(media="print")
+    assert page.locator("article .panels svg").first.is_visible()
+    assert not page.locator("#answer-error").is_visible()
