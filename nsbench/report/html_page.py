@@ -14,7 +14,7 @@ import base64
 import functools
 import hashlib
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import quote
@@ -35,7 +35,7 @@ from nsbench.report.cost import COMPARISON_RULE
 from nsbench.report.study_pages import StudySection
 from nsbench.report.style import DARK, DARK_THEME, LIGHT_THEME, PALETTE, SHAPES, Look
 from nsbench.report.summary import Summary
-from nsbench.report.svg_plots import DASHES, define_markers, inline_svg, marker_rules
+from nsbench.report.svg_plots import DASHES, define_markers, inline_svg
 
 FOLDER = Path(__file__).parent
 SECTIONS = (  # id, also the name of the template; heading
@@ -133,7 +133,7 @@ def _render(looks: dict[str, Look], payload: str, **names) -> str:
             Markup("@media (prefers-color-scheme: dark) { :root { %s } }")
             % marks.root_colours(DARK_THEME, DARK),
             _read_static("page.css"),
-            Markup(marker_rules(looks.values())),
+            Markup(_marker_rules(looks.values())),
         ]
     )
     scripts = [name for name in SCRIPTS if payload or name == "page.js"]
@@ -183,6 +183,12 @@ def content_security_policy(styles: list[str], scripts: list[str]) -> str:
         f"default-src 'none'; img-src data:; style-src {name(styles)}; script-src {name(scripts)}; "
         "base-uri 'none'; form-action 'none'"
     )
+
+
+def _marker_rules(looks: Iterable[Look]) -> str:
+    """Write the style rules of the classes by which inlined panels name their markers."""
+    kinds = [f"{kind}:{look.index}" for look in looks for kind in "mox"]
+    return "\n".join(f".{k.replace(':', '-')} {{ marker: url(#{k}); }}" for k in kinds)
 
 
 def _read_static(name: str) -> Markup:

@@ -23,8 +23,7 @@ def render_markdown(c: Content) -> str:
             + "\n".join(f"- {escape_markdown(x)}" for x in s.sentences)
         )
     out += [
-        render_table(c.tables["ranking"]),
-        render_table(c.tables["choice"]),
+        *(render_table(c.tables[key]) for key in ("ranking", "choice")),
         "## Orders",
         render_table(c.tables["orders"]),
         "## Case by case",

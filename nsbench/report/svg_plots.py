@@ -303,12 +303,6 @@ def define_markers(looks: Iterable[Look]) -> str:
     return f"<defs>{''.join(out)}</defs>"
 
 
-def marker_rules(looks: Iterable[Look]) -> str:
-    """Write the style rules of the classes by which inlined panels name their markers."""
-    kinds = [f"{kind}:{look.index}" for look in looks for kind in "mox"]
-    return "\n".join(f".{k.replace(':', '-')} {{ marker: url(#{k}); }}" for k in kinds)
-
-
 def _guide(pen: Pen, p: float, panel: Panel) -> list[str]:
     """Draw a triangle of slope p in a lower corner: one decade across, or less in a small panel."""
     (x0, x1), (y0, y1), k = pen.xs, pen.ys, panel.slopes.index(p)
@@ -357,7 +351,7 @@ def inline_svg(svg: str, names: dict[int, str], label: str) -> str:
         svg = svg.replace(colour, variable)
     named = lambda m: f'<g class="s s{m[1]}"><title>{escape(names[int(m[1])])}</title>'
     svg = re.sub(r'<g id="s(\d+)">', named, svg)
-    # the policy of the page allows no style attributes: marker_rules has the markers as classes
+    # the policy of the page allows no style attributes: the page has classes of this name
     svg = re.sub(r'style="marker:url\(#(\w):(\d+)\)"', r'class="\1-\2"', svg)
     return svg.replace("<svg ", f'<svg role="img" aria-label="{escape(label)}" ', 1)
 

@@ -3,7 +3,7 @@
 import shutil
 
 import pytest
-from report_rows import CASES, ENV, METHODS, SOLVERS, made
+from report_rows import CASES, ENV, SOLVERS, made
 
 from nsbench import write_report
 
@@ -13,11 +13,14 @@ pytestmark = pytest.mark.skipif(BROWSER is None, reason="no chromium on this mac
 DRAWN = "#answer-chart[data-drawn=yes] canvas"
 
 
+GROUPS = {"tide": "Complementarity", "apple": "Filippov"}
+
+
 class Rows:
     """Rows with the stored descriptions that a folder of results has."""
 
     rows = made()
-    cases = CASES
+    cases = {name: {**known, "problem": GROUPS.get(name, "LCS")} for name, known in CASES.items()}
     solvers = SOLVERS
     env = ENV
     extra = {}
@@ -85,7 +88,8 @@ def ranking(page):
 
 
 def test_nothing_is_fetched_and_nothing_is_said(page, file):
-    for element in ("explore-chart", "scatter-chart", "orders-chart", *CASES):
+    cases = page.evaluate("nsbench.data.cases.map((one) => one.id)")
+    for element in ("explore-chart", "scatter-chart", "orders-chart", *cases):
         scroll_to(page, element)
         page.wait_for_timeout(150)
     page.wait_for_selector("#orders-chart[data-drawn]")
@@ -145,12 +149,14 @@ def test_a_click_on_the_legend_picks_a_method(page):
             }};
             visit(view.scenegraph().root);
             let x = 0, y = 0;
-            for (let at = seen[0]; at; at = at.mark?.group) {{ x += at.x || 0; y += at.y || 0; }}
-            const origin = view.origin();
-            return [x + origin[0] + 4, y + origin[1]];
+            for (let at = seen[1]; at; at = at.mark?.group) {{ x += at.x || 0; y += at.y || 0; }}
+            const [left, top] = view.origin();
+            const padding = view.padding();
+            return [x + left + padding.left + 4, y + top + padding.top];
         }}"""
     )
     page.locator("#explore-chart canvas").click(position={"x": legend[0], "y": legend[1]})
+    page.wait_for_timeout(300)
     picked = page.evaluate(f"({signal})().signal('pick')")
     assert not before.get("method") and len(picked["method"]) == 1
 
@@ -167,8 +173,10 @@ def test_hovering_names_the_values_of_a_run(page):
                 (item.items || []).forEach(visit);
             };
             visit(view.scenegraph().root);
-            const origin = view.origin();
-            return [found[0].x + origin[0], found[0].y + origin[1]];
+            const [left, top] = view.origin();
+            const padding = view.padding();
+            const one = found[Math.floor(found.length / 2)];
+            return [one.x + left + padding.left, one.y + top + padding.top];
         }"""
     )
     page.locator("#explore-chart canvas").hover(position={"x": spot[0], "y": spot[1]})
@@ -180,11 +188,11 @@ def test_hovering_names_the_values_of_a_run(page):
 def test_arrow_keys_go_from_case_to_case(page):
     page.mouse.click(5, 400)
     page.keyboard.press("ArrowRight")
+    page.wait_for_timeout(300)
     first = page.evaluate("location.hash")
-    page.wait_for_timeout(200)
     page.keyboard.press("ArrowRight")
+    page.wait_for_timeout(300)
     second = page.evaluate("location.hash")
-    page.wait_for_timeout(200)
     page.keyboard.press("ArrowLeft")
     assert first and second and first != second and page.evaluate("location.hash") == first
 

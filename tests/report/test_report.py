@@ -115,7 +115,7 @@ def test_the_page_needs_nothing_else(page):
         for key in ("src", "href", "xlink:href"):
             assert re.match(r"#|data:image/svg", attrs.get(key) or "#"), attrs
         assert "style" not in attrs and not any(key.startswith("on") for key in attrs), attrs
-    assert "@import" not in own and "url(" not in own.replace("url(#", "")
+    assert "@import" not in own and "url(" not in own.replace("url(#", "").replace("url(%23", "")
     policy = re.search(r'http-equiv="Content-Security-Policy" content="([^"]*)"', page)[1]
     assert policy.startswith("default-src &#39;none&#39;") and "unsafe" not in policy
     styles = re.findall(r"<style>(.*?)</style>", page, re.DOTALL)
@@ -241,7 +241,8 @@ def test_names_are_text_and_nothing_else(tmp_path):
     )
     assert not any(t == "img" for t, _ in reader.tags) and all(c.strip() for c in reader.cells)
     for text_ in (out, path.with_suffix(".md").read_text(encoding="utf-8")):
-        assert not re.search(r"[\x00-\x09\x0b-\x1f\x7f\u202e]", text_)
+        own = text_.replace(chart_library(), "")
+        assert not re.search(r"[\x00-\x09\x0b-\x1f\x7f\u202e]", own)
     assert "<script" not in path.with_suffix(".md").read_text(encoding="utf-8")
     figures = sorted(p.name for p in (tmp_path / "out" / "figures").iterdir())
     assert len(figures) == 2 * (len(NASTY) + 1) + 1 and figures.count("profiles.svg") == 1

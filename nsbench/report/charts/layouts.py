@@ -38,60 +38,45 @@ def error_chart(methods: Methods, x_title: str, y_title: str) -> Spec:
     crossed at the top edge; "floor", whose y is the error of the reference, shaded below; "level",
     the best error y of a method with a tolerance, drawn across where x is a step.
     """
-    x = {"field": "x", "type": "quantitative", "scale": _log(), "title": x_title, "axis": _axis()}
-    y = {"field": "y", "type": "quantitative", "scale": _log(), "title": y_title, "axis": _axis()}
-    marked = {"x": x, **_identity(methods), "tooltip": RUN_TIPS}
+    x = _logarithmic("x", x_title)
+    y = _logarithmic("y", y_title)
+    line = {"color": _colour(methods), "opacity": _opacity()}
+    point = {"x": x, **_identity(methods), "tooltip": RUN_TIPS}
+    floor = {"type": "rect", "color": "#808080", "opacity": 0.12}
     return _chart(
         [
+            _layer("floor", floor, {"y": y, "y2": {"value": HEIGHT}}),
             {
-                "transform": [_only("floor")],
-                "mark": {"type": "rect", "color": "#808080", "opacity": 0.12},
-                "encoding": {"y": y, "y2": {"value": HEIGHT}},
+                # the first layer with a legend: only there can the legend be clicked
+                "params": [PICK, ZOOM],
+                **_layer(
+                    "error",
+                    {"type": "line", "strokeWidth": 1.6, "strokeJoin": "round"},
+                    {
+                        "x": x,
+                        "y": y,
+                        "order": {"field": "h"},
+                        "strokeDash": _dashes(methods),
+                        **line,
+                    },
+                ),
             },
-            {
-                "transform": [_only("level")],
-                "mark": {"type": "rule", "strokeDash": [2, 3], "strokeWidth": 1.6},
-                "encoding": {
-                    "y": y,
-                    "color": _colour(methods),
-                    "opacity": _opacity(),
-                    "tooltip": RUN_TIPS,
-                },
-            },
-            {
-                "transform": [_only("error")],
-                "mark": {"type": "line", "strokeWidth": 1.6, "strokeJoin": "round"},
-                "encoding": {
-                    "x": x,
-                    "y": y,
-                    "order": {"field": "h"},
-                    "color": _colour(methods),
-                    "strokeDash": _dashes(methods),
-                    "opacity": _opacity(),
-                },
-            },
-            {
-                "transform": [_only("error")],
-                "params": _interaction(),
-                "mark": {"type": "point", "size": 34, "filled": True},
-                "encoding": {"y": y, **marked},
-            },
-            {
-                "transform": [_only("zero")],
-                "mark": {"type": "point", "size": 34, "filled": False},
-                "encoding": {"y": {"value": HEIGHT}, **marked},
-            },
-            {
-                "transform": [_only("failed")],
-                "mark": {"type": "text", "text": "×", "fontSize": 14},
-                "encoding": {
-                    "x": x,
-                    "y": {"value": 6},
-                    "color": _colour(methods),
-                    "opacity": _opacity(),
-                    "tooltip": RUN_TIPS,
-                },
-            },
+            _layer("error", {"type": "point", "size": 34, "filled": True}, {"y": y, **point}),
+            _layer(
+                "level",
+                {"type": "rule", "strokeDash": [2, 3], "strokeWidth": 1.6},
+                {"y": y, **line, "tooltip": RUN_TIPS},
+            ),
+            _layer(
+                "zero",
+                {"type": "point", "size": 34, "filled": False},
+                {"y": {"value": HEIGHT}, **point},
+            ),
+            _layer(
+                "failed",
+                {"type": "text", "text": "×", "fontSize": 14},
+                {"x": x, "y": {"value": 6}, **line, "tooltip": RUN_TIPS},
+            ),
         ]
     )
 
@@ -105,16 +90,10 @@ def profile_chart(methods: Methods) -> Spec:
     return _chart(
         [
             {
-                "params": _interaction(),
+                "params": [PICK, ZOOM],
                 "mark": {"type": "line", "interpolate": "step-after", "strokeWidth": 1.8},
                 "encoding": {
-                    "x": {
-                        "field": "x",
-                        "type": "quantitative",
-                        "scale": _log(),
-                        "title": "seconds over those of the fastest method",
-                        "axis": _axis(),
-                    },
+                    "x": _logarithmic("x", "seconds over those of the fastest method"),
                     "y": {
                         "field": "y",
                         "type": "quantitative",
@@ -143,43 +122,45 @@ def scatter_chart(x_title: str, y_title: str) -> Spec:
     points: rows with case, group (problem class), x, y, kind ("case", or "equal" for the two ends
     of that line).
     """
-    x = {"field": "x", "type": "quantitative", "scale": _log(), "title": x_title, "axis": _axis()}
-    y = {"field": "y", "type": "quantitative", "scale": _log(), "title": y_title, "axis": _axis()}
+    x = _logarithmic("x", x_title)
+    y = _logarithmic("y", y_title)
     return _chart(
         [
+            _layer(
+                "equal",
+                {"type": "line", "color": "#808080", "strokeDash": [2, 3]},
+                {"x": x, "y": y},
+            ),
             {
-                "transform": [_only("equal")],
-                "mark": {"type": "line", "color": "#808080", "strokeDash": [2, 3]},
-                "encoding": {"x": x, "y": y},
-            },
-            {
-                "transform": [_only("case")],
                 "params": [ZOOM],
-                "mark": {"type": "point", "size": 60, "filled": True, "opacity": 0.85},
-                "encoding": {
-                    "x": x,
-                    "y": y,
-                    "color": {
-                        "field": "group",
-                        "type": "nominal",
-                        "scale": {"range": [PALETTE[0], PALETTE[1], PALETTE[2], PALETTE[3]]},
-                        "legend": {"title": None, "orient": "bottom"},
+                **_layer(
+                    "case",
+                    {"type": "point", "size": 60, "filled": True, "opacity": 0.85},
+                    {
+                        "x": x,
+                        "y": y,
+                        "color": {
+                            "field": "group",
+                            "type": "nominal",
+                            "scale": {"range": list(PALETTE[:4])},
+                            "legend": {"title": None, "orient": "bottom"},
+                        },
+                        "tooltip": [
+                            {"field": "case"},
+                            {"field": "x", "title": x_title, "format": ".3~g"},
+                            {"field": "y", "title": y_title, "format": ".3~g"},
+                        ],
                     },
-                    "tooltip": [
-                        {"field": "case"},
-                        {"field": "x", "title": x_title, "format": ".3~g"},
-                        {"field": "y", "title": y_title, "format": ".3~g"},
-                    ],
-                },
+                ),
             },
         ]
     )
 
 
-def order_chart(methods: Methods, title: str) -> Spec:
+def order_chart(methods: Methods, title: str, cases: int) -> Spec:
     """Lay out orders of convergence with their 95 % intervals, one line per case.
 
-    points: rows with method, case, x (order), low, high.
+    points: rows with method, case, x (order), low, high. cases: how many, at most.
     """
     y = {"field": "case", "type": "nominal", "title": None, "sort": None}
     y["axis"] = {"grid": True, "labelLimit": 190}
@@ -187,6 +168,7 @@ def order_chart(methods: Methods, title: str) -> Spec:
     spec = _chart(
         [
             {
+                "params": [PICK],
                 "mark": {"type": "rule", "strokeWidth": 1.5},
                 "encoding": {
                     "x": {"field": "low", "type": "quantitative"},
@@ -196,7 +178,6 @@ def order_chart(methods: Methods, title: str) -> Spec:
                 },
             },
             {
-                "params": [PICK],
                 "mark": {"type": "point", "filled": True, "size": 46},
                 "encoding": {
                     "x": {
@@ -218,7 +199,7 @@ def order_chart(methods: Methods, title: str) -> Spec:
             },
         ]
     )
-    spec["height"] = {"step": 15}
+    spec["height"] = 15 * cases
     return spec
 
 
@@ -279,20 +260,21 @@ def _chart(layers: list[Spec]) -> Spec:
     }
 
 
-def _interaction() -> list[Spec]:
-    return [PICK, ZOOM]
+def _layer(kind: str, mark: Spec, encoding: Spec) -> Spec:
+    """A layer of the rows of one kind."""
+    only = {"filter": {"field": "kind", "equal": kind}}
+    return {"transform": [only], "mark": mark, "encoding": encoding}
 
 
-def _only(kind: str) -> Spec:
-    return {"filter": {"field": "kind", "equal": kind}}
-
-
-def _log() -> Spec:
-    return {"type": "log", "nice": False}
-
-
-def _axis() -> Spec:
-    return {"format": "~e", "tickCount": 6, "labelOverlap": True, "gridOpacity": 0.45}
+def _logarithmic(field: str, title: str) -> Spec:
+    """A logarithmic axis; ten pixels at its ends keep markers whole."""
+    return {
+        "field": field,
+        "type": "quantitative",
+        "scale": {"type": "log", "nice": False, "padding": 10},
+        "title": title,
+        "axis": {"format": "~e", "tickCount": 6, "labelOverlap": True, "gridOpacity": 0.45},
+    }
 
 
 def _opacity() -> Spec:

@@ -77,7 +77,7 @@ def payload(content: Content) -> dict:
             "error": error_chart(methods, "", ""),
             "profile": profile_chart(methods),
             "scatter": scatter_chart("", ""),
-            "order": order_chart(methods, "order of convergence"),
+            "order": order_chart(methods, "order of convergence", len(cases)),
             "curve": curve_chart(""),
         },
         "step": STEP_LABEL,

@@ -144,11 +144,14 @@ const answer = {
       ...rows.map((row) => {
         const cell = (text, kind = "number") => nsbench.make("td", { class: kind }, text);
         const tie = row.ties ? ` (+${row.ties} tied)` : "";
-        const untimed = row.untimed ? `, ${row.untimed} in a host loop` : "";
+        const hosted = nsbench.make("small", {}, `${row.untimed} in a host loop`);
+        const untimed = row.untimed ? [hosted] : [];
+        const reached = cell(`${row.reached} of ${cases.length}`);
+        reached.append(...untimed);
         const line = nsbench.make("tr", { "data-method": nsbench.data.methods[row.method].name });
         line.append(
           nsbench.make("td", { class: "method" }, nsbench.chip(row.method)),
-          cell(`${row.reached} of ${cases.length}${untimed}`),
+          reached,
           cell(`${row.cheapest}${tie}`),
           cell(row.timed ? `× ${nsbench.format(row.mean / least)}` : "not compared"),
           cell(row.timed ? `× ${nsbench.format(answer.median(row.factors))}` : "none"),

@@ -83,6 +83,10 @@ const nsbench = {
   spec(name, rows, change = () => {}) {
     const spec = structuredClone(nsbench.data.layouts[name]);
     spec.datasets = { points: rows };
+    // Vega warns of a layer without rows
+    const kinds = new Set(rows.map((row) => row.kind));
+    const kind = (layer) => layer.transform?.[0].filter.equal;
+    spec.layer = spec.layer.filter((layer) => !kind(layer) || kinds.has(kind(layer)));
     change(spec);
     nsbench.recolour(spec, new Set(rows.map((row) => row.method)));
     return spec;

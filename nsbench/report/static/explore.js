@@ -29,8 +29,8 @@ const explore = {
       const pairs = nsbench.data.pairs.filter((p) => p.c === c() && p.word !== "refused");
       const rows = nsbench.errorRows(pairs, metric.value, cost.value);
       const name = nsbench.data.cases[c()].name;
-      if (!rows.some((row) => row.kind === "error" || row.kind === "level")) {
-        return nsbench.say(chart, `No run of ${name} has a number above 0 here.`);
+      if (!rows.some((row) => row.kind === "error")) {
+        return nsbench.say(chart, `No run of ${name} with a step has a number above 0 here.`);
       }
       const spec = nsbench.spec("error", rows, (s) => {
         for (const layer of s.layer) {
@@ -184,6 +184,10 @@ const explore = {
   // Left and right arrow go from case to case.
   startKeys() {
     const ids = nsbench.data.cases.map((one) => one.id);
+    let at = null; // the case that the keys went to; forgotten when the reader scrolls
+    for (const kind of ["wheel", "touchmove", "mousedown"]) {
+      addEventListener(kind, () => { at = null; }, { passive: true });
+    }
     addEventListener("keydown", (event) => {
       const step = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
       const busy = event.target.closest?.("input, select, textarea, [role=slider], .player");
@@ -191,10 +195,14 @@ const explore = {
         return;
       }
       const tops = ids.map((id) => document.getElementById(id)?.getBoundingClientRect().top ?? NaN);
-      const current = tops.findLastIndex((top) => top <= 80);
-      const next = Math.min(Math.max(current + step, 0), ids.length - 1);
-      history.replaceState(null, "", `#${ids[next]}`);
-      document.getElementById(ids[next])?.scrollIntoView();
+      const current = at ?? tops.findLastIndex((top) => top <= 80);
+      at = Math.min(Math.max(current + step, 0), ids.length - 1);
+      history.replaceState(null, "", `#${ids[at]}`);
+      // again when the figures on the way are drawn and have their height
+      const target = document.getElementById(ids[at]);
+      for (const delay of [0, 150, 400]) {
+        setTimeout(() => target?.scrollIntoView({ behavior: "instant" }), delay);
+      }
       event.preventDefault();
     });
   },
