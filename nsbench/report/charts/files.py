@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import functools
 import json
+import re
 from pathlib import Path
 
 from nsbench.results.atomic_write import replace
@@ -45,7 +46,11 @@ def draw_svg(spec: dict) -> str:
     """Draw a chart as SVG text."""
     import vl_convert
 
-    return vl_convert.vegalite_to_svg(spec)
+    svg = vl_convert.vegalite_to_svg(spec)
+    # Vega counts clips and gradients over all charts of a process; here every chart counts its own
+    names: dict[str, str] = {}
+    number = lambda m: names.setdefault(m[0], f"{m[1]}{len(names)}")
+    return re.sub(r"\b(clip|gradient_)\d+\b", number, svg)
 
 
 def _encode(spec: dict, suffix: str) -> bytes:
@@ -56,4 +61,6 @@ def _encode(spec: dict, suffix: str) -> bytes:
         return svg.encode()
     import vl_convert
 
-    return vl_convert.svg_to_pdf(svg)
+    # the converter writes resources of a page in the order of a hash table
+    in_order = lambda m: b"".join(sorted(m[0].splitlines(True)))
+    return re.sub(rb"(?m)(?:^ +/\w+ \d+ 0 R\n)+", in_order, vl_convert.svg_to_pdf(svg))
