@@ -117,6 +117,20 @@ def _add_run(verbs) -> None:
         help="folder of the references of case files (default: references in the folder of "
         "results); missing ones are built",
     )
+    verb.add_argument(
+        "--reach",
+        type=float,
+        metavar="E",
+        help="carry the ladders on to smaller steps until this state error is reached",
+    )
+    verb.add_argument(
+        "--budget",
+        type=float,
+        default=60.0,
+        metavar="S",
+        help="for --reach: seconds that the added runs of one method on one case may take "
+        "(default: 60)",
+    )
     verb.add_argument("--force", action="store_true", help="run again what is already known")
     verb.add_argument(
         "-q", "--quiet", action="store_true", help="print the path of the report only"

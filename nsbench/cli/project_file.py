@@ -7,6 +7,7 @@
     out = "results"
     references = "references"
     baseline = "baseline.csv"
+    reach = 1e-4                                # carry ladders on to this state error
 
     [ladders]
     h = "1e-2..1e-4"                            # as on the command line, or a list of numbers
@@ -36,6 +37,7 @@ ENTRIES = {
     "out": (str, {"run": "out", "gate": "dir", "calibrate": "dir"}),
     "references": (str, {"run": "references", "calibrate": "references", "reference": "into"}),
     "baseline": (str, {"gate": "baseline"}),
+    "reach": (float, {"run": "reach"}),
 }
 LADDERS = ("h", "tol", "k")
 TOLERANCES = ("rtol",)
@@ -93,7 +95,8 @@ def _read(path: Path) -> dict:
             known = [*ENTRIES, "ladders", "tolerances"]
             raise LookupError(f"{path} has the entry {name!r}; {nearest(name, known)}")
         elif not isinstance(value, ENTRIES[name][0]):
-            wanted = {list: "a list of texts", str: "a text"}[ENTRIES[name][0]]
+            kinds = {list: "a list of texts", str: "a text", float: "a number such as 1e-4"}
+            wanted = kinds[ENTRIES[name][0]]
             raise ValueError(f"{name} of {path} is {value!r:.60}; {wanted} is needed")
         elif isinstance(value, list) and not all(isinstance(v, str) for v in value):
             raise ValueError(f"{name} of {path} is {value!r:.60}; a list of texts is needed")

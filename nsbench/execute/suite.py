@@ -21,7 +21,7 @@ from pathlib import Path
 import nsbench
 from nsbench.case import parse_spec, size
 from nsbench.compilation.disk_cache import digest, digest_of
-from nsbench.execute import dry_run
+from nsbench.execute import dry_run, reach
 from nsbench.execute.forecast import work
 from nsbench.execute.progress import EXPECTED_STATUSES, Progress
 from nsbench.execute.workers.pool import Chore, run_all
@@ -49,8 +49,9 @@ def execute(specs: list[Spec], out: Path, args, say) -> int:
 
     Writes DIR/{journal.jsonl, runs.*, env.json, cases.json, solvers.json, report.*, figures/,
     output/}. args: options of `nsbench run` (plan, force, timeout, memory, jobs, dask; with --plan
-    also probe and verbose). Raises ValueError for a folder that cannot be used and for a case that
-    needs too much memory; errors of results and cluster pass on.
+    also probe and verbose; reach and budget: see nsbench.execute.reach). Raises ValueError for a
+    folder that cannot be used and for a case that needs too much memory; errors of results and
+    cluster pass on.
     """
     _check_folder(out)
     build_references({(s.case, s.file, s.references) for s in specs if s.references}, args, say)
@@ -65,26 +66,22 @@ def execute(specs: list[Spec], out: Path, args, say) -> int:
         reusable = {} if args.force else _reusable_rows(out, specs, keys, args, say)
         return dry_run.print_plan(dry_run.Plan(specs, cases, parts, keys, reusable, out), args, say)
     with contextlib.closing(Journal(out)) as journal:  # from here on nobody else writes there
-        reusable = {} if args.force else _reusable_rows(out, specs, keys, args, say)
         rows = PackedRows()
-        todo = [s for s in specs if keys[s] not in reusable]
-        for s in specs:
-            if keys[s] in reusable:
-                rows[keys[s]] = reusable[keys[s]]
-        del reusable
-        drawn = set()
-        if todo:
-            say(f"{len(todo)} runs ({len(specs) - len(todo)} known already), results in {out}")
-            consistency.mark_stale(out)
-            recorder = row_reuse.RowRecorder(
-                journal, keys, parts, cases, on_this_machine=args.dask is None
-            )
-            drawn = _run(todo, keys, recorder, rows, args, say, cases, out)
-            recorder.report(say)
+        known = parts, keys, cases, rows
+        fresh, drawn = _complete(specs, known, journal, args, say, out)
+        for _ in range(reach.ROUNDS if args.reach else 0):
+            found = [as_read(rows[keys[s]]) for s in specs if keys[s] in rows]
+            added = reach.further_runs(specs, found, args.reach, args.budget)
+            if not added:
+                break
+            parts |= _parts_of_all(added, cases)
+            keys |= {s: key.key_of(s, parts[s]) for s in added}
+            specs = [*specs, *added]
+            fresh |= _complete(added, known, journal, args, say, out)[0]
         ordered = OrderedRows(
             rows, (keys[s] for s in specs), lambda i: lost_run_row(specs[i], "error", NO_ROW)
         )
-        path = publish(out, ordered, cases, fresh=bool(todo), say=say, drawn=drawn)
+        path = publish(out, ordered, cases, fresh=fresh, say=say, drawn=drawn)
     failed = Counter(r["status"] for r in ordered if r["status"] not in EXPECTED_STATUSES)
     if failed:
         say(
@@ -98,6 +95,29 @@ def execute(specs: list[Spec], out: Path, args, say) -> int:
     say(f"report: {path}")
     unexpected = failed["error"] or failed["crashed"] or failed.total() == len(ordered)
     return RUNS_FAILED if unexpected else NOTHING_RAN * refused
+
+
+def _complete(specs, known, journal, args, say, out) -> tuple[bool, set]:
+    """Make the rows of `specs` that no earlier call has made; add all of them to the known rows.
+
+    known: parts and keys of the specs, cases, rows by key. Returns whether anything ran, and the
+    pictures that workers have drawn meanwhile.
+    """
+    parts, keys, cases, rows = known
+    reusable = {} if args.force else _reusable_rows(out, specs, keys, args, say)
+    todo = [s for s in specs if keys[s] not in reusable]
+    for s in specs:
+        if keys[s] in reusable:
+            rows[keys[s]] = reusable[keys[s]]
+    if not todo:
+        return False, set()
+    say(f"{len(todo)} runs ({len(specs) - len(todo)} known already), results in {out}")
+    consistency.mark_stale(out)
+    here = args.dask is None
+    recorder = row_reuse.RowRecorder(journal, keys, parts, cases, on_this_machine=here)
+    drawn = _run(todo, keys, recorder, rows, args, say, cases, out)
+    recorder.report(say)
+    return True, drawn
 
 
 def build_references(sources: set[tuple[str, str, str]], args, say) -> None:

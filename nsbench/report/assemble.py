@@ -160,9 +160,9 @@ def assemble_content(data: Data, drawn: Figures) -> Content:
     s = drawn.summaries
     built = [
         ranking_table(data),
-        choice_table(data),
+        choice_table(data, s),
         orders_table(s),
-        speed_table(data),
+        speed_table(data, s),
         seeds_table(data),
         failures_table(data),
         environment_table(data.env),

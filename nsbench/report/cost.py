@@ -9,15 +9,19 @@ between loops of one kind that were timed together (COMPARISON_RULE).
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
 from nsbench.measure.clock import LONG
 from nsbench.report.data import Data, Runs
-from nsbench.report.style import LEADING_METHOD, format_number, method_of
+from nsbench.report.style import LEADING_METHOD, format_number, format_seconds, method_of
+from nsbench.report.summary import Summary
 
 TARGETS = (1e-2, 1e-3, 1e-4, 1e-6)  # state errors at which methods are compared
+MOST_WIDTH = 0.2  # of an order: a wider interval tells no step
+LEAST_RELATIVE = 1e-12  # of the size of a quantity: errors below it are not extrapolated to
 WORK_COLUMNS = ("drift_calls", "projections", "inner_iterations")
 
 
@@ -29,6 +33,7 @@ class Cost:
     low, high: of one run, with the quartiles over rounds. work: counted_work. h: the step (1/k or
     tolerance, see `accuracy`) that reaches the error. rounds: the fewest rounds that the seconds
     come from. session: the run of the bench in which they were measured, "" if that is not stored.
+    is_extrapolated: no run reached the error; it is where the fitted order gets there.
     """
 
     solver: str
@@ -42,6 +47,7 @@ class Cost:
     high: float = math.nan
     rounds: float = math.nan
     session: str = ""
+    is_extrapolated: bool = False
 
 
 def counted_work(runs: Runs) -> np.ndarray:
@@ -148,6 +154,66 @@ def cost_at_error(runs: Runs, target: float, metric: str = "state_sup") -> Cost 
         rounds=float(np.min(rounds)),
         session="+".join(sessions),
     )
+
+
+def extrapolate_cost(summary: Summary, target: float) -> Cost | None:
+    """Extrapolate the cost of an error that the ladder of steps does not reach.
+
+    With an order p of a narrow interval, and the error e of the finest step h, the step
+    h (target / e)^(1/p) reaches it; seconds go on as a power of the step, as over the finer half of
+    the runs. None where a run reaches the error, no order is certain, or the error is below the
+    reference's floor or what rounding allows.
+    """
+    runs = summary.runs
+    order = summary.state
+    if order.kind != "fit" or order.verdict in ("plateau", "diverges"):
+        return None
+    low, high = order.interval
+    is_certain = 0.0 <= high - low <= MOST_WIDTH * order.order
+    if not is_certain or runs.accuracy == "tol" or cost_at_error(runs, target) is not None:
+        return None
+    if target <= max(runs.floor(order.metric), LEAST_RELATIVE * runs.scale(order.metric)):
+        return None
+    error = np.abs(runs.col[order.metric])
+    good = np.flatnonzero(runs.good & (error > 0.0) & (runs.col["h"] > 0.0))
+    finest = good[-1]
+    factor = (target / error[finest]) ** (1.0 / order.order)
+    if not factor < 1.0:
+        return None
+    h = runs.col["h"][good]
+    grown = lambda values: float(values[-1] * factor ** _exponent(h, values))
+    return Cost(
+        solver=runs.solver,
+        loop=runs.loop,
+        seconds=grown(runs.col["seconds"][good]),
+        work=grown(counted_work(runs)[good]),
+        h=float(h[-1] * factor),
+        accuracy=runs.accuracy,
+        at_most=False,
+        is_extrapolated=True,
+    )
+
+
+def _exponent(h: np.ndarray, values: np.ndarray) -> float:
+    """Return p of values ~ h^p over the finer half of steps h (k,); -1.0 where it is not known."""
+    half = slice(len(h) // 2, None)
+    use = np.isfinite(values[half]) & (values[half] > 0.0)
+    x = np.log(h[half][use])
+    if x.size < 2 or np.ptp(x) == 0.0:
+        return -1.0
+    return float(np.polyfit(x, np.log(values[half][use]), 1)[0])
+
+
+def cheapest_extrapolated(summaries: Iterable[Summary], target: float) -> Cost | None:
+    """Return the extrapolated cost with the fewest seconds, of compiled loops if there are any."""
+    found = [extrapolate_cost(s, target) for s in summaries]
+    known = [c for c in found if c is not None and c.seconds > 0.0]
+    return min(known, key=lambda c: (c.loop != "compiled", c.seconds), default=None)
+
+
+def format_extrapolated(cost: Cost) -> str:
+    """Say which step an error needs: ``needs h = 6e-5, about 55 ms (extrapolated)``."""
+    return f"needs {format_setting(cost)}, about {format_seconds(cost.seconds)} (extrapolated)"
 
 
 def _between(a: float, b: float, share: float) -> float:

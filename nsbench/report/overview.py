@@ -9,14 +9,14 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from nsbench.report.cost import format_setting, rank_costs
+from nsbench.report.cost import Cost, cheapest_extrapolated, format_setting, rank_costs
 from nsbench.report.data import Data, Runs
 from nsbench.report.style import format_count, format_number, format_seconds
-from nsbench.report.summary import estimate_order, rounding_span, stored_claims
+from nsbench.report.summary import estimate_order, rounding_span, stored_claims, summarise
 
 TARGET = 1e-3  # state error that the best method reaches
 MAX_LINES = 10
@@ -64,6 +64,11 @@ def _line(data: Data, case: str) -> Line:
     if not ranked:
         measured = any(np.isfinite(r.col["state_sup"][r.good]).any() for r in runs)
         best = NOT_REACHED if measured else NOT_KNOWN
+        further = _further(data, runs) if measured else None
+        if further is not None:
+            setting = f"{format_setting(further)}, extrapolated"
+            seconds = further.seconds
+            return Line(case, further.solver, setting, seconds, "-", "-", refused, failed)
         if refused == len(runs):
             best = "refused"
         return Line(case, best, "", math.nan, "-", "-", refused, failed)
@@ -79,6 +84,12 @@ def _line(data: Data, case: str) -> Line:
         refused,
         failed,
     )
+
+
+def _further(data: Data, runs: list[Runs]) -> Cost | None:
+    """Return the least cost at which TARGET would be reached, by extrapolation."""
+    some = {(r.case, r.solver): r for r in runs}
+    return cheapest_extrapolated(summarise(replace(data, runs=some)).values(), TARGET)
 
 
 def _order(data: Data, runs: Runs) -> str:

@@ -16,7 +16,7 @@ TIDE = [r for r in made() if r["case"] == "tide"]
 CHARTS = {
     "work_precision": lambda: studies.work_precision(TIDE),
     "error_against_step": lambda: studies.error_against_step(TIDE, metric="force"),
-    "orders": lambda: studies.orders(made()),
+    "orders": lambda: studies.orders(TIDE),
 }
 
 
@@ -78,6 +78,6 @@ def test_building_a_chart_imports_no_renderer():
 
 
 def test_layouts_hold_no_data():
-    spec = studies.orders(made())
+    spec = studies.orders(TIDE)
     assert json.dumps(spec, allow_nan=False)
     assert "values" not in spec["data"] and spec["data"]["name"] in spec["datasets"]

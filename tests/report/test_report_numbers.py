@@ -158,8 +158,28 @@ def test_the_cheapest_method_depends_on_the_rows():
         for s, c in (("pbd", 2.0), ("catching_up", 1.0))
         for h in STEPS
     ]
-    cell = equal_error_tables.choice_table(data.read(rows)).rows[0].cells[1]
+    read = data.read(rows)
+    cell = equal_error_tables.choice_table(read, summary.summarise(read)).rows[0].cells[1]
     assert cell.text == "catching_up" and "pbd" in cell.title
+
+
+def test_an_error_beyond_the_ladder_has_an_extrapolated_step():
+    """Order one with seconds 1/h: a hundredth of the finest error needs a hundredth of its step."""
+    rows = [
+        row("a", "pbd", float(h), state_sup=3.0 * h, seconds=1e-6 / h, loop="compiled")
+        for h in STEPS
+    ]
+    read = data.read(rows)
+    found = summary.summarise(read)["a", "pbd"]
+    finest = min(STEPS)
+    cost = speed.extrapolate_cost(found, 0.03 * finest)
+    assert cost.is_extrapolated and cost.h == pytest.approx(0.01 * finest, rel=0.02)
+    assert cost.seconds == pytest.approx(1e-6 / cost.h, rel=0.02)
+    assert speed.extrapolate_cost(found, 3.1 * finest) is None  # a run reaches it
+    assert speed.extrapolate_cost(found, 1e-14) is None  # rounding does not allow it
+    rows[-1]["state_sup"] = 50.0 * rows[-1]["state_sup"]
+    wild = summary.summarise(data.read(rows))["a", "pbd"]
+    assert speed.extrapolate_cost(wild, 0.03 * finest) is None or wild.state.verdict == "order"
 
 
 @pytest.mark.parametrize(

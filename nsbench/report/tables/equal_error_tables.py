@@ -7,6 +7,9 @@ import numpy as np
 from nsbench.report.cost import (
     TARGETS,
     Cost,
+    cheapest_extrapolated,
+    extrapolate_cost,
+    format_extrapolated,
     format_setting,
     rank_costs,
     ratio_of_seconds,
@@ -23,7 +26,10 @@ from nsbench.report.style import (
     format_seconds,
     method_of,
 )
+from nsbench.report.summary import Summary
 from nsbench.report.tables.cells import Cell, Row, Table
+
+Summaries = dict[tuple[str, str], Summary]  # by case and method
 
 
 def ranking_table(data: Data) -> Table:
@@ -53,7 +59,7 @@ def ranking_table(data: Data) -> Table:
     )
 
 
-def choice_table(data: Data) -> Table:
+def choice_table(data: Data, summaries: Summaries) -> Table:
     """Build the table case x error of the cheapest method.
 
     By seconds among compiled loops, by counted work where there is none.
@@ -68,7 +74,11 @@ def choice_table(data: Data) -> Table:
             blind = not any(
                 np.isfinite(r.col["state_sup"][r.good]).any() for r in data.of_case(case)
             )
-            cells.append(Cell("no error known", kind="quiet") if blind else _choice(found, target))
+            own = (s for (c, _), s in summaries.items() if c == case)
+            further = cheapest_extrapolated(own, target) if not (found or blind) else None
+            cells.append(
+                Cell("no error known", kind="quiet") if blind else _choice(found, target, further)
+            )
         rows.append(Row(tuple(cells)))
     return Table(
         "choice",
@@ -76,15 +86,21 @@ def choice_table(data: Data) -> Table:
         tuple(rows),
         "The cheapest method whose state error stays below the figure at all smaller steps, with "
         "the accuracy it needs. Seconds are compared between compiled loops; “host loop” marks a "
-        "method that alone reaches the error, or whose seconds measure the interpreter.",
+        "method that alone reaches the error, or whose seconds measure the interpreter. "
+        "“Extrapolated”: no run reached the error; the step is where the fitted order gets there.",
     )
 
 
-def _choice(found: list[Cost], target: float) -> Cell:
-    """The cheapest of the methods that reach `target`; the others in the title."""
+def _choice(found: list[Cost], target: float, further: Cost | None) -> Cell:
+    """The cheapest of the methods that reach `target`; the others in the title.
+
+    further: if none does, what would.
+    """
+    if further is not None:
+        return Cell(further.solver, format_extrapolated(further), _missed(target), "quiet")
     if not found:
         return Cell(
-            "not reached", kind="quiet", title=f"No run stayed below {format_power(target)}."
+            "not reached", kind="quiet", title=_missed(target)
         )
     first = found[0]
     bound = "at most " if first.at_most else ""
@@ -100,7 +116,11 @@ def _choice(found: list[Cost], target: float) -> Cell:
     )
 
 
-def speed_table(data: Data) -> Table:
+def _missed(target: float) -> str:
+    return f"No run stayed below {format_power(target)}."
+
+
+def speed_table(data: Data, summaries: Summaries) -> Table:
     """Build the table case x method of seconds at equal error, with the factor over PBD."""
     rows = []
     for case in data.case_keys:
@@ -119,7 +139,10 @@ def speed_table(data: Data) -> Table:
                 if any(method_of(r.solver) == LEADING_METHOD for r in finished)
                 else f"no {LEADING_METHOD} here"
             )
-            cells += [_speed(mine[t], select_baseline(by_target[t]), absent) for t in TARGETS]
+            summary = summaries[case, runs.solver]
+            for t in TARGETS:
+                further = None if mine[t] else extrapolate_cost(summary, t)
+                cells.append(_speed(mine[t], select_baseline(by_target[t]), absent, further))
             rows.append(Row(tuple(cells), case, runs.solver))
     return Table(
         "speed",
@@ -132,8 +155,13 @@ def speed_table(data: Data) -> Table:
     )
 
 
-def _speed(cost: Cost | None, base: Cost | None, absent: str) -> Cell:
-    """Seconds of one method with its factor over `base`; absent: why there is no base."""
+def _speed(cost: Cost | None, base: Cost | None, absent: str, further: Cost | None) -> Cell:
+    """Seconds of one method with its factor over `base`; absent: why there is no base.
+
+    further: the extrapolated cost of an error that was not reached, if there is one.
+    """
+    if further is not None:
+        return Cell("not reached", format_extrapolated(further), kind="quiet")
     if cost is None:
         return Cell("not reached", kind="quiet")
     text = ("≤ " if cost.at_most else "") + format_seconds(cost.seconds)
