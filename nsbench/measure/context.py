@@ -47,13 +47,12 @@ def context_of(case: Case) -> MeasureContext:
     stamp = tuple(p.stat().st_mtime_ns if p.exists() else 0 for p in files_of(case))
     known = _frames.get(case)
     if known is None or known[0] != stamp:
-        known = _frames[case] = (stamp, _make(case))
+        known = _frames[case] = (stamp, make_context(case, reference(case)))
     return known[1]
 
 
-def _make(case: Case) -> MeasureContext:
-    """Compute the context of a case from its reference."""
-    ref = reference(case)
+def make_context(case: Case, ref: Reference | None) -> MeasureContext:
+    """Compute the context of a case from a reference: its own, or one that was just computed."""
     scene = (
         ConstraintSet(case.problem, case.n) if isinstance(case.problem, Complementarity) else None
     )

@@ -53,15 +53,16 @@ from nsbench.trajectory import Trajectory
 MEASURED = ("ok", "unverified", "degenerate", "below_reference")
 
 
-def errors(case: Case, traj: Trajectory) -> dict:
+def errors(case: Case, traj: Trajectory, context: MeasureContext | None = None) -> dict:
     """Measure the errors and residuals of one run; NaN where one has no meaning.
 
     The keys are described at the head of this module; units and labels: `nsbench.columns`. A run
-    that did not reach T has residuals only. Whoever prints an error prints its floor. ValueError if
-    the samples are not those of the case; BadReference (a ValueError) if the stored reference is
-    unusable.
+    that did not reach T has residuals only. Whoever prints an error prints its floor. context: what
+    to measure against in place of the case's own reference (`measure.context.make_context`).
+    ValueError if the samples are not those of the case; BadReference (a ValueError) if the stored
+    reference is unusable.
     """
-    made = context_of(case)
+    made = context_of(case) if context is None else context
     ref = made.ref
     out = dict.fromkeys(names(*MEASURED_GROUPS), float("nan"))
     out |= {

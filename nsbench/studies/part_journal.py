@@ -16,11 +16,15 @@ from importlib.metadata import version
 from pathlib import Path
 
 from nsbench.results.atomic_write import StoreError
+from nsbench.source_files.locations import case_files
+from nsbench.source_files.package import package_digest
 from nsbench.source_files.regular_files import exists, read_text
 
 MAX_JOURNAL_BYTES = 64 << 20
 LIBRARIES = ("numpy", "scipy", "numba")
 SHARED = "packings"  # the folder of nsbench.studies that all studies compute with
+# a study that imports one of them runs methods: its parts depend on the package as a whole
+RUN_METHODS = ("nsbench.solvers", "nsbench.studies.runs")
 
 
 class PartJournal:
@@ -86,10 +90,22 @@ def _read_parts(path: Path, sources: str) -> dict[str, object]:
 
 @cache
 def source_digest(study: str) -> str:
-    """Return a digest of the sources of a study and of the versions of its libraries."""
+    """Return a digest of the sources of a study and of the versions of its libraries.
+
+    A study that runs methods depends on the package and on the cases; any other on its own folder
+    and the shared one.
+    """
     digest = hashlib.sha256(" ".join(map(version, LIBRARIES)).encode())
     here = Path(__file__).parent
-    for folder in filter(None, (study, SHARED)):
-        for path in sorted((here / folder).rglob("*.py")):
-            digest.update(path.read_bytes())
+    own = [
+        path.read_bytes()
+        for folder in filter(None, (study, SHARED))
+        for path in sorted((here / folder).rglob("*.py"))
+    ]
+    for text in own:
+        digest.update(text)
+    if any(name.encode() in text for text in own for name in RUN_METHODS):
+        digest.update(package_digest().encode())
+        for _, path in sorted(case_files().items()):
+            digest.update(Path(path).read_bytes())
     return digest.hexdigest()[:16]

@@ -44,6 +44,11 @@ STUDIES = (
         "local defects on the way to the end?",
         "nsbench.studies.fan.study",
     ),
+    Study(
+        "plateau",
+        "Does PBD stop converging at an error of C + M h with C > 0?",
+        "nsbench.studies.plateau.study",
+    ),
 )
 
 

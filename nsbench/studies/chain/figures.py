@@ -7,6 +7,7 @@ import numpy as np
 from nsbench.report.scenes.figure import STYLE, write_svg
 from nsbench.report.style import INK, MUTED, PALETTE
 from nsbench.studies.chain.large_steps import Frame
+from nsbench.studies.curves import Curve, Panel, draw_panels
 
 BLUE, ORANGE = PALETTE[:2]
 FRAME_INCHES = 1.35
@@ -72,29 +73,20 @@ def _draw_frame(axes, frame: Frame, before: Frame | None, radius: float) -> None
 
 def draw_decay(panels: list[tuple[str, dict[str, np.ndarray]]]) -> str:
     """Draw the largest correction over the distance from the violated contact, by order."""
-    import matplotlib
-    from matplotlib.figure import Figure
-
-    with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(2.9 * len(panels), 2.3), facecolor="white")
-        for column, (title, curves) in enumerate(panels):
-            axes = figure.add_subplot(1, len(panels), column + 1)
-            for k, (name, values) in enumerate(curves.items()):
-                shown = values > LOWEST
-                axes.semilogy(
-                    np.arange(len(values))[shown],
-                    values[shown],
-                    "os^Dv"[k % 5] + "-",
-                    ms=3,
-                    lw=1.0,
-                    color=PALETTE[k],
-                    label=name,
-                )
-            axes.set_title(title, size=8.5, loc="left")
-            axes.set_xlabel("distance in the dual graph")
-            axes.set_ylabel("largest correction" if column == 0 else "")
-            axes.set_ylim(LOWEST, 2.0)
-            if column == 0:
-                axes.legend(frameon=False, fontsize=6.5)
-        figure.subplots_adjust(0.11, 0.17, 0.99, 0.9, 0.2, 0.0)
-    return write_svg(figure)
+    return draw_panels(
+        [
+            Panel(
+                title,
+                tuple(
+                    Curve(name, range(len(values)), np.where(values > LOWEST, values, np.nan))
+                    for name, values in curves.items()
+                ),
+                "distance in the dual graph",
+                "largest correction",
+                x_log=False,
+                y_limits=(LOWEST, 2.0),
+                has_legend=column == 0,
+            )
+            for column, (title, curves) in enumerate(panels)
+        ]
+    )

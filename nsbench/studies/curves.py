@@ -1,0 +1,95 @@
+"""Panels of curves on linear or logarithmic axes, as the figures of studies."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from nsbench.report.scenes.figure import STYLE, write_svg
+from nsbench.report.style import MUTED, PALETTE
+
+MARKERS = "os^Dvp*X<>"
+PANEL_INCHES = (2.9, 2.3)
+MAX_LABELS = 5  # of a logarithmic axis
+
+
+@dataclass(frozen=True)
+class Curve:
+    """One curve: name, points x, y; guide: drawn thin and without markers."""
+
+    name: str
+    x: Sequence[float]
+    y: Sequence[float]
+    guide: bool = False
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One panel: title, curves, labels, kind of the axes; limits (low, high) of y or None."""
+
+    title: str
+    curves: tuple[Curve, ...]
+    x_label: str
+    y_label: str
+    x_log: bool = True
+    y_log: bool = True
+    y_limits: tuple[float, float] | None = None
+    has_legend: bool = True
+
+
+def draw_panels(panels: Sequence[Panel], columns: int = 4) -> str:
+    """Draw panels in rows of at most `columns`, as SVG text; empty or no points are left out."""
+    import matplotlib
+    from matplotlib.figure import Figure
+
+    columns = min(columns, len(panels))
+    rows = -(-len(panels) // columns)
+    width, height = PANEL_INCHES
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(width * columns, height * rows), facecolor="white")
+        for k, panel in enumerate(panels):
+            _draw_panel(figure.add_subplot(rows, columns, k + 1), panel)
+        figure.tight_layout(pad=0.4)
+    return write_svg(figure)
+
+
+def _draw_panel(axes, panel: Panel) -> None:
+    drawn = 0
+    for curve in panel.curves:
+        x = np.array([np.nan if v is None else v for v in curve.x], float)
+        y = np.array([np.nan if v is None else v for v in curve.y], float)
+        used = np.isfinite(x) & np.isfinite(y) & ~((y <= 0.0) & panel.y_log)
+        if not used.any():
+            continue
+        if curve.guide:
+            axes.plot(x[used], y[used], color=MUTED, lw=0.7, ls="--", label=curve.name)
+            continue
+        colour = PALETTE[drawn % len(PALETTE)]
+        marker = MARKERS[drawn % len(MARKERS)]
+        axes.plot(
+            x[used], y[used], marker=marker, ms=3, lw=1.0, color=colour, label=curve.name
+        )
+        drawn += 1
+    if panel.x_log:
+        _scale_log(axes, axes.xaxis, axes.set_xscale)
+    if panel.y_log:
+        _scale_log(axes, axes.yaxis, axes.set_yscale)
+    if panel.y_limits is not None:
+        axes.set_ylim(*panel.y_limits)
+    axes.set_title(panel.title, size=8.5, loc="left")
+    axes.set_xlabel(panel.x_label)
+    axes.set_ylabel(panel.y_label)
+    if panel.has_legend and panel.curves:
+        axes.legend(frameon=False, fontsize=6.5)
+
+
+def _scale_log(axes, axis, set_scale) -> None:
+    """Make an axis logarithmic, with few labels in plain text: the style parses no mathematics."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    set_scale("log")
+    axis.set_major_locator(LogLocator(numticks=MAX_LABELS))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(NullFormatter())

@@ -1,0 +1,1 @@
+"""Study of plateaus: does the error of PBD stop at C + M h with C > 0?"""
