@@ -49,6 +49,12 @@ STUDIES = (
         "Does PBD stop converging at an error of C + M h with C > 0?",
         "nsbench.studies.plateau.study",
     ),
+    Study(
+        "stability",
+        "Up to which step, stiffness, number, angle and height does every method stay stable, and "
+        "does a stack stay still?",
+        "nsbench.studies.stability.study",
+    ),
 )
 
 

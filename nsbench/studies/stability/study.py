@@ -1,0 +1,217 @@
+"""The study `stability`: maps of status and error, and stacks that are held for many steps."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+
+from nsbench.report.style import format_number
+from nsbench.studies.curves import Curve, Panel, draw_panels
+from nsbench.studies.finding import Effort, EvidenceFigure, EvidenceTable, Finding
+from nsbench.studies.registry import find_study
+from nsbench.studies.stability.held_stack import hold
+from nsbench.studies.stability.maps import DIVISORS, MAPS, OWN, Map, fill_row
+
+HOLDS = (  # discs and steps: small form, full form
+    ((10, 1000), (30, 1000), (100, 1000)),
+    ((10, 10**5), (30, 10**5), (100, 10**5), (1000, 10**5)),
+)
+HELD_BY = ("pbd", "pbd[order=reverse]", "pbd[sweeps=8]", "catching_up", "event_driven")
+MAX_QP_STEPS = 10**8  # discs squared times steps that catching_up is asked for
+REST = 1e-9  # radii in one step: a stack of which no disc moves further has come to rest
+SILENT = 0.1  # of the motion: an error above it under the status ok is worth a warning
+SLOW_TO_HOLD = "catching_up"
+REFUTATION = (
+    "A cell with the status ok whose error does not belong to the step, or a failure without a "
+    "sentence; a stack that drifts or jitters after the load has reached the floor."
+)
+
+
+def conduct(effort: Effort) -> Finding:
+    """Conduct the study. Raises ArithmeticError for a cell that is neither number nor failure."""
+    maps = {m.name: _fill(effort, m) for m in MAPS}
+    cells = [(m, v, c) for m in MAPS for v, row in maps[m.name].items() for c in row]
+    for m, value, cell in cells:
+        if cell["error"] is None and not cell["sentence"]:
+            raise ArithmeticError(f"{m.name} {value}: {cell['method']} has no error and no reason")
+    holds = []
+    for n, steps in HOLDS[effort.full]:
+        for method in HELD_BY:
+            count = min(steps, MAX_QP_STEPS // n**2) if method == SLOW_TO_HOLD else steps
+            effort.report(f"stability: {n} discs held by {method} for {count} steps")
+            holds.append(
+                effort.journal.part(
+                    f"hold {n} {count} {method}", lambda a=(n, count, method): hold(*a)
+                )
+            )
+    return Finding(
+        name="stability",
+        question=find_study("stability").question,
+        answer=_answer(cells, holds),
+        evidence=_evidence(cells, holds),
+        refutation=REFUTATION,
+        command=f"nsbench study stability{' --full' * effort.full}",
+        tables=(
+            *(_map_table(m, maps[m.name]) for m in MAPS),
+            _failures_table(cells),
+            _holds_table(holds),
+        ),
+        figures=_figures(maps, holds),
+        data={
+            "maps": {n: {str(v): r for v, r in m.items()} for n, m in maps.items()},
+            "stacks": holds,
+        },
+    )
+
+
+def _fill(effort: Effort, m: Map) -> dict[float, list[dict]]:
+    out = {}
+    for value, key in m.scenes(effort.full).items():
+        effort.report(f"stability: map {m.name}, {key}")
+        out[value] = effort.journal.part(f"map {key}", lambda k=key: fill_row(k))
+    return out
+
+
+def _is_sound(cell: dict) -> bool:
+    return cell["status"] in ("ok", "below_reference", "degenerate")
+
+
+def _answer(cells, holds) -> str:
+    sound = sum(_is_sound(c) for _, _, c in cells)
+    named = Counter(c["status"] for _, _, c in cells if not _is_sound(c))
+    words = ", ".join(f"{count} {status}" for status, count in named.most_common())
+    stiff = [(v * c["h"], c) for m, v, c in cells if m.name == "stiffness" and c["h"] is not None]
+    explicit = [hk for hk, c in stiff if c["method"] == "pbd" and not _is_sound(c)]
+    fine = [hk for hk, c in stiff if c["method"] == "pbd" and _is_sound(c)]
+    pbd = [h for h in holds if h["method"] == "pbd" and "sunk" in h]
+    still = [h for h in pbd if h["jitter"] <= REST]
+    return (
+        f"{sound} of {len(cells)} cells end well, the others are named ({words or 'none'}); PBD is "
+        f"sound up to h K = {format_number(max(fine, default=float('nan')), 3)} and flagged from "
+        f"{format_number(min(explicit, default=float('nan')), 3)} on; of {len(pbd)} stacks held by "
+        f"PBD {len(still)} have come to rest (no disc moves by more than {REST:g} in a step), one "
+        f"has sunk by {format_number(max(h['sunk'] for h in pbd), 3)} radii, and no disc moved "
+        f"sideways by more than {format_number(max(h['sideways'] for h in pbd), 2)}."
+    )
+
+
+def _evidence(cells, holds) -> tuple[str, ...]:
+    by_method: dict[str, list[bool]] = {}
+    for _, _, c in cells:
+        by_method.setdefault(c["method"], []).append(_is_sound(c))
+    shares = "; ".join(f"{m} {sum(v)} of {len(v)}" for m, v in sorted(by_method.items()))
+    jitter = max((h for h in holds if "jitter" in h), key=lambda h: h["jitter"])
+    rise = max(h["rise"] for h in holds if "rise" in h)
+    silent = [
+        (c["share"], f"{c['method']} on {m.name} {value:g}", c)
+        for m, value, c in cells
+        if _is_sound(c) and c["share"] is not None and c["share"] > SILENT
+    ]
+    worst = max(silent, key=lambda s: s[0], default=None)
+    warning = "none"
+    if worst is not None:
+        share, where, _ = worst
+        warning = f"{len(silent)} cells, the worst {where} ({100.0 * share:.0f} %)"
+    return (
+        f"A status ok is no promise of accuracy: errors above {100 * SILENT:.0f} % of the motion "
+        f"without a warning in {warning}.",
+        f"Cells that end well, by method: {shares}.",
+        f"Largest displacement in one of the last steps of a held stack: "
+        f"{format_number(jitter['jitter'], 2)} radii ({jitter['method']}, n = {jitter['n']}, "
+        f"{jitter['steps']} steps); largest rise of the energy between samples: "
+        f"{format_number(rise, 2)}.",
+        "A single sweep hands a load on by about one disc per step: a column of n discs needs "
+        "about 1.8 n^2 steps until its floor carries it, and sinks until then.",
+    )
+
+
+def _map_table(m: Map, rows: dict[float, list[dict]]) -> EvidenceTable:
+    columns = [*(f"/{n}" for n in DIVISORS), OWN]
+    out = []
+    for value, cells in rows.items():
+        for method in dict.fromkeys(c["method"] for c in cells):
+            own = {c["column"]: c for c in cells if c["method"] == method}
+            out.append((value, method, *(_show(own.get(c)) for c in columns)))
+    return EvidenceTable(
+        f"map-{m.name}",
+        f"State error over step and {m.difficulty}",
+        (
+            m.difficulty,
+            "method",
+            *(f"h = spacing / {n}" for n in DIVISORS),
+            "own accuracy",
+        ),
+        tuple(out),
+        f"Scenes: {m.template}. A number is the largest state error of a run that ended well; a "
+        "word is the status of a run that did not, with its error in brackets where it reached "
+        "the end. Own accuracy: methods without a step, at their default.",
+    )
+
+
+def _show(cell: dict | None) -> str | float | None:
+    if cell is None:
+        return None
+    if _is_sound(cell) and cell["error"] is not None:
+        return cell["error"]
+    error = "" if cell["error"] is None else f" ({format_number(cell['error'], 2)})"
+    return f"{cell['status']}{error}"
+
+
+def _failures_table(cells) -> EvidenceTable:
+    rows = [
+        (m.name, float(value), c["method"], c["h"], c["status"], c["sentence"][:200])
+        for m, value, c in cells
+        if not _is_sound(c)
+    ]
+    return EvidenceTable(
+        "failures",
+        "Cells that did not end well",
+        ("map", "difficulty", "method", "h", "status", "sentence"),
+        tuple(rows),
+        "One line for each.",
+    )
+
+
+def _holds_table(holds: list[dict]) -> EvidenceTable:
+    fields = ("n", "steps", "h", "method", "status")
+    values = ("sunk", "drift", "jitter", "energy", "rise", "sideways")
+    return EvidenceTable(
+        "stacks",
+        "A column of discs that must stay still",
+        (*fields, "sunk", "drift per unit time", "jitter", "energy", "energy rise", "sideways"),
+        tuple((*(h[f] for f in fields), *(h.get(v) for v in values)) for h in holds),
+        "Lengths in radii, unit weights and gravity. Sunk: largest displacement; drift: of the "
+        "mean height in the second half; jitter: largest displacement in one of the last steps; "
+        "energy: change of the potential energy; rise: its largest increase between samples.",
+    )
+
+
+def _figures(maps, holds) -> tuple[EvidenceFigure, ...]:
+    panels = []
+    for m in MAPS:
+        curves = [
+            Curve(f"{method} {value:g}", *_curve(cells, method))
+            for method in ("pbd", "catching_up")
+            for value, cells in maps[m.name].items()
+        ]
+        panels.append(Panel(f"{m.difficulty}", tuple(curves), "h", "largest state error"))
+    curves = []
+    for method in HELD_BY:
+        own = [h for h in holds if h["method"] == method and "sunk" in h]
+        curves.append(Curve(method, [h["n"] for h in own], [h["sunk"] for h in own]))
+    panels.append(Panel("held stacks", tuple(curves), "discs", "sunk, in radii"))
+    return (
+        EvidenceFigure(
+            "maps",
+            "State error over the step by difficulty (runs that ended well); last panel: how far "
+            "stacks have sunk at the end.",
+            draw_panels(panels, columns=3),
+        ),
+    )
+
+
+def _curve(cells: list[dict], method: str) -> tuple[list, list]:
+    own = [c for c in cells if c["method"] == method and c["h"] is not None]
+    used = [c for c in own if _is_sound(c)]
+    return [c["h"] for c in used], [np.nan if c["error"] is None else c["error"] for c in used]
