@@ -55,6 +55,12 @@ STUDIES = (
         "does a stack stay still?",
         "nsbench.studies.stability.study",
     ),
+    Study(
+        "budget",
+        "One small step of PBD or one large step of catching-up: which gives more for the same "
+        "seconds, and is the numerical error small beside that of the model?",
+        "nsbench.studies.budget.study",
+    ),
 )
 
 
