@@ -61,6 +61,12 @@ STUDIES = (
         "seconds, and is the numerical error small beside that of the model?",
         "nsbench.studies.budget.study",
     ),
+    Study(
+        "multipliers",
+        "How many steps do multipliers need until they are right, what do sweeps, orders and steps "
+        "buy at equal cost, and how good are the error bars?",
+        "nsbench.studies.multipliers.study",
+    ),
 )
 
 
