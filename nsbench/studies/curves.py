@@ -13,6 +13,7 @@ from nsbench.report.style import MUTED, PALETTE
 MARKERS = "os^Dvp*X<>"
 PANEL_INCHES = (2.9, 2.3)
 MAX_LABELS = 5  # of a logarithmic axis
+MIN_DECADES = 2.0  # of an axis that is labelled by powers of ten alone
 
 
 @dataclass(frozen=True)
@@ -72,12 +73,12 @@ def _draw_panel(axes, panel: Panel) -> None:
             x[used], y[used], marker=marker, ms=3, lw=1.0, color=colour, label=curve.name
         )
         drawn += 1
-    if panel.x_log:
-        _scale_log(axes, axes.xaxis, axes.set_xscale)
-    if panel.y_log:
-        _scale_log(axes, axes.yaxis, axes.set_yscale)
     if panel.y_limits is not None:
         axes.set_ylim(*panel.y_limits)
+    if panel.x_log:
+        _scale_log(axes.xaxis, axes.set_xscale)
+    if panel.y_log:
+        _scale_log(axes.yaxis, axes.set_yscale)
     axes.set_title(panel.title, size=8.5, loc="left")
     axes.set_xlabel(panel.x_label)
     axes.set_ylabel(panel.y_label)
@@ -85,11 +86,13 @@ def _draw_panel(axes, panel: Panel) -> None:
         axes.legend(frameon=False, fontsize=6.5)
 
 
-def _scale_log(axes, axis, set_scale) -> None:
+def _scale_log(axis, set_scale) -> None:
     """Make an axis logarithmic, with few labels in plain text: the style parses no mathematics."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     set_scale("log")
-    axis.set_major_locator(LogLocator(numticks=MAX_LABELS))
+    low, high = axis.get_view_interval()
+    few = np.log10(high / low) < MIN_DECADES
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if few else (1.0,), numticks=MAX_LABELS))
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axis.set_minor_formatter(NullFormatter())

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
 
+from nsbench.studies.chain.figures import draw_decay
 from nsbench.studies.chain.large_steps import (
     all_pairs,
     count_sweeps,
@@ -79,3 +80,8 @@ def test_sweeps_end_without_overlap():
     left, sweeps = count_sweeps(x, 0.2, all_pairs(4), 2.0)
     assert 0.0 < left < 2.0 and 1 < sweeps < 100
     assert largest_overlap(chain(4).centres, 2.0) == 0.0
+
+
+def test_labels_of_logarithmic_axes_are_plain_text():
+    svg = draw_decay([("a row", {"along": 0.5 ** np.arange(12.0)})])
+    assert "mathdefault" not in svg and ">0.001<" in svg and "along" in svg

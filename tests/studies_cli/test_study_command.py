@@ -203,3 +203,17 @@ def test_the_small_form_and_the_full_form_choose_their_sizes():
     journal = PartJournal(None)
     assert Effort(False, journal, print).choose(1, 2) == 1
     assert Effort(True, journal, print).choose(1, 2) == 2
+
+
+def test_parts_of_a_study_that_runs_methods_depend_on_the_package(monkeypatch):
+    from nsbench.studies import part_journal
+
+    def digests():
+        part_journal.source_digest.cache_clear()
+        return [part_journal.source_digest(name) for name in ("lemma", "fan", "plateau")]
+
+    before = digests()
+    monkeypatch.setattr(part_journal, "package_digest", lambda: "another")
+    after = digests()
+    part_journal.source_digest.cache_clear()
+    assert [a == b for a, b in zip(after, before, strict=True)] == [True, False, False]

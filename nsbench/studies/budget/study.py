@@ -128,7 +128,8 @@ def _spread(values: list[float], digits: int = 2) -> str:
 
 def _quote(discs: list[dict]) -> str:
     """Make the sentence that a user may quote, with its numbers."""
-    first, last = discs[0]["scene"], discs[-1]["scene"]
+    first = discs[0]["scene"]
+    last = discs[-1]["scene"]
     ratios = [e["step_ratio"]["median"] for e in discs]
     errors = [costs.error_ratio(e) for e in discs]
     equal = [costs.ratio_at(e, QUOTED) for e in discs]
@@ -175,7 +176,8 @@ def _say_profile(scenes: list[dict], target: float) -> str:
     said = ", ".join(
         f"{m} {100.0 * shares[m][1]:.0f} %" for m in costs.METHODS if shares[m][1] is not None
     )
-    return f"Within a factor of {FACTORS[1]:g} of the cheaper one at {format_power(target)}: {said}."
+    error = format_power(target)
+    return f"Within a factor of {FACTORS[1]:g} of the cheaper one at {error}: {said}."
 
 
 def _say_model(m: dict) -> str:

@@ -17,7 +17,8 @@ import numpy as np
 from nsbench import Affine, Case, Complementarity
 from nsbench.case import get_case
 
-S_WALL, S_CORNER = 0.43, 1.27  # off the sample times, so that both are met inside steps
+S_WALL = 0.43  # off the sample times, as S_CORNER, so that both are met inside steps
+S_CORNER = 1.27
 CORNER_SAMPLES = np.linspace(0.0, 2.0, 9)
 FOREVER = 100.0  # of the clock: beyond the end of the run
 CORNER = "corner"

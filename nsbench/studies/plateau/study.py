@@ -96,7 +96,8 @@ def _answer(entries, found, worst) -> str:
     tail = (
         f"an adversarial search over {found['measured']} configurations found e(h/4)/e(h) of at "
         f"most {format_number(first['ratio'], 3)} (1/4 is order 1): {first['key']} under "
-        f"{first['method']}, which over the whole ladder has {say_verdict(worst['verdicts']['state'])}"
+        f"{first['method']}, which over the whole ladder has "
+        f"{say_verdict(worst['verdicts']['state'])}"
     )
     if stalled:
         names = ", ".join(f"{e['case']} ({e['method']})" for e in stalled)
