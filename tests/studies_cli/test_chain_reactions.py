@@ -84,4 +84,4 @@ def test_sweeps_end_without_overlap():
 
 def test_labels_of_logarithmic_axes_are_plain_text():
     svg = draw_decay([("a row", {"along": 0.5 ** np.arange(12.0)})])
-    assert "mathdefault" not in svg and ">0.001<" in svg and "along" in svg
+    assert "mathdefault" not in svg and ">0.01<" in svg and "along" in svg
