@@ -67,7 +67,8 @@ def test_the_cost_is_kept_when_sweeps_take_the_place_of_steps():
 def test_error_bars_are_compared_with_errors_that_are_known():
     (row,) = measure_bars("tide", "pbd", (4,))
     assert row["kind"] == "bound" and 1.0 <= row["least"] and row["state"] < 1.5
-    assert measure_bars("wedge", "catching_up", (4,)) == []  # exact: no error to compare with
+    for key in ("wedge", "apple"):  # exact to rounding: no error to compare with
+        assert measure_bars(key, "catching_up", (4,)) == []
 
 
 def test_a_bound_below_an_error_is_a_contradiction(monkeypatch):

@@ -51,6 +51,15 @@ def test_errors_against_a_computed_solution_are_those_against_the_stored_one():
         assert other[name] == pytest.approx(own[name], rel=1e-6)
 
 
+def test_a_case_without_reference_has_errors_against_a_computed_solution():
+    case = make_corner(60.0).replace(exact=None, exact_impulse=None)
+    traj = nsbench.solve(case, "pbd", h=0.01)
+    found = nsbench.errors(case, traj, ladders.context_of_truth(case))
+    true = np.abs(traj.x - make_corner(60.0).exact(case.t)).max()
+    assert found["state_sup"] == pytest.approx(true, rel=1e-6)
+    assert np.isnan(nsbench.errors(case, traj)["state_sup"])
+
+
 def synthetic(level):
     """Ladder rows of an error level + h, in place of runs."""
 
