@@ -55,7 +55,7 @@ SMALL = (
 )
 FULL = (
     *SMALL,
-    Scene("long chains", "chain[links=60,growth=1.0]", 512),
+    Scene("long chains", "chain[links=40,growth=1.0]", 256),
     Scene("long chains", "rods[n=30]", 256),
     Scene("long chains", "buckling_row", 512),
     Scene("acute wedges", "corner[psi=2.0]", 512),

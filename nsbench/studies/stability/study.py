@@ -121,8 +121,8 @@ def _evidence(cells, holds) -> tuple[str, ...]:
         f"{format_number(jitter['jitter'], 2)} radii ({jitter['method']}, n = {jitter['n']}, "
         f"{jitter['steps']} steps); largest rise of the energy between samples: "
         f"{format_number(rise, 2)}.",
-        "A single sweep hands a load on by about one disc per step: a column of n discs needs "
-        "about 1.8 n^2 steps until its floor carries it, and sinks until then.",
+        "A column sinks under PBD until its floor carries the whole load, which takes a number of "
+        "steps that grows like n^2 (study `multipliers`): taller stacks are still sinking here.",
     )
 
 
