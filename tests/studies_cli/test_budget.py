@@ -28,6 +28,9 @@ def test_nothing_is_said_below_the_bound_of_the_truth_or_before_convergence():
     assert np.isnan(costs.cost_at(own, "pbd", 0.01, floor=0.02).seconds)
     level = [{**r, "error": 1.0} for r in own]
     assert np.isnan(costs.cost_at(level, "pbd", 0.5).seconds)
+    # steps that still become cheaper: the curve bends, and is not continued
+    cheap = [{**r, "seconds": 0.1 * 1.3**k} for k, r in enumerate(own)]
+    assert np.isnan(costs.cost_at(cheap, "pbd", 0.01).seconds)
     # an error of rounding counts as the bound of the truth: it has reached the target at once
     exact = [{**r, "error": 0.0} for r in own]
     assert costs.cost_at(exact, "pbd", 0.5, floor=1e-9).seconds == pytest.approx(0.1)

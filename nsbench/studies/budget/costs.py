@@ -29,8 +29,8 @@ SAME_STEP = 16  # steps per sample at which the two are compared step by step
 ROUNDS = 5
 LONG = 0.1  # seconds: a run that takes longer is timed once
 MAX_HALVINGS = 18
-MIN_RUNS = 5
-HALVED = (1.6, 2.5)  # ratio of errors of two steps, one half the other, at order 1
+MIN_RUNS = 8
+HALVED = (1.6, 2.5)  # ratio of two errors, or of seconds, that counts as two
 
 
 @dataclass(frozen=True)
@@ -139,9 +139,15 @@ def cost_at(rows: list[dict], method: str, target: float, floor: float = 0.0) ->
         share = np.log(errors[below - 1] / target) / np.log(errors[below - 1] / errors[below])
         slope = np.log(seconds[below] / seconds[below - 1])
         return Cost(float(seconds[below - 1] * np.exp(share * slope)), False)
-    if len(own) < 2 or not HALVED[0] < errors[-2] / errors[-1] < HALVED[1]:
+    if len(own) < 2 or not _is_settled(errors[-2] / errors[-1], seconds[-1] / seconds[-2]):
         return nothing
     return Cost(float(seconds[-1] * errors[-1] / target), True)
+
+
+def _is_settled(errors: float, seconds: float) -> bool:
+    """Has the last halving of the step halved the error and doubled the seconds?"""
+    low, high = HALVED
+    return low < errors < high and low < seconds < high
 
 
 def ratio_at(entry: dict, target: float) -> tuple[float, bool]:
