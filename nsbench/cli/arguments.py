@@ -200,6 +200,11 @@ def _add_show(verbs) -> None:
     verb.add_argument("-s", "--solver", metavar="SOLVER")
     for name in ACCURACIES:
         verb.add_argument(f"--{name}", type=float)
+    verb.add_argument(
+        "--html",
+        metavar="FILE",
+        help="write the run as a moving scene: a page in one file that works offline",
+    )
 
 
 def _add_step(verbs) -> None:

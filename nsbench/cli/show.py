@@ -1,15 +1,22 @@
-"""`nsbench show`: describe a case, or run one solver on it and print status, work and errors."""
+"""`nsbench show`: describe a case, or run one solver on it and print status, work and errors.
+
+With --html the run is written as a moving scene too.
+"""
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
 
 from nsbench import solvers
 from nsbench.case import Case
 from nsbench.cli.exit_codes import FAILED, FINE
 from nsbench.cli.option_values import find_one_case, read_accuracies
 from nsbench.execute.progress import EXPECTED_STATUSES
+from nsbench.trajectory import Trajectory
 
 MOST_EVENTS = 40  # printed, the first ones
 
@@ -22,6 +29,8 @@ def command(args: argparse.Namespace, say: Callable[[str], None]) -> int:
         f"{case.t[-1]:g}, {len(case.t)} samples"
     )
     if args.solver is None:
+        if args.html:
+            raise ValueError("--html shows a run: name its solver with -s")
         say(case.doc)
         for name in solvers.standard():
             say(f"  {name:<32} {solvers.get(name).refuses(case) or 'runs'}")
@@ -49,4 +58,30 @@ def _show_run(case: Case, args, say) -> int:
             say(f"  {name:<20} {text}")
     for event in traj.events[:MOST_EVENTS]:
         say(f"  t = {event.t:.12g}  {event.kind}  {event.contact}")
+    if args.html:
+        say(str(_write_player(case, args, traj)))
     return FINE if traj.status.code in EXPECTED_STATUSES else FAILED
+
+
+def _write_player(case: Case, args, traj: Trajectory) -> Path:
+    """Write the page of the run; raises ValueError for a case that is too large to be shown."""
+    from nsbench.reference import reference
+    from nsbench.report.html_page import render_player_page
+    from nsbench.report.scenes.player import MAX_STATE, collect_frames
+    from nsbench.results.atomic_write import write_atomically
+
+    method = solvers.get(args.solver)
+    value = read_accuracies(args).get(method.accuracy, method.default)
+    known = reference(case)
+    states = None if known is None else np.asarray(known.x)
+    player = collect_frames(case, states, [(args.solver, value, traj)])
+    if player is None:
+        raise ValueError(
+            f"{case.key} has no moving scene: {case.n} entries of the state, at most {MAX_STATE} "
+            "are shown, and a run or a reference has to have samples"
+        )
+    path = Path(args.html)
+    lede = f"{args.solver}, {method.accuracy} = {value:g}: {traj.status.code}. {traj.status}"
+    page = render_player_page(f"nsbench show {case.key}", lede, player)
+    write_atomically(path, page.encode())
+    return path

@@ -229,7 +229,7 @@ def _run(todo, keys, recorder, rows, args, say, cases, out) -> set[tuple[str, st
             jobs,
             args.timeout,
             on_row,
-            _chores(cases, out),
+            _chores(cases, out, tuple(dict.fromkeys(s.solver for s in keys))),
             memory_limit=args.memory,
             on_output=outputs.write,
         )
@@ -269,21 +269,27 @@ class Outputs:
             (self.folder / self.file_name(spec)).unlink(missing_ok=True)
 
 
-def _chores(cases, out):
-    """Pictures of the report, drawn by workers that have no runs left; args[:2]: case and file."""
+def _chores(cases, out, solvers):
+    """Pictures and players of the report, made by workers that have no runs left.
+
+    args[:2]: case and file. solvers: of the study, two of which a player shows.
+    """
     has_sliding = "sliding" in {name for name, _ in cases}
     talk = [Chore(_write_talk_figure, ("talk", "", str(out)))] if has_sliding else []
     figures = str(out / "figures")
     return [
         *talk,
-        *(Chore(_draw_scene, (*name, figures, case.references)) for name, case in cases.items()),
+        *(
+            Chore(_draw_scene, (*name, figures, case.references, solvers))
+            for name, case in cases.items()
+        ),
     ]
 
 
-def _draw_scene(key: str, file: str, folder: str, references: str) -> None:
+def _draw_scene(key: str, file: str, folder: str, references: str, solvers: tuple) -> None:
     from nsbench.report.scenes.files import write_scenes
 
-    write_scenes([resolve(key, file, references)], Path(folder))
+    write_scenes([resolve(key, file, references)], Path(folder), solvers)
 
 
 def _write_talk_figure(name: str, _: str, out: str) -> None:

@@ -14,12 +14,19 @@ from pathlib import Path
 import numpy as np
 
 from nsbench.columns import by_name, describe, names
-from nsbench.report.stored_results import read_notes, read_scene, read_table, scene_files
+from nsbench.report.stored_results import (
+    read_notes,
+    read_player,
+    read_scene,
+    read_table,
+    scene_files,
+)
 from nsbench.report.style import LEADING_METHOD, file_stem, method_of, sanitise
 
 # of single steps, against the exact multiplier at that time
 LABELS = ("lam_at_start", "lam_at_mid", "lam_at_end", "lam_mean")
 MIN_VIOLATION = 1e-9  # far above rounding, far below any use
+DRAWN = ("pictures", "players")  # fields of Data
 GOOD = ("ok", "below_reference")  # statuses whose errors are numbers
 
 
@@ -90,7 +97,7 @@ class Runs:
 class Data:
     """The rows of a study by (case, solver), in the order of the page.
 
-    cases, solvers, env, extra: as stored. pictures: SVG by case.
+    cases, solvers, env, extra: as stored. pictures: SVG by case. players: frames by case.
     """
 
     runs: dict
@@ -99,6 +106,7 @@ class Data:
     env: dict
     extra: dict
     pictures: dict
+    players: dict = field(default_factory=dict)
 
     @property
     def case_keys(self) -> list[str]:
@@ -154,7 +162,8 @@ def merge(parts: list[Data]) -> Data:
     known = ("cases", "solvers", "env", "extra")
     notes = [{k: v for d in parts for k, v in getattr(d, name).items()} for name in known]
     out = build(cols, *notes)
-    return Data(out.runs, *notes, {k: v for d in parts for k, v in d.pictures.items()})
+    drawn = ({k: v for d in parts for k, v in getattr(d, name).items()} for name in DRAWN)
+    return Data(out.runs, *notes, *drawn)
 
 
 def _joined(parts: list, sizes: list[int]) -> np.ndarray:
@@ -299,13 +308,17 @@ def build(cols: dict, cases=None, solvers=None, env=None, extra=None, files=None
         solvers,
         dict(env or {}),
         dict(extra or {}),
-        _pictures(runs, cases, files or {}),
+        *_drawn(runs, cases, files or {}),
     )
 
 
-def _pictures(runs: dict, cases: dict, files: dict) -> dict:
-    """The stored scene of each case: the file its notes name, else ``scene_CASE.svg``."""
-    out = {}
+def _drawn(runs: dict, cases: dict, files: dict) -> tuple[dict, dict]:
+    """The stored scene of each case, and the frames of its player beside it.
+
+    The scene is the file its notes name, else ``scene_CASE.svg``.
+    """
+    pictures = {}
+    players = {}
     for case in dict.fromkeys(c for c, _ in runs):
         named = Path(str(cases.get(case, {}).get("picture") or "")).stem
         stems = (
@@ -314,7 +327,12 @@ def _pictures(runs: dict, cases: dict, files: dict) -> dict:
             "scene_" + re.sub(r"[^A-Za-z0-9_.-]+", "_", case).strip("_"),
         )
         path = next((files[s] for s in stems if s in files), None)
-        scene = None if path is None else read_scene(path)
+        if path is None:
+            continue
+        scene = read_scene(path)
         if scene is not None:
-            out[case] = scene
-    return out
+            pictures[case] = scene
+        player = read_player(path.with_suffix(".json"))
+        if player is not None:
+            players[case] = player
+    return pictures, players

@@ -1,7 +1,7 @@
 """Read the files of a folder of results, which anybody may have made.
 
 runs.parquet or runs.csv, the descriptions cases.json, solvers.json, env.json and extra.json, and
-figures/scene_*.svg. Only regular files below the folder are read, up to a length; a table is
+figures/scene_*.svg and scene_*.json. Only regular files below the folder are read, up to a length; a table is
 refused by what its metadata say that it expands to; numbers are checked. Every refusal is a
 ValueError that names the file.
 """
@@ -33,6 +33,7 @@ from nsbench.source_files.regular_files import (
 MAX_CELLS = 1 << 27  # rows x columns of a table: more than a million rows, 1 GiB as numbers
 MAX_JSON_BYTES = 64 << 20
 MAX_SCENE_BYTES = 400_000  # a page of 25 scenes stays below 10 MB
+MAX_PLAYER_RUNS = 8
 PANDAS_INDEX = "__index_level_"  # columns that pandas adds for an index: no results
 NEEDED = {"case", "solver", "status"}  # columns without which a table holds no runs
 
@@ -262,6 +263,70 @@ def _whole_number(digits: str) -> int:
     if not math.isfinite(float(digits)):
         raise ValueError(f"a number of {len(digits)} digits is too large")
     return value
+
+
+def read_player(path: Path) -> dict | None:
+    """Return the frames of a stored player; None if there are none or too many. Raises ValueError.
+
+    path: DIR/figures/NAME.json. What the script of the page relies on is checked: runs with a
+    method, an accuracy and states, and numbers where it computes.
+    """
+    if not exists(path):
+        return None
+    try:
+        text = read_text(path, MAX_SCENE_BYTES, path.parent.parent)
+    except TooLong:
+        return None
+    try:
+        value = json.loads(text, parse_int=_whole_number, parse_constant=_refuse_constant)
+    except (ValueError, RecursionError) as e:
+        raise UnusableFile(f"{path} cannot be read: {e}") from e
+    if not _is_player(value):
+        raise UnusableFile(f"{path} holds no frames of a player")
+    return value
+
+
+def _refuse_constant(word: str) -> float:
+    raise ValueError(f"{word} is no number of JSON")
+
+
+def _is_player(value: object) -> bool:
+    """Does a value have what a player needs?"""
+    if not isinstance(value, dict) or value.get("kind") not in ("particles", "plane", "curves"):
+        return False
+    runs = value.get("runs")
+    if not (isinstance(runs, list) and 0 < len(runs) <= MAX_PLAYER_RUNS):
+        return False
+    box = value.get("box", [])
+    known = _are_rows([value.get("t"), box]) and len(box) == 4 * (value["kind"] != "curves")
+    return (
+        known
+        and all(_is_number(value.get(k)) and value[k] > 0 for k in ("unit", "lam_unit"))
+        and (value.get("reference") is None or _are_rows(value["reference"]))
+        and all(map(_is_player_run, runs))
+    )
+
+
+def _is_player_run(run: object) -> bool:
+    return (
+        isinstance(run, dict)
+        and all(isinstance(run.get(k), str) for k in ("solver", "accuracy", "status", "why"))
+        and _is_number(run.get("asked"))
+        and run["asked"] > 0
+        and _are_rows(run.get("states"))
+        and _are_rows(run.get("lam"))
+        and isinstance(run.get("contacts"), list)
+        and len(run["contacts"]) == len(run["lam"])
+        and all(isinstance(run.get(k), list) for k in ("error", "violation"))
+        and all(_is_number_or_none(v) for k in ("error", "violation") for v in run[k])
+    )
+
+
+def _are_rows(value: object) -> bool:
+    """Is a value a list of lists of numbers?"""
+    return isinstance(value, list) and all(
+        isinstance(row, list) and all(map(_is_number, row)) for row in value
+    )
 
 
 def scene_files(folder: Path) -> dict[str, Path]:

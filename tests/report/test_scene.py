@@ -123,11 +123,11 @@ def test_discs_have_their_size_and_lie_inside(name, radius):
 
 def test_walls_stand_where_the_surfaces_of_the_discs_touch_them():
     case = nsbench.get_case("discs", n=20, box=True)
-    walls = particles._walls(case, (0, 2, 20), 1.0, 0.0)
+    walls = particles.find_walls(case, (0, 2, 20), 1.0, 0.0)
     size = case.problem.constraints[1].b[[40, 41]] + 1
     assert np.allclose(walls, sorted([[1, 0, 0], [0, 1, 0], [-1, 0, size[0]], [0, -1, size[1]]]))
     stack = nsbench.get_case("stack", n=4)
-    assert particles._walls(stack, (0, 2, 4), 1.0, 0.0).tolist() == [[0, 1, 0]]
+    assert particles.find_walls(stack, (0, 2, 4), 1.0, 0.0).tolist() == [[0, 1, 0]]
 
 
 def test_rows_that_join_particles_are_no_walls():
@@ -136,7 +136,7 @@ def test_rows_that_join_particles_are_no_walls():
     case = Case(
         "rows", Complementarity(still, families), np.array([3.0, 0, 0, 0]), np.array([0.0, 1.0])
     )
-    assert particles._walls(case, (0, 2, 2), 1.0, 0.0).tolist() == [[0, 1, 2.5]]
+    assert particles.find_walls(case, (0, 2, 2), 1.0, 0.0).tolist() == [[0, 1, 2.5]]
 
 
 def test_forbidden_regions_are_those_of_the_constraints():
@@ -155,7 +155,7 @@ def test_forbidden_regions_are_those_of_the_constraints():
         view = ConstraintSet(case.problem, case.n)
         near = view.all_static()
         want = [view.gaps(0.7, p, near).min() for p in points]
-        assert plane._smallest_gap(case, 0.7, points) == pytest.approx(want, abs=1e-13), case.name
+        assert plane.smallest_gap(case, 0.7, points) == pytest.approx(want, abs=1e-13), case.name
 
 
 def segments(case, x, colour):

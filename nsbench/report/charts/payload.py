@@ -23,7 +23,7 @@ from nsbench.report.charts.layouts import (
 )
 from nsbench.report.content import Content
 from nsbench.report.cost import Cost, cost_at_error, counted_inner_work
-from nsbench.report.data import GOOD
+from nsbench.report.data import GOOD, Runs
 from nsbench.report.figures import STEP_LABEL
 from nsbench.report.style import format_power
 from nsbench.report.summary import Order, Summary
@@ -34,13 +34,58 @@ TARGETS = tuple(10.0 ** (-k / 2) for k in range(2, 21))
 DEFAULT_TARGET = 4  # position of 1e-3 among TARGETS
 METRICS = {"state": "state_sup", "violation": "feasibility", "selection": "selection"}
 COSTS = {"seconds": "seconds", "rhs": "drift_calls"}
+SAME_STEP = 1e-6  # relative difference below which two accuracies are the same
 MAX_RUNS = 200  # of one method on one case; more are thinned evenly
 
 
 def encode_payload(content: Content) -> str:
     """Encode the data of the page: JSON, compressed by gzip, as base64 text."""
-    text = json.dumps(payload(content), separators=(",", ":"), allow_nan=False)
+    return _pack(payload(content))
+
+
+def _pack(value: dict) -> str:
+    text = json.dumps(value, separators=(",", ":"), allow_nan=False)
     return base64.b64encode(gzip.compress(text.encode(), 9, mtime=0)).decode()
+
+
+def pack_player(player: dict | None, runs: list[Runs]) -> str:
+    """Pack the frames of a player with the seconds that its runs took in the study; "" for None.
+
+    budget: the two runs, one of each method, whose seconds are nearest to each other; null where
+    they are not known. Their steps differ as far as the costs of a step do.
+    """
+    if player is None:
+        return ""
+    shown = [{**run, **_match(run, runs)} for run in player["runs"]]
+    return _pack({**player, "runs": shown, "budget": _same_budget(shown)})
+
+
+def _match(shown: dict, runs: list[Runs]) -> dict:
+    """Step and seconds of the run of the study that a player shows, None where it has none."""
+    own = next((r for r in runs if r.solver == shown["solver"]), None)
+    if own is None or not np.isfinite(own.col["asked"]).any():
+        return {"h": None, "seconds": None}
+    distance = np.abs(own.col["asked"] / shown["asked"] - 1)
+    at = int(np.nanargmin(distance))
+    near = bool(distance[at] < SAME_STEP)
+    h = _number(float(own.col["h"][at])) if near else None
+    seconds = _number(float(own.col["seconds"][at])) if near else None
+    return {"h": h, "seconds": seconds}
+
+
+def _same_budget(shown: list[dict]) -> list[int] | None:
+    """Numbers of the two runs, of different methods, with the nearest seconds; None without any."""
+    timed = [k for k, run in enumerate(shown) if run["seconds"]]
+    pairs = [
+        (abs(math.log(shown[a]["seconds"] / shown[b]["seconds"])), a, b)
+        for a in timed
+        for b in timed
+        if a < b and shown[a]["solver"] != shown[b]["solver"]
+    ]
+    if not pairs:
+        return None
+    _, one, other = min(pairs)
+    return [one, other]
 
 
 def payload(content: Content) -> dict:

@@ -129,7 +129,7 @@ def shade_forbidden(ax, gap: Callable[[np.ndarray], np.ndarray]) -> None:
             ax.contour(X, Y, g, levels=[0.0], colors=[GREY], linewidths=0.9, zorder=1)
 
 
-def _walls(case, key, radius, t):
+def find_walls(case, key, radius, t):
     """Half-planes a . p + b >= 0 (m, 3) that bound the surfaces of the particles of one group.
 
     These are the distinct Affine rows that move one particle; none if there are more than
@@ -164,7 +164,7 @@ def _walls(case, key, radius, t):
 def draw_particles(ax, case: Case, frame, scale: float) -> None:
     """Draw discs, links, anchors and walls of one state; `scale` points per unit of length."""
     for key, radius in particle_groups(case).items():
-        walls = _walls(case, key, radius, frame.t)
+        walls = find_walls(case, key, radius, frame.t)
         if len(walls):
             shade_forbidden(ax, lambda p, w=walls: (p @ w[:, :2].T + w[:, 2]).min(1))
         if key[1] > 1:

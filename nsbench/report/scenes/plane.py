@@ -32,7 +32,7 @@ def draw_plane(ax, case: Case, frame, scale: float) -> None:
     if isinstance(case.problem, Filippov):
         _sides(ax, case.problem, frame.t)
     else:
-        shade_forbidden(ax, lambda p: _smallest_gap(case, frame.t, p))
+        shade_forbidden(ax, lambda p: smallest_gap(case, frame.t, p))
     ax.plot(*frame.path.T, "-", color=BLUE, lw=1.5, zorder=4)
     if len(frame.path) > 1:
         ax.plot(*frame.path[0], "o", ms=4, mfc="white", mec=BLUE, zorder=5)
@@ -64,7 +64,7 @@ def _axes(ax, along, up):
     )
 
 
-def _smallest_gap(case, t, points):
+def smallest_gap(case, t, points):
     """Smallest g(t, x) over all constraints at states (m, n), (m,); Smooth ones point by point."""
     g = np.full(len(points), np.inf)
     for c in case.problem.constraints:
@@ -192,7 +192,7 @@ def _forbidden_times(ax, case):
         return
     if not getattr(case.problem, "constraints", ()):
         return
-    g = np.stack([_smallest_gap(case, s, y[:, None]) for s in t], 1)
+    g = np.stack([smallest_gap(case, s, y[:, None]) for s in t], 1)
     if g.min() < 0 < g.max():
         ax.contourf(t, y, g, levels=[-1e300, 0.0], colors=[FORBIDDEN], zorder=0)
         ax.contour(t, y, g, levels=[0.0], colors=[GREY], linewidths=0.9, zorder=1)

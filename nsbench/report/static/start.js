@@ -1,4 +1,5 @@
 // Start what needs the data; where it cannot be read, the static page stays as it is.
+player.startAll();
 nsbench
   .load()
   .then((data) => {
