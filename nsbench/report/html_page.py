@@ -283,9 +283,12 @@ def shorten_paths(svg: str) -> str:
     A tenth of a point is not visible in a scene of 280 pixels, and a quarter of the bytes.
     """
 
+    def rounded(number: re.Match) -> str:
+        return f"{float(number[0]):.1f}".removesuffix(".0")
+
     def shorter(match: re.Match) -> str:
         path = re.sub(r"\s*([A-Za-z])\s*", r"\1", re.sub(r"\s+", " ", match[2]).strip())
-        path = re.sub(r"(\.\d)\d+", r"\1", path)
+        path = re.sub(r"-?\d+\.\d+(e-?\d+)?", rounded, path)
         return f'{match[1]}"{path}"'
 
     return re.sub(r'(<path\b[^>]*?\sd=)"([^"<>]*)"', shorter, re.sub(r">\n\s*<", "><", svg))
