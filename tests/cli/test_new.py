@@ -2,6 +2,8 @@
 
 import pytest
 
+from nsbench import solvers
+from nsbench.case import get_case
 from nsbench.cli import main
 from nsbench.cli.new import TEMPLATES
 
@@ -15,6 +17,18 @@ def test_what_is_written_passes_the_check(what, kind, tmp_path, monkeypatch, cap
     assert main(["check", f"my_{kind}.py"]) == 0, capsys.readouterr().out
     assert f"my_{kind}.py: fine" in capsys.readouterr().out
     assert "NAME" not in (tmp_path / f"my_{kind}.py").read_text()
+
+
+@pytest.mark.parametrize("kind, case", [("contact", "tide"), ("switch", "slide_exit")])
+def test_a_method_that_is_written_takes_steps_longer_than_a_spacing(
+    kind, case, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    assert main(["new", "method", f"long_{kind}", "--kind", kind]) == 0
+    name = solvers.load(f"long_{kind}.py")
+    case = get_case(case)
+    traj = solvers.solve(case, name, h=2.5 * float(case.t[1] - case.t[0]))
+    assert traj.status.ok and len(traj.x) == len(case.t)
 
 
 def test_a_file_that_is_there_stays(tmp_path, monkeypatch, capsys):

@@ -9,9 +9,31 @@ import pytest
 from nsbench.cli.arguments import build_parser
 
 ROOT = Path(__file__).parents[2]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 BLOCK = re.compile(r"```(?:sh|bash|console|shell)\n(.*?)```", re.S)
-COMMAND = re.compile(r"(?:^ {4}|`)(nsbench [^`\n]*)", re.M)
+COMMAND = re.compile(r"(?:^|^\$ |`)(nsbench [^`\n]*)", re.M)
+
+
+LINK = re.compile(r"\]\(([^)\s#]*)(?:#([^)\s]*))?\)")
+CODE = re.compile(r"^(```+).*?^\1|`[^`\n]*`", re.M | re.S)
+
+
+def name(page):
+    return page.relative_to(ROOT).as_posix()
+
+
+def links(page):
+    """Pairs (file, anchor) of the relative links of a page."""
+    text = CODE.sub("", page.read_text(encoding="utf-8"))
+    return [(f, a) for f, a in LINK.findall(text) if "://" not in f and (f or a)]
+
+
+def anchors(page):
+    """Names that the headings of a page get, and those that it gives itself."""
+    text = re.sub(r"^```.*?^```", "", page.read_text(encoding="utf-8"), flags=re.M | re.S)
+    headings = re.findall(r"^#+ (.*)$", text, re.M)
+    slugs = {re.sub(r"[^\w\- ]", "", h.lower()).replace(" ", "-") for h in headings}
+    return slugs | set(re.findall(r"^\(([\w-]+)\)=$", text, re.M))
 
 
 def test_readme_is_at_most_120_lines():
@@ -27,14 +49,33 @@ def test_readme_begins_with_the_command_of_the_suite_and_that_of_the_tests():
         assert part.replace(".venv", ".venv-ci") in script
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
-def test_links_lead_to_files(page):
-    links = re.findall(r"\]\(([^)#]+)", page.read_text(encoding="utf-8"))
-    local = [link for link in links if "://" not in link]
-    assert not [link for link in local if not (page.parent / link).exists()]
+def broken_links(page):
+    """Relative links of a page that lead to no file or no heading."""
+    found = []
+    for file, anchor in links(page):
+        target = page.parent / file if file else page
+        if not target.exists():
+            found.append(file)
+        elif anchor and target.suffix == ".md" and anchor not in anchors(target):
+            found.append(f"{file}#{anchor}")
+    return found
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
+@pytest.mark.parametrize("page", PAGES, ids=name)
+def test_links_lead_to_files_and_headings(page):
+    assert not broken_links(page)
+
+
+def test_broken_links_are_found(tmp_path):
+    page = tmp_path / "page.md"
+    page.write_text(
+        "# What is *it*?\n\n[a](#what-is-it) [b](page.md#what-is-it) [c](#nothing) [d](no.md)\n"
+        "[e](page.md#no) `[f](none.md)` [g](https://example.org/x.md)\n"
+    )
+    assert broken_links(page) == ["#nothing", "no.md", "page.md#no"]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name)
 def test_commands_that_are_shown_can_be_parsed(page):
     verbs = {"NAME", "PATH"}
     for line in COMMAND.findall(page.read_text(encoding="utf-8")):
@@ -45,7 +86,7 @@ def test_commands_that_are_shown_can_be_parsed(page):
             build_parser().parse_args(words)
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
+@pytest.mark.parametrize("page", PAGES, ids=name)
 def test_scripts_that_are_named_exist(page):
     text = page.read_text(encoding="utf-8")
     named = set(re.findall(r"tests/[\w/]+\.py", text))
