@@ -1,6 +1,7 @@
 """Blocks of the documentation are run: Python in one namespace per page, commands in one folder.
 
     ```python   runs; where its first line is `# file: NAME`, it is written to that file too
+                where it begins with `>>>`, what it prints is compared
     ```toml, ```yaml, ```text   with such a first line: written
     ```sh       each line is a command; `nsbench ...` runs in this process, and must exit with 0
                 or with the N of a comment `# exit code N`
@@ -52,7 +53,10 @@ class BlockParser:
         self.evaluate_text(example)
         blank = lambda m: "\n" * m[0].count("\n")
         example.parsed.text = HIDDEN.sub(blank, example.parsed.text)
-        self.run_python(example)
+        if example.parsed.startswith(">>>"):
+            run_examples(example)
+        else:
+            self.run_python(example)
 
     def evaluate_text(self, example):
         name = FILE.match(example.parsed)
@@ -84,6 +88,17 @@ class BlockParser:
             if code != int(wanted[1] if wanted else 0):
                 raise AssertionError(f"{line}\nexit code {code}\n{text}")
         return "".join(printed)
+
+
+def run_examples(example):
+    """Run `>>>` lines in the namespace of the page and compare what they print."""
+    text = str(example.parsed)
+    test = doctest.DocTestParser().get_doctest(text, {}, example.path, example.path, example.line)
+    test.globs = example.namespace
+    found = []
+    runner = doctest.DocTestRunner(optionflags=OPTIONS)
+    if runner.run(test, out=found.append, clear_globs=False).failed:
+        raise AssertionError("".join(found))
 
 
 def run(words):
