@@ -35,9 +35,22 @@ def capture(capsys):
     return call
 
 
+@pytest.fixture
+def references_here(runs_here, monkeypatch):
+    """As runs_here; references that are missing are built in this process too."""
+    from runs_here import run_all
+
+    def run_all_and_build(batches, jobs, timeout, on_row, chores=(), **more):
+        for chore in () if batches else chores:
+            chore.function(*chore.args)
+        return run_all(batches, jobs, timeout, on_row, **more)
+
+    monkeypatch.setattr("nsbench.execute.suite.run_all", run_all_and_build)
+
+
 @pytest.mark.filterwarnings("default::UserWarning")
 @pytest.mark.parametrize("page", [p for p in PAGES if has_blocks(p)], ids=name)
-def test_blocks_of_the_page_run(page, capture, tmp_path, monkeypatch, runs_here):
+def test_blocks_of_the_page_run(page, capture, tmp_path, monkeypatch, references_here):
     monkeypatch.chdir(tmp_path)
     shutil.copytree(ROOT / "reports", "reports")
     saved = np.get_printoptions()
