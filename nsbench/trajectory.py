@@ -6,8 +6,15 @@ import errno
 import os
 import traceback
 from dataclasses import dataclass, field
+from importlib import import_module
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+from nsbench.html_summary import summary_table
+
+if TYPE_CHECKING:
+    from typing import Any
 
 STATUS_MEANINGS = {
     "ok": "the run reached its end time, and no check found a reason to doubt it",
@@ -167,6 +174,28 @@ class Trajectory:
             f"Trajectory({self.status.code}, {span}, x {self.x.shape}, "
             f"{len(self.contacts)} contacts, {len(self.events)} events)"
         )
+
+    def _repr_html_(self) -> str:
+        """Return status, span, sizes and work as a table, for notebooks."""
+        span = f"{self.t[0]:g} to {self.t[-1]:g}, {len(self.t)} samples" if len(self.t) else "none"
+        lines = [
+            ("status", f"{self.status.code}: {self.status}"),
+            ("time", span),
+            ("state", f"{self.x.shape[-1]} coordinates"),
+            ("contacts", len(self.contacts)),
+            ("events", len(self.events)),
+            *self.stats.items(),
+        ]
+        return summary_table("Trajectory", lines)
+
+    def plot(self, what: str = "x") -> Any:
+        """Draw the run over time as a chart (nsbench.plots.Chart).
+
+        what: "x" for the state, "impulse" or "reaction". Raises ValueError for another word, and
+        for a run without samples.
+        """
+        # by name: pictures lie above what they show, and are imported when one is asked for
+        return import_module("nsbench.plots").plot_trajectory(self, what)
 
 
 def machine_fault(e: BaseException) -> str:

@@ -13,6 +13,7 @@ import numpy as np
 from nsbench.case.scale import Scale
 from nsbench.case.spec import format_value
 from nsbench.case.validation import check_shapes
+from nsbench.html_summary import summary_table
 from nsbench.input_errors import named_fields, nearest
 from nsbench.problem import LCS, Complementarity, Filippov, _floats
 
@@ -117,6 +118,21 @@ class Case:
             f"Case({self.key}: {type(self.problem).__name__}, n = {self.n}, "
             f"t = {self.t[0]:g} .. {self.t[-1]:g}, {len(self.t)} samples)"
         )
+
+    def _repr_html_(self) -> str:
+        """Return name, class, sizes and the first line of the text as a table, for notebooks."""
+        families = getattr(self.problem, "constraints", ())
+        known = {"state": self.exact, "multipliers": self.exact_impulse}
+        lines = [
+            ("problem", type(self.problem).__name__),
+            ("constraints", ", ".join(type(c).__name__ for c in families) or "none"),
+            ("state", f"{self.n} coordinates"),
+            ("time", f"{self.t[0]:g} to {self.t[-1]:g}, {len(self.t)} samples"),
+            ("closed form", ", ".join(k for k, v in known.items() if v is not None) or "none"),
+            ("tags", ", ".join(self.tags) or "none"),
+            ("text", (self.doc.strip().splitlines() or [""])[0]),
+        ]
+        return summary_table(self.key, lines)
 
     @property
     def n(self) -> int:

@@ -4,6 +4,7 @@
     attempt           one run and its row
     result_contract   does the trajectory that a solver returned keep the contract?
     describe          what a report says of cases and methods
+    export            rows for xarray, LaTeX and notebooks
 
 Nothing is printed and no file is written here.
 """
@@ -13,19 +14,22 @@ from __future__ import annotations
 import dataclasses
 import secrets
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from nsbench.case import Case
 from nsbench.study.attempt import run_batch
 from nsbench.study.describe import describe_case, describe_solver
+from nsbench.study.export import LATEX_COLUMNS, to_html, to_latex, to_xarray
 from nsbench.study.plan import Spec, hand_over, plan_runs, resolve
 
 if TYPE_CHECKING:
     import pandas
+    import xarray
 
 __all__ = ["Spec", "Study", "run"]
 
@@ -48,11 +52,42 @@ class Study:
             f"solvers: {counted or 'none'})"
         )
 
-    def frame(self) -> pandas.DataFrame:
-        """The rows as a pandas DataFrame."""
+    def _repr_html_(self) -> str:
+        """Return a table with a line per case and solver, for notebooks."""
+        return to_html(self.rows, repr(self))
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """Return the rows as a pandas DataFrame."""
         import pandas
 
         return pandas.DataFrame(self.rows)
+
+    def frame(self) -> pandas.DataFrame:
+        """Return the rows as a pandas DataFrame: the same as `to_pandas`."""
+        return self.to_pandas()
+
+    def to_xarray(self) -> xarray.Dataset:
+        """Return the columns as a data set over case, solver and accuracy asked, with units.
+
+        Raises ImportError if xarray is not installed.
+        """
+        return to_xarray(self.rows)
+
+    def to_latex(self, names: Sequence[str] = LATEX_COLUMNS, digits: int = 3) -> str:
+        """Return the rows as a LaTeX tabular of case, solver, accuracy and the columns `names`.
+
+        Raises LookupError for a column that no row has.
+        """
+        return to_latex(self.rows, names, digits)
+
+    @property
+    def plot(self) -> Any:
+        """Return the charts of the study: `plot.error()`, `plot.work_precision()`, `plot.orders()`.
+
+        Each returns a nsbench.plots.Chart.
+        """
+        # by name: pictures lie above what they show, and are imported when one is asked for
+        return import_module("nsbench.plots").StudyPlots(self)
 
 
 def run(

@@ -1,6 +1,7 @@
 """Every block of the documentation does what the page says when it is run from top to bottom."""
 
 import shutil
+from importlib.util import find_spec
 from pathlib import Path
 from unittest import SkipTest
 
@@ -36,25 +37,32 @@ def capture(capsys):
 
 
 @pytest.fixture
-def references_here(runs_here, monkeypatch):
-    """As runs_here; references that are missing are built in this process too."""
+def runs_and_references(runs_here, monkeypatch):
+    """As runs_here; references that are missing are built, by a worker as always."""
     from runs_here import run_all
 
-    def run_all_and_build(batches, jobs, timeout, on_row, chores=(), **more):
-        for chore in () if batches else chores:
-            chore.function(*chore.args)
-        return run_all(batches, jobs, timeout, on_row, **more)
+    from nsbench.execute.workers import pool
+    from nsbench.source_files import opened_files
 
-    monkeypatch.setattr("nsbench.execute.suite.run_all", run_all_and_build)
+    def run_all_or_build(batches, *options, **more):
+        if batches:
+            return run_all(batches, *options, **more)
+        pool.run_all(batches, *options, **more)
+        opened_files._opened_by_run.clear()  # a worker that is started now has opened nothing
+        return []
+
+    monkeypatch.setattr("nsbench.execute.suite.run_all", run_all_or_build)
 
 
 @pytest.mark.filterwarnings("default::UserWarning")
 @pytest.mark.parametrize("page", [p for p in PAGES if has_blocks(p)], ids=name)
-def test_blocks_of_the_page_run(page, capture, tmp_path, monkeypatch, references_here):
+def test_blocks_of_the_page_run(page, capture, tmp_path, monkeypatch, runs_and_references):
     monkeypatch.chdir(tmp_path)
     shutil.copytree(ROOT / "reports", "reports")
     saved = np.get_printoptions()
-    for example in sybil_of(capture).parse(page).examples():
+    document = sybil_of(capture).parse(page)
+    document.namespace["find_spec"] = find_spec  # for blocks that need a package: skip: next if(...)
+    for example in document.examples():
         try:
             example.evaluate()
         except SkipTest as reason:

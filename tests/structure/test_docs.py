@@ -77,7 +77,7 @@ def test_broken_links_are_found(tmp_path):
 
 @pytest.mark.parametrize("page", PAGES, ids=name)
 def test_commands_that_are_shown_can_be_parsed(page):
-    verbs = {"NAME", "PATH"}
+    verbs = {"NAME", "PATH", "COMMAND"}
     for line in COMMAND.findall(page.read_text(encoding="utf-8")):
         for command in line.split("&&"):
             words = shlex.split(command.split("#")[0].strip().rstrip(".,;:"))[1:]

@@ -14,6 +14,7 @@ ROOT = Path(nsbench.__file__).parent
 LAYERS = [
     "cases",
     "reference_solutions",
+    "html_summary",
     "input_errors",
     "problem",
     "trajectory",
@@ -34,6 +35,7 @@ LAYERS = [
     "study",
     "results",
     "report",
+    "plots",
     "studies",
     "execute",
     "gate",

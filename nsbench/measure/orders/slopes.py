@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from nsbench.html_summary import summary_table
 from nsbench.measure.orders.plateau import power_law
 from nsbench.measure.orders.window import binned
 
@@ -25,7 +26,7 @@ VERDICTS = (
 NAN2 = (np.nan, np.nan)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Fit:
     """Outcome of `fit_order`.
 
@@ -60,6 +61,28 @@ class Fit:
     envelope_interval: tuple[float, float] = NAN2
     line: float = np.nan
     head: float = np.nan
+
+    def __repr__(self) -> str:
+        """Return verdict, order, interval and constant in a line; the rest are attributes."""
+        if not np.isfinite(self.order):
+            return f"Fit({self.verdict}, {self.points} points)"
+        low, high = self.interval
+        return (
+            f"Fit({self.verdict}, order {self.order:.3f} [{low:.3f}, {high:.3f}], constant "
+            f"{self.constant:.3g}, {self.points} points)"
+        )
+
+    def _repr_html_(self) -> str:
+        """Return verdict, order, window and sentence as a table, for notebooks."""
+        lines = [
+            ("verdict", self.verdict),
+            ("order", f"{self.order:.3f}"),
+            ("95 % interval", f"{self.interval[0]:.3f} to {self.interval[1]:.3f}"),
+            ("constant", f"{self.constant:.3g}"),
+            ("window", f"{self.window[0]:.3g} to {self.window[1]:.3g}, {self.points} points"),
+            ("in words", self.sentence),
+        ]
+        return summary_table("Order of convergence", lines)
 
 
 def fit_slope(h: np.ndarray, err: np.ndarray) -> tuple[float, tuple[float, float], float]:

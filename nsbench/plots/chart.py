@@ -1,0 +1,48 @@
+"""Chart: a specification of Vega-Lite with its data, shown in notebooks and written to files."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from nsbench.report.charts.files import draw_svg, with_data, write_chart
+
+NOTEBOOK_VERSION = "v5"  # of Vega-Lite, which notebooks bring along
+NOTEBOOK_MIME = f"application/vnd.vegalite.{NOTEBOOK_VERSION}+json"
+NOTEBOOK_SCHEMA = f"https://vega.github.io/schema/vega-lite/{NOTEBOOK_VERSION}.json"
+
+
+@dataclass(frozen=True, repr=False)
+class Chart:
+    """A chart that stands alone: `spec` is a specification of Vega-Lite with its data."""
+
+    spec: dict = field(compare=True)
+
+    def __repr__(self) -> str:
+        """Return the number of rows that are drawn; the specification is an attribute."""
+        return f"Chart({len(self.spec['datasets']['points'])} points)"
+
+    def _repr_mimebundle_(self, include: object = None, exclude: object = None) -> dict:
+        """Return the chart as notebooks show it: interactive, or as SVG where they cannot."""
+        return {
+            NOTEBOOK_MIME: {**self.spec, "$schema": NOTEBOOK_SCHEMA},
+            "image/svg+xml": draw_svg(self.spec),
+            "text/plain": repr(self),
+        }
+
+    def save(self, path: str | Path) -> Path:
+        """Write the chart as .svg, .pdf or .json, by the ending of `path`, and return the path.
+
+        Raises ValueError for another ending.
+        """
+        return write_chart(self.spec, path)
+
+
+def chart_of(layout: dict, rows: list[dict]) -> Chart:
+    """Build a chart of a layout of nsbench.report.charts.layouts and the rows it draws.
+
+    Raises ValueError if there is nothing to draw.
+    """
+    if not rows:
+        raise ValueError("nothing to draw: no run has a number for this chart")
+    return Chart(with_data(layout, rows))
