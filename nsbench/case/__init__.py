@@ -3,11 +3,14 @@
 from nsbench.case.definition import Case
 from nsbench.case.registry import (
     broken_cases,
+    broken_plugin_cases,
     case_module,
     case_names,
     get_case,
     load_case,
     load_module,
+    plugin_case_file,
+    plugin_case_names,
 )
 from nsbench.case.sources import SUITES, cases_of
 from nsbench.case.spec import format_value, parse_spec, parse_value
@@ -17,6 +20,7 @@ __all__ = [
     "SUITES",
     "Case",
     "broken_cases",
+    "broken_plugin_cases",
     "case_module",
     "case_names",
     "cases_of",
@@ -27,4 +31,6 @@ __all__ = [
     "nearest",
     "parse_spec",
     "parse_value",
+    "plugin_case_file",
+    "plugin_case_names",
 ]

@@ -16,7 +16,7 @@ from nsbench import input_errors, user_code
 from nsbench.case.definition import Case
 from nsbench.case.spec import format_value, parse_spec
 from nsbench.input_errors import nearest
-from nsbench.source_files import opened_files
+from nsbench.source_files import opened_files, plugins
 
 MAX_FILE_BYTES = 4 << 20  # a longer file was not written by hand
 
@@ -61,8 +61,24 @@ def equal_but_for_case(names: Iterable[str]) -> list[tuple[str, str]]:
 
 
 def case_names() -> list[str]:
-    """List the names of all registered cases, sorted."""
+    """List the names of all registered cases, sorted; those of plugins are not among them."""
     return sorted(_scan()[0])
+
+
+def plugin_case_names() -> list[str]:
+    """List the cases that installed packages bring, sorted, loadable or not."""
+    return plugins.plugin_names(plugins.CASES)
+
+
+def plugin_case_file(name: str) -> str:
+    """Return the file of a case that an installed package brings; "" for any other name.
+
+    Raises ValueError with the reason if the plugin has no such file.
+    """
+    own, failed = _scan()
+    if name in own or name in failed or name not in plugin_case_names():
+        return ""
+    return str(plugins.plugin_file(plugins.CASES, name))
 
 
 def broken_cases() -> dict[str, str]:
@@ -79,9 +95,41 @@ def case_module(name: str) -> ModuleType:
     found, failed = _scan()
     if name in failed:
         raise ValueError(f"case {name!r} failed to load: {failed[name]}")
+    if name not in found and name in plugin_case_names():
+        return _plugin_module(name)
     if name not in found:
-        raise LookupError(f"no case {name[:80]!r}; {nearest(name, found)}")
+        known = [*found, *plugin_case_names()]
+        raise LookupError(f"no case {name[:80]!r}; {nearest(name, known)}")
     return found[name]
+
+
+@functools.cache
+def _plugin_module(name: str) -> ModuleType:
+    """Load the module of a plugin. Raises ValueError with the reason if it cannot be loaded."""
+    try:
+        module = load_module(plugins.plugin_file(plugins.CASES, name))
+    except (ValueError, FileNotFoundError) as e:
+        raise ValueError(f"case {name!r} failed to load: {e}") from e
+    if not (hasattr(module, "CASE") or hasattr(module, "make")):
+        raise ValueError(
+            f"case {name!r} failed to load: {module.__file__} defines neither CASE nor "
+            "make(**params)"
+        )
+    return module
+
+
+def broken_plugin_cases() -> dict[str, str]:
+    """Load the cases of all plugins; return why those that cannot be used failed, by name."""
+    failed = {}
+    for name in plugin_case_names():
+        if name in _scan()[0]:
+            failed[name] = "a case of nsbench bears this name"
+            continue
+        try:
+            _plugin_module(name)
+        except ValueError as e:
+            failed[name] = str(e).partition("failed to load: ")[2]
+    return failed
 
 
 def _build(module: ModuleType, name: str, params: dict) -> Case:

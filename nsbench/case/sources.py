@@ -10,7 +10,13 @@ from pathlib import Path
 from types import ModuleType
 
 from nsbench.case.definition import Case
-from nsbench.case.registry import case_names, get_case, load_case, load_module
+from nsbench.case.registry import (
+    case_names,
+    get_case,
+    load_case,
+    load_module,
+    plugin_case_file,
+)
 from nsbench.case.spec import parse_spec
 
 SUITES = ("smoke", "standard", "hard", "full")
@@ -73,7 +79,9 @@ def cases_of(name: str, suite: str = "standard") -> list[tuple[Case, str]]:
     """
     found = split_path(name)
     if found is None:
-        return [(get_case(name), "")]
+        base, params = parse_spec(name)
+        file = plugin_case_file(base)
+        return [(load_case(file, **params), file) if file else (get_case(name), "")]
     path, params = found
     out = []
     for file in python_files(path):

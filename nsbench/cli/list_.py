@@ -12,7 +12,13 @@ import inspect
 from collections.abc import Callable
 
 from nsbench import columns, solvers
-from nsbench.case import broken_cases, case_module, case_names
+from nsbench.case import (
+    broken_cases,
+    broken_plugin_cases,
+    case_module,
+    case_names,
+    plugin_case_names,
+)
 from nsbench.cli.exit_codes import FINE
 
 
@@ -30,20 +36,24 @@ def command(args: argparse.Namespace, say: Callable[[str], None]) -> int:
 
 
 def _list_cases(say) -> None:
-    for name in case_names():
+    broken = broken_plugin_cases()
+    for name in [*case_names(), *(n for n in plugin_case_names() if n not in broken)]:
         module = case_module(name)
         parameters = _parameters(module)
         line = f"  {name:<16} {_first_line(module)}"
         say(f"{line}  [{parameters}]" if parameters else line)
     _list_broken(broken_cases(), say)
+    _list_broken(broken, say)
 
 
 def _list_solvers(say) -> None:
+    broken = solvers.broken_plugins()  # first: those that load are among all names then
     for name in solvers.all_names():
         method = solvers.get(name)
         options = ", ".join(f"{f.name}={f.default}" for f in dataclasses.fields(method))
         say(f"  {name:<16} {_first_line(type(method))}  [{method.accuracy}; {options}]")
     _list_broken(solvers.broken(), say)
+    _list_broken(broken, say)
 
 
 def _list_metrics(say) -> None:

@@ -37,6 +37,7 @@ def command(args: argparse.Namespace, say: Callable[[str], None]) -> int:
     _check_cluster_options(args)
     solver_files = tuple(str(p) for f in args.solver_files for p in python_files(f))
     added_solvers = [solvers.load(f) for f in solver_files]
+    solver_files += tuple(solvers.plugin_files(args.solver or ()))
     values = {name: read_values(text) for name, text in read_accuracies(args).items()}
     check_accuracies(args.solver or (), list(values))
     cases, left_out = _select_cases(args)

@@ -14,7 +14,17 @@ from nsbench.solvers.base import (
     last_steps,
     sample,
 )
-from nsbench.solvers.registry import all_names, broken, get, load, solve, spec_of, standard
+from nsbench.solvers.registry import (
+    all_names,
+    broken,
+    broken_plugins,
+    get,
+    load,
+    plugin_files,
+    solve,
+    spec_of,
+    standard,
+)
 from nsbench.trajectory import Event, Status, Trajectory
 
 __all__ = [
@@ -29,11 +39,13 @@ __all__ = [
     "Trajectory",
     "all_names",
     "broken",
+    "broken_plugins",
     "check_positive",
     "get",
     "grid",
     "last_steps",
     "load",
+    "plugin_files",
     "sample",
     "solve",
     "spec_of",

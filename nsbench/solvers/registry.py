@@ -11,6 +11,7 @@ import importlib
 import pkgutil
 import re
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING
@@ -19,6 +20,7 @@ from nsbench import input_errors, user_code
 from nsbench.case import Case, case_module, format_value, get_case, load_module, nearest, parse_spec
 from nsbench.solvers.base import Solver, check_positive
 from nsbench.solvers.common.prepared_runs import PreparedRuns
+from nsbench.source_files import plugins
 from nsbench.trajectory import Status, Trajectory
 
 if TYPE_CHECKING:
@@ -116,14 +118,46 @@ def broken() -> dict[str, str]:
     return dict(_scan()[1])
 
 
+def plugin_files(specs: Iterable[str]) -> list[str]:
+    """Return the files of those methods of `specs` that installed packages bring.
+
+    Raises ValueError with the reason for one that cannot be found.
+    """
+    known = {**_scan()[0], **_scan()[1], **_loaded}
+    names = dict.fromkeys(parse_spec(spec)[0] for spec in specs)
+    brought = plugins.plugin_names(plugins.SOLVERS)
+    return [
+        str(plugins.plugin_file(plugins.SOLVERS, name))
+        for name in names
+        if name in brought and name not in known
+    ]
+
+
+def broken_plugins() -> dict[str, str]:
+    """Load the methods of all plugins; return why those that cannot be used failed, by name."""
+    failed = {}
+    for name in plugins.plugin_names(plugins.SOLVERS):
+        if name in _scan()[0]:
+            failed[name] = "a method of nsbench bears this name"
+            continue
+        try:
+            get(name)
+        except (LookupError, ValueError, TypeError, FileNotFoundError) as e:
+            failed[name] = str(e)
+    return failed
+
+
 def standard() -> list[str]:
     """Return the specs of the standard suite.
 
     They are those that a solver's file lists in STANDARD, else the solver with its defaults.
     """
     out = []
-    for name in all_names():
-        home = sys.modules.get({**_scan()[0], **_loaded}[name].__module__)
+    own = {**_scan()[0], **_loaded}
+    # what an installed package brings runs by name: the suite is the same whatever is installed
+    brought = [n for n in _loaded if n in plugins.plugin_names(plugins.SOLVERS)]
+    for name in sorted(set(own) - set(brought)):
+        home = sys.modules.get(own[name].__module__)
         out += list(getattr(home, "STANDARD", (name,)))
     return out
 
@@ -137,8 +171,12 @@ def get(spec: str) -> Solver:
     classes = {**_scan()[0], **_loaded}
     if name in _scan()[1]:
         raise ValueError(f"solver {name!r} failed to load: {_scan()[1][name]}")
+    if name not in classes and (files := plugin_files([name])):
+        load(files[0])
+        classes = {**classes, **_loaded}
     if name not in classes:
-        raise LookupError(f"no solver {name!r}; {nearest(name, classes)}")
+        known = [*classes, *plugins.plugin_names(plugins.SOLVERS)]
+        raise LookupError(f"no solver {name!r}; {nearest(name, known)}")
     known = {f.name for f in dataclasses.fields(classes[name])}
     for key in options:
         if key not in known:

@@ -6,5 +6,6 @@ user_imports       what a user's case or solver file imports, by its syntax tree
 opened_files       files that Python opens while such a file is loaded or run
 environment_reads  environment variables that such a file looks up
 regular_files      opening files that others may have made
+plugins            case and solver files that installed packages bring
 file_state         signature and digest of every file that was read
 """
