@@ -34,6 +34,8 @@ nb_execution_mode = "force"
 nb_execution_raise_on_error = True
 nb_execution_timeout = 120
 nb_merge_streams = True
+# charts come as SVG beside their specification: pages show the SVG and need no script
+suppress_warnings = ["mystnb.unknown_mime_type"]
 
 autodoc_typehints = "none"  # types stand in the signature of the source, in short words
 autodoc_member_order = "bysource"
