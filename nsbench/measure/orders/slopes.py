@@ -64,6 +64,8 @@ class Fit:
 
     def __repr__(self) -> str:
         """Return verdict, order, interval and constant in a line; the rest are attributes."""
+        if np.isfinite(self.plateau):
+            return f"Fit({self.verdict} at {self.plateau:.3g}, {self.points} points)"
         if not np.isfinite(self.order):
             return f"Fit({self.verdict}, {self.points} points)"
         low, high = self.interval
