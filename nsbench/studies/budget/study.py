@@ -186,17 +186,31 @@ def _say_model(m: dict) -> str:
     said = []
     for method in model_error.METHODS:
         own = [r for r in m["rows"] if r["method"] == method and r["h"] == step]
-        worst = max((r for r in own if r["ratio"] is not None), key=lambda r: r["ratio"])
-        said.append(
-            f"{method} at most {format_number(worst['ratio'], 2)} "
-            f"[{format_number(worst['low'], 2)}, {format_number(worst['high'], 2)}] "
-            f"({worst['observable']})"
-        )
+        said.append(f"{method} {_say_worst_ratio(own)}{_say_steady(own, m['truth_error'])}")
     return (
         f"Epithelium with hard radius {m['r_hard']:g} to {m['end']:g} h, {m['count']} seeds: "
         f"numerical error over the spread over seeds at h = {format_number(step, 3)}: "
         f"{'; '.join(said)}."
     )
+
+
+def _say_worst_ratio(rows: list[dict]) -> str:
+    known = [r for r in rows if r["ratio"] is not None]
+    if not known:
+        return "without a ratio"
+    worst = max(known, key=lambda r: r["ratio"])
+    interval = f"[{format_number(worst['low'], 2)}, {format_number(worst['high'], 2)}]"
+    return f"at most {format_number(worst['ratio'], 2)} {interval} ({worst['observable']})"
+
+
+def _say_steady(rows: list[dict], known: float) -> str:
+    """Name the largest error of an observable that does not vary over seeds; "" without one."""
+    steady = [r for r in rows if r["ratio"] is None and (r["rms"] or 0.0) > known]
+    if not steady:
+        return ""
+    worst = max(steady, key=lambda r: r["rms"])
+    error = format_number(worst["rms"], 2)
+    return f", and off by {error} in {worst['observable']}, which does not vary over seeds"
 
 
 def _say_references(references: dict) -> str:
