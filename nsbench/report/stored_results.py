@@ -1,9 +1,9 @@
 """Read the files of a folder of results, which anybody may have made.
 
 runs.parquet or runs.csv, the descriptions cases.json, solvers.json, env.json and extra.json, and
-figures/scene_*.svg and scene_*.json. Only regular files below the folder are read, up to a length; a table is
-refused by what its metadata say that it expands to; numbers are checked. Every refusal is a
-ValueError that names the file.
+figures/scene_*.svg and scene_*.json. Only regular files below the folder are read, up to a length;
+a table is refused by what its metadata say that it expands to; numbers are checked. Every refusal
+is a ValueError that names the file.
 """
 
 from __future__ import annotations

@@ -105,6 +105,19 @@ def test_the_frames_of_a_failed_run_end_where_its_states_end():
     assert None in run["violation"] and "NaN" not in format_player(found)
 
 
+def test_a_run_that_left_all_bounds_has_the_frames_before():
+    """Such states are finite, and far beyond whole numbers in the units of the reference."""
+    case = nsbench.get_case("tide")
+    traj = nsbench.solve(case, "pbd", h=0.05)
+    x = traj.x.copy()
+    x[10:] = 1e200
+    wild = nsbench.Trajectory(traj.t, x, (), np.empty((len(x), 0)), traj.reaction)
+    found = player.collect_frames(case, case.exact(case.t), [("pbd", 0.05, wild)])
+    assert len(found["runs"][0]["states"][0]) == 10
+    nothing = nsbench.Trajectory(traj.t, x * np.nan, (), np.empty((len(x), 0)), traj.reaction)
+    assert player.collect_frames(case, None, [("pbd", 0.05, nothing)]) is None
+
+
 def test_frames_are_written_beside_the_scene_with_the_same_bytes(tmp_path):
     case = nsbench.get_case("tide")
     texts = []

@@ -58,6 +58,7 @@ HEAVY = (
     "shtab",
     "tqdm",
     "psutil",
+    "vl_convert",
 )
 
 

@@ -11,8 +11,8 @@ stored by coordinate as differences from frame to frame (they compress to about 
     links        pairs [group, i, j]; fixed [group, i, x, y] to an anchor
     region, lines, arrows   of a plane: forbidden polygons, switching surfaces, directions
     reference    its states, or null
-    runs         solver, accuracy, asked, status, why; states, error and violation by frame; contacts with
-                 their multipliers `lam` by frame, in multiples of lam_unit
+    runs         solver, accuracy, asked, status, why; states, error and violation by frame;
+                 contacts with their multipliers `lam` by frame, in multiples of lam_unit
 
 The multiplier of a frame is the mean since the frame before: the difference of the impulses over
 the time between.
@@ -43,6 +43,7 @@ MAX_STATE = 400  # entries of a state: a player of more would be a file of megab
 MAX_CONTACTS = 120  # of a run, those with the largest impulses
 UNITS = 8000  # across what is drawn: far below a pixel, and below the overlaps that are shown
 LAM_UNITS = 200
+MAX_PLACE = 1e9  # of a coordinate, in units: a state beyond it has diverged
 # methods that are shown where a study has them, in this order; then the others of the study
 PREFERRED = ("pbd", "catching_up", "euler", "euler[implicit=true]", "theta", "theta[theta=0.5]")
 FINE = 4.0  # the second step of a method is this many times smaller, as near as its ladder has it
@@ -101,14 +102,14 @@ def collect_frames(
     """Collect the frames of runs that were made; None as in `build_player`, or without a state."""
     from nsbench.solvers import get
 
-    at = np.unique(np.linspace(0, len(case.t) - 1, min(len(case.t), MAX_FRAMES)).round().astype(int))
-    found = [t.x for _, _, t in done if len(t.x)]
-    known = [x for x in (reference, *found) if x is not None]
-    if not known or case.n > MAX_STATE:
+    count = min(len(case.t), MAX_FRAMES)
+    at = np.unique(np.linspace(0, len(case.t) - 1, count).round().astype(int))
+    known = [x for x in (reference, *(t.x for _, _, t in done)) if x is not None and len(x)]
+    shown = [x[: _count_finite(x)] for x in known if _count_finite(x)]
+    if not shown or case.n > MAX_STATE:
         return None
     kind = player_kind(case)
-    shown = [x[np.all(np.isfinite(x), axis=1)] for x in known]
-    box = _box(case, kind, shown[:1] if len(shown[0]) else shown)
+    box = _box(case, kind, shown[0])
     size = max(box[1] - box[0], box[3] - box[2]) if box else float(np.ptp(shown[0])) or 1.0
     unit = float(f"{size / UNITS:.2g}")
     lam = [_multipliers(case, trajectory, at) for _, _, trajectory in done]
@@ -152,13 +153,18 @@ def player_kind(case: Case) -> str:
     return "plane" if isinstance(p, Filippov) and case.n == 2 else "curves"
 
 
-def _box(case: Case, kind: str, shown: list[np.ndarray]) -> list[float] | None:
-    """x0, x1, y0, y1 with a margin around the paths that are shown; None for curves over time."""
+def _count_finite(x: np.ndarray) -> int:
+    """Count the states (k, n) before the first that is not finite."""
+    good = np.all(np.isfinite(x), axis=1)
+    return len(x) if good.all() else int(np.argmin(good))
+
+
+def _box(case: Case, kind: str, x: np.ndarray) -> list[float] | None:
+    """x0, x1, y0, y1 with a margin around the path x (k, n); None for curves over time."""
     if kind == "curves":
         return None
     frames = [
         Frame(float(case.t[0]), state, case.t[: len(x)], x)
-        for x in shown
         for state in x[:: max(1, len(x) // 20)]
     ]
     low, high = drawing_extent(case, frames, kind)
@@ -186,10 +192,11 @@ def _differences(values: np.ndarray) -> list[int]:
 
 
 def _encode(x: np.ndarray, unit: float) -> list[list[int]]:
-    """States (k, n) by coordinate in multiples of `unit`, up to the first that is not finite."""
-    good = np.all(np.isfinite(x), axis=1)
-    end = len(x) if good.all() else int(np.argmin(good))
-    return [_differences(np.round(column / unit)) for column in x[:end].T]
+    """States (k, n) by coordinate in multiples of `unit`, up to the first that left all bounds."""
+    with np.errstate(over="ignore"):
+        places = np.round(x / unit)
+    places = np.where(np.abs(places) < MAX_PLACE, places, np.nan)
+    return [_differences(column) for column in places[: _count_finite(places)].T]
 
 
 def _frames(case: Case, reference, trajectory: Trajectory, at: np.ndarray, unit: float) -> dict:
@@ -226,9 +233,7 @@ def _multipliers(case: Case, trajectory: Trajectory, at: np.ndarray) -> tuple[li
     impulse = np.asarray(trajectory.impulse)
     if not impulse.size or not len(trajectory.x):
         return [], np.empty((0, 0))
-    good = np.all(np.isfinite(impulse), axis=1)
-    end = len(impulse) if good.all() else int(np.argmin(good))
-    at = at[at < end]
+    at = at[at < _count_finite(impulse)]
     if len(at) < 2:
         return [], np.empty((0, 0))
     rates = np.diff(impulse[at], axis=0) / np.diff(case.t[at])[:, None]
@@ -296,8 +301,7 @@ def _wall_contact(case: Case, family: Affine, row: int) -> dict:
     entries = slice(family.indptr[row], family.indptr[row + 1])
     columns = family.indices[entries]
     values = family.data[entries]
-    flat = (Distance,)
-    if not any(isinstance(c, flat) and c.dim > 1 for c in case.problem.constraints):
+    if player_kind(case) != "particles":
         return {}
     for g, (start, dim, count) in enumerate(particle_groups(case)):
         owner = (columns - start) // dim

@@ -1,4 +1,4 @@
-"""Surroundings of a path in the plane as polygons: forbidden regions, switching surfaces, fields."""
+"""Surroundings of a path in the plane: forbidden regions, switching surfaces, directions."""
 
 from __future__ import annotations
 
