@@ -229,7 +229,7 @@ def _run(todo, keys, recorder, rows, args, say, cases, out) -> set[tuple[str, st
             jobs,
             args.timeout,
             on_row,
-            _chores(cases, out, tuple(dict.fromkeys(s.solver for s in keys))),
+            _chores(cases, out, keys),
             memory_limit=args.memory,
             on_output=outputs.write,
         )
@@ -269,27 +269,31 @@ class Outputs:
             (self.folder / self.file_name(spec)).unlink(missing_ok=True)
 
 
-def _chores(cases, out, solvers):
+def _chores(cases, out, specs):
     """Pictures and players of the report, made by workers that have no runs left.
 
-    args[:2]: case and file. solvers: of the study, two of which a player shows.
+    args[:2]: case and file. specs: of the study, some of which a player shows.
     """
+    asked: dict[tuple, dict] = {name: {} for name in cases}
+    for s in specs:
+        if s.asked > 0:  # a refused pair has none
+            asked[s.case, s.file].setdefault(s.solver, []).append(s.asked)
     has_sliding = "sliding" in {name for name, _ in cases}
     talk = [Chore(_write_talk_figure, ("talk", "", str(out)))] if has_sliding else []
     figures = str(out / "figures")
     return [
         *talk,
         *(
-            Chore(_draw_scene, (*name, figures, case.references, solvers))
+            Chore(_draw_scene, (*name, figures, case.references, asked[name]))
             for name, case in cases.items()
         ),
     ]
 
 
-def _draw_scene(key: str, file: str, folder: str, references: str, solvers: tuple) -> None:
+def _draw_scene(key: str, file: str, folder: str, references: str, asked: dict) -> None:
     from nsbench.report.scenes.files import write_scenes
 
-    write_scenes([resolve(key, file, references)], Path(folder), solvers)
+    write_scenes([resolve(key, file, references)], Path(folder), asked)
 
 
 def _write_talk_figure(name: str, _: str, out: str) -> None:

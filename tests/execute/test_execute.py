@@ -2,11 +2,13 @@
 
 import dataclasses
 import itertools
+import json
 import os
 
 import pytest
 from solver_file import solver
 
+from nsbench.cli import main
 from nsbench.execute.workers.kernel_schedule import KernelSchedule, kernel_group
 from nsbench.execute.workers.pool import Chore, run_all
 from nsbench.measure import clock
@@ -263,3 +265,14 @@ def test_a_kernel_compiled_within_a_run_stops_its_clock():
     assert sent == [("run", 3, None), ("compile", 3, None), ("run", 3, None)]
     assert exceeded_limit(Worker(None, None, phase="run", since=10.0), 2.0, 15.0) == 2.0
     assert exceeded_limit(Worker(None, None, phase="compile", since=10.0), 2.0, 15.0) is None
+
+
+def test_a_player_shows_runs_of_the_study(tmp_path):
+    """The runs are made again by a worker: their seconds are in the rows."""
+    out = tmp_path / "r"
+    solvers = ["-s", "pbd", "-s", "euler"]
+    assert main(["run", "tide", *solvers, "--h", "0.05,0.02", "-o", str(out)]) == 0
+    found = json.loads((out / "figures" / "scene_tide.json").read_text(encoding="utf-8"))
+    shown = [(run["solver"], run["asked"]) for run in found["runs"]]
+    assert shown == [("pbd", 0.05), ("pbd", 0.02)]
+    assert 'class="player' in (out / "report.html").read_text(encoding="utf-8")

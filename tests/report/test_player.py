@@ -19,6 +19,9 @@ from nsbench.report.stored_results import MAX_SCENE_BYTES, read_player
 from nsbench.source_files.regular_files import UnusableFile
 
 
+ASKED = dict.fromkeys(("pbd", "catching_up"), (0.02, 0.005))
+
+
 def frames_of(name, solver="pbd", **accuracy):
     case = nsbench.get_case(name)
     traj = nsbench.solve(case, solver, **accuracy)
@@ -67,17 +70,22 @@ def test_violations_are_those_of_all_pairs():
 )
 def test_each_kind_of_case_has_its_drawing(name, kind):
     case = nsbench.get_case(name)
-    found = player.build_player(case, None, player.choose_runs(case, ("euler", "pbd"))[:1])
+    found = player.build_player(case, None, player.choose_runs(case, {"euler": [0.05], "pbd": [0.05]}))
     assert found["kind"] == kind and ("box" in found) == (kind != "curves")
     assert bool(found.get("lines")) == bool(found.get("arrows")) == (name == "friction")
     assert bool(found.get("region")) == (name == "obstacle")
 
 
-def test_two_methods_that_take_the_case_are_shown_at_two_steps_each():
+def test_two_methods_that_take_the_case_are_shown_at_two_steps_of_the_study():
     case = nsbench.get_case("tide")
-    chosen = player.choose_runs(case, ("euler", "no_such_method", "catching_up", "pbd", "theta"))
-    assert [s for s, _ in chosen] == ["pbd"] * 2 + ["catching_up"] * 2
-    assert [a / b for (_, a), (_, b) in (chosen[:2], chosen[2:])] == pytest.approx([4, 4], rel=0.2)
+    steps = [0.05, 0.025, 0.01, 0.005]
+    asked = dict.fromkeys(("euler", "no_such_method", "catching_up", "pbd", "theta"), steps)
+    runs = [(s, h) for s in ("pbd", "catching_up") for h in (0.05, 0.01)]
+    assert player.choose_runs(case, asked) == runs
+    assert player.choose_runs(case, {"pbd": [1e-5]}) == []  # too long to be made again
+    assert player.choose_runs(case, {"penalty": [1e4, 100.0]}) == [("penalty", 100.0)] + [
+        ("penalty", 1e4)
+    ]
 
 
 def test_contacts_know_where_they_act():
@@ -122,10 +130,10 @@ def test_frames_are_written_beside_the_scene_with_the_same_bytes(tmp_path):
     case = nsbench.get_case("tide")
     texts = []
     for _ in range(2):
-        write_scenes([case], tmp_path, ("pbd", "catching_up"))
+        write_scenes([case], tmp_path, ASKED)
         texts.append((tmp_path / player_file("tide")).read_bytes())
     assert texts[0] == texts[1] and (tmp_path / "scene_tide.svg").exists()
-    write_scenes([case], tmp_path, ("euler",))  # it refuses: frames of an earlier study go
+    write_scenes([case], tmp_path, {"euler": [0.05]})  # it refuses: frames of an earlier study go
     assert not (tmp_path / player_file("tide")).exists()
 
 
@@ -136,7 +144,7 @@ def unpacked(text):
 def test_seconds_come_from_the_rows_and_name_the_runs_of_one_budget():
     """The finer step of the cheaper method costs what the coarser one of the other does."""
     case = nsbench.get_case("tide")
-    found = player.build_player(case, None, player.choose_runs(case, ("pbd", "catching_up")))
+    found = player.build_player(case, None, player.choose_runs(case, ASKED))
     prices = {"pbd": 1.0, "catching_up": 4.0}
     rows = [
         row("tide", r["solver"], r["asked"])
@@ -204,6 +212,6 @@ def test_a_report_holds_the_players_of_its_cases(tmp_path):
     pandas.DataFrame([r for r in made() if r["case"] == "tide"]).to_parquet(
         tmp_path / "runs.parquet"
     )
-    write_scenes([nsbench.get_case("tide")], tmp_path / "figures", ("pbd", "catching_up"))
+    write_scenes([nsbench.get_case("tide")], tmp_path / "figures", ASKED)
     page = nsbench.write_report(tmp_path).read_text(encoding="utf-8")
     assert page.count('class="player') == 1

@@ -9,13 +9,16 @@ import contextlib
 import json
 import re
 import warnings
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from nsbench.case import Case
 from nsbench.results.atomic_write import replace
+
+
+Accuracies = Mapping[str, Sequence[float]]  # by method
 
 
 def scene_file(key: str) -> str:
@@ -28,20 +31,20 @@ def player_file(key: str) -> str:
     return scene_file(key).removesuffix(".svg") + ".json"
 
 
-def write_scenes(cases: Iterable[Case], folder: Path, solvers: Iterable[str] = ()) -> None:
+def write_scenes(cases: Iterable[Case], folder: Path, asked: Accuracies | None = None) -> None:
     """Write FOLDER/scene_*.svg, one for each case; the same reference gives the same bytes.
 
-    With solvers also scene_*.json, the frames of a player, for which two of them are run: call it
-    then where runs have a limit of time. What cannot be drawn is left out with a warning: a case
+    asked: accuracies of the study by method. With them scene_*.json, the frames of a player, are
+    written too, for which some of these runs are made again: in a process with a limit of time. What cannot be drawn is left out with a warning: a case
     may bring its own drawing, and its failure must not cost the report.
     """
     for case in cases:
         states = _reference_states(case)
         with _warning_of(f"no picture of {case.key}"):
             replace(Path(folder) / scene_file(case.key), _picture(case, states).encode())
-        if solvers:
+        if asked:
             with _warning_of(f"no player of {case.key}"):
-                _write_player(case, states, folder, solvers)
+                _write_player(case, states, folder, asked)
 
 
 @contextlib.contextmanager
@@ -75,12 +78,12 @@ def _picture(case: Case, states: np.ndarray | None) -> str:
 
 
 def _write_player(
-    case: Case, states: np.ndarray | None, folder: Path, solvers: Iterable[str]
+    case: Case, states: np.ndarray | None, folder: Path, asked: Accuracies
 ) -> None:
     """Write the frames of a player, or remove those of an earlier study."""
     from nsbench.report.scenes.player import build_player, choose_runs
 
-    runs = choose_runs(case, solvers)
+    runs = choose_runs(case, asked)
     player = build_player(case, states, runs) if runs else None
     path = Path(folder) / player_file(case.key)
     if player is None:

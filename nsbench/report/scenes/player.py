@@ -21,7 +21,7 @@ the time between.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -46,36 +46,44 @@ LAM_UNITS = 200
 MAX_PLACE = 1e9  # of a coordinate, in units: a state beyond it has diverged
 # methods that are shown where a study has them, in this order; then the others of the study
 PREFERRED = ("pbd", "catching_up", "euler", "euler[implicit=true]", "theta", "theta[theta=0.5]")
-FINE = 4.0  # the second step of a method is this many times smaller, as near as its ladder has it
+FINE = 4.0  # the second step of a method is this many times smaller, as near as the study has it
+MAX_STEPS = 20_000  # of a run that is made again for its frames: a second at most
 
 
-def choose_runs(case: Case, solvers: Iterable[str]) -> list[tuple[str, float]]:
-    """Choose two methods that take the case and two accuracies of each: [(solver, accuracy)].
+def choose_runs(case: Case, asked: Mapping[str, Sequence[float]]) -> list[tuple[str, float]]:
+    """Choose two methods and two accuracies of each: [(solver, accuracy)].
 
-    The coarsest step of the ladder, where errors can be seen, and one FINE times smaller.
+    asked: accuracies of the study by method, so that the seconds of these runs are known. Taken are
+    the coarsest, where errors can be seen, and one FINE times smaller; runs of more than MAX_STEPS
+    steps are not made again for a picture.
     """
-    from nsbench.solvers import get
-    from nsbench.study.plan import ladder
+    span = float(case.t[-1] - case.t[0])
+    order = [s for s in PREFERRED if s in asked] + [s for s in asked if s not in PREFERRED]
+    out: dict[str, list[float]] = {}
+    for solver in order:
+        name = _accuracy_of(case, solver)
+        values = [v for v in asked[solver] if v > 0 and (name != "h" or span / v <= MAX_STEPS)]
+        if name and values and len(out) < 2:
+            finer = FINE if name == "k" else 1 / FINE
+            coarse = min(values) if name == "k" else max(values)
+            others = [v for v in values if v != coarse] or [coarse]
+            near = min(others, key=lambda v: abs(math.log(v / (coarse * finer))))
+            out[solver] = list(dict.fromkeys((coarse, near)))
+    return [(solver, value) for solver, values in out.items() for value in values]
 
-    solvers = list(dict.fromkeys(solvers))
-    order = [s for s in PREFERRED if s in solvers] + [s for s in solvers if s not in PREFERRED]
-    out = []
-    for solver in [s for s in order if _takes(case, s)][:2]:
-        values = sorted(ladder(case, get(solver)), reverse=get(solver).accuracy != "k")
-        wanted = math.log(values[0] / FINE if get(solver).accuracy != "k" else values[0] * FINE)
-        near = min(values, key=lambda v: abs(math.log(v) - wanted))
-        out += [(solver, v) for v in dict.fromkeys((values[0], near))]
-    return out
 
+def _accuracy_of(case: Case, solver: str) -> str:
+    """Name of the accuracy parameter of a method; "" if it does not take the case.
 
-def _takes(case: Case, solver: str) -> bool:
-    """Does a method take the case? A method of a user's file is not known in every process."""
+    A method of a user's file is not known in every process.
+    """
     from nsbench.solvers import get
 
     try:
-        return not get(solver).refuses(case)
+        method = get(solver)
     except LookupError:
-        return False
+        return ""
+    return "" if method.refuses(case) else method.accuracy
 
 
 def build_player(
