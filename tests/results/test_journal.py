@@ -193,7 +193,7 @@ def test_every_file_of_a_results_folder_is_written_beside_and_renamed(tmp_path, 
     from nsbench.execute import suite
 
     monkeypatch.setattr(
-        suite, "_chores", lambda cases, out: []
+        suite, "_chores", lambda cases, out, specs: []
     )  # pictures are drawn here, where they are seen
     assert main([*RUN, str(out)]) == 0
     there = {str(p) for p in out.rglob("*") if p.is_file()} - {str(out / "journal.jsonl")}

@@ -35,8 +35,9 @@ def write_scenes(cases: Iterable[Case], folder: Path, asked: Accuracies | None =
     """Write FOLDER/scene_*.svg, one for each case; the same reference gives the same bytes.
 
     asked: accuracies of the study by method. With them scene_*.json, the frames of a player, are
-    written too, for which some of these runs are made again: in a process with a limit of time. What cannot be drawn is left out with a warning: a case
-    may bring its own drawing, and its failure must not cost the report.
+    written too, for which some of these runs are made again: in a process with a limit of time.
+    What cannot be drawn is left out with a warning: a case may bring its own drawing, and its
+    failure must not cost the report.
     """
     for case in cases:
         states = _reference_states(case)
