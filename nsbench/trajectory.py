@@ -7,14 +7,11 @@ import os
 import traceback
 from dataclasses import dataclass, field
 from importlib import import_module
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
 from nsbench.html_summary import summary_table
-
-if TYPE_CHECKING:
-    from typing import Any
 
 STATUS_MEANINGS = {
     "ok": "the run reached its end time, and no check found a reason to doubt it",
@@ -163,7 +160,7 @@ class Trajectory:
     lam_h: np.ndarray | None = None
     between: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
     resolution: Resolution | None = None
-    bound: object | None = field(default=None, repr=False, compare=False)
+    bound: Any = field(default=None, repr=False, compare=False)
 
     def __repr__(self) -> str:
         """Return what the run is in a line; the arrays are attributes."""
@@ -204,7 +201,7 @@ def machine_fault(e: BaseException) -> str:
     """
     words = [*map(os.strerror, SHORT), "can't start new thread"]
     visited = set()
-    below = e
+    below: BaseException | None = e
     while below is not None and id(below) not in visited:
         if (
             isinstance(below, OSError)
@@ -222,6 +219,6 @@ def machine_fault(e: BaseException) -> str:
 def _reads_stored_code(e: BaseException) -> bool:
     """Was the exception raised while code that is stored on the disk was read or written?"""
     return any(
-        frame.f_code.co_name in STORED_CODE.get(frame.f_globals.get("__name__"), ())
+        frame.f_code.co_name in STORED_CODE.get(frame.f_globals.get("__name__", ""), ())
         for frame, _ in traceback.walk_tb(e.__traceback__)
     )

@@ -168,6 +168,6 @@ class Case:
             words.append("not_unique")
         return tuple(dict.fromkeys(words))
 
-    def replace(self, **changes: object) -> Case:
+    def replace(self, **changes: Any) -> Case:
         """Return a copy of the case with some fields changed."""
         return dataclasses.replace(self, **changes)

@@ -33,7 +33,7 @@ def _scan() -> tuple[dict, dict]:
             with user_code.guarded(f"the file of the case {info.name}"):
                 module = importlib.import_module(f"nsbench.cases.{info.name}")
         except (Exception, SystemExit) as e:  # a broken plugin must not take the others with it
-            file = Path(info.module_finder.path) / f"{info.name}.py"
+            file = Path(getattr(info.module_finder, "path", "")) / f"{info.name}.py"
             failed[info.name] = input_errors.describe(e, file)
             continue
         if hasattr(module, "CASE") or hasattr(module, "make"):
@@ -146,7 +146,7 @@ def _build(module: ModuleType, name: str, params: dict) -> Case:
         try:
             case = module.make(**params)
         except (Exception, SystemExit) as e:  # user code: any failure is reported with its name
-            why = input_errors.describe(e, module.__file__)
+            why = input_errors.describe(e, str(module.__file__))
             raise ValueError(f"case {name} cannot be made with {params}: {why}") from e
         if not isinstance(case, Case):
             raise ValueError(
@@ -221,6 +221,8 @@ def load_module(path: str | Path) -> ModuleType:
             f"{MAX_FILE_BYTES}"
         )
     spec = importlib.util.spec_from_file_location(f"nsbench_file_{path.stem}", path)
+    if spec is None or spec.loader is None:
+        raise ValueError(f"{path} is no Python file: its name must end in .py")
     module = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = module  # dataclasses look themselves up there
     try:

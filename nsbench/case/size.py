@@ -108,7 +108,7 @@ def predicted_size(text: str) -> Size | None:
         power = np.log2(np.maximum(high, 1e-300) / np.maximum(low, 1e-300))
         growth = (value / at) ** np.maximum(power, 0.0)
         sizes = high * growth if sizes is None else sizes * growth
-    return Size(*map(float, sizes))
+    return None if sizes is None else Size(*map(float, sizes))
 
 
 def _two_small_sizes(name, params, k):

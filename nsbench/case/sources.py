@@ -24,8 +24,8 @@ SUITES = ("smoke", "standard", "hard", "full")
 
 def split_path(name: str) -> tuple[str, dict] | None:
     """Return path and parameters of a name that means a file or folder; None for a plain name."""
-    m = re.fullmatch(r"(.*?\.py|.*?)\s*(\[[^\[\]]*\])?\s*", name)
-    path, inner = m.groups()
+    m = re.fullmatch(r"(.*?\.py|.*?)\s*(\[[^\[\]]*\])?\s*", name, re.S)
+    path, inner = m.groups() if m else (name, None)
     if path.endswith(".py"):
         return path, parse_spec(f"case{inner or ''}")[1]
     is_folder = inner is None and Path(path).is_dir() and path not in case_names()
@@ -80,8 +80,8 @@ def cases_of(name: str, suite: str = "standard") -> list[tuple[Case, str]]:
     found = split_path(name)
     if found is None:
         base, params = parse_spec(name)
-        file = plugin_case_file(base)
-        return [(load_case(file, **params), file) if file else (get_case(name), "")]
+        brought = plugin_case_file(base)
+        return [(load_case(brought, **params), brought) if brought else (get_case(name), "")]
     path, params = found
     out = []
     for file in python_files(path):

@@ -140,10 +140,10 @@ def _sign_samples(d: int) -> list[tuple]:
 
 def _check_curves(case, c, t0: float, x) -> None:
     """Check what the factories of a constraint family return at the start: float64, right shape."""
+    made: dict[str, tuple[np.ndarray, tuple[int, ...] | None]] = {}
     if isinstance(c, Smooth):
-        made = {"g": (evaluate(case, "g", c.g, t0, x), None)}
+        made["g"] = (evaluate(case, "g", c.g, t0, x), None)
     else:
-        made = {}
         if isinstance(c, Affine) and c.moving:
             made["b"] = (evaluate(case, "b", c.b, t0), (c.shape[0],))
         if isinstance(c, Distance) and c.moving:

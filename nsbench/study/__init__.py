@@ -110,7 +110,7 @@ def run(
         raise ValueError(f"two cases are named alike: {', '.join(sorted(key for key, _ in these))}")
     names = [solver_specs] if isinstance(solver_specs, str) else solver_specs
     values = {
-        n: list(np.atleast_1d(v)) for n, v in (("h", h), ("tol", tol), ("k", k)) if v is not None
+        n: np.atleast_1d(np.asarray(v, float)).tolist() for n, v in (("h", h), ("tol", tol), ("k", k)) if v is not None
     }
     rows = []
     session = secrets.token_hex(6)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 
 import numpy as np
 
@@ -27,6 +28,10 @@ REPEATED = "It ended once, and did not when it was repeated to be timed"
 LONGEST = 10_000  # characters of a text in a row
 
 
+def _announce(announce: Callable[[str, int], None], index: int, what: str) -> None:
+    announce(what, index)
+
+
 def run_batch(
     specs: list[Spec],
     announce: Callable[[str, int], None] = lambda what, i: None,
@@ -45,7 +50,7 @@ def run_batch(
 
     repeated = []
     for i, spec in order(specs) if order else enumerate(specs):
-        row, run = attempt(spec, lambda what, i=i: announce(what, i))
+        row, run = attempt(spec, partial(_announce, announce, i))
         yield i, row
         if run is not None and timed_again(spec, row):
             repeated.append((i, row, run))

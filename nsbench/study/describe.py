@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -29,7 +30,7 @@ def describe_case(case: Case) -> dict:
     bounds = {
         k: getattr(ref, f"{k}_error", np.nan) for k in ("state", "impulse", "reaction", "event")
     }
-    certificate = {k: float(v) for k, v in bounds.items() if np.isfinite(v)}
+    certificate: dict[str, object] = {k: float(v) for k, v in bounds.items() if np.isfinite(v)}
     certificate["how"] = why_missing(case) if ref is None else ref.how
     return {
         "doc": case.doc,
@@ -66,7 +67,7 @@ def _digest(*chunks: bytes) -> str:
 
 def describe_solver(spec: str) -> dict:
     """Describe a solver: its first line, its accuracy parameter and its claims."""
-    m = solvers.get(spec)
+    m: Any = solvers.get(spec)
     return {
         "doc": next(iter((type(m).__doc__ or "").strip().splitlines()), ""),
         "accuracy": m.accuracy,
@@ -80,12 +81,11 @@ def talk_figure() -> dict:
     """Compute the data of the talk's figure: explicit and implicit Euler on `sliding` with steps
     dt = 0.2, 0.09, 0.04."""
     case = get_case("sliding")
-    out = {"case": case.key, "t": case.t.tolist(), "exact": case.exact(case.t).tolist(), "runs": []}
+    runs = []
     for spec in ("euler", "euler[implicit=true]"):
         for dt in (0.2, 0.09, 0.04):
             nodes = np.arange(0.0, case.t[-1] + 1e-12, dt)
             traj = solvers.solve(dataclasses.replace(case, t=nodes), spec, h=dt)
-            out["runs"].append(
-                {"solver": spec, "dt": dt, "t": nodes.tolist(), "x": traj.x.tolist()}
-            )
-    return out
+            runs.append({"solver": spec, "dt": dt, "t": nodes.tolist(), "x": traj.x.tolist()})
+    exact = np.asarray(case.exact(case.t)).tolist() if case.exact else []
+    return {"case": case.key, "t": case.t.tolist(), "exact": exact, "runs": runs}

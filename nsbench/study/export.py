@@ -6,7 +6,7 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 from importlib.util import find_spec
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -88,7 +88,7 @@ def to_latex(
     )
 
 
-def _cell(value: object, digits: int) -> str:
+def _cell(value: Any, digits: int) -> str:
     """Format a cell: words escaped, numbers as numbers or powers of ten."""
     if value is None or value == "":
         return "--"
@@ -108,7 +108,7 @@ def _tex(text: str) -> str:
 
 def to_html(rows: Sequence[dict], title: str) -> str:
     """Return a table with a line per case and solver: runs, statuses, smallest state error."""
-    pairs: dict[tuple, list[dict]] = {}
+    pairs: dict[tuple[str, str], list[dict]] = {}
     for row in rows:
         pairs.setdefault((row["case"], row["solver"]), []).append(row)
     lines = [_pair_line(*pair, mine) for pair, mine in list(pairs.items())[:MAX_HTML_ROWS]]

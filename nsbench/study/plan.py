@@ -177,7 +177,8 @@ def ladder(case: Case, method: Solver) -> list[float]:
                 max(1, case.substeps), octaves, round(POINTS * octaves / OCTAVES)
             )
         ]
-    values = getattr(method, "ladder", (method.default,))
+    values = [float(v) for v in getattr(method, "ladder", (method.default,))]
     if method.accuracy == "k" and len(values) == 2:
-        return [float(v) for v in np.geomspace(*values, POINTS)]
-    return [float(v) for v in values]
+        first, last = values
+        return [float(v) for v in np.geomspace(first, last, POINTS)]
+    return values

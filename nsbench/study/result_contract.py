@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import numbers
+from typing import Any
 
 import numpy as np
 
@@ -27,7 +28,7 @@ NEAREST_POINTS = 10.0
 STEP_ROUNDING = 1e-9  # relative: steps are divided and added up
 
 
-def contract_violation(case: Case, traj: object, accuracy: str = "", asked: float = np.nan) -> str:
+def contract_violation(case: Case, traj: Any, accuracy: str = "", asked: float = np.nan) -> str:
     """Return how a solver's answer breaks the contract, as a sentence; "" if it keeps it.
 
     case: with the start that the run was given; accuracy, asked: name and value of the requested
@@ -85,14 +86,14 @@ def _steps(case: Case, stats: dict, asked: float) -> str:
     span = float(case.t[-1] - case.t[0])
     # some methods never step over a sample, however long the requested step
     shortest = SHORTEST_STEP * min(asked, float(np.diff(case.t).max()))
-    if not isinstance(h, numbers.Real) or not shortest < h <= asked * (1.0 + STEP_ROUNDING):
+    if not isinstance(h, numbers.Real) or not shortest < float(h) <= asked * (1.0 + STEP_ROUNDING):
         return (
             f"The solver says ok, but its steps of {_format(h)} are none that h = {asked:.6g} "
             f"allows over a time of {span:g}: "
             "stats['h'] is the longest step it took."
         )
     if steps is not None and not (
-        isinstance(steps, numbers.Real) and steps * min(h, span) >= span * (1.0 - STEP_ROUNDING)
+        isinstance(steps, numbers.Real) and float(steps) * min(float(h), span) >= span * (1.0 - STEP_ROUNDING)
     ):
         return (
             f"The solver says ok, but {_format(steps)} steps of {h:.6g} do not cover a time of "

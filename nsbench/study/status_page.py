@@ -63,7 +63,7 @@ def _table(checks: Iterable[Check]) -> str:
 def _summary(check: Check) -> str:
     """Return the docstring of a check as one line of a table."""
     find = getattr(check.find, "func", check.find)  # a method binds its options by `partial`
-    return " ".join(inspect.getdoc(find).split()).replace("|", "\\|")
+    return " ".join((inspect.getdoc(find) or "").split()).replace("|", "\\|")
 
 
 if __name__ == "__main__":
