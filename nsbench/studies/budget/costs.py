@@ -16,7 +16,8 @@ from nsbench.case import Case, get_case
 from nsbench.measure import clock
 from nsbench.solvers import get
 from nsbench.studies.plateau.scenes import find_scene
-from nsbench.studies.runs.truth import USABLE, extrapolate, find_truth
+from nsbench.studies.runs.finished_run import USABLE
+from nsbench.studies.runs.truth import extrapolate, find_truth
 
 METHODS = ("pbd", "catching_up")
 TARGETS = (1e-2, 1e-3, 1e-4, 1e-6)

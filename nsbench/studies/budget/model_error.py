@@ -11,7 +11,8 @@ import numpy as np
 
 from nsbench.case import case_module, get_case
 from nsbench.solvers import solve
-from nsbench.studies.runs.truth import USABLE, extrapolate
+from nsbench.studies.runs.finished_run import USABLE
+from nsbench.studies.runs.truth import extrapolate
 
 DIVISORS = (10, 40, 160)  # steps per sample of 0.05; 40 is the step of the authors' code
 METHODS = ("pbd", "catching_up")

@@ -11,7 +11,8 @@ import numpy as np
 
 from nsbench.case import get_case
 from nsbench.solvers import solve
-from nsbench.studies.runs.truth import USABLE, find_truth
+from nsbench.studies.runs.finished_run import USABLE
+from nsbench.studies.runs.truth import find_truth
 
 REFERENCE_STEP = 1e-3  # of PBD, as in the scene's source
 STEPS = (0.1, 0.05, 0.02, 0.01, 0.005, 0.002)

@@ -21,8 +21,8 @@ import numpy as np
 
 from nsbench.case import Case
 from nsbench.dynamics.contacts.tolerances import scene_of
-from nsbench.solvers import get, solve
 from nsbench.solvers.common.initial_state import initial_state
+from nsbench.studies.runs.finished_run import finish
 from nsbench.trajectory import Trajectory
 
 FREE = "free"
@@ -88,7 +88,7 @@ def open_fan(case: Case, method: str, end: float, steps: int) -> Fan:
     Raises ArithmeticError, with the status, where a run does not end well.
     """
     t = np.linspace(float(case.t[0]), end, steps + 1)
-    x = _follow(_without_answers(case, t), method, (end - t[0]) / steps).x
+    x = finish(_without_answers(case, t), method, (end - t[0]) / steps).x
     flow = [carry(case, x[n], t[n], end) for n in range(1, steps)]
     flow.append(project(case, x[steps], end))
     defects = []
@@ -123,7 +123,7 @@ def step_exactly(
     samples: the sample times, from `start` to `end`; by default these two.
     """
     t = np.array([start, end]) if samples is None else samples
-    return _follow(_without_answers(case, t).replace(x0=x, start="project"), "event_driven")
+    return finish(_without_answers(case, t).replace(x0=x, start="project"), "event_driven")
 
 
 def project(case: Case, x: np.ndarray, time: float) -> np.ndarray:
@@ -138,15 +138,6 @@ def _without_answers(case: Case, t: np.ndarray) -> Case:
     return case.replace(
         t=t, exact=None, exact_impulse=None, exact_events=None, contacts=None, distance=None
     )
-
-
-def _follow(case: Case, method: str, accuracy: float | None = None) -> Trajectory:
-    """Solve the case; raises ArithmeticError where the run does not end well."""
-    options = {} if accuracy is None else {get(method).accuracy: accuracy}
-    traj = solve(case, method, **options)
-    if not traj.status.ok:
-        raise ArithmeticError(f"{method} on {case.key} from t = {case.t[0]:g}: {traj.status}")
-    return traj
 
 
 def _phases(traj: Trajectory) -> tuple[str, ...]:

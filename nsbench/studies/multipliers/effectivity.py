@@ -10,7 +10,7 @@ import numpy as np
 from nsbench.case import get_case
 from nsbench.reference import reference
 from nsbench.solvers import get, solve
-from nsbench.studies.runs.truth import USABLE
+from nsbench.studies.runs.finished_run import USABLE
 
 ROUNDING = 1e-9  # of the size of the state
 KNOWN = 10.0  # times the bound of the reference

@@ -11,7 +11,7 @@ import numpy as np
 from nsbench.solvers import solve
 from nsbench.studies.plateau.scenes import find_scene
 from nsbench.studies.runs.ladders import context_of_truth
-from nsbench.studies.runs.truth import USABLE
+from nsbench.studies.runs.finished_run import USABLE
 
 SWEEPS = (1, 2, 4, 16)
 ORDERS = ("sorted", "reverse", "random")

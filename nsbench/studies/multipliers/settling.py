@@ -12,7 +12,7 @@ import numpy as np
 from nsbench.case import Case, get_case
 from nsbench.measure.orders.slopes import fit_slope
 from nsbench.reference import canonical, listed_contacts
-from nsbench.solvers import solve
+from nsbench.studies.runs.finished_run import finish
 
 TOLERANCE = 0.01
 SQUARES = 6  # steps over n^2 for which a column is followed
@@ -27,9 +27,7 @@ def step_multipliers(
     Columns are those of the closed form. Raises ArithmeticError where the run does not end well.
     """
     t = float(case.t[0]) + h * np.arange(steps + 1)
-    traj = solve(case.replace(t=t), method, h=h)
-    if not traj.status.ok:
-        raise ArithmeticError(f"{method} on {case.key}: {traj.status}")
+    traj = finish(case.replace(t=t), method, h)
     ids = tuple(case.contacts) if case.contacts is not None else listed_contacts(case)
     place = {canonical(case.problem, c): k for k, c in enumerate(ids)}
     impulse = np.zeros((steps + 1, len(ids)))

@@ -17,7 +17,8 @@ from nsbench.case.spec import format_value
 from nsbench.reference import Reference
 from nsbench.solvers import solve
 from nsbench.studies.plateau.scenes import CORNER, find_scene
-from nsbench.studies.runs.truth import USABLE, follow_events
+from nsbench.studies.runs.finished_run import USABLE
+from nsbench.studies.runs.truth import follow_events
 
 COARSE = (64, 71, 77)  # steps between samples of e(h)
 REFINED = 4  # times as many for e(h/4)

@@ -17,7 +17,8 @@ from nsbench.case import Case
 from nsbench.measure import Fit, errors, fit_order
 from nsbench.measure.context import MeasureContext, make_context
 from nsbench.solvers import solve
-from nsbench.studies.runs.truth import USABLE, find_truth
+from nsbench.studies.runs.finished_run import USABLE
+from nsbench.studies.runs.truth import find_truth
 from nsbench.study.plan import substeps_ladder
 
 QUANTITIES = {"state": "state_sup", "impulse": "impulse", "reaction": "reaction"}

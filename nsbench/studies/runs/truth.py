@@ -13,12 +13,12 @@ import numpy as np
 from nsbench.case import Case
 from nsbench.reference import Reference, columns_of, reference, spread
 from nsbench.solvers import get, solve
+from nsbench.studies.runs.finished_run import USABLE, finish
 from nsbench.trajectory import Trajectory
 
 SAFETY = 10.0  # of the difference of two runs, for what both share
 LOOSER = 1e-8  # tolerance of the second run of the event-driven method
 EXTRAPOLATION_SUBSTEPS = 64  # steps between two samples of the coarsest of three runs
-USABLE = ("ok", "unverified", "degenerate")
 
 
 def find_truth(case: Case, substeps: int = EXTRAPOLATION_SUBSTEPS) -> Reference:
@@ -48,10 +48,9 @@ def follow_events(case: Case) -> Reference | None:
 def extrapolate(case: Case, substeps: int = EXTRAPOLATION_SUBSTEPS) -> Reference:
     """Return catching-up extrapolated from three steps. Raises ArithmeticError where it fails."""
     spacing = float(np.diff(case.t).min())
-    runs = [solve(case, "catching_up", h=spacing / (substeps * 2**k)) for k in range(3)]
-    for traj in runs:
-        if traj.status.code not in USABLE:
-            raise ArithmeticError(f"no true solution of {case.key}: {traj.status}")
+    runs = [
+        finish(case, "catching_up", spacing / (substeps * 2**k), allowed=USABLE) for k in range(3)
+    ]
     columns = columns_of(case.problem, *(traj.contacts for traj in runs))
     coarse, middle, fine = (_values(traj, case, columns) for traj in runs)
     best = {k: 2.0 * fine[k] - middle[k] for k in fine}

@@ -15,10 +15,10 @@ from nsbench import solvers
 from nsbench.case import Case
 from nsbench.measure.context import MeasureContext
 from nsbench.studies.plateau.scenes import find_scene
+from nsbench.studies.runs.finished_run import USABLE
 from nsbench.studies.runs.ladders import context_of_truth
 
 DIVISORS = (1, 4, 16, 64)  # steps between samples
-ENDED = ("ok", "unverified", "degenerate", "below_reference")
 OWN = "own"  # the column of methods without a step
 UNLISTED = ("solve_ivp", "nosnoc")  # modes by hand, or an extra: not for scenes of any parameter
 
@@ -102,7 +102,7 @@ def _run(
     code = traj.status.code
     error = None
     share = None
-    if code in ENDED and np.isfinite(traj.x).all():
+    if code in USABLE and np.isfinite(traj.x).all():
         error = float(np.abs(traj.x - context.ref.x).max())
         moved = float(np.abs(context.ref.x - case.x0).max())
         share = error / max(moved, case.radius or 0.0, np.finfo(float).tiny)
