@@ -23,9 +23,17 @@ def test_the_closed_form_of_the_corner_agrees_with_the_event_driven_method(psi):
     assert np.abs(found.impulse - case.exact_impulse(case.t)).max() < 1e-9 * max(1.0, scale)
 
 
+@pytest.mark.parametrize("psi", [1.0, 45.0, 90.0, 179.0])
+def test_the_search_reaches_corners_of_every_angle(psi):
+    for lean in adversary.FAMILIES["corner"]["lean"][:2]:
+        case = make_corner(psi, lean=lean)
+        pressed = case.exact_impulse(case.t[-2:])
+        assert (np.diff(pressed, axis=0) > 0.0).all()
+
+
 def test_a_corner_whose_force_misses_a_wall_is_no_scene():
     with pytest.raises(ValueError, match="both walls"):
-        make_corner(30.0, ratio=0.1)
+        make_corner(30.0, lean=1.5)
 
 
 def test_every_scene_of_the_study_exists():

@@ -25,7 +25,7 @@ REFINED = 4  # times as many for e(h/4)
 RESOLVED = 1e3  # times the bound of the true solution: a smaller error gives no ratio
 # families of scenes: parameter -> (smallest, largest, whole number?)
 FAMILIES = {
-    CORNER: {"psi": (1.0, 179.0, False), "swell": (0.1, 0.9, False), "ratio": (0.3, 1.0, False)},
+    CORNER: {"psi": (1.0, 179.0, False), "swell": (0.1, 0.9, False), "lean": (0.0, 0.45, False)},
     "buckling_row": {"n": (3, 6, True), "bend": (1e-4, 0.3, False), "gap": (0.02, 0.3, False)},
     "discs": {"n": (3, 6, True), "seed": (0, 999, True), "w": (0.0, 2.0, False)},
     "kissing": {"n": (4, 12, True), "seed": (0, 999, True), "loops": (0.0, 0.9, False)},

@@ -2,7 +2,7 @@
 
 The corner is that of the case `wedge` down to one degree: two walls through the origin under the
 angle psi, n_1 . n_2 = -cos psi, and a unit force u that varies as 1 + swell sin t and presses on
-both with loads l_1 : l_2. In the clock s(t) = t + swell (1 - cos t) the point falls to wall 1,
+both, with loads l_2 = (1 - lean (1 - cos psi)) l_1. In the clock s(t) = t + swell (1 - cos t) the point falls to wall 1,
 which it meets at s = S_WALL, slides along it, and rests in the corner from s = S_CORNER on. For
 acute angles sweeps leave violations of about h l_2 |cot psi|; for psi near 180 degrees the walls
 are nearly parallel constraints.
@@ -70,27 +70,27 @@ FULL = (
 
 
 def find_scene(key: str) -> Case:
-    """Build the scene of a key: corner[psi=..,swell=..,ratio=..] or a case of the catalogue."""
+    """Build the scene of a key: corner[psi=..,swell=..,lean=..] or a case of the catalogue."""
     from nsbench.case import parse_spec
 
     name, params = parse_spec(key)
     return make_corner(**params) if name == CORNER else get_case(key)
 
 
-def make_corner(psi: float, swell: float = 0.5, ratio: float = 1.0) -> Case:
-    """Build the corner of angle psi in degrees, 0 < psi < 180, with loads l_2 = ratio l_1.
+def make_corner(psi: float, swell: float = 0.5, lean: float = 0.0) -> Case:
+    """Build the corner of angle psi in degrees, 0 < psi < 180; lean: 0 up to 1 / 2 for any angle.
 
     Raises ValueError where the force does not press on both walls.
     """
     cos = np.cos(np.radians(psi))
     half = np.radians(psi) / 2
     normals = np.array([[np.cos(half), np.sin(half)], [-np.cos(half), np.sin(half)]])
-    loads = np.array([1.0, ratio])
+    loads = np.array([1.0, 1.0 - lean * (1.0 - cos)])
     loads /= np.linalg.norm(loads @ normals)
     push = -loads @ normals
     inward = float(loads[0] - loads[1] * cos)  # -u . n_1
-    if not (0.0 < psi < 180.0 and ratio > 0.0 and inward > 0.0 and loads[1] > loads[0] * cos):
-        raise ValueError(f"psi = {psi:g}, ratio = {ratio:g}: both walls must be met")
+    if not (0.0 < psi < 180.0 and inward > 0.0 and loads[1] > max(0.0, loads[0] * cos)):
+        raise ValueError(f"psi = {psi:g}, lean = {lean:g}: both walls must be met")
     slide = push + inward * normals[0]
     hit = -(S_CORNER - S_WALL) * slide
     knots = np.array([0.0, S_WALL, S_CORNER, FOREVER])
@@ -118,5 +118,5 @@ def make_corner(psi: float, swell: float = 0.5, ratio: float = 1.0) -> Case:
         t=CORNER_SAMPLES,
         exact=follow(corners),
         exact_impulse=follow(pressed),
-        params={"psi": psi, "swell": swell, "ratio": ratio},
+        params={"psi": psi, "swell": swell, "lean": lean},
     )

@@ -17,6 +17,7 @@ METHODS = (("pbd",), ("pbd", "pbd[order=reverse]"))  # small form, full form
 OCTAVES = (6, 8)
 RESTARTS = (6, 60)  # of the search
 MOVES = (6, 40)  # local moves of each
+WORST_OCTAVES = 2  # more for the worst configuration, whose coarse steps are no resolved ones
 DRAWN_SCENES = 6  # curves of a panel
 REFUTATION = (
     "A configuration whose error is claimed to level off over the whole ladder and again when the "
@@ -71,8 +72,9 @@ def _search(effort: Effort) -> dict:
 
 
 def _follow_worst(effort: Effort, found: dict, octaves: int) -> dict:
-    """Judge the worst configuration found over a whole ladder, from its coarse steps on."""
+    """Judge the worst configuration found over a longer ladder, from its coarse steps on."""
     worst = found["best"][0]
+    octaves += WORST_OCTAVES
     effort.report(f"plateau: the worst configuration found, {worst['key']}, {worst['method']}")
     entry = effort.journal.part(
         f"worst {worst['key']} {worst['method']} {octaves}",
