@@ -109,9 +109,8 @@ def run(
     if len({key for key, _ in these}) < len(these):
         raise ValueError(f"two cases are named alike: {', '.join(sorted(key for key, _ in these))}")
     names = [solver_specs] if isinstance(solver_specs, str) else solver_specs
-    values = {
-        n: np.atleast_1d(np.asarray(v, float)).tolist() for n, v in (("h", h), ("tol", tol), ("k", k)) if v is not None
-    }
+    given_values = {n: v for n, v in (("h", h), ("tol", tol), ("k", k)) if v is not None}
+    values = {n: np.atleast_1d(np.asarray(v, float)).tolist() for n, v in given_values.items()}
     rows = []
     session = secrets.token_hex(6)
     for key, file in these:

@@ -93,7 +93,8 @@ def _steps(case: Case, stats: dict, asked: float) -> str:
             "stats['h'] is the longest step it took."
         )
     if steps is not None and not (
-        isinstance(steps, numbers.Real) and float(steps) * min(float(h), span) >= span * (1.0 - STEP_ROUNDING)
+        isinstance(steps, numbers.Real)
+        and float(steps) * min(float(h), span) >= span * (1.0 - STEP_ROUNDING)
     ):
         return (
             f"The solver says ok, but {_format(steps)} steps of {h:.6g} do not cover a time of "

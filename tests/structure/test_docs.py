@@ -77,11 +77,15 @@ def test_broken_links_are_found(tmp_path):
 
 @pytest.mark.parametrize("page", PAGES, ids=name)
 def test_commands_that_are_shown_can_be_parsed(page):
+    known = build_parser()._subparsers._group_actions[0].choices
     verbs = {"NAME", "PATH", "COMMAND"}
     for line in COMMAND.findall(page.read_text(encoding="utf-8")):
         for command in line.split("&&"):
             words = shlex.split(command.split("#")[0].strip().rstrip(".,;:"))[1:]
-            if len(words) < 2 or words[0] in verbs or words[0].startswith("-"):
+            if not words or words[0] in verbs or words[0].startswith("-"):
+                continue
+            assert words[0] in known, line
+            if len(words) < 2:  # a verb that is mentioned
                 continue
             build_parser().parse_args(words)
 
