@@ -139,7 +139,7 @@ def remedy(error: BaseException) -> str:
     """Return what to do about an exception of Python or numpy, as the end of a sentence, or ""."""
     text = str(error)
     if isinstance(error, ModuleNotFoundError):
-        return "; install it, or put it beside the file"
+        return "; install it, or name the folder that holds it in PYTHONPATH"
     module = re.search(r"cannot import name '(\w+)' from '([\w.]+)'", text)
     if module is None:
         module = re.search(r"module '([\w.]+)' has no attribute '(\w+)'", text)

@@ -178,7 +178,7 @@ class Trajectory:
         lines = [
             ("status", f"{self.status.code}: {self.status}"),
             ("time", span),
-            ("state", f"{self.x.shape[-1]} coordinates"),
+            ("coordinates", self.x.shape[-1]),
             ("contacts", len(self.contacts)),
             ("events", len(self.events)),
             *self.stats.items(),

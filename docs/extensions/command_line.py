@@ -17,7 +17,7 @@ def verbs():
 
 def usage(parser):
     """Return the usage line in one width, whatever the terminal."""
-    parser.formatter_class = lambda prog: argparse.HelpFormatter(prog, width=88)
+    parser.formatter_class = lambda prog: argparse.HelpFormatter(prog, width=76)
     return parser.format_usage().removeprefix("usage: ").strip()
 
 

@@ -29,13 +29,15 @@ def as_rst(text):
 
 def escape(text):
     """Escape what reStructuredText reads; `literals` stay literals."""
-    parts = LITERAL.split(text)
     out = []
-    for index, part in enumerate(parts):
-        out.append(f"``{part}``" if index % 2 else SPECIAL.sub(r"\\\1", part))
-    joined = "".join(out)
-    # a literal is followed by a separator
-    return re.sub(r"(``[^`]+``)(?=[\w(])", r"\1\\ ", joined)
+    for index, part in enumerate(LITERAL.split(text)):
+        if index % 2:
+            out.append(f"``{part}``")
+            continue
+        # what follows a literal without a space is set apart from it
+        apart = "\\ " if index and re.match(r"[\w(]", part) else ""
+        out.append(apart + SPECIAL.sub(r"\\\1", part))
+    return "".join(out)
 
 
 def process(app, what, name, obj, options, lines):

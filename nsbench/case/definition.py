@@ -126,7 +126,7 @@ class Case:
         lines = [
             ("problem", type(self.problem).__name__),
             ("constraints", ", ".join(type(c).__name__ for c in families) or "none"),
-            ("state", f"{self.n} coordinates"),
+            ("coordinates", self.n),
             ("time", f"{self.t[0]:g} to {self.t[-1]:g}, {len(self.t)} samples"),
             ("closed form", ", ".join(k for k, v in known.items() if v is not None) or "none"),
             ("tags", ", ".join(self.tags) or "none"),

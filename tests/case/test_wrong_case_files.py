@@ -212,3 +212,16 @@ def test_a_name_like_no_other_lists_a_few(capsys):
 def test_list_takes_a_kind_in_the_singular(word, capsys):
     assert main(["list", word]) == 0
     assert capsys.readouterr().out
+
+
+def test_the_remedy_for_a_module_that_is_not_found_is_one(tmp_path, monkeypatch):
+    """Python looks for modules where PYTHONPATH says, and not beside a file that is loaded."""
+    file = tmp_path / "mine.py"
+    file.write_text("from forces_of_mine import CASE")
+    (tmp_path / "forces_of_mine.py").write_text(
+        "import nsbench\nCASE = nsbench.get_case('tide').replace(name='mine')\n"
+    )
+    with pytest.raises(ValueError, match="name the folder that holds it in PYTHONPATH"):
+        nsbench.load_case(file)
+    monkeypatch.syspath_prepend(tmp_path)
+    assert nsbench.load_case(file).name == "mine"
