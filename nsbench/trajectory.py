@@ -185,10 +185,10 @@ class Trajectory:
         ]
         return summary_table("Trajectory", lines)
 
-    def plot(self, what: str = "x") -> Any:
+    def plot(self, what: str = "state") -> Any:
         """Draw the run over time as a chart (nsbench.plots.Chart).
 
-        what: "x" for the state, "impulse" or "reaction". Raises ValueError for another word, and
+        what: "state" or "impulse". Raises ValueError for another word, and
         for a run without samples.
         """
         # by name: pictures lie above what they show, and are imported when one is asked for

@@ -3,12 +3,10 @@
     nsbench.solve("tide", "pbd").plot()                       coordinates over time
     study.plot.error(), study.plot.work_precision(), study.plot.orders()
 
-The layouts are those of the report (nsbench.report.charts); data come from the trajectory or the
-rows of the study. Nothing here runs a method.
+The specifications are those of nsbench.report.charts.studies. Nothing here runs a method.
 """
 
 from nsbench.plots.chart import Chart
-from nsbench.plots.study_plots import StudyPlots
-from nsbench.plots.trajectory_plot import plot_trajectory
+from nsbench.plots.study_plots import StudyPlots, plot_trajectory
 
 __all__ = ["Chart", "StudyPlots", "plot_trajectory"]

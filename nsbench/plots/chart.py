@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
-from nsbench.report.charts.files import draw_svg, with_data, write_chart
+from nsbench.report.charts.files import draw_svg, write_chart
 
 NOTEBOOK_VERSION = "v5"  # of Vega-Lite, which notebooks bring along
 NOTEBOOK_MIME = f"application/vnd.vegalite.{NOTEBOOK_VERSION}+json"
@@ -14,9 +14,16 @@ NOTEBOOK_SCHEMA = f"https://vega.github.io/schema/vega-lite/{NOTEBOOK_VERSION}.j
 
 @dataclass(frozen=True, repr=False)
 class Chart:
-    """A chart that stands alone: `spec` is a specification of Vega-Lite with its data."""
+    """A chart that stands alone: `spec` is a specification of Vega-Lite with its data.
 
-    spec: dict = field(compare=True)
+    Raises ValueError if there is nothing to draw.
+    """
+
+    spec: dict
+
+    def __post_init__(self):
+        if not self.spec["datasets"]["points"]:
+            raise ValueError("nothing to draw: no run has a number for this chart")
 
     def __repr__(self) -> str:
         """Return the number of rows that are drawn; the specification is an attribute."""
@@ -36,13 +43,3 @@ class Chart:
         Raises ValueError for another ending.
         """
         return write_chart(self.spec, path)
-
-
-def chart_of(layout: dict, rows: list[dict]) -> Chart:
-    """Build a chart of a layout of nsbench.report.charts.layouts and the rows it draws.
-
-    Raises ValueError if there is nothing to draw.
-    """
-    if not rows:
-        raise ValueError("nothing to draw: no run has a number for this chart")
-    return Chart(with_data(layout, rows))

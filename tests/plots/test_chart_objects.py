@@ -6,34 +6,29 @@ import numpy as np
 import pytest
 
 import nsbench
-from nsbench.study import Study
+from nsbench.report.charts import studies
 
 STEPS = 0.05 / np.array([1, 2, 3, 5, 8])
 
 
 @pytest.fixture(scope="module")
 def study():
-    rows = nsbench.run("tide", ["pbd", "event_driven"], h=STEPS, tol=[1e-8]).rows
-    return Study([row | {"seconds": 0.5, "seconds_low": 0.4} for row in rows])
+    return nsbench.run("tide", ["pbd", "event_driven"], h=STEPS, tol=[1e-8])
 
 
-def points(chart, kind="error"):
-    return [p for p in chart.spec["datasets"]["points"] if p.get("kind", kind) == kind]
+def points(chart):
+    return chart.spec["datasets"]["points"]
 
 
-def test_error_chart_holds_the_errors_of_the_rows(study):
+def test_charts_of_a_study_are_those_of_its_rows(study):
     drawn = {(p["h"], p["y"]) for p in points(study.plot.error("tide")) if p["method"] == "pbd"}
     assert drawn == {(r["h"], r["state_sup"]) for r in study.rows if r["solver"] == "pbd"}
-    violations = points(study.plot.error("tide", "feasibility"))
-    assert all(p["y"] > 0 for p in violations)
-
-
-def test_a_method_with_a_tolerance_is_a_level_over_steps_and_a_point_over_costs(study):
-    assert [p["method"] for p in points(study.plot.error(), "level")] == ["event_driven"]
-    costs = study.plot.work_precision(cost="drift_calls")
-    assert "event_driven" in {p["method"] for p in points(costs)} and not points(costs, "level")
-    seconds = {p["x"] for p in points(study.plot.work_precision())}
-    assert seconds == {0.5}
+    assert study.plot.error(metric="force").spec == studies.error_against_step(
+        study, None, "force"
+    )
+    drawn = points(study.plot.work_precision())
+    seconds = {p["x"] for p in drawn if p["kind"] != "floor"}
+    assert seconds == {r["seconds"] for r in study.rows}
 
 
 def test_orders_have_intervals(study):
@@ -44,23 +39,19 @@ def test_orders_have_intervals(study):
 
 def test_a_trajectory_is_drawn_over_time():
     traj = nsbench.solve("tide", "pbd", h=0.01)
-    drawn = points(traj.plot())
-    assert [p["y"] for p in drawn] == traj.x[:, 0].tolist()
-    assert {p["series"] for p in points(traj.plot("impulse"))} == {"contact (0, 0)"}
-    many = nsbench.solve("discs[n=10]", "pbd", h=0.05)
-    assert len({p["series"] for p in points(many.plot())}) == 12
+    assert [p["y"] for p in points(traj.plot())] == traj.x[:, 0].tolist()
+    assert [p["y"] for p in points(traj.plot("impulse"))] == traj.impulse[:, 0].tolist()
 
 
 def test_what_cannot_be_drawn_is_refused_with_a_sentence(study):
-    refused = nsbench.solve("sliding", "pbd", h=0.1)
     with pytest.raises(ValueError, match=r"nothing to draw.*PBD needs constraints"):
-        refused.plot()
-    with pytest.raises(ValueError, match="one of x, impulse, reaction"):
+        nsbench.solve("sliding", "pbd", h=0.1).plot()
+    with pytest.raises(ValueError, match="state or impulse"):
         nsbench.solve("tide", "pbd", h=0.1).plot("lam")
-    with pytest.raises(LookupError, match="no case 'apple' in this study; it has tide"):
+    with pytest.raises(ValueError, match="The study has tide"):
         study.plot.error("apple")
-    with pytest.raises(LookupError, match="one of seconds, drift_calls, inner"):
-        study.plot.work_precision(cost="money")
+    with pytest.raises(ValueError, match="nothing to draw: no run has a number"):
+        nsbench.run("tide", "pbd", h=[0.1]).plot.orders()
 
 
 def test_notebooks_get_the_specification_and_a_picture(study):
