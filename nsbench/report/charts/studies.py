@@ -1,0 +1,138 @@
+"""Charts of a study or a trajectory with their data: the layouts of the page, filled.
+
+Every function returns a Vega-Lite specification that stands alone: notebooks show it, and
+nsbench.report.charts.files writes it as SVG, PDF or JSON.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from nsbench.report.charts.files import with_data
+from nsbench.report.charts.layouts import Spec, curve_chart, error_chart, order_chart
+from nsbench.report.data import Data, Runs, read
+from nsbench.report.figures import STEP_LABEL
+from nsbench.report.style import assign_looks
+from nsbench.report.summary import summarise
+from nsbench.trajectory import Trajectory
+
+METRICS = {"state": "state_sup", "violation": "feasibility", "selection": "selection"}
+TITLES = {
+    "state": "state error",
+    "force": "error of the multipliers",
+    "violation": "violation max(-g)",
+    "selection": "selection of the multipliers",
+}
+MAX_POINTS = 400  # of one curve over time
+
+
+def work_precision(study: object, case: str | None = None, metric: str = "state") -> Spec:
+    """Chart errors against the seconds of the runs.
+
+    study: whatever nsbench.write_report takes. case: its key; by default the only one of the
+    study. metric: state, force (impulse, or reaction where multipliers are not unique), violation
+    or selection. Raises ValueError for a case or metric that is not there.
+    """
+    return _errors(study, case, metric, "seconds", "seconds of the run")
+
+
+def error_against_step(study: object, case: str | None = None, metric: str = "state") -> Spec:
+    """Chart errors against the step; arguments as in work_precision."""
+    return _errors(study, case, metric, "h", STEP_LABEL)
+
+
+def orders(study: object, metric: str = "state") -> Spec:
+    """Chart the orders of convergence with their 95 % intervals, a line per case."""
+    if metric not in ("state", "force", "violation"):
+        raise ValueError(f"there is no order of {metric!r}: state, force or violation")
+    data = read(study)
+    points = []
+    for (case, solver), summary in summarise(data).items():
+        order = getattr(summary, metric)
+        if order.kind == "fit":
+            low, high = order.interval
+            points.append(
+                {"case": case, "method": solver, "x": order.order, "low": low, "high": high}
+            )
+    title = f"order of convergence of the {TITLES[metric]}"
+    used = {p["method"] for p in points}
+    cases = len({p["case"] for p in points})
+    return with_data(order_chart(_methods(data, used), title, cases), points)
+
+
+def trajectory(traj: Trajectory, what: str = "state") -> Spec:
+    """Chart a trajectory over time: its coordinates (what = "state") or its impulses ("impulse").
+
+    An impulse is the integral of a multiplier from the start. Raises ValueError for another word.
+    """
+    columns = {
+        "state": (traj.x, [f"x{i}" for i in range(traj.x.shape[1])], "state x"),
+        "impulse": (traj.impulse, [str(c) for c in traj.contacts], "impulse, integral of lambda"),
+    }
+    if what not in columns:
+        raise ValueError(f"a trajectory has no {what!r} to plot: state or impulse")
+    values, names, title = columns[what]
+    kept = np.unique(np.linspace(0, len(traj.t) - 1, min(len(traj.t), MAX_POINTS)).astype(int))
+    points = [
+        {"series": name, "t": float(traj.t[k]), "y": float(values[k, j])}
+        for j, name in enumerate(names)
+        for k in kept
+        if np.isfinite(values[k, j])
+    ]
+    return with_data(curve_chart(title), points)
+
+
+def _errors(study: object, case: str | None, metric: str, x: str, title: str) -> Spec:
+    data = read(study)
+    if metric not in TITLES:
+        raise ValueError(f"there is no metric {metric!r}: {', '.join(TITLES)}")
+    if case is None and len(data.case_keys) == 1:
+        case = data.case_keys[0]
+    if case not in data.case_keys:
+        raise ValueError(f"which case? The study has {', '.join(data.case_keys)}")
+    found = data.of_case(case)
+    unique = all(runs.unique for runs in found)
+    column = METRICS.get(metric, "impulse" if unique else "reaction")
+    points = [p for runs in found for p in _points(runs, column, x)]
+    floor = max((runs.floor(column) for runs in found), default=0.0)
+    errors = [p["y"] for p in points if p["kind"] == "error"]
+    if errors and floor > min(errors):
+        points.append({"kind": "floor", "y": floor})
+    used = {p.get("method") for p in points}
+    spec = error_chart(_methods(data, used), title, f"{TITLES[metric]}, {case}")
+    kinds = {p["kind"] for p in points}
+    kind = lambda layer: layer["transform"][0]["filter"]["equal"]
+    spec["layer"] = [layer for layer in spec["layer"] if kind(layer) in kinds]
+    return with_data(spec, points)
+
+
+def _methods(data: Data, used: set) -> list:
+    """Pairs (name, look) of the methods used; looks are those of the whole study."""
+    return [(s, look) for s, look in assign_looks(data.specs).items() if s in used]
+
+
+def _points(runs: Runs, column: str, x: str) -> list[dict]:
+    """Rows of an error chart, as in nsbench.report.charts.layouts.error_chart."""
+    errors = np.abs(runs.col[column])
+    good = runs.good & np.isfinite(errors)
+    if x == "h" and runs.accuracy == "tol":
+        some = errors[good & (errors > 0)]
+        level = {"method": runs.solver, "kind": "level", "status": "ok"}
+        return [{**level, "y": float(some.min())}] if some.size else []
+    out = []
+    for k in np.flatnonzero(runs.col[x] > 0):
+        status = runs.col["status"][k]
+        point = {
+            "method": runs.solver,
+            "x": float(runs.col[x][k]),
+            "h": float(runs.col["h"][k]),
+            "status": status,
+        }
+        if np.isfinite(runs.col["seconds"][k]):
+            point["seconds"] = float(runs.col["seconds"][k])
+        if good[k]:
+            kind = "error" if errors[k] > 0 else "zero"
+            out.append({**point, "kind": kind, "y": float(errors[k])})
+        elif status != "refused" and not runs.good[k]:
+            out.append({**point, "kind": "failed", "why": runs.col["why"][k]})
+    return out
