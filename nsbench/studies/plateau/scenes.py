@@ -4,9 +4,8 @@ The corner is that of the case `wedge` down to one degree: two walls through the
 angle psi, n_1 . n_2 = -cos psi, and a unit force u that varies as 1 + swell sin t and presses on
 both, with loads l_2 = (1 - lean (1 - cos psi)) l_1. In the clock s(t) = t + swell (1 - cos t) the
 point falls to wall 1, which it meets at s = S_WALL, slides along it, and rests in the corner from
-s = S_CORNER on. For
-acute angles sweeps leave violations of about h l_2 |cot psi|; for psi near 180 degrees the walls
-are nearly parallel constraints.
+s = S_CORNER on. For acute angles sweeps leave violations of about h l_2 |cot psi|; for psi near 180
+degrees the walls are nearly parallel constraints.
 """
 
 from __future__ import annotations
