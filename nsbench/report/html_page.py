@@ -163,7 +163,7 @@ def _render(looks: dict[str, Look], payload: str, **names) -> str:
         script=script,
         library=library,
         policy=content_security_policy([style], [script, library]),
-        markers=Markup(inline_svg(f"{definitions}</svg>", {}, "")),
+        markers=Markup(inline_svg(f"{definitions}</svg>", {}, "", is_hidden=True)),
         split_sentence=sentence_splitter(looks),
         **names,
     )

@@ -341,11 +341,11 @@ def _power(k: float) -> str:
     return f"1e{int(k)}" if k == int(k) else f"{10 ** (k - math.floor(k)):.1f}e{math.floor(k)}"
 
 
-def inline_svg(svg: str, names: dict[int, str], label: str) -> str:
+def inline_svg(svg: str, names: dict[int, str], label: str, is_hidden: bool = False) -> str:
     """Adapt an SVG element to the page.
 
     Colours become the page's variables, lines carry their method's name and class. names: by index
-    of the look. label: for screen readers.
+    of the look. label: for screen readers; is_hidden: from which the element is hidden.
     """
     for colour, variable in _TONES.items():
         svg = svg.replace(colour, variable)
@@ -353,7 +353,8 @@ def inline_svg(svg: str, names: dict[int, str], label: str) -> str:
     svg = re.sub(r'<g id="s(\d+)">', named, svg)
     # the policy of the page allows no style attributes: the page has classes of this name
     svg = re.sub(r'style="marker:url\(#(\w):(\d+)\)"', r'class="\1-\2"', svg)
-    return svg.replace("<svg ", f'<svg role="img" aria-label="{escape(label)}" ', 1)
+    role = 'aria-hidden="true"' if is_hidden else f'role="img" aria-label="{escape(label)}"'
+    return svg.replace("<svg ", f"<svg {role} ", 1)
 
 
 def compose_sheet(panels: list[str], legend: list[tuple[str, Look, bool]], title: str) -> str:

@@ -175,7 +175,7 @@ const explore = {
       }
       const head = nsbench.make("tr", {},
         ...heads.map((h) => nsbench.make("th", { scope: "col" }, h)));
-      details.append(nsbench.make("div", { class: "wrap" },
+      details.append(nsbench.make("div", { class: "wrap", tabindex: "0" },
         nsbench.make("table", {}, nsbench.make("thead", {}, head), body)));
     });
     return details;
